@@ -1,0 +1,74 @@
+// The whole estimation, from views to a refined result: camera (if none is given), target poses, closed forms, seed,
+// bundle adjustment; and the same on folds, for errors on captures that no estimate has seen.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heba/base/error.h"
+#include "heba/data/solution.h"
+#include "heba/evaluation/metrics.h"
+#include "solvers/bundle_adjustment.h"
+
+namespace heba {
+
+// The name of the refinement beside the closed forms', and of the seed that means "whichever closed form has the lowest
+// reprojection RMS over all captures".
+inline constexpr const char* kBundleMethod = "bundle";
+inline constexpr const char* kBestSeed = "best";
+
+struct CalibrationOptions {
+  std::vector<std::string> methods;  // Closed forms to report, by name.
+  std::string seed = kBestSeed;      // One of HandEyeMethodNames(), or kBestSeed.
+  BundleOptions bundle;
+  std::optional<Camera> camera;  // Nothing: estimated from the views.
+  std::string camera_model = "brown5";
+  int width_px = 0;
+  int height_px = 0;
+  // The motions that map the target to itself, the identity first.
+  std::vector<Rigid3d> symmetries = {Rigid3d()};
+};
+
+struct MethodResult {
+  std::string method;
+  Outcome<HandEye> hand_eye = Failure{"not run"};
+  // Over all used views; nothing if the method failed or hides a point.
+  std::optional<double> reprojection_rms_px;
+};
+
+struct UnusedView {
+  std::string name;
+  std::string reason;
+};
+
+struct Calibration {
+  Camera camera;  // Given or estimated; the closed forms use it.
+  bool camera_was_given = false;
+  // The views that were used, their points in the order that the chain decided on, and each one's pair of poses.
+  std::vector<View> views;
+  std::vector<PosePair> pairs;
+  std::vector<UnusedView> unused;
+  std::vector<MethodResult> methods;
+  std::string seed;  // The method whose result started the refinement.
+  Outcome<Solution> refined = Failure{"not run"};
+};
+
+// A Failure if there is no camera to be had; a refinement that failed is in Calibration::refined.
+Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
+
+struct HoldOut {
+  std::string method;
+  std::optional<double> rms_px;  // Nothing if the method failed on a fold, or if a held-out point had no image.
+  std::string reason;            // Then why.
+};
+
+// K-fold cross-validation over captures: view i is held out in fold i modulo `num_folds` and predicted from the robot's
+// pose alone, by every method and the refinement, all on the same folds. Nothing of a held-out view is used, the camera
+// included when none is given. `views` are a Calibration's (in their decided order). `progress` is called after each
+// fold, from one thread at a time.
+std::vector<HoldOut> CrossValidate(const std::vector<View>& views, const CalibrationOptions& options, int num_folds,
+                                   int num_threads, const std::function<void()>& progress);
+
+}  // namespace heba

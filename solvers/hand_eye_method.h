@@ -1,0 +1,36 @@
+// Closed-form hand-eye methods: what one is, and the table of them.
+//
+// A method gets one pair of poses a capture, M_i = camera_mount_from_target_mount and C_i = camera_from_target, and
+// finds X = camera_mount_from_camera and Z = target_mount_from_target with
+//   X C_i = M_i Z                                                (the papers' AX = ZB, read as X B = A Z)
+// or, for two captures i and j, without Z,
+//   A X = X B,  A = M_j M_i^-1 (motion of the mounts), B = C_j C_i^-1 (motion seen by the camera).
+// It serves eye-to-hand and eye-in-hand alike: the set-ups differ in what M_i is (heba/data/setup.h).
+//
+// For every method: exact on noise-free data; a change of the world's or of the camera's frame changes the answer in
+// the same way; too few captures and parallel rotation axes are a Failure
+// (tests/conformance/hand_eye_method_test.cc).
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "heba/base/error.h"
+#include "heba/evaluation/metrics.h"
+
+namespace heba {
+
+struct HandEyeMethod {
+  std::string_view name;
+  std::string_view description;  // With the paper.
+  Outcome<HandEye> (*solve)(const std::vector<PosePair>& pairs);
+};
+
+// In the order of methods.def.
+const std::vector<HandEyeMethod>& HandEyeMethods();
+// Null if there is none of that name.
+const HandEyeMethod* FindHandEyeMethod(std::string_view name);
+std::vector<std::string> HandEyeMethodNames();
+
+}  // namespace heba

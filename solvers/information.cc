@@ -1,0 +1,107 @@
+#include "solvers/information.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include <Eigen/Eigenvalues>
+
+#include "heba/base/text.h"
+#include "heba/geometry/pose_block.h"
+#include "solvers/view_reduction.h"
+
+namespace heba {
+namespace {
+
+// The diagonal's inverse roots; zero where the diagonal is.
+Eigen::VectorXd ScaleOf(const Eigen::MatrixXd& matrix) {
+  return matrix.diagonal().unaryExpr([](double d) { return d > 0 ? 1.0 / std::sqrt(d) : 0.0; });
+}
+
+}  // namespace
+
+FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup>& free_groups) {
+  FreeParameters free(static_cast<size_t>(NumParams(model)));
+  for (size_t i = 0; i < free.size(); ++i) {
+    free[i] = std::find(free_groups.begin(), free_groups.end(), GroupOf(static_cast<int>(i))) != free_groups.end();
+  }
+  return free;
+}
+
+std::optional<Information> ComputeInformation(const Problem& problem, const HandEye& hand_eye, const FreeParameters& free,
+                                              double pixel_sigma_px, const Loss& loss) {
+  const CameraModel& model = problem.camera.Model();
+  Information information;
+  for (const char* pose : {"hand_eye.", "board."}) {
+    for (const std::string_view tangent : kTangentNames) information.names.push_back(pose + std::string(tangent));
+  }
+  std::vector<int> free_columns;
+  for (size_t i = 0; i < free.size(); ++i) {
+    if (!free[i]) continue;
+    free_columns.push_back(6 + static_cast<int>(i));
+    information.names.push_back("camera." + model.param_names()[i]);
+  }
+  const Eigen::Index size = static_cast<Eigen::Index>(information.names.size());
+  information.matrix = Eigen::MatrixXd::Zero(size, size);
+  for (const View& view : problem.views) {
+    const Rigid3d camera_from_target = CameraFromTarget(hand_eye, view.camera_mount_from_target_mount);
+    ViewReduction reduction;
+    if (!ReduceView(model, problem.camera.params.data(), camera_from_target, view.observations, pixel_sigma_px, loss,
+                    &reduction)) {
+      return std::nullopt;
+    }
+    Eigen::MatrixXd rows(reduction.factor.rows(), size);
+    rows.leftCols<6>() = -reduction.factor.leftCols<6>();
+    rows.middleCols<6>(6) = reduction.factor.leftCols<6>() * Adjoint(camera_from_target);
+    for (size_t i = 0; i < free_columns.size(); ++i) {
+      rows.col(12 + static_cast<Eigen::Index>(i)) = reduction.factor.col(free_columns[i]);
+    }
+    information.matrix += rows.transpose() * rows;
+  }
+  return information;
+}
+
+std::optional<Failure> CheckObservable(const Information& information) {
+  constexpr double kMinEigenvalue = 1e-9;
+  const Eigen::VectorXd scale = ScaleOf(information.matrix);
+  for (Eigen::Index i = 0; i < scale.size(); ++i) {
+    if (scale[i] == 0) return Failure{"the data do not see " + PlainName(information.names[static_cast<size_t>(i)])};
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information.matrix *
+                                                             scale.asDiagonal());
+  if (eigen.eigenvalues()[0] >= kMinEigenvalue) return std::nullopt;
+  // The largest parts of the direction that nothing sees, in scaled units.
+  const Eigen::VectorXd direction = eigen.eigenvectors().col(0);
+  std::vector<int> order(static_cast<size_t>(direction.size()));
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(),
+            [&](int a, int b) { return std::abs(direction[a]) > std::abs(direction[b]); });
+  std::vector<std::string> parts;
+  for (const int i : order) {
+    if (parts.size() == 3 || std::abs(direction[i]) < 0.3 * std::abs(direction[order[0]])) break;
+    parts.push_back(PlainName(information.names[static_cast<size_t>(i)]));
+  }
+  return Failure{"the captures do not determine " + Join(parts, " together with ") +
+                 ": moving the target through more depth and tilt, or holding intrinsics (refine.intrinsics), would"};
+}
+
+Covariance InvertInformation(const Information& information, double factor) {
+  const Eigen::VectorXd scale = ScaleOf(information.matrix);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information.matrix *
+                                                             scale.asDiagonal());
+  const Eigen::MatrixXd half = scale.asDiagonal() * eigen.eigenvectors() *
+                               eigen.eigenvalues().cwiseMax(1e-300).cwiseSqrt().cwiseInverse().asDiagonal();
+  return {information.names, factor * half * half.transpose()};
+}
+
+std::string PlainName(const std::string& name) {
+  const size_t dot = name.find('.');
+  const std::string owner = name.substr(0, dot);
+  const std::string part = name.substr(dot + 1);
+  if (owner == "camera") return "the camera's " + part;
+  const std::string frame = owner == "hand_eye" ? "the camera's " : "the target's ";
+  return std::string(owner == "hand_eye" ? "the hand-eye " : "the board's ") +
+         (part[0] == 't' ? "translation along " : "rotation about ") + frame + part[1];
+}
+
+}  // namespace heba

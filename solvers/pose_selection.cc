@@ -1,0 +1,186 @@
+#include "solvers/pose_selection.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "heba/base/error.h"
+#include "solvers/hand_eye_method.h"
+
+namespace heba {
+namespace {
+
+struct Candidate {
+  Rigid3d camera_from_target;
+  int symmetry;
+};
+using Candidates = std::vector<std::vector<Candidate>>;  // By view.
+using Choice = std::vector<int>;                         // The candidate of each view.
+
+// How badly two captures contradict each other, in rad, at most kCap: one bad view must not outvote the rest.
+constexpr double kCap = 0.2;
+double Contradiction(double robot_angle, const Rigid3d& c_i, const Rigid3d& c_j) {
+  return std::min(kCap, std::abs(robot_angle - AngleRad(c_i, c_j)));
+}
+
+class AngleVote {
+ public:
+  AngleVote(const std::vector<View>& views, const Candidates& candidates) : views_(views), candidates_(candidates) {}
+
+  // The choice that agrees with candidate `a` of view `anchor`, then improved view by view until nothing changes.
+  Choice From(size_t anchor, int a, double* total) const {
+    const size_t n = candidates_.size();
+    Choice choice(n, 0);
+    choice[anchor] = a;
+    for (size_t i = 0; i < n; ++i) {
+      if (i != anchor) choice[i] = Best(i, {anchor}, choice);
+    }
+    std::vector<size_t> all(n);
+    std::iota(all.begin(), all.end(), size_t{0});
+    constexpr int kMaxSweeps = 10;
+    for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
+      bool changed = false;
+      for (size_t i = 0; i < n; ++i) {
+        const int best = Best(i, all, choice);
+        changed = changed || best != choice[i];
+        choice[i] = best;
+      }
+      if (!changed) break;
+    }
+    *total = 0;
+    for (size_t i = 0; i < n; ++i) *total += Sum(i, choice[i], all, choice);
+    return choice;
+  }
+
+ private:
+  double RobotAngle(size_t i, size_t j) const {
+    return AngleRad(Inverse(views_[i].camera_mount_from_target_mount), Inverse(views_[j].camera_mount_from_target_mount));
+  }
+  double Sum(size_t i, int a, const std::vector<size_t>& others, const Choice& choice) const {
+    double sum = 0;
+    for (const size_t j : others) {
+      if (j == i) continue;
+      const Rigid3d c_i = Inverse(candidates_[i][static_cast<size_t>(a)].camera_from_target);
+      const Rigid3d c_j = Inverse(candidates_[j][static_cast<size_t>(choice[j])].camera_from_target);
+      sum += Contradiction(RobotAngle(i, j), c_i, c_j);
+    }
+    return sum;
+  }
+  // Ties go to the first: the candidate that fits its own view best.
+  int Best(size_t i, const std::vector<size_t>& others, const Choice& choice) const {
+    int best = 0;
+    double best_sum = std::numeric_limits<double>::infinity();
+    for (int a = 0; a < static_cast<int>(candidates_[i].size()); ++a) {
+      const double sum = Sum(i, a, others, choice);
+      if (sum < best_sum) {
+        best_sum = sum;
+        best = a;
+      }
+    }
+    return best;
+  }
+
+  const std::vector<View>& views_;
+  const Candidates& candidates_;
+};
+
+std::vector<PosePair> Pairs(const std::vector<View>& views, const Candidates& candidates, const Choice& choice) {
+  std::vector<PosePair> pairs;
+  for (size_t i = 0; i < views.size(); ++i) {
+    pairs.push_back({views[i].camera_mount_from_target_mount,
+                     candidates[i][static_cast<size_t>(choice[i])].camera_from_target});
+  }
+  return pairs;
+}
+
+// Squared reprojection error of a view read in a given order and predicted by the chain; capped, and the cap if a point
+// would have no image.
+double PredictionError(const Camera& camera, const View& view, const Rigid3d& camera_from_target, const Rigid3d& symmetry) {
+  const double cap = std::pow(0.25 * camera.width_px, 2) * view.observations.size();
+  const std::optional<SquaredErrors> errors = ViewErrors(camera, camera_from_target * symmetry, view.observations);
+  return errors ? std::min(cap, errors->sum_px2) : cap;
+}
+
+}  // namespace
+
+ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
+                        const std::vector<std::vector<TargetPose>>& poses, const std::vector<Rigid3d>& symmetries) {
+  CHECK_EQ(views.size(), poses.size());
+  CHECK(!symmetries.empty());
+  Candidates candidates(views.size());
+  for (size_t i = 0; i < views.size(); ++i) {
+    CHECK(!poses[i].empty()) << views[i].name;
+    for (const TargetPose& pose : poses[i]) {
+      for (size_t s = 0; s < symmetries.size(); ++s) {
+        // With the points moved by S the same pixels ask for the pose times S^-1.
+        candidates[i].push_back({pose.camera_from_target * Inverse(symmetries[s]), static_cast<int>(s)});
+      }
+    }
+  }
+
+  // Vote, from each pose of a few views: one of them is right somewhere.
+  const AngleVote vote(views, candidates);
+  constexpr size_t kMaxAnchors = 5;
+  const size_t step = std::max<size_t>(1, views.size() / kMaxAnchors);
+  Choice choice(views.size(), 0);
+  double best_total = std::numeric_limits<double>::infinity();
+  for (size_t anchor = 0; anchor < views.size(); anchor += step) {
+    for (size_t p = 0; p < poses[anchor].size(); ++p) {
+      double total = 0;
+      const Choice found = vote.From(anchor, static_cast<int>(p * symmetries.size()), &total);
+      if (total < best_total - 1e-12) {
+        best_total = total;
+        choice = found;
+      }
+    }
+  }
+
+  // Then by a calibration: each view takes the order that its prediction fits, and of that order's poses the one nearest
+  // to the prediction; again until nothing changes. Whichever method ends with the smallest error has the say.
+  Choice best_choice = choice;
+  double best_error = std::numeric_limits<double>::infinity();
+  for (const HandEyeMethod& method : HandEyeMethods()) {
+    Choice current = choice;
+    constexpr int kMaxRounds = 10;
+    for (int round = 0; round < kMaxRounds; ++round) {
+      const Outcome<HandEye> hand_eye = method.solve(Pairs(views, candidates, current));
+      if (!hand_eye) break;
+      double error = 0;
+      Choice next(views.size());
+      for (size_t i = 0; i < views.size(); ++i) {
+        const Rigid3d predicted = CameraFromTarget(*hand_eye, views[i].camera_mount_from_target_mount);
+        std::vector<double> errors;
+        for (const Rigid3d& symmetry : symmetries) {
+          errors.push_back(PredictionError(camera, views[i], predicted, symmetry));
+        }
+        const int best = static_cast<int>(std::min_element(errors.begin(), errors.end()) - errors.begin());
+        error += errors[static_cast<size_t>(best)];
+        double best_angle = std::numeric_limits<double>::infinity();
+        for (size_t a = 0; a < candidates[i].size(); ++a) {
+          if (candidates[i][a].symmetry != best) continue;
+          const double angle = AngleRad(candidates[i][a].camera_from_target, predicted);
+          if (angle >= best_angle) continue;
+          best_angle = angle;
+          next[i] = static_cast<int>(a);
+        }
+      }
+      const bool settled = next == current;
+      if (error < best_error) {
+        best_error = error;
+        best_choice = next;
+      }
+      current = next;
+      if (settled) break;
+    }
+  }
+
+  ChosenPoses chosen;
+  chosen.pairs = Pairs(views, candidates, best_choice);
+  for (size_t i = 0; i < views.size(); ++i) {
+    chosen.symmetry.push_back(candidates[i][static_cast<size_t>(best_choice[i])].symmetry);
+  }
+  return chosen;
+}
+
+}  // namespace heba

@@ -1,0 +1,190 @@
+#include "solvers/target_pose.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+
+#include "heba/base/error.h"
+#include "heba/base/units.h"
+#include "heba/evaluation/metrics.h"
+#include "solvers/view_reduction.h"
+
+namespace heba {
+namespace {
+
+// The similarity that moves points to mean 0 and mean distance sqrt(2).
+Eigen::Matrix3d Normalisation(const Points2& points) {
+  const Eigen::Vector2d mean = points.rowwise().mean();
+  const double distance = (points.colwise() - mean).colwise().norm().mean();
+  const double scale = distance > 0 ? std::sqrt(2.0) / distance : 1.0;
+  Eigen::Matrix3d transform;
+  transform << scale, 0, -scale * mean.x(), 0, scale, -scale * mean.y(), 0, 0, 1;
+  return transform;
+}
+
+// The second singular value of the centred points over the first: 0 for points on a line.
+double Flatness(const Points2& points) {
+  const Eigen::Vector2d mean = points.rowwise().mean();
+  const Points2 centred = points.colwise() - mean;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(centred * centred.transpose());
+  return std::sqrt(std::max(0.0, eigen.eigenvalues()[0]) / eigen.eigenvalues()[1]);
+}
+
+// The rotation with the least angle that maps z to `direction`.
+Eigen::Matrix3d RotationFromZ(const Eigen::Vector3d& direction) {
+  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), direction).toRotationMatrix();
+}
+
+// The two rotations of a plane whose homography to normalised image coordinates is `h`; the plane's origin is near the
+// points. (Collins and Bartoli 2014, section 4, in their notation: v is the image of the origin, J the Jacobian of the
+// plane-to-image map there, gamma the reciprocal of the origin's depth.)
+std::vector<Eigen::Matrix3d> PlaneRotations(Eigen::Matrix3d h) {
+  h /= h(2, 2);
+  const Eigen::Vector2d v = h.topRightCorner<2, 1>();
+  const Eigen::Matrix2d j = h.topLeftCorner<2, 2>() - v * h.bottomLeftCorner<1, 2>();
+  const Eigen::Matrix3d r_v = RotationFromZ(Eigen::Vector3d(v.x(), v.y(), 1.0).normalized());
+  Eigen::Matrix<double, 2, 3> projection;
+  projection << 1, 0, -v.x(), 0, 1, -v.y();
+  const Eigen::Matrix2d b = projection * r_v.leftCols<2>();
+  const Eigen::Matrix2d a = b.inverse() * j;
+  const double gamma = Eigen::JacobiSVD<Eigen::Matrix2d>(a).singularValues()[0];
+  if (!(gamma > 0) || !std::isfinite(gamma)) return {};
+  const Eigen::Matrix2d r22 = a / gamma;
+  const Eigen::Matrix2d gram = Eigen::Matrix2d::Identity() - r22.transpose() * r22;
+  double r31 = std::sqrt(std::max(0.0, gram(0, 0)));
+  double r32 = std::sqrt(std::max(0.0, gram(1, 1)));
+  if (gram(0, 1) < 0) r32 = -r32;
+  std::vector<Eigen::Matrix3d> rotations;
+  for (const double sign : {1.0, -1.0}) {
+    Eigen::Vector3d first(r22(0, 0), r22(1, 0), sign * r31);
+    Eigen::Vector3d second(r22(0, 1), r22(1, 1), sign * r32);
+    Eigen::Matrix3d rotation;
+    rotation << first, second, first.cross(second);
+    rotations.push_back(r_v * NearestRotation(rotation));
+  }
+  return rotations;
+}
+
+// The translation that puts the points on their rays, by linear least squares; `normalised` are x / z and y / z.
+Eigen::Vector3d TranslationOnRays(const Eigen::Matrix3d& rotation, const Points3& points, const Points2& normalised) {
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    Eigen::Matrix<double, 2, 3> projection;
+    projection << 1, 0, -normalised(0, i), 0, 1, -normalised(1, i);
+    normal += projection.transpose() * projection;
+    right -= projection.transpose() * (projection * (rotation * points.col(i)));
+  }
+  return normal.ldlt().solve(right);
+}
+
+// Levenberg-Marquardt on the six numbers of the pose.
+std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& observations, Rigid3d camera_from_target) {
+  const CameraModel& model = camera.Model();
+  const Loss& loss = *FindLoss("none");
+  ViewReduction reduction;
+  double damping = 1e-6;
+  double cost = 0;
+  if (!ViewCost(model, camera.params.data(), camera_from_target, observations, 1.0, loss, &cost)) return std::nullopt;
+  for (int iteration = 0; iteration < 50; ++iteration) {
+    if (!ReduceView(model, camera.params.data(), camera_from_target, observations, 1.0, loss, &reduction)) break;
+    const Eigen::Matrix<double, Eigen::Dynamic, 6> j = reduction.factor.leftCols<6>();
+    const Eigen::Matrix<double, 6, 6> normal = j.transpose() * j;
+    const Tangent6 gradient = j.transpose() * reduction.factor.rightCols<1>();
+    bool improved = false;
+    double relative_drop = 0;
+    for (int attempt = 0; attempt < 10 && !improved; ++attempt) {
+      Eigen::Matrix<double, 6, 6> damped = normal;
+      damped.diagonal() *= 1.0 + damping;
+      const Tangent6 step = -damped.ldlt().solve(gradient);
+      const Rigid3d moved = Rigid3d(ExpRotation(step.tail<3>()), step.head<3>()) * camera_from_target;
+      double moved_cost = 0;
+      if (step.allFinite() &&
+          ViewCost(model, camera.params.data(), moved, observations, 1.0, loss, &moved_cost) && moved_cost <= cost) {
+        improved = true;
+        relative_drop = cost > 0 ? (cost - moved_cost) / cost : 0;
+        camera_from_target = moved;
+        cost = moved_cost;
+        damping = std::max(1e-12, damping * 0.1);
+      } else {
+        damping = std::max(1e-6, damping * 10);
+      }
+    }
+    if (!improved || relative_drop < 1e-12) break;
+  }
+  return TargetPose{camera_from_target, *SquaredErrors{cost, observations.size()}.RmsPx()};
+}
+
+}  // namespace
+
+std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Points2& to) {
+  CHECK_EQ(from.cols(), to.cols());
+  constexpr double kOnALine = 1e-6;
+  if (from.cols() < 4 || Flatness(from) < kOnALine || Flatness(to) < kOnALine) return std::nullopt;
+  const Eigen::Matrix3d from_normalisation = Normalisation(from);
+  const Eigen::Matrix3d to_normalisation = Normalisation(to);
+  Eigen::MatrixXd equations = Eigen::MatrixXd::Zero(std::max<Eigen::Index>(2 * from.cols(), 9), 9);
+  for (Eigen::Index i = 0; i < from.cols(); ++i) {
+    const Eigen::RowVector3d p = (from_normalisation * from.col(i).homogeneous()).transpose();
+    const Eigen::Vector3d q = to_normalisation * to.col(i).homogeneous();
+    equations.block<1, 3>(2 * i, 0) = p;
+    equations.block<1, 3>(2 * i, 6) = -q.x() * p;
+    equations.block<1, 3>(2 * i + 1, 3) = p;
+    equations.block<1, 3>(2 * i + 1, 6) = -q.y() * p;
+  }
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(equations, Eigen::ComputeThinV);
+  // A second null direction: the points do not determine the map.
+  if (svd.singularValues()[7] < 1e-9 * svd.singularValues()[0]) return std::nullopt;
+  const Eigen::Matrix<double, 9, 1> h = svd.matrixV().col(8);
+  const Eigen::Matrix3d normalised = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.data());
+  return Eigen::Matrix3d(to_normalisation.inverse() * normalised * from_normalisation);
+}
+
+std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations) {
+  const int n = observations.size();
+  if (n < 4) return {};
+  // Rays, turned so that their mean looks along z: x / z and y / z then stay small for fisheye lenses too.
+  Eigen::Matrix3Xd rays(3, n);
+  for (int i = 0; i < n; ++i) {
+    const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, observations.pixels.col(i));
+    if (!ray) return {};
+    rays.col(i) = *ray;
+  }
+  const Eigen::Vector3d mean_ray = rays.rowwise().mean();
+  if (mean_ray.norm() < 1e-3) return {};
+  const Eigen::Matrix3d camera_from_turned = RotationFromZ(mean_ray.normalized());
+  const Eigen::Matrix3Xd turned = camera_from_turned.transpose() * rays;
+  if ((turned.row(2).array() < 0.05).any()) return {};
+  Points2 normalised(2, n);
+  normalised.row(0) = turned.row(0).cwiseQuotient(turned.row(2));
+  normalised.row(1) = turned.row(1).cwiseQuotient(turned.row(2));
+
+  // The plane's origin is moved to the points' centre, where the homography is best known.
+  const Eigen::Vector3d centre = observations.points_in_target.rowwise().mean();
+  const Points3 centred = observations.points_in_target.colwise() - centre;
+  CHECK_LT(centred.row(2).cwiseAbs().maxCoeff(), 1e-9) << "target poses are computed for flat targets";
+  const std::optional<Eigen::Matrix3d> homography = EstimateHomography(centred.topRows<2>(), normalised);
+  if (!homography || std::abs((*homography)(2, 2)) < 1e-12) return {};
+
+  std::vector<TargetPose> poses;
+  for (const Eigen::Matrix3d& rotation : PlaneRotations(*homography)) {
+    const Rigid3d turned_from_centred(rotation, TranslationOnRays(rotation, centred, normalised));
+    const Rigid3d start = Rigid3d(camera_from_turned, Eigen::Vector3d::Zero()) * turned_from_centred *
+                          Rigid3d(Eigen::Quaterniond::Identity(), -centre);
+    if (!start.translation.allFinite() || !start.rotation.coeffs().allFinite()) continue;
+    const std::optional<TargetPose> refined = RefinePose(camera, observations, start);
+    if (!refined) continue;
+    const bool known = std::any_of(poses.begin(), poses.end(), [&](const TargetPose& other) {
+      return AngleRad(other.camera_from_target, refined->camera_from_target) < DegToRad(0.05);
+    });
+    if (!known) poses.push_back(*refined);
+  }
+  std::sort(poses.begin(), poses.end(), [](const TargetPose& a, const TargetPose& b) { return a.rms_px < b.rms_px; });
+  return poses;
+}
+
+}  // namespace heba

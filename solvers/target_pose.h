@@ -1,0 +1,26 @@
+// The target's pose in one view, from the view alone.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "heba/data/problem.h"
+
+namespace heba {
+
+struct TargetPose {
+  Rigid3d camera_from_target;
+  double rms_px = 0;  // Root mean squared distance of the view's points, as SquaredErrors::RmsPx.
+};
+
+// The local minima of the reprojection error for a flat target (its points at z = 0), best first: a plane has up to two
+// (Schweighofer and Pinz 2006), and which of them is right the view alone cannot always tell. Started from the two
+// solutions of T. Collins and A. Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014. Empty for fewer
+// than 4 points, points on a line, or points that no pose explains.
+std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations);
+
+// The homography H, up to scale, that maps (x, y, 1) of the columns of `from` to those of `to` by least squares in
+// normalised coordinates (Hartley's direct linear transform). Nothing for fewer than 4 points or points on a line.
+std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Points2& to);
+
+}  // namespace heba

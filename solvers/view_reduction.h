@@ -1,0 +1,36 @@
+// One view's reprojection errors, however many points it has, as a handful of rows.
+//
+// Every residual of a view depends on the six numbers of camera_from_target and on the camera's parameters only. With
+// J = [d r / d pose, d r / d camera, r], any R with R^T R = J^T J has the same cost, gradient and Gauss-Newton matrix as
+// all the view's rows: the rows of a QR factor, at most one more than there are unknowns.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "heba/camera/camera_model.h"
+#include "heba/data/problem.h"
+#include "solvers/loss.h"
+
+namespace heba {
+
+struct ViewReduction {
+  // Columns: the six of a left perturbation of camera_from_target (p' = p + v + w x p: v in m, then w in rad), the
+  // camera's parameters, the residual. Whitened by sigma, weighted by the loss's weight at this point.
+  Eigen::MatrixXd factor;
+  // Sum of rho less the weighted sum of squares, not negative: with it, the squared norm of the last column is the sum
+  // of rho.
+  double loss_remainder = 0;
+};
+
+// Rows of ViewReduction::factor for a view.
+int NumReducedRows(const CameraModel& model, const Observations& observations);
+
+// False if a point has no image from that pose.
+bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
+                const Observations& observations, double pixel_sigma_px, const Loss& loss, ViewReduction* reduction);
+
+// The sum of rho alone.
+bool ViewCost(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
+              const Observations& observations, double pixel_sigma_px, const Loss& loss, double* sum_rho);
+
+}  // namespace heba

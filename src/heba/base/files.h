@@ -1,0 +1,39 @@
+// Files, read within limits and written whole or not at all.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace heba {
+
+// The whole file. InputError if it is missing, a folder, unreadable or larger than `max_bytes`.
+std::string ReadTextFile(const std::filesystem::path& path, size_t max_bytes = size_t{64} << 20);
+
+// Writes `content` to a file beside `path` and renames it into place, so that `path` is never seen half written.
+// InputError if the folder does not exist or cannot be written.
+void WriteFileAtomically(const std::filesystem::path& path, std::string_view content);
+
+// A folder that appears whole or not at all: fill `staging()`, then Commit(). What was at the final place before is
+// replaced by Commit and is untouched until then. Without Commit the staged files are removed.
+class StagedFolder {
+ public:
+  // `marker` is a file that the folder will hold. A folder that is already there is replaced only if it is empty or has
+  // such a file: results replace older results and nothing else. InputError otherwise, if a file stands at
+  // `final_path`, or if the parent folder cannot be made or written.
+  StagedFolder(const std::filesystem::path& final_path, const std::string& marker);
+  ~StagedFolder();
+  StagedFolder(const StagedFolder&) = delete;
+  StagedFolder& operator=(const StagedFolder&) = delete;
+
+  const std::filesystem::path& staging() const { return staging_; }
+  void Commit();
+
+ private:
+  std::filesystem::path final_path_;
+  std::filesystem::path staging_;
+  bool committed_ = false;
+};
+
+}  // namespace heba

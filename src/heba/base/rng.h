@@ -1,0 +1,63 @@
+// Random numbers that are the same on every machine and compiler: from a seed, never from a clock.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <random>
+
+#include <Eigen/Core>
+
+namespace heba {
+
+class Rng {
+ public:
+  explicit Rng(uint64_t seed) : engine_(seed) {}
+  // A generator for part `index` of the work: the parts may then run in any order and on any thread.
+  Rng(uint64_t seed, uint64_t index) : engine_(Mix(Mix(seed) + index)) {}
+
+  // In [0, 1).
+  double Uniform() { return static_cast<double>(engine_() >> 11) * 0x1.0p-53; }
+  double Uniform(double low, double high) { return low + (high - low) * Uniform(); }
+  // In [0, count).
+  int Index(int count) { return static_cast<int>(Uniform() * count); }
+  // Mean 0, standard deviation 1 (Box and Muller 1958).
+  double Normal() {
+    if (has_spare_) {
+      has_spare_ = false;
+      return spare_;
+    }
+    const double radius = std::sqrt(-2.0 * std::log(1.0 - Uniform()));
+    const double angle = 6.283185307179586 * Uniform();
+    spare_ = radius * std::sin(angle);
+    has_spare_ = true;
+    return radius * std::cos(angle);
+  }
+  Eigen::Vector3d NormalVector3() {
+    const double x = Normal();
+    const double y = Normal();
+    const double z = Normal();
+    return {x, y, z};
+  }
+  // Uniform on the unit sphere.
+  Eigen::Vector3d Direction3() {
+    Eigen::Vector3d direction;
+    do {
+      direction = NormalVector3();
+    } while (direction.norm() < 1e-3);
+    return direction.normalized();
+  }
+
+ private:
+  // The finaliser of splitmix64: neighbouring seeds give unrelated streams.
+  static uint64_t Mix(uint64_t z) {
+    z += 0x9e3779b97f4a7c15ULL;
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
+    return z ^ (z >> 31);
+  }
+  std::mt19937_64 engine_;
+  double spare_ = 0;
+  bool has_spare_ = false;
+};
+
+}  // namespace heba

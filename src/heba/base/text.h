@@ -1,0 +1,27 @@
+// Small text helpers for messages and tables.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace heba {
+
+std::string Join(const std::vector<std::string>& parts, std::string_view separator);
+std::vector<std::string> Split(std::string_view text, char separator);
+std::string Trim(std::string_view text);
+
+// `value` with `decimals` digits after the point.
+std::string Fixed(double value, int decimals);
+// `value` with `digits` significant digits, without an exponent where that is readable.
+std::string Significant(double value, int digits);
+// The shortest text that reads back as the same double.
+std::string RoundTrip(double value);
+
+// The whole of `text` as a finite or non-finite double, independent of the locale; false if it is not a number.
+bool ParseDouble(std::string_view text, double* value);
+
+// "; did you mean 'x'?" for the known name nearest to `unknown`, or an empty string if none is near.
+std::string DidYouMean(std::string_view unknown, const std::vector<std::string>& known);
+
+}  // namespace heba

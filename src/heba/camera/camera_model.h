@@ -1,0 +1,62 @@
+// What a camera model is. A model maps points in the camera frame (OpenCV's axes: x right, y down, z forward; metres)
+// to pixels, (0, 0) being the centre of the first pixel. Models are stateless; they are found by name in a table.
+//
+// For every model: the optical axis hits the principal point, (0, 0, -1) has no image, Unproject inverts Project, and
+// the Jacobians are the derivatives of Project (tests/conformance/camera_model_test.cc).
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace heba {
+
+// Points as a structure of arrays: row 0 holds all x, row 1 all y, row 2 all z.
+using Points3 = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
+// Pixels in the same way: row 0 all u, row 1 all v.
+using Points2 = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
+
+// Derivatives of a batch of n projections: row j of `u` holds d u / d q_j for all points, where q is
+// (x, y, z, parameter 0, parameter 1, ...).
+struct ProjectionJacobian {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  Rows u;
+  Rows v;
+};
+
+// The parts of a model's parameters that a user can free or hold.
+enum class ParameterGroup { kFocal, kPrincipalPoint, kDistortion };
+inline constexpr std::string_view kParameterGroupNames[] = {"focal", "principal_point", "distortion"};
+
+class CameraModel {
+ public:
+  virtual ~CameraModel() = default;
+  virtual std::string_view name() const = 0;
+  // "fx", "fy", "cx", "cy", then the distortion coefficients in the field's usual names and order.
+  virtual const std::vector<std::string>& param_names() const = 0;
+
+  // Projects `points_in_camera`; `pixels` and, if not null, `jacobian` are resized to fit. False if a point has no
+  // image (behind the camera, not finite): the output is then unspecified.
+  virtual bool Project(const double* params, const Points3& points_in_camera, Points2* pixels,
+                       ProjectionJacobian* jacobian) const = 0;
+
+  // The unit ray that projects to `pixel`; nothing if there is none (beyond the image of every ray, or beyond the
+  // radius at which the distortion folds back).
+  virtual std::optional<Eigen::Vector3d> Unproject(const double* params, const Eigen::Vector2d& pixel) const = 0;
+};
+
+inline int NumParams(const CameraModel& model) { return static_cast<int>(model.param_names().size()); }
+// Parameters 0 and 1 are the focal lengths, 2 and 3 the principal point, the others distortion: for every model.
+ParameterGroup GroupOf(int parameter_index);
+
+// Null if there is no model of that name.
+const CameraModel* FindCameraModel(std::string_view name);
+// All of them, in the order of models.def.
+const std::vector<const CameraModel*>& CameraModels();
+std::vector<std::string> CameraModelNames();
+
+}  // namespace heba

@@ -1,0 +1,261 @@
+#include "heba/config/yaml_reader.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <set>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+
+namespace heba {
+namespace {
+
+std::string Shown(const YAML::Node& node) {
+  if (node.IsScalar()) return "'" + node.Scalar() + "'";
+  if (node.IsSequence()) return "a list";
+  if (node.IsMap()) return "a mapping";
+  return "nothing";
+}
+
+// yaml-cpp shares the nodes of aliases; walking them all would take for ever on a bomb, and a config needs few.
+void CheckSize(const YAML::Node& node, int depth, int* budget, const std::filesystem::path& name) {
+  constexpr int kMaxDepth = 32;
+  if (--*budget < 0) throw InputError(name.string() + ": more than 100000 values; a config has a few dozen");
+  if (depth > kMaxDepth) throw InputError(name.string() + ": nested deeper than 32 levels");
+  if (node.IsMap()) {
+    for (const auto& entry : node) CheckSize(entry.second, depth + 1, budget, name);
+  } else if (node.IsSequence()) {
+    for (const auto& item : node) CheckSize(item, depth + 1, budget, name);
+  }
+}
+
+}  // namespace
+
+ConfigValue::ConfigValue(YAML::Node node, std::filesystem::path file, std::string key)
+    : node_(std::move(node)), file_(std::move(file)), key_(std::move(key)) {}
+
+std::string ConfigValue::Where() const {
+  std::string where = file_.string();
+  const YAML::Mark mark = node_.Mark();
+  if (mark.line >= 0) where += ":" + std::to_string(mark.line + 1);
+  return where + ": " + (key_.empty() ? "" : key_ + ": ");
+}
+
+void ConfigValue::Fail(const std::string& fault) const { throw InputError(Where() + fault); }
+
+std::string ConfigValue::AsText() const {
+  if (!IsText() || node_.Scalar().empty()) Fail("a text is needed, not " + Shown(node_));
+  return node_.Scalar();
+}
+
+int ConfigValue::AsInt(IntRange range) const {
+  const std::string text = IsText() ? node_.Scalar() : "";
+  int value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (text.empty() || error != std::errc() || end != text.data() + text.size()) {
+    Fail("a whole number is needed, not " + Shown(node_));
+  }
+  if (value < range.min || value > range.max) {
+    Fail(std::to_string(value) + " is out of range; from " + std::to_string(range.min) + " to " +
+         std::to_string(range.max) + " is possible");
+  }
+  return value;
+}
+
+double ConfigValue::AsNumber() const {
+  double value = 0;
+  if (!IsText() || !ParseDouble(node_.Scalar(), &value)) Fail("a number is needed, not " + Shown(node_));
+  if (!std::isfinite(value)) Fail("'" + node_.Scalar() + "' is not finite");
+  return value;
+}
+
+bool ConfigValue::AsBool() const {
+  if (IsText() && node_.Scalar() == "true") return true;
+  if (IsText() && node_.Scalar() == "false") return false;
+  Fail("true or false is needed, not " + Shown(node_));
+}
+
+double ConfigValue::AsQuantity(Quantity quantity) const {
+  if (!IsText()) Fail(std::string(Example(quantity)) + " is needed, not " + Shown(node_));
+  const ParsedQuantity parsed = ParseQuantity(node_.Scalar(), quantity);
+  if (!parsed.fault.empty()) Fail(parsed.fault);
+  return parsed.value;
+}
+
+std::string ConfigValue::AsChoice(const std::vector<std::string>& choices) const {
+  if (IsText() && std::find(choices.begin(), choices.end(), node_.Scalar()) != choices.end()) return node_.Scalar();
+  Fail(Shown(node_) + " is unknown; one of: " + Join(choices, ", ") +
+       (IsText() ? DidYouMean(node_.Scalar(), choices) : ""));
+}
+
+std::filesystem::path ConfigValue::AsPath() const {
+  return (file_.parent_path() / std::filesystem::path(AsText())).lexically_normal();
+}
+
+std::vector<ConfigValue> ConfigValue::AsList() const {
+  if (!IsList()) Fail("a list is needed, not " + Shown(node_));
+  std::vector<ConfigValue> items;
+  for (size_t i = 0; i < node_.size(); ++i) items.emplace_back(node_[i], file_, key_ + "[" + std::to_string(i) + "]");
+  return items;
+}
+
+Eigen::Vector3d ConfigValue::AsVector3(Quantity quantity) const {
+  const std::vector<ConfigValue> items = AsList();
+  if (items.size() != 3) Fail("three values are needed, not " + std::to_string(items.size()));
+  return {items[0].AsQuantity(quantity), items[1].AsQuantity(quantity), items[2].AsQuantity(quantity)};
+}
+
+ConfigValue ParseYaml(const std::string& text, const std::filesystem::path& name) {
+  try {
+    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
+    if (documents.size() > 1) throw InputError(name.string() + ": has more than one YAML document");
+    YAML::Node root = documents.empty() ? YAML::Node() : documents[0];
+    int budget = 100000;
+    CheckSize(root, 0, &budget, name);
+    return {root, name, ""};
+  } catch (const YAML::Exception& error) {
+    throw InputError(name.string() + ":" + std::to_string(error.mark.line + 1) + ": not valid YAML (" + error.msg + ")");
+  }
+}
+
+ConfigValue ReadYamlFile(const std::filesystem::path& path) { return ParseYaml(ReadTextFile(path, 1 << 20), path); }
+
+MapReader::MapReader(const ConfigValue& value) : value_(value), used_(YAML::NodeType::Map) {
+  if (!value.IsMap()) value.Fail("a mapping is needed, not " + Shown(value.node()));
+  std::set<std::string> seen;
+  for (const auto& entry : value.node()) {
+    if (!entry.first.IsScalar()) value.Fail("keys must be plain names");
+    if (!seen.insert(entry.first.Scalar()).second) {
+      ConfigValue(entry.first, value.file(), value.key()).Fail("'" + entry.first.Scalar() + "' stands here twice");
+    }
+  }
+}
+
+bool MapReader::Has(const std::string& key) {
+  known_.push_back(key);
+  return static_cast<bool>(value_.node()[key]);
+}
+
+ConfigValue MapReader::Get(const std::string& key) {
+  const std::optional<ConfigValue> found = Find(key);
+  if (!found) value_.Fail("'" + key + "' is missing");
+  return *found;
+}
+
+std::optional<ConfigValue> MapReader::Find(const std::string& key) {
+  if (!Has(key)) return std::nullopt;
+  const YAML::Node node = value_.node()[key];
+  return ConfigValue(node, value_.file(), value_.key().empty() ? key : value_.key() + "." + key);
+}
+
+std::string MapReader::Text(const std::string& key, const std::optional<std::string>& fallback) {
+  const std::optional<ConfigValue> found = fallback ? Find(key) : std::optional<ConfigValue>(Get(key));
+  const std::string text = found ? found->AsText() : *fallback;
+  Record(key, YAML::Node(text));
+  return text;
+}
+
+int MapReader::Int(const std::string& key, IntRange range, std::optional<int> fallback) {
+  const std::optional<ConfigValue> found = fallback ? Find(key) : std::optional<ConfigValue>(Get(key));
+  const int number = found ? found->AsInt(range) : *fallback;
+  Record(key, YAML::Node(number));
+  return number;
+}
+
+double MapReader::Number(const std::string& key, std::optional<double> fallback) {
+  const std::optional<ConfigValue> found = fallback ? Find(key) : std::optional<ConfigValue>(Get(key));
+  const double number = found ? found->AsNumber() : *fallback;
+  Record(key, YAML::Node(RoundTrip(number)));
+  return number;
+}
+
+bool MapReader::Bool(const std::string& key, std::optional<bool> fallback) {
+  const std::optional<ConfigValue> found = fallback ? Find(key) : std::optional<ConfigValue>(Get(key));
+  const bool value = found ? found->AsBool() : *fallback;
+  Record(key, YAML::Node(value));
+  return value;
+}
+
+double MapReader::QuantityOf(const std::string& key, Quantity quantity, std::optional<double> fallback) {
+  const std::optional<ConfigValue> found = fallback ? Find(key) : std::optional<ConfigValue>(Get(key));
+  const double value = found ? found->AsQuantity(quantity) : *fallback;
+  Record(key, QuantityNode(value, quantity));
+  return value;
+}
+
+double MapReader::Length(const std::string& key, std::optional<double> fallback_m) {
+  return QuantityOf(key, Quantity::kLength, fallback_m);
+}
+double MapReader::Angle(const std::string& key, std::optional<double> fallback_rad) {
+  return QuantityOf(key, Quantity::kAngle, fallback_rad);
+}
+double MapReader::Pixels(const std::string& key, std::optional<double> fallback_px) {
+  return QuantityOf(key, Quantity::kPixels, fallback_px);
+}
+
+double MapReader::PositiveLength(const std::string& key, std::optional<double> fallback_m) {
+  const double length_m = Length(key, fallback_m);
+  if (!(length_m > 0)) Get(key).Fail("must be greater than zero");
+  return length_m;
+}
+
+std::string MapReader::Choice(const std::string& key, const std::vector<std::string>& choices,
+                              const std::optional<std::string>& fallback) {
+  const std::optional<ConfigValue> found = fallback ? Find(key) : std::optional<ConfigValue>(Get(key));
+  const std::string choice = found ? found->AsChoice(choices) : *fallback;
+  Record(key, YAML::Node(choice));
+  return choice;
+}
+
+std::filesystem::path MapReader::Path(const std::string& key) {
+  const std::filesystem::path path = Get(key).AsPath();
+  Record(key, YAML::Node(std::filesystem::absolute(path).lexically_normal().string()));
+  return path;
+}
+
+void MapReader::Record(const std::string& key, const YAML::Node& used) { used_[key] = used; }
+
+void MapReader::Finish() const {
+  for (const auto& entry : value_.node()) {
+    const std::string& key = entry.first.Scalar();
+    if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
+    ConfigValue(entry.first, value_.file(), value_.key())
+        .Fail("unknown key '" + key + "'" + DidYouMean(key, known_) + "; known here: " + Join(known_, ", "));
+  }
+}
+
+Rigid3d ReadPose(const ConfigValue& value) {
+  MapReader reader(value);
+  const Eigen::Vector3d translation = reader.Get("translation").AsVector3(Quantity::kLength);
+  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
+  if (const std::optional<ConfigValue> quaternion = reader.Find("rotation")) {
+    const std::vector<ConfigValue> items = quaternion->AsList();
+    if (items.size() != 4) quaternion->Fail("a quaternion has four numbers, x, y, z, w");
+    rotation = Eigen::Quaterniond(items[3].AsNumber(), items[0].AsNumber(), items[1].AsNumber(), items[2].AsNumber());
+    if (std::abs(rotation.norm() - 1.0) > 1e-3) quaternion->Fail("the quaternion's length is not 1");
+  } else if (const std::optional<ConfigValue> rpy = reader.Find("rpy")) {
+    const Eigen::Vector3d angles = rpy->AsVector3(Quantity::kAngle);
+    rotation = Eigen::AngleAxisd(angles.z(), Eigen::Vector3d::UnitZ()) *
+               Eigen::AngleAxisd(angles.y(), Eigen::Vector3d::UnitY()) *
+               Eigen::AngleAxisd(angles.x(), Eigen::Vector3d::UnitX());
+  }
+  reader.Finish();
+  return {rotation, translation};
+}
+
+YAML::Node PoseNode(const Rigid3d& pose) {
+  YAML::Node node(YAML::NodeType::Map);
+  for (int i = 0; i < 3; ++i) node["translation"].push_back(QuantityNode(pose.translation[i], Quantity::kLength));
+  for (const double q : {pose.rotation.x(), pose.rotation.y(), pose.rotation.z(), pose.rotation.w()}) {
+    node["rotation"].push_back(RoundTrip(q));
+  }
+  return node;
+}
+
+YAML::Node QuantityNode(double value, Quantity quantity) {
+  return YAML::Node(RoundTrip(value) + " " + std::string(BaseUnit(quantity)));
+}
+
+}  // namespace heba

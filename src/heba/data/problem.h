@@ -1,0 +1,41 @@
+// What is solved. A Problem knows no image, no file and no robot brand.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "heba/camera/camera.h"
+#include "heba/geometry/rigid3.h"
+
+namespace heba {
+
+// Points of the target, found in one image. Column i of both matrices and ids[i] belong together.
+struct Observations {
+  std::vector<int> ids;       // The target's point ids.
+  Points3 points_in_target;   // m
+  Points2 pixels;             // px, (0, 0) is the centre of the first pixel
+  int size() const { return static_cast<int>(ids.size()); }
+};
+
+struct View {
+  std::string name;  // The capture's.
+  Rigid3d camera_mount_from_target_mount;
+  Observations observations;
+};
+
+struct Problem {
+  Camera camera;
+  std::vector<View> views;
+};
+
+// The unknowns. hand_eye in results is camera_mount_from_camera, board is target_mount_from_target.
+struct HandEye {
+  Rigid3d camera_mount_from_camera;
+  Rigid3d target_mount_from_target;
+};
+
+inline Rigid3d CameraFromTarget(const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount) {
+  return Inverse(hand_eye.camera_mount_from_camera) * camera_mount_from_target_mount * hand_eye.target_mount_from_target;
+}
+
+}  // namespace heba

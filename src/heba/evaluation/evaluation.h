@@ -1,0 +1,61 @@
+// How good every method is, on the captures that it was given and on captures that it has not seen.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heba/data/setup.h"
+#include "heba/data/solution.h"
+#include "heba/evaluation/metrics.h"
+
+namespace heba {
+
+struct Errors {
+  std::optional<double> reprojection_rms_px;
+  std::optional<double> holdout_rms_px;
+  std::optional<double> axxb_mean_mm;
+  std::optional<BoardScatter> board_scatter;
+  std::optional<TruthErrors> truth;
+};
+
+// One row of a run's result.
+struct Estimate {
+  std::string method;
+  std::string kind;  // closed_form | refined
+  bool ok = false;
+  std::string reason;  // Why not, if not ok.
+  HandEye hand_eye;    // Meaningful if ok.
+  Camera camera;
+  Errors errors;
+  std::optional<Solution> solution;  // Of a refinement.
+};
+
+struct CaptureResult {
+  std::string image;
+  std::string role;
+  int num_points = 0;
+  bool used = false;
+  std::string reason;            // Why not used, or what is odd about it.
+  std::optional<double> rms_px;  // With the refined estimate.
+};
+
+struct Timing {
+  double detect_s = 0;
+  double seed_s = 0;
+  double refine_s = 0;
+  double total_s = 0;
+};
+
+// A finished run: what result.json holds.
+struct RunResult {
+  std::string name;
+  Setup setup = Setup::kEyeToHand;
+  std::string target_type;
+  int num_target_points = 0;
+  std::vector<CaptureResult> captures;
+  std::vector<Estimate> estimates;
+  Timing timing;
+};
+
+}  // namespace heba

@@ -1,0 +1,102 @@
+#include "heba/simulation/scene.h"
+
+#include <cmath>
+
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+
+namespace heba {
+namespace {
+
+bool AllInside(const Camera& camera, const Rigid3d& camera_from_target, const Points3& points_in_target,
+               double margin_px) {
+  const Points3 points = (camera_from_target.RotationMatrix() * points_in_target).colwise() + camera_from_target.translation;
+  Points2 pixels;
+  if (!camera.Model().Project(camera.params.data(), points, &pixels, nullptr)) return false;
+  if (!(pixels.row(0).minCoeff() >= margin_px && pixels.row(0).maxCoeff() <= camera.width_px - 1 - margin_px &&
+        pixels.row(1).minCoeff() >= margin_px && pixels.row(1).maxCoeff() <= camera.height_px - 1 - margin_px)) {
+    return false;
+  }
+  // Strong distortion folds far rays back into the image: what is seen must also look back along the same ray.
+  for (Eigen::Index i = 0; i < pixels.cols(); ++i) {
+    const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, pixels.col(i));
+    if (!ray || ray->cross(points.col(i).normalized()).norm() > 1e-6) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+std::string MotionOptions::Check() const {
+  std::vector<std::string> faults;
+  if (num_captures < 1) faults.emplace_back("at least one capture is needed");
+  if (!(distance_m > 0)) faults.emplace_back("the distance must be greater than zero");
+  if (!(depth_ratio >= 0 && depth_ratio < 1)) faults.emplace_back("the depth ratio must be in [0, 1)");
+  if (!(max_tilt_rad >= 0 && max_tilt_rad < DegToRad(85))) faults.emplace_back("the tilt must be in [0, 85) deg");
+  if (!(spread >= 0 && spread <= 1)) faults.emplace_back("the spread must be in [0, 1]");
+  return Join(faults, "\n");
+}
+
+Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3& points_in_target, bool z_out,
+                                            const MotionOptions& options, Rng* rng) {
+  const std::string faults = options.Check();
+  CHECK(faults.empty()) << faults;
+  const Eigen::Vector3d middle = points_in_target.rowwise().mean();
+  // Seen upright from straight ahead.
+  const Eigen::Quaterniond upright = ExpRotation(z_out ? Eigen::Vector3d(kPi, 0, 0) : Eigen::Vector3d::Zero());
+  std::vector<Rigid3d> poses;
+  constexpr int kMaxTrials = 2000;
+  for (int trial = 0; static_cast<int>(poses.size()) < options.num_captures; ++trial) {
+    if (trial == kMaxTrials * options.num_captures) {
+      return Failure{"the target does not fit into the image from such poses; a larger distance or a smaller spread or "
+                     "tilt is needed"};
+    }
+    const double depth_m = options.distance_m * (1 + options.depth_ratio * rng->Uniform(-1, 1));
+    const double u = 0.5 * (camera.width_px - 1) + 0.5 * options.spread * camera.width_px * rng->Uniform(-1, 1);
+    const double v = 0.5 * (camera.height_px - 1) + 0.5 * options.spread * camera.height_px * rng->Uniform(-1, 1);
+    const double azimuth = rng->Uniform(-kPi, kPi);
+    const double tilt = options.max_tilt_rad * rng->Uniform(0.3, 1);
+    const double spin = options.max_spin_rad * rng->Uniform(-1, 1);
+    const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, {u, v});
+    if (!ray || ray->z() < 0.05) continue;
+    const Eigen::Vector3d middle_in_camera = *ray * (depth_m / ray->z());
+    const Eigen::Quaterniond to_sight = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), *ray);
+    const Eigen::Quaterniond rotation = to_sight *
+                                        ExpRotation(tilt * Eigen::Vector3d(std::cos(azimuth), std::sin(azimuth), 0)) *
+                                        ExpRotation({0, 0, spin}) * upright;
+    const Rigid3d camera_from_target(rotation, middle_in_camera - rotation * middle);
+    if (AllInside(camera, camera_from_target, points_in_target, options.margin_px)) poses.push_back(camera_from_target);
+  }
+  return poses;
+}
+
+Rigid3d CameraMountFromTargetMount(const HandEye& hand_eye, const Rigid3d& camera_from_target) {
+  return hand_eye.camera_mount_from_camera * camera_from_target * Inverse(hand_eye.target_mount_from_target);
+}
+
+Rigid3d WithRobotNoise(const Rigid3d& base_from_gripper, double rotation_sigma_rad, double translation_sigma_m, Rng* rng) {
+  Tangent6 tangent;
+  tangent.head<3>() = translation_sigma_m * rng->NormalVector3();
+  tangent.tail<3>() = rotation_sigma_rad * rng->NormalVector3();
+  return Retract(base_from_gripper, tangent);
+}
+
+std::optional<View> SimulateView(const std::string& name, const Camera& camera, const HandEye& hand_eye,
+                                 const Rigid3d& camera_mount_from_target_mount, const Points3& points_in_target,
+                                 double noise_sigma_px, Rng* rng) {
+  const Rigid3d camera_from_target = CameraFromTarget(hand_eye, camera_mount_from_target_mount);
+  View view;
+  view.name = name;
+  view.camera_mount_from_target_mount = camera_mount_from_target_mount;
+  view.observations.points_in_target = points_in_target;
+  const Points3 points = (camera_from_target.RotationMatrix() * points_in_target).colwise() + camera_from_target.translation;
+  if (!camera.Model().Project(camera.params.data(), points, &view.observations.pixels, nullptr)) return std::nullopt;
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    view.observations.ids.push_back(static_cast<int>(i));
+    view.observations.pixels(0, i) += noise_sigma_px * rng->Normal();
+    view.observations.pixels(1, i) += noise_sigma_px * rng->Normal();
+  }
+  return view;
+}
+
+}  // namespace heba

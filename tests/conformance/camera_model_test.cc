@@ -1,0 +1,318 @@
+// What every camera model promises (heba/camera/camera_model.h). Runs over the table: a new model is tested by its
+// line.
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include "heba/base/rng.h"
+#include "heba/camera/camera.h"
+
+namespace heba {
+namespace {
+
+constexpr int kWidthPx = 1280;
+constexpr int kHeightPx = 960;
+
+// Cameras of a model: without distortion, with a usual lens's, and with a strong one's of either sign. The coefficients
+// are by name, so that a new model with the usual names has them too; its image is invertible out to the corners.
+std::vector<Camera> CamerasOf(const CameraModel& model) {
+  struct Lens {
+    double focal_px;
+    double k1, k2, k3, k4;
+    double p1, p2;
+  };
+  const bool fisheye = model.name() == "kannala_brandt4";
+  const std::vector<Lens> polynomial = {{1000, 0, 0, 0, 0, 0, 0},
+                                        {1100, -0.12, 0.08, -0.01, 0.001, 0.0007, -0.0005},
+                                        // Barrel: the corners, at 0.85 focal lengths without it, move in by 17 %.
+                                        {940, -0.28, 0.09, -0.01, 0, 0.002, -0.001},
+                                        // Pincushion: they move out by a third.
+                                        {800, 0.35, 0.1, 0.01, 0.002, -0.001, 0.002}};
+  const std::vector<Lens> fisheyes = {{500, 0, 0, 0, 0, 0, 0},
+                                      {520, -0.02, 0.004, -0.002, 0.0003, 0, 0},
+                                      // 180 degrees and more within the image.
+                                      {420, 0.04, -0.01, 0.002, -0.0002, 0, 0},
+                                      {450, -0.05, 0.01, -0.0015, 0.0001, 0, 0}};
+  std::vector<Camera> cameras;
+  for (const Lens& lens : fisheye ? fisheyes : polynomial) {
+    Camera camera = {std::string(model.name()), kWidthPx, kHeightPx, {}};
+    for (const std::string& name : model.param_names()) {
+      double value = 0;
+      if (name == "fx") value = lens.focal_px;
+      if (name == "fy") value = 1.02 * lens.focal_px;
+      if (name == "cx") value = 652.3;
+      if (name == "cy") value = 470.9;
+      if (name == "k1") value = lens.k1;
+      if (name == "k2") value = lens.k2;
+      if (name == "k3") value = lens.k3;
+      if (name == "p1") value = lens.p1;
+      if (name == "p2") value = lens.p2;
+      // Of the rational model these divide.
+      if (name == "k4" || name == "k5" || name == "k6") value = fisheye ? lens.k4 : 0.1 * lens.k4;
+      camera.params.push_back(value);
+    }
+    cameras.push_back(camera);
+  }
+  return cameras;
+}
+
+// Points ahead of the camera whose images cover the picture.
+Points3 RandomPoints(Rng* rng, int count) {
+  Points3 points(3, count);
+  for (int i = 0; i < count; ++i) {
+    const double z = rng->Uniform(0.2, 3.0);
+    points.col(i) << z * rng->Uniform(-0.6, 0.6), z * rng->Uniform(-0.45, 0.45), z;
+  }
+  return points;
+}
+
+class CameraModelTest : public testing::TestWithParam<std::string> {
+ protected:
+  const CameraModel& model() const { return *FindCameraModel(GetParam()); }
+};
+
+TEST_P(CameraModelTest, IsFoundByItsNameAndStartsWithTheFourPinholeParameters) {
+  ASSERT_NE(FindCameraModel(GetParam()), nullptr);
+  const std::vector<std::string>& names = model().param_names();
+  ASSERT_GE(names.size(), 4u);
+  EXPECT_EQ(names[0], "fx");
+  EXPECT_EQ(names[1], "fy");
+  EXPECT_EQ(names[2], "cx");
+  EXPECT_EQ(names[3], "cy");
+  EXPECT_EQ(GroupOf(1), ParameterGroup::kFocal);
+  EXPECT_EQ(GroupOf(3), ParameterGroup::kPrincipalPoint);
+  EXPECT_EQ(GroupOf(4), ParameterGroup::kDistortion);
+  for (const Camera& camera : CamerasOf(model())) EXPECT_EQ(CheckCamera(camera), "");
+}
+
+TEST_P(CameraModelTest, OpticalAxisHitsThePrincipalPoint) {
+  for (const Camera& camera : CamerasOf(model())) {
+    for (const double z : {1e-3, 1.0, 50.0}) {
+      const std::optional<Eigen::Vector2d> pixel = ProjectPoint(camera, {0, 0, z});
+      ASSERT_TRUE(pixel.has_value());
+      EXPECT_EQ(*pixel, Eigen::Vector2d(camera.params[2], camera.params[3]));
+    }
+  }
+}
+
+TEST_P(CameraModelTest, AxesPointRightAndDown) {
+  for (const Camera& camera : CamerasOf(model())) {
+    const std::optional<Eigen::Vector2d> right = ProjectPoint(camera, {0.1, 0, 1});
+    const std::optional<Eigen::Vector2d> down = ProjectPoint(camera, {0, 0.1, 1});
+    ASSERT_TRUE(right.has_value() && down.has_value());
+    EXPECT_GT(right->x(), camera.params[2] + 0.05 * camera.params[0]);
+    EXPECT_GT(down->y(), camera.params[3] + 0.05 * camera.params[1]);
+  }
+}
+
+TEST_P(CameraModelTest, NothingBehindTheCameraOrNotFiniteHasAnImage) {
+  const double nan = std::nan("");
+  for (const Camera& camera : CamerasOf(model())) {
+    EXPECT_FALSE(ProjectPoint(camera, {0, 0, -1}).has_value());
+    EXPECT_FALSE(ProjectPoint(camera, {0, 0, 0}).has_value());
+    EXPECT_FALSE(ProjectPoint(camera, {nan, 0, 1}).has_value());
+    EXPECT_FALSE(ProjectPoint(camera, {0, 0, nan}).has_value());
+    // One such point spoils a batch, with and without derivatives.
+    Points3 points(3, 3);
+    points << 0, 0, 0.1, 0, 0, 0.1, 1, -1, 1;
+    Points2 pixels;
+    ProjectionJacobian jacobian;
+    EXPECT_FALSE(model().Project(camera.params.data(), points, &pixels, nullptr));
+    EXPECT_FALSE(model().Project(camera.params.data(), points, &pixels, &jacobian));
+  }
+}
+
+TEST_P(CameraModelTest, DependsOnTheRayOnly) {
+  Rng rng(1);
+  for (const Camera& camera : CamerasOf(model())) {
+    const Points3 points = RandomPoints(&rng, 20);
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+      const std::optional<Eigen::Vector2d> near = ProjectPoint(camera, points.col(i));
+      const std::optional<Eigen::Vector2d> far = ProjectPoint(camera, 1000.0 * points.col(i));
+      ASSERT_TRUE(near.has_value() && far.has_value());
+      EXPECT_LT((*near - *far).norm(), 1e-9);  // px: round-off at 1000 px.
+    }
+  }
+}
+
+// Over the whole image, its corners included.
+TEST_P(CameraModelTest, UnprojectInvertsProject) {
+  for (const Camera& camera : CamerasOf(model())) {
+    for (int v = -10; v <= kHeightPx + 10; v += 20) {
+      for (int u = -10; u <= kWidthPx + 10; u += 20) {
+        const Eigen::Vector2d pixel(u, v);
+        const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, pixel);
+        ASSERT_TRUE(ray.has_value()) << pixel.transpose()
+                                     << ", k1 = " << (camera.params.size() > 4 ? camera.params[4] : 0);
+        EXPECT_NEAR(ray->norm(), 1.0, 1e-12);
+        const std::optional<Eigen::Vector2d> back = ProjectPoint(camera, *ray);
+        ASSERT_TRUE(back.has_value());
+        EXPECT_LT((*back - pixel).norm(), 1e-6);  // px: what the model promises to accept.
+      }
+    }
+  }
+}
+
+// The ray, not only one that has the same image.
+TEST_P(CameraModelTest, UnprojectFindsTheRayItself) {
+  Rng rng(2);
+  for (const Camera& camera : CamerasOf(model())) {
+    const Points3 points = RandomPoints(&rng, 200);
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+      const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, *ProjectPoint(camera, points.col(i)));
+      ASSERT_TRUE(ray.has_value()) << points.col(i).transpose();
+      // rad: 1e-9 px over a focal length of some 500 px, with a margin for the flatter corners.
+      EXPECT_LT(ray->cross(points.col(i).normalized()).norm(), 1e-10);
+      EXPECT_GT(ray->dot(points.col(i)), 0);
+    }
+  }
+}
+
+TEST_P(CameraModelTest, UnprojectRefusesWhatIsNotAPixel) {
+  const double nan = std::nan("");
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (const Camera& camera : CamerasOf(model())) {
+    EXPECT_FALSE(UnprojectPixel(camera, {nan, 0}).has_value());
+    EXPECT_FALSE(UnprojectPixel(camera, {0, infinity}).has_value());
+  }
+}
+
+TEST_P(CameraModelTest, JacobiansAreTheDerivatives) {
+  Rng rng(3);
+  const int num_params = NumParams(model());
+  for (const Camera& camera : CamerasOf(model())) {
+    Points3 points = RandomPoints(&rng, 30);
+    points.col(0) << 0, 0, 1.5;         // On the axis.
+    points.col(1) << 1e-10, -2e-10, 1;  // Where a fisheye's formula changes.
+    Points2 pixels;
+    ProjectionJacobian jacobian;
+    ASSERT_TRUE(model().Project(camera.params.data(), points, &pixels, &jacobian));
+    ASSERT_EQ(jacobian.u.rows(), 3 + num_params);
+    ASSERT_EQ(jacobian.u.cols(), points.cols());
+    ASSERT_EQ(jacobian.v.rows(), 3 + num_params);
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+      for (int j = 0; j < 3 + num_params; ++j) {
+        const auto moved = [&](double step) {
+          std::vector<double> params = camera.params;
+          Points3 point = points.col(i);
+          (j < 3 ? point(j, 0) : params[static_cast<size_t>(j - 3)]) += step;
+          Points2 pixel;
+          EXPECT_TRUE(model().Project(params.data(), point, &pixel, nullptr));
+          return Eigen::Vector2d(pixel.col(0));
+        };
+        const double value = j < 3 ? points(j, i) : camera.params[static_cast<size_t>(j - 3)];
+        const double step = 1e-5 * std::max(1.0, std::abs(value));
+        // Central differences with an extrapolation: an error of the fourth order of the step.
+        const Eigen::Vector2d wide = (moved(2 * step) - moved(-2 * step)) / (4 * step);
+        const Eigen::Vector2d narrow = (moved(step) - moved(-step)) / (2 * step);
+        const Eigen::Vector2d expected = (4 * narrow - wide) / 3;
+        // Round-off of 1e-13 px (of 1000 px) over the step of 1e-5, and as much relative to large derivatives.
+        const double tolerance = 1e-7 + 1e-7 * expected.norm();
+        EXPECT_NEAR(jacobian.u(j, i), expected.x(), tolerance)
+            << "input " << j << ", point " << points.col(i).transpose();
+        EXPECT_NEAR(jacobian.v(j, i), expected.y(), tolerance)
+            << "input " << j << ", point " << points.col(i).transpose();
+      }
+    }
+  }
+}
+
+TEST_P(CameraModelTest, ABatchIsItsPoints) {
+  Rng rng(4);
+  for (const Camera& camera : CamerasOf(model())) {
+    const Points3 points = RandomPoints(&rng, 37);
+    // Sized for another batch: outputs must be resized.
+    Points2 pixels(2, 5);
+    ProjectionJacobian jacobian;
+    ASSERT_TRUE(model().Project(camera.params.data(), points, &pixels, &jacobian));
+    Points2 plain;
+    ASSERT_TRUE(model().Project(camera.params.data(), points, &plain, nullptr));
+    ASSERT_EQ(pixels.cols(), points.cols());
+    // px: vectorised code may round otherwise.
+    constexpr double kRoundOffPx = 1e-11;
+    EXPECT_LT((pixels - plain).cwiseAbs().maxCoeff(), kRoundOffPx);
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+      Points2 pixel;
+      ProjectionJacobian one;
+      ASSERT_TRUE(model().Project(camera.params.data(), points.col(i), &pixel, &one));
+      EXPECT_LT((pixel - pixels.col(i)).norm(), kRoundOffPx);
+      EXPECT_LT((one.u - jacobian.u.col(i)).norm(), 1e-12 * one.u.norm());
+      EXPECT_LT((one.v - jacobian.v.col(i)).norm(), 1e-12 * one.v.norm());
+    }
+  }
+  Points2 pixels;
+  EXPECT_TRUE(model().Project(CamerasOf(model())[0].params.data(), Points3(3, 0), &pixels, nullptr));
+  EXPECT_EQ(pixels.cols(), 0);
+}
+
+std::string NameOf(const testing::TestParamInfo<std::string>& parameter) { return parameter.param; }
+INSTANTIATE_TEST_SUITE_P(Table, CameraModelTest, testing::ValuesIn(CameraModelNames()), NameOf);
+
+// Beyond the radius where a barrel distortion folds back two rays share a pixel; the outer one does not count.
+TEST(FoldedDistortion, PixelsBeyondTheFoldHaveNoRay) {
+  // r (1 - 0.3 r^2) is largest at r = 1.054, where it is 0.703.
+  const Camera camera = {"brown5", kWidthPx, kHeightPx, {500, 500, 640, 480, -0.3, 0, 0, 0, 0}};
+  EXPECT_FALSE(UnprojectPixel(camera, {640 + 500 * 0.71, 480}).has_value());
+  const std::optional<Eigen::Vector3d> inside = UnprojectPixel(camera, {640 + 500 * 0.69, 480});
+  ASSERT_TRUE(inside.has_value());
+  EXPECT_LT(inside->x() / inside->z(), 1.054);
+}
+
+// The other way round: the first guess, the pixel's own radius, lies beyond the fold, the ray does not.
+TEST(FoldedDistortion, RaysWithinTheFoldAreFoundFromAGuessBeyondIt) {
+  // r (1 + r^2 - r^4) is largest at r = 0.916, where it is 1.040: for a ray at 0.8 the guess is 0.984, beyond it.
+  const Camera camera = {"brown5", kWidthPx, kHeightPx, {500, 500, 640, 480, 1, -1, 0, 0, 0}};
+  for (const double r : {0.5, 0.8, 0.86, 0.89}) {
+    const Eigen::Vector3d point_in_camera(r, 0, 1);
+    const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, *ProjectPoint(camera, point_in_camera));
+    ASSERT_TRUE(ray.has_value()) << r;
+    EXPECT_NEAR(ray->x() / ray->z(), r, 1e-9);  // 1e-9 px over a slope of at least 20 px.
+  }
+}
+
+// Pins of the conventions of OpenCV and ROS, from their documentation's formulas worked out by hand.
+TEST(CameraModelPins, Brown5) {
+  // a = 0.5, b = 0.25, r2 = 0.3125; radial = 1 + 0.1 r2 - 0.2 r2^2 + 0.3 r2^3 = 1.020874023...
+  const double r2 = 0.3125;
+  const double radial = 1 + 0.1 * r2 - 0.2 * r2 * r2 + 0.3 * r2 * r2 * r2;
+  const double a = 0.5 * radial + 2 * 0.01 * 0.125 + 0.02 * (r2 + 0.5);
+  const double b = 0.25 * radial + 0.01 * (r2 + 0.125) + 2 * 0.02 * 0.125;
+  const Camera camera = {"brown5", kWidthPx, kHeightPx, {100, 200, 10, 20, 0.1, -0.2, 0.01, 0.02, 0.3}};
+  const std::optional<Eigen::Vector2d> pixel = ProjectPoint(camera, {1, 0.5, 2});
+  ASSERT_TRUE(pixel.has_value());
+  EXPECT_NEAR(pixel->x(), 100 * a + 10, 1e-12);
+  EXPECT_NEAR(pixel->y(), 200 * b + 20, 1e-12);
+}
+
+TEST(CameraModelPins, Rational8ExtendsBrown5) {
+  const Camera brown = {"brown5", kWidthPx, kHeightPx, {100, 200, 10, 20, 0.1, -0.2, 0.01, 0.02, 0.3}};
+  const std::optional<Camera> rational = ConvertCamera(brown, "rational8");
+  ASSERT_TRUE(rational.has_value());
+  EXPECT_LT((*ProjectPoint(*rational, {1, 0.5, 2}) - *ProjectPoint(brown, {1, 0.5, 2})).norm(), 1e-12);
+  // The last three divide: with k4 = k1 and no others the radial factor is 1.
+  Camera divided = {"rational8", kWidthPx, kHeightPx, {100, 200, 10, 20, 0.1, 0, 0, 0, 0, 0.1, 0, 0}};
+  EXPECT_LT((*ProjectPoint(divided, {1, 0.5, 2}) - Eigen::Vector2d(60, 70)).norm(), 1e-12);
+  EXPECT_FALSE(ConvertCamera(divided, "brown5").has_value());
+  EXPECT_FALSE(ConvertCamera(brown, "kannala_brandt4").has_value());
+}
+
+TEST(CameraModelPins, KannalaBrandt4SeesBehindTheImagePlane) {
+  // At a right angle to the axis theta is pi / 2: r = theta (1 + 0.1 theta^2).
+  const double theta = 1.5707963267948966;
+  const Camera camera = {"kannala_brandt4", kWidthPx, kHeightPx, {100, 200, 10, 20, 0.1, 0, 0, 0}};
+  const std::optional<Eigen::Vector2d> pixel = ProjectPoint(camera, {3, 0, 0});
+  ASSERT_TRUE(pixel.has_value());
+  EXPECT_NEAR(pixel->x(), 100 * theta * (1 + 0.1 * theta * theta) + 10, 1e-11);
+  EXPECT_NEAR(pixel->y(), 20, 1e-12);
+  const Eigen::Vector3d behind(1, 0.3, -0.4);
+  const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, *ProjectPoint(camera, behind));
+  ASSERT_TRUE(ray.has_value());
+  EXPECT_LT((*ray - behind.normalized()).norm(), 1e-9);
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,101 @@
+#include "solvers/target_pose.h"
+
+#include <gtest/gtest.h>
+
+#include "heba/camera/camera_model.h"
+#include "solvers/pose_selection.h"
+#include "tests/support/matchers.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+TEST(TargetPoseTest, ExactForEveryCameraModel) {
+  for (const std::string& model : CameraModelNames()) {
+    TestSceneOptions options;
+    options.camera = TestCamera(model);
+    const TestScene scene = MakeTestScene(11, options);
+    for (size_t i = 0; i < scene.views.size(); ++i) {
+      const std::vector<TargetPose> poses = EstimateTargetPose(scene.camera, scene.views[i].observations);
+      ASSERT_FALSE(poses.empty()) << model;
+      // 1e-6 rad and m: the fit stops when its cost, at 1e-9 px, no longer falls.
+      EXPECT_THAT(poses.front().camera_from_target, IsNearPose(scene.pairs[i].camera_from_target, 1e-6, 1e-6)) << model;
+    }
+  }
+}
+
+TEST(TargetPoseTest, KeepsBothMinimaOfASmallTarget) {
+  TestSceneOptions options;
+  options.points = GridPoints(2, 2, 0.04);
+  options.noise_px = 0.1;
+  options.num_captures = 60;
+  const TestScene scene = MakeTestScene(12, options);
+  int both = 0;
+  int right = 0;
+  for (size_t i = 0; i < scene.views.size(); ++i) {
+    const std::vector<TargetPose> poses = EstimateTargetPose(scene.camera, scene.views[i].observations);
+    ASSERT_FALSE(poses.empty());
+    both += poses.size() == 2 ? 1 : 0;
+    double best_deg = 180;
+    for (const TargetPose& pose : poses) {
+      best_deg = std::min(best_deg, RadToDeg(AngleRad(pose.camera_from_target, scene.pairs[i].camera_from_target)));
+    }
+    right += best_deg < 10 ? 1 : 0;  // Noise of the tilt of a 60 px target.
+  }
+  EXPECT_GT(both, 30);
+  EXPECT_GE(right, 58);
+}
+
+TEST(TargetPoseTest, NothingFromTooFewOrCollinearPoints) {
+  TestSceneOptions options;
+  options.points = GridPoints(3, 1, 0.04);
+  const TestScene three = MakeTestScene(1, options);
+  EXPECT_TRUE(EstimateTargetPose(three.camera, three.views[0].observations).empty());
+  options.points = GridPoints(6, 1, 0.04);
+  const TestScene line = MakeTestScene(1, options);
+  EXPECT_TRUE(EstimateTargetPose(line.camera, line.views[0].observations).empty());
+}
+
+// A third of the views start in the wrong one of the two minima; the chain finds them all.
+TEST(ChoosePosesTest, RejectsTheWrongMinimum) {
+  TestSceneOptions options;
+  options.points = GridPoints(2, 2, 0.06);
+  options.noise_px = 0.05;
+  const TestScene scene = MakeTestScene(13, options);
+  std::vector<std::vector<TargetPose>> poses;
+  for (size_t i = 0; i < scene.views.size(); ++i) {
+    poses.push_back(EstimateTargetPose(scene.camera, scene.views[i].observations));
+    ASSERT_FALSE(poses.back().empty());
+    if (i % 3 == 0 && poses.back().size() == 2) std::swap(poses.back()[0], poses.back()[1]);
+  }
+  const ChosenPoses chosen = ChoosePoses(scene.camera, scene.views, poses, {Rigid3d()});
+  for (size_t i = 0; i < scene.views.size(); ++i) {
+    EXPECT_LT(RadToDeg(AngleRad(chosen.pairs[i].camera_from_target, scene.pairs[i].camera_from_target)), 5.0) << i;
+  }
+}
+
+// A board that looks the same after half a turn, read upside down in every other view.
+TEST(ChoosePosesTest, FindsTheOrderOfASymmetricBoard) {
+  TestSceneOptions options;
+  options.noise_px = 0.1;
+  TestScene scene = MakeTestScene(14, options);
+  const Rigid3d half_turn(ExpRotation({0, 0, kPi}), Eigen::Vector3d::Zero());
+  std::vector<std::vector<TargetPose>> poses;
+  std::vector<int> expected;
+  for (size_t i = 0; i < scene.views.size(); ++i) {
+    const bool reversed = i % 2 == 1;
+    if (reversed) {
+      Points3& points = scene.views[i].observations.points_in_target;
+      points = (half_turn.RotationMatrix() * points).eval();
+    }
+    expected.push_back(reversed ? 1 : 0);
+    poses.push_back(EstimateTargetPose(scene.camera, scene.views[i].observations));
+  }
+  const ChosenPoses chosen = ChoosePoses(scene.camera, scene.views, poses, {Rigid3d(), half_turn});
+  // All the same, or all the other way round: the board's own frame is a convention.
+  const int flip = chosen.symmetry[0] ^ expected[0];
+  for (size_t i = 0; i < scene.views.size(); ++i) EXPECT_EQ(chosen.symmetry[i], expected[i] ^ flip) << i;
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,132 @@
+#include "solvers/view_reduction.h"
+
+#include <gtest/gtest.h>
+
+#include "heba/geometry/pose_block.h"
+#include "solvers/reprojection_cost.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+// The rows that a view has without any reduction, by differences.
+Eigen::VectorXd Residual(const TestScene& scene, const View& view, const Rigid3d& camera_from_target,
+                         const std::vector<double>& params) {
+  Camera camera = scene.camera;
+  camera.params = params;
+  const Points2 residuals = *Residuals(camera, camera_from_target, view.observations);
+  return Eigen::Map<const Eigen::VectorXd>(residuals.data(), residuals.size());
+}
+
+TEST(ViewReductionTest, KeepsCostGradientAndGaussNewtonMatrix) {
+  for (const int columns : {2, 8}) {  // Fewer rows than columns, and more.
+    TestSceneOptions options;
+    options.points = GridPoints(columns, 2, 0.04);
+    options.noise_px = 0.5;
+    const TestScene scene = MakeTestScene(2, options);
+    const View& view = scene.views[0];
+    const Rigid3d pose = scene.pairs[0].camera_from_target;
+    const CameraModel& model = scene.camera.Model();
+    ViewReduction reduction;
+    constexpr double kSigmaPx = 0.5;
+    ASSERT_TRUE(ReduceView(model, scene.camera.params.data(), pose, view.observations, kSigmaPx, *FindLoss("none"),
+                           &reduction));
+    const Eigen::VectorXd r = Residual(scene, view, pose, scene.camera.params) / kSigmaPx;
+    const int n = 6 + NumParams(model);
+    Eigen::MatrixXd j(r.size(), n);
+    for (int k = 0; k < n; ++k) {
+      const double step = k < 6 ? 1e-6 : 1e-6 * std::max(1.0, std::abs(scene.camera.params[static_cast<size_t>(k - 6)]));
+      Eigen::VectorXd ends[2];
+      for (const int side : {0, 1}) {
+        const double h = side == 0 ? -step : step;
+        std::vector<double> params = scene.camera.params;
+        Rigid3d moved = pose;
+        if (k < 3) moved = Rigid3d(Eigen::Quaterniond::Identity(), h * Eigen::Vector3d::Unit(k)) * pose;
+        if (k >= 3 && k < 6) moved = Rigid3d(ExpRotation(h * Eigen::Vector3d::Unit(k - 3)), Eigen::Vector3d::Zero()) * pose;
+        if (k >= 6) params[static_cast<size_t>(k - 6)] += h;
+        ends[side] = Residual(scene, view, moved, params) / kSigmaPx;
+      }
+      j.col(k) = (ends[1] - ends[0]) / (2 * step);
+    }
+    const Eigen::MatrixXd f = reduction.factor.leftCols(n);
+    const Eigen::VectorXd e = reduction.factor.rightCols<1>();
+    constexpr double kDifferences = 1e-6;  // Relative: central differences of smooth functions.
+    EXPECT_NEAR(e.squaredNorm(), r.squaredNorm(), 1e-10 * r.squaredNorm());
+    EXPECT_LT((f.transpose() * f - j.transpose() * j).norm(), kDifferences * (j.transpose() * j).norm());
+    EXPECT_LT((f.transpose() * e - j.transpose() * r).norm(), kDifferences * (j.transpose() * r).norm());
+    EXPECT_LE(reduction.factor.rows(), n + 1);
+    EXPECT_EQ(reduction.loss_remainder, 0);
+  }
+}
+
+TEST(ViewReductionTest, CostWithALossIsTheSumOfRho) {
+  TestSceneOptions options;
+  options.noise_px = 3;
+  const TestScene scene = MakeTestScene(4, options);
+  const Loss& loss = *FindLoss("huber");
+  double direct = 0;
+  const Points2 residuals = *Residuals(scene.camera, scene.pairs[0].camera_from_target, scene.views[0].observations);
+  for (Eigen::Index i = 0; i < residuals.cols(); ++i) direct += loss.rho(residuals.col(i).squaredNorm());
+  ViewReduction reduction;
+  ASSERT_TRUE(ReduceView(scene.camera.Model(), scene.camera.params.data(), scene.pairs[0].camera_from_target,
+                         scene.views[0].observations, 1.0, loss, &reduction));
+  EXPECT_NEAR(reduction.factor.rightCols<1>().squaredNorm() + reduction.loss_remainder, direct, 1e-9 * direct);
+}
+
+TEST(ReprojectionCostTest, JacobiansAgreeWithDifferences) {
+  TestSceneOptions options;
+  options.noise_px = 0.3;
+  options.points = GridPoints(2, 2, 0.05);  // Few points keep their rows, so that residuals are smooth.
+  const TestScene scene = MakeTestScene(6, options);
+  const auto cost = MakeReprojectionCost(scene.camera.Model(), scene.views[1].observations, 0.3, *FindLoss("none"),
+                                         MakeHandEyeChain(scene.views[1].camera_mount_from_target_mount));
+  PoseBlock hand_eye = ToBlock(scene.hand_eye.camera_mount_from_camera);
+  PoseBlock board = ToBlock(scene.hand_eye.target_mount_from_target);
+  const PoseManifold manifold;
+  const std::vector<const ceres::Manifold*> manifolds = {&manifold, &manifold, nullptr};
+  // The residuals as a function: the rows themselves, at each point from Evaluate with Jacobians.
+  std::vector<double> jacobian_storage[3] = {std::vector<double>(9 * 7), std::vector<double>(9 * 7),
+                                             std::vector<double>(9 * 9)};
+  double* jacobians[3] = {jacobian_storage[0].data(), jacobian_storage[1].data(), jacobian_storage[2].data()};
+  const double* parameters[3] = {hand_eye.data(), board.data(), scene.camera.params.data()};
+  Eigen::VectorXd residual(9);
+  ASSERT_TRUE(cost->Evaluate(parameters, residual.data(), jacobians));
+  for (int block = 0; block < 2; ++block) {
+    Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
+    manifold.PlusJacobian(parameters[block], plus.data());
+    const Eigen::MatrixXd analytic =
+        Eigen::Map<Eigen::Matrix<double, 9, 7, Eigen::RowMajor>>(jacobians[block]) * plus;
+    for (int k = 0; k < 6; ++k) {
+      constexpr double kStep = 1e-6;
+      Eigen::VectorXd ends[2];
+      for (const int side : {0, 1}) {
+        Tangent6 tangent = Tangent6::Zero();
+        tangent[k] = side == 0 ? -kStep : kStep;
+        PoseBlock moved;
+        manifold.Plus(parameters[block], tangent.data(), moved.data());
+        const double* moved_parameters[3] = {parameters[0], parameters[1], parameters[2]};
+        moved_parameters[block] = moved.data();
+        ends[side].resize(9);
+        ASSERT_TRUE(cost->Evaluate(moved_parameters, ends[side].data(), jacobians));
+      }
+      const Eigen::VectorXd numeric = (ends[1] - ends[0]) / (2 * kStep);
+      EXPECT_LT((analytic.col(k) - numeric).norm(), 1e-5 * numeric.norm()) << "block " << block << " tangent " << k;
+      ASSERT_TRUE(cost->Evaluate(parameters, residual.data(), jacobians));
+    }
+  }
+}
+
+TEST(ReprojectionCostTest, FailsForATargetBehindTheCamera) {
+  const TestScene scene = MakeTestScene(6);
+  const auto cost = MakeReprojectionCost(scene.camera.Model(), scene.views[0].observations, 1.0, *FindLoss("none"),
+                                         MakeFreePoseChain());
+  Rigid3d behind = scene.pairs[0].camera_from_target;
+  behind.translation.z() -= 5.0;
+  const PoseBlock block = ToBlock(behind);
+  const double* parameters[2] = {block.data(), scene.camera.params.data()};
+  std::vector<double> residuals(static_cast<size_t>(cost->num_residuals()));
+  EXPECT_FALSE(cost->Evaluate(parameters, residuals.data(), nullptr));
+}
+
+}  // namespace
+}  // namespace heba

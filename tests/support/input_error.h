@@ -1,0 +1,21 @@
+// What an action tells the user.
+#pragma once
+
+#include <string>
+
+#include "heba/base/error.h"
+
+namespace heba {
+
+// The message of the InputError that `action` throws; "no error" if it throws none.
+template <class Action>
+std::string InputErrorOf(const Action& action) {
+  try {
+    action();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+}  // namespace heba

@@ -1,0 +1,73 @@
+// Simulated problems for tests: everything from a seed.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "heba/base/units.h"
+#include "heba/data/problem.h"
+#include "heba/evaluation/metrics.h"
+#include "heba/simulation/scene.h"
+
+namespace heba {
+
+// A grid of columns x rows points in the plane z = 0, centred.
+inline Points3 GridPoints(int columns, int rows, double spacing_m) {
+  Points3 points(3, columns * rows);
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      points.col(row * columns + column) << (column - 0.5 * (columns - 1)) * spacing_m,
+          (row - 0.5 * (rows - 1)) * spacing_m, 0.0;
+    }
+  }
+  return points;
+}
+
+inline Camera TestCamera(const std::string& model = "brown5") {
+  Camera camera{model, 1600, 1200, {1500, 1502, 805, 595}};
+  if (model == "brown5") camera.params.insert(camera.params.end(), {-0.08, 0.05, 0.0005, -0.0003, 0.0});
+  if (model == "rational8") camera.params.insert(camera.params.end(), {-0.08, 0.05, 0.0005, -0.0003, 0.0, 0.01, 0.0, 0.0});
+  if (model == "kannala_brandt4") camera.params.insert(camera.params.end(), {0.02, -0.01, 0.003, -0.001});
+  return camera;
+}
+
+struct TestScene {
+  Camera camera;
+  HandEye hand_eye;
+  std::vector<View> views;
+  std::vector<PosePair> pairs;  // Exact.
+};
+
+struct TestSceneOptions {
+  int num_captures = 15;
+  double noise_px = 0;
+  Points3 points = GridPoints(8, 6, 0.03);
+  Camera camera = TestCamera();
+  Setup setup = Setup::kEyeToHand;
+  double max_tilt_rad = 0.6;
+};
+
+inline TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options = {}) {
+  Rng rng(seed);
+  TestScene scene;
+  scene.camera = options.camera;
+  // A camera a metre from the base, or beside the flange; a board on the other mount.
+  const Rigid3d far_pose(ExpRotation(rng.Uniform(0.5, 3.1) * rng.Direction3()), 0.7 * rng.Direction3());
+  const Rigid3d near_pose(ExpRotation(rng.Uniform(0, 3.1) * rng.Direction3()), 0.1 * rng.Direction3());
+  const bool to_hand = options.setup == Setup::kEyeToHand;
+  scene.hand_eye = {to_hand ? far_pose : near_pose, to_hand ? near_pose : far_pose};
+  MotionOptions motion;
+  motion.num_captures = options.num_captures;
+  motion.distance_m = 0.7;
+  motion.max_tilt_rad = options.max_tilt_rad;
+  const Outcome<std::vector<Rigid3d>> poses = SimulatePoses(scene.camera, options.points, false, motion, &rng);
+  for (const Rigid3d& camera_from_target : *poses) {
+    const Rigid3d mount = CameraMountFromTargetMount(scene.hand_eye, camera_from_target);
+    scene.views.push_back(*SimulateView("view_" + std::to_string(scene.views.size()), scene.camera, scene.hand_eye, mount,
+                                        options.points, options.noise_px, &rng));
+    scene.pairs.push_back({mount, camera_from_target});
+  }
+  return scene;
+}
+
+}  // namespace heba

@@ -1,0 +1,22 @@
+# What every heba target is compiled with. An INTERFACE target: nothing global, nothing that a consumer inherits.
+add_library(heba_options INTERFACE)
+target_compile_options(heba_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Wold-style-cast
+                                              -Woverloaded-virtual -Wunused -Wnull-dereference -Wformat=2)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  # g++ 12 sees null dereferences and overlaps inside Eigen's and the standard library's inlined code that are not there
+  # (GCC bug 105651).
+  target_compile_options(heba_options INTERFACE -Wno-null-dereference -Wno-restrict)
+endif()
+if(HEBA_WARNINGS_AS_ERRORS)
+  target_compile_options(heba_options INTERFACE -Werror)
+endif()
+if(HEBA_SANITIZE)
+  target_compile_options(heba_options INTERFACE -fsanitize=${HEBA_SANITIZE} -fno-omit-frame-pointer
+                                                -fno-sanitize-recover=all)
+  target_link_options(heba_options INTERFACE -fsanitize=${HEBA_SANITIZE})
+  # Eigen's own aligned allocator and the distribution's Ceres disagree about a block's header: not an overflow.
+  target_compile_definitions(heba_options INTERFACE EIGEN_MALLOC_ALREADY_ALIGNED=1)
+endif()
+if(CMAKE_BUILD_TYPE STREQUAL "Debug")
+  target_compile_definitions(heba_options INTERFACE EIGEN_INITIALIZE_MATRICES_BY_NAN)
+endif()

@@ -1,0 +1,15 @@
+# heba_table_sources(out table.def MACRO dir) sets `out` to dir/NAME.cc for every line `MACRO(NAME, ...)` of the table,
+# so that C++ and CMake read one list. A name without its file fails to configure.
+function(heba_table_sources out table macro dir)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${table})
+  file(STRINGS ${table} lines REGEX "^${macro}\\(")
+  set(sources)
+  foreach(line IN LISTS lines)
+    string(REGEX REPLACE "^${macro}\\(([A-Za-z0-9_]+).*" "\\1" entry "${line}")
+    if(NOT EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/${dir}/${entry}.cc)
+      message(FATAL_ERROR "${table} names '${entry}', but ${dir}/${entry}.cc does not exist")
+    endif()
+    list(APPEND sources ${dir}/${entry}.cc)
+  endforeach()
+  set(${out} ${sources} PARENT_SCOPE)
+endfunction()

@@ -1,0 +1,86 @@
+#include <filesystem>
+#include <iostream>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/parallel.h"
+#include "heba/base/text.h"
+#include "heba/evaluation/metrics.h"
+#include "solvers/target_pose.h"
+#include "targets/image.h"
+#include "targets/overlay.h"
+#include "tools/command.h"
+#include "tools/console.h"
+#include "tools/detection_file.h"
+#include "tools/flags.h"
+#include "tools/pipeline.h"
+#include "tools/run_config.h"
+
+namespace heba {
+namespace {
+
+// How far the points are from the flat target that fits them best: through the camera if it is known, else through a
+// homography, which lens distortion does not follow.
+std::optional<Points2> FitResiduals(const std::optional<Camera>& camera, const Observations& observations) {
+  if (observations.size() < 4) return std::nullopt;
+  if (camera) {
+    const std::vector<TargetPose> poses = EstimateTargetPose(*camera, observations);
+    if (poses.empty()) return std::nullopt;
+    return Residuals(*camera, poses.front().camera_from_target, observations);
+  }
+  const Points2 on_target = observations.points_in_target.topRows<2>();
+  const std::optional<Eigen::Matrix3d> homography = EstimateHomography(on_target, observations.pixels);
+  if (!homography) return std::nullopt;
+  Points2 residuals(2, observations.size());
+  for (Eigen::Index i = 0; i < residuals.cols(); ++i) {
+    const Eigen::Vector3d image = *homography * on_target.col(i).homogeneous();
+    residuals.col(i) = image.hnormalized() - observations.pixels.col(i);
+  }
+  return residuals;
+}
+
+}  // namespace
+
+int RunCommand_detect(const std::vector<std::string>& arguments) {
+  namespace fs = std::filesystem;
+  RunConfig config = ReadRunConfig(arguments[0]);
+  const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
+  const fs::path output =
+      FLAGS_out.empty() ? fs::absolute(arguments[0]).parent_path() / "detections" / config.name : fs::path(FLAGS_out);
+  StagedFolder folder(output, "overlays");
+  const std::vector<CaptureDetection> detections = DetectCaptures(&config, NumThreads(), verbosity);
+  fs::create_directory(folder.staging() / "overlays");
+  std::vector<std::string> lines(config.captures.size());
+  ParallelFor(static_cast<int>(config.captures.size()), NumThreads(), [&](int index) {
+    const size_t i = static_cast<size_t>(index);
+    const Observations observations = ObservationsOf(*config.target, detections[i].detection);
+    const std::optional<Points2> residuals = FitResiduals(config.camera, observations);
+    std::string line = config.captures[i].name + ": " + std::to_string(observations.size()) + " of " +
+                       std::to_string(config.target->points().size()) + " points";
+    if (residuals) {
+      line += ", " + Significant(*SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx(), 3) + " px rms from " +
+              (config.camera ? "the best pose" : "a plane");
+    }
+    if (!detections[i].detection.reason.empty()) line += " (" + detections[i].detection.reason + ")";
+    OverlayOptions options;
+    options.caption = line;
+    const cv::Mat picture = DrawOverlay(ReadGreyImage(config.captures[i].image), observations, residuals, options);
+    WriteImage(folder.staging() / "overlays" / (config.captures[i].name + ".png"), picture);
+    lines[i] = line;
+  });
+  WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
+  folder.Commit();
+  int seen = 0;
+  for (const CaptureDetection& detection : detections) seen += detection.detection.ids.empty() ? 0 : 1;
+  if (!FLAGS_quiet) {
+    for (const std::string& line : lines) std::cout << line << "\n";
+    std::cout << "the target was seen in " << seen << " of " << detections.size()
+              << " pictures; residual arrows are drawn 100 times as long as they are\npictures: "
+              << (output / "overlays").string() << std::endl;
+  }
+  if (seen > 0) return kDone;
+  PrintError(arguments[0] + ": the target was not seen in any picture");
+  return kWorkFailed;
+}
+
+}  // namespace heba

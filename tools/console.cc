@@ -1,0 +1,52 @@
+#include "tools/console.h"
+
+#include <unistd.h>
+
+#include <cstdlib>
+#include <iostream>
+
+#include "heba/base/text.h"
+
+namespace heba {
+
+void Console::Note(const std::string& line) {
+  log_ += line + "\n";
+  if (verbosity_ == Verbosity::kNormal) std::cerr << line << std::endl;
+}
+
+Progress::Progress(std::string what, int total, Verbosity verbosity)
+    : what_(std::move(what)),
+      total_(total),
+      quiet_(verbosity == Verbosity::kQuiet || total <= 0),
+      terminal_(isatty(STDERR_FILENO) != 0) {
+  if (!quiet_ && terminal_) Draw();
+}
+
+Progress::~Progress() {
+  if (!quiet_ && terminal_) std::cerr << "\r\x1b[K" << std::flush;
+}
+
+void Progress::Step() {
+  ++done_;
+  if (quiet_) return;
+  if (terminal_) {
+    Draw();
+  } else if (4 * done_ / total_ != 4 * (done_ - 1) / total_) {
+    std::cerr << what_ << " " << done_ << "/" << total_ << std::endl;
+  }
+}
+
+void Progress::Draw() const {
+  constexpr int kWidth = 30;
+  const int filled = kWidth * done_ / total_;
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  std::string left;
+  if (done_ > 0 && done_ < total_) left = "  " + Fixed(seconds / done_ * (total_ - done_), 0) + " s left";
+  std::cerr << "\r\x1b[K" << what_ << " [" << std::string(static_cast<size_t>(filled), '#')
+            << std::string(static_cast<size_t>(kWidth - filled), '.') << "] " << done_ << "/" << total_ << left
+            << std::flush;
+}
+
+bool UseColour() { return isatty(STDOUT_FILENO) != 0 && std::getenv("NO_COLOR") == nullptr; }
+
+}  // namespace heba

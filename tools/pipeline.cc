@@ -1,0 +1,221 @@
+#include "tools/pipeline.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/io/result_file.h"
+#include "solvers/calibration.h"
+#include "tools/detection_file.h"
+
+namespace heba {
+namespace {
+
+class Stopwatch {
+ public:
+  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+std::string SizeText(int width_px, int height_px) { return std::to_string(width_px) + " x " + std::to_string(height_px); }
+
+std::vector<View> MakeViews(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+  std::vector<View> views;
+  for (size_t i = 0; i < config.captures.size(); ++i) {
+    if (detections[i].detection.ids.empty()) continue;
+    views.push_back({config.captures[i].name,
+                     CameraMountFromTargetMount(config.setup, config.captures[i].base_from_gripper),
+                     ObservationsOf(*config.target, detections[i].detection)});
+  }
+  return views;
+}
+
+CalibrationOptions OptionsOf(const RunConfig& config, int width_px, int height_px) {
+  CalibrationOptions options;
+  options.methods = config.methods;
+  options.seed = config.seed;
+  options.bundle = config.bundle;
+  options.camera = config.camera;
+  options.camera_model = config.camera_model;
+  options.width_px = width_px;
+  options.height_px = height_px;
+  options.symmetries = config.target->Symmetries();
+  return options;
+}
+
+// What every estimate is measured by.
+Errors EvaluateEstimate(const HandEye& hand_eye, const Camera& camera, const Calibration& calibration,
+                        const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries) {
+  Errors errors;
+  const std::optional<SquaredErrors> squared = ReprojectionErrors(hand_eye, camera, calibration.views);
+  if (squared) errors.reprojection_rms_px = squared->RmsPx();
+  errors.axxb_mean_mm = AxxbMeanMm(calibration.pairs, hand_eye.camera_mount_from_camera);
+  errors.board_scatter = ComputeBoardScatter(calibration.pairs, hand_eye);
+  if (truth) errors.truth = CompareWithTruth(hand_eye, camera, *truth, symmetries);
+  return errors;
+}
+
+std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
+                                    const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries) {
+  std::vector<Estimate> estimates;
+  for (const MethodResult& method : calibration.methods) {
+    Estimate estimate;
+    estimate.method = method.method;
+    estimate.kind = "closed_form";
+    estimate.ok = method.hand_eye.ok();
+    estimate.reason = method.hand_eye.reason();
+    estimate.camera = calibration.camera;
+    if (estimate.ok) {
+      estimate.hand_eye = *method.hand_eye;
+      estimate.errors = EvaluateEstimate(estimate.hand_eye, estimate.camera, calibration, truth, symmetries);
+    }
+    estimates.push_back(std::move(estimate));
+  }
+  Estimate refined;
+  refined.method = kBundleMethod;
+  refined.kind = "refined";
+  refined.ok = true;
+  refined.solution = *calibration.refined;
+  refined.hand_eye = refined.solution->hand_eye;
+  refined.camera = refined.solution->camera;
+  // The pose-level figures of the refinement are measured by the same target poses as those of the closed forms.
+  refined.errors = EvaluateEstimate(refined.hand_eye, refined.camera, calibration, truth, symmetries);
+  estimates.push_back(std::move(refined));
+  for (Estimate& estimate : estimates) {
+    for (const HoldOut& hold_out : hold_outs) {
+      if (hold_out.method == estimate.method) estimate.errors.holdout_rms_px = hold_out.rms_px;
+    }
+  }
+  return estimates;
+}
+
+std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+                                            const Calibration& calibration) {
+  const Solution& solution = *calibration.refined;
+  std::vector<CaptureResult> results;
+  for (size_t i = 0; i < config.captures.size(); ++i) {
+    CaptureResult result;
+    result.image = config.captures[i].name;
+    result.role = config.captures[i].role;
+    result.num_points = static_cast<int>(detections[i].detection.ids.size());
+    result.reason = detections[i].detection.reason;
+    const auto view = std::find_if(calibration.views.begin(), calibration.views.end(),
+                                   [&](const View& entry) { return entry.name == result.image; });
+    const auto unused = std::find_if(calibration.unused.begin(), calibration.unused.end(),
+                                     [&](const UnusedView& entry) { return entry.name == result.image; });
+    if (view != calibration.views.end()) {
+      result.used = true;
+      const std::optional<SquaredErrors> errors =
+          ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
+                     view->observations);
+      if (errors) result.rms_px = errors->RmsPx();
+    } else if (unused != calibration.unused.end()) {
+      result.reason = unused->reason;
+    }
+    results.push_back(std::move(result));
+  }
+  for (const std::string& image : config.images_without_pose) {
+    CaptureResult result;
+    result.image = image;
+    result.reason = "the robot's pose is not in the poses file";
+    results.push_back(std::move(result));
+  }
+  return results;
+}
+
+}  // namespace
+
+std::vector<CaptureDetection> DetectCaptures(RunConfig* config, int num_threads, Verbosity verbosity) {
+  std::vector<CaptureDetection> detections;
+  {
+    Progress progress("detect", static_cast<int>(config->captures.size()), verbosity);
+    detections = DetectAll(*config->target, config->captures, num_threads, [&] { progress.Step(); });
+  }
+  const int width_px = detections.front().width_px;
+  const int height_px = detections.front().height_px;
+  for (size_t i = 1; i < detections.size(); ++i) {
+    if (detections[i].width_px != width_px || detections[i].height_px != height_px) {
+      throw InputError(config->captures[i].image.string() + ": is " +
+                       SizeText(detections[i].width_px, detections[i].height_px) + " px, but " +
+                       config->captures[0].name + " is " + SizeText(width_px, height_px) +
+                       " px; all pictures must come from one camera at one resolution");
+    }
+  }
+  if (config->camera) {
+    Camera& camera = *config->camera;
+    if (camera.width_px == 0) {
+      camera.width_px = width_px;
+      camera.height_px = height_px;
+    }
+    if (camera.width_px != width_px || camera.height_px != height_px) {
+      throw InputError(config->camera_file + ": is for pictures of " + SizeText(camera.width_px, camera.height_px) +
+                       " px, but " + config->captures[0].name + " is " + SizeText(width_px, height_px) +
+                       " px; give the intrinsics of that resolution");
+    }
+  }
+  return detections;
+}
+
+Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem::path& output, int num_threads,
+                               Console* console) {
+  const Stopwatch total;
+  RunConfig config = config_in;
+  // Made first: a run that cannot be written should say so before the work.
+  StagedFolder folder(output, "result.json");
+  std::optional<Truth> truth;
+  if (config.truth) truth = ReadTruth(*config.truth, config.setup);
+
+  const Stopwatch detect_watch;
+  const std::vector<CaptureDetection> detections = DetectCaptures(&config, num_threads, console->verbosity());
+  RunResult result;
+  result.timing.detect_s = detect_watch.Seconds();
+  const std::vector<View> views = MakeViews(config, detections);
+  if (views.empty()) {
+    const std::string first = detections.front().detection.reason;
+    return Failure{"the target was not seen in any of the " + std::to_string(detections.size()) + " pictures" +
+                   (first.empty() ? "" : " (" + config.captures[0].name + ": " + first + ")") +
+                   "; is it the target that the config names?"};
+  }
+  console->Note(config.name + ": the target was seen in " + std::to_string(views.size()) + " of " +
+                std::to_string(detections.size()) + " pictures");
+
+  const Stopwatch solve_watch;
+  const CalibrationOptions options =
+      OptionsOf(config, detections.front().width_px, detections.front().height_px);
+  const Outcome<Calibration> calibration = Calibrate(views, options);
+  if (!calibration) return Failure{calibration.reason()};
+  if (!calibration->refined) return Failure{calibration->refined.reason()};
+  result.timing.refine_s = calibration->refined->convergence.seconds;
+  result.timing.seed_s = solve_watch.Seconds() - result.timing.refine_s;
+  for (const UnusedView& unused : calibration->unused) console->Note("not used: " + unused.name + ": " + unused.reason);
+  console->Note("seed: " + calibration->seed);
+
+  std::vector<HoldOut> hold_outs;
+  if (config.folds > 0) {
+    const int num_folds = std::min(config.folds, static_cast<int>(calibration->views.size()));
+    Progress progress("hold-out", num_folds, console->verbosity());
+    hold_outs = CrossValidate(calibration->views, options, num_folds, num_threads, [&] { progress.Step(); });
+  }
+  for (const HoldOut& hold_out : hold_outs) {
+    if (!hold_out.reason.empty()) console->Note("no hold-out figure for " + hold_out.method + ": " + hold_out.reason);
+  }
+
+  result.name = config.name;
+  result.setup = config.setup;
+  result.target_type = config.target->type();
+  result.num_target_points = static_cast<int>(config.target->points().size());
+  result.estimates = MakeEstimates(*calibration, hold_outs, truth, options.symmetries);
+  result.captures = DescribeCaptures(config, detections, *calibration);
+  result.timing.total_s = total.Seconds();
+  WriteFileAtomically(folder.staging() / "config.yaml", config.used);
+  WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
+  WriteFileAtomically(folder.staging() / "log.txt", console->log());
+  WriteFileAtomically(folder.staging() / "result.json", ResultToJson(result));
+  folder.Commit();
+  return result;
+}
+
+}  // namespace heba

@@ -1,0 +1,287 @@
+#include "tools/run_config.h"
+
+#include <algorithm>
+#include <cctype>
+#include <map>
+
+#include <glob.h>
+
+#include "heba/base/error.h"
+#include "heba/base/text.h"
+#include "heba/io/camera_file.h"
+#include "heba/io/pose_file.h"
+#include "solvers/hand_eye_method.h"
+#include "solvers/loss.h"
+#include "targets/image.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+// Numbers in names by value: 9.png before 10.png.
+bool NaturalLess(const std::string& a, const std::string& b) {
+  size_t i = 0;
+  size_t j = 0;
+  const auto is_digit = [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; };
+  while (i < a.size() && j < b.size()) {
+    if (is_digit(a[i]) && is_digit(b[j])) {
+      size_t i_end = i;
+      size_t j_end = j;
+      while (i_end < a.size() && is_digit(a[i_end])) ++i_end;
+      while (j_end < b.size() && is_digit(b[j_end])) ++j_end;
+      while (i + 1 < i_end && a[i] == '0') ++i;
+      while (j + 1 < j_end && b[j] == '0') ++j;
+      if (i_end - i != j_end - j) return i_end - i < j_end - j;
+      const int order = a.compare(i, i_end - i, b, j, j_end - j);
+      if (order != 0) return order < 0;
+      i = i_end;
+      j = j_end;
+    } else {
+      if (a[i] != b[j]) return a[i] < b[j];
+      ++i;
+      ++j;
+    }
+  }
+  if (i < a.size() || j < b.size()) return i == a.size();
+  return a < b;
+}
+
+std::vector<fs::path> ListFolder(const ConfigValue& value, const fs::path& folder) {
+  std::vector<fs::path> images;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    if (entry.is_regular_file() && HasImageSuffix(entry.path())) images.push_back(entry.path());
+  }
+  if (images.empty()) value.Fail("the folder " + folder.string() + " holds no pictures");
+  return images;
+}
+
+std::vector<fs::path> ExpandGlob(const ConfigValue& value, const fs::path& pattern) {
+  glob_t found;
+  std::vector<fs::path> images;
+  if (glob(pattern.c_str(), 0, nullptr, &found) == 0) {
+    for (size_t i = 0; i < found.gl_pathc; ++i) images.emplace_back(found.gl_pathv[i]);
+  }
+  globfree(&found);
+  if (images.empty()) value.Fail("no file matches " + pattern.string());
+  return images;
+}
+
+// A folder, a glob or a list, sorted by name unless it is a list.
+std::vector<fs::path> FindImages(const ConfigValue& value) {
+  std::vector<fs::path> images;
+  if (value.IsList()) {
+    for (const ConfigValue& item : value.AsList()) {
+      const fs::path path = item.AsPath();
+      if (!fs::is_regular_file(path)) item.Fail("there is no picture " + path.string());
+      images.push_back(path);
+    }
+    if (images.empty()) value.Fail("the list is empty; pictures are needed");
+    return images;
+  }
+  const fs::path path = value.AsPath();
+  if (fs::is_directory(path)) {
+    images = ListFolder(value, path);
+  } else if (path.string().find_first_of("*?[") != std::string::npos) {
+    images = ExpandGlob(value, path);
+  } else {
+    value.Fail("there is no folder " + path.string() + "; a folder, a glob such as images/*.png, or a list is needed");
+  }
+  std::sort(images.begin(), images.end(), [](const fs::path& a, const fs::path& b) {
+    return NaturalLess(a.filename().string(), b.filename().string());
+  });
+  return images;
+}
+
+void ReadCaptures(MapReader& root, RunConfig* config) {
+  const ConfigValue captures = root.Get("captures");
+  MapReader reader(captures);
+  const ConfigValue images_value = reader.Get("images");
+  const std::vector<fs::path> images = FindImages(images_value);
+  if (images_value.IsList()) {
+    YAML::Node list;
+    for (const fs::path& image : images) list.push_back(fs::absolute(image).lexically_normal().string());
+    reader.Record("images", list);
+  } else {
+    reader.Record("images", YAML::Node(fs::absolute(images_value.AsPath()).lexically_normal().string()));
+  }
+  const ConfigValue poses_value = reader.Get("poses");
+  const fs::path poses_file = reader.Path("poses");
+  PoseFormat format = *FindPoseFormat("ros");
+  if (const std::optional<ConfigValue> value = reader.Find("pose_format")) format = ReadPoseFormat(*value);
+  reader.Record("pose_format", PoseFormatNode(format));
+  if (const std::optional<ConfigValue> units = reader.Find("units")) {
+    format = WithUnits(format, *units);
+    reader.Record("units", units->node());
+  }
+  const bool base_from_gripper =
+      reader.Choice("poses_are", {"base_from_gripper", "gripper_from_base"}, "base_from_gripper") == "base_from_gripper";
+  reader.Finish();
+  root.Record("captures", reader.used());
+
+  std::map<std::string, fs::path> by_name;
+  for (const fs::path& image : images) {
+    const std::string name = image.filename().string();
+    if (!by_name.emplace(name, image).second) {
+      images_value.Fail("two pictures are called " + name + "; poses are found by file name, so names must differ");
+    }
+  }
+  const std::vector<PoseRow> rows = ReadPoseFile(poses_file, format);
+  const bool has_names = !rows.empty() && !rows.front().image.empty();
+  if (!has_names && rows.size() != images.size()) {
+    throw InputError(poses_file.string() + ": has " + std::to_string(rows.size()) + " rows without an image column for " +
+                     std::to_string(images.size()) + " pictures; the counts must agree, or name the pictures");
+  }
+  for (size_t i = 0; i < rows.size(); ++i) {
+    Capture capture;
+    if (has_names) {
+      const auto found = by_name.find(rows[i].image);
+      if (found == by_name.end()) {
+        std::vector<std::string> names;
+        for (const auto& entry : by_name) names.push_back(entry.first);
+        throw InputError(poses_file.string() + ":" + std::to_string(rows[i].line) + ": the picture " + rows[i].image +
+                         " is not among those of " + images_value.key() + DidYouMean(rows[i].image, names));
+      }
+      capture.image = found->second;
+      by_name.erase(found);
+    } else {
+      capture.image = images[i];
+    }
+    capture.name = capture.image.filename().string();
+    capture.role = rows[i].role;
+    capture.base_from_gripper = base_from_gripper ? rows[i].pose : Inverse(rows[i].pose);
+    config->captures.push_back(capture);
+  }
+  if (has_names) {
+    for (const auto& entry : by_name) config->images_without_pose.push_back(entry.first);
+  }
+}
+
+void ReadCameraSection(MapReader& root, RunConfig* config) {
+  YAML::Node empty(YAML::NodeType::Map);
+  const std::optional<ConfigValue> value = root.Find("camera");
+  MapReader reader(value ? *value : ConfigValue(empty, config->file, "camera"));
+  std::optional<std::string> model;
+  if (const std::optional<ConfigValue> model_value = reader.Find("model")) {
+    model = model_value->AsChoice(CameraModelNames());
+  }
+  if (const std::optional<ConfigValue> file = reader.Find("intrinsics")) {
+    const fs::path path = reader.Path("intrinsics");
+    config->camera_file = path.string();
+    Camera camera = ReadCameraFile(path);
+    if (model) {
+      const std::optional<Camera> converted = ConvertCamera(camera, *model);
+      if (!converted) {
+        file->Fail("holds a " + camera.model + " camera, which cannot be written as " + *model +
+                   "; leave camera.model out or estimate the intrinsics");
+      }
+      camera = *converted;
+    }
+    config->camera = camera;
+    config->camera_model = camera.model;
+  } else {
+    config->camera_model = model.value_or("brown5");
+  }
+  reader.Record("model", YAML::Node(config->camera_model));
+  reader.Finish();
+  root.Record("camera", reader.used());
+}
+
+void ReadRefine(MapReader& root, RunConfig* config) {
+  YAML::Node empty(YAML::NodeType::Map);
+  const std::optional<ConfigValue> value = root.Find("refine");
+  MapReader reader(value ? *value : ConfigValue(empty, config->file, "refine"));
+  if (const std::optional<ConfigValue> free = reader.Find("intrinsics")) {
+    config->bundle.free_intrinsics.clear();
+    const std::vector<std::string> names(std::begin(kParameterGroupNames), std::end(kParameterGroupNames));
+    for (const ConfigValue& item : free->AsList()) {
+      const std::string name = item.AsChoice(names);
+      const auto group = static_cast<ParameterGroup>(std::find(names.begin(), names.end(), name) - names.begin());
+      config->bundle.free_intrinsics.push_back(group);
+    }
+  }
+  YAML::Node groups(YAML::NodeType::Sequence);
+  for (const ParameterGroup group : config->bundle.free_intrinsics) {
+    groups.push_back(std::string(kParameterGroupNames[static_cast<size_t>(group)]));
+  }
+  reader.Record("intrinsics", groups);
+  if (const std::optional<ConfigValue> noise = reader.Find("robot_noise")) {
+    noise->Fail("the noise of robot poses is not modelled yet; leave this key out");
+  }
+  const std::optional<ConfigValue> pixel_noise = reader.Find("pixel_noise");
+  if (pixel_noise && !(pixel_noise->IsText() && pixel_noise->node().Scalar() == "auto")) {
+    config->bundle.pixel_noise_px = pixel_noise->AsQuantity(Quantity::kPixels);
+    if (!(*config->bundle.pixel_noise_px > 0)) pixel_noise->Fail("must be greater than zero");
+    reader.Record("pixel_noise", QuantityNode(*config->bundle.pixel_noise_px, Quantity::kPixels));
+  } else {
+    reader.Record("pixel_noise", YAML::Node("auto"));
+  }
+  config->bundle.loss = reader.Choice("loss", LossNames(), "huber");
+  reader.Finish();
+  root.Record("refine", reader.used());
+}
+
+void ReadEvaluate(MapReader& root, RunConfig* config) {
+  YAML::Node empty(YAML::NodeType::Map);
+  const std::optional<ConfigValue> value = root.Find("evaluate");
+  MapReader reader(value ? *value : ConfigValue(empty, config->file, "evaluate"));
+  config->folds = reader.Int("folds", {0, 1000000}, 5);
+  if (config->folds == 1) reader.Get("folds").Fail("one fold leaves nothing to learn from; 0 for none, or 2 and more");
+  if (reader.Has("truth")) config->truth = reader.Path("truth");
+  reader.Finish();
+  root.Record("evaluate", reader.used());
+}
+
+}  // namespace
+
+std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key) {
+  const ConfigValue value = reader.Get(key);
+  MapReader target_reader(value.IsMap() ? value : ReadYamlFile(value.AsPath()));
+  std::shared_ptr<const Target> target = CreateTarget(target_reader);
+  reader.Record(key, target_reader.used());
+  return target;
+}
+
+RunConfig ReadRunConfig(const fs::path& path) {
+  RunConfig config;
+  config.file = path;
+  const ConfigValue value = ReadYamlFile(path);
+  MapReader reader(value);
+  config.name = reader.Text("name", path.stem().string());
+  if (config.name.find('/') != std::string::npos || config.name == "." || config.name == "..") {
+    reader.Get("name").Fail("'" + config.name + "' cannot name a folder");
+  }
+  config.setup = *FindSetup(reader.Choice("setup", {"eye_to_hand", "eye_in_hand"}));
+  config.target = ReadTarget(reader, "target");
+  ReadCameraSection(reader, &config);
+  ReadCaptures(reader, &config);
+  std::vector<std::string> seeds = HandEyeMethodNames();
+  seeds.emplace_back(kBestSeed);
+  config.seed = reader.Choice("seed", seeds, kBestSeed);
+  config.methods = HandEyeMethodNames();
+  if (const std::optional<ConfigValue> methods = reader.Find("methods")) {
+    config.methods.clear();
+    for (const ConfigValue& item : methods->AsList()) {
+      const std::string name = item.AsChoice(HandEyeMethodNames());
+      if (std::find(config.methods.begin(), config.methods.end(), name) != config.methods.end()) {
+        item.Fail("'" + name + "' stands here twice");
+      }
+      config.methods.push_back(name);
+    }
+  }
+  reader.Record("methods", YAML::Node(config.methods));
+  ReadRefine(reader, &config);
+  ReadEvaluate(reader, &config);
+  if (reader.Has("output")) {
+    config.output = reader.Path("output");
+  } else {
+    config.output = fs::absolute(path).parent_path() / "runs" / config.name;
+    reader.Record("output", YAML::Node(config.output.string()));
+  }
+  reader.Finish();
+  YAML::Emitter emitter;
+  emitter << reader.used();
+  config.used = std::string(emitter.c_str()) + "\n";
+  return config;
+}
+
+}  // namespace heba

@@ -1,0 +1,42 @@
+// A run's config, read and checked, and the data set that it names.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heba/data/dataset.h"
+#include "heba/data/setup.h"
+#include "solvers/calibration.h"
+#include "targets/target.h"
+
+namespace heba {
+
+struct RunConfig {
+  std::filesystem::path file;
+  std::string name;
+  Setup setup = Setup::kEyeToHand;
+  std::shared_ptr<const Target> target;
+  std::optional<Camera> camera;  // Nothing: to be estimated. Its size is 0 x 0 if its file does not tell.
+  std::string camera_model;
+  std::string camera_file;  // For messages.
+  std::vector<Capture> captures;
+  std::vector<std::string> images_without_pose;
+  std::string seed;
+  std::vector<std::string> methods;
+  BundleOptions bundle;
+  int folds = 0;
+  std::optional<std::filesystem::path> truth;
+  std::filesystem::path output;
+  std::string used;  // The config as used, every default filled in, as YAML.
+};
+
+// Reads the config and what it names, the pictures excepted. InputError on any fault.
+RunConfig ReadRunConfig(const std::filesystem::path& path);
+
+// Reads a target from a mapping, or from the file that a path names; `reader` records it for the config as used.
+std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);
+
+}  // namespace heba

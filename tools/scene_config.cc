@@ -1,0 +1,66 @@
+#include "tools/scene_config.h"
+
+#include <limits>
+
+#include "heba/base/error.h"
+#include "heba/io/camera_file.h"
+#include "tools/run_config.h"
+
+namespace heba {
+namespace {
+
+MapReader SubReader(MapReader& root, const std::string& key) {
+  const std::optional<ConfigValue> value = root.Find(key);
+  return MapReader(value ? *value : ConfigValue(YAML::Node(YAML::NodeType::Map), root.value().file(), key));
+}
+
+}  // namespace
+
+SceneConfig ReadSceneConfig(const std::filesystem::path& path) {
+  SceneConfig scene;
+  MapReader reader(ReadYamlFile(path));
+  scene.setup = *FindSetup(reader.Choice("setup", {"eye_to_hand", "eye_in_hand"}));
+  scene.target = ReadTarget(reader, "target");
+  scene.target_used = reader.used()["target"];
+  const ConfigValue camera = reader.Get("camera");
+  scene.camera = camera.IsMap() ? ReadCamera(camera) : ReadCameraFile(camera.AsPath());
+  if (scene.camera.width_px == 0) camera.Fail("the camera file has no image size; a simulated camera needs one");
+  scene.hand_eye.camera_mount_from_camera = ReadPose(reader.Get("hand_eye"));
+  scene.hand_eye.target_mount_from_target = ReadPose(reader.Get("board"));
+
+  MapReader motion = SubReader(reader, "motion");
+  scene.motion.num_captures = motion.Int("captures", {1, 10000}, scene.motion.num_captures);
+  scene.motion.distance_m = motion.PositiveLength("distance", scene.motion.distance_m);
+  scene.motion.depth_ratio = motion.Number("depth", scene.motion.depth_ratio);
+  scene.motion.max_tilt_rad = motion.Angle("tilt", scene.motion.max_tilt_rad);
+  scene.motion.max_spin_rad = motion.Angle("spin", scene.motion.max_spin_rad);
+  scene.motion.spread = motion.Number("spread", scene.motion.spread);
+  motion.Finish();
+  const std::string motion_faults = scene.motion.Check();
+  if (!motion_faults.empty()) motion.value().Fail(motion_faults);
+
+  MapReader image = SubReader(reader, "image");
+  scene.image.blur_sigma_px = image.Pixels("blur", scene.image.blur_sigma_px);
+  scene.image.noise_sigma_grey = image.QuantityOf("noise", Quantity::kGreyLevels, scene.image.noise_sigma_grey);
+  scene.image.black_grey = image.QuantityOf("black", Quantity::kGreyLevels, scene.image.black_grey);
+  scene.image.white_grey = image.QuantityOf("white", Quantity::kGreyLevels, scene.image.white_grey);
+  scene.image.light_gradient = image.Number("uneven_light", scene.image.light_gradient);
+  scene.image.clutter = image.Bool("clutter", scene.image.clutter);
+  scene.image.depth = image.Int("bits", {8, 16}, 8) == 16 ? GreyDepth::k16Bit : GreyDepth::k8Bit;
+  image.Finish();
+  const std::string image_faults = scene.image.Check();
+  if (!image_faults.empty()) image.value().Fail(image_faults);
+
+  MapReader robot = SubReader(reader, "robot_noise");
+  scene.robot_rotation_sigma_rad = robot.Angle("rotation", 0.0);
+  scene.robot_translation_sigma_m = robot.Length("translation", 0.0);
+  robot.Finish();
+  scene.pose_format = *FindPoseFormat("ros");
+  if (const std::optional<ConfigValue> format = reader.Find("pose_format")) scene.pose_format = ReadPoseFormat(*format);
+  scene.give_camera = reader.Bool("give_camera", true);
+  scene.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
+  reader.Finish();
+  return scene;
+}
+
+}  // namespace heba

@@ -1,0 +1,35 @@
+// A scene to simulate.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "heba/data/problem.h"
+#include "heba/data/setup.h"
+#include "heba/io/pose_formats.h"
+#include "heba/simulation/scene.h"
+#include "targets/rendering.h"
+#include "targets/target.h"
+
+namespace heba {
+
+struct SceneConfig {
+  Setup setup = Setup::kEyeToHand;
+  std::shared_ptr<const Target> target;
+  YAML::Node target_used;
+  Camera camera;
+  HandEye hand_eye;
+  MotionOptions motion;
+  RenderOptions image;
+  double robot_rotation_sigma_rad = 0;
+  double robot_translation_sigma_m = 0;
+  PoseFormat pose_format;
+  bool give_camera = true;  // Whether the data set's config names the true camera, or leaves it to be estimated.
+  uint64_t seed = 1;
+};
+
+// InputError on any fault.
+SceneConfig ReadSceneConfig(const std::filesystem::path& path);
+
+}  // namespace heba
