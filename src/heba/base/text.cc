@@ -58,6 +58,18 @@ std::string Trim(std::string_view text) {
   return std::string(text.substr(first, text.find_last_not_of(kSpace) - first + 1));
 }
 
+std::string Quoted(std::string_view text) {
+  constexpr size_t kMaxLength = 60;
+  size_t length = std::min(text.size(), kMaxLength);
+  // Not within a UTF-8 character.
+  while (length < text.size() && length > 0 && (static_cast<unsigned char>(text[length]) & 0xC0) == 0x80) --length;
+  std::string shown(text.substr(0, length));
+  for (char& c : shown) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  }
+  return "'" + shown + (length < text.size() ? "...'" : "'");
+}
+
 std::string Fixed(double value, int decimals) {
   char buffer[512];
   std::snprintf(buffer, sizeof(buffer), "%.*f", decimals, value);

@@ -11,6 +11,9 @@ std::string Join(const std::vector<std::string>& parts, std::string_view separat
 std::vector<std::string> Split(std::string_view text, char separator);
 std::string Trim(std::string_view text);
 
+// Text from a file or the command line as a message can show it: in quotes, on one line, cut off where it is long.
+std::string Quoted(std::string_view text);
+
 // `value` with `decimals` digits after the point.
 std::string Fixed(double value, int decimals);
 // `value` with `digits` significant digits, without an exponent where that is readable.

@@ -51,17 +51,17 @@ ParsedQuantity ParseQuantity(std::string_view text, Quantity quantity) {
   if (rest.starts_with('+') && !rest.starts_with("+-")) rest.remove_prefix(1);
   double number = 0;
   const auto [end, error] = std::from_chars(rest.data(), rest.data() + rest.size(), number);
-  if (error != std::errc()) return {0, "'" + trimmed + "' is not " + expected};
-  if (!std::isfinite(number)) return {0, "'" + trimmed + "' is not finite"};
+  if (error != std::errc()) return {0, Quoted(trimmed) + " is not " + expected};
+  if (!std::isfinite(number)) return {0, Quoted(trimmed) + " is not finite"};
   const std::string unit_name = Trim(rest.substr(static_cast<size_t>(end - rest.data())));
-  if (unit_name.empty()) return {0, "'" + trimmed + "' has no unit; write " + expected};
+  if (unit_name.empty()) return {0, Quoted(trimmed) + " has no unit; write " + expected};
   std::vector<std::string> known;
   for (const Unit& unit : kUnits) {
     if (unit.quantity != quantity) continue;
     if (unit.name == unit_name) return {number * unit.factor, ""};
     known.emplace_back(unit.name);
   }
-  return {0, "'" + trimmed + "' has the unit '" + unit_name + "'; one of " + Join(known, ", ") + " is needed"};
+  return {0, Quoted(trimmed) + " has the unit " + Quoted(unit_name) + "; one of " + Join(known, ", ") + " is needed"};
 }
 
 }  // namespace heba

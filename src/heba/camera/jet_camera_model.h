@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include <ceres/jet.h>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <ceres/jet.h>
 
 #include "heba/camera/camera_model.h"
 

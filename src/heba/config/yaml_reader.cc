@@ -4,6 +4,9 @@
 #include <charconv>
 #include <cmath>
 #include <set>
+#include <sstream>
+
+#include <yaml-cpp/eventhandler.h>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
@@ -13,10 +16,16 @@ namespace heba {
 namespace {
 
 std::string Shown(const YAML::Node& node) {
-  if (node.IsScalar()) return "'" + node.Scalar() + "'";
+  if (node.IsScalar()) return Quoted(node.Scalar());
   if (node.IsSequence()) return "a list";
   if (node.IsMap()) return "a mapping";
   return "nothing";
+}
+
+// yaml-cpp's own messages may hold characters of the file.
+std::string OneLine(std::string text) {
+  std::replace_if(text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
+  return text;
 }
 
 // yaml-cpp shares the nodes of aliases; walking them all would take for ever on a bomb, and a config needs few.
@@ -29,6 +38,34 @@ void CheckSize(const YAML::Node& node, int depth, int* budget, const std::filesy
   } else if (node.IsSequence()) {
     for (const auto& item : node) CheckSize(item, depth + 1, budget, name);
   }
+}
+
+// Sees where documents start and nothing else.
+class DocumentStarts final : public YAML::EventHandler {
+ public:
+  std::vector<YAML::Mark> marks;
+  void OnDocumentStart(const YAML::Mark& mark) override { marks.push_back(mark); }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnMapEnd() override {}
+};
+
+// YAML::LoadAll never ends on text such as ", a: 1": the parser finds a document where it stands and does not move on.
+void CheckOneDocument(const std::string& text, const std::filesystem::path& name) {
+  std::istringstream stream(text);
+  YAML::Parser parser(stream);
+  DocumentStarts starts;
+  if (!parser.HandleNextDocument(starts) || !parser.HandleNextDocument(starts)) return;
+  const YAML::Mark& second = starts.marks.back();
+  const bool moved_on = second.pos != starts.marks.front().pos;
+  throw InputError(name.string() + ":" + std::to_string(second.line + 1) + ": " +
+                   (moved_on ? "a second YAML document starts here; one is needed"
+                             : "not valid YAML (a key, a value or a list must stand here)"));
 }
 
 }  // namespace
@@ -67,7 +104,7 @@ int ConfigValue::AsInt(IntRange range) const {
 double ConfigValue::AsNumber() const {
   double value = 0;
   if (!IsText() || !ParseDouble(node_.Scalar(), &value)) Fail("a number is needed, not " + Shown(node_));
-  if (!std::isfinite(value)) Fail("'" + node_.Scalar() + "' is not finite");
+  if (!std::isfinite(value)) Fail(Shown(node_) + " is not finite");
   return value;
 }
 
@@ -109,14 +146,13 @@ Eigen::Vector3d ConfigValue::AsVector3(Quantity quantity) const {
 
 ConfigValue ParseYaml(const std::string& text, const std::filesystem::path& name) {
   try {
-    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
-    if (documents.size() > 1) throw InputError(name.string() + ": has more than one YAML document");
-    YAML::Node root = documents.empty() ? YAML::Node() : documents[0];
+    CheckOneDocument(text, name);
+    const YAML::Node root = YAML::Load(text);
     int budget = 100000;
     CheckSize(root, 0, &budget, name);
     return {root, name, ""};
   } catch (const YAML::Exception& error) {
-    throw InputError(name.string() + ":" + std::to_string(error.mark.line + 1) + ": not valid YAML (" + error.msg + ")");
+    throw InputError(name.string() + ":" + std::to_string(error.mark.line + 1) + ": not valid YAML (" + OneLine(error.msg) + ")");
   }
 }
 
@@ -128,7 +164,7 @@ MapReader::MapReader(const ConfigValue& value) : value_(value), used_(YAML::Node
   for (const auto& entry : value.node()) {
     if (!entry.first.IsScalar()) value.Fail("keys must be plain names");
     if (!seen.insert(entry.first.Scalar()).second) {
-      ConfigValue(entry.first, value.file(), value.key()).Fail("'" + entry.first.Scalar() + "' stands here twice");
+      ConfigValue(entry.first, value.file(), value.key()).Fail(Shown(entry.first) + " stands here twice");
     }
   }
 }
@@ -222,7 +258,7 @@ void MapReader::Finish() const {
     const std::string& key = entry.first.Scalar();
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
     ConfigValue(entry.first, value_.file(), value_.key())
-        .Fail("unknown key '" + key + "'" + DidYouMean(key, known_) + "; known here: " + Join(known_, ", "));
+        .Fail("unknown key " + Quoted(key) + DidYouMean(key, known_) + "; known here: " + Join(known_, ", "));
   }
 }
 

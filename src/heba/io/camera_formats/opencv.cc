@@ -1,0 +1,132 @@
+// OpenCV's cv::FileStorage in YAML or JSON. The names of the values are whatever a program chose: those of OpenCV's own
+// samples and the usual others are known. A file does not tell a fisheye lens, except that of OpenCV's sample
+// (fisheye_model) and those that carry ROS's distortion_model.
+#include <array>
+
+#include "heba/base/text.h"
+#include "heba/io/camera_format.h"
+
+namespace heba {
+namespace {
+
+const std::vector<std::string>& MatrixNames() {
+  static const std::vector<std::string> names = {"camera_matrix",
+                                                 "Camera_Matrix",
+                                                 "cameraMatrix",
+                                                 "CameraMatrix",
+                                                 "intrinsic_matrix",
+                                                 "K",
+                                                 "M",
+                                                 "M1",
+                                                 "M2",
+                                                 "K1",
+                                                 "K2",
+                                                 "cameraMatrix1",
+                                                 "cameraMatrix2",
+                                                 "mtx"};
+  return names;
+}
+
+const std::vector<std::string>& DistortionNames() {
+  static const std::vector<std::string> names = {"distortion_coefficients",
+                                                 "Distortion_Coefficients",
+                                                 "distortionCoefficients",
+                                                 "distortion_coeffs",
+                                                 "dist_coeffs",
+                                                 "distCoeffs",
+                                                 "DistCoeffs",
+                                                 "dist_coeff",
+                                                 "dist",
+                                                 "D",
+                                                 "D1",
+                                                 "D2",
+                                                 "distCoeffs1",
+                                                 "distCoeffs2"};
+  return names;
+}
+
+bool IsXml(const std::string& text) {
+  return text.find("<opencv_storage") != std::string::npos || Trim(text.substr(0, 100)).starts_with("<?xml");
+}
+
+bool Matches(const std::string& text) {
+  return IsXml(text) || Trim(text.substr(0, 100)).starts_with("%YAML:1.0") ||
+         text.find("opencv-matrix") != std::string::npos;
+}
+
+// The only one of `names` that is there.
+ConfigValue FindOnly(MapReader* reader, const std::vector<std::string>& names, const std::string& what) {
+  std::optional<ConfigValue> only;
+  for (const std::string& name : names) {
+    const std::optional<ConfigValue> found = reader->Find(name);
+    if (!found) continue;
+    if (only) {
+      found->Fail("a second " + what + ", beside '" + only->key() + "'; write the camera's own to a file of its own");
+    }
+    only = found;
+  }
+  if (!only) reader->value().Fail("has no " + what + "; it is looked for as: " + Join(names, ", "));
+  return *only;
+}
+
+// Leaves it alone if the file does not tell.
+void ReadImageSize(MapReader* reader, Camera* camera) {
+  constexpr IntRange kSizes = {1, 100000};
+  for (const auto& [width, height] : {std::array{"image_width", "image_height"},
+                                      std::array{"image_Width", "image_Height"}, std::array{"width", "height"}}) {
+    if (!reader->Has(width)) continue;
+    camera->width_px = reader->Int(width, kSizes);
+    camera->height_px = reader->Int(height, kSizes);
+    return;
+  }
+  for (const char* key : {"image_size", "imageSize", "ImageSize", "img_size", "resolution"}) {
+    const std::optional<ConfigValue> size = reader->Find(key);
+    if (!size) continue;
+    const std::vector<double> numbers = ReadMatrix(*size);
+    const bool valid = numbers.size() == 2 && numbers[0] >= kSizes.min && numbers[0] <= kSizes.max &&
+                       numbers[1] >= kSizes.min && numbers[1] <= kSizes.max;
+    if (!valid) size->Fail("two whole numbers are needed: [width, height]");
+    camera->width_px = static_cast<int>(numbers[0]);
+    camera->height_px = static_cast<int>(numbers[1]);
+    if (camera->width_px != numbers[0] || camera->height_px != numbers[1]) size->Fail("whole numbers are needed");
+    return;
+  }
+}
+
+Lens ReadLens(MapReader* reader) {
+  if (const std::optional<ConfigValue> model = reader->Find("distortion_model")) {
+    const Outcome<Lens> lens = LensOfRosModel(model->AsText());
+    if (!lens) model->Fail(lens.reason());
+    return *lens;
+  }
+  return reader->Int("fisheye_model", {0, 1}, 0) == 1 ? Lens::kFisheye : Lens::kPolynomial;
+}
+
+Camera Read(const std::string& text, const std::filesystem::path& name) {
+  if (IsXml(text)) {
+    throw InputError(name.string() +
+                     ": is XML, which heba does not read; save it as .yml (cv::FileStorage goes by the file's ending)");
+  }
+  // The first line, %YAML:1.0, is not YAML; it stays as an empty line, for the lines' numbers.
+  std::string document = text;
+  const size_t directive = document.find("%YAML");
+  if (directive != std::string::npos && Trim(document.substr(0, directive)).size() <= 3) {
+    document.erase(0, std::min(document.find('\n', directive), document.size()));
+  }
+  const ConfigValue root = ParseYaml(document, name);
+  MapReader reader(root);
+  const ConfigValue matrix = FindOnly(&reader, MatrixNames(), "camera matrix");
+  const ConfigValue distortion = FindOnly(&reader, DistortionNames(), "list of distortion coefficients");
+  const Outcome<std::vector<double>> pinhole = PinholeFromMatrix(ReadMatrix(matrix));
+  if (!pinhole) matrix.Fail(pinhole.reason());
+  Outcome<Camera> camera = CameraFromCoefficients(*pinhole, ReadMatrix(distortion), ReadLens(&reader));
+  if (!camera) distortion.Fail(camera.reason());
+  ReadImageSize(&reader, &*camera);
+  return *camera;
+}
+
+}  // namespace
+
+CameraReader CameraReader_opencv() { return {Matches, Read}; }
+
+}  // namespace heba

@@ -1,0 +1,58 @@
+// ROS camera_info: the files of camera_calibration and camera_info_manager, and the message as `ros2 topic echo` and
+// `rostopic echo` print it (width, height, k, d or K, D).
+#include <initializer_list>
+
+#include "heba/io/camera_format.h"
+
+namespace heba {
+namespace {
+
+bool Matches(const std::string& text) {
+  return HasKey(text, "camera_matrix") ||
+         (HasKey(text, "distortion_model") && (HasKey(text, "K") || HasKey(text, "k")));
+}
+
+// The first of `keys` that is there; InputError for the first if none is.
+ConfigValue GetOneOf(MapReader* reader, std::initializer_list<const char*> keys) {
+  for (const char* key : keys) {
+    if (const std::optional<ConfigValue> found = reader->Find(key)) return *found;
+  }
+  return reader->Get(*keys.begin());
+}
+
+Camera Read(const std::string& text, const std::filesystem::path& name) {
+  std::string document = text.substr(0, text.find_last_not_of(" \t\r\n") + 1);
+  // What `topic echo` prints after each message.
+  if (document.ends_with("\n---")) document.resize(document.size() - 4);
+  const ConfigValue root = ParseYaml(document, name);
+  MapReader reader(root);
+  const bool is_message = !reader.Has("camera_matrix");
+  constexpr IntRange kSizes = {1, 100000};
+  const int width_px = GetOneOf(&reader, {is_message ? "width" : "image_width"}).AsInt(kSizes);
+  const int height_px = GetOneOf(&reader, {is_message ? "height" : "image_height"}).AsInt(kSizes);
+  const ConfigValue matrix = is_message ? GetOneOf(&reader, {"K", "k"}) : reader.Get("camera_matrix");
+  const ConfigValue distortion = is_message ? GetOneOf(&reader, {"D", "d"}) : reader.Get("distortion_coefficients");
+
+  const Outcome<std::vector<double>> pinhole = PinholeFromMatrix(ReadMatrix(matrix));
+  if (!pinhole) matrix.Fail(pinhole.reason());
+  const std::vector<double> coefficients = ReadMatrix(distortion);
+  // ROS itself takes a file that does not say for plumb_bob; a camera without distortion may say nothing.
+  std::string model_name = "plumb_bob";
+  const std::optional<ConfigValue> model = reader.Find("distortion_model");
+  if (model && !(coefficients.empty() && model->IsText() && model->node().Scalar().empty())) {
+    model_name = model->AsText();
+  }
+  const Outcome<Lens> lens = LensOfRosModel(model_name);
+  if (!lens) model->Fail(lens.reason());
+  Outcome<Camera> camera = CameraFromCoefficients(*pinhole, coefficients, *lens);
+  if (!camera) distortion.Fail(camera.reason());
+  camera->width_px = width_px;
+  camera->height_px = height_px;
+  return *camera;
+}
+
+}  // namespace
+
+CameraReader CameraReader_ros() { return {Matches, Read}; }
+
+}  // namespace heba

@@ -1,0 +1,259 @@
+#include "heba/io/pose_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+
+namespace heba {
+namespace {
+
+constexpr int kMaxRows = 1000000;
+
+// A line of the file, with what its messages start with.
+struct Line {
+  std::string_view text;
+  int number = 0;
+  const std::filesystem::path* file = nullptr;
+
+  [[noreturn]] void Fail(const std::string& fault) const {
+    throw InputError(file->string() + ":" + std::to_string(number) + ": " + fault);
+  }
+  [[noreturn]] void FailColumn(const std::string& column, const std::string& fault) const {
+    Fail("column '" + column + "': " + fault);
+  }
+};
+
+// The lines that say something.
+class LineReader {
+ public:
+  LineReader(std::string_view text, const std::filesystem::path& file) : rest_(text), file_(file) {
+    constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+    if (rest_.starts_with(kByteOrderMark)) rest_.remove_prefix(kByteOrderMark.size());
+  }
+
+  std::optional<Line> Next() {
+    while (!rest_.empty()) {
+      const size_t end = std::min(rest_.find('\n'), rest_.size());
+      std::string_view text = rest_.substr(0, end);
+      rest_.remove_prefix(std::min(end + 1, rest_.size()));
+      ++number_;
+      const size_t first = text.find_first_not_of(" \t\r");
+      if (first == std::string_view::npos || text[first] == '#') continue;
+      if (text.ends_with('\r')) text.remove_suffix(1);
+      return Line{text, number_, &file_};
+    }
+    return std::nullopt;
+  }
+
+ private:
+  std::string_view rest_;
+  const std::filesystem::path& file_;
+  int number_ = 0;
+};
+
+// The fields of a line without the spaces around them. "a field, in quotes" may hold separators, and "" for a quote.
+std::vector<std::string> Fields(const Line& line, char separator) {
+  std::vector<std::string> fields;
+  const std::string_view text = line.text;
+  size_t i = 0;
+  while (true) {
+    while (i < text.size() && text[i] != separator && (text[i] == ' ' || text[i] == '\t')) ++i;
+    if (i < text.size() && text[i] == '"') {
+      std::string field;
+      bool closed = false;
+      for (++i; i < text.size() && !closed; ++i) {
+        if (text[i] != '"') {
+          field += text[i];
+        } else if (i + 1 < text.size() && text[i + 1] == '"') {
+          field += text[i++];
+        } else {
+          closed = true;
+        }
+      }
+      const std::string name = "field " + std::to_string(fields.size() + 1);
+      if (!closed) line.Fail(name + ": the quote is not closed");
+      const size_t end = std::min(text.find(separator, i), text.size());
+      if (!Trim(text.substr(i, end - i)).empty()) {
+        line.Fail(name + ": " + Quoted(Trim(text.substr(i, end - i))) + " stands behind the closing quote");
+      }
+      fields.push_back(Trim(field));
+      i = end;
+    } else {
+      const size_t end = std::min(text.find(separator, i), text.size());
+      fields.push_back(Trim(text.substr(i, end - i)));
+      i = end;
+    }
+    if (i >= text.size()) return fields;
+    ++i;
+  }
+}
+
+// The one that the header has most of.
+char FindSeparator(std::string_view header) {
+  char best = ',';
+  for (const char separator : {';', '\t'}) {
+    if (std::count(header.begin(), header.end(), separator) > std::count(header.begin(), header.end(), best)) {
+      best = separator;
+    }
+  }
+  return best;
+}
+
+// Which format of the table has exactly these columns, as a hint.
+std::string OtherFormat(const std::vector<std::string>& names) {
+  std::vector<std::string> sorted;
+  for (const std::string& name : names) {
+    if (name != "image" && name != "role") sorted.push_back(name);
+  }
+  std::sort(sorted.begin(), sorted.end());
+  std::vector<std::string> fitting;
+  for (const PoseFormat& format : PoseFormats()) {
+    std::vector<std::string> columns = format.columns;
+    std::sort(columns.begin(), columns.end());
+    if (columns == sorted) fitting.push_back(format.name);
+  }
+  return fitting.empty() ? "" : "; the columns here are those of pose format " + Join(fitting, " or ");
+}
+
+// Where the columns of interest stand.
+struct Header {
+  std::vector<std::string> names;
+  std::vector<size_t> numbers;  // Of the format's columns, in the format's order.
+  std::optional<size_t> image;
+  std::optional<size_t> role;
+};
+
+Header ReadHeader(const Line& line, char separator, const PoseFormat& format) {
+  Header header;
+  header.names = Fields(line, separator);
+  const auto is_number = [](const std::string& name) {
+    double number = 0;
+    return ParseDouble(name, &number);
+  };
+  if (std::count_if(header.names.begin(), header.names.end(), is_number) >= 3) {
+    line.Fail("the first line must name the columns: image, " + Join(format.columns, ", "));
+  }
+  std::vector<std::string> known = format.columns;
+  known.insert(known.end(), {"image", "role"});
+  std::map<std::string, size_t> places;
+  for (size_t i = 0; i < header.names.size(); ++i) {
+    const std::string& name = header.names[i];
+    if (name.empty()) line.Fail("column " + std::to_string(i + 1) + " has no name");
+    if (std::find(known.begin(), known.end(), name) == known.end()) {
+      const std::string other = OtherFormat(header.names);
+      line.Fail("unknown column " + Quoted(name) + (other.empty() ? DidYouMean(name, known) : other) +
+                "; needed: " + Join(format.columns, ", ") + "; possible: image, role");
+    }
+    if (!places.emplace(name, i).second) line.Fail("column " + Quoted(name) + " stands here twice");
+  }
+  for (const std::string& column : format.columns) {
+    const auto place = places.find(column);
+    if (place == places.end()) {
+      line.Fail("column '" + column + "' is missing; needed: " + Join(format.columns, ", ") +
+                OtherFormat(header.names));
+    }
+    header.numbers.push_back(place->second);
+  }
+  if (const auto place = places.find("image"); place != places.end()) header.image = place->second;
+  if (const auto place = places.find("role"); place != places.end()) header.role = place->second;
+  return header;
+}
+
+double ReadNumber(const Line& line, const std::string& column, const std::string& field) {
+  if (field.empty()) line.FailColumn(column, "a number is missing");
+  double number = 0;
+  if (!ParseDouble(field, &number)) {
+    line.FailColumn(column, Quoted(field) + " is not a number" +
+                                (field.find(',') == std::string::npos ? "" : "; decimals stand behind a point"));
+  }
+  if (!std::isfinite(number)) line.FailColumn(column, Quoted(field) + " is not finite");
+  return number;
+}
+
+// A field as the writer writes it: in quotes if it has to be.
+std::string Field(const std::string& text) {
+  if (text.find_first_of(",;\t\"# ") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+}  // namespace
+
+std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format) {
+  if (text.find('\0') != std::string::npos) {
+    throw InputError(name.string() + ": is not a text file in UTF-8; save it as CSV in UTF-8");
+  }
+  LineReader lines(text, name);
+  const std::optional<Line> first = lines.Next();
+  if (!first) throw InputError(name.string() + ": is empty; a header line and a line a capture are needed");
+  const char separator = FindSeparator(first->text);
+  const Header header = ReadHeader(*first, separator, format);
+
+  std::vector<PoseRow> rows;
+  std::map<std::string, int> line_of_image;
+  std::vector<double> numbers(format.columns.size());
+  const std::vector<std::string> roles(std::begin(kCaptureRoles), std::end(kCaptureRoles));
+  while (const std::optional<Line> line = lines.Next()) {
+    if (rows.size() == kMaxRows) line->Fail("more than " + std::to_string(kMaxRows) + " captures");
+    const std::vector<std::string> fields = Fields(*line, separator);
+    if (fields.size() != header.names.size()) {
+      line->Fail(std::to_string(fields.size()) + " fields, but the header names " +
+                 std::to_string(header.names.size()) + " columns");
+    }
+    PoseRow row;
+    row.line = line->number;
+    if (header.image) {
+      row.image = fields[*header.image];
+      if (row.image.empty()) line->FailColumn("image", "the name of a file is missing");
+      const auto [earlier, is_new] = line_of_image.emplace(row.image, row.line);
+      if (!is_new) {
+        line->FailColumn("image", Quoted(row.image) + " already stands in line " + std::to_string(earlier->second));
+      }
+    }
+    if (header.role) {
+      row.role = fields[*header.role];
+      if (!row.role.empty() && std::find(roles.begin(), roles.end(), row.role) == roles.end()) {
+        line->FailColumn("role", Quoted(row.role) + " is unknown; one of: " + Join(roles, ", ") +
+                                     DidYouMean(row.role.substr(0, 40), roles));
+      }
+    }
+    for (size_t i = 0; i < numbers.size(); ++i) {
+      numbers[i] = ReadNumber(*line, format.columns[i], fields[header.numbers[i]]);
+    }
+    const Outcome<Rigid3d> pose = PoseFromNumbers(format, numbers);
+    if (!pose) line->Fail(pose.reason());
+    row.pose = *pose;
+    rows.push_back(std::move(row));
+  }
+  if (rows.empty()) throw InputError(name.string() + ": has a header but no captures");
+  return rows;
+}
+
+std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseFormat& format) {
+  return ParsePoses(ReadTextFile(path), path, format);
+}
+
+std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format) {
+  const bool with_images = std::any_of(rows.begin(), rows.end(), [](const PoseRow& row) { return !row.image.empty(); });
+  const bool with_roles = std::any_of(rows.begin(), rows.end(), [](const PoseRow& row) { return !row.role.empty(); });
+  std::vector<std::string> names;
+  if (with_images) names.emplace_back("image");
+  if (with_roles) names.emplace_back("role");
+  for (const std::string& column : format.columns) names.push_back(Field(column));
+  std::string text = Join(names, ",") + "\n";
+  for (const PoseRow& row : rows) {
+    std::vector<std::string> fields;
+    if (with_images) fields.push_back(Field(row.image));
+    if (with_roles) fields.push_back(row.role);
+    for (const double number : NumbersFromPose(format, row.pose)) fields.push_back(RoundTrip(number));
+    text += Join(fields, ",") + "\n";
+  }
+  return text;
+}
+
+}  // namespace heba

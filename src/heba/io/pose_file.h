@@ -1,0 +1,34 @@
+// poses.csv: what the robot said at every capture.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "heba/io/pose_formats.h"
+
+namespace heba {
+
+// What a capture can be to the two-step method.
+inline constexpr std::string_view kCaptureRoles[] = {"home", "translate_x", "translate_y", "rotate", "free"};
+
+struct PoseRow {
+  std::string image;  // Empty if the file has no such column.
+  std::string role;   // One of kCaptureRoles; empty if there is none.
+  Rigid3d pose;       // Between the frames that the file has: which way round is the caller's to know.
+  int line = 0;       // In the file, from 1.
+};
+
+// A header line that names the columns (those of `format`, and `image` and `role` if wanted, in any order), then a line
+// a capture. Fields are separated by commas, semicolons or tabs, whichever the header has, and may be quoted; blank
+// lines and lines that start with # are skipped. InputError on the first fault, with its line and column; for a file
+// over 64 MiB or of more than a million captures, and for one without any.
+std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseFormat& format);
+// The same from text; `name` is what messages call it.
+std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format);
+
+// The text of such a file, to full precision. Columns that no row fills are left out.
+std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format);
+
+}  // namespace heba

@@ -1,0 +1,305 @@
+#include "heba/io/pose_formats.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <Eigen/LU>
+
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+
+namespace heba {
+namespace {
+
+enum class RotationKind { kQuaternionXyzw, kQuaternionWxyz, kRotationVector, kEuler, kExtrinsic, kMatrix };
+
+struct RotationForm {
+  std::string name;
+  RotationKind kind = RotationKind::kMatrix;
+  int num_numbers = 0;
+  // Of kEuler and kExtrinsic, in the order of the name: 0, 1, 2 for x, y, z.
+  std::array<int, 3> axes = {};
+};
+
+std::vector<RotationForm> MakeRotationForms() {
+  std::vector<RotationForm> forms = {{"quaternion_xyzw", RotationKind::kQuaternionXyzw, 4, {}},
+                                     {"quaternion_wxyz", RotationKind::kQuaternionWxyz, 4, {}},
+                                     {"rotation_vector", RotationKind::kRotationVector, 3, {}},
+                                     {"matrix", RotationKind::kMatrix, 9, {}}};
+  const std::string axis_names = "xyz";
+  const auto add_all_orders = [&](const std::string& prefix, RotationKind kind) {
+    for (const int first : {2, 0, 1}) {
+      for (const int second : {1, 0, 2}) {
+        for (const int third : {0, 2, 1}) {
+          if (first == second || second == third) continue;
+          const std::string order = {axis_names[first], axis_names[second], axis_names[third]};
+          forms.push_back({prefix + order, kind, 3, {first, second, third}});
+        }
+      }
+    }
+  };
+  add_all_orders("euler_", RotationKind::kEuler);
+  add_all_orders("extrinsic_", RotationKind::kExtrinsic);
+  return forms;
+}
+
+const std::vector<RotationForm>& RotationForms() {
+  static const std::vector<RotationForm> forms = MakeRotationForms();
+  return forms;
+}
+
+const RotationForm* FindRotationForm(std::string_view name) {
+  for (const RotationForm& form : RotationForms()) {
+    if (form.name == name) return &form;
+  }
+  return nullptr;
+}
+
+const RotationForm& FormOf(const PoseFormat& format) {
+  const RotationForm* form = FindRotationForm(format.rotation);
+  CHECK(form != nullptr) << "rotation " << format.rotation;
+  return *form;
+}
+
+bool HasAngles(const RotationForm& form) {
+  return form.kind == RotationKind::kRotationVector || form.kind == RotationKind::kEuler ||
+         form.kind == RotationKind::kExtrinsic;
+}
+
+// In the base unit.
+double UnitFactor(const std::string& unit, Quantity quantity) {
+  const ParsedQuantity one = ParseQuantity("1 " + unit, quantity);
+  CHECK(one.fault.empty()) << one.fault;
+  return one.value;
+}
+
+double RadPerUnit(const PoseFormat& format) { return UnitFactor(format.angle_unit, Quantity::kAngle); }
+
+Eigen::Quaterniond Turn(int axis, double angle_rad) {
+  return Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::Unit(axis)));
+}
+
+// The angles of R = Ri(first) Rj(second) Rk(third).
+Eigen::Vector3d EulerAngles(const Eigen::Matrix3d& rotation, const std::array<int, 3>& axes) {
+  const int i = axes[0];
+  const int j = axes[1];
+  const int k = axes[2];
+  const double parity = (i + 1) % 3 == j ? 1.0 : -1.0;
+  const int l = 3 - i - j;
+  // In gimbal lock the first angle is free. Whatever it is, the others are then read from what it leaves of the
+  // rotation, so that the three together are exact.
+  constexpr double kLocked = 1e-15;
+  const double sine = i == k ? rotation(j, i) : -parity * rotation(j, k);
+  const double cosine = i == k ? -parity * rotation(l, i) : rotation(k, k);
+  const double first = std::hypot(sine, cosine) < kLocked ? 0.0 : std::atan2(sine, cosine);
+  const Eigen::Matrix3d rest = Turn(i, -first).toRotationMatrix() * rotation;  // Rj(second) Rk(third)
+  if (i == k) {
+    return {first, std::atan2(-parity * rest(l, i), rest(i, i)), std::atan2(-parity * rest(j, l), rest(j, j))};
+  }
+  return {first, std::atan2(parity * rest(i, k), rest(k, k)), std::atan2(parity * rest(j, i), rest(j, j))};
+}
+
+Outcome<Eigen::Quaterniond> UnitQuaternion(double x, double y, double z, double w) {
+  const Eigen::Quaterniond quaternion(w, x, y, z);
+  // Three decimals move the length by 0.001 at most; numbers that are not a quaternion miss by more than this.
+  constexpr double kMaxLengthError = 5e-3;
+  const double length = quaternion.norm();
+  if (!(std::abs(length - 1.0) <= kMaxLengthError)) {
+    return Failure{"the quaternion's length is " + Significant(length, 4) + ", not 1"};
+  }
+  return quaternion.normalized();
+}
+
+Outcome<Eigen::Matrix3d> RotationFromMatrix(const Eigen::Matrix3d& matrix) {
+  // As for quaternions.
+  constexpr double kMaxError = 5e-3;
+  const double error = (matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(error <= kMaxError)) {
+    return Failure{"the matrix is not a rotation: its columns are not of length 1 and at right angles (off by " +
+                   Significant(error, 2) + ")"};
+  }
+  if (matrix.determinant() < 0) return Failure{"the matrix is a mirror image, not a rotation: its determinant is -1"};
+  return NearestRotation(matrix);
+}
+
+Outcome<Rigid3d> PoseFromMatrix(std::span<const double> numbers, double m_per_unit) {
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d translation;
+  if (numbers.size() == 16) {
+    const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> matrix(numbers.data());
+    constexpr double kPrinted = 1e-6;
+    if ((matrix.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > kPrinted) {
+      return Failure{"the matrix's last row is not 0 0 0 1; it must stand row by row"};
+    }
+    rotation = matrix.topLeftCorner<3, 3>();
+    translation = matrix.topRightCorner<3, 1>();
+  } else {
+    rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(numbers.data() + 3);
+    translation = Eigen::Map<const Eigen::Vector3d>(numbers.data());
+  }
+  const Outcome<Eigen::Matrix3d> exact = RotationFromMatrix(rotation);
+  if (!exact) return Failure{exact.reason()};
+  return Rigid3d(*exact, m_per_unit * translation);
+}
+
+std::string CheckRange(const PoseFormat& format, std::span<const double> numbers) {
+  // Far beyond any robot, far within what arithmetic bears.
+  constexpr double kMaxNumber = 1e9;
+  for (size_t i = 0; i < numbers.size(); ++i) {
+    if (!std::isfinite(numbers[i])) return "'" + format.columns[i] + "' is not finite";
+    if (std::abs(numbers[i]) > kMaxNumber) return "'" + format.columns[i] + "' is larger than any robot's";
+  }
+  return "";
+}
+
+}  // namespace
+
+const std::vector<PoseFormat>& PoseFormats() {
+  static const std::vector<PoseFormat> formats = {
+#define HEBA_POSE_FORMAT(name, columns, translation_unit, rotation, angle_unit) \
+  {#name, Split(columns, ' '), translation_unit, rotation, angle_unit},
+#include "heba/io/pose_formats.def"
+#undef HEBA_POSE_FORMAT
+  };
+  return formats;
+}
+
+std::vector<std::string> PoseFormatNames() {
+  std::vector<std::string> names;
+  for (const PoseFormat& format : PoseFormats()) names.push_back(format.name);
+  return names;
+}
+
+const PoseFormat* FindPoseFormat(std::string_view name) {
+  for (const PoseFormat& format : PoseFormats()) {
+    if (format.name == name) return &format;
+  }
+  return nullptr;
+}
+
+std::vector<std::string> PoseRotationNames() {
+  std::vector<std::string> names;
+  for (const RotationForm& form : RotationForms()) names.push_back(form.name);
+  return names;
+}
+
+PoseFormat ReadPoseFormat(const ConfigValue& value) {
+  if (!value.IsMap()) return *FindPoseFormat(value.AsChoice(PoseFormatNames()));
+  MapReader reader(value);
+  PoseFormat format;
+  const ConfigValue columns = reader.Get("columns");
+  for (const ConfigValue& column : columns.AsList()) {
+    const std::string name = column.AsText();
+    if (name == "image" || name == "role") column.Fail("'" + name + "' is not a number of the pose; leave it out");
+    if (std::find(format.columns.begin(), format.columns.end(), name) != format.columns.end()) {
+      column.Fail("'" + name + "' stands here twice");
+    }
+    format.columns.push_back(name);
+  }
+  format.translation_unit = reader.Choice("translation", {"m", "cm", "mm", "in"});
+  format.rotation = reader.Choice("rotation", PoseRotationNames());
+  const RotationForm& form = FormOf(format);
+  if (HasAngles(form)) {
+    format.angle_unit = reader.Choice("angle", {"rad", "deg"});
+  } else if (const std::optional<ConfigValue> angle = reader.Find("angle")) {
+    angle->Fail(format.rotation + " has no angles; leave this out");
+  }
+  reader.Finish();
+  const bool whole_matrix = form.kind == RotationKind::kMatrix && format.columns.size() == 16;
+  if (!whole_matrix && static_cast<int>(format.columns.size()) != 3 + form.num_numbers) {
+    columns.Fail(std::to_string(format.columns.size()) + " columns; " + format.rotation + " needs " +
+                 std::to_string(3 + form.num_numbers) + ": x, y, z and " + std::to_string(form.num_numbers) +
+                 " of the rotation" + (form.kind == RotationKind::kMatrix ? ", or the 16 of the 4 x 4 matrix" : ""));
+  }
+  return format;
+}
+
+PoseFormat WithUnits(const PoseFormat& format, const ConfigValue& units) {
+  if (format.name != "matrix") {
+    units.Fail(format.name.empty() ? "a pose format of your own names its units itself; leave this out"
+                                   : "pose format '" + format.name + "' is always in " + format.translation_unit +
+                                         "; leave this out, or describe the columns by a mapping");
+  }
+  PoseFormat changed = format;
+  changed.translation_unit = units.AsChoice({"m", "mm"});
+  return changed;
+}
+
+YAML::Node PoseFormatNode(const PoseFormat& format) {
+  if (!format.name.empty()) return YAML::Node(format.name);
+  YAML::Node node(YAML::NodeType::Map);
+  for (const std::string& column : format.columns) node["columns"].push_back(column);
+  node["translation"] = format.translation_unit;
+  node["rotation"] = format.rotation;
+  if (!format.angle_unit.empty()) node["angle"] = format.angle_unit;
+  return node;
+}
+
+Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const double> numbers) {
+  CHECK_EQ(numbers.size(), format.columns.size());
+  const std::string fault = CheckRange(format, numbers);
+  if (!fault.empty()) return Failure{fault};
+  const RotationForm& form = FormOf(format);
+  const double m_per_unit = UnitFactor(format.translation_unit, Quantity::kLength);
+  if (form.kind == RotationKind::kMatrix) return PoseFromMatrix(numbers, m_per_unit);
+
+  const Eigen::Vector3d translation = m_per_unit * Eigen::Map<const Eigen::Vector3d>(numbers.data());
+  const std::span<const double> r = numbers.subspan(3);
+  if (form.kind == RotationKind::kQuaternionXyzw || form.kind == RotationKind::kQuaternionWxyz) {
+    const Outcome<Eigen::Quaterniond> rotation = form.kind == RotationKind::kQuaternionXyzw
+                                                     ? UnitQuaternion(r[0], r[1], r[2], r[3])
+                                                     : UnitQuaternion(r[1], r[2], r[3], r[0]);
+    if (!rotation) return Failure{rotation.reason()};
+    return Rigid3d(*rotation, translation);
+  }
+  const Eigen::Vector3d angles_rad = RadPerUnit(format) * Eigen::Map<const Eigen::Vector3d>(r.data());
+  if (form.kind == RotationKind::kRotationVector) return Rigid3d(ExpRotation(angles_rad), translation);
+  const Eigen::Quaterniond first = Turn(form.axes[0], angles_rad[0]);
+  const Eigen::Quaterniond second = Turn(form.axes[1], angles_rad[1]);
+  const Eigen::Quaterniond third = Turn(form.axes[2], angles_rad[2]);
+  return Rigid3d(form.kind == RotationKind::kEuler ? first * second * third : third * second * first, translation);
+}
+
+std::vector<double> NumbersFromPose(const PoseFormat& format, const Rigid3d& pose) {
+  const RotationForm& form = FormOf(format);
+  const Eigen::Vector3d translation = pose.translation / UnitFactor(format.translation_unit, Quantity::kLength);
+  std::vector<double> numbers;
+  if (form.kind == RotationKind::kMatrix && format.columns.size() == 16) {
+    Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix = pose.Matrix();
+    matrix.topRightCorner<3, 1>() = translation;
+    numbers.assign(matrix.data(), matrix.data() + 16);
+    return numbers;
+  }
+  numbers.assign(translation.data(), translation.data() + 3);
+  const auto append = [&numbers](const auto& values) { numbers.insert(numbers.end(), values.begin(), values.end()); };
+  const Eigen::Quaterniond& q = pose.rotation;
+  switch (form.kind) {
+    case RotationKind::kQuaternionXyzw:
+      append(std::array<double, 4>{q.x(), q.y(), q.z(), q.w()});
+      break;
+    case RotationKind::kQuaternionWxyz:
+      append(std::array<double, 4>{q.w(), q.x(), q.y(), q.z()});
+      break;
+    case RotationKind::kRotationVector:
+      append(Eigen::Vector3d(LogRotation(q) / RadPerUnit(format)));
+      break;
+    case RotationKind::kEuler:
+      append(Eigen::Vector3d(EulerAngles(pose.RotationMatrix(), form.axes) / RadPerUnit(format)));
+      break;
+    case RotationKind::kExtrinsic: {
+      // About fixed axes is about turned axes in the reverse order.
+      const Eigen::Vector3d reversed = EulerAngles(pose.RotationMatrix(), {form.axes[2], form.axes[1], form.axes[0]});
+      append(Eigen::Vector3d(reversed.reverse() / RadPerUnit(format)));
+      break;
+    }
+    case RotationKind::kMatrix: {
+      const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> matrix = pose.RotationMatrix();
+      numbers.insert(numbers.end(), matrix.data(), matrix.data() + 9);
+      break;
+    }
+  }
+  return numbers;
+}
+
+}  // namespace heba

@@ -1,0 +1,52 @@
+// What the numbers of a robot's pose mean: the forms of pose_formats.def, or a user's own.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "heba/base/error.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/geometry/rigid3.h"
+
+namespace heba {
+
+struct PoseFormat {
+  std::string name;  // Of pose_formats.def; empty for a user's own.
+  // The file's columns in the order of the numbers: x, y, z, then the rotation's. For the rotation `matrix` either
+  // x, y, z and the nine numbers of the rotation row by row (12), or the whole 4 x 4 matrix row by row (16).
+  std::vector<std::string> columns;
+  std::string translation_unit;  // m, cm, mm, in
+  std::string rotation;          // A name of PoseRotationNames().
+  std::string angle_unit;        // rad, deg; empty if the rotation has no angles.
+};
+
+// In the order of pose_formats.def.
+const std::vector<PoseFormat>& PoseFormats();
+std::vector<std::string> PoseFormatNames();
+// Null if there is none of that name.
+const PoseFormat* FindPoseFormat(std::string_view name);
+
+// quaternion_xyzw, quaternion_wxyz, rotation_vector, matrix, and for every order abc of axes
+//   euler_abc      R = Ra(first) Rb(second) Rc(third): each turn about the axes as already turned
+//   extrinsic_abc  R = Rc(third) Rb(second) Ra(first): each turn about the fixed axes
+std::vector<std::string> PoseRotationNames();
+
+// A name, or a mapping {columns: [...], translation: mm, rotation: euler_zyx, angle: deg}.
+PoseFormat ReadPoseFormat(const ConfigValue& value);
+// `format` with the unit of translations that `units` names. InputError unless it is the format `matrix`, the only one
+// that robots write in either.
+PoseFormat WithUnits(const PoseFormat& format, const ConfigValue& units);
+// Reads back as the same format (but for the units of `matrix`).
+YAML::Node PoseFormatNode(const PoseFormat& format);
+
+// The pose, of the frames that the file has. `numbers` are as many as the columns. A Failure if a number is not finite
+// or absurd, a quaternion is not of length 1, or a matrix is not a rotation; a quaternion or matrix that was rounded to
+// three decimals passes and is made exact.
+Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const double> numbers);
+// The inverse. Of the angles that give one rotation: rotation vectors of at most half a turn; the second of three
+// different axes within a quarter turn of 0, the second of two axes from 0 to half a turn.
+std::vector<double> NumbersFromPose(const PoseFormat& format, const Rigid3d& pose);
+
+}  // namespace heba

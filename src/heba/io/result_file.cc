@@ -1,0 +1,261 @@
+#include "heba/io/result_file.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+
+namespace heba {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+template <class T>
+Json OrNull(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json PoseJson(const Rigid3d& pose, std::string_view parent, std::string_view child) {
+  // The sign of a quaternion means nothing: w is kept positive so that files can be compared.
+  const double sign = pose.rotation.w() < 0 ? -1.0 : 1.0;
+  Json json;
+  json["parent"] = parent;
+  json["child"] = child;
+  json["translation_m"] = {pose.translation.x(), pose.translation.y(), pose.translation.z()};
+  json["quaternion_xyzw"] = {sign * pose.rotation.x(), sign * pose.rotation.y(), sign * pose.rotation.z(),
+                             sign * pose.rotation.w()};
+  return json;
+}
+
+Json CameraJson(const Camera& camera) {
+  Json json;
+  json["model"] = camera.model;
+  json["image_size"] = {camera.width_px, camera.height_px};
+  json["fx"] = camera.params[0];
+  json["fy"] = camera.params[1];
+  json["cx"] = camera.params[2];
+  json["cy"] = camera.params[3];
+  json["distortion"] = std::vector<double>(camera.params.begin() + 4, camera.params.end());
+  return json;
+}
+
+// One sigma of a parameter, or null if it was held.
+Json SigmaOf(const Covariance& covariance, const std::string& name) {
+  const auto found = std::find(covariance.names.begin(), covariance.names.end(), name);
+  if (found == covariance.names.end()) return nullptr;
+  const Eigen::Index i = found - covariance.names.begin();
+  return Finite(std::sqrt(covariance.matrix(i, i)));
+}
+
+Json CameraSigmaJson(const Camera& camera, const Covariance& covariance) {
+  const std::vector<std::string>& names = camera.Model().param_names();
+  Json json;
+  for (size_t i = 0; i < 4; ++i) json[names[i]] = SigmaOf(covariance, "camera." + names[i]);
+  json["distortion"] = Json::array();
+  for (size_t i = 4; i < names.size(); ++i) json["distortion"].push_back(SigmaOf(covariance, "camera." + names[i]));
+  return json;
+}
+
+Json TruthErrorsJson(const std::optional<TruthErrors>& errors) {
+  if (!errors) return nullptr;
+  Json json;
+  json["hand_eye_mm"] = errors->hand_eye_mm;
+  json["hand_eye_deg"] = errors->hand_eye_deg;
+  json["board_mm"] = OrNull(errors->board_mm);
+  json["board_deg"] = OrNull(errors->board_deg);
+  json["focal_px"] = OrNull(errors->focal_px);
+  return json;
+}
+
+Json ErrorsJson(const Errors& errors) {
+  Json json;
+  json["reprojection_rms_px"] = OrNull(errors.reprojection_rms_px);
+  json["holdout_rms_px"] = OrNull(errors.holdout_rms_px);
+  json["axxb_mean_mm"] = OrNull(errors.axxb_mean_mm);
+  json["board_translation_rms_mm"] =
+      errors.board_scatter ? Json(errors.board_scatter->translation_rms_mm) : Json(nullptr);
+  json["board_rotation_rms_deg"] = errors.board_scatter ? Json(errors.board_scatter->rotation_rms_deg) : Json(nullptr);
+  json["truth"] = TruthErrorsJson(errors.truth);
+  return json;
+}
+
+Json EstimateJson(const Estimate& estimate, Setup setup) {
+  Json json;
+  json["method"] = estimate.method;
+  json["kind"] = estimate.kind;
+  json["ok"] = estimate.ok;
+  json["reason"] = estimate.reason;
+  const Solution* solution = estimate.solution ? &*estimate.solution : nullptr;
+  if (!estimate.ok) {
+    for (const char* key : {"hand_eye", "board", "camera"}) json[key] = nullptr;
+  } else {
+    Json hand_eye = PoseJson(estimate.hand_eye.camera_mount_from_camera, CameraMountName(setup), "camera");
+    hand_eye["std_translation_m"] = nullptr;
+    hand_eye["std_rotation_rad"] = nullptr;
+    if (solution != nullptr) {
+      const auto sigmas = [&](const char* a, const char* b, const char* c) {
+        Json list = Json::array();
+        for (const char* part : {a, b, c})
+          list.push_back(SigmaOf(solution->covariance, "hand_eye." + std::string(part)));
+        return list;
+      };
+      hand_eye["std_translation_m"] = sigmas("tx_m", "ty_m", "tz_m");
+      hand_eye["std_rotation_rad"] = sigmas("rx_rad", "ry_rad", "rz_rad");
+    }
+    json["hand_eye"] = hand_eye;
+    json["board"] = PoseJson(estimate.hand_eye.target_mount_from_target, TargetMountName(setup), "target");
+    json["camera"] = CameraJson(estimate.camera);
+    json["camera"]["std"] =
+        solution != nullptr ? CameraSigmaJson(estimate.camera, solution->covariance) : Json(nullptr);
+  }
+  json["errors"] = ErrorsJson(estimate.errors);
+  json["covariance"] = nullptr;
+  json["solve"] = nullptr;
+  if (solution != nullptr) {
+    Json rows = Json::array();
+    for (Eigen::Index i = 0; i < solution->covariance.matrix.rows(); ++i) {
+      Json row = Json::array();
+      for (Eigen::Index j = 0; j < solution->covariance.matrix.cols(); ++j) {
+        row.push_back(Finite(solution->covariance.matrix(i, j)));
+      }
+      rows.push_back(row);
+    }
+    json["covariance"] = Json{{"order", solution->covariance.names}, {"matrix", rows}};
+    const Convergence& convergence = solution->convergence;
+    json["solve"] = Json{{"iterations", convergence.iterations},
+                         {"initial_cost", Finite(convergence.initial_cost)},
+                         {"final_cost", Finite(convergence.final_cost)},
+                         {"pixel_sigma", solution->pixel_sigma_px},
+                         {"robot_sigma_deg", nullptr},
+                         {"robot_sigma_mm", nullptr},
+                         {"seconds", convergence.seconds},
+                         {"message", convergence.message}};
+  }
+  return json;
+}
+
+// Reading: every access says where it is in the file.
+class JsonReader {
+ public:
+  JsonReader(const Json& json, std::string where) : json_(json), where_(std::move(where)) {}
+  [[noreturn]] void Fail(const std::string& fault) const { throw InputError(where_ + ": " + fault); }
+  bool Has(const char* key) const { return json_.is_object() && json_.contains(key) && !json_.at(key).is_null(); }
+  JsonReader Get(const char* key) const {
+    if (!json_.is_object()) Fail("an object is needed");
+    if (!Has(key)) Fail(std::string("'") + key + "' is missing");
+    return {json_.at(key), where_ + ": " + key};
+  }
+  std::string Text() const {
+    if (!json_.is_string()) Fail("a text is needed");
+    return json_.get<std::string>();
+  }
+  double Number() const {
+    if (!json_.is_number()) Fail("a number is needed");
+    return json_.get<double>();
+  }
+  std::vector<double> Numbers() const {
+    if (!json_.is_array()) Fail("a list of numbers is needed");
+    std::vector<double> numbers;
+    for (const Json& item : json_) numbers.push_back(JsonReader(item, where_).Number());
+    return numbers;
+  }
+  std::vector<double> Numbers(size_t count) const {
+    const std::vector<double> numbers = Numbers();
+    if (numbers.size() != count)
+      Fail(std::to_string(count) + " numbers are needed, not " + std::to_string(numbers.size()));
+    return numbers;
+  }
+
+ private:
+  const Json& json_;
+  std::string where_;
+};
+
+Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::string_view child) {
+  if (reader.Get("parent").Text() != parent || reader.Get("child").Text() != child) {
+    reader.Fail("is the pose of '" + reader.Get("child").Text() + "' in '" + reader.Get("parent").Text() +
+                "'; that of '" + std::string(child) + "' in '" + std::string(parent) + "' is needed for this set-up");
+  }
+  const std::vector<double> t = reader.Get("translation_m").Numbers(3);
+  const std::vector<double> q = reader.Get("quaternion_xyzw").Numbers(4);
+  const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
+  if (std::abs(rotation.norm() - 1) > 1e-3) reader.Fail("the quaternion's length is not 1");
+  return {rotation, Eigen::Vector3d(t[0], t[1], t[2])};
+}
+
+Camera ReadCameraJson(const JsonReader& reader) {
+  Camera camera;
+  camera.model = reader.Get("model").Text();
+  const std::vector<double> size = reader.Get("image_size").Numbers(2);
+  camera.width_px = static_cast<int>(size[0]);
+  camera.height_px = static_cast<int>(size[1]);
+  for (const char* key : {"fx", "fy", "cx", "cy"}) camera.params.push_back(reader.Get(key).Number());
+  for (const double k : reader.Get("distortion").Numbers()) camera.params.push_back(k);
+  const std::string faults = CheckCamera(camera);
+  if (!faults.empty()) reader.Fail(faults);
+  return camera;
+}
+
+}  // namespace
+
+std::string Version() { return HEBA_VERSION; }
+
+std::string ResultToJson(const RunResult& result) {
+  Json json;
+  json["schema"] = "heba/result/1";
+  json["heba"] = Version();
+  json["name"] = result.name;
+  json["setup"] = SetupName(result.setup);
+  json["target"] = Json{{"type", result.target_type}, {"points", result.num_target_points}};
+  json["captures"] = Json::array();
+  for (const CaptureResult& capture : result.captures) {
+    json["captures"].push_back(Json{{"image", capture.image},
+                                    {"role", capture.role},
+                                    {"points", capture.num_points},
+                                    {"used", capture.used},
+                                    {"reason", capture.reason},
+                                    {"rms_px", OrNull(capture.rms_px)}});
+  }
+  json["estimates"] = Json::array();
+  for (const Estimate& estimate : result.estimates) json["estimates"].push_back(EstimateJson(estimate, result.setup));
+  json["timing_s"] = Json{{"detect", result.timing.detect_s},
+                          {"seed", result.timing.seed_s},
+                          {"refine", result.timing.refine_s},
+                          {"total", result.timing.total_s}};
+  // A file name need not be UTF-8; what is not is replaced.
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string TruthToJson(const Truth& truth, Setup setup) {
+  Json json;
+  json["hand_eye"] = PoseJson(truth.camera_mount_from_camera, CameraMountName(setup), "camera");
+  if (truth.target_mount_from_target) {
+    json["board"] = PoseJson(*truth.target_mount_from_target, TargetMountName(setup), "target");
+  }
+  if (truth.camera) json["camera"] = CameraJson(*truth.camera);
+  return json.dump(1) + "\n";
+}
+
+Truth ReadTruth(const std::filesystem::path& path, Setup setup) {
+  Json json;
+  try {
+    json = Json::parse(ReadTextFile(path, 1 << 20));
+  } catch (const Json::parse_error& error) {
+    throw InputError(path.string() + ": not valid JSON at byte " + std::to_string(error.byte));
+  }
+  const JsonReader reader(json, path.string());
+  Truth truth;
+  truth.camera_mount_from_camera = ReadPoseJson(reader.Get("hand_eye"), CameraMountName(setup), "camera");
+  if (reader.Has("board")) {
+    truth.target_mount_from_target = ReadPoseJson(reader.Get("board"), TargetMountName(setup), "target");
+  }
+  if (reader.Has("camera")) truth.camera = ReadCameraJson(reader.Get("camera"));
+  return truth;
+}
+
+}  // namespace heba

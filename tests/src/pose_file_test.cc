@@ -1,0 +1,424 @@
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/rng.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "heba/io/pose_file.h"
+#include "heba/io/pose_formats.h"
+#include "tests/support/data_sets.h"
+#include "tests/support/input_error.h"
+#include "tests/support/temp_folder.h"
+
+namespace heba {
+namespace {
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+// rad and m, for poses within a few metres.
+constexpr double kRoundOff = 1e-13;
+
+Eigen::Matrix3d Rx(double angle_deg) {
+  return Eigen::AngleAxisd(DegToRad(angle_deg), Eigen::Vector3d::UnitX()).toRotationMatrix();
+}
+Eigen::Matrix3d Ry(double angle_deg) {
+  return Eigen::AngleAxisd(DegToRad(angle_deg), Eigen::Vector3d::UnitY()).toRotationMatrix();
+}
+Eigen::Matrix3d Rz(double angle_deg) {
+  return Eigen::AngleAxisd(DegToRad(angle_deg), Eigen::Vector3d::UnitZ()).toRotationMatrix();
+}
+
+PoseFormat Format(const std::string& name) { return *FindPoseFormat(name); }
+PoseFormat FormatOf(const std::string& yaml) {
+  return ReadPoseFormat(MapReader(ParseYaml("pose_format: " + yaml, "cell.yaml")).Get("pose_format"));
+}
+// A user's own format of the rotation `name`.
+PoseFormat FormatOfRotation(const std::string& name) {
+  PoseFormat format = {"", {"x", "y", "z"}, "mm", name, ""};
+  const bool quaternion = name.starts_with("quaternion");
+  const int num_numbers = name == "matrix" ? 9 : quaternion ? 4 : 3;
+  for (int i = 0; i < num_numbers; ++i) format.columns.push_back("r" + std::to_string(i));
+  if (name != "matrix" && !quaternion) format.angle_unit = "deg";
+  return format;
+}
+
+// The numbers 100, 200, 300 (mm) or 0.1, 0.2, 0.3 (m), then those of the rotation.
+void ExpectPose(const std::string& format, const std::vector<double>& numbers, const Eigen::Matrix3d& rotation) {
+  const Outcome<Rigid3d> pose = PoseFromNumbers(Format(format), numbers);
+  ASSERT_TRUE(pose.ok()) << format << ": " << pose.reason();
+  EXPECT_LT((pose->translation - Eigen::Vector3d(0.1, 0.2, 0.3)).norm(), kRoundOff) << format;
+  EXPECT_LT((pose->RotationMatrix() - rotation).norm(), kRoundOff) << format;
+}
+
+// Pins of the robots' conventions.
+TEST(PoseFormatTest, EveryRobotsConvention) {
+  const double s = std::sqrt(0.5);
+  ExpectPose("ros", {0.1, 0.2, 0.3, s, 0, 0, s}, Rx(90));
+  ExpectPose("abb", {100, 200, 300, s, 0, 0, s}, Rz(90));
+  ExpectPose("ur", {0.1, 0.2, 0.3, 0, kPi / 2, 0}, Ry(90));
+  ExpectPose("kuka", {100, 200, 300, 10, 20, 30}, Rz(10) * Ry(20) * Rx(30));
+  ExpectPose("fanuc", {100, 200, 300, 10, 20, 30}, Rz(30) * Ry(20) * Rx(10));
+  ExpectPose("yaskawa", {100, 200, 300, 10, 20, 30}, Rz(30) * Ry(20) * Rx(10));
+  ExpectPose("staubli", {100, 200, 300, 10, 20, 30}, Rx(10) * Ry(20) * Rz(30));
+  ExpectPose("kawasaki", {100, 200, 300, 10, 20, 30}, Rz(10) * Ry(20) * Rz(30));
+  ExpectPose("matrix", {0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1}, Rz(90));
+}
+
+TEST(PoseFormatTest, TheTableIsThatOfTheManual) {
+  EXPECT_THAT(PoseFormatNames(),
+              ElementsAre("ros", "ur", "kuka", "fanuc", "yaskawa", "abb", "staubli", "kawasaki", "matrix"));
+  EXPECT_THAT(Format("abb").columns, ElementsAre("x", "y", "z", "q1", "q2", "q3", "q4"));
+  EXPECT_EQ(Format("matrix").columns.size(), 16u);
+  EXPECT_EQ(Format("matrix").columns[4], "m10");
+  EXPECT_EQ(FindPoseFormat("kuka2"), nullptr);
+  // 4, 3 x 2 x 2 x 2 orders of axes.
+  EXPECT_EQ(PoseRotationNames().size(), 4u + 24u);
+}
+
+class RotationTest : public testing::TestWithParam<std::string> {};
+
+TEST_P(RotationTest, NumbersAndPosesRoundTrip) {
+  Rng rng(1);
+  const PoseFormat format = FormatOfRotation(GetParam());
+  for (int i = 0; i < 200; ++i) {
+    const double angle_rad = rng.Uniform(0, kPi);
+    const Eigen::Vector3d axis = rng.Direction3();
+    const Rigid3d pose(ExpRotation(angle_rad * axis), rng.NormalVector3());
+    const Outcome<Rigid3d> read = PoseFromNumbers(format, NumbersFromPose(format, pose));
+    ASSERT_TRUE(read.ok()) << read.reason();
+    EXPECT_NEAR(AngleRad(*read, pose), 0, kRoundOff);
+    EXPECT_NEAR(DistanceM(*read, pose), 0, kRoundOff);
+  }
+}
+
+// Quarter and half turns, and turns that miss them by little: where Euler angles lock.
+TEST_P(RotationTest, LockedAndNearlyLockedRotationsRoundTrip) {
+  Rng rng(2);
+  const PoseFormat format = FormatOfRotation(GetParam());
+  for (const double miss_rad : {0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3}) {
+    for (int a = -2; a <= 2; ++a) {
+      for (int b = -2; b <= 2; ++b) {
+        for (int c = -2; c <= 2; ++c) {
+          const Eigen::Matrix3d turn = Rz(90 * a) * Ry(90 * b) * Rx(90 * c);
+          const Eigen::Vector3d axis = rng.Direction3();
+          const Rigid3d pose(Eigen::Quaterniond(turn) * ExpRotation(miss_rad * axis), {1, 2, 3});
+          const Outcome<Rigid3d> read = PoseFromNumbers(format, NumbersFromPose(format, pose));
+          ASSERT_TRUE(read.ok()) << read.reason();
+          EXPECT_NEAR(AngleRad(*read, pose), 0, kRoundOff) << miss_rad << " " << a << " " << b << " " << c;
+        }
+      }
+    }
+  }
+}
+
+std::vector<std::string> NamesWithAnOrder() {
+  std::vector<std::string> names;
+  for (const std::string& name : PoseRotationNames()) {
+    if (name.starts_with("euler_") || name.starts_with("extrinsic_")) names.push_back(name);
+  }
+  return names;
+}
+class OrderOfAxesTest : public testing::TestWithParam<std::string> {};
+
+TEST_P(OrderOfAxesTest, IsTheOrderOfTheProduct) {
+  const std::string& name = GetParam();
+  const std::string order = name.substr(name.find('_') + 1);
+  const auto turn = [](char axis, double angle_deg) {
+    return axis == 'x' ? Rx(angle_deg) : axis == 'y' ? Ry(angle_deg) : Rz(angle_deg);
+  };
+  const Eigen::Matrix3d first = turn(order[0], 10);
+  const Eigen::Matrix3d second = turn(order[1], 20);
+  const Eigen::Matrix3d third = turn(order[2], 30);
+  const Outcome<Rigid3d> pose = PoseFromNumbers(FormatOfRotation(name), std::vector<double>{100, 200, 300, 10, 20, 30});
+  ASSERT_TRUE(pose.ok());
+  const bool turning_axes = name.starts_with("euler_");
+  const Eigen::Matrix3d expected = turning_axes ? Eigen::Matrix3d(first * second * third) : third * second * first;
+  EXPECT_LT((pose->RotationMatrix() - expected).norm(), kRoundOff);
+  // Away from the lock the angles themselves come back.
+  const std::vector<double> numbers = NumbersFromPose(FormatOfRotation(name), *pose);
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(numbers[static_cast<size_t>(3 + i)], 10 * (i + 1), 1e-10);  // deg
+}
+
+std::string NameOf(const testing::TestParamInfo<std::string>& parameter) { return parameter.param; }
+INSTANTIATE_TEST_SUITE_P(Names, RotationTest, testing::ValuesIn(PoseRotationNames()), NameOf);
+INSTANTIATE_TEST_SUITE_P(Names, OrderOfAxesTest, testing::ValuesIn(NamesWithAnOrder()), NameOf);
+
+TEST(PoseFromNumbersTest, RoundedFilesPassAndAreMadeExact) {
+  // Three decimals: the length is off by up to 0.001.
+  const Outcome<Rigid3d> pose =
+      PoseFromNumbers(Format("ros"), std::vector<double>{0, 0, 0, 0.183, -0.365, 0.548, 0.730});
+  ASSERT_TRUE(pose.ok());
+  EXPECT_NEAR(pose->rotation.norm(), 1, 1e-15);
+  const Outcome<Rigid3d> matrix = PoseFromNumbers(
+      Format("matrix"), std::vector<double>{0.866, -0.5, 0, 1, 0.5, 0.866, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1});
+  ASSERT_TRUE(matrix.ok());
+  EXPECT_NEAR(matrix->rotation.norm(), 1, 1e-15);
+  EXPECT_LT((matrix->RotationMatrix() - Rz(30)).norm(), 1e-4);  // The rounding of 0.866.
+}
+
+TEST(PoseFromNumbersTest, WhatIsNoPoseIsAFailure) {
+  const auto reason = [](const std::string& format, const std::vector<double>& numbers) {
+    return PoseFromNumbers(Format(format), numbers).reason();
+  };
+  EXPECT_THAT(reason("ros", {0, 0, 0, 0, 0, 0, 0}), HasSubstr("the quaternion's length is 0, not 1"));
+  EXPECT_THAT(reason("abb", {0, 0, 0, 0.9, 0, 0, 0.4}), HasSubstr("length is 0.9849, not 1"));
+  EXPECT_THAT(reason("ros", {0, std::nan(""), 0, 0, 0, 0, 1}), HasSubstr("'y' is not finite"));
+  EXPECT_THAT(reason("ur", {0, 0, 0, 0, 1e300, 0}), HasSubstr("'ry' is larger than any robot's"));
+  EXPECT_THAT(reason("matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}), HasSubstr("mirror"));
+  EXPECT_THAT(reason("matrix", {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1}), HasSubstr("not a rotation"));
+  // A matrix that stands column by column.
+  EXPECT_THAT(reason("matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.1, 0.2, 0.3, 1}), HasSubstr("row by row"));
+}
+
+// A user's own format.
+
+TEST(ReadPoseFormatTest, ReadsNamesAndMappings) {
+  EXPECT_EQ(FormatOf("kuka").rotation, "euler_zyx");
+  const PoseFormat format =
+      FormatOf("{columns: [X, Y, Z, Rx, Ry, Rz], translation: mm, rotation: extrinsic_xyz, angle: deg}");
+  EXPECT_THAT(format.columns, ElementsAre("X", "Y", "Z", "Rx", "Ry", "Rz"));
+  const Outcome<Rigid3d> pose = PoseFromNumbers(format, std::vector<double>{1, 2, 3, 10, 20, 30});
+  ASSERT_TRUE(pose.ok());
+  EXPECT_LT((pose->RotationMatrix() - Rz(30) * Ry(20) * Rx(10)).norm(), kRoundOff);
+  EXPECT_LT((pose->translation - Eigen::Vector3d(0.001, 0.002, 0.003)).norm(), kRoundOff);
+
+  const PoseFormat twelve =
+      FormatOf("{columns: [x, y, z, a, b, c, d, e, f, g, h, i], translation: m, rotation: matrix}");
+  const Outcome<Rigid3d> turned = PoseFromNumbers(twelve, std::vector<double>{1, 2, 3, 0, -1, 0, 1, 0, 0, 0, 0, 1});
+  ASSERT_TRUE(turned.ok());
+  EXPECT_LT((turned->RotationMatrix() - Rz(90)).norm(), kRoundOff);
+}
+
+TEST(ReadPoseFormatTest, NodesReadBack) {
+  for (const std::string& rotation : PoseRotationNames()) {
+    const PoseFormat format = FormatOfRotation(rotation);
+    std::stringstream text;
+    text << YAML::Dump(PoseFormatNode(format));
+    const PoseFormat read = ReadPoseFormat(ParseYaml(text.str(), "cell.yaml"));
+    EXPECT_EQ(read.columns, format.columns);
+    EXPECT_EQ(read.rotation, format.rotation);
+    EXPECT_EQ(read.translation_unit, format.translation_unit);
+    EXPECT_EQ(read.angle_unit, format.angle_unit);
+  }
+  EXPECT_EQ(PoseFormatNode(Format("fanuc")).Scalar(), "fanuc");
+}
+
+TEST(ReadPoseFormatTest, SaysWhatIsWrong) {
+  const auto error = [](const std::string& yaml) { return InputErrorOf([&] { FormatOf(yaml); }); };
+  EXPECT_THAT(error("kuke"), HasSubstr("cell.yaml:1: pose_format: 'kuke' is unknown; one of: ros, ur, kuka"));
+  EXPECT_THAT(error("kuke"), HasSubstr("did you mean 'kuka'?"));
+  EXPECT_THAT(error("[ros]"), HasSubstr("one of: ros"));
+  EXPECT_THAT(error("{columns: [x, y, z, a, b, c], translation: mm, rotation: euler_zyz}"),
+              HasSubstr("'angle' is missing"));
+  EXPECT_THAT(error("{columns: [x, y, z, a, b, c], rotation: euler_zyz, angle: deg}"),
+              HasSubstr("'translation' is missing"));
+  EXPECT_THAT(error("{columns: [x, y, z, a, b, c], translation: mm, rotation: euler_zzy, angle: deg}"),
+              HasSubstr("'euler_zzy' is unknown"));
+  EXPECT_THAT(error("{columns: [x, y, z, a, b], translation: mm, rotation: euler_zyx, angle: deg}"),
+              HasSubstr("5 columns; euler_zyx needs 6"));
+  EXPECT_THAT(error("{columns: [x, y, z, a, b, b], translation: mm, rotation: euler_zyx, angle: deg}"),
+              HasSubstr("twice"));
+  EXPECT_THAT(error("{columns: [x, y, z, a, b, image], translation: mm, rotation: euler_zyx, angle: deg}"),
+              HasSubstr("leave it out"));
+  EXPECT_THAT(error("{columns: [x, y, z, a, b, c, d], translation: mm, rotation: quaternion_xyzw, angle: deg}"),
+              HasSubstr("has no angles"));
+  EXPECT_THAT(error("{columns: [x, y, z, a, b, c, d], translation: mm, rotation: quaternion_xyzw, unit: deg}"),
+              HasSubstr("unknown key 'unit'"));
+}
+
+TEST(WithUnitsTest, OnlyMatricesComeInEither) {
+  const ConfigValue mm = MapReader(ParseYaml("units: mm", "cell.yaml")).Get("units");
+  const PoseFormat format = WithUnits(Format("matrix"), mm);
+  const Outcome<Rigid3d> pose =
+      PoseFromNumbers(format, std::vector<double>{1, 0, 0, 10, 0, 1, 0, 20, 0, 0, 1, 30, 0, 0, 0, 1});
+  ASSERT_TRUE(pose.ok());
+  EXPECT_LT((pose->translation - Eigen::Vector3d(0.01, 0.02, 0.03)).norm(), kRoundOff);
+  EXPECT_THAT(InputErrorOf([&] { WithUnits(Format("ros"), mm); }), HasSubstr("pose format 'ros' is always in m"));
+}
+
+// poses.csv.
+
+std::vector<PoseRow> Parse(const std::string& text, const std::string& format = "ros") {
+  return ParsePoses(text, "poses.csv", Format(format));
+}
+std::string ErrorOf(const std::string& text, const std::string& format = "ros") {
+  return InputErrorOf([&] { Parse(text, format); });
+}
+const std::string kHeader = "image,x,y,z,qx,qy,qz,qw\n";
+
+TEST(PoseFileTest, ReadsRowsInTheFilesOrder) {
+  const std::vector<PoseRow> rows = Parse(
+      "image,role,x,y,z,qx,qy,qz,qw\n"
+      "b.png,home,1,2,3,0,0,0,1\n"
+      "a.png,,4,5,6,1,0,0,0\n");
+  ASSERT_EQ(rows.size(), 2u);
+  EXPECT_EQ(rows[0].image, "b.png");
+  EXPECT_EQ(rows[0].role, "home");
+  EXPECT_EQ(rows[0].line, 2);
+  EXPECT_EQ(rows[0].pose.translation, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(rows[1].image, "a.png");
+  EXPECT_EQ(rows[1].role, "");
+  EXPECT_NEAR(RotationAngle(rows[1].pose.rotation), kPi, kRoundOff);
+}
+
+TEST(PoseFileTest, ColumnsStandInAnyOrderAndTheImageMayBeAbsent) {
+  const std::vector<PoseRow> rows = Parse("qw,qx,qy,qz,z,y,x\n1,0,0,0,3,2,1\n");
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows[0].image, "");
+  EXPECT_EQ(rows[0].pose.translation, Eigen::Vector3d(1, 2, 3));
+}
+
+// One content, as different programs write it.
+TEST(PoseFileTest, ReadsWhatProgramsWrite) {
+  const std::vector<std::string> texts = {
+      "image,x,y,z,qx,qy,qz,qw\na b.png,1,-2.5e-1,3,0,0,0,1\n",
+      "image,x,y,z,qx,qy,qz,qw\na b.png,1,-2.5e-1,3,0,0,0,1",
+      "\xEF\xBB\xBFimage,x,y,z,qx,qy,qz,qw\r\na b.png,1,-.25,3,0,0,0,1\r\n",
+      "image;x;y;z;qx;qy;qz;qw\na b.png;1;-0.25;3;0;0;0;1\n",
+      "image\tx\ty\tz\tqx\tqy\tqz\tqw\na b.png\t1\t-0.25\t3\t0\t0\t0\t1\n",
+      " image ,\tx , y , z , qx , qy , qz , qw \n  a b.png , 1 , -0.25 , +3 , 0 , 0 , 0 , 1.\n",
+      "\"image\",\"x\",\"y\",\"z\",\"qx\",\"qy\",\"qz\",\"qw\"\n\"a b.png\",\"1\",\"-0.25\",3,0,0,0,1\n",
+      "# made by a program\n\nimage,x,y,z,qx,qy,qz,qw\n\n  # the first\n  \t\na b.png,1,-0.25,3,0,0,0,1\n\n"};
+  for (const std::string& text : texts) {
+    const std::vector<PoseRow> rows = Parse(text);
+    ASSERT_EQ(rows.size(), 1u) << text;
+    EXPECT_EQ(rows[0].image, "a b.png");
+    EXPECT_EQ(rows[0].pose.translation, Eigen::Vector3d(1, -0.25, 3));
+    EXPECT_EQ(rows[0].pose.rotation.w(), 1);
+  }
+  EXPECT_EQ(Parse(texts.back())[0].line, 7);
+}
+
+TEST(PoseFileTest, QuotesProtectSeparators) {
+  const std::vector<PoseRow> rows = Parse(kHeader + "\"a, \"\"b\"\".png\",1,2,3,0,0,0,1\n");
+  ASSERT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows[0].image, "a, \"b\".png");
+}
+
+TEST(PoseFileTest, FaultsOfTheHeader) {
+  EXPECT_EQ(ErrorOf(""), "poses.csv: is empty; a header line and a line a capture are needed");
+  EXPECT_EQ(ErrorOf("\n# only this\n"), "poses.csv: is empty; a header line and a line a capture are needed");
+  EXPECT_EQ(ErrorOf(kHeader), "poses.csv: has a header but no captures");
+  EXPECT_THAT(ErrorOf("# c\nimage,x,y,z,qx,qy,qz\n"),
+              StartsWith("poses.csv:2: column 'qw' is missing; needed: x, y, z, qx"));
+  EXPECT_THAT(ErrorOf("imgae,x,y,z,qx,qy,qz,qw\n"),
+              StartsWith("poses.csv:1: unknown column 'imgae'; did you mean 'image'?"));
+  EXPECT_THAT(ErrorOf("image,x,y,z,qx,qy,qz,qw,\n"), StartsWith("poses.csv:1: column 9 has no name"));
+  EXPECT_THAT(ErrorOf("x,x,y,z,qx,qy,qz,qw\n"), StartsWith("poses.csv:1: column 'x' stands here twice"));
+  EXPECT_THAT(ErrorOf("1,2,3,0,0,0,1\n"), StartsWith("poses.csv:1: the first line must name the columns: image, x, y"));
+  EXPECT_THAT(ErrorOf("image,x,y,z,rx,ry,rz\n"), HasSubstr("the columns here are those of pose format ur or staubli"));
+  EXPECT_THAT(ErrorOf("image,x,y,z\n", "kuka"), StartsWith("poses.csv:1: column 'a' is missing"));
+}
+
+TEST(PoseFileTest, FaultsOfRowsNameLineAndColumn) {
+  EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3,0,0,0,1\nb.png,1,2,,0,0,0,1\n"),
+            "poses.csv:3: column 'z': a number is missing");
+  EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3 mm,0,0,0,1\n"), "poses.csv:2: column 'z': '3 mm' is not a number");
+  EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,nan,0,0,0,1\n"), "poses.csv:2: column 'z': 'nan' is not finite");
+  EXPECT_EQ(ErrorOf(kHeader + "a.png,1,inf,3,0,0,0,1\n"), "poses.csv:2: column 'y': 'inf' is not finite");
+  EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3,0,0,0\n"), "poses.csv:2: 7 fields, but the header names 8 columns");
+  EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3,0,0,0,1,\n"), "poses.csv:2: 9 fields, but the header names 8 columns");
+  EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3,0.5,0,0,0\n"), "poses.csv:2: the quaternion's length is 0.5000, not 1");
+  EXPECT_EQ(ErrorOf(kHeader + ",1,2,3,0,0,0,1\n"), "poses.csv:2: column 'image': the name of a file is missing");
+  EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3,0,0,0,1\n\na.png,1,2,3,0,0,0,1\n"),
+            "poses.csv:4: column 'image': 'a.png' already stands in line 2");
+  EXPECT_EQ(ErrorOf(kHeader + "\"a.png,1,2,3,0,0,0,1\n"), "poses.csv:2: field 1: the quote is not closed");
+  EXPECT_EQ(ErrorOf(kHeader + "\"a\" b,1,2,3,0,0,0,1\n"), "poses.csv:2: field 1: 'b' stands behind the closing quote");
+  EXPECT_THAT(
+      ErrorOf("role,x,y,z,qx,qy,qz,qw\nhoem,1,2,3,0,0,0,1\n"),
+      StartsWith("poses.csv:2: column 'role': 'hoem' is unknown; one of: home, translate_x, translate_y, rotate, free; "
+                 "did you mean 'home'?"));
+  // A decimal comma.
+  EXPECT_THAT(ErrorOf("x;y;z;qx;qy;qz;qw\n0,5;0;0;0;0;0;1\n"),
+              HasSubstr("'0,5' is not a number; decimals stand behind a point"));
+}
+
+TEST(PoseFileTest, MessagesAreOneShortLine) {
+  const std::string error = ErrorOf(kHeader + "a.png,\x01\x02" + std::string(100000, 'x') + ",2,3,0,0,0,1\n");
+  EXPECT_THAT(error, StartsWith("poses.csv:2: column 'x': '\?\?xxx"));
+  EXPECT_LT(error.size(), 200u);
+  EXPECT_LT(ErrorOf(std::string(1000000, 'x') + ",y\n").size(), 400u);
+  EXPECT_THAT(ErrorOf(std::string("\xFF\xFEi\0m\0", 6)), HasSubstr("save it as CSV in UTF-8"));
+}
+
+TEST(PoseFileTest, LimitsTheNumberOfRows) {
+  std::string text = "x,y,z,rx,ry,rz\n";
+  for (int i = 0; i < 1000001; ++i) text += "0,0,0,0,0,0\n";
+  EXPECT_EQ(ErrorOf(text, "ur"), "poses.csv:1000002: more than 1000000 captures");
+}
+
+TEST(PoseFileTest, WritesWhatItReads) {
+  Rng rng(4);
+  for (const PoseFormat& format : PoseFormats()) {
+    std::vector<PoseRow> rows;
+    for (int i = 0; i < 10; ++i) {
+      PoseRow row;
+      row.image = i == 0 ? "#odd, \"name\".png" : "image_" + std::to_string(i) + ".png";
+      row.role = i == 0 ? "home" : "";
+      const Eigen::Vector3d rotation_vector = rng.NormalVector3();
+      row.pose = Rigid3d(ExpRotation(rotation_vector), rng.NormalVector3());
+      rows.push_back(row);
+    }
+    const std::vector<PoseRow> read = ParsePoses(PoseFileText(rows, format), "poses.csv", format);
+    ASSERT_EQ(read.size(), rows.size());
+    for (size_t i = 0; i < rows.size(); ++i) {
+      EXPECT_EQ(read[i].image, rows[i].image);
+      EXPECT_EQ(read[i].role, rows[i].role);
+      EXPECT_NEAR(AngleRad(read[i].pose, rows[i].pose), 0, kRoundOff) << format.name;
+      EXPECT_NEAR(DistanceM(read[i].pose, rows[i].pose), 0, kRoundOff) << format.name;
+    }
+  }
+}
+
+TEST(PoseFileTest, ReadsFiles) {
+  const TempFolder folder;
+  std::ofstream(folder / "poses.csv") << kHeader << "a.png,1,2,3,0,0,0,1\n";
+  EXPECT_EQ(ReadPoseFile(folder / "poses.csv", Format("ros")).size(), 1u);
+  EXPECT_THAT(InputErrorOf([&] { ReadPoseFile(folder / "none.csv", Format("ros")); }),
+              HasSubstr("none.csv: there is no such file"));
+}
+
+// Files that others recorded.
+TEST(PoseFileTest, ReadsRecordedFiles) {
+  HEBA_SKIP_WITHOUT(DataDir());
+  EXPECT_EQ(ReadPoseFile(DataDir() / "chjohnkim_ur5_chess" / "poses.csv", Format("ros")).size(), 20u);
+  EXPECT_EQ(ReadPoseFile(DataDir() / "metric_workcell_camera2" / "poses.csv", Format("ros")).size(), 121u);
+}
+
+// Whatever bytes come: rows or an InputError, nothing else.
+TEST(PoseFileTest, AnyTextGivesRowsOrAnInputError) {
+  const std::string valid = kHeader + "\"a.png\",1,2,3,0,0,0,1\nb.png,1,2e3,-3,0,0.6,0,0.8\n";
+  Rng rng(5);
+  int num_valid = 0;
+  for (int i = 0; i < 20000; ++i) {
+    std::string text = valid;
+    for (int k = 0; k <= rng.Index(4); ++k) {
+      const size_t at = static_cast<size_t>(rng.Index(static_cast<int>(text.size())));
+      const char c = rng.Uniform() < 0.5 ? ",;\t\"\n\r# .-e"[rng.Index(11)] : static_cast<char>(rng.Index(256));
+      if (rng.Uniform() < 0.5) {
+        text[at] = c;
+      } else {
+        text.insert(at, 1, c);
+      }
+    }
+    try {
+      num_valid += Parse(text).empty() ? 0 : 1;
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), StartsWith("poses.csv:"));
+      EXPECT_THAT(error.what(), testing::Not(HasSubstr("\n")));
+    }
+  }
+  // The changes are small enough for some files to stay valid, and large enough for most not to.
+  EXPECT_GT(num_valid, 1000);
+  EXPECT_LT(num_valid, 19000);
+}
+
+}  // namespace
+}  // namespace heba
