@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 
 #include "heba/base/files.h"
 #include "heba/base/text.h"
@@ -187,10 +188,17 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
       OptionsOf(config, detections.front().width_px, detections.front().height_px);
   const Outcome<Calibration> calibration = Calibrate(views, options);
   if (!calibration) return Failure{calibration.reason()};
-  if (!calibration->refined) return Failure{calibration->refined.reason()};
+  for (const UnusedView& unused : calibration->unused) console->Note("not used: " + unused.name + ": " + unused.reason);
+  if (!calibration->refined) {
+    // What there is to see of the failure.
+    for (const MethodResult& method : calibration->methods) {
+      console->Note(method.method + ": " + (method.hand_eye ? Significant(method.reprojection_rms_px.value_or(NAN), 3) + " px"
+                                                            : method.hand_eye.reason()));
+    }
+    return Failure{calibration->refined.reason()};
+  }
   result.timing.refine_s = calibration->refined->convergence.seconds;
   result.timing.seed_s = solve_watch.Seconds() - result.timing.refine_s;
-  for (const UnusedView& unused : calibration->unused) console->Note("not used: " + unused.name + ": " + unused.reason);
   console->Note("seed: " + calibration->seed);
 
   std::vector<HoldOut> hold_outs;

@@ -1,0 +1,50 @@
+#include "targets/detection.h"
+
+#include <algorithm>
+#include <mutex>
+
+#include <opencv2/core.hpp>
+
+#include "heba/base/error.h"
+#include "heba/base/parallel.h"
+#include "targets/image.h"
+
+namespace heba {
+
+std::vector<CaptureDetection> DetectAll(const Target& target, const std::vector<Capture>& captures, int num_threads,
+                                        const std::function<void()>& progress) {
+  std::vector<CaptureDetection> detections(captures.size());
+  std::mutex mutex;
+  ParallelFor(static_cast<int>(captures.size()), num_threads, [&](int i) {
+    CaptureDetection& result = detections[static_cast<size_t>(i)];
+    const cv::Mat grey = ReadGreyImage(captures[static_cast<size_t>(i)].image);
+    result.width_px = grey.cols;
+    result.height_px = grey.rows;
+    // OpenCV's finders draw random numbers; each picture has its own, whichever thread it falls to.
+    cv::theRNG() = cv::RNG(static_cast<uint64_t>(i) + 1);
+    result.detection = target.Detect(grey);
+    const std::lock_guard<std::mutex> lock(mutex);
+    progress();
+  });
+  return detections;
+}
+
+Observations ObservationsOf(const Target& target, const Detection& detection) {
+  const std::vector<TargetPoint>& points = target.points();
+  Observations observations;
+  observations.ids = detection.ids;
+  const Eigen::Index n = static_cast<Eigen::Index>(detection.ids.size());
+  observations.points_in_target.resize(3, n);
+  observations.pixels.resize(2, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const int id = detection.ids[static_cast<size_t>(i)];
+    const auto found = std::lower_bound(points.begin(), points.end(), id,
+                                        [](const TargetPoint& point, int wanted) { return point.id < wanted; });
+    CHECK(found != points.end() && found->id == id) << "detected id " << id << " is not on the target";
+    observations.points_in_target.col(i) = found->in_target;
+    observations.pixels.col(i) = detection.pixels[static_cast<size_t>(i)];
+  }
+  return observations;
+}
+
+}  // namespace heba

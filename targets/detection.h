@@ -1,0 +1,28 @@
+// A data set's pictures -> what is seen in them.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "heba/data/dataset.h"
+#include "heba/data/problem.h"
+#include "targets/target.h"
+
+namespace heba {
+
+struct CaptureDetection {
+  int width_px = 0;
+  int height_px = 0;
+  Detection detection;
+};
+
+// The detection of each capture, in order. Pictures are read, searched and dropped on `num_threads` threads, so that
+// memory does not grow with their number. `progress` is called after each, from one thread at a time. InputError for the
+// first picture that cannot be read.
+std::vector<CaptureDetection> DetectAll(const Target& target, const std::vector<Capture>& captures, int num_threads,
+                                        const std::function<void()>& progress);
+
+// The detected points with their places on the target.
+Observations ObservationsOf(const Target& target, const Detection& detection);
+
+}  // namespace heba

@@ -1,0 +1,71 @@
+// Dots in a picture: where they are, and exactly where their outlines are.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+
+namespace heba {
+
+enum class DotPolarity { kDarkOnLight, kLightOnDark };
+
+struct Ellipse {
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  // Inside are the x with (x - centre)' shape (x - centre) < 1. Symmetric, positive definite, 1/px^2.
+  Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();
+
+  // Of the circle with the same area.
+  double RadiusPx() const;
+  // The longer one first.
+  Eigen::Vector2d SemiAxesPx() const;
+  // The ellipse's bounding box is [centre - extent, centre + extent].
+  Eigen::Vector2d ExtentPx() const;
+  // Of the longer axis.
+  static Ellipse FromAxes(const Eigen::Vector2d& centre_px, double semi_major_px, double semi_minor_px,
+                          double angle_rad);
+};
+
+struct EllipseFinderOptions {
+  DotPolarity polarity = DotPolarity::kDarkOnLight;
+  double min_diameter_px = 4;    // Of the shorter axis.
+  double max_diameter_px = 400;  // Of the longer axis.
+  double max_axis_ratio = 4;
+  double min_contrast_grey = 8;  // Between inside and outside.
+  // Every violated constraint, one a line; empty if the options are valid.
+  [[nodiscard]] std::string Check() const;
+};
+
+struct FoundEllipse {
+  Ellipse ellipse;  // To a few tenths of a pixel: RefineEllipse knows better.
+  double contrast_grey = 0;
+};
+
+// The elliptic areas of one polarity, each once; concentric ones of different size are different. Not those that touch
+// the picture's border. `grey` is CV_8UC1.
+std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderOptions& options);
+
+struct RefineEllipseOptions {
+  // How far from the outline pixels are used at most: less than the distance to whatever is next.
+  double max_margin_px = 12;
+};
+
+struct RefinedEllipse {
+  Ellipse ellipse;
+  double contrast_grey = 0;       // Inside minus outside, at the outline.
+  double blur_sigma_px = 0;       // Of the outline, a pixel's own width included.
+  double residual_ratio = 0;      // RMS of the fit's residuals by the contrast: noise and misfit.
+  double centre_stddev_px = 0;    // Per coordinate, as the residuals tell it.
+  double outlier_ratio = 0;       // Share of pixels that do not agree with an ellipse.
+};
+
+// The ellipse with a blurred edge that is most likely given the pixels beside its outline: brightness inside and outside
+// are planes, the edge between them is an error function, deviating pixels count less (Huber). `start` must be right to
+// a third of its radius. Nothing if there is no such ellipse near `start`, or if the picture's border cuts off more of it
+// than a tenth of its radius.
+std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& start,
+                                            const RefineEllipseOptions& options = {});
+
+}  // namespace heba

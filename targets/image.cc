@@ -1,0 +1,87 @@
+#include "targets/image.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <vector>
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+
+namespace heba {
+namespace {
+
+constexpr size_t kMaxImageBytes = size_t{1} << 30;
+
+// Whether a PNG or a JPEG is there to its end: decoders fill what is missing with grey and only print a warning.
+bool IsCutShort(const std::string& bytes) {
+  using std::string_view;
+  const string_view view(bytes);
+  if (view.substr(0, 8) == string_view("\x89PNG\r\n\x1a\n", 8)) {
+    // Chunks: length, type, data, checksum; the last is IEND.
+    size_t at = 8;
+    while (at + 12 <= view.size()) {
+      size_t length = 0;
+      for (size_t i = 0; i < 4; ++i) length = (length << 8) | static_cast<unsigned char>(view[at + i]);
+      if (view.substr(at + 4, 4) == "IEND") return false;
+      at += 12 + length;
+    }
+    return true;
+  }
+  if (view.substr(0, 3) == string_view("\xff\xd8\xff", 3)) {
+    // The end marker may be followed by what a camera or an editor added.
+    return view.rfind(string_view("\xff\xd9", 2)) == string_view::npos;
+  }
+  return false;
+}
+
+}  // namespace
+
+bool HasImageSuffix(const std::filesystem::path& path) {
+  static constexpr std::array<std::string_view, 13> kSuffixes = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm",
+                                                                 ".ppm", ".pnm", ".webp", ".exr", ".jp2", ".dib"};
+  std::string suffix = path.extension().string();
+  std::transform(suffix.begin(), suffix.end(), suffix.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return std::find(kSuffixes.begin(), kSuffixes.end(), suffix) != kSuffixes.end();
+}
+
+cv::Mat ReadGreyImage(const std::filesystem::path& path) {
+  const std::string bytes = ReadTextFile(path, kMaxImageBytes);
+  if (bytes.empty()) throw InputError(path.string() + ": is empty; a picture is needed");
+  if (IsCutShort(bytes)) throw InputError(path.string() + ": the picture is cut short; copy it again");
+  cv::Mat image;
+  try {
+    const cv::Mat buffer(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));  // NOLINT
+    image = cv::imdecode(buffer, cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception& error) {
+    throw InputError(path.string() + ": is not a picture that can be read (" + error.err + ")");
+  }
+  if (image.empty()) throw InputError(path.string() + ": is not a picture that can be read, or is cut short");
+  if (image.depth() == CV_16U) {
+    double brightest = 0;
+    cv::minMaxLoc(image.reshape(1), nullptr, &brightest);
+    image.convertTo(image, CV_8U, brightest > 0 ? 255.0 / brightest : 1.0);
+  } else if (image.depth() != CV_8U) {
+    throw InputError(path.string() + ": has neither 8 nor 16 bits a channel; save it as one of these");
+  }
+  if (image.channels() == 3) cv::cvtColor(image, image, cv::COLOR_BGR2GRAY);
+  if (image.channels() == 4) cv::cvtColor(image, image, cv::COLOR_BGRA2GRAY);
+  if (image.channels() != 1) throw InputError(path.string() + ": has 2 channels; grey or colour is needed");
+  return image;
+}
+
+void WriteImage(const std::filesystem::path& path, const cv::Mat& image) {
+  std::vector<unsigned char> bytes;
+  try {
+    if (!cv::imencode(path.extension().string(), image, bytes)) throw InputError(path.string() + ": cannot be encoded");
+  } catch (const cv::Exception& error) {
+    throw InputError(path.string() + ": cannot be encoded (" + error.err + ")");
+  }
+  WriteFileAtomically(path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));  // NOLINT
+}
+
+}  // namespace heba

@@ -1,0 +1,65 @@
+// What a target is: it lists its points, finds them in a picture and draws itself. Kinds of targets are found by name in
+// a table; a new one is one file in types/ and one line of targets.def.
+//
+// For every target: ids are unique, points do not lie on one line, and the points found in a rendered picture of a
+// known pose are where the camera model says (tests/conformance/target_test.cc).
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+
+#include "heba/config/yaml_reader.h"
+#include "heba/geometry/rigid3.h"
+#include "targets/drawing.h"
+
+namespace heba {
+
+struct TargetPoint {
+  int id = 0;
+  Eigen::Vector3d in_target = Eigen::Vector3d::Zero();  // m
+};
+
+// What was found in one picture: ids[i] at pixels[i] ((0, 0) is the centre of the first pixel).
+struct Detection {
+  std::vector<int> ids;
+  std::vector<Eigen::Vector2d> pixels;
+  std::string reason;  // Why nothing was found, or why not all, in plain words; may be empty.
+};
+
+class Target {
+ public:
+  virtual ~Target() = default;
+  // The name in targets.def.
+  virtual std::string_view type() const = 0;
+  // All points, by increasing id.
+  virtual const std::vector<TargetPoint>& points() const = 0;
+  // `grey` is CV_8UC1 and not changed. Only points of this target, each at most once. Called from several threads at
+  // once. A target that can be read in several orders (Symmetries) may be found in any of them.
+  virtual Detection Detect(const cv::Mat& grey) const = 0;
+  virtual Drawing Draw() const = 0;
+  // The rotations, as target_from_target, under which the target looks the same, the identity first. A target whose
+  // points carry ids or a mark has no other.
+  virtual std::vector<Rigid3d> Symmetries() const { return {Rigid3d()}; }
+};
+
+// Reads a target from its mapping, heba's or Kalibr's, all of it (the reader then holds the target as used, in heba's
+// words, defaults included). InputError
+// with file and line on a fault.
+std::unique_ptr<Target> CreateTarget(MapReader& reader);
+std::vector<std::string> TargetTypeNames();
+
+// The rotations about the plane's normal, as target_from_target, that map `points` onto themselves within 1e-6 of their
+// extent, the identity first.
+std::vector<Rigid3d> PlaneSymmetries(const std::vector<TargetPoint>& points);
+
+// Whether the pixels of points 0, 1, 2, ... turn in the sense of the target's front side seen by a camera: x to y
+// clockwise in the image for a target whose z axis points into the sheet, counter-clockwise for one whose z points out.
+bool SeenFromFront(const std::vector<Eigen::Vector2d>& points_m, const std::vector<Eigen::Vector2d>& pixels,
+                   bool y_up);
+
+}  // namespace heba

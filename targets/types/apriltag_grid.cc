@@ -1,0 +1,552 @@
+// A grid of AprilTags in Kalibr's geometry, or a single tag. Frame: origin at the outer bottom-left corner of the first
+// tag, x to the right, y up, z out of the sheet; tags are numbered row by row from the bottom left. Point id = 4 * tag
+// + corner, corners counter-clockwise from the bottom left.
+//
+// A tag's corners are those of the quad that libapriltag reports: the outer edge of the black border. Tags of the
+// families tagCircle..., tagCustom... and tagStandard... have cells outside of that quad, which is the inner one of a
+// black ring: `tag_size` is the quad's side for them too, not the side of what is printed.
+//
+// libapriltag sees a black region only if nothing black touches it. Kalibr's corner squares touch the tags, so that it
+// misses some: they are looked for with the black regions parted, and then where the tags around them say, refined as
+// saddles and decoded there.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <iterator>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include <Eigen/Geometry>
+#include <opencv2/imgproc.hpp>
+
+extern "C" {
+#include <apriltag/apriltag.h>
+#include <apriltag/tag16h5.h>
+#include <apriltag/tag25h9.h>
+#include <apriltag/tag36h10.h>
+#include <apriltag/tag36h11.h>
+#include <apriltag/tagCircle21h7.h>
+#include <apriltag/tagCircle49h12.h>
+#include <apriltag/tagCustom48h12.h>
+#include <apriltag/tagStandard41h12.h>
+#include <apriltag/tagStandard52h13.h>
+}
+
+#include "heba/base/error.h"
+#include "heba/base/text.h"
+#include "targets/corner_refinement.h"
+#include "targets/tag_layout.h"
+#include "targets/target.h"
+
+namespace heba {
+namespace {
+
+struct FamilyName {
+  const char* name;
+  apriltag_family_t* (*create)();
+  void (*destroy)(apriltag_family_t* family);
+};
+constexpr FamilyName kFamilies[] = {
+    {"tag16h5", &tag16h5_create, &tag16h5_destroy},
+    {"tag25h9", &tag25h9_create, &tag25h9_destroy},
+    {"tag36h10", &tag36h10_create, &tag36h10_destroy},
+    {"tag36h11", &tag36h11_create, &tag36h11_destroy},
+    {"tagCircle21h7", &tagCircle21h7_create, &tagCircle21h7_destroy},
+    {"tagCircle49h12", &tagCircle49h12_create, &tagCircle49h12_destroy},
+    {"tagCustom48h12", &tagCustom48h12_create, &tagCustom48h12_destroy},
+    {"tagStandard41h12", &tagStandard41h12_create, &tagStandard41h12_destroy},
+    {"tagStandard52h13", &tagStandard52h13_create, &tagStandard52h13_destroy},
+};
+
+// One of libapriltag's families, owned.
+class Family {
+ public:
+  explicit Family(const FamilyName& name) : name_(&name), family_(name.create()) {}
+  ~Family() {
+    if (family_ != nullptr) name_->destroy(family_);
+  }
+  Family(Family&& other) noexcept : name_(other.name_), family_(std::exchange(other.family_, nullptr)) {}
+  Family(const Family&) = delete;
+  Family& operator=(const Family&) = delete;
+  Family& operator=(Family&&) = delete;
+
+  const apriltag_family_t& operator*() const { return *family_; }
+  const apriltag_family_t* operator->() const { return family_; }
+  // Cells outside of the reported quad, on each side, that belong to the tag (and not to the paper).
+  int NumOuterCells() const {
+    return family_->reversed_border ? (family_->total_width - family_->width_at_border) / 2 : 0;
+  }
+
+ private:
+  const FamilyName* name_;
+  apriltag_family_t* family_;
+};
+
+struct TagGridGeometry {
+  int rows = 0;
+  int columns = 0;
+  double tag_size_m = 0;
+  int border_bits = 1;
+  double tag_spacing_ratio = 0;  // Gap between tags, of tag_size_m.
+  int first_id = 0;
+  bool corner_squares = true;
+};
+
+// Bit errors that may be corrected: far fewer than the code distance allows, since every quad in a picture is a chance
+// to misread: none for 16h5, 1 for 25h9, 2 (libapriltag's most) for 36h11.
+int MaxBitErrors(const apriltag_family_t& family) { return std::clamp((static_cast<int>(family.h) - 5) / 3, 0, 2); }
+
+// The tags of a family that are on the board, their black border as wide as the board's. Ids become indices from 0.
+class BoardFamily {
+ public:
+  BoardFamily(Family family, const TagGridGeometry& geometry) : source_(std::move(family)), family_(*source_) {
+    // Only the board's codes: the table of codes with errors of a large family would take gigabytes.
+    family_.codes += geometry.first_id;
+    family_.ncodes = static_cast<uint32_t>(geometry.rows * geometry.columns);
+    const int added = geometry.border_bits - 1;
+    family_.width_at_border += 2 * added;
+    family_.total_width += 2 * added;
+    for (uint32_t bit = 0; bit < family_.nbits; ++bit) {
+      bit_x_.push_back(source_->bit_x[bit] + static_cast<uint32_t>(added));
+      bit_y_.push_back(source_->bit_y[bit] + static_cast<uint32_t>(added));
+    }
+    family_.bit_x = bit_x_.data();
+    family_.bit_y = bit_y_.data();
+    family_.impl = nullptr;
+    // A detector builds the table when it is given the family and frees it when it is destroyed: this one never
+    // detects.
+    table_owner_ = apriltag_detector_create();
+    apriltag_detector_add_family_bits(table_owner_, &family_, MaxBitErrors(family_));
+  }
+  ~BoardFamily() { apriltag_detector_destroy(table_owner_); }
+  BoardFamily(const BoardFamily&) = delete;
+  BoardFamily& operator=(const BoardFamily&) = delete;
+
+  // In cells, the side of the quad that libapriltag reports.
+  int width() const { return family_.width_at_border; }
+  uint32_t num_bits() const { return family_.nbits; }
+  int NumOuterCells() const { return source_.NumOuterCells(); }
+  // A data bit's cell; (0, 0) is the quad's top-left one.
+  int BitX(uint32_t bit) const { return static_cast<int>(bit_x_[bit]); }
+  int BitY(uint32_t bit) const { return static_cast<int>(bit_y_[bit]); }
+  bool IsWhite(int index, uint32_t bit) const {
+    return ((family_.codes[index] >> (family_.nbits - 1 - bit)) & 1u) != 0;
+  }
+  // Whether a cell is printed black; cells that are neither data nor border are paper.
+  bool IsBlack(int index, int x, int y) const {
+    for (uint32_t bit = 0; bit < family_.nbits; ++bit) {
+      if (BitX(bit) == x && BitY(bit) == y) return !IsWhite(index, bit);
+    }
+    const int ring = std::min({x, y, width() - 1 - x, width() - 1 - y});
+    // A reversed border's quad lies between a black ring outside and a white one inside.
+    return family_.reversed_border ? ring == -1 : ring >= 0;
+  }
+
+  // All tags of the board that libapriltag decodes; corners in this program's pixels.
+  std::vector<SeenTag> Detect(const cv::Mat& grey, double decimate) const {
+    struct Detector {
+      apriltag_family_t family;
+      apriltag_detector_t* detector = apriltag_detector_create();
+      ~Detector() {
+        family.impl = nullptr;  // The shared table stays.
+        apriltag_detector_destroy(detector);
+      }
+    };
+    Detector owner = {family_};
+    apriltag_detector_add_family_bits(owner.detector, &owner.family, 0);  // Its table is there already.
+    owner.detector->nthreads = 1;
+    owner.detector->quad_decimate = static_cast<float>(decimate);
+    owner.detector->refine_edges = true;
+    image_u8_t image = {grey.cols, grey.rows, static_cast<int32_t>(grey.step[0]), grey.data};
+    zarray_t* found = apriltag_detector_detect(owner.detector, &image);
+    std::vector<SeenTag> tags;
+    for (int i = 0; i < zarray_size(found); ++i) {
+      apriltag_detection_t* detection = nullptr;
+      zarray_get(found, i, &detection);
+      SeenTag tag;
+      tag.index = detection->id;
+      tag.num_bit_errors = detection->hamming;
+      // libapriltag's first pixel has its centre at (0.5, 0.5).
+      for (size_t k = 0; k < 4; ++k) tag.corners_px[k] = {detection->p[k][0] - 0.5, detection->p[k][1] - 0.5};
+      tags.push_back(tag);
+    }
+    apriltag_detections_destroy(found);
+    return tags;
+  }
+
+ private:
+  Family source_;
+  apriltag_family_t family_;
+  std::vector<uint32_t> bit_x_;
+  std::vector<uint32_t> bit_y_;
+  apriltag_detector_t* table_owner_;
+};
+
+bool IsInside(const cv::Mat& grey, const Eigen::Vector2d& at_px) {
+  return at_px.x() >= 0 && at_px.y() >= 0 && at_px.x() <= grey.cols - 1 && at_px.y() <= grey.rows - 1;
+}
+
+// Bilinear, inside of the picture.
+double GreyAt(const cv::Mat& grey, const Eigen::Vector2d& at_px) {
+  const int x = std::min(static_cast<int>(at_px.x()), grey.cols - 2);
+  const int y = std::min(static_cast<int>(at_px.y()), grey.rows - 2);
+  const double s = at_px.x() - x;
+  const double t = at_px.y() - y;
+  return (1 - t) * ((1 - s) * grey.at<uchar>(y, x) + s * grey.at<uchar>(y, x + 1)) +
+         t * ((1 - s) * grey.at<uchar>(y + 1, x) + s * grey.at<uchar>(y + 1, x + 1));
+}
+
+class AprilTagGrid final : public Target {
+ public:
+  AprilTagGrid(Family family, const TagGridGeometry& geometry)
+      : geometry_(geometry), max_bit_errors_(MaxBitErrors(*family)), family_(std::move(family), geometry) {
+    const double size_m = geometry_.tag_size_m;
+    layout_.pitch_m = size_m * (1 + geometry_.tag_spacing_ratio);
+    for (int index = 0; index < geometry_.rows * geometry_.columns; ++index) {
+      const Eigen::Vector2d first(index % geometry_.columns * layout_.pitch_m,
+                                  index / geometry_.columns * layout_.pitch_m);
+      layout_.corners_m.push_back({first, first + Eigen::Vector2d(size_m, 0), first + Eigen::Vector2d(size_m, size_m),
+                                   first + Eigen::Vector2d(0, size_m)});
+      for (size_t corner = 0; corner < 4; ++corner) {
+        const Eigen::Vector2d& at_m = layout_.corners_m.back()[corner];
+        points_.push_back({PointId(index, corner), {at_m.x(), at_m.y(), 0}});
+      }
+    }
+  }
+
+  std::string_view type() const override { return "apriltag_grid"; }
+  const std::vector<TargetPoint>& points() const override { return points_; }
+
+  Detection Detect(const cv::Mat& grey) const override {
+    Detection detection;
+    constexpr int kMinSidePx = 16;  // Below this no tag can be decoded, and libapriltag's tiles do not fit.
+    if (std::min(grey.cols, grey.rows) < kMinSidePx) {
+      detection.reason = "the picture is too small";
+      return detection;
+    }
+    std::vector<SeenTag> candidates;
+    ConsistentTags board;
+    for (const double decimate : Decimations(grey)) {
+      const size_t num_before = board.tags.size();
+      AddCandidates(grey, decimate, &candidates);
+      board = KeepConsistent(candidates, layout_, std::max(0, max_bit_errors_ - 1));
+      FillIn(grey, &board.tags);
+      if (board.tags.size() == layout_.corners_m.size()) break;
+      // Part of the board may be out of view: a finer pass is worth its time only as long as it finds something.
+      if (!board.tags.empty() && board.tags.size() == num_before) break;
+    }
+    for (const SeenTag& tag : board.tags) {
+      for (size_t corner = 0; corner < 4; ++corner) {
+        detection.ids.push_back(PointId(tag.index, corner));
+        detection.pixels.push_back(tag.corners_px[corner]);
+      }
+    }
+    detection.reason = Reason(board);
+    return detection;
+  }
+
+  Drawing Draw() const override {
+    Drawing drawing;
+    drawing.y_up = true;
+    const double cell_m = geometry_.tag_size_m / family_.width();
+    const double gap_m = geometry_.tag_size_m * geometry_.tag_spacing_ratio;
+    const double outer_m = family_.NumOuterCells() * cell_m;
+    // A cell of paper around all that is printed.
+    const double rim_m = std::max(geometry_.corner_squares ? gap_m : 0.0, outer_m) + cell_m;
+    const Eigen::Vector2d last_m = layout_.corners_m.back()[2];
+    drawing.min_m = {-rim_m, -rim_m};
+    drawing.max_m = {last_m.x() + rim_m, last_m.y() + rim_m};
+    // Labels stand in the gap below the tag, away from its corners.
+    const double room_m = (layout_.corners_m.size() > 1 ? std::min(gap_m, rim_m) : rim_m) - outer_m;
+    const double height_m = std::min(0.002, 0.3 * room_m);
+    for (int index = 0; index < static_cast<int>(layout_.corners_m.size()); ++index) {
+      const Eigen::Vector2d& first_m = layout_.corners_m[static_cast<size_t>(index)][0];
+      DrawTag(index, first_m, cell_m, &drawing);
+      const Eigen::Vector2d below_m(0.45 * geometry_.tag_size_m, -outer_m - 0.5 * (room_m + height_m));
+      drawing.labels.push_back({std::to_string(geometry_.first_id + index), first_m + below_m, height_m});
+    }
+    if (geometry_.corner_squares) {
+      for (int row = 0; row <= geometry_.rows; ++row) {
+        for (int column = 0; column <= geometry_.columns; ++column) {
+          const double x_m = column * layout_.pitch_m;
+          const double y_m = row * layout_.pitch_m;
+          drawing.AddRectangle(x_m - gap_m, y_m - gap_m, x_m, y_m, 0);
+        }
+      }
+    }
+    return drawing;
+  }
+
+ private:
+  int PointId(int index, size_t corner) const { return 4 * (geometry_.first_id + index) + static_cast<int>(corner); }
+
+  // How coarsely libapriltag looks for quads, pass by pass: first so that it takes a fraction of a second, then finer.
+  // It decodes and refines edges in the whole picture in any case.
+  static std::vector<double> Decimations(const cv::Mat& grey) {
+    constexpr double kQuickPx = 3e6;
+    constexpr double kSlowPx = 14e6;
+    const double num_px = static_cast<double>(grey.total());
+    std::vector<double> decimations = {std::ceil(std::sqrt(num_px / kQuickPx))};
+    while (decimations.back() > 1) {
+      const double next = std::ceil(decimations.back() / 2);
+      if (num_px / (next * next) > kSlowPx) break;
+      decimations.push_back(next);
+    }
+    // Blurred tags are better found in a coarser picture.
+    if (decimations.size() == 1) decimations.push_back(2 * decimations.back());
+    return decimations;
+  }
+
+  // What libapriltag sees, in the picture as it is and with black regions parted, its corners refined.
+  void AddCandidates(const cv::Mat& grey, double decimate, std::vector<SeenTag>* candidates) const {
+    for (const SeenTag& found : family_.Detect(grey, decimate)) {
+      SeenTag tag = found;
+      RefineOnSquares(grey, &tag);
+      AddIfNew(tag, candidates);
+    }
+    if (!geometry_.corner_squares || candidates->size() >= layout_.corners_m.size()) return;
+    // White grows by one pixel of the decimated picture.
+    const int grown_px = static_cast<int>(decimate);
+    cv::Mat parted;
+    cv::dilate(grey, parted, cv::Mat::ones(2 * grown_px + 1, 2 * grown_px + 1, CV_8U));
+    for (const SeenTag& found : family_.Detect(parted, decimate)) {
+      SeenTag tag = found;
+      Grow(grown_px, &tag.corners_px);
+      // By how much the edges moved is a guess, not a measurement: only as a start for the saddles.
+      if (RefineOnSquares(grey, &tag)) AddIfNew(tag, candidates);
+    }
+  }
+
+  // The same tag at the same place, from an earlier pass, stays.
+  static void AddIfNew(const SeenTag& tag, std::vector<SeenTag>* candidates) {
+    const bool is_known = std::any_of(candidates->begin(), candidates->end(), [&](const SeenTag& other) {
+      return other.index == tag.index &&
+             (CentreOf(other.corners_px) - CentreOf(tag.corners_px)).norm() < 0.5 * MeanSide(tag.corners_px);
+    });
+    if (!is_known) candidates->push_back(tag);
+  }
+
+  // Moves every edge outwards by `distance_px`.
+  static void Grow(double distance_px, TagCorners* corners) {
+    const TagCorners before = *corners;
+    for (size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector2d from_next = (before[k] - before[(k + 1) % 4]).normalized();
+      const Eigen::Vector2d from_last = (before[k] - before[(k + 3) % 4]).normalized();
+      const double sine = std::abs(from_next.x() * from_last.y() - from_next.y() * from_last.x());
+      if (sine > 0.1) (*corners)[k] += distance_px / sine * (from_next + from_last);
+    }
+  }
+
+  // Puts the corners onto the saddles between tag and corner squares; false if one stays where it was because it could
+  // not be refined. A plain tag's corner is no saddle: libapriltag's edges are better there.
+  bool RefineOnSquares(const cv::Mat& grey, SeenTag* tag) const {
+    if (!geometry_.corner_squares) return true;
+    const TagCorners start_px = tag->corners_px;
+    const TagCorners& board_m = layout_.corners_m[static_cast<size_t>(tag->index)];
+    const std::optional<Eigen::Matrix3d> picture_from_board =
+        FitHomography({board_m.begin(), board_m.end()}, {start_px.begin(), start_px.end()});
+    if (!picture_from_board) return false;
+    // The next edges: the far sides of the corner squares, and the inner side of the tag's border.
+    const double free_m = geometry_.tag_size_m * std::min(geometry_.tag_spacing_ratio,
+                                                          static_cast<double>(geometry_.border_bits) / family_.width());
+    const std::array<Eigen::Vector2d, 4> steps_m = {Eigen::Vector2d(free_m, 0), Eigen::Vector2d(-free_m, 0),
+                                                    Eigen::Vector2d(0, free_m), Eigen::Vector2d(0, -free_m)};
+    bool are_all_refined = true;
+    for (size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector2d at_px = Map(*picture_from_board, board_m[k]);
+      double reach_px = std::numeric_limits<double>::infinity();
+      for (const Eigen::Vector2d& step_m : steps_m) {
+        reach_px = std::min(reach_px, (Map(*picture_from_board, board_m[k] + step_m) - at_px).norm());
+      }
+      const std::optional<Eigen::Vector2d> refined_px =
+          RefineCorner(grey, start_px[k], reach_px, std::max(1.5, 0.5 * reach_px));
+      are_all_refined = are_all_refined && refined_px.has_value();
+      tag->corners_px[k] = refined_px.value_or(start_px[k]);
+    }
+    return are_all_refined;
+  }
+
+  // Reads the missing tags where their neighbours say, until that finds no more.
+  void FillIn(const cv::Mat& grey, std::vector<SeenTag>* tags) const {
+    if (!geometry_.corner_squares || tags->empty()) return;
+    for (;;) {
+      std::vector<bool> is_seen(layout_.corners_m.size(), false);
+      for (const SeenTag& tag : *tags) is_seen[static_cast<size_t>(tag.index)] = true;
+      std::vector<SeenTag> additional;
+      for (int index = 0; index < static_cast<int>(is_seen.size()); ++index) {
+        if (is_seen[static_cast<size_t>(index)] || !HasSeenNeighbour(is_seen, index)) continue;
+        const std::optional<SeenTag> tag = ReadWhereExpected(grey, *tags, index);
+        if (tag) additional.push_back(*tag);
+      }
+      if (additional.empty()) return;
+      tags->insert(tags->end(), additional.begin(), additional.end());
+      std::sort(tags->begin(), tags->end(), [](const SeenTag& a, const SeenTag& b) { return a.index < b.index; });
+    }
+  }
+
+  bool HasSeenNeighbour(const std::vector<bool>& is_seen, int index) const {
+    const int row = index / geometry_.columns;
+    const int column = index % geometry_.columns;
+    for (int r = std::max(0, row - 1); r <= std::min(geometry_.rows - 1, row + 1); ++r) {
+      for (int c = std::max(0, column - 1); c <= std::min(geometry_.columns - 1, column + 1); ++c) {
+        if (is_seen[static_cast<size_t>(r * geometry_.columns + c)]) return true;
+      }
+    }
+    return false;
+  }
+
+  std::optional<SeenTag> ReadWhereExpected(const cv::Mat& grey, const std::vector<SeenTag>& tags, int index) const {
+    constexpr size_t kNumNearest = 3;
+    const std::optional<Eigen::Matrix3d> picture_from_board =
+        LocalHomography(tags, layout_, layout_.Centre(index), kNumNearest);
+    if (!picture_from_board) return std::nullopt;
+    TagCorners expected_px;
+    for (size_t k = 0; k < 4; ++k) {
+      expected_px[k] = Map(*picture_from_board, layout_.corners_m[static_cast<size_t>(index)][k]);
+      if (!expected_px[k].allFinite() || !IsInside(grey, expected_px[k])) return std::nullopt;
+    }
+    SeenTag tag;
+    tag.index = index;
+    tag.corners_px = expected_px;
+    // Twice: the lens bends, and a saddle may lie beyond the first window.
+    for (int pass = 0; pass < 2; ++pass) {
+      if (!RefineOnSquares(grey, &tag)) return std::nullopt;
+    }
+    constexpr double kMaxMoveRatio = 0.15;  // Of the tag's side.
+    for (size_t k = 0; k < 4; ++k) {
+      if ((tag.corners_px[k] - expected_px[k]).norm() > kMaxMoveRatio * MeanSide(expected_px)) return std::nullopt;
+    }
+    const std::optional<int> num_bit_errors = CountBitErrors(grey, tag);
+    if (!num_bit_errors || *num_bit_errors > max_bit_errors_) return std::nullopt;
+    tag.num_bit_errors = *num_bit_errors;
+    return tag;
+  }
+
+  // Reads the data between the corners and compares with the tag's code. No value without contrast between the border
+  // and the paper around it.
+  std::optional<int> CountBitErrors(const cv::Mat& grey, const SeenTag& tag) const {
+    const double width = family_.width();
+    const std::optional<Eigen::Matrix3d> picture_from_cells =
+        FitHomography({{0, width}, {width, width}, {width, 0}, {0, 0}}, {tag.corners_px.begin(), tag.corners_px.end()});
+    if (!picture_from_cells) return std::nullopt;
+    const auto level = [&](double x, double y) -> std::optional<double> {
+      const Eigen::Vector2d at_px = Map(*picture_from_cells, {x, y});
+      if (!IsInside(grey, at_px)) return std::nullopt;
+      return GreyAt(grey, at_px);
+    };
+    const auto mean_at = [&](double from_edge) {  // Over the four edges, cells inwards of them.
+      double sum = 0;
+      int count = 0;
+      for (int i = 0; i < family_.width(); ++i) {
+        const std::array<Eigen::Vector2d, 4> cells = {
+            Eigen::Vector2d(i + 0.5, from_edge), Eigen::Vector2d(i + 0.5, width - from_edge),
+            Eigen::Vector2d(from_edge, i + 0.5), Eigen::Vector2d(width - from_edge, i + 0.5)};
+        for (const Eigen::Vector2d& cell : cells) {
+          const std::optional<double> value = level(cell.x(), cell.y());
+          if (!value) continue;
+          sum += *value;
+          ++count;
+        }
+      }
+      return count > 0 ? sum / count : 0.0;
+    };
+    const double black = mean_at(0.5);
+    const double white = mean_at(-0.5);
+    constexpr double kMinContrast = 12;  // Grey levels.
+    if (white - black < kMinContrast) return std::nullopt;
+    int num_errors = 0;
+    for (uint32_t bit = 0; bit < family_.num_bits(); ++bit) {
+      const std::optional<double> value = level(family_.BitX(bit) + 0.5, family_.BitY(bit) + 0.5);
+      if (!value) return std::nullopt;
+      num_errors += (*value > 0.5 * (black + white)) != family_.IsWhite(tag.index, bit) ? 1 : 0;
+    }
+    return num_errors;
+  }
+
+  std::string Reason(const ConsistentTags& board) const {
+    const size_t num_tags = layout_.corners_m.size();
+    std::string reason;
+    if (board.tags.empty()) {
+      reason = "no tag of the board found";
+    } else if (board.tags.size() < num_tags) {
+      reason = std::to_string(board.tags.size()) + " of " + std::to_string(num_tags) + " tags seen";
+    }
+    if (board.num_dropped > 0) {
+      reason += std::string(reason.empty() ? "" : "; ") + std::to_string(board.num_dropped) +
+                " tags left out that do not fit the board (another board in view?)";
+    }
+    return reason;
+  }
+
+  void DrawTag(int index, const Eigen::Vector2d& first_m, double cell_m, Drawing* drawing) const {
+    const int begin = -family_.NumOuterCells();
+    const int end = family_.width() + family_.NumOuterCells();
+    for (int y = begin; y < end; ++y) {
+      // Cells count down from the top, the board's y up from the bottom. Runs of black cells are one shape, so that no
+      // hairline shows between them.
+      const double top_m = first_m.y() + (family_.width() - y) * cell_m;
+      for (int x = begin; x < end; ++x) {
+        if (!family_.IsBlack(index, x, y)) continue;
+        const int run_begin = x;
+        while (x < end && family_.IsBlack(index, x, y)) ++x;
+        drawing->AddRectangle(first_m.x() + run_begin * cell_m, top_m - cell_m, first_m.x() + x * cell_m, top_m, 0);
+      }
+    }
+  }
+
+  TagGridGeometry geometry_;
+  int max_bit_errors_;
+  BoardFamily family_;
+  TagLayout layout_;
+  std::vector<TargetPoint> points_;
+};
+
+}  // namespace
+
+std::unique_ptr<Target> CreateTarget_apriltag_grid(MapReader& reader) {
+  std::vector<std::string> names;
+  for (const FamilyName& entry : kFamilies) names.emplace_back(entry.name);
+  const std::string name = reader.Choice("family", names);
+  const FamilyName* entry = std::find_if(std::begin(kFamilies), std::end(kFamilies),
+                                         [&](const FamilyName& candidate) { return candidate.name == name; });
+  Family family(*entry);
+  const bool has_outer_cells = family.NumOuterCells() > 0;
+  TagGridGeometry geometry;
+  constexpr IntRange kTags = {1, 200};
+  geometry.rows = reader.Int("rows", kTags);
+  geometry.columns = reader.Int("columns", kTags);
+  geometry.tag_size_m = reader.PositiveLength("tag_size");
+  geometry.border_bits = reader.Int("border_bits", {1, 4}, 1);
+  if (has_outer_cells && geometry.border_bits != 1) {
+    reader.Get("border_bits").Fail("must be 1 for " + name + ", whose border lies between its cells");
+  }
+  geometry.tag_spacing_ratio = reader.Number("tag_spacing", 0.3);
+  if (!(geometry.tag_spacing_ratio > 0 && geometry.tag_spacing_ratio <= 10)) {
+    reader.Get("tag_spacing").Fail("must be greater than 0 and at most 10");
+  }
+  if (has_outer_cells && geometry.rows * geometry.columns > 1) {
+    const double min_ratio = (2.0 * family.NumOuterCells() + 1) / family->width_at_border;
+    if (geometry.tag_spacing_ratio < min_ratio) {
+      const std::string fault = "tags of " + name +
+                                " have cells outside of tag_size and need a tag_spacing of at least " +
+                                Significant(min_ratio, 3);
+      if (reader.Has("tag_spacing")) reader.Get("tag_spacing").Fail(fault);
+      reader.value().Fail(fault);
+    }
+  }
+  geometry.first_id = reader.Int("first_id", {0, 100000}, 0);
+  const int num_needed = geometry.first_id + geometry.rows * geometry.columns;
+  if (num_needed > static_cast<int>(family->ncodes)) {
+    reader.Get("family").Fail(name + " has " + std::to_string(family->ncodes) + " tags; the board's last id is " +
+                              std::to_string(num_needed - 1));
+  }
+  geometry.corner_squares = reader.Bool("corner_squares", !has_outer_cells);
+  if (geometry.corner_squares && has_outer_cells) {
+    reader.Get("corner_squares").Fail("must be false for " + name + ", which has cells where the squares would be");
+  }
+  return std::make_unique<AprilTagGrid>(std::move(family), geometry);
+}
+
+}  // namespace heba

@@ -1,0 +1,250 @@
+// A chessboard with ArUco markers in its white squares. Frame: origin at the board's outer top-left corner as printed, x
+// to the right, y down, z into the sheet (the frame of OpenCV's CharucoBoard since 4.7). The points are the inner
+// corners: id = row * (columns - 1) + column, at ((column + 1) square, (row + 1) square, 0).
+//
+// The square in the top-left corner is black. Boards that OpenCV before 4.6 drew (`legacy_pattern`) have the black square
+// in the bottom-left corner instead, which differs where the number of rows is even.
+//
+// Markers are OpenCV's to find (this is the one file that knows the interface of its aruco module, which changed in
+// 4.7); corners are predicted from the markers around them and refined as saddles.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+#include <Eigen/Geometry>
+#include <opencv2/aruco.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "heba/base/error.h"
+#include "targets/corner_refinement.h"
+#include "targets/tag_layout.h"
+#include "targets/target.h"
+
+namespace heba {
+namespace {
+
+struct DictionaryName {
+  const char* name;
+  int id;
+};
+constexpr DictionaryName kDictionaries[] = {
+    {"DICT_4X4_50", cv::aruco::DICT_4X4_50},
+    {"DICT_4X4_100", cv::aruco::DICT_4X4_100},
+    {"DICT_4X4_250", cv::aruco::DICT_4X4_250},
+    {"DICT_4X4_1000", cv::aruco::DICT_4X4_1000},
+    {"DICT_5X5_50", cv::aruco::DICT_5X5_50},
+    {"DICT_5X5_100", cv::aruco::DICT_5X5_100},
+    {"DICT_5X5_250", cv::aruco::DICT_5X5_250},
+    {"DICT_5X5_1000", cv::aruco::DICT_5X5_1000},
+    {"DICT_6X6_50", cv::aruco::DICT_6X6_50},
+    {"DICT_6X6_100", cv::aruco::DICT_6X6_100},
+    {"DICT_6X6_250", cv::aruco::DICT_6X6_250},
+    {"DICT_6X6_1000", cv::aruco::DICT_6X6_1000},
+    {"DICT_7X7_50", cv::aruco::DICT_7X7_50},
+    {"DICT_7X7_100", cv::aruco::DICT_7X7_100},
+    {"DICT_7X7_250", cv::aruco::DICT_7X7_250},
+    {"DICT_7X7_1000", cv::aruco::DICT_7X7_1000},
+    {"DICT_ARUCO_ORIGINAL", cv::aruco::DICT_ARUCO_ORIGINAL},
+    {"DICT_APRILTAG_16h5", cv::aruco::DICT_APRILTAG_16h5},
+    {"DICT_APRILTAG_25h9", cv::aruco::DICT_APRILTAG_25h9},
+    {"DICT_APRILTAG_36h10", cv::aruco::DICT_APRILTAG_36h10},
+    {"DICT_APRILTAG_36h11", cv::aruco::DICT_APRILTAG_36h11},
+};
+
+struct CharucoGeometry {
+  int rows = 0;
+  int columns = 0;
+  double square_m = 0;
+  double marker_m = 0;
+  bool legacy_pattern = false;
+  int first_marker = 0;
+
+  bool IsBlack(int row, int column) const {
+    const bool top_left_black = !legacy_pattern || rows % 2 == 1;
+    return ((row + column) % 2 == 0) == top_left_black;
+  }
+};
+
+class Charuco final : public Target {
+ public:
+  Charuco(const CharucoGeometry& geometry, cv::Ptr<cv::aruco::Dictionary> dictionary)
+      : geometry_(geometry), dictionary_(std::move(dictionary)) {
+    const double square_m = geometry_.square_m;
+    for (int row = 0; row + 1 < geometry_.rows; ++row) {
+      for (int column = 0; column + 1 < geometry_.columns; ++column) {
+        points_.push_back(
+            {row * (geometry_.columns - 1) + column, {(column + 1) * square_m, (row + 1) * square_m, 0}});
+      }
+    }
+    // Markers are numbered row by row from the top.
+    const double gap_m = 0.5 * (square_m - geometry_.marker_m);
+    for (int row = 0; row < geometry_.rows; ++row) {
+      for (int column = 0; column < geometry_.columns; ++column) {
+        if (geometry_.IsBlack(row, column)) continue;
+        const Eigen::Vector2d first(column * square_m + gap_m, row * square_m + gap_m);
+        const double m = geometry_.marker_m;
+        // OpenCV's order: clockwise from the top-left corner.
+        layout_.corners_m.push_back({first, first + Eigen::Vector2d(m, 0), first + Eigen::Vector2d(m, m),
+                                     first + Eigen::Vector2d(0, m)});
+        marker_squares_.push_back({row, column});
+      }
+    }
+    layout_.pitch_m = square_m * std::sqrt(2.0);
+  }
+
+  std::string_view type() const override { return "charuco"; }
+  const std::vector<TargetPoint>& points() const override { return points_; }
+
+  Detection Detect(const cv::Mat& grey) const override {
+    Detection detection;
+    const ConsistentTags markers = KeepConsistent(FindMarkers(grey), layout_, 0);
+    if (markers.tags.empty()) {
+      detection.reason = "no marker of the board found";
+      return detection;
+    }
+    std::vector<bool> seen(layout_.corners_m.size(), false);
+    for (const SeenTag& tag : markers.tags) seen[static_cast<size_t>(tag.index)] = true;
+    int missed = 0;
+    for (const TargetPoint& point : points_) {
+      const std::optional<Eigen::Vector2d> corner = FindCorner(grey, markers.tags, seen, point);
+      if (corner) {
+        detection.ids.push_back(point.id);
+        detection.pixels.push_back(*corner);
+      } else {
+        ++missed;
+      }
+    }
+    if (detection.ids.empty()) {
+      detection.reason = std::to_string(markers.tags.size()) + " markers, but no corner between them could be measured";
+    } else if (missed > 0) {
+      detection.reason = std::to_string(missed) + " of " + std::to_string(points_.size()) + " corners not seen";
+    }
+    return detection;
+  }
+
+  Drawing Draw() const override {
+    Drawing drawing;
+    const double square_m = geometry_.square_m;
+    const double rim_m = 0.5 * square_m;
+    drawing.min_m = {-rim_m, -rim_m};
+    drawing.max_m = {geometry_.columns * square_m + rim_m, geometry_.rows * square_m + rim_m};
+    for (int row = 0; row < geometry_.rows; ++row) {
+      for (int column = 0; column < geometry_.columns; ++column) {
+        if (!geometry_.IsBlack(row, column)) continue;
+        drawing.AddRectangle(column * square_m, row * square_m, (column + 1) * square_m, (row + 1) * square_m, 0);
+      }
+    }
+    for (size_t index = 0; index < layout_.corners_m.size(); ++index) {
+      const int cells = dictionary_->markerSize + 2;
+      cv::Mat bits;  // One pixel a cell, the border included.
+      cv::aruco::drawMarker(dictionary_, geometry_.first_marker + static_cast<int>(index), cells, bits, 1);
+      const Eigen::Vector2d& corner = layout_.corners_m[index][0];
+      const double cell_m = geometry_.marker_m / cells;
+      for (int row = 0; row < cells; ++row) {
+        // Runs of black cells as one shape, so that no hairline shows between them.
+        for (int column = 0; column < cells;) {
+          if (bits.at<uchar>(row, column) != 0) {
+            ++column;
+            continue;
+          }
+          const int begin = column;
+          while (column < cells && bits.at<uchar>(row, column) == 0) ++column;
+          drawing.AddRectangle(corner.x() + begin * cell_m, corner.y() + row * cell_m, corner.x() + column * cell_m,
+                               corner.y() + (row + 1) * cell_m, 0);
+        }
+      }
+    }
+    return drawing;
+  }
+
+ private:
+  std::vector<SeenTag> FindMarkers(const cv::Mat& grey) const {
+    const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
+    parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;
+    parameters->minMarkerPerimeterRate = 0.01;
+    // Windows of 3 to 53 px, for small pictures and for large ones.
+    parameters->adaptiveThreshWinSizeMax = 53;
+    parameters->adaptiveThreshWinSizeStep = 10;
+    std::vector<std::vector<cv::Point2f>> corners;
+    std::vector<int> ids;
+    cv::aruco::detectMarkers(grey, dictionary_, corners, ids, parameters);
+    std::vector<SeenTag> markers;
+    for (size_t i = 0; i < ids.size(); ++i) {
+      const int index = ids[i] - geometry_.first_marker;
+      if (index < 0 || index >= static_cast<int>(layout_.corners_m.size())) continue;
+      SeenTag marker;
+      marker.index = index;
+      for (size_t k = 0; k < 4; ++k) marker.corners_px[k] = {corners[i][k].x, corners[i][k].y};
+      markers.push_back(marker);
+    }
+    return markers;
+  }
+
+  // Predicted by the markers nearest to it, of which one at least must touch it, and refined within its squares.
+  std::optional<Eigen::Vector2d> FindCorner(const cv::Mat& grey, const std::vector<SeenTag>& markers,
+                                            const std::vector<bool>& seen, const TargetPoint& point) const {
+    const int row = point.id / (geometry_.columns - 1);
+    const int column = point.id % (geometry_.columns - 1);
+    bool touched = false;
+    for (size_t index = 0; index < marker_squares_.size(); ++index) {
+      const auto [r, c] = marker_squares_[index];
+      touched = touched || (seen[index] && r - row >= 0 && r - row <= 1 && c - column >= 0 && c - column <= 1);
+    }
+    if (!touched) return std::nullopt;
+    const Eigen::Vector2d at_m = point.in_target.head<2>();
+    constexpr size_t kNumNearest = 4;
+    const std::optional<Eigen::Matrix3d> homography = LocalHomography(markers, layout_, at_m, kNumNearest);
+    if (!homography) return std::nullopt;
+    const Eigen::Vector2d predicted_px = Map(*homography, at_m);
+    // The nearest other edge is a marker's, half the gap between marker and square away along both sides.
+    const double gap_m = 0.5 * (geometry_.square_m - geometry_.marker_m);
+    double gap_px = std::numeric_limits<double>::infinity();
+    double square_px = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector2d& direction : {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}) {
+      gap_px = std::min(gap_px, (Map(*homography, at_m + gap_m * direction) - predicted_px).norm());
+      square_px = std::min(square_px, (Map(*homography, at_m + geometry_.square_m * direction) - predicted_px).norm());
+    }
+    // A marker's corner lies on the diagonal, so that the window may reach a little farther than the gap.
+    const double reach_px = std::max(1.4 * gap_px, 4.0);
+    if (square_px < 8) return std::nullopt;
+    const double max_move_px = std::max(2.0, 0.15 * square_px);
+    return RefineCorner(grey, predicted_px, std::min(reach_px, 0.5 * square_px), max_move_px);
+  }
+
+  CharucoGeometry geometry_;
+  cv::Ptr<cv::aruco::Dictionary> dictionary_;
+  std::vector<TargetPoint> points_;
+  TagLayout layout_;
+  std::vector<std::array<int, 2>> marker_squares_;  // Row and column of each marker's square.
+};
+
+}  // namespace
+
+std::unique_ptr<Target> CreateTarget_charuco(MapReader& reader) {
+  CharucoGeometry geometry;
+  constexpr IntRange kSquares = {2, 100};
+  geometry.rows = reader.Int("rows", kSquares);
+  geometry.columns = reader.Int("columns", kSquares);
+  geometry.square_m = reader.PositiveLength("square");
+  geometry.marker_m = reader.PositiveLength("marker");
+  if (geometry.marker_m >= geometry.square_m) reader.Get("marker").Fail("must be smaller than the square");
+  std::vector<std::string> names;
+  for (const DictionaryName& entry : kDictionaries) names.emplace_back(entry.name);
+  const std::string name = reader.Choice("dictionary", names);
+  const auto* entry = std::find_if(std::begin(kDictionaries), std::end(kDictionaries),
+                                   [&](const DictionaryName& candidate) { return candidate.name == name; });
+  geometry.legacy_pattern = reader.Bool("legacy_pattern", false);
+  geometry.first_marker = reader.Int("first_marker", {0, 10000}, 0);
+  cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(entry->id);
+  const int num_markers = geometry.rows * geometry.columns / 2;
+  if (geometry.first_marker + num_markers > dictionary->bytesList.rows) {
+    reader.Get("dictionary")
+        .Fail(name + " has " + std::to_string(dictionary->bytesList.rows) + " markers; the board needs " +
+              std::to_string(geometry.first_marker + num_markers));
+  }
+  return std::make_unique<Charuco>(geometry, std::move(dictionary));
+}
+
+}  // namespace heba

@@ -1,0 +1,336 @@
+// A grid of dots: symmetric (square), asymmetric as OpenCV's (odd rows shifted by half a pitch), or symmetric with one
+// larger dot that fixes the order (industrial_calibration's modified circle grid). Frame: origin at the first dot, x to
+// the right along the columns, y down, z into the sheet. id = row * columns + column; in an asymmetric grid dot (row,
+// column) is at ((2 column + row % 2) spacing, row spacing). The larger dot is the first one of the last row.
+//
+// All kinds are square lattices of neighbouring dots (the asymmetric one stands on a corner), so one search serves all:
+// dots (FindEllipses), lattices among them (GrowLattices), the grid's pattern laid on a lattice (PlacePattern).
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include <Eigen/Dense>
+#include <opencv2/calib3d.hpp>
+
+#include "heba/base/error.h"
+#include "targets/circle_lattice.h"
+#include "targets/ellipse_finder.h"
+#include "targets/target.h"
+
+namespace heba {
+namespace {
+
+struct CircleGridOptions {
+  int rows = 0;
+  int columns = 0;
+  double spacing_m = 0;
+  bool asymmetric = false;
+  DotPolarity polarity = DotPolarity::kDarkOnLight;
+  bool marker_dot = false;
+  double dot_diameter_m = 0;
+  double marker_diameter_m = 0;
+};
+
+std::string Count(size_t count, const std::string& what) {
+  return std::to_string(count) + " " + what + (count == 1 ? "" : "s");
+}
+
+double MedianOf(std::vector<double> values) {
+  CHECK(!values.empty());
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// A grid's dots in the order of its ids.
+using Dots = std::vector<Ellipse>;
+
+class CircleGrid final : public Target {
+ public:
+  explicit CircleGrid(const CircleGridOptions& options) : options_(options) {
+    for (int row = 0; row < options_.rows; ++row) {
+      for (int column = 0; column < options_.columns; ++column) {
+        const int x = options_.asymmetric ? 2 * column + row % 2 : column;
+        points_.push_back({row * options_.columns + column, {x * options_.spacing_m, row * options_.spacing_m, 0}});
+        // An asymmetric grid's lattice has its steps along (1, 1) and (-1, 1).
+        pattern_.push_back(options_.asymmetric ? LatticeCell{(x + row) / 2, (row - x) / 2} : LatticeCell{x, row});
+      }
+    }
+  }
+
+  std::string_view type() const override { return "circle_grid"; }
+  const std::vector<TargetPoint>& points() const override { return points_; }
+
+  std::vector<Rigid3d> Symmetries() const override {
+    return options_.marker_dot ? std::vector<Rigid3d>{Rigid3d()} : PlaneSymmetries(points_);
+  }
+
+  Drawing Draw() const override {
+    Drawing drawing;
+    const Eigen::Vector2d last(points_.back().in_target.x(), points_.back().in_target.y());
+    const double max_x_m = options_.asymmetric && options_.rows > 1
+                               ? (2 * options_.columns - 1) * options_.spacing_m
+                               : (options_.columns - 1) * options_.spacing_m;
+    const double margin_m =
+        options_.spacing_m + 0.5 * std::max(options_.dot_diameter_m, options_.marker_dot ? options_.marker_diameter_m : 0);
+    drawing.min_m = Eigen::Vector2d(-margin_m, -margin_m);
+    drawing.max_m = Eigen::Vector2d(max_x_m + margin_m, last.y() + margin_m);
+    const bool light = options_.polarity == DotPolarity::kLightOnDark;
+    drawing.ground = light ? 0 : 1;
+    for (const TargetPoint& point : points_) {
+      const bool is_marker = options_.marker_dot && point.id == MarkerId();
+      const double diameter_m = is_marker ? options_.marker_diameter_m : options_.dot_diameter_m;
+      drawing.AddDisc(point.in_target.head<2>(), 0.5 * diameter_m, light ? 1 : 0);
+    }
+    return drawing;
+  }
+
+  Detection Detect(const cv::Mat& grey) const override {
+    CHECK_EQ(grey.type(), CV_8UC1);
+    EllipseFinderOptions finder_options;
+    finder_options.polarity = options_.polarity;
+    Dots dots;
+    for (const FoundEllipse& found : FindEllipses(grey, finder_options)) dots.push_back(found.ellipse);
+    LatticeOptions lattice_options;
+    // Makers of sheets differ about the larger dot.
+    if (options_.marker_dot) lattice_options.max_size_ratio *= 1.4 * options_.marker_diameter_m / options_.dot_diameter_m;
+
+    Detection detection;
+    const std::string needed = " of the " + Count(points_.size(), "dot");
+    size_t num_seen = 0;
+    std::string fault;
+    std::vector<Dots> orders;  // Of one set of dots.
+    std::set<std::vector<int>> sets_seen;
+    for (const Lattice& lattice : GrowLattices(dots, lattice_options)) {
+      num_seen = std::max(num_seen, lattice.size());
+      const std::vector<LatticePlacement> placements = PlacePattern(lattice, pattern_);
+      if (placements.size() > 1 || (placements.size() == 1 && GoesOn(lattice, dots, placements.front()))) {
+        detection.reason = "the dots go on beyond " + std::to_string(options_.rows) + " rows of " +
+                           std::to_string(options_.columns) + ": " + Count(lattice.size(), "dot") + " in a grid";
+        return detection;
+      }
+      if (placements.empty()) continue;
+      std::vector<int> dot_set = placements.front().orders.front();
+      std::sort(dot_set.begin(), dot_set.end());
+      if (!sets_seen.insert(dot_set).second) continue;
+      Outcome<std::vector<Dots>> refined = Refine(grey, dots, placements.front());
+      if (!refined) {
+        if (fault.empty()) fault = refined.reason();
+        continue;
+      }
+      if (!orders.empty()) {
+        detection.reason = "there is more than one grid of " + std::to_string(options_.rows) + " rows of " +
+                           std::to_string(options_.columns) + " dots";
+        return detection;
+      }
+      orders = *refined;
+    }
+    if (orders.empty()) {
+      detection.reason = !fault.empty() ? fault
+                                        : std::to_string(std::min(num_seen, points_.size())) + needed +
+                                              " seen in a grid (" + Count(dots.size(), "dot") + " in the picture)";
+      return detection;
+    }
+    const Outcome<Dots> ordered = options_.marker_dot ? OrderByMarker(orders) : OrderByImage(orders);
+    if (!ordered) {
+      detection.reason = ordered.reason();
+      return detection;
+    }
+    for (size_t n = 0; n < points_.size(); ++n) {
+      detection.ids.push_back(points_[n].id);
+      detection.pixels.push_back((*ordered)[n].centre_px);
+    }
+    return detection;
+  }
+
+ private:
+  int MarkerId() const { return (options_.rows - 1) * options_.columns; }
+
+  // Whether the lattice continues beyond the pattern: more than a stray dot or two exactly where the next ones would be.
+  bool GoesOn(const Lattice& lattice, const Dots& dots, const LatticePlacement& placement) const {
+    const std::set<int> inside(placement.orders.front().begin(), placement.orders.front().end());
+    Lattice grid;
+    for (const auto& [cell, dot] : lattice) {
+      if (inside.count(dot) > 0) grid[cell] = dot;
+    }
+    int num_beyond = 0;
+    for (const auto& [cell, dot] : lattice) {
+      if (inside.count(dot) > 0) continue;
+      const std::optional<DotPrediction> prediction = PredictDot(grid, dots, cell);
+      if (!prediction) continue;
+      const double off_px = (prediction->pixel - dots[dot].centre_px).norm();
+      if (off_px < 0.1 * prediction->spacing_px) ++num_beyond;
+    }
+    return num_beyond > std::max(1, std::min(options_.rows, options_.columns) / 3);
+  }
+
+  // The exact dots in all orders of a placement, or what shows that they are no grid.
+  Outcome<std::vector<Dots>> Refine(const cv::Mat& grey, const Dots& dots, const LatticePlacement& placement) const {
+    const std::vector<int>& first = placement.orders.front();
+    std::vector<double> contrasts;
+    Dots refined_dots(dots.size());
+    size_t num_bad = 0;
+    for (const int dot : first) {
+      const Ellipse& start = dots[dot];
+      RefineEllipseOptions refine_options;
+      refine_options.max_margin_px = 0.6 * GapPx(dots, first, dot);
+      const std::optional<RefinedEllipse> refined = RefineEllipse(grey, start, refine_options);
+      const double sign = options_.polarity == DotPolarity::kLightOnDark ? 1 : -1;
+      if (!refined || sign * refined->contrast_grey < 4 || refined->residual_ratio > 0.2 ||
+          refined->outlier_ratio > 0.2 || refined->centre_stddev_px > 0.25 ||
+          std::abs(std::log(refined->ellipse.RadiusPx() / start.RadiusPx())) > 0.3 + 0.5 / start.RadiusPx()) {
+        ++num_bad;
+        continue;
+      }
+      refined_dots[dot] = refined->ellipse;
+      contrasts.push_back(std::abs(refined->contrast_grey));
+    }
+    if (num_bad > 0) {
+      return Failure{Count(num_bad, "dot") + " of " + std::to_string(first.size()) + " not clear or not whole"};
+    }
+    if (*std::min_element(contrasts.begin(), contrasts.end()) < 0.15 * MedianOf(contrasts)) {
+      return Failure{"the dots are too unlike in brightness to be one grid"};
+    }
+    std::vector<Dots> orders;
+    for (const std::vector<int>& order : placement.orders) {
+      Dots ordered;
+      for (const int dot : order) ordered.push_back(refined_dots[dot]);
+      orders.push_back(std::move(ordered));
+    }
+    if (!IsEven(orders.front())) return Failure{"the dots are not evenly spaced"};
+    return orders;
+  }
+
+  // Between the outlines of `dot` and the nearest other dot.
+  static double GapPx(const Dots& dots, const std::vector<int>& grid, int dot) {
+    double gap_px = 1e6;
+    for (const int other : grid) {
+      if (other == dot) continue;
+      const Eigen::Vector2d offset = dots[other].centre_px - dots[dot].centre_px;
+      const Eigen::Vector2d direction = offset.normalized();
+      const auto reach_px = [&](const Ellipse& ellipse) { return 1 / std::sqrt(direction.dot(ellipse.shape * direction)); };
+      gap_px = std::min(gap_px, offset.norm() - reach_px(dots[dot]) - reach_px(dots[other]));
+    }
+    return gap_px;
+  }
+
+  // Whether steps and sizes change only as slowly as perspective and lens make them.
+  bool IsEven(const Dots& dots) const {
+    Lattice lattice;
+    for (size_t n = 0; n < dots.size(); ++n) lattice[pattern_[n]] = static_cast<int>(n);
+    const auto find = [&](int i, int j) -> const Ellipse* {
+      const auto entry = lattice.find({i, j});
+      return entry == lattice.end() ? nullptr : &dots[entry->second];
+    };
+    for (const LatticeCell& cell : pattern_) {
+      const Ellipse& here = *find(cell.i, cell.j);
+      for (const auto& [i, j] : {std::pair{1, 0}, std::pair{0, 1}}) {
+        const Ellipse* next = find(cell.i + i, cell.j + j);
+        const Ellipse* last = find(cell.i - i, cell.j - j);
+        if (next == nullptr || last == nullptr) continue;
+        const double bend_px = (next->centre_px - 2 * here.centre_px + last->centre_px).norm();
+        if (bend_px > 0.1 * (next->centre_px - last->centre_px).norm()) return false;
+      }
+      const Ellipse* right = find(cell.i + 1, cell.j);
+      const Ellipse* below = find(cell.i, cell.j + 1);
+      const Ellipse* across = find(cell.i + 1, cell.j + 1);
+      if (right == nullptr || below == nullptr || across == nullptr) continue;
+      const double twist_px = (here.centre_px + across->centre_px - right->centre_px - below->centre_px).norm();
+      if (twist_px > 0.1 * (across->centre_px - here.centre_px).norm()) return false;
+    }
+    const std::vector<double> sizes = EvenSizes(dots);
+    if (sizes.empty()) return false;
+    // The larger dot may be as large as it likes.
+    const double median = MedianOf(sizes);
+    int num_unlike = 0;
+    for (const double size : sizes) num_unlike += size > 1.35 * median || size < median / 1.35 ? 1 : 0;
+    return num_unlike <= (options_.marker_dot ? 1 : 0);
+  }
+
+  // The dots' radii with the perspective taken out, m; empty if there is none that fits.
+  std::vector<double> EvenSizes(const Dots& dots) const {
+    std::vector<cv::Point2d> plane;
+    std::vector<cv::Point2d> image;
+    for (size_t n = 0; n < dots.size(); ++n) {
+      plane.emplace_back(points_[n].in_target.x(), points_[n].in_target.y());
+      image.emplace_back(dots[n].centre_px.x(), dots[n].centre_px.y());
+    }
+    const cv::Mat fitted = cv::findHomography(plane, image, 0);
+    if (fitted.empty()) return {};
+    Eigen::Matrix3d pixel_from_plane;
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) pixel_from_plane(row, column) = fitted.at<double>(row, column);
+    }
+    std::vector<double> sizes;
+    for (size_t n = 0; n < dots.size(); ++n) {
+      const double depth = pixel_from_plane.row(2).dot(Eigen::Vector3d(plane[n].x, plane[n].y, 1));
+      // The area's scale of a homography at a point.
+      const double scale = pixel_from_plane.determinant() / (depth * depth * depth);
+      if (!(scale > 0)) return {};
+      sizes.push_back(dots[n].RadiusPx() / std::sqrt(scale));
+    }
+    return sizes;
+  }
+
+  // The order in which the larger dot is in its place.
+  Outcome<Dots> OrderByMarker(const std::vector<Dots>& orders) const {
+    const double marker_ratio = options_.marker_diameter_m / options_.dot_diameter_m;
+    for (const Dots& order : orders) {
+      const std::vector<double> sizes = EvenSizes(order);
+      if (sizes.empty()) continue;
+      const auto largest = std::max_element(sizes.begin(), sizes.end());
+      if (largest - sizes.begin() != MarkerId()) continue;
+      // Halfway, as ratios go, to the size it should have.
+      if (*largest < std::sqrt(marker_ratio) * MedianOf(sizes)) break;
+      return order;
+    }
+    return Failure{"all dots were seen, but none in a corner is larger than the others"};
+  }
+
+  // The order with the first row nearest to the picture's top. Any would do: the robot's poses tell which one is right.
+  Outcome<Dots> OrderByImage(const std::vector<Dots>& orders) const {
+    const auto upright = [&](const Dots& order) {
+      return (order[options_.columns - 1].centre_px - order[0].centre_px).normalized().x();
+    };
+    return *std::max_element(orders.begin(), orders.end(),
+                             [&](const Dots& a, const Dots& b) { return upright(a) < upright(b); });
+  }
+
+  CircleGridOptions options_;
+  std::vector<TargetPoint> points_;
+  std::vector<LatticeCell> pattern_;  // The lattice cell of each point.
+};
+
+}  // namespace
+
+std::unique_ptr<Target> CreateTarget_circle_grid(MapReader& reader) {
+  CircleGridOptions options;
+  options.rows = reader.Int("rows", {2, 200});
+  options.columns = reader.Int("columns", {2, 200});
+  options.spacing_m = reader.PositiveLength("spacing");
+  options.asymmetric = reader.Bool("asymmetric", false);
+  const bool light_on_dark = reader.Bool("light_on_dark", false);
+  options.polarity = light_on_dark ? DotPolarity::kLightOnDark : DotPolarity::kDarkOnLight;
+  options.marker_dot = reader.Bool("marker_dot", false);
+  if (options.asymmetric && options.marker_dot) {
+    reader.Get("marker_dot").Fail("only a symmetric grid can have it");
+  }
+  // Between neighbouring dots.
+  const double pitch_m = options.asymmetric ? std::sqrt(2.0) * options.spacing_m : options.spacing_m;
+  options.dot_diameter_m = reader.PositiveLength("dot_diameter", 0.5 * pitch_m);
+  if (options.dot_diameter_m > 0.95 * pitch_m) {
+    reader.Get("dot_diameter").Fail("the dots touch: it must be at most 0.95 of the distance between their centres");
+  }
+  if (options.marker_dot) {
+    options.marker_diameter_m = reader.PositiveLength("marker_diameter", 1.5 * options.dot_diameter_m);
+    if (options.marker_diameter_m < 1.2 * options.dot_diameter_m ||
+        0.5 * (options.marker_diameter_m + options.dot_diameter_m) > 0.95 * pitch_m) {
+      const std::optional<ConfigValue> given = reader.Find("marker_diameter");
+      (given ? *given : reader.Get("dot_diameter"))
+          .Fail("the larger dot must be at least 1.2 times as large as the others and not touch its neighbours");
+    }
+  }
+  return std::make_unique<CircleGrid>(options);
+}
+
+}  // namespace heba

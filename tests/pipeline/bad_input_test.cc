@@ -1,0 +1,351 @@
+// Bad input gets one line that names the file, what is wrong and what would be right; exit status 2 (1 where the work
+// failed); and nothing is written.
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/pipeline/cli.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+constexpr const char* kScene = R"(
+setup: eye_to_hand
+target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}
+camera: {model: pinhole, image_size: [640, 480], fx: 700, fy: 700, cx: 319.5, cy: 239.5, distortion: []}
+hand_eye: {translation: [800 mm, 0 mm, 500 mm], rpy: [-120 deg, 0 deg, 60 deg]}
+board: {translation: [0 mm, 0 mm, 100 mm], rpy: [0 deg, 5 deg, 10 deg]}
+motion: {captures: 6, distance: 400 mm, tilt: 30 deg, spread: 0.3}
+image: {noise: 1 grey}
+)";
+
+// A good data set, rendered once; each case spoils a copy.
+class BadInputTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    root_ = new fs::path(TestFolder("bad_input"));
+    WriteAll(*root_ / "scene.yaml", kScene);
+    const CommandResult result =
+        RunHeba({"simulate", (*root_ / "scene.yaml").string(), "--out", (*root_ / "good").string(), "--quiet"});
+    ASSERT_EQ(result.status, 0) << result.err;
+  }
+  static void TearDownTestSuite() {
+    fs::remove_all(*root_);
+    delete root_;
+  }
+
+  void SetUp() override {
+    folder_ = *root_ / "case";
+    fs::remove_all(folder_);
+    fs::copy(*root_ / "good", folder_, fs::copy_options::recursive);
+  }
+
+  // Replaces the first occurrence of `from`, which must be there.
+  void Replace(const std::string& file, const std::string& from, const std::string& to) {
+    std::string text = ReadAll(folder_ / file);
+    const size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from << " is not in " << file << ":\n" << text;
+    WriteAll(folder_ / file, text.replace(at, from.size(), to));
+  }
+  // Field `column` of data row `row` (0 is the first after the header).
+  void SetPose(int row, int column, const std::string& value) {
+    std::istringstream lines(ReadAll(folder_ / "poses.csv"));
+    std::string text;
+    std::string line;
+    for (int i = -1; std::getline(lines, line); ++i) {
+      if (i == row) {
+        std::istringstream fields(line);
+        std::string field;
+        std::string changed;
+        for (int c = 0; std::getline(fields, field, ','); ++c) changed += (c > 0 ? "," : "") + (c == column ? value : field);
+        line = changed;
+      }
+      text += line + "\n";
+    }
+    WriteAll(folder_ / "poses.csv", text);
+  }
+
+  // Runs the config and checks that the answer is one line with all of `parts`.
+  void ExpectError(int status, const std::vector<std::string>& parts) {
+    const fs::path out = *root_ / "out";
+    fs::remove_all(out);
+    const CommandResult result =
+        RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"});
+    EXPECT_EQ(result.status, status) << result.err;
+    EXPECT_THAT(result.err, testing::StartsWith("heba: error: "));
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    for (const std::string& part : parts) EXPECT_THAT(result.err, testing::HasSubstr(part));
+    EXPECT_EQ(result.out, "");
+    EXPECT_FALSE(fs::exists(out)) << "a failed run left a folder";
+    // Nothing half-written beside it either.
+    for (const fs::directory_entry& entry : fs::directory_iterator(*root_)) {
+      EXPECT_THAT(entry.path().filename().string(), testing::Not(testing::HasSubstr(".part")));
+    }
+  }
+
+  static fs::path* root_;
+  fs::path folder_;
+};
+fs::path* BadInputTest::root_ = nullptr;
+
+TEST_F(BadInputTest, TheGoodDataSetRuns) {
+  const fs::path out = *root_ / "good_run";
+  const CommandResult result = RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"});
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_TRUE(fs::exists(out / "result.json"));
+}
+
+TEST_F(BadInputTest, MissingConfig) {
+  fs::remove(folder_ / "config.yaml");
+  ExpectError(2, {"config.yaml", "no such file"});
+}
+TEST_F(BadInputTest, MissingPosesFile) {
+  fs::remove(folder_ / "poses.csv");
+  ExpectError(2, {"poses.csv", "no such file"});
+}
+TEST_F(BadInputTest, MissingTargetFile) {
+  fs::remove(folder_ / "target.yaml");
+  ExpectError(2, {"target.yaml", "no such file"});
+}
+TEST_F(BadInputTest, MissingCameraFile) {
+  fs::remove(folder_ / "camera.yaml");
+  ExpectError(2, {"camera.yaml", "no such file"});
+}
+TEST_F(BadInputTest, MissingImagesFolder) {
+  fs::remove_all(folder_ / "images");
+  ExpectError(2, {"config.yaml:", "captures.images", "no folder"});
+}
+TEST_F(BadInputTest, EmptyImagesFolder) {
+  fs::remove_all(folder_ / "images");
+  fs::create_directory(folder_ / "images");
+  ExpectError(2, {"captures.images", "no pictures"});
+}
+TEST_F(BadInputTest, TruncatedPng) {
+  const std::string bytes = ReadAll(folder_ / "images" / "002.png");
+  WriteAll(folder_ / "images" / "002.png", bytes.substr(0, bytes.size() / 2));
+  ExpectError(2, {"002.png", "cut short"});
+}
+TEST_F(BadInputTest, EmptyImage) {
+  WriteAll(folder_ / "images" / "002.png", "");
+  ExpectError(2, {"002.png", "is empty"});
+}
+TEST_F(BadInputTest, NotAnImage) {
+  WriteAll(folder_ / "images" / "002.png", "this is no picture");
+  ExpectError(2, {"002.png", "not a picture"});
+}
+TEST_F(BadInputTest, PoseRowWithAMissingNumber) {
+  SetPose(2, 3, "");
+  ExpectError(2, {"poses.csv:4", "z"});
+}
+TEST_F(BadInputTest, PoseRowWithTooFewFields) {
+  Replace("poses.csv", "003.png,", "003.png\n#");
+  ExpectError(2, {"poses.csv:5"});
+}
+TEST_F(BadInputTest, PoseRowWithText) {
+  SetPose(1, 2, "abc");
+  ExpectError(2, {"poses.csv:3", "abc"});
+}
+TEST_F(BadInputTest, PoseRowWithNan) {
+  SetPose(1, 2, "nan");
+  ExpectError(2, {"poses.csv:3", "finite"});
+}
+TEST_F(BadInputTest, PoseRowWithInfinity) {
+  SetPose(1, 2, "inf");
+  ExpectError(2, {"poses.csv:3", "finite"});
+}
+TEST_F(BadInputTest, QuaternionThatIsNotNearUnitLength) {
+  SetPose(3, 7, "3.5");
+  ExpectError(2, {"poses.csv:5", "quaternion"});
+}
+TEST_F(BadInputTest, PoseOfAnImageThatIsNotThere) {
+  SetPose(0, 0, "00O.png");
+  ExpectError(2, {"poses.csv:2", "00O.png", "did you mean '000.png'?"});
+}
+TEST_F(BadInputTest, DuplicateRows) {
+  SetPose(4, 0, "003.png");
+  ExpectError(2, {"poses.csv:6", "003.png"});
+}
+TEST_F(BadInputTest, UnknownPoseColumn) {
+  Replace("poses.csv", "qw", "qv");
+  ExpectError(2, {"poses.csv:1", "qv", "qw"});
+}
+TEST_F(BadInputTest, CountsThatDisagreeWithoutImageColumn) {
+  WriteAll(folder_ / "poses.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0,0,0,0,0,0,1\n");
+  ExpectError(2, {"poses.csv", "2 rows", "6 pictures"});
+}
+TEST_F(BadInputTest, UnknownKey) {
+  Replace("config.yaml", "setup:", "setpu: x\nsetup:");
+  ExpectError(2, {"config.yaml:1", "setpu", "did you mean 'setup'?"});
+}
+TEST_F(BadInputTest, UnknownNestedKey) {
+  Replace("config.yaml", "  poses:", "  poeses: x\n  poses:");
+  ExpectError(2, {"config.yaml:", "poeses", "did you mean 'poses'?"});
+}
+TEST_F(BadInputTest, MissingUnit) {
+  Replace("target.yaml", "square: 0.02 m", "square: 0.02");
+  ExpectError(2, {"target.yaml:", "square", "no unit"});
+}
+TEST_F(BadInputTest, WrongUnit) {
+  Replace("target.yaml", "square: 0.02 m", "square: 2 deg");
+  ExpectError(2, {"target.yaml:", "square", "deg", "mm"});
+}
+TEST_F(BadInputTest, NegativeLength) {
+  Replace("target.yaml", "square: 0.02 m", "square: -0.02 m");
+  ExpectError(2, {"target.yaml:", "square", "greater than zero"});
+}
+TEST_F(BadInputTest, UnknownTarget) {
+  Replace("target.yaml", "chessboard", "chesboard");
+  ExpectError(2, {"target.yaml:1", "chesboard", "did you mean 'chessboard'?"});
+}
+TEST_F(BadInputTest, UnknownSetup) {
+  Replace("config.yaml", "eye_to_hand", "eye_on_hand");
+  ExpectError(2, {"config.yaml:1", "setup", "eye_on_hand"});
+}
+TEST_F(BadInputTest, UnknownPoseFormat) {
+  Replace("config.yaml", "pose_format: ros", "pose_format: rso");
+  ExpectError(2, {"config.yaml:", "pose_format", "rso", "did you mean 'ros'?"});
+}
+TEST_F(BadInputTest, UnknownSeed) {
+  Replace("config.yaml", "setup:", "seed: parc\nsetup:");
+  ExpectError(2, {"config.yaml:1", "seed", "did you mean 'park'?"});
+}
+TEST_F(BadInputTest, UnknownMethod) {
+  Replace("config.yaml", "setup:", "methods: [park, shach]\nsetup:");
+  ExpectError(2, {"config.yaml:1", "shach"});
+}
+TEST_F(BadInputTest, UnknownCameraModel) {
+  Replace("config.yaml", "model: pinhole", "model: pinhoel");
+  ExpectError(2, {"config.yaml:", "pinhoel", "did you mean 'pinhole'?"});
+}
+TEST_F(BadInputTest, YamlSyntax) {
+  Replace("config.yaml", "setup:", "setup: [\nsetup:");
+  ExpectError(2, {"config.yaml:", "YAML"});
+}
+TEST_F(BadInputTest, DuplicateKey) {
+  Replace("config.yaml", "setup:", "setup: eye_to_hand\nsetup:");
+  ExpectError(2, {"config.yaml:2", "setup", "twice"});
+}
+TEST_F(BadInputTest, ImageSizeThatDisagreesWithTheCameraFile) {
+  Replace("camera.yaml", "480", "960");
+  ExpectError(2, {"camera.yaml", "640 x 960", "640 x 480"});
+}
+TEST_F(BadInputTest, ImagesOfDifferentSizes) {
+  const fs::path scene = *root_ / "other_scene.yaml";
+  std::string text = kScene;
+  text.replace(text.find("[640, 480]"), 10, "[644, 484]");
+  WriteAll(scene, text);
+  ASSERT_EQ(RunHeba({"simulate", scene.string(), "--out", (*root_ / "other").string(), "--quiet"}).status, 0);
+  fs::copy_file(*root_ / "other" / "images" / "003.png", folder_ / "images" / "003.png",
+                fs::copy_options::overwrite_existing);
+  ExpectError(2, {"003.png", "644 x 484", "640 x 480"});
+}
+TEST_F(BadInputTest, TruthBetweenOtherFrames) {
+  Replace("truth.json", "\"base\"", "\"gripper\"");
+  ExpectError(2, {"truth.json", "hand_eye", "base"});
+}
+TEST_F(BadInputTest, BrokenTruth) {
+  WriteAll(folder_ / "truth.json", "{\"hand_eye\": ");
+  ExpectError(2, {"truth.json", "JSON"});
+}
+TEST_F(BadInputTest, OneFold) {
+  Replace("config.yaml", "evaluate:", "evaluate:\n  folds: 1");
+  ExpectError(2, {"config.yaml:", "folds", "0 for none"});
+}
+
+TEST_F(BadInputTest, TargetThatIsNeverSeen) {
+  WriteAll(folder_ / "target.yaml", "type: charuco\nrows: 5\ncolumns: 7\nsquare: 20 mm\nmarker: 15 mm\ndictionary: DICT_4X4_50\n");
+  ExpectError(1, {"config.yaml", "not seen in any of the 6 pictures"});
+}
+TEST_F(BadInputTest, TooFewCaptures) {
+  std::istringstream lines(ReadAll(folder_ / "poses.csv"));
+  std::string text;
+  std::string line;
+  for (int i = 0; i < 3 && std::getline(lines, line); ++i) text += line + "\n";
+  WriteAll(folder_ / "poses.csv", text);
+  ExpectError(1, {"config.yaml", "at least 3 captures"});
+}
+TEST_F(BadInputTest, RobotThatDidNotMove) {
+  std::istringstream lines(ReadAll(folder_ / "poses.csv"));
+  std::string line;
+  std::getline(lines, line);
+  std::string text = line + "\n";
+  while (std::getline(lines, line)) text += line.substr(0, 7) + ",0,0,0,0,0,0,1\n";
+  WriteAll(folder_ / "poses.csv", text);
+  ExpectError(1, {"config.yaml", "did not rotate"});
+}
+TEST_F(BadInputTest, RobotThatTurnedAboutOneAxis) {
+  std::istringstream lines(ReadAll(folder_ / "poses.csv"));
+  std::string line;
+  std::getline(lines, line);
+  std::string text = line + "\n";
+  for (int i = 0; std::getline(lines, line); ++i) {
+    const double half = 0.1 * i;
+    text += line.substr(0, 7) + ",0,0,0,0,0," + std::to_string(std::sin(half)) + "," + std::to_string(std::cos(half)) + "\n";
+  }
+  WriteAll(folder_ / "poses.csv", text);
+  ExpectError(1, {"config.yaml", "one axis only", "second axis"});
+}
+
+TEST_F(BadInputTest, OutputThatHoldsOtherFilesIsLeftAlone) {
+  const fs::path out = *root_ / "precious";
+  fs::create_directory(out);
+  WriteAll(out / "thesis.txt", "ten years of work");
+  const CommandResult result = RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"});
+  EXPECT_EQ(result.status, 2);
+  EXPECT_THAT(result.err, testing::HasSubstr("holds other files"));
+  EXPECT_EQ(ReadAll(out / "thesis.txt"), "ten years of work");
+}
+TEST_F(BadInputTest, FailedRunKeepsTheFormerResult) {
+  const fs::path out = *root_ / "former";
+  ASSERT_EQ(RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"}).status, 0);
+  const std::string before = ReadAll(out / "result.json");
+  SetPose(3, 7, "3.5");
+  EXPECT_EQ(RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"}).status, 2);
+  EXPECT_EQ(ReadAll(out / "result.json"), before);
+}
+
+struct WrongCall {
+  std::string name;
+  std::vector<std::string> arguments;
+  std::string part;
+};
+
+TEST(CommandLineTest, WrongCallsAreOneLineAndStatus2) {
+  const std::vector<WrongCall> calls = {
+      {"unknown command", {"rnu"}, "did you mean 'run'?"},
+      {"no config", {"run"}, "takes CONFIG"},
+      {"unknown flag", {"run", "x.yaml", "--outt", "y"}, "did you mean 'out'?"},
+      {"flag of another command", {"run", "x.yaml", "--dpi", "300"}, "no flag --dpi"},
+      {"library's flag", {"run", "x.yaml", "--logtostderr"}, "no flag --logtostderr"},
+      {"flag without value", {"run", "x.yaml", "--out"}, "needs a value"},
+      {"number expected", {"run", "x.yaml", "--jobs", "many"}, "whole number"},
+      {"negative jobs", {"detect", "x.yaml", "--jobs=-1"}, ""},
+      {"two configs for one", {"detect", "a.yaml", "b.yaml"}, "takes CONFIG"},
+      {"missing config", {"run", "no/such.yaml"}, "no such file"},
+      {"sheet without --out", {"target", "x.yaml"}, "needs --out"},
+  };
+  for (const WrongCall& call : calls) {
+    const CommandResult result = RunHeba(call.arguments);
+    EXPECT_EQ(result.status, 2) << call.name;
+    EXPECT_THAT(result.err, testing::StartsWith("heba: error: ")) << call.name;
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << call.name << ": " << result.err;
+    EXPECT_THAT(result.err, testing::HasSubstr(call.part)) << call.name;
+  }
+}
+
+TEST(CommandLineTest, HelpAndVersionAnswer) {
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{}, {"help"}, {"--help"}, {"run", "--help"}, {"help", "target"}, {"--version"}}) {
+    const CommandResult result = RunHeba(arguments);
+    EXPECT_EQ(result.status, 0);
+    EXPECT_EQ(result.err, "");
+    EXPECT_THAT(result.out, testing::HasSubstr("heba"));
+  }
+}
+
+}  // namespace
+}  // namespace heba

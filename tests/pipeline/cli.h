@@ -1,0 +1,68 @@
+// Runs the program as a user does.
+#pragma once
+
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace heba {
+
+inline std::string ReadAll(const std::filesystem::path& path) {
+  std::ifstream stream(path, std::ios::binary);
+  std::ostringstream content;
+  content << stream.rdbuf();
+  return content.str();
+}
+
+inline void WriteAll(const std::filesystem::path& path, const std::string& content) {
+  std::ofstream stream(path, std::ios::binary | std::ios::trunc);
+  stream << content;
+}
+
+struct CommandResult {
+  int status = -1;  // -1 if the program was ended by a signal.
+  std::string out;
+  std::string err;
+};
+
+inline std::string Quoted(const std::string& word) {
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+// A folder of this test program's own, emptied when it starts.
+inline std::filesystem::path TestFolder(const std::string& name) {
+  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / ("heba_" + name);
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder);
+  return folder;
+}
+
+inline CommandResult RunHeba(const std::vector<std::string>& arguments) {
+  static int calls = 0;
+  const std::string base = (std::filesystem::path(testing::TempDir()) /
+                            ("heba_cli_" + std::to_string(getpid()) + "_" + std::to_string(calls++)))
+                               .string();
+  std::string command = Quoted(HEBA_PROGRAM);
+  for (const std::string& argument : arguments) command += " " + Quoted(argument);
+  command += " > " + Quoted(base + ".out") + " 2> " + Quoted(base + ".err") + " < /dev/null";
+  const int raw = std::system(command.c_str());
+  CommandResult result;
+  // A shell reports a signal as 128 and its number.
+  if (WIFEXITED(raw) && WEXITSTATUS(raw) < 128) result.status = WEXITSTATUS(raw);
+  result.out = ReadAll(base + ".out");
+  result.err = ReadAll(base + ".err");
+  std::filesystem::remove(base + ".out");
+  std::filesystem::remove(base + ".err");
+  return result;
+}
+
+}  // namespace heba

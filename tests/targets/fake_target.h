@@ -1,0 +1,21 @@
+// A target for tests of what is done with drawings: whatever drawing and points it is given; it finds nothing.
+#pragma once
+
+#include <vector>
+
+#include "targets/target.h"
+
+namespace heba {
+
+class FakeTarget final : public Target {
+ public:
+  Drawing drawing;
+  std::vector<TargetPoint> target_points;
+
+  std::string_view type() const override { return "fake"; }
+  const std::vector<TargetPoint>& points() const override { return target_points; }
+  Detection Detect(const cv::Mat& /*grey*/) const override { return {}; }
+  Drawing Draw() const override { return drawing; }
+};
+
+}  // namespace heba

@@ -1,0 +1,413 @@
+#include "targets/rendering.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <Eigen/Geometry>
+#include <opencv2/core.hpp>
+
+#include "heba/base/parallel.h"
+#include "heba/base/units.h"
+
+namespace heba {
+namespace {
+
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr double kUnitsPerGrey = 257;  // Of 16 bit pictures.
+
+Eigen::Matrix3d Rotation(double x_rad, double y_rad, double z_rad) {
+  return (Eigen::AngleAxisd(x_rad, Eigen::Vector3d::UnitX()) * Eigen::AngleAxisd(y_rad, Eigen::Vector3d::UnitY()) *
+          Eigen::AngleAxisd(z_rad, Eigen::Vector3d::UnitZ()))
+      .toRotationMatrix();
+}
+
+// 1 mm of the target at 1 m is 1 px; the optical axis is pixel (100, 75).
+Camera PinholeCamera() { return {"pinhole", 200, 150, {1000, 1000, 100, 75}}; }
+
+Drawing WhiteSheet(double half_width_m, double half_height_m) {
+  Drawing drawing;
+  drawing.min_m = {-half_width_m, -half_height_m};
+  drawing.max_m = {half_width_m, half_height_m};
+  return drawing;
+}
+
+RenderOptions Deep(double blur_sigma_px) {
+  RenderOptions options;
+  options.blur_sigma_px = blur_sigma_px;
+  options.depth = GreyDepth::k16Bit;
+  return options;
+}
+
+double Grey(const cv::Mat& picture, int x, int y) { return picture.at<uint16_t>(y, x) / kUnitsPerGrey; }
+
+bool SameBytes(const cv::Mat& a, const cv::Mat& b) {
+  return a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0;
+}
+
+// The integral of the Gaussian's distribution function.
+double SecondIntegral(double s, double sigma) {
+  if (sigma == 0) return std::max(0.0, s);
+  const double z = s / sigma;
+  return s * 0.5 * std::erfc(-z / std::sqrt(2.0)) + sigma * std::exp(-0.5 * z * z) / std::sqrt(2 * kPi);
+}
+// The share of a pixel's kernel (box and Gaussian) to the left of a straight upright edge `s` right of its centre.
+double KernelShare(double s, double sigma) { return SecondIntegral(s + 0.5, sigma) - SecondIntegral(s - 0.5, sigma); }
+
+TEST(RenderView, DiscsCentroidAndAreaAreExact) {
+  const Camera camera = PinholeCamera();
+  for (const double sigma_px : {0.0, 0.3, 0.7, 2.0}) {
+    for (const Eigen::Vector2d& offset_mm : {Eigen::Vector2d(0, 0), Eigen::Vector2d(3.21, -7.77)}) {
+      Drawing drawing = WhiteSheet(0.2, 0.2);
+      drawing.AddDisc(1e-3 * offset_mm, 0.0203, 0);
+      const cv::Mat picture =
+          RenderView(drawing, camera, Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 1}), Deep(sigma_px));
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (int y = 0; y < picture.rows; ++y) {
+        for (int x = 0; x < picture.cols; ++x) {
+          sum += (220 - Grey(picture, x, y)) / 190 * Eigen::Vector3d(x, y, 1);
+        }
+      }
+      const Eigen::Vector2d error_px = sum.head<2>() / sum.z() - Eigen::Vector2d(100, 75) - offset_mm;
+      // 5e-6 px from a blur of 0.4 px on; no blur counts as 0.02 px, at which quadrature leaves 5e-4 px.
+      constexpr double kTolerancePx = 0.001;
+      EXPECT_LT(error_px.norm(), kTolerancePx) << "blur of " << sigma_px << " px";
+      const double radius_px = std::sqrt(sum.z() / kPi);
+      EXPECT_NEAR(radius_px, 20.3, kTolerancePx) << "blur of " << sigma_px << " px";
+    }
+  }
+}
+
+// Edges along rows and columns, where a picture made from samples is at its worst.
+TEST(RenderView, StraightEdgeHasTheProfileOfBoxAndBlur) {
+  const Camera camera = PinholeCamera();
+  for (const double sigma_px : {0.02, 0.1, 0.4, 0.7, 1.5, 6.0}) {
+    for (const double edge_px : {100.0, 100.137, 100.5, 100.81}) {
+      Drawing drawing = WhiteSheet(0.2, 0.2);
+      drawing.AddRectangle(-0.3, -0.3, 1e-3 * (edge_px - 100), 0.3, 0);
+      Drawing turned = WhiteSheet(0.2, 0.2);
+      turned.AddRectangle(-0.3, -0.3, 0.3, 1e-3 * (edge_px - 100), 0);
+      const Rigid3d camera_from_target(Eigen::Quaterniond::Identity(), {0, 0, 1});
+      const cv::Mat upright = RenderView(drawing, camera, camera_from_target, Deep(sigma_px));
+      const cv::Mat level = RenderView(turned, camera, camera_from_target, Deep(sigma_px));
+      for (int i = -40; i <= 40; ++i) {
+        const double expected = 220 - 190 * KernelShare(edge_px - 100 - i, sigma_px);
+        constexpr double kToleranceGrey = 0.02;  // A hundredth of a percent of the contrast, and rounding.
+        EXPECT_NEAR(Grey(upright, 100 + i, 60), expected, kToleranceGrey) << edge_px << " " << sigma_px << " " << i;
+        EXPECT_NEAR(Grey(level, 60, 75 + i), expected, kToleranceGrey) << edge_px << " " << sigma_px << " " << i;
+      }
+    }
+  }
+}
+
+TEST(RenderView, NoBlurIsTheShareOfThePixelsBox) {
+  Drawing drawing = WhiteSheet(0.2, 0.2);
+  drawing.AddRectangle(-0.3, -0.3, 0.00025, 0.3, 0);
+  const cv::Mat picture =
+      RenderView(drawing, PinholeCamera(), Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 1}), Deep(0));
+  constexpr double kToleranceGrey = 1.0;  // No blur counts as 0.02 px.
+  EXPECT_NEAR(Grey(picture, 99, 60), 30, kToleranceGrey);
+  EXPECT_NEAR(Grey(picture, 100, 60), 220 - 190 * 0.75, kToleranceGrey);
+  EXPECT_NEAR(Grey(picture, 101, 60), 220, kToleranceGrey);
+}
+
+// What the scene of `drawing` (rectangles and discs) shows along a ray: painted in order.
+double AlbedoOfRay(const Drawing& drawing, const Rigid3d& camera_from_target, const Eigen::Vector3d& ray_in_camera,
+                   double background) {
+  const Rigid3d target_from_camera = Inverse(camera_from_target);
+  const Eigen::Vector3d camera_in_target = target_from_camera.translation;
+  const Eigen::Vector3d ray_in_target = target_from_camera.rotation * ray_in_camera;
+  const double distance = -camera_in_target.z() / ray_in_target.z();
+  const Eigen::Vector2d point = (camera_in_target + distance * ray_in_target).head<2>();
+  if (distance <= 0 || (point.array() < drawing.min_m.array()).any() || (point.array() > drawing.max_m.array()).any()) {
+    return background;
+  }
+  double albedo = drawing.ground;
+  for (const Shape& shape : drawing.shapes) {
+    const bool inside = shape.points_m.empty() ? (point - shape.centre_m).norm() < shape.radius_m
+                                               : (point.array() > shape.points_m[0].array()).all() &&
+                                                     (point.array() < shape.points_m[2].array()).all();
+    if (inside) albedo = shape.albedo;
+  }
+  return albedo;
+}
+
+// Many rays a pixel, each weighed with the Gaussian.
+cv::Mat BruteForce(const Drawing& drawing, const Camera& camera, const Rigid3d& camera_from_target,
+                   const RenderOptions& options) {
+  constexpr int kRays = 64;  // A pixel's side.
+  const int margin_px = static_cast<int>(std::ceil(4 * options.blur_sigma_px + 0.5));
+  const int columns = (camera.width_px + 2 * margin_px) * kRays;
+  const int rows = (camera.height_px + 2 * margin_px) * kRays;
+  const auto place_px = [&](int ray) { return (ray + 0.5) / kRays - 0.5 - margin_px; };
+  // The kernel of pixel i, at all rays of a row: box and Gaussian.
+  const auto weights = [&](int i, int num_rays) {
+    std::vector<double> of_rays(num_rays);
+    const double root = options.blur_sigma_px * std::sqrt(2.0);
+    for (int ray = 0; ray < num_rays; ++ray) {
+      const double s = place_px(ray) - i;
+      of_rays[ray] = 0.5 * (std::erf((s + 0.5) / root) - std::erf((s - 0.5) / root)) / kRays;
+    }
+    return of_rays;
+  };
+  std::vector<std::vector<double>> column_weights(camera.width_px);
+  for (int x = 0; x < camera.width_px; ++x) column_weights[x] = weights(x, columns);
+  std::vector<std::vector<double>> row_weights(camera.height_px);
+  for (int y = 0; y < camera.height_px; ++y) row_weights[y] = weights(y, rows);
+
+  cv::Mat picture = cv::Mat::zeros(camera.height_px, camera.width_px, CV_64FC1);
+  for (int row = 0; row < rows; ++row) {
+    std::vector<double> albedos(columns);
+    for (int column = 0; column < columns; ++column) {
+      const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, {place_px(column), place_px(row)});
+      albedos[column] =
+          ray ? AlbedoOfRay(drawing, camera_from_target, *ray, options.background_albedo) : options.background_albedo;
+    }
+    for (int x = 0; x < camera.width_px; ++x) {
+      double sum = 0;
+      for (int column = 0; column < columns; ++column) sum += column_weights[x][column] * albedos[column];
+      for (int y = 0; y < camera.height_px; ++y) picture.at<double>(y, x) += row_weights[y][row] * sum;
+    }
+  }
+  return options.black_grey + (options.white_grey - options.black_grey) * picture;
+}
+
+// Shapes that cover each other, share outlines and cross the sheet's edge.
+Drawing Tangle(bool y_up) {
+  Drawing drawing = WhiteSheet(0.05, 0.04);
+  drawing.y_up = y_up;
+  drawing.AddRectangle(-0.03, -0.03, 0.01, 0.01, 0);
+  drawing.AddRectangle(-0.025, -0.025, -0.015, -0.015, 1);
+  drawing.AddRectangle(-0.015, -0.025, -0.005, -0.015, 1);
+  drawing.AddRectangle(-0.005, -0.015, 0.01, 0.005, 1);  // Shares an outline with the first.
+  drawing.AddRectangle(0.01, -0.03, 0.02, 0.01, 0);
+  drawing.AddDisc({0.02, 0.015}, 0.015, 0);
+  drawing.AddDisc({0.02, 0.015}, 0.01, 1);
+  drawing.AddRectangle(0.015, 0.01, 0.05, 0.02, 0.5);
+  drawing.AddDisc({-0.045, 0.03}, 0.012, 0);
+  drawing.AddDisc({-0.035, 0.03}, 0.012, 0.2);
+  drawing.AddDisc({0.02, 0.015}, 0.004, 0);
+  return drawing;
+}
+
+struct Scene {
+  const char* name;
+  Camera camera;
+  Rigid3d camera_from_target;
+  bool y_up;
+};
+
+std::vector<Scene> Scenes() {
+  return {
+      {"brown5",
+       {"brown5", 28, 20, {26, 27, 14.2, 9.1, -0.25, 0.05, 0.003, -0.002, 0}},
+       Rigid3d(Rotation(0.4, -0.5, 0.3), {0.002, -0.003, 0.09}),
+       false},
+      {"partly_seen",
+       {"pinhole", 28, 20, {60, 62, 14.2, 9.1}},
+       Rigid3d(Rotation(kPi + 0.2, 0.7, 0.3), {0.02, -0.003, 0.09}),
+       true},
+      {"partly_behind_the_camera",
+       {"rational8", 28, 20, {20, 21, 14.2, 9.1, 0.1, 0.01, 0, 0, 0, 0.05, 0, 0}},
+       Rigid3d(Rotation(-1.3, 0.05, 0.4), {0.0, 0.02, 0.01}),
+       false},
+      {"fish_eye",
+       {"kannala_brandt4", 28, 20, {11, 11.2, 14.2, 9.1, 0.02, -0.003, 0, 0}},
+       Rigid3d(Rotation(0.3, 1.0, -0.8), {0.02, -0.01, 0.03}),
+       false},
+  };
+}
+
+class RenderAccuracyTest : public testing::TestWithParam<size_t> {};
+
+TEST_P(RenderAccuracyTest, AgreesWithManyWeighedRaysAPixel) {
+  const Scene scene = Scenes()[GetParam()];
+  const Drawing drawing = Tangle(scene.y_up);
+  RenderOptions options = Deep(0.7);
+  const cv::Mat expected = BruteForce(drawing, scene.camera, scene.camera_from_target, options);
+  const cv::Mat picture = RenderView(drawing, scene.camera, scene.camera_from_target, options);
+  double least = 0;
+  double most = 0;
+  cv::minMaxLoc(expected, &least, &most);
+  EXPECT_GT(most - least, 100) << "an empty scene";
+  double worst = 0;
+  for (int y = 0; y < picture.rows; ++y) {
+    for (int x = 0; x < picture.cols; ++x) {
+      worst = std::max(worst, std::abs(Grey(picture, x, y) - expected.at<double>(y, x)));
+    }
+  }
+  RecordProperty("worst_grey", std::to_string(worst));
+  // What 64 x 64 rays a pixel leave open, of a contrast of 190 (0.05 with four times as many).
+  constexpr double kToleranceGrey = 0.15;
+  EXPECT_LT(worst, kToleranceGrey);
+}
+INSTANTIATE_TEST_SUITE_P(RenderView, RenderAccuracyTest, testing::Range(size_t{0}, Scenes().size()),
+                         [](const auto& param_info) { return std::string(Scenes()[param_info.param].name); });
+
+// One picture in 49: the rows' sums run over all edges at their left, in and out of the picture.
+TEST(RenderView, PartsOfAPictureAreThePicturesOfItsParts) {
+  const Drawing drawing = Tangle(false);
+  const Rigid3d camera_from_target(Rotation(0.3, -0.4, 0.2), {0.001, 0.002, 0.12});
+  const Camera camera{"brown5", 140, 105, {180, 181, 70, 51, -0.2, 0.05, 0.001, 0, 0}};
+  const cv::Mat whole = RenderView(drawing, camera, camera_from_target, Deep(0.7));
+  for (int column = 0; column < 7; ++column) {
+    for (int row = 0; row < 7; ++row) {
+      Camera part = camera;
+      part.width_px = 20;
+      part.height_px = 15;
+      part.params[2] -= 20 * column;
+      part.params[3] -= 15 * row;
+      const cv::Mat picture = RenderView(drawing, part, camera_from_target, Deep(0.7));
+      // One unit of rounding, and another for other steps along the edges.
+      EXPECT_LE(cv::norm(picture, whole(cv::Rect(20 * column, 15 * row, 20, 15)), cv::NORM_INF), 2);
+    }
+  }
+}
+
+TEST(RenderView, SharedOutlinesLeaveNoSeam) {
+  Drawing drawing = WhiteSheet(0.05, 0.05);
+  // A checker of one ink, in sums that do not round alike.
+  for (int i = 0; i < 10; ++i) {
+    for (int j = 0; j < 10; ++j) {
+      drawing.AddRectangle(-0.04 + i * 0.008, -0.04 + j * 0.008, -0.04 + (i + 1) * 0.008, 0.04 - (9 - j) * 0.008, 0);
+    }
+  }
+  const cv::Mat picture = RenderView(drawing, PinholeCamera(), Rigid3d(Rotation(0.2, 0.3, 0.4), {0, 0, 1}), Deep(0.7));
+  for (int y = 75 - 20; y <= 75 + 20; ++y) {
+    for (int x = 100 - 20; x <= 100 + 20; ++x) EXPECT_NEAR(Grey(picture, x, y), 30, 0.01);
+  }
+}
+
+TEST(RenderView, BoardBehindTheCameraOrBesideThePictureIsNotSeen) {
+  const Drawing drawing = Tangle(false);
+  const Camera camera{"brown5", 60, 40, {60, 60, 30, 20, -0.3, 0.1, 0, 0, 0}};
+  RenderOptions options;
+  options.background_albedo = 0.4;
+  constexpr int kBackgroundGrey = 106;  // 30 + 0.4 * 190.
+  // The last one stands where a distortion that folds back would show it.
+  for (const Eigen::Vector3d& at :
+       {Eigen::Vector3d(0, 0, -0.1), Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0.4, 0, 0.1),
+        Eigen::Vector3d(0, -0.5, 0.1), Eigen::Vector3d(0.6, 0, 0.25)}) {
+    const cv::Mat picture = RenderView(drawing, camera, Rigid3d(Rotation(0.1, 0.2, 0), at), options);
+    EXPECT_EQ(cv::countNonZero(picture != kBackgroundGrey), 0) << at.transpose();
+  }
+}
+
+TEST(RenderView, BackOfTheBoardIsPlainGrey) {
+  for (const bool y_up : {false, true}) {
+    const Drawing drawing = Tangle(y_up);
+    const Rigid3d front(Rotation(y_up ? kPi : 0, 0, 0), {0, 0, 0.5});
+    const Rigid3d back(Rotation(y_up ? 0 : kPi, 0, 0), {0, 0, 0.5});
+    const cv::Rect inside(60, 50, 80, 50);
+    double least = 0;
+    double most = 0;
+    cv::minMaxLoc(RenderView(drawing, PinholeCamera(), front)(inside), &least, &most);
+    EXPECT_GT(most - least, 150);
+    cv::minMaxLoc(RenderView(drawing, PinholeCamera(), back)(inside), &least, &most);
+    EXPECT_EQ(most, least);
+  }
+}
+
+TEST(RenderView, BeyondTheFoldOfADistortionIsBackground) {
+  // x (1 - 0.3 x^2) turns back at x = 1.054, 422 px from the middle of a picture that goes on to 640.
+  const Camera camera{"brown5", 1280, 400, {600, 600, 640, 200, -0.3, 0, 0, 0, 0}};
+  const cv::Mat picture =
+      RenderView(WhiteSheet(1, 1), camera, Rigid3d(Rotation(0.1, 0.1, 0), {0, 0, 0.2}), RenderOptions());
+  const int background = static_cast<int>(std::lround(30 + 190 * RenderOptions().background_albedo));
+  for (int y = 0; y < picture.rows; ++y) {
+    for (int x = 0; x < picture.cols; ++x) {
+      const double radius_px = std::hypot(x - 640, y - 200);
+      if (radius_px > 405 && radius_px < 430) continue;
+      EXPECT_NEAR(picture.at<uint8_t>(y, x), radius_px < 415 ? 220 : background, 1) << x << " " << y;
+    }
+  }
+}
+
+TEST(RenderView, SameInputsGiveTheSameBytesOnAnyThread) {
+  const Drawing drawing = Tangle(false);
+  const Rigid3d camera_from_target(Rotation(0.2, 0.1, 0.3), {0, 0, 0.6});
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  options.light_gradient = 0.3;
+  options.clutter = true;
+  options.seed = 7;
+  const cv::Mat alone = RenderView(drawing, PinholeCamera(), camera_from_target, options);
+  std::vector<cv::Mat> pictures(8);
+  ParallelFor(8, 4, [&](int i) { pictures[i] = RenderView(drawing, PinholeCamera(), camera_from_target, options); });
+  for (const cv::Mat& picture : pictures) EXPECT_TRUE(SameBytes(picture, alone));
+  options.seed = 8;
+  EXPECT_FALSE(SameBytes(RenderView(drawing, PinholeCamera(), camera_from_target, options), alone));
+}
+
+TEST(RenderView, NoiseHasTheLevelAskedFor) {
+  const Camera camera = PinholeCamera();
+  const Rigid3d camera_from_target(Eigen::Quaterniond::Identity(), {0, 0, 1});
+  RenderOptions options;
+  options.seed = 3;
+  for (const double sigma_grey : {1.0, 3.0, 8.0}) {
+    options.noise_sigma_grey = sigma_grey;
+    const cv::Mat picture = RenderView(WhiteSheet(0.2, 0.2), camera, camera_from_target, options);
+    cv::Scalar mean;
+    cv::Scalar stddev;
+    cv::meanStdDev(picture, mean, stddev);
+    // Rounding adds a twelfth of a grey level squared. 30000 pixels: five standard deviations (1 false alarm in 10^6).
+    const double expected = std::sqrt(sigma_grey * sigma_grey + 1.0 / 12);
+    EXPECT_NEAR(stddev[0], expected, 5 * expected / std::sqrt(2 * 30000.0));
+    EXPECT_NEAR(mean[0], 220, 5 * expected / std::sqrt(30000.0));
+  }
+}
+
+TEST(RenderView, LightFallsByAtMostItsGradientAndScalesEveryGrey) {
+  const Camera camera = PinholeCamera();
+  const Rigid3d camera_from_target(Eigen::Quaterniond::Identity(), {0, 0, 1});
+  RenderOptions options = Deep(0.7);
+  options.light_gradient = 0.4;
+  const cv::Mat white = RenderView(WhiteSheet(0.2, 0.2), camera, camera_from_target, options);
+  Drawing black_sheet = WhiteSheet(0.2, 0.2);
+  black_sheet.ground = 0;
+  const cv::Mat black = RenderView(black_sheet, camera, camera_from_target, options);
+  double least = 0;
+  double most = 0;
+  cv::minMaxLoc(white, &least, &most);
+  EXPECT_LE(most / kUnitsPerGrey, 220);
+  EXPECT_GE(least / kUnitsPerGrey, 220 * 0.6 - 0.01);
+  EXPECT_LT(least, 0.75 * most);
+  for (int y = 0; y < white.rows; y += 10) {
+    for (int x = 0; x < white.cols; x += 10) EXPECT_NEAR(Grey(black, x, y) / Grey(white, x, y), 30.0 / 220, 1e-4);
+  }
+}
+
+TEST(RenderView, ClutterStaysBehindTheSheet) {
+  const Rigid3d camera_from_target(Rotation(0.2, 0.1, 0.3), {0, 0, 1});
+  RenderOptions options;
+  const cv::Mat plain = RenderView(Tangle(false), PinholeCamera(), camera_from_target, options);
+  options.clutter = true;
+  const cv::Mat cluttered = RenderView(Tangle(false), PinholeCamera(), camera_from_target, options);
+  const cv::Rect inside(80, 60, 40, 30);
+  EXPECT_TRUE(SameBytes(plain(inside), cluttered(inside)));
+  const cv::Rect beside(0, 0, 200, 20);
+  cv::Scalar mean;
+  cv::Scalar stddev;
+  cv::meanStdDev(cluttered(beside), mean, stddev);
+  EXPECT_GT(stddev[0], 5);
+}
+
+TEST(RenderView, OptionsSayWhatIsWrong) {
+  RenderOptions options;
+  EXPECT_THAT(options.Check(), IsEmpty());
+  options.blur_sigma_px = std::nan("");
+  options.noise_sigma_grey = -1;
+  options.light_gradient = 1;
+  EXPECT_THAT(options.Check(), HasSubstr("blur_sigma_px must be"));
+  EXPECT_THAT(options.Check(), HasSubstr("noise_sigma_grey must be"));
+  EXPECT_THAT(options.Check(), HasSubstr("light_gradient must be"));
+}
+
+}  // namespace
+}  // namespace heba

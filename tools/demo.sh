@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# From a fresh Debian 12 machine to a calibration: installs what is missing, builds heba, renders the sample data set and
+# calibrates from its pictures. Needs root or sudo for the packages.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+tools/install_packages.sh
+cmake --preset release >/dev/null
+cmake --build --preset release --target heba
+heba=build/release/heba
+
+"$heba" simulate configs/sample_scene.yaml --out sample/data
+"$heba" run sample/data/config.yaml --out sample/run
+"$heba" detect sample/data/config.yaml --out sample/detections --quiet
+
+echo
+echo "The pictures are in sample/data/images, the result is sample/run/result.json,"
+echo "what was found in each picture is drawn in sample/detections/overlays."

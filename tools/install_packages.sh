@@ -1,0 +1,30 @@
+#!/usr/bin/env bash
+# Installs the Debian packages that heba needs, those that are missing only. Needs root or sudo if any is.
+set -euo pipefail
+
+packages=(
+  g++ cmake ninja-build pkg-config
+  libeigen3-dev libceres-dev libgoogle-glog-dev libgflags-dev libyaml-cpp-dev nlohmann-json3-dev
+  libopencv-dev libopencv-contrib-dev libapriltag-dev libcairo2-dev
+  libgtest-dev libgmock-dev libbenchmark-dev clang-format-14 clang-tidy-14
+)
+
+missing=()
+for package in "${packages[@]}"; do
+  if ! dpkg-query -W -f='${db:Status-Abbrev}' "$package" 2>/dev/null | grep -q '^ii'; then
+    missing+=("$package")
+  fi
+done
+if [ ${#missing[@]} -eq 0 ]; then exit 0; fi
+
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  if ! command -v sudo >/dev/null; then
+    echo "missing packages: ${missing[*]}; install them as root, or install sudo" >&2
+    exit 1
+  fi
+  as_root=(sudo)
+fi
+echo "installing: ${missing[*]}"
+"${as_root[@]}" apt-get update -qq
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null

@@ -1,0 +1,12 @@
+#!/usr/bin/env bash
+# From a fresh Debian 12 machine to passed tests: installs what is missing, builds heba and runs its tests. Needs root or
+# sudo for the packages. Arguments go to ctest; without any the tests labelled slow are left out.
+#   HEBA_WARNINGS_AS_ERRORS=ON tools/test.sh    warnings fail the build
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+tools/install_packages.sh
+cmake --preset release -DHEBA_WARNINGS_AS_ERRORS="${HEBA_WARNINGS_AS_ERRORS:-OFF}" >/dev/null
+cmake --build --preset release
+if [ $# -eq 0 ]; then set -- --label-exclude slow; fi
+ctest --preset release --parallel "$(nproc)" "$@"
