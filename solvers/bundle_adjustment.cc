@@ -24,8 +24,8 @@ std::optional<std::vector<double>> SquaredDistances(const Problem& problem, cons
                                                     std::string* bad_view) {
   std::vector<double> distances;
   for (const View& view : problem.views) {
-    const std::optional<Points2> residuals = Residuals(
-        problem.camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations);
+    const std::optional<Points2> residuals =
+        Residuals(problem.camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations);
     if (!residuals) {
       *bad_view = view.name;
       return std::nullopt;
@@ -92,15 +92,17 @@ std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Came
     if (part == "fx" || part == "fy") {
       const double focal = camera.params[part == "fx" ? 0 : 1];
       if (!(sigma < kMaxFocalRatio * focal)) {
-        return Failure{PlainName(name) + " is known to " + Significant(sigma, 2) +
-                       " px only: the captures cannot tell focal length from distance; move the target through more depth "
-                       "and tilt, or hold it with a camera file and refine.intrinsics"};
+        return Failure{
+            PlainName(name) + " is known to " + Significant(sigma, 2) +
+            " px only: the captures cannot tell focal length from distance; move the target through more depth "
+            "and tilt, or hold it with a camera file and refine.intrinsics"};
       }
     }
     if ((part == "cx" || part == "cy") && !(sigma < kMaxCentreRatio * camera.width_px)) {
-      return Failure{PlainName(name) + " is known to " + Significant(sigma, 2) +
-                     " px only: the captures cannot tell it from the camera's pointing; tilt the target more, or hold it "
-                     "with a camera file and refine.intrinsics"};
+      return Failure{
+          PlainName(name) + " is known to " + Significant(sigma, 2) +
+          " px only: the captures cannot tell it from the camera's pointing; tilt the target more, or hold it "
+          "with a camera file and refine.intrinsics"};
     }
   }
   return std::nullopt;
@@ -138,8 +140,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, co
     return Failure{std::to_string(2 * start_distances->size()) + " measured coordinates for " +
                    std::to_string(num_unknowns) + " unknowns are too few; take more captures or hold the intrinsics"};
   }
-  const std::optional<Information> start_information =
-      ComputeInformation(problem, start, free, 1.0, *FindLoss("none"));
+  const std::optional<Information> start_information = ComputeInformation(problem, start, free, 1.0, *FindLoss("none"));
   CHECK(start_information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
   // What even little noise would hide, the solve would look for in vain.
@@ -163,8 +164,8 @@ Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, co
     convergence.message = summary.message;
     if (!convergence.converged) {
       // Mostly for want of information: then that is what to say.
-      const std::optional<Information> weak = ComputeInformation({state.camera, problem.views}, state.hand_eye, free,
-                                                                 sigma_px, loss);
+      const std::optional<Information> weak =
+          ComputeInformation({state.camera, problem.views}, state.hand_eye, free, sigma_px, loss);
       std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
       if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), state.camera);
       return failure.value_or(Failure{"the refinement did not converge: " + summary.message});

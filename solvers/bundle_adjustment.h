@@ -24,9 +24,9 @@ struct BundleOptions {
 };
 
 // Minimises the sum over all points of rho(|projection - observation|^2 / sigma^2) with Ceres, from `start` and
-// problem.camera. Before the solve, the motion and the normal matrix at the start are examined: what the data cannot see
-// is a Failure that names it. So are a target behind the camera at the start, no convergence, and a result whose own
-// sigma says that it means nothing. The covariance is sigma^2 times the inverse of the normal matrix of all free
+// problem.camera. Before the solve, the motion and the normal matrix at the start are examined: what the data cannot
+// see is a Failure that names it. So are a target behind the camera at the start, no convergence, and a result whose
+// own sigma says that it means nothing. The covariance is sigma^2 times the inverse of the normal matrix of all free
 // parameters, with the loss's factor (solvers/loss.h).
 Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options);
 

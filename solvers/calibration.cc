@@ -56,7 +56,6 @@ void PoseViews(const std::vector<View>& views, const Camera& camera, std::vector
   *poses = std::move(kept_poses);
 }
 
-
 MethodResult RunMethod(const HandEyeMethod& method, const Calibration& calibration) {
   MethodResult result;
   result.method = method.name;
@@ -83,8 +82,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   if (options.camera) {
     calibration.camera = *options.camera;
   } else {
-    Outcome<Camera> camera =
-        EstimateIntrinsics(views, options.camera_model, options.width_px, options.height_px);
+    Outcome<Camera> camera = EstimateIntrinsics(views, options.camera_model, options.width_px, options.height_px);
     if (!camera) return Failure{camera.reason()};
     calibration.camera = *camera;
   }
@@ -118,8 +116,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   }
   if (seed != nullptr && seed->hand_eye) {
     calibration.seed = seed->method;
-    calibration.refined =
-        RefineHandEye({calibration.camera, calibration.views}, *seed->hand_eye, options.bundle);
+    calibration.refined = RefineHandEye({calibration.camera, calibration.views}, *seed->hand_eye, options.bundle);
     return calibration;
   }
   // The methods agree on why there is none where the motion is to blame.
@@ -140,8 +137,7 @@ std::vector<HoldOut> CrossValidate(const std::vector<View>& views, const Calibra
   fold_options.symmetries = {Rigid3d()};
   // errors[fold][method]
   std::vector<std::vector<Outcome<SquaredErrors>>> errors(
-      static_cast<size_t>(num_folds),
-      std::vector<Outcome<SquaredErrors>>(names.size(), Failure{"not run"}));
+      static_cast<size_t>(num_folds), std::vector<Outcome<SquaredErrors>>(names.size(), Failure{"not run"}));
   std::mutex mutex;
   ParallelFor(num_folds, num_threads, [&](int fold) {
     std::vector<View> training;

@@ -2,7 +2,8 @@
 
 namespace heba {
 
-#define HEBA_HAND_EYE_METHOD(name, description) Outcome<HandEye> SolveHandEye_##name(const std::vector<PosePair>& pairs);
+#define HEBA_HAND_EYE_METHOD(name, description) \
+  Outcome<HandEye> SolveHandEye_##name(const std::vector<PosePair>& pairs);
 #include "solvers/methods.def"
 #undef HEBA_HAND_EYE_METHOD
 

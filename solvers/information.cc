@@ -28,8 +28,8 @@ FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup
   return free;
 }
 
-std::optional<Information> ComputeInformation(const Problem& problem, const HandEye& hand_eye, const FreeParameters& free,
-                                              double pixel_sigma_px, const Loss& loss) {
+std::optional<Information> ComputeInformation(const Problem& problem, const HandEye& hand_eye,
+                                              const FreeParameters& free, double pixel_sigma_px, const Loss& loss) {
   const CameraModel& model = problem.camera.Model();
   Information information;
   for (const char* pose : {"hand_eye.", "board."}) {
@@ -74,8 +74,7 @@ std::optional<Failure> CheckObservable(const Information& information) {
   const Eigen::VectorXd direction = eigen.eigenvectors().col(0);
   std::vector<int> order(static_cast<size_t>(direction.size()));
   std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(),
-            [&](int a, int b) { return std::abs(direction[a]) > std::abs(direction[b]); });
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return std::abs(direction[a]) > std::abs(direction[b]); });
   std::vector<std::string> parts;
   for (const int i : order) {
     if (parts.size() == 3 || std::abs(direction[i]) < 0.3 * std::abs(direction[order[0]])) break;

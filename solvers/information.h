@@ -22,12 +22,12 @@ struct Information {
 };
 
 // Nothing if a point has no image.
-std::optional<Information> ComputeInformation(const Problem& problem, const HandEye& hand_eye, const FreeParameters& free,
-                                              double pixel_sigma_px, const Loss& loss);
+std::optional<Information> ComputeInformation(const Problem& problem, const HandEye& hand_eye,
+                                              const FreeParameters& free, double pixel_sigma_px, const Loss& loss);
 
-// Why the unknowns cannot all be determined, with the direction that the data do not see in plain words; nothing if they
-// can. The criterion is the smallest eigenvalue of the matrix with its diagonal scaled to 1: below 1e-9 nothing is left
-// of a direction but round-off.
+// Why the unknowns cannot all be determined, with the direction that the data do not see in plain words; nothing if
+// they can. The criterion is the smallest eigenvalue of the matrix with its diagonal scaled to 1: below 1e-9 nothing is
+// left of a direction but round-off.
 std::optional<Failure> CheckObservable(const Information& information);
 
 // factor * matrix^-1. `information` must have passed CheckObservable.

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <optional>
 
+#include <ceres/ceres.h>
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <ceres/ceres.h>
 
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
@@ -174,8 +174,8 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
     std::vector<PosedView> candidate_posed;
     double rms_px = 0;
     if (!PoseViews(candidate, usable, &candidate_posed, &rms_px)) continue;
-    if (camera && (candidate_posed.size() < best_count ||
-                   (candidate_posed.size() == best_count && rms_px >= best_rms_px))) {
+    if (camera &&
+        (candidate_posed.size() < best_count || (candidate_posed.size() == best_count && rms_px >= best_rms_px))) {
       continue;
     }
     camera = candidate;

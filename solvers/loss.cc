@@ -32,7 +32,10 @@ double Mean(const F& f) {
 }
 
 Loss MakeLoss(std::string_view name, double (*rho)(double), double (*weight)(double)) {
-  return {name, rho, weight, Mean([&](double s) { return weight(s); }),
+  return {name,
+          rho,
+          weight,
+          Mean([&](double s) { return weight(s); }),
           0.5 * Mean([&](double s) { return weight(s) * s; }),
           0.5 * Mean([&](double s) { return weight(s) * weight(s) * s; })};
 }

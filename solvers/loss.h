@@ -13,9 +13,9 @@ struct Loss {
   double (*rho)(double s);
   double (*weight)(double s);  // d rho / d s
   // Expectations over s of two Gaussian coordinates of variance 1 (chi-square with 2 degrees of freedom):
-  double mean_weight;      // E[w]
-  double consistency;      // E[w s] / 2: sigma^2 = sum(w r^2) / (degrees of freedom * consistency) is unbiased
-  double mean_weight2_s;   // E[w^2 s] / 2
+  double mean_weight;     // E[w]
+  double consistency;     // E[w s] / 2: sigma^2 = sum(w r^2) / (degrees of freedom * consistency) is unbiased
+  double mean_weight2_s;  // E[w^2 s] / 2
   // The asymptotic covariance of an M-estimate is this factor times sigma^2 times the inverse of the *weighted* normal
   // matrix sum w J^T J (Huber 1981, section 7.6, for two coordinates with a radial weight).
   double covariance_factor() const { return mean_weight2_s / (consistency * consistency) * mean_weight; }

@@ -17,6 +17,7 @@ double SigmaFromMedian(std::vector<double> squared_distances_px2);
 // One coordinate's sigma of an M-estimate: the fixed point of sigma^2 = sum(w(s) r^2) / (dof * E[w s] / 2), s =
 // r^2 / sigma^2; for the loss `none` the root of the mean square. `num_unknowns` are what the fit freed: 2 points less
 // these are the degrees of freedom.
-double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unknowns, const Loss& loss, double start_px);
+double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unknowns, const Loss& loss,
+                  double start_px);
 
 }  // namespace heba

@@ -55,7 +55,8 @@ class AngleVote {
 
  private:
   double RobotAngle(size_t i, size_t j) const {
-    return AngleRad(Inverse(views_[i].camera_mount_from_target_mount), Inverse(views_[j].camera_mount_from_target_mount));
+    return AngleRad(Inverse(views_[i].camera_mount_from_target_mount),
+                    Inverse(views_[j].camera_mount_from_target_mount));
   }
   double Sum(size_t i, int a, const std::vector<size_t>& others, const Choice& choice) const {
     double sum = 0;
@@ -88,15 +89,16 @@ class AngleVote {
 std::vector<PosePair> Pairs(const std::vector<View>& views, const Candidates& candidates, const Choice& choice) {
   std::vector<PosePair> pairs;
   for (size_t i = 0; i < views.size(); ++i) {
-    pairs.push_back({views[i].camera_mount_from_target_mount,
-                     candidates[i][static_cast<size_t>(choice[i])].camera_from_target});
+    pairs.push_back(
+        {views[i].camera_mount_from_target_mount, candidates[i][static_cast<size_t>(choice[i])].camera_from_target});
   }
   return pairs;
 }
 
 // Squared reprojection error of a view read in a given order and predicted by the chain; capped, and the cap if a point
 // would have no image.
-double PredictionError(const Camera& camera, const View& view, const Rigid3d& camera_from_target, const Rigid3d& symmetry) {
+double PredictionError(const Camera& camera, const View& view, const Rigid3d& camera_from_target,
+                       const Rigid3d& symmetry) {
   const double cap = std::pow(0.25 * camera.width_px, 2) * view.observations.size();
   const std::optional<SquaredErrors> errors = ViewErrors(camera, camera_from_target * symmetry, view.observations);
   return errors ? std::min(cap, errors->sum_px2) : cap;
@@ -136,8 +138,8 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
     }
   }
 
-  // Then by a calibration: each view takes the order that its prediction fits, and of that order's poses the one nearest
-  // to the prediction; again until nothing changes. Whichever method ends with the smallest error has the say.
+  // Then by a calibration: each view takes the order that its prediction fits, and of that order's poses the one
+  // nearest to the prediction; again until nothing changes. Whichever method ends with the smallest error has the say.
   Choice best_choice = choice;
   double best_error = std::numeric_limits<double>::infinity();
   for (const HandEyeMethod& method : HandEyeMethods()) {

@@ -1,8 +1,9 @@
-// Which of a view's possible target poses is the right one: what a view alone cannot tell, the chain of all captures can.
+// Which of a view's possible target poses is the right one: what a view alone cannot tell, the chain of all captures
+// can.
 //
-// A flat target has up to two poses that explain a view about equally well, and a board that looks the same after a turn
-// can be read in several orders. Two captures must see the rotation that the robot made between them:
-// angle(M_j M_i^-1) = angle(C_j C_i^-1); no wrong pose keeps that over all captures.
+// A flat target has up to two poses that explain a view about equally well, and a board that looks the same after a
+// turn can be read in several orders. Two captures must see the rotation that the robot made between them: angle(M_j
+// M_i^-1) = angle(C_j C_i^-1); no wrong pose keeps that over all captures.
 #pragma once
 
 #include <vector>

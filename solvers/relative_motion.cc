@@ -13,7 +13,8 @@ double MinMotionAngleRad(const std::vector<PosePair>& pairs) {
   double largest = 0;
   for (size_t i = 0; i < pairs.size(); ++i) {
     for (size_t j = i + 1; j < pairs.size(); ++j) {
-      largest = std::max(largest, AngleRad(pairs[i].camera_mount_from_target_mount, pairs[j].camera_mount_from_target_mount));
+      largest =
+          std::max(largest, AngleRad(pairs[i].camera_mount_from_target_mount, pairs[j].camera_mount_from_target_mount));
     }
   }
   return std::min(DegToRad(5.0), 0.25 * largest);

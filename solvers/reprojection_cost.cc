@@ -69,7 +69,8 @@ class ReprojectionCost final : public ceres::CostFunction {
       return true;
     }
     ViewReduction reduction;
-    if (!ReduceView(model_, camera, camera_from_target, observations_, pixel_sigma_px_, loss_, &reduction)) return false;
+    if (!ReduceView(model_, camera, camera_from_target, observations_, pixel_sigma_px_, loss_, &reduction))
+      return false;
     const Eigen::Index rows = reduction.factor.rows();
     const int num_params = NumParams(model_);
     residual.head(rows) = reduction.factor.rightCols<1>();

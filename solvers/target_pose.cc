@@ -83,7 +83,8 @@ Eigen::Vector3d TranslationOnRays(const Eigen::Matrix3d& rotation, const Points3
 }
 
 // Levenberg-Marquardt on the six numbers of the pose.
-std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& observations, Rigid3d camera_from_target) {
+std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& observations,
+                                     Rigid3d camera_from_target) {
   const CameraModel& model = camera.Model();
   const Loss& loss = *FindLoss("none");
   ViewReduction reduction;
@@ -103,8 +104,8 @@ std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& o
       const Tangent6 step = -damped.ldlt().solve(gradient);
       const Rigid3d moved = Rigid3d(ExpRotation(step.tail<3>()), step.head<3>()) * camera_from_target;
       double moved_cost = 0;
-      if (step.allFinite() &&
-          ViewCost(model, camera.params.data(), moved, observations, 1.0, loss, &moved_cost) && moved_cost <= cost) {
+      if (step.allFinite() && ViewCost(model, camera.params.data(), moved, observations, 1.0, loss, &moved_cost) &&
+          moved_cost <= cost) {
         improved = true;
         relative_drop = cost > 0 ? (cost - moved_cost) / cost : 0;
         camera_from_target = moved;

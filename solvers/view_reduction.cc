@@ -71,7 +71,8 @@ bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& c
 bool ViewCost(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
               const Observations& observations, double pixel_sigma_px, const Loss& loss, double* sum_rho) {
   Points2 pixels;
-  if (!model.Project(params, Transform(camera_from_target, observations.points_in_target), &pixels, nullptr)) return false;
+  if (!model.Project(params, Transform(camera_from_target, observations.points_in_target), &pixels, nullptr))
+    return false;
   const Points2 whitened = (pixels - observations.pixels) / pixel_sigma_px;
   *sum_rho = 0;
   for (Eigen::Index i = 0; i < whitened.cols(); ++i) *sum_rho += loss.rho(whitened.col(i).squaredNorm());

@@ -1,8 +1,8 @@
 // One view's reprojection errors, however many points it has, as a handful of rows.
 //
 // Every residual of a view depends on the six numbers of camera_from_target and on the camera's parameters only. With
-// J = [d r / d pose, d r / d camera, r], any R with R^T R = J^T J has the same cost, gradient and Gauss-Newton matrix as
-// all the view's rows: the rows of a QR factor, at most one more than there are unknowns.
+// J = [d r / d pose, d r / d camera, r], any R with R^T R = J^T J has the same cost, gradient and Gauss-Newton matrix
+// as all the view's rows: the rows of a QR factor, at most one more than there are unknowns.
 #pragma once
 
 #include <Eigen/Core>

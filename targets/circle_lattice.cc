@@ -67,8 +67,8 @@ struct Seed {
   double spread;     // How far those are off, by the spacing.
 };
 
-// The lattice's two directions at a dot. The dot's own shape undoes the tilt: in units of its outline, the two are about
-// equally long and at right angles.
+// The lattice's two directions at a dot. The dot's own shape undoes the tilt: in units of its outline, the two are
+// about equally long and at right angles.
 bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double max_size_ratio, int dot, Seed* seed) {
   const Ellipse& ellipse = dots[dot];
   const double reach_px = 9 * ellipse.SemiAxesPx().x();
@@ -77,8 +77,7 @@ bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double ma
     double distance;
     Eigen::Vector2d offset;  // In units of the outline.
   };
-  const Eigen::Matrix2d units_from_px =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(ellipse.shape).operatorSqrt();
+  const Eigen::Matrix2d units_from_px = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(ellipse.shape).operatorSqrt();
   std::vector<Neighbour> neighbours;
   for (const int other : index.Near(ellipse.centre_px, reach_px)) {
     if (other == dot) continue;
@@ -180,8 +179,7 @@ Prediction Predict(const Lattice& lattice, const std::vector<Ellipse>& dots, con
   return {expected, (expected - here).norm(), weights > 1.4 ? 0.2 : 0.25};
 }
 
-Lattice Grow(const std::vector<Ellipse>& dots, const DotIndex& index, const LatticeOptions& options,
-             const Seed& seed) {
+Lattice Grow(const std::vector<Ellipse>& dots, const DotIndex& index, const LatticeOptions& options, const Seed& seed) {
   Lattice lattice;
   std::set<int> used;
   struct Open {

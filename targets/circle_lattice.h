@@ -37,7 +37,8 @@ struct DotPrediction {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   double spacing_px = 0;  // Between neighbouring dots there.
 };
-// Where the dot of `cell` should be, from the dots around it, whether it has a dot or not. Nothing if those are too few.
+// Where the dot of `cell` should be, from the dots around it, whether it has a dot or not. Nothing if those are too
+// few.
 std::optional<DotPrediction> PredictDot(const Lattice& lattice, const std::vector<Ellipse>& dots,
                                         const LatticeCell& cell);
 

@@ -13,8 +13,8 @@ std::optional<Eigen::Vector2d> RefineCorner(const cv::Mat& grey, const Eigen::Ve
                                             double max_move_px) {
   constexpr int kMinHalfWindow_px = 2;
   constexpr int kMaxHalfWindow_px = 11;
-  // The window is upright while the squares may be turned: its corners reach sqrt(2) times as far, but count for little.
-  // The pixel is for the blur of the next edge.
+  // The window is upright while the squares may be turned: its corners reach sqrt(2) times as far, but count for
+  // little. The pixel is for the blur of the next edge.
   const int half_px = std::min(static_cast<int>(std::floor((reach_px - 1.0) / 1.2)), kMaxHalfWindow_px);
   if (half_px < kMinHalfWindow_px) return std::nullopt;
   const double border_px = half_px + 1.0;
@@ -22,8 +22,7 @@ std::optional<Eigen::Vector2d> RefineCorner(const cv::Mat& grey, const Eigen::Ve
         start_px.y() <= grey.rows - 1 - border_px)) {
     return std::nullopt;
   }
-  std::vector<cv::Point2f> corner{
-      cv::Point2f(static_cast<float>(start_px.x()), static_cast<float>(start_px.y()))};
+  std::vector<cv::Point2f> corner{cv::Point2f(static_cast<float>(start_px.x()), static_cast<float>(start_px.y()))};
   cv::cornerSubPix(grey, corner, cv::Size(half_px, half_px), cv::Size(-1, -1),
                    cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-3));
   const Eigen::Vector2d refined_px(corner[0].x, corner[0].y);

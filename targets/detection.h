@@ -17,8 +17,8 @@ struct CaptureDetection {
 };
 
 // The detection of each capture, in order. Pictures are read, searched and dropped on `num_threads` threads, so that
-// memory does not grow with their number. `progress` is called after each, from one thread at a time. InputError for the
-// first picture that cannot be read.
+// memory does not grow with their number. `progress` is called after each, from one thread at a time. InputError for
+// the first picture that cannot be read.
 std::vector<CaptureDetection> DetectAll(const Target& target, const std::vector<Capture>& captures, int num_threads,
                                         const std::function<void()>& progress);
 

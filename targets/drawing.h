@@ -9,7 +9,8 @@
 
 namespace heba {
 
-// A disc or, with `points`, a filled polygon (simple, either sense). Painted in order over a ground of `Drawing::ground`.
+// A disc or, with `points`, a filled polygon (simple, either sense). Painted in order over a ground of
+// `Drawing::ground`.
 struct Shape {
   double albedo = 0;  // 0 is black ink, 1 is white paper.
   // Disc:

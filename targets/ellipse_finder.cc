@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numeric>
 
@@ -84,56 +85,77 @@ double Quantile(std::array<double, Rays::kNumRays> values, double share) {
   return values[static_cast<size_t>(share * (values.size() - 1) + 0.5)];
 }
 
+struct ContourFit {
+  Ellipse ellipse;
+  double roughness_px;  // RMS distance of the contour from it.
+};
+
+// The ellipse around the pixels of which `contour` has the outermost ones. A large one may have a part missing.
+std::optional<ContourFit> FitContour(const std::vector<cv::Point>& contour) {
+  std::vector<cv::Point> used = contour;
+  constexpr size_t kMinPointsToSpare = 60;
+  for (int round = 0;; ++round) {
+    const cv::RotatedRect fit = cv::fitEllipse(used);
+    const Eigen::Vector2d centre(fit.center.x, fit.center.y);
+    const double angle_rad = fit.angle * kPi / 180;
+    // The contour runs through the centres of the outermost pixels.
+    const double semi_a = fit.size.width / 2;
+    const double semi_b = fit.size.height / 2;
+    if (!std::isfinite(semi_a) || !std::isfinite(semi_b) || semi_a > 1e4 || semi_b > 1e4) return std::nullopt;
+    const Ellipse through = Ellipse::FromAxes(centre, std::max(semi_a, 0.5), std::max(semi_b, 0.5), angle_rad);
+    const auto distance_px = [&](const cv::Point& point) {
+      const Eigen::Vector2d u = Eigen::Vector2d(point.x, point.y) - centre;
+      const double rho = std::sqrt(u.dot(through.shape * u));
+      return rho > 1e-9 ? std::abs(rho - 1) * rho / (through.shape * u).norm() : through.RadiusPx();
+    };
+    double sum_square = 0;
+    for (const cv::Point& point : used) sum_square += std::pow(distance_px(point), 2);
+    const double roughness_px = std::sqrt(sum_square / static_cast<double>(used.size()));
+    if (contour.size() < kMinPointsToSpare || roughness_px < 0.6 || round == 3) {
+      return ContourFit{Ellipse::FromAxes(centre, semi_a + 0.5, semi_b + 0.5, angle_rad), roughness_px};
+    }
+    // The points that are nearest to the last ellipse, four fifths of them.
+    used = contour;
+    const auto last = used.begin() + static_cast<std::ptrdiff_t>(used.size() * 4 / 5);
+    std::nth_element(used.begin(), last, used.end(),
+                     [&](const cv::Point& a, const cv::Point& b) { return distance_px(a) < distance_px(b); });
+    used.erase(last, used.end());
+  }
+}
+
 // Contours of the light areas of `binary`, as candidates in the pixels of the picture `grey` (light dots), of which
 // `binary` is a version smaller by `scale`.
 void AddCandidates(const cv::Mat& grey, const cv::Mat& binary, int scale, const EllipseFinderOptions& options,
                    std::vector<Candidate>* candidates) {
   std::vector<std::vector<cv::Point>> contours;
-  std::vector<cv::Vec4i> hierarchy;
-  cv::findContours(binary, contours, hierarchy, cv::RETR_CCOMP, cv::CHAIN_APPROX_NONE);
+  cv::findContours(binary, contours, cv::RETR_LIST, cv::CHAIN_APPROX_NONE);
   // Of a pyramid's level, the dots that the next level cannot show better, with a wide overlap.
   const double min_px = scale == 1 ? options.min_diameter_px : 10.0 * scale;
-  for (size_t index = 0; index < contours.size(); ++index) {
-    const std::vector<cv::Point>& contour = contours[index];
-    const bool is_hole = hierarchy[index][3] >= 0;
-    if (is_hole || contour.size() < 6) continue;
+  for (const std::vector<cv::Point>& contour : contours) {
+    if (contour.size() < 6) continue;
     const cv::Rect box = cv::boundingRect(contour);
     const double long_side_px = scale * std::max(box.width, box.height);
     if (long_side_px < min_px || long_side_px > options.max_diameter_px + 2) continue;
     if (box.x <= 0 || box.y <= 0 || box.x + box.width >= binary.cols || box.y + box.height >= binary.rows) continue;
     // A chain of n pixels turns once around an area of about n^2 / 4 pi if it is round.
     const double num_points = static_cast<double>(contour.size());
-    const double area = cv::contourArea(contour) + num_points / 2 + 1;  // Pick's theorem: the number of pixels.
+    // OpenCV runs around a hole in the other sense.
+    const double signed_area = cv::contourArea(contour, true);
+    if (signed_area >= 0) continue;
+    const double area = -signed_area + num_points / 2 + 1;  // Pick's theorem: the number of pixels.
     if (area < 0.3 * box.width * box.height) continue;
     if (num_points > 2.6 * (box.width + box.height)) continue;
 
-    const cv::RotatedRect fit = cv::fitEllipse(contour);
-    // The contour runs through the centres of the outermost pixels.
-    const double semi_a = fit.size.width / 2 + 0.5;
-    const double semi_b = fit.size.height / 2 + 0.5;
-    if (!(std::min(semi_a, semi_b) > 0.5) || !std::isfinite(semi_a) || !std::isfinite(semi_b)) continue;
-    if (2 * std::min(semi_a, semi_b) * scale < options.min_diameter_px ||
-        2 * std::max(semi_a, semi_b) * scale > options.max_diameter_px) {
-      continue;
-    }
-    if (std::max(semi_a, semi_b) > options.max_axis_ratio * std::min(semi_a, semi_b)) continue;
-    const double area_ratio = area / (kPi * semi_a * semi_b);
-    const double area_tolerance = 0.08 + 0.7 / std::min(semi_a, semi_b);
-    if (std::abs(area_ratio - 1) > area_tolerance) continue;
-
-    Ellipse ellipse = Ellipse::FromAxes({fit.center.x, fit.center.y}, semi_a, semi_b, fit.angle * kPi / 180);
-    // RMS distance of the contour from the ellipse through it.
-    const Ellipse through = Ellipse::FromAxes(ellipse.centre_px, std::max(semi_a - 0.5, 0.5),
-                                              std::max(semi_b - 0.5, 0.5), fit.angle * kPi / 180);
-    double sum_square = 0;
-    for (const cv::Point& point : contour) {
-      const Eigen::Vector2d offset(point.x - ellipse.centre_px.x(), point.y - ellipse.centre_px.y());
-      const double rho = std::sqrt(offset.dot(through.shape * offset));
-      const double gradient = rho > 1e-9 ? (through.shape * offset).norm() / rho : 1;
-      sum_square += std::pow((rho - 1) / gradient, 2);
-    }
-    const double roughness = std::sqrt(sum_square / num_points);
-    if (roughness > 0.4 + 0.03 * std::sqrt(semi_a * semi_b)) continue;
+    const std::optional<ContourFit> fit = FitContour(contour);
+    if (!fit) continue;
+    const Eigen::Vector2d axes = fit->ellipse.SemiAxesPx();
+    if (2 * axes.y() * scale < options.min_diameter_px || 2 * axes.x() * scale > options.max_diameter_px) continue;
+    if (axes.x() > options.max_axis_ratio * axes.y()) continue;
+    const double area_tolerance = 0.08 + 0.7 / axes.y();
+    if (std::abs(area / (kPi * axes.x() * axes.y()) - 1) > area_tolerance) continue;
+    const double roughness = fit->roughness_px;
+    if (roughness > 0.4 + 0.03 * fit->ellipse.RadiusPx()) continue;
+    Ellipse ellipse = fit->ellipse;
 
     // To the pixels of the whole picture.
     ellipse.centre_px = (ellipse.centre_px.array() + 0.5) * scale - 0.5;
@@ -240,16 +262,19 @@ std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderO
       cv::resize(level(even), smaller, cv::Size(level.cols / 2, level.rows / 2), 0, 0, cv::INTER_AREA);
       level = smaller;
     }
+    // Noise has no part in outlines, and takes long to follow.
+    cv::Mat smooth;
+    cv::GaussianBlur(level, smooth, cv::Size(3, 3), 0, 0, cv::BORDER_REPLICATE);
     cv::Mat binary;
-    for (const int threshold : GlobalLevels(level)) {
-      cv::threshold(level, binary, threshold, 255, cv::THRESH_BINARY);
+    for (const int threshold : GlobalLevels(smooth)) {
+      cv::threshold(smooth, binary, threshold, 255, cv::THRESH_BINARY);
       AddCandidates(light_dots, binary, scale, options, &candidates);
     }
-    for (const int window_px : {11, 25, 61}) {
+    for (const int window_px : {scale == 1 ? 11 : 61, 25}) {
       // Lighter than around by more than noise.
       cv::Mat mean;
-      cv::boxFilter(level, mean, -1, cv::Size(window_px, window_px), cv::Point(-1, -1), true, cv::BORDER_REPLICATE);
-      cv::subtract(level, mean, binary);
+      cv::boxFilter(smooth, mean, -1, cv::Size(window_px, window_px), cv::Point(-1, -1), true, cv::BORDER_REPLICATE);
+      cv::subtract(smooth, mean, binary);
       cv::threshold(binary, binary, std::max(4.0, options.min_contrast_grey / 2), 255, cv::THRESH_BINARY);
       AddCandidates(light_dots, binary, scale, options, &candidates);
     }
@@ -277,11 +302,6 @@ enum Parameter {
 };
 using Parameters = Eigen::Matrix<double, kNumParameters, 1>;
 using Normal = Eigen::Matrix<double, kNumParameters, kNumParameters>;
-
-struct Sample {
-  Eigen::Vector2d pixel;  // Relative to the start's centre, in its radii.
-  double grey;
-};
 
 // The brightness that the model gives to a pixel, and its derivatives. The distance from the outline, to first order
 // (exact on the outline and for circles), is (rho - 1) rho / |M u| with rho^2 = u' M u.
@@ -317,8 +337,7 @@ bool Predict(const Parameters& x, const Eigen::Vector2d& pixel, double* grey, Pa
   const double by_q = by_distance * (1 - 0.5 / rho) / g;
   const double by_g = -by_distance * distance / g;
   // dg = (M u)' d(M u) / g.
-  const Eigen::Vector2d m_mu(x[kShapeXX] * mu.x() + x[kShapeXY] * mu.y(),
-                             x[kShapeXY] * mu.x() + x[kShapeYY] * mu.y());
+  const Eigen::Vector2d m_mu(x[kShapeXX] * mu.x() + x[kShapeXY] * mu.y(), x[kShapeXY] * mu.x() + x[kShapeYY] * mu.y());
   jacobian->head<2>() = -2 * by_q * mu - by_g / g * m_mu;
   (*jacobian)[kShapeXX] = by_q * u.x() * u.x() + by_g / g * mu.x() * u.x();
   (*jacobian)[kShapeXY] = by_q * 2 * u.x() * u.y() + by_g / g * (mu.x() * u.y() + mu.y() * u.x());
@@ -334,15 +353,6 @@ double HuberCost(double r, double bend) {
 }
 double HuberWeight(double r, double bend) { return std::abs(r) <= bend ? 1 : bend / std::abs(r); }
 
-double Cost(const Parameters& x, const std::vector<Sample>& samples, double bend) {
-  double cost = 0;
-  for (const Sample& sample : samples) {
-    double grey;
-    if (Predict(x, sample.pixel, &grey, nullptr)) cost += HuberCost(grey - sample.grey, bend);
-  }
-  return cost;
-}
-
 // Keeps a parameter where it is.
 void Hold(int parameter, Normal* normal, Parameters* gradient) {
   normal->row(parameter).setZero();
@@ -351,60 +361,261 @@ void Hold(int parameter, Normal* normal, Parameters* gradient) {
   (*gradient)[parameter] = 0;
 }
 
-Normal NormalMatrix(const Parameters& x, const std::vector<Sample>& samples, double bend, int num_free,
-                    Parameters* gradient) {
-  Normal normal = Normal::Zero();
-  gradient->setZero();
-  for (const Sample& sample : samples) {
-    double grey;
-    Parameters row;
-    if (!Predict(x, sample.pixel, &grey, &row)) continue;
-    const double residual = grey - sample.grey;
-    const double weight = HuberWeight(residual, bend);
-    normal.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
-    *gradient += weight * residual * row;
+// The fit of one dot, in coordinates about `start` and in its radii.
+class BlurredEllipse {
+ public:
+  BlurredEllipse(const cv::Mat& grey, const Ellipse& start)
+      : grey_(grey), origin_px_(start.centre_px), radius_px_(start.RadiusPx()) {
+    const Eigen::Matrix2d shape = start.shape * radius_px_ * radius_px_;
+    x_[kShapeXX] = shape(0, 0);
+    x_[kShapeXY] = shape(0, 1);
+    x_[kShapeYY] = shape(1, 1);
+    x_[kLogSigma] = std::log(1.0 / radius_px_);
+    // Slopes need some area to be told from the dot's place.
+    num_free_ = radius_px_ < 3 ? kOutsideX : kNumParameters;
   }
-  normal = normal.selfadjointView<Eigen::Lower>();
-  for (int i = num_free; i < kNumParameters; ++i) Hold(i, &normal, gradient);
-  return normal;
-}
 
-// Levenberg-Marquardt. False if it leaves what can be an ellipse.
-bool Fit(const std::vector<Sample>& samples, double bend, int num_free, double min_log_sigma, Parameters* x) {
-  double cost = Cost(*x, samples, bend);
-  double damping = 1e-3;
-  for (int iteration = 0; iteration < 30; ++iteration) {
-    Parameters gradient;
-    Normal normal = NormalMatrix(*x, samples, bend, num_free, &gradient);
-    if ((*x)[kLogSigma] <= min_log_sigma && gradient[kLogSigma] > 0) Hold(kLogSigma, &normal, &gradient);
-    bool improved = false;
-    double change = 0;
-    while (!improved && damping < 1e8) {
-      Normal damped = normal;
-      damped.diagonal() *= 1 + damping;
-      const Parameters step = damped.ldlt().solve(-gradient);
-      if (!step.allFinite()) return false;
-      Parameters next = *x + step;
-      next[kLogSigma] = std::max(next[kLogSigma], min_log_sigma);
-      const bool is_ellipse = next[kShapeXX] > 0.05 &&
-                              next[kShapeXX] * next[kShapeYY] - next[kShapeXY] * next[kShapeXY] > 0.05 &&
-                              next.head<2>().norm() < 0.7 && next[kLogSigma] < 1;
-      const double next_cost = is_ellipse ? Cost(next, samples, bend) : cost + 1;
-      if (is_ellipse && next_cost <= cost) {
-        change = cost - next_cost;
-        *x = next;
-        improved = true;
-        damping = std::max(damping * 0.1, 1e-9);
-        if (step.head<6>().norm() < 1e-6) change = 0;
-        cost = next_cost;
-      } else {
-        damping *= 10;
+  Ellipse Outline() const {
+    Eigen::Matrix2d shape;
+    shape << x_[kShapeXX], x_[kShapeXY], x_[kShapeXY], x_[kShapeYY];
+    return {origin_px_ + radius_px_ * x_.head<2>(), shape / (radius_px_ * radius_px_)};
+  }
+  double SigmaPx() const { return radius_px_ * std::exp(x_[kLogSigma]); }
+  // The planes' difference at the centre is their mean difference on the outline.
+  double Contrast() const {
+    return x_[kInside] - x_[kOutside] + (x_[kInsideX] - x_[kOutsideX]) * x_[kCentreX] +
+           (x_[kInsideY] - x_[kOutsideY]) * x_[kCentreY];
+  }
+
+  // A dot that just touches the border is as good as whole.
+  bool IsInPicture() const {
+    const Ellipse outline = Outline();
+    const Eigen::Vector2d extent = outline.ExtentPx();
+    const double beyond_px = 0.5 + 0.1 * outline.RadiusPx();
+    const Eigen::Vector2d first = outline.centre_px - extent;
+    const Eigen::Vector2d last = outline.centre_px + extent;
+    return (first.array() > -beyond_px).all() && last.x() < grey_.cols - 1 + beyond_px &&
+           last.y() < grey_.rows - 1 + beyond_px;
+  }
+
+  // Takes the pixels within `margin_px` of the outline, not all if there are more than `max_samples`.
+  void Sample(double margin_px, double max_samples) {
+    const Ellipse outline = Outline();
+    const double num_expected = 4 * kPi * outline.RadiusPx() * margin_px;
+    const int stride = std::max(1, static_cast<int>(std::sqrt(num_expected / max_samples)));
+    const Eigen::Vector2d reach = outline.ExtentPx().array() + margin_px + 1;
+    const int x0 = std::max(0, static_cast<int>(std::floor(outline.centre_px.x() - reach.x())));
+    const int x1 = std::min(grey_.cols - 1, static_cast<int>(std::ceil(outline.centre_px.x() + reach.x())));
+    const int y0 = std::max(0, static_cast<int>(std::floor(outline.centre_px.y() - reach.y())));
+    const int y1 = std::min(grey_.rows - 1, static_cast<int>(std::ceil(outline.centre_px.y() + reach.y())));
+    samples_.clear();
+    for (int row = y0; row <= y1; row += stride) {
+      const uchar* line = grey_.ptr<uchar>(row);
+      for (int column = x0; column <= x1; column += stride) {
+        const Eigen::Vector2d u = Eigen::Vector2d(column, row) - outline.centre_px;
+        const Eigen::Vector2d mu = outline.shape * u;
+        const double rho = std::sqrt(u.dot(mu));
+        const double distance_px = rho > 1e-6 ? (rho - 1) * rho / mu.norm() : -radius_px_;
+        if (std::abs(distance_px) > margin_px) continue;
+        PixelSample sample;
+        sample.pixel = (Eigen::Vector2d(column, row) - origin_px_) / radius_px_;
+        sample.grey = line[column];
+        sample.distance_px = distance_px;
+        sample.sector = static_cast<int>((std::atan2(u.y(), u.x()) / (2 * kPi) + 0.5) * kNumSectors) % kNumSectors;
+        samples_.push_back(sample);
       }
     }
-    if (!improved || change <= 1e-7 * cost) return true;
   }
-  return true;
-}
+
+  // Brightness inside and outside from the samples. False if there are too few.
+  bool StartLevels(double margin_px) {
+    const double inside_px = std::min(0.5 * margin_px, 0.3 * Outline().SemiAxesPx().y());
+    double sum_inside = 0;
+    double sum_outside = 0;
+    int num_inside = 0;
+    int num_outside = 0;
+    for (const PixelSample& sample : samples_) {
+      if (sample.distance_px < -inside_px) {
+        sum_inside += sample.grey;
+        ++num_inside;
+      } else if (sample.distance_px > 0.5 * margin_px) {
+        sum_outside += sample.grey;
+        ++num_outside;
+      }
+    }
+    if (num_inside < 1 || num_outside < 4) return false;
+    x_[kInside] = sum_inside / num_inside;
+    x_[kOutside] = sum_outside / num_outside;
+    return true;
+  }
+
+  // False if what comes out is no ellipse.
+  bool Fit() { return samples_.size() >= kNumParameters + 4u && Minimise(num_free_, &x_); }
+
+  // Slopes cost a third of the precision: without them where the picture does not ask for them.
+  bool FitWithoutNeedlessSlopes() {
+    if (!Fit()) return false;
+    if (num_free_ == kOutsideX) return true;
+    Parameters even = x_;
+    even.tail<kNumParameters - kOutsideX>().setZero();
+    if (!Minimise(kOutsideX, &even)) return true;
+    // Chi-square of four, exceeded by chance once in a hundred.
+    constexpr double kMinGain = 14;
+    if (static_cast<double>(samples_.size()) * (Cost(even) / Cost(x_) - 1) < kMinGain) {
+      x_ = even;
+      num_free_ = kOutsideX;
+    }
+    return true;
+  }
+
+  // From the residuals: what counts as an outlier, and which sectors of the outline do not agree with the rest. Whether
+  // those have changed.
+  bool Judge() {
+    std::vector<double> sizes;
+    std::array<double, kNumSectors> sums{};
+    std::array<int, kNumSectors> counts{};
+    for (const PixelSample& sample : samples_) {
+      double predicted;
+      if (!Predict(x_, sample.pixel, &predicted, nullptr)) continue;
+      const double residual = predicted - sample.grey;
+      sizes.push_back(std::abs(residual));
+      sums[sample.sector] += residual * residual;
+      ++counts[sample.sector];
+    }
+    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+    std::nth_element(sizes.begin(), middle, sizes.end());
+    // Where the flat parts are saturated, the edge alone has residuals: those are no outliers.
+    bend_ = std::max(2.5 * 1.4826 * *middle, 0.05 * std::abs(Contrast()));
+
+    std::vector<double> squares;
+    for (int i = 0; i < kNumSectors; ++i) {
+      sums[i] /= std::max(counts[i], 1);
+      squares.push_back(sums[i]);
+    }
+    const auto middle_square = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
+    std::nth_element(squares.begin(), middle_square, squares.end());
+    const double limit = std::max(4 * *middle_square, std::pow(0.12 * Contrast(), 2));
+    bool changed = false;
+    for (int i = 0; i < kNumSectors; ++i) {
+      const bool hidden = sums[i] > limit;
+      changed = changed || hidden != hidden_[i];
+      hidden_[i] = hidden;
+    }
+    return changed;
+  }
+
+  RefinedEllipse Result() const {
+    RefinedEllipse refined;
+    refined.ellipse = Outline();
+    refined.blur_sigma_px = SigmaPx();
+    refined.contrast_grey = Contrast();
+    refined.visible_ratio =
+        1 - static_cast<double>(std::count(hidden_.begin(), hidden_.end(), true)) / static_cast<double>(kNumSectors);
+    double sum_square = 0;
+    double sum_weighted = 0;
+    double num_samples = 0;
+    for (const PixelSample& sample : samples_) {
+      double predicted;
+      if (hidden_[sample.sector] || !Predict(x_, sample.pixel, &predicted, nullptr)) continue;
+      const double residual = predicted - sample.grey;
+      sum_square += residual * residual;
+      sum_weighted += HuberWeight(residual, bend_) * residual * residual;
+      num_samples += 1;
+    }
+    refined.residual_ratio = std::sqrt(sum_square / num_samples) / std::abs(refined.contrast_grey);
+    Parameters gradient;
+    const Normal normal = NormalMatrix(x_, num_free_, &gradient);
+    const Normal covariance = normal.ldlt().solve(Normal::Identity());
+    // Rounding alone has a variance of 1/12.
+    const double variance = std::max(sum_weighted / std::max(num_samples - num_free_, 1.0), 1.0 / 12);
+    refined.centre_stddev_px = radius_px_ * std::sqrt(0.5 * variance * (covariance(0, 0) + covariance(1, 1)));
+    return refined;
+  }
+
+ private:
+  static constexpr int kNumSectors = 24;
+  struct PixelSample {
+    Eigen::Vector2d pixel;
+    double grey;
+    double distance_px;
+    int sector;
+  };
+
+  double Cost(const Parameters& x) const {
+    double cost = 0;
+    for (const PixelSample& sample : samples_) {
+      double grey;
+      if (hidden_[sample.sector] || !Predict(x, sample.pixel, &grey, nullptr)) continue;
+      cost += HuberCost(grey - sample.grey, bend_);
+    }
+    return cost;
+  }
+
+  Normal NormalMatrix(const Parameters& x, int num_free, Parameters* gradient) const {
+    Normal normal = Normal::Zero();
+    gradient->setZero();
+    for (const PixelSample& sample : samples_) {
+      double grey;
+      Parameters row;
+      if (hidden_[sample.sector] || !Predict(x, sample.pixel, &grey, &row)) continue;
+      const double residual = grey - sample.grey;
+      const double weight = HuberWeight(residual, bend_);
+      normal.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
+      *gradient += weight * residual * row;
+    }
+    normal = normal.selfadjointView<Eigen::Lower>();
+    for (int i = num_free; i < kNumParameters; ++i) Hold(i, &normal, gradient);
+    return normal;
+  }
+
+  // Levenberg-Marquardt. False if a step cannot be found.
+  bool Minimise(int num_free, Parameters* x) const {
+    // A pixel's own width is that of a Gaussian of 0.29 px.
+    const double min_log_sigma = std::log(0.29 / radius_px_);
+    double cost = Cost(*x);
+    double damping = 1e-3;
+    constexpr int kMaxIterations = 30;
+    for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+      Parameters gradient;
+      Normal normal = NormalMatrix(*x, num_free, &gradient);
+      if ((*x)[kLogSigma] <= min_log_sigma && gradient[kLogSigma] > 0) Hold(kLogSigma, &normal, &gradient);
+      bool improved = false;
+      bool converged = false;
+      while (!improved && damping < 1e8) {
+        Normal damped = normal;
+        damped.diagonal() *= 1 + damping;
+        const Parameters step = damped.ldlt().solve(-gradient);
+        if (!step.allFinite()) return false;
+        Parameters next = *x + step;
+        next[kLogSigma] = std::max(next[kLogSigma], min_log_sigma);
+        const bool is_ellipse = next[kShapeXX] > 0.05 &&
+                                next[kShapeXX] * next[kShapeYY] - next[kShapeXY] * next[kShapeXY] > 0.05 &&
+                                next.head<2>().norm() < 0.7 && next[kLogSigma] < 1;
+        const double next_cost = is_ellipse ? Cost(next) : cost;
+        if (is_ellipse && next_cost <= cost) {
+          improved = true;
+          converged = cost - next_cost <= 1e-7 * cost || step.head<6>().norm() < 1e-6;
+          *x = next;
+          cost = next_cost;
+          damping = std::max(damping * 0.1, 1e-9);
+        } else {
+          damping *= 10;
+        }
+      }
+      if (!improved || converged) return true;
+    }
+    return true;
+  }
+
+  const cv::Mat& grey_;
+  const Eigen::Vector2d origin_px_;
+  const double radius_px_;
+  Parameters x_ = Parameters::Zero();
+  int num_free_ = kNumParameters;
+  double bend_ = 1e6;  // Grey levels; nothing is an outlier at first.
+  std::array<bool, kNumSectors> hidden_{};
+  std::vector<PixelSample> samples_;
+};
 
 }  // namespace
 
@@ -412,131 +623,34 @@ std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& 
                                             const RefineEllipseOptions& options) {
   CHECK_EQ(grey.type(), CV_8UC1);
   const double radius_px = start.RadiusPx();
-  const Eigen::Vector2d origin_px = start.centre_px;
-  if (!(radius_px > 1) || !origin_px.allFinite()) return std::nullopt;
-
-  Parameters x = Parameters::Zero();
-  x[kShapeXX] = start.shape(0, 0) * radius_px * radius_px;
-  x[kShapeXY] = start.shape(0, 1) * radius_px * radius_px;
-  x[kShapeYY] = start.shape(1, 1) * radius_px * radius_px;
-  x[kLogSigma] = std::log(1.0 / radius_px);
-
-  constexpr int kNumRounds = 3;
-  constexpr double kMinSlopeGain = 14;  // Chi-square of four, exceeded by chance once in a hundred.
-  std::vector<Sample> samples;
-  double bend = 0;
-  double margin_px = 0;
-  // Slopes need some area to be told from the dot's place.
-  int num_free = radius_px < 3 ? static_cast<int>(kOutsideX) : static_cast<int>(kNumParameters);
-  // A pixel's own width is that of a Gaussian of 0.29 px.
-  const double min_log_sigma = std::log(0.29 / radius_px);
+  if (!(radius_px > 1) || !start.centre_px.allFinite()) return std::nullopt;
   const double max_margin_px = std::max(options.max_margin_px, 1.5);
-  for (int round = 0; round < kNumRounds; ++round) {
-    Eigen::Matrix2d shape;
-    shape << x[kShapeXX], x[kShapeXY], x[kShapeXY], x[kShapeYY];
-    const Ellipse current{origin_px + radius_px * x.head<2>(), shape / (radius_px * radius_px)};
-    const double sigma_px = radius_px * std::exp(x[kLogSigma]);
-    const double wanted_px = round == 0 ? std::max(3.0, 0.15 * radius_px) : std::clamp(4 * sigma_px, 3.0, radius_px);
-    margin_px = std::min(wanted_px, max_margin_px);
-    const Eigen::Vector2d extent = current.ExtentPx();
-    // A dot that just touches the border is as good as whole.
-    const double beyond_px = 0.1 * current.RadiusPx();
-    if (((current.centre_px - extent).array() < -0.5 - beyond_px).any() ||
-        current.centre_px.x() + extent.x() > grey.cols - 0.5 + beyond_px ||
-        current.centre_px.y() + extent.y() > grey.rows - 0.5 + beyond_px) {
-      return std::nullopt;
-    }
-    // The first round need not use all pixels.
-    constexpr double kMaxFirstSamples = 2500;
-    const double num_expected = 4 * kPi * current.RadiusPx() * margin_px;
-    const int stride = round > 0 ? 1 : std::max(1, static_cast<int>(std::sqrt(num_expected / kMaxFirstSamples)));
-    const Eigen::Vector2d reach = extent.array() + margin_px + 1;
-    const double inside_px = std::min(0.5 * margin_px, 0.3 * current.SemiAxesPx().y());
-    const int x0 = std::max(0, static_cast<int>(std::floor(current.centre_px.x() - reach.x())));
-    const int x1 = std::min(grey.cols - 1, static_cast<int>(std::ceil(current.centre_px.x() + reach.x())));
-    const int y0 = std::max(0, static_cast<int>(std::floor(current.centre_px.y() - reach.y())));
-    const int y1 = std::min(grey.rows - 1, static_cast<int>(std::ceil(current.centre_px.y() + reach.y())));
-    samples.clear();
-    double sum_inside = 0;
-    double sum_outside = 0;
-    int num_inside = 0;
-    int num_outside = 0;
-    for (int row = y0; row <= y1; row += stride) {
-      const uchar* line = grey.ptr<uchar>(row);
-      for (int column = x0; column <= x1; column += stride) {
-        const Eigen::Vector2d u = Eigen::Vector2d(column, row) - current.centre_px;
-        const Eigen::Vector2d mu = current.shape * u;
-        const double rho = std::sqrt(u.dot(mu));
-        const double distance_px = rho > 1e-6 ? (rho - 1) * rho / mu.norm() : -radius_px;
-        if (std::abs(distance_px) > margin_px) continue;
-        samples.push_back({(Eigen::Vector2d(column, row) - origin_px) / radius_px, static_cast<double>(line[column])});
-        if (distance_px < -inside_px) {
-          sum_inside += line[column];
-          ++num_inside;
-        } else if (distance_px > 0.5 * margin_px) {
-          sum_outside += line[column];
-          ++num_outside;
-        }
-      }
-    }
-    if (num_inside < 1 || num_outside < 4 || samples.size() < num_free + 4u) return std::nullopt;
-    if (round == 0) {
-      x[kInside] = sum_inside / num_inside;
-      x[kOutside] = sum_outside / num_outside;
-      bend = 1e6;
-    }
-    if (!Fit(samples, bend, num_free, min_log_sigma, &x)) return std::nullopt;
-    if (round == kNumRounds - 1 && num_free > kOutsideX) {
-      // Slopes cost a third of the precision: only where the picture asks for them.
-      Parameters even = x;
-      even.tail<kNumParameters - kOutsideX>().setZero();
-      const double cost = Cost(x, samples, bend);
-      if (Fit(samples, bend, kOutsideX, min_log_sigma, &even) &&
-          static_cast<double>(samples.size()) * (Cost(even, samples, bend) / cost - 1) < kMinSlopeGain) {
-        x = even;
-        num_free = kOutsideX;
-      }
-    }
-    std::vector<double> sizes;
-    for (const Sample& sample : samples) {
-      double predicted;
-      if (Predict(x, sample.pixel, &predicted, nullptr)) sizes.push_back(std::abs(predicted - sample.grey));
-    }
-    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-    std::nth_element(sizes.begin(), middle, sizes.end());
-    // Where the flat parts are saturated, the edge alone has residuals: those are no outliers.
-    bend = std::max(2.5 * 1.4826 * *middle, 0.05 * std::abs(x[kInside] - x[kOutside]));
-  }
+  BlurredEllipse fit(grey, start);
+  if (!fit.IsInPicture()) return std::nullopt;
 
-  RefinedEllipse refined;
-  Eigen::Matrix2d shape;
-  shape << x[kShapeXX], x[kShapeXY], x[kShapeXY], x[kShapeYY];
-  refined.ellipse = {origin_px + radius_px * x.head<2>(), shape / (radius_px * radius_px)};
-  refined.blur_sigma_px = radius_px * std::exp(x[kLogSigma]);
-  // The planes' difference at the centre is their mean difference on the outline.
-  refined.contrast_grey = x[kInside] - x[kOutside] + (x[kInsideX] - x[kOutsideX]) * x[kCentreX] +
-                          (x[kInsideY] - x[kOutsideY]) * x[kCentreY];
-  double sum_square = 0;
-  double sum_weighted = 0;
-  int num_outliers = 0;
-  for (const Sample& sample : samples) {
-    double predicted;
-    if (!Predict(x, sample.pixel, &predicted, nullptr)) continue;
-    const double residual = predicted - sample.grey;
-    sum_square += residual * residual;
-    sum_weighted += HuberWeight(residual, bend) * residual * residual;
-    if (std::abs(residual) > std::max(bend, 0.15 * std::abs(refined.contrast_grey))) ++num_outliers;
+  // Coarsely, from some of the pixels in a wide margin.
+  const double first_margin_px = std::min(std::max(3.0, 0.15 * radius_px), max_margin_px);
+  constexpr double kMaxFirstSamples = 2500;
+  fit.Sample(first_margin_px, kMaxFirstSamples);
+  if (!fit.StartLevels(first_margin_px) || !fit.Fit()) return std::nullopt;
+  fit.Judge();
+  // Then from those that the blurred edge concerns, again as long as parts turn out to be hidden.
+  constexpr int kMaxRounds = 5;
+  const auto margin_px = [&] {
+    return std::min(std::clamp(4 * fit.SigmaPx(), 3.0, std::max(radius_px, 3.0)), max_margin_px);
+  };
+  for (int round = 0; round < kMaxRounds; ++round) {
+    if (!fit.IsInPicture()) return std::nullopt;
+    const double used_px = margin_px();
+    fit.Sample(used_px, std::numeric_limits<double>::infinity());
+    if (!fit.Fit()) return std::nullopt;
+    const bool other_parts = fit.Judge();
+    if (!other_parts && std::abs(margin_px() - used_px) < 0.2 * used_px) break;
   }
-  const double num_samples = static_cast<double>(samples.size());
-  if (!(std::abs(refined.contrast_grey) > 1)) return std::nullopt;
-  refined.residual_ratio = std::sqrt(sum_square / num_samples) / std::abs(refined.contrast_grey);
-  refined.outlier_ratio = num_outliers / num_samples;
-  Parameters gradient;
-  const Normal normal = NormalMatrix(x, samples, bend, num_free, &gradient);
-  const Normal covariance = normal.ldlt().solve(Normal::Identity());
-  const double variance = std::max(sum_weighted / (num_samples - num_free), 0.08);
-  refined.centre_stddev_px = radius_px * std::sqrt(0.5 * variance * (covariance(0, 0) + covariance(1, 1)));
-  if (!std::isfinite(refined.centre_stddev_px)) return std::nullopt;
+  if (!fit.FitWithoutNeedlessSlopes() || !fit.IsInPicture()) return std::nullopt;
+  if (!(std::abs(fit.Contrast()) > 1)) return std::nullopt;
+  const RefinedEllipse refined = fit.Result();
+  if (!std::isfinite(refined.centre_stddev_px) || !std::isfinite(refined.residual_ratio)) return std::nullopt;
   return refined;
 }
 

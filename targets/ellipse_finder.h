@@ -54,17 +54,17 @@ struct RefineEllipseOptions {
 
 struct RefinedEllipse {
   Ellipse ellipse;
-  double contrast_grey = 0;       // Inside minus outside, at the outline.
-  double blur_sigma_px = 0;       // Of the outline, a pixel's own width included.
-  double residual_ratio = 0;      // RMS of the fit's residuals by the contrast: noise and misfit.
-  double centre_stddev_px = 0;    // Per coordinate, as the residuals tell it.
-  double outlier_ratio = 0;       // Share of pixels that do not agree with an ellipse.
+  double contrast_grey = 0;     // Inside minus outside, at the outline.
+  double blur_sigma_px = 0;     // Of the outline, a pixel's own width included.
+  double residual_ratio = 0;    // RMS of the fit's residuals by the contrast: noise and misfit.
+  double centre_stddev_px = 0;  // Per coordinate, as the residuals tell it.
+  double visible_ratio = 1;     // Share of the outline that agrees with an ellipse; the rest was not used.
 };
 
-// The ellipse with a blurred edge that is most likely given the pixels beside its outline: brightness inside and outside
-// are planes, the edge between them is an error function, deviating pixels count less (Huber). `start` must be right to
-// a third of its radius. Nothing if there is no such ellipse near `start`, or if the picture's border cuts off more of it
-// than a tenth of its radius.
+// The ellipse with a blurred edge that is most likely given the pixels beside its outline: brightness inside and
+// outside are planes, the edge between them is an error function, deviating pixels count less (Huber), parts of the
+// outline that do not agree with the rest do not count. `start` must be right to a third of its radius. Nothing if
+// there is no such ellipse near `start`, or if the picture's border cuts off more of it than a tenth of its radius.
 std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& start,
                                             const RefineEllipseOptions& options = {});
 

@@ -15,7 +15,8 @@ const cv::Scalar kResidualColour(255, 60, 200);
 // OpenCV draws with `kShift` binary digits after the point.
 constexpr int kShift = 4;
 cv::Point SubPixel(const Eigen::Vector2d& pixel) {
-  return {static_cast<int>(std::lround(pixel.x() * (1 << kShift))), static_cast<int>(std::lround(pixel.y() * (1 << kShift)))};
+  return {static_cast<int>(std::lround(pixel.x() * (1 << kShift))),
+          static_cast<int>(std::lround(pixel.y() * (1 << kShift)))};
 }
 
 }  // namespace
@@ -37,7 +38,8 @@ cv::Mat DrawOverlay(const cv::Mat& grey, const Observations& observations, const
     const Eigen::Vector2d at = place(observations.pixels.col(i));
     const double arm = 6 * size;
     for (const Eigen::Vector2d& direction : {Eigen::Vector2d(arm, 0), Eigen::Vector2d(0, arm)}) {
-      cv::line(picture, SubPixel(at - direction), SubPixel(at + direction), kPointColour, thickness, cv::LINE_AA, kShift);
+      cv::line(picture, SubPixel(at - direction), SubPixel(at + direction), kPointColour, thickness, cv::LINE_AA,
+               kShift);
     }
     if (residuals) {
       const Eigen::Vector2d end = at + zoom * options.magnification * residuals->col(i);
@@ -48,8 +50,8 @@ cv::Mat DrawOverlay(const cv::Mat& grey, const Observations& observations, const
                 0.42 * size, kIdColour, thickness, cv::LINE_AA);
   }
   const cv::Point origin(static_cast<int>(10 * size), static_cast<int>(24 * size));
-  cv::putText(picture, options.caption, origin, cv::FONT_HERSHEY_SIMPLEX, 0.6 * size, cv::Scalar(0, 0, 0), 4 * thickness,
-              cv::LINE_AA);
+  cv::putText(picture, options.caption, origin, cv::FONT_HERSHEY_SIMPLEX, 0.6 * size, cv::Scalar(0, 0, 0),
+              4 * thickness, cv::LINE_AA);
   cv::putText(picture, options.caption, origin, cv::FONT_HERSHEY_SIMPLEX, 0.6 * size, cv::Scalar(255, 255, 255),
               thickness, cv::LINE_AA);
   return picture;

@@ -49,7 +49,7 @@ Sheet MakeSheet(const Target& target, const SheetOptions& options = {});
 // file cannot be written.
 void WriteSheet(const Sheet& sheet, const std::filesystem::path& path);
 
-// SHEET.json (INTERFACES.md section 4) of the sheet written to `path`: its suffix decides whether there is a dpi.
+// SHEET.json (README, "Commands") of the sheet written to `path`: its suffix decides whether there is a dpi.
 std::string SheetJson(const Sheet& sheet, const std::filesystem::path& path);
 
 }  // namespace heba

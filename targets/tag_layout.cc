@@ -9,8 +9,8 @@ namespace heba {
 namespace {
 
 // Whether the two tags' corners are one plane's, nearly: the residual of the homography of all eight in units of the
-// smaller tag's side. A fisheye bends a board by some hundredths between neighbours; a wrongly decoded tag is off by its
-// side.
+// smaller tag's side. A fisheye bends a board by some hundredths between neighbours; a wrongly decoded tag is off by
+// its side.
 bool Agree(const SeenTag& a, const SeenTag& b, const TagLayout& layout, double max_residual_ratio) {
   std::vector<Eigen::Vector2d> board_m;
   std::vector<Eigen::Vector2d> picture_px;
@@ -58,9 +58,7 @@ double MeanSide(const TagCorners& corners) {
   return sum / 4;
 }
 
-Eigen::Vector2d CentreOf(const TagCorners& corners) {
-  return (corners[0] + corners[1] + corners[2] + corners[3]) / 4;
-}
+Eigen::Vector2d CentreOf(const TagCorners& corners) { return (corners[0] + corners[1] + corners[2] + corners[3]) / 4; }
 
 ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout& layout, int num_bit_errors_alone) {
   // Neighbours, the next but one included (a tag between them may be hidden).
@@ -98,9 +96,8 @@ ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout&
     while (end < order.size() && groups.Find(order[end]) == group) ++end;
     // A group beside the largest one (a hand may part a board) is of the same board if it fits to it, though loosely:
     // far apart the lens bends more.
-    bool belongs = kept.tags.empty()
-                       ? end - begin > 1 || seen[order[begin]].num_bit_errors <= num_bit_errors_alone
-                       : false;
+    bool belongs =
+        kept.tags.empty() ? end - begin > 1 || seen[order[begin]].num_bit_errors <= num_bit_errors_alone : false;
     std::vector<SeenTag> additional;
     for (size_t k = begin; k < end; ++k) {
       const SeenTag& tag = seen[order[k]];
@@ -112,8 +109,8 @@ ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout&
     }
     if (!kept.tags.empty()) {
       for (const SeenTag& tag : additional) {
-        const auto nearest = std::min_element(
-            kept.tags.begin(), kept.tags.end(), [&](const SeenTag& a, const SeenTag& b) {
+        const auto nearest =
+            std::min_element(kept.tags.begin(), kept.tags.end(), [&](const SeenTag& a, const SeenTag& b) {
               return (layout.Centre(a.index) - layout.Centre(tag.index)).norm() <
                      (layout.Centre(b.index) - layout.Centre(tag.index)).norm();
             });
@@ -124,8 +121,7 @@ ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout&
     kept.num_dropped += static_cast<int>(end - begin - additional.size());
     kept.tags.insert(kept.tags.end(), additional.begin(), additional.end());
   }
-  std::sort(kept.tags.begin(), kept.tags.end(),
-            [](const SeenTag& a, const SeenTag& b) { return a.index < b.index; });
+  std::sort(kept.tags.begin(), kept.tags.end(), [](const SeenTag& a, const SeenTag& b) { return a.index < b.index; });
   return kept;
 }
 

@@ -56,9 +56,8 @@ std::vector<Rigid3d> PlaneSymmetries(const std::vector<TargetPoint>& points) {
     const Rigid3d candidate(rotation, centre - rotation * centre);
     const bool maps_to_itself = std::all_of(points.begin(), points.end(), [&](const TargetPoint& point) {
       const Eigen::Vector3d moved = candidate * point.in_target;
-      return std::any_of(points.begin(), points.end(), [&](const TargetPoint& other) {
-        return (moved - other.in_target).norm() < 1e-6 * extent;
-      });
+      return std::any_of(points.begin(), points.end(),
+                         [&](const TargetPoint& other) { return (moved - other.in_target).norm() < 1e-6 * extent; });
     });
     if (maps_to_itself) symmetries.push_back(candidate);
   }

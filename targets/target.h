@@ -1,5 +1,5 @@
-// What a target is: it lists its points, finds them in a picture and draws itself. Kinds of targets are found by name in
-// a table; a new one is one file in types/ and one line of targets.def.
+// What a target is: it lists its points, finds them in a picture and draws itself. Kinds of targets are found by name
+// in a table; a new one is one file in types/ and one line of targets.def.
 //
 // For every target: ids are unique, points do not lie on one line, and the points found in a rendered picture of a
 // known pose are where the camera model says (tests/conformance/target_test.cc).
@@ -59,7 +59,6 @@ std::vector<Rigid3d> PlaneSymmetries(const std::vector<TargetPoint>& points);
 
 // Whether the pixels of points 0, 1, 2, ... turn in the sense of the target's front side seen by a camera: x to y
 // clockwise in the image for a target whose z axis points into the sheet, counter-clockwise for one whose z points out.
-bool SeenFromFront(const std::vector<Eigen::Vector2d>& points_m, const std::vector<Eigen::Vector2d>& pixels,
-                   bool y_up);
+bool SeenFromFront(const std::vector<Eigen::Vector2d>& points_m, const std::vector<Eigen::Vector2d>& pixels, bool y_up);
 
 }  // namespace heba

@@ -29,7 +29,8 @@ struct Command {
 
 const std::vector<Command>& Commands() {
   static const std::vector<Command> commands = {
-#define HEBA_COMMAND(name, arguments, flags, summary) {#name, arguments, Split(flags, ' '), summary, &RunCommand_##name},
+#define HEBA_COMMAND(name, arguments, flags, summary) \
+  {#name, arguments, Split(flags, ' '), summary, &RunCommand_##name},
 #include "tools/commands.def"
 #undef HEBA_COMMAND
   };
@@ -59,7 +60,8 @@ void PrintUsage(std::ostream& stream) {
 }
 
 void PrintCommandHelp(const Command& command) {
-  std::cout << "usage: heba " << command.name << " " << command.arguments << " [--flags]\n\n" << command.summary << "\n\n";
+  std::cout << "usage: heba " << command.name << " " << command.arguments << " [--flags]\n\n"
+            << command.summary << "\n\n";
   for (const std::string& flag : command.flags) {
     const gflags::CommandLineFlagInfo info = FlagInfo(flag);
     const std::string form = FlagForm(info);
@@ -67,8 +69,8 @@ void PrintCommandHelp(const Command& command) {
   }
 }
 
-// Sets the flags of `words` and returns the other words. gflags keeps one registry for the whole program, with glog's flags
-// in it, and ends the program on a fault: names and values are looked at here first.
+// Sets the flags of `words` and returns the other words. gflags keeps one registry for the whole program, with glog's
+// flags in it, and ends the program on a fault: names and values are looked at here first.
 std::vector<std::string> ParseFlags(const Command& command, const std::vector<std::string>& words) {
   std::vector<std::string> arguments;
   for (size_t i = 0; i < words.size(); ++i) {
@@ -85,8 +87,9 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
     const size_t equals = word.find('=');
     const std::string name = word.substr(dashes, equals == std::string::npos ? std::string::npos : equals - dashes);
     if (std::find(command.flags.begin(), command.flags.end(), name) == command.flags.end()) {
-      throw InputError("'heba " + command.name + "' has no flag --" + name + DidYouMean(name, command.flags) +
-                       (DidYouMean(name, command.flags).empty() ? "; 'heba " + command.name + " --help' lists them" : ""));
+      throw InputError(
+          "'heba " + command.name + "' has no flag --" + name + DidYouMean(name, command.flags) +
+          (DidYouMean(name, command.flags).empty() ? "; 'heba " + command.name + " --help' lists them" : ""));
     }
     const gflags::CommandLineFlagInfo info = FlagInfo(name);
     std::string value;
@@ -103,7 +106,8 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
     const bool is_number = ParseDouble(value, &number);
     if ((info.type == "int32" && (!is_number || number != static_cast<int>(number))) ||
         (info.type == "double" && !is_number)) {
-      throw InputError("--" + name + " needs a " + (info.type == "int32" ? "whole number" : "number") + ", not '" + value + "'");
+      throw InputError("--" + name + " needs a " + (info.type == "int32" ? "whole number" : "number") + ", not '" +
+                       value + "'");
     }
     if (info.type == "bool" && value != "true" && value != "false") {
       throw InputError("--" + name + " is true or false, not '" + value + "'");
@@ -124,12 +128,13 @@ int Dispatch(const std::vector<std::string>& words) {
     std::cout << "heba " << Version() << "\n";
     return kDone;
   }
-  const auto command = std::find_if(Commands().begin(), Commands().end(),
-                                    [&](const Command& entry) { return entry.name == words[0]; });
+  const auto command =
+      std::find_if(Commands().begin(), Commands().end(), [&](const Command& entry) { return entry.name == words[0]; });
   if (command == Commands().end()) {
     std::vector<std::string> names;
     for (const Command& entry : Commands()) names.push_back(entry.name);
-    throw InputError("'" + words[0] + "' is not a command" + DidYouMean(words[0], names) + "; one of: " + Join(names, ", "));
+    throw InputError("'" + words[0] + "' is not a command" + DidYouMean(words[0], names) +
+                     "; one of: " + Join(names, ", "));
   }
   const std::vector<std::string> rest(words.begin() + 1, words.end());
   if (std::find(rest.begin(), rest.end(), "--help") != rest.end()) {

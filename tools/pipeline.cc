@@ -21,7 +21,9 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-std::string SizeText(int width_px, int height_px) { return std::to_string(width_px) + " x " + std::to_string(height_px); }
+std::string SizeText(int width_px, int height_px) {
+  return std::to_string(width_px) + " x " + std::to_string(height_px);
+}
 
 std::vector<View> MakeViews(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
   std::vector<View> views;
@@ -184,16 +186,16 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
                 std::to_string(detections.size()) + " pictures");
 
   const Stopwatch solve_watch;
-  const CalibrationOptions options =
-      OptionsOf(config, detections.front().width_px, detections.front().height_px);
+  const CalibrationOptions options = OptionsOf(config, detections.front().width_px, detections.front().height_px);
   const Outcome<Calibration> calibration = Calibrate(views, options);
   if (!calibration) return Failure{calibration.reason()};
   for (const UnusedView& unused : calibration->unused) console->Note("not used: " + unused.name + ": " + unused.reason);
   if (!calibration->refined) {
     // What there is to see of the failure.
     for (const MethodResult& method : calibration->methods) {
-      console->Note(method.method + ": " + (method.hand_eye ? Significant(method.reprojection_rms_px.value_or(NAN), 3) + " px"
-                                                            : method.hand_eye.reason()));
+      console->Note(method.method + ": " +
+                    (method.hand_eye ? Significant(method.reprojection_rms_px.value_or(NAN), 3) + " px"
+                                     : method.hand_eye.reason()));
     }
     return Failure{calibration->refined.reason()};
   }

@@ -12,8 +12,8 @@
 
 namespace heba {
 
-// Detects, calibrates, evaluates and writes the run's folder, whole or not at all. InputError for wrong input; a Failure,
-// and no folder, if the result cannot be trusted.
+// Detects, calibrates, evaluates and writes the run's folder, whole or not at all. InputError for wrong input; a
+// Failure, and no folder, if the result cannot be trusted.
 Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
                                Console* console);
 

@@ -49,8 +49,9 @@ std::string ResultTable(const RunResult& result, Colour colour) {
                                   [](const CaptureResult& capture) { return capture.used; });
   const bool has_truth = std::any_of(result.estimates.begin(), result.estimates.end(),
                                      [](const Estimate& estimate) { return estimate.errors.truth.has_value(); });
-  std::string table = bold + result.name + plain + ": " + std::string(SetupName(result.setup)) + ", " + result.target_type +
-                      ", " + std::to_string(used) + " of " + std::to_string(result.captures.size()) + " captures used\n\n";
+  std::string table = bold + result.name + plain + ": " + std::string(SetupName(result.setup)) + ", " +
+                      result.target_type + ", " + std::to_string(used) + " of " +
+                      std::to_string(result.captures.size()) + " captures used\n\n";
   std::vector<std::string> header = {"in-sample", "hold-out", "AX-XB", "board mm", "deg"};
   if (has_truth) {
     header.emplace_back("true mm");

@@ -113,8 +113,8 @@ void ReadCaptures(MapReader& root, RunConfig* config) {
     format = WithUnits(format, *units);
     reader.Record("units", units->node());
   }
-  const bool base_from_gripper =
-      reader.Choice("poses_are", {"base_from_gripper", "gripper_from_base"}, "base_from_gripper") == "base_from_gripper";
+  const bool base_from_gripper = reader.Choice("poses_are", {"base_from_gripper", "gripper_from_base"},
+                                               "base_from_gripper") == "base_from_gripper";
   reader.Finish();
   root.Record("captures", reader.used());
 
@@ -128,8 +128,9 @@ void ReadCaptures(MapReader& root, RunConfig* config) {
   const std::vector<PoseRow> rows = ReadPoseFile(poses_file, format);
   const bool has_names = !rows.empty() && !rows.front().image.empty();
   if (!has_names && rows.size() != images.size()) {
-    throw InputError(poses_file.string() + ": has " + std::to_string(rows.size()) + " rows without an image column for " +
-                     std::to_string(images.size()) + " pictures; the counts must agree, or name the pictures");
+    throw InputError(poses_file.string() + ": has " + std::to_string(rows.size()) +
+                     " rows without an image column for " + std::to_string(images.size()) +
+                     " pictures; the counts must agree, or name the pictures");
   }
   for (size_t i = 0; i < rows.size(); ++i) {
     Capture capture;

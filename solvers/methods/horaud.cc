@@ -1,6 +1,6 @@
-// R. Horaud and F. Dornaika, "Hand-eye calibration", International Journal of Robotics Research 14(3), 1995. The axes of
-// a motion obey n_A = R_X n_B; with unit quaternions, n_A q - q n_B = 0 is linear in q, and the unit q that minimises the
-// sum of squares is the eigenvector of the smallest eigenvalue (section 4.1); then the translation.
+// R. Horaud and F. Dornaika, "Hand-eye calibration", International Journal of Robotics Research 14(3), 1995. The axes
+// of a motion obey n_A = R_X n_B; with unit quaternions, n_A q - q n_B = 0 is linear in q, and the unit q that
+// minimises the sum of squares is the eigenvector of the smallest eigenvalue (section 4.1); then the translation.
 #include <Eigen/Eigenvalues>
 
 #include "solvers/relative_motion.h"

@@ -1,6 +1,6 @@
 // A. Li, L. Wang and D. Wu, "Simultaneous robot-world and hand-eye calibration using dual-quaternions and Kronecker
-// product", International Journal of the Physical Sciences 5(10), 2010, its Kronecker form. All 24 unknowns of M Z = X C
-// at once, with vec by columns:
+// product", International Journal of the Physical Sciences 5(10), 2010, its Kronecker form. All 24 unknowns of M Z = X
+// C at once, with vec by columns:
 //   (I (x) R_M) vec(R_Z) - (R_C^T (x) I) vec(R_X) = 0,   R_M t_Z - (t_C^T (x) I) vec(R_X) - t_X = -t_M
 // by least squares; the rotations are then the nearest ones, the translations stay as solved.
 #include <Eigen/Cholesky>

@@ -1,7 +1,7 @@
-// M. Shah, "Solving the robot-world/hand-eye calibration problem using the Kronecker product", ASME Journal of Mechanisms
-// and Robotics 5(3), 2013. From R_X R_C = R_M R_Z: with K = sum R_C (x) R_M (vec by columns), vec(R_Z) and vec(R_X) are
-// the right and left singular vectors of K's largest singular value; the rotations nearest to them, then both
-// translations by linear least squares.
+// M. Shah, "Solving the robot-world/hand-eye calibration problem using the Kronecker product", ASME Journal of
+// Mechanisms and Robotics 5(3), 2013. From R_X R_C = R_M R_Z: with K = sum R_C (x) R_M (vec by columns), vec(R_Z) and
+// vec(R_X) are the right and left singular vectors of K's largest singular value; the rotations nearest to them, then
+// both translations by linear least squares.
 #include <Eigen/LU>
 #include <Eigen/SVD>
 

@@ -1,5 +1,5 @@
-// R. Y. Tsai and R. K. Lenz, "A new technique for fully autonomous and efficient 3D robotics hand/eye calibration", IEEE
-// Transactions on Robotics and Automation 5(3), 1989. With P = 2 sin(angle / 2) axis of a rotation, equation (12),
+// R. Y. Tsai and R. K. Lenz, "A new technique for fully autonomous and efficient 3D robotics hand/eye calibration",
+// IEEE Transactions on Robotics and Automation 5(3), 1989. With P = 2 sin(angle / 2) axis of a rotation, equation (12),
 //   skew(P_A + P_B) P' = P_B - P_A,   P' = tan(angle_X / 2) axis_X,
 // over all motions, then equation (15) for the translation.
 //

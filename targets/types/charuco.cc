@@ -1,9 +1,9 @@
-// A chessboard with ArUco markers in its white squares. Frame: origin at the board's outer top-left corner as printed, x
-// to the right, y down, z into the sheet (the frame of OpenCV's CharucoBoard since 4.7). The points are the inner
+// A chessboard with ArUco markers in its white squares. Frame: origin at the board's outer top-left corner as printed,
+// x to the right, y down, z into the sheet (the frame of OpenCV's CharucoBoard since 4.7). The points are the inner
 // corners: id = row * (columns - 1) + column, at ((column + 1) square, (row + 1) square, 0).
 //
-// The square in the top-left corner is black. Boards that OpenCV before 4.6 drew (`legacy_pattern`) have the black square
-// in the bottom-left corner instead, which differs where the number of rows is even.
+// The square in the top-left corner is black. Boards that OpenCV before 4.6 drew (`legacy_pattern`) have the black
+// square in the bottom-left corner instead, which differs where the number of rows is even.
 //
 // Markers are OpenCV's to find (this is the one file that knows the interface of its aruco module, which changed in
 // 4.7); corners are predicted from the markers around them and refined as saddles.
@@ -74,8 +74,7 @@ class Charuco final : public Target {
     const double square_m = geometry_.square_m;
     for (int row = 0; row + 1 < geometry_.rows; ++row) {
       for (int column = 0; column + 1 < geometry_.columns; ++column) {
-        points_.push_back(
-            {row * (geometry_.columns - 1) + column, {(column + 1) * square_m, (row + 1) * square_m, 0}});
+        points_.push_back({row * (geometry_.columns - 1) + column, {(column + 1) * square_m, (row + 1) * square_m, 0}});
       }
     }
     // Markers are numbered row by row from the top.
@@ -86,8 +85,8 @@ class Charuco final : public Target {
         const Eigen::Vector2d first(column * square_m + gap_m, row * square_m + gap_m);
         const double m = geometry_.marker_m;
         // OpenCV's order: clockwise from the top-left corner.
-        layout_.corners_m.push_back({first, first + Eigen::Vector2d(m, 0), first + Eigen::Vector2d(m, m),
-                                     first + Eigen::Vector2d(0, m)});
+        layout_.corners_m.push_back(
+            {first, first + Eigen::Vector2d(m, 0), first + Eigen::Vector2d(m, m), first + Eigen::Vector2d(0, m)});
         marker_squares_.push_back({row, column});
       }
     }
@@ -198,16 +197,19 @@ class Charuco final : public Target {
     const std::optional<Eigen::Matrix3d> homography = LocalHomography(markers, layout_, at_m, kNumNearest);
     if (!homography) return std::nullopt;
     const Eigen::Vector2d predicted_px = Map(*homography, at_m);
-    // The nearest other edge is a marker's, half the gap between marker and square away along both sides.
+    // The nearest other thing is a marker's corner, on the diagonal.
     const double gap_m = 0.5 * (geometry_.square_m - geometry_.marker_m);
-    double gap_px = std::numeric_limits<double>::infinity();
+    double diagonal_px = std::numeric_limits<double>::infinity();
     double square_px = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector2d& direction : {Eigen::Vector2d(1, 1), Eigen::Vector2d(1, -1)}) {
+      diagonal_px = std::min(diagonal_px, (Map(*homography, at_m + gap_m * direction) - predicted_px).norm());
+    }
     for (const Eigen::Vector2d& direction : {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}) {
-      gap_px = std::min(gap_px, (Map(*homography, at_m + gap_m * direction) - predicted_px).norm());
       square_px = std::min(square_px, (Map(*homography, at_m + geometry_.square_m * direction) - predicted_px).norm());
     }
-    // A marker's corner lies on the diagonal, so that the window may reach a little farther than the gap.
-    const double reach_px = std::max(1.4 * gap_px, 4.0);
+    // Markers that nearly fill their squares leave less room than a saddle needs: its edges still outweigh theirs.
+    constexpr double kMinReachPx = 4.7;
+    const double reach_px = std::max(diagonal_px, kMinReachPx);
     if (square_px < 8) return std::nullopt;
     const double max_move_px = std::max(2.0, 0.15 * square_px);
     return RefineCorner(grey, predicted_px, std::min(reach_px, 0.5 * square_px), max_move_px);

@@ -68,11 +68,10 @@ class CircleGrid final : public Target {
   Drawing Draw() const override {
     Drawing drawing;
     const Eigen::Vector2d last(points_.back().in_target.x(), points_.back().in_target.y());
-    const double max_x_m = options_.asymmetric && options_.rows > 1
-                               ? (2 * options_.columns - 1) * options_.spacing_m
-                               : (options_.columns - 1) * options_.spacing_m;
-    const double margin_m =
-        options_.spacing_m + 0.5 * std::max(options_.dot_diameter_m, options_.marker_dot ? options_.marker_diameter_m : 0);
+    const double max_x_m = options_.asymmetric && options_.rows > 1 ? (2 * options_.columns - 1) * options_.spacing_m
+                                                                    : (options_.columns - 1) * options_.spacing_m;
+    const double margin_m = options_.spacing_m + 0.5 * std::max(options_.dot_diameter_m,
+                                                                options_.marker_dot ? options_.marker_diameter_m : 0);
     drawing.min_m = Eigen::Vector2d(-margin_m, -margin_m);
     drawing.max_m = Eigen::Vector2d(max_x_m + margin_m, last.y() + margin_m);
     const bool light = options_.polarity == DotPolarity::kLightOnDark;
@@ -93,7 +92,8 @@ class CircleGrid final : public Target {
     for (const FoundEllipse& found : FindEllipses(grey, finder_options)) dots.push_back(found.ellipse);
     LatticeOptions lattice_options;
     // Makers of sheets differ about the larger dot.
-    if (options_.marker_dot) lattice_options.max_size_ratio *= 1.4 * options_.marker_diameter_m / options_.dot_diameter_m;
+    if (options_.marker_dot)
+      lattice_options.max_size_ratio *= 1.4 * options_.marker_diameter_m / options_.dot_diameter_m;
 
     Detection detection;
     const std::string needed = " of the " + Count(points_.size(), "dot");
@@ -118,12 +118,12 @@ class CircleGrid final : public Target {
         if (fault.empty()) fault = refined.reason();
         continue;
       }
-      if (!orders.empty()) {
+      if (!orders.empty() && !AreSame(orders.front(), refined->front())) {
         detection.reason = "there is more than one grid of " + std::to_string(options_.rows) + " rows of " +
                            std::to_string(options_.columns) + " dots";
         return detection;
       }
-      orders = *refined;
+      if (orders.empty()) orders = *refined;
     }
     if (orders.empty()) {
       detection.reason = !fault.empty() ? fault
@@ -146,7 +146,8 @@ class CircleGrid final : public Target {
  private:
   int MarkerId() const { return (options_.rows - 1) * options_.columns; }
 
-  // Whether the lattice continues beyond the pattern: more than a stray dot or two exactly where the next ones would be.
+  // Whether the lattice continues beyond the pattern: more than a stray dot or two exactly where the next ones would
+  // be.
   bool GoesOn(const Lattice& lattice, const Dots& dots, const LatticePlacement& placement) const {
     const std::set<int> inside(placement.orders.front().begin(), placement.orders.front().end());
     Lattice grid;
@@ -176,8 +177,10 @@ class CircleGrid final : public Target {
       refine_options.max_margin_px = 0.6 * GapPx(dots, first, dot);
       const std::optional<RefinedEllipse> refined = RefineEllipse(grey, start, refine_options);
       const double sign = options_.polarity == DotPolarity::kLightOnDark ? 1 : -1;
-      if (!refined || sign * refined->contrast_grey < 4 || refined->residual_ratio > 0.2 ||
-          refined->outlier_ratio > 0.2 || refined->centre_stddev_px > 0.25 ||
+      // A ragged outline is a reason only where it leaves the centre in doubt.
+      if (!refined || sign * refined->contrast_grey < 4 || refined->residual_ratio > 0.35 ||
+          (refined->residual_ratio > 0.2 && refined->centre_stddev_px > 0.02) || refined->visible_ratio < 0.7 ||
+          refined->centre_stddev_px > 0.25 ||
           std::abs(std::log(refined->ellipse.RadiusPx() / start.RadiusPx())) > 0.3 + 0.5 / start.RadiusPx()) {
         ++num_bad;
         continue;
@@ -201,6 +204,17 @@ class CircleGrid final : public Target {
     return orders;
   }
 
+  // Whether two grids share dots: candidates for one dot come to the same when they are refined.
+  static bool AreSame(const Dots& a, const Dots& b) {
+    size_t num_shared = 0;
+    for (const Ellipse& dot : a) {
+      num_shared += std::any_of(b.begin(), b.end(), [&](const Ellipse& other) {
+        return (other.centre_px - dot.centre_px).norm() < 0.3 * dot.RadiusPx();
+      });
+    }
+    return 2 * num_shared > a.size();
+  }
+
   // Between the outlines of `dot` and the nearest other dot.
   static double GapPx(const Dots& dots, const std::vector<int>& grid, int dot) {
     double gap_px = 1e6;
@@ -208,7 +222,9 @@ class CircleGrid final : public Target {
       if (other == dot) continue;
       const Eigen::Vector2d offset = dots[other].centre_px - dots[dot].centre_px;
       const Eigen::Vector2d direction = offset.normalized();
-      const auto reach_px = [&](const Ellipse& ellipse) { return 1 / std::sqrt(direction.dot(ellipse.shape * direction)); };
+      const auto reach_px = [&](const Ellipse& ellipse) {
+        return 1 / std::sqrt(direction.dot(ellipse.shape * direction));
+      };
       gap_px = std::min(gap_px, offset.norm() - reach_px(dots[dot]) - reach_px(dots[other]));
     }
     return gap_px;

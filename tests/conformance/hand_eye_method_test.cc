@@ -10,11 +10,14 @@
 namespace heba {
 namespace {
 
-constexpr double kRoundOff = 1e-8;  // rad and m: exact data; null vectors of 24 x 24 normal matrices in double precision
+constexpr double kRoundOff =
+    1e-8;  // rad and m: exact data; null vectors of 24 x 24 normal matrices in double precision
 
 class HandEyeMethodTest : public testing::TestWithParam<std::string> {
  protected:
-  Outcome<HandEye> Solve(const std::vector<PosePair>& pairs) const { return FindHandEyeMethod(GetParam())->solve(pairs); }
+  Outcome<HandEye> Solve(const std::vector<PosePair>& pairs) const {
+    return FindHandEyeMethod(GetParam())->solve(pairs);
+  }
 };
 
 std::vector<PosePair> WithNoise(std::vector<PosePair> pairs, double rotation_rad, double translation_m, uint64_t seed) {
@@ -34,9 +37,11 @@ TEST_P(HandEyeMethodTest, RecoversExactDataOfBothSetups) {
       const Outcome<HandEye> found = Solve(scene.pairs);
       ASSERT_TRUE(found.ok()) << found.reason();
       EXPECT_THAT(found->camera_mount_from_camera,
-                  IsNearPose(scene.hand_eye.camera_mount_from_camera, kRoundOff, kRoundOff)) << "seed " << seed;
+                  IsNearPose(scene.hand_eye.camera_mount_from_camera, kRoundOff, kRoundOff))
+          << "seed " << seed;
       EXPECT_THAT(found->target_mount_from_target,
-                  IsNearPose(scene.hand_eye.target_mount_from_target, kRoundOff, kRoundOff)) << "seed " << seed;
+                  IsNearPose(scene.hand_eye.target_mount_from_target, kRoundOff, kRoundOff))
+          << "seed " << seed;
     }
   }
 }
@@ -68,7 +73,8 @@ TEST_P(HandEyeMethodTest, FollowsAChangeOfTheWorld) {
   ASSERT_TRUE(found.ok()) << found.reason();
   EXPECT_THAT(found->camera_mount_from_camera,
               IsNearPose(new_mount_from_mount * scene.hand_eye.camera_mount_from_camera, kRoundOff, kRoundOff));
-  EXPECT_THAT(found->target_mount_from_target, IsNearPose(scene.hand_eye.target_mount_from_target, kRoundOff, kRoundOff));
+  EXPECT_THAT(found->target_mount_from_target,
+              IsNearPose(scene.hand_eye.target_mount_from_target, kRoundOff, kRoundOff));
 }
 
 TEST_P(HandEyeMethodTest, RefusesTooFewCaptures) {

@@ -61,7 +61,8 @@ class BadInputTest : public testing::Test {
         std::istringstream fields(line);
         std::string field;
         std::string changed;
-        for (int c = 0; std::getline(fields, field, ','); ++c) changed += (c > 0 ? "," : "") + (c == column ? value : field);
+        for (int c = 0; std::getline(fields, field, ','); ++c)
+          changed += (c > 0 ? "," : "") + (c == column ? value : field);
         line = changed;
       }
       text += line + "\n";
@@ -73,8 +74,7 @@ class BadInputTest : public testing::Test {
   void ExpectError(int status, const std::vector<std::string>& parts) {
     const fs::path out = *root_ / "out";
     fs::remove_all(out);
-    const CommandResult result =
-        RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"});
+    const CommandResult result = RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"});
     EXPECT_EQ(result.status, status) << result.err;
     EXPECT_THAT(result.err, testing::StartsWith("heba: error: "));
     EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
@@ -257,7 +257,8 @@ TEST_F(BadInputTest, OneFold) {
 }
 
 TEST_F(BadInputTest, TargetThatIsNeverSeen) {
-  WriteAll(folder_ / "target.yaml", "type: charuco\nrows: 5\ncolumns: 7\nsquare: 20 mm\nmarker: 15 mm\ndictionary: DICT_4X4_50\n");
+  WriteAll(folder_ / "target.yaml",
+           "type: charuco\nrows: 5\ncolumns: 7\nsquare: 20 mm\nmarker: 15 mm\ndictionary: DICT_4X4_50\n");
   ExpectError(1, {"config.yaml", "not seen in any of the 6 pictures"});
 }
 TEST_F(BadInputTest, TooFewCaptures) {
@@ -284,7 +285,8 @@ TEST_F(BadInputTest, RobotThatTurnedAboutOneAxis) {
   std::string text = line + "\n";
   for (int i = 0; std::getline(lines, line); ++i) {
     const double half = 0.1 * i;
-    text += line.substr(0, 7) + ",0,0,0,0,0," + std::to_string(std::sin(half)) + "," + std::to_string(std::cos(half)) + "\n";
+    text += line.substr(0, 7) + ",0,0,0,0,0," + std::to_string(std::sin(half)) + "," + std::to_string(std::cos(half)) +
+            "\n";
   }
   WriteAll(folder_ / "poses.csv", text);
   ExpectError(1, {"config.yaml", "one axis only", "second axis"});

@@ -41,18 +41,21 @@ TEST(BundleAdjustmentTest, ExactWithoutNoiseForEveryCameraModelSetupAndLoss) {
         ASSERT_TRUE(solution.ok()) << model << " " << loss << ": " << solution.reason();
         constexpr double kRoundOff = 1e-8;  // rad and m
         EXPECT_THAT(solution->hand_eye.camera_mount_from_camera,
-                    IsNearPose(scene.hand_eye.camera_mount_from_camera, kRoundOff, kRoundOff)) << model << " " << loss;
+                    IsNearPose(scene.hand_eye.camera_mount_from_camera, kRoundOff, kRoundOff))
+            << model << " " << loss;
         EXPECT_THAT(solution->hand_eye.target_mount_from_target,
-                    IsNearPose(scene.hand_eye.target_mount_from_target, kRoundOff, kRoundOff)) << model << " " << loss;
+                    IsNearPose(scene.hand_eye.target_mount_from_target, kRoundOff, kRoundOff))
+            << model << " " << loss;
         EXPECT_NEAR(solution->camera.params[0], scene.camera.params[0], 1e-4);
       }
     }
   }
 }
 
-// Every error, weighed by the inverse of the covariance that came with it, is chi-square distributed with as many degrees
-// of freedom as there are parameters. Summed over 60 seeds and 16 (with Huber's loss: the same) parameters the sum has
-// 960 degrees of freedom, a mean of 960 and a standard deviation of 44: [820, 1100] leaves 3.2 sigma to either side.
+// Every error, weighed by the inverse of the covariance that came with it, is chi-square distributed with as many
+// degrees of freedom as there are parameters. Summed over 60 seeds and 16 (with Huber's loss: the same) parameters the
+// sum has 960 degrees of freedom, a mean of 960 and a standard deviation of 44: [820, 1100] leaves 3.2 sigma to either
+// side.
 TEST(BundleAdjustmentTest, ErrorsAreAsLargeAsTheCovarianceSays) {
   for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
     for (const char* loss : {"none", "huber", "cauchy"}) {
@@ -69,11 +72,12 @@ TEST(BundleAdjustmentTest, ErrorsAreAsLargeAsTheCovarianceSays) {
         const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views}, scene.hand_eye, options);
         ASSERT_TRUE(solution.ok()) << solution.reason();
         Eigen::VectorXd error(16);
-        error.head<6>() = LocalCoordinates(scene.hand_eye.camera_mount_from_camera,
-                                           solution->hand_eye.camera_mount_from_camera);
-        error.segment<6>(6) = LocalCoordinates(scene.hand_eye.target_mount_from_target,
-                                               solution->hand_eye.target_mount_from_target);
-        for (size_t i = 0; i < 4; ++i) error[12 + static_cast<int>(i)] = solution->camera.params[i] - scene.camera.params[i];
+        error.head<6>() =
+            LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera);
+        error.segment<6>(6) =
+            LocalCoordinates(scene.hand_eye.target_mount_from_target, solution->hand_eye.target_mount_from_target);
+        for (size_t i = 0; i < 4; ++i)
+          error[12 + static_cast<int>(i)] = solution->camera.params[i] - scene.camera.params[i];
         ASSERT_EQ(solution->covariance.names.size(), 16U);
         sum += error.dot(solution->covariance.matrix.ldlt().solve(error));
         EXPECT_NEAR(solution->pixel_sigma_px, 0.3, 0.03);  // 4.5 sigma of 1440 coordinates, and more with Huber's loss
@@ -141,8 +145,7 @@ TEST(BundleAdjustmentTest, RefusesIntrinsicsThatTheDataCannotSee) {
   Problem problem{scene.camera, {}};
   for (int i = 0; i < 10; ++i) {
     // Small turns about the board's own middle.
-    const Rigid3d camera_from_target(ExpRotation(0.06 * rng.Direction3()),
-                                     Eigen::Vector3d(0, 0, 0.7));
+    const Rigid3d camera_from_target(ExpRotation(0.06 * rng.Direction3()), Eigen::Vector3d(0, 0, 0.7));
     problem.views.push_back(*SimulateView("v", scene.camera, scene.hand_eye,
                                           CameraMountFromTargetMount(scene.hand_eye, camera_from_target),
                                           GridPoints(2, 2, 0.02), 0.3, &rng));
@@ -151,8 +154,9 @@ TEST(BundleAdjustmentTest, RefusesIntrinsicsThatTheDataCannotSee) {
   options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
   const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
   ASSERT_FALSE(solution.ok());
-  EXPECT_THAT(solution.reason(), testing::AnyOf(testing::HasSubstr("the camera's f"), testing::HasSubstr("the camera's c"),
-                                                testing::HasSubstr("is known to")));
+  EXPECT_THAT(solution.reason(),
+              testing::AnyOf(testing::HasSubstr("the camera's f"), testing::HasSubstr("the camera's c"),
+                             testing::HasSubstr("is known to")));
 }
 
 TEST(BundleAdjustmentTest, NamesTheCaptureWhoseTargetIsBehindTheCamera) {

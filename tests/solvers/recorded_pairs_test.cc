@@ -73,8 +73,8 @@ TEST(RecordedPairsTest, DoosanEyeInHand) {
   }
 }
 
-// OpenCV 4.6's tsai, horaud and daniilidis are 97 to 101 deg wrong here; the sound ones 4.6 mm and 0.09 deg. All of ours
-// must be sound.
+// OpenCV 4.6's tsai, horaud and daniilidis are 97 to 101 deg wrong here; the sound ones 4.6 mm and 0.09 deg. All of
+// ours must be sound.
 TEST(RecordedPairsTest, MoveitEyeToHand) {
   const std::filesystem::path path = DataDir() / "moveit_pose_pairs" / "pairs.csv";
   HEBA_SKIP_WITHOUT(path);

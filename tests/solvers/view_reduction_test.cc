@@ -35,14 +35,16 @@ TEST(ViewReductionTest, KeepsCostGradientAndGaussNewtonMatrix) {
     const int n = 6 + NumParams(model);
     Eigen::MatrixXd j(r.size(), n);
     for (int k = 0; k < n; ++k) {
-      const double step = k < 6 ? 1e-6 : 1e-6 * std::max(1.0, std::abs(scene.camera.params[static_cast<size_t>(k - 6)]));
+      const double step =
+          k < 6 ? 1e-6 : 1e-6 * std::max(1.0, std::abs(scene.camera.params[static_cast<size_t>(k - 6)]));
       Eigen::VectorXd ends[2];
       for (const int side : {0, 1}) {
         const double h = side == 0 ? -step : step;
         std::vector<double> params = scene.camera.params;
         Rigid3d moved = pose;
         if (k < 3) moved = Rigid3d(Eigen::Quaterniond::Identity(), h * Eigen::Vector3d::Unit(k)) * pose;
-        if (k >= 3 && k < 6) moved = Rigid3d(ExpRotation(h * Eigen::Vector3d::Unit(k - 3)), Eigen::Vector3d::Zero()) * pose;
+        if (k >= 3 && k < 6)
+          moved = Rigid3d(ExpRotation(h * Eigen::Vector3d::Unit(k - 3)), Eigen::Vector3d::Zero()) * pose;
         if (k >= 6) params[static_cast<size_t>(k - 6)] += h;
         ends[side] = Residual(scene, view, moved, params) / kSigmaPx;
       }
@@ -94,8 +96,7 @@ TEST(ReprojectionCostTest, JacobiansAgreeWithDifferences) {
   for (int block = 0; block < 2; ++block) {
     Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
     manifold.PlusJacobian(parameters[block], plus.data());
-    const Eigen::MatrixXd analytic =
-        Eigen::Map<Eigen::Matrix<double, 9, 7, Eigen::RowMajor>>(jacobians[block]) * plus;
+    const Eigen::MatrixXd analytic = Eigen::Map<Eigen::Matrix<double, 9, 7, Eigen::RowMajor>>(jacobians[block]) * plus;
     for (int k = 0; k < 6; ++k) {
       constexpr double kStep = 1e-6;
       Eigen::VectorXd ends[2];

@@ -6,8 +6,8 @@
 
 namespace heba {
 
-// The folder with the recorded sets: HEBA_DATA_DIR, or shared/data beside the checkout. It may not be there: a test then
-// skips and says so.
+// The folder with the recorded sets: HEBA_DATA_DIR, or shared/data beside the checkout. It may not be there: a test
+// then skips and says so.
 inline std::filesystem::path DataDir() {
   const char* dir = std::getenv("HEBA_DATA_DIR");
   if (dir != nullptr) return dir;
@@ -16,8 +16,8 @@ inline std::filesystem::path DataDir() {
 
 }  // namespace heba
 
-#define HEBA_SKIP_WITHOUT(path)                                                              \
-  if (!std::filesystem::exists(path)) {                                                      \
+#define HEBA_SKIP_WITHOUT(path)                                                               \
+  if (!std::filesystem::exists(path)) {                                                       \
     GTEST_SKIP() << "recorded data not here: " << (path) << " (set HEBA_DATA_DIR to use it)"; \
-  }                                                                                          \
+  }                                                                                           \
   static_assert(true)

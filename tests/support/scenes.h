@@ -26,7 +26,8 @@ inline Points3 GridPoints(int columns, int rows, double spacing_m) {
 inline Camera TestCamera(const std::string& model = "brown5") {
   Camera camera{model, 1600, 1200, {1500, 1502, 805, 595}};
   if (model == "brown5") camera.params.insert(camera.params.end(), {-0.08, 0.05, 0.0005, -0.0003, 0.0});
-  if (model == "rational8") camera.params.insert(camera.params.end(), {-0.08, 0.05, 0.0005, -0.0003, 0.0, 0.01, 0.0, 0.0});
+  if (model == "rational8")
+    camera.params.insert(camera.params.end(), {-0.08, 0.05, 0.0005, -0.0003, 0.0, 0.01, 0.0, 0.0});
   if (model == "kannala_brandt4") camera.params.insert(camera.params.end(), {0.02, -0.01, 0.003, -0.001});
   return camera;
 }
@@ -63,8 +64,8 @@ inline TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options = 
   const Outcome<std::vector<Rigid3d>> poses = SimulatePoses(scene.camera, options.points, false, motion, &rng);
   for (const Rigid3d& camera_from_target : *poses) {
     const Rigid3d mount = CameraMountFromTargetMount(scene.hand_eye, camera_from_target);
-    scene.views.push_back(*SimulateView("view_" + std::to_string(scene.views.size()), scene.camera, scene.hand_eye, mount,
-                                        options.points, options.noise_px, &rng));
+    scene.views.push_back(*SimulateView("view_" + std::to_string(scene.views.size()), scene.camera, scene.hand_eye,
+                                        mount, options.points, options.noise_px, &rng));
     scene.pairs.push_back({mount, camera_from_target});
   }
   return scene;

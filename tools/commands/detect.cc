@@ -58,8 +58,8 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
     std::string line = config.captures[i].name + ": " + std::to_string(observations.size()) + " of " +
                        std::to_string(config.target->points().size()) + " points";
     if (residuals) {
-      line += ", " + Significant(*SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx(), 3) + " px rms from " +
-              (config.camera ? "the best pose" : "a plane");
+      line += ", " + Significant(*SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx(), 3) +
+              " px rms from " + (config.camera ? "the best pose" : "a plane");
     }
     if (!detections[i].detection.reason.empty()) line += " (" + detections[i].detection.reason + ")";
     OverlayOptions options;

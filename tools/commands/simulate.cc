@@ -65,8 +65,7 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   fs::create_directory(folder.staging() / "images");
   std::vector<PoseRow> rows;
   for (size_t i = 0; i < poses->size(); ++i) {
-    const Rigid3d true_pose =
-        BaseFromGripper(scene.setup, CameraMountFromTargetMount(scene.hand_eye, (*poses)[i]));
+    const Rigid3d true_pose = BaseFromGripper(scene.setup, CameraMountFromTargetMount(scene.hand_eye, (*poses)[i]));
     PoseRow row;
     row.image = ImageName(static_cast<int>(i));
     row.pose = WithRobotNoise(true_pose, scene.robot_rotation_sigma_rad, scene.robot_translation_sigma_m, &rng);
@@ -90,10 +89,10 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   WriteFileAtomically(folder.staging() / "camera.yaml", CameraToYaml(scene.camera));
   WriteFileAtomically(folder.staging() / "poses.csv", PoseFileText(rows, scene.pose_format));
   WriteFileAtomically(folder.staging() / "config.yaml", RunConfigText(scene));
-  WriteFileAtomically(folder.staging() / "truth.json",
-                      TruthToJson({scene.hand_eye.camera_mount_from_camera, scene.hand_eye.target_mount_from_target,
-                                   scene.camera},
-                                  scene.setup));
+  WriteFileAtomically(
+      folder.staging() / "truth.json",
+      TruthToJson({scene.hand_eye.camera_mount_from_camera, scene.hand_eye.target_mount_from_target, scene.camera},
+                  scene.setup));
   folder.Commit();
   if (!FLAGS_quiet) {
     std::cout << rows.size() << " pictures with truth in " << FLAGS_out << "; next: heba run "

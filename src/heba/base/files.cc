@@ -24,7 +24,8 @@ std::string ReadTextFile(const fs::path& path, size_t max_bytes) {
   while (stream.read(buffer, sizeof(buffer)) || stream.gcount() > 0) {
     content.append(buffer, static_cast<size_t>(stream.gcount()));
     if (content.size() > max_bytes) {
-      throw InputError(path.string() + ": larger than " + std::to_string(max_bytes >> 20) + " MiB, the limit for this file");
+      throw InputError(path.string() + ": larger than " + std::to_string(max_bytes >> 20) +
+                       " MiB, the limit for this file");
     }
   }
   if (stream.bad()) throw InputError(path.string() + ": cannot be read (" + std::strerror(errno) + ")");
@@ -61,7 +62,8 @@ StagedFolder::StagedFolder(const fs::path& final_path, const std::string& marker
   if (fs::exists(final_path_, error) && !fs::is_directory(final_path_, error)) {
     throw InputError(final_path_.string() + ": is a file; the results need a folder of that name");
   }
-  if (fs::is_directory(final_path_, error) && !fs::is_empty(final_path_, error) && !fs::exists(final_path_ / marker, error)) {
+  if (fs::is_directory(final_path_, error) && !fs::is_empty(final_path_, error) &&
+      !fs::exists(final_path_ / marker, error)) {
     throw InputError(final_path_.string() + ": holds other files (no " + marker +
                      "), so it is not replaced; name a new or empty folder");
   }

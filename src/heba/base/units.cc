@@ -15,9 +15,9 @@ struct Unit {
   double factor;  // To the quantity's base unit.
 };
 constexpr Unit kUnits[] = {
-    {Quantity::kLength, "m", 1.0},           {Quantity::kLength, "cm", 1e-2},          {Quantity::kLength, "mm", 1e-3},
-    {Quantity::kLength, "um", 1e-6},         {Quantity::kLength, "in", 25.4e-3},       {Quantity::kAngle, "rad", 1.0},
-    {Quantity::kAngle, "mrad", 1e-3},        {Quantity::kAngle, "deg", kPi / 180.0},   {Quantity::kPixels, "px", 1.0},
+    {Quantity::kLength, "m", 1.0},        {Quantity::kLength, "cm", 1e-2},        {Quantity::kLength, "mm", 1e-3},
+    {Quantity::kLength, "um", 1e-6},      {Quantity::kLength, "in", 25.4e-3},     {Quantity::kAngle, "rad", 1.0},
+    {Quantity::kAngle, "mrad", 1e-3},     {Quantity::kAngle, "deg", kPi / 180.0}, {Quantity::kPixels, "px", 1.0},
     {Quantity::kGreyLevels, "grey", 1.0},
 };
 

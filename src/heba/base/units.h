@@ -19,7 +19,8 @@ struct ParsedQuantity {
   double value = 0;   // In BaseUnit(quantity).
   std::string fault;  // Empty if `text` is a quantity of this kind; else what is wrong with it, as a clause.
 };
-// Reads "40 mm", "0.1rad", "-3 deg". A number without a unit, an unknown unit and a value that is not finite are faults.
+// Reads "40 mm", "0.1rad", "-3 deg". A number without a unit, an unknown unit and a value that is not finite are
+// faults.
 ParsedQuantity ParseQuantity(std::string_view text, Quantity quantity);
 
 constexpr double kPi = 3.14159265358979323846;

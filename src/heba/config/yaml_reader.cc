@@ -24,7 +24,8 @@ std::string Shown(const YAML::Node& node) {
 
 // yaml-cpp's own messages may hold characters of the file.
 std::string OneLine(std::string text) {
-  std::replace_if(text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
   return text;
 }
 
@@ -152,7 +153,8 @@ ConfigValue ParseYaml(const std::string& text, const std::filesystem::path& name
     CheckSize(root, 0, &budget, name);
     return {root, name, ""};
   } catch (const YAML::Exception& error) {
-    throw InputError(name.string() + ":" + std::to_string(error.mark.line + 1) + ": not valid YAML (" + OneLine(error.msg) + ")");
+    throw InputError(name.string() + ":" + std::to_string(error.mark.line + 1) + ": not valid YAML (" +
+                     OneLine(error.msg) + ")");
   }
 }
 

@@ -11,9 +11,9 @@ namespace heba {
 
 // Points of the target, found in one image. Column i of both matrices and ids[i] belong together.
 struct Observations {
-  std::vector<int> ids;       // The target's point ids.
-  Points3 points_in_target;   // m
-  Points2 pixels;             // px, (0, 0) is the centre of the first pixel
+  std::vector<int> ids;      // The target's point ids.
+  Points3 points_in_target;  // m
+  Points2 pixels;            // px, (0, 0) is the centre of the first pixel
   int size() const { return static_cast<int>(ids.size()); }
 };
 
@@ -35,7 +35,8 @@ struct HandEye {
 };
 
 inline Rigid3d CameraFromTarget(const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount) {
-  return Inverse(hand_eye.camera_mount_from_camera) * camera_mount_from_target_mount * hand_eye.target_mount_from_target;
+  return Inverse(hand_eye.camera_mount_from_camera) * camera_mount_from_target_mount *
+         hand_eye.target_mount_from_target;
 }
 
 }  // namespace heba

@@ -21,7 +21,8 @@ struct SquaredErrors {
 };
 
 // predicted - observed, px. Nothing if a point has no image from that pose.
-std::optional<Points2> Residuals(const Camera& camera, const Rigid3d& camera_from_target, const Observations& observations);
+std::optional<Points2> Residuals(const Camera& camera, const Rigid3d& camera_from_target,
+                                 const Observations& observations);
 
 // Nothing if a point has no image from that pose.
 std::optional<SquaredErrors> ViewErrors(const Camera& camera, const Rigid3d& camera_from_target,

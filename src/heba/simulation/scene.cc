@@ -10,7 +10,8 @@ namespace {
 
 bool AllInside(const Camera& camera, const Rigid3d& camera_from_target, const Points3& points_in_target,
                double margin_px) {
-  const Points3 points = (camera_from_target.RotationMatrix() * points_in_target).colwise() + camera_from_target.translation;
+  const Points3 points =
+      (camera_from_target.RotationMatrix() * points_in_target).colwise() + camera_from_target.translation;
   Points2 pixels;
   if (!camera.Model().Project(camera.params.data(), points, &pixels, nullptr)) return false;
   if (!(pixels.row(0).minCoeff() >= margin_px && pixels.row(0).maxCoeff() <= camera.width_px - 1 - margin_px &&
@@ -48,8 +49,9 @@ Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3&
   constexpr int kMaxTrials = 2000;
   for (int trial = 0; static_cast<int>(poses.size()) < options.num_captures; ++trial) {
     if (trial == kMaxTrials * options.num_captures) {
-      return Failure{"the target does not fit into the image from such poses; a larger distance or a smaller spread or "
-                     "tilt is needed"};
+      return Failure{
+          "the target does not fit into the image from such poses; a larger distance or a smaller spread or "
+          "tilt is needed"};
     }
     const double depth_m = options.distance_m * (1 + options.depth_ratio * rng->Uniform(-1, 1));
     const double u = 0.5 * (camera.width_px - 1) + 0.5 * options.spread * camera.width_px * rng->Uniform(-1, 1);
@@ -74,7 +76,8 @@ Rigid3d CameraMountFromTargetMount(const HandEye& hand_eye, const Rigid3d& camer
   return hand_eye.camera_mount_from_camera * camera_from_target * Inverse(hand_eye.target_mount_from_target);
 }
 
-Rigid3d WithRobotNoise(const Rigid3d& base_from_gripper, double rotation_sigma_rad, double translation_sigma_m, Rng* rng) {
+Rigid3d WithRobotNoise(const Rigid3d& base_from_gripper, double rotation_sigma_rad, double translation_sigma_m,
+                       Rng* rng) {
   Tangent6 tangent;
   tangent.head<3>() = translation_sigma_m * rng->NormalVector3();
   tangent.tail<3>() = rotation_sigma_rad * rng->NormalVector3();
@@ -89,7 +92,8 @@ std::optional<View> SimulateView(const std::string& name, const Camera& camera, 
   view.name = name;
   view.camera_mount_from_target_mount = camera_mount_from_target_mount;
   view.observations.points_in_target = points_in_target;
-  const Points3 points = (camera_from_target.RotationMatrix() * points_in_target).colwise() + camera_from_target.translation;
+  const Points3 points =
+      (camera_from_target.RotationMatrix() * points_in_target).colwise() + camera_from_target.translation;
   if (!camera.Model().Project(camera.params.data(), points, &view.observations.pixels, nullptr)) return std::nullopt;
   for (Eigen::Index i = 0; i < points.cols(); ++i) {
     view.observations.ids.push_back(static_cast<int>(i));

@@ -16,8 +16,8 @@ namespace heba {
 // How the target moves before the camera (or the camera before the target).
 struct MotionOptions {
   int num_captures = 20;
-  double distance_m = 0.6;    // Of the target's middle along the optical axis, on average.
-  double depth_ratio = 0.2;   // The distance varies by plus or minus this share.
+  double distance_m = 0.6;     // Of the target's middle along the optical axis, on average.
+  double depth_ratio = 0.2;    // The distance varies by plus or minus this share.
   double max_tilt_rad = 0.44;  // Of the target's normal against the line of sight; at least 0.3 of it is used.
   double max_spin_rad = 1.05;  // About the normal, plus or minus.
   double spread = 0.5;         // The target's middle falls into this share of the image's width and height.
@@ -27,8 +27,8 @@ struct MotionOptions {
   [[nodiscard]] std::string Check() const;
 };
 
-// camera_from_target of each capture, all of `points_in_target` in the image. `z_out`: the target's z axis points out of
-// its front side (else into it). A Failure if the target does not fit into the image from such poses.
+// camera_from_target of each capture, all of `points_in_target` in the image. `z_out`: the target's z axis points out
+// of its front side (else into it). A Failure if the target does not fit into the image from such poses.
 Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3& points_in_target, bool z_out,
                                             const MotionOptions& options, Rng* rng);
 
@@ -37,7 +37,8 @@ Rigid3d CameraMountFromTargetMount(const HandEye& hand_eye, const Rigid3d& camer
 
 // A pose as a robot with random errors reports it: gripper_from_gripper noise on the right of base_from_gripper, sigma
 // per axis.
-Rigid3d WithRobotNoise(const Rigid3d& base_from_gripper, double rotation_sigma_rad, double translation_sigma_m, Rng* rng);
+Rigid3d WithRobotNoise(const Rigid3d& base_from_gripper, double rotation_sigma_rad, double translation_sigma_m,
+                       Rng* rng);
 
 // A view of all points with Gaussian noise per coordinate. Nothing if a point has no image.
 std::optional<View> SimulateView(const std::string& name, const Camera& camera, const HandEye& hand_eye,
