@@ -185,4 +185,21 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
   return chosen;
 }
 
+std::vector<PosePair> PairsAsSeen(const Camera& camera, const HandEye& hand_eye, const std::vector<View>& views) {
+  std::vector<PosePair> pairs;
+  for (const View& view : views) {
+    const Rigid3d predicted = CameraFromTarget(hand_eye, view.camera_mount_from_target_mount);
+    Rigid3d nearest = predicted;
+    double nearest_rad = std::numeric_limits<double>::infinity();
+    for (const TargetPose& pose : EstimateTargetPose(camera, view.observations)) {
+      const double angle_rad = AngleRad(pose.camera_from_target, predicted);
+      if (angle_rad >= nearest_rad) continue;
+      nearest_rad = angle_rad;
+      nearest = pose.camera_from_target;
+    }
+    pairs.push_back({view.camera_mount_from_target_mount, nearest});
+  }
+  return pairs;
+}
+
 }  // namespace heba

@@ -8,6 +8,7 @@
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
 #include "solvers/calibration.h"
+#include "solvers/pose_selection.h"
 #include "tools/detection_file.h"
 
 namespace heba {
@@ -50,13 +51,14 @@ CalibrationOptions OptionsOf(const RunConfig& config, int width_px, int height_p
 }
 
 // What every estimate is measured by.
-Errors EvaluateEstimate(const HandEye& hand_eye, const Camera& camera, const Calibration& calibration,
-                        const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries) {
+Errors EvaluateEstimate(const HandEye& hand_eye, const Camera& camera, const std::vector<View>& views,
+                        const std::vector<PosePair>& pairs, const std::optional<Truth>& truth,
+                        const std::vector<Rigid3d>& symmetries) {
   Errors errors;
-  const std::optional<SquaredErrors> squared = ReprojectionErrors(hand_eye, camera, calibration.views);
+  const std::optional<SquaredErrors> squared = ReprojectionErrors(hand_eye, camera, views);
   if (squared) errors.reprojection_rms_px = squared->RmsPx();
-  errors.axxb_mean_mm = AxxbMeanMm(calibration.pairs, hand_eye.camera_mount_from_camera);
-  errors.board_scatter = ComputeBoardScatter(calibration.pairs, hand_eye);
+  errors.axxb_mean_mm = AxxbMeanMm(pairs, hand_eye.camera_mount_from_camera);
+  errors.board_scatter = ComputeBoardScatter(pairs, hand_eye);
   if (truth) errors.truth = CompareWithTruth(hand_eye, camera, *truth, symmetries);
   return errors;
 }
@@ -73,7 +75,8 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
     estimate.camera = calibration.camera;
     if (estimate.ok) {
       estimate.hand_eye = *method.hand_eye;
-      estimate.errors = EvaluateEstimate(estimate.hand_eye, estimate.camera, calibration, truth, symmetries);
+      estimate.errors =
+          EvaluateEstimate(estimate.hand_eye, estimate.camera, calibration.views, calibration.pairs, truth, symmetries);
     }
     estimates.push_back(std::move(estimate));
   }
@@ -84,8 +87,10 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
   refined.solution = *calibration.refined;
   refined.hand_eye = refined.solution->hand_eye;
   refined.camera = refined.solution->camera;
-  // The pose-level figures of the refinement are measured by the same target poses as those of the closed forms.
-  refined.errors = EvaluateEstimate(refined.hand_eye, refined.camera, calibration, truth, symmetries);
+  // The refined camera sees the target elsewhere than the one that the closed forms had.
+  refined.errors =
+      EvaluateEstimate(refined.hand_eye, refined.camera, calibration.views,
+                       PairsAsSeen(refined.camera, refined.hand_eye, calibration.views), truth, symmetries);
   estimates.push_back(std::move(refined));
   for (Estimate& estimate : estimates) {
     for (const HoldOut& hold_out : hold_outs) {
