@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 
@@ -64,6 +65,11 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
     if (!detections[i].detection.reason.empty()) line += " (" + detections[i].detection.reason + ")";
     OverlayOptions options;
     options.caption = line;
+    if (residuals) {
+      // Arrows of 30 px at the most on average: what a lens bends away from a plane would cover the picture.
+      const double rms_px = *SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx();
+      options.magnification = std::min(options.magnification, 30.0 / std::max(rms_px, 1e-9));
+    }
     const cv::Mat picture = DrawOverlay(ReadGreyImage(config.captures[i].image), observations, residuals, options);
     WriteImage(folder.staging() / "overlays" / (config.captures[i].name + ".png"), picture);
     lines[i] = line;
@@ -75,7 +81,7 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   if (!FLAGS_quiet) {
     for (const std::string& line : lines) std::cout << line << "\n";
     std::cout << "the target was seen in " << seen << " of " << detections.size()
-              << " pictures; residual arrows are drawn 100 times as long as they are\npictures: "
+              << " pictures; residual arrows are drawn up to 100 times as long as they are\npictures: "
               << (output / "overlays").string() << std::endl;
   }
   if (seen > 0) return kDone;
