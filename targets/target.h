@@ -22,12 +22,17 @@ namespace heba {
 struct TargetPoint {
   int id = 0;
   Eigen::Vector3d in_target = Eigen::Vector3d::Zero();  // m
+  // Of the flat disc (in the plane z = 0) whose imaged area's centroid is what is measured; 0 for a point. The image of
+  // the disc's centre lies elsewhere: nearer to its far side, by perspective and lens.
+  double radius_m = 0;
 };
 
 // What was found in one picture: ids[i] at pixels[i] ((0, 0) is the centre of the first pixel).
 struct Detection {
   std::vector<int> ids;
   std::vector<Eigen::Vector2d> pixels;
+  // Of pixels[i], px^2, as the grey values around it tell it; empty from a detector that cannot say.
+  std::vector<Eigen::Matrix2d> covariances_px2;
   std::string reason;  // Why nothing was found, or why not all, in plain words; may be empty.
 };
 
