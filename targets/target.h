@@ -31,8 +31,10 @@ struct TargetPoint {
 struct Detection {
   std::vector<int> ids;
   std::vector<Eigen::Vector2d> pixels;
-  // Of pixels[i], px^2, as the grey values around it tell it; empty from a detector that cannot say.
-  std::vector<Eigen::Matrix2d> covariances_px2;
+  // Of the pixels, px^2, as the grey values tell them: each matrix covers as many of the next points as it has pairs of
+  // rows (u, v, u, v, ...): one point, or several that were measured together, as a tag's corners are. Empty from a
+  // detector that cannot say.
+  std::vector<Eigen::MatrixXd> covariances_px2;
   std::string reason;  // Why nothing was found, or why not all, in plain words; may be empty.
 };
 
