@@ -19,18 +19,19 @@
 namespace heba {
 namespace {
 
-// Squared distances of all points; nothing, with the view's name in `bad_view`, if a point has no image.
+// Squared distances of all points, whitened; nothing, with the view's name in `bad_view`, if a point has no image.
 std::optional<std::vector<double>> SquaredDistances(const Problem& problem, const HandEye& hand_eye,
                                                     std::string* bad_view) {
   std::vector<double> distances;
   for (const View& view : problem.views) {
-    const std::optional<Points2> residuals =
-        Residuals(problem.camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations);
-    if (!residuals) {
+    const std::optional<std::vector<double>> squares =
+        WhitenedSquares(problem.camera.Model(), problem.camera.params.data(),
+                        CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations);
+    if (!squares) {
       *bad_view = view.name;
       return std::nullopt;
     }
-    for (Eigen::Index i = 0; i < residuals->cols(); ++i) distances.push_back(residuals->col(i).squaredNorm());
+    distances.insert(distances.end(), squares->begin(), squares->end());
   }
   return distances;
 }

@@ -8,6 +8,7 @@
 #include "heba/base/text.h"
 #include "solvers/hand_eye_method.h"
 #include "solvers/intrinsics_seed.h"
+#include "solvers/noise_scale.h"
 #include "solvers/pose_selection.h"
 #include "solvers/target_pose.h"
 
@@ -76,7 +77,9 @@ const MethodResult* FindResult(const std::vector<MethodResult>& results, const s
 
 }  // namespace
 
-Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options) {
+Outcome<Calibration> Calibrate(const std::vector<View>& views_in, const CalibrationOptions& options) {
+  std::vector<View> views = views_in;
+  WeightByCovariance(&views);
   Calibration calibration;
   calibration.camera_was_given = options.camera.has_value();
   if (options.camera) {

@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Cholesky>
+
+#include "heba/base/error.h"
+
 namespace heba {
 
 double SigmaFromMedian(std::vector<double> squared_distances_px2) {
@@ -25,6 +29,32 @@ double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unkn
     if (done) break;
   }
   return sigma;
+}
+
+void WeightByCovariance(std::vector<View>* views) {
+  constexpr double kUnknownPx = 0.01;
+  std::vector<double> variances_px2;  // Of each point.
+  for (const View& view : *views) {
+    for (const Eigen::MatrixXd& block : view.observations.covariances_px2) {
+      for (Eigen::Index i = 0; i < block.rows(); i += 2) {
+        variances_px2.push_back(0.5 * (block(i, i) + block(i + 1, i + 1)) + kUnknownPx * kUnknownPx);
+      }
+    }
+  }
+  if (variances_px2.empty()) return;
+  const auto middle = variances_px2.begin() + static_cast<std::ptrdiff_t>(variances_px2.size() / 2);
+  std::nth_element(variances_px2.begin(), middle, variances_px2.end());
+  for (View& view : *views) {
+    view.observations.whitening.clear();
+    for (const Eigen::MatrixXd& block : view.observations.covariances_px2) {
+      const Eigen::MatrixXd covariance =
+          (block + kUnknownPx * kUnknownPx * Eigen::MatrixXd::Identity(block.rows(), block.cols())) / *middle;
+      const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
+      CHECK(factor.info() == Eigen::Success) << "a detector's covariance is not positive definite";
+      view.observations.whitening.emplace_back(
+          factor.matrixL().solve(Eigen::MatrixXd::Identity(block.rows(), block.cols())));
+    }
+  }
 }
 
 }  // namespace heba

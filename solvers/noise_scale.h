@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "heba/data/problem.h"
 #include "solvers/loss.h"
 
 namespace heba {
@@ -19,5 +20,10 @@ double SigmaFromMedian(std::vector<double> squared_distances_px2);
 // these are the degrees of freedom.
 double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unknowns, const Loss& loss,
                   double start_px);
+
+// Fills in Observations::whitening from what detectors say of their points' covariances, in such a measure that the
+// typical point keeps its size: a pixel sigma still means a point's. Views without covariances count alike.
+// What detectors cannot know of (print, paper, lens) is as large for every point: 0.01 px are added.
+void WeightByCovariance(std::vector<View>* views);
 
 }  // namespace heba

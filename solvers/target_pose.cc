@@ -117,7 +117,9 @@ std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& o
     }
     if (!improved || relative_drop < 1e-12) break;
   }
-  return TargetPose{camera_from_target, *SquaredErrors{cost, observations.size()}.RmsPx()};
+  const std::optional<SquaredErrors> errors = ViewErrors(camera, camera_from_target, observations);
+  CHECK(errors.has_value());
+  return TargetPose{camera_from_target, *errors->RmsPx()};
 }
 
 }  // namespace

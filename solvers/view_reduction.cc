@@ -4,11 +4,21 @@
 
 #include <Eigen/QR>
 
+#include "heba/base/error.h"
+#include "heba/data/prediction.h"
+
 namespace heba {
 namespace {
 
-Points3 Transform(const Rigid3d& camera_from_target, const Points3& points_in_target) {
-  return (camera_from_target.RotationMatrix() * points_in_target).colwise() + camera_from_target.translation;
+// Rows come in pairs, u and v of each point. Makes those that were measured together uncorrelated.
+void Whiten(const Observations& observations, Eigen::Ref<Eigen::MatrixXd> rows) {
+  Eigen::Index first = 0;
+  for (const Eigen::MatrixXd& block : observations.whitening) {
+    rows.middleRows(first, block.rows()) =
+        (block.triangularView<Eigen::Lower>() * rows.middleRows(first, block.rows())).eval();
+    first += block.rows();
+  }
+  CHECK(first == 0 || first == rows.rows()) << "whitening must cover all points or none";
 }
 
 }  // namespace
@@ -19,44 +29,28 @@ int NumReducedRows(const CameraModel& model, const Observations& observations) {
 
 bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
                 const Observations& observations, double pixel_sigma_px, const Loss& loss, ViewReduction* reduction) {
-  const Points3 points = Transform(camera_from_target, observations.points_in_target);
   Points2 pixels;
   ProjectionJacobian jacobian;
-  if (!model.Project(params, points, &pixels, &jacobian)) return false;
+  if (!Predict(model, params, camera_from_target, observations, &pixels, &jacobian)) return false;
   const int n = observations.size();
-  const int num_params = NumParams(model);
-  const int columns = 6 + num_params + 1;
+  const int columns = 6 + NumParams(model) + 1;
   Eigen::MatrixXd rows(2 * n, columns);
+  for (int i = 0; i < n; ++i) {
+    rows.row(2 * i).head(columns - 1) = jacobian.u.col(i);
+    rows.row(2 * i + 1).head(columns - 1) = jacobian.v.col(i);
+    rows(2 * i, columns - 1) = pixels(0, i) - observations.pixels(0, i);
+    rows(2 * i + 1, columns - 1) = pixels(1, i) - observations.pixels(1, i);
+  }
+  Whiten(observations, rows);
+  rows /= pixel_sigma_px;
   double sum_rho = 0;
   double sum_weighted = 0;
   for (int i = 0; i < n; ++i) {
-    const double du = (pixels(0, i) - observations.pixels(0, i)) / pixel_sigma_px;
-    const double dv = (pixels(1, i) - observations.pixels(1, i)) / pixel_sigma_px;
-    const double s = du * du + dv * dv;
+    const double s = rows.block<2, 1>(2 * i, columns - 1).squaredNorm();
     const double weight = loss.weight(s);
     sum_rho += loss.rho(s);
     sum_weighted += weight * s;
-    const double root = std::sqrt(weight);
-    const double scale = root / pixel_sigma_px;
-    const double x = points(0, i);
-    const double y = points(1, i);
-    const double z = points(2, i);
-    const auto fill = [&](int row, const ProjectionJacobian::Rows& d, double residual) {
-      const double dx = scale * d(0, i);
-      const double dy = scale * d(1, i);
-      const double dz = scale * d(2, i);
-      rows(row, 0) = dx;
-      rows(row, 1) = dy;
-      rows(row, 2) = dz;
-      // d p / d w = -skew(p), so the row is p x (dx, dy, dz).
-      rows(row, 3) = y * dz - z * dy;
-      rows(row, 4) = z * dx - x * dz;
-      rows(row, 5) = x * dy - y * dx;
-      for (int j = 0; j < num_params; ++j) rows(row, 6 + j) = scale * d(3 + j, i);
-      rows(row, columns - 1) = root * residual;
-    };
-    fill(2 * i, jacobian.u, du);
-    fill(2 * i + 1, jacobian.v, dv);
+    rows.middleRows<2>(2 * i) *= std::sqrt(weight);
   }
   reduction->loss_remainder = std::max(0.0, sum_rho - sum_weighted);
   if (rows.rows() <= columns) {
@@ -68,14 +62,26 @@ bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& c
   return true;
 }
 
+std::optional<std::vector<double>> WhitenedSquares(const CameraModel& model, const double* params,
+                                                   const Rigid3d& camera_from_target,
+                                                   const Observations& observations) {
+  Points2 pixels;
+  if (!Predict(model, params, camera_from_target, observations, &pixels, nullptr)) return std::nullopt;
+  // Column by column: u and v of each point.
+  const Eigen::Matrix2Xd residuals = pixels - observations.pixels;
+  Eigen::MatrixXd rows = Eigen::Map<const Eigen::VectorXd>(residuals.data(), residuals.size());
+  Whiten(observations, rows);
+  std::vector<double> squares;
+  for (Eigen::Index i = 0; i < residuals.cols(); ++i) squares.push_back(rows.block<2, 1>(2 * i, 0).squaredNorm());
+  return squares;
+}
+
 bool ViewCost(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
               const Observations& observations, double pixel_sigma_px, const Loss& loss, double* sum_rho) {
-  Points2 pixels;
-  if (!model.Project(params, Transform(camera_from_target, observations.points_in_target), &pixels, nullptr))
-    return false;
-  const Points2 whitened = (pixels - observations.pixels) / pixel_sigma_px;
+  const std::optional<std::vector<double>> squares = WhitenedSquares(model, params, camera_from_target, observations);
+  if (!squares) return false;
   *sum_rho = 0;
-  for (Eigen::Index i = 0; i < whitened.cols(); ++i) *sum_rho += loss.rho(whitened.col(i).squaredNorm());
+  for (const double s : *squares) *sum_rho += loss.rho(s / (pixel_sigma_px * pixel_sigma_px));
   return true;
 }
 

@@ -5,6 +5,9 @@
 // as all the view's rows: the rows of a QR factor, at most one more than there are unknowns.
 #pragma once
 
+#include <optional>
+#include <vector>
+
 #include <Eigen/Core>
 
 #include "heba/camera/camera_model.h"
@@ -14,8 +17,8 @@
 namespace heba {
 
 struct ViewReduction {
-  // Columns: the six of a left perturbation of camera_from_target (p' = p + v + w x p: v in m, then w in rad), the
-  // camera's parameters, the residual. Whitened by sigma, weighted by the loss's weight at this point.
+  // Columns: those of Predict (heba/data/prediction.h), then the residual. Whitened, weighted by the loss's weight at
+  // this point.
   Eigen::MatrixXd factor;
   // Sum of rho less the weighted sum of squares, not negative: with it, the squared norm of the last column is the sum
   // of rho.
@@ -28,6 +31,11 @@ int NumReducedRows(const CameraModel& model, const Observations& observations);
 // False if a point has no image from that pose.
 bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
                 const Observations& observations, double pixel_sigma_px, const Loss& loss, ViewReduction* reduction);
+
+// Of each point, its squared residual after whitening (Observations::whitening), px^2. Nothing if a point has no image
+// from that pose.
+std::optional<std::vector<double>> WhitenedSquares(const CameraModel& model, const double* params,
+                                                   const Rigid3d& camera_from_target, const Observations& observations);
 
 // The sum of rho alone.
 bool ViewCost(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,

@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Geometry>
-#include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
+
+#include "targets/homography.h"
+#include "targets/pattern_fit.h"
 
 namespace heba {
 
@@ -31,24 +32,33 @@ std::optional<Eigen::Vector2d> RefineCorner(const cv::Mat& grey, const Eigen::Ve
   return refined_px;
 }
 
-std::optional<Eigen::Matrix3d> FitHomography(const std::vector<Eigen::Vector2d>& from,
-                                             const std::vector<Eigen::Vector2d>& to) {
-  std::vector<cv::Point2d> from_cv;
-  std::vector<cv::Point2d> to_cv;
-  for (const Eigen::Vector2d& point : from) from_cv.emplace_back(point.x(), point.y());
-  for (const Eigen::Vector2d& point : to) to_cv.emplace_back(point.x(), point.y());
-  const cv::Mat fitted = cv::findHomography(from_cv, to_cv, 0);
-  if (fitted.empty()) return std::nullopt;
-  Eigen::Matrix3d homography;
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) homography(row, column) = fitted.at<double>(row, column);
+MeasuredCorner MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const Eigen::Vector2d& at_m, double half_m,
+                             const Eigen::Matrix3d& picture_from_board, const Eigen::Vector2d& start_px) {
+  // What a window finds that did not see what is drawn: a guess that such points count for little.
+  constexpr double kSaddleSigmaPx = 0.15;
+  MeasuredCorner corner{start_px, kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
+  Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+  shift.topRightCorner<2, 1>() = start_px - Map(picture_from_board, at_m);
+  const Eigen::Matrix3d start = shift * picture_from_board;
+  // Larger windows gain little, cost time and see more of the lens.
+  constexpr double kMaxHalfPx = 20;
+  // Below, perspective and lens within the window are not to be seen.
+  constexpr double kMinQuadraticPx = 8;
+  double widest_px = 0;
+  for (const Eigen::Vector2d& direction : {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}) {
+    widest_px = std::max(widest_px, (Map(start, at_m + half_m * direction) - start_px).norm());
   }
-  if (!homography.allFinite()) return std::nullopt;
-  return homography;
-}
-
-Eigen::Vector2d Map(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point) {
-  return (homography * point.homogeneous()).hnormalized();
+  const double share = std::min(1.0, kMaxHalfPx / widest_px);
+  PatternFitOptions options;
+  options.min_m = at_m - Eigen::Vector2d::Constant(share * half_m);
+  options.max_m = at_m + Eigen::Vector2d::Constant(share * half_m);
+  options.freedom = widest_px < kMinQuadraticPx ? MapFreedom::kAffine : MapFreedom::kQuadratic;
+  // Edges just beyond the window blur into it.
+  const CellPattern pattern =
+      CellsOf(drawing, at_m - Eigen::Vector2d::Constant(2 * half_m), at_m + Eigen::Vector2d::Constant(2 * half_m));
+  const std::optional<PatternFit> fit = FitPattern(grey, pattern, start, {at_m}, options);
+  if (fit) corner = {fit->pixels.front(), fit->covariance_px2};
+  return corner;
 }
 
 }  // namespace heba

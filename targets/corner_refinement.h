@@ -7,6 +7,8 @@
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
+#include "targets/drawing.h"
+
 namespace heba {
 
 // The saddle near `start_px`. `reach_px` is how far the edges through the corner go on before another edge comes near
@@ -15,9 +17,15 @@ namespace heba {
 std::optional<Eigen::Vector2d> RefineCorner(const cv::Mat& grey, const Eigen::Vector2d& start_px, double reach_px,
                                             double max_move_px);
 
-// The homography, to_from_from, of at least four points; no value for a degenerate arrangement.
-std::optional<Eigen::Matrix3d> FitHomography(const std::vector<Eigen::Vector2d>& from,
-                                             const std::vector<Eigen::Vector2d>& to);
-Eigen::Vector2d Map(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
+struct MeasuredCorner {
+  Eigen::Vector2d pixel;
+  Eigen::Matrix2d covariance_px2;
+};
+
+// The corner at `at_m` of a board's drawing, near `start_px`, from the grey values of all that is drawn up to
+// `half_m` away from it along x and y (what lies beyond belongs to the next corner: no grey value counts twice), or,
+// where the picture does not show what is drawn, as a mere saddle. `picture_from_board` tells how the board lies there.
+MeasuredCorner MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const Eigen::Vector2d& at_m, double half_m,
+                             const Eigen::Matrix3d& picture_from_board, const Eigen::Vector2d& start_px);
 
 }  // namespace heba

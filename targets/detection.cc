@@ -43,7 +43,12 @@ Observations ObservationsOf(const Target& target, const Detection& detection) {
     CHECK(found != points.end() && found->id == id) << "detected id " << id << " is not on the target";
     observations.points_in_target.col(i) = found->in_target;
     observations.pixels.col(i) = detection.pixels[static_cast<size_t>(i)];
+    if (found->radius_m > 0) {
+      if (observations.radii_m.size() == 0) observations.radii_m.setZero(n);
+      observations.radii_m[i] = found->radius_m;
+    }
   }
+  observations.covariances_px2 = detection.covariances_px2;
   return observations;
 }
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "targets/corner_refinement.h"
+#include "targets/homography.h"
 
 namespace heba {
 namespace {

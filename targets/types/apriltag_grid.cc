@@ -37,6 +37,8 @@ extern "C" {
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "targets/corner_refinement.h"
+#include "targets/homography.h"
+#include "targets/pattern_fit.h"
 #include "targets/tag_layout.h"
 #include "targets/target.h"
 
@@ -214,6 +216,7 @@ class AprilTagGrid final : public Target {
         points_.push_back({PointId(index, corner), {at_m.x(), at_m.y(), 0}});
       }
     }
+    drawing_ = MakeDrawing();
   }
 
   std::string_view type() const override { return "apriltag_grid"; }
@@ -238,16 +241,17 @@ class AprilTagGrid final : public Target {
       if (!board.tags.empty() && board.tags.size() == num_before) break;
     }
     for (const SeenTag& tag : board.tags) {
-      for (size_t corner = 0; corner < 4; ++corner) {
-        detection.ids.push_back(PointId(tag.index, corner));
-        detection.pixels.push_back(tag.corners_px[corner]);
-      }
+      for (size_t corner = 0; corner < 4; ++corner) detection.ids.push_back(PointId(tag.index, corner));
+      Measure(grey, tag, &detection);
     }
     detection.reason = Reason(board);
     return detection;
   }
 
-  Drawing Draw() const override {
+  Drawing Draw() const override { return drawing_; }
+
+ private:
+  Drawing MakeDrawing() const {
     Drawing drawing;
     drawing.y_up = true;
     const double cell_m = geometry_.tag_size_m / family_.width();
@@ -279,7 +283,6 @@ class AprilTagGrid final : public Target {
     return drawing;
   }
 
- private:
   int PointId(int index, size_t corner) const { return 4 * (geometry_.first_id + index) + static_cast<int>(corner); }
 
   // How coarsely libapriltag looks for quads, pass by pass: first so that it takes a fraction of a second, then finer.
@@ -465,6 +468,48 @@ class AprilTagGrid final : public Target {
     return num_errors;
   }
 
+  // Adds a tag's corners by all grey values of the tag together, or, where the picture does not show the tag as it is
+  // drawn (stained, partly hidden), as they are.
+  void Measure(const cv::Mat& grey, const SeenTag& tag, Detection* detection) const {
+    const TagCorners& corners_m = layout_.corners_m[static_cast<size_t>(tag.index)];
+    const double cell_m = geometry_.tag_size_m / family_.width();
+    const double gap_m = layout_.corners_m.size() > 1 || geometry_.corner_squares
+                             ? geometry_.tag_size_m * geometry_.tag_spacing_ratio
+                             : std::numeric_limits<double>::infinity();
+    // Half the way to the next tag at most, which then uses the other half.
+    // Nor so far into the paper around the tag that its edge, a cell away, is to be seen: it may lie on anything.
+    constexpr double kEdgePx = 2;
+    const double cell_px = MeanSide(tag.corners_px) / family_.width();
+    const double paper_cells = std::clamp(1 - kEdgePx / cell_px, 0.3, 0.9);
+    const double margin_m = std::min((family_.NumOuterCells() + paper_cells) * cell_m, 0.5 * gap_m);
+    const Eigen::Vector2d margin = Eigen::Vector2d::Constant(margin_m);
+    PatternFitOptions options;
+    options.min_m = corners_m[0] - margin;
+    options.max_m = corners_m[2] + margin;
+    // The larger the tag, the more of the lens is within it, and the more there is to see it by.
+    constexpr double kMinQuadraticPx = 16;
+    constexpr double kMinCubicPx = 45;
+    const double side_px = MeanSide(tag.corners_px);
+    options.freedom = side_px < kMinQuadraticPx ? MapFreedom::kAffine
+                      : side_px < kMinCubicPx   ? MapFreedom::kQuadratic
+                                                : MapFreedom::kCubic;
+    const std::optional<Eigen::Matrix3d> picture_from_board =
+        FitHomography({corners_m.begin(), corners_m.end()}, {tag.corners_px.begin(), tag.corners_px.end()});
+    std::optional<PatternFit> fit;
+    if (picture_from_board) {
+      fit = FitPattern(grey, CellsOf(drawing_, options.min_m - margin, options.max_m + margin), *picture_from_board,
+                       {corners_m.begin(), corners_m.end()}, options);
+    }
+    if (fit) {
+      detection->pixels.insert(detection->pixels.end(), fit->pixels.begin(), fit->pixels.end());
+      detection->covariances_px2.push_back(fit->covariance_px2);
+      return;
+    }
+    constexpr double kUnfittedSigmaPx = 0.1;  // libapriltag's edges scatter by 0.04 px where all is well.
+    detection->pixels.insert(detection->pixels.end(), tag.corners_px.begin(), tag.corners_px.end());
+    detection->covariances_px2.emplace_back(kUnfittedSigmaPx * kUnfittedSigmaPx * Eigen::MatrixXd::Identity(8, 8));
+  }
+
   std::string Reason(const ConsistentTags& board) const {
     const size_t num_tags = layout_.corners_m.size();
     std::string reason;
@@ -501,6 +546,7 @@ class AprilTagGrid final : public Target {
   BoardFamily family_;
   TagLayout layout_;
   std::vector<TargetPoint> points_;
+  Drawing drawing_;
 };
 
 }  // namespace

@@ -19,6 +19,7 @@
 
 #include "heba/base/error.h"
 #include "targets/corner_refinement.h"
+#include "targets/homography.h"
 #include "targets/tag_layout.h"
 #include "targets/target.h"
 
@@ -91,6 +92,7 @@ class Charuco final : public Target {
       }
     }
     layout_.pitch_m = square_m * std::sqrt(2.0);
+    drawing_ = MakeDrawing();
   }
 
   std::string_view type() const override { return "charuco"; }
@@ -107,10 +109,11 @@ class Charuco final : public Target {
     for (const SeenTag& tag : markers.tags) seen[static_cast<size_t>(tag.index)] = true;
     int missed = 0;
     for (const TargetPoint& point : points_) {
-      const std::optional<Eigen::Vector2d> corner = FindCorner(grey, markers.tags, seen, point);
+      const std::optional<MeasuredCorner> corner = FindCorner(grey, markers.tags, seen, point);
       if (corner) {
         detection.ids.push_back(point.id);
-        detection.pixels.push_back(*corner);
+        detection.pixels.push_back(corner->pixel);
+        detection.covariances_px2.emplace_back(corner->covariance_px2);
       } else {
         ++missed;
       }
@@ -123,7 +126,10 @@ class Charuco final : public Target {
     return detection;
   }
 
-  Drawing Draw() const override {
+  Drawing Draw() const override { return drawing_; }
+
+ private:
+  Drawing MakeDrawing() const {
     Drawing drawing;
     const double square_m = geometry_.square_m;
     const double rim_m = 0.5 * square_m;
@@ -158,7 +164,6 @@ class Charuco final : public Target {
     return drawing;
   }
 
- private:
   std::vector<SeenTag> FindMarkers(const cv::Mat& grey) const {
     const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
     parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;
@@ -182,8 +187,8 @@ class Charuco final : public Target {
   }
 
   // Predicted by the markers nearest to it, of which one at least must touch it, and refined within its squares.
-  std::optional<Eigen::Vector2d> FindCorner(const cv::Mat& grey, const std::vector<SeenTag>& markers,
-                                            const std::vector<bool>& seen, const TargetPoint& point) const {
+  std::optional<MeasuredCorner> FindCorner(const cv::Mat& grey, const std::vector<SeenTag>& markers,
+                                           const std::vector<bool>& seen, const TargetPoint& point) const {
     const int row = point.id / (geometry_.columns - 1);
     const int column = point.id % (geometry_.columns - 1);
     bool touched = false;
@@ -212,13 +217,17 @@ class Charuco final : public Target {
     const double reach_px = std::max(diagonal_px, kMinReachPx);
     if (square_px < 8) return std::nullopt;
     const double max_move_px = std::max(2.0, 0.15 * square_px);
-    return RefineCorner(grey, predicted_px, std::min(reach_px, 0.5 * square_px), max_move_px);
+    const std::optional<Eigen::Vector2d> saddle_px =
+        RefineCorner(grey, predicted_px, std::min(reach_px, 0.5 * square_px), max_move_px);
+    if (!saddle_px) return std::nullopt;
+    return MeasureCorner(grey, drawing_, at_m, 0.5 * geometry_.square_m, *homography, *saddle_px);
   }
 
   CharucoGeometry geometry_;
   cv::Ptr<cv::aruco::Dictionary> dictionary_;
   std::vector<TargetPoint> points_;
   TagLayout layout_;
+  Drawing drawing_;
   std::vector<std::array<int, 2>> marker_squares_;  // Row and column of each marker's square.
 };
 

@@ -16,6 +16,7 @@
 
 #include "heba/base/error.h"
 #include "targets/corner_refinement.h"
+#include "targets/homography.h"
 #include "targets/target.h"
 
 namespace heba {
@@ -79,8 +80,12 @@ class Chessboard final : public Target {
     for (const Finder& finder : kFinders) {
       std::optional<Corners> corners = Find(grey, finder);
       if (!corners) continue;
-      for (const TargetPoint& point : points_) detection.ids.push_back(point.id);
-      detection.pixels = std::move(*corners);
+      for (const TargetPoint& point : points_) {
+        const MeasuredCorner corner = Measure(grey, *corners, point);
+        detection.ids.push_back(point.id);
+        detection.pixels.push_back(corner.pixel);
+        detection.covariances_px2.emplace_back(corner.covariance_px2);
+      }
       return detection;
     }
     detection.reason = "no board of " + std::to_string(rows_) + " x " + std::to_string(columns_) +
@@ -263,6 +268,29 @@ class Chessboard final : public Target {
             RefineCorner(grey, here, kWindowRatio * reach_px, std::max(2.0, 0.3 * reach_px)).value_or(here);
       }
     }
+  }
+
+  // By all grey values nearer to this corner than to others.
+  MeasuredCorner Measure(const cv::Mat& grey, const Corners& corners, const TargetPoint& point) const {
+    const int row = point.id / columns_;
+    const int column = point.id % columns_;
+    std::vector<Eigen::Vector2d> near_m;
+    std::vector<Eigen::Vector2d> near_px;
+    for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r) {
+      for (int c = std::max(0, column - 1); c <= std::min(columns_ - 1, column + 1); ++c) {
+        near_m.emplace_back(points_[Index(r, c)].in_target.head<2>());
+        near_px.push_back(corners[Index(r, c)]);
+      }
+    }
+    const Eigen::Vector2d& here_px = corners[Index(row, column)];
+    const std::optional<Eigen::Matrix3d> picture_from_board = FitHomography(near_m, near_px);
+    if (!picture_from_board) return {here_px, Eigen::Matrix2d::Identity()};
+    Drawing drawing = Draw();
+    if (ColourScore(grey, corners) < 0) {
+      drawing.ground = 0;
+      for (Shape& shape : drawing.shapes) shape.albedo = 1;
+    }
+    return MeasureCorner(grey, drawing, point.in_target.head<2>(), 0.5 * square_m_, *picture_from_board, here_px);
   }
 
   // How far a corner is from the next lines of the board.

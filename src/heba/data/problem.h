@@ -14,6 +14,15 @@ struct Observations {
   std::vector<int> ids;      // The target's point ids.
   Points3 points_in_target;  // m
   Points2 pixels;            // px, (0, 0) is the centre of the first pixel
+  // Of the discs (TargetPoint::radius_m) around the points; empty if all are points.
+  Eigen::VectorXd radii_m;
+  // Detection::covariances_px2; empty if the detector did not say.
+  std::vector<Eigen::MatrixXd> covariances_px2;
+  // Lower triangular matrices, one for each of the covariances: residuals multiplied by them are uncorrelated and have
+  // one common sigma (solvers/noise_scale.h). Empty: all coordinates count alike.
+  std::vector<Eigen::MatrixXd> whitening;
+
+  double RadiusM(Eigen::Index i) const { return radii_m.size() > 0 ? radii_m[i] : 0; }
   int size() const { return static_cast<int>(ids.size()); }
 };
 

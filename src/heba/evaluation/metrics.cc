@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "heba/base/units.h"
+#include "heba/data/prediction.h"
 
 namespace heba {
 
@@ -13,10 +14,10 @@ std::optional<double> SquaredErrors::RmsPx() const {
 
 std::optional<Points2> Residuals(const Camera& camera, const Rigid3d& camera_from_target,
                                  const Observations& observations) {
-  const Points3 points_in_camera =
-      (camera_from_target.RotationMatrix() * observations.points_in_target).colwise() + camera_from_target.translation;
   Points2 pixels;
-  if (!camera.Model().Project(camera.params.data(), points_in_camera, &pixels, nullptr)) return std::nullopt;
+  if (!Predict(camera.Model(), camera.params.data(), camera_from_target, observations, &pixels, nullptr)) {
+    return std::nullopt;
+  }
   pixels -= observations.pixels;
   return pixels;
 }

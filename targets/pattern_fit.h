@@ -1,0 +1,71 @@
+// Where a flat pattern of upright rectangles (a tag, the squares around a chessboard corner) lies in a picture, by all
+// grey values that it covers.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+
+#include "targets/drawing.h"
+
+namespace heba {
+
+// Cells between lines; the outermost ones go on for ever.
+struct CellPattern {
+  std::vector<double> x_m;  // Increasing, as y_m.
+  std::vector<double> y_m;
+  // albedo(j, i) lies between x_m[i - 1] and x_m[i], y_m[j - 1] and y_m[j].
+  Eigen::MatrixXd albedo;
+};
+
+// What a drawing shows between two corners. Its shapes there must be upright rectangles.
+CellPattern CellsOf(const Drawing& drawing, const Eigen::Vector2d& min_m, const Eigen::Vector2d& max_m);
+
+// How far the map from the pattern into the picture may leave its start.
+enum class MapFreedom {
+  kAffine,     // 6 numbers: for patterns so small that a lens does not bend them.
+  kQuadratic,  // 12 numbers: perspective and the lens within the pattern.
+  kCubic,      // 20 numbers, if the grey values ask for them: the lens within large patterns.
+};
+
+struct PatternFitOptions {
+  // Of the pattern, the rectangle whose pixels are used.
+  Eigen::Vector2d min_m = Eigen::Vector2d::Zero();
+  Eigen::Vector2d max_m = Eigen::Vector2d::Zero();
+  MapFreedom freedom = MapFreedom::kQuadratic;
+  double max_move_px = 2;  // Of any wanted point from the start.
+  double min_contrast_grey = 8;
+  // RMS of the residuals by the contrast; beyond it the picture shows something else.
+  double max_residual_ratio = 0.15;
+};
+
+struct PatternFit {
+  std::vector<Eigen::Vector2d> pixels;  // Of the wanted points.
+  Eigen::MatrixXd covariance_px2;       // Of u, v, u, v, ..., as the residuals tell it.
+  double blur_sigma_px = 0;             // Of the edges, a pixel's own width included.
+  double contrast_grey = 0;             // White less black.
+  double residual_ratio = 0;            // RMS of the residuals by the contrast: noise and misfit.
+};
+
+// The most likely place given the grey values: the pattern's albedo through the map, blurred by a Gaussian (exact for
+// a map that is linear within the blur: cells by the bivariate normal distribution), between a black and a white level
+// under light with a gradient; deviating pixels count less (Huber). `start_picture_from_pattern` is a homography that
+// must be right to about a blur's width. Nothing if there is no such pattern there, or if a quarter of it or more
+// is out of the picture.
+std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pattern,
+                                     const Eigen::Matrix3d& start_picture_from_pattern,
+                                     const std::vector<Eigen::Vector2d>& wanted_m, const PatternFitOptions& options);
+
+// The pattern's blurred albedo at `at_m`, where the map into the picture has the derivative `picture_by_pattern` (px
+// per m), and its derivatives.
+struct BlurredAlbedo {
+  double value = 0;
+  Eigen::Vector2d by_at = Eigen::Vector2d::Zero();  // 1/m
+  double by_blur = 0;                               // 1/px
+};
+BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m,
+                      const Eigen::Matrix2d& picture_by_pattern, double blur_sigma_px);
+
+}  // namespace heba
