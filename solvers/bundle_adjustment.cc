@@ -14,19 +14,28 @@
 #include "solvers/noise_scale.h"
 #include "solvers/reprojection_cost.h"
 #include "solvers/reprojection_problem.h"
+#include "solvers/robot_noise.h"
 #include "solvers/view_reduction.h"
 
 namespace heba {
 namespace {
 
+struct State {
+  HandEye hand_eye;
+  Camera camera;
+  std::vector<Rigid3d> corrections;  // Of each view's robot pose; empty with an exact robot.
+};
+
 // Squared distances of all points, whitened; nothing, with the view's name in `bad_view`, if a point has no image.
-std::optional<std::vector<double>> SquaredDistances(const Problem& problem, const HandEye& hand_eye,
-                                                    std::string* bad_view) {
+std::optional<std::vector<double>> SquaredDistances(const Problem& problem, const State& state, std::string* bad_view) {
   std::vector<double> distances;
-  for (const View& view : problem.views) {
+  for (size_t i = 0; i < problem.views.size(); ++i) {
+    const View& view = problem.views[i];
+    const Rigid3d camera_from_target =
+        CameraFromTarget(problem.setup, state.hand_eye, view.camera_mount_from_target_mount,
+                         state.corrections.empty() ? Rigid3d() : state.corrections[i]);
     const std::optional<std::vector<double>> squares =
-        WhitenedSquares(problem.camera.Model(), problem.camera.params.data(),
-                        CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations);
+        WhitenedSquares(state.camera.Model(), state.camera.params.data(), camera_from_target, view.observations);
     if (!squares) {
       *bad_view = view.name;
       return std::nullopt;
@@ -36,39 +45,136 @@ std::optional<std::vector<double>> SquaredDistances(const Problem& problem, cons
   return distances;
 }
 
-double Cost(const std::vector<double>& squared_distances, double sigma_px, const Loss& loss) {
+// What noise the solve goes by.
+struct Noise {
+  double pixel_px = 0;
+  std::optional<RobotNoise> robot;
+};
+
+double Cost(const std::vector<double>& squared_distances, const State& state, const Noise& noise, const Loss& loss) {
   double sum = 0;
-  for (const double d2 : squared_distances) sum += loss.rho(d2 / (sigma_px * sigma_px));
+  for (const double d2 : squared_distances) sum += loss.rho(d2 / (noise.pixel_px * noise.pixel_px));
+  for (const Rigid3d& correction : state.corrections) {
+    const Tangent6 tangent = LocalCoordinates(Rigid3d(), correction);
+    sum += tangent.head<3>().squaredNorm() / (noise.robot->translation_m * noise.robot->translation_m) +
+           tangent.tail<3>().squaredNorm() / (noise.robot->rotation_rad * noise.robot->rotation_rad);
+  }
   return 0.5 * sum;
 }
 
-struct State {
-  HandEye hand_eye;
-  Camera camera;
-};
-
-// One run of Ceres at a fixed sigma.
-ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& free, double sigma_px, const Loss& loss,
-                                int max_iterations, State* state) {
+// One run of Ceres at a fixed noise.
+ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& free, const Noise& noise,
+                                const Loss& loss, int max_iterations, State* state) {
   const CameraModel& model = problem.camera.Model();
   PoseBlock hand_eye = ToBlock(state->hand_eye.camera_mount_from_camera);
   PoseBlock board = ToBlock(state->hand_eye.target_mount_from_target);
   std::vector<double> params = state->camera.params;
+  std::vector<PoseBlock> corrections;
+  for (const Rigid3d& correction : state->corrections) corrections.push_back(ToBlock(correction));
   ceres::Problem ceres_problem;
+  ceres::Solver::Options options = ReprojectionSolverOptions(max_iterations);
   ceres_problem.AddParameterBlock(hand_eye.data(), 7, new PoseManifold);
   ceres_problem.AddParameterBlock(board.data(), 7, new PoseManifold);
   AddCameraBlock(free, params.data(), &ceres_problem);
-  for (const View& view : problem.views) {
-    ceres_problem.AddResidualBlock(MakeReprojectionCost(model, view.observations, sigma_px, loss,
-                                                        MakeHandEyeChain(view.camera_mount_from_target_mount))
-                                       .release(),
-                                   nullptr, hand_eye.data(), board.data(), params.data());
+  if (!corrections.empty()) {
+    // Each view's correction is eliminated by itself, so that the cost grows with the views and not with their cube.
+    options.linear_solver_type = ceres::DENSE_SCHUR;
+    options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    options.linear_solver_ordering->AddElementToGroup(hand_eye.data(), 1);
+    options.linear_solver_ordering->AddElementToGroup(board.data(), 1);
+    options.linear_solver_ordering->AddElementToGroup(params.data(), 1);
+  }
+  for (size_t i = 0; i < problem.views.size(); ++i) {
+    const View& view = problem.views[i];
+    if (corrections.empty()) {
+      ceres_problem.AddResidualBlock(MakeReprojectionCost(model, view.observations, noise.pixel_px, loss,
+                                                          MakeHandEyeChain(view.camera_mount_from_target_mount))
+                                         .release(),
+                                     nullptr, hand_eye.data(), board.data(), params.data());
+      continue;
+    }
+    double* correction = corrections[i].data();
+    ceres_problem.AddParameterBlock(correction, 7, new PoseManifold);
+    options.linear_solver_ordering->AddElementToGroup(correction, 0);
+    ceres_problem.AddResidualBlock(
+        MakeReprojectionCost(model, view.observations, noise.pixel_px, loss,
+                             MakeCorrectedChain(problem.setup, view.camera_mount_from_target_mount))
+            .release(),
+        nullptr, hand_eye.data(), board.data(), correction, params.data());
+    ceres_problem.AddResidualBlock(MakeCorrectionPrior(*noise.robot).release(), nullptr, correction);
   }
   ceres::Solver::Summary summary;
-  ceres::Solve(ReprojectionSolverOptions(max_iterations), &ceres_problem, &summary);
+  ceres::Solve(options, &ceres_problem, &summary);
   state->hand_eye = {FromBlock(hand_eye.data()), FromBlock(board.data())};
   state->camera.params = params;
+  for (size_t i = 0; i < corrections.size(); ++i) state->corrections[i] = FromBlock(corrections[i].data());
   return summary;
+}
+
+// Below these a robot is exact: its corrections are held by a prior that no picture can move.
+constexpr double kExactM = 1e-8;
+constexpr double kExactRad = 1e-8;
+
+RobotNoise AtLeastExact(const RobotNoise& noise) {
+  return {std::max(noise.translation_m, kExactM), std::max(noise.rotation_rad, kExactRad)};
+}
+
+struct EstimatedNoise {
+  Noise noise;
+  RobotNoise robot_stddev;
+};
+
+// The noise that explains the residuals best.
+EstimatedNoise EstimateNoise(const Problem& problem, const State& state, const FreeParameters& free, const Noise& noise,
+                             const Loss& loss, bool pixel_is_free, bool robot_is_free) {
+  const Problem solved{state.camera, problem.views, problem.setup};
+  const std::optional<std::vector<LinearView>> views =
+      LineariseViews(solved, state.hand_eye, state.corrections, free, noise.pixel_px, loss);
+  CHECK(views.has_value()) << "Ceres accepted a step that hides a point";
+  VarianceComponents start;
+  start.pixel = loss.consistency;
+  start.translation_m2 = noise.robot->translation_m * noise.robot->translation_m;
+  start.rotation_rad2 = noise.robot->rotation_rad * noise.robot->rotation_rad;
+  const VarianceComponents found = EstimateVariances(*views, start, pixel_is_free, robot_is_free);
+  EstimatedNoise result;
+  result.noise.pixel_px = std::max(kMinSigmaPx, noise.pixel_px * std::sqrt(found.pixel / loss.consistency));
+  result.noise.robot = AtLeastExact({std::sqrt(found.translation_m2), std::sqrt(found.rotation_rad2)});
+  // From a variance's sigma to a sigma's.
+  result.robot_stddev = {0.5 * found.stddev[1] / result.noise.robot->translation_m,
+                         0.5 * found.stddev[2] / result.noise.robot->rotation_rad};
+  return result;
+}
+
+// The unknowns' normal matrix at the given noise.
+std::optional<Information> InformationAt(const Problem& problem, const State& state, const FreeParameters& free,
+                                         const Noise& noise, const Loss& loss) {
+  const Problem solved{state.camera, problem.views, problem.setup};
+  if (!noise.robot) {
+    std::optional<Information> information = ComputeInformation(solved, state.hand_eye, free, noise.pixel_px, loss);
+    if (information) information->matrix /= loss.covariance_factor();
+    return information;
+  }
+  const std::optional<std::vector<LinearView>> views =
+      LineariseViews(solved, state.hand_eye, state.corrections, free, noise.pixel_px, loss);
+  if (!views) return std::nullopt;
+  return Information{UnknownNames(state.camera.Model(), free),
+                     MarginalInformation(*views, *noise.robot, loss.covariance_factor())};
+}
+
+// What is left of a typical point's noise beside what its detector knows; never less than print and paper leave.
+double ExcessPx(double pixel_sigma_px, double detector_px) {
+  constexpr double kLeastPx = 0.005;
+  return std::sqrt(std::max(kLeastPx * kLeastPx, pixel_sigma_px * pixel_sigma_px - detector_px * detector_px));
+}
+
+// Whether another round would change nothing that matters. What is exact may become more so.
+bool HasSettled(const Noise& noise, const Noise& next) {
+  const auto is_close = [](double a, double b, double exact) {
+    return std::abs(a - b) < 1e-5 * std::max(a, b) || std::max(a, b) <= 2 * exact;
+  };
+  if (std::abs(next.pixel_px - noise.pixel_px) >= 1e-6 * noise.pixel_px) return false;
+  return !next.robot || (is_close(noise.robot->translation_m, next.robot->translation_m, kExactM) &&
+                         is_close(noise.robot->rotation_rad, next.robot->rotation_rad, kExactRad));
 }
 
 // A result that its own sigma makes worthless.
@@ -115,11 +221,15 @@ std::string BundleOptions::Check() const {
   std::vector<std::string> faults;
   if (FindLoss(loss) == nullptr) faults.push_back("loss '" + loss + "' is unknown; one of: " + Join(LossNames(), ", "));
   if (pixel_noise_px && !(*pixel_noise_px > 0)) faults.emplace_back("pixel_noise_px must be greater than zero");
+  if (robot == Robot::kGivenNoise && !(robot_noise.translation_m >= 0 && robot_noise.rotation_rad >= 0)) {
+    faults.emplace_back("robot_noise must not be negative");
+  }
   if (max_iterations < 1) faults.emplace_back("max_iterations must be at least 1");
   return Join(faults, "\n");
 }
 
-Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options) {
+Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start, const BundleOptions& options) {
+  Problem problem = problem_in;
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
   const Loss& loss = *FindLoss(options.loss);
@@ -130,7 +240,8 @@ Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, co
   const std::string why_not = WhyNotObservable(AnalyseMotion(poses));
   if (!why_not.empty()) return Failure{why_not};
   std::string bad_view;
-  const std::optional<std::vector<double>> start_distances = SquaredDistances(problem, start, &bad_view);
+  const std::optional<std::vector<double>> start_distances =
+      SquaredDistances(problem, {start, problem.camera, {}}, &bad_view);
   if (!start_distances) {
     return Failure{"with the start values the target of capture " + bad_view +
                    " lies behind the camera; another seed, or a check of set-up and pose direction, is needed"};
@@ -152,47 +263,81 @@ Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, co
     return *failure;
   }
 
-  double sigma_px = options.pixel_noise_px.value_or(SigmaFromMedian(*start_distances));
-  State state{start, problem.camera};
+  State state{start, problem.camera, {}};
+  Noise noise{options.pixel_noise_px.value_or(SigmaFromMedian(*start_distances)), std::nullopt};
+  const bool has_robot_noise = options.robot != BundleOptions::Robot::kExact;
+  const bool estimates_robot = options.robot == BundleOptions::Robot::kEstimatedNoise;
+  if (has_robot_noise) {
+    state.corrections.assign(problem.views.size(), Rigid3d());
+    // Where nothing is known: a robot of the poorer kind. The estimate does not depend on it.
+    constexpr RobotNoise kPoorRobot = {1e-3, 2e-3};
+    noise.robot = AtLeastExact(estimates_robot ? kPoorRobot : options.robot_noise);
+  }
+  const bool estimates_any = !options.pixel_noise_px || estimates_robot;
+  // Detectors know part of the points' noise, point by point; the rest is found from the residuals, equal for all. At
+  // first all points count alike.
+  const double detector_px = TypicalDetectorSigma(problem.views).value_or(0);
+  std::optional<double> excess_px;
+  if (options.pixel_noise_px && detector_px > 0) {
+    excess_px = ExcessPx(*options.pixel_noise_px, detector_px);
+    WeightByCovariance(*excess_px, &problem.views);
+  }
   Convergence convergence;
-  // A robust loss and the sigma that it is whitened by determine each other: a few rounds settle both.
-  constexpr int kMaxRounds = 12;
+  RobotNoise robot_stddev;
+  // The estimate and the noise that it is whitened by determine each other: a few rounds settle both.
+  constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const ceres::Solver::Summary summary = Minimise(problem, free, sigma_px, loss, options.max_iterations, &state);
+    const ceres::Solver::Summary summary = Minimise(problem, free, noise, loss, options.max_iterations, &state);
     convergence.converged = summary.termination_type == ceres::CONVERGENCE;
     convergence.iterations += static_cast<int>(summary.iterations.size()) - 1;
     convergence.seconds += summary.total_time_in_seconds;
     convergence.message = summary.message;
     if (!convergence.converged) {
       // Mostly for want of information: then that is what to say.
-      const std::optional<Information> weak =
-          ComputeInformation({state.camera, problem.views}, state.hand_eye, free, sigma_px, loss);
+      const std::optional<Information> weak = InformationAt(problem, state, free, noise, loss);
       std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
       if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), state.camera);
       return failure.value_or(Failure{"the refinement did not converge: " + summary.message});
     }
-    if (options.pixel_noise_px) break;
-    const Problem solved{state.camera, problem.views};
-    const std::optional<std::vector<double>> distances = SquaredDistances(solved, state.hand_eye, &bad_view);
-    CHECK(distances.has_value()) << "Ceres accepted a step that hides a point";
-    const double next_px = SigmaOfFit(*distances, num_unknowns, loss, SigmaFromMedian(*distances));
-    const bool settled = loss.name == "none" || std::abs(next_px - sigma_px) < 1e-6 * sigma_px;
-    sigma_px = next_px;
+    if (!estimates_any) break;
+    Noise next = noise;
+    if (has_robot_noise) {
+      const EstimatedNoise estimated =
+          EstimateNoise(problem, state, free, noise, loss, !options.pixel_noise_px, estimates_robot);
+      next = estimated.noise;
+      robot_stddev = estimated.robot_stddev;
+    } else {
+      const std::optional<std::vector<double>> distances = SquaredDistances(problem, state, &bad_view);
+      CHECK(distances.has_value()) << "Ceres accepted a step that hides a point";
+      next.pixel_px = SigmaOfFit(*distances, num_unknowns, loss, SigmaFromMedian(*distances));
+    }
+    bool settled = HasSettled(noise, next) || (loss.name == "none" && !has_robot_noise);
+    noise = next;
+    if (detector_px > 0 && !options.pixel_noise_px) {
+      const double next_px = ExcessPx(noise.pixel_px, detector_px);
+      if (!excess_px || std::abs(next_px - *excess_px) > 0.02 * std::hypot(next_px, detector_px)) {
+        settled = false;
+        excess_px = next_px;
+        WeightByCovariance(next_px, &problem.views);
+      }
+    }
     if (settled) break;
   }
 
   Solution solution;
   solution.hand_eye = state.hand_eye;
   solution.camera = state.camera;
-  solution.pixel_sigma_px = sigma_px;
-  const Problem solved{state.camera, problem.views};
-  convergence.initial_cost = Cost(*start_distances, sigma_px, loss);
-  convergence.final_cost = Cost(*SquaredDistances(solved, state.hand_eye, &bad_view), sigma_px, loss);
+  solution.pixel_sigma_px = noise.pixel_px;
+  solution.robot_noise = noise.robot;
+  if (estimates_robot) solution.robot_noise_stddev = robot_stddev;
+  solution.corrections = state.corrections;
+  convergence.initial_cost = Cost(*start_distances, {start, problem.camera, {}}, noise, loss);
+  convergence.final_cost = Cost(*SquaredDistances(problem, state, &bad_view), state, noise, loss);
   solution.convergence = convergence;
-  const std::optional<Information> information = ComputeInformation(solved, state.hand_eye, free, sigma_px, loss);
+  const std::optional<Information> information = InformationAt(problem, state, free, noise, loss);
   CHECK(information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
-  solution.covariance = InvertInformation(*information, loss.covariance_factor());
+  solution.covariance = InvertInformation(*information, 1.0);
   const std::string camera_faults = CheckCamera(solution.camera);
   if (!camera_faults.empty()) return Failure{"the refined camera makes no sense: " + camera_faults};
   if (const std::optional<Failure> failure = CheckUncertainty(solution.covariance, solution.camera)) {

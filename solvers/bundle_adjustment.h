@@ -17,6 +17,11 @@ struct BundleOptions {
   std::string loss = "huber";
   // One coordinate's noise. Nothing: estimated from the residuals.
   std::optional<double> pixel_noise_px;
+  // The robot's poses are exact; are observations with the noise given; or with noise that is estimated together with
+  // the pixels' (by restricted maximum likelihood).
+  enum class Robot { kExact, kGivenNoise, kEstimatedNoise };
+  Robot robot = Robot::kExact;
+  RobotNoise robot_noise;  // For kGivenNoise.
   int max_iterations = 200;
 
   // Every violated constraint, one a line; empty if the options are valid.
@@ -27,7 +32,8 @@ struct BundleOptions {
 // problem.camera. Before the solve, the motion and the normal matrix at the start are examined: what the data cannot
 // see is a Failure that names it. So are a target behind the camera at the start, no convergence, and a result whose
 // own sigma says that it means nothing. The covariance is sigma^2 times the inverse of the normal matrix of all free
-// parameters, with the loss's factor (solvers/loss.h).
+// parameters, with the loss's factor (solvers/loss.h); with a noisy robot its corrections (solvers/robot_noise.h) are
+// unknowns too, six a view with the robot's noise as their prior, and the covariance is averaged over them.
 Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options);
 
 }  // namespace heba

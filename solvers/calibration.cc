@@ -8,7 +8,6 @@
 #include "heba/base/text.h"
 #include "solvers/hand_eye_method.h"
 #include "solvers/intrinsics_seed.h"
-#include "solvers/noise_scale.h"
 #include "solvers/pose_selection.h"
 #include "solvers/target_pose.h"
 
@@ -77,9 +76,7 @@ const MethodResult* FindResult(const std::vector<MethodResult>& results, const s
 
 }  // namespace
 
-Outcome<Calibration> Calibrate(const std::vector<View>& views_in, const CalibrationOptions& options) {
-  std::vector<View> views = views_in;
-  WeightByCovariance(&views);
+Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options) {
   Calibration calibration;
   calibration.camera_was_given = options.camera.has_value();
   if (options.camera) {
@@ -119,7 +116,8 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views_in, const Calibrat
   }
   if (seed != nullptr && seed->hand_eye) {
     calibration.seed = seed->method;
-    calibration.refined = RefineHandEye({calibration.camera, calibration.views}, *seed->hand_eye, options.bundle);
+    calibration.refined =
+        RefineHandEye({calibration.camera, calibration.views, options.setup}, *seed->hand_eye, options.bundle);
     return calibration;
   }
   // The methods agree on why there is none where the motion is to blame.

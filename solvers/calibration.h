@@ -23,6 +23,7 @@ struct CalibrationOptions {
   std::vector<std::string> methods;  // Closed forms to report, by name.
   std::string seed = kBestSeed;      // One of HandEyeMethodNames(), or kBestSeed.
   BundleOptions bundle;
+  Setup setup = Setup::kEyeToHand;
   std::optional<Camera> camera;  // Nothing: estimated from the views.
   std::string camera_model = "brown5";
   int width_px = 0;

@@ -8,7 +8,7 @@
 
 #include "heba/base/text.h"
 #include "heba/geometry/pose_block.h"
-#include "solvers/view_reduction.h"
+#include "solvers/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -28,36 +28,27 @@ FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup
   return free;
 }
 
+std::vector<std::string> UnknownNames(const CameraModel& model, const FreeParameters& free) {
+  std::vector<std::string> names;
+  for (const char* pose : {"hand_eye.", "board."}) {
+    for (const std::string_view tangent : kTangentNames) names.push_back(pose + std::string(tangent));
+  }
+  for (size_t i = 0; i < free.size(); ++i) {
+    if (free[i]) names.push_back("camera." + model.param_names()[i]);
+  }
+  return names;
+}
+
 std::optional<Information> ComputeInformation(const Problem& problem, const HandEye& hand_eye,
                                               const FreeParameters& free, double pixel_sigma_px, const Loss& loss) {
-  const CameraModel& model = problem.camera.Model();
+  const std::optional<std::vector<LinearView>> views =
+      LineariseViews(problem, hand_eye, {}, free, pixel_sigma_px, loss);
+  if (!views) return std::nullopt;
   Information information;
-  for (const char* pose : {"hand_eye.", "board."}) {
-    for (const std::string_view tangent : kTangentNames) information.names.push_back(pose + std::string(tangent));
-  }
-  std::vector<int> free_columns;
-  for (size_t i = 0; i < free.size(); ++i) {
-    if (!free[i]) continue;
-    free_columns.push_back(6 + static_cast<int>(i));
-    information.names.push_back("camera." + model.param_names()[i]);
-  }
+  information.names = UnknownNames(problem.camera.Model(), free);
   const Eigen::Index size = static_cast<Eigen::Index>(information.names.size());
   information.matrix = Eigen::MatrixXd::Zero(size, size);
-  for (const View& view : problem.views) {
-    const Rigid3d camera_from_target = CameraFromTarget(hand_eye, view.camera_mount_from_target_mount);
-    ViewReduction reduction;
-    if (!ReduceView(model, problem.camera.params.data(), camera_from_target, view.observations, pixel_sigma_px, loss,
-                    &reduction)) {
-      return std::nullopt;
-    }
-    Eigen::MatrixXd rows(reduction.factor.rows(), size);
-    rows.leftCols<6>() = -reduction.factor.leftCols<6>();
-    rows.middleCols<6>(6) = reduction.factor.leftCols<6>() * Adjoint(camera_from_target);
-    for (size_t i = 0; i < free_columns.size(); ++i) {
-      rows.col(12 + static_cast<Eigen::Index>(i)) = reduction.factor.col(free_columns[i]);
-    }
-    information.matrix += rows.transpose() * rows;
-  }
+  for (const LinearView& view : *views) information.matrix += view.by_unknowns.transpose() * view.by_unknowns;
   return information;
 }
 

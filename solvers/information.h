@@ -21,7 +21,10 @@ struct Information {
   Eigen::MatrixXd matrix;          // sum w J^T J / sigma^2
 };
 
-// Nothing if a point has no image.
+// Information::names of a camera model and what of it is free.
+std::vector<std::string> UnknownNames(const CameraModel& model, const FreeParameters& free);
+
+// With an exact robot. Nothing if a point has no image.
 std::optional<Information> ComputeInformation(const Problem& problem, const HandEye& hand_eye,
                                               const FreeParameters& free, double pixel_sigma_px, const Loss& loss);
 

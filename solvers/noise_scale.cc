@@ -31,28 +31,32 @@ double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unkn
   return sigma;
 }
 
-void WeightByCovariance(std::vector<View>* views) {
-  constexpr double kUnknownPx = 0.01;
+std::optional<double> TypicalDetectorSigma(const std::vector<View>& views) {
   std::vector<double> variances_px2;  // Of each point.
-  for (const View& view : *views) {
+  for (const View& view : views) {
     for (const Eigen::MatrixXd& block : view.observations.covariances_px2) {
       for (Eigen::Index i = 0; i < block.rows(); i += 2) {
-        variances_px2.push_back(0.5 * (block(i, i) + block(i + 1, i + 1)) + kUnknownPx * kUnknownPx);
+        variances_px2.push_back(0.5 * (block(i, i) + block(i + 1, i + 1)));
       }
     }
   }
-  if (variances_px2.empty()) return;
+  if (variances_px2.empty()) return std::nullopt;
   const auto middle = variances_px2.begin() + static_cast<std::ptrdiff_t>(variances_px2.size() / 2);
   std::nth_element(variances_px2.begin(), middle, variances_px2.end());
+  return std::sqrt(*middle);
+}
+
+void WeightByCovariance(double excess_px, std::vector<View>* views) {
+  const std::optional<double> typical_px = TypicalDetectorSigma(*views);
+  if (!typical_px) return;
+  const double unit_px2 = *typical_px * *typical_px + excess_px * excess_px;
   for (View& view : *views) {
     view.observations.whitening.clear();
     for (const Eigen::MatrixXd& block : view.observations.covariances_px2) {
-      const Eigen::MatrixXd covariance =
-          (block + kUnknownPx * kUnknownPx * Eigen::MatrixXd::Identity(block.rows(), block.cols())) / *middle;
-      const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
+      const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(block.rows(), block.cols());
+      const Eigen::LLT<Eigen::MatrixXd> factor((block + excess_px * excess_px * identity) / unit_px2);
       CHECK(factor.info() == Eigen::Success) << "a detector's covariance is not positive definite";
-      view.observations.whitening.emplace_back(
-          factor.matrixL().solve(Eigen::MatrixXd::Identity(block.rows(), block.cols())));
+      view.observations.whitening.emplace_back(factor.matrixL().solve(identity));
     }
   }
 }

@@ -1,6 +1,7 @@
 // The size of the pixel noise, from residuals.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "heba/data/problem.h"
@@ -21,9 +22,13 @@ double SigmaFromMedian(std::vector<double> squared_distances_px2);
 double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unknowns, const Loss& loss,
                   double start_px);
 
-// Fills in Observations::whitening from what detectors say of their points' covariances, in such a measure that the
-// typical point keeps its size: a pixel sigma still means a point's. Views without covariances count alike.
-// What detectors cannot know of (print, paper, lens) is as large for every point: 0.01 px are added.
-void WeightByCovariance(std::vector<View>* views);
+// What detectors say of their points (Observations::covariances_px2), in the typical case: the median over all points
+// of one coordinate's sigma. Nothing if they say nothing.
+std::optional<double> TypicalDetectorSigma(const std::vector<View>& views);
+
+// Fills in Observations::whitening: what a detector says of each point, and `excess_px`, equal for all, of what it
+// cannot know (print, paper, lens, robot), in such a measure that the typical point keeps its size: a pixel sigma still
+// means a point's. Without covariances all points count alike.
+void WeightByCovariance(double excess_px, std::vector<View>* views);
 
 }  // namespace heba

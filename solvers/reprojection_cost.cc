@@ -2,13 +2,15 @@
 
 #include <cmath>
 
+#include <ceres/sized_cost_function.h>
+
 #include "heba/geometry/pose_block.h"
+#include "solvers/robot_noise.h"
 #include "solvers/view_reduction.h"
 
 namespace heba {
 namespace {
 
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // camera_from_target = (camera_mount_from_camera Exp(xi))^-1 M target_mount_from_target Exp(eta): to first order a left
@@ -27,6 +29,53 @@ class HandEyeChain final : public PoseChain {
 
  private:
   Rigid3d camera_mount_from_target_mount_;
+};
+
+class CorrectedChain final : public PoseChain {
+ public:
+  CorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount)
+      : setup_(setup), camera_mount_from_target_mount_(camera_mount_from_target_mount) {}
+  int num_blocks() const override { return 3; }
+  Rigid3d Evaluate(const double* const* pose_blocks, std::vector<Matrix6>* left_from_tangent) const override {
+    const HandEye hand_eye{FromBlock(pose_blocks[0]), FromBlock(pose_blocks[1])};
+    const Rigid3d correction = FromBlock(pose_blocks[2]);
+    const Rigid3d camera_from_target = CameraFromTarget(setup_, hand_eye, camera_mount_from_target_mount_, correction);
+    if (left_from_tangent != nullptr) {
+      *left_from_tangent = {-Matrix6::Identity(), Adjoint(camera_from_target),
+                            LeftFromCorrection(setup_, hand_eye, camera_mount_from_target_mount_, correction)};
+    }
+    return camera_from_target;
+  }
+
+ private:
+  Setup setup_;
+  Rigid3d camera_mount_from_target_mount_;
+};
+
+class CorrectionPrior final : public ceres::SizedCostFunction<6, 7> {
+ public:
+  explicit CorrectionPrior(const RobotNoise& noise) : noise_(noise) {}
+  bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override {
+    const Rigid3d correction = FromBlock(parameters[0]);
+    const Tangent6 tangent = LocalCoordinates(Rigid3d(), correction);
+    Eigen::Map<Tangent6> residual(residuals);
+    residual.head<3>() = tangent.head<3>() / noise_.translation_m;
+    residual.tail<3>() = tangent.tail<3>() / noise_.rotation_rad;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      Matrix6 by_tangent = Matrix6::Zero();
+      by_tangent.topLeftCorner<3, 3>() = correction.RotationMatrix() / noise_.translation_m;
+      // The inverse right Jacobian of the rotation vector, to second order: corrections are small.
+      const Eigen::Matrix3d skew = Skew(tangent.tail<3>());
+      by_tangent.bottomRightCorner<3, 3>() =
+          (Eigen::Matrix3d::Identity() + 0.5 * skew + skew * skew / 12) / noise_.rotation_rad;
+      Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>> jacobian(jacobians[0]);
+      jacobian = by_tangent * TangentFromBlock(parameters[0]);
+    }
+    return true;
+  }
+
+ private:
+  RobotNoise noise_;
 };
 
 class FreePoseChain final : public PoseChain {
@@ -102,6 +151,14 @@ class ReprojectionCost final : public ceres::CostFunction {
 
 std::unique_ptr<PoseChain> MakeHandEyeChain(const Rigid3d& camera_mount_from_target_mount) {
   return std::make_unique<HandEyeChain>(camera_mount_from_target_mount);
+}
+
+std::unique_ptr<PoseChain> MakeCorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount) {
+  return std::make_unique<CorrectedChain>(setup, camera_mount_from_target_mount);
+}
+
+std::unique_ptr<ceres::CostFunction> MakeCorrectionPrior(const RobotNoise& noise) {
+  return std::make_unique<CorrectionPrior>(noise);
 }
 
 std::unique_ptr<PoseChain> MakeFreePoseChain() { return std::make_unique<FreePoseChain>(); }

@@ -8,6 +8,7 @@
 
 #include "heba/camera/camera_model.h"
 #include "heba/data/problem.h"
+#include "heba/data/solution.h"
 #include "solvers/loss.h"
 
 namespace heba {
@@ -24,6 +25,8 @@ struct PoseChain {
 
 // Blocks: camera_mount_from_camera, target_mount_from_target.
 std::unique_ptr<PoseChain> MakeHandEyeChain(const Rigid3d& camera_mount_from_target_mount);
+// Blocks: camera_mount_from_camera, target_mount_from_target, the capture's correction (solvers/robot_noise.h).
+std::unique_ptr<PoseChain> MakeCorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount);
 // Block: camera_from_target.
 std::unique_ptr<PoseChain> MakeFreePoseChain();
 
@@ -32,5 +35,9 @@ std::unique_ptr<PoseChain> MakeFreePoseChain();
 std::unique_ptr<ceres::CostFunction> MakeReprojectionCost(const CameraModel& model, const Observations& observations,
                                                           double pixel_sigma_px, const Loss& loss,
                                                           std::unique_ptr<PoseChain> chain);
+
+// What the robot says of a capture's correction: that it is zero, give or take `noise`. Parameter block: the
+// correction.
+std::unique_ptr<ceres::CostFunction> MakeCorrectionPrior(const RobotNoise& noise);
 
 }  // namespace heba

@@ -517,6 +517,8 @@ std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pat
   CHECK_EQ(grey.type(), CV_8UC1);
   CHECK((options.max_m.array() > options.min_m.array()).all());
   Fitter fitter(grey, pattern, start_picture_from_pattern, options);
+  if (!fitter.is_usable() || !fitter.Solve()) return std::nullopt;
+  if (options.freedom == MapFreedom::kCubic && !fitter.FreeIfAsked(MapFreedom::kCubic)) return std::nullopt;
   PatternFit fit;
   fit.blur_sigma_px = fitter.level(kBlur);
   fit.contrast_grey = fitter.contrast();

@@ -42,6 +42,7 @@ CalibrationOptions OptionsOf(const RunConfig& config, int width_px, int height_p
   options.methods = config.methods;
   options.seed = config.seed;
   options.bundle = config.bundle;
+  options.setup = config.setup;
   options.camera = config.camera;
   options.camera_model = config.camera_model;
   options.width_px = width_px;
@@ -120,6 +121,9 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
           ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
                      view->observations);
       if (errors) result.rms_px = errors->RmsPx();
+      if (!solution.corrections.empty()) {
+        result.correction = solution.corrections[static_cast<size_t>(view - calibration.views.begin())];
+      }
     } else if (unused != calibration.unused.end()) {
       result.reason = unused->reason;
     }

@@ -187,6 +187,27 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
   root.Record("camera", reader.used());
 }
 
+// "auto", or both sigmas.
+void ReadRobotNoise(const ConfigValue& value, MapReader* refine, RunConfig* config) {
+  if (value.IsText()) {
+    value.AsChoice({"auto"});
+    config->bundle.robot = BundleOptions::Robot::kEstimatedNoise;
+    refine->Record("robot_noise", YAML::Node("auto"));
+    return;
+  }
+  MapReader reader(value);
+  config->bundle.robot = BundleOptions::Robot::kGivenNoise;
+  config->bundle.robot_noise.rotation_rad = reader.Angle("rotation");
+  config->bundle.robot_noise.translation_m = reader.Length("translation");
+  for (const char* key : {"rotation", "translation"}) {
+    const bool is_negative = (std::string_view(key) == "rotation" ? config->bundle.robot_noise.rotation_rad
+                                                                  : config->bundle.robot_noise.translation_m) < 0;
+    if (is_negative) reader.Get(key).Fail("must not be negative");
+  }
+  reader.Finish();
+  refine->Record("robot_noise", reader.used());
+}
+
 void ReadRefine(MapReader& root, RunConfig* config) {
   YAML::Node empty(YAML::NodeType::Map);
   const std::optional<ConfigValue> value = root.Find("refine");
@@ -205,9 +226,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
     groups.push_back(std::string(kParameterGroupNames[static_cast<size_t>(group)]));
   }
   reader.Record("intrinsics", groups);
-  if (const std::optional<ConfigValue> noise = reader.Find("robot_noise")) {
-    noise->Fail("the noise of robot poses is not modelled yet; leave this key out");
-  }
+  if (const std::optional<ConfigValue> noise = reader.Find("robot_noise")) ReadRobotNoise(*noise, &reader, config);
   const std::optional<ConfigValue> pixel_noise = reader.Find("pixel_noise");
   if (pixel_noise && !(pixel_noise->IsText() && pixel_noise->node().Scalar() == "auto")) {
     config->bundle.pixel_noise_px = pixel_noise->AsQuantity(Quantity::kPixels);

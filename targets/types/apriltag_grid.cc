@@ -493,6 +493,7 @@ class AprilTagGrid final : public Target {
     options.freedom = side_px < kMinQuadraticPx ? MapFreedom::kAffine
                       : side_px < kMinCubicPx   ? MapFreedom::kQuadratic
                                                 : MapFreedom::kCubic;
+    options.max_move_px = std::max(2.0, 0.1 * side_px);  // Edges that a lens bends mislead libapriltag by pixels.
     const std::optional<Eigen::Matrix3d> picture_from_board =
         FitHomography({corners_m.begin(), corners_m.end()}, {tag.corners_px.begin(), tag.corners_px.end()});
     std::optional<PatternFit> fit;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "heba/camera/camera.h"
+#include "heba/data/setup.h"
 #include "heba/geometry/rigid3.h"
 
 namespace heba {
@@ -35,6 +36,8 @@ struct View {
 struct Problem {
   Camera camera;
   std::vector<View> views;
+  // Where the gripper is in the chain: the robot's noise, if it is modelled, acts in its frame.
+  Setup setup = Setup::kEyeToHand;
 };
 
 // The unknowns. hand_eye in results is camera_mount_from_camera, board is target_mount_from_target.

@@ -19,6 +19,12 @@ struct Covariance {
   Eigen::MatrixXd matrix;
 };
 
+// One sigma along and about each axis of the gripper's frame.
+struct RobotNoise {
+  double translation_m = 0;
+  double rotation_rad = 0;
+};
+
 struct Convergence {
   bool converged = false;
   int iterations = 0;
@@ -34,6 +40,13 @@ struct Solution {
   Camera camera;
   // Per coordinate; estimated from the residuals or as given.
   double pixel_sigma_px = 0;
+  // If the robot's poses were observations: their noise, estimated or as given, and, if it was estimated, how well it
+  // is known (one sigma of each sigma).
+  std::optional<RobotNoise> robot_noise;
+  std::optional<RobotNoise> robot_noise_stddev;
+  // Then also, for each view, the pose of the gripper as the pictures have it, in the gripper's frame as the robot had
+  // it.
+  std::vector<Rigid3d> corrections;
   Covariance covariance;
   Convergence convergence;
   // What a person should know of it though it is usable: one sentence each.

@@ -7,6 +7,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "heba/base/units.h"
 
 namespace heba {
 namespace {
@@ -84,6 +85,15 @@ Json ErrorsJson(const Errors& errors) {
   return json;
 }
 
+// What the refinement moved the robot's pose by, in the gripper's frame.
+Json CorrectionJson(const std::optional<Rigid3d>& correction) {
+  if (!correction) return nullptr;
+  const Eigen::Vector3d t = 1000 * correction->translation;
+  const Eigen::Vector3d r = LogRotation(correction->rotation);
+  return Json{{"translation_mm", {t.x(), t.y(), t.z()}},
+              {"rotation_deg", {RadToDeg(r.x()), RadToDeg(r.y()), RadToDeg(r.z())}}};
+}
+
 Json EstimateJson(const Estimate& estimate, Setup setup) {
   Json json;
   json["method"] = estimate.method;
@@ -127,12 +137,13 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
     }
     json["covariance"] = Json{{"order", solution->covariance.names}, {"matrix", rows}};
     const Convergence& convergence = solution->convergence;
+    const std::optional<RobotNoise>& noise = solution->robot_noise;
     json["solve"] = Json{{"iterations", convergence.iterations},
                          {"initial_cost", Finite(convergence.initial_cost)},
                          {"final_cost", Finite(convergence.final_cost)},
                          {"pixel_sigma", solution->pixel_sigma_px},
-                         {"robot_sigma_deg", nullptr},
-                         {"robot_sigma_mm", nullptr},
+                         {"robot_sigma_deg", noise ? Json(RadToDeg(noise->rotation_rad)) : Json(nullptr)},
+                         {"robot_sigma_mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
                          {"seconds", convergence.seconds},
                          {"message", convergence.message}};
   }
@@ -219,7 +230,8 @@ std::string ResultToJson(const RunResult& result) {
                                     {"points", capture.num_points},
                                     {"used", capture.used},
                                     {"reason", capture.reason},
-                                    {"rms_px", OrNull(capture.rms_px)}});
+                                    {"rms_px", OrNull(capture.rms_px)},
+                                    {"robot_correction", CorrectionJson(capture.correction)}});
   }
   json["estimates"] = Json::array();
   for (const Estimate& estimate : result.estimates) json["estimates"].push_back(EstimateJson(estimate, result.setup));

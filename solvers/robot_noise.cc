@@ -1,0 +1,241 @@
+#include "solvers/robot_noise.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "heba/base/error.h"
+#include "solvers/view_reduction.h"
+
+namespace heba {
+
+Rigid3d CameraFromTarget(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
+                         const Rigid3d& correction) {
+  const Rigid3d corrected = setup == Setup::kEyeToHand ? camera_mount_from_target_mount * correction
+                                                       : Inverse(correction) * camera_mount_from_target_mount;
+  return CameraFromTarget(hand_eye, corrected);
+}
+
+Matrix6 LeftFromCorrection(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
+                           const Rigid3d& correction) {
+  const Rigid3d camera_from_camera_mount = Inverse(hand_eye.camera_mount_from_camera);
+  if (setup == Setup::kEyeInHand) return -Adjoint(camera_from_camera_mount);
+  return Adjoint(camera_from_camera_mount * camera_mount_from_target_mount * correction);
+}
+
+std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
+                                                      const std::vector<Rigid3d>& corrections,
+                                                      const FreeParameters& free, double pixel_sigma_px,
+                                                      const Loss& loss) {
+  const CameraModel& model = problem.camera.Model();
+  std::vector<Eigen::Index> free_columns;
+  for (size_t i = 0; i < free.size(); ++i) {
+    if (free[i]) free_columns.push_back(6 + static_cast<Eigen::Index>(i));
+  }
+  const Eigen::Index num_unknowns = 12 + static_cast<Eigen::Index>(free_columns.size());
+  std::vector<LinearView> result;
+  for (size_t v = 0; v < problem.views.size(); ++v) {
+    const View& view = problem.views[v];
+    const Rigid3d correction = corrections.empty() ? Rigid3d() : corrections[v];
+    const Rigid3d& mount = view.camera_mount_from_target_mount;
+    const Rigid3d camera_from_target = CameraFromTarget(problem.setup, hand_eye, mount, correction);
+    ViewReduction reduction;
+    if (!ReduceView(model, problem.camera.params.data(), camera_from_target, view.observations, pixel_sigma_px, loss,
+                    &reduction)) {
+      return std::nullopt;
+    }
+    LinearView linear;
+    const Eigen::Index columns = reduction.factor.cols() - 1;
+    Eigen::Index rows = reduction.factor.rows();
+    if (2 * view.observations.size() > rows) {
+      // A triangular factor: its last row has nothing but what the unknowns do not reach.
+      rows = columns;
+      linear.rest_squares = reduction.factor(columns, columns) * reduction.factor(columns, columns);
+      linear.num_rest = 2 * view.observations.size() - static_cast<int>(columns);
+    }
+    const Eigen::MatrixXd by_pose = reduction.factor.topLeftCorner(rows, 6);
+    linear.by_unknowns.resize(rows, num_unknowns);
+    linear.by_unknowns.leftCols<6>() = by_pose;  // The hand-eye pose's is -by_pose: both signs are minus the row's.
+    linear.by_unknowns.middleCols<6>(6) = -by_pose * Adjoint(camera_from_target);
+    for (size_t i = 0; i < free_columns.size(); ++i) {
+      linear.by_unknowns.col(12 + static_cast<Eigen::Index>(i)) = -reduction.factor.col(free_columns[i]).head(rows);
+    }
+    linear.by_correction = -by_pose * LeftFromCorrection(problem.setup, hand_eye, mount, correction);
+    // The residual as it would be without the correction.
+    linear.offset =
+        reduction.factor.col(columns).head(rows) + linear.by_correction * LocalCoordinates(Rigid3d(), correction);
+    result.push_back(std::move(linear));
+  }
+  return result;
+}
+
+namespace {
+
+Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance, double translation_m2,
+                                   double rotation_rad2) {
+  const Eigen::Index rows = view.offset.size();
+  const auto translation = view.by_correction.leftCols<3>();
+  const auto rotation = view.by_correction.rightCols<3>();
+  return pixel_variance * Eigen::MatrixXd::Identity(rows, rows) +
+         translation_m2 * translation * translation.transpose() + rotation_rad2 * rotation * rotation.transpose();
+}
+
+// The restricted likelihood and its derivatives by the three variances.
+struct Likelihood {
+  double minus_log = std::numeric_limits<double>::infinity();
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  // Of the log.
+  Eigen::Matrix3d fisher = Eigen::Matrix3d::Zero();
+};
+
+Likelihood Evaluate(const std::vector<LinearView>& views, const Eigen::Vector3d& variances) {
+  const Eigen::Index n = views.front().by_unknowns.cols();
+  Likelihood result;
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(n);
+  std::vector<Eigen::MatrixXd> inverses;
+  double log_determinants = 0;
+  for (const LinearView& view : views) {
+    const Eigen::LLT<Eigen::MatrixXd> factor(MarginalCovariance(view, variances[0], variances[1], variances[2]));
+    if (factor.info() != Eigen::Success) return result;
+    inverses.emplace_back(factor.solve(Eigen::MatrixXd::Identity(view.offset.size(), view.offset.size())));
+    log_determinants += 2 * factor.matrixLLT().diagonal().array().log().sum() + view.num_rest * std::log(variances[0]);
+    information += view.by_unknowns.transpose() * inverses.back() * view.by_unknowns;
+    right += view.by_unknowns.transpose() * inverses.back() * view.offset;
+  }
+  // Units of metres, radians and pixels side by side: scaled before it is factored.
+  const Eigen::VectorXd scale =
+      information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
+  const Eigen::LLT<Eigen::MatrixXd> factor(scale.asDiagonal() * information * scale.asDiagonal());
+  if (factor.info() != Eigen::Success) return result;
+  log_determinants += 2 * factor.matrixLLT().diagonal().array().log().sum() - 2 * scale.array().log().sum();
+  const Eigen::MatrixXd covariance =
+      scale.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * scale.asDiagonal();
+  const Eigen::VectorXd step = covariance * right;
+
+  double squares = 0;
+  std::array<Eigen::MatrixXd, 3> seen;  // Sum of J^T S^-1 V_k S^-1 J.
+  for (Eigen::MatrixXd& matrix : seen) matrix = Eigen::MatrixXd::Zero(n, n);
+  for (size_t v = 0; v < views.size(); ++v) {
+    const LinearView& view = views[v];
+    const Eigen::MatrixXd& inverse = inverses[v];
+    const Eigen::Index rows = view.offset.size();
+    const Eigen::VectorXd residual = view.offset - view.by_unknowns * step;
+    const Eigen::VectorXd weighted = inverse * residual;
+    squares += residual.dot(weighted) + view.rest_squares / variances[0];
+    const std::array<Eigen::MatrixXd, 3> roots = {Eigen::MatrixXd::Identity(rows, rows),
+                                                  view.by_correction.leftCols<3>(), view.by_correction.rightCols<3>()};
+    std::array<Eigen::MatrixXd, 3> inverse_v;  // S^-1 V_k
+    const Eigen::MatrixXd weighted_by = inverse * view.by_unknowns;
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::MatrixXd v_k = roots[static_cast<size_t>(k)] * roots[static_cast<size_t>(k)].transpose();
+      inverse_v[static_cast<size_t>(k)] = inverse * v_k;
+      const Eigen::MatrixXd b = weighted_by.transpose() * v_k * weighted_by;
+      seen[static_cast<size_t>(k)] += b;
+      result.gradient[k] -= 0.5 * (inverse_v[static_cast<size_t>(k)].trace() - covariance.cwiseProduct(b).sum());
+      result.gradient[k] += 0.5 * weighted.dot(v_k * weighted);
+    }
+    result.gradient[0] += 0.5 * (view.rest_squares / (variances[0] * variances[0]) - view.num_rest / variances[0]);
+    result.fisher(0, 0) += 0.5 * view.num_rest / (variances[0] * variances[0]);
+    for (int k = 0; k < 3; ++k) {
+      for (int l = 0; l <= k; ++l) {
+        const Eigen::MatrixXd product = inverse_v[static_cast<size_t>(k)] * inverse_v[static_cast<size_t>(l)];
+        const double through = (view.by_unknowns.transpose() * product * weighted_by).cwiseProduct(covariance).sum();
+        result.fisher(k, l) += 0.5 * product.trace() - through;
+      }
+    }
+  }
+  for (int k = 0; k < 3; ++k) {
+    for (int l = 0; l <= k; ++l) {
+      result.fisher(k, l) +=
+          0.5 *
+          (covariance * seen[static_cast<size_t>(k)] * covariance).cwiseProduct(seen[static_cast<size_t>(l)]).sum();
+      result.fisher(l, k) = result.fisher(k, l);
+    }
+  }
+  result.minus_log = 0.5 * (log_determinants + squares);
+  return result;
+}
+
+}  // namespace
+
+Eigen::MatrixXd MarginalInformation(const std::vector<LinearView>& views, const RobotNoise& noise,
+                                    double pixel_variance) {
+  const Eigen::Index n = views.front().by_unknowns.cols();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  for (const LinearView& view : views) {
+    const Eigen::LLT<Eigen::MatrixXd> factor(MarginalCovariance(
+        view, pixel_variance, noise.translation_m * noise.translation_m, noise.rotation_rad * noise.rotation_rad));
+    CHECK(factor.info() == Eigen::Success);
+    information += view.by_unknowns.transpose() * factor.solve(view.by_unknowns);
+  }
+  return information;
+}
+
+VarianceComponents EstimateVariances(const std::vector<LinearView>& views, const VarianceComponents& start,
+                                     bool pixel_is_free, bool robot_is_free) {
+  CHECK(!views.empty());
+  Eigen::Vector3d variances(start.pixel, start.translation_m2, start.rotation_rad2);
+  const std::array<bool, 3> may_move = {pixel_is_free, robot_is_free, robot_is_free};
+  Likelihood here = Evaluate(views, variances);
+  constexpr int kMaxIterations = 100;
+  constexpr double kMinPixelVariance = 1e-12;
+  for (int iteration = 0; iteration < kMaxIterations && std::isfinite(here.minus_log); ++iteration) {
+    // A variance at zero that wants to be less stays.
+    std::vector<int> free;
+    for (int k = 0; k < 3; ++k) {
+      if (may_move[static_cast<size_t>(k)] && (variances[k] > 0 || here.gradient[k] > 0)) free.push_back(k);
+    }
+    if (free.empty()) break;
+    const Eigen::Index size = static_cast<Eigen::Index>(free.size());
+    Eigen::MatrixXd fisher(size, size);
+    Eigen::VectorXd gradient(size);
+    for (Eigen::Index a = 0; a < size; ++a) {
+      gradient[a] = here.gradient[free[static_cast<size_t>(a)]];
+      for (Eigen::Index b = 0; b < size; ++b) {
+        fisher(a, b) = here.fisher(free[static_cast<size_t>(a)], free[static_cast<size_t>(b)]);
+      }
+    }
+    const Eigen::VectorXd scale = fisher.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
+    const Eigen::MatrixXd scaled = scale.asDiagonal() * fisher * scale.asDiagonal();
+    const Eigen::VectorXd direction =
+        scale.asDiagonal() *
+        (scaled + 1e-9 * Eigen::MatrixXd::Identity(size, size)).ldlt().solve(scale.cwiseProduct(gradient));
+    if (!direction.allFinite()) break;
+    double length = 1;
+    bool has_moved = false;
+    double change = 0;
+    for (int halving = 0; halving < 30 && !has_moved; ++halving, length *= 0.5) {
+      Eigen::Vector3d next = variances;
+      for (Eigen::Index a = 0; a < size; ++a) {
+        const int k = free[static_cast<size_t>(a)];
+        next[k] = std::max(k == 0 ? kMinPixelVariance : 0.0, variances[k] + length * direction[a]);
+      }
+      const Likelihood there = Evaluate(views, next);
+      if (!(there.minus_log <= here.minus_log)) continue;
+      has_moved = true;
+      for (Eigen::Index a = 0; a < size; ++a) {
+        const int k = free[static_cast<size_t>(a)];
+        // In units of what the data can tell.
+        change = std::max(change, std::abs(next[k] - variances[k]) * std::sqrt(std::max(0.0, here.fisher(k, k))));
+      }
+      variances = next;
+      here = there;
+    }
+    constexpr double kSmallChange = 1e-6;
+    if (!has_moved || change < kSmallChange) break;
+  }
+  VarianceComponents result;
+  result.pixel = variances[0];
+  result.translation_m2 = variances[1];
+  result.rotation_rad2 = variances[2];
+  for (int k = 0; k < 3; ++k) {
+    if (may_move[static_cast<size_t>(k)] && here.fisher(k, k) > 0) result.stddev[k] = 1 / std::sqrt(here.fisher(k, k));
+  }
+  return result;
+}
+
+}  // namespace heba

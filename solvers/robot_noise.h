@@ -1,0 +1,62 @@
+// The robot's poses as observations: how their noise enters, and how large it is.
+//
+// Capture i sees the target from
+//   camera_from_target = camera_from_camera_mount * M_i * Exp(xi_i) * target_mount_from_target   (eye-to-hand)
+//   camera_from_target = camera_from_camera_mount * Exp(-xi_i) * M_i * target_mount_from_target  (eye-in-hand)
+// with M_i = camera_mount_from_target_mount as the robot says and xi_i, in the gripper's frame, what it was wrong by.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heba/data/solution.h"
+#include "solvers/information.h"
+
+namespace heba {
+
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+// camera_from_target with a capture's correction, gripper_from_corrected_gripper.
+Rigid3d CameraFromTarget(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
+                         const Rigid3d& correction);
+
+// d (left perturbation of camera_from_target) / d (tangent of the correction).
+Matrix6 LeftFromCorrection(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
+                           const Rigid3d& correction);
+
+// One capture, linearised: what it measured is offset = by_unknowns * step + by_correction * xi + noise, where noise
+// has unit variance (pixel sigma and loss applied).
+struct LinearView {
+  Eigen::MatrixXd by_unknowns;                             // Rows as Information::names.
+  Eigen::Matrix<double, Eigen::Dynamic, 6> by_correction;  // By xi: m, rad.
+  Eigen::VectorXd offset;
+  // What the rows above leave of the pixels: so many more independent residuals with this sum of squares.
+  double rest_squares = 0;
+  int num_rest = 0;
+};
+
+// `corrections` is empty if there are none. Nothing if a point has no image.
+std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
+                                                      const std::vector<Rigid3d>& corrections,
+                                                      const FreeParameters& free, double pixel_sigma_px,
+                                                      const Loss& loss);
+
+// The unknowns' normal matrix when the corrections are averaged over: sum J^T (p I + G Q G^T)^-1 J, where p is
+// `pixel_variance` in the views' unit.
+Eigen::MatrixXd MarginalInformation(const std::vector<LinearView>& views, const RobotNoise& noise,
+                                    double pixel_variance);
+
+// Restricted maximum likelihood (Patterson and Thompson 1971) of the three variances given the linearised views, by
+// Fisher scoring; none can become negative, and each becomes zero if the data ask for it. Those not free stay.
+struct VarianceComponents {
+  double pixel = 1;  // Of the views' unit.
+  double translation_m2 = 0;
+  double rotation_rad2 = 0;
+  // Of pixel, translation, rotation: one sigma, as the likelihood's curvature tells it; 0 of those that are not free.
+  Eigen::Vector3d stddev = Eigen::Vector3d::Zero();
+};
+VarianceComponents EstimateVariances(const std::vector<LinearView>& views, const VarianceComponents& start,
+                                     bool pixel_is_free, bool robot_is_free);
+
+}  // namespace heba
