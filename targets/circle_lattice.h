@@ -16,6 +16,7 @@ namespace heba {
 struct LatticeCell {
   int i = 0;
   int j = 0;
+  // NOLINTNEXTLINE(modernize-use-nullptr): clang-tidy 14 sees a zero in a defaulted comparison.
   friend auto operator<=>(const LatticeCell&, const LatticeCell&) = default;
 };
 

@@ -82,7 +82,7 @@ Rays SampleRays(const cv::Mat& grey, const Ellipse& ellipse) {
 
 double Quantile(std::array<double, Rays::kNumRays> values, double share) {
   std::sort(values.begin(), values.end());
-  return values[static_cast<size_t>(share * (values.size() - 1) + 0.5)];
+  return values[static_cast<size_t>(std::lround(share * (values.size() - 1)))];
 }
 
 struct ContourFit {

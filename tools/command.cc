@@ -1,6 +1,7 @@
 #include "tools/command.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <iostream>
 #include <new>
@@ -104,7 +105,7 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
     }
     double number = 0;
     const bool is_number = ParseDouble(value, &number);
-    if ((info.type == "int32" && (!is_number || number != static_cast<int>(number))) ||
+    if ((info.type == "int32" && (!is_number || number != std::floor(number) || std::abs(number) > 1e9)) ||
         (info.type == "double" && !is_number)) {
       throw InputError("--" + name + " needs a " + (info.type == "int32" ? "whole number" : "number") + ", not '" +
                        value + "'");

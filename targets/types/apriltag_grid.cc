@@ -207,8 +207,9 @@ class AprilTagGrid final : public Target {
     const double size_m = geometry_.tag_size_m;
     layout_.pitch_m = size_m * (1 + geometry_.tag_spacing_ratio);
     for (int index = 0; index < geometry_.rows * geometry_.columns; ++index) {
-      const Eigen::Vector2d first(index % geometry_.columns * layout_.pitch_m,
-                                  index / geometry_.columns * layout_.pitch_m);
+      const int row = index / geometry_.columns;
+      const int column = index % geometry_.columns;
+      const Eigen::Vector2d first(column * layout_.pitch_m, row * layout_.pitch_m);
       layout_.corners_m.push_back({first, first + Eigen::Vector2d(size_m, 0), first + Eigen::Vector2d(size_m, size_m),
                                    first + Eigen::Vector2d(0, size_m)});
       for (size_t corner = 0; corner < 4; ++corner) {

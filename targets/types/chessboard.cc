@@ -77,6 +77,11 @@ class Chessboard final : public Target {
 
   Detection Detect(const cv::Mat& grey) const override {
     Detection detection;
+    constexpr int kMinSidePx = 16;  // OpenCV's finders throw on less.
+    if (std::min(grey.cols, grey.rows) < kMinSidePx) {
+      detection.reason = "the picture is too small";
+      return detection;
+    }
     for (const Finder& finder : kFinders) {
       std::optional<Corners> corners = Find(grey, finder);
       if (!corners) continue;

@@ -23,6 +23,49 @@ motion: {captures: 6, distance: 400 mm, tilt: 30 deg, spread: 0.3}
 image: {noise: 1 grey}
 )";
 
+// Ways to spoil the data set in a folder.
+using Spoil = std::function<void(const fs::path& folder)>;
+
+Spoil Remove(const std::string& path) {
+  return [=](const fs::path& folder) { ASSERT_GT(fs::remove_all(folder / path), 0U) << path; };
+}
+
+Spoil Write(const std::string& file, const std::string& text) {
+  return [=](const fs::path& folder) { WriteAll(folder / file, text); };
+}
+
+// The first occurrence of `from`, which must be there.
+Spoil Replace(const std::string& file, const std::string& from, const std::string& to) {
+  return [=](const fs::path& folder) {
+    std::string text = ReadAll(folder / file);
+    const size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from << " is not in " << file << ":\n" << text;
+    WriteAll(folder / file, text.replace(at, from.size(), to));
+  };
+}
+
+// Field `column` of data row `row` (0 is the first after the header).
+Spoil SetPose(int row, int column, const std::string& value) {
+  return [=](const fs::path& folder) {
+    std::istringstream lines(ReadAll(folder / "poses.csv"));
+    std::string text;
+    std::string line;
+    for (int i = -1; std::getline(lines, line); ++i) {
+      if (i == row) {
+        std::istringstream fields(line);
+        std::string field;
+        std::string changed;
+        for (int c = 0; std::getline(fields, field, ','); ++c) {
+          changed += (c > 0 ? "," : "") + (c == column ? value : field);
+        }
+        line = changed;
+      }
+      text += line + "\n";
+    }
+    WriteAll(folder / "poses.csv", text);
+  };
+}
+
 // A good data set, rendered once; each case spoils a copy.
 class BadInputTest : public testing::Test {
  protected:
@@ -42,32 +85,6 @@ class BadInputTest : public testing::Test {
     folder_ = *root_ / "case";
     fs::remove_all(folder_);
     fs::copy(*root_ / "good", folder_, fs::copy_options::recursive);
-  }
-
-  // Replaces the first occurrence of `from`, which must be there.
-  void Replace(const std::string& file, const std::string& from, const std::string& to) {
-    std::string text = ReadAll(folder_ / file);
-    const size_t at = text.find(from);
-    ASSERT_NE(at, std::string::npos) << from << " is not in " << file << ":\n" << text;
-    WriteAll(folder_ / file, text.replace(at, from.size(), to));
-  }
-  // Field `column` of data row `row` (0 is the first after the header).
-  void SetPose(int row, int column, const std::string& value) {
-    std::istringstream lines(ReadAll(folder_ / "poses.csv"));
-    std::string text;
-    std::string line;
-    for (int i = -1; std::getline(lines, line); ++i) {
-      if (i == row) {
-        std::istringstream fields(line);
-        std::string field;
-        std::string changed;
-        for (int c = 0; std::getline(fields, field, ','); ++c)
-          changed += (c > 0 ? "," : "") + (c == column ? value : field);
-        line = changed;
-      }
-      text += line + "\n";
-    }
-    WriteAll(folder_ / "poses.csv", text);
   }
 
   // Runs the config and checks that the answer is one line with all of `parts`.
@@ -99,26 +116,84 @@ TEST_F(BadInputTest, TheGoodDataSetRuns) {
   EXPECT_TRUE(fs::exists(out / "result.json"));
 }
 
-TEST_F(BadInputTest, MissingConfig) {
-  fs::remove(folder_ / "config.yaml");
-  ExpectError(2, {"config.yaml", "no such file"});
+// One thing wrong with an input file: exit status 2.
+struct BadInput {
+  std::string name;
+  Spoil spoil;
+  std::vector<std::string> parts;  // Of the message.
+};
+
+std::vector<BadInput> BadInputs() {
+  return {
+      {"MissingConfig", Remove("config.yaml"), {"config.yaml", "no such file"}},
+      {"MissingPosesFile", Remove("poses.csv"), {"poses.csv", "no such file"}},
+      {"MissingTargetFile", Remove("target.yaml"), {"target.yaml", "no such file"}},
+      {"MissingCameraFile", Remove("camera.yaml"), {"camera.yaml", "no such file"}},
+      {"MissingImagesFolder", Remove("images"), {"config.yaml:", "captures.images", "no folder"}},
+      {"EmptyImage", Write("images/002.png", ""), {"002.png", "is empty"}},
+      {"NotAnImage", Write("images/002.png", "this is no picture"), {"002.png", "not a picture"}},
+      {"PoseRowWithAMissingNumber", SetPose(2, 3, ""), {"poses.csv:4", "z"}},
+      {"PoseRowWithTooFewFields", Replace("poses.csv", "003.png,", "003.png\n#"), {"poses.csv:5"}},
+      {"PoseRowWithText", SetPose(1, 2, "abc"), {"poses.csv:3", "abc"}},
+      {"PoseRowWithNan", SetPose(1, 2, "nan"), {"poses.csv:3", "finite"}},
+      {"PoseRowWithInfinity", SetPose(1, 2, "inf"), {"poses.csv:3", "finite"}},
+      {"QuaternionThatIsNotNearUnitLength", SetPose(3, 7, "3.5"), {"poses.csv:5", "quaternion"}},
+      {"PoseOfAnImageThatIsNotThere", SetPose(0, 0, "00O.png"), {"poses.csv:2", "00O.png", "did you mean '000.png'?"}},
+      {"DuplicateRows", SetPose(4, 0, "003.png"), {"poses.csv:6", "003.png"}},
+      {"UnknownPoseColumn", Replace("poses.csv", "qw", "qv"), {"poses.csv:1", "qv", "qw"}},
+      {"CountsThatDisagreeWithoutImageColumn",
+       Write("poses.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0,0,0,0,0,0,1\n"),
+       {"poses.csv", "2 rows", "6 pictures"}},
+      {"UnknownKey",
+       Replace("config.yaml", "setup:", "setpu: x\nsetup:"),
+       {"config.yaml:1", "setpu", "did you mean 'setup'?"}},
+      {"UnknownNestedKey",
+       Replace("config.yaml", "  poses:", "  poeses: x\n  poses:"),
+       {"config.yaml:", "poeses", "did you mean 'poses'?"}},
+      {"MissingUnit", Replace("target.yaml", "square: 0.02 m", "square: 0.02"), {"target.yaml:", "square", "no unit"}},
+      {"WrongUnit", Replace("target.yaml", "square: 0.02 m", "square: 2 deg"), {"target.yaml:", "square", "deg", "mm"}},
+      {"NegativeLength",
+       Replace("target.yaml", "square: 0.02 m", "square: -0.02 m"),
+       {"target.yaml:", "square", "greater than zero"}},
+      {"UnknownTarget",
+       Replace("target.yaml", "chessboard", "chesboard"),
+       {"target.yaml:1", "chesboard", "did you mean 'chessboard'?"}},
+      {"UnknownSetup", Replace("config.yaml", "eye_to_hand", "eye_on_hand"), {"config.yaml:1", "setup", "eye_on_hand"}},
+      {"UnknownPoseFormat",
+       Replace("config.yaml", "pose_format: ros", "pose_format: rso"),
+       {"config.yaml:", "pose_format", "rso", "did you mean 'ros'?"}},
+      {"UnknownSeed",
+       Replace("config.yaml", "setup:", "seed: parc\nsetup:"),
+       {"config.yaml:1", "seed", "did you mean 'park'?"}},
+      {"UnknownMethod", Replace("config.yaml", "setup:", "methods: [park, shach]\nsetup:"), {"config.yaml:1", "shach"}},
+      {"UnknownCameraModel",
+       Replace("config.yaml", "model: pinhole", "model: pinhoel"),
+       {"config.yaml:", "pinhoel", "did you mean 'pinhole'?"}},
+      {"YamlSyntax", Replace("config.yaml", "setup:", "setup: [\nsetup:"), {"config.yaml:", "YAML"}},
+      {"DuplicateKey",
+       Replace("config.yaml", "setup:", "setup: eye_to_hand\nsetup:"),
+       {"config.yaml:2", "setup", "twice"}},
+      {"ImageSizeThatDisagreesWithTheCameraFile",
+       Replace("camera.yaml", "480", "960"),
+       {"camera.yaml", "640 x 960", "640 x 480"}},
+      {"TruthBetweenOtherFrames", Replace("truth.json", "\"base\"", "\"gripper\""), {"truth.json", "hand_eye", "base"}},
+      {"BrokenTruth", Write("truth.json", "{\"hand_eye\": "), {"truth.json", "JSON"}},
+      {"OneFold",
+       Replace("config.yaml", "evaluate:", "evaluate:\n  folds: 1"),
+       {"config.yaml:", "folds", "0 for none"}},
+  };
 }
-TEST_F(BadInputTest, MissingPosesFile) {
-  fs::remove(folder_ / "poses.csv");
-  ExpectError(2, {"poses.csv", "no such file"});
+
+class BadInputTableTest : public BadInputTest, public testing::WithParamInterface<BadInput> {};
+
+TEST_P(BadInputTableTest, IsNamed) {
+  GetParam().spoil(folder_);
+  ExpectError(2, GetParam().parts);
 }
-TEST_F(BadInputTest, MissingTargetFile) {
-  fs::remove(folder_ / "target.yaml");
-  ExpectError(2, {"target.yaml", "no such file"});
-}
-TEST_F(BadInputTest, MissingCameraFile) {
-  fs::remove(folder_ / "camera.yaml");
-  ExpectError(2, {"camera.yaml", "no such file"});
-}
-TEST_F(BadInputTest, MissingImagesFolder) {
-  fs::remove_all(folder_ / "images");
-  ExpectError(2, {"config.yaml:", "captures.images", "no folder"});
-}
+
+INSTANTIATE_TEST_SUITE_P(All, BadInputTableTest, testing::ValuesIn(BadInputs()),
+                         [](const auto& test) { return test.param.name; });
+
 TEST_F(BadInputTest, EmptyImagesFolder) {
   fs::remove_all(folder_ / "images");
   fs::create_directory(folder_ / "images");
@@ -129,110 +204,6 @@ TEST_F(BadInputTest, TruncatedPng) {
   WriteAll(folder_ / "images" / "002.png", bytes.substr(0, bytes.size() / 2));
   ExpectError(2, {"002.png", "cut short"});
 }
-TEST_F(BadInputTest, EmptyImage) {
-  WriteAll(folder_ / "images" / "002.png", "");
-  ExpectError(2, {"002.png", "is empty"});
-}
-TEST_F(BadInputTest, NotAnImage) {
-  WriteAll(folder_ / "images" / "002.png", "this is no picture");
-  ExpectError(2, {"002.png", "not a picture"});
-}
-TEST_F(BadInputTest, PoseRowWithAMissingNumber) {
-  SetPose(2, 3, "");
-  ExpectError(2, {"poses.csv:4", "z"});
-}
-TEST_F(BadInputTest, PoseRowWithTooFewFields) {
-  Replace("poses.csv", "003.png,", "003.png\n#");
-  ExpectError(2, {"poses.csv:5"});
-}
-TEST_F(BadInputTest, PoseRowWithText) {
-  SetPose(1, 2, "abc");
-  ExpectError(2, {"poses.csv:3", "abc"});
-}
-TEST_F(BadInputTest, PoseRowWithNan) {
-  SetPose(1, 2, "nan");
-  ExpectError(2, {"poses.csv:3", "finite"});
-}
-TEST_F(BadInputTest, PoseRowWithInfinity) {
-  SetPose(1, 2, "inf");
-  ExpectError(2, {"poses.csv:3", "finite"});
-}
-TEST_F(BadInputTest, QuaternionThatIsNotNearUnitLength) {
-  SetPose(3, 7, "3.5");
-  ExpectError(2, {"poses.csv:5", "quaternion"});
-}
-TEST_F(BadInputTest, PoseOfAnImageThatIsNotThere) {
-  SetPose(0, 0, "00O.png");
-  ExpectError(2, {"poses.csv:2", "00O.png", "did you mean '000.png'?"});
-}
-TEST_F(BadInputTest, DuplicateRows) {
-  SetPose(4, 0, "003.png");
-  ExpectError(2, {"poses.csv:6", "003.png"});
-}
-TEST_F(BadInputTest, UnknownPoseColumn) {
-  Replace("poses.csv", "qw", "qv");
-  ExpectError(2, {"poses.csv:1", "qv", "qw"});
-}
-TEST_F(BadInputTest, CountsThatDisagreeWithoutImageColumn) {
-  WriteAll(folder_ / "poses.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0,0,0,0,0,0,1\n");
-  ExpectError(2, {"poses.csv", "2 rows", "6 pictures"});
-}
-TEST_F(BadInputTest, UnknownKey) {
-  Replace("config.yaml", "setup:", "setpu: x\nsetup:");
-  ExpectError(2, {"config.yaml:1", "setpu", "did you mean 'setup'?"});
-}
-TEST_F(BadInputTest, UnknownNestedKey) {
-  Replace("config.yaml", "  poses:", "  poeses: x\n  poses:");
-  ExpectError(2, {"config.yaml:", "poeses", "did you mean 'poses'?"});
-}
-TEST_F(BadInputTest, MissingUnit) {
-  Replace("target.yaml", "square: 0.02 m", "square: 0.02");
-  ExpectError(2, {"target.yaml:", "square", "no unit"});
-}
-TEST_F(BadInputTest, WrongUnit) {
-  Replace("target.yaml", "square: 0.02 m", "square: 2 deg");
-  ExpectError(2, {"target.yaml:", "square", "deg", "mm"});
-}
-TEST_F(BadInputTest, NegativeLength) {
-  Replace("target.yaml", "square: 0.02 m", "square: -0.02 m");
-  ExpectError(2, {"target.yaml:", "square", "greater than zero"});
-}
-TEST_F(BadInputTest, UnknownTarget) {
-  Replace("target.yaml", "chessboard", "chesboard");
-  ExpectError(2, {"target.yaml:1", "chesboard", "did you mean 'chessboard'?"});
-}
-TEST_F(BadInputTest, UnknownSetup) {
-  Replace("config.yaml", "eye_to_hand", "eye_on_hand");
-  ExpectError(2, {"config.yaml:1", "setup", "eye_on_hand"});
-}
-TEST_F(BadInputTest, UnknownPoseFormat) {
-  Replace("config.yaml", "pose_format: ros", "pose_format: rso");
-  ExpectError(2, {"config.yaml:", "pose_format", "rso", "did you mean 'ros'?"});
-}
-TEST_F(BadInputTest, UnknownSeed) {
-  Replace("config.yaml", "setup:", "seed: parc\nsetup:");
-  ExpectError(2, {"config.yaml:1", "seed", "did you mean 'park'?"});
-}
-TEST_F(BadInputTest, UnknownMethod) {
-  Replace("config.yaml", "setup:", "methods: [park, shach]\nsetup:");
-  ExpectError(2, {"config.yaml:1", "shach"});
-}
-TEST_F(BadInputTest, UnknownCameraModel) {
-  Replace("config.yaml", "model: pinhole", "model: pinhoel");
-  ExpectError(2, {"config.yaml:", "pinhoel", "did you mean 'pinhole'?"});
-}
-TEST_F(BadInputTest, YamlSyntax) {
-  Replace("config.yaml", "setup:", "setup: [\nsetup:");
-  ExpectError(2, {"config.yaml:", "YAML"});
-}
-TEST_F(BadInputTest, DuplicateKey) {
-  Replace("config.yaml", "setup:", "setup: eye_to_hand\nsetup:");
-  ExpectError(2, {"config.yaml:2", "setup", "twice"});
-}
-TEST_F(BadInputTest, ImageSizeThatDisagreesWithTheCameraFile) {
-  Replace("camera.yaml", "480", "960");
-  ExpectError(2, {"camera.yaml", "640 x 960", "640 x 480"});
-}
 TEST_F(BadInputTest, ImagesOfDifferentSizes) {
   const fs::path scene = *root_ / "other_scene.yaml";
   std::string text = kScene;
@@ -242,18 +213,6 @@ TEST_F(BadInputTest, ImagesOfDifferentSizes) {
   fs::copy_file(*root_ / "other" / "images" / "003.png", folder_ / "images" / "003.png",
                 fs::copy_options::overwrite_existing);
   ExpectError(2, {"003.png", "644 x 484", "640 x 480"});
-}
-TEST_F(BadInputTest, TruthBetweenOtherFrames) {
-  Replace("truth.json", "\"base\"", "\"gripper\"");
-  ExpectError(2, {"truth.json", "hand_eye", "base"});
-}
-TEST_F(BadInputTest, BrokenTruth) {
-  WriteAll(folder_ / "truth.json", "{\"hand_eye\": ");
-  ExpectError(2, {"truth.json", "JSON"});
-}
-TEST_F(BadInputTest, OneFold) {
-  Replace("config.yaml", "evaluate:", "evaluate:\n  folds: 1");
-  ExpectError(2, {"config.yaml:", "folds", "0 for none"});
 }
 
 TEST_F(BadInputTest, TargetThatIsNeverSeen) {
@@ -305,7 +264,7 @@ TEST_F(BadInputTest, FailedRunKeepsTheFormerResult) {
   const fs::path out = *root_ / "former";
   ASSERT_EQ(RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"}).status, 0);
   const std::string before = ReadAll(out / "result.json");
-  SetPose(3, 7, "3.5");
+  SetPose(3, 7, "3.5")(folder_);
   EXPECT_EQ(RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"}).status, 2);
   EXPECT_EQ(ReadAll(out / "result.json"), before);
 }

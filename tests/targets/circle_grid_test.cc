@@ -28,7 +28,7 @@ namespace {
 struct PictureOptions {
   int width_px = 640;
   int height_px = 480;
-  int samples = 4;  // A side of a pixel.
+  int samples = 3;  // A side of a pixel.
   double blur_sigma_px = 0.7;
   double noise_grey = 2;
   double black_grey = 30;
@@ -80,10 +80,11 @@ struct Look {
   Eigen::Vector2d lens_centre_px = Eigen::Vector2d(319.5, 239.5);
   double bend = 0;
 
-  Eigen::Vector2d PlaneOf(const Eigen::Vector2d& pixel) const {
+  // `plane_from_pixel` is the inverse of pixel_from_plane.
+  Eigen::Vector2d PlaneOf(const Eigen::Vector2d& pixel, const Eigen::Matrix3d& plane_from_pixel) const {
     const Eigen::Vector2d r = (pixel - lens_centre_px) / 320;
     const Eigen::Vector2d straight = lens_centre_px + 320 * (1 + bend * r.squaredNorm()) * r;
-    return (pixel_from_plane.inverse() * straight.homogeneous()).hnormalized();
+    return (plane_from_pixel * straight.homogeneous()).hnormalized();
   }
   Eigen::Vector2d PixelOf(const Eigen::Vector2d& plane_m) const {
     const Eigen::Vector2d straight = (pixel_from_plane * plane_m.homogeneous()).hnormalized();
@@ -127,12 +128,32 @@ Look RandomLook(const Drawing& drawing, double max_tilt_rad, double max_roll_rad
 
 // A drawing of discs, on its sheet before grey.
 cv::Mat RenderDrawing(const Drawing& drawing, const Look& look, const PictureOptions& options, const Rng& rng) {
+  // Which discs reach into each of the sheet's cells: there are millions of samples.
+  constexpr int kCells = 64;
+  const Eigen::Vector2d cell_m = (drawing.max_m - drawing.min_m) / kCells;
+  const auto cell_of = [&](const Eigen::Vector2d& plane_m) -> Eigen::Vector2i {
+    const Eigen::Vector2i cell = ((plane_m - drawing.min_m).cwiseQuotient(cell_m)).cast<int>();
+    return cell.cwiseMax(0).cwiseMin(kCells - 1);
+  };
+  std::vector<std::vector<const Shape*>> discs_of(kCells * kCells);
+  for (const Shape& shape : drawing.shapes) {
+    const Eigen::Vector2d reach_m(shape.radius_m, shape.radius_m);
+    const Eigen::Vector2i first = cell_of(shape.centre_m - reach_m);
+    const Eigen::Vector2i last = cell_of(shape.centre_m + reach_m);
+    for (int row = first.y(); row <= last.y(); ++row) {
+      for (int column = first.x(); column <= last.x(); ++column) {
+        discs_of[static_cast<size_t>(row * kCells + column)].push_back(&shape);
+      }
+    }
+  }
+  const Eigen::Matrix3d plane_from_pixel = look.pixel_from_plane.inverse();
   return Render(
       [&](const Eigen::Vector2d& pixel) {
-        const Eigen::Vector2d plane = look.PlaneOf(pixel);
+        const Eigen::Vector2d plane = look.PlaneOf(pixel, plane_from_pixel);
         if ((plane.array() < drawing.min_m.array()).any() || (plane.array() > drawing.max_m.array()).any()) return 0.5;
-        for (const Shape& shape : drawing.shapes) {
-          if ((plane - shape.centre_m).squaredNorm() < shape.radius_m * shape.radius_m) return shape.albedo;
+        const Eigen::Vector2i cell = cell_of(plane);
+        for (const Shape* shape : discs_of[static_cast<size_t>(cell.y() * kCells + cell.x())]) {
+          if ((plane - shape->centre_m).squaredNorm() < shape->radius_m * shape->radius_m) return shape->albedo;
         }
         return drawing.ground;
       },
@@ -174,7 +195,7 @@ void ExpectPrecision(const Precision& precision) {
   Rng rng(1);
   double sum_square = 0;
   double sum_normalised = 0;
-  const int num_dots = precision.radius_px > 15 ? 60 : 150;
+  const int num_dots = precision.radius_px > 15 ? 40 : 100;
   for (int k = 0; k < num_dots; ++k) {
     PictureOptions options;
     options.width_px = options.height_px = static_cast<int>(4 * precision.radius_px + 24);
@@ -382,7 +403,7 @@ TEST(CircleGrid, IsFoundInAnyAttitude) {
   for (const GridCase& grid : kGridCases) {
     const auto target = MakeGrid(grid.keys);
     const Drawing drawing = target->Draw();
-    for (int k = 0; k < 4; ++k) {
+    for (int k = 0; k < 3; ++k) {
       Rng rng(10, ++seed);
       const Look look = RandomLook(drawing, kPi / 4, kPi, rng);
       const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
@@ -605,14 +626,18 @@ TEST(CircleGrid, IsFoundInRecordedPicturesWithALargerDot) {
 }
 
 // Dots of 230 to 260 px, cut out of their pictures with a ragged edge. In one picture of the 20 the edge of two dots is
-// gone.
+// gone. Every seventh is looked at.
 TEST(CircleGrid, IsFoundInRecordedPicturesOfAnAsymmetricGrid) {
   const std::filesystem::path folder = DataDir() / "zhangnatha_asym_circles_eye_to_hand" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const auto target = MakeGrid("rows: 5, columns: 4, spacing: 10 mm, asymmetric: true, light_on_dark: true");
+  const std::vector<std::filesystem::path> pictures = PicturesIn(folder);
   int num_found = 0;
-  for (const std::filesystem::path& picture : PicturesIn(folder)) {
+  int num_pictures = 0;
+  for (size_t n = 0; n < pictures.size(); n += 7) {
+    const std::filesystem::path& picture = pictures[n];
     const Detection detection = target->Detect(ReadGreyImage(picture));
+    ++num_pictures;
     if (detection.ids.empty()) {
       EXPECT_FALSE(detection.reason.empty());
       continue;
@@ -621,10 +646,10 @@ TEST(CircleGrid, IsFoundInRecordedPicturesOfAnAsymmetricGrid) {
     EXPECT_EQ(detection.ids.size(), 20u);
     EXPECT_LT(HomographyRms(*target, detection), 0.45) << picture.filename();
   }
-  EXPECT_GE(num_found, 19);
+  EXPECT_GE(num_found, num_pictures - 1);
 }
 
-// Every fourth picture of every set without such a grid.
+// Every 24th picture of every set without such a grid, those of more than 4 megapixels at half their size.
 TEST(CircleGrid, IsNotFoundWhereThereIsNone) {
   HEBA_SKIP_WITHOUT(DataDir());
   const auto symmetric = MakeGrid("rows: 4, columns: 4, spacing: 10 mm");
@@ -635,9 +660,10 @@ TEST(CircleGrid, IsNotFoundWhereThereIsNone) {
     const std::string name = set.path().filename().string();
     if (name.find("circle") != std::string::npos || !std::filesystem::exists(set.path() / "images")) continue;
     const std::vector<std::filesystem::path> pictures = PicturesIn(set.path() / "images");
-    for (size_t n = 0; n < pictures.size(); n += 4) {
+    for (size_t n = 0; n < pictures.size(); n += 24) {
       if (pictures[n].filename().string().find("circle") != std::string::npos) continue;
-      const cv::Mat grey = ReadGreyImage(pictures[n]);
+      cv::Mat grey = ReadGreyImage(pictures[n]);
+      if (grey.total() > 4000000) cv::resize(grey, grey, cv::Size(), 0.5, 0.5, cv::INTER_AREA);
       for (const Target* target : {symmetric.get(), asymmetric.get(), light.get()}) {
         const Detection detection = target->Detect(grey);
         EXPECT_TRUE(detection.ids.empty()) << pictures[n];

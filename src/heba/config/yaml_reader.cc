@@ -72,7 +72,7 @@ void CheckOneDocument(const std::string& text, const std::filesystem::path& name
 }  // namespace
 
 ConfigValue::ConfigValue(YAML::Node node, std::filesystem::path file, std::string key)
-    : node_(std::move(node)), file_(std::move(file)), key_(std::move(key)) {}
+    : node_(node), file_(std::move(file)), key_(std::move(key)) {}
 
 std::string ConfigValue::Where() const {
   std::string where = file_.string();

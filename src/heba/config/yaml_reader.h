@@ -28,6 +28,7 @@ struct IntRange {
 };
 
 // A value at a place in a file.
+// NOLINTNEXTLINE(bugprone-exception-escape): a YAML::Node has no move assignment, and its copy assignment may throw.
 class ConfigValue {
  public:
   ConfigValue(YAML::Node node, std::filesystem::path file, std::string key);
@@ -67,6 +68,7 @@ ConfigValue ReadYamlFile(const std::filesystem::path& path);
 // The same from text; `name` is what messages call it.
 ConfigValue ParseYaml(const std::string& text, const std::filesystem::path& name);
 
+// NOLINTNEXTLINE(bugprone-exception-escape): as of ConfigValue.
 class MapReader {
  public:
   // InputError if `value` is not a mapping or has a key twice.

@@ -1,0 +1,335 @@
+// What every type of target must do, run over the table of them; and the conventions of OpenCV's and libapriltag's
+// detectors that they rely on.
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <opencv2/aruco.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+extern "C" {
+#include <apriltag/apriltag.h>
+#include <apriltag/tag36h11.h>
+}
+
+#include "heba/base/rng.h"
+#include "targets/rendering.h"
+#include "targets/target.h"
+#include "tests/support/matchers.h"
+#include "tests/support/rendered_target.h"
+
+namespace heba {
+namespace {
+
+using testing::IsEmpty;
+
+struct Example {
+  std::string yaml;
+  double max_rms_px;   // Of the distances of the found points; of their pixels' noise and their detector's own errors.
+  double max_bias_px;  // Of their mean over the views.
+};
+
+// At least one for each type; an entry of targets.def without one fails the test.
+const std::multimap<std::string, Example> kExamples = {
+    {"apriltag_grid", {"{type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 30 mm}", 0.1, 0.02}},
+    {"apriltag_grid",
+     {"{type: apriltag_grid, family: tag25h9, rows: 2, columns: 3, tag_size: 30 mm, corner_squares: false}", 0.2,
+      0.05}},
+    {"chessboard", {"{type: chessboard, rows: 5, columns: 8, square: 20 mm}", 0.1, 0.02}},
+    {"chessboard", {"{type: chessboard, rows: 6, columns: 6, square: 20 mm}", 0.1, 0.02}},
+    {"charuco",
+     {"{type: charuco, rows: 5, columns: 7, square: 30 mm, marker: 22 mm, dictionary: DICT_5X5_100}", 0.1, 0.02}},
+    {"circle_grid", {"{type: circle_grid, rows: 5, columns: 7, spacing: 20 mm}", 0.05, 0.01}},
+    {"circle_grid", {"{type: circle_grid, rows: 6, columns: 4, spacing: 15 mm, asymmetric: true}", 0.05, 0.01}},
+    {"circle_grid", {"{type: circle_grid, rows: 5, columns: 7, spacing: 20 mm, marker_dot: true}", 0.05, 0.01}},
+};
+
+bool IsInside(const Eigen::Vector2d& at_m, const Shape& shape) {
+  if (shape.points_m.empty()) return (at_m - shape.centre_m).norm() < shape.radius_m;
+  bool is_inside = false;
+  for (size_t i = 0, j = shape.points_m.size() - 1; i < shape.points_m.size(); j = i++) {
+    const Eigen::Vector2d& a = shape.points_m[i];
+    const Eigen::Vector2d& b = shape.points_m[j];
+    if ((a.y() > at_m.y()) == (b.y() > at_m.y())) continue;
+    if (at_m.x() < (b.x() - a.x()) * (at_m.y() - a.y()) / (b.y() - a.y()) + a.x()) is_inside = !is_inside;
+  }
+  return is_inside;
+}
+
+double AlbedoAt(const Drawing& drawing, const Eigen::Vector2d& at_m) {
+  double albedo = drawing.ground;
+  for (const Shape& shape : drawing.shapes) {
+    if (IsInside(at_m, shape)) albedo = shape.albedo;
+  }
+  return albedo;
+}
+
+class TargetTest : public testing::TestWithParam<std::string> {
+ protected:
+  void SetUp() override {
+    ASSERT_GT(kExamples.count(GetParam()), 0U) << "targets.def has " << GetParam() << ": give it an example here";
+    const auto range = kExamples.equal_range(GetParam());
+    for (auto example = range.first; example != range.second; ++example) {
+      examples_.push_back(example->second);
+      targets_.push_back(MakeTarget(example->second.yaml));
+      ASSERT_EQ(targets_.back()->type(), GetParam());
+    }
+  }
+
+  std::vector<Example> examples_;
+  std::vector<std::unique_ptr<Target>> targets_;
+};
+
+TEST_P(TargetTest, IdsIncreaseAndPointsSpanAPlane) {
+  for (const std::unique_ptr<Target>& target : targets_) {
+    const std::vector<TargetPoint>& points = target->points();
+    ASSERT_GE(points.size(), 4U);
+    Eigen::Vector3d mean_m = Eigen::Vector3d::Zero();
+    for (size_t i = 0; i < points.size(); ++i) {
+      if (i > 0) {
+        EXPECT_GT(points[i].id, points[i - 1].id);
+      }
+      EXPECT_GE(points[i].id, 0);
+      EXPECT_GE(points[i].radius_m, 0);
+      mean_m += points[i].in_target / static_cast<double>(points.size());
+    }
+    Eigen::Matrix3d scatter_m2 = Eigen::Matrix3d::Zero();
+    for (const TargetPoint& point : points) {
+      scatter_m2 += (point.in_target - mean_m) * (point.in_target - mean_m).transpose();
+    }
+    const Eigen::Vector3d spread_m2 = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter_m2).eigenvalues();
+    EXPECT_GT(spread_m2[1], 0.01 * spread_m2[2]);  // Sorted: the second is 0 where all lie on one line.
+  }
+}
+
+// Every point lies on the sheet, where the drawing changes from black to white: within reach of it both are seen.
+TEST_P(TargetTest, DrawingCoversItsPoints) {
+  for (const std::unique_ptr<Target>& target : targets_) {
+    const Drawing drawing = target->Draw();
+    double nearest_m = INFINITY;  // Of two points.
+    for (const TargetPoint& a : target->points()) {
+      for (const TargetPoint& b : target->points()) {
+        if (a.id < b.id) nearest_m = std::min(nearest_m, (a.in_target - b.in_target).norm());
+      }
+    }
+    for (const TargetPoint& point : target->points()) {
+      const Eigen::Vector2d at_m = point.in_target.head<2>();
+      EXPECT_EQ(point.in_target.z(), 0);
+      EXPECT_TRUE((at_m.array() > drawing.min_m.array()).all() && (at_m.array() < drawing.max_m.array()).all());
+      bool has_black = false;
+      bool has_white = false;
+      for (const double reach : {0.02, 0.5}) {
+        for (int k = 0; k < 16; ++k) {
+          const double angle_rad = (k + 0.3) * kPi / 8;
+          const Eigen::Vector2d step_m = reach * nearest_m * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad));
+          (AlbedoAt(drawing, at_m + step_m) < 0.5 ? has_black : has_white) = true;
+        }
+      }
+      EXPECT_TRUE(has_black && has_white) << "point " << point.id;
+    }
+  }
+}
+
+// Tilts to 40 degrees, through a lens with distortion, with noise of 2 grey levels.
+TEST_P(TargetTest, PointsAreFoundWhereTheCameraModelSays) {
+  for (size_t i = 0; i < targets_.size(); ++i) {
+    constexpr int kNumViews = 4;
+    const DetectionErrors errors = DetectRendered(*targets_[i], kNumViews, /*share=*/0.7, /*seed=*/41);
+    EXPECT_EQ(errors.num_found, kNumViews * targets_[i]->points().size()) << examples_[i].yaml;
+    EXPECT_EQ(errors.num_unknown_ids, 0U) << examples_[i].yaml;
+    EXPECT_LT(errors.RmsPx(), examples_[i].max_rms_px) << examples_[i].yaml;
+    EXPECT_LT(errors.BiasPx(), examples_[i].max_bias_px) << examples_[i].yaml;
+  }
+}
+
+// The identity first, each once, each a rotation that maps points to points and the drawing's grey to itself. A target
+// is read in one of these orders, however it is turned before the camera.
+TEST_P(TargetTest, SymmetriesAreTheOrdersOfReading) {
+  for (size_t i = 0; i < targets_.size(); ++i) {
+    const Target& target = *targets_[i];
+    const Drawing drawing = target.Draw();
+    const std::vector<Rigid3d> symmetries = target.Symmetries();
+    ASSERT_FALSE(symmetries.empty());
+    EXPECT_THAT(symmetries[0], IsNearPose(Rigid3d(), 0, 0));
+    Rng rng(42);
+    for (size_t k = 0; k < symmetries.size(); ++k) {
+      for (size_t other = 0; other < k; ++other) EXPECT_GT(AngleRad(symmetries[k], symmetries[other]), 0.1);
+      for (const TargetPoint& point : target.points()) {
+        double nearest_m = INFINITY;
+        for (const TargetPoint& to : target.points()) {
+          nearest_m = std::min(nearest_m, (symmetries[k] * point.in_target - to.in_target).norm());
+        }
+        EXPECT_LT(nearest_m, 1e-9);
+      }
+      for (int sample = 0; sample < 300; ++sample) {
+        const Eigen::Vector2d at_m(rng.Uniform(drawing.min_m.x(), drawing.max_m.x()),
+                                   rng.Uniform(drawing.min_m.y(), drawing.max_m.y()));
+        const Eigen::Vector3d moved_m = symmetries[k] * Eigen::Vector3d(at_m.x(), at_m.y(), 0);
+        EXPECT_EQ(AlbedoAt(drawing, moved_m.head<2>()), AlbedoAt(drawing, at_m)) << examples_[i].yaml;
+      }
+    }
+    const Camera camera = PictureCamera();
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      const Rigid3d upright = RandomView(drawing, /*share=*/0.6, /*max_tilt_rad=*/0.3, /*max_roll_rad=*/0.3, rng);
+      const Rigid3d camera_from_target = Rigid3d(ExpRotation({0, 0, quarter * kPi / 2}), {0, 0, 0}) * upright;
+      const Detection detection = target.Detect(RenderView(drawing, camera, camera_from_target));
+      const DetectionErrors errors = ErrorsOf(target, camera, camera_from_target, detection);
+      EXPECT_EQ(errors.num_found, target.points().size()) << examples_[i].yaml << " turned by " << quarter;
+      EXPECT_LT(errors.max_px, 1) << examples_[i].yaml << " turned by " << quarter;
+    }
+  }
+}
+
+// Each point at most once, by increasing id, with its pixel, and the picture unchanged; covariances, if there are any,
+// cover all points.
+TEST_P(TargetTest, DetectionsAreWellFormed) {
+  for (const std::unique_ptr<Target>& target : targets_) {
+    const Drawing drawing = target->Draw();
+    Rng rng(43);
+    const cv::Mat grey = RenderView(drawing, PictureCamera(), RandomView(drawing, 0.7, 0.5, 0.5, rng));
+    const cv::Mat before = grey.clone();
+    const Detection detection = target->Detect(grey);
+    EXPECT_EQ(cv::norm(grey, before, cv::NORM_INF), 0);
+    ASSERT_EQ(detection.ids.size(), target->points().size()) << detection.reason;
+    ASSERT_EQ(detection.pixels.size(), detection.ids.size());
+    EXPECT_TRUE(std::is_sorted(detection.ids.begin(), detection.ids.end()));
+    EXPECT_EQ(detection.reason, "");
+    if (detection.covariances_px2.empty()) continue;
+    Eigen::Index num_rows = 0;
+    for (const Eigen::MatrixXd& covariance_px2 : detection.covariances_px2) {
+      EXPECT_EQ(covariance_px2.rows() % 2, 0);
+      EXPECT_EQ(covariance_px2.rows(), covariance_px2.cols());
+      EXPECT_EQ(covariance_px2.llt().info(), Eigen::Success);  // Positive definite.
+      num_rows += covariance_px2.rows();
+    }
+    EXPECT_EQ(num_rows, 2 * static_cast<Eigen::Index>(detection.ids.size()));
+  }
+}
+
+TEST_P(TargetTest, NothingIsFoundWhereThereIsNothing) {
+  cv::Mat noise(30, 40, CV_8UC1);
+  cv::RNG random(44);
+  random.fill(noise, cv::RNG::UNIFORM, 0, 256);
+  std::vector<cv::Mat> pictures = {noise, cv::Mat(30, 40, CV_8UC1, cv::Scalar(255))};
+  for (const cv::Size size : {cv::Size(1, 1), cv::Size(3, 2), cv::Size(40, 2), cv::Size(2, 30)}) {
+    pictures.push_back(noise(cv::Rect(cv::Point(0, 0), size)).clone());
+  }
+  for (size_t i = 0; i < targets_.size(); ++i) {
+    for (const cv::Mat& picture : pictures) {
+      const Detection detection = targets_[i]->Detect(picture);
+      EXPECT_THAT(detection.ids, IsEmpty()) << examples_[i].yaml << ", " << picture.size();
+      EXPECT_THAT(detection.pixels, IsEmpty());
+      EXPECT_NE(detection.reason, "") << examples_[i].yaml << ", " << picture.size();
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Table, TargetTest, testing::ValuesIn(TargetTypeNames()),
+                         [](const auto& test) { return test.param; });
+
+// --------------------------------------------------------------------------------- conventions of other libraries
+
+// A picture, magnified: each of its pixels is kCell by kCell pixels of the result, whose pixel (x, y) is centred at
+// (x, y). The edge before cell c is then at kCell * c - 0.5.
+constexpr int kCell = 20;
+
+cv::Mat Magnified(const cv::Mat& cells) {
+  cv::Mat picture;
+  cv::resize(cells, picture, cv::Size(), kCell, kCell, cv::INTER_NEAREST);
+  // Blur moves no straight edge, but makes it a slope, as in pictures of cameras.
+  cv::GaussianBlur(picture, picture, cv::Size(), 1);
+  return picture;
+}
+
+// libapriltag: the first pixel has its centre at (0.5, 0.5), and the corners of an upright tag are bottom left, bottom
+// right, top right, top left. On upright tags its refinement of edges is up to 0.15 px off, less than the half pixel.
+TEST(ForeignConventions, LibapriltagsCorners) {
+  apriltag_family_t* family = tag36h11_create();
+  image_u8_t* tag = apriltag_to_image(family, 5);
+  ASSERT_EQ(tag->width, 10);  // A cell of paper, one of border, six of data, border, paper.
+  cv::Mat cells(16, 18, CV_8UC1, cv::Scalar(255));
+  cv::Mat(tag->height, tag->width, CV_8UC1, tag->buf, static_cast<size_t>(tag->stride))
+      .copyTo(cells(cv::Rect(4, 3, 10, 10)));
+  cv::Mat picture = Magnified(cells);
+
+  apriltag_detector_t* detector = apriltag_detector_create();
+  apriltag_detector_add_family_bits(detector, family, 1);
+  detector->quad_decimate = 1;
+  detector->refine_edges = true;
+  image_u8_t image = {picture.cols, picture.rows, static_cast<int32_t>(picture.step[0]), picture.data};
+  zarray_t* found = apriltag_detector_detect(detector, &image);
+  EXPECT_EQ(zarray_size(found), 1);
+  if (zarray_size(found) == 1) {
+    apriltag_detection_t* detection = nullptr;
+    zarray_get(found, 0, &detection);
+    EXPECT_EQ(detection->id, 5);
+    const double left_px = 5 * kCell - 0.5;
+    const double right_px = 13 * kCell - 0.5;
+    const double top_px = 4 * kCell - 0.5;
+    const double bottom_px = 12 * kCell - 0.5;
+    const double corners_px[4][2] = {
+        {left_px, bottom_px}, {right_px, bottom_px}, {right_px, top_px}, {left_px, top_px}};
+    for (int k = 0; k < 4; ++k) {
+      EXPECT_NEAR(detection->p[k][0] - 0.5, corners_px[k][0], 0.2) << "corner " << k;
+      EXPECT_NEAR(detection->p[k][1] - 0.5, corners_px[k][1], 0.2) << "corner " << k;
+    }
+  }
+  apriltag_detections_destroy(found);
+  apriltag_detector_destroy(detector);
+  std::free(tag->buf);  // image_u8_destroy() is not among the functions that the library exports.
+  std::free(tag);
+  tag36h11_destroy(family);
+}
+
+// cv::aruco: corners clockwise from the top left of an upright marker, of its outer black edge, with pixel centres at
+// integers. A marker's bits as cv::aruco draws them.
+TEST(ForeignConventions, ArucoCorners) {
+  const cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_100);
+  cv::Mat marker;
+  cv::aruco::drawMarker(dictionary, 17, 7, marker, 1);
+  cv::Mat cells(13, 15, CV_8UC1, cv::Scalar(255));
+  marker.copyTo(cells(cv::Rect(5, 3, 7, 7)));
+  const cv::Mat picture = Magnified(cells);
+
+  const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
+  parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_CONTOUR;
+  std::vector<std::vector<cv::Point2f>> corners;
+  std::vector<int> ids;
+  cv::aruco::detectMarkers(picture, dictionary, corners, ids, parameters);
+  ASSERT_EQ(ids, std::vector<int>{17});
+  const double left_px = 5 * kCell - 0.5;
+  const double right_px = 12 * kCell - 0.5;
+  const double top_px = 3 * kCell - 0.5;
+  const double bottom_px = 10 * kCell - 0.5;
+  const double expected_px[4][2] = {{left_px, top_px}, {right_px, top_px}, {right_px, bottom_px}, {left_px, bottom_px}};
+  // It follows the outermost dark pixels, half a pixel inside of the edge.
+  for (size_t k = 0; k < 4; ++k) {
+    EXPECT_NEAR(corners[0][k].x, expected_px[k][0], 1.1) << "corner " << k;
+    EXPECT_NEAR(corners[0][k].y, expected_px[k][1], 1.1) << "corner " << k;
+  }
+}
+
+// OpenCV's pixel (x, y) has its centre at (x, y): the corner between four quarters, two of them dark, lies half a pixel
+// before the first pixel of the last quarter.
+TEST(ForeignConventions, OpenCvsPixelCentre) {
+  cv::Mat picture(80, 100, CV_8UC1, cv::Scalar(220));
+  picture(cv::Rect(0, 0, 50, 40)).setTo(30);
+  picture(cv::Rect(50, 40, 50, 40)).setTo(30);
+  cv::GaussianBlur(picture, picture, cv::Size(), 1);
+  std::vector<cv::Point2f> corner = {{51, 38}};
+  cv::cornerSubPix(picture, corner, cv::Size(6, 6), cv::Size(-1, -1), {cv::TermCriteria::COUNT, 50, 0});
+  EXPECT_NEAR(corner[0].x, 49.5, 0.01);
+  EXPECT_NEAR(corner[0].y, 39.5, 0.01);
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,150 @@
+// Targets from text, and what a detector makes of their rendered drawings.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <opencv2/core.hpp>
+
+#include "heba/base/rng.h"
+#include "heba/base/units.h"
+#include "heba/camera/camera.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/geometry/rigid3.h"
+#include "targets/rendering.h"
+#include "targets/target.h"
+
+namespace heba {
+
+inline std::unique_ptr<Target> MakeTarget(const std::string& yaml) {
+  MapReader reader(ParseYaml(yaml, "target.yaml"));
+  return CreateTarget(reader);
+}
+
+// A lens with some distortion: a target's own geometry must not rely on straight lines.
+inline Camera PictureCamera() { return {"brown5", 1000, 800, {900, 905, 502.3, 398.6, -0.1, 0.03, 1e-3, -5e-4, 0}}; }
+
+// The middle of the sheet near the optical axis, its front to the camera, tilted by 0.3 to 1 of `max_tilt_rad` and
+// turned by up to `max_roll_rad`, so that the sheet takes about `share` of the picture's height.
+inline Rigid3d RandomView(const Drawing& drawing, double share, double max_tilt_rad, double max_roll_rad, Rng& rng) {
+  const Camera camera = PictureCamera();
+  const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
+  const Eigen::Quaterniond front =
+      drawing.y_up ? ExpRotation(kPi * Eigen::Vector3d::UnitX()) : Eigen::Quaterniond::Identity();
+  const double towards_rad = rng.Uniform(-kPi, kPi);
+  const double tilt_rad = rng.Uniform(0.3, 1) * max_tilt_rad;
+  const Eigen::Quaterniond rotation =
+      ExpRotation(tilt_rad * Eigen::Vector3d(std::cos(towards_rad), std::sin(towards_rad), 0)) *
+      ExpRotation(rng.Uniform(-max_roll_rad, max_roll_rad) * Eigen::Vector3d::UnitZ()) * front;
+  const double distance_m =
+      camera.params[0] * (drawing.max_m - drawing.min_m).norm() / (1.3 * share * camera.height_px);
+  const double right_m = rng.Uniform(-0.03, 0.03) * distance_m;
+  const double down_m = rng.Uniform(-0.03, 0.03) * distance_m;
+  const Eigen::Vector3d place_m(right_m, down_m, distance_m);
+  return {rotation, place_m - rotation * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0)};
+}
+
+// Where a detector should find a point: at the image of the point, or, if a disc is drawn around it, at the centroid of
+// that disc's imaged area.
+inline Eigen::Vector2d ExpectedPixel(const Drawing& drawing, const Camera& camera, const Rigid3d& camera_from_target,
+                                     const TargetPoint& point) {
+  double radius_m = point.radius_m;
+  for (const Shape& shape : drawing.shapes) {
+    if (radius_m > 0 || shape.radius_m <= 0) continue;
+    if ((shape.centre_m - point.in_target.head<2>()).norm() < 0.01 * shape.radius_m) radius_m = shape.radius_m;
+  }
+  const auto image_of = [&](const Eigen::Vector3d& point_in_target) -> Eigen::Vector2d {
+    return ProjectPoint(camera, camera_from_target * point_in_target).value();
+  };
+  const Eigen::Vector2d centre_px = image_of(point.in_target);
+  if (radius_m <= 0) return centre_px;
+  // The centroid of the polygon through points of its rim; 90 of them leave 1e-3 of the radius out, alike all around.
+  constexpr int kNumSides = 90;
+  double area_px2 = 0;
+  Eigen::Vector2d moment_px3 = Eigen::Vector2d::Zero();
+  Eigen::Vector2d from_px;
+  for (int k = 0; k <= kNumSides; ++k) {
+    const double angle_rad = 2 * kPi * k / kNumSides;
+    const Eigen::Vector3d rim_m(radius_m * std::cos(angle_rad), radius_m * std::sin(angle_rad), 0);
+    const Eigen::Vector2d to_px = image_of(point.in_target + rim_m) - centre_px;
+    if (k > 0) {
+      const double twice_px2 = from_px.x() * to_px.y() - from_px.y() * to_px.x();
+      area_px2 += twice_px2 / 2;
+      moment_px3 += twice_px2 / 6 * (from_px + to_px);
+    }
+    from_px = to_px;
+  }
+  return centre_px + moment_px3 / area_px2;
+}
+
+struct DetectionErrors {
+  size_t num_found = 0;
+  size_t num_unknown_ids = 0;  // Not of the target, or repeated.
+  Eigen::Vector2d sum_px = Eigen::Vector2d::Zero();
+  double sum_squares_px2 = 0;
+  double max_px = 0;
+
+  double BiasPx() const { return num_found == 0 ? 0 : (sum_px / static_cast<double>(num_found)).norm(); }
+  // Of the distances, per point.
+  double RmsPx() const { return num_found == 0 ? 0 : std::sqrt(sum_squares_px2 / static_cast<double>(num_found)); }
+  void Add(const DetectionErrors& other) {
+    num_found += other.num_found;
+    num_unknown_ids += other.num_unknown_ids;
+    sum_px += other.sum_px;
+    sum_squares_px2 += other.sum_squares_px2;
+    max_px = std::max(max_px, other.max_px);
+  }
+};
+
+// The differences of `detection` to where the camera model says that the points are; of a target that can be read in
+// several orders those of the best.
+inline DetectionErrors ErrorsOf(const Target& target, const Camera& camera, const Rigid3d& camera_from_target,
+                                const Detection& detection) {
+  const Drawing drawing = target.Draw();
+  DetectionErrors best;
+  best.sum_squares_px2 = std::numeric_limits<double>::infinity();
+  for (const Rigid3d& target_from_target : target.Symmetries()) {
+    DetectionErrors errors;
+    std::set<int> seen;
+    for (size_t i = 0; i < detection.ids.size(); ++i) {
+      const auto point = std::find_if(target.points().begin(), target.points().end(),
+                                      [&](const TargetPoint& candidate) { return candidate.id == detection.ids[i]; });
+      if (point == target.points().end() || !seen.insert(detection.ids[i]).second) {
+        ++errors.num_unknown_ids;
+        continue;
+      }
+      const Eigen::Vector2d error_px =
+          detection.pixels[i] - ExpectedPixel(drawing, camera, camera_from_target * target_from_target, *point);
+      ++errors.num_found;
+      errors.sum_px += error_px;
+      errors.sum_squares_px2 += error_px.squaredNorm();
+      errors.max_px = std::max(errors.max_px, error_px.norm());
+    }
+    if (errors.sum_squares_px2 < best.sum_squares_px2) best = errors;
+  }
+  return best;
+}
+
+// The errors in `num_views` rendered views with noise of 2 grey levels.
+inline DetectionErrors DetectRendered(const Target& target, int num_views, double share, uint64_t seed) {
+  const Camera camera = PictureCamera();
+  const Drawing drawing = target.Draw();
+  DetectionErrors total;
+  for (int view = 0; view < num_views; ++view) {
+    Rng rng(seed, static_cast<uint64_t>(view));
+    const Rigid3d camera_from_target = RandomView(drawing, share, /*max_tilt_rad=*/0.7, /*max_roll_rad=*/0.6, rng);
+    RenderOptions options;
+    options.noise_sigma_grey = 2;
+    options.seed = seed + static_cast<uint64_t>(view);
+    const Detection detection = target.Detect(RenderView(drawing, camera, camera_from_target, options));
+    total.Add(ErrorsOf(target, camera, camera_from_target, detection));
+  }
+  return total;
+}
+
+}  // namespace heba

@@ -1,0 +1,173 @@
+// ChArUco boards: their frame, drawn boards and pictures that others took.
+#include <cmath>
+#include <filesystem>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+
+#include "targets/image.h"
+#include "tests/support/data_sets.h"
+#include "tests/support/input_error.h"
+#include "tests/support/rendered_target.h"
+
+namespace heba {
+namespace {
+
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+std::unique_ptr<Target> MakeBoard(int rows, int columns, const std::string& more) {
+  return MakeTarget("{type: charuco, rows: " + std::to_string(rows) + ", columns: " + std::to_string(columns) +
+                    ", square: 40 mm, " + more + "}");
+}
+
+class CharucoTest : public testing::TestWithParam<std::string> {};
+
+// Both layouts, markers that leave room for a saddle and markers that do not.
+TEST_P(CharucoTest, DrawnBoardsAreFoundWhereTheyAre) {
+  const std::unique_ptr<Target> target = MakeBoard(6, 8, GetParam());
+  const int num_views = 3;
+  const DetectionErrors errors = DetectRendered(*target, num_views, 0.9, /*seed=*/31);
+  EXPECT_EQ(errors.num_found, num_views * target->points().size());
+  EXPECT_EQ(errors.num_unknown_ids, 0U);
+  // Noise of 2 grey levels gives about 0.01 px; the rest is the lens between neighbouring corners.
+  EXPECT_LT(errors.BiasPx(), 0.02);
+  EXPECT_LT(errors.RmsPx(), 0.05);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, CharucoTest,
+                         testing::Values("marker: 20 mm, dictionary: DICT_6X6_250",
+                                         "marker: 35 mm, dictionary: DICT_4X4_50",
+                                         "marker: 30 mm, dictionary: DICT_5X5_1000, legacy_pattern: true",
+                                         "marker: 30 mm, dictionary: DICT_APRILTAG_36h11, first_marker: 40",
+                                         "marker: 36 mm, dictionary: DICT_ARUCO_ORIGINAL, legacy_pattern: true"));
+
+// OpenCV's from 4.7 on: from the top left, the first inner corner one square in.
+TEST(Charuco, CornersCountFromTheTopLeft) {
+  const std::unique_ptr<Target> target = MakeBoard(4, 5, "marker: 30 mm, dictionary: DICT_4X4_50");
+  ASSERT_EQ(target->points().size(), 12U);
+  EXPECT_EQ(target->points()[0].in_target, Eigen::Vector3d(0.04, 0.04, 0));
+  EXPECT_EQ(target->points()[1].in_target, Eigen::Vector3d(0.08, 0.04, 0));
+  EXPECT_EQ(target->points()[4].in_target, Eigen::Vector3d(0.04, 0.08, 0));
+}
+
+TEST(Charuco, FindsNothingWithoutABoard) {
+  const std::unique_ptr<Target> target = MakeBoard(6, 8, "marker: 30 mm, dictionary: DICT_5X5_250");
+  const Detection detection = target->Detect(cv::Mat(480, 640, CV_8UC1, cv::Scalar(128)));
+  EXPECT_THAT(detection.ids, IsEmpty());
+  EXPECT_THAT(detection.reason, HasSubstr("no marker"));
+}
+
+TEST(Charuco, RejectsWhatCannotBe) {
+  EXPECT_THAT(InputErrorOf([] { MakeBoard(20, 20, "marker: 30 mm, dictionary: DICT_4X4_50"); }),
+              HasSubstr("DICT_4X4_50 has 50 markers"));
+  EXPECT_THAT(InputErrorOf([] { MakeBoard(5, 5, "marker: 40 mm, dictionary: DICT_4X4_50"); }),
+              HasSubstr("smaller than the square"));
+}
+
+struct RecordedBoards {
+  size_t num_points = 0;
+  double rms_px = 0;  // Of cv::calibrateCamera over all.
+};
+
+RecordedBoards DetectRecorded(const Target& target, const std::filesystem::path& folder) {
+  RecordedBoards result;
+  std::vector<std::vector<cv::Point3f>> board;
+  std::vector<std::vector<cv::Point2f>> pictures;
+  cv::Size size;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    const cv::Mat grey = ReadGreyImage(entry.path());
+    size = grey.size();
+    const Detection detection = target.Detect(grey);
+    result.num_points += detection.ids.size();
+    board.emplace_back();
+    pictures.emplace_back();
+    for (size_t k = 0; k < detection.ids.size(); ++k) {
+      const Eigen::Vector3d& place_m = target.points()[static_cast<size_t>(detection.ids[k])].in_target;
+      board.back().emplace_back(static_cast<float>(place_m.x()), static_cast<float>(place_m.y()), 0.0F);
+      pictures.back().emplace_back(static_cast<float>(detection.pixels[k].x()),
+                                   static_cast<float>(detection.pixels[k].y()));
+    }
+  }
+  cv::Mat matrix;
+  cv::Mat distortion;
+  result.rms_px = cv::calibrateCamera(board, pictures, size, matrix, distortion, cv::noArray(), cv::noArray());
+  return result;
+}
+
+// The bounds of the number and of the RMS, which shows wrong and poor corners, lie a fifth above what was measured.
+TEST(Charuco, FindsRecordedBoardsWithRoomAroundMarkers) {
+  const std::filesystem::path folder = DataDir() / "ic_charuco_eye_to_hand" / "images";
+  HEBA_SKIP_WITHOUT(folder);
+  const std::unique_ptr<Target> target = MakeTarget(
+      "{type: charuco, rows: 7, columns: 5, square: 36.195 mm, marker: 18.256 mm, dictionary: DICT_6X6_250}");
+  const RecordedBoards found = DetectRecorded(*target, folder);
+  EXPECT_GE(found.num_points, 371U);  // Of 384.
+  EXPECT_LT(found.rms_px, 0.62);      // The pictures are interlaced.
+}
+
+TEST(Charuco, FindsRecordedBoardsWithoutRoomAroundMarkers) {
+  const std::filesystem::path folder = DataDir() / "ardootala_ur_charuco" / "images";
+  HEBA_SKIP_WITHOUT(folder);
+  // Its README has legacy_pattern: the pictures show a black square in the board's first corner.
+  const std::unique_ptr<Target> target =
+      MakeTarget("{type: charuco, rows: 6, columns: 9, square: 40 mm, marker: 35 mm, dictionary: DICT_4X4_250}");
+  const RecordedBoards found = DetectRecorded(*target, folder);
+  EXPECT_EQ(found.num_points, 280U);
+  EXPECT_LT(found.rms_px, 0.52);
+}
+
+// A hand hides corners: those that it leaves are found.
+TEST(Charuco, FindsWhatAHandLeaves) {
+  const std::filesystem::path folder = DataDir() / "detect_misc_targets" / "images";
+  HEBA_SKIP_WITHOUT(folder);
+  const std::unique_ptr<Target> target = MakeTarget(
+      "{type: charuco, rows: 7, columns: 5, square: 36.195 mm, marker: 18.256 mm, dictionary: DICT_6X6_250}");
+  const Detection whole = target->Detect(ReadGreyImage(folder / "ic_charuco_unobscured.jpg"));
+  EXPECT_EQ(whole.ids.size(), 24U);
+  EXPECT_EQ(whole.reason, "");
+  const Detection part = target->Detect(ReadGreyImage(folder / "ic_charuco_obscured.jpg"));
+  for (const int visible : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 18, 19, 21}) {
+    EXPECT_THAT(part.ids, testing::Contains(visible));
+  }
+  EXPECT_THAT(part.reason, HasSubstr("not seen"));
+  EXPECT_THAT(target->Detect(ReadGreyImage(folder / "ic_charuco_one_corner.jpg")).ids, testing::Contains(20));
+}
+
+// A camera of 640 x 480; a homography fits up to its lens.
+TEST(Charuco, FindsARecordedSmallBoard) {
+  const std::filesystem::path picture =
+      DataDir() / "detect_misc_targets" / "images" / "moveit_test_charuco_board_detection.jpg";
+  HEBA_SKIP_WITHOUT(picture);
+  const std::unique_ptr<Target> target =
+      MakeTarget("{type: charuco, rows: 7, columns: 5, square: 20 mm, marker: 15 mm, dictionary: DICT_5X5_250}");
+  const Detection detection = target->Detect(ReadGreyImage(picture));
+  ASSERT_EQ(detection.ids.size(), 24U) << detection.reason;
+  std::vector<cv::Point2d> board;
+  std::vector<cv::Point2d> found;
+  for (size_t i = 0; i < detection.ids.size(); ++i) {
+    const Eigen::Vector3d& place_m = target->points()[static_cast<size_t>(detection.ids[i])].in_target;
+    board.emplace_back(place_m.x(), place_m.y());
+    found.emplace_back(detection.pixels[i].x(), detection.pixels[i].y());
+  }
+  std::vector<cv::Point2d> fitted;
+  cv::perspectiveTransform(board, fitted, cv::findHomography(board, found));
+  EXPECT_LT(cv::norm(fitted, found, cv::NORM_L2) / std::sqrt(24.0), 0.3);  // px
+}
+
+// Other boards and single markers, of other families and dictionaries.
+TEST(Charuco, FindsNothingOnOtherTargets) {
+  const std::filesystem::path folder = DataDir() / "detect_misc_targets" / "images";
+  HEBA_SKIP_WITHOUT(folder);
+  const std::unique_ptr<Target> target =
+      MakeTarget("{type: charuco, rows: 6, columns: 8, square: 40 mm, marker: 30 mm, dictionary: DICT_APRILTAG_36h11}");
+  for (const char* name : {"ic_aruco.jpg", "ic_modified_circle_grid_10x10_0.025.png", "ic_charuco_unobscured.jpg",
+                           "moveit_test_aruco_marker_detection.png", "moveit_test_charuco_board_detection.jpg"}) {
+    EXPECT_THAT(target->Detect(ReadGreyImage(folder / name)).ids, IsEmpty()) << name;
+  }
+}
+
+}  // namespace
+}  // namespace heba
