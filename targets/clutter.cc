@@ -159,7 +159,7 @@ void AddRoundMarks(const RoundMarksOptions& options, const Eigen::AlignedBox2d& 
     if (has_ring) {
       drawing->AddDisc(at, reach_m, colour);
       for (int sector = 0; is_coded && sector < options.bits; ++sector) {
-        if (((word >> sector) & 1U) != 0) continue;
+        if (((word >> (options.bits - 1 - sector)) & 1U) != 0) continue;
         Shape wedge;
         wedge.albedo = paper;
         wedge.points_m.push_back(at);

@@ -156,6 +156,29 @@ Guess GuessWord(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_unit, con
   return best;
 }
 
+// How far perspective may go. The plane's horizon is f / tan(tilt) away: as many radii as 1 / |boost|.
+double MaxBoost(const cv::Mat& grey, const Ellipse& dot) {
+  const Eigen::Vector2d axes_px = dot.SemiAxesPx();
+  const double steepness = std::sqrt(std::max(0.0, std::pow(axes_px.x() / axes_px.y(), 2) - 1));
+  const double least_focal_px = 0.5 * std::max(grey.cols, grey.rows);
+  return std::min(0.2, axes_px.y() * std::max(steepness, 0.3) / least_focal_px);
+}
+
+// The best guess of all perspectives, which lie along the shorter axis, mostly.
+Guess BestGuess(const cv::Mat& grey, const Ellipse& dot, double max_boost, int bits) {
+  const Eigen::Matrix3d pixel_from_unit = PixelFromUnitCircle(dot);
+  const Eigen::Vector2d direction = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(dot.shape).eigenvectors().col(1);
+  Guess guess = GuessWord(grey, pixel_from_unit, Eigen::Vector2d::Zero(), bits);
+  constexpr double kBoostStep = 0.02;
+  for (int i = 1; i * kBoostStep < max_boost + 0.5 * kBoostStep; ++i) {
+    for (const double sign : {-1.0, 1.0}) {
+      const Guess other = GuessWord(grey, pixel_from_unit, sign * i * kBoostStep * direction, bits);
+      if (other.score > guess.score) guess = other;
+    }
+  }
+  return guess;
+}
+
 // The picture of a ring with a known word, fitted to the pixels from the gap to the quiet zone.
 class RingFit {
  public:
@@ -503,6 +526,11 @@ bool RingDecoder::IsAlone(const cv::Mat& grey, const Ellipse& dot) const {
 std::optional<RingReading> RingDecoder::Read(const cv::Mat& grey, const Ellipse& candidate) const {
   CHECK_EQ(grey.type(), CV_8UC1);
   if (!IsAlone(grey, candidate)) return std::nullopt;
+  // Most dots are not worth a fit: what is around them is clearly something else.
+  const Guess guess = BestGuess(grey, candidate, MaxBoost(grey, candidate), bits_);
+  const double least_margin = *std::min_element(guess.margins.begin(), guess.margins.begin() + bits_);
+  const double clear_margin = candidate.SemiAxesPx().y() > 5 ? 0.2 : 0.3;
+  if (guess.score < 0 || (rotations_[guess.word] < 0 && least_margin > clear_margin)) return std::nullopt;
   RefineEllipseOptions options;
   options.max_margin_px = 0.8 * candidate.SemiAxesPx().x();
   options.next_outline_ratio = kRingInner;
@@ -516,23 +544,9 @@ std::optional<RingReading> RingDecoder::Read(const cv::Mat& grey, const Ellipse&
 }
 
 std::optional<RingReading> RingDecoder::ReadWord(const cv::Mat& grey, const RefinedEllipse& dot) const {
-  const Eigen::Matrix3d pixel_from_unit = PixelFromUnitCircle(dot.ellipse);
   const Eigen::Vector2d axes_px = dot.ellipse.SemiAxesPx();
-  // The plane's horizon is f / tan(tilt) away: as many radii as 1 / |boost|. Along the shorter axis, mostly.
-  const double steepness = std::sqrt(std::max(0.0, std::pow(axes_px.x() / axes_px.y(), 2) - 1));
-  const double least_focal_px = 0.5 * std::max(grey.cols, grey.rows);
-  const double max_boost = std::min(0.2, axes_px.y() * std::max(steepness, 0.3) / least_focal_px);
-  const Eigen::Vector2d direction =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(dot.ellipse.shape).eigenvectors().col(1);
-
-  Guess guess = GuessWord(grey, pixel_from_unit, Eigen::Vector2d::Zero(), bits_);
-  constexpr double kBoostStep = 0.02;
-  for (int i = 1; i * kBoostStep < max_boost + 0.5 * kBoostStep; ++i) {
-    for (const double sign : {-1.0, 1.0}) {
-      const Guess other = GuessWord(grey, pixel_from_unit, sign * i * kBoostStep * direction, bits_);
-      if (other.score > guess.score) guess = other;
-    }
-  }
+  const double max_boost = MaxBoost(grey, dot.ellipse);
+  const Guess guess = BestGuess(grey, dot.ellipse, max_boost, bits_);
   if (guess.score < 0) return std::nullopt;
   // Where the blur of the ring reaches the dot's, and a sector's the next one's.
   const bool is_small = axes_px.y() < 6 * dot.blur_sigma_px;
