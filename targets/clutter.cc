@@ -7,8 +7,8 @@
 #include <opencv2/core.hpp>
 
 #include "heba/base/error.h"
-#include "heba/base/rng.h"
 #include "heba/base/units.h"
+#include "targets/ring_code.h"
 
 namespace heba {
 namespace {
@@ -132,6 +132,50 @@ cv::Mat DrawClutter(int width_px, int height_px, const std::vector<Eigen::Vector
   cairo_destroy(context);
   cairo_surface_destroy(surface);
   return albedo;
+}
+
+void AddRoundMarks(const RoundMarksOptions& options, const Eigen::AlignedBox2d& kept, Rng& rng, Drawing* drawing) {
+  for (int n = 0; n < options.count; ++n) {
+    const double radius_m = std::exp(rng.Uniform(std::log(options.min_radius_m), std::log(options.max_radius_m)));
+    // Mostly as it should be.
+    const double inner = rng.Uniform() < 0.6 ? 2 : rng.Uniform(1.4, 2.6);
+    const double outer = rng.Uniform() < 0.6 ? inner + 1 : inner + rng.Uniform(0.3, 1.4);
+    const double ink = rng.Uniform() < 0.7 ? 0 : rng.Uniform(0, 0.6);
+    const bool has_ring = rng.Uniform() < 0.8;
+    const bool is_coded = rng.Uniform() < 0.8;
+    const bool is_broken = rng.Uniform() < 0.2;
+    const double start_rad = rng.Uniform(0, 2 * kPi);
+    uint32_t word = 0;
+    do {
+      word = static_cast<uint32_t>(rng.Index(1 << options.bits));
+    } while (std::count(options.avoided_codes.begin(), options.avoided_codes.end(), RingCodeOf(word, options.bits)) >
+             0);
+    const double reach_m = (has_ring ? outer : 1) * radius_m;
+    const Eigen::Vector2d at(rng.Uniform(drawing->min_m.x(), drawing->max_m.x()),
+                             rng.Uniform(drawing->min_m.y(), drawing->max_m.y()));
+    if (kept.exteriorDistance(at) < reach_m) continue;
+    const double paper = drawing->ground;
+    const double colour = paper > 0.5 ? ink : 1 - ink;
+    if (has_ring) {
+      drawing->AddDisc(at, reach_m, colour);
+      for (int sector = 0; is_coded && sector < options.bits; ++sector) {
+        if (((word >> (options.bits - 1 - sector)) & 1U) != 0) continue;
+        Shape wedge;
+        wedge.albedo = paper;
+        wedge.points_m.push_back(at);
+        for (int step = 0; step <= 2; ++step) {
+          const double angle = start_rad + 2 * kPi * (sector + 0.5 * step) / options.bits;
+          wedge.points_m.push_back(at + 1.08 * reach_m * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+        }
+        drawing->shapes.push_back(std::move(wedge));
+      }
+      drawing->AddDisc(at, inner * radius_m, paper);
+    }
+    drawing->AddDisc(at, radius_m, colour);
+    if (is_broken)
+      drawing->AddDisc(at + 0.7 * reach_m * Eigen::Vector2d(std::cos(start_rad), std::sin(start_rad)),
+                       rng.Uniform(0.2, 0.8) * radius_m, rng.Uniform());
+  }
 }
 
 }  // namespace heba

@@ -294,8 +294,8 @@ enum Parameter {
   kLogSigma,
   kOutside,
   kInside,
-  kOutsideX,
-  kOutsideY,
+  kLightX,  // Relative to the light at the origin.
+  kLightY,
   kInsideX,
   kInsideY,
   kNumParameters
@@ -317,22 +317,24 @@ bool Predict(const Parameters& x, const Eigen::Vector2d& pixel, double* grey, Pa
   const double z = distance / sigma;
   const bool is_flat = std::abs(z) > 7;
   const double share = is_flat ? (z < 0 ? 1 : 0) : 0.5 * std::erfc(z / std::sqrt(2.0));  // Of the inside.
-  const double outside = x[kOutside] + x[kOutsideX] * pixel.x() + x[kOutsideY] * pixel.y();
+  const double light = 1 + x[kLightX] * pixel.x() + x[kLightY] * pixel.y();
+  const double outside = x[kOutside];
   const double inside = x[kInside] + x[kInsideX] * pixel.x() + x[kInsideY] * pixel.y();
-  *grey = outside + (inside - outside) * share;
+  const double evenly_lit = outside + (inside - outside) * share;
+  *grey = light * evenly_lit;
   if (jacobian == nullptr) return true;
-  (*jacobian)[kOutside] = 1 - share;
-  (*jacobian)[kOutsideX] = (1 - share) * pixel.x();
-  (*jacobian)[kOutsideY] = (1 - share) * pixel.y();
-  (*jacobian)[kInside] = share;
-  (*jacobian)[kInsideX] = share * pixel.x();
-  (*jacobian)[kInsideY] = share * pixel.y();
+  (*jacobian)[kOutside] = light * (1 - share);
+  (*jacobian)[kLightX] = evenly_lit * pixel.x();
+  (*jacobian)[kLightY] = evenly_lit * pixel.y();
+  (*jacobian)[kInside] = light * share;
+  (*jacobian)[kInsideX] = light * share * pixel.x();
+  (*jacobian)[kInsideY] = light * share * pixel.y();
   if (is_flat) {
     jacobian->head<6>().setZero();
     return true;
   }
 
-  const double by_z = -(inside - outside) * std::exp(-0.5 * z * z) / std::sqrt(2 * kPi);
+  const double by_z = -light * (inside - outside) * std::exp(-0.5 * z * z) / std::sqrt(2 * kPi);
   const double by_distance = by_z / sigma;
   const double by_q = by_distance * (1 - 0.5 / rho) / g;
   const double by_g = -by_distance * distance / g;
@@ -372,7 +374,7 @@ class BlurredEllipse {
     x_[kShapeYY] = shape(1, 1);
     x_[kLogSigma] = std::log(1.0 / radius_px_);
     // Slopes need some area to be told from the dot's place.
-    num_free_ = radius_px_ < 3 ? kOutsideX : kNumParameters;
+    num_free_ = radius_px_ < 3 ? kLightX : kInsideX;
   }
 
   Ellipse Outline() const {
@@ -381,10 +383,10 @@ class BlurredEllipse {
     return {origin_px_ + radius_px_ * x_.head<2>(), shape / (radius_px_ * radius_px_)};
   }
   double SigmaPx() const { return radius_px_ * std::exp(x_[kLogSigma]); }
-  // The planes' difference at the centre is their mean difference on the outline.
+  // At the centre, which is the mean of the outline.
   double Contrast() const {
-    return x_[kInside] - x_[kOutside] + (x_[kInsideX] - x_[kOutsideX]) * x_[kCentreX] +
-           (x_[kInsideY] - x_[kOutsideY]) * x_[kCentreY];
+    const double light = 1 + x_[kLightX] * x_[kCentreX] + x_[kLightY] * x_[kCentreY];
+    return light * (x_[kInside] - x_[kOutside] + x_[kInsideX] * x_[kCentreX] + x_[kInsideY] * x_[kCentreY]);
   }
 
   // A dot that just touches the border is as good as whole.
@@ -399,15 +401,17 @@ class BlurredEllipse {
   }
 
   // Takes the pixels within `margin_px` of the outline, not all if there are more than `max_samples`.
-  void Sample(double margin_px, double max_samples) {
+  void Sample(double margin_px, const RefineEllipseOptions& options, double max_samples) {
     const Ellipse outline = Outline();
+    const double reach_px = options.next_reach_sigmas * SigmaPx();
     const double num_expected = 4 * kPi * outline.RadiusPx() * margin_px;
     const int stride = std::max(1, static_cast<int>(std::sqrt(num_expected / max_samples)));
-    const Eigen::Vector2d reach = outline.ExtentPx().array() + margin_px + 1;
-    const int x0 = std::max(0, static_cast<int>(std::floor(outline.centre_px.x() - reach.x())));
-    const int x1 = std::min(grey_.cols - 1, static_cast<int>(std::ceil(outline.centre_px.x() + reach.x())));
-    const int y0 = std::max(0, static_cast<int>(std::floor(outline.centre_px.y() - reach.y())));
-    const int y1 = std::min(grey_.rows - 1, static_cast<int>(std::ceil(outline.centre_px.y() + reach.y())));
+    const Eigen::Vector2d extent = outline.ExtentPx().array() + margin_px + 1;
+    const int x0 = std::max(0, static_cast<int>(std::floor(outline.centre_px.x() - extent.x())));
+    const int x1 = std::min(grey_.cols - 1, static_cast<int>(std::ceil(outline.centre_px.x() + extent.x())));
+    const int y0 = std::max(0, static_cast<int>(std::floor(outline.centre_px.y() - extent.y())));
+    const int y1 = std::min(grey_.rows - 1, static_cast<int>(std::ceil(outline.centre_px.y() + extent.y())));
+    const bool is_float = grey_.type() == CV_32FC1;
     samples_.clear();
     for (int row = y0; row <= y1; row += stride) {
       const uchar* line = grey_.ptr<uchar>(row);
@@ -417,9 +421,14 @@ class BlurredEllipse {
         const double rho = std::sqrt(u.dot(mu));
         const double distance_px = rho > 1e-6 ? (rho - 1) * rho / mu.norm() : -radius_px_;
         if (std::abs(distance_px) > margin_px) continue;
+        if (options.next_outline_ratio > 0 && rho > 1) {
+          const double gradient = mu.norm() / rho;  // Of rho, 1/px.
+          const double gap_px = (options.next_outline_ratio - 1) / gradient;
+          if ((options.next_outline_ratio - rho) / gradient < std::min(reach_px, 0.5 * gap_px)) continue;
+        }
         PixelSample sample;
         sample.pixel = (Eigen::Vector2d(column, row) - origin_px_) / radius_px_;
-        sample.grey = line[column];
+        sample.grey = is_float ? grey_.at<float>(row, column) : line[column];
         sample.distance_px = distance_px;
         sample.sector = static_cast<int>((std::atan2(u.y(), u.x()) / (2 * kPi) + 0.5) * kNumSectors) % kNumSectors;
         samples_.push_back(sample);
@@ -430,6 +439,8 @@ class BlurredEllipse {
   // Brightness inside and outside from the samples. False if there are too few.
   bool StartLevels(double margin_px) {
     const double inside_px = std::min(0.5 * margin_px, 0.3 * Outline().SemiAxesPx().y());
+    double outside_px = 0;
+    for (const PixelSample& sample : samples_) outside_px = std::max(outside_px, 0.5 * sample.distance_px);
     double sum_inside = 0;
     double sum_outside = 0;
     int num_inside = 0;
@@ -438,7 +449,7 @@ class BlurredEllipse {
       if (sample.distance_px < -inside_px) {
         sum_inside += sample.grey;
         ++num_inside;
-      } else if (sample.distance_px > 0.5 * margin_px) {
+      } else if (sample.distance_px > outside_px) {
         sum_outside += sample.grey;
         ++num_outside;
       }
@@ -452,18 +463,17 @@ class BlurredEllipse {
   // False if what comes out is no ellipse.
   bool Fit() { return samples_.size() >= kNumParameters + 4u && Minimise(num_free_, &x_); }
 
-  // Slopes cost a third of the precision: without them where the picture does not ask for them.
-  bool FitWithoutNeedlessSlopes() {
+  // With a slope of the inside alone (gloss, a dirty dot) where the picture asks for it.
+  bool FitWithNeededSlopes() {
     if (!Fit()) return false;
-    if (num_free_ == kOutsideX) return true;
-    Parameters even = x_;
-    even.tail<kNumParameters - kOutsideX>().setZero();
-    if (!Minimise(kOutsideX, &even)) return true;
-    // Chi-square of four, exceeded by chance once in a hundred.
-    constexpr double kMinGain = 14;
-    if (static_cast<double>(samples_.size()) * (Cost(even) / Cost(x_) - 1) < kMinGain) {
-      x_ = even;
-      num_free_ = kOutsideX;
+    if (num_free_ != kInsideX) return true;
+    Parameters sloping = x_;
+    if (!Minimise(kNumParameters, &sloping)) return true;
+    // Chi-square of two, exceeded by chance once in 3000: rarely enough not to widen the scatter of even ones.
+    constexpr double kMinGain = 16;
+    if (static_cast<double>(samples_.size()) * (Cost(x_) / Cost(sloping) - 1) > kMinGain) {
+      x_ = sloping;
+      num_free_ = kNumParameters;
     }
     return true;
   }
@@ -528,7 +538,7 @@ class BlurredEllipse {
     const Normal covariance = normal.ldlt().solve(Normal::Identity());
     // Rounding alone has a variance of 1/12.
     const double variance = std::max(sum_weighted / std::max(num_samples - num_free_, 1.0), 1.0 / 12);
-    refined.centre_stddev_px = radius_px_ * std::sqrt(0.5 * variance * (covariance(0, 0) + covariance(1, 1)));
+    refined.centre_covariance_px2 = radius_px_ * radius_px_ * variance * covariance.topLeftCorner<2, 2>();
     return refined;
   }
 
@@ -621,7 +631,7 @@ class BlurredEllipse {
 
 std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& start,
                                             const RefineEllipseOptions& options) {
-  CHECK_EQ(grey.type(), CV_8UC1);
+  CHECK(grey.type() == CV_8UC1 || grey.type() == CV_32FC1);
   const double radius_px = start.RadiusPx();
   if (!(radius_px > 1) || !start.centre_px.allFinite()) return std::nullopt;
   const double max_margin_px = std::max(options.max_margin_px, 1.5);
@@ -631,7 +641,7 @@ std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& 
   // Coarsely, from some of the pixels in a wide margin.
   const double first_margin_px = std::min(std::max(3.0, 0.15 * radius_px), max_margin_px);
   constexpr double kMaxFirstSamples = 2500;
-  fit.Sample(first_margin_px, kMaxFirstSamples);
+  fit.Sample(first_margin_px, options, kMaxFirstSamples);
   if (!fit.StartLevels(first_margin_px) || !fit.Fit()) return std::nullopt;
   fit.Judge();
   // Then from those that the blurred edge concerns, again as long as parts turn out to be hidden.
@@ -642,15 +652,15 @@ std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& 
   for (int round = 0; round < kMaxRounds; ++round) {
     if (!fit.IsInPicture()) return std::nullopt;
     const double used_px = margin_px();
-    fit.Sample(used_px, std::numeric_limits<double>::infinity());
+    fit.Sample(used_px, options, std::numeric_limits<double>::infinity());
     if (!fit.Fit()) return std::nullopt;
     const bool other_parts = fit.Judge();
     if (!other_parts && std::abs(margin_px() - used_px) < 0.2 * used_px) break;
   }
-  if (!fit.FitWithoutNeedlessSlopes() || !fit.IsInPicture()) return std::nullopt;
+  if (!fit.FitWithNeededSlopes() || !fit.IsInPicture()) return std::nullopt;
   if (!(std::abs(fit.Contrast()) > 1)) return std::nullopt;
   const RefinedEllipse refined = fit.Result();
-  if (!std::isfinite(refined.centre_stddev_px) || !std::isfinite(refined.residual_ratio)) return std::nullopt;
+  if (!refined.centre_covariance_px2.allFinite() || !std::isfinite(refined.residual_ratio)) return std::nullopt;
   return refined;
 }
 

@@ -23,6 +23,7 @@ constexpr double kPointsPerMm = 72 / kMmPerInch;
 constexpr int kMaxPixels = 32767;  // A side of a Cairo image.
 // The strip: the ruler's ticks at the top, its numbers below them, the small print at the bottom.
 constexpr double kStripMm = 14;
+constexpr double kRulerMm = 100;
 constexpr double kRulerTopMm = 2;
 constexpr double kRulerNumbersMm = 7;
 constexpr double kPrintMm = 12;
@@ -330,11 +331,9 @@ Sheet MakeSheet(const Target& target, const SheetOptions& options) {
   sheet.options.caption += ". Print at 100 %";
   sheet.strip_mm = kStripMm;
   const Eigen::Vector2d size_mm = 1000 * (sheet.drawing.max_m - sheet.drawing.min_m);
-  sheet.page_mm = size_mm.array() + 2 * options.margin_mm;
+  sheet.ruler_mm = kRulerMm;
+  sheet.page_mm = size_mm.cwiseMax(Eigen::Vector2d(kRulerMm, 0)).array() + 2 * options.margin_mm;
   sheet.page_mm.y() += sheet.strip_mm;
-  for (const double length_mm : {10.0, 20.0, 50.0, 100.0}) {
-    if (length_mm <= size_mm.x()) sheet.ruler_mm = length_mm;
-  }
   for (const TargetPoint& point : target.points()) {
     sheet.points.push_back({point.id, point.in_target, sheet.PageFromTarget(point.in_target.head<2>())});
   }

@@ -35,7 +35,7 @@ struct Sheet {
   std::vector<SheetPoint> points;
   Eigen::Vector2d page_mm = Eigen::Vector2d::Zero();  // Width and height, the strip included.
   double strip_mm = 0;                                // Height of the strip at the bottom.
-  double ruler_mm = 0;                                // 100, 50, 20 or 10; 0 if none fits.
+  double ruler_mm = 0;                                // 100: a smaller target's page is wider than the target.
   SheetOptions options;
 
   Eigen::Vector2d PageFromTarget(const Eigen::Vector2d& point_in_target_m) const;

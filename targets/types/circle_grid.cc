@@ -42,8 +42,11 @@ double MedianOf(std::vector<double> values) {
   return *middle;
 }
 
+struct Dot : Ellipse {
+  Eigen::Matrix2d centre_covariance_px2 = Eigen::Matrix2d::Zero();
+};
 // A grid's dots in the order of its ids.
-using Dots = std::vector<Ellipse>;
+using Dots = std::vector<Dot>;
 
 class CircleGrid final : public Target {
  public:
@@ -51,7 +54,11 @@ class CircleGrid final : public Target {
     for (int row = 0; row < options_.rows; ++row) {
       for (int column = 0; column < options_.columns; ++column) {
         const int x = options_.asymmetric ? 2 * column + row % 2 : column;
-        points_.push_back({row * options_.columns + column, {x * options_.spacing_m, row * options_.spacing_m, 0}});
+        const int id = row * options_.columns + column;
+        const bool is_marker = options_.marker_dot && id == MarkerId();
+        points_.push_back({id,
+                           {x * options_.spacing_m, row * options_.spacing_m, 0},
+                           0.5 * (is_marker ? options_.marker_diameter_m : options_.dot_diameter_m)});
         // An asymmetric grid's lattice has its steps along (1, 1) and (-1, 1).
         pattern_.push_back(options_.asymmetric ? LatticeCell{(x + row) / 2, (row - x) / 2} : LatticeCell{x, row});
       }
@@ -77,9 +84,7 @@ class CircleGrid final : public Target {
     const bool light = options_.polarity == DotPolarity::kLightOnDark;
     drawing.ground = light ? 0 : 1;
     for (const TargetPoint& point : points_) {
-      const bool is_marker = options_.marker_dot && point.id == MarkerId();
-      const double diameter_m = is_marker ? options_.marker_diameter_m : options_.dot_diameter_m;
-      drawing.AddDisc(point.in_target.head<2>(), 0.5 * diameter_m, light ? 1 : 0);
+      drawing.AddDisc(point.in_target.head<2>(), point.radius_m, light ? 1 : 0);
     }
     return drawing;
   }
@@ -88,7 +93,7 @@ class CircleGrid final : public Target {
     CHECK_EQ(grey.type(), CV_8UC1);
     EllipseFinderOptions finder_options;
     finder_options.polarity = options_.polarity;
-    Dots dots;
+    std::vector<Ellipse> dots;
     for (const FoundEllipse& found : FindEllipses(grey, finder_options)) dots.push_back(found.ellipse);
     LatticeOptions lattice_options;
     // Makers of sheets differ about the larger dot.
@@ -139,6 +144,7 @@ class CircleGrid final : public Target {
     for (size_t n = 0; n < points_.size(); ++n) {
       detection.ids.push_back(points_[n].id);
       detection.pixels.push_back((*ordered)[n].centre_px);
+      detection.covariances_px2.emplace_back((*ordered)[n].centre_covariance_px2);
     }
     return detection;
   }
@@ -148,7 +154,7 @@ class CircleGrid final : public Target {
 
   // Whether the lattice continues beyond the pattern: more than a stray dot or two exactly where the next ones would
   // be.
-  bool GoesOn(const Lattice& lattice, const Dots& dots, const LatticePlacement& placement) const {
+  bool GoesOn(const Lattice& lattice, const std::vector<Ellipse>& dots, const LatticePlacement& placement) const {
     const std::set<int> inside(placement.orders.front().begin(), placement.orders.front().end());
     Lattice grid;
     for (const auto& [cell, dot] : lattice) {
@@ -166,7 +172,8 @@ class CircleGrid final : public Target {
   }
 
   // The exact dots in all orders of a placement, or what shows that they are no grid.
-  Outcome<std::vector<Dots>> Refine(const cv::Mat& grey, const Dots& dots, const LatticePlacement& placement) const {
+  Outcome<std::vector<Dots>> Refine(const cv::Mat& grey, const std::vector<Ellipse>& dots,
+                                    const LatticePlacement& placement) const {
     const std::vector<int>& first = placement.orders.front();
     std::vector<double> contrasts;
     Dots refined_dots(dots.size());
@@ -179,13 +186,13 @@ class CircleGrid final : public Target {
       const double sign = options_.polarity == DotPolarity::kLightOnDark ? 1 : -1;
       // A ragged outline is a reason only where it leaves the centre in doubt.
       if (!refined || sign * refined->contrast_grey < 4 || refined->residual_ratio > 0.35 ||
-          (refined->residual_ratio > 0.2 && refined->centre_stddev_px > 0.02) || refined->visible_ratio < 0.7 ||
-          refined->centre_stddev_px > 0.25 ||
+          (refined->residual_ratio > 0.2 && refined->CentreStddevPx() > 0.02) || refined->visible_ratio < 0.7 ||
+          refined->CentreStddevPx() > 0.25 ||
           std::abs(std::log(refined->ellipse.RadiusPx() / start.RadiusPx())) > 0.3 + 0.5 / start.RadiusPx()) {
         ++num_bad;
         continue;
       }
-      refined_dots[dot] = refined->ellipse;
+      refined_dots[dot] = {refined->ellipse, refined->centre_covariance_px2};
       contrasts.push_back(std::abs(refined->contrast_grey));
     }
     if (num_bad > 0) {
@@ -216,7 +223,7 @@ class CircleGrid final : public Target {
   }
 
   // Between the outlines of `dot` and the nearest other dot.
-  static double GapPx(const Dots& dots, const std::vector<int>& grid, int dot) {
+  static double GapPx(const std::vector<Ellipse>& dots, const std::vector<int>& grid, int dot) {
     double gap_px = 1e6;
     for (const int other : grid) {
       if (other == dot) continue;

@@ -221,7 +221,7 @@ void ExpectPrecision(const Precision& precision) {
     EXPECT_EQ(refined->visible_ratio, 1);
     const double square = 0.5 * (refined->ellipse.centre_px - dot.centre_px).squaredNorm();
     sum_square += square;
-    sum_normalised += square / (refined->centre_stddev_px * refined->centre_stddev_px);
+    sum_normalised += square / (0.5 * refined->centre_covariance_px2.trace());
   }
   EXPECT_LT(std::sqrt(sum_square / num_dots), precision.max_rms_px) << "radius " << precision.radius_px;
   // The stated uncertainty is the true one: the model's edge is not exactly the picture's, hence up to 1.4.
@@ -396,8 +396,8 @@ TEST(CircleGrid, DrawsDiscsInsideTheSheet) {
   }
 }
 
-// Any roll, tilts to 45 degrees. Dots of about 7 px: 0.0054 px is attained, the worst of some hundred points is 4 times
-// that, and area sampling has its own part.
+// Any roll, tilts to 45 degrees. Dots of about 7 px: 0.0075 px is attained (the slope of the light costs a third), the
+// worst of some hundred points is 4 times that, and area sampling has its own part.
 TEST(CircleGrid, IsFoundInAnyAttitude) {
   uint64_t seed = 0;
   for (const GridCase& grid : kGridCases) {
@@ -416,7 +416,7 @@ TEST(CircleGrid, IsFoundInAnyAttitude) {
             });
         return look.EllipseCentre(plane_m, disc->radius_m);
       });
-      EXPECT_LT(worst_px, 0.04) << grid.keys << " picture " << k;
+      EXPECT_LT(worst_px, 0.05) << grid.keys << " picture " << k;
       std::vector<Eigen::Vector2d> points_m;
       for (const TargetPoint& point : target->points()) points_m.emplace_back(point.in_target.head<2>());
       EXPECT_TRUE(SeenFromFront(points_m, detection.pixels, drawing.y_up));

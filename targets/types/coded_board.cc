@@ -1,0 +1,336 @@
+// A grid of dots, each in the ring of black and white sectors that tells its id (ring_code.h, ring_decoder.h). Frame:
+// origin at the first dot, x to the right along the columns, y down, z into the sheet. The id of dot (row, column), at
+// (column spacing, row spacing, 0), is first_id + row * columns + column; the first sector of its code begins at the
+// ring's rightmost point, and reading goes on clockwise.
+//
+// A ring tells more than an id: with the dot's outline and the perspective that its edges show it says where the next
+// dots are. Readings that say so of each other are one board (FindBoard).
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+#include <Eigen/Dense>
+
+#include "heba/base/error.h"
+#include "targets/ellipse_finder.h"
+#include "targets/ring_code.h"
+#include "targets/ring_decoder.h"
+#include "targets/target.h"
+
+namespace heba {
+namespace {
+
+// In radii of the dot.
+constexpr double kRingInner = 2;
+constexpr double kRingOuter = 3;
+constexpr double kQuiet = 3.5;
+
+struct CodedBoardOptions {
+  int rows = 0;
+  int columns = 0;
+  double spacing_m = 0;
+  double dot_diameter_m = 0;
+  int bits = 12;
+  int first_id = 0;
+  RingCodeOrder code_order = RingCodeOrder::kSeparation;
+  DotPolarity polarity = DotPolarity::kDarkOnLight;
+};
+
+// A dot that was read, as a point of the board.
+struct FoundPoint {
+  int point = 0;
+  Eigen::Vector2d on_board = Eigen::Vector2d::Zero();  // Radii of a dot.
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();
+  double radius_px = 0;
+  double residual_ratio = 0;
+  bool is_clear = false;
+  // The board's plane about the point, radii of a dot, as the ring tells it; several if the ring looks the same turned.
+  std::vector<Eigen::Matrix3d> pixel_from_plane;
+};
+
+class CodedBoard final : public Target {
+ public:
+  explicit CodedBoard(const CodedBoardOptions& options)
+      : options_(options), codes_(BoardCodes(options)), decoder_(options.bits, options.polarity, codes_) {
+    for (int row = 0; row < options_.rows; ++row) {
+      for (int column = 0; column < options_.columns; ++column) {
+        const size_t index = points_.size();
+        point_of_code_[codes_[index]] = static_cast<int>(index);
+        points_.push_back({options_.first_id + static_cast<int>(index),
+                           {column * options_.spacing_m, row * options_.spacing_m, 0},
+                           RadiusM()});
+      }
+    }
+  }
+
+  std::string_view type() const override { return "coded_board"; }
+  const std::vector<TargetPoint>& points() const override { return points_; }
+
+  Drawing Draw() const override {
+    Drawing drawing;
+    const double radius_m = RadiusM();
+    const double margin_m = 4.5 * radius_m;
+    drawing.min_m = Eigen::Vector2d::Constant(-margin_m);
+    drawing.max_m = points_.back().in_target.head<2>().array() + margin_m;
+    const double ground = options_.polarity == DotPolarity::kLightOnDark ? 0 : 1;
+    drawing.ground = ground;
+    for (const TargetPoint& point : points_) {
+      const Eigen::Vector2d centre_m = point.in_target.head<2>();
+      // The ring, its blank sectors as wedges that reach beyond it, the gap, the dot.
+      drawing.AddDisc(centre_m, kRingOuter * radius_m, 1 - ground);
+      AddBlankSectors(codes_[static_cast<size_t>(point.id - options_.first_id)], centre_m, &drawing);
+      drawing.AddDisc(centre_m, kRingInner * radius_m, ground);
+      drawing.AddDisc(centre_m, radius_m, 1 - ground);
+      // Below the ring, to the right.
+      const double height_m = 0.6 * radius_m;
+      const double offset_m = 2.6 * radius_m;
+      drawing.labels.push_back(
+          {std::to_string(point.id), centre_m + Eigen::Vector2d(offset_m, offset_m + height_m), height_m});
+    }
+    return drawing;
+  }
+
+  Detection Detect(const cv::Mat& grey) const override {
+    CHECK_EQ(grey.type(), CV_8UC1);
+    EllipseFinderOptions finder_options;
+    finder_options.polarity = options_.polarity;
+    finder_options.min_diameter_px = 3;
+    std::vector<FoundPoint> found;
+    const std::vector<FoundEllipse> dots = FindEllipses(grey, finder_options);
+    for (const FoundEllipse& dot : dots) {
+      const std::optional<RingReading> reading = decoder_.Read(grey, dot.ellipse);
+      if (reading) AddFound(*reading, &found);
+    }
+    Detection detection;
+    const std::vector<FoundPoint> board = FindBoard(found, &detection.reason);
+    for (const FoundPoint& point : board) {
+      detection.ids.push_back(points_[static_cast<size_t>(point.point)].id);
+      detection.pixels.push_back(point.pixel);
+      detection.covariances_px2.emplace_back(point.covariance_px2);
+    }
+    if (detection.reason.empty() && board.size() < points_.size()) {
+      detection.reason = std::to_string(board.size()) + " of the " + std::to_string(points_.size()) + " points seen (" +
+                         std::to_string(dots.size()) + (dots.size() == 1 ? " dot" : " dots") + " in the picture)";
+    }
+    return detection;
+  }
+
+ private:
+  static std::vector<uint32_t> BoardCodes(const CodedBoardOptions& options) {
+    const std::vector<uint32_t> codes = RingCodes(options.bits, options.code_order);
+    const auto first = codes.begin() + options.first_id;
+    return {first, first + options.rows * options.columns};
+  }
+
+  double RadiusM() const { return 0.5 * options_.dot_diameter_m; }
+
+  void AddBlankSectors(uint32_t code, const Eigen::Vector2d& centre_m, Drawing* drawing) const {
+    const int bits = options_.bits;
+    const auto is_blank = [&](int sector) { return ((code >> (bits - 1 - sector % bits)) & 1U) == 0; };
+    // A code is its own smallest rotation: it begins with a blank sector and ends with another one.
+    CHECK(is_blank(0) && !is_blank(bits - 1));
+    for (int first = 0; first < bits; ++first) {
+      if (!is_blank(first)) continue;
+      int last = first;
+      while (is_blank(last + 1)) ++last;
+      Shape wedge;
+      wedge.albedo = drawing->ground;
+      wedge.points_m.push_back(centre_m);
+      // Chords of at most half a sector, 22.5 degrees, at 3.2 radii stay outside 3.1.
+      const int num_steps = 2 * (last + 1 - first);
+      for (int step = 0; step <= num_steps; ++step) {
+        const double angle = 2 * kPi * (first + 0.5 * step) / bits;
+        wedge.points_m.push_back(centre_m + 3.2 * RadiusM() * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+      }
+      drawing->shapes.push_back(std::move(wedge));
+      first = last;
+    }
+  }
+
+  // A dot may have been a candidate twice: the better reading counts.
+  void AddFound(const RingReading& reading, std::vector<FoundPoint>* found) const {
+    FoundPoint point;
+    point.point = point_of_code_.at(reading.code);
+    point.on_board = points_[static_cast<size_t>(point.point)].in_target.head<2>() / RadiusM();
+    point.pixel = reading.dot.ellipse.centre_px;
+    point.covariance_px2 = reading.dot.centre_covariance_px2;
+    point.radius_px = reading.dot.ellipse.RadiusPx();
+    point.residual_ratio = reading.residual_ratio;
+    point.is_clear = reading.is_clear;
+    for (int count = 0; count < options_.bits; ++count) {
+      if (RotateRing(reading.code, count, options_.bits) != reading.code) continue;
+      Eigen::Matrix3d ring_from_plane = Eigen::Matrix3d::Identity();
+      const Eigen::Matrix2d turn = Eigen::Rotation2Dd(2 * kPi * count / options_.bits).toRotationMatrix();
+      ring_from_plane.topLeftCorner<2, 2>() = turn;
+      ring_from_plane.topRightCorner<2, 1>() = -turn * point.on_board;
+      point.pixel_from_plane.push_back(reading.pixel_from_ring * ring_from_plane);
+    }
+    for (FoundPoint& other : *found) {
+      if ((other.pixel - point.pixel).norm() > 0.5 * std::min(other.radius_px, point.radius_px)) continue;
+      if (point.residual_ratio < other.residual_ratio) other = point;
+      return;
+    }
+    found->push_back(std::move(point));
+  }
+
+  // Whether one of the ways in which `a` can be seen puts `b` where it is.
+  static bool Foretells(const FoundPoint& a, const FoundPoint& b) {
+    const double limit_px = 0.15 * (b.pixel - a.pixel).norm();
+    return std::any_of(a.pixel_from_plane.begin(), a.pixel_from_plane.end(), [&](const Eigen::Matrix3d& map) {
+      const Eigen::Vector3d mapped = map * b.on_board.homogeneous();
+      return mapped.z() > 0.1 && (mapped.hnormalized() - b.pixel).norm() < limit_px;
+    });
+  }
+
+  // For each point, the others by increasing distance on the board.
+  static std::vector<size_t> Neighbours(const std::vector<FoundPoint>& found, size_t i) {
+    std::vector<size_t> others;
+    for (size_t j = 0; j < found.size(); ++j) {
+      if (j != i && found[j].point != found[i].point) others.push_back(j);
+    }
+    std::sort(others.begin(), others.end(), [&](size_t a, size_t b) {
+      const double distance_a = (found[a].on_board - found[i].on_board).squaredNorm();
+      const double distance_b = (found[b].on_board - found[i].on_board).squaredNorm();
+      return distance_a != distance_b ? distance_a < distance_b : a < b;
+    });
+    return others;
+  }
+
+  // The points that agree with each other about where the board is, by increasing id. Says why not if there are none.
+  std::vector<FoundPoint> FindBoard(const std::vector<FoundPoint>& found, std::string* reason) const {
+    constexpr size_t kMaxNeighbours = 12;
+    std::vector<size_t> group(found.size());
+    std::iota(group.begin(), group.end(), 0);
+    const auto group_of = [&](size_t i) {
+      while (group[i] != i) i = group[i];
+      return i;
+    };
+    for (size_t i = 0; i < found.size(); ++i) {
+      const std::vector<size_t> others = Neighbours(found, i);
+      for (size_t k = 0; k < std::min(others.size(), kMaxNeighbours); ++k) {
+        const size_t j = others[k];
+        if (Foretells(found[i], found[j]) && Foretells(found[j], found[i])) group[group_of(i)] = group_of(j);
+      }
+    }
+    std::map<size_t, std::vector<size_t>> groups;
+    for (size_t i = 0; i < found.size(); ++i) groups[group_of(i)].push_back(i);
+    std::vector<std::vector<size_t>> sorted;
+    for (auto& [root, members] : groups) {
+      if (members.size() > 1 || found[members[0]].is_clear) sorted.push_back(std::move(members));
+    }
+    std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
+    if (sorted.empty()) return {};
+    if (sorted.size() > 1 && sorted[1].size() == sorted[0].size()) {
+      *reason = "the points seen do not lie as on the board, or the board is there twice";
+      return {};
+    }
+    std::vector<FoundPoint> board;
+    for (const size_t i : sorted[0]) board.push_back(found[i]);
+    DropStrays(&board);
+    std::sort(board.begin(), board.end(), [](const FoundPoint& a, const FoundPoint& b) { return a.point < b.point; });
+    // Neither of two with one id.
+    std::vector<FoundPoint> unique;
+    for (size_t i = 0; i < board.size(); ++i) {
+      const bool twice = (i > 0 && board[i - 1].point == board[i].point) ||
+                         (i + 1 < board.size() && board[i + 1].point == board[i].point);
+      if (!twice) unique.push_back(board[i]);
+    }
+    return unique;
+  }
+
+  // Leaves out, the worst first, the points that are not where their neighbours say. Lens distortion bends a board, but
+  // hardly among neighbours.
+  static void DropStrays(std::vector<FoundPoint>* board) {
+    constexpr size_t kNumUsed = 8;
+    while (board->size() >= 6) {
+      size_t worst = 0;
+      double worst_ratio = 1;
+      for (size_t i = 0; i < board->size(); ++i) {
+        std::vector<size_t> others = Neighbours(*board, i);
+        if (others.size() > kNumUsed) others.resize(kNumUsed);
+        const std::optional<Eigen::Vector2d> expected = Expected(*board, i, others);
+        if (!expected) continue;
+        const double step_px = ((*board)[others[0]].pixel - (*board)[i].pixel).norm();
+        const double ratio = (*expected - (*board)[i].pixel).norm() / (0.08 * step_px + 1);
+        if (ratio > worst_ratio) {
+          worst_ratio = ratio;
+          worst = i;
+        }
+      }
+      if (worst_ratio <= 1) return;
+      board->erase(board->begin() + static_cast<std::ptrdiff_t>(worst));
+    }
+  }
+
+  // Where the homography through `others` (least squares in the equations, centred and scaled) has point `i`; nothing
+  // if they do not tell.
+  static std::optional<Eigen::Vector2d> Expected(const std::vector<FoundPoint>& board, size_t i,
+                                                 const std::vector<size_t>& others) {
+    if (others.size() < 5) return std::nullopt;
+    const Eigen::Vector2d plane_origin = board[i].on_board;
+    const Eigen::Vector2d pixel_origin = board[others[0]].pixel;
+    const double plane_unit = (board[others.back()].on_board - plane_origin).norm();
+    const double pixel_unit = (board[others.back()].pixel - pixel_origin).norm() + 1;
+    Eigen::Matrix<double, Eigen::Dynamic, 8> rows(2 * static_cast<Eigen::Index>(others.size()), 8);
+    Eigen::VectorXd values(rows.rows());
+    for (size_t n = 0; n < others.size(); ++n) {
+      const Eigen::RowVector2d plane = (board[others[n]].on_board - plane_origin).transpose() / plane_unit;
+      const Eigen::Vector2d pixel = (board[others[n]].pixel - pixel_origin) / pixel_unit;
+      const Eigen::Index row = 2 * static_cast<Eigen::Index>(n);
+      rows.row(row) << plane, 1, 0, 0, 0, -pixel.x() * plane;
+      rows.row(row + 1) << 0, 0, 0, plane, 1, -pixel.y() * plane;
+      values.segment<2>(row) = pixel;
+    }
+    const Eigen::ColPivHouseholderQR<Eigen::Matrix<double, Eigen::Dynamic, 8>> solver(rows);
+    // All but one on a line leave the homography open.
+    if (solver.rank() < 8 || std::abs(solver.matrixR()(7, 7)) < 1e-3 * std::abs(solver.matrixR()(0, 0))) {
+      return std::nullopt;
+    }
+    const Eigen::Matrix<double, 8, 1> map = solver.solve(values);
+    return pixel_origin + pixel_unit * Eigen::Vector2d(map[2], map[5]);
+  }
+
+  CodedBoardOptions options_;
+  std::vector<uint32_t> codes_;  // Of the points.
+  RingDecoder decoder_;
+  std::vector<TargetPoint> points_;
+  std::map<uint32_t, int> point_of_code_;
+};
+
+}  // namespace
+
+std::unique_ptr<Target> CreateTarget_coded_board(MapReader& reader) {
+  CodedBoardOptions options;
+  options.rows = reader.Int("rows", {2, 200});
+  options.columns = reader.Int("columns", {2, 200});
+  options.spacing_m = reader.PositiveLength("spacing");
+  options.dot_diameter_m = reader.PositiveLength("dot_diameter", 0.25 * options.spacing_m);
+  // From one dot to where the quiet zone of the next one ends the ring of the first.
+  const double least_spacing_m = 0.5 * (kRingOuter + kQuiet) * options.dot_diameter_m;
+  if (options.spacing_m < least_spacing_m * (1 - 1e-9)) {
+    const std::optional<ConfigValue> given = reader.Find("dot_diameter");
+    (given ? *given : reader.Get("spacing"))
+        .Fail("the rings, of three times the dot's diameter, come too close to each other: at most spacing / 3.25");
+  }
+  options.bits = reader.Int("bits", {8, 14}, 12);
+  if (!IsRingSize(options.bits)) reader.Get("bits").Fail("must be 8, 10, 12 or 14");
+  const std::string order = reader.Choice("code_order", {"separation", "value"}, "separation");
+  options.code_order = order == "value" ? RingCodeOrder::kValue : RingCodeOrder::kSeparation;
+  const int num_points = options.rows * options.columns;
+  const int num_codes = static_cast<int>(RingCodes(options.bits, options.code_order).size());
+  options.first_id = reader.Int("first_id", {0, 1000000}, 0);
+  if (options.first_id + num_points > num_codes) {
+    const std::optional<ConfigValue> given = reader.Find("bits");
+    (given ? *given : reader.Get("rows"))
+        .Fail(std::to_string(num_points) + " points from id " + std::to_string(options.first_id) +
+              " on need more than the " + std::to_string(num_codes) + " codes of " + std::to_string(options.bits) +
+              " bits" + (options.bits < 14 ? "; more bits have more" : ""));
+  }
+  const bool light_on_dark = reader.Bool("light_on_dark", false);
+  options.polarity = light_on_dark ? DotPolarity::kLightOnDark : DotPolarity::kDarkOnLight;
+  return std::make_unique<CodedBoard>(options);
+}
+
+}  // namespace heba

@@ -1,0 +1,417 @@
+// Measures how well targets are found, on rendered pictures: precision and bias of points against their true places,
+// how true the stated covariances are, recall by size and tilt, false ids. Prints tables; the same flags give the same
+// figures.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gflags/gflags.h>
+#include <Eigen/Dense>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "heba/base/parallel.h"
+#include "heba/base/rng.h"
+#include "heba/base/units.h"
+#include "heba/camera/camera.h"
+#include "heba/config/yaml_reader.h"
+#include "targets/clutter.h"
+#include "targets/ellipse_finder.h"
+#include "targets/rendering.h"
+#include "targets/ring_code.h"
+#include "targets/target.h"
+
+DEFINE_int32(views, 300, "views for each row of the precision table");
+DEFINE_int32(pictures, 40, "pictures for each size and tilt of the recall table");
+DEFINE_int32(cluttered, 1000, "cluttered pictures with and without a board, to count false ids in");
+DEFINE_int32(jobs, 0, "threads; 0 for one a processor");
+DEFINE_int32(seed, 1, "of all random numbers");
+DEFINE_double(light, 0.3, "uneven light of the precision table, as a share of the brightest");
+DEFINE_string(only, "", "one part: precision, recall or false");
+DEFINE_string(crop, "", "writes a magnified picture (.png) of a fitted dot with its outline and centre, and ends");
+
+namespace heba {
+namespace {
+
+int NumThreads() { return FLAGS_jobs > 0 ? FLAGS_jobs : NumProcessors(); }
+
+std::unique_ptr<Target> MakeTarget(const std::string& keys) {
+  MapReader reader(ParseYaml("{" + keys + "}", "bench"));
+  return CreateTarget(reader);
+}
+
+// The middle of the drawing is seen `distance_m` away, in direction `aside` (x and y by z) of the camera; tilted about
+// any axis in the plane, turned by anything.
+Rigid3d RandomPose(const Drawing& drawing, double distance_m, double tilt_rad, const Eigen::Vector2d& aside, Rng& rng) {
+  const double direction = rng.Uniform(0, 2 * kPi);
+  // A drawing with y up is seen from its front when turned over.
+  const Eigen::Quaterniond front = drawing.y_up ? ExpRotation({kPi, 0, 0}) : Eigen::Quaterniond::Identity();
+  const Eigen::Quaterniond rotation =
+      ExpRotation(tilt_rad * Eigen::Vector3d(std::cos(direction), std::sin(direction), 0)) *
+      ExpRotation({0, 0, rng.Uniform(0, 2 * kPi)}) * front;
+  const Eigen::Vector2d middle = 0.5 * (drawing.min_m + drawing.max_m);
+  const Eigen::Vector3d place(aside.x() * distance_m, aside.y() * distance_m, distance_m);
+  return {rotation, place - rotation * Eigen::Vector3d(middle.x(), middle.y(), 0)};
+}
+
+// Where a point's image is: for a disc the centroid of the imaged area, from its outline's.
+Eigen::Vector2d TruePixel(const Camera& camera, const Rigid3d& camera_from_target, const TargetPoint& point) {
+  if (point.radius_m == 0) return *ProjectPoint(camera, camera_from_target * point.in_target);
+  constexpr int kNumCorners = 2048;
+  std::vector<Eigen::Vector2d> corners;
+  for (int i = 0; i < kNumCorners; ++i) {
+    const double angle = 2 * kPi * i / kNumCorners;
+    corners.push_back(*ProjectPoint(
+        camera, camera_from_target *
+                    (point.in_target + point.radius_m * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0))));
+  }
+  const Eigen::Vector2d origin = corners[0];
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  double area = 0;
+  for (int i = 0; i < kNumCorners; ++i) {
+    const Eigen::Vector2d a = corners[i] - origin;
+    const Eigen::Vector2d b = corners[(i + 1) % kNumCorners] - origin;
+    const double cross = a.x() * b.y() - a.y() * b.x();
+    sum += cross * (a + b) / 3;
+    area += cross;
+  }
+  return origin + sum / area;
+}
+
+// Errors of found points and what was stated about them.
+struct Errors {
+  int num_expected = 0;
+  int num_found = 0;
+  int num_stated = 0;
+  int num_wild = 0;  // Not in the sums: more than half a pixel off.
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  Eigen::Vector2d sum_square = Eigen::Vector2d::Zero();
+  double sum_normalised = 0;  // e' C^-1 e over all groups of points that were measured together.
+  double num_normalised = 0;  // Their coordinates.
+
+  void Add(const Errors& other) {
+    num_expected += other.num_expected;
+    num_found += other.num_found;
+    num_stated += other.num_stated;
+    num_wild += other.num_wild;
+    sum += other.sum;
+    sum_square += other.sum_square;
+    sum_normalised += other.sum_normalised;
+    num_normalised += other.num_normalised;
+  }
+  double RmsPx() const { return std::sqrt(sum_square.sum() / (2 * std::max(num_found - num_wild, 1))); }
+  Eigen::Vector2d BiasPx() const { return sum / std::max(num_found - num_wild, 1); }
+  double Chi() const { return num_normalised > 0 ? std::sqrt(sum_normalised / num_normalised) : 0; }
+};
+
+Errors Compare(const Target& target, const Detection& detection, const Camera& camera,
+               const Rigid3d& camera_from_target) {
+  Errors errors;
+  errors.num_expected = static_cast<int>(target.points().size());
+  std::vector<Eigen::Vector2d> offsets;
+  for (size_t i = 0; i < detection.ids.size(); ++i) {
+    const auto point = std::find_if(target.points().begin(), target.points().end(),
+                                    [&](const TargetPoint& entry) { return entry.id == detection.ids[i]; });
+    offsets.push_back(detection.pixels[i] - TruePixel(camera, camera_from_target, *point));
+    ++errors.num_found;
+    if (offsets.back().norm() > 0.5) {
+      ++errors.num_wild;
+      continue;
+    }
+    errors.sum += offsets.back();
+    errors.sum_square += offsets.back().cwiseAbs2();
+  }
+  size_t first = 0;
+  for (const Eigen::MatrixXd& covariance : detection.covariances_px2) {
+    const Eigen::Index size = covariance.rows();
+    Eigen::VectorXd error(size);
+    for (Eigen::Index i = 0; i < size; ++i) error[i] = offsets[first + static_cast<size_t>(i / 2)][i % 2];
+    first += static_cast<size_t>(size / 2);
+    if (error.cwiseAbs().maxCoeff() > 0.5) continue;
+    errors.sum_normalised += error.dot(covariance.ldlt().solve(error));
+    errors.num_normalised += static_cast<double>(size);
+  }
+  return errors;
+}
+
+Errors Sum(int count, const std::function<Errors(int)>& work) {
+  std::vector<Errors> parts(static_cast<size_t>(count));
+  ParallelFor(count, NumThreads(), [&](int i) { parts[static_cast<size_t>(i)] = work(i); });
+  Errors sum;
+  for (const Errors& part : parts) sum.Add(part);
+  return sum;
+}
+
+void PrintPrecision(const std::string& what, const Errors& errors) {
+  const Eigen::Vector2d bias = errors.BiasPx();
+  const double uncertainty = errors.RmsPx() / std::sqrt(std::max(errors.num_found, 1));
+  std::printf("%-34s %7d %8.3f %5d %9.4f %9.4f %9.4f %8.4f", what.c_str(), errors.num_found,
+              100.0 * errors.num_found / std::max(errors.num_expected, 1), errors.num_wild, errors.RmsPx(), bias.x(),
+              bias.y(), uncertainty);
+  if (errors.num_normalised > 0) {
+    std::printf(" %6.3f\n", errors.Chi());
+  } else {
+    std::printf("   none\n");
+  }
+  std::fflush(stdout);
+}
+
+// f = 2400 px; the target's `unit_m` is `unit_px` long in the middle; tilts to 45 degrees, any roll.
+Errors MeasurePrecision(const Target& target, double unit_m, double unit_px, double blur_px, double noise_grey) {
+  const Drawing drawing = target.Draw();
+  constexpr double kFocalPx = 2400;
+  const double distance_m = kFocalPx * unit_m / unit_px;
+  const double extent_px = 1.1 * (drawing.max_m - drawing.min_m).norm() * unit_px / unit_m;
+  const int size_px = static_cast<int>(extent_px) + 40;
+  return Sum(FLAGS_views, [&](int view) {
+    Rng rng(static_cast<uint64_t>(FLAGS_seed), static_cast<uint64_t>(view));
+    const double middle_px = 0.5 * (size_px - 1);
+    const Camera camera{"pinhole", size_px, size_px, {kFocalPx, kFocalPx, middle_px, middle_px}};
+    const Eigen::Vector2d aside(rng.Uniform(-0.5, 0.5) / kFocalPx, rng.Uniform(-0.5, 0.5) / kFocalPx);
+    const Rigid3d camera_from_target = RandomPose(drawing, distance_m, rng.Uniform(0, kPi / 4), aside, rng);
+    RenderOptions options;
+    options.blur_sigma_px = blur_px;
+    options.noise_sigma_grey = noise_grey;
+    options.black_grey = 30;
+    options.white_grey = 200;
+    options.light_gradient = FLAGS_light;
+    options.seed = static_cast<uint64_t>(FLAGS_seed) * 1000003 + static_cast<uint64_t>(view);
+    const cv::Mat grey = RenderView(drawing, camera, camera_from_target, options);
+    return Compare(target, target.Detect(grey), camera, camera_from_target);
+  });
+}
+
+void ReportPrecision() {
+  std::printf("precision: f 2400 px, tilt 0 to 45 deg, contrast 170 grey, uneven light %.2f, %d views a row\n",
+              FLAGS_light, FLAGS_views);
+  std::printf("%-34s %7s %8s %5s %9s %9s %9s %8s %6s\n", "", "points", "recall %", ">.5px", "rms px", "bias x",
+              "bias y", "+-", "chi");
+  const std::unique_ptr<Target> board =
+      MakeTarget("type: coded_board, rows: 2, columns: 2, spacing: 40 mm, dot_diameter: 10 mm");
+  struct Look {
+    double blur_px;
+    double noise_grey;
+  };
+  for (const double radius_px : {5.0, 10.0, 20.0}) {
+    for (const Look& look : {Look{0.7, 2}, Look{1.2, 2}, Look{1.2, 4}}) {
+      char what[80];
+      std::snprintf(what, sizeof what, "dot r %2.0f px, blur %.1f, noise %.0f", radius_px, look.blur_px,
+                    look.noise_grey);
+      PrintPrecision(what, MeasurePrecision(*board, 0.005, radius_px, look.blur_px, look.noise_grey));
+    }
+  }
+  const std::unique_ptr<Target> tag =
+      MakeTarget("type: apriltag_grid, family: tag36h11, rows: 1, columns: 1, tag_size: 40 mm");
+  for (const double side_px : {30.0, 60.0, 120.0}) {
+    for (const Look& look : {Look{0.7, 2}, Look{1.2, 4}}) {
+      char what[80];
+      std::snprintf(what, sizeof what, "tag side %3.0f px, blur %.1f, noise %.0f", side_px, look.blur_px,
+                    look.noise_grey);
+      PrintPrecision(what, MeasurePrecision(*tag, 0.04, side_px, look.blur_px, look.noise_grey));
+    }
+  }
+}
+
+// A board amid dots, rings and coded rings that are not its own, all before the renderer's clutter.
+Drawing AmidRoundMarks(const Target& board, int count, const std::vector<uint32_t>& avoided_codes, double margin_m,
+                       Rng& rng) {
+  Drawing drawing = board.Draw();
+  const Eigen::AlignedBox2d kept(drawing.min_m, drawing.max_m);
+  drawing.min_m.array() -= margin_m;
+  drawing.max_m.array() += margin_m;
+  const double radius_m = board.points()[0].radius_m;
+  RoundMarksOptions marks;
+  marks.count = count;
+  marks.min_radius_m = 0.4 * radius_m;
+  marks.max_radius_m = 2 * radius_m;
+  marks.avoided_codes = avoided_codes;
+  AddRoundMarks(marks, kept, rng, &drawing);
+  return drawing;
+}
+
+// Of the points whose rings are in the picture; ids that are not where they should be are counted as wild.
+Errors MeasureRecall(double diameter_px, double tilt_rad) {
+  const bool large = diameter_px > 60;
+  const std::unique_ptr<Target> board =
+      MakeTarget(large ? "type: coded_board, rows: 2, columns: 2, spacing: 32.5 mm, dot_diameter: 10 mm"
+                       : "type: coded_board, rows: 4, columns: 5, spacing: 35 mm, dot_diameter: 10 mm");
+  const double radius_m = 0.005;
+  const Camera camera = large ? Camera{"pinhole", 2448, 2048, {2400, 2400, 1223.5, 1023.5}}
+                              : Camera{"pinhole", 1280, 960, {1400, 1400, 639.5, 479.5}};
+  const int num_pictures = large ? std::max(FLAGS_pictures / 2, 1) : FLAGS_pictures;
+  return Sum(num_pictures, [&](int picture) {
+    Rng rng(static_cast<uint64_t>(FLAGS_seed) + 100, static_cast<uint64_t>(picture));
+    const Drawing drawing = AmidRoundMarks(*board, large ? 10 : 60, {}, large ? 0.03 : 0.1, rng);
+    const double distance_m = camera.params[0] * 2 * radius_m / diameter_px;
+    const Eigen::Vector2d aside(rng.Uniform(-0.1, 0.1), rng.Uniform(-0.1, 0.1));
+    const Rigid3d camera_from_target = RandomPose(drawing, distance_m, tilt_rad, aside, rng);
+    RenderOptions options;
+    options.blur_sigma_px = 0.7;
+    options.noise_sigma_grey = 2;
+    options.light_gradient = 0.4;
+    options.clutter = true;
+    options.seed = static_cast<uint64_t>(FLAGS_seed) * 7919 + static_cast<uint64_t>(picture);
+    const cv::Mat grey = RenderView(drawing, camera, camera_from_target, options);
+    const Detection detection = board->Detect(grey);
+    Errors errors = Compare(*board, detection, camera, camera_from_target);
+    errors.num_expected = 0;
+    errors.num_found = 0;
+    for (const TargetPoint& point : board->points()) {
+      bool inside = true;
+      for (int i = 0; i < 48 && inside; ++i) {
+        const double angle = 2 * kPi * i / 48;
+        const std::optional<Eigen::Vector2d> pixel = ProjectPoint(
+            camera, camera_from_target *
+                        (point.in_target + 3.2 * radius_m * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0)));
+        inside =
+            pixel && pixel->minCoeff() > 1 && pixel->x() < camera.width_px - 2 && pixel->y() < camera.height_px - 2;
+      }
+      if (!inside) continue;
+      ++errors.num_expected;
+      errors.num_found += std::count(detection.ids.begin(), detection.ids.end(), point.id) > 0 ? 1 : 0;
+    }
+    return errors;
+  });
+}
+
+void ReportRecall() {
+  std::printf("\nrecall, %%, among dots, rings and coded rings of others; blur 0.7 px, noise 2, uneven light 0.4\n");
+  std::printf("%-14s", "dot, tilt:");
+  constexpr double kTiltsDeg[] = {0, 20, 40, 50, 60, 65};
+  for (const double tilt_deg : kTiltsDeg) std::printf(" %14.0f deg", tilt_deg);
+  std::printf("\n");
+  Errors all;
+  for (const double diameter_px : {8.0, 9.0, 10.0, 12.0, 16.0, 24.0, 40.0, 80.0, 150.0, 300.0}) {
+    std::printf("%5.0f px      ", diameter_px);
+    for (const double tilt_deg : kTiltsDeg) {
+      const Errors errors = MeasureRecall(diameter_px, tilt_deg * kPi / 180);
+      std::printf("  %7.2f of %5d", 100.0 * errors.num_found / std::max(errors.num_expected, 1), errors.num_expected);
+      std::fflush(stdout);
+      if (tilt_deg <= 60) all.Add(errors);
+    }
+    std::printf("\n");
+  }
+  std::printf("all to 60 deg: %.3f %% of %d; %d wrong places; chi %.3f\n",
+              100.0 * all.num_found / std::max(all.num_expected, 1), all.num_expected, all.num_wild, all.Chi());
+}
+
+void ReportFalse() {
+  const std::string keys = "type: coded_board, rows: 2, columns: 2, spacing: 40 mm, dot_diameter: 10 mm, first_id: ";
+  const std::unique_ptr<Target> board = MakeTarget(keys + "0");
+  const std::unique_ptr<Target> other = MakeTarget(keys + "4");
+  const std::unique_ptr<Target> large =
+      MakeTarget("type: coded_board, rows: 12, columns: 12, spacing: 20 mm, dot_diameter: 5 mm, bits: 14");
+  const Camera camera{"brown5", 1280, 960, {1400, 1400, 639.5, 479.5, -0.1, 0.05, 0, 0, 0}};
+  std::vector<uint32_t> own = RingCodes(12, RingCodeOrder::kSeparation);
+  own.resize(4);
+  const std::vector<uint32_t> all_large = RingCodes(14, RingCodeOrder::kSeparation);
+  struct Case {
+    const char* what;
+    const Target* drawn;
+    const Target* sought;
+    std::vector<uint32_t> avoided;
+  };
+  const Case cases[] = {{"2x2 board, not there (another one is)", other.get(), board.get(), own},
+                        {"2x2 board, there", board.get(), board.get(), {}},
+                        {"12x12 board of 14 bits, not there", other.get(), large.get(), {}}};
+  std::printf("\nfalse ids in %d pictures a row, full of dots, rings and coded rings of others\n", FLAGS_cluttered);
+  std::printf("%-40s %9s %9s %9s\n", "", "found", "true", "false");
+  for (const Case& test : cases) {
+    const Errors errors = Sum(FLAGS_cluttered, [&](int picture) {
+      Rng rng(static_cast<uint64_t>(FLAGS_seed) + 200, static_cast<uint64_t>(picture));
+      const Drawing drawing = AmidRoundMarks(*test.drawn, 120, test.avoided, 0.15, rng);
+      const Eigen::Vector2d aside(rng.Uniform(-0.15, 0.15), rng.Uniform(-0.1, 0.1));
+      const double distance_m = rng.Uniform(0.3, 0.9);
+      const Rigid3d camera_from_target = RandomPose(drawing, distance_m, rng.Uniform(0, 1.0), aside, rng);
+      RenderOptions options;
+      options.blur_sigma_px = rng.Uniform(0.4, 1.5);
+      options.noise_sigma_grey = rng.Uniform(0, 5);
+      options.light_gradient = 0.4;
+      options.clutter = true;
+      options.seed = static_cast<uint64_t>(FLAGS_seed) * 104729 + static_cast<uint64_t>(picture);
+      const cv::Mat grey = RenderView(drawing, camera, camera_from_target, options);
+      const Detection detection = test.sought->Detect(grey);
+      if (test.drawn == test.sought) return Compare(*test.sought, detection, camera, camera_from_target);
+      Errors wrong;
+      wrong.num_found = wrong.num_wild = static_cast<int>(detection.ids.size());
+      return wrong;
+    });
+    std::printf("%-40s %9d %9d %9d\n", test.what, errors.num_found, errors.num_found - errors.num_wild,
+                errors.num_wild);
+    std::fflush(stdout);
+  }
+}
+
+// A dot of 10 px, 24 times as large: outline and centre as they were fitted.
+void WriteCrop(const std::string& path) {
+  const std::unique_ptr<Target> board =
+      MakeTarget("type: coded_board, rows: 2, columns: 2, spacing: 40 mm, dot_diameter: 10 mm");
+  const Drawing drawing = board->Draw();
+  Rng rng(static_cast<uint64_t>(FLAGS_seed));
+  const Camera camera{"pinhole", 300, 300, {2400, 2400, 149.5, 149.5}};
+  const Rigid3d camera_from_target = RandomPose(drawing, 1.2, 0.6, {0, 0}, rng);
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  options.light_gradient = FLAGS_light;
+  const cv::Mat grey = RenderView(drawing, camera, camera_from_target, options);
+  const Detection detection = board->Detect(grey);
+  if (detection.ids.empty()) return;
+  const Ellipse start = Ellipse::FromAxes(detection.pixels[0], 10, 9, 0);
+  RefineEllipseOptions refine_options;
+  refine_options.next_outline_ratio = 2;
+  const std::optional<RefinedEllipse> dot = RefineEllipse(grey, start, refine_options);
+  constexpr int kScale = 24;
+  constexpr int kReachPx = 16;
+  const Eigen::Vector2i corner = detection.pixels[0].array().round().cast<int>() - kReachPx;
+  const cv::Rect box =
+      cv::Rect(corner.x(), corner.y(), 2 * kReachPx + 1, 2 * kReachPx + 1) & cv::Rect(0, 0, grey.cols, grey.rows);
+  cv::Mat crop;
+  cv::resize(grey(box), crop, cv::Size(), kScale, kScale, cv::INTER_NEAREST);
+  cv::cvtColor(crop, crop, cv::COLOR_GRAY2BGR);
+  const auto place = [&](const Eigen::Vector2d& pixel) {
+    return cv::Point(static_cast<int>(std::lround((pixel.x() - box.x + 0.5) * kScale * 16)),
+                     static_cast<int>(std::lround((pixel.y() - box.y + 0.5) * kScale * 16)));
+  };
+  const int shift = 4;  // Of the fixed-point coordinates.
+  if (dot) {
+    const Eigen::Matrix2d axes =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(dot->ellipse.shape).operatorInverseSqrt();
+    std::vector<cv::Point> outline;
+    for (int i = 0; i < 360; ++i) {
+      const double angle = 2 * kPi * i / 360;
+      outline.push_back(place(dot->ellipse.centre_px + axes * Eigen::Vector2d(std::cos(angle), std::sin(angle))));
+    }
+    cv::polylines(crop, outline, true, cv::Scalar(60, 60, 230), 1, cv::LINE_AA, shift);
+  }
+  const Eigen::Vector2d truth = TruePixel(camera, camera_from_target, board->points()[0]);
+  const Eigen::Vector2d x(0.4, 0);
+  const Eigen::Vector2d y(0, 0.4);
+  const Eigen::Vector2d centre = detection.pixels[0];
+  cv::line(crop, place(centre - x), place(centre + x), cv::Scalar(60, 200, 60), 1, cv::LINE_AA, shift);
+  cv::line(crop, place(centre - y), place(centre + y), cv::Scalar(60, 200, 60), 1, cv::LINE_AA, shift);
+  cv::imwrite(path, crop);
+  std::printf("%s: centre at (%.4f, %.4f) px, truth (%.4f, %.4f)\n", path.c_str(), centre.x(), centre.y(), truth.x(),
+              truth.y());
+}
+
+}  // namespace
+}  // namespace heba
+
+int main(int argc, char** argv) {
+  gflags::SetUsageMessage("Measures how well targets are found, on rendered pictures.");
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
+  if (!FLAGS_crop.empty()) {
+    heba::WriteCrop(FLAGS_crop);
+    return 0;
+  }
+  if (FLAGS_only.empty() || FLAGS_only == "precision") heba::ReportPrecision();
+  if (FLAGS_only.empty() || FLAGS_only == "recall") heba::ReportRecall();
+  if (FLAGS_only.empty() || FLAGS_only == "false") heba::ReportFalse();
+  return 0;
+}
