@@ -48,6 +48,7 @@ const std::multimap<std::string, Example> kExamples = {
     {"chessboard", {"{type: chessboard, rows: 6, columns: 6, square: 20 mm}", 0.1, 0.02}},
     {"charuco",
      {"{type: charuco, rows: 5, columns: 7, square: 30 mm, marker: 22 mm, dictionary: DICT_5X5_100}", 0.1, 0.02}},
+    {"coded_board", {"{type: coded_board, rows: 3, columns: 4, spacing: 40 mm, dot_diameter: 10 mm}", 0.03, 0.01}},
     {"circle_grid", {"{type: circle_grid, rows: 5, columns: 7, spacing: 20 mm}", 0.05, 0.01}},
     {"circle_grid", {"{type: circle_grid, rows: 6, columns: 4, spacing: 15 mm, asymmetric: true}", 0.05, 0.01}},
     {"circle_grid", {"{type: circle_grid, rows: 5, columns: 7, spacing: 20 mm, marker_dot: true}", 0.05, 0.01}},

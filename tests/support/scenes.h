@@ -46,6 +46,9 @@ struct TestSceneOptions {
   Camera camera = TestCamera();
   Setup setup = Setup::kEyeToHand;
   double max_tilt_rad = 0.6;
+  // One sigma of what the robot's poses, as the views have them, are wrong by along and about each axis of the gripper.
+  double robot_translation_m = 0;
+  double robot_rotation_rad = 0;
 };
 
 inline TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options = {}) {
@@ -67,6 +70,11 @@ inline TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options = 
     scene.views.push_back(*SimulateView("view_" + std::to_string(scene.views.size()), scene.camera, scene.hand_eye,
                                         mount, options.points, options.noise_px, &rng));
     scene.pairs.push_back({mount, camera_from_target});
+    Tangent6 error;
+    error << options.robot_translation_m * rng.NormalVector3(), options.robot_rotation_rad * rng.NormalVector3();
+    const Rigid3d gripper_from_stated = Inverse(Retract(Rigid3d(), error));
+    scene.views.back().camera_mount_from_target_mount =
+        to_hand ? mount * gripper_from_stated : Inverse(gripper_from_stated) * mount;
   }
   return scene;
 }

@@ -1,0 +1,174 @@
+#include "solvers/robot_noise.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <gtest/gtest.h>
+#include <Eigen/Cholesky>
+
+#include "heba/geometry/pose_block.h"
+#include "solvers/bundle_adjustment.h"
+#include "solvers/reprojection_cost.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+constexpr double kTranslationM = 1e-4;
+const double kRotationRad = DegToRad(0.02);
+constexpr double kPixelPx = 0.1;
+
+TestScene NoisyScene(uint64_t seed, Setup setup, double share = 1) {
+  TestSceneOptions options;
+  options.setup = setup;
+  options.num_captures = 20;
+  options.noise_px = kPixelPx;
+  options.robot_translation_m = share * kTranslationM;
+  options.robot_rotation_rad = share * kRotationRad;
+  return MakeTestScene(seed, options);
+}
+
+double MedianOf(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+// Sum of e' C^-1 e over seeds (12 degrees of freedom each) and the RMS distance of the hand-eye poses.
+struct Totals {
+  double chi2 = 0;
+  double squares_m2 = 0;
+  std::vector<double> pixel_px;
+  std::vector<double> translation_m;
+  std::vector<double> rotation_rad;
+};
+
+Totals RunSeeds(Setup setup, double share, const BundleOptions& options, int num_seeds) {
+  Totals totals;
+  for (int seed = 1; seed <= num_seeds; ++seed) {
+    const TestScene scene = NoisyScene(static_cast<uint64_t>(seed), setup, share);
+    const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views, setup}, scene.hand_eye, options);
+    EXPECT_TRUE(solution.ok()) << solution.reason();
+    if (!solution) continue;
+    Eigen::Matrix<double, 12, 1> error;
+    error << LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera),
+        LocalCoordinates(scene.hand_eye.target_mount_from_target, solution->hand_eye.target_mount_from_target);
+    totals.chi2 += error.dot(solution->covariance.matrix.topLeftCorner<12, 12>().ldlt().solve(error));
+    totals.squares_m2 += error.head<3>().squaredNorm();
+    totals.pixel_px.push_back(solution->pixel_sigma_px);
+    if (!solution->robot_noise) continue;
+    totals.translation_m.push_back(solution->robot_noise->translation_m);
+    totals.rotation_rad.push_back(solution->robot_noise->rotation_rad);
+  }
+  return totals;
+}
+
+BundleOptions OptionsOf(BundleOptions::Robot robot) {
+  BundleOptions options;
+  options.loss = "none";
+  options.free_intrinsics = {};
+  options.robot = robot;
+  options.robot_noise = {kTranslationM, kRotationRad};
+  return options;
+}
+
+class RobotNoiseTest : public testing::TestWithParam<Setup> {};
+
+TEST_P(RobotNoiseTest, CorrectionsStandOnTheGrippersSide) {
+  const heba::Setup setup = GetParam();
+  const TestScene scene = NoisyScene(3, setup);
+  const Rigid3d& mount = scene.views[0].camera_mount_from_target_mount;
+  const Tangent6 small = 1e-3 * Tangent6(1, -2, 3, 2, 1, -1);
+  const Rigid3d correction = Retract(Rigid3d(), small);
+  const Rigid3d corrected = CameraFromTarget(setup, scene.hand_eye, mount, correction);
+  // The same, in the robot's words.
+  const Rigid3d base_from_gripper = BaseFromGripper(setup, mount) * correction;
+  EXPECT_LT(
+      DistanceM(corrected, CameraFromTarget(scene.hand_eye, CameraMountFromTargetMount(setup, base_from_gripper))),
+      1e-12);
+  const Matrix6 left = LeftFromCorrection(setup, scene.hand_eye, mount, correction);
+  for (int k = 0; k < 6; ++k) {
+    constexpr double kStep = 1e-6;
+    const Rigid3d moved =
+        CameraFromTarget(setup, scene.hand_eye, mount, Retract(correction, kStep * Tangent6::Unit(k)));
+    const Rigid3d difference = moved * Inverse(corrected);
+    Tangent6 numeric;
+    numeric << difference.translation, LogRotation(difference.rotation);
+    EXPECT_LT((numeric / kStep - left.col(k)).norm(), 1e-4) << k;
+  }
+}
+
+// With the noise known, errors are as the covariance says: 12 numbers a seed, four sigma of the sum to each side.
+TEST_P(RobotNoiseTest, KnownNoiseGivesAnHonestCovarianceAndABetterEstimate) {
+  constexpr int kSeeds = 60;
+  const Totals given = RunSeeds(GetParam(), 1, OptionsOf(BundleOptions::Robot::kGivenNoise), kSeeds);
+  const double dof = 12.0 * kSeeds;
+  EXPECT_NEAR(given.chi2, dof, 4 * std::sqrt(2 * dof));
+  EXPECT_NEAR(MedianOf(given.pixel_px), kPixelPx, 0.03 * kPixelPx);
+  // An exact robot assumed: worse, and blind to it.
+  const Totals exact = RunSeeds(GetParam(), 1, OptionsOf(BundleOptions::Robot::kExact), kSeeds);
+  EXPECT_GT(exact.squares_m2, 1.3 * given.squares_m2);
+  EXPECT_GT(exact.chi2, 5 * dof);
+}
+
+TEST_P(RobotNoiseTest, NoiseIsFoundFromTheCapturesThemselves) {
+  constexpr int kSeeds = 60;
+  const Totals found = RunSeeds(GetParam(), 1, OptionsOf(BundleOptions::Robot::kEstimatedNoise), kSeeds);
+  EXPECT_NEAR(MedianOf(found.pixel_px), kPixelPx, 0.03 * kPixelPx);
+  EXPECT_NEAR(MedianOf(found.translation_m), kTranslationM, 0.15 * kTranslationM);
+  EXPECT_NEAR(MedianOf(found.rotation_rad), kRotationRad, 0.15 * kRotationRad);
+  const Totals given = RunSeeds(GetParam(), 1, OptionsOf(BundleOptions::Robot::kGivenNoise), kSeeds);
+  EXPECT_LT(found.squares_m2, 1.2 * given.squares_m2);
+  // Variances from twenty captures are uncertain themselves: errors are up to a third larger, squared, than they say.
+  EXPECT_LT(found.chi2, 12.0 * kSeeds * 1.4);
+}
+
+TEST_P(RobotNoiseTest, AnExactRobotIsFoundToBeExact) {
+  constexpr int kSeeds = 40;
+  for (const bool camera_is_free : {false, true}) {
+    BundleOptions estimated = OptionsOf(BundleOptions::Robot::kEstimatedNoise);
+    BundleOptions exact = OptionsOf(BundleOptions::Robot::kExact);
+    if (camera_is_free) {
+      estimated.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint,
+                                   ParameterGroup::kDistortion};
+      exact.free_intrinsics = estimated.free_intrinsics;
+    }
+    const Totals found = RunSeeds(GetParam(), 0, estimated, kSeeds);
+    const Totals known = RunSeeds(GetParam(), 0, exact, kSeeds);
+    RecordProperty(camera_is_free ? "ratio_free" : "ratio_held",
+                   std::to_string(std::sqrt(found.squares_m2 / known.squares_m2)));
+    EXPECT_LT(std::sqrt(found.squares_m2), 1.3 * std::sqrt(known.squares_m2)) << camera_is_free;
+    EXPECT_LT(MedianOf(found.translation_m), 0.2 * kTranslationM);
+    EXPECT_LT(MedianOf(found.rotation_rad), 0.2 * kRotationRad);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Setups, RobotNoiseTest, testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
+                         [](const auto& test) { return std::string(SetupName(test.param)); });
+
+TEST(CorrectionPriorTest, JacobianIsTheDerivative) {
+  const auto prior = MakeCorrectionPrior({1e-3, 2e-3});
+  const Rigid3d correction = Retract(Rigid3d(), Tangent6(1e-3, 2e-3, -1e-3, 0.02, -0.03, 0.01));
+  const PoseBlock block = ToBlock(correction);
+  const double* parameters[1] = {block.data()};
+  Eigen::Matrix<double, 6, 7, Eigen::RowMajor> jacobian;
+  double* jacobians[1] = {jacobian.data()};
+  Tangent6 residual;
+  ASSERT_TRUE(prior->Evaluate(parameters, residual.data(), jacobians));
+  Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
+  PoseManifold().PlusJacobian(block.data(), plus.data());
+  const Matrix6 analytic = jacobian * plus;
+  for (int k = 0; k < 6; ++k) {
+    constexpr double kStep = 1e-6;
+    Tangent6 ends[2];
+    for (const int side : {0, 1}) {
+      const PoseBlock moved = ToBlock(Retract(correction, (side == 0 ? -kStep : kStep) * Tangent6::Unit(k)));
+      const double* moved_parameters[1] = {moved.data()};
+      ASSERT_TRUE(prior->Evaluate(moved_parameters, ends[side].data(), nullptr));
+    }
+    const Tangent6 numeric = (ends[1] - ends[0]) / (2 * kStep);
+    EXPECT_LT((numeric - analytic.col(k)).norm(), 1e-5 * numeric.norm()) << k;
+  }
+}
+
+}  // namespace
+}  // namespace heba
