@@ -172,63 +172,74 @@ BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m,
 
 namespace {
 
-int NumTerms(MapFreedom freedom) {
-  constexpr std::array<int, 3> kTerms = {3, 6, 10};
-  return kTerms[static_cast<size_t>(freedom)];
-}
-
 // The map from the pattern, its used rectangle scaled to [-1, 1] on both axes, into the picture: the start's homography
-// plus a polynomial.
+// plus a sum of displacements, which are a homography's six affine and two projective ones and two of a lens, radial
+// about the picture's middle. Whatever a radial lens does to second order within the pattern is among them; for
+// what it does beyond, a polynomial can be added.
 class PatternMap {
  public:
-  PatternMap(const Eigen::Matrix3d& picture_from_pattern, const PatternFitOptions& options)
+  PatternMap(const Eigen::Matrix3d& picture_from_pattern, const PatternFitOptions& options, const cv::Size& picture)
       : centre_m_(0.5 * (options.min_m + options.max_m)),
         half_m_(0.5 * (options.max_m - options.min_m)),
-        num_terms_(NumTerms(std::min(options.freedom, MapFreedom::kQuadratic))) {
+        num_terms_(options.freedom == MapFreedom::kAffine ? kAffineTerms : kLensTerms),
+        lens_px_(0.5 * (picture.width - 1), 0.5 * (picture.height - 1)),
+        lens_radius_px_(lens_px_.norm()) {
     Eigen::Matrix3d pattern_from_unit = Eigen::Matrix3d::Identity();
     pattern_from_unit(0, 0) = half_m_.x();
     pattern_from_unit(1, 1) = half_m_.y();
     pattern_from_unit.topRightCorner<2, 1>() = centre_m_;
     start_ = picture_from_pattern * pattern_from_unit;
+    middle_px_ = Map(start_, Eigen::Vector2d::Zero());
+    size_px_ = std::max({1.0, (Map(start_, Eigen::Vector2d(1, 0)) - middle_px_).norm(),
+                         (Map(start_, Eigen::Vector2d(0, 1)) - middle_px_).norm()});
   }
 
-  void set_freedom(MapFreedom freedom) { num_terms_ = NumTerms(freedom); }
-  int num_params() const { return 2 * num_terms_; }
+  static constexpr int kAffineTerms = 6;
+  static constexpr int kFirstLensTerm = 8;
+  static constexpr int kLensTerms = 10;
+  static constexpr int kPolynomial = 7;  // Squares and cubes.
+  static constexpr int kMaxTerms = 24;
+  using Displacements = Eigen::Matrix<double, 2, kMaxTerms>;
+
   int num_terms() const { return num_terms_; }
+  // Perspective and lens then stay as they are.
+  void AddPolynomial() { num_terms_ = kMaxTerms; }
+  bool IsHeld(int term) const { return num_terms_ == kMaxTerms && term >= kAffineTerms && term < kLensTerms; }
+  // The lens's two numbers are what it displaces at the picture's corner: hardly more than half the picture.
+  double LensSigmaPx() const { return lens_radius_px_; }
   Eigen::Vector2d UnitOf(const Eigen::Vector2d& at_m) const { return (at_m - centre_m_).cwiseQuotient(half_m_); }
   Eigen::Vector2d InPattern(const Eigen::Vector2d& unit) const { return centre_m_ + unit.cwiseProduct(half_m_); }
 
-  static constexpr int kMaxTerms = 10;
-  using TermVector = Eigen::Matrix<double, kMaxTerms, 1>;
-
-  // The polynomial's terms, by degree.
-  static TermVector Terms(const Eigen::Vector2d& q) {
+  // Of a unit of each parameter, at unit coordinates q.
+  Displacements DisplacementsAt(const Eigen::Vector2d& q) const {
+    const Eigen::Vector2d start = Map(start_, q);
+    const Eigen::Vector2d from_middle = (start - middle_px_) / size_px_;
+    const Eigen::Vector2d from_lens = (start - lens_px_) / lens_radius_px_;
+    const double r2 = from_lens.squaredNorm();
+    Displacements terms;
+    terms.leftCols<6>() << 1, q.x(), q.y(), 0, 0, 0, 0, 0, 0, 1, q.x(), q.y();
+    terms.col(6) = from_middle * q.x();
+    terms.col(7) = from_middle * q.y();
+    terms.col(8) = from_lens * r2;
+    terms.col(9) = from_lens * (r2 * r2);
     const double x = q.x();
     const double y = q.y();
-    TermVector terms;
-    terms << 1, x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y;
+    terms.rightCols<2 * kPolynomial>().setZero();
+    terms.row(0).segment<kPolynomial>(kLensTerms) << x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y;
+    terms.row(1).tail<kPolynomial>() = terms.row(0).segment<kPolynomial>(kLensTerms);
     return terms;
   }
 
   Eigen::Vector2d Pixel(const Eigen::VectorXd& params, const Eigen::Vector2d& q) const {
-    const TermVector terms = Terms(q);
-    return Map(start_, q) + Eigen::Vector2d(params.head(num_terms_).dot(terms.head(num_terms_)),
-                                            params.segment(num_terms_, num_terms_).dot(terms.head(num_terms_)));
+    return Map(start_, q) + DisplacementsAt(q).leftCols(num_terms_) * params.head(num_terms_);
   }
 
   // Pixel's derivative by the unit coordinates.
   Eigen::Matrix2d Derivative(const Eigen::VectorXd& params, const Eigen::Vector2d& q) const {
     const Eigen::Vector3d h = start_ * q.homogeneous();
-    Eigen::Matrix2d derivative =
-        (start_.topLeftCorner<2, 2>() - h.head<2>() / h.z() * start_.bottomLeftCorner<1, 2>()) / h.z();
-    const double x = q.x();
-    const double y = q.y();
-    Eigen::Matrix<double, kMaxTerms, 2> terms;
-    terms << 0, 0, 1, 0, 0, 1, 2 * x, 0, y, x, 0, 2 * y, 3 * x * x, 0, 2 * x * y, x * x, y * y, 2 * x * y, 0, 3 * y * y;
-    for (int row = 0; row < 2; ++row) {
-      derivative.row(row) += params.segment(row * num_terms_, num_terms_).transpose() * terms.topRows(num_terms_);
-    }
-    return derivative;
+    const Eigen::Vector2d start = h.head<2>() / h.z();
+    const Eigen::Matrix2d by_start = (start_.topLeftCorner<2, 2>() - start * start_.bottomLeftCorner<1, 2>()) / h.z();
+    return WithTerms(params, q, start, by_start);
   }
 
   // By unit coordinates -> by metres.
@@ -251,10 +262,40 @@ class PatternMap {
   }
 
  private:
+  Eigen::Matrix2d WithTerms(const Eigen::VectorXd& params, const Eigen::Vector2d& q, const Eigen::Vector2d& start,
+                            const Eigen::Matrix2d& by_start) const {
+    Eigen::Matrix2d derivative = by_start;
+    // Columns 0 to 5 of the displacements: (1, x, y) in u and in v.
+    derivative.col(0) += Eigen::Vector2d(params[1], params[4]);
+    derivative.col(1) += Eigen::Vector2d(params[2], params[5]);
+    if (num_terms_ == kAffineTerms) return derivative;
+    const Eigen::Vector2d from_middle = (start - middle_px_) / size_px_;
+    derivative += (params[6] * q.x() + params[7] * q.y()) / size_px_ * by_start;
+    derivative += from_middle * Eigen::RowVector2d(params[6], params[7]);
+    const Eigen::Vector2d from_lens = (start - lens_px_) / lens_radius_px_;
+    const double r2 = from_lens.squaredNorm();
+    const Eigen::Matrix2d outer = from_lens * from_lens.transpose();
+    const Eigen::Matrix2d by_from_lens = params[8] * (r2 * Eigen::Matrix2d::Identity() + 2 * outer) +
+                                         params[9] * (r2 * r2 * Eigen::Matrix2d::Identity() + 4 * r2 * outer);
+    derivative += by_from_lens / lens_radius_px_ * by_start;
+    if (num_terms_ == kLensTerms) return derivative;
+    const double x = q.x();
+    const double y = q.y();
+    Eigen::Matrix<double, kPolynomial, 2> polynomial;
+    polynomial << 2 * x, 0, y, x, 0, 2 * y, 3 * x * x, 0, 2 * x * y, x * x, y * y, 2 * x * y, 0, 3 * y * y;
+    derivative.row(0) += params.segment<kPolynomial>(kLensTerms).transpose() * polynomial;
+    derivative.row(1) += params.segment<kPolynomial>(kLensTerms + kPolynomial).transpose() * polynomial;
+    return derivative;
+  }
+
   Eigen::Vector2d centre_m_;
   Eigen::Vector2d half_m_;
   int num_terms_;
+  Eigen::Vector2d lens_px_;
+  double lens_radius_px_;
   Eigen::Matrix3d start_;
+  Eigen::Vector2d middle_px_;
+  double size_px_ = 1;
 };
 
 struct FitPixel {
@@ -272,7 +313,9 @@ class Fitter {
  public:
   Fitter(const cv::Mat& grey, const CellPattern& pattern, const Eigen::Matrix3d& start,
          const PatternFitOptions& options)
-      : pattern_(pattern), map_(start, options), params_(Eigen::VectorXd::Zero(map_.num_params() + kNumLevels)) {
+      : pattern_(pattern),
+        map_(start, options, grey.size()),
+        params_(Eigen::VectorXd::Zero(map_.num_terms() + kNumLevels)) {
     CollectPixels(grey);
     if (is_usable_) StartLevels();
   }
@@ -280,7 +323,7 @@ class Fitter {
   bool is_usable() const { return is_usable_; }
   const PatternMap& map() const { return map_; }
   const Eigen::VectorXd& params() const { return params_; }
-  double level(Level which) const { return params_[map_.num_params() + which]; }
+  double level(Level which) const { return params_[map_.num_terms() + which]; }
   double contrast() const { return level(kWhite) - level(kBlack); }
 
   // By least squares first; then what deviates counts less. False if a step leads nowhere that can be computed.
@@ -292,19 +335,18 @@ class Fitter {
     return Descend(huber_);
   }
 
-  // Goes on with more freedom if the grey values ask for it: if the cost would fall by more than chance lets it
-  // (chi-square of the added numbers, 2 sigma).
-  bool FreeIfAsked(MapFreedom freedom) {
+  // Goes on with squares and cubes in place of perspective and lens if the grey values ask for them: if the cost would
+  // fall by more than chance lets it (chi-square of the added numbers, 2 sigma).
+  bool AddPolynomialIfAsked() {
     const PatternMap map = map_;
     const Eigen::VectorXd params = params_;
     Equations result = result_;
-    const int few = map.num_terms();
-    map_.set_freedom(freedom);
-    const int many = map_.num_terms();
-    const int num_added = 2 * (many - few);
-    params_ = Eigen::VectorXd::Zero(map_.num_params() + kNumLevels);
-    params_.head(few) = params.head(few);
-    params_.segment(many, few) = params.segment(few, few);
+    const int num_before = map.num_terms();
+    map_.AddPolynomial();
+    const int num_added =
+        map_.num_terms() - PatternMap::kLensTerms - (PatternMap::kLensTerms - PatternMap::kAffineTerms);
+    params_ = Eigen::VectorXd::Zero(map_.num_terms() + kNumLevels);
+    params_.head(num_before) = params.head(num_before);
     params_.tail<kNumLevels>() = params.tail<kNumLevels>();
     Equations wider;
     if (Linearise(params_, huber_, &wider)) {
@@ -350,7 +392,7 @@ class Fitter {
       normal.diagonal() *= 1 + damping;
       const Eigen::VectorXd step = normal.ldlt().solve(-result_.gradient);
       if (!step.allFinite()) return false;
-      if (step.head(map_.num_params()).cwiseAbs().maxCoeff() < kSmallStepPx) return true;
+      if (LargestMovePx(step) < kSmallStepPx) return true;
       const Eigen::VectorXd next = params_ + step;
       Equations there;
       if (IsPossible(next) && Linearise(next, huber, &there) && there.cost <= result_.cost) {
@@ -362,6 +404,19 @@ class Fitter {
       }
     }
     return true;
+  }
+
+  // Of the pattern's corners.
+  double LargestMovePx(const Eigen::VectorXd& step) const {
+    double largest_px = 0;
+    for (const double x : {-1.0, 1.0}) {
+      for (const double y : {-1.0, 1.0}) {
+        const Eigen::Vector2d move =
+            map_.DisplacementsAt({x, y}).leftCols(map_.num_terms()) * step.head(map_.num_terms());
+        largest_px = std::max(largest_px, move.cwiseAbs().maxCoeff());
+      }
+    }
+    return largest_px;
   }
 
   void CollectPixels(const cv::Mat& grey) {
@@ -423,7 +478,7 @@ class Fitter {
   // Blur as a guess, levels by least squares.
   void StartLevels() {
     constexpr double kStartBlurPx = 0.9;
-    params_[map_.num_params() + kBlur] = kStartBlurPx;
+    params_[map_.num_terms() + kBlur] = kStartBlurPx;
     Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
     Eigen::Vector2d right = Eigen::Vector2d::Zero();
     for (const FitPixel& pixel : pixels_) {
@@ -435,8 +490,8 @@ class Fitter {
       right += row * pixel.grey;
     }
     const Eigen::Vector2d levels = normal.ldlt().solve(right);
-    params_[map_.num_params() + kBlack] = levels[0];
-    params_[map_.num_params() + kWhite] = levels[1];
+    params_[map_.num_terms() + kBlack] = levels[0];
+    params_[map_.num_terms() + kWhite] = levels[1];
     is_usable_ = levels.allFinite();
   }
 
@@ -447,8 +502,7 @@ class Fitter {
   }
 
   bool Linearise(const Eigen::VectorXd& params, double huber, Equations* equations) {
-    const int num_map = map_.num_params();
-    const int num_terms = map_.num_terms();
+    const int num_map = map_.num_terms();
     const int n = static_cast<int>(params.size());
     equations->normal.setZero(n, n);
     equations->gradient.setZero(n);
@@ -472,9 +526,7 @@ class Fitter {
       const double level = black + albedo.value * (white - black);
       // The pattern moves with the map, the pixel stays: the derivative has the opposite sign of the picture's slope.
       const Eigen::Vector2d slope = per_metre.transpose().inverse() * albedo.by_at * (lit * (white - black));
-      const PatternMap::TermVector terms = PatternMap::Terms(*unit);
-      row.head(num_terms) = -slope.x() * terms.head(num_terms);
-      row.segment(num_terms, num_terms) = -slope.y() * terms.head(num_terms);
+      row.head(num_map) = -map_.DisplacementsAt(*unit).leftCols(num_map).transpose() * slope;
       row[num_map + kBlack] = lit * (1 - albedo.value);
       row[num_map + kWhite] = lit * albedo.value;
       row[num_map + kLightX] = level * pixel.light.x();
@@ -489,6 +541,23 @@ class Fitter {
       equations->gradient += weight * residual * row;
     }
     equations->normal = Eigen::MatrixXd(equations->normal.selfadjointView<Eigen::Lower>());
+    // Near the picture's middle the pattern says nothing of the lens, nor does it matter.
+    constexpr double kTypicalNoiseGrey = 2;
+    const double prior = kTypicalNoiseGrey / map_.LensSigmaPx();
+    for (int k = 0; k < num_map; ++k) {
+      if (!map_.IsHeld(k)) continue;
+      constexpr double kHeld = 1e12;
+      equations->normal.row(k).setZero();
+      equations->normal.col(k).setZero();
+      equations->normal(k, k) = kHeld;
+      equations->gradient[k] = 0;
+    }
+    for (int k = PatternMap::kFirstLensTerm; k < std::min(num_map, PatternMap::kLensTerms); ++k) {
+      if (map_.IsHeld(k)) continue;
+      equations->normal(k, k) += prior * prior;
+      equations->gradient[k] += prior * prior * params[k];
+      equations->cost += 0.5 * prior * prior * params[k] * params[k];
+    }
     return true;
   }
 
@@ -518,7 +587,7 @@ std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pat
   CHECK((options.max_m.array() > options.min_m.array()).all());
   Fitter fitter(grey, pattern, start_picture_from_pattern, options);
   if (!fitter.is_usable() || !fitter.Solve()) return std::nullopt;
-  if (options.freedom == MapFreedom::kCubic && !fitter.FreeIfAsked(MapFreedom::kCubic)) return std::nullopt;
+  if (options.freedom == MapFreedom::kStrongLens && !fitter.AddPolynomialIfAsked()) return std::nullopt;
   PatternFit fit;
   fit.blur_sigma_px = fitter.level(kBlur);
   fit.contrast_grey = fitter.contrast();
@@ -536,10 +605,7 @@ std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pat
     if (!((fit.pixels.back() - Map(start_picture_from_pattern, wanted_m[k])).norm() <= options.max_move_px)) {
       return std::nullopt;
     }
-    const PatternMap::TermVector terms = PatternMap::Terms(unit);
-    const Eigen::Index row = 2 * static_cast<Eigen::Index>(k);
-    by_params.row(row).head(num_terms) = terms.head(num_terms).transpose();
-    by_params.row(row + 1).segment(num_terms, num_terms) = terms.head(num_terms).transpose();
+    by_params.block(2 * static_cast<Eigen::Index>(k), 0, 2, num_terms) = map.DisplacementsAt(unit).leftCols(num_terms);
   }
   fit.covariance_px2 = by_params * fitter.Covariance() * by_params.transpose();
   if (!fit.covariance_px2.allFinite()) return std::nullopt;

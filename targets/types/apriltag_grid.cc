@@ -487,13 +487,9 @@ class AprilTagGrid final : public Target {
     PatternFitOptions options;
     options.min_m = corners_m[0] - margin;
     options.max_m = corners_m[2] + margin;
-    // The larger the tag, the more of the lens is within it, and the more there is to see it by.
-    constexpr double kMinQuadraticPx = 16;
-    constexpr double kMinCubicPx = 45;
+    constexpr double kMinLensPx = 16;
     const double side_px = MeanSide(tag.corners_px);
-    options.freedom = side_px < kMinQuadraticPx ? MapFreedom::kAffine
-                      : side_px < kMinCubicPx   ? MapFreedom::kQuadratic
-                                                : MapFreedom::kCubic;
+    options.freedom = side_px < kMinLensPx ? MapFreedom::kAffine : MapFreedom::kStrongLens;
     options.max_move_px = std::max(2.0, 0.1 * side_px);  // Edges that a lens bends mislead libapriltag by pixels.
     const std::optional<Eigen::Matrix3d> picture_from_board =
         FitHomography({corners_m.begin(), corners_m.end()}, {tag.corners_px.begin(), tag.corners_px.end()});
