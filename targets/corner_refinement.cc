@@ -43,7 +43,7 @@ MeasuredCorner MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const 
   // Larger windows gain little, cost time and see more of the lens.
   constexpr double kMaxHalfPx = 20;
   // Below, perspective and lens within the window are not to be seen.
-  constexpr double kMinLensPx = 8;
+  constexpr double kMinQuadraticPx = 8;
   double widest_px = 0;
   for (const Eigen::Vector2d& direction : {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}) {
     widest_px = std::max(widest_px, (Map(start, at_m + half_m * direction) - start_px).norm());
@@ -52,7 +52,7 @@ MeasuredCorner MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const 
   PatternFitOptions options;
   options.min_m = at_m - Eigen::Vector2d::Constant(share * half_m);
   options.max_m = at_m + Eigen::Vector2d::Constant(share * half_m);
-  options.freedom = widest_px < kMinLensPx ? MapFreedom::kAffine : MapFreedom::kLens;
+  options.freedom = widest_px < kMinQuadraticPx ? MapFreedom::kAffine : MapFreedom::kQuadratic;
   // Edges just beyond the window blur into it.
   const CellPattern pattern =
       CellsOf(drawing, at_m - Eigen::Vector2d::Constant(2 * half_m), at_m + Eigen::Vector2d::Constant(2 * half_m));

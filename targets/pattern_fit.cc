@@ -46,6 +46,19 @@ LineRange LinesNear(const std::vector<double>& lines, double at, double reach) {
   return {static_cast<size_t>(begin - lines.begin()), static_cast<size_t>(end - lines.begin())};
 }
 
+// The line nearest to `at`; `at` itself if none is within `reach`.
+double NearestOf(const std::vector<double>& lines, double at, double reach) {
+  double nearest = at;
+  double distance = reach;
+  const auto above = std::lower_bound(lines.begin(), lines.end(), at);
+  if (above != lines.end() && *above - at < distance) {
+    nearest = *above;
+    distance = *above - at;
+  }
+  if (above != lines.begin() && at - *(above - 1) < distance) nearest = *(above - 1);
+  return nearest;
+}
+
 // Cells that are lines closer than this together are drawing round-off.
 constexpr double kSameLineRatio = 1e-6;
 
@@ -181,7 +194,8 @@ class PatternMap {
   PatternMap(const Eigen::Matrix3d& picture_from_pattern, const PatternFitOptions& options, const cv::Size& picture)
       : centre_m_(0.5 * (options.min_m + options.max_m)),
         half_m_(0.5 * (options.max_m - options.min_m)),
-        num_terms_(options.freedom == MapFreedom::kAffine ? kAffineTerms : kLensTerms),
+        num_terms_(NumTerms(options.freedom)),
+        has_cubes_(options.freedom != MapFreedom::kQuadratic),
         lens_px_(0.5 * (picture.width - 1), 0.5 * (picture.height - 1)),
         lens_radius_px_(lens_px_.norm()) {
     Eigen::Matrix3d pattern_from_unit = Eigen::Matrix3d::Identity();
@@ -197,14 +211,18 @@ class PatternMap {
   static constexpr int kAffineTerms = 6;
   static constexpr int kFirstLensTerm = 8;
   static constexpr int kLensTerms = 10;
-  static constexpr int kPolynomial = 7;  // Squares and cubes.
+  static constexpr int kSquares = 3;
+  static constexpr int kPolynomial = kSquares + 4;  // And cubes.
   static constexpr int kMaxTerms = 24;
   using Displacements = Eigen::Matrix<double, 2, kMaxTerms>;
 
   int num_terms() const { return num_terms_; }
   // Perspective and lens then stay as they are.
   void AddPolynomial() { num_terms_ = kMaxTerms; }
-  bool IsHeld(int term) const { return num_terms_ == kMaxTerms && term >= kAffineTerms && term < kLensTerms; }
+  bool IsHeld(int term) const {
+    if (num_terms_ < kMaxTerms || term < kAffineTerms) return false;
+    return term < kLensTerms || (!has_cubes_ && (term - kLensTerms) % kPolynomial >= kSquares);
+  }
   // The lens's two numbers are what it displaces at the picture's corner: hardly more than half the picture.
   double LensSigmaPx() const { return lens_radius_px_; }
   Eigen::Vector2d UnitOf(const Eigen::Vector2d& at_m) const { return (at_m - centre_m_).cwiseQuotient(half_m_); }
@@ -262,6 +280,18 @@ class PatternMap {
   }
 
  private:
+  static int NumTerms(MapFreedom freedom) {
+    switch (freedom) {
+      case MapFreedom::kAffine:
+        return kAffineTerms;
+      case MapFreedom::kQuadratic:
+        return kMaxTerms;
+      case MapFreedom::kStrongLens:
+        return kLensTerms;
+    }
+    return kLensTerms;
+  }
+
   Eigen::Matrix2d WithTerms(const Eigen::VectorXd& params, const Eigen::Vector2d& q, const Eigen::Vector2d& start,
                             const Eigen::Matrix2d& by_start) const {
     Eigen::Matrix2d derivative = by_start;
@@ -291,6 +321,7 @@ class PatternMap {
   Eigen::Vector2d centre_m_;
   Eigen::Vector2d half_m_;
   int num_terms_;
+  bool has_cubes_;
   Eigen::Vector2d lens_px_;
   double lens_radius_px_;
   Eigen::Matrix3d start_;
@@ -518,10 +549,17 @@ class Fitter {
       const std::optional<Eigen::Vector2d> unit = map_.Invert(params, pixel.at_px, pixel.unit);
       if (!unit) return false;
       pixel.unit = *unit;
-      const Eigen::Matrix2d derivative = map_.Derivative(params, *unit);
+      // Half way to the lines that blur into the pixel: so taken, the map's derivative gives the distance to them to
+      // second order.
+      const Eigen::Vector2d at_m = map_.InPattern(*unit);
+      const Eigen::Matrix2d metres_by_px = map_.PerMetre(map_.Derivative(params, *unit)).inverse();
+      const Eigen::Vector2d half_way_m(
+          0.5 * (at_m.x() + NearestOf(pattern_.x_m, at_m.x(), kReach * blur * metres_by_px.row(0).norm())),
+          0.5 * (at_m.y() + NearestOf(pattern_.y_m, at_m.y(), kReach * blur * metres_by_px.row(1).norm())));
+      const Eigen::Matrix2d derivative = map_.Derivative(params, map_.UnitOf(half_way_m));
       if (!(std::abs(derivative.determinant()) > 1e-12)) return false;
       const Eigen::Matrix2d per_metre = map_.PerMetre(derivative);
-      const BlurredAlbedo albedo = Blurred(pattern_, map_.InPattern(*unit), per_metre, blur);
+      const BlurredAlbedo albedo = Blurred(pattern_, at_m, per_metre, blur);
       const double lit = 1 + light.dot(pixel.light);
       const double level = black + albedo.value * (white - black);
       // The pattern moves with the map, the pixel stays: the derivative has the opposite sign of the picture's slope.

@@ -26,15 +26,16 @@ CellPattern CellsOf(const Drawing& drawing, const Eigen::Vector2d& min_m, const 
 // How far the map from the pattern into the picture may leave its start.
 enum class MapFreedom {
   kAffine,      // 6 numbers: for patterns so small that neither perspective nor lens is to be seen within them.
-  kLens,        // 10 numbers: perspective, and a lens that is radial about the picture's middle.
-  kStrongLens,  // 20 numbers, squares and cubes, if the grey values ask for them: for large patterns.
+  kQuadratic,   // 12 numbers: whatever perspective and lens do to second order.
+  kStrongLens,  // 10 numbers: perspective, and a lens that is radial about the picture's middle; 20 (squares and cubes)
+                // if the grey values ask for them. For large patterns.
 };
 
 struct PatternFitOptions {
   // Of the pattern, the rectangle whose pixels are used.
   Eigen::Vector2d min_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d max_m = Eigen::Vector2d::Zero();
-  MapFreedom freedom = MapFreedom::kLens;
+  MapFreedom freedom = MapFreedom::kQuadratic;
   double max_move_px = 2;  // Of any wanted point from the start.
   double min_contrast_grey = 8;
   // RMS of the residuals by the contrast; beyond it the picture shows something else.
