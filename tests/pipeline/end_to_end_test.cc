@@ -123,7 +123,7 @@ TEST_P(NoisyTest, ErrorLiesWithinTheStatedCovariance) {
   const Json result = Calibrate(folder, SceneText(GetParam().setup, GetParam().target, 3, 15), kFixedCamera);
   ASSERT_FALSE(result.is_null());
   const Json bundle = Bundle(result);
-  const Json covariance = bundle["covariance"];
+  const Json& covariance = bundle["covariance"];
   ASSERT_EQ(covariance["order"][0], "hand_eye.tx_m");
   const Json truth = Json::parse(ReadAll(folder / "data" / "truth.json"))["hand_eye"];
   const auto pose = [](const Json& json) {
