@@ -341,16 +341,23 @@ class RingFit {
     const int x1 = std::min(grey.cols - 1, static_cast<int>(high.x()) + 1);
     const int y1 = std::min(grey.rows - 1, static_cast<int>(high.y()) + 1);
     std::vector<double> gap;
-    for (int row = y0; row <= y1; row += stride) {
-      const uchar* const line = grey.ptr<uchar>(row);
-      for (int column = x0; column <= x1; column += stride) {
-        const Eigen::Vector2d pixel(column, row);
+    // Of a large ring blocks of pixels, which are then its pixels and blur it.
+    sigma_px_ = std::sqrt(sigma_px_ * sigma_px_ + (stride * stride - 1) / 12.0);
+    for (int row = y0; row + stride <= y1 + 1; row += stride) {
+      for (int column = x0; column + stride <= x1 + 1; column += stride) {
+        const Eigen::Vector2d pixel(column + 0.5 * (stride - 1), row + 0.5 * (stride - 1));
         const Eigen::Vector3d mapped = ring_from_pixel * pixel.homogeneous();
         if (mapped.z() <= 0) continue;
         const double radius = mapped.hnormalized().norm();
         if (radius < 1.4 || radius > kQuiet) continue;
-        samples_.push_back({pixel, (pixel - centre_px_) / radius_px_, static_cast<double>(line[column])});
-        if (radius < 1.7) gap.push_back(line[column]);
+        int sum = 0;
+        for (int i = 0; i < stride; ++i) {
+          const uchar* const line = grey.ptr<uchar>(row + i) + column;
+          for (int j = 0; j < stride; ++j) sum += line[j];
+        }
+        const double mean = static_cast<double>(sum) / (stride * stride);
+        samples_.push_back({pixel, (pixel - centre_px_) / radius_px_, mean});
+        if (radius < 1.7) gap.push_back(mean);
       }
     }
     x_[kBlank] = gap.empty() ? 0 : Median(gap);
