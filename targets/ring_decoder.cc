@@ -600,8 +600,10 @@ std::optional<RingReading> RingDecoder::ReadAs(const cv::Mat& grey, const Refine
   }
   reading.pixel_from_ring = fit.PixelFromRing(x) * Turn(2 * kPi * rotations_[guess.word] / bits_);
   reading.residual_ratio = residuals.rms;
-  reading.is_clear = small_px < 0.25 && residuals.rms < 0.08 && residuals.worst_sector < 0.15 &&
-                     residuals.worst_blank < 0.15 && std::abs(x[RingFit::kScale] - 1) < 0.03 + 0.15 * small_px;
+  // About three times what the true rings of rendered pictures have.
+  reading.is_clear = small_px < 0.25 && residuals.rms < 1.5 * reading.dot.residual_ratio + 0.015 + 0.1 * small_px &&
+                     residuals.worst_sector < 0.06 + 0.2 * small_px && residuals.worst_blank < 0.06 + 0.2 * small_px &&
+                     std::abs(x[RingFit::kScale] - 1) < 0.01 + 0.1 * small_px;
   return reading;
 }
 
