@@ -341,16 +341,23 @@ class RingFit {
     const int x1 = std::min(grey.cols - 1, static_cast<int>(high.x()) + 1);
     const int y1 = std::min(grey.rows - 1, static_cast<int>(high.y()) + 1);
     std::vector<double> gap;
-    for (int row = y0; row <= y1; row += stride) {
-      const uchar* const line = grey.ptr<uchar>(row);
-      for (int column = x0; column <= x1; column += stride) {
-        const Eigen::Vector2d pixel(column, row);
+    // Of a large ring blocks of pixels, which are then its pixels and blur it.
+    sigma_px_ = std::sqrt(sigma_px_ * sigma_px_ + (stride * stride - 1) / 12.0);
+    for (int row = y0; row + stride <= y1 + 1; row += stride) {
+      for (int column = x0; column + stride <= x1 + 1; column += stride) {
+        const Eigen::Vector2d pixel(column + 0.5 * (stride - 1), row + 0.5 * (stride - 1));
         const Eigen::Vector3d mapped = ring_from_pixel * pixel.homogeneous();
         if (mapped.z() <= 0) continue;
         const double radius = mapped.hnormalized().norm();
         if (radius < 1.4 || radius > kQuiet) continue;
-        samples_.push_back({pixel, (pixel - centre_px_) / radius_px_, static_cast<double>(line[column])});
-        if (radius < 1.7) gap.push_back(line[column]);
+        int sum = 0;
+        for (int i = 0; i < stride; ++i) {
+          const uchar* const line = grey.ptr<uchar>(row + i) + column;
+          for (int j = 0; j < stride; ++j) sum += line[j];
+        }
+        const double mean = static_cast<double>(sum) / (stride * stride);
+        samples_.push_back({pixel, (pixel - centre_px_) / radius_px_, mean});
+        if (radius < 1.7) gap.push_back(mean);
       }
     }
     x_[kBlank] = gap.empty() ? 0 : Median(gap);
@@ -593,8 +600,10 @@ std::optional<RingReading> RingDecoder::ReadAs(const cv::Mat& grey, const Refine
   }
   reading.pixel_from_ring = fit.PixelFromRing(x) * Turn(2 * kPi * rotations_[guess.word] / bits_);
   reading.residual_ratio = residuals.rms;
-  reading.is_clear = small_px < 0.25 && residuals.rms < 0.08 && residuals.worst_sector < 0.15 &&
-                     residuals.worst_blank < 0.15 && std::abs(x[RingFit::kScale] - 1) < 0.03 + 0.15 * small_px;
+  // About three times what the true rings of rendered pictures have.
+  reading.is_clear = small_px < 0.25 && residuals.rms < 1.5 * reading.dot.residual_ratio + 0.015 + 0.1 * small_px &&
+                     residuals.worst_sector < 0.06 + 0.2 * small_px && residuals.worst_blank < 0.06 + 0.2 * small_px &&
+                     std::abs(x[RingFit::kScale] - 1) < 0.01 + 0.1 * small_px;
   return reading;
 }
 

@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -14,9 +16,11 @@
 #include "heba/base/units.h"
 #include "heba/camera/camera.h"
 #include "targets/clutter.h"
+#include "targets/ellipse_finder.h"
 #include "targets/image.h"
 #include "targets/rendering.h"
 #include "targets/ring_code.h"
+#include "targets/ring_decoder.h"
 #include "targets/target.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/input_error.h"
@@ -416,6 +420,32 @@ TEST(CodedBoard, IsNotSeenInClutter) {
     const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, Cluttered(picture)));
     EXPECT_EQ(detection.ids.size(), is_there ? 4u : 0u) << picture << " " << detection.reason;
     EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1);
+  }
+}
+
+// A drawn sheet of targets 1 to 8 and 17 to 20 of 14 bits, by value and numbered from 1, among plain dots; and rendered
+// boards of two-ring codes and of plain rings, which are not ours: of those nothing can be believed.
+TEST(RingDecoder, ReadsTheSheetsOfOthersAndNotTheirOtherCodes) {
+  const std::filesystem::path folder = DataDir() / "detect_ring_coded_targets" / "images";
+  HEBA_SKIP_WITHOUT(folder);
+  const std::vector<uint32_t> codes = RingCodes(14, RingCodeOrder::kValue);
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (!HasImageSuffix(entry.path())) continue;
+    const cv::Mat grey = ReadGreyImage(entry.path());
+    std::set<int> ids;
+    for (const DotPolarity polarity : {DotPolarity::kDarkOnLight, DotPolarity::kLightOnDark}) {
+      const RingDecoder decoder(14, polarity, codes);
+      EllipseFinderOptions options;
+      options.polarity = polarity;
+      for (const FoundEllipse& dot : FindEllipses(grey, options)) {
+        const std::optional<RingReading> reading = decoder.Read(grey, dot.ellipse);
+        if (!reading || !reading->is_clear) continue;
+        ids.insert(static_cast<int>(std::find(codes.begin(), codes.end(), reading->code) - codes.begin()));
+      }
+    }
+    const bool is_sheet = entry.path().filename().string().find("14bit") != std::string::npos;
+    const std::set<int> expected = {0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19};
+    EXPECT_EQ(ids, is_sheet ? expected : std::set<int>()) << entry.path();
   }
 }
 
