@@ -32,11 +32,9 @@ std::optional<Eigen::Vector2d> RefineCorner(const cv::Mat& grey, const Eigen::Ve
   return refined_px;
 }
 
-MeasuredCorner MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const Eigen::Vector2d& at_m, double half_m,
-                             const Eigen::Matrix3d& picture_from_board, const Eigen::Vector2d& start_px) {
-  // What a window finds that did not see what is drawn: a guess that such points count for little.
-  constexpr double kSaddleSigmaPx = 0.15;
-  MeasuredCorner corner{start_px, kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
+std::optional<MeasuredCorner> MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const Eigen::Vector2d& at_m,
+                                            double half_m, const Eigen::Matrix3d& picture_from_board,
+                                            const Eigen::Vector2d& start_px) {
   Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
   shift.topRightCorner<2, 1>() = start_px - Map(picture_from_board, at_m);
   const Eigen::Matrix3d start = shift * picture_from_board;
@@ -57,8 +55,8 @@ MeasuredCorner MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const 
   const CellPattern pattern =
       CellsOf(drawing, at_m - Eigen::Vector2d::Constant(2 * half_m), at_m + Eigen::Vector2d::Constant(2 * half_m));
   const std::optional<PatternFit> fit = FitPattern(grey, pattern, start, {at_m}, options);
-  if (fit) corner = {fit->pixels.front(), fit->covariance_px2};
-  return corner;
+  if (!fit) return std::nullopt;
+  return MeasuredCorner{fit->pixels.front(), fit->covariance_px2};
 }
 
 }  // namespace heba

@@ -23,9 +23,10 @@ struct MeasuredCorner {
 };
 
 // The corner at `at_m` of a board's drawing, near `start_px`, from the grey values of all that is drawn up to
-// `half_m` away from it along x and y (what lies beyond belongs to the next corner: no grey value counts twice), or,
-// where the picture does not show what is drawn, as a mere saddle. `picture_from_board` tells how the board lies there.
-MeasuredCorner MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const Eigen::Vector2d& at_m, double half_m,
-                             const Eigen::Matrix3d& picture_from_board, const Eigen::Vector2d& start_px);
+// `half_m` away from it along x and y (what lies beyond belongs to the next corner: no grey value counts twice).
+// Nothing where the picture does not show what is drawn. `picture_from_board` tells how the board lies there.
+std::optional<MeasuredCorner> MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const Eigen::Vector2d& at_m,
+                                            double half_m, const Eigen::Matrix3d& picture_from_board,
+                                            const Eigen::Vector2d& start_px);
 
 }  // namespace heba

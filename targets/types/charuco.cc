@@ -118,7 +118,13 @@ class Charuco final : public Target {
         ++missed;
       }
     }
-    if (detection.ids.empty()) {
+    constexpr int kEnoughToTell = 6;
+    if (missed >= kEnoughToTell && missed > static_cast<int>(detection.ids.size()) &&
+        2 * markers.tags.size() > layout_.corners_m.size()) {
+      detection.reason = std::to_string(markers.tags.size()) + " markers of the board, but " + std::to_string(missed) +
+                         " of " + std::to_string(points_.size()) +
+                         " corners do not look as drawn: are rows, columns, square, marker and legacy_pattern right?";
+    } else if (detection.ids.empty()) {
       detection.reason = std::to_string(markers.tags.size()) + " markers, but no corner between them could be measured";
     } else if (missed > 0) {
       detection.reason = std::to_string(missed) + " of " + std::to_string(points_.size()) + " corners not seen";

@@ -295,7 +295,11 @@ class Chessboard final : public Target {
       drawing.ground = 0;
       for (Shape& shape : drawing.shapes) shape.albedo = 1;
     }
-    return MeasureCorner(grey, drawing, point.in_target.head<2>(), 0.5 * square_m_, *picture_from_board, here_px);
+    // What a window finds that did not see what is drawn: a guess that such a point counts for little.
+    constexpr double kSaddleSigmaPx = 0.15;
+    const MeasuredCorner saddle{here_px, kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
+    return MeasureCorner(grey, drawing, point.in_target.head<2>(), 0.5 * square_m_, *picture_from_board, here_px)
+        .value_or(saddle);
   }
 
   // How far a corner is from the next lines of the board.

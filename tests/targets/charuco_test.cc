@@ -104,7 +104,7 @@ TEST(Charuco, FindsRecordedBoardsWithRoomAroundMarkers) {
   const std::unique_ptr<Target> target = MakeTarget(
       "{type: charuco, rows: 7, columns: 5, square: 36.195 mm, marker: 18.256 mm, dictionary: DICT_6X6_250}");
   const RecordedBoards found = DetectRecorded(*target, folder);
-  EXPECT_GE(found.num_points, 371U);  // Of 384.
+  EXPECT_GE(found.num_points, 367U);  // Of 384.
   EXPECT_LT(found.rms_px, 0.62);      // The pictures are interlaced.
 }
 
@@ -115,11 +115,36 @@ TEST(Charuco, FindsRecordedBoardsWithoutRoomAroundMarkers) {
   const std::unique_ptr<Target> target =
       MakeTarget("{type: charuco, rows: 6, columns: 9, square: 40 mm, marker: 35 mm, dictionary: DICT_4X4_250}");
   const RecordedBoards found = DetectRecorded(*target, folder);
-  EXPECT_EQ(found.num_points, 280U);
+  EXPECT_EQ(found.num_points, 277U);
   EXPECT_LT(found.rms_px, 0.52);
 }
 
 // A hand hides corners: those that it leaves are found.
+// Read with the wrong layout markers agree, a square aside; but what lies outside of the board does not pass for its
+// corners.
+TEST(Charuco, WrongLayoutLeavesOutWhatIsNotOnTheBoard) {
+  const std::string markers = "marker: 35 mm, dictionary: DICT_4X4_50";
+  const std::unique_ptr<Target> printed = MakeBoard(6, 9, markers);
+  const std::unique_ptr<Target> assumed = MakeBoard(6, 9, markers + ", legacy_pattern: true");
+  Rng rng(32);
+  const Drawing drawing = printed->Draw();
+  const Detection detection =
+      assumed->Detect(RenderView(drawing, PictureCamera(), RandomView(drawing, 0.9, 0.5, 0.4, rng)));
+  EXPECT_EQ(detection.ids.size(), assumed->points().size() - 5);
+  EXPECT_THAT(detection.reason, HasSubstr("5 of 40 corners not seen"));
+}
+
+// Markers larger or smaller than drawn: the message says where to look.
+TEST(Charuco, WrongMarkerSizeIsNamed) {
+  const std::unique_ptr<Target> printed = MakeBoard(6, 9, "marker: 26 mm, dictionary: DICT_4X4_50");
+  const std::unique_ptr<Target> assumed = MakeBoard(6, 9, "marker: 35 mm, dictionary: DICT_4X4_50");
+  Rng rng(32);
+  const Drawing drawing = printed->Draw();
+  const Detection detection =
+      assumed->Detect(RenderView(drawing, PictureCamera(), RandomView(drawing, 0.45, 0.5, 0.4, rng)));
+  EXPECT_THAT(detection.reason, HasSubstr("do not look as drawn"));
+}
+
 TEST(Charuco, FindsWhatAHandLeaves) {
   const std::filesystem::path folder = DataDir() / "detect_misc_targets" / "images";
   HEBA_SKIP_WITHOUT(folder);
@@ -129,11 +154,13 @@ TEST(Charuco, FindsWhatAHandLeaves) {
   EXPECT_EQ(whole.ids.size(), 24U);
   EXPECT_EQ(whole.reason, "");
   const Detection part = target->Detect(ReadGreyImage(folder / "ic_charuco_obscured.jpg"));
-  for (const int visible : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 18, 19, 21}) {
+  for (const int visible : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 18, 19}) {
     EXPECT_THAT(part.ids, testing::Contains(visible));
   }
+  // None is reported on the hand.
+  for (const int hidden : {16, 20, 22}) EXPECT_THAT(part.ids, testing::Not(testing::Contains(hidden)));
   EXPECT_THAT(part.reason, HasSubstr("not seen"));
-  EXPECT_THAT(target->Detect(ReadGreyImage(folder / "ic_charuco_one_corner.jpg")).ids, testing::Contains(20));
+  EXPECT_THAT(target->Detect(ReadGreyImage(folder / "ic_charuco_one_corner.jpg")).ids, testing::ElementsAre(20));
 }
 
 // A camera of 640 x 480; a homography fits up to its lens.
@@ -142,7 +169,7 @@ TEST(Charuco, FindsARecordedSmallBoard) {
       DataDir() / "detect_misc_targets" / "images" / "moveit_test_charuco_board_detection.jpg";
   HEBA_SKIP_WITHOUT(picture);
   const std::unique_ptr<Target> target =
-      MakeTarget("{type: charuco, rows: 7, columns: 5, square: 20 mm, marker: 15 mm, dictionary: DICT_5X5_250}");
+      MakeTarget("{type: charuco, rows: 7, columns: 5, square: 20 mm, marker: 13 mm, dictionary: DICT_5X5_250}");
   const Detection detection = target->Detect(ReadGreyImage(picture));
   ASSERT_EQ(detection.ids.size(), 24U) << detection.reason;
   std::vector<cv::Point2d> board;
