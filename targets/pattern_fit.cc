@@ -229,6 +229,7 @@ class PatternMap {
   Eigen::Vector2d InPattern(const Eigen::Vector2d& unit) const { return centre_m_ + unit.cwiseProduct(half_m_); }
 
   // Of a unit of each parameter, at unit coordinates q.
+  // The first num_terms().
   Displacements DisplacementsAt(const Eigen::Vector2d& q) const {
     const Eigen::Vector2d start = Map(start_, q);
     const Eigen::Vector2d from_middle = (start - middle_px_) / size_px_;
@@ -240,16 +241,29 @@ class PatternMap {
     terms.col(7) = from_middle * q.y();
     terms.col(8) = from_lens * r2;
     terms.col(9) = from_lens * (r2 * r2);
-    const double x = q.x();
-    const double y = q.y();
+    if (num_terms_ <= kLensTerms) return terms;
     terms.rightCols<2 * kPolynomial>().setZero();
-    terms.row(0).segment<kPolynomial>(kLensTerms) << x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y;
+    terms.row(0).segment<kPolynomial>(kLensTerms) = Polynomial(q.x(), q.y());
     terms.row(1).tail<kPolynomial>() = terms.row(0).segment<kPolynomial>(kLensTerms);
     return terms;
   }
 
   Eigen::Vector2d Pixel(const Eigen::VectorXd& params, const Eigen::Vector2d& q) const {
-    return Map(start_, q) + DisplacementsAt(q).leftCols(num_terms_) * params.head(num_terms_);
+    const double x = q.x();
+    const double y = q.y();
+    const Eigen::Vector2d start = Map(start_, q);
+    Eigen::Vector2d pixel =
+        start + Eigen::Vector2d(params[0] + params[1] * x + params[2] * y, params[3] + params[4] * x + params[5] * y);
+    if (num_terms_ == kAffineTerms) return pixel;
+    pixel += (params[6] * x + params[7] * y) / size_px_ * (start - middle_px_);
+    const Eigen::Vector2d from_lens = (start - lens_px_) / lens_radius_px_;
+    const double r2 = from_lens.squaredNorm();
+    pixel += (params[8] + params[9] * r2) * r2 * from_lens;
+    if (num_terms_ == kLensTerms) return pixel;
+    const Eigen::Matrix<double, kPolynomial, 1> polynomial = Polynomial(x, y);
+    pixel.x() += params.segment<kPolynomial>(kLensTerms).dot(polynomial);
+    pixel.y() += params.segment<kPolynomial>(kLensTerms + kPolynomial).dot(polynomial);
+    return pixel;
   }
 
   // Pixel's derivative by the unit coordinates.
@@ -274,12 +288,17 @@ class PatternMap {
       const Eigen::Vector2d step = derivative.inverse() * (pixel - Pixel(params, q));
       if (!step.allFinite() || step.norm() > 2) return std::nullopt;
       q += step;
-      if (step.norm() < 1e-7) return q;
+      // The error that is left goes with the step's square.
+      if (step.norm() < 1e-4) return q;
     }
     return std::nullopt;
   }
 
  private:
+  static Eigen::Matrix<double, kPolynomial, 1> Polynomial(double x, double y) {
+    return {x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y};
+  }
+
   static int NumTerms(MapFreedom freedom) {
     switch (freedom) {
       case MapFreedom::kAffine:
@@ -359,11 +378,12 @@ class Fitter {
 
   // By least squares first; then what deviates counts less. False if a step leads nowhere that can be computed.
   bool Solve() {
-    if (!Descend(std::numeric_limits<double>::infinity())) return false;
+    constexpr double kRoughPx = 0.02;
+    if (!Descend(std::numeric_limits<double>::infinity(), kRoughPx)) return false;
     constexpr double kHuber = 2.5;
     constexpr double kMinNoiseGrey = 0.3;  // A pixel's rounding.
     huber_ = kHuber * std::max(kMinNoiseGrey, NoiseOf(result_.residuals));
-    return Descend(huber_);
+    return Descend(huber_, kFinePx);
   }
 
   // Goes on with squares and cubes in place of perspective and lens if the grey values ask for them: if the cost would
@@ -384,7 +404,7 @@ class Fitter {
       const double fall = wider.gradient.dot(wider.normal.ldlt().solve(wider.gradient));
       const double dof = static_cast<double>(pixels_.size()) - static_cast<double>(params_.size());
       const double variance = std::max(2 * wider.cost - fall, 0.0) / std::max(1.0, dof);
-      if (fall > variance * (num_added + 2 * std::sqrt(2.0 * num_added))) return Descend(huber_);
+      if (fall > variance * (num_added + 2 * std::sqrt(2.0 * num_added))) return Descend(huber_, kFinePx);
     }
     map_ = map;
     params_ = params;
@@ -404,6 +424,8 @@ class Fitter {
   }
 
  private:
+  static constexpr double kFinePx = 2e-3;
+
   struct Equations {
     Eigen::MatrixXd normal;
     Eigen::VectorXd gradient;
@@ -412,9 +434,8 @@ class Fitter {
   };
 
   // Levenberg-Marquardt to where steps are too small to matter.
-  bool Descend(double huber) {
+  bool Descend(double huber, double small_step_px) {
     constexpr int kMaxIterations = 30;
-    constexpr double kSmallStepPx = 1e-4;
     constexpr double kMaxDamping = 1e4;
     double damping = 1e-4;
     if (!Linearise(params_, huber, &result_)) return false;
@@ -423,8 +444,12 @@ class Fitter {
       normal.diagonal() *= 1 + damping;
       const Eigen::VectorXd step = normal.ldlt().solve(-result_.gradient);
       if (!step.allFinite()) return false;
-      if (LargestMovePx(step) < kSmallStepPx) return true;
       const Eigen::VectorXd next = params_ + step;
+      if (LargestMovePx(step) < small_step_px) {
+        // What is left after it goes with the step's square.
+        if (IsPossible(next)) params_ = next;
+        return true;
+      }
       Equations there;
       if (IsPossible(next) && Linearise(next, huber, &there) && there.cost <= result_.cost) {
         params_ = next;

@@ -29,12 +29,22 @@ SceneConfig ReadSceneConfig(const std::filesystem::path& path) {
   scene.hand_eye.target_mount_from_target = ReadPose(reader.Get("board"));
 
   MapReader motion = SubReader(reader, "motion");
-  scene.motion.num_captures = motion.Int("captures", {1, 10000}, scene.motion.num_captures);
+  scene.motion.num_captures = motion.Int("captures", {0, 10000}, scene.motion.num_captures);
   scene.motion.distance_m = motion.PositiveLength("distance", scene.motion.distance_m);
   scene.motion.depth_ratio = motion.Number("depth", scene.motion.depth_ratio);
   scene.motion.max_tilt_rad = motion.Angle("tilt", scene.motion.max_tilt_rad);
   scene.motion.max_spin_rad = motion.Angle("spin", scene.motion.max_spin_rad);
   scene.motion.spread = motion.Number("spread", scene.motion.spread);
+  if (const std::optional<ConfigValue> value = motion.Find("two_step")) {
+    MapReader two_step(*value);
+    scene.two_step.emplace();
+    scene.two_step->translation_m = two_step.PositiveLength("translation", scene.two_step->translation_m);
+    scene.two_step->num_turns = two_step.Int("turns", {2, 10000}, scene.two_step->num_turns);
+    scene.two_step->max_turn_rad = two_step.Angle("angle", scene.two_step->max_turn_rad);
+    two_step.Finish();
+    const std::string faults = scene.two_step->Check();
+    if (!faults.empty()) value->Fail(faults);
+  }
   motion.Finish();
   const std::string motion_faults = scene.motion.Check();
   if (!motion_faults.empty()) motion.value().Fail(motion_faults);

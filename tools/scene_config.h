@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "heba/data/problem.h"
@@ -21,6 +22,7 @@ struct SceneConfig {
   Camera camera;
   HandEye hand_eye;
   MotionOptions motion;
+  std::optional<TwoStepMotionOptions> two_step;  // Comes before `motion`'s free captures.
   RenderOptions image;
   double robot_rotation_sigma_rad = 0;
   double robot_translation_sigma_m = 0;

@@ -118,6 +118,13 @@ class CodedBoard final : public Target {
   }
 
  private:
+  // Whether a ring that is none of the board's hardly ever reads as one of its codes: only then is a point believed
+  // that no other confirms.
+  bool IsRare() const {
+    constexpr double kMaxChance = 0.02;
+    return static_cast<double>(codes_.size()) * options_.bits <= kMaxChance * std::pow(2.0, options_.bits);
+  }
+
   static std::vector<uint32_t> BoardCodes(const CodedBoardOptions& options) {
     const std::vector<uint32_t> codes = RingCodes(options.bits, options.code_order);
     const auto first = codes.begin() + options.first_id;
@@ -218,7 +225,7 @@ class CodedBoard final : public Target {
     for (size_t i = 0; i < found.size(); ++i) groups[group_of(i)].push_back(i);
     std::vector<std::vector<size_t>> sorted;
     for (auto& [root, members] : groups) {
-      if (members.size() > 1 || found[members[0]].is_clear) sorted.push_back(std::move(members));
+      if (members.size() > 1 || (found[members[0]].is_clear && IsRare())) sorted.push_back(std::move(members));
     }
     std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
     if (sorted.empty()) return {};

@@ -31,6 +31,23 @@ Points3 AllPoints(const Target& target) {
   return points;
 }
 
+// The two-step method's captures, if the scene has them, then the free ones.
+Outcome<std::vector<SimulatedPose>> MakePoses(const SceneConfig& scene, bool z_out, Rng* rng) {
+  const Points3 points = AllPoints(*scene.target);
+  std::vector<SimulatedPose> poses;
+  if (scene.two_step) {
+    Outcome<std::vector<SimulatedPose>> two_step = SimulateTwoStepPoses(
+        scene.setup, scene.camera, points, z_out, scene.hand_eye, scene.motion, *scene.two_step, rng);
+    if (!two_step) return two_step;
+    poses = *two_step;
+  }
+  if (scene.motion.num_captures == 0) return poses;
+  const Outcome<std::vector<Rigid3d>> free = SimulatePoses(scene.camera, points, z_out, scene.motion, rng);
+  if (!free) return Failure{free.reason()};
+  for (const Rigid3d& pose : *free) poses.push_back({scene.two_step ? "free" : "", pose});
+  return poses;
+}
+
 // A run config for the data set, ready for `heba run`.
 std::string RunConfigText(const SceneConfig& scene) {
   YAML::Node config;
@@ -56,8 +73,7 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   StagedFolder folder(FLAGS_out, "truth.json");
   const Drawing drawing = scene.target->Draw();
   Rng rng(scene.seed);
-  const Outcome<std::vector<Rigid3d>> poses =
-      SimulatePoses(scene.camera, AllPoints(*scene.target), drawing.y_up, scene.motion, &rng);
+  const Outcome<std::vector<SimulatedPose>> poses = MakePoses(scene, drawing.y_up, &rng);
   if (!poses) {
     PrintError(arguments[0] + ": " + poses.reason());
     return kWorkFailed;
@@ -65,9 +81,11 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   fs::create_directory(folder.staging() / "images");
   std::vector<PoseRow> rows;
   for (size_t i = 0; i < poses->size(); ++i) {
-    const Rigid3d true_pose = BaseFromGripper(scene.setup, CameraMountFromTargetMount(scene.hand_eye, (*poses)[i]));
+    const Rigid3d true_pose =
+        BaseFromGripper(scene.setup, CameraMountFromTargetMount(scene.hand_eye, (*poses)[i].camera_from_target));
     PoseRow row;
     row.image = ImageName(static_cast<int>(i));
+    row.role = (*poses)[i].role;
     row.pose = WithRobotNoise(true_pose, scene.robot_rotation_sigma_rad, scene.robot_translation_sigma_m, &rng);
     rows.push_back(row);
   }
@@ -78,7 +96,8 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
       const size_t i = static_cast<size_t>(index);
       RenderOptions options = scene.image;
       options.seed = scene.seed * 1000003 + i;
-      WriteImage(folder.staging() / "images" / rows[i].image, RenderView(drawing, scene.camera, (*poses)[i], options));
+      WriteImage(folder.staging() / "images" / rows[i].image,
+                 RenderView(drawing, scene.camera, (*poses)[i].camera_from_target, options));
       const std::lock_guard<std::mutex> lock(mutex);
       progress.Step();
     });

@@ -1,5 +1,6 @@
 #include "heba/simulation/scene.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "heba/base/text.h"
@@ -30,7 +31,7 @@ bool AllInside(const Camera& camera, const Rigid3d& camera_from_target, const Po
 
 std::string MotionOptions::Check() const {
   std::vector<std::string> faults;
-  if (num_captures < 1) faults.emplace_back("at least one capture is needed");
+  if (num_captures < 0) faults.emplace_back("the number of captures must not be negative");
   if (!(distance_m > 0)) faults.emplace_back("the distance must be greater than zero");
   if (!(depth_ratio >= 0 && depth_ratio < 1)) faults.emplace_back("the depth ratio must be in [0, 1)");
   if (!(max_tilt_rad >= 0 && max_tilt_rad < DegToRad(85))) faults.emplace_back("the tilt must be in [0, 85) deg");
@@ -70,6 +71,60 @@ Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3&
     if (AllInside(camera, camera_from_target, points_in_target, options.margin_px)) poses.push_back(camera_from_target);
   }
   return poses;
+}
+
+std::string TwoStepMotionOptions::Check() const {
+  std::vector<std::string> faults;
+  if (!(translation_m > 0)) faults.emplace_back("the translation must be greater than zero");
+  if (num_turns < 2) faults.emplace_back("at least two turns are needed");
+  if (!(max_turn_rad > 0 && max_turn_rad < DegToRad(85))) faults.emplace_back("turns must be in (0, 85) deg");
+  return Join(faults, "\n");
+}
+
+Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Camera& camera,
+                                                         const Points3& points_in_target, bool z_out,
+                                                         const HandEye& hand_eye, const MotionOptions& home,
+                                                         const TwoStepMotionOptions& options, Rng* rng) {
+  const std::string faults = options.Check();
+  CHECK(faults.empty()) << faults;
+  MotionOptions near_axis = home;
+  near_axis.num_captures = 1;
+  near_axis.spread = std::min(home.spread, 0.2);
+  near_axis.max_tilt_rad = std::min(home.max_tilt_rad, DegToRad(10));
+  near_axis.depth_ratio = 0;
+  constexpr int kMaxTrials = 2000;
+  for (int trial = 0; trial < kMaxTrials; ++trial) {
+    const Outcome<std::vector<Rigid3d>> start = SimulatePoses(camera, points_in_target, z_out, near_axis, rng);
+    if (!start) return Failure{start.reason()};
+    const Rigid3d base_from_home = BaseFromGripper(setup, CameraMountFromTargetMount(hand_eye, start->front()));
+    // Moved in the tool's frame; nothing if the target leaves the image.
+    const auto moved = [&](const Rigid3d& home_from_gripper) -> std::optional<Rigid3d> {
+      const Rigid3d camera_from_target =
+          CameraFromTarget(hand_eye, CameraMountFromTargetMount(setup, base_from_home * home_from_gripper));
+      if (!AllInside(camera, camera_from_target, points_in_target, home.margin_px)) return std::nullopt;
+      return camera_from_target;
+    };
+    std::vector<SimulatedPose> poses = {{"home", start->front()}};
+    for (const int axis : {0, 1}) {
+      for (const double sign : {1.0, -1.0}) {
+        const std::optional<Rigid3d> pose =
+            moved({Eigen::Quaterniond::Identity(), sign * options.translation_m * Eigen::Vector3d::Unit(axis)});
+        if (!pose) continue;
+        poses.push_back({axis == 0 ? "translate_x" : "translate_y", *pose});
+        break;
+      }
+    }
+    if (poses.size() < 3) continue;
+    for (int attempt = 0; attempt < kMaxTrials && static_cast<int>(poses.size()) < 3 + options.num_turns; ++attempt) {
+      const double angle = options.max_turn_rad * rng->Uniform(0.4, 1);
+      const std::optional<Rigid3d> pose = moved({ExpRotation(angle * rng->Direction3()), Eigen::Vector3d::Zero()});
+      if (pose) poses.push_back({"rotate", *pose});
+    }
+    if (static_cast<int>(poses.size()) == 3 + options.num_turns) return poses;
+  }
+  return Failure{
+      "the target does not stay in the image during the two translations and the turns about the tool point; shorter "
+      "or smaller ones, or a larger distance, are needed"};
 }
 
 Rigid3d CameraMountFromTargetMount(const HandEye& hand_eye, const Rigid3d& camera_from_target) {

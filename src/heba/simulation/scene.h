@@ -27,6 +27,28 @@ struct MotionOptions {
   [[nodiscard]] std::string Check() const;
 };
 
+// The motion of the two-step method (Fang et al. 2021, section 3): a home pose, one translation along the tool's x and
+// one along its y, turns about the tool point.
+struct TwoStepMotionOptions {
+  double translation_m = 0.1;
+  int num_turns = 12;
+  double max_turn_rad = 0.44;  // About a random axis; at least 0.4 of it is used.
+
+  [[nodiscard]] std::string Check() const;
+};
+
+struct SimulatedPose {
+  std::string role;  // As in poses.csv.
+  Rigid3d camera_from_target;
+};
+
+// From a home pose as SimulatePoses would choose it, with the target near the optical axis and facing the camera. The
+// tool is the gripper as the robot reports it. A Failure if the target does not stay in the image.
+Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Camera& camera,
+                                                         const Points3& points_in_target, bool z_out,
+                                                         const HandEye& hand_eye, const MotionOptions& home,
+                                                         const TwoStepMotionOptions& options, Rng* rng);
+
 // camera_from_target of each capture, all of `points_in_target` in the image. `z_out`: the target's z axis points out
 // of its front side (else into it). A Failure if the target does not fit into the image from such poses.
 Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3& points_in_target, bool z_out,
