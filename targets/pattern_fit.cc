@@ -496,8 +496,12 @@ class Fitter {
     const double size_px = std::max({max_x - min_x, max_y - min_y, 1.0});
     int num_outside = 0;
     Eigen::Vector2d guess = Eigen::Vector2d::Zero();
+    // Of a large pattern every second, third, ... pixel is enough.
+    constexpr double kEnoughPixels = 30000;
+    const int step = 1 + static_cast<int>(std::sqrt((max_x - min_x) * (max_y - min_y) / kEnoughPixels));
     for (int v = static_cast<int>(std::floor(min_y)); v <= static_cast<int>(std::ceil(max_y)); ++v) {
-      for (int u = static_cast<int>(std::floor(min_x)); u <= static_cast<int>(std::ceil(max_x)); ++u) {
+      for (int u = static_cast<int>(std::floor(min_x)) + (step > 1 ? v * 5 % (step * step) : 0);
+           u <= static_cast<int>(std::ceil(max_x)); u += step * step) {
         const Eigen::Vector2d at(u, v);
         std::optional<Eigen::Vector2d> unit = map_.Invert(params_, at, guess);
         if (!unit) unit = map_.Invert(params_, at, Eigen::Vector2d::Zero());

@@ -104,8 +104,8 @@ TEST(Charuco, FindsRecordedBoardsWithRoomAroundMarkers) {
   const std::unique_ptr<Target> target = MakeTarget(
       "{type: charuco, rows: 7, columns: 5, square: 36.195 mm, marker: 18.256 mm, dictionary: DICT_6X6_250}");
   const RecordedBoards found = DetectRecorded(*target, folder);
-  EXPECT_GE(found.num_points, 367U);  // Of 384.
-  EXPECT_LT(found.rms_px, 0.62);      // The pictures are interlaced.
+  EXPECT_GE(found.num_points, 360U);  // Of 384.
+  EXPECT_LT(found.rms_px, 0.6);       // The pictures are interlaced.
 }
 
 TEST(Charuco, FindsRecordedBoardsWithoutRoomAroundMarkers) {
@@ -115,8 +115,8 @@ TEST(Charuco, FindsRecordedBoardsWithoutRoomAroundMarkers) {
   const std::unique_ptr<Target> target =
       MakeTarget("{type: charuco, rows: 6, columns: 9, square: 40 mm, marker: 35 mm, dictionary: DICT_4X4_250}");
   const RecordedBoards found = DetectRecorded(*target, folder);
-  EXPECT_EQ(found.num_points, 277U);
-  EXPECT_LT(found.rms_px, 0.52);
+  EXPECT_GE(found.num_points, 270U);
+  EXPECT_LT(found.rms_px, 0.16);
 }
 
 // A hand hides corners: those that it leaves are found.
