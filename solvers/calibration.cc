@@ -4,6 +4,7 @@
 #include <cmath>
 #include <mutex>
 
+#include "heba/base/error.h"
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
 #include "solvers/hand_eye_method.h"
@@ -54,6 +55,47 @@ void PoseViews(const std::vector<View>& views, const Camera& camera, std::vector
   }
   *posed = std::move(kept_views);
   *poses = std::move(kept_poses);
+}
+
+// Views with too few points for a pose of their own can still refine what the others found: in the chain each point
+// counts. Those that agree with the refinement join it; it stays as it was if the larger one fails.
+void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& options, Calibration* calibration) {
+  // A board that can be read in several orders needs a pose to say in which it was.
+  if (options.symmetries.size() > 1) return;
+  const Solution& solution = *calibration->refined;
+  const std::optional<SquaredErrors> used = ReprojectionErrors(solution.hand_eye, solution.camera, calibration->views);
+  if (!used || !used->RmsPx()) return;
+  constexpr double kMaxRatio = 3;
+  std::vector<View> joined = calibration->views;
+  std::vector<UnusedView> unused;
+  for (const UnusedView& entry : calibration->unused) {
+    const auto view =
+        std::find_if(views.begin(), views.end(), [&](const View& candidate) { return candidate.name == entry.name; });
+    CHECK(view != views.end());
+    const int num_points = view->observations.size();
+    if (num_points == 0 || num_points >= kMinPoints) {
+      unused.push_back(entry);
+      continue;
+    }
+    const std::optional<SquaredErrors> errors = ViewErrors(
+        solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount), view->observations);
+    if (errors && *errors->RmsPx() <= kMaxRatio * *used->RmsPx()) {
+      joined.push_back(*view);
+    } else {
+      unused.push_back({entry.name, std::to_string(num_points) + " points, too few for a pose, and not where the "
+                                                                 "other captures say"});
+    }
+  }
+  if (joined.size() == calibration->views.size()) {
+    calibration->unused = std::move(unused);
+    return;
+  }
+  Outcome<Solution> refined =
+      RefineHandEye({solution.camera, joined, options.setup}, solution.hand_eye, options.bundle);
+  if (!refined) return;
+  calibration->refined = std::move(refined);
+  calibration->views = std::move(joined);
+  calibration->unused = std::move(unused);
 }
 
 MethodResult RunMethod(const HandEyeMethod& method, const Calibration& calibration) {
@@ -118,6 +160,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     calibration.seed = seed->method;
     calibration.refined =
         RefineHandEye({calibration.camera, calibration.views, options.setup}, *seed->hand_eye, options.bundle);
+    if (calibration.refined) AddFewPointViews(views, options, &calibration);
     return calibration;
   }
   // The methods agree on why there is none where the motion is to blame.

@@ -47,7 +47,9 @@ struct UnusedView {
 struct Calibration {
   Camera camera;  // Given or estimated; the closed forms use it.
   bool camera_was_given = false;
-  // The views that were used, their points in the order that the chain decided on, and each one's pair of poses.
+  // The views that were used, their points in the order that the chain decided on, and of each that has a pose of its
+  // own, the first of them, its pair of poses. Views of fewer than four points come last: only the refinement uses
+  // them.
   std::vector<View> views;
   std::vector<PosePair> pairs;
   std::vector<UnusedView> unused;

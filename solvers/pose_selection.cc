@@ -189,7 +189,7 @@ std::vector<PosePair> PairsAsSeen(const Camera& camera, const HandEye& hand_eye,
   std::vector<PosePair> pairs;
   for (const View& view : views) {
     const Rigid3d predicted = CameraFromTarget(hand_eye, view.camera_mount_from_target_mount);
-    Rigid3d nearest = predicted;
+    std::optional<Rigid3d> nearest;
     double nearest_rad = std::numeric_limits<double>::infinity();
     for (const TargetPose& pose : EstimateTargetPose(camera, view.observations)) {
       const double angle_rad = AngleRad(pose.camera_from_target, predicted);
@@ -197,7 +197,7 @@ std::vector<PosePair> PairsAsSeen(const Camera& camera, const HandEye& hand_eye,
       nearest_rad = angle_rad;
       nearest = pose.camera_from_target;
     }
-    pairs.push_back({view.camera_mount_from_target_mount, nearest});
+    if (nearest) pairs.push_back({view.camera_mount_from_target_mount, *nearest});
   }
   return pairs;
 }

@@ -24,8 +24,8 @@ struct ChosenPoses {
 ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
                         const std::vector<std::vector<TargetPose>>& poses, const std::vector<Rigid3d>& symmetries);
 
-// The pairs that a camera sees: of each view's target poses the one nearest to what the chain predicts, which stands in
-// where a view has none of its own.
+// The pairs that a camera sees: of each view's target poses the one nearest to what the chain predicts. Views without a
+// pose of their own have no pair.
 std::vector<PosePair> PairsAsSeen(const Camera& camera, const HandEye& hand_eye, const std::vector<View>& views);
 
 }  // namespace heba
