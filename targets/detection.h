@@ -14,6 +14,7 @@ struct CaptureDetection {
   int width_px = 0;
   int height_px = 0;
   Detection detection;
+  int num_second_pass = 0;  // Of the points, those that the second look added.
 };
 
 // The detection of each capture, in order. Pictures are read, searched and dropped on `num_threads` threads, so that

@@ -191,13 +191,14 @@ namespace {
 // what it does beyond, a polynomial can be added.
 class PatternMap {
  public:
-  PatternMap(const Eigen::Matrix3d& picture_from_pattern, const PatternFitOptions& options, const cv::Size& picture)
+  PatternMap(const Eigen::Matrix3d& picture_from_pattern, const PatternFitOptions& options,
+             const Eigen::Vector2d& lens_px)
       : centre_m_(0.5 * (options.min_m + options.max_m)),
         half_m_(0.5 * (options.max_m - options.min_m)),
         num_terms_(NumTerms(options.freedom)),
         has_cubes_(options.freedom != MapFreedom::kQuadratic),
-        lens_px_(0.5 * (picture.width - 1), 0.5 * (picture.height - 1)),
-        lens_radius_px_(lens_px_.norm()) {
+        lens_px_(lens_px),
+        lens_radius_px_(std::max(1.0, lens_px.norm())) {
     Eigen::Matrix3d pattern_from_unit = Eigen::Matrix3d::Identity();
     pattern_from_unit(0, 0) = half_m_.x();
     pattern_from_unit(1, 1) = half_m_.y();
@@ -348,6 +349,14 @@ class PatternMap {
   double size_px_ = 1;
 };
 
+// The middle of the whole picture, of which `grey` may be a part.
+Eigen::Vector2d LensPx(const cv::Mat& grey) {
+  cv::Size whole;
+  cv::Point offset;
+  grey.locateROI(whole, offset);
+  return {0.5 * (whole.width - 1) - offset.x, 0.5 * (whole.height - 1) - offset.y};
+}
+
 struct FitPixel {
   Eigen::Vector2d at_px;
   Eigen::Vector2d light;  // From the pattern's middle, in units of its size: where the light's gradient is taken.
@@ -364,7 +373,7 @@ class Fitter {
   Fitter(const cv::Mat& grey, const CellPattern& pattern, const Eigen::Matrix3d& start,
          const PatternFitOptions& options)
       : pattern_(pattern),
-        map_(start, options, grey.size()),
+        map_(start, options, LensPx(grey)),
         params_(Eigen::VectorXd::Zero(map_.num_terms() + kNumLevels)) {
     CollectPixels(grey);
     if (is_usable_) StartLevels();

@@ -45,8 +45,9 @@ class Target {
   virtual std::string_view type() const = 0;
   // All points, by increasing id.
   virtual const std::vector<TargetPoint>& points() const = 0;
-  // `grey` is CV_8UC1 and not changed. Only points of this target, each at most once. Called from several threads at
-  // once. A target that can be read in several orders (Symmetries) may be found in any of them.
+  // `grey` is CV_8UC1 and not changed; it may be a part of a larger picture. Only points of this target, each at most
+  // once. Called from several threads at once. A target that can be read in several orders (Symmetries) may be found in
+  // any of them.
   virtual Detection Detect(const cv::Mat& grey) const = 0;
   virtual Drawing Draw() const = 0;
   // The rotations, as target_from_target, under which the target looks the same, the identity first. A target whose

@@ -3,12 +3,18 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <mutex>
+
+#include <opencv2/core.hpp>
 
 #include "heba/base/files.h"
+#include "heba/base/parallel.h"
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
 #include "solvers/calibration.h"
 #include "solvers/pose_selection.h"
+#include "targets/guided_detection.h"
+#include "targets/image.h"
 #include "tools/detection_file.h"
 
 namespace heba {
@@ -101,6 +107,79 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
   return estimates;
 }
 
+// Where the target's points must be in a capture, if the calibration is right; nothing for those out of view.
+std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target, const Solution& solution,
+                                                           const Rigid3d& camera_from_target) {
+  constexpr double kRimPx = 3;
+  std::vector<std::optional<Eigen::Vector2d>> expected;
+  const bool z_out = target.Draw().y_up;
+  const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d(0, 0, z_out ? -1 : 1);
+  for (const TargetPoint& point : target.points()) {
+    const Eigen::Vector3d in_camera = camera_from_target * point.in_target;
+    std::optional<Eigen::Vector2d> pixel = ProjectPoint(solution.camera, in_camera);
+    // From behind there is nothing to see; and strong distortion folds far rays back into the picture.
+    const bool is_visible = pixel && normal.dot(in_camera) > 0 && pixel->x() >= kRimPx && pixel->y() >= kRimPx &&
+                            pixel->x() <= solution.camera.width_px - 1 - kRimPx &&
+                            pixel->y() <= solution.camera.height_px - 1 - kRimPx &&
+                            UnprojectPixel(solution.camera, *pixel).value_or(Eigen::Vector3d::Zero()).dot(in_camera) >
+                                0.999 * in_camera.norm();
+    expected.push_back(is_visible ? pixel : std::nullopt);
+  }
+  return expected;
+}
+
+// Whether a calibration from more points explains them as well as the first its own: it must not be the worse for it.
+bool IsNoWorse(const Calibration& second, const Calibration& first) {
+  constexpr double kMaxRise = 1.05;
+  return second.views.size() >= first.views.size() &&
+         second.refined->pixel_sigma_px <= kMaxRise * first.refined->pixel_sigma_px;
+}
+
+// Looks again, where the calibration says, for what the first look missed; true if anything changed.
+bool LookAgain(const RunConfig& config, const Calibration& calibration, int num_threads, Verbosity verbosity,
+               std::vector<CaptureDetection>* detections) {
+  // A board without ids is found whole or not at all.
+  if (config.target->Symmetries().size() > 1) return false;
+  const Solution& solution = *calibration.refined;
+  const std::optional<SquaredErrors> errors = ReprojectionErrors(solution.hand_eye, solution.camera, calibration.views);
+  if (!errors) return false;
+  constexpr double kMinTolerancePx = 2;
+  constexpr double kToleranceRatio = 4;  // Of the captures' RMS, the robot's noise included.
+  const double tolerance_px = std::max(kMinTolerancePx, kToleranceRatio * errors->RmsPx().value_or(0));
+  std::vector<size_t> incomplete;
+  std::vector<std::vector<std::optional<Eigen::Vector2d>>> expected(config.captures.size());
+  for (size_t i = 0; i < config.captures.size(); ++i) {
+    const Rigid3d mount = CameraMountFromTargetMount(config.setup, config.captures[i].base_from_gripper);
+    expected[i] = ExpectedPixels(*config.target, solution, CameraFromTarget(solution.hand_eye, mount));
+    const auto num_expected =
+        std::count_if(expected[i].begin(), expected[i].end(), [](const auto& pixel) { return pixel.has_value(); });
+    if (static_cast<size_t>(num_expected) > (*detections)[i].detection.ids.size()) incomplete.push_back(i);
+  }
+  if (incomplete.empty()) return false;
+  Progress progress("look again", static_cast<int>(incomplete.size()), verbosity);
+  std::mutex mutex;
+  bool has_changed = false;
+  ParallelFor(static_cast<int>(incomplete.size()), num_threads, [&](int k) {
+    const size_t i = incomplete[static_cast<size_t>(k)];
+    const cv::Mat grey = ReadGreyImage(config.captures[i].image);
+    cv::theRNG() = cv::RNG(static_cast<uint64_t>(i) + 1);
+    GuidedDetection guided = DetectGuided(*config.target, grey, (*detections)[i].detection, expected[i], tolerance_px);
+    const std::lock_guard<std::mutex> lock(mutex);
+    if (guided.num_added > 0 || guided.num_dropped > 0) {
+      has_changed = true;
+      if (guided.num_dropped > 0) {
+        guided.detection.reason += std::string(guided.detection.reason.empty() ? "" : "; ") +
+                                   std::to_string(guided.num_dropped) +
+                                   " points left out that are not where the other captures say";
+      }
+      (*detections)[i].detection = std::move(guided.detection);
+      (*detections)[i].num_second_pass = guided.num_added;
+    }
+    progress.Step();
+  });
+  return has_changed;
+}
+
 std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::vector<CaptureDetection>& detections,
                                             const Calibration& calibration) {
   const Solution& solution = *calibration.refined;
@@ -110,6 +189,7 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
     result.image = config.captures[i].name;
     result.role = config.captures[i].role;
     result.num_points = static_cast<int>(detections[i].detection.ids.size());
+    result.num_second_pass = detections[i].num_second_pass;
     result.reason = detections[i].detection.reason;
     const auto view = std::find_if(calibration.views.begin(), calibration.views.end(),
                                    [&](const View& entry) { return entry.name == result.image; });
@@ -181,7 +261,7 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   if (config.truth) truth = ReadTruth(*config.truth, config.setup);
 
   const Stopwatch detect_watch;
-  const std::vector<CaptureDetection> detections = DetectCaptures(&config, num_threads, console->verbosity());
+  std::vector<CaptureDetection> detections = DetectCaptures(&config, num_threads, console->verbosity());
   RunResult result;
   result.timing.detect_s = detect_watch.Seconds();
   const std::vector<View> views = MakeViews(config, detections);
@@ -196,8 +276,18 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
 
   const Stopwatch solve_watch;
   const CalibrationOptions options = OptionsOf(config, detections.front().width_px, detections.front().height_px);
-  const Outcome<Calibration> calibration = Calibrate(views, options);
+  Outcome<Calibration> calibration = Calibrate(views, options);
   if (!calibration) return Failure{calibration.reason()};
+  if (calibration->refined) {
+    std::vector<CaptureDetection> again = detections;
+    if (LookAgain(config, *calibration, num_threads, console->verbosity(), &again)) {
+      Outcome<Calibration> second = Calibrate(MakeViews(config, again), options);
+      if (second && second->refined && IsNoWorse(*second, *calibration)) {
+        calibration = std::move(second);
+        detections = std::move(again);
+      }
+    }
+  }
   for (const UnusedView& unused : calibration->unused) console->Note("not used: " + unused.name + ": " + unused.reason);
   if (!calibration->refined) {
     // What there is to see of the failure.

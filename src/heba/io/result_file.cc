@@ -228,6 +228,7 @@ std::string ResultToJson(const RunResult& result) {
     json["captures"].push_back(Json{{"image", capture.image},
                                     {"role", capture.role},
                                     {"points", capture.num_points},
+                                    {"points_second_pass", capture.num_second_pass},
                                     {"used", capture.used},
                                     {"reason", capture.reason},
                                     {"rms_px", OrNull(capture.rms_px)},
