@@ -46,6 +46,7 @@ struct TestSceneOptions {
   Camera camera = TestCamera();
   Setup setup = Setup::kEyeToHand;
   double max_tilt_rad = 0.6;
+  double distance_m = 0.7;
   // One sigma of what the robot's poses, as the views have them, are wrong by along and about each axis of the gripper.
   double robot_translation_m = 0;
   double robot_rotation_rad = 0;
@@ -62,7 +63,7 @@ inline TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options = 
   scene.hand_eye = {to_hand ? far_pose : near_pose, to_hand ? near_pose : far_pose};
   MotionOptions motion;
   motion.num_captures = options.num_captures;
-  motion.distance_m = 0.7;
+  motion.distance_m = options.distance_m;
   motion.max_tilt_rad = options.max_tilt_rad;
   const Outcome<std::vector<Rigid3d>> poses = SimulatePoses(scene.camera, options.points, false, motion, &rng);
   for (const Rigid3d& camera_from_target : *poses) {
