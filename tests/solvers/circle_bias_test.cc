@@ -1,0 +1,107 @@
+// Dots are large, tilted and seen through a strong lens: the image of a dot's centre and the centroid of its image are
+// tenths of a pixel apart. The estimate must not notice.
+#include <cmath>
+#include <string>
+
+#include <gtest/gtest.h>
+#include <Eigen/Cholesky>
+
+#include "heba/base/rng.h"
+#include "heba/evaluation/metrics.h"
+#include "solvers/bundle_adjustment.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+constexpr double kNoisePx = 0.01;
+constexpr double kDistanceM = 0.3;
+constexpr double kRadiusM = 20 * kDistanceM / 600;  // 20 px at f = 600 px.
+
+Camera WideCamera() { return {"brown5", 1280, 960, {600, 600, 640, 480, -0.2, 0.05, 0, 0, 0}}; }
+
+// The centroid of a fine polygon on the disc's imaged rim, by the camera model alone.
+Eigen::Vector2d ImagedCentroid(const Camera& camera, const Rigid3d& camera_from_target, const Eigen::Vector3d& centre) {
+  constexpr int kNumSides = 1024;
+  const Eigen::Vector2d middle_px = ProjectPoint(camera, camera_from_target * centre).value();
+  double twice_area_px2 = 0;
+  Eigen::Vector2d moment_px3 = Eigen::Vector2d::Zero();
+  Eigen::Vector2d from_px;
+  for (int k = 0; k <= kNumSides; ++k) {
+    const double angle_rad = 2 * kPi * k / kNumSides;
+    const Eigen::Vector3d rim = centre + kRadiusM * Eigen::Vector3d(std::cos(angle_rad), std::sin(angle_rad), 0);
+    const Eigen::Vector2d to_px = ProjectPoint(camera, camera_from_target * rim).value() - middle_px;
+    if (k > 0) {
+      const double cross_px2 = from_px.x() * to_px.y() - from_px.y() * to_px.x();
+      twice_area_px2 += cross_px2;
+      moment_px3 += cross_px2 / 3 * (from_px + to_px);
+    }
+    from_px = to_px;
+  }
+  return middle_px + moment_px3 / twice_area_px2;
+}
+
+// Discs as detectors measure them, with noise.
+TestScene DiscScene(uint64_t seed, Setup setup) {
+  TestSceneOptions options;
+  options.setup = setup;
+  options.num_captures = 15;
+  options.camera = WideCamera();
+  options.points = GridPoints(4, 3, 0.04);
+  options.max_tilt_rad = DegToRad(40);
+  options.distance_m = kDistanceM;
+  TestScene scene = MakeTestScene(seed, options);
+  Rng rng(seed, 1);
+  for (size_t v = 0; v < scene.views.size(); ++v) {
+    Observations& observations = scene.views[v].observations;
+    observations.radii_m = Eigen::VectorXd::Constant(observations.size(), kRadiusM);
+    for (Eigen::Index i = 0; i < observations.size(); ++i) {
+      observations.pixels.col(i) =
+          ImagedCentroid(scene.camera, scene.pairs[v].camera_from_target, observations.points_in_target.col(i)) +
+          kNoisePx * Eigen::Vector2d(rng.Normal(), rng.Normal());
+    }
+  }
+  return scene;
+}
+
+class CircleBiasTest : public testing::TestWithParam<Setup> {};
+
+TEST_P(CircleBiasTest, TheEstimateLiesWithinItsCovariance) {
+  constexpr int kSeeds = 100;
+  double chi2 = 0;
+  double chi2_of_plain_centres = 0;
+  double squares_m2 = 0;
+  for (int seed = 1; seed <= kSeeds; ++seed) {
+    TestScene scene = DiscScene(static_cast<uint64_t>(seed), GetParam());
+    BundleOptions options;
+    options.loss = "none";
+    options.pixel_noise_px = kNoisePx;
+    for (const bool is_disc : {true, false}) {
+      if (!is_disc) {
+        for (View& view : scene.views) view.observations.radii_m.resize(0);
+      }
+      const Outcome<Solution> solution =
+          RefineHandEye({scene.camera, scene.views, GetParam()}, scene.hand_eye, options);
+      ASSERT_TRUE(solution.ok()) << solution.reason();
+      const Tangent6 error =
+          LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera);
+      const double squares = error.dot(solution->covariance.matrix.topLeftCorner<6, 6>().ldlt().solve(error));
+      (is_disc ? chi2 : chi2_of_plain_centres) += squares;
+      if (is_disc) squares_m2 += error.head<3>().squaredNorm();
+    }
+  }
+  RecordProperty("chi2_per_dof", std::to_string(chi2 / (6 * kSeeds)));
+  RecordProperty("chi2_per_dof_of_plain_centres", std::to_string(chi2_of_plain_centres / (6 * kSeeds)));
+  RecordProperty("rms_mm", std::to_string(1000 * std::sqrt(squares_m2 / kSeeds)));
+  // Six numbers a seed; four sigma of the sum to each side.
+  const double dof = 6.0 * kSeeds;
+  EXPECT_NEAR(chi2, dof, 4 * std::sqrt(2 * dof));
+  // The same pictures, read as if the centroids were the centres.
+  EXPECT_GT(chi2_of_plain_centres, 10 * dof);
+}
+
+INSTANTIATE_TEST_SUITE_P(Setups, CircleBiasTest, testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
+                         [](const auto& test) { return std::string(SetupName(test.param)); });
+
+}  // namespace
+}  // namespace heba
