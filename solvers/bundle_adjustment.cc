@@ -10,6 +10,7 @@
 #include "heba/evaluation/metrics.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/information.h"
+#include "solvers/inliers.h"
 #include "solvers/motion_analysis.h"
 #include "solvers/noise_scale.h"
 #include "solvers/reprojection_cost.h"
@@ -215,6 +216,141 @@ std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Came
   return std::nullopt;
 }
 
+// An estimate under way.
+struct Fit {
+  Problem problem;  // Of the points that count, weighted by what is known of them.
+  State state;
+  Noise noise;
+  RobotNoise robot_stddev;
+  // Detectors know part of the points' noise, point by point; the rest is found from the residuals, equal for all.
+  // Nothing: all points count alike.
+  std::optional<double> excess_px;
+  Convergence convergence;
+};
+
+// The estimate and the noise that it is whitened by determine each other: a few rounds settle both.
+enum class Scale { kOfFit, kMedian };
+Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale scale, const BundleOptions& options) {
+  const int num_unknowns = 12 + static_cast<int>(std::count(free.begin(), free.end(), true));
+  const bool has_robot_noise = options.robot != BundleOptions::Robot::kExact;
+  const bool estimates_robot = options.robot == BundleOptions::Robot::kEstimatedNoise;
+  const double detector_px = TypicalDetectorSigma(fit.problem.views).value_or(0);
+  if (fit.excess_px) WeightByCovariance(*fit.excess_px, &fit.problem.views);
+  constexpr int kMaxRounds = 30;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const ceres::Solver::Summary summary =
+        Minimise(fit.problem, free, fit.noise, loss, options.max_iterations, &fit.state);
+    fit.convergence.converged = summary.termination_type == ceres::CONVERGENCE;
+    fit.convergence.iterations += static_cast<int>(summary.iterations.size()) - 1;
+    fit.convergence.seconds += summary.total_time_in_seconds;
+    fit.convergence.message = summary.message;
+    if (!fit.convergence.converged) {
+      // Mostly for want of information: then that is what to say.
+      const std::optional<Information> weak = InformationAt(fit.problem, fit.state, free, fit.noise, loss);
+      std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
+      if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), fit.state.camera);
+      return failure.value_or(Failure{"the refinement did not converge: " + summary.message});
+    }
+    if (options.pixel_noise_px && !estimates_robot) break;
+    Noise next = fit.noise;
+    if (has_robot_noise) {
+      const EstimatedNoise estimated =
+          EstimateNoise(fit.problem, fit.state, free, fit.noise, loss, !options.pixel_noise_px, estimates_robot);
+      next = estimated.noise;
+      fit.robot_stddev = estimated.robot_stddev;
+    } else {
+      std::string bad_view;
+      const std::optional<std::vector<double>> distances = SquaredDistances(fit.problem, fit.state, &bad_view);
+      CHECK(distances.has_value()) << "Ceres accepted a step that hides a point";
+      // Half of the points may be anything where outliers are looked for.
+      const double median_px = SigmaFromMedian(*distances);
+      next.pixel_px = scale == Scale::kMedian ? median_px : SigmaOfFit(*distances, num_unknowns, loss, median_px);
+    }
+    bool settled = HasSettled(fit.noise, next) || (loss.name == "none" && !has_robot_noise);
+    fit.noise = next;
+    if (detector_px > 0 && !options.pixel_noise_px) {
+      const double next_px = ExcessPx(fit.noise.pixel_px, detector_px);
+      if (!fit.excess_px || std::abs(next_px - *fit.excess_px) > 0.02 * std::hypot(next_px, detector_px)) {
+        settled = false;
+        fit.excess_px = next_px;
+        WeightByCovariance(next_px, &fit.problem.views);
+      }
+    }
+    if (settled) break;
+  }
+  return fit;
+}
+
+using PointFlags = std::vector<std::vector<bool>>;  // By view and point.
+
+PointFlags FindInliers(const Problem& problem, const Fit& fit) {
+  std::vector<View> views = problem.views;
+  if (fit.excess_px) WeightByCovariance(*fit.excess_px, &views);
+  PointFlags flags;
+  for (size_t i = 0; i < views.size(); ++i) {
+    const Rigid3d camera_from_target =
+        CameraFromTarget(problem.setup, fit.state.hand_eye, views[i].camera_mount_from_target_mount,
+                         fit.state.corrections.empty() ? Rigid3d() : fit.state.corrections[i]);
+    flags.push_back(heba::FindInliers(fit.state.camera, camera_from_target, views[i].observations, fit.noise.pixel_px));
+  }
+  return flags;
+}
+
+Problem KeepPoints(const Problem& problem, const PointFlags& keep) {
+  Problem kept = problem;
+  for (size_t i = 0; i < kept.views.size(); ++i) {
+    kept.views[i].observations = heba::KeepPoints(problem.views[i].observations, keep[i]);
+  }
+  return kept;
+}
+
+// Of the points that have an image.
+PointFlags FindVisible(const Problem& problem, const HandEye& hand_eye) {
+  PointFlags flags;
+  for (const View& view : problem.views) {
+    const bool is_visible =
+        Residuals(problem.camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations)
+            .has_value();
+    flags.emplace_back(static_cast<size_t>(view.observations.size()), is_visible);
+  }
+  return flags;
+}
+
+int Count(const PointFlags& flags) {
+  int count = 0;
+  for (const std::vector<bool>& view : flags) count += static_cast<int>(std::count(view.begin(), view.end(), true));
+  return count;
+}
+
+std::optional<Failure> CheckCount(int num_points, const FreeParameters& free) {
+  // More numbers than unknowns, or there is nothing to average.
+  const int num_unknowns = 12 + static_cast<int>(std::count(free.begin(), free.end(), true));
+  if (2 * num_points > num_unknowns) return std::nullopt;
+  return Failure{std::to_string(2 * num_points) + " measured coordinates for " + std::to_string(num_unknowns) +
+                 " unknowns are too few; take more captures or hold the intrinsics"};
+}
+
+// Least squares of the points that pass their test at the estimate that they give. A start that no bad point can pull
+// far comes from a loss that forgets what is far off, its scale shrinking with the residuals.
+Outcome<Fit> SettleTruncated(const Problem& problem, Fit fit, const FreeParameters& free, const BundleOptions& options,
+                             PointFlags* keep) {
+  Outcome<Fit> settled = Settle(std::move(fit), free, *FindLoss("cauchy"), Scale::kMedian, options);
+  if (!settled) return settled;
+  constexpr int kMaxRounds = 20;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    PointFlags inliers = FindInliers(problem, *settled);
+    if (round > 0 && inliers == *keep) break;
+    *keep = std::move(inliers);
+    const int num_kept = Count(*keep);
+    if (const std::optional<Failure> failure = CheckCount(num_kept, free)) return *failure;
+    Fit next = *settled;
+    next.problem = KeepPoints(problem, *keep);
+    settled = Settle(std::move(next), free, *FindLoss("none"), Scale::kOfFit, options);
+    if (!settled) return settled;
+  }
+  return settled;
+}
+
 }  // namespace
 
 std::string BundleOptions::Check() const {
@@ -229,29 +365,27 @@ std::string BundleOptions::Check() const {
 }
 
 Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start, const BundleOptions& options) {
-  Problem problem = problem_in;
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
-  const Loss& loss = *FindLoss(options.loss);
-  const FreeParameters free = FreeOf(problem.camera.Model(), options.free_intrinsics);
+  const bool is_truncated = options.loss == "truncated";
+  const FreeParameters free = FreeOf(problem_in.camera.Model(), options.free_intrinsics);
 
   std::vector<Rigid3d> poses;
-  for (const View& view : problem.views) poses.push_back(view.camera_mount_from_target_mount);
+  for (const View& view : problem_in.views) poses.push_back(view.camera_mount_from_target_mount);
   const std::string why_not = WhyNotObservable(AnalyseMotion(poses));
   if (!why_not.empty()) return Failure{why_not};
-  std::string bad_view;
-  const std::optional<std::vector<double>> start_distances =
-      SquaredDistances(problem, {start, problem.camera, {}}, &bad_view);
-  if (!start_distances) {
-    return Failure{"with the start values the target of capture " + bad_view +
+  PointFlags keep = FindVisible(problem_in, start);
+  std::vector<std::string> hidden;
+  for (size_t i = 0; i < keep.size(); ++i) {
+    if (std::find(keep[i].begin(), keep[i].end(), false) != keep[i].end()) hidden.push_back(problem_in.views[i].name);
+  }
+  // A few may have the wrong pose.
+  if (hidden.size() > (is_truncated ? keep.size() / 2 : 0)) {
+    return Failure{"with the start values the target of capture " + hidden.front() +
                    " lies behind the camera; another seed, or a check of set-up and pose direction, is needed"};
   }
-  // As many numbers as unknowns at the least, or there is nothing to average.
-  const int num_unknowns = 12 + static_cast<int>(std::count(free.begin(), free.end(), true));
-  if (2 * static_cast<int>(start_distances->size()) <= num_unknowns) {
-    return Failure{std::to_string(2 * start_distances->size()) + " measured coordinates for " +
-                   std::to_string(num_unknowns) + " unknowns are too few; take more captures or hold the intrinsics"};
-  }
+  const Problem problem = KeepPoints(problem_in, keep);
+  if (const std::optional<Failure> failure = CheckCount(Count(keep), free)) return *failure;
   const std::optional<Information> start_information = ComputeInformation(problem, start, free, 1.0, *FindLoss("none"));
   CHECK(start_information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
@@ -263,78 +397,46 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
     return *failure;
   }
 
-  State state{start, problem.camera, {}};
-  Noise noise{options.pixel_noise_px.value_or(SigmaFromMedian(*start_distances)), std::nullopt};
-  const bool has_robot_noise = options.robot != BundleOptions::Robot::kExact;
-  const bool estimates_robot = options.robot == BundleOptions::Robot::kEstimatedNoise;
-  if (has_robot_noise) {
-    state.corrections.assign(problem.views.size(), Rigid3d());
+  std::string bad_view;
+  const std::vector<double> start_distances = *SquaredDistances(problem, {start, problem.camera, {}}, &bad_view);
+  Fit fit;
+  fit.problem = problem;
+  fit.state = {start, problem.camera, {}};
+  fit.noise.pixel_px = options.pixel_noise_px.value_or(SigmaFromMedian(start_distances));
+  if (options.robot != BundleOptions::Robot::kExact) {
+    fit.state.corrections.assign(problem.views.size(), Rigid3d());
     // Where nothing is known: a robot of the poorer kind. The estimate does not depend on it.
     constexpr RobotNoise kPoorRobot = {1e-3, 2e-3};
-    noise.robot = AtLeastExact(estimates_robot ? kPoorRobot : options.robot_noise);
+    fit.noise.robot =
+        AtLeastExact(options.robot == BundleOptions::Robot::kEstimatedNoise ? kPoorRobot : options.robot_noise);
   }
-  const bool estimates_any = !options.pixel_noise_px || estimates_robot;
-  // Detectors know part of the points' noise, point by point; the rest is found from the residuals, equal for all. At
-  // first all points count alike.
   const double detector_px = TypicalDetectorSigma(problem.views).value_or(0);
-  std::optional<double> excess_px;
-  if (options.pixel_noise_px && detector_px > 0) {
-    excess_px = ExcessPx(*options.pixel_noise_px, detector_px);
-    WeightByCovariance(*excess_px, &problem.views);
-  }
-  Convergence convergence;
-  RobotNoise robot_stddev;
-  // The estimate and the noise that it is whitened by determine each other: a few rounds settle both.
-  constexpr int kMaxRounds = 30;
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const ceres::Solver::Summary summary = Minimise(problem, free, noise, loss, options.max_iterations, &state);
-    convergence.converged = summary.termination_type == ceres::CONVERGENCE;
-    convergence.iterations += static_cast<int>(summary.iterations.size()) - 1;
-    convergence.seconds += summary.total_time_in_seconds;
-    convergence.message = summary.message;
-    if (!convergence.converged) {
-      // Mostly for want of information: then that is what to say.
-      const std::optional<Information> weak = InformationAt(problem, state, free, noise, loss);
-      std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
-      if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), state.camera);
-      return failure.value_or(Failure{"the refinement did not converge: " + summary.message});
-    }
-    if (!estimates_any) break;
-    Noise next = noise;
-    if (has_robot_noise) {
-      const EstimatedNoise estimated =
-          EstimateNoise(problem, state, free, noise, loss, !options.pixel_noise_px, estimates_robot);
-      next = estimated.noise;
-      robot_stddev = estimated.robot_stddev;
-    } else {
-      const std::optional<std::vector<double>> distances = SquaredDistances(problem, state, &bad_view);
-      CHECK(distances.has_value()) << "Ceres accepted a step that hides a point";
-      next.pixel_px = SigmaOfFit(*distances, num_unknowns, loss, SigmaFromMedian(*distances));
-    }
-    bool settled = HasSettled(noise, next) || (loss.name == "none" && !has_robot_noise);
-    noise = next;
-    if (detector_px > 0 && !options.pixel_noise_px) {
-      const double next_px = ExcessPx(noise.pixel_px, detector_px);
-      if (!excess_px || std::abs(next_px - *excess_px) > 0.02 * std::hypot(next_px, detector_px)) {
-        settled = false;
-        excess_px = next_px;
-        WeightByCovariance(next_px, &problem.views);
-      }
-    }
-    if (settled) break;
-  }
+  if (options.pixel_noise_px && detector_px > 0) fit.excess_px = ExcessPx(*options.pixel_noise_px, detector_px);
 
+  const Loss& loss = *FindLoss(is_truncated ? "none" : options.loss);
+  const Outcome<Fit> settled = is_truncated ? SettleTruncated(problem_in, std::move(fit), free, options, &keep)
+                                            : Settle(std::move(fit), free, loss, Scale::kOfFit, options);
+  if (!settled) return Failure{settled.reason()};
   Solution solution;
-  solution.hand_eye = state.hand_eye;
-  solution.camera = state.camera;
-  solution.pixel_sigma_px = noise.pixel_px;
-  solution.robot_noise = noise.robot;
-  if (estimates_robot) solution.robot_noise_stddev = robot_stddev;
-  solution.corrections = state.corrections;
-  convergence.initial_cost = Cost(*start_distances, {start, problem.camera, {}}, noise, loss);
-  convergence.final_cost = Cost(*SquaredDistances(problem, state, &bad_view), state, noise, loss);
-  solution.convergence = convergence;
-  const std::optional<Information> information = InformationAt(problem, state, free, noise, loss);
+  solution.hand_eye = settled->state.hand_eye;
+  solution.camera = settled->state.camera;
+  solution.pixel_sigma_px = settled->noise.pixel_px;
+  solution.excess_px = settled->excess_px;
+  solution.robot_noise = settled->noise.robot;
+  if (options.robot == BundleOptions::Robot::kEstimatedNoise) solution.robot_noise_stddev = settled->robot_stddev;
+  solution.corrections = settled->state.corrections;
+  for (size_t i = 0; i < keep.size(); ++i) {
+    solution.rejected_ids.emplace_back();
+    for (size_t k = 0; k < keep[i].size(); ++k) {
+      if (!keep[i][k]) solution.rejected_ids.back().push_back(problem_in.views[i].observations.ids[k]);
+    }
+  }
+  solution.convergence = settled->convergence;
+  solution.convergence.initial_cost = Cost(start_distances, {start, problem.camera, {}}, settled->noise, loss);
+  solution.convergence.final_cost =
+      Cost(*SquaredDistances(settled->problem, settled->state, &bad_view), settled->state, settled->noise, loss);
+  const std::optional<Information> information =
+      InformationAt(settled->problem, settled->state, free, settled->noise, loss);
   CHECK(information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
   solution.covariance = InvertInformation(*information, 1.0);

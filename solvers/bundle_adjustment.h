@@ -14,7 +14,7 @@ namespace heba {
 struct BundleOptions {
   std::vector<ParameterGroup> free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint,
                                                  ParameterGroup::kDistortion};
-  std::string loss = "huber";
+  std::string loss = "truncated";
   // One coordinate's noise. Nothing: estimated from the residuals.
   std::optional<double> pixel_noise_px;
   // The robot's poses are exact; are observations with the noise given; or with noise that is estimated together with
@@ -29,11 +29,13 @@ struct BundleOptions {
 };
 
 // Minimises the sum over all points of rho(|projection - observation|^2 / sigma^2) with Ceres, from `start` and
-// problem.camera. Before the solve, the motion and the normal matrix at the start are examined: what the data cannot
-// see is a Failure that names it. So are a target behind the camera at the start, no convergence, and a result whose
-// own sigma says that it means nothing. The covariance is sigma^2 times the inverse of the normal matrix of all free
-// parameters, with the loss's factor (solvers/loss.h); with a noisy robot its corrections (solvers/robot_noise.h) are
-// unknowns too, six a view with the robot's noise as their prior, and the covariance is averaged over them.
+// problem.camera. With the loss `truncated` that is least squares of the points that pass their test at the estimate
+// that they give, found from Cauchy's; the others are named in Solution::rejected_ids and count in nothing, not even if
+// they have no image. Before the solve, the motion and the normal matrix at the start are examined: what the data
+// cannot see is a Failure that names it. So are a target behind the camera at the start, no convergence, and a result
+// whose own sigma says that it means nothing. The covariance is sigma^2 times the inverse of the normal matrix of all
+// free parameters, with the loss's factor (solvers/loss.h); with a noisy robot its corrections (solvers/robot_noise.h)
+// are unknowns too, six a view with the robot's noise as their prior, and the covariance is averaged over them.
 Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options);
 
 }  // namespace heba

@@ -7,54 +7,72 @@
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "solvers/capture_test.h"
+#include "solvers/chain.h"
 #include "solvers/hand_eye_method.h"
+#include "solvers/inliers.h"
 #include "solvers/intrinsics_seed.h"
+#include "solvers/multi_start.h"
 #include "solvers/pose_selection.h"
 #include "solvers/target_pose.h"
+#include "solvers/two_step_motion.h"
 
 namespace heba {
 namespace {
 
 constexpr int kMinPoints = 4;
 
-// Views with a pose of their own; the others go to `unused`.
-void PoseViews(const std::vector<View>& views, const Camera& camera, std::vector<View>* posed,
-               std::vector<std::vector<TargetPose>>* poses, std::vector<UnusedView>* unused) {
+// Views sorted by what they can serve.
+struct SortedViews {
+  std::vector<View> posed;  // With a pose of their own.
+  std::vector<std::vector<TargetPose>> poses;
+  std::vector<View> misfits;  // Their points do not lie on one plane: some or all of them are wrong.
+  std::vector<std::string> misfit_reasons;
+  std::vector<UnusedView> unused;
+};
+
+SortedViews SortViews(const std::vector<View>& views, const Camera& camera) {
+  SortedViews sorted;
   std::vector<double> rms;
   for (const View& view : views) {
     if (view.observations.size() < kMinPoints) {
-      unused->push_back({view.name, std::to_string(view.observations.size()) + " points, 4 are needed for a pose"});
+      sorted.unused.push_back(
+          {view.name, std::to_string(view.observations.size()) + " points, 4 are needed for a pose"});
       continue;
     }
     std::vector<TargetPose> found = EstimateTargetPose(camera, view.observations);
     if (found.empty()) {
-      unused->push_back({view.name, "no pose of the target explains its points"});
+      sorted.misfits.push_back(view);
+      sorted.misfit_reasons.emplace_back("no pose of the target explains its points");
       continue;
     }
     rms.push_back(found.front().rms_px);
-    posed->push_back(view);
-    poses->push_back(std::move(found));
+    sorted.posed.push_back(view);
+    sorted.poses.push_back(std::move(found));
   }
-  if (rms.size() < 3) return;
-  // A view whose points do not lie on one plane, when those of the others do, was read wrongly.
-  std::vector<double> sorted = rms;
-  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2), sorted.end());
-  const double median = sorted[sorted.size() / 2];
+  if (rms.size() < 3) return sorted;
+  // When the points of the others lie on one plane.
+  std::vector<double> ordered = rms;
+  std::nth_element(ordered.begin(), ordered.begin() + static_cast<std::ptrdiff_t>(ordered.size() / 2), ordered.end());
+  const double median = ordered[ordered.size() / 2];
   const double limit_px = std::max(3.0, 8.0 * median);
-  std::vector<View> kept_views;
-  std::vector<std::vector<TargetPose>> kept_poses;
-  for (size_t i = 0; i < posed->size(); ++i) {
+  SortedViews kept;
+  kept.misfits = std::move(sorted.misfits);
+  kept.misfit_reasons = std::move(sorted.misfit_reasons);
+  kept.unused = std::move(sorted.unused);
+  for (size_t i = 0; i < sorted.posed.size(); ++i) {
     if (rms[i] > limit_px) {
-      unused->push_back({(*posed)[i].name, "its points do not fit the target (" + Significant(rms[i], 2) +
-                                               " px rms, half of the captures are below " + Significant(median, 2) +
-                                               "): probably read wrongly"});
+      kept.misfits.push_back(std::move(sorted.posed[i]));
+      kept.misfit_reasons.push_back("its points do not fit the target (" + Significant(rms[i], 2) +
+                                    " px rms, half of the captures are below " + Significant(median, 2) +
+                                    "): probably read wrongly");
       continue;
     }
-    kept_views.push_back(std::move((*posed)[i]));
-    kept_poses.push_back(std::move((*poses)[i]));
+    kept.posed.push_back(std::move(sorted.posed[i]));
+    kept.poses.push_back(std::move(sorted.poses[i]));
   }
-  *posed = std::move(kept_views);
-  *poses = std::move(kept_poses);
+  return kept;
 }
 
 // Views with too few points for a pose of their own can still refine what the others found: in the chain each point
@@ -110,10 +128,142 @@ MethodResult RunMethod(const HandEyeMethod& method, const Calibration& calibrati
   return result;
 }
 
+// Every method runs, if only to be a seed.
+std::vector<MethodResult> RunMethods(const Calibration& calibration) {
+  std::vector<MethodResult> results;
+  for (const HandEyeMethod& method : HandEyeMethods()) results.push_back(RunMethod(method, calibration));
+  return results;
+}
+
 const MethodResult* FindResult(const std::vector<MethodResult>& results, const std::string& name) {
   const auto found =
       std::find_if(results.begin(), results.end(), [&](const MethodResult& r) { return r.method == name; });
   return found == results.end() ? nullptr : &*found;
+}
+
+// The starts of the refinement, the one to begin with first. Empty if there is none.
+std::vector<Seed> SeedsOf(const std::vector<MethodResult>& results, const std::string& wanted,
+                          const Calibration& calibration) {
+  // By RMS; a capture that a method hides must not hide which of them explains the others.
+  constexpr double kHides = 1e6;
+  std::vector<std::pair<double, size_t>> order;
+  for (size_t i = 0; i < results.size(); ++i) {
+    if (!results[i].hand_eye) continue;
+    const double scale_px = RobustScalePx(calibration.camera, calibration.views, *results[i].hand_eye);
+    if (!results[i].reprojection_rms_px && !std::isfinite(scale_px)) continue;
+    order.emplace_back(results[i].method == wanted ? -1 : results[i].reprojection_rms_px.value_or(kHides + scale_px),
+                       i);
+  }
+  std::sort(order.begin(), order.end());
+  std::vector<Seed> seeds;
+  for (const auto& [rank, i] : order) seeds.push_back({results[i].method, *results[i].hand_eye});
+  return seeds;
+}
+
+std::vector<MethodResult> Reported(const std::vector<MethodResult>& results, const std::vector<std::string>& names) {
+  std::vector<MethodResult> reported;
+  if (names.empty()) {
+    for (const MethodResult& result : results) {
+      const bool suits = FindHandEyeMethod(result.method)->motion == MethodMotion::kAny || result.hand_eye.ok();
+      if (suits) reported.push_back(result);
+    }
+  }
+  for (const std::string& name : names) {
+    const MethodResult* result = FindResult(results, name);
+    CHECK(result != nullptr) << name;
+    reported.push_back(*result);
+  }
+  return reported;
+}
+
+// What a capture's picture says about its pose, in words.
+std::string WhyWrong(const Calibration& calibration, size_t view, double p_value, const Solution& solution,
+                     Setup setup) {
+  const View& entry = calibration.views[view];
+  const std::vector<PosePair> seen = PairsAsSeen(solution.camera, solution.hand_eye, {entry});
+  const std::optional<SquaredErrors> own =
+      seen.empty() ? std::nullopt : ViewErrors(solution.camera, seen.front().camera_from_target, entry.observations);
+  constexpr double kMisfitRatio = 8;
+  if (!own || *own->RmsPx() > kMisfitRatio * solution.pixel_sigma_px) {
+    return "its points do not fit the target" + (own ? " (" + Significant(*own->RmsPx(), 2) + " px rms)" : "") +
+           " and are not where the other captures say: probably read wrongly";
+  }
+  const Rigid3d mount = solution.hand_eye.camera_mount_from_camera * seen.front().camera_from_target *
+                        Inverse(solution.hand_eye.target_mount_from_target);
+  const Rigid3d stated = BaseFromGripper(setup, entry.camera_mount_from_target_mount);
+  const Rigid3d shown = BaseFromGripper(setup, mount);
+  return "contradicts the other captures: by its picture the gripper was " +
+         Significant(1000 * DistanceM(stated, shown), 2) + " mm and " +
+         Significant(RadToDeg(AngleRad(stated, shown)), 2) +
+         " deg from the robot's pose (chance of that: " + Significant(p_value, 1) +
+         "); wrong pose for the picture, robot not settled, or target read wrongly";
+}
+
+// Names and drops the captures that contradict the others, and refines without them, until none is left that does.
+// With the robot taken as exact: what it is off by is the test's to find.
+void DropWrongCaptures(const BundleOptions& options, Setup setup, Calibration* calibration) {
+  const FreeParameters free = FreeOf(calibration->camera.Model(), options.free_intrinsics);
+  constexpr int kMaxRounds = 5;
+  for (int round = 0; round < kMaxRounds && calibration->refined; ++round) {
+    const Solution& solution = *calibration->refined;
+    const std::vector<CaptureVerdict> verdicts =
+        TestCaptures({solution.camera, calibration->views, setup}, solution, free);
+    const auto num_wrong =
+        std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& v) { return v.is_wrong; });
+    if (num_wrong == 0) return;
+    if (2 * static_cast<size_t>(num_wrong) > verdicts.size()) {
+      calibration->refined =
+          Failure{std::to_string(num_wrong) + " of " + std::to_string(verdicts.size()) +
+                  " captures contradict any one calibration; do pictures and poses belong together, and do the poses "
+                  "mean what the config says (pose_format, poses_are, setup)?"};
+      return;
+    }
+    std::vector<View> views;
+    std::vector<PosePair> pairs;
+    for (size_t i = 0; i < verdicts.size(); ++i) {
+      if (verdicts[i].is_wrong) {
+        calibration->unused.push_back(
+            {calibration->views[i].name, WhyWrong(*calibration, i, verdicts[i].p_value, solution, setup)});
+        continue;
+      }
+      views.push_back(calibration->views[i]);
+      if (i < calibration->pairs.size()) pairs.push_back(calibration->pairs[i]);
+    }
+    calibration->views = std::move(views);
+    calibration->pairs = std::move(pairs);
+    calibration->refined = RefineHandEye({calibration->camera, calibration->views, setup}, solution.hand_eye, options);
+  }
+}
+
+// The points that the refinement left out serve no other method and no figure either: all are judged by the same ones.
+void LeaveOutRejected(Calibration* calibration) {
+  const Solution& solution = *calibration->refined;
+  const bool has_rejected = std::any_of(solution.rejected_ids.begin(), solution.rejected_ids.end(),
+                                        [](const std::vector<int>& ids) { return !ids.empty(); });
+  if (!has_rejected) return;
+  // Views that keep enough points for a pose first, each of the two groups in its order.
+  std::vector<size_t> order;
+  std::vector<Observations> kept;
+  for (size_t i = 0; i < calibration->views.size(); ++i) {
+    const std::vector<int>& rejected = solution.rejected_ids[i];
+    std::vector<bool> keep;
+    for (const int id : calibration->views[i].observations.ids) {
+      keep.push_back(std::find(rejected.begin(), rejected.end(), id) == rejected.end());
+    }
+    kept.push_back(KeepPoints(calibration->views[i].observations, keep));
+    order.push_back(i);
+  }
+  std::stable_partition(order.begin(), order.end(), [&](size_t i) { return kept[i].size() >= kMinPoints; });
+  Calibration cleaned = *calibration;
+  for (size_t k = 0; k < order.size(); ++k) {
+    const size_t i = order[k];
+    cleaned.views[k] = calibration->views[i];
+    cleaned.views[k].observations = kept[i];
+    cleaned.refined->rejected_ids[k] = solution.rejected_ids[i];
+    if (!solution.corrections.empty()) cleaned.refined->corrections[k] = solution.corrections[i];
+  }
+  cleaned.pairs = PairsAsSeen(cleaned.camera, solution.hand_eye, cleaned.views);
+  *calibration = std::move(cleaned);
 }
 
 }  // namespace
@@ -128,9 +278,15 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     if (!camera) return Failure{camera.reason()};
     calibration.camera = *camera;
   }
-  std::vector<std::vector<TargetPose>> poses;
-  PoseViews(views, calibration.camera, &calibration.views, &poses, &calibration.unused);
-  const ChosenPoses chosen = ChoosePoses(calibration.camera, calibration.views, poses, options.symmetries);
+  SortedViews sorted = SortViews(views, calibration.camera);
+  calibration.views = std::move(sorted.posed);
+  calibration.unused = std::move(sorted.unused);
+  const bool has_roles = std::any_of(views.begin(), views.end(), [](const View& view) { return !view.role.empty(); });
+  if (!has_roles) {
+    const std::vector<std::string> roles = FindTwoStepRoles(options.setup, calibration.views);
+    for (size_t i = 0; i < roles.size(); ++i) calibration.views[i].role = roles[i];
+  }
+  const ChosenPoses chosen = ChoosePoses(calibration.camera, calibration.views, sorted.poses, options.symmetries);
   calibration.pairs = chosen.pairs;
   for (size_t i = 0; i < calibration.views.size(); ++i) {
     const Rigid3d& symmetry = options.symmetries[static_cast<size_t>(chosen.symmetry[i])];
@@ -138,44 +294,65 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     points = ((symmetry.RotationMatrix() * points).colwise() + symmetry.translation).eval();
   }
 
-  // Every method runs, if only to be a seed; those asked for are reported.
-  std::vector<MethodResult> results;
-  for (const HandEyeMethod& method : HandEyeMethods()) results.push_back(RunMethod(method, calibration));
-  const MethodResult* seed = nullptr;
-  if (options.seed == kBestSeed) {
+  std::vector<MethodResult> results = RunMethods(calibration);
+  const MethodResult* wanted = options.seed == kBestSeed ? nullptr : FindResult(results, options.seed);
+  CHECK(options.seed == kBestSeed || wanted != nullptr) << options.seed;
+  const std::vector<Seed> seeds = SeedsOf(results, options.seed, calibration);
+  if (seeds.empty() || (wanted != nullptr && !wanted->hand_eye)) {
+    // The methods agree on why there is none where the motion is to blame.
+    std::string reason = wanted != nullptr ? wanted->hand_eye.reason() : "";
     for (const MethodResult& result : results) {
-      if (!result.reprojection_rms_px) continue;
-      if (seed == nullptr || *result.reprojection_rms_px < *seed->reprojection_rms_px) seed = &result;
+      const bool suits = FindHandEyeMethod(result.method)->motion == MethodMotion::kAny;
+      if (reason.empty() && suits) reason = result.hand_eye.reason();
     }
-  } else {
-    seed = FindResult(results, options.seed);
-    CHECK(seed != nullptr) << options.seed;
-  }
-  for (const std::string& name : options.methods) {
-    const MethodResult* result = FindResult(results, name);
-    CHECK(result != nullptr) << name;
-    calibration.methods.push_back(*result);
-  }
-  if (seed != nullptr && seed->hand_eye) {
-    calibration.seed = seed->method;
-    calibration.refined =
-        RefineHandEye({calibration.camera, calibration.views, options.setup}, *seed->hand_eye, options.bundle);
-    if (calibration.refined) AddFewPointViews(views, options, &calibration);
+    if (reason.empty()) reason = "every closed form puts the target behind the camera; check set-up and pose direction";
+    for (size_t i = 0; i < sorted.misfits.size(); ++i) {
+      calibration.unused.push_back({sorted.misfits[i].name, sorted.misfit_reasons[i]});
+    }
+    calibration.refined = Failure{reason};
+    calibration.methods = Reported(results, options.methods);
     return calibration;
   }
-  // The methods agree on why there is none where the motion is to blame.
-  std::string reason = seed != nullptr ? seed->hand_eye.reason() : "";
-  for (const MethodResult& result : results) {
-    if (reason.empty()) reason = result.hand_eye.reason();
+  // Wrong captures are looked for with an exact robot first: a noisy one could explain much.
+  BundleOptions first = options.bundle;
+  const bool drops_wrong = options.bundle.loss != "none";
+  if (drops_wrong) {
+    first.loss = "truncated";
+    first.robot = BundleOptions::Robot::kExact;
   }
-  if (reason.empty()) reason = "every closed form puts the target behind the camera; check set-up and pose direction";
-  calibration.refined = Failure{reason};
+  // A view of which some points are wrong has others, which the truncated loss tells apart.
+  for (size_t i = 0; i < sorted.misfits.size(); ++i) {
+    if (drops_wrong && options.symmetries.size() == 1) {
+      calibration.views.push_back(std::move(sorted.misfits[i]));
+    } else {
+      calibration.unused.push_back({sorted.misfits[i].name, sorted.misfit_reasons[i]});
+    }
+  }
+  StartedSolution started =
+      RefineFromSeeds({calibration.camera, calibration.views, options.setup}, calibration.pairs, seeds, first);
+  calibration.seed = started.seed;
+  calibration.refined = std::move(started.solution);
+  if (drops_wrong) DropWrongCaptures(first, options.setup, &calibration);
+  const bool is_final = first.loss == options.bundle.loss && first.robot == options.bundle.robot;
+  if (calibration.refined && !is_final) {
+    const HandEye start = calibration.refined->hand_eye;
+    calibration.refined = RefineHandEye({calibration.camera, calibration.views, options.setup}, start, options.bundle);
+  }
+  if (calibration.refined) LeaveOutRejected(&calibration);
+  results = RunMethods(calibration);
+  calibration.methods = Reported(results, options.methods);
+  if (calibration.refined) {
+    calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
+    AddFewPointViews(views, options, &calibration);
+  }
   return calibration;
 }
 
 std::vector<HoldOut> CrossValidate(const std::vector<View>& views, const CalibrationOptions& options, int num_folds,
                                    int num_threads, const std::function<void()>& progress) {
+  CHECK(!options.methods.empty());
   std::vector<std::string> names = options.methods;
+  names.emplace_back(kChainMethod);
   names.emplace_back(kBundleMethod);
   CalibrationOptions fold_options = options;
   fold_options.symmetries = {Rigid3d()};
@@ -195,17 +372,20 @@ std::vector<HoldOut> CrossValidate(const std::vector<View>& views, const Calibra
       if (!predicted) return Failure{"a held-out target lies behind the camera"};
       return *predicted;
     };
+    const auto predict_refined = [&](const Outcome<Solution>& solution, const Camera& camera) {
+      return solution ? predict(solution->hand_eye, camera) : Outcome<SquaredErrors>(Failure{solution.reason()});
+    };
     std::vector<Outcome<SquaredErrors>>& row = errors[static_cast<size_t>(fold)];
-    for (size_t m = 0; m < names.size(); ++m) {
-      if (!calibration) {
-        row[m] = Failure{calibration.reason()};
-      } else if (m + 1 < names.size()) {
+    if (!calibration) {
+      std::fill(row.begin(), row.end(), Outcome<SquaredErrors>(Failure{calibration.reason()}));
+    } else {
+      for (size_t m = 0; m < calibration->methods.size(); ++m) {
         const Outcome<HandEye>& hand_eye = calibration->methods[m].hand_eye;
         row[m] = hand_eye ? predict(*hand_eye, calibration->camera) : Failure{hand_eye.reason()};
-      } else {
-        const Outcome<Solution>& refined = calibration->refined;
-        row[m] = refined ? predict(refined->hand_eye, refined->camera) : Failure{refined.reason()};
       }
+      row[names.size() - 2] = predict_refined(calibration->chain, calibration->camera);
+      row[names.size() - 1] = predict_refined(
+          calibration->refined, calibration->refined ? calibration->refined->camera : calibration->camera);
     }
     const std::lock_guard<std::mutex> lock(mutex);
     progress();

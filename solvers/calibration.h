@@ -14,13 +14,15 @@
 
 namespace heba {
 
-// The name of the refinement beside the closed forms', and of the seed that means "whichever closed form has the lowest
-// reprojection RMS over all captures".
+// The names of the refinements beside the closed forms' (of the reprojection error, and of the captures' poses,
+// solvers/chain.h), and of the seed that means "whichever closed form has the lowest reprojection RMS over all
+// captures".
 inline constexpr const char* kBundleMethod = "bundle";
+inline constexpr const char* kChainMethod = "chain";
 inline constexpr const char* kBestSeed = "best";
 
 struct CalibrationOptions {
-  std::vector<std::string> methods;  // Closed forms to report, by name.
+  std::vector<std::string> methods;  // Closed forms to report, by name; empty: all that the motion suits.
   std::string seed = kBestSeed;      // One of HandEyeMethodNames(), or kBestSeed.
   BundleOptions bundle;
   Setup setup = Setup::kEyeToHand;
@@ -54,11 +56,14 @@ struct Calibration {
   std::vector<PosePair> pairs;
   std::vector<UnusedView> unused;
   std::vector<MethodResult> methods;
-  std::string seed;  // The method whose result started the refinement.
+  Outcome<Solution> chain = Failure{"not run"};
+  std::string seed;  // The start that led to the refined result: a method, or one of solvers/multi_start.h.
   Outcome<Solution> refined = Failure{"not run"};
 };
 
-// A Failure if there is no camera to be had; a refinement that failed is in Calibration::refined.
+// Captures that contradict the others (solvers/capture_test.h) are named in Calibration::unused and serve no method,
+// unless the loss is `none`, which leaves out nothing. A Failure if there is no camera to be had; a refinement that
+// failed is in Calibration::refined.
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
 
 struct HoldOut {

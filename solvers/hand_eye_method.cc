@@ -2,14 +2,15 @@
 
 namespace heba {
 
-#define HEBA_HAND_EYE_METHOD(name, description) \
+#define HEBA_HAND_EYE_METHOD(name, motion, description) \
   Outcome<HandEye> SolveHandEye_##name(const std::vector<PosePair>& pairs);
 #include "solvers/methods.def"
 #undef HEBA_HAND_EYE_METHOD
 
 const std::vector<HandEyeMethod>& HandEyeMethods() {
   static const std::vector<HandEyeMethod> methods = {
-#define HEBA_HAND_EYE_METHOD(name, description) {#name, description, &SolveHandEye_##name},
+#define HEBA_HAND_EYE_METHOD(name, motion, description) \
+  {#name, MethodMotion::motion, description, &SolveHandEye_##name},
 #include "solvers/methods.def"
 #undef HEBA_HAND_EYE_METHOD
   };

@@ -7,9 +7,9 @@
 //   A X = X B,  A = M_j M_i^-1 (motion of the mounts), B = C_j C_i^-1 (motion seen by the camera).
 // It serves eye-to-hand and eye-in-hand alike: the set-ups differ in what M_i is (heba/data/setup.h).
 //
-// For every method: exact on noise-free data; a change of the world's or of the camera's frame changes the answer in
-// the same way; too few captures and parallel rotation axes are a Failure
-// (tests/conformance/hand_eye_method_test.cc).
+// For every method: exact on noise-free data of the motion that it is made for; a change of the world's or of the
+// camera's frame changes the answer in the same way; too few captures, parallel rotation axes and a motion that it
+// cannot use are a Failure (tests/conformance/hand_eye_method_test.cc).
 #pragma once
 
 #include <string>
@@ -21,8 +21,13 @@
 
 namespace heba {
 
+// What captures a method can use: any with turns about two axes, or those of the two-step motion
+// (solvers/two_step_motion.h).
+enum class MethodMotion { kAny, kTwoStep };
+
 struct HandEyeMethod {
   std::string_view name;
+  MethodMotion motion;
   std::string_view description;  // With the paper.
   Outcome<HandEye> (*solve)(const std::vector<PosePair>& pairs);
 };

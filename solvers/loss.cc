@@ -1,5 +1,6 @@
 #include "solvers/loss.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace heba {
@@ -8,12 +9,18 @@ namespace {
 constexpr double kHuber = 1.345;
 constexpr double kCauchy = 2.385;
 
+// -2 ln of the false-alarm rate: chi-square with 2 degrees of freedom exceeds it with that probability.
+const double kTruncated2 = -2.0 * std::log(kTruncatedFalseAlarm);
+
 double RhoNone(double s) { return s; }
 double WeightNone(double /*s*/) { return 1; }
 double RhoHuber(double s) { return s <= kHuber * kHuber ? s : 2 * kHuber * std::sqrt(s) - kHuber * kHuber; }
 double WeightHuber(double s) { return s <= kHuber * kHuber ? 1.0 : kHuber / std::sqrt(s); }
 double RhoCauchy(double s) { return kCauchy * kCauchy * std::log1p(s / (kCauchy * kCauchy)); }
 double WeightCauchy(double s) { return 1.0 / (1.0 + s / (kCauchy * kCauchy)); }
+
+double RhoTruncated(double s) { return std::min(s, kTruncated2); }
+double WeightTruncated(double s) { return s < kTruncated2 ? 1.0 : 0.0; }
 
 // The mean of f(s) over chi-square with 2 degrees of freedom, whose density is exp(-s / 2) / 2: Simpson's rule in
 // q = sqrt(s), in which the integrand is smooth but for Huber's kink.
@@ -45,6 +52,7 @@ const std::vector<Loss>& Losses() {
       MakeLoss("none", &RhoNone, &WeightNone),
       MakeLoss("huber", &RhoHuber, &WeightHuber),
       MakeLoss("cauchy", &RhoCauchy, &WeightCauchy),
+      MakeLoss("truncated", &RhoTruncated, &WeightTruncated),
   };
   return losses;
 }

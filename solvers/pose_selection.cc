@@ -13,6 +13,7 @@ namespace {
 
 struct Candidate {
   Rigid3d camera_from_target;
+  std::optional<Eigen::Matrix<double, 6, 6>> covariance_at_1px;
   int symmetry;
 };
 using Candidates = std::vector<std::vector<Candidate>>;  // By view.
@@ -89,8 +90,9 @@ class AngleVote {
 std::vector<PosePair> Pairs(const std::vector<View>& views, const Candidates& candidates, const Choice& choice) {
   std::vector<PosePair> pairs;
   for (size_t i = 0; i < views.size(); ++i) {
-    pairs.push_back(
-        {views[i].camera_mount_from_target_mount, candidates[i][static_cast<size_t>(choice[i])].camera_from_target});
+    const Candidate& candidate = candidates[i][static_cast<size_t>(choice[i])];
+    pairs.push_back({views[i].camera_mount_from_target_mount, candidate.camera_from_target, views[i].role,
+                     candidate.covariance_at_1px});
   }
   return pairs;
 }
@@ -116,7 +118,8 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
     for (const TargetPose& pose : poses[i]) {
       for (size_t s = 0; s < symmetries.size(); ++s) {
         // With the points moved by S the same pixels ask for the pose times S^-1.
-        candidates[i].push_back({pose.camera_from_target * Inverse(symmetries[s]), static_cast<int>(s)});
+        candidates[i].push_back(
+            {pose.camera_from_target * Inverse(symmetries[s]), pose.covariance_at_1px, static_cast<int>(s)});
       }
     }
   }
@@ -189,15 +192,13 @@ std::vector<PosePair> PairsAsSeen(const Camera& camera, const HandEye& hand_eye,
   std::vector<PosePair> pairs;
   for (const View& view : views) {
     const Rigid3d predicted = CameraFromTarget(hand_eye, view.camera_mount_from_target_mount);
-    std::optional<Rigid3d> nearest;
-    double nearest_rad = std::numeric_limits<double>::infinity();
-    for (const TargetPose& pose : EstimateTargetPose(camera, view.observations)) {
-      const double angle_rad = AngleRad(pose.camera_from_target, predicted);
-      if (angle_rad >= nearest_rad) continue;
-      nearest_rad = angle_rad;
-      nearest = pose.camera_from_target;
-    }
-    if (nearest) pairs.push_back({view.camera_mount_from_target_mount, *nearest});
+    const std::vector<TargetPose> poses = EstimateTargetPose(camera, view.observations);
+    const auto nearest = std::min_element(poses.begin(), poses.end(), [&](const TargetPose& a, const TargetPose& b) {
+      return AngleRad(a.camera_from_target, predicted) < AngleRad(b.camera_from_target, predicted);
+    });
+    if (nearest == poses.end()) continue;
+    pairs.push_back(
+        {view.camera_mount_from_target_mount, nearest->camera_from_target, view.role, nearest->covariance_at_1px});
   }
   return pairs;
 }

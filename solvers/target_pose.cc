@@ -82,6 +82,28 @@ Eigen::Vector3d TranslationOnRays(const Eigen::Matrix3d& rotation, const Points3
   return normal.ldlt().solve(right);
 }
 
+std::optional<Eigen::Matrix<double, 6, 6>> PoseCovariance(const Camera& camera, const Observations& observations,
+                                                          const Rigid3d& camera_from_target) {
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
+  ViewReduction reduction;
+  if (!ReduceView(camera.Model(), camera.params.data(), camera_from_target, observations, 1.0, *FindLoss("none"),
+                  &reduction)) {
+    return std::nullopt;
+  }
+  const Eigen::Matrix<double, Eigen::Dynamic, 6> j = reduction.factor.leftCols<6>();
+  const Matrix6 information = j.transpose() * j;
+  if ((information.diagonal().array() <= 0).any()) return std::nullopt;
+  // Metres and radians side by side: scaled before it is factored.
+  const Tangent6 scale = information.diagonal().cwiseSqrt().cwiseInverse();
+  const Matrix6 scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  constexpr double kOpen = 1e-12;
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
+  if (eigen.eigenvalues()[0] < kOpen) return std::nullopt;
+  const Matrix6 inverse =
+      eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
+  return Matrix6(scale.asDiagonal() * inverse * scale.asDiagonal());
+}
+
 // Levenberg-Marquardt on the six numbers of the pose.
 std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& observations,
                                      Rigid3d camera_from_target) {
@@ -119,7 +141,7 @@ std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& o
   }
   const std::optional<SquaredErrors> errors = ViewErrors(camera, camera_from_target, observations);
   CHECK(errors.has_value());
-  return TargetPose{camera_from_target, *errors->RmsPx()};
+  return TargetPose{camera_from_target, *errors->RmsPx(), PoseCovariance(camera, observations, camera_from_target)};
 }
 
 }  // namespace

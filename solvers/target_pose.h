@@ -11,6 +11,8 @@ namespace heba {
 struct TargetPose {
   Rigid3d camera_from_target;
   double rms_px = 0;  // Root mean squared distance of the view's points, as SquaredErrors::RmsPx.
+  // As PosePair::covariance_at_1px; nothing if the points leave a direction of the pose open.
+  std::optional<Eigen::Matrix<double, 6, 6>> covariance_at_1px = std::nullopt;
 };
 
 // The local minima of the reprojection error for a flat target (its points at z = 0), best first: a plane has up to two

@@ -38,7 +38,7 @@ std::vector<View> MakeViews(const RunConfig& config, const std::vector<CaptureDe
     if (detections[i].detection.ids.empty()) continue;
     views.push_back({config.captures[i].name,
                      CameraMountFromTargetMount(config.setup, config.captures[i].base_from_gripper),
-                     ObservationsOf(*config.target, detections[i].detection)});
+                     ObservationsOf(*config.target, detections[i].detection), config.captures[i].role});
   }
   return views;
 }
@@ -87,6 +87,19 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
     }
     estimates.push_back(std::move(estimate));
   }
+  Estimate chain;
+  chain.method = kChainMethod;
+  chain.kind = "refined";
+  chain.ok = calibration.chain.ok();
+  chain.reason = calibration.chain.reason();
+  chain.camera = calibration.camera;
+  if (chain.ok) {
+    chain.solution = *calibration.chain;
+    chain.hand_eye = chain.solution->hand_eye;
+    chain.errors =
+        EvaluateEstimate(chain.hand_eye, chain.camera, calibration.views, calibration.pairs, truth, symmetries);
+  }
+  estimates.push_back(std::move(chain));
   Estimate refined;
   refined.method = kBundleMethod;
   refined.kind = "refined";
@@ -201,9 +214,14 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
           ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
                      view->observations);
       if (errors) result.rms_px = errors->RmsPx();
-      if (!solution.corrections.empty()) {
-        result.correction = solution.corrections[static_cast<size_t>(view - calibration.views.begin())];
+      const auto index = static_cast<size_t>(view - calibration.views.begin());
+      result.num_rejected = static_cast<int>(solution.rejected_ids[index].size());
+      if (result.num_rejected > 0) {
+        result.reason += std::string(result.reason.empty() ? "" : "; ") + std::to_string(result.num_rejected) +
+                         (result.num_rejected == 1 ? " point is" : " points are") +
+                         " not where the estimate from the others says, and left out";
       }
+      if (!solution.corrections.empty()) result.correction = solution.corrections[index];
     } else if (unused != calibration.unused.end()) {
       result.reason = unused->reason;
     }
@@ -275,7 +293,7 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
                 std::to_string(detections.size()) + " pictures");
 
   const Stopwatch solve_watch;
-  const CalibrationOptions options = OptionsOf(config, detections.front().width_px, detections.front().height_px);
+  CalibrationOptions options = OptionsOf(config, detections.front().width_px, detections.front().height_px);
   Outcome<Calibration> calibration = Calibrate(views, options);
   if (!calibration) return Failure{calibration.reason()};
   if (calibration->refined) {
@@ -302,6 +320,9 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   result.timing.seed_s = solve_watch.Seconds() - result.timing.refine_s;
   console->Note("seed: " + calibration->seed);
 
+  // From here on those that were found to suit, in every fold.
+  options.methods.clear();
+  for (const MethodResult& method : calibration->methods) options.methods.push_back(method.method);
   std::vector<HoldOut> hold_outs;
   if (config.folds > 0) {
     const int num_folds = std::min(config.folds, static_cast<int>(calibration->views.size()));

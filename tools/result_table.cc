@@ -88,9 +88,10 @@ std::string ResultTable(const RunResult& result, Colour colour) {
     if (refined) table += plain;
     table += "\n";
   }
-  const auto refined = std::find_if(result.estimates.begin(), result.estimates.end(),
+  // The last of them is the refinement of the reprojection error.
+  const auto refined = std::find_if(result.estimates.rbegin(), result.estimates.rend(),
                                     [](const Estimate& estimate) { return estimate.solution.has_value(); });
-  if (refined == result.estimates.end()) return table;
+  if (refined == result.estimates.rend()) return table;
   table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera\n  " +
            PoseLine(refined->hand_eye.camera_mount_from_camera) + "\n  " + Uncertainty(*refined->solution) + "\n";
   table += "pixel noise " + Significant(refined->solution->pixel_sigma_px, 3) + " px a coordinate\n";

@@ -235,7 +235,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   } else {
     reader.Record("pixel_noise", YAML::Node("auto"));
   }
-  config->bundle.loss = reader.Choice("loss", LossNames(), "huber");
+  config->bundle.loss = reader.Choice("loss", LossNames(), "truncated");
   reader.Finish();
   root.Record("refine", reader.used());
 }
@@ -277,9 +277,8 @@ RunConfig ReadRunConfig(const fs::path& path) {
   std::vector<std::string> seeds = HandEyeMethodNames();
   seeds.emplace_back(kBestSeed);
   config.seed = reader.Choice("seed", seeds, kBestSeed);
-  config.methods = HandEyeMethodNames();
   if (const std::optional<ConfigValue> methods = reader.Find("methods")) {
-    config.methods.clear();
+    if (methods->AsList().empty()) methods->Fail("the list is empty; name a method, or leave the key out for all");
     for (const ConfigValue& item : methods->AsList()) {
       const std::string name = item.AsChoice(HandEyeMethodNames());
       if (std::find(config.methods.begin(), config.methods.end(), name) != config.methods.end()) {
@@ -288,7 +287,7 @@ RunConfig ReadRunConfig(const fs::path& path) {
       config.methods.push_back(name);
     }
   }
-  reader.Record("methods", YAML::Node(config.methods));
+  if (!config.methods.empty()) reader.Record("methods", YAML::Node(config.methods));
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
   if (reader.Has("output")) {

@@ -25,7 +25,7 @@ struct RunConfig {
   std::vector<Capture> captures;
   std::vector<std::string> images_without_pose;
   std::string seed;
-  std::vector<std::string> methods;
+  std::vector<std::string> methods;  // Empty: all that the motion suits.
   BundleOptions bundle;
   int folds = 0;
   std::optional<std::filesystem::path> truth;

@@ -10,6 +10,12 @@
 namespace heba {
 namespace {
 
+// A scene with the motion that the method needs.
+TestScene SceneFor(const std::string& method, uint64_t seed, TestSceneOptions options = {}) {
+  if (FindHandEyeMethod(method)->motion == MethodMotion::kTwoStep) options.motion = TestSceneOptions::Motion::kTwoStep;
+  return MakeTestScene(seed, options);
+}
+
 constexpr double kRoundOff =
     1e-8;  // rad and m: exact data; null vectors of 24 x 24 normal matrices in double precision
 
@@ -33,7 +39,7 @@ TEST_P(HandEyeMethodTest, RecoversExactDataOfBothSetups) {
     for (uint64_t seed = 1; seed <= 20; ++seed) {
       TestSceneOptions options;
       options.setup = setup;
-      const TestScene scene = MakeTestScene(seed, options);
+      const TestScene scene = SceneFor(GetParam(), seed, options);
       const Outcome<HandEye> found = Solve(scene.pairs);
       ASSERT_TRUE(found.ok()) << found.reason();
       EXPECT_THAT(found->camera_mount_from_camera,
@@ -48,7 +54,7 @@ TEST_P(HandEyeMethodTest, RecoversExactDataOfBothSetups) {
 
 // A camera turned by exactly half a turn against its mount is common, and a pole of several parametrisations.
 TEST_P(HandEyeMethodTest, RecoversHalfTurns) {
-  TestScene scene = MakeTestScene(3);
+  TestScene scene = SceneFor(GetParam(), 3);
   for (const Eigen::Vector3d& axis : {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)}) {
     HandEye truth = scene.hand_eye;
     truth.camera_mount_from_camera = Rigid3d(ExpRotation(kPi * axis), Eigen::Vector3d(0.1, -0.2, 0));
@@ -63,7 +69,7 @@ TEST_P(HandEyeMethodTest, RecoversHalfTurns) {
 }
 
 TEST_P(HandEyeMethodTest, FollowsAChangeOfTheWorld) {
-  const TestScene scene = MakeTestScene(5);
+  const TestScene scene = SceneFor(GetParam(), 5);
   const Rigid3d new_mount_from_mount(ExpRotation({0.4, -1.1, 0.7}), Eigen::Vector3d(1.0, -2.0, 0.5));
   std::vector<PosePair> moved = scene.pairs;
   for (PosePair& pair : moved) {
@@ -104,6 +110,9 @@ TEST_P(HandEyeMethodTest, RefusesParallelAxesAndNoRotation) {
 // With captures that carry the same noise, nine times as many give a third of the error. The median over seeds of the
 // ratio of errors has a spread of about 15 % here; [1/6, 1/1.5] fails by chance far less than once in 10^4.
 TEST_P(HandEyeMethodTest, ErrorFallsWithTheRootOfTheCaptures) {
+  if (FindHandEyeMethod(GetParam())->motion == MethodMotion::kTwoStep) {
+    GTEST_SKIP() << "its rotation comes from two translations, however many captures there are";
+  }
   std::vector<double> ratios;
   for (uint64_t seed = 1; seed <= 15; ++seed) {
     double errors[2] = {0, 0};
@@ -111,7 +120,7 @@ TEST_P(HandEyeMethodTest, ErrorFallsWithTheRootOfTheCaptures) {
     for (const int num_captures : {8, 72}) {
       TestSceneOptions options;
       options.num_captures = num_captures;
-      const TestScene scene = MakeTestScene(seed, options);
+      const TestScene scene = SceneFor(GetParam(), seed, options);
       const Outcome<HandEye> found = Solve(WithNoise(scene.pairs, DegToRad(0.02), 0.0002, seed + 100));
       ASSERT_TRUE(found.ok()) << found.reason();
       errors[k++] = AngleRad(found->camera_mount_from_camera, scene.hand_eye.camera_mount_from_camera);

@@ -212,7 +212,7 @@ TEST(CalibrateTest, FromViewsToRefinedWithoutACameraFile) {
   }
 }
 
-TEST(CalibrateTest, LeavesOutAViewThatWasReadWrongly) {
+TEST(CalibrateTest, LeavesOutWhatWasReadWrongly) {
   TestSceneOptions scene_options;
   scene_options.noise_px = 0.1;
   TestScene scene = MakeTestScene(62, scene_options);
@@ -220,11 +220,22 @@ TEST(CalibrateTest, LeavesOutAViewThatWasReadWrongly) {
   scene.views[4].observations.pixels.col(0).swap(scene.views[4].observations.pixels.col(20));
   CalibrationOptions options;
   options.camera = scene.camera;
+  // The two points alone.
   const Outcome<Calibration> calibration = Calibrate(scene.views, options);
-  ASSERT_TRUE(calibration.ok()) << calibration.reason();
-  ASSERT_EQ(calibration->unused.size(), 1U);
-  EXPECT_EQ(calibration->unused[0].name, "view_4");
-  EXPECT_THAT(calibration->unused[0].reason, testing::HasSubstr("read wrongly"));
+  ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
+  EXPECT_TRUE(calibration->unused.empty());
+  for (size_t i = 0; i < calibration->views.size(); ++i) {
+    const bool has_swapped = calibration->views[i].name == "view_4";
+    EXPECT_EQ(calibration->refined->rejected_ids[i], has_swapped ? std::vector<int>({0, 20}) : std::vector<int>())
+        << calibration->views[i].name;
+  }
+  // Where every point of a capture is to count, the capture.
+  options.bundle.loss = "none";
+  const Outcome<Calibration> without_loss = Calibrate(scene.views, options);
+  ASSERT_TRUE(without_loss.ok()) << without_loss.reason();
+  ASSERT_EQ(without_loss->unused.size(), 1U);
+  EXPECT_EQ(without_loss->unused[0].name, "view_4");
+  EXPECT_THAT(without_loss->unused[0].reason, testing::HasSubstr("read wrongly"));
 }
 
 TEST(CrossValidateTest, HoldOutErrorIsThatOfTheNoiseAndTheSameForAnyNumberOfThreads) {
@@ -239,14 +250,14 @@ TEST(CrossValidateTest, HoldOutErrorIsThatOfTheNoiseAndTheSameForAnyNumberOfThre
   const std::vector<HoldOut> one = CrossValidate(scene.views, options, 5, 1, [&] { ++calls; });
   const std::vector<HoldOut> two = CrossValidate(scene.views, options, 5, 2, [] {});
   EXPECT_EQ(calls, 5);
-  ASSERT_EQ(one.size(), 3U);
+  ASSERT_EQ(one.size(), 4U);  // The two, chain and bundle.
   for (size_t i = 0; i < one.size(); ++i) {
     ASSERT_TRUE(one[i].rms_px.has_value()) << one[i].reason;
     EXPECT_EQ(*one[i].rms_px, *two[i].rms_px);
   }
   // sqrt(2) x 0.2 px, with 2 % for the estimate's own error and 4 % (3 sigma) for the noise of 720 points.
-  EXPECT_NEAR(*one[2].rms_px, 0.283, 0.02);
-  EXPECT_GT(*one[0].rms_px, *one[2].rms_px);
+  EXPECT_NEAR(*one[3].rms_px, 0.283, 0.02);
+  EXPECT_GT(*one[0].rms_px, *one[3].rms_px);
 }
 
 }  // namespace

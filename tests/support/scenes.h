@@ -50,6 +50,9 @@ struct TestSceneOptions {
   // One sigma of what the robot's poses, as the views have them, are wrong by along and about each axis of the gripper.
   double robot_translation_m = 0;
   double robot_rotation_rad = 0;
+  // kTwoStep: home, two translations and num_captures - 3 turns, with their roles.
+  enum class Motion { kFree, kTwoStep };
+  Motion motion = Motion::kFree;
 };
 
 inline TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options = {}) {
@@ -65,12 +68,22 @@ inline TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options = 
   motion.num_captures = options.num_captures;
   motion.distance_m = options.distance_m;
   motion.max_tilt_rad = options.max_tilt_rad;
-  const Outcome<std::vector<Rigid3d>> poses = SimulatePoses(scene.camera, options.points, false, motion, &rng);
-  for (const Rigid3d& camera_from_target : *poses) {
+  std::vector<SimulatedPose> poses;
+  if (options.motion == TestSceneOptions::Motion::kTwoStep) {
+    TwoStepMotionOptions two_step;
+    two_step.num_turns = options.num_captures - 3;
+    poses = *SimulateTwoStepPoses(options.setup, scene.camera, options.points, false, scene.hand_eye, motion, two_step,
+                                  &rng);
+  } else {
+    const Outcome<std::vector<Rigid3d>> free = SimulatePoses(scene.camera, options.points, false, motion, &rng);
+    for (const Rigid3d& camera_from_target : *free) poses.push_back({"", camera_from_target});
+  }
+  for (const auto& [role, camera_from_target] : poses) {
     const Rigid3d mount = CameraMountFromTargetMount(scene.hand_eye, camera_from_target);
     scene.views.push_back(*SimulateView("view_" + std::to_string(scene.views.size()), scene.camera, scene.hand_eye,
                                         mount, options.points, options.noise_px, &rng));
-    scene.pairs.push_back({mount, camera_from_target});
+    scene.views.back().role = role;
+    scene.pairs.push_back({mount, camera_from_target, role, std::nullopt});
     Tangent6 error;
     error << options.robot_translation_m * rng.NormalVector3(), options.robot_rotation_rad * rng.NormalVector3();
     const Rigid3d gripper_from_stated = Inverse(Retract(Rigid3d(), error));

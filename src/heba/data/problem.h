@@ -31,6 +31,7 @@ struct View {
   std::string name;  // The capture's.
   Rigid3d camera_mount_from_target_mount;
   Observations observations;
+  std::string role = {};  // As PosePair::role.
 };
 
 struct Problem {

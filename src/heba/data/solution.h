@@ -40,6 +40,8 @@ struct Solution {
   Camera camera;
   // Per coordinate; estimated from the residuals or as given.
   double pixel_sigma_px = 0;
+  // Of that, what the detectors do not know of by themselves (solvers/noise_scale.h); nothing if they say nothing.
+  std::optional<double> excess_px;
   // If the robot's poses were observations: their noise, estimated or as given, and, if it was estimated, how well it
   // is known (one sigma of each sigma).
   std::optional<RobotNoise> robot_noise;
@@ -47,6 +49,8 @@ struct Solution {
   // Then also, for each view, the pose of the gripper as the pictures have it, in the gripper's frame as the robot had
   // it.
   std::vector<Rigid3d> corrections;
+  // For each view, the ids of the points that were left out because they are not where the others say.
+  std::vector<std::vector<int>> rejected_ids;
   Covariance covariance;
   Convergence convergence;
   // What a person should know of it though it is usable: one sentence each.

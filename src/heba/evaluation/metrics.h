@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "heba/data/problem.h"
@@ -35,6 +36,11 @@ std::optional<SquaredErrors> ReprojectionErrors(const HandEye& hand_eye, const C
 struct PosePair {
   Rigid3d camera_mount_from_target_mount;
   Rigid3d camera_from_target;
+  // What the capture is for, as in poses.csv: home, translate_x, translate_y, rotate, free; empty if nobody said.
+  std::string role = {};
+  // How well the picture knows camera_from_target, of its left perturbation (in the camera's frame: m, then rad), for a
+  // pixel noise of 1 px. Nothing: nobody knows.
+  std::optional<Eigen::Matrix<double, 6, 6>> covariance_at_1px = std::nullopt;
 };
 
 // The mean over consecutive captures of the Frobenius norm of A X - X B (Fang et al. 2021, section 5), translations in

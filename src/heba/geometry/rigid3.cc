@@ -93,4 +93,22 @@ double DistanceM(const Rigid3d& a, const Rigid3d& b) { return (a.translation - b
 
 double AngleRad(const Rigid3d& a, const Rigid3d& b) { return RotationAngle(a.rotation.conjugate() * b.rotation); }
 
+std::vector<Eigen::Matrix3d> TurnsOfACube() {
+  std::vector<Eigen::Matrix3d> turns;
+  for (int x = 0; x < 3; ++x) {
+    for (const int y : {(x + 1) % 3, (x + 2) % 3}) {
+      for (const double sign_x : {1.0, -1.0}) {
+        for (const double sign_y : {1.0, -1.0}) {
+          Eigen::Matrix3d turn;
+          turn.col(0) = sign_x * Eigen::Vector3d::Unit(x);
+          turn.col(1) = sign_y * Eigen::Vector3d::Unit(y);
+          turn.col(2) = turn.col(0).cross(turn.col(1));
+          turns.push_back(turn);
+        }
+      }
+    }
+  }
+  return turns;
+}
+
 }  // namespace heba

@@ -44,6 +44,9 @@ double RotationAngle(const Eigen::Quaterniond& rotation);
 // The rotation matrix nearest to `matrix` in the Frobenius norm (by SVD; determinant +1).
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix);
 
+// The 24 rotations that map a cube to itself: no rotation is farther than 63 deg from one of them.
+std::vector<Eigen::Matrix3d> TurnsOfACube();
+
 // A 6-vector in the tangent space at a pose: translation (m) before rotation (rad), both in the child frame. The
 // retraction is a_from_b * [Exp(rotation), translation]: it agrees with SE(3)'s exponential to first order.
 using Tangent6 = Eigen::Matrix<double, 6, 1>;

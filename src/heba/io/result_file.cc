@@ -229,6 +229,7 @@ std::string ResultToJson(const RunResult& result) {
                                     {"role", capture.role},
                                     {"points", capture.num_points},
                                     {"points_second_pass", capture.num_second_pass},
+                                    {"points_rejected", capture.num_rejected},
                                     {"used", capture.used},
                                     {"reason", capture.reason},
                                     {"rms_px", OrNull(capture.rms_px)},

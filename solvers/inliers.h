@@ -1,0 +1,19 @@
+// Points that are where they should be, and the others.
+#pragma once
+
+#include <vector>
+
+#include "heba/data/problem.h"
+
+namespace heba {
+
+// Of each point whether its squared residual, whitened and over sigma^2, passes the test of the loss `truncated`
+// (solvers/loss.h). Points that were measured together (a block of Observations::covariances_px2) pass together or not
+// at all. None passes if a point has no image from that pose.
+std::vector<bool> FindInliers(const Camera& camera, const Rigid3d& camera_from_target, const Observations& observations,
+                              double pixel_sigma_px);
+
+// The observations that are to be kept, with all that is known of them. `keep`: one a point, alike within a block.
+Observations KeepPoints(const Observations& observations, const std::vector<bool>& keep);
+
+}  // namespace heba

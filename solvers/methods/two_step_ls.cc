@@ -1,0 +1,135 @@
+// The two-step method's idea as one weighted least-squares problem: any motions serve, and every capture's position of
+// the target counts by what it is worth. With M = camera_mount_from_target_mount, c the position of the target's point
+// in the camera, S its covariance, y the point in the target's mount and [R, t] the inverse of X:
+//   min over R, t, y of  sum |R (R_M y + p_M) + t - c|^2 in the metric S^-1.
+// For a known R it is linear in (y, t). The depth of a small board is known an order of magnitude worse than its place
+// across the line of sight; without S the depth's noise is the estimate's (the paper's formulas have no S). The
+// orientation of the target is not used. The rotation is found by Gauss-Newton from 24 turns of a cube, no rotation
+// being farther than 63 deg from one of them; the least cost wins.
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "solvers/relative_motion.h"
+#include "solvers/target_position.h"
+
+namespace heba {
+namespace {
+
+struct Measured {
+  Eigen::Matrix3d mount_rotation;
+  Eigen::Vector3d mount_position;  // From the mean of all.
+  Eigen::Vector3d in_camera;
+  Eigen::Matrix3d whitening;  // W with W^T W = S^-1.
+};
+
+struct State {
+  Eigen::Matrix3d rotation;  // camera_from_camera_mount
+  Eigen::Vector3d translation;
+  Eigen::Vector3d point_in_mount;
+  double cost = std::numeric_limits<double>::infinity();
+};
+
+double CostOf(const std::vector<Measured>& captures, const State& state) {
+  double cost = 0;
+  for (const Measured& m : captures) {
+    const Eigen::Vector3d in_camera =
+        state.rotation * (m.mount_rotation * state.point_in_mount + m.mount_position) + state.translation;
+    cost += (m.whitening * (in_camera - m.in_camera)).squaredNorm();
+  }
+  return cost;
+}
+
+// The best translation and point for a rotation.
+State WithRotation(const std::vector<Measured>& captures, const Eigen::Matrix3d& rotation) {
+  Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
+  for (const Measured& m : captures) {
+    Eigen::Matrix<double, 3, 6> left;
+    left << m.whitening * rotation * m.mount_rotation, m.whitening;
+    normal += left.transpose() * left;
+    right += left.transpose() * (m.whitening * (m.in_camera - rotation * m.mount_position));
+  }
+  const Eigen::Matrix<double, 6, 1> solution = normal.ldlt().solve(right);
+  State state{rotation, solution.tail<3>(), solution.head<3>()};
+  state.cost = CostOf(captures, state);
+  return state;
+}
+
+// Levenberg-Marquardt on rotation (perturbed from the left), point and translation.
+State Refined(const std::vector<Measured>& captures, State state, int max_iterations) {
+  using Vector9 = Eigen::Matrix<double, 9, 1>;
+  double damping = 1e-4;
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
+    Vector9 gradient = Vector9::Zero();
+    for (const Measured& m : captures) {
+      const Eigen::Vector3d turned = state.rotation * (m.mount_rotation * state.point_in_mount + m.mount_position);
+      Eigen::Matrix<double, 3, 9> j;
+      j << -m.whitening * Skew(turned), m.whitening * state.rotation * m.mount_rotation, m.whitening;
+      const Eigen::Vector3d residual = m.whitening * (turned + state.translation - m.in_camera);
+      normal += j.transpose() * j;
+      gradient += j.transpose() * residual;
+    }
+    bool improved = false;
+    double relative_drop = 0;
+    for (int attempt = 0; attempt < 8 && !improved; ++attempt) {
+      Eigen::Matrix<double, 9, 9> damped = normal;
+      damped.diagonal() *= 1 + damping;
+      const Vector9 step = -damped.ldlt().solve(gradient);
+      State next{ExpRotation(step.head<3>()).toRotationMatrix() * state.rotation, state.translation + step.tail<3>(),
+                 state.point_in_mount + step.segment<3>(3)};
+      next.cost = step.allFinite() ? CostOf(captures, next) : std::numeric_limits<double>::infinity();
+      improved = next.cost <= state.cost;
+      damping = improved ? std::max(1e-12, 0.1 * damping) : std::max(1e-6, 10 * damping);
+      if (!improved) continue;
+      relative_drop = state.cost > 0 ? (state.cost - next.cost) / state.cost : 0;
+      state = next;
+    }
+    constexpr double kSmallDrop = 1e-13;
+    if (!improved || relative_drop < kSmallDrop) break;
+  }
+  return state;
+}
+
+}  // namespace
+
+Outcome<HandEye> SolveHandEye_two_step_ls(const std::vector<PosePair>& pairs) {
+  if (const std::optional<Failure> failure = CheckPairs(pairs)) return *failure;
+  const TargetPositions positions = BestKnownPositions(pairs);
+  Eigen::Vector3d mean_position = Eigen::Vector3d::Zero();
+  for (const PosePair& pair : pairs) {
+    mean_position += pair.camera_mount_from_target_mount.translation / static_cast<double>(pairs.size());
+  }
+  std::vector<Measured> captures;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    const Eigen::LLT<Eigen::Matrix3d> factor(positions.captures[i].covariance_at_1px);
+    if (factor.info() != Eigen::Success) return Failure{"the position of the target has no covariance"};
+    captures.push_back({pairs[i].camera_mount_from_target_mount.RotationMatrix(),
+                        pairs[i].camera_mount_from_target_mount.translation - mean_position,
+                        positions.captures[i].in_camera, factor.matrixL().solve(Eigen::Matrix3d::Identity())});
+  }
+  // A few captures are enough to tell the starts apart.
+  constexpr size_t kMaxForStart = 30;
+  std::vector<Measured> few;
+  for (size_t i = 0; i < captures.size(); i += std::max<size_t>(1, captures.size() / kMaxForStart)) {
+    few.push_back(captures[i]);
+  }
+  State best;
+  for (const Eigen::Matrix3d& turn : TurnsOfACube()) {
+    constexpr int kFewIterations = 12;
+    const State found = Refined(few, WithRotation(few, turn), kFewIterations);
+    if (found.cost < best.cost) best = found;
+  }
+  if (!std::isfinite(best.cost)) return Failure{"the positions of the target do not determine the hand-eye pose"};
+  constexpr int kMaxIterations = 100;
+  best = Refined(captures, WithRotation(captures, best.rotation), kMaxIterations);
+  const Eigen::Matrix3d rotation_x = best.rotation.transpose();
+  const Rigid3d camera_mount_from_camera(rotation_x, mean_position - rotation_x * best.translation);
+  return WithBoardThrough(pairs, camera_mount_from_camera, positions.point_in_target, best.point_in_mount);
+}
+
+}  // namespace heba
