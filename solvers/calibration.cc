@@ -363,8 +363,12 @@ std::vector<HoldOut> CrossValidate(const std::vector<View>& views, const Calibra
   ParallelFor(num_folds, num_threads, [&](int fold) {
     std::vector<View> training;
     std::vector<View> held_out;
-    for (size_t i = 0; i < views.size(); ++i) {
-      (static_cast<int>(i % static_cast<size_t>(num_folds)) == fold ? held_out : training).push_back(views[i]);
+    int num_shared_out = 0;
+    for (const View& view : views) {
+      // What the two-step method cannot do without is given to all.
+      const bool is_needed = view.role == "home" || view.role.starts_with("translate_");
+      const bool is_held_out = !is_needed && num_shared_out++ % num_folds == fold;
+      (is_held_out ? held_out : training).push_back(view);
     }
     const Outcome<Calibration> calibration = Calibrate(training, fold_options);
     const auto predict = [&](const HandEye& hand_eye, const Camera& camera) -> Outcome<SquaredErrors> {
