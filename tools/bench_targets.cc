@@ -22,6 +22,7 @@
 #include "heba/camera/camera.h"
 #include "heba/config/yaml_reader.h"
 #include "targets/clutter.h"
+#include "targets/detection.h"
 #include "targets/ellipse_finder.h"
 #include "targets/rendering.h"
 #include "targets/ring_code.h"
@@ -60,30 +61,6 @@ Rigid3d RandomPose(const Drawing& drawing, double distance_m, double tilt_rad, c
   return {rotation, place - rotation * Eigen::Vector3d(middle.x(), middle.y(), 0)};
 }
 
-// Where a point's image is: for a disc the centroid of the imaged area, from its outline's.
-Eigen::Vector2d TruePixel(const Camera& camera, const Rigid3d& camera_from_target, const TargetPoint& point) {
-  if (point.radius_m == 0) return *ProjectPoint(camera, camera_from_target * point.in_target);
-  constexpr int kNumCorners = 2048;
-  std::vector<Eigen::Vector2d> corners;
-  for (int i = 0; i < kNumCorners; ++i) {
-    const double angle = 2 * kPi * i / kNumCorners;
-    corners.push_back(*ProjectPoint(
-        camera, camera_from_target *
-                    (point.in_target + point.radius_m * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0))));
-  }
-  const Eigen::Vector2d origin = corners[0];
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  double area = 0;
-  for (int i = 0; i < kNumCorners; ++i) {
-    const Eigen::Vector2d a = corners[i] - origin;
-    const Eigen::Vector2d b = corners[(i + 1) % kNumCorners] - origin;
-    const double cross = a.x() * b.y() - a.y() * b.x();
-    sum += cross * (a + b) / 3;
-    area += cross;
-  }
-  return origin + sum / area;
-}
-
 // Errors of found points and what was stated about them.
 struct Errors {
   int num_expected = 0;
@@ -118,7 +95,7 @@ Errors Compare(const Target& target, const Detection& detection, const Camera& c
   for (size_t i = 0; i < detection.ids.size(); ++i) {
     const auto point = std::find_if(target.points().begin(), target.points().end(),
                                     [&](const TargetPoint& entry) { return entry.id == detection.ids[i]; });
-    offsets.push_back(detection.pixels[i] - TruePixel(camera, camera_from_target, *point));
+    offsets.push_back(detection.pixels[i] - *PixelOf(*point, camera, camera_from_target));
     ++errors.num_found;
     if (offsets.back().norm() > 0.5) {
       ++errors.num_wild;
@@ -389,7 +366,7 @@ void WriteCrop(const std::string& path) {
     }
     cv::polylines(crop, outline, true, cv::Scalar(60, 60, 230), 1, cv::LINE_AA, shift);
   }
-  const Eigen::Vector2d truth = TruePixel(camera, camera_from_target, board->points()[0]);
+  const Eigen::Vector2d truth = *PixelOf(board->points()[0], camera, camera_from_target);
   const Eigen::Vector2d x(0.4, 0);
   const Eigen::Vector2d y(0, 0.4);
   const Eigen::Vector2d centre = detection.pixels[0];
