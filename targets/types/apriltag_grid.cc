@@ -38,6 +38,8 @@ extern "C" {
 #include "heba/base/text.h"
 #include "targets/corner_refinement.h"
 #include "targets/homography.h"
+#include "targets/image.h"
+#include "targets/name_table.h"
 #include "targets/pattern_fit.h"
 #include "targets/tag_layout.h"
 #include "targets/target.h"
@@ -186,20 +188,6 @@ class BoardFamily {
   apriltag_detector_t* table_owner_;
 };
 
-bool IsInside(const cv::Mat& grey, const Eigen::Vector2d& at_px) {
-  return at_px.x() >= 0 && at_px.y() >= 0 && at_px.x() <= grey.cols - 1 && at_px.y() <= grey.rows - 1;
-}
-
-// Bilinear, inside of the picture.
-double GreyAt(const cv::Mat& grey, const Eigen::Vector2d& at_px) {
-  const int x = std::min(static_cast<int>(at_px.x()), grey.cols - 2);
-  const int y = std::min(static_cast<int>(at_px.y()), grey.rows - 2);
-  const double s = at_px.x() - x;
-  const double t = at_px.y() - y;
-  return (1 - t) * ((1 - s) * grey.at<uchar>(y, x) + s * grey.at<uchar>(y, x + 1)) +
-         t * ((1 - s) * grey.at<uchar>(y + 1, x) + s * grey.at<uchar>(y + 1, x + 1));
-}
-
 class AprilTagGrid final : public Target {
  public:
   AprilTagGrid(Family family, const TagGridGeometry& geometry)
@@ -249,7 +237,7 @@ class AprilTagGrid final : public Target {
     return detection;
   }
 
-  Drawing Draw() const override { return drawing_; }
+  const Drawing& Draw() const override { return drawing_; }
 
  private:
   Drawing MakeDrawing() const {
@@ -409,7 +397,7 @@ class AprilTagGrid final : public Target {
     TagCorners expected_px;
     for (size_t k = 0; k < 4; ++k) {
       expected_px[k] = Map(*picture_from_board, layout_.corners_m[static_cast<size_t>(index)][k]);
-      if (!expected_px[k].allFinite() || !IsInside(grey, expected_px[k])) return std::nullopt;
+      if (!expected_px[k].allFinite() || !IsInPicture(grey, expected_px[k])) return std::nullopt;
     }
     SeenTag tag;
     tag.index = index;
@@ -437,7 +425,7 @@ class AprilTagGrid final : public Target {
     if (!picture_from_cells) return std::nullopt;
     const auto level = [&](double x, double y) -> std::optional<double> {
       const Eigen::Vector2d at_px = Map(*picture_from_cells, {x, y});
-      if (!IsInside(grey, at_px)) return std::nullopt;
+      if (!IsInPicture(grey, at_px)) return std::nullopt;
       return GreyAt(grey, at_px);
     };
     const auto mean_at = [&](double from_edge) {  // Over the four edges, cells inwards of them.
@@ -550,12 +538,9 @@ class AprilTagGrid final : public Target {
 }  // namespace
 
 std::unique_ptr<Target> CreateTarget_apriltag_grid(MapReader& reader) {
-  std::vector<std::string> names;
-  for (const FamilyName& entry : kFamilies) names.emplace_back(entry.name);
-  const std::string name = reader.Choice("family", names);
-  const FamilyName* entry = std::find_if(std::begin(kFamilies), std::end(kFamilies),
-                                         [&](const FamilyName& candidate) { return candidate.name == name; });
-  Family family(*entry);
+  const FamilyName& entry = ReadChoice(reader, "family", kFamilies);
+  const std::string name = entry.name;
+  Family family(entry);
   const bool has_outer_cells = family.NumOuterCells() > 0;
   TagGridGeometry geometry;
   constexpr IntRange kTags = {1, 200};
