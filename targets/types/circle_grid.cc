@@ -86,21 +86,29 @@ class CircleGrid final : public Target {
     Detection detection;
     const std::string needed = " of the " + Count(points_.size(), "dot");
     size_t num_seen = 0;
+    std::string beyond;
     std::string fault;
     std::vector<Dots> orders;  // Of one set of dots.
     std::set<std::vector<int>> sets_seen;
+    Dots others;  // Of lattices that are not ours: nor are parts of them.
     for (const Lattice& lattice : GrowLattices(dots, lattice_options)) {
       num_seen = std::max(num_seen, lattice.size());
       const std::vector<LatticePlacement> placements = PlacePattern(lattice, pattern_);
-      if (placements.size() > 1 || (placements.size() == 1 && GoesOn(lattice, dots, placements.front()))) {
-        detection.reason = "the dots go on beyond " + std::to_string(options_.rows) + " rows of " +
-                           std::to_string(options_.columns) + ": " + Count(lattice.size(), "dot") + " in a grid";
-        return detection;
-      }
       if (placements.empty()) continue;
+      if (placements.size() > 1 || GoesOn(lattice, dots, placements.front())) {
+        if (beyond.empty()) {
+          beyond = "the dots go on beyond " + std::to_string(options_.rows) + " rows of " +
+                   std::to_string(options_.columns) + ": " + Count(lattice.size(), "dot") + " in a grid";
+        }
+        for (const auto& [cell, dot] : lattice) others.push_back({dots[dot]});
+        continue;
+      }
       std::vector<int> dot_set = placements.front().orders.front();
       std::sort(dot_set.begin(), dot_set.end());
       if (!sets_seen.insert(dot_set).second) continue;
+      Dots candidate;
+      for (const int dot : dot_set) candidate.push_back({dots[dot]});
+      if (AreSame(candidate, others)) continue;
       Outcome<std::vector<Dots>> refined = Refine(grey, dots, placements.front());
       if (!refined) {
         if (fault.empty()) fault = refined.reason();
@@ -114,9 +122,14 @@ class CircleGrid final : public Target {
       if (orders.empty()) orders = *refined;
     }
     if (orders.empty()) {
+      if (fault.empty()) fault = beyond;
+      if (fault.empty() && num_seen >= points_.size()) {
+        fault = Count(num_seen, "dot") + " seen in a grid, but not in " + std::to_string(options_.rows) + " rows of " +
+                std::to_string(options_.columns) + (options_.asymmetric ? ", or in a mirror" : "");
+      }
       detection.reason = !fault.empty() ? fault
-                                        : std::to_string(std::min(num_seen, points_.size())) + needed +
-                                              " seen in a grid (" + Count(dots.size(), "dot") + " in the picture)";
+                                        : std::to_string(num_seen) + needed + " seen in a grid (" +
+                                              Count(dots.size(), "dot") + " in the picture)";
       return detection;
     }
     const Outcome<Dots> ordered = options_.marker_dot ? OrderByMarker(orders) : OrderByImage(orders);
@@ -210,7 +223,8 @@ class CircleGrid final : public Target {
     return orders;
   }
 
-  // Whether two grids share dots: candidates for one dot come to the same when they are refined.
+  // Whether half of the dots of `a` are among those of `b`: candidates for one dot come to the same when they are
+  // refined.
   static bool AreSame(const Dots& a, const Dots& b) {
     size_t num_shared = 0;
     for (const Ellipse& dot : a) {
