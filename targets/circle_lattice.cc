@@ -228,6 +228,28 @@ Lattice Grow(const std::vector<Ellipse>& dots, const DotIndex& index, const Latt
   return lattice;
 }
 
+// The first ones, of those that are nearly the same only some: a dot that is found twice makes two of its lattice.
+std::vector<Lattice> WithoutCopies(const std::vector<Lattice>& lattices, size_t max_lattices) {
+  constexpr int kMaxAlike = 3;
+  std::vector<Lattice> kept;
+  std::vector<std::set<int>> dots_of_kept;
+  for (const Lattice& lattice : lattices) {
+    if (kept.size() == max_lattices) break;
+    std::set<int> dots;
+    for (const auto& [cell, dot] : lattice) dots.insert(dot);
+    int num_alike = 0;
+    for (const std::set<int>& others : dots_of_kept) {
+      size_t num_shared = 0;
+      for (const int dot : dots) num_shared += others.count(dot);
+      num_alike += 5 * num_shared > 4 * dots.size() && 50 * (others.size() - dots.size()) <= dots.size() ? 1 : 0;
+    }
+    if (num_alike >= kMaxAlike) continue;
+    kept.push_back(lattice);
+    dots_of_kept.push_back(std::move(dots));
+  }
+  return kept;
+}
+
 }  // namespace
 
 std::vector<Lattice> GrowLattices(const std::vector<Ellipse>& dots, const LatticeOptions& options) {
@@ -255,8 +277,7 @@ std::vector<Lattice> GrowLattices(const std::vector<Ellipse>& dots, const Lattic
   }
   std::stable_sort(lattices.begin(), lattices.end(),
                    [](const Lattice& a, const Lattice& b) { return a.size() > b.size(); });
-  if (lattices.size() > static_cast<size_t>(options.max_lattices)) lattices.resize(options.max_lattices);
-  return lattices;
+  return WithoutCopies(lattices, static_cast<size_t>(options.max_lattices));
 }
 
 std::optional<DotPrediction> PredictDot(const Lattice& lattice, const std::vector<Ellipse>& dots,

@@ -7,6 +7,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
+#include "heba/data/prediction.h"
 #include "targets/image.h"
 
 namespace heba {
@@ -27,6 +28,20 @@ std::vector<CaptureDetection> DetectAll(const Target& target, const std::vector<
     progress();
   });
   return detections;
+}
+
+std::optional<Eigen::Vector2d> PixelOf(const TargetPoint& point, const Camera& camera,
+                                       const Rigid3d& camera_from_target) {
+  Observations observation;
+  observation.ids = {point.id};
+  observation.points_in_target = point.in_target;
+  observation.pixels = Points2::Zero(2, 1);
+  observation.radii_m = Eigen::VectorXd::Constant(1, point.radius_m);
+  Points2 pixels;
+  if (!Predict(camera.Model(), camera.params.data(), camera_from_target, observation, &pixels, nullptr)) {
+    return std::nullopt;
+  }
+  return pixels.col(0);
 }
 
 Observations ObservationsOf(const Target& target, const Detection& detection) {

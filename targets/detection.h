@@ -2,8 +2,12 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
+#include <Eigen/Core>
+
+#include "heba/camera/camera.h"
 #include "heba/data/dataset.h"
 #include "heba/data/problem.h"
 #include "targets/target.h"
@@ -22,6 +26,11 @@ struct CaptureDetection {
 // the first picture that cannot be read.
 std::vector<CaptureDetection> DetectAll(const Target& target, const std::vector<Capture>& captures, int num_threads,
                                         const std::function<void()>& progress);
+
+// Where a camera sees a point of the target, as detectors measure it: a disc by the centroid of its image. Nothing if
+// it has no image.
+std::optional<Eigen::Vector2d> PixelOf(const TargetPoint& point, const Camera& camera,
+                                       const Rigid3d& camera_from_target);
 
 // The detected points with their places on the target.
 Observations ObservationsOf(const Target& target, const Detection& detection);

@@ -1,8 +1,10 @@
-// Pictures from files.
+// Pictures from files, and their grey values.
 #pragma once
 
+#include <algorithm>
 #include <filesystem>
 
+#include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
 namespace heba {
@@ -17,5 +19,21 @@ void WriteImage(const std::filesystem::path& path, const cv::Mat& image);
 
 // Whether a file name has the suffix of a picture.
 bool HasImageSuffix(const std::filesystem::path& path);
+
+// Whether a place lies within the centres of the outermost pixels.
+inline bool IsInPicture(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
+  return pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() <= grey.cols - 1 && pixel.y() <= grey.rows - 1;
+}
+
+// Bilinear, at a place in the picture, which is CV_8UC1 and has two pixels a side at least.
+inline double GreyAt(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
+  const int column = std::min(static_cast<int>(pixel.x()), grey.cols - 2);
+  const int row = std::min(static_cast<int>(pixel.y()), grey.rows - 2);
+  const double fx = pixel.x() - column;
+  const double fy = pixel.y() - row;
+  const uchar* const upper = grey.ptr<uchar>(row) + column;
+  const uchar* const lower = grey.ptr<uchar>(row + 1) + column;
+  return (1 - fy) * ((1 - fx) * upper[0] + fx * upper[1]) + fy * ((1 - fx) * lower[0] + fx * lower[1]);
+}
 
 }  // namespace heba

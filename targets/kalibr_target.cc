@@ -4,6 +4,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
+#include "targets/name_table.h"
 
 namespace heba {
 namespace {
@@ -61,9 +62,7 @@ constexpr KalibrType kTypes[] = {
 bool IsKalibrTarget(MapReader& reader) { return reader.Has("target_type"); }
 
 ConfigValue FromKalibrTarget(MapReader& reader) {
-  std::vector<std::string> names;
-  for (const KalibrType& type : kTypes) names.emplace_back(type.name);
-  const std::string name = reader.Get("target_type").AsChoice(names);
+  const std::string name = reader.Get("target_type").AsChoice(NamesOf(kTypes));
   YAML::Node target(YAML::NodeType::Map);
   for (const KalibrType& type : kTypes) {
     if (type.name == name) type.convert(reader, &target);

@@ -331,10 +331,11 @@ class PatternMap {
     if (num_terms_ == kLensTerms) return derivative;
     const double x = q.x();
     const double y = q.y();
-    Eigen::Matrix<double, kPolynomial, 2> polynomial;
-    polynomial << 2 * x, 0, y, x, 0, 2 * y, 3 * x * x, 0, 2 * x * y, x * x, y * y, 2 * x * y, 0, 3 * y * y;
-    derivative.row(0) += params.segment<kPolynomial>(kLensTerms).transpose() * polynomial;
-    derivative.row(1) += params.segment<kPolynomial>(kLensTerms + kPolynomial).transpose() * polynomial;
+    for (int axis = 0; axis < 2; ++axis) {
+      const double* const p = params.data() + kLensTerms + axis * kPolynomial;
+      derivative(axis, 0) += 2 * x * p[0] + y * p[1] + 3 * x * x * p[3] + 2 * x * y * p[4] + y * y * p[5];
+      derivative(axis, 1) += x * p[1] + 2 * y * p[2] + x * x * p[4] + 2 * x * y * p[5] + 3 * y * y * p[6];
+    }
     return derivative;
   }
 
@@ -364,9 +365,15 @@ struct FitPixel {
   double grey = 0;
 };
 
-// The unknowns beside the map: black, white, the light's gradient (two numbers), blur.
-constexpr int kNumLevels = 5;
-enum Level { kBlack, kWhite, kLightX, kLightY, kBlur };
+// The unknowns beside the map: black, white, blur, and the light's gradient and bend. A small pattern is taken to have
+// no bend.
+constexpr int kNumLight = 5;
+constexpr int kNumLevels = 3 + kNumLight;
+enum Level { kBlack, kWhite, kBlur, kLight, kLightBend = kLight + 2 };
+
+Eigen::Matrix<double, kNumLight, 1> LightTerms(const Eigen::Vector2d& at) {
+  return {at.x(), at.y(), at.x() * at.x(), at.x() * at.y(), at.y() * at.y()};
+}
 
 class Fitter {
  public:
@@ -374,6 +381,7 @@ class Fitter {
          const PatternFitOptions& options)
       : pattern_(pattern),
         map_(start, options, LensPx(grey)),
+        is_light_bent_(options.freedom == MapFreedom::kStrongLens),
         params_(Eigen::VectorXd::Zero(map_.num_terms() + kNumLevels)) {
     CollectPixels(grey);
     if (is_usable_) StartLevels();
@@ -385,10 +393,18 @@ class Fitter {
   double level(Level which) const { return params_[map_.num_terms() + which]; }
   double contrast() const { return level(kWhite) - level(kBlack); }
 
-  // By least squares first; then what deviates counts less. False if a step leads nowhere that can be computed.
+  // By least squares and some of the pixels first; then by all, and what deviates counts less. False if a step leads
+  // nowhere that can be computed.
   bool Solve() {
     constexpr double kRoughPx = 0.02;
-    if (!Descend(std::numeric_limits<double>::infinity(), kRoughPx)) return false;
+    constexpr size_t kRoughPixels = 1000;
+    std::vector<FitPixel> all;
+    std::swap(all, pixels_);
+    const size_t stride = all.size() / kRoughPixels + 1;
+    for (size_t k = 0; k < all.size(); k += stride) pixels_.push_back(all[k]);
+    const bool is_found = Descend(std::numeric_limits<double>::infinity(), kRoughPx);
+    std::swap(all, pixels_);
+    if (!is_found) return false;
     constexpr double kHuber = 2.5;
     constexpr double kMinNoiseGrey = 0.3;  // A pixel's rounding.
     huber_ = kHuber * std::max(kMinNoiseGrey, NoiseOf(result_.residuals));
@@ -567,7 +583,7 @@ class Fitter {
   bool IsPossible(const Eigen::VectorXd& params) const {
     const auto levels = params.tail<kNumLevels>();
     return params.allFinite() && levels[kBlur] > 0.2 && levels[kBlur] < 20 && levels[kWhite] > levels[kBlack] &&
-           std::abs(levels[kLightX]) < 1 && std::abs(levels[kLightY]) < 1;
+           levels.tail<kNumLight>().cwiseAbs().maxCoeff() < 1;
   }
 
   bool Linearise(const Eigen::VectorXd& params, double huber, Equations* equations) {
@@ -579,9 +595,17 @@ class Fitter {
     equations->residuals.resize(pixels_.size());
     const double black = params[num_map + kBlack];
     const double white = params[num_map + kWhite];
-    const Eigen::Vector2d light(params[num_map + kLightX], params[num_map + kLightY]);
+    const Eigen::Matrix<double, kNumLight, 1> light = params.segment<kNumLight>(num_map + kLight);
     const double blur = params[num_map + kBlur];
     Eigen::VectorXd row(n);
+    // Some rows at a time, which is much faster than one by one.
+    constexpr int kBatch = 128;
+    Eigen::MatrixXd batch(n, kBatch);
+    int num_in_batch = 0;
+    const auto add_batch = [&] {
+      equations->normal.selfadjointView<Eigen::Lower>().rankUpdate(batch.leftCols(num_in_batch));
+      num_in_batch = 0;
+    };
     for (size_t k = 0; k < pixels_.size(); ++k) {
       FitPixel& pixel = pixels_[k];
       const std::optional<Eigen::Vector2d> unit = map_.Invert(params, pixel.at_px, pixel.unit);
@@ -598,30 +622,32 @@ class Fitter {
       if (!(std::abs(derivative.determinant()) > 1e-12)) return false;
       const Eigen::Matrix2d per_metre = map_.PerMetre(derivative);
       const BlurredAlbedo albedo = Blurred(pattern_, at_m, per_metre, blur);
-      const double lit = 1 + light.dot(pixel.light);
+      const Eigen::Matrix<double, kNumLight, 1> light_terms = LightTerms(pixel.light);
+      const double lit = 1 + light.dot(light_terms);
       const double level = black + albedo.value * (white - black);
       // The pattern moves with the map, the pixel stays: the derivative has the opposite sign of the picture's slope.
       const Eigen::Vector2d slope = per_metre.transpose().inverse() * albedo.by_at * (lit * (white - black));
       row.head(num_map) = -map_.DisplacementsAt(*unit).leftCols(num_map).transpose() * slope;
       row[num_map + kBlack] = lit * (1 - albedo.value);
       row[num_map + kWhite] = lit * albedo.value;
-      row[num_map + kLightX] = level * pixel.light.x();
-      row[num_map + kLightY] = level * pixel.light.y();
+      row.segment<kNumLight>(num_map + kLight) = level * light_terms;
       row[num_map + kBlur] = lit * (white - black) * albedo.by_blur;
       const double residual = lit * level - pixel.grey;
       const double size = std::abs(residual);
       const double weight = size <= huber ? 1 : huber / size;
       equations->residuals[k] = residual;
       equations->cost += size <= huber ? 0.5 * residual * residual : huber * (size - 0.5 * huber);
-      equations->normal.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
       equations->gradient += weight * residual * row;
+      batch.col(num_in_batch++) = std::sqrt(weight) * row;
+      if (num_in_batch == kBatch) add_batch();
     }
+    add_batch();
     equations->normal = Eigen::MatrixXd(equations->normal.selfadjointView<Eigen::Lower>());
     // Near the picture's middle the pattern says nothing of the lens, nor does it matter.
     constexpr double kTypicalNoiseGrey = 2;
     const double prior = kTypicalNoiseGrey / map_.LensSigmaPx();
-    for (int k = 0; k < num_map; ++k) {
-      if (!map_.IsHeld(k)) continue;
+    for (int k = 0; k < n; ++k) {
+      if (k < num_map ? !map_.IsHeld(k) : is_light_bent_ || k < num_map + kLightBend) continue;
       constexpr double kHeld = 1e12;
       equations->normal.row(k).setZero();
       equations->normal.col(k).setZero();
@@ -647,6 +673,7 @@ class Fitter {
 
   const CellPattern& pattern_;
   PatternMap map_;
+  bool is_light_bent_;
   Eigen::VectorXd params_;
   std::vector<FitPixel> pixels_;
   bool is_usable_ = false;

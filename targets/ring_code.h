@@ -11,6 +11,11 @@
 
 namespace heba {
 
+// In radii of the dot: the ring's inner and outer edge, and how far from it there must be nothing else.
+constexpr double kRingInner = 2;
+constexpr double kRingOuter = 3;
+constexpr double kRingQuiet = 3.5;
+
 enum class RingCodeOrder {
   // Codes at the largest distance first, so that small boards have codes that two, or three, wrong bits do not turn
   // into each other: all codes but the two plain rings are gone through by increasing value, and one is taken if its

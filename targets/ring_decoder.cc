@@ -8,30 +8,15 @@
 
 #include "heba/base/error.h"
 #include "heba/base/units.h"
+#include "targets/image.h"
 #include "targets/ring_code.h"
 
 namespace heba {
 namespace {
 
 constexpr int kMaxBits = 14;
-constexpr double kRingInner = 2;  // Radii of the dot.
-constexpr double kRingOuter = 3;
-constexpr double kQuiet = 3.4;  // The quiet zone is looked at to here: others' rings may begin at 3.5.
-
-bool IsInPicture(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
-  return pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() <= grey.cols - 1 && pixel.y() <= grey.rows - 1;
-}
-
-// `pixel` must be in the picture.
-double Bilinear(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
-  const int column = std::min(static_cast<int>(pixel.x()), grey.cols - 2);
-  const int row = std::min(static_cast<int>(pixel.y()), grey.rows - 2);
-  const double fx = pixel.x() - column;
-  const double fy = pixel.y() - row;
-  const uchar* const upper = grey.ptr<uchar>(row) + column;
-  const uchar* const lower = grey.ptr<uchar>(row + 1) + column;
-  return (1 - fy) * ((1 - fx) * upper[0] + fx * upper[1]) + fy * ((1 - fx) * lower[0] + fx * lower[1]);
-}
+// Radii of the dot: the quiet zone is looked at to here, as others' rings may begin where it ends.
+constexpr double kLookedAt = kRingQuiet - 0.1;
 
 double Median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -102,7 +87,7 @@ Guess GuessWord(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_unit, con
     const Eigen::Vector3d mapped = pixel_from_ring * point;
     if (mapped.z() <= 0.1) return -1.0;
     const Eigen::Vector2d pixel = mapped.hnormalized();
-    return IsInPicture(grey, pixel) ? Bilinear(grey, pixel) : -1.0;
+    return IsInPicture(grey, pixel) ? GreyAt(grey, pixel) : -1.0;
   };
   Guess best;
   double inside = 0;
@@ -328,7 +313,8 @@ class RingFit {
     for (int i = 0; i < 24; ++i) {
       const double angle = 2 * kPi * i / 24;
       const Eigen::Vector2d pixel =
-          (pixel_from_ring * Eigen::Vector3d(kQuiet * std::cos(angle), kQuiet * std::sin(angle), 1)).hnormalized();
+          (pixel_from_ring * Eigen::Vector3d(kLookedAt * std::cos(angle), kLookedAt * std::sin(angle), 1))
+              .hnormalized();
       low = low.cwiseMin(pixel);
       high = high.cwiseMax(pixel);
     }
@@ -349,7 +335,7 @@ class RingFit {
         const Eigen::Vector3d mapped = ring_from_pixel * pixel.homogeneous();
         if (mapped.z() <= 0) continue;
         const double radius = mapped.hnormalized().norm();
-        if (radius < 1.4 || radius > kQuiet) continue;
+        if (radius < 1.4 || radius > kLookedAt) continue;
         int sum = 0;
         for (int i = 0; i < stride; ++i) {
           const uchar* const line = grey.ptr<uchar>(row + i) + column;
@@ -519,7 +505,7 @@ bool RingDecoder::IsAlone(const cv::Mat& grey, const Ellipse& dot) const {
     for (const double radius : {0.4, 1.5}) {
       const Eigen::Vector2d pixel = (pixel_from_unit * (radius * direction).homogeneous()).hnormalized();
       if (!IsInPicture(grey, pixel)) return false;
-      (radius < 1 ? inside : gap).push_back(Bilinear(grey, pixel));
+      (radius < 1 ? inside : gap).push_back(GreyAt(grey, pixel));
     }
   }
   const double blank = Median(gap);

@@ -7,6 +7,7 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "targets/kalibr_target.h"
+#include "targets/name_table.h"
 
 namespace heba {
 
@@ -28,18 +29,11 @@ const TargetType kTargetTypes[] = {
 
 }  // namespace
 
-std::vector<std::string> TargetTypeNames() {
-  std::vector<std::string> names;
-  for (const TargetType& type : kTargetTypes) names.emplace_back(type.name);
-  return names;
-}
+std::vector<std::string> TargetTypeNames() { return NamesOf(kTargetTypes); }
 
 std::unique_ptr<Target> CreateTarget(MapReader& reader) {
   if (IsKalibrTarget(reader)) reader = MapReader(FromKalibrTarget(reader));
-  const std::string name = reader.Choice("type", TargetTypeNames());
-  const TargetType* type = std::find_if(std::begin(kTargetTypes), std::end(kTargetTypes),
-                                        [&](const TargetType& entry) { return entry.name == name; });
-  std::unique_ptr<Target> target = type->create(reader);
+  std::unique_ptr<Target> target = ReadChoice(reader, "type", kTargetTypes).create(reader);
   reader.Finish();
   return target;
 }

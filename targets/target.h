@@ -49,7 +49,8 @@ class Target {
   // once. Called from several threads at once. A target that can be read in several orders (Symmetries) may be found in
   // any of them.
   virtual Detection Detect(const cv::Mat& grey) const = 0;
-  virtual Drawing Draw() const = 0;
+  // Made once; it lives as long as the target.
+  virtual const Drawing& Draw() const = 0;
   // The rotations, as target_from_target, under which the target looks the same, the identity first. A target whose
   // points carry ids or a mark has no other.
   virtual std::vector<Rigid3d> Symmetries() const { return {Rigid3d()}; }

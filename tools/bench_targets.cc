@@ -16,12 +16,18 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+extern "C" {
+#include <apriltag/apriltag.h>
+#include <apriltag/tag36h11.h>
+}
+
 #include "heba/base/parallel.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
 #include "heba/camera/camera.h"
 #include "heba/config/yaml_reader.h"
 #include "targets/clutter.h"
+#include "targets/detection.h"
 #include "targets/ellipse_finder.h"
 #include "targets/rendering.h"
 #include "targets/ring_code.h"
@@ -34,6 +40,7 @@ DEFINE_int32(jobs, 0, "threads; 0 for one a processor");
 DEFINE_int32(seed, 1, "of all random numbers");
 DEFINE_double(light, 0.3, "uneven light of the precision table, as a share of the brightest");
 DEFINE_string(only, "", "one part: precision, recall or false");
+DEFINE_string(row, "", "of the precision table only the rows whose names contain this");
 DEFINE_string(crop, "", "writes a magnified picture (.png) of a fitted dot with its outline and centre, and ends");
 
 namespace heba {
@@ -58,30 +65,6 @@ Rigid3d RandomPose(const Drawing& drawing, double distance_m, double tilt_rad, c
   const Eigen::Vector2d middle = 0.5 * (drawing.min_m + drawing.max_m);
   const Eigen::Vector3d place(aside.x() * distance_m, aside.y() * distance_m, distance_m);
   return {rotation, place - rotation * Eigen::Vector3d(middle.x(), middle.y(), 0)};
-}
-
-// Where a point's image is: for a disc the centroid of the imaged area, from its outline's.
-Eigen::Vector2d TruePixel(const Camera& camera, const Rigid3d& camera_from_target, const TargetPoint& point) {
-  if (point.radius_m == 0) return *ProjectPoint(camera, camera_from_target * point.in_target);
-  constexpr int kNumCorners = 2048;
-  std::vector<Eigen::Vector2d> corners;
-  for (int i = 0; i < kNumCorners; ++i) {
-    const double angle = 2 * kPi * i / kNumCorners;
-    corners.push_back(*ProjectPoint(
-        camera, camera_from_target *
-                    (point.in_target + point.radius_m * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0))));
-  }
-  const Eigen::Vector2d origin = corners[0];
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  double area = 0;
-  for (int i = 0; i < kNumCorners; ++i) {
-    const Eigen::Vector2d a = corners[i] - origin;
-    const Eigen::Vector2d b = corners[(i + 1) % kNumCorners] - origin;
-    const double cross = a.x() * b.y() - a.y() * b.x();
-    sum += cross * (a + b) / 3;
-    area += cross;
-  }
-  return origin + sum / area;
 }
 
 // Errors of found points and what was stated about them.
@@ -118,7 +101,7 @@ Errors Compare(const Target& target, const Detection& detection, const Camera& c
   for (size_t i = 0; i < detection.ids.size(); ++i) {
     const auto point = std::find_if(target.points().begin(), target.points().end(),
                                     [&](const TargetPoint& entry) { return entry.id == detection.ids[i]; });
-    offsets.push_back(detection.pixels[i] - TruePixel(camera, camera_from_target, *point));
+    offsets.push_back(detection.pixels[i] - *PixelOf(*point, camera, camera_from_target));
     ++errors.num_found;
     if (offsets.back().norm() > 0.5) {
       ++errors.num_wild;
@@ -138,6 +121,25 @@ Errors Compare(const Target& target, const Detection& detection, const Camera& c
     errors.num_normalised += static_cast<double>(size);
   }
   return errors;
+}
+
+// The order in which a target that can be read in several was read.
+Rigid3d BestOrder(const Target& target, const Detection& detection, const Camera& camera,
+                  const Rigid3d& camera_from_target) {
+  Rigid3d best;
+  double least = INFINITY;
+  for (const Rigid3d& target_from_target : target.Symmetries()) {
+    double sum = 0;
+    for (size_t i = 0; i < detection.ids.size(); ++i) {
+      const TargetPoint& point = target.points()[static_cast<size_t>(detection.ids[i])];
+      sum += (detection.pixels[i] - *PixelOf(point, camera, camera_from_target * target_from_target)).norm();
+    }
+    if (sum < least) {
+      least = sum;
+      best = target_from_target;
+    }
+  }
+  return best;
 }
 
 Errors Sum(int count, const std::function<Errors(int)>& work) {
@@ -162,58 +164,186 @@ void PrintPrecision(const std::string& what, const Errors& errors) {
   std::fflush(stdout);
 }
 
-// f = 2400 px; the target's `unit_m` is `unit_px` long in the middle; tilts to 45 degrees, any roll.
-Errors MeasurePrecision(const Target& target, double unit_m, double unit_px, double blur_px, double noise_grey) {
-  const Drawing drawing = target.Draw();
+// What a plain library makes of points that were found: places to start from are rounded to whole pixels.
+struct PlainMethod {
+  const char* name;
+  Detection (*measure)(const cv::Mat& grey, const Detection& found, double unit_px);
+};
+
+Detection SameIds(const Detection& found) {
+  Detection plain;
+  plain.ids = found.ids;
+  return plain;
+}
+
+// Weighted by darkness, over the dark area about the middle (below half of the contrast) and two pixels around it.
+Detection GreyCentroids(const cv::Mat& grey, const Detection& found, double radius_px) {
+  Detection plain = SameIds(found);
+  for (const Eigen::Vector2d& pixel : found.pixels) {
+    const Eigen::Vector2i middle = pixel.array().round().cast<int>();
+    const int reach_px = static_cast<int>(std::ceil(1.5 * radius_px)) + 3;
+    const cv::Rect box = cv::Rect(middle.x() - reach_px, middle.y() - reach_px, 2 * reach_px + 1, 2 * reach_px + 1) &
+                         cv::Rect(0, 0, grey.cols, grey.rows);
+    const cv::Mat around = grey(box);
+    double black = 0;
+    double white = 0;
+    cv::minMaxLoc(around, &black, &white);
+    cv::Mat labels;
+    cv::connectedComponents(around < 0.5 * (black + white), labels);
+    cv::Mat dot = labels == labels.at<int>(middle.y() - box.y, middle.x() - box.x);
+    cv::dilate(dot, dot, cv::Mat::ones(5, 5, CV_8U));
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (int row = 0; row < around.rows; ++row) {
+      for (int column = 0; column < around.cols; ++column) {
+        if (dot.at<uchar>(row, column) == 0) continue;
+        const double weight = white - around.at<uchar>(row, column);
+        if (weight > 0.1 * (white - black)) sum += weight * Eigen::Vector3d(column + box.x, row + box.y, 1);
+      }
+    }
+    plain.pixels.emplace_back(sum.head<2>() / sum.z());
+  }
+  return plain;
+}
+
+// cv::cornerSubPix with a window that nearly reaches the next edge, which is `free_px` away.
+Detection SubPixCorners(const cv::Mat& grey, const Detection& found, double free_px) {
+  Detection plain = SameIds(found);
+  const int half_px = std::clamp(static_cast<int>(std::lround(0.7 * free_px)), 2, 11);
+  std::vector<cv::Point2f> corners;
+  for (const Eigen::Vector2d& pixel : found.pixels) {
+    corners.emplace_back(static_cast<float>(std::round(pixel.x())), static_cast<float>(std::round(pixel.y())));
+  }
+  if (corners.empty()) return plain;
+  cv::cornerSubPix(grey, corners, cv::Size(half_px, half_px), cv::Size(-1, -1),
+                   cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-3));
+  for (const cv::Point2f& corner : corners) plain.pixels.emplace_back(corner.x, corner.y);
+  return plain;
+}
+
+Detection ChessboardCorners(const cv::Mat& grey, const Detection& found, double square_px) {
+  return SubPixCorners(grey, found, 0.7 * square_px);  // Tilted to 45 degrees.
+}
+// The markers' corners, an eighth of a square away along and across, are nearer than the next square.
+Detection CharucoCorners(const cv::Mat& grey, const Detection& found, double square_px) {
+  return SubPixCorners(grey, found, 0.125 * square_px);
+}
+
+// libapriltag's own corners of the board's only tag, its first pixel's centre moved to (0, 0).
+Detection LibapriltagCorners(const cv::Mat& grey, const Detection& /*found*/, double /*unit_px*/) {
+  Detection plain;
+  apriltag_family_t* const family = tag36h11_create();
+  apriltag_detector_t* const detector = apriltag_detector_create();
+  apriltag_detector_add_family_bits(detector, family, 1);
+  detector->quad_decimate = 1;
+  detector->refine_edges = true;
+  image_u8_t image = {grey.cols, grey.rows, static_cast<int32_t>(grey.step[0]), grey.data};
+  zarray_t* const tags = apriltag_detector_detect(detector, &image);
+  for (int i = 0; i < zarray_size(tags); ++i) {
+    apriltag_detection_t* tag = nullptr;
+    zarray_get(tags, i, &tag);
+    if (tag->id != 0 || !plain.ids.empty()) continue;
+    for (int corner = 0; corner < 4; ++corner) {
+      plain.ids.push_back(corner);
+      plain.pixels.emplace_back(tag->p[corner][0] - 0.5, tag->p[corner][1] - 0.5);
+    }
+  }
+  apriltag_detections_destroy(tags);
+  apriltag_detector_destroy(detector);
+  tag36h11_destroy(family);
+  return plain;
+}
+
+struct Look {
+  double unit_px;  // How long the target's unit is in the middle of the picture.
+  double blur_px;
+  double noise_grey;
+};
+
+// f = 2400 px; tilts to 45 degrees, any roll. By heba, and by the plain method.
+std::array<Errors, 2> MeasurePrecision(const Target& target, double unit_m, const Look& look,
+                                       const PlainMethod& plain) {
+  const Drawing& drawing = target.Draw();
   constexpr double kFocalPx = 2400;
-  const double distance_m = kFocalPx * unit_m / unit_px;
-  const double extent_px = 1.1 * (drawing.max_m - drawing.min_m).norm() * unit_px / unit_m;
+  const double distance_m = kFocalPx * unit_m / look.unit_px;
+  const double extent_px = 1.1 * (drawing.max_m - drawing.min_m).norm() * look.unit_px / unit_m;
   const int size_px = static_cast<int>(extent_px) + 40;
-  return Sum(FLAGS_views, [&](int view) {
+  std::vector<std::array<Errors, 2>> parts(static_cast<size_t>(FLAGS_views));
+  ParallelFor(FLAGS_views, NumThreads(), [&](int view) {
     Rng rng(static_cast<uint64_t>(FLAGS_seed), static_cast<uint64_t>(view));
     const double middle_px = 0.5 * (size_px - 1);
     const Camera camera{"pinhole", size_px, size_px, {kFocalPx, kFocalPx, middle_px, middle_px}};
     const Eigen::Vector2d aside(rng.Uniform(-0.5, 0.5) / kFocalPx, rng.Uniform(-0.5, 0.5) / kFocalPx);
-    const Rigid3d camera_from_target = RandomPose(drawing, distance_m, rng.Uniform(0, kPi / 4), aside, rng);
+    Rigid3d camera_from_target = RandomPose(drawing, distance_m, rng.Uniform(0, kPi / 4), aside, rng);
     RenderOptions options;
-    options.blur_sigma_px = blur_px;
-    options.noise_sigma_grey = noise_grey;
+    options.blur_sigma_px = look.blur_px;
+    options.noise_sigma_grey = look.noise_grey;
     options.black_grey = 30;
     options.white_grey = 200;
     options.light_gradient = FLAGS_light;
     options.seed = static_cast<uint64_t>(FLAGS_seed) * 1000003 + static_cast<uint64_t>(view);
     const cv::Mat grey = RenderView(drawing, camera, camera_from_target, options);
-    return Compare(target, target.Detect(grey), camera, camera_from_target);
+    const Detection detection = target.Detect(grey);
+    camera_from_target = camera_from_target * BestOrder(target, detection, camera, camera_from_target);
+    parts[static_cast<size_t>(view)] = {
+        Compare(target, detection, camera, camera_from_target),
+        Compare(target, plain.measure(grey, detection, look.unit_px), camera, camera_from_target)};
   });
+  std::array<Errors, 2> sums;
+  for (const std::array<Errors, 2>& part : parts) {
+    for (size_t k = 0; k < 2; ++k) sums[k].Add(part[k]);
+  }
+  return sums;
 }
 
+struct PrecisionRow {
+  const char* what;
+  const char* keys;
+  double unit_m;
+  PlainMethod plain;
+  std::vector<Look> looks;
+};
+
 void ReportPrecision() {
-  std::printf("precision: f 2400 px, tilt 0 to 45 deg, contrast 170 grey, uneven light %.2f, %d views a row\n",
-              FLAGS_light, FLAGS_views);
+  std::printf(
+      "precision: f 2400 px, tilt 0 to 45 deg, contrast 170 grey, uneven light %.2f, %d views a row; below each row "
+      "the plain library's\n",
+      FLAGS_light, FLAGS_views);
+  std::printf(
+      "rms: a coordinate; chi: root of e' C^-1 e over its expectation, points measured together taken together\n");
   std::printf("%-34s %7s %8s %5s %9s %9s %9s %8s %6s\n", "", "points", "recall %", ">.5px", "rms px", "bias x",
               "bias y", "+-", "chi");
-  const std::unique_ptr<Target> board =
-      MakeTarget("type: coded_board, rows: 2, columns: 2, spacing: 40 mm, dot_diameter: 10 mm");
-  struct Look {
-    double blur_px;
-    double noise_grey;
+  const PrecisionRow rows[] = {
+      {"dot r",
+       "type: coded_board, rows: 2, columns: 2, spacing: 40 mm, dot_diameter: 10 mm",
+       0.005,
+       {"grey centroid", &GreyCentroids},
+       {{5, 0.7, 2}, {5, 1.2, 2}, {5, 1.2, 4}, {10, 0.7, 2}, {10, 1.2, 2}, {10, 1.2, 4}, {20, 0.7, 2}, {20, 1.2, 4}}},
+      {"tag side",
+       "type: apriltag_grid, family: tag36h11, rows: 1, columns: 1, tag_size: 40 mm, corner_squares: false",
+       0.04,
+       {"libapriltag", &LibapriltagCorners},
+       {{30, 0.7, 2}, {30, 1.2, 4}, {60, 0.7, 2}, {60, 1.2, 4}, {120, 0.7, 2}, {120, 1.2, 4}}},
+      {"chessboard square",
+       "type: chessboard, rows: 4, columns: 5, square: 20 mm",
+       0.02,
+       {"cornerSubPix", &ChessboardCorners},
+       {{15, 0.7, 2}, {15, 1.2, 4}, {30, 0.7, 2}, {30, 1.2, 4}}},
+      {"charuco square",
+       "type: charuco, rows: 4, columns: 5, square: 20 mm, marker: 15 mm, dictionary: DICT_4X4_50",
+       0.02,
+       {"cornerSubPix", &CharucoCorners},
+       {{30, 0.7, 2}, {30, 1.2, 4}, {60, 0.7, 2}, {60, 1.2, 4}}},
   };
-  for (const double radius_px : {5.0, 10.0, 20.0}) {
-    for (const Look& look : {Look{0.7, 2}, Look{1.2, 2}, Look{1.2, 4}}) {
+  for (const PrecisionRow& row : rows) {
+    const std::unique_ptr<Target> target = MakeTarget(row.keys);
+    for (const Look& look : row.looks) {
       char what[80];
-      std::snprintf(what, sizeof what, "dot r %2.0f px, blur %.1f, noise %.0f", radius_px, look.blur_px,
+      std::snprintf(what, sizeof what, "%s %.0f px, blur %.1f, noise %.0f", row.what, look.unit_px, look.blur_px,
                     look.noise_grey);
-      PrintPrecision(what, MeasurePrecision(*board, 0.005, radius_px, look.blur_px, look.noise_grey));
-    }
-  }
-  const std::unique_ptr<Target> tag =
-      MakeTarget("type: apriltag_grid, family: tag36h11, rows: 1, columns: 1, tag_size: 40 mm");
-  for (const double side_px : {30.0, 60.0, 120.0}) {
-    for (const Look& look : {Look{0.7, 2}, Look{1.2, 4}}) {
-      char what[80];
-      std::snprintf(what, sizeof what, "tag side %3.0f px, blur %.1f, noise %.0f", side_px, look.blur_px,
-                    look.noise_grey);
-      PrintPrecision(what, MeasurePrecision(*tag, 0.04, side_px, look.blur_px, look.noise_grey));
+      if (std::string(what).find(FLAGS_row) == std::string::npos) continue;
+      const std::array<Errors, 2> errors = MeasurePrecision(*target, row.unit_m, look, row.plain);
+      PrintPrecision(what, errors[0]);
+      PrintPrecision(std::string("  ") + row.plain.name, errors[1]);
     }
   }
 }
@@ -389,7 +519,7 @@ void WriteCrop(const std::string& path) {
     }
     cv::polylines(crop, outline, true, cv::Scalar(60, 60, 230), 1, cv::LINE_AA, shift);
   }
-  const Eigen::Vector2d truth = TruePixel(camera, camera_from_target, board->points()[0]);
+  const Eigen::Vector2d truth = *PixelOf(board->points()[0], camera, camera_from_target);
   const Eigen::Vector2d x(0.4, 0);
   const Eigen::Vector2d y(0, 0.4);
   const Eigen::Vector2d centre = detection.pixels[0];

@@ -38,6 +38,8 @@ extern "C" {
 #include "heba/base/text.h"
 #include "targets/corner_refinement.h"
 #include "targets/homography.h"
+#include "targets/image.h"
+#include "targets/name_table.h"
 #include "targets/pattern_fit.h"
 #include "targets/tag_layout.h"
 #include "targets/target.h"
@@ -186,20 +188,6 @@ class BoardFamily {
   apriltag_detector_t* table_owner_;
 };
 
-bool IsInside(const cv::Mat& grey, const Eigen::Vector2d& at_px) {
-  return at_px.x() >= 0 && at_px.y() >= 0 && at_px.x() <= grey.cols - 1 && at_px.y() <= grey.rows - 1;
-}
-
-// Bilinear, inside of the picture.
-double GreyAt(const cv::Mat& grey, const Eigen::Vector2d& at_px) {
-  const int x = std::min(static_cast<int>(at_px.x()), grey.cols - 2);
-  const int y = std::min(static_cast<int>(at_px.y()), grey.rows - 2);
-  const double s = at_px.x() - x;
-  const double t = at_px.y() - y;
-  return (1 - t) * ((1 - s) * grey.at<uchar>(y, x) + s * grey.at<uchar>(y, x + 1)) +
-         t * ((1 - s) * grey.at<uchar>(y + 1, x) + s * grey.at<uchar>(y + 1, x + 1));
-}
-
 class AprilTagGrid final : public Target {
  public:
   AprilTagGrid(Family family, const TagGridGeometry& geometry)
@@ -241,15 +229,12 @@ class AprilTagGrid final : public Target {
       // Part of the board may be out of view: a finer pass is worth its time only as long as it finds something.
       if (!board.tags.empty() && board.tags.size() == num_before) break;
     }
-    for (const SeenTag& tag : board.tags) {
-      for (size_t corner = 0; corner < 4; ++corner) detection.ids.push_back(PointId(tag.index, corner));
-      Measure(grey, tag, &detection);
-    }
-    detection.reason = Reason(board);
+    const int num_unfit = MeasureAll(grey, board.tags, &detection);
+    detection.reason = Reason(board, num_unfit);
     return detection;
   }
 
-  Drawing Draw() const override { return drawing_; }
+  const Drawing& Draw() const override { return drawing_; }
 
  private:
   Drawing MakeDrawing() const {
@@ -402,25 +387,21 @@ class AprilTagGrid final : public Target {
   }
 
   std::optional<SeenTag> ReadWhereExpected(const cv::Mat& grey, const std::vector<SeenTag>& tags, int index) const {
-    constexpr size_t kNumNearest = 3;
-    const std::optional<Eigen::Matrix3d> picture_from_board =
-        LocalHomography(tags, layout_, layout_.Centre(index), kNumNearest);
-    if (!picture_from_board) return std::nullopt;
-    TagCorners expected_px;
-    for (size_t k = 0; k < 4; ++k) {
-      expected_px[k] = Map(*picture_from_board, layout_.corners_m[static_cast<size_t>(index)][k]);
-      if (!expected_px[k].allFinite() || !IsInside(grey, expected_px[k])) return std::nullopt;
+    const std::optional<TagCorners> expected_px = Expected(tags, index);
+    if (!expected_px) return std::nullopt;
+    for (const Eigen::Vector2d& corner_px : *expected_px) {
+      if (!IsInPicture(grey, corner_px)) return std::nullopt;
     }
     SeenTag tag;
     tag.index = index;
-    tag.corners_px = expected_px;
+    tag.corners_px = *expected_px;
     // Twice: the lens bends, and a saddle may lie beyond the first window.
     for (int pass = 0; pass < 2; ++pass) {
       if (!RefineOnSquares(grey, &tag)) return std::nullopt;
     }
     constexpr double kMaxMoveRatio = 0.15;  // Of the tag's side.
     for (size_t k = 0; k < 4; ++k) {
-      if ((tag.corners_px[k] - expected_px[k]).norm() > kMaxMoveRatio * MeanSide(expected_px)) return std::nullopt;
+      if ((tag.corners_px[k] - (*expected_px)[k]).norm() > kMaxMoveRatio * MeanSide(*expected_px)) return std::nullopt;
     }
     const std::optional<int> num_bit_errors = CountBitErrors(grey, tag);
     if (!num_bit_errors || *num_bit_errors > max_bit_errors_) return std::nullopt;
@@ -437,7 +418,7 @@ class AprilTagGrid final : public Target {
     if (!picture_from_cells) return std::nullopt;
     const auto level = [&](double x, double y) -> std::optional<double> {
       const Eigen::Vector2d at_px = Map(*picture_from_cells, {x, y});
-      if (!IsInside(grey, at_px)) return std::nullopt;
+      if (!IsInPicture(grey, at_px)) return std::nullopt;
       return GreyAt(grey, at_px);
     };
     const auto mean_at = [&](double from_edge) {  // Over the four edges, cells inwards of them.
@@ -469,46 +450,178 @@ class AprilTagGrid final : public Target {
     return num_errors;
   }
 
-  // Adds a tag's corners by all grey values of the tag together, or, where the picture does not show the tag as it is
-  // drawn (stained, partly hidden), as they are.
-  void Measure(const cv::Mat& grey, const SeenTag& tag, Detection* detection) const {
-    const TagCorners& corners_m = layout_.corners_m[static_cast<size_t>(tag.index)];
+  // Adds the corners of all tags, each tag's by all its grey values together. A lens that bends edges misleads
+  // libapriltag by pixels: where the picture does not show a tag as drawn from there on, it is looked for where the
+  // tags around it say. Where that fails as well (stained, partly hidden), the tag stays as it was seen unless those
+  // contradict. Returns how many were left out.
+  int MeasureAll(const cv::Mat& grey, const std::vector<SeenTag>& tags, Detection* detection) const {
+    std::vector<std::optional<PatternFit>> fits;
+    for (const SeenTag& tag : tags) fits.push_back(Fit(grey, tag.index, tag.corners_px));
+    for (bool is_new = true; is_new;) {
+      is_new = false;
+      const std::vector<SeenTag> fitted = Fitted(tags, fits);
+      if (fitted.size() == tags.size()) break;
+      for (size_t k = 0; k < tags.size(); ++k) {
+        if (fits[k]) continue;
+        const std::optional<TagCorners> expected_px = Expected(fitted, tags[k].index);
+        if (expected_px) fits[k] = Fit(grey, tags[k].index, *expected_px);
+        is_new = is_new || fits[k].has_value();
+      }
+    }
+    const std::vector<SeenTag> fitted = Fitted(tags, fits);
+    int num_dropped = 0;
+    for (size_t k = 0; k < tags.size(); ++k) {
+      const std::optional<double> sigma_px = fits[k] ? 0.0 : UnfittedSigmaPx(grey, fitted, tags[k]);
+      if (!sigma_px) {
+        ++num_dropped;
+        continue;
+      }
+      for (size_t corner = 0; corner < 4; ++corner) {
+        detection->ids.push_back(PointId(tags[k].index, corner));
+        detection->pixels.push_back(fits[k] ? fits[k]->pixels[corner] : tags[k].corners_px[corner]);
+      }
+      detection->covariances_px2.emplace_back(fits[k] ? fits[k]->covariance_px2
+                                                      : *sigma_px * *sigma_px * Eigen::MatrixXd::Identity(8, 8));
+    }
+    return num_dropped;
+  }
+
+  // The tags that were fitted, where the fit has them.
+  static std::vector<SeenTag> Fitted(const std::vector<SeenTag>& tags,
+                                     const std::vector<std::optional<PatternFit>>& fits) {
+    std::vector<SeenTag> fitted;
+    for (size_t k = 0; k < tags.size(); ++k) {
+      if (!fits[k]) continue;
+      fitted.push_back(tags[k]);
+      std::copy(fits[k]->pixels.begin(), fits[k]->pixels.end(), fitted.back().corners_px.begin());
+    }
+    return fitted;
+  }
+
+  // Where the tags nearest to it have a tag; nothing without any.
+  std::optional<TagCorners> Expected(const std::vector<SeenTag>& tags, int index) const {
+    constexpr size_t kNumNearest = 3;
+    const std::optional<Eigen::Matrix3d> picture_from_board =
+        LocalHomography(tags, layout_, layout_.Centre(index), kNumNearest);
+    if (!picture_from_board) return std::nullopt;
+    TagCorners expected_px;
+    for (size_t k = 0; k < 4; ++k) {
+      expected_px[k] = Map(*picture_from_board, layout_.corners_m[static_cast<size_t>(index)][k]);
+      if (!expected_px[k].allFinite()) return std::nullopt;
+    }
+    return expected_px;
+  }
+
+  // The least distance between opposite sides, about.
+  static double MinWidth(const TagCorners& corners) {
+    const Eigen::Vector2d first = corners[2] - corners[0];
+    const Eigen::Vector2d second = corners[3] - corners[1];
+    const double area = 0.5 * std::abs(first.x() * second.y() - first.y() * second.x());
+    double longest = 0;
+    for (size_t k = 0; k < 4; ++k) longest = std::max(longest, (corners[(k + 1) % 4] - corners[k]).norm());
+    return area / longest;
+  }
+
+  // By all grey values of the tag, from corners that are right to about a cell.
+  std::optional<PatternFit> Fit(const cv::Mat& grey, int index, const TagCorners& start_px) const {
+    const TagCorners& corners_m = layout_.corners_m[static_cast<size_t>(index)];
     const double cell_m = geometry_.tag_size_m / family_.width();
     const double gap_m = layout_.corners_m.size() > 1 || geometry_.corner_squares
                              ? geometry_.tag_size_m * geometry_.tag_spacing_ratio
                              : std::numeric_limits<double>::infinity();
     // Half the way to the next tag at most, which then uses the other half.
     // Nor so far into the paper around the tag that its edge, a cell away, is to be seen: it may lie on anything.
-    constexpr double kEdgePx = 2;
-    const double cell_px = MeanSide(tag.corners_px) / family_.width();
-    const double paper_cells = std::clamp(1 - kEdgePx / cell_px, 0.3, 0.9);
+    constexpr double kEdgePx = 3.5;
+    const double side_px = MeanSide(start_px);
+    const double paper_cells = std::clamp(1 - kEdgePx * family_.width() / MinWidth(start_px), 0.3, 0.9);
     const double margin_m = std::min((family_.NumOuterCells() + paper_cells) * cell_m, 0.5 * gap_m);
     const Eigen::Vector2d margin = Eigen::Vector2d::Constant(margin_m);
     PatternFitOptions options;
     options.min_m = corners_m[0] - margin;
     options.max_m = corners_m[2] + margin;
     constexpr double kMinLensPx = 16;
-    const double side_px = MeanSide(tag.corners_px);
     options.freedom = side_px < kMinLensPx ? MapFreedom::kAffine : MapFreedom::kStrongLens;
-    options.max_move_px = std::max(2.0, 0.1 * side_px);  // Edges that a lens bends mislead libapriltag by pixels.
+    options.max_move_px = std::max(2.0, 0.1 * side_px);
     const std::optional<Eigen::Matrix3d> picture_from_board =
-        FitHomography({corners_m.begin(), corners_m.end()}, {tag.corners_px.begin(), tag.corners_px.end()});
-    std::optional<PatternFit> fit;
-    if (picture_from_board) {
-      fit = FitPattern(grey, CellsOf(drawing_, options.min_m - margin, options.max_m + margin), *picture_from_board,
-                       {corners_m.begin(), corners_m.end()}, options);
-    }
-    if (fit) {
-      detection->pixels.insert(detection->pixels.end(), fit->pixels.begin(), fit->pixels.end());
-      detection->covariances_px2.push_back(fit->covariance_px2);
-      return;
-    }
-    constexpr double kUnfittedSigmaPx = 0.1;  // libapriltag's edges scatter by 0.04 px where all is well.
-    detection->pixels.insert(detection->pixels.end(), tag.corners_px.begin(), tag.corners_px.end());
-    detection->covariances_px2.emplace_back(kUnfittedSigmaPx * kUnfittedSigmaPx * Eigen::MatrixXd::Identity(8, 8));
+        FitHomography({corners_m.begin(), corners_m.end()}, {start_px.begin(), start_px.end()});
+    if (!picture_from_board) return std::nullopt;
+    return FitPattern(grey, CellsOf(drawing_, options.min_m - margin, options.max_m + margin), *picture_from_board,
+                      {corners_m.begin(), corners_m.end()}, options);
   }
 
-  std::string Reason(const ConsistentTags& board) const {
+  // How exact the corners of a tag are that could not be fitted; nothing if they are not where the tags around it say.
+  std::optional<double> UnfittedSigmaPx(const cv::Mat& grey, const std::vector<SeenTag>& fitted,
+                                        const SeenTag& tag) const {
+    const std::optional<double> off_px = OffNeighboursPx(fitted, tag);
+    if (off_px) {
+      // What perspective and lens leave of such predictions shows on the tags that are known.
+      constexpr size_t kNumJudged = 4;
+      double usual_px = 0;
+      for (const SeenTag& other : NearestTo(fitted, tag.index, kNumJudged)) {
+        usual_px = std::max(usual_px, OffNeighboursPx(fitted, other).value_or(0.05 * MeanSide(other.corners_px)));
+      }
+      if (*off_px > 2 * usual_px + 1) return std::nullopt;
+    }
+    // Where all is well libapriltag's edges scatter by 0.04 px.
+    constexpr double kMinSigmaPx = 0.1;
+    return std::max(kMinSigmaPx, 2 * OffEdgesPx(grey, tag.corners_px));
+  }
+
+  std::vector<SeenTag> NearestTo(std::vector<SeenTag> tags, int index, size_t count) const {
+    const auto distance_m = [&](const SeenTag& tag) {
+      return (layout_.Centre(tag.index) - layout_.Centre(index)).norm();
+    };
+    std::stable_sort(tags.begin(), tags.end(),
+                     [&](const SeenTag& a, const SeenTag& b) { return distance_m(a) < distance_m(b); });
+    if (tags.size() > count) tags.resize(count);
+    return tags;
+  }
+
+  // How far a tag's corners are, at most, from where the others say; nothing without others.
+  std::optional<double> OffNeighboursPx(std::vector<SeenTag> others, const SeenTag& tag) const {
+    others.erase(
+        std::remove_if(others.begin(), others.end(), [&](const SeenTag& other) { return other.index == tag.index; }),
+        others.end());
+    const std::optional<TagCorners> expected_px = Expected(others, tag.index);
+    if (!expected_px) return std::nullopt;
+    double farthest_px = 0;
+    for (size_t k = 0; k < 4; ++k) {
+      farthest_px = std::max(farthest_px, (tag.corners_px[k] - (*expected_px)[k]).norm());
+    }
+    return farthest_px;
+  }
+
+  // Root mean square of the distances from the straight lines between the corners to the steepest change of grey across
+  // them.
+  double OffEdgesPx(const cv::Mat& grey, const TagCorners& corners_px) const {
+    constexpr double kStepPx = 0.25;
+    const double reach_px = 0.8 * MeanSide(corners_px) / family_.width();
+    double sum_px2 = 0;
+    int count = 0;
+    for (size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector2d& from_px = corners_px[k];
+      const Eigen::Vector2d along_px = corners_px[(k + 1) % 4] - from_px;
+      const Eigen::Vector2d across = Eigen::Vector2d(-along_px.y(), along_px.x()).normalized();
+      for (double share = 0.1; share < 0.95; share += 0.1) {
+        double steepest = 0;
+        double steepest_px = 0;
+        for (double at_px = -reach_px; at_px <= reach_px; at_px += kStepPx) {
+          const Eigen::Vector2d before_px = from_px + share * along_px + (at_px - 0.5) * across;
+          const Eigen::Vector2d behind_px = before_px + across;
+          if (!IsInPicture(grey, before_px) || !IsInPicture(grey, behind_px)) continue;
+          const double slope = std::abs(GreyAt(grey, behind_px) - GreyAt(grey, before_px));
+          if (slope <= steepest) continue;
+          steepest = slope;
+          steepest_px = at_px;
+        }
+        sum_px2 += steepest_px * steepest_px;
+        ++count;
+      }
+    }
+    return std::sqrt(sum_px2 / count);
+  }
+
+  std::string Reason(const ConsistentTags& board, int num_unfit) const {
     const size_t num_tags = layout_.corners_m.size();
     std::string reason;
     if (board.tags.empty()) {
@@ -519,6 +632,10 @@ class AprilTagGrid final : public Target {
     if (board.num_dropped > 0) {
       reason += std::string(reason.empty() ? "" : "; ") + std::to_string(board.num_dropped) +
                 " tags left out that do not fit the board (another board in view?)";
+    }
+    if (num_unfit > 0) {
+      reason += std::string(reason.empty() ? "" : "; ") + std::to_string(num_unfit) +
+                " tags left out that do not look as drawn and are not where the tags around them say";
     }
     return reason;
   }
@@ -550,12 +667,9 @@ class AprilTagGrid final : public Target {
 }  // namespace
 
 std::unique_ptr<Target> CreateTarget_apriltag_grid(MapReader& reader) {
-  std::vector<std::string> names;
-  for (const FamilyName& entry : kFamilies) names.emplace_back(entry.name);
-  const std::string name = reader.Choice("family", names);
-  const FamilyName* entry = std::find_if(std::begin(kFamilies), std::end(kFamilies),
-                                         [&](const FamilyName& candidate) { return candidate.name == name; });
-  Family family(*entry);
+  const FamilyName& entry = ReadChoice(reader, "family", kFamilies);
+  const std::string name = entry.name;
+  Family family(entry);
   const bool has_outer_cells = family.NumOuterCells() > 0;
   TagGridGeometry geometry;
   constexpr IntRange kTags = {1, 200};

@@ -20,6 +20,7 @@
 #include "heba/base/error.h"
 #include "targets/corner_refinement.h"
 #include "targets/homography.h"
+#include "targets/name_table.h"
 #include "targets/tag_layout.h"
 #include "targets/target.h"
 
@@ -132,7 +133,7 @@ class Charuco final : public Target {
     return detection;
   }
 
-  Drawing Draw() const override { return drawing_; }
+  const Drawing& Draw() const override { return drawing_; }
 
  private:
   Drawing MakeDrawing() const {
@@ -247,19 +248,15 @@ std::unique_ptr<Target> CreateTarget_charuco(MapReader& reader) {
   geometry.square_m = reader.PositiveLength("square");
   geometry.marker_m = reader.PositiveLength("marker");
   if (geometry.marker_m >= geometry.square_m) reader.Get("marker").Fail("must be smaller than the square");
-  std::vector<std::string> names;
-  for (const DictionaryName& entry : kDictionaries) names.emplace_back(entry.name);
-  const std::string name = reader.Choice("dictionary", names);
-  const auto* entry = std::find_if(std::begin(kDictionaries), std::end(kDictionaries),
-                                   [&](const DictionaryName& candidate) { return candidate.name == name; });
+  const DictionaryName& entry = ReadChoice(reader, "dictionary", kDictionaries);
   geometry.legacy_pattern = reader.Bool("legacy_pattern", false);
   geometry.first_marker = reader.Int("first_marker", {0, 10000}, 0);
-  cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(entry->id);
+  cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(entry.id);
   const int num_markers = geometry.rows * geometry.columns / 2;
   if (geometry.first_marker + num_markers > dictionary->bytesList.rows) {
     reader.Get("dictionary")
-        .Fail(name + " has " + std::to_string(dictionary->bytesList.rows) + " markers; the board needs " +
-              std::to_string(geometry.first_marker + num_markers));
+        .Fail(std::string(entry.name) + " has " + std::to_string(dictionary->bytesList.rows) +
+              " markers; the board needs " + std::to_string(geometry.first_marker + num_markers));
   }
   return std::make_unique<Charuco>(geometry, std::move(dictionary));
 }

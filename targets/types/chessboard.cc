@@ -70,6 +70,17 @@ class Chessboard final : public Target {
         points_.push_back({row * columns_ + column, {column * square_m_, row * square_m_, 0}});
       }
     }
+    drawing_.min_m = {-2 * square_m_, -2 * square_m_};
+    drawing_.max_m = {(columns_ + 1) * square_m_, (rows_ + 1) * square_m_};
+    for (int row = -1; row < rows_; ++row) {
+      for (int column = -1; column < columns_; ++column) {
+        if (!IsBlack(row, column)) continue;
+        drawing_.AddRectangle(column * square_m_, row * square_m_, (column + 1) * square_m_, (row + 1) * square_m_, 0);
+      }
+    }
+    inverted_ = drawing_;
+    inverted_.ground = 0;
+    for (Shape& shape : inverted_.shapes) shape.albedo = 1;
   }
 
   std::string_view type() const override { return "chessboard"; }
@@ -85,8 +96,9 @@ class Chessboard final : public Target {
     for (const Finder& finder : kFinders) {
       std::optional<Corners> corners = Find(grey, finder);
       if (!corners) continue;
+      const Drawing& seen = ColourScore(grey, *corners) < 0 ? inverted_ : drawing_;
       for (const TargetPoint& point : points_) {
-        const MeasuredCorner corner = Measure(grey, *corners, point);
+        const MeasuredCorner corner = Measure(grey, *corners, seen, point);
         detection.ids.push_back(point.id);
         detection.pixels.push_back(corner.pixel);
         detection.covariances_px2.emplace_back(corner.covariance_px2);
@@ -98,18 +110,7 @@ class Chessboard final : public Target {
     return detection;
   }
 
-  Drawing Draw() const override {
-    Drawing drawing;
-    drawing.min_m = {-2 * square_m_, -2 * square_m_};
-    drawing.max_m = {(columns_ + 1) * square_m_, (rows_ + 1) * square_m_};
-    for (int row = -1; row < rows_; ++row) {
-      for (int column = -1; column < columns_; ++column) {
-        if (!IsBlack(row, column)) continue;
-        drawing.AddRectangle(column * square_m_, row * square_m_, (column + 1) * square_m_, (row + 1) * square_m_, 0);
-      }
-    }
-    return drawing;
-  }
+  const Drawing& Draw() const override { return drawing_; }
 
   std::vector<Rigid3d> Symmetries() const override {
     std::vector<Rigid3d> symmetries;
@@ -276,7 +277,8 @@ class Chessboard final : public Target {
   }
 
   // By all grey values nearer to this corner than to others.
-  MeasuredCorner Measure(const cv::Mat& grey, const Corners& corners, const TargetPoint& point) const {
+  MeasuredCorner Measure(const cv::Mat& grey, const Corners& corners, const Drawing& drawing,
+                         const TargetPoint& point) const {
     const int row = point.id / columns_;
     const int column = point.id % columns_;
     std::vector<Eigen::Vector2d> near_m;
@@ -290,11 +292,6 @@ class Chessboard final : public Target {
     const Eigen::Vector2d& here_px = corners[Index(row, column)];
     const std::optional<Eigen::Matrix3d> picture_from_board = FitHomography(near_m, near_px);
     if (!picture_from_board) return {here_px, Eigen::Matrix2d::Identity()};
-    Drawing drawing = Draw();
-    if (ColourScore(grey, corners) < 0) {
-      drawing.ground = 0;
-      for (Shape& shape : drawing.shapes) shape.albedo = 1;
-    }
     // What a window finds that did not see what is drawn: a guess that such a point counts for little.
     constexpr double kSaddleSigmaPx = 0.15;
     const MeasuredCorner saddle{here_px, kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
@@ -322,6 +319,8 @@ class Chessboard final : public Target {
   int columns_;
   double square_m_;
   std::vector<TargetPoint> points_;
+  Drawing drawing_;
+  Drawing inverted_;  // White squares on black, as boards are printed where half a turn keeps the colours.
 };
 
 }  // namespace

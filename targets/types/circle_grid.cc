@@ -14,18 +14,15 @@
 
 #include "heba/base/error.h"
 #include "targets/circle_lattice.h"
+#include "targets/dot_grid.h"
 #include "targets/ellipse_finder.h"
 #include "targets/target.h"
 
 namespace heba {
 namespace {
 
-struct CircleGridOptions {
-  int rows = 0;
-  int columns = 0;
-  double spacing_m = 0;
+struct CircleGridOptions : DotGrid {
   bool asymmetric = false;
-  DotPolarity polarity = DotPolarity::kDarkOnLight;
   bool marker_dot = false;
   double dot_diameter_m = 0;
   double marker_diameter_m = 0;
@@ -63,6 +60,7 @@ class CircleGrid final : public Target {
         pattern_.push_back(options_.asymmetric ? LatticeCell{(x + row) / 2, (row - x) / 2} : LatticeCell{x, row});
       }
     }
+    drawing_ = MakeDrawing();
   }
 
   std::string_view type() const override { return "circle_grid"; }
@@ -72,22 +70,7 @@ class CircleGrid final : public Target {
     return options_.marker_dot ? std::vector<Rigid3d>{Rigid3d()} : PlaneSymmetries(points_);
   }
 
-  Drawing Draw() const override {
-    Drawing drawing;
-    const Eigen::Vector2d last(points_.back().in_target.x(), points_.back().in_target.y());
-    const double max_x_m = options_.asymmetric && options_.rows > 1 ? (2 * options_.columns - 1) * options_.spacing_m
-                                                                    : (options_.columns - 1) * options_.spacing_m;
-    const double margin_m = options_.spacing_m + 0.5 * std::max(options_.dot_diameter_m,
-                                                                options_.marker_dot ? options_.marker_diameter_m : 0);
-    drawing.min_m = Eigen::Vector2d(-margin_m, -margin_m);
-    drawing.max_m = Eigen::Vector2d(max_x_m + margin_m, last.y() + margin_m);
-    const bool light = options_.polarity == DotPolarity::kLightOnDark;
-    drawing.ground = light ? 0 : 1;
-    for (const TargetPoint& point : points_) {
-      drawing.AddDisc(point.in_target.head<2>(), point.radius_m, light ? 1 : 0);
-    }
-    return drawing;
-  }
+  const Drawing& Draw() const override { return drawing_; }
 
   Detection Detect(const cv::Mat& grey) const override {
     CHECK_EQ(grey.type(), CV_8UC1);
@@ -103,21 +86,29 @@ class CircleGrid final : public Target {
     Detection detection;
     const std::string needed = " of the " + Count(points_.size(), "dot");
     size_t num_seen = 0;
+    std::string beyond;
     std::string fault;
     std::vector<Dots> orders;  // Of one set of dots.
     std::set<std::vector<int>> sets_seen;
+    Dots others;  // Of lattices that are not ours: nor are parts of them.
     for (const Lattice& lattice : GrowLattices(dots, lattice_options)) {
       num_seen = std::max(num_seen, lattice.size());
       const std::vector<LatticePlacement> placements = PlacePattern(lattice, pattern_);
-      if (placements.size() > 1 || (placements.size() == 1 && GoesOn(lattice, dots, placements.front()))) {
-        detection.reason = "the dots go on beyond " + std::to_string(options_.rows) + " rows of " +
-                           std::to_string(options_.columns) + ": " + Count(lattice.size(), "dot") + " in a grid";
-        return detection;
-      }
       if (placements.empty()) continue;
+      if (placements.size() > 1 || GoesOn(lattice, dots, placements.front())) {
+        if (beyond.empty()) {
+          beyond = "the dots go on beyond " + std::to_string(options_.rows) + " rows of " +
+                   std::to_string(options_.columns) + ": " + Count(lattice.size(), "dot") + " in a grid";
+        }
+        for (const auto& [cell, dot] : lattice) others.push_back({dots[dot]});
+        continue;
+      }
       std::vector<int> dot_set = placements.front().orders.front();
       std::sort(dot_set.begin(), dot_set.end());
       if (!sets_seen.insert(dot_set).second) continue;
+      Dots candidate;
+      for (const int dot : dot_set) candidate.push_back({dots[dot]});
+      if (AreSame(candidate, others)) continue;
       Outcome<std::vector<Dots>> refined = Refine(grey, dots, placements.front());
       if (!refined) {
         if (fault.empty()) fault = refined.reason();
@@ -131,9 +122,14 @@ class CircleGrid final : public Target {
       if (orders.empty()) orders = *refined;
     }
     if (orders.empty()) {
+      if (fault.empty()) fault = beyond;
+      if (fault.empty() && num_seen >= points_.size()) {
+        fault = Count(num_seen, "dot") + " seen in a grid, but not in " + std::to_string(options_.rows) + " rows of " +
+                std::to_string(options_.columns) + (options_.asymmetric ? ", or in a mirror" : "");
+      }
       detection.reason = !fault.empty() ? fault
-                                        : std::to_string(std::min(num_seen, points_.size())) + needed +
-                                              " seen in a grid (" + Count(dots.size(), "dot") + " in the picture)";
+                                        : std::to_string(num_seen) + needed + " seen in a grid (" +
+                                              Count(dots.size(), "dot") + " in the picture)";
       return detection;
     }
     const Outcome<Dots> ordered = options_.marker_dot ? OrderByMarker(orders) : OrderByImage(orders);
@@ -150,6 +146,22 @@ class CircleGrid final : public Target {
   }
 
  private:
+  Drawing MakeDrawing() const {
+    Drawing drawing;
+    const Eigen::Vector2d last(points_.back().in_target.x(), points_.back().in_target.y());
+    const double max_x_m = options_.asymmetric && options_.rows > 1 ? (2 * options_.columns - 1) * options_.spacing_m
+                                                                    : (options_.columns - 1) * options_.spacing_m;
+    const double margin_m = options_.spacing_m + 0.5 * std::max(options_.dot_diameter_m,
+                                                                options_.marker_dot ? options_.marker_diameter_m : 0);
+    drawing.min_m = Eigen::Vector2d(-margin_m, -margin_m);
+    drawing.max_m = Eigen::Vector2d(max_x_m + margin_m, last.y() + margin_m);
+    drawing.ground = options_.Ground();
+    for (const TargetPoint& point : points_) {
+      drawing.AddDisc(point.in_target.head<2>(), point.radius_m, options_.Ink());
+    }
+    return drawing;
+  }
+
   int MarkerId() const { return (options_.rows - 1) * options_.columns; }
 
   // Whether the lattice continues beyond the pattern: more than a stray dot or two exactly where the next ones would
@@ -211,7 +223,8 @@ class CircleGrid final : public Target {
     return orders;
   }
 
-  // Whether two grids share dots: candidates for one dot come to the same when they are refined.
+  // Whether half of the dots of `a` are among those of `b`: candidates for one dot come to the same when they are
+  // refined.
   static bool AreSame(const Dots& a, const Dots& b) {
     size_t num_shared = 0;
     for (const Ellipse& dot : a) {
@@ -322,18 +335,14 @@ class CircleGrid final : public Target {
   CircleGridOptions options_;
   std::vector<TargetPoint> points_;
   std::vector<LatticeCell> pattern_;  // The lattice cell of each point.
+  Drawing drawing_;
 };
 
 }  // namespace
 
 std::unique_ptr<Target> CreateTarget_circle_grid(MapReader& reader) {
-  CircleGridOptions options;
-  options.rows = reader.Int("rows", {2, 200});
-  options.columns = reader.Int("columns", {2, 200});
-  options.spacing_m = reader.PositiveLength("spacing");
+  CircleGridOptions options{ReadDotGrid(reader)};
   options.asymmetric = reader.Bool("asymmetric", false);
-  const bool light_on_dark = reader.Bool("light_on_dark", false);
-  options.polarity = light_on_dark ? DotPolarity::kLightOnDark : DotPolarity::kDarkOnLight;
   options.marker_dot = reader.Bool("marker_dot", false);
   if (options.asymmetric && options.marker_dot) {
     reader.Get("marker_dot").Fail("only a symmetric grid can have it");

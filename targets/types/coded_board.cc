@@ -13,6 +13,7 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "targets/dot_grid.h"
 #include "targets/ellipse_finder.h"
 #include "targets/ring_code.h"
 #include "targets/ring_decoder.h"
@@ -21,20 +22,11 @@
 namespace heba {
 namespace {
 
-// In radii of the dot.
-constexpr double kRingInner = 2;
-constexpr double kRingOuter = 3;
-constexpr double kQuiet = 3.5;
-
-struct CodedBoardOptions {
-  int rows = 0;
-  int columns = 0;
-  double spacing_m = 0;
+struct CodedBoardOptions : DotGrid {
   double dot_diameter_m = 0;
   int bits = 12;
   int first_id = 0;
   RingCodeOrder code_order = RingCodeOrder::kSeparation;
-  DotPolarity polarity = DotPolarity::kDarkOnLight;
 };
 
 // A dot that was read, as a point of the board.
@@ -63,34 +55,13 @@ class CodedBoard final : public Target {
                            RadiusM()});
       }
     }
+    drawing_ = MakeDrawing();
   }
 
   std::string_view type() const override { return "coded_board"; }
   const std::vector<TargetPoint>& points() const override { return points_; }
 
-  Drawing Draw() const override {
-    Drawing drawing;
-    const double radius_m = RadiusM();
-    const double margin_m = 4.5 * radius_m;
-    drawing.min_m = Eigen::Vector2d::Constant(-margin_m);
-    drawing.max_m = points_.back().in_target.head<2>().array() + margin_m;
-    const double ground = options_.polarity == DotPolarity::kLightOnDark ? 0 : 1;
-    drawing.ground = ground;
-    for (const TargetPoint& point : points_) {
-      const Eigen::Vector2d centre_m = point.in_target.head<2>();
-      // The ring, its blank sectors as wedges that reach beyond it, the gap, the dot.
-      drawing.AddDisc(centre_m, kRingOuter * radius_m, 1 - ground);
-      AddBlankSectors(codes_[static_cast<size_t>(point.id - options_.first_id)], centre_m, &drawing);
-      drawing.AddDisc(centre_m, kRingInner * radius_m, ground);
-      drawing.AddDisc(centre_m, radius_m, 1 - ground);
-      // Below the ring, to the right.
-      const double height_m = 0.6 * radius_m;
-      const double offset_m = 2.6 * radius_m;
-      drawing.labels.push_back(
-          {std::to_string(point.id), centre_m + Eigen::Vector2d(offset_m, offset_m + height_m), height_m});
-    }
-    return drawing;
-  }
+  const Drawing& Draw() const override { return drawing_; }
 
   Detection Detect(const cv::Mat& grey) const override {
     CHECK_EQ(grey.type(), CV_8UC1);
@@ -118,6 +89,29 @@ class CodedBoard final : public Target {
   }
 
  private:
+  Drawing MakeDrawing() const {
+    Drawing drawing;
+    const double radius_m = RadiusM();
+    const double margin_m = 4.5 * radius_m;
+    drawing.min_m = Eigen::Vector2d::Constant(-margin_m);
+    drawing.max_m = points_.back().in_target.head<2>().array() + margin_m;
+    drawing.ground = options_.Ground();
+    for (const TargetPoint& point : points_) {
+      const Eigen::Vector2d centre_m = point.in_target.head<2>();
+      // The ring, its blank sectors as wedges that reach beyond it, the gap, the dot.
+      drawing.AddDisc(centre_m, kRingOuter * radius_m, options_.Ink());
+      AddBlankSectors(codes_[static_cast<size_t>(point.id - options_.first_id)], centre_m, &drawing);
+      drawing.AddDisc(centre_m, kRingInner * radius_m, options_.Ground());
+      drawing.AddDisc(centre_m, radius_m, options_.Ink());
+      // Below the ring, to the right.
+      const double height_m = 0.6 * radius_m;
+      const double offset_m = 2.6 * radius_m;
+      drawing.labels.push_back(
+          {std::to_string(point.id), centre_m + Eigen::Vector2d(offset_m, offset_m + height_m), height_m});
+    }
+    return drawing;
+  }
+
   // Whether a ring that is none of the board's hardly ever reads as one of its codes: only then is a point believed
   // that no other confirms.
   bool IsRare() const {
@@ -304,18 +298,16 @@ class CodedBoard final : public Target {
   RingDecoder decoder_;
   std::vector<TargetPoint> points_;
   std::map<uint32_t, int> point_of_code_;
+  Drawing drawing_;
 };
 
 }  // namespace
 
 std::unique_ptr<Target> CreateTarget_coded_board(MapReader& reader) {
-  CodedBoardOptions options;
-  options.rows = reader.Int("rows", {2, 200});
-  options.columns = reader.Int("columns", {2, 200});
-  options.spacing_m = reader.PositiveLength("spacing");
+  CodedBoardOptions options{ReadDotGrid(reader)};
   options.dot_diameter_m = reader.PositiveLength("dot_diameter", 0.25 * options.spacing_m);
   // From one dot to where the quiet zone of the next one ends the ring of the first.
-  const double least_spacing_m = 0.5 * (kRingOuter + kQuiet) * options.dot_diameter_m;
+  const double least_spacing_m = 0.5 * (kRingOuter + kRingQuiet) * options.dot_diameter_m;
   if (options.spacing_m < least_spacing_m * (1 - 1e-9)) {
     const std::optional<ConfigValue> given = reader.Find("dot_diameter");
     (given ? *given : reader.Get("spacing"))
@@ -335,8 +327,6 @@ std::unique_ptr<Target> CreateTarget_coded_board(MapReader& reader) {
               " on need more than the " + std::to_string(num_codes) + " codes of " + std::to_string(options.bits) +
               " bits" + (options.bits < 14 ? "; more bits have more" : ""));
   }
-  const bool light_on_dark = reader.Bool("light_on_dark", false);
-  options.polarity = light_on_dark ? DotPolarity::kLightOnDark : DotPolarity::kDarkOnLight;
   return std::make_unique<CodedBoard>(options);
 }
 

@@ -16,6 +16,7 @@
 #include "heba/camera/camera.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/geometry/rigid3.h"
+#include "targets/detection.h"
 #include "targets/rendering.h"
 #include "targets/target.h"
 
@@ -49,39 +50,6 @@ inline Rigid3d RandomView(const Drawing& drawing, double share, double max_tilt_
   return {rotation, place_m - rotation * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0)};
 }
 
-// Where a detector should find a point: at the image of the point, or, if a disc is drawn around it, at the centroid of
-// that disc's imaged area.
-inline Eigen::Vector2d ExpectedPixel(const Drawing& drawing, const Camera& camera, const Rigid3d& camera_from_target,
-                                     const TargetPoint& point) {
-  double radius_m = point.radius_m;
-  for (const Shape& shape : drawing.shapes) {
-    if (radius_m > 0 || shape.radius_m <= 0) continue;
-    if ((shape.centre_m - point.in_target.head<2>()).norm() < 0.01 * shape.radius_m) radius_m = shape.radius_m;
-  }
-  const auto image_of = [&](const Eigen::Vector3d& point_in_target) -> Eigen::Vector2d {
-    return ProjectPoint(camera, camera_from_target * point_in_target).value();
-  };
-  const Eigen::Vector2d centre_px = image_of(point.in_target);
-  if (radius_m <= 0) return centre_px;
-  // The centroid of the polygon through points of its rim; 90 of them leave 1e-3 of the radius out, alike all around.
-  constexpr int kNumSides = 90;
-  double area_px2 = 0;
-  Eigen::Vector2d moment_px3 = Eigen::Vector2d::Zero();
-  Eigen::Vector2d from_px;
-  for (int k = 0; k <= kNumSides; ++k) {
-    const double angle_rad = 2 * kPi * k / kNumSides;
-    const Eigen::Vector3d rim_m(radius_m * std::cos(angle_rad), radius_m * std::sin(angle_rad), 0);
-    const Eigen::Vector2d to_px = image_of(point.in_target + rim_m) - centre_px;
-    if (k > 0) {
-      const double twice_px2 = from_px.x() * to_px.y() - from_px.y() * to_px.x();
-      area_px2 += twice_px2 / 2;
-      moment_px3 += twice_px2 / 6 * (from_px + to_px);
-    }
-    from_px = to_px;
-  }
-  return centre_px + moment_px3 / area_px2;
-}
-
 struct DetectionErrors {
   size_t num_found = 0;
   size_t num_unknown_ids = 0;  // Not of the target, or repeated.
@@ -105,7 +73,6 @@ struct DetectionErrors {
 // several orders those of the best.
 inline DetectionErrors ErrorsOf(const Target& target, const Camera& camera, const Rigid3d& camera_from_target,
                                 const Detection& detection) {
-  const Drawing drawing = target.Draw();
   DetectionErrors best;
   best.sum_squares_px2 = std::numeric_limits<double>::infinity();
   for (const Rigid3d& target_from_target : target.Symmetries()) {
@@ -119,7 +86,7 @@ inline DetectionErrors ErrorsOf(const Target& target, const Camera& camera, cons
         continue;
       }
       const Eigen::Vector2d error_px =
-          detection.pixels[i] - ExpectedPixel(drawing, camera, camera_from_target * target_from_target, *point);
+          detection.pixels[i] - PixelOf(*point, camera, camera_from_target * target_from_target).value();
       ++errors.num_found;
       errors.sum_px += error_px;
       errors.sum_squares_px2 += error_px.squaredNorm();

@@ -10,6 +10,7 @@
 #include "targets/image.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/input_error.h"
+#include "tests/support/recorded_boards.h"
 #include "tests/support/rendered_target.h"
 
 namespace heba {
@@ -67,36 +68,6 @@ TEST(Charuco, RejectsWhatCannotBe) {
               HasSubstr("smaller than the square"));
 }
 
-struct RecordedBoards {
-  size_t num_points = 0;
-  double rms_px = 0;  // Of cv::calibrateCamera over all.
-};
-
-RecordedBoards DetectRecorded(const Target& target, const std::filesystem::path& folder) {
-  RecordedBoards result;
-  std::vector<std::vector<cv::Point3f>> board;
-  std::vector<std::vector<cv::Point2f>> pictures;
-  cv::Size size;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    const cv::Mat grey = ReadGreyImage(entry.path());
-    size = grey.size();
-    const Detection detection = target.Detect(grey);
-    result.num_points += detection.ids.size();
-    board.emplace_back();
-    pictures.emplace_back();
-    for (size_t k = 0; k < detection.ids.size(); ++k) {
-      const Eigen::Vector3d& place_m = target.points()[static_cast<size_t>(detection.ids[k])].in_target;
-      board.back().emplace_back(static_cast<float>(place_m.x()), static_cast<float>(place_m.y()), 0.0F);
-      pictures.back().emplace_back(static_cast<float>(detection.pixels[k].x()),
-                                   static_cast<float>(detection.pixels[k].y()));
-    }
-  }
-  cv::Mat matrix;
-  cv::Mat distortion;
-  result.rms_px = cv::calibrateCamera(board, pictures, size, matrix, distortion, cv::noArray(), cv::noArray());
-  return result;
-}
-
 // The bounds of the number and of the RMS, which shows wrong and poor corners, lie a fifth above what was measured.
 TEST(Charuco, FindsRecordedBoardsWithRoomAroundMarkers) {
   const std::filesystem::path folder = DataDir() / "ic_charuco_eye_to_hand" / "images";
@@ -119,7 +90,6 @@ TEST(Charuco, FindsRecordedBoardsWithoutRoomAroundMarkers) {
   EXPECT_LT(found.rms_px, 0.16);
 }
 
-// A hand hides corners: those that it leaves are found.
 // Read with the wrong layout markers agree, a square aside; but what lies outside of the board does not pass for its
 // corners.
 TEST(Charuco, WrongLayoutLeavesOutWhatIsNotOnTheBoard) {
@@ -134,6 +104,7 @@ TEST(Charuco, WrongLayoutLeavesOutWhatIsNotOnTheBoard) {
   EXPECT_THAT(detection.reason, HasSubstr("5 of 40 corners not seen"));
 }
 
+// A hand hides corners: those that it leaves are found.
 TEST(Charuco, FindsWhatAHandLeaves) {
   const std::filesystem::path folder = DataDir() / "detect_misc_targets" / "images";
   HEBA_SKIP_WITHOUT(folder);

@@ -12,6 +12,7 @@
 #include "tests/support/data_sets.h"
 #include "tests/support/input_error.h"
 #include "tests/support/matchers.h"
+#include "tests/support/recorded_boards.h"
 #include "tests/support/rendered_target.h"
 
 namespace heba {
@@ -108,48 +109,6 @@ TEST(Chessboard, RejectsTooFewCorners) {
   EXPECT_THAT(InputErrorOf([] { MakeBoard(2, 5); }), HasSubstr("rows"));
 }
 
-struct RecordedBoards {
-  int num_found = 0;
-  int num_pictures = 0;
-  std::set<std::string> not_found;  // File names.
-  double rms_px = 0;                // Of cv::calibrateCamera over all.
-};
-
-RecordedBoards DetectRecorded(const Target& target, const std::filesystem::path& folder, size_t step,
-                              const std::set<std::string>& always) {
-  std::vector<std::filesystem::path> files;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) files.push_back(entry.path());
-  std::sort(files.begin(), files.end());
-  RecordedBoards result;
-  std::vector<std::vector<cv::Point3f>> board;
-  std::vector<std::vector<cv::Point2f>> pictures;
-  cv::Size size;
-  for (size_t i = 0; i < files.size(); ++i) {
-    if (i % step != 0 && always.count(files[i].filename().string()) == 0) continue;
-    const cv::Mat grey = ReadGreyImage(files[i]);
-    size = grey.size();
-    ++result.num_pictures;
-    const Detection detection = target.Detect(grey);
-    if (detection.ids.size() != target.points().size()) {
-      result.not_found.insert(files[i].filename().string());
-      continue;
-    }
-    ++result.num_found;
-    board.emplace_back();
-    pictures.emplace_back();
-    for (size_t k = 0; k < detection.ids.size(); ++k) {
-      const Eigen::Vector3d& place_m = target.points()[k].in_target;
-      board.back().emplace_back(static_cast<float>(place_m.x()), static_cast<float>(place_m.y()), 0.0F);
-      pictures.back().emplace_back(static_cast<float>(detection.pixels[k].x()),
-                                   static_cast<float>(detection.pixels[k].y()));
-    }
-  }
-  cv::Mat matrix;
-  cv::Mat distortion;
-  result.rms_px = cv::calibrateCamera(board, pictures, size, matrix, distortion, cv::noArray(), cv::noArray());
-  return result;
-}
-
 // The RMS of the pictures' own calibration shows wrong corners and poor ones; bounds lie a fifth above what was
 // measured.
 TEST(Chessboard, FindsRecordedSmallBoardsAndNothingElse) {
@@ -161,22 +120,25 @@ TEST(Chessboard, FindsRecordedSmallBoardsAndNothingElse) {
   always.insert({"0040.png", "0042.png", "0076.png", "0091.png", "0098.png", "0116.png", "0221.png", "0246.png"});
   const RecordedBoards found = DetectRecorded(*MakeBoard(4, 3), folder, /*step=*/15, always);
   EXPECT_EQ(found.not_found, without_board);
+  EXPECT_THAT(found.incomplete, IsEmpty());
   EXPECT_LT(found.rms_px, 0.12);
 }
 
 TEST(Chessboard, FindsRecordedBoardsWithDots) {
   const std::filesystem::path folder = DataDir() / "caliban_no_curv" / "images";
   HEBA_SKIP_WITHOUT(folder);
-  const RecordedBoards found = DetectRecorded(*MakeBoard(9, 14), folder, /*step=*/3, {});
+  const RecordedBoards found = DetectRecorded(*MakeBoard(9, 14), folder, /*step=*/3);
   EXPECT_THAT(found.not_found, IsEmpty());
+  EXPECT_THAT(found.incomplete, IsEmpty());
   EXPECT_LT(found.rms_px, 0.06);
 }
 
 TEST(Chessboard, FindsRecordedBoardsInTheDark) {
   const std::filesystem::path folder = DataDir() / "chjohnkim_ur5_chess" / "images";
   HEBA_SKIP_WITHOUT(folder);
-  const RecordedBoards found = DetectRecorded(*MakeBoard(9, 11), folder, /*step=*/1, {});
+  const RecordedBoards found = DetectRecorded(*MakeBoard(9, 11), folder);
   EXPECT_THAT(found.not_found, IsEmpty());
+  EXPECT_THAT(found.incomplete, IsEmpty());
   EXPECT_LT(found.rms_px, 0.2);
 }
 

@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/rng.h"
@@ -497,6 +498,59 @@ TEST(CircleGrid, IsNotFoundInALargerOne) {
   }
   const Detection asymmetric = MakeGrid("rows: 5, columns: 4, asymmetric: true, spacing: 20 mm")->Detect(grey);
   EXPECT_TRUE(asymmetric.ids.empty());
+}
+
+// Wallpaper behind the sheet: the larger lattice is not ours, and hides it no more than stray dots do. The same
+// wallpaper without the sheet is refused.
+TEST(CircleGrid, IsFoundBeforeALargerLattice) {
+  for (const std::string keys :
+       {"rows: 5, columns: 6, spacing: 20 mm", "rows: 6, columns: 4, spacing: 14 mm, asymmetric: true",
+        "rows: 4, columns: 6, spacing: 20 mm, marker_dot: true"}) {
+    const auto target = MakeGrid(keys);
+    const Drawing& sheet = target->Draw();
+    for (const bool is_there : {true, false}) {
+      Rng rng(19, is_there ? 1 : 0);
+      Drawing drawing = sheet;
+      if (!is_there) drawing.shapes.clear();
+      drawing.min_m.array() -= 0.09;
+      drawing.max_m.array() += 0.09;
+      constexpr double kStepM = 0.013;
+      const Eigen::AlignedBox2d kept(sheet.min_m, sheet.max_m);
+      for (double x_m = drawing.min_m.x() + kStepM; x_m < drawing.max_m.x() - 0.5 * kStepM; x_m += kStepM) {
+        for (double y_m = drawing.min_m.y() + kStepM; y_m < drawing.max_m.y() - 0.5 * kStepM; y_m += kStepM) {
+          if (!is_there || kept.exteriorDistance(Eigen::Vector2d(x_m, y_m)) > 0.004) {
+            drawing.AddDisc({x_m, y_m}, 0.0035, 0);
+          }
+        }
+      }
+      const Look look = RandomLook(drawing, 0.5, kPi, rng);
+      const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
+      if (!is_there) {
+        EXPECT_TRUE(detection.ids.empty()) << keys;
+        EXPECT_NE(detection.reason.find("go on beyond"), std::string::npos) << keys << ": " << detection.reason;
+        continue;
+      }
+      ASSERT_EQ(detection.ids.size(), target->points().size()) << keys << ": " << detection.reason;
+      EXPECT_LT(WorstError(*target, detection, [&](const Eigen::Vector2d& plane_m) { return look.PixelOf(plane_m); }),
+                0.2)
+          << keys;
+    }
+  }
+}
+
+// Its rows alternate: an asymmetric grid with an even number of them is told from its mirror image. With an odd number
+// they are the same, as are those of a symmetric grid.
+TEST(CircleGrid, AsymmetricGridIsNotReadInAMirror) {
+  for (const std::string keys : {"rows: 6, columns: 4, asymmetric: true, spacing: 14 mm",
+                                 "rows: 4, columns: 7, asymmetric: true, spacing: 14 mm"}) {
+    Rng rng(20);
+    const auto target = MakeGrid(keys);
+    Drawing mirrored = target->Draw();
+    for (Shape& disc : mirrored.shapes) disc.centre_m.x() = mirrored.max_m.x() + mirrored.min_m.x() - disc.centre_m.x();
+    const Detection detection = target->Detect(RenderDrawing(mirrored, RandomLook(mirrored, 0.4, kPi, rng), {}, rng));
+    EXPECT_TRUE(detection.ids.empty()) << keys;
+    EXPECT_NE(detection.reason.find("mirror"), std::string::npos) << keys << ": " << detection.reason;
+  }
 }
 
 TEST(CircleGrid, NeedsTheLargerDotAndOnTheRightSide) {

@@ -16,6 +16,7 @@
 #include "heba/base/units.h"
 #include "heba/camera/camera.h"
 #include "targets/clutter.h"
+#include "targets/detection.h"
 #include "targets/ellipse_finder.h"
 #include "targets/image.h"
 #include "targets/rendering.h"
@@ -53,28 +54,6 @@ Eigen::Vector2d MiddleOf(const Target& target) {
   return 0.5 * (target.points().front().in_target + target.points().back().in_target).head<2>();
 }
 
-// The centroid of a disc's imaged area, from the outline's image.
-Eigen::Vector2d ImagedCentroid(const Camera& camera, const Rigid3d& camera_from_target, const TargetPoint& point) {
-  constexpr int kNumCorners = 2048;
-  std::vector<Eigen::Vector2d> corners;
-  for (int i = 0; i < kNumCorners; ++i) {
-    const double angle = 2 * kPi * i / kNumCorners;
-    corners.push_back(*ProjectPoint(
-        camera, camera_from_target *
-                    (point.in_target + point.radius_m * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0))));
-  }
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  double area = 0;
-  for (int i = 0; i < kNumCorners; ++i) {
-    const Eigen::Vector2d a = corners[i] - corners[0];
-    const Eigen::Vector2d b = corners[(i + 1) % kNumCorners] - corners[0];
-    const double cross = a.x() * b.y() - a.y() * b.x();
-    sum += cross * (a + b) / 3;
-    area += cross;
-  }
-  return corners[0] + sum / area;
-}
-
 // By point id: found minus true, px.
 std::map<int, Eigen::Vector2d> ErrorsOf(const Target& target, const Detection& detection, const Camera& camera,
                                         const Rigid3d& camera_from_target) {
@@ -88,7 +67,7 @@ std::map<int, Eigen::Vector2d> ErrorsOf(const Target& target, const Detection& d
     EXPECT_NE(point, target.points().end());
     if (point == target.points().end()) continue;
     EXPECT_TRUE(
-        errors.emplace(point->id, detection.pixels[i] - ImagedCentroid(camera, camera_from_target, *point)).second);
+        errors.emplace(point->id, detection.pixels[i] - PixelOf(*point, camera, camera_from_target).value()).second);
   }
   return errors;
 }

@@ -15,7 +15,7 @@ class FakeTarget final : public Target {
   std::string_view type() const override { return "fake"; }
   const std::vector<TargetPoint>& points() const override { return target_points; }
   Detection Detect(const cv::Mat& /*grey*/) const override { return {}; }
-  Drawing Draw() const override { return drawing; }
+  const Drawing& Draw() const override { return drawing; }
 };
 
 }  // namespace heba

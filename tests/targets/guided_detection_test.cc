@@ -23,11 +23,12 @@ class ScriptedTarget final : public Target {
     for (Eigen::Vector2d& pixel : detection.pixels) pixel -= Eigen::Vector2d(offset.x, offset.y);
     return detection;
   }
-  Drawing Draw() const override { return {}; }
+  const Drawing& Draw() const override { return drawing_; }
 
  private:
   Detection found_;
   std::vector<TargetPoint> points_;
+  Drawing drawing_;
 };
 
 const std::vector<std::optional<Eigen::Vector2d>> kExpected = {Eigen::Vector2d(400, 300), Eigen::Vector2d(450, 300),

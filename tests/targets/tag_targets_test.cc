@@ -8,6 +8,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
@@ -71,6 +72,87 @@ TEST(AprilTagGrid, PlainTagsAreFoundByTheirEdges) {
   EXPECT_EQ(errors.num_found, num_views * target->points().size());
   EXPECT_LT(errors.BiasPx(), 0.05);
   EXPECT_LT(errors.RmsPx(), 0.2);
+}
+
+// Root of e' C^-1 e over its expectation, of the `index`-th of the found tags.
+double NormalisedError(const Target& target, const Camera& camera, const Rigid3d& camera_from_target,
+                       const Detection& detection, size_t index) {
+  Eigen::VectorXd error_px(8);
+  for (size_t k = 0; k < 4; ++k) {
+    const auto point = static_cast<size_t>(detection.ids[4 * index + k] - target.points().front().id);
+    error_px.segment<2>(2 * static_cast<Eigen::Index>(k)) =
+        detection.pixels[4 * index + k] - PixelOf(target.points()[point], camera, camera_from_target).value();
+  }
+  return std::sqrt(error_px.dot(detection.covariances_px2[index].ldlt().solve(error_px)) / 8);
+}
+
+// A lens of f = 600 px that bends the edges of a tag which the picture's side cuts off its corner square: libapriltag's
+// corners are 5 to 18 px off. The tags around it know better: where it is, so that it is fitted from there, or that it
+// is not where it was seen.
+TEST(AprilTagGrid, NeighboursCorrectWhatTheLensBends) {
+  const std::unique_ptr<Target> target = MakeGrid("tag36h11", 4, 4, "");
+  const Eigen::Vector2d middle_m = 0.5 * (target->Draw().min_m + target->Draw().max_m);
+  struct Lens {
+    double k1;
+    double k2;
+    bool is_dropped;
+  };
+  for (const Lens& lens : {Lens{-0.2, 0.03, true}, Lens{-0.25, 0.05, false}}) {
+    const Camera camera{"brown5", 1280, 960, {600, 600, 639.5, 479.5, lens.k1, lens.k2, 0, 0, 0}};
+    Rng rng(777, 4);
+    const double tilt_rad = rng.Uniform(0.1, 0.8);
+    const double towards_rad = rng.Uniform(-kPi, kPi);
+    const Eigen::Quaterniond rotation =
+        ExpRotation(tilt_rad * Eigen::Vector3d(std::cos(towards_rad), std::sin(towards_rad), 0)) *
+        ExpRotation(rng.Uniform(-3, 3) * Eigen::Vector3d::UnitZ()) * ExpRotation(kPi * Eigen::Vector3d::UnitX());
+    const double distance_m = rng.Uniform(0.12, 0.3);
+    const double down_m = rng.Uniform(-0.25, 0.25) * distance_m;
+    const double right_m = rng.Uniform(-0.35, 0.35) * distance_m;
+    const Rigid3d camera_from_target(rotation, Eigen::Vector3d(right_m, down_m, distance_m) -
+                                                   rotation * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0));
+    RenderOptions options;
+    options.noise_sigma_grey = 2;
+    options.seed = 4;
+    const Detection detection = target->Detect(RenderView(target->Draw(), camera, camera_from_target, options));
+    EXPECT_EQ(detection.reason.find("not where the tags around them say") != std::string::npos, lens.is_dropped)
+        << detection.reason;
+    EXPECT_EQ(TagsOf(detection).size(), lens.is_dropped ? 14U : 15U) << detection.reason;
+    // What such a lens leaves within tags of 140 px.
+    EXPECT_LT(ErrorsOf(*target, camera, camera_from_target, detection).max_px, 0.3) << lens.k1;
+  }
+}
+
+// Specks between the cells leave a tag readable but unlike what is drawn: its corners are those of its edges, and are
+// said to be no better than those are straight.
+TEST(AprilTagGrid, StainedTagsSayHowPoorTheyAre) {
+  const Camera camera = PictureCamera();
+  for (const int side : {1, 3}) {
+    const std::unique_ptr<Target> target = MakeGrid("tag36h11", side, side, ", corner_squares: false");
+    Drawing drawing = target->Draw();
+    const int stained = side * side / 2;
+    const Eigen::Vector2d first_m = target->points()[static_cast<size_t>(4 * stained)].in_target.head<2>();
+    for (int row = 2; row < 7; ++row) {
+      for (int column = 2; column < 7; ++column) {
+        constexpr double kCellM = 0.03 / 8;
+        drawing.AddDisc(first_m + kCellM * Eigen::Vector2d(column, row), 0.4 * kCellM, (row + column) % 2);
+      }
+    }
+    for (uint64_t view = 0; view < 3; ++view) {
+      Rng rng(16, view);
+      const Rigid3d camera_from_target = RandomView(drawing, 0.2 + 0.2 * side, 0.5, 0.5, rng);
+      RenderOptions options;
+      options.noise_sigma_grey = 2;
+      options.seed = view;
+      const Detection detection = target->Detect(RenderView(drawing, camera, camera_from_target, options));
+      ASSERT_EQ(detection.ids.size(), target->points().size()) << detection.reason;
+      const Eigen::MatrixXd& stained_px2 = detection.covariances_px2[static_cast<size_t>(stained)];
+      EXPECT_GE(std::sqrt(stained_px2(0, 0)), 0.1);
+      EXPECT_TRUE(stained_px2.isDiagonal());
+      // Of 8 coordinates chance exceeds 2.1 once in 100,000.
+      EXPECT_LT(NormalisedError(*target, camera, camera_from_target, detection, static_cast<size_t>(stained)), 2.1)
+          << side << " " << view;
+    }
+  }
 }
 
 // Kalibr's order: counter-clockwise from the bottom left, y up.

@@ -1,0 +1,27 @@
+// Choices by name from a table.
+#pragma once
+
+#include <algorithm>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "heba/config/yaml_reader.h"
+
+namespace heba {
+
+template <class Table>
+std::vector<std::string> NamesOf(const Table& table) {
+  std::vector<std::string> names;
+  for (const auto& entry : table) names.emplace_back(entry.name);
+  return names;
+}
+
+// The entry of a table of structs with a `name` that `key` names; InputError, with the names, if there is none.
+template <class Table>
+const auto& ReadChoice(MapReader& reader, const std::string& key, const Table& table) {
+  const std::string name = reader.Choice(key, NamesOf(table));
+  return *std::find_if(std::begin(table), std::end(table), [&](const auto& entry) { return entry.name == name; });
+}
+
+}  // namespace heba
