@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <ceres/ceres.h>
 
@@ -123,6 +124,7 @@ RobotNoise AtLeastExact(const RobotNoise& noise) {
 struct EstimatedNoise {
   Noise noise;
   RobotNoise robot_stddev;
+  double dof = 0;  // That it leaves the unknowns' covariance.
 };
 
 // The noise that explains the residuals best.
@@ -143,6 +145,7 @@ EstimatedNoise EstimateNoise(const Problem& problem, const State& state, const F
   // From a variance's sigma to a sigma's.
   result.robot_stddev = {0.5 * found.stddev[1] / result.noise.robot->translation_m,
                          0.5 * found.stddev[2] / result.noise.robot->rotation_rad};
+  result.dof = DegreesOfFreedom(*views, found);
   return result;
 }
 
@@ -222,6 +225,7 @@ struct Fit {
   State state;
   Noise noise;
   RobotNoise robot_stddev;
+  double dof = std::numeric_limits<double>::infinity();  // Of the noise, as Solution::covariance_dof.
   // Detectors know part of the points' noise, point by point; the rest is found from the residuals, equal for all.
   // Nothing: all points count alike.
   std::optional<double> excess_px;
@@ -258,12 +262,14 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
           EstimateNoise(fit.problem, fit.state, free, fit.noise, loss, !options.pixel_noise_px, estimates_robot);
       next = estimated.noise;
       fit.robot_stddev = estimated.robot_stddev;
+      fit.dof = estimated.dof;
     } else {
       std::string bad_view;
       const std::optional<std::vector<double>> distances = SquaredDistances(fit.problem, fit.state, &bad_view);
       CHECK(distances.has_value()) << "Ceres accepted a step that hides a point";
       // Half of the points may be anything where outliers are looked for.
       const double median_px = SigmaFromMedian(*distances);
+      fit.dof = std::max(1.0, 2.0 * static_cast<double>(distances->size()) - num_unknowns);
       next.pixel_px = scale == Scale::kMedian ? median_px : SigmaOfFit(*distances, num_unknowns, loss, median_px);
     }
     bool settled = HasSettled(fit.noise, next) || (loss.name == "none" && !has_robot_noise);
@@ -422,6 +428,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   solution.camera = settled->state.camera;
   solution.pixel_sigma_px = settled->noise.pixel_px;
   solution.excess_px = settled->excess_px;
+  solution.covariance_dof = settled->dof;
   solution.robot_noise = settled->noise.robot;
   if (options.robot == BundleOptions::Robot::kEstimatedNoise) solution.robot_noise_stddev = settled->robot_stddev;
   solution.corrections = settled->state.corrections;

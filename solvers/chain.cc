@@ -126,6 +126,7 @@ Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye&
   if (const std::optional<Failure> failure = CheckObservable(information)) return *failure;
   const double dof = 6.0 * static_cast<double>(pairs.size()) - 12;
   solution.pixel_sigma_px = std::sqrt(2 * summary.final_cost / dof);
+  solution.covariance_dof = dof;
   solution.covariance = InvertInformation(information, solution.pixel_sigma_px * solution.pixel_sigma_px);
   return solution;
 }

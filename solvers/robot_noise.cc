@@ -6,6 +6,7 @@
 #include <limits>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include "heba/base/error.h"
@@ -232,10 +233,69 @@ VarianceComponents EstimateVariances(const std::vector<LinearView>& views, const
   result.pixel = variances[0];
   result.translation_m2 = variances[1];
   result.rotation_rad2 = variances[2];
+  std::vector<int> uncertain;
   for (int k = 0; k < 3; ++k) {
-    if (may_move[static_cast<size_t>(k)] && here.fisher(k, k) > 0) result.stddev[k] = 1 / std::sqrt(here.fisher(k, k));
+    if (!may_move[static_cast<size_t>(k)] || !(here.fisher(k, k) > 0)) continue;
+    result.stddev[k] = 1 / std::sqrt(here.fisher(k, k));
+    // One that the data have put to zero is taken as such.
+    if (variances[k] > 0) uncertain.push_back(k);
+  }
+  const Eigen::Index size = static_cast<Eigen::Index>(uncertain.size());
+  if (size > 0) {
+    Eigen::MatrixXd fisher = here.fisher(uncertain, uncertain);
+    const Eigen::VectorXd scale = fisher.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd inverse =
+        (scale.asDiagonal() * fisher * scale.asDiagonal()).ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+    result.covariance(uncertain, uncertain) = scale.asDiagonal() * inverse * scale.asDiagonal();
   }
   return result;
+}
+
+double DegreesOfFreedom(const std::vector<LinearView>& views, const VarianceComponents& variances) {
+  CHECK(!views.empty());
+  constexpr double kCertain = std::numeric_limits<double>::infinity();
+  constexpr double kLeast = 4;
+  if (variances.covariance.isZero(0)) return kCertain;
+  const Eigen::Index n = views.front().by_unknowns.cols();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  // How the information falls with each variance: J^T S^-1 V_k S^-1 J.
+  std::array<Eigen::MatrixXd, 3> falls;
+  for (Eigen::MatrixXd& matrix : falls) matrix = Eigen::MatrixXd::Zero(n, n);
+  for (const LinearView& view : views) {
+    const Eigen::LLT<Eigen::MatrixXd> factor(
+        MarginalCovariance(view, variances.pixel, variances.translation_m2, variances.rotation_rad2));
+    const Eigen::MatrixXd weighted = factor.solve(view.by_unknowns);
+    information += view.by_unknowns.transpose() * weighted;
+    falls[0] += weighted.transpose() * weighted;
+    const Eigen::MatrixXd by_translation = view.by_correction.leftCols<3>().transpose() * weighted;
+    const Eigen::MatrixXd by_rotation = view.by_correction.rightCols<3>().transpose() * weighted;
+    falls[1] += by_translation.transpose() * by_translation;
+    falls[2] += by_rotation.transpose() * by_rotation;
+  }
+  // In coordinates in which the covariance is the identity, and the variances' effects apart as far as they can be.
+  const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * information * scale.asDiagonal());
+  if (root.info() != Eigen::Success) return kLeast;
+  Eigen::MatrixXd total = Eigen::MatrixXd::Zero(n, n);
+  for (int k = 0; k < 3; ++k) {
+    Eigen::MatrixXd& fall = falls[static_cast<size_t>(k)];
+    fall = (scale.asDiagonal() * fall * scale.asDiagonal()).eval();
+    fall = root.matrixL().solve(fall).eval();
+    fall = root.matrixL().solve(fall.transpose()).eval();
+    total += std::sqrt(variances.covariance(k, k)) * fall;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(total);
+  double sum = 0;
+  for (Eigen::Index m = 0; m < n; ++m) {
+    Eigen::Vector3d slope;
+    for (int k = 0; k < 3; ++k) {
+      slope[k] = eigen.eigenvectors().col(m).dot(falls[static_cast<size_t>(k)] * eigen.eigenvectors().col(m));
+    }
+    const double dof = 2 / slope.dot(variances.covariance * slope);
+    if (dof <= 2) return kLeast;
+    sum += dof / (dof - 2);
+  }
+  return sum > static_cast<double>(n) ? std::max(kLeast, 2 * sum / (sum - static_cast<double>(n))) : kCertain;
 }
 
 }  // namespace heba

@@ -7,6 +7,7 @@ DECLARE_string(out);
 DECLARE_int32(jobs);
 DECLARE_bool(quiet);
 DECLARE_double(dpi);
+DECLARE_string(shard);
 
 namespace heba {
 

@@ -4,6 +4,7 @@
 
 #include "heba/base/error.h"
 #include "heba/io/camera_file.h"
+#include "targets/detection.h"
 #include "tools/run_config.h"
 
 namespace heba {
@@ -16,9 +17,11 @@ MapReader SubReader(MapReader& root, const std::string& key) {
 
 }  // namespace
 
-SceneConfig ReadSceneConfig(const std::filesystem::path& path) {
+SceneConfig ReadSceneConfig(const std::filesystem::path& path) { return ReadScene(ReadYamlFile(path)); }
+
+SceneConfig ReadScene(const ConfigValue& value) {
   SceneConfig scene;
-  MapReader reader(ReadYamlFile(path));
+  MapReader reader(value);
   scene.setup = *FindSetup(reader.Choice("setup", {"eye_to_hand", "eye_in_hand"}));
   scene.target = ReadTarget(reader, "target");
   scene.target_used = reader.used()["target"];
@@ -35,15 +38,15 @@ SceneConfig ReadSceneConfig(const std::filesystem::path& path) {
   scene.motion.max_tilt_rad = motion.Angle("tilt", scene.motion.max_tilt_rad);
   scene.motion.max_spin_rad = motion.Angle("spin", scene.motion.max_spin_rad);
   scene.motion.spread = motion.Number("spread", scene.motion.spread);
-  if (const std::optional<ConfigValue> value = motion.Find("two_step")) {
-    MapReader two_step(*value);
+  if (const std::optional<ConfigValue> two_step_value = motion.Find("two_step")) {
+    MapReader two_step(*two_step_value);
     scene.two_step.emplace();
     scene.two_step->translation_m = two_step.PositiveLength("translation", scene.two_step->translation_m);
     scene.two_step->num_turns = two_step.Int("turns", {2, 10000}, scene.two_step->num_turns);
     scene.two_step->max_turn_rad = two_step.Angle("angle", scene.two_step->max_turn_rad);
     two_step.Finish();
     const std::string faults = scene.two_step->Check();
-    if (!faults.empty()) value->Fail(faults);
+    if (!faults.empty()) two_step_value->Fail(faults);
   }
   motion.Finish();
   const std::string motion_faults = scene.motion.Check();
@@ -71,6 +74,32 @@ SceneConfig ReadSceneConfig(const std::filesystem::path& path) {
   scene.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
   reader.Finish();
   return scene;
+}
+
+Observations AllPoints(const Target& target) {
+  Detection all;
+  for (const TargetPoint& point : target.points()) {
+    all.ids.push_back(point.id);
+    all.pixels.emplace_back(0, 0);
+  }
+  return ObservationsOf(target, all);
+}
+
+Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng* rng) {
+  const Points3 points = AllPoints(*scene.target).points_in_target;
+  const bool z_out = scene.target->Draw().y_up;
+  std::vector<SimulatedPose> poses;
+  if (scene.two_step) {
+    Outcome<std::vector<SimulatedPose>> two_step = SimulateTwoStepPoses(
+        scene.setup, scene.camera, points, z_out, scene.hand_eye, scene.motion, *scene.two_step, rng);
+    if (!two_step) return two_step;
+    poses = *two_step;
+  }
+  if (scene.motion.num_captures == 0) return poses;
+  const Outcome<std::vector<Rigid3d>> free = SimulatePoses(scene.camera, points, z_out, scene.motion, rng);
+  if (!free) return Failure{free.reason()};
+  for (const Rigid3d& pose : *free) poses.push_back({scene.two_step ? "free" : "", pose});
+  return poses;
 }
 
 }  // namespace heba

@@ -6,6 +6,9 @@
 #include <optional>
 #include <string>
 
+#include "heba/base/error.h"
+#include "heba/base/rng.h"
+#include "heba/config/yaml_reader.h"
 #include "heba/data/problem.h"
 #include "heba/data/setup.h"
 #include "heba/io/pose_formats.h"
@@ -33,5 +36,12 @@ struct SceneConfig {
 
 // InputError on any fault.
 SceneConfig ReadSceneConfig(const std::filesystem::path& path);
+// The same of a mapping within another file.
+SceneConfig ReadScene(const ConfigValue& value);
+
+// The target's points as a capture that sees all of it has them; without pixels.
+Observations AllPoints(const Target& target);
+// The two-step method's captures, if the scene has them, then the free ones. A Failure if they do not fit the image.
+Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng* rng);
 
 }  // namespace heba

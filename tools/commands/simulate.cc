@@ -25,29 +25,6 @@ std::string ImageName(int index) {
   return name;
 }
 
-Points3 AllPoints(const Target& target) {
-  Points3 points(3, static_cast<Eigen::Index>(target.points().size()));
-  for (Eigen::Index i = 0; i < points.cols(); ++i) points.col(i) = target.points()[static_cast<size_t>(i)].in_target;
-  return points;
-}
-
-// The two-step method's captures, if the scene has them, then the free ones.
-Outcome<std::vector<SimulatedPose>> MakePoses(const SceneConfig& scene, bool z_out, Rng* rng) {
-  const Points3 points = AllPoints(*scene.target);
-  std::vector<SimulatedPose> poses;
-  if (scene.two_step) {
-    Outcome<std::vector<SimulatedPose>> two_step = SimulateTwoStepPoses(
-        scene.setup, scene.camera, points, z_out, scene.hand_eye, scene.motion, *scene.two_step, rng);
-    if (!two_step) return two_step;
-    poses = *two_step;
-  }
-  if (scene.motion.num_captures == 0) return poses;
-  const Outcome<std::vector<Rigid3d>> free = SimulatePoses(scene.camera, points, z_out, scene.motion, rng);
-  if (!free) return Failure{free.reason()};
-  for (const Rigid3d& pose : *free) poses.push_back({scene.two_step ? "free" : "", pose});
-  return poses;
-}
-
 // A run config for the data set, ready for `heba run`.
 std::string RunConfigText(const SceneConfig& scene) {
   YAML::Node config;
@@ -73,7 +50,7 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   StagedFolder folder(FLAGS_out, "truth.json");
   const Drawing drawing = scene.target->Draw();
   Rng rng(scene.seed);
-  const Outcome<std::vector<SimulatedPose>> poses = MakePoses(scene, drawing.y_up, &rng);
+  const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
   if (!poses) {
     PrintError(arguments[0] + ": " + poses.reason());
     return kWorkFailed;

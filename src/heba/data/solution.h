@@ -1,6 +1,7 @@
 // What a refinement found, and how well it is known.
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -52,6 +53,9 @@ struct Solution {
   // For each view, the ids of the points that were left out because they are not where the others say.
   std::vector<std::vector<int>> rejected_ids;
   Covariance covariance;
+  // How many degrees of freedom the estimate of the noise leaves it: a region of confidence is one of Fisher's F with
+  // so many in the denominator. Infinite if the noise was given.
+  double covariance_dof = std::numeric_limits<double>::infinity();
   Convergence convergence;
   // What a person should know of it though it is usable: one sentence each.
   std::vector<std::string> remarks;

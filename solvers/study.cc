@@ -1,0 +1,206 @@
+#include "solvers/study.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "heba/base/distributions.h"
+#include "heba/base/rng.h"
+#include "heba/data/prediction.h"
+#include "solvers/hand_eye_method.h"
+#include "solvers/information.h"
+#include "solvers/robot_noise.h"
+
+namespace heba {
+namespace {
+
+constexpr double kOutlierPx = 40;
+constexpr double kWrongM = 5e-3;
+constexpr double kWrongRad = 0.02;
+
+View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
+  const heba::Setup setup = cell.options.setup;
+  const SimulatedPose& pose = cell.poses[index];
+  View view;
+  view.name = "capture_" + std::to_string(index);
+  view.role = pose.role;
+  view.camera_mount_from_target_mount = CameraMountFromTargetMount(cell.hand_eye, pose.camera_from_target);
+  Tangent6 error;
+  error << cell.robot_noise.translation_m * rng->NormalVector3(), cell.robot_noise.rotation_rad * rng->NormalVector3();
+  const Rigid3d camera_from_target =
+      CameraFromTarget(setup, cell.hand_eye, view.camera_mount_from_target_mount, Retract(Rigid3d(), error));
+  view.observations = cell.target;
+  CHECK(Predict(cell.camera.Model(), cell.camera.params.data(), camera_from_target, cell.target,
+                &view.observations.pixels, nullptr));
+  for (Eigen::Index i = 0; i < view.observations.size(); ++i) {
+    const double u = cell.pixel_sigma_px * rng->Normal();
+    const double v = cell.pixel_sigma_px * rng->Normal();
+    view.observations.pixels.col(i) += Eigen::Vector2d(u, v);
+    if (rng->Uniform() < cell.outlier_points) {
+      view.observations.pixels(0, i) += rng->Uniform(-kOutlierPx, kOutlierPx);
+      view.observations.pixels(1, i) += rng->Uniform(-kOutlierPx, kOutlierPx);
+    }
+  }
+  if (rng->Uniform() < cell.wrong_captures) {
+    const Rigid3d stated = BaseFromGripper(setup, view.camera_mount_from_target_mount);
+    view.camera_mount_from_target_mount =
+        CameraMountFromTargetMount(setup, WithRobotNoise(stated, kWrongRad, kWrongM, rng));
+  }
+  return view;
+}
+
+FreeParameters FreeOf(const StudyCell& cell) {
+  return FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics);
+}
+
+// Of the unknowns that are free, in the order of UnknownNames.
+Eigen::VectorXd ErrorOf(const StudyCell& cell, const HandEye& hand_eye, const Camera* camera) {
+  const FreeParameters free = FreeOf(cell);
+  const Eigen::Index num_free = camera == nullptr ? 0 : std::count(free.begin(), free.end(), true);
+  Eigen::VectorXd error(12 + num_free);
+  error.head<6>() = LocalCoordinates(cell.hand_eye.camera_mount_from_camera, hand_eye.camera_mount_from_camera);
+  error.segment<6>(6) = LocalCoordinates(cell.hand_eye.target_mount_from_target, hand_eye.target_mount_from_target);
+  Eigen::Index row = 12;
+  for (size_t i = 0; i < free.size() && num_free > 0; ++i) {
+    if (free[i]) error[row++] = camera->params[i] - cell.camera.params[i];
+  }
+  return error;
+}
+
+TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const Outcome<HandEye>& hand_eye,
+                         const std::vector<PosePair>& pairs) {
+  TrialEstimate estimate;
+  estimate.method = method;
+  estimate.ok = hand_eye.ok();
+  if (!hand_eye) return estimate;
+  estimate.error = ErrorOf(cell, *hand_eye, nullptr);
+  estimate.axxb_mean_mm = AxxbMeanMm(pairs, hand_eye->camera_mount_from_camera).value_or(0);
+  return estimate;
+}
+
+TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const Outcome<Solution>& solution,
+                         const std::vector<PosePair>& pairs) {
+  if (!solution) return {method, false, {}, 0, {}, {}, {}};
+  TrialEstimate estimate = EstimateOf(cell, method, Outcome<HandEye>(solution->hand_eye), pairs);
+  estimate.error = ErrorOf(cell, solution->hand_eye, &solution->camera);
+  const Eigen::MatrixXd& covariance = solution->covariance.matrix;
+  // The chain knows nothing of intrinsics.
+  estimate.error.conservativeResize(covariance.rows());
+  const double dof = static_cast<double>(covariance.rows());
+  const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::VectorXd scaled_error = scale.cwiseProduct(estimate.error);
+  const double squares =
+      scaled_error.dot((scale.asDiagonal() * covariance * scale.asDiagonal()).ldlt().solve(scaled_error));
+  constexpr double kOutside = 0.05;
+  estimate.is_covered = squares <= dof * FisherQuantile(kOutside, dof, solution->covariance_dof);
+  estimate.pixel_sigma_px = solution->pixel_sigma_px;
+  estimate.robot_noise = solution->robot_noise;
+  return estimate;
+}
+
+double MedianOf(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// From the mean squares of each unknown.
+StudyErrors FromMeanSquares(const StudyCell& cell, const Eigen::VectorXd& squares) {
+  StudyErrors errors;
+  errors.hand_eye_m = std::sqrt(squares.segment<3>(0).sum());
+  errors.hand_eye_rad = std::sqrt(squares.segment<3>(3).sum());
+  errors.board_m = std::sqrt(squares.segment<3>(6).sum());
+  errors.board_rad = std::sqrt(squares.segment<3>(9).sum());
+  const FreeParameters free = FreeOf(cell);
+  if (free[0] && free[1] && squares.size() >= 14) errors.focal_px = std::sqrt(0.5 * squares.segment<2>(12).sum());
+  return errors;
+}
+
+}  // namespace
+
+std::vector<TrialEstimate> RunTrial(const StudyCell& cell, uint64_t seed, int trial) {
+  Rng rng(seed, static_cast<uint64_t>(trial));
+  std::vector<View> views;
+  for (size_t i = 0; i < cell.poses.size(); ++i) views.push_back(MakeView(cell, i, &rng));
+  const Outcome<Calibration> calibration = Calibrate(views, cell.options);
+  std::vector<TrialEstimate> estimates;
+  if (!calibration) {
+    for (const std::string& name : cell.options.methods) estimates.push_back({name, false, {}, 0, {}, {}, {}});
+    for (const char* name : {kChainMethod, kBundleMethod}) estimates.push_back({name, false, {}, 0, {}, {}, {}});
+    return estimates;
+  }
+  for (const MethodResult& method : calibration->methods) {
+    estimates.push_back(EstimateOf(cell, method.method, method.hand_eye, calibration->pairs));
+  }
+  estimates.push_back(EstimateOf(cell, kChainMethod, calibration->chain, calibration->pairs));
+  estimates.push_back(EstimateOf(cell, kBundleMethod, calibration->refined, calibration->pairs));
+  return estimates;
+}
+
+Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
+  StudyCell exact = cell;
+  exact.pixel_sigma_px = 0;
+  exact.robot_noise = {};
+  exact.outlier_points = 0;
+  exact.wrong_captures = 0;
+  Problem problem{cell.camera, {}, cell.options.setup};
+  Rng rng(0);
+  for (size_t i = 0; i < cell.poses.size(); ++i) problem.views.push_back(MakeView(exact, i, &rng));
+  const FreeParameters free = FreeOf(cell);
+  const std::optional<std::vector<LinearView>> views =
+      LineariseViews(problem, cell.hand_eye, {}, free, cell.pixel_sigma_px, *FindLoss("none"));
+  CHECK(views.has_value());
+  const Information information{UnknownNames(cell.camera.Model(), free),
+                                MarginalInformation(*views, cell.robot_noise, 1.0)};
+  if (const std::optional<Failure> failure = CheckObservable(information)) return *failure;
+  return FromMeanSquares(cell, InvertInformation(information, 1.0).matrix.diagonal());
+}
+
+std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<std::vector<TrialEstimate>>& trials) {
+  CHECK(!trials.empty());
+  std::vector<MethodSummary> summaries;
+  for (const TrialEstimate& first : trials.front()) {
+    MethodSummary summary;
+    summary.method = first.method;
+    Eigen::VectorXd squares;
+    int num_covered = 0;
+    int num_with_covariance = 0;
+    std::vector<double> pixel_sigmas;
+    std::vector<double> translations;
+    std::vector<double> rotations;
+    for (const std::vector<TrialEstimate>& trial : trials) {
+      const auto estimate = std::find_if(trial.begin(), trial.end(),
+                                         [&](const TrialEstimate& entry) { return entry.method == first.method; });
+      ++summary.num_trials;
+      if (estimate == trial.end() || !estimate->ok) {
+        ++summary.num_failed;
+        continue;
+      }
+      if (squares.size() == 0) squares = Eigen::VectorXd::Zero(estimate->error.size());
+      squares += estimate->error.cwiseAbs2();
+      summary.axxb_mean_mm += estimate->axxb_mean_mm;
+      if (estimate->is_covered) {
+        ++num_with_covariance;
+        num_covered += *estimate->is_covered ? 1 : 0;
+      }
+      if (estimate->pixel_sigma_px) pixel_sigmas.push_back(*estimate->pixel_sigma_px);
+      if (estimate->robot_noise) {
+        translations.push_back(estimate->robot_noise->translation_m);
+        rotations.push_back(estimate->robot_noise->rotation_rad);
+      }
+    }
+    const int num_good = summary.num_trials - summary.num_failed;
+    if (num_good > 0) {
+      summary.rms = FromMeanSquares(cell, squares / num_good);
+      summary.axxb_mean_mm /= num_good;
+    }
+    if (num_with_covariance > 0) summary.coverage = static_cast<double>(num_covered) / num_with_covariance;
+    if (!pixel_sigmas.empty()) summary.pixel_sigma_px = MedianOf(pixel_sigmas);
+    if (!translations.empty()) summary.robot_noise = RobotNoise{MedianOf(translations), MedianOf(rotations)};
+    summaries.push_back(std::move(summary));
+  }
+  return summaries;
+}
+
+}  // namespace heba

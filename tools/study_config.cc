@@ -1,0 +1,174 @@
+#include "tools/study_config.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "heba/base/error.h"
+#include "heba/config/yaml_reader.h"
+#include "solvers/hand_eye_method.h"
+#include "solvers/loss.h"
+#include "tools/scene_config.h"
+
+namespace heba {
+namespace {
+
+struct NamedScene {
+  std::string name;
+  ConfigValue place;
+  SceneConfig scene;
+};
+
+// A mapping from names to scenes, each a file or a mapping itself.
+std::vector<NamedScene> ReadScenes(MapReader& reader) {
+  const ConfigValue value = reader.Get("scenes");
+  if (!value.IsMap() || value.node().size() == 0) value.Fail("a mapping from names to scenes is needed");
+  MapReader scenes(value);
+  std::vector<NamedScene> result;
+  for (const auto& entry : value.node()) {
+    const std::string name = entry.first.as<std::string>();
+    const ConfigValue scene = scenes.Get(name);
+    result.push_back({name, scene, scene.IsMap() ? ReadScene(scene) : ReadSceneConfig(scene.AsPath())});
+  }
+  reader.Record("scenes", value.node());
+  return result;
+}
+
+// A list to vary, or the one value of a study that does not.
+template <class T, class Read>
+std::vector<T> ReadList(MapReader& reader, const std::string& key, const std::vector<T>& fallback, const Read& read) {
+  const std::optional<ConfigValue> value = reader.Find(key);
+  if (!value) return fallback;
+  reader.Record(key, value->node());
+  if (!value->IsList()) return {read(*value)};
+  std::vector<T> list;
+  for (const ConfigValue& item : value->AsList()) list.push_back(read(item));
+  if (list.empty()) value->Fail("the list is empty");
+  return list;
+}
+
+double ReadShare(const ConfigValue& value) {
+  const double share = value.AsNumber();
+  if (!(share >= 0 && share <= 1)) value.Fail("a share from 0 to 1 is needed");
+  return share;
+}
+
+RobotNoise ReadNoise(const ConfigValue& value) {
+  MapReader reader(value);
+  const RobotNoise noise{reader.Length("translation"), reader.Angle("rotation")};
+  if (noise.translation_m < 0 || noise.rotation_rad < 0) value.Fail("must not be negative");
+  reader.Finish();
+  return noise;
+}
+
+BundleOptions::Robot RobotModel(const std::string& name) {
+  if (name == "exact") return BundleOptions::Robot::kExact;
+  return name == "given" ? BundleOptions::Robot::kGivenNoise : BundleOptions::Robot::kEstimatedNoise;
+}
+
+}  // namespace
+
+StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
+  StudyConfig study;
+  MapReader reader(ReadYamlFile(path));
+  study.name = reader.Text("name", path.stem().string());
+  if (study.name.find('/') != std::string::npos || study.name == "." || study.name == "..") {
+    reader.Get("name").Fail("'" + study.name + "' cannot name a folder");
+  }
+  study.num_trials = reader.Int("trials", {1, 100000000}, 300);
+  study.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
+  const std::vector<NamedScene> scenes = ReadScenes(reader);
+  const std::vector<double> pixel_sigmas = ReadList<double>(reader, "pixel_noise", {0.1}, [](const ConfigValue& value) {
+    const double sigma_px = value.AsQuantity(Quantity::kPixels);
+    if (!(sigma_px > 0)) value.Fail("must be greater than zero");
+    return sigma_px;
+  });
+  const std::vector<RobotNoise> robot_noises = ReadList<RobotNoise>(reader, "robot_noise", {RobotNoise{}}, ReadNoise);
+  // 0: as many as the scene has.
+  const std::vector<int> captures = ReadList<int>(reader, "captures", {0}, [](const ConfigValue& value) {
+    return value.AsInt({3, 100000});
+  });
+  const std::vector<double> outliers = ReadList<double>(reader, "outlier_points", {0.0}, ReadShare);
+  const std::vector<double> wrongs = ReadList<double>(reader, "wrong_captures", {0.0}, ReadShare);
+  const std::vector<std::string> robot_models =
+      ReadList<std::string>(reader, "robot_model", {"exact"}, [](const ConfigValue& value) {
+        return value.AsChoice({"exact", "given", "auto"});
+      });
+  CalibrationOptions options;
+  if (const std::optional<ConfigValue> methods = reader.Find("methods")) {
+    for (const ConfigValue& item : methods->AsList()) options.methods.push_back(item.AsChoice(HandEyeMethodNames()));
+    reader.Record("methods", methods->node());
+  }
+  std::vector<std::string> seeds = HandEyeMethodNames();
+  seeds.emplace_back(kBestSeed);
+  options.seed = reader.Choice("start", seeds, kBestSeed);
+  options.bundle.loss = reader.Choice("loss", LossNames(), "truncated");
+  options.bundle.free_intrinsics = {};
+  if (const std::optional<ConfigValue> free = reader.Find("intrinsics")) {
+    const std::vector<std::string> names(std::begin(kParameterGroupNames), std::end(kParameterGroupNames));
+    for (const ConfigValue& item : free->AsList()) {
+      const auto found = std::find(names.begin(), names.end(), item.AsChoice(names));
+      options.bundle.free_intrinsics.push_back(static_cast<ParameterGroup>(found - names.begin()));
+    }
+    reader.Record("intrinsics", free->node());
+  }
+  if (reader.Has("output")) {
+    study.output = reader.Path("output");
+  } else {
+    study.output = std::filesystem::absolute(path).parent_path() / "studies" / study.name;
+  }
+  reader.Finish();
+  study.used = [&] {
+    YAML::Emitter emitter;
+    emitter << reader.used();
+    return std::string(emitter.c_str()) + "\n";
+  }();
+
+  for (const NamedScene& named : scenes) {
+    for (const int num_captures : captures) {
+      SceneConfig scene = named.scene;
+      const int num_two_step = scene.two_step ? 3 + scene.two_step->num_turns : 0;
+      if (num_captures > 0) {
+        if (num_captures < num_two_step)
+          named.place.Fail("has more captures in its two-step motion than are asked for");
+        scene.motion.num_captures = num_captures - num_two_step;
+      }
+      Rng rng(scene.seed);
+      const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
+      if (!poses) named.place.Fail(poses.reason());
+      StudyCell cell;
+      cell.camera = scene.camera;
+      cell.hand_eye = scene.hand_eye;
+      cell.target = AllPoints(*scene.target);
+      cell.poses = *poses;
+      cell.options = options;
+      cell.options.setup = scene.setup;
+      cell.options.symmetries = {Rigid3d()};
+      cell.options.camera_model = scene.camera.model;
+      cell.options.width_px = scene.camera.width_px;
+      cell.options.height_px = scene.camera.height_px;
+      if (scene.give_camera) cell.options.camera = scene.camera;
+      for (const double pixel_sigma_px : pixel_sigmas) {
+        for (const RobotNoise& robot_noise : robot_noises) {
+          for (const double outlier_points : outliers) {
+            for (const double wrong_captures : wrongs) {
+              for (const std::string& robot_model : robot_models) {
+                cell.pixel_sigma_px = pixel_sigma_px;
+                cell.robot_noise = robot_noise;
+                cell.outlier_points = outlier_points;
+                cell.wrong_captures = wrong_captures;
+                cell.options.bundle.robot = RobotModel(robot_model);
+                cell.options.bundle.robot_noise = robot_noise;
+                study.cells.push_back(cell);
+                study.labels.push_back({named.name, scene.setup, static_cast<int>(poses->size()), cell.target.size(),
+                                        pixel_sigma_px, robot_noise, outlier_points, wrong_captures, robot_model});
+              }
+            }
+          }
+        }
+      }
+    }
+  }
+  return study;
+}
+
+}  // namespace heba

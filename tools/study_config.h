@@ -1,0 +1,38 @@
+// A study's file: scenes, and lists of what to vary; the cells are all combinations.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "solvers/study.h"
+
+namespace heba {
+
+// What makes a cell, for tables and plots.
+struct StudyLabels {
+  std::string scene;
+  Setup setup = Setup::kEyeToHand;
+  int num_captures = 0;
+  int num_points = 0;
+  double pixel_sigma_px = 0;
+  RobotNoise robot_noise;
+  double outlier_points = 0;
+  double wrong_captures = 0;
+  std::string robot_model;  // exact | given | auto: what the refinement knows of the robot.
+};
+
+struct StudyConfig {
+  std::string name;
+  int num_trials = 0;
+  uint64_t seed = 1;
+  std::vector<StudyLabels> labels;  // One a cell.
+  std::vector<StudyCell> cells;
+  std::filesystem::path output;
+  std::string used;  // YAML, with every default filled in.
+};
+
+// InputError on any fault, among them a scene whose target does not fit its image.
+StudyConfig ReadStudyConfig(const std::filesystem::path& path);
+
+}  // namespace heba

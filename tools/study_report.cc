@@ -1,0 +1,162 @@
+#include "tools/study_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "tools/plot.h"
+
+namespace heba {
+namespace {
+
+std::string Pad(const std::string& text, size_t width) {
+  return text.size() < width ? std::string(width - text.size(), ' ') + text : text;
+}
+
+std::string Ratio(double value, double bound) { return bound > 0 ? Significant(value / bound, 3) : "-"; }
+
+// What a cell is, without its pixel noise.
+std::string SceneLine(const StudyLabels& labels) {
+  std::string line = labels.scene + " (" + std::string(SetupName(labels.setup)) + ", " +
+                     std::to_string(labels.num_captures) + " captures, " + std::to_string(labels.num_points) +
+                     " points)";
+  if (labels.robot_noise.translation_m > 0 || labels.robot_noise.rotation_rad > 0) {
+    line += ", robot " + Significant(1000 * labels.robot_noise.translation_m, 3) + " mm " +
+            Significant(RadToDeg(labels.robot_noise.rotation_rad), 3) + " deg";
+  }
+  line += ", refined with robot " + labels.robot_model;
+  if (labels.outlier_points > 0) line += ", " + Significant(100 * labels.outlier_points, 3) + " % of points anywhere";
+  if (labels.wrong_captures > 0) line += ", " + Significant(100 * labels.wrong_captures, 3) + " % of poses wrong";
+  return line;
+}
+
+std::string OrEmpty(const std::optional<double>& value) { return value ? Significant(*value, 8) : ""; }
+
+}  // namespace
+
+std::string StudyTable(const std::vector<CellResult>& results) {
+  std::string table;
+  for (const CellResult& result : results) {
+    table += SceneLine(result.labels) + ", pixel noise " + Significant(result.labels.pixel_sigma_px, 3) + " px\n";
+    if (!result.bound) {
+      table += "  no bound: " + result.bound.reason() + "\n\n";
+      continue;
+    }
+    table += "  " + Pad("", 12) + Pad("hand-eye", 22) + Pad("board", 22) + Pad("over the bound", 24) + Pad("95 %", 8) +
+             Pad("AX-XB", 9) + Pad("failed", 10) + "\n";
+    table += "  " + Pad("", 12) + Pad("mm", 11) + Pad("deg", 11) + Pad("mm", 11) + Pad("deg", 11) + Pad("mm", 8) +
+             Pad("deg", 8) + Pad("focal", 8) + Pad("holds", 8) + Pad("mm", 9) + "\n";
+    const StudyErrors& bound = *result.bound;
+    table += "  " + Pad("bound", 12) + Pad(Significant(1000 * bound.hand_eye_m, 3), 11) +
+             Pad(Significant(RadToDeg(bound.hand_eye_rad), 3), 11) + Pad(Significant(1000 * bound.board_m, 3), 11) +
+             Pad(Significant(RadToDeg(bound.board_rad), 3), 11) + "\n";
+    for (const MethodSummary& method : result.methods) {
+      const bool has_any = method.num_failed < method.num_trials;
+      table += "  " + Pad(method.method, 12);
+      if (has_any) {
+        const StudyErrors& rms = method.rms;
+        table += Pad(Significant(1000 * rms.hand_eye_m, 3), 11) + Pad(Significant(RadToDeg(rms.hand_eye_rad), 3), 11) +
+                 Pad(Significant(1000 * rms.board_m, 3), 11) + Pad(Significant(RadToDeg(rms.board_rad), 3), 11) +
+                 Pad(Ratio(rms.hand_eye_m, bound.hand_eye_m), 8) + Pad(Ratio(rms.hand_eye_rad, bound.hand_eye_rad), 8) +
+                 Pad(rms.focal_px && bound.focal_px ? Ratio(*rms.focal_px, *bound.focal_px) : "-", 8) +
+                 Pad(method.coverage ? Fixed(*method.coverage, 3) : "-", 8) +
+                 Pad(Significant(method.axxb_mean_mm, 3), 9);
+      } else {
+        table += std::string(85, ' ');
+      }
+      table +=
+          Pad(method.num_failed > 0 ? std::to_string(method.num_failed) + " of " + std::to_string(method.num_trials)
+                                    : "-",
+              10) +
+          "\n";
+      if (method.robot_noise) {
+        table += "  " + Pad("", 12) + "  found (median): pixels " + Significant(method.pixel_sigma_px.value_or(0), 3) +
+                 " px, robot " + Significant(1000 * method.robot_noise->translation_m, 3) + " mm " +
+                 Significant(RadToDeg(method.robot_noise->rotation_rad), 3) + " deg\n";
+      }
+    }
+    table += "\n";
+  }
+  return table;
+}
+
+std::string StudyCsv(const std::vector<CellResult>& results) {
+  std::string csv =
+      "cell,scene,setup,captures,points,pixel_noise_px,robot_translation_mm,robot_rotation_deg,outlier_points,"
+      "wrong_captures,robot_model,method,trials,failed,hand_eye_mm,hand_eye_deg,board_mm,board_deg,focal_px,"
+      "bound_hand_eye_mm,bound_hand_eye_deg,bound_board_mm,bound_board_deg,bound_focal_px,coverage_95,axxb_mean_mm,"
+      "found_pixel_sigma_px,found_robot_mm,found_robot_deg\n";
+  const auto columns = [](const std::optional<StudyErrors>& errors) {
+    if (!errors) return std::string(",,,,");
+    return Significant(1000 * errors->hand_eye_m, 8) + "," + Significant(RadToDeg(errors->hand_eye_rad), 8) + "," +
+           Significant(1000 * errors->board_m, 8) + "," + Significant(RadToDeg(errors->board_rad), 8) + "," +
+           OrEmpty(errors->focal_px);
+  };
+  for (const CellResult& result : results) {
+    const StudyLabels& labels = result.labels;
+    const std::string cell =
+        std::to_string(result.cell) + "," + labels.scene + "," + std::string(SetupName(labels.setup)) + "," +
+        std::to_string(labels.num_captures) + "," + std::to_string(labels.num_points) + "," +
+        Significant(labels.pixel_sigma_px, 8) + "," + Significant(1000 * labels.robot_noise.translation_m, 8) + "," +
+        Significant(RadToDeg(labels.robot_noise.rotation_rad), 8) + "," + Significant(labels.outlier_points, 8) + "," +
+        Significant(labels.wrong_captures, 8) + "," + labels.robot_model;
+    for (const MethodSummary& method : result.methods) {
+      const bool has_any = method.num_failed < method.num_trials;
+      const std::optional<StudyErrors> bound = result.bound ? std::optional<StudyErrors>(*result.bound) : std::nullopt;
+      csv += cell + "," + method.method + "," + std::to_string(method.num_trials) + "," +
+             std::to_string(method.num_failed) + "," +
+             columns(has_any ? std::optional<StudyErrors>(method.rms) : std::nullopt) + "," + columns(bound) + "," +
+             OrEmpty(method.coverage) + "," + (has_any ? Significant(method.axxb_mean_mm, 8) : "") + "," +
+             OrEmpty(method.pixel_sigma_px) + ",";
+      if (method.robot_noise) {
+        csv += Significant(1000 * method.robot_noise->translation_m, 8) + "," +
+               Significant(RadToDeg(method.robot_noise->rotation_rad), 8);
+      } else {
+        csv += ",";
+      }
+      csv += "\n";
+    }
+  }
+  return csv;
+}
+
+void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesystem::path& folder) {
+  std::set<double> sigmas;
+  std::map<std::string, std::vector<const CellResult*>> groups;
+  std::vector<std::string> order;
+  for (const CellResult& result : results) {
+    sigmas.insert(result.labels.pixel_sigma_px);
+    std::vector<const CellResult*>& group = groups[SceneLine(result.labels)];
+    if (group.empty()) order.push_back(SceneLine(result.labels));
+    group.push_back(&result);
+  }
+  if (sigmas.size() < 2) return;
+  for (size_t g = 0; g < order.size(); ++g) {
+    Plot plot{order[g], "pixel noise, px", "RMS error of the hand-eye translation, mm", {}};
+    PlotLine bound{"bound", {}, true, false};
+    std::map<std::string, PlotLine> lines;
+    std::vector<std::string> names;
+    for (const CellResult* result : groups[order[g]]) {
+      const double x = result->labels.pixel_sigma_px;
+      if (result->bound) bound.points.emplace_back(x, 1000 * result->bound->hand_eye_m);
+      for (const MethodSummary& method : result->methods) {
+        PlotLine& line = lines[method.method];
+        if (line.name.empty()) names.push_back(method.method);
+        line.name = method.method;
+        line.is_emphasised = method.method == kBundleMethod;
+        line.points.emplace_back(x, 1000 * method.rms.hand_eye_m);
+      }
+    }
+    plot.lines.push_back(bound);
+    for (const std::string& name : names) plot.lines.push_back(lines[name]);
+    for (PlotLine& line : plot.lines) std::sort(line.points.begin(), line.points.end());
+    const std::string number = order.size() > 1 ? "_" + std::to_string(g + 1) : "";
+    WriteFileAtomically(folder / ("hand_eye_mm" + number + ".svg"), LogLogSvg(plot));
+  }
+}
+
+}  // namespace heba
