@@ -1,6 +1,7 @@
 #include "solvers/target_position.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 
 #include "solvers/relative_motion.h"
 
@@ -16,34 +17,53 @@ Matrix36 PointFromTangent(const Eigen::Vector3d& in_camera) {
   return matrix;
 }
 
-// The sum of the traces is a quadratic in the point's x and y: its minimum by its values at six places.
+Eigen::Matrix3d CovarianceAt(const PosePair& pair, const Eigen::Vector3d& in_camera) {
+  const Matrix36 j = PointFromTangent(in_camera);
+  return j * *pair.covariance_at_1px * j.transpose();
+}
+
+// The point with the least sum of log det of its covariances, by majorisation: log det is concave, so that with the
+// covariances' inverses at one point as weights the weighted traces, a quadratic in the point's x and y, lead to a
+// better one.
 Eigen::Vector3d BestKnownPoint(const std::vector<PosePair>& pairs) {
   constexpr double kStepM = 0.1;
-  const auto trace_at = [&](double x, double y) {
-    double sum = 0;
+  constexpr int kMaxIterations = 50;
+  constexpr double kSmallStepM = 1e-6;
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    std::vector<Eigen::Matrix3d> weights;
     for (const PosePair& pair : pairs) {
-      if (!pair.covariance_at_1px) continue;
-      const Matrix36 j = PointFromTangent(pair.camera_from_target * Eigen::Vector3d(x, y, 0));
-      sum += (j * *pair.covariance_at_1px * j.transpose()).trace();
+      weights.emplace_back(pair.covariance_at_1px ? CovarianceAt(pair, pair.camera_from_target * point).inverse().eval()
+                                                  : Eigen::Matrix3d::Zero());
     }
-    return sum;
-  };
-  const double h = kStepM;
-  const double f00 = trace_at(0, 0);
-  const double fp0 = trace_at(h, 0);
-  const double fm0 = trace_at(-h, 0);
-  const double f0p = trace_at(0, h);
-  const double f0m = trace_at(0, -h);
-  const double fpp = trace_at(h, h);
-  Eigen::Matrix2d second;
-  second(0, 0) = fp0 - 2 * f00 + fm0;
-  second(1, 1) = f0p - 2 * f00 + f0m;
-  second(0, 1) = fpp - fp0 - f0p + f00;
-  second(1, 0) = second(0, 1);
-  const Eigen::LLT<Eigen::Matrix2d> factor(second);
-  if (factor.info() != Eigen::Success) return Eigen::Vector3d::Zero();
-  const Eigen::Vector2d step = -factor.solve(0.5 * Eigen::Vector2d(fp0 - fm0, f0p - f0m));
-  return {h * step.x(), h * step.y(), 0};
+    const auto sum_at = [&](double x, double y) {
+      double sum = 0;
+      for (size_t i = 0; i < pairs.size(); ++i) {
+        if (!pairs[i].covariance_at_1px) continue;
+        const Eigen::Vector3d in_camera = pairs[i].camera_from_target * (point + Eigen::Vector3d(x, y, 0));
+        sum += (weights[i] * CovarianceAt(pairs[i], in_camera)).trace();
+      }
+      return sum;
+    };
+    // The quadratic, from its values at six places.
+    const double h = kStepM;
+    const double f00 = sum_at(0, 0);
+    const double fp0 = sum_at(h, 0);
+    const double fm0 = sum_at(-h, 0);
+    const double f0p = sum_at(0, h);
+    const double f0m = sum_at(0, -h);
+    Eigen::Matrix2d second;
+    second(0, 0) = fp0 - 2 * f00 + fm0;
+    second(1, 1) = f0p - 2 * f00 + f0m;
+    second(0, 1) = sum_at(h, h) - fp0 - f0p + f00;
+    second(1, 0) = second(0, 1);
+    const Eigen::LLT<Eigen::Matrix2d> factor(second);
+    if (factor.info() != Eigen::Success) break;
+    const Eigen::Vector2d step = -h * factor.solve(0.5 * Eigen::Vector2d(fp0 - fm0, f0p - f0m));
+    point.head<2>() += step;
+    if (step.norm() < kSmallStepM) break;
+  }
+  return point;
 }
 
 }  // namespace
@@ -56,8 +76,7 @@ TargetPositions BestKnownPositions(const std::vector<PosePair>& pairs) {
   for (const PosePair& pair : pairs) {
     TargetPosition position{pair.camera_from_target * positions.point_in_target, Eigen::Matrix3d::Zero()};
     if (pair.covariance_at_1px) {
-      const Matrix36 j = PointFromTangent(position.in_camera);
-      position.covariance_at_1px = j * *pair.covariance_at_1px * j.transpose();
+      position.covariance_at_1px = CovarianceAt(pair, position.in_camera);
       sum += position.covariance_at_1px;
       ++num_known;
     }

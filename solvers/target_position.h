@@ -19,8 +19,8 @@ struct TargetPositions {
   std::vector<TargetPosition> captures;  // One a pair.
 };
 
-// Positions of that point of the target's plane z = 0 that the pictures know best (the trace of its covariance, summed
-// over the captures, is least): near the middle of its points, as the paper's centre of four. Pairs of unknown
+// Positions of that point of the target's plane z = 0 that the pictures know best (the volumes of its regions of
+// confidence are least): near the middle of its points, as the paper's centre of four. Pairs of unknown
 // covariance count like the mean of the others; if none is known, the point is the origin and every covariance the
 // identity.
 TargetPositions BestKnownPositions(const std::vector<PosePair>& pairs);
