@@ -70,6 +70,13 @@ struct HoldOut {
   std::string method;
   std::optional<double> rms_px;  // Nothing if the method failed on a fold, or if a held-out point had no image.
   std::string reason;            // Then why.
+  // How far the target was from where it was predicted, by its picture's own pose: root mean squares over captures.
+  std::optional<double> target_m;
+  std::optional<double> target_rad;
+  // Of a refinement of reprojection errors: the held-out pixels' squares in the metric of all that may move them (pixel
+  // noise, the robot's if it is modelled, the estimate's own uncertainty), per degree of freedom. About 1 if the model
+  // is right; with the robot's noise in it, this and not rms_px says which model predicts better.
+  std::optional<double> chi2_per_dof;
 };
 
 // K-fold cross-validation over captures: view i is held out in fold i modulo `num_folds` (home and the translations of

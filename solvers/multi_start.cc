@@ -134,13 +134,23 @@ double RejectedRatio(const Problem& problem, const Solution& solution) {
   return static_cast<double>(num_rejected) / static_cast<double>(num_points);
 }
 
-// How far from right a solution may be, for what it explains: 1 is where doubt begins.
-double Doubt(const Problem& problem, const Outcome<Solution>& solution, double own_sigma_px) {
+// How far from right a solution may be, for what it explains: 1 is where doubt begins. Pixels that are off by more than
+// the captures' own poses say may be off by the robot's noise: up to what no robot is off by.
+double Doubt(const Problem& problem, const std::vector<PosePair>& pairs, const Outcome<Solution>& solution,
+             double own_sigma_px) {
   if (!solution) return kInfinity;
   constexpr double kRejectedRatio = 0.2;
   constexpr double kSigmaRatio = 3;
-  return std::max(RejectedRatio(problem, *solution) / kRejectedRatio,
-                  solution->pixel_sigma_px / (kSigmaRatio * std::max(own_sigma_px, kMinSigmaPx)));
+  constexpr double kRobotM = 2e-3;
+  double metres_per_px = 0;
+  for (const PosePair& pair : pairs) {
+    metres_per_px +=
+        pair.camera_from_target.translation.norm() / problem.camera.params[0] / static_cast<double>(pairs.size());
+  }
+  const double sigma_px = solution->pixel_sigma_px;
+  return std::max(
+      RejectedRatio(problem, *solution) / kRejectedRatio,
+      std::min(sigma_px / (kSigmaRatio * std::max(own_sigma_px, kMinSigmaPx)), sigma_px * metres_per_px / kRobotM));
 }
 
 }  // namespace
@@ -166,7 +176,7 @@ StartedSolution RefineFromSeeds(const Problem& problem, const std::vector<PosePa
   StartedSolution best{RefineHandEye(problem, seeds.front().hand_eye, options), seeds.front().name};
   const std::vector<double> own_sigmas_px = OwnPoseSigmasPx(problem, pairs);
   const double own_sigma_px = SigmaOfBestPx(own_sigmas_px, problem);
-  const double doubt = Doubt(problem, best.solution, own_sigma_px);
+  const double doubt = Doubt(problem, pairs, best.solution, own_sigma_px);
   if (doubt < 1) return best;
 
   const Problem part = PartOf(problem);

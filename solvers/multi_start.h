@@ -27,7 +27,8 @@ struct StartedSolution {
 };
 
 // Refines from the first of `seeds`. If that fails, leaves out a fifth of the points or more, or explains the points
-// three times worse than their own poses explain the best captures (`pairs`, of the first views), it tries others: the
+// three times worse than their own poses explain the best captures (`pairs`, of the first views) and by more than 2 mm
+// at the target, which no robot is off by, it tries others: the
 // other seeds, the closed form of random handfuls of captures, of which some have no wrong one among them, and, if
 // nothing came near, the 24 turns of a cube. Each is refined on a part of the captures with the intrinsics held; the
 // best of them is refined on all, and taken if it explains the points better, robustly measured. Deterministic.

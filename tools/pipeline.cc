@@ -10,6 +10,7 @@
 #include "heba/base/files.h"
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "heba/io/result_file.h"
 #include "solvers/calibration.h"
 #include "solvers/pose_selection.h"
@@ -114,7 +115,11 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
   estimates.push_back(std::move(refined));
   for (Estimate& estimate : estimates) {
     for (const HoldOut& hold_out : hold_outs) {
-      if (hold_out.method == estimate.method) estimate.errors.holdout_rms_px = hold_out.rms_px;
+      if (hold_out.method != estimate.method) continue;
+      estimate.errors.holdout_rms_px = hold_out.rms_px;
+      if (hold_out.target_m) estimate.errors.holdout_target_mm = 1000 * *hold_out.target_m;
+      if (hold_out.target_rad) estimate.errors.holdout_target_deg = RadToDeg(*hold_out.target_rad);
+      estimate.errors.holdout_chi2 = hold_out.chi2_per_dof;
     }
   }
   return estimates;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -39,6 +40,16 @@ std::string PoseLine(const Rigid3d& pose) {
   return "[" + Join(t, ", ") + "] mm, quaternion xyzw [" + Join(q, ", ") + "]";
 }
 
+std::string NoiseLine(const Solution& solution, const std::optional<double>& holdout_chi2) {
+  std::string line = "pixel noise " + Significant(solution.pixel_sigma_px, 3) + " px a coordinate";
+  if (solution.robot_noise) {
+    line += ", the robot's " + Significant(1000 * solution.robot_noise->translation_m, 2) + " mm and " +
+            Significant(RadToDeg(solution.robot_noise->rotation_rad), 2) + " deg";
+  }
+  if (holdout_chi2) line += "; hold-out chi-square " + Significant(*holdout_chi2, 3) + " per degree of freedom";
+  return line + "\n";
+}
+
 }  // namespace
 
 std::string ResultTable(const RunResult& result, Colour colour) {
@@ -52,40 +63,60 @@ std::string ResultTable(const RunResult& result, Colour colour) {
   std::string table = bold + result.name + plain + ": " + std::string(SetupName(result.setup)) + ", " +
                       result.target_type + ", " + std::to_string(used) + " of " +
                       std::to_string(result.captures.size()) + " captures used\n\n";
-  std::vector<std::string> header = {"in-sample", "hold-out", "AX-XB", "board mm", "deg"};
+  // Title, unit and figure of each column.
+  struct Column {
+    const char* title;
+    const char* unit;
+    std::function<std::optional<double>(const Errors&)> figure;
+    int digits;
+  };
+  std::vector<Column> columns = {
+      {"in-sample", "px rms", [](const Errors& errors) { return errors.reprojection_rms_px; }, 3},
+      {"hold-out", "px rms", [](const Errors& errors) { return errors.holdout_rms_px; }, 3},
+      {"hold-out", "mm rms", [](const Errors& errors) { return errors.holdout_target_mm; }, 3},
+      {"", "deg", [](const Errors& errors) { return errors.holdout_target_deg; }, 2},
+      {"AX-XB", "mm", [](const Errors& errors) { return errors.axxb_mean_mm; }, 3},
+      {"board", "mm rms",
+       [](const Errors& errors) {
+         return errors.board_scatter ? std::optional<double>(errors.board_scatter->translation_rms_mm) : std::nullopt;
+       },
+       3},
+      {"", "deg",
+       [](const Errors& errors) {
+         return errors.board_scatter ? std::optional<double>(errors.board_scatter->rotation_rms_deg) : std::nullopt;
+       },
+       2}};
   if (has_truth) {
-    header.emplace_back("true mm");
-    header.emplace_back("deg");
+    columns.push_back({"true err", "mm",
+                       [](const Errors& errors) {
+                         return errors.truth ? std::optional<double>(errors.truth->hand_eye_mm) : std::nullopt;
+                       },
+                       3});
+    columns.push_back({"", "deg",
+                       [](const Errors& errors) {
+                         return errors.truth ? std::optional<double>(errors.truth->hand_eye_deg) : std::nullopt;
+                       },
+                       2});
   }
-  constexpr size_t kMethodWidth = 13;
-  constexpr size_t kWidth = 10;
-  constexpr size_t kNarrow = 8;
-  const auto width = [&](size_t i) { return i < 4 ? kWidth : kNarrow; };
+  constexpr size_t kMethodWidth = 11;
+  const auto width = [](const Column& column) { return std::string(column.unit) == "deg" ? size_t{8} : size_t{10}; };
   table += PadRight("method", kMethodWidth);
-  for (size_t i = 0; i < header.size(); ++i) table += PadLeft(header[i], width(i));
-  table += "\n" + PadRight("", kMethodWidth) + PadLeft("px rms", kWidth) + PadLeft("px rms", kWidth) +
-           PadLeft("mm", kWidth) + PadLeft("rms", kWidth) + PadLeft("rms", kNarrow);
-  if (has_truth) table += PadLeft("error", kNarrow) + PadLeft("error", kNarrow);
+  for (const Column& column : columns) table += PadLeft(column.title, width(column));
+  table += "\n" + PadRight("", kMethodWidth);
+  for (const Column& column : columns) table += PadLeft(column.unit, width(column));
   table += "\n";
   for (const Estimate& estimate : result.estimates) {
-    const bool refined = estimate.kind == "refined";
-    if (refined) table += bold;
+    const bool is_last = &estimate == &result.estimates.back();
+    if (is_last) table += bold;
     table += PadRight(estimate.method, kMethodWidth);
     if (!estimate.ok) {
       table += "  failed: " + estimate.reason + plain + "\n";
       continue;
     }
-    const Errors& errors = estimate.errors;
-    std::vector<std::string> cells = {Cell(errors.reprojection_rms_px, 3), Cell(errors.holdout_rms_px, 3),
-                                      Cell(errors.axxb_mean_mm, 3)};
-    cells.push_back(errors.board_scatter ? Significant(errors.board_scatter->translation_rms_mm, 3) : "-");
-    cells.push_back(errors.board_scatter ? Significant(errors.board_scatter->rotation_rms_deg, 2) : "-");
-    if (has_truth) {
-      cells.push_back(errors.truth ? Significant(errors.truth->hand_eye_mm, 3) : "-");
-      cells.push_back(errors.truth ? Significant(errors.truth->hand_eye_deg, 2) : "-");
+    for (const Column& column : columns) {
+      table += PadLeft(Cell(column.figure(estimate.errors), column.digits), width(column));
     }
-    for (size_t i = 0; i < cells.size(); ++i) table += PadLeft(cells[i], width(i));
-    if (refined) table += plain;
+    if (is_last) table += plain;
     table += "\n";
   }
   // The last of them is the refinement of the reprojection error.
@@ -94,7 +125,7 @@ std::string ResultTable(const RunResult& result, Colour colour) {
   if (refined == result.estimates.rend()) return table;
   table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera\n  " +
            PoseLine(refined->hand_eye.camera_mount_from_camera) + "\n  " + Uncertainty(*refined->solution) + "\n";
-  table += "pixel noise " + Significant(refined->solution->pixel_sigma_px, 3) + " px a coordinate\n";
+  table += NoiseLine(*refined->solution, refined->errors.holdout_chi2);
   for (const std::string& remark : refined->solution->remarks) table += "remark: " + remark + "\n";
   return table;
 }

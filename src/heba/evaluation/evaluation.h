@@ -14,6 +14,11 @@ namespace heba {
 struct Errors {
   std::optional<double> reprojection_rms_px;
   std::optional<double> holdout_rms_px;
+  // How far the target was from where it was predicted on captures that were held out, by its pictures' own poses.
+  std::optional<double> holdout_target_mm;
+  std::optional<double> holdout_target_deg;
+  // Of a refinement: the held-out squares in the metric of all noise that it knows, per degree of freedom.
+  std::optional<double> holdout_chi2;
   std::optional<double> axxb_mean_mm;
   std::optional<BoardScatter> board_scatter;
   std::optional<TruthErrors> truth;

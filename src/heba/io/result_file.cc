@@ -77,6 +77,9 @@ Json ErrorsJson(const Errors& errors) {
   Json json;
   json["reprojection_rms_px"] = OrNull(errors.reprojection_rms_px);
   json["holdout_rms_px"] = OrNull(errors.holdout_rms_px);
+  json["holdout_target_mm"] = OrNull(errors.holdout_target_mm);
+  json["holdout_target_deg"] = OrNull(errors.holdout_target_deg);
+  json["holdout_chi2_per_dof"] = OrNull(errors.holdout_chi2);
   json["axxb_mean_mm"] = OrNull(errors.axxb_mean_mm);
   json["board_translation_rms_mm"] =
       errors.board_scatter ? Json(errors.board_scatter->translation_rms_mm) : Json(nullptr);
@@ -144,6 +147,7 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
                          {"pixel_sigma", solution->pixel_sigma_px},
                          {"robot_sigma_deg", noise ? Json(RadToDeg(noise->rotation_rad)) : Json(nullptr)},
                          {"robot_sigma_mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
+                         {"covariance_dof", Finite(solution->covariance_dof)},
                          {"seconds", convergence.seconds},
                          {"message", convergence.message}};
   }
