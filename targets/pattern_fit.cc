@@ -416,18 +416,10 @@ class Fitter {
   double level(Level which) const { return params_[map_.num_terms() + which]; }
   double contrast() const { return level(kWhite) - level(kBlack); }
 
-  // By least squares and some of the pixels first; then by all, and what deviates counts less. False if a step leads
-  // nowhere that can be computed.
+  // By least squares first; then what deviates counts less. False if a step leads nowhere that can be computed.
   bool Solve() {
     constexpr double kRoughPx = 0.02;
-    constexpr size_t kRoughPixels = 600;
-    std::vector<FitPixel> all;
-    std::swap(all, pixels_);
-    const size_t stride = all.size() / kRoughPixels + 1;
-    for (size_t k = 0; k < all.size(); k += stride) pixels_.push_back(all[k]);
-    const bool is_found = Descend(std::numeric_limits<double>::infinity(), kRoughPx);
-    std::swap(all, pixels_);
-    if (!is_found) return false;
+    if (!Descend(std::numeric_limits<double>::infinity(), kRoughPx)) return false;
     constexpr double kHuber = 2.5;
     constexpr double kMinNoiseGrey = 0.3;  // A pixel's rounding.
     huber_ = kHuber * std::max(kMinNoiseGrey, NoiseOf(result_.residuals));
