@@ -196,7 +196,7 @@ class PatternMap {
       : centre_m_(0.5 * (options.min_m + options.max_m)),
         half_m_(0.5 * (options.max_m - options.min_m)),
         num_terms_(NumTerms(options.freedom)),
-        has_cubes_(options.freedom != MapFreedom::kQuadratic),
+        is_quadratic_(options.freedom == MapFreedom::kQuadratic),
         lens_px_(lens_px),
         lens_radius_px_(std::max(1.0, lens_px.norm())) {
     Eigen::Matrix3d pattern_from_unit = Eigen::Matrix3d::Identity();
@@ -222,7 +222,7 @@ class PatternMap {
   void AddPolynomial() { num_terms_ = kMaxTerms; }
   bool IsHeld(int term) const {
     if (num_terms_ < kMaxTerms || term < kAffineTerms) return false;
-    return term < kLensTerms || (!has_cubes_ && (term - kLensTerms) % kPolynomial >= kSquares);
+    return term < kLensTerms || (is_quadratic_ && (term - kLensTerms) % kPolynomial >= kSquares);
   }
   // The lens's two numbers are what it displaces at the picture's corner: hardly more than half the picture.
   double LensSigmaPx() const { return lens_radius_px_; }
@@ -238,6 +238,12 @@ class PatternMap {
     const double r2 = from_lens.squaredNorm();
     Displacements terms;
     terms.leftCols<6>() << 1, q.x(), q.y(), 0, 0, 0, 0, 0, 0, 1, q.x(), q.y();
+    if (is_quadratic_) {
+      terms.rightCols<kMaxTerms - kAffineTerms>().setZero();
+      terms.row(0).segment<kPolynomial>(kLensTerms) = Polynomial(q.x(), q.y());
+      terms.row(1).tail<kPolynomial>() = terms.row(0).segment<kPolynomial>(kLensTerms);
+      return terms;
+    }
     terms.col(6) = from_middle * q.x();
     terms.col(7) = from_middle * q.y();
     terms.col(8) = from_lens * r2;
@@ -256,6 +262,13 @@ class PatternMap {
     Eigen::Vector2d pixel =
         start + Eigen::Vector2d(params[0] + params[1] * x + params[2] * y, params[3] + params[4] * x + params[5] * y);
     if (num_terms_ == kAffineTerms) return pixel;
+    if (is_quadratic_) {
+      for (int axis = 0; axis < 2; ++axis) {
+        const double* const p = params.data() + kLensTerms + axis * kPolynomial;
+        pixel[axis] += x * x * p[0] + x * y * p[1] + y * y * p[2];
+      }
+      return pixel;
+    }
     pixel += (params[6] * x + params[7] * y) / size_px_ * (start - middle_px_);
     const Eigen::Vector2d from_lens = (start - lens_px_) / lens_radius_px_;
     const double r2 = from_lens.squaredNorm();
@@ -280,17 +293,19 @@ class PatternMap {
     return by_unit * half_m_.cwiseInverse().asDiagonal();
   }
 
-  // The unit coordinates that map to `pixel`, from a guess.
+  // The unit coordinates that map to `pixel`, from a guess; `by_unit`, if not null, becomes the derivative near there.
   std::optional<Eigen::Vector2d> Invert(const Eigen::VectorXd& params, const Eigen::Vector2d& pixel,
-                                        const Eigen::Vector2d& guess) const {
+                                        const Eigen::Vector2d& guess, Eigen::Matrix2d* by_unit = nullptr) const {
     Eigen::Vector2d q = guess;
     for (int iteration = 0; iteration < 10; ++iteration) {
       const Eigen::Matrix2d derivative = Derivative(params, q);
       const Eigen::Vector2d step = derivative.inverse() * (pixel - Pixel(params, q));
       if (!step.allFinite() || step.norm() > 2) return std::nullopt;
       q += step;
-      // The error that is left goes with the step's square.
-      if (step.norm() < 1e-4) return q;
+      // The error that is left goes with the step's square: 1e-4 px of a pattern that is strongly bent.
+      if (step.norm() > 1e-3) continue;
+      if (by_unit != nullptr) *by_unit = derivative;
+      return q;
     }
     return std::nullopt;
   }
@@ -319,6 +334,14 @@ class PatternMap {
     derivative.col(0) += Eigen::Vector2d(params[1], params[4]);
     derivative.col(1) += Eigen::Vector2d(params[2], params[5]);
     if (num_terms_ == kAffineTerms) return derivative;
+    if (is_quadratic_) {
+      for (int axis = 0; axis < 2; ++axis) {
+        const double* const p = params.data() + kLensTerms + axis * kPolynomial;
+        derivative(axis, 0) += 2 * q.x() * p[0] + q.y() * p[1];
+        derivative(axis, 1) += q.x() * p[1] + 2 * q.y() * p[2];
+      }
+      return derivative;
+    }
     const Eigen::Vector2d from_middle = (start - middle_px_) / size_px_;
     derivative += (params[6] * q.x() + params[7] * q.y()) / size_px_ * by_start;
     derivative += from_middle * Eigen::RowVector2d(params[6], params[7]);
@@ -342,7 +365,7 @@ class PatternMap {
   Eigen::Vector2d centre_m_;
   Eigen::Vector2d half_m_;
   int num_terms_;
-  bool has_cubes_;
+  bool is_quadratic_;  // Perspective, lens and cubes are then 0.
   Eigen::Vector2d lens_px_;
   double lens_radius_px_;
   Eigen::Matrix3d start_;
@@ -393,18 +416,10 @@ class Fitter {
   double level(Level which) const { return params_[map_.num_terms() + which]; }
   double contrast() const { return level(kWhite) - level(kBlack); }
 
-  // By least squares and some of the pixels first; then by all, and what deviates counts less. False if a step leads
-  // nowhere that can be computed.
+  // By least squares first; then what deviates counts less. False if a step leads nowhere that can be computed.
   bool Solve() {
     constexpr double kRoughPx = 0.02;
-    constexpr size_t kRoughPixels = 1000;
-    std::vector<FitPixel> all;
-    std::swap(all, pixels_);
-    const size_t stride = all.size() / kRoughPixels + 1;
-    for (size_t k = 0; k < all.size(); k += stride) pixels_.push_back(all[k]);
-    const bool is_found = Descend(std::numeric_limits<double>::infinity(), kRoughPx);
-    std::swap(all, pixels_);
-    if (!is_found) return false;
+    if (!Descend(std::numeric_limits<double>::infinity(), kRoughPx)) return false;
     constexpr double kHuber = 2.5;
     constexpr double kMinNoiseGrey = 0.3;  // A pixel's rounding.
     huber_ = kHuber * std::max(kMinNoiseGrey, NoiseOf(result_.residuals));
@@ -586,6 +601,12 @@ class Fitter {
            levels.tail<kNumLight>().cwiseAbs().maxCoeff() < 1;
   }
 
+  // Whether an unknown stays as it is.
+  bool IsHeld(int k) const {
+    const int num_map = map_.num_terms();
+    return k < num_map ? map_.IsHeld(k) : !is_light_bent_ && k >= num_map + kLightBend;
+  }
+
   bool Linearise(const Eigen::VectorXd& params, double huber, Equations* equations) {
     const int num_map = map_.num_terms();
     const int n = static_cast<int>(params.size());
@@ -599,22 +620,29 @@ class Fitter {
     const double blur = params[num_map + kBlur];
     Eigen::VectorXd row(n);
     // Some rows at a time, which is much faster than one by one.
+    std::vector<int> free;
+    for (int k = 0; k < n; ++k) {
+      if (!IsHeld(k)) free.push_back(k);
+    }
+    const auto num_free = static_cast<Eigen::Index>(free.size());
     constexpr int kBatch = 128;
-    Eigen::MatrixXd batch(n, kBatch);
+    Eigen::MatrixXd batch(num_free, kBatch);
+    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(num_free, num_free);
     int num_in_batch = 0;
     const auto add_batch = [&] {
-      equations->normal.selfadjointView<Eigen::Lower>().rankUpdate(batch.leftCols(num_in_batch));
+      normal.selfadjointView<Eigen::Lower>().rankUpdate(batch.leftCols(num_in_batch));
       num_in_batch = 0;
     };
     for (size_t k = 0; k < pixels_.size(); ++k) {
       FitPixel& pixel = pixels_[k];
-      const std::optional<Eigen::Vector2d> unit = map_.Invert(params, pixel.at_px, pixel.unit);
+      Eigen::Matrix2d by_unit;
+      const std::optional<Eigen::Vector2d> unit = map_.Invert(params, pixel.at_px, pixel.unit, &by_unit);
       if (!unit) return false;
       pixel.unit = *unit;
       // Half way to the lines that blur into the pixel: so taken, the map's derivative gives the distance to them to
       // second order.
       const Eigen::Vector2d at_m = map_.InPattern(*unit);
-      const Eigen::Matrix2d metres_by_px = map_.PerMetre(map_.Derivative(params, *unit)).inverse();
+      const Eigen::Matrix2d metres_by_px = map_.PerMetre(by_unit).inverse();
       const Eigen::Vector2d half_way_m(
           0.5 * (at_m.x() + NearestOf(pattern_.x_m, at_m.x(), kReach * blur * metres_by_px.row(0).norm())),
           0.5 * (at_m.y() + NearestOf(pattern_.y_m, at_m.y(), kReach * blur * metres_by_px.row(1).norm())));
@@ -638,24 +666,29 @@ class Fitter {
       equations->residuals[k] = residual;
       equations->cost += size <= huber ? 0.5 * residual * residual : huber * (size - 0.5 * huber);
       equations->gradient += weight * residual * row;
-      batch.col(num_in_batch++) = std::sqrt(weight) * row;
-      if (num_in_batch == kBatch) add_batch();
+      const double root = std::sqrt(weight);
+      for (Eigen::Index i = 0; i < num_free; ++i) batch(i, num_in_batch) = root * row[free[static_cast<size_t>(i)]];
+      if (++num_in_batch == kBatch) add_batch();
     }
     add_batch();
-    equations->normal = Eigen::MatrixXd(equations->normal.selfadjointView<Eigen::Lower>());
+    for (Eigen::Index i = 0; i < num_free; ++i) {
+      for (Eigen::Index j = 0; j <= i; ++j) {
+        const int row_of = free[static_cast<size_t>(i)];
+        const int column_of = free[static_cast<size_t>(j)];
+        equations->normal(row_of, column_of) = equations->normal(column_of, row_of) = normal(i, j);
+      }
+    }
     // Near the picture's middle the pattern says nothing of the lens, nor does it matter.
     constexpr double kTypicalNoiseGrey = 2;
     const double prior = kTypicalNoiseGrey / map_.LensSigmaPx();
     for (int k = 0; k < n; ++k) {
-      if (k < num_map ? !map_.IsHeld(k) : is_light_bent_ || k < num_map + kLightBend) continue;
+      if (!IsHeld(k)) continue;
       constexpr double kHeld = 1e12;
-      equations->normal.row(k).setZero();
-      equations->normal.col(k).setZero();
       equations->normal(k, k) = kHeld;
       equations->gradient[k] = 0;
     }
     for (int k = PatternMap::kFirstLensTerm; k < std::min(num_map, PatternMap::kLensTerms); ++k) {
-      if (map_.IsHeld(k)) continue;
+      if (IsHeld(k)) continue;
       equations->normal(k, k) += prior * prior;
       equations->gradient[k] += prior * prior * params[k];
       equations->cost += 0.5 * prior * prior * params[k] * params[k];

@@ -53,6 +53,18 @@ bool FindQuads(const cv::Mat& grey, cv::Size size, std::vector<cv::Point2f>* cor
   return cv::findChessboardCorners(grey, size, *corners, cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE);
 }
 
+// Whether something in the picture has the contrast of a board. Linking quads takes minutes over a blank wall, whose
+// noise it stretches to full contrast.
+bool HasContrast(const cv::Mat& grey) {
+  constexpr double kBlurPx = 1.5;
+  constexpr double kMinContrastGrey = 8;
+  constexpr int kMinPixels = 50;
+  cv::Mat range;
+  cv::GaussianBlur(grey, range, {}, kBlurPx);
+  cv::morphologyEx(range, range, cv::MORPH_GRADIENT, cv::Mat::ones(7, 7, CV_8U));
+  return cv::countNonZero(range > kMinContrastGrey) >= kMinPixels;
+}
+
 // In this order. The first two take as long for every picture: the contrast as it is, and stretched for dark pictures.
 // Linking quads finds the smallest boards, but may take minutes on boards with round outer squares (OpenCV's radon
 // boards), which the first one finds.
@@ -61,6 +73,7 @@ constexpr Finder kFinders[] = {
     {2000, 0, &FindQuads},    {2000, 1200, &FindSectorsNormalised},
     {3000, 3000, &FindQuads},
 };
+constexpr double kMaxEnlargement = 3;
 
 class Chessboard final : public Target {
  public:
@@ -93,7 +106,9 @@ class Chessboard final : public Target {
       detection.reason = "the picture is too small";
       return detection;
     }
+    const bool has_contrast = HasContrast(grey);
     for (const Finder& finder : kFinders) {
+      if (!has_contrast) break;
       std::optional<Corners> corners = Find(grey, finder);
       if (!corners) continue;
       const Drawing& seen = ColourScore(grey, *corners) < 0 ? inverted_ : drawing_;
@@ -126,7 +141,8 @@ class Chessboard final : public Target {
  private:
   std::optional<Corners> Find(const cv::Mat& grey, const Finder& finder) const {
     const double side_px = std::max(grey.cols, grey.rows);
-    const double scale = std::max(std::min(1.0, finder.max_side_px / side_px), finder.min_side_px / side_px);
+    const double scale =
+        std::max(std::min(1.0, finder.max_side_px / side_px), std::min(kMaxEnlargement, finder.min_side_px / side_px));
     cv::Mat picture = grey;
     if (scale != 1) cv::resize(grey, picture, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
     std::vector<cv::Point2f> found;

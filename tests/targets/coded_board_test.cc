@@ -257,6 +257,33 @@ TEST(CodedBoard, IsFoundInAllSizesAndAttitudes) {
   }
 }
 
+// Dots of 300 px: those whose rings are whole in the picture are found.
+TEST(CodedBoard, IsFoundWhereItFillsThePicture) {
+  const auto board = MakeBoard("rows: 2, columns: 2, spacing: 32.5 mm, dot_diameter: 10 mm");
+  for (const double tilt_deg : {0.0, 40.0}) {
+    Rng rng(38, static_cast<uint64_t>(tilt_deg));
+    const Camera camera = MakeCamera(2300, 2300, 2400);
+    const Rigid3d camera_from_target = PoseAt(MiddleOf(*board), 2400 * 0.01 / 300, tilt_deg * kPi / 180, rng);
+    RenderOptions options;
+    options.noise_sigma_grey = 2;
+    options.light_gradient = 0.3;
+    const Detection detection = board->Detect(RenderView(board->Draw(), camera, camera_from_target, options));
+    size_t num_whole = 0;
+    for (const TargetPoint& point : board->points()) {
+      double least_px = 1e9;
+      for (int i = 0; i < 48; ++i) {
+        const Eigen::Vector3d rim_m(0.0155 * std::cos(i * kPi / 24), 0.0155 * std::sin(i * kPi / 24), 0);
+        const Eigen::Vector2d pixel = ProjectPoint(camera, camera_from_target * (point.in_target + rim_m)).value();
+        least_px = std::min({least_px, pixel.minCoeff(), 2299 - pixel.maxCoeff()});
+      }
+      num_whole += least_px > 0 ? 1 : 0;
+    }
+    EXPECT_GE(num_whole, 1u) << tilt_deg;
+    EXPECT_GE(detection.ids.size(), num_whole) << tilt_deg << ": " << detection.reason;
+    EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1) << tilt_deg;
+  }
+}
+
 // Nearly all codes there are, in two pictures.
 TEST(CodedBoard, EveryIdIsRead) {
   for (const std::string keys : {"rows: 11, columns: 8, bits: 12", "rows: 17, columns: 18, bits: 14",
@@ -309,6 +336,9 @@ TEST(CodedBoard, LeavesOutStainedRings) {
   EXPECT_GE(detection.ids.size(), 6u) << detection.reason;
   EXPECT_FALSE(detection.reason.empty());
   EXPECT_EQ(std::count(detection.ids.begin(), detection.ids.end(), 0), 0);
+  for (const int clean : {1, 3, 5, 6, 7, 8}) {
+    EXPECT_EQ(std::count(detection.ids.begin(), detection.ids.end(), clean), 1) << clean;
+  }
   EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1);
 }
 
@@ -345,6 +375,8 @@ TEST(CodedBoard, IsToldFromAnotherOneBesideIt) {
   EXPECT_EQ(first->Detect(grey).ids, (std::vector<int>{0, 1, 2, 3}));
   EXPECT_LT(WorstPx(ErrorsOf(*first, first->Detect(grey), camera, camera_from_target)), 0.1);
   EXPECT_EQ(second->Detect(grey).ids, (std::vector<int>{4, 5, 6, 7}));
+  const Rigid3d camera_from_second = camera_from_target * Rigid3d(Eigen::Quaterniond::Identity(), {shift_m, 0, 0});
+  EXPECT_LT(WorstPx(ErrorsOf(*second, second->Detect(grey), camera, camera_from_second)), 0.1);
 }
 
 // A second print of point 3 elsewhere: the one that belongs to the board is kept. Two whole boards: neither.
