@@ -8,6 +8,7 @@
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "solvers/advice.h"
 #include "solvers/capture_test.h"
 #include "solvers/chain.h"
 #include "solvers/hand_eye_method.h"
@@ -406,6 +407,9 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   if (calibration.refined) {
     calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
     AddFewPointViews(views, options, &calibration);
+    calibration.refined->remarks =
+        AdviseOnCaptures({calibration.camera, calibration.views, options.setup}, *calibration.refined,
+                         FreeOf(calibration.camera.Model(), options.bundle.free_intrinsics));
   }
   return calibration;
 }

@@ -149,7 +149,8 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
                          {"robot_sigma_mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
                          {"covariance_dof", Finite(solution->covariance_dof)},
                          {"seconds", convergence.seconds},
-                         {"message", convergence.message}};
+                         {"message", convergence.message},
+                         {"remarks", solution->remarks}};
   }
   return json;
 }
