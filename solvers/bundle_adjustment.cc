@@ -5,6 +5,7 @@
 #include <limits>
 
 #include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -64,9 +65,46 @@ double Cost(const std::vector<double>& squared_distances, const State& state, co
   return 0.5 * sum;
 }
 
+// 1 / sigma of each parameter; 0 of those that are held or of which nothing is known.
+Eigen::VectorXd PriorWeights(const CameraPrior& prior, const FreeParameters& free) {
+  CHECK_EQ(prior.params.size(), free.size());
+  CHECK_EQ(prior.sigmas.size(), free.size());
+  Eigen::VectorXd weights(static_cast<Eigen::Index>(free.size()));
+  for (size_t i = 0; i < free.size(); ++i) weights[static_cast<Eigen::Index>(i)] = free[i] ? 1 / prior.sigmas[i] : 0;
+  return weights;
+}
+
+// The prior as rows like a capture's, which no correction moves. `row_variance`: what the rows' noise is counted as.
+LinearView PriorView(const CameraPrior& prior, const Camera& camera, const FreeParameters& free, double row_variance) {
+  const Eigen::VectorXd weights = std::sqrt(row_variance) * PriorWeights(prior, free);
+  const Eigen::Index num_free = std::count(free.begin(), free.end(), true);
+  LinearView view;
+  view.by_unknowns = Eigen::MatrixXd::Zero(num_free, 12 + num_free);
+  view.by_correction = Eigen::MatrixXd::Zero(num_free, 6);
+  view.offset.resize(num_free);
+  Eigen::Index row = 0;
+  for (size_t i = 0; i < free.size(); ++i) {
+    if (!free[i]) continue;
+    const double weight = weights[static_cast<Eigen::Index>(i)];
+    view.by_unknowns(row, 12 + row) = -weight;
+    view.offset[row++] = weight * (camera.params[i] - prior.params[i]);
+  }
+  return view;
+}
+
+// All that is known, linearised: the captures and, if there is one, the prior.
+std::optional<std::vector<LinearView>> Linearise(const Problem& problem, const State& state, const FreeParameters& free,
+                                                 const Noise& noise, const Loss& loss, double prior_row_variance,
+                                                 const std::optional<CameraPrior>& prior) {
+  std::optional<std::vector<LinearView>> views = LineariseViews(
+      {state.camera, problem.views, problem.setup}, state.hand_eye, state.corrections, free, noise.pixel_px, loss);
+  if (views && prior) views->push_back(PriorView(*prior, state.camera, free, prior_row_variance));
+  return views;
+}
+
 // One run of Ceres at a fixed noise.
 ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& free, const Noise& noise,
-                                const Loss& loss, int max_iterations, State* state) {
+                                const Loss& loss, const BundleOptions& bundle_options, State* state) {
   const CameraModel& model = problem.camera.Model();
   PoseBlock hand_eye = ToBlock(state->hand_eye.camera_mount_from_camera);
   PoseBlock board = ToBlock(state->hand_eye.target_mount_from_target);
@@ -74,10 +112,17 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
   std::vector<PoseBlock> corrections;
   for (const Rigid3d& correction : state->corrections) corrections.push_back(ToBlock(correction));
   ceres::Problem ceres_problem;
-  ceres::Solver::Options options = ReprojectionSolverOptions(max_iterations);
+  ceres::Solver::Options options = ReprojectionSolverOptions(bundle_options.max_iterations);
   ceres_problem.AddParameterBlock(hand_eye.data(), 7, new PoseManifold);
   ceres_problem.AddParameterBlock(board.data(), 7, new PoseManifold);
   AddCameraBlock(free, params.data(), &ceres_problem);
+  if (bundle_options.camera_prior) {
+    const Eigen::VectorXd weights = PriorWeights(*bundle_options.camera_prior, free);
+    const Eigen::VectorXd mean =
+        Eigen::Map<const Eigen::VectorXd>(bundle_options.camera_prior->params.data(), weights.size());
+    ceres_problem.AddResidualBlock(new ceres::NormalPrior(weights.asDiagonal().toDenseMatrix(), mean), nullptr,
+                                   params.data());
+  }
   if (!corrections.empty()) {
     // Each view's correction is eliminated by itself, so that the cost grows with the views and not with their cube.
     options.linear_solver_type = ceres::DENSE_SCHUR;
@@ -129,10 +174,11 @@ struct EstimatedNoise {
 
 // The noise that explains the residuals best.
 EstimatedNoise EstimateNoise(const Problem& problem, const State& state, const FreeParameters& free, const Noise& noise,
-                             const Loss& loss, bool pixel_is_free, bool robot_is_free) {
-  const Problem solved{state.camera, problem.views, problem.setup};
+                             const Loss& loss, const BundleOptions& options) {
+  const bool pixel_is_free = !options.pixel_noise_px;
+  const bool robot_is_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
   const std::optional<std::vector<LinearView>> views =
-      LineariseViews(solved, state.hand_eye, state.corrections, free, noise.pixel_px, loss);
+      Linearise(problem, state, free, noise, loss, loss.consistency, options.camera_prior);
   CHECK(views.has_value()) << "Ceres accepted a step that hides a point";
   VarianceComponents start;
   start.pixel = loss.consistency;
@@ -151,18 +197,13 @@ EstimatedNoise EstimateNoise(const Problem& problem, const State& state, const F
 
 // The unknowns' normal matrix at the given noise.
 std::optional<Information> InformationAt(const Problem& problem, const State& state, const FreeParameters& free,
-                                         const Noise& noise, const Loss& loss) {
-  const Problem solved{state.camera, problem.views, problem.setup};
-  if (!noise.robot) {
-    std::optional<Information> information = ComputeInformation(solved, state.hand_eye, free, noise.pixel_px, loss);
-    if (information) information->matrix /= loss.covariance_factor();
-    return information;
-  }
-  const std::optional<std::vector<LinearView>> views =
-      LineariseViews(solved, state.hand_eye, state.corrections, free, noise.pixel_px, loss);
+                                         const Noise& noise, const Loss& loss,
+                                         const std::optional<CameraPrior>& prior) {
+  const double factor = loss.covariance_factor();
+  const std::optional<std::vector<LinearView>> views = Linearise(problem, state, free, noise, loss, factor, prior);
   if (!views) return std::nullopt;
   return Information{UnknownNames(state.camera.Model(), free),
-                     MarginalInformation(*views, *noise.robot, loss.covariance_factor())};
+                     MarginalInformation(*views, noise.robot.value_or(RobotNoise{}), factor)};
 }
 
 // What is left of a typical point's noise beside what its detector knows; never less than print and paper leave.
@@ -185,8 +226,8 @@ bool HasSettled(const Noise& noise, const Noise& next) {
 std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Camera& camera) {
   constexpr double kMaxTranslationM = 0.1;
   constexpr double kMaxRotationRad = 0.1;
-  constexpr double kMaxFocalRatio = 0.05;
-  constexpr double kMaxCentreRatio = 0.1;  // Of the image's width.
+  constexpr double kMaxFocalRatio = 0.01;
+  constexpr double kMaxCentreRatio = 0.02;  // Of the image's width.
   for (size_t i = 0; i < covariance.names.size(); ++i) {
     const std::string& name = covariance.names[i];
     const double sigma = std::sqrt(covariance.matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)));
@@ -240,17 +281,19 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
   const bool estimates_robot = options.robot == BundleOptions::Robot::kEstimatedNoise;
   const double detector_px = TypicalDetectorSigma(fit.problem.views).value_or(0);
   if (fit.excess_px) WeightByCovariance(*fit.excess_px, &fit.problem.views);
+  // The estimate of plain least squares does not depend on the noise.
+  const bool is_least_squares = loss.name == "none" && !has_robot_noise && !options.camera_prior;
   constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const ceres::Solver::Summary summary =
-        Minimise(fit.problem, free, fit.noise, loss, options.max_iterations, &fit.state);
+    const ceres::Solver::Summary summary = Minimise(fit.problem, free, fit.noise, loss, options, &fit.state);
     fit.convergence.converged = summary.termination_type == ceres::CONVERGENCE;
     fit.convergence.iterations += static_cast<int>(summary.iterations.size()) - 1;
     fit.convergence.seconds += summary.total_time_in_seconds;
     fit.convergence.message = summary.message;
     if (!fit.convergence.converged) {
       // Mostly for want of information: then that is what to say.
-      const std::optional<Information> weak = InformationAt(fit.problem, fit.state, free, fit.noise, loss);
+      const std::optional<Information> weak =
+          InformationAt(fit.problem, fit.state, free, fit.noise, loss, options.camera_prior);
       std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
       if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), fit.state.camera);
       return failure.value_or(Failure{"the refinement did not converge: " + summary.message});
@@ -258,8 +301,7 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
     if (options.pixel_noise_px && !estimates_robot) break;
     Noise next = fit.noise;
     if (has_robot_noise) {
-      const EstimatedNoise estimated =
-          EstimateNoise(fit.problem, fit.state, free, fit.noise, loss, !options.pixel_noise_px, estimates_robot);
+      const EstimatedNoise estimated = EstimateNoise(fit.problem, fit.state, free, fit.noise, loss, options);
       next = estimated.noise;
       fit.robot_stddev = estimated.robot_stddev;
       fit.dof = estimated.dof;
@@ -272,7 +314,7 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
       fit.dof = std::max(1.0, 2.0 * static_cast<double>(distances->size()) - num_unknowns);
       next.pixel_px = scale == Scale::kMedian ? median_px : SigmaOfFit(*distances, num_unknowns, loss, median_px);
     }
-    bool settled = HasSettled(fit.noise, next) || (loss.name == "none" && !has_robot_noise);
+    bool settled = HasSettled(fit.noise, next) || is_least_squares;
     fit.noise = next;
     if (detector_px > 0 && !options.pixel_noise_px) {
       const double next_px = ExcessPx(fit.noise.pixel_px, detector_px);
@@ -392,14 +434,15 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   }
   const Problem problem = KeepPoints(problem_in, keep);
   if (const std::optional<Failure> failure = CheckCount(Count(keep), free)) return *failure;
-  const std::optional<Information> start_information = ComputeInformation(problem, start, free, 1.0, *FindLoss("none"));
-  CHECK(start_information.has_value());
-  if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
   // What even little noise would hide, the solve would look for in vain.
   constexpr double kLittleNoisePx = 0.05;
-  const double least_px = options.pixel_noise_px.value_or(kLittleNoisePx);
+  const Noise least{options.pixel_noise_px.value_or(kLittleNoisePx), std::nullopt};
+  const std::optional<Information> start_information =
+      InformationAt(problem, {start, problem.camera, {}}, free, least, *FindLoss("none"), options.camera_prior);
+  CHECK(start_information.has_value());
+  if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
   if (const std::optional<Failure> failure =
-          CheckUncertainty(InvertInformation(*start_information, least_px * least_px), problem.camera)) {
+          CheckUncertainty(InvertInformation(*start_information, 1.0), problem.camera)) {
     return *failure;
   }
 
@@ -443,7 +486,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   solution.convergence.final_cost =
       Cost(*SquaredDistances(settled->problem, settled->state, &bad_view), settled->state, settled->noise, loss);
   const std::optional<Information> information =
-      InformationAt(settled->problem, settled->state, free, settled->noise, loss);
+      InformationAt(settled->problem, settled->state, free, settled->noise, loss, options.camera_prior);
   CHECK(information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
   solution.covariance = InvertInformation(*information, 1.0);

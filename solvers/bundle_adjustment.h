@@ -11,6 +11,12 @@
 
 namespace heba {
 
+// What is known of the camera before: its parameters and one sigma of each, infinite where nothing is known.
+struct CameraPrior {
+  std::vector<double> params;
+  std::vector<double> sigmas;
+};
+
 struct BundleOptions {
   std::vector<ParameterGroup> free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint,
                                                  ParameterGroup::kDistortion};
@@ -22,6 +28,8 @@ struct BundleOptions {
   enum class Robot { kExact, kGivenNoise, kEstimatedNoise };
   Robot robot = Robot::kExact;
   RobotNoise robot_noise;  // For kGivenNoise.
+  // Counts like further measurements of the parameters that are free.
+  std::optional<CameraPrior> camera_prior;
   int max_iterations = 200;
 
   // Every violated constraint, one a line; empty if the options are valid.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <limits>
 #include <map>
 
 #include <glob.h>
@@ -208,6 +209,21 @@ void ReadRobotNoise(const ConfigValue& value, MapReader* refine, RunConfig* conf
   refine->Record("robot_noise", reader.used());
 }
 
+// `file`: what the camera file says of its own parameters' sigmas.
+void ReadIntrinsicsPrior(MapReader* refine, RunConfig* config) {
+  if (refine->Choice("intrinsics_prior", {"none", "file"}, "none") == "none") return;
+  const ConfigValue value = refine->Get("intrinsics_prior");
+  if (!config->camera) value.Fail("needs a camera file (camera.intrinsics)");
+  std::optional<std::vector<double>> sigmas = ReadCameraSigmas(config->camera_file);
+  if (!sigmas) {
+    value.Fail("needs sigmas, which " + config->camera_file +
+               " does not have (in heba's own form: std, as in the camera of a result.json)");
+  }
+  // Coefficients that the file's model does not have are unknown.
+  sigmas->resize(config->camera->params.size(), std::numeric_limits<double>::infinity());
+  config->bundle.camera_prior = CameraPrior{config->camera->params, *sigmas};
+}
+
 void ReadRefine(MapReader& root, RunConfig* config) {
   YAML::Node empty(YAML::NodeType::Map);
   const std::optional<ConfigValue> value = root.Find("refine");
@@ -235,6 +251,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   } else {
     reader.Record("pixel_noise", YAML::Node("auto"));
   }
+  ReadIntrinsicsPrior(&reader, config);
   config->bundle.loss = reader.Choice("loss", LossNames(), "truncated");
   reader.Finish();
   root.Record("refine", reader.used());

@@ -1,6 +1,7 @@
 #include "heba/io/camera_file.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
@@ -58,6 +59,41 @@ Camera ReadCamera(const ConfigValue& value) {
   std::replace(faults.begin(), faults.end(), '\n', ';');
   if (!faults.empty()) value.Fail(faults);
   return camera;
+}
+
+std::optional<std::vector<double>> ReadCameraSigmas(const std::filesystem::path& path) {
+  const Camera camera = ReadCameraFile(path);
+  const std::string text = ReadTextFile(path);
+  const CameraFormat* own = nullptr;
+  for (const CameraFormat& format : CameraFormats()) {
+    if (own == nullptr && format.reader.matches(text)) own = &format;
+  }
+  if (own == nullptr || own->name != "native") return std::nullopt;
+  MapReader reader(ParseYaml(text, path));
+  const std::optional<ConfigValue> std_value = reader.Find("std");
+  if (!std_value || std_value->node().IsNull()) return std::nullopt;
+  MapReader std_reader(*std_value);
+  const auto sigma_of = [](const ConfigValue& value) {
+    if (value.node().IsNull()) return std::numeric_limits<double>::infinity();
+    const double sigma = value.AsNumber();
+    if (!(sigma > 0)) value.Fail("a sigma greater than zero is needed");
+    return sigma;
+  };
+  const std::vector<std::string>& names = camera.Model().param_names();
+  std::vector<double> sigmas(names.size(), std::numeric_limits<double>::infinity());
+  for (size_t i = 0; i < 4; ++i) {
+    if (const std::optional<ConfigValue> value = std_reader.Find(names[i])) sigmas[i] = sigma_of(*value);
+  }
+  if (const std::optional<ConfigValue> distortion = std_reader.Find("distortion")) {
+    const std::vector<ConfigValue> values = distortion->AsList();
+    if (values.size() != names.size() - 4) {
+      distortion->Fail(std::to_string(values.size()) + " sigmas for " + std::to_string(names.size() - 4) +
+                       " coefficients");
+    }
+    for (size_t i = 0; i < values.size(); ++i) sigmas[4 + i] = sigma_of(values[i]);
+  }
+  std_reader.Finish();
+  return sigmas;
 }
 
 std::string CameraToYaml(const Camera& camera) {
