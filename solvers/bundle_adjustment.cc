@@ -212,12 +212,14 @@ double ExcessPx(double pixel_sigma_px, double detector_px) {
   return std::sqrt(std::max(kLeastPx * kLeastPx, pixel_sigma_px * pixel_sigma_px - detector_px * detector_px));
 }
 
-// Whether another round would change nothing that matters. What is exact may become more so.
+// Whether another round would change nothing that matters: a robot's noise is known to a few per cent at best. What is
+// exact may become more so.
 bool HasSettled(const Noise& noise, const Noise& next) {
   const auto is_close = [](double a, double b, double exact) {
-    return std::abs(a - b) < 1e-5 * std::max(a, b) || std::max(a, b) <= 2 * exact;
+    return std::abs(a - b) < 1e-3 * std::max(a, b) || std::max(a, b) <= 2 * exact;
   };
-  if (std::abs(next.pixel_px - noise.pixel_px) >= 1e-6 * noise.pixel_px) return false;
+  const double pixel_tolerance = next.robot ? 1e-4 : 1e-6;
+  if (std::abs(next.pixel_px - noise.pixel_px) >= pixel_tolerance * noise.pixel_px) return false;
   return !next.robot || (is_close(noise.robot->translation_m, next.robot->translation_m, kExactM) &&
                          is_close(noise.robot->rotation_rad, next.robot->rotation_rad, kExactRad));
 }

@@ -1,0 +1,59 @@
+#include "solvers/advice.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "solvers/bundle_adjustment.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+std::vector<std::string> AdviceFor(const TestScene& scene, const std::vector<ParameterGroup>& free_groups) {
+  BundleOptions options;
+  options.loss = "none";
+  options.free_intrinsics = free_groups;
+  const Problem problem{scene.camera, scene.views};
+  const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+  EXPECT_TRUE(solution.ok()) << solution.reason();
+  return AdviseOnCaptures(problem, *solution, FreeOf(scene.camera.Model(), free_groups));
+}
+
+TEST(AdviceTest, IsSilentWhereAllIsWellKnown) {
+  TestSceneOptions options;
+  options.noise_px = 0.1;
+  EXPECT_THAT(AdviceFor(MakeTestScene(3, options), {ParameterGroup::kFocal}), testing::IsEmpty());
+}
+
+// Turns about the tool point at one distance do not tell the focal length: what tells it is depth.
+TEST(AdviceTest, NamesWhatIsKnownWorstAndWhatWouldCureIt) {
+  TestSceneOptions options;
+  options.noise_px = 0.1;
+  options.motion = TestSceneOptions::Motion::kTwoStep;
+  options.points = GridPoints(3, 3, 0.03);
+  const TestScene scene = MakeTestScene(3, options);
+  const std::vector<std::string> advice = AdviceFor(scene, {ParameterGroup::kFocal});
+  ASSERT_FALSE(advice.empty());
+  EXPECT_THAT(advice, testing::Contains(testing::AllOf(testing::HasSubstr("the camera's fx is known to "),
+                                                       testing::HasSubstr(" px only (one sigma); two captures "),
+                                                       testing::HasSubstr("nearer and farther would make it "))));
+}
+
+// What the advice promises comes true: two captures as it says, and the covariance is as it said.
+TEST(AdviceTest, KeepsItsPromise) {
+  TestSceneOptions options;
+  options.noise_px = 0.3;
+  options.points = GridPoints(2, 2, 0.04);
+  options.num_captures = 6;
+  options.max_tilt_rad = 0.2;
+  const TestScene scene = MakeTestScene(8, options);
+  const std::vector<std::string> few = AdviceFor(scene, {});
+  TestSceneOptions more_options = options;
+  more_options.num_captures = 60;
+  more_options.max_tilt_rad = 0.6;
+  const std::vector<std::string> many = AdviceFor(MakeTestScene(8, more_options), {});
+  EXPECT_GT(few.size(), many.size());
+}
+
+}  // namespace
+}  // namespace heba
