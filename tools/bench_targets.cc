@@ -467,10 +467,22 @@ void ReportFalse() {
       options.seed = static_cast<uint64_t>(FLAGS_seed) * 104729 + static_cast<uint64_t>(picture);
       const cv::Mat grey = RenderView(drawing, camera, camera_from_target, options);
       const Detection detection = test.sought->Detect(grey);
-      if (test.drawn == test.sought) return Compare(*test.sought, detection, camera, camera_from_target);
-      Errors wrong;
-      wrong.num_found = wrong.num_wild = static_cast<int>(detection.ids.size());
-      return wrong;
+      Errors counted;
+      if (test.drawn == test.sought) {
+        counted = Compare(*test.sought, detection, camera, camera_from_target);
+      } else {
+        counted.num_found = counted.num_wild = static_cast<int>(detection.ids.size());
+      }
+      // What is wrong should be looked at.
+      if (counted.num_wild > 0) {
+        const std::string path = "false_" + std::to_string(picture) + ".png";
+        std::printf("  %d false of %d, see %s\n", counted.num_wild, counted.num_found, path.c_str());
+        for (size_t i = 0; i < detection.ids.size(); ++i) {
+          std::printf("    id %d at %.2f, %.2f\n", detection.ids[i], detection.pixels[i].x(), detection.pixels[i].y());
+        }
+        cv::imwrite(path, grey);
+      }
+      return counted;
     });
     std::printf("%-40s %9d %9d %9d\n", test.what, errors.num_found, errors.num_found - errors.num_wild,
                 errors.num_wild);
