@@ -6,6 +6,7 @@
 // A ring tells more than an id: with the dot's outline and the perspective that its edges show it says where the next
 // dots are. Readings that say so of each other are one board (FindBoard).
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -119,6 +120,15 @@ class CodedBoard final : public Target {
     return static_cast<double>(codes_.size()) * options_.bits <= kMaxChance * std::pow(2.0, options_.bits);
   }
 
+  // Whether a point may be believed that no other of the board confirms. A code whose marks are all in one run is what
+  // any arc or blot beside a dot may look like: it is believed alone only where the board has nothing else.
+  bool IsBelievedAlone(const FoundPoint& point) const {
+    if (!point.is_clear || !IsRare()) return false;
+    const uint32_t code = codes_[static_cast<size_t>(point.point)];
+    const int num_changes = std::popcount(code ^ RotateRing(code, 1, options_.bits));
+    return num_changes > 2 || points_.size() == 1;
+  }
+
   static std::vector<uint32_t> BoardCodes(const CodedBoardOptions& options) {
     const std::vector<uint32_t> codes = RingCodes(options.bits, options.code_order);
     const auto first = codes.begin() + options.first_id;
@@ -219,7 +229,7 @@ class CodedBoard final : public Target {
     for (size_t i = 0; i < found.size(); ++i) groups[group_of(i)].push_back(i);
     std::vector<std::vector<size_t>> sorted;
     for (auto& [root, members] : groups) {
-      if (members.size() > 1 || (found[members[0]].is_clear && IsRare())) sorted.push_back(std::move(members));
+      if (members.size() > 1 || IsBelievedAlone(found[members[0]])) sorted.push_back(std::move(members));
     }
     std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
     if (sorted.empty()) return {};
