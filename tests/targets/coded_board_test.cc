@@ -342,6 +342,24 @@ TEST(CodedBoard, LeavesOutStainedRings) {
   EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1);
 }
 
+// A dot with a single arc or blot beside it, as clutter has them, is not taken for a point of a larger board; a ring
+// with more to it is, and a board of one point is found whatever its code.
+TEST(CodedBoard, AloneOnlyRingsThatNothingElseLooksLikeAreBelieved) {
+  const std::unique_ptr<Target> board = MakeBoard(kPaperBoard);
+  const Camera camera = MakeCamera(400, 400, 1200);
+  Rng rng(21);
+  for (int id = 0; id < 4; ++id) {
+    SCOPED_TRACE(id);
+    const std::unique_ptr<Target> single =
+        MakeBoard("rows: 1, columns: 1, spacing: 40 mm, dot_diameter: 10 mm, first_id: " + std::to_string(id));
+    const cv::Mat grey =
+        RenderView(single->Draw(), camera, PoseAt({0, 0}, 0.4, 0.4, rng), Cluttered(static_cast<uint64_t>(id)));
+    // 000000000001 and 000000011111; 000001100111 and 000010101011.
+    EXPECT_EQ(board->Detect(grey).ids, id < 2 ? std::vector<int>() : std::vector<int>({id}));
+    EXPECT_EQ(single->Detect(grey).ids, std::vector<int>({id}));
+  }
+}
+
 TEST(CodedBoard, IsNotReadInAMirror) {
   const auto board = MakeBoard("rows: 3, columns: 3, spacing: 40 mm, dot_diameter: 10 mm");
   Drawing mirrored = board->Draw();
