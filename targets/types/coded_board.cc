@@ -121,12 +121,11 @@ class CodedBoard final : public Target {
   }
 
   // Whether a point may be believed that no other of the board confirms. A code whose marks are all in one run is what
-  // any arc or blot beside a dot may look like: it is believed alone only where the board has nothing else.
+  // any arc or blot beside a dot may look like.
   bool IsBelievedAlone(const FoundPoint& point) const {
     if (!point.is_clear || !IsRare()) return false;
     const uint32_t code = codes_[static_cast<size_t>(point.point)];
-    const int num_changes = std::popcount(code ^ RotateRing(code, 1, options_.bits));
-    return num_changes > 2 || points_.size() == 1;
+    return std::popcount(code ^ RotateRing(code, 1, options_.bits)) > 2;
   }
 
   static std::vector<uint32_t> BoardCodes(const CodedBoardOptions& options) {
