@@ -17,9 +17,9 @@ constexpr double kRight = 120;
 constexpr double kTop = 40;
 constexpr double kBottom = 55;
 
-// Distinct for most kinds of colour vision (Okabe and Ito 2008).
-constexpr std::array<const char*, 8> kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
-                                                 "#e69f00", "#56b4e9", "#8a6d3b", "#6a3d9a"};
+// Distinct for most kinds of colour vision (after Okabe and Ito 2008, and Tol's muted ones).
+constexpr std::array<const char*, 12> kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9",
+                                                  "#8a6d3b", "#6a3d9a", "#999933", "#882255", "#44aa99", "#dd5577"};
 
 struct Range {
   double low = std::numeric_limits<double>::infinity();
