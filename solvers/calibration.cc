@@ -2,10 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
 
 #include "heba/base/error.h"
-#include "heba/base/parallel.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/advice.h"
@@ -15,9 +13,7 @@
 #include "solvers/inliers.h"
 #include "solvers/intrinsics_seed.h"
 #include "solvers/multi_start.h"
-#include "solvers/noise_scale.h"
 #include "solvers/pose_selection.h"
-#include "solvers/robot_noise.h"
 #include "solvers/target_pose.h"
 #include "solvers/two_step_motion.h"
 
@@ -269,66 +265,6 @@ void LeaveOutRejected(Calibration* calibration) {
   *calibration = std::move(cleaned);
 }
 
-// What a fold adds to a method's hold-out figures.
-struct HeldOutErrors {
-  SquaredErrors pixels;
-  double sum_m2 = 0;
-  double sum_rad2 = 0;
-  int num_poses = 0;
-  double chi2 = 0;
-  double dof = 0;
-  void Add(const HeldOutErrors& other) {
-    pixels.Add(other.pixels);
-    sum_m2 += other.sum_m2;
-    sum_rad2 += other.sum_rad2;
-    num_poses += other.num_poses;
-    chi2 += other.chi2;
-    dof += other.dof;
-  }
-};
-
-Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const Camera& camera,
-                                      const std::vector<View>& held_out) {
-  HeldOutErrors errors;
-  const std::optional<SquaredErrors> pixels = ReprojectionErrors(hand_eye, camera, held_out);
-  if (!pixels) return Failure{"a held-out target lies behind the camera"};
-  errors.pixels = *pixels;
-  for (const View& view : held_out) {
-    const std::vector<PosePair> seen = PairsAsSeen(camera, hand_eye, {view});
-    if (seen.empty()) continue;
-    // At the middle of the points.
-    const Eigen::Vector3d middle = view.observations.points_in_target.rowwise().mean();
-    const Rigid3d predicted = CameraFromTarget(hand_eye, view.camera_mount_from_target_mount);
-    errors.sum_m2 += (predicted * middle - seen.front().camera_from_target * middle).squaredNorm();
-    errors.sum_rad2 += std::pow(AngleRad(predicted, seen.front().camera_from_target), 2);
-    ++errors.num_poses;
-  }
-  return errors;
-}
-
-void AddChi2(const Solution& solution, const CalibrationOptions& options, const std::vector<View>& held_out,
-             HeldOutErrors* errors) {
-  Problem problem{solution.camera, held_out, options.setup};
-  if (solution.excess_px) WeightByCovariance(*solution.excess_px, &problem.views);
-  const FreeParameters free = FreeOf(solution.camera.Model(), options.bundle.free_intrinsics);
-  const std::optional<std::vector<LinearView>> views =
-      LineariseViews(problem, solution.hand_eye, {}, free, solution.pixel_sigma_px, *FindLoss("none"));
-  if (!views) return;
-  const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
-  Tangent6 correction_variances;
-  correction_variances << Eigen::Vector3d::Constant(robot.translation_m * robot.translation_m),
-      Eigen::Vector3d::Constant(robot.rotation_rad * robot.rotation_rad);
-  for (const LinearView& view : *views) {
-    const Eigen::Index rows = view.offset.size();
-    const Eigen::MatrixXd covariance =
-        Eigen::MatrixXd::Identity(rows, rows) +
-        view.by_correction * correction_variances.asDiagonal() * view.by_correction.transpose() +
-        view.by_unknowns * solution.covariance.matrix * view.by_unknowns.transpose();
-    errors->chi2 += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.rest_squares;
-    errors->dof += static_cast<double>(rows + view.num_rest);
-  }
-}
-
 }  // namespace
 
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options) {
@@ -412,74 +348,6 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
                          FreeOf(calibration.camera.Model(), options.bundle.free_intrinsics));
   }
   return calibration;
-}
-
-std::vector<HoldOut> CrossValidate(const std::vector<View>& views, const CalibrationOptions& options, int num_folds,
-                                   int num_threads, const std::function<void()>& progress) {
-  CHECK(!options.methods.empty());
-  std::vector<std::string> names = options.methods;
-  names.emplace_back(kChainMethod);
-  names.emplace_back(kBundleMethod);
-  CalibrationOptions fold_options = options;
-  fold_options.symmetries = {Rigid3d()};
-  // errors[fold][method]
-  std::vector<std::vector<Outcome<HeldOutErrors>>> errors(
-      static_cast<size_t>(num_folds), std::vector<Outcome<HeldOutErrors>>(names.size(), Failure{"not run"}));
-  std::mutex mutex;
-  ParallelFor(num_folds, num_threads, [&](int fold) {
-    std::vector<View> training;
-    std::vector<View> held_out;
-    int num_shared_out = 0;
-    for (const View& view : views) {
-      // What the two-step method cannot do without is given to all.
-      const bool is_needed = view.role == "home" || view.role.starts_with("translate_");
-      const bool is_held_out = !is_needed && num_shared_out++ % num_folds == fold;
-      (is_held_out ? held_out : training).push_back(view);
-    }
-    const Outcome<Calibration> calibration = Calibrate(training, fold_options);
-    std::vector<Outcome<HeldOutErrors>>& row = errors[static_cast<size_t>(fold)];
-    if (!calibration) {
-      std::fill(row.begin(), row.end(), Outcome<HeldOutErrors>(Failure{calibration.reason()}));
-    } else {
-      for (size_t m = 0; m < calibration->methods.size(); ++m) {
-        const Outcome<HandEye>& hand_eye = calibration->methods[m].hand_eye;
-        row[m] = hand_eye ? PredictHeldOut(*hand_eye, calibration->camera, held_out) : Failure{hand_eye.reason()};
-      }
-      const Outcome<Solution>& chain = calibration->chain;
-      row[names.size() - 2] =
-          chain ? PredictHeldOut(chain->hand_eye, calibration->camera, held_out) : Failure{chain.reason()};
-      const Outcome<Solution>& refined = calibration->refined;
-      row[names.size() - 1] =
-          refined ? PredictHeldOut(refined->hand_eye, refined->camera, held_out) : Failure{refined.reason()};
-      if (refined && row.back()) AddChi2(*refined, options, held_out, &*row.back());
-    }
-    const std::lock_guard<std::mutex> lock(mutex);
-    progress();
-  });
-  std::vector<HoldOut> results;
-  for (size_t m = 0; m < names.size(); ++m) {
-    HoldOut result;
-    result.method = names[m];
-    HeldOutErrors total;
-    for (int fold = 0; fold < num_folds; ++fold) {
-      const Outcome<HeldOutErrors>& fold_errors = errors[static_cast<size_t>(fold)][m];
-      if (fold_errors) {
-        total.Add(*fold_errors);
-      } else if (result.reason.empty()) {
-        result.reason = "fold " + std::to_string(fold + 1) + ": " + fold_errors.reason();
-      }
-    }
-    if (result.reason.empty()) {
-      result.rms_px = total.pixels.RmsPx();
-      if (total.num_poses > 0) {
-        result.target_m = std::sqrt(total.sum_m2 / total.num_poses);
-        result.target_rad = std::sqrt(total.sum_rad2 / total.num_poses);
-      }
-      if (total.dof > 0) result.chi2_per_dof = total.chi2 / total.dof;
-    }
-    results.push_back(std::move(result));
-  }
-  return results;
 }
 
 }  // namespace heba

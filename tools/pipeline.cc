@@ -13,6 +13,7 @@
 #include "heba/base/units.h"
 #include "heba/io/result_file.h"
 #include "solvers/calibration.h"
+#include "solvers/cross_validation.h"
 #include "solvers/pose_selection.h"
 #include "targets/guided_detection.h"
 #include "targets/image.h"

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "solvers/calibration.h"
+#include "solvers/cross_validation.h"
 #include "solvers/hand_eye_method.h"
 #include "solvers/information.h"
 #include "solvers/intrinsics_seed.h"
