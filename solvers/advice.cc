@@ -10,6 +10,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
+#include "solvers/noise_scale.h"
 #include "solvers/robot_noise.h"
 
 namespace heba {
@@ -219,6 +220,33 @@ std::vector<std::string> AdviseOnCaptures(const Problem& problem, const Solution
     advice.push_back(std::move(sentence));
   }
   return advice;
+}
+
+std::string AdviseOnRobot(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+  constexpr size_t kMinCaptures = 6;
+  if (problem.views.size() < kMinCaptures) return "";
+  Problem weighted{solution.camera, problem.views, problem.setup};
+  if (solution.excess_px) WeightByCovariance(*solution.excess_px, &weighted.views);
+  const std::optional<std::vector<LinearView>> views =
+      LineariseViews(weighted, solution.hand_eye, {}, free, solution.pixel_sigma_px, *FindLoss("none"));
+  if (!views) return "";
+  VarianceComponents start;
+  start.translation_m2 = 1e-8;
+  start.rotation_rad2 = 1e-8;
+  const VarianceComponents found = EstimateVariances(*views, start, true, true);
+  double by_robot = 0;
+  double by_pixels = 0;
+  for (const LinearView& view : *views) {
+    by_robot += found.translation_m2 * view.by_correction.leftCols<3>().squaredNorm() +
+                found.rotation_rad2 * view.by_correction.rightCols<3>().squaredNorm();
+    by_pixels += found.pixel * static_cast<double>(view.offset.size() + view.num_rest);
+  }
+  if (by_robot <= by_pixels) return "";
+  return "the captures speak of a robot whose poses are off by " +
+         Significant(1000 * std::sqrt(found.translation_m2), 2) + " mm and " +
+         Significant(RadToDeg(std::sqrt(found.rotation_rad2)), 2) +
+         " deg (one sigma an axis), but were taken as exact: the uncertainty stated is too small; use "
+         "refine.robot_noise: auto";
 }
 
 }  // namespace heba

@@ -17,4 +17,9 @@ namespace heba {
 // normal matrix. Worst first; empty if all is well known.
 std::vector<std::string> AdviseOnCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free);
 
+// Of a solution that takes the robot's poses as exact: one sentence if the captures say (by restricted maximum
+// likelihood, solvers/robot_noise.h) that the robot's noise moves the points by more than the pixels' own noise does,
+// with its size; empty if not. The solution's covariance is then too small.
+std::string AdviseOnRobot(const Problem& problem, const Solution& solution, const FreeParameters& free);
+
 }  // namespace heba

@@ -343,9 +343,14 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   if (calibration.refined) {
     calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
     AddFewPointViews(views, options, &calibration);
-    calibration.refined->remarks =
-        AdviseOnCaptures({calibration.camera, calibration.views, options.setup}, *calibration.refined,
-                         FreeOf(calibration.camera.Model(), options.bundle.free_intrinsics));
+    const Problem solved{calibration.camera, calibration.views, options.setup};
+    const FreeParameters free = FreeOf(calibration.camera.Model(), options.bundle.free_intrinsics);
+    std::vector<std::string> remarks = AdviseOnCaptures(solved, *calibration.refined, free);
+    if (options.bundle.robot == BundleOptions::Robot::kExact) {
+      const std::string about_robot = AdviseOnRobot(solved, *calibration.refined, free);
+      if (!about_robot.empty()) remarks.insert(remarks.begin(), about_robot);
+    }
+    calibration.refined->remarks = std::move(remarks);
   }
   return calibration;
 }

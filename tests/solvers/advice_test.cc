@@ -55,5 +55,23 @@ TEST(AdviceTest, KeepsItsPromise) {
   EXPECT_GT(few.size(), many.size());
 }
 
+TEST(AdviceTest, SpeaksOfANoisyRobotThatIsTakenAsExact) {
+  for (const bool is_noisy : {false, true}) {
+    TestSceneOptions options;
+    options.noise_px = 0.1;
+    options.num_captures = 20;
+    options.robot_translation_m = is_noisy ? 5e-4 : 0;
+    options.robot_rotation_rad = is_noisy ? 1e-3 : 0;
+    const TestScene scene = MakeTestScene(5, options);
+    BundleOptions bundle;
+    bundle.free_intrinsics = {};
+    const Problem problem{scene.camera, scene.views};
+    const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
+    ASSERT_TRUE(solution.ok()) << solution.reason();
+    const std::string advice = AdviseOnRobot(problem, *solution, FreeOf(scene.camera.Model(), {}));
+    EXPECT_EQ(advice.find("refine.robot_noise: auto") != std::string::npos, is_noisy) << advice;
+  }
+}
+
 }  // namespace
 }  // namespace heba
