@@ -494,7 +494,7 @@ void ReportFalse() {
 void WriteCrop(const std::string& path) {
   const std::unique_ptr<Target> board =
       MakeTarget("type: coded_board, rows: 2, columns: 2, spacing: 40 mm, dot_diameter: 10 mm");
-  const Drawing drawing = board->Draw();
+  const Drawing& drawing = board->Draw();
   Rng rng(static_cast<uint64_t>(FLAGS_seed));
   const Camera camera{"pinhole", 300, 300, {2400, 2400, 149.5, 149.5}};
   const Rigid3d camera_from_target = RandomPose(drawing, 1.2, 0.6, {0, 0}, rng);

@@ -115,7 +115,7 @@ TEST_P(TargetTest, IdsIncreaseAndPointsSpanAPlane) {
 // Every point lies on the sheet, where the drawing changes from black to white: within reach of it both are seen.
 TEST_P(TargetTest, DrawingCoversItsPoints) {
   for (const std::unique_ptr<Target>& target : targets_) {
-    const Drawing drawing = target->Draw();
+    const Drawing& drawing = target->Draw();
     double nearest_m = INFINITY;  // Of two points.
     for (const TargetPoint& a : target->points()) {
       for (const TargetPoint& b : target->points()) {
@@ -157,7 +157,7 @@ TEST_P(TargetTest, PointsAreFoundWhereTheCameraModelSays) {
 TEST_P(TargetTest, SymmetriesAreTheOrdersOfReading) {
   for (size_t i = 0; i < targets_.size(); ++i) {
     const Target& target = *targets_[i];
-    const Drawing drawing = target.Draw();
+    const Drawing& drawing = target.Draw();
     const std::vector<Rigid3d> symmetries = target.Symmetries();
     ASSERT_FALSE(symmetries.empty());
     EXPECT_THAT(symmetries[0], IsNearPose(Rigid3d(), 0, 0));
@@ -194,7 +194,7 @@ TEST_P(TargetTest, SymmetriesAreTheOrdersOfReading) {
 // cover all points.
 TEST_P(TargetTest, DetectionsAreWellFormed) {
   for (const std::unique_ptr<Target>& target : targets_) {
-    const Drawing drawing = target->Draw();
+    const Drawing& drawing = target->Draw();
     Rng rng(43);
     const cv::Mat grey = RenderView(drawing, PictureCamera(), RandomView(drawing, 0.7, 0.5, 0.5, rng));
     const cv::Mat before = grey.clone();

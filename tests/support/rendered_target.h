@@ -100,7 +100,7 @@ inline DetectionErrors ErrorsOf(const Target& target, const Camera& camera, cons
 // The errors in `num_views` rendered views with noise of 2 grey levels.
 inline DetectionErrors DetectRendered(const Target& target, int num_views, double share, uint64_t seed) {
   const Camera camera = PictureCamera();
-  const Drawing drawing = target.Draw();
+  const Drawing& drawing = target.Draw();
   DetectionErrors total;
   for (int view = 0; view < num_views; ++view) {
     Rng rng(seed, static_cast<uint64_t>(view));

@@ -97,7 +97,7 @@ TEST(Charuco, WrongLayoutLeavesOutWhatIsNotOnTheBoard) {
   const std::unique_ptr<Target> printed = MakeBoard(6, 9, markers);
   const std::unique_ptr<Target> assumed = MakeBoard(6, 9, markers + ", legacy_pattern: true");
   Rng rng(32);
-  const Drawing drawing = printed->Draw();
+  const Drawing& drawing = printed->Draw();
   const Detection detection =
       assumed->Detect(RenderView(drawing, PictureCamera(), RandomView(drawing, 0.9, 0.5, 0.4, rng)));
   EXPECT_EQ(detection.ids.size(), assumed->points().size() - 5);

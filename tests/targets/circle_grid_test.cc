@@ -374,7 +374,7 @@ TEST(CircleGrid, HasItsPointsWhereTheFrameSays) {
 TEST(CircleGrid, DrawsDiscsInsideTheSheet) {
   for (const GridCase& grid : kGridCases) {
     const auto target = MakeGrid(grid.keys);
-    const Drawing drawing = target->Draw();
+    const Drawing& drawing = target->Draw();
     ASSERT_EQ(drawing.shapes.size(), target->points().size());
     double largest_m = 0;
     size_t largest = 0;
@@ -403,7 +403,7 @@ TEST(CircleGrid, IsFoundInAnyAttitude) {
   uint64_t seed = 0;
   for (const GridCase& grid : kGridCases) {
     const auto target = MakeGrid(grid.keys);
-    const Drawing drawing = target->Draw();
+    const Drawing& drawing = target->Draw();
     for (int k = 0; k < 3; ++k) {
       Rng rng(10, ++seed);
       const Look look = RandomLook(drawing, kPi / 4, kPi, rng);
@@ -431,7 +431,7 @@ TEST(CircleGrid, IsFoundThroughAWideLens) {
   uint64_t seed = 0;
   for (const GridCase& grid : kGridCases) {
     const auto target = MakeGrid(grid.keys);
-    const Drawing drawing = target->Draw();
+    const Drawing& drawing = target->Draw();
     for (int k = 0; k < 2; ++k) {
       Rng rng(11, ++seed);
       Look look = RandomLook(drawing, 0.7, kPi, rng);
@@ -487,7 +487,7 @@ TEST(CircleGrid, SaysWhatIsMissing) {
 TEST(CircleGrid, IsNotFoundInALargerOne) {
   Rng rng(14);
   const auto larger = MakeGrid("rows: 6, columns: 8, spacing: 20 mm");
-  const Drawing drawing = larger->Draw();
+  const Drawing& drawing = larger->Draw();
   const Look look = RandomLook(drawing, 0.5, kPi, rng);
   const cv::Mat grey = RenderDrawing(drawing, look, {}, rng);
   for (const std::string keys :
@@ -574,7 +574,7 @@ TEST(CircleGrid, NeedsTheLargerDotAndOnTheRightSide) {
 TEST(CircleGrid, IsReadUprightWhereItCannotKnow) {
   Rng rng(16);
   const auto target = MakeGrid("rows: 5, columns: 7, spacing: 20 mm");
-  const Drawing drawing = target->Draw();
+  const Drawing& drawing = target->Draw();
   const Look look = RandomLook(drawing, 0.4, 0.5, rng);
   const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
   ASSERT_EQ(detection.ids.size(), 35u) << detection.reason;

@@ -102,7 +102,7 @@ TEST(CodedBoard, HasItsPointsWhereTheFrameSays) {
     EXPECT_DOUBLE_EQ(point.radius_m, 0.005);
   }
   EXPECT_EQ(board->Symmetries().size(), 1u);
-  const Drawing drawing = board->Draw();
+  const Drawing& drawing = board->Draw();
   EXPECT_FALSE(drawing.y_up);
   EXPECT_EQ(drawing.labels.size(), 12u);
 }
@@ -135,7 +135,7 @@ TEST(CodedBoard, DrawsItsCodes) {
       const auto board =
           MakeBoard("rows: 2, columns: 4, spacing: 32.5 mm, dot_diameter: 10 mm, bits: " + std::to_string(bits) +
                     (light ? ", light_on_dark: true" : ""));
-      const Drawing drawing = board->Draw();
+      const Drawing& drawing = board->Draw();
       const double ink = light ? 1 : 0;
       const std::vector<uint32_t> codes = RingCodes(bits, RingCodeOrder::kSeparation);
       for (const TargetPoint& point : board->points()) {
@@ -194,7 +194,7 @@ struct Precision {
 // 0.0043 px; bounds of what is possible are 0.0051 and 0.0036 px.
 TEST(CodedBoard, CentresAreAsPreciseAsStated) {
   const auto board = MakeBoard(kPaperBoard);
-  const Drawing drawing = board->Draw();
+  const Drawing& drawing = board->Draw();
   for (const Precision& precision : {Precision{5, 0.0075}, Precision{10, 0.0052}}) {
     constexpr int kNumViews = 40;
     const Camera camera =
@@ -241,7 +241,7 @@ TEST(CodedBoard, IsFoundInAllSizesAndAttitudes) {
   for (const bool light : {false, true}) {
     const auto board = MakeBoard(std::string("rows: 3, columns: 4, spacing: 35 mm, dot_diameter: 10 mm") +
                                  (light ? ", light_on_dark: true" : ""));
-    const Drawing drawing = board->Draw();
+    const Drawing& drawing = board->Draw();
     uint64_t seed = 0;
     for (const Size& size : {Size{8, 0}, Size{8, 40}, Size{12, 60}, Size{16, 65}, Size{25, 30}, Size{40, 60}}) {
       Rng rng(30, ++seed);

@@ -48,7 +48,7 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   if (FLAGS_out.empty()) throw InputError("'heba simulate' needs --out DIR");
   const SceneConfig scene = ReadSceneConfig(arguments[0]);
   StagedFolder folder(FLAGS_out, "truth.json");
-  const Drawing drawing = scene.target->Draw();
+  const Drawing& drawing = scene.target->Draw();
   Rng rng(scene.seed);
   const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
   if (!poses) {
