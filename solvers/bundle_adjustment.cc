@@ -275,8 +275,10 @@ struct Fit {
   Convergence convergence;
 };
 
-// The estimate and the noise that it is whitened by determine each other: a few rounds settle both.
+// Which of the residuals' scales the noise is: the fit's, or their median's, which half of them cannot pull away.
 enum class Scale { kOfFit, kMedian };
+
+// The estimate and the noise that it is whitened by determine each other: a few rounds settle both.
 Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale scale, const BundleOptions& options) {
   const int num_unknowns = 12 + static_cast<int>(std::count(free.begin(), free.end(), true));
   const bool has_robot_noise = options.robot != BundleOptions::Robot::kExact;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "heba/base/error.h"
+#include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/advice.h"
@@ -52,9 +53,7 @@ SortedViews SortViews(const std::vector<View>& views, const Camera& camera) {
   }
   if (rms.size() < 3) return sorted;
   // When the points of the others lie on one plane.
-  std::vector<double> ordered = rms;
-  std::nth_element(ordered.begin(), ordered.begin() + static_cast<std::ptrdiff_t>(ordered.size() / 2), ordered.end());
-  const double median = ordered[ordered.size() / 2];
+  const double median = Median(rms);
   const double limit_px = std::max(3.0, 8.0 * median);
   SortedViews kept;
   kept.misfits = std::move(sorted.misfits);

@@ -9,6 +9,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "heba/base/distributions.h"
+#include "heba/base/median.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/inliers.h"
 #include "solvers/noise_scale.h"
@@ -27,12 +28,6 @@ Observations JudgedPoints(const Observations& observations, const std::vector<in
     keep.push_back(std::find(rejected_ids.begin(), rejected_ids.end(), id) == rejected_ids.end());
   }
   return KeepPoints(observations, keep);
-}
-
-double MedianOf(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // What each capture's correction would be if nothing but pixels were noisy, held to what is possible at all.
@@ -56,8 +51,8 @@ std::vector<bool> BestHalf(const std::vector<LinearView>& views, VarianceCompone
     rotations.push_back(correction.tail<3>().squaredNorm());
   }
   constexpr double kExact2 = 1e-18;
-  start->translation_m2 = std::max(kExact2, MedianOf(translations) / median_of_3_dof);
-  start->rotation_rad2 = std::max(kExact2, MedianOf(rotations) / median_of_3_dof);
+  start->translation_m2 = std::max(kExact2, Median(translations) / median_of_3_dof);
+  start->rotation_rad2 = std::max(kExact2, Median(rotations) / median_of_3_dof);
   std::vector<size_t> order(views.size());
   std::iota(order.begin(), order.end(), size_t{0});
   const auto size_of = [&](size_t i) {
@@ -82,13 +77,8 @@ struct Normal {
 };
 
 Normal NormalOf(const LinearView& view, const VarianceComponents& variances) {
-  const Eigen::Index rows = view.offset.size();
-  const auto translation = view.by_correction.leftCols<3>();
-  const auto rotation = view.by_correction.rightCols<3>();
-  const Eigen::MatrixXd covariance = variances.pixel * Eigen::MatrixXd::Identity(rows, rows) +
-                                     variances.translation_m2 * translation * translation.transpose() +
-                                     variances.rotation_rad2 * rotation * rotation.transpose();
-  const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
+  const Eigen::LLT<Eigen::MatrixXd> factor(
+      MarginalCovariance(view, variances.pixel, variances.translation_m2, variances.rotation_rad2));
   return {view.by_unknowns.transpose() * factor.solve(view.by_unknowns),
           view.by_unknowns.transpose() * factor.solve(view.offset)};
 }

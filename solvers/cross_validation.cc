@@ -61,15 +61,11 @@ void AddChi2(const Solution& solution, const CalibrationOptions& options, const 
       LineariseViews(problem, solution.hand_eye, {}, free, solution.pixel_sigma_px, *FindLoss("none"));
   if (!views) return;
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
-  Tangent6 correction_variances;
-  correction_variances << Eigen::Vector3d::Constant(robot.translation_m * robot.translation_m),
-      Eigen::Vector3d::Constant(robot.rotation_rad * robot.rotation_rad);
   for (const LinearView& view : *views) {
     const Eigen::Index rows = view.offset.size();
-    const Eigen::MatrixXd covariance =
-        Eigen::MatrixXd::Identity(rows, rows) +
-        view.by_correction * correction_variances.asDiagonal() * view.by_correction.transpose() +
-        view.by_unknowns * solution.covariance.matrix * view.by_unknowns.transpose();
+    const Eigen::MatrixXd covariance = MarginalCovariance(view, 1, robot.translation_m * robot.translation_m,
+                                                          robot.rotation_rad * robot.rotation_rad) +
+                                       view.by_unknowns * solution.covariance.matrix * view.by_unknowns.transpose();
     errors->chi2 += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.rest_squares;
     errors->dof += static_cast<double>(rows + view.num_rest);
   }

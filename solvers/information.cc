@@ -8,7 +8,6 @@
 
 #include "heba/base/text.h"
 #include "heba/geometry/pose_block.h"
-#include "solvers/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -37,19 +36,6 @@ std::vector<std::string> UnknownNames(const CameraModel& model, const FreeParame
     if (free[i]) names.push_back("camera." + model.param_names()[i]);
   }
   return names;
-}
-
-std::optional<Information> ComputeInformation(const Problem& problem, const HandEye& hand_eye,
-                                              const FreeParameters& free, double pixel_sigma_px, const Loss& loss) {
-  const std::optional<std::vector<LinearView>> views =
-      LineariseViews(problem, hand_eye, {}, free, pixel_sigma_px, loss);
-  if (!views) return std::nullopt;
-  Information information;
-  information.names = UnknownNames(problem.camera.Model(), free);
-  const Eigen::Index size = static_cast<Eigen::Index>(information.names.size());
-  information.matrix = Eigen::MatrixXd::Zero(size, size);
-  for (const LinearView& view : *views) information.matrix += view.by_unknowns.transpose() * view.by_unknowns;
-  return information;
 }
 
 std::optional<Failure> CheckObservable(const Information& information) {

@@ -24,10 +24,6 @@ struct Information {
 // Information::names of a camera model and what of it is free.
 std::vector<std::string> UnknownNames(const CameraModel& model, const FreeParameters& free);
 
-// With an exact robot. Nothing if a point has no image.
-std::optional<Information> ComputeInformation(const Problem& problem, const HandEye& hand_eye,
-                                              const FreeParameters& free, double pixel_sigma_px, const Loss& loss);
-
 // Why the unknowns cannot all be determined, with the direction that the data do not see in plain words; nothing if
 // they can. The criterion is the smallest eigenvalue of the matrix with its diagonal scaled to 1: below 1e-9 nothing is
 // left of a direction but round-off.

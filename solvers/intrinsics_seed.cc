@@ -9,6 +9,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/geometry/pose_block.h"
@@ -95,8 +96,7 @@ bool PoseViews(const Camera& camera, const std::vector<const View*>& views, std:
     rms.push_back(poses.front().rms_px);
   }
   if (posed->size() < 3) return false;
-  std::nth_element(rms.begin(), rms.begin() + static_cast<std::ptrdiff_t>(rms.size() / 2), rms.end());
-  *median_rms_px = rms[rms.size() / 2];
+  *median_rms_px = Median(std::move(rms));
   return true;
 }
 

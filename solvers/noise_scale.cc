@@ -2,18 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Cholesky>
 
 #include "heba/base/error.h"
+#include "heba/base/median.h"
 
 namespace heba {
 
 double SigmaFromMedian(std::vector<double> squared_distances_px2) {
   if (squared_distances_px2.empty()) return kMinSigmaPx;
-  const auto middle = squared_distances_px2.begin() + static_cast<std::ptrdiff_t>(squared_distances_px2.size() / 2);
-  std::nth_element(squared_distances_px2.begin(), middle, squared_distances_px2.end());
-  return std::max(kMinSigmaPx, std::sqrt(*middle / (2.0 * std::log(2.0))));
+  return std::max(kMinSigmaPx, std::sqrt(Median(std::move(squared_distances_px2)) / (2.0 * std::log(2.0))));
 }
 
 double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unknowns, const Loss& loss,
@@ -41,9 +41,7 @@ std::optional<double> TypicalDetectorSigma(const std::vector<View>& views) {
     }
   }
   if (variances_px2.empty()) return std::nullopt;
-  const auto middle = variances_px2.begin() + static_cast<std::ptrdiff_t>(variances_px2.size() / 2);
-  std::nth_element(variances_px2.begin(), middle, variances_px2.end());
-  return std::sqrt(*middle);
+  return std::sqrt(Median(std::move(variances_px2)));
 }
 
 void WeightByCovariance(double excess_px, std::vector<View>* views) {

@@ -74,8 +74,6 @@ std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, co
   return result;
 }
 
-namespace {
-
 Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance, double translation_m2,
                                    double rotation_rad2) {
   const Eigen::Index rows = view.offset.size();
@@ -84,6 +82,8 @@ Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance
   return pixel_variance * Eigen::MatrixXd::Identity(rows, rows) +
          translation_m2 * translation * translation.transpose() + rotation_rad2 * rotation * rotation.transpose();
 }
+
+namespace {
 
 // The restricted likelihood and its derivatives by the three variances.
 struct Likelihood {

@@ -42,6 +42,10 @@ std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, co
                                                       const FreeParameters& free, double pixel_sigma_px,
                                                       const Loss& loss);
 
+// The covariance of what a view measured when its correction is averaged over: p I + G Q G^T, p in the views' unit.
+Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance, double translation_m2,
+                                   double rotation_rad2);
+
 // The unknowns' normal matrix when the corrections are averaged over: sum J^T (p I + G Q G^T)^-1 J, where p is
 // `pixel_variance` in the views' unit.
 Eigen::MatrixXd MarginalInformation(const std::vector<LinearView>& views, const RobotNoise& noise,

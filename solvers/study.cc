@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 
 #include "heba/base/distributions.h"
+#include "heba/base/median.h"
 #include "heba/base/rng.h"
 #include "heba/data/prediction.h"
 #include "solvers/hand_eye_method.h"
@@ -99,12 +100,6 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
   return estimate;
 }
 
-double MedianOf(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // From the mean squares of each unknown.
 StudyErrors FromMeanSquares(const StudyCell& cell, const Eigen::VectorXd& squares) {
   StudyErrors errors;
@@ -196,8 +191,8 @@ std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<st
       summary.axxb_mean_mm /= num_good;
     }
     if (num_with_covariance > 0) summary.coverage = static_cast<double>(num_covered) / num_with_covariance;
-    if (!pixel_sigmas.empty()) summary.pixel_sigma_px = MedianOf(pixel_sigmas);
-    if (!translations.empty()) summary.robot_noise = RobotNoise{MedianOf(translations), MedianOf(rotations)};
+    if (!pixel_sigmas.empty()) summary.pixel_sigma_px = Median(pixel_sigmas);
+    if (!translations.empty()) summary.robot_noise = RobotNoise{Median(translations), Median(rotations)};
     summaries.push_back(std::move(summary));
   }
   return summaries;

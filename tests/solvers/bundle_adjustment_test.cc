@@ -7,6 +7,7 @@
 #include "solvers/hand_eye_method.h"
 #include "solvers/information.h"
 #include "solvers/intrinsics_seed.h"
+#include "solvers/robot_noise.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
 
@@ -95,7 +96,8 @@ TEST(InformationTest, NamesBelongToTheirNumbers) {
   const TestScene scene = MakeTestScene(31);
   const Problem problem{scene.camera, scene.views};
   const FreeParameters free = FreeOf(scene.camera.Model(), {ParameterGroup::kFocal});
-  const Information information = *ComputeInformation(problem, scene.hand_eye, free, 1.0, *FindLoss("none"));
+  const std::vector<LinearView> views = *LineariseViews(problem, scene.hand_eye, {}, free, 1.0, *FindLoss("none"));
+  const Information information{UnknownNames(scene.camera.Model(), free), MarginalInformation(views, {}, 1.0)};
   ASSERT_EQ(information.names[2], "hand_eye.tz_m");
   ASSERT_EQ(information.names[9], "board.rx_rad");
   ASSERT_EQ(information.names[13], "camera.fy");
