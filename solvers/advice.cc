@@ -7,6 +7,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "heba/base/distributions.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
@@ -172,7 +173,7 @@ std::vector<Cure> FindCures(const Problem& problem, const Solution& solution, co
   };
   std::vector<Cure> cures;
   for (const Motion& motion : motions) {
-    Problem imagined{solution.camera, {}, problem.setup};
+    Problem imagined{solution.camera, {}, problem.setup, solution.shape};
     for (const double side : {1.0, -1.0}) {
       std::optional<View> view = ImaginedView(problem, solution, points, motion.pose(side));
       if (view) imagined.views.push_back(std::move(*view));
@@ -183,6 +184,14 @@ std::vector<Cure> FindCures(const Problem& problem, const Solution& solution, co
     if (views) cures.push_back({motion.words, std::move(*views)});
   }
   return cures;
+}
+
+// The pixels' noise, in the views' unit, and the robot's, as the captures have them.
+VarianceComponents FindNoise(const std::vector<LinearView>& views) {
+  VarianceComponents start;
+  start.translation_m2 = 1e-8;
+  start.rotation_rad2 = 1e-8;
+  return EstimateVariances(views, start, true, true);
 }
 
 }  // namespace
@@ -225,15 +234,12 @@ std::vector<std::string> AdviseOnCaptures(const Problem& problem, const Solution
 std::string AdviseOnRobot(const Problem& problem, const Solution& solution, const FreeParameters& free) {
   constexpr size_t kMinCaptures = 6;
   if (problem.views.size() < kMinCaptures) return "";
-  Problem weighted{solution.camera, problem.views, problem.setup};
+  Problem weighted{solution.camera, problem.views, problem.setup, solution.shape};
   if (solution.excess_px) WeightByCovariance(*solution.excess_px, &weighted.views);
   const std::optional<std::vector<LinearView>> views =
       LineariseViews(weighted, solution.hand_eye, {}, free, solution.pixel_sigma_px, *FindLoss("none"));
   if (!views) return "";
-  VarianceComponents start;
-  start.translation_m2 = 1e-8;
-  start.rotation_rad2 = 1e-8;
-  const VarianceComponents found = EstimateVariances(*views, start, true, true);
+  const VarianceComponents found = FindNoise(*views);
   double by_robot = 0;
   double by_pixels = 0;
   for (const LinearView& view : *views) {
@@ -247,6 +253,63 @@ std::string AdviseOnRobot(const Problem& problem, const Solution& solution, cons
          Significant(RadToDeg(std::sqrt(found.rotation_rad2)), 2) +
          " deg (one sigma an axis), but were taken as exact: the uncertainty stated is too small; use "
          "refine.robot_noise: auto";
+}
+
+std::string AdviseOnTarget(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+  constexpr size_t kMinCaptures = 6;
+  const CameraModel& model = problem.camera.Model();
+  if (HasShape(free, model) || problem.views.size() < kMinCaptures) return "";
+  Problem weighted{solution.camera, problem.views, problem.setup, problem.shape};
+  if (solution.excess_px) WeightByCovariance(*solution.excess_px, &weighted.views);
+  // All of the shape; where the captures do not show that, what they do.
+  const std::vector<std::vector<TargetShapeGroup>> sought = {
+      {TargetShapeGroup::kScale, TargetShapeGroup::kBend}, {TargetShapeGroup::kScale}, {TargetShapeGroup::kBend}};
+  for (const std::vector<TargetShapeGroup>& groups : sought) {
+    FreeParameters with_shape = FreeOf(model, {}, groups);
+    std::copy(free.begin(), free.end(), with_shape.begin());
+    const std::optional<std::vector<LinearView>> views =
+        LineariseViews(weighted, solution.hand_eye, {}, with_shape, solution.pixel_sigma_px, *FindLoss("none"));
+    if (!views) return "";
+    const VarianceComponents noise = FindNoise(*views);
+    const RobotNoise robot{std::sqrt(noise.translation_m2), std::sqrt(noise.rotation_rad2)};
+    const Information information{UnknownNames(model, with_shape), MarginalInformation(*views, robot, noise.pixel)};
+    if (CheckObservable(information)) continue;
+    const Eigen::MatrixXd covariance = InvertInformation(information, 1.0).matrix;
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(covariance.rows());
+    for (const LinearView& view : *views) {
+      right +=
+          view.by_unknowns.transpose() *
+          MarginalCovariance(view, noise.pixel, noise.translation_m2, noise.rotation_rad2).ldlt().solve(view.offset);
+    }
+    const Eigen::VectorXd step = covariance * right;
+    const Eigen::Index size = 2 * static_cast<Eigen::Index>(groups.size());
+    const Eigen::VectorXd found = step.tail(size);
+    const double statistic = found.dot(covariance.bottomRightCorner(size, size).ldlt().solve(found));
+    const double tail =
+        FisherTail(statistic / static_cast<double>(size), static_cast<double>(size), DegreesOfFreedom(*views, noise));
+    constexpr double kBeyondDoubt = 1e-4;
+    constexpr double kMatters[] = {3e-4, 1e-4};  // Of the scale; of a bend, m.
+    std::vector<std::string> words;
+    std::vector<std::string> names;
+    bool matters = false;
+    for (size_t g = 0; g < groups.size(); ++g) {
+      const bool is_scale = groups[g] == TargetShapeGroup::kScale;
+      const Eigen::Vector2d value = found.segment<2>(2 * static_cast<Eigen::Index>(g));
+      names.emplace_back(kTargetShapeGroupNames[static_cast<size_t>(groups[g])]);
+      matters = matters || value.cwiseAbs().maxCoeff() > kMatters[is_scale ? 0 : 1];
+      words.push_back(is_scale ? "its scale is " + Fixed(1 + value.x(), 5) + " along x and " + Fixed(1 + value.y(), 5) +
+                                     " along y"
+                               : "its middle stands " + Fixed(1000 * value.x(), 2) + " mm (along x) and " +
+                                     Fixed(1000 * value.y(), 2) + " mm (along y) above its edges");
+    }
+    if (!(tail < kBeyondDoubt) || !matters) return "";
+    return "the captures speak of a target that is not as designed: " + Join(words, ", ") +
+           "; measure it, or use refine.target_shape: [" + Join(names, ", ") + "]" +
+           (std::find(free.begin(), free.end(), true) == free.end()
+                ? " (a focal length that is held at a wrong value looks like a wrong scale)"
+                : "");
+  }
+  return "";
 }
 
 }  // namespace heba

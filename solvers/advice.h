@@ -22,4 +22,9 @@ std::vector<std::string> AdviseOnCaptures(const Problem& problem, const Solution
 // with its size; empty if not. The solution's covariance is then too small.
 std::string AdviseOnRobot(const Problem& problem, const Solution& solution, const FreeParameters& free);
 
+// Of a solution that takes the target's shape as designed: one sentence if the captures say otherwise beyond doubt
+// (F-test of the shape's parameters, with the pixels' and the robot's noise both found from the captures) and by enough
+// to matter, with the shape that they see; empty if not.
+std::string AdviseOnTarget(const Problem& problem, const Solution& solution, const FreeParameters& free);
+
 }  // namespace heba

@@ -26,6 +26,7 @@ namespace {
 struct State {
   HandEye hand_eye;
   Camera camera;
+  TargetShape shape;
   std::vector<Rigid3d> corrections;  // Of each view's robot pose; empty with an exact robot.
 };
 
@@ -37,8 +38,8 @@ std::optional<std::vector<double>> SquaredDistances(const Problem& problem, cons
     const Rigid3d camera_from_target =
         CameraFromTarget(problem.setup, state.hand_eye, view.camera_mount_from_target_mount,
                          state.corrections.empty() ? Rigid3d() : state.corrections[i]);
-    const std::optional<std::vector<double>> squares =
-        WhitenedSquares(state.camera.Model(), state.camera.params.data(), camera_from_target, view.observations);
+    const std::optional<std::vector<double>> squares = WhitenedSquares(
+        state.camera.Model(), state.camera.params.data(), camera_from_target, Shaped(view.observations, state.shape));
     if (!squares) {
       *bad_view = view.name;
       return std::nullopt;
@@ -65,12 +66,14 @@ double Cost(const std::vector<double>& squared_distances, const State& state, co
   return 0.5 * sum;
 }
 
-// 1 / sigma of each parameter; 0 of those that are held or of which nothing is known.
+// 1 / sigma of each parameter of the camera; 0 of those that are held or of which nothing is known.
 Eigen::VectorXd PriorWeights(const CameraPrior& prior, const FreeParameters& free) {
-  CHECK_EQ(prior.params.size(), free.size());
-  CHECK_EQ(prior.sigmas.size(), free.size());
-  Eigen::VectorXd weights(static_cast<Eigen::Index>(free.size()));
-  for (size_t i = 0; i < free.size(); ++i) weights[static_cast<Eigen::Index>(i)] = free[i] ? 1 / prior.sigmas[i] : 0;
+  CHECK_EQ(prior.params.size(), prior.sigmas.size());
+  CHECK_LE(prior.params.size(), free.size());
+  Eigen::VectorXd weights(static_cast<Eigen::Index>(prior.params.size()));
+  for (Eigen::Index i = 0; i < weights.size(); ++i) {
+    weights[i] = free[static_cast<size_t>(i)] ? 1 / prior.sigmas[static_cast<size_t>(i)] : 0;
+  }
   return weights;
 }
 
@@ -78,12 +81,14 @@ Eigen::VectorXd PriorWeights(const CameraPrior& prior, const FreeParameters& fre
 LinearView PriorView(const CameraPrior& prior, const Camera& camera, const FreeParameters& free, double row_variance) {
   const Eigen::VectorXd weights = std::sqrt(row_variance) * PriorWeights(prior, free);
   const Eigen::Index num_free = std::count(free.begin(), free.end(), true);
+  const Eigen::Index num_rows =
+      std::count(free.begin(), free.begin() + static_cast<std::ptrdiff_t>(prior.params.size()), true);
   LinearView view;
-  view.by_unknowns = Eigen::MatrixXd::Zero(num_free, 12 + num_free);
-  view.by_correction = Eigen::MatrixXd::Zero(num_free, 6);
-  view.offset.resize(num_free);
+  view.by_unknowns = Eigen::MatrixXd::Zero(num_rows, 12 + num_free);
+  view.by_correction = Eigen::MatrixXd::Zero(num_rows, 6);
+  view.offset.resize(num_rows);
   Eigen::Index row = 0;
-  for (size_t i = 0; i < free.size(); ++i) {
+  for (size_t i = 0; i < prior.params.size(); ++i) {
     if (!free[i]) continue;
     const double weight = weights[static_cast<Eigen::Index>(i)];
     view.by_unknowns(row, 12 + row) = -weight;
@@ -96,8 +101,9 @@ LinearView PriorView(const CameraPrior& prior, const Camera& camera, const FreeP
 std::optional<std::vector<LinearView>> Linearise(const Problem& problem, const State& state, const FreeParameters& free,
                                                  const Noise& noise, const Loss& loss, double prior_row_variance,
                                                  const std::optional<CameraPrior>& prior) {
-  std::optional<std::vector<LinearView>> views = LineariseViews(
-      {state.camera, problem.views, problem.setup}, state.hand_eye, state.corrections, free, noise.pixel_px, loss);
+  std::optional<std::vector<LinearView>> views =
+      LineariseViews({state.camera, problem.views, problem.setup, state.shape}, state.hand_eye, state.corrections, free,
+                     noise.pixel_px, loss);
   if (views && prior) views->push_back(PriorView(*prior, state.camera, free, prior_row_variance));
   return views;
 }
@@ -108,7 +114,10 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
   const CameraModel& model = problem.camera.Model();
   PoseBlock hand_eye = ToBlock(state->hand_eye.camera_mount_from_camera);
   PoseBlock board = ToBlock(state->hand_eye.target_mount_from_target);
+  // The camera's, then the shape's if it is unknown.
   std::vector<double> params = state->camera.params;
+  const std::optional<TargetShape> shape = HasShape(free, model) ? std::optional(state->shape) : std::nullopt;
+  if (shape) params.insert(params.end(), shape->params.begin(), shape->params.end());
   std::vector<PoseBlock> corrections;
   for (const Rigid3d& correction : state->corrections) corrections.push_back(ToBlock(correction));
   ceres::Problem ceres_problem;
@@ -117,11 +126,14 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
   ceres_problem.AddParameterBlock(board.data(), 7, new PoseManifold);
   AddCameraBlock(free, params.data(), &ceres_problem);
   if (bundle_options.camera_prior) {
-    const Eigen::VectorXd weights = PriorWeights(*bundle_options.camera_prior, free);
-    const Eigen::VectorXd mean =
-        Eigen::Map<const Eigen::VectorXd>(bundle_options.camera_prior->params.data(), weights.size());
-    ceres_problem.AddResidualBlock(new ceres::NormalPrior(weights.asDiagonal().toDenseMatrix(), mean), nullptr,
-                                   params.data());
+    const CameraPrior& prior = *bundle_options.camera_prior;
+    const Eigen::VectorXd weights = PriorWeights(prior, free);
+    const Eigen::Index size = static_cast<Eigen::Index>(params.size());
+    Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(weights.size(), size);
+    rows.leftCols(weights.size()) = weights.asDiagonal();
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(size);
+    mean.head(weights.size()) = Eigen::Map<const Eigen::VectorXd>(prior.params.data(), weights.size());
+    ceres_problem.AddResidualBlock(new ceres::NormalPrior(rows, mean), nullptr, params.data());
   }
   if (!corrections.empty()) {
     // Each view's correction is eliminated by itself, so that the cost grows with the views and not with their cube.
@@ -135,7 +147,7 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
     const View& view = problem.views[i];
     if (corrections.empty()) {
       ceres_problem.AddResidualBlock(MakeReprojectionCost(model, view.observations, noise.pixel_px, loss,
-                                                          MakeHandEyeChain(view.camera_mount_from_target_mount))
+                                                          MakeHandEyeChain(view.camera_mount_from_target_mount), shape)
                                          .release(),
                                      nullptr, hand_eye.data(), board.data(), params.data());
       continue;
@@ -145,7 +157,7 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
     options.linear_solver_ordering->AddElementToGroup(correction, 0);
     ceres_problem.AddResidualBlock(
         MakeReprojectionCost(model, view.observations, noise.pixel_px, loss,
-                             MakeCorrectedChain(problem.setup, view.camera_mount_from_target_mount))
+                             MakeCorrectedChain(problem.setup, view.camera_mount_from_target_mount), shape)
             .release(),
         nullptr, hand_eye.data(), board.data(), correction, params.data());
     ceres_problem.AddResidualBlock(MakeCorrectionPrior(*noise.robot).release(), nullptr, correction);
@@ -153,7 +165,9 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
   ceres::Solver::Summary summary;
   ceres::Solve(options, &ceres_problem, &summary);
   state->hand_eye = {FromBlock(hand_eye.data()), FromBlock(board.data())};
-  state->camera.params = params;
+  const auto camera_end = params.begin() + NumParams(model);
+  state->camera.params.assign(params.begin(), camera_end);
+  if (shape) std::copy(camera_end, params.end(), state->shape.params.begin());
   for (size_t i = 0; i < corrections.size(); ++i) state->corrections[i] = FromBlock(corrections[i].data());
   return summary;
 }
@@ -230,16 +244,18 @@ std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Came
   constexpr double kMaxRotationRad = 0.1;
   constexpr double kMaxFocalRatio = 0.01;
   constexpr double kMaxCentreRatio = 0.02;  // Of the image's width.
+  constexpr double kMaxScale = 0.01;
+  constexpr double kMaxBendM = 5e-3;
   for (size_t i = 0; i < covariance.names.size(); ++i) {
     const std::string& name = covariance.names[i];
     const double sigma = std::sqrt(covariance.matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)));
     const std::string part = name.substr(name.find('.') + 1);
-    const bool is_camera = name.starts_with("camera.");
-    if (!is_camera && part[0] == 't' && !(sigma < kMaxTranslationM)) {
+    const bool is_pose = !name.starts_with("camera.") && !name.starts_with("target.");
+    if (is_pose && part[0] == 't' && !(sigma < kMaxTranslationM)) {
       return Failure{PlainName(name) + " is known to " + Significant(1000 * sigma, 2) +
                      " mm only; more captures with larger turns about different axes are needed"};
     }
-    if (!is_camera && part[0] == 'r' && !(sigma < kMaxRotationRad)) {
+    if (is_pose && part[0] == 'r' && !(sigma < kMaxRotationRad)) {
       return Failure{PlainName(name) + " is known to " + Significant(RadToDeg(sigma), 2) +
                      " deg only; more captures with larger turns about different axes are needed"};
     }
@@ -251,6 +267,16 @@ std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Came
             " px only: the captures cannot tell focal length from distance; move the target through more depth "
             "and tilt, or hold it with a camera file and refine.intrinsics"};
       }
+    }
+    if (part.starts_with("scale_") && !(sigma < kMaxScale)) {
+      return Failure{
+          PlainName(name) + " is known to " + Significant(100 * sigma, 2) +
+          " % only: the captures cannot tell it from distance; move the target through more depth, or measure "
+          "the print and leave refine.target_shape out"};
+    }
+    if (part.starts_with("bend_") && !(sigma < kMaxBendM)) {
+      return Failure{PlainName(name) + " is known to " + Significant(1000 * sigma, 2) +
+                     " mm only; tilt the target more, or leave it out of refine.target_shape"};
     }
     if ((part == "cx" || part == "cy") && !(sigma < kMaxCentreRatio * camera.width_px)) {
       return Failure{
@@ -343,7 +369,8 @@ PointFlags FindInliers(const Problem& problem, const Fit& fit) {
     const Rigid3d camera_from_target =
         CameraFromTarget(problem.setup, fit.state.hand_eye, views[i].camera_mount_from_target_mount,
                          fit.state.corrections.empty() ? Rigid3d() : fit.state.corrections[i]);
-    flags.push_back(heba::FindInliers(fit.state.camera, camera_from_target, views[i].observations, fit.noise.pixel_px));
+    flags.push_back(heba::FindInliers(fit.state.camera, camera_from_target,
+                                      Shaped(views[i].observations, fit.state.shape), fit.noise.pixel_px));
   }
   return flags;
 }
@@ -416,11 +443,15 @@ std::string BundleOptions::Check() const {
   return Join(faults, "\n");
 }
 
+FreeParameters FreeOf(const CameraModel& model, const BundleOptions& options) {
+  return FreeOf(model, options.free_intrinsics, options.free_shape);
+}
+
 Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start, const BundleOptions& options) {
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
   const bool is_truncated = options.loss == "truncated";
-  const FreeParameters free = FreeOf(problem_in.camera.Model(), options.free_intrinsics);
+  const FreeParameters free = FreeOf(problem_in.camera.Model(), options);
 
   std::vector<Rigid3d> poses;
   for (const View& view : problem_in.views) poses.push_back(view.camera_mount_from_target_mount);
@@ -438,11 +469,12 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   }
   const Problem problem = KeepPoints(problem_in, keep);
   if (const std::optional<Failure> failure = CheckCount(Count(keep), free)) return *failure;
+  const State start_state{start, problem.camera, problem.shape, {}};
   // What even little noise would hide, the solve would look for in vain.
   constexpr double kLittleNoisePx = 0.05;
   const Noise least{options.pixel_noise_px.value_or(kLittleNoisePx), std::nullopt};
   const std::optional<Information> start_information =
-      InformationAt(problem, {start, problem.camera, {}}, free, least, *FindLoss("none"), options.camera_prior);
+      InformationAt(problem, start_state, free, least, *FindLoss("none"), options.camera_prior);
   CHECK(start_information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
   if (const std::optional<Failure> failure =
@@ -451,10 +483,10 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   }
 
   std::string bad_view;
-  const std::vector<double> start_distances = *SquaredDistances(problem, {start, problem.camera, {}}, &bad_view);
+  const std::vector<double> start_distances = *SquaredDistances(problem, start_state, &bad_view);
   Fit fit;
   fit.problem = problem;
-  fit.state = {start, problem.camera, {}};
+  fit.state = start_state;
   fit.noise.pixel_px = options.pixel_noise_px.value_or(SigmaFromMedian(start_distances));
   if (options.robot != BundleOptions::Robot::kExact) {
     fit.state.corrections.assign(problem.views.size(), Rigid3d());
@@ -473,6 +505,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   Solution solution;
   solution.hand_eye = settled->state.hand_eye;
   solution.camera = settled->state.camera;
+  solution.shape = settled->state.shape;
   solution.pixel_sigma_px = settled->noise.pixel_px;
   solution.excess_px = settled->excess_px;
   solution.covariance_dof = settled->dof;
@@ -486,7 +519,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
     }
   }
   solution.convergence = settled->convergence;
-  solution.convergence.initial_cost = Cost(start_distances, {start, problem.camera, {}}, settled->noise, loss);
+  solution.convergence.initial_cost = Cost(start_distances, start_state, settled->noise, loss);
   solution.convergence.final_cost =
       Cost(*SquaredDistances(settled->problem, settled->state, &bad_view), settled->state, settled->noise, loss);
   const std::optional<Information> information =

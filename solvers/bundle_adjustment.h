@@ -8,6 +8,7 @@
 
 #include "heba/base/error.h"
 #include "heba/data/solution.h"
+#include "solvers/information.h"
 
 namespace heba {
 
@@ -20,6 +21,8 @@ struct CameraPrior {
 struct BundleOptions {
   std::vector<ParameterGroup> free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint,
                                                  ParameterGroup::kDistortion};
+  // What of the target's shape is unknown too; the problem's (Problem::shape) is the start.
+  std::vector<TargetShapeGroup> free_shape;
   std::string loss = "truncated";
   // One coordinate's noise. Nothing: estimated from the residuals.
   std::optional<double> pixel_noise_px;
@@ -35,6 +38,8 @@ struct BundleOptions {
   // Every violated constraint, one a line; empty if the options are valid.
   [[nodiscard]] std::string Check() const;
 };
+
+FreeParameters FreeOf(const CameraModel& model, const BundleOptions& options);
 
 // Minimises the sum over all points of rho(|projection - observation|^2 / sigma^2) with Ceres, from `start` and
 // problem.camera. With the loss `truncated` that is least squares of the points that pass their test at the estimate

@@ -79,7 +79,8 @@ void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& 
   // A board that can be read in several orders needs a pose to say in which it was.
   if (options.symmetries.size() > 1) return;
   const Solution& solution = *calibration->refined;
-  const std::optional<SquaredErrors> used = ReprojectionErrors(solution.hand_eye, solution.camera, calibration->views);
+  const std::optional<SquaredErrors> used =
+      ReprojectionErrors(solution.hand_eye, solution.camera, Shaped(calibration->views, solution.shape));
   if (!used || !used->RmsPx()) return;
   constexpr double kMaxRatio = 3;
   std::vector<View> joined = calibration->views;
@@ -93,8 +94,9 @@ void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& 
       unused.push_back(entry);
       continue;
     }
-    const std::optional<SquaredErrors> errors = ViewErrors(
-        solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount), view->observations);
+    const std::optional<SquaredErrors> errors =
+        ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
+                   Shaped(view->observations, solution.shape));
     if (errors && *errors->RmsPx() <= kMaxRatio * *used->RmsPx()) {
       joined.push_back(*view);
     } else {
@@ -107,7 +109,7 @@ void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& 
     return;
   }
   Outcome<Solution> refined =
-      RefineHandEye({solution.camera, joined, options.setup}, solution.hand_eye, options.bundle);
+      RefineHandEye({solution.camera, joined, options.setup, options.shape}, solution.hand_eye, options.bundle);
   if (!refined) return;
   calibration->refined = std::move(refined);
   calibration->views = std::move(joined);
@@ -177,7 +179,8 @@ std::vector<MethodResult> Reported(const std::vector<MethodResult>& results, con
 // What a capture's picture says about its pose, in words.
 std::string WhyWrong(const Calibration& calibration, size_t view, double p_value, const Solution& solution,
                      Setup setup) {
-  const View& entry = calibration.views[view];
+  View entry = calibration.views[view];
+  entry.observations = Shaped(entry.observations, solution.shape);
   const std::vector<PosePair> seen = PairsAsSeen(solution.camera, solution.hand_eye, {entry});
   const std::optional<SquaredErrors> own =
       seen.empty() ? std::nullopt : ViewErrors(solution.camera, seen.front().camera_from_target, entry.observations);
@@ -199,13 +202,13 @@ std::string WhyWrong(const Calibration& calibration, size_t view, double p_value
 
 // Names and drops the captures that contradict the others, and refines without them, until none is left that does.
 // With the robot taken as exact: what it is off by is the test's to find.
-void DropWrongCaptures(const BundleOptions& options, Setup setup, Calibration* calibration) {
-  const FreeParameters free = FreeOf(calibration->camera.Model(), options.free_intrinsics);
+void DropWrongCaptures(const BundleOptions& options, Setup setup, const TargetShape& shape, Calibration* calibration) {
+  const FreeParameters free = FreeOf(calibration->camera.Model(), options);
   constexpr int kMaxRounds = 5;
   for (int round = 0; round < kMaxRounds && calibration->refined; ++round) {
     const Solution& solution = *calibration->refined;
     const std::vector<CaptureVerdict> verdicts =
-        TestCaptures({solution.camera, calibration->views, setup}, solution, free);
+        TestCaptures({solution.camera, calibration->views, setup, shape}, solution, free);
     const auto num_wrong =
         std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& v) { return v.is_wrong; });
     if (num_wrong == 0) return;
@@ -229,7 +232,8 @@ void DropWrongCaptures(const BundleOptions& options, Setup setup, Calibration* c
     }
     calibration->views = std::move(views);
     calibration->pairs = std::move(pairs);
-    calibration->refined = RefineHandEye({calibration->camera, calibration->views, setup}, solution.hand_eye, options);
+    calibration->refined =
+        RefineHandEye({calibration->camera, calibration->views, setup, shape}, solution.hand_eye, options);
   }
 }
 
@@ -326,15 +330,16 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
       calibration.unused.push_back({sorted.misfits[i].name, sorted.misfit_reasons[i]});
     }
   }
-  StartedSolution started =
-      RefineFromSeeds({calibration.camera, calibration.views, options.setup}, calibration.pairs, seeds, first);
+  StartedSolution started = RefineFromSeeds({calibration.camera, calibration.views, options.setup, options.shape},
+                                            calibration.pairs, seeds, first);
   calibration.seed = started.seed;
   calibration.refined = std::move(started.solution);
-  if (drops_wrong) DropWrongCaptures(first, options.setup, &calibration);
+  if (drops_wrong) DropWrongCaptures(first, options.setup, options.shape, &calibration);
   const bool is_final = first.loss == options.bundle.loss && first.robot == options.bundle.robot;
   if (calibration.refined && !is_final) {
     const HandEye start = calibration.refined->hand_eye;
-    calibration.refined = RefineHandEye({calibration.camera, calibration.views, options.setup}, start, options.bundle);
+    calibration.refined =
+        RefineHandEye({calibration.camera, calibration.views, options.setup, options.shape}, start, options.bundle);
   }
   if (calibration.refined) LeaveOutRejected(&calibration);
   results = RunMethods(calibration);
@@ -342,13 +347,15 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   if (calibration.refined) {
     calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
     AddFewPointViews(views, options, &calibration);
-    const Problem solved{calibration.camera, calibration.views, options.setup};
-    const FreeParameters free = FreeOf(calibration.camera.Model(), options.bundle.free_intrinsics);
+    const Problem solved{calibration.camera, calibration.views, options.setup, options.shape};
+    const FreeParameters free = FreeOf(calibration.camera.Model(), options.bundle);
     std::vector<std::string> remarks = AdviseOnCaptures(solved, *calibration.refined, free);
-    if (options.bundle.robot == BundleOptions::Robot::kExact) {
-      const std::string about_robot = AdviseOnRobot(solved, *calibration.refined, free);
-      if (!about_robot.empty()) remarks.insert(remarks.begin(), about_robot);
+    // A target that is not as designed looks like a poor robot too.
+    std::string cause = AdviseOnTarget(solved, *calibration.refined, free);
+    if (cause.empty() && options.bundle.robot == BundleOptions::Robot::kExact) {
+      cause = AdviseOnRobot(solved, *calibration.refined, free);
     }
+    if (!cause.empty()) remarks.insert(remarks.begin(), cause);
     calibration.refined->remarks = std::move(remarks);
   }
   return calibration;

@@ -29,6 +29,7 @@ struct CalibrationOptions {
   std::string camera_model = "brown5";
   int width_px = 0;
   int height_px = 0;
+  TargetShape shape;  // As designed.
   // The motions that map the target to itself, the identity first.
   std::vector<Rigid3d> symmetries = {Rigid3d()};
 };

@@ -116,13 +116,13 @@ double PValue(const LinearView& view, const Normal& others, const VarianceCompon
 
 std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free) {
   std::vector<CaptureVerdict> verdicts(problem.views.size());
-  Problem judged{solution.camera, {}, problem.setup};
+  Problem judged{solution.camera, {}, problem.setup, solution.shape};
   std::vector<size_t> index;
   for (size_t i = 0; i < problem.views.size(); ++i) {
     View view = problem.views[i];
     view.observations = JudgedPoints(view.observations, solution.rejected_ids[i]);
     const Rigid3d camera_from_target = CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount);
-    if (!Residuals(solution.camera, camera_from_target, view.observations)) {
+    if (!Residuals(solution.camera, camera_from_target, Shaped(view.observations, solution.shape))) {
       verdicts[i] = {problem.views.size() >= kMinCaptures, 0};
       continue;
     }

@@ -54,9 +54,9 @@ Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const Camera& cam
 
 void AddChi2(const Solution& solution, const CalibrationOptions& options, const std::vector<View>& held_out,
              HeldOutErrors* errors) {
-  Problem problem{solution.camera, held_out, options.setup};
+  Problem problem{solution.camera, held_out, options.setup, solution.shape};
   if (solution.excess_px) WeightByCovariance(*solution.excess_px, &problem.views);
-  const FreeParameters free = FreeOf(solution.camera.Model(), options.bundle.free_intrinsics);
+  const FreeParameters free = FreeOf(solution.camera.Model(), options.bundle);
   const std::optional<std::vector<LinearView>> views =
       LineariseViews(problem, solution.hand_eye, {}, free, solution.pixel_sigma_px, *FindLoss("none"));
   if (!views) return;
@@ -108,8 +108,9 @@ std::vector<HoldOut> CrossValidate(const std::vector<View>& views, const Calibra
       row[names.size() - 2] =
           chain ? PredictHeldOut(chain->hand_eye, calibration->camera, held_out) : Failure{chain.reason()};
       const Outcome<Solution>& refined = calibration->refined;
-      row[names.size() - 1] =
-          refined ? PredictHeldOut(refined->hand_eye, refined->camera, held_out) : Failure{refined.reason()};
+      row[names.size() - 1] = refined
+                                  ? PredictHeldOut(refined->hand_eye, refined->camera, Shaped(held_out, refined->shape))
+                                  : Failure{refined.reason()};
       if (refined && row.back()) AddChi2(*refined, options, held_out, &*row.back());
     }
     const std::lock_guard<std::mutex> lock(mutex);

@@ -19,11 +19,15 @@ Eigen::VectorXd ScaleOf(const Eigen::MatrixXd& matrix) {
 
 }  // namespace
 
-FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup>& free_groups) {
-  FreeParameters free(static_cast<size_t>(NumParams(model)));
-  for (size_t i = 0; i < free.size(); ++i) {
-    free[i] = std::find(free_groups.begin(), free_groups.end(), GroupOf(static_cast<int>(i))) != free_groups.end();
-  }
+FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup>& free_intrinsics,
+                      const std::vector<TargetShapeGroup>& free_shape) {
+  const auto contains = [](const auto& groups, auto group) {
+    return std::find(groups.begin(), groups.end(), group) != groups.end();
+  };
+  FreeParameters free;
+  for (int i = 0; i < NumParams(model); ++i) free.push_back(contains(free_intrinsics, GroupOf(i)));
+  if (free_shape.empty()) return free;
+  for (int i = 0; i < TargetShape::kNumParams; ++i) free.push_back(contains(free_shape, ShapeGroupOf(i)));
   return free;
 }
 
@@ -32,8 +36,11 @@ std::vector<std::string> UnknownNames(const CameraModel& model, const FreeParame
   for (const char* pose : {"hand_eye.", "board."}) {
     for (const std::string_view tangent : kTangentNames) names.push_back(pose + std::string(tangent));
   }
+  const size_t num_camera = static_cast<size_t>(NumParams(model));
   for (size_t i = 0; i < free.size(); ++i) {
-    if (free[i]) names.push_back("camera." + model.param_names()[i]);
+    if (!free[i]) continue;
+    names.push_back(i < num_camera ? "camera." + model.param_names()[i]
+                                   : "target." + std::string(kTargetShapeParamNames[i - num_camera]));
   }
   return names;
 }
@@ -52,13 +59,27 @@ std::optional<Failure> CheckObservable(const Information& information) {
   std::vector<int> order(static_cast<size_t>(direction.size()));
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](int a, int b) { return std::abs(direction[a]) > std::abs(direction[b]); });
+  // What could be held by the config comes first: poses cannot.
+  const auto is_pose = [&](int i) { return i < 12; };
+  const double limit = 0.3 * std::abs(direction[order.front()]);
+  order.erase(std::remove_if(order.begin(), order.end(), [&](int i) { return std::abs(direction[i]) < limit; }),
+              order.end());
+  std::stable_partition(order.begin(), order.end(), [&](int i) { return !is_pose(i); });
   std::vector<std::string> parts;
+  bool has_camera = false;
+  bool has_shape = false;
   for (const int i : order) {
-    if (parts.size() == 3 || std::abs(direction[i]) < 0.3 * std::abs(direction[order[0]])) break;
-    parts.push_back(PlainName(information.names[static_cast<size_t>(i)]));
+    const std::string& name = information.names[static_cast<size_t>(i)];
+    has_camera = has_camera || name.starts_with("camera.");
+    has_shape = has_shape || name.starts_with("target.");
+    constexpr size_t kMaxParts = 3;
+    if (parts.size() < kMaxParts) parts.push_back(PlainName(name));
   }
-  return Failure{"the captures do not determine " + Join(parts, " together with ") +
-                 ": moving the target through more depth and tilt, or holding intrinsics (refine.intrinsics), would"};
+  std::vector<std::string> cures = {"moving the target through more depth and tilt"};
+  if (has_camera) cures.emplace_back("holding intrinsics (refine.intrinsics)");
+  if (has_shape) cures.emplace_back("holding the target's shape (refine.target_shape)");
+  return Failure{"the captures do not determine " + Join(parts, " together with ") + ": " + Join(cures, ", or ") +
+                 ", would"};
 }
 
 Covariance InvertInformation(const Information& information, double factor) {
@@ -75,6 +96,7 @@ std::string PlainName(const std::string& name) {
   const std::string owner = name.substr(0, dot);
   const std::string part = name.substr(dot + 1);
   if (owner == "camera") return "the camera's " + part;
+  if (owner == "target") return "the target's " + part.substr(0, part.find('_')) + " along " + part[part.find('_') + 1];
   const std::string frame = owner == "hand_eye" ? "the camera's " : "the target's ";
   return std::string(owner == "hand_eye" ? "the hand-eye " : "the board's ") +
          (part[0] == 't' ? "translation along " : "rotation about ") + frame + part[1];

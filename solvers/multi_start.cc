@@ -26,7 +26,7 @@ size_t StrideFor(size_t count, size_t most) { return std::max<size_t>(1, (count 
 Problem PartOf(const Problem& problem) {
   constexpr size_t kMaxViews = 24;
   constexpr size_t kMaxPoints = 24;
-  Problem part{problem.camera, {}, problem.setup};
+  Problem part{problem.camera, {}, problem.setup, problem.shape};
   for (size_t i = 0; i < problem.views.size(); i += StrideFor(problem.views.size(), kMaxViews)) {
     View view = problem.views[i];
     const size_t n = view.observations.ids.size();
@@ -65,14 +65,14 @@ double SigmaOfBestPx(std::vector<double> sigmas, const Problem& problem) {
 }
 
 // Cauchy's cost of all points at a common scale; a point without an image counts as the image's width away.
-double RobustCost(const Problem& problem, const HandEye& hand_eye, const Camera& camera, double sigma_px) {
+double RobustCost(const Problem& problem, const HandEye& hand_eye, double sigma_px) {
   const Loss& cauchy = *FindLoss("cauchy");
   double cost = 0;
   for (const View& view : problem.views) {
     const std::optional<Points2> residuals =
-        Residuals(camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations);
+        Residuals(problem.camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations);
     for (Eigen::Index i = 0; i < view.observations.size(); ++i) {
-      const double distance_px = residuals ? residuals->col(i).norm() : camera.width_px;
+      const double distance_px = residuals ? residuals->col(i).norm() : problem.camera.width_px;
       cost += cauchy.rho(std::pow(distance_px / sigma_px, 2));
     }
   }
@@ -197,7 +197,7 @@ StartedSolution RefineFromSeeds(const Problem& problem, const std::vector<PosePa
   for (const Seed& seed : others) {
     const Outcome<Solution> trial = RefineHandEye(part, seed.hand_eye, trial_options);
     if (!trial) continue;
-    const double cost = RobustCost(part, trial->hand_eye, problem.camera, scale_px);
+    const double cost = RobustCost(part, trial->hand_eye, scale_px);
     if (cost >= least_cost) continue;
     least_cost = cost;
     promising = &seed;
@@ -207,8 +207,10 @@ StartedSolution RefineFromSeeds(const Problem& problem, const std::vector<PosePa
   StartedSolution other{RefineHandEye(problem, promising_start, options), promising->name};
   if (!other.solution) return best;
   constexpr double kBetter = 0.97;
-  if (!best.solution || RobustCost(problem, other.solution->hand_eye, other.solution->camera, scale_px) <
-                            kBetter * RobustCost(problem, best.solution->hand_eye, best.solution->camera, scale_px)) {
+  const auto cost_of = [&](const Solution& solution) {
+    return RobustCost({solution.camera, Shaped(problem.views, solution.shape)}, solution.hand_eye, scale_px);
+  };
+  if (!best.solution || cost_of(*other.solution) < kBetter * cost_of(*best.solution)) {
     return other;
   }
   return best;

@@ -1,5 +1,6 @@
 #include "solvers/reprojection_cost.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <ceres/sized_cost_function.h>
@@ -91,37 +92,47 @@ class FreePoseChain final : public PoseChain {
 class ReprojectionCost final : public ceres::CostFunction {
  public:
   ReprojectionCost(const CameraModel& model, const Observations& observations, double pixel_sigma_px, const Loss& loss,
-                   std::unique_ptr<PoseChain> chain)
+                   std::unique_ptr<PoseChain> chain, const std::optional<TargetShape>& shape)
       : model_(model),
         observations_(observations),
         pixel_sigma_px_(pixel_sigma_px),
         loss_(loss),
-        chain_(std::move(chain)) {
+        chain_(std::move(chain)),
+        shape_(shape),
+        num_params_(NumParams(model) + (shape ? TargetShape::kNumParams : 0)) {
     for (int i = 0; i < chain_->num_blocks(); ++i) mutable_parameter_block_sizes()->push_back(7);
-    mutable_parameter_block_sizes()->push_back(NumParams(model));
+    mutable_parameter_block_sizes()->push_back(num_params_);
     // One more row holds what the loss adds to the weighted sum of squares.
-    set_num_residuals(NumReducedRows(model, observations) + 1);
+    set_num_residuals(NumReducedRows(model, observations, shape.has_value()) + 1);
   }
 
   bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override {
     const int num_poses = chain_->num_blocks();
     const double* camera = parameters[num_poses];
+    std::optional<TargetShape> shape = shape_;
+    if (shape) std::copy_n(camera + NumParams(model_), TargetShape::kNumParams, shape->params.begin());
     std::vector<Matrix6> left_from_tangent;
     const Rigid3d camera_from_target =
         chain_->Evaluate(parameters, jacobians == nullptr ? nullptr : &left_from_tangent);
     Eigen::Map<Eigen::VectorXd> residual(residuals, num_residuals());
     residual.setZero();
     if (jacobians == nullptr) {
+      Observations shaped;
+      if (shape) shaped = Shaped(observations_, *shape);
       double sum_rho = 0;
-      if (!ViewCost(model_, camera, camera_from_target, observations_, pixel_sigma_px_, loss_, &sum_rho)) return false;
+      if (!ViewCost(model_, camera, camera_from_target, shape ? shaped : observations_, pixel_sigma_px_, loss_,
+                    &sum_rho)) {
+        return false;
+      }
       residual[0] = std::sqrt(sum_rho);
       return true;
     }
     ViewReduction reduction;
-    if (!ReduceView(model_, camera, camera_from_target, observations_, pixel_sigma_px_, loss_, &reduction))
+    if (!ReduceView(model_, camera, camera_from_target, observations_, pixel_sigma_px_, loss_, &reduction,
+                    shape ? &*shape : nullptr)) {
       return false;
+    }
     const Eigen::Index rows = reduction.factor.rows();
-    const int num_params = NumParams(model_);
     residual.head(rows) = reduction.factor.rightCols<1>();
     residual[num_residuals() - 1] = std::sqrt(reduction.loss_remainder);
     for (int i = 0; i < num_poses; ++i) {
@@ -132,9 +143,9 @@ class ReprojectionCost final : public ceres::CostFunction {
                                (left_from_tangent[static_cast<size_t>(i)] * TangentFromBlock(parameters[i]));
     }
     if (jacobians[num_poses] != nullptr) {
-      Eigen::Map<RowMajor> jacobian(jacobians[num_poses], num_residuals(), num_params);
+      Eigen::Map<RowMajor> jacobian(jacobians[num_poses], num_residuals(), num_params_);
       jacobian.setZero();
-      jacobian.topRows(rows) = reduction.factor.middleCols(6, num_params);
+      jacobian.topRows(rows) = reduction.factor.middleCols(6, num_params_);
     }
     return true;
   }
@@ -145,6 +156,8 @@ class ReprojectionCost final : public ceres::CostFunction {
   double pixel_sigma_px_;
   const Loss& loss_;
   std::unique_ptr<PoseChain> chain_;
+  std::optional<TargetShape> shape_;
+  int num_params_;
 };
 
 }  // namespace
@@ -165,8 +178,9 @@ std::unique_ptr<PoseChain> MakeFreePoseChain() { return std::make_unique<FreePos
 
 std::unique_ptr<ceres::CostFunction> MakeReprojectionCost(const CameraModel& model, const Observations& observations,
                                                           double pixel_sigma_px, const Loss& loss,
-                                                          std::unique_ptr<PoseChain> chain) {
-  return std::make_unique<ReprojectionCost>(model, observations, pixel_sigma_px, loss, std::move(chain));
+                                                          std::unique_ptr<PoseChain> chain,
+                                                          const std::optional<TargetShape>& shape) {
+  return std::make_unique<ReprojectionCost>(model, observations, pixel_sigma_px, loss, std::move(chain), shape);
 }
 
 }  // namespace heba

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include <ceres/cost_function.h>
@@ -30,11 +31,13 @@ std::unique_ptr<PoseChain> MakeCorrectedChain(Setup setup, const Rigid3d& camera
 // Block: camera_from_target.
 std::unique_ptr<PoseChain> MakeFreePoseChain();
 
-// Parameter blocks: the chain's poses, then the camera's parameters. Evaluation fails, and Ceres rejects the step, if a
-// point has no image. `model`, `observations` and `loss` must outlive the cost.
+// Parameter blocks: the chain's poses, then the camera's parameters, which those of the target's shape follow if there
+// is a `shape` (its own are not used). Evaluation fails, and Ceres rejects the step, if a point has no image. `model`,
+// `observations` and `loss` must outlive the cost.
 std::unique_ptr<ceres::CostFunction> MakeReprojectionCost(const CameraModel& model, const Observations& observations,
                                                           double pixel_sigma_px, const Loss& loss,
-                                                          std::unique_ptr<PoseChain> chain);
+                                                          std::unique_ptr<PoseChain> chain,
+                                                          const std::optional<TargetShape>& shape = std::nullopt);
 
 // What the robot says of a capture's correction: that it is zero, give or take `noise`. Parameter block: the
 // correction.

@@ -46,7 +46,7 @@ std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, co
     const Rigid3d camera_from_target = CameraFromTarget(problem.setup, hand_eye, mount, correction);
     ViewReduction reduction;
     if (!ReduceView(model, problem.camera.params.data(), camera_from_target, view.observations, pixel_sigma_px, loss,
-                    &reduction)) {
+                    &reduction, HasShape(free, model) ? &problem.shape : nullptr)) {
       return std::nullopt;
     }
     LinearView linear;

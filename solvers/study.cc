@@ -51,9 +51,7 @@ View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
   return view;
 }
 
-FreeParameters FreeOf(const StudyCell& cell) {
-  return FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics);
-}
+FreeParameters FreeOf(const StudyCell& cell) { return FreeOf(cell.camera.Model(), cell.options.bundle); }
 
 // Of the unknowns that are free, in the order of UnknownNames.
 Eigen::VectorXd ErrorOf(const StudyCell& cell, const HandEye& hand_eye, const Camera* camera) {

@@ -15,7 +15,8 @@ struct TargetPose {
   std::optional<Eigen::Matrix<double, 6, 6>> covariance_at_1px = std::nullopt;
 };
 
-// The local minima of the reprojection error for a flat target (its points at z = 0), best first: a plane has up to two
+// The local minima of the reprojection error for a target that is flat (its points at z = 0) or, by a tenth of its
+// extent, nearly so, best first: a plane has up to two
 // (Schweighofer and Pinz 2006), and which of them is right the view alone cannot always tell. Started from the two
 // solutions of T. Collins and A. Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014. Empty for fewer
 // than 4 points, points on a line, or points that no pose explains.

@@ -23,21 +23,34 @@ void Whiten(const Observations& observations, Eigen::Ref<Eigen::MatrixXd> rows) 
 
 }  // namespace
 
-int NumReducedRows(const CameraModel& model, const Observations& observations) {
-  return std::min(2 * observations.size(), 6 + NumParams(model) + 1);
+int NumReducedRows(const CameraModel& model, const Observations& observations, bool with_shape) {
+  return std::min(2 * observations.size(), 6 + NumParams(model) + (with_shape ? TargetShape::kNumParams : 0) + 1);
 }
 
 bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-                const Observations& observations, double pixel_sigma_px, const Loss& loss, ViewReduction* reduction) {
+                const Observations& observations, double pixel_sigma_px, const Loss& loss, ViewReduction* reduction,
+                const TargetShape* shape) {
+  Observations shaped;
+  if (shape != nullptr) shaped = Shaped(observations, *shape);
   Points2 pixels;
   ProjectionJacobian jacobian;
-  if (!Predict(model, params, camera_from_target, observations, &pixels, &jacobian)) return false;
+  if (!Predict(model, params, camera_from_target, shape != nullptr ? shaped : observations, &pixels, &jacobian)) {
+    return false;
+  }
   const int n = observations.size();
-  const int columns = 6 + NumParams(model) + 1;
+  const int num_predicted = 6 + NumParams(model);
+  const int columns = num_predicted + (shape != nullptr ? TargetShape::kNumParams : 0) + 1;
+  const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
   Eigen::MatrixXd rows(2 * n, columns);
   for (int i = 0; i < n; ++i) {
-    rows.row(2 * i).head(columns - 1) = jacobian.u.col(i);
-    rows.row(2 * i + 1).head(columns - 1) = jacobian.v.col(i);
+    rows.row(2 * i).head(num_predicted) = jacobian.u.col(i);
+    rows.row(2 * i + 1).head(num_predicted) = jacobian.v.col(i);
+    if (shape != nullptr) {
+      // What moves a point moves its image as a shift of the whole target would.
+      const Eigen::Vector3d designed = observations.points_in_target.col(i);
+      rows.block<2, TargetShape::kNumParams>(2 * i, num_predicted) =
+          rows.block<2, 3>(2 * i, 0) * rotation * ShapedByParams(designed, *shape);
+    }
     rows(2 * i, columns - 1) = pixels(0, i) - observations.pixels(0, i);
     rows(2 * i + 1, columns - 1) = pixels(1, i) - observations.pixels(1, i);
   }

@@ -17,8 +17,8 @@
 namespace heba {
 
 struct ViewReduction {
-  // Columns: those of Predict (heba/data/prediction.h), then the residual. Whitened, weighted by the loss's weight at
-  // this point.
+  // Columns: those of Predict (heba/data/prediction.h), those of TargetShape::params if they are asked for, then the
+  // residual. Whitened, weighted by the loss's weight at this point.
   Eigen::MatrixXd factor;
   // Sum of rho less the weighted sum of squares, not negative: with it, the squared norm of the last column is the sum
   // of rho.
@@ -26,11 +26,12 @@ struct ViewReduction {
 };
 
 // Rows of ViewReduction::factor for a view.
-int NumReducedRows(const CameraModel& model, const Observations& observations);
+int NumReducedRows(const CameraModel& model, const Observations& observations, bool with_shape);
 
-// False if a point has no image from that pose.
+// False if a point has no image from that pose. With `shape` the points are where it puts them, and it is unknown too.
 bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-                const Observations& observations, double pixel_sigma_px, const Loss& loss, ViewReduction* reduction);
+                const Observations& observations, double pixel_sigma_px, const Loss& loss, ViewReduction* reduction,
+                const TargetShape* shape = nullptr);
 
 // Of each point, its squared residual after whitening (Observations::whitening), px^2. Nothing if a point has no image
 // from that pose.

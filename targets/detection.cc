@@ -67,4 +67,13 @@ Observations ObservationsOf(const Target& target, const Detection& detection) {
   return observations;
 }
 
+Observations AllPoints(const Target& target) {
+  Detection all;
+  for (const TargetPoint& point : target.points()) {
+    all.ids.push_back(point.id);
+    all.pixels.emplace_back(0, 0);
+  }
+  return ObservationsOf(target, all);
+}
+
 }  // namespace heba

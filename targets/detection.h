@@ -34,5 +34,7 @@ std::optional<Eigen::Vector2d> PixelOf(const TargetPoint& point, const Camera& c
 
 // The detected points with their places on the target.
 Observations ObservationsOf(const Target& target, const Detection& detection);
+// All of the target's points as a capture that sees them all has them; the pixels mean nothing.
+Observations AllPoints(const Target& target);
 
 }  // namespace heba

@@ -258,12 +258,14 @@ class EdgeSum {
   std::vector<double> steps_;
 };
 
-// The plane of a target in front of a camera.
-class PlaneView {
+// The sheet of a target in front of a camera. How it is bent counts for where it is seen, not for which of its sides
+// is: it hides no part of itself.
+class SheetView {
  public:
-  PlaneView(const Camera& camera, const Rigid3d& camera_from_target, const EdgeSum& sum)
+  SheetView(const Camera& camera, const Rigid3d& camera_from_target, const TargetShape& shape, const EdgeSum& sum)
       : camera_(camera),
         model_(camera.Model()),
+        shape_(shape),
         origin_(camera_from_target.translation),
         rotation_(camera_from_target.RotationMatrix()),
         facing_(origin_.dot(rotation_.col(2))) {
@@ -277,20 +279,29 @@ class PlaneView {
 
   // False if the point is not seen, or so far aside that it would fall where another ray's image is.
   bool Project(const Eigen::Vector2d& point_in_target, Eigen::Vector2d* pixel) {
-    const Eigen::Vector3d point_in_camera =
-        origin_ + point_in_target.x() * rotation_.col(0) + point_in_target.y() * rotation_.col(1);
+    const Eigen::Vector3d designed(point_in_target.x(), point_in_target.y(), 0);
+    const Eigen::Vector3d point_in_camera = origin_ + rotation_ * Shaped(designed, shape_);
     if (point_in_camera.z() < min_cosine_ * point_in_camera.norm()) return false;
     point_ = point_in_camera;
     if (!model_.Project(camera_.params.data(), point_, &pixel_, nullptr)) return false;
     *pixel = pixel_;
     return true;
   }
-  // Where the plane is hit; nothing behind the camera.
+  // Where the sheet is hit, as designed; nothing behind the camera.
   std::optional<Eigen::Vector2d> Hit(const Eigen::Vector3d& ray_in_camera) const {
     const double approach = ray_in_camera.dot(rotation_.col(2));
     if (approach * facing_ <= 0) return std::nullopt;
-    const Eigen::Vector3d point_in_target = rotation_.transpose() * (ray_in_camera * (facing_ / approach) - origin_);
-    return point_in_target.head<2>();
+    // The plane first, then at the height that the sheet has there.
+    Eigen::Vector3d designed = Eigen::Vector3d::Zero();
+    double height_m = 0;
+    constexpr int kNumSteps = 8;
+    for (int step = 0; step < kNumSteps; ++step) {
+      const double depth = (facing_ + height_m) / approach;
+      const Eigen::Vector3d point_in_target = rotation_.transpose() * (ray_in_camera * depth - origin_);
+      designed = {point_in_target.x() / shape_.params[0], point_in_target.y() / shape_.params[1], 0};
+      height_m = Shaped(designed, shape_).z();
+    }
+    return designed.head<2>();
   }
   SheetValue ValueAt(const DrawingEdges& drawing, const std::optional<Eigen::Vector3d>& ray_in_camera) const {
     if (!ray_in_camera || ray_in_camera->z() < min_cosine_) return {};
@@ -346,6 +357,7 @@ class PlaneView {
 
   const Camera& camera_;
   const CameraModel& model_;
+  TargetShape shape_;
   Eigen::Vector3d origin_;
   Eigen::Matrix3d rotation_;
   double facing_;
@@ -358,7 +370,7 @@ class PlaneView {
 // Projects edges into the image, in steps that a parabola follows.
 class EdgeTracer {
  public:
-  EdgeTracer(PlaneView& view, EdgeSum& sum) : view_(view), sum_(sum), low_(sum.low()), high_(sum.high()) {}
+  EdgeTracer(SheetView& view, EdgeSum& sum) : view_(view), sum_(sum), low_(sum.low()), high_(sum.high()) {}
 
   void Trace(const AlbedoEdge& edge) {
     edge_ = &edge;
@@ -408,7 +420,7 @@ class EdgeTracer {
     Trace(middle, last, depth + 1);
   }
 
-  PlaneView& view_;
+  SheetView& view_;
   EdgeSum& sum_;
   Eigen::Vector2d low_;
   Eigen::Vector2d high_;
@@ -416,7 +428,7 @@ class EdgeTracer {
 };
 
 // Where the distortion folds back within the image the sheet ends too.
-void AddFold(const DrawingEdges& drawing, PlaneView& view, EdgeSum& sum) {
+void AddFold(const DrawingEdges& drawing, SheetView& view, EdgeSum& sum) {
   constexpr int kNumSteps = 100000;
   Eigen::Vector2d last;
   bool last_seen = view.ProjectRay(view.LimitRay(0), &last);
@@ -444,7 +456,7 @@ Drawing SeenDrawing(const Drawing& drawing, double facing_m) {
 }
 
 // Points on the sheet's outline in the image.
-std::vector<Eigen::Vector2d> OutlinePx(const Drawing& drawing, PlaneView& view) {
+std::vector<Eigen::Vector2d> OutlinePx(const Drawing& drawing, SheetView& view) {
   std::vector<Eigen::Vector2d> outline_px;
   constexpr int kNumPlaces = 16;  // A side.
   for (int i = 0; i < 4 * kNumPlaces; ++i) {
@@ -511,6 +523,7 @@ std::string RenderOptions::Check() const {
   check(black_grey >= 0 && black_grey <= 255, "black_grey must be from 0 to 255");
   check(white_grey >= 0 && white_grey <= 255, "white_grey must be from 0 to 255");
   check(light_gradient >= 0 && light_gradient < 1, "light_gradient must be at least 0 and less than 1");
+  check(shape.params[0] > 0 && shape.params[1] > 0, "the scales of shape must be greater than zero");
   check(background_albedo >= 0 && background_albedo <= 1, "background_albedo must be from 0 to 1");
   return Join(faults, "\n");
 }
@@ -520,7 +533,7 @@ cv::Mat RenderView(const Drawing& drawing, const Camera& camera, const Rigid3d& 
   CHECK(options.Check().empty()) << options.Check();
   const PixelKernel kernel(options.blur_sigma_px);
   EdgeSum sum(camera.width_px, camera.height_px, kernel);
-  PlaneView view(camera, camera_from_target, sum);
+  SheetView view(camera, camera_from_target, options.shape, sum);
   const DrawingEdges seen(SeenDrawing(drawing, view.facing_m()));
 
   SheetValue corner;

@@ -7,6 +7,7 @@
 #include <opencv2/core/mat.hpp>
 
 #include "heba/camera/camera.h"
+#include "heba/data/target_shape.h"
 #include "heba/geometry/rigid3.h"
 #include "targets/drawing.h"
 
@@ -25,6 +26,7 @@ struct RenderOptions {
   double light_gradient = 0;
   double background_albedo = 0.35;  // Around the sheet, without clutter.
   bool clutter = false;             // Random shapes around the sheet.
+  TargetShape shape;                // Of the sheet in space.
   GreyDepth depth = GreyDepth::k8Bit;
   uint64_t seed = 0;  // Of noise, light and clutter.
   // Every violated constraint, one a line; empty if the options are valid.

@@ -56,6 +56,7 @@ CalibrationOptions OptionsOf(const RunConfig& config, int width_px, int height_p
   options.width_px = width_px;
   options.height_px = height_px;
   options.symmetries = config.target->Symmetries();
+  options.shape = DesignedShape(AllPoints(*config.target).points_in_target);
   return options;
 }
 
@@ -110,9 +111,9 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
   refined.hand_eye = refined.solution->hand_eye;
   refined.camera = refined.solution->camera;
   // The refined camera sees the target elsewhere than the one that the closed forms had.
-  refined.errors =
-      EvaluateEstimate(refined.hand_eye, refined.camera, calibration.views,
-                       PairsAsSeen(refined.camera, refined.hand_eye, calibration.views), truth, symmetries);
+  const std::vector<View> shaped = Shaped(calibration.views, refined.solution->shape);
+  refined.errors = EvaluateEstimate(refined.hand_eye, refined.camera, shaped,
+                                    PairsAsSeen(refined.camera, refined.hand_eye, shaped), truth, symmetries);
   estimates.push_back(std::move(refined));
   for (Estimate& estimate : estimates) {
     for (const HoldOut& hold_out : hold_outs) {
@@ -134,7 +135,7 @@ std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target,
   const bool z_out = target.Draw().y_up;
   const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d(0, 0, z_out ? -1 : 1);
   for (const TargetPoint& point : target.points()) {
-    const Eigen::Vector3d in_camera = camera_from_target * point.in_target;
+    const Eigen::Vector3d in_camera = camera_from_target * Shaped(point.in_target, solution.shape);
     std::optional<Eigen::Vector2d> pixel = ProjectPoint(solution.camera, in_camera);
     // From behind there is nothing to see; and strong distortion folds far rays back into the picture.
     const bool is_visible = pixel && normal.dot(in_camera) > 0 && pixel->x() >= kRimPx && pixel->y() >= kRimPx &&
@@ -160,7 +161,8 @@ bool LookAgain(const RunConfig& config, const Calibration& calibration, int num_
   // A board without ids is found whole or not at all.
   if (config.target->Symmetries().size() > 1) return false;
   const Solution& solution = *calibration.refined;
-  const std::optional<SquaredErrors> errors = ReprojectionErrors(solution.hand_eye, solution.camera, calibration.views);
+  const std::optional<SquaredErrors> errors =
+      ReprojectionErrors(solution.hand_eye, solution.camera, Shaped(calibration.views, solution.shape));
   if (!errors) return false;
   constexpr double kMinTolerancePx = 2;
   constexpr double kToleranceRatio = 4;  // Of the captures' RMS, the robot's noise included.
@@ -218,7 +220,7 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
       result.used = true;
       const std::optional<SquaredErrors> errors =
           ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
-                     view->observations);
+                     Shaped(view->observations, solution.shape));
       if (errors) result.rms_px = errors->RmsPx();
       const auto index = static_cast<size_t>(view - calibration.views.begin());
       result.num_rejected = static_cast<int>(solution.rejected_ids[index].size());

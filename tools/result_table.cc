@@ -40,6 +40,26 @@ std::string PoseLine(const Rigid3d& pose) {
   return "[" + Join(t, ", ") + "] mm, quaternion xyzw [" + Join(q, ", ") + "]";
 }
 
+// Of the target, if its shape was an unknown.
+std::string ShapeLine(const Solution& solution) {
+  const auto sigma = [&](size_t i) {
+    const std::vector<std::string>& names = solution.covariance.names;
+    const auto found = std::find(names.begin(), names.end(), "target." + std::string(kTargetShapeParamNames[i]));
+    if (found == names.end()) return std::string();
+    const Eigen::Index row = found - names.begin();
+    return Significant((i < 2 ? 1 : 1000) * std::sqrt(solution.covariance.matrix(row, row)), 2);
+  };
+  std::vector<std::string> parts;
+  for (size_t i = 0; i < solution.shape.params.size(); ++i) {
+    if (sigma(i).empty()) continue;
+    const bool is_scale = i < 2;
+    parts.push_back(std::string(is_scale ? "scale" : "bend") + (i % 2 == 0 ? " x " : " y ") +
+                    Fixed((is_scale ? 1 : 1000) * solution.shape.params[i], is_scale ? 5 : 3) +
+                    (is_scale ? "" : " mm") + " (one sigma " + sigma(i) + ")");
+  }
+  return parts.empty() ? "" : "target: " + Join(parts, ", ") + "\n";
+}
+
 std::string NoiseLine(const Solution& solution, const std::optional<double>& holdout_chi2) {
   std::string line = "pixel noise " + Significant(solution.pixel_sigma_px, 3) + " px a coordinate";
   if (solution.robot_noise) {
@@ -126,6 +146,7 @@ std::string ResultTable(const RunResult& result, Colour colour) {
   table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera\n  " +
            PoseLine(refined->hand_eye.camera_mount_from_camera) + "\n  " + Uncertainty(*refined->solution) + "\n";
   table += NoiseLine(*refined->solution, refined->errors.holdout_chi2);
+  table += ShapeLine(*refined->solution);
   for (const std::string& remark : refined->solution->remarks) table += "remark: " + remark + "\n";
   return table;
 }

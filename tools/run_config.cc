@@ -224,6 +224,21 @@ void ReadIntrinsicsPrior(MapReader* refine, RunConfig* config) {
   config->bundle.camera_prior = CameraPrior{config->camera->params, *sigmas};
 }
 
+// What of the target's shape is unknown too.
+void ReadFreeShape(MapReader* refine, RunConfig* config) {
+  const std::vector<std::string> names(kTargetShapeGroupNames.begin(), kTargetShapeGroupNames.end());
+  YAML::Node groups(YAML::NodeType::Sequence);
+  if (const std::optional<ConfigValue> free = refine->Find("target_shape")) {
+    for (const ConfigValue& item : free->AsList()) {
+      const std::string name = item.AsChoice(names);
+      const auto index = std::find(names.begin(), names.end(), name) - names.begin();
+      config->bundle.free_shape.push_back(static_cast<TargetShapeGroup>(index));
+      groups.push_back(name);
+    }
+  }
+  refine->Record("target_shape", groups);
+}
+
 void ReadRefine(MapReader& root, RunConfig* config) {
   YAML::Node empty(YAML::NodeType::Map);
   const std::optional<ConfigValue> value = root.Find("refine");
@@ -242,6 +257,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
     groups.push_back(std::string(kParameterGroupNames[static_cast<size_t>(group)]));
   }
   reader.Record("intrinsics", groups);
+  ReadFreeShape(&reader, config);
   if (const std::optional<ConfigValue> noise = reader.Find("robot_noise")) ReadRobotNoise(*noise, &reader, config);
   const std::optional<ConfigValue> pixel_noise = reader.Find("pixel_noise");
   if (pixel_noise && !(pixel_noise->IsText() && pixel_noise->node().Scalar() == "auto")) {

@@ -61,6 +61,11 @@ SceneConfig ReadScene(const ConfigValue& value) {
   scene.image.clutter = image.Bool("clutter", scene.image.clutter);
   scene.image.depth = image.Int("bits", {8, 16}, 8) == 16 ? GreyDepth::k16Bit : GreyDepth::k8Bit;
   image.Finish();
+  MapReader print = SubReader(reader, "print");
+  scene.image.shape = DesignedShape(AllPoints(*scene.target).points_in_target);
+  scene.image.shape.params = {print.Number("scale_x", 1.0), print.Number("scale_y", 1.0), print.Length("bend_x", 0.0),
+                              print.Length("bend_y", 0.0)};
+  print.Finish();
   const std::string image_faults = scene.image.Check();
   if (!image_faults.empty()) image.value().Fail(image_faults);
 
@@ -74,15 +79,6 @@ SceneConfig ReadScene(const ConfigValue& value) {
   scene.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
   reader.Finish();
   return scene;
-}
-
-Observations AllPoints(const Target& target) {
-  Detection all;
-  for (const TargetPoint& point : target.points()) {
-    all.ids.push_back(point.id);
-    all.pixels.emplace_back(0, 0);
-  }
-  return ObservationsOf(target, all);
 }
 
 Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng* rng) {

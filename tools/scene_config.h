@@ -39,8 +39,6 @@ SceneConfig ReadSceneConfig(const std::filesystem::path& path);
 // The same of a mapping within another file.
 SceneConfig ReadScene(const ConfigValue& value);
 
-// The target's points as a capture that sees all of it has them; without pixels.
-Observations AllPoints(const Target& target);
 // The two-step method's captures, if the scene has them, then the free ones. A Failure if they do not fit the image.
 Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng* rng);
 

@@ -7,6 +7,7 @@
 #include "heba/config/yaml_reader.h"
 #include "solvers/hand_eye_method.h"
 #include "solvers/loss.h"
+#include "targets/detection.h"
 #include "tools/scene_config.h"
 
 namespace heba {

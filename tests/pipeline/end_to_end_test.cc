@@ -147,6 +147,30 @@ TEST_P(NoisyTest, ErrorLiesWithinTheStatedCovariance) {
 INSTANTIATE_TEST_SUITE_P(SetupsAndTargets, NoisyTest, testing::ValuesIn(kSetupsAndTargets),
                          [](const auto& test) { return test.param.name; });
 
+// A sheet that the printer stretched by 0.1 % and that stands 0.5 mm off its backing in the middle.
+TEST(TargetShapeTest, PrintScaleAndBendAreFound) {
+  const fs::path folder = TestFolder("target_shape");
+  const std::string scene = SceneText("eye_to_hand", kAprilTags, 2, 15) +
+                            "print: {scale_x: 1.001, scale_y: 1.001, bend_x: 0.5 mm}\ngive_camera: false\n";
+  const Json designed = Calibrate(folder, scene, "");
+  ASSERT_FALSE(designed.is_null());
+  EXPECT_THAT(Bundle(designed)["solve"]["remarks"].dump(), testing::HasSubstr("not as designed"));
+  EXPECT_TRUE(Bundle(designed)["target_shape"].is_null());
+  fs::remove_all(folder / "data");
+  fs::remove_all(folder / "run");
+  const Json result = Calibrate(folder, scene, "refine: {target_shape: [scale, bend]}\n");
+  ASSERT_FALSE(result.is_null());
+  const Json bundle = Bundle(result);
+  const Json& shape = bundle["target_shape"];
+  EXPECT_NEAR(shape["scale_x"].get<double>(), 1.001, 1e-4);
+  EXPECT_NEAR(shape["scale_y"].get<double>(), 1.001, 1e-4);
+  EXPECT_NEAR(shape["bend_x_m"].get<double>(), 5e-4, 2e-5);
+  EXPECT_NEAR(shape["bend_y_m"].get<double>(), 0, 2e-5);
+  EXPECT_LT(bundle["errors"]["truth"]["hand_eye_mm"].get<double>(), 0.05);
+  EXPECT_GT(Bundle(designed)["errors"]["truth"]["hand_eye_mm"].get<double>(), 0.2);
+  fs::remove_all(folder);
+}
+
 // The same robot poses and camera with another target: two configs that differ in `target` alone.
 TEST(SwapTest, AnotherTargetIsOneLine) {
   const fs::path folder = TestFolder("swap");

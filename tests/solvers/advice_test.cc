@@ -39,8 +39,7 @@ TEST(AdviceTest, NamesWhatIsKnownWorstAndWhatWouldCureIt) {
                                                        testing::HasSubstr("nearer and farther would make it "))));
 }
 
-// What the advice promises comes true: two captures as it says, and the covariance is as it said.
-TEST(AdviceTest, KeepsItsPromise) {
+TEST(AdviceTest, ManyTiltedCapturesNeedLess) {
   TestSceneOptions options;
   options.noise_px = 0.3;
   options.points = GridPoints(2, 2, 0.04);
@@ -68,8 +67,35 @@ TEST(AdviceTest, SpeaksOfANoisyRobotThatIsTakenAsExact) {
     const Problem problem{scene.camera, scene.views};
     const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
     ASSERT_TRUE(solution.ok()) << solution.reason();
-    const std::string advice = AdviseOnRobot(problem, *solution, FreeOf(scene.camera.Model(), {}));
+    const std::string advice = AdviseOnRobot(problem, *solution, FreeOf(scene.camera.Model(), bundle));
     EXPECT_EQ(advice.find("refine.robot_noise: auto") != std::string::npos, is_noisy) << advice;
+  }
+}
+
+// Neither pixels nor a noisy robot pass for a bent or stretched target, and neither hides one.
+TEST(AdviceTest, SpeaksOfATargetThatIsNotAsDesigned) {
+  for (const bool is_noisy : {false, true}) {
+    for (const bool is_made_well : {false, true}) {
+      TestSceneOptions options;
+      options.noise_px = 0.1;
+      options.num_captures = 20;
+      options.robot_translation_m = is_noisy ? 2e-4 : 0;
+      options.robot_rotation_rad = is_noisy ? 4e-4 : 0;
+      if (!is_made_well) options.shape = {1.001, 1.001, 5e-4, 0};
+      for (uint64_t seed = 1; seed <= 10; ++seed) {
+        const TestScene scene = MakeTestScene(seed, options);
+        BundleOptions bundle;
+        bundle.free_intrinsics = {};
+        const Problem problem{scene.camera, scene.views, options.setup, DesignedShape(options.points)};
+        const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
+        ASSERT_TRUE(solution.ok()) << solution.reason();
+        const std::string advice = AdviseOnTarget(problem, *solution, FreeOf(scene.camera.Model(), bundle));
+        EXPECT_EQ(advice.empty(), is_made_well) << advice;
+        if (!is_made_well && !is_noisy) {
+          EXPECT_THAT(advice, testing::HasSubstr("refine.target_shape: [scale, bend]"));
+        }
+      }
+    }
   }
 }
 

@@ -1,6 +1,7 @@
 // Simulated problems for tests: everything from a seed.
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -42,7 +43,8 @@ struct TestScene {
 struct TestSceneOptions {
   int num_captures = 15;
   double noise_px = 0;
-  Points3 points = GridPoints(8, 6, 0.03);
+  Points3 points = GridPoints(8, 6, 0.03);                                   // As designed; the views have these.
+  std::array<double, TargetShape::kNumParams> shape = TargetShape().params;  // As made.
   Camera camera = TestCamera();
   Setup setup = Setup::kEyeToHand;
   double max_tilt_rad = 0.6;
@@ -78,10 +80,18 @@ inline TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options = 
     const Outcome<std::vector<Rigid3d>> free = SimulatePoses(scene.camera, options.points, false, motion, &rng);
     for (const Rigid3d& camera_from_target : *free) poses.push_back({"", camera_from_target});
   }
+  TargetShape made = DesignedShape(options.points);
+  made.params = options.shape;
+  Points3 made_points = options.points;
+  for (Eigen::Index i = 0; i < made_points.cols(); ++i) {
+    const Eigen::Vector3d designed = options.points.col(i);
+    made_points.col(i) = Shaped(designed, made);
+  }
   for (const auto& [role, camera_from_target] : poses) {
     const Rigid3d mount = CameraMountFromTargetMount(scene.hand_eye, camera_from_target);
     scene.views.push_back(*SimulateView("view_" + std::to_string(scene.views.size()), scene.camera, scene.hand_eye,
-                                        mount, options.points, options.noise_px, &rng));
+                                        mount, made_points, options.noise_px, &rng));
+    scene.views.back().observations.points_in_target = options.points;
     scene.views.back().role = role;
     scene.pairs.push_back({mount, camera_from_target, role, std::nullopt});
     Tangent6 error;

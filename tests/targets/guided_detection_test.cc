@@ -11,7 +11,10 @@ namespace {
 class ScriptedTarget final : public Target {
  public:
   explicit ScriptedTarget(Detection in_whole_picture) : found_(std::move(in_whole_picture)) {
-    for (int id = 0; id < 4; ++id) points_.push_back({id, {0.1 * (id % 2), 0.1 * (id / 2), 0}});
+    for (int id = 0; id < 4; ++id) {
+      const int row = id / 2;
+      points_.push_back({id, {0.1 * (id % 2), 0.1 * row, 0}});
+    }
   }
   std::string_view type() const override { return "scripted"; }
   const std::vector<TargetPoint>& points() const override { return points_; }

@@ -73,7 +73,9 @@ std::string Quoted(std::string_view text) {
 std::string Fixed(double value, int decimals) {
   char buffer[512];
   std::snprintf(buffer, sizeof(buffer), "%.*f", decimals, value);
-  return buffer;
+  // What rounds to zero has no sign.
+  const bool is_zero = std::string_view(buffer).find_first_not_of("-0.") == std::string_view::npos;
+  return is_zero && buffer[0] == '-' ? buffer + 1 : buffer;
 }
 
 std::string Significant(double value, int digits) {

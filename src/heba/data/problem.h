@@ -6,6 +6,7 @@
 
 #include "heba/camera/camera.h"
 #include "heba/data/setup.h"
+#include "heba/data/target_shape.h"
 #include "heba/geometry/rigid3.h"
 
 namespace heba {
@@ -39,6 +40,8 @@ struct Problem {
   std::vector<View> views;
   // Where the gripper is in the chain: the robot's noise, if it is modelled, acts in its frame.
   Setup setup = Setup::kEyeToHand;
+  // Of which the views' points are as designed.
+  TargetShape shape = {};
 };
 
 // The unknowns. hand_eye in results is camera_mount_from_camera, board is target_mount_from_target.

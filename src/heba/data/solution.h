@@ -14,7 +14,8 @@ namespace heba {
 
 // One-sigma covariance of the free parameters, in the order of `names`: "hand_eye.tx_m" ... "hand_eye.rz_rad",
 // "board.tx_m" ... "board.rz_rad", then "camera.fx" ... The tangents are those of camera_mount_from_camera and of
-// target_mount_from_target, translation before rotation, in the child frame: T * exp(xi).
+// target_mount_from_target, translation before rotation, in the child frame: T * exp(xi). Last, where the target's
+// shape was free: "target.scale_x", "target.scale_y", "target.bend_x_m", "target.bend_y_m".
 struct Covariance {
   std::vector<std::string> names;
   Eigen::MatrixXd matrix;
@@ -39,6 +40,8 @@ struct Convergence {
 struct Solution {
   HandEye hand_eye;
   Camera camera;
+  // As designed, if no part of it was free. The points of the problem's views are as designed in either case.
+  TargetShape shape;
   // Per coordinate; estimated from the residuals or as given.
   double pixel_sigma_px = 0;
   // Of that, what the detectors do not know of by themselves (solvers/noise_scale.h); nothing if they say nothing.

@@ -62,6 +62,21 @@ Json CameraSigmaJson(const Camera& camera, const Covariance& covariance) {
   return json;
 }
 
+// What was found of the target's shape, or null if it was taken as designed.
+Json ShapeJson(const TargetShape& shape, const Covariance& covariance) {
+  Json json;
+  Json sigmas;
+  bool is_free = false;
+  for (size_t i = 0; i < shape.params.size(); ++i) {
+    const std::string name(kTargetShapeParamNames[i]);
+    json[name] = shape.params[i];
+    sigmas[name] = SigmaOf(covariance, "target." + name);
+    is_free = is_free || !sigmas[name].is_null();
+  }
+  json["std"] = sigmas;
+  return is_free ? json : Json(nullptr);
+}
+
 Json TruthErrorsJson(const std::optional<TruthErrors>& errors) {
   if (!errors) return nullptr;
   Json json;
@@ -126,6 +141,7 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
     json["camera"]["std"] =
         solution != nullptr ? CameraSigmaJson(estimate.camera, solution->covariance) : Json(nullptr);
   }
+  json["target_shape"] = solution != nullptr ? ShapeJson(solution->shape, solution->covariance) : Json(nullptr);
   json["errors"] = ErrorsJson(estimate.errors);
   json["covariance"] = nullptr;
   json["solve"] = nullptr;

@@ -1,0 +1,62 @@
+#include "heba/data/target_shape.h"
+
+#include "heba/data/problem.h"
+
+namespace heba {
+namespace {
+
+// 1 in the target's middle, 0 at its edges; a target without extent is not bent.
+Eigen::Array2d Arch(const Eigen::Vector2d& point, const TargetShape& shape) {
+  Eigen::Array2d arch = Eigen::Array2d::Zero();
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    if (!(shape.half_size_m[i] > 0)) continue;
+    const double place = (point[i] - shape.middle_m[i]) / shape.half_size_m[i];
+    arch[i] = 1 - place * place;
+  }
+  return arch;
+}
+
+}  // namespace
+
+TargetShape DesignedShape(const Points3& points_in_target) {
+  TargetShape shape;
+  if (points_in_target.cols() == 0) return shape;
+  const Eigen::Vector2d low = points_in_target.topRows<2>().rowwise().minCoeff();
+  const Eigen::Vector2d high = points_in_target.topRows<2>().rowwise().maxCoeff();
+  shape.middle_m = 0.5 * (low + high);
+  shape.half_size_m = 0.5 * (high - low);
+  return shape;
+}
+
+Eigen::Vector3d Shaped(const Eigen::Vector3d& point, const TargetShape& shape) {
+  const Eigen::Array2d arch = Arch(point.head<2>(), shape);
+  return {shape.params[0] * point.x(), shape.params[1] * point.y(),
+          point.z() + shape.params[2] * arch[0] + shape.params[3] * arch[1]};
+}
+
+Eigen::Matrix<double, 3, TargetShape::kNumParams> ShapedByParams(const Eigen::Vector3d& point,
+                                                                 const TargetShape& shape) {
+  const Eigen::Array2d arch = Arch(point.head<2>(), shape);
+  Eigen::Matrix<double, 3, TargetShape::kNumParams> by_params;
+  by_params << point.x(), 0, 0, 0,  //
+      0, point.y(), 0, 0,           //
+      0, 0, arch[0], arch[1];
+  return by_params;
+}
+
+Observations Shaped(const Observations& observations, const TargetShape& shape) {
+  Observations shaped = observations;
+  for (Eigen::Index i = 0; i < shaped.size(); ++i) {
+    const Eigen::Vector3d designed = observations.points_in_target.col(i);
+    shaped.points_in_target.col(i) = Shaped(designed, shape);
+  }
+  return shaped;
+}
+
+std::vector<View> Shaped(const std::vector<View>& views, const TargetShape& shape) {
+  std::vector<View> shaped = views;
+  for (View& view : shaped) view.observations = Shaped(view.observations, shape);
+  return shaped;
+}
+
+}  // namespace heba
