@@ -82,10 +82,11 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
                          const std::vector<PosePair>& pairs) {
   if (!solution) return {method, false, {}, 0, {}, {}, {}};
   TrialEstimate estimate = EstimateOf(cell, method, Outcome<HandEye>(solution->hand_eye), pairs);
-  estimate.error = ErrorOf(cell, solution->hand_eye, &solution->camera);
   const Eigen::MatrixXd& covariance = solution->covariance.matrix;
   // The chain knows nothing of intrinsics.
-  estimate.error.conservativeResize(covariance.rows());
+  constexpr Eigen::Index kNumPoseUnknowns = 12;
+  estimate.error =
+      ErrorOf(cell, solution->hand_eye, covariance.rows() > kNumPoseUnknowns ? &solution->camera : nullptr);
   const double dof = static_cast<double>(covariance.rows());
   const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::VectorXd scaled_error = scale.cwiseProduct(estimate.error);

@@ -94,6 +94,9 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
       ReadList<std::string>(reader, "robot_model", {"exact"}, [](const ConfigValue& value) {
         return value.AsChoice({"exact", "given", "auto"});
       });
+  // Left out, each scene says it.
+  std::optional<bool> give_camera;
+  if (reader.Has("give_camera")) give_camera = reader.Bool("give_camera", true);
   CalibrationOptions options;
   if (const std::optional<ConfigValue> methods = reader.Find("methods")) {
     for (const ConfigValue& item : methods->AsList()) options.methods.push_back(item.AsChoice(HandEyeMethodNames()));
@@ -147,7 +150,7 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
       cell.options.camera_model = scene.camera.model;
       cell.options.width_px = scene.camera.width_px;
       cell.options.height_px = scene.camera.height_px;
-      if (scene.give_camera) cell.options.camera = scene.camera;
+      if (give_camera.value_or(scene.give_camera)) cell.options.camera = scene.camera;
       for (const double pixel_sigma_px : pixel_sigmas) {
         for (const RobotNoise& robot_noise : robot_noises) {
           for (const double outlier_points : outliers) {

@@ -113,5 +113,17 @@ TEST_P(StudyTest, ATrialFollowsFromItsNumber) {
 INSTANTIATE_TEST_SUITE_P(Setups, StudyTest, testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
                          [](const auto& test) { return std::string(SetupName(test.param)); });
 
+TEST(StudyIntrinsicsTest, ErrorsAreThoseOfWhatEachMethodEstimates) {
+  StudyCell cell = MakeCell(Setup::kEyeToHand, 0.1, {});
+  cell.options.bundle.free_intrinsics = {ParameterGroup::kFocal};
+  cell.options.camera.reset();
+  cell.options.width_px = cell.camera.width_px;
+  cell.options.height_px = cell.camera.height_px;
+  for (const TrialEstimate& estimate : RunTrial(cell, 1, 0)) {
+    EXPECT_TRUE(estimate.ok) << estimate.method;
+    EXPECT_EQ(estimate.error.size(), estimate.method == "bundle" ? 14 : 12) << estimate.method;
+  }
+}
+
 }  // namespace
 }  // namespace heba
