@@ -11,6 +11,7 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
+#include "tools/flags.h"
 
 namespace heba {
 
@@ -113,6 +114,8 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
     if (info.type == "bool" && value != "true" && value != "false") {
       throw InputError("--" + name + " is true or false, not '" + value + "'");
     }
+    constexpr std::string_view kRepeatable = "set";
+    if (name == kRepeatable && !info.current_value.empty()) value = info.current_value + kSettingSeparator + value;
     if (info.type == "string" && value.empty()) throw InputError("--" + name + " needs a value");
     CHECK(!gflags::SetCommandLineOption(name.c_str(), value.c_str()).empty());
   }

@@ -1,14 +1,19 @@
 #include "tools/flags.h"
 
+#include <cmath>
+
 #include <gflags/gflags.h>
 
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
+#include "heba/base/text.h"
 
 DEFINE_string(out, "", "where the results go");
 DEFINE_int32(jobs, 0, "threads to use; 0 for one a processor");
 DEFINE_bool(quiet, false, "no progress and no table");
 DEFINE_string(shard, "", "I/N: the part I, from 0 to N - 1, of N");
+DEFINE_string(set, "", "KEY=VALUE counts more than the config, such as refine.loss=none; may stand several times");
+DEFINE_bool(resume, false, "skip runs that are complete and whose inputs have not changed");
 DEFINE_double(dpi, 300, "resolution of a .png sheet");
 
 namespace heba {
@@ -16,6 +21,24 @@ namespace heba {
 int NumThreads() {
   if (FLAGS_jobs < 0) throw InputError("--jobs must not be negative");
   return FLAGS_jobs == 0 ? NumProcessors() : FLAGS_jobs;
+}
+
+std::vector<std::string> Settings() {
+  return FLAGS_set.empty() ? std::vector<std::string>() : Split(FLAGS_set, kSettingSeparator);
+}
+
+Shard ParseShard() {
+  if (FLAGS_shard.empty()) return {};
+  const size_t slash = FLAGS_shard.find('/');
+  double index = 0;
+  double count = 0;
+  const bool is_number = slash != std::string::npos && ParseDouble(FLAGS_shard.substr(0, slash), &index) &&
+                         ParseDouble(FLAGS_shard.substr(slash + 1), &count);
+  const bool is_whole = index == std::floor(index) && count == std::floor(count) && count <= 1e6;
+  if (!is_number || !is_whole || count < 1 || index < 0 || index >= count) {
+    throw InputError("--shard needs I/N with I from 0 to N - 1, not '" + FLAGS_shard + "'");
+  }
+  return {static_cast<int>(index), static_cast<int>(count)};
 }
 
 }  // namespace heba

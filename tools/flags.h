@@ -1,6 +1,9 @@
 // Every flag of the program; commands.def says which command takes which.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include <gflags/gflags_declare.h>
 
 DECLARE_string(out);
@@ -8,10 +11,25 @@ DECLARE_int32(jobs);
 DECLARE_bool(quiet);
 DECLARE_double(dpi);
 DECLARE_string(shard);
+DECLARE_string(set);
+DECLARE_bool(resume);
 
 namespace heba {
 
+// Between several values of a flag that may stand more than once.
+inline constexpr char kSettingSeparator = '\n';
+
 // The number of threads that --jobs asks for.
 int NumThreads();
+
+// What every --set said, in order.
+std::vector<std::string> Settings();
+
+// The part of the work that --shard asks for: index, from 0, of count; 0 of 1 without it.
+struct Shard {
+  int index = 0;
+  int count = 1;
+};
+Shard ParseShard();
 
 }  // namespace heba

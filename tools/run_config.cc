@@ -108,7 +108,7 @@ void ReadCaptures(MapReader& root, RunConfig* config) {
   const ConfigValue poses_value = reader.Get("poses");
   const fs::path poses_file = reader.Path("poses");
   PoseFormat format = *FindPoseFormat("ros");
-  if (const std::optional<ConfigValue> value = reader.Find("pose_format")) format = ReadPoseFormat(*value);
+  if (const std::optional<ConfigValue> value = reader.Find("pose_format")) format = ReadPoseFormat(value->Top());
   reader.Record("pose_format", PoseFormatNode(format));
   if (const std::optional<ConfigValue> units = reader.Find("units")) {
     format = WithUnits(format, *units);
@@ -287,18 +287,21 @@ void ReadEvaluate(MapReader& root, RunConfig* config) {
 }  // namespace
 
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key) {
-  const ConfigValue value = reader.Get(key);
+  // A target that says what it is replaces the one below: another type has other keys.
+  const ConfigValue all = reader.Get(key);
+  const bool is_whole = !all.IsMap() || all.node()["type"] || all.node()["target_type"];
+  const ConfigValue value = is_whole ? all.Top() : all;
   MapReader target_reader(value.IsMap() ? value : ReadYamlFile(value.AsPath()));
   std::shared_ptr<const Target> target = CreateTarget(target_reader);
   reader.Record(key, target_reader.used());
   return target;
 }
 
-RunConfig ReadRunConfig(const fs::path& path) {
+RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& settings) {
   RunConfig config;
   config.file = path;
-  const ConfigValue value = ReadYamlFile(path);
-  MapReader reader(value);
+  const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
+  MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
   config.name = reader.Text("name", path.stem().string());
   if (config.name.find('/') != std::string::npos || config.name == "." || config.name == "..") {
     reader.Get("name").Fail("'" + config.name + "' cannot name a folder");

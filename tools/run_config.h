@@ -33,8 +33,9 @@ struct RunConfig {
   std::string used;  // The config as used, every default filled in, as YAML.
 };
 
-// Reads the config and what it names, the pictures excepted. InputError on any fault.
-RunConfig ReadRunConfig(const std::filesystem::path& path);
+// Reads the config, the files that it is based on and what they name, the pictures excepted. `settings` (--set) count
+// more than the files. InputError on any fault.
+RunConfig ReadRunConfig(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
 
 // Reads a target from a mapping, or from the file that a path names; `reader` records it for the config as used.
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);

@@ -238,5 +238,61 @@ TEST(PoseYaml, ReadsRollPitchYaw) {
       HasSubstr("a.yaml:1: rotation: the quaternion's length is not 1"));
 }
 
+TEST(LayersTest, UpperKeysCountAndMappingsGoOnBelow) {
+  const ConfigValue upper = ParseYaml("{refine: {loss: none}, name: upper}", "a/upper.yaml");
+  const ConfigValue lower = ParseYaml("{refine: {loss: huber, folds: 3}, poses: poses.csv}", "b/lower.yaml");
+  MapReader reader(ConfigValue::Stack({upper, lower}));
+  MapReader refine(reader.Get("refine"));
+  EXPECT_EQ(refine.Text("loss"), "none");
+  EXPECT_EQ(refine.Int("folds", {0, 9}), 3);
+  refine.Finish();
+  EXPECT_EQ(reader.Text("name"), "upper");
+  // Relative to the file that it stands in.
+  EXPECT_EQ(reader.Get("poses").AsPath(), "b/poses.csv");
+  reader.Finish();
+}
+
+TEST(LayersTest, AnEmptyKeyTakesAwayWhatLiesBelow) {
+  const ConfigValue upper = ParseYaml("{truth: ~, refine: ~}", "upper.yaml");
+  const ConfigValue lower = ParseYaml("{truth: truth.json, refine: {loss: huber}}", "lower.yaml");
+  MapReader reader(ConfigValue::Stack({upper, lower}));
+  EXPECT_FALSE(reader.Has("truth"));
+  EXPECT_FALSE(reader.Has("refine"));
+}
+
+TEST(LayersTest, FaultsNameTheFileThatTheyStandIn) {
+  const ConfigValue upper = ParseYaml("{a: 1}", "upper.yaml");
+  const ConfigValue lower = ParseYaml("{a: 2,\n b: x,\n c: 3}", "lower.yaml");
+  MapReader reader(ConfigValue::Stack({upper, lower}));
+  reader.Int("a", {0, 9});
+  EXPECT_THAT(InputErrorOf([&] { reader.Int("b", {0, 9}); }), StartsWith("lower.yaml:2: b: "));
+  EXPECT_THAT(InputErrorOf([&] { reader.Finish(); }), StartsWith("lower.yaml:3: unknown key 'c'"));
+}
+
+TEST(LayersTest, BasesAreReadAndWhatIsOwnIsNotTaken) {
+  const TempFolder folder;
+  std::ofstream(folder / "one.yaml") << "{base: two.yaml, a: 1}";
+  std::ofstream(folder / "two.yaml") << "{base: three.yaml, a: 2, b: 2, name: two}";
+  std::ofstream(folder / "three.yaml") << "{b: 3, c: 3}";
+  std::ofstream(folder / "loop.yaml") << "{base: loop.yaml}";
+  MapReader reader(ReadYamlFileOverBases(folder / "one.yaml", {"name"}));
+  EXPECT_EQ(reader.Int("a", {0, 9}), 1);
+  EXPECT_EQ(reader.Int("b", {0, 9}), 2);
+  EXPECT_EQ(reader.Int("c", {0, 9}), 3);
+  EXPECT_FALSE(reader.Has("name"));
+  reader.Finish();
+  EXPECT_THAT(InputErrorOf([&] { ReadYamlFileOverBases(folder / "loop.yaml", {}); }),
+              HasSubstr("cannot be its own base"));
+}
+
+TEST(LayersTest, SettingsAreMappings) {
+  MapReader reader(ParseSettings({"refine.loss=none", "refine.free=[a, b]", "folds=4"}));
+  MapReader refine(reader.Get("refine"));
+  EXPECT_EQ(refine.Text("loss"), "none");
+  EXPECT_EQ(refine.Get("free").AsList().size(), 2U);
+  EXPECT_EQ(reader.Int("folds", {0, 9}), 4);
+  EXPECT_THAT(InputErrorOf([] { ParseSettings({"=1"}); }), HasSubstr("needs KEY=VALUE"));
+}
+
 }  // namespace
 }  // namespace heba

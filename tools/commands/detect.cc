@@ -44,7 +44,7 @@ std::optional<Points2> FitResiduals(const std::optional<Camera>& camera, const O
 
 int RunCommand_detect(const std::vector<std::string>& arguments) {
   namespace fs = std::filesystem;
-  RunConfig config = ReadRunConfig(arguments[0]);
+  RunConfig config = ReadRunConfig(arguments[0], Settings());
   const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
   const fs::path output =
       FLAGS_out.empty() ? fs::absolute(arguments[0]).parent_path() / "detections" / config.name : fs::path(FLAGS_out);

@@ -14,7 +14,7 @@ namespace {
 int RunOne(const std::string& config_path, bool one_of_many) {
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
   try {
-    const RunConfig config = ReadRunConfig(config_path);
+    const RunConfig config = ReadRunConfig(config_path, Settings());
     std::filesystem::path output = config.output;
     if (!FLAGS_out.empty()) {
       output = std::filesystem::absolute(FLAGS_out);

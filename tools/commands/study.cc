@@ -14,23 +14,9 @@
 namespace heba {
 namespace {
 
-// The cells of this shard, by number: those that are I modulo N.
-std::vector<int> CellsOfShard(int num_cells) {
-  int index = 0;
-  int count = 1;
-  if (!FLAGS_shard.empty()) {
-    const size_t slash = FLAGS_shard.find('/');
-    double values[2] = {0, 0};
-    const bool is_number = slash != std::string::npos && ParseDouble(FLAGS_shard.substr(0, slash), &values[0]) &&
-                           ParseDouble(FLAGS_shard.substr(slash + 1), &values[1]);
-    index = static_cast<int>(values[0]);
-    count = static_cast<int>(values[1]);
-    if (!is_number || index != values[0] || count != values[1] || count < 1 || index < 0 || index >= count) {
-      throw InputError("--shard needs I/N with I from 0 to N - 1, not '" + FLAGS_shard + "'");
-    }
-  }
+std::vector<int> CellsOf(const Shard& shard, int num_cells) {
   std::vector<int> cells;
-  for (int cell = index; cell < num_cells; cell += count) cells.push_back(cell);
+  for (int cell = shard.index; cell < num_cells; cell += shard.count) cells.push_back(cell);
   return cells;
 }
 
@@ -39,7 +25,7 @@ std::vector<int> CellsOfShard(int num_cells) {
 int RunCommand_study(const std::vector<std::string>& arguments) {
   const StudyConfig study = ReadStudyConfig(arguments[0]);
   const std::filesystem::path output = FLAGS_out.empty() ? study.output : std::filesystem::absolute(FLAGS_out);
-  const std::vector<int> cells = CellsOfShard(static_cast<int>(study.cells.size()));
+  const std::vector<int> cells = CellsOf(ParseShard(), static_cast<int>(study.cells.size()));
   StagedFolder folder(output, "study.csv");
   // Every trial of every cell by itself: the result does not depend on which thread did it.
   std::vector<std::vector<std::vector<TrialEstimate>>> trials(cells.size());

@@ -69,10 +69,39 @@ void CheckOneDocument(const std::string& text, const std::filesystem::path& name
                              : "not valid YAML (a key, a value or a list must stand here)"));
 }
 
+// Plain names, each once.
+void CheckKeys(const ConfigValue& mapping) {
+  std::set<std::string> seen;
+  for (const auto& entry : mapping.node()) {
+    if (!entry.first.IsScalar()) mapping.Fail("keys must be plain names");
+    if (!seen.insert(entry.first.Scalar()).second) {
+      ConfigValue(entry.first, mapping.file(), mapping.key()).Fail(Shown(entry.first) + " stands here twice");
+    }
+  }
+}
+
 }  // namespace
 
 ConfigValue::ConfigValue(YAML::Node node, std::filesystem::path file, std::string key)
     : node_(node), file_(std::move(file)), key_(std::move(key)) {}
+
+// A YAML::Node is a reference: assigning one changes the file's own. Values are copied and appended, never assigned.
+ConfigValue ConfigValue::Stack(const std::vector<ConfigValue>& layers) {
+  CHECK(!layers.empty());
+  ConfigValue all = layers.front();
+  for (size_t i = 1; i < layers.size(); ++i) {
+    for (const ConfigValue& layer : layers[i].Layers()) all.below_.push_back(layer);
+  }
+  return all;
+}
+
+std::vector<ConfigValue> ConfigValue::Layers() const {
+  std::vector<ConfigValue> layers = {Top()};
+  for (const ConfigValue& layer : below_) layers.push_back(layer);
+  return layers;
+}
+
+ConfigValue ConfigValue::Top() const { return {node_, file_, key_}; }
 
 std::string ConfigValue::Where() const {
   std::string where = file_.string();
@@ -160,21 +189,58 @@ ConfigValue ParseYaml(const std::string& text, const std::filesystem::path& name
 
 ConfigValue ReadYamlFile(const std::filesystem::path& path) { return ParseYaml(ReadTextFile(path, 1 << 20), path); }
 
-MapReader::MapReader(const ConfigValue& value) : value_(value), used_(YAML::NodeType::Map) {
-  if (!value.IsMap()) value.Fail("a mapping is needed, not " + Shown(value.node()));
-  std::set<std::string> seen;
-  for (const auto& entry : value.node()) {
-    if (!entry.first.IsScalar()) value.Fail("keys must be plain names");
-    if (!seen.insert(entry.first.Scalar()).second) {
-      ConfigValue(entry.first, value.file(), value.key()).Fail(Shown(entry.first) + " stands here twice");
+ConfigValue ReadYamlFileOverBases(const std::filesystem::path& path, const std::vector<std::string>& own) {
+  std::vector<ConfigValue> files;
+  std::set<std::filesystem::path> seen;
+  std::filesystem::path next = path;
+  while (true) {
+    const ConfigValue value = ReadYamlFile(next);
+    seen.insert(std::filesystem::weakly_canonical(next));
+    YAML::Node node = value.node();
+    if (!node.IsMap()) value.Fail("a mapping is needed, not " + Shown(node));
+    const YAML::Node base = std::as_const(node)["base"];
+    const bool has_base = base.IsDefined();
+    const ConfigValue base_value(has_base ? base : YAML::Node(), next, "base");
+    if (has_base) next = base_value.AsPath();
+    node.remove("base");
+    if (!files.empty()) {
+      for (const std::string& key : own) node.remove(key);
     }
+    files.push_back(value);
+    if (!has_base) break;
+    if (seen.count(std::filesystem::weakly_canonical(next)) > 0) base_value.Fail("a file cannot be its own base");
   }
+  return ConfigValue::Stack(files);
 }
 
-bool MapReader::Has(const std::string& key) {
-  known_.push_back(key);
-  return static_cast<bool>(value_.node()[key]);
+ConfigValue ParseSettings(const std::vector<std::string>& settings) {
+  YAML::Node root(YAML::NodeType::Map);
+  for (const std::string& setting : settings) {
+    const size_t equals = setting.find('=');
+    if (equals == std::string::npos || equals == 0) {
+      throw InputError("--set needs KEY=VALUE, such as refine.loss=none, not " + Quoted(setting));
+    }
+    const YAML::Node parsed = ParseYaml(setting.substr(equals + 1), "--set " + setting.substr(0, equals)).node();
+    YAML::Node place;
+    place.reset(root);
+    const std::vector<std::string> keys = Split(setting.substr(0, equals), '.');
+    for (size_t i = 0; i + 1 < keys.size(); ++i) {
+      YAML::Node inner = place[keys[i]];
+      if (!inner.IsMap()) inner = YAML::Node(YAML::NodeType::Map);
+      place.reset(inner);
+    }
+    // A scalar of its own has no line that could be named.
+    place[keys.back()] = parsed.IsScalar() ? YAML::Node(parsed.Scalar()) : parsed;
+  }
+  return {root, "--set", ""};
 }
+
+MapReader::MapReader(const ConfigValue& value) : value_(value), used_(YAML::NodeType::Map) {
+  if (!value.IsMap()) value.Fail("a mapping is needed, not " + Shown(value.node()));
+  for (const ConfigValue& layer : value.Layers()) CheckKeys(layer);
+}
+
+bool MapReader::Has(const std::string& key) { return Find(key).has_value(); }
 
 ConfigValue MapReader::Get(const std::string& key) {
   const std::optional<ConfigValue> found = Find(key);
@@ -183,9 +249,23 @@ ConfigValue MapReader::Get(const std::string& key) {
 }
 
 std::optional<ConfigValue> MapReader::Find(const std::string& key) {
-  if (!Has(key)) return std::nullopt;
-  const YAML::Node node = value_.node()[key];
-  return ConfigValue(node, value_.file(), value_.key().empty() ? key : value_.key() + "." + key);
+  known_.push_back(key);
+  const std::string full_key = value_.key().empty() ? key : value_.key() + "." + key;
+  std::vector<ConfigValue> found;
+  const std::vector<ConfigValue> layers = value_.Layers();
+  for (const ConfigValue& layer : layers) {
+    const YAML::Node node = layer.node()[key];
+    if (!node.IsDefined()) continue;
+    if (node.IsNull() && layers.size() > 1) break;
+    found.emplace_back(node, layer.file(), full_key);
+    // Only mappings go on below.
+    if (!node.IsMap()) {
+      if (found.size() > 1) found.pop_back();
+      break;
+    }
+  }
+  if (found.empty()) return std::nullopt;
+  return ConfigValue::Stack(found);
 }
 
 std::string MapReader::Text(const std::string& key, const std::optional<std::string>& fallback) {
@@ -256,11 +336,13 @@ std::filesystem::path MapReader::Path(const std::string& key) {
 void MapReader::Record(const std::string& key, const YAML::Node& used) { used_[key] = used; }
 
 void MapReader::Finish() const {
-  for (const auto& entry : value_.node()) {
-    const std::string& key = entry.first.Scalar();
-    if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
-    ConfigValue(entry.first, value_.file(), value_.key())
-        .Fail("unknown key " + Quoted(key) + DidYouMean(key, known_) + "; known here: " + Join(known_, ", "));
+  for (const ConfigValue& layer : value_.Layers()) {
+    for (const auto& entry : layer.node()) {
+      const std::string& key = entry.first.Scalar();
+      if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
+      ConfigValue(entry.first, layer.file(), layer.key())
+          .Fail("unknown key " + Quoted(key) + DidYouMean(key, known_) + "; known here: " + Join(known_, ", "));
+    }
   }
 }
 

@@ -27,11 +27,19 @@ struct IntRange {
   int max;
 };
 
-// A value at a place in a file.
+// A value at a place in a file, perhaps laid over others: of two mappings the upper one's keys count, and of keys that
+// both have again the upper one's value, mappings key by key. A key that is empty (`truth:` or `truth: ~`) in an upper
+// mapping takes away what lies below.
 // NOLINTNEXTLINE(bugprone-exception-escape): a YAML::Node has no move assignment, and its copy assignment may throw.
 class ConfigValue {
  public:
   ConfigValue(YAML::Node node, std::filesystem::path file, std::string key);
+  // The first one laid over the second, that over the third ... `layers` must not be empty.
+  static ConfigValue Stack(const std::vector<ConfigValue>& layers);
+  // Without what lies below.
+  ConfigValue Top() const;
+  // This one and what lies below, each alone.
+  std::vector<ConfigValue> Layers() const;
 
   const YAML::Node& node() const { return node_; }
   const std::filesystem::path& file() const { return file_; }
@@ -61,12 +69,21 @@ class ConfigValue {
   YAML::Node node_;
   std::filesystem::path file_;
   std::string key_;
+  std::vector<ConfigValue> below_;  // The next one first; they have nothing below themselves.
 };
 
 // Reads a file of one YAML document. InputError on a syntax error, an alias bomb or a file over 1 MiB.
 ConfigValue ReadYamlFile(const std::filesystem::path& path);
 // The same from text; `name` is what messages call it.
 ConfigValue ParseYaml(const std::string& text, const std::filesystem::path& name);
+
+// Reads a file that may name another one, `base: other.yaml`, which it is laid over, and that one a third. What is
+// `own` to each file (keys at the top) is not taken from a base. InputError also if a file is its own base.
+ConfigValue ReadYamlFileOverBases(const std::filesystem::path& path, const std::vector<std::string>& own);
+
+// What `settings` such as "refine.loss=none" say, as a mapping to be laid over a file. Paths in it are relative to the
+// working folder. InputError for one without a key or that is not YAML.
+ConfigValue ParseSettings(const std::vector<std::string>& settings);
 
 // NOLINTNEXTLINE(bugprone-exception-escape): as of ConfigValue.
 class MapReader {
