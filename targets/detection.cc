@@ -1,33 +1,20 @@
 #include "targets/detection.h"
 
 #include <algorithm>
-#include <mutex>
 
 #include <opencv2/core.hpp>
 
 #include "heba/base/error.h"
-#include "heba/base/parallel.h"
 #include "heba/data/prediction.h"
 #include "targets/image.h"
 
 namespace heba {
 
-std::vector<CaptureDetection> DetectAll(const Target& target, const std::vector<Capture>& captures, int num_threads,
-                                        const std::function<void()>& progress) {
-  std::vector<CaptureDetection> detections(captures.size());
-  std::mutex mutex;
-  ParallelFor(static_cast<int>(captures.size()), num_threads, [&](int i) {
-    CaptureDetection& result = detections[static_cast<size_t>(i)];
-    const cv::Mat grey = ReadGreyImage(captures[static_cast<size_t>(i)].image);
-    result.width_px = grey.cols;
-    result.height_px = grey.rows;
-    // OpenCV's finders draw random numbers; each picture has its own, whichever thread it falls to.
-    cv::theRNG() = cv::RNG(static_cast<uint64_t>(i) + 1);
-    result.detection = target.Detect(grey);
-    const std::lock_guard<std::mutex> lock(mutex);
-    progress();
-  });
-  return detections;
+CaptureDetection DetectCapture(const Target& target, const std::filesystem::path& image) {
+  const cv::Mat grey = ReadGreyImage(image);
+  // OpenCV's finders draw random numbers: each picture has its own.
+  cv::theRNG() = cv::RNG(1);
+  return {grey.cols, grey.rows, target.Detect(grey), 0};
 }
 
 std::optional<Eigen::Vector2d> PixelOf(const TargetPoint& point, const Camera& camera,

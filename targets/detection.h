@@ -1,14 +1,13 @@
 // A data set's pictures -> what is seen in them.
 #pragma once
 
-#include <functional>
+#include <filesystem>
 #include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "heba/camera/camera.h"
-#include "heba/data/dataset.h"
 #include "heba/data/problem.h"
 #include "targets/target.h"
 
@@ -21,11 +20,8 @@ struct CaptureDetection {
   int num_second_pass = 0;  // Of the points, those that the second look added.
 };
 
-// The detection of each capture, in order. Pictures are read, searched and dropped on `num_threads` threads, so that
-// memory does not grow with their number. `progress` is called after each, from one thread at a time. InputError for
-// the first picture that cannot be read.
-std::vector<CaptureDetection> DetectAll(const Target& target, const std::vector<Capture>& captures, int num_threads,
-                                        const std::function<void()>& progress);
+// What is found in one picture, whatever was searched before. InputError if it cannot be read.
+CaptureDetection DetectCapture(const Target& target, const std::filesystem::path& image);
 
 // Where a camera sees a point of the target, as detectors measure it: a disc by the centroid of its image. Nothing if
 // it has no image.

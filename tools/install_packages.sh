@@ -5,7 +5,7 @@ set -euo pipefail
 packages=(
   g++ cmake ninja-build pkg-config
   libeigen3-dev libceres-dev libgoogle-glog-dev libgflags-dev libyaml-cpp-dev nlohmann-json3-dev
-  libopencv-dev libopencv-contrib-dev libapriltag-dev libcairo2-dev
+  libopencv-dev libopencv-contrib-dev libapriltag-dev libcairo2-dev libxxhash-dev
   libgtest-dev libgmock-dev libbenchmark-dev clang-format-14 clang-tidy-14
 )
 

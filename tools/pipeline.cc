@@ -17,7 +17,10 @@
 #include "solvers/pose_selection.h"
 #include "targets/guided_detection.h"
 #include "targets/image.h"
+#include "tools/detection_cache.h"
 #include "tools/detection_file.h"
+#include "tools/digest.h"
+#include "tools/run_inputs.h"
 
 namespace heba {
 namespace {
@@ -247,10 +250,25 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
 }  // namespace
 
 std::vector<CaptureDetection> DetectCaptures(RunConfig* config, int num_threads, Verbosity verbosity) {
-  std::vector<CaptureDetection> detections;
+  std::vector<CaptureDetection> detections(config->captures.size());
   {
-    Progress progress("detect", static_cast<int>(config->captures.size()), verbosity);
-    detections = DetectAll(*config->target, config->captures, num_threads, [&] { progress.Step(); });
+    Progress progress("detect", static_cast<int>(detections.size()), verbosity);
+    const DetectionCache cache(config->target_used);
+    std::mutex mutex;
+    // Pictures are read, searched and dropped: memory does not grow with their number.
+    ParallelFor(static_cast<int>(detections.size()), num_threads, [&](int index) {
+      const size_t i = static_cast<size_t>(index);
+      const std::filesystem::path& image = config->captures[i].image;
+      const std::string digest = DigestOfFile(image);
+      if (std::optional<CaptureDetection> known = cache.Find(digest)) {
+        detections[i] = std::move(*known);
+      } else {
+        detections[i] = DetectCapture(*config->target, image);
+        cache.Keep(digest, detections[i]);
+      }
+      const std::lock_guard<std::mutex> lock(mutex);
+      progress.Step();
+    });
   }
   const int width_px = detections.front().width_px;
   const int height_px = detections.front().height_px;
@@ -283,6 +301,7 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   RunConfig config = config_in;
   // Made first: a run that cannot be written should say so before the work.
   StagedFolder folder(output, "result.json");
+  const std::string inputs = RunInputsText(config);
   std::optional<Truth> truth;
   if (config.truth) truth = ReadTruth(*config.truth, config.setup);
 
@@ -351,6 +370,7 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
   WriteFileAtomically(folder.staging() / "log.txt", console->log());
+  WriteFileAtomically(folder.staging() / "inputs.json", inputs);
   WriteFileAtomically(folder.staging() / "result.json", ResultToJson(result));
   folder.Commit();
   return result;

@@ -14,13 +14,6 @@ std::string Cell(const std::optional<double>& value, int digits) {
   return value ? Significant(*value, digits) : std::string("-");
 }
 
-std::string PadLeft(const std::string& text, size_t width) {
-  return text.size() < width ? std::string(width - text.size(), ' ') + text : text;
-}
-std::string PadRight(const std::string& text, size_t width) {
-  return text.size() < width ? text + std::string(width - text.size(), ' ') : text;
-}
-
 double SigmaOf(const Covariance& covariance, Eigen::Index i) { return std::sqrt(covariance.matrix(i, i)); }
 
 std::string Uncertainty(const Solution& solution) {

@@ -107,6 +107,7 @@ void ReadCaptures(MapReader& root, RunConfig* config) {
   }
   const ConfigValue poses_value = reader.Get("poses");
   const fs::path poses_file = reader.Path("poses");
+  config->poses_file = poses_file;
   PoseFormat format = *FindPoseFormat("ros");
   if (const std::optional<ConfigValue> value = reader.Find("pose_format")) format = ReadPoseFormat(value->Top());
   reader.Record("pose_format", PoseFormatNode(format));
@@ -308,6 +309,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   }
   config.setup = *FindSetup(reader.Choice("setup", {"eye_to_hand", "eye_in_hand"}));
   config.target = ReadTarget(reader, "target");
+  config.target_used = YAML::Dump(reader.used()["target"]);
   ReadCameraSection(reader, &config);
   ReadCaptures(reader, &config);
   std::vector<std::string> seeds = HandEyeMethodNames();

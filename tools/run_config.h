@@ -19,9 +19,11 @@ struct RunConfig {
   std::string name;
   Setup setup = Setup::kEyeToHand;
   std::shared_ptr<const Target> target;
+  std::string target_used;       // As YAML, every default filled in.
   std::optional<Camera> camera;  // Nothing: to be estimated. Its size is 0 x 0 if its file does not tell.
   std::string camera_model;
   std::string camera_file;  // For messages.
+  std::filesystem::path poses_file;
   std::vector<Capture> captures;
   std::vector<std::string> images_without_pose;
   std::string seed;

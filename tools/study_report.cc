@@ -13,10 +13,6 @@
 namespace heba {
 namespace {
 
-std::string Pad(const std::string& text, size_t width) {
-  return text.size() < width ? std::string(width - text.size(), ' ') + text : text;
-}
-
 std::string Ratio(double value, double bound) { return bound > 0 ? Significant(value / bound, 3) : "-"; }
 
 // What a cell is, without its pixel noise.
@@ -46,36 +42,40 @@ std::string StudyTable(const std::vector<CellResult>& results) {
       table += "  no bound: " + result.bound.reason() + "\n\n";
       continue;
     }
-    table += "  " + Pad("", 12) + Pad("hand-eye", 22) + Pad("board", 22) + Pad("over the bound", 24) + Pad("95 %", 8) +
-             Pad("AX-XB", 9) + Pad("failed", 10) + "\n";
-    table += "  " + Pad("", 12) + Pad("mm", 11) + Pad("deg", 11) + Pad("mm", 11) + Pad("deg", 11) + Pad("mm", 8) +
-             Pad("deg", 8) + Pad("focal", 8) + Pad("holds", 8) + Pad("mm", 9) + "\n";
+    table += "  " + PadLeft("", 12) + PadLeft("hand-eye", 22) + PadLeft("board", 22) + PadLeft("over the bound", 24) +
+             PadLeft("95 %", 8) + PadLeft("AX-XB", 9) + PadLeft("failed", 10) + "\n";
+    table += "  " + PadLeft("", 12) + PadLeft("mm", 11) + PadLeft("deg", 11) + PadLeft("mm", 11) + PadLeft("deg", 11) +
+             PadLeft("mm", 8) + PadLeft("deg", 8) + PadLeft("focal", 8) + PadLeft("holds", 8) + PadLeft("mm", 9) + "\n";
     const StudyErrors& bound = *result.bound;
-    table += "  " + Pad("bound", 12) + Pad(Significant(1000 * bound.hand_eye_m, 3), 11) +
-             Pad(Significant(RadToDeg(bound.hand_eye_rad), 3), 11) + Pad(Significant(1000 * bound.board_m, 3), 11) +
-             Pad(Significant(RadToDeg(bound.board_rad), 3), 11) + "\n";
+    table += "  " + PadLeft("bound", 12) + PadLeft(Significant(1000 * bound.hand_eye_m, 3), 11) +
+             PadLeft(Significant(RadToDeg(bound.hand_eye_rad), 3), 11) +
+             PadLeft(Significant(1000 * bound.board_m, 3), 11) +
+             PadLeft(Significant(RadToDeg(bound.board_rad), 3), 11) + "\n";
     for (const MethodSummary& method : result.methods) {
       const bool has_any = method.num_failed < method.num_trials;
-      table += "  " + Pad(method.method, 12);
+      table += "  " + PadLeft(method.method, 12);
       if (has_any) {
         const StudyErrors& rms = method.rms;
-        table += Pad(Significant(1000 * rms.hand_eye_m, 3), 11) + Pad(Significant(RadToDeg(rms.hand_eye_rad), 3), 11) +
-                 Pad(Significant(1000 * rms.board_m, 3), 11) + Pad(Significant(RadToDeg(rms.board_rad), 3), 11) +
-                 Pad(Ratio(rms.hand_eye_m, bound.hand_eye_m), 8) + Pad(Ratio(rms.hand_eye_rad, bound.hand_eye_rad), 8) +
-                 Pad(rms.focal_px && bound.focal_px ? Ratio(*rms.focal_px, *bound.focal_px) : "-", 8) +
-                 Pad(method.coverage ? Fixed(*method.coverage, 3) : "-", 8) +
-                 Pad(Significant(method.axxb_mean_mm, 3), 9);
+        table +=
+            PadLeft(Significant(1000 * rms.hand_eye_m, 3), 11) +
+            PadLeft(Significant(RadToDeg(rms.hand_eye_rad), 3), 11) + PadLeft(Significant(1000 * rms.board_m, 3), 11) +
+            PadLeft(Significant(RadToDeg(rms.board_rad), 3), 11) + PadLeft(Ratio(rms.hand_eye_m, bound.hand_eye_m), 8) +
+            PadLeft(Ratio(rms.hand_eye_rad, bound.hand_eye_rad), 8) +
+            PadLeft(rms.focal_px && bound.focal_px ? Ratio(*rms.focal_px, *bound.focal_px) : "-", 8) +
+            PadLeft(method.coverage ? Fixed(*method.coverage, 3) : "-", 8) +
+            PadLeft(Significant(method.axxb_mean_mm, 3), 9);
       } else {
         table += std::string(85, ' ');
       }
       table +=
-          Pad(method.num_failed > 0 ? std::to_string(method.num_failed) + " of " + std::to_string(method.num_trials)
-                                    : "-",
-              10) +
+          PadLeft(method.num_failed > 0 ? std::to_string(method.num_failed) + " of " + std::to_string(method.num_trials)
+                                        : "-",
+                  10) +
           "\n";
       if (method.robot_noise) {
-        table += "  " + Pad("", 12) + "  found (median): pixels " + Significant(method.pixel_sigma_px.value_or(0), 3) +
-                 " px, robot " + Significant(1000 * method.robot_noise->translation_m, 3) + " mm " +
+        table += "  " + PadLeft("", 12) + "  found (median): pixels " +
+                 Significant(method.pixel_sigma_px.value_or(0), 3) + " px, robot " +
+                 Significant(1000 * method.robot_noise->translation_m, 3) + " mm " +
                  Significant(RadToDeg(method.robot_noise->rotation_rad), 3) + " deg\n";
       }
     }

@@ -46,12 +46,14 @@ inline std::filesystem::path TestFolder(const std::string& name) {
   return folder;
 }
 
-inline CommandResult RunHeba(const std::vector<std::string>& arguments) {
+// `environment`: assignments for the shell; by default no detection is taken from or kept for another run.
+inline CommandResult RunHeba(const std::vector<std::string>& arguments,
+                             const std::string& environment = "HEBA_CACHE=") {
   static int calls = 0;
   const std::string base = (std::filesystem::path(testing::TempDir()) /
                             ("heba_cli_" + std::to_string(getpid()) + "_" + std::to_string(calls++)))
                                .string();
-  std::string command = Quoted(HEBA_PROGRAM);
+  std::string command = environment + " " + Quoted(HEBA_PROGRAM);
   for (const std::string& argument : arguments) command += " " + Quoted(argument);
   command += " > " + Quoted(base + ".out") + " 2> " + Quoted(base + ".err") + " < /dev/null";
   const int raw = std::system(command.c_str());

@@ -1,51 +1,50 @@
 #include <iostream>
 
 #include "heba/base/error.h"
+#include "heba/io/result_file.h"
+#include "tools/batch.h"
 #include "tools/command.h"
 #include "tools/console.h"
 #include "tools/flags.h"
 #include "tools/pipeline.h"
 #include "tools/result_table.h"
+#include "tools/run_inputs.h"
 
 namespace heba {
 namespace {
 
-// One run: what happened, as an exit status; errors are printed.
-int RunOne(const std::string& config_path, bool one_of_many) {
+int RunOne(const std::string& config_path) {
+  const RunConfig config = ReadRunConfig(config_path, Settings());
+  const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
-  try {
-    const RunConfig config = ReadRunConfig(config_path, Settings());
-    std::filesystem::path output = config.output;
-    if (!FLAGS_out.empty()) {
-      output = std::filesystem::absolute(FLAGS_out);
-      if (one_of_many) output /= config.name;
-    }
-    const Outcome<RunResult> result = RunPipeline(config, output, NumThreads(), &console);
-    if (!result) {
-      PrintError(config_path + ": " + result.reason());
-      return kWorkFailed;
-    }
-    if (!FLAGS_quiet) {
-      std::cout << ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain) << "results: " << output.string()
-                << std::endl;
-    }
-    return kDone;
-  } catch (const InputError& error) {
-    PrintError(error.what());
-    return kInputWrong;
+  const bool is_current = FLAGS_resume && HasCurrentResult(output, config);
+  if (is_current) console.Note(config.name + ": nothing has changed since these results");
+  const Outcome<RunResult> result = is_current ? Outcome<RunResult>(ReadResult(output / "result.json"))
+                                               : RunPipeline(config, output, NumThreads(), &console);
+  if (!result) {
+    PrintError(config_path + ": " + result.reason());
+    return kWorkFailed;
   }
+  if (!FLAGS_quiet) {
+    std::cout << ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain) << "results: " << output.string()
+              << std::endl;
+  }
+  return kDone;
 }
 
 }  // namespace
 
 int RunCommand_run(const std::vector<std::string>& arguments) {
-  if (arguments.size() == 1) return RunOne(arguments[0], false);
-  // A run that fails fails alone; the batch then has failed.
-  int status = kDone;
-  for (const std::string& config : arguments) {
-    if (RunOne(config, true) != kDone) status = kWorkFailed;
-  }
-  return status;
+  const Shard shard = ParseShard();
+  if (arguments.size() == 1 && shard.count == 1) return RunOne(arguments[0]);
+  BatchOptions options;
+  if (!FLAGS_out.empty()) options.output = std::filesystem::absolute(FLAGS_out).lexically_normal();
+  options.settings = Settings();
+  options.num_threads = NumThreads();
+  options.resume = FLAGS_resume;
+  options.shard = shard;
+  options.verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
+  return RunBatch(arguments, options);
 }
 
 }  // namespace heba

@@ -1,8 +1,11 @@
 #include "heba/base/files.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <system_error>
@@ -11,6 +14,10 @@
 
 namespace heba {
 namespace fs = std::filesystem;
+
+namespace {
+constexpr std::string_view kStagingSuffix = ".part";
+}
 
 std::string ReadTextFile(const fs::path& path, size_t max_bytes) {
   std::error_code error;
@@ -33,7 +40,8 @@ std::string ReadTextFile(const fs::path& path, size_t max_bytes) {
 }
 
 void WriteFileAtomically(const fs::path& path, std::string_view content) {
-  const fs::path temporary = path.parent_path() / ("." + path.filename().string() + ".part" + std::to_string(getpid()));
+  const fs::path temporary =
+      path.parent_path() / ("." + path.filename().string() + std::string(kStagingSuffix) + std::to_string(getpid()));
   {
     std::ofstream stream(temporary, std::ios::binary | std::ios::trunc);
     stream.write(content.data(), static_cast<std::streamsize>(content.size()));
@@ -68,7 +76,8 @@ StagedFolder::StagedFolder(const fs::path& final_path, const std::string& marker
                      "), so it is not replaced; name a new or empty folder");
   }
   fs::create_directories(final_path_.parent_path(), error);
-  staging_ = final_path_.parent_path() / ("." + final_path_.filename().string() + ".part" + std::to_string(getpid()));
+  staging_ = final_path_.parent_path() /
+             ("." + final_path_.filename().string() + std::string(kStagingSuffix) + std::to_string(getpid()));
   fs::remove_all(staging_, error);
   fs::create_directory(staging_, error);
   if (error) throw InputError(final_path_.string() + ": cannot be made (" + error.message() + ")");
@@ -82,19 +91,48 @@ StagedFolder::~StagedFolder() {
 
 void StagedFolder::Commit() {
   std::error_code error;
-  const fs::path old = staging_.string() + ".old";
   if (fs::exists(final_path_)) {
-    fs::rename(final_path_, old, error);
-    if (error) throw InputError(final_path_.string() + ": cannot be replaced (" + error.message() + ")");
+    const int status = renameat2(AT_FDCWD, staging_.c_str(), AT_FDCWD, final_path_.c_str(), RENAME_EXCHANGE);
+    if (status == 0) {
+      committed_ = true;
+      fs::remove_all(staging_, error);  // The older results.
+      return;
+    }
+    // A file system that cannot exchange: away with the older results, and at once the new ones in their place.
+    fs::remove_all(final_path_, error);
   }
   fs::rename(staging_, final_path_, error);
-  if (error) {
-    std::error_code ignored;
-    fs::rename(old, final_path_, ignored);
-    throw InputError(final_path_.string() + ": cannot be written (" + error.message() + ")");
-  }
+  if (error) throw InputError(final_path_.string() + ": cannot be written (" + error.message() + ")");
   committed_ = true;
-  fs::remove_all(old, error);
 }
+
+void RemoveStaleStaging(const fs::path& parent) {
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(parent, error)) {
+    const std::string name = entry.path().filename().string();
+    const size_t suffix = name.rfind(kStagingSuffix);
+    const bool is_staging = name.starts_with(".") && suffix != std::string::npos &&
+                            name.find_first_not_of("0123456789", suffix + kStagingSuffix.size()) == std::string::npos;
+    if (is_staging) fs::remove_all(entry.path(), error);
+  }
+}
+
+FolderLock::FolderLock(const fs::path& folder, const std::string& name, Kind kind) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  const fs::path file = folder / name;
+  descriptor_ = open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  if (descriptor_ < 0) throw InputError(file.string() + ": cannot be made (" + std::strerror(errno) + ")");
+  if (flock(descriptor_, (kind == Kind::kAlone ? LOCK_EX : LOCK_SH) | LOCK_NB) != 0) {
+    const bool is_taken = errno == EWOULDBLOCK;
+    const std::string reason = std::strerror(errno);
+    close(descriptor_);
+    throw InputError(folder.string() + (is_taken
+                                            ? ": another heba works in this folder; wait for it, or name another one"
+                                            : ": cannot be locked (" + reason + ")"));
+  }
+}
+
+FolderLock::~FolderLock() { close(descriptor_); }
 
 }  // namespace heba

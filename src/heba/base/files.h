@@ -28,12 +28,31 @@ class StagedFolder {
   StagedFolder& operator=(const StagedFolder&) = delete;
 
   const std::filesystem::path& staging() const { return staging_; }
+  // In one step: whenever the program is ended, either the older results or the new ones are there.
   void Commit();
 
  private:
   std::filesystem::path final_path_;
   std::filesystem::path staging_;
   bool committed_ = false;
+};
+
+// Removes what StagedFolders of programs that were ended have left in `parent`. Only for who has the parent's lock.
+void RemoveStaleStaging(const std::filesystem::path& parent);
+
+// A folder for one program at a time, on one machine or on several that share it: a lock on a file in it, which ends
+// with the program, however that ends.
+class FolderLock {
+ public:
+  enum class Kind { kAlone, kShared };  // kShared: with others that want it shared.
+  // Makes the folder if needed. InputError if another program has the lock.
+  FolderLock(const std::filesystem::path& folder, const std::string& name, Kind kind);
+  ~FolderLock();
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  int descriptor_ = -1;
 };
 
 }  // namespace heba

@@ -58,6 +58,14 @@ std::string Trim(std::string_view text) {
   return std::string(text.substr(first, text.find_last_not_of(kSpace) - first + 1));
 }
 
+std::string PadLeft(const std::string& text, size_t width) {
+  return text.size() < width ? std::string(width - text.size(), ' ') + text : text;
+}
+
+std::string PadRight(const std::string& text, size_t width) {
+  return text.size() < width ? text + std::string(width - text.size(), ' ') : text;
+}
+
 std::string Quoted(std::string_view text) {
   constexpr size_t kMaxLength = 60;
   size_t length = std::min(text.size(), kMaxLength);

@@ -11,6 +11,10 @@ std::string Join(const std::vector<std::string>& parts, std::string_view separat
 std::vector<std::string> Split(std::string_view text, char separator);
 std::string Trim(std::string_view text);
 
+// With blanks on the left, or on the right, up to `width`.
+std::string PadLeft(const std::string& text, size_t width);
+std::string PadRight(const std::string& text, size_t width);
+
 // Text from a file or the command line as a message can show it: in quotes, on one line, cut off where it is long.
 std::string Quoted(std::string_view text);
 

@@ -5,8 +5,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "heba/base/error.h"
-#include "heba/base/files.h"
 #include "heba/base/units.h"
 
 namespace heba {
@@ -171,75 +169,13 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
   return json;
 }
 
-// Reading: every access says where it is in the file.
-class JsonReader {
- public:
-  JsonReader(const Json& json, std::string where) : json_(json), where_(std::move(where)) {}
-  [[noreturn]] void Fail(const std::string& fault) const { throw InputError(where_ + ": " + fault); }
-  bool Has(const char* key) const { return json_.is_object() && json_.contains(key) && !json_.at(key).is_null(); }
-  JsonReader Get(const char* key) const {
-    if (!json_.is_object()) Fail("an object is needed");
-    if (!Has(key)) Fail(std::string("'") + key + "' is missing");
-    return {json_.at(key), where_ + ": " + key};
-  }
-  std::string Text() const {
-    if (!json_.is_string()) Fail("a text is needed");
-    return json_.get<std::string>();
-  }
-  double Number() const {
-    if (!json_.is_number()) Fail("a number is needed");
-    return json_.get<double>();
-  }
-  std::vector<double> Numbers() const {
-    if (!json_.is_array()) Fail("a list of numbers is needed");
-    std::vector<double> numbers;
-    for (const Json& item : json_) numbers.push_back(JsonReader(item, where_).Number());
-    return numbers;
-  }
-  std::vector<double> Numbers(size_t count) const {
-    const std::vector<double> numbers = Numbers();
-    if (numbers.size() != count)
-      Fail(std::to_string(count) + " numbers are needed, not " + std::to_string(numbers.size()));
-    return numbers;
-  }
-
- private:
-  const Json& json_;
-  std::string where_;
-};
-
-Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::string_view child) {
-  if (reader.Get("parent").Text() != parent || reader.Get("child").Text() != child) {
-    reader.Fail("is the pose of '" + reader.Get("child").Text() + "' in '" + reader.Get("parent").Text() +
-                "'; that of '" + std::string(child) + "' in '" + std::string(parent) + "' is needed for this set-up");
-  }
-  const std::vector<double> t = reader.Get("translation_m").Numbers(3);
-  const std::vector<double> q = reader.Get("quaternion_xyzw").Numbers(4);
-  const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
-  if (std::abs(rotation.norm() - 1) > 1e-3) reader.Fail("the quaternion's length is not 1");
-  return {rotation, Eigen::Vector3d(t[0], t[1], t[2])};
-}
-
-Camera ReadCameraJson(const JsonReader& reader) {
-  Camera camera;
-  camera.model = reader.Get("model").Text();
-  const std::vector<double> size = reader.Get("image_size").Numbers(2);
-  camera.width_px = static_cast<int>(size[0]);
-  camera.height_px = static_cast<int>(size[1]);
-  for (const char* key : {"fx", "fy", "cx", "cy"}) camera.params.push_back(reader.Get(key).Number());
-  for (const double k : reader.Get("distortion").Numbers()) camera.params.push_back(k);
-  const std::string faults = CheckCamera(camera);
-  if (!faults.empty()) reader.Fail(faults);
-  return camera;
-}
-
 }  // namespace
 
 std::string Version() { return HEBA_VERSION; }
 
 std::string ResultToJson(const RunResult& result) {
   Json json;
-  json["schema"] = "heba/result/1";
+  json["schema"] = kResultSchema;
   json["heba"] = Version();
   json["name"] = result.name;
   json["setup"] = SetupName(result.setup);
@@ -274,23 +210,6 @@ std::string TruthToJson(const Truth& truth, Setup setup) {
   }
   if (truth.camera) json["camera"] = CameraJson(*truth.camera);
   return json.dump(1) + "\n";
-}
-
-Truth ReadTruth(const std::filesystem::path& path, Setup setup) {
-  Json json;
-  try {
-    json = Json::parse(ReadTextFile(path, 1 << 20));
-  } catch (const Json::parse_error& error) {
-    throw InputError(path.string() + ": not valid JSON at byte " + std::to_string(error.byte));
-  }
-  const JsonReader reader(json, path.string());
-  Truth truth;
-  truth.camera_mount_from_camera = ReadPoseJson(reader.Get("hand_eye"), CameraMountName(setup), "camera");
-  if (reader.Has("board")) {
-    truth.target_mount_from_target = ReadPoseJson(reader.Get("board"), TargetMountName(setup), "target");
-  }
-  if (reader.Has("camera")) truth.camera = ReadCameraJson(reader.Get("camera"));
-  return truth;
 }
 
 }  // namespace heba

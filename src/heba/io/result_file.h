@@ -9,8 +9,13 @@
 
 namespace heba {
 
-// The text of result.json ("heba/result/1"). A figure that does not exist is null.
+inline constexpr const char* kResultSchema = "heba/result/1";
+
+// The text of result.json. A figure that does not exist is null.
 std::string ResultToJson(const RunResult& result);
+// Reads result.json: all that is in it; of a Solution what the file does not hold (corrections, rejected points) stays
+// empty. InputError names the file and what is wrong.
+RunResult ReadResult(const std::filesystem::path& path);
 
 // The text of truth.json.
 std::string TruthToJson(const Truth& truth, Setup setup);

@@ -1,0 +1,71 @@
+// Reading JSON: every access says where it is in the file.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+
+namespace heba {
+
+// A value with its place. Faults are InputErrors that start with it.
+class JsonReader {
+ public:
+  JsonReader(const nlohmann::ordered_json& json, std::string where) : json_(json), where_(std::move(where)) {}
+  [[noreturn]] void Fail(const std::string& fault) const { throw InputError(where_ + ": " + fault); }
+  bool Has(const char* key) const { return json_.is_object() && json_.contains(key) && !json_.at(key).is_null(); }
+  JsonReader Get(const char* key) const {
+    if (!json_.is_object()) Fail("an object is needed");
+    if (!Has(key)) Fail(std::string("'") + key + "' is missing");
+    return {json_.at(key), where_ + ": " + key};
+  }
+  std::string Text() const {
+    if (!json_.is_string()) Fail("a text is needed");
+    return json_.get<std::string>();
+  }
+  bool Bool() const {
+    if (!json_.is_boolean()) Fail("true or false is needed");
+    return json_.get<bool>();
+  }
+  std::vector<JsonReader> List() const {
+    if (!json_.is_array()) Fail("a list is needed");
+    std::vector<JsonReader> items;
+    for (size_t i = 0; i < json_.size(); ++i) items.emplace_back(json_[i], where_ + "[" + std::to_string(i) + "]");
+    return items;
+  }
+  double Number() const {
+    if (!json_.is_number()) Fail("a number is needed");
+    return json_.get<double>();
+  }
+  std::vector<double> Numbers() const {
+    if (!json_.is_array()) Fail("a list of numbers is needed");
+    std::vector<double> numbers;
+    for (const nlohmann::ordered_json& item : json_) numbers.push_back(JsonReader(item, where_).Number());
+    return numbers;
+  }
+  std::vector<double> Numbers(size_t count) const {
+    const std::vector<double> numbers = Numbers();
+    if (numbers.size() != count)
+      Fail(std::to_string(count) + " numbers are needed, not " + std::to_string(numbers.size()));
+    return numbers;
+  }
+
+ private:
+  const nlohmann::ordered_json& json_;
+  std::string where_;
+};
+
+// The whole file. InputError if it is not JSON.
+inline nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path, size_t max_bytes) {
+  try {
+    return nlohmann::ordered_json::parse(ReadTextFile(path, max_bytes));
+  } catch (const nlohmann::ordered_json::parse_error& error) {
+    throw InputError(path.string() + ": not valid JSON at byte " + std::to_string(error.byte));
+  }
+}
+
+}  // namespace heba

@@ -1,0 +1,183 @@
+// The reading half of result_file.h.
+#include <cmath>
+#include <limits>
+
+#include "heba/base/units.h"
+#include "heba/io/json_reader.h"
+#include "heba/io/result_file.h"
+
+namespace heba {
+namespace {
+
+Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::string_view child) {
+  if (reader.Get("parent").Text() != parent || reader.Get("child").Text() != child) {
+    reader.Fail("is the pose of '" + reader.Get("child").Text() + "' in '" + reader.Get("parent").Text() +
+                "'; that of '" + std::string(child) + "' in '" + std::string(parent) + "' is needed for this set-up");
+  }
+  const std::vector<double> t = reader.Get("translation_m").Numbers(3);
+  const std::vector<double> q = reader.Get("quaternion_xyzw").Numbers(4);
+  const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
+  if (std::abs(rotation.norm() - 1) > 1e-3) reader.Fail("the quaternion's length is not 1");
+  return {rotation, Eigen::Vector3d(t[0], t[1], t[2])};
+}
+
+Camera ReadCameraJson(const JsonReader& reader) {
+  Camera camera;
+  camera.model = reader.Get("model").Text();
+  const std::vector<double> size = reader.Get("image_size").Numbers(2);
+  camera.width_px = static_cast<int>(size[0]);
+  camera.height_px = static_cast<int>(size[1]);
+  for (const char* key : {"fx", "fy", "cx", "cy"}) camera.params.push_back(reader.Get(key).Number());
+  for (const double k : reader.Get("distortion").Numbers()) camera.params.push_back(k);
+  const std::string faults = CheckCamera(camera);
+  if (!faults.empty()) reader.Fail(faults);
+  return camera;
+}
+
+std::optional<double> ReadOptional(const JsonReader& reader, const char* key) {
+  if (!reader.Has(key)) return std::nullopt;
+  return reader.Get(key).Number();
+}
+
+// Null stands for what is not finite.
+double ReadFinite(const JsonReader& reader, const char* key, double otherwise) {
+  return ReadOptional(reader, key).value_or(otherwise);
+}
+
+Errors ReadErrors(const JsonReader& reader) {
+  Errors errors;
+  errors.reprojection_rms_px = ReadOptional(reader, "reprojection_rms_px");
+  errors.holdout_rms_px = ReadOptional(reader, "holdout_rms_px");
+  errors.holdout_target_mm = ReadOptional(reader, "holdout_target_mm");
+  errors.holdout_target_deg = ReadOptional(reader, "holdout_target_deg");
+  errors.holdout_chi2 = ReadOptional(reader, "holdout_chi2_per_dof");
+  errors.axxb_mean_mm = ReadOptional(reader, "axxb_mean_mm");
+  if (reader.Has("board_translation_rms_mm") && reader.Has("board_rotation_rms_deg")) {
+    errors.board_scatter =
+        BoardScatter{reader.Get("board_translation_rms_mm").Number(), reader.Get("board_rotation_rms_deg").Number()};
+  }
+  if (reader.Has("truth")) {
+    const JsonReader truth = reader.Get("truth");
+    errors.truth =
+        TruthErrors{truth.Get("hand_eye_mm").Number(), truth.Get("hand_eye_deg").Number(),
+                    ReadOptional(truth, "board_mm"), ReadOptional(truth, "board_deg"), ReadOptional(truth, "focal_px")};
+  }
+  return errors;
+}
+
+Covariance ReadCovariance(const JsonReader& reader) {
+  Covariance covariance;
+  for (const JsonReader& name : reader.Get("order").List()) covariance.names.push_back(name.Text());
+  const std::vector<JsonReader> rows = reader.Get("matrix").List();
+  const size_t size = covariance.names.size();
+  if (rows.size() != size) reader.Fail("the matrix does not have a row a name");
+  covariance.matrix.resize(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(size));
+  for (size_t i = 0; i < size; ++i) {
+    const std::vector<double> row = rows[i].Numbers(size);
+    covariance.matrix.row(static_cast<Eigen::Index>(i)) =
+        Eigen::Map<const Eigen::RowVectorXd>(row.data(), static_cast<Eigen::Index>(size));
+  }
+  return covariance;
+}
+
+Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
+  Solution solution;
+  solution.hand_eye = estimate.hand_eye;
+  solution.camera = estimate.camera;
+  if (reader.Has("covariance")) solution.covariance = ReadCovariance(reader.Get("covariance"));
+  if (reader.Has("target_shape")) {
+    const JsonReader shape = reader.Get("target_shape");
+    for (size_t i = 0; i < solution.shape.params.size(); ++i) {
+      solution.shape.params[i] = shape.Get(std::string(kTargetShapeParamNames[i]).c_str()).Number();
+    }
+  }
+  const JsonReader solve = reader.Get("solve");
+  solution.convergence.converged = true;
+  solution.convergence.iterations = static_cast<int>(solve.Get("iterations").Number());
+  solution.convergence.initial_cost = ReadFinite(solve, "initial_cost", std::numeric_limits<double>::infinity());
+  solution.convergence.final_cost = ReadFinite(solve, "final_cost", std::numeric_limits<double>::infinity());
+  solution.convergence.seconds = solve.Get("seconds").Number();
+  solution.convergence.message = solve.Get("message").Text();
+  solution.pixel_sigma_px = solve.Get("pixel_sigma").Number();
+  if (solve.Has("robot_sigma_mm")) {
+    solution.robot_noise =
+        RobotNoise{solve.Get("robot_sigma_mm").Number() / 1000, DegToRad(solve.Get("robot_sigma_deg").Number())};
+  }
+  solution.covariance_dof = ReadFinite(solve, "covariance_dof", std::numeric_limits<double>::infinity());
+  for (const JsonReader& remark : solve.Get("remarks").List()) solution.remarks.push_back(remark.Text());
+  return solution;
+}
+
+Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
+  Estimate estimate;
+  estimate.method = reader.Get("method").Text();
+  estimate.kind = reader.Get("kind").Text();
+  estimate.ok = reader.Get("ok").Bool();
+  estimate.reason = reader.Get("reason").Text();
+  estimate.errors = ReadErrors(reader.Get("errors"));
+  if (!estimate.ok) return estimate;
+  estimate.hand_eye = {ReadPoseJson(reader.Get("hand_eye"), CameraMountName(setup), "camera"),
+                       ReadPoseJson(reader.Get("board"), TargetMountName(setup), "target")};
+  estimate.camera = ReadCameraJson(reader.Get("camera"));
+  if (reader.Has("solve")) estimate.solution = ReadSolution(reader, estimate);
+  return estimate;
+}
+
+CaptureResult ReadCapture(const JsonReader& reader) {
+  CaptureResult capture;
+  capture.image = reader.Get("image").Text();
+  capture.role = reader.Get("role").Text();
+  capture.num_points = static_cast<int>(reader.Get("points").Number());
+  capture.num_second_pass = static_cast<int>(reader.Get("points_second_pass").Number());
+  capture.num_rejected = static_cast<int>(reader.Get("points_rejected").Number());
+  capture.used = reader.Get("used").Bool();
+  capture.reason = reader.Get("reason").Text();
+  capture.rms_px = ReadOptional(reader, "rms_px");
+  if (reader.Has("robot_correction")) {
+    const JsonReader correction = reader.Get("robot_correction");
+    const std::vector<double> t = correction.Get("translation_mm").Numbers(3);
+    const std::vector<double> r = correction.Get("rotation_deg").Numbers(3);
+    capture.correction = Rigid3d(ExpRotation(Eigen::Vector3d(DegToRad(r[0]), DegToRad(r[1]), DegToRad(r[2]))),
+                                 Eigen::Vector3d(t[0], t[1], t[2]) / 1000);
+  }
+  return capture;
+}
+
+}  // namespace
+
+RunResult ReadResult(const std::filesystem::path& path) {
+  constexpr size_t kMaxBytes = size_t{256} << 20;
+  const nlohmann::ordered_json json = ReadJsonFile(path, kMaxBytes);
+  const JsonReader reader(json, path.string());
+  const std::string schema = reader.Get("schema").Text();
+  if (schema != kResultSchema) reader.Fail("is of schema '" + schema + "', not '" + kResultSchema + "'");
+  RunResult result;
+  result.name = reader.Get("name").Text();
+  const std::optional<Setup> setup = FindSetup(reader.Get("setup").Text());
+  if (!setup) reader.Fail("the set-up is unknown");
+  result.setup = *setup;
+  result.target_type = reader.Get("target").Get("type").Text();
+  result.num_target_points = static_cast<int>(reader.Get("target").Get("points").Number());
+  for (const JsonReader& capture : reader.Get("captures").List()) result.captures.push_back(ReadCapture(capture));
+  for (const JsonReader& estimate : reader.Get("estimates").List()) {
+    result.estimates.push_back(ReadEstimate(estimate, result.setup));
+  }
+  const JsonReader timing = reader.Get("timing_s");
+  result.timing = {timing.Get("detect").Number(), timing.Get("seed").Number(), timing.Get("refine").Number(),
+                   timing.Get("total").Number()};
+  return result;
+}
+
+Truth ReadTruth(const std::filesystem::path& path, Setup setup) {
+  const nlohmann::ordered_json json = ReadJsonFile(path, 1 << 20);
+  const JsonReader reader(json, path.string());
+  Truth truth;
+  truth.camera_mount_from_camera = ReadPoseJson(reader.Get("hand_eye"), CameraMountName(setup), "camera");
+  if (reader.Has("board")) {
+    truth.target_mount_from_target = ReadPoseJson(reader.Get("board"), TargetMountName(setup), "target");
+  }
+  if (reader.Has("camera")) truth.camera = ReadCameraJson(reader.Get("camera"));
+  return truth;
+}
+
+}  // namespace heba

@@ -1,0 +1,99 @@
+#include "tools/detection_cache.h"
+
+#include <cmath>
+#include <cstdlib>
+#include <system_error>
+
+#include <nlohmann/json.hpp>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/io/json_reader.h"
+#include "tools/digest.h"
+
+namespace heba {
+namespace {
+
+std::filesystem::path CacheFolder() {
+  if (const char* named = std::getenv("HEBA_CACHE")) return named;
+  if (const char* user = std::getenv("XDG_CACHE_HOME"); user != nullptr && *user != 0) {
+    return std::filesystem::path(user) / "heba";
+  }
+  if (const char* home = std::getenv("HOME"); home != nullptr && *home != 0) {
+    return std::filesystem::path(home) / ".cache" / "heba";
+  }
+  return {};
+}
+
+std::string ToJson(const CaptureDetection& capture) {
+  nlohmann::ordered_json json;
+  json["size"] = {capture.width_px, capture.height_px};
+  json["ids"] = capture.detection.ids;
+  json["pixels"] = nlohmann::ordered_json::array();
+  for (const Eigen::Vector2d& pixel : capture.detection.pixels) {
+    json["pixels"].push_back(pixel.x());
+    json["pixels"].push_back(pixel.y());
+  }
+  json["covariances_px2"] = nlohmann::ordered_json::array();
+  for (const Eigen::MatrixXd& matrix : capture.detection.covariances_px2) {
+    json["covariances_px2"].push_back(std::vector<double>(matrix.data(), matrix.data() + matrix.size()));
+  }
+  json["reason"] = capture.detection.reason;
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+CaptureDetection FromJson(const JsonReader& reader) {
+  CaptureDetection capture;
+  const std::vector<double> size = reader.Get("size").Numbers(2);
+  capture.width_px = static_cast<int>(size[0]);
+  capture.height_px = static_cast<int>(size[1]);
+  for (const double id : reader.Get("ids").Numbers()) capture.detection.ids.push_back(static_cast<int>(id));
+  const std::vector<double> pixels = reader.Get("pixels").Numbers(2 * capture.detection.ids.size());
+  for (size_t i = 0; i < pixels.size(); i += 2) capture.detection.pixels.emplace_back(pixels[i], pixels[i + 1]);
+  for (const JsonReader& matrix : reader.Get("covariances_px2").List()) {
+    const std::vector<double> values = matrix.Numbers();
+    const auto rows = static_cast<Eigen::Index>(std::lround(std::sqrt(static_cast<double>(values.size()))));
+    if (rows * rows != static_cast<Eigen::Index>(values.size())) matrix.Fail("is not square");
+    capture.detection.covariances_px2.emplace_back(Eigen::Map<const Eigen::MatrixXd>(values.data(), rows, rows));
+  }
+  capture.detection.reason = reader.Get("reason").Text();
+  return capture;
+}
+
+}  // namespace
+
+DetectionCache::DetectionCache(const std::string& target)
+    : folder_(CacheFolder()), context_(DigestOfProgram() + DigestOf(target)) {}
+
+std::filesystem::path DetectionCache::FileOf(const std::string& image_digest) const {
+  const std::string name = DigestOf(context_ + image_digest);
+  return folder_ / "detections" / name.substr(0, 2) / (name + ".json");
+}
+
+std::optional<CaptureDetection> DetectionCache::Find(const std::string& image_digest) const {
+  if (folder_.empty()) return std::nullopt;
+  const std::filesystem::path file = FileOf(image_digest);
+  std::error_code error;
+  if (!std::filesystem::exists(file, error)) return std::nullopt;
+  try {
+    constexpr size_t kMaxBytes = size_t{64} << 20;
+    const nlohmann::ordered_json json = ReadJsonFile(file, kMaxBytes);
+    return FromJson(JsonReader(json, file.string()));
+  } catch (const InputError&) {
+    return std::nullopt;  // Spoiled: as good as none.
+  }
+}
+
+void DetectionCache::Keep(const std::string& image_digest, const CaptureDetection& detection) const {
+  if (folder_.empty()) return;
+  const std::filesystem::path file = FileOf(image_digest);
+  std::error_code error;
+  std::filesystem::create_directories(file.parent_path(), error);
+  try {
+    WriteFileAtomically(file, ToJson(detection));
+  } catch (const InputError&) {
+    return;
+  }
+}
+
+}  // namespace heba

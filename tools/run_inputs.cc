@@ -1,0 +1,46 @@
+#include "tools/run_inputs.h"
+
+#include <nlohmann/json.hpp>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/io/result_file.h"
+#include "tools/digest.h"
+
+namespace heba {
+namespace {
+
+std::string DigestOrNothing(const std::filesystem::path& file) {
+  try {
+    return DigestOfFile(file);
+  } catch (const InputError&) {
+    return "";
+  }
+}
+
+}  // namespace
+
+std::string RunInputsText(const RunConfig& config) {
+  nlohmann::ordered_json json;
+  json["schema"] = "heba/inputs/1";
+  json["heba"] = Version();
+  json["program"] = DigestOfProgram();
+  json["config"] = DigestOf(config.used);
+  nlohmann::ordered_json files;
+  files["poses"] = DigestOrNothing(config.poses_file);
+  if (!config.camera_file.empty()) files["camera"] = DigestOrNothing(config.camera_file);
+  if (config.truth) files["truth"] = DigestOrNothing(*config.truth);
+  json["files"] = files;
+  json["images"] = nlohmann::ordered_json::array();
+  for (const Capture& capture : config.captures) json["images"].push_back(DigestOrNothing(capture.image));
+  return json.dump(1) + "\n";
+}
+
+bool HasCurrentResult(const std::filesystem::path& output, const RunConfig& config) {
+  const std::filesystem::path inputs = output / "inputs.json";
+  std::error_code error;
+  if (!std::filesystem::exists(inputs, error) || !std::filesystem::exists(output / "result.json", error)) return false;
+  return ReadTextFile(inputs) == RunInputsText(config);
+}
+
+}  // namespace heba

@@ -1,0 +1,183 @@
+#include "tools/summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "tools/page.h"
+
+namespace heba {
+namespace {
+
+// One sigma of the hand-eye pose's translation (first 0) or rotation (first 3) as a whole.
+std::optional<double> SigmaOf(const Estimate& estimate, Eigen::Index first) {
+  if (!estimate.solution || estimate.solution->covariance.matrix.rows() < 6) return std::nullopt;
+  return std::sqrt(estimate.solution->covariance.matrix.diagonal().segment<3>(first).sum());
+}
+
+// The figures of an estimate, with their names in the csv and on pages.
+struct Figure {
+  const char* name;
+  const char* title;
+  std::function<std::optional<double>(const Estimate&)> value;
+};
+
+std::optional<double> Scaled(const std::optional<double>& value, double factor) {
+  return value ? std::optional<double>(factor * *value) : std::nullopt;
+}
+
+const std::vector<Figure>& Figures() {
+  static const std::vector<Figure> figures = {
+      {"reprojection_rms_px", "in-sample, px", [](const Estimate& e) { return e.errors.reprojection_rms_px; }},
+      {"holdout_rms_px", "hold-out, px", [](const Estimate& e) { return e.errors.holdout_rms_px; }},
+      {"holdout_target_mm", "hold-out, mm", [](const Estimate& e) { return e.errors.holdout_target_mm; }},
+      {"holdout_target_deg", "hold-out, deg", [](const Estimate& e) { return e.errors.holdout_target_deg; }},
+      {"holdout_chi2_per_dof", "hold-out chi-square", [](const Estimate& e) { return e.errors.holdout_chi2; }},
+      {"axxb_mean_mm", "AX-XB, mm", [](const Estimate& e) { return e.errors.axxb_mean_mm; }},
+      {"board_translation_rms_mm", "board, mm",
+       [](const Estimate& e) {
+         return e.errors.board_scatter ? std::optional<double>(e.errors.board_scatter->translation_rms_mm)
+                                       : std::nullopt;
+       }},
+      {"board_rotation_rms_deg", "board, deg",
+       [](const Estimate& e) {
+         return e.errors.board_scatter ? std::optional<double>(e.errors.board_scatter->rotation_rms_deg) : std::nullopt;
+       }},
+      {"std_translation_mm", "sigma, mm", [](const Estimate& e) { return Scaled(SigmaOf(e, 0), 1000); }},
+      {"std_rotation_deg", "sigma, deg", [](const Estimate& e) { return Scaled(SigmaOf(e, 3), RadToDeg(1.0)); }},
+      {"pixel_sigma", "pixel noise, px",
+       [](const Estimate& e) { return e.solution ? std::optional<double>(e.solution->pixel_sigma_px) : std::nullopt; }},
+      {"truth_hand_eye_mm", "true error, mm",
+       [](const Estimate& e) {
+         return e.errors.truth ? std::optional<double>(e.errors.truth->hand_eye_mm) : std::nullopt;
+       }},
+      {"truth_hand_eye_deg", "true error, deg",
+       [](const Estimate& e) {
+         return e.errors.truth ? std::optional<double>(e.errors.truth->hand_eye_deg) : std::nullopt;
+       }},
+  };
+  return figures;
+}
+
+int NumUsed(const RunResult& result) {
+  return static_cast<int>(std::count_if(result.captures.begin(), result.captures.end(),
+                                        [](const CaptureResult& capture) { return capture.used; }));
+}
+
+// As RFC 4180 has it.
+std::string CsvField(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+// The last of the refinements, which the others lead up to.
+const Estimate* Refined(const RunResult& result) {
+  const auto found = std::find_if(result.estimates.rbegin(), result.estimates.rend(),
+                                  [](const Estimate& estimate) { return estimate.ok && estimate.kind == "refined"; });
+  return found == result.estimates.rend() ? nullptr : &*found;
+}
+
+std::optional<double> BestClosedFormPx(const RunResult& result) {
+  std::optional<double> best;
+  for (const Estimate& estimate : result.estimates) {
+    if (estimate.kind != "closed_form" || !estimate.errors.holdout_rms_px) continue;
+    best = std::min(best.value_or(*estimate.errors.holdout_rms_px), *estimate.errors.holdout_rms_px);
+  }
+  return best;
+}
+
+std::string Cell(const std::optional<double>& value) { return value ? Significant(*value, 3) : std::string("-"); }
+
+}  // namespace
+
+std::string SummaryCsv(const std::vector<BatchRun>& runs) {
+  std::string csv = "run,ok,reason,setup,target,target_points,captures,captures_used,method,kind,method_ok";
+  for (const Figure& figure : Figures()) csv += "," + std::string(figure.name);
+  csv += "\n";
+  for (const BatchRun& run : runs) {
+    if (!run.result) {
+      csv += CsvField(run.name) + ",false," + CsvField(run.reason) + ",,,,,,,,";
+      csv += std::string(Figures().size(), ',') + "\n";
+      continue;
+    }
+    const RunResult& result = *run.result;
+    for (const Estimate& estimate : result.estimates) {
+      csv += CsvField(run.name) + ",true," + CsvField(estimate.reason) + "," + std::string(SetupName(result.setup)) +
+             "," + result.target_type + "," + std::to_string(result.num_target_points) + "," +
+             std::to_string(result.captures.size()) + "," + std::to_string(NumUsed(result)) + "," + estimate.method +
+             "," + estimate.kind + "," + (estimate.ok ? "true" : "false");
+      for (const Figure& figure : Figures()) {
+        const std::optional<double> value = estimate.ok ? figure.value(estimate) : std::nullopt;
+        csv += "," + (value ? RoundTrip(*value) : "");
+      }
+      csv += "\n";
+    }
+  }
+  return csv;
+}
+
+std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& runs) {
+  std::vector<std::string> head = {"run", "set-up", "target", "captures", "method"};
+  for (const Figure& figure : Figures()) head.emplace_back(figure.title);
+  head.emplace_back("remark");
+  std::vector<std::vector<PageCell>> rows;
+  int num_failed = 0;
+  for (const BatchRun& run : runs) {
+    if (!run.result) {
+      ++num_failed;
+      std::vector<PageCell> row = {{run.name}, {""}, {""}, {""}, {"failed"}};
+      row.resize(row.size() + Figures().size());
+      row.push_back({run.reason});
+      rows.push_back(std::move(row));
+      continue;
+    }
+    for (const Estimate& estimate : run.result->estimates) {
+      std::vector<PageCell> row = {
+          {run.name},
+          {std::string(SetupName(run.result->setup))},
+          {run.result->target_type},
+          {std::to_string(NumUsed(*run.result)) + " of " + std::to_string(run.result->captures.size())},
+          {estimate.method}};
+      for (const Figure& figure : Figures()) {
+        const std::optional<double> value = estimate.ok ? figure.value(estimate) : std::nullopt;
+        row.push_back({value ? Significant(*value, 4) : "", true});
+      }
+      row.push_back({estimate.reason});
+      rows.push_back(std::move(row));
+    }
+  }
+  const std::string counts = std::to_string(runs.size()) + " runs" +
+                             (num_failed > 0 ? ", " + std::to_string(num_failed) + " of them failed" : "") +
+                             ". In-sample: on the captures that the estimate was made from; hold-out: on captures that "
+                             "it has not seen.";
+  return HtmlPage(title, "<h1>" + Escaped(title) + "</h1>\n<p>" + Escaped(counts) + "</p>\n" + HtmlTable(head, rows));
+}
+
+std::string SummaryTable(const std::vector<BatchRun>& runs) {
+  constexpr size_t kNameWidth = 24;
+  std::string table = PadRight("run", kNameWidth) + PadRight(" target", 15) + PadLeft("captures", 9) +
+                      PadLeft("hold-out px", 18) + PadLeft("sigma mm", 10) + "\n" + PadRight("", kNameWidth + 15 + 9) +
+                      PadLeft("closed", 9) + PadLeft("refined", 9) + "\n";
+  for (const BatchRun& run : runs) {
+    const std::string name =
+        run.name.size() > kNameWidth ? run.name.substr(0, kNameWidth - 2) + ".." : PadRight(run.name, kNameWidth);
+    table += name;
+    const Estimate* refined = run.result ? Refined(*run.result) : nullptr;
+    if (refined == nullptr) {
+      table += " failed: " + run.reason + "\n";
+      continue;
+    }
+    const RunResult& result = *run.result;
+    table += PadRight(" " + result.target_type, 15) +
+             PadLeft(std::to_string(NumUsed(result)) + "/" + std::to_string(result.captures.size()), 9) +
+             PadLeft(Cell(BestClosedFormPx(result)), 9) + PadLeft(Cell(refined->errors.holdout_rms_px), 9) +
+             PadLeft(Cell(Scaled(SigmaOf(*refined, 0), 1000)), 10) + "\n";
+  }
+  return table;
+}
+
+}  // namespace heba
