@@ -1,0 +1,250 @@
+// Many runs: side by side, resumed, in shards, killed.
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/file.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "tests/pipeline/cli.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+using testing::HasSubstr;
+
+constexpr const char* kScene =
+    "setup: eye_to_hand\n"
+    "target: {type: chessboard, rows: 5, columns: 7, square: 20 mm}\n"
+    "camera: {model: brown5, image_size: [640, 480], fx: 700, fy: 700, cx: 320, cy: 240, distortion: [0, 0, 0, 0, 0]}\n"
+    "hand_eye: {translation: [820 mm, -140 mm, 610 mm], rpy: [-118 deg, 4 deg, 62 deg]}\n"
+    "board: {translation: [-70 mm, -60 mm, 95 mm], rpy: [3 deg, -2 deg, 15 deg]}\n"
+    "motion: {captures: 8, distance: 420 mm, tilt: 35 deg, spin: 60 deg, spread: 0.3}\n"
+    "image: {noise: 2 grey}\n";
+
+// A data set, one config that holds all that runs share, and configs over it: four good ones.
+struct Cell {
+  fs::path folder;
+  std::vector<std::string> configs;
+};
+
+Cell MakeCell(const std::string& name) {
+  Cell cell{TestFolder(name), {}};
+  WriteAll(cell.folder / "scene.yaml", kScene);
+  const CommandResult simulated =
+      RunHeba({"simulate", (cell.folder / "scene.yaml").string(), "--out", (cell.folder / "data").string(), "--quiet"});
+  EXPECT_EQ(simulated.status, 0) << simulated.err;
+  const std::string base = "base: data/config.yaml\n";
+  const std::vector<std::pair<std::string, std::string>> variants = {
+      {"plain", "{}"}, {"held", "{intrinsics: []}"}, {"focal", "{intrinsics: [focal]}"}, {"cauchy", "{loss: cauchy}"}};
+  for (const auto& [variant, refine] : variants) {
+    const fs::path path = cell.folder / (variant + ".yaml");
+    WriteAll(path, base + "refine: " + refine + "\nevaluate: {folds: 2}\n");
+    cell.configs.push_back(path.string());
+  }
+  return cell;
+}
+
+std::vector<std::string> RunArguments(const Cell& cell, const fs::path& out, const std::vector<std::string>& more) {
+  std::vector<std::string> arguments = {"run"};
+  arguments.insert(arguments.end(), cell.configs.begin(), cell.configs.end());
+  arguments.insert(arguments.end(), {"--out", out.string(), "--jobs", "2"});
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
+// Without what differs from run to run.
+std::string WithoutTimes(const fs::path& result_file) {
+  Json json = Json::parse(ReadAll(result_file));
+  json.erase("timing_s");
+  for (Json& estimate : json["estimates"]) {
+    if (!estimate["solve"].is_null()) estimate["solve"].erase("seconds");
+  }
+  return json.dump();
+}
+
+TEST(BatchTest, ARunThatFailsFailsAlone) {
+  Cell cell = MakeCell("batch_fails");
+  WriteAll(cell.folder / "wrong.yaml", "base: data/config.yaml\nrefine: {los: none}\n");
+  WriteAll(cell.folder / "blind.yaml",
+           "base: data/config.yaml\ntarget: {type: apriltag_grid, family: tag36h11, rows: 2, columns: 2, tag_size: 30 "
+           "mm, tag_spacing: 0.3}\n");
+  cell.configs.insert(cell.configs.begin() + 1,
+                      {(cell.folder / "wrong.yaml").string(), (cell.folder / "blind.yaml").string()});
+  const CommandResult run = RunHeba(RunArguments(cell, cell.folder / "out", {}));
+  EXPECT_EQ(run.status, 1);
+  EXPECT_THAT(run.err, HasSubstr("heba: error: " + (cell.folder / "wrong.yaml").string() + ":2: refine: unknown key"));
+  EXPECT_THAT(run.err, HasSubstr("the target was not seen in any of the 8 pictures"));
+  EXPECT_THAT(run.err, HasSubstr("[6/6]"));
+  for (const char* name : {"plain", "held", "focal", "cauchy"}) {
+    EXPECT_TRUE(fs::exists(cell.folder / "out" / name / "result.json")) << name;
+  }
+  EXPECT_FALSE(fs::exists(cell.folder / "out" / "blind"));
+  const std::string csv = ReadAll(cell.folder / "out" / "summary.csv");
+  EXPECT_THAT(csv, HasSubstr("\nplain,true,"));
+  EXPECT_THAT(csv, HasSubstr("\nblind,false,"));
+  EXPECT_THAT(ReadAll(cell.folder / "out" / "summary.html"), HasSubstr("6 runs, 2 of them failed"));
+  fs::remove_all(cell.folder);
+}
+
+TEST(BatchTest, ResumeLeavesWhatIsCurrentAndRunsWhatChanged) {
+  const Cell cell = MakeCell("batch_resume");
+  const fs::path out = cell.folder / "out";
+  ASSERT_EQ(RunHeba(RunArguments(cell, out, {})).status, 0);
+  const std::string csv = ReadAll(out / "summary.csv");
+  const auto time_of = [&](const char* name) { return fs::last_write_time(out / name / "result.json"); };
+  const auto plain = time_of("plain");
+  const auto held = time_of("held");
+  // Dates do not count.
+  fs::last_write_time(cell.configs[0], fs::file_time_type::clock::now());
+  CommandResult again = RunHeba(RunArguments(cell, out, {"--resume"}));
+  EXPECT_EQ(again.status, 0);
+  EXPECT_THAT(again.err, HasSubstr("plain: unchanged"));
+  EXPECT_EQ(time_of("plain"), plain);
+  EXPECT_EQ(ReadAll(out / "summary.csv"), csv);
+  // A config that says something else.
+  WriteAll(cell.configs[0], "base: data/config.yaml\nrefine: {loss: none}\nevaluate: {folds: 2}\n");
+  again = RunHeba(RunArguments(cell, out, {"--resume"}));
+  EXPECT_NE(time_of("plain"), plain);
+  EXPECT_EQ(time_of("held"), held);
+  // A picture.
+  fs::copy_file(cell.folder / "data" / "images" / "001.png", cell.folder / "data" / "images" / "000.png",
+                fs::copy_options::overwrite_existing);
+  again = RunHeba(RunArguments(cell, out, {"--resume"}));
+  EXPECT_NE(time_of("held"), held);
+  EXPECT_THAT(again.err, testing::Not(HasSubstr("unchanged")));
+  fs::remove_all(cell.folder);
+}
+
+TEST(BatchTest, ShardsTogetherGiveTheSameBytes) {
+  const Cell cell = MakeCell("batch_shards");
+  ASSERT_EQ(RunHeba(RunArguments(cell, cell.folder / "whole", {})).status, 0);
+  for (const char* shard : {"0/3", "2/3", "1/3"}) {
+    EXPECT_EQ(RunHeba(RunArguments(cell, cell.folder / "parts", {"--shard", shard})).status, 0) << shard;
+    EXPECT_FALSE(fs::exists(cell.folder / "parts" / "summary.csv"));
+  }
+  const CommandResult merged = RunHeba(RunArguments(cell, cell.folder / "parts", {"--resume"}));
+  EXPECT_EQ(merged.status, 0);
+  EXPECT_THAT(merged.err, HasSubstr("[4/4]"));
+  EXPECT_THAT(merged.err, testing::Not(HasSubstr(" s;")));
+  EXPECT_EQ(ReadAll(cell.folder / "parts" / "summary.csv"), ReadAll(cell.folder / "whole" / "summary.csv"));
+  EXPECT_EQ(RunHeba(RunArguments(cell, cell.folder / "parts", {"--shard", "3/3"})).status, 2);
+  fs::remove_all(cell.folder);
+}
+
+// Ended at several moments, resumed each time: nothing is lost, nothing is left half written.
+TEST(BatchTest, AKillAtAnyMomentLosesNoFinishedRun) {
+  const Cell cell = MakeCell("batch_kill");
+  const fs::path out = cell.folder / "out";
+  ASSERT_EQ(RunHeba(RunArguments(cell, cell.folder / "whole", {})).status, 0);
+  for (const int milliseconds : {20, 60, 120, 250, 400}) {
+    std::vector<std::string> finished;
+    if (fs::exists(out)) {
+      for (const auto& entry : fs::directory_iterator(out)) {
+        if (fs::exists(entry.path() / "result.json")) finished.push_back(entry.path().string());
+      }
+    }
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      std::vector<std::string> words = RunArguments(cell, out, {"--resume", "--quiet"});
+      words.insert(words.begin(), HEBA_PROGRAM);
+      std::vector<char*> argv;
+      for (std::string& word : words) argv.push_back(word.data());
+      argv.push_back(nullptr);
+      setenv("HEBA_CACHE", "", 1);
+      execv(HEBA_PROGRAM, argv.data());
+      _exit(127);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
+    kill(child, SIGKILL);
+    int status = 0;
+    waitpid(child, &status, 0);
+    for (const std::string& folder : finished) EXPECT_TRUE(fs::exists(fs::path(folder) / "result.json")) << folder;
+    if (!fs::exists(out)) continue;
+    for (const auto& entry : fs::directory_iterator(out)) {
+      const std::string name = entry.path().filename().string();
+      if (!fs::is_directory(entry.path()) || name[0] == '.') continue;
+      EXPECT_TRUE(fs::exists(entry.path() / "result.json")) << name;
+      EXPECT_FALSE(Json::parse(ReadAll(entry.path() / "result.json"), nullptr, false).is_discarded()) << name;
+    }
+  }
+  ASSERT_EQ(RunHeba(RunArguments(cell, out, {"--resume"})).status, 0);
+  EXPECT_EQ(ReadAll(out / "summary.csv"), ReadAll(cell.folder / "whole" / "summary.csv"));
+  for (const char* name : {"plain", "held", "focal", "cauchy"}) {
+    EXPECT_EQ(WithoutTimes(out / name / "result.json"), WithoutTimes(cell.folder / "whole" / name / "result.json"));
+  }
+  for (const auto& entry : fs::directory_iterator(out)) {
+    EXPECT_THAT(entry.path().filename().string(), testing::Not(HasSubstr(".part")));
+  }
+  fs::remove_all(cell.folder);
+}
+
+TEST(BatchTest, ASecondProgramInTheFolderIsRefused) {
+  const Cell cell = MakeCell("batch_lock");
+  const fs::path out = cell.folder / "out";
+  fs::create_directories(out);
+  const int descriptor = open((out / ".heba.lock").c_str(), O_RDWR | O_CREAT, 0666);
+  ASSERT_GE(descriptor, 0);
+  ASSERT_EQ(flock(descriptor, LOCK_EX), 0);
+  const CommandResult run = RunHeba(RunArguments(cell, out, {}));
+  EXPECT_EQ(run.status, 2);
+  EXPECT_THAT(run.err, HasSubstr("another heba works in this folder"));
+  close(descriptor);
+  fs::remove_all(cell.folder);
+}
+
+TEST(BatchTest, NamesThatStandTwiceAreRefusedBeforeAnyWork) {
+  Cell cell = MakeCell("batch_names");
+  cell.configs.push_back(cell.configs.front());
+  const CommandResult run = RunHeba(RunArguments(cell, cell.folder / "out", {}));
+  EXPECT_EQ(run.status, 2);
+  EXPECT_THAT(run.err, HasSubstr("give one of them another name"));
+  EXPECT_FALSE(fs::exists(cell.folder / "out"));
+  fs::remove_all(cell.folder);
+}
+
+TEST(BatchTest, CachedDetectionsGiveTheSameResult) {
+  const Cell cell = MakeCell("batch_cache");
+  const std::string cache = "HEBA_CACHE=" + (cell.folder / "cache").string();
+  for (const char* out : {"cold", "warm"}) {
+    EXPECT_EQ(RunHeba(RunArguments(cell, cell.folder / out, {}), cache).status, 0);
+  }
+  ASSERT_EQ(RunHeba(RunArguments(cell, cell.folder / "none", {})).status, 0);
+  int num_kept = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(cell.folder / "cache")) {
+    num_kept += entry.is_regular_file() ? 1 : 0;
+  }
+  EXPECT_EQ(num_kept, 8);  // One a picture, for all runs.
+  for (const char* out : {"warm", "none"}) {
+    EXPECT_EQ(WithoutTimes(cell.folder / out / "plain" / "result.json"),
+              WithoutTimes(cell.folder / "cold" / "plain" / "result.json"));
+    EXPECT_EQ(ReadAll(cell.folder / out / "plain" / "detections.json"),
+              ReadAll(cell.folder / "cold" / "plain" / "detections.json"));
+  }
+  fs::remove_all(cell.folder);
+}
+
+// What --set says counts more than the file, and the run's own config.yaml says it too.
+TEST(BatchTest, SettingsAndBasesAreInTheConfigAsUsed) {
+  const Cell cell = MakeCell("batch_set");
+  ASSERT_EQ(
+      RunHeba(RunArguments(cell, cell.folder / "out", {"--set", "refine.loss=huber", "--set", "evaluate.folds=0"}))
+          .status,
+      0);
+  const std::string used = ReadAll(cell.folder / "out" / "cauchy" / "config.yaml");
+  EXPECT_THAT(used, HasSubstr("loss: huber"));
+  EXPECT_THAT(used, HasSubstr("folds: 0"));
+  EXPECT_THAT(used, testing::Not(HasSubstr("base:")));
+  fs::remove_all(cell.folder);
+}
+
+}  // namespace
+}  // namespace heba
