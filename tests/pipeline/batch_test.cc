@@ -52,6 +52,12 @@ Cell MakeCell(const std::string& name) {
   return cell;
 }
 
+// One cache for what these tests see again and again.
+CommandResult RunCached(const std::vector<std::string>& arguments) {
+  static const fs::path cache = TestFolder("batch_detections");
+  return RunHeba(arguments, "HEBA_CACHE=" + cache.string());
+}
+
 std::vector<std::string> RunArguments(const Cell& cell, const fs::path& out, const std::vector<std::string>& more) {
   std::vector<std::string> arguments = {"run"};
   arguments.insert(arguments.end(), cell.configs.begin(), cell.configs.end());
@@ -78,7 +84,7 @@ TEST(BatchTest, ARunThatFailsFailsAlone) {
            "mm, tag_spacing: 0.3}\n");
   cell.configs.insert(cell.configs.begin() + 1,
                       {(cell.folder / "wrong.yaml").string(), (cell.folder / "blind.yaml").string()});
-  const CommandResult run = RunHeba(RunArguments(cell, cell.folder / "out", {}));
+  const CommandResult run = RunCached(RunArguments(cell, cell.folder / "out", {}));
   EXPECT_EQ(run.status, 1);
   EXPECT_THAT(run.err, HasSubstr("heba: error: " + (cell.folder / "wrong.yaml").string() + ":2: refine: unknown key"));
   EXPECT_THAT(run.err, HasSubstr("the target was not seen in any of the 8 pictures"));
@@ -97,27 +103,27 @@ TEST(BatchTest, ARunThatFailsFailsAlone) {
 TEST(BatchTest, ResumeLeavesWhatIsCurrentAndRunsWhatChanged) {
   const Cell cell = MakeCell("batch_resume");
   const fs::path out = cell.folder / "out";
-  ASSERT_EQ(RunHeba(RunArguments(cell, out, {})).status, 0);
+  ASSERT_EQ(RunCached(RunArguments(cell, out, {})).status, 0);
   const std::string csv = ReadAll(out / "summary.csv");
   const auto time_of = [&](const char* name) { return fs::last_write_time(out / name / "result.json"); };
   const auto plain = time_of("plain");
   const auto held = time_of("held");
   // Dates do not count.
   fs::last_write_time(cell.configs[0], fs::file_time_type::clock::now());
-  CommandResult again = RunHeba(RunArguments(cell, out, {"--resume"}));
+  CommandResult again = RunCached(RunArguments(cell, out, {"--resume"}));
   EXPECT_EQ(again.status, 0);
   EXPECT_THAT(again.err, HasSubstr("plain: unchanged"));
   EXPECT_EQ(time_of("plain"), plain);
   EXPECT_EQ(ReadAll(out / "summary.csv"), csv);
   // A config that says something else.
   WriteAll(cell.configs[0], "base: data/config.yaml\nrefine: {loss: none}\nevaluate: {folds: 2}\n");
-  again = RunHeba(RunArguments(cell, out, {"--resume"}));
+  again = RunCached(RunArguments(cell, out, {"--resume"}));
   EXPECT_NE(time_of("plain"), plain);
   EXPECT_EQ(time_of("held"), held);
   // A picture.
   fs::copy_file(cell.folder / "data" / "images" / "001.png", cell.folder / "data" / "images" / "000.png",
                 fs::copy_options::overwrite_existing);
-  again = RunHeba(RunArguments(cell, out, {"--resume"}));
+  again = RunCached(RunArguments(cell, out, {"--resume"}));
   EXPECT_NE(time_of("held"), held);
   EXPECT_THAT(again.err, testing::Not(HasSubstr("unchanged")));
   fs::remove_all(cell.folder);
@@ -125,17 +131,17 @@ TEST(BatchTest, ResumeLeavesWhatIsCurrentAndRunsWhatChanged) {
 
 TEST(BatchTest, ShardsTogetherGiveTheSameBytes) {
   const Cell cell = MakeCell("batch_shards");
-  ASSERT_EQ(RunHeba(RunArguments(cell, cell.folder / "whole", {})).status, 0);
+  ASSERT_EQ(RunCached(RunArguments(cell, cell.folder / "whole", {})).status, 0);
   for (const char* shard : {"0/3", "2/3", "1/3"}) {
-    EXPECT_EQ(RunHeba(RunArguments(cell, cell.folder / "parts", {"--shard", shard})).status, 0) << shard;
+    EXPECT_EQ(RunCached(RunArguments(cell, cell.folder / "parts", {"--shard", shard})).status, 0) << shard;
     EXPECT_FALSE(fs::exists(cell.folder / "parts" / "summary.csv"));
   }
-  const CommandResult merged = RunHeba(RunArguments(cell, cell.folder / "parts", {"--resume"}));
+  const CommandResult merged = RunCached(RunArguments(cell, cell.folder / "parts", {"--resume"}));
   EXPECT_EQ(merged.status, 0);
   EXPECT_THAT(merged.err, HasSubstr("[4/4]"));
   EXPECT_THAT(merged.err, testing::Not(HasSubstr(" s;")));
   EXPECT_EQ(ReadAll(cell.folder / "parts" / "summary.csv"), ReadAll(cell.folder / "whole" / "summary.csv"));
-  EXPECT_EQ(RunHeba(RunArguments(cell, cell.folder / "parts", {"--shard", "3/3"})).status, 2);
+  EXPECT_EQ(RunCached(RunArguments(cell, cell.folder / "parts", {"--shard", "3/3"})).status, 2);
   fs::remove_all(cell.folder);
 }
 
@@ -143,7 +149,7 @@ TEST(BatchTest, ShardsTogetherGiveTheSameBytes) {
 TEST(BatchTest, AKillAtAnyMomentLosesNoFinishedRun) {
   const Cell cell = MakeCell("batch_kill");
   const fs::path out = cell.folder / "out";
-  ASSERT_EQ(RunHeba(RunArguments(cell, cell.folder / "whole", {})).status, 0);
+  ASSERT_EQ(RunCached(RunArguments(cell, cell.folder / "whole", {})).status, 0);
   for (const int milliseconds : {20, 60, 120, 250, 400}) {
     std::vector<std::string> finished;
     if (fs::exists(out)) {
@@ -176,7 +182,7 @@ TEST(BatchTest, AKillAtAnyMomentLosesNoFinishedRun) {
       EXPECT_FALSE(Json::parse(ReadAll(entry.path() / "result.json"), nullptr, false).is_discarded()) << name;
     }
   }
-  ASSERT_EQ(RunHeba(RunArguments(cell, out, {"--resume"})).status, 0);
+  ASSERT_EQ(RunCached(RunArguments(cell, out, {"--resume"})).status, 0);
   EXPECT_EQ(ReadAll(out / "summary.csv"), ReadAll(cell.folder / "whole" / "summary.csv"));
   for (const char* name : {"plain", "held", "focal", "cauchy"}) {
     EXPECT_EQ(WithoutTimes(out / name / "result.json"), WithoutTimes(cell.folder / "whole" / name / "result.json"));
@@ -194,7 +200,7 @@ TEST(BatchTest, ASecondProgramInTheFolderIsRefused) {
   const int descriptor = open((out / ".heba.lock").c_str(), O_RDWR | O_CREAT, 0666);
   ASSERT_GE(descriptor, 0);
   ASSERT_EQ(flock(descriptor, LOCK_EX), 0);
-  const CommandResult run = RunHeba(RunArguments(cell, out, {}));
+  const CommandResult run = RunCached(RunArguments(cell, out, {}));
   EXPECT_EQ(run.status, 2);
   EXPECT_THAT(run.err, HasSubstr("another heba works in this folder"));
   close(descriptor);
@@ -204,7 +210,7 @@ TEST(BatchTest, ASecondProgramInTheFolderIsRefused) {
 TEST(BatchTest, NamesThatStandTwiceAreRefusedBeforeAnyWork) {
   Cell cell = MakeCell("batch_names");
   cell.configs.push_back(cell.configs.front());
-  const CommandResult run = RunHeba(RunArguments(cell, cell.folder / "out", {}));
+  const CommandResult run = RunCached(RunArguments(cell, cell.folder / "out", {}));
   EXPECT_EQ(run.status, 2);
   EXPECT_THAT(run.err, HasSubstr("give one of them another name"));
   EXPECT_FALSE(fs::exists(cell.folder / "out"));
@@ -236,7 +242,7 @@ TEST(BatchTest, CachedDetectionsGiveTheSameResult) {
 TEST(BatchTest, SettingsAndBasesAreInTheConfigAsUsed) {
   const Cell cell = MakeCell("batch_set");
   ASSERT_EQ(
-      RunHeba(RunArguments(cell, cell.folder / "out", {"--set", "refine.loss=huber", "--set", "evaluate.folds=0"}))
+      RunCached(RunArguments(cell, cell.folder / "out", {"--set", "refine.loss=huber", "--set", "evaluate.folds=0"}))
           .status,
       0);
   const std::string used = ReadAll(cell.folder / "out" / "cauchy" / "config.yaml");
