@@ -201,7 +201,8 @@ std::vector<double> DrawingEdges::Cuts(int index) const {
   Eigen::Vector2d low;
   Eigen::Vector2d high;
   Bounds(outline, &low, &high);
-  for (const size_t cell : CellsOf(low, high, 0)) {
+  // With some reach: by rounding the sheet's own border may lie outside of it.
+  for (const size_t cell : CellsOf(low, high, nearness_m_)) {
     others.insert(others.end(), cells_[cell].outlines.begin(), cells_[cell].outlines.end());
   }
   std::sort(others.begin(), others.end());

@@ -1,4 +1,5 @@
 #include "targets/rendering.h"
+#include "targets/drawing_edges.h"
 
 #include <algorithm>
 #include <cmath>
@@ -296,6 +297,34 @@ TEST(RenderView, SharedOutlinesLeaveNoSeam) {
   const cv::Mat picture = RenderView(drawing, PinholeCamera(), Rigid3d(Rotation(0.2, 0.3, 0.4), {0, 0, 1}), Deep(0.7));
   for (int y = 75 - 20; y <= 75 + 20; ++y) {
     for (int x = 100 - 20; x <= 100 + 20; ++x) EXPECT_NEAR(Grey(picture, x, y), 30, 0.01);
+  }
+}
+
+// Shapes across the sheet's border, whose numbers no binary fraction meets: each piece of the border has on either side
+// what it says.
+TEST(DrawingEdgesTest, TheSheetsBorderIsCutByWhatCrossesIt) {
+  for (int count = 1; count <= 24; ++count) {
+    Drawing drawing;
+    drawing.min_m = {-0.0525, -0.0525};
+    drawing.max_m = {0.085, 0.085};
+    drawing.ground = 1;
+    for (int i = 0; i < count; ++i) {
+      const double along = -0.045 + 0.12 * i / count;
+      const double radius_m = 0.04 / count;
+      drawing.AddDisc({0.085, along}, radius_m, 0);
+      drawing.AddDisc({along, 0.085}, radius_m, 0.5);
+      drawing.AddDisc({-0.0525, along}, radius_m, 0.2);
+      drawing.AddDisc({along, -0.0525}, radius_m, 0.3);
+    }
+    const DrawingEdges edges(drawing);
+    for (const AlbedoEdge& edge : edges.edges()) {
+      for (const double t : {0.1, 0.35, 0.6, 0.85}) {
+        const Eigen::Vector2d along = (edge.At(t + 1e-6) - edge.At(t)).normalized();
+        const Eigen::Vector2d aside = 1e-8 * Eigen::Vector2d(-along.y(), along.x());
+        EXPECT_EQ(edges.ValueAt(edge.At(t) + aside), edge.positive) << count << ": " << edge.At(t).transpose();
+        EXPECT_EQ(edges.ValueAt(edge.At(t) - aside), edge.negative) << count << ": " << edge.At(t).transpose();
+      }
+    }
   }
 }
 
