@@ -17,7 +17,10 @@ MapReader SubReader(MapReader& root, const std::string& key) {
 
 }  // namespace
 
-SceneConfig ReadSceneConfig(const std::filesystem::path& path) { return ReadScene(ReadYamlFile(path)); }
+SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector<std::string>& settings) {
+  const ConfigValue file = ReadYamlFileOverBases(path, {});
+  return ReadScene(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
+}
 
 SceneConfig ReadScene(const ConfigValue& value) {
   SceneConfig scene;
@@ -25,7 +28,10 @@ SceneConfig ReadScene(const ConfigValue& value) {
   scene.setup = *FindSetup(reader.Choice("setup", {"eye_to_hand", "eye_in_hand"}));
   scene.target = ReadTarget(reader, "target");
   scene.target_used = reader.used()["target"];
-  const ConfigValue camera = reader.Get("camera");
+  // A camera that is one stands for itself: another model has other coefficients.
+  const ConfigValue camera_layers = reader.Get("camera");
+  const bool is_whole = !camera_layers.IsMap() || camera_layers.node()["model"];
+  const ConfigValue camera = is_whole ? camera_layers.Top() : camera_layers;
   scene.camera = camera.IsMap() ? ReadCamera(camera) : ReadCameraFile(camera.AsPath());
   if (scene.camera.width_px == 0) camera.Fail("the camera file has no image size; a simulated camera needs one");
   scene.hand_eye.camera_mount_from_camera = ReadPose(reader.Get("hand_eye"));

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "heba/base/error.h"
 #include "heba/base/rng.h"
@@ -34,8 +35,8 @@ struct SceneConfig {
   uint64_t seed = 1;
 };
 
-// InputError on any fault.
-SceneConfig ReadSceneConfig(const std::filesystem::path& path);
+// The file over those that it is based on; `settings` (--set) count more. InputError on any fault.
+SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
 // The same of a mapping within another file.
 SceneConfig ReadScene(const ConfigValue& value);
 

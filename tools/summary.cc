@@ -1,21 +1,13 @@
 #include "tools/summary.h"
 
-#include <algorithm>
-#include <cmath>
 #include <functional>
 
 #include "heba/base/text.h"
-#include "heba/base/units.h"
 #include "tools/page.h"
+#include "tools/run_figures.h"
 
 namespace heba {
 namespace {
-
-// One sigma of the hand-eye pose's translation (first 0) or rotation (first 3) as a whole.
-std::optional<double> SigmaOf(const Estimate& estimate, Eigen::Index first) {
-  if (!estimate.solution || estimate.solution->covariance.matrix.rows() < 6) return std::nullopt;
-  return std::sqrt(estimate.solution->covariance.matrix.diagonal().segment<3>(first).sum());
-}
 
 // The figures of an estimate, with their names in the csv and on pages.
 struct Figure {
@@ -23,10 +15,6 @@ struct Figure {
   const char* title;
   std::function<std::optional<double>(const Estimate&)> value;
 };
-
-std::optional<double> Scaled(const std::optional<double>& value, double factor) {
-  return value ? std::optional<double>(factor * *value) : std::nullopt;
-}
 
 const std::vector<Figure>& Figures() {
   static const std::vector<Figure> figures = {
@@ -45,8 +33,8 @@ const std::vector<Figure>& Figures() {
        [](const Estimate& e) {
          return e.errors.board_scatter ? std::optional<double>(e.errors.board_scatter->rotation_rms_deg) : std::nullopt;
        }},
-      {"std_translation_mm", "sigma, mm", [](const Estimate& e) { return Scaled(SigmaOf(e, 0), 1000); }},
-      {"std_rotation_deg", "sigma, deg", [](const Estimate& e) { return Scaled(SigmaOf(e, 3), RadToDeg(1.0)); }},
+      {"std_translation_mm", "sigma, mm", [](const Estimate& e) { return TranslationSigmaMm(e); }},
+      {"std_rotation_deg", "sigma, deg", [](const Estimate& e) { return RotationSigmaDeg(e); }},
       {"pixel_sigma", "pixel noise, px",
        [](const Estimate& e) { return e.solution ? std::optional<double>(e.solution->pixel_sigma_px) : std::nullopt; }},
       {"truth_hand_eye_mm", "true error, mm",
@@ -59,35 +47,6 @@ const std::vector<Figure>& Figures() {
        }},
   };
   return figures;
-}
-
-int NumUsed(const RunResult& result) {
-  return static_cast<int>(std::count_if(result.captures.begin(), result.captures.end(),
-                                        [](const CaptureResult& capture) { return capture.used; }));
-}
-
-// As RFC 4180 has it.
-std::string CsvField(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
-}
-
-// The last of the refinements, which the others lead up to.
-const Estimate* Refined(const RunResult& result) {
-  const auto found = std::find_if(result.estimates.rbegin(), result.estimates.rend(),
-                                  [](const Estimate& estimate) { return estimate.ok && estimate.kind == "refined"; });
-  return found == result.estimates.rend() ? nullptr : &*found;
-}
-
-std::optional<double> BestClosedFormPx(const RunResult& result) {
-  std::optional<double> best;
-  for (const Estimate& estimate : result.estimates) {
-    if (estimate.kind != "closed_form" || !estimate.errors.holdout_rms_px) continue;
-    best = std::min(best.value_or(*estimate.errors.holdout_rms_px), *estimate.errors.holdout_rms_px);
-  }
-  return best;
 }
 
 std::string Cell(const std::optional<double>& value) { return value ? Significant(*value, 3) : std::string("-"); }
@@ -108,8 +67,8 @@ std::string SummaryCsv(const std::vector<BatchRun>& runs) {
     for (const Estimate& estimate : result.estimates) {
       csv += CsvField(run.name) + ",true," + CsvField(estimate.reason) + "," + std::string(SetupName(result.setup)) +
              "," + result.target_type + "," + std::to_string(result.num_target_points) + "," +
-             std::to_string(result.captures.size()) + "," + std::to_string(NumUsed(result)) + "," + estimate.method +
-             "," + estimate.kind + "," + (estimate.ok ? "true" : "false");
+             std::to_string(result.captures.size()) + "," + std::to_string(NumUsedCaptures(result)) + "," +
+             estimate.method + "," + estimate.kind + "," + (estimate.ok ? "true" : "false");
       for (const Figure& figure : Figures()) {
         const std::optional<double> value = estimate.ok ? figure.value(estimate) : std::nullopt;
         csv += "," + (value ? RoundTrip(*value) : "");
@@ -140,7 +99,7 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
           {run.name},
           {std::string(SetupName(run.result->setup))},
           {run.result->target_type},
-          {std::to_string(NumUsed(*run.result)) + " of " + std::to_string(run.result->captures.size())},
+          {std::to_string(NumUsedCaptures(*run.result)) + " of " + std::to_string(run.result->captures.size())},
           {estimate.method}};
       for (const Figure& figure : Figures()) {
         const std::optional<double> value = estimate.ok ? figure.value(estimate) : std::nullopt;
@@ -166,16 +125,17 @@ std::string SummaryTable(const std::vector<BatchRun>& runs) {
     const std::string name =
         run.name.size() > kNameWidth ? run.name.substr(0, kNameWidth - 2) + ".." : PadRight(run.name, kNameWidth);
     table += name;
-    const Estimate* refined = run.result ? Refined(*run.result) : nullptr;
+    const Estimate* refined = run.result ? FindRefined(*run.result) : nullptr;
     if (refined == nullptr) {
       table += " failed: " + run.reason + "\n";
       continue;
     }
     const RunResult& result = *run.result;
+    const Estimate* closed = FindBestClosedForm(result);
     table += PadRight(" " + result.target_type, 15) +
-             PadLeft(std::to_string(NumUsed(result)) + "/" + std::to_string(result.captures.size()), 9) +
-             PadLeft(Cell(BestClosedFormPx(result)), 9) + PadLeft(Cell(refined->errors.holdout_rms_px), 9) +
-             PadLeft(Cell(Scaled(SigmaOf(*refined, 0), 1000)), 10) + "\n";
+             PadLeft(std::to_string(NumUsedCaptures(result)) + "/" + std::to_string(result.captures.size()), 9) +
+             PadLeft(Cell(closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt), 9) +
+             PadLeft(Cell(refined->errors.holdout_rms_px), 9) + PadLeft(Cell(TranslationSigmaMm(*refined)), 10) + "\n";
   }
   return table;
 }

@@ -46,7 +46,7 @@ std::string RunConfigText(const SceneConfig& scene) {
 int RunCommand_simulate(const std::vector<std::string>& arguments) {
   namespace fs = std::filesystem;
   if (FLAGS_out.empty()) throw InputError("'heba simulate' needs --out DIR");
-  const SceneConfig scene = ReadSceneConfig(arguments[0]);
+  const SceneConfig scene = ReadSceneConfig(arguments[0], Settings());
   StagedFolder folder(FLAGS_out, "truth.json");
   const Drawing& drawing = scene.target->Draw();
   Rng rng(scene.seed);
