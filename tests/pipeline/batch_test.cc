@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <thread>
 
@@ -249,6 +250,63 @@ TEST(BatchTest, SettingsAndBasesAreInTheConfigAsUsed) {
   EXPECT_THAT(used, HasSubstr("loss: huber"));
   EXPECT_THAT(used, HasSubstr("folds: 0"));
   EXPECT_THAT(used, testing::Not(HasSubstr("base:")));
+  fs::remove_all(cell.folder);
+}
+
+// A study's shards, put together, are the study; what is there is not done again.
+TEST(StudyTest, ShardsTogetherGiveTheSameBytes) {
+  const fs::path folder = TestFolder("study_shards");
+  const std::string scene = (fs::path(HEBA_SOURCE_DIR) / "configs" / "scenes" / "ring4_eye_to_hand.yaml").string();
+  WriteAll(folder / "study.yaml",
+           "trials: 3\nscenes: {four: " + scene + "}\npixel_noise: [0.1 px, 0.5 px, 1 px]\nmethods: [shah]\n");
+  const auto study = [&](const char* out, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"study", (folder / "study.yaml").string(), "--out", (folder / out).string()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return RunHeba(arguments);
+  };
+  EXPECT_EQ(study("whole", {}).status, 0);
+  EXPECT_EQ(study("parts", {"--shard", "1/2"}).status, 0);
+  EXPECT_FALSE(fs::exists(folder / "parts" / "study.csv"));
+  const CommandResult merged = study("parts", {"--resume"});
+  EXPECT_EQ(merged.status, 0);
+  EXPECT_THAT(merged.err, HasSubstr("1 of 3 cells were there"));
+  EXPECT_EQ(ReadAll(folder / "parts" / "study.csv"), ReadAll(folder / "whole" / "study.csv"));
+  // Other trials are another study.
+  WriteAll(folder / "study.yaml", ReadAll(folder / "study.yaml") + "seed: 2\n");
+  EXPECT_THAT(study("parts", {"--resume"}).err, testing::Not(HasSubstr("were there")));
+  fs::remove_all(folder);
+}
+
+// What three runs have in common: the table, the findings, the files.
+TEST(CompareTest, SaysWhatRefiningGainsAndWhetherPosesAgree) {
+  const Cell cell = MakeCell("compare");
+  ASSERT_EQ(RunCached(RunArguments(cell, cell.folder / "out", {})).status, 0);
+  const CommandResult compared =
+      RunHeba({"compare", (cell.folder / "out").string(), "--out", (cell.folder / "compared").string()});
+  EXPECT_EQ(compared.status, 0) << compared.err;
+  EXPECT_THAT(compared.out, HasSubstr("in px, on captures that neither has seen: the refinement is better than"));
+  EXPECT_THAT(compared.out, HasSubstr("hand-eye poses from targets of one type agree within their uncertainties"));
+  const std::string pairs = ReadAll(cell.folder / "compared" / "pairs.csv");
+  EXPECT_EQ(std::count(pairs.begin(), pairs.end(), '\n'), 1 + 6);
+  EXPECT_THAT(ReadAll(cell.folder / "compared" / "compare.html"), HasSubstr("Comparison of 4 runs"));
+  const CommandResult nothing = RunHeba({"compare", cell.folder.string()});
+  EXPECT_EQ(nothing.status, 2);
+  EXPECT_THAT(nothing.err, HasSubstr("holds no run"));
+  fs::remove_all(cell.folder);
+}
+
+// A file's name never becomes markup.
+TEST(SummaryPageTest, NamesAreText) {
+  const Cell cell = MakeCell("summary_names");
+  const std::string hostile = "<img src=x onerror=alert(1)>";
+  WriteAll(cell.folder / "hostile.yaml", "base: data/config.yaml\nname: \"" + hostile + "\"\n");
+  EXPECT_EQ(RunCached({"run", cell.configs[0], (cell.folder / "hostile.yaml").string(), "--out",
+                       (cell.folder / "out").string()})
+                .status,
+            0);
+  const std::string page = ReadAll(cell.folder / "out" / "summary.html");
+  EXPECT_THAT(page, HasSubstr("&lt;img src=x onerror=alert(1)&gt;"));
+  EXPECT_THAT(page, testing::Not(HasSubstr("<img")));
   fs::remove_all(cell.folder);
 }
 

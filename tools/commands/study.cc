@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <iostream>
 #include <mutex>
 
@@ -8,6 +9,7 @@
 #include "tools/command.h"
 #include "tools/console.h"
 #include "tools/flags.h"
+#include "tools/study_cells.h"
 #include "tools/study_config.h"
 #include "tools/study_report.h"
 
@@ -25,36 +27,46 @@ std::vector<int> CellsOf(const Shard& shard, int num_cells) {
 int RunCommand_study(const std::vector<std::string>& arguments) {
   const StudyConfig study = ReadStudyConfig(arguments[0]);
   const std::filesystem::path output = FLAGS_out.empty() ? study.output : std::filesystem::absolute(FLAGS_out);
-  const std::vector<int> cells = CellsOf(ParseShard(), static_cast<int>(study.cells.size()));
-  StagedFolder folder(output, "study.csv");
-  // Every trial of every cell by itself: the result does not depend on which thread did it.
-  std::vector<std::vector<std::vector<TrialEstimate>>> trials(cells.size());
-  for (auto& of_cell : trials) of_cell.resize(static_cast<size_t>(study.num_trials));
-  const int num_tasks = static_cast<int>(cells.size()) * study.num_trials;
-  {
-    Progress progress("trial", num_tasks, FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
+  const Shard shard = ParseShard();
+  const bool is_whole = shard.count == 1;
+  const FolderLock lock(output, ".heba.lock", is_whole ? FolderLock::Kind::kAlone : FolderLock::Kind::kShared);
+  const StudyCells cells(output, study);
+  std::vector<CellResult> results;
+  std::vector<int> to_do;
+  for (const int cell : CellsOf(shard, static_cast<int>(study.cells.size()))) {
+    std::optional<CellResult> known = FLAGS_resume ? cells.Find(cell) : std::nullopt;
+    if (known) {
+      results.push_back(std::move(*known));
+    } else {
+      to_do.push_back(cell);
+    }
+  }
+  if (!results.empty() && !FLAGS_quiet) {
+    std::cerr << results.size() << " of " << results.size() + to_do.size() << " cells were there" << std::endl;
+  }
+  Progress progress("trial", static_cast<int>(to_do.size()) * study.num_trials,
+                    FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
+  for (const int index : to_do) {
+    const StudyCell& cell = study.cells[static_cast<size_t>(index)];
+    // Every trial by itself: the result does not depend on which thread did it.
+    std::vector<std::vector<TrialEstimate>> trials(static_cast<size_t>(study.num_trials));
     std::mutex mutex;
-    ParallelFor(num_tasks, NumThreads(), [&](int task) {
-      const size_t place = static_cast<size_t>(task / study.num_trials);
-      const int trial = task % study.num_trials;
-      const StudyCell& cell = study.cells[static_cast<size_t>(cells[place])];
+    ParallelFor(study.num_trials, NumThreads(), [&](int trial) {
       // Cells share their noise, trial by trial: what differs between them is not chance.
-      trials[place][static_cast<size_t>(trial)] = RunTrial(cell, study.seed, trial);
-      const std::lock_guard<std::mutex> lock(mutex);
+      trials[static_cast<size_t>(trial)] = RunTrial(cell, study.seed, trial);
+      const std::lock_guard<std::mutex> guard(mutex);
       progress.Step();
     });
+    results.push_back({index, study.labels[static_cast<size_t>(index)], ErrorBound(cell), Summarise(cell, trials)});
+    cells.Keep(results.back());
   }
-  std::vector<CellResult> results;
-  for (size_t place = 0; place < cells.size(); ++place) {
-    const size_t cell = static_cast<size_t>(cells[place]);
-    results.push_back(
-        {cells[place], study.labels[cell], ErrorBound(study.cells[cell]), Summarise(study.cells[cell], trials[place])});
+  std::sort(results.begin(), results.end(), [](const CellResult& a, const CellResult& b) { return a.cell < b.cell; });
+  if (is_whole) {
+    WriteFileAtomically(output / "config.yaml", study.used);
+    WriteFileAtomically(output / "study.txt", StudyTable(results));
+    WriteStudyPlots(results, output);
+    WriteFileAtomically(output / "study.csv", StudyCsv(results));
   }
-  WriteFileAtomically(folder.staging() / "config.yaml", study.used);
-  WriteFileAtomically(folder.staging() / "study.csv", StudyCsv(results));
-  WriteFileAtomically(folder.staging() / "study.txt", StudyTable(results));
-  WriteStudyPlots(results, folder.staging());
-  folder.Commit();
   if (!FLAGS_quiet) std::cout << StudyTable(results) << "results: " << output.string() << std::endl;
   return kDone;
 }
