@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that heba needs, those that are missing only. Needs root or sudo if any is.
+# Installs the Debian packages that heba needs, those that are missing only. Needs root or sudo if any is. With
+# `--tests` those too that only its tests need.
 set -euo pipefail
 
 packages=(
@@ -8,6 +9,7 @@ packages=(
   libopencv-dev libopencv-contrib-dev libapriltag-dev libcairo2-dev libxxhash-dev
   libgtest-dev libgmock-dev libbenchmark-dev clang-format-14 clang-tidy-14
 )
+if [ "${1-}" = "--tests" ]; then packages+=(slurm-wlm munge procps); fi
 
 missing=()
 for package in "${packages[@]}"; do

@@ -5,7 +5,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-tools/install_packages.sh
+tools/install_packages.sh --tests
 cmake --preset release -DHEBA_WARNINGS_AS_ERRORS="${HEBA_WARNINGS_AS_ERRORS:-OFF}" >/dev/null
 cmake --build --preset release
 if [ $# -eq 0 ]; then set -- --label-exclude slow; fi
