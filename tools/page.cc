@@ -23,6 +23,27 @@ th[aria-sort=ascending] button::after { content: " \2191"; }
 th[aria-sort=descending] button::after { content: " \2193"; }
 td.number { text-align: right; }
 tbody tr:hover { background: var(--soft); }
+h2 { font-size: 1.15rem; margin: 2rem 0 0.3rem; }
+code { font-size: 0.9em; }
+svg { display: block; width: 100%; height: auto; font: 12px system-ui, sans-serif; }
+svg text { fill: var(--dim); }
+.charts { display: flex; flex-wrap: wrap; gap: 1rem; }
+.charts svg { flex: 1 1 13rem; }
+.grid { stroke: var(--line); }
+.frame { fill: none; stroke: var(--line); }
+.first { fill: #7aa6da; }
+.second { fill: #d2762d; }
+.arrow { stroke: #d2762d; stroke-width: 0.8; }
+.dot { fill: #4c86c6; }
+.ellipse { fill: #7aa6da44; stroke: #4c86c6; stroke-width: 1.5; }
+.positive { fill: #d2762d; }
+.negative { fill: #4c86c6; }
+.verdict { color: var(--ink); font-size: 1.1rem; padding: 0.5rem 0.9rem; border-left: 0.4rem solid #2e8b57; background: var(--soft); }
+.verdict.doubtful { border-color: #d29922; }
+.verdict.bad { border-color: #d1242f; }
+li.doubtful::marker { color: #d29922; content: "? "; }
+li.bad::marker { color: #d1242f; content: "! "; }
+li.good::marker { color: #2e8b57; content: "+ "; }
 )";
 
 // Rows by the clicked column: numbers as numbers, what is empty last.

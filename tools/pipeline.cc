@@ -20,6 +20,7 @@
 #include "tools/detection_cache.h"
 #include "tools/detection_file.h"
 #include "tools/digest.h"
+#include "tools/report.h"
 #include "tools/run_inputs.h"
 
 namespace heba {
@@ -204,6 +205,18 @@ bool LookAgain(const RunConfig& config, const Calibration& calibration, int num_
   return has_changed;
 }
 
+// Of the refined estimate, capture by capture.
+std::vector<CaptureResiduals> ResidualsOf(const Calibration& calibration) {
+  const Solution& solution = *calibration.refined;
+  std::vector<CaptureResiduals> all;
+  for (const View& view : Shaped(calibration.views, solution.shape)) {
+    const std::optional<Points2> residuals = Residuals(
+        solution.camera, CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount), view.observations);
+    if (residuals) all.push_back({view.name, view.observations.pixels, *residuals});
+  }
+  return all;
+}
+
 std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::vector<CaptureDetection>& detections,
                                             const Calibration& calibration) {
   const Solution& solution = *calibration.refined;
@@ -370,6 +383,7 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
   WriteFileAtomically(folder.staging() / "log.txt", console->log());
+  WriteFileAtomically(folder.staging() / "report.html", ReportPage(result, ResidualsOf(*calibration)));
   WriteFileAtomically(folder.staging() / "inputs.json", inputs);
   WriteFileAtomically(folder.staging() / "result.json", ResultToJson(result));
   folder.Commit();

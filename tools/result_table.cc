@@ -6,6 +6,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/evaluation/verdict.h"
 
 namespace heba {
 namespace {
@@ -141,7 +142,11 @@ std::string ResultTable(const RunResult& result, Colour colour) {
   table += NoiseLine(*refined->solution, refined->errors.holdout_chi2);
   table += ShapeLine(*refined->solution);
   for (const std::string& remark : refined->solution->remarks) table += "remark: " + remark + "\n";
-  return table;
+  const Verdict verdict = JudgeRun(result);
+  table += bold + "verdict: " + std::string(GradeName(verdict.grade)) + plain;
+  const Finding& worst = verdict.findings.front();
+  if (verdict.grade != Grade::kGood) table += ": " + worst.what;
+  return table + "\n";
 }
 
 }  // namespace heba

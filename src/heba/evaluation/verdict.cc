@@ -1,0 +1,157 @@
+#include "heba/evaluation/verdict.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+
+namespace heba {
+namespace {
+
+Grade GradeOf(double value, double doubtful, double bad) {
+  if (!(value <= bad)) return Grade::kBad;
+  return value <= doubtful ? Grade::kGood : Grade::kDoubtful;
+}
+
+const Estimate* RefinedOf(const RunResult& result) {
+  const auto found = std::find_if(result.estimates.rbegin(), result.estimates.rend(), [](const Estimate& estimate) {
+    return estimate.ok && estimate.kind == "refined" && estimate.solution;
+  });
+  return found == result.estimates.rend() ? nullptr : &*found;
+}
+
+// The largest of three sigmas.
+double LargestSigma(const Covariance& covariance, Eigen::Index first) {
+  return std::sqrt(covariance.matrix.diagonal().segment<3>(first).maxCoeff());
+}
+
+Finding JudgeUncertainty(const Solution& solution) {
+  const double mm = 1000 * LargestSigma(solution.covariance, 0);
+  const double deg = RadToDeg(LargestSigma(solution.covariance, 3));
+  Finding finding;
+  finding.grade = std::max(GradeOf(mm, 1, 5), GradeOf(deg, 0.1, 0.5));
+  finding.what = "the camera's pose is known to " + Significant(mm, 2) + " mm and " + Significant(deg, 2) +
+                 " deg (one sigma, along and about the axis that is known worst)";
+  if (finding.grade != Grade::kGood) {
+    finding.cure = "take more captures, with larger turns of the gripper about different axes and more depth";
+  }
+  return finding;
+}
+
+std::optional<Finding> JudgeHoldOut(const Errors& errors) {
+  if (!errors.holdout_target_mm || !errors.holdout_target_deg) {
+    return Finding{Grade::kDoubtful, "nothing was held out: how well unseen captures are predicted is not known",
+                   "set evaluate.folds to 5"};
+  }
+  Finding finding;
+  finding.grade = std::max(GradeOf(*errors.holdout_target_mm, 1.5, 5), GradeOf(*errors.holdout_target_deg, 0.3, 1));
+  finding.what = "on captures that it has not seen the target was " + Significant(*errors.holdout_target_mm, 2) +
+                 " mm and " + Significant(*errors.holdout_target_deg, 2) + " deg from where it was predicted (rms)";
+  if (finding.grade != Grade::kGood) {
+    finding.cure =
+        "look at the captures with the largest residuals; let the robot settle before each picture; check its own "
+        "calibration, the pose format and the board's measures";
+  }
+  return finding;
+}
+
+std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution) {
+  if (!errors.holdout_chi2) return std::nullopt;
+  Finding finding;
+  finding.grade = GradeOf(*errors.holdout_chi2, 1.5, 3);
+  finding.what = "unseen captures scatter " + Significant(std::sqrt(*errors.holdout_chi2), 2) +
+                 " times as much as the noise that is assumed allows";
+  if (finding.grade != Grade::kGood) {
+    finding.cure = solution.robot_noise
+                       ? "something is wrong that is neither pixel noise nor the robot's: the board's measures, the "
+                         "camera model, wrong captures"
+                       : "the robot is not exact: use refine.robot_noise: auto";
+  }
+  return finding;
+}
+
+Finding JudgeCaptures(const RunResult& result) {
+  const auto num_used = std::count_if(result.captures.begin(), result.captures.end(),
+                                      [](const CaptureResult& capture) { return capture.used; });
+  const double total = static_cast<double>(result.captures.size());
+  const double unused = total > 0 ? 1 - static_cast<double>(num_used) / total : 1;
+  Finding finding;
+  finding.grade = std::max(GradeOf(unused, 0.25, 0.6), num_used < 8 ? Grade::kDoubtful : Grade::kGood);
+  finding.what = std::to_string(num_used) + " of " + std::to_string(result.captures.size()) + " captures were used";
+  if (num_used < 8) {
+    finding.cure = "take 15 to 25 captures";
+  } else if (finding.grade != Grade::kGood) {
+    finding.cure = "see the reasons in the table of captures";
+  }
+  return finding;
+}
+
+Finding JudgePixels(const Solution& solution) {
+  Finding finding;
+  finding.grade = GradeOf(solution.pixel_sigma_px, 1, 5);
+  finding.what = "the points are off by " + Significant(solution.pixel_sigma_px, 2) + " px a coordinate (one sigma)";
+  if (finding.grade != Grade::kGood) {
+    finding.cure =
+        "good pictures give 0.02 to 0.3 px: check focus, motion blur, the camera model and the robot's poses";
+  }
+  return finding;
+}
+
+std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refined) {
+  if (!refined.errors.holdout_target_mm) return std::nullopt;
+  const Estimate* best = nullptr;
+  for (const Estimate& estimate : result.estimates) {
+    if (estimate.kind != "closed_form" || !estimate.errors.holdout_target_mm) continue;
+    if (best == nullptr || *estimate.errors.holdout_target_mm < *best->errors.holdout_target_mm) best = &estimate;
+  }
+  if (best == nullptr) return std::nullopt;
+  const double ratio = *best->errors.holdout_target_mm / *refined.errors.holdout_target_mm;
+  Finding finding;
+  constexpr double kWorse = 0.85;
+  finding.grade = ratio < kWorse ? Grade::kDoubtful : Grade::kGood;
+  finding.what = "the best closed form (" + best->method + ") predicts unseen captures " +
+                 (ratio >= 1 ? Significant(ratio, 2) + " times worse" : Significant(1 / ratio, 2) + " times better") +
+                 ", in mm at the target";
+  if (finding.grade != Grade::kGood) {
+    finding.cure =
+        "the refinement bends to something that its model does not know; try refine.robot_noise: auto or fewer "
+        "refine.intrinsics";
+  }
+  return finding;
+}
+
+}  // namespace
+
+std::string_view GradeName(Grade grade) {
+  constexpr std::string_view kNames[] = {"good", "doubtful", "bad"};
+  return kNames[static_cast<size_t>(grade)];
+}
+
+Verdict JudgeRun(const RunResult& result) {
+  Verdict verdict;
+  const Estimate* refined = RefinedOf(result);
+  const bool has_covariance = refined != nullptr && refined->solution->covariance.matrix.rows() >= 6;
+  if (!has_covariance) {
+    verdict.findings.push_back({Grade::kBad, "there is no refined estimate", "see the methods' reasons"});
+  } else {
+    const Solution& solution = *refined->solution;
+    verdict.findings.push_back(JudgeUncertainty(solution));
+    const std::optional<Finding> more[] = {JudgeHoldOut(refined->errors), JudgeModel(refined->errors, solution),
+                                           JudgeGain(result, *refined)};
+    for (const std::optional<Finding>& finding : more) {
+      if (finding) verdict.findings.push_back(*finding);
+    }
+    verdict.findings.push_back(JudgeCaptures(result));
+    verdict.findings.push_back(JudgePixels(solution));
+    // A remark ends with its own cure.
+    for (const std::string& remark : solution.remarks) verdict.findings.push_back({Grade::kDoubtful, remark, ""});
+  }
+  std::stable_sort(verdict.findings.begin(), verdict.findings.end(),
+                   [](const Finding& a, const Finding& b) { return a.grade > b.grade; });
+  verdict.grade = verdict.findings.front().grade;
+  return verdict;
+}
+
+}  // namespace heba
