@@ -72,6 +72,8 @@ std::string UncertaintySection(const Estimate& refined) {
 std::string MethodsSection(const RunResult& result) {
   std::vector<BarLine> lines;
   std::vector<std::vector<PageCell>> rows;
+  const bool has_truth = std::any_of(result.estimates.begin(), result.estimates.end(),
+                                     [](const Estimate& estimate) { return estimate.errors.truth.has_value(); });
   const auto cell = [](const std::optional<double>& value) {
     return PageCell{value ? Significant(*value, 3) : "", true};
   };
@@ -86,18 +88,21 @@ std::string MethodsSection(const RunResult& result) {
          cell(errors.holdout_target_deg),
          cell(errors.axxb_mean_mm),
          cell(errors.board_scatter ? std::optional<double>(errors.board_scatter->translation_rms_mm) : std::nullopt),
-         cell(errors.truth ? std::optional<double>(errors.truth->hand_eye_mm) : std::nullopt),
-         cell(errors.truth ? std::optional<double>(errors.truth->hand_eye_deg) : std::nullopt),
          {estimate.reason}});
+    if (!has_truth) continue;
+    const std::optional<TruthErrors>& truth = errors.truth;
+    rows.back().insert(rows.back().end() - 1,
+                       {cell(truth ? std::optional<double>(truth->hand_eye_mm) : std::nullopt),
+                        cell(truth ? std::optional<double>(truth->hand_eye_deg) : std::nullopt)});
   }
+  std::vector<std::string> head = {"method",        "in-sample, px", "hold-out, px", "hold-out, mm",
+                                   "hold-out, deg", "AX-XB, mm",     "board, mm",    "remark"};
+  if (has_truth) head.insert(head.end() - 1, {"true error, mm", "deg"});
   return Heading("Methods") +
          Paragraph(
              "How far predicted and observed points are apart (rms): on the captures that the estimate was made "
              "from, and on captures that it has not seen.") +
-         BarChart(lines, "in-sample", "hold-out", "px") +
-         HtmlTable({"method", "in-sample, px", "hold-out, px", "hold-out, mm", "hold-out, deg", "AX-XB, mm",
-                    "board, mm", "true error, mm", "deg", "remark"},
-                   rows);
+         BarChart(lines, "in-sample", "hold-out", "px") + HtmlTable(head, rows);
 }
 
 std::string ResidualSection(const Estimate& refined, const std::vector<CaptureResiduals>& residuals) {
