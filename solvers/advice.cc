@@ -255,10 +255,10 @@ std::string AdviseOnRobot(const Problem& problem, const Solution& solution, cons
          "refine.robot_noise: auto";
 }
 
-std::string AdviseOnTarget(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+TargetAdvice AdviseOnTarget(const Problem& problem, const Solution& solution, const FreeParameters& free) {
   constexpr size_t kMinCaptures = 6;
   const CameraModel& model = problem.camera.Model();
-  if (HasShape(free, model) || problem.views.size() < kMinCaptures) return "";
+  if (HasShape(free, model) || problem.views.size() < kMinCaptures) return {"", free};
   Problem weighted{solution.camera, problem.views, problem.setup, problem.shape};
   if (solution.excess_px) WeightByCovariance(*solution.excess_px, &weighted.views);
   // All of the shape; where the captures do not show that, what they do.
@@ -269,7 +269,7 @@ std::string AdviseOnTarget(const Problem& problem, const Solution& solution, con
     std::copy(free.begin(), free.end(), with_shape.begin());
     const std::optional<std::vector<LinearView>> views =
         LineariseViews(weighted, solution.hand_eye, {}, with_shape, solution.pixel_sigma_px, *FindLoss("none"));
-    if (!views) return "";
+    if (!views) return {"", free};
     const VarianceComponents noise = FindNoise(*views);
     const RobotNoise robot{std::sqrt(noise.translation_m2), std::sqrt(noise.rotation_rad2)};
     const Information information{UnknownNames(model, with_shape), MarginalInformation(*views, robot, noise.pixel)};
@@ -302,14 +302,15 @@ std::string AdviseOnTarget(const Problem& problem, const Solution& solution, con
                                : "its middle stands " + Fixed(1000 * value.x(), 2) + " mm (along x) and " +
                                      Fixed(1000 * value.y(), 2) + " mm (along y) above its edges");
     }
-    if (!(tail < kBeyondDoubt) || !matters) return "";
-    return "the captures speak of a target that is not as designed: " + Join(words, ", ") +
-           "; measure it, or use refine.target_shape: [" + Join(names, ", ") + "]" +
-           (std::find(free.begin(), free.end(), true) == free.end()
-                ? " (a focal length that is held at a wrong value looks like a wrong scale)"
-                : "");
+    if (!(tail < kBeyondDoubt) || !matters) return {"", free};
+    return {"the captures speak of a target that is not as designed: " + Join(words, ", ") +
+                "; measure it, or use refine.target_shape: [" + Join(names, ", ") + "]" +
+                (std::find(free.begin(), free.end(), true) == free.end()
+                     ? " (a focal length that is held at a wrong value looks like a wrong scale)"
+                     : ""),
+            with_shape};
   }
-  return "";
+  return {"", free};
 }
 
 }  // namespace heba

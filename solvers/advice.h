@@ -24,7 +24,12 @@ std::string AdviseOnRobot(const Problem& problem, const Solution& solution, cons
 
 // Of a solution that takes the target's shape as designed: one sentence if the captures say otherwise beyond doubt
 // (F-test of the shape's parameters, with the pixels' and the robot's noise both found from the captures) and by enough
-// to matter, with the shape that they see; empty if not.
-std::string AdviseOnTarget(const Problem& problem, const Solution& solution, const FreeParameters& free);
+// to matter, with the shape that they see; empty if not. `free` is what was given and, if there is a sentence, what of
+// the shape the captures show.
+struct TargetAdvice {
+  std::string sentence;
+  FreeParameters free;
+};
+TargetAdvice AdviseOnTarget(const Problem& problem, const Solution& solution, const FreeParameters& free);
 
 }  // namespace heba

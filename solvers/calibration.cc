@@ -350,12 +350,13 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     const Problem solved{calibration.camera, calibration.views, options.setup, options.shape};
     const FreeParameters free = FreeOf(calibration.camera.Model(), options.bundle);
     std::vector<std::string> remarks = AdviseOnCaptures(solved, *calibration.refined, free);
-    // A target that is not as designed looks like a poor robot too.
-    std::string cause = AdviseOnTarget(solved, *calibration.refined, free);
-    if (cause.empty() && options.bundle.robot == BundleOptions::Robot::kExact) {
-      cause = AdviseOnRobot(solved, *calibration.refined, free);
+    const TargetAdvice about_target = AdviseOnTarget(solved, *calibration.refined, free);
+    if (options.bundle.robot == BundleOptions::Robot::kExact) {
+      // A target that is not as designed looks like a poor robot: what is left beside it counts.
+      const std::string about_robot = AdviseOnRobot(solved, *calibration.refined, about_target.free);
+      if (!about_robot.empty()) remarks.insert(remarks.begin(), about_robot);
     }
-    if (!cause.empty()) remarks.insert(remarks.begin(), cause);
+    if (!about_target.sentence.empty()) remarks.insert(remarks.begin(), about_target.sentence);
     calibration.refined->remarks = std::move(remarks);
   }
   return calibration;

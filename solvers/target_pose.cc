@@ -191,8 +191,7 @@ std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observati
   // The plane's origin is moved to the points' centre, where the homography is best known.
   const Eigen::Vector3d centre = observations.points_in_target.rowwise().mean();
   const Points3 centred = observations.points_in_target.colwise() - centre;
-  CHECK_LE(centred.row(2).cwiseAbs().maxCoeff(), 0.1 * centred.topRows<2>().cwiseAbs().maxCoeff())
-      << "target poses are computed for flat targets";
+  if (!(centred.row(2).cwiseAbs().maxCoeff() <= 0.1 * centred.topRows<2>().cwiseAbs().maxCoeff())) return {};
   const std::optional<Eigen::Matrix3d> homography = EstimateHomography(centred.topRows<2>(), normalised);
   if (!homography || std::abs((*homography)(2, 2)) < 1e-12) return {};
 

@@ -19,7 +19,7 @@ struct TargetPose {
 // extent, nearly so, best first: a plane has up to two
 // (Schweighofer and Pinz 2006), and which of them is right the view alone cannot always tell. Started from the two
 // solutions of T. Collins and A. Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014. Empty for fewer
-// than 4 points, points on a line, or points that no pose explains.
+// than 4 points, points on a line or far from a plane, or points that no pose explains.
 std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations);
 
 // The homography H, up to scale, that maps (x, y, 1) of the columns of `from` to those of `to` by least squares in

@@ -37,7 +37,7 @@ Item MakeItem(const std::string& path, const BatchOptions& options) {
     item.config = ReadRunConfig(path, options.settings);
     item.run.name = item.config->name;
     item.output = options.output.empty() ? item.config->output : options.output / item.config->name;
-  } catch (const InputError& error) {
+  } catch (const std::exception& error) {
     item.run.reason = error.what();
   }
   return item;
@@ -58,19 +58,21 @@ void CheckNames(const std::vector<Item>& items) {
 void RunItem(const BatchOptions& options, int num_threads, Item* item) {
   if (!item->config) return;
   try {
-    if (options.resume && HasCurrentResult(item->output, *item->config)) {
-      item->run.result = ReadResult(item->output / "result.json");
-      item->was_there = true;
-      return;
+    // As it is now: the batch may have been at work for hours.
+    const RunConfig config = ReadRunConfig(item->config_path, options.settings);
+    if (options.resume) {
+      item->run.result = CurrentResult(item->output, config);
+      item->was_there = item->run.result.has_value();
+      if (item->was_there) return;
     }
     Console console(Verbosity::kQuiet);
-    const Outcome<RunResult> result = RunPipeline(*item->config, item->output, num_threads, &console);
+    const Outcome<RunResult> result = RunPipeline(config, item->output, num_threads, &console);
     if (result) {
       item->run.result = *result;
     } else {
       item->run.reason = item->config_path + ": " + result.reason();
     }
-  } catch (const InputError& error) {
+  } catch (const std::exception& error) {
     item->run.reason = error.what();
   }
 }

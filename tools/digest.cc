@@ -7,6 +7,8 @@
 #include <cstring>
 #include <fstream>
 #include <memory>
+#include <set>
+#include <system_error>
 
 #include "heba/base/error.h"
 
@@ -17,6 +19,22 @@ std::string Hex(const XXH128_hash_t& hash) {
   char text[40];
   std::snprintf(text, sizeof(text), "%016llx%016llx", static_cast<unsigned long long>(hash.high64),
                 static_cast<unsigned long long>(hash.low64));
+  return text;
+}
+
+// The shared libraries that the program runs with: their files, versions in the names, and sizes.
+std::string LibrariesInUse() {
+  std::set<std::string> libraries;
+  std::ifstream maps("/proc/self/maps");
+  for (std::string line; std::getline(maps, line);) {
+    const size_t path = line.find('/');
+    if (path == std::string::npos || line.find(".so", path) == std::string::npos) continue;
+    std::error_code error;
+    const std::uintmax_t size = std::filesystem::file_size(line.substr(path), error);
+    libraries.insert(line.substr(path) + " " + std::to_string(error ? 0 : size) + "\n");
+  }
+  std::string text;
+  for (const std::string& library : libraries) text += library;
   return text;
 }
 
@@ -39,7 +57,7 @@ std::string DigestOfFile(const std::filesystem::path& path) {
 }
 
 const std::string& DigestOfProgram() {
-  static const std::string digest = DigestOfFile("/proc/self/exe");
+  static const std::string digest = DigestOf(DigestOfFile("/proc/self/exe") + LibrariesInUse());
   return digest;
 }
 

@@ -12,7 +12,7 @@ namespace heba {
 std::string DigestOf(std::string_view content);
 // InputError if the file cannot be read.
 std::string DigestOfFile(const std::filesystem::path& path);
-// Of this very program: what another build found is not taken over.
+// Of this very program and the libraries that it runs with: what another build found is not taken over.
 const std::string& DigestOfProgram();
 
 }  // namespace heba

@@ -277,7 +277,8 @@ std::vector<CaptureDetection> DetectCaptures(RunConfig* config, int num_threads,
         detections[i] = std::move(*known);
       } else {
         detections[i] = DetectCapture(*config->target, image);
-        cache.Keep(digest, detections[i]);
+        // Unless it was another picture meanwhile.
+        if (DigestOfFile(image) == digest) cache.Keep(digest, detections[i]);
       }
       const std::lock_guard<std::mutex> lock(mutex);
       progress.Step();
@@ -384,6 +385,9 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
   WriteFileAtomically(folder.staging() / "log.txt", console->log());
   WriteFileAtomically(folder.staging() / "report.html", ReportPage(result, ResidualsOf(*calibration)));
+  if (RunInputsText(config) != inputs) {
+    return Failure{"pictures or other input files were changed while the run was at work; run it again"};
+  }
   WriteFileAtomically(folder.staging() / "inputs.json", inputs);
   WriteFileAtomically(folder.staging() / "result.json", ResultToJson(result));
   folder.Commit();

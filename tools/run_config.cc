@@ -289,9 +289,7 @@ void ReadEvaluate(MapReader& root, RunConfig* config) {
 
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key) {
   // A target that says what it is replaces the one below: another type has other keys.
-  const ConfigValue all = reader.Get(key);
-  const bool is_whole = !all.IsMap() || all.node()["type"] || all.node()["target_type"];
-  const ConfigValue value = is_whole ? all.Top() : all;
+  const ConfigValue value = reader.Get(key).DownTo({"type", "target_type"});
   MapReader target_reader(value.IsMap() ? value : ReadYamlFile(value.AsPath()));
   std::shared_ptr<const Target> target = CreateTarget(target_reader);
   reader.Record(key, target_reader.used());

@@ -32,15 +32,23 @@ std::string RunInputsText(const RunConfig& config) {
   if (config.truth) files["truth"] = DigestOrNothing(*config.truth);
   json["files"] = files;
   json["images"] = nlohmann::ordered_json::array();
-  for (const Capture& capture : config.captures) json["images"].push_back(DigestOrNothing(capture.image));
-  return json.dump(1) + "\n";
+  for (const Capture& capture : config.captures) {
+    json["images"].push_back({capture.name, DigestOrNothing(capture.image)});
+  }
+  json["images_without_pose"] = config.images_without_pose;
+  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-bool HasCurrentResult(const std::filesystem::path& output, const RunConfig& config) {
+std::optional<RunResult> CurrentResult(const std::filesystem::path& output, const RunConfig& config) {
   const std::filesystem::path inputs = output / "inputs.json";
   std::error_code error;
-  if (!std::filesystem::exists(inputs, error) || !std::filesystem::exists(output / "result.json", error)) return false;
-  return ReadTextFile(inputs) == RunInputsText(config);
+  if (!std::filesystem::exists(inputs, error) || !std::filesystem::exists(output / "result.json", error)) return {};
+  try {
+    if (ReadTextFile(inputs) != RunInputsText(config)) return std::nullopt;
+    return ReadResult(output / "result.json");
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
 }
 
 }  // namespace heba

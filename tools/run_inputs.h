@@ -2,8 +2,10 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
+#include "heba/evaluation/evaluation.h"
 #include "tools/run_config.h"
 
 namespace heba {
@@ -12,7 +14,7 @@ namespace heba {
 // that cannot be read have none.
 std::string RunInputsText(const RunConfig& config);
 
-// Whether `output` holds a complete result, made from the same.
-bool HasCurrentResult(const std::filesystem::path& output, const RunConfig& config);
+// The complete result that `output` holds, if it was made from the same; nothing otherwise, or if it cannot be read.
+std::optional<RunResult> CurrentResult(const std::filesystem::path& output, const RunConfig& config);
 
 }  // namespace heba

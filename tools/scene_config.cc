@@ -28,10 +28,8 @@ SceneConfig ReadScene(const ConfigValue& value) {
   scene.setup = *FindSetup(reader.Choice("setup", {"eye_to_hand", "eye_in_hand"}));
   scene.target = ReadTarget(reader, "target");
   scene.target_used = reader.used()["target"];
-  // A camera that is one stands for itself: another model has other coefficients.
-  const ConfigValue camera_layers = reader.Get("camera");
-  const bool is_whole = !camera_layers.IsMap() || camera_layers.node()["model"];
-  const ConfigValue camera = is_whole ? camera_layers.Top() : camera_layers;
+  // A camera that says what it is replaces the one below: another model has other coefficients.
+  const ConfigValue camera = reader.Get("camera").DownTo({"model"});
   scene.camera = camera.IsMap() ? ReadCamera(camera) : ReadCameraFile(camera.AsPath());
   if (scene.camera.width_px == 0) camera.Fail("the camera file has no image size; a simulated camera needs one");
   scene.hand_eye.camera_mount_from_camera = ReadPose(reader.Get("hand_eye"));

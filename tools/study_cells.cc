@@ -107,7 +107,9 @@ StudyCells::StudyCells(const fs::path& folder, const StudyConfig& study) : folde
   std::error_code error;
   const bool is_study = fs::exists(folder / "study.csv", error) || fs::exists(folder_, error);
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    if (is_study || entry.path().filename().string().starts_with(".")) continue;
+    // Another shard may just have made the cells' folder.
+    const std::string name = entry.path().filename().string();
+    if (is_study || name.starts_with(".") || name == "cells") continue;
     throw InputError(folder.string() + ": holds other files (no study.csv); name a new or empty folder");
   }
   fs::create_directories(folder_, error);

@@ -2,11 +2,13 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
+#include <map>
 #include <thread>
 
 #include <gmock/gmock.h>
@@ -146,43 +148,60 @@ TEST(BatchTest, ShardsTogetherGiveTheSameBytes) {
   fs::remove_all(cell.folder);
 }
 
-// Ended at several moments, resumed each time: nothing is lost, nothing is left half written.
+// The complete runs of a batch's folder, with what tells one writing of them from another.
+std::map<std::string, std::string> FinishedRuns(const fs::path& out) {
+  std::map<std::string, std::string> runs;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(out, error)) {
+    if (entry.path().filename().string()[0] == '.') continue;
+    struct stat status = {};
+    if (stat((entry.path() / "result.json").c_str(), &status) != 0) continue;
+    runs[entry.path().filename().string()] =
+        std::to_string(status.st_ino) + " " + std::to_string(status.st_mtim.tv_nsec);
+  }
+  return runs;
+}
+
+// Ended as soon as each further run is finished, and at odd moments after it, and resumed each time: nothing is lost or
+// done again, nothing is left half written.
 TEST(BatchTest, AKillAtAnyMomentLosesNoFinishedRun) {
   const Cell cell = MakeCell("batch_kill");
   const fs::path out = cell.folder / "out";
   ASSERT_EQ(RunCached(RunArguments(cell, cell.folder / "whole", {})).status, 0);
-  for (const int milliseconds : {20, 60, 120, 250, 400}) {
-    std::vector<std::string> finished;
-    if (fs::exists(out)) {
-      for (const auto& entry : fs::directory_iterator(out)) {
-        if (fs::exists(entry.path() / "result.json")) finished.push_back(entry.path().string());
-      }
-    }
+  const fs::path cache = cell.folder / "cache";
+  size_t num_kept = 0;
+  for (const int milliseconds : {0, 7, 23}) {
+    const std::map<std::string, std::string> before = FinishedRuns(out);
     const pid_t child = fork();
     ASSERT_GE(child, 0);
     if (child == 0) {
       std::vector<std::string> words = RunArguments(cell, out, {"--resume", "--quiet"});
       words.insert(words.begin(), HEBA_PROGRAM);
+      words[words.size() - 3] = "1";  // --jobs
       std::vector<char*> argv;
       for (std::string& word : words) argv.push_back(word.data());
       argv.push_back(nullptr);
-      setenv("HEBA_CACHE", "", 1);
+      setenv("HEBA_CACHE", cache.c_str(), 1);
       execv(HEBA_PROGRAM, argv.data());
       _exit(127);
     }
+    while (FinishedRuns(out).size() == before.size()) std::this_thread::sleep_for(std::chrono::milliseconds(2));
     std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
     kill(child, SIGKILL);
     int status = 0;
     waitpid(child, &status, 0);
-    for (const std::string& folder : finished) EXPECT_TRUE(fs::exists(fs::path(folder) / "result.json")) << folder;
-    if (!fs::exists(out)) continue;
+    const std::map<std::string, std::string> after = FinishedRuns(out);
+    for (const auto& [name, stamp] : before) EXPECT_EQ(after.count(name) > 0 ? after.at(name) : "", stamp) << name;
+    num_kept += before.size();
     for (const auto& entry : fs::directory_iterator(out)) {
       const std::string name = entry.path().filename().string();
       if (!fs::is_directory(entry.path()) || name[0] == '.') continue;
-      EXPECT_TRUE(fs::exists(entry.path() / "result.json")) << name;
       EXPECT_FALSE(Json::parse(ReadAll(entry.path() / "result.json"), nullptr, false).is_discarded()) << name;
     }
   }
+  EXPECT_GE(num_kept, 3U);
+  // A spoiled result is none.
+  WriteAll(out / FinishedRuns(out).begin()->first / "result.json", "");
   ASSERT_EQ(RunCached(RunArguments(cell, out, {"--resume"})).status, 0);
   EXPECT_EQ(ReadAll(out / "summary.csv"), ReadAll(cell.folder / "whole" / "summary.csv"));
   for (const char* name : {"plain", "held", "focal", "cauchy"}) {

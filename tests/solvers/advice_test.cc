@@ -89,8 +89,11 @@ TEST(AdviceTest, SpeaksOfATargetThatIsNotAsDesigned) {
         const Problem problem{scene.camera, scene.views, options.setup, DesignedShape(options.points)};
         const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
         ASSERT_TRUE(solution.ok()) << solution.reason();
-        const std::string advice = AdviseOnTarget(problem, *solution, FreeOf(scene.camera.Model(), bundle));
+        const TargetAdvice about_target = AdviseOnTarget(problem, *solution, FreeOf(scene.camera.Model(), bundle));
+        const std::string& advice = about_target.sentence;
         EXPECT_EQ(advice.empty(), is_made_well) << advice;
+        // Beside the shape nothing speaks of the robot unless it is noisy.
+        EXPECT_EQ(AdviseOnRobot(problem, *solution, about_target.free).empty(), !is_noisy);
         if (!is_made_well && !is_noisy) {
           EXPECT_THAT(advice, testing::HasSubstr("refine.target_shape: [scale, bend]"));
         }

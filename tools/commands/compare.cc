@@ -18,7 +18,7 @@ std::vector<std::filesystem::path> RunsIn(const std::filesystem::path& folder) {
   std::error_code error;
   if (fs::exists(folder / "result.json", error) || !fs::is_directory(folder, error)) return {folder};
   std::vector<fs::path> runs;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
     const bool is_hidden = entry.path().filename().string().starts_with(".");
     if (!is_hidden && fs::exists(entry.path() / "result.json", error)) runs.push_back(entry.path());
   }

@@ -1,7 +1,6 @@
 #include <iostream>
 
 #include "heba/base/error.h"
-#include "heba/io/result_file.h"
 #include "tools/batch.h"
 #include "tools/command.h"
 #include "tools/console.h"
@@ -17,10 +16,10 @@ int RunOne(const std::string& config_path) {
   const RunConfig config = ReadRunConfig(config_path, Settings());
   const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
-  const bool is_current = FLAGS_resume && HasCurrentResult(output, config);
-  if (is_current) console.Note(config.name + ": nothing has changed since these results");
-  const Outcome<RunResult> result = is_current ? Outcome<RunResult>(ReadResult(output / "result.json"))
-                                               : RunPipeline(config, output, NumThreads(), &console);
+  const std::optional<RunResult> current = FLAGS_resume ? CurrentResult(output, config) : std::nullopt;
+  if (current) console.Note(config.name + ": nothing has changed since these results");
+  const Outcome<RunResult> result =
+      current ? Outcome<RunResult>(*current) : RunPipeline(config, output, NumThreads(), &console);
   if (!result) {
     PrintError(config_path + ": " + result.reason());
     return kWorkFailed;
@@ -36,7 +35,8 @@ int RunOne(const std::string& config_path) {
 
 int RunCommand_run(const std::vector<std::string>& arguments) {
   const Shard shard = ParseShard();
-  if (arguments.size() == 1 && shard.count == 1) return RunOne(arguments[0]);
+  // Named shards are a batch's, whatever their number: 0/1 is a batch of one.
+  if (arguments.size() == 1 && FLAGS_shard.empty()) return RunOne(arguments[0]);
   BatchOptions options;
   if (!FLAGS_out.empty()) options.output = std::filesystem::absolute(FLAGS_out).lexically_normal();
   options.settings = Settings();

@@ -58,7 +58,7 @@ script() { printf '#!/usr/bin/env bash\nexec %s --jobs "${SLURM_CPUS_PER_TASK:-1
 array=$(script "--shard \"\$SLURM_ARRAY_TASK_ID/$tasks\"" |
   sbatch --parsable --job-name=heba --requeue --open-mode=append --array="0-$((tasks - 1))" \
     --output="$logs/%A_%a.log" ${options[@]+"${options[@]}"})
-merge=$(script "" |
+merge=$(script "--shard 0/1" |
   sbatch --parsable --job-name=heba-merge --requeue --open-mode=append --dependency="afterany:${array%%;*}" \
     --output="$logs/%j.log" ${options[@]+"${options[@]}"})
 echo "${array%%;*} ${merge%%;*}"

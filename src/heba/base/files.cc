@@ -16,8 +16,18 @@ namespace heba {
 namespace fs = std::filesystem;
 
 namespace {
+
 constexpr std::string_view kStagingSuffix = ".part";
+
+// What was written to a file, or into a folder, is on the disk.
+void Sync(const fs::path& path) {
+  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor < 0) return;
+  fsync(descriptor);
+  close(descriptor);
 }
+
+}  // namespace
 
 std::string ReadTextFile(const fs::path& path, size_t max_bytes) {
   std::error_code error;
@@ -53,6 +63,7 @@ void WriteFileAtomically(const fs::path& path, std::string_view content) {
       throw InputError(path.string() + ": cannot be written (" + reason + ")");
     }
   }
+  Sync(temporary);
   std::error_code error;
   fs::rename(temporary, path, error);
   if (error) {
@@ -81,9 +92,13 @@ StagedFolder::StagedFolder(const fs::path& final_path, const std::string& marker
   fs::remove_all(staging_, error);
   fs::create_directory(staging_, error);
   if (error) throw InputError(final_path_.string() + ": cannot be made (" + error.message() + ")");
+  // It lives as long as this lock.
+  lock_ = open(staging_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (lock_ >= 0) flock(lock_, LOCK_EX | LOCK_NB);
 }
 
 StagedFolder::~StagedFolder() {
+  if (lock_ >= 0) close(lock_);
   if (committed_) return;
   std::error_code ignored;
   fs::remove_all(staging_, ignored);
@@ -91,7 +106,8 @@ StagedFolder::~StagedFolder() {
 
 void StagedFolder::Commit() {
   std::error_code error;
-  if (fs::exists(final_path_)) {
+  Sync(staging_);
+  if (fs::exists(final_path_, error)) {
     const int status = renameat2(AT_FDCWD, staging_.c_str(), AT_FDCWD, final_path_.c_str(), RENAME_EXCHANGE);
     if (status == 0) {
       committed_ = true;
@@ -111,9 +127,14 @@ void RemoveStaleStaging(const fs::path& parent) {
   for (const fs::directory_entry& entry : fs::directory_iterator(parent, error)) {
     const std::string name = entry.path().filename().string();
     const size_t suffix = name.rfind(kStagingSuffix);
-    const bool is_staging = name.starts_with(".") && suffix != std::string::npos &&
-                            name.find_first_not_of("0123456789", suffix + kStagingSuffix.size()) == std::string::npos;
-    if (is_staging) fs::remove_all(entry.path(), error);
+    if (!name.starts_with(".") || suffix == std::string::npos) continue;
+    const std::string number = name.substr(suffix + kStagingSuffix.size());
+    if (number.empty() || number.find_first_not_of("0123456789") != std::string::npos) continue;
+    const int descriptor = open(entry.path().c_str(), O_RDONLY | O_CLOEXEC);
+    if (descriptor < 0) continue;
+    const bool is_free = flock(descriptor, LOCK_EX | LOCK_NB) == 0;
+    close(descriptor);
+    if (is_free) fs::remove_all(entry.path(), error);
   }
 }
 

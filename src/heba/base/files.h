@@ -34,10 +34,11 @@ class StagedFolder {
  private:
   std::filesystem::path final_path_;
   std::filesystem::path staging_;
+  int lock_ = -1;
   bool committed_ = false;
 };
 
-// Removes what StagedFolders of programs that were ended have left in `parent`. Only for who has the parent's lock.
+// Removes what StagedFolders of programs that were ended have left in `parent`, and nothing that is still at work.
 void RemoveStaleStaging(const std::filesystem::path& parent);
 
 // A folder for one program at a time, on one machine or on several that share it: a lock on a file in it, which ends

@@ -101,6 +101,19 @@ std::vector<ConfigValue> ConfigValue::Layers() const {
   return layers;
 }
 
+ConfigValue ConfigValue::DownTo(const std::vector<std::string>& keys) const {
+  ConfigValue some = Top();
+  const auto has_key = [&](const ConfigValue& layer) {
+    return !layer.IsMap() ||
+           std::any_of(keys.begin(), keys.end(), [&](const std::string& key) { return layer.node()[key].IsDefined(); });
+  };
+  for (size_t i = 0; i < below_.size(); ++i) {
+    if (has_key(i == 0 ? *this : below_[i - 1])) break;
+    some.below_.push_back(below_[i]);
+  }
+  return some;
+}
+
 ConfigValue ConfigValue::Top() const { return {node_, file_, key_}; }
 
 std::string ConfigValue::Where() const {
@@ -195,7 +208,8 @@ ConfigValue ReadYamlFileOverBases(const std::filesystem::path& path, const std::
   std::filesystem::path next = path;
   while (true) {
     const ConfigValue value = ReadYamlFile(next);
-    seen.insert(std::filesystem::weakly_canonical(next));
+    std::error_code error;
+    seen.insert(std::filesystem::weakly_canonical(next, error));
     YAML::Node node = value.node();
     if (!node.IsMap()) value.Fail("a mapping is needed, not " + Shown(node));
     const YAML::Node base = std::as_const(node)["base"];
@@ -208,7 +222,8 @@ ConfigValue ReadYamlFileOverBases(const std::filesystem::path& path, const std::
     }
     files.push_back(value);
     if (!has_base) break;
-    if (seen.count(std::filesystem::weakly_canonical(next)) > 0) base_value.Fail("a file cannot be its own base");
+    if (seen.count(std::filesystem::weakly_canonical(next, error)) > 0)
+      base_value.Fail("a file cannot be its own base");
   }
   return ConfigValue::Stack(files);
 }

@@ -38,6 +38,8 @@ class ConfigValue {
   static ConfigValue Stack(const std::vector<ConfigValue>& layers);
   // Without what lies below.
   ConfigValue Top() const;
+  // Without what lies below the first mapping that has one of `keys`: what says what it is replaces all below.
+  ConfigValue DownTo(const std::vector<std::string>& keys) const;
   // This one and what lies below, each alone.
   std::vector<ConfigValue> Layers() const;
 
