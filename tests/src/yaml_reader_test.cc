@@ -260,6 +260,19 @@ TEST(LayersTest, AnEmptyKeyTakesAwayWhatLiesBelow) {
   EXPECT_FALSE(reader.Has("refine"));
 }
 
+// A charuco over a chessboard, and one number of it set: nothing of the chessboard is left.
+TEST(LayersTest, WhatSaysWhatItIsReplacesAllBelow) {
+  const ConfigValue set = ParseYaml("{target: {square: 21 mm}}", "--set");
+  const ConfigValue upper = ParseYaml("{target: {type: charuco, rows: 5}}", "upper.yaml");
+  const ConfigValue lower = ParseYaml("{target: {type: chessboard, square: 20 mm, columns: 9}}", "lower.yaml");
+  MapReader reader(ConfigValue::Stack({set, upper, lower}));
+  MapReader target(reader.Get("target").DownTo({"type"}));
+  EXPECT_EQ(target.Text("type"), "charuco");
+  EXPECT_NEAR(target.Length("square"), 0.021, 1e-12);
+  EXPECT_EQ(target.Int("rows", {1, 9}), 5);
+  EXPECT_FALSE(target.Has("columns"));
+}
+
 TEST(LayersTest, FaultsNameTheFileThatTheyStandIn) {
   const ConfigValue upper = ParseYaml("{a: 1}", "upper.yaml");
   const ConfigValue lower = ParseYaml("{a: 2,\n b: x,\n c: 3}", "lower.yaml");
