@@ -237,8 +237,10 @@ VarianceComponents EstimateVariances(const std::vector<LinearView>& views, const
   for (int k = 0; k < 3; ++k) {
     if (!may_move[static_cast<size_t>(k)] || !(here.fisher(k, k) > 0)) continue;
     result.stddev[k] = 1 / std::sqrt(here.fisher(k, k));
-    // One that the data have put to zero is taken as such.
-    if (variances[k] > 0) uncertain.push_back(k);
+    // One that the data have put to zero is taken as such, and so is one that they cannot tell from it: it is more
+    // likely too large than too small, so that the covariance is wide enough by itself.
+    constexpr double kToldFromZero = 0.75;
+    if (result.stddev[k] < kToldFromZero * variances[k]) uncertain.push_back(k);
   }
   const Eigen::Index size = static_cast<Eigen::Index>(uncertain.size());
   if (size > 0) {
