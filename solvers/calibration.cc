@@ -347,19 +347,24 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   if (calibration.refined) {
     calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
     AddFewPointViews(views, options, &calibration);
-    const Problem solved{calibration.camera, calibration.views, options.setup, options.shape};
-    const FreeParameters free = FreeOf(calibration.camera.Model(), options.bundle);
-    std::vector<std::string> remarks = AdviseOnCaptures(solved, *calibration.refined, free);
-    const TargetAdvice about_target = AdviseOnTarget(solved, *calibration.refined, free);
-    if (options.bundle.robot == BundleOptions::Robot::kExact) {
-      // A target that is not as designed looks like a poor robot: what is left beside it counts.
-      const std::string about_robot = AdviseOnRobot(solved, *calibration.refined, about_target.free);
-      if (!about_robot.empty()) remarks.insert(remarks.begin(), about_robot);
-    }
-    if (!about_target.sentence.empty()) remarks.insert(remarks.begin(), about_target.sentence);
-    calibration.refined->remarks = std::move(remarks);
   }
   return calibration;
+}
+
+std::vector<std::string> Advise(const Calibration& calibration, const CalibrationOptions& options) {
+  const Solution& solution = *calibration.refined;
+  const Problem solved{calibration.camera, calibration.views, options.setup, options.shape};
+  const FreeParameters free = FreeOf(calibration.camera.Model(), options.bundle);
+  std::vector<std::string> advice;
+  const TargetAdvice about_target = AdviseOnTarget(solved, solution, free);
+  if (!about_target.sentence.empty()) advice.push_back(about_target.sentence);
+  if (options.bundle.robot == BundleOptions::Robot::kExact) {
+    // A target that is not as designed looks like a poor robot: what is left beside it counts.
+    std::string about_robot = AdviseOnRobot(solved, solution, about_target.free);
+    if (!about_robot.empty()) advice.push_back(std::move(about_robot));
+  }
+  for (std::string& sentence : AdviseOnCaptures(solved, solution, free)) advice.push_back(std::move(sentence));
+  return advice;
 }
 
 }  // namespace heba

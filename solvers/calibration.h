@@ -66,4 +66,8 @@ struct Calibration {
 // failed is in Calibration::refined.
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
 
+// What a person should know of a calibration whose refinement did not fail, for Solution::remarks: of the target, of
+// the robot, of what is known worst (solvers/advice.h). Beside Calibrate: folds and trials have nobody to tell.
+std::vector<std::string> Advise(const Calibration& calibration, const CalibrationOptions& options);
+
 }  // namespace heba

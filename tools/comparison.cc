@@ -50,20 +50,14 @@ std::optional<PairDifference> DifferenceOf(const std::vector<ComparedRun>& runs,
   return pair;
 }
 
-using FigureOf = std::optional<double> (*)(const Errors&);
-
 // How much refining gains on captures that neither has seen, by one figure; empty if no run has it.
 std::string GainFinding(const std::vector<ComparedRun>& runs, const std::string& what, FigureOf figure) {
   std::vector<double> ratios;
   for (const ComparedRun& run : runs) {
     const Estimate* refined = FindRefined(run.result);
     if (refined == nullptr || !figure(refined->errors)) continue;
-    std::optional<double> closed;
-    for (const Estimate& estimate : run.result.estimates) {
-      const std::optional<double> value = figure(estimate.errors);
-      if (estimate.kind == "closed_form" && value) closed = std::min(closed.value_or(*value), *value);
-    }
-    if (closed) ratios.push_back(*closed / *figure(refined->errors));
+    const Estimate* closed = FindBestClosedForm(run.result, figure);
+    if (closed != nullptr) ratios.push_back(*figure(closed->errors) / *figure(refined->errors));
   }
   if (ratios.empty()) return "";
   const auto num_better = std::count_if(ratios.begin(), ratios.end(), [](double ratio) { return ratio > 1; });
@@ -101,10 +95,8 @@ std::string AgreementFinding(const Comparison& comparison, const std::string& wh
 
 std::vector<std::string> FindingsOf(const Comparison& comparison) {
   std::vector<std::string> findings;
-  const std::string gain_px =
-      GainFinding(comparison.runs, "in px", [](const Errors& errors) { return errors.holdout_rms_px; });
-  const std::string gain_mm = GainFinding(comparison.runs, "in mm at the target",
-                                          [](const Errors& errors) { return errors.holdout_target_mm; });
+  const std::string gain_px = GainFinding(comparison.runs, "in px", &HoldOutPx);
+  const std::string gain_mm = GainFinding(comparison.runs, "in mm at the target", &HoldOutMm);
   const bool is_robot_noisy = std::any_of(comparison.runs.begin(), comparison.runs.end(), [](const ComparedRun& run) {
     const Estimate* refined = FindRefined(run.result);
     return refined != nullptr && refined->solution->robot_noise.has_value();
@@ -143,8 +135,6 @@ std::vector<std::string> FindingsOf(const Comparison& comparison) {
   return findings;
 }
 
-std::string Cell(const std::optional<double>& value) { return value ? Significant(*value, 3) : std::string("-"); }
-
 std::string Exact(const std::optional<double>& value) { return value ? RoundTrip(*value) : std::string(); }
 
 // One run's line in every form.
@@ -160,7 +150,7 @@ struct RunLine {
 
 RunLine LineOf(const RunResult& result) {
   RunLine line;
-  if (const Estimate* closed = FindBestClosedForm(result)) {
+  if (const Estimate* closed = FindBestClosedForm(result, &HoldOutPx)) {
     line.closed_form = closed->method;
     line.closed_px = closed->errors.holdout_rms_px;
   }
@@ -205,8 +195,9 @@ std::string ComparisonTable(const Comparison& comparison) {
   for (const ComparedRun& run : comparison.runs) {
     const RunLine line = LineOf(run.result);
     table += PadRight(shortened(run.label), kNameWidth) + PadRight(" " + run.result.target_type, 15) +
-             PadLeft(Cell(line.closed_px), 10) + PadLeft(Cell(line.refined_px), 9) + PadLeft(Cell(line.sigma_mm), 9) +
-             PadLeft(Cell(line.board_mm), 9) + PadLeft(Significant(run.result.timing.total_s, 2), 8) + "\n";
+             PadLeft(FigureText(line.closed_px), 10) + PadLeft(FigureText(line.refined_px), 9) +
+             PadLeft(FigureText(line.sigma_mm), 9) + PadLeft(FigureText(line.board_mm), 9) +
+             PadLeft(Significant(run.result.timing.total_s, 2), 8) + "\n";
   }
   // The least likely first; the page and the csv have them all.
   std::vector<PairDifference> pairs = comparison.pairs;
@@ -264,12 +255,12 @@ std::string ComparisonPage(const Comparison& comparison) {
                     {std::string(SetupName(run.result.setup))},
                     {run.result.target_type},
                     {line.closed_form},
-                    {Cell(line.closed_px), true},
-                    {Cell(line.refined_px), true},
-                    {Cell(line.sigma_mm), true},
-                    {Cell(line.sigma_deg), true},
-                    {Cell(line.board_mm), true},
-                    {Cell(line.board_deg), true},
+                    {FigureText(line.closed_px), true},
+                    {FigureText(line.refined_px), true},
+                    {FigureText(line.sigma_mm), true},
+                    {FigureText(line.sigma_deg), true},
+                    {FigureText(line.board_mm), true},
+                    {FigureText(line.board_deg), true},
                     {Significant(run.result.timing.total_s, 3), true}});
   }
   body += HtmlTable({"run", "set-up", "target", "best closed form", "its hold-out, px", "refined hold-out, px",

@@ -360,6 +360,7 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   result.timing.refine_s = calibration->refined->convergence.seconds;
   result.timing.seed_s = solve_watch.Seconds() - result.timing.refine_s;
   console->Note("seed: " + calibration->seed);
+  calibration->refined->remarks = Advise(*calibration, options);
 
   // From here on those that were found to suit, in every fold.
   options.methods.clear();

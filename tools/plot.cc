@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "heba/base/text.h"
+#include "tools/page.h"
 
 namespace heba {
 namespace {
@@ -34,20 +35,6 @@ struct Range {
     return {low - std::max(0.05, extra), high + std::max(0.05, extra)};
   }
 };
-
-std::string Escaped(const std::string& text) {
-  std::string escaped;
-  for (const char c : text) {
-    if (c == '<') {
-      escaped += "&lt;";
-    } else if (c == '&') {
-      escaped += "&amp;";
-    } else {
-      escaped += c;
-    }
-  }
-  return escaped;
-}
 
 std::string Text(double x, double y, const std::string& attributes, const std::string& text) {
   return "<text x=\"" + Fixed(x, 1) + "\" y=\"" + Fixed(y, 1) + "\" " + attributes + ">" + Escaped(text) + "</text>\n";

@@ -31,20 +31,11 @@ std::string VerdictSection(const RunResult& result) {
 }
 
 std::string PoseSection(const RunResult& result, const Estimate& refined) {
-  const auto numbers = [](const Eigen::VectorXd& values, int decimals) {
-    std::vector<std::string> parts;
-    for (const double value : values) parts.push_back(Fixed(value, decimals));
-    return "[" + Join(parts, ", ") + "]";
-  };
-  const auto pose = [&](const Rigid3d& value) {
-    const double sign = value.rotation.w() < 0 ? -1 : 1;
-    return numbers(1000 * value.translation, 3) + " mm, quaternion xyzw " + numbers(sign * value.rotation.coeffs(), 6);
-  };
   const std::string mount(CameraMountName(result.setup));
   return Heading("Result") + "<p><code>" + Escaped(mount) + "_from_camera</code> " +
-         Escaped(pose(refined.hand_eye.camera_mount_from_camera)) + "<br>\n<code>" +
+         Escaped(PoseText(refined.hand_eye.camera_mount_from_camera)) + "<br>\n<code>" +
          Escaped(std::string(TargetMountName(result.setup))) + "_from_target</code> " +
-         Escaped(pose(refined.hand_eye.target_mount_from_target)) + "</p>\n";
+         Escaped(PoseText(refined.hand_eye.target_mount_from_target)) + "</p>\n";
 }
 
 std::string UncertaintySection(const Estimate& refined) {

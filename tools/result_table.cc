@@ -7,6 +7,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
+#include "tools/run_figures.h"
 
 namespace heba {
 namespace {
@@ -23,15 +24,6 @@ std::string Uncertainty(const Solution& solution) {
   for (Eigen::Index i = 0; i < 3; ++i) mm.push_back(Significant(1000 * SigmaOf(solution.covariance, i), 2));
   for (Eigen::Index i = 3; i < 6; ++i) deg.push_back(Significant(RadToDeg(SigmaOf(solution.covariance, i)), 2));
   return "one sigma " + Join(mm, ", ") + " mm; " + Join(deg, ", ") + " deg (camera's x, y, z)";
-}
-
-std::string PoseLine(const Rigid3d& pose) {
-  const double sign = pose.rotation.w() < 0 ? -1 : 1;
-  std::vector<std::string> t;
-  std::vector<std::string> q;
-  for (int i = 0; i < 3; ++i) t.push_back(Fixed(1000 * pose.translation[i], 3));
-  for (int i = 0; i < 4; ++i) q.push_back(Fixed(sign * pose.rotation.coeffs()[i], 6));
-  return "[" + Join(t, ", ") + "] mm, quaternion xyzw [" + Join(q, ", ") + "]";
 }
 
 // Of the target, if its shape was an unknown.
@@ -134,11 +126,10 @@ std::string ResultTable(const RunResult& result, Colour colour) {
     table += "\n";
   }
   // The last of them is the refinement of the reprojection error.
-  const auto refined = std::find_if(result.estimates.rbegin(), result.estimates.rend(),
-                                    [](const Estimate& estimate) { return estimate.solution.has_value(); });
-  if (refined == result.estimates.rend()) return table;
+  const Estimate* refined = FindRefined(result);
+  if (refined == nullptr) return table;
   table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera\n  " +
-           PoseLine(refined->hand_eye.camera_mount_from_camera) + "\n  " + Uncertainty(*refined->solution) + "\n";
+           PoseText(refined->hand_eye.camera_mount_from_camera) + "\n  " + Uncertainty(*refined->solution) + "\n";
   table += NoiseLine(*refined->solution, refined->errors.holdout_chi2);
   table += ShapeLine(*refined->solution);
   for (const std::string& remark : refined->solution->remarks) table += "remark: " + remark + "\n";

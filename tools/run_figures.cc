@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "heba/base/text.h"
 #include "heba/base/units.h"
 
 namespace heba {
@@ -14,22 +15,6 @@ std::optional<double> SigmaOf(const Estimate& estimate, Eigen::Index first) {
 }
 
 }  // namespace
-
-const Estimate* FindRefined(const RunResult& result) {
-  const auto found = std::find_if(result.estimates.rbegin(), result.estimates.rend(), [](const Estimate& estimate) {
-    return estimate.ok && estimate.kind == "refined" && TranslationSigmaMm(estimate).has_value();
-  });
-  return found == result.estimates.rend() ? nullptr : &*found;
-}
-
-const Estimate* FindBestClosedForm(const RunResult& result) {
-  const Estimate* best = nullptr;
-  for (const Estimate& estimate : result.estimates) {
-    if (estimate.kind != "closed_form" || !estimate.errors.holdout_rms_px) continue;
-    if (best == nullptr || *estimate.errors.holdout_rms_px < *best->errors.holdout_rms_px) best = &estimate;
-  }
-  return best;
-}
 
 std::optional<double> TranslationSigmaMm(const Estimate& estimate) {
   const std::optional<double> sigma_m = SigmaOf(estimate, 0);
@@ -45,6 +30,17 @@ int NumUsedCaptures(const RunResult& result) {
   return static_cast<int>(std::count_if(result.captures.begin(), result.captures.end(),
                                         [](const CaptureResult& capture) { return capture.used; }));
 }
+
+std::string PoseText(const Rigid3d& pose) {
+  const double sign = pose.rotation.w() < 0 ? -1 : 1;
+  std::vector<std::string> t;
+  std::vector<std::string> q;
+  for (int i = 0; i < 3; ++i) t.push_back(Fixed(1000 * pose.translation[i], 3));
+  for (int i = 0; i < 4; ++i) q.push_back(Fixed(sign * pose.rotation.coeffs()[i], 6));
+  return "[" + Join(t, ", ") + "] mm, quaternion xyzw [" + Join(q, ", ") + "]";
+}
+
+std::string FigureText(const std::optional<double>& value) { return value ? Significant(*value, 3) : "-"; }
 
 std::string CsvField(const std::string& text) {
   if (text.find_first_of(",\"\r\n") == std::string::npos) return text;

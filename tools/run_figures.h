@@ -8,16 +8,16 @@
 
 namespace heba {
 
-// The refinement that the other estimates lead up to, with its covariance; null if there is none.
-const Estimate* FindRefined(const RunResult& result);
-// The closed form with the lowest hold-out error; null if none has one.
-const Estimate* FindBestClosedForm(const RunResult& result);
-
 // One sigma of the hand-eye pose as a whole (root of the sum over the axes); nothing without a covariance.
 std::optional<double> TranslationSigmaMm(const Estimate& estimate);
 std::optional<double> RotationSigmaDeg(const Estimate& estimate);
 
 int NumUsedCaptures(const RunResult& result);
+
+// "[x, y, z] mm, quaternion xyzw [...]", w not negative.
+std::string PoseText(const Rigid3d& pose);
+// Three digits, or "-".
+std::string FigureText(const std::optional<double>& value);
 
 // As RFC 4180 has it.
 std::string CsvField(const std::string& text);

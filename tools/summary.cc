@@ -49,8 +49,6 @@ const std::vector<Figure>& Figures() {
   return figures;
 }
 
-std::string Cell(const std::optional<double>& value) { return value ? Significant(*value, 3) : std::string("-"); }
-
 }  // namespace
 
 std::string SummaryCsv(const std::vector<BatchRun>& runs) {
@@ -131,11 +129,12 @@ std::string SummaryTable(const std::vector<BatchRun>& runs) {
       continue;
     }
     const RunResult& result = *run.result;
-    const Estimate* closed = FindBestClosedForm(result);
+    const Estimate* closed = FindBestClosedForm(result, &HoldOutPx);
     table += PadRight(" " + result.target_type, 15) +
              PadLeft(std::to_string(NumUsedCaptures(result)) + "/" + std::to_string(result.captures.size()), 9) +
-             PadLeft(Cell(closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt), 9) +
-             PadLeft(Cell(refined->errors.holdout_rms_px), 9) + PadLeft(Cell(TranslationSigmaMm(*refined)), 10) + "\n";
+             PadLeft(FigureText(closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt), 9) +
+             PadLeft(FigureText(refined->errors.holdout_rms_px), 9) +
+             PadLeft(FigureText(TranslationSigmaMm(*refined)), 10) + "\n";
   }
   return table;
 }

@@ -19,6 +19,21 @@ std::vector<std::string> AdviceFor(const TestScene& scene, const std::vector<Par
   return AdviseOnCaptures(problem, *solution, FreeOf(scene.camera.Model(), free_groups));
 }
 
+// A scene's solution with a robot taken as exact and a camera that is held.
+struct Solved {
+  Problem problem;
+  Solution solution;
+  FreeParameters free;
+};
+Solved SolveWithHeldCamera(const TestScene& scene, const TestSceneOptions& options) {
+  BundleOptions bundle;
+  bundle.free_intrinsics = {};
+  const Problem problem{scene.camera, scene.views, options.setup, DesignedShape(options.points)};
+  const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
+  EXPECT_TRUE(solution.ok()) << solution.reason();
+  return {problem, solution.ok() ? *solution : Solution(), FreeOf(scene.camera.Model(), bundle)};
+}
+
 TEST(AdviceTest, IsSilentWhereAllIsWellKnown) {
   TestSceneOptions options;
   options.noise_px = 0.1;
@@ -62,12 +77,8 @@ TEST(AdviceTest, SpeaksOfANoisyRobotThatIsTakenAsExact) {
     options.robot_translation_m = is_noisy ? 5e-4 : 0;
     options.robot_rotation_rad = is_noisy ? 1e-3 : 0;
     const TestScene scene = MakeTestScene(5, options);
-    BundleOptions bundle;
-    bundle.free_intrinsics = {};
-    const Problem problem{scene.camera, scene.views};
-    const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
-    ASSERT_TRUE(solution.ok()) << solution.reason();
-    const std::string advice = AdviseOnRobot(problem, *solution, FreeOf(scene.camera.Model(), bundle));
+    const Solved solved = SolveWithHeldCamera(scene, options);
+    const std::string advice = AdviseOnRobot(solved.problem, solved.solution, solved.free);
     EXPECT_EQ(advice.find("refine.robot_noise: auto") != std::string::npos, is_noisy) << advice;
   }
 }
@@ -84,16 +95,12 @@ TEST(AdviceTest, SpeaksOfATargetThatIsNotAsDesigned) {
       if (!is_made_well) options.shape = {1.001, 1.001, 5e-4, 0};
       for (uint64_t seed = 1; seed <= 10; ++seed) {
         const TestScene scene = MakeTestScene(seed, options);
-        BundleOptions bundle;
-        bundle.free_intrinsics = {};
-        const Problem problem{scene.camera, scene.views, options.setup, DesignedShape(options.points)};
-        const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
-        ASSERT_TRUE(solution.ok()) << solution.reason();
-        const TargetAdvice about_target = AdviseOnTarget(problem, *solution, FreeOf(scene.camera.Model(), bundle));
+        const Solved solved = SolveWithHeldCamera(scene, options);
+        const TargetAdvice about_target = AdviseOnTarget(solved.problem, solved.solution, solved.free);
         const std::string& advice = about_target.sentence;
         EXPECT_EQ(advice.empty(), is_made_well) << advice;
         // Beside the shape nothing speaks of the robot unless it is noisy.
-        EXPECT_EQ(AdviseOnRobot(problem, *solution, about_target.free).empty(), !is_noisy);
+        EXPECT_EQ(AdviseOnRobot(solved.problem, solved.solution, about_target.free).empty(), !is_noisy);
         if (!is_made_well && !is_noisy) {
           EXPECT_THAT(advice, testing::HasSubstr("refine.target_shape: [scale, bend]"));
         }

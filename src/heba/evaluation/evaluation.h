@@ -67,4 +67,13 @@ struct RunResult {
   Timing timing;
 };
 
+// The refinement that the other estimates lead up to, with its covariance; null if there is none.
+const Estimate* FindRefined(const RunResult& result);
+
+using FigureOf = std::optional<double> (*)(const Errors&);
+inline std::optional<double> HoldOutPx(const Errors& errors) { return errors.holdout_rms_px; }
+inline std::optional<double> HoldOutMm(const Errors& errors) { return errors.holdout_target_mm; }
+// The closed form with the lowest of a figure; null if none has it.
+const Estimate* FindBestClosedForm(const RunResult& result, FigureOf figure);
+
 }  // namespace heba

@@ -15,13 +15,6 @@ Grade GradeOf(double value, double doubtful, double bad) {
   return value <= doubtful ? Grade::kGood : Grade::kDoubtful;
 }
 
-const Estimate* RefinedOf(const RunResult& result) {
-  const auto found = std::find_if(result.estimates.rbegin(), result.estimates.rend(), [](const Estimate& estimate) {
-    return estimate.ok && estimate.kind == "refined" && estimate.solution;
-  });
-  return found == result.estimates.rend() ? nullptr : &*found;
-}
-
 // The largest of three sigmas.
 double LargestSigma(const Covariance& covariance, Eigen::Index first) {
   return std::sqrt(covariance.matrix.diagonal().segment<3>(first).maxCoeff());
@@ -101,11 +94,7 @@ Finding JudgePixels(const Solution& solution) {
 
 std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refined) {
   if (!refined.errors.holdout_target_mm) return std::nullopt;
-  const Estimate* best = nullptr;
-  for (const Estimate& estimate : result.estimates) {
-    if (estimate.kind != "closed_form" || !estimate.errors.holdout_target_mm) continue;
-    if (best == nullptr || *estimate.errors.holdout_target_mm < *best->errors.holdout_target_mm) best = &estimate;
-  }
+  const Estimate* best = FindBestClosedForm(result, &HoldOutMm);
   if (best == nullptr) return std::nullopt;
   const double ratio = *best->errors.holdout_target_mm / *refined.errors.holdout_target_mm;
   Finding finding;
@@ -131,9 +120,8 @@ std::string_view GradeName(Grade grade) {
 
 Verdict JudgeRun(const RunResult& result) {
   Verdict verdict;
-  const Estimate* refined = RefinedOf(result);
-  const bool has_covariance = refined != nullptr && refined->solution->covariance.matrix.rows() >= 6;
-  if (!has_covariance) {
+  const Estimate* refined = FindRefined(result);
+  if (refined == nullptr) {
     verdict.findings.push_back({Grade::kBad, "there is no refined estimate", "see the methods' reasons"});
   } else {
     const Solution& solution = *refined->solution;
