@@ -11,6 +11,7 @@
 #include "solvers/capture_test.h"
 #include "solvers/chain.h"
 #include "solvers/hand_eye_method.h"
+#include "solvers/influence.h"
 #include "solvers/inliers.h"
 #include "solvers/intrinsics_seed.h"
 #include "solvers/multi_start.h"
@@ -365,6 +366,12 @@ std::vector<std::string> Advise(const Calibration& calibration, const Calibratio
   }
   for (std::string& sentence : AdviseOnCaptures(solved, solution, free)) advice.push_back(std::move(sentence));
   return advice;
+}
+
+std::vector<std::optional<Tangent6>> MoveWithoutEachView(const Calibration& calibration,
+                                                         const CalibrationOptions& options) {
+  return MoveWithoutEachView({calibration.camera, calibration.views, options.setup, options.shape},
+                             *calibration.refined, FreeOf(calibration.camera.Model(), options.bundle));
 }
 
 }  // namespace heba

@@ -70,4 +70,8 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
 // the robot, of what is known worst (solvers/advice.h). Beside Calibrate: folds and trials have nobody to tell.
 std::vector<std::string> Advise(const Calibration& calibration, const CalibrationOptions& options);
 
+// For each used view of a calibration whose refinement did not fail (solvers/influence.h).
+std::vector<std::optional<Tangent6>> MoveWithoutEachView(const Calibration& calibration,
+                                                         const CalibrationOptions& options);
+
 }  // namespace heba

@@ -14,7 +14,8 @@ CaptureDetection DetectCapture(const Target& target, const std::filesystem::path
   const cv::Mat grey = ReadGreyImage(image);
   // OpenCV's finders draw random numbers: each picture has its own.
   cv::theRNG() = cv::RNG(1);
-  return {grey.cols, grey.rows, target.Detect(grey), 0};
+  constexpr int kSmallWidthPx = 640;
+  return {grey.cols, grey.rows, target.Detect(grey), 0, SmallJpeg(grey, kSmallWidthPx)};
 }
 
 std::optional<Eigen::Vector2d> PixelOf(const TargetPoint& point, const Camera& camera,

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -18,6 +19,7 @@ struct CaptureDetection {
   int height_px = 0;
   Detection detection;
   int num_second_pass = 0;  // Of the points, those that the second look added.
+  std::string small_jpeg;   // The picture, small, for people to look at.
 };
 
 // What is found in one picture, whatever was searched before. InputError if it cannot be read.

@@ -74,6 +74,18 @@ cv::Mat ReadGreyImage(const std::filesystem::path& path) {
   return image;
 }
 
+std::string SmallJpeg(const cv::Mat& grey, int max_width_px) {
+  constexpr int kQuality = 60;
+  cv::Mat small = grey;
+  if (grey.cols > max_width_px) {
+    const int height = std::max(1, static_cast<int>(static_cast<int64_t>(grey.rows) * max_width_px / grey.cols));
+    cv::resize(grey, small, cv::Size(max_width_px, height), 0, 0, cv::INTER_AREA);
+  }
+  std::vector<unsigned char> bytes;
+  cv::imencode(".jpg", small, bytes, {cv::IMWRITE_JPEG_QUALITY, kQuality});
+  return {bytes.begin(), bytes.end()};
+}
+
 void WriteImage(const std::filesystem::path& path, const cv::Mat& image) {
   std::vector<unsigned char> bytes;
   try {

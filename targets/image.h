@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <string>
 
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
@@ -16,6 +17,9 @@ cv::Mat ReadGreyImage(const std::filesystem::path& path);
 
 // Writes a picture whole or not at all; the format follows the suffix. InputError if it cannot be written.
 void WriteImage(const std::filesystem::path& path, const cv::Mat& image);
+
+// A copy of a CV_8UC1 picture, no wider than `max_width_px`, as the bytes of a JPEG file.
+std::string SmallJpeg(const cv::Mat& grey, int max_width_px);
 
 // Whether a file name has the suffix of a picture.
 bool HasImageSuffix(const std::filesystem::path& path);

@@ -6,6 +6,7 @@
 #include <map>
 
 #include <Eigen/Cholesky>
+#include <nlohmann/json.hpp>
 
 #include "heba/base/distributions.h"
 #include "heba/base/median.h"
@@ -247,10 +248,15 @@ std::string ComparisonPairsCsv(const Comparison& comparison) {
 std::string ComparisonPage(const Comparison& comparison) {
   std::string body = "<h1>Comparison of " + std::to_string(comparison.runs.size()) + " runs</h1>\n<ul>\n";
   for (const std::string& finding : comparison.findings) body += "<li>" + Escaped(finding) + "</li>\n";
-  body += "</ul>\n<h2>Runs</h2>\n";
+  body += "</ul>\n" + Heading("Runs");
+  using Json = nlohmann::ordered_json;
+  Json bars = Json::array();
+  Json labels = Json::array();
   std::vector<std::vector<PageCell>> rows;
   for (const ComparedRun& run : comparison.runs) {
     const RunLine line = LineOf(run.result);
+    labels.push_back(run.label);
+    bars.push_back(Json{{"label", run.label}, {"values", {OrNull(line.refined_px), OrNull(line.closed_px)}}});
     rows.push_back({{run.label},
                     {std::string(SetupName(run.result.setup))},
                     {run.result.target_type},
@@ -263,11 +269,22 @@ std::string ComparisonPage(const Comparison& comparison) {
                     {FigureText(line.board_deg), true},
                     {Significant(run.result.timing.total_s, 3), true}});
   }
+  body +=
+      ViewFigure("dumbbells", "How far points are from where they are predicted on captures that were not seen (rms).",
+                 Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}});
   body += HtmlTable({"run", "set-up", "target", "best closed form", "its hold-out, px", "refined hold-out, px",
                      "sigma, mm", "sigma, deg", "board, mm", "board, deg", "time, s"},
                     rows);
   rows.clear();
+  Json pairs = Json::array();
   for (const PairDifference& pair : comparison.pairs) {
+    pairs.push_back(Json{{"first", pair.first},
+                         {"second", pair.second},
+                         {"mm", pair.distance_mm},
+                         {"deg", pair.angle_deg},
+                         {"sigma_mm", pair.sigma_mm},
+                         {"sigma_deg", pair.sigma_deg},
+                         {"chance", pair.p_value}});
     rows.push_back({{comparison.runs[pair.first].label},
                     {comparison.runs[pair.second].label},
                     {Significant(pair.distance_mm, 3), true},
@@ -277,10 +294,14 @@ std::string ComparisonPage(const Comparison& comparison) {
                     {Significant(pair.p_value, 3), true},
                     {Verdict(pair)}});
   }
-  body +=
-      "<h2>Hand-eye poses apart</h2>\n<p>The chance is that of a difference as large between runs that measure the "
-      "same, if they share no captures; below 1 % they differ.</p>\n" +
-      HtmlTable({"run", "and", "mm", "sigma, mm", "deg", "sigma, deg", "chance", ""}, rows);
+  body += Heading("Hand-eye poses apart");
+  if (!comparison.pairs.empty()) {
+    body += ViewFigure("pairs", "mm between the runs' cameras.", Json{{"runs", labels}, {"pairs", pairs}});
+  }
+  body += Paragraph(
+              "The chance is that of a difference as large between runs that measure the same, if they share no "
+              "captures; below 1 % they differ.") +
+          HtmlTable({"run", "and", "mm", "sigma, mm", "deg", "sigma, deg", "chance", ""}, rows);
   return HtmlPage("Comparison of runs", body);
 }
 

@@ -8,6 +8,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "heba/base/text.h"
 #include "heba/io/json_reader.h"
 #include "tools/digest.h"
 
@@ -39,6 +40,7 @@ std::string ToJson(const CaptureDetection& capture) {
     json["covariances_px2"].push_back(std::vector<double>(matrix.data(), matrix.data() + matrix.size()));
   }
   json["reason"] = capture.detection.reason;
+  json["small_jpeg"] = ToBase64(capture.small_jpeg);
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
@@ -57,6 +59,7 @@ CaptureDetection FromJson(const JsonReader& reader) {
     capture.detection.covariances_px2.emplace_back(Eigen::Map<const Eigen::MatrixXd>(values.data(), rows, rows));
   }
   capture.detection.reason = reader.Get("reason").Text();
+  capture.small_jpeg = FromBase64(reader.Get("small_jpeg").Text());
   return capture;
 }
 

@@ -9,7 +9,9 @@ packages=(
   libopencv-dev libopencv-contrib-dev libapriltag-dev libcairo2-dev libxxhash-dev
   libgtest-dev libgmock-dev libbenchmark-dev clang-format-14 clang-tidy-14
 )
-if [ "${1-}" = "--tests" ]; then packages+=(slurm-wlm munge procps); fi
+# Node.js and npm in whatever way they came; the pages' charts are bundled with them.
+if ! command -v node >/dev/null || ! command -v npm >/dev/null; then packages+=(nodejs npm); fi
+if [ "${1-}" = "--tests" ]; then packages+=(slurm-wlm munge procps chromium); fi
 
 missing=()
 for package in "${packages[@]}"; do

@@ -205,20 +205,43 @@ bool LookAgain(const RunConfig& config, const Calibration& calibration, int num_
   return has_changed;
 }
 
-// Of the refined estimate, capture by capture.
-std::vector<CaptureResiduals> ResidualsOf(const Calibration& calibration) {
+// What the report shows of the captures, by the refined estimate.
+std::vector<CaptureView> CaptureViews(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+                                      const Calibration& calibration) {
   const Solution& solution = *calibration.refined;
-  std::vector<CaptureResiduals> all;
-  for (const View& view : Shaped(calibration.views, solution.shape)) {
-    const std::optional<Points2> residuals = Residuals(
-        solution.camera, CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount), view.observations);
-    if (residuals) all.push_back({view.name, view.observations.pixels, *residuals});
+  std::vector<CaptureView> all;
+  for (size_t i = 0; i < config.captures.size(); ++i) {
+    const Capture& capture = config.captures[i];
+    CaptureView shown{capture.name, capture.base_from_gripper, {}, {}, detections[i].small_jpeg};
+    const auto view = std::find_if(calibration.views.begin(), calibration.views.end(),
+                                   [&](const View& entry) { return entry.name == capture.name; });
+    if (view != calibration.views.end()) {
+      const std::optional<Points2> residuals =
+          Residuals(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
+                    Shaped(view->observations, solution.shape));
+      if (residuals) {
+        shown.pixels = view->observations.pixels;
+        shown.residuals = *residuals;
+      }
+    }
+    all.push_back(std::move(shown));
   }
   return all;
 }
 
+// Where the target's middle was on average, in the camera's frame.
+Eigen::Vector3d WorkingPoint(const Calibration& calibration, const Eigen::Vector3d& middle_of_target) {
+  const HandEye& hand_eye = calibration.refined->hand_eye;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const View& view : calibration.views) {
+    sum += CameraFromTarget(hand_eye, view.camera_mount_from_target_mount) * middle_of_target;
+  }
+  return sum / static_cast<double>(calibration.views.size());
+}
+
 std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::vector<CaptureDetection>& detections,
-                                            const Calibration& calibration) {
+                                            const Calibration& calibration,
+                                            const std::vector<std::optional<Tangent6>>& moves) {
   const Solution& solution = *calibration.refined;
   std::vector<CaptureResult> results;
   for (size_t i = 0; i < config.captures.size(); ++i) {
@@ -246,6 +269,7 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
                          " not where the estimate from the others says, and left out";
       }
       if (!solution.corrections.empty()) result.correction = solution.corrections[index];
+      result.move_without = moves[index];
     } else if (unused != calibration.unused.end()) {
       result.reason = unused->reason;
     }
@@ -380,12 +404,15 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   result.target_type = config.target->type();
   result.num_target_points = static_cast<int>(config.target->points().size());
   result.estimates = MakeEstimates(*calibration, hold_outs, truth, options.symmetries);
-  result.captures = DescribeCaptures(config, detections, *calibration);
+  result.captures = DescribeCaptures(config, detections, *calibration, MoveWithoutEachView(*calibration, options));
+  const Points3 target_points = AllPoints(*config.target).points_in_target;
+  result.working_point_m = WorkingPoint(*calibration, target_points.rowwise().mean());
   result.timing.total_s = total.Seconds();
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
   WriteFileAtomically(folder.staging() / "log.txt", console->log());
-  WriteFileAtomically(folder.staging() / "report.html", ReportPage(result, ResidualsOf(*calibration)));
+  WriteFileAtomically(folder.staging() / "report.html",
+                      ReportPage(result, CaptureViews(config, detections, *calibration), target_points));
   if (RunInputsText(config) != inputs) {
     return Failure{"pictures or other input files were changed while the run was at work; run it again"};
   }

@@ -2,26 +2,49 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
-#include "heba/base/median.h"
+#include <nlohmann/json.hpp>
+
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
-#include "tools/charts.h"
 #include "tools/page.h"
 #include "tools/run_figures.h"
 
 namespace heba {
 namespace {
 
-std::string Heading(const std::string& text) { return "<h2>" + Escaped(text) + "</h2>\n"; }
-std::string Paragraph(const std::string& text) { return "<p>" + Escaped(text) + "</p>\n"; }
+using Json = nlohmann::ordered_json;
+
+// With so many digits after the point: a page need not hold more than can be seen.
+double Rounded(double value, int digits) {
+  const double power = std::pow(10.0, digits);
+  return std::round(value * power) / power;
+}
+
+Json PoseJson(const Rigid3d& pose) {
+  const Eigen::Vector3d& t = pose.translation;
+  const Eigen::Vector4d& q = pose.rotation.coeffs();
+  return Json{{"t", {Rounded(t.x(), 6), Rounded(t.y(), 6), Rounded(t.z(), 6)}},
+              {"q", {Rounded(q[0], 7), Rounded(q[1], 7), Rounded(q[2], 7), Rounded(q[3], 7)}}};
+}
+
+const CaptureView* FindView(const std::vector<CaptureView>& captures, const std::string& image) {
+  const auto found =
+      std::find_if(captures.begin(), captures.end(), [&](const CaptureView& view) { return view.image == image; });
+  return found == captures.end() ? nullptr : &*found;
+}
+
+std::string Section(const std::string& heading, const std::string& content) {
+  return "<section>" + Heading(heading) + content + "</section>\n";
+}
 
 std::string VerdictSection(const RunResult& result) {
   const Verdict verdict = JudgeRun(result);
   const std::string grade(GradeName(verdict.grade));
-  std::string section =
-      "<p class=\"verdict " + grade + "\">This calibration is <strong>" + grade + "</strong>.</p>\n<ul>\n";
+  std::string section = "<p class=\"verdict " + grade + "\">This calibration is <strong>" + grade +
+                        "</strong>.</p>\n<ul class=\"findings\">\n";
   for (const Finding& finding : verdict.findings) {
     section += "<li class=\"" + std::string(GradeName(finding.grade)) + "\">" + Escaped(finding.what);
     if (!finding.cure.empty()) section += ". <em>" + Escaped(finding.cure) + ".</em>";
@@ -30,38 +53,116 @@ std::string VerdictSection(const RunResult& result) {
   return section + "</ul>\n";
 }
 
-std::string PoseSection(const RunResult& result, const Estimate& refined) {
-  const std::string mount(CameraMountName(result.setup));
-  return Heading("Result") + "<p><code>" + Escaped(mount) + "_from_camera</code> " +
-         Escaped(PoseText(refined.hand_eye.camera_mount_from_camera)) + "<br>\n<code>" +
-         Escaped(std::string(TargetMountName(result.setup))) + "_from_target</code> " +
-         Escaped(PoseText(refined.hand_eye.target_mount_from_target)) + "</p>\n";
+// The figures that people ask for first.
+std::string Tiles(const RunResult& result, const Estimate& refined) {
+  std::string tiles = "<dl class=\"tiles\">\n";
+  const auto add = [&](const std::string& name, const std::string& value) {
+    tiles += "<div><dt>" + Escaped(name) + "</dt><dd>" + Escaped(value) + "</dd></div>\n";
+  };
+  const Solution& solution = *refined.solution;
+  const Errors& errors = refined.errors;
+  const auto largest = [](const Eigen::Matrix3d& block) { return std::sqrt(block.diagonal().maxCoeff()); };
+  const Eigen::MatrixXd& covariance = solution.covariance.matrix;
+  add("camera position, one sigma (worst axis)", Significant(1000 * largest(covariance.block<3, 3>(0, 0)), 3) + " mm");
+  add("camera orientation, one sigma (worst axis)",
+      Significant(RadToDeg(largest(covariance.block<3, 3>(3, 3))), 3) + " deg");
+  if (result.working_point_m) {
+    add("a point " + Significant(1000 * result.working_point_m->norm(), 3) + " mm away, one sigma (worst axis)",
+        Significant(1000 * largest(PointCovariance(solution.covariance, *result.working_point_m)), 3) + " mm");
+  }
+  add("unseen captures, target off by", FigureText(errors.holdout_target_mm) + " mm");
+  add("unseen captures, points off by", FigureText(errors.holdout_rms_px) + " px");
+  add("pixel noise", Significant(solution.pixel_sigma_px, 3) + " px");
+  if (solution.robot_noise) {
+    add("robot noise", Significant(1000 * solution.robot_noise->translation_m, 2) + " mm, " +
+                           Significant(RadToDeg(solution.robot_noise->rotation_rad), 2) + " deg");
+  }
+  return tiles + "</dl>\n";
 }
 
-std::string UncertaintySection(const Estimate& refined) {
-  const Covariance& covariance = refined.solution->covariance;
-  const Eigen::Matrix3d translation = 1e6 * covariance.matrix.topLeftCorner<3, 3>();
-  const Eigen::Matrix3d rotation = std::pow(RadToDeg(1.0), 2) * covariance.matrix.block<3, 3>(3, 3);
-  const auto of_pair = [](const Eigen::Matrix3d& matrix, Eigen::Index i, Eigen::Index j) {
-    Eigen::Matrix2d pair;
-    pair << matrix(i, i), matrix(i, j), matrix(j, i), matrix(j, j);
-    return pair;
+std::string PoseSection(const RunResult& result, const Estimate& refined) {
+  const auto line = [](std::string_view parent, const char* child, const Rigid3d& pose) {
+    return "<p><code>" + Escaped(std::string(parent) + "_from_" + child) + "</code><br>\n<code>" +
+           Escaped(PoseText(pose)) + "</code></p>\n";
   };
-  std::string section = Heading("Uncertainty of the camera's pose") +
-                        Paragraph("One sigma, in the camera's own axes (z along the optical axis).") +
-                        "<div class=\"charts\">\n";
-  section += EllipseChart(of_pair(translation, 0, 1), "x, mm", "y") +
-             EllipseChart(of_pair(translation, 0, 2), "x, mm", "z") +
-             EllipseChart(of_pair(rotation, 0, 1), "about x, deg", "y") +
-             EllipseChart(of_pair(rotation, 0, 2), "about x, deg", "z") + "</div>\n";
+  const Camera& camera = refined.camera;
+  const std::vector<std::string>& names = camera.Model().param_names();
+  std::vector<std::string> params;
+  for (size_t i = 0; i < camera.params.size(); ++i) params.push_back(names[i] + " " + Significant(camera.params[i], 6));
+  return Section("Result",
+                 line(CameraMountName(result.setup), "camera", refined.hand_eye.camera_mount_from_camera) +
+                     line(TargetMountName(result.setup), "target", refined.hand_eye.target_mount_from_target) +
+                     "<p><code>camera</code>, " + Escaped(camera.model) + ", " + std::to_string(camera.width_px) +
+                     " x " + std::to_string(camera.height_px) + " px<br>\n<code>" + Escaped(Join(params, ", ")) +
+                     "</code></p>\n");
+}
+
+std::string SetUpSection(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures,
+                         const Points3& target_points) {
+  const Camera& camera = refined.camera;
+  const Eigen::Vector3d low = target_points.rowwise().minCoeff();
+  const Eigen::Vector3d high = target_points.rowwise().maxCoeff();
+  Json data{{"setup", SetupName(result.setup)},
+            {"mount_from_camera", PoseJson(refined.hand_eye.camera_mount_from_camera)},
+            {"mount_from_target", PoseJson(refined.hand_eye.target_mount_from_target)},
+            {"camera",
+             {{"fx", camera.params[0]},
+              {"fy", camera.params[1]},
+              {"cx", camera.params[2]},
+              {"cy", camera.params[3]},
+              {"image_size", {camera.width_px, camera.height_px}}}},
+            {"target_size", {low.x(), low.y(), high.x(), high.y()}},
+            {"captures", Json::array()}};
+  for (const CaptureResult& capture : result.captures) {
+    const CaptureView* view = FindView(captures, capture.image);
+    if (view == nullptr) continue;
+    data["captures"].push_back(Json{
+        {"image", capture.image}, {"used", capture.used}, {"base_from_gripper", PoseJson(view->base_from_gripper)}});
+  }
+  const std::string figure = ViewFigure("set-up", "", data);
+  return figure.empty() ? "" : Section("Set-up", figure);
+}
+
+std::string UncertaintySection(const RunResult& result, const Estimate& refined) {
+  const Covariance& covariance = refined.solution->covariance;
+  Json ellipses = Json::array();
+  const auto add = [&](const char* x, const char* y, const char* unit, const Eigen::Matrix3d& matrix, Eigen::Index i,
+                       Eigen::Index j) {
+    ellipses.push_back(Json{
+        {"x_label", x}, {"y_label", y}, {"unit", unit}, {"covariance", {matrix(i, i), matrix(i, j), matrix(j, j)}}});
+  };
+  if (result.working_point_m) {
+    const Eigen::Matrix3d at_work = 1e6 * PointCovariance(covariance, *result.working_point_m);
+    add("x", "y", "mm", at_work, 0, 1);
+    add("x", "z", "mm", at_work, 0, 2);
+  }
+  const Eigen::Matrix3d rotation = std::pow(RadToDeg(1.0), 2) * covariance.matrix.block<3, 3>(3, 3);
+  add("about x", "about y", "deg", rotation, 0, 1);
+  add("about x", "about z", "deg", rotation, 0, 2);
+  const std::string figure = ViewFigure(
+      "ellipses", "One sigma (filled) and 95 % (dashed), along and about the camera's axes; z is its optical axis.",
+      Json{{"ellipses", ellipses}});
+  return figure.empty() ? "" : Section("Uncertainty of a point where the target was", figure);
+}
+
+std::string CorrelationSection(const Estimate& refined) {
+  const Covariance& covariance = refined.solution->covariance;
   const Eigen::VectorXd scale = covariance.matrix.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd correlation = scale.asDiagonal() * covariance.matrix * scale.asDiagonal();
-  return section + "<details><summary>How the parameters hang together</summary>\n" +
-         CorrelationChart(covariance.names, correlation) + "</details>\n";
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < correlation.rows(); ++i) {
+    Json row = Json::array();
+    for (Eigen::Index j = 0; j < correlation.cols(); ++j) row.push_back(Rounded(correlation(i, j), 3));
+    rows.push_back(row);
+  }
+  const std::string figure =
+      ViewFigure("correlation", "Parameters that the captures cannot tell apart have strong colours off the diagonal.",
+                 Json{{"names", covariance.names}, {"matrix", rows}});
+  return figure.empty() ? "" : Section("How the parameters hang together", figure);
 }
 
 std::string MethodsSection(const RunResult& result) {
-  std::vector<BarLine> lines;
+  Json lines = Json::array();
   std::vector<std::vector<PageCell>> rows;
   const bool has_truth = std::any_of(result.estimates.begin(), result.estimates.end(),
                                      [](const Estimate& estimate) { return estimate.errors.truth.has_value(); });
@@ -70,7 +171,9 @@ std::string MethodsSection(const RunResult& result) {
   };
   for (const Estimate& estimate : result.estimates) {
     const Errors& errors = estimate.errors;
-    lines.push_back({estimate.method, errors.reprojection_rms_px, errors.holdout_rms_px});
+    lines.push_back(Json{{"label", estimate.method},
+                         {"values", {OrNull(errors.reprojection_rms_px), OrNull(errors.holdout_rms_px)}},
+                         {"strong", estimate.kind == "refined"}});
     rows.push_back(
         {{estimate.method},
          cell(errors.reprojection_rms_px),
@@ -89,35 +192,72 @@ std::string MethodsSection(const RunResult& result) {
   std::vector<std::string> head = {"method",        "in-sample, px", "hold-out, px", "hold-out, mm",
                                    "hold-out, deg", "AX-XB, mm",     "board, mm",    "remark"};
   if (has_truth) head.insert(head.end() - 1, {"true error, mm", "deg"});
-  return Heading("Methods") +
-         Paragraph(
-             "How far predicted and observed points are apart (rms): on the captures that the estimate was made "
-             "from, and on captures that it has not seen.") +
-         BarChart(lines, "in-sample", "hold-out", "px") + HtmlTable(head, rows);
+  return Section(
+      "Methods",
+      Paragraph("How far predicted and observed points are apart (rms): on the captures that the "
+                "estimate was made from, and on captures that it has not seen.") +
+          ViewFigure("dumbbells", "", Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}}) +
+          HtmlTable(head, rows));
 }
 
-std::string ResidualSection(const Estimate& refined, const std::vector<CaptureResiduals>& residuals) {
-  std::vector<Arrow> arrows;
-  std::vector<Eigen::Vector2d> by_radius;
-  std::vector<double> lengths;
-  const Camera& camera = refined.camera;
-  for (const CaptureResiduals& capture : residuals) {
-    for (Eigen::Index i = 0; i < capture.pixels.cols(); ++i) {
-      arrows.push_back({capture.pixels.col(i), capture.residuals.col(i)});
-      lengths.push_back(capture.residuals.col(i).norm());
-      const Eigen::Vector2d centre(camera.params[2], camera.params[3]);
-      by_radius.emplace_back((capture.pixels.col(i) - centre).norm(), lengths.back());
+// Small pictures make a page large: of very many captures the worst have one.
+std::set<std::string> ImagesToShow(const RunResult& result) {
+  constexpr size_t kMaxPictures = 100;
+  std::vector<const CaptureResult*> order;
+  for (const CaptureResult& capture : result.captures) order.push_back(&capture);
+  std::stable_sort(order.begin(), order.end(), [](const CaptureResult* a, const CaptureResult* b) {
+    if (a->used != b->used) return !a->used;
+    return a->rms_px.value_or(0) > b->rms_px.value_or(0);
+  });
+  if (order.size() > kMaxPictures) order.resize(kMaxPictures);
+  std::set<std::string> images;
+  for (const CaptureResult* capture : order) images.insert(capture->image);
+  return images;
+}
+
+std::string CapturesData(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures) {
+  // Of very many points every n-th of each capture.
+  constexpr Eigen::Index kMaxPoints = 20'000;
+  Eigen::Index num_points = 0;
+  for (const CaptureView& view : captures) num_points += view.pixels.cols();
+  const Eigen::Index step = num_points / kMaxPoints + 1;
+  const std::set<std::string> images = ImagesToShow(result);
+  Json data{{"image_size", {refined.camera.width_px, refined.camera.height_px}},
+            {"centre", {refined.camera.params[2], refined.camera.params[3]}},
+            {"captures", Json::array()}};
+  for (const CaptureResult& capture : result.captures) {
+    const CaptureView* view = FindView(captures, capture.image);
+    Json points = Json::array();
+    for (Eigen::Index i = 0; view != nullptr && i < view->pixels.cols(); i += step) {
+      const Eigen::Vector2d at = view->pixels.col(i);
+      const Eigen::Vector2d off = view->residuals.col(i);
+      for (const double value : {Rounded(at.x(), 2), Rounded(at.y(), 2), Rounded(off.x(), 4), Rounded(off.y(), 4)}) {
+        points.push_back(value);
+      }
     }
+    const bool has_picture = view != nullptr && !view->small_jpeg.empty() && images.count(capture.image) > 0;
+    data["captures"].push_back(Json{{"image", capture.image},
+                                    {"used", capture.used},
+                                    {"reason", capture.reason},
+                                    {"rms_px", OrNull(capture.rms_px)},
+                                    {"points", std::move(points)},
+                                    {"picture", has_picture ? Json(ToBase64(view->small_jpeg)) : Json(nullptr)}});
   }
-  if (lengths.empty()) return "";
-  const double median = Median(lengths);
-  // So that a typical arrow is a fortieth of the picture wide.
-  const double scale = std::pow(10, std::floor(std::log10(camera.width_px / 40.0 / std::max(median, 1e-9))));
-  return Heading("Residuals") +
-         Paragraph("Predicted minus observed, of every point of every capture, " + Significant(scale, 1) +
-                   " times as long as they are. Where there are no arrows no capture says anything of the lens.") +
-         ArrowField(camera.width_px, camera.height_px, arrows, scale) +
-         ScatterChart(by_radius, "distance from the principal point, px", "residual, px");
+  return SharedData("captures", data);
+}
+
+std::string ResidualSections() {
+  const std::string field = SharedViewFigure(
+      "residual-field", "Predicted minus seen, of the points of all captures. Click for the capture.", "captures");
+  if (field.empty()) return "";
+  const std::string cells = SharedViewFigure(
+      "coverage", "Per cent of all points. Where there are none, no capture says anything of the lens.", "captures");
+  const std::string radius = SharedViewFigure("residual-radius", "", "captures");
+  const std::string bars =
+      SharedViewFigure("capture-bars", "The dashed line is the rms of all. Click for the picture.", "captures");
+  return "<div class=\"columns\">\n" + Section("Residuals over the picture", field) +
+         Section("Coverage of the picture", cells) + Section("Residuals from the middle outwards", radius) +
+         Section("Residuals capture by capture", bars) + "</div>\n";
 }
 
 std::string CaptureSection(const RunResult& result) {
@@ -130,6 +270,9 @@ std::string CaptureSection(const RunResult& result) {
                                  {std::to_string(capture.num_points), true},
                                  {std::to_string(capture.num_rejected), true},
                                  {capture.rms_px ? Significant(*capture.rms_px, 3) : "", true}};
+    const std::optional<Tangent6>& move = capture.move_without;
+    row.push_back({move ? Significant(1000 * move->head<3>().norm(), 2) : "", true});
+    row.push_back({move ? Significant(RadToDeg(move->tail<3>().norm()), 2) : "", true});
     if (has_corrections) {
       const bool has = capture.correction.has_value();
       row.push_back({has ? Significant(1000 * capture.correction->translation.norm(), 2) : "", true});
@@ -138,27 +281,29 @@ std::string CaptureSection(const RunResult& result) {
     row.push_back({capture.reason});
     rows.push_back(std::move(row));
   }
-  std::vector<std::string> head = {"capture", "", "points", "left out", "rms, px"};
+  std::vector<std::string> head = {"capture", "", "points", "left out", "rms, px", "result moves without it, mm",
+                                   "deg"};
   if (has_corrections) head.insert(head.end(), {"robot off by, mm", "deg"});
   head.emplace_back("remark");
-  return Heading("Captures") + HtmlTable(head, rows);
+  return Heading("Captures") + HtmlTable(head, rows, true);
 }
 
 }  // namespace
 
-std::string ReportPage(const RunResult& result, const std::vector<CaptureResiduals>& residuals) {
+std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures,
+                       const Points3& target_points) {
   const Estimate* refined = FindRefined(result);
   std::string body = "<h1>" + Escaped(result.name) + "</h1>\n" +
                      Paragraph(std::string(SetupName(result.setup)) + ", " + result.target_type + ", " +
                                std::to_string(NumUsedCaptures(result)) + " of " +
                                std::to_string(result.captures.size()) + " captures used") +
                      VerdictSection(result);
-  if (refined != nullptr) {
-    body += PoseSection(result, *refined) + UncertaintySection(*refined);
-  }
-  body += MethodsSection(result);
-  if (refined != nullptr) body += ResidualSection(*refined, residuals);
-  return HtmlPage(result.name, body + CaptureSection(result));
+  if (refined == nullptr) return HtmlPage(result.name, body + MethodsSection(result) + CaptureSection(result));
+  body += Tiles(result, *refined) + CapturesData(result, *refined, captures) + "<div class=\"columns\">\n" +
+          SetUpSection(result, *refined, captures, target_points) + PoseSection(result, *refined) + "</div>\n" +
+          MethodsSection(result) + ResidualSections() + UncertaintySection(result, *refined) +
+          CorrelationSection(*refined) + CaptureSection(result);
+  return HtmlPage(result.name, body);
 }
 
 }  // namespace heba

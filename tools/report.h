@@ -9,13 +9,18 @@
 
 namespace heba {
 
-// What the refined estimate leaves of a capture's points: where they were seen, and predicted minus seen, px.
-struct CaptureResiduals {
-  std::string image;
+// What the report shows of a capture beside its CaptureResult.
+struct CaptureView {
+  std::string image;  // As in CaptureResult.
+  Rigid3d base_from_gripper;
+  // What the refined estimate leaves of its points: where they were seen, and predicted minus seen, px. Empty if the
+  // capture was not used.
   Points2 pixels;
   Points2 residuals;
+  std::string small_jpeg;
 };
 
-std::string ReportPage(const RunResult& result, const std::vector<CaptureResiduals>& residuals);
+// `target_points` are all of the target's, in its frame, m.
+std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures, const Points3& target_points);
 
 }  // namespace heba

@@ -5,9 +5,12 @@
 #include <map>
 #include <set>
 
+#include <nlohmann/json.hpp>
+
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "tools/page.h"
 #include "tools/plot.h"
 
 namespace heba {
@@ -124,7 +127,11 @@ std::string StudyCsv(const std::vector<CellResult>& results) {
   return csv;
 }
 
-void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesystem::path& folder) {
+namespace {
+
+// The hand-eye translation's error against the pixel noise, a plot for each scene and everything else that varies; none
+// if the noise does not.
+std::vector<Plot> StudyPlots(const std::vector<CellResult>& results) {
   std::set<double> sigmas;
   std::map<std::string, std::vector<const CellResult*>> groups;
   std::vector<std::string> order;
@@ -134,7 +141,8 @@ void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesyst
     if (group.empty()) order.push_back(SceneLine(result.labels));
     group.push_back(&result);
   }
-  if (sigmas.size() < 2) return;
+  std::vector<Plot> plots;
+  if (sigmas.size() < 2) return plots;
   for (size_t g = 0; g < order.size(); ++g) {
     Plot plot{order[g], "pixel noise, px", "RMS error of the hand-eye translation, mm", {}};
     PlotLine bound{"bound", {}, true, false};
@@ -154,9 +162,70 @@ void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesyst
     plot.lines.push_back(bound);
     for (const std::string& name : names) plot.lines.push_back(lines[name]);
     for (PlotLine& line : plot.lines) std::sort(line.points.begin(), line.points.end());
-    const std::string number = order.size() > 1 ? "_" + std::to_string(g + 1) : "";
-    WriteFileAtomically(folder / ("hand_eye_mm" + number + ".svg"), LogLogSvg(plot));
+    plots.push_back(std::move(plot));
   }
+  return plots;
+}
+
+}  // namespace
+
+void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesystem::path& folder) {
+  const std::vector<Plot> plots = StudyPlots(results);
+  for (size_t i = 0; i < plots.size(); ++i) {
+    const std::string number = plots.size() > 1 ? "_" + std::to_string(i + 1) : "";
+    WriteFileAtomically(folder / ("hand_eye_mm" + number + ".svg"), LogLogSvg(plots[i]));
+  }
+}
+
+std::string StudyPage(const std::string& title, const std::vector<CellResult>& results) {
+  using Json = nlohmann::ordered_json;
+  std::string body = "<h1>" + Escaped(title) + "</h1>\n" +
+                     Paragraph(
+                         "RMS errors against the truth, of every method, and the least that any unbiased method "
+                         "can reach (bound).");
+  for (const Plot& plot : StudyPlots(results)) {
+    Json lines = Json::array();
+    for (const PlotLine& line : plot.lines) {
+      Json points = Json::array();
+      for (const auto& [x, y] : line.points) points.push_back({x, y});
+      lines.push_back(Json{{"name", line.name},
+                           {"reference", line.is_reference},
+                           {"strong", line.is_emphasised},
+                           {"points", std::move(points)}});
+    }
+    body +=
+        ViewFigure("lines", plot.title, Json{{"x_label", plot.x_label}, {"y_label", plot.y_label}, {"lines", lines}});
+  }
+  std::vector<std::vector<PageCell>> rows;
+  const auto number = [](const std::optional<double>& value) {
+    return PageCell{value ? Significant(*value, 3) : "", true};
+  };
+  for (const CellResult& result : results) {
+    for (const MethodSummary& method : result.methods) {
+      const bool has_any = method.num_failed < method.num_trials;
+      const StudyErrors& rms = method.rms;
+      const auto of_bound = [&](double value, double StudyErrors::*member) -> std::optional<double> {
+        if (!has_any || !result.bound || !((*result.bound).*member > 0)) return std::nullopt;
+        return value / (*result.bound).*member;
+      };
+      rows.push_back({{SceneLine(result.labels)},
+                      number(result.labels.pixel_sigma_px),
+                      {method.method},
+                      number(has_any ? std::optional<double>(1000 * rms.hand_eye_m) : std::nullopt),
+                      number(has_any ? std::optional<double>(RadToDeg(rms.hand_eye_rad)) : std::nullopt),
+                      number(of_bound(rms.hand_eye_m, &StudyErrors::hand_eye_m)),
+                      number(of_bound(rms.hand_eye_rad, &StudyErrors::hand_eye_rad)),
+                      number(has_any ? std::optional<double>(1000 * rms.board_m) : std::nullopt),
+                      number(method.coverage),
+                      number(has_any ? std::optional<double>(method.axxb_mean_mm) : std::nullopt),
+                      number(method.num_failed),
+                      number(method.num_trials)});
+    }
+  }
+  return HtmlPage(title,
+                  body + HtmlTable({"scene", "pixel noise, px", "method", "hand-eye, mm", "deg", "mm over the bound",
+                                    "deg over the bound", "board, mm", "95 % holds", "AX-XB, mm", "failed", "trials"},
+                                   rows));
 }
 
 }  // namespace heba

@@ -1,4 +1,4 @@
-// A finished study for people and programs: the table on the terminal, study.csv, plots.
+// A finished study for people and programs: the table on the terminal, study.csv, plots, study.html.
 #pragma once
 
 #include <filesystem>
@@ -25,5 +25,8 @@ std::string StudyCsv(const std::vector<CellResult>& results);
 // One plot for each scene and everything else that varies but pixel noise: the hand-eye translation's error against
 // it. None if pixel noise does not vary.
 void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesystem::path& folder);
+
+// The same plots, and a row a cell and method, as a page.
+std::string StudyPage(const std::string& title, const std::vector<CellResult>& results);
 
 }  // namespace heba

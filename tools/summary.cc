@@ -111,7 +111,21 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
                              (num_failed > 0 ? ", " + std::to_string(num_failed) + " of them failed" : "") +
                              ". In-sample: on the captures that the estimate was made from; hold-out: on captures that "
                              "it has not seen.";
-  return HtmlPage(title, "<h1>" + Escaped(title) + "</h1>\n<p>" + Escaped(counts) + "</p>\n" + HtmlTable(head, rows));
+  using Json = nlohmann::ordered_json;
+  Json bars = Json::array();
+  for (const BatchRun& run : runs) {
+    const Estimate* refined = run.result ? FindRefined(*run.result) : nullptr;
+    const Estimate* closed = run.result ? FindBestClosedForm(*run.result, &HoldOutPx) : nullptr;
+    bars.push_back(Json{{"label", run.name},
+                        {"values",
+                         {OrNull(refined != nullptr ? refined->errors.holdout_rms_px : std::nullopt),
+                          OrNull(closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt)}}});
+  }
+  return HtmlPage(title,
+                  "<h1>" + Escaped(title) + "</h1>\n" + Paragraph(counts) +
+                      ViewFigure("dumbbells", "Hold-out of every run.",
+                                 Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}}) +
+                      HtmlTable(head, rows));
 }
 
 std::string SummaryTable(const std::vector<BatchRun>& runs) {

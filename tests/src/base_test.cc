@@ -98,6 +98,23 @@ TEST(Text, WritesNumbers) {
   EXPECT_EQ(RoundTrip(0.1), "0.1");
 }
 
+TEST(Text, Base64AsInRfc4648) {
+  const std::pair<std::string, std::string> vectors[] = {{"", ""},
+                                                         {"f", "Zg=="},
+                                                         {"fo", "Zm8="},
+                                                         {"foo", "Zm9v"},
+                                                         {"foob", "Zm9vYg=="},
+                                                         {"fooba", "Zm9vYmE="},
+                                                         {"foobar", "Zm9vYmFy"}};
+  for (const auto& [bytes, text] : vectors) {
+    EXPECT_EQ(ToBase64(bytes), text);
+    EXPECT_EQ(FromBase64(text), bytes);
+  }
+  std::string all;
+  for (int i = 0; i < 256; ++i) all += static_cast<char>(i);
+  EXPECT_EQ(FromBase64(ToBase64(all)), all);
+}
+
 TEST(Text, RoundTripIsExact) {
   Rng rng(3);
   for (int i = 0; i < 1000; ++i) {

@@ -25,6 +25,10 @@ std::string Significant(double value, int digits);
 // The shortest text that reads back as the same double.
 std::string RoundTrip(double value);
 
+// RFC 4648's base64, and back; decoding stops at the first character that is none of it.
+std::string ToBase64(std::string_view bytes);
+std::string FromBase64(std::string_view text);
+
 // The whole of `text` as a finite or non-finite double, independent of the locale; false if it is not a number.
 bool ParseDouble(std::string_view text, double* value);
 

@@ -47,6 +47,8 @@ struct CaptureResult {
   std::optional<double> rms_px;  // With the refined estimate, from the robot's pose as it was given.
   // The gripper as the pictures have it, in the gripper's frame as the robot had it; if the robot is noisy.
   std::optional<Rigid3d> correction;
+  // What the refined hand-eye pose would move by without this capture (solvers/influence.h).
+  std::optional<Tangent6> move_without;
 };
 
 struct Timing {
@@ -64,11 +66,17 @@ struct RunResult {
   int num_target_points = 0;
   std::vector<CaptureResult> captures;
   std::vector<Estimate> estimates;
+  // Where the target's middle was on average, in the camera's frame, m; by the refined estimate.
+  std::optional<Eigen::Vector3d> working_point_m;
   Timing timing;
 };
 
 // The refinement that the other estimates lead up to, with its covariance; null if there is none.
 const Estimate* FindRefined(const RunResult& result);
+
+// How well a point that the camera sees at `point_m`, in its own frame, is known in the frame of its mount: m^2, along
+// the camera's axes. `covariance` begins with the hand-eye pose's six.
+Eigen::Matrix3d PointCovariance(const Covariance& covariance, const Eigen::Vector3d& point_m);
 
 using FigureOf = std::optional<double> (*)(const Errors&);
 inline std::optional<double> HoldOutPx(const Errors& errors) { return errors.holdout_rms_px; }

@@ -20,13 +20,21 @@ double LargestSigma(const Covariance& covariance, Eigen::Index first) {
   return std::sqrt(covariance.matrix.diagonal().segment<3>(first).maxCoeff());
 }
 
-Finding JudgeUncertainty(const Solution& solution) {
+Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   const double mm = 1000 * LargestSigma(solution.covariance, 0);
   const double deg = RadToDeg(LargestSigma(solution.covariance, 3));
   Finding finding;
   finding.grade = std::max(GradeOf(mm, 1, 5), GradeOf(deg, 0.1, 0.5));
   finding.what = "the camera's pose is known to " + Significant(mm, 2) + " mm and " + Significant(deg, 2) +
                  " deg (one sigma, along and about the axis that is known worst)";
+  if (result.working_point_m) {
+    // What a grasp feels: the pose's errors together, where the work is.
+    const double at_work_mm =
+        1000 * std::sqrt(PointCovariance(solution.covariance, *result.working_point_m).diagonal().maxCoeff());
+    finding.grade = std::max(finding.grade, GradeOf(at_work_mm, 1, 5));
+    finding.what += "; a point at the target's distance (" + Significant(1000 * result.working_point_m->norm(), 3) +
+                    " mm) to " + Significant(at_work_mm, 2) + " mm";
+  }
   if (finding.grade != Grade::kGood) {
     finding.cure = "take more captures, with larger turns of the gripper about different axes and more depth";
   }
@@ -125,7 +133,7 @@ Verdict JudgeRun(const RunResult& result) {
     verdict.findings.push_back({Grade::kBad, "there is no refined estimate", "see the methods' reasons"});
   } else {
     const Solution& solution = *refined->solution;
-    verdict.findings.push_back(JudgeUncertainty(solution));
+    verdict.findings.push_back(JudgeUncertainty(result, solution));
     const std::optional<Finding> more[] = {JudgeHoldOut(refined->errors), JudgeModel(refined->errors, solution),
                                            JudgeGain(result, *refined)};
     for (const std::optional<Finding>& finding : more) {

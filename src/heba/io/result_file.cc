@@ -101,13 +101,21 @@ Json ErrorsJson(const Errors& errors) {
   return json;
 }
 
-// What the refinement moved the robot's pose by, in the gripper's frame.
-Json CorrectionJson(const std::optional<Rigid3d>& correction) {
-  if (!correction) return nullptr;
-  const Eigen::Vector3d t = 1000 * correction->translation;
-  const Eigen::Vector3d r = LogRotation(correction->rotation);
+// A small motion, as people read it.
+Json TangentJson(const std::optional<Tangent6>& tangent) {
+  if (!tangent) return nullptr;
+  const Eigen::Vector3d t = 1000 * tangent->head<3>();
+  const Eigen::Vector3d r = tangent->tail<3>();
   return Json{{"translation_mm", {t.x(), t.y(), t.z()}},
               {"rotation_deg", {RadToDeg(r.x()), RadToDeg(r.y()), RadToDeg(r.z())}}};
+}
+
+// What the refinement moved the robot's pose by, in the gripper's frame.
+std::optional<Tangent6> CorrectionOf(const CaptureResult& capture) {
+  if (!capture.correction) return std::nullopt;
+  Tangent6 tangent;
+  tangent << capture.correction->translation, LogRotation(capture.correction->rotation);
+  return tangent;
 }
 
 Json EstimateJson(const Estimate& estimate, Setup setup) {
@@ -169,6 +177,17 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
   return json;
 }
 
+Json WorkingPointJson(const RunResult& result) {
+  const Estimate* refined = FindRefined(result);
+  if (!result.working_point_m || refined == nullptr) return nullptr;
+  const Eigen::Vector3d& at = *result.working_point_m;
+  const Eigen::Matrix3d covariance = PointCovariance(refined->solution->covariance, at);
+  return Json{{"in_camera_m", {at.x(), at.y(), at.z()}},
+              {"std_m",
+               {Finite(std::sqrt(covariance(0, 0))), Finite(std::sqrt(covariance(1, 1))),
+                Finite(std::sqrt(covariance(2, 2)))}}};
+}
+
 }  // namespace
 
 std::string Version() { return HEBA_VERSION; }
@@ -190,10 +209,12 @@ std::string ResultToJson(const RunResult& result) {
                                     {"used", capture.used},
                                     {"reason", capture.reason},
                                     {"rms_px", OrNull(capture.rms_px)},
-                                    {"robot_correction", CorrectionJson(capture.correction)}});
+                                    {"robot_correction", TangentJson(CorrectionOf(capture))},
+                                    {"move_without", TangentJson(capture.move_without)}});
   }
   json["estimates"] = Json::array();
   for (const Estimate& estimate : result.estimates) json["estimates"].push_back(EstimateJson(estimate, result.setup));
+  json["working_point"] = WorkingPointJson(result);
   json["timing_s"] = Json{{"detect", result.timing.detect_s},
                           {"seed", result.timing.seed_s},
                           {"refine", result.timing.refine_s},

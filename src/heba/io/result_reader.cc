@@ -123,6 +123,15 @@ Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
   return estimate;
 }
 
+std::optional<Tangent6> ReadTangent(const JsonReader& reader, const char* key) {
+  if (!reader.Has(key)) return std::nullopt;
+  const std::vector<double> t = reader.Get(key).Get("translation_mm").Numbers(3);
+  const std::vector<double> r = reader.Get(key).Get("rotation_deg").Numbers(3);
+  Tangent6 tangent;
+  tangent << t[0] / 1000, t[1] / 1000, t[2] / 1000, DegToRad(r[0]), DegToRad(r[1]), DegToRad(r[2]);
+  return tangent;
+}
+
 CaptureResult ReadCapture(const JsonReader& reader) {
   CaptureResult capture;
   capture.image = reader.Get("image").Text();
@@ -133,13 +142,9 @@ CaptureResult ReadCapture(const JsonReader& reader) {
   capture.used = reader.Get("used").Bool();
   capture.reason = reader.Get("reason").Text();
   capture.rms_px = ReadOptional(reader, "rms_px");
-  if (reader.Has("robot_correction")) {
-    const JsonReader correction = reader.Get("robot_correction");
-    const std::vector<double> t = correction.Get("translation_mm").Numbers(3);
-    const std::vector<double> r = correction.Get("rotation_deg").Numbers(3);
-    capture.correction = Rigid3d(ExpRotation(Eigen::Vector3d(DegToRad(r[0]), DegToRad(r[1]), DegToRad(r[2]))),
-                                 Eigen::Vector3d(t[0], t[1], t[2]) / 1000);
-  }
+  const std::optional<Tangent6> correction = ReadTangent(reader, "robot_correction");
+  if (correction) capture.correction = Rigid3d(ExpRotation(correction->tail<3>()), correction->head<3>());
+  capture.move_without = ReadTangent(reader, "move_without");
   return capture;
 }
 
@@ -161,6 +166,10 @@ RunResult ReadResult(const std::filesystem::path& path) {
   for (const JsonReader& capture : reader.Get("captures").List()) result.captures.push_back(ReadCapture(capture));
   for (const JsonReader& estimate : reader.Get("estimates").List()) {
     result.estimates.push_back(ReadEstimate(estimate, result.setup));
+  }
+  if (reader.Has("working_point")) {
+    const std::vector<double> at = reader.Get("working_point").Get("in_camera_m").Numbers(3);
+    result.working_point_m = Eigen::Vector3d(at[0], at[1], at[2]);
   }
   const JsonReader timing = reader.Get("timing_s");
   result.timing = {timing.Get("detect").Number(), timing.Get("seed").Number(), timing.Get("refine").Number(),

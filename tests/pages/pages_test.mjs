@@ -1,0 +1,207 @@
+// The pages in a real browser: node pages_test.mjs HEBA SOURCE PACKAGES, where PACKAGES is the folder that holds
+// node_modules with playwright-core. Exits with 77 if there is no Chromium.
+import assert from 'node:assert/strict';
+import {execFileSync} from 'node:child_process';
+import {existsSync, mkdtempSync, readFileSync, renameSync, rmSync, writeFileSync} from 'node:fs';
+import {createRequire} from 'node:module';
+import {tmpdir} from 'node:os';
+import {join} from 'node:path';
+import {pathToFileURL} from 'node:url';
+
+const [heba, source, packages] = process.argv.slice(2);
+const executablePath = ['/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'].find(existsSync);
+if (!executablePath) {
+  console.log('skipped: there is no Chromium');
+  process.exit(77);
+}
+const {chromium} = createRequire(`${packages}/`)('playwright-core');
+
+// A name that would do harm if it ever were markup. (A slash, which it would need to close an element, no file has.)
+const kHostile = '<img src=x onerror=window.harmed=1>.png';
+
+const folder = mkdtempSync(join(tmpdir(), 'heba_pages_'));
+process.env.HEBA_CACHE = join(folder, 'cache');
+const run = (...args) => execFileSync(heba, args, {cwd: folder, stdio: ['ignore', 'pipe', 'pipe']});
+
+function makePages() {
+  run('simulate', join(source, 'configs/sample_scene.yaml'), '--out', 'data', '--set', 'motion.captures=10', '--quiet');
+  const poses = readFileSync(join(folder, 'data/poses.csv'), 'utf8');
+  assert.ok(poses.includes('003.png'));
+  renameSync(join(folder, 'data/images/003.png'), join(folder, 'data/images', kHostile));
+  writeFileSync(join(folder, 'data/poses.csv'), poses.replace('003.png', kHostile));
+  writeFileSync(join(folder, 'noisy.yaml'), 'base: data/config.yaml\nrefine: {robot_noise: auto}\n');
+  writeFileSync(join(folder, 'exact.yaml'), 'base: data/config.yaml\n');
+  run('run', 'exact.yaml', 'noisy.yaml', '--out', 'runs', '--quiet');
+  run('compare', 'runs', '--out', 'comparison', '--quiet');
+  writeFileSync(join(folder, 'study.yaml'),
+                `trials: 4\nseed: 1\nscenes: {small: ${join(source, 'configs/scenes/ring4_eye_to_hand.yaml')}}\n` +
+                'pixel_noise: [0.1 px, 0.5 px]\n');
+  run('study', 'study.yaml', '--out', 'study', '--quiet');
+}
+
+// What a browser says against a page, gathered while it is open.
+async function open(browser, file, width, complaints) {
+  const context = await browser.newContext({viewport: {width, height: 900}, offline: true});
+  const page = await context.newPage();
+  page.on('console', (message) => {
+    if (['error', 'warning'].includes(message.type())) complaints.push(`${file}: console: ${message.text()}`);
+  });
+  page.on('pageerror', (error) => complaints.push(`${file}: ${error.message}`));
+  page.on('request', (request) => {
+    const url = request.url();
+    if (url !== pathToFileURL(join(folder, file)).href && !url.startsWith('data:')) complaints.push(`${file}: asks for ${url}`);
+  });
+  await page.goto(pathToFileURL(join(folder, file)).href);
+  return page;
+}
+
+// What each view is made of, and how much of it there is in these runs at least.
+const kMarks = {
+  'set-up': ['svg.scene path', 10],
+  dumbbells: ['g[aria-label=dot] circle', 4],
+  'residual-field': ['g[aria-label=dot] circle', 200],
+  coverage: ['g[aria-label=rect] rect', 48],
+  'residual-radius': ['g[aria-label=dot] circle', 200],
+  'capture-bars': ['g[aria-label=bar] rect', 9],
+  ellipses: ['g[aria-label=line] path', 8],
+  correlation: ['g[aria-label=cell] rect', 12 * 12],
+  lines: ['g[aria-label=line] path', 5],
+  pairs: ['g[aria-label=cell] rect', 2],
+};
+
+async function checkFigures(page, file, width, views) {
+  const figures = await page.$$eval('figure[data-view]', (all, marks) => all.map((figure) => {
+    const box = (figure.querySelector('svg.scene') ?? figure.querySelector('.drawing svg'))?.getBoundingClientRect();
+    return {
+      view: figure.dataset.view, drawn: figure.dataset.drawn, width: box?.width ?? 0, height: box?.height ?? 0, right: box?.right ?? 0,
+      marks: figure.querySelectorAll(marks[figure.dataset.view][0]).length};
+  }), kMarks);
+  for (const view of views) assert.ok(figures.some((figure) => figure.view === view), `${file} has no ${view}`);
+  for (const figure of figures) {
+    assert.equal(figure.drawn, 'true', `${file}: ${figure.view}`);
+    assert.ok(figure.width > 80 && figure.height > 40 && figure.right <= width + 1, `${file}: ${JSON.stringify(figure)}`);
+    assert.ok(figure.marks >= kMarks[figure.view][1], `${file}: ${JSON.stringify(figure)}`);
+  }
+  assert.ok(await page.evaluate(() => document.documentElement.scrollWidth) <= width, `${file} is wider than ${width} px`);
+}
+
+async function column(page, table, index) {
+  return page.$$eval('table', (tables, [t, i]) => [...tables[t].tBodies[0].rows].map((row) => row.cells[i].textContent), [table, index]);
+}
+
+// Numbers rise, then fall; what is empty stays last.
+async function checkSorting(page, title) {
+  const place = await page.$$eval('table', (tables, wanted) => {
+    for (const [t, table] of tables.entries()) {
+      const i = [...table.tHead.rows[0].cells].findIndex((cell) => cell.textContent === wanted);
+      if (i >= 0) return [t, i];
+    }
+    return null;
+  }, title);
+  assert.ok(place, `no column '${title}'`);
+  const before = await column(page, ...place);
+  const head = page.locator('table').nth(place[0]).locator('th').nth(place[1]);
+  for (const sign of [1, -1]) {
+    await head.click();
+    const after = await column(page, ...place);
+    assert.deepEqual([...after].sort(), [...before].sort());
+    const numbers = after.filter((text) => text !== '').map(Number);
+    assert.ok(numbers.length > 1 && numbers.every((value, i) => i === 0 || sign * (value - numbers[i - 1]) >= 0), `${title}: ${after}`);
+    assert.equal(await head.getAttribute('aria-sort'), sign > 0 ? 'ascending' : 'descending');
+  }
+}
+
+const sceneOf = (page) => page.$$eval('svg.scene path', (paths) => paths.map((path) => path.getAttribute('d')).join(' '));
+
+async function checkScene(page) {
+  const scene = page.locator('svg.scene');
+  await scene.scrollIntoViewIfNeeded();
+  const box = await scene.boundingBox();
+  const first = await sceneOf(page);
+  assert.ok(first.length > 500 && !first.includes('NaN'));
+  await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+  await page.mouse.down();
+  await page.mouse.move(box.x + box.width / 2 + 60, box.y + box.height / 2 + 10, {steps: 4});
+  await page.mouse.up();
+  const dragged = await sceneOf(page);
+  assert.notEqual(dragged, first, 'a drag does not turn the scene');
+  await scene.focus();
+  await page.keyboard.press('ArrowLeft');
+  assert.notEqual(await sceneOf(page), dragged, 'a key does not turn the scene');
+}
+
+async function checkCaptures(page) {
+  const row = page.locator('tr[data-capture]', {hasText: kHostile});
+  assert.equal(await row.count(), 1);
+  await row.click();
+  const dialog = page.locator('dialog[open]');
+  assert.equal(await dialog.locator('h3').textContent(), kHostile);
+  const picture = await dialog.locator('image').getAttribute('href');
+  const size = await page.evaluate(async (href) => {
+    const image = new Image();
+    image.src = href;
+    await image.decode();
+    return [image.naturalWidth, image.naturalHeight];
+  }, picture);
+  assert.deepEqual(size, [640, 480]);
+  const ends = () => dialog.locator('line.arrow').evaluateAll((lines) => lines.map((line) => line.getAttribute('x2')).join());
+  const before = await ends();
+  assert.ok(before.split(',').length >= 20, 'few residuals are drawn');
+  await dialog.locator('input[type=range]').fill('0.8');
+  assert.notEqual(await ends(), before, 'the slider does not stretch the residuals');
+  await dialog.getByRole('button', {name: 'next'}).click();
+  assert.notEqual(await dialog.locator('h3').textContent(), kHostile);
+  await page.keyboard.press('Escape');
+  assert.equal(await page.locator('dialog[open]').count(), 0);
+  // By a bar of the chart, too.
+  const bar = page.locator('figure[data-view=capture-bars] g[aria-label=bar] rect').nth(4);
+  await bar.scrollIntoViewIfNeeded();
+  await bar.hover();
+  await bar.click();
+  assert.equal(await page.locator('dialog[open] h3').textContent(), '004.png');
+  await page.locator('dialog[open]').getByRole('button', {name: 'close'}).click();
+  assert.equal(await page.locator('dialog[open]').count(), 0);
+}
+
+const kReportViews = ['set-up', 'dumbbells', 'residual-field', 'coverage', 'residual-radius', 'capture-bars', 'ellipses', 'correlation'];
+const kPages = [
+  {file: 'runs/exact/report.html', views: kReportViews, column: 'rms, px', isReport: true},
+  {file: 'runs/noisy/report.html', views: kReportViews, column: 'robot off by, mm', isReport: true},
+  {file: 'runs/summary.html', views: ['dumbbells'], column: 'hold-out, px'},
+  {file: 'comparison/compare.html', views: ['dumbbells', 'pairs'], column: 'sigma, mm'},
+  {file: 'study/study.html', views: ['lines'], column: 'hand-eye, mm'},
+];
+
+let browser;
+try {
+  makePages();
+  const args = ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking',
+                '--disable-component-update', '--disable-sync'];
+  browser = await chromium.launch({executablePath, args});
+  const complaints = [];
+  for (const {file, views, column: title, isReport} of kPages) {
+    for (const width of [1280, 400]) {
+      const page = await open(browser, file, width, complaints);
+      await checkFigures(page, file, width, views);
+      await checkSorting(page, title);
+      if (isReport) {
+        await checkScene(page);
+        await checkCaptures(page);
+      }
+      assert.equal(await page.evaluate(() => window.harmed), undefined, `${file}: a name became markup`);
+      assert.equal(await page.locator('img').count(), 0);
+      // Dark and on paper it is drawn as well.
+      await page.emulateMedia({colorScheme: 'dark'});
+      const dark = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
+      await page.emulateMedia({colorScheme: 'light'});
+      assert.notEqual(await page.evaluate(() => getComputedStyle(document.body).backgroundColor), dark);
+      if (width === 1280) assert.ok((await page.pdf()).length > 10000);
+      await page.context().close();
+      console.log(`${file} at ${width} px: ok`);
+    }
+  }
+  assert.deepEqual(complaints, []);
+} finally {
+  await browser?.close();
+  rmSync(folder, {recursive: true, force: true});
+}

@@ -1,0 +1,61 @@
+// What the pages hold for the views: written by tools/report.cc, tools/summary.cc, tools/comparison.cc and
+// tools/study_report.cc. Lengths in m unless a name says otherwise; a figure that does not exist is null.
+
+// b_from_a.
+export interface Pose {
+  t: [number, number, number];
+  q: [number, number, number, number]; // x y z w
+}
+
+export interface Capture {
+  image: string;
+  used: boolean;
+  reason: string;
+  rms_px: number | null;
+  base_from_gripper: Pose | null;
+  // x, y, predicted minus seen in x and in y; px, point after point.
+  points: number[];
+  // A small copy, JPEG as base64.
+  picture: string | null;
+}
+
+export interface Captures {
+  image_size: [number, number];
+  centre: [number, number]; // The principal point.
+  captures: Capture[];
+}
+
+export interface SetUp {
+  setup: 'eye_to_hand' | 'eye_in_hand';
+  mount_from_camera: Pose;
+  mount_from_target: Pose;
+  camera: {fx: number; fy: number; cx: number; cy: number; image_size: [number, number]};
+  target_size: [number, number, number, number]; // x and y from, x and y to.
+  captures: {image: string; used: boolean; base_from_gripper: Pose}[];
+}
+
+export interface Dumbbells {
+  unit: string;
+  series: string[];
+  rows: {label: string; values: (number | null)[]; strong?: boolean}[];
+}
+
+export interface Lines {
+  x_label: string;
+  y_label: string;
+  lines: {name: string; reference: boolean; strong: boolean; points: [number, number][]}[];
+}
+
+export interface Ellipses {
+  ellipses: {x_label: string; y_label: string; unit: string; covariance: [number, number, number]}[]; // xx, xy, yy
+}
+
+export interface Correlation {
+  names: string[];
+  matrix: number[][];
+}
+
+export interface Pairs {
+  runs: string[];
+  pairs: {first: number; second: number; mm: number; deg: number; sigma_mm: number; sigma_deg: number; chance: number}[];
+}

@@ -1,0 +1,48 @@
+// Finds the page's figures and draws each by its view: <figure data-view="NAME"> with its data as JSON in a script of
+// its own, or in the one that data-from names.
+import {dataIn} from './page_data';
+import {prepareTables} from './tables';
+import {captureBars} from './views/capture_bars';
+import {correlation} from './views/correlation';
+import {coverage} from './views/coverage';
+import {dumbbells} from './views/dumbbells';
+import {ellipses} from './views/ellipses';
+import {lines} from './views/lines';
+import {pairs} from './views/pairs';
+import {residualField} from './views/residual_field';
+import {residualRadius} from './views/residual_radius';
+import {setUp} from './views/set_up';
+
+const views: Record<string, (figure: HTMLElement, data: any) => void> = {
+  'capture-bars': captureBars,
+  correlation,
+  coverage,
+  dumbbells,
+  ellipses,
+  lines,
+  pairs,
+  'residual-field': residualField,
+  'residual-radius': residualRadius,
+  'set-up': setUp,
+};
+
+function dataOf(figure: HTMLElement): unknown {
+  const from = figure.dataset['from'];
+  const script = from ? document.getElementById(from) : figure.querySelector('script');
+  if (!script) throw new Error('has no data');
+  return dataIn(script);
+}
+
+for (const figure of document.querySelectorAll<HTMLElement>('figure[data-view]')) {
+  const name = figure.dataset['view'] ?? '';
+  try {
+    const view = views[name];
+    if (!view) throw new Error('is not known');
+    view(figure, dataOf(figure));
+    figure.dataset['drawn'] = 'true';
+  } catch (error) {
+    figure.append(`This chart could not be drawn (${String(error)}).`);
+    console.error(`view '${name}':`, error);
+  }
+}
+prepareTables();

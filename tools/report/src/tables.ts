@@ -1,0 +1,44 @@
+// Tables sort by the head that is clicked: numbers as numbers, what is empty last. A row of a capture opens it.
+import type {Captures} from './data';
+import {openCapture} from './capture_dialog';
+import {dataIn} from './page_data';
+
+function sortBy(head: HTMLTableCellElement): void {
+  const body = head.closest('table')?.tBodies[0];
+  if (!body) return;
+  const column = head.cellIndex;
+  const isUp = head.getAttribute('aria-sort') !== 'ascending';
+  for (const other of head.parentElement?.children ?? []) other.removeAttribute('aria-sort');
+  head.setAttribute('aria-sort', isUp ? 'ascending' : 'descending');
+  const keys = [...body.rows].map((row) => {
+    const cell = row.cells[column];
+    return {row, text: cell?.textContent ?? '', isNumber: cell?.className === 'number'};
+  });
+  const isEmpty = (text: string) => text === '' || text === '-';
+  keys.sort((a, b) => {
+    if (isEmpty(a.text) || isEmpty(b.text)) return Number(isEmpty(a.text)) - Number(isEmpty(b.text));
+    const difference = a.isNumber && b.isNumber ? Number(a.text) - Number(b.text) :
+                                                  a.text.localeCompare(b.text, 'en', {numeric: true});
+    return isUp ? difference : -difference;
+  });
+  body.append(...keys.map(({row}) => row));
+}
+
+export function prepareTables(): void {
+  for (const head of document.querySelectorAll<HTMLTableCellElement>('th')) {
+    head.addEventListener('click', () => sortBy(head));
+  }
+  const script = document.getElementById('captures');
+  if (!script) return;
+  const data = dataIn(script) as Captures;
+  for (const row of document.querySelectorAll<HTMLTableRowElement>('tr[data-capture]')) {
+    const index = Number(row.dataset['capture']);
+    const cell = row.cells[0];
+    if (!cell || !data.captures[index]) continue;
+    const button = document.createElement('button');
+    button.className = 'open';
+    button.append(...cell.childNodes);
+    cell.replaceChildren(button);
+    row.addEventListener('click', () => openCapture(data, index));
+  }
+}

@@ -1,0 +1,40 @@
+// The rms residual of each capture, in their order; a click opens the capture.
+import {barY, plot, ruleY} from '@observablehq/plot';
+import type {Captures} from '../data';
+import {openCapture} from '../capture_dialog';
+import {colours, responsive, significant} from '../figure';
+
+export function captureBars(figure: HTMLElement, data: Captures): void {
+  const bars = data.captures.map((capture, index) => ({index, image: capture.image, rms: capture.rms_px}));
+  const known = bars.flatMap(({rms}) => (rms === null ? [] : [rms]));
+  if (known.length === 0) {
+    figure.append('No capture was used.');
+    return;
+  }
+  const overall = Math.sqrt(known.reduce((sum, rms) => sum + rms * rms, 0) / known.length);
+  responsive(figure, (width) => {
+    const chart = plot({
+      width, height: 200, marginLeft: 50, marginBottom: 30,
+      x: {type: 'band', domain: bars.map(({index}) => index), label: 'capture', padding: 0.15,
+          ticks: bars.filter(({index}) => index % Math.ceil((bars.length * 26) / width) === 0).map(({index}) => index),
+          tickFormat: (index: number) => String(index + 1)},
+      y: {label: 'rms, px', grid: true, ticks: 4},
+      marks: [
+        barY(bars.filter(({rms}) => rms !== null), {
+          x: 'index', y: 'rms', className: 'bars',
+          fill: (bar: {rms: number}) => (bar.rms > 2 * overall ? colours.second : colours.first),
+          channels: {what: {value: (bar: {image: string; rms: number}) => `${bar.image}: ${significant(bar.rms)} px`, label: ''}},
+          tip: {format: {x: false, y: false, fill: false, what: true}}}),
+        ruleY([overall], {stroke: colours.ink, strokeDasharray: '4 3'}),
+        ruleY([0], {stroke: colours.dim}),
+      ],
+    });
+    // The chart's value is the datum that the pointer is at.
+    chart.addEventListener('click', () => {
+      const at = (chart as unknown as {value: {index: number} | null}).value;
+      if (at) openCapture(data, at.index);
+    });
+    chart.classList.add('clickable');
+    return chart;
+  }, 1160);
+}

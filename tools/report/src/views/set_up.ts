@@ -1,0 +1,194 @@
+// The set-up in 3-D, turnable. As SVG: a few hundred lines need no graphics card, print sharp and follow the page's
+// colours, in a mail program's or a remote desktop's window too.
+import {
+  BufferGeometry, Color, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Matrix4, PerspectiveCamera,
+  Quaternion, Scene, Vector3,
+} from 'three';
+import {OrbitControls} from 'three/addons/controls/OrbitControls.js';
+import {SVGObject, SVGRenderer} from 'three/addons/renderers/SVGRenderer.js';
+import type {Pose, SetUp} from '../data';
+import {element, legend} from '../figure';
+
+const kMaxCaptures = 120;
+const kAxes = ['#d1242f', '#2e8b57', '#3b7dd8'];
+
+const matrixOf = ({t, q}: Pose) => new Matrix4().compose(new Vector3(...t), new Quaternion(...q), new Vector3(1, 1, 1));
+
+interface Style {
+  colour: string; // A custom property of the page, or a colour.
+  opacity: number;
+  width: number;
+}
+
+class Drawing {
+  readonly scene = new Scene();
+  private readonly styled: {material: LineBasicMaterial; colour: string}[] = [];
+
+  segments(points: Vector3[], style: Style): void {
+    const geometry = new BufferGeometry();
+    geometry.setAttribute('position', new Float32BufferAttribute(points.flatMap((p) => [p.x, p.y, p.z]), 3));
+    const material = new LineBasicMaterial({transparent: style.opacity < 1, opacity: style.opacity, linewidth: style.width});
+    this.styled.push({material, colour: style.colour});
+    this.scene.add(new LineSegments(geometry, material));
+  }
+
+  axes(frame: Matrix4, length: number, style: Omit<Style, 'colour'>): void {
+    const at = (x: number, y: number, z: number) => new Vector3(x, y, z).applyMatrix4(frame);
+    const ends = [at(length, 0, 0), at(0, length, 0), at(0, 0, length)];
+    ends.forEach((end, i) => this.segments([at(0, 0, 0), end], {...style, colour: kAxes[i]!}));
+  }
+
+  label(text: string, at: Vector3): void {
+    const node = document.createElementNS('http://www.w3.org/2000/svg', 'text');
+    node.textContent = text;
+    node.setAttribute('dx', '6');
+    node.setAttribute('dy', '-4');
+    const object = new SVGObject(node);
+    object.position.copy(at);
+    this.scene.add(object as unknown as Group);
+  }
+
+  // The page's colours as they are now: light or dark.
+  colour(): void {
+    const style = getComputedStyle(document.documentElement);
+    for (const {material, colour} of this.styled) {
+      material.color = new Color(colour.startsWith('--') ? style.getPropertyValue(colour).trim() : colour);
+    }
+  }
+}
+
+function frustum(camera: SetUp['camera'], frame: Matrix4, depth: number): Vector3[] {
+  const [width, height] = camera.image_size;
+  const corners = [[0, 0], [width, 0], [width, height], [0, height]].map(([u, v]) =>
+      new Vector3(depth * (u! - camera.cx) / camera.fx, depth * (v! - camera.cy) / camera.fy, depth).applyMatrix4(frame));
+  const eye = new Vector3().applyMatrix4(frame);
+  // The upper side has a roof, so that it is known.
+  const roof = new Vector3(depth * (width / 2 - camera.cx) / camera.fx, depth * (-0.15 * height - camera.cy) / camera.fy, depth)
+      .applyMatrix4(frame);
+  const segments: Vector3[] = [corners[0]!, roof, roof, corners[1]!];
+  corners.forEach((corner, i) => segments.push(eye, corner, corner, corners[(i + 1) % 4]!));
+  return segments;
+}
+
+function board([x1, y1, x2, y2]: SetUp['target_size'], frame: Matrix4): Vector3[] {
+  const at = (x: number, y: number) => new Vector3(x, y, 0).applyMatrix4(frame);
+  const corners = [at(x1, y1), at(x2, y1), at(x2, y2), at(x1, y2)];
+  const segments: Vector3[] = [];
+  corners.forEach((corner, i) => segments.push(corner, corners[(i + 1) % 4]!));
+  // A stroke from the origin's corner to the middle tells the board's turn.
+  return [...segments, corners[0]!, at((x1 + x2) / 2, (y1 + y2) / 2)];
+}
+
+export function setUp(figure: HTMLElement, data: SetUp): void {
+  const step = Math.ceil(data.captures.length / kMaxCaptures);
+  const captures = data.captures.filter((_, i) => i % step === 0);
+  const handEye = matrixOf(data.mount_from_camera);
+  const boardPose = matrixOf(data.mount_from_target);
+  const grippers = captures.map(({base_from_gripper}) => matrixOf(base_from_gripper));
+  const isFixed = data.setup === 'eye_to_hand';
+  const camerasAt = isFixed ? [handEye] : grippers.map((gripper) => gripper.clone().multiply(handEye));
+  const boardsAt = isFixed ? grippers.map((gripper) => gripper.clone().multiply(boardPose)) : [boardPose];
+
+  // The scene's middle and size, from where everything stands.
+  const places = [new Vector3(), ...[...grippers, ...camerasAt, ...boardsAt].map((m) => new Vector3().setFromMatrixPosition(m))];
+  const low = places.reduce((a, b) => a.clone().min(b), places[0]!);
+  const high = places.reduce((a, b) => a.clone().max(b), places[0]!);
+  const middle = low.clone().add(high).multiplyScalar(0.5);
+  const size = Math.max(high.distanceTo(low), 1e-3);
+
+  const drawing = new Drawing();
+  drawing.axes(new Matrix4(), 0.16 * size, {opacity: 1, width: 3});
+  drawing.label('base', new Vector3());
+  const floor: Vector3[] = [];
+  const reach = 0.5 * size;
+  for (let i = -4; i <= 4; ++i) {
+    const offset = (reach * i) / 4;
+    floor.push(new Vector3(middle.x - reach, middle.y + offset, 0), new Vector3(middle.x + reach, middle.y + offset, 0),
+               new Vector3(middle.x + offset, middle.y - reach, 0), new Vector3(middle.x + offset, middle.y + reach, 0));
+  }
+  drawing.segments(floor, {colour: '--line', opacity: 0.8, width: 1});
+  grippers.forEach((gripper, i) => drawing.axes(gripper, 0.045 * size, {opacity: captures[i]!.used ? 0.9 : 0.3, width: 1.5}));
+  const many = (count: number) => Math.max(0.25, Math.min(1, 6 / count));
+  for (const camera of camerasAt) {
+    drawing.segments(frustum(data.camera, camera, (isFixed ? 0.18 : 0.1) * size),
+                     {colour: '--second', opacity: isFixed ? 1 : many(camerasAt.length), width: isFixed ? 2 : 1.5});
+  }
+  for (const place of boardsAt) {
+    drawing.segments(board(data.target_size, place), {colour: '--first', opacity: isFixed ? many(boardsAt.length) : 1, width: isFixed ? 1.5 : 2});
+  }
+  if (isFixed) drawing.label('camera', new Vector3().setFromMatrixPosition(handEye));
+  else drawing.label('target', new Vector3().setFromMatrixPosition(boardPose));
+
+  figure.append(legend([
+    {name: isFixed ? 'camera' : 'camera at each capture', colour: 'var(--second)'},
+    {name: isFixed ? 'target at each capture' : 'target', colour: 'var(--first)'},
+    {name: 'x', colour: kAxes[0]!}, {name: 'y', colour: kAxes[1]!}, {name: 'z', colour: kAxes[2]!},
+  ]));
+
+  const renderer = new SVGRenderer();
+  renderer.overdraw = 0;
+  const svg = renderer.domElement as unknown as SVGSVGElement;
+  svg.setAttribute('tabindex', '0');
+  svg.setAttribute('role', 'img');
+  svg.setAttribute('aria-label', 'the set-up in 3-D; drag, or use the arrow keys, to turn it');
+  svg.classList.add('scene');
+  const place = element('div', 'drawing');
+  place.append(svg);
+  figure.append(place);
+  figure.append(element('p', 'hint', 'Drag to turn; after a click the wheel zooms and the arrow keys turn. Two fingers zoom and move.'));
+
+  const eye = new PerspectiveCamera(40, 1.6, 0.01 * size, 100 * size);
+  eye.up.set(0, 0, 1);
+  // From beside the line between the base and where the work is, a little above: neither hides the other.
+  const work = boardsAt.reduce((sum, at) => sum.add(new Vector3().setFromMatrixPosition(at)), new Vector3());
+  const away = new Vector3(work.y, -work.x, 0);
+  if (away.lengthSq() < 1e-12) away.set(1, 0, 0);
+  away.normalize().addScaledVector(work.setZ(0).normalize(), 0.45).setZ(0.55).normalize();
+  eye.position.copy(middle).addScaledVector(away, 1.15 * size);
+  const controls = new OrbitControls(eye, svg as unknown as HTMLElement);
+  controls.target.copy(middle);
+  controls.update();
+  // The page scrolls past: the wheel, and a finger up and down, are the page's until the view is asked for.
+  controls.enableZoom = false;
+  svg.addEventListener('focus', () => { controls.enableZoom = true; });
+  svg.addEventListener('blur', () => { controls.enableZoom = false; });
+  svg.addEventListener('pointerdown', () => svg.focus({preventScroll: true}));
+  svg.style.touchAction = 'pan-y';
+  svg.addEventListener('keydown', (event) => {
+    const turn: Record<string, [number, number]> = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
+    const by = turn[event.key];
+    if (!by) return;
+    event.preventDefault();
+    const arm = eye.position.clone().sub(controls.target);
+    arm.applyAxisAngle(eye.up, 0.12 * by[0]);
+    const side = new Vector3().crossVectors(eye.up, arm).normalize();
+    const tilted = arm.clone().applyAxisAngle(side, 0.12 * by[1]);
+    if (Math.abs(tilted.clone().normalize().dot(eye.up)) < 0.99) arm.copy(tilted);
+    eye.position.copy(controls.target).add(arm);
+    controls.update();
+  });
+
+  const render = () => renderer.render(drawing.scene, eye);
+  const fit = () => {
+    const width = Math.min(figure.clientWidth, 760);
+    if (width <= 0) return;
+    const height = Math.round(Math.min(0.66 * width, 480));
+    renderer.setSize(width, height);
+    eye.aspect = width / height;
+    eye.updateProjectionMatrix();
+    render();
+  };
+  const colour = () => {
+    drawing.colour();
+    renderer.setClearColor(new Color(getComputedStyle(document.documentElement).getPropertyValue('--paper').trim()), 1);
+  };
+  const recolour = () => {
+    colour();
+    render();
+  };
+  colour();
+  fit();
+  controls.addEventListener('change', render);
+  new ResizeObserver(fit).observe(figure);
+  for (const query of ['(prefers-color-scheme: dark)', 'print']) matchMedia(query).addEventListener('change', recolour);
+}
