@@ -51,22 +51,32 @@ std::optional<PairDifference> DifferenceOf(const std::vector<ComparedRun>& runs,
   return pair;
 }
 
-// How much refining gains on captures that neither has seen, by one figure; empty if no run has it.
-std::string GainFinding(const std::vector<ComparedRun>& runs, const std::string& what, FigureOf figure) {
+// Of each run the closed form that does best on captures that it has not seen, which is chosen with these in view, and
+// what its error is against the refinement's.
+std::string GainFinding(const std::vector<ComparedRun>& runs, const std::string& what, FigureOf choice,
+                        FigureOf figure) {
   std::vector<double> ratios;
   for (const ComparedRun& run : runs) {
     const Estimate* refined = FindRefined(run.result);
     if (refined == nullptr || !figure(refined->errors)) continue;
-    const Estimate* closed = FindBestClosedForm(run.result, figure);
-    if (closed != nullptr) ratios.push_back(*figure(closed->errors) / *figure(refined->errors));
+    const Estimate* closed = FindBestClosedForm(run.result, choice);
+    if (closed != nullptr && figure(closed->errors)) {
+      ratios.push_back(*figure(closed->errors) / *figure(refined->errors));
+    }
   }
   if (ratios.empty()) return "";
   const auto num_better = std::count_if(ratios.begin(), ratios.end(), [](double ratio) { return ratio > 1; });
   const auto [least, most] = std::minmax_element(ratios.begin(), ratios.end());
-  return what + ", on captures that neither has seen: the refinement is better than the best closed form in " +
-         std::to_string(num_better) + " of " + std::to_string(ratios.size()) + " runs; the closed form's error is " +
-         Significant(Median(ratios), 2) + " times the refinement's (median; " + Significant(*least, 2) + " to " +
-         Significant(*most, 2) + ")";
+  return what + ": the refinement is better than the best closed form in " + std::to_string(num_better) + " of " +
+         std::to_string(ratios.size()) + " runs; the closed form's error is " + Significant(Median(ratios), 2) +
+         " times the refinement's (median; " + Significant(*least, 2) + " to " + Significant(*most, 2) + ")";
+}
+
+std::optional<double> TrueMm(const Errors& errors) {
+  return errors.truth ? std::optional<double>(errors.truth->hand_eye_mm) : std::nullopt;
+}
+std::optional<double> TrueDeg(const Errors& errors) {
+  return errors.truth ? std::optional<double>(errors.truth->hand_eye_deg) : std::nullopt;
 }
 
 std::string AgreementFinding(const Comparison& comparison, const std::string& what,
@@ -96,8 +106,10 @@ std::string AgreementFinding(const Comparison& comparison, const std::string& wh
 
 std::vector<std::string> FindingsOf(const Comparison& comparison) {
   std::vector<std::string> findings;
-  const std::string gain_px = GainFinding(comparison.runs, "in px", &HoldOutPx);
-  const std::string gain_mm = GainFinding(comparison.runs, "in mm at the target", &HoldOutMm);
+  const std::string gain_px =
+      GainFinding(comparison.runs, "in px, on captures that neither has seen", &HoldOutPx, &HoldOutPx);
+  const std::string gain_mm =
+      GainFinding(comparison.runs, "in mm at the target, on captures that neither has seen", &HoldOutMm, &HoldOutMm);
   const bool is_robot_noisy = std::any_of(comparison.runs.begin(), comparison.runs.end(), [](const ComparedRun& run) {
     const Estimate* refined = FindRefined(run.result);
     return refined != nullptr && refined->solution->robot_noise.has_value();
@@ -110,6 +122,12 @@ std::vector<std::string> FindingsOf(const Comparison& comparison) {
     findings.emplace_back(
         "where the robot's noise is modelled, captures that were held out scatter by it whatever the method: the true "
         "gain is larger than these figures (the chi-square of the hold-out, and sigma, say more)");
+  }
+  const std::string true_mm =
+      GainFinding(comparison.runs, "in true error, mm, with the closed form that does best in px", &HoldOutPx, &TrueMm);
+  const std::string true_deg = GainFinding(comparison.runs, "in true error, deg, likewise", &HoldOutPx, &TrueDeg);
+  for (const std::string& gain : {true_mm, true_deg}) {
+    if (!gain.empty()) findings.push_back(gain);
   }
   const auto target_of = [&](size_t run) { return comparison.runs[run].result.target_type; };
   const std::string same =
@@ -299,9 +317,14 @@ std::string ComparisonPage(const Comparison& comparison) {
     body += ViewFigure("pairs", "mm between the runs' cameras.", Json{{"runs", labels}, {"pairs", pairs}});
   }
   body += Paragraph(
-              "The chance is that of a difference as large between runs that measure the same, if they share no "
-              "captures; below 1 % they differ.") +
-          HtmlTable({"run", "and", "mm", "sigma, mm", "deg", "sigma, deg", "chance", ""}, rows);
+      "The chance is that of a difference as large between runs that measure the same, if they share no captures; "
+      "below "
+      "1 % they differ.");
+  const std::string table = HtmlTable({"run", "and", "mm", "sigma, mm", "deg", "sigma, deg", "chance", ""}, rows);
+  constexpr size_t kManyPairs = 30;
+  body += rows.size() <= kManyPairs
+              ? table
+              : "<details><summary>All " + std::to_string(rows.size()) + " pairs</summary>\n" + table + "</details>\n";
   return HtmlPage("Comparison of runs", body);
 }
 

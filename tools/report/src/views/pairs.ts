@@ -10,7 +10,7 @@ export function pairs(figure: HTMLElement, data: Pairs): void {
   const cells = data.pairs.flatMap((pair) => [{...pair, i: pair.first, j: pair.second}, {...pair, i: pair.second, j: pair.first}]);
   const longest = Math.max(...data.runs.map((run) => run.length));
   figure.append(legend([
-    {name: 'apart as their uncertainties allow', colour: colours.first},
+    {name: 'apart as their uncertainties allow: the stronger the less likely', colour: colours.first},
     {name: `more (chance below ${kSignificant})`, colour: colours.second},
   ]));
   responsive(figure, (width) => {
@@ -28,7 +28,7 @@ export function pairs(figure: HTMLElement, data: Pairs): void {
         axisX({...labels, tickRotate: -90}),
         axisY(labels),
         cell(cells, {
-          x: 'j', y: 'i', fillOpacity: 0.45,
+          x: 'j', y: 'i', fillOpacity: (pair: {chance: number}) => 0.12 + 0.7 * Math.min(1, -Math.log10(Math.max(pair.chance, 1e-9)) / 4),
           fill: (pair: {chance: number}) => (pair.chance < kSignificant ? colours.second : colours.first),
           channels: {what: {value: (pair: (typeof cells)[number]) =>
               `${data.runs[pair.i]} and ${data.runs[pair.j]}: ${significant(pair.mm)} mm (sigma ${significant(pair.sigma_mm)}), ` +
