@@ -112,63 +112,71 @@ std::optional<std::vector<LinearView>> Linearise(const Problem& problem, const S
 ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& free, const Noise& noise,
                                 const Loss& loss, const BundleOptions& bundle_options, State* state) {
   const CameraModel& model = problem.camera.Model();
-  PoseBlock hand_eye = ToBlock(state->hand_eye.camera_mount_from_camera);
-  PoseBlock board = ToBlock(state->hand_eye.target_mount_from_target);
+  // All unknowns in one array. Ceres orders blocks by their addresses: so it adds in the same order, and gives the same
+  // digits, in whatever thread this runs.
+  std::vector<double> unknowns;
+  const auto append = [&](const auto& block) { unknowns.insert(unknowns.end(), block.begin(), block.end()); };
+  append(ToBlock(state->hand_eye.camera_mount_from_camera));
+  append(ToBlock(state->hand_eye.target_mount_from_target));
   // The camera's, then the shape's if it is unknown.
-  std::vector<double> params = state->camera.params;
+  append(state->camera.params);
   const std::optional<TargetShape> shape = HasShape(free, model) ? std::optional(state->shape) : std::nullopt;
-  if (shape) params.insert(params.end(), shape->params.begin(), shape->params.end());
-  std::vector<PoseBlock> corrections;
-  for (const Rigid3d& correction : state->corrections) corrections.push_back(ToBlock(correction));
+  if (shape) append(shape->params);
+  const size_t first_correction = unknowns.size();
+  for (const Rigid3d& correction : state->corrections) append(ToBlock(correction));
+  double* const hand_eye = unknowns.data();
+  double* const board = hand_eye + 7;
+  double* const params = board + 7;
+  const auto correction_of = [&](size_t view) { return &unknowns[first_correction + 7 * view]; };
+  const bool has_corrections = !state->corrections.empty();
   ceres::Problem ceres_problem;
   ceres::Solver::Options options = ReprojectionSolverOptions(bundle_options.max_iterations);
-  ceres_problem.AddParameterBlock(hand_eye.data(), 7, new PoseManifold);
-  ceres_problem.AddParameterBlock(board.data(), 7, new PoseManifold);
-  AddCameraBlock(free, params.data(), &ceres_problem);
+  ceres_problem.AddParameterBlock(hand_eye, 7, new PoseManifold);
+  ceres_problem.AddParameterBlock(board, 7, new PoseManifold);
+  AddCameraBlock(free, params, &ceres_problem);
   if (bundle_options.camera_prior) {
     const CameraPrior& prior = *bundle_options.camera_prior;
     const Eigen::VectorXd weights = PriorWeights(prior, free);
-    const Eigen::Index size = static_cast<Eigen::Index>(params.size());
+    const Eigen::Index size = static_cast<Eigen::Index>(free.size());
     Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(weights.size(), size);
     rows.leftCols(weights.size()) = weights.asDiagonal();
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(size);
     mean.head(weights.size()) = Eigen::Map<const Eigen::VectorXd>(prior.params.data(), weights.size());
-    ceres_problem.AddResidualBlock(new ceres::NormalPrior(rows, mean), nullptr, params.data());
+    ceres_problem.AddResidualBlock(new ceres::NormalPrior(rows, mean), nullptr, params);
   }
-  if (!corrections.empty()) {
+  if (has_corrections) {
     // Each view's correction is eliminated by itself, so that the cost grows with the views and not with their cube.
     options.linear_solver_type = ceres::DENSE_SCHUR;
     options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    options.linear_solver_ordering->AddElementToGroup(hand_eye.data(), 1);
-    options.linear_solver_ordering->AddElementToGroup(board.data(), 1);
-    options.linear_solver_ordering->AddElementToGroup(params.data(), 1);
+    options.linear_solver_ordering->AddElementToGroup(hand_eye, 1);
+    options.linear_solver_ordering->AddElementToGroup(board, 1);
+    options.linear_solver_ordering->AddElementToGroup(params, 1);
   }
   for (size_t i = 0; i < problem.views.size(); ++i) {
     const View& view = problem.views[i];
-    if (corrections.empty()) {
+    if (!has_corrections) {
       ceres_problem.AddResidualBlock(MakeReprojectionCost(model, view.observations, noise.pixel_px, loss,
                                                           MakeHandEyeChain(view.camera_mount_from_target_mount), shape)
                                          .release(),
-                                     nullptr, hand_eye.data(), board.data(), params.data());
+                                     nullptr, hand_eye, board, params);
       continue;
     }
-    double* correction = corrections[i].data();
+    double* correction = correction_of(i);
     ceres_problem.AddParameterBlock(correction, 7, new PoseManifold);
     options.linear_solver_ordering->AddElementToGroup(correction, 0);
     ceres_problem.AddResidualBlock(
         MakeReprojectionCost(model, view.observations, noise.pixel_px, loss,
                              MakeCorrectedChain(problem.setup, view.camera_mount_from_target_mount), shape)
             .release(),
-        nullptr, hand_eye.data(), board.data(), correction, params.data());
+        nullptr, hand_eye, board, correction, params);
     ceres_problem.AddResidualBlock(MakeCorrectionPrior(*noise.robot).release(), nullptr, correction);
   }
   ceres::Solver::Summary summary;
   ceres::Solve(options, &ceres_problem, &summary);
-  state->hand_eye = {FromBlock(hand_eye.data()), FromBlock(board.data())};
-  const auto camera_end = params.begin() + NumParams(model);
-  state->camera.params.assign(params.begin(), camera_end);
-  if (shape) std::copy(camera_end, params.end(), state->shape.params.begin());
-  for (size_t i = 0; i < corrections.size(); ++i) state->corrections[i] = FromBlock(corrections[i].data());
+  state->hand_eye = {FromBlock(hand_eye), FromBlock(board)};
+  state->camera.params.assign(params, params + NumParams(model));
+  if (shape) std::copy_n(params + NumParams(model), shape->params.size(), state->shape.params.begin());
+  for (size_t i = 0; i < state->corrections.size(); ++i) state->corrections[i] = FromBlock(correction_of(i));
   return summary;
 }
 

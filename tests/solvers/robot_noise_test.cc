@@ -1,7 +1,12 @@
 #include "solvers/robot_noise.h"
 
+#include <pthread.h>
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <optional>
 
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
@@ -168,6 +173,48 @@ TEST(CorrectionPriorTest, JacobianIsTheDerivative) {
     const Tangent6 numeric = (ends[1] - ends[0]) / (2 * kStep);
     EXPECT_LT((numeric - analytic.col(k)).norm(), 1e-5 * numeric.norm()) << k;
   }
+}
+
+// Runs `work` in a thread whose stack lies below all of the heap, where the main thread's lies above.
+void RunOnLowStack(const std::function<void()>& work) {
+  constexpr size_t kStackBytes = size_t{64} << 20;
+  void* const stack =
+      mmap(nullptr, kStackBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_32BIT, -1, 0);
+  ASSERT_NE(stack, MAP_FAILED);
+  pthread_attr_t attributes;
+  ASSERT_EQ(pthread_attr_init(&attributes), 0);
+  ASSERT_EQ(pthread_attr_setstack(&attributes, stack, kStackBytes), 0);
+  pthread_t thread{};
+  const auto run = [](void* argument) -> void* {
+    (*static_cast<const std::function<void()>*>(argument))();
+    return nullptr;
+  };
+  ASSERT_EQ(pthread_create(&thread, &attributes, run, const_cast<std::function<void()>*>(&work)), 0);  // NOLINT
+  ASSERT_EQ(pthread_join(thread, nullptr), 0);
+  pthread_attr_destroy(&attributes);
+  munmap(stack, kStackBytes);
+}
+
+// Ceres orders unknowns by their addresses. The same captures give the same digits in every thread all the same.
+TEST(RefinementTest, TheDigitsDoNotDependOnTheThread) {
+  TestSceneOptions options;
+  options.noise_px = 0.2;
+  options.robot_translation_m = 5e-4;
+  options.robot_rotation_rad = 1e-3;
+  const TestScene scene = MakeTestScene(4, options);
+  BundleOptions bundle;
+  bundle.robot = BundleOptions::Robot::kEstimatedNoise;
+  const auto solve = [&] { return RefineHandEye({scene.camera, scene.views}, scene.hand_eye, bundle); };
+  const Outcome<Solution> here = solve();
+  ASSERT_TRUE(here.ok()) << here.reason();
+  std::optional<Outcome<Solution>> there;
+  RunOnLowStack([&] { there = solve(); });
+  ASSERT_TRUE(there && there->ok());
+  const Solution& other = **there;
+  EXPECT_EQ(here->hand_eye.camera_mount_from_camera.translation, other.hand_eye.camera_mount_from_camera.translation);
+  EXPECT_EQ(here->hand_eye.target_mount_from_target.translation, other.hand_eye.target_mount_from_target.translation);
+  EXPECT_EQ(here->camera.params, other.camera.params);
+  EXPECT_EQ(here->covariance.matrix, other.covariance.matrix);
 }
 
 }  // namespace
