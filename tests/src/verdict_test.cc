@@ -95,6 +95,11 @@ TEST(VerdictTest, OneFaultDecides) {
          for (size_t i = 0; i < 10; ++i) r->captures[i].used = false;
        }},
       {Grade::kBad, "off by 8.0 px", [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
+      {Grade::kDoubtful, "without 7 the camera would be 0.90 mm elsewhere",
+       [](RunResult* r) {
+         for (CaptureResult& capture : r->captures) capture.move_without = 1e-4 * Tangent6::Unit(0);
+         r->captures[7].move_without = 9e-4 * Tangent6::Unit(1);
+       }},
       {Grade::kBad, "no refined estimate", [](RunResult* r) { r->estimates.pop_back(); }},
   };
   for (const Case& test : cases) {

@@ -100,6 +100,28 @@ Finding JudgePixels(const Solution& solution) {
   return finding;
 }
 
+// One capture that pulls harder than chance would have it.
+std::optional<Finding> JudgeInfluence(const RunResult& result, const Solution& solution) {
+  const CaptureResult* strongest = nullptr;
+  for (const CaptureResult& capture : result.captures) {
+    if (!capture.move_without) continue;
+    if (strongest == nullptr || capture.move_without->head<3>().norm() > strongest->move_without->head<3>().norm()) {
+      strongest = &capture;
+    }
+  }
+  if (strongest == nullptr) return std::nullopt;
+  constexpr double kMattersM = 0.5e-3;
+  constexpr double kManySigmas = 3;
+  const double move_m = strongest->move_without->head<3>().norm();
+  const double sigma_m = std::sqrt(solution.covariance.matrix.diagonal().head<3>().sum());
+  if (move_m < kMattersM || move_m < kManySigmas * sigma_m) return std::nullopt;
+  return Finding{Grade::kDoubtful,
+                 "without " + strongest->image + " the camera would be " + Significant(1000 * move_m, 2) +
+                     " mm elsewhere, more than its uncertainty explains (one sigma " + Significant(1000 * sigma_m, 2) +
+                     " mm)",
+                 "look at that picture and at the robot's pose for it; leave it out if one of them is wrong"};
+}
+
 std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refined) {
   if (!refined.errors.holdout_target_mm) return std::nullopt;
   const Estimate* best = FindBestClosedForm(result, &HoldOutMm);
@@ -133,16 +155,16 @@ Verdict JudgeRun(const RunResult& result) {
     verdict.findings.push_back({Grade::kBad, "there is no refined estimate", "see the methods' reasons"});
   } else {
     const Solution& solution = *refined->solution;
-    verdict.findings.push_back(JudgeUncertainty(result, solution));
     const std::optional<Finding> more[] = {JudgeHoldOut(refined->errors), JudgeModel(refined->errors, solution),
-                                           JudgeGain(result, *refined)};
+                                           JudgeInfluence(result, solution), JudgeGain(result, *refined)};
     for (const std::optional<Finding>& finding : more) {
       if (finding) verdict.findings.push_back(*finding);
     }
+    // What is behind it, before what follows from it. A remark ends with its own cure.
+    for (const std::string& remark : solution.remarks) verdict.findings.push_back({Grade::kDoubtful, remark, ""});
+    verdict.findings.push_back(JudgeUncertainty(result, solution));
     verdict.findings.push_back(JudgeCaptures(result));
     verdict.findings.push_back(JudgePixels(solution));
-    // A remark ends with its own cure.
-    for (const std::string& remark : solution.remarks) verdict.findings.push_back({Grade::kDoubtful, remark, ""});
   }
   std::stable_sort(verdict.findings.begin(), verdict.findings.end(),
                    [](const Finding& a, const Finding& b) { return a.grade > b.grade; });

@@ -26,7 +26,8 @@ struct Verdict {
 
 // The refined estimate as a person who has to grasp with it would judge it: its own uncertainty, how far the target was
 // from where it was predicted on captures that it has not seen, whether its model explains these, how many captures it
-// rests on and how many it had to leave out, whether closed forms do better, and the remarks that came with it.
+// rests on and how many it had to leave out, whether it hangs on one of them, whether closed forms do better, and the
+// remarks that came with it.
 Verdict JudgeRun(const RunResult& result);
 
 }  // namespace heba
