@@ -162,7 +162,7 @@ int RunBatch(const std::vector<std::string>& configs, const BatchOptions& option
     WriteFileAtomically(options.output / "summary.html", SummaryPage(title.empty() ? "batch" : title, runs));
   }
   if (options.verbosity == Verbosity::kNormal) {
-    std::cout << SummaryTable(runs);
+    std::cout << ForTerminal(SummaryTable(runs));
     if (!options.output.empty()) std::cout << "results: " << options.output.string() << std::endl;
   }
   const bool all_good =

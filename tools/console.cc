@@ -1,5 +1,6 @@
 #include "tools/console.h"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -8,10 +9,21 @@
 #include "heba/base/text.h"
 
 namespace heba {
+namespace {
+
+std::string Fitted(const std::string& text, int descriptor) {
+  if (isatty(descriptor) == 0) return text;
+  constexpr size_t kUsualWidth = 80;
+  winsize size{};
+  const bool is_known = ioctl(descriptor, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
+  return Wrapped(text, is_known ? size.ws_col : kUsualWidth);
+}
+
+}  // namespace
 
 void Console::Note(const std::string& line) {
   log_ += line + "\n";
-  if (verbosity_ == Verbosity::kNormal) std::cerr << line << std::endl;
+  if (verbosity_ == Verbosity::kNormal) std::cerr << Fitted(line, STDERR_FILENO) << std::endl;
 }
 
 Progress::Progress(std::string what, int total, Verbosity verbosity)
@@ -48,5 +60,7 @@ void Progress::Draw() const {
 }
 
 bool UseColour() { return isatty(STDOUT_FILENO) != 0 && std::getenv("NO_COLOR") == nullptr; }
+
+std::string ForTerminal(const std::string& text) { return Fitted(text, STDOUT_FILENO); }
 
 }  // namespace heba

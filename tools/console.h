@@ -46,4 +46,7 @@ class Progress {
 // Whether standard output may be coloured: a terminal, and no NO_COLOR in the environment.
 bool UseColour();
 
+// Text for standard output: long lines broken to a terminal's width, and whole where it is none.
+std::string ForTerminal(const std::string& text);
+
 }  // namespace heba

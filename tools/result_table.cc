@@ -69,47 +69,36 @@ std::string ResultTable(const RunResult& result, Colour colour) {
   std::string table = bold + result.name + plain + ": " + std::string(SetupName(result.setup)) + ", " +
                       result.target_type + ", " + std::to_string(used) + " of " +
                       std::to_string(result.captures.size()) + " captures used\n\n";
-  // Title, unit and figure of each column.
+  // Title, unit and figure of each column; 80 characters in all.
   struct Column {
     const char* title;
     const char* unit;
-    std::function<std::optional<double>(const Errors&)> figure;
+    size_t width;
     int digits;
+    std::function<std::optional<double>(const Errors&)> figure;
   };
   std::vector<Column> columns = {
-      {"in-sample", "px rms", [](const Errors& errors) { return errors.reprojection_rms_px; }, 3},
-      {"hold-out", "px rms", [](const Errors& errors) { return errors.holdout_rms_px; }, 3},
-      {"hold-out", "mm rms", [](const Errors& errors) { return errors.holdout_target_mm; }, 3},
-      {"", "deg", [](const Errors& errors) { return errors.holdout_target_deg; }, 2},
-      {"AX-XB", "mm", [](const Errors& errors) { return errors.axxb_mean_mm; }, 3},
-      {"board", "mm rms",
-       [](const Errors& errors) {
+      {"in-sample", "px rms", 9, 3, [](const Errors& errors) { return errors.reprojection_rms_px; }},
+      {"hold-out", "px rms", 9, 3, [](const Errors& errors) { return errors.holdout_rms_px; }},
+      {"hold-out", "mm rms", 9, 3, [](const Errors& errors) { return errors.holdout_target_mm; }},
+      {"", "deg", 8, 2, [](const Errors& errors) { return errors.holdout_target_deg; }},
+      {"AX-XB", "mm", 8, 3, [](const Errors& errors) { return errors.axxb_mean_mm; }},
+      {"board", "mm rms", 9, 3, [](const Errors& errors) {
          return errors.board_scatter ? std::optional<double>(errors.board_scatter->translation_rms_mm) : std::nullopt;
-       },
-       3},
-      {"", "deg",
-       [](const Errors& errors) {
-         return errors.board_scatter ? std::optional<double>(errors.board_scatter->rotation_rms_deg) : std::nullopt;
-       },
-       2}};
+       }}};
   if (has_truth) {
-    columns.push_back({"true err", "mm",
-                       [](const Errors& errors) {
+    columns.push_back({"true err", "mm", 9, 3, [](const Errors& errors) {
                          return errors.truth ? std::optional<double>(errors.truth->hand_eye_mm) : std::nullopt;
-                       },
-                       3});
-    columns.push_back({"", "deg",
-                       [](const Errors& errors) {
+                       }});
+    columns.push_back({"", "deg", 8, 2, [](const Errors& errors) {
                          return errors.truth ? std::optional<double>(errors.truth->hand_eye_deg) : std::nullopt;
-                       },
-                       2});
+                       }});
   }
   constexpr size_t kMethodWidth = 11;
-  const auto width = [](const Column& column) { return std::string(column.unit) == "deg" ? size_t{8} : size_t{10}; };
   table += PadRight("method", kMethodWidth);
-  for (const Column& column : columns) table += PadLeft(column.title, width(column));
+  for (const Column& column : columns) table += PadLeft(column.title, column.width);
   table += "\n" + PadRight("", kMethodWidth);
-  for (const Column& column : columns) table += PadLeft(column.unit, width(column));
+  for (const Column& column : columns) table += PadLeft(column.unit, column.width);
   table += "\n";
   for (const Estimate& estimate : result.estimates) {
     const bool is_last = &estimate == &result.estimates.back();
@@ -120,7 +109,7 @@ std::string ResultTable(const RunResult& result, Colour colour) {
       continue;
     }
     for (const Column& column : columns) {
-      table += PadLeft(Cell(column.figure(estimate.errors), column.digits), width(column));
+      table += PadLeft(Cell(column.figure(estimate.errors), column.digits), column.width);
     }
     if (is_last) table += plain;
     table += "\n";

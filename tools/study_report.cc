@@ -45,40 +45,36 @@ std::string StudyTable(const std::vector<CellResult>& results) {
       table += "  no bound: " + result.bound.reason() + "\n\n";
       continue;
     }
-    table += "  " + PadLeft("", 12) + PadLeft("hand-eye", 22) + PadLeft("board", 22) + PadLeft("over the bound", 24) +
-             PadLeft("95 %", 8) + PadLeft("AX-XB", 9) + PadLeft("failed", 10) + "\n";
-    table += "  " + PadLeft("", 12) + PadLeft("mm", 11) + PadLeft("deg", 11) + PadLeft("mm", 11) + PadLeft("deg", 11) +
-             PadLeft("mm", 8) + PadLeft("deg", 8) + PadLeft("focal", 8) + PadLeft("holds", 8) + PadLeft("mm", 9) + "\n";
+    // 80 characters in all.
+    const auto figures = [](const StudyErrors& errors) {
+      return PadLeft(Significant(1000 * errors.hand_eye_m, 3), 9) +
+             PadLeft(Significant(RadToDeg(errors.hand_eye_rad), 3), 9) +
+             PadLeft(Significant(1000 * errors.board_m, 3), 9) + PadLeft(Significant(RadToDeg(errors.board_rad), 3), 9);
+    };
+    table += PadRight("", 13) + PadLeft("hand-eye", 18) + PadLeft("board", 18) + PadLeft("over the bound", 18) +
+             PadLeft("95 %", 6) + PadLeft("AX-XB", 7) + "\n" + PadRight("", 13) + PadLeft("mm", 9) + PadLeft("deg", 9) +
+             PadLeft("mm", 9) + PadLeft("deg", 9) + PadLeft("mm", 6) + PadLeft("deg", 6) + PadLeft("focal", 6) +
+             PadLeft("holds", 6) + PadLeft("mm", 7) + "\n";
     const StudyErrors& bound = *result.bound;
-    table += "  " + PadLeft("bound", 12) + PadLeft(Significant(1000 * bound.hand_eye_m, 3), 11) +
-             PadLeft(Significant(RadToDeg(bound.hand_eye_rad), 3), 11) +
-             PadLeft(Significant(1000 * bound.board_m, 3), 11) +
-             PadLeft(Significant(RadToDeg(bound.board_rad), 3), 11) + "\n";
+    table += "  " + PadRight("bound", 11) + figures(bound) + "\n";
     for (const MethodSummary& method : result.methods) {
-      const bool has_any = method.num_failed < method.num_trials;
-      table += "  " + PadLeft(method.method, 12);
-      if (has_any) {
+      table += "  " + PadRight(method.method, 11);
+      if (method.num_failed < method.num_trials) {
         const StudyErrors& rms = method.rms;
-        table +=
-            PadLeft(Significant(1000 * rms.hand_eye_m, 3), 11) +
-            PadLeft(Significant(RadToDeg(rms.hand_eye_rad), 3), 11) + PadLeft(Significant(1000 * rms.board_m, 3), 11) +
-            PadLeft(Significant(RadToDeg(rms.board_rad), 3), 11) + PadLeft(Ratio(rms.hand_eye_m, bound.hand_eye_m), 8) +
-            PadLeft(Ratio(rms.hand_eye_rad, bound.hand_eye_rad), 8) +
-            PadLeft(rms.focal_px && bound.focal_px ? Ratio(*rms.focal_px, *bound.focal_px) : "-", 8) +
-            PadLeft(method.coverage ? Fixed(*method.coverage, 3) : "-", 8) +
-            PadLeft(Significant(method.axxb_mean_mm, 3), 9);
-      } else {
-        table += std::string(85, ' ');
+        table += figures(rms) + PadLeft(Ratio(rms.hand_eye_m, bound.hand_eye_m), 6) +
+                 PadLeft(Ratio(rms.hand_eye_rad, bound.hand_eye_rad), 6) +
+                 PadLeft(rms.focal_px && bound.focal_px ? Ratio(*rms.focal_px, *bound.focal_px) : "-", 6) +
+                 PadLeft(method.coverage ? Fixed(*method.coverage, 3) : "-", 6) +
+                 PadLeft(Significant(method.axxb_mean_mm, 3), 7);
       }
-      table +=
-          PadLeft(method.num_failed > 0 ? std::to_string(method.num_failed) + " of " + std::to_string(method.num_trials)
-                                        : "-",
-                  10) +
-          "\n";
+      table += "\n";
+      if (method.num_failed > 0) {
+        table += PadRight("", 13) + "  failed in " + std::to_string(method.num_failed) + " of " +
+                 std::to_string(method.num_trials) + " trials\n";
+      }
       if (method.robot_noise) {
-        table += "  " + PadLeft("", 12) + "  found (median): pixels " +
-                 Significant(method.pixel_sigma_px.value_or(0), 3) + " px, robot " +
-                 Significant(1000 * method.robot_noise->translation_m, 3) + " mm " +
+        table += PadRight("", 13) + "  found (median): pixels " + Significant(method.pixel_sigma_px.value_or(0), 3) +
+                 " px, robot " + Significant(1000 * method.robot_noise->translation_m, 3) + " mm " +
                  Significant(RadToDeg(method.robot_noise->rotation_rad), 3) + " deg\n";
       }
     }

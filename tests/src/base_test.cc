@@ -98,6 +98,15 @@ TEST(Text, WritesNumbers) {
   EXPECT_EQ(RoundTrip(0.1), "0.1");
 }
 
+TEST(Text, WrapsLongLinesAtBlanks) {
+  EXPECT_EQ(Wrapped("a table  1.0   2.0\nremark: much is to be said\n", 18),
+            "a table  1.0   2.0\nremark: much is to\n  be said\n");
+  EXPECT_EQ(Wrapped("  in from the left, on and on", 14), "  in from the\n    left, on\n    and on");
+  EXPECT_EQ(Wrapped("a/very/long/word/that/stays and more", 10), "a/very/long/word/that/stays\n  and more");
+  EXPECT_EQ(Wrapped("\x1b[1mbold\x1b[0m text", 9), "\x1b[1mbold\x1b[0m text");
+  EXPECT_EQ(Wrapped("", 10), "");
+}
+
 TEST(Text, Base64AsInRfc4648) {
   const std::pair<std::string, std::string> vectors[] = {{"", ""},
                                                          {"f", "Zg=="},

@@ -7,6 +7,7 @@
 #include "heba/io/result_file.h"
 #include "tools/command.h"
 #include "tools/comparison.h"
+#include "tools/console.h"
 #include "tools/flags.h"
 
 namespace heba {
@@ -42,7 +43,7 @@ int RunCommand_compare(const std::vector<std::string>& arguments) {
     if (names[run.result.name] == 1) run.label = run.result.name;
   }
   const Comparison comparison = CompareRuns(std::move(runs));
-  if (!FLAGS_quiet) std::cout << ComparisonTable(comparison);
+  if (!FLAGS_quiet) std::cout << ForTerminal(ComparisonTable(comparison));
   if (FLAGS_out.empty()) return kDone;
   StagedFolder folder(FLAGS_out, "compare.csv");
   WriteFileAtomically(folder.staging() / "compare.csv", ComparisonRunsCsv(comparison));

@@ -25,8 +25,8 @@ int RunOne(const std::string& config_path) {
     return kWorkFailed;
   }
   if (!FLAGS_quiet) {
-    std::cout << ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain) << "results: " << output.string()
-              << std::endl;
+    std::cout << ForTerminal(ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain))
+              << "results: " << output.string() << std::endl;
   }
   return kDone;
 }

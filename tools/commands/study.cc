@@ -68,7 +68,7 @@ int RunCommand_study(const std::vector<std::string>& arguments) {
     WriteFileAtomically(output / "study.html", StudyPage(output.filename().string(), results));
     WriteFileAtomically(output / "study.csv", StudyCsv(results));
   }
-  if (!FLAGS_quiet) std::cout << StudyTable(results) << "results: " << output.string() << std::endl;
+  if (!FLAGS_quiet) std::cout << ForTerminal(StudyTable(results)) << "results: " << output.string() << std::endl;
   return kDone;
 }
 

@@ -67,6 +67,47 @@ std::string PadRight(const std::string& text, size_t width) {
   return text.size() < width ? text + std::string(width - text.size(), ' ') : text;
 }
 
+std::string Wrapped(std::string_view text, size_t width) {
+  // Without ESC [ ... m.
+  const auto length_of = [](std::string_view word) {
+    size_t length = 0;
+    for (size_t i = 0; i < word.size(); ++i) {
+      if (word[i] == '\x1b') {
+        i = std::min(word.find('m', i), word.size());
+      } else {
+        ++length;
+      }
+    }
+    return length;
+  };
+  std::vector<std::string> lines;
+  for (const std::string& line : Split(text, '\n')) {
+    if (length_of(line) <= width) {
+      lines.push_back(line);
+      continue;
+    }
+    const size_t indent = std::min(line.find_first_not_of(' '), line.size());
+    std::string broken(indent, ' ');
+    size_t length = indent;
+    bool has_word = false;
+    for (const std::string& word : Split(std::string_view(line).substr(indent), ' ')) {
+      const size_t word_length = length_of(word);
+      if (has_word && length + 1 + word_length > width) {
+        lines.push_back(broken);
+        broken = std::string(indent + 2, ' ');
+        length = indent + 2;
+        has_word = false;
+      }
+      if (has_word) broken += ' ';
+      broken += word;
+      length += word_length + (has_word ? 1 : 0);
+      has_word = true;
+    }
+    lines.push_back(broken);
+  }
+  return Join(lines, "\n");
+}
+
 std::string Quoted(std::string_view text) {
   constexpr size_t kMaxLength = 60;
   size_t length = std::min(text.size(), kMaxLength);

@@ -15,6 +15,10 @@ std::string Trim(std::string_view text);
 std::string PadLeft(const std::string& text, size_t width);
 std::string PadRight(const std::string& text, size_t width);
 
+// `text` with every line that is longer than `width` broken at blanks, what follows indented two further than the line;
+// words that are longer stay whole. A terminal's colour codes have no length.
+std::string Wrapped(std::string_view text, size_t width);
+
 // Text from a file or the command line as a message can show it: in quotes, on one line, cut off where it is long.
 std::string Quoted(std::string_view text);
 
