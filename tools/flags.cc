@@ -14,6 +14,11 @@ DEFINE_bool(quiet, false, "no progress and no table");
 DEFINE_string(shard, "", "I/N: the part I, from 0 to N - 1, of N");
 DEFINE_string(set, "", "KEY=VALUE counts more than the config, such as refine.loss=none; may stand several times");
 DEFINE_bool(resume, false, "skip runs that are complete and whose inputs have not changed");
+DEFINE_string(to, "", "the form to export: urdf, ros1, ros2, opencv, kuka, ...");
+DEFINE_string(method, "", "whose estimate to export; the refined one without it");
+DEFINE_string(parent, "", "the frame that the camera is posed in; base_link or tool0 without it");
+DEFINE_string(child, "", "the camera's optical frame; camera_optical_frame without it");
+DEFINE_string(units, "m", "of the form matrix: m or mm");
 DEFINE_double(dpi, 300, "resolution of a .png sheet");
 
 namespace heba {

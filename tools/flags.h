@@ -13,6 +13,11 @@ DECLARE_double(dpi);
 DECLARE_string(shard);
 DECLARE_string(set);
 DECLARE_bool(resume);
+DECLARE_string(to);
+DECLARE_string(method);
+DECLARE_string(parent);
+DECLARE_string(child);
+DECLARE_string(units);
 
 namespace heba {
 

@@ -12,6 +12,7 @@
 #include "heba/base/units.h"
 #include "tools/page.h"
 #include "tools/plot.h"
+#include "tools/run_figures.h"
 
 namespace heba {
 namespace {
@@ -98,7 +99,7 @@ std::string StudyCsv(const std::vector<CellResult>& results) {
   for (const CellResult& result : results) {
     const StudyLabels& labels = result.labels;
     const std::string cell =
-        std::to_string(result.cell) + "," + labels.scene + "," + std::string(SetupName(labels.setup)) + "," +
+        std::to_string(result.cell) + "," + CsvField(labels.scene) + "," + std::string(SetupName(labels.setup)) + "," +
         std::to_string(labels.num_captures) + "," + std::to_string(labels.num_points) + "," +
         Significant(labels.pixel_sigma_px, 8) + "," + Significant(1000 * labels.robot_noise.translation_m, 8) + "," +
         Significant(RadToDeg(labels.robot_noise.rotation_rad), 8) + "," + Significant(labels.outlier_points, 8) + "," +

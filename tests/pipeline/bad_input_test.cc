@@ -287,6 +287,9 @@ TEST(CommandLineTest, WrongCallsAreOneLineAndStatus2) {
       {"negative jobs", {"detect", "x.yaml", "--jobs=-1"}, ""},
       {"two configs for one", {"detect", "a.yaml", "b.yaml"}, "takes CONFIG"},
       {"missing config", {"run", "no/such.yaml"}, "no such file"},
+      {"export of nothing", {"export", "no/such", "--to", "urdf"}, "no such file"},
+      {"export without a form", {"export", "no/such"}, "needs --to FORMAT"},
+      {"export to an unknown form", {"export", "no/such", "--to", "kuke"}, "did you mean 'kuka'?"},
       {"sheet without --out", {"target", "x.yaml"}, "needs --out"},
   };
   for (const WrongCall& call : calls) {

@@ -315,6 +315,32 @@ TEST(CompareTest, SaysWhatRefiningGainsAndWhetherPosesAgree) {
 }
 
 // A file's name never becomes markup.
+TEST(ExportTest, WritesWhatTheRunFound) {
+  const Cell cell = MakeCell("export");
+  const fs::path run = cell.folder / "run";
+  ASSERT_EQ(RunCached({"run", cell.configs[0], "--out", run.string(), "--quiet"}).status, 0);
+  const CommandResult printed = RunHeba({"export", run.string(), "--to", "ur"});
+  EXPECT_EQ(printed.status, 0) << printed.err;
+  const CommandResult written = RunHeba({"export", run.string(), "--to", "ur", "--out", cell.folder.string()});
+  EXPECT_EQ(written.status, 0) << written.err;
+  EXPECT_EQ(ReadAll(cell.folder / "camera_ur.csv"), printed.out);
+  // The closed form's is another.
+  const CommandResult park = RunHeba({"export", run.string(), "--to", "ur", "--method", "park"});
+  EXPECT_EQ(park.status, 0) << park.err;
+  EXPECT_NE(park.out, printed.out);
+  const CommandResult named = RunHeba({"export", run.string(), "--to", "urdf", "--parent", "world", "--child", "eye"});
+  EXPECT_THAT(named.out, HasSubstr("<joint name=\"world_to_eye\""));
+  for (const std::vector<std::string>& wrong :
+       {std::vector<std::string>{"--method", "parc"}, {"--parent", "a b"}, {"--units", "mm"}, {"--units", "inch"}}) {
+    std::vector<std::string> arguments = {"export", run.string(), "--to", "urdf"};
+    arguments.insert(arguments.end(), wrong.begin(), wrong.end());
+    const CommandResult refused = RunHeba(arguments);
+    EXPECT_EQ(refused.status, 2) << wrong[1];
+    EXPECT_EQ(refused.out, "");
+    EXPECT_THAT(refused.err, HasSubstr(wrong[0] + ":"));
+  }
+}
+
 TEST(SummaryPageTest, NamesAreText) {
   const Cell cell = MakeCell("summary_names");
   const std::string hostile = "<img src=x onerror=alert(1)>";

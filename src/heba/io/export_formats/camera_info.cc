@@ -1,0 +1,30 @@
+// ROS camera_info, as camera_calibration and camera_info_manager write it.
+#include "heba/base/text.h"
+#include "heba/io/export.h"
+
+namespace heba {
+namespace {
+
+std::string Matrix(const std::string& name, size_t rows, const std::vector<double>& values) {
+  return name + ":\n  rows: " + std::to_string(rows) + "\n  cols: " + std::to_string(values.size() / rows) +
+         "\n  data: [" + JoinNumbers(values, ", ") + "]\n";
+}
+
+}  // namespace
+
+Outcome<std::string> ExportFormat_camera_info(const ExportRequest& request) {
+  const Camera& camera = request.camera;
+  std::vector<double> distortion = OpenCvDistortion(camera);
+  if (distortion.empty()) distortion.assign(5, 0);
+  const std::string model =
+      IsFisheye(camera) ? "equidistant" : (distortion.size() > 5 ? "rational_polynomial" : "plumb_bob");
+  const std::vector<double>& p = camera.params;
+  return CommentLines(ExportRemarks(request), "# ") + "image_width: " + std::to_string(camera.width_px) +
+         "\nimage_height: " + std::to_string(camera.height_px) + "\ncamera_name: " + QuotedForYaml(request.name) +
+         "\n" + Matrix("camera_matrix", 3, {p[0], 0, p[2], 0, p[1], p[3], 0, 0, 1}) + "distortion_model: " + model +
+         "\n" + Matrix("distortion_coefficients", 1, distortion) +
+         Matrix("rectification_matrix", 3, {1, 0, 0, 0, 1, 0, 0, 0, 1}) +
+         Matrix("projection_matrix", 3, {p[0], 0, p[2], 0, 0, p[1], p[3], 0, 0, 0, 1, 0});
+}
+
+}  // namespace heba

@@ -1,0 +1,19 @@
+// The launch file that MoveIt's hand-eye calibration saves: the same publisher as ROS 1's, its arguments on lines of
+// their own.
+#include "heba/io/export.h"
+
+namespace heba {
+
+Outcome<std::string> ExportFormat_moveit(const ExportRequest& request) {
+  const std::string numbers = JoinNumbers(TranslationAndQuaternion(request.parent_from_camera), "   ");
+  const std::string mounting = request.setup == Setup::kEyeToHand ? "EYE-TO-HAND" : "EYE-IN-HAND";
+  std::vector<std::string> remarks = ExportRemarks(request);
+  remarks.push_back(mounting);
+  return "<launch>\n<!--\n" + CommentLines(remarks, "  ") +
+         "-->\n  <node pkg=\"tf2_ros\" type=\"static_transform_publisher\" name=\"camera_link_broadcaster\"\n"
+         "        args=\"" +
+         numbers + "   " + EscapedForXml(request.parent_frame) + "   " + EscapedForXml(request.camera_frame) +
+         "\"/>\n</launch>\n";
+}
+
+}  // namespace heba

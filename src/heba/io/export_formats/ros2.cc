@@ -1,0 +1,32 @@
+// ROS 2: tf2_ros static_transform_publisher with named arguments, from a launch file in Python.
+#include <array>
+
+#include "heba/base/text.h"
+#include "heba/io/export.h"
+
+namespace heba {
+
+Outcome<std::string> ExportFormat_ros2(const ExportRequest& request) {
+  const std::vector<double> numbers = TranslationAndQuaternion(request.parent_from_camera);
+  constexpr std::array kNames = {"--x", "--y", "--z", "--qx", "--qy", "--qz", "--qw"};
+  std::vector<std::string> words;
+  std::string list;
+  for (size_t i = 0; i < kNames.size(); ++i) {
+    words.push_back(std::string(kNames[i]) + " " + DecimalText(numbers[i]));
+    list += "            '" + std::string(kNames[i]) + "', '" + DecimalText(numbers[i]) + "',\n";
+  }
+  std::vector<std::string> remarks = ExportRemarks(request);
+  remarks.push_back("by hand: ros2 run tf2_ros static_transform_publisher " + Join(words, " ") +
+                    " --frame-id PARENT --child-frame-id CAMERA");
+  // Python reads YAML's quoted text, too.
+  return CommentLines(remarks, "# ") +
+         "from launch import LaunchDescription\nfrom launch_ros.actions import Node\n\n\n"
+         "def generate_launch_description():\n"
+         "    return LaunchDescription([Node(\n"
+         "        package='tf2_ros', executable='static_transform_publisher', name='camera_pose_publisher',\n"
+         "        arguments=[\n" +
+         list + "            '--frame-id', " + QuotedForYaml(request.parent_frame) +
+         ",\n            '--child-frame-id', " + QuotedForYaml(request.camera_frame) + ",\n        ])])\n";
+}
+
+}  // namespace heba

@@ -1,0 +1,30 @@
+// URDF's joint origin: xyz in m, rpy in rad about fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll).
+#include "heba/io/export.h"
+
+namespace heba {
+namespace {
+
+std::string Origin(const Rigid3d& pose) {
+  const PoseFormat rpy{"", {"x", "y", "z", "r", "p", "y"}, "m", "extrinsic_xyz", "rad"};
+  const std::vector<double> numbers = NumbersFromPose(rpy, pose);
+  return "<origin xyz=\"" + JoinNumbers({numbers.begin(), numbers.begin() + 3}, " ") + "\" rpy=\"" +
+         JoinNumbers({numbers.begin() + 3, numbers.end()}, " ") + "\"/>";
+}
+
+}  // namespace
+
+Outcome<std::string> ExportFormat_urdf(const ExportRequest& request) {
+  const std::string parent = EscapedForXml(request.parent_frame);
+  const std::string camera = EscapedForXml(request.camera_frame);
+  std::vector<std::string> remarks = ExportRemarks(request);
+  remarks.push_back("of a body frame at the same place: " +
+                    Origin(request.parent_from_camera * OpticalFromBody()).substr(1));
+  // Two hyphens would end the comment: numbers have one at most.
+  return "<?xml version=\"1.0\"?>\n<!--\n" + CommentLines(remarks, "  ") + "-->\n<robot name=\"" +
+         EscapedForXml(request.name) + "\">\n  <link name=\"" + parent + "\"/>\n  <link name=\"" + camera +
+         "\"/>\n  <joint name=\"" + parent + "_to_" + camera + "\" type=\"fixed\">\n    <parent link=\"" + parent +
+         "\"/>\n    <child link=\"" + camera + "\"/>\n    " + Origin(request.parent_from_camera) +
+         "\n  </joint>\n</robot>\n";
+}
+
+}  // namespace heba

@@ -1,0 +1,170 @@
+#include "heba/io/export.h"
+
+#include <cmath>
+#include <regex>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/io/camera_file.h"
+#include "heba/io/pose_file.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+using testing::HasSubstr;
+
+ExportRequest TestRequest(const Rigid3d& pose, const std::string& model = "brown5") {
+  RunResult result;
+  result.name = "cell_7";
+  Estimate estimate;
+  estimate.ok = true;
+  estimate.hand_eye.camera_mount_from_camera = pose;
+  estimate.camera = TestCamera(model);
+  return MakeExportRequest(result, estimate);
+}
+
+std::string Exported(const std::string& format, const ExportRequest& request) {
+  for (const ExportFormat& entry : ExportFormats()) {
+    if (entry.name != format) continue;
+    const Outcome<std::string> text = ExportText(entry, request);
+    EXPECT_TRUE(text.ok()) << text.reason();
+    return text.ok() ? *text : "";
+  }
+  ADD_FAILURE() << "no format " << format;
+  return "";
+}
+
+// Poses of every kind: small numbers, half a turn, gimbal lock.
+std::vector<Rigid3d> Poses() {
+  Rng rng(3);
+  std::vector<Rigid3d> poses = {
+      Rigid3d(),
+      {Eigen::Quaterniond(Eigen::AngleAxisd(0.5 * M_PI, Eigen::Vector3d::UnitY())), Eigen::Vector3d(1e-5, -2e-7, 3)},
+      {Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d(-1, 2, 0)}};
+  for (int i = 0; i < 20; ++i) {
+    poses.emplace_back(ExpRotation(rng.Uniform(0, 3.1) * rng.Direction3()), rng.Uniform(0, 2) * rng.Direction3());
+  }
+  return poses;
+}
+
+std::vector<double> NumbersIn(const std::string& text) {
+  static const std::regex kNumber(R"([-+]?\d+\.\d*(e[-+]\d+)?)");
+  std::vector<double> numbers;
+  for (std::sregex_iterator at(text.begin(), text.end(), kNumber), end; at != end; ++at) {
+    numbers.push_back(std::stod(at->str()));
+  }
+  return numbers;
+}
+
+std::string After(const std::string& text, const std::string& mark) {
+  const size_t at = text.find(mark);
+  EXPECT_NE(at, std::string::npos) << mark << "\n" << text;
+  return at == std::string::npos ? "" : text.substr(at + mark.size());
+}
+
+Rigid3d PoseIn(const std::string& text, const PoseFormat& format) {
+  std::vector<double> numbers = NumbersIn(text);
+  EXPECT_GE(numbers.size(), format.columns.size()) << text;
+  numbers.resize(format.columns.size());
+  const Outcome<Rigid3d> pose = PoseFromNumbers(format, numbers);
+  EXPECT_TRUE(pose.ok()) << pose.reason();
+  return pose.ok() ? *pose : Rigid3d();
+}
+
+void ExpectSame(const Rigid3d& found, const Rigid3d& wanted, const std::string& what) {
+  EXPECT_LT(LocalCoordinates(wanted, found).norm(), 1e-14 * (1 + wanted.translation.norm()) + 3e-15) << what;
+}
+
+// The pose stands where that software looks for it, and is the one that went in.
+TEST(ExportTest, PosesComeBack) {
+  const PoseFormat& ros = *FindPoseFormat("ros");
+  const PoseFormat rpy{"", {"x", "y", "z", "r", "p", "w"}, "m", "extrinsic_xyz", "rad"};
+  for (const Rigid3d& pose : Poses()) {
+    const ExportRequest request = TestRequest(pose);
+    ExpectSame(PoseIn(After(Exported("urdf", request), "<origin"), rpy), pose, "urdf");
+    ExpectSame(PoseIn(After(Exported("ros1", request), "args=\""), ros), pose, "ros1");
+    ExpectSame(PoseIn(After(Exported("moveit", request), "args=\""), ros), pose, "moveit");
+    ExpectSame(PoseIn(After(Exported("ros2", request), "arguments=["), ros), pose, "ros2");
+    ExpectSame(PoseIn(After(Exported("easy_handeye2", request), "transform:"), ros), pose, "easy_handeye2");
+    ExpectSame(PoseIn(After(After(Exported("opencv", request), "hand_eye:"), "data:"), *FindPoseFormat("matrix")), pose,
+               "opencv");
+    std::vector<double> extrinsics = NumbersIn(After(Exported("mrcal", request), "'extrinsics':"));
+    ASSERT_GE(extrinsics.size(), 6U);
+    const Rigid3d camera_from_parent(ExpRotation(Eigen::Vector3d(extrinsics[0], extrinsics[1], extrinsics[2])),
+                                     Eigen::Vector3d(extrinsics[3], extrinsics[4], extrinsics[5]));
+    ExpectSame(Inverse(camera_from_parent), pose, "mrcal");
+  }
+}
+
+// By the reader of poses.csv.
+TEST(ExportTest, EveryFormOfRobotPoseComesBack) {
+  for (const Rigid3d& pose : Poses()) {
+    for (const PoseFormat& format : PoseFormats()) {
+      const std::string text = Exported(format.name, TestRequest(pose));
+      ExpectSame(ParsePoses(text, "export", format).front().pose, pose, format.name);
+    }
+    ExportRequest in_mm = TestRequest(pose);
+    in_mm.length_unit = "mm";
+    PoseFormat matrix = *FindPoseFormat("matrix");
+    matrix.translation_unit = "mm";
+    ExpectSame(ParsePoses(Exported("matrix", in_mm), "export", matrix).front().pose, pose, "matrix in mm");
+  }
+}
+
+// By the reader of camera files.
+TEST(ExportTest, CamerasComeBack) {
+  for (const CameraModel* model : CameraModels()) {
+    const ExportRequest request = TestRequest(Rigid3d(), std::string(model->name()));
+    for (const char* format : {"opencv", "camera_info", "mrcal"}) {
+      const bool is_fisheye = IsFisheye(request.camera);
+      if (is_fisheye && std::string(format) == "mrcal") continue;
+      const Camera camera = ParseCameraFile(Exported(format, request), "export");
+      EXPECT_EQ(camera.width_px, request.camera.width_px) << format;
+      EXPECT_EQ(camera.height_px, request.camera.height_px) << format;
+      std::vector<double> wanted = request.camera.params;
+      // A pinhole may come back as a lens that bends nothing.
+      if (model->name() == "pinhole") wanted.resize(camera.params.size(), 0);
+      EXPECT_EQ(camera.params, wanted) << format << " " << model->name();
+    }
+  }
+}
+
+TEST(ExportTest, WhatAFormCannotHoldIsRefusedInWords) {
+  const auto refusal = [](const std::string& name, const ExportRequest& request) {
+    for (const ExportFormat& format : ExportFormats()) {
+      if (format.name == name) return ExportText(format, request).reason();
+    }
+    return std::string();
+  };
+  ExportRequest request = TestRequest(Rigid3d());
+  request.camera.params[8] = 0.01;
+  EXPECT_THAT(refusal("kalibr", request), HasSubstr("k3 is 0.01"));
+  request.camera.params[8] = 0;
+  EXPECT_EQ(refusal("kalibr", request), "");
+  EXPECT_THAT(refusal("mrcal", TestRequest(Rigid3d(), "kannala_brandt4")), HasSubstr("kannala_brandt4"));
+  EXPECT_THAT(Exported("kalibr", TestRequest(Rigid3d(), "kannala_brandt4")),
+              HasSubstr("distortion_model: equidistant"));
+}
+
+// Each says whose axes these are; and a name is no markup, no comment's end, no code.
+TEST(ExportTest, NamesAreHarmless) {
+  ExportRequest request = TestRequest(Rigid3d());
+  request.name = "a--><evil/>\"\nimport os\n#";
+  request.camera.params[8] = 0;
+  for (const ExportFormat& format : ExportFormats()) {
+    const std::string text = Exported(format.name, request);
+    EXPECT_THAT(text, HasSubstr("OPTICAL")) << format.name;
+    EXPECT_THAT(text, testing::Not(HasSubstr("\nimport os"))) << format.name;
+  }
+  EXPECT_THAT(Exported("camera_info", request), HasSubstr(R"(camera_name: "a--><evil/>\"\x0aimport os\x0a#")"));
+}
+
+TEST(ExportTest, TheBodyFrameLooksForward) {
+  EXPECT_LT((OpticalFromBody() * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitZ()).norm(), 1e-15);
+  EXPECT_LT((OpticalFromBody() * Eigen::Vector3d::UnitZ() + Eigen::Vector3d::UnitY()).norm(), 1e-15);
+}
+
+}  // namespace
+}  // namespace heba
