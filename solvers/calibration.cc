@@ -368,10 +368,11 @@ std::vector<std::string> Advise(const Calibration& calibration, const Calibratio
   return advice;
 }
 
-std::vector<std::optional<Tangent6>> MoveWithoutEachView(const Calibration& calibration,
-                                                         const CalibrationOptions& options) {
+std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,
+                                                            const CalibrationOptions& options) {
+  const std::string loss = options.bundle.loss == "truncated" ? "none" : options.bundle.loss;
   return MoveWithoutEachView({calibration.camera, calibration.views, options.setup, options.shape},
-                             *calibration.refined, FreeOf(calibration.camera.Model(), options.bundle));
+                             *calibration.refined, FreeOf(calibration.camera.Model(), options.bundle), *FindLoss(loss));
 }
 
 }  // namespace heba

@@ -71,7 +71,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
 std::vector<std::string> Advise(const Calibration& calibration, const CalibrationOptions& options);
 
 // For each used view of a calibration whose refinement did not fail (solvers/influence.h).
-std::vector<std::optional<Tangent6>> MoveWithoutEachView(const Calibration& calibration,
-                                                         const CalibrationOptions& options);
+std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,
+                                                            const CalibrationOptions& options);
 
 }  // namespace heba

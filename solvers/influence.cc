@@ -1,44 +1,62 @@
 #include "solvers/influence.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
+#include "heba/base/distributions.h"
 #include "solvers/noise_scale.h"
 #include "solvers/robot_noise.h"
 
 namespace heba {
-std::vector<std::optional<Tangent6>> MoveWithoutEachView(const Problem& problem, const Solution& solution,
-                                                         const FreeParameters& free) {
-  std::vector<std::optional<Tangent6>> moves(problem.views.size());
+namespace {
+
+// Of a move as large or larger by chance. Directions that the capture says nothing of have no part in it.
+double ChanceOf(const Tangent6& move, const Matrix6& covariance_without, const Matrix6& covariance_with, double dof) {
+  const Tangent6 scale = covariance_with.diagonal().cwiseSqrt().cwiseInverse();
+  const Matrix6 scaled = scale.asDiagonal() * (covariance_without - covariance_with) * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
+  const Tangent6 along = eigen.eigenvectors().transpose() * scale.cwiseProduct(move);
+  constexpr double kNothing = 1e-6;  // Of a variance of the pose itself.
+  double statistic = 0;
+  int rank = 0;
+  for (int i = 0; i < 6; ++i) {
+    if (eigen.eigenvalues()[i] < kNothing) continue;
+    statistic += along[i] * along[i] / eigen.eigenvalues()[i];
+    ++rank;
+  }
+  return rank == 0 ? 1 : FisherTail(statistic / rank, rank, dof);
+}
+
+}  // namespace
+
+std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& problem, const Solution& solution,
+                                                            const FreeParameters& free, const Loss& loss) {
+  std::vector<std::optional<CaptureMove>> moves(problem.views.size());
   Problem weighted{solution.camera, problem.views, problem.setup, solution.shape};
   if (solution.excess_px) WeightByCovariance(*solution.excess_px, &weighted.views);
-  const std::optional<std::vector<LinearView>> views = LineariseViews(weighted, solution.hand_eye, solution.corrections,
-                                                                      free, solution.pixel_sigma_px, *FindLoss("none"));
+  const std::optional<std::vector<LinearView>> views =
+      LineariseViews(weighted, solution.hand_eye, solution.corrections, free, solution.pixel_sigma_px, loss);
   if (!views) return moves;
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   const std::vector<std::string> names = UnknownNames(solution.camera.Model(), free);
-  const auto size = static_cast<Eigen::Index>(names.size());
-  // Of each view: its part of the normal matrix, and of the right side.
-  std::vector<Eigen::MatrixXd> matrices;
-  std::vector<Eigen::VectorXd> sides;
-  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(size, size);
-  Eigen::VectorXd side = Eigen::VectorXd::Zero(size);
-  for (const LinearView& view : *views) {
-    const Eigen::MatrixXd whitened = MarginalCovariance(view, 1.0, robot.translation_m * robot.translation_m,
-                                                        robot.rotation_rad * robot.rotation_rad)
-                                         .ldlt()
-                                         .solve(view.by_unknowns);
-    matrices.emplace_back(view.by_unknowns.transpose() * whitened);
-    sides.emplace_back(whitened.transpose() * view.offset);
-    matrix += matrices.back();
-    side += sides.back();
-  }
+  // All that the solution rests on, at whose minimum the sides of the views and of what else there is cancel.
+  const Eigen::MatrixXd& covariance = solution.covariance.matrix;
+  const Eigen::MatrixXd information = InvertInformation({names, covariance}, 1.0).matrix;
+  // From the weighted normal matrix to the second derivatives of rho on average, which are smaller.
+  const double newton = loss.mean_weight / loss.consistency;
   for (size_t i = 0; i < views->size(); ++i) {
-    const Information without{names, matrix - matrices[i]};
+    const LinearView& view = (*views)[i];
+    const Eigen::MatrixXd whitened =
+        MarginalCovariance(view, loss.covariance_factor(), robot.translation_m * robot.translation_m,
+                           robot.rotation_rad * robot.rotation_rad)
+            .ldlt()
+            .solve(view.by_unknowns);
+    const Information without{names, information - view.by_unknowns.transpose() * whitened};
     if (CheckObservable(without)) continue;
-    // The step from the solution, less the step that is left with all views: its own last one.
-    const Eigen::VectorXd step = InvertInformation(without, 1.0).matrix * (side - sides[i]) -
-                                 InvertInformation({names, matrix}, 1.0).matrix * side;
-    moves[i] = step.head<6>();
+    const Eigen::MatrixXd covariance_without = InvertInformation(without, 1.0).matrix;
+    const Tangent6 move = (-newton * covariance_without * (whitened.transpose() * view.offset)).head<6>();
+    moves[i] = CaptureMove{move, ChanceOf(move, covariance_without.topLeftCorner<6, 6>(),
+                                          covariance.topLeftCorner<6, 6>(), solution.covariance_dof)};
   }
   return moves;
 }

@@ -212,17 +212,32 @@ std::vector<CaptureView> CaptureViews(const RunConfig& config, const std::vector
   std::vector<CaptureView> all;
   for (size_t i = 0; i < config.captures.size(); ++i) {
     const Capture& capture = config.captures[i];
-    CaptureView shown{capture.name, capture.base_from_gripper, {}, {}, detections[i].small_jpeg};
+    CaptureView shown;
+    shown.image = capture.name;
+    shown.base_from_gripper = capture.base_from_gripper;
+    shown.small_jpeg = detections[i].small_jpeg;
+    const Rigid3d camera_from_target =
+        CameraFromTarget(solution.hand_eye, CameraMountFromTargetMount(config.setup, capture.base_from_gripper));
+    const auto measure = [&](const Observations& observations, Points2* pixels, Points2* residuals) {
+      const std::optional<Points2> found =
+          Residuals(solution.camera, camera_from_target, Shaped(observations, solution.shape));
+      if (!found) return;
+      *pixels = observations.pixels;
+      *residuals = *found;
+    };
     const auto view = std::find_if(calibration.views.begin(), calibration.views.end(),
                                    [&](const View& entry) { return entry.name == capture.name; });
-    if (view != calibration.views.end()) {
-      const std::optional<Points2> residuals =
-          Residuals(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
-                    Shaped(view->observations, solution.shape));
-      if (residuals) {
-        shown.pixels = view->observations.pixels;
-        shown.residuals = *residuals;
-      }
+    const bool is_used = view != calibration.views.end();
+    if (is_used) measure(view->observations, &shown.pixels, &shown.residuals);
+    Detection left_out;
+    for (size_t k = 0; k < detections[i].detection.ids.size(); ++k) {
+      const int id = detections[i].detection.ids[k];
+      if (is_used && std::count(view->observations.ids.begin(), view->observations.ids.end(), id) > 0) continue;
+      left_out.ids.push_back(id);
+      left_out.pixels.push_back(detections[i].detection.pixels[k]);
+    }
+    if (!left_out.ids.empty()) {
+      measure(ObservationsOf(*config.target, left_out), &shown.left_out_pixels, &shown.left_out_residuals);
     }
     all.push_back(std::move(shown));
   }
@@ -241,7 +256,7 @@ Eigen::Vector3d WorkingPoint(const Calibration& calibration, const Eigen::Vector
 
 std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::vector<CaptureDetection>& detections,
                                             const Calibration& calibration,
-                                            const std::vector<std::optional<Tangent6>>& moves) {
+                                            const std::vector<std::optional<CaptureMove>>& moves) {
   const Solution& solution = *calibration.refined;
   std::vector<CaptureResult> results;
   for (size_t i = 0; i < config.captures.size(); ++i) {
@@ -292,7 +307,7 @@ std::vector<CaptureDetection> DetectCaptures(RunConfig* config, int num_threads,
     Progress progress("detect", static_cast<int>(detections.size()), verbosity);
     const DetectionCache cache(config->target_used);
     std::mutex mutex;
-    // Pictures are read, searched and dropped: memory does not grow with their number.
+    // Pictures are read, searched and dropped: of each only a small copy stays.
     ParallelFor(static_cast<int>(detections.size()), num_threads, [&](int index) {
       const size_t i = static_cast<size_t>(index);
       const std::filesystem::path& image = config->captures[i].image;

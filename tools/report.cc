@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <numbers>
 #include <set>
 
 #include <nlohmann/json.hpp>
 
+#include "heba/base/distributions.h"
+#include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
@@ -97,6 +101,20 @@ std::string PoseSection(const RunResult& result, const Estimate& refined) {
                      "</code></p>\n");
 }
 
+// From the upper left corner of the picture on, clockwise.
+Json CornerRays(const Camera& camera) {
+  Json rays = Json::array();
+  for (const auto& [x, y] : {std::pair(0.0, 0.0), std::pair(1.0, 0.0), std::pair(1.0, 1.0), std::pair(0.0, 1.0)}) {
+    const Eigen::Vector2d corner(x * camera.width_px - 0.5, y * camera.height_px - 0.5);
+    // A lens that bends the corner back has no ray there: then as if it bent nothing.
+    const Eigen::Vector3d straight((corner.x() - camera.params[2]) / camera.params[0],
+                                   (corner.y() - camera.params[3]) / camera.params[1], 1);
+    const Eigen::Vector3d ray = UnprojectPixel(camera, corner).value_or(straight.normalized());
+    rays.push_back({Rounded(ray.x(), 5), Rounded(ray.y(), 5), Rounded(ray.z(), 5)});
+  }
+  return rays;
+}
+
 std::string SetUpSection(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures,
                          const Points3& target_points) {
   const Camera& camera = refined.camera;
@@ -105,12 +123,7 @@ std::string SetUpSection(const RunResult& result, const Estimate& refined, const
   Json data{{"setup", SetupName(result.setup)},
             {"mount_from_camera", PoseJson(refined.hand_eye.camera_mount_from_camera)},
             {"mount_from_target", PoseJson(refined.hand_eye.target_mount_from_target)},
-            {"camera",
-             {{"fx", camera.params[0]},
-              {"fy", camera.params[1]},
-              {"cx", camera.params[2]},
-              {"cy", camera.params[3]},
-              {"image_size", {camera.width_px, camera.height_px}}}},
+            {"corners", CornerRays(camera)},
             {"target_size", {low.x(), low.y(), high.x(), high.y()}},
             {"captures", Json::array()}};
   for (const CaptureResult& capture : result.captures) {
@@ -124,25 +137,33 @@ std::string SetUpSection(const RunResult& result, const Estimate& refined, const
 }
 
 std::string UncertaintySection(const RunResult& result, const Estimate& refined) {
-  const Covariance& covariance = refined.solution->covariance;
+  const Solution& solution = *refined.solution;
+  // Of two coordinates together, with the degrees of freedom that the noise leaves.
+  const double reach_95 = std::sqrt(2 * FisherQuantile(0.05, 2, solution.covariance_dof));
   Json ellipses = Json::array();
   const auto add = [&](const char* x, const char* y, const char* unit, const Eigen::Matrix3d& matrix, Eigen::Index i,
                        Eigen::Index j) {
-    ellipses.push_back(Json{
-        {"x_label", x}, {"y_label", y}, {"unit", unit}, {"covariance", {matrix(i, i), matrix(i, j), matrix(j, j)}}});
+    ellipses.push_back(Json{{"x_label", x},
+                            {"y_label", y},
+                            {"unit", unit},
+                            {"covariance", {matrix(i, i), matrix(i, j), matrix(j, j)}},
+                            {"reach_95", reach_95}});
   };
   if (result.working_point_m) {
-    const Eigen::Matrix3d at_work = 1e6 * PointCovariance(covariance, *result.working_point_m);
+    const Eigen::Matrix3d at_work = 1e6 * PointCovariance(solution.covariance, *result.working_point_m);
     add("x", "y", "mm", at_work, 0, 1);
     add("x", "z", "mm", at_work, 0, 2);
   }
-  const Eigen::Matrix3d rotation = std::pow(RadToDeg(1.0), 2) * covariance.matrix.block<3, 3>(3, 3);
+  const Eigen::Matrix3d rotation = std::pow(RadToDeg(1.0), 2) * solution.covariance.matrix.block<3, 3>(3, 3);
   add("about x", "about y", "deg", rotation, 0, 1);
   add("about x", "about z", "deg", rotation, 0, 2);
-  const std::string figure = ViewFigure(
-      "ellipses", "One sigma (filled) and 95 % (dashed), along and about the camera's axes; z is its optical axis.",
-      Json{{"ellipses", ellipses}});
-  return figure.empty() ? "" : Section("Uncertainty of a point where the target was", figure);
+  const std::string figure =
+      ViewFigure("ellipses",
+                 "A point where the target was, in mm, and the camera's orientation, in deg: one "
+                 "sigma (filled) and 95 % (dashed), along and about the camera's axes; z is its "
+                 "optical axis.",
+                 Json{{"ellipses", ellipses}});
+  return figure.empty() ? "" : Section("Uncertainty where the work is", figure);
 }
 
 std::string CorrelationSection(const Estimate& refined) {
@@ -215,43 +236,67 @@ std::set<std::string> ImagesToShow(const RunResult& result) {
   return images;
 }
 
-std::string CapturesData(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures) {
-  // Of very many points every n-th of each capture.
-  constexpr Eigen::Index kMaxPoints = 20'000;
+// Where points were seen and predicted minus seen; every point that `keep` says.
+Json PointsJson(const Points2& pixels, const Points2& residuals, const std::function<bool()>& keep) {
+  Json points = Json::array();
+  for (Eigen::Index i = 0; i < pixels.cols(); ++i) {
+    if (!keep()) continue;
+    for (const double value : {Rounded(pixels(0, i), 2), Rounded(pixels(1, i), 2), Rounded(residuals(0, i), 4),
+                               Rounded(residuals(1, i), 4)}) {
+      points.push_back(value);
+    }
+  }
+  return points;
+}
+
+// Beyond these a page would be too large: then it holds an even sample.
+constexpr Eigen::Index kMaxPoints = 40'000;
+
+Eigen::Index NumPoints(const std::vector<CaptureView>& captures) {
   Eigen::Index num_points = 0;
   for (const CaptureView& view : captures) num_points += view.pixels.cols();
-  const Eigen::Index step = num_points / kMaxPoints + 1;
+  return num_points;
+}
+
+std::string CapturesData(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures) {
+  // Multiples of the golden ratio spread evenly, whatever the order of the points on the board.
+  const double share = std::min(1.0, static_cast<double>(kMaxPoints) / static_cast<double>(NumPoints(captures)));
+  double place = 0;
+  const auto keep = [&] {
+    place += std::numbers::phi;
+    place -= std::floor(place);
+    return place <= share;
+  };
   const std::set<std::string> images = ImagesToShow(result);
   Json data{{"image_size", {refined.camera.width_px, refined.camera.height_px}},
             {"centre", {refined.camera.params[2], refined.camera.params[3]}},
+            {"rms_px", OrNull(refined.errors.reprojection_rms_px)},
             {"captures", Json::array()}};
   for (const CaptureResult& capture : result.captures) {
     const CaptureView* view = FindView(captures, capture.image);
-    Json points = Json::array();
-    for (Eigen::Index i = 0; view != nullptr && i < view->pixels.cols(); i += step) {
-      const Eigen::Vector2d at = view->pixels.col(i);
-      const Eigen::Vector2d off = view->residuals.col(i);
-      for (const double value : {Rounded(at.x(), 2), Rounded(at.y(), 2), Rounded(off.x(), 4), Rounded(off.y(), 4)}) {
-        points.push_back(value);
-      }
-    }
     const bool has_picture = view != nullptr && !view->small_jpeg.empty() && images.count(capture.image) > 0;
-    data["captures"].push_back(Json{{"image", capture.image},
-                                    {"used", capture.used},
-                                    {"reason", capture.reason},
-                                    {"rms_px", OrNull(capture.rms_px)},
-                                    {"points", std::move(points)},
-                                    {"picture", has_picture ? Json(ToBase64(view->small_jpeg)) : Json(nullptr)}});
+    data["captures"].push_back(
+        Json{{"image", capture.image},
+             {"used", capture.used},
+             {"reason", capture.reason},
+             {"rms_px", OrNull(capture.rms_px)},
+             {"points", view != nullptr ? PointsJson(view->pixels, view->residuals, keep) : Json::array()},
+             {"left_out",
+              view != nullptr ? PointsJson(view->left_out_pixels, view->left_out_residuals, keep) : Json::array()},
+             {"picture", has_picture ? Json(ToBase64(view->small_jpeg)) : Json(nullptr)}});
   }
   return SharedData("captures", data);
 }
 
-std::string ResidualSections() {
+std::string ResidualSections(const std::vector<CaptureView>& captures) {
+  const std::string sample = NumPoints(captures) > kMaxPoints ? " An even sample of the points." : "";
   const std::string field = SharedViewFigure(
-      "residual-field", "Predicted minus seen, of the points of all captures. Click for the capture.", "captures");
+      "residual-field", "Predicted minus seen, of the points that count. Click for the capture." + sample, "captures");
   if (field.empty()) return "";
   const std::string cells = SharedViewFigure(
-      "coverage", "Per cent of all points. Where there are none, no capture says anything of the lens.", "captures");
+      "coverage",
+      "Per cent of the points that count. Where there are none, no capture says anything of the lens." + sample,
+      "captures");
   const std::string radius = SharedViewFigure("residual-radius", "", "captures");
   const std::string bars =
       SharedViewFigure("capture-bars", "The dashed line is the rms of all. Click for the picture.", "captures");
@@ -270,9 +315,10 @@ std::string CaptureSection(const RunResult& result) {
                                  {std::to_string(capture.num_points), true},
                                  {std::to_string(capture.num_rejected), true},
                                  {capture.rms_px ? Significant(*capture.rms_px, 3) : "", true}};
-    const std::optional<Tangent6>& move = capture.move_without;
-    row.push_back({move ? Significant(1000 * move->head<3>().norm(), 2) : "", true});
-    row.push_back({move ? Significant(RadToDeg(move->tail<3>().norm()), 2) : "", true});
+    const std::optional<CaptureMove>& move = capture.move_without;
+    row.push_back({move ? Significant(1000 * move->tangent.head<3>().norm(), 2) : "", true});
+    row.push_back({move ? Significant(RadToDeg(move->tangent.tail<3>().norm()), 2) : "", true});
+    row.push_back({move ? Significant(move->chance, 2) : "", true});
     if (has_corrections) {
       const bool has = capture.correction.has_value();
       row.push_back({has ? Significant(1000 * capture.correction->translation.norm(), 2) : "", true});
@@ -293,15 +339,15 @@ std::string CaptureSection(const RunResult& result) {
 std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures,
                        const Points3& target_points) {
   const Estimate* refined = FindRefined(result);
+  CHECK(refined != nullptr) << "a run without a refined estimate has failed";
   std::string body = "<h1>" + Escaped(result.name) + "</h1>\n" +
                      Paragraph(std::string(SetupName(result.setup)) + ", " + result.target_type + ", " +
                                std::to_string(NumUsedCaptures(result)) + " of " +
                                std::to_string(result.captures.size()) + " captures used") +
                      VerdictSection(result);
-  if (refined == nullptr) return HtmlPage(result.name, body + MethodsSection(result) + CaptureSection(result));
   body += Tiles(result, *refined) + CapturesData(result, *refined, captures) + "<div class=\"columns\">\n" +
           SetUpSection(result, *refined, captures, target_points) + PoseSection(result, *refined) + "</div>\n" +
-          MethodsSection(result) + ResidualSections() + UncertaintySection(result, *refined) +
+          MethodsSection(result) + ResidualSections(captures) + UncertaintySection(result, *refined) +
           CorrelationSection(*refined) + CaptureSection(result);
   return HtmlPage(result.name, body);
 }

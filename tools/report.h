@@ -13,14 +13,16 @@ namespace heba {
 struct CaptureView {
   std::string image;  // As in CaptureResult.
   Rigid3d base_from_gripper;
-  // What the refined estimate leaves of its points: where they were seen, and predicted minus seen, px. Empty if the
-  // capture was not used.
+  // What the refined estimate leaves of its points: where they were seen, and predicted minus seen, px.
   Points2 pixels;
   Points2 residuals;
+  // Likewise of the points that the estimate left out, all of them in a capture that was not used.
+  Points2 left_out_pixels;
+  Points2 left_out_residuals;
   std::string small_jpeg;
 };
 
-// `target_points` are all of the target's, in its frame, m.
+// `result` has a refined estimate. `target_points` are all of the target's, in its frame, m.
 std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures, const Points3& target_points);
 
 }  // namespace heba

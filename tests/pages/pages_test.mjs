@@ -18,6 +18,7 @@ const {chromium} = createRequire(`${packages}/`)('playwright-core');
 
 // A name that would do harm if it ever were markup. (A slash, which it would need to close an element, no file has.)
 const kHostile = '<img src=x onerror=window.harmed=1>.png';
+const kSwallowing = '<!--<script>.png'; // Would take the rest of the page with it.
 
 const folder = mkdtempSync(join(tmpdir(), 'heba_pages_'));
 process.env.HEBA_CACHE = join(folder, 'cache');
@@ -28,10 +29,12 @@ function makePages() {
   const poses = readFileSync(join(folder, 'data/poses.csv'), 'utf8');
   assert.ok(poses.includes('003.png'));
   renameSync(join(folder, 'data/images/003.png'), join(folder, 'data/images', kHostile));
-  writeFileSync(join(folder, 'data/poses.csv'), poses.replace('003.png', kHostile));
+  renameSync(join(folder, 'data/images/006.png'), join(folder, 'data/images', kSwallowing));
+  writeFileSync(join(folder, 'data/poses.csv'), poses.replace('003.png', kHostile).replace('006.png', kSwallowing));
   writeFileSync(join(folder, 'noisy.yaml'), 'base: data/config.yaml\nrefine: {robot_noise: auto}\n');
   writeFileSync(join(folder, 'exact.yaml'), 'base: data/config.yaml\n');
-  run('run', 'exact.yaml', 'noisy.yaml', '--out', 'runs', '--quiet');
+  writeFileSync(join(folder, 'long.yaml'), 'base: data/config.yaml\nname: cell_7_line_2_with_a_very_long_name_indeed\n');
+  run('run', 'exact.yaml', 'noisy.yaml', 'long.yaml', '--out', 'runs', '--quiet');
   run('compare', 'runs', '--out', 'comparison', '--quiet');
   writeFileSync(join(folder, 'study.yaml'),
                 `trials: 4\nseed: 1\nscenes: {small: ${join(source, 'configs/scenes/ring4_eye_to_hand.yaml')}}\n` +
@@ -83,6 +86,9 @@ async function checkFigures(page, file, width, views) {
     assert.ok(figure.marks >= kMarks[figure.view][1], `${file}: ${JSON.stringify(figure)}`);
   }
   assert.ok(await page.evaluate(() => document.documentElement.scrollWidth) <= width, `${file} is wider than ${width} px`);
+  const cut = await page.$$eval('.drawing text', (texts) =>
+      texts.filter((text) => !text.closest('.scene') && text.getBoundingClientRect().left < -1).map((text) => text.textContent));
+  assert.deepEqual(cut, [], `${file}: labels are cut off`);
 }
 
 async function column(page, table, index) {
@@ -149,8 +155,13 @@ async function checkCaptures(page) {
   assert.ok(before.split(',').length >= 20, 'few residuals are drawn');
   await dialog.locator('input[type=range]').fill('0.8');
   assert.notEqual(await ends(), before, 'the slider does not stretch the residuals');
-  await dialog.getByRole('button', {name: 'next'}).click();
-  assert.notEqual(await dialog.locator('h3').textContent(), kHostile);
+  const names = [kHostile];
+  for (const act of [() => dialog.getByRole('button', {name: 'next'}).click(), () => page.keyboard.press('ArrowRight'),
+                     () => page.keyboard.press('ArrowRight')]) {
+    await act();
+    names.push(await dialog.locator('h3').textContent());
+  }
+  assert.deepEqual(names, [kHostile, '004.png', '005.png', kSwallowing]);
   await page.keyboard.press('Escape');
   assert.equal(await page.locator('dialog[open]').count(), 0);
   // By a bar of the chart, too.
@@ -195,7 +206,24 @@ try {
       const dark = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
       await page.emulateMedia({colorScheme: 'light'});
       assert.notEqual(await page.evaluate(() => getComputedStyle(document.body).backgroundColor), dark);
-      if (width === 1280) assert.ok((await page.pdf()).length > 10000);
+      await page.emulateMedia({media: 'print', colorScheme: 'dark'});
+      assert.equal(await page.evaluate(() => getComputedStyle(document.body).backgroundColor), 'rgb(255, 255, 255)');
+      if (isReport) assert.equal(await page.locator('.hint').isVisible(), false);
+      await page.emulateMedia({media: 'screen', colorScheme: 'light'});
+      // Nothing but the page's own script runs.
+      await page.evaluate(() => {
+        const script = document.createElement('script');
+        script.textContent = 'window.harmed = 2';
+        document.body.append(script);
+        const button = document.createElement('button');
+        button.setAttribute('onclick', 'window.harmed = 3');
+        document.body.append(button);
+        button.click();
+      });
+      assert.equal(await page.evaluate(() => window.harmed), undefined, 'a script from elsewhere runs');
+      const refusals = complaints.filter((text) => text.includes('Content Security Policy'));
+      assert.equal(refusals.length, 2, String(complaints));
+      complaints.splice(0, complaints.length, ...complaints.filter((text) => !refusals.includes(text)));
       await page.context().close();
       console.log(`${file} at ${width} px: ok`);
     }

@@ -95,10 +95,10 @@ TEST(VerdictTest, OneFaultDecides) {
          for (size_t i = 0; i < 10; ++i) r->captures[i].used = false;
        }},
       {Grade::kBad, "off by 8.0 px", [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
-      {Grade::kDoubtful, "without 7 the camera would be 0.90 mm elsewhere",
+      {Grade::kDoubtful, "without 7 the camera would be 0.90 mm and 0 deg elsewhere",
        [](RunResult* r) {
-         for (CaptureResult& capture : r->captures) capture.move_without = 1e-4 * Tangent6::Unit(0);
-         r->captures[7].move_without = 9e-4 * Tangent6::Unit(1);
+         for (CaptureResult& capture : r->captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 0.002};
+         r->captures[7].move_without = CaptureMove{9e-4 * Tangent6::Unit(1), 1e-4};
        }},
       {Grade::kBad, "no refined estimate", [](RunResult* r) { r->estimates.pop_back(); }},
   };

@@ -3,7 +3,14 @@
 set(HEBA_REPORT_SCRIPT "AUTO" CACHE STRING "Build charts into the pages: ON, OFF, or AUTO (if Node.js and npm's packages are to be had)")
 set_property(CACHE HEBA_REPORT_SCRIPT PROPERTY STRINGS AUTO ON OFF)
 
-# Puts Node.js and the packages that tools/report/package-lock.json names into `work`; sets `why_not` to what is missing.
+# Sets `result` to 0 if the packages in `work` are there and run.
+function(heba_probe_report_packages work result)
+  execute_process(COMMAND ${HEBA_NODE} -e "require('esbuild').transformSync('')" WORKING_DIRECTORY ${work}
+                  RESULT_VARIABLE status OUTPUT_QUIET ERROR_QUIET TIMEOUT 60)
+  set(${result} "${status}" PARENT_SCOPE)
+endfunction()
+
+# Puts the packages that tools/report/package-lock.json names into `work`; sets `why_not` to what is missing.
 function(heba_install_report_packages source work why_not)
   set(${why_not} "" PARENT_SCOPE)
   if(NOT HEBA_REPORT_SCRIPT)
@@ -27,20 +34,26 @@ function(heba_install_report_packages source work why_not)
   if(EXISTS ${work}/installed)
     file(READ ${work}/installed installed)
   endif()
-  if(NOT installed STREQUAL wanted)
-    file(MAKE_DIRECTORY ${work})
-    file(REMOVE ${work}/installed)
-    file(COPY ${source}/package.json ${source}/package-lock.json DESTINATION ${work})
-    message(STATUS "Report: installing the packages of tools/report with npm")
-    execute_process(COMMAND ${HEBA_NPM} ci --ignore-scripts --no-audit --no-fund WORKING_DIRECTORY ${work}
-                    RESULT_VARIABLE status OUTPUT_VARIABLE said ERROR_VARIABLE said)
-    if(NOT status EQUAL 0)
-      string(REGEX REPLACE "\n.*" "" first "${said}")
-      set(${why_not} "npm ci failed: ${first}" PARENT_SCOPE)
-      return()
-    endif()
-    file(WRITE ${work}/installed ${wanted})
+  heba_probe_report_packages(${work} probe)
+  if(installed STREQUAL wanted AND probe EQUAL 0)
+    return()
   endif()
+  file(MAKE_DIRECTORY ${work})
+  file(REMOVE ${work}/installed)
+  file(COPY ${source}/package.json ${source}/package-lock.json DESTINATION ${work})
+  message(STATUS "Report: installing the packages of tools/report with npm")
+  # Whatever the user's npm leaves out otherwise: the bundler's binary is an optional package, the tests' are for
+  # development.
+  execute_process(COMMAND ${HEBA_NPM} ci --ignore-scripts --no-audit --no-fund --include=dev --include=optional
+                  WORKING_DIRECTORY ${work} TIMEOUT 600
+                  RESULT_VARIABLE status OUTPUT_VARIABLE said ERROR_VARIABLE said)
+  heba_probe_report_packages(${work} probe)
+  if(NOT status EQUAL 0 OR NOT probe EQUAL 0)
+    string(REGEX MATCH "npm error[^\n]*" first "${said}")
+    set(${why_not} "npm ci failed (${status}) ${first}" PARENT_SCOPE)
+    return()
+  endif()
+  file(WRITE ${work}/installed ${wanted})
 endfunction()
 
 # heba_page_sources(out) sets `out` to a C++ source that defines tools/page_assets.h; HEBA_HAS_REPORT_SCRIPT and
@@ -64,10 +77,12 @@ function(heba_page_sources out)
       COMMAND ${HEBA_NODE} bundle.mjs ${script} ${hash}
       WORKING_DIRECTORY ${work}
       DEPENDS ${parts} ${source}/bundle.mjs ${source}/tsconfig.json ${source}/package-lock.json VERBATIM)
+  elseif(HEBA_REPORT_SCRIPT STREQUAL "OFF")
+    message(STATUS "Report: plain, without charts")
   elseif(HEBA_REPORT_SCRIPT STREQUAL "ON")
     message(FATAL_ERROR "HEBA_REPORT_SCRIPT is ON, but ${why_not}")
   else()
-    message(STATUS "Report: plain, without charts: ${why_not}")
+    message(WARNING "heba's pages will be plain, without charts: ${why_not}")
   endif()
   set(assets ${CMAKE_CURRENT_BINARY_DIR}/page_assets.cc)
   add_custom_command(OUTPUT ${assets}

@@ -65,7 +65,10 @@ int RunCommand_study(const std::vector<std::string>& arguments) {
     WriteFileAtomically(output / "config.yaml", study.used);
     WriteFileAtomically(output / "study.txt", StudyTable(results));
     WriteStudyPlots(results, output);
-    WriteFileAtomically(output / "study.html", StudyPage(output.filename().string(), results));
+    WriteFileAtomically(output / "study.html", StudyPage(output.lexically_normal().filename().empty()
+                                                             ? output.parent_path().filename().string()
+                                                             : output.filename().string(),
+                                                         results));
     WriteFileAtomically(output / "study.csv", StudyCsv(results));
   }
   if (!FLAGS_quiet) std::cout << ForTerminal(StudyTable(results)) << "results: " << output.string() << std::endl;

@@ -27,6 +27,12 @@ struct RobotNoise {
   double rotation_rad = 0;
 };
 
+// What a result would move by without one of its captures.
+struct CaptureMove {
+  Tangent6 tangent = Tangent6::Zero();  // Of camera_mount_from_camera: m and rad, in the camera's frame.
+  double chance = 1;                    // Of such a move or a larger one, if the capture is as the others.
+};
+
 struct Convergence {
   bool converged = false;
   int iterations = 0;

@@ -48,7 +48,7 @@ struct CaptureResult {
   // The gripper as the pictures have it, in the gripper's frame as the robot had it; if the robot is noisy.
   std::optional<Rigid3d> correction;
   // What the refined hand-eye pose would move by without this capture (solvers/influence.h).
-  std::optional<Tangent6> move_without;
+  std::optional<CaptureMove> move_without;
 };
 
 struct Timing {

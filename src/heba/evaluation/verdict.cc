@@ -100,25 +100,28 @@ Finding JudgePixels(const Solution& solution) {
   return finding;
 }
 
-// One capture that pulls harder than chance would have it.
-std::optional<Finding> JudgeInfluence(const RunResult& result, const Solution& solution) {
+// One capture that pulls harder than chance would have it, though all of them were asked.
+std::optional<Finding> JudgeInfluence(const RunResult& result) {
   const CaptureResult* strongest = nullptr;
+  int num_asked = 0;
   for (const CaptureResult& capture : result.captures) {
     if (!capture.move_without) continue;
-    if (strongest == nullptr || capture.move_without->head<3>().norm() > strongest->move_without->head<3>().norm()) {
-      strongest = &capture;
-    }
+    ++num_asked;
+    if (strongest == nullptr || capture.move_without->chance < strongest->move_without->chance) strongest = &capture;
   }
   if (strongest == nullptr) return std::nullopt;
-  constexpr double kMattersM = 0.5e-3;
-  constexpr double kManySigmas = 3;
-  const double move_m = strongest->move_without->head<3>().norm();
-  const double sigma_m = std::sqrt(solution.covariance.matrix.diagonal().head<3>().sum());
-  if (move_m < kMattersM || move_m < kManySigmas * sigma_m) return std::nullopt;
+  constexpr double kUnlikely = 0.01;
+  constexpr double kMattersM = 0.3e-3;
+  constexpr double kMattersRad = 5e-4;
+  const double move_m = strongest->move_without->tangent.head<3>().norm();
+  const double move_rad = strongest->move_without->tangent.tail<3>().norm();
+  const double chance = std::min(1.0, num_asked * strongest->move_without->chance);
+  if (chance > kUnlikely || (move_m < kMattersM && move_rad < kMattersRad)) return std::nullopt;
   return Finding{Grade::kDoubtful,
-                 "without " + strongest->image + " the camera would be " + Significant(1000 * move_m, 2) +
-                     " mm elsewhere, more than its uncertainty explains (one sigma " + Significant(1000 * sigma_m, 2) +
-                     " mm)",
+                 "without " + strongest->image + " the camera would be " + Significant(1000 * move_m, 2) + " mm and " +
+                     Significant(RadToDeg(move_rad), 2) +
+                     " deg elsewhere, more than the noise that is assumed explains (chance " + Significant(chance, 1) +
+                     ")",
                  "look at that picture and at the robot's pose for it; leave it out if one of them is wrong"};
 }
 
@@ -156,12 +159,13 @@ Verdict JudgeRun(const RunResult& result) {
   } else {
     const Solution& solution = *refined->solution;
     const std::optional<Finding> more[] = {JudgeHoldOut(refined->errors), JudgeModel(refined->errors, solution),
-                                           JudgeInfluence(result, solution), JudgeGain(result, *refined)};
+                                           JudgeGain(result, *refined)};
     for (const std::optional<Finding>& finding : more) {
       if (finding) verdict.findings.push_back(*finding);
     }
-    // What is behind it, before what follows from it. A remark ends with its own cure.
+    // What was predicted is judged first; then what may be behind it. A remark ends with its own cure.
     for (const std::string& remark : solution.remarks) verdict.findings.push_back({Grade::kDoubtful, remark, ""});
+    if (const std::optional<Finding> finding = JudgeInfluence(result)) verdict.findings.push_back(*finding);
     verdict.findings.push_back(JudgeUncertainty(result, solution));
     verdict.findings.push_back(JudgeCaptures(result));
     verdict.findings.push_back(JudgePixels(solution));

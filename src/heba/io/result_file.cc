@@ -110,6 +110,13 @@ Json TangentJson(const std::optional<Tangent6>& tangent) {
               {"rotation_deg", {RadToDeg(r.x()), RadToDeg(r.y()), RadToDeg(r.z())}}};
 }
 
+Json MoveJson(const std::optional<CaptureMove>& move) {
+  if (!move) return nullptr;
+  Json json = TangentJson(move->tangent);
+  json["chance"] = Finite(move->chance);
+  return json;
+}
+
 // What the refinement moved the robot's pose by, in the gripper's frame.
 std::optional<Tangent6> CorrectionOf(const CaptureResult& capture) {
   if (!capture.correction) return std::nullopt;
@@ -210,7 +217,7 @@ std::string ResultToJson(const RunResult& result) {
                                     {"reason", capture.reason},
                                     {"rms_px", OrNull(capture.rms_px)},
                                     {"robot_correction", TangentJson(CorrectionOf(capture))},
-                                    {"move_without", TangentJson(capture.move_without)}});
+                                    {"move_without", MoveJson(capture.move_without)}});
   }
   json["estimates"] = Json::array();
   for (const Estimate& estimate : result.estimates) json["estimates"].push_back(EstimateJson(estimate, result.setup));

@@ -144,7 +144,9 @@ CaptureResult ReadCapture(const JsonReader& reader) {
   capture.rms_px = ReadOptional(reader, "rms_px");
   const std::optional<Tangent6> correction = ReadTangent(reader, "robot_correction");
   if (correction) capture.correction = Rigid3d(ExpRotation(correction->tail<3>()), correction->head<3>());
-  capture.move_without = ReadTangent(reader, "move_without");
+  if (const std::optional<Tangent6> move = ReadTangent(reader, "move_without")) {
+    capture.move_without = CaptureMove{*move, ReadFinite(reader.Get("move_without"), "chance", 1)};
+  }
   return capture;
 }
 

@@ -23,15 +23,17 @@ function overlay(data: Captures, index: number): HTMLElement {
   }
   const unit = width / 400; // What is drawn thin and small, in the picture's pixels.
   const arrows: {line: SVGElement; x: number; y: number; dx: number; dy: number}[] = [];
-  const lengths: number[] = [];
-  for (let i = 0; i + 3 < capture.points.length; i += 4) {
-    const [x, y, dx, dy] = capture.points.slice(i, i + 4) as [number, number, number, number];
-    svg.append(shape('circle', {cx: x, cy: y, r: 1.6 * unit, class: 'seen', 'stroke-width': 0.6 * unit}));
-    const line = shape('line', {x1: x, y1: y, class: 'arrow', 'stroke-width': 0.9 * unit});
-    svg.append(line);
-    arrows.push({line, x, y, dx, dy});
-    lengths.push(Math.hypot(dx, dy));
-  }
+  const draw = (points: number[], kind: string) => {
+    for (let i = 0; i + 3 < points.length; i += 4) {
+      const [x, y, dx, dy] = points.slice(i, i + 4) as [number, number, number, number];
+      svg.append(shape('circle', {cx: x, cy: y, r: 1.6 * unit, class: `seen ${kind}`, 'stroke-width': 0.6 * unit}));
+      const line = shape('line', {x1: x, y1: y, class: 'arrow', 'stroke-width': 0.9 * unit});
+      svg.append(line);
+      arrows.push({line, x, y, dx, dy});
+    }
+  };
+  draw(capture.points, 'used');
+  draw(capture.left_out, 'left-out');
   const stretch = (times: number) => {
     for (const {line, x, y, dx, dy} of arrows) {
       line.setAttribute('x2', String(x + times * dx));
@@ -40,7 +42,7 @@ function overlay(data: Captures, index: number): HTMLElement {
   };
   whole.append(svg);
   if (arrows.length > 0) {
-    const first = magnification(median(lengths), width);
+    const first = magnification(median(arrows.map(({dx, dy}) => Math.hypot(dx, dy))), width);
     stretch(first);
     whole.append(magnifier(first, stretch));
   }
@@ -48,34 +50,24 @@ function overlay(data: Captures, index: number): HTMLElement {
 }
 
 let dialog: HTMLDialogElement | undefined;
+const content = element('div');
 let shown = {data: undefined as Captures | undefined, index: 0};
 
 function show(): void {
   const {data, index} = shown;
   if (!dialog || !data) return;
   const capture = data.captures[index]!;
-  const title = element('h3', '', capture.image);
-  const say = capture.used ?
-      `${capture.points.length / 4} points shown, rms ${significant(capture.rms_px)} px` :
-      'not used';
-  const about = element('p', '', say + (capture.reason ? `: ${capture.reason}` : ''));
-  const buttons = element('div', 'buttons');
-  const step = (text: string, by: number) => {
-    const button = element('button', '', text);
-    button.type = 'button';
-    button.addEventListener('click', () => move(by));
-    return button;
-  };
-  const close = element('button', 'close', 'close');
-  close.type = 'button';
-  close.autofocus = true;
-  close.addEventListener('click', () => dialog?.close());
-  buttons.append(step('\u2190 before', -1), step('next \u2192', 1), close);
+  const numLeftOut = capture.left_out.length / 4;
+  const say = [
+    capture.used ? `${capture.points.length / 4} points shown, rms ${significant(capture.rms_px)} px` : 'not used',
+    ...(numLeftOut > 0 ? [`${numLeftOut} points left out (red)`] : []),
+    ...(capture.reason ? [capture.reason] : []),
+  ].join('; ');
   dialog.setAttribute('aria-label', capture.image);
-  const parts: (Node)[] = [title, about];
+  const parts: Node[] = [element('h3', '', capture.image), element('p', '', say)];
   if (capture.picture || capture.points.length > 0) parts.push(overlay(data, index));
   if (!capture.picture) parts.push(element('p', '', 'The page holds no picture of this capture.'));
-  dialog.replaceChildren(...parts, buttons);
+  content.replaceChildren(...parts);
 }
 
 function move(by: number): void {
@@ -85,19 +77,35 @@ function move(by: number): void {
   show();
 }
 
+function button(text: string, className: string, act: () => void): HTMLButtonElement {
+  const made = element('button', className, text);
+  made.type = 'button';
+  made.addEventListener('click', act);
+  return made;
+}
+
+function makeDialog(): HTMLDialogElement {
+  const made = element('dialog', 'capture');
+  const close = button('close', 'close', () => made.close());
+  close.autofocus = true;
+  const buttons = element('div', 'buttons');
+  // These stay while the content changes, and with them what has the focus.
+  buttons.append(button('\u2190 before', '', () => move(-1)), button('next \u2192', '', () => move(1)), close);
+  made.append(content, buttons);
+  made.addEventListener('keydown', (event) => {
+    if (event.target instanceof HTMLInputElement) return;
+    if (event.key === 'ArrowLeft') move(-1);
+    if (event.key === 'ArrowRight') move(1);
+  });
+  made.addEventListener('click', (event) => {
+    if (event.target === made) made.close();
+  });
+  document.body.append(made);
+  return made;
+}
+
 export function openCapture(data: Captures, index: number): void {
-  if (!dialog) {
-    dialog = element('dialog', 'capture');
-    dialog.addEventListener('keydown', (event) => {
-      if (event.target instanceof HTMLInputElement) return;
-      if (event.key === 'ArrowLeft') move(-1);
-      if (event.key === 'ArrowRight') move(1);
-    });
-    dialog.addEventListener('click', (event) => {
-      if (event.target === dialog) dialog?.close();
-    });
-    document.body.append(dialog);
-  }
+  dialog ??= makeDialog();
   shown = {data, index};
   show();
   if (!dialog.open) dialog.showModal();

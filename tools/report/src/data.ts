@@ -12,9 +12,9 @@ export interface Capture {
   used: boolean;
   reason: string;
   rms_px: number | null;
-  base_from_gripper: Pose | null;
-  // x, y, predicted minus seen in x and in y; px, point after point.
+  // x, y, predicted minus seen in x and in y; px, point after point: of those that count, and of the others.
   points: number[];
+  left_out: number[];
   // A small copy, JPEG as base64.
   picture: string | null;
 }
@@ -22,6 +22,7 @@ export interface Capture {
 export interface Captures {
   image_size: [number, number];
   centre: [number, number]; // The principal point.
+  rms_px: number | null; // Of all points that count.
   captures: Capture[];
 }
 
@@ -29,7 +30,7 @@ export interface SetUp {
   setup: 'eye_to_hand' | 'eye_in_hand';
   mount_from_camera: Pose;
   mount_from_target: Pose;
-  camera: {fx: number; fy: number; cx: number; cy: number; image_size: [number, number]};
+  corners: [number, number, number][]; // The rays of the picture's corners, from the upper left on clockwise, in the camera.
   target_size: [number, number, number, number]; // x and y from, x and y to.
   captures: {image: string; used: boolean; base_from_gripper: Pose}[];
 }
@@ -47,12 +48,13 @@ export interface Lines {
 }
 
 export interface Ellipses {
-  ellipses: {x_label: string; y_label: string; unit: string; covariance: [number, number, number]}[]; // xx, xy, yy
+  // covariance: xx, xy, yy. reach_95: the axes of the region that holds the truth with 95 %, in sigmas.
+  ellipses: {x_label: string; y_label: string; unit: string; covariance: [number, number, number]; reach_95: number}[];
 }
 
 export interface Correlation {
   names: string[];
-  matrix: number[][];
+  matrix: (number | null)[][];
 }
 
 export interface Pairs {

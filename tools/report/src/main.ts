@@ -1,3 +1,7 @@
+// Charts are Observable Plot's: SVG, which prints sharp and follows the page's colours; marks for vectors, cells and
+// dumbbells, logarithmic axes and tips; a quarter of a megabyte in every page, where Plotly takes three and a half, and
+// uPlot, the smallest, has neither vector fields nor squares of cells. 3-D is three.js, drawn as SVG too.
+//
 // Finds the page's figures and draws each by its view: <figure data-view="NAME"> with its data as JSON in a script of
 // its own, or in the one that data-from names.
 import {dataIn} from './page_data';

@@ -11,7 +11,7 @@ export function captureBars(figure: HTMLElement, data: Captures): void {
     figure.append('No capture was used.');
     return;
   }
-  const overall = Math.sqrt(known.reduce((sum, rms) => sum + rms * rms, 0) / known.length);
+  const overall = data.rms_px ?? 0;
   responsive(figure, (width) => {
     const chart = plot({
       width, height: 200, marginLeft: 50, marginBottom: 30,

@@ -1,7 +1,7 @@
 // Which parameters cannot be told apart: a square of cells from -1 to 1.
 import {axisX, axisY, cell, plot} from '@observablehq/plot';
 import type {Correlation} from '../data';
-import {colours, legend, responsive} from '../figure';
+import {colours, legend, responsive, significant} from '../figure';
 
 export function correlation(figure: HTMLElement, data: Correlation): void {
   const cells = data.matrix.flatMap((row, i) => row.map((value, j) => ({i, j, value})));
@@ -20,10 +20,10 @@ export function correlation(figure: HTMLElement, data: Correlation): void {
         axisX({...labels, tickRotate: -90}),
         axisY(labels),
         cell(cells, {
-          x: 'j', y: 'i', fill: (entry: {value: number}) => (entry.value < 0 ? colours.first : colours.second),
-          fillOpacity: (entry: {value: number}) => Math.abs(entry.value),
-          channels: {what: {value: (entry: {i: number; j: number; value: number}) =>
-              `${data.names[entry.i]}, ${data.names[entry.j]}: ${entry.value.toFixed(2)}`, label: ''}},
+          x: 'j', y: 'i', fill: (entry: {value: number | null}) => ((entry.value ?? 0) < 0 ? colours.first : colours.second),
+          fillOpacity: (entry: {value: number | null}) => Math.abs(entry.value ?? 0),
+          channels: {what: {value: (entry: {i: number; j: number; value: number | null}) =>
+              `${data.names[entry.i]}, ${data.names[entry.j]}: ${significant(entry.value, 2)}`, label: ''}},
           tip: {format: {x: false, y: false, fill: false, fillOpacity: false, what: true}}}),
       ],
     });

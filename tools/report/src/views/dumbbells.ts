@@ -21,10 +21,11 @@ export function dumbbells(figure: HTMLElement, data: Dumbbells): void {
   const high = Math.max(...dots.map((entry) => entry.value)) * 1.3;
   const longest = Math.max(...data.rows.map((row) => row.label.length));
   figure.append(legend(data.series.map((name, i) => ({name, colour: kColours[i] ?? colours.ink}))));
+  const marginOf = (width: number) => Math.min(10 + 6.6 * longest, 0.45 * width);
   responsive(figure, (width) => plot({
     width,
     height: 50 + 20 * data.rows.length,
-    marginLeft: Math.min(10 + 6.6 * longest, 0.45 * width),
+    marginLeft: marginOf(width),
     marginRight: 16,
     x: {type: 'log', domain: [low, high], label: data.unit, tickFormat: (value: number) => significant(value)},
     y: {type: 'band', domain: data.rows.map((_, i) => i), axis: null, padding: 0.2},
@@ -32,7 +33,7 @@ export function dumbbells(figure: HTMLElement, data: Dumbbells): void {
       gridX({stroke: colours.line, strokeOpacity: 1, ticks: Math.max(2, width / 110)}),
       axisX({ticks: Math.max(2, width / 110), label: data.unit, tickFormat: (value: number) => significant(value)}),
       ...[true, false].map((strong) => text(data.rows.flatMap((row, index) => (Boolean(row.strong) === strong ? [{...row, index}] : [])), {
-        x: low, y: 'index', text: 'label', dx: -8, textAnchor: 'end', lineWidth: 24, textOverflow: 'ellipsis',
+        x: low, y: 'index', text: 'label', dx: -8, textAnchor: 'end', lineWidth: (marginOf(width) - 10) / 10, textOverflow: 'ellipsis',
         fontWeight: strong ? 'bold' : 'normal'})),
       link(bars, {x1: 'low', x2: 'high', y1: 'index', y2: 'index', stroke: colours.dim, strokeOpacity: 0.6, strokeWidth: 2}),
       dot(dots, {

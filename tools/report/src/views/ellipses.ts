@@ -1,10 +1,8 @@
-// What a normal distribution fills with 39 % (one sigma) and 95 %, a small chart a pair of axes; those of one unit have
-// one scale.
+// One sigma, and the region that holds the truth with 95 %: a small chart a pair of axes; those of one unit have one
+// scale.
 import {dot, line, plot} from '@observablehq/plot';
 import type {Ellipses} from '../data';
 import {colours, element, responsive, significant} from '../figure';
-
-const kTwoSigma95 = Math.sqrt(5.991); // The root of chi-square's 95 % point with two degrees of freedom.
 
 function outline([xx, xy, yy]: [number, number, number], sigmas: number): [number, number][] {
   // By Cholesky: the unit circle through the covariance's root.
@@ -23,7 +21,7 @@ export function ellipses(figure: HTMLElement, data: Ellipses): void {
   for (const ellipse of data.ellipses) {
     const same = data.ellipses.filter(({unit}) => unit === ellipse.unit);
     const largest = Math.max(...same.map(({covariance}) => Math.sqrt(Math.max(covariance[0], covariance[2]))));
-    const reach = 1.1 * kTwoSigma95 * largest;
+    const reach = 1.1 * ellipse.reach_95 * largest;
     if (!(reach > 0)) continue;
     const domain: [number, number] = [-reach, reach];
     const place = element('div', 'chart');
@@ -33,7 +31,7 @@ export function ellipses(figure: HTMLElement, data: Ellipses): void {
       x: {domain, label: `${ellipse.x_label}, ${ellipse.unit}`, ticks: 4, tickFormat: (value: number) => significant(value)},
       y: {domain, label: `${ellipse.y_label}, ${ellipse.unit}`, ticks: 4, tickFormat: (value: number) => significant(value)},
       marks: [
-        line(outline(ellipse.covariance, kTwoSigma95), {x: '0', y: '1', stroke: colours.first, fill: colours.first, fillOpacity: 0.12, strokeDasharray: '4 3'}),
+        line(outline(ellipse.covariance, ellipse.reach_95), {x: '0', y: '1', stroke: colours.first, fill: colours.first, fillOpacity: 0.12, strokeDasharray: '4 3'}),
         line(outline(ellipse.covariance, 1), {x: '0', y: '1', stroke: colours.first, fill: colours.first, fillOpacity: 0.3, strokeWidth: 2}),
         dot([[0, 0]], {x: '0', y: '1', r: 2, fill: colours.ink}),
       ],

@@ -57,17 +57,17 @@ class Drawing {
   }
 }
 
-function frustum(camera: SetUp['camera'], frame: Matrix4, depth: number): Vector3[] {
-  const [width, height] = camera.image_size;
-  const corners = [[0, 0], [width, 0], [width, height], [0, height]].map(([u, v]) =>
-      new Vector3(depth * (u! - camera.cx) / camera.fx, depth * (v! - camera.cy) / camera.fy, depth).applyMatrix4(frame));
-  const eye = new Vector3().applyMatrix4(frame);
+function frustum(corners: SetUp['corners'], frame: Matrix4, depth: number): Vector3[] {
+  // To one depth, but for rays that look far to the side.
+  const ends = corners.map(([x, y, z]) => new Vector3(x, y, z).multiplyScalar(depth / Math.max(z, 0.3)));
+  const [leftTop, rightTop, rightBottom] = ends as [Vector3, Vector3, Vector3];
   // The upper side has a roof, so that it is known.
-  const roof = new Vector3(depth * (width / 2 - camera.cx) / camera.fx, depth * (-0.15 * height - camera.cy) / camera.fy, depth)
-      .applyMatrix4(frame);
-  const segments: Vector3[] = [corners[0]!, roof, roof, corners[1]!];
-  corners.forEach((corner, i) => segments.push(eye, corner, corner, corners[(i + 1) % 4]!));
-  return segments;
+  const up = rightTop.clone().sub(rightBottom).multiplyScalar(0.15);
+  const roof = leftTop.clone().add(rightTop).multiplyScalar(0.5).add(up);
+  const eye = new Vector3();
+  const segments = [leftTop, roof, roof, rightTop];
+  ends.forEach((end, i) => segments.push(eye, end, end, ends[(i + 1) % 4]!));
+  return segments.map((point) => point.clone().applyMatrix4(frame));
 }
 
 function board([x1, y1, x2, y2]: SetUp['target_size'], frame: Matrix4): Vector3[] {
@@ -110,7 +110,7 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   grippers.forEach((gripper, i) => drawing.axes(gripper, 0.045 * size, {opacity: captures[i]!.used ? 0.9 : 0.3, width: 1.5}));
   const many = (count: number) => Math.max(0.25, Math.min(1, 6 / count));
   for (const camera of camerasAt) {
-    drawing.segments(frustum(data.camera, camera, (isFixed ? 0.18 : 0.1) * size),
+    drawing.segments(frustum(data.corners, camera, (isFixed ? 0.18 : 0.1) * size),
                      {colour: '--second', opacity: isFixed ? 1 : many(camerasAt.length), width: isFixed ? 2 : 1.5});
   }
   for (const place of boardsAt) {
@@ -122,7 +122,7 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   figure.append(legend([
     {name: isFixed ? 'camera' : 'camera at each capture', colour: 'var(--second)'},
     {name: isFixed ? 'target at each capture' : 'target', colour: 'var(--first)'},
-    {name: 'x', colour: kAxes[0]!}, {name: 'y', colour: kAxes[1]!}, {name: 'z', colour: kAxes[2]!},
+    {name: 'x', colour: kAxes[0]!}, {name: 'y', colour: kAxes[1]!}, {name: 'z', colour: kAxes[2]!}, // Of base and gripper.
   ]));
 
   const renderer = new SVGRenderer();
@@ -135,7 +135,9 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   const place = element('div', 'drawing');
   place.append(svg);
   figure.append(place);
-  figure.append(element('p', 'hint', 'Drag to turn; after a click the wheel zooms and the arrow keys turn. Two fingers zoom and move.'));
+  figure.append(element('p', 'hint', 
+      'The small axes are the gripper\u2019s at each capture. Drag to turn; after a click the wheel zooms and the arrow keys turn. ' +
+      'Two fingers zoom and move.' + (step > 1 ? ` Of ${data.captures.length} captures ${captures.length} are drawn.` : '')));
 
   const eye = new PerspectiveCamera(40, 1.6, 0.01 * size, 100 * size);
   eye.up.set(0, 0, 1);

@@ -1,0 +1,89 @@
+#include "tools/page.h"
+
+#include <cmath>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tools/page_assets.h"
+
+namespace heba {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+bool has_script = true;
+
+// Names that would do harm as markup, in a script, or as no UTF-8.
+const std::vector<std::string> kHostile = {"<!--<script>", "</script><img src=x onerror=alert(1)>", "\"' onload='x' \"",
+                                           "&lt;b&gt;", "\xff\xfe <b>"};
+
+}  // namespace
+
+std::string_view PageStyle() { return "body{}"; }
+std::string_view PageScript() { return has_script ? "run();" : ""; }
+std::string_view PageScriptHash() { return has_script ? "sha256-abc=" : ""; }
+
+namespace {
+
+class PageTest : public testing::TestWithParam<bool> {
+ protected:
+  PageTest() { has_script = GetParam(); }
+};
+INSTANTIATE_TEST_SUITE_P(, PageTest, testing::Bool(),
+                         [](const auto& test) { return test.param ? "WithScript" : "Plain"; });
+
+TEST_P(PageTest, HoldsTheScriptThatItAllowsAndNoOther) {
+  const std::string page = HtmlPage("a <title>", "<p>body</p>");
+  EXPECT_THAT(page, HasSubstr("<title>a &lt;title&gt;</title>"));
+  EXPECT_THAT(page, HasSubstr("default-src 'none'"));
+  EXPECT_THAT(page, Not(HasSubstr("://")));
+  EXPECT_THAT(page, Not(HasSubstr("unsafe-eval")));
+}
+
+TEST_P(PageTest, HasNoChartsWithoutTheScriptAndSaysSo) {
+  const std::string page = HtmlPage("t", ViewFigure("lines", "caption", {{"x", 1}}) + SharedData("d", {{"y", 2}}) +
+                                             SharedViewFigure("pairs", "", "d"));
+  if (GetParam()) {
+    EXPECT_THAT(page, HasSubstr("script-src 'sha256-abc='"));
+    EXPECT_THAT(page, HasSubstr("<script>run();</script>"));
+    EXPECT_THAT(page, HasSubstr("<figure data-view=\"lines\"><figcaption>caption</figcaption>"));
+    EXPECT_THAT(page, HasSubstr("data-from=\"d\""));
+  } else {
+    EXPECT_THAT(page, HasSubstr("script-src 'none'"));
+    EXPECT_THAT(page, Not(HasSubstr("<script")));
+    EXPECT_THAT(page, Not(HasSubstr("<figure")));
+    EXPECT_THAT(page, HasSubstr("built without Node.js"));
+  }
+}
+
+TEST_P(PageTest, NothingGivenBecomesMarkup) {
+  for (const std::string& name : kHostile) {
+    const nlohmann::ordered_json data = {{"name", name}, {name, 1}};
+    for (const std::string& markup : {ViewFigure("v", name, data), SharedData("d", data),
+                                      HtmlTable({name}, {{{name}}}, true), Heading(name), Paragraph(name)}) {
+      // The only tags are those that these functions write.
+      for (const char* tag : {"<!--", "<script>", "<img", "<b>"}) EXPECT_THAT(markup, Not(HasSubstr(tag))) << name;
+      const size_t ends = GetParam() && markup.find("application/json") != std::string::npos ? 1 : 0;
+      size_t found = 0;
+      for (size_t at = markup.find("</script"); at != std::string::npos; at = markup.find("</script", at + 1)) ++found;
+      EXPECT_EQ(found, ends) << markup;
+    }
+  }
+  // And it is the same text when it is read again.
+  if (!GetParam()) return;
+  const std::string embedded = SharedData("d", {{"name", kHostile[1]}});
+  const size_t begin = embedded.find('>') + 1;
+  const auto read = nlohmann::json::parse(embedded.substr(begin, embedded.rfind("</script>") - begin));
+  EXPECT_EQ(read["name"], kHostile[1]);
+}
+
+TEST_P(PageTest, WhatIsNoNumberIsNull) {
+  if (!GetParam()) return;
+  EXPECT_THAT(SharedData("d", {{"x", std::nan("")}}), HasSubstr("{\"x\":null}"));
+  EXPECT_EQ(OrNull(std::nullopt), nullptr);
+}
+
+}  // namespace
+}  // namespace heba
