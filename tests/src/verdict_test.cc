@@ -97,7 +97,7 @@ TEST(VerdictTest, OneFaultDecides) {
       {Grade::kBad, "off by 8.0 px", [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
       {Grade::kDoubtful, "without 7 the camera would be 0.90 mm and 0 deg elsewhere",
        [](RunResult* r) {
-         for (CaptureResult& capture : r->captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 0.002};
+         for (CaptureResult& capture : r->captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 0.02};
          r->captures[7].move_without = CaptureMove{9e-4 * Tangent6::Unit(1), 1e-4};
        }},
       {Grade::kBad, "no refined estimate", [](RunResult* r) { r->estimates.pop_back(); }},
@@ -110,6 +110,13 @@ TEST(VerdictTest, OneFaultDecides) {
     EXPECT_THAT(verdict.findings.front().what, testing::HasSubstr(test.what));
     EXPECT_NE(verdict.findings.front().cure, "") << test.what;
   }
+}
+
+// Where all pull harder than the noise that is assumed allows, it is that noise which is wrong, and no capture.
+TEST(VerdictTest, BlamesNoCaptureForWhatAllDo) {
+  RunResult result = GoodResult();
+  for (CaptureResult& capture : result.captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 1e-9};
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
 }
 
 TEST(VerdictTest, RemarksMakeItDoubtful) {

@@ -100,17 +100,21 @@ Finding JudgePixels(const Solution& solution) {
   return finding;
 }
 
-// One capture that pulls harder than chance would have it, though all of them were asked.
+// One capture that pulls harder than chance would have it, though all of them were asked. Where many do, not they are
+// wrong but the noise that is assumed, which is judged by itself.
 std::optional<Finding> JudgeInfluence(const RunResult& result) {
+  constexpr double kUnlikely = 0.01;
   const CaptureResult* strongest = nullptr;
   int num_asked = 0;
+  int num_unlikely = 0;
   for (const CaptureResult& capture : result.captures) {
     if (!capture.move_without) continue;
     ++num_asked;
+    num_unlikely += capture.move_without->chance < kUnlikely ? 1 : 0;
     if (strongest == nullptr || capture.move_without->chance < strongest->move_without->chance) strongest = &capture;
   }
-  if (strongest == nullptr) return std::nullopt;
-  constexpr double kUnlikely = 0.01;
+  constexpr double kFew = 0.2;
+  if (strongest == nullptr || num_unlikely > std::max(1.0, kFew * num_asked)) return std::nullopt;
   constexpr double kMattersM = 0.3e-3;
   constexpr double kMattersRad = 5e-4;
   const double move_m = strongest->move_without->tangent.head<3>().norm();
