@@ -100,21 +100,27 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   drawing.axes(new Matrix4(), 0.16 * size, {opacity: 1, width: 3});
   drawing.label('base', new Vector3());
   const floor: Vector3[] = [];
+  const ground = Math.min(0, low.z);
   const reach = 0.5 * size;
   for (let i = -4; i <= 4; ++i) {
     const offset = (reach * i) / 4;
-    floor.push(new Vector3(middle.x - reach, middle.y + offset, 0), new Vector3(middle.x + reach, middle.y + offset, 0),
-               new Vector3(middle.x + offset, middle.y - reach, 0), new Vector3(middle.x + offset, middle.y + reach, 0));
+    floor.push(new Vector3(middle.x - reach, middle.y + offset, ground), new Vector3(middle.x + reach, middle.y + offset, ground),
+               new Vector3(middle.x + offset, middle.y - reach, ground), new Vector3(middle.x + offset, middle.y + reach, ground));
   }
   drawing.segments(floor, {colour: '--line', opacity: 0.8, width: 1});
   grippers.forEach((gripper, i) => drawing.axes(gripper, 0.045 * size, {opacity: captures[i]!.used ? 0.9 : 0.3, width: 1.5}));
   const many = (count: number) => Math.max(0.25, Math.min(1, 6 / count));
+  const extent = [...places, ...[[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(([x, y, z]) => new Vector3(x, y, z).multiplyScalar(0.16 * size))];
   for (const camera of camerasAt) {
-    drawing.segments(frustum(data.corners, camera, (isFixed ? 0.18 : 0.1) * size),
+    const lines = frustum(data.corners, camera, (isFixed ? 0.18 : 0.1) * size);
+    extent.push(...lines);
+    drawing.segments(lines,
                      {colour: '--second', opacity: isFixed ? 1 : many(camerasAt.length), width: isFixed ? 2 : 1.5});
   }
   for (const place of boardsAt) {
-    drawing.segments(board(data.target_size, place), {colour: '--first', opacity: isFixed ? many(boardsAt.length) : 1, width: isFixed ? 1.5 : 2});
+    const lines = board(data.target_size, place);
+    extent.push(...lines);
+    drawing.segments(lines, {colour: '--first', opacity: isFixed ? many(boardsAt.length) : 1, width: isFixed ? 1.5 : 2});
   }
   if (isFixed) drawing.label('camera', new Vector3().setFromMatrixPosition(handEye));
   else drawing.label('target', new Vector3().setFromMatrixPosition(boardPose));
@@ -146,7 +152,7 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   const away = new Vector3(work.y, -work.x, 0);
   if (away.lengthSq() < 1e-12) away.set(1, 0, 0);
   away.normalize().addScaledVector(work.setZ(0).normalize(), 0.45).setZ(0.55).normalize();
-  eye.position.copy(middle).addScaledVector(away, 1.15 * size);
+  eye.position.copy(middle).addScaledVector(away, size);
   const controls = new OrbitControls(eye, svg as unknown as HTMLElement);
   controls.target.copy(middle);
   controls.update();
@@ -161,6 +167,7 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
     const by = turn[event.key];
     if (!by) return;
     event.preventDefault();
+    isUntouched = false;
     const arm = eye.position.clone().sub(controls.target);
     arm.applyAxisAngle(eye.up, 0.12 * by[0]);
     const side = new Vector3().crossVectors(eye.up, arm).normalize();
@@ -170,6 +177,22 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
     controls.update();
   });
 
+  // As near as all of it is in view, along the direction that the eye looks in.
+  let isUntouched = true;
+  const comeNear = () => {
+    const forward = controls.target.clone().sub(eye.position).normalize();
+    const right = new Vector3().crossVectors(forward, eye.up).normalize();
+    const up = new Vector3().crossVectors(right, forward);
+    const slope = 0.88 * Math.tan((0.5 * eye.fov * Math.PI) / 180);
+    const distances = extent.map((point) => {
+      const arm = point.clone().sub(controls.target);
+      const across = Math.max(Math.abs(arm.dot(right)) / (slope * eye.aspect), Math.abs(arm.dot(up)) / slope);
+      return across - arm.dot(forward);
+    });
+    eye.position.copy(controls.target).addScaledVector(forward, -Math.max(...distances, 0.1 * size));
+    controls.update();
+  };
+
   const render = () => renderer.render(drawing.scene, eye);
   const fit = () => {
     const width = Math.min(figure.clientWidth, 760);
@@ -178,6 +201,7 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
     renderer.setSize(width, height);
     eye.aspect = width / height;
     eye.updateProjectionMatrix();
+    if (isUntouched) comeNear();
     render();
   };
   const colour = () => {
@@ -191,6 +215,7 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   colour();
   fit();
   controls.addEventListener('change', render);
+  controls.addEventListener('start', () => { isUntouched = false; });
   new ResizeObserver(fit).observe(figure);
   for (const query of ['(prefers-color-scheme: dark)', 'print']) matchMedia(query).addEventListener('change', recolour);
 }
