@@ -1,0 +1,137 @@
+#include "heba/robot/ur_kinematics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "heba/base/text.h"
+
+namespace heba {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+Rigid3d DhLink(double angle_rad, double d_m, double a_m, double alpha_rad) {
+  const Rigid3d turn(Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitZ())),
+                     Eigen::Vector3d(a_m * std::cos(angle_rad), a_m * std::sin(angle_rad), d_m));
+  return turn *
+         Rigid3d(Eigen::Quaterniond(Eigen::AngleAxisd(alpha_rad, Eigen::Vector3d::UnitX())), Eigen::Vector3d::Zero());
+}
+
+double Wrapped(double angle_rad) { return std::remainder(angle_rad, 2 * kPi); }
+
+// The cosine of an angle, if it is one: beyond 1 by rounding it is 1.
+bool IsCosine(double* value) {
+  constexpr double kRounding = 1e-9;
+  if (!(std::abs(*value) <= 1 + kRounding)) return false;
+  *value = std::clamp(*value, -1.0, 1.0);
+  return true;
+}
+
+std::string Mm(double m) { return Significant(1000 * m, 3) + " mm"; }
+
+}  // namespace
+
+const std::vector<UrRobot>& UrRobots() {
+  static const std::vector<UrRobot> robots = {
+#define HEBA_UR_ROBOT(name, d1, a2, a3, d4, d5, d6) {#name, d1, a2, a3, d4, d5, d6},
+#include "heba/robot/ur_robots.def"
+#undef HEBA_UR_ROBOT
+  };
+  return robots;
+}
+
+std::vector<std::string> UrRobotNames() {
+  std::vector<std::string> names;
+  for (const UrRobot& robot : UrRobots()) names.push_back(robot.name);
+  return names;
+}
+
+const UrRobot* FindUrRobot(std::string_view name) {
+  for (const UrRobot& robot : UrRobots()) {
+    if (robot.name == name) return &robot;
+  }
+  return nullptr;
+}
+
+Rigid3d BaseFromFlange(const UrRobot& robot, const JointAngles& q) {
+  return DhLink(q[0], robot.d1_m, 0, kPi / 2) * DhLink(q[1], 0, robot.a2_m, 0) * DhLink(q[2], 0, robot.a3_m, 0) *
+         DhLink(q[3], robot.d4_m, 0, kPi / 2) * DhLink(q[4], robot.d5_m, 0, -kPi / 2) * DhLink(q[5], robot.d6_m, 0, 0);
+}
+
+Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& base_from_flange) {
+  constexpr double kNearSingular = 1e-3;  // Of a sine.
+  const Eigen::Matrix3d r = base_from_flange.RotationMatrix();
+  const Eigen::Vector3d& p = base_from_flange.translation;
+  // Frame 5's origin, the wrist: its distance from the plane of the arm is d4, which leaves two first joints.
+  const Eigen::Vector3d wrist = p - robot.d6_m * r.col(2);
+  const double from_axis_m = std::hypot(wrist.x(), wrist.y());
+  double shoulder_cosine = from_axis_m > 0 ? robot.d4_m / from_axis_m : 2;
+  if (!IsCosine(&shoulder_cosine)) {
+    return Failure{"out of reach: the wrist would be " + Mm(from_axis_m) + " from the axis of the base, " +
+                   Mm(robot.d4_m) + " is the least"};
+  }
+  std::vector<UrPosture> postures;
+  double too_far_m = 0;
+  double too_near_m = 0;
+  for (const double shoulder : {1.0, -1.0}) {
+    const double q1 = std::atan2(wrist.y(), wrist.x()) + shoulder * std::acos(shoulder_cosine) + kPi / 2;
+    const double s1 = std::sin(q1);
+    const double c1 = std::cos(q1);
+    // The arm's normal as the flange sees it: its angle with axis 6 is the fifth joint, its direction about that the
+    // sixth. Where it is along axis 6 there is no such direction.
+    const Eigen::Vector3d normal = r.transpose() * Eigen::Vector3d(s1, -c1, 0);
+    const double sine = normal.head<2>().norm();
+    constexpr double kNothing = 1e-9;
+    const bool is_free = sine < kNothing;
+    for (const double flip : {1.0, -1.0}) {
+      if (is_free && flip < 0) continue;  // The same posture again.
+      const double q5 = flip * std::atan2(sine, normal.z());
+      const double q6 = is_free ? 0 : std::atan2(-flip * normal.y(), flip * normal.x());
+      // What is left is a plane arm of two links.
+      const Rigid3d from_4 = Inverse(DhLink(q1, robot.d1_m, 0, kPi / 2)) * base_from_flange *
+                             Inverse(DhLink(q5, robot.d5_m, 0, -kPi / 2) * DhLink(q6, robot.d6_m, 0, 0));
+      const double u = from_4.translation.x();
+      const double v = from_4.translation.y();
+      const double squared = u * u + v * v;
+      double elbow_cosine =
+          (squared - robot.a2_m * robot.a2_m - robot.a3_m * robot.a3_m) / (2 * robot.a2_m * robot.a3_m);
+      if (!IsCosine(&elbow_cosine)) {
+        const double reach_m = std::abs(robot.a2_m) + std::abs(robot.a3_m);
+        const double least_m = std::abs(std::abs(robot.a2_m) - std::abs(robot.a3_m));
+        const double distance_m = std::sqrt(squared);
+        if (distance_m > reach_m)
+          too_far_m = too_far_m == 0 ? distance_m - reach_m : std::min(too_far_m, distance_m - reach_m);
+        if (distance_m < least_m)
+          too_near_m = too_near_m == 0 ? least_m - distance_m : std::min(too_near_m, least_m - distance_m);
+        continue;
+      }
+      for (const double elbow : {1.0, -1.0}) {
+        const double q3 = elbow * std::acos(elbow_cosine);
+        const double q2 =
+            std::atan2(v, u) - std::atan2(robot.a3_m * std::sin(q3), robot.a2_m + robot.a3_m * std::cos(q3));
+        const Eigen::Matrix3d r4 = from_4.RotationMatrix();
+        const double q4 = std::atan2(r4(1, 0), r4(0, 0)) - q2 - q3;
+        UrPosture posture;
+        posture.joints_rad = {Wrapped(q1), Wrapped(q2), Wrapped(q3), Wrapped(q4), Wrapped(q5), Wrapped(q6)};
+        std::vector<std::string> words;
+        if (is_free) {
+          words.emplace_back("wrist: axes 4 and 6 are parallel, joint 6 is free and stands at 0");
+        } else if (sine < kNearSingular) {
+          words.emplace_back("wrist: axes 4 and 6 are next to parallel");
+        }
+        if (std::abs(std::sin(q3)) < kNearSingular) words.emplace_back("elbow: the arm is stretched or folded");
+        if (std::abs(std::sin(std::acos(shoulder_cosine))) < kNearSingular) {
+          words.emplace_back("shoulder: the wrist is next to the base's axis");
+        }
+        posture.singularity = Join(words, "; ");
+        postures.push_back(std::move(posture));
+      }
+    }
+  }
+  if (!postures.empty()) return postures;
+  if (too_far_m > 0) return Failure{"out of reach: too far by " + Mm(too_far_m)};
+  return Failure{"out of reach: too near to the shoulder by " + Mm(too_near_m)};
+}
+
+}  // namespace heba

@@ -1,0 +1,97 @@
+#include "heba/robot/ur_kinematics.h"
+
+#include <cmath>
+#include <numbers>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/rng.h"
+
+namespace heba {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+JointAngles RandomJoints(Rng* rng) {
+  JointAngles joints;
+  for (double& joint : joints) joint = rng->Uniform(-kPi, kPi);
+  return joints;
+}
+
+double Distance(const JointAngles& a, const JointAngles& b) {
+  double distance = 0;
+  for (size_t i = 0; i < a.size(); ++i) {
+    distance = std::max(distance, std::abs(std::remainder(a[i] - b[i], 2 * kPi)));
+  }
+  return distance;
+}
+
+// By hand, from the maker's table: stretched out along -x, and upright.
+TEST(UrKinematicsTest, TheFlangeIsWhereTheTableSays) {
+  const UrRobot& ur5e = *FindUrRobot("ur5e");
+  const Rigid3d stretched = BaseFromFlange(ur5e, {0, 0, 0, 0, 0, 0});
+  EXPECT_LT((stretched.translation - Eigen::Vector3d(-0.8172, -0.2329, 0.0628)).norm(), 1e-12);
+  const Rigid3d upright = BaseFromFlange(ur5e, {0, -kPi / 2, 0, -kPi / 2, 0, 0});
+  EXPECT_LT((upright.translation - Eigen::Vector3d(0, -0.2329, 1.0794)).norm(), 1e-12);
+}
+
+class UrRobotTest : public testing::TestWithParam<UrRobot> {};
+INSTANTIATE_TEST_SUITE_P(, UrRobotTest, testing::ValuesIn(UrRobots()),
+                         [](const auto& test) { return test.param.name; });
+
+TEST_P(UrRobotTest, EveryPostureReachesThePoseAndTheOneItCameFromIsAmongThem) {
+  Rng rng(17);
+  int num_postures = 0;
+  constexpr int kPoses = 10'000;
+  for (int i = 0; i < kPoses; ++i) {
+    const JointAngles joints = RandomJoints(&rng);
+    const Rigid3d pose = BaseFromFlange(GetParam(), joints);
+    const Outcome<std::vector<UrPosture>> postures = PosturesOf(GetParam(), pose);
+    ASSERT_TRUE(postures.ok()) << postures.reason();
+    double nearest = 10;
+    for (const UrPosture& posture : *postures) {
+      const Rigid3d reached = BaseFromFlange(GetParam(), posture.joints_rad);
+      ASSERT_LT(LocalCoordinates(pose, reached).norm(), 1e-9) << i;
+      nearest = std::min(nearest, Distance(joints, posture.joints_rad));
+    }
+    // Near a singularity much movement of a joint is little of the flange.
+    ASSERT_LT(nearest, 1e-4) << i;
+    ASSERT_LE(postures->size(), 8U);
+    num_postures += static_cast<int>(postures->size());
+  }
+  // Most poses have all eight or four.
+  EXPECT_GT(num_postures, 4 * kPoses);
+}
+
+TEST_P(UrRobotTest, SingularPosturesAreNamed) {
+  const UrRobot& robot = GetParam();
+  struct Case {
+    JointAngles joints;
+    const char* word;
+  };
+  for (const Case& test :
+       {Case{{0.3, -1.1, 0.9, 0.4, 0, 0.7}, "wrist"}, Case{{0.3, -1.1, 0, 0.4, 1.2, 0.7}, "elbow"}}) {
+    const Rigid3d pose = BaseFromFlange(robot, test.joints);
+    const Outcome<std::vector<UrPosture>> postures = PosturesOf(robot, pose);
+    ASSERT_TRUE(postures.ok()) << postures.reason();
+    bool is_named = false;
+    for (const UrPosture& posture : *postures) {
+      EXPECT_LT(LocalCoordinates(pose, BaseFromFlange(robot, posture.joints_rad)).norm(), 1e-9);
+      is_named = is_named || posture.singularity.find(test.word) != std::string::npos;
+    }
+    EXPECT_TRUE(is_named) << test.word;
+  }
+}
+
+TEST_P(UrRobotTest, OutOfReachIsAnsweredInWords) {
+  const UrRobot& robot = GetParam();
+  const Eigen::Quaterniond down(0, 1, 0, 0);
+  const double reach_m = std::abs(robot.a2_m) + std::abs(robot.a3_m) + robot.d5_m;
+  EXPECT_THAT(PosturesOf(robot, {down, Eigen::Vector3d(reach_m + 1, 0, 0)}).reason(), testing::HasSubstr("too far by"));
+  EXPECT_THAT(PosturesOf(robot, {down, Eigen::Vector3d(0.5 * robot.d4_m, 0, 0.3)}).reason(),
+              testing::HasSubstr("from the axis of the base"));
+}
+
+}  // namespace
+}  // namespace heba
