@@ -11,6 +11,7 @@
 #include "heba/base/text.h"
 #include "heba/io/camera_file.h"
 #include "heba/io/pose_file.h"
+#include "heba/robot/ur_kinematics.h"
 #include "solvers/hand_eye_method.h"
 #include "solvers/loss.h"
 #include "targets/image.h"
@@ -109,7 +110,14 @@ void ReadCaptures(MapReader& root, RunConfig* config) {
   const fs::path poses_file = reader.Path("poses");
   config->poses_file = poses_file;
   PoseFormat format = *FindPoseFormat("ros");
-  if (const std::optional<ConfigValue> value = reader.Find("pose_format")) format = ReadPoseFormat(value->Top());
+  const std::optional<ConfigValue> format_value = reader.Find("pose_format");
+  const bool has_joints = format_value && format_value->IsText() && format_value->AsText() == "joints";
+  if (has_joints) {
+    const std::string robot = reader.Choice("robot", UrRobotNames());
+    format = JointFormat(robot, reader.Choice("joint_angles", {"rad", "deg"}, "rad"));
+  } else if (format_value) {
+    format = ReadPoseFormat(format_value->Top());
+  }
   reader.Record("pose_format", PoseFormatNode(format));
   if (const std::optional<ConfigValue> units = reader.Find("units")) {
     format = WithUnits(format, *units);

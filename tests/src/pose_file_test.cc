@@ -12,6 +12,7 @@
 #include "heba/base/units.h"
 #include "heba/io/pose_file.h"
 #include "heba/io/pose_formats.h"
+#include "heba/robot/ur_kinematics.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
@@ -352,6 +353,16 @@ TEST(PoseFileTest, LimitsTheNumberOfRows) {
   std::string text = "x,y,z,rx,ry,rz\n";
   for (int i = 0; i < 1000001; ++i) text += "0,0,0,0,0,0\n";
   EXPECT_EQ(ErrorOf(text, "ur"), "poses.csv:1000002: more than 1000000 captures");
+}
+
+TEST(PoseFileTest, JointsGiveTheFlangesPose) {
+  const std::string text = "image,j1,j2,j3,j4,j5,j6\na.png,10,-90,45,-30,80,5\n";
+  const PoseRow row = ParsePoses(text, "poses.csv", JointFormat("ur10e", "deg")).front();
+  JointAngles joints_rad = {10, -90, 45, -30, 80, 5};
+  for (double& joint : joints_rad) joint = DegToRad(joint);
+  EXPECT_LT(LocalCoordinates(BaseFromFlange(*FindUrRobot("ur10e"), joints_rad), row.pose).norm(), 1e-14);
+  const auto too_few = [] { ParsePoses("j1,j2,j3,j4,j5\n0,0,0,0,0\n", "poses.csv", JointFormat("ur5", "rad")); };
+  EXPECT_THAT(InputErrorOf(too_few), HasSubstr("column 'j6' is missing"));
 }
 
 TEST(PoseFileTest, WritesWhatItReads) {

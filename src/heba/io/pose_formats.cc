@@ -8,6 +8,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/robot/ur_kinematics.h"
 
 namespace heba {
 namespace {
@@ -158,7 +159,7 @@ std::string CheckRange(const PoseFormat& format, std::span<const double> numbers
 const std::vector<PoseFormat>& PoseFormats() {
   static const std::vector<PoseFormat> formats = {
 #define HEBA_POSE_FORMAT(name, columns, translation_unit, rotation, angle_unit) \
-  {#name, Split(columns, ' '), translation_unit, rotation, angle_unit},
+  {#name, Split(columns, ' '), translation_unit, rotation, angle_unit, ""},
 #include "heba/io/pose_formats.def"
 #undef HEBA_POSE_FORMAT
   };
@@ -182,6 +183,11 @@ std::vector<std::string> PoseRotationNames() {
   std::vector<std::string> names;
   for (const RotationForm& form : RotationForms()) names.push_back(form.name);
   return names;
+}
+
+PoseFormat JointFormat(const std::string& robot, const std::string& angle_unit) {
+  CHECK(FindUrRobot(robot) != nullptr) << "robot " << robot;
+  return {"joints", {"j1", "j2", "j3", "j4", "j5", "j6"}, "m", "joints", angle_unit, robot};
 }
 
 PoseFormat ReadPoseFormat(const ConfigValue& value) {
@@ -240,6 +246,11 @@ Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const doubl
   CHECK_EQ(numbers.size(), format.columns.size());
   const std::string fault = CheckRange(format, numbers);
   if (!fault.empty()) return Failure{fault};
+  if (!format.robot.empty()) {
+    JointAngles joints_rad;
+    for (size_t i = 0; i < joints_rad.size(); ++i) joints_rad[i] = RadPerUnit(format) * numbers[i];
+    return BaseFromFlange(*FindUrRobot(format.robot), joints_rad);
+  }
   const RotationForm& form = FormOf(format);
   const double m_per_unit = UnitFactor(format.translation_unit, Quantity::kLength);
   if (form.kind == RotationKind::kMatrix) return PoseFromMatrix(numbers, m_per_unit);

@@ -20,6 +20,7 @@ struct PoseFormat {
   std::string translation_unit;  // m, cm, mm, in
   std::string rotation;          // A name of PoseRotationNames().
   std::string angle_unit;        // rad, deg; empty if the rotation has no angles.
+  std::string robot = {};        // Not empty: the columns are this arm's joints (ur_robots.def), from the base on.
 };
 
 // In the order of pose_formats.def.
@@ -33,6 +34,10 @@ const PoseFormat* FindPoseFormat(std::string_view name);
 //   extrinsic_abc  R = Rc(third) Rb(second) Ra(first): each turn about the fixed axes
 std::vector<std::string> PoseRotationNames();
 
+// The joints of an arm of ur_robots.def, in columns j1 to j6: its own forward kinematics give the flange's pose,
+// without the calibration of the single arm.
+PoseFormat JointFormat(const std::string& robot, const std::string& angle_unit);
+
 // A name, or a mapping {columns: [...], translation: mm, rotation: euler_zyx, angle: deg}.
 PoseFormat ReadPoseFormat(const ConfigValue& value);
 // `format` with the unit of translations that `units` names. InputError unless it is the format `matrix`, the only one
@@ -45,8 +50,9 @@ YAML::Node PoseFormatNode(const PoseFormat& format);
 // or absurd, a quaternion is not of length 1, or a matrix is not a rotation; a quaternion or matrix that was rounded to
 // three decimals passes and is made exact.
 Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const double> numbers);
-// The inverse. Of the angles that give one rotation: rotation vectors of at most half a turn; the second of three
-// different axes within a quarter turn of 0, the second of two axes from 0 to half a turn.
+// The inverse; joints have none (robot/ur_kinematics.h has them all). Of the angles that give one rotation: rotation
+// vectors of at most half a turn; the second of three different axes within a quarter turn of 0, the second of two axes
+// from 0 to half a turn.
 std::vector<double> NumbersFromPose(const PoseFormat& format, const Rigid3d& pose);
 
 }  // namespace heba
