@@ -147,7 +147,8 @@ int Dispatch(const std::vector<std::string>& words) {
   }
   const std::vector<std::string> arguments = ParseFlags(*command, rest);
   const bool takes_many = command->arguments.ends_with("...");
-  if (arguments.empty() || (!takes_many && arguments.size() > 1)) {
+  const size_t num_needed = Split(command->arguments, ' ').size();
+  if (arguments.size() < num_needed || (!takes_many && arguments.size() > num_needed)) {
     throw InputError("'heba " + command->name + "' takes " + command->arguments + ", not " +
                      std::to_string(arguments.size()) + " arguments");
   }

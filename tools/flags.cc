@@ -19,6 +19,8 @@ DEFINE_string(method, "", "whose estimate to export; the refined one without it"
 DEFINE_string(parent, "", "the frame that the camera is posed in; base_link or tool0 without it");
 DEFINE_string(child, "", "the camera's optical frame; camera_optical_frame without it");
 DEFINE_string(units, "m", "of the form matrix: m or mm");
+DEFINE_string(pose, "", "the robot's pose at the picture, its numbers as in the run's poses file, commas between them");
+DEFINE_string(robot, "", "the arm whose joints reach the target: ur3 to ur30");
 DEFINE_double(dpi, 300, "resolution of a .png sheet");
 
 namespace heba {

@@ -18,6 +18,8 @@ DECLARE_string(method);
 DECLARE_string(parent);
 DECLARE_string(child);
 DECLARE_string(units);
+DECLARE_string(pose);
+DECLARE_string(robot);
 
 namespace heba {
 

@@ -94,6 +94,34 @@ std::vector<fs::path> FindImages(const ConfigValue& value) {
   return images;
 }
 
+}  // namespace
+
+PoseReading ReadPoseReading(MapReader& reader) {
+  PoseFormat format = *FindPoseFormat("ros");
+  const std::optional<ConfigValue> format_value = reader.Find("pose_format");
+  const bool has_joints = format_value && format_value->IsText() && format_value->AsText() == "joints";
+  if (has_joints) {
+    const std::string robot = reader.Choice("robot", UrRobotNames());
+    format = JointFormat(robot, reader.Choice("joint_angles", {"rad", "deg"}, "rad"));
+  } else if (format_value) {
+    format = ReadPoseFormat(format_value->Top());
+  }
+  reader.Record("pose_format", PoseFormatNode(format));
+  if (const std::optional<ConfigValue> units = reader.Find("units")) {
+    format = WithUnits(format, *units);
+    reader.Record("units", units->node());
+  }
+  const std::string direction =
+      reader.Choice("poses_are", {"base_from_gripper", "gripper_from_base"}, "base_from_gripper");
+  return {format, direction == "base_from_gripper"};
+}
+
+Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose) {
+  return reading.is_base_from_gripper ? pose : Inverse(pose);
+}
+
+namespace {
+
 void ReadCaptures(MapReader& root, RunConfig* config) {
   const ConfigValue captures = root.Get("captures");
   MapReader reader(captures);
@@ -109,22 +137,7 @@ void ReadCaptures(MapReader& root, RunConfig* config) {
   const ConfigValue poses_value = reader.Get("poses");
   const fs::path poses_file = reader.Path("poses");
   config->poses_file = poses_file;
-  PoseFormat format = *FindPoseFormat("ros");
-  const std::optional<ConfigValue> format_value = reader.Find("pose_format");
-  const bool has_joints = format_value && format_value->IsText() && format_value->AsText() == "joints";
-  if (has_joints) {
-    const std::string robot = reader.Choice("robot", UrRobotNames());
-    format = JointFormat(robot, reader.Choice("joint_angles", {"rad", "deg"}, "rad"));
-  } else if (format_value) {
-    format = ReadPoseFormat(format_value->Top());
-  }
-  reader.Record("pose_format", PoseFormatNode(format));
-  if (const std::optional<ConfigValue> units = reader.Find("units")) {
-    format = WithUnits(format, *units);
-    reader.Record("units", units->node());
-  }
-  const bool base_from_gripper = reader.Choice("poses_are", {"base_from_gripper", "gripper_from_base"},
-                                               "base_from_gripper") == "base_from_gripper";
+  const PoseReading poses = ReadPoseReading(reader);
   reader.Finish();
   root.Record("captures", reader.used());
 
@@ -135,7 +148,7 @@ void ReadCaptures(MapReader& root, RunConfig* config) {
       images_value.Fail("two pictures are called " + name + "; poses are found by file name, so names must differ");
     }
   }
-  const std::vector<PoseRow> rows = ReadPoseFile(poses_file, format);
+  const std::vector<PoseRow> rows = ReadPoseFile(poses_file, poses.format);
   const bool has_names = !rows.empty() && !rows.front().image.empty();
   if (!has_names && rows.size() != images.size()) {
     throw InputError(poses_file.string() + ": has " + std::to_string(rows.size()) +
@@ -159,7 +172,7 @@ void ReadCaptures(MapReader& root, RunConfig* config) {
     }
     capture.name = capture.image.filename().string();
     capture.role = rows[i].role;
-    capture.base_from_gripper = base_from_gripper ? rows[i].pose : Inverse(rows[i].pose);
+    capture.base_from_gripper = BaseFromGripper(poses, rows[i].pose);
     config->captures.push_back(capture);
   }
   if (has_names) {

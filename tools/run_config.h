@@ -9,6 +9,7 @@
 
 #include "heba/data/dataset.h"
 #include "heba/data/setup.h"
+#include "heba/io/pose_formats.h"
 #include "solvers/calibration.h"
 #include "targets/target.h"
 
@@ -38,6 +39,15 @@ struct RunConfig {
 // Reads the config, the files that it is based on and what they name, the pictures excepted. `settings` (--set) count
 // more than the files. InputError on any fault.
 RunConfig ReadRunConfig(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
+
+// What the numbers of a robot's pose mean, from the keys of `captures`: pose_format, robot, joint_angles, units,
+// poses_are.
+struct PoseReading {
+  PoseFormat format;
+  bool is_base_from_gripper = true;
+};
+PoseReading ReadPoseReading(MapReader& captures);
+Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose);
 
 // Reads a target from a mapping, or from the file that a path names; `reader` records it for the config as used.
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);

@@ -299,6 +299,8 @@ TEST(CommandLineTest, WrongCallsAreOneLineAndStatus2) {
       {"export of nothing", {"export", "no/such", "--to", "urdf"}, "no such file"},
       {"export without a form", {"export", "no/such"}, "needs --to FORMAT"},
       {"export to an unknown form", {"export", "no/such", "--to", "kuke"}, "did you mean 'kuka'?"},
+      {"locate without a picture", {"locate", "no/such"}, "takes RUN_DIR IMAGE..."},
+      {"locate in nothing", {"locate", "no/such", "a.png"}, "no such file"},
       {"sheet without --out", {"target", "x.yaml"}, "needs --out"},
   };
   for (const WrongCall& call : calls) {

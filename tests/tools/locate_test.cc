@@ -1,0 +1,84 @@
+#include "tools/locate.h"
+
+#include <gtest/gtest.h>
+#include <Eigen/Cholesky>
+
+#include "solvers/bundle_adjustment.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+struct Case {
+  const char* name;
+  Setup setup;
+  double robot_translation_m;
+  double robot_rotation_rad;
+};
+
+class LocateTest : public testing::TestWithParam<Case> {};
+
+// Calibrate from all captures but the last, then locate the target in that one: the place of its middle is off by what
+// is stated. By chance the mean of 120 chi-squares of 3 degrees of freedom is within 4 of its sigmas (0.22) of 3.
+TEST_P(LocateTest, IsOffByWhatItStates) {
+  const Case& test = GetParam();
+  const bool is_noisy = test.robot_translation_m > 0;
+  double sum = 0;
+  constexpr int kSeeds = 120;
+  for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    TestSceneOptions options;
+    options.setup = test.setup;
+    options.num_captures = 13;
+    options.noise_px = 0.3;
+    options.robot_translation_m = test.robot_translation_m;
+    options.robot_rotation_rad = test.robot_rotation_rad;
+    const TestScene scene = MakeTestScene(seed, options);
+    std::vector<View> views = scene.views;
+    const View unseen = views.back();
+    views.pop_back();
+    BundleOptions bundle;
+    bundle.loss = "none";
+    bundle.pixel_noise_px = 0.3;
+    if (is_noisy) {
+      bundle.robot = BundleOptions::Robot::kGivenNoise;
+      bundle.robot_noise = {test.robot_translation_m, test.robot_rotation_rad};
+    }
+    const Outcome<Solution> solution = RefineHandEye({scene.camera, views, test.setup}, scene.hand_eye, bundle);
+    ASSERT_TRUE(solution.ok()) << solution.reason();
+    // Where the mount of a carried camera is, as the robot says; the target stands at the base then.
+    const bool is_carried = test.setup == Setup::kEyeInHand;
+    const Rigid3d base_from_mount = is_carried ? Inverse(unseen.camera_mount_from_target_mount) : Rigid3d();
+    const Outcome<LocatedTarget> located = LocateTarget(test.setup, *solution, unseen.observations, base_from_mount);
+    ASSERT_TRUE(located.ok()) << located.reason();
+    const Rigid3d truth = is_carried ? scene.hand_eye.target_mount_from_target
+                                     : scene.hand_eye.camera_mount_from_camera * scene.pairs.back().camera_from_target;
+    const Eigen::Vector3d middle = unseen.observations.points_in_target.rowwise().mean();
+    const Eigen::Vector3d off_m = located->base_from_target * middle - truth * middle;
+    const Eigen::Matrix3d covariance = located->by_calibration_m2 + located->by_picture_m2 + located->by_robot_m2;
+    sum += off_m.dot(covariance.ldlt().solve(off_m));
+    EXPECT_EQ(located->by_robot_m2.isZero(), !(is_carried && is_noisy));
+  }
+  EXPECT_NEAR(sum / kSeeds, 3, 0.9);
+}
+
+INSTANTIATE_TEST_SUITE_P(, LocateTest,
+                         testing::Values(Case{"EyeToHand", Setup::kEyeToHand, 0, 0},
+                                         Case{"EyeInHand", Setup::kEyeInHand, 0, 0},
+                                         Case{"EyeInHandNoisyRobot", Setup::kEyeInHand, 2e-4, 4e-4},
+                                         Case{"EyeToHandNoisyRobot", Setup::kEyeToHand, 2e-4, 4e-4}),
+                         [](const auto& test) { return test.param.name; });
+
+TEST(LocateFewPointsTest, TooFewPointsAreAFailure) {
+  const TestScene scene = MakeTestScene(1);
+  Solution solution;
+  solution.hand_eye = scene.hand_eye;
+  solution.camera = scene.camera;
+  Observations few = scene.views[0].observations;
+  few.ids.resize(3);
+  few.points_in_target.conservativeResize(3, 3);
+  few.pixels.conservativeResize(2, 3);
+  EXPECT_NE(LocateTarget(Setup::kEyeToHand, solution, few, Rigid3d()).reason(), "");
+}
+
+}  // namespace
+}  // namespace heba

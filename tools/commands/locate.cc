@@ -1,0 +1,126 @@
+#include <cmath>
+#include <filesystem>
+#include <iostream>
+
+#include "heba/base/error.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "heba/io/result_file.h"
+#include "heba/robot/ur_kinematics.h"
+#include "targets/detection.h"
+#include "tools/command.h"
+#include "tools/flags.h"
+#include "tools/locate.h"
+#include "tools/run_config.h"
+#include "tools/run_figures.h"
+
+namespace heba {
+namespace {
+
+// What a finished run's folder says of itself.
+struct FinishedRun {
+  RunResult result;
+  std::shared_ptr<const Target> target;
+  PoseReading pose_reading;
+};
+
+FinishedRun ReadFinishedRun(const std::filesystem::path& folder) {
+  FinishedRun run;
+  run.result = ReadResult(folder / "result.json");
+  MapReader config(ReadYamlFile(folder / "config.yaml"));
+  run.target = ReadTarget(config, "target");
+  MapReader captures(config.Get("captures"));
+  run.pose_reading = ReadPoseReading(captures);
+  return run;
+}
+
+Rigid3d PoseAskedFor(const PoseReading& reading) {
+  const std::vector<std::string> fields = Split(FLAGS_pose, ',');
+  const std::vector<std::string>& columns = reading.format.columns;
+  std::vector<double> numbers;
+  for (const std::string& field : fields) {
+    double number = 0;
+    if (!ParseDouble(Trim(field), &number)) throw InputError("--pose: " + Quoted(Trim(field)) + " is not a number");
+    numbers.push_back(number);
+  }
+  if (numbers.size() != columns.size()) {
+    throw InputError("--pose: " + std::to_string(numbers.size()) + " numbers; the run's pose format has " +
+                     std::to_string(columns.size()) + ": " + Join(columns, ","));
+  }
+  const Outcome<Rigid3d> pose = PoseFromNumbers(reading.format, numbers);
+  if (!pose) throw InputError("--pose: " + pose.reason());
+  return BaseFromGripper(reading, *pose);
+}
+
+std::string SigmasMm(const Eigen::Matrix3d& covariance_m2) {
+  std::vector<std::string> parts;
+  for (int i = 0; i < 3; ++i) parts.push_back(Significant(1000 * std::sqrt(covariance_m2(i, i)), 2));
+  return Join(parts, ", ");
+}
+
+std::string Describe(const std::string& image, const LocatedTarget& located, size_t num_seen, size_t num_points) {
+  std::string text = image + ": " + std::to_string(num_seen) + " of " + std::to_string(num_points) + " points, rms " +
+                     Significant(located.rms_px, 2) + " px\n  base_from_target " + PoseText(located.base_from_target) +
+                     "\n  one sigma of its middle, along the base's x, y, z: " +
+                     SigmasMm(located.by_calibration_m2 + located.by_picture_m2 + located.by_robot_m2) +
+                     " mm (calibration " + SigmasMm(located.by_calibration_m2) + "; picture " +
+                     SigmasMm(located.by_picture_m2);
+  if (!located.by_robot_m2.isZero()) text += "; robot " + SigmasMm(located.by_robot_m2);
+  return text + ")\n";
+}
+
+std::string DescribePostures(const UrRobot& robot, const Rigid3d& base_from_target) {
+  const Outcome<std::vector<UrPosture>> postures = PosturesOf(robot, base_from_target);
+  if (!postures) return "  " + robot.name + ": " + postures.reason() + "\n";
+  std::string text = "  " + robot.name + ": " + std::to_string(postures->size()) +
+                     " postures bring the flange's frame onto the target's; joints in deg:\n";
+  for (const UrPosture& posture : *postures) {
+    text += "   ";
+    for (const double joint_rad : posture.joints_rad) text += PadLeft(Fixed(RadToDeg(joint_rad), 3), 10);
+    text += (posture.singularity.empty() ? "" : "  (" + posture.singularity + ")") + "\n";
+  }
+  return text;
+}
+
+}  // namespace
+
+int RunCommand_locate(const std::vector<std::string>& arguments) {
+  const FinishedRun run = ReadFinishedRun(arguments[0]);
+  const Estimate* refined = FindRefined(run.result);
+  if (refined == nullptr) throw InputError(arguments[0] + ": holds no refined estimate");
+  const UrRobot* robot = FindUrRobot(FLAGS_robot);
+  if (!FLAGS_robot.empty() && robot == nullptr) {
+    throw InputError("--robot: " + Quoted(FLAGS_robot) + " is unknown; one of: " + Join(UrRobotNames(), ", ") +
+                     DidYouMean(FLAGS_robot, UrRobotNames()));
+  }
+  const bool is_carried = run.result.setup == Setup::kEyeInHand;
+  if (is_carried && (FLAGS_pose.empty() || arguments.size() > 2)) {
+    throw InputError("the robot carries the camera: one IMAGE, with --pose " +
+                     Join(run.pose_reading.format.columns, ",") + " as the robot had it");
+  }
+  if (!is_carried && !FLAGS_pose.empty()) throw InputError("--pose: the camera stands still; leave this out");
+  const Rigid3d base_from_mount = is_carried ? PoseAskedFor(run.pose_reading) : Rigid3d();
+  bool all_found = true;
+  for (size_t i = 1; i < arguments.size(); ++i) {
+    const CaptureDetection seen = DetectCapture(*run.target, arguments[i]);
+    const Camera& camera = refined->camera;
+    if (seen.width_px != camera.width_px || seen.height_px != camera.height_px) {
+      throw InputError(arguments[i] + ": is " + std::to_string(seen.width_px) + " x " + std::to_string(seen.height_px) +
+                       " px, but the calibration is for " + std::to_string(camera.width_px) + " x " +
+                       std::to_string(camera.height_px) + " px");
+    }
+    const Outcome<LocatedTarget> located = LocateTarget(run.result.setup, *refined->solution,
+                                                        ObservationsOf(*run.target, seen.detection), base_from_mount);
+    if (!located) {
+      all_found = false;
+      PrintError(arguments[i] + ": " + (seen.detection.reason.empty() ? located.reason() : seen.detection.reason));
+      continue;
+    }
+    std::cout << Describe(arguments[i], *located, seen.detection.ids.size(), run.target->points().size());
+    if (robot != nullptr) std::cout << DescribePostures(*robot, located->base_from_target);
+  }
+  std::cout << std::flush;
+  return all_found ? kDone : kWorkFailed;
+}
+
+}  // namespace heba

@@ -1,0 +1,28 @@
+// What a calibration is for: where a target that a new picture shows is, in the robot's base.
+#pragma once
+
+#include <optional>
+
+#include "heba/base/error.h"
+#include "heba/data/setup.h"
+#include "heba/data/solution.h"
+
+namespace heba {
+
+struct LocatedTarget {
+  Rigid3d base_from_target;
+  double rms_px = 0;  // Of the target's points.
+  // Of the place of the target's middle (the mean of the points that were seen), along the base's axes, m^2: by the
+  // calibration (hand-eye pose and intrinsics together, as they vary together), by the picture's pixel noise, and,
+  // where the robot carries the camera and its noise is known, by the robot's pose.
+  Eigen::Matrix3d by_calibration_m2 = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d by_picture_m2 = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d by_robot_m2 = Eigen::Matrix3d::Zero();
+};
+
+// `base_from_camera_mount` is the gripper's pose for a camera that the robot carries, the identity for one that stands
+// still. A Failure if the points do not tell a pose (solvers/target_pose.h).
+Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const Observations& observations,
+                                    const Rigid3d& base_from_camera_mount);
+
+}  // namespace heba
