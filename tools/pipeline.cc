@@ -15,6 +15,7 @@
 #include "solvers/calibration.h"
 #include "solvers/cross_validation.h"
 #include "solvers/pose_selection.h"
+#include "solvers/target_location.h"
 #include "targets/guided_detection.h"
 #include "targets/image.h"
 #include "tools/detection_cache.h"
@@ -244,14 +245,26 @@ std::vector<CaptureView> CaptureViews(const RunConfig& config, const std::vector
   return all;
 }
 
-// Where the target's middle was on average, in the camera's frame.
-Eigen::Vector3d WorkingPoint(const Calibration& calibration, const Eigen::Vector3d& middle_of_target) {
-  const HandEye& hand_eye = calibration.refined->hand_eye;
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+// By the capture of middling distance; nothing if its points do not tell the target's pose.
+std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Setup setup) {
+  const Solution& solution = *calibration.refined;
+  std::vector<std::pair<double, const View*>> by_distance;
+  const auto middle_of = [&](const View& view) -> Eigen::Vector3d {
+    return CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount) *
+           Shaped(view.observations, solution.shape).points_in_target.rowwise().mean();
+  };
+  constexpr int kMinPoints = 4;
   for (const View& view : calibration.views) {
-    sum += CameraFromTarget(hand_eye, view.camera_mount_from_target_mount) * middle_of_target;
+    if (view.observations.size() >= kMinPoints) by_distance.emplace_back(middle_of(view).norm(), &view);
   }
-  return sum / static_cast<double>(calibration.views.size());
+  if (by_distance.empty()) return std::nullopt;
+  const auto middle = by_distance.begin() + static_cast<std::ptrdiff_t>(by_distance.size() / 2);
+  std::nth_element(by_distance.begin(), middle, by_distance.end());
+  const View& view = *middle->second;
+  const Outcome<LocatedTarget> located = LocateTarget(setup, solution, view.observations, Rigid3d());
+  if (!located) return std::nullopt;
+  const Eigen::Matrix3d mount_from_camera = solution.hand_eye.camera_mount_from_camera.RotationMatrix();
+  return WorkingPoint{middle_of(view), mount_from_camera.transpose() * located->by_calibration_m2 * mount_from_camera};
 }
 
 std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::vector<CaptureDetection>& detections,
@@ -420,14 +433,14 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   result.num_target_points = static_cast<int>(config.target->points().size());
   result.estimates = MakeEstimates(*calibration, hold_outs, truth, options.symmetries);
   result.captures = DescribeCaptures(config, detections, *calibration, MoveWithoutEachView(*calibration, options));
-  const Points3 target_points = AllPoints(*config.target).points_in_target;
-  result.working_point_m = WorkingPoint(*calibration, target_points.rowwise().mean());
+  result.working_point = FindWorkingPoint(*calibration, config.setup);
   result.timing.total_s = total.Seconds();
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
   WriteFileAtomically(folder.staging() / "log.txt", console->log());
-  WriteFileAtomically(folder.staging() / "report.html",
-                      ReportPage(result, CaptureViews(config, detections, *calibration), target_points));
+  WriteFileAtomically(
+      folder.staging() / "report.html",
+      ReportPage(result, CaptureViews(config, detections, *calibration), AllPoints(*config.target).points_in_target));
   if (RunInputsText(config) != inputs) {
     return Failure{"pictures or other input files were changed while the run was at work; run it again"};
   }

@@ -70,9 +70,10 @@ std::string Tiles(const RunResult& result, const Estimate& refined) {
   add("camera position, one sigma (worst axis)", Significant(1000 * largest(covariance.block<3, 3>(0, 0)), 3) + " mm");
   add("camera orientation, one sigma (worst axis)",
       Significant(RadToDeg(largest(covariance.block<3, 3>(3, 3))), 3) + " deg");
-  if (result.working_point_m) {
-    add("a point " + Significant(1000 * result.working_point_m->norm(), 3) + " mm away, one sigma (worst axis)",
-        Significant(1000 * largest(PointCovariance(solution.covariance, *result.working_point_m)), 3) + " mm");
+  if (result.working_point) {
+    add("a target " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) +
+            " mm away, one sigma (worst axis)",
+        Significant(1000 * largest(result.working_point->covariance_m2), 3) + " mm");
   }
   add("unseen captures, target off by", FigureText(errors.holdout_target_mm) + " mm");
   add("unseen captures, points off by", FigureText(errors.holdout_rms_px) + " px");
@@ -149,8 +150,8 @@ std::string UncertaintySection(const RunResult& result, const Estimate& refined)
                             {"covariance", {matrix(i, i), matrix(i, j), matrix(j, j)}},
                             {"reach_95", reach_95}});
   };
-  if (result.working_point_m) {
-    const Eigen::Matrix3d at_work = 1e6 * PointCovariance(solution.covariance, *result.working_point_m);
+  if (result.working_point) {
+    const Eigen::Matrix3d at_work = 1e6 * result.working_point->covariance_m2;
     add("x", "y", "mm", at_work, 0, 1);
     add("x", "z", "mm", at_work, 0, 2);
   }
@@ -159,7 +160,7 @@ std::string UncertaintySection(const RunResult& result, const Estimate& refined)
   add("about x", "about z", "deg", rotation, 0, 2);
   const std::string figure =
       ViewFigure("ellipses",
-                 "A point where the target was, in mm, and the camera's orientation, in deg: one "
+                 "A target that is seen where it was, in mm, and the camera's orientation, in deg: one "
                  "sigma (filled) and 95 % (dashed), along and about the camera's axes; z is its "
                  "optical axis.",
                  Json{{"ellipses", ellipses}});

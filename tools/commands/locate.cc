@@ -7,10 +7,10 @@
 #include "heba/base/units.h"
 #include "heba/io/result_file.h"
 #include "heba/robot/ur_kinematics.h"
+#include "solvers/target_location.h"
 #include "targets/detection.h"
 #include "tools/command.h"
 #include "tools/flags.h"
-#include "tools/locate.h"
 #include "tools/run_config.h"
 #include "tools/run_figures.h"
 

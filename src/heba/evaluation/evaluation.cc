@@ -11,13 +11,6 @@ const Estimate* FindRefined(const RunResult& result) {
   return found == result.estimates.rend() ? nullptr : &*found;
 }
 
-Eigen::Matrix3d PointCovariance(const Covariance& covariance, const Eigen::Vector3d& point_m) {
-  // T Exp(xi) p = T (p + v + w x p).
-  Eigen::Matrix<double, 3, 6> by_pose;
-  by_pose << Eigen::Matrix3d::Identity(), -Skew(point_m);
-  return by_pose * covariance.matrix.topLeftCorner<6, 6>() * by_pose.transpose();
-}
-
 const Estimate* FindBestClosedForm(const RunResult& result, FigureOf figure) {
   const Estimate* best = nullptr;
   for (const Estimate& estimate : result.estimates) {

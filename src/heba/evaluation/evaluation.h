@@ -58,6 +58,15 @@ struct Timing {
   double total_s = 0;
 };
 
+// What a grasp feels of the refined calibration: the target as the capture of middling distance saw it.
+struct WorkingPoint {
+  Eigen::Vector3d in_camera_m = Eigen::Vector3d::Zero();  // The target's middle.
+  // How well the calibration knows the place of a target that is seen there, in the frame of the camera's mount, along
+  // the camera's axes. What is wrong of the hand-eye pose and of the intrinsics goes together, and in part cancels
+  // (solvers/target_location.h).
+  Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();
+};
+
 // A finished run: what result.json holds.
 struct RunResult {
   std::string name;
@@ -66,17 +75,12 @@ struct RunResult {
   int num_target_points = 0;
   std::vector<CaptureResult> captures;
   std::vector<Estimate> estimates;
-  // Where the target's middle was on average, in the camera's frame, m; by the refined estimate.
-  std::optional<Eigen::Vector3d> working_point_m;
+  std::optional<WorkingPoint> working_point;
   Timing timing;
 };
 
 // The refinement that the other estimates lead up to, with its covariance; null if there is none.
 const Estimate* FindRefined(const RunResult& result);
-
-// How well a point that the camera sees at `point_m`, in its own frame, is known in the frame of its mount: m^2, along
-// the camera's axes. `covariance` begins with the hand-eye pose's six.
-Eigen::Matrix3d PointCovariance(const Covariance& covariance, const Eigen::Vector3d& point_m);
 
 using FigureOf = std::optional<double> (*)(const Errors&);
 inline std::optional<double> HoldOutPx(const Errors& errors) { return errors.holdout_rms_px; }

@@ -27,13 +27,11 @@ Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   finding.grade = std::max(GradeOf(mm, 1, 5), GradeOf(deg, 0.1, 0.5));
   finding.what = "the camera's pose is known to " + Significant(mm, 2) + " mm and " + Significant(deg, 2) +
                  " deg (one sigma, along and about the axis that is known worst)";
-  if (result.working_point_m) {
-    // What a grasp feels: the pose's errors together, where the work is.
-    const double at_work_mm =
-        1000 * std::sqrt(PointCovariance(solution.covariance, *result.working_point_m).diagonal().maxCoeff());
+  if (result.working_point) {
+    const double at_work_mm = 1000 * std::sqrt(result.working_point->covariance_m2.diagonal().maxCoeff());
     finding.grade = std::max(finding.grade, GradeOf(at_work_mm, 1, 5));
-    finding.what += "; a point at the target's distance (" + Significant(1000 * result.working_point_m->norm(), 3) +
-                    " mm) to " + Significant(at_work_mm, 2) + " mm";
+    finding.what += "; a target seen " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) +
+                    " mm away to " + Significant(at_work_mm, 2) + " mm";
   }
   if (finding.grade != Grade::kGood) {
     finding.cure = "take more captures, with larger turns of the gripper about different axes and more depth";

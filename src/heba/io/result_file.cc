@@ -184,15 +184,17 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
   return json;
 }
 
-Json WorkingPointJson(const RunResult& result) {
-  const Estimate* refined = FindRefined(result);
-  if (!result.working_point_m || refined == nullptr) return nullptr;
-  const Eigen::Vector3d& at = *result.working_point_m;
-  const Eigen::Matrix3d covariance = PointCovariance(refined->solution->covariance, at);
-  return Json{{"in_camera_m", {at.x(), at.y(), at.z()}},
-              {"std_m",
-               {Finite(std::sqrt(covariance(0, 0))), Finite(std::sqrt(covariance(1, 1))),
-                Finite(std::sqrt(covariance(2, 2)))}}};
+Json WorkingPointJson(const std::optional<WorkingPoint>& point) {
+  if (!point) return nullptr;
+  Json std_m = Json::array();
+  Json rows = Json::array();
+  for (int i = 0; i < 3; ++i) {
+    const auto row = point->covariance_m2.row(i);
+    std_m.push_back(Finite(std::sqrt(row[i])));
+    rows.push_back({Finite(row[0]), Finite(row[1]), Finite(row[2])});
+  }
+  const Eigen::Vector3d& at = point->in_camera_m;
+  return Json{{"in_camera_m", {at.x(), at.y(), at.z()}}, {"std_m", std_m}, {"covariance_m2", rows}};
 }
 
 }  // namespace
@@ -221,7 +223,7 @@ std::string ResultToJson(const RunResult& result) {
   }
   json["estimates"] = Json::array();
   for (const Estimate& estimate : result.estimates) json["estimates"].push_back(EstimateJson(estimate, result.setup));
-  json["working_point"] = WorkingPointJson(result);
+  json["working_point"] = WorkingPointJson(result.working_point);
   json["timing_s"] = Json{{"detect", result.timing.detect_s},
                           {"seed", result.timing.seed_s},
                           {"refine", result.timing.refine_s},

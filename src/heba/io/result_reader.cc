@@ -170,8 +170,16 @@ RunResult ReadResult(const std::filesystem::path& path) {
     result.estimates.push_back(ReadEstimate(estimate, result.setup));
   }
   if (reader.Has("working_point")) {
-    const std::vector<double> at = reader.Get("working_point").Get("in_camera_m").Numbers(3);
-    result.working_point_m = Eigen::Vector3d(at[0], at[1], at[2]);
+    const JsonReader point = reader.Get("working_point");
+    const std::vector<double> at = point.Get("in_camera_m").Numbers(3);
+    result.working_point.emplace();
+    result.working_point->in_camera_m = Eigen::Vector3d(at[0], at[1], at[2]);
+    const std::vector<JsonReader> rows = point.Get("covariance_m2").List();
+    if (rows.size() != 3) point.Fail("the covariance is not 3 x 3");
+    for (int i = 0; i < 3; ++i) {
+      const std::vector<double> row = rows[static_cast<size_t>(i)].Numbers(3);
+      result.working_point->covariance_m2.row(i) = Eigen::Map<const Eigen::RowVector3d>(row.data());
+    }
   }
   const JsonReader timing = reader.Get("timing_s");
   result.timing = {timing.Get("detect").Number(), timing.Get("seed").Number(), timing.Get("refine").Number(),

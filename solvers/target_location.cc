@@ -1,4 +1,4 @@
-#include "tools/locate.h"
+#include "solvers/target_location.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-// What a calibration is for: where a target that a new picture shows is, in the robot's base.
+// What a calibration is for: where a target that a picture shows is, in the robot's base.
 #pragma once
 
 #include <optional>

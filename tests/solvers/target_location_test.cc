@@ -1,4 +1,4 @@
-#include "tools/locate.h"
+#include "solvers/target_location.h"
 
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
