@@ -11,7 +11,6 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
-#include "solvers/noise_scale.h"
 #include "solvers/robot_noise.h"
 
 namespace heba {
@@ -234,10 +233,7 @@ std::vector<std::string> AdviseOnCaptures(const Problem& problem, const Solution
 std::string AdviseOnRobot(const Problem& problem, const Solution& solution, const FreeParameters& free) {
   constexpr size_t kMinCaptures = 6;
   if (problem.views.size() < kMinCaptures) return "";
-  Problem weighted{solution.camera, problem.views, problem.setup, solution.shape};
-  if (solution.excess_px) WeightByCovariance(*solution.excess_px, &weighted.views);
-  const std::optional<std::vector<LinearView>> views =
-      LineariseViews(weighted, solution.hand_eye, {}, free, solution.pixel_sigma_px, *FindLoss("none"));
+  const std::optional<std::vector<LinearView>> views = LineariseViewsAt(problem, solution, {}, free, *FindLoss("none"));
   if (!views) return "";
   const VarianceComponents found = FindNoise(*views);
   double by_robot = 0;
@@ -259,8 +255,6 @@ TargetAdvice AdviseOnTarget(const Problem& problem, const Solution& solution, co
   constexpr size_t kMinCaptures = 6;
   const CameraModel& model = problem.camera.Model();
   if (HasShape(free, model) || problem.views.size() < kMinCaptures) return {"", free};
-  Problem weighted{solution.camera, problem.views, problem.setup, problem.shape};
-  if (solution.excess_px) WeightByCovariance(*solution.excess_px, &weighted.views);
   // All of the shape; where the captures do not show that, what they do.
   const std::vector<std::vector<TargetShapeGroup>> sought = {
       {TargetShapeGroup::kScale, TargetShapeGroup::kBend}, {TargetShapeGroup::kScale}, {TargetShapeGroup::kBend}};
@@ -268,7 +262,7 @@ TargetAdvice AdviseOnTarget(const Problem& problem, const Solution& solution, co
     FreeParameters with_shape = FreeOf(model, {}, groups);
     std::copy(free.begin(), free.end(), with_shape.begin());
     const std::optional<std::vector<LinearView>> views =
-        LineariseViews(weighted, solution.hand_eye, {}, with_shape, solution.pixel_sigma_px, *FindLoss("none"));
+        LineariseViewsAt(problem, solution, {}, with_shape, *FindLoss("none"));
     if (!views) return {"", free};
     const VarianceComponents noise = FindNoise(*views);
     const RobotNoise robot{std::sqrt(noise.translation_m2), std::sqrt(noise.rotation_rad2)};

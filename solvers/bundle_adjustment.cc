@@ -455,6 +455,10 @@ FreeParameters FreeOf(const CameraModel& model, const BundleOptions& options) {
   return FreeOf(model, options.free_intrinsics, options.free_shape);
 }
 
+const Loss& LossOfKept(const BundleOptions& options) {
+  return *FindLoss(options.loss == "truncated" ? "none" : options.loss);
+}
+
 Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start, const BundleOptions& options) {
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
@@ -506,7 +510,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   const double detector_px = TypicalDetectorSigma(problem.views).value_or(0);
   if (options.pixel_noise_px && detector_px > 0) fit.excess_px = ExcessPx(*options.pixel_noise_px, detector_px);
 
-  const Loss& loss = *FindLoss(is_truncated ? "none" : options.loss);
+  const Loss& loss = LossOfKept(options);
   const Outcome<Fit> settled = is_truncated ? SettleTruncated(problem_in, std::move(fit), free, options, &keep)
                                             : Settle(std::move(fit), free, loss, Scale::kOfFit, options);
   if (!settled) return Failure{settled.reason()};

@@ -370,9 +370,9 @@ std::vector<std::string> Advise(const Calibration& calibration, const Calibratio
 
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,
                                                             const CalibrationOptions& options) {
-  const std::string loss = options.bundle.loss == "truncated" ? "none" : options.bundle.loss;
   return MoveWithoutEachView({calibration.camera, calibration.views, options.setup, options.shape},
-                             *calibration.refined, FreeOf(calibration.camera.Model(), options.bundle), *FindLoss(loss));
+                             *calibration.refined, FreeOf(calibration.camera.Model(), options.bundle),
+                             LossOfKept(options.bundle));
 }
 
 }  // namespace heba

@@ -99,17 +99,8 @@ double PValue(const LinearView& view, const Normal& others, const VarianceCompon
   q << Eigen::Vector3d::Constant(variances.translation_m2), Eigen::Vector3d::Constant(variances.rotation_rad2);
   const Matrix6 total = m + m * q.asDiagonal() * m;
   const Tangent6 scale = total.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scale.asDiagonal() * total * scale.asDiagonal());
-  const Tangent6 along = eigen.eigenvectors().transpose() * scale.cwiseProduct(g);
-  double statistic = 0;
-  int rank = 0;
   constexpr double kNothing = 1e-10;
-  for (int k = 0; k < 6; ++k) {
-    if (eigen.eigenvalues()[k] < kNothing) continue;
-    statistic += along[k] * along[k] / eigen.eigenvalues()[k];
-    ++rank;
-  }
-  return rank == 0 ? 1 : FisherTail(statistic / rank, rank, dof);
+  return ChanceOf(scale.cwiseProduct(g), scale.asDiagonal() * total * scale.asDiagonal(), kNothing, dof);
 }
 
 }  // namespace
@@ -130,9 +121,7 @@ std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution&
     index.push_back(i);
   }
   if (judged.views.size() < kMinCaptures) return verdicts;
-  if (solution.excess_px) WeightByCovariance(*solution.excess_px, &judged.views);
-  const std::optional<std::vector<LinearView>> views =
-      LineariseViews(judged, solution.hand_eye, {}, free, solution.pixel_sigma_px, *FindLoss("none"));
+  const std::optional<std::vector<LinearView>> views = LineariseViewsAt(judged, solution, {}, free, *FindLoss("none"));
   CHECK(views.has_value());
   const Eigen::Index num_unknowns = views->front().by_unknowns.cols();
 

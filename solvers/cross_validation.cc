@@ -54,11 +54,9 @@ Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const Camera& cam
 
 void AddChi2(const Solution& solution, const CalibrationOptions& options, const std::vector<View>& held_out,
              HeldOutErrors* errors) {
-  Problem problem{solution.camera, held_out, options.setup, solution.shape};
-  if (solution.excess_px) WeightByCovariance(*solution.excess_px, &problem.views);
   const FreeParameters free = FreeOf(solution.camera.Model(), options.bundle);
   const std::optional<std::vector<LinearView>> views =
-      LineariseViews(problem, solution.hand_eye, {}, free, solution.pixel_sigma_px, *FindLoss("none"));
+      LineariseViewsAt({solution.camera, held_out, options.setup}, solution, {}, free, *FindLoss("none"));
   if (!views) return;
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   for (const LinearView& view : *views) {

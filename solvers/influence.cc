@@ -1,30 +1,19 @@
 #include "solvers/influence.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 
-#include "heba/base/distributions.h"
-#include "solvers/noise_scale.h"
 #include "solvers/robot_noise.h"
 
 namespace heba {
 namespace {
 
 // Of a move as large or larger by chance. Directions that the capture says nothing of have no part in it.
-double ChanceOf(const Tangent6& move, const Matrix6& covariance_without, const Matrix6& covariance_with, double dof) {
+double ChanceOfMove(const Tangent6& move, const Matrix6& covariance_without, const Matrix6& covariance_with,
+                    double dof) {
   const Tangent6 scale = covariance_with.diagonal().cwiseSqrt().cwiseInverse();
-  const Matrix6 scaled = scale.asDiagonal() * (covariance_without - covariance_with) * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
-  const Tangent6 along = eigen.eigenvectors().transpose() * scale.cwiseProduct(move);
   constexpr double kNothing = 1e-6;  // Of a variance of the pose itself.
-  double statistic = 0;
-  int rank = 0;
-  for (int i = 0; i < 6; ++i) {
-    if (eigen.eigenvalues()[i] < kNothing) continue;
-    statistic += along[i] * along[i] / eigen.eigenvalues()[i];
-    ++rank;
-  }
-  return rank == 0 ? 1 : FisherTail(statistic / rank, rank, dof);
+  return ChanceOf(scale.cwiseProduct(move),
+                  scale.asDiagonal() * (covariance_without - covariance_with) * scale.asDiagonal(), kNothing, dof);
 }
 
 }  // namespace
@@ -32,10 +21,8 @@ double ChanceOf(const Tangent6& move, const Matrix6& covariance_without, const M
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& problem, const Solution& solution,
                                                             const FreeParameters& free, const Loss& loss) {
   std::vector<std::optional<CaptureMove>> moves(problem.views.size());
-  Problem weighted{solution.camera, problem.views, problem.setup, solution.shape};
-  if (solution.excess_px) WeightByCovariance(*solution.excess_px, &weighted.views);
   const std::optional<std::vector<LinearView>> views =
-      LineariseViews(weighted, solution.hand_eye, solution.corrections, free, solution.pixel_sigma_px, loss);
+      LineariseViewsAt(problem, solution, solution.corrections, free, loss);
   if (!views) return moves;
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   const std::vector<std::string> names = UnknownNames(solution.camera.Model(), free);
@@ -55,8 +42,8 @@ std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& probl
     if (CheckObservable(without)) continue;
     const Eigen::MatrixXd covariance_without = InvertInformation(without, 1.0).matrix;
     const Tangent6 move = (-newton * covariance_without * (whitened.transpose() * view.offset)).head<6>();
-    moves[i] = CaptureMove{move, ChanceOf(move, covariance_without.topLeftCorner<6, 6>(),
-                                          covariance.topLeftCorner<6, 6>(), solution.covariance_dof)};
+    moves[i] = CaptureMove{move, ChanceOfMove(move, covariance_without.topLeftCorner<6, 6>(),
+                                              covariance.topLeftCorner<6, 6>(), solution.covariance_dof)};
   }
   return moves;
 }

@@ -9,7 +9,9 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "solvers/noise_scale.h"
 #include "solvers/view_reduction.h"
 
 namespace heba {
@@ -72,6 +74,14 @@ std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, co
     result.push_back(std::move(linear));
   }
   return result;
+}
+
+std::optional<std::vector<LinearView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
+                                                        const std::vector<Rigid3d>& corrections,
+                                                        const FreeParameters& free, const Loss& loss) {
+  Problem weighted{solution.camera, problem.views, problem.setup, solution.shape};
+  if (solution.excess_px) WeightByCovariance(*solution.excess_px, &weighted.views);
+  return LineariseViews(weighted, solution.hand_eye, corrections, free, solution.pixel_sigma_px, loss);
 }
 
 Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance, double translation_m2,
@@ -162,6 +172,19 @@ Likelihood Evaluate(const std::vector<LinearView>& views, const Eigen::Vector3d&
 }
 
 }  // namespace
+
+double ChanceOf(const Tangent6& vector, const Matrix6& covariance, double nothing, double dof) {
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(covariance);
+  const Tangent6 along = eigen.eigenvectors().transpose() * vector;
+  double statistic = 0;
+  int rank = 0;
+  for (int i = 0; i < 6; ++i) {
+    if (eigen.eigenvalues()[i] < nothing) continue;
+    statistic += along[i] * along[i] / eigen.eigenvalues()[i];
+    ++rank;
+  }
+  return rank == 0 ? 1 : FisherTail(statistic / rank, rank, dof);
+}
 
 Eigen::MatrixXd MarginalInformation(const std::vector<LinearView>& views, const RobotNoise& noise,
                                     double pixel_variance) {

@@ -42,6 +42,11 @@ std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, co
                                                       const FreeParameters& free, double pixel_sigma_px,
                                                       const Loss& loss);
 
+// The same of the problem's views at a solution, which has the camera, the target's shape and the points' weights.
+std::optional<std::vector<LinearView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
+                                                        const std::vector<Rigid3d>& corrections,
+                                                        const FreeParameters& free, const Loss& loss);
+
 // The covariance of what a view measured when its correction is averaged over: p I + G Q G^T, p in the views' unit.
 Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance, double translation_m2,
                                    double rotation_rad2);
@@ -50,6 +55,11 @@ Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance
 // `pixel_variance` in the views' unit.
 Eigen::MatrixXd MarginalInformation(const std::vector<LinearView>& views, const RobotNoise& noise,
                                     double pixel_variance);
+
+// Of a vector as large or larger by chance, if it has this covariance with `dof` degrees of freedom, both in
+// coordinates of like size: by Fisher's F over the directions whose variance is not below `nothing`; 1 if there is
+// none.
+double ChanceOf(const Tangent6& vector, const Matrix6& covariance, double nothing, double dof);
 
 // Restricted maximum likelihood (Patterson and Thompson 1971) of the three variances given the linearised views, by
 // Fisher scoring; none can become negative, and each becomes zero if the data ask for it. Those not free stay.

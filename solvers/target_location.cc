@@ -8,20 +8,6 @@
 #include "solvers/target_pose.h"
 
 namespace heba {
-namespace {
-
-using Matrix36 = Eigen::Matrix<double, 3, 6>;
-
-// How a point at `point_m` of a frame moves by a small motion of the frame about its own axes or, alike, by one that is
-// applied on the left: v + w x p.
-Matrix36 PointByMotion(const Eigen::Vector3d& point_m) {
-  Matrix36 by_motion;
-  by_motion << Eigen::Matrix3d::Identity(), -Skew(point_m);
-  return by_motion;
-}
-
-}  // namespace
-
 Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const Observations& observations,
                                     const Rigid3d& base_from_camera_mount) {
   const Observations shaped = Shaped(observations, solution.shape);
@@ -37,7 +23,7 @@ Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const
   located.rms_px = pose.rms_px;
 
   const Eigen::Vector3d in_camera = pose.camera_from_target * shaped.points_in_target.rowwise().mean();
-  const Matrix36 by_motion = PointByMotion(in_camera);
+  const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(in_camera);
   const Eigen::Matrix3d rotation = base_from_camera.RotationMatrix();
   const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
   located.by_picture_m2 =
@@ -75,7 +61,7 @@ Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const
     const double r = solution.robot_noise->rotation_rad;
     Tangent6 variances;
     variances << Eigen::Vector3d::Constant(t * t), Eigen::Vector3d::Constant(r * r);
-    const Matrix36 by_gripper = base_from_camera_mount.RotationMatrix() * PointByMotion(in_gripper);
+    const Eigen::Matrix<double, 3, 6> by_gripper = base_from_camera_mount.RotationMatrix() * PointByMotion(in_gripper);
     located.by_robot_m2 = by_gripper * variances.asDiagonal() * by_gripper.transpose();
   }
   return located;

@@ -8,17 +8,8 @@
 namespace heba {
 namespace {
 
-using Matrix36 = Eigen::Matrix<double, 3, 6>;
-
-// How a point at `in_camera` moves with a left perturbation of camera_from_target.
-Matrix36 PointFromTangent(const Eigen::Vector3d& in_camera) {
-  Matrix36 matrix;
-  matrix << Eigen::Matrix3d::Identity(), -Skew(in_camera);
-  return matrix;
-}
-
 Eigen::Matrix3d CovarianceAt(const PosePair& pair, const Eigen::Vector3d& in_camera) {
-  const Matrix36 j = PointFromTangent(in_camera);
+  const Eigen::Matrix<double, 3, 6> j = PointByMotion(in_camera);
   return j * *pair.covariance_at_1px * j.transpose();
 }
 

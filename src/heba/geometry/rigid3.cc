@@ -69,6 +69,12 @@ Tangent6 LocalCoordinates(const Rigid3d& a_from_b, const Rigid3d& a_from_b_2) {
   return tangent;
 }
 
+Eigen::Matrix<double, 3, 6> PointByMotion(const Eigen::Vector3d& point) {
+  Eigen::Matrix<double, 3, 6> by_motion;
+  by_motion << Eigen::Matrix3d::Identity(), -Skew(point);
+  return by_motion;
+}
+
 Eigen::Matrix<double, 6, 6> Adjoint(const Rigid3d& a_from_b) {
   const Eigen::Matrix3d rotation = a_from_b.RotationMatrix();
   Eigen::Matrix<double, 6, 6> adjoint = Eigen::Matrix<double, 6, 6>::Zero();

@@ -54,6 +54,10 @@ Rigid3d Retract(const Rigid3d& a_from_b, const Tangent6& tangent);
 // The tangent with Retract(a_from_b, tangent) == a_from_b_2.
 Tangent6 LocalCoordinates(const Rigid3d& a_from_b, const Rigid3d& a_from_b_2);
 
+// How a point moves with a small motion of the frame that it stands in (of T in T * point: T * [Exp(w), v]) or, alike,
+// with one that is applied to it from the left: v + w x point.
+Eigen::Matrix<double, 3, 6> PointByMotion(const Eigen::Vector3d& point);
+
 // How left multiplication sees a right one: with T = a_from_b and small tangents,
 // T * [Exp(w), v] = [Exp(w'), v'] * T where (v', w') = Adjoint(T) * (v, w).
 Eigen::Matrix<double, 6, 6> Adjoint(const Rigid3d& a_from_b);
