@@ -40,15 +40,6 @@ bool IsCutShort(const std::string& bytes) {
 
 }  // namespace
 
-bool HasImageSuffix(const std::filesystem::path& path) {
-  static constexpr std::array<std::string_view, 13> kSuffixes = {
-      ".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp", ".exr", ".jp2", ".dib"};
-  std::string suffix = path.extension().string();
-  std::transform(suffix.begin(), suffix.end(), suffix.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return std::find(kSuffixes.begin(), kSuffixes.end(), suffix) != kSuffixes.end();
-}
-
 cv::Mat ReadGreyImage(const std::filesystem::path& path) {
   const std::string bytes = ReadTextFile(path, kMaxImageBytes);
   if (bytes.empty()) throw InputError(path.string() + ": is empty; a picture is needed");

@@ -21,9 +21,6 @@ void WriteImage(const std::filesystem::path& path, const cv::Mat& image);
 // A copy of a CV_8UC1 picture, no wider than `max_width_px`, as the bytes of a JPEG file.
 std::string SmallJpeg(const cv::Mat& grey, int max_width_px);
 
-// Whether a file name has the suffix of a picture.
-bool HasImageSuffix(const std::filesystem::path& path);
-
 // Whether a place lies within the centres of the outermost pixels.
 inline bool IsInPicture(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
   return pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() <= grey.cols - 1 && pixel.y() <= grey.rows - 1;

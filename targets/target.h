@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -38,6 +39,9 @@ struct Detection {
   std::string reason;  // Why nothing was found, or why not all, in plain words; may be empty.
 };
 
+// Keys of a target's mapping with values.
+using TargetSettings = std::vector<std::pair<std::string, std::string>>;
+
 class Target {
  public:
   virtual ~Target() = default;
@@ -54,6 +58,9 @@ class Target {
   // The rotations, as target_from_target, under which the target looks the same, the identity first. A target whose
   // points carry ids or a mark has no other.
   virtual std::vector<Rigid3d> Symmetries() const { return {Rigid3d()}; }
+  // Other targets of this type that `grey` may show, where people wrote this one by mistake, likelier first: each the
+  // keys that would have to be changed, with the other target's values. Some of them may not make a target.
+  virtual std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const { return {}; }
 };
 
 // Reads a target from its mapping, heba's or Kalibr's, all of it (the reader then holds the target as used, in heba's

@@ -11,6 +11,7 @@
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "heba/evaluation/verdict.h"
 #include "heba/io/result_file.h"
 #include "solvers/calibration.h"
 #include "solvers/cross_validation.h"
@@ -18,9 +19,9 @@
 #include "solvers/target_location.h"
 #include "targets/guided_detection.h"
 #include "targets/image.h"
-#include "tools/detection_cache.h"
+#include "tools/captures.h"
 #include "tools/detection_file.h"
-#include "tools/digest.h"
+#include "tools/doctor/doctor.h"
 #include "tools/report.h"
 #include "tools/run_inputs.h"
 
@@ -34,36 +35,6 @@ class Stopwatch {
  private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
-
-std::string SizeText(int width_px, int height_px) {
-  return std::to_string(width_px) + " x " + std::to_string(height_px);
-}
-
-std::vector<View> MakeViews(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
-  std::vector<View> views;
-  for (size_t i = 0; i < config.captures.size(); ++i) {
-    if (detections[i].detection.ids.empty()) continue;
-    views.push_back({config.captures[i].name,
-                     CameraMountFromTargetMount(config.setup, config.captures[i].base_from_gripper),
-                     ObservationsOf(*config.target, detections[i].detection), config.captures[i].role});
-  }
-  return views;
-}
-
-CalibrationOptions OptionsOf(const RunConfig& config, int width_px, int height_px) {
-  CalibrationOptions options;
-  options.methods = config.methods;
-  options.seed = config.seed;
-  options.bundle = config.bundle;
-  options.setup = config.setup;
-  options.camera = config.camera;
-  options.camera_model = config.camera_model;
-  options.width_px = width_px;
-  options.height_px = height_px;
-  options.symmetries = config.target->Symmetries();
-  options.shape = DesignedShape(AllPoints(*config.target).points_in_target);
-  return options;
-}
 
 // What every estimate is measured by.
 Errors EvaluateEstimate(const HandEye& hand_eye, const Camera& camera, const std::vector<View>& views,
@@ -312,57 +283,14 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
   return results;
 }
 
-}  // namespace
-
-std::vector<CaptureDetection> DetectCaptures(RunConfig* config, int num_threads, Verbosity verbosity) {
-  std::vector<CaptureDetection> detections(config->captures.size());
-  {
-    Progress progress("detect", static_cast<int>(detections.size()), verbosity);
-    const DetectionCache cache(config->target_used);
-    std::mutex mutex;
-    // Pictures are read, searched and dropped: of each only a small copy stays.
-    ParallelFor(static_cast<int>(detections.size()), num_threads, [&](int index) {
-      const size_t i = static_cast<size_t>(index);
-      const std::filesystem::path& image = config->captures[i].image;
-      const std::string digest = DigestOfFile(image);
-      if (std::optional<CaptureDetection> known = cache.Find(digest)) {
-        detections[i] = std::move(*known);
-      } else {
-        detections[i] = DetectCapture(*config->target, image);
-        // Unless it was another picture meanwhile.
-        if (DigestOfFile(image) == digest) cache.Keep(digest, detections[i]);
-      }
-      const std::lock_guard<std::mutex> lock(mutex);
-      progress.Step();
-    });
-  }
-  const int width_px = detections.front().width_px;
-  const int height_px = detections.front().height_px;
-  for (size_t i = 1; i < detections.size(); ++i) {
-    if (detections[i].width_px != width_px || detections[i].height_px != height_px) {
-      throw InputError(config->captures[i].image.string() + ": is " +
-                       SizeText(detections[i].width_px, detections[i].height_px) + " px, but " +
-                       config->captures[0].name + " is " + SizeText(width_px, height_px) +
-                       " px; all pictures must come from one camera at one resolution");
-    }
-  }
-  if (config->camera) {
-    Camera& camera = *config->camera;
-    if (camera.width_px == 0) {
-      camera.width_px = width_px;
-      camera.height_px = height_px;
-    }
-    if (camera.width_px != width_px || camera.height_px != height_px) {
-      throw InputError(config->camera_file + ": is for pictures of " + SizeText(camera.width_px, camera.height_px) +
-                       " px, but " + config->captures[0].name + " is " + SizeText(width_px, height_px) +
-                       " px; give the intrinsics of that resolution");
-    }
-  }
-  return detections;
+// What the doctor finds wrong first, as a sentence's end; empty if nothing.
+std::string DoctorSays(const RunConfig& config, int num_threads) {
+  const std::string wrong = FirstWrong(Diagnose(config, num_threads, Verbosity::kQuiet));
+  return wrong.empty() ? "" : "heba doctor: " + wrong;
 }
 
-Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem::path& output, int num_threads,
-                               Console* console) {
+Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& output, int num_threads,
+                       Console* console) {
   const Stopwatch total;
   RunConfig config = config_in;
   // Made first: a run that cannot be written should say so before the work.
@@ -372,10 +300,11 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   if (config.truth) truth = ReadTruth(*config.truth, config.setup);
 
   const Stopwatch detect_watch;
-  std::vector<CaptureDetection> detections = DetectCaptures(&config, num_threads, console->verbosity());
+  std::vector<CaptureDetection> detections = DetectCaptures(config, num_threads, console->verbosity());
+  FitCameraToPictures(detections.front(), &config);
   RunResult result;
   result.timing.detect_s = detect_watch.Seconds();
-  const std::vector<View> views = MakeViews(config, detections);
+  const std::vector<View> views = ViewsOf(config, detections);
   if (views.empty()) {
     const std::string first = detections.front().detection.reason;
     return Failure{"the target was not seen in any of the " + std::to_string(detections.size()) + " pictures" +
@@ -392,7 +321,7 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   if (calibration->refined) {
     std::vector<CaptureDetection> again = detections;
     if (LookAgain(config, *calibration, num_threads, console->verbosity(), &again)) {
-      Outcome<Calibration> second = Calibrate(MakeViews(config, again), options);
+      Outcome<Calibration> second = Calibrate(ViewsOf(config, again), options);
       if (second && second->refined && IsNoWorse(*second, *calibration)) {
         calibration = std::move(second);
         detections = std::move(again);
@@ -434,6 +363,15 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   result.estimates = MakeEstimates(*calibration, hold_outs, truth, options.symmetries);
   result.captures = DescribeCaptures(config, detections, *calibration, MoveWithoutEachView(*calibration, options));
   result.working_point = FindWorkingPoint(*calibration, config.setup);
+  if (JudgeRun(result).grade == Grade::kBad) {
+    const std::string doctor = DoctorSays(config_in, num_threads);
+    for (Estimate& estimate : result.estimates) {
+      if (estimate.method == kBundleMethod && estimate.solution && !doctor.empty()) {
+        std::vector<std::string>& remarks = estimate.solution->remarks;
+        remarks.insert(remarks.begin(), doctor);
+      }
+    }
+  }
   result.timing.total_s = total.Seconds();
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
@@ -448,6 +386,16 @@ Outcome<RunResult> RunPipeline(const RunConfig& config_in, const std::filesystem
   WriteFileAtomically(folder.staging() / "result.json", ResultToJson(result));
   folder.Commit();
   return result;
+}
+
+}  // namespace
+
+Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
+                               Console* console) {
+  Outcome<RunResult> result = Run(config, output, num_threads, console);
+  if (result) return result;
+  const std::string doctor = DoctorSays(config, num_threads);
+  return Failure{result.reason() + (doctor.empty() ? "" : "; " + doctor)};
 }
 
 }  // namespace heba

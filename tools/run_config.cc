@@ -20,34 +20,6 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// Numbers in names by value: 9.png before 10.png.
-bool NaturalLess(const std::string& a, const std::string& b) {
-  size_t i = 0;
-  size_t j = 0;
-  const auto is_digit = [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; };
-  while (i < a.size() && j < b.size()) {
-    if (is_digit(a[i]) && is_digit(b[j])) {
-      size_t i_end = i;
-      size_t j_end = j;
-      while (i_end < a.size() && is_digit(a[i_end])) ++i_end;
-      while (j_end < b.size() && is_digit(b[j_end])) ++j_end;
-      while (i + 1 < i_end && a[i] == '0') ++i;
-      while (j + 1 < j_end && b[j] == '0') ++j;
-      if (i_end - i != j_end - j) return i_end - i < j_end - j;
-      const int order = a.compare(i, i_end - i, b, j, j_end - j);
-      if (order != 0) return order < 0;
-      i = i_end;
-      j = j_end;
-    } else {
-      if (a[i] != b[j]) return a[i] < b[j];
-      ++i;
-      ++j;
-    }
-  }
-  if (i < a.size() || j < b.size()) return i == a.size();
-  return a < b;
-}
-
 std::vector<fs::path> ListFolder(const ConfigValue& value, const fs::path& folder) {
   std::vector<fs::path> images;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
@@ -138,6 +110,7 @@ void ReadCaptures(MapReader& root, RunConfig* config) {
   const fs::path poses_file = reader.Path("poses");
   config->poses_file = poses_file;
   const PoseReading poses = ReadPoseReading(reader);
+  config->pose_reading = poses;
   reader.Finish();
   root.Record("captures", reader.used());
 
@@ -174,6 +147,7 @@ void ReadCaptures(MapReader& root, RunConfig* config) {
     capture.role = rows[i].role;
     capture.base_from_gripper = BaseFromGripper(poses, rows[i].pose);
     config->captures.push_back(capture);
+    config->pose_numbers.push_back(rows[i].numbers);
   }
   if (has_names) {
     for (const auto& entry : by_name) config->images_without_pose.push_back(entry.first);

@@ -15,6 +15,12 @@
 
 namespace heba {
 
+// What the numbers of a robot's pose mean.
+struct PoseReading {
+  PoseFormat format;
+  bool is_base_from_gripper = true;
+};
+
 struct RunConfig {
   std::filesystem::path file;
   std::string name;
@@ -25,7 +31,9 @@ struct RunConfig {
   std::string camera_model;
   std::string camera_file;  // For messages.
   std::filesystem::path poses_file;
+  PoseReading pose_reading;
   std::vector<Capture> captures;
+  std::vector<std::vector<double>> pose_numbers;  // Of each capture, as the poses file has them.
   std::vector<std::string> images_without_pose;
   std::string seed;
   std::vector<std::string> methods;  // Empty: all that the motion suits.
@@ -40,12 +48,7 @@ struct RunConfig {
 // more than the files. InputError on any fault.
 RunConfig ReadRunConfig(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
 
-// What the numbers of a robot's pose mean, from the keys of `captures`: pose_format, robot, joint_angles, units,
-// poses_are.
-struct PoseReading {
-  PoseFormat format;
-  bool is_base_from_gripper = true;
-};
+// From the keys of `captures`: pose_format, robot, joint_angles, units, poses_are.
 PoseReading ReadPoseReading(MapReader& captures);
 Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose);
 

@@ -36,6 +36,7 @@ extern "C" {
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
+#include "targets/confusions.h"
 #include "targets/corner_refinement.h"
 #include "targets/homography.h"
 #include "targets/image.h"
@@ -89,6 +90,7 @@ class Family {
 };
 
 struct TagGridGeometry {
+  std::string family;
   int rows = 0;
   int columns = 0;
   double tag_size_m = 0;
@@ -234,6 +236,20 @@ class AprilTagGrid final : public Target {
     return detection;
   }
 
+  std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const override {
+    std::vector<TargetSettings> confusions;
+    if (geometry_.rows != geometry_.columns) {
+      confusions.push_back(RowsAndColumns(geometry_.columns, geometry_.rows));
+    }
+    AddOtherNames("family", kFamilies, geometry_.family, &confusions);
+    confusions.push_back({{"border_bits", geometry_.border_bits == 1 ? "2" : "1"}});
+    for (const char* spacing : {"0.1", "0.15", "0.2", "0.25", "0.3", "0.35", "0.4", "0.5"}) {
+      confusions.push_back({{"tag_spacing", spacing}});
+    }
+    const std::vector<TargetSettings> grids = ConfusedGrids(geometry_.rows, geometry_.columns);
+    confusions.insert(confusions.end(), grids.begin(), grids.end());
+    return confusions;
+  }
   const Drawing& Draw() const override { return drawing_; }
 
  private:
@@ -672,6 +688,7 @@ std::unique_ptr<Target> CreateTarget_apriltag_grid(MapReader& reader) {
   Family family(entry);
   const bool has_outer_cells = family.NumOuterCells() > 0;
   TagGridGeometry geometry;
+  geometry.family = name;
   constexpr IntRange kTags = {1, 200};
   geometry.rows = reader.Int("rows", kTags);
   geometry.columns = reader.Int("columns", kTags);

@@ -18,6 +18,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
+#include "targets/confusions.h"
 #include "targets/corner_refinement.h"
 #include "targets/homography.h"
 #include "targets/name_table.h"
@@ -56,6 +57,7 @@ constexpr DictionaryName kDictionaries[] = {
 };
 
 struct CharucoGeometry {
+  std::string dictionary;
   int rows = 0;
   int columns = 0;
   double square_m = 0;
@@ -133,6 +135,13 @@ class Charuco final : public Target {
     return detection;
   }
 
+  std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const override {
+    std::vector<TargetSettings> confusions = {{{"legacy_pattern", geometry_.legacy_pattern ? "false" : "true"}}};
+    const std::vector<TargetSettings> grids = ConfusedGrids(geometry_.rows, geometry_.columns);
+    confusions.insert(confusions.end(), grids.begin(), grids.end());
+    AddOtherNames("dictionary", kDictionaries, geometry_.dictionary, &confusions);
+    return confusions;
+  }
   const Drawing& Draw() const override { return drawing_; }
 
  private:
@@ -249,6 +258,7 @@ std::unique_ptr<Target> CreateTarget_charuco(MapReader& reader) {
   geometry.marker_m = reader.PositiveLength("marker");
   if (geometry.marker_m >= geometry.square_m) reader.Get("marker").Fail("must be smaller than the square");
   const DictionaryName& entry = ReadChoice(reader, "dictionary", kDictionaries);
+  geometry.dictionary = entry.name;
   geometry.legacy_pattern = reader.Bool("legacy_pattern", false);
   geometry.first_marker = reader.Int("first_marker", {0, 10000}, 0);
   cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(entry.id);

@@ -15,6 +15,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
+#include "targets/confusions.h"
 #include "targets/corner_refinement.h"
 #include "targets/homography.h"
 #include "targets/target.h"
@@ -75,6 +76,24 @@ constexpr Finder kFinders[] = {
 };
 constexpr double kMaxEnlargement = 3;
 
+// Of the grids of corners in the picture, or of parts of them, in inner corners: what the first two finders see if
+// any size is right.
+std::vector<cv::Size> SizesSeen(const cv::Mat& grey) {
+  const double scale = std::min(1.0, kFinders[0].max_side_px / std::max(grey.cols, grey.rows));
+  cv::Mat picture;
+  cv::resize(grey, picture, {}, scale, scale, cv::INTER_AREA);
+  std::vector<cv::Size> sizes;
+  for (const int flags : {0, static_cast<int>(cv::CALIB_CB_NORMALIZE_IMAGE)}) {
+    constexpr int kLeastSide = 3;
+    std::vector<cv::Point2f> corners;
+    cv::Mat meta;
+    const bool is_seen = cv::findChessboardCornersSB(picture, {kLeastSide, kLeastSide}, corners,
+                                                     flags | static_cast<int>(cv::CALIB_CB_LARGER), meta);
+    if (is_seen) sizes.push_back(meta.size());
+  }
+  return sizes;
+}
+
 class Chessboard final : public Target {
  public:
   Chessboard(int rows, int columns, double square_m) : rows_(rows), columns_(columns), square_m_(square_m) {
@@ -107,8 +126,13 @@ class Chessboard final : public Target {
       return detection;
     }
     const bool has_contrast = HasContrast(grey);
+    std::optional<bool> shows_another;
     for (const Finder& finder : kFinders) {
       if (!has_contrast) break;
+      if (finder.find == &FindQuads) {
+        if (!shows_another) shows_another = ShowsAnotherBoard(grey);
+        if (*shows_another) continue;
+      }
       std::optional<Corners> corners = Find(grey, finder);
       if (!corners) continue;
       const Drawing& seen = ColourScore(grey, *corners) < 0 ? inverted_ : drawing_;
@@ -125,6 +149,17 @@ class Chessboard final : public Target {
     return detection;
   }
 
+  // The size of the board that is seen, whatever it is: boards are counted wrongly in more ways than can be tried.
+  std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
+    std::vector<TargetSettings> confusions;
+    for (const cv::Size& size : SizesSeen(grey)) {
+      // Lying or standing as the config has it.
+      const bool is_alike = (size.width >= size.height) == (columns_ >= rows_);
+      confusions.push_back(is_alike ? RowsAndColumns(size.height, size.width)
+                                    : RowsAndColumns(size.width, size.height));
+    }
+    return confusions;
+  }
   const Drawing& Draw() const override { return drawing_; }
 
   std::vector<Rigid3d> Symmetries() const override {
@@ -139,6 +174,18 @@ class Chessboard final : public Target {
   }
 
  private:
+  // Whether much of a board is seen though not this one: linking quads would not find it either, and would take ten
+  // seconds for it.
+  bool ShowsAnotherBoard(const cv::Mat& grey) const {
+    constexpr double kMuch = 0.4;
+    constexpr int kClear = 20;  // Fewer corners than this may be seen of a small board that linking quads does find.
+    const std::vector<cv::Size> sizes = SizesSeen(grey);
+    return std::any_of(sizes.begin(), sizes.end(), [&](const cv::Size& size) {
+      const bool is_this = std::minmax(size.width, size.height) == std::minmax(columns_, rows_);
+      return !is_this && size.area() > std::max<double>(kClear, kMuch * static_cast<double>(points_.size()));
+    });
+  }
+
   std::optional<Corners> Find(const cv::Mat& grey, const Finder& finder) const {
     const double side_px = std::max(grey.cols, grey.rows);
     const double scale =

@@ -14,6 +14,7 @@
 
 #include "heba/base/error.h"
 #include "targets/circle_lattice.h"
+#include "targets/confusions.h"
 #include "targets/dot_grid.h"
 #include "targets/ellipse_finder.h"
 #include "targets/target.h"
@@ -70,6 +71,13 @@ class CircleGrid final : public Target {
     return options_.marker_dot ? std::vector<Rigid3d>{Rigid3d()} : PlaneSymmetries(points_);
   }
 
+  std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const override {
+    std::vector<TargetSettings> confusions = ConfusedGrids(options_.rows, options_.columns);
+    confusions.push_back({{"light_on_dark", options_.polarity == DotPolarity::kDarkOnLight ? "true" : "false"}});
+    confusions.push_back({{"asymmetric", options_.asymmetric ? "false" : "true"}});
+    if (!options_.asymmetric) confusions.push_back({{"marker_dot", options_.marker_dot ? "false" : "true"}});
+    return confusions;
+  }
   const Drawing& Draw() const override { return drawing_; }
 
   Detection Detect(const cv::Mat& grey) const override {

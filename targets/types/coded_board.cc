@@ -14,6 +14,7 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "targets/confusions.h"
 #include "targets/dot_grid.h"
 #include "targets/ellipse_finder.h"
 #include "targets/ring_code.h"
@@ -62,6 +63,18 @@ class CodedBoard final : public Target {
   std::string_view type() const override { return "coded_board"; }
   const std::vector<TargetPoint>& points() const override { return points_; }
 
+  std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const override {
+    std::vector<TargetSettings> confusions;
+    if (options_.rows != options_.columns) confusions.push_back(RowsAndColumns(options_.columns, options_.rows));
+    confusions.push_back({{"code_order", options_.code_order == RingCodeOrder::kValue ? "separation" : "value"}});
+    for (const int bits : {12, 14, 10, 8}) {
+      if (bits != options_.bits) confusions.push_back({{"bits", std::to_string(bits)}});
+    }
+    confusions.push_back({{"light_on_dark", options_.polarity == DotPolarity::kDarkOnLight ? "true" : "false"}});
+    const std::vector<TargetSettings> grids = ConfusedGrids(options_.rows, options_.columns);
+    confusions.insert(confusions.end(), grids.begin(), grids.end());
+    return confusions;
+  }
   const Drawing& Draw() const override { return drawing_; }
 
   Detection Detect(const cv::Mat& grey) const override {

@@ -3,6 +3,7 @@
 
 #include <sys/wait.h>
 
+#include <atomic>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -32,7 +33,7 @@ struct CommandResult {
   std::string err;
 };
 
-inline std::string Quoted(const std::string& word) {
+inline std::string ShellQuoted(const std::string& word) {
   std::string quoted = "'";
   for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
   return quoted + "'";
@@ -49,13 +50,13 @@ inline std::filesystem::path TestFolder(const std::string& name) {
 // `environment`: assignments for the shell; by default no detection is taken from or kept for another run.
 inline CommandResult RunHeba(const std::vector<std::string>& arguments,
                              const std::string& environment = "HEBA_CACHE=") {
-  static int calls = 0;
+  static std::atomic<int> calls = 0;
   const std::string base = (std::filesystem::path(testing::TempDir()) /
                             ("heba_cli_" + std::to_string(getpid()) + "_" + std::to_string(calls++)))
                                .string();
-  std::string command = environment + " " + Quoted(HEBA_PROGRAM);
-  for (const std::string& argument : arguments) command += " " + Quoted(argument);
-  command += " > " + Quoted(base + ".out") + " 2> " + Quoted(base + ".err") + " < /dev/null";
+  std::string command = environment + " " + ShellQuoted(HEBA_PROGRAM);
+  for (const std::string& argument : arguments) command += " " + ShellQuoted(argument);
+  command += " > " + ShellQuoted(base + ".out") + " 2> " + ShellQuoted(base + ".err") + " < /dev/null";
   const int raw = std::system(command.c_str());
   CommandResult result;
   // A shell reports a signal as 128 and its number.

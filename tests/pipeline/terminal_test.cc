@@ -16,10 +16,12 @@ constexpr const char* kBold = "\x1b[1m";
 // Standard output of the program on a terminal of its own, line by line.
 std::vector<std::string> LinesOnTerminal(const std::string& arguments, const std::string& environment) {
   const std::filesystem::path file = TestFolder("terminal") / "typescript";
-  const std::string inner = "stty cols 80; " + environment + " HEBA_CACHE=" +
-                            Quoted((std::filesystem::path(testing::TempDir()) / "heba_terminal_cache").string()) + " " +
-                            HEBA_PROGRAM + " " + arguments + " 2>/dev/null";
-  const std::string command = "script -qec " + Quoted(inner) + " " + Quoted(file.string()) + " > /dev/null < /dev/null";
+  const std::string inner =
+      "stty cols 80; " + environment +
+      " HEBA_CACHE=" + ShellQuoted((std::filesystem::path(testing::TempDir()) / "heba_terminal_cache").string()) + " " +
+      HEBA_PROGRAM + " " + arguments + " 2>/dev/null";
+  const std::string command =
+      "script -qec " + ShellQuoted(inner) + " " + ShellQuoted(file.string()) + " > /dev/null < /dev/null";
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
   std::vector<std::string> lines;
   std::ifstream stream(file);

@@ -10,11 +10,11 @@
 #include "solvers/target_pose.h"
 #include "targets/image.h"
 #include "targets/overlay.h"
+#include "tools/captures.h"
 #include "tools/command.h"
 #include "tools/console.h"
 #include "tools/detection_file.h"
 #include "tools/flags.h"
-#include "tools/pipeline.h"
 #include "tools/run_config.h"
 
 namespace heba {
@@ -49,7 +49,8 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   const fs::path output =
       FLAGS_out.empty() ? fs::absolute(arguments[0]).parent_path() / "detections" / config.name : fs::path(FLAGS_out);
   StagedFolder folder(output, "overlays");
-  const std::vector<CaptureDetection> detections = DetectCaptures(&config, NumThreads(), verbosity);
+  const std::vector<CaptureDetection> detections = DetectCaptures(config, NumThreads(), verbosity);
+  FitCameraToPictures(detections.front(), &config);
   fs::create_directory(folder.staging() / "overlays");
   std::vector<std::string> lines(config.captures.size());
   ParallelFor(static_cast<int>(config.captures.size()), NumThreads(), [&](int index) {

@@ -4,6 +4,9 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
+#include <cctype>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -28,6 +31,15 @@ void Sync(const fs::path& path) {
 }
 
 }  // namespace
+
+bool HasImageSuffix(const std::filesystem::path& path) {
+  static constexpr std::array<std::string_view, 13> kSuffixes = {
+      ".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp", ".exr", ".jp2", ".dib"};
+  std::string suffix = path.extension().string();
+  std::transform(suffix.begin(), suffix.end(), suffix.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return std::find(kSuffixes.begin(), kSuffixes.end(), suffix) != kSuffixes.end();
+}
 
 std::string ReadTextFile(const fs::path& path, size_t max_bytes) {
   std::error_code error;

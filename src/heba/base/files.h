@@ -8,6 +8,9 @@
 
 namespace heba {
 
+// Whether a file name has the suffix of a picture.
+bool HasImageSuffix(const std::filesystem::path& path);
+
 // The whole file. InputError if it is missing, a folder, unreadable or larger than `max_bytes`.
 std::string ReadTextFile(const std::filesystem::path& path, size_t max_bytes = size_t{64} << 20);
 

@@ -36,6 +36,9 @@ std::string FromBase64(std::string_view text);
 // The whole of `text` as a finite or non-finite double, independent of the locale; false if it is not a number.
 bool ParseDouble(std::string_view text, double* value);
 
+// Whether name `a` comes before `b`, with numbers in them by value: 9.png before 10.png.
+bool NaturalLess(const std::string& a, const std::string& b);
+
 // "; did you mean 'x'?" for the known name nearest to `unknown`, or an empty string if none is near.
 std::string DidYouMean(std::string_view unknown, const std::vector<std::string>& known);
 

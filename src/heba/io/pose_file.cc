@@ -228,6 +228,7 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
     const Outcome<Rigid3d> pose = PoseFromNumbers(format, numbers);
     if (!pose) line->Fail(pose.reason());
     row.pose = *pose;
+    row.numbers = numbers;
     rows.push_back(std::move(row));
   }
   if (rows.empty()) throw InputError(name.string() + ": has a header but no captures");

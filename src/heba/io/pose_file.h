@@ -14,10 +14,11 @@ namespace heba {
 inline constexpr std::string_view kCaptureRoles[] = {"home", "translate_x", "translate_y", "rotate", "free"};
 
 struct PoseRow {
-  std::string image;  // Empty if the file has no such column.
-  std::string role;   // One of kCaptureRoles; empty if there is none.
-  Rigid3d pose;       // Between the frames that the file has: which way round is the caller's to know.
-  int line = 0;       // In the file, from 1.
+  std::string image;                 // Empty if the file has no such column.
+  std::string role;                  // One of kCaptureRoles; empty if there is none.
+  Rigid3d pose;                      // Between the frames that the file has: which way round is the caller's to know.
+  int line = 0;                      // In the file, from 1.
+  std::vector<double> numbers = {};  // As the file has them, in the order of the format's columns.
 };
 
 // A header line that names the columns (those of `format`, and `image` and `role` if wanted, in any order), then a line

@@ -232,6 +232,37 @@ PoseFormat WithUnits(const PoseFormat& format, const ConfigValue& units) {
   return changed;
 }
 
+std::vector<PoseFormat> FormatsOfSameColumns(const PoseFormat& format) {
+  std::vector<PoseFormat> formats = {format};
+  const auto add = [&](PoseFormat other) {
+    other.name = format.name == "joints" ? "joints" : "";
+    if (other.rotation == format.rotation && other.angle_unit == format.angle_unit && other.robot == format.robot)
+      return;
+    formats.push_back(std::move(other));
+  };
+  const std::vector<std::string> angle_units = {"rad", "deg"};
+  if (!format.robot.empty()) {
+    for (const std::string& robot : UrRobotNames()) {
+      for (const std::string& unit : angle_units) add(JointFormat(robot, unit));
+    }
+    return formats;
+  }
+  for (const RotationForm& form : RotationForms()) {
+    if (form.num_numbers != FormOf(format).num_numbers) continue;
+    PoseFormat other = format;
+    other.rotation = form.name;
+    if (!HasAngles(form)) {
+      add(other);
+      continue;
+    }
+    for (const std::string& unit : angle_units) {
+      other.angle_unit = unit;
+      add(other);
+    }
+  }
+  return formats;
+}
+
 YAML::Node PoseFormatNode(const PoseFormat& format) {
   if (!format.name.empty()) return YAML::Node(format.name);
   YAML::Node node(YAML::NodeType::Map);

@@ -43,6 +43,9 @@ PoseFormat ReadPoseFormat(const ConfigValue& value);
 // `format` with the unit of translations that `units` names. InputError unless it is the format `matrix`, the only one
 // that robots write in either.
 PoseFormat WithUnits(const PoseFormat& format, const ConfigValue& units);
+// Every other thing that the same columns could mean: the other forms of a rotation with as many numbers, each unit of
+// angles; for joints, the other arms of the table. `format` first. The unit of translations stays.
+std::vector<PoseFormat> FormatsOfSameColumns(const PoseFormat& format);
 // Reads back as the same format (but for the units of `matrix`).
 YAML::Node PoseFormatNode(const PoseFormat& format);
 

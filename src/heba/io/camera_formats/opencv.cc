@@ -5,6 +5,7 @@
 
 #include "heba/base/text.h"
 #include "heba/io/camera_format.h"
+#include "heba/io/file_storage.h"
 
 namespace heba {
 namespace {
@@ -43,15 +44,6 @@ const std::vector<std::string>& DistortionNames() {
                                                  "distCoeffs1",
                                                  "distCoeffs2"};
   return names;
-}
-
-bool IsXml(const std::string& text) {
-  return text.find("<opencv_storage") != std::string::npos || Trim(text.substr(0, 100)).starts_with("<?xml");
-}
-
-bool Matches(const std::string& text) {
-  return IsXml(text) || Trim(text.substr(0, 100)).starts_with("%YAML:1.0") ||
-         text.find("opencv-matrix") != std::string::npos;
 }
 
 // The only one of `names` that is there.
@@ -103,17 +95,7 @@ Lens ReadLens(MapReader* reader) {
 }
 
 Camera Read(const std::string& text, const std::filesystem::path& name) {
-  if (IsXml(text)) {
-    throw InputError(name.string() +
-                     ": is XML, which heba does not read; save it as .yml (cv::FileStorage goes by the file's ending)");
-  }
-  // The first line, %YAML:1.0, is not YAML; it stays as an empty line, for the lines' numbers.
-  std::string document = text;
-  const size_t directive = document.find("%YAML");
-  if (directive != std::string::npos && Trim(document.substr(0, directive)).size() <= 3) {
-    document.erase(0, std::min(document.find('\n', directive), document.size()));
-  }
-  const ConfigValue root = ParseYaml(document, name);
+  const ConfigValue root = ParseFileStorage(text, name);
   MapReader reader(root);
   const ConfigValue matrix = FindOnly(&reader, MatrixNames(), "camera matrix");
   const ConfigValue distortion = FindOnly(&reader, DistortionNames(), "list of distortion coefficients");
@@ -127,6 +109,6 @@ Camera Read(const std::string& text, const std::filesystem::path& name) {
 
 }  // namespace
 
-CameraReader CameraReader_opencv() { return {Matches, Read}; }
+CameraReader CameraReader_opencv() { return {IsFileStorage, Read}; }
 
 }  // namespace heba

@@ -1,0 +1,265 @@
+#include "solvers/pose_consistency.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Dense>
+
+#include "heba/base/rng.h"
+
+namespace heba {
+namespace {
+
+constexpr double kQuantile = 0.7;
+constexpr int kNumTriples = 150;
+constexpr int kNumRounds = 4;
+// Captures that fit within this many times the quantile are solved from again.
+constexpr double kFits = 2.0;
+
+double QuantileOf(std::vector<double> values) {
+  const auto at =
+      values.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(values.size() - 1) + 0.5);
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+// One capture with one of its candidates.
+struct Choice {
+  size_t capture = 0;
+  size_t candidate = 0;
+};
+
+struct Rotations {
+  Eigen::Quaterniond x = Eigen::Quaterniond::Identity();
+  Eigen::Quaterniond z = Eigen::Quaterniond::Identity();
+};
+
+struct Fit {
+  std::vector<double> misfit;
+  std::vector<size_t> candidate;
+  double typical = std::numeric_limits<double>::infinity();
+};
+
+class Solver {
+ public:
+  explicit Solver(const std::vector<PoseCandidates>& captures) : captures_(captures) {}
+
+  // R_X from the axes of the motions, a = R_X b, by Kabsch; R_Z as the mean of what the captures then say.
+  Rotations SolveRotations(const std::vector<Choice>& chosen) const {
+    Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
+    for (size_t i = 0; i < chosen.size(); ++i) {
+      for (size_t j = i + 1; j < chosen.size(); ++j) {
+        const Eigen::Vector3d a = LogRotation(Mount(chosen[j]).rotation * Mount(chosen[i]).rotation.conjugate());
+        const Eigen::Vector3d b = LogRotation(Seen(chosen[j]).rotation * Seen(chosen[i]).rotation.conjugate());
+        cross += a * b.transpose();
+      }
+    }
+    Rotations solved;
+    solved.x = Eigen::Quaterniond(NearestRotation(cross)).normalized();
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    for (const Choice& choice : chosen) {
+      sum += (Mount(choice).rotation.conjugate() * solved.x * Seen(choice).rotation).toRotationMatrix();
+    }
+    solved.z = Eigen::Quaterniond(NearestRotation(sum)).normalized();
+    return solved;
+  }
+
+  Fit JudgeRotations(const Rotations& rotations) const {
+    Fit fit;
+    for (size_t i = 0; i < captures_.size(); ++i) {
+      const Eigen::Quaterniond by_robot = captures_[i].camera_mount_from_target_mount.rotation * rotations.z;
+      double best = std::numeric_limits<double>::infinity();
+      size_t candidate = 0;
+      for (size_t k = 0; k < captures_[i].camera_from_target.size(); ++k) {
+        const double angle = by_robot.angularDistance(rotations.x * captures_[i].camera_from_target[k].rotation);
+        if (angle < best) {
+          best = angle;
+          candidate = k;
+        }
+      }
+      fit.misfit.push_back(best);
+      fit.candidate.push_back(candidate);
+    }
+    fit.typical = QuantileOf(fit.misfit);
+    return fit;
+  }
+
+  // t_Z, t_X and the scale k of least squares of R_M t_Z + k t_M = R_X t_C + t_X.
+  Eigen::Matrix<double, 7, 1> SolveTranslations(const Rotations& rotations, const std::vector<Choice>& chosen,
+                                                RobotScale scale, double* scale_stddev) const {
+    const Eigen::Index rows = 3 * static_cast<Eigen::Index>(chosen.size());
+    const Eigen::Index columns = scale == RobotScale::kFree ? 7 : 6;
+    Eigen::MatrixXd left(rows, columns);
+    Eigen::VectorXd right(rows);
+    for (size_t i = 0; i < chosen.size(); ++i) {
+      const Eigen::Index row = 3 * static_cast<Eigen::Index>(i);
+      const Rigid3d& mount = Mount(chosen[i]);
+      left.block<3, 3>(row, 0) = mount.RotationMatrix();
+      left.block<3, 3>(row, 3) = -Eigen::Matrix3d::Identity();
+      right.segment<3>(row) = rotations.x * Seen(chosen[i]).translation;
+      if (scale == RobotScale::kFree) {
+        left.block<3, 1>(row, 6) = mount.translation;
+      } else {
+        right.segment<3>(row) -= mount.translation;
+      }
+    }
+    Eigen::Matrix<double, 7, 1> solved = Eigen::Matrix<double, 7, 1>::Ones();
+    const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition(left);
+    solved.head(columns) = decomposition.solve(right);
+    if (scale_stddev != nullptr) {
+      *scale_stddev = 0;
+      if (scale == RobotScale::kFree) {
+        // What the other columns leave of the last one.
+        const Eigen::MatrixXd others = left.leftCols(6);
+        const Eigen::VectorXd last = left.col(6);
+        const Eigen::VectorXd rest =
+            last - others * Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd>(others).solve(last);
+        const double variance = (left * solved.head(columns) - right).squaredNorm() /
+                                static_cast<double>(std::max<Eigen::Index>(1, rows - columns));
+        *scale_stddev = rest.norm() > 0 ? std::sqrt(variance) / rest.norm() : std::numeric_limits<double>::infinity();
+      }
+    }
+    return solved;
+  }
+
+  double TranslationMisfit(const Rotations& rotations, const Eigen::Matrix<double, 7, 1>& solved,
+                           const Choice& choice) const {
+    const Rigid3d& mount = Mount(choice);
+    return (mount.rotation * Eigen::Vector3d(solved.head<3>()) + solved[6] * mount.translation -
+            rotations.x * Seen(choice).translation - solved.segment<3>(3))
+        .norm();
+  }
+
+  const Rigid3d& Mount(const Choice& choice) const { return captures_[choice.capture].camera_mount_from_target_mount; }
+  const Rigid3d& Seen(const Choice& choice) const {
+    return captures_[choice.capture].camera_from_target[choice.candidate];
+  }
+  size_t size() const { return captures_.size(); }
+  size_t NumCandidates(size_t capture) const { return captures_[capture].camera_from_target.size(); }
+
+ private:
+  const std::vector<PoseCandidates>& captures_;
+};
+
+// Three different ones of `from`.
+std::vector<size_t> RandomTriple(const std::vector<size_t>& from, Rng* rng) {
+  std::vector<size_t> triple;
+  while (triple.size() < 3) {
+    const size_t pick = from[static_cast<size_t>(rng->Index(static_cast<int>(from.size())))];
+    if (std::find(triple.begin(), triple.end(), pick) == triple.end()) triple.push_back(pick);
+  }
+  return triple;
+}
+
+std::pair<Rotations, Fit> FindRotations(const Solver& solver, Rng* rng) {
+  std::vector<size_t> all(solver.size());
+  for (size_t i = 0; i < all.size(); ++i) all[i] = i;
+  Rotations best;
+  Fit fit;
+  for (int trial = 0; trial < kNumTriples; ++trial) {
+    std::vector<Choice> chosen;
+    for (const size_t capture : RandomTriple(all, rng)) {
+      // The first candidate is the likeliest.
+      const int num = static_cast<int>(solver.NumCandidates(capture));
+      const size_t candidate = rng->Uniform() < 0.5 ? 0 : static_cast<size_t>(rng->Index(num));
+      chosen.push_back({capture, candidate});
+    }
+    const Rotations rotations = solver.SolveRotations(chosen);
+    Fit judged = solver.JudgeRotations(rotations);
+    if (judged.typical >= fit.typical) continue;
+    best = rotations;
+    fit = std::move(judged);
+  }
+  for (int round = 0; round < kNumRounds; ++round) {
+    std::vector<Choice> chosen;
+    for (size_t i = 0; i < fit.misfit.size(); ++i) {
+      if (fit.misfit[i] <= kFits * fit.typical) chosen.push_back({i, fit.candidate[i]});
+    }
+    const Rotations rotations = solver.SolveRotations(chosen);
+    Fit judged = solver.JudgeRotations(rotations);
+    if (judged.typical >= fit.typical) break;
+    best = rotations;
+    fit = std::move(judged);
+  }
+  return {best, std::move(fit)};
+}
+
+}  // namespace
+
+std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandidates>& captures, RobotScale scale) {
+  constexpr size_t kMinCaptures = 5;
+  if (captures.size() < kMinCaptures) return std::nullopt;
+  const Solver solver(captures);
+  Rng rng(1);
+  const auto [rotations, by_rotation] = FindRotations(solver, &rng);
+
+  std::vector<Choice> choices;
+  std::vector<size_t> fitting;
+  std::vector<double> distances;
+  for (size_t i = 0; i < captures.size(); ++i) {
+    choices.push_back({i, by_rotation.candidate[i]});
+    if (by_rotation.misfit[i] <= kFits * by_rotation.typical) fitting.push_back(i);
+    distances.push_back(solver.Seen(choices.back()).translation.norm());
+  }
+  const auto judge = [&](const Eigen::Matrix<double, 7, 1>& solved) {
+    std::vector<double> misfits;
+    for (const Choice& choice : choices) misfits.push_back(solver.TranslationMisfit(rotations, solved, choice));
+    return misfits;
+  };
+  Eigen::Matrix<double, 7, 1> best = Eigen::Matrix<double, 7, 1>::Zero();
+  std::vector<double> misfits;
+  double typical = std::numeric_limits<double>::infinity();
+  double scale_stddev = 0;
+  const auto try_from = [&](const std::vector<Choice>& chosen) {
+    double stddev = 0;
+    const Eigen::Matrix<double, 7, 1> solved = solver.SolveTranslations(rotations, chosen, scale, &stddev);
+    std::vector<double> judged = judge(solved);
+    const double quantile = QuantileOf(judged);
+    if (!(quantile < typical)) return false;
+    best = solved;
+    misfits = std::move(judged);
+    typical = quantile;
+    scale_stddev = stddev;
+    return true;
+  };
+  std::vector<Choice> all_fitting;
+  for (const size_t i : fitting) all_fitting.push_back(choices[i]);
+  try_from(all_fitting);
+  for (int trial = 0; trial < kNumTriples / 2; ++trial) {
+    std::vector<Choice> chosen;
+    for (const size_t i : RandomTriple(fitting, &rng)) chosen.push_back(choices[i]);
+    try_from(chosen);
+  }
+  for (int round = 0; round < kNumRounds; ++round) {
+    std::vector<Choice> chosen;
+    for (size_t i = 0; i < misfits.size(); ++i) {
+      if (misfits[i] <= kFits * typical) chosen.push_back(choices[i]);
+    }
+    if (!try_from(chosen)) break;
+  }
+
+  PoseConsistency found;
+  found.hand_eye = {Rigid3d(rotations.x, best.segment<3>(3)), Rigid3d(rotations.z, best.head<3>())};
+  found.robot_scale = best[6];
+  // Of all that fit: three captures alone say little of it.
+  std::vector<Choice> chosen;
+  for (size_t i = 0; i < misfits.size(); ++i) {
+    if (misfits[i] <= kFits * typical) chosen.push_back(choices[i]);
+  }
+  solver.SolveTranslations(rotations, chosen, scale, &scale_stddev);
+  found.robot_scale_stddev = scale_stddev;
+  const double lever_m = QuantileOf(distances);
+  found.rotation_rad = by_rotation.misfit;
+  found.translation_m = misfits;
+  for (size_t i = 0; i < captures.size(); ++i) {
+    found.misfit_m.push_back(std::hypot(misfits[i], lever_m * by_rotation.misfit[i]));
+  }
+  found.candidate = by_rotation.candidate;
+  found.typical_rotation_rad = by_rotation.typical;
+  found.typical_translation_m = typical;
+  found.typical_misfit_m = QuantileOf(found.misfit_m);
+  return found;
+}
+
+}  // namespace heba

@@ -1,0 +1,50 @@
+#include "heba/io/import.h"
+
+#include <algorithm>
+
+#include "heba/base/text.h"
+
+namespace heba {
+
+#define HEBA_IMPORT_FORMAT(name, description) ImportReader ImportReader_##name();
+#include "heba/io/import_formats.def"
+#undef HEBA_IMPORT_FORMAT
+
+const std::vector<ImportFormat>& ImportFormats() {
+  static const std::vector<ImportFormat> formats = {
+#define HEBA_IMPORT_FORMAT(name, description) {#name, description, ImportReader_##name()},
+#include "heba/io/import_formats.def"
+#undef HEBA_IMPORT_FORMAT
+  };
+  return formats;
+}
+
+std::vector<std::string> ImportFormatNames() {
+  std::vector<std::string> names;
+  for (const ImportFormat& format : ImportFormats()) names.emplace_back(format.name);
+  return names;
+}
+
+ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view name) {
+  std::error_code error;
+  if (!std::filesystem::exists(source, error)) throw InputError(source.string() + ": no such file or folder");
+  const ImportFormat* format = nullptr;
+  for (const ImportFormat& known : ImportFormats()) {
+    if (format == nullptr && (name.empty() ? known.reader.matches(source) : known.name == name)) format = &known;
+  }
+  if (format == nullptr) {
+    throw InputError(source.string() +
+                     ": is a data set of no form that heba knows; one of: " + Join(ImportFormatNames(), ", "));
+  }
+  ImportedSet set = format->reader.read(source);
+  set.format = format->name;
+  if (set.captures.empty()) throw InputError(source.string() + ": holds no captures");
+  std::vector<std::string> names;
+  for (const ImportedCapture& capture : set.captures) names.push_back(capture.name);
+  std::sort(names.begin(), names.end());
+  const auto twice = std::adjacent_find(names.begin(), names.end());
+  if (twice != names.end()) throw InputError(source.string() + ": two captures are called " + Quoted(*twice));
+  return set;
+}
+
+}  // namespace heba

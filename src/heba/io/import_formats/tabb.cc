@@ -1,0 +1,80 @@
+// A. Tabb's RWHEC: robot_cali.txt (a count, then 4 x 4 matrices), calibration_object.txt (chess_mm_height,
+// chess_mm_width, chess_height, chess_width: squares' sides and inner corners) and images/camera0. The matrices are the
+// inverse of the usual: gripper_from_base, in the object's unit (mm).
+#include <map>
+
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/io/import.h"
+#include "heba/io/import_text.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+bool Matches(const fs::path& source) {
+  std::error_code error;
+  return fs::is_directory(source, error) && fs::exists(source / "robot_cali.txt", error);
+}
+
+std::string TargetOf(const fs::path& file) {
+  std::map<std::string, double> values;
+  for (const TextLine& line : LinesOf(ReadTextFile(file))) {
+    const size_t blank = line.text.find_first_of(" \t");
+    if (blank == std::string::npos) continue;
+    const std::vector<double> numbers = NumbersOfLine(line.text.substr(blank), file, line.number);
+    if (numbers.size() == 1) values[line.text.substr(0, blank)] = numbers[0];
+  }
+  for (const char* key : {"chess_mm_height", "chess_mm_width", "chess_height", "chess_width"}) {
+    if (values.count(key) == 0) throw InputError(file.string() + ": '" + key + "' is missing");
+  }
+  if (values["chess_mm_height"] != values["chess_mm_width"]) {
+    throw InputError(file.string() +
+                     ": chess_mm_height differs from chess_mm_width; a chessboard of squares is needed");
+  }
+  return ChessboardYaml(static_cast<int>(values["chess_height"]), static_cast<int>(values["chess_width"]),
+                        1e-3 * values["chess_mm_height"]);
+}
+
+ImportedSet Read(const fs::path& source) {
+  ImportedSet set;
+  const fs::path robot = source / "robot_cali.txt";
+  set.files.push_back(robot);
+  std::vector<double> numbers;
+  for (const TextLine& line : LinesOf(ReadTextFile(robot))) {
+    for (const double number : NumbersOfLine(line.text, robot, line.number)) numbers.push_back(number);
+  }
+  constexpr size_t kMatrix = 16;
+  const bool has_count =
+      numbers.size() % kMatrix == 1 && numbers[0] * kMatrix == static_cast<double>(numbers.size() - 1);
+  if (!has_count) throw InputError(robot.string() + ": a count and as many 4 x 4 matrices are needed");
+  const fs::path object = source / "calibration_object.txt";
+  if (fs::exists(object)) {
+    set.target = TargetOf(object);
+    set.files.push_back(object);
+  }
+  std::vector<fs::path> pictures = PicturesOf(source / "images" / "camera0");
+  if (pictures.empty()) pictures = PicturesOf(source / "images");
+  const size_t num_poses = (numbers.size() - 1) / kMatrix;
+  if (!pictures.empty() && pictures.size() != num_poses) {
+    throw InputError(robot.string() + ": has " + std::to_string(num_poses) + " poses for " +
+                     std::to_string(pictures.size()) + " pictures");
+  }
+  for (size_t i = 0; i < num_poses; ++i) {
+    const std::span<const double> matrix(numbers.data() + 1 + kMatrix * i, kMatrix);
+    ImportedCapture capture;
+    capture.image = pictures.empty() ? fs::path() : pictures[i];
+    capture.name = pictures.empty() ? "pose_" + std::to_string(i) : pictures[i].filename().string();
+    capture.base_from_gripper =
+        Inverse(PoseOfMatrix(matrix, 1e-3, robot.string() + ": matrix " + std::to_string(i + 1)));
+    set.captures.push_back(std::move(capture));
+  }
+  set.setup = Setup::kEyeInHand;
+  return set;
+}
+
+}  // namespace
+
+ImportReader ImportReader_tabb() { return {Matches, Read}; }
+
+}  // namespace heba

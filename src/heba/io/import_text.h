@@ -1,0 +1,50 @@
+// What readers of other projects' data sets share.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "heba/config/yaml_reader.h"
+#include "heba/geometry/rigid3.h"
+
+namespace heba {
+
+// The numbers of a line, between blanks, commas, semicolons or tabs. InputError ("name:line: ...") for anything else.
+std::vector<double> NumbersOfLine(std::string_view text, const std::filesystem::path& name, int line);
+
+// A line that says something, without comments (#) and the blanks around it.
+struct TextLine {
+  std::string text;
+  int number = 0;
+};
+std::vector<TextLine> LinesOf(const std::string& text);
+
+// A pose from numbers in one of the forms of pose_formats.def, or `where: ` and why it is none as an InputError.
+Rigid3d PoseOf(std::string_view format, std::span<const double> numbers, const std::string& where);
+// The same of a 4 x 4 matrix, row by row; `m_per_unit` for its translation.
+Rigid3d PoseOfMatrix(std::span<const double> numbers, double m_per_unit, const std::string& where);
+// {x, y, z, qx, qy, qz, qw} in metres. Other keys are passed over.
+Rigid3d PoseOfMap(const ConfigValue& value);
+// {translation: {x, y, z}, rotation: {x, y, z, w}}.
+Rigid3d PoseOfTransform(const ConfigValue& value);
+
+// The matrices of an OpenCV FileStorage file in YAML, by name: their numbers, row by row, and the plain numbers too.
+std::map<std::string, std::vector<double>> FileStorageNumbers(const std::filesystem::path& path);
+
+// The regular files of a folder whose names are `prefix`, a whole number, `suffix`, by that number.
+std::map<int, std::filesystem::path> NumberedFiles(const std::filesystem::path& folder, std::string_view prefix,
+                                                   std::string_view suffix);
+// The pictures of a folder, in the order of the numbers in their names; none if there is no such folder.
+std::vector<std::filesystem::path> PicturesOf(const std::filesystem::path& folder);
+
+// The first characters of a file, to tell what it is; empty if it cannot be read. Does not throw.
+std::string BeginningOf(const std::filesystem::path& path);
+
+// "chessboard" with its inner corners, as a target file.
+std::string ChessboardYaml(int rows, int columns, double square_m);
+
+}  // namespace heba

@@ -1,0 +1,59 @@
+// The doctor on recorded data sets, as they are and spoiled.
+#include <gtest/gtest.h>
+
+#include "heba/data/setup.h"
+#include "tests/support/data_sets.h"
+#include "tests/support/spoilings.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+struct Recorded {
+  std::string name;
+  std::string target_type;
+  std::string length_key;
+  double length_mm;
+  int rows;
+  int columns;
+  Setup setup;
+};
+
+class DoctorRecordedTest : public testing::TestWithParam<Recorded> {};
+
+TEST_P(DoctorRecordedTest, NamesTheCauseFirst) {
+  const Recorded& recorded = GetParam();
+  HEBA_SKIP_WITHOUT(DataDir() / recorded.name);
+  const fs::path folder = TestFolder("doctor_" + recorded.name);
+  // With the intrinsics as the config has them, and nothing of its truth.
+  GoodSet good{recorded.name,
+               fs::path(HEBA_SOURCE_DIR) / "configs" / "recorded" / (recorded.name + ".yaml"),
+               DataDir() / recorded.name / "poses.csv",
+               DataDir() / recorded.name / "images",
+               fs::path(HEBA_SOURCE_DIR) / "configs" / "recorded" / "cameras" / (recorded.name + ".yaml"),
+               recorded.target_type,
+               recorded.length_key,
+               recorded.length_mm,
+               recorded.rows,
+               recorded.columns,
+               recorded.setup};
+  const SpoilingScore score = ScoreDoctor(good, folder / "work", false);
+  std::cout << good.name << ": " << score.num_right << " of " << score.num_all << std::endl;
+  EXPECT_GE(score.num_right, 0.95 * score.num_all);
+  fs::remove_all(folder);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Sets, DoctorRecordedTest,
+    testing::Values(Recorded{"ardootala_ur_charuco", "charuco", "square", 40, 6, 9, Setup::kEyeInHand},
+                    Recorded{"caliban_no_curv", "chessboard", "square", 12.1, 9, 14, Setup::kEyeInHand},
+                    Recorded{"chjohnkim_ur5_chess", "chessboard", "square", 42.4, 9, 11, Setup::kEyeInHand},
+                    Recorded{"ic_charuco_eye_to_hand", "charuco", "square", 36.195, 7, 5, Setup::kEyeToHand},
+                    Recorded{"ic_circlegrid_eye_in_hand", "circle_grid", "spacing", 25.4, 10, 10, Setup::kEyeInHand},
+                    Recorded{"metric_workcell_camera2", "chessboard", "square", 50, 4, 3, Setup::kEyeToHand},
+                    Recorded{"zhangnatha_asym_circles_eye_to_hand", "circle_grid", "spacing", 10, 5, 4,
+                             Setup::kEyeToHand}),
+    [](const testing::TestParamInfo<Recorded>& recorded) { return recorded.param.name; });
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,94 @@
+#include "tools/captures.h"
+
+#include <mutex>
+
+#include "heba/base/error.h"
+#include "heba/base/parallel.h"
+#include "tools/detection_cache.h"
+#include "tools/digest.h"
+
+namespace heba {
+namespace {
+
+std::string SizeText(int width_px, int height_px) {
+  return std::to_string(width_px) + " x " + std::to_string(height_px);
+}
+
+}  // namespace
+
+std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_threads, Verbosity verbosity) {
+  std::vector<CaptureDetection> detections(config.captures.size());
+  {
+    Progress progress("detect", static_cast<int>(detections.size()), verbosity);
+    const DetectionCache cache(config.target_used);
+    std::mutex mutex;
+    // Pictures are read, searched and dropped: of each only a small copy stays.
+    ParallelFor(static_cast<int>(detections.size()), num_threads, [&](int index) {
+      const size_t i = static_cast<size_t>(index);
+      const std::filesystem::path& image = config.captures[i].image;
+      const std::string digest = DigestOfFile(image);
+      if (std::optional<CaptureDetection> known = cache.Find(digest)) {
+        detections[i] = std::move(*known);
+      } else {
+        detections[i] = DetectCapture(*config.target, image);
+        // Unless it was another picture meanwhile.
+        if (DigestOfFile(image) == digest) cache.Keep(digest, detections[i]);
+      }
+      const std::lock_guard<std::mutex> lock(mutex);
+      progress.Step();
+    });
+  }
+  const int width_px = detections.front().width_px;
+  const int height_px = detections.front().height_px;
+  for (size_t i = 1; i < detections.size(); ++i) {
+    if (detections[i].width_px != width_px || detections[i].height_px != height_px) {
+      throw InputError(config.captures[i].image.string() + ": is " +
+                       SizeText(detections[i].width_px, detections[i].height_px) + " px, but " +
+                       config.captures[0].name + " is " + SizeText(width_px, height_px) +
+                       " px; all pictures must come from one camera at one resolution");
+    }
+  }
+  return detections;
+}
+
+void FitCameraToPictures(const CaptureDetection& first, RunConfig* config) {
+  if (!config->camera) return;
+  Camera& camera = *config->camera;
+  if (camera.width_px == 0) {
+    camera.width_px = first.width_px;
+    camera.height_px = first.height_px;
+  }
+  if (camera.width_px != first.width_px || camera.height_px != first.height_px) {
+    throw InputError(config->camera_file + ": is for pictures of " + SizeText(camera.width_px, camera.height_px) +
+                     " px, but " + config->captures[0].name + " is " + SizeText(first.width_px, first.height_px) +
+                     " px; give the intrinsics of that resolution");
+  }
+}
+
+std::vector<View> ViewsOf(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+  std::vector<View> views;
+  for (size_t i = 0; i < config.captures.size(); ++i) {
+    if (detections[i].detection.ids.empty()) continue;
+    views.push_back({config.captures[i].name,
+                     CameraMountFromTargetMount(config.setup, config.captures[i].base_from_gripper),
+                     ObservationsOf(*config.target, detections[i].detection), config.captures[i].role});
+  }
+  return views;
+}
+
+CalibrationOptions OptionsOf(const RunConfig& config, int width_px, int height_px) {
+  CalibrationOptions options;
+  options.methods = config.methods;
+  options.seed = config.seed;
+  options.bundle = config.bundle;
+  options.setup = config.setup;
+  options.camera = config.camera;
+  options.camera_model = config.camera_model;
+  options.width_px = width_px;
+  options.height_px = height_px;
+  options.symmetries = config.target->Symmetries();
+  options.shape = DesignedShape(AllPoints(*config.target).points_in_target);
+  return options;
+}
+
+}  // namespace heba

@@ -1,0 +1,25 @@
+// From a run's config to what is calibrated: its pictures' detections, the views that they make, the options.
+#pragma once
+
+#include <vector>
+
+#include "solvers/calibration.h"
+#include "targets/detection.h"
+#include "tools/console.h"
+#include "tools/run_config.h"
+
+namespace heba {
+
+// Of all captures, with progress on the terminal. InputError if pictures cannot be read or differ in size.
+std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_threads, Verbosity verbosity);
+
+// Gives the config's camera, if there is one, the size of the pictures where its file does not tell it. InputError if
+// the two disagree.
+void FitCameraToPictures(const CaptureDetection& first, RunConfig* config);
+
+// Of the captures in which the target was seen.
+std::vector<View> ViewsOf(const RunConfig& config, const std::vector<CaptureDetection>& detections);
+
+CalibrationOptions OptionsOf(const RunConfig& config, int width_px, int height_px);
+
+}  // namespace heba

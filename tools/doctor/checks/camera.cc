@@ -1,0 +1,154 @@
+// Are the intrinsics those of these pictures? Judged by how well views of the target fit with them, against the
+// intrinsics that the pictures themselves tell, and by the robot's poses.
+#include <algorithm>
+#include <cmath>
+
+#include "heba/base/median.h"
+#include "heba/base/text.h"
+#include "solvers/intrinsics_seed.h"
+#include "tools/captures.h"
+#include "tools/doctor/examination.h"
+#include "tools/doctor/symptom.h"
+
+namespace heba {
+namespace {
+
+std::string SizeText(int width_px, int height_px) {
+  return std::to_string(width_px) + " x " + std::to_string(height_px) + " px";
+}
+
+// Of a picture enlarged by `factor`: pixel (0, 0) is the centre of the first pixel.
+Camera Scaled(const Camera& camera, double factor) {
+  Camera scaled = camera;
+  for (const size_t i : {0, 1}) scaled.params[i] *= factor;
+  for (const size_t i : {2, 3}) scaled.params[i] = (camera.params[i] + 0.5) * factor - 0.5;
+  return scaled;
+}
+
+Camera OfSize(Camera camera, const CaptureDetection& picture) {
+  camera.width_px = picture.width_px;
+  camera.height_px = picture.height_px;
+  return camera;
+}
+
+// Root mean square misfit of the middle view to its own best pose; infinite if hardly any view has one.
+double FitPx(const Examination& examination, const Camera& camera) {
+  const std::vector<ExaminedView> views = ExamineViews(examination.config, examination.detections, camera);
+  const std::vector<View> all = ViewsOf(examination.config, examination.detections);
+  if (2 * views.size() < all.size()) return std::numeric_limits<double>::infinity();
+  std::vector<double> rms;
+  for (const ExaminedView& view : views) rms.push_back(view.rms_px);
+  return rms.empty() ? std::numeric_limits<double>::infinity() : Median(rms);
+}
+
+std::optional<PoseConsistency> ByRobot(const Examination& examination, const Camera& camera) {
+  return FindPoseConsistency(CandidatesOf(ExamineViews(examination.config, examination.detections, camera)),
+                             RobotScale::kOne);
+}
+
+std::string FocalText(const Camera& camera) { return Fixed(camera.params[0], 0) + " px"; }
+
+// The file's camera is for pictures of another size.
+Symptom OtherSize(Examination* examination, const Camera& given, const std::optional<Camera>& estimated) {
+  const CaptureDetection& picture = examination->detections.front();
+  const double wider = static_cast<double>(picture.width_px) / given.width_px;
+  const double higher = static_cast<double>(picture.height_px) / given.height_px;
+  Symptom symptom{Severity::kWrong, "camera_size",
+                  examination->config.camera_file + " is for pictures of " + SizeText(given.width_px, given.height_px) +
+                      ", but these are " + SizeText(picture.width_px, picture.height_px),
+                  ""};
+  constexpr double kSame = 0.01;
+  const Camera scaled = OfSize(Scaled(given, wider), picture);
+  // A window in the middle of the picture.
+  Camera cropped = OfSize(given, picture);
+  cropped.params[2] -= 0.5 * (given.width_px - picture.width_px);
+  cropped.params[3] -= 0.5 * (given.height_px - picture.height_px);
+  const bool can_be_scaled = std::abs(wider / higher - 1) < kSame;
+  const bool is_scaled = can_be_scaled && FitPx(*examination, scaled) <= FitPx(*examination, cropped);
+  if (is_scaled) {
+    symptom.what += ": scaled by " + Significant(wider, 4) + " (binned, or another resolution)";
+    symptom.cure = "multiply fx and fy by " + Significant(wider, 4) +
+                   ", and cx + 0.5 and cy + 0.5, or calibrate at this resolution";
+  } else {
+    symptom.what += ": " + std::string(wider <= 1 && higher <= 1 ? "cut out of it (cropped)" : "of another shape");
+    symptom.cure = "take the window's left and top from cx and cy, or calibrate at this resolution";
+  }
+  symptom.cure += "; or leave camera.intrinsics out, and they are estimated from these pictures";
+  if (estimated) symptom.what += "; by the pictures themselves the focal length is " + FocalText(*estimated);
+  examination->camera = estimated ? *estimated : is_scaled ? scaled : cropped;
+  return symptom;
+}
+
+}  // namespace
+
+std::vector<Symptom> Check_camera(Examination* examination) {
+  const RunConfig& config = examination->config;
+  const CaptureDetection& picture = examination->detections.front();
+  const std::vector<View> views = ViewsOf(config, examination->detections);
+  std::optional<Camera> estimated;
+  if (!views.empty()) {
+    const Outcome<Camera> found =
+        EstimateIntrinsics(views, config.camera && config.camera_model == "pinhole" ? "brown5" : config.camera_model,
+                           picture.width_px, picture.height_px);
+    if (found) {
+      estimated = *found;
+    } else if (!config.camera) {
+      return {{Severity::kWrong, "no_camera",
+               "the intrinsics cannot be estimated from these pictures: " + found.reason(),
+               "give them (camera.intrinsics), or take more captures with the target tilted"}};
+    }
+  }
+  if (!config.camera) {
+    examination->camera = estimated;
+    return {};
+  }
+  const Camera& given = *config.camera;
+  if (given.width_px != 0 && (given.width_px != picture.width_px || given.height_px != picture.height_px)) {
+    return {OtherSize(examination, given, estimated)};
+  }
+  const Camera camera = OfSize(given, picture);
+  examination->camera = camera;
+  if (views.empty()) return {};
+
+  const double fit_px = FitPx(*examination, camera);
+  const std::optional<PoseConsistency> by_robot = ByRobot(*examination, camera);
+  // Of another resolution under the same name; only where both the views and the robot's poses say so.
+  constexpr double kDecidedly = 2.5;
+  for (const double factor : {2.0, 0.5}) {
+    const Camera scaled = Scaled(camera, factor);
+    const std::optional<PoseConsistency> then = ByRobot(*examination, scaled);
+    if (!by_robot || !then || !(FitPx(*examination, scaled) < fit_px)) continue;
+    if (kDecidedly * then->typical_misfit_m >= by_robot->typical_misfit_m) continue;
+    examination->camera = scaled;
+    return {{Severity::kWrong, "camera_scale",
+             "the intrinsics of " + config.camera_file + " are for pictures " + (factor > 1 ? "half" : "twice") +
+                 " as large: with " + Fixed(factor, 1) +
+                 " times the focal length and principal point robot and pictures differ by " + MisfitText(*then) +
+                 ", as they are by " + MisfitText(*by_robot),
+             "give the intrinsics of this resolution, or leave camera.intrinsics out, and they are estimated"}};
+  }
+  if (!estimated) return {};
+  const double estimated_fit_px = FitPx(*examination, *estimated);
+  const double ratio = estimated->params[0] / camera.params[0];
+  constexpr double kPoorPx = 0.5;
+  constexpr double kPoorRatio = 2.5;
+  const std::string fits = "views of the target fit to " + Significant(fit_px, 2) +
+                           " px with the given intrinsics, to " + Significant(estimated_fit_px, 2) +
+                           " px with those that the pictures tell";
+  if (fit_px < kPoorPx || fit_px < kPoorRatio * estimated_fit_px) return {};
+  constexpr double kOther = 0.08;
+  const bool is_other_lens = std::abs(ratio - 1) > kOther;
+  // A little more than noise is a remark: nominal intrinsics often serve.
+  const bool is_wrong = fit_px > 4 * kPoorPx || is_other_lens;
+  Symptom symptom{is_wrong ? Severity::kWrong : Severity::kRemark, is_other_lens ? "camera" : "distortion",
+                  is_other_lens ? "the intrinsics are of another camera or resolution: " + fits + "; focal length " +
+                                      FocalText(camera) + " given, " + FocalText(*estimated) + " by the pictures"
+                                : "the lens distorts otherwise than the intrinsics say: " + fits,
+                  "give the intrinsics of this camera at this resolution, or leave camera.intrinsics out, and they are "
+                  "estimated (camera.model: " +
+                      estimated->model + ")"};
+  examination->camera = estimated;
+  return {symptom};
+}
+
+}  // namespace heba

@@ -1,0 +1,148 @@
+// Do single captures contradict the others, and do they perhaps belong to one another's poses?
+#include <algorithm>
+#include <map>
+
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "tools/digest.h"
+#include "tools/doctor/examination.h"
+#include "tools/doctor/symptom.h"
+
+namespace heba {
+namespace {
+
+std::vector<Symptom> SamePictures(const RunConfig& config) {
+  std::map<std::string, std::string> first_of;
+  std::vector<Symptom> symptoms;
+  for (const Capture& capture : config.captures) {
+    const auto [first, is_new] = first_of.emplace(DigestOfFile(capture.image), capture.name);
+    if (is_new) continue;
+    symptoms.push_back({Severity::kWrong, "same_picture",
+                        capture.name + " is the same picture as " + first->second + ", file for file",
+                        "leave one of them out, the one whose pose does not belong to it"});
+  }
+  return symptoms;
+}
+
+// Captures with one pose, to the last digit, whose pictures show the target in different places.
+std::vector<Symptom> SamePoses(const std::vector<ExaminedView>& views, double limit_m) {
+  std::vector<Symptom> symptoms;
+  for (size_t i = 0; i < views.size(); ++i) {
+    for (size_t j = 0; j < i; ++j) {
+      const Rigid3d& a = views[i].view.camera_mount_from_target_mount;
+      const Rigid3d& b = views[j].view.camera_mount_from_target_mount;
+      if (a.translation != b.translation || a.rotation.coeffs() != b.rotation.coeffs()) continue;
+      double apart_m = std::numeric_limits<double>::infinity();
+      for (const Rigid3d& seen : views[i].camera_from_target) {
+        for (const Rigid3d& other : views[j].camera_from_target) {
+          apart_m =
+              std::min(apart_m, std::hypot(DistanceM(seen, other), seen.translation.norm() * AngleRad(seen, other)));
+        }
+      }
+      if (apart_m <= limit_m) continue;
+      symptoms.push_back(
+          {Severity::kWrong, "same_pose",
+           views[j].view.name + " and " + views[i].view.name +
+               " have the same pose of the robot, to the last digit, but their pictures show the target " +
+               Significant(1000 * apart_m, 2) + " mm apart",
+           "the pose of one of them belongs to another moment; leave that one out"});
+      break;
+    }
+  }
+  return symptoms;
+}
+
+// How far the view is from where `mount` would have it, at the target, and in the same unit as
+// PoseConsistency::misfit_m.
+double MisfitM(const PoseConsistency& consistency, const ExaminedView& view, const Rigid3d& mount) {
+  const Rigid3d camera_from_target = CameraFromTarget(consistency.hand_eye, mount);
+  double best = std::numeric_limits<double>::infinity();
+  for (const Rigid3d& seen : view.camera_from_target) {
+    best = std::min(best, std::hypot(DistanceM(camera_from_target, seen),
+                                     seen.translation.norm() * AngleRad(camera_from_target, seen)));
+  }
+  return best;
+}
+
+}  // namespace
+
+std::vector<Symptom> Check_captures(Examination* examination) {
+  std::vector<Symptom> symptoms = SamePictures(examination->config);
+  const std::vector<ExaminedView>& views = examination->views;
+  const std::optional<PoseConsistency> consistency = FindPoseConsistency(CandidatesOf(views), RobotScale::kOne);
+  if (!consistency) return symptoms;
+  // Where nothing fits, nothing sticks out.
+  constexpr double kPoorShare = 0.05;
+  constexpr double kOutside = 6;
+  constexpr double kLeastShare = 0.01;
+  constexpr double kInside = 3;
+  double distance_m = 0;
+  for (const ExaminedView& view : views) distance_m += view.camera_from_target.front().translation.norm();
+  distance_m /= static_cast<double>(views.size());
+  if (consistency->typical_misfit_m > kPoorShare * distance_m) return symptoms;
+  const double limit_m = std::max(kOutside * consistency->typical_misfit_m, kLeastShare * distance_m);
+  const double fits_m = std::max(kInside * consistency->typical_misfit_m, 0.25 * kLeastShare * distance_m);
+  for (Symptom& symptom : SamePoses(views, limit_m)) symptoms.push_back(std::move(symptom));
+
+  std::vector<size_t> outside;
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (consistency->misfit_m[i] > limit_m) outside.push_back(i);
+  }
+  // Of another capture's pose that this picture would fit: that of one which does not fit its own sooner than of any.
+  const auto pose_for = [&](size_t i) -> std::optional<size_t> {
+    std::optional<size_t> best;
+    double best_share = 1;
+    for (size_t j = 0; j < views.size(); ++j) {
+      if (j == i) continue;
+      const double misfit_m = MisfitM(*consistency, views[i], views[j].view.camera_mount_from_target_mount);
+      const bool is_outside = std::find(outside.begin(), outside.end(), j) != outside.end();
+      const double share = misfit_m / (is_outside ? limit_m : fits_m);
+      if (share >= best_share) continue;
+      best_share = share;
+      best = j;
+    }
+    return best;
+  };
+  std::map<size_t, size_t> belongs;
+  for (const size_t i : outside) {
+    if (const std::optional<size_t> j = pose_for(i)) belongs[i] = *j;
+  }
+  std::vector<std::string> alone;
+  for (const size_t i : outside) {
+    const std::string& name = views[i].view.name;
+    const std::string evidence = "by its own pose it is off by " + Significant(1000 * consistency->misfit_m[i], 2) +
+                                 " mm at the target, the others by " +
+                                 Significant(1000 * consistency->typical_misfit_m, 2);
+    const auto found = belongs.find(i);
+    if (found == belongs.end()) {
+      alone.push_back(name + " (" + Significant(1000 * consistency->misfit_m[i], 2) + " mm)");
+      continue;
+    }
+    const size_t j = found->second;
+    const auto back = belongs.find(j);
+    const bool is_swapped = back != belongs.end() && back->second == i;
+    if (is_swapped && j < i) continue;  // Said already.
+    const std::string& other = views[j].view.name;
+    symptoms.push_back(
+        is_swapped
+            ? Symptom{Severity::kWrong, "swapped",
+                      name + " and " + other + " are swapped: each fits the other's pose; " + evidence,
+                      "swap their names in the poses file"}
+            : Symptom{
+                  Severity::kWrong, "wrong_pose", name + " fits the pose of " + other + "; " + evidence,
+                  "look at the two pictures and at the poses file's lines for them; leave out the one that has not its "
+                  "own pose"});
+  }
+  if (!alone.empty()) {
+    symptoms.push_back(
+        {Severity::kRemark, "contradicts",
+         std::to_string(alone.size()) + (alone.size() == 1 ? " capture contradicts" : " captures contradict") +
+             " the others, which differ from the robot by " + Significant(1000 * consistency->typical_misfit_m, 2) +
+             " mm at the target: " + Join(alone, ", "),
+         "the pose is of another moment, the robot had not settled, or the target was read wrongly: leave "
+         "them out or take them again"});
+  }
+  return symptoms;
+}
+
+}  // namespace heba

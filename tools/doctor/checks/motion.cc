@@ -1,0 +1,39 @@
+// Does the motion show the hand-eye pose?
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "solvers/motion_analysis.h"
+#include "tools/doctor/examination.h"
+#include "tools/doctor/symptom.h"
+
+namespace heba {
+
+std::vector<Symptom> Check_motion(Examination* examination) {
+  std::vector<Rigid3d> poses;
+  for (const ExaminedView& view : examination->views) poses.push_back(view.view.camera_mount_from_target_mount);
+  const MotionAnalysis motion = AnalyseMotion(poses);
+  const std::string why = WhyNotObservable(motion);
+  // Too few captures with a target is what was wrong already.
+  if (poses.size() < 3 && examination->found_wrong) return {};
+  if (!why.empty()) {
+    return {{Severity::kWrong, poses.size() < 3 ? "few_captures" : "motion", why,
+             "take 15 to 25 captures, with turns of 20 deg and more about two axes or three"}};
+  }
+  std::vector<Symptom> symptoms;
+  constexpr size_t kFew = 8;
+  if (poses.size() < kFew) {
+    symptoms.push_back({Severity::kRemark, "few_captures",
+                        "only " + std::to_string(poses.size()) + " captures can be used", "take 15 to 25"});
+  }
+  const double second_deg = RadToDeg(motion.rotation_rms_rad[1]);
+  constexpr double kLittleDeg = 6;
+  if (second_deg < kLittleDeg) {
+    symptoms.push_back({Severity::kRemark, "little_rotation",
+                        "the gripper turned by " + Significant(RadToDeg(motion.rotation_rms_rad[0]), 2) +
+                            " deg rms about one axis and by " + Significant(second_deg, 2) +
+                            " deg about a second: what small turns leave open is known badly",
+                        "turn it by 20 deg and more about two axes or three"});
+  }
+  return symptoms;
+}
+
+}  // namespace heba

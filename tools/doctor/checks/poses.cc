@@ -1,0 +1,366 @@
+// Do the robot's poses mean what the config says, and do they belong to these pictures? Every other meaning of the same
+// numbers, every likely slip of the rows, is tried on what the pictures show; one that explains it decidedly better is
+// what the data are.
+//
+// Of two captures the turn that the robot made and the turn that the camera saw have one angle, and their shifts along
+// the axis are alike: that tells orders of angles and units apart. It is the same for poses and their inverses, which
+// only a solve tells apart (solvers/pose_consistency.h), and eye-to-hand with poses is eye-in-hand with their inverses,
+// which nothing in the data does.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "solvers/motion_analysis.h"
+#include "tools/doctor/examination.h"
+#include "tools/doctor/symptom.h"
+
+namespace heba {
+namespace {
+
+// Better by this factor is another reading, not chance or noise; within the other one, two readings are alike.
+constexpr double kDecidedly = 2.5;
+constexpr double kAlike = 1.5;
+
+enum class Direction { kAsRead, kInverse, kInverseRotation };
+
+// One way to read the poses file.
+struct Reading {
+  PoseFormat format;
+  Direction direction = Direction::kAsRead;
+  std::string pairing;                         // What is wrong with the rows, as a clause; empty: nothing.
+  std::vector<std::optional<Rigid3d>> mounts;  // Of each view; nothing where the pairing has none.
+  double oddness = 0;                          // How many mistakes it takes to come from here to the config's.
+  RobotScale scale = RobotScale::kOne;
+};
+
+struct JudgedReading {
+  Reading reading;
+  PoseConsistency consistency;
+  std::string unit;  // Of the positions, that explains the scale.
+  double oddness = 0;
+};
+
+constexpr std::string_view kUnits[] = {"m", "cm", "mm", "in"};
+
+double MetresOf(std::string_view unit) { return ParseQuantity("1 " + std::string(unit), Quantity::kLength).value; }
+
+// The unit of positions by which the scale is explained: what is left of it is the target's.
+std::string UnitFor(const PoseFormat& format, const PoseConsistency& consistency) {
+  if (!format.robot.empty()) return format.translation_unit;
+  constexpr double kNear = 0.08;
+  for (const std::string_view unit : kUnits) {
+    const double ratio = MetresOf(unit) / MetresOf(format.translation_unit);
+    if (std::abs(consistency.robot_scale / ratio - 1) < kNear) return std::string(unit);
+  }
+  return format.translation_unit;
+}
+
+// The scale that the unit leaves.
+double RestScale(const JudgedReading& judged) {
+  return judged.consistency.robot_scale * MetresOf(judged.reading.format.translation_unit) / MetresOf(judged.unit);
+}
+
+Rigid3d MountOf(const RunConfig& config, const Rigid3d& pose, Direction direction) {
+  const Rigid3d read =
+      direction == Direction::kInverseRotation ? Rigid3d(pose.rotation.conjugate(), pose.translation) : pose;
+  const Rigid3d base_from_gripper = BaseFromGripper(config.pose_reading, read);
+  return CameraMountFromTargetMount(config.setup,
+                                    direction == Direction::kInverse ? Inverse(base_from_gripper) : base_from_gripper);
+}
+
+std::vector<Reading> ReadingsOfNumbers(const Examination& examination) {
+  const RunConfig& config = examination.config;
+  const PoseFormat& now = config.pose_reading.format;
+  std::vector<Reading> readings;
+  for (const PoseFormat& format : FormatsOfSameColumns(now)) {
+    for (const Direction direction : {Direction::kAsRead, Direction::kInverse, Direction::kInverseRotation}) {
+      Reading reading;
+      reading.format = format;
+      reading.direction = direction;
+      reading.scale = RobotScale::kFree;
+      reading.oddness =
+          (format.rotation != now.rotation || format.robot != now.robot ? 1 : 0) +
+          (format.angle_unit != now.angle_unit && !now.angle_unit.empty() && !format.angle_unit.empty() ? 1 : 0) +
+          (direction == Direction::kInverse ? 1 : 0) + (direction == Direction::kInverseRotation ? 2 : 0);
+      for (const ExaminedView& view : examination.views) {
+        const Outcome<Rigid3d> pose = PoseFromNumbers(format, config.pose_numbers[view.capture]);
+        if (!pose) break;
+        reading.mounts.emplace_back(MountOf(config, *pose, direction));
+      }
+      if (reading.mounts.size() == examination.views.size()) readings.push_back(std::move(reading));
+    }
+  }
+  return readings;
+}
+
+// Capture i with the pose of capture `other(i)`, if there is one.
+template <class Other>
+Reading Repaired(const Examination& examination, const std::string& pairing, double oddness, const Other& other) {
+  const RunConfig& config = examination.config;
+  Reading reading;
+  reading.format = config.pose_reading.format;
+  reading.pairing = pairing;
+  reading.oddness = oddness;
+  for (const ExaminedView& view : examination.views) {
+    const std::optional<size_t> from = other(view.capture);
+    reading.mounts.push_back(
+        from ? std::optional(CameraMountFromTargetMount(config.setup, config.captures[*from].base_from_gripper))
+             : std::nullopt);
+  }
+  return reading;
+}
+
+// Where names 1, 2, ..., 10 and 1, 10, ..., 2 were taken for the same order: for each capture in the one order its
+// place in the other.
+std::vector<size_t> PlaceInOtherOrder(const RunConfig& config, bool by_letters_first) {
+  std::vector<size_t> by_letters(config.captures.size());
+  for (size_t i = 0; i < by_letters.size(); ++i) by_letters[i] = i;
+  std::vector<size_t> by_number = by_letters;
+  const auto name = [&](size_t i) -> const std::string& { return config.captures[i].name; };
+  std::sort(by_letters.begin(), by_letters.end(), [&](size_t a, size_t b) { return name(a) < name(b); });
+  std::sort(by_number.begin(), by_number.end(), [&](size_t a, size_t b) {
+    return std::pair(name(a).size(), name(a)) < std::pair(name(b).size(), name(b));
+  });
+  std::vector<size_t> place(config.captures.size());
+  for (size_t i = 0; i < place.size(); ++i) {
+    if (by_letters_first) {
+      place[by_letters[i]] = by_number[i];
+    } else {
+      place[by_number[i]] = by_letters[i];
+    }
+  }
+  return place;
+}
+
+std::vector<Reading> Pairings(const Examination& examination) {
+  const RunConfig& config = examination.config;
+  const auto num = static_cast<std::ptrdiff_t>(config.captures.size());
+  std::vector<Reading> readings;
+  for (const std::ptrdiff_t step : {1, -1, 2, -2, 3, -3}) {
+    const std::string rows = std::to_string(std::abs(step)) + (std::abs(step) == 1 ? " row" : " rows");
+    readings.push_back(
+        Repaired(examination, "each picture belongs to the pose " + rows + (step > 0 ? " further down" : " further up"),
+                 1.4 + 0.1 * static_cast<double>(std::abs(step)), [&](size_t i) -> std::optional<size_t> {
+                   const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + step;
+                   return j < 0 || j >= num ? std::nullopt : std::optional(static_cast<size_t>(j));
+                 }));
+  }
+  readings.push_back(Repaired(examination, "the pictures are in the reverse order of the poses", 1.5,
+                              [&](size_t i) { return std::optional(config.captures.size() - 1 - i); }));
+  for (const bool by_letters_first : {true, false}) {
+    const std::vector<size_t> place = PlaceInOtherOrder(config, by_letters_first);
+    readings.push_back(Repaired(examination,
+                                "pictures and poses were put in order differently (1, 10, 11, ..., 2 against 1, 2, "
+                                "..., 10)",
+                                1.5, [&](size_t i) { return std::optional(place[i]); }));
+  }
+  return readings;
+}
+
+std::optional<JudgedReading> Judge(const Examination& examination, const Reading& reading) {
+  // Enough to tell readings apart.
+  constexpr size_t kMostViews = 40;
+  std::vector<PoseCandidates> captures;
+  for (size_t i = 0; i < reading.mounts.size(); ++i) {
+    if (reading.mounts[i]) captures.push_back({*reading.mounts[i], examination.views[i].camera_from_target});
+  }
+  std::vector<PoseCandidates> some;
+  for (const size_t i : SpreadIndices(captures.size(), kMostViews)) some.push_back(captures[i]);
+  std::optional<PoseConsistency> consistency = FindPoseConsistency(some, reading.scale);
+  if (!consistency) return std::nullopt;
+  JudgedReading judged{reading, std::move(*consistency), reading.format.translation_unit, reading.oddness};
+  if (reading.scale == RobotScale::kFree) {
+    judged.unit = UnitFor(reading.format, judged.consistency);
+    constexpr double kSameScale = 0.02;
+    if (judged.unit != reading.format.translation_unit) judged.oddness += 1;
+    if (std::abs(RestScale(judged) - 1) > kSameScale) judged.oddness += 1.2;
+  }
+  return judged;
+}
+
+std::string FormatText(const PoseFormat& format) {
+  for (const PoseFormat& known : PoseFormats()) {
+    if (known.columns == format.columns && known.translation_unit == format.translation_unit &&
+        known.rotation == format.rotation && known.angle_unit == format.angle_unit) {
+      return known.name;
+    }
+  }
+  return "{columns: [" + Join(format.columns, ", ") + "], translation: " + format.translation_unit +
+         ", rotation: " + format.rotation + (format.angle_unit.empty() ? "" : ", angle: " + format.angle_unit) + "}";
+}
+
+std::string RotationText(const PoseFormat& format) {
+  if (!format.robot.empty()) return "joints of " + format.robot + " in " + format.angle_unit;
+  return format.rotation + (format.angle_unit.empty() ? "" : " in " + format.angle_unit);
+}
+
+// Both readings of poses that are the inverse of what the config says.
+std::string EitherSetUp(const RunConfig& config, const Rigid3d& camera_mount_from_camera) {
+  const Setup other = config.setup == Setup::kEyeToHand ? Setup::kEyeInHand : Setup::kEyeToHand;
+  const auto where = [](Setup setup) {
+    return setup == Setup::kEyeToHand ? "if the camera stands beside the robot" : "if the robot carries the camera";
+  };
+  return std::string(where(config.setup)) + ", set captures.poses_are: " +
+         (config.pose_reading.is_base_from_gripper ? "gripper_from_base" : "base_from_gripper") + " (" +
+         HandEyeText(config.setup, camera_mount_from_camera) + "); " + where(other) +
+         ", set setup: " + std::string(SetupName(other)) + " (" + HandEyeText(other, camera_mount_from_camera) +
+         "); the data cannot tell these two apart, you can see it";
+}
+
+Symptom Describe(const Examination& examination, const JudgedReading& best, const PoseConsistency& now,
+                 const std::vector<std::string>& alike) {
+  const RunConfig& config = examination.config;
+  const PoseFormat& format_now = config.pose_reading.format;
+  Symptom symptom;
+  symptom.severity = Severity::kWrong;
+  const Reading& reading = best.reading;
+  const std::string evidence = "; read so, robot and pictures differ by " + MisfitText(best.consistency) +
+                               ", as the config reads them by " + MisfitText(now) + " (7 of 10 captures by less)";
+  if (!reading.pairing.empty()) {
+    symptom.code = "pairing";
+    symptom.what = "pictures and poses are out of step: " + reading.pairing + evidence;
+    symptom.cure = "put the rows of the poses file right, and name each one's picture in a column image";
+    return symptom;
+  }
+  std::vector<std::string> codes;
+  std::vector<std::string> faults;
+  std::vector<std::string> cures;
+  PoseFormat format = reading.format;
+  format.translation_unit = best.unit;
+  const bool other_rotation = format.rotation != format_now.rotation || format.robot != format_now.robot;
+  const bool other_angle = format.angle_unit != format_now.angle_unit;
+  const bool other_unit = best.unit != format_now.translation_unit;
+  if (other_rotation) {
+    codes.emplace_back("rotation_format");
+    faults.push_back("the rotations are " + RotationText(format) + ", not " + RotationText(format_now) +
+                     (alike.empty() ? "" : " (or " + Join(alike, ", or ") + ": these captures cannot tell)"));
+  } else if (other_angle) {
+    codes.emplace_back("angle_unit");
+    faults.push_back("the angles are in " + format.angle_unit + ", not in " + format_now.angle_unit);
+  }
+  if (other_unit) {
+    codes.emplace_back("pose_units");
+    faults.push_back("the positions are in " + best.unit + ", not in " + format_now.translation_unit);
+  }
+  if (other_rotation || other_angle || other_unit) {
+    cures.push_back(format.robot.empty()
+                        ? "set captures.pose_format: " + FormatText(format)
+                        : "set captures.robot: " + format.robot + ", captures.joint_angles: " + format.angle_unit);
+  }
+  if (reading.direction == Direction::kInverse) {
+    codes.emplace_back("pose_direction");
+    faults.push_back("the poses are the inverse of what the config says");
+    cures.push_back(EitherSetUp(config, best.consistency.hand_eye.camera_mount_from_camera));
+  }
+  if (reading.direction == Direction::kInverseRotation) {
+    codes.emplace_back("rotation_inverse");
+    faults.push_back(
+        "the rotations (not the positions) are the inverse of what they should be: transposed matrices or "
+        "conjugate quaternions");
+    cures.emplace_back("transpose the matrices (or change the signs of the quaternions' x, y, z) in the poses file");
+  }
+  constexpr double kOther = 0.04;
+  const double rest = RestScale(best);
+  if (std::abs(rest - 1) > kOther) {
+    codes.emplace_back("target_scale");
+    faults.push_back("the target is " + Significant(1 / rest, 4) + " times as large as the config says");
+    cures.push_back("measure the target and multiply its lengths in the config by about " + Significant(1 / rest, 4));
+  }
+  symptom.code = codes.empty() ? "pose_format" : codes.front();
+  symptom.what = Join(faults, "; ") + evidence;
+  symptom.cure = Join(cures, "; ");
+  return symptom;
+}
+
+void Apply(const JudgedReading& best, Examination* examination) {
+  std::vector<ExaminedView> views;
+  for (size_t i = 0; i < examination->views.size(); ++i) {
+    if (!best.reading.mounts[i]) continue;
+    ExaminedView view = examination->views[i];
+    view.view.camera_mount_from_target_mount = *best.reading.mounts[i];
+    view.view.camera_mount_from_target_mount.translation *= best.consistency.robot_scale;
+    view.view.role.clear();
+    views.push_back(std::move(view));
+  }
+  examination->views = std::move(views);
+}
+
+}  // namespace
+
+std::vector<Symptom> Check_poses(Examination* examination) {
+  const std::vector<PoseCandidates> captures = CandidatesOf(examination->views);
+  const std::optional<PoseConsistency> now = FindPoseConsistency(captures, RobotScale::kOne);
+  if (!now) return {};
+  std::vector<JudgedReading> judged;
+  for (std::vector<Reading> readings : {ReadingsOfNumbers(*examination), Pairings(*examination)}) {
+    for (const Reading& reading : readings) {
+      if (std::optional<JudgedReading> one = Judge(*examination, reading)) judged.push_back(std::move(*one));
+    }
+  }
+  const auto misfit_m = [](const JudgedReading& one) { return one.consistency.typical_misfit_m; };
+  const double least_m =
+      misfit_m(*std::min_element(judged.begin(), judged.end(), [&](const JudgedReading& a, const JudgedReading& b) {
+        return misfit_m(a) < misfit_m(b);
+      }));
+  double distance_m = 0;
+  for (const PoseCandidates& capture : captures) distance_m += capture.camera_from_target.front().translation.norm();
+  distance_m /= static_cast<double>(captures.size());
+
+  constexpr double kGoodShare = 1e-3;
+  if (kDecidedly * least_m < now->typical_misfit_m && now->typical_misfit_m > kGoodShare * distance_m) {
+    const double alike_m = std::max(kAlike * least_m, 0.5 * kGoodShare * distance_m);
+    const JudgedReading* best = nullptr;
+    for (const JudgedReading& one : judged) {
+      if (misfit_m(one) > alike_m) continue;
+      if (best == nullptr || std::pair(one.oddness, misfit_m(one)) < std::pair(best->oddness, misfit_m(*best))) {
+        best = &one;
+      }
+    }
+    std::vector<std::string> alike;
+    for (const JudgedReading& one : judged) {
+      const bool is_other = RotationText(one.reading.format) != RotationText(best->reading.format);
+      if (misfit_m(one) <= alike_m && one.oddness == best->oddness && is_other && one.reading.pairing.empty()) {
+        alike.push_back(RotationText(one.reading.format));
+      }
+    }
+    const Symptom symptom = Describe(*examination, *best, *now, alike);
+    Apply(*best, examination);
+    return {symptom};
+  }
+
+  const std::optional<PoseConsistency> scaled = FindPoseConsistency(captures, RobotScale::kFree);
+  const double scale = scaled->robot_scale;
+  constexpr double kSurely = 5;
+  constexpr double kOther = 0.04;
+  if (std::abs(scale - 1) > std::max(kOther, kSurely * scaled->robot_scale_stddev) &&
+      scaled->typical_misfit_m < 0.87 * now->typical_misfit_m) {
+    for (ExaminedView& view : examination->views) view.view.camera_mount_from_target_mount.translation *= scale;
+    return {{Severity::kWrong, "target_scale",
+             "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +
+                 Significant(scaled->robot_scale_stddev / (scale * scale), 1) +
+                 ", one sigma): with that robot and pictures differ by " + MisfitText(*scaled) + ", without by " +
+                 MisfitText(*now),
+             "measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 3) +
+                 " (or, if it is right, the focal length is wrong by that)"}};
+  }
+
+  constexpr double kPoorShare = 0.05;
+  if (now->typical_misfit_m > kPoorShare * distance_m) {
+    std::vector<Rigid3d> mounts;
+    for (const PoseCandidates& capture : captures) mounts.push_back(capture.camera_mount_from_target_mount);
+    const MotionAnalysis motion = AnalyseMotion(mounts);
+    const std::string why = WhyNotObservable(motion);
+    return {
+        {Severity::kWrong, "poses_unexplained",
+         "robot and pictures differ by " + MisfitText(*now) +
+             " (7 of 10 captures by less), and no other reading of the poses file explains it" +
+             (why.empty() ? "" : "; by the poses " + why + ", but the pictures show turns"),
+         "do the poses belong to these pictures, all of them of one frame on the arm, and did camera and target stay "
+         "where they are fixed?"}};
+  }
+  return {};
+}
+
+}  // namespace heba

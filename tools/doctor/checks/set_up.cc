@@ -1,0 +1,26 @@
+// What the data cannot tell: where the camera is.
+#include "solvers/pose_consistency.h"
+#include "tools/doctor/examination.h"
+#include "tools/doctor/symptom.h"
+
+namespace heba {
+
+std::vector<Symptom> Check_set_up(Examination* examination) {
+  if (examination->found_wrong) return {};
+  const RunConfig& config = examination->config;
+  const std::optional<PoseConsistency> consistency =
+      FindPoseConsistency(CandidatesOf(examination->views), RobotScale::kOne);
+  if (!consistency) return {};
+  const Rigid3d& hand_eye = consistency->hand_eye.camera_mount_from_camera;
+  const bool is_carried = config.setup == Setup::kEyeInHand;
+  const Setup other = is_carried ? Setup::kEyeToHand : Setup::kEyeInHand;
+  return {{Severity::kRemark, "either_set_up",
+           std::string("read as the config says, the camera is ") +
+               (is_carried ? "carried by the robot" : "fixed beside the robot") + ", roughly " +
+               HandEyeText(config.setup, hand_eye) + "; the same numbers fit a camera that is " +
+               (is_carried ? "fixed beside the robot" : "carried by the robot") +
+               ", with poses that are the inverse, as well: " + HandEyeText(other, hand_eye),
+           "no data can tell the two apart: look which of them it is"}};
+}
+
+}  // namespace heba

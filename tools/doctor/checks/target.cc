@@ -1,0 +1,201 @@
+// Is it the target that the config names? Judged by how much of it is seen, against what is seen of those that it is
+// often confused with.
+#include <algorithm>
+
+#include "heba/base/median.h"
+#include "heba/base/parallel.h"
+#include "heba/base/text.h"
+#include "targets/image.h"
+#include "targets/target.h"
+#include "tools/captures.h"
+#include "tools/doctor/examination.h"
+#include "tools/doctor/symptom.h"
+
+namespace heba {
+namespace {
+
+constexpr size_t kMinPoints = 4;
+
+struct OtherTarget {
+  TargetSettings settings;
+  std::shared_ptr<const Target> target;
+  std::string used;  // As YAML.
+  size_t num_points = 0;
+};
+
+// The config's target with other settings; nothing if they do not make one.
+std::optional<OtherTarget> WithSettings(const RunConfig& config, const TargetSettings& settings) {
+  try {
+    YAML::Node node = YAML::Load(config.target_used);
+    for (const auto& [key, value] : settings) node[key] = value;
+    MapReader reader(ConfigValue(node, config.file, "target"));
+    OtherTarget other;
+    other.settings = settings;
+    other.target = CreateTarget(reader);
+    other.used = YAML::Dump(reader.used());
+    return other;
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+}
+
+std::string SettingsText(const TargetSettings& settings) {
+  std::vector<std::string> parts;
+  for (const auto& [key, value] : settings) parts.push_back(key + ": " + value);
+  return Join(parts, ", ");
+}
+
+// A few captures of the data set.
+RunConfig Sample(const RunConfig& config) {
+  constexpr size_t kNumPictures = 4;
+  RunConfig sample = config;
+  sample.captures.clear();
+  for (const size_t i : SpreadIndices(config.captures.size(), kNumPictures)) {
+    sample.captures.push_back(config.captures[i]);
+  }
+  return sample;
+}
+
+size_t NumPoints(const std::vector<CaptureDetection>& detections) {
+  size_t num_points = 0;
+  for (const CaptureDetection& capture : detections) num_points += capture.detection.ids.size();
+  return num_points;
+}
+
+// The targets that this one may have been confused with, those that more of the pictures speak for first.
+std::vector<OtherTarget> OtherTargets(const RunConfig& config) {
+  std::vector<std::pair<int, TargetSettings>> counted;
+  for (const Capture& capture : config.captures) {
+    for (const TargetSettings& settings : config.target->Confusions(ReadGreyImage(capture.image))) {
+      const auto known =
+          std::find_if(counted.begin(), counted.end(), [&](const auto& entry) { return entry.second == settings; });
+      if (known == counted.end()) {
+        counted.emplace_back(1, settings);
+      } else {
+        ++known->first;
+      }
+    }
+  }
+  std::stable_sort(counted.begin(), counted.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<OtherTarget> others;
+  for (const auto& [count, settings] : counted) {
+    if (std::optional<OtherTarget> other = WithSettings(config, settings)) others.push_back(std::move(*other));
+  }
+  return others;
+}
+
+// Of the targets that this one is confused with, the one of which the sample's pictures show most; nothing if that is
+// not decidedly more than `num_now` points.
+std::optional<OtherTarget> FindOther(const RunConfig& sample, size_t num_now, int num_threads) {
+  std::vector<OtherTarget> others = OtherTargets(sample);
+  for (size_t i = 0; i < sample.captures.size() && !others.empty(); ++i) {
+    ParallelFor(static_cast<int>(others.size()), num_threads, [&](int k) {
+      OtherTarget& other = others[static_cast<size_t>(k)];
+      other.num_points += DetectCapture(*other.target, sample.captures[i].image).detection.ids.size();
+    });
+    // Most do not suit: once one is seen, those that are not are looked for no longer.
+    std::vector<OtherTarget> seen;
+    for (const OtherTarget& other : others) {
+      if (other.num_points > 0) seen.push_back(other);
+    }
+    if (!seen.empty()) others = std::move(seen);
+  }
+  const auto best = std::max_element(others.begin(), others.end(), [](const OtherTarget& a, const OtherTarget& b) {
+    return a.num_points < b.num_points;
+  });
+  constexpr double kDecidedly = 1.3;
+  if (best == others.end() ||
+      static_cast<double>(best->num_points) <= kDecidedly * static_cast<double>(num_now) + kMinPoints) {
+    return std::nullopt;
+  }
+  return *best;
+}
+
+size_t NumSeen(const std::vector<CaptureDetection>& detections) {
+  return static_cast<size_t>(std::count_if(detections.begin(), detections.end(), [](const CaptureDetection& capture) {
+    return capture.detection.ids.size() >= kMinPoints;
+  }));
+}
+
+// The middle share of the target's points, of the pictures that show it.
+double MiddleShare(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+  std::vector<double> shares;
+  for (const CaptureDetection& capture : detections) {
+    const size_t num_points = capture.detection.ids.size();
+    if (num_points < kMinPoints) continue;
+    shares.push_back(static_cast<double>(num_points) / static_cast<double>(config.target->points().size()));
+  }
+  return shares.empty() ? 0 : Median(shares);
+}
+
+constexpr double kMostPictures = 0.7;
+
+// Whether the pictures show enough of the target for it to be the right one.
+bool IsSeenWell(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+  constexpr double kMostOfIt =
+      0.85;  // Less is a reason to look, not a fault: a target may well be half in the picture.
+  return static_cast<double>(NumSeen(detections)) >= kMostPictures * static_cast<double>(detections.size()) &&
+         MiddleShare(config, detections) >= kMostOfIt;
+}
+
+std::string SeenText(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+  const size_t num_seen = NumSeen(detections);
+  return "in " + std::to_string(num_seen) + " of " + std::to_string(detections.size()) + " pictures" +
+         (num_seen == 0
+              ? ""
+              : " (" + Fixed(100 * MiddleShare(config, detections), 0) + " % of its points in the middle one)");
+}
+
+}  // namespace
+
+std::vector<Symptom> Check_target(Examination* examination) {
+  RunConfig& config = examination->config;
+  // A few pictures first: to look for the wrong target in all of them may take long.
+  const RunConfig sample = Sample(config);
+  const std::vector<CaptureDetection> few = DetectCaptures(sample, examination->num_threads, Verbosity::kQuiet);
+  const auto detect_all = [&] {
+    examination->detections = DetectCaptures(config, examination->num_threads, examination->verbosity);
+  };
+  bool is_looked_for = false;
+  const auto look_for_other = [&](const std::string& seen) -> std::optional<Symptom> {
+    is_looked_for = true;
+    const std::optional<OtherTarget> other = FindOther(sample, NumPoints(few), examination->num_threads);
+    if (!other) return std::nullopt;
+    config.target = other->target;
+    config.target_used = other->used;
+    detect_all();
+    return Symptom{Severity::kWrong, "target",
+                   "the pictures show another target than the config names, which is seen " + seen + "; with " +
+                       SettingsText(other->settings) + " it is seen " + SeenText(config, examination->detections),
+                   "set in the target: " + SettingsText(other->settings)};
+  };
+  if (NumSeen(few) == 0) {
+    if (const std::optional<Symptom> symptom = look_for_other(SeenText(config, few) + " that were looked at")) {
+      return {*symptom};
+    }
+  }
+  detect_all();
+  const std::vector<CaptureDetection>& all = examination->detections;
+  if (IsSeenWell(config, all)) return {};
+  const std::string seen = SeenText(config, all);
+  if (!is_looked_for) {
+    if (const std::optional<Symptom> symptom = look_for_other(seen)) return {*symptom};
+  }
+
+  std::string why;
+  for (size_t i = 0; i < all.size() && why.empty(); ++i) {
+    if (all[i].detection.ids.size() >= kMinPoints || all[i].detection.reason.empty()) continue;
+    why = " (" + config.captures[i].name + ": " + all[i].detection.reason + ")";
+  }
+  const double share = static_cast<double>(NumSeen(all)) / static_cast<double>(all.size());
+  constexpr double kHardly = 0.3;
+  if (share < kHardly || NumSeen(all) < 3) {
+    return {{Severity::kWrong, "target_not_seen", "the target is seen " + seen + why,
+             "look at heba detect's pictures: is it the target that the config names, whole, sharp and lit?"}};
+  }
+  if (share >= kMostPictures) return {};
+  return {{Severity::kRemark, "target_often_missed", "the target is seen " + seen + " only" + why,
+           "look at heba detect's pictures of the others"}};
+}
+
+}  // namespace heba

@@ -1,0 +1,57 @@
+#include "tools/doctor/doctor.h"
+
+#include <algorithm>
+
+#include "tools/doctor/examination.h"
+
+namespace heba {
+
+#define HEBA_CHECK(name, what) std::vector<Symptom> Check_##name(Examination* examination);
+#include "tools/doctor/checks.def"
+#undef HEBA_CHECK
+
+namespace {
+
+struct Check {
+  std::string_view name;
+  std::vector<Symptom> (*run)(Examination* examination);
+};
+constexpr Check kChecks[] = {
+#define HEBA_CHECK(name, what) {#name, &Check_##name},
+#include "tools/doctor/checks.def"
+#undef HEBA_CHECK
+};
+
+bool IsWrong(const Symptom& symptom) { return symptom.severity == Severity::kWrong; }
+
+}  // namespace
+
+int Diagnosis::NumWrong() const { return static_cast<int>(std::count_if(symptoms.begin(), symptoms.end(), IsWrong)); }
+
+Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity) {
+  Examination examination;
+  examination.config = config;
+  examination.num_threads = num_threads;
+  examination.verbosity = verbosity;
+  Diagnosis diagnosis;
+  diagnosis.num_captures = static_cast<int>(config.captures.size());
+  for (const Check& check : kChecks) {
+    // Views are looked at as soon as there is a camera for it.
+    if (examination.camera && examination.views.empty()) {
+      examination.views = ExamineViews(examination.config, examination.detections, *examination.camera);
+      diagnosis.num_seen = static_cast<int>(examination.views.size());
+    }
+    for (Symptom& symptom : check.run(&examination)) diagnosis.symptoms.push_back(std::move(symptom));
+    examination.found_wrong = diagnosis.NumWrong() > 0;
+  }
+  std::stable_partition(diagnosis.symptoms.begin(), diagnosis.symptoms.end(), IsWrong);
+  return diagnosis;
+}
+
+std::string FirstWrong(const Diagnosis& diagnosis) {
+  if (diagnosis.NumWrong() == 0) return "";
+  const Symptom& first = diagnosis.symptoms.front();
+  return first.what + (first.cure.empty() ? "" : "; " + first.cure);
+}
+
+}  // namespace heba

@@ -1,0 +1,27 @@
+// What is wrong with a data set: every check of checks.def, each on what the ones before it left.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/console.h"
+#include "tools/doctor/symptom.h"
+#include "tools/run_config.h"
+
+namespace heba {
+
+struct Diagnosis {
+  int num_captures = 0;
+  int num_seen = 0;  // With a pose of the target.
+  // The wrong before the remarks; of the wrong, the one that hides others first.
+  std::vector<Symptom> symptoms;
+  int NumWrong() const;
+};
+
+// InputError if the pictures cannot be read.
+Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity);
+
+// The first thing that is wrong, as a clause with its cure; empty if nothing is.
+std::string FirstWrong(const Diagnosis& diagnosis);
+
+}  // namespace heba

@@ -1,0 +1,50 @@
+// What the doctor's checks look at: a data set as its config reads it, then as the checks before have mended it.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "solvers/pose_consistency.h"
+#include "targets/detection.h"
+#include "tools/console.h"
+#include "tools/run_config.h"
+
+namespace heba {
+
+// A capture whose picture tells a pose of the target.
+struct ExaminedView {
+  size_t capture = 0;  // Of RunConfig::captures.
+  View view;           // With the robot's pose as the checks before left it.
+  // What the picture leaves open (PoseCandidates), by Examination::camera.
+  std::vector<Rigid3d> camera_from_target;
+  double rms_px = 0;  // Of the first of them.
+};
+
+struct Examination {
+  RunConfig config;
+  std::vector<CaptureDetection> detections;  // The first check's.
+  std::optional<Camera> camera;              // Given, or estimated from the pictures; nothing if neither is to be had.
+  std::vector<ExaminedView> views;
+  bool found_wrong = false;  // By a check before.
+  int num_threads = 1;
+  Verbosity verbosity = Verbosity::kNormal;
+};
+
+// The views of the captures with four points or more, and, as `camera` sees them, the target's poses. Those that no
+// pose explains are left out.
+std::vector<ExaminedView> ExamineViews(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+                                       const Camera& camera);
+
+// `views` as pairs of poses.
+std::vector<PoseCandidates> CandidatesOf(const std::vector<ExaminedView>& views);
+
+// At most `most` of `count` indices, evenly spread.
+std::vector<size_t> SpreadIndices(size_t count, size_t most);
+
+// "23 deg and 180 mm": how far robot and pictures are apart.
+std::string MisfitText(const PoseConsistency& consistency);
+
+// What a hand-eye pose is called in a set-up, and its value: "gripper_from_camera translation [..] m, ...".
+std::string HandEyeText(Setup setup, const Rigid3d& camera_mount_from_camera);
+
+}  // namespace heba
