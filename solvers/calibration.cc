@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "heba/base/error.h"
 #include "heba/base/median.h"
@@ -350,6 +351,35 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     AddFewPointViews(views, options, &calibration);
   }
   return calibration;
+}
+
+void CalibratePoses(const std::vector<std::string>& methods, const std::string& seed, Calibration* calibration) {
+  const std::vector<MethodResult> results = RunMethods(*calibration);
+  calibration->methods = Reported(results, methods);
+  calibration->refined =
+      Failure{"poses of the target are given, not its points: bundle adjustment needs pictures or corners"};
+  // By the scatter of the target where it stands still: there are no pixels to count.
+  const MethodResult* best = nullptr;
+  double least_mm = std::numeric_limits<double>::infinity();
+  for (const MethodResult& result : results) {
+    if (!result.hand_eye || (seed != kBestSeed && result.method != seed)) continue;
+    const std::optional<BoardScatter> scatter = ComputeBoardScatter(calibration->pairs, *result.hand_eye);
+    if (!scatter || scatter->translation_rms_mm >= least_mm) continue;
+    least_mm = scatter->translation_rms_mm;
+    best = &result;
+  }
+  if (best == nullptr) {
+    std::string reason = "no closed form has a result";
+    for (const MethodResult& result : results) {
+      const bool counts =
+          seed == kBestSeed ? FindHandEyeMethod(result.method)->motion == MethodMotion::kAny : result.method == seed;
+      if (counts && !result.hand_eye) reason = result.hand_eye.reason();
+    }
+    calibration->chain = Failure{reason};
+    return;
+  }
+  calibration->seed = best->method;
+  calibration->chain = RefineChain(calibration->pairs, *best->hand_eye);
 }
 
 std::vector<std::string> Advise(const Calibration& calibration, const CalibrationOptions& options) {

@@ -8,16 +8,13 @@
 
 #include "heba/base/error.h"
 #include "heba/data/solution.h"
+#include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/bundle_adjustment.h"
 
 namespace heba {
 
-// The names of the refinements beside the closed forms' (of the reprojection error, and of the captures' poses,
-// solvers/chain.h), and of the seed that means "whichever closed form has the lowest reprojection RMS over all
-// captures".
-inline constexpr const char* kBundleMethod = "bundle";
-inline constexpr const char* kChainMethod = "chain";
+// The seed that means "whichever closed form has the lowest reprojection RMS over all captures".
 inline constexpr const char* kBestSeed = "best";
 
 struct CalibrationOptions {
@@ -65,6 +62,10 @@ struct Calibration {
 // unless the loss is `none`, which leaves out nothing. A Failure if there is no camera to be had; a refinement that
 // failed is in Calibration::refined.
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
+
+// The part of it that needs poses of the target alone (`pairs`): fills in the methods (those named, or all that the
+// motion suits) and the refinement of the poses from the seed. `refined` says what it would take.
+void CalibratePoses(const std::vector<std::string>& methods, const std::string& seed, Calibration* calibration);
 
 // What a person should know of a calibration whose refinement did not fail, for Solution::remarks: of the target, of
 // the robot, of what is known worst (solvers/advice.h). Beside Calibrate: folds and trials have nobody to tell.

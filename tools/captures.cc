@@ -14,9 +14,25 @@ std::string SizeText(int width_px, int height_px) {
   return std::to_string(width_px) + " x " + std::to_string(height_px);
 }
 
+// Of the size of their pictures or, where that is not said, of the camera's.
+std::vector<CaptureDetection> GivenDetections(const RunConfig& config) {
+  std::vector<CaptureDetection> detections = config.given_detections;
+  for (CaptureDetection& detection : detections) {
+    if (detection.width_px > 0 && detection.height_px > 0) continue;
+    if (!config.camera || config.camera->width_px == 0) {
+      throw InputError(config.data_files.front().string() +
+                       ": does not say how large the pictures are; give a camera file that does (camera.intrinsics)");
+    }
+    detection.width_px = config.camera->width_px;
+    detection.height_px = config.camera->height_px;
+  }
+  return detections;
+}
+
 }  // namespace
 
 std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_threads, Verbosity verbosity) {
+  if (!config.given_detections.empty()) return GivenDetections(config);
   std::vector<CaptureDetection> detections(config.captures.size());
   {
     Progress progress("detect", static_cast<int>(detections.size()), verbosity);

@@ -21,6 +21,7 @@ DEFINE_string(child, "", "the camera's optical frame; camera_optical_frame witho
 DEFINE_string(units, "m", "of the form matrix: m or mm");
 DEFINE_string(pose, "", "the robot's pose at the picture, its numbers as in the run's poses file, commas between them");
 DEFINE_string(robot, "", "the arm whose joints reach the target: ur3 to ur30");
+DEFINE_string(format, "", "what the data set is: industrial_calibration, easy_handeye2, ...; found out without it");
 DEFINE_double(dpi, 300, "resolution of a .png sheet");
 
 namespace heba {

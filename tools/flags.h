@@ -20,6 +20,7 @@ DECLARE_string(child);
 DECLARE_string(units);
 DECLARE_string(pose);
 DECLARE_string(robot);
+DECLARE_string(format);
 
 namespace heba {
 

@@ -82,7 +82,12 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
   Estimate refined;
   refined.method = kBundleMethod;
   refined.kind = "refined";
-  refined.ok = true;
+  refined.ok = calibration.refined.ok();
+  refined.reason = calibration.refined.reason();
+  if (!refined.ok) {
+    estimates.push_back(std::move(refined));
+    return estimates;
+  }
   refined.solution = *calibration.refined;
   refined.hand_eye = refined.solution->hand_eye;
   refined.camera = refined.solution->camera;
@@ -135,7 +140,7 @@ bool IsNoWorse(const Calibration& second, const Calibration& first) {
 bool LookAgain(const RunConfig& config, const Calibration& calibration, int num_threads, Verbosity verbosity,
                std::vector<CaptureDetection>* detections) {
   // A board without ids is found whole or not at all.
-  if (config.target->Symmetries().size() > 1) return false;
+  if (config.target->Symmetries().size() > 1 || !config.given_detections.empty()) return false;
   const Solution& solution = *calibration.refined;
   const std::optional<SquaredErrors> errors =
       ReprojectionErrors(solution.hand_eye, solution.camera, Shaped(calibration.views, solution.shape));
@@ -289,6 +294,58 @@ std::string DoctorSays(const RunConfig& config, int num_threads) {
   return wrong.empty() ? "" : "heba doctor: " + wrong;
 }
 
+// To the remarks of the refinements of a result that is bad.
+void AskDoctor(const RunConfig& config, int num_threads, RunResult* result) {
+  if (JudgeRun(*result).grade != Grade::kBad) return;
+  const std::string doctor = DoctorSays(config, num_threads);
+  if (doctor.empty()) return;
+  for (auto estimate = result->estimates.rbegin(); estimate != result->estimates.rend(); ++estimate) {
+    if (!estimate->solution) continue;
+    estimate->solution->remarks.insert(estimate->solution->remarks.begin(), doctor);
+    return;
+  }
+}
+
+// A data set of poses that others found of the target: what can be said without its pictures.
+Outcome<RunResult> RunOnPoses(const RunConfig& config, const std::filesystem::path& output, int num_threads,
+                              Console* console) {
+  const Stopwatch total;
+  StagedFolder folder(output, "result.json");
+  const std::string inputs = RunInputsText(config);
+  std::optional<Truth> truth;
+  if (config.truth) truth = ReadTruth(*config.truth, config.setup);
+  Calibration calibration;
+  for (size_t i = 0; i < config.captures.size(); ++i) {
+    const Rigid3d mount = CameraMountFromTargetMount(config.setup, config.captures[i].base_from_gripper);
+    calibration.pairs.push_back({mount, config.target_poses[i], config.captures[i].role, std::nullopt});
+  }
+  CalibratePoses(config.methods, config.seed, &calibration);
+  if (!calibration.chain) return Failure{calibration.chain.reason()};
+  console->Note(config.name + ": " + calibration.refined.reason());
+  RunResult result;
+  result.name = config.name;
+  result.setup = config.setup;
+  result.target_type = config.target ? config.target->type() : "";
+  result.num_target_points = config.target ? static_cast<int>(config.target->points().size()) : 0;
+  result.estimates = MakeEstimates(calibration, {}, truth, {Rigid3d()});
+  for (const Capture& capture : config.captures) {
+    CaptureResult described;
+    described.image = capture.name;
+    described.role = capture.role;
+    described.used = true;
+    result.captures.push_back(std::move(described));
+  }
+  AskDoctor(config, num_threads, &result);
+  result.timing.total_s = total.Seconds();
+  WriteFileAtomically(folder.staging() / "config.yaml", config.used);
+  WriteFileAtomically(folder.staging() / "log.txt", console->log());
+  WriteFileAtomically(folder.staging() / "report.html", ReportPage(result, {}, Points3(3, 0)));
+  WriteFileAtomically(folder.staging() / "inputs.json", inputs);
+  WriteFileAtomically(folder.staging() / "result.json", ResultToJson(result));
+  folder.Commit();
+  return result;
+}
+
 Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& output, int num_threads,
                        Console* console) {
   const Stopwatch total;
@@ -363,15 +420,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   result.estimates = MakeEstimates(*calibration, hold_outs, truth, options.symmetries);
   result.captures = DescribeCaptures(config, detections, *calibration, MoveWithoutEachView(*calibration, options));
   result.working_point = FindWorkingPoint(*calibration, config.setup);
-  if (JudgeRun(result).grade == Grade::kBad) {
-    const std::string doctor = DoctorSays(config_in, num_threads);
-    for (Estimate& estimate : result.estimates) {
-      if (estimate.method == kBundleMethod && estimate.solution && !doctor.empty()) {
-        std::vector<std::string>& remarks = estimate.solution->remarks;
-        remarks.insert(remarks.begin(), doctor);
-      }
-    }
-  }
+  AskDoctor(config_in, num_threads, &result);
   result.timing.total_s = total.Seconds();
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
@@ -392,6 +441,11 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
 
 Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
                                Console* console) {
+  if (config.imported) {
+    console->Note(config.name + ": read as a data set of " + config.imported->format);
+    for (const std::string& remark : config.imported->remarks) console->Note(config.name + ": " + remark);
+  }
+  if (!config.target_poses.empty()) return RunOnPoses(config, output, num_threads, console);
   Outcome<RunResult> result = Run(config, output, num_threads, console);
   if (result) return result;
   const std::string doctor = DoctorSays(config, num_threads);

@@ -340,12 +340,15 @@ std::string CaptureSection(const RunResult& result) {
 std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures,
                        const Points3& target_points) {
   const Estimate* refined = FindRefined(result);
-  CHECK(refined != nullptr) << "a run without a refined estimate has failed";
   std::string body = "<h1>" + Escaped(result.name) + "</h1>\n" +
                      Paragraph(std::string(SetupName(result.setup)) + ", " + result.target_type + ", " +
                                std::to_string(NumUsedCaptures(result)) + " of " +
                                std::to_string(result.captures.size()) + " captures used") +
                      VerdictSection(result);
+  if (refined == nullptr) {
+    // Poses of the target only: nothing was measured in pictures.
+    return HtmlPage(result.name, body + MethodsSection(result) + CaptureSection(result));
+  }
   body += Tiles(result, *refined) + CapturesData(result, *refined, captures) + "<div class=\"columns\">\n" +
           SetUpSection(result, *refined, captures, target_points) + PoseSection(result, *refined) + "</div>\n" +
           MethodsSection(result) + ResidualSections(captures) + UncertaintySection(result, *refined) +

@@ -116,7 +116,21 @@ std::string ResultTable(const RunResult& result, Colour colour) {
   }
   // The last of them is the refinement of the reprojection error.
   const Estimate* refined = FindRefined(result);
-  if (refined == nullptr) return table;
+  if (refined == nullptr) {
+    // Of poses alone.
+    for (const Estimate& estimate : result.estimates) {
+      if (!estimate.ok || estimate.kind != "refined") continue;
+      table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera (" + estimate.method + ")\n  " +
+               PoseText(estimate.hand_eye.camera_mount_from_camera) + "\n";
+    }
+    for (const Estimate& estimate : result.estimates) {
+      if (!estimate.solution) continue;
+      for (const std::string& remark : estimate.solution->remarks) table += "remark: " + remark + "\n";
+    }
+    const Verdict verdict = JudgeRun(result);
+    return table + bold + "verdict: " + std::string(GradeName(verdict.grade)) + plain + ": " +
+           verdict.findings.front().what + "\n";
+  }
   table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera\n  " +
            PoseText(refined->hand_eye.camera_mount_from_camera) + "\n  " + Uncertainty(*refined->solution) + "\n";
   table += NoiseLine(*refined->solution, refined->errors.holdout_chi2);

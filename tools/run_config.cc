@@ -1,157 +1,60 @@
 #include "tools/run_config.h"
 
 #include <algorithm>
-#include <cctype>
 #include <limits>
-#include <map>
-
-#include <glob.h>
+#include <set>
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/io/camera_file.h"
-#include "heba/io/pose_file.h"
-#include "heba/robot/ur_kinematics.h"
 #include "solvers/hand_eye_method.h"
 #include "solvers/loss.h"
-#include "targets/image.h"
+#include "tools/capture_section.h"
 
 namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-std::vector<fs::path> ListFolder(const ConfigValue& value, const fs::path& folder) {
-  std::vector<fs::path> images;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-    if (entry.is_regular_file() && HasImageSuffix(entry.path())) images.push_back(entry.path());
-  }
-  if (images.empty()) value.Fail("the folder " + folder.string() + " holds no pictures");
-  return images;
+// A data set may say what the config does not.
+void ReadSetup(MapReader& root, RunConfig* config) {
+  std::optional<std::string> fallback;
+  if (config->imported && config->imported->setup) fallback = SetupName(*config->imported->setup);
+  config->setup = *FindSetup(root.Choice("setup", {"eye_to_hand", "eye_in_hand"}, fallback));
 }
 
-std::vector<fs::path> ExpandGlob(const ConfigValue& value, const fs::path& pattern) {
-  glob_t found;
-  std::vector<fs::path> images;
-  if (glob(pattern.c_str(), 0, nullptr, &found) == 0) {
-    for (size_t i = 0; i < found.gl_pathc; ++i) images.emplace_back(found.gl_pathv[i]);
-  }
-  globfree(&found);
-  if (images.empty()) value.Fail("no file matches " + pattern.string());
-  return images;
-}
-
-// A folder, a glob or a list, sorted by name unless it is a list.
-std::vector<fs::path> FindImages(const ConfigValue& value) {
-  std::vector<fs::path> images;
-  if (value.IsList()) {
-    for (const ConfigValue& item : value.AsList()) {
-      const fs::path path = item.AsPath();
-      if (!fs::is_regular_file(path)) item.Fail("there is no picture " + path.string());
-      images.push_back(path);
-    }
-    if (images.empty()) value.Fail("the list is empty; pictures are needed");
-    return images;
-  }
-  const fs::path path = value.AsPath();
-  if (fs::is_directory(path)) {
-    images = ListFolder(value, path);
-  } else if (path.string().find_first_of("*?[") != std::string::npos) {
-    images = ExpandGlob(value, path);
-  } else {
-    value.Fail("there is no folder " + path.string() + "; a folder, a glob such as images/*.png, or a list is needed");
-  }
-  std::sort(images.begin(), images.end(), [](const fs::path& a, const fs::path& b) {
-    return NaturalLess(a.filename().string(), b.filename().string());
-  });
-  return images;
-}
-
-}  // namespace
-
-PoseReading ReadPoseReading(MapReader& reader) {
-  PoseFormat format = *FindPoseFormat("ros");
-  const std::optional<ConfigValue> format_value = reader.Find("pose_format");
-  const bool has_joints = format_value && format_value->IsText() && format_value->AsText() == "joints";
-  if (has_joints) {
-    const std::string robot = reader.Choice("robot", UrRobotNames());
-    format = JointFormat(robot, reader.Choice("joint_angles", {"rad", "deg"}, "rad"));
-  } else if (format_value) {
-    format = ReadPoseFormat(format_value->Top());
-  }
-  reader.Record("pose_format", PoseFormatNode(format));
-  if (const std::optional<ConfigValue> units = reader.Find("units")) {
-    format = WithUnits(format, *units);
-    reader.Record("units", units->node());
-  }
-  const std::string direction =
-      reader.Choice("poses_are", {"base_from_gripper", "gripper_from_base"}, "base_from_gripper");
-  return {format, direction == "base_from_gripper"};
-}
-
-Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose) {
-  return reading.is_base_from_gripper ? pose : Inverse(pose);
-}
-
-namespace {
-
-void ReadCaptures(MapReader& root, RunConfig* config) {
-  const ConfigValue captures = root.Get("captures");
-  MapReader reader(captures);
-  const ConfigValue images_value = reader.Get("images");
-  const std::vector<fs::path> images = FindImages(images_value);
-  if (images_value.IsList()) {
-    YAML::Node list;
-    for (const fs::path& image : images) list.push_back(fs::absolute(image).lexically_normal().string());
-    reader.Record("images", list);
-  } else {
-    reader.Record("images", YAML::Node(fs::absolute(images_value.AsPath()).lexically_normal().string()));
-  }
-  const ConfigValue poses_value = reader.Get("poses");
-  const fs::path poses_file = reader.Path("poses");
-  config->poses_file = poses_file;
-  const PoseReading poses = ReadPoseReading(reader);
-  config->pose_reading = poses;
-  reader.Finish();
-  root.Record("captures", reader.used());
-
-  std::map<std::string, fs::path> by_name;
-  for (const fs::path& image : images) {
-    const std::string name = image.filename().string();
-    if (!by_name.emplace(name, image).second) {
-      images_value.Fail("two pictures are called " + name + "; poses are found by file name, so names must differ");
+void ReadTargetSection(MapReader& root, RunConfig* config) {
+  if (!root.Has("target")) {
+    if (config->imported && !config->imported->target.empty()) {
+      MapReader target(ParseYaml(config->imported->target, config->imported->files.front()));
+      config->target = CreateTarget(target);
+      root.Record("target", target.used());
+    } else if (!config->target_poses.empty()) {
+      return;
     }
   }
-  const std::vector<PoseRow> rows = ReadPoseFile(poses_file, poses.format);
-  const bool has_names = !rows.empty() && !rows.front().image.empty();
-  if (!has_names && rows.size() != images.size()) {
-    throw InputError(poses_file.string() + ": has " + std::to_string(rows.size()) +
-                     " rows without an image column for " + std::to_string(images.size()) +
-                     " pictures; the counts must agree, or name the pictures");
-  }
-  for (size_t i = 0; i < rows.size(); ++i) {
-    Capture capture;
-    if (has_names) {
-      const auto found = by_name.find(rows[i].image);
-      if (found == by_name.end()) {
-        std::vector<std::string> names;
-        for (const auto& entry : by_name) names.push_back(entry.first);
-        throw InputError(poses_file.string() + ":" + std::to_string(rows[i].line) + ": the picture " + rows[i].image +
-                         " is not among those of " + images_value.key() + DidYouMean(rows[i].image, names));
-      }
-      capture.image = found->second;
-      by_name.erase(found);
-    } else {
-      capture.image = images[i];
+  if (!config->target) config->target = ReadTarget(root, "target");
+  config->target_used = YAML::Dump(root.used()["target"]);
+  std::set<int> known;
+  for (const TargetPoint& point : config->target->points()) known.insert(point.id);
+  for (size_t i = 0; i < config->given_detections.size(); ++i) {
+    std::set<int> seen;
+    for (const int id : config->given_detections[i].detection.ids) {
+      const std::string where = config->data_files.front().string() + ": " + config->captures[i].name + ": ";
+      if (known.count(id) == 0) throw InputError(where + "the target has no point " + std::to_string(id));
+      if (!seen.insert(id).second) throw InputError(where + "point " + std::to_string(id) + " stands there twice");
     }
-    capture.name = capture.image.filename().string();
-    capture.role = rows[i].role;
-    capture.base_from_gripper = BaseFromGripper(poses, rows[i].pose);
-    config->captures.push_back(capture);
-    config->pose_numbers.push_back(rows[i].numbers);
   }
-  if (has_names) {
-    for (const auto& entry : by_name) config->images_without_pose.push_back(entry.first);
+}
+
+// The camera of a file, or of an imported data set, as `model`, if that is asked for.
+Camera AsModel(const Camera& camera, const std::optional<std::string>& model, const ConfigValue& asked) {
+  if (!model) return camera;
+  const std::optional<Camera> converted = ConvertCamera(camera, *model);
+  if (!converted) {
+    asked.Fail("holds a " + camera.model + " camera, which cannot be written as " + *model +
+               "; leave camera.model out or estimate the intrinsics");
   }
+  return *converted;
 }
 
 void ReadCameraSection(MapReader& root, RunConfig* config) {
@@ -165,17 +68,12 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
   if (const std::optional<ConfigValue> file = reader.Find("intrinsics")) {
     const fs::path path = reader.Path("intrinsics");
     config->camera_file = path.string();
-    Camera camera = ReadCameraFile(path);
-    if (model) {
-      const std::optional<Camera> converted = ConvertCamera(camera, *model);
-      if (!converted) {
-        file->Fail("holds a " + camera.model + " camera, which cannot be written as " + *model +
-                   "; leave camera.model out or estimate the intrinsics");
-      }
-      camera = *converted;
-    }
-    config->camera = camera;
-    config->camera_model = camera.model;
+    config->camera = AsModel(ReadCameraFile(path), model, *file);
+    config->camera_model = config->camera->model;
+  } else if (config->imported && config->imported->camera) {
+    config->camera_file = config->imported->files.front().string();
+    config->camera = AsModel(*config->imported->camera, model, root.Get("captures"));
+    config->camera_model = config->camera->model;
   } else {
     config->camera_model = model.value_or("brown5");
   }
@@ -300,11 +198,11 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   if (config.name.find('/') != std::string::npos || config.name == "." || config.name == "..") {
     reader.Get("name").Fail("'" + config.name + "' cannot name a folder");
   }
-  config.setup = *FindSetup(reader.Choice("setup", {"eye_to_hand", "eye_in_hand"}));
-  config.target = ReadTarget(reader, "target");
-  config.target_used = YAML::Dump(reader.used()["target"]);
+  const YAML::Node captures_used = ReadCaptures(reader.Get("captures"), &config);
+  ReadSetup(reader, &config);
+  ReadTargetSection(reader, &config);
   ReadCameraSection(reader, &config);
-  ReadCaptures(reader, &config);
+  reader.Record("captures", captures_used);
   std::vector<std::string> seeds = HandEyeMethodNames();
   seeds.emplace_back(kBestSeed);
   config.seed = reader.Choice("seed", seeds, kBestSeed);

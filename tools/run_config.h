@@ -9,8 +9,10 @@
 
 #include "heba/data/dataset.h"
 #include "heba/data/setup.h"
+#include "heba/io/import.h"
 #include "heba/io/pose_formats.h"
 #include "solvers/calibration.h"
+#include "targets/detection.h"
 #include "targets/target.h"
 
 namespace heba {
@@ -25,15 +27,20 @@ struct RunConfig {
   std::filesystem::path file;
   std::string name;
   Setup setup = Setup::kEyeToHand;
-  std::shared_ptr<const Target> target;
-  std::string target_used;       // As YAML, every default filled in.
-  std::optional<Camera> camera;  // Nothing: to be estimated. Its size is 0 x 0 if its file does not tell.
+  std::shared_ptr<const Target> target;  // Null if poses of the target are given, and the target is not.
+  std::string target_used;               // As YAML, every default filled in.
+  std::optional<Camera> camera;          // Nothing: to be estimated. Its size is 0 x 0 if its file does not tell.
   std::string camera_model;
   std::string camera_file;  // For messages.
   std::filesystem::path poses_file;
   PoseReading pose_reading;
   std::vector<Capture> captures;
   std::vector<std::vector<double>> pose_numbers;  // Of each capture, as the poses file has them.
+  // What is known of the captures in the place of pictures, one each, or none.
+  std::vector<CaptureDetection> given_detections;
+  std::vector<Rigid3d> target_poses;              // camera_from_target
+  std::optional<ImportedSet> imported;            // The data set of another project that the captures are from.
+  std::vector<std::filesystem::path> data_files;  // What the captures were read from, but for pictures and poses.
   std::vector<std::string> images_without_pose;
   std::string seed;
   std::vector<std::string> methods;  // Empty: all that the motion suits.
@@ -47,10 +54,6 @@ struct RunConfig {
 // Reads the config, the files that it is based on and what they name, the pictures excepted. `settings` (--set) count
 // more than the files. InputError on any fault.
 RunConfig ReadRunConfig(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
-
-// From the keys of `captures`: pose_format, robot, joint_angles, units, poses_are.
-PoseReading ReadPoseReading(MapReader& captures);
-Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose);
 
 // Reads a target from a mapping, or from the file that a path names; `reader` records it for the config as used.
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);

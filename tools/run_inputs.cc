@@ -27,7 +27,8 @@ std::string RunInputsText(const RunConfig& config) {
   json["program"] = DigestOfProgram();
   json["config"] = DigestOf(config.used);
   nlohmann::ordered_json files;
-  files["poses"] = DigestOrNothing(config.poses_file);
+  if (!config.poses_file.empty()) files["poses"] = DigestOrNothing(config.poses_file);
+  for (const std::filesystem::path& file : config.data_files) files["data"].push_back(DigestOrNothing(file));
   if (!config.camera_file.empty()) files["camera"] = DigestOrNothing(config.camera_file);
   if (config.truth) files["truth"] = DigestOrNothing(*config.truth);
   json["files"] = files;

@@ -178,12 +178,16 @@ class Chessboard final : public Target {
   // seconds for it.
   bool ShowsAnotherBoard(const cv::Mat& grey) const {
     constexpr double kMuch = 0.4;
-    constexpr int kClear = 20;  // Fewer corners than this may be seen of a small board that linking quads does find.
-    const std::vector<cv::Size> sizes = SizesSeen(grey);
-    return std::any_of(sizes.begin(), sizes.end(), [&](const cv::Size& size) {
-      const bool is_this = std::minmax(size.width, size.height) == std::minmax(columns_, rows_);
-      return !is_this && size.area() > std::max<double>(kClear, kMuch * static_cast<double>(points_.size()));
-    });
+    constexpr size_t kSmall = 30;  // Of a board of fewer corners, its rim or a part of it may be what is seen.
+    if (points_.size() < kSmall) return false;
+    const auto [short_side, long_side] = std::minmax(columns_, rows_);
+    for (const cv::Size& size : SizesSeen(grey)) {
+      const auto [seen_short, seen_long] = std::minmax(size.width, size.height);
+      const int more = seen_short - short_side;
+      const bool may_be_this = more == seen_long - long_side && (more == 0 || more == 2);  // As it is, or with its rim.
+      if (!may_be_this && size.area() > kMuch * static_cast<double>(points_.size())) return true;
+    }
+    return false;
   }
 
   std::optional<Corners> Find(const cv::Mat& grey, const Finder& finder) const {

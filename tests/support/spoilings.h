@@ -148,7 +148,7 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
     for (size_t i = 0; i < rows->size() / 2; ++i) std::swap((*rows)[i].pose, (*rows)[rows->size() - 1 - i].pose);
   }));
   spoilings.push_back(Poses("two_swapped", plain, plain, {"swapped"}, [](std::vector<PoseRow>* rows) {
-    std::swap((*rows)[1].pose, (*rows)[rows->size() / 2 + 1].pose);
+    std::swap((*rows)[4].pose, (*rows)[rows->size() / 2 + 2].pose);
   }));
   spoilings.push_back(Poses("pose_of_another", plain, plain, {"same_pose"},
                             [](std::vector<PoseRow>* rows) { (*rows)[2].pose = (*rows)[rows->size() / 2].pose; }));
@@ -175,7 +175,7 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
       {"wrong_family", [](const GoodSet& good, const std::filesystem::path& folder) -> std::optional<Spoiled> {
          const std::map<std::string, std::vector<std::pair<std::string, std::string>>> wrong = {
              {"apriltag_grid", {{"family", "tag25h9"}}},
-             {"charuco", {{"dictionary", "DICT_6X6_1000"}}},
+             {"charuco", {{"dictionary", "DICT_7X7_250"}}},
              {"coded_board", {{"bits", "14"}}}};
          const auto found = wrong.find(good.target_type);
          if (found == wrong.end()) return std::nullopt;

@@ -12,6 +12,7 @@
 #include <Eigen/Geometry>
 #include <opencv2/imgproc.hpp>
 
+#include "heba/base/files.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
 #include "targets/circle_lattice.h"

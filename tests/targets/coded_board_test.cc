@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
 
+#include "heba/base/files.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
 #include "heba/camera/camera.h"

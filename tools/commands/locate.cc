@@ -9,6 +9,7 @@
 #include "heba/robot/ur_kinematics.h"
 #include "solvers/target_location.h"
 #include "targets/detection.h"
+#include "tools/capture_section.h"
 #include "tools/command.h"
 #include "tools/flags.h"
 #include "tools/run_config.h"

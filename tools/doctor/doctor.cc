@@ -6,18 +6,18 @@
 
 namespace heba {
 
-#define HEBA_CHECK(name, what) std::vector<Symptom> Check_##name(Examination* examination);
+#define HEBA_CHECK(name, needs_pictures, what) std::vector<Symptom> Check_##name(Examination* examination);
 #include "tools/doctor/checks.def"
 #undef HEBA_CHECK
 
 namespace {
 
 struct Check {
-  std::string_view name;
+  bool needs_pictures;
   std::vector<Symptom> (*run)(Examination* examination);
 };
 constexpr Check kChecks[] = {
-#define HEBA_CHECK(name, what) {#name, &Check_##name},
+#define HEBA_CHECK(name, needs_pictures, what) {needs_pictures, &Check_##name},
 #include "tools/doctor/checks.def"
 #undef HEBA_CHECK
 };
@@ -35,7 +35,12 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
   examination.verbosity = verbosity;
   Diagnosis diagnosis;
   diagnosis.num_captures = static_cast<int>(config.captures.size());
+  if (!config.target_poses.empty()) {
+    examination.views = ViewsOfPoses(config);
+    diagnosis.num_seen = diagnosis.num_captures;
+  }
   for (const Check& check : kChecks) {
+    if (check.needs_pictures && !config.target_poses.empty()) continue;
     // Views are looked at as soon as there is a camera for it.
     if (examination.camera && examination.views.empty()) {
       examination.views = ExamineViews(examination.config, examination.detections, *examination.camera);

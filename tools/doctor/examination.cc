@@ -35,6 +35,16 @@ std::vector<ExaminedView> ExamineViews(const RunConfig& config, const std::vecto
   return views;
 }
 
+std::vector<ExaminedView> ViewsOfPoses(const RunConfig& config) {
+  std::vector<ExaminedView> views;
+  for (size_t i = 0; i < config.captures.size(); ++i) {
+    const Capture& capture = config.captures[i];
+    const Rigid3d mount = CameraMountFromTargetMount(config.setup, capture.base_from_gripper);
+    views.push_back({i, {capture.name, mount, {}, capture.role}, {config.target_poses[i]}, 0});
+  }
+  return views;
+}
+
 std::vector<PoseCandidates> CandidatesOf(const std::vector<ExaminedView>& views) {
   std::vector<PoseCandidates> candidates;
   for (const ExaminedView& view : views) {

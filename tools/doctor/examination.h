@@ -35,6 +35,9 @@ struct Examination {
 std::vector<ExaminedView> ExamineViews(const RunConfig& config, const std::vector<CaptureDetection>& detections,
                                        const Camera& camera);
 
+// The same of captures of which others found the target's poses.
+std::vector<ExaminedView> ViewsOfPoses(const RunConfig& config);
+
 // `views` as pairs of poses.
 std::vector<PoseCandidates> CandidatesOf(const std::vector<ExaminedView>& views);
 

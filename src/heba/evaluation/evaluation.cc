@@ -6,7 +6,8 @@ namespace heba {
 
 const Estimate* FindRefined(const RunResult& result) {
   const auto found = std::find_if(result.estimates.rbegin(), result.estimates.rend(), [](const Estimate& estimate) {
-    return estimate.ok && estimate.solution && estimate.solution->covariance.matrix.rows() >= 6;
+    return estimate.ok && estimate.solution && estimate.method != kChainMethod &&
+           estimate.solution->covariance.matrix.rows() >= 6;
   });
   return found == result.estimates.rend() ? nullptr : &*found;
 }

@@ -24,6 +24,10 @@ struct Errors {
   std::optional<TruthErrors> truth;
 };
 
+// The refinements' names: of the captures' poses (solvers/chain.h), and of the reprojection error.
+inline constexpr const char* kChainMethod = "chain";
+inline constexpr const char* kBundleMethod = "bundle";
+
 // One row of a run's result.
 struct Estimate {
   std::string method;

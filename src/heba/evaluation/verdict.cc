@@ -146,6 +146,23 @@ std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refine
   return finding;
 }
 
+// A run on poses that others found of the target.
+Finding JudgePoses(const RunResult& result) {
+  const auto chain = std::find_if(result.estimates.begin(), result.estimates.end(),
+                                  [](const Estimate& estimate) { return estimate.ok && estimate.kind == "refined"; });
+  if (chain == result.estimates.end() || !chain->errors.board_scatter) {
+    return {Grade::kBad, "there is no refined estimate", "see the methods' reasons"};
+  }
+  const BoardScatter& scatter = *chain->errors.board_scatter;
+  // Without pictures nobody knows how good the poses of the target are: never better than doubtful.
+  const Grade grade = std::max(
+      {Grade::kDoubtful, GradeOf(scatter.translation_rms_mm, 1.5, 5), GradeOf(scatter.rotation_rms_deg, 0.3, 1)});
+  return {grade,
+          "poses of the target were given, not pictures: it scatters by " + Significant(scatter.translation_rms_mm, 2) +
+              " mm and " + Significant(scatter.rotation_rms_deg, 2) + " deg where it should stand still",
+          "give the pictures or the corners: what is refined from them is better, and says how good it is"};
+}
+
 }  // namespace
 
 std::string_view GradeName(Grade grade) {
@@ -157,7 +174,7 @@ Verdict JudgeRun(const RunResult& result) {
   Verdict verdict;
   const Estimate* refined = FindRefined(result);
   if (refined == nullptr) {
-    verdict.findings.push_back({Grade::kBad, "there is no refined estimate", "see the methods' reasons"});
+    verdict.findings.push_back(JudgePoses(result));
   } else {
     const Solution& solution = *refined->solution;
     const std::optional<Finding> more[] = {JudgeHoldOut(refined->errors), JudgeModel(refined->errors, solution),

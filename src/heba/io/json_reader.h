@@ -1,6 +1,7 @@
 // Reading JSON: every access says where it is in the file.
 #pragma once
 
+#include <cmath>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -40,6 +41,14 @@ class JsonReader {
   double Number() const {
     if (!json_.is_number()) Fail("a number is needed");
     return json_.get<double>();
+  }
+  // A whole number.
+  int Int(int min, int max) const {
+    const double number = Number();
+    if (!(number >= min && number <= max) || number != std::floor(number)) {
+      Fail("a whole number from " + std::to_string(min) + " to " + std::to_string(max) + " is needed");
+    }
+    return static_cast<int>(number);
   }
   std::vector<double> Numbers() const {
     if (!json_.is_array()) Fail("a list of numbers is needed");

@@ -150,9 +150,12 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
     }
     json["hand_eye"] = hand_eye;
     json["board"] = PoseJson(estimate.hand_eye.target_mount_from_target, TargetMountName(setup), "target");
-    json["camera"] = CameraJson(estimate.camera);
-    json["camera"]["std"] =
-        solution != nullptr ? CameraSigmaJson(estimate.camera, solution->covariance) : Json(nullptr);
+    json["camera"] = nullptr;  // Poses of the target need none.
+    if (!estimate.camera.params.empty()) {
+      json["camera"] = CameraJson(estimate.camera);
+      json["camera"]["std"] =
+          solution != nullptr ? CameraSigmaJson(estimate.camera, solution->covariance) : Json(nullptr);
+    }
   }
   json["target_shape"] = solution != nullptr ? ShapeJson(solution->shape, solution->covariance) : Json(nullptr);
   json["errors"] = ErrorsJson(estimate.errors);

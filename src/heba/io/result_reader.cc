@@ -118,7 +118,7 @@ Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
   if (!estimate.ok) return estimate;
   estimate.hand_eye = {ReadPoseJson(reader.Get("hand_eye"), CameraMountName(setup), "camera"),
                        ReadPoseJson(reader.Get("board"), TargetMountName(setup), "target")};
-  estimate.camera = ReadCameraJson(reader.Get("camera"));
+  if (reader.Has("camera")) estimate.camera = ReadCameraJson(reader.Get("camera"));
   if (reader.Has("solve")) estimate.solution = ReadSolution(reader, estimate);
   return estimate;
 }

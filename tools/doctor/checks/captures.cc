@@ -15,6 +15,7 @@ std::vector<Symptom> SamePictures(const RunConfig& config) {
   std::map<std::string, std::string> first_of;
   std::vector<Symptom> symptoms;
   for (const Capture& capture : config.captures) {
+    if (capture.image.empty()) continue;
     const auto [first, is_new] = first_of.emplace(DigestOfFile(capture.image), capture.name);
     if (is_new) continue;
     symptoms.push_back({Severity::kWrong, "same_picture",

@@ -13,6 +13,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/motion_analysis.h"
+#include "tools/capture_section.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 
@@ -335,7 +336,7 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   constexpr double kSurely = 5;
   constexpr double kOther = 0.04;
   if (std::abs(scale - 1) > std::max(kOther, kSurely * scaled->robot_scale_stddev) &&
-      scaled->typical_misfit_m < 0.87 * now->typical_misfit_m) {
+      scaled->typical_translation_m < 0.87 * now->typical_translation_m) {
     for (ExaminedView& view : examination->views) view.view.camera_mount_from_target_mount.translation *= scale;
     return {{Severity::kWrong, "target_scale",
              "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +

@@ -150,6 +150,10 @@ std::string SeenText(const RunConfig& config, const std::vector<CaptureDetection
 
 std::vector<Symptom> Check_target(Examination* examination) {
   RunConfig& config = examination->config;
+  if (!config.given_detections.empty()) {
+    examination->detections = DetectCaptures(config, examination->num_threads, examination->verbosity);
+    return {};
+  }
   // A few pictures first: to look for the wrong target in all of them may take long.
   const RunConfig sample = Sample(config);
   const std::vector<CaptureDetection> few = DetectCaptures(sample, examination->num_threads, Verbosity::kQuiet);
