@@ -25,4 +25,26 @@ struct LocatedTarget {
 Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const Observations& observations,
                                     const Rigid3d& base_from_camera_mount);
 
+// n . p = distance, for points p in the base.
+struct Plane {
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  // Of unit length.
+  double distance_m = 0;
+};
+
+// A pixel's place on a plane.
+struct LocatedPoint {
+  Eigen::Vector3d in_base = Eigen::Vector3d::Zero();
+  // As LocatedTarget's; the plane is taken as exact where it is given, and as the target's picture shows it otherwise.
+  Eigen::Matrix3d by_calibration_m2 = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d by_picture_m2 = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d by_robot_m2 = Eigen::Matrix3d::Zero();
+};
+
+// Where the ray of `pixel` meets `plane`. A Failure if it does not, in front of the camera.
+Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
+                                  const Plane& plane, const Rigid3d& base_from_camera_mount);
+// The same for the plane z = 0 of a target that the same picture shows.
+Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
+                                          const Observations& observations, const Rigid3d& base_from_camera_mount);
+
 }  // namespace heba

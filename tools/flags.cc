@@ -22,6 +22,8 @@ DEFINE_string(units, "m", "of the form matrix: m or mm");
 DEFINE_string(pose, "", "the robot's pose at the picture, its numbers as in the run's poses file, commas between them");
 DEFINE_string(robot, "", "the arm whose joints reach the target: ur3 to ur30");
 DEFINE_string(format, "", "what the data set is: industrial_calibration, easy_handeye2, ...; found out without it");
+DEFINE_string(pixels, "", "u,v;u,v: pixels of the picture to locate instead of the target");
+DEFINE_string(plane, "target", "where the pixels lie: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
 DEFINE_double(dpi, 300, "resolution of a .png sheet");
 
 namespace heba {

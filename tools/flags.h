@@ -21,6 +21,8 @@ DECLARE_string(units);
 DECLARE_string(pose);
 DECLARE_string(robot);
 DECLARE_string(format);
+DECLARE_string(pixels);
+DECLARE_string(plane);
 
 namespace heba {
 

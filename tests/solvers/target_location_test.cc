@@ -24,6 +24,8 @@ TEST_P(LocateTest, IsOffByWhatItStates) {
   const Case& test = GetParam();
   const bool is_noisy = test.robot_translation_m > 0;
   double sum = 0;
+  double sum_on_plane = 0;
+  double sum_on_target = 0;
   constexpr int kSeeds = 120;
   for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
     TestSceneOptions options;
@@ -57,8 +59,31 @@ TEST_P(LocateTest, IsOffByWhatItStates) {
     const Eigen::Matrix3d covariance = located->by_calibration_m2 + located->by_picture_m2 + located->by_robot_m2;
     sum += off_m.dot(covariance.ldlt().solve(off_m));
     EXPECT_EQ(located->by_robot_m2.isZero(), !(is_carried && is_noisy));
+
+    // A corner of the target by its pixel, on the plane that the target lies in, given or seen.
+    const Eigen::Vector3d corner = unseen.observations.points_in_target.col(0);
+    const Eigen::Vector2d pixel = unseen.observations.pixels.col(0);
+    const Eigen::Vector3d normal = truth.rotation * Eigen::Vector3d::UnitZ();
+    const Plane plane{normal, normal.dot(truth.translation)};
+    const Outcome<LocatedPoint> on_plane = LocatePixel(test.setup, *solution, pixel, plane, base_from_mount);
+    const Outcome<LocatedPoint> on_target =
+        LocatePixelOnTarget(test.setup, *solution, pixel, unseen.observations, base_from_mount);
+    ASSERT_TRUE(on_plane.ok()) << on_plane.reason();
+    ASSERT_TRUE(on_target.ok()) << on_target.reason();
+    const auto chi2 = [&](const LocatedPoint& point, const Eigen::MatrixXd& directions) {
+      const Eigen::VectorXd off = directions.transpose() * (point.in_base - truth * corner);
+      const Eigen::MatrixXd stated = directions.transpose() *
+                                     (point.by_calibration_m2 + point.by_picture_m2 + point.by_robot_m2) * directions;
+      return off.dot(stated.ldlt().solve(off));
+    };
+    // On a known plane there are two directions to be wrong in.
+    EXPECT_LT(std::abs(normal.dot(on_plane->in_base) - plane.distance_m), 1e-9);
+    sum_on_plane += chi2(*on_plane, truth.RotationMatrix().leftCols<2>());
+    sum_on_target += chi2(*on_target, Eigen::Matrix3d::Identity());
   }
   EXPECT_NEAR(sum / kSeeds, 3, 0.9);
+  EXPECT_NEAR(sum_on_plane / kSeeds, 2, 0.75);
+  EXPECT_NEAR(sum_on_target / kSeeds, 3, 0.9);
 }
 
 INSTANTIATE_TEST_SUITE_P(, LocateTest,
@@ -67,6 +92,22 @@ INSTANTIATE_TEST_SUITE_P(, LocateTest,
                                          Case{"EyeInHandNoisyRobot", Setup::kEyeInHand, 2e-4, 4e-4},
                                          Case{"EyeToHandNoisyRobot", Setup::kEyeToHand, 2e-4, 4e-4}),
                          [](const auto& test) { return test.param.name; });
+
+TEST(LocatePixelTest, ARayThatMissesThePlaneIsAFailure) {
+  const TestScene scene = MakeTestScene(1);
+  Solution solution;
+  solution.hand_eye = scene.hand_eye;
+  solution.camera = scene.camera;
+  // A plane that contains the camera's axis, and one behind the camera.
+  const Rigid3d& camera = scene.hand_eye.camera_mount_from_camera;
+  const Eigen::Vector3d side = camera.rotation * Eigen::Vector3d::UnitX();
+  const Eigen::Vector3d ahead = camera.rotation * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector2d middle(scene.camera.params[2], scene.camera.params[3]);
+  const Plane along{side, side.dot(camera.translation)};
+  const Plane behind{ahead, ahead.dot(camera.translation) - 1};
+  EXPECT_NE(LocatePixel(Setup::kEyeToHand, solution, middle, along, Rigid3d()).reason(), "");
+  EXPECT_NE(LocatePixel(Setup::kEyeToHand, solution, middle, behind, Rigid3d()).reason(), "");
+}
 
 TEST(LocateFewPointsTest, TooFewPointsAreAFailure) {
   const TestScene scene = MakeTestScene(1);

@@ -83,6 +83,93 @@ std::string DescribePostures(const UrRobot& robot, const Rigid3d& base_from_targ
   return text;
 }
 
+// "u,v; u,v": px.
+std::vector<Eigen::Vector2d> PixelsAskedFor() {
+  std::vector<Eigen::Vector2d> pixels;
+  for (const std::string& pair : Split(FLAGS_pixels, ';')) {
+    const std::vector<std::string> fields = Split(pair, ',');
+    Eigen::Vector2d pixel;
+    if (fields.size() != 2 || !ParseDouble(Trim(fields[0]), &pixel.x()) || !ParseDouble(Trim(fields[1]), &pixel.y()) ||
+        !pixel.allFinite()) {
+      throw InputError("--pixels: " + Quoted(Trim(pair)) + " is no pixel; u,v is needed, more of them after semicolons");
+    }
+    pixels.push_back(pixel);
+  }
+  return pixels;
+}
+
+// "nx, ny, nz, 120 mm"; nothing for the plane of the target.
+std::optional<Plane> PlaneAskedFor() {
+  if (FLAGS_plane == "target") return std::nullopt;
+  const std::vector<std::string> fields = Split(FLAGS_plane, ',');
+  Plane plane;
+  for (size_t i = 0; i < 3 && fields.size() == 4; ++i) {
+    if (!ParseDouble(Trim(fields[i]), &plane.normal[static_cast<Eigen::Index>(i)])) plane.normal.setZero();
+  }
+  const bool is_direction = fields.size() == 4 && plane.normal.allFinite() && plane.normal.norm() > 1e-6;
+  if (!is_direction) {
+    throw InputError("--plane: " + Quoted(FLAGS_plane) +
+                     " is no plane; a normal in the base and the distance along it are needed, such as 0,0,1,120 mm, or "
+                     "target");
+  }
+  plane.normal.normalize();
+  const ParsedQuantity distance = ParseQuantity(Trim(fields[3]), Quantity::kLength);
+  if (!distance.fault.empty()) throw InputError("--plane: " + distance.fault);
+  plane.distance_m = distance.value;
+  return plane;
+}
+
+// The flange's pose that points at a plane there: its z against the normal, its x as much along the base's as can be.
+Rigid3d PointingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& normal) {
+  const Eigen::Vector3d z = -normal;
+  const bool is_along_x = std::abs(z.x()) > 0.9;
+  const Eigen::Vector3d other = is_along_x ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitX();
+  const Eigen::Vector3d x = (other - other.dot(z) * z).normalized();
+  Eigen::Matrix3d rotation;
+  rotation << x, z.cross(x), z;
+  return Rigid3d(rotation, point);
+}
+
+std::string DescribePoint(const Eigen::Vector2d& pixel, const LocatedPoint& located) {
+  const Eigen::Vector3d mm = 1000 * located.in_base;
+  std::string text = "  pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": [" + Fixed(mm.x(), 3) +
+                     ", " + Fixed(mm.y(), 3) + ", " + Fixed(mm.z(), 3) + "] mm in the base; one sigma " +
+                     SigmasMm(located.by_calibration_m2 + located.by_picture_m2 + located.by_robot_m2) +
+                     " mm (calibration " + SigmasMm(located.by_calibration_m2) + "; picture " +
+                     SigmasMm(located.by_picture_m2);
+  if (!located.by_robot_m2.isZero()) text += "; robot " + SigmasMm(located.by_robot_m2);
+  return text + ")\n";
+}
+
+// What --pixels asks of one picture.
+Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solution, const CaptureDetection& seen,
+                                    const Rigid3d& base_from_mount, const UrRobot* robot) {
+  const std::optional<Plane> plane = PlaneAskedFor();
+  const Observations observations = ObservationsOf(*run.target, seen.detection);
+  Eigen::Vector3d normal = plane ? plane->normal : Eigen::Vector3d::Zero();
+  if (!plane) {
+    const Outcome<LocatedTarget> target = LocateTarget(run.result.setup, solution, observations, base_from_mount);
+    if (!target) return Failure{seen.detection.reason.empty() ? target.reason() : seen.detection.reason};
+    // The side that the camera sees.
+    normal = target->base_from_target.rotation * Eigen::Vector3d::UnitZ();
+  }
+  const Rigid3d base_from_camera = base_from_mount * solution.hand_eye.camera_mount_from_camera;
+  std::string text;
+  for (const Eigen::Vector2d& pixel : PixelsAskedFor()) {
+    const Outcome<LocatedPoint> located =
+        plane ? LocatePixel(run.result.setup, solution, pixel, *plane, base_from_mount)
+              : LocatePixelOnTarget(run.result.setup, solution, pixel, observations, base_from_mount);
+    if (!located) {
+      return Failure{"pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": " + located.reason()};
+    }
+    text += DescribePoint(pixel, *located);
+    if (robot == nullptr) continue;
+    const bool is_seen_side = normal.dot(base_from_camera.translation - located->in_base) > 0;
+    text += DescribePostures(*robot, PointingAt(located->in_base, is_seen_side ? normal : Eigen::Vector3d(-normal)));
+  }
+  return text;
+}
+
 }  // namespace
 
 int RunCommand_locate(const std::vector<std::string>& arguments) {
@@ -101,6 +188,9 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
   }
   if (!is_carried && !FLAGS_pose.empty()) throw InputError("--pose: the camera stands still; leave this out");
   const Rigid3d base_from_mount = is_carried ? PoseAskedFor(run.pose_reading) : Rigid3d();
+  if (FLAGS_pixels.empty() && FLAGS_plane != "target") {
+    throw InputError("--plane: goes with --pixels; without them the target itself is located");
+  }
   bool all_found = true;
   for (size_t i = 1; i < arguments.size(); ++i) {
     const CaptureDetection seen = DetectCapture(*run.target, arguments[i]);
@@ -109,6 +199,16 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
       throw InputError(arguments[i] + ": is " + std::to_string(seen.width_px) + " x " + std::to_string(seen.height_px) +
                        " px, but the calibration is for " + std::to_string(camera.width_px) + " x " +
                        std::to_string(camera.height_px) + " px");
+    }
+    if (!FLAGS_pixels.empty()) {
+      const Outcome<std::string> points = DescribePixels(run, *refined->solution, seen, base_from_mount, robot);
+      if (points) {
+        std::cout << arguments[i] << ":\n" << *points;
+      } else {
+        all_found = false;
+        PrintError(arguments[i] + ": " + points.reason());
+      }
+      continue;
     }
     const Outcome<LocatedTarget> located = LocateTarget(run.result.setup, *refined->solution,
                                                         ObservationsOf(*run.target, seen.detection), base_from_mount);
