@@ -34,8 +34,7 @@ Outcome<SeenPose> SeePose(const Solution& solution, const Observations& shaped) 
   const Eigen::MatrixXd normal =
       all_u.transpose() * all_u + all_v.transpose() * all_v;  // By the pose's six and the camera's parameters.
   const Eigen::Index num_params = normal.cols() - 6;
-  return SeenPose{poses.front(),
-                  -normal.topLeftCorner<6, 6>().ldlt().solve(normal.block(0, 6, 6, num_params))};
+  return SeenPose{poses.front(), -normal.topLeftCorner<6, 6>().ldlt().solve(normal.block(0, 6, 6, num_params))};
 }
 
 // How something in the camera's frame moves with the solution's unknowns, from how it moves with a motion of the
@@ -165,8 +164,7 @@ Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution,
   if (!seen) return Failure{seen.reason()};
   const Rigid3d& camera_from_target = seen->pose.camera_from_target;
   const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d::UnitZ();
-  const Outcome<Meeting> meeting =
-      Meet(solution.camera, pixel, normal, normal.dot(camera_from_target.translation));
+  const Outcome<Meeting> meeting = Meet(solution.camera, pixel, normal, normal.dot(camera_from_target.translation));
   if (!meeting) return Failure{meeting.reason()};
   const Rigid3d base_from_camera = base_from_camera_mount * solution.hand_eye.camera_mount_from_camera;
   const Eigen::Matrix3d rotation = base_from_camera.RotationMatrix();

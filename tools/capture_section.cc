@@ -170,13 +170,31 @@ void AddCapture(const Seen& seen, const PoseRow& row, RunConfig* config) {
 
 }  // namespace
 
+namespace {
+
+// `robot`: an arm of the table, or a URDF with the links between which the joints are.
+PoseFormat ReadJointFormat(MapReader& reader) {
+  const std::string robot = reader.Get("robot").AsText();
+  const bool is_urdf = robot.ends_with(".urdf");
+  if (!is_urdf) {
+    reader.Choice("robot", UrRobotNames());
+    return JointFormat(robot, reader.Choice("joint_angles", {"rad", "deg"}, "rad"));
+  }
+  const fs::path file = reader.Path("robot");
+  const std::string base_link = reader.Text("base_link", "");
+  const std::string tip_link = reader.Text("tip_link", "");
+  return JointFormat(file.string(), UrdfArm::Read(file, base_link, tip_link),
+                     reader.Choice("joint_angles", {"rad", "deg"}, "rad"));
+}
+
+}  // namespace
+
 PoseReading ReadPoseReading(MapReader& reader) {
   PoseFormat format = *FindPoseFormat("ros");
   const std::optional<ConfigValue> format_value = reader.Find("pose_format");
   const bool has_joints = format_value && format_value->IsText() && format_value->AsText() == "joints";
   if (has_joints) {
-    const std::string robot = reader.Choice("robot", UrRobotNames());
-    format = JointFormat(robot, reader.Choice("joint_angles", {"rad", "deg"}, "rad"));
+    format = ReadJointFormat(reader);
   } else if (format_value) {
     format = ReadPoseFormat(format_value->Top());
   }
@@ -212,6 +230,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   } else {
     config->poses_file = reader.Path("poses");
     config->pose_reading = ReadPoseReading(reader);
+    if (config->pose_reading.format.arm) config->data_files.emplace_back(config->pose_reading.format.robot);
     rows = ReadPoseFile(config->poses_file, config->pose_reading.format);
   }
   reader.Finish();

@@ -72,8 +72,8 @@ TEST_P(LocateTest, IsOffByWhatItStates) {
     ASSERT_TRUE(on_target.ok()) << on_target.reason();
     const auto chi2 = [&](const LocatedPoint& point, const Eigen::MatrixXd& directions) {
       const Eigen::VectorXd off = directions.transpose() * (point.in_base - truth * corner);
-      const Eigen::MatrixXd stated = directions.transpose() *
-                                     (point.by_calibration_m2 + point.by_picture_m2 + point.by_robot_m2) * directions;
+      const Eigen::MatrixXd stated =
+          directions.transpose() * (point.by_calibration_m2 + point.by_picture_m2 + point.by_robot_m2) * directions;
       return off.dot(stated.ldlt().solve(off));
     };
     // On a known plane there are two directions to be wrong in.

@@ -1,12 +1,14 @@
 #include <cmath>
 #include <filesystem>
 #include <iostream>
+#include <memory>
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/io/result_file.h"
 #include "heba/robot/ur_kinematics.h"
+#include "heba/robot/urdf_arm.h"
 #include "solvers/target_location.h"
 #include "targets/detection.h"
 #include "tools/capture_section.h"
@@ -70,6 +72,39 @@ std::string Describe(const std::string& image, const LocatedTarget& located, siz
   return text + ")\n";
 }
 
+// The arm of --robot: one of the table, or a URDF's from its root to its only tip; neither without the flag.
+struct Arm {
+  const UrRobot* ur = nullptr;
+  std::shared_ptr<const UrdfArm> urdf = nullptr;
+};
+
+Arm ArmAskedFor() {
+  if (FLAGS_robot.empty()) return {};
+  if (FLAGS_robot.ends_with(".urdf")) return {nullptr, UrdfArm::Read(FLAGS_robot)};
+  const UrRobot* robot = FindUrRobot(FLAGS_robot);
+  if (robot == nullptr) {
+    throw InputError("--robot: " + Quoted(FLAGS_robot) + " is unknown; a .urdf file, or one of: " +
+                     Join(UrRobotNames(), ", ") + DidYouMean(FLAGS_robot, UrRobotNames()));
+  }
+  return {robot, nullptr};
+}
+
+std::string DescribePostures(const UrdfArm& arm, const Rigid3d& base_from_target) {
+  const Outcome<std::vector<std::vector<double>>> postures = arm.PosturesOf(base_from_target);
+  if (!postures) return "  " + FLAGS_robot + ": " + postures.reason() + "\n";
+  std::string text = "  " + FLAGS_robot + ": " + std::to_string(postures->size()) +
+                     " postures found that bring the tip's frame onto the target's; " + Join(arm.joint_names(), ", ") +
+                     " in deg or m:\n";
+  for (const std::vector<double>& posture : *postures) {
+    text += "   ";
+    for (size_t i = 0; i < posture.size(); ++i) {
+      text += PadLeft(arm.IsTurning(i) ? Fixed(RadToDeg(posture[i]), 3) : Fixed(posture[i], 5), 10);
+    }
+    text += "\n";
+  }
+  return text;
+}
+
 std::string DescribePostures(const UrRobot& robot, const Rigid3d& base_from_target) {
   const Outcome<std::vector<UrPosture>> postures = PosturesOf(robot, base_from_target);
   if (!postures) return "  " + robot.name + ": " + postures.reason() + "\n";
@@ -83,6 +118,11 @@ std::string DescribePostures(const UrRobot& robot, const Rigid3d& base_from_targ
   return text;
 }
 
+std::string DescribePostures(const Arm& arm, const Rigid3d& base_from_target) {
+  if (arm.ur != nullptr) return DescribePostures(*arm.ur, base_from_target);
+  return arm.urdf ? DescribePostures(*arm.urdf, base_from_target) : "";
+}
+
 // "u,v; u,v": px.
 std::vector<Eigen::Vector2d> PixelsAskedFor() {
   std::vector<Eigen::Vector2d> pixels;
@@ -91,7 +131,8 @@ std::vector<Eigen::Vector2d> PixelsAskedFor() {
     Eigen::Vector2d pixel;
     if (fields.size() != 2 || !ParseDouble(Trim(fields[0]), &pixel.x()) || !ParseDouble(Trim(fields[1]), &pixel.y()) ||
         !pixel.allFinite()) {
-      throw InputError("--pixels: " + Quoted(Trim(pair)) + " is no pixel; u,v is needed, more of them after semicolons");
+      throw InputError("--pixels: " + Quoted(Trim(pair)) +
+                       " is no pixel; u,v is needed, more of them after semicolons");
     }
     pixels.push_back(pixel);
   }
@@ -108,9 +149,10 @@ std::optional<Plane> PlaneAskedFor() {
   }
   const bool is_direction = fields.size() == 4 && plane.normal.allFinite() && plane.normal.norm() > 1e-6;
   if (!is_direction) {
-    throw InputError("--plane: " + Quoted(FLAGS_plane) +
-                     " is no plane; a normal in the base and the distance along it are needed, such as 0,0,1,120 mm, or "
-                     "target");
+    throw InputError(
+        "--plane: " + Quoted(FLAGS_plane) +
+        " is no plane; a normal in the base and the distance along it are needed, such as 0,0,1,120 mm, or "
+        "target");
   }
   plane.normal.normalize();
   const ParsedQuantity distance = ParseQuantity(Trim(fields[3]), Quantity::kLength);
@@ -132,18 +174,18 @@ Rigid3d PointingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& normal) 
 
 std::string DescribePoint(const Eigen::Vector2d& pixel, const LocatedPoint& located) {
   const Eigen::Vector3d mm = 1000 * located.in_base;
-  std::string text = "  pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": [" + Fixed(mm.x(), 3) +
-                     ", " + Fixed(mm.y(), 3) + ", " + Fixed(mm.z(), 3) + "] mm in the base; one sigma " +
-                     SigmasMm(located.by_calibration_m2 + located.by_picture_m2 + located.by_robot_m2) +
-                     " mm (calibration " + SigmasMm(located.by_calibration_m2) + "; picture " +
-                     SigmasMm(located.by_picture_m2);
+  std::string text =
+      "  pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": [" + Fixed(mm.x(), 3) + ", " +
+      Fixed(mm.y(), 3) + ", " + Fixed(mm.z(), 3) + "] mm in the base; one sigma " +
+      SigmasMm(located.by_calibration_m2 + located.by_picture_m2 + located.by_robot_m2) + " mm (calibration " +
+      SigmasMm(located.by_calibration_m2) + "; picture " + SigmasMm(located.by_picture_m2);
   if (!located.by_robot_m2.isZero()) text += "; robot " + SigmasMm(located.by_robot_m2);
   return text + ")\n";
 }
 
 // What --pixels asks of one picture.
 Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solution, const CaptureDetection& seen,
-                                    const Rigid3d& base_from_mount, const UrRobot* robot) {
+                                    const Rigid3d& base_from_mount, const Arm& arm) {
   const std::optional<Plane> plane = PlaneAskedFor();
   const Observations observations = ObservationsOf(*run.target, seen.detection);
   Eigen::Vector3d normal = plane ? plane->normal : Eigen::Vector3d::Zero();
@@ -163,9 +205,8 @@ Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solu
       return Failure{"pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": " + located.reason()};
     }
     text += DescribePoint(pixel, *located);
-    if (robot == nullptr) continue;
     const bool is_seen_side = normal.dot(base_from_camera.translation - located->in_base) > 0;
-    text += DescribePostures(*robot, PointingAt(located->in_base, is_seen_side ? normal : Eigen::Vector3d(-normal)));
+    text += DescribePostures(arm, PointingAt(located->in_base, is_seen_side ? normal : Eigen::Vector3d(-normal)));
   }
   return text;
 }
@@ -176,11 +217,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
   const FinishedRun run = ReadFinishedRun(arguments[0]);
   const Estimate* refined = FindRefined(run.result);
   if (refined == nullptr) throw InputError(arguments[0] + ": holds no refined estimate");
-  const UrRobot* robot = FindUrRobot(FLAGS_robot);
-  if (!FLAGS_robot.empty() && robot == nullptr) {
-    throw InputError("--robot: " + Quoted(FLAGS_robot) + " is unknown; one of: " + Join(UrRobotNames(), ", ") +
-                     DidYouMean(FLAGS_robot, UrRobotNames()));
-  }
+  const Arm arm = ArmAskedFor();
   const bool is_carried = run.result.setup == Setup::kEyeInHand;
   if (is_carried && (FLAGS_pose.empty() || arguments.size() > 2)) {
     throw InputError("the robot carries the camera: one IMAGE, with --pose " +
@@ -201,7 +238,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
                        std::to_string(camera.height_px) + " px");
     }
     if (!FLAGS_pixels.empty()) {
-      const Outcome<std::string> points = DescribePixels(run, *refined->solution, seen, base_from_mount, robot);
+      const Outcome<std::string> points = DescribePixels(run, *refined->solution, seen, base_from_mount, arm);
       if (points) {
         std::cout << arguments[i] << ":\n" << *points;
       } else {
@@ -218,7 +255,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
       continue;
     }
     std::cout << Describe(arguments[i], *located, seen.detection.ids.size(), run.target->points().size());
-    if (robot != nullptr) std::cout << DescribePostures(*robot, located->base_from_target);
+    std::cout << DescribePostures(arm, located->base_from_target);
   }
   std::cout << std::flush;
   return all_found ? kDone : kWorkFailed;

@@ -190,6 +190,12 @@ PoseFormat JointFormat(const std::string& robot, const std::string& angle_unit) 
   return {"joints", {"j1", "j2", "j3", "j4", "j5", "j6"}, "m", "joints", angle_unit, robot};
 }
 
+PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> arm, const std::string& angle_unit) {
+  PoseFormat format{"joints", arm->joint_names(), "m", "joints", angle_unit, name};
+  format.arm = std::move(arm);
+  return format;
+}
+
 PoseFormat ReadPoseFormat(const ConfigValue& value) {
   if (!value.IsMap()) return *FindPoseFormat(value.AsChoice(PoseFormatNames()));
   MapReader reader(value);
@@ -241,6 +247,10 @@ std::vector<PoseFormat> FormatsOfSameColumns(const PoseFormat& format) {
     formats.push_back(std::move(other));
   };
   const std::vector<std::string> angle_units = {"rad", "deg"};
+  if (format.arm) {
+    for (const std::string& unit : angle_units) add(JointFormat(format.robot, format.arm, unit));
+    return formats;
+  }
   if (!format.robot.empty()) {
     for (const std::string& robot : UrRobotNames()) {
       for (const std::string& unit : angle_units) add(JointFormat(robot, unit));
@@ -277,6 +287,11 @@ Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const doubl
   CHECK_EQ(numbers.size(), format.columns.size());
   const std::string fault = CheckRange(format, numbers);
   if (!fault.empty()) return Failure{fault};
+  if (format.arm) {
+    std::vector<double> joints(numbers.begin(), numbers.end());
+    for (size_t i = 0; i < joints.size(); ++i) joints[i] *= format.arm->IsTurning(i) ? RadPerUnit(format) : 1;
+    return format.arm->BaseFromTip(joints);
+  }
   if (!format.robot.empty()) {
     JointAngles joints_rad;
     for (size_t i = 0; i < joints_rad.size(); ++i) joints_rad[i] = RadPerUnit(format) * numbers[i];

@@ -1,6 +1,7 @@
 // What the numbers of a robot's pose mean: the forms of pose_formats.def, or a user's own.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -9,6 +10,7 @@
 #include "heba/base/error.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/geometry/rigid3.h"
+#include "heba/robot/urdf_arm.h"
 
 namespace heba {
 
@@ -20,7 +22,8 @@ struct PoseFormat {
   std::string translation_unit;  // m, cm, mm, in
   std::string rotation;          // A name of PoseRotationNames().
   std::string angle_unit;        // rad, deg; empty if the rotation has no angles.
-  std::string robot = {};        // Not empty: the columns are this arm's joints (ur_robots.def), from the base on.
+  std::string robot = {};  // Not empty: the columns are this arm's joints (ur_robots.def or a URDF's), base first.
+  std::shared_ptr<const UrdfArm> arm = nullptr;  // Of a URDF.
 };
 
 // In the order of pose_formats.def.
@@ -37,6 +40,9 @@ std::vector<std::string> PoseRotationNames();
 // The joints of an arm of ur_robots.def, in columns j1 to j6: its own forward kinematics give the flange's pose,
 // without the calibration of the single arm.
 PoseFormat JointFormat(const std::string& robot, const std::string& angle_unit);
+// The same of an arm of a URDF, its joints in columns of their names; joints that slide are in m. `name` is what
+// messages and configs call it.
+PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> arm, const std::string& angle_unit);
 
 // A name, or a mapping {columns: [...], translation: mm, rotation: euler_zyx, angle: deg}.
 PoseFormat ReadPoseFormat(const ConfigValue& value);

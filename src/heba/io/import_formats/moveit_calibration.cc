@@ -1,7 +1,6 @@
 // moveit_calibration's samples: a list of {effector_wrt_world, object_wrt_sensor} of 16 numbers each, row by row (m),
 // or of pairs of 4 x 4 matrices in that order (the JSON of its own tests).
-#include <functional>
-
+#include "heba/base/text.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"
 
@@ -11,7 +10,7 @@ namespace fs = std::filesystem;
 
 bool Matches(const fs::path& source) {
   const std::string text = BeginningOf(source);
-  return text.find("effector_wrt_world") != std::string::npos || text.find("[[[[") == text.find_first_not_of(" \n\r\t");
+  return text.find("effector_wrt_world") != std::string::npos || Trim(text).starts_with("[[[[");
 }
 
 // The numbers of a list, and of the lists in it.

@@ -1,0 +1,192 @@
+#include "heba/robot/urdf_arm.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <console_bridge/console.h>
+#include <urdf_parser/urdf_parser.h>
+#include <kdl/chain.hpp>
+#include <kdl/chainfksolverpos_recursive.hpp>
+#include <kdl/chainiksolverpos_lma.hpp>
+
+#include "heba/base/files.h"
+#include "heba/base/rng.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+
+namespace heba {
+namespace {
+
+KDL::Vector ToKdl(const urdf::Vector3& v) { return {v.x, v.y, v.z}; }
+
+KDL::Frame ToKdl(const urdf::Pose& pose) {
+  return {KDL::Rotation::Quaternion(pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w),
+          ToKdl(pose.position)};
+}
+
+// A joint as KDL has it: the motion about an axis in the parent's frame, then the place of the child.
+KDL::Segment ToKdl(const urdf::Joint& joint) {
+  const KDL::Frame origin = ToKdl(joint.parent_to_joint_origin_transform);
+  const KDL::Vector axis = origin.M * ToKdl(joint.axis);
+  KDL::Joint::JointType type = KDL::Joint::None;
+  if (joint.type == urdf::Joint::REVOLUTE || joint.type == urdf::Joint::CONTINUOUS) type = KDL::Joint::RotAxis;
+  if (joint.type == urdf::Joint::PRISMATIC) type = KDL::Joint::TransAxis;
+  const KDL::Joint moving =
+      type == KDL::Joint::None ? KDL::Joint(joint.name, type) : KDL::Joint(joint.name, origin.p, axis, type);
+  return KDL::Segment(joint.child_link_name, moving, origin);
+}
+
+Rigid3d FromKdl(const KDL::Frame& frame) {
+  Eigen::Quaterniond rotation;
+  frame.M.GetQuaternion(rotation.x(), rotation.y(), rotation.z(), rotation.w());
+  return Rigid3d(rotation, Eigen::Vector3d(frame.p.x(), frame.p.y(), frame.p.z()));
+}
+
+KDL::Frame ToKdl(const Rigid3d& pose) {
+  const Eigen::Quaterniond& q = pose.rotation;
+  return {KDL::Rotation::Quaternion(q.x(), q.y(), q.z(), q.w()),
+          KDL::Vector(pose.translation.x(), pose.translation.y(), pose.translation.z())};
+}
+
+struct Limits {
+  double low = -kPi;
+  double high = kPi;
+};
+
+class KdlArm final : public UrdfArm {
+ public:
+  KdlArm(KDL::Chain chain, std::vector<std::string> names, std::vector<bool> turns, std::vector<Limits> limits)
+      : chain_(std::move(chain)), names_(std::move(names)), turns_(std::move(turns)), limits_(std::move(limits)) {}
+
+  const std::vector<std::string>& joint_names() const override { return names_; }
+  bool IsTurning(size_t i) const override { return turns_[i]; }
+
+  Rigid3d BaseFromTip(std::span<const double> joints) const override {
+    CHECK_EQ(joints.size(), names_.size());
+    KDL::JntArray array(static_cast<unsigned>(joints.size()));
+    for (size_t i = 0; i < joints.size(); ++i) array(static_cast<unsigned>(i)) = joints[i];
+    KDL::ChainFkSolverPos_recursive solver(chain_);
+    KDL::Frame frame;
+    CHECK_EQ(solver.JntToCart(array, frame), 0);
+    return FromKdl(frame);
+  }
+
+  Outcome<std::vector<std::vector<double>>> PosturesOf(const Rigid3d& base_from_tip) const override {
+    constexpr int kNumStarts = 40;
+    constexpr double kReached = 1e-6;
+    constexpr double kSame = 1e-3;
+    KDL::ChainIkSolverPos_LMA solver(chain_, 1e-9, 500);
+    Rng rng(1);
+    std::vector<std::vector<double>> postures;
+    for (int start = 0; start < kNumStarts; ++start) {
+      KDL::JntArray from(static_cast<unsigned>(names_.size()));
+      for (size_t i = 0; i < names_.size(); ++i) {
+        from(static_cast<unsigned>(i)) = rng.Uniform(limits_[i].low, limits_[i].high);
+      }
+      KDL::JntArray to(from.rows());
+      solver.CartToJnt(from, ToKdl(base_from_tip), to);
+      std::vector<double> joints;
+      bool is_within = true;
+      for (size_t i = 0; i < names_.size(); ++i) {
+        double joint = to(static_cast<unsigned>(i));
+        // The same place of a joint that turns, nearest to the middle of its limits.
+        if (turns_[i]) {
+          const double middle = 0.5 * (limits_[i].low + limits_[i].high);
+          joint = middle + std::remainder(joint - middle, 2 * kPi);
+        }
+        is_within = is_within && joint >= limits_[i].low - kReached && joint <= limits_[i].high + kReached;
+        joints.push_back(joint);
+      }
+      if (!is_within) continue;
+      const Rigid3d reached = BaseFromTip(joints);
+      if (DistanceM(reached, base_from_tip) > kReached || AngleRad(reached, base_from_tip) > kReached) continue;
+      const bool is_known = std::any_of(postures.begin(), postures.end(), [&](const std::vector<double>& other) {
+        return std::equal(joints.begin(), joints.end(), other.begin(),
+                          [&](double a, double b) { return std::abs(a - b) < kSame; });
+      });
+      if (!is_known) postures.push_back(std::move(joints));
+    }
+    if (postures.empty()) return Failure{"no posture was found that reaches it within the joints' limits"};
+    std::sort(postures.begin(), postures.end());
+    return postures;
+  }
+
+ private:
+  KDL::Chain chain_;
+  std::vector<std::string> names_;
+  std::vector<bool> turns_;
+  std::vector<Limits> limits_;
+};
+
+std::string FindTip(const urdf::ModelInterface& model, const std::filesystem::path& path) {
+  std::vector<std::string> leaves;
+  for (const auto& [name, link] : model.links_) {
+    if (link->child_links.empty()) leaves.push_back(name);
+  }
+  if (leaves.size() != 1) {
+    throw InputError(path.string() + ": has " + std::to_string(leaves.size()) +
+                     " links that end a branch; name the flange's (tip_link), one of: " + Join(leaves, ", "));
+  }
+  return leaves.front();
+}
+
+}  // namespace
+
+std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, const std::string& base_link,
+                                             const std::string& tip_link) {
+  constexpr size_t kMaxBytes = size_t{16} << 20;
+  const std::string text = ReadTextFile(path, kMaxBytes);
+  // The parser would speak to the terminal.
+  console_bridge::noOutputHandler();
+  urdf::ModelInterfaceSharedPtr model;
+  try {
+    model = urdf::parseURDF(text);
+  } catch (const std::exception& error) {
+    throw InputError(path.string() + ": is not a URDF: " + Quoted(error.what()));
+  }
+  if (!model || !model->getRoot()) throw InputError(path.string() + ": is not a URDF; xacro must be expanded first");
+  const std::string base = base_link.empty() ? model->getRoot()->name : base_link;
+  const std::string tip = tip_link.empty() ? FindTip(*model, path) : tip_link;
+  std::vector<std::string> names;
+  for (const auto& entry : model->links_) names.push_back(entry.first);
+  for (const std::string& name : {base, tip}) {
+    if (!model->getLink(name)) {
+      throw InputError(path.string() + ": has no link " + Quoted(name) + DidYouMean(name, names));
+    }
+  }
+  std::vector<urdf::JointConstSharedPtr> joints;
+  for (urdf::LinkConstSharedPtr link = model->getLink(tip); link->name != base; link = link->getParent()) {
+    if (!link->parent_joint) {
+      throw InputError(path.string() + ": link " + Quoted(tip) + " does not hang on " + Quoted(base));
+    }
+    joints.push_back(link->parent_joint);
+  }
+  std::reverse(joints.begin(), joints.end());
+
+  KDL::Chain chain;
+  std::vector<std::string> moving;
+  std::vector<bool> turns;
+  std::vector<Limits> limits;
+  for (const urdf::JointConstSharedPtr& joint : joints) {
+    const bool is_turning = joint->type == urdf::Joint::REVOLUTE || joint->type == urdf::Joint::CONTINUOUS;
+    const bool is_sliding = joint->type == urdf::Joint::PRISMATIC;
+    if (!is_turning && !is_sliding && joint->type != urdf::Joint::FIXED) {
+      throw InputError(path.string() + ": joint " + Quoted(joint->name) + " is neither turning, sliding nor fixed");
+    }
+    if (joint->mimic)
+      throw InputError(path.string() + ": joint " + Quoted(joint->name) + " mimics another; no arm is read with such");
+    chain.addSegment(ToKdl(*joint));
+    if (!is_turning && !is_sliding) continue;
+    moving.push_back(joint->name);
+    turns.push_back(is_turning);
+    const bool has_limits = joint->type != urdf::Joint::CONTINUOUS && joint->limits;
+    limits.push_back(has_limits ? Limits{joint->limits->lower, joint->limits->upper} : Limits{});
+  }
+  if (moving.empty()) {
+    throw InputError(path.string() + ": no joint moves between " + Quoted(base) + " and " + Quoted(tip));
+  }
+  return std::make_shared<KdlArm>(std::move(chain), std::move(moving), std::move(turns), std::move(limits));
+}
+
+}  // namespace heba

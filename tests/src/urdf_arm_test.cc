@@ -1,0 +1,101 @@
+#include "heba/robot/urdf_arm.h"
+
+#include <gtest/gtest.h>
+
+#include "heba/base/files.h"
+#include "heba/base/rng.h"
+#include "heba/base/units.h"
+#include "heba/robot/ur_kinematics.h"
+#include "tests/support/input_error.h"
+#include "tests/support/temp_folder.h"
+
+namespace heba {
+namespace {
+
+// An arm of the table as a URDF: each of its joints turns about z of a frame that the one before it ends in.
+std::string UrdfOf(const UrRobot& robot, const std::string& extra = "") {
+  const double alphas[] = {kPi / 2, 0, 0, kPi / 2, -kPi / 2, 0};
+  const double as[] = {0, robot.a2_m, robot.a3_m, 0, 0, 0};
+  const double ds[] = {robot.d1_m, 0, 0, robot.d4_m, robot.d5_m, robot.d6_m};
+  std::string text = "<robot name=\"arm\"><link name=\"base\"/>\n";
+  // Tz(d) Tx(a) Rx(alpha) of one joint is the origin of the next.
+  std::string origin = "0 0 0\" rpy=\"0 0 0";
+  std::string parent = "base";
+  for (int i = 0; i < 6; ++i) {
+    const std::string n = std::to_string(i + 1);
+    text +=
+        "<link name=\"link" + n + "\"/><joint name=\"j" + n + "\" type=\"revolute\"><parent link=\"" + parent +
+        "\"/><child link=\"link" + n + "\"/><origin xyz=\"" + origin +
+        "\"/><axis xyz=\"0 0 1\"/><limit lower=\"-3.1416\" upper=\"3.1416\" effort=\"1\" velocity=\"1\"/></joint>\n";
+    char next[200];
+    std::snprintf(next, sizeof next, "%.17g 0 %.17g\" rpy=\"%.17g 0 0", as[i], ds[i], alphas[i]);
+    origin = next;
+    parent = "link" + n;
+  }
+  return text + "<link name=\"flange\"/><joint name=\"end\" type=\"fixed\"><parent link=\"" + parent +
+         "\"/><child link=\"flange\"/><origin xyz=\"" + origin + "\"/></joint>\n" + extra + "</robot>\n";
+}
+
+class UrdfArmTest : public testing::Test {
+ protected:
+  std::filesystem::path Write(const std::string& text) {
+    WriteFileAtomically(folder_ / "arm.urdf", text);
+    return folder_ / "arm.urdf";
+  }
+  std::string ErrorOf(const std::string& text, const std::string& base = "", const std::string& tip = "") {
+    const std::filesystem::path file = Write(text);
+    return InputErrorOf([&] { UrdfArm::Read(file, base, tip); });
+  }
+  TempFolder folder_;
+};
+
+TEST_F(UrdfArmTest, AgreesWithTheClosedForm) {
+  const UrRobot& robot = *FindUrRobot("ur5e");
+  const std::shared_ptr<const UrdfArm> arm = UrdfArm::Read(Write(UrdfOf(robot)));
+  EXPECT_EQ(arm->joint_names(), (std::vector<std::string>{"j1", "j2", "j3", "j4", "j5", "j6"}));
+  Rng rng(3);
+  for (int trial = 0; trial < 200; ++trial) {
+    JointAngles joints;
+    for (double& joint : joints) joint = rng.Uniform(-3, 3);
+    const Rigid3d expected = BaseFromFlange(robot, joints);
+    const Rigid3d found = arm->BaseFromTip(joints);
+    EXPECT_LT(DistanceM(expected, found), 1e-12);
+    EXPECT_LT(AngleRad(expected, found), 1e-7);
+  }
+}
+
+TEST_F(UrdfArmTest, FindsPosturesThatReach) {
+  const UrRobot& robot = *FindUrRobot("ur5e");
+  const std::shared_ptr<const UrdfArm> arm = UrdfArm::Read(Write(UrdfOf(robot)));
+  Rng rng(4);
+  for (int trial = 0; trial < 20; ++trial) {
+    JointAngles joints;
+    for (double& joint : joints) joint = rng.Uniform(-2, 2);
+    const Rigid3d pose = BaseFromFlange(robot, joints);
+    const auto postures = arm->PosturesOf(pose);
+    ASSERT_TRUE(postures.ok()) << postures.reason();
+    for (const std::vector<double>& posture : *postures) {
+      EXPECT_LT(DistanceM(arm->BaseFromTip(posture), pose), 1e-6);
+      EXPECT_LT(AngleRad(arm->BaseFromTip(posture), pose), 1e-6);
+    }
+  }
+  EXPECT_NE(arm->PosturesOf(Rigid3d(Eigen::Quaterniond::Identity(), {5, 0, 0})).reason(), "");
+}
+
+TEST_F(UrdfArmTest, FaultsSayWhatIsWrong) {
+  const std::string good = UrdfOf(*FindUrRobot("ur5"));
+  const std::string branch =
+      "<link name=\"camera\"/><joint name=\"mount\" type=\"fixed\"><parent link=\"link3\"/><child "
+      "link=\"camera\"/></joint>";
+  EXPECT_NE(ErrorOf("<robot").find("not a URDF"), std::string::npos);
+  EXPECT_NE(ErrorOf("<xacro/>").find("not a URDF"), std::string::npos);
+  EXPECT_NE(ErrorOf(good, "", "flang").find("did you mean 'flange'"), std::string::npos);
+  EXPECT_NE(ErrorOf(good, "link4", "link2").find("does not hang on"), std::string::npos);
+  EXPECT_NE(ErrorOf(good, "link6", "flange").find("no joint moves"), std::string::npos);
+  EXPECT_NE(ErrorOf(UrdfOf(*FindUrRobot("ur5"), branch)).find("name the flange's (tip_link), one of: camera, flange"),
+            std::string::npos);
+  EXPECT_EQ(ErrorOf(UrdfOf(*FindUrRobot("ur5"), branch), "", "flange"), "no error");
+}
+
+}  // namespace
+}  // namespace heba
