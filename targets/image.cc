@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
+#include <optional>
+#include <sstream>
+#include <string_view>
 #include <vector>
 
 #include <opencv2/imgcodecs.hpp>
@@ -38,12 +40,54 @@ bool IsCutShort(const std::string& bytes) {
   return false;
 }
 
+// The number of pixels that the header of a PNG, JPEG, BMP or PNM claims; nothing if it is none of them. What is
+// claimed is what a decoder allocates, whatever follows.
+std::optional<double> PixelsClaimed(std::string_view bytes) {
+  const auto number = [&](size_t at, size_t count, bool is_big_endian) {
+    double value = 0;
+    for (size_t i = 0; i < count; ++i) {
+      const size_t k = at + (is_big_endian ? i : count - 1 - i);
+      value = 256 * value + (k < bytes.size() ? static_cast<unsigned char>(bytes[k]) : 0);
+    }
+    return value;
+  };
+  if (bytes.starts_with("\x89PNG")) return number(16, 4, true) * number(20, 4, true);
+  if (bytes.starts_with("BM")) {
+    // Heights below zero stand for pictures from top to bottom.
+    const double height = number(22, 4, false);
+    return number(18, 4, false) * std::min(height, 4294967296.0 - height);
+  }
+  if (bytes.starts_with("\xff\xd8\xff")) {
+    // Segments: marker, length; the frame's is one of C0 to CF but C4, C8 and CC.
+    for (size_t at = 2; at + 9 < bytes.size() && bytes[at] == '\xff';) {
+      const auto marker = static_cast<unsigned char>(bytes[at + 1]);
+      if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc) {
+        return number(at + 5, 2, true) * number(at + 7, 2, true);
+      }
+      at += 2 + static_cast<size_t>(number(at + 2, 2, true));
+    }
+    return std::nullopt;
+  }
+  if (bytes.size() > 2 && bytes[0] == 'P' && bytes[1] >= '1' && bytes[1] <= '6') {
+    std::istringstream header(std::string(bytes.substr(2, 200)));
+    double width = 0;
+    double height = 0;
+    if (header >> width >> height) return width * height;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 cv::Mat ReadGreyImage(const std::filesystem::path& path) {
   const std::string bytes = ReadTextFile(path, kMaxImageBytes);
   if (bytes.empty()) throw InputError(path.string() + ": is empty; a picture is needed");
   if (IsCutShort(bytes)) throw InputError(path.string() + ": the picture is cut short; copy it again");
+  constexpr double kMaxPixels = 4e8;
+  if (PixelsClaimed(bytes).value_or(0) > kMaxPixels) {
+    throw InputError(path.string() +
+                     ": claims to have more than 400 million pixels; no camera that heba knows of does");
+  }
   cv::Mat image;
   try {
     const cv::Mat buffer(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));  // NOLINT

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <map>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -42,6 +43,35 @@ Spoil Replace(const std::string& file, const std::string& from, const std::strin
     ASSERT_NE(at, std::string::npos) << from << " is not in " << file << ":\n" << text;
     WriteAll(folder / file, text.replace(at, from.size(), to));
   };
+}
+
+// The first line that has `key`.
+void ReplaceLine(const fs::path& file, const std::string& key, const std::string& line) {
+  std::string text = ReadAll(file);
+  const size_t at = text.find(key);
+  ASSERT_NE(at, std::string::npos) << key << " is not in " << text;
+  const size_t begin = text.rfind('\n', at) + 1;
+  size_t end = text.find('\n', at);
+  WriteAll(file, text.replace(begin, end - begin, line));
+}
+
+// Ten lists, each of ten times the one before.
+std::string AliasBomb() {
+  std::string text = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
+  for (int i = 1; i < 10; ++i) {
+    const std::string before = "*a" + std::to_string(i - 1);
+    std::string items = before;
+    for (int k = 1; k < 10; ++k) items += ", " + before;
+    text += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [" + items + "]\n";
+  }
+  return text;
+}
+
+// A PNG whose header says 100,000 x 100,000, with its end.
+std::string HugePng() {
+  const std::string size = std::string("\x00\x01\x86\xa0", 4);
+  return std::string("\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR", 16) + size + size +
+         std::string("\x08\x00\x00\x00\x00", 5) + "abcd" + std::string("\x00\x00\x00\x00IEND\xae\x42\x60\x82", 12);
 }
 
 // Field `column` of data row `row` (0 is the first after the header).
@@ -190,6 +220,135 @@ std::vector<BadInput> BadInputs() {
       {"OneFold",
        Replace("config.yaml", "evaluate:", "evaluate:\n  folds: 1"),
        {"config.yaml:", "folds", "0 for none"}},
+      {"NegativeFolds", Replace("config.yaml", "evaluate:", "evaluate:\n  folds: -3"), {"config.yaml:", "folds"}},
+      {"FoldsInWords",
+       Replace("config.yaml", "evaluate:", "evaluate:\n  folds: five"),
+       {"folds", "whole number", "five"}},
+      // Configs.
+      {"EmptyConfig", Write("config.yaml", ""), {"config.yaml", "mapping"}},
+      {"ConfigThatIsAList", Write("config.yaml", "- a\n- b\n"), {"config.yaml:1", "mapping"}},
+      {"ConfigThatIsNoText", Write("config.yaml", std::string("\x00\xff\xfe\x01", 4)), {"config.yaml"}},
+      {"HugeConfig", Write("config.yaml", "a: " + std::string(3 << 20, 'x')), {"config.yaml", "MiB"}},
+      {"AliasBomb", Write("config.yaml", AliasBomb()), {"config.yaml", "values"}},
+      {"DeepConfig", Write("config.yaml", std::string(100000, '[')), {"config.yaml"}},
+      {"ConfigThatIsItsOwnBase",
+       Replace("config.yaml", "setup:", "base: config.yaml\nsetup:"),
+       {"config.yaml", "base"}},
+      {"NameThatIsAPath",
+       Replace("config.yaml", "setup:", "name: ../../etc\nsetup:"),
+       {"config.yaml:1", "cannot name a folder"}},
+      {"KeyWithANewline", Replace("config.yaml", "setup:", "\"a\\nb\": 1\nsetup:"), {"config.yaml:1", "unknown"}},
+      // Poses.
+      {"PosesWithoutAHeader", Write("poses.csv", "000.png,0,0,0,0,0,0,1\n"), {"poses.csv:1", "name the columns"}},
+      {"PosesWithoutRows", Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n"), {"poses.csv", "no captures"}},
+      {"EmptyPoses", Write("poses.csv", ""), {"poses.csv", "is empty"}},
+      {"PosesThatAreNoText", Write("poses.csv", std::string("x,y\0z", 5)), {"poses.csv", "UTF-8"}},
+      {"PosesWithAnOpenQuote", SetPose(1, 0, "\"001.png"), {"poses.csv:3", "quote is not closed"}},
+      {"PosesWithADecimalComma", SetPose(1, 1, "\"0,25\""), {"poses.csv:3", "behind a point"}},
+      {"PoseThatIsFartherThanAnyRobot", SetPose(1, 1, "1e12"), {"poses.csv:3", "larger than any robot's"}},
+      {"PosesWithAColumnTwice", Replace("poses.csv", "qx,qy", "qx,qx"), {"poses.csv:1", "qx", "twice"}},
+      {"PosesWithoutAColumn", Replace("poses.csv", "qx,qy", "role,qy"), {"poses.csv:1", "qx", "missing"}},
+      {"UnknownRole",
+       [](const fs::path& folder) {
+         std::string text = ReadAll(folder / "poses.csv");
+         text.insert(text.find('\n'), ",role");
+         for (size_t at = text.find(".png"); at != std::string::npos; at = text.find(".png", at + 1)) {
+           text.insert(text.find('\n', at), ",hoem");
+         }
+         WriteAll(folder / "poses.csv", text);
+       },
+       {"poses.csv:2", "hoem", "did you mean 'home'?"}},
+      {"UnknownDirectionOfPoses",
+       Replace("config.yaml", "pose_format: ros", "pose_format: ros\n  poses_are: gripper_to_base"),
+       {"poses_are", "gripper_to_base", "base_from_gripper"}},
+      {"UnitsThatTheFormatHasAlready",
+       Replace("config.yaml", "pose_format: ros", "pose_format: ros\n  units: mm"),
+       {"units", "always in m"}},
+      {"UrdfThatIsNotThere",
+       Replace("config.yaml", "pose_format: ros", "pose_format: joints\n  robot: no.urdf"),
+       {"no.urdf", "no such file"}},
+      {"UrdfThatIsNone",
+       Replace("config.yaml", "pose_format: ros", "pose_format: joints\n  robot: poses.csv.urdf"),
+       {"poses.csv.urdf"}},
+      // Pictures.
+      {"PictureThatClaimsToBeHuge", Write("images/002.png", HugePng()), {"002.png", "400 million pixels"}},
+      {"GlobThatMatchesNothing",
+       [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  images: \"images/*.tiff\""); },
+       {"captures.images", "no file matches"}},
+      {"ListWithAPictureThatIsNotThere",
+       [](const fs::path& folder) {
+         ReplaceLine(folder / "config.yaml", "images:", "  images: [images/000.png, no.png]");
+       },
+       {"captures.images", "no.png"}},
+      {"EmptyListOfPictures",
+       [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  images: []"); },
+       {"captures.images", "empty"}},
+      {"PicturesFromTwoPlaces",
+       Replace("config.yaml", "  poses:", "  data: x\n  poses:"),
+       {"captures.data", "'images'"}},
+      // Other projects' data, and what was found before.
+      {"DataOfNoKnownForm",
+       [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  data: config.yaml"); },
+       {"config.yaml", "no form that heba knows"}},
+      {"DataOfAFormThatIsNone",
+       [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  data: .\n  format: vips"); },
+       {"format", "did you mean 'visp'?"}},
+      {"DetectionsThatAreNoJson",
+       [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  detections: poses.csv"); },
+       {"poses.csv", "JSON"}},
+      {"DetectionsOfAPointThatTheTargetHasNot",
+       [](const fs::path& folder) {
+         WriteAll(folder / "d.json",
+                  "{\"captures\": [{\"image\": \"000.png\", \"image_size\": [640, 480], \"ids\": [99], "
+                  "\"pixels\": [[1, 2]]}]}");
+         WriteAll(folder / "poses.csv", "image,x,y,z,qx,qy,qz,qw\n000.png,0,0,0,0,0,0,1\n");
+         ReplaceLine(folder / "config.yaml", "images:", "  detections: d.json");
+       },
+       {"d.json", "000.png", "no point 99"}},
+      {"DetectionsWithANumberTooLarge",
+       [](const fs::path& folder) {
+         WriteAll(folder / "d.json", "{\"captures\": [{\"image\": \"0\", \"image_size\": [1e999, 480]}]}");
+         ReplaceLine(folder / "config.yaml", "images:", "  detections: d.json");
+       },
+       {"d.json", "too large"}},
+      // Cameras.
+      {"CameraOfNoKnownForm", Write("camera.yaml", "lens: good\n"), {"camera.yaml", "no camera"}},
+      {"CameraWithANegativeFocalLength", Replace("camera.yaml", "fx: ", "fx: -"), {"camera.yaml", "focal"}},
+      {"CameraThatIsNoNumber", Replace("camera.yaml", "fx: 700", "fx: .nan"), {"camera.yaml", "fx"}},
+      {"CameraOfAnUnknownModel",
+       Replace("camera.yaml", "pinhole", "pinhoole"),
+       {"camera.yaml", "did you mean 'pinhole'?"}},
+      {"CameraInXml", Write("camera.yaml", "<?xml version=\"1.0\"?>\n<opencv_storage/>\n"), {"camera.yaml", "XML"}},
+      {"CameraThatIsAFolder",
+       [](const fs::path& folder) {
+         fs::remove(folder / "camera.yaml");
+         fs::create_directory(folder / "camera.yaml");
+       },
+       {"camera.yaml", "folder"}},
+      // Targets.
+      {"TargetWithoutAType", Write("target.yaml", "rows: 5\ncolumns: 8\nsquare: 20 mm\n"), {"target.yaml", "type"}},
+      {"TargetWithoutRows", Replace("target.yaml", "rows: 5", "rows: 0"), {"target.yaml:", "rows"}},
+      {"TargetWithTooManyRows", Replace("target.yaml", "rows: 5", "rows: 2000000000"), {"target.yaml:", "rows"}},
+      {"TargetWithTooFewMarkers",
+       Write("target.yaml",
+             "type: charuco\nrows: 20\ncolumns: 20\nsquare: 20 mm\nmarker: 15 mm\ndictionary: DICT_4X4_50\n"),
+       {"target.yaml:", "dictionary", "200"}},
+      // Refinement.
+      {"UnknownLoss",
+       Replace("config.yaml", "evaluate:", "refine: {loss: hubber}\nevaluate:"),
+       {"loss", "did you mean 'huber'?"}},
+      {"UnknownIntrinsics",
+       Replace("config.yaml", "evaluate:", "refine: {intrinsics: [focus]}\nevaluate:"),
+       {"intrinsics", "focus", "focal"}},
+      {"PixelNoiseOfZero",
+       Replace("config.yaml", "evaluate:", "refine: {pixel_noise: 0 px}\nevaluate:"),
+       {"pixel_noise", "greater than zero"}},
+      {"NegativeRobotNoise",
+       Replace("config.yaml", "evaluate:", "refine: {robot_noise: {rotation: -1 deg, translation: 1 mm}}\nevaluate:"),
+       {"rotation", "negative"}},
+      {"RobotNoiseWithoutAUnit",
+       Replace("config.yaml", "evaluate:", "refine: {robot_noise: {rotation: 1, translation: 1 mm}}\nevaluate:"),
+       {"rotation", "no unit"}},
   };
 }
 
@@ -276,6 +435,71 @@ TEST_F(BadInputTest, FailedRunKeepsTheFormerResult) {
   SetPose(3, 7, "3.5")(folder_);
   EXPECT_EQ(RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"}).status, 2);
   EXPECT_EQ(ReadAll(out / "result.json"), before);
+}
+
+// Names that shells, YAML, CSV and HTML stumble over.
+TEST_F(BadInputTest, OddNamesAreNoObstacle) {
+  const fs::path odd = *root_ / "a 'b' \"c\" \xc3\xa4\xe6\x9c\xba; $(touch x) <i>&amp;";
+  fs::create_directories(odd.parent_path());
+  fs::copy(folder_, odd, fs::copy_options::recursive);
+  const std::string name = "o'dd \"1\", \xc3\xb6#;.png";
+  fs::rename(odd / "images" / "000.png", odd / "images" / name);
+  std::string text = ReadAll(odd / "poses.csv");
+  text.replace(text.find("000.png"), 7, "\"o'dd \"\"1\"\", \xc3\xb6#;.png\"");
+  WriteAll(odd / "poses.csv", text);
+  const fs::path out = odd / "re\nsults";
+  const CommandResult result = RunHeba({"run", (odd / "config.yaml").string(), "--out", out.string(), "--quiet"});
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(ReadAll(out / "result.json"), testing::HasSubstr("o'dd \\\"1\\\", \xc3\xb6#;.png"));
+  EXPECT_FALSE(fs::exists("x"));
+  fs::remove_all(odd);
+}
+
+TEST_F(BadInputTest, OutputThatCannotBeMadeIsOneLine) {
+  for (const std::string& out :
+       {std::string("/proc/heba_results"), (folder_ / "poses.csv").string(), (folder_ / "poses.csv" / "below").string(),
+        (folder_ / std::string(300, 'x')).string()}) {
+    const CommandResult result = RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out, "--quiet"});
+    EXPECT_EQ(result.status, 2) << out;
+    EXPECT_THAT(result.err, testing::StartsWith("heba: error: ")) << out;
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+  }
+}
+
+// Inputs may be read-only: nothing is written beside them. (Root may write anywhere; the folder's times tell.)
+TEST_F(BadInputTest, NothingIsWrittenBesideTheInputs) {
+  std::map<std::string, fs::file_time_type> before;
+  for (const auto& entry : fs::recursive_directory_iterator(folder_)) before[entry.path()] = entry.last_write_time();
+  EXPECT_EQ(
+      RunHeba({"run", (folder_ / "config.yaml").string(), "--out", (*root_ / "elsewhere").string(), "--quiet"}).status,
+      0);
+  EXPECT_EQ(RunHeba({"doctor", (folder_ / "config.yaml").string(), "--quiet"}).status, 0);
+  std::map<std::string, fs::file_time_type> after;
+  for (const auto& entry : fs::recursive_directory_iterator(folder_)) after[entry.path()] = entry.last_write_time();
+  EXPECT_EQ(before, after);
+}
+
+// A disk that is full, in a mount of the test's own.
+TEST_F(BadInputTest, AFullDiskIsOneLineAndLeavesNothing) {
+  const fs::path disk = *root_ / "disk";
+  fs::create_directories(disk);
+  const std::string mount = "mount -t tmpfs -o size=64k tmpfs " + ShellQuoted(disk.string());
+  if (std::system(("unshare -Urm sh -c " + ShellQuoted(mount) + " 2> /dev/null").c_str()) != 0) {
+    GTEST_SKIP() << "no tmpfs can be mounted here";
+  }
+  const std::string err = (*root_ / "disk.err").string();
+  const std::string inside = mount + " && HEBA_CACHE= " + ShellQuoted(HEBA_PROGRAM) + " run " +
+                             ShellQuoted((folder_ / "config.yaml").string()) + " --quiet --out " +
+                             ShellQuoted((disk / "run").string()) + " 2> " + ShellQuoted(err) + "; echo $? > " +
+                             ShellQuoted(err + ".status") + "; ls -A " + ShellQuoted(disk.string()) + " > " +
+                             ShellQuoted(err + ".left");
+  ASSERT_EQ(std::system(("unshare -Urm sh -c " + ShellQuoted(inside)).c_str()), 0);
+  const std::string said = ReadAll(err);
+  EXPECT_THAT(said, testing::StartsWith("heba: error: "));
+  EXPECT_THAT(said, testing::HasSubstr("No space left"));
+  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+  EXPECT_EQ(ReadAll(err + ".status"), "2\n");
+  EXPECT_EQ(ReadAll(err + ".left"), "");
 }
 
 struct WrongCall {

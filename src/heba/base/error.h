@@ -12,10 +12,19 @@
 namespace heba {
 
 // The command line, a config or an input file is wrong. `what()` is one sentence for the user: the file (and line or
-// row), what is wrong, and what would be right.
+// row), what is wrong, and what would be right. It is one line, whatever stands in the file: control characters become
+// question marks.
 class InputError : public std::runtime_error {
  public:
-  using std::runtime_error::runtime_error;
+  explicit InputError(std::string message) : std::runtime_error(OneLine(std::move(message))) {}
+
+ private:
+  static std::string OneLine(std::string text) {
+    for (char& c : text) {
+      if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+    }
+    return text;
+  }
 };
 
 // Why an algorithm has no result: one clause in plain words, without a full stop.

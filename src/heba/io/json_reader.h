@@ -74,6 +74,8 @@ inline nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path, si
     return nlohmann::ordered_json::parse(ReadTextFile(path, max_bytes));
   } catch (const nlohmann::ordered_json::parse_error& error) {
     throw InputError(path.string() + ": not valid JSON at byte " + std::to_string(error.byte));
+  } catch (const nlohmann::ordered_json::exception&) {
+    throw InputError(path.string() + ": not valid JSON: a number is too large");
   }
 }
 

@@ -1,0 +1,9 @@
+// Pictures.
+#include "targets/image.h"
+#include "tests/fuzz/target.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  const std::filesystem::path file = heba::AsFile({reinterpret_cast<const char*>(data), size}, ".png");
+  heba::ExpectOneLine([&] { heba::ReadGreyImage(file); });
+  return 0;
+}

@@ -1,0 +1,13 @@
+// Other projects' data sets of one file; the first byte says which form it is taken for.
+#include "heba/io/import.h"
+#include "tests/fuzz/target.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  if (size == 0) return 0;
+  const auto& formats = heba::ImportFormats();
+  const std::string_view format = formats[data[0] % formats.size()].name;
+  const std::filesystem::path file = heba::AsFile({reinterpret_cast<const char*>(data) + 1, size - 1}, ".txt");
+  heba::ExpectOneLine([&] { heba::ImportDataSet(file, format); });
+  heba::ExpectOneLine([&] { heba::ImportDataSet(file, ""); });
+  return 0;
+}

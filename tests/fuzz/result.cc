@@ -1,0 +1,10 @@
+// result.json and truth.json.
+#include "heba/io/result_file.h"
+#include "tests/fuzz/target.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  const std::filesystem::path file = heba::AsFile({reinterpret_cast<const char*>(data), size}, ".json");
+  heba::ExpectOneLine([&] { heba::ResultToJson(heba::ReadResult(file)); });
+  heba::ExpectOneLine([&] { heba::ReadTruth(file, heba::Setup::kEyeInHand); });
+  return 0;
+}
