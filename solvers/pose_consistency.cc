@@ -46,7 +46,12 @@ class Solver {
   explicit Solver(const std::vector<PoseCandidates>& captures) : captures_(captures) {}
 
   // R_X from the axes of the motions, a = R_X b, by Kabsch; R_Z as the mean of what the captures then say.
-  Rotations SolveRotations(const std::vector<Choice>& chosen) const {
+  Rotations SolveRotations(const std::vector<Choice>& all) const {
+    // Pairs grow with the square: from many captures, some, evenly spread.
+    constexpr size_t kMost = 100;
+    std::vector<Choice> chosen;
+    const size_t num = std::min(all.size(), kMost);
+    for (size_t i = 0; i < num; ++i) chosen.push_back(all[i * all.size() / num]);
     Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
     for (size_t i = 0; i < chosen.size(); ++i) {
       for (size_t j = i + 1; j < chosen.size(); ++j) {
@@ -193,6 +198,7 @@ std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandida
   const Solver solver(captures);
   Rng rng(1);
   const auto [rotations, by_rotation] = FindRotations(solver, &rng);
+  if (!std::isfinite(by_rotation.typical)) return std::nullopt;
 
   std::vector<Choice> choices;
   std::vector<size_t> fitting;
@@ -239,6 +245,7 @@ std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandida
     if (!try_from(chosen)) break;
   }
 
+  if (!std::isfinite(typical)) return std::nullopt;
   PoseConsistency found;
   found.hand_eye = {Rigid3d(rotations.x, best.segment<3>(3)), Rigid3d(rotations.z, best.head<3>())};
   found.robot_scale = best[6];

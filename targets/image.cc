@@ -53,6 +53,8 @@ std::optional<double> PixelsClaimed(std::string_view bytes) {
   };
   if (bytes.starts_with("\x89PNG")) return number(16, 4, true) * number(20, 4, true);
   if (bytes.starts_with("BM")) {
+    constexpr double kOldHeader = 12;  // OS/2's, with sizes of 16 bits.
+    if (number(14, 4, false) == kOldHeader) return number(18, 2, false) * number(20, 2, false);
     // Heights below zero stand for pictures from top to bottom.
     const double height = number(22, 4, false);
     return number(18, 4, false) * std::min(height, 4294967296.0 - height);

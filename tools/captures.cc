@@ -14,6 +14,19 @@ std::string SizeText(int width_px, int height_px) {
   return std::to_string(width_px) + " x " + std::to_string(height_px);
 }
 
+// InputError unless all are of one size.
+void CheckSizes(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+  const int width_px = detections.front().width_px;
+  const int height_px = detections.front().height_px;
+  for (size_t i = 1; i < detections.size(); ++i) {
+    if (detections[i].width_px != width_px || detections[i].height_px != height_px) {
+      throw InputError(config.captures[i].name + ": is " + SizeText(detections[i].width_px, detections[i].height_px) +
+                       " px, but " + config.captures[0].name + " is " + SizeText(width_px, height_px) +
+                       " px; all pictures must come from one camera at one resolution");
+    }
+  }
+}
+
 // Of the size of their pictures or, where that is not said, of the camera's.
 std::vector<CaptureDetection> GivenDetections(const RunConfig& config) {
   std::vector<CaptureDetection> detections = config.given_detections;
@@ -32,7 +45,11 @@ std::vector<CaptureDetection> GivenDetections(const RunConfig& config) {
 }  // namespace
 
 std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_threads, Verbosity verbosity) {
-  if (!config.given_detections.empty()) return GivenDetections(config);
+  if (!config.given_detections.empty()) {
+    std::vector<CaptureDetection> given = GivenDetections(config);
+    CheckSizes(config, given);
+    return given;
+  }
   std::vector<CaptureDetection> detections(config.captures.size());
   {
     Progress progress("detect", static_cast<int>(detections.size()), verbosity);
@@ -54,16 +71,7 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
       progress.Step();
     });
   }
-  const int width_px = detections.front().width_px;
-  const int height_px = detections.front().height_px;
-  for (size_t i = 1; i < detections.size(); ++i) {
-    if (detections[i].width_px != width_px || detections[i].height_px != height_px) {
-      throw InputError(config.captures[i].image.string() + ": is " +
-                       SizeText(detections[i].width_px, detections[i].height_px) + " px, but " +
-                       config.captures[0].name + " is " + SizeText(width_px, height_px) +
-                       " px; all pictures must come from one camera at one resolution");
-    }
-  }
+  CheckSizes(config, detections);
   return detections;
 }
 

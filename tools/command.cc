@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <iostream>
 #include <new>
 
@@ -168,6 +169,10 @@ int RunCommandLine(int argc, char** argv) {
     return Dispatch(std::vector<std::string>(argv + 1, argv + argc));
   } catch (const InputError& error) {
     PrintError(error.what());
+    return kInputWrong;
+  } catch (const std::filesystem::filesystem_error& error) {
+    // A path that cannot even be asked for.
+    PrintError(Quoted(error.path1().string()) + ": " + error.code().message());
     return kInputWrong;
   } catch (const std::bad_alloc&) {
     PrintError("out of memory");

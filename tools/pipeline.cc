@@ -321,6 +321,14 @@ Outcome<RunResult> RunOnPoses(const RunConfig& config, const std::filesystem::pa
   }
   CalibratePoses(config.methods, config.seed, &calibration);
   if (!calibration.chain) return Failure{calibration.chain.reason()};
+  // As bundle adjustment refuses what it knows to 10 cm or 6 deg only.
+  constexpr double kWorthlessMm = 100;
+  constexpr double kWorthlessDeg = 6;
+  const std::optional<BoardScatter> scatter = ComputeBoardScatter(calibration.pairs, calibration.chain->hand_eye);
+  if (scatter && (scatter->translation_rms_mm > kWorthlessMm || scatter->rotation_rms_deg > kWorthlessDeg)) {
+    return Failure{"the target scatters by " + Significant(scatter->translation_rms_mm, 2) + " mm and " +
+                   Significant(scatter->rotation_rms_deg, 2) + " deg where it should stand still"};
+  }
   console->Note(config.name + ": " + calibration.refined.reason());
   RunResult result;
   result.name = config.name;
@@ -445,8 +453,8 @@ Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::p
     console->Note(config.name + ": read as a data set of " + config.imported->format);
     for (const std::string& remark : config.imported->remarks) console->Note(config.name + ": " + remark);
   }
-  if (!config.target_poses.empty()) return RunOnPoses(config, output, num_threads, console);
-  Outcome<RunResult> result = Run(config, output, num_threads, console);
+  Outcome<RunResult> result = config.target_poses.empty() ? Run(config, output, num_threads, console)
+                                                          : RunOnPoses(config, output, num_threads, console);
   if (result) return result;
   const std::string doctor = DoctorSays(config, num_threads);
   return Failure{result.reason() + (doctor.empty() ? "" : "; " + doctor)};

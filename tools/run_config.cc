@@ -43,6 +43,13 @@ void ReadTargetSection(MapReader& root, RunConfig* config) {
       if (known.count(id) == 0) throw InputError(where + "the target has no point " + std::to_string(id));
       if (!seen.insert(id).second) throw InputError(where + "point " + std::to_string(id) + " stands there twice");
     }
+    for (const Eigen::Vector2d& pixel : config->given_detections[i].detection.pixels) {
+      constexpr double kFarthestPx = 1e6;
+      if (!(pixel.cwiseAbs().maxCoeff() <= kFarthestPx)) {
+        throw InputError(config->data_files.front().string() + ": " + config->captures[i].name +
+                         ": a point is farther away than any picture reaches");
+      }
+    }
   }
 }
 

@@ -126,12 +126,12 @@ class Chessboard final : public Target {
       return detection;
     }
     const bool has_contrast = HasContrast(grey);
-    std::optional<bool> shows_another;
+    std::optional<bool> shows_larger;
     for (const Finder& finder : kFinders) {
       if (!has_contrast) break;
       if (finder.find == &FindQuads) {
-        if (!shows_another) shows_another = ShowsAnotherBoard(grey);
-        if (*shows_another) continue;
+        if (!shows_larger) shows_larger = ShowsLargerBoard(grey);
+        if (*shows_larger) continue;
       }
       std::optional<Corners> corners = Find(grey, finder);
       if (!corners) continue;
@@ -174,18 +174,18 @@ class Chessboard final : public Target {
   }
 
  private:
-  // Whether much of a board is seen though not this one: linking quads would not find it either, and would take ten
-  // seconds for it.
-  bool ShowsAnotherBoard(const cv::Mat& grey) const {
-    constexpr double kMuch = 0.4;
-    constexpr size_t kSmall = 30;  // Of a board of fewer corners, its rim or a part of it may be what is seen.
+  // Whether a board is seen that is larger than this one and its rim: linking quads would take ten seconds to find
+  // nothing. Less of a board than this one says nothing: a row of it may be in glare.
+  bool ShowsLargerBoard(const cv::Mat& grey) const {
+    constexpr size_t kSmall = 30;  // The rim of a board of fewer corners is often taken for rows.
     if (points_.size() < kSmall) return false;
     const auto [short_side, long_side] = std::minmax(columns_, rows_);
     for (const cv::Size& size : SizesSeen(grey)) {
       const auto [seen_short, seen_long] = std::minmax(size.width, size.height);
-      const int more = seen_short - short_side;
-      const bool may_be_this = more == seen_long - long_side && (more == 0 || more == 2);  // As it is, or with its rim.
-      if (!may_be_this && size.area() > kMuch * static_cast<double>(points_.size())) return true;
+      const int more_short = seen_short - short_side;
+      const int more_long = seen_long - long_side;
+      const bool may_be_this = more_short == 2 && more_long == 2;  // With its rim.
+      if (!may_be_this && more_short >= 0 && more_long >= 0 && more_short + more_long > 0) return true;
     }
     return false;
   }

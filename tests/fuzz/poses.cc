@@ -7,7 +7,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const auto& formats = heba::PoseFormats();
   const heba::PoseFormat& format = formats[data[0] % formats.size()];
   const std::string text(reinterpret_cast<const char*>(data) + 1, size - 1);
-  heba::ExpectOneLine([&] {
+  heba::Expect([&] {
     const std::vector<heba::PoseRow> rows = heba::ParsePoses(text, "poses.csv", format);
     // What was read can be written and read again.
     heba::ParsePoses(heba::PoseFileText(rows, format), "poses.csv", format);

@@ -4,7 +4,7 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string text(reinterpret_cast<const char*>(data), size);
-  heba::ExpectOneLine([&] {
+  heba::Expect([&] {
     heba::MapReader reader(heba::ParseYaml(text, "target.yaml"));
     heba::CreateTarget(reader);
   });

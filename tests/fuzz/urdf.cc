@@ -4,9 +4,10 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::filesystem::path file = heba::AsFile({reinterpret_cast<const char*>(data), size}, ".urdf");
-  heba::ExpectOneLine([&] {
+  heba::Expect([&] {
     const auto arm = heba::UrdfArm::Read(file);
-    arm->BaseFromTip(std::vector<double>(arm->joint_names().size(), 0.5));
+    const heba::Rigid3d tip = arm->BaseFromTip(std::vector<double>(arm->joint_names().size(), 0.5));
+    heba::Require(tip.Matrix().allFinite(), "the tip is somewhere");
   });
   return 0;
 }

@@ -14,9 +14,9 @@ void Walk(const heba::ConfigValue& value, int depth) {
       if (entry.first.IsScalar()) Walk(reader.Get(entry.first.Scalar()), depth + 1);
     }
   } else {
-    heba::ExpectOneLine([&] { value.AsQuantity(heba::Quantity::kLength); });
-    heba::ExpectOneLine([&] { value.AsNumber(); });
-    heba::ExpectOneLine([&] { value.AsChoice({"chessboard", "charuco"}); });
+    heba::Expect([&] { value.AsQuantity(heba::Quantity::kLength); });
+    heba::Expect([&] { value.AsNumber(); });
+    heba::Expect([&] { value.AsChoice({"chessboard", "charuco"}); });
   }
 }
 
@@ -24,6 +24,6 @@ void Walk(const heba::ConfigValue& value, int depth) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string text(reinterpret_cast<const char*>(data), size);
-  heba::ExpectOneLine([&] { Walk(heba::ParseYaml(text, "config.yaml"), 0); });
+  heba::Expect([&] { Walk(heba::ParseYaml(text, "config.yaml"), 0); });
   return 0;
 }

@@ -313,7 +313,9 @@ std::vector<BadInput> BadInputs() {
        {"d.json", "too large"}},
       // Cameras.
       {"CameraOfNoKnownForm", Write("camera.yaml", "lens: good\n"), {"camera.yaml", "no camera"}},
-      {"CameraWithANegativeFocalLength", Replace("camera.yaml", "fx: ", "fx: -"), {"camera.yaml", "focal"}},
+      {"CameraWithANegativeFocalLength",
+       Replace("camera.yaml", "fx: ", "fx: -"),
+       {"camera.yaml:1", "fx and fy must be positive"}},
       {"CameraThatIsNoNumber", Replace("camera.yaml", "fx: 700", "fx: .nan"), {"camera.yaml", "fx"}},
       {"CameraOfAnUnknownModel",
        Replace("camera.yaml", "pinhole", "pinhoole"),

@@ -364,5 +364,13 @@ TEST(RngTest, MomentsAreThoseOfTheDistributions) {
   EXPECT_LT((directions / kCount).cwiseAbs().maxCoeff(), 5 / std::sqrt(3.0) / root);
 }
 
+TEST(TextTest, KnowsUtf8) {
+  EXPECT_TRUE(IsUtf8(""));
+  EXPECT_TRUE(IsUtf8("a\xc3\xa4\xe6\x9c\xba\xf0\x9f\xa4\x96"));
+  for (const char* text : {"\xff", "\x80", "\xc3", "\xc3(", "\xe6\x9c", "\xf0\x9f\xa4", "\xc0\xaf", "a\x99"}) {
+    EXPECT_FALSE(IsUtf8(text)) << text;
+  }
+}
+
 }  // namespace
 }  // namespace heba

@@ -45,6 +45,10 @@ std::optional<Points2> FitResiduals(const std::optional<Camera>& camera, const O
 int RunCommand_detect(const std::vector<std::string>& arguments) {
   namespace fs = std::filesystem;
   RunConfig config = ReadRunConfig(arguments[0], Settings());
+  for (const Capture& capture : config.captures) {
+    if (capture.image.empty())
+      throw InputError(arguments[0] + ": capture " + capture.name + " has no picture to be searched");
+  }
   const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
   const fs::path output =
       FLAGS_out.empty() ? fs::absolute(arguments[0]).parent_path() / "detections" / config.name : fs::path(FLAGS_out);

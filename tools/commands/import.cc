@@ -7,6 +7,7 @@
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/camera_file.h"
+#include "heba/io/export.h"
 #include "heba/io/pose_file.h"
 #include "targets/image.h"
 #include "tools/command.h"
@@ -18,19 +19,7 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// A text as YAML, in quotes whatever is in it.
-std::string YamlText(const std::string& text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') quoted += '\\';
-    if (c == '\n') {
-      quoted += "\\n";
-    } else {
-      quoted += c;
-    }
-  }
-  return quoted + "\"";
-}
+constexpr const char* kMark = "imported.txt";
 
 // What `import` writes, file by file: all of it, before any is written.
 struct ImportedFiles {
@@ -70,6 +59,8 @@ ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
     if (camera.width_px > 0) {
       add("camera.yaml", CameraToYaml(camera));
       config += "camera:\n  intrinsics: camera.yaml\n";
+    } else {
+      config += "# camera: the data set has one, but does not say how large its pictures are\n";
     }
   }
   config += "captures:\n";
@@ -77,8 +68,8 @@ ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
   if (has_images && !has_corners) {
     config += "  images:\n";
     for (const ImportedCapture& capture : set.captures) {
-      const fs::path image = fs::absolute(capture.image).lexically_normal();
-      config += "    - " + YamlText(image.lexically_proximate(fs::absolute(output).lexically_normal()).string()) + "\n";
+      const fs::path image = fs::weakly_canonical(capture.image);
+      config += "    - " + QuotedForYaml(image.lexically_proximate(fs::weakly_canonical(output)).string()) + "\n";
     }
   } else if (has_corners) {
     std::vector<Capture> captures;
@@ -113,6 +104,23 @@ ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
   return made;
 }
 
+// What is replaced by `output` must not hold what is imported.
+void RefuseToSwallow(const ImportedSet& set, const fs::path& source, const fs::path& output) {
+  std::vector<fs::path> kept = set.files;
+  kept.push_back(source);
+  for (const ImportedCapture& capture : set.captures) {
+    if (!capture.image.empty()) kept.push_back(capture.image);
+  }
+  const fs::path target = fs::weakly_canonical(output);
+  for (const fs::path& path : kept) {
+    const fs::path inside = fs::weakly_canonical(path).lexically_relative(target);
+    if (!inside.empty() && *inside.begin() != "..") {
+      throw InputError(output.string() + ": holds " + path.string() +
+                       ", which is imported; name another folder (--out)");
+    }
+  }
+}
+
 }  // namespace
 
 int RunCommand_import(const std::vector<std::string>& arguments) {
@@ -121,9 +129,12 @@ int RunCommand_import(const std::vector<std::string>& arguments) {
   const fs::path output = fs::absolute(FLAGS_out).lexically_normal();
   const ImportedSet set = ImportDataSet(source, FLAGS_format);
   const ImportedFiles made = FilesOf(set, output);
-  StagedFolder folder(output, "config.yaml");
+  RefuseToSwallow(set, source, output);
+  // Its own mark: any folder may have a config.yaml.
+  StagedFolder folder(output, kMark);
   for (const auto& [name, text] : made.files) WriteFileAtomically(folder.staging() / name, text);
   WriteFileAtomically(folder.staging() / "config.yaml", made.config);
+  WriteFileAtomically(folder.staging() / kMark, "# heba import: this folder is replaced when it is imported again\n");
   folder.Commit();
   if (!FLAGS_quiet) {
     std::string text =

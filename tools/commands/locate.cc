@@ -30,6 +30,9 @@ struct FinishedRun {
 FinishedRun ReadFinishedRun(const std::filesystem::path& folder) {
   FinishedRun run;
   run.result = ReadResult(folder / "result.json");
+  if (FindRefined(run.result) == nullptr) {
+    throw InputError(folder.string() + ": holds no refined estimate; a calibration from pictures or corners is needed");
+  }
   MapReader config(ReadYamlFile(folder / "config.yaml"));
   run.target = ReadTarget(config, "target");
   MapReader captures(config.Get("captures"));
@@ -144,10 +147,11 @@ std::optional<Plane> PlaneAskedFor() {
   if (FLAGS_plane == "target") return std::nullopt;
   const std::vector<std::string> fields = Split(FLAGS_plane, ',');
   Plane plane;
-  for (size_t i = 0; i < 3 && fields.size() == 4; ++i) {
-    if (!ParseDouble(Trim(fields[i]), &plane.normal[static_cast<Eigen::Index>(i)])) plane.normal.setZero();
+  bool are_numbers = fields.size() == 4;
+  for (size_t i = 0; i < 3 && are_numbers; ++i) {
+    are_numbers = ParseDouble(Trim(fields[i]), &plane.normal[static_cast<Eigen::Index>(i)]);
   }
-  const bool is_direction = fields.size() == 4 && plane.normal.allFinite() && plane.normal.norm() > 1e-6;
+  const bool is_direction = are_numbers && plane.normal.allFinite() && plane.normal.norm() > 1e-6;
   if (!is_direction) {
     throw InputError(
         "--plane: " + Quoted(FLAGS_plane) +
@@ -183,10 +187,34 @@ std::string DescribePoint(const Eigen::Vector2d& pixel, const LocatedPoint& loca
   return text + ")\n";
 }
 
+// What --pixels and --plane ask for.
+struct PixelsAsked {
+  std::vector<Eigen::Vector2d> pixels;
+  std::optional<Plane> plane;  // Nothing: the target's.
+};
+
+PixelsAsked ReadPixelsAsked(const Camera& camera) {
+  if (FLAGS_pixels.empty()) {
+    if (FLAGS_plane != "target") {
+      throw InputError("--plane: goes with --pixels; without them the target itself is located");
+    }
+    return {};
+  }
+  PixelsAsked asked{PixelsAskedFor(), PlaneAskedFor()};
+  for (const Eigen::Vector2d& pixel : asked.pixels) {
+    if (pixel.minCoeff() < -0.5 || pixel.x() > camera.width_px - 0.5 || pixel.y() > camera.height_px - 0.5) {
+      throw InputError("--pixels: " + Significant(pixel.x(), 6) + "," + Significant(pixel.y(), 6) +
+                       " is outside of the pictures of " + std::to_string(camera.width_px) + " x " +
+                       std::to_string(camera.height_px) + " px");
+    }
+  }
+  return asked;
+}
+
 // What --pixels asks of one picture.
 Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solution, const CaptureDetection& seen,
-                                    const Rigid3d& base_from_mount, const Arm& arm) {
-  const std::optional<Plane> plane = PlaneAskedFor();
+                                    const Rigid3d& base_from_mount, const PixelsAsked& asked, const Arm& arm) {
+  const std::optional<Plane>& plane = asked.plane;
   const Observations observations = ObservationsOf(*run.target, seen.detection);
   Eigen::Vector3d normal = plane ? plane->normal : Eigen::Vector3d::Zero();
   if (!plane) {
@@ -197,7 +225,7 @@ Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solu
   }
   const Rigid3d base_from_camera = base_from_mount * solution.hand_eye.camera_mount_from_camera;
   std::string text;
-  for (const Eigen::Vector2d& pixel : PixelsAskedFor()) {
+  for (const Eigen::Vector2d& pixel : asked.pixels) {
     const Outcome<LocatedPoint> located =
         plane ? LocatePixel(run.result.setup, solution, pixel, *plane, base_from_mount)
               : LocatePixelOnTarget(run.result.setup, solution, pixel, observations, base_from_mount);
@@ -216,7 +244,6 @@ Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solu
 int RunCommand_locate(const std::vector<std::string>& arguments) {
   const FinishedRun run = ReadFinishedRun(arguments[0]);
   const Estimate* refined = FindRefined(run.result);
-  if (refined == nullptr) throw InputError(arguments[0] + ": holds no refined estimate");
   const Arm arm = ArmAskedFor();
   const bool is_carried = run.result.setup == Setup::kEyeInHand;
   if (is_carried && (FLAGS_pose.empty() || arguments.size() > 2)) {
@@ -225,9 +252,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
   }
   if (!is_carried && !FLAGS_pose.empty()) throw InputError("--pose: the camera stands still; leave this out");
   const Rigid3d base_from_mount = is_carried ? PoseAskedFor(run.pose_reading) : Rigid3d();
-  if (FLAGS_pixels.empty() && FLAGS_plane != "target") {
-    throw InputError("--plane: goes with --pixels; without them the target itself is located");
-  }
+  const PixelsAsked asked = ReadPixelsAsked(refined->camera);
   bool all_found = true;
   for (size_t i = 1; i < arguments.size(); ++i) {
     const CaptureDetection seen = DetectCapture(*run.target, arguments[i]);
@@ -238,7 +263,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
                        std::to_string(camera.height_px) + " px");
     }
     if (!FLAGS_pixels.empty()) {
-      const Outcome<std::string> points = DescribePixels(run, *refined->solution, seen, base_from_mount, arm);
+      const Outcome<std::string> points = DescribePixels(run, *refined->solution, seen, base_from_mount, asked, arm);
       if (points) {
         std::cout << arguments[i] << ":\n" << *points;
       } else {

@@ -120,6 +120,23 @@ std::string Quoted(std::string_view text) {
   return "'" + shown + (length < text.size() ? "...'" : "'");
 }
 
+bool IsUtf8(std::string_view text) {
+  for (size_t i = 0; i < text.size();) {
+    const auto first = static_cast<unsigned char>(text[i]);
+    const size_t more = first < 0x80                    ? 0
+                        : first >= 0xc2 && first < 0xe0 ? 1
+                        : first >= 0xe0 && first < 0xf0 ? 2
+                        : first >= 0xf0 && first < 0xf5 ? 3
+                                                        : text.size();
+    if (i + more >= text.size()) return false;
+    for (size_t k = 1; k <= more; ++k) {
+      if ((static_cast<unsigned char>(text[i + k]) & 0xc0) != 0x80) return false;
+    }
+    i += more + 1;
+  }
+  return true;
+}
+
 std::string Fixed(double value, int decimals) {
   char buffer[512];
   std::snprintf(buffer, sizeof(buffer), "%.*f", decimals, value);

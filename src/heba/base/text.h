@@ -22,6 +22,9 @@ std::string Wrapped(std::string_view text, size_t width);
 // Text from a file or the command line as a message can show it: in quotes, on one line, cut off where it is long.
 std::string Quoted(std::string_view text);
 
+// Whether the bytes are UTF-8.
+bool IsUtf8(std::string_view text);
+
 // `value` with `decimals` digits after the point.
 std::string Fixed(double value, int decimals);
 // `value` with `digits` significant digits, without an exponent where that is readable.

@@ -264,7 +264,7 @@ ConfigValue MapReader::Get(const std::string& key) {
 }
 
 std::optional<ConfigValue> MapReader::Find(const std::string& key) {
-  known_.push_back(key);
+  if (std::find(known_.begin(), known_.end(), key) == known_.end()) known_.push_back(key);
   const std::string full_key = value_.key().empty() ? key : value_.key() + "." + key;
   std::vector<ConfigValue> found;
   const std::vector<ConfigValue> layers = value_.Layers();

@@ -86,7 +86,7 @@ TruthErrors CompareWithTruth(const HandEye& hand_eye, const Camera& camera, cons
       errors.board_mm = 1000.0 * DistanceM(board, *truth.target_mount_from_target);
     }
   }
-  if (truth.camera) {
+  if (truth.camera && !camera.params.empty()) {
     const double fx_error = camera.params[0] - truth.camera->params[0];
     const double fy_error = camera.params[1] - truth.camera->params[1];
     errors.focal_px = std::sqrt(0.5 * (fx_error * fx_error + fy_error * fy_error));

@@ -7,7 +7,7 @@
 
 namespace heba {
 
-#define HEBA_EXPORT_FORMAT(name, file_name, description) \
+#define HEBA_EXPORT_FORMAT(name, file_name, holds_camera, description) \
   Outcome<std::string> ExportFormat_##name(const ExportRequest& request);
 #include "heba/io/export_formats.def"
 #undef HEBA_EXPORT_FORMAT
@@ -18,12 +18,14 @@ using Writer = Outcome<std::string> (*)(const ExportRequest& request);
 
 struct Entry {
   ExportFormat format;
+  bool holds_camera;
   Writer writer;
 };
 
 const std::vector<Entry>& Entries() {
   static const std::vector<Entry> entries = {
-#define HEBA_EXPORT_FORMAT(name, file_name, description) {{#name, description, file_name}, &ExportFormat_##name},
+#define HEBA_EXPORT_FORMAT(name, file_name, holds_camera, description) \
+  {{#name, description, file_name}, holds_camera, &ExportFormat_##name},
 #include "heba/io/export_formats.def"
 #undef HEBA_EXPORT_FORMAT
   };
@@ -79,7 +81,13 @@ const std::vector<ExportFormat>& ExportFormats() {
 
 Outcome<std::string> ExportText(const ExportFormat& format, const ExportRequest& request) {
   for (const Entry& entry : Entries()) {
-    if (entry.format.name == format.name) return entry.writer(request);
+    if (entry.format.name != format.name) continue;
+    if (entry.holds_camera && request.camera.params.empty()) {
+      return Failure{
+          "an estimate from poses alone has no camera, which this form holds; use urdf, "
+          "ros2 or a robot's form, such as matrix"};
+    }
+    return entry.writer(request);
   }
   const PoseFormat* pose_format = FindPoseFormat(format.name);
   CHECK(pose_format != nullptr) << "export format " << format.name;

@@ -25,7 +25,9 @@ std::vector<std::string> ImportFormatNames() {
   return names;
 }
 
-ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view name) {
+namespace {
+
+ImportedSet FindAndRead(const std::filesystem::path& source, std::string_view name) {
   std::error_code error;
   if (!std::filesystem::exists(source, error)) throw InputError(source.string() + ": no such file or folder");
   const ImportFormat* format = nullptr;
@@ -38,6 +40,25 @@ ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view 
   }
   ImportedSet set = format->reader.read(source);
   set.format = format->name;
+  return set;
+}
+
+}  // namespace
+
+ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view name) {
+  ImportedSet set;
+  try {
+    set = FindAndRead(source, name);
+  } catch (const std::filesystem::filesystem_error& fault) {
+    // Files may name others that cannot even be asked for.
+    throw InputError(source.string() + ": " + Quoted(fault.path1().string()) + ": " + fault.code().message());
+  }
+  if (set.camera) {
+    Camera checked = *set.camera;
+    if (checked.width_px == 0 && checked.height_px == 0) checked.width_px = checked.height_px = 1;
+    const std::string faults = CheckCamera(checked);
+    if (!faults.empty()) throw InputError(source.string() + ": the camera: " + faults);
+  }
   if (set.captures.empty()) throw InputError(source.string() + ": holds no captures");
   std::vector<std::string> names;
   for (const ImportedCapture& capture : set.captures) names.push_back(capture.name);

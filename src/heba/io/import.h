@@ -39,7 +39,7 @@ struct ImportedSet {
 
 // What a file in import_formats/ brings.
 struct ImportReader {
-  // Whether a file or folder is meant to be of this form; it may still be faulty. Does not throw.
+  // Whether a file or folder is meant to be of this form; it may still be faulty.
   bool (*matches)(const std::filesystem::path& source);
   // Poses become base_from_gripper and camera_from_target in metres. InputError on a fault.
   ImportedSet (*read)(const std::filesystem::path& source);

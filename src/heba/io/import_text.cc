@@ -1,6 +1,7 @@
 #include "heba/io/import_text.h"
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 
 #include "heba/base/error.h"
@@ -21,8 +22,8 @@ std::vector<double> NumbersOfLine(std::string_view text, const fs::path& name, i
     const size_t end = std::min(text.find_first_of(kBetween, at), text.size());
     double number = 0;
     const std::string_view field = text.substr(at, end - at);
-    if (!ParseDouble(field, &number)) {
-      throw InputError(name.string() + ":" + std::to_string(line) + ": " + Quoted(field) + " is not a number");
+    if (!ParseDouble(field, &number) || !std::isfinite(number)) {
+      throw InputError(name.string() + ":" + std::to_string(line) + ": " + Quoted(field) + " is not a finite number");
     }
     numbers.push_back(number);
     at = text.find_first_not_of(kBetween, end);
@@ -106,7 +107,11 @@ std::map<int, fs::path> NumberedFiles(const fs::path& folder, std::string_view p
     const std::string digits = name.substr(prefix.size(), name.size() - prefix.size() - suffix.size());
     constexpr size_t kMostDigits = 9;
     if (digits.size() > kMostDigits || digits.find_first_not_of("0123456789") != std::string::npos) continue;
-    if (entry.is_regular_file(error)) files.emplace(std::stoi(digits), entry.path());
+    if (!entry.is_regular_file(error)) continue;
+    const auto [other, is_new] = files.emplace(std::stoi(digits), entry.path());
+    if (!is_new) {
+      throw InputError(entry.path().string() + ": has the same number as " + other->second.filename().string());
+    }
   }
   return files;
 }

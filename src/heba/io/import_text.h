@@ -35,7 +35,8 @@ Rigid3d PoseOfTransform(const ConfigValue& value);
 // The matrices of an OpenCV FileStorage file in YAML, by name: their numbers, row by row, and the plain numbers too.
 std::map<std::string, std::vector<double>> FileStorageNumbers(const std::filesystem::path& path);
 
-// The regular files of a folder whose names are `prefix`, a whole number, `suffix`, by that number.
+// The regular files of a folder whose names are `prefix`, a whole number, `suffix`, by that number. InputError if two
+// have one.
 std::map<int, std::filesystem::path> NumberedFiles(const std::filesystem::path& folder, std::string_view prefix,
                                                    std::string_view suffix);
 // The pictures of a folder, in the order of the numbers in their names; none if there is no such folder.

@@ -290,7 +290,12 @@ Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const doubl
   if (format.arm) {
     std::vector<double> joints(numbers.begin(), numbers.end());
     for (size_t i = 0; i < joints.size(); ++i) joints[i] *= format.arm->IsTurning(i) ? RadPerUnit(format) : 1;
-    return format.arm->BaseFromTip(joints);
+    const Rigid3d pose = format.arm->BaseFromTip(joints);
+    constexpr double kFarthestM = 1e6;
+    if (!(pose.translation.norm() < kFarthestM) || !pose.rotation.coeffs().allFinite()) {
+      return Failure{"the arm's tip is nowhere near for these joints"};
+    }
+    return pose;
   }
   if (!format.robot.empty()) {
     JointAngles joints_rad;

@@ -131,12 +131,39 @@ std::string FindTip(const urdf::ModelInterface& model, const std::filesystem::pa
   return leaves.front();
 }
 
+// How deep the elements of an XML text lie in one another, at the most.
+int DepthOf(std::string_view text) {
+  int depth = 0;
+  int deepest = 0;
+  for (size_t i = 0; i + 1 < text.size(); ++i) {
+    if (text[i] == '<' && text[i + 1] == '/') {
+      --depth;
+    } else if (text[i] == '<' && text[i + 1] != '!' && text[i + 1] != '?') {
+      deepest = std::max(deepest, ++depth);
+    } else if (text[i] == '/' && text[i + 1] == '>') {
+      --depth;
+    }
+  }
+  return deepest;
+}
+
+// What the XML parser must not be given: it reads past the end of characters that are cut off, and goes as deep as the
+// file does.
+void CheckXml(const std::filesystem::path& path, const std::string& text) {
+  constexpr int kMaxDepth = 100;
+  if (!IsUtf8(text) || text.find('\0') != std::string::npos)
+    throw InputError(path.string() + ": is not a URDF: not UTF-8");
+  if (DepthOf(text) > kMaxDepth)
+    throw InputError(path.string() + ": is not a URDF: elements lie too deep in one another");
+}
+
 }  // namespace
 
 std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, const std::string& base_link,
                                              const std::string& tip_link) {
   constexpr size_t kMaxBytes = size_t{16} << 20;
   const std::string text = ReadTextFile(path, kMaxBytes);
+  CheckXml(path, text);
   // The parser would speak to the terminal.
   console_bridge::noOutputHandler();
   urdf::ModelInterfaceSharedPtr model;
@@ -176,6 +203,16 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
     }
     if (joint->mimic)
       throw InputError(path.string() + ": joint " + Quoted(joint->name) + " mimics another; no arm is read with such");
+    const urdf::Vector3& axis = joint->axis;
+    const urdf::Vector3& origin = joint->parent_to_joint_origin_transform.position;
+    const double axis_length = std::hypot(axis.x, axis.y, axis.z);
+    const double distance_m = std::hypot(origin.x, origin.y, origin.z);
+    constexpr double kFarthestM = 1e6;
+    if (!(distance_m < kFarthestM) ||
+        (joint->type != urdf::Joint::FIXED && !(axis_length > 1e-6 && axis_length < 1e6))) {
+      throw InputError(path.string() + ": joint " + Quoted(joint->name) +
+                       " has no axis, or its origin is absurdly far");
+    }
     chain.addSegment(ToKdl(*joint));
     if (!is_turning && !is_sliding) continue;
     moving.push_back(joint->name);

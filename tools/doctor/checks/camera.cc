@@ -34,8 +34,11 @@ Camera OfSize(Camera camera, const CaptureDetection& picture) {
 // Root mean square misfit of the middle view to its own best pose; infinite if hardly any view has one.
 double FitPx(const Examination& examination, const Camera& camera) {
   const std::vector<ExaminedView> views = ExamineViews(examination.config, examination.detections, camera);
-  const std::vector<View> all = ViewsOf(examination.config, examination.detections);
-  if (2 * views.size() < all.size()) return std::numeric_limits<double>::infinity();
+  constexpr size_t kMinPoints = 4;
+  const auto num_all = static_cast<size_t>(
+      std::count_if(examination.detections.begin(), examination.detections.end(),
+                    [](const CaptureDetection& capture) { return capture.detection.ids.size() >= kMinPoints; }));
+  if (2 * views.size() < num_all) return std::numeric_limits<double>::infinity();
   std::vector<double> rms;
   for (const ExaminedView& view : views) rms.push_back(view.rms_px);
   return rms.empty() ? std::numeric_limits<double>::infinity() : Median(rms);
@@ -135,7 +138,7 @@ std::vector<Symptom> Check_camera(Examination* examination) {
   const std::string fits = "views of the target fit to " + Significant(fit_px, 2) +
                            " px with the given intrinsics, to " + Significant(estimated_fit_px, 2) +
                            " px with those that the pictures tell";
-  if (fit_px < kPoorPx || fit_px < kPoorRatio * estimated_fit_px) return {};
+  if (!std::isfinite(estimated_fit_px) || fit_px < kPoorPx || fit_px < kPoorRatio * estimated_fit_px) return {};
   constexpr double kOther = 0.08;
   const bool is_other_lens = std::abs(ratio - 1) > kOther;
   // A little more than noise is a remark: nominal intrinsics often serve.

@@ -1,5 +1,7 @@
 // Do single captures contradict the others, and do they perhaps belong to one another's poses?
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <map>
 
 #include "heba/base/text.h"
@@ -28,27 +30,27 @@ std::vector<Symptom> SamePictures(const RunConfig& config) {
 // Captures with one pose, to the last digit, whose pictures show the target in different places.
 std::vector<Symptom> SamePoses(const std::vector<ExaminedView>& views, double limit_m) {
   std::vector<Symptom> symptoms;
+  std::map<std::vector<double>, size_t> first_of;
   for (size_t i = 0; i < views.size(); ++i) {
-    for (size_t j = 0; j < i; ++j) {
-      const Rigid3d& a = views[i].view.camera_mount_from_target_mount;
-      const Rigid3d& b = views[j].view.camera_mount_from_target_mount;
-      if (a.translation != b.translation || a.rotation.coeffs() != b.rotation.coeffs()) continue;
-      double apart_m = std::numeric_limits<double>::infinity();
-      for (const Rigid3d& seen : views[i].camera_from_target) {
-        for (const Rigid3d& other : views[j].camera_from_target) {
-          apart_m =
-              std::min(apart_m, std::hypot(DistanceM(seen, other), seen.translation.norm() * AngleRad(seen, other)));
-        }
+    const Rigid3d& pose = views[i].view.camera_mount_from_target_mount;
+    const Eigen::Vector4d& q = pose.rotation.coeffs();
+    const auto [first, is_new] = first_of.emplace(
+        std::vector<double>{pose.translation.x(), pose.translation.y(), pose.translation.z(), q[0], q[1], q[2], q[3]},
+        i);
+    if (is_new) continue;
+    const ExaminedView& other = views[first->second];
+    double apart_m = std::numeric_limits<double>::infinity();
+    for (const Rigid3d& a : views[i].camera_from_target) {
+      for (const Rigid3d& b : other.camera_from_target) {
+        apart_m = std::min(apart_m, std::hypot(DistanceM(a, b), a.translation.norm() * AngleRad(a, b)));
       }
-      if (apart_m <= limit_m) continue;
-      symptoms.push_back(
-          {Severity::kWrong, "same_pose",
-           views[j].view.name + " and " + views[i].view.name +
-               " have the same pose of the robot, to the last digit, but their pictures show the target " +
-               Significant(1000 * apart_m, 2) + " mm apart",
-           "the pose of one of them belongs to another moment; leave that one out"});
-      break;
     }
+    if (apart_m <= limit_m) continue;
+    symptoms.push_back({Severity::kWrong, "same_pose",
+                        other.view.name + " and " + views[i].view.name +
+                            " have the same pose of the robot, to the last digit, but their pictures show the target " +
+                            Significant(1000 * apart_m, 2) + " mm apart",
+                        "the pose of one of them belongs to another moment; leave that one out"});
   }
   return symptoms;
 }
@@ -86,7 +88,9 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   for (Symptom& symptom : SamePoses(views, limit_m)) symptoms.push_back(std::move(symptom));
 
   std::vector<size_t> outside;
-  for (size_t i = 0; i < views.size(); ++i) {
+  // Of more than these nobody wants to read one by one.
+  constexpr size_t kMostOutside = 100;
+  for (size_t i = 0; i < views.size() && outside.size() < kMostOutside; ++i) {
     if (consistency->misfit_m[i] > limit_m) outside.push_back(i);
   }
   // Of another capture's pose that this picture would fit: that of one which does not fit its own sooner than of any.

@@ -41,6 +41,7 @@ struct JudgedReading {
   PoseConsistency consistency;
   std::string unit;  // Of the positions, that explains the scale.
   double oddness = 0;
+  bool has_other_scale = false;  // Beyond the unit, and surely.
 };
 
 constexpr std::string_view kUnits[] = {"m", "cm", "mm", "in"};
@@ -57,6 +58,9 @@ std::string UnitFor(const PoseFormat& format, const PoseConsistency& consistency
   }
   return format.translation_unit;
 }
+
+// Of a target that was measured wrongly. Anything else is a unit, or a fit to nothing.
+bool IsPlausibleScale(double scale) { return scale > 0.2 && scale < 5; }
 
 // The scale that the unit leaves.
 double RestScale(const JudgedReading& judged) {
@@ -174,9 +178,15 @@ std::optional<JudgedReading> Judge(const Examination& examination, const Reading
   JudgedReading judged{reading, std::move(*consistency), reading.format.translation_unit, reading.oddness};
   if (reading.scale == RobotScale::kFree) {
     judged.unit = UnitFor(reading.format, judged.consistency);
+    // How far a motion leaves the scale open is no finding.
     constexpr double kSameScale = 0.02;
+    constexpr double kSigmas = 5;
+    judged.has_other_scale =
+        std::abs(RestScale(judged) - 1) > std::max(kSameScale, kSigmas * judged.consistency.robot_scale_stddev /
+                                                                   std::abs(judged.consistency.robot_scale));
+    if (judged.has_other_scale && !IsPlausibleScale(RestScale(judged))) return std::nullopt;
     if (judged.unit != reading.format.translation_unit) judged.oddness += 1;
-    if (std::abs(RestScale(judged) - 1) > kSameScale) judged.oddness += 1.2;
+    if (judged.has_other_scale) judged.oddness += 1.2;
   }
   return judged;
 }
@@ -264,10 +274,15 @@ Symptom Describe(const Examination& examination, const JudgedReading& best, cons
   }
   constexpr double kOther = 0.04;
   const double rest = RestScale(best);
-  if (std::abs(rest - 1) > kOther) {
+  if (best.has_other_scale && std::abs(rest - 1) > kOther) {
     codes.emplace_back("target_scale");
     faults.push_back("the target is " + Significant(1 / rest, 4) + " times as large as the config says");
     cures.push_back("measure the target and multiply its lengths in the config by about " + Significant(1 / rest, 4));
+  }
+  if (config.imported && config.poses_file.empty()) {
+    cures.emplace_back(
+        "a data set's own poses are read in one way only: write them as heba's files first (heba import), "
+        "and change it there");
   }
   symptom.code = codes.empty() ? "pose_format" : codes.front();
   symptom.what = Join(faults, "; ") + evidence;
@@ -281,7 +296,9 @@ void Apply(const JudgedReading& best, Examination* examination) {
     if (!best.reading.mounts[i]) continue;
     ExaminedView view = examination->views[i];
     view.view.camera_mount_from_target_mount = *best.reading.mounts[i];
-    view.view.camera_mount_from_target_mount.translation *= best.consistency.robot_scale;
+    view.view.camera_mount_from_target_mount.translation *=
+        best.has_other_scale ? best.consistency.robot_scale
+                             : MetresOf(best.unit) / MetresOf(best.reading.format.translation_unit);
     view.view.role.clear();
     views.push_back(std::move(view));
   }
@@ -300,6 +317,7 @@ std::vector<Symptom> Check_poses(Examination* examination) {
       if (std::optional<JudgedReading> one = Judge(*examination, reading)) judged.push_back(std::move(*one));
     }
   }
+  if (judged.empty()) return {};
   const auto misfit_m = [](const JudgedReading& one) { return one.consistency.typical_misfit_m; };
   const double least_m =
       misfit_m(*std::min_element(judged.begin(), judged.end(), [&](const JudgedReading& a, const JudgedReading& b) {
@@ -331,11 +349,14 @@ std::vector<Symptom> Check_poses(Examination* examination) {
     return {symptom};
   }
 
+  constexpr double kPoorShare = 0.05;
   const std::optional<PoseConsistency> scaled = FindPoseConsistency(captures, RobotScale::kFree);
-  const double scale = scaled->robot_scale;
+  const double scale = scaled ? scaled->robot_scale : 1;
   constexpr double kSurely = 5;
   constexpr double kOther = 0.04;
-  if (std::abs(scale - 1) > std::max(kOther, kSurely * scaled->robot_scale_stddev) &&
+  // Where the poses fit but for it: of poses that belong to nothing any scale may come out.
+  const bool fits_scaled = scaled && IsPlausibleScale(scale) && scaled->typical_misfit_m < kPoorShare * distance_m;
+  if (fits_scaled && std::abs(scale - 1) > std::max(kOther, kSurely * scaled->robot_scale_stddev) &&
       scaled->typical_translation_m < 0.87 * now->typical_translation_m) {
     for (ExaminedView& view : examination->views) view.view.camera_mount_from_target_mount.translation *= scale;
     return {{Severity::kWrong, "target_scale",
@@ -347,7 +368,6 @@ std::vector<Symptom> Check_poses(Examination* examination) {
                  " (or, if it is right, the focal length is wrong by that)"}};
   }
 
-  constexpr double kPoorShare = 0.05;
   if (now->typical_misfit_m > kPoorShare * distance_m) {
     std::vector<Rigid3d> mounts;
     for (const PoseCandidates& capture : captures) mounts.push_back(capture.camera_mount_from_target_mount);

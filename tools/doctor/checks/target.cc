@@ -46,11 +46,10 @@ std::string SettingsText(const TargetSettings& settings) {
 }
 
 // A few captures of the data set.
-RunConfig Sample(const RunConfig& config) {
-  constexpr size_t kNumPictures = 4;
+RunConfig Sample(const RunConfig& config, size_t num_pictures) {
   RunConfig sample = config;
   sample.captures.clear();
-  for (const size_t i : SpreadIndices(config.captures.size(), kNumPictures)) {
+  for (const size_t i : SpreadIndices(config.captures.size(), num_pictures)) {
     sample.captures.push_back(config.captures[i]);
   }
   return sample;
@@ -155,15 +154,21 @@ std::vector<Symptom> Check_target(Examination* examination) {
     return {};
   }
   // A few pictures first: to look for the wrong target in all of them may take long.
-  const RunConfig sample = Sample(config);
-  const std::vector<CaptureDetection> few = DetectCaptures(sample, examination->num_threads, Verbosity::kQuiet);
+  constexpr size_t kFew = 2;
+  constexpr size_t kSome = 4;
+  const RunConfig sample = Sample(config, kSome);
+  const std::vector<CaptureDetection> few =
+      DetectCaptures(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
   const auto detect_all = [&] {
     examination->detections = DetectCaptures(config, examination->num_threads, examination->verbosity);
   };
   bool is_looked_for = false;
   const auto look_for_other = [&](const std::string& seen) -> std::optional<Symptom> {
     is_looked_for = true;
-    const std::optional<OtherTarget> other = FindOther(sample, NumPoints(few), examination->num_threads);
+    const size_t num_now = examination->detections.empty()
+                               ? NumPoints(few)
+                               : NumPoints(DetectCaptures(sample, examination->num_threads, Verbosity::kQuiet));
+    const std::optional<OtherTarget> other = FindOther(sample, num_now, examination->num_threads);
     if (!other) return std::nullopt;
     config.target = other->target;
     config.target_used = other->used;

@@ -35,6 +35,10 @@ ImportedSet Read(const fs::path& source) {
   const size_t count = numbers.size() / kMatrix;
   const std::vector<fs::path> pictures = PicturesOf(source.parent_path() / "images");
   const bool has_pictures = pictures.size() == count;
+  if (!pictures.empty() && !has_pictures) {
+    set.remarks.push_back(std::to_string(pictures.size()) + " pictures lie beside the " + std::to_string(count) +
+                          " poses; which belongs to which, the file does not say");
+  }
   for (size_t i = 0; i < count; ++i) {
     ImportedCapture capture;
     capture.base_from_gripper = PoseOfMatrix(std::span(numbers).subspan(kMatrix * i, kMatrix), 1,

@@ -1,6 +1,6 @@
 // A trajectory as TUM's RGB-D benchmark writes it: lines of time x y z qx qy qz qw (m, Hamilton), here the gripper's
-// pose in the base. Pictures are the file's namesakes by time, or, in a folder `images` or `rgb` beside it, as many as
-// there are lines, in order.
+// pose in the base. Pictures are those of a folder `images` or `rgb` beside it, in order, if there are as many as
+// lines.
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/import.h"

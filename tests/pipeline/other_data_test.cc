@@ -1,0 +1,107 @@
+// Data sets without pictures: imported ones, poses of the target that others found, corners that were found before.
+#include <algorithm>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/io/pose_file.h"
+#include "tests/pipeline/cli.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class OtherDataTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = TestFolder(std::string("other_data_") + testing::UnitTest::GetInstance()->current_test_info()->name());
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  // Poses of the gripper and of the target in the camera, of an exact scene; `gripper_from` tells whose pose each has.
+  void WritePairs(const std::function<size_t(size_t)>& gripper_from) {
+    const TestScene scene = MakeTestScene(7);
+    std::vector<PoseRow> grippers;
+    std::vector<PoseRow> targets;
+    for (size_t i = 0; i < scene.pairs.size(); ++i) {
+      const std::string name = "s" + std::to_string(i);
+      grippers.push_back({name, "", scene.pairs[gripper_from(i)].camera_mount_from_target_mount, 0, {}});
+      targets.push_back({name, "", scene.pairs[i].camera_from_target, 0, {}});
+    }
+    const PoseFormat& ros = *FindPoseFormat("ros");
+    WriteAll(folder_ / "poses.csv", PoseFileText(grippers, ros));
+    WriteAll(folder_ / "target_poses.csv", PoseFileText(targets, ros));
+    WriteAll(
+        folder_ / "truth.json",
+        "{\"hand_eye\": {\"parent\": \"base\", \"child\": \"camera\", \"translation_m\": [0, 0, 0], "
+        "\"quaternion_xyzw\": [0, 0, 0, 1]}, \"camera\": {\"model\": \"pinhole\", \"image_size\": [640, 480], \"fx\": "
+        "600, \"fy\": 600, \"cx\": 320, \"cy\": 240, \"distortion\": []}}");
+    WriteAll(folder_ / "config.yaml",
+             "setup: eye_to_hand\ncaptures: {target_poses: target_poses.csv, poses: poses.csv}\nevaluate: {truth: "
+             "truth.json}\n");
+  }
+  std::string Path(const std::string& name) const { return (folder_ / name).string(); }
+  CommandResult Run() { return RunHeba({"run", Path("config.yaml"), "--out", Path("run"), "--quiet"}); }
+
+  fs::path folder_;
+};
+
+TEST_F(OtherDataTest, PosesOfTheTargetGiveAHandEyePose) {
+  WritePairs([](size_t i) { return i; });
+  const CommandResult result = Run();
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(ReadAll(folder_ / "run" / "result.json"), HasSubstr("bundle adjustment needs pictures or corners"));
+  EXPECT_TRUE(fs::exists(folder_ / "run" / "report.html"));
+  // What needs no camera is exported, what holds one is refused in words.
+  EXPECT_EQ(RunHeba({"export", Path("run"), "--to", "urdf", "--method", "chain"}).status, 0);
+  for (const std::string form : {"opencv", "camera_info", "kalibr", "mrcal"}) {
+    const CommandResult refused = RunHeba({"export", Path("run"), "--to", form, "--method", "chain"});
+    EXPECT_NE(refused.status, 0) << form;
+    EXPECT_THAT(refused.err, HasSubstr("has no camera")) << form;
+  }
+  EXPECT_THAT(RunHeba({"locate", Path("run"), "a.png"}).err, HasSubstr("no refined estimate"));
+  EXPECT_THAT(RunHeba({"detect", Path("config.yaml")}).err, HasSubstr("has no picture"));
+}
+
+TEST_F(OtherDataTest, PosesThatBelongToNothingAreAFailureThatSaysSo) {
+  WritePairs([](size_t i) { return (7 * i + 3) % 15; });
+  const CommandResult result = Run();
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err, HasSubstr("where it should stand still"));
+  EXPECT_THAT(result.err, HasSubstr("heba doctor: robot and pictures differ by"));
+  EXPECT_FALSE(fs::exists(folder_ / "run"));
+  EXPECT_THAT(RunHeba({"doctor", Path("config.yaml"), "--quiet"}).out, HasSubstr("wrong [poses_unexplained]"));
+}
+
+TEST_F(OtherDataTest, ImportKeepsWhatIsThere) {
+  WritePairs([](size_t i) { return i; });
+  for (const char* made : {"set", "mine"}) fs::create_directory(folder_ / made);
+  WriteAll(folder_ / "set" / "poses.txt", "1 0 0 0 0 0 0 1\n2 0.1 0 0 0 0 0 1\n");
+  WriteAll(folder_ / "set" / "config.yaml", "mine: true\n");
+  const std::string source = Path("set/poses.txt");
+  for (const std::string& out : {Path("set"), folder_.string()}) {
+    const CommandResult result = RunHeba({"import", source, "--out", out});
+    EXPECT_EQ(result.status, 2) << out;
+    EXPECT_THAT(result.err, HasSubstr("which is imported")) << out;
+  }
+  WriteAll(folder_ / "mine" / "config.yaml", "mine: true\n");
+  EXPECT_EQ(RunHeba({"import", source, "--out", Path("mine")}).status, 2);
+  EXPECT_EQ(ReadAll(folder_ / "mine" / "config.yaml"), "mine: true\n");
+  EXPECT_EQ(RunHeba({"import", source, "--out", Path("new")}).status, 0);
+  EXPECT_EQ(RunHeba({"import", source, "--out", Path("new")}).status, 0) << "what import made, it replaces";
+  EXPECT_THAT(ReadAll(folder_ / "new" / "poses.csv"), HasSubstr("0.1,0,0"));
+}
+
+TEST_F(OtherDataTest, CamerasOfDataSetsAreChecked) {
+  WriteAll(folder_ / "cal_data.yaml", "data:\n  - {image: 0.png, pose: 0.yaml}\n");
+  WriteAll(folder_ / "0.yaml", "{x: 0, y: 0, z: 0, qx: 0, qy: 0, qz: 0, qw: 1}\n");
+  WriteAll(folder_ / "config.yaml", "static_camera: true\nintrinsics: {fx: 0, fy: 1, cx: 2, cy: 3}\n");
+  const CommandResult result = RunHeba({"import", folder_.string(), "--out", Path("../never_made")});
+  EXPECT_EQ(result.status, 2);
+  EXPECT_THAT(result.err, HasSubstr("fx and fy must be positive"));
+}
+
+}  // namespace
+}  // namespace heba
