@@ -126,12 +126,14 @@ class Chessboard final : public Target {
       return detection;
     }
     const bool has_contrast = HasContrast(grey);
-    std::optional<bool> shows_larger;
+    std::optional<InVain> in_vain;
     for (const Finder& finder : kFinders) {
       if (!has_contrast) break;
-      if (finder.find == &FindQuads) {
-        if (!shows_larger) shows_larger = ShowsLargerBoard(grey);
-        if (*shows_larger) continue;
+      const bool is_quads = finder.find == &FindQuads;
+      const bool is_enlarged = finder.min_side_px > 0;
+      if (is_quads || is_enlarged) {
+        if (!in_vain) in_vain = WhatIsInVain(grey);
+        if ((is_quads && in_vain->quads) || (is_enlarged && in_vain->enlarged)) continue;
       }
       std::optional<Corners> corners = Find(grey, finder);
       if (!corners) continue;
@@ -174,20 +176,28 @@ class Chessboard final : public Target {
   }
 
  private:
-  // Whether a board is seen that is larger than this one and its rim: linking quads would take ten seconds to find
-  // nothing. Less of a board than this one says nothing: a row of it may be in glare.
-  bool ShowsLargerBoard(const cv::Mat& grey) const {
+  // What is not worth looking for though this board has not been found: linking quads takes ten seconds for boards of
+  // another size, a minute in an enlarged picture.
+  struct InVain {
+    bool quads = false;     // A board is seen that is larger than this one and its rim.
+    bool enlarged = false;  // Or much of a board: it is large enough as it is.
+  };
+  InVain WhatIsInVain(const cv::Mat& grey) const {
     constexpr size_t kSmall = 30;  // The rim of a board of fewer corners is often taken for rows.
-    if (points_.size() < kSmall) return false;
+    constexpr double kMuch = 0.4;
+    InVain in_vain;
+    if (points_.size() < kSmall) return in_vain;
     const auto [short_side, long_side] = std::minmax(columns_, rows_);
     for (const cv::Size& size : SizesSeen(grey)) {
       const auto [seen_short, seen_long] = std::minmax(size.width, size.height);
       const int more_short = seen_short - short_side;
       const int more_long = seen_long - long_side;
       const bool may_be_this = more_short == 2 && more_long == 2;  // With its rim.
-      if (!may_be_this && more_short >= 0 && more_long >= 0 && more_short + more_long > 0) return true;
+      const bool is_larger = !may_be_this && more_short >= 0 && more_long >= 0 && more_short + more_long > 0;
+      in_vain.quads = in_vain.quads || is_larger;
+      in_vain.enlarged = in_vain.enlarged || is_larger || size.area() > kMuch * static_cast<double>(points_.size());
     }
-    return false;
+    return in_vain;
   }
 
   std::optional<Corners> Find(const cv::Mat& grey, const Finder& finder) const {

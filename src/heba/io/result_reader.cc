@@ -21,12 +21,17 @@ Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::str
   return {rotation, Eigen::Vector3d(t[0], t[1], t[2])};
 }
 
+// Of points, captures, iterations.
+constexpr int kMostCounted = 1000000000;
+
 Camera ReadCameraJson(const JsonReader& reader) {
   Camera camera;
   camera.model = reader.Get("model").Text();
-  const std::vector<double> size = reader.Get("image_size").Numbers(2);
-  camera.width_px = static_cast<int>(size[0]);
-  camera.height_px = static_cast<int>(size[1]);
+  const std::vector<JsonReader> size = reader.Get("image_size").List();
+  if (size.size() != 2) reader.Get("image_size").Fail("two whole numbers are needed: [width, height]");
+  constexpr int kMaxSize = 100000;
+  camera.width_px = size[0].Int(0, kMaxSize);
+  camera.height_px = size[1].Int(0, kMaxSize);
   for (const char* key : {"fx", "fy", "cx", "cy"}) camera.params.push_back(reader.Get(key).Number());
   for (const double k : reader.Get("distortion").Numbers()) camera.params.push_back(k);
   const std::string faults = CheckCamera(camera);
@@ -93,7 +98,7 @@ Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
   }
   const JsonReader solve = reader.Get("solve");
   solution.convergence.converged = true;
-  solution.convergence.iterations = static_cast<int>(solve.Get("iterations").Number());
+  solution.convergence.iterations = solve.Get("iterations").Int(0, kMostCounted);
   solution.convergence.initial_cost = ReadFinite(solve, "initial_cost", std::numeric_limits<double>::infinity());
   solution.convergence.final_cost = ReadFinite(solve, "final_cost", std::numeric_limits<double>::infinity());
   solution.convergence.seconds = solve.Get("seconds").Number();
@@ -136,9 +141,9 @@ CaptureResult ReadCapture(const JsonReader& reader) {
   CaptureResult capture;
   capture.image = reader.Get("image").Text();
   capture.role = reader.Get("role").Text();
-  capture.num_points = static_cast<int>(reader.Get("points").Number());
-  capture.num_second_pass = static_cast<int>(reader.Get("points_second_pass").Number());
-  capture.num_rejected = static_cast<int>(reader.Get("points_rejected").Number());
+  capture.num_points = reader.Get("points").Int(0, kMostCounted);
+  capture.num_second_pass = reader.Get("points_second_pass").Int(0, kMostCounted);
+  capture.num_rejected = reader.Get("points_rejected").Int(0, kMostCounted);
   capture.used = reader.Get("used").Bool();
   capture.reason = reader.Get("reason").Text();
   capture.rms_px = ReadOptional(reader, "rms_px");
@@ -164,7 +169,7 @@ RunResult ReadResult(const std::filesystem::path& path) {
   if (!setup) reader.Fail("the set-up is unknown");
   result.setup = *setup;
   result.target_type = reader.Get("target").Get("type").Text();
-  result.num_target_points = static_cast<int>(reader.Get("target").Get("points").Number());
+  result.num_target_points = reader.Get("target").Get("points").Int(0, kMostCounted);
   for (const JsonReader& capture : reader.Get("captures").List()) result.captures.push_back(ReadCapture(capture));
   for (const JsonReader& estimate : reader.Get("estimates").List()) {
     result.estimates.push_back(ReadEstimate(estimate, result.setup));
