@@ -86,7 +86,6 @@ std::vector<Peer> Peers() {
          Write(folder / "config.yaml",
                "intrinsics: {fx: 1352.0, fy: 1356.1, cx: 965.0, cy: 653.3}\nstatic_camera: true\nhomography_threshold: "
                "2\n"
-               "camera_mount_to_camera_guess: {x: 0, y: 0, z: 0, qx: 0, qy: 0, qz: 0, qw: 1}\ntarget_finder:\n"
                "  type: CharucoGridTargetFinder\n  rows: 7\n  cols: 5\n  chessboard_dim: 0.036195\n"
                "  aruco_marker_dim: 0.018256\n  dictionary: 10\n");
          return folder;
