@@ -85,7 +85,7 @@ std::vector<Peer> Peers() {
                                             "\nqx: " + n[3] + "\nqw: " + n[6] + "\nqy: " + n[4] + "\n");
          Write(folder / "config.yaml",
                "intrinsics: {fx: 1352.0, fy: 1356.1, cx: 965.0, cy: 653.3}\nstatic_camera: true\nhomography_threshold: "
-               "2\n"
+               "2\ntarget_finder:\n"
                "  type: CharucoGridTargetFinder\n  rows: 7\n  cols: 5\n  chessboard_dim: 0.036195\n"
                "  aruco_marker_dim: 0.018256\n  dictionary: 10\n");
          return folder;
