@@ -37,7 +37,7 @@ TEST_P(DoctorRecordedTest, NamesTheCauseFirst) {
                recorded.rows,
                recorded.columns,
                recorded.setup};
-  const SpoilingScore score = ScoreDoctor(good, folder / "work", false);
+  const SpoilingScore score = ScoreDoctor(good, folder / "work", false, recorded.name.size(), Stride(12));
   std::cout << good.name << ": " << score.num_right << " of " << score.num_all << std::endl;
   EXPECT_GE(score.num_right, 0.95 * score.num_all);
   fs::remove_all(folder);
@@ -54,6 +54,47 @@ INSTANTIATE_TEST_SUITE_P(
                     Recorded{"zhangnatha_asym_circles_eye_to_hand", "circle_grid", "spacing", 10, 5, 4,
                              Setup::kEyeToHand}),
     [](const testing::TestParamInfo<Recorded>& recorded) { return recorded.param.name; });
+
+// Poses of the target without pictures: A (the hand in the base) and B (the target in the camera) in columns.
+class DoctorPairsTest : public testing::TestWithParam<std::string> {};
+
+TEST_P(DoctorPairsTest, FindsNothingWrongOrTheDirection) {
+  const fs::path pairs = DataDir() / GetParam() / "pairs.csv";
+  HEBA_SKIP_WITHOUT(pairs);
+  const fs::path folder = TestFolder("doctor_" + GetParam());
+  std::istringstream lines(ReadAll(pairs));
+  std::string line;
+  std::getline(lines, line);
+  std::string poses = "image,x,y,z,qx,qy,qz,qw\n";
+  std::string targets = poses;
+  while (std::getline(lines, line)) {
+    const std::vector<std::string> fields = Split(Trim(line), ',');
+    ASSERT_EQ(fields.size(), 15U);
+    const auto part = [&](size_t from) {
+      return fields[0] + "," +
+             Join({fields.begin() + static_cast<std::ptrdiff_t>(from),
+                   fields.begin() + static_cast<std::ptrdiff_t>(from) + 7},
+                  ",") +
+             "\n";
+    };
+    poses += part(1);
+    targets += part(8);
+  }
+  WriteAll(folder / "poses.csv", poses);
+  WriteAll(folder / "target_poses.csv", targets);
+  const auto ask = [&](const std::string& setup) {
+    WriteAll(folder / "config.yaml",
+             "setup: " + setup + "\ncaptures: {poses: poses.csv, target_poses: target_poses.csv}\n");
+    return FirstWrongCode(RunHeba({"doctor", (folder / "config.yaml").string(), "--quiet"}).out);
+  };
+  const bool is_carried = GetParam().starts_with("doosan");
+  EXPECT_EQ(ask(is_carried ? "eye_in_hand" : "eye_to_hand"), "");
+  EXPECT_EQ(ask(is_carried ? "eye_to_hand" : "eye_in_hand"), "pose_direction");
+  fs::remove_all(folder);
+}
+
+INSTANTIATE_TEST_SUITE_P(Sets, DoctorPairsTest, testing::Values("doosan_charuco_pose_pairs", "moveit_pose_pairs"),
+                         [](const testing::TestParamInfo<std::string>& set) { return set.param; });
 
 }  // namespace
 }  // namespace heba

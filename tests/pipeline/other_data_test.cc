@@ -1,9 +1,13 @@
 // Data sets without pictures: imported ones, poses of the target that others found, corners that were found before.
 #include <algorithm>
+#include <cmath>
+#include <functional>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
+#include "heba/io/camera_file.h"
 #include "heba/io/pose_file.h"
 #include "tests/pipeline/cli.h"
 #include "tests/support/scenes.h"
@@ -101,6 +105,58 @@ TEST_F(OtherDataTest, CamerasOfDataSetsAreChecked) {
   const CommandResult result = RunHeba({"import", folder_.string(), "--out", Path("../never_made")});
   EXPECT_EQ(result.status, 2);
   EXPECT_THAT(result.err, HasSubstr("fx and fy must be positive"));
+}
+
+// Corners that were found before, of a chessboard, each moved by `spoil` (view, pixel).
+using Spoil = std::function<Eigen::Vector2d(size_t, const Eigen::Vector2d&)>;
+void WriteCorners(const fs::path& folder, const Spoil& spoil) {
+  TestSceneOptions options;
+  options.noise_px = 0.1;
+  const TestScene scene = MakeTestScene(11, options);
+  nlohmann::json detections;
+  std::vector<PoseRow> rows;
+  for (size_t i = 0; i < scene.views.size(); ++i) {
+    const View& view = scene.views[i];
+    nlohmann::json pixels;
+    for (Eigen::Index k = 0; k < view.observations.pixels.cols(); ++k) {
+      const Eigen::Vector2d pixel = spoil(i, view.observations.pixels.col(k));
+      pixels.push_back({pixel.x(), pixel.y()});
+    }
+    detections["captures"].push_back({{"image", view.name},
+                                      {"image_size", {scene.camera.width_px, scene.camera.height_px}},
+                                      {"ids", view.observations.ids},
+                                      {"pixels", pixels},
+                                      {"reason", ""}});
+    rows.push_back({view.name, "", view.camera_mount_from_target_mount, 0, {}});
+  }
+  WriteAll(folder / "detections.json", detections.dump());
+  WriteAll(folder / "poses.csv", PoseFileText(rows, *FindPoseFormat("ros")));
+  WriteAll(folder / "camera.yaml", CameraToYaml(scene.camera));
+  WriteAll(folder / "config.yaml",
+           "setup: eye_to_hand\ntarget: {type: chessboard, rows: 6, columns: 8, square: 30 mm}\ncamera: {intrinsics: "
+           "camera.yaml}\ncaptures: {detections: detections.json, poses: poses.csv}\n");
+}
+
+TEST_F(OtherDataTest, CornersAreEnoughForBundleAdjustment) {
+  WriteCorners(folder_, [](size_t, const Eigen::Vector2d& pixel) { return pixel; });
+  const CommandResult result = Run();
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(ReadAll(folder_ / "run" / "result.json"), HasSubstr("\"method\": \"bundle\""));
+  // And what a run has found in its pictures is corners again.
+  const std::string again = ReadAll(folder_ / "run" / "detections.json");
+  WriteAll(folder_ / "detections.json", again);
+  EXPECT_EQ(RunHeba({"run", Path("config.yaml"), "--out", Path("again"), "--quiet"}).status, 0);
+  const CommandResult doctor = RunHeba({"doctor", Path("config.yaml"), "--quiet"});
+  EXPECT_THAT(doctor.out, HasSubstr("nothing is wrong"));
+  EXPECT_THAT(doctor.out, testing::Not(HasSubstr("[lens]")));
+}
+
+TEST_F(OtherDataTest, DoctorSeesALensThatTheModelDoesNotHave) {
+  // Half a pixel, to and fro across the picture.
+  WriteCorners(folder_, [](size_t, const Eigen::Vector2d& pixel) -> Eigen::Vector2d {
+    return pixel + Eigen::Vector2d(0, 0.5 * std::sin(pixel.x() / 60));
+  });
+  EXPECT_THAT(RunHeba({"doctor", Path("config.yaml"), "--quiet"}).out, HasSubstr("remark [lens]"));
 }
 
 }  // namespace

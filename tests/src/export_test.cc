@@ -131,6 +131,19 @@ TEST(ExportTest, CamerasComeBack) {
   }
 }
 
+// Kalibr's polynomial lens has no k3.
+TEST(ExportTest, CamerasComeBackFromKalibr) {
+  for (const std::string model : {"pinhole", "brown5", "kannala_brandt4"}) {
+    ExportRequest request = TestRequest(Rigid3d(), model);
+    if (model == "brown5") request.camera.params[8] = 0;
+    const Camera camera = ParseCameraFile(Exported("kalibr", request), "export");
+    EXPECT_EQ(camera.width_px, request.camera.width_px) << model;
+    std::vector<double> wanted = request.camera.params;
+    if (model == "pinhole") wanted.resize(camera.params.size(), 0);
+    EXPECT_EQ(camera.params, wanted) << model;
+  }
+}
+
 TEST(ExportTest, WhatAFormCannotHoldIsRefusedInWords) {
   const auto refusal = [](const std::string& name, const ExportRequest& request) {
     for (const ExportFormat& format : ExportFormats()) {
