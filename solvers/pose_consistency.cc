@@ -7,6 +7,7 @@
 #include <Eigen/Dense>
 
 #include "heba/base/rng.h"
+#include "heba/base/spread.h"
 
 namespace heba {
 namespace {
@@ -35,6 +36,14 @@ struct Rotations {
   Eigen::Quaterniond z = Eigen::Quaterniond::Identity();
 };
 
+// t_Z, t_X and the scale k.
+using Translations = Eigen::Matrix<double, 7, 1>;
+
+struct TranslationEquations {
+  Eigen::MatrixXd left;
+  Eigen::VectorXd right;
+};
+
 struct Fit {
   std::vector<double> misfit;
   std::vector<size_t> candidate;
@@ -50,8 +59,7 @@ class Solver {
     // Pairs grow with the square: from many captures, some, evenly spread.
     constexpr size_t kMost = 100;
     std::vector<Choice> chosen;
-    const size_t num = std::min(all.size(), kMost);
-    for (size_t i = 0; i < num; ++i) chosen.push_back(all[i * all.size() / num]);
+    for (const size_t i : SpreadIndices(all.size(), kMost)) chosen.push_back(all[i]);
     Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
     for (size_t i = 0; i < chosen.size(); ++i) {
       for (size_t j = i + 1; j < chosen.size(); ++j) {
@@ -90,50 +98,40 @@ class Solver {
     return fit;
   }
 
-  // t_Z, t_X and the scale k of least squares of R_M t_Z + k t_M = R_X t_C + t_X.
-  Eigen::Matrix<double, 7, 1> SolveTranslations(const Rotations& rotations, const std::vector<Choice>& chosen,
-                                                RobotScale scale, double* scale_stddev) const {
-    const Eigen::Index rows = 3 * static_cast<Eigen::Index>(chosen.size());
-    const Eigen::Index columns = scale == RobotScale::kFree ? 7 : 6;
-    Eigen::MatrixXd left(rows, columns);
-    Eigen::VectorXd right(rows);
-    for (size_t i = 0; i < chosen.size(); ++i) {
-      const Eigen::Index row = 3 * static_cast<Eigen::Index>(i);
-      const Rigid3d& mount = Mount(chosen[i]);
-      left.block<3, 3>(row, 0) = mount.RotationMatrix();
-      left.block<3, 3>(row, 3) = -Eigen::Matrix3d::Identity();
-      right.segment<3>(row) = rotations.x * Seen(chosen[i]).translation;
-      if (scale == RobotScale::kFree) {
-        left.block<3, 1>(row, 6) = mount.translation;
-      } else {
-        right.segment<3>(row) -= mount.translation;
-      }
-    }
-    Eigen::Matrix<double, 7, 1> solved = Eigen::Matrix<double, 7, 1>::Ones();
-    const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition(left);
-    solved.head(columns) = decomposition.solve(right);
-    if (scale_stddev != nullptr) {
-      *scale_stddev = 0;
-      if (scale == RobotScale::kFree) {
-        // What the other columns leave of the last one.
-        const Eigen::MatrixXd others = left.leftCols(6);
-        const Eigen::VectorXd last = left.col(6);
-        const Eigen::VectorXd rest =
-            last - others * Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd>(others).solve(last);
-        const double variance = (left * solved.head(columns) - right).squaredNorm() /
-                                static_cast<double>(std::max<Eigen::Index>(1, rows - columns));
-        *scale_stddev = rest.norm() > 0 ? std::sqrt(variance) / rest.norm() : std::numeric_limits<double>::infinity();
-      }
-    }
+  // Of least squares; with the scale free, it is its last unknown, otherwise 1.
+  Translations SolveTranslations(const Rotations& rotations, const std::vector<Choice>& chosen,
+                                 RobotScale scale) const {
+    const TranslationEquations equations = EquationsOf(rotations, chosen, scale);
+    Translations solved = Translations::Ones();
+    solved.head(equations.left.cols()) =
+        Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd>(equations.left).solve(equations.right);
     return solved;
   }
 
-  double TranslationMisfit(const Rotations& rotations, const Eigen::Matrix<double, 7, 1>& solved,
-                           const Choice& choice) const {
-    const Rigid3d& mount = Mount(choice);
-    return (mount.rotation * Eigen::Vector3d(solved.head<3>()) + solved[6] * mount.translation -
-            rotations.x * Seen(choice).translation - solved.segment<3>(3))
-        .norm();
+  // One sigma of the scale that was solved for from `chosen`.
+  double ScaleStddev(const Rotations& rotations, const Translations& solved, const std::vector<Choice>& chosen) const {
+    const TranslationEquations equations = EquationsOf(rotations, chosen, RobotScale::kFree);
+    // What the other columns leave of the last one.
+    const Eigen::MatrixXd others = equations.left.leftCols(6);
+    const Eigen::VectorXd last = equations.left.col(6);
+    const Eigen::VectorXd rest =
+        last - others * Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd>(others).solve(last);
+    const double variance =
+        (equations.left * solved - equations.right).squaredNorm() /
+        static_cast<double>(std::max<Eigen::Index>(1, equations.left.rows() - equations.left.cols()));
+    return rest.norm() > 0 ? std::sqrt(variance) / rest.norm() : std::numeric_limits<double>::infinity();
+  }
+
+  std::vector<double> JudgeTranslations(const Rotations& rotations, const Translations& solved,
+                                        const std::vector<Choice>& choices) const {
+    std::vector<double> misfits;
+    for (const Choice& choice : choices) {
+      const Rigid3d& mount = Mount(choice);
+      misfits.push_back((mount.rotation * Eigen::Vector3d(solved.head<3>()) + solved[6] * mount.translation -
+                         rotations.x * Seen(choice).translation - solved.segment<3>(3))
+                            .norm());
+    }
+    return misfits;
   }
 
   const Rigid3d& Mount(const Choice& choice) const { return captures_[choice.capture].camera_mount_from_target_mount; }
@@ -144,6 +142,28 @@ class Solver {
   size_t NumCandidates(size_t capture) const { return captures_[capture].camera_from_target.size(); }
 
  private:
+  // R_M t_Z + k t_M - t_X = R_X t_C of all `chosen`; without k among the unknowns its term is on the right.
+  TranslationEquations EquationsOf(const Rotations& rotations, const std::vector<Choice>& chosen,
+                                   RobotScale scale) const {
+    TranslationEquations equations;
+    const Eigen::Index rows = 3 * static_cast<Eigen::Index>(chosen.size());
+    equations.left.resize(rows, scale == RobotScale::kFree ? 7 : 6);
+    equations.right.resize(rows);
+    for (size_t i = 0; i < chosen.size(); ++i) {
+      const Eigen::Index row = 3 * static_cast<Eigen::Index>(i);
+      const Rigid3d& mount = Mount(chosen[i]);
+      equations.left.block<3, 3>(row, 0) = mount.RotationMatrix();
+      equations.left.block<3, 3>(row, 3) = -Eigen::Matrix3d::Identity();
+      equations.right.segment<3>(row) = rotations.x * Seen(chosen[i]).translation;
+      if (scale == RobotScale::kFree) {
+        equations.left.block<3, 1>(row, 6) = mount.translation;
+      } else {
+        equations.right.segment<3>(row) -= mount.translation;
+      }
+    }
+    return equations;
+  }
+
   const std::vector<PoseCandidates>& captures_;
 };
 
@@ -208,26 +228,25 @@ std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandida
     if (by_rotation.misfit[i] <= kFits * by_rotation.typical) fitting.push_back(i);
     distances.push_back(solver.Seen(choices.back()).translation.norm());
   }
-  const auto judge = [&](const Eigen::Matrix<double, 7, 1>& solved) {
-    std::vector<double> misfits;
-    for (const Choice& choice : choices) misfits.push_back(solver.TranslationMisfit(rotations, solved, choice));
-    return misfits;
-  };
-  Eigen::Matrix<double, 7, 1> best = Eigen::Matrix<double, 7, 1>::Zero();
+  Translations best = Translations::Zero();
   std::vector<double> misfits;
   double typical = std::numeric_limits<double>::infinity();
-  double scale_stddev = 0;
   const auto try_from = [&](const std::vector<Choice>& chosen) {
-    double stddev = 0;
-    const Eigen::Matrix<double, 7, 1> solved = solver.SolveTranslations(rotations, chosen, scale, &stddev);
-    std::vector<double> judged = judge(solved);
+    const Translations solved = solver.SolveTranslations(rotations, chosen, scale);
+    std::vector<double> judged = solver.JudgeTranslations(rotations, solved, choices);
     const double quantile = QuantileOf(judged);
     if (!(quantile < typical)) return false;
     best = solved;
     misfits = std::move(judged);
     typical = quantile;
-    scale_stddev = stddev;
     return true;
+  };
+  const auto all_that_fit = [&] {
+    std::vector<Choice> chosen;
+    for (size_t i = 0; i < misfits.size(); ++i) {
+      if (misfits[i] <= kFits * typical) chosen.push_back(choices[i]);
+    }
+    return chosen;
   };
   std::vector<Choice> all_fitting;
   for (const size_t i : fitting) all_fitting.push_back(choices[i]);
@@ -238,24 +257,19 @@ std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandida
     try_from(chosen);
   }
   for (int round = 0; round < kNumRounds; ++round) {
-    std::vector<Choice> chosen;
-    for (size_t i = 0; i < misfits.size(); ++i) {
-      if (misfits[i] <= kFits * typical) chosen.push_back(choices[i]);
-    }
-    if (!try_from(chosen)) break;
+    if (!try_from(all_that_fit())) break;
   }
 
   if (!std::isfinite(typical)) return std::nullopt;
   PoseConsistency found;
   found.hand_eye = {Rigid3d(rotations.x, best.segment<3>(3)), Rigid3d(rotations.z, best.head<3>())};
   found.robot_scale = best[6];
-  // Of all that fit: three captures alone say little of it.
-  std::vector<Choice> chosen;
-  for (size_t i = 0; i < misfits.size(); ++i) {
-    if (misfits[i] <= kFits * typical) chosen.push_back(choices[i]);
+  if (scale == RobotScale::kFree) {
+    // Of all that fit: three captures alone say little of it.
+    const std::vector<Choice> chosen = all_that_fit();
+    const Translations solved = solver.SolveTranslations(rotations, chosen, scale);
+    found.robot_scale_stddev = solver.ScaleStddev(rotations, solved, chosen);
   }
-  solver.SolveTranslations(rotations, chosen, scale, &scale_stddev);
-  found.robot_scale_stddev = scale_stddev;
   const double lever_m = QuantileOf(distances);
   found.rotation_rad = by_rotation.misfit;
   found.translation_m = misfits;

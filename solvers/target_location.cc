@@ -63,6 +63,34 @@ Tangent6 RobotVariances(Setup setup, const Solution& solution) {
   return variances;
 }
 
+// A point in the camera's frame, and what moves it there.
+struct SeenPlace {
+  Eigen::Vector3d in_camera = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d covariance_at_1px;  // Of the picture.
+  Eigen::MatrixXd by_params;          // Of the camera.
+  // What of a shift of the camera is one of the point in the base: all of it, but for a point on a plane that stands
+  // still there.
+  Eigen::Matrix3d with_camera = Eigen::Matrix3d::Identity();
+};
+
+PlaceCovariance CovarianceInBase(Setup setup, const Solution& solution, const SeenPlace& place,
+                                 const Rigid3d& base_from_camera_mount) {
+  const Rigid3d& camera_mount_from_camera = solution.hand_eye.camera_mount_from_camera;
+  const Eigen::Matrix3d mount = base_from_camera_mount.RotationMatrix();
+  const Eigen::Matrix3d rotation = mount * camera_mount_from_camera.RotationMatrix();
+  PlaceCovariance covariance;
+  const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
+  covariance.by_picture_m2 = variance_px2 * rotation * place.covariance_at_1px * rotation.transpose();
+  // The intrinsics are wrong by what they are for the calibration as well, and what is seen by them is wrong with them.
+  const Eigen::MatrixXd by_unknowns =
+      rotation * ByUnknowns(solution, place.with_camera * PointByMotion(place.in_camera), place.by_params);
+  covariance.by_calibration_m2 = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
+  const Eigen::Matrix<double, 3, 6> by_gripper = rotation * place.with_camera * rotation.transpose() * mount *
+                                                 PointByMotion(camera_mount_from_camera * place.in_camera);
+  covariance.by_robot_m2 = by_gripper * RobotVariances(setup, solution).asDiagonal() * by_gripper.transpose();
+  return covariance;
+}
+
 // The point where a ray meets a plane of the camera's frame, and what moves it: nothing if it does not meet it.
 struct Meeting {
   Eigen::Vector3d in_camera = Eigen::Vector3d::Zero();
@@ -110,52 +138,34 @@ Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const
   const Outcome<SeenPose> seen = SeePose(solution, shaped);
   if (!seen) return Failure{seen.reason()};
   const TargetPose& pose = seen->pose;
-  const Rigid3d base_from_camera = base_from_camera_mount * solution.hand_eye.camera_mount_from_camera;
+  SeenPlace middle;
+  middle.in_camera = pose.camera_from_target * shaped.points_in_target.rowwise().mean();
+  const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(middle.in_camera);
+  middle.covariance_at_1px = by_motion * *pose.covariance_at_1px * by_motion.transpose();
+  middle.by_params = by_motion * seen->by_params;
   LocatedTarget located;
-  located.base_from_target = base_from_camera * pose.camera_from_target;
+  located.base_from_target =
+      base_from_camera_mount * solution.hand_eye.camera_mount_from_camera * pose.camera_from_target;
   located.rms_px = pose.rms_px;
-
-  const Eigen::Vector3d in_camera = pose.camera_from_target * shaped.points_in_target.rowwise().mean();
-  const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(in_camera);
-  const Eigen::Matrix3d rotation = base_from_camera.RotationMatrix();
-  const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
-  located.by_picture_m2 =
-      variance_px2 * rotation * by_motion * *pose.covariance_at_1px * by_motion.transpose() * rotation.transpose();
-
-  // The intrinsics are wrong by what they are for the calibration as well, and the pose seen by them is wrong with
-  // them.
-  const Eigen::MatrixXd by_unknowns = rotation * ByUnknowns(solution, by_motion, by_motion * seen->by_params);
-  located.by_calibration_m2 = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
-
-  const Eigen::Vector3d in_gripper = solution.hand_eye.camera_mount_from_camera * in_camera;
-  const Eigen::Matrix<double, 3, 6> by_gripper = base_from_camera_mount.RotationMatrix() * PointByMotion(in_gripper);
-  located.by_robot_m2 = by_gripper * RobotVariances(setup, solution).asDiagonal() * by_gripper.transpose();
+  located.covariance = CovarianceInBase(setup, solution, middle, base_from_camera_mount);
   return located;
 }
 
 Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
                                   const Plane& plane, const Rigid3d& base_from_camera_mount) {
   const Rigid3d base_from_camera = base_from_camera_mount * solution.hand_eye.camera_mount_from_camera;
-  const Eigen::Matrix3d rotation = base_from_camera.RotationMatrix();
-  const Eigen::Vector3d normal = rotation.transpose() * plane.normal;
+  const Eigen::Vector3d normal = base_from_camera.rotation.conjugate() * plane.normal;
   const Outcome<Meeting> meeting =
       Meet(solution.camera, pixel, normal, plane.distance_m - plane.normal.dot(base_from_camera.translation));
   if (!meeting) return Failure{meeting.reason()};
-  LocatedPoint located;
-  located.in_base = base_from_camera * meeting->in_camera;
+  SeenPlace place;
+  place.in_camera = meeting->in_camera;
+  place.covariance_at_1px = meeting->by_pixel * meeting->by_pixel.transpose();
+  place.by_params = meeting->by_params;
   // What moves the camera moves the point with it, and the plane, which stands still, moves it back along its ray.
-  const Eigen::Matrix3d with_camera = Eigen::Matrix3d::Identity() - meeting->by_plane * normal.transpose();
-  const Eigen::MatrixXd by_unknowns =
-      rotation * ByUnknowns(solution, with_camera * PointByMotion(meeting->in_camera), meeting->by_params);
-  located.by_calibration_m2 = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
-  const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
-  const Eigen::Matrix<double, 3, 2> by_pixel = rotation * meeting->by_pixel;
-  located.by_picture_m2 = variance_px2 * by_pixel * by_pixel.transpose();
-  const Eigen::Vector3d in_gripper = solution.hand_eye.camera_mount_from_camera * meeting->in_camera;
-  const Eigen::Matrix<double, 3, 6> by_gripper = rotation * with_camera * rotation.transpose() *
-                                                 base_from_camera_mount.RotationMatrix() * PointByMotion(in_gripper);
-  located.by_robot_m2 = by_gripper * RobotVariances(setup, solution).asDiagonal() * by_gripper.transpose();
-  return located;
+  place.with_camera -= meeting->by_plane * normal.transpose();
+  return LocatedPoint{base_from_camera * place.in_camera,
+                      CovarianceInBase(setup, solution, place, base_from_camera_mount)};
 }
 
 Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
@@ -166,25 +176,16 @@ Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution,
   const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d::UnitZ();
   const Outcome<Meeting> meeting = Meet(solution.camera, pixel, normal, normal.dot(camera_from_target.translation));
   if (!meeting) return Failure{meeting.reason()};
-  const Rigid3d base_from_camera = base_from_camera_mount * solution.hand_eye.camera_mount_from_camera;
-  const Eigen::Matrix3d rotation = base_from_camera.RotationMatrix();
-  LocatedPoint located;
-  located.in_base = base_from_camera * meeting->in_camera;
   // The plane is where the picture shows it.
-  const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(meeting->in_camera);
-  const Eigen::Matrix<double, 3, 6> by_pose = meeting->by_plane * normal.transpose() * by_motion;
-  const Eigen::MatrixXd by_params = meeting->by_params + by_pose * seen->by_params;
-  const Eigen::MatrixXd by_unknowns = rotation * ByUnknowns(solution, by_motion, by_params);
-  located.by_calibration_m2 = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
-  const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
-  located.by_picture_m2 = variance_px2 * rotation *
-                          (meeting->by_pixel * meeting->by_pixel.transpose() +
-                           by_pose * *seen->pose.covariance_at_1px * by_pose.transpose()) *
-                          rotation.transpose();
-  const Eigen::Vector3d in_gripper = solution.hand_eye.camera_mount_from_camera * meeting->in_camera;
-  const Eigen::Matrix<double, 3, 6> by_gripper = base_from_camera_mount.RotationMatrix() * PointByMotion(in_gripper);
-  located.by_robot_m2 = by_gripper * RobotVariances(setup, solution).asDiagonal() * by_gripper.transpose();
-  return located;
+  const Eigen::Matrix<double, 3, 6> by_pose =
+      meeting->by_plane * normal.transpose() * PointByMotion(meeting->in_camera);
+  SeenPlace place;
+  place.in_camera = meeting->in_camera;
+  place.covariance_at_1px =
+      meeting->by_pixel * meeting->by_pixel.transpose() + by_pose * *seen->pose.covariance_at_1px * by_pose.transpose();
+  place.by_params = meeting->by_params + by_pose * seen->by_params;
+  return LocatedPoint{base_from_camera_mount * solution.hand_eye.camera_mount_from_camera * place.in_camera,
+                      CovarianceInBase(setup, solution, place, base_from_camera_mount)};
 }
 
 }  // namespace heba

@@ -9,15 +9,21 @@
 
 namespace heba {
 
-struct LocatedTarget {
-  Rigid3d base_from_target;
-  double rms_px = 0;  // Of the target's points.
-  // Of the place of the target's middle (the mean of the points that were seen), along the base's axes, m^2: by the
-  // calibration (hand-eye pose and intrinsics together, as they vary together), by the picture's pixel noise, and,
-  // where the robot carries the camera and its noise is known, by the robot's pose.
+// How well a place is known, along the base's axes, m^2: by the calibration (hand-eye pose and intrinsics together, as
+// they vary together), by the picture's pixel noise, and, where the robot carries the camera and its noise is known, by
+// the robot's pose.
+struct PlaceCovariance {
   Eigen::Matrix3d by_calibration_m2 = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d by_picture_m2 = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d by_robot_m2 = Eigen::Matrix3d::Zero();
+
+  Eigen::Matrix3d TotalM2() const { return by_calibration_m2 + by_picture_m2 + by_robot_m2; }
+};
+
+struct LocatedTarget {
+  Rigid3d base_from_target;
+  double rms_px = 0;           // Of the target's points.
+  PlaceCovariance covariance;  // Of the target's middle, the mean of the points that were seen.
 };
 
 // `base_from_camera_mount` is the gripper's pose for a camera that the robot carries, the identity for one that stands
@@ -34,10 +40,8 @@ struct Plane {
 // A pixel's place on a plane.
 struct LocatedPoint {
   Eigen::Vector3d in_base = Eigen::Vector3d::Zero();
-  // As LocatedTarget's; the plane is taken as exact where it is given, and as the target's picture shows it otherwise.
-  Eigen::Matrix3d by_calibration_m2 = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d by_picture_m2 = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d by_robot_m2 = Eigen::Matrix3d::Zero();
+  // The plane is taken as exact where it is given, and as the target's picture shows it otherwise.
+  PlaceCovariance covariance;
 };
 
 // Where the ray of `pixel` meets `plane`. A Failure if it does not, in front of the camera.

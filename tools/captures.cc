@@ -89,13 +89,17 @@ void FitCameraToPictures(const CaptureDetection& first, RunConfig* config) {
   }
 }
 
+View ViewOf(const RunConfig& config, size_t capture, Observations observations) {
+  const Capture& from = config.captures[capture];
+  return {from.name, CameraMountFromTargetMount(config.setup, from.base_from_gripper), std::move(observations),
+          from.role};
+}
+
 std::vector<View> ViewsOf(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
   std::vector<View> views;
   for (size_t i = 0; i < config.captures.size(); ++i) {
     if (detections[i].detection.ids.empty()) continue;
-    views.push_back({config.captures[i].name,
-                     CameraMountFromTargetMount(config.setup, config.captures[i].base_from_gripper),
-                     ObservationsOf(*config.target, detections[i].detection), config.captures[i].role});
+    views.push_back(ViewOf(config, i, ObservationsOf(*config.target, detections[i].detection)));
   }
   return views;
 }

@@ -17,6 +17,9 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
 // the two disagree.
 void FitCameraToPictures(const CaptureDetection& first, RunConfig* config);
 
+// One capture, numbered as in RunConfig::captures, with what its picture shows.
+View ViewOf(const RunConfig& config, size_t capture, Observations observations);
+
 // Of the captures in which the target was seen.
 std::vector<View> ViewsOf(const RunConfig& config, const std::vector<CaptureDetection>& detections);
 

@@ -240,7 +240,8 @@ std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Set
   const Outcome<LocatedTarget> located = LocateTarget(setup, solution, view.observations, Rigid3d());
   if (!located) return std::nullopt;
   const Eigen::Matrix3d mount_from_camera = solution.hand_eye.camera_mount_from_camera.RotationMatrix();
-  return WorkingPoint{middle_of(view), mount_from_camera.transpose() * located->by_calibration_m2 * mount_from_camera};
+  return WorkingPoint{middle_of(view),
+                      mount_from_camera.transpose() * located->covariance.by_calibration_m2 * mount_from_camera};
 }
 
 std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::vector<CaptureDetection>& detections,

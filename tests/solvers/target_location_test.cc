@@ -56,9 +56,9 @@ TEST_P(LocateTest, IsOffByWhatItStates) {
                                      : scene.hand_eye.camera_mount_from_camera * scene.pairs.back().camera_from_target;
     const Eigen::Vector3d middle = unseen.observations.points_in_target.rowwise().mean();
     const Eigen::Vector3d off_m = located->base_from_target * middle - truth * middle;
-    const Eigen::Matrix3d covariance = located->by_calibration_m2 + located->by_picture_m2 + located->by_robot_m2;
+    const Eigen::Matrix3d covariance = located->covariance.TotalM2();
     sum += off_m.dot(covariance.ldlt().solve(off_m));
-    EXPECT_EQ(located->by_robot_m2.isZero(), !(is_carried && is_noisy));
+    EXPECT_EQ(located->covariance.by_robot_m2.isZero(), !(is_carried && is_noisy));
 
     // A corner of the target by its pixel, on the plane that the target lies in, given or seen.
     const Eigen::Vector3d corner = unseen.observations.points_in_target.col(0);
@@ -72,8 +72,7 @@ TEST_P(LocateTest, IsOffByWhatItStates) {
     ASSERT_TRUE(on_target.ok()) << on_target.reason();
     const auto chi2 = [&](const LocatedPoint& point, const Eigen::MatrixXd& directions) {
       const Eigen::VectorXd off = directions.transpose() * (point.in_base - truth * corner);
-      const Eigen::MatrixXd stated =
-          directions.transpose() * (point.by_calibration_m2 + point.by_picture_m2 + point.by_robot_m2) * directions;
+      const Eigen::MatrixXd stated = directions.transpose() * (point.covariance.TotalM2()) * directions;
       return off.dot(stated.ldlt().solve(off));
     };
     // On a known plane there are two directions to be wrong in.

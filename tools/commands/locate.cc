@@ -64,15 +64,17 @@ std::string SigmasMm(const Eigen::Matrix3d& covariance_m2) {
   return Join(parts, ", ");
 }
 
+// "sx, sy, sz mm (calibration ...; picture ...)".
+std::string SigmasText(const PlaceCovariance& covariance) {
+  return SigmasMm(covariance.TotalM2()) + " mm (calibration " + SigmasMm(covariance.by_calibration_m2) + "; picture " +
+         SigmasMm(covariance.by_picture_m2) +
+         (covariance.by_robot_m2.isZero() ? "" : "; robot " + SigmasMm(covariance.by_robot_m2)) + ")";
+}
+
 std::string Describe(const std::string& image, const LocatedTarget& located, size_t num_seen, size_t num_points) {
-  std::string text = image + ": " + std::to_string(num_seen) + " of " + std::to_string(num_points) + " points, rms " +
-                     Significant(located.rms_px, 2) + " px\n  base_from_target " + PoseText(located.base_from_target) +
-                     "\n  one sigma of its middle, along the base's x, y, z: " +
-                     SigmasMm(located.by_calibration_m2 + located.by_picture_m2 + located.by_robot_m2) +
-                     " mm (calibration " + SigmasMm(located.by_calibration_m2) + "; picture " +
-                     SigmasMm(located.by_picture_m2);
-  if (!located.by_robot_m2.isZero()) text += "; robot " + SigmasMm(located.by_robot_m2);
-  return text + ")\n";
+  return image + ": " + std::to_string(num_seen) + " of " + std::to_string(num_points) + " points, rms " +
+         Significant(located.rms_px, 2) + " px\n  base_from_target " + PoseText(located.base_from_target) +
+         "\n  one sigma of its middle, along the base's x, y, z: " + SigmasText(located.covariance) + "\n";
 }
 
 // The arm of --robot: one of the table, or a URDF's from its root to its only tip; neither without the flag.
@@ -178,13 +180,9 @@ Rigid3d PointingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& normal) 
 
 std::string DescribePoint(const Eigen::Vector2d& pixel, const LocatedPoint& located) {
   const Eigen::Vector3d mm = 1000 * located.in_base;
-  std::string text =
-      "  pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": [" + Fixed(mm.x(), 3) + ", " +
-      Fixed(mm.y(), 3) + ", " + Fixed(mm.z(), 3) + "] mm in the base; one sigma " +
-      SigmasMm(located.by_calibration_m2 + located.by_picture_m2 + located.by_robot_m2) + " mm (calibration " +
-      SigmasMm(located.by_calibration_m2) + "; picture " + SigmasMm(located.by_picture_m2);
-  if (!located.by_robot_m2.isZero()) text += "; robot " + SigmasMm(located.by_robot_m2);
-  return text + ")\n";
+  return "  pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": [" + Fixed(mm.x(), 3) + ", " +
+         Fixed(mm.y(), 3) + ", " + Fixed(mm.z(), 3) + "] mm in the base; one sigma " + SigmasText(located.covariance) +
+         "\n";
 }
 
 // What --pixels and --plane ask for.

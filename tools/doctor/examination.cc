@@ -10,18 +10,21 @@
 
 namespace heba {
 
+size_t NumSeen(const std::vector<CaptureDetection>& detections) {
+  return static_cast<size_t>(std::count_if(detections.begin(), detections.end(), [](const CaptureDetection& capture) {
+    return capture.detection.ids.size() >= kMinPosePoints;
+  }));
+}
+
 std::vector<ExaminedView> ExamineViews(const RunConfig& config, const std::vector<CaptureDetection>& detections,
                                        const Camera& camera) {
-  constexpr int kMinPoints = 4;
   const std::vector<Rigid3d> symmetries = config.target->Symmetries();
   std::vector<ExaminedView> views;
   for (size_t i = 0; i < config.captures.size(); ++i) {
     ExaminedView examined;
     examined.capture = i;
-    examined.view = {config.captures[i].name,
-                     CameraMountFromTargetMount(config.setup, config.captures[i].base_from_gripper),
-                     ObservationsOf(*config.target, detections[i].detection), config.captures[i].role};
-    if (examined.view.observations.size() < kMinPoints) continue;
+    examined.view = ViewOf(config, i, ObservationsOf(*config.target, detections[i].detection));
+    if (examined.view.observations.ids.size() < kMinPosePoints) continue;
     const std::vector<TargetPose> poses = EstimateTargetPose(camera, examined.view.observations);
     if (poses.empty()) continue;
     for (const TargetPose& pose : poses) {
@@ -38,9 +41,7 @@ std::vector<ExaminedView> ExamineViews(const RunConfig& config, const std::vecto
 std::vector<ExaminedView> ViewsOfPoses(const RunConfig& config) {
   std::vector<ExaminedView> views;
   for (size_t i = 0; i < config.captures.size(); ++i) {
-    const Capture& capture = config.captures[i];
-    const Rigid3d mount = CameraMountFromTargetMount(config.setup, capture.base_from_gripper);
-    views.push_back({i, {capture.name, mount, {}, capture.role}, {config.target_poses[i]}, 0});
+    views.push_back({i, ViewOf(config, i, {}), {config.target_poses[i]}, 0});
   }
   return views;
 }
@@ -53,11 +54,10 @@ std::vector<PoseCandidates> CandidatesOf(const std::vector<ExaminedView>& views)
   return candidates;
 }
 
-std::vector<size_t> SpreadIndices(size_t count, size_t most) {
-  std::vector<size_t> indices;
-  const size_t num = std::min(count, most);
-  for (size_t i = 0; i < num; ++i) indices.push_back(i * count / num);
-  return indices;
+double WorkingDistanceM(const std::vector<ExaminedView>& views) {
+  double sum_m = 0;
+  for (const ExaminedView& view : views) sum_m += view.camera_from_target.front().translation.norm();
+  return sum_m / static_cast<double>(views.size());
 }
 
 std::string MisfitText(const PoseConsistency& consistency) {

@@ -30,7 +30,13 @@ struct Examination {
   Verbosity verbosity = Verbosity::kNormal;
 };
 
-// The views of the captures with four points or more, and, as `camera` sees them, the target's poses. Those that no
+// Fewer points of a target tell no pose.
+inline constexpr size_t kMinPosePoints = 4;
+
+// In how many pictures the target shows enough points for a pose.
+size_t NumSeen(const std::vector<CaptureDetection>& detections);
+
+// The views of the captures with enough points, and, as `camera` sees them, the target's poses. Those that no
 // pose explains are left out.
 std::vector<ExaminedView> ExamineViews(const RunConfig& config, const std::vector<CaptureDetection>& detections,
                                        const Camera& camera);
@@ -41,8 +47,11 @@ std::vector<ExaminedView> ViewsOfPoses(const RunConfig& config);
 // `views` as pairs of poses.
 std::vector<PoseCandidates> CandidatesOf(const std::vector<ExaminedView>& views);
 
-// At most `most` of `count` indices, evenly spread.
-std::vector<size_t> SpreadIndices(size_t count, size_t most);
+// Mean distance of the target from the camera. `views` must not be empty.
+double WorkingDistanceM(const std::vector<ExaminedView>& views);
+
+// Robot and pictures that differ by more than this share of the working distance do not belong together.
+inline constexpr double kPoorShare = 0.05;
 
 // "23 deg and 180 mm": how far robot and pictures are apart.
 std::string MisfitText(const PoseConsistency& consistency);

@@ -42,6 +42,34 @@ std::vector<TextLine> LinesOf(const std::string& text) {
   return lines;
 }
 
+std::vector<double> NumbersOfFile(const fs::path& file) {
+  std::vector<double> numbers;
+  for (const TextLine& line : LinesOf(ReadTextFile(file))) {
+    for (const double number : NumbersOfLine(line.text, file, line.number)) numbers.push_back(number);
+  }
+  return numbers;
+}
+
+size_t NumbersInFirstLine(const fs::path& file) {
+  const std::vector<TextLine> lines = LinesOf(BeginningOf(file));
+  if (lines.empty()) return 0;
+  try {
+    return NumbersOfLine(lines.front().text, file, lines.front().number).size();
+  } catch (const InputError&) {
+    return 0;
+  }
+}
+
+std::vector<double> FlatNumbers(const ConfigValue& value) {
+  std::vector<double> numbers;
+  for (const ConfigValue& item : value.AsList()) {
+    for (const ConfigValue& number : item.IsList() ? item.AsList() : std::vector<ConfigValue>{item}) {
+      numbers.push_back(number.AsNumber());
+    }
+  }
+  return numbers;
+}
+
 Rigid3d PoseOf(std::string_view format, std::span<const double> numbers, const std::string& where) {
   const PoseFormat* known = FindPoseFormat(format);
   CHECK(known != nullptr) << format;
@@ -98,6 +126,8 @@ std::map<std::string, std::vector<double>> FileStorageNumbers(const fs::path& pa
   return found;
 }
 
+namespace {
+
 std::map<int, fs::path> NumberedFiles(const fs::path& folder, std::string_view prefix, std::string_view suffix) {
   std::map<int, fs::path> files;
   std::error_code error;
@@ -116,6 +146,17 @@ std::map<int, fs::path> NumberedFiles(const fs::path& folder, std::string_view p
   return files;
 }
 
+}  // namespace
+
+std::map<int, fs::path> NumberedFiles(const fs::path& folder, std::initializer_list<std::string_view> prefixes,
+                                      std::initializer_list<std::string_view> suffixes) {
+  std::map<int, fs::path> files;
+  for (const std::string_view prefix : prefixes) {
+    for (const std::string_view suffix : suffixes) files.merge(NumberedFiles(folder, prefix, suffix));
+  }
+  return files;
+}
+
 std::vector<fs::path> PicturesOf(const fs::path& folder) {
   std::vector<fs::path> pictures;
   std::error_code error;
@@ -126,6 +167,26 @@ std::vector<fs::path> PicturesOf(const fs::path& folder) {
     return NaturalLess(a.filename().string(), b.filename().string());
   });
   return pictures;
+}
+
+std::vector<fs::path> PicturesForPoses(const std::vector<fs::path>& folders, size_t num_poses,
+                                       std::vector<std::string>* remarks) {
+  for (const fs::path& folder : folders) {
+    std::vector<fs::path> pictures = PicturesOf(folder);
+    if (pictures.size() == num_poses) return pictures;
+    if (pictures.empty()) continue;
+    remarks->push_back(std::to_string(pictures.size()) + " pictures lie beside the " + std::to_string(num_poses) +
+                       " poses; which belongs to which, the file does not say");
+    break;
+  }
+  return {};
+}
+
+ImportedCapture CaptureOf(const fs::path& picture, size_t number) {
+  ImportedCapture capture;
+  capture.image = picture;
+  capture.name = picture.empty() ? "pose_" + std::to_string(number) : picture.filename().string();
+  return capture;
 }
 
 std::string BeginningOf(const fs::path& path) {

@@ -34,11 +34,7 @@ Camera OfSize(Camera camera, const CaptureDetection& picture) {
 // Root mean square misfit of the middle view to its own best pose; infinite if hardly any view has one.
 double FitPx(const Examination& examination, const Camera& camera) {
   const std::vector<ExaminedView> views = ExamineViews(examination.config, examination.detections, camera);
-  constexpr size_t kMinPoints = 4;
-  const auto num_all = static_cast<size_t>(
-      std::count_if(examination.detections.begin(), examination.detections.end(),
-                    [](const CaptureDetection& capture) { return capture.detection.ids.size() >= kMinPoints; }));
-  if (2 * views.size() < num_all) return std::numeric_limits<double>::infinity();
+  if (2 * views.size() < NumSeen(examination.detections)) return std::numeric_limits<double>::infinity();
   std::vector<double> rms;
   for (const ExaminedView& view : views) rms.push_back(view.rms_px);
   return rms.empty() ? std::numeric_limits<double>::infinity() : Median(rms);

@@ -27,6 +27,13 @@ std::vector<Symptom> SamePictures(const RunConfig& config) {
   return symptoms;
 }
 
+// How far two poses of a target are apart, in the unit of PoseConsistency::misfit_m: a turn as a distance at the
+// target.
+double ApartM(const Rigid3d& camera_from_target, const Rigid3d& other) {
+  return std::hypot(DistanceM(camera_from_target, other),
+                    camera_from_target.translation.norm() * AngleRad(camera_from_target, other));
+}
+
 // Captures with one pose, to the last digit, whose pictures show the target in different places.
 std::vector<Symptom> SamePoses(const std::vector<ExaminedView>& views, double limit_m) {
   std::vector<Symptom> symptoms;
@@ -42,7 +49,7 @@ std::vector<Symptom> SamePoses(const std::vector<ExaminedView>& views, double li
     double apart_m = std::numeric_limits<double>::infinity();
     for (const Rigid3d& a : views[i].camera_from_target) {
       for (const Rigid3d& b : other.camera_from_target) {
-        apart_m = std::min(apart_m, std::hypot(DistanceM(a, b), a.translation.norm() * AngleRad(a, b)));
+        apart_m = std::min(apart_m, ApartM(a, b));
       }
     }
     if (apart_m <= limit_m) continue;
@@ -55,14 +62,12 @@ std::vector<Symptom> SamePoses(const std::vector<ExaminedView>& views, double li
   return symptoms;
 }
 
-// How far the view is from where `mount` would have it, at the target, and in the same unit as
-// PoseConsistency::misfit_m.
+// How far the view is from where `mount` would have it.
 double MisfitM(const PoseConsistency& consistency, const ExaminedView& view, const Rigid3d& mount) {
   const Rigid3d camera_from_target = CameraFromTarget(consistency.hand_eye, mount);
   double best = std::numeric_limits<double>::infinity();
   for (const Rigid3d& seen : view.camera_from_target) {
-    best = std::min(best, std::hypot(DistanceM(camera_from_target, seen),
-                                     seen.translation.norm() * AngleRad(camera_from_target, seen)));
+    best = std::min(best, ApartM(seen, camera_from_target));
   }
   return best;
 }
@@ -75,13 +80,10 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   const std::optional<PoseConsistency> consistency = FindPoseConsistency(CandidatesOf(views), RobotScale::kOne);
   if (!consistency) return symptoms;
   // Where nothing fits, nothing sticks out.
-  constexpr double kPoorShare = 0.05;
   constexpr double kOutside = 6;
   constexpr double kLeastShare = 0.01;
   constexpr double kInside = 3;
-  double distance_m = 0;
-  for (const ExaminedView& view : views) distance_m += view.camera_from_target.front().translation.norm();
-  distance_m /= static_cast<double>(views.size());
+  const double distance_m = WorkingDistanceM(views);
   if (consistency->typical_misfit_m > kPoorShare * distance_m) return symptoms;
   const double limit_m = std::max(kOutside * consistency->typical_misfit_m, kLeastShare * distance_m);
   const double fits_m = std::max(kInside * consistency->typical_misfit_m, 0.25 * kLeastShare * distance_m);

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <limits>
 
+#include "heba/base/spread.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/motion_analysis.h"
@@ -125,9 +126,7 @@ std::vector<size_t> PlaceInOtherOrder(const RunConfig& config, bool by_letters_f
   std::vector<size_t> by_number = by_letters;
   const auto name = [&](size_t i) -> const std::string& { return config.captures[i].name; };
   std::sort(by_letters.begin(), by_letters.end(), [&](size_t a, size_t b) { return name(a) < name(b); });
-  std::sort(by_number.begin(), by_number.end(), [&](size_t a, size_t b) {
-    return std::pair(name(a).size(), name(a)) < std::pair(name(b).size(), name(b));
-  });
+  std::sort(by_number.begin(), by_number.end(), [&](size_t a, size_t b) { return NaturalLess(name(a), name(b)); });
   std::vector<size_t> place(config.captures.size());
   for (size_t i = 0; i < place.size(); ++i) {
     if (by_letters_first) {
@@ -323,9 +322,7 @@ std::vector<Symptom> Check_poses(Examination* examination) {
       misfit_m(*std::min_element(judged.begin(), judged.end(), [&](const JudgedReading& a, const JudgedReading& b) {
         return misfit_m(a) < misfit_m(b);
       }));
-  double distance_m = 0;
-  for (const PoseCandidates& capture : captures) distance_m += capture.camera_from_target.front().translation.norm();
-  distance_m /= static_cast<double>(captures.size());
+  const double distance_m = WorkingDistanceM(examination->views);
 
   constexpr double kGoodShare = 1e-3;
   if (kDecidedly * least_m < now->typical_misfit_m && now->typical_misfit_m > kGoodShare * distance_m) {
@@ -349,7 +346,6 @@ std::vector<Symptom> Check_poses(Examination* examination) {
     return {symptom};
   }
 
-  constexpr double kPoorShare = 0.05;
   const std::optional<PoseConsistency> scaled = FindPoseConsistency(captures, RobotScale::kFree);
   const double scale = scaled ? scaled->robot_scale : 1;
   constexpr double kSurely = 5;

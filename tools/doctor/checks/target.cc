@@ -4,6 +4,7 @@
 
 #include "heba/base/median.h"
 #include "heba/base/parallel.h"
+#include "heba/base/spread.h"
 #include "heba/base/text.h"
 #include "targets/image.h"
 #include "targets/target.h"
@@ -13,8 +14,6 @@
 
 namespace heba {
 namespace {
-
-constexpr size_t kMinPoints = 4;
 
 struct OtherTarget {
   TargetSettings settings;
@@ -104,16 +103,10 @@ std::optional<OtherTarget> FindOther(const RunConfig& sample, size_t num_now, in
   });
   constexpr double kDecidedly = 1.3;
   if (best == others.end() ||
-      static_cast<double>(best->num_points) <= kDecidedly * static_cast<double>(num_now) + kMinPoints) {
+      static_cast<double>(best->num_points) <= kDecidedly * static_cast<double>(num_now) + kMinPosePoints) {
     return std::nullopt;
   }
   return *best;
-}
-
-size_t NumSeen(const std::vector<CaptureDetection>& detections) {
-  return static_cast<size_t>(std::count_if(detections.begin(), detections.end(), [](const CaptureDetection& capture) {
-    return capture.detection.ids.size() >= kMinPoints;
-  }));
 }
 
 // The middle share of the target's points, of the pictures that show it.
@@ -121,7 +114,7 @@ double MiddleShare(const RunConfig& config, const std::vector<CaptureDetection>&
   std::vector<double> shares;
   for (const CaptureDetection& capture : detections) {
     const size_t num_points = capture.detection.ids.size();
-    if (num_points < kMinPoints) continue;
+    if (num_points < kMinPosePoints) continue;
     shares.push_back(static_cast<double>(num_points) / static_cast<double>(config.target->points().size()));
   }
   return shares.empty() ? 0 : Median(shares);
@@ -193,7 +186,7 @@ std::vector<Symptom> Check_target(Examination* examination) {
 
   std::string why;
   for (size_t i = 0; i < all.size() && why.empty(); ++i) {
-    if (all[i].detection.ids.size() >= kMinPoints || all[i].detection.reason.empty()) continue;
+    if (all[i].detection.ids.size() >= kMinPosePoints || all[i].detection.reason.empty()) continue;
     why = " (" + config.captures[i].name + ": " + all[i].detection.reason + ")";
   }
   const double share = static_cast<double>(NumSeen(all)) / static_cast<double>(all.size());

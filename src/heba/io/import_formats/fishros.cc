@@ -33,8 +33,9 @@ ImportedSet Read(const fs::path& source) {
   ImportedSet set;
   set.files.push_back(source);
   const std::vector<TextLine> lines = LinesOf(ReadTextFile(source));
-  if (lines.size() % 2 != 0)
+  if (lines.size() % 2 != 0) {
     throw InputError(source.string() + ": the last line has no partner; hand and eye take turns");
+  }
   for (size_t i = 0; i < lines.size(); i += 2) {
     ImportedCapture capture;
     capture.name = "pair_" + std::to_string(i / 2);
@@ -42,7 +43,6 @@ ImportedSet Read(const fs::path& source) {
     capture.camera_from_target = PoseOfLine(lines[i + 1], "eye", source);
     set.captures.push_back(std::move(capture));
   }
-  set.remarks.emplace_back("the file does not say where the camera is: set setup");
   return set;
 }
 

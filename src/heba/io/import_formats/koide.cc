@@ -1,7 +1,5 @@
 // K. Koide's st_handeye_graph: NNN_image.jpg with NNN_pose.csv (4 x 4, m, the gripper in the base), camera_matrix.csv
 // and distortion.csv. The camera is carried. Pictures that have no pose are passed over.
-#include "heba/base/files.h"
-#include "heba/base/text.h"
 #include "heba/io/camera_format.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"
@@ -10,37 +8,24 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-bool Matches(const fs::path& source) { return !NumberedFiles(source, "", "_pose.csv").empty(); }
-
-std::vector<double> NumbersOf(const fs::path& file) {
-  std::vector<double> numbers;
-  for (const TextLine& line : LinesOf(ReadTextFile(file))) {
-    for (const double number : NumbersOfLine(line.text, file, line.number)) numbers.push_back(number);
-  }
-  return numbers;
-}
+bool Matches(const fs::path& source) { return !NumberedFiles(source, {""}, {"_pose.csv"}).empty(); }
 
 ImportedSet Read(const fs::path& source) {
   ImportedSet set;
   set.setup = Setup::kEyeInHand;
-  std::map<int, fs::path> pictures;
-  for (const char* suffix : {"_image.jpg", "_image.png"}) {
-    for (const auto& [number, file] : NumberedFiles(source, "", suffix)) pictures.emplace(number, file);
-  }
-  for (const auto& [number, file] : NumberedFiles(source, "", "_pose.csv")) {
+  std::map<int, fs::path> pictures = NumberedFiles(source, {""}, {"_image.jpg", "_image.png"});
+  for (const auto& [number, file] : NumberedFiles(source, {""}, {"_pose.csv"})) {
     set.files.push_back(file);
-    ImportedCapture capture;
-    capture.base_from_gripper = PoseOfMatrix(NumbersOf(file), 1, file.string());
-    if (const auto found = pictures.find(number); found != pictures.end()) capture.image = found->second;
-    capture.name = capture.image.empty() ? "pose_" + std::to_string(number) : capture.image.filename().string();
+    ImportedCapture capture = CaptureOf(pictures[number], static_cast<size_t>(number));
+    capture.base_from_gripper = PoseOfMatrix(NumbersOfFile(file), 1, file.string());
     set.captures.push_back(std::move(capture));
   }
   const fs::path matrix = source / "camera_matrix.csv";
   const fs::path distortion = source / "distortion.csv";
   if (fs::exists(matrix) && fs::exists(distortion)) {
-    const Outcome<std::vector<double>> pinhole = PinholeFromMatrix(NumbersOf(matrix));
+    const Outcome<std::vector<double>> pinhole = PinholeFromMatrix(NumbersOfFile(matrix));
     if (!pinhole) throw InputError(matrix.string() + ": " + pinhole.reason());
-    const Outcome<Camera> camera = CameraFromCoefficients(*pinhole, NumbersOf(distortion), Lens::kPolynomial);
+    const Outcome<Camera> camera = CameraFromCoefficients(*pinhole, NumbersOfFile(distortion), Lens::kPolynomial);
     if (!camera) throw InputError(distortion.string() + ": " + camera.reason());
     set.camera = *camera;
     set.files.insert(set.files.end(), {matrix, distortion});

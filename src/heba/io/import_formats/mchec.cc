@@ -1,7 +1,6 @@
 // Multi-Camera-Hand-Eye-Calibration: CalibrationInfo.yaml and cameraN/{image/0000.png, pose/0000.csv,
 // intrinsic_pars_file.yaml}. SOURCE is the folder, of which the first camera is taken, or the folder of one camera in
 // it. Poses are 4 x 4 (m), the gripper in the base. calibration_setup 0: the cameras are carried.
-#include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"
@@ -43,8 +42,9 @@ Camera ReadCamera(const fs::path& file) {
 ImportedSet Read(const fs::path& source) {
   ImportedSet set;
   const fs::path root = RootOf(source);
-  if (root.empty())
+  if (root.empty()) {
     throw InputError(source.string() + ": holds no CalibrationInfo.yaml, and neither does the folder above");
+  }
   const fs::path info = root / "CalibrationInfo.yaml";
   set.files.push_back(info);
   MapReader reader(ReadYamlFile(info));
@@ -62,8 +62,7 @@ ImportedSet Read(const fs::path& source) {
   const fs::path camera = is_root ? root / (reader.Text("camera_folder_prefix", "camera") + "1") : fs::path(source);
   if (is_root && num_cameras > 1) {
     set.remarks.push_back("of " + std::to_string(num_cameras) +
-                          " cameras the first one is read; name a camera's folder for "
-                          "another");
+                          " cameras the first one is read; name a camera's folder for another");
   }
   const fs::path intrinsics = camera / "intrinsic_pars_file.yaml";
   if (fs::exists(intrinsics)) {
@@ -73,12 +72,10 @@ ImportedSet Read(const fs::path& source) {
   for (const fs::path& picture : PicturesOf(camera / "image")) {
     const fs::path pose = camera / "pose" / (picture.stem().string() + ".csv");
     if (!fs::exists(pose)) continue;
-    std::vector<double> numbers;
-    for (const TextLine& line : LinesOf(ReadTextFile(pose))) {
-      for (const double number : NumbersOfLine(line.text, pose, line.number)) numbers.push_back(number);
-    }
     set.files.push_back(pose);
-    set.captures.push_back({picture.filename().string(), picture, PoseOfMatrix(numbers, 1, pose.string()), {}, {}, {}});
+    ImportedCapture capture = CaptureOf(picture, set.captures.size());
+    capture.base_from_gripper = PoseOfMatrix(NumbersOfFile(pose), 1, pose.string());
+    set.captures.push_back(std::move(capture));
   }
   return set;
 }

@@ -13,19 +13,6 @@ bool Matches(const fs::path& source) {
   return text.find("effector_wrt_world") != std::string::npos || Trim(text).starts_with("[[[[");
 }
 
-// The numbers of a list, and of the lists in it.
-std::vector<double> Flat(const ConfigValue& value) {
-  std::vector<double> numbers;
-  for (const ConfigValue& item : value.AsList()) {
-    if (item.IsList()) {
-      for (const ConfigValue& number : item.AsList()) numbers.push_back(number.AsNumber());
-    } else {
-      numbers.push_back(item.AsNumber());
-    }
-  }
-  return numbers;
-}
-
 ImportedSet Read(const fs::path& source) {
   ImportedSet set;
   set.files.push_back(source);
@@ -44,13 +31,12 @@ ImportedSet Read(const fs::path& source) {
     const auto pose_of = [](const ConfigValue& value) {
       std::string where = value.Where();
       where.resize(where.size() - 2);
-      return PoseOfMatrix(Flat(value), 1, where);
+      return PoseOfMatrix(FlatNumbers(value), 1, where);
     };
     capture.base_from_gripper = pose_of(pair[0]);
     capture.camera_from_target = pose_of(pair[1]);
     set.captures.push_back(std::move(capture));
   }
-  set.remarks.emplace_back("the samples do not say where the camera is: set setup");
   return set;
 }
 

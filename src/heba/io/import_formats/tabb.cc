@@ -40,10 +40,7 @@ ImportedSet Read(const fs::path& source) {
   ImportedSet set;
   const fs::path robot = source / "robot_cali.txt";
   set.files.push_back(robot);
-  std::vector<double> numbers;
-  for (const TextLine& line : LinesOf(ReadTextFile(robot))) {
-    for (const double number : NumbersOfLine(line.text, robot, line.number)) numbers.push_back(number);
-  }
+  const std::vector<double> numbers = NumbersOfFile(robot);
   constexpr size_t kMatrix = 16;
   const bool has_count =
       numbers.size() % kMatrix == 1 && numbers[0] * kMatrix == static_cast<double>(numbers.size() - 1);
@@ -62,9 +59,7 @@ ImportedSet Read(const fs::path& source) {
   }
   for (size_t i = 0; i < num_poses; ++i) {
     const std::span<const double> matrix(numbers.data() + 1 + kMatrix * i, kMatrix);
-    ImportedCapture capture;
-    capture.image = pictures.empty() ? fs::path() : pictures[i];
-    capture.name = pictures.empty() ? "pose_" + std::to_string(i) : pictures[i].filename().string();
+    ImportedCapture capture = CaptureOf(pictures.empty() ? fs::path() : pictures[i], i);
     capture.base_from_gripper =
         Inverse(PoseOfMatrix(matrix, 1e-3, robot.string() + ": matrix " + std::to_string(i + 1)));
     set.captures.push_back(std::move(capture));

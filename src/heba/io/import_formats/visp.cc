@@ -1,7 +1,6 @@
 // ViSP's hand-eye tools: pose_rPe_N.yaml (the effector in the robot's frame) with pose_cPo_N.yaml (the object in the
 // camera's) or pictures image-N.*; poses are 6 x 1: tx ty tz (m) and theta u (rad). camera.xml is ViSP's own and is not
 // read.
-#include "heba/base/text.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"
 
@@ -9,42 +8,28 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-bool Matches(const fs::path& source) { return !NumberedFiles(source, "pose_rPe_", ".yaml").empty(); }
+bool Matches(const fs::path& source) { return !NumberedFiles(source, {"pose_rPe_"}, {".yaml"}).empty(); }
 
 // `rows: 6`, `cols: 1` and `data:`, a list whose items may stand in lists of their own.
 Rigid3d ReadPose(const fs::path& file) {
   MapReader reader(ReadYamlFile(file));
-  std::vector<double> numbers;
-  for (const ConfigValue& item : reader.Get("data").AsList()) {
-    if (item.IsList()) {
-      for (const ConfigValue& number : item.AsList()) numbers.push_back(number.AsNumber());
-    } else {
-      numbers.push_back(item.AsNumber());
-    }
-  }
-  return PoseOf("ur", numbers, file.string());
+  return PoseOf("ur", FlatNumbers(reader.Get("data")), file.string());
 }
 
 ImportedSet Read(const fs::path& source) {
   ImportedSet set;
-  const std::map<int, fs::path> seen = NumberedFiles(source, "pose_cPo_", ".yaml");
-  std::map<int, fs::path> pictures;
-  for (const char* suffix : {".png", ".jpg", ".jpeg", ".pgm", ".ppm"}) {
-    for (const auto& [number, file] : NumberedFiles(source, "image-", suffix)) pictures.emplace(number, file);
-  }
-  for (const auto& [number, file] : NumberedFiles(source, "pose_rPe_", ".yaml")) {
-    ImportedCapture capture;
+  const std::map<int, fs::path> seen = NumberedFiles(source, {"pose_cPo_"}, {".yaml"});
+  std::map<int, fs::path> pictures = NumberedFiles(source, {"image-"}, {".png", ".jpg", ".jpeg", ".pgm", ".ppm"});
+  for (const auto& [number, file] : NumberedFiles(source, {"pose_rPe_"}, {".yaml"})) {
+    ImportedCapture capture = CaptureOf(pictures[number], static_cast<size_t>(number));
     capture.base_from_gripper = ReadPose(file);
     set.files.push_back(file);
-    if (const auto found = pictures.find(number); found != pictures.end()) capture.image = found->second;
     if (const auto found = seen.find(number); found != seen.end()) {
       capture.camera_from_target = ReadPose(found->second);
       set.files.push_back(found->second);
     }
-    capture.name = capture.image.empty() ? "pose_" + std::to_string(number) : capture.image.filename().string();
     set.captures.push_back(std::move(capture));
   }
-  set.remarks.emplace_back("the files do not say where the camera is: set setup");
   return set;
 }
 
