@@ -1,7 +1,9 @@
 // Mistakes that people make with more than one type of target, for Target::Confusions.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -24,6 +26,25 @@ inline std::vector<TargetSettings> ConfusedGrids(int rows, int columns) {
     confusions.push_back(RowsAndColumns(rows + more_rows, columns + more_columns));
     if (rows != columns) confusions.push_back(RowsAndColumns(columns + more_columns, rows + more_rows));
   }
+  return confusions;
+}
+
+// Where the numbers of a board's `num` tags (markers, dots) may begin instead of at `first`, by all those `seen` in a
+// picture: if more of them belong to the board then. Of a board that is partly in view, both ends of what is possible.
+inline std::vector<TargetSettings> OtherFirstIds(const std::string& key, std::vector<int> seen, int first, int num) {
+  std::sort(seen.begin(), seen.end());
+  seen.erase(std::unique(seen.begin(), seen.end()), seen.end());
+  const auto count_from = [&](int begin) {
+    return std::count_if(seen.begin(), seen.end(), [&](int id) { return id >= begin && id < begin + num; });
+  };
+  if (seen.empty()) return {};
+  const int lowest =
+      *std::max_element(seen.begin(), seen.end(), [&](int a, int b) { return count_from(a) < count_from(b); });
+  if (count_from(lowest) <= count_from(first)) return {};
+  const int last = *std::prev(std::lower_bound(seen.begin(), seen.end(), lowest + num));
+  std::vector<TargetSettings> confusions = {{{key, std::to_string(lowest)}}};
+  const int other_end = std::max(0, last - num + 1);
+  if (other_end != lowest) confusions.push_back({{key, std::to_string(other_end)}});
   return confusions;
 }
 

@@ -107,7 +107,8 @@ int MaxBitErrors(const apriltag_family_t& family) { return std::clamp((static_ca
 // The tags of a family that are on the board, their black border as wide as the board's. Ids become indices from 0.
 class BoardFamily {
  public:
-  BoardFamily(Family family, const TagGridGeometry& geometry) : source_(std::move(family)), family_(*source_) {
+  BoardFamily(Family family, const TagGridGeometry& geometry, int max_bit_errors)
+      : source_(std::move(family)), family_(*source_) {
     // Only the board's codes: the table of codes with errors of a large family would take gigabytes.
     family_.codes += geometry.first_id;
     family_.ncodes = static_cast<uint32_t>(geometry.rows * geometry.columns);
@@ -124,7 +125,7 @@ class BoardFamily {
     // A detector builds the table when it is given the family and frees it when it is destroyed: this one never
     // detects.
     table_owner_ = apriltag_detector_create();
-    apriltag_detector_add_family_bits(table_owner_, &family_, MaxBitErrors(family_));
+    apriltag_detector_add_family_bits(table_owner_, &family_, max_bit_errors);
   }
   ~BoardFamily() { apriltag_detector_destroy(table_owner_); }
   BoardFamily(const BoardFamily&) = delete;
@@ -193,7 +194,9 @@ class BoardFamily {
 class AprilTagGrid final : public Target {
  public:
   AprilTagGrid(Family family, const TagGridGeometry& geometry)
-      : geometry_(geometry), max_bit_errors_(MaxBitErrors(*family)), family_(std::move(family), geometry) {
+      : geometry_(geometry),
+        max_bit_errors_(MaxBitErrors(*family)),
+        family_(std::move(family), geometry, max_bit_errors_) {
     const double size_m = geometry_.tag_size_m;
     layout_.pitch_m = size_m * (1 + geometry_.tag_spacing_ratio);
     for (int index = 0; index < geometry_.rows * geometry_.columns; ++index) {
@@ -236,8 +239,9 @@ class AprilTagGrid final : public Target {
     return detection;
   }
 
-  std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const override {
-    std::vector<TargetSettings> confusions;
+  std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
+    std::vector<TargetSettings> confusions =
+        OtherFirstIds("first_id", SeenIds(grey), geometry_.first_id, geometry_.rows * geometry_.columns);
     if (geometry_.rows != geometry_.columns) {
       confusions.push_back(RowsAndColumns(geometry_.columns, geometry_.rows));
     }
@@ -253,6 +257,22 @@ class AprilTagGrid final : public Target {
   const Drawing& Draw() const override { return drawing_; }
 
  private:
+  // Of all tags of the family, without a wrong bit.
+  std::vector<int> SeenIds(const cv::Mat& grey) const {
+    const auto entry = std::find_if(std::begin(kFamilies), std::end(kFamilies),
+                                    [&](const FamilyName& known) { return known.name == geometry_.family; });
+    Family family(*entry);
+    TagGridGeometry all = geometry_;
+    all.first_id = 0;
+    all.rows = 1;
+    all.columns = static_cast<int>(family->ncodes);
+    std::vector<int> ids;
+    for (const SeenTag& tag : BoardFamily(std::move(family), all, 0).Detect(grey, Decimations(grey).front())) {
+      ids.push_back(tag.index);
+    }
+    return ids;
+  }
+
   Drawing MakeDrawing() const {
     Drawing drawing;
     drawing.y_up = true;

@@ -135,8 +135,12 @@ class Charuco final : public Target {
     return detection;
   }
 
-  std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const override {
-    std::vector<TargetSettings> confusions = {{{"legacy_pattern", geometry_.legacy_pattern ? "false" : "true"}}};
+  std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
+    std::vector<int> ids;
+    for (const SeenTag& marker : AllMarkers(grey)) ids.push_back(marker.index);
+    std::vector<TargetSettings> confusions = OtherFirstIds("first_marker", std::move(ids), geometry_.first_marker,
+                                                           static_cast<int>(layout_.corners_m.size()));
+    confusions.push_back({{"legacy_pattern", geometry_.legacy_pattern ? "false" : "true"}});
     const std::vector<TargetSettings> grids = ConfusedGrids(geometry_.rows, geometry_.columns);
     confusions.insert(confusions.end(), grids.begin(), grids.end());
     AddOtherNames("dictionary", kDictionaries, geometry_.dictionary, &confusions);
@@ -181,6 +185,16 @@ class Charuco final : public Target {
   }
 
   std::vector<SeenTag> FindMarkers(const cv::Mat& grey) const {
+    std::vector<SeenTag> markers;
+    for (SeenTag& marker : AllMarkers(grey)) {
+      marker.index -= geometry_.first_marker;
+      if (marker.index >= 0 && marker.index < static_cast<int>(layout_.corners_m.size())) markers.push_back(marker);
+    }
+    return markers;
+  }
+
+  // The board's and others; the index of each is its number in the dictionary.
+  std::vector<SeenTag> AllMarkers(const cv::Mat& grey) const {
     const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
     parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;
     parameters->minMarkerPerimeterRate = 0.01;
@@ -192,10 +206,8 @@ class Charuco final : public Target {
     cv::aruco::detectMarkers(grey, dictionary_, corners, ids, parameters);
     std::vector<SeenTag> markers;
     for (size_t i = 0; i < ids.size(); ++i) {
-      const int index = ids[i] - geometry_.first_marker;
-      if (index < 0 || index >= static_cast<int>(layout_.corners_m.size())) continue;
       SeenTag marker;
-      marker.index = index;
+      marker.index = ids[i];
       for (size_t k = 0; k < 4; ++k) marker.corners_px[k] = {corners[i][k].x, corners[i][k].y};
       markers.push_back(marker);
     }

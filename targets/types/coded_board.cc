@@ -63,8 +63,9 @@ class CodedBoard final : public Target {
   std::string_view type() const override { return "coded_board"; }
   const std::vector<TargetPoint>& points() const override { return points_; }
 
-  std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const override {
-    std::vector<TargetSettings> confusions;
+  std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
+    std::vector<TargetSettings> confusions =
+        OtherFirstIds("first_id", SeenIds(grey), options_.first_id, options_.rows * options_.columns);
     if (options_.rows != options_.columns) confusions.push_back(RowsAndColumns(options_.columns, options_.rows));
     confusions.push_back({{"code_order", options_.code_order == RingCodeOrder::kValue ? "separation" : "value"}});
     for (const int bits : {12, 14, 10, 8}) {
@@ -79,11 +80,8 @@ class CodedBoard final : public Target {
 
   Detection Detect(const cv::Mat& grey) const override {
     CHECK_EQ(grey.type(), CV_8UC1);
-    EllipseFinderOptions finder_options;
-    finder_options.polarity = options_.polarity;
-    finder_options.min_diameter_px = 3;
     std::vector<FoundPoint> found;
-    const std::vector<FoundEllipse> dots = FindEllipses(grey, finder_options);
+    const std::vector<FoundEllipse> dots = FindDots(grey);
     for (const FoundEllipse& dot : dots) {
       const std::optional<RingReading> reading = decoder_.Read(grey, dot.ellipse);
       if (reading) AddFound(*reading, &found);
@@ -103,6 +101,26 @@ class CodedBoard final : public Target {
   }
 
  private:
+  std::vector<FoundEllipse> FindDots(const cv::Mat& grey) const {
+    EllipseFinderOptions finder_options;
+    finder_options.polarity = options_.polarity;
+    finder_options.min_diameter_px = 3;
+    return FindEllipses(grey, finder_options);
+  }
+
+  // Of all codes of the board's kind, where a ring is large and exact enough to be believed.
+  std::vector<int> SeenIds(const cv::Mat& grey) const {
+    const std::vector<uint32_t> codes = RingCodes(options_.bits, options_.code_order);
+    const RingDecoder decoder(options_.bits, options_.polarity, codes);
+    std::vector<int> ids;
+    for (const FoundEllipse& dot : FindDots(grey)) {
+      const std::optional<RingReading> reading = decoder.Read(grey, dot.ellipse);
+      if (!reading || !reading->is_clear) continue;
+      ids.push_back(static_cast<int>(std::find(codes.begin(), codes.end(), reading->code) - codes.begin()));
+    }
+    return ids;
+  }
+
   Drawing MakeDrawing() const {
     Drawing drawing;
     const double radius_m = RadiusM();

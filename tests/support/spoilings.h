@@ -181,6 +181,17 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
          if (found == wrong.end()) return std::nullopt;
          return Spoiled{{TargetSetting(good, folder, found->second)}, {"target"}};
        }});
+  for (const int first : {2, 24}) {
+    spoilings.push_back(
+        {"numbers_from_" + std::to_string(first),
+         [first](const GoodSet& good, const std::filesystem::path& folder) -> std::optional<Spoiled> {
+           const std::map<std::string, std::string> keys = {
+               {"apriltag_grid", "first_id"}, {"charuco", "first_marker"}, {"coded_board", "first_id"}};
+           const auto key = keys.find(good.target_type);
+           if (key == keys.end()) return std::nullopt;
+           return Spoiled{{TargetSetting(good, folder, {{key->second, std::to_string(first)}})}, {"target"}};
+         }});
+  }
   spoilings.push_back(
       {"one_column_too_many", [](const GoodSet& good, const std::filesystem::path& folder) -> std::optional<Spoiled> {
          return Spoiled{{TargetSetting(good, folder, {{"columns", std::to_string(good.columns + 1)}})}, {"target"}};
