@@ -1,5 +1,6 @@
 #include "tools/page.h"
 
+#include "heba/base/text.h"
 #include "tools/page_assets.h"
 
 namespace heba {
@@ -28,37 +29,12 @@ std::string EmbeddedJson(const nlohmann::ordered_json& data) {
 
 std::string Figure(const std::string& attributes, const std::string& caption, const std::string& content) {
   if (PageScript().empty()) return "";
-  return "<figure " + attributes + ">" + (caption.empty() ? "" : "<figcaption>" + Escaped(caption) + "</figcaption>") +
-         content + "</figure>\n";
+  return "<figure " + attributes + ">" +
+         (caption.empty() ? "" : "<figcaption>" + EscapedForMarkup(caption) + "</figcaption>") + content +
+         "</figure>\n";
 }
 
 }  // namespace
-
-std::string Escaped(std::string_view text) {
-  std::string escaped;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        escaped += "&amp;";
-        break;
-      case '<':
-        escaped += "&lt;";
-        break;
-      case '>':
-        escaped += "&gt;";
-        break;
-      case '"':
-        escaped += "&quot;";
-        break;
-      case '\'':
-        escaped += "&#39;";
-        break;
-      default:
-        escaped += c;
-    }
-  }
-  return escaped;
-}
 
 std::string HtmlPage(const std::string& title, const std::string& body) {
   const std::string script(PageScript());
@@ -67,7 +43,7 @@ std::string HtmlPage(const std::string& title, const std::string& body) {
          "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
          "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
          "img-src data:; script-src " +
-         allowed + "\">\n<title>" + Escaped(title) + "</title>\n<style>" + std::string(PageStyle()) +
+         allowed + "\">\n<title>" + EscapedForMarkup(title) + "</title>\n<style>" + std::string(PageStyle()) +
          "</style>\n</head>\n<body>\n" + body +
          (script.empty() ? Paragraph("This page has no charts, and its tables do not sort: the heba that made it was "
                                      "built without Node.js.")
@@ -75,21 +51,23 @@ std::string HtmlPage(const std::string& title, const std::string& body) {
          "\n</body>\n</html>\n";
 }
 
-std::string Heading(const std::string& text) { return "<h2>" + Escaped(text) + "</h2>\n"; }
-std::string Paragraph(const std::string& text) { return "<p>" + Escaped(text) + "</p>\n"; }
+std::string Heading(const std::string& text) { return "<h2>" + EscapedForMarkup(text) + "</h2>\n"; }
+std::string Paragraph(const std::string& text) { return "<p>" + EscapedForMarkup(text) + "</p>\n"; }
 
 std::string SharedData(const std::string& name, const nlohmann::ordered_json& data) {
   if (PageScript().empty()) return "";
-  return "<script type=\"application/json\" id=\"" + Escaped(name) + "\">" + EmbeddedJson(data) + "</script>\n";
+  return "<script type=\"application/json\" id=\"" + EscapedForMarkup(name) + "\">" + EmbeddedJson(data) +
+         "</script>\n";
 }
 
 std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data) {
-  return Figure("data-view=\"" + Escaped(view) + "\"", caption,
+  return Figure("data-view=\"" + EscapedForMarkup(view) + "\"", caption,
                 "<script type=\"application/json\">" + EmbeddedJson(data) + "</script>");
 }
 
 std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data) {
-  return Figure("data-view=\"" + Escaped(view) + "\" data-from=\"" + Escaped(shared_data) + "\"", caption, "");
+  return Figure("data-view=\"" + EscapedForMarkup(view) + "\" data-from=\"" + EscapedForMarkup(shared_data) + "\"",
+                caption, "");
 }
 
 std::string HtmlTable(const std::vector<std::string>& head, const std::vector<std::vector<PageCell>>& rows,
@@ -99,14 +77,14 @@ std::string HtmlTable(const std::vector<std::string>& head, const std::vector<st
   for (size_t column = 0; column < head.size(); ++column) {
     const bool is_number = !rows.empty() && column < rows.front().size() && rows.front()[column].is_number;
     table += std::string("<th scope=\"col\"") + (is_number ? " class=\"number\"" : "") + "><button>" +
-             Escaped(head[column]) + "</button></th>";
+             EscapedForMarkup(head[column]) + "</button></th>";
   }
   table += "</tr></thead>\n<tbody>\n";
   for (size_t i = 0; i < rows.size(); ++i) {
     table += opens_captures ? "<tr data-capture=\"" + std::to_string(i) + "\">" : "<tr>";
     for (const PageCell& cell : rows[i]) {
       const std::string kind = cell.is_number ? "number" : (cell.text.size() > kLongText ? "text" : "");
-      table += (kind.empty() ? "<td>" : "<td class=\"" + kind + "\">") + Escaped(cell.text) + "</td>";
+      table += (kind.empty() ? "<td>" : "<td class=\"" + kind + "\">") + EscapedForMarkup(cell.text) + "</td>";
     }
     table += "</tr>\n";
   }

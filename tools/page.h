@@ -11,9 +11,6 @@
 
 namespace heba {
 
-// Text as it can stand in markup, within attributes too: nothing of it is markup.
-std::string Escaped(std::string_view text);
-
 // A whole page. `body` is markup.
 std::string HtmlPage(const std::string& title, const std::string& body);
 

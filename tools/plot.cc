@@ -37,7 +37,8 @@ struct Range {
 };
 
 std::string Text(double x, double y, const std::string& attributes, const std::string& text) {
-  return "<text x=\"" + Fixed(x, 1) + "\" y=\"" + Fixed(y, 1) + "\" " + attributes + ">" + Escaped(text) + "</text>\n";
+  return "<text x=\"" + Fixed(x, 1) + "\" y=\"" + Fixed(y, 1) + "\" " + attributes + ">" + EscapedForMarkup(text) +
+         "</text>\n";
 }
 
 std::string Line(double x1, double y1, double x2, double y2, const std::string& style) {

@@ -50,8 +50,8 @@ std::string VerdictSection(const RunResult& result) {
   std::string section = "<p class=\"verdict " + grade + "\">This calibration is <strong>" + grade +
                         "</strong>.</p>\n<ul class=\"findings\">\n";
   for (const Finding& finding : verdict.findings) {
-    section += "<li class=\"" + std::string(GradeName(finding.grade)) + "\">" + Escaped(finding.what);
-    if (!finding.cure.empty()) section += ". <em>" + Escaped(finding.cure) + ".</em>";
+    section += "<li class=\"" + std::string(GradeName(finding.grade)) + "\">" + EscapedForMarkup(finding.what);
+    if (!finding.cure.empty()) section += ". <em>" + EscapedForMarkup(finding.cure) + ".</em>";
     section += "</li>\n";
   }
   return section + "</ul>\n";
@@ -61,7 +61,7 @@ std::string VerdictSection(const RunResult& result) {
 std::string Tiles(const RunResult& result, const Estimate& refined) {
   std::string tiles = "<dl class=\"tiles\">\n";
   const auto add = [&](const std::string& name, const std::string& value) {
-    tiles += "<div><dt>" + Escaped(name) + "</dt><dd>" + Escaped(value) + "</dd></div>\n";
+    tiles += "<div><dt>" + EscapedForMarkup(name) + "</dt><dd>" + EscapedForMarkup(value) + "</dd></div>\n";
   };
   const Solution& solution = *refined.solution;
   const Errors& errors = refined.errors;
@@ -87,8 +87,8 @@ std::string Tiles(const RunResult& result, const Estimate& refined) {
 
 std::string PoseSection(const RunResult& result, const Estimate& refined) {
   const auto line = [](std::string_view parent, const char* child, const Rigid3d& pose) {
-    return "<p><code>" + Escaped(std::string(parent) + "_from_" + child) + "</code><br>\n<code>" +
-           Escaped(PoseText(pose)) + "</code></p>\n";
+    return "<p><code>" + EscapedForMarkup(std::string(parent) + "_from_" + child) + "</code><br>\n<code>" +
+           EscapedForMarkup(PoseText(pose)) + "</code></p>\n";
   };
   const Camera& camera = refined.camera;
   const std::vector<std::string>& names = camera.Model().param_names();
@@ -97,9 +97,9 @@ std::string PoseSection(const RunResult& result, const Estimate& refined) {
   return Section("Result",
                  line(CameraMountName(result.setup), "camera", refined.hand_eye.camera_mount_from_camera) +
                      line(TargetMountName(result.setup), "target", refined.hand_eye.target_mount_from_target) +
-                     "<p><code>camera</code>, " + Escaped(camera.model) + ", " + std::to_string(camera.width_px) +
-                     " x " + std::to_string(camera.height_px) + " px<br>\n<code>" + Escaped(Join(params, ", ")) +
-                     "</code></p>\n");
+                     "<p><code>camera</code>, " + EscapedForMarkup(camera.model) + ", " +
+                     std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + " px<br>\n<code>" +
+                     EscapedForMarkup(Join(params, ", ")) + "</code></p>\n");
 }
 
 // From the upper left corner of the picture on, clockwise.
@@ -340,7 +340,7 @@ std::string CaptureSection(const RunResult& result) {
 std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures,
                        const Points3& target_points) {
   const Estimate* refined = FindRefined(result);
-  std::string body = "<h1>" + Escaped(result.name) + "</h1>\n" +
+  std::string body = "<h1>" + EscapedForMarkup(result.name) + "</h1>\n" +
                      Paragraph(std::string(SetupName(result.setup)) + ", " + result.target_type + ", " +
                                std::to_string(NumUsedCaptures(result)) + " of " +
                                std::to_string(result.captures.size()) + " captures used") +

@@ -176,7 +176,7 @@ void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesyst
 
 std::string StudyPage(const std::string& title, const std::vector<CellResult>& results) {
   using Json = nlohmann::ordered_json;
-  std::string body = "<h1>" + Escaped(title) + "</h1>\n" +
+  std::string body = "<h1>" + EscapedForMarkup(title) + "</h1>\n" +
                      Paragraph(
                          "RMS errors against the truth, of every method, and the least that any unbiased method "
                          "can reach (bound).");

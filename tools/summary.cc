@@ -122,7 +122,7 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
                           OrNull(closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt)}}});
   }
   return HtmlPage(title,
-                  "<h1>" + Escaped(title) + "</h1>\n" + Paragraph(counts) +
+                  "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
                       ViewFigure("dumbbells", "Hold-out of every run.",
                                  Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}}) +
                       HtmlTable(head, rows));

@@ -59,8 +59,7 @@ std::vector<double> TranslationAndQuaternion(const Rigid3d& pose);
 std::vector<double> OpenCvDistortion(const Camera& camera);
 inline bool IsFisheye(const Camera& camera) { return camera.model == "kannala_brandt4"; }
 
-// Text within quotes: of YAML (double quotes) and Python, and of XML.
+// Text within double quotes, of YAML and Python.
 std::string QuotedForYaml(std::string_view text);
-std::string EscapedForXml(std::string_view text);
 
 }  // namespace heba

@@ -1,5 +1,6 @@
 // The launch file that MoveIt's hand-eye calibration saves: the same publisher as ROS 1's, its arguments on lines of
 // their own.
+#include "heba/base/text.h"
 #include "heba/io/export.h"
 
 namespace heba {
@@ -12,7 +13,7 @@ Outcome<std::string> ExportFormat_moveit(const ExportRequest& request) {
   return "<launch>\n<!--\n" + CommentLines(remarks, "  ") +
          "-->\n  <node pkg=\"tf2_ros\" type=\"static_transform_publisher\" name=\"camera_link_broadcaster\"\n"
          "        args=\"" +
-         numbers + "   " + EscapedForXml(request.parent_frame) + "   " + EscapedForXml(request.camera_frame) +
+         numbers + "   " + EscapedForMarkup(request.parent_frame) + "   " + EscapedForMarkup(request.camera_frame) +
          "\"/>\n</launch>\n";
 }
 

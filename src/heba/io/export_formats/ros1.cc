@@ -1,11 +1,12 @@
 // ROS 1: tf2_ros static_transform_publisher x y z qx qy qz qw parent child.
+#include "heba/base/text.h"
 #include "heba/io/export.h"
 
 namespace heba {
 
 Outcome<std::string> ExportFormat_ros1(const ExportRequest& request) {
   const std::string numbers = JoinNumbers(TranslationAndQuaternion(request.parent_from_camera), " ");
-  const std::string frames = EscapedForXml(request.parent_frame) + " " + EscapedForXml(request.camera_frame);
+  const std::string frames = EscapedForMarkup(request.parent_frame) + " " + EscapedForMarkup(request.camera_frame);
   std::vector<std::string> remarks = ExportRemarks(request);
   remarks.push_back("by hand: rosrun tf2_ros static_transform_publisher " + numbers + " PARENT CAMERA");
   return "<launch>\n<!--\n" + CommentLines(remarks, "  ") +

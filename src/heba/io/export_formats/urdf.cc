@@ -1,4 +1,5 @@
 // URDF's joint origin: xyz in m, rpy in rad about fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll).
+#include "heba/base/text.h"
 #include "heba/io/export.h"
 
 namespace heba {
@@ -14,14 +15,14 @@ std::string Origin(const Rigid3d& pose) {
 }  // namespace
 
 Outcome<std::string> ExportFormat_urdf(const ExportRequest& request) {
-  const std::string parent = EscapedForXml(request.parent_frame);
-  const std::string camera = EscapedForXml(request.camera_frame);
+  const std::string parent = EscapedForMarkup(request.parent_frame);
+  const std::string camera = EscapedForMarkup(request.camera_frame);
   std::vector<std::string> remarks = ExportRemarks(request);
   remarks.push_back("of a body frame at the same place: " +
                     Origin(request.parent_from_camera * OpticalFromBody()).substr(1));
   // Two hyphens would end the comment: numbers have one at most.
   return "<?xml version=\"1.0\"?>\n<!--\n" + CommentLines(remarks, "  ") + "-->\n<robot name=\"" +
-         EscapedForXml(request.name) + "\">\n  <link name=\"" + parent + "\"/>\n  <link name=\"" + camera +
+         EscapedForMarkup(request.name) + "\">\n  <link name=\"" + parent + "\"/>\n  <link name=\"" + camera +
          "\"/>\n  <joint name=\"" + parent + "_to_" + camera + "\" type=\"fixed\">\n    <parent link=\"" + parent +
          "\"/>\n    <child link=\"" + camera + "\"/>\n    " + Origin(request.parent_from_camera) +
          "\n  </joint>\n</robot>\n";
