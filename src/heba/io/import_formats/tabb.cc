@@ -1,6 +1,7 @@
 // A. Tabb's RWHEC: robot_cali.txt (a count, then 4 x 4 matrices), calibration_object.txt (chess_mm_height,
 // chess_mm_width, chess_height, chess_width: squares' sides and inner corners) and images/camera0. The matrices are the
 // inverse of the usual: gripper_from_base, in the object's unit (mm).
+#include <cmath>
 #include <map>
 
 #include "heba/base/files.h"
@@ -32,8 +33,15 @@ std::string TargetOf(const fs::path& file) {
     throw InputError(file.string() +
                      ": chess_mm_height differs from chess_mm_width; a chessboard of squares is needed");
   }
-  return ChessboardYaml(static_cast<int>(values["chess_height"]), static_cast<int>(values["chess_width"]),
-                        1e-3 * values["chess_mm_height"]);
+  const auto count = [&](const char* key) {
+    constexpr double kMost = 1000;
+    const double value = values[key];
+    if (!(value >= 2 && value <= kMost && value == std::floor(value))) {
+      throw InputError(file.string() + ": " + key + ": a whole number from 2 to 1000 is needed");
+    }
+    return static_cast<int>(value);
+  };
+  return ChessboardYaml(count("chess_height"), count("chess_width"), 1e-3 * values["chess_mm_height"]);
 }
 
 ImportedSet Read(const fs::path& source) {

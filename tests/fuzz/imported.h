@@ -1,0 +1,19 @@
+// What every data set that an importer makes of some bytes must be.
+#pragma once
+
+#include "heba/io/import.h"
+#include "tests/fuzz/target.h"
+
+namespace heba {
+
+inline void CheckImported(const ImportedSet& set) {
+  for (const ImportedCapture& capture : set.captures) {
+    for (const std::optional<Rigid3d>& pose : {capture.base_from_gripper, capture.camera_from_target}) {
+      Require(!pose || pose->Matrix().allFinite(), "a pose is finite");
+    }
+    for (const Eigen::Vector2d& pixel : capture.pixels) Require(pixel.allFinite(), "a pixel is finite");
+    Require(capture.ids.size() == capture.pixels.size(), "an id a pixel");
+  }
+}
+
+}  // namespace heba
