@@ -10,9 +10,10 @@
 
 namespace heba {
 
-// The picture as CV_8UC1: any format that OpenCV reads, grey or colour, 8 or 16 bit (16-bit values are scaled so that
-// the brightest pixel is 255). The file's pixels as they are: a rotation in its metadata is not applied, since a
-// camera's model belongs to the sensor. InputError if the file is missing, cut short, no picture, or of another depth.
+// The picture as CV_8UC1: of any format of targets/picture_format.h, grey or colour, 8 or 16 bit (16-bit values are
+// scaled so that the brightest pixel is 255). The file's pixels as they are: a rotation in its metadata is not applied,
+// since a camera's model belongs to the sensor. InputError if the file is missing, cut short, no picture, or of another
+// depth.
 cv::Mat ReadGreyImage(const std::filesystem::path& path);
 
 // Writes a picture whole or not at all; the format follows the suffix. InputError if it cannot be written.

@@ -74,6 +74,12 @@ std::string HugePng() {
          std::string("\x08\x00\x00\x00\x00", 5) + "abcd" + std::string("\x00\x00\x00\x00IEND\xae\x42\x60\x82", 12);
 }
 
+// The same of a TIFF.
+std::string HugeTiff() {
+  return std::string("II*\0\x08\0\0\0\x02\0", 10) + std::string("\0\x01\x04\0\x01\0\0\0\xa0\x86\x01\0", 12) +
+         std::string("\x01\x01\x04\0\x01\0\0\0\xa0\x86\x01\0", 12) + std::string(4, '\0');
+}
+
 // Field `column` of data row `row` (0 is the first after the header).
 Spoil SetPose(int row, int column, const std::string& value) {
   return [=](const fs::path& folder) {
@@ -161,6 +167,10 @@ std::vector<BadInput> BadInputs() {
       {"MissingCameraFile", Remove("camera.yaml"), {"camera.yaml", "no such file"}},
       {"MissingImagesFolder", Remove("images"), {"config.yaml:", "captures.images", "no folder"}},
       {"EmptyImage", Write("images/002.png", ""), {"002.png", "is empty"}},
+      {"DicomNamedPng",
+       Write("images/002.png", std::string(128, '\0') + "DICM" + std::string(60, '\2')),
+       {"002.png", "PNG, JPEG"}},
+      {"TiffThatClaimsToBeHuge", Write("images/002.png", HugeTiff()), {"002.png", "400 million pixels"}},
       {"NotAnImage", Write("images/002.png", "this is no picture"), {"002.png", "not a picture"}},
       {"PoseRowWithAMissingNumber", SetPose(2, 3, ""), {"poses.csv:4", "z"}},
       {"PoseRowWithTooFewFields", Replace("poses.csv", "003.png,", "003.png\n#"), {"poses.csv:5"}},

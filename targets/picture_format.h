@@ -1,0 +1,25 @@
+// What a picture's bytes say of it before a decoder sees them. Only the formats here are read, each known by its first
+// bytes alone as OpenCV knows it: what OpenCV does not know it hands to libraries for maps and medicine, which may read
+// other files, and end the program on faults.
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+namespace heba {
+
+struct PictureHeader {
+  std::string_view format;
+  // What the header claims, and a decoder would allocate whatever follows; nothing if it cannot be told.
+  std::optional<double> num_pixels;
+  // Decoders fill what is missing with grey and only print a warning. Known of some formats only.
+  bool is_cut_short = false;
+};
+
+// Nothing if the bytes are of no format that is read.
+std::optional<PictureHeader> ReadPictureHeader(std::string_view bytes);
+
+// "PNG, JPEG, ...".
+std::string_view PictureFormatNames();
+
+}  // namespace heba
