@@ -36,7 +36,7 @@ struct Rotations {
   Eigen::Quaterniond z = Eigen::Quaterniond::Identity();
 };
 
-// t_Z, t_X and the scale k.
+// t_Z and t_X, m, and the scale k of the robot's translations.
 using Translations = Eigen::Matrix<double, 7, 1>;
 
 struct TranslationEquations {
@@ -98,7 +98,7 @@ class Solver {
     return fit;
   }
 
-  // Of least squares; with the scale free, it is its last unknown, otherwise 1.
+  // Least squares of EquationsOf. The scale is solved for if it is free, otherwise 1.
   Translations SolveTranslations(const Rotations& rotations, const std::vector<Choice>& chosen,
                                  RobotScale scale) const {
     const TranslationEquations equations = EquationsOf(rotations, chosen, scale);

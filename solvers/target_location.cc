@@ -66,8 +66,9 @@ Tangent6 RobotVariances(Setup setup, const Solution& solution) {
 // A point in the camera's frame, and what moves it there.
 struct SeenPlace {
   Eigen::Vector3d in_camera = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d covariance_at_1px;  // Of the picture.
-  Eigen::MatrixXd by_params;          // Of the camera.
+  // Its covariance by one pixel of noise in the picture.
+  Eigen::Matrix3d by_picture_at_1px_m2 = Eigen::Matrix3d::Zero();
+  Eigen::MatrixXd by_params;  // Of the camera.
   // What of a shift of the camera is one of the point in the base: all of it, but for a point on a plane that stands
   // still there.
   Eigen::Matrix3d with_camera = Eigen::Matrix3d::Identity();
@@ -80,7 +81,7 @@ PlaceCovariance CovarianceInBase(Setup setup, const Solution& solution, const Se
   const Eigen::Matrix3d rotation = mount * camera_mount_from_camera.RotationMatrix();
   PlaceCovariance covariance;
   const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
-  covariance.by_picture_m2 = variance_px2 * rotation * place.covariance_at_1px * rotation.transpose();
+  covariance.by_picture_m2 = variance_px2 * rotation * place.by_picture_at_1px_m2 * rotation.transpose();
   // The intrinsics are wrong by what they are for the calibration as well, and what is seen by them is wrong with them.
   const Eigen::MatrixXd by_unknowns =
       rotation * ByUnknowns(solution, place.with_camera * PointByMotion(place.in_camera), place.by_params);
@@ -141,7 +142,7 @@ Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const
   SeenPlace middle;
   middle.in_camera = pose.camera_from_target * shaped.points_in_target.rowwise().mean();
   const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(middle.in_camera);
-  middle.covariance_at_1px = by_motion * *pose.covariance_at_1px * by_motion.transpose();
+  middle.by_picture_at_1px_m2 = by_motion * *pose.covariance_at_1px * by_motion.transpose();
   middle.by_params = by_motion * seen->by_params;
   LocatedTarget located;
   located.base_from_target =
@@ -160,7 +161,7 @@ Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const E
   if (!meeting) return Failure{meeting.reason()};
   SeenPlace place;
   place.in_camera = meeting->in_camera;
-  place.covariance_at_1px = meeting->by_pixel * meeting->by_pixel.transpose();
+  place.by_picture_at_1px_m2 = meeting->by_pixel * meeting->by_pixel.transpose();
   place.by_params = meeting->by_params;
   // What moves the camera moves the point with it, and the plane, which stands still, moves it back along its ray.
   place.with_camera -= meeting->by_plane * normal.transpose();
@@ -181,7 +182,7 @@ Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution,
       meeting->by_plane * normal.transpose() * PointByMotion(meeting->in_camera);
   SeenPlace place;
   place.in_camera = meeting->in_camera;
-  place.covariance_at_1px =
+  place.by_picture_at_1px_m2 =
       meeting->by_pixel * meeting->by_pixel.transpose() + by_pose * *seen->pose.covariance_at_1px * by_pose.transpose();
   place.by_params = meeting->by_params + by_pose * seen->by_params;
   return LocatedPoint{base_from_camera_mount * solution.hand_eye.camera_mount_from_camera * place.in_camera,

@@ -30,21 +30,25 @@ inline std::vector<TargetSettings> ConfusedGrids(int rows, int columns) {
 }
 
 // Where the numbers of a board's `num` tags (markers, dots) may begin instead of at `first`, by all those `seen` in a
-// picture: if more of them belong to the board then. Of a board that is partly in view, both ends of what is possible.
+// picture: so that as many of them as can be belong to the board. Of a board that is partly in view several starts do,
+// all of them if they are few, else the ends of what is possible.
 inline std::vector<TargetSettings> OtherFirstIds(const std::string& key, std::vector<int> seen, int first, int num) {
   std::sort(seen.begin(), seen.end());
   seen.erase(std::unique(seen.begin(), seen.end()), seen.end());
+  if (seen.empty()) return {};
   const auto count_from = [&](int begin) {
     return std::count_if(seen.begin(), seen.end(), [&](int id) { return id >= begin && id < begin + num; });
   };
-  if (seen.empty()) return {};
-  const int lowest =
+  const int highest_start =
       *std::max_element(seen.begin(), seen.end(), [&](int a, int b) { return count_from(a) < count_from(b); });
-  if (count_from(lowest) <= count_from(first)) return {};
-  const int last = *std::prev(std::lower_bound(seen.begin(), seen.end(), lowest + num));
-  std::vector<TargetSettings> confusions = {{{key, std::to_string(lowest)}}};
-  const int other_end = std::max(0, last - num + 1);
-  if (other_end != lowest) confusions.push_back({{key, std::to_string(other_end)}});
+  const int last = *std::prev(std::lower_bound(seen.begin(), seen.end(), highest_start + num));
+  const int lowest_start = std::max(0, last - num + 1);
+  constexpr int kFew = 8;
+  std::vector<TargetSettings> confusions;
+  for (int start = highest_start; start >= lowest_start; --start) {
+    const bool is_said = highest_start - lowest_start <= kFew || start == highest_start || start == lowest_start;
+    if (is_said && start != first) confusions.push_back({{key, std::to_string(start)}});
+  }
   return confusions;
 }
 

@@ -24,12 +24,11 @@ cv::Mat ReadGreyImage(const std::filesystem::path& path) {
   if (bytes.empty()) throw InputError(path.string() + ": is empty; a picture is needed");
   const std::optional<PictureHeader> header = ReadPictureHeader(bytes);
   if (!header) {
-    throw InputError(path.string() +
-                     ": is not a picture of a format that heba reads: " + std::string(PictureFormatNames()));
+    throw InputError(path.string() + ": is not a picture of a format that heba reads: " + PictureFormatNames());
   }
   if (header->is_cut_short) throw InputError(path.string() + ": the picture is cut short; copy it again");
   constexpr double kMaxPixels = 4e8;
-  if (header->num_pixels.value_or(0) > kMaxPixels) {
+  if (header->num_pixels > kMaxPixels) {
     throw InputError(path.string() +
                      ": claims to have more than 400 million pixels; no camera that heba knows of does");
   }

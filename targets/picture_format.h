@@ -4,14 +4,14 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <string_view>
 
 namespace heba {
 
 struct PictureHeader {
-  std::string_view format;
-  // What the header claims, and a decoder would allocate whatever follows; nothing if it cannot be told.
-  std::optional<double> num_pixels;
+  // What the header claims, and a decoder would allocate whatever follows; 0 if it cannot be told.
+  double num_pixels = 0;
   // Decoders fill what is missing with grey and only print a warning. Known of some formats only.
   bool is_cut_short = false;
 };
@@ -20,6 +20,6 @@ struct PictureHeader {
 std::optional<PictureHeader> ReadPictureHeader(std::string_view bytes);
 
 // "PNG, JPEG, ...".
-std::string_view PictureFormatNames();
+std::string PictureFormatNames();
 
 }  // namespace heba

@@ -218,8 +218,7 @@ class AprilTagGrid final : public Target {
 
   Detection Detect(const cv::Mat& grey) const override {
     Detection detection;
-    constexpr int kMinSidePx = 16;  // Below this no tag can be decoded, and libapriltag's tiles do not fit.
-    if (std::min(grey.cols, grey.rows) < kMinSidePx) {
+    if (IsTooSmall(grey)) {
       detection.reason = "the picture is too small";
       return detection;
     }
@@ -257,8 +256,15 @@ class AprilTagGrid final : public Target {
   const Drawing& Draw() const override { return drawing_; }
 
  private:
+  // Below this no tag can be decoded, and libapriltag's tiles do not fit.
+  static bool IsTooSmall(const cv::Mat& grey) {
+    constexpr int kMinSidePx = 16;
+    return std::min(grey.cols, grey.rows) < kMinSidePx;
+  }
+
   // Of all tags of the family, without a wrong bit.
   std::vector<int> SeenIds(const cv::Mat& grey) const {
+    if (IsTooSmall(grey)) return {};
     const auto entry = std::find_if(std::begin(kFamilies), std::end(kFamilies),
                                     [&](const FamilyName& known) { return known.name == geometry_.family; });
     Family family(*entry);
@@ -267,8 +273,11 @@ class AprilTagGrid final : public Target {
     all.rows = 1;
     all.columns = static_cast<int>(family->ncodes);
     std::vector<int> ids;
-    for (const SeenTag& tag : BoardFamily(std::move(family), all, 0).Detect(grey, Decimations(grey).front())) {
-      ids.push_back(tag.index);
+    const BoardFamily every(std::move(family), all, 0);
+    const double decimate = Decimations(grey).front();
+    for (const SeenTag& tag : every.Detect(grey, decimate)) ids.push_back(tag.index);
+    if (geometry_.corner_squares) {
+      for (const SeenTag& tag : every.Detect(Parted(grey, decimate), decimate)) ids.push_back(tag.index);
     }
     return ids;
   }
@@ -324,6 +333,15 @@ class AprilTagGrid final : public Target {
     return decimations;
   }
 
+  // Black regions that touch come apart: white grows by one pixel of the decimated picture.
+  static int GrownPx(double decimate) { return static_cast<int>(decimate); }
+  static cv::Mat Parted(const cv::Mat& grey, double decimate) {
+    const int side_px = 2 * GrownPx(decimate) + 1;
+    cv::Mat parted;
+    cv::dilate(grey, parted, cv::Mat::ones(side_px, side_px, CV_8U));
+    return parted;
+  }
+
   // What libapriltag sees, in the picture as it is and with black regions parted, its corners refined.
   void AddCandidates(const cv::Mat& grey, double decimate, std::vector<SeenTag>* candidates) const {
     for (const SeenTag& found : family_.Detect(grey, decimate)) {
@@ -332,13 +350,9 @@ class AprilTagGrid final : public Target {
       AddIfNew(tag, candidates);
     }
     if (!geometry_.corner_squares || candidates->size() >= layout_.corners_m.size()) return;
-    // White grows by one pixel of the decimated picture.
-    const int grown_px = static_cast<int>(decimate);
-    cv::Mat parted;
-    cv::dilate(grey, parted, cv::Mat::ones(2 * grown_px + 1, 2 * grown_px + 1, CV_8U));
-    for (const SeenTag& found : family_.Detect(parted, decimate)) {
+    for (const SeenTag& found : family_.Detect(Parted(grey, decimate), decimate)) {
       SeenTag tag = found;
-      Grow(grown_px, &tag.corners_px);
+      Grow(GrownPx(decimate), &tag.corners_px);
       // By how much the edges moved is a guess, not a measurement: only as a start for the saddles.
       if (RefineOnSquares(grey, &tag)) AddIfNew(tag, candidates);
     }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <cstdlib>
@@ -41,9 +42,19 @@ inline std::string ShellQuoted(const std::string& word) {
 
 // A folder of this test program's own, emptied when it starts.
 inline std::filesystem::path TestFolder(const std::string& name) {
-  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / ("heba_" + name);
+  struct Folders {
+    std::vector<std::filesystem::path> all;
+    ~Folders() {
+      std::error_code ignored;
+      for (const std::filesystem::path& folder : all) std::filesystem::remove_all(folder, ignored);
+    }
+  };
+  static Folders folders;
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / ("heba_" + name + "_" + std::to_string(getpid()));
   std::filesystem::remove_all(folder);
   std::filesystem::create_directories(folder);
+  folders.all.push_back(folder);
   return folder;
 }
 

@@ -72,7 +72,7 @@ TEST_P(LocateTest, IsOffByWhatItStates) {
     ASSERT_TRUE(on_target.ok()) << on_target.reason();
     const auto chi2 = [&](const LocatedPoint& point, const Eigen::MatrixXd& directions) {
       const Eigen::VectorXd off = directions.transpose() * (point.in_base - truth * corner);
-      const Eigen::MatrixXd stated = directions.transpose() * (point.covariance.TotalM2()) * directions;
+      const Eigen::MatrixXd stated = directions.transpose() * point.covariance.TotalM2() * directions;
       return off.dot(stated.ldlt().solve(off));
     };
     // On a known plane there are two directions to be wrong in.

@@ -140,6 +140,7 @@ int RunCommand_import(const std::vector<std::string>& arguments) {
     std::string text =
         source.string() + ": " + std::to_string(set.captures.size()) + " captures, read as " + set.format + "\n";
     for (const std::string& remark : set.remarks) text += "remark: " + remark + "\n";
+    if (!set.setup) text += "remark: the data set does not say where the camera is: set setup in its config.yaml\n";
     std::cout << ForTerminal(text) << "written: " << (output / "config.yaml").string() << std::endl;
   }
   return kDone;

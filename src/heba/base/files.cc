@@ -33,8 +33,8 @@ void Sync(const fs::path& path) {
 }  // namespace
 
 bool HasImageSuffix(const std::filesystem::path& path) {
-  static constexpr std::array<std::string_view, 11> kSuffixes = {".png",  ".jpg", ".jpeg", ".bmp", ".dib", ".tif",
-                                                                 ".tiff", ".pbm", ".pgm",  ".ppm", ".pnm"};
+  static constexpr std::array<std::string_view, 13> kSuffixes = {
+      ".png", ".jpg", ".jpeg", ".bmp", ".dib", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp", ".exr", ".jp2"};
   std::string suffix = path.extension().string();
   std::transform(suffix.begin(), suffix.end(), suffix.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });

@@ -8,7 +8,7 @@
 
 namespace heba {
 
-// Whether a file name has the suffix of a picture.
+// Whether a file name has the suffix of a picture, of a format that heba reads or of one that it refuses in words.
 bool HasImageSuffix(const std::filesystem::path& path);
 
 // The whole file. InputError if it is missing, a folder, unreadable or larger than `max_bytes`.

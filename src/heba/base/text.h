@@ -22,8 +22,8 @@ std::string Wrapped(std::string_view text, size_t width);
 // Text from a file or the command line as a message can show it: in quotes, on one line, cut off where it is long.
 std::string Quoted(std::string_view text);
 
-// Text as it can stand in XML or HTML, within attributes too: nothing of it is markup. Control characters, which XML
-// does not have, become blanks.
+// Text as it can stand in XML or HTML, within attributes too: nothing of it is markup. Control characters, line ends
+// among them, become blanks: XML has few of them.
 std::string EscapedForMarkup(std::string_view text);
 
 // Whether the bytes are UTF-8.

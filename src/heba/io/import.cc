@@ -60,10 +60,6 @@ ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view 
     if (!faults.empty()) throw InputError(source.string() + ": the camera: " + faults);
   }
   if (set.captures.empty()) throw InputError(source.string() + ": holds no captures");
-  if (!set.setup && std::any_of(set.captures.begin(), set.captures.end(),
-                                [](const ImportedCapture& capture) { return capture.base_from_gripper.has_value(); })) {
-    set.remarks.emplace_back("the data set does not say where the camera is: set setup");
-  }
   std::vector<std::string> names;
   for (const ImportedCapture& capture : set.captures) names.push_back(capture.name);
   std::sort(names.begin(), names.end());

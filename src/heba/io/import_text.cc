@@ -128,7 +128,7 @@ std::map<std::string, std::vector<double>> FileStorageNumbers(const fs::path& pa
 
 namespace {
 
-std::map<int, fs::path> NumberedFiles(const fs::path& folder, std::string_view prefix, std::string_view suffix) {
+std::map<int, fs::path> NumberedFilesOfKind(const fs::path& folder, std::string_view prefix, std::string_view suffix) {
   std::map<int, fs::path> files;
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
@@ -152,7 +152,7 @@ std::map<int, fs::path> NumberedFiles(const fs::path& folder, std::initializer_l
                                       std::initializer_list<std::string_view> suffixes) {
   std::map<int, fs::path> files;
   for (const std::string_view prefix : prefixes) {
-    for (const std::string_view suffix : suffixes) files.merge(NumberedFiles(folder, prefix, suffix));
+    for (const std::string_view suffix : suffixes) files.merge(NumberedFilesOfKind(folder, prefix, suffix));
   }
   return files;
 }
@@ -187,6 +187,11 @@ ImportedCapture CaptureOf(const fs::path& picture, size_t number) {
   capture.image = picture;
   capture.name = picture.empty() ? "pose_" + std::to_string(number) : picture.filename().string();
   return capture;
+}
+
+ImportedCapture CaptureOf(const std::map<int, fs::path>& pictures, int number) {
+  const auto found = pictures.find(number);
+  return CaptureOf(found == pictures.end() ? fs::path() : found->second, static_cast<size_t>(number));
 }
 
 std::string BeginningOf(const fs::path& path) {

@@ -54,8 +54,9 @@ std::vector<std::filesystem::path> PicturesOf(const std::filesystem::path& folde
 // poses.
 std::vector<std::filesystem::path> PicturesForPoses(const std::vector<std::filesystem::path>& folders, size_t num_poses,
                                                     std::vector<std::string>* remarks);
-// A capture with the name of its picture, or pose_N if it has none (an empty path).
+// A capture with the name of its picture, or pose_N if it has none (an empty path, or none of that number).
 ImportedCapture CaptureOf(const std::filesystem::path& picture, size_t number);
+ImportedCapture CaptureOf(const std::map<int, std::filesystem::path>& pictures, int number);
 
 // The first characters of a file, to tell what it is; empty if it cannot be read. Does not throw.
 std::string BeginningOf(const std::filesystem::path& path);

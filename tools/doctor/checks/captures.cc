@@ -79,11 +79,11 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   const std::vector<ExaminedView>& views = examination->views;
   const std::optional<PoseConsistency> consistency = FindPoseConsistency(CandidatesOf(views), RobotScale::kOne);
   if (!consistency) return symptoms;
-  // Where nothing fits, nothing sticks out.
   constexpr double kOutside = 6;
   constexpr double kLeastShare = 0.01;
   constexpr double kInside = 3;
   const double distance_m = WorkingDistanceM(views);
+  // Where nothing fits, nothing sticks out.
   if (consistency->typical_misfit_m > kPoorShare * distance_m) return symptoms;
   const double limit_m = std::max(kOutside * consistency->typical_misfit_m, kLeastShare * distance_m);
   const double fits_m = std::max(kInside * consistency->typical_misfit_m, 0.25 * kLeastShare * distance_m);

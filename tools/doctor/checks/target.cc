@@ -101,7 +101,7 @@ std::optional<OtherTarget> FindOther(const RunConfig& sample, size_t num_now, in
   const auto best = std::max_element(others.begin(), others.end(), [](const OtherTarget& a, const OtherTarget& b) {
     return a.num_points < b.num_points;
   });
-  constexpr double kDecidedly = 1.3;
+  constexpr double kDecidedly = 1.15;
   if (best == others.end() ||
       static_cast<double>(best->num_points) <= kDecidedly * static_cast<double>(num_now) + kMinPosePoints) {
     return std::nullopt;

@@ -13,10 +13,10 @@ bool Matches(const fs::path& source) { return !NumberedFiles(source, {""}, {"_po
 ImportedSet Read(const fs::path& source) {
   ImportedSet set;
   set.setup = Setup::kEyeInHand;
-  std::map<int, fs::path> pictures = NumberedFiles(source, {""}, {"_image.jpg", "_image.png"});
+  const std::map<int, fs::path> pictures = NumberedFiles(source, {""}, {"_image.jpg", "_image.png"});
   for (const auto& [number, file] : NumberedFiles(source, {""}, {"_pose.csv"})) {
     set.files.push_back(file);
-    ImportedCapture capture = CaptureOf(pictures[number], static_cast<size_t>(number));
+    ImportedCapture capture = CaptureOf(pictures, number);
     capture.base_from_gripper = PoseOfMatrix(NumbersOfFile(file), 1, file.string());
     set.captures.push_back(std::move(capture));
   }

@@ -73,7 +73,7 @@ ImportedSet Read(const fs::path& source) {
     const fs::path pose = camera / "pose" / (picture.stem().string() + ".csv");
     if (!fs::exists(pose)) continue;
     set.files.push_back(pose);
-    ImportedCapture capture = CaptureOf(picture, set.captures.size());
+    ImportedCapture capture = CaptureOf(picture, 0);
     capture.base_from_gripper = PoseOfMatrix(NumbersOfFile(pose), 1, pose.string());
     set.captures.push_back(std::move(capture));
   }

@@ -34,10 +34,12 @@ std::string TargetOf(const fs::path& file) {
                      ": chess_mm_height differs from chess_mm_width; a chessboard of squares is needed");
   }
   const auto count = [&](const char* key) {
-    constexpr double kMost = 1000;
+    constexpr int kLeast = 2;
+    constexpr int kMost = 1000;
     const double value = values[key];
-    if (!(value >= 2 && value <= kMost && value == std::floor(value))) {
-      throw InputError(file.string() + ": " + key + ": a whole number from 2 to 1000 is needed");
+    if (!(value >= kLeast && value <= kMost && value == std::floor(value))) {
+      throw InputError(file.string() + ": " + key + ": a whole number from " + std::to_string(kLeast) + " to " +
+                       std::to_string(kMost) + " is needed");
     }
     return static_cast<int>(value);
   };

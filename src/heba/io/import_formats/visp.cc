@@ -19,9 +19,9 @@ Rigid3d ReadPose(const fs::path& file) {
 ImportedSet Read(const fs::path& source) {
   ImportedSet set;
   const std::map<int, fs::path> seen = NumberedFiles(source, {"pose_cPo_"}, {".yaml"});
-  std::map<int, fs::path> pictures = NumberedFiles(source, {"image-"}, {".png", ".jpg", ".jpeg", ".pgm", ".ppm"});
+  const std::map<int, fs::path> pictures = NumberedFiles(source, {"image-"}, {".png", ".jpg", ".jpeg", ".pgm", ".ppm"});
   for (const auto& [number, file] : NumberedFiles(source, {"pose_rPe_"}, {".yaml"})) {
-    ImportedCapture capture = CaptureOf(pictures[number], static_cast<size_t>(number));
+    ImportedCapture capture = CaptureOf(pictures, number);
     capture.base_from_gripper = ReadPose(file);
     set.files.push_back(file);
     if (const auto found = seen.find(number); found != seen.end()) {
