@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include <Eigen/Dense>
 
@@ -19,8 +20,7 @@ constexpr int kNumRounds = 4;
 constexpr double kFits = 2.0;
 
 double QuantileOf(std::vector<double> values) {
-  const auto at =
-      values.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(values.size() - 1) + 0.5);
+  const auto at = values.begin() + std::lround(kQuantile * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
   return *at;
 }
@@ -217,7 +217,9 @@ std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandida
   if (captures.size() < kMinCaptures) return std::nullopt;
   const Solver solver(captures);
   Rng rng(1);
-  const auto [rotations, by_rotation] = FindRotations(solver, &rng);
+  const std::pair<Rotations, Fit> found_rotations = FindRotations(solver, &rng);
+  const Rotations& rotations = found_rotations.first;
+  const Fit& by_rotation = found_rotations.second;
   if (!std::isfinite(by_rotation.typical)) return std::nullopt;
 
   std::vector<Choice> choices;
