@@ -44,10 +44,10 @@ inline std::vector<TargetSettings> OtherFirstIds(const std::string& key, std::ve
   const int last = *std::prev(std::lower_bound(seen.begin(), seen.end(), highest_start + num));
   const int lowest_start = std::max(0, last - num + 1);
   constexpr int kFew = 8;
+  const int range = highest_start - lowest_start;
   std::vector<TargetSettings> confusions;
-  for (int start = highest_start; start >= lowest_start; --start) {
-    const bool is_said = highest_start - lowest_start <= kFew || start == highest_start || start == lowest_start;
-    if (is_said && start != first) confusions.push_back({{key, std::to_string(start)}});
+  for (int start = highest_start; start >= lowest_start; start -= range <= kFew ? 1 : range) {
+    if (start != first) confusions.push_back({{key, std::to_string(start)}});
   }
   return confusions;
 }

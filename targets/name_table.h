@@ -17,11 +17,16 @@ std::vector<std::string> NamesOf(const Table& table) {
   return names;
 }
 
-// The entry of a table of structs with a `name` that `key` names; InputError, with the names, if there is none.
+// The entry of a table of structs with this `name`; there must be one.
+template <class Table>
+const auto& EntryNamed(const Table& table, const std::string& name) {
+  return *std::find_if(std::begin(table), std::end(table), [&](const auto& entry) { return entry.name == name; });
+}
+
+// The entry that `key` names; InputError, with the names, if there is none.
 template <class Table>
 const auto& ReadChoice(MapReader& reader, const std::string& key, const Table& table) {
-  const std::string name = reader.Choice(key, NamesOf(table));
-  return *std::find_if(std::begin(table), std::end(table), [&](const auto& entry) { return entry.name == name; });
+  return EntryNamed(table, reader.Choice(key, NamesOf(table)));
 }
 
 }  // namespace heba

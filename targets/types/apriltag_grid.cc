@@ -13,7 +13,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <iterator>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -265,9 +264,7 @@ class AprilTagGrid final : public Target {
   // Of all tags of the family, without a wrong bit.
   std::vector<int> SeenIds(const cv::Mat& grey) const {
     if (IsTooSmall(grey)) return {};
-    const auto entry = std::find_if(std::begin(kFamilies), std::end(kFamilies),
-                                    [&](const FamilyName& known) { return known.name == geometry_.family; });
-    Family family(*entry);
+    Family family(EntryNamed(kFamilies, geometry_.family));
     TagGridGeometry all = geometry_;
     all.first_id = 0;
     all.rows = 1;

@@ -14,6 +14,28 @@
 namespace heba {
 namespace fs = std::filesystem;
 
+namespace {
+
+std::map<int, fs::path> NumberedFilesOfKind(const fs::path& folder, std::string_view prefix, std::string_view suffix) {
+  std::map<int, fs::path> files;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.size() <= prefix.size() + suffix.size() || !name.starts_with(prefix) || !name.ends_with(suffix)) continue;
+    const std::string digits = name.substr(prefix.size(), name.size() - prefix.size() - suffix.size());
+    constexpr size_t kMostDigits = 9;
+    if (digits.size() > kMostDigits || digits.find_first_not_of("0123456789") != std::string::npos) continue;
+    if (!entry.is_regular_file(error)) continue;
+    const auto [other, is_new] = files.emplace(std::stoi(digits), entry.path());
+    if (!is_new) {
+      throw InputError(entry.path().string() + ": has the same number as " + other->second.filename().string());
+    }
+  }
+  return files;
+}
+
+}  // namespace
+
 std::vector<double> NumbersOfLine(std::string_view text, const fs::path& name, int line) {
   constexpr std::string_view kBetween = " \t\r,;";
   std::vector<double> numbers;
@@ -125,28 +147,6 @@ std::map<std::string, std::vector<double>> FileStorageNumbers(const fs::path& pa
   }
   return found;
 }
-
-namespace {
-
-std::map<int, fs::path> NumberedFilesOfKind(const fs::path& folder, std::string_view prefix, std::string_view suffix) {
-  std::map<int, fs::path> files;
-  std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    const std::string name = entry.path().filename().string();
-    if (name.size() <= prefix.size() + suffix.size() || !name.starts_with(prefix) || !name.ends_with(suffix)) continue;
-    const std::string digits = name.substr(prefix.size(), name.size() - prefix.size() - suffix.size());
-    constexpr size_t kMostDigits = 9;
-    if (digits.size() > kMostDigits || digits.find_first_not_of("0123456789") != std::string::npos) continue;
-    if (!entry.is_regular_file(error)) continue;
-    const auto [other, is_new] = files.emplace(std::stoi(digits), entry.path());
-    if (!is_new) {
-      throw InputError(entry.path().string() + ": has the same number as " + other->second.filename().string());
-    }
-  }
-  return files;
-}
-
-}  // namespace
 
 std::map<int, fs::path> NumberedFiles(const fs::path& folder, std::initializer_list<std::string_view> prefixes,
                                       std::initializer_list<std::string_view> suffixes) {
