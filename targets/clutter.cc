@@ -172,9 +172,10 @@ void AddRoundMarks(const RoundMarksOptions& options, const Eigen::AlignedBox2d& 
       drawing->AddDisc(at, inner * radius_m, paper);
     }
     drawing->AddDisc(at, radius_m, colour);
-    if (is_broken)
+    if (is_broken) {
       drawing->AddDisc(at + 0.7 * reach_m * Eigen::Vector2d(std::cos(start_rad), std::sin(start_rad)),
                        rng.Uniform(0.2, 0.8) * radius_m, rng.Uniform());
+    }
   }
 }
 

@@ -56,8 +56,8 @@ struct Limits {
 
 class KdlArm final : public UrdfArm {
  public:
-  KdlArm(KDL::Chain chain, std::vector<std::string> names, std::vector<bool> turns, std::vector<Limits> limits)
-      : chain_(std::move(chain)), names_(std::move(names)), turns_(std::move(turns)), limits_(std::move(limits)) {}
+  KdlArm(const KDL::Chain& chain, std::vector<std::string> names, std::vector<bool> turns, std::vector<Limits> limits)
+      : chain_(chain), names_(std::move(names)), turns_(std::move(turns)), limits_(std::move(limits)) {}
 
   const std::vector<std::string>& joint_names() const override { return names_; }
   bool IsTurning(size_t i) const override { return turns_[i]; }
@@ -136,12 +136,12 @@ int DepthOf(std::string_view text) {
   int depth = 0;
   int deepest = 0;
   for (size_t i = 0; i + 1 < text.size(); ++i) {
-    if (text[i] == '<' && text[i + 1] == '/') {
+    const char next = text[i + 1];
+    const bool ends = (text[i] == '<' && next == '/') || (text[i] == '/' && next == '>');
+    if (ends) {
       --depth;
-    } else if (text[i] == '<' && text[i + 1] != '!' && text[i + 1] != '?') {
+    } else if (text[i] == '<' && next != '!' && next != '?') {
       deepest = std::max(deepest, ++depth);
-    } else if (text[i] == '/' && text[i + 1] == '>') {
-      --depth;
     }
   }
   return deepest;

@@ -311,7 +311,7 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   const std::optional<PoseConsistency> now = FindPoseConsistency(captures, RobotScale::kOne);
   if (!now) return {};
   std::vector<JudgedReading> judged;
-  for (std::vector<Reading> readings : {ReadingsOfNumbers(*examination), Pairings(*examination)}) {
+  for (const std::vector<Reading>& readings : {ReadingsOfNumbers(*examination), Pairings(*examination)}) {
     for (const Reading& reading : readings) {
       if (std::optional<JudgedReading> one = Judge(*examination, reading)) judged.push_back(std::move(*one));
     }
