@@ -3,19 +3,20 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <numeric>
 
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/evaluation/metrics.h"
 #include "heba/geometry/pose_block.h"
+#include "solvers/captures_cost.h"
 #include "solvers/information.h"
 #include "solvers/inliers.h"
 #include "solvers/motion_analysis.h"
 #include "solvers/noise_scale.h"
-#include "solvers/reprojection_cost.h"
 #include "solvers/reprojection_problem.h"
 #include "solvers/robot_noise.h"
 #include "solvers/view_reduction.h"
@@ -38,13 +39,11 @@ std::optional<std::vector<double>> SquaredDistances(const Problem& problem, cons
     const Rigid3d camera_from_target =
         CameraFromTarget(problem.setup, state.hand_eye, view.camera_mount_from_target_mount,
                          state.corrections.empty() ? Rigid3d() : state.corrections[i]);
-    const std::optional<std::vector<double>> squares = WhitenedSquares(
-        state.camera.Model(), state.camera.params.data(), camera_from_target, Shaped(view.observations, state.shape));
-    if (!squares) {
+    if (!AppendWhitenedSquares(state.camera.Model(), state.camera.params.data(), camera_from_target, view.observations,
+                               &state.shape, &distances)) {
       *bad_view = view.name;
       return std::nullopt;
     }
-    distances.insert(distances.end(), squares->begin(), squares->end());
   }
   return distances;
 }
@@ -108,32 +107,62 @@ std::optional<std::vector<LinearView>> Linearise(const Problem& problem, const S
   return views;
 }
 
+// All unknowns in one array. Ceres orders blocks by their addresses: so it adds in the same order, and gives the same
+// digits, in whatever thread it runs.
+struct Unknowns {
+  std::vector<double> all;  // Hand-eye pose, board, the camera's parameters, then the shape's if they are unknown.
+
+  Unknowns(const State& state, bool has_shape) {
+    const auto append = [&](const auto& block) { all.insert(all.end(), block.begin(), block.end()); };
+    append(ToBlock(state.hand_eye.camera_mount_from_camera));
+    append(ToBlock(state.hand_eye.target_mount_from_target));
+    append(state.camera.params);
+    if (has_shape) append(state.shape.params);
+  }
+  double* hand_eye() { return all.data(); }
+  double* board() { return all.data() + 7; }
+  double* params() { return all.data() + 14; }
+};
+
+// The cost of the problem's captures, their corrections, if there are any, from the state's.
+std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const FreeParameters& free, const State& state,
+                                       const std::optional<RobotNoise>& correction_noise, CapturesCostOptions options) {
+  const CameraModel& model = state.camera.Model();
+  if (HasShape(free, model)) options.shape = state.shape;
+  options.has_own_pose = correction_noise.has_value();
+  options.own_pose_prior = correction_noise;
+  std::vector<CaptureTerm> captures;
+  for (size_t i = 0; i < problem.views.size(); ++i) {
+    const Rigid3d& mount = problem.views[i].camera_mount_from_target_mount;
+    captures.push_back({&problem.views[i].observations,
+                        options.has_own_pose ? MakeCorrectedChain(problem.setup, mount) : MakeHandEyeChain(mount),
+                        state.corrections.empty() ? Rigid3d() : state.corrections[i]});
+  }
+  return std::make_unique<CapturesCost>(model, std::move(captures), std::move(options));
+}
+
 // One run of Ceres at a fixed noise.
 ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& free, const Noise& noise,
                                 const Loss& loss, const BundleOptions& bundle_options, State* state) {
   const CameraModel& model = problem.camera.Model();
-  // All unknowns in one array. Ceres orders blocks by their addresses: so it adds in the same order, and gives the same
-  // digits, in whatever thread this runs.
-  std::vector<double> unknowns;
-  const auto append = [&](const auto& block) { unknowns.insert(unknowns.end(), block.begin(), block.end()); };
-  append(ToBlock(state->hand_eye.camera_mount_from_camera));
-  append(ToBlock(state->hand_eye.target_mount_from_target));
-  // The camera's, then the shape's if it is unknown.
-  append(state->camera.params);
-  const std::optional<TargetShape> shape = HasShape(free, model) ? std::optional(state->shape) : std::nullopt;
-  if (shape) append(shape->params);
-  const size_t first_correction = unknowns.size();
-  for (const Rigid3d& correction : state->corrections) append(ToBlock(correction));
-  double* const hand_eye = unknowns.data();
-  double* const board = hand_eye + 7;
-  double* const params = board + 7;
-  const auto correction_of = [&](size_t view) { return &unknowns[first_correction + 7 * view]; };
-  const bool has_corrections = !state->corrections.empty();
-  ceres::Problem ceres_problem;
-  ceres::Solver::Options options = ReprojectionSolverOptions(bundle_options.max_iterations);
+  const bool has_shape = HasShape(free, model);
+  Unknowns unknowns(*state, has_shape);
+  double* const hand_eye = unknowns.hand_eye();
+  double* const board = unknowns.board();
+  double* const params = unknowns.params();
+  CapturesCostOptions options;
+  options.pixel_sigma_px = noise.pixel_px;
+  options.loss = &loss;
+  options.num_threads = bundle_options.num_threads;
+  const std::unique_ptr<CapturesCost> cost =
+      MakeCost(problem, free, *state, state->corrections.empty() ? std::nullopt : noise.robot, options);
+  ceres::Problem::Options problem_options;
+  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem ceres_problem(problem_options);
   ceres_problem.AddParameterBlock(hand_eye, 7, new PoseManifold);
   ceres_problem.AddParameterBlock(board, 7, new PoseManifold);
   AddCameraBlock(free, params, &ceres_problem);
+  ceres_problem.AddResidualBlock(cost.get(), nullptr, hand_eye, board, params);
   if (bundle_options.camera_prior) {
     const CameraPrior& prior = *bundle_options.camera_prior;
     const Eigen::VectorXd weights = PriorWeights(prior, free);
@@ -144,39 +173,12 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
     mean.head(weights.size()) = Eigen::Map<const Eigen::VectorXd>(prior.params.data(), weights.size());
     ceres_problem.AddResidualBlock(new ceres::NormalPrior(rows, mean), nullptr, params);
   }
-  if (has_corrections) {
-    // Each view's correction is eliminated by itself, so that the cost grows with the views and not with their cube.
-    options.linear_solver_type = ceres::DENSE_SCHUR;
-    options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-    options.linear_solver_ordering->AddElementToGroup(hand_eye, 1);
-    options.linear_solver_ordering->AddElementToGroup(board, 1);
-    options.linear_solver_ordering->AddElementToGroup(params, 1);
-  }
-  for (size_t i = 0; i < problem.views.size(); ++i) {
-    const View& view = problem.views[i];
-    if (!has_corrections) {
-      ceres_problem.AddResidualBlock(MakeReprojectionCost(model, view.observations, noise.pixel_px, loss,
-                                                          MakeHandEyeChain(view.camera_mount_from_target_mount), shape)
-                                         .release(),
-                                     nullptr, hand_eye, board, params);
-      continue;
-    }
-    double* correction = correction_of(i);
-    ceres_problem.AddParameterBlock(correction, 7, new PoseManifold);
-    options.linear_solver_ordering->AddElementToGroup(correction, 0);
-    ceres_problem.AddResidualBlock(
-        MakeReprojectionCost(model, view.observations, noise.pixel_px, loss,
-                             MakeCorrectedChain(problem.setup, view.camera_mount_from_target_mount), shape)
-            .release(),
-        nullptr, hand_eye, board, correction, params);
-    ceres_problem.AddResidualBlock(MakeCorrectionPrior(*noise.robot).release(), nullptr, correction);
-  }
   ceres::Solver::Summary summary;
-  ceres::Solve(options, &ceres_problem, &summary);
+  ceres::Solve(ReprojectionSolverOptions(bundle_options.max_iterations), &ceres_problem, &summary);
   state->hand_eye = {FromBlock(hand_eye), FromBlock(board)};
   state->camera.params.assign(params, params + NumParams(model));
-  if (shape) std::copy_n(params + NumParams(model), shape->params.size(), state->shape.params.begin());
-  for (size_t i = 0; i < state->corrections.size(); ++i) state->corrections[i] = FromBlock(correction_of(i));
+  if (has_shape) std::copy_n(params + NumParams(model), state->shape.params.size(), state->shape.params.begin());
+  if (!state->corrections.empty()) state->corrections = cost->OwnPoses();
   return summary;
 }
 
@@ -217,15 +219,35 @@ EstimatedNoise EstimateNoise(const Problem& problem, const State& state, const F
   return result;
 }
 
-// The unknowns' normal matrix at the given noise.
+// The unknowns' normal matrix at the given noise; nothing if a point has no image.
 std::optional<Information> InformationAt(const Problem& problem, const State& state, const FreeParameters& free,
-                                         const Noise& noise, const Loss& loss,
-                                         const std::optional<CameraPrior>& prior) {
+                                         const Noise& noise, const Loss& loss, const BundleOptions& bundle_options) {
+  const CameraModel& model = state.camera.Model();
+  // The pixels' rows are worth 1 / factor of what their weights say (Loss::covariance_factor); eliminating corrections
+  // is the same as averaging over them.
   const double factor = loss.covariance_factor();
-  const std::optional<std::vector<LinearView>> views = Linearise(problem, state, free, noise, loss, factor, prior);
-  if (!views) return std::nullopt;
-  return Information{UnknownNames(state.camera.Model(), free),
-                     MarginalInformation(*views, noise.robot.value_or(RobotNoise{}), factor)};
+  CapturesCostOptions options;
+  options.pixel_sigma_px = noise.pixel_px;
+  options.loss = &loss;
+  options.num_threads = bundle_options.num_threads;
+  options.settles_own_poses = false;
+  std::optional<RobotNoise> robot = noise.robot;
+  if (robot) robot = RobotNoise{robot->translation_m / std::sqrt(factor), robot->rotation_rad / std::sqrt(factor)};
+  Unknowns unknowns(state, HasShape(free, model));
+  const double* const blocks[] = {unknowns.hand_eye(), unknowns.board(), unknowns.params()};
+  const std::optional<Eigen::MatrixXd> products = MakeCost(problem, free, state, robot, options)->ProductsAt(blocks);
+  if (!products) return std::nullopt;
+  std::vector<Eigen::Index> columns(12);
+  std::iota(columns.begin(), columns.end(), 0);
+  for (size_t i = 0; i < free.size(); ++i) {
+    if (free[i]) columns.push_back(12 + static_cast<Eigen::Index>(i));
+  }
+  Eigen::MatrixXd all = *products / factor;
+  if (bundle_options.camera_prior) {
+    const Eigen::VectorXd weights = PriorWeights(*bundle_options.camera_prior, free);
+    all.diagonal().segment(12, weights.size()) += weights.cwiseAbs2();
+  }
+  return Information{UnknownNames(model, free), all(columns, columns)};
 }
 
 // What is left of a typical point's noise beside what its detector knows; never less than print and paper leave.
@@ -296,9 +318,21 @@ std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Came
   return std::nullopt;
 }
 
+// Problems are large: shared, and copied only to be changed.
+using SharedProblem = std::shared_ptr<const Problem>;
+
+// One that is the caller's.
+SharedProblem Borrowed(const Problem& problem) { return {SharedProblem(), &problem}; }
+
+SharedProblem WeightedByCovariance(const Problem& problem, double excess_px) {
+  auto weighted = std::make_shared<Problem>(problem);
+  WeightByCovariance(excess_px, &weighted->views);
+  return weighted;
+}
+
 // An estimate under way.
 struct Fit {
-  Problem problem;  // Of the points that count, weighted by what is known of them.
+  SharedProblem problem;  // Of the points that count, weighted by what is known of them.
   State state;
   Noise noise;
   RobotNoise robot_stddev;
@@ -317,21 +351,20 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
   const int num_unknowns = 12 + static_cast<int>(std::count(free.begin(), free.end(), true));
   const bool has_robot_noise = options.robot != BundleOptions::Robot::kExact;
   const bool estimates_robot = options.robot == BundleOptions::Robot::kEstimatedNoise;
-  const double detector_px = TypicalDetectorSigma(fit.problem.views).value_or(0);
-  if (fit.excess_px) WeightByCovariance(*fit.excess_px, &fit.problem.views);
+  const double detector_px = TypicalDetectorSigma(fit.problem->views).value_or(0);
+  if (fit.excess_px) fit.problem = WeightedByCovariance(*fit.problem, *fit.excess_px);
   // The estimate of plain least squares does not depend on the noise.
   const bool is_least_squares = loss.name == "none" && !has_robot_noise && !options.camera_prior;
   constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const ceres::Solver::Summary summary = Minimise(fit.problem, free, fit.noise, loss, options, &fit.state);
+    const ceres::Solver::Summary summary = Minimise(*fit.problem, free, fit.noise, loss, options, &fit.state);
     fit.convergence.converged = summary.termination_type == ceres::CONVERGENCE;
     fit.convergence.iterations += static_cast<int>(summary.iterations.size()) - 1;
     fit.convergence.seconds += summary.total_time_in_seconds;
     fit.convergence.message = summary.message;
     if (!fit.convergence.converged) {
       // Mostly for want of information: then that is what to say.
-      const std::optional<Information> weak =
-          InformationAt(fit.problem, fit.state, free, fit.noise, loss, options.camera_prior);
+      const std::optional<Information> weak = InformationAt(*fit.problem, fit.state, free, fit.noise, loss, options);
       std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
       if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), fit.state.camera);
       return failure.value_or(Failure{"the refinement did not converge: " + summary.message});
@@ -339,13 +372,13 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
     if (options.pixel_noise_px && !estimates_robot) break;
     Noise next = fit.noise;
     if (has_robot_noise) {
-      const EstimatedNoise estimated = EstimateNoise(fit.problem, fit.state, free, fit.noise, loss, options);
+      const EstimatedNoise estimated = EstimateNoise(*fit.problem, fit.state, free, fit.noise, loss, options);
       next = estimated.noise;
       fit.robot_stddev = estimated.robot_stddev;
       fit.dof = estimated.dof;
     } else {
       std::string bad_view;
-      const std::optional<std::vector<double>> distances = SquaredDistances(fit.problem, fit.state, &bad_view);
+      const std::optional<std::vector<double>> distances = SquaredDistances(*fit.problem, fit.state, &bad_view);
       CHECK(distances.has_value()) << "Ceres accepted a step that hides a point";
       // Half of the points may be anything where outliers are looked for.
       const double median_px = SigmaFromMedian(*distances);
@@ -359,7 +392,7 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
       if (!fit.excess_px || std::abs(next_px - *fit.excess_px) > 0.02 * std::hypot(next_px, detector_px)) {
         settled = false;
         fit.excess_px = next_px;
-        WeightByCovariance(next_px, &fit.problem.views);
+        fit.problem = WeightedByCovariance(*fit.problem, next_px);
       }
     }
     if (settled) break;
@@ -383,10 +416,14 @@ PointFlags FindInliers(const Problem& problem, const Fit& fit) {
   return flags;
 }
 
-Problem KeepPoints(const Problem& problem, const PointFlags& keep) {
-  Problem kept = problem;
-  for (size_t i = 0; i < kept.views.size(); ++i) {
-    kept.views[i].observations = heba::KeepPoints(problem.views[i].observations, keep[i]);
+SharedProblem KeepPoints(const Problem& problem, const PointFlags& keep) {
+  const auto is_whole = [](const std::vector<bool>& view) {
+    return std::find(view.begin(), view.end(), false) == view.end();
+  };
+  if (std::all_of(keep.begin(), keep.end(), is_whole)) return Borrowed(problem);
+  auto kept = std::make_shared<Problem>(problem);
+  for (size_t i = 0; i < kept->views.size(); ++i) {
+    if (!is_whole(keep[i])) kept->views[i].observations = heba::KeepPoints(problem.views[i].observations, keep[i]);
   }
   return kept;
 }
@@ -395,9 +432,10 @@ Problem KeepPoints(const Problem& problem, const PointFlags& keep) {
 PointFlags FindVisible(const Problem& problem, const HandEye& hand_eye) {
   PointFlags flags;
   for (const View& view : problem.views) {
-    const bool is_visible =
-        Residuals(problem.camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations)
-            .has_value();
+    std::vector<double> squares;
+    const bool is_visible = AppendWhitenedSquares(problem.camera.Model(), problem.camera.params.data(),
+                                                  CameraFromTarget(hand_eye, view.camera_mount_from_target_mount),
+                                                  view.observations, nullptr, &squares);
     flags.emplace_back(static_cast<size_t>(view.observations.size()), is_visible);
   }
   return flags;
@@ -479,14 +517,15 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
     return Failure{"with the start values the target of capture " + hidden.front() +
                    " lies behind the camera; another seed, or a check of set-up and pose direction, is needed"};
   }
-  const Problem problem = KeepPoints(problem_in, keep);
+  const SharedProblem visible = KeepPoints(problem_in, keep);
+  const Problem& problem = *visible;
   if (const std::optional<Failure> failure = CheckCount(Count(keep), free)) return *failure;
   const State start_state{start, problem.camera, problem.shape, {}};
   // What even little noise would hide, the solve would look for in vain.
   constexpr double kLittleNoisePx = 0.05;
   const Noise least{options.pixel_noise_px.value_or(kLittleNoisePx), std::nullopt};
   const std::optional<Information> start_information =
-      InformationAt(problem, start_state, free, least, *FindLoss("none"), options.camera_prior);
+      InformationAt(problem, start_state, free, least, *FindLoss("none"), options);
   CHECK(start_information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
   if (const std::optional<Failure> failure =
@@ -497,7 +536,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   std::string bad_view;
   const std::vector<double> start_distances = *SquaredDistances(problem, start_state, &bad_view);
   Fit fit;
-  fit.problem = problem;
+  fit.problem = visible;
   fit.state = start_state;
   fit.noise.pixel_px = options.pixel_noise_px.value_or(SigmaFromMedian(start_distances));
   if (options.robot != BundleOptions::Robot::kExact) {
@@ -533,9 +572,9 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   solution.convergence = settled->convergence;
   solution.convergence.initial_cost = Cost(start_distances, start_state, settled->noise, loss);
   solution.convergence.final_cost =
-      Cost(*SquaredDistances(settled->problem, settled->state, &bad_view), settled->state, settled->noise, loss);
+      Cost(*SquaredDistances(*settled->problem, settled->state, &bad_view), settled->state, settled->noise, loss);
   const std::optional<Information> information =
-      InformationAt(settled->problem, settled->state, free, settled->noise, loss, options.camera_prior);
+      InformationAt(*settled->problem, settled->state, free, settled->noise, loss, options);
   CHECK(information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
   solution.covariance = InvertInformation(*information, 1.0);

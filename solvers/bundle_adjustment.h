@@ -34,6 +34,7 @@ struct BundleOptions {
   // Counts like further measurements of the parameters that are free.
   std::optional<CameraPrior> camera_prior;
   int max_iterations = 200;
+  int num_threads = 1;  // The result does not depend on it.
 
   // Every violated constraint, one a line; empty if the options are valid.
   [[nodiscard]] std::string Check() const;

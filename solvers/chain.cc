@@ -9,14 +9,12 @@
 
 #include "heba/geometry/pose_block.h"
 #include "solvers/information.h"
+#include "solvers/pose_chain.h"
 #include "solvers/relative_motion.h"
-#include "solvers/reprojection_cost.h"
 #include "solvers/reprojection_problem.h"
 
 namespace heba {
 namespace {
-
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 // What camera_from_target is off by, and its derivative by a further left perturbation.
 Tangent6 Misclosure(const Rigid3d& predicted, const Rigid3d& seen, Matrix6* by_left) {

@@ -13,8 +13,8 @@
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/geometry/pose_block.h"
+#include "solvers/captures_cost.h"
 #include "solvers/noise_scale.h"
-#include "solvers/reprojection_cost.h"
 #include "solvers/reprojection_problem.h"
 #include "solvers/target_pose.h"
 
@@ -114,25 +114,26 @@ std::vector<double> SquaredDistances(const Camera& camera, const std::vector<Pos
 bool RefineTogether(const FreeParameters& free, const Loss& loss, Camera* camera, std::vector<PosedView>* posed) {
   const CameraModel& model = camera->Model();
   const double sigma_px = SigmaFromMedian(SquaredDistances(*camera, *posed));
-  std::vector<PoseBlock> blocks;
-  for (const PosedView& entry : *posed) blocks.push_back(ToBlock(entry.camera_from_target));
-  ceres::Problem problem;
-  ceres::Solver::Options options = ReprojectionSolverOptions(100);
-  options.function_tolerance = 1e-10;
-  options.linear_solver_type = ceres::DENSE_SCHUR;
-  options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  AddCameraBlock(free, camera->params.data(), &problem);
-  options.linear_solver_ordering->AddElementToGroup(camera->params.data(), 1);
-  for (size_t i = 0; i < posed->size(); ++i) {
-    problem.AddParameterBlock(blocks[i].data(), 7, new PoseManifold);
-    options.linear_solver_ordering->AddElementToGroup(blocks[i].data(), 0);
-    problem.AddResidualBlock(
-        MakeReprojectionCost(model, (*posed)[i].view->observations, sigma_px, loss, MakeFreePoseChain()).release(),
-        nullptr, blocks[i].data(), camera->params.data());
+  CapturesCostOptions options;
+  options.pixel_sigma_px = sigma_px;
+  options.loss = &loss;
+  options.has_own_pose = true;
+  std::vector<CaptureTerm> captures;
+  for (const PosedView& entry : *posed) {
+    captures.push_back({&entry.view->observations, MakeFreePoseChain(), entry.camera_from_target});
   }
+  CapturesCost cost(model, std::move(captures), options);
+  ceres::Problem::Options problem_options;
+  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem problem(problem_options);
+  AddCameraBlock(free, camera->params.data(), &problem);
+  problem.AddResidualBlock(&cost, nullptr, camera->params.data());
+  ceres::Solver::Options solver_options = ReprojectionSolverOptions(100);
+  solver_options.function_tolerance = 1e-10;
   ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
-  for (size_t i = 0; i < posed->size(); ++i) (*posed)[i].camera_from_target = FromBlock(blocks[i].data());
+  ceres::Solve(solver_options, &problem, &summary);
+  const std::vector<Rigid3d> poses = cost.OwnPoses();
+  for (size_t i = 0; i < poses.size(); ++i) (*posed)[i].camera_from_target = poses[i];
   return summary.IsSolutionUsable();
 }
 

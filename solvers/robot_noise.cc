@@ -8,6 +8,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <Eigen/QR>
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
@@ -28,6 +29,19 @@ Matrix6 LeftFromCorrection(Setup setup, const HandEye& hand_eye, const Rigid3d& 
   const Rigid3d camera_from_camera_mount = Inverse(hand_eye.camera_mount_from_camera);
   if (setup == Setup::kEyeInHand) return -Adjoint(camera_from_camera_mount);
   return Adjoint(camera_from_camera_mount * camera_mount_from_target_mount * correction);
+}
+
+CorrectionPrior CorrectionPriorAt(const Rigid3d& correction, const RobotNoise& noise) {
+  CorrectionPrior prior;
+  const Tangent6 tangent = LocalCoordinates(Rigid3d(), correction);
+  prior.residual.head<3>() = tangent.head<3>() / noise.translation_m;
+  prior.residual.tail<3>() = tangent.tail<3>() / noise.rotation_rad;
+  prior.by_tangent.topLeftCorner<3, 3>() = correction.RotationMatrix() / noise.translation_m;
+  // The inverse right Jacobian of the rotation vector, to second order: corrections are small.
+  const Eigen::Matrix3d skew = Skew(tangent.tail<3>());
+  prior.by_tangent.bottomRightCorner<3, 3>() =
+      (Eigen::Matrix3d::Identity() + 0.5 * skew + skew * skew / 12) / noise.rotation_rad;
+  return prior;
 }
 
 std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
@@ -94,6 +108,45 @@ Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance
 }
 
 namespace {
+
+// The same measurements in fewer rows: of each view those that its correction moves, at most six, and one more view
+// with what no correction moves in any of them. Variances and unknowns have the same likelihood.
+std::vector<LinearView> Condensed(const std::vector<LinearView>& views) {
+  constexpr Eigen::Index kMoved = 6;
+  const Eigen::Index n = views.front().by_unknowns.cols();
+  std::vector<LinearView> condensed;
+  LinearView still;
+  Eigen::MatrixXd products = Eigen::MatrixXd::Zero(n + 1, n + 1);  // Of the still rows: unknowns, offset.
+  for (const LinearView& view : views) {
+    const Eigen::Index rows = view.offset.size();
+    still.rest_squares += view.rest_squares;
+    still.num_rest += view.num_rest;
+    const Eigen::Index moved = std::min(rows, kMoved);
+    Eigen::MatrixXd turned(rows, n + 1);
+    turned << view.by_unknowns, view.offset;
+    LinearView kept;
+    kept.by_correction = view.by_correction;
+    if (rows > kMoved) {
+      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_correction);
+      turned.applyOnTheLeft(qr.householderQ().adjoint());
+      kept.by_correction = qr.matrixQR().topRows<kMoved>().triangularView<Eigen::Upper>();
+      const auto tail = turned.bottomRows(rows - kMoved);
+      products.noalias() += tail.transpose() * tail;
+      still.num_rest += static_cast<int>(rows - kMoved);
+    }
+    kept.by_unknowns = turned.topLeftCorner(moved, n);
+    kept.offset = turned.col(n).head(moved);
+    condensed.push_back(std::move(kept));
+  }
+  const Eigen::MatrixXd root = RootOfProducts(products);
+  still.by_unknowns = root.topLeftCorner(n, n);
+  still.offset = root.col(n).head(n);
+  still.by_correction = Eigen::MatrixXd::Zero(n, kMoved);
+  still.rest_squares += root(n, n) * root(n, n);
+  still.num_rest -= static_cast<int>(n);
+  condensed.push_back(std::move(still));
+  return condensed;
+}
 
 // The restricted likelihood and its derivatives by the three variances.
 struct Likelihood {
@@ -199,9 +252,10 @@ Eigen::MatrixXd MarginalInformation(const std::vector<LinearView>& views, const 
   return information;
 }
 
-VarianceComponents EstimateVariances(const std::vector<LinearView>& views, const VarianceComponents& start,
+VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, const VarianceComponents& start,
                                      bool pixel_is_free, bool robot_is_free) {
-  CHECK(!views.empty());
+  CHECK(!all_views.empty());
+  const std::vector<LinearView> views = Condensed(all_views);
   Eigen::Vector3d variances(start.pixel, start.translation_m2, start.rotation_rad2);
   const std::array<bool, 3> may_move = {pixel_is_free, robot_is_free, robot_is_free};
   Likelihood here = Evaluate(views, variances);
@@ -276,11 +330,12 @@ VarianceComponents EstimateVariances(const std::vector<LinearView>& views, const
   return result;
 }
 
-double DegreesOfFreedom(const std::vector<LinearView>& views, const VarianceComponents& variances) {
-  CHECK(!views.empty());
+double DegreesOfFreedom(const std::vector<LinearView>& all_views, const VarianceComponents& variances) {
+  CHECK(!all_views.empty());
   constexpr double kCertain = std::numeric_limits<double>::infinity();
   constexpr double kLeast = 4;
   if (variances.covariance.isZero(0)) return kCertain;
+  const std::vector<LinearView> views = Condensed(all_views);
   const Eigen::Index n = views.front().by_unknowns.cols();
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
   // How the information falls with each variance: J^T S^-1 V_k S^-1 J.

@@ -25,6 +25,14 @@ Rigid3d CameraFromTarget(Setup setup, const HandEye& hand_eye, const Rigid3d& ca
 Matrix6 LeftFromCorrection(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
                            const Rigid3d& correction);
 
+// What the robot says of a capture's correction, that it is zero give or take `noise`: six whitened residuals, and
+// their derivatives by the correction's tangent.
+struct CorrectionPrior {
+  Tangent6 residual = Tangent6::Zero();
+  Matrix6 by_tangent = Matrix6::Zero();
+};
+CorrectionPrior CorrectionPriorAt(const Rigid3d& correction, const RobotNoise& noise);
+
 // One capture, linearised: what it measured is offset = by_unknowns * step + by_correction * xi + noise, where noise
 // has unit variance (pixel sigma and loss applied).
 struct LinearView {

@@ -2,7 +2,8 @@
 //
 // Every residual of a view depends on the six numbers of camera_from_target and on the camera's parameters only. With
 // J = [d r / d pose, d r / d camera, r], any R with R^T R = J^T J has the same cost, gradient and Gauss-Newton matrix
-// as all the view's rows: the rows of a QR factor, at most one more than there are unknowns.
+// as all the view's rows: a Cholesky factor of the products, at most one more row than there are unknowns. The products
+// take one pass over the points, several at once (solvers/column_products.h).
 #pragma once
 
 #include <optional>
@@ -16,6 +17,23 @@
 
 namespace heba {
 
+// J^T J of a view.
+struct ViewProducts {
+  // Columns as ViewReduction::factor's.
+  Eigen::MatrixXd matrix;
+  double loss_remainder = 0;  // As ViewReduction's.
+};
+
+// False if a point has no image from that pose. With `shape` the points are where it puts them, and it is unknown too.
+bool MultiplyView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
+                  const Observations& observations, double pixel_sigma_px, const Loss& loss, const TargetShape* shape,
+                  ViewProducts* products);
+
+// Rows R with R^T R = `products`, which is positive semidefinite up to rounding, and as many of them as it has; the
+// last one has nothing but its last number. Pivoted Cholesky of the matrix scaled to ones on its diagonal: what is
+// below rounding is zero.
+Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products);
+
 struct ViewReduction {
   // Columns: those of Predict (heba/data/prediction.h), those of TargetShape::params if they are asked for, then the
   // residual. Whitened, weighted by the loss's weight at this point.
@@ -28,15 +46,15 @@ struct ViewReduction {
 // Rows of ViewReduction::factor for a view.
 int NumReducedRows(const CameraModel& model, const Observations& observations, bool with_shape);
 
-// False if a point has no image from that pose. With `shape` the points are where it puts them, and it is unknown too.
+// False as MultiplyView.
 bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
                 const Observations& observations, double pixel_sigma_px, const Loss& loss, ViewReduction* reduction,
                 const TargetShape* shape = nullptr);
 
-// Of each point, its squared residual after whitening (Observations::whitening), px^2. Nothing if a point has no image
-// from that pose.
-std::optional<std::vector<double>> WhitenedSquares(const CameraModel& model, const double* params,
-                                                   const Rigid3d& camera_from_target, const Observations& observations);
+// Appends, of each point, its squared residual after whitening (Observations::whitening), px^2. False as MultiplyView,
+// and then something may have been appended. Without a shape the points are where they are.
+bool AppendWhitenedSquares(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
+                           const Observations& observations, const TargetShape* shape, std::vector<double>* squares);
 
 // The sum of rho alone.
 bool ViewCost(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,

@@ -382,6 +382,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
 
   const Stopwatch solve_watch;
   CalibrationOptions options = OptionsOf(config, detections.front().width_px, detections.front().height_px);
+  options.bundle.num_threads = num_threads;
   Outcome<Calibration> calibration = Calibrate(views, options);
   if (!calibration) return Failure{calibration.reason()};
   if (calibration->refined) {
@@ -412,6 +413,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   // From here on those that were found to suit, in every fold.
   options.methods.clear();
   for (const MethodResult& method : calibration->methods) options.methods.push_back(method.method);
+  options.bundle.num_threads = 1;  // The folds are side by side.
   std::vector<HoldOut> hold_outs;
   if (config.folds > 0) {
     const int num_folds = std::min(config.folds, static_cast<int>(calibration->views.size()));

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "heba/geometry/pose_block.h"
-#include "solvers/reprojection_cost.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -75,58 +73,18 @@ TEST(ViewReductionTest, CostWithALossIsTheSumOfRho) {
   EXPECT_NEAR(reduction.factor.rightCols<1>().squaredNorm() + reduction.loss_remainder, direct, 1e-9 * direct);
 }
 
-TEST(ReprojectionCostTest, JacobiansAgreeWithDifferences) {
-  TestSceneOptions options;
-  options.noise_px = 0.3;
-  options.points = GridPoints(2, 2, 0.05);  // Few points keep their rows, so that residuals are smooth.
-  const TestScene scene = MakeTestScene(6, options);
-  const auto cost = MakeReprojectionCost(scene.camera.Model(), scene.views[1].observations, 0.3, *FindLoss("none"),
-                                         MakeHandEyeChain(scene.views[1].camera_mount_from_target_mount));
-  PoseBlock hand_eye = ToBlock(scene.hand_eye.camera_mount_from_camera);
-  PoseBlock board = ToBlock(scene.hand_eye.target_mount_from_target);
-  const PoseManifold manifold;
-  const std::vector<const ceres::Manifold*> manifolds = {&manifold, &manifold, nullptr};
-  // The residuals as a function: the rows themselves, at each point from Evaluate with Jacobians.
-  std::vector<double> jacobian_storage[3] = {std::vector<double>(9 * 7), std::vector<double>(9 * 7),
-                                             std::vector<double>(9 * 9)};
-  double* jacobians[3] = {jacobian_storage[0].data(), jacobian_storage[1].data(), jacobian_storage[2].data()};
-  const double* parameters[3] = {hand_eye.data(), board.data(), scene.camera.params.data()};
-  Eigen::VectorXd residual(9);
-  ASSERT_TRUE(cost->Evaluate(parameters, residual.data(), jacobians));
-  for (int block = 0; block < 2; ++block) {
-    Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
-    manifold.PlusJacobian(parameters[block], plus.data());
-    const Eigen::MatrixXd analytic = Eigen::Map<Eigen::Matrix<double, 9, 7, Eigen::RowMajor>>(jacobians[block]) * plus;
-    for (int k = 0; k < 6; ++k) {
-      constexpr double kStep = 1e-6;
-      Eigen::VectorXd ends[2];
-      for (const int side : {0, 1}) {
-        Tangent6 tangent = Tangent6::Zero();
-        tangent[k] = side == 0 ? -kStep : kStep;
-        PoseBlock moved;
-        manifold.Plus(parameters[block], tangent.data(), moved.data());
-        const double* moved_parameters[3] = {parameters[0], parameters[1], parameters[2]};
-        moved_parameters[block] = moved.data();
-        ends[side].resize(9);
-        ASSERT_TRUE(cost->Evaluate(moved_parameters, ends[side].data(), jacobians));
-      }
-      const Eigen::VectorXd numeric = (ends[1] - ends[0]) / (2 * kStep);
-      EXPECT_LT((analytic.col(k) - numeric).norm(), 1e-5 * numeric.norm()) << "block " << block << " tangent " << k;
-      ASSERT_TRUE(cost->Evaluate(parameters, residual.data(), jacobians));
-    }
-  }
-}
-
-TEST(ReprojectionCostTest, FailsForATargetBehindTheCamera) {
-  const TestScene scene = MakeTestScene(6);
-  const auto cost = MakeReprojectionCost(scene.camera.Model(), scene.views[0].observations, 1.0, *FindLoss("none"),
-                                         MakeFreePoseChain());
-  Rigid3d behind = scene.pairs[0].camera_from_target;
-  behind.translation.z() -= 5.0;
-  const PoseBlock block = ToBlock(behind);
-  const double* parameters[2] = {block.data(), scene.camera.params.data()};
-  std::vector<double> residuals(static_cast<size_t>(cost->num_residuals()));
-  EXPECT_FALSE(cost->Evaluate(parameters, residuals.data(), nullptr));
+TEST(ViewReductionTest, ARootHasTheProducts) {
+  // More columns than rank, and units far apart.
+  Eigen::MatrixXd rows = Eigen::MatrixXd::Random(5, 9);
+  rows.col(3) *= 1e8;
+  rows.col(6).setZero();
+  const Eigen::MatrixXd products = rows.transpose() * rows;
+  const Eigen::MatrixXd root = RootOfProducts(products);
+  const Eigen::VectorXd lengths = products.diagonal().cwiseSqrt().cwiseMax(1e-300);
+  const Eigen::MatrixXd difference =
+      lengths.cwiseInverse().asDiagonal() * (root.transpose() * root - products) * lengths.cwiseInverse().asDiagonal();
+  EXPECT_LT(difference.cwiseAbs().maxCoeff(), 1e-13);
+  EXPECT_TRUE(root.bottomRows<1>().leftCols(8).isZero());
 }
 
 }  // namespace

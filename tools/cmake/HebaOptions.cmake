@@ -1,7 +1,8 @@
 # What every heba target is compiled with. An INTERFACE target: nothing global, nothing that a consumer inherits.
 add_library(heba_options INTERFACE)
 target_compile_options(heba_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Wold-style-cast
-                                              -Woverloaded-virtual -Wunused -Wnull-dereference -Wformat=2)
+                                              -Woverloaded-virtual -Wunused -Wnull-dereference -Wformat=2
+                                              -Wno-psabi)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # g++ 12 sees null dereferences and overlaps inside Eigen's and the standard library's inlined code that are not there
   # (GCC bug 105651).

@@ -1,6 +1,51 @@
 #include "heba/camera/camera_model.h"
 
+#include <algorithm>
+
+#include "heba/base/simd.h"
+
 namespace heba {
+
+void PadBatch(ProjectionBatch* batch) {
+  const int padded = (batch->size + kMaxLanes - 1) / kMaxLanes * kMaxLanes;
+  for (auto& coordinate : batch->points) std::fill(coordinate + batch->size, coordinate + padded, coordinate[0]);
+}
+
+bool CameraModel::Project(const double* params, const Points3& points_in_camera, Points2* pixels,
+                          ProjectionJacobian* jacobian) const {
+  const Eigen::Index n = points_in_camera.cols();
+  const Eigen::Index num_params = NumParams(*this);
+  pixels->resize(2, n);
+  if (jacobian != nullptr) {
+    jacobian->u.setZero(3 + num_params, n);
+    jacobian->v.setZero(3 + num_params, n);
+  }
+  ProjectionBatch batch;
+  for (Eigen::Index first = 0; first < n; first += batch.size) {
+    batch.size = static_cast<int>(std::min<Eigen::Index>(n - first, ProjectionBatch::kCapacity));
+    const auto copy_in = [&](int row) {
+      std::copy_n(points_in_camera.row(row).data() + first, batch.size, batch.points[row]);
+    };
+    for (int row = 0; row < 3; ++row) copy_in(row);
+    PadBatch(&batch);
+    if (!ProjectBatch(params, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero(), jacobian != nullptr, &batch)) {
+      return false;
+    }
+    for (int axis = 0; axis < 2; ++axis) {
+      std::copy_n(batch.pixels[axis], batch.size, pixels->row(axis).data() + first);
+      if (jacobian == nullptr) continue;
+      ProjectionJacobian::Rows& rows = axis == 0 ? jacobian->u : jacobian->v;
+      const auto copy_out = [&](int from, Eigen::Index to) {
+        std::copy_n(batch.rows[axis][from], batch.size, rows.row(to).data() + first);
+      };
+      for (int k = 0; k < 3; ++k) copy_out(k, k);  // Of a shift of the point.
+      copy_out(6, 3 + axis);
+      rows.row(5 + axis).segment(first, batch.size).setOnes();
+      for (int k = 7; k < 3 + num_params; ++k) copy_out(k, k);
+    }
+  }
+  return true;
+}
 
 #define HEBA_CAMERA_MODEL(name, description) const CameraModel& CameraModel_##name();
 #include "heba/camera/models.def"

@@ -28,6 +28,25 @@ struct ProjectionJacobian {
   Rows v;
 };
 
+// Some points and their images, for kernels. Those after `size`, up to a
+// multiple of kMaxLanes (heba/base/simd.h), are calculated too: PadBatch.
+struct ProjectionBatch {
+  static constexpr int kCapacity = 64;
+  static constexpr int kMaxDistortion = 16;
+  // Beyond those of a model there is room for the caller's own.
+  static constexpr int kMaxRows = 7 + kMaxDistortion + 9;
+  int size = 0;
+  alignas(64) double points[3][kCapacity];  // Before the pose, m.
+  alignas(64) double pixels[2][kCapacity];  // u and v.
+  // Derivatives of u, and of v: by a left perturbation of the pose (p' = p + v + w x p: v in m, then w in rad), by the
+  // axis's own focal length, by the distortion coefficients. By its own part of the principal point it is 1, by the
+  // other axis's focal length and principal point 0.
+  alignas(64) double rows[2][kMaxRows][kCapacity];
+};
+
+// Fills up to a multiple of kMaxLanes; `size` stays.
+void PadBatch(ProjectionBatch* batch);
+
 // The parts of a model's parameters that a user can free or hold.
 enum class ParameterGroup { kFocal, kPrincipalPoint, kDistortion };
 inline constexpr std::string_view kParameterGroupNames[] = {"focal", "principal_point", "distortion"};
@@ -39,10 +58,14 @@ class CameraModel {
   // "fx", "fy", "cx", "cy", then the distortion coefficients in the field's usual names and order.
   virtual const std::vector<std::string>& param_names() const = 0;
 
-  // Projects `points_in_camera`; `pixels` and, if not null, `jacobian` are resized to fit. False if a point has no
-  // image (behind the camera, not finite): the output is then unspecified.
-  virtual bool Project(const double* params, const Points3& points_in_camera, Points2* pixels,
-                       ProjectionJacobian* jacobian) const = 0;
+  // Projects the points of a batch, moved by the pose; as ProjectionBatch says. False if a point has no image (behind
+  // the camera, not finite): the output is then unspecified.
+  virtual bool ProjectBatch(const double* params, const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
+                            bool with_derivatives, ProjectionBatch* batch) const = 0;
+
+  // Projects `points_in_camera`; `pixels` and, if not null, `jacobian` are resized to fit. False as above.
+  bool Project(const double* params, const Points3& points_in_camera, Points2* pixels,
+               ProjectionJacobian* jacobian) const;
 
   // The unit ray that projects to `pixel`; nothing if there is none (beyond the image of every ray, or beyond the
   // radius at which the distortion folds back).

@@ -1,6 +1,6 @@
 #include "heba/data/prediction.h"
 
-#include <array>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -71,23 +71,28 @@ Centroid CentroidOf(const OutlineVector& u, const OutlineVector& v, bool with_de
   return centroid;
 }
 
-// d projection / d (left perturbation, camera parameters) of point i, from d projection / d (point, parameters).
-void AddToPoseColumn(const ProjectionJacobian::Rows& by_point, Eigen::Index i, const Points3& points, double weight,
-                     Eigen::Ref<Eigen::VectorXd> column) {
-  const double dx = by_point(0, i);
-  const double dy = by_point(1, i);
-  const double dz = by_point(2, i);
-  const double x = points(0, i);
-  const double y = points(1, i);
-  const double z = points(2, i);
-  column[0] += weight * dx;
-  column[1] += weight * dy;
-  column[2] += weight * dz;
-  // d p / d w = -skew(p), so the row is p x (dx, dy, dz).
-  column[3] += weight * (y * dz - z * dy);
-  column[4] += weight * (z * dx - x * dz);
-  column[5] += weight * (x * dy - y * dx);
-  column.tail(column.size() - 6) += weight * by_point.col(i).tail(by_point.rows() - 3);
+// Where a batch's rows (ProjectionBatch::rows) are among ProjectionJacobian's.
+int RowOf(int batch_row, int axis) { return batch_row < 6 ? batch_row : batch_row == 6 ? 6 + axis : batch_row + 3; }
+
+// Derivatives of one image coordinate of `count` points.
+void CopyPoints(const ProjectionBatch& batch, int from, int count, int num_rows, int axis, Eigen::Index first,
+                ProjectionJacobian::Rows* rows) {
+  for (int row = 0; row < num_rows; ++row) {
+    std::copy_n(&batch.rows[axis][row][from], count, &(*rows)(RowOf(row, axis), first));
+  }
+  rows->row(8 + axis).segment(first, count).setOnes();
+}
+
+// Derivatives of a centroid's coordinate, by those of the outline's points, which begin at `from`.
+void AddOutline(const ProjectionBatch& batch, int from, int num_rows, const OutlineVector& by_u,
+                const OutlineVector& by_v, Eigen::Index i, ProjectionJacobian::Rows* rows) {
+  for (const int axis : {0, 1}) {
+    const OutlineVector& by = axis == 0 ? by_u : by_v;
+    for (int row = 0; row < num_rows; ++row) {
+      (*rows)(RowOf(row, axis), i) += by.dot(Eigen::Map<const OutlineVector>(&batch.rows[axis][row][from]));
+    }
+    (*rows)(8 + axis, i) += by.sum();
+  }
 }
 
 }  // namespace
@@ -95,64 +100,59 @@ void AddToPoseColumn(const ProjectionJacobian::Rows& by_point, Eigen::Index i, c
 bool Predict(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
              const Observations& observations, Points2* pixels, ProjectionJacobian* jacobian) {
   static const Eigen::Matrix<double, 2, kOutline> kCircle = UnitCircle();
-  const Eigen::Index n = observations.size();
-  // Where the projected points of an observation begin: one of a point, kOutline of a disc.
-  std::vector<Eigen::Index> begin(static_cast<size_t>(n) + 1, 0);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    begin[static_cast<size_t>(i) + 1] = begin[static_cast<size_t>(i)] + (observations.RadiusM(i) > 0 ? kOutline : 1);
-  }
-  Points3 in_target(3, begin.back());
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const double radius_m = observations.RadiusM(i);
-    const Eigen::Index first = begin[static_cast<size_t>(i)];
-    if (radius_m > 0) {
-      in_target.middleCols<kOutline>(first).colwise() = observations.points_in_target.col(i);
-      in_target.block<2, kOutline>(0, first) += radius_m * kCircle;
-    } else {
-      in_target.col(first) = observations.points_in_target.col(i);
-    }
-  }
-  const Points3 in_camera =
-      (camera_from_target.RotationMatrix() * in_target).colwise() + camera_from_target.translation;
-  Points2 projected;
-  ProjectionJacobian by_point;
-  if (!model.Project(params, in_camera, &projected, jacobian == nullptr ? nullptr : &by_point)) return false;
+  const int n = observations.size();
+  const int num_rows = 7 + NumParams(model) - 4;  // Of a batch.
+  const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
   pixels->resize(2, n);
   if (jacobian != nullptr) {
-    const Eigen::Index rows = 6 + NumParams(model);
-    jacobian->u.setZero(rows, n);
-    jacobian->v.setZero(rows, n);
+    jacobian->u.setZero(6 + NumParams(model), n);
+    jacobian->v.setZero(6 + NumParams(model), n);
   }
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const Eigen::Index first = begin[static_cast<size_t>(i)];
-    Eigen::VectorXd column_u;
-    Eigen::VectorXd column_v;
-    if (jacobian != nullptr) {
-      column_u.setZero(jacobian->u.rows());
-      column_v.setZero(jacobian->v.rows());
-    }
-    if (begin[static_cast<size_t>(i) + 1] == first + 1) {
-      pixels->col(i) = projected.col(first);
-      if (jacobian != nullptr) {
-        AddToPoseColumn(by_point.u, first, in_camera, 1, column_u);
-        AddToPoseColumn(by_point.v, first, in_camera, 1, column_v);
+  const auto num_projected = [&](int i) { return observations.RadiusM(i) > 0 ? kOutline : 1; };
+  ProjectionBatch batch;
+  for (int first = 0; first < n;) {
+    batch.size = 0;
+    int last = first;
+    for (; last < n && batch.size + num_projected(last) <= ProjectionBatch::kCapacity; ++last) {
+      const double radius_m = observations.RadiusM(last);
+      for (int k = 0; k < num_projected(last); ++k, ++batch.size) {
+        for (int row = 0; row < 3; ++row) {
+          batch.points[row][batch.size] =
+              observations.points_in_target(row, last) + (radius_m > 0 && row < 2 ? radius_m * kCircle(row, k) : 0.0);
+        }
       }
-    } else {
-      const Centroid centroid = CentroidOf(projected.row(0).segment<kOutline>(first),
-                                           projected.row(1).segment<kOutline>(first), jacobian != nullptr);
+    }
+    PadBatch(&batch);
+    if (!model.ProjectBatch(params, rotation, camera_from_target.translation, jacobian != nullptr, &batch)) {
+      return false;
+    }
+    int from = 0;
+    for (int i = first; i < last;) {
+      if (num_projected(i) == 1) {
+        int count = 1;
+        while (i + count < last && num_projected(i + count) == 1) ++count;
+        for (const int axis : {0, 1}) std::copy_n(&batch.pixels[axis][from], count, &(*pixels)(axis, i));
+        if (jacobian != nullptr) {
+          CopyPoints(batch, from, count, num_rows, 0, i, &jacobian->u);
+          CopyPoints(batch, from, count, num_rows, 1, i, &jacobian->v);
+        }
+        i += count;
+        from += count;
+        continue;
+      }
+      const Centroid centroid =
+          CentroidOf(Eigen::Map<const OutlineVector>(&batch.pixels[0][from]),
+                     Eigen::Map<const OutlineVector>(&batch.pixels[1][from]), jacobian != nullptr);
       if (!centroid.at.allFinite()) return false;
       pixels->col(i) = centroid.at;
-      for (int k = 0; jacobian != nullptr && k < kOutline; ++k) {
-        AddToPoseColumn(by_point.u, first + k, in_camera, centroid.by_u(0, k), column_u);
-        AddToPoseColumn(by_point.v, first + k, in_camera, centroid.by_v(0, k), column_u);
-        AddToPoseColumn(by_point.u, first + k, in_camera, centroid.by_u(1, k), column_v);
-        AddToPoseColumn(by_point.v, first + k, in_camera, centroid.by_v(1, k), column_v);
+      if (jacobian != nullptr) {
+        AddOutline(batch, from, num_rows, centroid.by_u.row(0), centroid.by_v.row(0), i, &jacobian->u);
+        AddOutline(batch, from, num_rows, centroid.by_u.row(1), centroid.by_v.row(1), i, &jacobian->v);
       }
+      ++i;
+      from += kOutline;
     }
-    if (jacobian != nullptr) {
-      jacobian->u.col(i) = column_u;
-      jacobian->v.col(i) = column_v;
-    }
+    first = last;
   }
   return true;
 }

@@ -2,37 +2,57 @@
 // theta the angle between the ray and the optical axis and phi its azimuth:
 //   r = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8),  u = fx r cos(phi) + cx,  v = fy r sin(phi) + cy
 // The projection goes on behind the image plane; only the ray straight back has no image.
-#include "heba/camera/jet_camera_model.h"
-
 #include <algorithm>
+
+#include "heba/camera/batched_camera_model.h"
 
 namespace heba {
 namespace {
 
 struct KannalaBrandt4 {
-  static constexpr int kNumParams = 8;
-  static std::vector<std::string> ParamNames() { return {"fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"}; }
+  static constexpr int kNumDistortion = 4;
+  static std::vector<std::string> DistortionNames() { return {"k1", "k2", "k3", "k4"}; }
 
-  template <class T>
-  static bool Project(const T* params, const T& x, const T& y, const T& z, T* u, T* v) {
-    using std::atan2;
-    using std::sqrt;
-    const T rho2 = x * x + y * y;
-    // r / rho, where rho is the distance from the optical axis.
-    T scale;
-    if (rho2 <= z * z * T(1e-16)) {
-      if (!(z > T(0))) return false;
-      scale = T(1) / z;
-    } else {
-      const T rho = sqrt(rho2);
-      const T theta = atan2(rho, z);
-      const T theta2 = theta * theta;
-      scale = theta / rho *
-              (T(1) + theta2 * (params[4] + theta2 * (params[5] + theta2 * (params[6] + theta2 * params[7]))));
+  // x' = x s with s = r / rho, rho being the distance from the optical axis.
+  template <class V>
+  HEBA_INLINE static void Distort(const double* distortion, const V& x, const V& y, const V& z,
+                                  DistortedImage<V, kNumDistortion>* image) {
+    const double k1 = distortion[0];
+    const double k2 = distortion[1];
+    const double k3 = distortion[2];
+    const double k4 = distortion[3];
+    const V rho2 = x * x + y * y;
+    const V zz = z * z;
+    const auto is_on_axis = rho2 <= zz * 1e-16;
+    const V rho = EachLane<V>(rho2, rho2, [](double a, double) { return std::sqrt(a); });
+    const V theta = EachLane<V>(rho, z, [](double a, double b) { return std::atan2(a, b); });
+    const V on_axis = InFront<V>(z);  // theta / rho there.
+    const V one = AllLanes<V>(1);
+    const V theta_by_rho = is_on_axis ? on_axis : theta / (is_on_axis ? one : rho);
+    const V theta2 = theta * theta;
+    const V polynomial = 1.0 + theta2 * (k1 + theta2 * (k2 + theta2 * (k3 + theta2 * k4)));
+    const V r_by_theta = 1.0 + theta2 * (3.0 * k1 + theta2 * (5.0 * k2 + theta2 * (7.0 * k3 + theta2 * (9.0 * k4))));
+    const V s = theta_by_rho * polynomial;
+    image->x = x * s;
+    image->y = y * s;
+    // theta moves by z / (rho^2 + z^2) with rho, by -rho / (rho^2 + z^2) with z.
+    const V inverse_range2 = 1.0 / (rho2 + zz);
+    const V s_by_z = -r_by_theta * inverse_range2;
+    // (d s / d rho) / rho; x and y are too small for it to count on the axis.
+    const V zero = AllLanes<V>(0);
+    const V s_by_rho = is_on_axis ? zero : (r_by_theta * z * inverse_range2 - s) / (is_on_axis ? one : rho2);
+    image->x_by_point[0] = s + x * x * s_by_rho;
+    image->x_by_point[1] = x * y * s_by_rho;
+    image->x_by_point[2] = x * s_by_z;
+    image->y_by_point[0] = image->x_by_point[1];
+    image->y_by_point[1] = s + y * y * s_by_rho;
+    image->y_by_point[2] = y * s_by_z;
+    V power = theta_by_rho * theta2;
+    for (int k = 0; k < kNumDistortion; ++k) {
+      image->x_by_distortion[k] = x * power;
+      image->y_by_distortion[k] = y * power;
+      power *= theta2;
     }
-    *u = params[0] * (x * scale) + params[2];
-    *v = params[1] * (y * scale) + params[3];
-    return true;
   }
   static Eigen::Vector3d GuessRay(const double* params, const Eigen::Vector2d& pixel) {
     const Eigen::Vector2d m((pixel.x() - params[2]) / params[0], (pixel.y() - params[3]) / params[1]);
@@ -46,7 +66,7 @@ struct KannalaBrandt4 {
 }  // namespace
 
 const CameraModel& CameraModel_kannala_brandt4() {
-  static const JetCameraModel<KannalaBrandt4> model("kannala_brandt4");
+  static const BatchedCameraModel<KannalaBrandt4> model("kannala_brandt4");
   return model;
 }
 

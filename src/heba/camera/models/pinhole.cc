@@ -1,19 +1,25 @@
 // u = fx x / z + cx, v = fy y / z + cy.
-#include "heba/camera/jet_camera_model.h"
+#include "heba/camera/batched_camera_model.h"
 
 namespace heba {
 namespace {
 
 struct Pinhole {
-  static constexpr int kNumParams = 4;
-  static std::vector<std::string> ParamNames() { return {"fx", "fy", "cx", "cy"}; }
+  static constexpr int kNumDistortion = 0;
+  static std::vector<std::string> DistortionNames() { return {}; }
 
-  template <class T>
-  static bool Project(const T* params, const T& x, const T& y, const T& z, T* u, T* v) {
-    if (!(z > T(0))) return false;
-    *u = params[0] * (x / z) + params[2];
-    *v = params[1] * (y / z) + params[3];
-    return true;
+  template <class V>
+  HEBA_INLINE static void Distort(const double* /*distortion*/, const V& x, const V& y, const V& z,
+                                  DistortedImage<V, kNumDistortion>* image) {
+    const V inverse = InFront<V>(z);
+    image->x = x * inverse;
+    image->y = y * inverse;
+    image->x_by_point[0] = inverse;
+    image->x_by_point[1] = AllLanes<V>(0);
+    image->x_by_point[2] = -image->x * inverse;
+    image->y_by_point[0] = AllLanes<V>(0);
+    image->y_by_point[1] = inverse;
+    image->y_by_point[2] = -image->y * inverse;
   }
   static Eigen::Vector3d GuessRay(const double* params, const Eigen::Vector2d& pixel) {
     return {(pixel.x() - params[2]) / params[0], (pixel.y() - params[3]) / params[1], 1.0};
@@ -23,7 +29,7 @@ struct Pinhole {
 }  // namespace
 
 const CameraModel& CameraModel_pinhole() {
-  static const JetCameraModel<Pinhole> model("pinhole");
+  static const BatchedCameraModel<Pinhole> model("pinhole");
   return model;
 }
 

@@ -1,32 +1,42 @@
 // OpenCV's rational model, ROS rational_polynomial: as brown5, with the radial factor
 //   (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
-#include "heba/camera/jet_camera_model.h"
+#include "heba/camera/radial_tangential.h"
 
 namespace heba {
 namespace {
 
 struct Rational8 {
-  static constexpr int kNumParams = 12;
-  static std::vector<std::string> ParamNames() {
-    return {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
-  }
+  static constexpr int kNumDistortion = 8;
+  static std::vector<std::string> DistortionNames() { return {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}; }
 
-  template <class T>
-  static bool Project(const T* params, const T& x, const T& y, const T& z, T* u, T* v) {
-    if (!(z > T(0))) return false;
-    const T& p1 = params[6];
-    const T& p2 = params[7];
-    const T a = x / z;
-    const T b = y / z;
-    const T r2 = a * a + b * b;
-    const T numerator = T(1) + r2 * (params[4] + r2 * (params[5] + r2 * params[8]));
-    const T denominator = T(1) + r2 * (params[9] + r2 * (params[10] + r2 * params[11]));
+  template <class V>
+  HEBA_INLINE static void Distort(const double* distortion, const V& x, const V& y, const V& z,
+                                  DistortedImage<V, kNumDistortion>* image) {
+    const double k1 = distortion[0];
+    const double k2 = distortion[1];
+    const double k3 = distortion[4];
+    const double k4 = distortion[5];
+    const double k5 = distortion[6];
+    const double k6 = distortion[7];
+    const auto ray = PlaneImageOf<V>(x, y, z);
+    const V r2 = ray.r2;
+    const V numerator = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
     // Beyond a pole of the radial factor there is no image.
-    if (!(denominator > T(0))) return false;
-    const T radial = numerator / denominator;
-    *u = params[0] * (a * radial + T(2) * p1 * a * b + p2 * (r2 + T(2) * a * a)) + params[2];
-    *v = params[1] * (b * radial + p1 * (r2 + T(2) * b * b) + T(2) * p2 * a * b) + params[3];
-    return true;
+    const V inverse = InFront<V>(1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+    const V radial = numerator * inverse;
+    const V numerator_by_r2 = k1 + r2 * (2.0 * k2 + r2 * (3.0 * k3));
+    const V denominator_by_r2 = k4 + r2 * (2.0 * k5 + r2 * (3.0 * k6));
+    DistortRadialTangential<V>(ray, radial, (numerator_by_r2 - radial * denominator_by_r2) * inverse, distortion[2],
+                               distortion[3], image);
+    const V r4 = r2 * r2;
+    const V r6 = r4 * r2;
+    SetByRadial<V>(ray, r2 * inverse, 0, image);
+    SetByRadial<V>(ray, r4 * inverse, 1, image);
+    SetByRadial<V>(ray, r6 * inverse, 4, image);
+    const V by_denominator = -radial * inverse;
+    SetByRadial<V>(ray, r2 * by_denominator, 5, image);
+    SetByRadial<V>(ray, r4 * by_denominator, 6, image);
+    SetByRadial<V>(ray, r6 * by_denominator, 7, image);
   }
   static Eigen::Vector3d GuessRay(const double* params, const Eigen::Vector2d& pixel) {
     return {(pixel.x() - params[2]) / params[0], (pixel.y() - params[3]) / params[1], 1.0};
@@ -36,7 +46,7 @@ struct Rational8 {
 }  // namespace
 
 const CameraModel& CameraModel_rational8() {
-  static const JetCameraModel<Rational8> model("rational8");
+  static const BatchedCameraModel<Rational8> model("rational8");
   return model;
 }
 

@@ -1,0 +1,87 @@
+// The Ceres cost of all captures together: one residual block with a row for each unknown and one more, whatever the
+// number of captures and points.
+//
+// Each capture's products (solvers/view_reduction.h) are chained to the unknowns that the captures share, and summed;
+// a root of the sum has the same cost, gradient and Gauss-Newton matrix as all rows of all captures. A capture may have
+// a pose of its own (a robot's correction, or where the target is): it is eliminated from the products before they are
+// summed (Schur complement), so that cost and memory grow with the captures, not with their cube, and Ceres does not
+// see it. Where the shared unknowns are tried elsewhere, it goes along as its linearisation says.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <ceres/cost_function.h>
+
+#include "heba/camera/camera_model.h"
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
+#include "solvers/loss.h"
+#include "solvers/pose_chain.h"
+
+namespace heba {
+
+struct CaptureTerm {
+  const Observations* observations = nullptr;
+  // Its last pose block is the capture's own if there is one (CapturesCostOptions::has_own_pose).
+  std::unique_ptr<PoseChain> chain;
+  Rigid3d own_pose;  // Where it starts.
+};
+
+struct CapturesCostOptions {
+  double pixel_sigma_px = 1;
+  const Loss* loss = nullptr;
+  std::optional<TargetShape> shape;  // If it is unknown too; its own parameters are not used.
+  bool has_own_pose = false;
+  std::optional<RobotNoise> own_pose_prior;  // That it is the identity, give or take this.
+  // Whether own poses are brought to their best for the first value of the shared unknowns, or stay where they start.
+  bool settles_own_poses = true;
+  int num_threads = 1;  // At most; the result does not depend on it.
+};
+
+// Parameter blocks: the shared poses of the chains (heba/geometry/pose_block.h), then the camera's parameters, which
+// those of the target's shape follow if there is a shape. Evaluation fails, and Ceres rejects the step, if a point has
+// no image. For ceres::Solve only: what a capture's own pose is depends on where the Jacobians were evaluated last.
+class CapturesCost final : public ceres::CostFunction {
+ public:
+  // `model`, the observations and the loss must outlive the cost; at least one capture.
+  CapturesCost(const CameraModel& model, std::vector<CaptureTerm> captures, CapturesCostOptions options);
+  ~CapturesCost() override;
+  CapturesCost(const CapturesCost&) = delete;
+  CapturesCost& operator=(const CapturesCost&) = delete;
+
+  bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override;
+
+  // J^T J of the shared poses' tangents, the parameters and the residual, own poses eliminated. Nothing if a point has
+  // no image.
+  std::optional<Eigen::MatrixXd> ProductsAt(const double* const* parameters) const;
+
+  // The captures' own poses, best for the shared unknowns at which the Jacobians were evaluated last: after
+  // ceres::Solve, the solution's.
+  std::vector<Rigid3d> OwnPoses() const;
+
+ private:
+  struct OwnPoseState;
+  struct State;
+  // What is solved for of a capture: its products, of a left perturbation of camera_from_target, the parameters and the
+  // residual.
+  struct Evaluation;
+
+  bool EvaluateAll(std::vector<double> parameters, State* state) const;
+  // At Evaluation::own_pose; the other one begins there.
+  bool EvaluateCapture(const CaptureTerm& capture, const std::vector<double>& parameters, Evaluation* evaluation) const;
+  bool SettleOwnPose(const CaptureTerm& capture, const std::vector<double>& parameters, Evaluation* evaluation) const;
+  std::vector<double> Joined(const double* const* parameters) const;
+
+  const CameraModel& model_;
+  std::vector<CaptureTerm> captures_;
+  CapturesCostOptions options_;
+  int num_shared_poses_;
+  int num_params_;  // The camera's, and the shape's if it is unknown.
+  // Where the Jacobians were evaluated last, and where the cost was: mostly Ceres asks for the Jacobians there next.
+  mutable std::shared_ptr<const State> accepted_;
+  mutable std::shared_ptr<const State> candidate_;
+};
+
+}  // namespace heba

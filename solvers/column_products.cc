@@ -1,0 +1,132 @@
+#include "solvers/column_products.h"
+
+#include <algorithm>
+
+#include "heba/base/error.h"
+#include "heba/base/simd.h"
+
+namespace heba {
+namespace {
+
+// Blocks of the lower triangle: so many columns by two, as many sums as registers hold.
+constexpr int kBlock = 4;
+
+// Calls f(first column, second column, sums before) for each block of kRows x 2.
+template <class Wide, class Narrow>
+HEBA_INLINE void ForEachBlock(int num_columns, const Wide& wide, const Narrow& narrow) {
+  int sum = 0;
+  int i = 0;
+  for (; i + kBlock <= num_columns; i += kBlock) {
+    for (int j = 0; j < i + kBlock; j += 2, sum += 2 * kBlock) wide(i, j, sum);
+  }
+  for (; i < num_columns; i += 2) {
+    for (int j = 0; j < i + 2; j += 2, sum += 4) narrow(i, j, sum);
+  }
+}
+
+template <int kLanes, int kRows>
+HEBA_INLINE void AddBlock(const double* a, const double* b, Eigen::Index stride, Eigen::Index num_rows, double* sums) {
+  using V = Lanes<kLanes>;
+  V s[kRows][2];
+  for (int i = 0; i < kRows; ++i) {
+    for (int j = 0; j < 2; ++j) s[i][j] = LoadLanes<V>(sums + (2 * i + j) * kLanes);
+  }
+  for (Eigen::Index k = 0; k < num_rows; k += kLanes) {
+    const V b0 = LoadLanes<V>(b + k);
+    const V b1 = LoadLanes<V>(b + stride + k);
+    for (int i = 0; i < kRows; ++i) {
+      const V ai = LoadLanes<V>(a + i * stride + k);
+      s[i][0] += ai * b0;
+      s[i][1] += ai * b1;
+    }
+  }
+  for (int i = 0; i < kRows; ++i) {
+    for (int j = 0; j < 2; ++j) StoreLanes(s[i][j], sums + (2 * i + j) * kLanes);
+  }
+}
+
+template <int kLanes>
+HEBA_INLINE void AddRows(const double* columns, Eigen::Index stride, int num_columns, Eigen::Index num_rows,
+                         double* sums) {
+  ForEachBlock(
+      num_columns,
+      [&](int i, int j, int sum) __attribute__((always_inline)) {
+        AddBlock<kLanes, kBlock>(columns + i * stride, columns + j * stride, stride, num_rows, sums + sum * kLanes);
+      },
+      [&](int i, int j, int sum) __attribute__((always_inline)) {
+        AddBlock<kLanes, 2>(columns + i * stride, columns + j * stride, stride, num_rows, sums + sum * kLanes);
+      });
+}
+
+HEBA_TARGET_AVX2 void AddRowsAvx2(const double* columns, Eigen::Index stride, int num_columns, Eigen::Index num_rows,
+                                  double* sums) {
+  AddRows<kLanesOf<Simd::kAvx2>>(columns, stride, num_columns, num_rows, sums);
+}
+HEBA_TARGET_AVX512 void AddRowsAvx512(const double* columns, Eigen::Index stride, int num_columns,
+                                      Eigen::Index num_rows, double* sums) {
+  AddRows<kLanesOf<Simd::kAvx512>>(columns, stride, num_columns, num_rows, sums);
+}
+
+int ActiveLanes() {
+  switch (ActiveSimd()) {
+    case Simd::kAvx512:
+      return kLanesOf<Simd::kAvx512>;
+    case Simd::kAvx2:
+      return kLanesOf<Simd::kAvx2>;
+    default:
+      return kLanesOf<Simd::kBaseline>;
+  }
+}
+
+int Even(int number) { return number + number % 2; }
+
+}  // namespace
+
+ColumnProducts::ColumnProducts(int num_columns, Eigen::Index stride) : num_columns_(num_columns), stride_(stride) {
+  CHECK(num_columns <= kMaxColumns) << num_columns;
+  int num_sums = 0;
+  ForEachBlock(
+      Even(num_columns), [&](int, int, int sum) { num_sums = sum + 2 * kBlock; },
+      [&](int, int, int sum) { num_sums = sum + 4; });
+  std::fill_n(lanes_, num_sums * ActiveLanes(), 0.0);
+}
+
+void ColumnProducts::Add(const double* columns, Eigen::Index num_rows) {
+  switch (ActiveSimd()) {
+    case Simd::kAvx512:
+      AddRowsAvx512(columns, stride_, Even(num_columns_), num_rows, lanes_);
+      break;
+    case Simd::kAvx2:
+      AddRowsAvx2(columns, stride_, Even(num_columns_), num_rows, lanes_);
+      break;
+    default:
+      AddRows<kLanesOf<Simd::kBaseline>>(columns, stride_, Even(num_columns_), num_rows, lanes_);
+  }
+}
+
+Eigen::MatrixXd ColumnProducts::Matrix() const {
+  const int num_lanes = ActiveLanes();
+  const int even = Even(num_columns_);
+  Eigen::MatrixXd matrix(even, even);
+  const auto set = [&](int i, int j, int sum) {
+    const double* const lanes = lanes_ + sum * num_lanes;
+    double total = 0;
+    for (int k = 0; k < num_lanes; ++k) total += lanes[k];
+    matrix(i, j) = total;
+    matrix(j, i) = total;
+  };
+  const auto set_block = [&](int rows, int i, int j, int sum) {
+    for (int r = 0; r < rows; ++r) {
+      for (int c = 0; c < 2; ++c) {
+        // Blocks on the diagonal have some pairs twice.
+        if (j + c <= i + r) set(i + r, j + c, sum + 2 * r + c);
+      }
+    }
+  };
+  ForEachBlock(
+      even, [&](int i, int j, int sum) { set_block(kBlock, i, j, sum); },
+      [&](int i, int j, int sum) { set_block(2, i, j, sum); });
+  return matrix.topLeftCorner(num_columns_, num_columns_);
+}
+
+}  // namespace heba

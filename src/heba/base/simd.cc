@@ -1,0 +1,38 @@
+#include "heba/base/simd.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <string_view>
+
+namespace heba {
+namespace {
+
+Simd BestOfMachine() {
+#if defined(__x86_64__)
+  __builtin_cpu_init();
+  if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma")) return Simd::kBaseline;
+  const bool has_avx512 = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+                          __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw");
+  return has_avx512 ? Simd::kAvx512 : Simd::kAvx2;
+#else
+  return Simd::kBaseline;
+#endif
+}
+
+Simd AskedFor() {
+  const char* const asked = std::getenv("HEBA_SIMD");
+  const std::string_view name = asked == nullptr ? "" : asked;
+  return name == "baseline" ? Simd::kBaseline : name == "avx2" ? Simd::kAvx2 : Simd::kAvx512;
+}
+
+Simd& Active() {
+  static Simd active = std::min(BestOfMachine(), AskedFor());
+  return active;
+}
+
+}  // namespace
+
+Simd ActiveSimd() { return Active(); }
+void LimitSimd(Simd most) { Active() = std::min(BestOfMachine(), most); }
+
+}  // namespace heba

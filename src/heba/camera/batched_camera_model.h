@@ -1,0 +1,195 @@
+// A whole camera model from its image in the plane z = 1: what a file in camera/models writes. For every model
+//   u = fx x' + cx,  v = fy y' + cy
+// with (x', y') the ray's distorted image, a function of the ray and the distortion coefficients. The inverse comes
+// from Gauss-Newton steps on the sphere of rays.
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include "heba/base/simd.h"
+#include "heba/camera/camera_model.h"
+
+namespace heba {
+
+// A point's distorted image (x', y') and its derivatives. V is double, or several lanes of it.
+template <class V, int kNumDistortion>
+struct DistortedImage {
+  V x;
+  V y;
+  V x_by_point[3];
+  V y_by_point[3];
+  V x_by_distortion[kNumDistortion > 0 ? kNumDistortion : 1];
+  V y_by_distortion[kNumDistortion > 0 ? kNumDistortion : 1];
+};
+
+// 1 / z of what is positive, NaN of anything else.
+template <class V>
+HEBA_INLINE V InFront(const V& z) {
+  const V none = AllLanes<V>(std::numeric_limits<double>::quiet_NaN());
+  return z > 0.0 ? 1.0 / z : none;
+}
+
+// `Lens` has
+//   static constexpr int kNumDistortion;
+//   static std::vector<std::string> DistortionNames();
+//   // Where a point has no image, x or y is not finite. HEBA_INLINE.
+//   template <class V> static void Distort(const double* distortion, const V& x, const V& y, const V& z,
+//                                          DistortedImage<V, kNumDistortion>* image);
+//   // A first guess of the ray of a pixel, of any length.
+//   static Eigen::Vector3d GuessRay(const double* params, const Eigen::Vector2d& pixel);
+template <class Lens>
+class BatchedCameraModel final : public CameraModel {
+ public:
+  explicit BatchedCameraModel(std::string name) : name_(std::move(name)), param_names_({"fx", "fy", "cx", "cy"}) {
+    for (std::string& distortion : Lens::DistortionNames()) param_names_.push_back(std::move(distortion));
+  }
+  std::string_view name() const override { return name_; }
+  const std::vector<std::string>& param_names() const override { return param_names_; }
+
+  bool ProjectBatch(const double* params, const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
+                    bool with_derivatives, ProjectionBatch* batch) const override {
+    // Row by row, then the translation.
+    double pose[12];
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) pose[3 * i + j] = rotation(i, j);
+      pose[9 + i] = translation[i];
+    }
+    switch (ActiveSimd()) {
+      case Simd::kAvx512:
+        return with_derivatives ? DifferentiateAvx512(params, pose, batch) : ProjectAvx512(params, pose, batch);
+      case Simd::kAvx2:
+        return with_derivatives ? DifferentiateAvx2(params, pose, batch) : ProjectAvx2(params, pose, batch);
+      default:
+        return with_derivatives ? Run<kLanesOf<Simd::kBaseline>, true>(params, pose, batch)
+                                : Run<kLanesOf<Simd::kBaseline>, false>(params, pose, batch);
+    }
+  }
+
+  std::optional<Eigen::Vector3d> Unproject(const double* params, const Eigen::Vector2d& pixel) const override {
+    Eigen::Vector3d ray = Lens::GuessRay(params, pixel);
+    if (!ray.allFinite() || ray.norm() < 1e-12) return std::nullopt;
+    ray.normalize();
+    // A guess from beyond the radius at which the distortion folds back is drawn towards the axis.
+    std::optional<Linearisation> here = Linearise(params, ray, pixel);
+    for (int attempt = 0; attempt < 20 && !here; ++attempt) {
+      ray = (ray + Eigen::Vector3d::UnitZ()).normalized();
+      here = Linearise(params, ray, pixel);
+    }
+    if (!here) return std::nullopt;
+    constexpr double kTolerancePx = 1e-9;  // Far below what any detector resolves; above round-off at 1e5 px.
+    for (int iteration = 0; iteration < 60 && here->error_px.norm() >= kTolerancePx; ++iteration) {
+      Eigen::Vector2d step = here->jacobian.inverse() * here->error_px;
+      constexpr double kMaxStepRad = 0.3;
+      if (step.norm() > kMaxStepRad) step *= kMaxStepRad / step.norm();
+      // Halve the step until it helps.
+      std::optional<Linearisation> next;
+      for (int halving = 0; halving < 12 && !next; ++halving, step *= 0.5) {
+        next = Linearise(params, (here->ray - here->basis * step).normalized(), pixel);
+        if (next && next->error_px.norm() >= here->error_px.norm()) next.reset();
+      }
+      if (!next) break;
+      here = next;
+    }
+    constexpr double kAcceptedPx = 1e-6;
+    return here->error_px.norm() < kAcceptedPx ? std::optional<Eigen::Vector3d>(here->ray) : std::nullopt;
+  }
+
+ private:
+  static constexpr int kNumDistortion = Lens::kNumDistortion;
+  static_assert(kNumDistortion <= ProjectionBatch::kMaxDistortion);
+
+  template <int kLanes, bool kWithDerivatives>
+  HEBA_INLINE static bool Run(const double* params, const double* pose, ProjectionBatch* batch) {
+    using V = Lanes<kLanes>;
+    // What is not finite makes it NaN.
+    V check = AllLanes<V>(0);
+    for (int i = 0; i < batch->size; i += kLanes) {
+      const V px = LoadLanes<V>(batch->points[0] + i);
+      const V py = LoadLanes<V>(batch->points[1] + i);
+      const V pz = LoadLanes<V>(batch->points[2] + i);
+      const V x = pose[0] * px + pose[1] * py + pose[2] * pz + pose[9];
+      const V y = pose[3] * px + pose[4] * py + pose[5] * pz + pose[10];
+      const V z = pose[6] * px + pose[7] * py + pose[8] * pz + pose[11];
+      DistortedImage<V, kNumDistortion> image;
+      Lens::template Distort<V>(params + 4, x, y, z, &image);
+      const V u = params[0] * image.x + params[2];
+      const V v = params[1] * image.y + params[3];
+      check += (u - u) + (v - v);
+      StoreLanes(u, batch->pixels[0] + i);
+      StoreLanes(v, batch->pixels[1] + i);
+      if constexpr (kWithDerivatives) {
+        StoreRows<V>(params[0], x, y, z, image.x, image.x_by_point, image.x_by_distortion, i, batch->rows[0]);
+        StoreRows<V>(params[1], x, y, z, image.y, image.y_by_point, image.y_by_distortion, i, batch->rows[1]);
+      }
+    }
+    return SumOfLanes(check) == 0;
+  }
+
+  // One axis of ProjectionBatch::rows.
+  template <class V>
+  HEBA_INLINE static void StoreRows(double focal, const V& x, const V& y, const V& z, const V& image, const V* by_point,
+                                    const V* by_distortion, int i, double (*rows)[ProjectionBatch::kCapacity]) {
+    const V dx = focal * by_point[0];
+    const V dy = focal * by_point[1];
+    const V dz = focal * by_point[2];
+    StoreLanes(dx, rows[0] + i);
+    StoreLanes(dy, rows[1] + i);
+    StoreLanes(dz, rows[2] + i);
+    // d p / d w = -skew(p), so the row is p x (dx, dy, dz).
+    StoreLanes<V>(y * dz - z * dy, rows[3] + i);
+    StoreLanes<V>(z * dx - x * dz, rows[4] + i);
+    StoreLanes<V>(x * dy - y * dx, rows[5] + i);
+    StoreLanes(image, rows[6] + i);
+    for (int k = 0; k < kNumDistortion; ++k) StoreLanes<V>(focal * by_distortion[k], rows[7 + k] + i);
+  }
+
+  HEBA_TARGET_AVX2 static bool ProjectAvx2(const double* params, const double* pose, ProjectionBatch* batch) {
+    return Run<kLanesOf<Simd::kAvx2>, false>(params, pose, batch);
+  }
+  HEBA_TARGET_AVX2 static bool DifferentiateAvx2(const double* params, const double* pose, ProjectionBatch* batch) {
+    return Run<kLanesOf<Simd::kAvx2>, true>(params, pose, batch);
+  }
+  HEBA_TARGET_AVX512 static bool ProjectAvx512(const double* params, const double* pose, ProjectionBatch* batch) {
+    return Run<kLanesOf<Simd::kAvx512>, false>(params, pose, batch);
+  }
+  HEBA_TARGET_AVX512 static bool DifferentiateAvx512(const double* params, const double* pose, ProjectionBatch* batch) {
+    return Run<kLanesOf<Simd::kAvx512>, true>(params, pose, batch);
+  }
+
+  // The image about a ray: of the ray moved along two directions at right angles to it.
+  struct Linearisation {
+    Eigen::Vector3d ray;
+    Eigen::Matrix<double, 3, 2> basis;
+    Eigen::Vector2d error_px;
+    Eigen::Matrix2d jacobian;
+  };
+  // Nothing if the ray has no image, or lies where the distortion folds back: there the image is turned over.
+  static std::optional<Linearisation> Linearise(const double* params, const Eigen::Vector3d& ray,
+                                                const Eigen::Vector2d& pixel) {
+    Linearisation at;
+    at.ray = ray;
+    const Eigen::Vector3d helper = std::abs(ray.x()) < 0.7 ? Eigen::Vector3d::UnitX() : Eigen::Vector3d::UnitY();
+    // Right-handed about the ray, as u and v are about the optical axis.
+    at.basis.col(0) = ray.cross(helper).normalized();
+    at.basis.col(1) = ray.cross(at.basis.col(0));
+    DistortedImage<double, kNumDistortion> image;
+    Lens::template Distort<double>(params + 4, ray.x(), ray.y(), ray.z(), &image);
+    at.error_px = Eigen::Vector2d(params[0] * image.x + params[2], params[1] * image.y + params[3]) - pixel;
+    at.jacobian.row(0) = params[0] * Eigen::Map<const Eigen::RowVector3d>(image.x_by_point) * at.basis;
+    at.jacobian.row(1) = params[1] * Eigen::Map<const Eigen::RowVector3d>(image.y_by_point) * at.basis;
+    if (!at.error_px.allFinite() || !at.jacobian.allFinite() || at.jacobian.determinant() <= 0) return std::nullopt;
+    return at;
+  }
+
+  std::string name_;
+  std::vector<std::string> param_names_;
+};
+
+}  // namespace heba

@@ -1,0 +1,45 @@
+#include "solvers/column_products.h"
+
+#include <gtest/gtest.h>
+
+#include "heba/base/simd.h"
+
+namespace heba {
+namespace {
+
+class ColumnProductsTest : public testing::TestWithParam<Simd> {
+ protected:
+  void SetUp() override {
+    LimitSimd(GetParam());
+    if (ActiveSimd() != GetParam()) GTEST_SKIP() << "this processor does not have the instruction set";
+  }
+  void TearDown() override { LimitSimd(Simd::kAvx512); }
+};
+
+TEST_P(ColumnProductsTest, AreTheProductsOfAllPairs) {
+  for (int num_columns = 1; num_columns <= ColumnProducts::kMaxColumns; ++num_columns) {
+    for (const Eigen::Index num_rows : {8, 40}) {
+      const Eigen::Index stride = num_rows + 8;
+      Eigen::MatrixXd columns = Eigen::MatrixXd::Random(stride, num_columns + num_columns % 2);
+      ColumnProducts products(num_columns, stride);
+      products.Add(columns.data(), num_rows);
+      products.Add(columns.data() + 8, num_rows);
+      const auto part = [&](Eigen::Index first) { return columns.block(first, 0, num_rows, num_columns); };
+      const Eigen::MatrixXd expected = part(0).transpose() * part(0) + part(8).transpose() * part(8);
+      ASSERT_EQ(products.Matrix().rows(), num_columns);
+      EXPECT_LT((products.Matrix() - expected).cwiseAbs().maxCoeff(), 1e-13 * static_cast<double>(num_rows))
+          << num_columns << " columns, " << num_rows << " rows";
+    }
+  }
+}
+
+std::string SetName(const testing::TestParamInfo<Simd>& tested) {
+  const std::string names[] = {"baseline", "avx2", "avx512"};
+  return names[static_cast<size_t>(tested.param)];
+}
+
+INSTANTIATE_TEST_SUITE_P(Sets, ColumnProductsTest, testing::Values(Simd::kBaseline, Simd::kAvx2, Simd::kAvx512),
+                         SetName);
+
+}  // namespace
+}  // namespace heba
