@@ -118,10 +118,10 @@ void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& 
   calibration->unused = std::move(unused);
 }
 
-MethodResult RunMethod(const HandEyeMethod& method, const Calibration& calibration) {
+MethodResult RunMethod(const HandEyeMethod& method, const HandEyeInput& input, const Calibration& calibration) {
   MethodResult result;
   result.method = method.name;
-  result.hand_eye = method.solve(calibration.pairs);
+  result.hand_eye = method.solve(input);
   if (result.hand_eye) {
     const std::optional<SquaredErrors> errors =
         ReprojectionErrors(*result.hand_eye, calibration.camera, calibration.views);
@@ -133,7 +133,8 @@ MethodResult RunMethod(const HandEyeMethod& method, const Calibration& calibrati
 // Every method runs, if only to be a seed.
 std::vector<MethodResult> RunMethods(const Calibration& calibration) {
   std::vector<MethodResult> results;
-  for (const HandEyeMethod& method : HandEyeMethods()) results.push_back(RunMethod(method, calibration));
+  const HandEyeInput input(calibration.pairs);
+  for (const HandEyeMethod& method : HandEyeMethods()) results.push_back(RunMethod(method, input, calibration));
   return results;
 }
 

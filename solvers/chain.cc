@@ -8,9 +8,9 @@
 #include <Eigen/Cholesky>
 
 #include "heba/geometry/pose_block.h"
+#include "solvers/hand_eye_method.h"
 #include "solvers/information.h"
 #include "solvers/pose_chain.h"
-#include "solvers/relative_motion.h"
 #include "solvers/reprojection_problem.h"
 
 namespace heba {
@@ -83,7 +83,7 @@ std::vector<Matrix6> Whitenings(const std::vector<PosePair>& pairs) {
 }  // namespace
 
 Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye& start) {
-  if (const std::optional<Failure> failure = CheckPairs(pairs)) return *failure;
+  if (const std::optional<Failure> failure = HandEyeInput(pairs).why_not()) return *failure;
   const std::vector<Matrix6> whitenings = Whitenings(pairs);
   PoseBlock hand_eye = ToBlock(start.camera_mount_from_camera);
   PoseBlock board = ToBlock(start.target_mount_from_target);

@@ -1,9 +1,23 @@
 #include "solvers/hand_eye_method.h"
 
+#include "solvers/motion_analysis.h"
+
 namespace heba {
 
-#define HEBA_HAND_EYE_METHOD(name, motion, description) \
-  Outcome<HandEye> SolveHandEye_##name(const std::vector<PosePair>& pairs);
+HandEyeInput::HandEyeInput(const std::vector<PosePair>& pairs) : pairs_(&pairs) {
+  std::vector<Rigid3d> poses;
+  poses.reserve(pairs.size());
+  for (const PosePair& pair : pairs) poses.push_back(pair.camera_mount_from_target_mount);
+  const std::string why = WhyNotObservable(AnalyseMotion(poses));
+  if (!why.empty()) why_not_ = Failure{why};
+}
+
+const MotionSums& HandEyeInput::motions() const {
+  if (!motions_) motions_ = SumMotions(*pairs_);
+  return *motions_;
+}
+
+#define HEBA_HAND_EYE_METHOD(name, motion, description) Outcome<HandEye> SolveHandEye_##name(const HandEyeInput& input);
 #include "solvers/methods.def"
 #undef HEBA_HAND_EYE_METHOD
 

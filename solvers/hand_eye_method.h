@@ -12,12 +12,14 @@
 // cannot use are a Failure (tests/conformance/hand_eye_method_test.cc).
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "heba/base/error.h"
 #include "heba/evaluation/metrics.h"
+#include "solvers/motion_sums.h"
 
 namespace heba {
 
@@ -25,11 +27,33 @@ namespace heba {
 // (solvers/two_step_motion.h).
 enum class MethodMotion { kAny, kTwoStep };
 
+// What the methods are given: several of them share what is calculated of the captures.
+class HandEyeInput {
+ public:
+  // `pairs` must outlive it.
+  HandEyeInput(const std::vector<PosePair>& pairs);  // NOLINT(google-explicit-constructor): pairs are an input.
+  const std::vector<PosePair>& pairs() const { return *pairs_; }
+  // Why no method can determine a hand-eye pose from the captures; nothing if one may.
+  const std::optional<Failure>& why_not() const { return why_not_; }
+  // Summed when first asked for: not by several threads at once.
+  const MotionSums& motions() const;
+
+ private:
+  const std::vector<PosePair>* pairs_;
+  std::optional<Failure> why_not_;
+  mutable std::optional<MotionSums> motions_;
+};
+
 struct HandEyeMethod {
   std::string_view name;
   MethodMotion motion;
   std::string_view description;  // With the paper.
-  Outcome<HandEye> (*solve)(const std::vector<PosePair>& pairs);
+  // Of captures that have no why_not.
+  Outcome<HandEye> (*solve_observable)(const HandEyeInput& input);
+
+  Outcome<HandEye> solve(const HandEyeInput& input) const {
+    return input.why_not() ? *input.why_not() : solve_observable(input);
+  }
 };
 
 // In the order of methods.def.

@@ -11,8 +11,8 @@
 #include "heba/evaluation/metrics.h"
 #include "solvers/hand_eye_method.h"
 #include "solvers/inliers.h"
+#include "solvers/known_rotation.h"
 #include "solvers/noise_scale.h"
-#include "solvers/relative_motion.h"
 
 namespace heba {
 namespace {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "heba/base/error.h"
 #include "solvers/hand_eye_method.h"
@@ -19,15 +18,22 @@ struct Candidate {
 using Candidates = std::vector<std::vector<Candidate>>;  // By view.
 using Choice = std::vector<int>;                         // The candidate of each view.
 
-// How badly two captures contradict each other, in rad, at most kCap: one bad view must not outvote the rest.
-constexpr double kCap = 0.2;
-double Contradiction(double robot_angle, const Rigid3d& c_i, const Rigid3d& c_j) {
-  return std::min(kCap, std::abs(robot_angle - AngleRad(c_i, c_j)));
+// Of the rotation from one to the other, in rad, by the chord between them.
+double AngleBetween(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
+  const double chord2 = std::min((a.coeffs() - b.coeffs()).squaredNorm(), (a.coeffs() + b.coeffs()).squaredNorm());
+  return 4 * std::asin(0.5 * std::sqrt(chord2));
 }
 
+// Captures vote by how badly two of them contradict each other: by the angle between them, which the camera must see as
+// the robot has it.
 class AngleVote {
  public:
-  AngleVote(const std::vector<View>& views, const Candidates& candidates) : views_(views), candidates_(candidates) {}
+  AngleVote(const std::vector<View>& views, const Candidates& candidates) : views_(views), candidates_(candidates) {
+    // So many voices are enough.
+    constexpr size_t kMaxVoters = 100;
+    const size_t step = (views.size() + kMaxVoters - 1) / kMaxVoters;
+    for (size_t i = 0; i < views.size(); i += step) voters_.push_back(i);
+  }
 
   // The choice that agrees with candidate `a` of view `anchor`, then improved view by view until nothing changes.
   Choice From(size_t anchor, int a, double* total) const {
@@ -35,56 +41,49 @@ class AngleVote {
     Choice choice(n, 0);
     choice[anchor] = a;
     for (size_t i = 0; i < n; ++i) {
-      if (i != anchor) choice[i] = Best(i, {anchor}, choice);
+      if (i != anchor) choice[i] = BestOf(Sums(i, {anchor}, choice));
     }
-    std::vector<size_t> all(n);
-    std::iota(all.begin(), all.end(), size_t{0});
     constexpr int kMaxSweeps = 10;
     for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
       bool changed = false;
+      *total = 0;
       for (size_t i = 0; i < n; ++i) {
-        const int best = Best(i, all, choice);
+        const std::vector<double> sums = Sums(i, voters_, choice);
+        const int best = BestOf(sums);
         changed = changed || best != choice[i];
         choice[i] = best;
+        *total += sums[static_cast<size_t>(best)];
       }
       if (!changed) break;
     }
-    *total = 0;
-    for (size_t i = 0; i < n; ++i) *total += Sum(i, choice[i], all, choice);
     return choice;
   }
 
  private:
-  double RobotAngle(size_t i, size_t j) const {
-    return AngleRad(Inverse(views_[i].camera_mount_from_target_mount),
-                    Inverse(views_[j].camera_mount_from_target_mount));
-  }
-  double Sum(size_t i, int a, const std::vector<size_t>& others, const Choice& choice) const {
-    double sum = 0;
+  // The contradictions of each candidate of view i with the others' choices, in rad.
+  std::vector<double> Sums(size_t i, const std::vector<size_t>& others, const Choice& choice) const {
+    constexpr double kCap = 0.2;  // One bad view must not outvote the rest.
+    std::vector<double> sums(candidates_[i].size(), 0.0);
     for (const size_t j : others) {
       if (j == i) continue;
-      const Rigid3d c_i = Inverse(candidates_[i][static_cast<size_t>(a)].camera_from_target);
-      const Rigid3d c_j = Inverse(candidates_[j][static_cast<size_t>(choice[j])].camera_from_target);
-      sum += Contradiction(RobotAngle(i, j), c_i, c_j);
-    }
-    return sum;
-  }
-  // Ties go to the first: the candidate that fits its own view best.
-  int Best(size_t i, const std::vector<size_t>& others, const Choice& choice) const {
-    int best = 0;
-    double best_sum = std::numeric_limits<double>::infinity();
-    for (int a = 0; a < static_cast<int>(candidates_[i].size()); ++a) {
-      const double sum = Sum(i, a, others, choice);
-      if (sum < best_sum) {
-        best_sum = sum;
-        best = a;
+      const double robot_angle = AngleBetween(views_[i].camera_mount_from_target_mount.rotation,
+                                              views_[j].camera_mount_from_target_mount.rotation);
+      const Eigen::Quaterniond& other = candidates_[j][static_cast<size_t>(choice[j])].camera_from_target.rotation;
+      for (size_t a = 0; a < sums.size(); ++a) {
+        const double seen_angle = AngleBetween(candidates_[i][a].camera_from_target.rotation, other);
+        sums[a] += std::min(kCap, std::abs(robot_angle - seen_angle));
       }
     }
-    return best;
+    return sums;
+  }
+  // Ties go to the first: the candidate that fits its own view best.
+  static int BestOf(const std::vector<double>& sums) {
+    return static_cast<int>(std::min_element(sums.begin(), sums.end()) - sums.begin());
   }
 
   const std::vector<View>& views_;
   const Candidates& candidates_;
+  std::vector<size_t> voters_;
 };
 
 std::vector<PosePair> Pairs(const std::vector<View>& views, const Candidates& candidates, const Choice& choice) {
@@ -145,11 +144,14 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
   // nearest to the prediction; again until nothing changes. Whichever method ends with the smallest error has the say.
   Choice best_choice = choice;
   double best_error = std::numeric_limits<double>::infinity();
+  const std::vector<PosePair> voted = Pairs(views, candidates, choice);
+  const HandEyeInput voted_input(voted);
   for (const HandEyeMethod& method : HandEyeMethods()) {
     Choice current = choice;
     constexpr int kMaxRounds = 10;
     for (int round = 0; round < kMaxRounds; ++round) {
-      const Outcome<HandEye> hand_eye = method.solve(Pairs(views, candidates, current));
+      const Outcome<HandEye> hand_eye =
+          current == choice ? method.solve(voted_input) : method.solve(Pairs(views, candidates, current));
       if (!hand_eye) break;
       double error = 0;
       Choice next(views.size());

@@ -3,7 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "solvers/relative_motion.h"
+#include "solvers/known_rotation.h"
 
 namespace heba {
 namespace {

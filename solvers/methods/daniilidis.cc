@@ -5,46 +5,52 @@
 // The solution lies in the span of the two right singular vectors of the smallest singular values; q q = 1 and
 // q q' = 0 fix it (equations (34) to (37)).
 #include <cmath>
+#include <tuple>
 
 #include <Eigen/Eigenvalues>
 
-#include "solvers/relative_motion.h"
+#include "solvers/known_rotation.h"
 
 namespace heba {
 namespace {
 
-struct DualVector {
-  Eigen::Vector3d real;
-  Eigen::Vector3d dual;
-};
-
-// The vector parts of the dual quaternion of a motion, with a real scalar part that is not negative. q' = t q / 2.
-DualVector ScrewOf(const Rigid3d& motion) {
-  const double sign = motion.rotation.w() < 0 ? -1.0 : 1.0;
-  const Eigen::Vector3d v = sign * motion.rotation.vec();
-  const double w = sign * motion.rotation.w();
-  const Eigen::Vector3d& t = motion.translation;
-  return {v, 0.5 * (w * t + t.cross(v))};
+// The sum of [x, skew(y)]^T [z, skew(w)] from those of x z^T, x w^T, y z^T and y w^T.
+Eigen::Matrix4d SumOfProducts(const Eigen::Matrix3d& xz, const Eigen::Matrix3d& xw, const Eigen::Matrix3d& yz,
+                              const Eigen::Matrix3d& yw) {
+  Eigen::Matrix4d sum;
+  sum(0, 0) = xz.trace();
+  sum.topRightCorner<1, 3>() = SumOfCross(xw).transpose();
+  sum.bottomLeftCorner<3, 1>() = -SumOfCross(yz);
+  sum.bottomRightCorner<3, 3>() = yw.trace() * Eigen::Matrix3d::Identity() - yw.transpose();
+  return sum;
 }
 
 }  // namespace
 
-Outcome<HandEye> SolveHandEye_daniilidis(const std::vector<PosePair>& pairs) {
-  if (const std::optional<Failure> failure = CheckPairs(pairs)) return *failure;
+Outcome<HandEye> SolveHandEye_daniilidis(const HandEyeInput& input) {
+  // From the screws a, a', b, b' to a - b, a + b, a' - b', a' + b'.
+  using Matrix12 = Eigen::Matrix<double, 12, 12>;
+  Matrix12 combine = Matrix12::Zero();
+  const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
+  for (const auto& [row, a, b] :
+       {std::tuple(0, MotionSums::kRealA, MotionSums::kRealB), std::tuple(6, MotionSums::kDualA, MotionSums::kDualB)}) {
+    combine.block<3, 3>(row, a) = identity;
+    combine.block<3, 3>(row, b) = -identity;
+    combine.block<3, 3>(row + 3, a) = identity;
+    combine.block<3, 3>(row + 3, b) = identity;
+  }
+  const Matrix12 combined = combine * input.motions().screws * combine.transpose();
+  // Of D^T E, where D = [a - b, skew(a + b)] or, dual, [a' - b', skew(a' + b')], and E alike.
+  const auto sum_of = [&](int d, int e) {
+    const auto block = [&](int i, int j) -> Eigen::Matrix3d { return combined.block<3, 3>(6 * d + i, 6 * e + j); };
+    return SumOfProducts(block(0, 0), block(0, 3), block(3, 0), block(3, 3));
+  };
+  constexpr int kReal = 0;
+  constexpr int kDual = 1;
+  // S^T S, S = [D, 0; D', D].
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
-  Matrix8 sum = Matrix8::Zero();
-  ForEachMotion(pairs, [&](const Rigid3d& motion_a, const Rigid3d& motion_b) {
-    const DualVector a = ScrewOf(motion_a);
-    const DualVector b = ScrewOf(motion_b);
-    Eigen::Matrix<double, 6, 8> s = Eigen::Matrix<double, 6, 8>::Zero();
-    s.block<3, 1>(0, 0) = a.real - b.real;
-    s.block<3, 3>(0, 1) = Skew(a.real + b.real);
-    s.block<3, 1>(3, 0) = a.dual - b.dual;
-    s.block<3, 3>(3, 1) = Skew(a.dual + b.dual);
-    s.block<3, 1>(3, 4) = a.real - b.real;
-    s.block<3, 3>(3, 5) = Skew(a.real + b.real);
-    sum += s.transpose() * s;
-  });
+  Matrix8 sum;
+  sum << sum_of(kReal, kReal) + sum_of(kDual, kDual), sum_of(kDual, kReal), sum_of(kReal, kDual), sum_of(kReal, kReal);
   const Eigen::SelfAdjointEigenSolver<Matrix8> eigen(sum);
   const Eigen::Vector4d u1 = eigen.eigenvectors().col(0).head<4>();
   const Eigen::Vector4d v1 = eigen.eigenvectors().col(0).tail<4>();
@@ -80,7 +86,7 @@ Outcome<HandEye> SolveHandEye_daniilidis(const std::vector<PosePair>& pairs) {
   const Eigen::Quaterniond q(real[0] / norm, real[1] / norm, real[2] / norm, real[3] / norm);
   const Eigen::Quaterniond q_dual(dual[0] / norm, dual[1] / norm, dual[2] / norm, dual[3] / norm);
   const Eigen::Vector3d translation = 2.0 * (q_dual * q.conjugate()).vec();
-  return WithMeanBoard(pairs, {q, translation});
+  return WithMeanBoard(input.pairs(), {q, translation});
 }
 
 }  // namespace heba

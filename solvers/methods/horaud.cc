@@ -3,28 +3,30 @@
 // minimises the sum of squares is the eigenvector of the smallest eigenvalue (section 4.1); then the translation.
 #include <Eigen/Eigenvalues>
 
-#include "solvers/relative_motion.h"
+#include "solvers/known_rotation.h"
 
 namespace heba {
 
-Outcome<HandEye> SolveHandEye_horaud(const std::vector<PosePair>& pairs) {
-  if (const std::optional<Failure> failure = CheckPairs(pairs)) return *failure;
-  Eigen::Matrix4d sum = Eigen::Matrix4d::Zero();
-  ForEachMotion(pairs, [&](const Rigid3d& a, const Rigid3d& b) {
-    const Eigen::Vector3d n_a = LogRotation(a.rotation).normalized();
-    const Eigen::Vector3d n_b = LogRotation(b.rotation).normalized();
-    // Rows and columns in the order w, x, y, z.
-    Eigen::Matrix4d difference;
-    difference(0, 0) = 0;
-    difference.topRightCorner<1, 3>() = -(n_a - n_b).transpose();
-    difference.bottomLeftCorner<3, 1>() = n_a - n_b;
-    difference.bottomRightCorner<3, 3>() = Skew(n_a + n_b);
-    sum += difference.transpose() * difference;
-  });
+Outcome<HandEye> SolveHandEye_horaud(const HandEyeInput& input) {
+  const MotionSums& motions = input.motions();
+  const auto sum_of = [&](int x, int y) -> Eigen::Matrix3d { return motions.axes.block<3, 3>(x, y); };
+  const Eigen::Matrix3d aa = sum_of(MotionSums::kAxisA, MotionSums::kAxisA);
+  const Eigen::Matrix3d ab = sum_of(MotionSums::kAxisA, MotionSums::kAxisB);
+  const Eigen::Matrix3d bb = sum_of(MotionSums::kAxisB, MotionSums::kAxisB);
+  const Eigen::Matrix3d both = ab + ab.transpose();
+  // Of the difference d = n_A - n_B and the sum s = n_A + n_B.
+  const Eigen::Matrix3d dd = aa - both + bb;
+  const Eigen::Matrix3d ss = aa + both + bb;
+  // The sum of D^T D, D = [0, -d^T; d, skew(s)]; rows and columns in the order w, x, y, z.
+  Eigen::Matrix4d sum;
+  sum(0, 0) = dd.trace();
+  sum.bottomLeftCorner<3, 1>() = 2 * SumOfCross(ab);  // d cross s
+  sum.topRightCorner<1, 3>() = sum.bottomLeftCorner<3, 1>().transpose();
+  sum.bottomRightCorner<3, 3>() = dd + ss.trace() * Eigen::Matrix3d::Identity() - ss;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> eigen(sum);
   const Eigen::Vector4d q = eigen.eigenvectors().col(0);
   const Eigen::Matrix3d rotation = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix();
-  return WithMeanBoard(pairs, {rotation, SolveTranslation(pairs, rotation)});
+  return WithMeanBoard(input.pairs(), {rotation, SolveTranslation(motions, rotation)});
 }
 
 }  // namespace heba

@@ -6,12 +6,12 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "solvers/relative_motion.h"
+#include "solvers/known_rotation.h"
 
 namespace heba {
 
-Outcome<HandEye> SolveHandEye_li(const std::vector<PosePair>& pairs) {
-  if (const std::optional<Failure> failure = CheckPairs(pairs)) return *failure;
+Outcome<HandEye> SolveHandEye_li(const HandEyeInput& input) {
+  const std::vector<PosePair>& pairs = input.pairs();
   using Matrix24 = Eigen::Matrix<double, 24, 24>;
   Matrix24 normal = Matrix24::Zero();
   Eigen::Matrix<double, 24, 1> right = Eigen::Matrix<double, 24, 1>::Zero();

@@ -5,7 +5,7 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
 
-#include "solvers/relative_motion.h"
+#include "solvers/known_rotation.h"
 
 namespace heba {
 namespace {
@@ -18,8 +18,8 @@ Eigen::Matrix3d RotationFromVector(const Eigen::Matrix<double, 9, 1>& vector) {
 
 }  // namespace
 
-Outcome<HandEye> SolveHandEye_shah(const std::vector<PosePair>& pairs) {
-  if (const std::optional<Failure> failure = CheckPairs(pairs)) return *failure;
+Outcome<HandEye> SolveHandEye_shah(const HandEyeInput& input) {
+  const std::vector<PosePair>& pairs = input.pairs();
   using Matrix9 = Eigen::Matrix<double, 9, 9>;
   Matrix9 k = Matrix9::Zero();
   for (const PosePair& pair : pairs) {

@@ -6,48 +6,37 @@
 // P' grows without bound when X is a rotation by half a turn, a common way to mount a camera. So the equation is solved
 // with the camera's frame turned by Q = identity and half a turn about x, y, z, and the one whose X Q^-1 turns least is
 // taken: one of the four turns by 120 deg at most.
+#include <limits>
+
 #include <Eigen/Cholesky>
 
-#include "solvers/relative_motion.h"
+#include "solvers/known_rotation.h"
 
 namespace heba {
-namespace {
-
-Eigen::Vector3d RodriguesVector(const Eigen::Quaterniond& rotation) {
-  return (rotation.w() < 0 ? -2.0 : 2.0) * rotation.vec();
-}
-
-}  // namespace
-
-Outcome<HandEye> SolveHandEye_tsai(const std::vector<PosePair>& pairs) {
-  if (const std::optional<Failure> failure = CheckPairs(pairs)) return *failure;
+Outcome<HandEye> SolveHandEye_tsai(const HandEyeInput& input) {
+  const MotionSums& motions = input.motions();
+  // P is twice the quaternion's vector part.
+  const auto sum_of = [&](int x, int y) -> Eigen::Matrix3d { return 4 * motions.screws.block<3, 3>(x, y); };
+  const Eigen::Matrix3d aa = sum_of(MotionSums::kRealA, MotionSums::kRealA);
+  const Eigen::Matrix3d ab = sum_of(MotionSums::kRealA, MotionSums::kRealB);
+  const Eigen::Matrix3d bb = sum_of(MotionSums::kRealB, MotionSums::kRealB);
   const Eigen::Quaterniond turns[] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
-  Eigen::Matrix3d normal[4];
-  Eigen::Vector3d right[4];
-  for (int k = 0; k < 4; ++k) {
-    normal[k].setZero();
-    right[k].setZero();
-  }
-  ForEachMotion(pairs, [&](const Rigid3d& a, const Rigid3d& b) {
-    const Eigen::Vector3d p_a = RodriguesVector(a.rotation);
-    for (int k = 0; k < 4; ++k) {
-      const Eigen::Vector3d p_b = turns[k] * RodriguesVector(b.rotation);
-      const Eigen::Matrix3d left = Skew(p_a + p_b);
-      normal[k] += left.transpose() * left;
-      right[k] += left.transpose() * (p_b - p_a);
-    }
-  });
   double smallest = std::numeric_limits<double>::infinity();
   Eigen::Quaterniond rotation_x = Eigen::Quaterniond::Identity();
-  for (int k = 0; k < 4; ++k) {
-    const Eigen::Vector3d p = normal[k].ldlt().solve(right[k]);
+  for (const Eigen::Quaterniond& turn : turns) {
+    const Eigen::Matrix3d q = turn.toRotationMatrix();
+    const Eigen::Matrix3d a_turned = ab * q.transpose();
+    // With s = P_A + Q P_B: skew(s)^T skew(s) = |s|^2 I - s s^T, and skew(s)^T (Q P_B - P_A) = -2 P_A cross Q P_B.
+    const Eigen::Matrix3d ss = aa + a_turned + a_turned.transpose() + q * bb * q.transpose();
+    const Eigen::Matrix3d normal = ss.trace() * Eigen::Matrix3d::Identity() - ss;
+    const Eigen::Vector3d p = normal.ldlt().solve(-2 * SumOfCross(a_turned));
     if (!p.allFinite() || !(p.norm() < smallest)) continue;
     smallest = p.norm();
-    rotation_x = Eigen::Quaterniond(1, p.x(), p.y(), p.z()).normalized() * turns[k];
+    rotation_x = Eigen::Quaterniond(1, p.x(), p.y(), p.z()).normalized() * turn;
   }
   if (!std::isfinite(smallest)) return Failure{"the rotation equations have no solution"};
   const Eigen::Matrix3d rotation = rotation_x.toRotationMatrix();
-  return WithMeanBoard(pairs, {rotation, SolveTranslation(pairs, rotation)});
+  return WithMeanBoard(input.pairs(), {rotation, SolveTranslation(motions, rotation)});
 }
 
 }  // namespace heba

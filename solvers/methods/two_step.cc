@@ -17,7 +17,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "solvers/relative_motion.h"
+#include "solvers/known_rotation.h"
 #include "solvers/target_position.h"
 
 namespace heba {
@@ -42,8 +42,8 @@ Eigen::Matrix3d Frame(const Eigen::Vector3d& along_x, const Eigen::Vector3d& alo
 
 }  // namespace
 
-Outcome<HandEye> SolveHandEye_two_step(const std::vector<PosePair>& pairs) {
-  if (const std::optional<Failure> failure = CheckPairs(pairs)) return *failure;
+Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
+  const std::vector<PosePair>& pairs = input.pairs();
   const std::vector<size_t> homes = WithRole(pairs, "home");
   const std::vector<size_t> turns = WithRole(pairs, "rotate");
   if (homes.empty()) {

@@ -13,7 +13,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "solvers/relative_motion.h"
+#include "solvers/known_rotation.h"
 #include "solvers/target_position.h"
 
 namespace heba {
@@ -97,8 +97,8 @@ State Refined(const std::vector<Measured>& captures, State state, int max_iterat
 
 }  // namespace
 
-Outcome<HandEye> SolveHandEye_two_step_ls(const std::vector<PosePair>& pairs) {
-  if (const std::optional<Failure> failure = CheckPairs(pairs)) return *failure;
+Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
+  const std::vector<PosePair>& pairs = input.pairs();
   const TargetPositions positions = BestKnownPositions(pairs);
   Eigen::Vector3d mean_position = Eigen::Vector3d::Zero();
   for (const PosePair& pair : pairs) {
