@@ -12,6 +12,7 @@
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
 #include "solvers/robot_noise.h"
+#include "solvers/variance_components.h"
 
 namespace heba {
 namespace {

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <numeric>
 
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
@@ -19,6 +18,7 @@
 #include "solvers/noise_scale.h"
 #include "solvers/reprojection_problem.h"
 #include "solvers/robot_noise.h"
+#include "solvers/variance_components.h"
 #include "solvers/view_reduction.h"
 
 namespace heba {
@@ -128,6 +128,7 @@ struct Unknowns {
 std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const FreeParameters& free, const State& state,
                                        const std::optional<RobotNoise>& correction_noise, CapturesCostOptions options) {
   const CameraModel& model = state.camera.Model();
+  options.free = free;
   if (HasShape(free, model)) options.shape = state.shape;
   options.has_own_pose = correction_noise.has_value();
   options.own_pose_prior = correction_noise;
@@ -141,9 +142,13 @@ std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const FreeParamet
   return std::make_unique<CapturesCost>(model, std::move(captures), std::move(options));
 }
 
+// Which of the residuals' scales the noise is: the fit's, or their median's, which half of them cannot pull away. By
+// the median outliers are told from the others: the last digits are another fit's.
+enum class Scale { kOfFit, kMedian };
+
 // One run of Ceres at a fixed noise.
 ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& free, const Noise& noise,
-                                const Loss& loss, const BundleOptions& bundle_options, State* state) {
+                                const Loss& loss, Scale scale, const BundleOptions& bundle_options, State* state) {
   const CameraModel& model = problem.camera.Model();
   const bool has_shape = HasShape(free, model);
   Unknowns unknowns(*state, has_shape);
@@ -173,8 +178,11 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
     mean.head(weights.size()) = Eigen::Map<const Eigen::VectorXd>(prior.params.data(), weights.size());
     ceres_problem.AddResidualBlock(new ceres::NormalPrior(rows, mean), nullptr, params);
   }
+  ceres::Solver::Options solver_options = ReprojectionSolverOptions(bundle_options.max_iterations);
+  constexpr double kRough = 1e-6;
+  if (scale == Scale::kMedian) solver_options.function_tolerance = kRough;
   ceres::Solver::Summary summary;
-  ceres::Solve(ReprojectionSolverOptions(bundle_options.max_iterations), &ceres_problem, &summary);
+  ceres::Solve(solver_options, &ceres_problem, &summary);
   state->hand_eye = {FromBlock(hand_eye), FromBlock(board)};
   state->camera.params.assign(params, params + NumParams(model));
   if (has_shape) std::copy_n(params + NumParams(model), state->shape.params.size(), state->shape.params.begin());
@@ -237,17 +245,18 @@ std::optional<Information> InformationAt(const Problem& problem, const State& st
   const double* const blocks[] = {unknowns.hand_eye(), unknowns.board(), unknowns.params()};
   const std::optional<Eigen::MatrixXd> products = MakeCost(problem, free, state, robot, options)->ProductsAt(blocks);
   if (!products) return std::nullopt;
-  std::vector<Eigen::Index> columns(12);
-  std::iota(columns.begin(), columns.end(), 0);
-  for (size_t i = 0; i < free.size(); ++i) {
-    if (free[i]) columns.push_back(12 + static_cast<Eigen::Index>(i));
-  }
-  Eigen::MatrixXd all = *products / factor;
+  const Eigen::Index num_unknowns = products->cols() - 1;
+  Information information{UnknownNames(model, free), products->topLeftCorner(num_unknowns, num_unknowns) / factor};
   if (bundle_options.camera_prior) {
     const Eigen::VectorXd weights = PriorWeights(*bundle_options.camera_prior, free);
-    all.diagonal().segment(12, weights.size()) += weights.cwiseAbs2();
+    Eigen::Index unknown = 12;
+    for (Eigen::Index i = 0; i < weights.size(); ++i) {
+      if (!free[static_cast<size_t>(i)]) continue;
+      information.matrix(unknown, unknown) += weights[i] * weights[i];
+      ++unknown;
+    }
   }
-  return Information{UnknownNames(model, free), all(columns, columns)};
+  return information;
 }
 
 // What is left of a typical point's noise beside what its detector knows; never less than print and paper leave.
@@ -258,11 +267,13 @@ double ExcessPx(double pixel_sigma_px, double detector_px) {
 
 // Whether another round would change nothing that matters: a robot's noise is known to a few per cent at best. What is
 // exact may become more so.
-bool HasSettled(const Noise& noise, const Noise& next) {
-  const auto is_close = [](double a, double b, double exact) {
-    return std::abs(a - b) < 1e-3 * std::max(a, b) || std::max(a, b) <= 2 * exact;
+bool HasSettled(const Noise& noise, const Noise& next, Scale scale) {
+  constexpr double kRough = 0.02;
+  const double robot_tolerance = scale == Scale::kMedian ? kRough : 1e-3;
+  const auto is_close = [&](double a, double b, double exact) {
+    return std::abs(a - b) < robot_tolerance * std::max(a, b) || std::max(a, b) <= 2 * exact;
   };
-  const double pixel_tolerance = next.robot ? 1e-4 : 1e-6;
+  const double pixel_tolerance = scale == Scale::kMedian ? kRough : next.robot ? 1e-4 : 1e-6;
   if (std::abs(next.pixel_px - noise.pixel_px) >= pixel_tolerance * noise.pixel_px) return false;
   return !next.robot || (is_close(noise.robot->translation_m, next.robot->translation_m, kExactM) &&
                          is_close(noise.robot->rotation_rad, next.robot->rotation_rad, kExactRad));
@@ -343,9 +354,6 @@ struct Fit {
   Convergence convergence;
 };
 
-// Which of the residuals' scales the noise is: the fit's, or their median's, which half of them cannot pull away.
-enum class Scale { kOfFit, kMedian };
-
 // The estimate and the noise that it is whitened by determine each other: a few rounds settle both.
 Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale scale, const BundleOptions& options) {
   const int num_unknowns = 12 + static_cast<int>(std::count(free.begin(), free.end(), true));
@@ -357,7 +365,7 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
   const bool is_least_squares = loss.name == "none" && !has_robot_noise && !options.camera_prior;
   constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const ceres::Solver::Summary summary = Minimise(*fit.problem, free, fit.noise, loss, options, &fit.state);
+    const ceres::Solver::Summary summary = Minimise(*fit.problem, free, fit.noise, loss, scale, options, &fit.state);
     fit.convergence.converged = summary.termination_type == ceres::CONVERGENCE;
     fit.convergence.iterations += static_cast<int>(summary.iterations.size()) - 1;
     fit.convergence.seconds += summary.total_time_in_seconds;
@@ -385,7 +393,7 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
       fit.dof = std::max(1.0, 2.0 * static_cast<double>(distances->size()) - num_unknowns);
       next.pixel_px = scale == Scale::kMedian ? median_px : SigmaOfFit(*distances, num_unknowns, loss, median_px);
     }
-    bool settled = HasSettled(fit.noise, next) || is_least_squares;
+    bool settled = HasSettled(fit.noise, next, scale) || is_least_squares;
     fit.noise = next;
     if (detector_px > 0 && !options.pixel_noise_px) {
       const double next_px = ExcessPx(fit.noise.pixel_px, detector_px);

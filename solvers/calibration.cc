@@ -241,11 +241,12 @@ void DropWrongCaptures(const BundleOptions& options, Setup setup, const TargetSh
 }
 
 // The points that the refinement left out serve no other method and no figure either: all are judged by the same ones.
-void LeaveOutRejected(Calibration* calibration) {
+// Whether there were any.
+bool LeaveOutRejected(Calibration* calibration) {
   const Solution& solution = *calibration->refined;
   const bool has_rejected = std::any_of(solution.rejected_ids.begin(), solution.rejected_ids.end(),
                                         [](const std::vector<int>& ids) { return !ids.empty(); });
-  if (!has_rejected) return;
+  if (!has_rejected) return false;
   // Views that keep enough points for a pose first, each of the two groups in its order.
   std::vector<size_t> order;
   std::vector<Observations> kept;
@@ -269,6 +270,7 @@ void LeaveOutRejected(Calibration* calibration) {
   }
   cleaned.pairs = PairsAsSeen(cleaned.camera, solution.hand_eye, cleaned.views);
   *calibration = std::move(cleaned);
+  return true;
 }
 
 }  // namespace
@@ -279,7 +281,8 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   if (options.camera) {
     calibration.camera = *options.camera;
   } else {
-    Outcome<Camera> camera = EstimateIntrinsics(views, options.camera_model, options.width_px, options.height_px);
+    Outcome<Camera> camera =
+        EstimateIntrinsics(views, options.camera_model, options.width_px, options.height_px, options.camera_start);
     if (!camera) return Failure{camera.reason()};
     calibration.camera = *camera;
   }
@@ -299,6 +302,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     points = ((symmetry.RotationMatrix() * points).colwise() + symmetry.translation).eval();
   }
 
+  const size_t num_posed = calibration.views.size();
   std::vector<MethodResult> results = RunMethods(calibration);
   const MethodResult* wanted = options.seed == kBestSeed ? nullptr : FindResult(results, options.seed);
   CHECK(options.seed == kBestSeed || wanted != nullptr) << options.seed;
@@ -344,8 +348,8 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     calibration.refined =
         RefineHandEye({calibration.camera, calibration.views, options.setup, options.shape}, start, options.bundle);
   }
-  if (calibration.refined) LeaveOutRejected(&calibration);
-  results = RunMethods(calibration);
+  const bool has_fewer_points = calibration.refined && LeaveOutRejected(&calibration);
+  if (has_fewer_points || calibration.views.size() != num_posed) results = RunMethods(calibration);
   calibration.methods = Reported(results, options.methods);
   if (calibration.refined) {
     calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);

@@ -23,6 +23,8 @@ struct CalibrationOptions {
   BundleOptions bundle;
   Setup setup = Setup::kEyeToHand;
   std::optional<Camera> camera;  // Nothing: estimated from the views.
+  // Where that begins: a camera that is nearly right. Nothing: from scratch.
+  std::optional<Camera> camera_start;
   std::string camera_model = "brown5";
   int width_px = 0;
   int height_px = 0;

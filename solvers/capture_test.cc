@@ -14,6 +14,7 @@
 #include "solvers/inliers.h"
 #include "solvers/noise_scale.h"
 #include "solvers/robot_noise.h"
+#include "solvers/variance_components.h"
 
 namespace heba {
 namespace {

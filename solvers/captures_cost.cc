@@ -16,7 +16,8 @@ namespace heba {
 namespace {
 
 // How the captures are summed, whatever the number of threads: so the digits do not depend on it.
-constexpr int kNumGroups = 32;
+constexpr int kMaxGroups = 32;
+constexpr int kCapturesPerGroup = 16;
 
 constexpr int kPoseSize = 7;
 
@@ -44,14 +45,14 @@ struct CapturesCost::Evaluation {
 struct CapturesCost::OwnPoseState {
   Rigid3d pose;
   std::vector<Matrix6> left_from_tangent;
-  // Its best step is minus this times [the left perturbation by the shared poses' steps, the parameters' step, 1].
+  // Its best step is minus this times [the left perturbation by the shared poses' steps, the free parameters' step, 1].
   PoseRows step;
 };
 
 struct CapturesCost::State {
   std::vector<double> parameters;
   std::vector<OwnPoseState> own_poses;  // Empty if captures have none.
-  Eigen::MatrixXd products;             // Of the shared poses' tangents, the parameters, the residual.
+  Eigen::MatrixXd products;             // Of the shared poses' tangents, the free parameters, the residual.
   double loss_remainder = 0;
 };
 
@@ -61,6 +62,10 @@ CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> ca
       options_(std::move(options)),
       num_params_(NumParams(model) + (options_.shape ? TargetShape::kNumParams : 0)) {
   CHECK(!captures_.empty());
+  CHECK_EQ(options_.free.size(), static_cast<size_t>(num_params_));
+  for (int i = 0; i < num_params_; ++i) {
+    if (options_.free[static_cast<size_t>(i)]) free_.push_back(i);
+  }
   // A thread takes longer to start than some thousand points.
   constexpr int kPointsPerThread = 20000;
   int num_points = 0;
@@ -70,7 +75,7 @@ CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> ca
   for (int i = 0; i < num_shared_poses_; ++i) mutable_parameter_block_sizes()->push_back(kPoseSize);
   mutable_parameter_block_sizes()->push_back(num_params_);
   // One more row holds what the loss adds to the weighted sum of squares.
-  set_num_residuals(6 * num_shared_poses_ + num_params_ + 2);
+  set_num_residuals(6 * num_shared_poses_ + static_cast<int>(free_.size()) + 2);
 }
 
 CapturesCost::~CapturesCost() = default;
@@ -82,11 +87,17 @@ bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, 
     if (!EvaluateAll(std::move(at), state.get())) return false;
     candidate_ = state;
   }
-  const Eigen::MatrixXd root = RootOfProducts(candidate_->products);
   Eigen::Map<Eigen::VectorXd> residual(residuals, num_residuals());
+  if (jacobians == nullptr) {
+    // The cost alone.
+    const double squares = candidate_->products(candidate_->products.rows() - 1, candidate_->products.cols() - 1);
+    residual.setZero();
+    residual[0] = std::sqrt(std::max(0.0, squares) + candidate_->loss_remainder);
+    return true;
+  }
+  const Eigen::MatrixXd root = RootOfProducts(candidate_->products);
   residual.head(root.rows()) = root.rightCols<1>();
   residual[root.rows()] = std::sqrt(candidate_->loss_remainder);
-  if (jacobians == nullptr) return true;
   for (int i = 0; i <= num_shared_poses_; ++i) {
     if (jacobians[i] == nullptr) continue;
     const bool is_pose = i < num_shared_poses_;
@@ -96,7 +107,9 @@ bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, 
     if (is_pose) {
       jacobian.topRows(root.rows()) = root.middleCols<6>(6 * i) * TangentFromBlock(parameters[i]);
     } else {
-      jacobian.topRows(root.rows()) = root.middleCols(6 * num_shared_poses_, num_params_);
+      jacobian.topRows(root.rows()).setZero();
+      Eigen::Index column = 6 * num_shared_poses_;
+      for (const int param : free_) jacobian.col(param).head(root.rows()) = root.col(column++);
     }
   }
   // Ceres asks for Jacobians where it stays.
@@ -120,6 +133,7 @@ std::optional<Eigen::MatrixXd> CapturesCost::ProductsAt(const double* const* par
 bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) const {
   state->parameters = std::move(parameters);
   const std::vector<double>& at = state->parameters;
+  const auto num_free = static_cast<Eigen::Index>(free_.size());
   if (options_.has_own_pose) state->own_poses.resize(captures_.size());
   // From where the own poses' linearisation was made, if it was.
   std::vector<Tangent6> pose_steps;
@@ -130,9 +144,11 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
       pose_steps.push_back(LocalCoordinates(FromBlock(&from[static_cast<size_t>(kPoseSize * i)]),
                                             FromBlock(&at[static_cast<size_t>(kPoseSize * i)])));
     }
-    const size_t first = static_cast<size_t>(kPoseSize * num_shared_poses_);
-    params_step = Eigen::Map<const Eigen::VectorXd>(&at[first], num_params_) -
-                  Eigen::Map<const Eigen::VectorXd>(&from[first], num_params_);
+    params_step.resize(num_free);
+    for (Eigen::Index i = 0; i < num_free; ++i) {
+      const auto param = static_cast<size_t>(kPoseSize * num_shared_poses_ + free_[static_cast<size_t>(i)]);
+      params_step[i] = at[param] - from[param];
+    }
   }
   const auto own_pose_of = [&](size_t i) -> Rigid3d {
     if (!options_.has_own_pose) return {};
@@ -140,15 +156,15 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
     const OwnPoseState& before = accepted_->own_poses[i];
     Tangent6 left = Tangent6::Zero();
     for (size_t k = 0; k < pose_steps.size(); ++k) left += before.left_from_tangent[k] * pose_steps[k];
-    return Retract(before.pose, -(before.step.leftCols<6>() * left +
-                                  before.step.middleCols(6, num_params_) * params_step + before.step.rightCols<1>()));
+    return Retract(before.pose, -(before.step.leftCols<6>() * left + before.step.middleCols(6, num_free) * params_step +
+                                  before.step.rightCols<1>()));
   };
 
   const bool settles = options_.has_own_pose && options_.settles_own_poses && accepted_ == nullptr;
   const int num_captures = static_cast<int>(captures_.size());
-  const int num_groups = std::min(kNumGroups, num_captures);
+  const int num_groups = std::clamp(num_captures / kCapturesPerGroup, 1, kMaxGroups);
   const Eigen::Index num_shared = 6 * num_shared_poses_;
-  const Eigen::Index num_others = num_params_ + 1;
+  const Eigen::Index num_others = num_free + 1;
   std::vector<Eigen::MatrixXd> sums(static_cast<size_t>(num_groups),
                                     Eigen::MatrixXd::Zero(num_shared + num_others, num_shared + num_others));
   std::vector<double> remainders(static_cast<size_t>(num_groups), 0.0);
@@ -167,12 +183,12 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
       }
       Eigen::MatrixXd& products = evaluation.products.matrix;
       remainders[group] += evaluation.products.loss_remainder;
-      products(6 + num_params_, 6 + num_params_) += evaluation.prior_squares;
+      products(6 + num_free, 6 + num_free) += evaluation.prior_squares;
       if (options_.has_own_pose) {
         OwnPoseState& own = state->own_poses[i];
         own.pose = evaluation.own_pose;
         own.step = evaluation.own.ldlt().solve(evaluation.with_others);
-        products.noalias() -= evaluation.with_others.transpose() * own.step;
+        products.noalias() -= evaluation.with_others.transpose().lazyProduct(own.step);
         own.left_from_tangent = std::move(evaluation.left_from_tangent);
       }
       const std::vector<Matrix6>& left_from_tangent =
@@ -184,7 +200,7 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
         for (int l = 0; l <= k; ++l) {
           sum.block<6, 6>(6 * k, 6 * l).noalias() += half * left_from_tangent[static_cast<size_t>(l)];
         }
-        sum.block(num_shared, 6 * k, num_others, 6).noalias() += products.block(6, 0, num_others, 6) * chain;
+        sum.block(num_shared, 6 * k, num_others, 6).noalias() += products.block(6, 0, num_others, 6).lazyProduct(chain);
       }
       sum.bottomRightCorner(num_others, num_others) += products.bottomRightCorner(num_others, num_others);
     }
@@ -211,12 +227,12 @@ bool CapturesCost::EvaluateCapture(const CaptureTerm& capture, const std::vector
   if (shape) std::copy_n(params + NumParams(model_), TargetShape::kNumParams, shape->params.begin());
   const Rigid3d camera_from_target = capture.chain->Evaluate(blocks.data(), &evaluation->left_from_tangent);
   if (!MultiplyView(model_, params, camera_from_target, *capture.observations, options_.pixel_sigma_px, *options_.loss,
-                    shape ? &*shape : nullptr, &evaluation->products)) {
+                    options_.free, shape ? &*shape : nullptr, &evaluation->products)) {
     return false;
   }
   if (!options_.has_own_pose) return true;
   const Matrix6& left_from_own = evaluation->left_from_tangent.back();
-  evaluation->with_others = left_from_own.transpose() * evaluation->products.matrix.topRows<6>();
+  evaluation->with_others = left_from_own.transpose().lazyProduct(evaluation->products.matrix.topRows<6>());
   evaluation->own = evaluation->with_others.leftCols<6>() * left_from_own;
   if (options_.own_pose_prior) {
     const CorrectionPrior prior = CorrectionPriorAt(evaluation->own_pose, *options_.own_pose_prior);
@@ -232,7 +248,7 @@ bool CapturesCost::SettleOwnPose(const CaptureTerm& capture, const std::vector<d
                                  Evaluation* evaluation) const {
   if (!EvaluateCapture(capture, parameters, evaluation)) return false;
   constexpr int kMaxSteps = 30;
-  constexpr double kSettled = 1e-9;  // Of the cost: the rest is the joint solve's.
+  constexpr double kSettled = 1e-4;  // Of the cost: the rest is the joint solve's.
   constexpr double kLeastDamping = 1e-6;
   double damping = kLeastDamping;
   for (int i = 0; i < kMaxSteps; ++i) {

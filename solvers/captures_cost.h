@@ -32,7 +32,8 @@ struct CaptureTerm {
 struct CapturesCostOptions {
   double pixel_sigma_px = 1;
   const Loss* loss = nullptr;
-  std::optional<TargetShape> shape;  // If it is unknown too; its own parameters are not used.
+  FreeParameters free;               // The others' Jacobians are 0.
+  std::optional<TargetShape> shape;  // If `free` speaks of it; its own parameters are not used.
   bool has_own_pose = false;
   std::optional<RobotNoise> own_pose_prior;  // That it is the identity, give or take this.
   // Whether own poses are brought to their best for the first value of the shared unknowns, or stay where they start.
@@ -53,8 +54,8 @@ class CapturesCost final : public ceres::CostFunction {
 
   bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override;
 
-  // J^T J of the shared poses' tangents, the parameters and the residual, own poses eliminated. Nothing if a point has
-  // no image.
+  // J^T J of the shared poses' tangents, the free parameters and the residual, own poses eliminated. Nothing if a point
+  // has no image.
   std::optional<Eigen::MatrixXd> ProductsAt(const double* const* parameters) const;
 
   // The captures' own poses, best for the shared unknowns at which the Jacobians were evaluated last: after
@@ -64,8 +65,8 @@ class CapturesCost final : public ceres::CostFunction {
  private:
   struct OwnPoseState;
   struct State;
-  // What is solved for of a capture: its products, of a left perturbation of camera_from_target, the parameters and the
-  // residual.
+  // What is solved for of a capture: its products, of a left perturbation of camera_from_target, the free parameters
+  // and the residual.
   struct Evaluation;
 
   bool EvaluateAll(std::vector<double> parameters, State* state) const;
@@ -78,7 +79,8 @@ class CapturesCost final : public ceres::CostFunction {
   std::vector<CaptureTerm> captures_;
   CapturesCostOptions options_;
   int num_shared_poses_;
-  int num_params_;  // The camera's, and the shape's if it is unknown.
+  int num_params_;         // The camera's, and the shape's if it is unknown.
+  std::vector<int> free_;  // Which of them.
   // Where the Jacobians were evaluated last, and where the cost was: mostly Ceres asks for the Jacobians there next.
   mutable std::shared_ptr<const State> accepted_;
   mutable std::shared_ptr<const State> candidate_;

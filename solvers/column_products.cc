@@ -1,6 +1,7 @@
 #include "solvers/column_products.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "heba/base/error.h"
 #include "heba/base/simd.h"
@@ -67,8 +68,20 @@ HEBA_TARGET_AVX512 void AddRowsAvx512(const double* columns, Eigen::Index stride
   AddRows<kLanesOf<Simd::kAvx512>>(columns, stride, num_columns, num_rows, sums);
 }
 
-int ActiveLanes() {
-  switch (ActiveSimd()) {
+// Of each pair of columns the sum over its lanes.
+template <int kLanes>
+HEBA_INLINE void SumLanes(const double* lanes, int num_sums, double* sums) {
+  for (int i = 0; i < num_sums; ++i) sums[i] = SumOfLanes(LoadLanes<Lanes<kLanes>>(lanes + i * kLanes));
+}
+HEBA_TARGET_AVX2 void SumLanesAvx2(const double* lanes, int num_sums, double* sums) {
+  SumLanes<kLanesOf<Simd::kAvx2>>(lanes, num_sums, sums);
+}
+HEBA_TARGET_AVX512 void SumLanesAvx512(const double* lanes, int num_sums, double* sums) {
+  SumLanes<kLanesOf<Simd::kAvx512>>(lanes, num_sums, sums);
+}
+
+int NumLanes(Simd set) {
+  switch (set) {
     case Simd::kAvx512:
       return kLanesOf<Simd::kAvx512>;
     case Simd::kAvx2:
@@ -80,19 +93,26 @@ int ActiveLanes() {
 
 int Even(int number) { return number + number % 2; }
 
-}  // namespace
-
-ColumnProducts::ColumnProducts(int num_columns, Eigen::Index stride) : num_columns_(num_columns), stride_(stride) {
-  CHECK(num_columns <= kMaxColumns) << num_columns;
+int NumSums(int num_columns) {
   int num_sums = 0;
   ForEachBlock(
-      Even(num_columns), [&](int, int, int sum) { num_sums = sum + 2 * kBlock; },
+      num_columns, [&](int, int, int sum) { num_sums = sum + 2 * kBlock; },
       [&](int, int, int sum) { num_sums = sum + 4; });
-  std::fill_n(lanes_, num_sums * ActiveLanes(), 0.0);
+  return num_sums;
+}
+
+}  // namespace
+
+ColumnProducts::ColumnProducts(int num_columns, Eigen::Index stride, Eigen::Index most_rows)
+    : num_columns_(num_columns), stride_(stride), set_(ActiveSimd()) {
+  CHECK(num_columns <= kMaxColumns) << num_columns;
+  // A few rows do not fill many lanes, whose sums cost more than they.
+  if (set_ == Simd::kAvx512 && most_rows <= kLanesOf<Simd::kAvx2>) set_ = Simd::kAvx2;
+  std::fill_n(lanes_, NumSums(Even(num_columns)) * NumLanes(set_), 0.0);
 }
 
 void ColumnProducts::Add(const double* columns, Eigen::Index num_rows) {
-  switch (ActiveSimd()) {
+  switch (set_) {
     case Simd::kAvx512:
       AddRowsAvx512(columns, stride_, Even(num_columns_), num_rows, lanes_);
       break;
@@ -104,29 +124,41 @@ void ColumnProducts::Add(const double* columns, Eigen::Index num_rows) {
   }
 }
 
-Eigen::MatrixXd ColumnProducts::Matrix() const {
-  const int num_lanes = ActiveLanes();
+void ColumnProducts::AddTo(const int* places, double scale, Eigen::MatrixXd* matrix) const {
   const int even = Even(num_columns_);
-  Eigen::MatrixXd matrix(even, even);
-  const auto set = [&](int i, int j, int sum) {
-    const double* const lanes = lanes_ + sum * num_lanes;
-    double total = 0;
-    for (int k = 0; k < num_lanes; ++k) total += lanes[k];
-    matrix(i, j) = total;
-    matrix(j, i) = total;
-  };
-  const auto set_block = [&](int rows, int i, int j, int sum) {
-    for (int r = 0; r < rows; ++r) {
-      for (int c = 0; c < 2; ++c) {
-        // Blocks on the diagonal have some pairs twice.
-        if (j + c <= i + r) set(i + r, j + c, sum + 2 * r + c);
+  double sums[kMaxSums];
+  switch (set_) {
+    case Simd::kAvx512:
+      SumLanesAvx512(lanes_, NumSums(even), sums);
+      break;
+    case Simd::kAvx2:
+      SumLanesAvx2(lanes_, NumSums(even), sums);
+      break;
+    default:
+      SumLanes<kLanesOf<Simd::kBaseline>>(lanes_, NumSums(even), sums);
+  }
+  double* const to = matrix->data();
+  const Eigen::Index stride = matrix->outerStride();
+  const auto add_block = [&](int rows, int i, int j, int sum) {
+    for (int row = i; row < std::min(i + rows, num_columns_); ++row) {
+      // Blocks on the diagonal have some pairs twice.
+      for (int column = j; column < std::min(j + 2, row + 1); ++column) {
+        const auto [low, high] = std::minmax(places[row], places[column]);
+        to[low * stride + high] += scale * sums[sum + 2 * (row - i) + column - j];
       }
     }
   };
   ForEachBlock(
-      even, [&](int i, int j, int sum) { set_block(kBlock, i, j, sum); },
-      [&](int i, int j, int sum) { set_block(2, i, j, sum); });
-  return matrix.topLeftCorner(num_columns_, num_columns_);
+      even, [&](int i, int j, int sum) { add_block(kBlock, i, j, sum); },
+      [&](int i, int j, int sum) { add_block(2, i, j, sum); });
+}
+
+Eigen::MatrixXd ColumnProducts::Matrix() const {
+  int places[kMaxColumns];
+  std::iota(places, places + num_columns_, 0);
+  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(num_columns_, num_columns_);
+  AddTo(places, 1.0, &matrix);
+  return matrix.selfadjointView<Eigen::Lower>();
 }
 
 }  // namespace heba

@@ -1,7 +1,11 @@
 // J^T J of a tall matrix with few columns, in one pass over its rows: the inner loop of every refinement.
 #pragma once
 
+#include <limits>
+
 #include <Eigen/Core>
+
+#include "heba/base/simd.h"
 
 namespace heba {
 
@@ -9,8 +13,8 @@ namespace heba {
 class ColumnProducts {
  public:
   static constexpr int kMaxColumns = 40;
-  // How far apart columns begin in what Add is given.
-  explicit ColumnProducts(int num_columns, Eigen::Index stride);
+  // `stride`: how far apart columns begin in what Add is given; `most_rows`: that it is given in all.
+  ColumnProducts(int num_columns, Eigen::Index stride, Eigen::Index most_rows = std::numeric_limits<int>::max());
 
   // Adds `num_rows` rows, which the caller pads with zeros to a multiple of kMaxLanes (heba/base/simd.h). Of an odd
   // number of columns there must be one more, which may hold anything.
@@ -18,10 +22,14 @@ class ColumnProducts {
 
   // The sums, symmetric.
   Eigen::MatrixXd Matrix() const;
+  // Adds `scale` times them to `matrix`, a column being that of the matrix which `places` says; below its diagonal
+  // only.
+  void AddTo(const int* places, double scale, Eigen::MatrixXd* matrix) const;
 
  private:
   int num_columns_;
   Eigen::Index stride_;
+  Simd set_;
   // As the kernels lay them out: block by block, each pair's lanes together.
   static constexpr int kMaxSums = kMaxColumns * (kMaxColumns + 4) / 2;
   alignas(64) double lanes_[kMaxSums * 8];

@@ -71,7 +71,7 @@ void AddChi2(const Solution& solution, const CalibrationOptions& options, const 
 
 }  // namespace
 
-std::vector<HoldOut> CrossValidate(const std::vector<View>& views, const CalibrationOptions& options, int num_folds,
+std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOptions& options, int num_folds,
                                    int num_threads, const std::function<void()>& progress) {
   CHECK(!options.methods.empty());
   std::vector<std::string> names = options.methods;
@@ -79,6 +79,7 @@ std::vector<HoldOut> CrossValidate(const std::vector<View>& views, const Calibra
   names.emplace_back(kBundleMethod);
   CalibrationOptions fold_options = options;
   fold_options.symmetries = {Rigid3d()};
+  if (!options.camera) fold_options.camera_start = full.camera;
   // errors[fold][method]
   std::vector<std::vector<Outcome<HeldOutErrors>>> errors(
       static_cast<size_t>(num_folds), std::vector<Outcome<HeldOutErrors>>(names.size(), Failure{"not run"}));
@@ -87,7 +88,7 @@ std::vector<HoldOut> CrossValidate(const std::vector<View>& views, const Calibra
     std::vector<View> training;
     std::vector<View> held_out;
     int num_shared_out = 0;
-    for (const View& view : views) {
+    for (const View& view : full.views) {
       // What the two-step method cannot do without is given to all.
       const bool is_needed = view.role == "home" || view.role.starts_with("translate_");
       const bool is_held_out = !is_needed && num_shared_out++ % num_folds == fold;

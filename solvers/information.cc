@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
 #include "heba/base/text.h"
@@ -17,19 +18,11 @@ Eigen::VectorXd ScaleOf(const Eigen::MatrixXd& matrix) {
   return matrix.diagonal().unaryExpr([](double d) { return d > 0 ? 1.0 / std::sqrt(d) : 0.0; });
 }
 
-}  // namespace
-
-FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup>& free_intrinsics,
-                      const std::vector<TargetShapeGroup>& free_shape) {
-  const auto contains = [](const auto& groups, auto group) {
-    return std::find(groups.begin(), groups.end(), group) != groups.end();
-  };
-  FreeParameters free;
-  for (int i = 0; i < NumParams(model); ++i) free.push_back(contains(free_intrinsics, GroupOf(i)));
-  if (free_shape.empty()) return free;
-  for (int i = 0; i < TargetShape::kNumParams; ++i) free.push_back(contains(free_shape, ShapeGroupOf(i)));
-  return free;
+Eigen::MatrixXd InverseOf(const Eigen::LLT<Eigen::MatrixXd>& factor) {
+  return factor.solve(Eigen::MatrixXd::Identity(factor.rows(), factor.rows()));
 }
+
+}  // namespace
 
 std::vector<std::string> UnknownNames(const CameraModel& model, const FreeParameters& free) {
   std::vector<std::string> names;
@@ -51,8 +44,11 @@ std::optional<Failure> CheckObservable(const Information& information) {
   for (Eigen::Index i = 0; i < scale.size(); ++i) {
     if (scale[i] == 0) return Failure{"the data do not see " + PlainName(information.names[static_cast<size_t>(i)])};
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information.matrix *
-                                                             scale.asDiagonal());
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * information.matrix * scale.asDiagonal();
+  // Mostly a bound on the smallest eigenvalue is enough: one over the inverse's norm.
+  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
+  if (factor.info() == Eigen::Success && InverseOf(factor).norm() <= 1 / kMinEigenvalue) return std::nullopt;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
   if (eigen.eigenvalues()[0] >= kMinEigenvalue) return std::nullopt;
   // The largest parts of the direction that nothing sees, in scaled units.
   const Eigen::VectorXd direction = eigen.eigenvectors().col(0);
@@ -84,8 +80,12 @@ std::optional<Failure> CheckObservable(const Information& information) {
 
 Covariance InvertInformation(const Information& information, double factor) {
   const Eigen::VectorXd scale = ScaleOf(information.matrix);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information.matrix *
-                                                             scale.asDiagonal());
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * information.matrix * scale.asDiagonal();
+  const Eigen::LLT<Eigen::MatrixXd> root(scaled);
+  if (root.info() == Eigen::Success) {
+    return {information.names, factor * (scale.asDiagonal() * InverseOf(root) * scale.asDiagonal())};
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
   const Eigen::MatrixXd half = scale.asDiagonal() * eigen.eigenvectors() *
                                eigen.eigenvalues().cwiseMax(1e-300).cwiseSqrt().cwiseInverse().asDiagonal();
   return {information.names, factor * half * half.transpose()};

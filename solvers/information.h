@@ -8,18 +8,10 @@
 
 #include "heba/base/error.h"
 #include "heba/data/solution.h"
+#include "solvers/free_parameters.h"
 #include "solvers/loss.h"
 
 namespace heba {
-
-// Which parameters beside the poses are unknowns: one entry for each of the camera's and, only if one of them is free,
-// one for each of the target's shape behind them.
-using FreeParameters = std::vector<bool>;
-FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup>& free_intrinsics,
-                      const std::vector<TargetShapeGroup>& free_shape = {});
-inline bool HasShape(const FreeParameters& free, const CameraModel& model) {
-  return free.size() > static_cast<size_t>(NumParams(model));
-}
 
 struct Information {
   std::vector<std::string> names;  // As Covariance::names.

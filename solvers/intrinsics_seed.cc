@@ -110,14 +110,18 @@ std::vector<double> SquaredDistances(const Camera& camera, const std::vector<Pos
   return distances;
 }
 
-// Camera and one pose a view, together. False if Ceres cannot use the result.
-bool RefineTogether(const FreeParameters& free, const Loss& loss, Camera* camera, std::vector<PosedView>* posed) {
+// Camera and one pose a view, together, until the cost changes by less than this share. False if Ceres cannot use the
+// result.
+bool RefineTogether(const FreeParameters& free, const Loss& loss, double tolerance, Camera* camera,
+                    std::vector<PosedView>* posed) {
   const CameraModel& model = camera->Model();
   const double sigma_px = SigmaFromMedian(SquaredDistances(*camera, *posed));
   CapturesCostOptions options;
   options.pixel_sigma_px = sigma_px;
   options.loss = &loss;
+  options.free = free;
   options.has_own_pose = true;
+  options.settles_own_poses = false;  // They are the best for this camera, or the last stage's.
   std::vector<CaptureTerm> captures;
   for (const PosedView& entry : *posed) {
     captures.push_back({&entry.view->observations, MakeFreePoseChain(), entry.camera_from_target});
@@ -129,7 +133,7 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, Camera* camera
   AddCameraBlock(free, camera->params.data(), &problem);
   problem.AddResidualBlock(&cost, nullptr, camera->params.data());
   ceres::Solver::Options solver_options = ReprojectionSolverOptions(100);
-  solver_options.function_tolerance = 1e-10;
+  solver_options.function_tolerance = tolerance;
   ceres::Solver::Summary summary;
   ceres::Solve(solver_options, &problem, &summary);
   const std::vector<Rigid3d> poses = cost.OwnPoses();
@@ -137,10 +141,44 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, Camera* camera
   return summary.IsSolutionUsable();
 }
 
+// Of the closed form and of guesses of the focal length, the camera whose views close best, each with a pose of its
+// own.
+std::optional<Camera> FirstGuess(const std::vector<const View*>& usable,
+                                 const std::vector<Eigen::Matrix3d>& homographies, const std::string& model_name,
+                                 int width_px, int height_px) {
+  std::vector<Camera> candidates;
+  for (const bool centred : {false, true}) {
+    const std::optional<Camera> zhang = ZhangClosedForm(homographies, model_name, width_px, height_px, centred);
+    if (zhang) candidates.push_back(*zhang);
+  }
+  for (const double ratio : {0.35, 0.6, 1.0, 1.6, 3.0}) {
+    candidates.push_back(MakeCamera(model_name, width_px, height_px, ratio * width_px, ratio * width_px,
+                                    0.5 * (width_px - 1), 0.5 * (height_px - 1)));
+  }
+  // Some of the views are enough to tell.
+  constexpr size_t kMaxTelling = 16;
+  std::vector<const View*> telling;
+  const size_t stride = (usable.size() + kMaxTelling - 1) / kMaxTelling;
+  for (size_t i = 0; i < usable.size(); i += stride) telling.push_back(usable[i]);
+  std::optional<Camera> camera;
+  std::vector<PosedView> posed;
+  double best_rms_px = 0;
+  size_t best_count = 0;
+  for (const Camera& candidate : candidates) {
+    double rms_px = 0;
+    if (!PoseViews(candidate, telling, &posed, &rms_px)) continue;
+    if (camera && (posed.size() < best_count || (posed.size() == best_count && rms_px >= best_rms_px))) continue;
+    camera = candidate;
+    best_rms_px = rms_px;
+    best_count = posed.size();
+  }
+  return camera;
+}
+
 }  // namespace
 
 Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::string& model_name, int width_px,
-                                   int height_px) {
+                                   int height_px, const std::optional<Camera>& start) {
   std::vector<const View*> usable;
   std::vector<Eigen::Matrix3d> homographies;
   int num_points = 0;
@@ -157,54 +195,38 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
     return Failure{"the camera cannot be calibrated from " + std::to_string(usable.size()) +
                    " captures; 3 or more are needed, or a camera file (camera.intrinsics)"};
   }
-  std::vector<Camera> candidates;
-  for (const bool centred : {false, true}) {
-    const std::optional<Camera> zhang = ZhangClosedForm(homographies, model_name, width_px, height_px, centred);
-    if (zhang) candidates.push_back(*zhang);
-  }
-  for (const double ratio : {0.35, 0.6, 1.0, 1.6, 3.0}) {
-    candidates.push_back(MakeCamera(model_name, width_px, height_px, ratio * width_px, ratio * width_px,
-                                    0.5 * (width_px - 1), 0.5 * (height_px - 1)));
-  }
-  // The candidate whose views close best, each with a pose of its own.
-  std::optional<Camera> camera;
+  std::optional<Camera> camera = start;
+  if (!camera) camera = FirstGuess(usable, homographies, model_name, width_px, height_px);
   std::vector<PosedView> posed;
-  double best_rms_px = 0;
-  size_t best_count = 0;
-  for (const Camera& candidate : candidates) {
-    std::vector<PosedView> candidate_posed;
-    double rms_px = 0;
-    if (!PoseViews(candidate, usable, &candidate_posed, &rms_px)) continue;
-    if (camera &&
-        (candidate_posed.size() < best_count || (candidate_posed.size() == best_count && rms_px >= best_rms_px))) {
-      continue;
-    }
-    camera = candidate;
-    posed = std::move(candidate_posed);
-    best_rms_px = rms_px;
-    best_count = posed.size();
+  double rms_px = 0;
+  if (!camera || !PoseViews(*camera, usable, &posed, &rms_px)) {
+    return Failure{"the captures do not determine a camera; give a camera file (camera.intrinsics)"};
   }
-  if (!camera) return Failure{"the captures do not determine a camera; give a camera file (camera.intrinsics)"};
 
   // First what every view speaks of, then all: distortion from a few points would run away from a rough start.
   const CameraModel& model = camera->Model();
   const Loss& loss = *FindLoss("huber");
-  const FreeParameters focal = FreeOf(model, {ParameterGroup::kFocal});
   const FreeParameters linear = FreeOf(model, {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint});
   FreeParameters all(static_cast<size_t>(NumParams(model)), true);
-  std::vector<FreeParameters> stages = {focal, linear};
+  std::vector<FreeParameters> stages;
+  if (!start) stages = {FreeOf(model, {ParameterGroup::kFocal}), linear};
   // Two coordinates a point, six unknowns a view; three times what distortion takes is its due.
   const int spare = 2 * num_points - 6 * static_cast<int>(usable.size());
   if (spare >= 3 * NumParams(model)) {
     // Sixth-order terms last: they are known to a tenth of what the lower ones are.
     FreeParameters low_order = all;
     for (size_t i = 8; i < low_order.size(); ++i) low_order[i] = false;
-    stages.push_back(low_order);
+    if (!start) stages.push_back(low_order);
     stages.push_back(all);
     stages.push_back(all);
+  } else if (start) {
+    stages.push_back(linear);
   }
-  for (const FreeParameters& stage : stages) {
-    if (!RefineTogether(stage, loss, &*camera, &posed)) {
+  // What a stage leaves is the next one's.
+  constexpr double kPassing = 1e-3;
+  constexpr double kLast = 1e-10;
+  for (size_t i = 0; i < stages.size(); ++i) {
+    if (!RefineTogether(stages[i], loss, i + 1 < stages.size() ? kPassing : kLast, &*camera, &posed)) {
       return Failure{"the camera's intrinsics could not be estimated; give a camera file (camera.intrinsics)"};
     }
     const std::string faults = CheckCamera(*camera);

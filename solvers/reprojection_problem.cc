@@ -10,7 +10,8 @@ ceres::Solver::Options ReprojectionSolverOptions(int max_iterations) {
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = max_iterations;
-  options.function_tolerance = 1e-14;
+  // What is left then is far below the last step, which is itself far below the noise.
+  options.function_tolerance = 1e-12;
   options.parameter_tolerance = 1e-13;
   options.gradient_tolerance = 1e-14;
   // Steps that put a point behind the camera are refused one by one until the trust region is small enough.

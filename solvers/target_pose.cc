@@ -82,16 +82,9 @@ Eigen::Vector3d TranslationOnRays(const Eigen::Matrix3d& rotation, const Points3
   return normal.ldlt().solve(right);
 }
 
-std::optional<Eigen::Matrix<double, 6, 6>> PoseCovariance(const Camera& camera, const Observations& observations,
-                                                          const Rigid3d& camera_from_target) {
-  using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  ViewReduction reduction;
-  if (!ReduceView(camera.Model(), camera.params.data(), camera_from_target, observations, 1.0, *FindLoss("none"),
-                  &reduction)) {
-    return std::nullopt;
-  }
-  const Eigen::Matrix<double, Eigen::Dynamic, 6> j = reduction.factor.leftCols<6>();
-  const Matrix6 information = j.transpose() * j;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
   if ((information.diagonal().array() <= 0).any()) return std::nullopt;
   // Metres and radians side by side: scaled before it is factored.
   const Tangent6 scale = information.diagonal().cwiseSqrt().cwiseInverse();
@@ -107,41 +100,43 @@ std::optional<Eigen::Matrix<double, 6, 6>> PoseCovariance(const Camera& camera, 
 // Levenberg-Marquardt on the six numbers of the pose.
 std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& observations,
                                      Rigid3d camera_from_target) {
-  const CameraModel& model = camera.Model();
-  const Loss& loss = *FindLoss("none");
-  ViewReduction reduction;
+  const FreeParameters none(camera.params.size(), false);
+  const auto multiply = [&](const Rigid3d& pose, ViewProducts* products) {
+    return MultiplyView(camera.Model(), camera.params.data(), pose, observations, 1.0, *FindLoss("none"), none, nullptr,
+                        products);
+  };
+  const auto cost_of = [](const ViewProducts& products) { return products.matrix(6, 6); };
+  ViewProducts here;
+  if (!multiply(camera_from_target, &here)) return std::nullopt;
+  constexpr double kSmallDrop = 1e-10;  // Of the cost.
   double damping = 1e-6;
-  double cost = 0;
-  if (!ViewCost(model, camera.params.data(), camera_from_target, observations, 1.0, loss, &cost)) return std::nullopt;
   for (int iteration = 0; iteration < 50; ++iteration) {
-    if (!ReduceView(model, camera.params.data(), camera_from_target, observations, 1.0, loss, &reduction)) break;
-    const Eigen::Matrix<double, Eigen::Dynamic, 6> j = reduction.factor.leftCols<6>();
-    const Eigen::Matrix<double, 6, 6> normal = j.transpose() * j;
-    const Tangent6 gradient = j.transpose() * reduction.factor.rightCols<1>();
+    const Tangent6 gradient = here.matrix.col(6).head<6>();
     bool improved = false;
-    double relative_drop = 0;
+    double drop = 0;
     for (int attempt = 0; attempt < 10 && !improved; ++attempt) {
-      Eigen::Matrix<double, 6, 6> damped = normal;
+      Matrix6 damped = here.matrix.topLeftCorner<6, 6>();
       damped.diagonal() *= 1.0 + damping;
       const Tangent6 step = -damped.ldlt().solve(gradient);
+      // Where so little is to be gained, rounding decides.
+      if (-step.dot(gradient) < kSmallDrop * cost_of(here)) break;
       const Rigid3d moved = Rigid3d(ExpRotation(step.tail<3>()), step.head<3>()) * camera_from_target;
-      double moved_cost = 0;
-      if (step.allFinite() && ViewCost(model, camera.params.data(), moved, observations, 1.0, loss, &moved_cost) &&
-          moved_cost <= cost) {
+      ViewProducts there;
+      if (step.allFinite() && multiply(moved, &there) && cost_of(there) <= cost_of(here)) {
         improved = true;
-        relative_drop = cost > 0 ? (cost - moved_cost) / cost : 0;
+        drop = cost_of(here) - cost_of(there);
         camera_from_target = moved;
-        cost = moved_cost;
+        here = std::move(there);
         damping = std::max(1e-12, damping * 0.1);
       } else {
         damping = std::max(1e-6, damping * 10);
       }
     }
-    if (!improved || relative_drop < 1e-12) break;
+    if (!improved || drop < kSmallDrop * cost_of(here)) break;
   }
   const std::optional<SquaredErrors> errors = ViewErrors(camera, camera_from_target, observations);
   CHECK(errors.has_value());
-  return TargetPose{camera_from_target, *errors->RmsPx(), PoseCovariance(camera, observations, camera_from_target)};
+  return TargetPose{camera_from_target, *errors->RmsPx(), PoseCovariance(here.matrix.topLeftCorner<6, 6>())};
 }
 
 }  // namespace
@@ -152,19 +147,24 @@ std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Poi
   if (from.cols() < 4 || Flatness(from) < kOnALine || Flatness(to) < kOnALine) return std::nullopt;
   const Eigen::Matrix3d from_normalisation = Normalisation(from);
   const Eigen::Matrix3d to_normalisation = Normalisation(to);
-  Eigen::MatrixXd equations = Eigen::MatrixXd::Zero(std::max<Eigen::Index>(2 * from.cols(), 9), 9);
+  // The products of the equations [p, 0, -q_x p] h = 0 and [0, p, -q_y p] h = 0.
+  using Matrix9 = Eigen::Matrix<double, 9, 9>;
+  Matrix9 products = Matrix9::Zero();
   for (Eigen::Index i = 0; i < from.cols(); ++i) {
-    const Eigen::RowVector3d p = (from_normalisation * from.col(i).homogeneous()).transpose();
+    const Eigen::Vector3d p = from_normalisation * from.col(i).homogeneous();
     const Eigen::Vector3d q = to_normalisation * to.col(i).homogeneous();
-    equations.block<1, 3>(2 * i, 0) = p;
-    equations.block<1, 3>(2 * i, 6) = -q.x() * p;
-    equations.block<1, 3>(2 * i + 1, 3) = p;
-    equations.block<1, 3>(2 * i + 1, 6) = -q.y() * p;
+    const Eigen::Matrix3d pp = p * p.transpose();
+    products.topLeftCorner<3, 3>() += pp;
+    products.block<3, 3>(6, 0) -= q.x() * pp;
+    products.block<3, 3>(6, 3) -= q.y() * pp;
+    products.bottomRightCorner<3, 3>() += q.head<2>().squaredNorm() * pp;
   }
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(equations, Eigen::ComputeThinV);
+  products.block<3, 3>(3, 3) = products.topLeftCorner<3, 3>();
+  const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(products);  // Of the lower half.
   // A second null direction: the points do not determine the map.
-  if (svd.singularValues()[7] < 1e-9 * svd.singularValues()[0]) return std::nullopt;
-  const Eigen::Matrix<double, 9, 1> h = svd.matrixV().col(8);
+  constexpr double kNull = 1e-14;  // Round-off of the products.
+  if (eigen.eigenvalues()[1] < kNull * eigen.eigenvalues()[8]) return std::nullopt;
+  const Eigen::Matrix<double, 9, 1> h = eigen.eigenvectors().col(0);
   const Eigen::Matrix3d normalised = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.data());
   return Eigen::Matrix3d(to_normalisation.inverse() * normalised * from_normalisation);
 }

@@ -106,79 +106,102 @@ void LoadBatch(const Observations& observations, const TargetShape* shape, int f
   PadBatch(batch);
 }
 
-// Adds `from` to `to`, column k of the one being column places[k] of the other.
-void AddAt(const Eigen::MatrixXd& from, const std::vector<Eigen::Index>& places, Eigen::MatrixXd* to) {
-  for (size_t i = 0; i < places.size(); ++i) {
-    for (size_t j = 0; j < places.size(); ++j) {
-      (*to)(places[i], places[j]) += from(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
-    }
+// Of one image axis, which of a batch's rows are multiplied, and which columns of the products they are.
+struct AxisColumns {
+  int size = 0;
+  int rows[ProjectionBatch::kMaxRows];
+  int places[ProjectionBatch::kMaxRows];
+
+  void Add(int row, int place) {
+    rows[size] = row;
+    places[size++] = place;
   }
+};
+
+// The rows that a camera model gives, as far as they are wanted. The caller writes those of the principal point, of the
+// shape and of the residual behind them: they are in no row yet.
+constexpr int kWritten = -1;
+AxisColumns ColumnsOf(const CameraModel& model, const FreeParameters& free, int axis) {
+  AxisColumns columns;
+  int place = 0;
+  for (; place < 6; ++place) columns.Add(place, place);
+  const int num_camera = NumParams(model);
+  int centre_place = -1;
+  for (int i = 0; i < num_camera; ++i) {
+    if (!free[static_cast<size_t>(i)]) continue;
+    if (i == axis) columns.Add(6, place);
+    if (i == 2 + axis) centre_place = place;
+    if (i >= 4) columns.Add(7 + i - 4, place);
+    ++place;
+  }
+  if (centre_place >= 0) columns.Add(kWritten, centre_place);
+  const int num_columns = 6 + static_cast<int>(NumFree(free)) + 1;
+  for (; place < num_columns; ++place) columns.Add(kWritten, place);
+  return columns;
 }
 
 // Of plain points: u and v apart, since what is zero in all rows of one of them need not be multiplied.
 bool MultiplyPlainView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
                        const Observations& observations, double pixel_sigma_px, const Loss& loss,
-                       const TargetShape* shape, ViewProducts* products) {
-  constexpr int kNumPose = 6;
-  const int num_distortion = NumParams(model) - 4;
-  const int num_shape = shape == nullptr ? 0 : TargetShape::kNumParams;
-  // Rows of the batch: pose, focal length, distortion by the model, then the principal point, the shape, the residual.
-  const int centre_row = kNumPose + 1 + num_distortion;
-  const int shape_row = centre_row + 1;
-  const int residual_row = shape_row + num_shape;
-  const int num_rows = residual_row + 1;
+                       const FreeParameters& free, const TargetShape* shape, ViewProducts* products) {
+  const AxisColumns columns[] = {ColumnsOf(model, free, 0), ColumnsOf(model, free, 1)};
+  const int num_camera = NumParams(model);
   const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
-  ColumnProducts sums_u(num_rows, ProjectionBatch::kCapacity);
-  ColumnProducts sums_v(num_rows, ProjectionBatch::kCapacity);
-  Sums sums;
-  ProjectionBatch batch;
   const int n = observations.size();
+  ColumnProducts sums[] = {ColumnProducts(columns[0].size, ProjectionBatch::kCapacity, n),
+                           ColumnProducts(columns[1].size, ProjectionBatch::kCapacity, n)};
+  Sums weights;
+  ProjectionBatch batch;
   for (int first = 0; first < n; first += batch.size) {
     LoadBatch(observations, shape, first, &batch);
     if (!model.ProjectBatch(params, rotation, camera_from_target.translation, true, &batch)) return false;
+    const int padded = PaddedSize(batch.size);
     for (int axis = 0; axis < 2; ++axis) {
       auto& rows = batch.rows[axis];
+      const AxisColumns& own = columns[axis];
       const double* const measured = observations.pixels.row(axis).data() + first;
-      for (int i = 0; i < batch.size; ++i) rows[residual_row][i] = batch.pixels[axis][i] - measured[i];
-      std::fill_n(rows[centre_row], batch.size, 1.0);
+      int row = 6;
+      for (; own.rows[row] != kWritten; ++row) {
+        if (own.rows[row] != row) std::copy_n(rows[own.rows[row]], padded, rows[row]);
+      }
+      if (free[static_cast<size_t>(2 + axis)]) std::fill_n(rows[row++], batch.size, 1.0);
       for (int i = 0; i < batch.size && shape != nullptr; ++i) {
         // What moves a point moves its image as a shift of the whole target would.
         const Eigen::RowVector3d by_shift(rows[0][i], rows[1][i], rows[2][i]);
         const Eigen::Matrix<double, 1, TargetShape::kNumParams> by_shape =
             by_shift * rotation * ShapedByParams(Eigen::Vector3d(observations.points_in_target.col(first + i)), *shape);
-        for (int k = 0; k < num_shape; ++k) rows[shape_row + k][i] = by_shape[k];
+        int shape_row = row;
+        for (int k = 0; k < TargetShape::kNumParams; ++k) {
+          if (free[static_cast<size_t>(num_camera + k)]) rows[shape_row++][i] = by_shape[k];
+        }
       }
+      for (int i = 0; i < batch.size; ++i) rows[own.size - 1][i] = batch.pixels[axis][i] - measured[i];
     }
-    const int padded = PaddedSize(batch.size);
     if (IsWeighted(loss)) {
       double roots[ProjectionBatch::kCapacity];
-      WeighPoints(batch.rows[0][residual_row], batch.rows[1][residual_row], batch.size, pixel_sigma_px, loss, roots,
-                  &sums);
-      for (auto& rows : batch.rows) {
-        for (int row = 0; row < num_rows; ++row) {
-          for (int i = 0; i < batch.size; ++i) rows[row][i] *= roots[i];
+      WeighPoints(batch.rows[0][columns[0].size - 1], batch.rows[1][columns[1].size - 1], batch.size, pixel_sigma_px,
+                  loss, roots, &weights);
+      for (int axis = 0; axis < 2; ++axis) {
+        for (int row = 0; row < columns[axis].size; ++row) {
+          for (int i = 0; i < batch.size; ++i) batch.rows[axis][row][i] *= roots[i];
         }
       }
     }
-    if (padded != batch.size) {
-      for (auto& rows : batch.rows) {
-        for (int row = 0; row < num_rows; ++row) std::fill(rows[row] + batch.size, rows[row] + padded, 0.0);
+    for (int axis = 0; axis < 2; ++axis) {
+      for (int row = 0; row < columns[axis].size && padded != batch.size; ++row) {
+        std::fill(batch.rows[axis][row] + batch.size, batch.rows[axis][row] + padded, 0.0);
       }
+      sums[axis].Add(batch.rows[axis][0], padded);
     }
-    sums_u.Add(batch.rows[0][0], padded);
-    sums_v.Add(batch.rows[1][0], padded);
   }
-  const Eigen::Index num_columns = kNumPose + NumParams(model) + num_shape + 1;
+  const Eigen::Index num_columns = columns[0].places[columns[0].size - 1] + 1;
   products->matrix.setZero(num_columns, num_columns);
-  for (int axis = 0; axis < 2; ++axis) {
-    std::vector<Eigen::Index> places = {0, 1, 2, 3, 4, 5, kNumPose + axis};
-    for (int k = 0; k < num_distortion; ++k) places.push_back(kNumPose + 4 + k);
-    places.push_back(kNumPose + 2 + axis);
-    for (Eigen::Index k = num_columns - 1 - num_shape; k < num_columns; ++k) places.push_back(k);
-    AddAt((axis == 0 ? sums_u : sums_v).Matrix(), places, &products->matrix);
+  const double per_px2 = 1 / (pixel_sigma_px * pixel_sigma_px);
+  for (int axis = 0; axis < 2; ++axis) sums[axis].AddTo(columns[axis].places, per_px2, &products->matrix);
+  for (Eigen::Index i = 0; i < num_columns; ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) products->matrix(j, i) = products->matrix(i, j);
   }
-  products->matrix /= pixel_sigma_px * pixel_sigma_px;
-  products->loss_remainder = sums.Remainder();
+  products->loss_remainder = weights.Remainder();
   return true;
 }
 
@@ -189,8 +212,8 @@ struct ViewRows {
   Sums sums;
 };
 bool WriteRows(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-               const Observations& observations, double pixel_sigma_px, const Loss& loss, const TargetShape* shape,
-               ViewRows* rows) {
+               const Observations& observations, double pixel_sigma_px, const Loss& loss, const FreeParameters& free,
+               const TargetShape* shape, ViewRows* rows) {
   Observations shaped;
   if (shape != nullptr) shaped = Shaped(observations, *shape);
   Points2 pixels;
@@ -199,8 +222,8 @@ bool WriteRows(const CameraModel& model, const double* params, const Rigid3d& ca
     return false;
   }
   const int n = observations.size();
-  const int num_predicted = 6 + NumParams(model);
-  const int num_columns = num_predicted + (shape != nullptr ? TargetShape::kNumParams : 0) + 1;
+  const int num_camera = NumParams(model);
+  const Eigen::Index num_columns = 6 + NumFree(free) + 1;
   const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
   rows->padded = PaddedSize(n);
   rows->columns.setZero(2 * rows->padded, num_columns + num_columns % 2);
@@ -208,12 +231,20 @@ bool WriteRows(const CameraModel& model, const double* params, const Rigid3d& ca
   for (int axis = 0; axis < 2; ++axis) {
     const ProjectionJacobian::Rows& predicted = axis == 0 ? jacobian.u : jacobian.v;
     auto own = of_axis(axis);
-    own.leftCols(num_predicted) = predicted.transpose();
+    own.leftCols<6>() = predicted.topRows<6>().transpose();
+    Eigen::Index column = 6;
+    for (int i = 0; i < num_camera; ++i) {
+      if (free[static_cast<size_t>(i)]) own.col(column++) = predicted.row(6 + i).transpose();
+    }
     own.col(num_columns - 1) = (pixels.row(axis) - observations.pixels.row(axis)).transpose();
     for (int i = 0; i < n && shape != nullptr; ++i) {
       const Eigen::Vector3d designed = observations.points_in_target.col(i);
-      own.block<1, TargetShape::kNumParams>(i, num_predicted) =
+      const Eigen::Matrix<double, 1, TargetShape::kNumParams> by_shape =
           own.block<1, 3>(i, 0) * rotation * ShapedByParams(designed, *shape);
+      Eigen::Index shape_column = column;
+      for (int k = 0; k < TargetShape::kNumParams; ++k) {
+        if (free[static_cast<size_t>(num_camera + k)]) own(i, shape_column++) = by_shape[k];
+      }
     }
   }
   Whiten(observations, rows->padded, &rows->columns);
@@ -227,25 +258,20 @@ bool WriteRows(const CameraModel& model, const double* params, const Rigid3d& ca
   return true;
 }
 
-int NumColumns(const CameraModel& model, const TargetShape* shape) {
-  return 6 + NumParams(model) + (shape != nullptr ? TargetShape::kNumParams : 0) + 1;
-}
-
 }  // namespace
 
-int NumReducedRows(const CameraModel& model, const Observations& observations, bool with_shape) {
-  return std::min(2 * observations.size(), 6 + NumParams(model) + (with_shape ? TargetShape::kNumParams : 0) + 1);
-}
-
 bool MultiplyView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-                  const Observations& observations, double pixel_sigma_px, const Loss& loss, const TargetShape* shape,
-                  ViewProducts* products) {
+                  const Observations& observations, double pixel_sigma_px, const Loss& loss, const FreeParameters& free,
+                  const TargetShape* shape, ViewProducts* products) {
   if (IsPlain(observations)) {
-    return MultiplyPlainView(model, params, camera_from_target, observations, pixel_sigma_px, loss, shape, products);
+    return MultiplyPlainView(model, params, camera_from_target, observations, pixel_sigma_px, loss, free, shape,
+                             products);
   }
   ViewRows rows;
-  if (!WriteRows(model, params, camera_from_target, observations, pixel_sigma_px, loss, shape, &rows)) return false;
-  ColumnProducts sums(NumColumns(model, shape), rows.columns.rows());
+  if (!WriteRows(model, params, camera_from_target, observations, pixel_sigma_px, loss, free, shape, &rows)) {
+    return false;
+  }
+  ColumnProducts sums(6 + static_cast<int>(NumFree(free)) + 1, rows.columns.rows());
   sums.Add(rows.columns.data(), rows.columns.rows());
   products->matrix = sums.Matrix();
   products->loss_remainder = rows.sums.Remainder();
@@ -254,31 +280,42 @@ bool MultiplyView(const CameraModel& model, const double* params, const Rigid3d&
 
 Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products) {
   const Eigen::Index n = products.cols();
-  const Eigen::VectorXd lengths = products.diagonal().cwiseMax(0).cwiseSqrt();
-  const Eigen::VectorXd scale = lengths.unaryExpr([](double length) { return length > 0 ? 1 / length : 0.0; });
-  // What is left to explain.
-  Eigen::MatrixXd rest = scale.asDiagonal() * products * scale.asDiagonal();
   Eigen::MatrixXd root = Eigen::MatrixXd::Zero(n, n);
+  // What is left to explain, scaled to ones on the diagonal: of a symmetric matrix the lower half.
+  Eigen::MatrixXd rest = products;
+  Eigen::VectorXd lengths(n);
+  for (Eigen::Index i = 0; i < n; ++i) lengths[i] = std::sqrt(std::max(0.0, products(i, i)));
+  for (Eigen::Index j = 0; j < n; ++j) {
+    for (Eigen::Index i = j; i < n; ++i)
+      rest(i, j) = lengths[i] * lengths[j] > 0 ? rest(i, j) / lengths[i] / lengths[j] : 0;
+  }
   const double nothing = static_cast<double>(n) * std::numeric_limits<double>::epsilon();
-  for (Eigen::Index row = 0; row + 1 < n; ++row) {
+  // The pivots' row, on the way.
+  Eigen::VectorXd row(n);
+  for (Eigen::Index step = 0; step + 1 < n; ++step) {
     Eigen::Index pivot = 0;
     if (rest.diagonal().head(n - 1).maxCoeff(&pivot) <= nothing) break;
-    root.row(row) = rest.row(pivot) / std::sqrt(rest(pivot, pivot));
-    rest.noalias() -= root.row(row).transpose() * root.row(row);
-    rest.row(pivot).setZero();
-    rest.col(pivot).setZero();
+    row.head(pivot) = rest.row(pivot).head(pivot).transpose();
+    row.tail(n - pivot) = rest.col(pivot).tail(n - pivot);
+    row /= std::sqrt(rest(pivot, pivot));
+    for (Eigen::Index j = 0; j < n; ++j) {
+      rest.col(j).tail(n - j) -= row[j] * row.tail(n - j);
+      root(step, j) = row[j] * lengths[j];
+    }
+    rest.row(pivot).head(pivot).setZero();
+    rest.col(pivot).tail(n - pivot).setZero();
   }
-  root(n - 1, n - 1) = std::sqrt(std::max(0.0, rest(n - 1, n - 1)));
-  return root * lengths.asDiagonal();
+  root(n - 1, n - 1) = std::sqrt(std::max(0.0, rest(n - 1, n - 1))) * lengths[n - 1];
+  return root;
 }
 
 bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-                const Observations& observations, double pixel_sigma_px, const Loss& loss, ViewReduction* reduction,
-                const TargetShape* shape) {
-  const int num_columns = NumColumns(model, shape);
+                const Observations& observations, double pixel_sigma_px, const Loss& loss, const FreeParameters& free,
+                const TargetShape* shape, ViewReduction* reduction) {
+  const Eigen::Index num_columns = 6 + NumFree(free) + 1;
   if (2 * observations.size() > num_columns) {
     ViewProducts products;
-    if (!MultiplyView(model, params, camera_from_target, observations, pixel_sigma_px, loss, shape, &products)) {
+    if (!MultiplyView(model, params, camera_from_target, observations, pixel_sigma_px, loss, free, shape, &products)) {
       return false;
     }
     reduction->factor = RootOfProducts(products.matrix);
@@ -287,7 +324,9 @@ bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& c
   }
   // Fewer rows than that: as they are.
   ViewRows rows;
-  if (!WriteRows(model, params, camera_from_target, observations, pixel_sigma_px, loss, shape, &rows)) return false;
+  if (!WriteRows(model, params, camera_from_target, observations, pixel_sigma_px, loss, free, shape, &rows)) {
+    return false;
+  }
   const int n = observations.size();
   reduction->factor.resize(2 * n, num_columns);
   reduction->factor.topRows(n) = rows.columns.topLeftCorner(n, num_columns);
@@ -327,15 +366,6 @@ bool AppendWhitenedSquares(const CameraModel& model, const double* params, const
   for (Eigen::Index i = 0; i < n; ++i) {
     squares->push_back(residuals(i, 0) * residuals(i, 0) + residuals(n + i, 0) * residuals(n + i, 0));
   }
-  return true;
-}
-
-bool ViewCost(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-              const Observations& observations, double pixel_sigma_px, const Loss& loss, double* sum_rho) {
-  std::vector<double> squares;
-  if (!AppendWhitenedSquares(model, params, camera_from_target, observations, nullptr, &squares)) return false;
-  *sum_rho = 0;
-  for (const double s : squares) *sum_rho += loss.rho(s / (pixel_sigma_px * pixel_sigma_px));
   return true;
 }
 

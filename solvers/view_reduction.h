@@ -13,6 +13,7 @@
 
 #include "heba/camera/camera_model.h"
 #include "heba/data/problem.h"
+#include "solvers/free_parameters.h"
 #include "solvers/loss.h"
 
 namespace heba {
@@ -24,10 +25,11 @@ struct ViewProducts {
   double loss_remainder = 0;  // As ViewReduction's.
 };
 
-// False if a point has no image from that pose. With `shape` the points are where it puts them, and it is unknown too.
+// False if a point has no image from that pose. `free` says of which parameters, the camera's and then the shape's,
+// there are columns. With `shape` the points are where it puts them; null if `free` does not speak of it.
 bool MultiplyView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-                  const Observations& observations, double pixel_sigma_px, const Loss& loss, const TargetShape* shape,
-                  ViewProducts* products);
+                  const Observations& observations, double pixel_sigma_px, const Loss& loss, const FreeParameters& free,
+                  const TargetShape* shape, ViewProducts* products);
 
 // Rows R with R^T R = `products`, which is positive semidefinite up to rounding, and as many of them as it has; the
 // last one has nothing but its last number. Pivoted Cholesky of the matrix scaled to ones on its diagonal: what is
@@ -35,29 +37,22 @@ bool MultiplyView(const CameraModel& model, const double* params, const Rigid3d&
 Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products);
 
 struct ViewReduction {
-  // Columns: those of Predict (heba/data/prediction.h), those of TargetShape::params if they are asked for, then the
-  // residual. Whitened, weighted by the loss's weight at this point.
+  // Columns: of a left perturbation of the pose (6, as Predict's, heba/data/prediction.h), of the camera's parameters
+  // that are free, of the shape's, then the residual. Whitened, weighted by the loss's weight at this point.
   Eigen::MatrixXd factor;
   // Sum of rho less the weighted sum of squares, not negative: with it, the squared norm of the last column is the sum
   // of rho.
   double loss_remainder = 0;
 };
 
-// Rows of ViewReduction::factor for a view.
-int NumReducedRows(const CameraModel& model, const Observations& observations, bool with_shape);
-
 // False as MultiplyView.
 bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-                const Observations& observations, double pixel_sigma_px, const Loss& loss, ViewReduction* reduction,
-                const TargetShape* shape = nullptr);
+                const Observations& observations, double pixel_sigma_px, const Loss& loss, const FreeParameters& free,
+                const TargetShape* shape, ViewReduction* reduction);
 
 // Appends, of each point, its squared residual after whitening (Observations::whitening), px^2. False as MultiplyView,
 // and then something may have been appended. Without a shape the points are where they are.
 bool AppendWhitenedSquares(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
                            const Observations& observations, const TargetShape* shape, std::vector<double>* squares);
-
-// The sum of rho alone.
-bool ViewCost(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-              const Observations& observations, double pixel_sigma_px, const Loss& loss, double* sum_rho);
 
 }  // namespace heba

@@ -418,7 +418,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   if (config.folds > 0) {
     const int num_folds = std::min(config.folds, static_cast<int>(calibration->views.size()));
     Progress progress("hold-out", num_folds, console->verbosity());
-    hold_outs = CrossValidate(calibration->views, options, num_folds, num_threads, [&] { progress.Step(); });
+    hold_outs = CrossValidate(*calibration, options, num_folds, num_threads, [&] { progress.Step(); });
   }
   for (const HoldOut& hold_out : hold_outs) {
     if (!hold_out.reason.empty()) console->Note("no hold-out figure for " + hold_out.method + ": " + hold_out.reason);

@@ -50,8 +50,8 @@ State WithRotation(const std::vector<Measured>& captures, const Eigen::Matrix3d&
   for (const Measured& m : captures) {
     Eigen::Matrix<double, 3, 6> left;
     left << m.whitening * rotation * m.mount_rotation, m.whitening;
-    normal += left.transpose() * left;
-    right += left.transpose() * (m.whitening * (m.in_camera - rotation * m.mount_position));
+    normal.noalias() += left.transpose().lazyProduct(left);
+    right.noalias() += left.transpose() * (m.whitening * (m.in_camera - rotation * m.mount_position));
   }
   const Eigen::Matrix<double, 6, 1> solution = normal.ldlt().solve(right);
   State state{rotation, solution.tail<3>(), solution.head<3>()};
@@ -59,8 +59,10 @@ State WithRotation(const std::vector<Measured>& captures, const Eigen::Matrix3d&
   return state;
 }
 
-// Levenberg-Marquardt on rotation (perturbed from the left), point and translation.
-State Refined(const std::vector<Measured>& captures, State state, int max_iterations) {
+// Levenberg-Marquardt on rotation (perturbed from the left), point and translation. Ends early near `known`, a minimum
+// that needs not be found again.
+State Refined(const std::vector<Measured>& captures, State state, int max_iterations, double small_drop,
+              const State* known = nullptr) {
   using Vector9 = Eigen::Matrix<double, 9, 1>;
   double damping = 1e-4;
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
@@ -71,8 +73,8 @@ State Refined(const std::vector<Measured>& captures, State state, int max_iterat
       Eigen::Matrix<double, 3, 9> j;
       j << -m.whitening * Skew(turned), m.whitening * state.rotation * m.mount_rotation, m.whitening;
       const Eigen::Vector3d residual = m.whitening * (turned + state.translation - m.in_camera);
-      normal += j.transpose() * j;
-      gradient += j.transpose() * residual;
+      normal.noalias() += j.transpose().lazyProduct(j);
+      gradient.noalias() += j.transpose() * residual;
     }
     bool improved = false;
     double relative_drop = 0;
@@ -80,6 +82,8 @@ State Refined(const std::vector<Measured>& captures, State state, int max_iterat
       Eigen::Matrix<double, 9, 9> damped = normal;
       damped.diagonal() *= 1 + damping;
       const Vector9 step = -damped.ldlt().solve(gradient);
+      // Where so little is to be gained, rounding decides.
+      if (-step.dot(gradient) < small_drop * state.cost) break;
       State next{ExpRotation(step.head<3>()).toRotationMatrix() * state.rotation, state.translation + step.tail<3>(),
                  state.point_in_mount + step.segment<3>(3)};
       next.cost = step.allFinite() ? CostOf(captures, next) : std::numeric_limits<double>::infinity();
@@ -89,8 +93,9 @@ State Refined(const std::vector<Measured>& captures, State state, int max_iterat
       relative_drop = state.cost > 0 ? (state.cost - next.cost) / state.cost : 0;
       state = next;
     }
-    constexpr double kSmallDrop = 1e-13;
-    if (!improved || relative_drop < kSmallDrop) break;
+    constexpr double kNear2 = 0.01;  // Of the rotations' squared distance, 8 sin^2(angle / 2): 4 deg.
+    if (known != nullptr && (state.rotation - known->rotation).squaredNorm() < kNear2) break;
+    if (!improved || relative_drop < small_drop) break;
   }
   return state;
 }
@@ -121,12 +126,15 @@ Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
   State best;
   for (const Eigen::Matrix3d& turn : TurnsOfACube()) {
     constexpr int kFewIterations = 12;
-    const State found = Refined(few, WithRotation(few, turn), kFewIterations);
+    constexpr double kTellingDrop = 1e-3;
+    const State found =
+        Refined(few, WithRotation(few, turn), kFewIterations, kTellingDrop, std::isfinite(best.cost) ? &best : nullptr);
     if (found.cost < best.cost) best = found;
   }
   if (!std::isfinite(best.cost)) return Failure{"the positions of the target do not determine the hand-eye pose"};
   constexpr int kMaxIterations = 100;
-  best = Refined(captures, WithRotation(captures, best.rotation), kMaxIterations);
+  constexpr double kLastDrop = 1e-13;
+  best = Refined(captures, WithRotation(captures, best.rotation), kMaxIterations, kLastDrop);
   const Eigen::Matrix3d rotation_x = best.rotation.transpose();
   const Rigid3d camera_mount_from_camera(rotation_x, mean_position - rotation_x * best.translation);
   return WithBoardThrough(pairs, camera_mount_from_camera, positions.point_in_target, best.point_in_mount);

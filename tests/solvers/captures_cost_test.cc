@@ -47,6 +47,7 @@ std::unique_ptr<CapturesCost> MakeCost(const TestScene& scene, const std::string
   CapturesCostOptions options;
   options.pixel_sigma_px = kSigmaPx;
   options.loss = FindLoss(loss);
+  options.free.assign(scene.camera.params.size(), true);
   options.has_own_pose = has_corrections;
   if (has_corrections) options.own_pose_prior = kRobot;
   options.num_threads = num_threads;
@@ -90,6 +91,16 @@ Evaluated Evaluate(const CapturesCost& cost, const Unknowns& unknowns) {
   return result;
 }
 
+// The sum of rho of a view's points.
+double ViewCost(const CameraModel& model, const std::vector<double>& params, const Rigid3d& camera_from_target,
+                const Observations& observations, const std::string& loss) {
+  std::vector<double> squares;
+  EXPECT_TRUE(AppendWhitenedSquares(model, params.data(), camera_from_target, observations, nullptr, &squares));
+  double sum = 0;
+  for (const double s : squares) sum += FindLoss(loss)->rho(s / (kSigmaPx * kSigmaPx));
+  return sum;
+}
+
 TestScene NoisyScene(const std::function<void(TestSceneOptions*)>& change = {}) {
   TestSceneOptions options;
   options.noise_px = 0.3;
@@ -113,12 +124,9 @@ TEST(CapturesCostTest, IsTheSumOfRhoWithItsGradient) {
     const auto cost_at = [&](const Unknowns& unknowns) {
       double sum = 0;
       for (const View& view : scene.views) {
-        double rho = 0;
         const HandEye hand_eye{FromBlock(unknowns.hand_eye.data()), FromBlock(unknowns.board.data())};
-        EXPECT_TRUE(ViewCost(scene.camera.Model(), unknowns.params.data(),
-                             CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations,
-                             kSigmaPx, *FindLoss(loss), &rho));
-        sum += rho;
+        sum += ViewCost(scene.camera.Model(), unknowns.params,
+                        CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations, loss);
       }
       return sum;
     };
@@ -143,12 +151,10 @@ TEST(CapturesCostTest, OwnPosesAreTheBestForTheSharedUnknowns) {
   ASSERT_EQ(corrections.size(), scene.views.size());
   const HandEye hand_eye{FromBlock(here.hand_eye.data()), FromBlock(here.board.data())};
   const auto cost_of = [&](size_t i, const Rigid3d& correction) {
-    double rho = 0;
-    EXPECT_TRUE(ViewCost(
-        scene.camera.Model(), here.params.data(),
-        CameraFromTarget(Setup::kEyeToHand, hand_eye, scene.views[i].camera_mount_from_target_mount, correction),
-        scene.views[i].observations, kSigmaPx, *FindLoss("none"), &rho));
-    return rho + CorrectionPriorAt(correction, kRobot).residual.squaredNorm();
+    const Rigid3d camera_from_target =
+        CameraFromTarget(Setup::kEyeToHand, hand_eye, scene.views[i].camera_mount_from_target_mount, correction);
+    return ViewCost(scene.camera.Model(), here.params, camera_from_target, scene.views[i].observations, "none") +
+           CorrectionPriorAt(correction, kRobot).residual.squaredNorm();
   };
   double sum = 0;
   for (size_t i = 0; i < corrections.size(); ++i) {

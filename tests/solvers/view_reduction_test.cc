@@ -1,5 +1,9 @@
 #include "solvers/view_reduction.h"
 
+#include <functional>
+#include <utility>
+#include <vector>
+
 #include <gtest/gtest.h>
 
 #include "tests/support/scenes.h"
@@ -16,6 +20,8 @@ Eigen::VectorXd Residual(const TestScene& scene, const View& view, const Rigid3d
   return Eigen::Map<const Eigen::VectorXd>(residuals.data(), residuals.size());
 }
 
+FreeParameters AllFree(const TestScene& scene) { return FreeParameters(scene.camera.params.size(), true); }
+
 TEST(ViewReductionTest, KeepsCostGradientAndGaussNewtonMatrix) {
   for (const int columns : {2, 8}) {  // Fewer rows than columns, and more.
     TestSceneOptions options;
@@ -28,7 +34,7 @@ TEST(ViewReductionTest, KeepsCostGradientAndGaussNewtonMatrix) {
     ViewReduction reduction;
     constexpr double kSigmaPx = 0.5;
     ASSERT_TRUE(ReduceView(model, scene.camera.params.data(), pose, view.observations, kSigmaPx, *FindLoss("none"),
-                           &reduction));
+                           AllFree(scene), nullptr, &reduction));
     const Eigen::VectorXd r = Residual(scene, view, pose, scene.camera.params) / kSigmaPx;
     const int n = 6 + NumParams(model);
     Eigen::MatrixXd j(r.size(), n);
@@ -69,8 +75,48 @@ TEST(ViewReductionTest, CostWithALossIsTheSumOfRho) {
   for (Eigen::Index i = 0; i < residuals.cols(); ++i) direct += loss.rho(residuals.col(i).squaredNorm());
   ViewReduction reduction;
   ASSERT_TRUE(ReduceView(scene.camera.Model(), scene.camera.params.data(), scene.pairs[0].camera_from_target,
-                         scene.views[0].observations, 1.0, loss, &reduction));
+                         scene.views[0].observations, 1.0, loss, AllFree(scene), nullptr, &reduction));
   EXPECT_NEAR(reduction.factor.rightCols<1>().squaredNorm() + reduction.loss_remainder, direct, 1e-9 * direct);
+}
+
+TEST(ViewReductionTest, HasColumnsOfWhatIsFreeOnly) {
+  TestSceneOptions options;
+  options.noise_px = 0.5;
+  const TestScene scene = MakeTestScene(7, options);
+  const int num_camera = NumParams(scene.camera.Model());
+  Observations correlated = scene.views[0].observations;
+  for (int i = 0; i < correlated.size(); ++i) {
+    correlated.whitening.emplace_back((Eigen::Matrix2d() << 1.1, 0, 0.1 * i, 0.9).finished());
+  }
+  for (const Observations* observations : {&scene.views[0].observations, &std::as_const(correlated)}) {
+    for (const bool has_shape : {false, true}) {
+      const TargetShape designed = DesignedShape(observations->points_in_target);
+      const TargetShape* const shape = has_shape ? &designed : nullptr;
+      const auto multiply = [&](const FreeParameters& free) {
+        ViewProducts products;
+        EXPECT_TRUE(MultiplyView(scene.camera.Model(), scene.camera.params.data(), scene.pairs[0].camera_from_target,
+                                 *observations, 0.5, *FindLoss("huber"), free, shape, &products));
+        return products.matrix;
+      };
+      const FreeParameters all(static_cast<size_t>(num_camera + (has_shape ? TargetShape::kNumParams : 0)), true);
+      const Eigen::MatrixXd whole = multiply(all);
+      ASSERT_EQ(whole.cols(), 6 + static_cast<Eigen::Index>(all.size()) + 1);
+      // Every other, every third, none; and one axis's focal length or principal point alone.
+      for (const auto& is_free : std::vector<std::function<bool(size_t)>>{
+               [](size_t i) { return i % 2 == 0; }, [](size_t i) { return i % 3 == 1; }, [](size_t) { return false; },
+               [](size_t i) { return i == 1; }, [](size_t i) { return i == 3 || i == 6; }}) {
+        FreeParameters free;
+        std::vector<Eigen::Index> kept = {0, 1, 2, 3, 4, 5};
+        for (size_t i = 0; i < all.size(); ++i) {
+          free.push_back(is_free(i));
+          if (is_free(i)) kept.push_back(6 + static_cast<Eigen::Index>(i));
+        }
+        kept.push_back(whole.cols() - 1);
+        const Eigen::MatrixXd expected = whole(kept, kept);
+        EXPECT_LT((multiply(free) - expected).norm(), 1e-12 * expected.norm());
+      }
+    }
+  }
 }
 
 TEST(ViewReductionTest, ARootHasTheProducts) {

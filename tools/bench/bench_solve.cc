@@ -16,10 +16,8 @@
 
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
-#include "heba/base/rng.h"
 #include "heba/base/simd.h"
 #include "heba/evaluation/metrics.h"
-#include "heba/simulation/scene.h"
 #include "solvers/bundle_adjustment.h"
 #include "solvers/cross_validation.h"
 #include "solvers/hand_eye_method.h"
@@ -27,6 +25,7 @@
 #include "solvers/study.h"
 #include "tools/bench/opencv_calibration.h"
 #include "tools/bench/textbook_refinement.h"
+#include "tools/bench/workloads.h"
 
 DEFINE_int32(repeats, 5, "measurements of each, of which the middle one counts");
 DEFINE_string(part, "", "one part: refine, intrinsics, closed, holdout or study");
@@ -40,48 +39,6 @@ struct Workload {
   int num_captures;
   int points_a_side;
 };
-
-struct Scene {
-  Problem problem;
-  HandEye truth;
-  HandEye start;
-};
-
-constexpr double kNoisePx = 0.1;
-constexpr RobotNoise kRobot = {1e-4, 3.5e-4};
-
-Scene MakeScene(const Workload& workload, bool has_robot_noise) {
-  Rng rng(1);
-  Scene scene;
-  scene.problem.camera = {"brown5", 1600, 1200, {1500, 1502, 805, 595, -0.08, 0.05, 0.0005, -0.0003, 0.0}};
-  scene.truth = {Rigid3d(ExpRotation({0.4, -1.2, 0.7}), {0.5, -0.3, 0.6}),
-                 Rigid3d(ExpRotation({1.0, 0.3, -0.5}), {0.04, -0.02, 0.09})};
-  const int side = workload.points_a_side;
-  constexpr double kBoardM = 0.2;
-  Points3 points(3, side * side);
-  for (int i = 0; i < side * side; ++i) {
-    points.col(i) << kBoardM * (static_cast<double>(i % side) / (side - 1) - 0.5),
-        kBoardM * (static_cast<double>(i / side) / (side - 1) - 0.5), 0;
-  }
-  MotionOptions motion;
-  motion.num_captures = workload.num_captures;
-  const Outcome<std::vector<Rigid3d>> poses = SimulatePoses(scene.problem.camera, points, false, motion, &rng);
-  CHECK(poses.ok()) << poses.reason();
-  for (const Rigid3d& camera_from_target : *poses) {
-    const Rigid3d mount = CameraMountFromTargetMount(scene.truth, camera_from_target);
-    scene.problem.views.push_back(
-        *SimulateView("view", scene.problem.camera, scene.truth, mount, points, kNoisePx, &rng));
-    if (has_robot_noise) {
-      scene.problem.views.back().camera_mount_from_target_mount =
-          WithRobotNoise(mount, kRobot.rotation_rad, kRobot.translation_m, &rng);
-    }
-  }
-  const auto off = [](const Rigid3d& pose, double by) {
-    return Retract(pose, by * (Tangent6() << 2, -1, 1, 3, 2, -2).finished());
-  };
-  scene.start = {off(scene.truth.camera_mount_from_camera, 1e-3), off(scene.truth.target_mount_from_target, -1e-3)};
-  return scene;
-}
 
 struct Measured {
   double seconds = 0;
@@ -144,15 +101,15 @@ double SecondsOf(const std::function<void()>& work) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-Measured RunLibrary(const Scene& scene, Simd simd, int num_threads, bool has_robot_noise) {
+Measured RunLibrary(const BenchScene& scene, Simd simd, int num_threads, bool has_robot_noise) {
   LimitSimd(simd);
   BundleOptions options;
   options.loss = "none";
   options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint, ParameterGroup::kDistortion};
-  options.pixel_noise_px = kNoisePx;
+  options.pixel_noise_px = kBenchNoisePx;
   options.num_threads = num_threads;
   options.robot = has_robot_noise ? BundleOptions::Robot::kGivenNoise : BundleOptions::Robot::kExact;
-  options.robot_noise = kRobot;
+  options.robot_noise = kBenchRobot;
   Measured measured;
   std::optional<Outcome<Solution>> solution;
   measured.seconds = SecondsOf([&] { solution = RefineHandEye(scene.problem, scene.start, options); });
@@ -163,7 +120,7 @@ Measured RunLibrary(const Scene& scene, Simd simd, int num_threads, bool has_rob
   return measured;
 }
 
-Measured RunTextbook(const Scene& scene) {
+Measured RunTextbook(const BenchScene& scene) {
   Measured measured;
   TextbookResult result;
   measured.seconds = SecondsOf([&] { result = RefineAsInTextbooks(scene.problem, scene.start); });
@@ -195,10 +152,10 @@ void BenchRefinement() {
                                            {"10000 x 144", 10000, 12}};
   for (const Workload& workload : workloads) {
     if (workload.name.find(FLAGS_only) == std::string::npos) continue;
-    const Scene scene = MakeScene(workload, false);
+    const BenchScene scene = MakeBenchScene(workload.num_captures, workload.points_a_side);
     const Measured textbook = Median([&] { return RunTextbook(scene); });
     Print(workload, "textbook Ceres", textbook, textbook.seconds);
-    const auto run = [&](const char* name, const Scene& with, Simd simd, int num_threads, bool has_robot_noise) {
+    const auto run = [&](const char* name, const BenchScene& with, Simd simd, int num_threads, bool has_robot_noise) {
       Print(workload, name, Median([&] { return RunLibrary(with, simd, num_threads, has_robot_noise); }),
             textbook.seconds);
     };
@@ -206,7 +163,7 @@ void BenchRefinement() {
     run("heba, AVX2", scene, Simd::kAvx2, 1, false);
     run("heba, best of machine", scene, Simd::kAvx512, 1, false);
     run("heba, best, 2 threads", scene, Simd::kAvx512, 2, false);
-    const Scene noisy = MakeScene(workload, true);
+    const BenchScene noisy = MakeBenchScene(workload.num_captures, workload.points_a_side, true);
     run("heba, best, robot corrections", noisy, Simd::kAvx512, 1, true);
   }
   std::printf("\n");
@@ -229,7 +186,7 @@ Measured Timed(const std::function<void()>& work) {
 
 void BenchIntrinsics() {
   PrintHead("OpenCV");
-  const Scene scene = MakeScene({"", 100, 12}, false);
+  const BenchScene scene = MakeBenchScene(100, 12);
   const Camera& camera = scene.problem.camera;
   const Measured theirs = Median([&] { return Timed([&] { CalibrateCameraWithOpenCv(scene.problem); }); });
   PrintRow("intrinsics from 100 views x 144 points", "cv::calibrateCamera", theirs, theirs.seconds);
@@ -244,24 +201,10 @@ void BenchIntrinsics() {
   std::printf("\n");
 }
 
-std::vector<PosePair> PairsOf(const Scene& scene) {
-  std::vector<PosePair> pairs;
-  Rng rng(2);
-  for (const View& view : scene.problem.views) {
-    PosePair pair;
-    pair.camera_mount_from_target_mount = view.camera_mount_from_target_mount;
-    pair.camera_from_target =
-        WithRobotNoise(CameraFromTarget(scene.truth, view.camera_mount_from_target_mount), 3e-4, 2e-4, &rng);
-    pair.covariance_at_1px = Eigen::Matrix<double, 6, 6>::Identity();
-    pairs.push_back(pair);
-  }
-  return pairs;
-}
-
 void BenchClosedForms() {
   PrintHead("OpenCV");
   constexpr const char* kWorkload = "closed forms of 1000 captures";
-  const std::vector<PosePair> pairs = PairsOf(MakeScene({"", 1000, 2}, false));
+  const std::vector<PosePair> pairs = NoisyPairsOf(MakeBenchScene(1000, 2));
   double theirs_s = 0;
   for (const char* name : {"tsai", "park", "horaud", "andreff", "daniilidis", "shah", "li"}) {
     const Measured theirs = InOwnProcess([&] { return Timed([&] { SolveHandEyeWithOpenCv(name, pairs); }); });
@@ -283,21 +226,10 @@ void BenchClosedForms() {
   std::printf("\n");
 }
 
-CalibrationOptions OptionsOf(const Scene& scene) {
-  CalibrationOptions options;
-  for (const HandEyeMethod& method : HandEyeMethods()) {
-    if (method.motion == MethodMotion::kAny) options.methods.emplace_back(method.name);
-  }
-  options.camera_model = scene.problem.camera.model;
-  options.width_px = scene.problem.camera.width_px;
-  options.height_px = scene.problem.camera.height_px;
-  return options;
-}
-
 void BenchHoldOut() {
   PrintHead("full");
-  const Scene scene = MakeScene({"", 30, 12}, false);
-  CalibrationOptions options = OptionsOf(scene);
+  const BenchScene scene = MakeBenchScene(30, 12);
+  CalibrationOptions options = BenchCalibrationOptions(scene);
   for (const bool has_camera : {false, true}) {
     if (has_camera) options.camera = scene.problem.camera;
     const std::string with = has_camera ? ", camera given" : "";
@@ -305,7 +237,7 @@ void BenchHoldOut() {
     CHECK(full.ok() && full->refined.ok());
     const Measured once = Median([&] { return Timed([&] { full = Calibrate(scene.problem.views, options); }); });
     PrintRow(("calibration of 30 x 144" + with).c_str(), "heba", once, once.seconds);
-    const Measured folds = Median([&] { return Timed([&] { CrossValidate(full->views, options, 5, 1, [] {}); }); });
+    const Measured folds = Median([&] { return Timed([&] { CrossValidate(*full, options, 5, 1, [] {}); }); });
     PrintRow(("5-fold hold-out, 30 x 144" + with).c_str(), "heba", folds, once.seconds);
   }
   std::printf("\n");
@@ -313,23 +245,8 @@ void BenchHoldOut() {
 
 void BenchStudy() {
   std::printf("| study of 15 captures x 4 points, all methods | trials/s |\n|---|---|\n");
-  const Scene scene = MakeScene({"", 15, 2}, false);
-  StudyCell cell;
-  cell.camera = scene.problem.camera;
-  cell.hand_eye = scene.truth;
-  cell.target = scene.problem.views.front().observations;
-  for (const View& view : scene.problem.views) {
-    cell.poses.push_back({"", CameraFromTarget(scene.truth, view.camera_mount_from_target_mount)});
-  }
-  cell.pixel_sigma_px = kNoisePx;
-  cell.options = OptionsOf(scene);
-  cell.options.camera = scene.problem.camera;
-  cell.options.bundle.free_intrinsics = {};
   for (const bool has_robot_noise : {false, true}) {
-    if (has_robot_noise) {
-      cell.robot_noise = kRobot;
-      cell.options.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
-    }
+    const StudyCell cell = MakeBenchStudyCell(has_robot_noise);
     constexpr int kTrials = 400;
     for (const int num_threads : {1, 2}) {
       const Measured measured = Median([&] {

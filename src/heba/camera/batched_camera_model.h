@@ -74,6 +74,7 @@ class BatchedCameraModel final : public CameraModel {
 
   std::optional<Eigen::Vector3d> Unproject(const double* params, const Eigen::Vector2d& pixel) const override {
     Eigen::Vector3d ray = Lens::GuessRay(params, pixel);
+    if (const std::optional<Eigen::Vector3d> easy = UnprojectOnPlane(params, ray, pixel)) return easy;
     if (!ray.allFinite() || ray.norm() < 1e-12) return std::nullopt;
     ray.normalize();
     // A guess from beyond the radius at which the distortion folds back is drawn towards the axis.
@@ -83,7 +84,6 @@ class BatchedCameraModel final : public CameraModel {
       here = Linearise(params, ray, pixel);
     }
     if (!here) return std::nullopt;
-    constexpr double kTolerancePx = 1e-9;  // Far below what any detector resolves; above round-off at 1e5 px.
     for (int iteration = 0; iteration < 60 && here->error_px.norm() >= kTolerancePx; ++iteration) {
       Eigen::Vector2d step = here->jacobian.inverse() * here->error_px;
       constexpr double kMaxStepRad = 0.3;
@@ -161,6 +161,34 @@ class BatchedCameraModel final : public CameraModel {
   }
   HEBA_TARGET_AVX512 static bool DifferentiateAvx512(const double* params, const double* pose, ProjectionBatch* batch) {
     return Run<kLanesOf<Simd::kAvx512>, true>(params, pose, batch);
+  }
+
+  static constexpr double kTolerancePx = 1e-9;  // Far below what any detector resolves; above round-off at 1e5 px.
+
+  // By Newton's steps in the plane z = 1, as long as they are all that it takes: nothing otherwise.
+  static std::optional<Eigen::Vector3d> UnprojectOnPlane(const double* params, const Eigen::Vector3d& guess,
+                                                         const Eigen::Vector2d& pixel) {
+    constexpr double kLeastZ = 0.3;  // Of a unit ray.
+    if (!(guess.z() > kLeastZ * guess.norm())) return std::nullopt;
+    Eigen::Vector2d at = guess.head<2>() / guess.z();
+    double last_px = std::numeric_limits<double>::infinity();
+    constexpr int kMaxSteps = 10;
+    for (int step = 0; step < kMaxSteps; ++step) {
+      DistortedImage<double, kNumDistortion> image;
+      Lens::template Distort<double>(params + 4, at.x(), at.y(), 1.0, &image);
+      const Eigen::Vector2d error_px =
+          Eigen::Vector2d(params[0] * image.x + params[2], params[1] * image.y + params[3]) - pixel;
+      Eigen::Matrix2d jacobian;
+      jacobian << params[0] * image.x_by_point[0], params[0] * image.x_by_point[1], params[1] * image.y_by_point[0],
+          params[1] * image.y_by_point[1];
+      const double determinant = jacobian.determinant();
+      const double now_px = error_px.norm();
+      if (!(determinant > 0) || !(now_px <= 0.5 * last_px)) return std::nullopt;
+      if (now_px < kTolerancePx) return Eigen::Vector3d(at.x(), at.y(), 1).normalized();
+      at -= jacobian.inverse() * error_px;
+      last_px = now_px;
+    }
+    return std::nullopt;
   }
 
   // The image about a ray: of the ray moved along two directions at right angles to it.

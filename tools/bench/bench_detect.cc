@@ -1,0 +1,215 @@
+// Measures how long targets take to find, on rendered pictures that are in memory: CPU milliseconds a picture, what was
+// found and how exactly, beside libapriltag and OpenCV's aruco as their users call them.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gflags/gflags.h>
+#include <opencv2/aruco.hpp>
+#include <opencv2/core.hpp>
+
+extern "C" {
+#include <apriltag/apriltag.h>
+#include <apriltag/tag36h11.h>
+}
+
+#include "heba/base/error.h"
+#include "heba/base/rng.h"
+#include "heba/base/units.h"
+#include "heba/config/yaml_reader.h"
+#include "targets/clutter.h"
+#include "targets/detection.h"
+#include "targets/rendering.h"
+#include "targets/target.h"
+
+DEFINE_int32(pictures, 5, "pictures of each row; the figures are their medians");
+DEFINE_string(only, "", "only the rows whose names contain this");
+
+namespace heba {
+namespace {
+
+std::unique_ptr<Target> MakeTarget(const std::string& keys) {
+  MapReader reader(ParseYaml("{" + keys + "}", "bench"));
+  return CreateTarget(reader);
+}
+
+double CpuMs() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
+}
+
+struct Measured {
+  double cpu_ms = 0;
+  double num_found = 0;
+  double rms_px = 0;  // Of a coordinate.
+};
+
+Measured MiddleOf(std::vector<Measured> all) {
+  const auto middle = [&](double Measured::*field) {
+    std::sort(all.begin(), all.end(), [&](const Measured& a, const Measured& b) { return a.*field < b.*field; });
+    return all[all.size() / 2].*field;
+  };
+  return {middle(&Measured::cpu_ms), middle(&Measured::num_found), middle(&Measured::rms_px)};
+}
+
+// Ids of the target's points and where they were found.
+using Finder = std::function<Detection(const cv::Mat& grey)>;
+
+Measured Measure(const Target& target, const Camera& camera, const Rigid3d& camera_from_target, const cv::Mat& grey,
+                 const Finder& find) {
+  Measured measured;
+  const double start_ms = CpuMs();
+  const Detection detection = find(grey);
+  measured.cpu_ms = CpuMs() - start_ms;
+  double sum = 0;
+  for (size_t i = 0; i < detection.ids.size(); ++i) {
+    const auto point = std::find_if(target.points().begin(), target.points().end(),
+                                    [&](const TargetPoint& entry) { return entry.id == detection.ids[i]; });
+    if (point == target.points().end()) continue;
+    const Eigen::Vector2d off_px = detection.pixels[i] - *PixelOf(*point, camera, camera_from_target);
+    constexpr double kWildPx = 2;
+    if (off_px.norm() > kWildPx) continue;
+    sum += off_px.squaredNorm();
+    ++measured.num_found;
+  }
+  measured.rms_px = std::sqrt(sum / std::max(1.0, 2 * measured.num_found));
+  return measured;
+}
+
+Detection FindWithAprilTag(const cv::Mat& grey, double decimate) {
+  apriltag_family_t* const family = tag36h11_create();
+  apriltag_detector_t* const detector = apriltag_detector_create();
+  apriltag_detector_add_family(detector, family);
+  detector->quad_decimate = static_cast<float>(decimate);
+  detector->nthreads = 1;
+  image_u8_t image = {grey.cols, grey.rows, static_cast<int32_t>(grey.step[0]), grey.data};
+  zarray_t* const found = apriltag_detector_detect(detector, &image);
+  Detection detection;
+  for (int i = 0; i < zarray_size(found); ++i) {
+    apriltag_detection_t* tag = nullptr;
+    zarray_get(found, i, &tag);
+    for (int corner = 0; corner < 4; ++corner) {
+      detection.ids.push_back(4 * tag->id + corner);
+      detection.pixels.emplace_back(tag->p[corner][0] - 0.5, tag->p[corner][1] - 0.5);
+    }
+  }
+  apriltag_detections_destroy(found);
+  apriltag_detector_destroy(detector);
+  tag36h11_destroy(family);
+  return detection;
+}
+
+Detection FindWithAruco(const cv::Mat& grey) {
+  const cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11);
+  const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
+  parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_SUBPIX;
+  std::vector<std::vector<cv::Point2f>> corners;
+  std::vector<int> ids;
+  cv::aruco::detectMarkers(grey, dictionary, corners, ids, parameters);
+  Detection detection;
+  for (size_t i = 0; i < ids.size(); ++i) {
+    // Clockwise from the top left; a tag's are counter-clockwise from the bottom left.
+    const int order[] = {3, 2, 1, 0};
+    for (int corner = 0; corner < 4; ++corner) {
+      const cv::Point2f& at = corners[i][static_cast<size_t>(order[corner])];
+      detection.ids.push_back(4 * ids[i] + corner);
+      detection.pixels.emplace_back(at.x, at.y);
+    }
+  }
+  return detection;
+}
+
+struct Row {
+  std::string what;
+  std::string keys;
+  int width_px;
+  int height_px;
+  double distance_m;  // With a focal length of as many pixels as the picture is wide.
+  bool clutter;
+};
+
+void Run(const Row& row) {
+  if (row.what.find(FLAGS_only) == std::string::npos) return;
+  const std::unique_ptr<Target> target = MakeTarget(row.keys);
+  const bool has_tags = target->type() == "apriltag_grid";
+  const Drawing& drawing = target->Draw();
+  const double focal_px = row.width_px;
+  const Camera camera{"pinhole",
+                      row.width_px,
+                      row.height_px,
+                      {focal_px, focal_px, 0.5 * (row.width_px - 1), 0.5 * (row.height_px - 1)}};
+  std::vector<std::pair<std::string, Finder>> finders = {
+      {"heba", [&](const cv::Mat& grey) { return target->Detect(grey); }}};
+  if (has_tags) {
+    finders.emplace_back("libapriltag, decimate 1", [](const cv::Mat& grey) { return FindWithAprilTag(grey, 1); });
+    finders.emplace_back("libapriltag, decimate 4", [](const cv::Mat& grey) { return FindWithAprilTag(grey, 4); });
+    finders.emplace_back("OpenCV aruco, subpix", &FindWithAruco);
+  }
+  std::vector<std::vector<Measured>> all(finders.size());
+  for (int picture = 0; picture < FLAGS_pictures; ++picture) {
+    Rng rng(7, static_cast<uint64_t>(picture));
+    const Eigen::Quaterniond front = drawing.y_up ? ExpRotation({kPi, 0, 0}) : Eigen::Quaterniond::Identity();
+    const Eigen::Quaterniond rotation = ExpRotation({rng.Uniform(-0.4, 0.4), rng.Uniform(-0.4, 0.4), 0}) *
+                                        ExpRotation({0, 0, rng.Uniform(-0.3, 0.3)}) * front;
+    const Eigen::Vector2d middle = 0.5 * (drawing.min_m + drawing.max_m);
+    const Rigid3d camera_from_target(
+        rotation, Eigen::Vector3d(rng.Uniform(-0.02, 0.02), rng.Uniform(-0.02, 0.02), 1) * row.distance_m -
+                      rotation * Eigen::Vector3d(middle.x(), middle.y(), 0));
+    RenderOptions options;
+    options.noise_sigma_grey = 2;
+    options.light_gradient = 0.3;
+    options.clutter = row.clutter;
+    options.seed = static_cast<uint64_t>(picture);
+    const cv::Mat grey = RenderView(drawing, camera, camera_from_target, options);
+    for (size_t i = 0; i < finders.size(); ++i) {
+      all[i].push_back(Measure(*target, camera, camera_from_target, grey, finders[i].second));
+    }
+  }
+  for (size_t i = 0; i < finders.size(); ++i) {
+    const Measured middle = MiddleOf(all[i]);
+    std::printf("| %-34s | %-24s | %8.1f | %4.0f of %4zu | %7.4f |\n", row.what.c_str(), finders[i].first.c_str(),
+                middle.cpu_ms, middle.num_found, target->points().size(), middle.rms_px);
+    std::fflush(stdout);
+  }
+}
+
+void RunAll() {
+  const std::string plain =
+      "type: apriltag_grid, family: tag36h11, rows: 6, columns: 6, tag_size: 24 mm, tag_spacing: 0.3, corner_squares: "
+      "false";
+  const std::string kalibr =
+      "type: apriltag_grid, family: tag36h11, rows: 6, columns: 6, tag_size: 24 mm, tag_spacing: 0.3";
+  const std::string coded = "type: coded_board, rows: 4, columns: 5, spacing: 35 mm, dot_diameter: 10 mm";
+  std::printf("| picture | program | CPU ms | points | rms px |\n|---|---|---|---|---|\n");
+  struct Size {
+    const char* name;
+    int width_px;
+    int height_px;
+  };
+  for (const Size& size : {Size{"1.3", 1280, 1024}, Size{"5", 2592, 1944}, Size{"12", 4000, 3000}}) {
+    const std::string megapixels = std::string(size.name) + " megapixels, ";
+    // The board over two thirds of the picture's height; tags of 12 px.
+    const double near_m = 0.18 * size.width_px / (0.66 * size.height_px);
+    const double far_m = 0.024 * size.width_px / 12.0;
+    Run({megapixels + "near tags", plain, size.width_px, size.height_px, near_m, true});
+    Run({megapixels + "near tags, squares", kalibr, size.width_px, size.height_px, near_m, true});
+    Run({megapixels + "far tags", plain, size.width_px, size.height_px, far_m, true});
+    Run({megapixels + "coded dots", coded, size.width_px, size.height_px, near_m, true});
+  }
+}
+
+}  // namespace
+}  // namespace heba
+
+int main(int argc, char** argv) {
+  gflags::SetUsageMessage("Measures how long targets take to find.");
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
+  heba::RunAll();
+  return 0;
+}

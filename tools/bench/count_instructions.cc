@@ -1,0 +1,87 @@
+// Runs one workload of fixed size, for callgrind to count the instructions of (tests/bench/instructions.sh): unlike
+// time, they do not depend on how busy a machine is. Without a name it lists the workloads.
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "heba/base/error.h"
+#include "solvers/bundle_adjustment.h"
+#include "solvers/cross_validation.h"
+#include "solvers/hand_eye_method.h"
+#include "solvers/intrinsics_seed.h"
+#include "tools/bench/workloads.h"
+
+namespace heba {
+namespace {
+
+BundleOptions Refinement(BundleOptions::Robot robot) {
+  BundleOptions options;
+  options.loss = "none";
+  options.pixel_noise_px = kBenchNoisePx;
+  options.robot = robot;
+  options.robot_noise = kBenchRobot;
+  return options;
+}
+
+void Refine(int num_captures, int points_a_side, BundleOptions::Robot robot) {
+  const BenchScene scene = MakeBenchScene(num_captures, points_a_side, robot != BundleOptions::Robot::kExact);
+  CHECK(RefineHandEye(scene.problem, scene.start, Refinement(robot)).ok());
+}
+
+struct Workload {
+  const char* name;
+  void (*run)();
+};
+constexpr Workload kWorkloads[] = {
+    {"nothing", [] {}},
+    {"scene_100x144", [] { MakeBenchScene(100, 12); }},
+    {"refine_20x4", [] { Refine(20, 2, BundleOptions::Robot::kExact); }},
+    {"refine_100x144", [] { Refine(100, 12, BundleOptions::Robot::kExact); }},
+    {"refine_robot_100x144", [] { Refine(100, 12, BundleOptions::Robot::kGivenNoise); }},
+    {"intrinsics_100x144",
+     [] {
+       const BenchScene scene = MakeBenchScene(100, 12);
+       const Camera& camera = scene.problem.camera;
+       CHECK(EstimateIntrinsics(scene.problem.views, camera.model, camera.width_px, camera.height_px).ok());
+     }},
+    {"closed_forms_200",
+     [] {
+       const std::vector<PosePair> pairs = NoisyPairsOf(MakeBenchScene(200, 2));
+       const HandEyeInput input(pairs);
+       for (const HandEyeMethod& method : HandEyeMethods()) {
+         if (method.motion == MethodMotion::kAny) CHECK(method.solve(input).ok()) << method.name;
+       }
+     }},
+    {"hold_out_30x144",
+     [] {
+       const BenchScene scene = MakeBenchScene(30, 12);
+       const CalibrationOptions options = BenchCalibrationOptions(scene);
+       const Outcome<Calibration> full = Calibrate(scene.problem.views, options);
+       CHECK(full.ok());
+       CrossValidate(*full, options, 5, 1, [] {});
+     }},
+    {"study_20_trials",
+     [] {
+       const StudyCell cell = MakeBenchStudyCell(false);
+       for (int trial = 0; trial < 20; ++trial) RunTrial(cell, 1, trial);
+     }},
+    {"study_robot_20_trials",
+     [] {
+       const StudyCell cell = MakeBenchStudyCell(true);
+       for (int trial = 0; trial < 20; ++trial) RunTrial(cell, 1, trial);
+     }},
+};
+
+}  // namespace
+}  // namespace heba
+
+int main(int argc, char** argv) {
+  for (const heba::Workload& workload : heba::kWorkloads) {
+    if (argc < 2) std::printf("%s\n", workload.name);
+    if (argc == 2 && std::string(argv[1]) == workload.name) {
+      workload.run();
+      return 0;
+    }
+  }
+  return argc < 2 ? 0 : 1;
+}

@@ -1,0 +1,88 @@
+#include "tools/bench/workloads.h"
+
+#include "heba/base/error.h"
+#include "heba/base/rng.h"
+#include "heba/simulation/scene.h"
+#include "solvers/hand_eye_method.h"
+
+namespace heba {
+
+BenchScene MakeBenchScene(int num_captures, int points_a_side, bool has_robot_noise) {
+  Rng rng(1);
+  BenchScene scene;
+  scene.problem.camera = {"brown5", 1600, 1200, {1500, 1502, 805, 595, -0.08, 0.05, 0.0005, -0.0003, 0.0}};
+  scene.truth = {Rigid3d(ExpRotation({0.4, -1.2, 0.7}), {0.5, -0.3, 0.6}),
+                 Rigid3d(ExpRotation({1.0, 0.3, -0.5}), {0.04, -0.02, 0.09})};
+  const int side = points_a_side;
+  constexpr double kBoardM = 0.2;
+  Points3 points(3, side * side);
+  for (int i = 0; i < side * side; ++i) {
+    points.col(i) << kBoardM * (static_cast<double>(i % side) / (side - 1) - 0.5),
+        kBoardM * (static_cast<double>(i / side) / (side - 1) - 0.5), 0;
+  }
+  MotionOptions motion;
+  motion.num_captures = num_captures;
+  const Outcome<std::vector<Rigid3d>> poses = SimulatePoses(scene.problem.camera, points, false, motion, &rng);
+  CHECK(poses.ok()) << poses.reason();
+  for (const Rigid3d& camera_from_target : *poses) {
+    const Rigid3d mount = CameraMountFromTargetMount(scene.truth, camera_from_target);
+    scene.problem.views.push_back(
+        *SimulateView("view", scene.problem.camera, scene.truth, mount, points, kBenchNoisePx, &rng));
+    if (has_robot_noise) {
+      scene.problem.views.back().camera_mount_from_target_mount =
+          WithRobotNoise(mount, kBenchRobot.rotation_rad, kBenchRobot.translation_m, &rng);
+    }
+  }
+  const auto off = [](const Rigid3d& pose, double by) {
+    return Retract(pose, by * (Tangent6() << 2, -1, 1, 3, 2, -2).finished());
+  };
+  scene.start = {off(scene.truth.camera_mount_from_camera, 1e-3), off(scene.truth.target_mount_from_target, -1e-3)};
+  return scene;
+}
+
+std::vector<PosePair> NoisyPairsOf(const BenchScene& scene) {
+  std::vector<PosePair> pairs;
+  Rng rng(2);
+  for (const View& view : scene.problem.views) {
+    PosePair pair;
+    pair.camera_mount_from_target_mount = view.camera_mount_from_target_mount;
+    pair.camera_from_target =
+        WithRobotNoise(CameraFromTarget(scene.truth, view.camera_mount_from_target_mount), 3e-4, 2e-4, &rng);
+    pair.covariance_at_1px = Eigen::Matrix<double, 6, 6>::Identity();
+    pairs.push_back(pair);
+  }
+  return pairs;
+}
+
+CalibrationOptions BenchCalibrationOptions(const BenchScene& scene) {
+  CalibrationOptions options;
+  for (const HandEyeMethod& method : HandEyeMethods()) {
+    if (method.motion == MethodMotion::kAny) options.methods.emplace_back(method.name);
+  }
+  options.camera_model = scene.problem.camera.model;
+  options.width_px = scene.problem.camera.width_px;
+  options.height_px = scene.problem.camera.height_px;
+  return options;
+}
+
+StudyCell MakeBenchStudyCell(bool has_robot_noise) {
+  const BenchScene scene = MakeBenchScene(15, 2);
+  StudyCell cell;
+  cell.camera = scene.problem.camera;
+  cell.hand_eye = scene.truth;
+  cell.target = scene.problem.views.front().observations;
+  for (const View& view : scene.problem.views) {
+    cell.poses.push_back({"", CameraFromTarget(scene.truth, view.camera_mount_from_target_mount)});
+  }
+  cell.pixel_sigma_px = kBenchNoisePx;
+  cell.options = BenchCalibrationOptions(scene);
+  cell.options.camera = scene.problem.camera;
+  cell.options.bundle.free_intrinsics = {};
+  if (has_robot_noise) {
+    cell.robot_noise = kBenchRobot;
+    cell.options.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
+  }
+  return cell;
+}
+
+}  // namespace heba
