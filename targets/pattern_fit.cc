@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <span>
 
 #include <Eigen/Dense>
 
@@ -21,19 +22,32 @@ double Cdf(double x) { return 0.5 * std::erfc(-x * std::numbers::sqrt2 / 2); }
 double Density(double x) { return std::exp(-0.5 * x * x) * (std::numbers::inv_sqrtpi / std::numbers::sqrt2); }
 
 // The bivariate normal distribution function of correlation sin(angle): the product of the two plus an integral over
-// the angle (Plackett 1954), by Gauss-Legendre.
+// the angle (Plackett 1954), by Gauss-Legendre, of as many pairs of nodes as the angle asks for (to 1e-8).
 double Cdf2(double a, double b, double cdf_a, double cdf_b, double angle) {
-  constexpr std::array<double, 3> kNodes = {0.2386191860831969, 0.6612093864662645, 0.9324695142031521};
-  constexpr std::array<double, 3> kWeights = {0.4679139345726910, 0.3607615730481386, 0.1713244923791704};
+  struct Pair {
+    double node;
+    double weight;
+  };
+  static constexpr Pair kTwo[] = {{0.5773502691896257, 1.0}};
+  static constexpr Pair kFour[] = {{0.3399810435848563, 0.6521451548625461}, {0.8611363115940526, 0.3478548451374538}};
+  static constexpr Pair kSix[] = {{0.2386191860831969, 0.4679139345726910},
+                                  {0.6612093864662645, 0.3607615730481386},
+                                  {0.9324695142031521, 0.1713244923791704}};
+  const double size = std::abs(angle);
+  const std::span<const Pair> pairs = size < 0.05  ? std::span<const Pair>(kTwo)
+                                      : size < 0.4 ? std::span<const Pair>(kFour)
+                                                   : std::span<const Pair>(kSix);
   double sum = 0;
-  for (size_t k = 0; k < kNodes.size(); ++k) {
-    for (const double node : {kNodes[k], -kNodes[k]}) {
+  for (const Pair& pair : pairs) {
+    for (const double node : {pair.node, -pair.node}) {
       const double s = std::sin(0.5 * angle * (1 + node));
-      sum += kWeights[k] * std::exp(-(a * a + b * b - 2 * a * b * s) / (2 * (1 - s * s)));
+      sum += pair.weight * std::exp(-(a * a + b * b - 2 * a * b * s) / (2 * (1 - s * s)));
     }
   }
   return cdf_a * cdf_b + sum * 0.5 * angle / (2 * std::numbers::pi);
 }
+
+constexpr size_t kMaxLines = 64;  // Of a pattern, along either axis.
 
 // The lines within reach of `at`: the first and the one past the last.
 struct LineRange {
@@ -111,6 +125,7 @@ CellPattern CellsOf(const Drawing& drawing, const Eigen::Vector2d& min_m, const 
   CellPattern pattern;
   pattern.x_m = Lines(std::move(x_m), min_m.x(), max_m.x());
   pattern.y_m = Lines(std::move(y_m), min_m.y(), max_m.y());
+  CHECK(std::max(pattern.x_m.size(), pattern.y_m.size()) <= kMaxLines) << "a pattern of too many cells";
   pattern.albedo.setConstant(static_cast<Eigen::Index>(pattern.y_m.size()) + 1,
                              static_cast<Eigen::Index>(pattern.x_m.size()) + 1, drawing.ground);
   for (Eigen::Index j = 0; j < pattern.albedo.rows(); ++j) {
@@ -125,8 +140,11 @@ CellPattern CellsOf(const Drawing& drawing, const Eigen::Vector2d& min_m, const 
   return pattern;
 }
 
-BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m,
-                      const Eigen::Matrix2d& picture_by_pattern, double blur_sigma_px) {
+namespace {
+
+// `with_value`: or derivatives only.
+BlurredAlbedo Blur(const CellPattern& pattern, const Eigen::Vector2d& at_m, const Eigen::Matrix2d& picture_by_pattern,
+                   double blur_sigma_px, bool with_value) {
   // The blur as seen in the pattern.
   const Eigen::Matrix2d pattern_by_picture = picture_by_pattern.inverse();
   const double sx = blur_sigma_px * pattern_by_picture.row(0).norm();
@@ -144,35 +162,55 @@ BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m,
   double by_a = 0;  // By at_m.x() / sx, and so on.
   double by_b = 0;
   double by_scale = 0;  // By log(blur).
-  for (size_t i = x_range.begin; i < x_range.end; ++i) {
-    const double step = albedo(y_range.begin, i + 1) - albedo(y_range.begin, i);
-    if (step == 0) continue;
-    const double a = (at_m.x() - pattern.x_m[i]) / sx;
-    const double slope = step * Density(a);
-    result.value += step * Cdf(a);
+  // Of each line within reach: how far away it is in sigma, and what the normal distribution makes of that.
+  struct Line {
+    double at;
+    double cdf;
+    double density;
+  };
+  // Not set to 0 first: this is called for every pixel.
+  std::array<Line, kMaxLines> x_lines;
+  std::array<Line, kMaxLines> y_lines;
+  const auto look = [](const std::vector<double>& lines, const LineRange& range, double at, double sigma,
+                       std::array<Line, kMaxLines>* seen) {
+    const size_t size = range.end - range.begin;
+    CHECK_LE(size, kMaxLines);
+    for (size_t k = 0; k < size; ++k) {
+      const double a = (at - lines[range.begin + k]) / sigma;
+      (*seen)[k] = {a, Cdf(a), Density(a)};
+    }
+    return size;
+  };
+  const size_t num_x = look(pattern.x_m, x_range, at_m.x(), sx, &x_lines);
+  const size_t num_y = look(pattern.y_m, y_range, at_m.y(), sy, &y_lines);
+  for (size_t i = 0; i < num_x; ++i) {
+    const double step = albedo(y_range.begin, x_range.begin + i + 1) - albedo(y_range.begin, x_range.begin + i);
+    const double slope = step * x_lines[i].density;
+    result.value += step * x_lines[i].cdf;
     by_a += slope;
-    by_scale -= slope * a;
+    by_scale -= slope * x_lines[i].at;
   }
-  for (size_t j = y_range.begin; j < y_range.end; ++j) {
-    const double step = albedo(j + 1, x_range.begin) - albedo(j, x_range.begin);
-    if (step == 0) continue;
-    const double b = (at_m.y() - pattern.y_m[j]) / sy;
-    const double slope = step * Density(b);
-    result.value += step * Cdf(b);
+  for (size_t j = 0; j < num_y; ++j) {
+    const double step = albedo(y_range.begin + j + 1, x_range.begin) - albedo(y_range.begin + j, x_range.begin);
+    const double slope = step * y_lines[j].density;
+    result.value += step * y_lines[j].cdf;
     by_b += slope;
-    by_scale -= slope * b;
+    by_scale -= slope * y_lines[j].at;
   }
   const double angle = std::asin(correlation);
   const double rest = std::sqrt(1 - correlation * correlation);
-  for (size_t j = y_range.begin; j < y_range.end; ++j) {
-    for (size_t i = x_range.begin; i < x_range.end; ++i) {
-      const double twist = albedo(j + 1, i + 1) - albedo(j, i + 1) - albedo(j + 1, i) + albedo(j, i);
+  for (size_t j = 0; j < num_y; ++j) {
+    for (size_t i = 0; i < num_x; ++i) {
+      const size_t row = y_range.begin + j;
+      const size_t column = x_range.begin + i;
+      const double twist =
+          albedo(row + 1, column + 1) - albedo(row, column + 1) - albedo(row + 1, column) + albedo(row, column);
       if (twist == 0) continue;
-      const double a = (at_m.x() - pattern.x_m[i]) / sx;
-      const double b = (at_m.y() - pattern.y_m[j]) / sy;
-      result.value += twist * Cdf2(a, b, Cdf(a), Cdf(b), angle);
-      const double slope_a = twist * Density(a) * Cdf((b - correlation * a) / rest);
-      const double slope_b = twist * Density(b) * Cdf((a - correlation * b) / rest);
+      const double a = x_lines[i].at;
+      const double b = y_lines[j].at;
+      if (with_value) result.value += twist * Cdf2(a, b, x_lines[i].cdf, y_lines[j].cdf, angle);
+      const double slope_a = twist * x_lines[i].density * Cdf((b - correlation * a) / rest);
+      const double slope_b = twist * y_lines[j].density * Cdf((a - correlation * b) / rest);
       by_a += slope_a;
       by_b += slope_b;
       by_scale -= slope_a * a + slope_b * b;
@@ -181,6 +219,13 @@ BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m,
   result.by_at = {by_a / sx, by_b / sy};
   result.by_blur = by_scale / blur_sigma_px;
   return result;
+}
+
+}  // namespace
+
+BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m,
+                      const Eigen::Matrix2d& picture_by_pattern, double blur_sigma_px) {
+  return Blur(pattern, at_m, picture_by_pattern, blur_sigma_px, true);
 }
 
 namespace {
@@ -204,6 +249,7 @@ class PatternMap {
     pattern_from_unit(1, 1) = half_m_.y();
     pattern_from_unit.topRightCorner<2, 1>() = centre_m_;
     start_ = picture_from_pattern * pattern_from_unit;
+    start_inverse_ = start_.inverse();
     middle_px_ = Map(start_, Eigen::Vector2d::Zero());
     size_px_ = std::max({1.0, (Map(start_, Eigen::Vector2d(1, 0)) - middle_px_).norm(),
                          (Map(start_, Eigen::Vector2d(0, 1)) - middle_px_).norm()});
@@ -293,6 +339,14 @@ class PatternMap {
     return by_unit * half_m_.cwiseInverse().asDiagonal();
   }
 
+  // The same for parameters of zero: the start's homography alone. Nothing beyond its horizon.
+  std::optional<Eigen::Vector2d> InvertStart(const Eigen::Vector2d& pixel) const {
+    const Eigen::Vector3d q = start_inverse_ * pixel.homogeneous();
+    const Eigen::Vector2d unit = q.head<2>() / q.z();
+    if (!unit.allFinite() || !((start_ * unit.homogeneous()).z() * start_(2, 2) > 0)) return std::nullopt;
+    return unit;
+  }
+
   // The unit coordinates that map to `pixel`, from a guess; `by_unit`, if not null, becomes the derivative near there.
   std::optional<Eigen::Vector2d> Invert(const Eigen::VectorXd& params, const Eigen::Vector2d& pixel,
                                         const Eigen::Vector2d& guess, Eigen::Matrix2d* by_unit = nullptr) const {
@@ -369,6 +423,7 @@ class PatternMap {
   Eigen::Vector2d lens_px_;
   double lens_radius_px_;
   Eigen::Matrix3d start_;
+  Eigen::Matrix3d start_inverse_;
   Eigen::Vector2d middle_px_;
   double size_px_ = 1;
 };
@@ -416,10 +471,13 @@ class Fitter {
   double level(Level which) const { return params_[map_.num_terms() + which]; }
   double contrast() const { return level(kWhite) - level(kBlack); }
 
-  // By least squares first; then what deviates counts less. False if a step leads nowhere that can be computed.
+  // By least squares first, of a part of the pixels; then what deviates counts less. False if a step leads nowhere that
+  // can be computed.
   bool Solve() {
     constexpr double kRoughPx = 0.02;
+    std::vector<FitPixel> all = ThinTo(std::max(kRoughPixels, 8 * static_cast<size_t>(params_.size())));
     if (!Descend(std::numeric_limits<double>::infinity(), kRoughPx)) return false;
+    if (!all.empty()) pixels_ = std::move(all);
     constexpr double kHuber = 2.5;
     constexpr double kMinNoiseGrey = 0.3;  // A pixel's rounding.
     huber_ = kHuber * std::max(kMinNoiseGrey, NoiseOf(result_.residuals));
@@ -465,6 +523,7 @@ class Fitter {
 
  private:
   static constexpr double kFinePx = 2e-3;
+  static constexpr size_t kRoughPixels = 700;
 
   struct Equations {
     Eigen::MatrixXd normal;
@@ -535,7 +594,6 @@ class Fitter {
     const Eigen::Vector2d middle = map_.Pixel(params_, Eigen::Vector2d::Zero());
     const double size_px = std::max({max_x - min_x, max_y - min_y, 1.0});
     int num_outside = 0;
-    Eigen::Vector2d guess = Eigen::Vector2d::Zero();
     // Of a large pattern every second, third, ... pixel is enough.
     constexpr double kEnoughPixels = 30000;
     const int step = 1 + static_cast<int>(std::sqrt((max_x - min_x) * (max_y - min_y) / kEnoughPixels));
@@ -543,11 +601,8 @@ class Fitter {
       for (int u = static_cast<int>(std::floor(min_x)) + (step > 1 ? v * 5 % (step * step) : 0);
            u <= static_cast<int>(std::ceil(max_x)); u += step * step) {
         const Eigen::Vector2d at(u, v);
-        std::optional<Eigen::Vector2d> unit = map_.Invert(params_, at, guess);
-        if (!unit) unit = map_.Invert(params_, at, Eigen::Vector2d::Zero());
-        if (!unit) continue;
-        guess = *unit;
-        if (unit->cwiseAbs().maxCoeff() > 1) continue;
+        const std::optional<Eigen::Vector2d> unit = map_.InvertStart(at);
+        if (!unit || unit->cwiseAbs().maxCoeff() > 1) continue;
         if (u < 0 || v < 0 || u >= grey.cols || v >= grey.rows) {
           ++num_outside;
           continue;
@@ -557,22 +612,27 @@ class Fitter {
         constexpr double kFlat = 0.02;
         constexpr int kFlatShare = 7;
         const Eigen::Matrix2d per_metre = map_.PerMetre(map_.Derivative(params_, *unit));
-        const Eigen::Vector2d slope =
-            per_metre.transpose().inverse() * Blurred(pattern_, map_.InPattern(*unit), per_metre, kWidestBlurPx).by_at;
+        const Eigen::Vector2d slope = per_metre.transpose().inverse() *
+                                      Blur(pattern_, map_.InPattern(*unit), per_metre, kWidestBlurPx, false).by_at;
         if (slope.norm() * kWidestBlurPx < kFlat && (u + 3 * v) % kFlatShare != 0) continue;
         pixels_.push_back({at, 2 * (at - middle) / size_px, *unit, static_cast<double>(grey.at<uchar>(v, u))});
       }
     }
     // More would add time, and hardly precision.
     constexpr size_t kMaxPixels = 6000;
-    const size_t stride = pixels_.size() / kMaxPixels + 1;
-    if (stride > 1) {
-      std::vector<FitPixel> thinned;
-      for (size_t k = 0; k < pixels_.size(); k += stride) thinned.push_back(pixels_[k]);
-      pixels_ = std::move(thinned);
-    }
+    ThinTo(kMaxPixels);
     is_usable_ =
         pixels_.size() > 2 * static_cast<size_t>(params_.size()) && 4 * num_outside < static_cast<int>(pixels_.size());
+  }
+
+  // Keeps every other pixel, or third, ..., so that no more than about `most` stay. Those before; nothing if all stay.
+  std::vector<FitPixel> ThinTo(size_t most) {
+    const size_t stride = pixels_.size() / most + 1;
+    if (stride == 1) return {};
+    std::vector<FitPixel> thinned;
+    for (size_t k = 0; k < pixels_.size(); k += stride) thinned.push_back(pixels_[k]);
+    std::swap(pixels_, thinned);
+    return thinned;
   }
 
   // Blur as a guess, levels by least squares.

@@ -12,7 +12,7 @@ packages=(
 )
 # Node.js and npm in whatever way they came; the pages' charts are bundled with them.
 if ! command -v node >/dev/null || ! command -v npm >/dev/null; then packages+=(nodejs npm); fi
-if [ "${1-}" = "--tests" ]; then packages+=(slurm-wlm munge procps chromium); fi
+if [ "${1-}" = "--tests" ]; then packages+=(slurm-wlm munge procps chromium valgrind); fi
 
 missing=()
 for package in "${packages[@]}"; do
