@@ -8,6 +8,7 @@
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
 
+#include "heba/base/parallel.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/geometry/pose_block.h"
@@ -31,21 +32,40 @@ struct State {
   std::vector<Rigid3d> corrections;  // Of each view's robot pose; empty with an exact robot.
 };
 
-// Squared distances of all points, whitened; nothing, with the view's name in `bad_view`, if a point has no image.
-std::optional<std::vector<double>> SquaredDistances(const Problem& problem, const State& state, std::string* bad_view) {
-  std::vector<double> distances;
-  for (size_t i = 0; i < problem.views.size(); ++i) {
+// Of each view, its points' squared distances, whitened; nothing if a point has no image.
+using ViewDistances = std::vector<std::optional<std::vector<double>>>;
+ViewDistances SquaredDistances(const Problem& problem, const State& state, int num_threads) {
+  ViewDistances distances(problem.views.size());
+  const TargetShape* const shape = state.shape.params == TargetShape().params ? nullptr : &state.shape;
+  int num_points = 0;
+  for (const View& view : problem.views) num_points += view.observations.size();
+  ParallelFor(static_cast<int>(problem.views.size()), ThreadsFor(num_points, num_threads), [&](int index) {
+    const auto i = static_cast<size_t>(index);
     const View& view = problem.views[i];
     const Rigid3d camera_from_target =
         CameraFromTarget(problem.setup, state.hand_eye, view.camera_mount_from_target_mount,
                          state.corrections.empty() ? Rigid3d() : state.corrections[i]);
-    if (!AppendWhitenedSquares(state.camera.Model(), state.camera.params.data(), camera_from_target, view.observations,
-                               &state.shape, &distances)) {
-      *bad_view = view.name;
-      return std::nullopt;
-    }
-  }
+    distances[i] =
+        WhitenedSquares(state.camera.Model(), state.camera.params.data(), camera_from_target, view.observations, shape);
+  });
   return distances;
+}
+
+// Of all points, in the views' order, but those of views that have none.
+std::vector<double> Joined(const ViewDistances& distances) {
+  std::vector<double> joined;
+  for (const std::optional<std::vector<double>>& view : distances) {
+    if (view) joined.insert(joined.end(), view->begin(), view->end());
+  }
+  return joined;
+}
+
+// The same where all points have an image: where a refinement has been.
+std::vector<double> DistancesAt(const Problem& problem, const State& state, int num_threads) {
+  const ViewDistances distances = SquaredDistances(problem, state, num_threads);
+  CHECK(std::all_of(distances.begin(), distances.end(), [](const auto& view) { return view.has_value(); }))
+      << "Ceres accepted a step that hides a point";
+  return Joined(distances);
 }
 
 // What noise the solve goes by.
@@ -55,8 +75,9 @@ struct Noise {
 };
 
 double Cost(const std::vector<double>& squared_distances, const State& state, const Noise& noise, const Loss& loss) {
+  const double per_px2 = 1 / (noise.pixel_px * noise.pixel_px);
   double sum = 0;
-  for (const double d2 : squared_distances) sum += loss.rho(d2 / (noise.pixel_px * noise.pixel_px));
+  for (const double d2 : squared_distances) sum += loss.rho(d2 * per_px2);
   for (const Rigid3d& correction : state.corrections) {
     const Tangent6 tangent = LocalCoordinates(Rigid3d(), correction);
     sum += tangent.head<3>().squaredNorm() / (noise.robot->translation_m * noise.robot->translation_m) +
@@ -385,13 +406,11 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
       fit.robot_stddev = estimated.robot_stddev;
       fit.dof = estimated.dof;
     } else {
-      std::string bad_view;
-      const std::optional<std::vector<double>> distances = SquaredDistances(*fit.problem, fit.state, &bad_view);
-      CHECK(distances.has_value()) << "Ceres accepted a step that hides a point";
+      const std::vector<double> distances = DistancesAt(*fit.problem, fit.state, options.num_threads);
       // Half of the points may be anything where outliers are looked for.
-      const double median_px = SigmaFromMedian(*distances);
-      fit.dof = std::max(1.0, 2.0 * static_cast<double>(distances->size()) - num_unknowns);
-      next.pixel_px = scale == Scale::kMedian ? median_px : SigmaOfFit(*distances, num_unknowns, loss, median_px);
+      const double median_px = SigmaFromMedian(distances);
+      fit.dof = std::max(1.0, 2.0 * static_cast<double>(distances.size()) - num_unknowns);
+      next.pixel_px = scale == Scale::kMedian ? median_px : SigmaOfFit(distances, num_unknowns, loss, median_px);
     }
     bool settled = HasSettled(fit.noise, next, scale) || is_least_squares;
     fit.noise = next;
@@ -434,19 +453,6 @@ SharedProblem KeepPoints(const Problem& problem, const PointFlags& keep) {
     if (!is_whole(keep[i])) kept->views[i].observations = heba::KeepPoints(problem.views[i].observations, keep[i]);
   }
   return kept;
-}
-
-// Of the points that have an image.
-PointFlags FindVisible(const Problem& problem, const HandEye& hand_eye) {
-  PointFlags flags;
-  for (const View& view : problem.views) {
-    std::vector<double> squares;
-    const bool is_visible = AppendWhitenedSquares(problem.camera.Model(), problem.camera.params.data(),
-                                                  CameraFromTarget(hand_eye, view.camera_mount_from_target_mount),
-                                                  view.observations, nullptr, &squares);
-    flags.emplace_back(static_cast<size_t>(view.observations.size()), is_visible);
-  }
-  return flags;
 }
 
 int Count(const PointFlags& flags) {
@@ -515,10 +521,14 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   for (const View& view : problem_in.views) poses.push_back(view.camera_mount_from_target_mount);
   const std::string why_not = WhyNotObservable(AnalyseMotion(poses));
   if (!why_not.empty()) return Failure{why_not};
-  PointFlags keep = FindVisible(problem_in, start);
+  const State start_state{start, problem_in.camera, problem_in.shape, {}};
+  const ViewDistances start_distances = SquaredDistances(problem_in, start_state, options.num_threads);
+  PointFlags keep;
   std::vector<std::string> hidden;
-  for (size_t i = 0; i < keep.size(); ++i) {
-    if (std::find(keep[i].begin(), keep[i].end(), false) != keep[i].end()) hidden.push_back(problem_in.views[i].name);
+  for (size_t i = 0; i < problem_in.views.size(); ++i) {
+    const bool is_visible = start_distances[i].has_value();
+    keep.emplace_back(static_cast<size_t>(problem_in.views[i].observations.size()), is_visible);
+    if (!is_visible) hidden.push_back(problem_in.views[i].name);
   }
   // A few may have the wrong pose.
   if (hidden.size() > (is_truncated ? keep.size() / 2 : 0)) {
@@ -528,7 +538,6 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   const SharedProblem visible = KeepPoints(problem_in, keep);
   const Problem& problem = *visible;
   if (const std::optional<Failure> failure = CheckCount(Count(keep), free)) return *failure;
-  const State start_state{start, problem.camera, problem.shape, {}};
   // What even little noise would hide, the solve would look for in vain.
   constexpr double kLittleNoisePx = 0.05;
   const Noise least{options.pixel_noise_px.value_or(kLittleNoisePx), std::nullopt};
@@ -541,12 +550,10 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
     return *failure;
   }
 
-  std::string bad_view;
-  const std::vector<double> start_distances = *SquaredDistances(problem, start_state, &bad_view);
   Fit fit;
   fit.problem = visible;
   fit.state = start_state;
-  fit.noise.pixel_px = options.pixel_noise_px.value_or(SigmaFromMedian(start_distances));
+  fit.noise.pixel_px = options.pixel_noise_px ? *options.pixel_noise_px : SigmaFromMedian(Joined(start_distances));
   if (options.robot != BundleOptions::Robot::kExact) {
     fit.state.corrections.assign(problem.views.size(), Rigid3d());
     // Where nothing is known: a robot of the poorer kind. The estimate does not depend on it.
@@ -578,9 +585,9 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
     }
   }
   solution.convergence = settled->convergence;
-  solution.convergence.initial_cost = Cost(start_distances, start_state, settled->noise, loss);
+  solution.convergence.initial_cost = Cost(Joined(start_distances), start_state, settled->noise, loss);
   solution.convergence.final_cost =
-      Cost(*SquaredDistances(*settled->problem, settled->state, &bad_view), settled->state, settled->noise, loss);
+      Cost(DistancesAt(*settled->problem, settled->state, options.num_threads), settled->state, settled->noise, loss);
   const std::optional<Information> information =
       InformationAt(*settled->problem, settled->state, free, settled->noise, loss, options);
   CHECK(information.has_value());

@@ -66,11 +66,9 @@ CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> ca
   for (int i = 0; i < num_params_; ++i) {
     if (options_.free[static_cast<size_t>(i)]) free_.push_back(i);
   }
-  // A thread takes longer to start than some thousand points.
-  constexpr int kPointsPerThread = 20000;
   int num_points = 0;
   for (const CaptureTerm& capture : captures_) num_points += capture.observations->size();
-  options_.num_threads = std::clamp(num_points / kPointsPerThread, 1, std::max(1, options_.num_threads));
+  options_.num_threads = ThreadsFor(num_points, options_.num_threads);
   num_shared_poses_ = captures_.front().chain->num_blocks() - (options_.has_own_pose ? 1 : 0);
   for (int i = 0; i < num_shared_poses_; ++i) mutable_parameter_block_sizes()->push_back(kPoseSize);
   mutable_parameter_block_sizes()->push_back(num_params_);

@@ -23,14 +23,12 @@ std::vector<bool> FindInliers(const Camera& camera, const Rigid3d& camera_from_t
                               double pixel_sigma_px) {
   const size_t n = static_cast<size_t>(observations.size());
   std::vector<bool> passes(n, false);
-  std::vector<double> squares;
-  if (!AppendWhitenedSquares(camera.Model(), camera.params.data(), camera_from_target, observations, nullptr,
-                             &squares)) {
-    return passes;
-  }
+  const std::optional<std::vector<double>> squares =
+      WhitenedSquares(camera.Model(), camera.params.data(), camera_from_target, observations, nullptr);
+  if (!squares) return passes;
   const Loss& truncated = *FindLoss("truncated");
   for (size_t i = 0; i < n; ++i) {
-    passes[i] = truncated.weight(squares[i] / (pixel_sigma_px * pixel_sigma_px)) > 0;
+    passes[i] = truncated.weight((*squares)[i] / (pixel_sigma_px * pixel_sigma_px)) > 0;
   }
   auto first = passes.begin();
   for (const int size : BlockSizes(observations)) {

@@ -156,7 +156,7 @@ std::optional<Camera> FirstGuess(const std::vector<const View*>& usable,
                                     0.5 * (width_px - 1), 0.5 * (height_px - 1)));
   }
   // Some of the views are enough to tell.
-  constexpr size_t kMaxTelling = 16;
+  constexpr size_t kMaxTelling = 8;
   std::vector<const View*> telling;
   const size_t stride = (usable.size() + kMaxTelling - 1) / kMaxTelling;
   for (size_t i = 0; i < usable.size(); i += stride) telling.push_back(usable[i]);

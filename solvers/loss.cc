@@ -23,6 +23,14 @@ double WeightCauchy(double s) { return 1.0 / (1.0 + s / (kCauchy * kCauchy)); }
 double RhoTruncated(double s) { return std::min(s, kTruncated2); }
 double WeightTruncated(double s) { return s < kTruncated2 ? 1.0 : 0.0; }
 
+template <double (*kRho)(double), double (*kWeight)(double)>
+void Evaluate(const double* s, int size, double* rho, double* weight) {
+  for (int i = 0; i < size; ++i) {
+    rho[i] = kRho(s[i]);
+    weight[i] = kWeight(s[i]);
+  }
+}
+
 // The mean of f(s) over chi-square with 2 degrees of freedom, whose density is exp(-s / 2) / 2: Gauss-Legendre panels
 // in q = sqrt(s), in which f is smooth on either side of `knee`.
 template <class F>
@@ -50,22 +58,24 @@ double Mean(const F& f, double knee) {
 }
 
 // `knee`: where, in sigma, its weight is not smooth.
-Loss MakeLoss(std::string_view name, double (*rho)(double), double (*weight)(double), double knee) {
+template <double (*kRho)(double), double (*kWeight)(double)>
+Loss MakeLoss(std::string_view name, double knee) {
   const auto mean = [&](const auto& f) { return Mean(f, knee); };
   return {name,
-          rho,
-          weight,
-          mean([&](double s) { return weight(s); }),
-          0.5 * mean([&](double s) { return weight(s) * s; }),
-          0.5 * mean([&](double s) { return weight(s) * weight(s) * s; })};
+          kRho,
+          kWeight,
+          &Evaluate<kRho, kWeight>,
+          mean([](double s) { return kWeight(s); }),
+          0.5 * mean([](double s) { return kWeight(s) * s; }),
+          0.5 * mean([](double s) { return kWeight(s) * kWeight(s) * s; })};
 }
 
 const std::vector<Loss>& Losses() {
   static const std::vector<Loss> losses = {
-      MakeLoss("none", &RhoNone, &WeightNone, 1.0),
-      MakeLoss("huber", &RhoHuber, &WeightHuber, kHuber),
-      MakeLoss("cauchy", &RhoCauchy, &WeightCauchy, 1.0),
-      MakeLoss("truncated", &RhoTruncated, &WeightTruncated, std::sqrt(kTruncated2)),
+      MakeLoss<&RhoNone, &WeightNone>("none", 1.0),
+      MakeLoss<&RhoHuber, &WeightHuber>("huber", kHuber),
+      MakeLoss<&RhoCauchy, &WeightCauchy>("cauchy", 1.0),
+      MakeLoss<&RhoTruncated, &WeightTruncated>("truncated", std::sqrt(kTruncated2)),
   };
   return losses;
 }

@@ -12,6 +12,8 @@ struct Loss {
   std::string_view name;
   double (*rho)(double s);
   double (*weight)(double s);  // d rho / d s
+  // Both, of many.
+  void (*evaluate)(const double* s, int size, double* rho, double* weight);
   // Expectations over s of two Gaussian coordinates of variance 1 (chi-square with 2 degrees of freedom):
   double mean_weight;     // E[w]
   double consistency;     // E[w s] / 2: sigma^2 = sum(w r^2) / (degrees of freedom * consistency) is unbiased

@@ -77,12 +77,21 @@ bool IsWeighted(const Loss& loss) { return loss.name != "none"; }
 void WeighPoints(const double* u, const double* v, int size, double pixel_sigma_px, const Loss& loss, double* roots,
                  Sums* sums) {
   const double per_px2 = 1 / (pixel_sigma_px * pixel_sigma_px);
-  for (int i = 0; i < size; ++i) {
-    const double s = (u[i] * u[i] + v[i] * v[i]) * per_px2;
-    const double weight = loss.weight(s);
-    sums->rho += loss.rho(s);
-    sums->weighted += weight * s;
-    roots[i] = std::sqrt(weight);
+  constexpr int kSome = ProjectionBatch::kCapacity;
+  double s[kSome];
+  double rho[kSome];
+  double weight[kSome];
+  for (int first = 0; first < size; first += kSome) {
+    const int count = std::min(kSome, size - first);
+    for (int i = 0; i < count; ++i) {
+      s[i] = (u[first + i] * u[first + i] + v[first + i] * v[first + i]) * per_px2;
+    }
+    loss.evaluate(s, count, rho, weight);
+    for (int i = 0; i < count; ++i) {
+      sums->rho += rho[i];
+      sums->weighted += weight[i] * s[i];
+      roots[first + i] = std::sqrt(weight[i]);
+    }
   }
 }
 
@@ -335,28 +344,36 @@ bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& c
   return true;
 }
 
-bool AppendWhitenedSquares(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-                           const Observations& observations, const TargetShape* shape, std::vector<double>* squares) {
+int ThreadsFor(int num_points, int most) {
+  constexpr int kPointsPerThread = 20000;
+  return std::clamp(num_points / kPointsPerThread, 1, std::max(1, most));
+}
+
+std::optional<std::vector<double>> WhitenedSquares(const CameraModel& model, const double* params,
+                                                   const Rigid3d& camera_from_target, const Observations& observations,
+                                                   const TargetShape* shape) {
   const int n = observations.size();
+  std::vector<double> squares;
+  squares.reserve(static_cast<size_t>(n));
   if (IsPlain(observations)) {
     const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
     ProjectionBatch batch;
     for (int first = 0; first < n; first += batch.size) {
       LoadBatch(observations, shape, first, &batch);
-      if (!model.ProjectBatch(params, rotation, camera_from_target.translation, false, &batch)) return false;
+      if (!model.ProjectBatch(params, rotation, camera_from_target.translation, false, &batch)) return std::nullopt;
       for (int i = 0; i < batch.size; ++i) {
         const double du = batch.pixels[0][i] - observations.pixels(0, first + i);
         const double dv = batch.pixels[1][i] - observations.pixels(1, first + i);
-        squares->push_back(du * du + dv * dv);
+        squares.push_back(du * du + dv * dv);
       }
     }
-    return true;
+    return squares;
   }
   Observations shaped;
   if (shape != nullptr) shaped = Shaped(observations, *shape);
   Points2 pixels;
   if (!Predict(model, params, camera_from_target, shape != nullptr ? shaped : observations, &pixels, nullptr)) {
-    return false;
+    return std::nullopt;
   }
   Eigen::MatrixXd residuals(2 * n, 1);
   for (Eigen::Index axis = 0; axis < 2; ++axis) {
@@ -364,9 +381,9 @@ bool AppendWhitenedSquares(const CameraModel& model, const double* params, const
   }
   Whiten(observations, n, &residuals);
   for (Eigen::Index i = 0; i < n; ++i) {
-    squares->push_back(residuals(i, 0) * residuals(i, 0) + residuals(n + i, 0) * residuals(n + i, 0));
+    squares.push_back(residuals(i, 0) * residuals(i, 0) + residuals(n + i, 0) * residuals(n + i, 0));
   }
-  return true;
+  return squares;
 }
 
 }  // namespace heba

@@ -50,9 +50,13 @@ bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& c
                 const Observations& observations, double pixel_sigma_px, const Loss& loss, const FreeParameters& free,
                 const TargetShape* shape, ViewReduction* reduction);
 
-// Appends, of each point, its squared residual after whitening (Observations::whitening), px^2. False as MultiplyView,
-// and then something may have been appended. Without a shape the points are where they are.
-bool AppendWhitenedSquares(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-                           const Observations& observations, const TargetShape* shape, std::vector<double>* squares);
+// How many of `most` threads a pass over so many points is worth: one takes longer to start than some thousand points.
+int ThreadsFor(int num_points, int most);
+
+// Of each point, its squared residual after whitening (Observations::whitening), px^2. Nothing where MultiplyView is
+// false. Without a shape the points are where they are.
+std::optional<std::vector<double>> WhitenedSquares(const CameraModel& model, const double* params,
+                                                   const Rigid3d& camera_from_target, const Observations& observations,
+                                                   const TargetShape* shape);
 
 }  // namespace heba

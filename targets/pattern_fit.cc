@@ -471,13 +471,10 @@ class Fitter {
   double level(Level which) const { return params_[map_.num_terms() + which]; }
   double contrast() const { return level(kWhite) - level(kBlack); }
 
-  // By least squares first, of a part of the pixels; then what deviates counts less. False if a step leads nowhere that
-  // can be computed.
+  // By least squares first; then what deviates counts less. False if a step leads nowhere that can be computed.
   bool Solve() {
     constexpr double kRoughPx = 0.02;
-    std::vector<FitPixel> all = ThinTo(std::max(kRoughPixels, 8 * static_cast<size_t>(params_.size())));
     if (!Descend(std::numeric_limits<double>::infinity(), kRoughPx)) return false;
-    if (!all.empty()) pixels_ = std::move(all);
     constexpr double kHuber = 2.5;
     constexpr double kMinNoiseGrey = 0.3;  // A pixel's rounding.
     huber_ = kHuber * std::max(kMinNoiseGrey, NoiseOf(result_.residuals));
@@ -523,7 +520,6 @@ class Fitter {
 
  private:
   static constexpr double kFinePx = 2e-3;
-  static constexpr size_t kRoughPixels = 700;
 
   struct Equations {
     Eigen::MatrixXd normal;
@@ -620,19 +616,14 @@ class Fitter {
     }
     // More would add time, and hardly precision.
     constexpr size_t kMaxPixels = 6000;
-    ThinTo(kMaxPixels);
+    const size_t stride = pixels_.size() / kMaxPixels + 1;
+    if (stride > 1) {
+      std::vector<FitPixel> thinned;
+      for (size_t k = 0; k < pixels_.size(); k += stride) thinned.push_back(pixels_[k]);
+      pixels_ = std::move(thinned);
+    }
     is_usable_ =
         pixels_.size() > 2 * static_cast<size_t>(params_.size()) && 4 * num_outside < static_cast<int>(pixels_.size());
-  }
-
-  // Keeps every other pixel, or third, ..., so that no more than about `most` stay. Those before; nothing if all stay.
-  std::vector<FitPixel> ThinTo(size_t most) {
-    const size_t stride = pixels_.size() / most + 1;
-    if (stride == 1) return {};
-    std::vector<FitPixel> thinned;
-    for (size_t k = 0; k < pixels_.size(); k += stride) thinned.push_back(pixels_[k]);
-    std::swap(pixels_, thinned);
-    return thinned;
   }
 
   // Blur as a guess, levels by least squares.

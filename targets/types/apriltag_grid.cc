@@ -223,13 +223,14 @@ class AprilTagGrid final : public Target {
     }
     std::vector<SeenTag> candidates;
     ConsistentTags board;
-    cv::Rect region(0, 0, grey.cols, grey.rows);
     for (const double decimate : Decimations(grey)) {
-      AddCandidates(grey, region, decimate, &candidates);
+      const size_t num_before = board.tags.size();
+      AddCandidates(grey, decimate, &candidates);
       board = KeepConsistent(candidates, layout_, std::max(0, max_bit_errors_ - 1));
       FillIn(grey, &board.tags);
-      if (!board.tags.empty()) region = RegionOfMissing(grey, board.tags);
-      if (region.empty()) break;
+      if (board.tags.size() == layout_.corners_m.size()) break;
+      // Part of the board may be out of view: a finer pass is worth its time only as long as it finds something.
+      if (!board.tags.empty() && board.tags.size() == num_before) break;
     }
     const int num_unfit = MeasureAll(grey, board.tags, &detection);
     detection.reason = Reason(board, num_unfit);
@@ -255,8 +256,10 @@ class AprilTagGrid final : public Target {
 
  private:
   // Below this no tag can be decoded, and libapriltag's tiles do not fit.
-  static constexpr int kLeastSidePx = 16;
-  static bool IsTooSmall(const cv::Mat& grey) { return std::min(grey.cols, grey.rows) < kLeastSidePx; }
+  static bool IsTooSmall(const cv::Mat& grey) {
+    constexpr int kMinSidePx = 16;
+    return std::min(grey.cols, grey.rows) < kMinSidePx;
+  }
 
   // Of all tags of the family, without a wrong bit.
   std::vector<int> SeenIds(const cv::Mat& grey) const {
@@ -268,8 +271,7 @@ class AprilTagGrid final : public Target {
     all.columns = static_cast<int>(family->ncodes);
     std::vector<int> ids;
     const BoardFamily every(std::move(family), all, 0);
-    constexpr double kQuickPx = 3e6;
-    const double decimate = std::ceil(std::sqrt(static_cast<double>(grey.total()) / kQuickPx));
+    const double decimate = Decimations(grey).front();
     for (const SeenTag& tag : every.Detect(grey, decimate)) ids.push_back(tag.index);
     if (geometry_.corner_squares) {
       for (const SeenTag& tag : every.Detect(Parted(grey, decimate), decimate)) ids.push_back(tag.index);
@@ -311,49 +313,21 @@ class AprilTagGrid final : public Target {
 
   int PointId(int index, size_t corner) const { return 4 * (geometry_.first_id + index) + static_cast<int>(corner); }
 
-  // How coarsely libapriltag looks for quads, pass by pass: a coarse pass takes a small part of a fine one's time and
-  // finds large tags and blurred ones; small ones need the last. It decodes and refines edges in the whole picture in
-  // any case.
+  // How coarsely libapriltag looks for quads, pass by pass: first so that it takes a fraction of a second, then finer.
+  // It decodes and refines edges in the whole picture in any case.
   static std::vector<double> Decimations(const cv::Mat& grey) {
+    constexpr double kQuickPx = 3e6;
     constexpr double kSlowPx = 14e6;
-    const double finest = std::ceil(std::sqrt(static_cast<double>(grey.total()) / kSlowPx));
-    return {4 * finest, 2 * finest, finest};
-  }
-
-  // Where the tags that are not seen must be, with room around them; empty if none of them can be in the picture.
-  cv::Rect RegionOfMissing(const cv::Mat& grey, const std::vector<SeenTag>& tags) const {
-    std::vector<bool> is_seen(layout_.corners_m.size(), false);
-    for (const SeenTag& tag : tags) is_seen[static_cast<size_t>(tag.index)] = true;
-    Eigen::Vector2d min_px = Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
-    Eigen::Vector2d max_px = -min_px;
-    for (int index = 0; index < static_cast<int>(is_seen.size()); ++index) {
-      if (is_seen[static_cast<size_t>(index)]) continue;
-      const std::optional<TagCorners> expected_px = Expected(tags, index);
-      if (!expected_px) continue;
-      // A lens that bends moves it by a good part of its size.
-      const double room_px = MeanSide(*expected_px) * (1 + geometry_.tag_spacing_ratio);
-      const bool is_in_view = std::all_of(expected_px->begin(), expected_px->end(), [&](const Eigen::Vector2d& corner) {
-        return corner.x() > -0.5 * room_px && corner.y() > -0.5 * room_px && corner.x() < grey.cols + 0.5 * room_px &&
-               corner.y() < grey.rows + 0.5 * room_px;
-      });
-      if (!is_in_view) continue;
-      for (const Eigen::Vector2d& corner_px : *expected_px) {
-        min_px = min_px.cwiseMin((corner_px.array() - room_px).matrix());
-        max_px = max_px.cwiseMax((corner_px.array() + room_px).matrix());
-      }
+    const double num_px = static_cast<double>(grey.total());
+    std::vector<double> decimations = {std::ceil(std::sqrt(num_px / kQuickPx))};
+    while (decimations.back() > 1) {
+      const double next = std::ceil(decimations.back() / 2);
+      if (num_px / (next * next) > kSlowPx) break;
+      decimations.push_back(next);
     }
-    if (!(min_px.array() < max_px.array()).all()) return {};
-    // Tiles of the threshold need some pixels.
-    constexpr double kMinSidePx = 64;
-    const Eigen::Vector2d middle_px = 0.5 * (min_px + max_px);
-    const Eigen::Vector2d half_px = (0.5 * (max_px - min_px)).cwiseMax(0.5 * kMinSidePx);
-    const Eigen::Vector2d size_px(grey.cols, grey.rows);
-    const Eigen::Vector2d from_px = (middle_px - half_px).cwiseMax(0).cwiseMin(size_px);
-    const Eigen::Vector2d to_px = (middle_px + half_px).cwiseMax(0).cwiseMin(size_px);
-    const cv::Rect region(static_cast<int>(from_px.x()), static_cast<int>(from_px.y()),
-                          static_cast<int>(to_px.x()) - static_cast<int>(from_px.x()),
-                          static_cast<int>(to_px.y()) - static_cast<int>(from_px.y()));
-    return std::min(region.width, region.height) < kLeastSidePx ? cv::Rect() : region;
+    // Blurred tags are better found in a coarser picture.
+    if (decimations.size() == 1) decimations.push_back(2 * decimations.back());
+    return decimations;
   }
 
   // Black regions that touch come apart: white grows by one pixel of the decimated picture.
@@ -365,22 +339,16 @@ class AprilTagGrid final : public Target {
     return parted;
   }
 
-  // What libapriltag sees in a region, in the picture as it is and with black regions parted, its corners refined.
-  void AddCandidates(const cv::Mat& grey, const cv::Rect& region, double decimate,
-                     std::vector<SeenTag>* candidates) const {
-    const cv::Mat part = grey(region);
-    const auto in_picture = [&](SeenTag tag) {
-      for (Eigen::Vector2d& corner_px : tag.corners_px) corner_px += Eigen::Vector2d(region.x, region.y);
-      return tag;
-    };
-    for (const SeenTag& found : family_.Detect(part, decimate)) {
-      SeenTag tag = in_picture(found);
+  // What libapriltag sees, in the picture as it is and with black regions parted, its corners refined.
+  void AddCandidates(const cv::Mat& grey, double decimate, std::vector<SeenTag>* candidates) const {
+    for (const SeenTag& found : family_.Detect(grey, decimate)) {
+      SeenTag tag = found;
       RefineOnSquares(grey, &tag);
       AddIfNew(tag, candidates);
     }
     if (!geometry_.corner_squares || candidates->size() >= layout_.corners_m.size()) return;
-    for (const SeenTag& found : family_.Detect(Parted(part, decimate), decimate)) {
-      SeenTag tag = in_picture(found);
+    for (const SeenTag& found : family_.Detect(Parted(grey, decimate), decimate)) {
+      SeenTag tag = found;
       Grow(GrownPx(decimate), &tag.corners_px);
       // By how much the edges moved is a guess, not a measurement: only as a start for the saddles.
       if (RefineOnSquares(grey, &tag)) AddIfNew(tag, candidates);

@@ -94,10 +94,11 @@ Evaluated Evaluate(const CapturesCost& cost, const Unknowns& unknowns) {
 // The sum of rho of a view's points.
 double ViewCost(const CameraModel& model, const std::vector<double>& params, const Rigid3d& camera_from_target,
                 const Observations& observations, const std::string& loss) {
-  std::vector<double> squares;
-  EXPECT_TRUE(AppendWhitenedSquares(model, params.data(), camera_from_target, observations, nullptr, &squares));
+  const std::optional<std::vector<double>> squares =
+      WhitenedSquares(model, params.data(), camera_from_target, observations, nullptr);
+  EXPECT_TRUE(squares.has_value());
   double sum = 0;
-  for (const double s : squares) sum += FindLoss(loss)->rho(s / (kSigmaPx * kSigmaPx));
+  for (const double s : squares.value_or(std::vector<double>())) sum += FindLoss(loss)->rho(s / (kSigmaPx * kSigmaPx));
   return sum;
 }
 
