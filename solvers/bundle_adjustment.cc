@@ -207,7 +207,8 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
   state->hand_eye = {FromBlock(hand_eye), FromBlock(board)};
   state->camera.params.assign(params, params + NumParams(model));
   if (has_shape) std::copy_n(params + NumParams(model), state->shape.params.size(), state->shape.params.begin());
-  if (!state->corrections.empty()) state->corrections = cost->OwnPoses();
+  std::vector<Rigid3d> corrections = cost->OwnPoses();
+  if (!corrections.empty()) state->corrections = std::move(corrections);
   return summary;
 }
 
@@ -252,19 +253,24 @@ EstimatedNoise EstimateNoise(const Problem& problem, const State& state, const F
 std::optional<Information> InformationAt(const Problem& problem, const State& state, const FreeParameters& free,
                                          const Noise& noise, const Loss& loss, const BundleOptions& bundle_options) {
   const CameraModel& model = state.camera.Model();
-  // The pixels' rows are worth 1 / factor of what their weights say (Loss::covariance_factor); eliminating corrections
-  // is the same as averaging over them.
+  // The pixels' rows are worth 1 / factor of what their weights say (Loss::covariance_factor).
   const double factor = loss.covariance_factor();
+  if (noise.robot) {
+    // Averaged over the corrections. Eliminating them from the products would be the same but for its cancellation,
+    // which leaves nothing where pictures are far more exact than the robot.
+    const std::optional<std::vector<LinearView>> views =
+        Linearise(problem, state, free, noise, loss, factor, bundle_options.camera_prior);
+    if (!views) return std::nullopt;
+    return Information{UnknownNames(model, free), MarginalInformation(*views, *noise.robot, factor)};
+  }
   CapturesCostOptions options;
   options.pixel_sigma_px = noise.pixel_px;
   options.loss = &loss;
   options.num_threads = bundle_options.num_threads;
-  options.settles_own_poses = false;
-  std::optional<RobotNoise> robot = noise.robot;
-  if (robot) robot = RobotNoise{robot->translation_m / std::sqrt(factor), robot->rotation_rad / std::sqrt(factor)};
   Unknowns unknowns(state, HasShape(free, model));
   const double* const blocks[] = {unknowns.hand_eye(), unknowns.board(), unknowns.params()};
-  const std::optional<Eigen::MatrixXd> products = MakeCost(problem, free, state, robot, options)->ProductsAt(blocks);
+  const std::optional<Eigen::MatrixXd> products =
+      MakeCost(problem, free, state, std::nullopt, options)->ProductsAt(blocks);
   if (!products) return std::nullopt;
   const Eigen::Index num_unknowns = products->cols() - 1;
   Information information{UnknownNames(model, free), products->topLeftCorner(num_unknowns, num_unknowns) / factor};

@@ -302,7 +302,8 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     points = ((symmetry.RotationMatrix() * points).colwise() + symmetry.translation).eval();
   }
 
-  const size_t num_posed = calibration.views.size();
+  const size_t num_views = calibration.views.size();
+  const size_t num_pairs = calibration.pairs.size();
   std::vector<MethodResult> results = RunMethods(calibration);
   const MethodResult* wanted = options.seed == kBestSeed ? nullptr : FindResult(results, options.seed);
   CHECK(options.seed == kBestSeed || wanted != nullptr) << options.seed;
@@ -349,7 +350,9 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
         RefineHandEye({calibration.camera, calibration.views, options.setup, options.shape}, start, options.bundle);
   }
   const bool has_fewer_points = calibration.refined && LeaveOutRejected(&calibration);
-  if (has_fewer_points || calibration.views.size() != num_posed) results = RunMethods(calibration);
+  // Views may have come and others gone.
+  const bool has_other_views = calibration.views.size() != num_views || calibration.pairs.size() != num_pairs;
+  if (has_fewer_points || has_other_views) results = RunMethods(calibration);
   calibration.methods = Reported(results, options.methods);
   if (calibration.refined) {
     calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);

@@ -45,6 +45,7 @@ struct CapturesCost::Evaluation {
 struct CapturesCost::OwnPoseState {
   Rigid3d pose;
   std::vector<Matrix6> left_from_tangent;
+  double cost = 0;  // Of the capture, there.
   // Its best step is minus this times [the left perturbation by the shared poses' steps, the free parameters' step, 1].
   PoseRows step;
 };
@@ -175,7 +176,14 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
     Evaluation evaluation;
     for (size_t i = first_of(index); i < first_of(index + 1); ++i) {
       evaluation.own_pose = own_pose_of(i);
-      if (settles ? !SettleOwnPose(captures_[i], at, &evaluation) : !EvaluateCapture(captures_[i], at, &evaluation)) {
+      bool is_evaluated =
+          settles ? SettleOwnPose(captures_[i], at, &evaluation) : EvaluateCapture(captures_[i], at, &evaluation);
+      if (!is_evaluated && options_.has_own_pose && accepted_ != nullptr) {
+        // The linearisation leads to where nothing is seen: from where it was, then, step by step.
+        evaluation.own_pose = accepted_->own_poses[i].pose;
+        is_evaluated = SettleOwnPose(captures_[i], at, &evaluation);
+      }
+      if (!is_evaluated) {
         has_failed[group] = 1;
         return;
       }
@@ -185,6 +193,7 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
       if (options_.has_own_pose) {
         OwnPoseState& own = state->own_poses[i];
         own.pose = evaluation.own_pose;
+        own.cost = evaluation.Cost() - evaluation.prior_squares;  // Which the products have by now.
         own.step = evaluation.own.ldlt().solve(evaluation.with_others);
         products.noalias() -= evaluation.with_others.transpose().lazyProduct(own.step);
         own.left_from_tangent = std::move(evaluation.left_from_tangent);
@@ -270,8 +279,13 @@ bool CapturesCost::SettleOwnPose(const CaptureTerm& capture, const std::vector<d
 std::vector<Rigid3d> CapturesCost::OwnPoses() const {
   std::vector<Rigid3d> poses;
   if (accepted_ == nullptr) return poses;
-  for (const OwnPoseState& own : accepted_->own_poses) {
-    poses.push_back(Retract(own.pose, -Tangent6(own.step.rightCols<1>())));
+  Evaluation moved;
+  for (size_t i = 0; i < accepted_->own_poses.size(); ++i) {
+    const OwnPoseState& own = accepted_->own_poses[i];
+    moved.own_pose = Retract(own.pose, -Tangent6(own.step.rightCols<1>()));
+    // What is left of the way to the best: unless it leads nowhere.
+    const bool is_better = EvaluateCapture(captures_[i], accepted_->parameters, &moved) && moved.Cost() <= own.cost;
+    poses.push_back(is_better ? moved.own_pose : own.pose);
   }
   return poses;
 }

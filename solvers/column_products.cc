@@ -9,10 +9,10 @@
 namespace heba {
 namespace {
 
-// Blocks of the lower triangle: so many columns by two, as many sums as registers hold.
+// Blocks of pairs of columns below the diagonal: so many columns by two, as many sums as registers hold.
 constexpr int kBlock = 4;
 
-// Calls f(first column, second column, sums before) for each block of kRows x 2.
+// Calls f(first column of the one side, of the other, sums before) for each block.
 template <class Wide, class Narrow>
 HEBA_INLINE void ForEachBlock(int num_columns, const Wide& wide, const Narrow& narrow) {
   int sum = 0;

@@ -32,7 +32,7 @@ class ColumnProducts {
   Simd set_;
   // As the kernels lay them out: block by block, each pair's lanes together.
   static constexpr int kMaxSums = kMaxColumns * (kMaxColumns + 4) / 2;
-  alignas(64) double lanes_[kMaxSums * 8];
+  alignas(64) double lanes_[kMaxSums * kMaxLanes];
 };
 
 }  // namespace heba

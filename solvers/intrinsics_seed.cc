@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include <ceres/ceres.h>
 #include <Eigen/Cholesky>
@@ -121,7 +122,6 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
   options.loss = &loss;
   options.free = free;
   options.has_own_pose = true;
-  options.settles_own_poses = false;  // They are the best for this camera, or the last stage's.
   std::vector<CaptureTerm> captures;
   for (const PosedView& entry : *posed) {
     captures.push_back({&entry.view->observations, MakeFreePoseChain(), entry.camera_from_target});
@@ -155,11 +155,18 @@ std::optional<Camera> FirstGuess(const std::vector<const View*>& usable,
     candidates.push_back(MakeCamera(model_name, width_px, height_px, ratio * width_px, ratio * width_px,
                                     0.5 * (width_px - 1), 0.5 * (height_px - 1)));
   }
-  // Some of the views are enough to tell.
-  constexpr size_t kMaxTelling = 8;
+  // Some of the views are enough to tell: of all degrees of perspective, which is what tells focal lengths apart.
+  constexpr size_t kMaxTelling = 12;
+  std::vector<std::pair<double, size_t>> order;
+  for (size_t i = 0; i < homographies.size(); ++i) {
+    const Points3& points = usable[i]->observations.points_in_target;
+    const double extent_m = (points.rowwise().maxCoeff() - points.rowwise().minCoeff()).maxCoeff();
+    order.emplace_back(-extent_m * (homographies[i].row(2).head<2>() / homographies[i](2, 2)).norm(), i);
+  }
+  std::sort(order.begin(), order.end());
   std::vector<const View*> telling;
   const size_t stride = (usable.size() + kMaxTelling - 1) / kMaxTelling;
-  for (size_t i = 0; i < usable.size(); i += stride) telling.push_back(usable[i]);
+  for (size_t k = 0; k < order.size(); k += stride) telling.push_back(usable[order[k].second]);
   std::optional<Camera> camera;
   std::vector<PosedView> posed;
   double best_rms_px = 0;
@@ -171,6 +178,12 @@ std::optional<Camera> FirstGuess(const std::vector<const View*>& usable,
     camera = candidate;
     best_rms_px = rms_px;
     best_count = posed.size();
+  }
+  if (!camera && telling.size() < usable.size()) {
+    // None of them has a pose.
+    for (const Camera& candidate : candidates) {
+      if (PoseViews(candidate, usable, &posed, &best_rms_px)) return candidate;
+    }
   }
   return camera;
 }
@@ -195,8 +208,17 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
     return Failure{"the camera cannot be calibrated from " + std::to_string(usable.size()) +
                    " captures; 3 or more are needed, or a camera file (camera.intrinsics)"};
   }
-  std::optional<Camera> camera = start;
-  if (!camera) camera = FirstGuess(usable, homographies, model_name, width_px, height_px);
+  // Two coordinates a point, six unknowns a view; three times what distortion takes is its due. Without it a start's
+  // distortion would stay, whatever these views say.
+  const int num_params = NumParams(*FindCameraModel(model_name));
+  const bool has_distortion = 2 * num_points - 6 * static_cast<int>(usable.size()) >= 3 * num_params;
+  const bool has_start = start && has_distortion;
+  std::optional<Camera> camera;
+  if (has_start) {
+    camera = start;
+  } else {
+    camera = FirstGuess(usable, homographies, model_name, width_px, height_px);
+  }
   std::vector<PosedView> posed;
   double rms_px = 0;
   if (!camera || !PoseViews(*camera, usable, &posed, &rms_px)) {
@@ -209,18 +231,14 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
   const FreeParameters linear = FreeOf(model, {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint});
   FreeParameters all(static_cast<size_t>(NumParams(model)), true);
   std::vector<FreeParameters> stages;
-  if (!start) stages = {FreeOf(model, {ParameterGroup::kFocal}), linear};
-  // Two coordinates a point, six unknowns a view; three times what distortion takes is its due.
-  const int spare = 2 * num_points - 6 * static_cast<int>(usable.size());
-  if (spare >= 3 * NumParams(model)) {
+  if (!has_start) stages = {FreeOf(model, {ParameterGroup::kFocal}), linear};
+  if (has_distortion) {
     // Sixth-order terms last: they are known to a tenth of what the lower ones are.
     FreeParameters low_order = all;
     for (size_t i = 8; i < low_order.size(); ++i) low_order[i] = false;
-    if (!start) stages.push_back(low_order);
+    if (!has_start) stages.push_back(low_order);
     stages.push_back(all);
     stages.push_back(all);
-  } else if (start) {
-    stages.push_back(linear);
   }
   // What a stage leaves is the next one's.
   constexpr double kPassing = 1e-3;

@@ -58,7 +58,7 @@ std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, co
     const Eigen::Index columns = reduction.factor.cols() - 1;
     Eigen::Index rows = reduction.factor.rows();
     if (2 * view.observations.size() > rows) {
-      // A triangular factor: its last row has nothing but what the unknowns do not reach.
+      // A root of the products: its last row has nothing but what the unknowns do not reach.
       rows = columns;
       linear.rest_squares = reduction.factor(columns, columns) * reduction.factor(columns, columns);
       linear.num_rest = 2 * view.observations.size() - static_cast<int>(columns);

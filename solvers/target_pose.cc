@@ -162,7 +162,7 @@ std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Poi
   products.block<3, 3>(3, 3) = products.topLeftCorner<3, 3>();
   const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(products);  // Of the lower half.
   // A second null direction: the points do not determine the map.
-  constexpr double kNull = 1e-14;  // Round-off of the products.
+  constexpr double kNull = 1e-14;  // Round-off of the products: a ten-millionth in the equations themselves.
   if (eigen.eigenvalues()[1] < kNull * eigen.eigenvalues()[8]) return std::nullopt;
   const Eigen::Matrix<double, 9, 1> h = eigen.eigenvectors().col(0);
   const Eigen::Matrix3d normalised = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.data());

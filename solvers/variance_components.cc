@@ -283,6 +283,7 @@ double DegreesOfFreedom(const std::vector<LinearView>& all_views, const Variance
   const Eigen::Vector3d components(variances.pixel, variances.translation_m2, variances.rotation_rad2);
   for (const MovedView& view : views.moved) {
     const WhitenedView whitened = Whitened(view, components);
+    if (std::isnan(whitened.log_determinant)) return kLeast;
     information.noalias() += view.by_unknowns.transpose().lazyProduct(whitened.by_unknowns);
     falls.Add(view, whitened);
   }

@@ -130,6 +130,9 @@ struct AxisColumns {
 // The rows that a camera model gives, as far as they are wanted. The caller writes those of the principal point, of the
 // shape and of the residual behind them: they are in no row yet.
 constexpr int kWritten = -1;
+// Pose, focal length, distortion, principal point, shape, residual, and what pads an odd number.
+static_assert(6 + 1 + ProjectionBatch::kMaxDistortion + 1 + TargetShape::kNumParams + 1 + 1 <=
+              ProjectionBatch::kMaxRows);
 AxisColumns ColumnsOf(const CameraModel& model, const FreeParameters& free, int axis) {
   AxisColumns columns;
   int place = 0;

@@ -13,6 +13,7 @@
 #include "solvers/known_rotation.h"
 
 namespace heba {
+
 Outcome<HandEye> SolveHandEye_tsai(const HandEyeInput& input) {
   const MotionSums& motions = input.motions();
   // P is twice the quaternion's vector part.

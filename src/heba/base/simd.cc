@@ -4,6 +4,8 @@
 #include <cstdlib>
 #include <string_view>
 
+#include <glog/logging.h>
+
 namespace heba {
 namespace {
 
@@ -22,6 +24,9 @@ Simd BestOfMachine() {
 Simd AskedFor() {
   const char* const asked = std::getenv("HEBA_SIMD");
   const std::string_view name = asked == nullptr ? "" : asked;
+  if (!name.empty() && name != "baseline" && name != "avx2" && name != "avx512") {
+    LOG(WARNING) << "HEBA_SIMD is '" << name << "', which is none of baseline, avx2, avx512: it is passed over";
+  }
   return name == "baseline" ? Simd::kBaseline : name == "avx2" ? Simd::kAvx2 : Simd::kAvx512;
 }
 

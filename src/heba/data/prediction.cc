@@ -109,6 +109,7 @@ bool Predict(const CameraModel& model, const double* params, const Rigid3d& came
     jacobian->v.setZero(6 + NumParams(model), n);
   }
   const auto num_projected = [&](int i) { return observations.RadiusM(i) > 0 ? kOutline : 1; };
+  static_assert(kOutline <= ProjectionBatch::kCapacity);
   ProjectionBatch batch;
   for (int first = 0; first < n;) {
     batch.size = 0;
