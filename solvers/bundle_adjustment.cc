@@ -60,12 +60,12 @@ std::vector<double> Joined(const ViewDistances& distances) {
   return joined;
 }
 
-// The same where all points have an image: where a refinement has been.
-std::vector<double> DistancesAt(const Problem& problem, const State& state, int num_threads) {
-  const ViewDistances distances = SquaredDistances(problem, state, num_threads);
+// Where all points have an image: where a refinement has been.
+ViewDistances DistancesAt(const Problem& problem, const State& state, int num_threads) {
+  ViewDistances distances = SquaredDistances(problem, state, num_threads);
   CHECK(std::all_of(distances.begin(), distances.end(), [](const auto& view) { return view.has_value(); }))
       << "Ceres accepted a step that hides a point";
-  return Joined(distances);
+  return distances;
 }
 
 // What noise the solve goes by.
@@ -74,10 +74,12 @@ struct Noise {
   std::optional<RobotNoise> robot;
 };
 
-double Cost(const std::vector<double>& squared_distances, const State& state, const Noise& noise, const Loss& loss) {
+double Cost(const ViewDistances& squared_distances, const State& state, const Noise& noise, const Loss& loss) {
   const double per_px2 = 1 / (noise.pixel_px * noise.pixel_px);
   double sum = 0;
-  for (const double d2 : squared_distances) sum += loss.rho(d2 * per_px2);
+  for (const std::optional<std::vector<double>>& view : squared_distances) {
+    for (size_t i = 0; view && i < view->size(); ++i) sum += loss.rho((*view)[i] * per_px2);
+  }
   for (const Rigid3d& correction : state.corrections) {
     const Tangent6 tangent = LocalCoordinates(Rigid3d(), correction);
     sum += tangent.head<3>().squaredNorm() / (noise.robot->translation_m * noise.robot->translation_m) +
@@ -412,7 +414,7 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
       fit.robot_stddev = estimated.robot_stddev;
       fit.dof = estimated.dof;
     } else {
-      const std::vector<double> distances = DistancesAt(*fit.problem, fit.state, options.num_threads);
+      const std::vector<double> distances = Joined(DistancesAt(*fit.problem, fit.state, options.num_threads));
       // Half of the points may be anything where outliers are looked for.
       const double median_px = SigmaFromMedian(distances);
       fit.dof = std::max(1.0, 2.0 * static_cast<double>(distances.size()) - num_unknowns);
@@ -591,7 +593,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
     }
   }
   solution.convergence = settled->convergence;
-  solution.convergence.initial_cost = Cost(Joined(start_distances), start_state, settled->noise, loss);
+  solution.convergence.initial_cost = Cost(start_distances, start_state, settled->noise, loss);
   solution.convergence.final_cost =
       Cost(DistancesAt(*settled->problem, settled->state, options.num_threads), settled->state, settled->noise, loss);
   const std::optional<Information> information =
