@@ -237,6 +237,35 @@ TEST(IntrinsicsSeedTest, FindsTheCameraFromTheViewsAlone) {
   }
 }
 
+TEST(IntrinsicsSeedTest, AStartLeadsToTheSameCamera) {
+  TestSceneOptions options;
+  options.noise_px = 0.1;
+  const TestScene scene = MakeTestScene(53, options);
+  Camera start = scene.camera;
+  start.params[0] *= 1.01;
+  start.params[4] += 0.02;
+  const Outcome<Camera> found = EstimateIntrinsics(scene.views, "brown5", 1600, 1200);
+  const Outcome<Camera> from_start = EstimateIntrinsics(scene.views, "brown5", 1600, 1200, start);
+  ASSERT_TRUE(found.ok() && from_start.ok());
+  for (size_t i = 0; i < start.params.size(); ++i) {
+    EXPECT_NEAR(from_start->params[i], found->params[i], 1e-4 * std::abs(found->params[i]) + 1e-4) << i;
+  }
+}
+
+// Too few points for distortion: what a start has of it came from other captures.
+TEST(IntrinsicsSeedTest, AStartsDistortionIsNotKept) {
+  TestSceneOptions options;
+  options.noise_px = 0.02;
+  options.num_captures = 10;
+  options.points = GridPoints(2, 2, 0.12);
+  const TestScene scene = MakeTestScene(54, options);
+  const Outcome<Camera> found = EstimateIntrinsics(scene.views, "brown5", 1600, 1200);
+  const Outcome<Camera> from_start = EstimateIntrinsics(scene.views, "brown5", 1600, 1200, scene.camera);
+  ASSERT_TRUE(found.ok()) << found.reason();
+  ASSERT_TRUE(from_start.ok()) << from_start.reason();
+  EXPECT_EQ(from_start->params, found->params);
+}
+
 TEST(IntrinsicsSeedTest, RefusesTwoViews) {
   const TestScene scene = MakeTestScene(52);
   const Outcome<Camera> camera = EstimateIntrinsics({scene.views[0], scene.views[1]}, "brown5", 1600, 1200);

@@ -101,6 +101,23 @@ TEST_P(RobotNoiseTest, CorrectionsStandOnTheGrippersSide) {
   }
 }
 
+// Pictures a million times more exact than the robot: the corrections then take up nearly all that they say, and what
+// is left must not drown in rounding.
+TEST_P(RobotNoiseTest, ExactPicturesLeaveTheRobotsUncertainty) {
+  TestSceneOptions options;
+  options.setup = GetParam();
+  const TestScene scene = MakeTestScene(9, options);
+  BundleOptions bundle = OptionsOf(BundleOptions::Robot::kGivenNoise);
+  std::vector<double> sigmas_m;
+  for (const double pixel_px : {1e-5, 1e-3}) {
+    bundle.pixel_noise_px = pixel_px;
+    const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views, GetParam()}, scene.hand_eye, bundle);
+    ASSERT_TRUE(solution.ok()) << solution.reason();
+    sigmas_m.push_back(std::sqrt(solution->covariance.matrix(0, 0)));
+  }
+  EXPECT_NEAR(sigmas_m[0], sigmas_m[1], 0.01 * sigmas_m[1]);
+}
+
 // With the noise known, errors are as the covariance says: 12 numbers a seed, four sigma of the sum to each side.
 TEST_P(RobotNoiseTest, KnownNoiseGivesAnHonestCovarianceAndABetterEstimate) {
   constexpr int kSeeds = 60;
