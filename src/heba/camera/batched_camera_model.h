@@ -121,7 +121,7 @@ class BatchedCameraModel final : public CameraModel {
       Lens::template Distort<V>(params + 4, x, y, z, &image);
       const V u = params[0] * image.x + params[2];
       const V v = params[1] * image.y + params[3];
-      check += (u - u) + (v - v);
+      check += (u - u) + (v - v);  // NOLINT(misc-redundant-expression): not 0 of what is not finite.
       StoreLanes(u, batch->pixels[0] + i);
       StoreLanes(v, batch->pixels[1] + i);
       if constexpr (kWithDerivatives) {
