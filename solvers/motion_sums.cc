@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "heba/base/column_products.h"
 #include "heba/base/simd.h"
 #include "heba/base/units.h"
-#include "solvers/column_products.h"
 
 namespace heba {
 namespace {
@@ -183,9 +183,7 @@ MotionSums SumMotions(const std::vector<PosePair>& pairs) {
     cameras.Set(i, pairs[i].camera_from_target);
   }
   const Cosines cosines = {std::cos(0.5 * LeastAngleRad(pairs)), std::cos(0.5 * DegToRad(170.0))};
-  const auto append = ActiveSimd() == Simd::kAvx512 ? &AppendAvx512
-                      : ActiveSimd() == Simd::kAvx2 ? &AppendAvx2
-                                                    : &AppendBaseline;
+  const auto append = OfSet(ActiveSimd(), &AppendBaseline, &AppendAvx2, &AppendAvx512);
   MotionBatch batch;
   ColumnProducts linear(MotionSums::kNumLinear, MotionBatch::kStride);
   ColumnProducts screws(MotionSums::kNumScrew, MotionBatch::kStride);

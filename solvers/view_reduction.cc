@@ -4,10 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include "heba/base/column_products.h"
 #include "heba/base/error.h"
 #include "heba/base/simd.h"
 #include "heba/data/prediction.h"
-#include "solvers/column_products.h"
 
 namespace heba {
 namespace {

@@ -8,20 +8,9 @@
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
-#include "targets/drawing.h"
+#include "targets/cell_pattern.h"
 
 namespace heba {
-
-// Cells between lines; the outermost ones go on for ever.
-struct CellPattern {
-  std::vector<double> x_m;  // Increasing, as y_m.
-  std::vector<double> y_m;
-  // albedo(j, i) lies between x_m[i - 1] and x_m[i], y_m[j - 1] and y_m[j].
-  Eigen::MatrixXd albedo;
-};
-
-// What a drawing shows between two corners. Its shapes there must be upright rectangles.
-CellPattern CellsOf(const Drawing& drawing, const Eigen::Vector2d& min_m, const Eigen::Vector2d& max_m);
 
 // How far the map from the pattern into the picture may leave its start.
 enum class MapFreedom {
@@ -58,15 +47,5 @@ struct PatternFit {
 std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pattern,
                                      const Eigen::Matrix3d& start_picture_from_pattern,
                                      const std::vector<Eigen::Vector2d>& wanted_m, const PatternFitOptions& options);
-
-// The pattern's blurred albedo at `at_m`, where the map into the picture has the derivative `picture_by_pattern` (px
-// per m), and its derivatives.
-struct BlurredAlbedo {
-  double value = 0;
-  Eigen::Vector2d by_at = Eigen::Vector2d::Zero();  // 1/m
-  double by_blur = 0;                               // 1/px
-};
-BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m,
-                      const Eigen::Matrix2d& picture_by_pattern, double blur_sigma_px);
 
 }  // namespace heba

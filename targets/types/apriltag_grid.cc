@@ -221,19 +221,25 @@ class AprilTagGrid final : public Target {
       detection.reason = "the picture is too small";
       return detection;
     }
-    std::vector<SeenTag> candidates;
-    ConsistentTags board;
+    Search search(layout_.corners_m.size());
+    cv::Rect whole(0, 0, grey.cols, grey.rows);
+    std::vector<cv::Rect> parts = {whole};
     for (const double decimate : Decimations(grey)) {
-      const size_t num_before = board.tags.size();
-      AddCandidates(grey, decimate, &candidates);
-      board = KeepConsistent(candidates, layout_, std::max(0, max_bit_errors_ - 1));
-      FillIn(grey, &board.tags);
-      if (board.tags.size() == layout_.corners_m.size()) break;
-      // Part of the board may be out of view: a finer pass is worth its time only as long as it finds something.
-      if (!board.tags.empty() && board.tags.size() == num_before) break;
+      const size_t num_before = search.NumKnown();
+      for (const cv::Rect& part : parts) AddSeen(grey, part, decimate, &search);
+      Settle(grey, &search);
+      if (geometry_.corner_squares && search.board.tags.size() < layout_.corners_m.size()) {
+        for (const cv::Rect& part : parts) AddParted(grey, part, decimate, &search);
+        Settle(grey, &search);
+      }
+      parts = WhereMissing(whole, search);
+      // Where that is all of the picture, a finer pass is worth its time only as long as it finds something.
+      const bool is_whole = parts.size() == 1 && parts.front() == whole;
+      if (is_whole && num_before > 0 && search.NumKnown() == num_before) break;
+      if (parts.empty()) break;
     }
-    const int num_unfit = MeasureAll(grey, board.tags, &detection);
-    detection.reason = Reason(board, num_unfit);
+    const int num_unfit = MeasureAll(grey, search, &detection);
+    detection.reason = Reason(search.board, num_unfit);
     return detection;
   }
 
@@ -255,11 +261,30 @@ class AprilTagGrid final : public Target {
   const Drawing& Draw() const override { return drawing_; }
 
  private:
+  // What is known of a picture so far, pass by pass.
+  struct Search {
+    explicit Search(size_t num_tags) : fits(num_tags) {}
+    std::vector<SeenTag> candidates;
+    ConsistentTags board;  // Of the candidates.
+    // Of each tag of the board, by all its grey values: where that was begun last, and what came of it.
+    struct Fit {
+      std::optional<TagCorners> start_px;
+      std::optional<PatternFit> fit;
+    };
+    std::vector<Fit> fits;
+
+    bool IsSettled(int index) const { return fits[static_cast<size_t>(index)].fit.has_value(); }
+    // Tags, and once more those that are settled.
+    size_t NumKnown() const {
+      const auto num_settled =
+          std::count_if(board.tags.begin(), board.tags.end(), [&](const SeenTag& tag) { return IsSettled(tag.index); });
+      return board.tags.size() + static_cast<size_t>(num_settled);
+    }
+  };
+
   // Below this no tag can be decoded, and libapriltag's tiles do not fit.
-  static bool IsTooSmall(const cv::Mat& grey) {
-    constexpr int kMinSidePx = 16;
-    return std::min(grey.cols, grey.rows) < kMinSidePx;
-  }
+  static constexpr int kMinSidePx = 16;
+  static bool IsTooSmall(const cv::Mat& grey) { return std::min(grey.cols, grey.rows) < kMinSidePx; }
 
   // Of all tags of the family, without a wrong bit.
   std::vector<int> SeenIds(const cv::Mat& grey) const {
@@ -271,7 +296,8 @@ class AprilTagGrid final : public Target {
     all.columns = static_cast<int>(family->ncodes);
     std::vector<int> ids;
     const BoardFamily every(std::move(family), all, 0);
-    const double decimate = Decimations(grey).front();
+    constexpr double kEnoughPx = 3e6;
+    const double decimate = DecimationTo(grey, kEnoughPx);
     for (const SeenTag& tag : every.Detect(grey, decimate)) ids.push_back(tag.index);
     if (geometry_.corner_squares) {
       for (const SeenTag& tag : every.Detect(Parted(grey, decimate), decimate)) ids.push_back(tag.index);
@@ -313,20 +339,18 @@ class AprilTagGrid final : public Target {
 
   int PointId(int index, size_t corner) const { return 4 * (geometry_.first_id + index) + static_cast<int>(corner); }
 
-  // How coarsely libapriltag looks for quads, pass by pass: first so that it takes a fraction of a second, then finer.
-  // It decodes and refines edges in the whole picture in any case.
+  // By how much the picture has to be made smaller to have so many pixels.
+  static double DecimationTo(const cv::Mat& grey, double num_px) {
+    return std::ceil(std::sqrt(static_cast<double>(grey.total()) / num_px));
+  }
+  // How coarsely libapriltag looks for quads, pass by pass: first so that it takes some milliseconds, then finer. It
+  // decodes and refines edges in the whole picture in any case.
   static std::vector<double> Decimations(const cv::Mat& grey) {
-    constexpr double kQuickPx = 3e6;
+    constexpr double kFirstPx = 1e5;
     constexpr double kSlowPx = 14e6;
-    const double num_px = static_cast<double>(grey.total());
-    std::vector<double> decimations = {std::ceil(std::sqrt(num_px / kQuickPx))};
-    while (decimations.back() > 1) {
-      const double next = std::ceil(decimations.back() / 2);
-      if (num_px / (next * next) > kSlowPx) break;
-      decimations.push_back(next);
-    }
-    // Blurred tags are better found in a coarser picture.
-    if (decimations.size() == 1) decimations.push_back(2 * decimations.back());
+    std::vector<double> decimations = {DecimationTo(grey, kFirstPx)};
+    const double finest = DecimationTo(grey, kSlowPx);
+    while (decimations.back() > finest) decimations.push_back(std::max(finest, std::ceil(decimations.back() / 2)));
     return decimations;
   }
 
@@ -339,29 +363,108 @@ class AprilTagGrid final : public Target {
     return parted;
   }
 
-  // What libapriltag sees, in the picture as it is and with black regions parted, its corners refined.
-  void AddCandidates(const cv::Mat& grey, double decimate, std::vector<SeenTag>* candidates) const {
-    for (const SeenTag& found : family_.Detect(grey, decimate)) {
-      SeenTag tag = found;
+  // What libapriltag sees in a part of the picture, its corners refined.
+  void AddSeen(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
+    for (const SeenTag& found : family_.Detect(grey(part), decimate)) {
+      SeenTag tag = Shifted(found, part);
       RefineOnSquares(grey, &tag);
-      AddIfNew(tag, candidates);
+      AddCandidate(tag, search);
     }
-    if (!geometry_.corner_squares || candidates->size() >= layout_.corners_m.size()) return;
-    for (const SeenTag& found : family_.Detect(Parted(grey, decimate), decimate)) {
-      SeenTag tag = found;
+  }
+  // The same with black regions parted.
+  void AddParted(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
+    for (const SeenTag& found : family_.Detect(Parted(grey(part), decimate), decimate)) {
+      SeenTag tag = Shifted(found, part);
       Grow(GrownPx(decimate), &tag.corners_px);
       // By how much the edges moved is a guess, not a measurement: only as a start for the saddles.
-      if (RefineOnSquares(grey, &tag)) AddIfNew(tag, candidates);
+      if (RefineOnSquares(grey, &tag)) AddCandidate(tag, search);
     }
   }
 
-  // The same tag at the same place, from an earlier pass, stays.
-  static void AddIfNew(const SeenTag& tag, std::vector<SeenTag>* candidates) {
-    const bool is_known = std::any_of(candidates->begin(), candidates->end(), [&](const SeenTag& other) {
+  static SeenTag Shifted(SeenTag tag, const cv::Rect& part) {
+    for (Eigen::Vector2d& corner_px : tag.corners_px) corner_px += Eigen::Vector2d(part.x, part.y);
+    return tag;
+  }
+
+  // The same tag at the same place.
+  static std::vector<SeenTag>::iterator FindCandidate(const SeenTag& tag, Search* search) {
+    return std::find_if(search->candidates.begin(), search->candidates.end(), [&](const SeenTag& other) {
       return other.index == tag.index &&
              (CentreOf(other.corners_px) - CentreOf(tag.corners_px)).norm() < 0.5 * MeanSide(tag.corners_px);
     });
-    if (!is_known) candidates->push_back(tag);
+  }
+  // One that is settled stays as it is; of others a finer pass knows better.
+  static void AddCandidate(const SeenTag& tag, Search* search) {
+    const auto known = FindCandidate(tag, search);
+    if (known == search->candidates.end()) {
+      search->candidates.push_back(tag);
+    } else if (!search->IsSettled(tag.index)) {
+      *known = tag;
+    }
+  }
+
+  // Puts the board together from the candidates and fits what is new of it.
+  void Settle(const cv::Mat& grey, Search* search) const {
+    search->board = KeepConsistent(search->candidates, layout_, std::max(0, max_bit_errors_ - 1));
+    FillIn(grey, &search->board.tags);
+    FitAll(grey, search);
+    // What is settled is a candidate from now on, however it was found.
+    for (const SeenTag& tag : Fitted(*search)) {
+      const auto known = FindCandidate(tag, search);
+      if (known == search->candidates.end()) {
+        search->candidates.push_back(tag);
+      } else {
+        *known = tag;
+      }
+    }
+  }
+
+  // The parts of the picture in which those tags must lie that are not settled. All of it as long as too few tags are
+  // known for the others to be foretold; nothing if there is nothing left to look for.
+  std::vector<cv::Rect> WhereMissing(const cv::Rect& whole, const Search& search) const {
+    const std::vector<SeenTag> fitted = Fitted(search);
+    constexpr size_t kMinTags = 4;
+    if (fitted.size() < std::min(kMinTags, layout_.corners_m.size())) return {whole};
+    std::vector<cv::Rect> parts;
+    for (int index = 0; index < static_cast<int>(layout_.corners_m.size()); ++index) {
+      if (search.IsSettled(index)) continue;
+      const std::optional<TagCorners> expected_px = Expected(fitted, index);
+      if (!expected_px) continue;
+      // The farther from those that are known, the less is it known where.
+      const SeenTag nearest = NearestTo(fitted, index, 1).front();
+      const double num_away = (layout_.Centre(nearest.index) - layout_.Centre(index)).norm() / layout_.pitch_m;
+      const double room_px = (0.75 + 0.25 * num_away) * MeanSide(*expected_px);
+      Eigen::Vector2d low = (*expected_px)[0];
+      Eigen::Vector2d high = low;
+      for (const Eigen::Vector2d& corner_px : *expected_px) {
+        low = low.cwiseMin(corner_px);
+        high = high.cwiseMax(corner_px);
+      }
+      const double farthest_px = 2.0 * (whole.width + whole.height);
+      if (!(low.cwiseAbs().maxCoeff() < farthest_px && high.cwiseAbs().maxCoeff() < farthest_px)) continue;
+      const cv::Point first(static_cast<int>(std::floor(low.x() - room_px)),
+                            static_cast<int>(std::floor(low.y() - room_px)));
+      const cv::Point last(static_cast<int>(std::ceil(high.x() + room_px)),
+                           static_cast<int>(std::ceil(high.y() + room_px)));
+      const Eigen::Vector2d centre_px = 0.5 * (low + high);
+      if (!whole.contains(cv::Point(static_cast<int>(centre_px.x()), static_cast<int>(centre_px.y())))) continue;
+      cv::Rect part = cv::Rect(first, last) & whole;
+      // One with those that it touches.
+      for (bool is_grown = true; is_grown;) {
+        is_grown = false;
+        for (size_t k = 0; k < parts.size() && !is_grown; ++k) {
+          if ((parts[k] & part).empty()) continue;
+          part |= parts[k];
+          parts.erase(parts.begin() + static_cast<std::ptrdiff_t>(k));
+          is_grown = true;
+        }
+      }
+      parts.push_back(part);
+    }
+    parts.erase(std::remove_if(parts.begin(), parts.end(),
+                               [](const cv::Rect& part) { return std::min(part.width, part.height) < kMinSidePx; }),
+                parts.end());
+    return parts;
   }
 
   // Moves every edge outwards by `distance_px`.
@@ -497,50 +600,67 @@ class AprilTagGrid final : public Target {
     return num_errors;
   }
 
-  // Adds the corners of all tags, each tag's by all its grey values together. A lens that bends edges misleads
-  // libapriltag by pixels: where the picture does not show a tag as drawn from there on, it is looked for where the
-  // tags around it say. Where that fails as well (stained, partly hidden), the tag stays as it was seen unless those
-  // contradict. Returns how many were left out.
-  int MeasureAll(const cv::Mat& grey, const std::vector<SeenTag>& tags, Detection* detection) const {
-    std::vector<std::optional<PatternFit>> fits;
-    for (const SeenTag& tag : tags) fits.push_back(Fit(grey, tag.index, tag.corners_px));
-    for (bool is_new = true; is_new;) {
-      is_new = false;
-      const std::vector<SeenTag> fitted = Fitted(tags, fits);
-      if (fitted.size() == tags.size()) break;
-      for (size_t k = 0; k < tags.size(); ++k) {
-        if (fits[k]) continue;
-        const std::optional<TagCorners> expected_px = Expected(fitted, tags[k].index);
-        if (expected_px) fits[k] = Fit(grey, tags[k].index, *expected_px);
-        is_new = is_new || fits[k].has_value();
+  // Fits the tags of the board that are not settled, each by all its grey values together. A lens that bends edges
+  // misleads libapriltag by pixels: where the picture does not show a tag as drawn from there on, it is looked for
+  // where the tags around it say.
+  void FitAll(const cv::Mat& grey, Search* search) const {
+    for (const SeenTag& tag : search->board.tags) {
+      // Not of a second board's tag of the same number.
+      Search::Fit& known = search->fits[static_cast<size_t>(tag.index)];
+      if (known.fit && (CentreOf(*known.start_px) - CentreOf(tag.corners_px)).norm() > 0.5 * MeanSide(tag.corners_px)) {
+        known = {};
       }
     }
-    const std::vector<SeenTag> fitted = Fitted(tags, fits);
+    const auto fit_from = [&](int index, const TagCorners& start_px) {
+      Search::Fit& known = search->fits[static_cast<size_t>(index)];
+      if (known.fit || known.start_px == start_px) return false;
+      known.start_px = start_px;
+      known.fit = Fit(grey, index, start_px);
+      return known.fit.has_value();
+    };
+    for (const SeenTag& tag : search->board.tags) fit_from(tag.index, tag.corners_px);
+    for (bool is_new = true; is_new;) {
+      is_new = false;
+      const std::vector<SeenTag> fitted = Fitted(*search);
+      if (fitted.size() == search->board.tags.size()) break;
+      for (const SeenTag& tag : search->board.tags) {
+        if (search->IsSettled(tag.index)) continue;
+        const std::optional<TagCorners> expected_px = Expected(fitted, tag.index);
+        if (expected_px) is_new = fit_from(tag.index, *expected_px) || is_new;
+      }
+    }
+  }
+
+  // Adds the corners of all tags. One that could not be fitted (stained, partly hidden) stays as it was seen unless the
+  // tags around it or its edges contradict. Returns how many were left out.
+  int MeasureAll(const cv::Mat& grey, const Search& search, Detection* detection) const {
+    const std::vector<SeenTag> fitted = Fitted(search);
     int num_dropped = 0;
-    for (size_t k = 0; k < tags.size(); ++k) {
-      const std::optional<double> sigma_px = fits[k] ? 0.0 : UnfittedSigmaPx(grey, fitted, tags[k]);
+    for (const SeenTag& tag : search.board.tags) {
+      const std::optional<PatternFit>& fit = search.fits[static_cast<size_t>(tag.index)].fit;
+      const std::optional<double> sigma_px = fit ? 0.0 : UnfittedSigmaPx(grey, fitted, tag);
       if (!sigma_px) {
         ++num_dropped;
         continue;
       }
       for (size_t corner = 0; corner < 4; ++corner) {
-        detection->ids.push_back(PointId(tags[k].index, corner));
-        detection->pixels.push_back(fits[k] ? fits[k]->pixels[corner] : tags[k].corners_px[corner]);
+        detection->ids.push_back(PointId(tag.index, corner));
+        detection->pixels.push_back(fit ? fit->pixels[corner] : tag.corners_px[corner]);
       }
-      detection->covariances_px2.emplace_back(fits[k] ? fits[k]->covariance_px2
-                                                      : *sigma_px * *sigma_px * Eigen::MatrixXd::Identity(8, 8));
+      detection->covariances_px2.emplace_back(fit ? fit->covariance_px2
+                                                  : *sigma_px * *sigma_px * Eigen::MatrixXd::Identity(8, 8));
     }
     return num_dropped;
   }
 
-  // The tags that were fitted, where the fit has them.
-  static std::vector<SeenTag> Fitted(const std::vector<SeenTag>& tags,
-                                     const std::vector<std::optional<PatternFit>>& fits) {
+  // The board's tags that were fitted, where the fit has them.
+  static std::vector<SeenTag> Fitted(const Search& search) {
     std::vector<SeenTag> fitted;
-    for (size_t k = 0; k < tags.size(); ++k) {
-      if (!fits[k]) continue;
-      fitted.push_back(tags[k]);
-      std::copy(fits[k]->pixels.begin(), fits[k]->pixels.end(), fitted.back().corners_px.begin());
+    for (const SeenTag& tag : search.board.tags) {
+      const std::optional<PatternFit>& fit = search.fits[static_cast<size_t>(tag.index)].fit;
+      if (!fit) continue;
+      fitted.push_back(tag);
+      std::copy(fit->pixels.begin(), fit->pixels.end(), fitted.back().corners_px.begin());
     }
     return fitted;
   }
@@ -596,7 +716,8 @@ class AprilTagGrid final : public Target {
                       {corners_m.begin(), corners_m.end()}, options);
   }
 
-  // How exact the corners of a tag are that could not be fitted; nothing if they are not where the tags around it say.
+  // How exact the corners of a tag are that could not be fitted; nothing if they are not where the tags around it or
+  // its own edges say.
   std::optional<double> UnfittedSigmaPx(const cv::Mat& grey, const std::vector<SeenTag>& fitted,
                                         const SeenTag& tag) const {
     const std::optional<double> off_px = OffNeighboursPx(fitted, tag);
@@ -609,9 +730,12 @@ class AprilTagGrid final : public Target {
       }
       if (*off_px > 2 * usual_px + 1) return std::nullopt;
     }
+    // A corner that is wrong takes two edges with it.
+    const double off_edges_px = OffEdgesPx(grey, tag.corners_px);
+    if (off_edges_px > std::max(1.0, 0.1 * MeanSide(tag.corners_px) / family_.width())) return std::nullopt;
     // Where all is well libapriltag's edges scatter by 0.04 px.
     constexpr double kMinSigmaPx = 0.1;
-    return std::max(kMinSigmaPx, 2 * OffEdgesPx(grey, tag.corners_px));
+    return std::max(kMinSigmaPx, 2 * off_edges_px);
   }
 
   std::vector<SeenTag> NearestTo(std::vector<SeenTag> tags, int index, size_t count) const {
@@ -682,7 +806,7 @@ class AprilTagGrid final : public Target {
     }
     if (num_unfit > 0) {
       reason += std::string(reason.empty() ? "" : "; ") + std::to_string(num_unfit) +
-                " tags left out that do not look as drawn and are not where the tags around them say";
+                " tags left out that do not look as drawn and are not where their edges or the tags around them say";
     }
     return reason;
   }

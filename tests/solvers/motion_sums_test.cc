@@ -7,9 +7,9 @@
 
 #include <gtest/gtest.h>
 
-#include "heba/base/simd.h"
 #include "heba/base/units.h"
 #include "tests/support/scenes.h"
+#include "tests/support/simd_sets.h"
 
 namespace heba {
 namespace {
@@ -43,11 +43,7 @@ Numbers NumbersOf(const Rigid3d& a, const Rigid3d& b) {
   return numbers;
 }
 
-class MotionSumsTest : public testing::TestWithParam<Simd> {
- protected:
-  void SetUp() override { LimitSimd(GetParam()); }
-  void TearDown() override { LimitSimd(Simd::kAvx512); }
-};
+using MotionSumsTest = EverySimdTest;
 
 // Numbers of captures that fill lanes and batches and that do not.
 TEST_P(MotionSumsTest, AreSumsOverTheMotionsThatTurnEnough) {
@@ -101,11 +97,7 @@ TEST_P(MotionSumsTest, OfVeryManyCapturesTakeAnEvenChoice) {
   EXPECT_GT(sums.Count(), 1e6);
 }
 
-std::string SetName(const testing::TestParamInfo<Simd>& tested) {
-  const std::string names[] = {"baseline", "avx2", "avx512"};
-  return names[static_cast<size_t>(tested.param)];
-}
-INSTANTIATE_TEST_SUITE_P(Sets, MotionSumsTest, testing::Values(Simd::kBaseline, Simd::kAvx2, Simd::kAvx512), SetName);
+INSTANTIATE_TEST_SUITE_P(Sets, MotionSumsTest, EverySimd(), SimdName);
 
 }  // namespace
 }  // namespace heba

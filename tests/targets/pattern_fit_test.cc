@@ -8,7 +8,9 @@
 #include <opencv2/core.hpp>
 
 #include "heba/base/rng.h"
+#include "targets/cell_pattern.h"
 #include "targets/homography.h"
+#include "targets/pattern_rows.h"
 #include "targets/rendering.h"
 
 namespace heba {

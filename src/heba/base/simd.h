@@ -32,19 +32,20 @@ Simd ActiveSimd();
 // For benchmarks and tests: from now on at most `most`. Not while kernels run.
 void LimitSimd(Simd most);
 
+// One thing of three, by set.
+template <class T>
+constexpr T OfSet(Simd set, T baseline, T avx2, T avx512) {
+  return set == Simd::kAvx512 ? avx512 : set == Simd::kAvx2 ? avx2 : baseline;
+}
+
 // Lanes of each set.
+constexpr int NumLanes(Simd set) { return OfSet(set, 2, 4, 8); }
 template <Simd kSet>
-inline constexpr int kLanesOf = kSet == Simd::kAvx512 ? 8
-                                : kSet == Simd::kAvx2 ? 4
-                                                      : 2;
+inline constexpr int kLanesOf = NumLanes(kSet);
 inline constexpr int kMaxLanes = 8;
 
 template <int kLanes>
 struct LanesType;
-template <>
-struct LanesType<1> {
-  using Type = double;
-};
 template <>
 struct LanesType<2> {
   typedef double Type __attribute__((vector_size(16)));  // NOLINT(modernize-use-using): attributes need it.

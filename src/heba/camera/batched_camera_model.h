@@ -61,15 +61,10 @@ class BatchedCameraModel final : public CameraModel {
       for (int j = 0; j < 3; ++j) pose[3 * i + j] = rotation(i, j);
       pose[9 + i] = translation[i];
     }
-    switch (ActiveSimd()) {
-      case Simd::kAvx512:
-        return with_derivatives ? DifferentiateAvx512(params, pose, batch) : ProjectAvx512(params, pose, batch);
-      case Simd::kAvx2:
-        return with_derivatives ? DifferentiateAvx2(params, pose, batch) : ProjectAvx2(params, pose, batch);
-      default:
-        return with_derivatives ? Run<kLanesOf<Simd::kBaseline>, true>(params, pose, batch)
-                                : Run<kLanesOf<Simd::kBaseline>, false>(params, pose, batch);
-    }
+    const Simd set = ActiveSimd();
+    return with_derivatives
+               ? OfSet(set, &DifferentiateBaseline, &DifferentiateAvx2, &DifferentiateAvx512)(params, pose, batch)
+               : OfSet(set, &ProjectBaseline, &ProjectAvx2, &ProjectAvx512)(params, pose, batch);
   }
 
   std::optional<Eigen::Vector3d> Unproject(const double* params, const Eigen::Vector2d& pixel) const override {
@@ -150,6 +145,12 @@ class BatchedCameraModel final : public CameraModel {
     for (int k = 0; k < kNumDistortion; ++k) StoreLanes<V>(focal * by_distortion[k], rows[7 + k] + i);
   }
 
+  static bool ProjectBaseline(const double* params, const double* pose, ProjectionBatch* batch) {
+    return Run<kLanesOf<Simd::kBaseline>, false>(params, pose, batch);
+  }
+  static bool DifferentiateBaseline(const double* params, const double* pose, ProjectionBatch* batch) {
+    return Run<kLanesOf<Simd::kBaseline>, true>(params, pose, batch);
+  }
   HEBA_TARGET_AVX2 static bool ProjectAvx2(const double* params, const double* pose, ProjectionBatch* batch) {
     return Run<kLanesOf<Simd::kAvx2>, false>(params, pose, batch);
   }

@@ -1,4 +1,4 @@
-#include "solvers/column_products.h"
+#include "heba/base/column_products.h"
 
 #include <algorithm>
 #include <numeric>
@@ -59,6 +59,9 @@ HEBA_INLINE void AddRows(const double* columns, Eigen::Index stride, int num_col
       });
 }
 
+void AddRowsBaseline(const double* columns, Eigen::Index stride, int num_columns, Eigen::Index num_rows, double* sums) {
+  AddRows<kLanesOf<Simd::kBaseline>>(columns, stride, num_columns, num_rows, sums);
+}
 HEBA_TARGET_AVX2 void AddRowsAvx2(const double* columns, Eigen::Index stride, int num_columns, Eigen::Index num_rows,
                                   double* sums) {
   AddRows<kLanesOf<Simd::kAvx2>>(columns, stride, num_columns, num_rows, sums);
@@ -73,22 +76,14 @@ template <int kLanes>
 HEBA_INLINE void SumLanes(const double* lanes, int num_sums, double* sums) {
   for (int i = 0; i < num_sums; ++i) sums[i] = SumOfLanes(LoadLanes<Lanes<kLanes>>(lanes + i * kLanes));
 }
+void SumLanesBaseline(const double* lanes, int num_sums, double* sums) {
+  SumLanes<kLanesOf<Simd::kBaseline>>(lanes, num_sums, sums);
+}
 HEBA_TARGET_AVX2 void SumLanesAvx2(const double* lanes, int num_sums, double* sums) {
   SumLanes<kLanesOf<Simd::kAvx2>>(lanes, num_sums, sums);
 }
 HEBA_TARGET_AVX512 void SumLanesAvx512(const double* lanes, int num_sums, double* sums) {
   SumLanes<kLanesOf<Simd::kAvx512>>(lanes, num_sums, sums);
-}
-
-int NumLanes(Simd set) {
-  switch (set) {
-    case Simd::kAvx512:
-      return kLanesOf<Simd::kAvx512>;
-    case Simd::kAvx2:
-      return kLanesOf<Simd::kAvx2>;
-    default:
-      return kLanesOf<Simd::kBaseline>;
-  }
 }
 
 int Even(int number) { return number + number % 2; }
@@ -112,31 +107,13 @@ ColumnProducts::ColumnProducts(int num_columns, Eigen::Index stride, Eigen::Inde
 }
 
 void ColumnProducts::Add(const double* columns, Eigen::Index num_rows) {
-  switch (set_) {
-    case Simd::kAvx512:
-      AddRowsAvx512(columns, stride_, Even(num_columns_), num_rows, lanes_);
-      break;
-    case Simd::kAvx2:
-      AddRowsAvx2(columns, stride_, Even(num_columns_), num_rows, lanes_);
-      break;
-    default:
-      AddRows<kLanesOf<Simd::kBaseline>>(columns, stride_, Even(num_columns_), num_rows, lanes_);
-  }
+  OfSet(set_, &AddRowsBaseline, &AddRowsAvx2, &AddRowsAvx512)(columns, stride_, Even(num_columns_), num_rows, lanes_);
 }
 
 void ColumnProducts::AddTo(const int* places, double scale, Eigen::MatrixXd* matrix) const {
   const int even = Even(num_columns_);
   double sums[kMaxSums];
-  switch (set_) {
-    case Simd::kAvx512:
-      SumLanesAvx512(lanes_, NumSums(even), sums);
-      break;
-    case Simd::kAvx2:
-      SumLanesAvx2(lanes_, NumSums(even), sums);
-      break;
-    default:
-      SumLanes<kLanesOf<Simd::kBaseline>>(lanes_, NumSums(even), sums);
-  }
+  OfSet(set_, &SumLanesBaseline, &SumLanesAvx2, &SumLanesAvx512)(lanes_, NumSums(even), sums);
   double* const to = matrix->data();
   const Eigen::Index stride = matrix->outerStride();
   const auto add_block = [&](int rows, int i, int j, int sum) {

@@ -1,20 +1,13 @@
-#include "solvers/column_products.h"
+#include "heba/base/column_products.h"
 
 #include <gtest/gtest.h>
 
-#include "heba/base/simd.h"
+#include "tests/support/simd_sets.h"
 
 namespace heba {
 namespace {
 
-class ColumnProductsTest : public testing::TestWithParam<Simd> {
- protected:
-  void SetUp() override {
-    LimitSimd(GetParam());
-    if (ActiveSimd() != GetParam()) GTEST_SKIP() << "this processor does not have the instruction set";
-  }
-  void TearDown() override { LimitSimd(Simd::kAvx512); }
-};
+using ColumnProductsTest = EverySimdTest;
 
 TEST_P(ColumnProductsTest, AreTheProductsOfAllPairs) {
   for (int num_columns = 1; num_columns <= ColumnProducts::kMaxColumns; ++num_columns) {
@@ -33,13 +26,7 @@ TEST_P(ColumnProductsTest, AreTheProductsOfAllPairs) {
   }
 }
 
-std::string SetName(const testing::TestParamInfo<Simd>& tested) {
-  const std::string names[] = {"baseline", "avx2", "avx512"};
-  return names[static_cast<size_t>(tested.param)];
-}
-
-INSTANTIATE_TEST_SUITE_P(Sets, ColumnProductsTest, testing::Values(Simd::kBaseline, Simd::kAvx2, Simd::kAvx512),
-                         SetName);
+INSTANTIATE_TEST_SUITE_P(Sets, ColumnProductsTest, EverySimd(), SimdName);
 
 }  // namespace
 }  // namespace heba
