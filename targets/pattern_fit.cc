@@ -242,13 +242,23 @@ class Fitter {
 
   // False if there are too few, or too many out of the picture.
   bool CollectPixels(const cv::Mat& grey, const Eigen::Matrix3d& picture_from_unit) {
+    // Away from edges there is nothing but the two levels to see: few pixels tell them.
+    constexpr double kEdgeReachPx = 3.7;
+    constexpr int kFlatShare = 7;
+    const Eigen::Matrix3d unit_from_picture = picture_from_unit.inverse();
     Eigen::Array2d low = Eigen::Array2d::Constant(1e9);
     Eigen::Array2d high = -low;
+    Eigen::Vector2d reach = Eigen::Vector2d::Zero();  // Where it is largest.
     for (const auto& corner : kCorners) {
-      const Eigen::Vector2d at_px = Map(picture_from_unit, Eigen::Vector2d(corner[0], corner[1]));
+      const Eigen::Vector2d unit(corner[0], corner[1]);
+      const Eigen::Vector2d at_px = Map(picture_from_unit, unit);
       if (!at_px.allFinite()) return false;
       low = low.min(at_px.array());
       high = high.max(at_px.array());
+      const Eigen::Matrix2d by_px =
+          (unit_from_picture.topLeftCorner<2, 2>() - unit * unit_from_picture.bottomLeftCorner<1, 2>()) /
+          unit_from_picture.row(2).dot(at_px.homogeneous());
+      reach = reach.cwiseMax(kEdgeReachPx * by_px.rowwise().norm());
     }
     constexpr double kMaxSizePx = 2000;
     const Eigen::Array2d size_px = high - low;
@@ -257,12 +267,8 @@ class Fitter {
     constexpr double kEnoughPixels = 30000;
     const int step = 1 + static_cast<int>(std::sqrt(size_px.prod() / kEnoughPixels));
     const int stride = step * step;
-    const Eigen::Matrix3d unit_from_picture = picture_from_unit.inverse();
     // Beyond the horizon it changes its sign.
     const double front = picture_from_unit(2, 2);
-    // Away from edges there is nothing but the two levels to see: few pixels tell them.
-    constexpr double kEdgeReachPx = 3.7;
-    constexpr int kFlatShare = 7;
     // By how many lines are near: those of one kind are worked on together.
     constexpr size_t kMostLines = 4;
     std::vector<PatternPixels::Pixel> kinds[kMostLines + 1][kMostLines + 1];
@@ -272,18 +278,15 @@ class Fitter {
     const int first_u = static_cast<int>(std::floor(low.x()));
     const int last_u = static_cast<int>(std::ceil(high.x()));
     for (int v = static_cast<int>(std::floor(low.y())); v <= static_cast<int>(std::ceil(high.y())); ++v) {
+      const Eigen::Vector3d row_begin = unit_from_picture.col(1) * v + unit_from_picture.col(2);
       for (int u = first_u + (stride > 1 ? v * 5 % stride : 0); u <= last_u; u += stride) {
-        const Eigen::Vector3d q =
-            unit_from_picture.col(0) * u + unit_from_picture.col(1) * v + unit_from_picture.col(2);
-        const Eigen::Vector2d unit = q.head<2>() / q.z();
-        if (!(unit.cwiseAbs().maxCoeff() <= 1) || !(q.z() * front > 0)) continue;
+        const Eigen::Vector3d q = row_begin + unit_from_picture.col(0) * u;
+        const Eigen::Vector2d unit = q.head<2>() * (1 / q.z());
+        if (!(std::abs(unit.x()) <= 1 && std::abs(unit.y()) <= 1 && q.z() * front > 0)) continue;
         if (u < 0 || v < 0 || u >= grey.cols || v >= grey.rows) {
           ++num_outside;
           continue;
         }
-        const Eigen::Matrix2d by_px =
-            (unit_from_picture.topLeftCorner<2, 2>() - unit * unit_from_picture.bottomLeftCorner<1, 2>()) / q.z();
-        const Eigen::Vector2d reach = kEdgeReachPx * by_px.rowwise().norm();
         rows_.cells().Look(unit.x(), unit.y(), reach.x(), reach.y(), &window);
         if (window.num_x + window.num_y == 0 && (u + 3 * v) % kFlatShare != 0) continue;
         kinds[std::min(window.num_x, kMostLines)][std::min(window.num_y, kMostLines)].push_back(

@@ -234,15 +234,30 @@ std::vector<int> SoughtParams(MapForm form) {
   return params;
 }
 
+UnitCells::Table::Table(const Eigen::MatrixXd& matrix) : num_columns(static_cast<size_t>(matrix.cols())) {
+  for (Eigen::Index row = 0; row < matrix.rows(); ++row) {
+    for (Eigen::Index column = 0; column < matrix.cols(); ++column) values.push_back(matrix(row, column));
+  }
+}
+
+namespace {
+
+Eigen::MatrixXd StepsAlongX(const Eigen::MatrixXd& cells) {
+  return cells.rightCols(cells.cols() - 1) - cells.leftCols(cells.cols() - 1);
+}
+Eigen::MatrixXd StepsAlongY(const Eigen::MatrixXd& cells) {
+  return cells.bottomRows(cells.rows() - 1) - cells.topRows(cells.rows() - 1);
+}
+
+}  // namespace
+
 UnitCells::UnitCells(const CellPattern& pattern, const Eigen::Vector2d& centre_m, const Eigen::Vector2d& half_m)
-    : albedo_(pattern.albedo) {
+    : albedo_(pattern.albedo),
+      step_x_(StepsAlongX(pattern.albedo)),
+      step_y_(StepsAlongY(pattern.albedo)),
+      twist_(StepsAlongY(StepsAlongX(pattern.albedo))) {
   for (const double x_m : pattern.x_m) x_.push_back((x_m - centre_m.x()) / half_m.x());
   for (const double y_m : pattern.y_m) y_.push_back((y_m - centre_m.y()) / half_m.y());
-  const Eigen::Index num_x = albedo_.cols() - 1;
-  const Eigen::Index num_y = albedo_.rows() - 1;
-  step_x_ = albedo_.rightCols(num_x) - albedo_.leftCols(num_x);
-  step_y_ = albedo_.bottomRows(num_y) - albedo_.topRows(num_y);
-  twist_ = step_x_.bottomRows(num_y) - step_x_.topRows(num_y);
 }
 
 void UnitCells::Look(double x, double y, double reach_x, double reach_y, Window* window) const {
@@ -260,22 +275,16 @@ void UnitCells::Look(double x, double y, double reach_x, double reach_y, Window*
   const size_t end_y = find(y_, y - reach_y, y + reach_y, &window->first_y);
   window->num_x = 0;
   window->num_y = 0;
-  const auto step_x = [&](size_t j, size_t i) {
-    return step_x_(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(i));
-  };
-  const auto step_y = [&](size_t j, size_t i) {
-    return step_y_(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(i));
-  };
   for (size_t i = window->first_x; i < end_x; ++i) {
     for (size_t j = window->first_y; j <= end_y; ++j) {
-      if (step_x(j, i) == 0) continue;
+      if (step_x_(j, i) == 0) continue;
       window->x[window->num_x++] = i;
       break;
     }
   }
   for (size_t j = window->first_y; j < end_y; ++j) {
     for (size_t i = window->first_x; i <= end_x; ++i) {
-      if (step_y(j, i) == 0) continue;
+      if (step_y_(j, i) == 0) continue;
       window->y[window->num_y++] = j;
       break;
     }
@@ -284,10 +293,7 @@ void UnitCells::Look(double x, double y, double reach_x, double reach_y, Window*
 
 void UnitCells::Write(const Window& window, double x, double y, size_t num_x, size_t num_y, size_t stride,
                       double* to) const {
-  const auto column = [](size_t i) { return static_cast<Eigen::Index>(i); };
-  const Eigen::Index first_x = column(window.first_x);
-  const Eigen::Index first_y = column(window.first_y);
-  to[0] = albedo_(first_y, first_x);
+  to[0] = albedo_(window.first_y, window.first_x);
   // The nearest line, and half if there is one.
   const auto write_nearest = [&](const std::vector<double>& lines, const size_t* seen, size_t size, double at,
                                  double* place) {
@@ -305,17 +311,17 @@ void UnitCells::Write(const Window& window, double x, double y, size_t num_x, si
   double* next = to + 5 * stride;
   for (size_t i = 0; i < window.num_x; ++i) {
     next[2 * i * stride] = x_[window.x[i]];
-    next[(2 * i + 1) * stride] = step_x_(first_y, column(window.x[i]));
+    next[(2 * i + 1) * stride] = step_x_(window.first_y, window.x[i]);
   }
   next += 2 * num_x * stride;
   for (size_t j = 0; j < window.num_y; ++j) {
     next[2 * j * stride] = y_[window.y[j]];
-    next[(2 * j + 1) * stride] = step_y_(column(window.y[j]), first_x);
+    next[(2 * j + 1) * stride] = step_y_(window.y[j], window.first_x);
   }
   next += 2 * num_y * stride;
   for (size_t j = 0; j < window.num_y; ++j) {
     for (size_t i = 0; i < window.num_x; ++i) {
-      next[(j * num_x + i) * stride] = twist_(column(window.y[j]), column(window.x[i]));
+      next[(j * num_x + i) * stride] = twist_(window.y[j], window.x[i]);
     }
   }
 }

@@ -43,12 +43,20 @@ class UnitCells {
   void Write(const Window& window, double x, double y, size_t num_x, size_t num_y, size_t stride, double* to) const;
 
  private:
+  // By (row of cells or line, column of cells or line), row by row.
+  struct Table {
+    size_t num_columns = 0;
+    std::vector<double> values;
+    explicit Table(const Eigen::MatrixXd& matrix);
+    double operator()(size_t row, size_t column) const { return values[row * num_columns + column]; }
+  };
+
   std::vector<double> x_;
   std::vector<double> y_;
-  Eigen::MatrixXd albedo_;
-  Eigen::MatrixXd step_x_;  // From the cell below line i to the one above it, by (row of cells, i).
-  Eigen::MatrixXd step_y_;  // By (j, column of cells).
-  Eigen::MatrixXd twist_;   // Of the four cells about where lines j and i meet: what they have beyond the two steps.
+  Table albedo_;
+  Table step_x_;  // From the cell below line i to the one above it, by (row of cells, i).
+  Table step_y_;  // By (j, column of cells).
+  Table twist_;   // Of the four cells about where lines j and i meet: what they have beyond the two steps.
 };
 
 // Pixels as a structure of arrays, padded to a multiple of the lanes with pixels that do not count.
