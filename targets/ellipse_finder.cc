@@ -12,6 +12,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/units.h"
+#include "targets/light_areas.h"
 
 namespace heba {
 
@@ -41,6 +42,11 @@ std::string EllipseFinderOptions::Check() const {
 }
 
 namespace {
+
+// Outlines of so many points may have parts that do not belong to the dot,
+constexpr size_t kMinPointsToSpare = 60;
+// unless they are as smooth as pixels allow.
+constexpr double kSmoothPx = 0.6;
 
 struct Candidate {
   FoundEllipse found;
@@ -90,72 +96,192 @@ struct ContourFit {
   double roughness_px;  // RMS distance of the contour from it.
 };
 
-// The ellipse around the pixels of which `contour` has the outermost ones. A large one may have a part missing.
-std::optional<ContourFit> FitContour(const std::vector<cv::Point>& contour) {
-  std::vector<cv::Point> used = contour;
-  constexpr size_t kMinPointsToSpare = 60;
-  for (int round = 0;; ++round) {
-    const cv::RotatedRect fit = cv::fitEllipse(used);
-    const Eigen::Vector2d centre(fit.center.x, fit.center.y);
-    const double angle_rad = fit.angle * kPi / 180;
-    // The contour runs through the centres of the outermost pixels.
-    const double semi_a = fit.size.width / 2;
-    const double semi_b = fit.size.height / 2;
-    if (!std::isfinite(semi_a) || !std::isfinite(semi_b) || semi_a > 1e4 || semi_b > 1e4) return std::nullopt;
-    const Ellipse through = Ellipse::FromAxes(centre, std::max(semi_a, 0.5), std::max(semi_b, 0.5), angle_rad);
-    const auto distance_px = [&](const cv::Point& point) {
-      const Eigen::Vector2d u = Eigen::Vector2d(point.x, point.y) - centre;
-      const double rho = std::sqrt(u.dot(through.shape * u));
-      return rho > 1e-9 ? std::abs(rho - 1) * rho / (through.shape * u).norm() : through.RadiusPx();
-    };
+// Root mean square of the distances of points from an outline, to first order.
+class OutlineDistance {
+ public:
+  explicit OutlineDistance(const Ellipse& outline)
+      : x_(outline.centre_px.x()),
+        y_(outline.centre_px.y()),
+        xx_(outline.shape(0, 0)),
+        xy_(outline.shape(0, 1)),
+        yy_(outline.shape(1, 1)),
+        radius_px_(outline.RadiusPx()) {}
+
+  double SquarePx2(const cv::Point& point) const {
+    const double dx = point.x - x_;
+    const double dy = point.y - y_;
+    const double mx = xx_ * dx + xy_ * dy;
+    const double my = xy_ * dx + yy_ * dy;
+    const double square = mx * dx + my * dy;
+    if (square < 1e-18) return radius_px_ * radius_px_;
+    const double off = square - std::sqrt(square);
+    return off * off / (mx * mx + my * my);
+  }
+  double RmsPx(const std::vector<cv::Point>& points) const {
     double sum_square = 0;
-    for (const cv::Point& point : used) sum_square += std::pow(distance_px(point), 2);
-    const double roughness_px = std::sqrt(sum_square / static_cast<double>(used.size()));
-    if (contour.size() < kMinPointsToSpare || roughness_px < 0.6 || round == 3) {
-      return ContourFit{Ellipse::FromAxes(centre, semi_a + 0.5, semi_b + 0.5, angle_rad), roughness_px};
-    }
+    for (const cv::Point& point : points) sum_square += SquarePx2(point);
+    return std::sqrt(sum_square / static_cast<double>(points.size()));
+  }
+
+ private:
+  double x_;
+  double y_;
+  double xx_;
+  double xy_;
+  double yy_;
+  double radius_px_;
+};
+
+struct OutlineFit {
+  Ellipse ellipse;      // Around the pixels of which the outline has the outermost ones.
+  double roughness_px;  // RMS distance of the outline from it.
+};
+
+// The ellipse through the centres of outermost pixels, as one around the pixels.
+Ellipse Around(const Ellipse& through) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(through.shape);
+  const Eigen::Vector2d semi_axes_px = solver.eigenvalues().cwiseSqrt().cwiseInverse().array() + 0.5;
+  const Eigen::Matrix2d& axes = solver.eigenvectors();
+  return {through.centre_px, axes * semi_axes_px.cwiseAbs2().cwiseInverse().asDiagonal() * axes.transpose()};
+}
+
+// The ellipse with the area's moments to the second.
+struct MomentEllipse {
+  Ellipse ellipse;
+  double area_px2;
+  double fill;  // The area by the ellipse's: 1 for ellipses, less for everything else.
+};
+
+// Of the polygon `outline`, clockwise in the picture. Nothing if it has no area.
+std::optional<MomentEllipse> FitMoments(const std::vector<cv::Point>& outline) {
+  const cv::Point origin = outline.front();
+  int64_t sum = 0;
+  int64_t sum_x = 0;
+  int64_t sum_y = 0;
+  int64_t sum_xx = 0;
+  int64_t sum_xy = 0;
+  int64_t sum_yy = 0;
+  cv::Point a = outline.back() - origin;
+  for (const cv::Point& point : outline) {
+    const cv::Point b = point - origin;
+    const int64_t cross = static_cast<int64_t>(a.x) * b.y - static_cast<int64_t>(b.x) * a.y;
+    sum += cross;
+    sum_x += cross * (a.x + b.x);
+    sum_y += cross * (a.y + b.y);
+    sum_xx += cross * (a.x * a.x + a.x * b.x + b.x * b.x);
+    sum_xy += cross * (2 * a.x * a.y + a.x * b.y + b.x * a.y + 2 * b.x * b.y);
+    sum_yy += cross * (a.y * a.y + a.y * b.y + b.y * b.y);
+    a = b;
+  }
+  if (sum <= 0) return std::nullopt;
+  const auto twice_area = static_cast<double>(sum);
+  const Eigen::Vector2d centre =
+      Eigen::Vector2d(static_cast<double>(sum_x), static_cast<double>(sum_y)) / (3 * twice_area);
+  Eigen::Matrix2d covariance;
+  covariance << 2 * static_cast<double>(sum_xx), static_cast<double>(sum_xy), static_cast<double>(sum_xy),
+      2 * static_cast<double>(sum_yy);
+  covariance /= 12 * twice_area;
+  covariance -= centre * centre.transpose();
+  const double determinant = covariance.determinant();
+  if (!(determinant > 1e-9) || !(covariance(0, 0) > 0)) return std::nullopt;
+  MomentEllipse moments;
+  moments.ellipse = {centre + Eigen::Vector2d(origin.x, origin.y), 0.25 * covariance.inverse()};
+  moments.area_px2 = 0.5 * twice_area;
+  moments.fill = moments.area_px2 / (4 * kPi * std::sqrt(determinant));
+  return moments;
+}
+
+// The conic a x^2 + b x y + c y^2 + d x + e y = 1, about a place within and in units of `radius_px`, that is nearest to
+// the points in the least squares of its equation. Nothing if it is no ellipse.
+std::optional<Ellipse> FitConic(const std::vector<cv::Point>& points, const Eigen::Vector2d& within_px,
+                                double radius_px) {
+  using Row = Eigen::Matrix<double, 5, 1>;
+  Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
+  Row sum = Row::Zero();
+  for (const cv::Point& point : points) {
+    const double x = (point.x - within_px.x()) / radius_px;
+    const double y = (point.y - within_px.y()) / radius_px;
+    const Row row(x * x, x * y, y * y, x, y);
+    normal.noalias() += row * row.transpose();
+    sum += row;
+  }
+  const Row conic = normal.ldlt().solve(sum);
+  Eigen::Matrix2d shape;
+  shape << conic[0], 0.5 * conic[1], 0.5 * conic[1], conic[2];
+  if (!(shape.determinant() > 1e-6) || !(conic[0] > 0)) return std::nullopt;
+  const Eigen::Vector2d centre = -0.5 * shape.inverse() * conic.tail<2>();
+  shape /= 1 + centre.dot(shape * centre);
+  return Ellipse{within_px + radius_px * centre, shape / (radius_px * radius_px)};
+}
+
+// The ellipse through most of the points of `outline`, a large one of which a part may be missing; `whole` is through
+// all of them.
+std::optional<OutlineFit> FitMost(const std::vector<cv::Point>& outline, const Ellipse& whole) {
+  const double radius_px = whole.RadiusPx();
+  std::vector<cv::Point> used = outline;
+  std::vector<std::pair<double, size_t>> distances(outline.size());
+  constexpr int kMaxRounds = 4;
+  for (int round = 1;; ++round) {
+    const std::optional<Ellipse> through = FitConic(used, whole.centre_px, radius_px);
+    if (!through) return std::nullopt;
+    const OutlineDistance distance(*through);
+    const double roughness_px = distance.RmsPx(used);
+    if (roughness_px < kSmoothPx || round == kMaxRounds) return OutlineFit{Around(*through), roughness_px};
     // The points that are nearest to the last ellipse, four fifths of them.
-    used = contour;
-    const auto last = used.begin() + static_cast<std::ptrdiff_t>(used.size() * 4 / 5);
-    std::nth_element(used.begin(), last, used.end(),
-                     [&](const cv::Point& a, const cv::Point& b) { return distance_px(a) < distance_px(b); });
-    used.erase(last, used.end());
+    for (size_t i = 0; i < outline.size(); ++i) distances[i] = {distance.SquarePx2(outline[i]), i};
+    const size_t num_used = outline.size() * 4 / 5;
+    std::nth_element(distances.begin(), distances.begin() + static_cast<std::ptrdiff_t>(num_used), distances.end());
+    used.clear();
+    for (size_t i = 0; i < num_used; ++i) used.push_back(outline[distances[i].second]);
   }
 }
 
-// Contours of the light areas of `binary`, as candidates in the pixels of the picture `grey` (light dots), of which
-// `binary` is a version smaller by `scale`.
-void AddCandidates(const cv::Mat& grey, const cv::Mat& binary, int scale, const EllipseFinderOptions& options,
-                   std::vector<Candidate>* candidates) {
-  std::vector<std::vector<cv::Point>> contours;
-  cv::findContours(binary, contours, cv::RETR_LIST, cv::CHAIN_APPROX_NONE);
+// Areas of the pixels of `level` above `threshold`, as candidates in the pixels of the picture `grey` (light dots), of
+// which `level` is a version smaller by `scale`.
+void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int scale,
+                   const EllipseFinderOptions& options, std::vector<Candidate>* candidates) {
   // Of a pyramid's level, the dots that the next level cannot show better, with a wide overlap.
   const double min_px = scale == 1 ? options.min_diameter_px : 10.0 * scale;
-  for (const std::vector<cv::Point>& contour : contours) {
-    if (contour.size() < 6) continue;
-    const cv::Rect box = cv::boundingRect(contour);
-    const double long_side_px = scale * std::max(box.width, box.height);
-    if (long_side_px < min_px || long_side_px > options.max_diameter_px + 2) continue;
-    if (box.x <= 0 || box.y <= 0 || box.x + box.width >= binary.cols || box.y + box.height >= binary.rows) continue;
-    // A chain of n pixels turns once around an area of about n^2 / 4 pi if it is round.
-    const double num_points = static_cast<double>(contour.size());
-    // OpenCV runs around a hole in the other sense.
-    const double signed_area = cv::contourArea(contour, true);
-    if (signed_area >= 0) continue;
-    const double area = -signed_area + num_points / 2 + 1;  // Pick's theorem: the number of pixels.
-    if (area < 0.3 * box.width * box.height) continue;
-    if (num_points > 2.6 * (box.width + box.height)) continue;
+  const std::vector<LightArea> areas =
+      FindLightAreas(level, threshold, static_cast<int>(std::ceil(min_px / scale)),
+                     static_cast<int>(std::floor((options.max_diameter_px + 2) / scale)));
+  std::vector<cv::Point> outline;
+  for (const LightArea& area : areas) {
+    const double box_area = area.box.width * area.box.height;
+    // Without holes that light or dirt make.
+    if (area.num_pixels < 0.15 * box_area) continue;
+    const double long_side = std::max(area.box.width, area.box.height);
+    const double short_side = std::min(area.box.width, area.box.height);
+    if (long_side > options.max_axis_ratio * (short_side + 1.5)) continue;
+    const auto most_points = static_cast<size_t>(2.6 * (area.box.width + area.box.height));
+    if (!TraceOutline(level, threshold, area.first, most_points, &outline) || outline.size() < 6) continue;
+    const std::optional<MomentEllipse> moments = FitMoments(outline);
+    if (!moments) continue;
+    const double num_pixels = moments->area_px2 + 0.5 * static_cast<double>(outline.size()) + 1;  // Pick's theorem.
+    if (num_pixels < 0.3 * box_area) continue;
+    const bool has_spare_points = outline.size() >= kMinPointsToSpare;
+    // Of a dot from which noise or glare has taken a part, or to which a line leads.
+    constexpr double kMinFill = 0.5;
+    constexpr size_t kMinPointsForMoments = 24;
+    if (outline.size() >= kMinPointsForMoments && moments->fill < kMinFill) continue;
 
-    const std::optional<ContourFit> fit = FitContour(contour);
-    if (!fit) continue;
-    const Eigen::Vector2d axes = fit->ellipse.SemiAxesPx();
+    // Of few pixels the moments are those of a polygon, the conic those of a curve.
+    Ellipse through = moments->ellipse;
+    if (!has_spare_points) through = FitConic(outline, through.centre_px, through.RadiusPx()).value_or(through);
+    OutlineFit fit{Around(through), OutlineDistance(through).RmsPx(outline)};
+    if (has_spare_points && fit.roughness_px >= kSmoothPx) {
+      const std::optional<OutlineFit> most = FitMost(outline, moments->ellipse);
+      if (!most) continue;
+      fit = *most;
+    }
+    const double radius = fit.ellipse.RadiusPx();
+    if (fit.roughness_px > 0.4 + 0.03 * radius) continue;
+    const Eigen::Vector2d axes = fit.ellipse.SemiAxesPx();
     if (2 * axes.y() * scale < options.min_diameter_px || 2 * axes.x() * scale > options.max_diameter_px) continue;
     if (axes.x() > options.max_axis_ratio * axes.y()) continue;
     const double area_tolerance = 0.08 + 0.7 / axes.y();
-    if (std::abs(area / (kPi * axes.x() * axes.y()) - 1) > area_tolerance) continue;
-    const double roughness = fit->roughness_px;
-    if (roughness > 0.4 + 0.03 * fit->ellipse.RadiusPx()) continue;
-    Ellipse ellipse = fit->ellipse;
+    if (std::abs(num_pixels / (kPi * axes.x() * axes.y()) - 1) > area_tolerance) continue;
+    Ellipse ellipse = fit.ellipse;
 
     // To the pixels of the whole picture.
     ellipse.centre_px = (ellipse.centre_px.array() + 0.5) * scale - 0.5;
@@ -172,7 +298,7 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& binary, int scale, const 
     int num_steps = 0;
     for (int i = 0; i < Rays::kNumRays; ++i) num_steps += rays.inside[i] - rays.outside[i] > 0.25 * contrast ? 1 : 0;
     if (num_steps < 0.8 * Rays::kNumRays) continue;
-    const double relative_roughness = scale * roughness / ellipse.RadiusPx();
+    const double relative_roughness = fit.roughness_px / radius;
     candidates->push_back({{ellipse, contrast}, contrast / (1 + 5 * relative_roughness)});
   }
 }
@@ -265,18 +391,16 @@ std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderO
     // Noise has no part in outlines, and takes long to follow.
     cv::Mat smooth;
     cv::GaussianBlur(level, smooth, cv::Size(3, 3), 0, 0, cv::BORDER_REPLICATE);
-    cv::Mat binary;
     for (const int threshold : GlobalLevels(smooth)) {
-      cv::threshold(smooth, binary, threshold, 255, cv::THRESH_BINARY);
-      AddCandidates(light_dots, binary, scale, options, &candidates);
+      AddCandidates(light_dots, smooth, threshold, scale, options, &candidates);
     }
     for (const int window_px : {scale == 1 ? 11 : 61, 25}) {
       // Lighter than around by more than noise.
       cv::Mat mean;
       cv::boxFilter(smooth, mean, -1, cv::Size(window_px, window_px), cv::Point(-1, -1), true, cv::BORDER_REPLICATE);
-      cv::subtract(smooth, mean, binary);
-      cv::threshold(binary, binary, std::max(4.0, options.min_contrast_grey / 2), 255, cv::THRESH_BINARY);
-      AddCandidates(light_dots, binary, scale, options, &candidates);
+      cv::subtract(smooth, mean, mean);
+      const int threshold = static_cast<int>(std::max(4.0, options.min_contrast_grey / 2));
+      AddCandidates(light_dots, mean, threshold, scale, options, &candidates);
     }
   }
   return Cluster(std::move(candidates), options.polarity);
