@@ -8,11 +8,14 @@
 #include <numeric>
 
 #include <Eigen/Dense>
+#include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
 #include "heba/base/units.h"
+#include "targets/blurred_ellipse.h"
 #include "targets/light_areas.h"
+#include "targets/rough_turn.h"
 
 namespace heba {
 
@@ -72,31 +75,37 @@ struct Rays {
   std::array<double, kNumRays> outside;
 };
 
+const std::array<Eigen::Vector2d, Rays::kNumRays>& RayDirections() {
+  static const std::array<Eigen::Vector2d, Rays::kNumRays> directions = [] {
+    std::array<Eigen::Vector2d, Rays::kNumRays> all;
+    for (int i = 0; i < Rays::kNumRays; ++i) {
+      const double angle = 2 * kPi * i / Rays::kNumRays;
+      all[static_cast<size_t>(i)] = {std::cos(angle), std::sin(angle)};
+    }
+    return all;
+  }();
+  return directions;
+}
+
 Rays SampleRays(const cv::Mat& grey, const Ellipse& ellipse) {
   const Eigen::Matrix2d axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(ellipse.shape).operatorInverseSqrt();
   Rays rays;
-  for (int i = 0; i < Rays::kNumRays; ++i) {
-    const double angle = 2 * kPi * i / Rays::kNumRays;
-    const Eigen::Vector2d arm = axes * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-    const double step_px = std::min(1.5, 0.5 * arm.norm());
-    const Eigen::Vector2d direction = arm.normalized();
-    rays.inside[i] = Bilinear(grey, ellipse.centre_px + arm - step_px * direction);
-    rays.outside[i] = Bilinear(grey, ellipse.centre_px + arm + 1.5 * direction);
+  for (size_t i = 0; i < Rays::kNumRays; ++i) {
+    const Eigen::Vector2d arm = axes * RayDirections()[i];
+    const double length_px = arm.norm();
+    const double step_px = std::min(1.5, 0.5 * length_px);
+    rays.inside[i] = Bilinear(grey, ellipse.centre_px + (1 - step_px / length_px) * arm);
+    rays.outside[i] = Bilinear(grey, ellipse.centre_px + (1 + 1.5 / length_px) * arm);
   }
   return rays;
 }
 
-double Quantile(std::array<double, Rays::kNumRays> values, double share) {
-  std::sort(values.begin(), values.end());
-  return values[static_cast<size_t>(std::lround(share * (values.size() - 1)))];
+double Median(std::array<double, Rays::kNumRays> values) {
+  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
+  return values[values.size() / 2];
 }
 
-struct ContourFit {
-  Ellipse ellipse;
-  double roughness_px;  // RMS distance of the contour from it.
-};
-
-// Root mean square of the distances of points from an outline, to first order.
+// How far points are from an outline, to first order.
 class OutlineDistance {
  public:
   explicit OutlineDistance(const Ellipse& outline)
@@ -137,13 +146,19 @@ struct OutlineFit {
   double roughness_px;  // RMS distance of the outline from it.
 };
 
-// The ellipse through the centres of outermost pixels, as one around the pixels.
-Ellipse Around(const Ellipse& through) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(through.shape);
-  const Eigen::Vector2d semi_axes_px = solver.eigenvalues().cwiseSqrt().cwiseInverse().array() + 0.5;
+// Of an outline that is taken for an ellipse's.
+double MaxRoughnessPx(double radius_px) { return 0.4 + 0.03 * radius_px; }
+
+// Its semi-axes longer by `step_px`.
+Ellipse Grown(const Ellipse& ellipse, double step_px) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(ellipse.shape);
+  const Eigen::Vector2d semi_axes_px = solver.eigenvalues().cwiseSqrt().cwiseInverse().array() + step_px;
   const Eigen::Matrix2d& axes = solver.eigenvectors();
-  return {through.centre_px, axes * semi_axes_px.cwiseAbs2().cwiseInverse().asDiagonal() * axes.transpose()};
+  return {ellipse.centre_px, axes * semi_axes_px.cwiseAbs2().cwiseInverse().asDiagonal() * axes.transpose()};
 }
+
+// Around the pixels of which it goes through the centres.
+Ellipse Around(const Ellipse& through) { return Grown(through, 0.5); }
 
 // The ellipse with the area's moments to the second.
 struct MomentEllipse {
@@ -196,16 +211,37 @@ std::optional<MomentEllipse> FitMoments(const std::vector<cv::Point>& outline) {
 std::optional<Ellipse> FitConic(const std::vector<cv::Point>& points, const Eigen::Vector2d& within_px,
                                 double radius_px) {
   using Row = Eigen::Matrix<double, 5, 1>;
-  Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
-  Row sum = Row::Zero();
+  Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();  // Its lower half.
+  double sum_x = 0;
+  double sum_y = 0;
   for (const cv::Point& point : points) {
     const double x = (point.x - within_px.x()) / radius_px;
     const double y = (point.y - within_px.y()) / radius_px;
-    const Row row(x * x, x * y, y * y, x, y);
-    normal.noalias() += row * row.transpose();
-    sum += row;
+    const double xx = x * x;
+    const double xy = x * y;
+    const double yy = y * y;
+    normal(0, 0) += xx * xx;
+    normal(1, 0) += xx * xy;
+    normal(1, 1) += xy * xy;
+    normal(2, 1) += xy * yy;
+    normal(2, 2) += yy * yy;
+    normal(3, 0) += xx * x;
+    normal(3, 1) += xx * y;
+    normal(4, 1) += x * yy;
+    normal(4, 2) += yy * y;
+    normal(3, 3) += xx;
+    normal(4, 3) += xy;
+    normal(4, 4) += yy;
+    sum_x += x;
+    sum_y += y;
   }
-  const Row conic = normal.ldlt().solve(sum);
+  // The same sums elsewhere.
+  normal(2, 0) = normal(1, 1);
+  normal(4, 0) = normal(3, 1);
+  normal(3, 2) = normal(4, 1);
+  const Row sum(normal(3, 3), normal(4, 3), normal(4, 4), sum_x, sum_y);
+  const Row conic = normal.llt().solve(sum);
+  if (!conic.allFinite()) return std::nullopt;
   Eigen::Matrix2d shape;
   shape << conic[0], 0.5 * conic[1], 0.5 * conic[1], conic[2];
   if (!(shape.determinant() > 1e-6) || !(conic[0] > 0)) return std::nullopt;
@@ -214,12 +250,22 @@ std::optional<Ellipse> FitConic(const std::vector<cv::Point>& points, const Eige
   return Ellipse{within_px + radius_px * centre, shape / (radius_px * radius_px)};
 }
 
-// The ellipse through most of the points of `outline`, a large one of which a part may be missing; `whole` is through
+// Leaves out most points of long outlines: some tell enough.
+void Thin(std::vector<cv::Point>* outline) {
+  constexpr size_t kEnough = 60;
+  const size_t stride = outline->size() / kEnough;
+  if (stride < 2) return;
+  size_t size = 0;
+  for (size_t i = 0; i < outline->size(); i += stride) (*outline)[size++] = (*outline)[i];
+  outline->resize(size);
+}
+
+// The ellipse through most of `points`, those of a large outline of which a part may be missing; `whole` is through
 // all of them.
-std::optional<OutlineFit> FitMost(const std::vector<cv::Point>& outline, const Ellipse& whole) {
+std::optional<OutlineFit> FitMost(const std::vector<cv::Point>& points, const Ellipse& whole) {
   const double radius_px = whole.RadiusPx();
-  std::vector<cv::Point> used = outline;
-  std::vector<std::pair<double, size_t>> distances(outline.size());
+  std::vector<cv::Point> used = points;
+  std::vector<std::pair<double, size_t>> distances(points.size());
   constexpr int kMaxRounds = 4;
   for (int round = 1;; ++round) {
     const std::optional<Ellipse> through = FitConic(used, whole.centre_px, radius_px);
@@ -227,24 +273,27 @@ std::optional<OutlineFit> FitMost(const std::vector<cv::Point>& outline, const E
     const OutlineDistance distance(*through);
     const double roughness_px = distance.RmsPx(used);
     if (roughness_px < kSmoothPx || round == kMaxRounds) return OutlineFit{Around(*through), roughness_px};
+    // A round that leaves out what is farthest makes it smaller by half, about.
+    constexpr double kHopeless = 4;
+    if (round > 1 && roughness_px > kHopeless * MaxRoughnessPx(radius_px)) return std::nullopt;
     // The points that are nearest to the last ellipse, four fifths of them.
-    for (size_t i = 0; i < outline.size(); ++i) distances[i] = {distance.SquarePx2(outline[i]), i};
-    const size_t num_used = outline.size() * 4 / 5;
+    for (size_t i = 0; i < points.size(); ++i) distances[i] = {distance.SquarePx2(points[i]), i};
+    const size_t num_used = points.size() * 4 / 5;
     std::nth_element(distances.begin(), distances.begin() + static_cast<std::ptrdiff_t>(num_used), distances.end());
     used.clear();
-    for (size_t i = 0; i < num_used; ++i) used.push_back(outline[distances[i].second]);
+    for (size_t i = 0; i < num_used; ++i) used.push_back(points[distances[i].second]);
   }
 }
 
 // Areas of the pixels of `level` above `threshold`, as candidates in the pixels of the picture `grey` (light dots), of
-// which `level` is a version smaller by `scale`.
-void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int scale,
+// which `level` is a version smaller by `scale`; `is_last` if there is none that is smaller still.
+void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int scale, bool is_last,
                    const EllipseFinderOptions& options, std::vector<Candidate>* candidates) {
-  // Of a pyramid's level, the dots that the next level cannot show better, with a wide overlap.
+  // Of a pyramid's level, the dots that neither the last nor the next level can show better, with a wide overlap.
   const double min_px = scale == 1 ? options.min_diameter_px : 10.0 * scale;
-  const std::vector<LightArea> areas =
-      FindLightAreas(level, threshold, static_cast<int>(std::ceil(min_px / scale)),
-                     static_cast<int>(std::floor((options.max_diameter_px + 2) / scale)));
+  const double max_px = std::min(options.max_diameter_px + 2, is_last ? 1e9 : 64.0 * scale);
+  const std::vector<LightArea> areas = FindLightAreas(level, threshold, static_cast<int>(std::ceil(min_px / scale)),
+                                                      static_cast<int>(std::floor(max_px / scale)));
   std::vector<cv::Point> outline;
   for (const LightArea& area : areas) {
     const double box_area = area.box.width * area.box.height;
@@ -259,23 +308,30 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
     if (!moments) continue;
     const double num_pixels = moments->area_px2 + 0.5 * static_cast<double>(outline.size()) + 1;  // Pick's theorem.
     if (num_pixels < 0.3 * box_area) continue;
-    const bool has_spare_points = outline.size() >= kMinPointsToSpare;
+    const size_t num_points = outline.size();
+    const bool has_spare_points = num_points >= kMinPointsToSpare;
     // Of a dot from which noise or glare has taken a part, or to which a line leads.
     constexpr double kMinFill = 0.5;
     constexpr size_t kMinPointsForMoments = 24;
-    if (outline.size() >= kMinPointsForMoments && moments->fill < kMinFill) continue;
+    if (num_points >= kMinPointsForMoments && moments->fill < kMinFill) continue;
 
-    // Of few pixels the moments are those of a polygon, the conic those of a curve.
+    Thin(&outline);
     Ellipse through = moments->ellipse;
-    if (!has_spare_points) through = FitConic(outline, through.centre_px, through.RadiusPx()).value_or(through);
-    OutlineFit fit{Around(through), OutlineDistance(through).RmsPx(outline)};
+    double roughness_px = OutlineDistance(through).RmsPx(outline);
+    // Of few pixels the moments are those of a polygon, the conic those of a curve.
+    constexpr double kAsGoodPx = 0.4;
+    if (!has_spare_points && (num_points < kMinPointsForMoments || roughness_px > kAsGoodPx)) {
+      through = FitConic(outline, through.centre_px, through.RadiusPx()).value_or(through);
+      roughness_px = OutlineDistance(through).RmsPx(outline);
+    }
+    OutlineFit fit{Around(through), roughness_px};
     if (has_spare_points && fit.roughness_px >= kSmoothPx) {
       const std::optional<OutlineFit> most = FitMost(outline, moments->ellipse);
       if (!most) continue;
       fit = *most;
     }
     const double radius = fit.ellipse.RadiusPx();
-    if (fit.roughness_px > 0.4 + 0.03 * radius) continue;
+    if (fit.roughness_px > MaxRoughnessPx(radius)) continue;
     const Eigen::Vector2d axes = fit.ellipse.SemiAxesPx();
     if (2 * axes.y() * scale < options.min_diameter_px || 2 * axes.x() * scale > options.max_diameter_px) continue;
     if (axes.x() > options.max_axis_ratio * axes.y()) continue;
@@ -292,7 +348,7 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
       continue;
     }
     const Rays rays = SampleRays(grey, ellipse);
-    const double contrast = Quantile(rays.inside, 0.5) - Quantile(rays.outside, 0.5);
+    const double contrast = Median(rays.inside) - Median(rays.outside);
     if (contrast < options.min_contrast_grey) continue;
     // The step is there all around.
     int num_steps = 0;
@@ -341,11 +397,13 @@ std::vector<FoundEllipse> Cluster(std::vector<Candidate> candidates, DotPolarity
 // Levels between the picture's dark and light ends, so that about each brightness step of a tenth of them is crossed.
 std::vector<int> GlobalLevels(const cv::Mat& grey) {
   std::array<int64_t, 256> histogram{};
-  for (int row = 0; row < grey.rows; ++row) {
+  constexpr int kEnoughRows = 256;
+  const int stride = std::max(1, grey.rows / kEnoughRows);
+  int64_t total = 0;
+  for (int row = stride / 2; row < grey.rows; row += stride, total += grey.cols) {
     const uchar* line = grey.ptr<uchar>(row);
     for (int column = 0; column < grey.cols; ++column) ++histogram[line[column]];
   }
-  const int64_t total = static_cast<int64_t>(grey.rows) * grey.cols;
   const auto level_at = [&](double share) {
     int64_t sum = 0;
     for (int level = 0; level < 256; ++level) {
@@ -365,12 +423,50 @@ std::vector<int> GlobalLevels(const cv::Mat& grey) {
   return levels;
 }
 
+// Half as large; of an odd number of rows or columns the last is left out. Empty if there is but one.
+cv::Mat Halved(const cv::Mat& grey) {
+  if (grey.cols < 2 || grey.rows < 2) return {};
+  cv::Mat half;
+  const cv::Rect even(0, 0, grey.cols / 2 * 2, grey.rows / 2 * 2);
+  cv::resize(grey(even), half, cv::Size(grey.cols / 2, grey.rows / 2), 0, 0, cv::INTER_AREA);
+  return half;
+}
+
+// a less what `half`, of half its size, has there; 0 where that is more, and in an odd last row and column.
+void SubtractDoubled(const cv::Mat& a, const cv::Mat& half, cv::Mat* difference) {
+  constexpr int kLanes = cv::v_uint8x16::nlanes;
+  difference->create(a.size(), CV_8UC1);
+  for (int row = 0; row < a.rows; ++row) {
+    const uchar* const from = a.ptr<uchar>(row);
+    uchar* const to = difference->ptr<uchar>(row);
+    if (row / 2 >= half.rows) {
+      std::fill_n(to, a.cols, uchar{0});
+      continue;
+    }
+    const uchar* const less = half.ptr<uchar>(row / 2);
+    int k = 0;
+    for (; k + kLanes <= half.cols; k += kLanes) {
+      const cv::v_uint8x16 once = cv::v_load(less + k);
+      cv::v_uint8x16 first;
+      cv::v_uint8x16 second;
+      cv::v_zip(once, once, first, second);
+      cv::v_store(to + 2 * k, cv::v_load(from + 2 * k) - first);
+      cv::v_store(to + 2 * k + kLanes, cv::v_load(from + 2 * k + kLanes) - second);
+    }
+    for (; k < half.cols; ++k) {
+      to[2 * k] = static_cast<uchar>(std::max(from[2 * k] - less[k], 0));
+      to[2 * k + 1] = static_cast<uchar>(std::max(from[2 * k + 1] - less[k], 0));
+    }
+    if (a.cols > 2 * half.cols) to[a.cols - 1] = 0;
+  }
+}
+
 }  // namespace
 
 std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderOptions& options) {
   CHECK_EQ(grey.type(), CV_8UC1);
   CHECK(options.Check().empty()) << options.Check();
-  if (grey.cols < 8 || grey.rows < 8) return {};
+  if (grey.cols < 24 || grey.rows < 24) return {};
   cv::Mat light_dots;
   if (options.polarity == DotPolarity::kDarkOnLight) {
     cv::bitwise_not(grey, light_dots);
@@ -379,105 +475,36 @@ std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderO
   }
 
   std::vector<Candidate> candidates;
+  const int local_threshold = static_cast<int>(std::max(4.0, options.min_contrast_grey / 2));
   cv::Mat level = light_dots;
-  for (int scale = 1; level.cols >= 24 && level.rows >= 24 && scale * 10 <= options.max_diameter_px; scale *= 2) {
-    if (scale > 1) {
-      cv::Mat smaller;
-      // Pairs of pixels: an odd last row or column is left out.
-      const cv::Rect even(0, 0, level.cols / 2 * 2, level.rows / 2 * 2);
-      cv::resize(level(even), smaller, cv::Size(level.cols / 2, level.rows / 2), 0, 0, cv::INTER_AREA);
-      level = smaller;
-    }
+  cv::Mat smooth;
+  cv::Mat mean;
+  cv::Mat lighter;
+  for (int scale = 1; !level.empty(); scale *= 2) {
+    const cv::Mat half = Halved(level);
+    const bool is_last = half.cols < 24 || half.rows < 24 || 2 * scale * 10 > options.max_diameter_px;
+    const auto add = [&](const cv::Mat& picture, int threshold) {
+      AddCandidates(light_dots, picture, threshold, scale, is_last, options, &candidates);
+    };
     // Noise has no part in outlines, and takes long to follow.
-    cv::Mat smooth;
     cv::GaussianBlur(level, smooth, cv::Size(3, 3), 0, 0, cv::BORDER_REPLICATE);
-    for (const int threshold : GlobalLevels(smooth)) {
-      AddCandidates(light_dots, smooth, threshold, scale, options, &candidates);
+    for (const int threshold : GlobalLevels(smooth)) add(smooth, threshold);
+    // Lighter than around by more than noise, in windows of half the pixels: small dots in narrow ones.
+    for (const int window_px : scale == 1 ? std::array{5, 13} : std::array{13, 31}) {
+      cv::boxFilter(half, mean, -1, cv::Size(window_px, window_px), cv::Point(-1, -1), true, cv::BORDER_REPLICATE);
+      SubtractDoubled(smooth, mean, &lighter);
+      add(lighter, local_threshold);
     }
-    for (const int window_px : {scale == 1 ? 11 : 61, 25}) {
-      // Lighter than around by more than noise.
-      cv::Mat mean;
-      cv::boxFilter(smooth, mean, -1, cv::Size(window_px, window_px), cv::Point(-1, -1), true, cv::BORDER_REPLICATE);
-      cv::subtract(smooth, mean, mean);
-      const int threshold = static_cast<int>(std::max(4.0, options.min_contrast_grey / 2));
-      AddCandidates(light_dots, mean, threshold, scale, options, &candidates);
-    }
+    if (is_last) break;
+    level = half;
   }
   return Cluster(std::move(candidates), options.polarity);
 }
 
 namespace {
 
-// Parameters of the blurred ellipse.
-enum Parameter {
-  kCentreX,
-  kCentreY,
-  kShapeXX,
-  kShapeXY,
-  kShapeYY,
-  kLogSigma,
-  kOutside,
-  kInside,
-  kLightX,  // Relative to the light at the origin.
-  kLightY,
-  kInsideX,
-  kInsideY,
-  kNumParameters
-};
-using Parameters = Eigen::Matrix<double, kNumParameters, 1>;
-using Normal = Eigen::Matrix<double, kNumParameters, kNumParameters>;
-
-// The brightness that the model gives to a pixel, and its derivatives. The distance from the outline, to first order
-// (exact on the outline and for circles), is (rho - 1) rho / |M u| with rho^2 = u' M u.
-bool Predict(const Parameters& x, const Eigen::Vector2d& pixel, double* grey, Parameters* jacobian) {
-  const Eigen::Vector2d u = pixel - x.head<2>();
-  const Eigen::Vector2d mu(x[kShapeXX] * u.x() + x[kShapeXY] * u.y(), x[kShapeXY] * u.x() + x[kShapeYY] * u.y());
-  const double q = u.dot(mu);
-  const double g = mu.norm();
-  if (!(q > 1e-8) || !(g > 1e-8)) return false;
-  const double rho = std::sqrt(q);
-  const double distance = (q - rho) / g;
-  const double sigma = std::exp(x[kLogSigma]);
-  const double z = distance / sigma;
-  const bool is_flat = std::abs(z) > 7;
-  const double share = is_flat ? (z < 0 ? 1 : 0) : 0.5 * std::erfc(z / std::sqrt(2.0));  // Of the inside.
-  const double light = 1 + x[kLightX] * pixel.x() + x[kLightY] * pixel.y();
-  const double outside = x[kOutside];
-  const double inside = x[kInside] + x[kInsideX] * pixel.x() + x[kInsideY] * pixel.y();
-  const double evenly_lit = outside + (inside - outside) * share;
-  *grey = light * evenly_lit;
-  if (jacobian == nullptr) return true;
-  (*jacobian)[kOutside] = light * (1 - share);
-  (*jacobian)[kLightX] = evenly_lit * pixel.x();
-  (*jacobian)[kLightY] = evenly_lit * pixel.y();
-  (*jacobian)[kInside] = light * share;
-  (*jacobian)[kInsideX] = light * share * pixel.x();
-  (*jacobian)[kInsideY] = light * share * pixel.y();
-  if (is_flat) {
-    jacobian->head<6>().setZero();
-    return true;
-  }
-
-  const double by_z = -light * (inside - outside) * std::exp(-0.5 * z * z) / std::sqrt(2 * kPi);
-  const double by_distance = by_z / sigma;
-  const double by_q = by_distance * (1 - 0.5 / rho) / g;
-  const double by_g = -by_distance * distance / g;
-  // dg = (M u)' d(M u) / g.
-  const Eigen::Vector2d m_mu(x[kShapeXX] * mu.x() + x[kShapeXY] * mu.y(), x[kShapeXY] * mu.x() + x[kShapeYY] * mu.y());
-  jacobian->head<2>() = -2 * by_q * mu - by_g / g * m_mu;
-  (*jacobian)[kShapeXX] = by_q * u.x() * u.x() + by_g / g * mu.x() * u.x();
-  (*jacobian)[kShapeXY] = by_q * 2 * u.x() * u.y() + by_g / g * (mu.x() * u.y() + mu.y() * u.x());
-  (*jacobian)[kShapeYY] = by_q * u.y() * u.y() + by_g / g * mu.y() * u.y();
-  (*jacobian)[kLogSigma] = -by_z * z;
-  return true;
-}
-
-// Huber's cost and weight with the bend at `bend`.
-double HuberCost(double r, double bend) {
-  const double size = std::abs(r);
-  return size <= bend ? r * r : bend * (2 * size - bend);
-}
-double HuberWeight(double r, double bend) { return std::abs(r) <= bend ? 1 : bend / std::abs(r); }
+using Parameters = BlurredEllipseParameters;
+using Normal = decltype(BlurredEllipseSums::normal);
 
 // Keeps a parameter where it is.
 void Hold(int parameter, Normal* normal, Parameters* gradient) {
@@ -530,51 +557,54 @@ class BlurredEllipse {
     const double reach_px = options.next_reach_sigmas * SigmaPx();
     const double num_expected = 4 * kPi * outline.RadiusPx() * margin_px;
     const int stride = std::max(1, static_cast<int>(std::sqrt(num_expected / max_samples)));
-    const Eigen::Vector2d extent = outline.ExtentPx().array() + margin_px + 1;
-    const int x0 = std::max(0, static_cast<int>(std::floor(outline.centre_px.x() - extent.x())));
-    const int x1 = std::min(grey_.cols - 1, static_cast<int>(std::ceil(outline.centre_px.x() + extent.x())));
-    const int y0 = std::max(0, static_cast<int>(std::floor(outline.centre_px.y() - extent.y())));
-    const int y1 = std::min(grey_.rows - 1, static_cast<int>(std::ceil(outline.centre_px.y() + extent.y())));
-    const bool is_float = grey_.type() == CV_32FC1;
-    samples_.clear();
+    const Eigen::Vector2d semi_axes_px = outline.SemiAxesPx();
+    // Larger and smaller ones, beyond and within which there is nothing to take.
+    const double slack_px = 1 + 0.1 * margin_px;
+    const Ellipse outer = Grown(outline, margin_px + slack_px);
+    const double inner_px = semi_axes_px.y() - margin_px - slack_px;
+    const std::optional<Ellipse> inner =
+        inner_px > 0 ? std::optional<Ellipse>(Grown(outline, -margin_px - slack_px)) : std::nullopt;
+    const double extent_px = outer.ExtentPx().y();
+    const int y0 = std::max(0, static_cast<int>(std::floor(outline.centre_px.y() - extent_px)));
+    const int y1 = std::min(grey_.rows - 1, static_cast<int>(std::ceil(outline.centre_px.y() + extent_px)));
+    pixels_.Clear();
+    distances_px_.clear();
+    sectors_.clear();
     for (int row = y0; row <= y1; row += stride) {
-      const uchar* line = grey_.ptr<uchar>(row);
-      for (int column = x0; column <= x1; column += stride) {
-        const Eigen::Vector2d u = Eigen::Vector2d(column, row) - outline.centre_px;
-        const Eigen::Vector2d mu = outline.shape * u;
-        const double rho = std::sqrt(u.dot(mu));
-        const double distance_px = rho > 1e-6 ? (rho - 1) * rho / mu.norm() : -radius_px_;
-        if (std::abs(distance_px) > margin_px) continue;
-        if (options.next_outline_ratio > 0 && rho > 1) {
-          const double gradient = mu.norm() / rho;  // Of rho, 1/px.
-          const double gap_px = (options.next_outline_ratio - 1) / gradient;
-          if ((options.next_outline_ratio - rho) / gradient < std::min(reach_px, 0.5 * gap_px)) continue;
+      const std::optional<Eigen::Vector2d> span = SpanOf(outer, row);
+      if (!span) continue;
+      const int x0 = std::max(0, static_cast<int>(std::floor(span->x())));
+      const int x1 = std::min(grey_.cols - 1, static_cast<int>(std::ceil(span->y())));
+      const std::optional<Eigen::Vector2d> hole = inner ? SpanOf(*inner, row) : std::nullopt;
+      int column = (x0 + stride - 1) / stride * stride;
+      for (; column <= x1; column += stride) {
+        if (hole && column > hole->x() && column < hole->y()) {
+          column = static_cast<int>(std::ceil(hole->y())) / stride * stride;
+          if (column < hole->y()) column += stride;
+          if (column > x1) break;
         }
-        PixelSample sample;
-        sample.pixel = (Eigen::Vector2d(column, row) - origin_px_) / radius_px_;
-        sample.grey = is_float ? grey_.at<float>(row, column) : line[column];
-        sample.distance_px = distance_px;
-        sample.sector = static_cast<int>((std::atan2(u.y(), u.x()) / (2 * kPi) + 0.5) * kNumSectors) % kNumSectors;
-        samples_.push_back(sample);
+        AddPixel(row, column, outline, margin_px, reach_px, options.next_outline_ratio);
       }
     }
+    pixels_.Pad();
+    HidePixels();
   }
 
   // Brightness inside and outside from the samples. False if there are too few.
   bool StartLevels(double margin_px) {
     const double inside_px = std::min(0.5 * margin_px, 0.3 * Outline().SemiAxesPx().y());
     double outside_px = 0;
-    for (const PixelSample& sample : samples_) outside_px = std::max(outside_px, 0.5 * sample.distance_px);
+    for (const double distance_px : distances_px_) outside_px = std::max(outside_px, 0.5 * distance_px);
     double sum_inside = 0;
     double sum_outside = 0;
     int num_inside = 0;
     int num_outside = 0;
-    for (const PixelSample& sample : samples_) {
-      if (sample.distance_px < -inside_px) {
-        sum_inside += sample.grey;
+    for (size_t i = 0; i < pixels_.size(); ++i) {
+      if (distances_px_[i] < -inside_px) {
+        sum_inside += pixels_.grey()[i];
         ++num_inside;
-      } else if (sample.distance_px > outside_px) {
-        sum_outside += sample.grey;
+      } else if (distances_px_[i] > outside_px) {
+        sum_outside += pixels_.grey()[i];
         ++num_outside;
       }
     }
@@ -584,20 +614,24 @@ class BlurredEllipse {
     return true;
   }
 
-  // False if what comes out is no ellipse.
-  bool Fit() { return samples_.size() >= kNumParameters + 4u && Minimise(num_free_, &x_); }
+  // To within `tolerance` of the cost. False if what comes out is no ellipse.
+  bool Fit(double tolerance) {
+    return pixels_.size() >= kNumBlurredEllipseParameters + 4u && Minimise(num_free_, tolerance, &x_, &sums_);
+  }
 
   // With a slope of the inside alone (gloss, a dirty dot) where the picture asks for it.
-  bool FitWithNeededSlopes() {
-    if (!Fit()) return false;
+  bool FitWithNeededSlopes(double tolerance) {
+    if (!Fit(tolerance)) return false;
     if (num_free_ != kInsideX) return true;
     Parameters sloping = x_;
-    if (!Minimise(kNumParameters, &sloping)) return true;
+    BlurredEllipseSums sloping_sums;
+    if (!Minimise(kNumBlurredEllipseParameters, tolerance, &sloping, &sloping_sums)) return true;
     // Chi-square of two, exceeded by chance once in 3000: rarely enough not to widen the scatter of even ones.
     constexpr double kMinGain = 16;
-    if (static_cast<double>(samples_.size()) * (Cost(x_) / Cost(sloping) - 1) > kMinGain) {
+    if (static_cast<double>(pixels_.size()) * (sums_.cost / sloping_sums.cost - 1) > kMinGain) {
       x_ = sloping;
-      num_free_ = kNumParameters;
+      sums_ = sloping_sums;
+      num_free_ = kNumBlurredEllipseParameters;
     }
     return true;
   }
@@ -605,17 +639,20 @@ class BlurredEllipse {
   // From the residuals: what counts as an outlier, and which sectors of the outline do not agree with the rest. Whether
   // those have changed.
   bool Judge() {
-    std::vector<double> sizes;
+    std::vector<double> sizes = EdgeResiduals(pixels_, x_);
     std::array<double, kNumSectors> sums{};
     std::array<int, kNumSectors> counts{};
-    for (const PixelSample& sample : samples_) {
-      double predicted;
-      if (!Predict(x_, sample.pixel, &predicted, nullptr)) continue;
-      const double residual = predicted - sample.grey;
-      sizes.push_back(std::abs(residual));
-      sums[sample.sector] += residual * residual;
-      ++counts[sample.sector];
+    for (size_t i = 0; i < pixels_.size(); ++i) {
+      sums[sectors_[i]] += sizes[i] * sizes[i];
+      ++counts[sectors_[i]];
+      sizes[i] = std::abs(sizes[i]);
     }
+    // Some tell enough.
+    constexpr size_t kEnough = 500;
+    const size_t stride = std::max<size_t>(1, sizes.size() / kEnough);
+    size_t num_sizes = 0;
+    for (size_t i = 0; i < sizes.size(); i += stride) sizes[num_sizes++] = sizes[i];
+    sizes.resize(num_sizes);
     const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
     std::nth_element(sizes.begin(), middle, sizes.end());
     // Where the flat parts are saturated, the edge alone has residuals: those are no outliers.
@@ -635,6 +672,7 @@ class BlurredEllipse {
       changed = changed || hidden != hidden_[i];
       hidden_[i] = hidden;
     }
+    HidePixels();
     return changed;
   }
 
@@ -645,21 +683,19 @@ class BlurredEllipse {
     refined.contrast_grey = Contrast();
     refined.visible_ratio =
         1 - static_cast<double>(std::count(hidden_.begin(), hidden_.end(), true)) / static_cast<double>(kNumSectors);
+    const std::vector<double> residuals = EdgeResiduals(pixels_, x_);
     double sum_square = 0;
     double sum_weighted = 0;
     double num_samples = 0;
-    for (const PixelSample& sample : samples_) {
-      double predicted;
-      if (hidden_[sample.sector] || !Predict(x_, sample.pixel, &predicted, nullptr)) continue;
-      const double residual = predicted - sample.grey;
-      sum_square += residual * residual;
-      sum_weighted += HuberWeight(residual, bend_) * residual * residual;
+    for (size_t i = 0; i < residuals.size(); ++i) {
+      if (hidden_[sectors_[i]]) continue;
+      const double square = residuals[i] * residuals[i];
+      sum_square += square;
+      sum_weighted += square <= bend_ * bend_ ? square : bend_ * std::abs(residuals[i]);
       num_samples += 1;
     }
     refined.residual_ratio = std::sqrt(sum_square / num_samples) / std::abs(refined.contrast_grey);
-    Parameters gradient;
-    const Normal normal = NormalMatrix(x_, num_free_, &gradient);
-    const Normal covariance = normal.ldlt().solve(Normal::Identity());
+    const Normal covariance = sums_.normal.ldlt().solve(Normal::Identity());
     // Rounding alone has a variance of 1/12.
     const double variance = std::max(sum_weighted / std::max(num_samples - num_free_, 1.0), 1.0 / 12);
     refined.centre_covariance_px2 = radius_px_ * radius_px_ * variance * covariance.topLeftCorner<2, 2>();
@@ -668,75 +704,92 @@ class BlurredEllipse {
 
  private:
   static constexpr int kNumSectors = 24;
-  struct PixelSample {
-    Eigen::Vector2d pixel;
-    double grey;
-    double distance_px;
-    int sector;
-  };
 
-  double Cost(const Parameters& x) const {
-    double cost = 0;
-    for (const PixelSample& sample : samples_) {
-      double grey;
-      if (hidden_[sample.sector] || !Predict(x, sample.pixel, &grey, nullptr)) continue;
-      cost += HuberCost(grey - sample.grey, bend_);
-    }
-    return cost;
+  // The columns between which a row is inside.
+  static std::optional<Eigen::Vector2d> SpanOf(const Ellipse& ellipse, int row) {
+    const double v = row - ellipse.centre_px.y();
+    const double a = ellipse.shape(0, 0);
+    const double b = ellipse.shape(0, 1) * v;
+    const double square = b * b - a * (ellipse.shape(1, 1) * v * v - 1);
+    if (!(square > 0)) return std::nullopt;
+    const double middle = ellipse.centre_px.x() - b / a;
+    const double half = std::sqrt(square) / a;
+    return Eigen::Vector2d(middle - half, middle + half);
   }
 
-  Normal NormalMatrix(const Parameters& x, int num_free, Parameters* gradient) const {
-    Normal normal = Normal::Zero();
-    gradient->setZero();
-    for (const PixelSample& sample : samples_) {
-      double grey;
-      Parameters row;
-      if (hidden_[sample.sector] || !Predict(x, sample.pixel, &grey, &row)) continue;
-      const double residual = grey - sample.grey;
-      const double weight = HuberWeight(residual, bend_);
-      normal.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
-      *gradient += weight * residual * row;
+  void AddPixel(int row, int column, const Ellipse& outline, double margin_px, double reach_px,
+                double next_outline_ratio) {
+    const double ux = column - outline.centre_px.x();
+    const double uy = row - outline.centre_px.y();
+    const double mx = outline.shape(0, 0) * ux + outline.shape(0, 1) * uy;
+    const double my = outline.shape(0, 1) * ux + outline.shape(1, 1) * uy;
+    const double rho = std::sqrt(ux * mx + uy * my);
+    const double g = std::sqrt(mx * mx + my * my);
+    const double distance_px = rho > 1e-6 ? (rho - 1) * rho / g : -radius_px_;
+    if (std::abs(distance_px) > margin_px) return;
+    if (next_outline_ratio > 0 && rho > 1) {
+      const double gradient = g / rho;  // Of rho, 1/px.
+      const double gap_px = (next_outline_ratio - 1) / gradient;
+      if ((next_outline_ratio - rho) / gradient < std::min(reach_px, 0.5 * gap_px)) return;
     }
-    normal = normal.selfadjointView<Eigen::Lower>();
-    for (int i = num_free; i < kNumParameters; ++i) Hold(i, &normal, gradient);
-    return normal;
+    const double grey = grey_.type() == CV_32FC1 ? grey_.at<float>(row, column) : grey_.ptr<uchar>(row)[column];
+    pixels_.Add((column - origin_px_.x()) / radius_px_, (row - origin_px_.y()) / radius_px_, grey);
+    distances_px_.push_back(distance_px);
+    sectors_.push_back(static_cast<size_t>(RoughTurn(ux, uy) * kNumSectors));
   }
 
-  // Levenberg-Marquardt. False if a step cannot be found.
-  bool Minimise(int num_free, Parameters* x) const {
+  // What hidden parts show does not count.
+  void HidePixels() {
+    for (size_t i = 0; i < pixels_.size(); ++i) pixels_.SetWeight(i, hidden_[sectors_[i]] ? 0 : 1);
+  }
+
+  // Levenberg-Marquardt, until what a step may gain is less than `tolerance` of the cost. False if a step cannot be
+  // found.
+  bool Minimise(int num_free, double tolerance, Parameters* x, BlurredEllipseSums* sums) const {
     // A pixel's own width is that of a Gaussian of 0.29 px.
     const double min_log_sigma = std::log(0.29 / radius_px_);
-    double cost = Cost(*x);
+    *sums = SumEdge(pixels_, *x, num_free, bend_);
     double damping = 1e-3;
     constexpr int kMaxIterations = 30;
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-      Parameters gradient;
-      Normal normal = NormalMatrix(*x, num_free, &gradient);
+      Parameters gradient = sums->gradient;
+      Normal normal = sums->normal;
       if ((*x)[kLogSigma] <= min_log_sigma && gradient[kLogSigma] > 0) Hold(kLogSigma, &normal, &gradient);
       bool improved = false;
-      bool converged = false;
       while (!improved && damping < 1e8) {
         Normal damped = normal;
         damped.diagonal() *= 1 + damping;
-        const Parameters step = damped.ldlt().solve(-gradient);
+        const Eigen::LLT<Normal> cholesky(damped);
+        if (cholesky.info() != Eigen::Success) {
+          damping *= 10;
+          continue;
+        }
+        const Parameters step = -cholesky.solve(gradient);
         if (!step.allFinite()) return false;
         Parameters next = *x + step;
         next[kLogSigma] = std::max(next[kLogSigma], min_log_sigma);
         const bool is_ellipse = next[kShapeXX] > 0.05 &&
                                 next[kShapeXX] * next[kShapeYY] - next[kShapeXY] * next[kShapeXY] > 0.05 &&
                                 next.head<2>().norm() < 0.7 && next[kLogSigma] < 1;
-        const double next_cost = is_ellipse ? Cost(next) : cost;
-        if (is_ellipse && next_cost <= cost) {
-          improved = true;
-          converged = cost - next_cost <= 1e-7 * cost || step.head<6>().norm() < 1e-6;
+        if (is_ellipse && damping < 1 && -gradient.dot(step) <= tolerance * sums->cost) {
           *x = next;
-          cost = next_cost;
+          return true;
+        }
+        if (!is_ellipse) {
+          damping *= 10;
+          continue;
+        }
+        const BlurredEllipseSums next_sums = SumEdge(pixels_, next, num_free, bend_);
+        if (next_sums.cost <= sums->cost) {
+          improved = true;
+          *x = next;
+          *sums = next_sums;
           damping = std::max(damping * 0.1, 1e-9);
         } else {
           damping *= 10;
         }
       }
-      if (!improved || converged) return true;
+      if (!improved) return true;
     }
     return true;
   }
@@ -745,10 +798,13 @@ class BlurredEllipse {
   const Eigen::Vector2d origin_px_;
   const double radius_px_;
   Parameters x_ = Parameters::Zero();
-  int num_free_ = kNumParameters;
+  int num_free_ = kNumBlurredEllipseParameters;
   double bend_ = 1e6;  // Grey levels; nothing is an outlier at first.
   std::array<bool, kNumSectors> hidden_{};
-  std::vector<PixelSample> samples_;
+  EdgePixels pixels_;
+  std::vector<double> distances_px_;  // Of each pixel from the outline that it was taken for.
+  std::vector<size_t> sectors_;
+  BlurredEllipseSums sums_;  // Of the last fit.
 };
 
 }  // namespace
@@ -764,9 +820,11 @@ std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& 
 
   // Coarsely, from some of the pixels in a wide margin.
   const double first_margin_px = std::min(std::max(3.0, 0.15 * radius_px), max_margin_px);
-  constexpr double kMaxFirstSamples = 2500;
+  constexpr double kMaxFirstSamples = 800;
+  constexpr double kCoarsely = 1e-3;
+  constexpr double kExactly = 1e-7;
   fit.Sample(first_margin_px, options, kMaxFirstSamples);
-  if (!fit.StartLevels(first_margin_px) || !fit.Fit()) return std::nullopt;
+  if (!fit.StartLevels(first_margin_px) || !fit.Fit(kCoarsely)) return std::nullopt;
   fit.Judge();
   // Then from those that the blurred edge concerns, again as long as parts turn out to be hidden.
   constexpr int kMaxRounds = 5;
@@ -777,11 +835,11 @@ std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& 
     if (!fit.IsInPicture()) return std::nullopt;
     const double used_px = margin_px();
     fit.Sample(used_px, options, std::numeric_limits<double>::infinity());
-    if (!fit.Fit()) return std::nullopt;
+    if (!fit.Fit(kCoarsely)) return std::nullopt;
     const bool other_parts = fit.Judge();
     if (!other_parts && std::abs(margin_px() - used_px) < 0.2 * used_px) break;
   }
-  if (!fit.FitWithNeededSlopes() || !fit.IsInPicture()) return std::nullopt;
+  if (!fit.FitWithNeededSlopes(kExactly) || !fit.IsInPicture()) return std::nullopt;
   if (!(std::abs(fit.Contrast()) > 1)) return std::nullopt;
   const RefinedEllipse refined = fit.Result();
   if (!refined.centre_covariance_px2.allFinite() || !std::isfinite(refined.residual_ratio)) return std::nullopt;

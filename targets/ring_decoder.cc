@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 #include <Eigen/Dense>
 
@@ -10,6 +11,7 @@
 #include "heba/base/units.h"
 #include "targets/image.h"
 #include "targets/ring_code.h"
+#include "targets/ring_picture.h"
 
 namespace heba {
 namespace {
@@ -76,40 +78,57 @@ namespace {
 
 using Guess = RingDecoder::Guess;
 
+constexpr int kSamplesPerBit = 8;
+using RingSamples = std::array<double, static_cast<size_t>(kSamplesPerBit) * kMaxBits>;
+
+// Places of samples on a circle: kSamplesPerBit for each sector.
+std::vector<Eigen::Vector2d> RingDirections(int bits) {
+  std::vector<Eigen::Vector2d> directions;
+  const int num_angles = kSamplesPerBit * bits;
+  for (int i = 0; i < num_angles; ++i) {
+    const double angle = 2 * kPi * i / num_angles;
+    directions.emplace_back(std::cos(angle), std::sin(angle));
+  }
+  return directions;
+}
+
+// Grey values around a circle of `radius`, every `step`-th direction; false where that leaves the picture.
+bool SampleCircle(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_ring,
+                  const std::vector<Eigen::Vector2d>& directions, double radius, size_t step, double* values) {
+  for (size_t i = 0; i < directions.size(); i += step) {
+    const double x = radius * directions[i].x();
+    const double y = radius * directions[i].y();
+    const double w = pixel_from_ring(2, 0) * x + pixel_from_ring(2, 1) * y + pixel_from_ring(2, 2);
+    if (w <= 0.1) return false;
+    const double by_w = 1 / w;
+    const Eigen::Vector2d pixel(by_w * (pixel_from_ring(0, 0) * x + pixel_from_ring(0, 1) * y + pixel_from_ring(0, 2)),
+                                by_w * (pixel_from_ring(1, 0) * x + pixel_from_ring(1, 1) * y + pixel_from_ring(1, 2)));
+    if (!IsInPicture(grey, pixel)) return false;
+    *values++ = GreyAt(grey, pixel);
+  }
+  return true;
+}
+
 // The best phase under a perspective.
-Guess GuessWord(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_unit, const Eigen::Vector2d& boost, int bits) {
-  constexpr int kSamplesPerBit = 8;
+Guess GuessWord(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_unit, const Eigen::Vector2d& boost, int bits,
+                const std::vector<Eigen::Vector2d>& directions) {
   constexpr double kRadii[] = {2.25, 2.5, 2.75};
   const int num_angles = kSamplesPerBit * bits;
   const Eigen::Matrix3d pixel_from_ring = pixel_from_unit * Boost(boost);
-  const auto sample = [&](double radius, double angle_rad) {
-    const Eigen::Vector3d point(radius * std::cos(angle_rad), radius * std::sin(angle_rad), 1);
-    const Eigen::Vector3d mapped = pixel_from_ring * point;
-    if (mapped.z() <= 0.1) return -1.0;
-    const Eigen::Vector2d pixel = mapped.hnormalized();
-    return IsInPicture(grey, pixel) ? GreyAt(grey, pixel) : -1.0;
-  };
   Guess best;
-  double inside = 0;
-  for (int i = 0; i < 8; ++i) {
-    const double value = sample(0.4, 2 * kPi * i / 8);
-    if (value < 0) return best;
-    inside += value / 8;
-  }
-  std::vector<double> gap(num_angles);
-  for (int i = 0; i < num_angles; ++i) {
-    gap[i] = sample(1.5, 2 * kPi * i / num_angles);
-    if (gap[i] < 0) return best;
-  }
-  const double blank = Median(gap);
+  RingSamples samples;
+  if (!SampleCircle(grey, pixel_from_ring, directions, 0.4, static_cast<size_t>(bits), samples.data())) return best;
+  const double inside = std::accumulate(samples.begin(), samples.begin() + kSamplesPerBit, 0.0) / kSamplesPerBit;
+  if (!SampleCircle(grey, pixel_from_ring, directions, 1.5, 1, samples.data())) return best;
+  std::nth_element(samples.begin(), samples.begin() + num_angles / 2, samples.begin() + num_angles);
+  const double blank = samples[static_cast<size_t>(num_angles / 2)];
   if (std::abs(blank - inside) < 4) return best;
-  std::vector<double> sums(num_angles);
-  std::vector<double> squares(num_angles);
-  for (int i = 0; i < num_angles; ++i) {
-    for (const double radius : kRadii) {
-      const double value = sample(radius, 2 * kPi * i / num_angles);
-      if (value < 0) return best;
-      const double v = std::clamp((blank - value) / (blank - inside), -0.3, 1.3);
+  RingSamples sums{};
+  RingSamples squares{};
+  for (const double radius : kRadii) {
+    if (!SampleCircle(grey, pixel_from_ring, directions, radius, 1, samples.data())) return best;
+    for (size_t i = 0; i < directions.size(); ++i) {
+      const double v = std::clamp((blank - samples[i]) / (blank - inside), -0.3, 1.3);
       sums[i] += v / std::size(kRadii);
       squares[i] += v * v / std::size(kRadii);
     }
@@ -124,7 +143,7 @@ Guess GuessWord(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_unit, con
       double square = 0;
       constexpr int kFirst = 1;  // Without the sectors' edges.
       for (int k = kFirst; k < kSamplesPerBit - kFirst; ++k) {
-        const int i = (shift + bit * kSamplesPerBit + k) % num_angles;
+        const auto i = static_cast<size_t>((shift + bit * kSamplesPerBit + k) % num_angles);
         sum += sums[i];
         square += squares[i];
       }
@@ -153,11 +172,12 @@ double MaxBoost(const cv::Mat& grey, const Ellipse& dot) {
 Guess BestGuess(const cv::Mat& grey, const Ellipse& dot, double max_boost, int bits) {
   const Eigen::Matrix3d pixel_from_unit = PixelFromUnitCircle(dot);
   const Eigen::Vector2d direction = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(dot.shape).eigenvectors().col(1);
-  Guess guess = GuessWord(grey, pixel_from_unit, Eigen::Vector2d::Zero(), bits);
+  const std::vector<Eigen::Vector2d> directions = RingDirections(bits);
+  Guess guess = GuessWord(grey, pixel_from_unit, Eigen::Vector2d::Zero(), bits, directions);
   constexpr double kBoostStep = 0.02;
   for (int i = 1; i * kBoostStep < max_boost + 0.5 * kBoostStep; ++i) {
     for (const double sign : {-1.0, 1.0}) {
-      const Guess other = GuessWord(grey, pixel_from_unit, sign * i * kBoostStep * direction, bits);
+      const Guess other = GuessWord(grey, pixel_from_unit, sign * i * kBoostStep * direction, bits, directions);
       if (other.score > guess.score) guess = other;
     }
   }
@@ -167,16 +187,14 @@ Guess BestGuess(const cv::Mat& grey, const Ellipse& dot, double max_boost, int b
 // The picture of a ring with a known word, fitted to the pixels from the gap to the quiet zone.
 class RingFit {
  public:
-  enum Parameter { kBoostX, kBoostY, kPhase, kScale, kBlank, kStep, kLightX, kLightY, kNumParameters };
-  using Parameters = Eigen::Matrix<double, kNumParameters, 1>;
+  using Parameters = RingParameters;
 
   RingFit(const cv::Mat& grey, const RefinedEllipse& dot, int bits, const Guess& guess, double boost_stddev)
       : pixel_from_unit_(PixelFromUnitCircle(dot.ellipse)),
         centre_px_(dot.ellipse.centre_px),
         radius_px_(dot.ellipse.RadiusPx()),
         sigma_px_(dot.blur_sigma_px),
-        bits_(bits),
-        word_(guess.word),
+        word_{guess.word, bits},
         boost_stddev_(boost_stddev) {
     x_ << guess.boost, guess.phase_rad, 1, 0, dot.contrast_grey, 0, 0;
     TakePixels(grey);
@@ -184,26 +202,29 @@ class RingFit {
 
   // From a wide blur, whose edges draw from afar, to that of the picture. False if what comes out is no ring.
   bool Fit() {
-    if (samples_.size() < 60) return false;
+    if (pixels_.size() < 60) return false;
     const double blur_px = sigma_px_;
+    constexpr size_t kEvenMoreThanEnough = 240;
+    constexpr double kCoarsely = 1e-3;
     for (const double share : {0.12, 0.03}) {
       sigma_px_ = share * radius_px_;
-      if (sigma_px_ > 1.5 * blur_px && !Minimise()) return false;
+      const size_t stride = std::max<size_t>(1, pixels_.size() / kEvenMoreThanEnough);
+      if (sigma_px_ > 1.5 * blur_px && !Minimise(stride, kCoarsely)) return false;
     }
     sigma_px_ = blur_px;
-    return Minimise();
+    constexpr double kExactly = 1e-4;
+    return Minimise(1, kExactly);
   }
 
   const Parameters& x() const { return x_; }
-  double num_samples() const { return static_cast<double>(samples_.size()); }
   // What the ring takes from a pixel's brightness (or adds to it), grey levels.
   double RingGrey(const Eigen::Matrix3d& ring_from_pixel, const Eigen::Vector2d& pixel) const {
     const Eigen::Vector2d offset = (pixel - centre_px_) / radius_px_;
-    const double light = 1 + x_[kLightX] * offset.x() + x_[kLightY] * offset.y();
-    return light * x_[kStep] * RingCoverage(PlaceOf(ring_from_pixel, pixel), x_[kScale]);
+    const double light = 1 + x_[kRingLightX] * offset.x() + x_[kRingLightY] * offset.y();
+    return light * x_[kRingStep] * RingCoverage(PlaceOf(ring_from_pixel, pixel), x_[kRingScale]);
   }
   Eigen::Matrix3d PixelFromRing(const Parameters& x) const {
-    return pixel_from_unit_ * Boost(x.head<2>()) * Turn(x[kPhase]);
+    return pixel_from_unit_ * Boost(x.head<2>()) * Turn(x[kRingPhase]);
   }
 
   struct Residuals {
@@ -214,37 +235,38 @@ class RingFit {
   };
   Residuals Judge() const {
     Residuals residuals;
-    std::vector<double> sector_sums(bits_);
-    std::vector<double> sector_weights(bits_);
+    const auto num_sectors = static_cast<size_t>(word_.bits);
+    std::vector<double> sector_sums(num_sectors);
+    std::vector<double> sector_weights(num_sectors);
     std::array<double, 16> blank_sums{};
     std::array<double, 16> blank_weights{};
-    const Eigen::Matrix3d ring_from_pixel = PixelFromRing(x_).inverse();
+    const RingMap map = MapOf(x_);
+    const RingPixels columns(pixels_, 1, map.ring_from_place, word_);
+    const std::vector<RingResidual> all = RingResiduals(columns, map, x_);
     double sum_square = 0;
-    for (const PixelSample& sample : samples_) {
-      const Place place = PlaceOf(ring_from_pixel, sample.pixel);
-      const double light = 1 + x_[kLightX] * sample.offset.x() + x_[kLightY] * sample.offset.y();
-      const double residual =
-          (light * (x_[kBlank] + x_[kStep] * Coverage(place, x_[kScale])) - sample.grey) / (light * x_[kStep]);
+    for (size_t i = 0; i < all.size(); ++i) {
+      const double residual = all[i].residual;
       sum_square += residual * residual;
       const double middle = 0.5 * (kRingInner + kRingOuter);
-      if (std::abs(place.radius - middle) < 0.5) {
-        const double weight = 1.2 - 2 * std::abs(place.radius - middle);
-        const int sector = std::min(static_cast<int>(place.turn * bits_), bits_ - 1);
+      const double off_middle = std::abs(all[i].radius - middle);
+      if (off_middle < 0.5) {
+        const double weight = 1.2 - 2 * off_middle;
+        const auto sector = std::min(static_cast<size_t>(columns.turns()[i] * word_.bits), num_sectors - 1);
         sector_sums[sector] += weight * residual;
         sector_weights[sector] += weight;
       } else {
-        const int part = std::min(static_cast<int>(place.turn * 8), 7) + (place.radius < middle ? 0 : 8);
+        const size_t part = static_cast<size_t>(columns.turns()[i] * 8) + (all[i].radius < middle ? 0 : 8);
         blank_sums[part] += residual;
         blank_weights[part] += 1;
       }
     }
-    residuals.rms = std::sqrt(sum_square / num_samples());
-    for (int i = 0; i < bits_; ++i) {
+    residuals.rms = std::sqrt(sum_square / static_cast<double>(all.size()));
+    for (size_t i = 0; i < num_sectors; ++i) {
       if (sector_weights[i] == 0) residuals.is_complete = false;
       residuals.worst_sector =
           std::max(residuals.worst_sector, std::abs(sector_sums[i]) / std::max(sector_weights[i], 1e-9));
     }
-    for (int i = 0; i < 16; ++i) {
+    for (size_t i = 0; i < 16; ++i) {
       residuals.worst_blank =
           std::max(residuals.worst_blank, std::abs(blank_sums[i]) / std::max(blank_weights[i], 1.0));
     }
@@ -252,11 +274,6 @@ class RingFit {
   }
 
  private:
-  struct PixelSample {
-    Eigen::Vector2d pixel;
-    Eigen::Vector2d offset;  // From the dot's centre, in its radii.
-    double grey;
-  };
   // A pixel in the ring's plane.
   struct Place {
     double radius = 0;
@@ -284,24 +301,17 @@ class RingFit {
     return PlaceOf(ring_from_pixel, pixel, sigma_px_);
   }
 
-  double Bit(int sector) const { return (word_ >> (bits_ - 1 - (sector + bits_) % bits_)) & 1U ? 1 : 0; }
-
-  // The share of the dot's colour that a pixel sees.
-  double Coverage(const Place& place, double scale) const {
-    return Phi((1 - place.radius) / place.radial_sigma) + RingCoverage(place, scale);
-  }
-
   double RingCoverage(const Place& place, double scale) const {
     const double radial = Phi((place.radius - kRingInner * scale) / place.radial_sigma) -
                           Phi((place.radius - kRingOuter * scale) / place.radial_sigma);
     if (radial < 1e-6) return 0;
-    const double at = place.turn * bits_;
-    const int sector = std::min(static_cast<int>(at), bits_ - 1);
-    const double sectors_per_sigma = place.tangent_sigma / place.radius * bits_ / (2 * kPi);
-    const double here = Bit(sector);
+    const double at = place.turn * word_.bits;
+    const int sector = std::min(static_cast<int>(at), word_.bits - 1);
+    const double sectors_per_sigma = place.tangent_sigma / place.radius * word_.bits / (2 * kPi);
+    const double here = word_.Bit(sector);
     double angular = here;
-    angular += (Bit(sector - 1) - here) * Phi((sector - at) / sectors_per_sigma);
-    angular += (Bit(sector + 1) - here) * Phi((at - sector - 1) / sectors_per_sigma);
+    angular += (word_.Bit(sector - 1) - here) * Phi((sector - at) / sectors_per_sigma);
+    angular += (word_.Bit(sector + 1) - here) * Phi((at - sector - 1) / sectors_per_sigma);
     return radial * angular;
   }
 
@@ -342,117 +352,99 @@ class RingFit {
           for (int j = 0; j < stride; ++j) sum += line[j];
         }
         const double mean = static_cast<double>(sum) / (stride * stride);
-        samples_.push_back({pixel, (pixel - centre_px_) / radius_px_, mean});
+        pixels_.push_back({(pixel - centre_px_) / radius_px_, mean});
         if (radius < 1.7) gap.push_back(mean);
       }
     }
-    x_[kBlank] = gap.empty() ? 0 : Median(gap);
+    x_[kRingBlank] = gap.empty() ? 0 : Median(gap);
   }
 
   // Of a residual in units of the step.
   static constexpr double kBend = 0.15;
   static constexpr double kScaleStddev = 0.03;
 
-  double Cost(const Parameters& x) const {
-    const Eigen::Matrix3d ring_from_pixel = PixelFromRing(x).inverse();
-    const double unit = std::abs(x_[kStep]);
-    double cost = 0;
-    for (const PixelSample& sample : samples_) {
-      const double light = 1 + x[kLightX] * sample.offset.x() + x[kLightY] * sample.offset.y();
-      const double coverage = Coverage(PlaceOf(ring_from_pixel, sample.pixel), x[kScale]);
-      const double size = std::abs(light * (x[kBlank] + x[kStep] * coverage) - sample.grey) / unit;
-      cost += size <= kBend ? size * size : kBend * (2 * size - kBend);
-    }
-    return cost + PriorWeight() * (x.head<2>().squaredNorm() / (boost_stddev_ * boost_stddev_) +
-                                   std::pow((x[kScale] - 1) / kScaleStddev, 2));
-  }
   // Variance of a residual that the priors are set against.
-  static double PriorWeight() { return 0.03 * 0.03; }
+  static constexpr double kPriorWeight = 0.03 * 0.03;
 
-  // Levenberg-Marquardt.
-  bool Minimise() {
-    double cost = Cost(x_);
+  RingMap MapOf(const Parameters& x) const {
+    Eigen::Matrix3d pixel_from_place = Eigen::Matrix3d::Identity();
+    pixel_from_place.topLeftCorner<2, 2>() *= radius_px_;
+    pixel_from_place.topRightCorner<2, 1>() = centre_px_;
+    RingMap map;
+    map.ring_from_place = PixelFromRing(x).inverse() * pixel_from_place;
+    constexpr double kDelta = 1e-4;
+    for (int i = 0; i < 3; ++i) {
+      Parameters moved = x;
+      moved[i] += kDelta;
+      map.derivatives[static_cast<size_t>(i)] =
+          (PixelFromRing(moved).inverse() * pixel_from_place - map.ring_from_place) / kDelta;
+    }
+    map.sigma = sigma_px_ / radius_px_;
+    return map;
+  }
+
+  // Residuals by `unit`, with the priors.
+  RingSums SumsOf(const RingPixels& pixels, const Parameters& x, double unit) const {
+    RingSums sums = SumRing(pixels, MapOf(x), x, unit, kBend);
+    const auto add_prior = [&](int i, double mean, double stddev) {
+      const double weight = kPriorWeight / (stddev * stddev);
+      sums.cost += weight * (x[i] - mean) * (x[i] - mean);
+      sums.normal(i, i) += weight;
+      sums.gradient[i] += weight * (x[i] - mean);
+    };
+    add_prior(kRingBoostX, 0, boost_stddev_);
+    add_prior(kRingBoostY, 0, boost_stddev_);
+    add_prior(kRingScale, 1, kScaleStddev);
+    return sums;
+  }
+
+  // Levenberg-Marquardt over each `stride`-th pixel, until what a step may gain is less than `tolerance` of the cost.
+  bool Minimise(size_t stride, double tolerance) {
+    const double unit = std::abs(x_[kRingStep]);
+    const RingPixels pixels(pixels_, stride, MapOf(x_).ring_from_place, word_);
+    RingSums sums = SumsOf(pixels, x_, unit);
     double damping = 1e-4;
     constexpr int kMaxIterations = 12;
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-      Eigen::Matrix<double, kNumParameters, kNumParameters> normal;
-      Parameters gradient;
-      Linearise(&normal, &gradient);
       bool improved = false;
-      double gain = 0;
       while (!improved && damping < 1e3) {
-        Eigen::Matrix<double, kNumParameters, kNumParameters> damped = normal;
+        auto damped = sums.normal;
         damped.diagonal() *= 1 + damping;
-        const Parameters next = x_ - damped.ldlt().solve(gradient);
+        const Parameters step = -damped.ldlt().solve(sums.gradient);
+        const Parameters next = x_ + step;
         if (!next.allFinite()) return false;
-        const bool is_ring = next.head<2>().norm() < 0.25 && std::abs(next[kScale] - 1) < 0.3;
-        const double next_cost = is_ring ? Cost(next) : cost;
-        if (is_ring && next_cost < cost) {
-          improved = true;
-          gain = (cost - next_cost) / cost;
+        const bool is_ring = next.head<2>().norm() < 0.25 && std::abs(next[kRingScale] - 1) < 0.3;
+        if (is_ring && damping < 0.1 && -sums.gradient.dot(step) <= tolerance * sums.cost) {
           x_ = next;
-          cost = next_cost;
+          return true;
+        }
+        if (!is_ring) {
+          damping *= 10;
+          continue;
+        }
+        const RingSums next_sums = SumsOf(pixels, next, unit);
+        if (next_sums.cost < sums.cost) {
+          improved = true;
+          x_ = next;
+          sums = next_sums;
           damping *= 0.1;
         } else {
           damping *= 10;
         }
       }
-      if (!improved || gain < 1e-4) break;
+      if (!improved) break;
     }
     return true;
-  }
-
-  void Linearise(Eigen::Matrix<double, kNumParameters, kNumParameters>* normal, Parameters* gradient) const {
-    normal->setZero();
-    gradient->setZero();
-    const double unit = std::abs(x_[kStep]);
-    const Eigen::Matrix3d ring_from_pixel = PixelFromRing(x_).inverse();
-    constexpr double kDelta = 1e-3;
-    std::array<Eigen::Matrix3d, 3> moved;
-    for (int i = 0; i < 3; ++i) {
-      Parameters x = x_;
-      x[i] += kDelta;
-      moved[i] = PixelFromRing(x).inverse();
-    }
-    for (const PixelSample& sample : samples_) {
-      const double light = 1 + x_[kLightX] * sample.offset.x() + x_[kLightY] * sample.offset.y();
-      const Place place = PlaceOf(ring_from_pixel, sample.pixel);
-      const double coverage = Coverage(place, x_[kScale]);
-      const double evenly_lit = x_[kBlank] + x_[kStep] * coverage;
-      const double residual = (light * evenly_lit - sample.grey) / unit;
-      const double weight = std::abs(residual) <= kBend ? 1 : kBend / std::abs(residual);
-      Parameters row;
-      for (int i = 0; i < 3; ++i) {
-        row[i] = light * x_[kStep] * (Coverage(PlaceOf(moved[i], sample.pixel), x_[kScale]) - coverage) / kDelta;
-      }
-      row[kScale] = light * x_[kStep] * (Coverage(place, x_[kScale] + kDelta) - coverage) / kDelta;
-      row[kBlank] = light;
-      row[kStep] = light * coverage;
-      row[kLightX] = evenly_lit * sample.offset.x();
-      row[kLightY] = evenly_lit * sample.offset.y();
-      row /= unit;
-      normal->selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
-      *gradient += weight * residual * row;
-    }
-    *normal = normal->selfadjointView<Eigen::Lower>();
-    for (const int i : {kBoostX, kBoostY}) {
-      const double prior = PriorWeight() / (boost_stddev_ * boost_stddev_);
-      (*normal)(i, i) += prior;
-      (*gradient)[i] += prior * x_[i];
-    }
-    (*normal)(kScale, kScale) += PriorWeight() / (kScaleStddev * kScaleStddev);
-    (*gradient)[kScale] += PriorWeight() / (kScaleStddev * kScaleStddev) * (x_[kScale] - 1);
   }
 
   Eigen::Matrix3d pixel_from_unit_;
   Eigen::Vector2d centre_px_;
   double radius_px_;
   double sigma_px_;  // Of the blur.
-  int bits_;
-  uint32_t word_;
+  RingWord word_;
   double boost_stddev_;
   Parameters x_;
-  std::vector<PixelSample> samples_;
+  std::vector<RingPixel> pixels_;
 };
 
 // The dot in a picture from which its ring is taken away.
@@ -571,16 +563,16 @@ std::optional<RingReading> RingDecoder::ReadAs(const cv::Mat& grey, const Refine
     reading.dot = *alone;
     Guess better = guess;
     better.boost.setZero();
-    better.phase_rad = fit.x()[RingFit::kPhase];
+    better.phase_rad = fit.x()[kRingPhase];
     fit = RingFit(grey, *alone, bits_, better, boost_stddev);
     if (!fit.Fit()) return std::nullopt;
   }
   const RingFit::Residuals residuals = fit.Judge();
   const double small_px = 1 / reading.dot.ellipse.SemiAxesPx().y();
   const RingFit::Parameters& x = fit.x();
-  const double step_ratio = x[RingFit::kStep] / reading.dot.contrast_grey;
+  const double step_ratio = x[kRingStep] / reading.dot.contrast_grey;
   if (!residuals.is_complete || residuals.rms > 0.15 || residuals.worst_sector > 0.25 || residuals.worst_blank > 0.25 ||
-      std::abs(x[RingFit::kScale] - 1) > 0.05 + 0.3 * small_px ||
+      std::abs(x[kRingScale] - 1) > 0.05 + 0.3 * small_px ||
       x.head<2>().norm() > 1.5 * max_boost + 0.02 + 0.05 * small_px || step_ratio < 0.6 || step_ratio > 1.6) {
     return std::nullopt;
   }
@@ -589,7 +581,7 @@ std::optional<RingReading> RingDecoder::ReadAs(const cv::Mat& grey, const Refine
   // About three times what the true rings of rendered pictures have.
   reading.is_clear = small_px < 0.25 && residuals.rms < 1.5 * reading.dot.residual_ratio + 0.015 + 0.1 * small_px &&
                      residuals.worst_sector < 0.06 + 0.2 * small_px && residuals.worst_blank < 0.06 + 0.2 * small_px &&
-                     std::abs(x[RingFit::kScale] - 1) < 0.01 + 0.1 * small_px;
+                     std::abs(x[kRingScale] - 1) < 0.01 + 0.1 * small_px;
   return reading;
 }
 
