@@ -151,18 +151,26 @@ class Fitter {
     double damping = 1e-4;
     result_ = std::move(here);
     for (int iteration = 0; iteration < kMaxIterations && damping < kMaxDamping; ++iteration) {
+      const PatternParams before = params_;
+      const auto move = [&](const Eigen::VectorXd& step) {
+        for (size_t k = 0; k < sought_.size(); ++k) params_[sought_[k]] += step[static_cast<Eigen::Index>(k)];
+      };
+      // Whether it is small is asked of the whole step: damping shortens it where little is known.
+      const Eigen::VectorXd whole = result_.normal.ldlt().solve(-result_.gradient);
+      if (!whole.allFinite()) return false;
+      const double variance = 2 * result_.cost / Dof();
+      if (LargestMovePx(whole) < small.move_px ||
+          -result_.gradient.dot(whole) < small.sigmas * small.sigmas * variance) {
+        // What is left after it goes with the step's square.
+        move(whole);
+        if (!IsPossible()) params_ = before;
+        return true;
+      }
       Eigen::MatrixXd normal = result_.normal;
       normal.diagonal() *= 1 + damping;
       const Eigen::VectorXd step = normal.ldlt().solve(-result_.gradient);
       if (!step.allFinite()) return false;
-      const PatternParams before = params_;
-      for (size_t k = 0; k < sought_.size(); ++k) params_[sought_[k]] += step[static_cast<Eigen::Index>(k)];
-      const double variance = 2 * result_.cost / Dof();
-      if (LargestMovePx(step) < small.move_px || -result_.gradient.dot(step) < small.sigmas * small.sigmas * variance) {
-        // What is left after it goes with the step's square.
-        if (!IsPossible()) params_ = before;
-        return true;
-      }
+      move(step);
       std::optional<Equations> there = IsPossible() ? Linearise(huber_grey) : std::nullopt;
       if (there && there->cost <= result_.cost) {
         damping = std::max(1e-7, 0.1 * damping);
@@ -221,8 +229,13 @@ class Fitter {
     // Near the picture's middle the pattern says nothing of the lens, nor does it matter: the lens's two numbers are
     // what it displaces at the picture's corner, hardly more than half the picture.
     if (map_.form == MapForm::kLens) expect_small(PatternMap::kLens, PatternMap::kPolynomial, map_.lens_radius_px);
-    // Where few edges are seen, most squares move things along them only.
+    // Where few edges are seen, most other terms than shifts move things along them only.
+    constexpr double kLargeStretch = 0.1;
     constexpr double kLargeSquare = 0.05;
+    if (map_.form == MapForm::kAffine || map_.form == MapForm::kQuadratic) {
+      expect_small(1, 3, kLargeStretch * map_.size_px);
+      expect_small(4, PatternMap::kNumAffine, kLargeStretch * map_.size_px);
+    }
     if (map_.form == MapForm::kQuadratic) {
       expect_small(PatternMap::kNumAffine, PatternMap::kNumAffine + 2 * PatternMap::kNumSquares,
                    kLargeSquare * map_.size_px);

@@ -12,6 +12,7 @@
 #include "targets/homography.h"
 #include "targets/pattern_rows.h"
 #include "targets/rendering.h"
+#include "tests/support/simd_sets.h"
 
 namespace heba {
 namespace {
@@ -132,6 +133,21 @@ FitTotals FitViews(const RenderOptions& options_in, int num_views) {
   }
   return totals;
 }
+
+using PatternKernelTest = EverySimdTest;
+
+TEST_P(PatternKernelTest, FindsTheSameAsTheBaseline) {
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  const FitTotals here = FitViews(options, 10);
+  LimitSimd(Simd::kBaseline);
+  const FitTotals baseline = FitViews(options, 10);
+  EXPECT_EQ(here.count, 10);
+  EXPECT_EQ(here.count, baseline.count);
+  EXPECT_LT((here.sum_px - baseline.sum_px).norm(), 1e-6);
+}
+
+INSTANTIATE_TEST_SUITE_P(Sets, PatternKernelTest, EverySimd(), SimdName);
 
 TEST(FitPatternTest, FindsACornerWithinItsCovariance) {
   RenderOptions options;

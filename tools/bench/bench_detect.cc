@@ -21,22 +21,17 @@ extern "C" {
 #include "heba/base/error.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
-#include "heba/config/yaml_reader.h"
 #include "targets/clutter.h"
 #include "targets/detection.h"
 #include "targets/rendering.h"
 #include "targets/target.h"
+#include "tools/bench/target_of.h"
 
 DEFINE_int32(pictures, 5, "pictures of each row; the figures are their medians");
 DEFINE_string(only, "", "only the rows whose names contain this");
 
 namespace heba {
 namespace {
-
-std::unique_ptr<Target> MakeTarget(const std::string& keys) {
-  MapReader reader(ParseYaml("{" + keys + "}", "bench"));
-  return CreateTarget(reader);
-}
 
 double CpuMs() {
   timespec now{};
@@ -147,7 +142,7 @@ struct Row {
 
 void Run(const Row& row) {
   if (row.what.find(FLAGS_only) == std::string::npos) return;
-  const std::unique_ptr<Target> target = MakeTarget(row.keys);
+  const std::unique_ptr<Target> target = TargetOf(row.keys);
   const bool has_tags = target->type() == "apriltag_grid";
   const Drawing& drawing = target->Draw();
   const double focal_px = row.width_px;

@@ -25,13 +25,13 @@ extern "C" {
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
 #include "heba/camera/camera.h"
-#include "heba/config/yaml_reader.h"
 #include "targets/clutter.h"
 #include "targets/detection.h"
 #include "targets/ellipse_finder.h"
 #include "targets/rendering.h"
 #include "targets/ring_code.h"
 #include "targets/target.h"
+#include "tools/bench/target_of.h"
 
 DEFINE_int32(views, 300, "views for each row of the precision table");
 DEFINE_int32(pictures, 40, "pictures for each size and tilt of the recall table");
@@ -47,11 +47,6 @@ namespace heba {
 namespace {
 
 int NumThreads() { return FLAGS_jobs > 0 ? FLAGS_jobs : NumProcessors(); }
-
-std::unique_ptr<Target> MakeTarget(const std::string& keys) {
-  MapReader reader(ParseYaml("{" + keys + "}", "bench"));
-  return CreateTarget(reader);
-}
 
 // The middle of the drawing is seen `distance_m` away, in direction `aside` (x and y by z) of the camera; tilted about
 // any axis in the plane, turned by anything.
@@ -335,7 +330,7 @@ void ReportPrecision() {
        {{30, 0.7, 2}, {30, 1.2, 4}, {60, 0.7, 2}, {60, 1.2, 4}}},
   };
   for (const PrecisionRow& row : rows) {
-    const std::unique_ptr<Target> target = MakeTarget(row.keys);
+    const std::unique_ptr<Target> target = TargetOf(row.keys);
     for (const Look& look : row.looks) {
       char what[80];
       std::snprintf(what, sizeof what, "%s %.0f px, blur %.1f, noise %.0f", row.what, look.unit_px, look.blur_px,
@@ -369,8 +364,8 @@ Drawing AmidRoundMarks(const Target& board, int count, const std::vector<uint32_
 Errors MeasureRecall(double diameter_px, double tilt_rad) {
   const bool large = diameter_px > 60;
   const std::unique_ptr<Target> board =
-      MakeTarget(large ? "type: coded_board, rows: 2, columns: 2, spacing: 32.5 mm, dot_diameter: 10 mm"
-                       : "type: coded_board, rows: 4, columns: 5, spacing: 35 mm, dot_diameter: 10 mm");
+      TargetOf(large ? "type: coded_board, rows: 2, columns: 2, spacing: 32.5 mm, dot_diameter: 10 mm"
+                     : "type: coded_board, rows: 4, columns: 5, spacing: 35 mm, dot_diameter: 10 mm");
   // A ring that bears one of the board's own codes is another matter: then two of them are one too many.
   std::vector<uint32_t> own = RingCodes(12, RingCodeOrder::kSeparation);
   own.resize(board->points().size());
@@ -439,10 +434,10 @@ void ReportRecall() {
 
 void ReportFalse() {
   const std::string keys = "type: coded_board, rows: 2, columns: 2, spacing: 40 mm, dot_diameter: 10 mm, first_id: ";
-  const std::unique_ptr<Target> board = MakeTarget(keys + "0");
-  const std::unique_ptr<Target> other = MakeTarget(keys + "4");
+  const std::unique_ptr<Target> board = TargetOf(keys + "0");
+  const std::unique_ptr<Target> other = TargetOf(keys + "4");
   const std::unique_ptr<Target> large =
-      MakeTarget("type: coded_board, rows: 12, columns: 12, spacing: 20 mm, dot_diameter: 5 mm, bits: 14");
+      TargetOf("type: coded_board, rows: 12, columns: 12, spacing: 20 mm, dot_diameter: 5 mm, bits: 14");
   const Camera camera{"brown5", 1280, 960, {1400, 1400, 639.5, 479.5, -0.1, 0.05, 0, 0, 0}};
   std::vector<uint32_t> own = RingCodes(12, RingCodeOrder::kSeparation);
   own.resize(4);
@@ -499,7 +494,7 @@ void ReportFalse() {
 // A dot of 10 px, 24 times as large: outline and centre as they were fitted.
 void WriteCrop(const std::string& path) {
   const std::unique_ptr<Target> board =
-      MakeTarget("type: coded_board, rows: 2, columns: 2, spacing: 40 mm, dot_diameter: 10 mm");
+      TargetOf("type: coded_board, rows: 2, columns: 2, spacing: 40 mm, dot_diameter: 10 mm");
   const Drawing& drawing = board->Draw();
   Rng rng(static_cast<uint64_t>(FLAGS_seed));
   const Camera camera{"pinhole", 300, 300, {2400, 2400, 149.5, 149.5}};

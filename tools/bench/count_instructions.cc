@@ -5,10 +5,14 @@
 #include <vector>
 
 #include "heba/base/error.h"
+#include "heba/base/units.h"
+#include "heba/geometry/rigid3.h"
 #include "solvers/bundle_adjustment.h"
 #include "solvers/cross_validation.h"
 #include "solvers/hand_eye_method.h"
 #include "solvers/intrinsics_seed.h"
+#include "targets/rendering.h"
+#include "tools/bench/target_of.h"
 #include "tools/bench/workloads.h"
 
 namespace heba {
@@ -26,6 +30,30 @@ BundleOptions Refinement(BundleOptions::Robot robot) {
 void Refine(int num_captures, int points_a_side, BundleOptions::Robot robot) {
   const BenchScene scene = MakeBenchScene(num_captures, points_a_side, robot != BundleOptions::Robot::kExact);
   CHECK(RefineHandEye(scene.problem, scene.start, Refinement(robot)).ok());
+}
+
+constexpr const char* kTags = "type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 24 mm";
+constexpr const char* kDots = "type: coded_board, rows: 3, columns: 4, spacing: 35 mm, dot_diameter: 10 mm";
+
+cv::Mat PictureOf(const Target& target) {
+  const Drawing& drawing = target.Draw();
+  const Camera camera{"pinhole", 640, 512, {640, 640, 319.5, 255.5}};
+  const Eigen::Quaterniond front = drawing.y_up ? ExpRotation({kPi, 0, 0}) : Eigen::Quaterniond::Identity();
+  const Eigen::Quaterniond rotation = ExpRotation({0.2, -0.1, 0.3}) * front;
+  const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
+  const Rigid3d camera_from_target(
+      rotation, Eigen::Vector3d(0, 0, 0.22) - rotation * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0));
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  options.clutter = true;
+  options.seed = 1;
+  return RenderView(drawing, camera, camera_from_target, options);
+}
+
+void Render(const char* keys) { PictureOf(*TargetOf(keys)); }
+void Find(const char* keys) {
+  const std::unique_ptr<Target> target = TargetOf(keys);
+  CHECK_EQ(target->Detect(PictureOf(*target)).ids.size(), target->points().size());
 }
 
 struct Workload {
@@ -70,6 +98,10 @@ constexpr Workload kWorkloads[] = {
        const StudyCell cell = MakeBenchStudyCell(true);
        for (int trial = 0; trial < 20; ++trial) RunTrial(cell, 1, trial);
      }},
+    {"render_tags", [] { Render(kTags); }},
+    {"find_tags", [] { Find(kTags); }},
+    {"render_dots", [] { Render(kDots); }},
+    {"find_dots", [] { Find(kDots); }},
 };
 
 }  // namespace

@@ -1,0 +1,17 @@
+// A target from the keys of its mapping, as benches write them.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "heba/config/yaml_reader.h"
+#include "targets/target.h"
+
+namespace heba {
+
+inline std::unique_ptr<Target> TargetOf(const std::string& keys) {
+  MapReader reader(ParseYaml("{" + keys + "}", "bench"));
+  return CreateTarget(reader);
+}
+
+}  // namespace heba
