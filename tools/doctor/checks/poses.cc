@@ -310,6 +310,10 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   const std::vector<PoseCandidates> captures = CandidatesOf(examination->views);
   const std::optional<PoseConsistency> now = FindPoseConsistency(captures, RobotScale::kOne);
   if (!now) return {};
+  // Where the pictures themselves show too little motion, one reading is as good as another by chance.
+  std::vector<Rigid3d> seen;
+  for (const PoseCandidates& capture : captures) seen.push_back(capture.camera_from_target.front());
+  if (!WhyNotObservable(AnalyseMotion(seen)).empty()) return {};
   std::vector<JudgedReading> judged;
   for (const std::vector<Reading>& readings : {ReadingsOfNumbers(*examination), Pairings(*examination)}) {
     for (const Reading& reading : readings) {
