@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Guards the solver's speed by the number of instructions that fixed work takes, which no busy machine changes:
+# Guards the speed of solver and detector by the number of instructions that fixed work takes, which no busy machine changes:
 #   instructions.sh COUNT_INSTRUCTIONS EXPECTED.csv             fails if a workload takes 10 % more than expected
 #   instructions.sh COUNT_INSTRUCTIONS EXPECTED.csv --write     measures, and writes the file
 # With the baseline instruction set, so that machines of all kinds count nearly alike (libm still chooses its own). Exits 77 where there is no valgrind.
