@@ -475,7 +475,7 @@ std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderO
   }
 
   std::vector<Candidate> candidates;
-  const int local_threshold = static_cast<int>(std::max(4.0, options.min_contrast_grey / 2));
+  const int local_threshold = static_cast<int>(std::clamp(options.min_contrast_grey / 2, 4.0, 255.0));
   cv::Mat level = light_dots;
   cv::Mat smooth;
   cv::Mat mean;

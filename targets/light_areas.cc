@@ -38,7 +38,6 @@ class RowReader {
         changes &= changes - 1;
       }
     }
-    if ((edge - row->edges.data()) % 2 != 0) *edge++ = num_columns_;
     row->num_runs = static_cast<size_t>(edge - row->edges.data()) / 2;
   }
 

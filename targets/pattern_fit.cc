@@ -159,8 +159,12 @@ class Fitter {
       const Eigen::VectorXd whole = result_.normal.ldlt().solve(-result_.gradient);
       if (!whole.allFinite()) return false;
       const double variance = 2 * result_.cost / Dof();
-      if (LargestMovePx(whole) < small.move_px ||
-          -result_.gradient.dot(whole) < small.sigmas * small.sigmas * variance) {
+      const double move_px = LargestMovePx(whole);
+      // A move that is not small must be looked at, however little is known of it.
+      constexpr double kMostUnseenPx = 0.3;
+      const bool is_in_noise =
+          move_px < kMostUnseenPx && -result_.gradient.dot(whole) < small.sigmas * small.sigmas * variance;
+      if (move_px < small.move_px || is_in_noise) {
         // What is left after it goes with the step's square.
         move(whole);
         if (!IsPossible()) params_ = before;

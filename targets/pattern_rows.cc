@@ -413,7 +413,11 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
     const V line = LoadLanes<V>(numbers + which * kLanes);
     return at + LoadLanes<V>(numbers + (which + 1) * kLanes) * (line - at);
   };
-  const UnitBlur<V> blur = BlurThere(MapPoint(map, params, half_way(x, 1), half_way(y, 3)), params[kBlur]);
+  const MappedPoint<V> there = MapPoint(map, params, half_way(x, 1), half_way(y, 3));
+  const V determinant = there.u_by_x * there.v_by_y - there.u_by_y * there.v_by_x;
+  // Not a number where the map is none.
+  if (!(SumOfLanes<V>(1.0 / AbsLanes(determinant)) < 1e12)) return false;
+  const UnitBlur<V> blur = BlurThere(there, params[kBlur]);
   const V inverse_x = 1.0 / blur.sigma_x;
   const V inverse_y = 1.0 / blur.sigma_y;
   const V most = AllLanes<V>(0.999);
@@ -441,7 +445,6 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
     rho = size > huber ? huber * (size - 0.5 * huber) : rho;
   }
   StoreLanes(residual, residuals + i);
-  // NaN of what is not finite.
   *cost += SumOfLanes<V>(counts * rho);
   const V by_x = albedo.by_a * inverse_x * scale * root;
   const V by_y = albedo.by_b * inverse_y * scale * root;
@@ -506,11 +509,11 @@ HEBA_TARGET_AVX512 bool FillRowsAvx512(const PatternTask& task, size_t begin, si
   return FillRows<kLanesOf<Simd::kAvx512>>(task, begin, end, numbers, groups, residuals, rows);
 }
 
-// How far apart two maps have the pattern's corners, at most.
+// How far apart two maps have the pattern's corners, the middles of its sides and its own, at most.
 double FarthestPx(const PatternMap& map, const PatternParams& a, const PatternParams& b) {
   double farthest_px = 0;
-  for (const double x : {-1.0, 1.0}) {
-    for (const double y : {-1.0, 1.0}) {
+  for (const double x : {-1.0, 0.0, 1.0}) {
+    for (const double y : {-1.0, 0.0, 1.0}) {
       const MappedPoint<double> at_a = MapPoint(map, a.data(), x, y);
       const MappedPoint<double> at_b = MapPoint(map, b.data(), x, y);
       farthest_px = std::max(farthest_px, std::hypot(at_a.u - at_b.u, at_a.v - at_b.v));

@@ -152,6 +152,10 @@ class BoardFamily {
 
   // All tags of the board that libapriltag decodes; corners in this program's pixels.
   std::vector<SeenTag> Detect(const cv::Mat& grey, double decimate) const {
+    // libapriltag's tiles of 4 px do not fit into less.
+    constexpr int kMinDecimatedPx = 8;
+    decimate =
+        std::clamp(std::floor(std::min(grey.cols, grey.rows) / static_cast<double>(kMinDecimatedPx)), 1.0, decimate);
     struct Detector {
       apriltag_family_t family;
       apriltag_detector_t* detector = apriltag_detector_create();
@@ -224,7 +228,10 @@ class AprilTagGrid final : public Target {
     Search search(layout_.corners_m.size());
     cv::Rect whole(0, 0, grey.cols, grey.rows);
     std::vector<cv::Rect> parts = {whole};
-    for (const double decimate : Decimations(grey)) {
+    const std::vector<double> decimations = Decimations(grey);
+    // The finest again, as long as what it finds tells more of where others are.
+    for (size_t pass = 0; !parts.empty(); ++pass) {
+      const double decimate = decimations[std::min(pass, decimations.size() - 1)];
       const size_t num_before = search.NumKnown();
       for (const cv::Rect& part : parts) AddSeen(grey, part, decimate, &search);
       Settle(grey, &search);
@@ -232,11 +239,14 @@ class AprilTagGrid final : public Target {
         for (const cv::Rect& part : parts) AddParted(grey, part, decimate, &search);
         Settle(grey, &search);
       }
-      parts = WhereMissing(whole, search);
-      // Where that is all of the picture, a finer pass is worth its time only as long as it finds something.
-      const bool is_whole = parts.size() == 1 && parts.front() == whole;
-      if (is_whole && num_before > 0 && search.NumKnown() == num_before) break;
-      if (parts.empty()) break;
+      const bool is_new = search.NumKnown() > num_before;
+      const bool was_seen_well = decimate <= DecimationTo(grey, kSeenWellPx);
+      const bool was_whole = parts.front() == whole;
+      parts = WhereMissing(whole, search, was_seen_well);
+      const bool is_whole = !parts.empty() && parts.front() == whole;
+      // All of the picture again is worth its time only as long as finer passes find something.
+      if (is_whole && was_seen_well && num_before > 0 && !is_new) break;
+      if (pass + 1 >= decimations.size() && (!is_new || (is_whole && was_whole))) break;
     }
     const int num_unfit = MeasureAll(grey, search, &detection);
     detection.reason = Reason(search.board, num_unfit);
@@ -339,6 +349,8 @@ class AprilTagGrid final : public Target {
 
   int PointId(int index, size_t corner) const { return 4 * (geometry_.first_id + index) + static_cast<int>(corner); }
 
+  // Of so many pixels, a picture shows most of what there is.
+  static constexpr double kSeenWellPx = 1e6;
   // By how much the picture has to be made smaller to have so many pixels.
   static double DecimationTo(const cv::Mat& grey, double num_px) {
     return std::ceil(std::sqrt(static_cast<double>(grey.total()) / num_px));
@@ -348,7 +360,8 @@ class AprilTagGrid final : public Target {
   static std::vector<double> Decimations(const cv::Mat& grey) {
     constexpr double kFirstPx = 1e5;
     constexpr double kSlowPx = 14e6;
-    std::vector<double> decimations = {DecimationTo(grey, kFirstPx)};
+    // Blurred tags are better found in a coarser picture.
+    std::vector<double> decimations = {std::max(2.0, DecimationTo(grey, kFirstPx))};
     const double finest = DecimationTo(grey, kSlowPx);
     while (decimations.back() > finest) decimations.push_back(std::max(finest, std::ceil(decimations.back() / 2)));
     return decimations;
@@ -398,7 +411,7 @@ class AprilTagGrid final : public Target {
     const auto known = FindCandidate(tag, search);
     if (known == search->candidates.end()) {
       search->candidates.push_back(tag);
-    } else if (!search->IsSettled(tag.index)) {
+    } else if (!search->IsSettled(tag.index) && tag.num_bit_errors <= known->num_bit_errors) {
       *known = tag;
     }
   }
@@ -419,12 +432,17 @@ class AprilTagGrid final : public Target {
     }
   }
 
-  // The parts of the picture in which those tags must lie that are not settled. All of it as long as too few tags are
-  // known for the others to be foretold; nothing if there is nothing left to look for.
-  std::vector<cv::Rect> WhereMissing(const cv::Rect& whole, const Search& search) const {
+  // The parts of the picture in which those tags must lie that are not settled; nothing if there is nothing left to
+  // look for. All of the picture as long as too few tags are known for the others to be foretold, or more of them may
+  // belong to another board that only a closer look (`was_seen_well`) shows.
+  std::vector<cv::Rect> WhereMissing(const cv::Rect& whole, const Search& search, bool was_seen_well) const {
     const std::vector<SeenTag> fitted = Fitted(search);
+    const size_t num_tags = layout_.corners_m.size();
+    if (fitted.size() == num_tags) return {};
     constexpr size_t kMinTags = 4;
-    if (fitted.size() < std::min(kMinTags, layout_.corners_m.size())) return {whole};
+    if (fitted.size() < std::min(kMinTags, num_tags) || (!was_seen_well && 2 * fitted.size() < num_tags)) {
+      return {whole};
+    }
     std::vector<cv::Rect> parts;
     for (int index = 0; index < static_cast<int>(layout_.corners_m.size()); ++index) {
       if (search.IsSettled(index)) continue;
@@ -446,9 +464,8 @@ class AprilTagGrid final : public Target {
                             static_cast<int>(std::floor(low.y() - room_px)));
       const cv::Point last(static_cast<int>(std::ceil(high.x() + room_px)),
                            static_cast<int>(std::ceil(high.y() + room_px)));
-      const Eigen::Vector2d centre_px = 0.5 * (low + high);
-      if (!whole.contains(cv::Point(static_cast<int>(centre_px.x()), static_cast<int>(centre_px.y())))) continue;
       cv::Rect part = cv::Rect(first, last) & whole;
+      if (part.empty()) continue;
       // One with those that it touches.
       for (bool is_grown = true; is_grown;) {
         is_grown = false;
@@ -604,13 +621,15 @@ class AprilTagGrid final : public Target {
   // misleads libapriltag by pixels: where the picture does not show a tag as drawn from there on, it is looked for
   // where the tags around it say.
   void FitAll(const cv::Mat& grey, Search* search) const {
+    // What is not on the board, or is another board's tag of the same number, is not settled.
+    std::vector<Search::Fit> fits(search->fits.size());
     for (const SeenTag& tag : search->board.tags) {
-      // Not of a second board's tag of the same number.
       Search::Fit& known = search->fits[static_cast<size_t>(tag.index)];
-      if (known.fit && (CentreOf(*known.start_px) - CentreOf(tag.corners_px)).norm() > 0.5 * MeanSide(tag.corners_px)) {
-        known = {};
-      }
+      const bool is_there = known.start_px && (CentreOf(*known.start_px) - CentreOf(tag.corners_px)).norm() <
+                                                  0.5 * MeanSide(tag.corners_px);
+      if (is_there) fits[static_cast<size_t>(tag.index)] = std::move(known);
     }
+    search->fits = std::move(fits);
     const auto fit_from = [&](int index, const TagCorners& start_px) {
       Search::Fit& known = search->fits[static_cast<size_t>(index)];
       if (known.fit || known.start_px == start_px) return false;

@@ -210,6 +210,40 @@ TEST(AprilTagGrid, SecondBoardWithTheSameTagsIsLeftOut) {
   EXPECT_THAT(detection.reason, HasSubstr("tags left out"));
 }
 
+// A few large tags of a copy that the picture's corner cuts, and the whole board farther off.
+TEST(AprilTagGrid, TheBoardOfWhichMoreIsSeenIsFound) {
+  const std::unique_ptr<Target> target = MakeGrid("tag36h11", 6, 6, ", corner_squares: false");
+  const Camera camera{"pinhole", 4000, 3000, {4000, 4000, 1999.5, 1499.5}};
+  const Drawing& drawing = target->Draw();
+  const auto pose = [&](double distance_m, double right_px, double down_px) {
+    const Eigen::Quaterniond rotation = ExpRotation({0.1, 0.05, 0.1}) * ExpRotation(kPi * Eigen::Vector3d::UnitX());
+    const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
+    return Rigid3d(rotation, Eigen::Vector3d(right_px / 4000 * distance_m, down_px / 4000 * distance_m, distance_m) -
+                                 rotation * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0));
+  };
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  // Tags of 150 and of 30 px.
+  const double tag_m = (target->points()[1].in_target - target->points()[0].in_target).norm();
+  const Rigid3d far = pose(tag_m * 4000 / 30, 500, 300);
+  cv::Mat picture = RenderView(drawing, camera, far, options);
+  const cv::Rect corner(0, 0, 440, 440);
+  RenderView(drawing, camera, pose(tag_m * 4000 / 150, -2180, -1680), options)(corner).copyTo(picture(corner));
+  const Detection detection = target->Detect(picture);
+  EXPECT_EQ(TagsOf(detection).size(), 36U) << detection.reason;
+  EXPECT_LT(ErrorsOf(*target, camera, far, detection).max_px, 0.3);
+}
+
+TEST(AprilTagGrid, PicturesOfAnyShapeAreSearched) {
+  const std::unique_ptr<Target> target = MakeGrid("tag36h11", 2, 2, "");
+  cv::RNG random(6);
+  for (const cv::Size& size : {cv::Size(16, 20000), cv::Size(20000, 17), cv::Size(320, 16)}) {
+    cv::Mat noise(size, CV_8UC1);
+    random.fill(noise, cv::RNG::UNIFORM, 0, 256);
+    EXPECT_THAT(target->Detect(noise).ids, IsEmpty());
+  }
+}
+
 TEST(AprilTagGrid, ThreadsShareOneTarget) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 3, 3, "");
   Rng rng(15);

@@ -42,7 +42,7 @@ HEBA_INLINE V AbsLanes(const V& x) {
   return x < 0.0 ? -x : x;
 }
 
-// e^x to a relative 1e-11, for x <= 700; of what is below -700, 1e-304.
+// e^x to a relative 1e-11, for x <= 700; of what is below -700 or not a number, 1e-304.
 template <class V>
 HEBA_INLINE V ExpLanes(const V& x) {
   using Bits = typename LaneBits<V>::Type;

@@ -310,13 +310,25 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   const std::vector<PoseCandidates> captures = CandidatesOf(examination->views);
   const std::optional<PoseConsistency> now = FindPoseConsistency(captures, RobotScale::kOne);
   if (!now) return {};
-  // Where the pictures themselves show too little motion, one reading is as good as another by chance.
+  // Where the pictures themselves show no turns, or one axis only, one reading of the rotations is as good as another
+  // by chance.
   std::vector<Rigid3d> seen;
   for (const PoseCandidates& capture : captures) seen.push_back(capture.camera_from_target.front());
-  if (!WhyNotObservable(AnalyseMotion(seen)).empty()) return {};
+  const MotionAnalysis seen_motion = AnalyseMotion(seen);
+  constexpr double kNoTurnDeg = 1;
+  if (RadToDeg(seen_motion.rotation_rms_rad[0]) < kNoTurnDeg) return {};
+  const bool is_scale_only = !WhyNotObservable(seen_motion).empty();
+  const PoseFormat& format_now = examination->config.pose_reading.format;
+  const auto is_tellable = [&](const Reading& reading) {
+    return !is_scale_only ||
+           (reading.direction == Direction::kAsRead && reading.pairing.empty() &&
+            reading.format.rotation == format_now.rotation && reading.format.robot == format_now.robot &&
+            reading.format.angle_unit == format_now.angle_unit);
+  };
   std::vector<JudgedReading> judged;
   for (const std::vector<Reading>& readings : {ReadingsOfNumbers(*examination), Pairings(*examination)}) {
     for (const Reading& reading : readings) {
+      if (!is_tellable(reading)) continue;
       if (std::optional<JudgedReading> one = Judge(*examination, reading)) judged.push_back(std::move(*one));
     }
   }
