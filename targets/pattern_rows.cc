@@ -24,6 +24,11 @@ constexpr double kMaxMovePx = 0.3;
 constexpr size_t kMaxLines = CellPattern::kMaxLines;
 constexpr int kNumLight = kNumPatternParams - kLight;
 
+template <class V>
+constexpr int kLanesIn = static_cast<int>(sizeof(V) / sizeof(double));
+template <>
+constexpr int kLanesIn<double> = 1;
+
 bool IsLightBent(MapForm form) { return form == MapForm::kLens || form == MapForm::kPolynomial; }
 
 // The pattern's blurred albedo and its derivatives: by x and y in standard deviations, by the logarithm of the blur.
@@ -47,7 +52,7 @@ struct SeenLines {
 // Adds the pairs of lines, of which `at_pair(j, i)` is the bivariate normal distribution function.
 template <class V, class AtPair>
 HEBA_INLINE void AddTwists(const double* twists, int num_x, int num_y, const AtPair& at_pair) {
-  constexpr int kLanes = static_cast<int>(sizeof(V) / sizeof(double));
+  constexpr int kLanes = kLanesIn<V>;
   for (int j = 0; j < num_y; ++j) {
     for (int i = 0; i < num_x; ++i) {
       const V twist = LoadLanes<V>(twists + (j * num_x + i) * kLanes);
@@ -140,7 +145,7 @@ HEBA_INLINE void AddTwistsByQuadrature(const double* twists, int num_x, int num_
 template <class V>
 HEBA_INLINE BlurredLanes<V> Blur(const double* numbers, int num_x, int num_y, const V& x, const V& y,
                                  const V& inverse_x, const V& inverse_y, const V& correlation) {
-  constexpr int kLanes = static_cast<int>(sizeof(V) / sizeof(double));
+  constexpr int kLanes = kLanesIn<V>;
   const V none = AllLanes<V>(0);
   BlurredLanes<V> result{LoadLanes<V>(numbers), none, none, none};
   // Not set to 0 first: this is called for every pixel.
