@@ -189,7 +189,7 @@ MotionSums SumMotions(const std::vector<PosePair>& pairs) {
   ColumnProducts screws(MotionSums::kNumScrew, MotionBatch::kStride);
   ColumnProducts axes(MotionSums::kNumAxes, MotionBatch::kStride);
   const auto multiply = [&] {
-    const int padded = (batch.size + kMaxLanes - 1) / kMaxLanes * kMaxLanes;
+    const int padded = PaddedToLanes(batch.size);
     const auto pad = [&](auto& columns) {
       for (auto& column : columns) std::fill(column + batch.size, column + padded, 0.0);
     };

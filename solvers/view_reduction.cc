@@ -95,8 +95,6 @@ void WeighPoints(const double* u, const double* v, int size, double pixel_sigma_
   }
 }
 
-int PaddedSize(int size) { return (size + kMaxLanes - 1) / kMaxLanes * kMaxLanes; }
-
 // Whether the points' rows are as the camera model gives them: no discs, no correlated noise.
 bool IsPlain(const Observations& observations) {
   return observations.whitening.empty() && (observations.radii_m.size() == 0 || observations.radii_m.maxCoeff() <= 0);
@@ -167,7 +165,7 @@ bool MultiplyPlainView(const CameraModel& model, const double* params, const Rig
   for (int first = 0; first < n; first += batch.size) {
     LoadBatch(observations, shape, first, &batch);
     if (!model.ProjectBatch(params, rotation, camera_from_target.translation, true, &batch)) return false;
-    const int padded = PaddedSize(batch.size);
+    const int padded = PaddedToLanes(batch.size);
     for (int axis = 0; axis < 2; ++axis) {
       auto& rows = batch.rows[axis];
       const AxisColumns& own = columns[axis];
@@ -237,7 +235,7 @@ bool WriteRows(const CameraModel& model, const double* params, const Rigid3d& ca
   const int num_camera = NumParams(model);
   const Eigen::Index num_columns = 6 + NumFree(free) + 1;
   const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
-  rows->padded = PaddedSize(n);
+  rows->padded = PaddedToLanes(n);
   rows->columns.setZero(2 * rows->padded, num_columns + num_columns % 2);
   const auto of_axis = [&](int axis) { return rows->columns.middleRows(axis * rows->padded, n); };
   for (int axis = 0; axis < 2; ++axis) {

@@ -22,7 +22,7 @@ void EdgePixels::Add(double x, double y, double grey) {
 }
 
 void EdgePixels::Pad() {
-  const size_t padded = (size_ + kMaxLanes - 1) / kMaxLanes * kMaxLanes;
+  const size_t padded = PaddedToLanes(size_);
   for (std::vector<double>* column : {&x_, &y_, &grey_}) column->resize(padded, 0.0);
   weights_.assign(size_, 1.0);
   weights_.resize(padded, 0.0);
@@ -121,17 +121,15 @@ HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, i
                                double* columns) {
   using V = Lanes<kLanes>;
   V cost = AllLanes<V>(0);
-  const V one = AllLanes<V>(1);
   for (int i = 0; i < count; i += kLanes) {
     const V x = LoadLanes<V>(input.x + first + i);
     const V y = LoadLanes<V>(input.y + first + i);
     const V weight = LoadLanes<V>(input.weights + first + i);
     const Edge<V> edge = EdgeAt<V>(input.p, input.by_sigma, x, y);
     const V residual = edge.light * edge.evenly_lit - LoadLanes<V>(input.grey + first + i);
-    const V size = AbsLanes<V>(residual);
-    const V huber = size <= bend ? one : bend / size;
-    cost += weight * (size <= bend ? size * size : bend * (2.0 * size - bend));
-    const V scale = SqrtLanes<V>(weight * huber);
+    const HuberLanes<V> huber = HuberOf(residual, bend);
+    cost += weight * huber.cost;
+    const V scale = SqrtLanes<V>(weight * huber.weight);
     StoreJacobian<V>(input.p, input.by_sigma, edge, x, y, scale, columns + i);
     StoreLanes<V>(scale * residual, columns + num_free * kChunk + i);
   }

@@ -12,6 +12,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
+#include "heba/base/median.h"
 #include "heba/base/units.h"
 #include "targets/blurred_ellipse.h"
 #include "targets/light_areas.h"
@@ -100,7 +101,7 @@ Rays SampleRays(const cv::Mat& grey, const Ellipse& ellipse) {
   return rays;
 }
 
-double Median(std::array<double, Rays::kNumRays> values) {
+double MiddleOf(std::array<double, Rays::kNumRays> values) {
   std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
   return values[values.size() / 2];
 }
@@ -348,7 +349,7 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
       continue;
     }
     const Rays rays = SampleRays(grey, ellipse);
-    const double contrast = Median(rays.inside) - Median(rays.outside);
+    const double contrast = MiddleOf(rays.inside) - MiddleOf(rays.outside);
     if (contrast < options.min_contrast_grey) continue;
     // The step is there all around.
     int num_steps = 0;
@@ -653,19 +654,15 @@ class BlurredEllipse {
     size_t num_sizes = 0;
     for (size_t i = 0; i < sizes.size(); i += stride) sizes[num_sizes++] = sizes[i];
     sizes.resize(num_sizes);
-    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-    std::nth_element(sizes.begin(), middle, sizes.end());
     // Where the flat parts are saturated, the edge alone has residuals: those are no outliers.
-    bend_ = std::max(2.5 * 1.4826 * *middle, 0.05 * std::abs(Contrast()));
+    bend_ = std::max(2.5 * 1.4826 * Median(std::move(sizes)), 0.05 * std::abs(Contrast()));
 
     std::vector<double> squares;
     for (int i = 0; i < kNumSectors; ++i) {
       sums[i] /= std::max(counts[i], 1);
       squares.push_back(sums[i]);
     }
-    const auto middle_square = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
-    std::nth_element(squares.begin(), middle_square, squares.end());
-    const double limit = std::max(4 * *middle_square, std::pow(0.12 * Contrast(), 2));
+    const double limit = std::max(4 * Median(std::move(squares)), std::pow(0.12 * Contrast(), 2));
     bool changed = false;
     for (int i = 0; i < kNumSectors; ++i) {
       const bool hidden = sums[i] > limit;

@@ -8,6 +8,7 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "heba/base/median.h"
 #include "targets/homography.h"
 #include "targets/pattern_map.h"
 #include "targets/pattern_rows.h"
@@ -355,9 +356,7 @@ class Fitter {
   // From the median of their sizes.
   static double NoiseOf(std::vector<double> residuals) {
     for (double& residual : residuals) residual = std::abs(residual);
-    const auto middle = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 2);
-    std::nth_element(residuals.begin(), middle, residuals.end());
-    return 1.4826 * *middle;
+    return 1.4826 * Median(std::move(residuals));
   }
 
   Eigen::Vector2d centre_m_;

@@ -66,6 +66,11 @@ struct MappedPoint {
   V v_by_y;
 };
 
+template <class V>
+HEBA_INLINE V Determinant(const MappedPoint<V>& point) {
+  return point.u_by_x * point.v_by_y - point.u_by_y * point.v_by_x;
+}
+
 // `terms`: the displacements' sizes, px: kNumTerms.
 template <class V>
 HEBA_INLINE MappedPoint<V> MapPoint(const PatternMap& map, const double* terms, const V& x, const V& y) {

@@ -24,11 +24,6 @@ constexpr double kMaxMovePx = 0.3;
 constexpr size_t kMaxLines = CellPattern::kMaxLines;
 constexpr int kNumLight = kNumPatternParams - kLight;
 
-template <class V>
-constexpr int kLanesIn = static_cast<int>(sizeof(V) / sizeof(double));
-template <>
-constexpr int kLanesIn<double> = 1;
-
 bool IsLightBent(MapForm form) { return form == MapForm::kLens || form == MapForm::kPolynomial; }
 
 // The pattern's blurred albedo and its derivatives: by x and y in standard deviations, by the logarithm of the blur.
@@ -49,15 +44,30 @@ struct SeenLines {
   V density[kMaxLines];
 };
 
-// Adds the pairs of lines, of which `at_pair(j, i)` is the bivariate normal distribution function.
+// The bivariate normal distribution function of a pair of lines, and its derivatives.
+template <class V>
+struct NormalPair {
+  V cdf;
+  V by_a;
+  V by_b;
+};
+
+// Adds the pairs of lines, `at_pair(j, i)` being theirs.
 template <class V, class AtPair>
-HEBA_INLINE void AddTwists(const double* twists, int num_x, int num_y, const AtPair& at_pair) {
+HEBA_INLINE void AddTwists(const double* twists, int num_x, int num_y, const SeenLines<V>& x, const SeenLines<V>& y,
+                           const AtPair& at_pair, BlurredLanes<V>* result) {
   constexpr int kLanes = kLanesIn<V>;
   for (int j = 0; j < num_y; ++j) {
     for (int i = 0; i < num_x; ++i) {
       const V twist = LoadLanes<V>(twists + (j * num_x + i) * kLanes);
       if (LargestLane(AbsLanes(twist)) == 0) continue;
-      at_pair(j, i, twist);
+      const NormalPair<V> pair = at_pair(j, i);
+      const V slope_a = twist * pair.by_a;
+      const V slope_b = twist * pair.by_b;
+      result->value += twist * pair.cdf;
+      result->by_a += slope_a;
+      result->by_b += slope_b;
+      result->by_scale -= slope_a * x.at[i] + slope_b * y.at[j];
     }
   }
 }
@@ -67,7 +77,7 @@ HEBA_INLINE void AddTwists(const double* twists, int num_x, int num_y, const AtP
 template <int kTerms, class V>
 HEBA_INLINE void AddTwistsBySeries(const double* twists, int num_x, int num_y, const SeenLines<V>& x,
                                    const SeenLines<V>& y, const V& correlation, BlurredLanes<V>* result) {
-  const auto at_pair = [&](int j, int i, const V& twist) __attribute__((always_inline)) {
+  const auto at_pair = [&](int j, int i) __attribute__((always_inline))->NormalPair<V> {
     const V a = x.at[i];
     const V b = y.at[j];
     V last_a = AllLanes<V>(1);
@@ -91,14 +101,10 @@ HEBA_INLINE void AddTwistsBySeries(const double* twists, int num_x, int num_y, c
       power *= correlation * (1.0 / (k + 1));
     }
     const V densities = x.density[i] * y.density[j];
-    const V slope_a = twist * (x.density[i] * y.cdf[j] - densities * sum_a);
-    const V slope_b = twist * (y.density[j] * x.cdf[i] - densities * sum_b);
-    result->value += twist * (x.cdf[i] * y.cdf[j] + densities * sum);
-    result->by_a += slope_a;
-    result->by_b += slope_b;
-    result->by_scale -= slope_a * a + slope_b * b;
+    return {x.cdf[i] * y.cdf[j] + densities * sum, x.density[i] * y.cdf[j] - densities * sum_a,
+            y.density[j] * x.cdf[i] - densities * sum_b};
   };
-  AddTwists<V>(twists, num_x, num_y, at_pair);
+  AddTwists(twists, num_x, num_y, x, y, at_pair, result);
 }
 
 // The same of any correlation: the product of the two plus an integral over the correlation's angle (Plackett 1954), by
@@ -123,7 +129,7 @@ HEBA_INLINE void AddTwistsByQuadrature(const double* twists, int num_x, int num_
   }
   const V inverse_rest = 1.0 / SqrtLanes<V>(1.0 - correlation * correlation);
   const V scale = (0.25 / std::numbers::pi) * angle;
-  const auto at_pair = [&](int j, int i, const V& twist) __attribute__((always_inline)) {
+  const auto at_pair = [&](int j, int i) __attribute__((always_inline))->NormalPair<V> {
     const V a = x.at[i];
     const V b = y.at[j];
     const V squares = a * a + b * b;
@@ -131,14 +137,10 @@ HEBA_INLINE void AddTwistsByQuadrature(const double* twists, int num_x, int num_
     for (int n = 0; n < kNumNodes; ++n) {
       sum += kWeights[n] * ExpLanes<V>((squares - 2.0 * a * b * sines[n]) * scales[n]);
     }
-    const V slope_a = twist * x.density[i] * NormalOf<V>((b - correlation * a) * inverse_rest).cdf;
-    const V slope_b = twist * y.density[j] * NormalOf<V>((a - correlation * b) * inverse_rest).cdf;
-    result->value += twist * (x.cdf[i] * y.cdf[j] + sum * scale);
-    result->by_a += slope_a;
-    result->by_b += slope_b;
-    result->by_scale -= slope_a * a + slope_b * b;
+    return {x.cdf[i] * y.cdf[j] + sum * scale, x.density[i] * NormalOf<V>((b - correlation * a) * inverse_rest).cdf,
+            y.density[j] * NormalOf<V>((a - correlation * b) * inverse_rest).cdf};
   };
-  AddTwists<V>(twists, num_x, num_y, at_pair);
+  AddTwists(twists, num_x, num_y, x, y, at_pair, result);
 }
 
 // `numbers`: what UnitCells::Write wrote for each lane. `inverse_x`: of the blur's standard deviation along x.
@@ -192,7 +194,7 @@ HEBA_INLINE bool Invert(const PatternMap& map, const double* terms, const V& u, 
   constexpr double kShort = 1e-3;
   for (int step = 0; step < kMaxSteps; ++step) {
     *point = MapPoint(map, terms, *x, *y);
-    const V inverse = 1.0 / (point->u_by_x * point->v_by_y - point->u_by_y * point->v_by_x);
+    const V inverse = 1.0 / Determinant(*point);
     const V off_u = u - point->u;
     const V off_v = v - point->v;
     const V dx = (point->v_by_y * off_u - point->u_by_y * off_v) * inverse;
@@ -219,7 +221,7 @@ struct UnitBlur {
 };
 template <class V>
 HEBA_INLINE UnitBlur<V> BlurThere(const MappedPoint<V>& point, double blur_px) {
-  const V inverse = 1.0 / (point.u_by_x * point.v_by_y - point.u_by_y * point.v_by_x);
+  const V inverse = 1.0 / Determinant(point);
   UnitBlur<V> blur;
   blur.x_by_u = point.v_by_y * inverse;
   blur.x_by_v = -point.u_by_y * inverse;
@@ -333,7 +335,7 @@ void UnitCells::Write(const Window& window, double x, double y, size_t num_x, si
 
 PatternPixels::PatternPixels(const std::vector<Pixel>& pixels, const Eigen::Vector2d& light_px, double light_size_px)
     : size_(pixels.size()) {
-  const size_t padded = (size_ + kMaxLanes - 1) / kMaxLanes * kMaxLanes;
+  const size_t padded = PaddedToLanes(size_);
   for (std::vector<double>* column : {&u_, &v_, &light_x_, &light_y_, &grey_, &counts_, &x_, &y_}) {
     column->resize(padded);
   }
@@ -419,9 +421,8 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
     return at + LoadLanes<V>(numbers + (which + 1) * kLanes) * (line - at);
   };
   const MappedPoint<V> there = MapPoint(map, params, half_way(x, 1), half_way(y, 3));
-  const V determinant = there.u_by_x * there.v_by_y - there.u_by_y * there.v_by_x;
   // Not a number where the map is none.
-  if (!(SumOfLanes<V>(1.0 / AbsLanes(determinant)) < 1e12)) return false;
+  if (!(SumOfLanes<V>(1.0 / AbsLanes(Determinant(there))) < 1e12)) return false;
   const UnitBlur<V> blur = BlurThere(there, params[kBlur]);
   const V inverse_x = 1.0 / blur.sigma_x;
   const V inverse_y = 1.0 / blur.sigma_y;
@@ -440,14 +441,13 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
   const V level = params[kBlack] + albedo.value * contrast;
   const V scale = lit * contrast;
   const V residual = lit * level - LoadLanes<V>(task.grey + i);
-  const V size = AbsLanes(residual);
   const V counts = LoadLanes<V>(task.counts + i);
-  const V huber = AllLanes<V>(task.huber_grey);
   V root = counts;
   V rho = 0.5 * residual * residual;
-  if (LargestLane(size) > task.huber_grey) {
-    root = size > huber ? counts * SqrtLanes<V>(huber / size) : counts;
-    rho = size > huber ? huber * (size - 0.5 * huber) : rho;
+  if (LargestLane(AbsLanes(residual)) > task.huber_grey) {
+    const HuberLanes<V> huber = HuberOf(residual, task.huber_grey);
+    root = counts * SqrtLanes(huber.weight);
+    rho = 0.5 * huber.cost;
   }
   StoreLanes(residual, residuals + i);
   *cost += SumOfLanes<V>(counts * rho);

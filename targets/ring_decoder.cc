@@ -8,6 +8,7 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "heba/base/median.h"
 #include "heba/base/units.h"
 #include "targets/image.h"
 #include "targets/ring_code.h"
@@ -19,12 +20,6 @@ namespace {
 constexpr int kMaxBits = 14;
 // Radii of the dot: the quiet zone is looked at to here, as others' rings may begin where it ends.
 constexpr double kLookedAt = kRingQuiet - 0.1;
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // The normal distribution.
 double Phi(double z) {

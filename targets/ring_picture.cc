@@ -17,7 +17,7 @@ namespace heba {
 RingPixels::RingPixels(const std::vector<RingPixel>& pixels, size_t stride, const Eigen::Matrix3d& ring_from_place,
                        const RingWord& word)
     : size_((pixels.size() + stride - 1) / stride) {
-  const size_t padded = (size_ + kMaxLanes - 1) / kMaxLanes * kMaxLanes;
+  const size_t padded = PaddedToLanes(size_);
   for (std::vector<double>& column : columns_) column.resize(padded);
   turns_.resize(size_);
   struct Sector {
@@ -132,7 +132,6 @@ template <int kLanes>
 HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, double unit, double bend,
                                double* columns) {
   using V = Lanes<kLanes>;
-  const V one = AllLanes<V>(1);
   const double by_unit = 1 / unit;
   const double step = input.p[kRingStep];
   V cost = AllLanes<V>(0);
@@ -145,9 +144,9 @@ HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, d
     const V light = 1.0 + input.p[kRingLightX] * u + input.p[kRingLightY] * v;
     const V evenly_lit = input.p[kRingBlank] + step * at.share;
     const V residual = (light * evenly_lit - LoadLanes<V>(input.columns[RingPixels::kGrey] + i)) * by_unit;
-    const V size = AbsLanes<V>(residual);
-    cost += weight * (size <= bend ? size * size : bend * (2.0 * size - bend));
-    const V scale = SqrtLanes<V>(weight * (size <= bend ? one : bend / size));
+    const HuberLanes<V> huber = HuberOf(residual, bend);
+    cost += weight * huber.cost;
+    const V scale = SqrtLanes<V>(weight * huber.weight);
     const V by_grey = scale * by_unit;
     const V by_share = by_grey * light * step;
     for (int d = 0; d < 3; ++d) {

@@ -13,6 +13,7 @@
 #include <opencv2/calib3d.hpp>
 
 #include "heba/base/error.h"
+#include "heba/base/median.h"
 #include "targets/circle_lattice.h"
 #include "targets/confusions.h"
 #include "targets/dot_grid.h"
@@ -31,13 +32,6 @@ struct CircleGridOptions : DotGrid {
 
 std::string Count(size_t count, const std::string& what) {
   return std::to_string(count) + " " + what + (count == 1 ? "" : "s");
-}
-
-double MedianOf(std::vector<double> values) {
-  CHECK(!values.empty());
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 struct Dot : Ellipse {
@@ -218,7 +212,7 @@ class CircleGrid final : public Target {
     if (num_bad > 0) {
       return Failure{Count(num_bad, "dot") + " of " + std::to_string(first.size()) + " not clear or not whole"};
     }
-    if (*std::min_element(contrasts.begin(), contrasts.end()) < 0.15 * MedianOf(contrasts)) {
+    if (*std::min_element(contrasts.begin(), contrasts.end()) < 0.15 * Median(contrasts)) {
       return Failure{"the dots are too unlike in brightness to be one grid"};
     }
     std::vector<Dots> orders;
@@ -285,7 +279,7 @@ class CircleGrid final : public Target {
     const std::vector<double> sizes = EvenSizes(dots);
     if (sizes.empty()) return false;
     // The larger dot may be as large as it likes.
-    const double median = MedianOf(sizes);
+    const double median = Median(sizes);
     int num_unlike = 0;
     for (const double size : sizes) num_unlike += size > 1.35 * median || size < median / 1.35 ? 1 : 0;
     return num_unlike <= (options_.marker_dot ? 1 : 0);
@@ -325,7 +319,7 @@ class CircleGrid final : public Target {
       const auto largest = std::max_element(sizes.begin(), sizes.end());
       if (largest - sizes.begin() != MarkerId()) continue;
       // Halfway, as ratios go, to the size it should have.
-      if (*largest < std::sqrt(marker_ratio) * MedianOf(sizes)) break;
+      if (*largest < std::sqrt(marker_ratio) * Median(sizes)) break;
       return order;
     }
     return Failure{"all dots were seen, but none in a corner is larger than the others"};

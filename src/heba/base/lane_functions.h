@@ -32,7 +32,7 @@ HEBA_INLINE double LargestLane(const V& x) {
     return x;
   } else {
     double largest = x[0];
-    for (size_t i = 1; i < sizeof(V) / sizeof(double); ++i) largest = x[i] > largest ? x[i] : largest;
+    for (int i = 1; i < kLanesIn<V>; ++i) largest = x[i] > largest ? x[i] : largest;
     return largest;
   }
 }
@@ -40,6 +40,18 @@ HEBA_INLINE double LargestLane(const V& x) {
 template <class V>
 HEBA_INLINE V AbsLanes(const V& x) {
   return x < 0.0 ? -x : x;
+}
+
+// Huber's cost of a residual: its square up to `bend`, a line beyond; and what the square counts for there.
+template <class V>
+struct HuberLanes {
+  V cost;
+  V weight;
+};
+template <class V>
+HEBA_INLINE HuberLanes<V> HuberOf(const V& residual, double bend) {
+  const V size = AbsLanes(residual);
+  return {size <= bend ? size * size : bend * (2.0 * size - bend), size <= bend ? AllLanes<V>(1) : bend / size};
 }
 
 // e^x to a relative 1e-11, for x <= 700; of what is below -700 or not a number, 1e-304.

@@ -44,6 +44,13 @@ template <Simd kSet>
 inline constexpr int kLanesOf = NumLanes(kSet);
 inline constexpr int kMaxLanes = 8;
 
+// The next multiple of the most lanes that kernels take at once: columns for them are that long.
+template <class Size>
+constexpr Size PaddedToLanes(Size size) {
+  constexpr Size kMost = kMaxLanes;
+  return (size + kMost - 1) / kMost * kMost;
+}
+
 template <int kLanes>
 struct LanesType;
 template <>
@@ -60,6 +67,11 @@ struct LanesType<8> {
 };
 template <int kLanes>
 using Lanes = typename LanesType<kLanes>::Type;
+// The other way round; 1 of a double.
+template <class V>
+inline constexpr int kLanesIn = static_cast<int>(sizeof(V) / sizeof(double));
+template <>
+inline constexpr int kLanesIn<double> = 1;
 
 template <class V>
 HEBA_INLINE V LoadLanes(const double* from) {
@@ -82,7 +94,7 @@ HEBA_INLINE double SumOfLanes(const V& lanes) {
     return lanes;
   } else {
     double sum = 0;
-    for (size_t i = 0; i < sizeof(V) / sizeof(double); ++i) sum += lanes[i];
+    for (int i = 0; i < kLanesIn<V>; ++i) sum += lanes[i];
     return sum;
   }
 }
@@ -93,7 +105,7 @@ HEBA_INLINE V EachLane(const V& a, const V& b, const F& f) {
     return f(a, b);
   } else {
     V result = a;
-    for (size_t i = 0; i < sizeof(V) / sizeof(double); ++i) result[i] = f(a[i], b[i]);
+    for (int i = 0; i < kLanesIn<V>; ++i) result[i] = f(a[i], b[i]);
     return result;
   }
 }

@@ -7,7 +7,7 @@
 namespace heba {
 
 void PadBatch(ProjectionBatch* batch) {
-  const int padded = (batch->size + kMaxLanes - 1) / kMaxLanes * kMaxLanes;
+  const int padded = PaddedToLanes(batch->size);
   for (auto& coordinate : batch->points) std::fill(coordinate + batch->size, coordinate + padded, coordinate[0]);
 }
 
