@@ -165,13 +165,56 @@ std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const FreeParamet
   return std::make_unique<CapturesCost>(model, std::move(captures), std::move(options));
 }
 
+// Problems are large: shared, and copied only to be changed.
+using SharedProblem = std::shared_ptr<const Problem>;
+
+// One that is the caller's.
+SharedProblem Borrowed(const Problem& problem) { return {SharedProblem(), &problem}; }
+
+// What the captures' products were found to be.
+struct KnownProducts {
+  SharedProblem problem;
+  const Loss* loss;
+  double pixel_px;
+  CapturesProducts products;
+};
+
+// They, if they are what this problem has with this loss and this noise.
+std::optional<CapturesProducts> ProductsOf(const std::optional<KnownProducts>& known, const SharedProblem& problem,
+                                           const Loss& loss, double pixel_px) {
+  if (!known || known->problem != problem || known->loss != &loss) return std::nullopt;
+  if (known->pixel_px == pixel_px) return known->products;
+  if (loss.name != "none") return std::nullopt;
+  // Without a loss the noise is a unit.
+  CapturesProducts products = known->products;
+  products.matrix *= known->pixel_px * known->pixel_px / (pixel_px * pixel_px);
+  return products;
+}
+
+// An estimate under way.
+struct Fit {
+  SharedProblem problem;  // Of the points that count, weighted by what is known of them.
+  State state;
+  Noise noise;
+  RobotNoise robot_stddev;
+  double dof = std::numeric_limits<double>::infinity();  // Of the noise, as Solution::covariance_dof.
+  // Detectors know part of the points' noise, point by point; the rest is found from the residuals, equal for all.
+  // Nothing: all points count alike.
+  std::optional<double> excess_px;
+  Convergence convergence;
+  std::optional<KnownProducts> known;
+};
+
 // Which of the residuals' scales the noise is: the fit's, or their median's, which half of them cannot pull away. By
 // the median outliers are told from the others: the last digits are another fit's.
 enum class Scale { kOfFit, kMedian };
 
 // One run of Ceres at a fixed noise.
-ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& free, const Noise& noise,
-                                const Loss& loss, Scale scale, const BundleOptions& bundle_options, State* state) {
+ceres::Solver::Summary Minimise(const FreeParameters& free, const Loss& loss, Scale scale,
+                                const BundleOptions& bundle_options, Fit* fit) {
+  const Problem& problem = *fit->problem;
+  const Noise& noise = fit->noise;
+  State* const state = &fit->state;
   const CameraModel& model = problem.camera.Model();
   const bool has_shape = HasShape(free, model);
   Unknowns unknowns(*state, has_shape);
@@ -182,8 +225,10 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
   options.pixel_sigma_px = noise.pixel_px;
   options.loss = &loss;
   options.num_threads = bundle_options.num_threads;
+  const bool has_corrections = !state->corrections.empty();
+  if (!has_corrections) options.known = ProductsOf(fit->known, fit->problem, loss, noise.pixel_px);
   const std::unique_ptr<CapturesCost> cost =
-      MakeCost(problem, free, *state, state->corrections.empty() ? std::nullopt : noise.robot, options);
+      MakeCost(problem, free, *state, has_corrections ? noise.robot : std::nullopt, options);
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem ceres_problem(problem_options);
@@ -191,6 +236,10 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
   ceres_problem.AddParameterBlock(board, 7, new PoseManifold);
   AddCameraBlock(free, params, &ceres_problem);
   ceres_problem.AddResidualBlock(cost.get(), nullptr, hand_eye, board, params);
+  ceres::Solver::Options solver_options = ReprojectionSolverOptions(bundle_options.max_iterations);
+  constexpr double kRough = 1e-6;
+  if (scale == Scale::kMedian) solver_options.function_tolerance = kRough;
+  ceres::Solver::Summary summary;
   if (bundle_options.camera_prior) {
     const CameraPrior& prior = *bundle_options.camera_prior;
     const Eigen::VectorXd weights = PriorWeights(prior, free);
@@ -200,17 +249,21 @@ ceres::Solver::Summary Minimise(const Problem& problem, const FreeParameters& fr
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(size);
     mean.head(weights.size()) = Eigen::Map<const Eigen::VectorXd>(prior.params.data(), weights.size());
     ceres_problem.AddResidualBlock(new ceres::NormalPrior(rows, mean), nullptr, params);
+    ceres::Solve(solver_options, &ceres_problem, &summary);
+  } else {
+    summary = SolveCaptures(*cost, solver_options, &ceres_problem);
   }
-  ceres::Solver::Options solver_options = ReprojectionSolverOptions(bundle_options.max_iterations);
-  constexpr double kRough = 1e-6;
-  if (scale == Scale::kMedian) solver_options.function_tolerance = kRough;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver_options, &ceres_problem, &summary);
   state->hand_eye = {FromBlock(hand_eye), FromBlock(board)};
   state->camera.params.assign(params, params + NumParams(model));
   if (has_shape) std::copy_n(params + NumParams(model), state->shape.params.size(), state->shape.params.begin());
   std::vector<Rigid3d> corrections = cost->OwnPoses();
   if (!corrections.empty()) state->corrections = std::move(corrections);
+  if (summary.termination_type == ceres::CONVERGENCE && !has_corrections &&
+      cost->Accepted().parameters == unknowns.all) {
+    fit->known = KnownProducts{fit->problem, &loss, noise.pixel_px, cost->Accepted()};
+    // The same but for how poses are normalised.
+    fit->known->products.parameters = Unknowns(*state, has_shape).all;
+  }
   return summary;
 }
 
@@ -251,9 +304,12 @@ EstimatedNoise EstimateNoise(const Problem& problem, const State& state, const F
   return result;
 }
 
-// The unknowns' normal matrix at the given noise; nothing if a point has no image.
-std::optional<Information> InformationAt(const Problem& problem, const State& state, const FreeParameters& free,
-                                         const Noise& noise, const Loss& loss, const BundleOptions& bundle_options) {
+// The unknowns' normal matrix at the fit's noise; nothing if a point has no image.
+std::optional<Information> InformationAt(const FreeParameters& free, const Loss& loss,
+                                         const BundleOptions& bundle_options, Fit* fit) {
+  const Problem& problem = *fit->problem;
+  const State& state = fit->state;
+  const Noise& noise = fit->noise;
   const CameraModel& model = state.camera.Model();
   // The pixels' rows are worth 1 / factor of what their weights say (Loss::covariance_factor).
   const double factor = loss.covariance_factor();
@@ -269,13 +325,15 @@ std::optional<Information> InformationAt(const Problem& problem, const State& st
   options.pixel_sigma_px = noise.pixel_px;
   options.loss = &loss;
   options.num_threads = bundle_options.num_threads;
+  options.known = ProductsOf(fit->known, fit->problem, loss, noise.pixel_px);
   Unknowns unknowns(state, HasShape(free, model));
   const double* const blocks[] = {unknowns.hand_eye(), unknowns.board(), unknowns.params()};
-  const std::optional<Eigen::MatrixXd> products =
-      MakeCost(problem, free, state, std::nullopt, options)->ProductsAt(blocks);
+  std::optional<CapturesProducts> products = MakeCost(problem, free, state, std::nullopt, options)->ProductsAt(blocks);
   if (!products) return std::nullopt;
-  const Eigen::Index num_unknowns = products->cols() - 1;
-  Information information{UnknownNames(model, free), products->topLeftCorner(num_unknowns, num_unknowns) / factor};
+  const Eigen::Index num_unknowns = products->matrix.cols() - 1;
+  Information information{UnknownNames(model, free),
+                          products->matrix.topLeftCorner(num_unknowns, num_unknowns) / factor};
+  fit->known = KnownProducts{fit->problem, &loss, noise.pixel_px, std::move(*products)};
   if (bundle_options.camera_prior) {
     const Eigen::VectorXd weights = PriorWeights(*bundle_options.camera_prior, free);
     Eigen::Index unknown = 12;
@@ -358,30 +416,11 @@ std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Came
   return std::nullopt;
 }
 
-// Problems are large: shared, and copied only to be changed.
-using SharedProblem = std::shared_ptr<const Problem>;
-
-// One that is the caller's.
-SharedProblem Borrowed(const Problem& problem) { return {SharedProblem(), &problem}; }
-
 SharedProblem WeightedByCovariance(const Problem& problem, double excess_px) {
   auto weighted = std::make_shared<Problem>(problem);
   WeightByCovariance(excess_px, &weighted->views);
   return weighted;
 }
-
-// An estimate under way.
-struct Fit {
-  SharedProblem problem;  // Of the points that count, weighted by what is known of them.
-  State state;
-  Noise noise;
-  RobotNoise robot_stddev;
-  double dof = std::numeric_limits<double>::infinity();  // Of the noise, as Solution::covariance_dof.
-  // Detectors know part of the points' noise, point by point; the rest is found from the residuals, equal for all.
-  // Nothing: all points count alike.
-  std::optional<double> excess_px;
-  Convergence convergence;
-};
 
 // The estimate and the noise that it is whitened by determine each other: a few rounds settle both.
 Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale scale, const BundleOptions& options) {
@@ -394,14 +433,14 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
   const bool is_least_squares = loss.name == "none" && !has_robot_noise && !options.camera_prior;
   constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const ceres::Solver::Summary summary = Minimise(*fit.problem, free, fit.noise, loss, scale, options, &fit.state);
+    const ceres::Solver::Summary summary = Minimise(free, loss, scale, options, &fit);
     fit.convergence.converged = summary.termination_type == ceres::CONVERGENCE;
     fit.convergence.iterations += static_cast<int>(summary.iterations.size()) - 1;
     fit.convergence.seconds += summary.total_time_in_seconds;
     fit.convergence.message = summary.message;
     if (!fit.convergence.converged) {
       // Mostly for want of information: then that is what to say.
-      const std::optional<Information> weak = InformationAt(*fit.problem, fit.state, free, fit.noise, loss, options);
+      const std::optional<Information> weak = InformationAt(free, loss, options, &fit);
       std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
       if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), fit.state.camera);
       return failure.value_or(Failure{"the refinement did not converge: " + summary.message});
@@ -548,9 +587,11 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   if (const std::optional<Failure> failure = CheckCount(Count(keep), free)) return *failure;
   // What even little noise would hide, the solve would look for in vain.
   constexpr double kLittleNoisePx = 0.05;
-  const Noise least{options.pixel_noise_px.value_or(kLittleNoisePx), std::nullopt};
-  const std::optional<Information> start_information =
-      InformationAt(problem, start_state, free, least, *FindLoss("none"), options);
+  Fit fit;
+  fit.problem = visible;
+  fit.state = start_state;
+  fit.noise.pixel_px = options.pixel_noise_px.value_or(kLittleNoisePx);
+  const std::optional<Information> start_information = InformationAt(free, *FindLoss("none"), options, &fit);
   CHECK(start_information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
   if (const std::optional<Failure> failure =
@@ -558,9 +599,6 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
     return *failure;
   }
 
-  Fit fit;
-  fit.problem = visible;
-  fit.state = start_state;
   fit.noise.pixel_px = options.pixel_noise_px ? *options.pixel_noise_px : SigmaFromMedian(Joined(start_distances));
   if (options.robot != BundleOptions::Robot::kExact) {
     fit.state.corrections.assign(problem.views.size(), Rigid3d());
@@ -573,8 +611,8 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   if (options.pixel_noise_px && detector_px > 0) fit.excess_px = ExcessPx(*options.pixel_noise_px, detector_px);
 
   const Loss& loss = LossOfKept(options);
-  const Outcome<Fit> settled = is_truncated ? SettleTruncated(problem_in, std::move(fit), free, options, &keep)
-                                            : Settle(std::move(fit), free, loss, Scale::kOfFit, options);
+  Outcome<Fit> settled = is_truncated ? SettleTruncated(problem_in, std::move(fit), free, options, &keep)
+                                      : Settle(std::move(fit), free, loss, Scale::kOfFit, options);
   if (!settled) return Failure{settled.reason()};
   Solution solution;
   solution.hand_eye = settled->state.hand_eye;
@@ -596,8 +634,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   solution.convergence.initial_cost = Cost(start_distances, start_state, settled->noise, loss);
   solution.convergence.final_cost =
       Cost(DistancesAt(*settled->problem, settled->state, options.num_threads), settled->state, settled->noise, loss);
-  const std::optional<Information> information =
-      InformationAt(*settled->problem, settled->state, free, settled->noise, loss, options);
+  const std::optional<Information> information = InformationAt(free, loss, options, &*settled);
   CHECK(information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
   solution.covariance = InvertInformation(*information, 1.0);

@@ -118,10 +118,10 @@ void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& 
   calibration->unused = std::move(unused);
 }
 
-MethodResult RunMethod(const HandEyeMethod& method, const HandEyeInput& input, const Calibration& calibration) {
+MethodResult ResultOf(const HandEyeMethod& method, Outcome<HandEye> hand_eye, const Calibration& calibration) {
   MethodResult result;
   result.method = method.name;
-  result.hand_eye = method.solve(input);
+  result.hand_eye = std::move(hand_eye);
   if (result.hand_eye) {
     const std::optional<SquaredErrors> errors =
         ReprojectionErrors(*result.hand_eye, calibration.camera, calibration.views);
@@ -130,11 +130,15 @@ MethodResult RunMethod(const HandEyeMethod& method, const HandEyeInput& input, c
   return result;
 }
 
-// Every method runs, if only to be a seed.
-std::vector<MethodResult> RunMethods(const Calibration& calibration) {
+// Every method runs, if only to be a seed. `known`: what they have been found to make of the pairs.
+std::vector<MethodResult> RunMethods(const Calibration& calibration,
+                                     const std::vector<std::optional<Outcome<HandEye>>>& known = {}) {
   std::vector<MethodResult> results;
   const HandEyeInput input(calibration.pairs);
-  for (const HandEyeMethod& method : HandEyeMethods()) results.push_back(RunMethod(method, input, calibration));
+  for (size_t i = 0; i < HandEyeMethods().size(); ++i) {
+    const HandEyeMethod& method = HandEyeMethods()[i];
+    results.push_back(ResultOf(method, i < known.size() && known[i] ? *known[i] : method.solve(input), calibration));
+  }
   return results;
 }
 
@@ -304,7 +308,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
 
   const size_t num_views = calibration.views.size();
   const size_t num_pairs = calibration.pairs.size();
-  std::vector<MethodResult> results = RunMethods(calibration);
+  std::vector<MethodResult> results = RunMethods(calibration, chosen.solutions);
   const MethodResult* wanted = options.seed == kBestSeed ? nullptr : FindResult(results, options.seed);
   CHECK(options.seed == kBestSeed || wanted != nullptr) << options.seed;
   const std::vector<Seed> seeds = SeedsOf(results, options.seed, calibration);

@@ -1,16 +1,18 @@
 #include "solvers/captures_cost.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 
 #include <Eigen/Cholesky>
 
+#include "heba/base/column_products.h"
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/robot_noise.h"
-#include "solvers/view_reduction.h"
 
 namespace heba {
 namespace {
@@ -22,6 +24,106 @@ constexpr int kCapturesPerGroup = 16;
 constexpr int kPoseSize = 7;
 
 using PoseRows = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
+// As a hand-eye pose's chain is: it stands next to the camera.
+bool IsMirror(const Matrix6& chain) { return chain == -Matrix6::Identity(); }
+
+// Views of so few points are chained row by row: cheaper than their products.
+constexpr int kFewPoints = 16;
+
+// The products of chained rows, many views' at once.
+class ChainedRows {
+ public:
+  ChainedRows(int num_shared_poses, int num_others)
+      : num_shared_poses_(num_shared_poses),
+        num_others_(num_others),
+        products_(6 * num_shared_poses + num_others, kStride) {}
+
+  static bool CanHold(int num_shared_poses, int num_others) {
+    return 6 * num_shared_poses + num_others <= ColumnProducts::kMaxColumns;
+  }
+
+  // Of at most kFewPoints points.
+  void Add(const ViewRows& rows, const std::vector<Matrix6>& left_from_tangent) {
+    const auto num_rows = static_cast<int>(rows.columns.rows());
+    if (size_ + num_rows > kStride) Multiply();
+    const auto from = [&](int c) { return rows.columns.data() + c * rows.columns.outerStride(); };
+    const double* const by_left[] = {from(0), from(1), from(2), from(3), from(4), from(5)};
+    for (int pose = 0; pose < num_shared_poses_; ++pose) {
+      const Matrix6& chain = left_from_tangent[static_cast<size_t>(pose)];
+      const bool is_mirror = IsMirror(chain);
+      for (int c = 0; c < 6; ++c) {
+        double* const to = columns_[6 * pose + c] + size_;
+        if (is_mirror) {
+          for (int i = 0; i < num_rows; ++i) to[i] = -by_left[c][i];
+        } else {
+          for (int i = 0; i < num_rows; i += kMaxLanes) ChainRows(by_left, chain, c, i, to + i);
+        }
+      }
+    }
+    for (int c = 0; c < num_others_; ++c) {
+      std::copy_n(from(6 + c), num_rows, columns_[6 * num_shared_poses_ + c] + size_);
+    }
+    size_ += num_rows;
+  }
+
+  // Below the diagonal.
+  void AddTo(Eigen::MatrixXd* matrix) {
+    Multiply();
+    int places[ColumnProducts::kMaxColumns];
+    std::iota(places, places + matrix->cols(), 0);
+    products_.AddTo(places, 1.0, matrix);
+  }
+
+ private:
+  static constexpr int kStride = 128;
+  static_assert(PaddedToLanes(2 * kFewPoints) <= kStride);
+
+  // Some rows of one column.
+  static void ChainRows(const double* const (&by_left)[6], const Matrix6& chain, int c, int first, double* to) {
+    double sums[kMaxLanes] = {};
+    for (int k = 0; k < 6; ++k) {
+      for (int i = 0; i < kMaxLanes; ++i) sums[i] += by_left[k][first + i] * chain(k, c);
+    }
+    std::copy_n(sums, kMaxLanes, to);
+  }
+
+  void Multiply() {
+    products_.Add(columns_[0], size_);
+    size_ = 0;
+  }
+
+  int num_shared_poses_;
+  int num_others_;
+  int size_ = 0;  // Rows in `columns_`.
+  ColumnProducts products_;
+  // One more pads an odd number.
+  alignas(64) double columns_[ColumnProducts::kMaxColumns + 1][kStride];
+};
+
+// Adds a view's products, of a left perturbation of its pose and of what else there is, to those of the shared poses'
+// tangents; below the diagonal.
+void AddChained(const Eigen::MatrixXd& products, const std::vector<Matrix6>& left_from_tangent, int num_shared_poses,
+                Eigen::MatrixXd* sum) {
+  const Eigen::Index num_others = products.cols() - 6;
+  const Eigen::Index num_shared = 6 * num_shared_poses;
+  const auto by_pose = products.topLeftCorner<6, 6>();
+  const auto others_by_pose = products.block(6, 0, num_others, 6);
+  for (int k = 0; k < num_shared_poses; ++k) {
+    const Matrix6& chain = left_from_tangent[static_cast<size_t>(k)];
+    if (k == 0 && IsMirror(chain)) {
+      sum->topLeftCorner<6, 6>() += by_pose;
+      sum->block(num_shared, 0, num_others, 6) -= others_by_pose;
+      continue;
+    }
+    const Matrix6 half = chain.transpose() * by_pose;
+    for (int l = 0; l <= k; ++l) {
+      sum->block<6, 6>(6 * k, 6 * l).noalias() += half * left_from_tangent[static_cast<size_t>(l)];
+    }
+    sum->block(num_shared, 6 * k, num_others, 6).noalias() += others_by_pose.lazyProduct(chain);
+  }
+  sum->bottomRightCorner(num_others, num_others) += products.bottomRightCorner(num_others, num_others);
+}
 
 }  // namespace
 
@@ -45,22 +147,26 @@ struct CapturesCost::Evaluation {
 struct CapturesCost::OwnPoseState {
   Rigid3d pose;
   std::vector<Matrix6> left_from_tangent;
-  double cost = 0;  // Of the capture, there.
+  double cost = 0;            // Of the capture, there.
+  double predicted_drop = 0;  // Of its cost, by its own step alone.
   // Its best step is minus this times [the left perturbation by the shared poses' steps, the free parameters' step, 1].
   PoseRows step;
 };
 
 struct CapturesCost::State {
-  std::vector<double> parameters;
+  CapturesProducts shared;
   std::vector<OwnPoseState> own_poses;  // Empty if captures have none.
-  Eigen::MatrixXd products;             // Of the shared poses' tangents, the free parameters, the residual.
-  double loss_remainder = 0;
+
+  double Cost() const {
+    return std::max(0.0, shared.matrix(shared.matrix.rows() - 1, shared.matrix.cols() - 1)) + shared.loss_remainder;
+  }
 };
 
 CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> captures, CapturesCostOptions options)
     : model_(model),
       captures_(std::move(captures)),
       options_(std::move(options)),
+      reducer_(model, options_.free, options_.pixel_sigma_px, *options_.loss),
       num_params_(NumParams(model) + (options_.shape ? TargetShape::kNumParams : 0)) {
   CHECK(!captures_.empty());
   CHECK_EQ(options_.free.size(), static_cast<size_t>(num_params_));
@@ -81,7 +187,7 @@ CapturesCost::~CapturesCost() = default;
 
 bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, double** jacobians) const {
   std::vector<double> at = Joined(parameters);
-  if (candidate_ == nullptr || candidate_->parameters != at) {
+  if (candidate_ == nullptr || candidate_->shared.parameters != at) {
     const auto state = std::make_shared<State>();
     if (!EvaluateAll(std::move(at), state.get())) return false;
     candidate_ = state;
@@ -89,14 +195,13 @@ bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, 
   Eigen::Map<Eigen::VectorXd> residual(residuals, num_residuals());
   if (jacobians == nullptr) {
     // The cost alone.
-    const double squares = candidate_->products(candidate_->products.rows() - 1, candidate_->products.cols() - 1);
     residual.setZero();
-    residual[0] = std::sqrt(std::max(0.0, squares) + candidate_->loss_remainder);
+    residual[0] = std::sqrt(candidate_->Cost());
     return true;
   }
-  const Eigen::MatrixXd root = RootOfProducts(candidate_->products);
+  const Eigen::MatrixXd root = RootOfProducts(candidate_->shared.matrix);
   residual.head(root.rows()) = root.rightCols<1>();
-  residual[root.rows()] = std::sqrt(candidate_->loss_remainder);
+  residual[root.rows()] = std::sqrt(candidate_->shared.loss_remainder);
   for (int i = 0; i <= num_shared_poses_; ++i) {
     if (jacobians[i] == nullptr) continue;
     const bool is_pose = i < num_shared_poses_;
@@ -113,7 +218,19 @@ bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, 
   }
   // Ceres asks for Jacobians where it stays.
   accepted_ = candidate_;
+  predicted_drop_ = root.col(root.cols() - 1).head(root.rows() - 1).squaredNorm();
+  for (const OwnPoseState& own : accepted_->own_poses) predicted_drop_ += own.predicted_drop;
   return true;
+}
+
+const CapturesProducts& CapturesCost::Accepted() const {
+  CHECK(accepted_ != nullptr);
+  return accepted_->shared;
+}
+
+double CapturesCost::PredictedDrop() const {
+  CHECK(accepted_ != nullptr);
+  return predicted_drop_ / accepted_->Cost();
 }
 
 std::vector<double> CapturesCost::Joined(const double* const* parameters) const {
@@ -123,22 +240,26 @@ std::vector<double> CapturesCost::Joined(const double* const* parameters) const 
   return joined;
 }
 
-std::optional<Eigen::MatrixXd> CapturesCost::ProductsAt(const double* const* parameters) const {
+std::optional<CapturesProducts> CapturesCost::ProductsAt(const double* const* parameters) const {
   State state;
   if (!EvaluateAll(Joined(parameters), &state)) return std::nullopt;
-  return std::move(state.products);
+  return std::move(state.shared);
 }
 
 bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) const {
-  state->parameters = std::move(parameters);
-  const std::vector<double>& at = state->parameters;
+  if (options_.known && options_.known->parameters == parameters) {
+    state->shared = *options_.known;
+    return true;
+  }
+  state->shared.parameters = std::move(parameters);
+  const std::vector<double>& at = state->shared.parameters;
   const auto num_free = static_cast<Eigen::Index>(free_.size());
   if (options_.has_own_pose) state->own_poses.resize(captures_.size());
   // From where the own poses' linearisation was made, if it was.
   std::vector<Tangent6> pose_steps;
   Eigen::VectorXd params_step;
   if (options_.has_own_pose && accepted_ != nullptr) {
-    const std::vector<double>& from = accepted_->parameters;
+    const std::vector<double>& from = accepted_->shared.parameters;
     for (int i = 0; i < num_shared_poses_; ++i) {
       pose_steps.push_back(LocalCoordinates(FromBlock(&from[static_cast<size_t>(kPoseSize * i)]),
                                             FromBlock(&at[static_cast<size_t>(kPoseSize * i)])));
@@ -150,7 +271,6 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
     }
   }
   const auto own_pose_of = [&](size_t i) -> Rigid3d {
-    if (!options_.has_own_pose) return {};
     if (accepted_ == nullptr) return captures_[i].own_pose;
     const OwnPoseState& before = accepted_->own_poses[i];
     Tangent6 left = Tangent6::Zero();
@@ -159,82 +279,114 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
                                   before.step.rightCols<1>()));
   };
 
-  const bool settles = options_.has_own_pose && options_.settles_own_poses && accepted_ == nullptr;
   const int num_captures = static_cast<int>(captures_.size());
   const int num_groups = std::clamp(num_captures / kCapturesPerGroup, 1, kMaxGroups);
-  const Eigen::Index num_shared = 6 * num_shared_poses_;
-  const Eigen::Index num_others = num_free + 1;
-  std::vector<Eigen::MatrixXd> sums(static_cast<size_t>(num_groups),
-                                    Eigen::MatrixXd::Zero(num_shared + num_others, num_shared + num_others));
-  std::vector<double> remainders(static_cast<size_t>(num_groups), 0.0);
+  std::vector<CapturesProducts> sums(static_cast<size_t>(num_groups));
   std::vector<char> has_failed(static_cast<size_t>(num_groups), 0);
   ParallelFor(num_groups, options_.num_threads, [&](int index) {
-    const auto group = static_cast<size_t>(index);
     const auto first_of = [&](int g) {
       return static_cast<size_t>(static_cast<int64_t>(num_captures) * g / num_groups);
     };
-    Evaluation evaluation;
-    for (size_t i = first_of(index); i < first_of(index + 1); ++i) {
-      evaluation.own_pose = own_pose_of(i);
-      bool is_evaluated =
-          settles ? SettleOwnPose(captures_[i], at, &evaluation) : EvaluateCapture(captures_[i], at, &evaluation);
-      if (!is_evaluated && options_.has_own_pose && accepted_ != nullptr) {
-        // The linearisation leads to where nothing is seen: from where it was, then, step by step.
-        evaluation.own_pose = accepted_->own_poses[i].pose;
-        is_evaluated = SettleOwnPose(captures_[i], at, &evaluation);
-      }
-      if (!is_evaluated) {
-        has_failed[group] = 1;
-        return;
-      }
-      Eigen::MatrixXd& products = evaluation.products.matrix;
-      remainders[group] += evaluation.products.loss_remainder;
-      products(6 + num_free, 6 + num_free) += evaluation.prior_squares;
-      if (options_.has_own_pose) {
-        OwnPoseState& own = state->own_poses[i];
-        own.pose = evaluation.own_pose;
-        own.cost = evaluation.Cost() - evaluation.prior_squares;  // Which the products have by now.
-        own.step = evaluation.own.ldlt().solve(evaluation.with_others);
-        products.noalias() -= evaluation.with_others.transpose().lazyProduct(own.step);
-        own.left_from_tangent = std::move(evaluation.left_from_tangent);
-      }
-      const std::vector<Matrix6>& left_from_tangent =
-          options_.has_own_pose ? state->own_poses[i].left_from_tangent : evaluation.left_from_tangent;
-      Eigen::MatrixXd& sum = sums[group];
-      for (int k = 0; k < num_shared_poses_; ++k) {
-        const Matrix6& chain = left_from_tangent[static_cast<size_t>(k)];
-        const Matrix6 half = chain.transpose() * products.topLeftCorner<6, 6>();
-        for (int l = 0; l <= k; ++l) {
-          sum.block<6, 6>(6 * k, 6 * l).noalias() += half * left_from_tangent[static_cast<size_t>(l)];
-        }
-        sum.block(num_shared, 6 * k, num_others, 6).noalias() += products.block(6, 0, num_others, 6).lazyProduct(chain);
-      }
-      sum.bottomRightCorner(num_others, num_others) += products.bottomRightCorner(num_others, num_others);
-    }
+    const auto group = static_cast<size_t>(index);
+    has_failed[group] = !EvaluateGroup(first_of(index), first_of(index + 1), own_pose_of, state, &sums[group]);
   });
   if (std::find(has_failed.begin(), has_failed.end(), 1) != has_failed.end()) return false;
   for (size_t group = 1; group < sums.size(); ++group) {
-    sums[0] += sums[group];
-    remainders[0] += remainders[group];
+    sums[0].matrix += sums[group].matrix;
+    sums[0].loss_remainder += sums[group].loss_remainder;
   }
   // The sums' lower triangles are what was added up.
-  state->products = sums[0].selfadjointView<Eigen::Lower>();
-  state->loss_remainder = remainders[0];
+  state->shared.matrix = sums[0].matrix.selfadjointView<Eigen::Lower>();
+  state->shared.loss_remainder = sums[0].loss_remainder;
   return true;
+}
+
+bool CapturesCost::EvaluateGroup(size_t first, size_t last, const std::function<Rigid3d(size_t)>& own_pose_of,
+                                 State* state, CapturesProducts* sum) const {
+  const std::vector<double>& at = state->shared.parameters;
+  const int num_others = static_cast<int>(free_.size()) + 1;
+  const Eigen::Index num_columns = 6 * num_shared_poses_ + num_others;
+  sum->matrix.setZero(num_columns, num_columns);
+  const bool settles = options_.settles_own_poses && accepted_ == nullptr;
+  const bool chains_rows = !options_.has_own_pose && ChainedRows::CanHold(num_shared_poses_, num_others);
+  std::optional<ChainedRows> rows_of_few;
+  ViewRows rows;
+  Evaluation evaluation;
+  for (size_t i = first; i < last; ++i) {
+    if (chains_rows && captures_[i].observations->size() <= kFewPoints) {
+      if (!WriteCapture(captures_[i], at, &evaluation.left_from_tangent, &rows)) return false;
+      if (!rows_of_few) rows_of_few.emplace(num_shared_poses_, num_others);
+      rows_of_few->Add(rows, evaluation.left_from_tangent);
+      sum->loss_remainder += rows.loss_remainder;
+      continue;
+    }
+    if (!options_.has_own_pose) {
+      if (!EvaluateCapture(captures_[i], at, &evaluation)) return false;
+      AddChained(evaluation.products.matrix, evaluation.left_from_tangent, num_shared_poses_, &sum->matrix);
+      sum->loss_remainder += evaluation.products.loss_remainder;
+      continue;
+    }
+    evaluation.own_pose = own_pose_of(i);
+    bool is_evaluated =
+        settles ? SettleOwnPose(captures_[i], at, &evaluation) : EvaluateCapture(captures_[i], at, &evaluation);
+    if (!is_evaluated && accepted_ != nullptr) {
+      // The linearisation leads to where nothing is seen: from where it was, then, step by step.
+      evaluation.own_pose = accepted_->own_poses[i].pose;
+      is_evaluated = SettleOwnPose(captures_[i], at, &evaluation);
+    }
+    if (!is_evaluated) return false;
+    OwnPoseState& own = state->own_poses[i];
+    own.pose = evaluation.own_pose;
+    own.cost = evaluation.Cost();
+    own.step = evaluation.own.ldlt().solve(evaluation.with_others);
+    own.predicted_drop = evaluation.with_others.rightCols<1>().dot(own.step.rightCols<1>());
+    Eigen::MatrixXd& products = evaluation.products.matrix;
+    products(num_others + 5, num_others + 5) += evaluation.prior_squares;
+    products.noalias() -= evaluation.with_others.transpose().lazyProduct(own.step);
+    AddChained(products, evaluation.left_from_tangent, num_shared_poses_, &sum->matrix);
+    sum->loss_remainder += evaluation.products.loss_remainder;
+    own.left_from_tangent = std::move(evaluation.left_from_tangent);
+  }
+  if (rows_of_few) rows_of_few->AddTo(&sum->matrix);
+  return true;
+}
+
+Rigid3d CapturesCost::CameraFromTargetOf(const CaptureTerm& capture, const std::vector<double>& parameters,
+                                         const Rigid3d& own_pose, std::vector<Matrix6>* left_from_tangent) const {
+  std::array<const double*, 4> blocks{};
+  CHECK_LT(static_cast<size_t>(num_shared_poses_), blocks.size());
+  const auto num_shared = static_cast<size_t>(num_shared_poses_);
+  for (size_t i = 0; i < num_shared; ++i) blocks[i] = &parameters[kPoseSize * i];
+  const PoseBlock own_block = ToBlock(own_pose);
+  if (options_.has_own_pose) blocks[num_shared] = own_block.data();
+  return capture.chain->Evaluate(blocks.data(), left_from_tangent);
+}
+
+std::optional<TargetShape> CapturesCost::ShapeAt(const std::vector<double>& parameters) const {
+  std::optional<TargetShape> shape = options_.shape;
+  if (shape) std::copy_n(ParamsAt(parameters) + NumParams(model_), TargetShape::kNumParams, shape->params.begin());
+  return shape;
+}
+
+const double* CapturesCost::ParamsAt(const std::vector<double>& parameters) const {
+  return &parameters[static_cast<size_t>(kPoseSize * num_shared_poses_)];
+}
+
+bool CapturesCost::WriteCapture(const CaptureTerm& capture, const std::vector<double>& parameters,
+                                std::vector<Matrix6>* left_from_tangent, ViewRows* rows) const {
+  const Rigid3d camera_from_target = CameraFromTargetOf(capture, parameters, {}, left_from_tangent);
+  const std::optional<TargetShape> shape = ShapeAt(parameters);
+  return reducer_.Write(ParamsAt(parameters), camera_from_target, *capture.observations, shape ? &*shape : nullptr,
+                        rows);
 }
 
 bool CapturesCost::EvaluateCapture(const CaptureTerm& capture, const std::vector<double>& parameters,
                                    Evaluation* evaluation) const {
-  std::vector<const double*> blocks;
-  for (int i = 0; i < num_shared_poses_; ++i) blocks.push_back(&parameters[static_cast<size_t>(kPoseSize * i)]);
-  const PoseBlock own_block = ToBlock(evaluation->own_pose);
-  if (options_.has_own_pose) blocks.push_back(own_block.data());
-  const double* const params = &parameters[static_cast<size_t>(kPoseSize * num_shared_poses_)];
-  std::optional<TargetShape> shape = options_.shape;
-  if (shape) std::copy_n(params + NumParams(model_), TargetShape::kNumParams, shape->params.begin());
-  const Rigid3d camera_from_target = capture.chain->Evaluate(blocks.data(), &evaluation->left_from_tangent);
-  if (!MultiplyView(model_, params, camera_from_target, *capture.observations, options_.pixel_sigma_px, *options_.loss,
-                    options_.free, shape ? &*shape : nullptr, &evaluation->products)) {
+  const Rigid3d camera_from_target =
+      CameraFromTargetOf(capture, parameters, evaluation->own_pose, &evaluation->left_from_tangent);
+  const std::optional<TargetShape> shape = ShapeAt(parameters);
+  if (!reducer_.Multiply(ParamsAt(parameters), camera_from_target, *capture.observations, shape ? &*shape : nullptr,
+                         &evaluation->products)) {
     return false;
   }
   if (!options_.has_own_pose) return true;
@@ -284,7 +436,8 @@ std::vector<Rigid3d> CapturesCost::OwnPoses() const {
     const OwnPoseState& own = accepted_->own_poses[i];
     moved.own_pose = Retract(own.pose, -Tangent6(own.step.rightCols<1>()));
     // What is left of the way to the best: unless it leads nowhere.
-    const bool is_better = EvaluateCapture(captures_[i], accepted_->parameters, &moved) && moved.Cost() <= own.cost;
+    const bool is_better =
+        EvaluateCapture(captures_[i], accepted_->shared.parameters, &moved) && moved.Cost() <= own.cost;
     poses.push_back(is_better ? moved.own_pose : own.pose);
   }
   return poses;

@@ -8,6 +8,7 @@
 // see it. Where the shared unknowns are tried elsewhere, it goes along as its linearisation says.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -19,6 +20,7 @@
 #include "heba/data/solution.h"
 #include "solvers/loss.h"
 #include "solvers/pose_chain.h"
+#include "solvers/view_reduction.h"
 
 namespace heba {
 
@@ -29,6 +31,14 @@ struct CaptureTerm {
   Rigid3d own_pose;  // Where it starts.
 };
 
+// What the captures say at some value of the unknowns.
+struct CapturesProducts {
+  std::vector<double> parameters;  // The shared poses' blocks, the camera's parameters, the shape's.
+  // J^T J of the shared poses' tangents, the free parameters and the residual, own poses eliminated.
+  Eigen::MatrixXd matrix;
+  double loss_remainder = 0;  // As ViewProducts', solvers/view_reduction.h.
+};
+
 struct CapturesCostOptions {
   double pixel_sigma_px = 1;
   const Loss* loss = nullptr;
@@ -36,6 +46,8 @@ struct CapturesCostOptions {
   std::optional<TargetShape> shape;  // If `free` speaks of it; its own parameters are not used.
   bool has_own_pose = false;
   std::optional<RobotNoise> own_pose_prior;  // That it is the identity, give or take this.
+  // What is known already, with the same captures, loss and sigma. Captures without own poses only.
+  std::optional<CapturesProducts> known;
   // Whether own poses are brought to their best for the first value of the shared unknowns, or stay where they start.
   bool settles_own_poses = true;
   int num_threads = 1;  // At most; the result does not depend on it.
@@ -54,9 +66,13 @@ class CapturesCost final : public ceres::CostFunction {
 
   bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override;
 
-  // J^T J of the shared poses' tangents, the free parameters and the residual, own poses eliminated. Nothing if a point
-  // has no image.
-  std::optional<Eigen::MatrixXd> ProductsAt(const double* const* parameters) const;
+  // Nothing if a point has no image.
+  std::optional<CapturesProducts> ProductsAt(const double* const* parameters) const;
+
+  // Where the Jacobians were evaluated last: after ceres::Solve, at the solution. They must have been.
+  const CapturesProducts& Accepted() const;
+  // What Gauss-Newton's next step from there would make the cost less by, as its own linearisation has it; of the cost.
+  double PredictedDrop() const;
 
   // The captures' own poses, best for the shared unknowns at which the Jacobians were evaluated last: after
   // ceres::Solve, the solution's.
@@ -70,20 +86,31 @@ class CapturesCost final : public ceres::CostFunction {
   struct Evaluation;
 
   bool EvaluateAll(std::vector<double> parameters, State* state) const;
+  // What captures [first, last) add, each at its own pose.
+  bool EvaluateGroup(size_t first, size_t last, const std::function<Rigid3d(size_t)>& own_pose_of, State* state,
+                     CapturesProducts* sum) const;
   // At Evaluation::own_pose; the other one begins there.
   bool EvaluateCapture(const CaptureTerm& capture, const std::vector<double>& parameters, Evaluation* evaluation) const;
+  bool WriteCapture(const CaptureTerm& capture, const std::vector<double>& parameters,
+                    std::vector<Matrix6>* left_from_tangent, ViewRows* rows) const;
+  Rigid3d CameraFromTargetOf(const CaptureTerm& capture, const std::vector<double>& parameters, const Rigid3d& own_pose,
+                             std::vector<Matrix6>* left_from_tangent) const;
+  std::optional<TargetShape> ShapeAt(const std::vector<double>& parameters) const;
+  const double* ParamsAt(const std::vector<double>& parameters) const;
   bool SettleOwnPose(const CaptureTerm& capture, const std::vector<double>& parameters, Evaluation* evaluation) const;
   std::vector<double> Joined(const double* const* parameters) const;
 
   const CameraModel& model_;
   std::vector<CaptureTerm> captures_;
   CapturesCostOptions options_;
+  ViewReducer reducer_;
   int num_shared_poses_;
   int num_params_;         // The camera's, and the shape's if it is unknown.
   std::vector<int> free_;  // Which of them.
   // Where the Jacobians were evaluated last, and where the cost was: mostly Ceres asks for the Jacobians there next.
   mutable std::shared_ptr<const State> accepted_;
   mutable std::shared_ptr<const State> candidate_;
+  mutable double predicted_drop_ = 0;
 };
 
 }  // namespace heba

@@ -17,6 +17,11 @@ const MotionSums& HandEyeInput::motions() const {
   return *motions_;
 }
 
+const TargetPositions& HandEyeInput::positions() const {
+  if (!positions_) positions_ = BestKnownPositions(*pairs_);
+  return *positions_;
+}
+
 #define HEBA_HAND_EYE_METHOD(name, motion, description) Outcome<HandEye> SolveHandEye_##name(const HandEyeInput& input);
 #include "solvers/methods.def"
 #undef HEBA_HAND_EYE_METHOD

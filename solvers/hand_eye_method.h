@@ -20,6 +20,7 @@
 #include "heba/base/error.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/motion_sums.h"
+#include "solvers/target_position.h"
 
 namespace heba {
 
@@ -37,11 +38,14 @@ class HandEyeInput {
   const std::optional<Failure>& why_not() const { return why_not_; }
   // Summed when first asked for: not by several threads at once.
   const MotionSums& motions() const;
+  // Of the target's best known point; likewise.
+  const TargetPositions& positions() const;
 
  private:
   const std::vector<PosePair>* pairs_;
   std::optional<Failure> why_not_;
   mutable std::optional<MotionSums> motions_;
+  mutable std::optional<TargetPositions> positions_;
 };
 
 struct HandEyeMethod {

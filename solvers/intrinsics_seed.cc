@@ -134,8 +134,7 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
   problem.AddResidualBlock(&cost, nullptr, camera->params.data());
   ceres::Solver::Options solver_options = ReprojectionSolverOptions(100);
   solver_options.function_tolerance = tolerance;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver_options, &problem, &summary);
+  const ceres::Solver::Summary summary = SolveCaptures(cost, solver_options, &problem);
   const std::vector<Rigid3d> poses = cost.OwnPoses();
   for (size_t i = 0; i < poses.size(); ++i) (*posed)[i].camera_from_target = poses[i];
   return summary.IsSolutionUsable();

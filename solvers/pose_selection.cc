@@ -146,12 +146,20 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
   double best_error = std::numeric_limits<double>::infinity();
   const std::vector<PosePair> voted = Pairs(views, candidates, choice);
   const HandEyeInput voted_input(voted);
-  for (const HandEyeMethod& method : HandEyeMethods()) {
+  struct Solved {
+    size_t method;
+    Choice choice;
+    Outcome<HandEye> hand_eye;
+  };
+  std::vector<Solved> solved;
+  for (size_t m = 0; m < HandEyeMethods().size(); ++m) {
+    const HandEyeMethod& method = HandEyeMethods()[m];
     Choice current = choice;
     constexpr int kMaxRounds = 10;
     for (int round = 0; round < kMaxRounds; ++round) {
       const Outcome<HandEye> hand_eye =
           current == choice ? method.solve(voted_input) : method.solve(Pairs(views, candidates, current));
+      solved.push_back({m, current, hand_eye});
       if (!hand_eye) break;
       double error = 0;
       Choice next(views.size());
@@ -183,6 +191,10 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
   }
 
   ChosenPoses chosen;
+  chosen.solutions.resize(HandEyeMethods().size());
+  for (Solved& entry : solved) {
+    if (entry.choice == best_choice) chosen.solutions[entry.method] = std::move(entry.hand_eye);
+  }
   chosen.pairs = Pairs(views, candidates, best_choice);
   for (size_t i = 0; i < views.size(); ++i) {
     chosen.symmetry.push_back(candidates[i][static_cast<size_t>(best_choice[i])].symmetry);

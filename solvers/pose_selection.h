@@ -6,8 +6,10 @@
 // M_i^-1) = angle(C_j C_i^-1); no wrong pose keeps that over all captures.
 #pragma once
 
+#include <optional>
 #include <vector>
 
+#include "heba/base/error.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/target_pose.h"
 
@@ -17,6 +19,8 @@ struct ChosenPoses {
   std::vector<PosePair> pairs;  // One a view.
   // The order in which each view's board was read: the index of the symmetry S with true point = S * labelled point.
   std::vector<int> symmetry;
+  // What the methods, in the order of HandEyeMethods(), make of the pairs; nothing of those that were not asked.
+  std::vector<std::optional<Outcome<HandEye>>> solutions;
 };
 
 // `poses[i]`: the candidates of views[i], at least one. `symmetries`: the motions that map the target to itself, the

@@ -14,6 +14,7 @@ ceres::Solver::Options ReprojectionSolverOptions(int max_iterations) {
   options.function_tolerance = 1e-12;
   options.parameter_tolerance = 1e-13;
   options.gradient_tolerance = 1e-14;
+  options.initial_trust_region_radius = 1e8;
   // Steps that put a point behind the camera are refused one by one until the trust region is small enough.
   options.max_num_consecutive_invalid_steps = 50;
   options.num_threads = 1;
@@ -33,6 +34,35 @@ void AddCameraBlock(const FreeParameters& free, double* params, ceres::Problem* 
   } else if (!held.empty()) {
     problem->SetManifold(params, new ceres::SubsetManifold(size, held));
   }
+}
+
+namespace {
+
+class StopAtMinimum final : public ceres::IterationCallback {
+ public:
+  StopAtMinimum(const CapturesCost& cost, double tolerance) : cost_(cost), tolerance_(tolerance) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*iteration*/) override {
+    return cost_.PredictedDrop() < tolerance_ ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const CapturesCost& cost_;
+  double tolerance_;
+};
+
+}  // namespace
+
+ceres::Solver::Summary SolveCaptures(const CapturesCost& cost, ceres::Solver::Options options,
+                                     ceres::Problem* problem) {
+  StopAtMinimum stop(cost, options.function_tolerance);
+  options.callbacks.push_back(&stop);
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, problem, &summary);
+  if (summary.termination_type == ceres::USER_SUCCESS) {
+    summary.termination_type = ceres::CONVERGENCE;
+    summary.message = "Function tolerance reached: the next step would change less.";
+  }
+  return summary;
 }
 
 }  // namespace heba

@@ -43,6 +43,7 @@ std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, co
                                                       const Loss& loss) {
   const CameraModel& model = problem.camera.Model();
   const Eigen::Index num_unknowns = 12 + NumFree(free);
+  const ViewReducer reducer(model, free, pixel_sigma_px, loss);
   std::vector<LinearView> result;
   for (size_t v = 0; v < problem.views.size(); ++v) {
     const View& view = problem.views[v];
@@ -50,8 +51,8 @@ std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, co
     const Rigid3d& mount = view.camera_mount_from_target_mount;
     const Rigid3d camera_from_target = CameraFromTarget(problem.setup, hand_eye, mount, correction);
     ViewReduction reduction;
-    if (!ReduceView(model, problem.camera.params.data(), camera_from_target, view.observations, pixel_sigma_px, loss,
-                    free, HasShape(free, model) ? &problem.shape : nullptr, &reduction)) {
+    if (!reducer.Reduce(problem.camera.params.data(), camera_from_target, view.observations,
+                        HasShape(free, model) ? &problem.shape : nullptr, &reduction)) {
       return std::nullopt;
     }
     LinearView linear;

@@ -100,10 +100,9 @@ std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
 // Levenberg-Marquardt on the six numbers of the pose.
 std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& observations,
                                      Rigid3d camera_from_target) {
-  const FreeParameters none(camera.params.size(), false);
+  const ViewReducer reducer(camera.Model(), FreeParameters(camera.params.size(), false), 1.0, *FindLoss("none"));
   const auto multiply = [&](const Rigid3d& pose, ViewProducts* products) {
-    return MultiplyView(camera.Model(), camera.params.data(), pose, observations, 1.0, *FindLoss("none"), none, nullptr,
-                        products);
+    return reducer.Multiply(camera.params.data(), pose, observations, nullptr, products);
   };
   const auto cost_of = [](const ViewProducts& products) { return products.matrix(6, 6); };
   ViewProducts here;

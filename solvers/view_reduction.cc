@@ -63,37 +63,8 @@ void Whiten(const Observations& observations, Eigen::Index v_offset, Eigen::Matr
   }
 }
 
-// What a pass over a view's points adds up.
-struct Sums {
-  double rho = 0;
-  double weighted = 0;
-  double Remainder() const { return std::max(0.0, rho - weighted); }
-};
-
 // Or all points count alike.
 bool IsWeighted(const Loss& loss) { return loss.name != "none"; }
-
-// The square roots of the weights of points with these whitened residuals; `sums` grows.
-void WeighPoints(const double* u, const double* v, int size, double pixel_sigma_px, const Loss& loss, double* roots,
-                 Sums* sums) {
-  const double per_px2 = 1 / (pixel_sigma_px * pixel_sigma_px);
-  constexpr int kSome = ProjectionBatch::kCapacity;
-  double s[kSome];
-  double rho[kSome];
-  double weight[kSome];
-  for (int first = 0; first < size; first += kSome) {
-    const int count = std::min(kSome, size - first);
-    for (int i = 0; i < count; ++i) {
-      s[i] = (u[first + i] * u[first + i] + v[first + i] * v[first + i]) * per_px2;
-    }
-    loss.evaluate(s, count, rho, weight);
-    for (int i = 0; i < count; ++i) {
-      sums->rho += rho[i];
-      sums->weighted += weight[i] * s[i];
-      roots[first + i] = std::sqrt(weight[i]);
-    }
-  }
-}
 
 // Whether the points' rows are as the camera model gives them: no discs, no correlated noise.
 bool IsPlain(const Observations& observations) {
@@ -113,178 +84,238 @@ void LoadBatch(const Observations& observations, const TargetShape* shape, int f
   PadBatch(batch);
 }
 
-// Of one image axis, which of a batch's rows are multiplied, and which columns of the products they are.
-struct AxisColumns {
-  int size = 0;
-  int rows[ProjectionBatch::kMaxRows];
-  int places[ProjectionBatch::kMaxRows];
-
-  void Add(int row, int place) {
-    rows[size] = row;
-    places[size++] = place;
+// Writes behind a batch's rows of one axis, which begin at `row`, those of the shape's free parameters.
+void WriteShapeRows(const Observations& observations, int first, const Eigen::Matrix3d& rotation,
+                    const TargetShape& shape, const std::vector<int>& free_shape, int row,
+                    double (*rows)[ProjectionBatch::kCapacity], int size) {
+  for (int i = 0; i < size; ++i) {
+    // What moves a point moves its image as a shift of the whole target would.
+    const Eigen::RowVector3d by_shift(rows[0][i], rows[1][i], rows[2][i]);
+    const Eigen::Matrix<double, 1, TargetShape::kNumParams> by_shape =
+        by_shift * rotation * ShapedByParams(Eigen::Vector3d(observations.points_in_target.col(first + i)), shape);
+    for (size_t k = 0; k < free_shape.size(); ++k) rows[row + static_cast<int>(k)][i] = by_shape[free_shape[k]];
   }
+}
+
+}  // namespace
+
+// What a pass over a view's points adds up.
+struct ViewReducer::Sums {
+  double rho = 0;
+  double weighted = 0;
+  double Remainder() const { return std::max(0.0, rho - weighted); }
 };
 
-// The rows that a camera model gives, as far as they are wanted. The caller writes those of the principal point, of the
-// shape and of the residual behind them: they are in no row yet.
-constexpr int kWritten = -1;
-// Pose, focal length, distortion, principal point, shape, residual, and what pads an odd number.
-static_assert(6 + 1 + ProjectionBatch::kMaxDistortion + 1 + TargetShape::kNumParams + 1 + 1 <=
-              ProjectionBatch::kMaxRows);
-AxisColumns ColumnsOf(const CameraModel& model, const FreeParameters& free, int axis) {
-  AxisColumns columns;
-  int place = 0;
-  for (; place < 6; ++place) columns.Add(place, place);
-  const int num_camera = NumParams(model);
-  int centre_place = -1;
-  for (int i = 0; i < num_camera; ++i) {
-    if (!free[static_cast<size_t>(i)]) continue;
-    if (i == axis) columns.Add(6, place);
-    if (i == 2 + axis) centre_place = place;
-    if (i >= 4) columns.Add(7 + i - 4, place);
-    ++place;
+ViewReducer::ViewReducer(const CameraModel& model, const FreeParameters& free, double pixel_sigma_px, const Loss& loss)
+    : model_(model),
+      pixel_sigma_px_(pixel_sigma_px),
+      loss_(loss),
+      num_columns_(6 + static_cast<int>(NumFree(free)) + 1) {
+  // Pose, focal length, principal point, distortion, shape, residual, and what pads an odd number.
+  static_assert(6 + 2 + ProjectionBatch::kMaxDistortion + TargetShape::kNumParams + 1 + 1 <= ProjectionBatch::kMaxRows);
+  for (int axis = 0; axis < 2; ++axis) {
+    AxisColumns& own = axes_[axis];
+    int place = 0;
+    const auto add = [&](int row) {
+      own.rows.push_back(row);
+      own.places.push_back(place);
+    };
+    for (; place < 6; ++place) add(place);
+    for (int i = 0; i < NumParams(model); ++i) {
+      if (!free[static_cast<size_t>(i)]) continue;
+      if (i >= 4 || i % 2 == axis) add(i < 4 ? 6 + i / 2 : 4 + i);
+      ++place;
+    }
+    // The shape's and the residual's are written behind them.
+    for (; place < num_columns_; ++place) own.places.push_back(place);
   }
-  if (centre_place >= 0) columns.Add(kWritten, centre_place);
-  const int num_columns = 6 + static_cast<int>(NumFree(free)) + 1;
-  for (; place < num_columns; ++place) columns.Add(kWritten, place);
-  return columns;
+  for (size_t i = static_cast<size_t>(NumParams(model)); i < free.size(); ++i) {
+    if (free[i]) free_shape_.push_back(static_cast<int>(i) - NumParams(model));
+  }
+}
+
+// The square roots of the weights of points with these whitened residuals; `sums` grows.
+void ViewReducer::WeighPoints(const double* u, const double* v, int size, double* roots, Sums* sums) const {
+  const double per_px2 = 1 / (pixel_sigma_px_ * pixel_sigma_px_);
+  constexpr int kSome = ProjectionBatch::kCapacity;
+  double s[kSome];
+  double rho[kSome];
+  double weight[kSome];
+  for (int first = 0; first < size; first += kSome) {
+    const int count = std::min(kSome, size - first);
+    for (int i = 0; i < count; ++i) {
+      s[i] = (u[first + i] * u[first + i] + v[first + i] * v[first + i]) * per_px2;
+    }
+    loss_.evaluate(s, count, rho, weight);
+    for (int i = 0; i < count; ++i) {
+      sums->rho += rho[i];
+      sums->weighted += weight[i] * s[i];
+      roots[first + i] = std::sqrt(weight[i]);
+    }
+  }
+}
+
+// The rows of plain points from `first` on, as many as a batch holds: of each axis those of its columns.
+bool ViewReducer::WriteBatch(const double* params, const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
+                             const Observations& observations, const TargetShape* shape, int first,
+                             ProjectionBatch* batch) const {
+  LoadBatch(observations, shape, first, batch);
+  if (!model_.ProjectBatch(params, rotation, translation, true, batch)) return false;
+  const int padded = PaddedToLanes(batch->size);
+  for (int axis = 0; axis < 2; ++axis) {
+    auto& rows = batch->rows[axis];
+    int row = 6;
+    for (; row < static_cast<int>(axes_[axis].rows.size()); ++row) {
+      const int from = axes_[axis].rows[static_cast<size_t>(row)];
+      if (from != row) std::copy_n(rows[from], padded, rows[row]);
+    }
+    if (shape != nullptr) {
+      WriteShapeRows(observations, first, rotation, *shape, free_shape_, row, rows, batch->size);
+      row += static_cast<int>(free_shape_.size());
+    }
+    const double* const measured = observations.pixels.row(axis).data() + first;
+    for (int i = 0; i < batch->size; ++i) rows[row][i] = batch->pixels[axis][i] - measured[i];
+  }
+  return true;
 }
 
 // Of plain points: u and v apart, since what is zero in all rows of one of them need not be multiplied.
-bool MultiplyPlainView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-                       const Observations& observations, double pixel_sigma_px, const Loss& loss,
-                       const FreeParameters& free, const TargetShape* shape, ViewProducts* products) {
-  const AxisColumns columns[] = {ColumnsOf(model, free, 0), ColumnsOf(model, free, 1)};
-  const int num_camera = NumParams(model);
+bool ViewReducer::MultiplyPlain(const double* params, const Rigid3d& camera_from_target,
+                                const Observations& observations, const TargetShape* shape,
+                                ViewProducts* products) const {
   const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
   const int n = observations.size();
-  ColumnProducts sums[] = {ColumnProducts(columns[0].size, ProjectionBatch::kCapacity, n),
-                           ColumnProducts(columns[1].size, ProjectionBatch::kCapacity, n)};
-  Sums weights;
+  const int sizes[] = {axes_[0].size(), axes_[1].size()};
+  ColumnProducts products_of[] = {ColumnProducts(sizes[0], ProjectionBatch::kCapacity, n),
+                                  ColumnProducts(sizes[1], ProjectionBatch::kCapacity, n)};
+  Sums sums;
   ProjectionBatch batch;
   for (int first = 0; first < n; first += batch.size) {
-    LoadBatch(observations, shape, first, &batch);
-    if (!model.ProjectBatch(params, rotation, camera_from_target.translation, true, &batch)) return false;
+    if (!WriteBatch(params, rotation, camera_from_target.translation, observations, shape, first, &batch)) return false;
     const int padded = PaddedToLanes(batch.size);
-    for (int axis = 0; axis < 2; ++axis) {
-      auto& rows = batch.rows[axis];
-      const AxisColumns& own = columns[axis];
-      const double* const measured = observations.pixels.row(axis).data() + first;
-      int row = 6;
-      for (; own.rows[row] != kWritten; ++row) {
-        if (own.rows[row] != row) std::copy_n(rows[own.rows[row]], padded, rows[row]);
-      }
-      if (free[static_cast<size_t>(2 + axis)]) std::fill_n(rows[row++], batch.size, 1.0);
-      for (int i = 0; i < batch.size && shape != nullptr; ++i) {
-        // What moves a point moves its image as a shift of the whole target would.
-        const Eigen::RowVector3d by_shift(rows[0][i], rows[1][i], rows[2][i]);
-        const Eigen::Matrix<double, 1, TargetShape::kNumParams> by_shape =
-            by_shift * rotation * ShapedByParams(Eigen::Vector3d(observations.points_in_target.col(first + i)), *shape);
-        int shape_row = row;
-        for (int k = 0; k < TargetShape::kNumParams; ++k) {
-          if (free[static_cast<size_t>(num_camera + k)]) rows[shape_row++][i] = by_shape[k];
-        }
-      }
-      for (int i = 0; i < batch.size; ++i) rows[own.size - 1][i] = batch.pixels[axis][i] - measured[i];
-    }
-    if (IsWeighted(loss)) {
+    if (IsWeighted(loss_)) {
       double roots[ProjectionBatch::kCapacity];
-      WeighPoints(batch.rows[0][columns[0].size - 1], batch.rows[1][columns[1].size - 1], batch.size, pixel_sigma_px,
-                  loss, roots, &weights);
+      WeighPoints(batch.rows[0][sizes[0] - 1], batch.rows[1][sizes[1] - 1], batch.size, roots, &sums);
       for (int axis = 0; axis < 2; ++axis) {
-        for (int row = 0; row < columns[axis].size; ++row) {
+        for (int row = 0; row < sizes[axis]; ++row) {
           for (int i = 0; i < batch.size; ++i) batch.rows[axis][row][i] *= roots[i];
         }
       }
     }
     for (int axis = 0; axis < 2; ++axis) {
-      for (int row = 0; row < columns[axis].size && padded != batch.size; ++row) {
+      for (int row = 0; row < sizes[axis] && padded != batch.size; ++row) {
         std::fill(batch.rows[axis][row] + batch.size, batch.rows[axis][row] + padded, 0.0);
       }
-      sums[axis].Add(batch.rows[axis][0], padded);
+      products_of[axis].Add(batch.rows[axis][0], padded);
     }
   }
-  const Eigen::Index num_columns = columns[0].places[columns[0].size - 1] + 1;
-  products->matrix.setZero(num_columns, num_columns);
-  const double per_px2 = 1 / (pixel_sigma_px * pixel_sigma_px);
-  for (int axis = 0; axis < 2; ++axis) sums[axis].AddTo(columns[axis].places, per_px2, &products->matrix);
-  for (Eigen::Index i = 0; i < num_columns; ++i) {
+  products->matrix.setZero(num_columns_, num_columns_);
+  const double per_px2 = 1 / (pixel_sigma_px_ * pixel_sigma_px_);
+  for (int axis = 0; axis < 2; ++axis) {
+    products_of[axis].AddTo(axes_[axis].places.data(), per_px2, &products->matrix);
+  }
+  for (Eigen::Index i = 0; i < num_columns_; ++i) {
     for (Eigen::Index j = 0; j < i; ++j) products->matrix(j, i) = products->matrix(i, j);
   }
-  products->loss_remainder = weights.Remainder();
+  products->loss_remainder = sums.Remainder();
   return true;
 }
 
-// All rows of a view, whitened and weighted, in units of sigma: those of u, then those of v, each padded with zeros.
-struct ViewRows {
-  int padded = 0;  // Rows of u, or of v.
-  Eigen::MatrixXd columns;
-  Sums sums;
-};
-bool WriteRows(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-               const Observations& observations, double pixel_sigma_px, const Loss& loss, const FreeParameters& free,
-               const TargetShape* shape, ViewRows* rows) {
+// What the camera model gives of a view's rows, before whitening, of points of any kind.
+bool ViewReducer::PredictRows(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
+                              const TargetShape* shape, ViewRows* rows) const {
   Observations shaped;
   if (shape != nullptr) shaped = Shaped(observations, *shape);
   Points2 pixels;
   ProjectionJacobian jacobian;
-  if (!Predict(model, params, camera_from_target, shape != nullptr ? shaped : observations, &pixels, &jacobian)) {
+  if (!Predict(model_, params, camera_from_target, shape != nullptr ? shaped : observations, &pixels, &jacobian)) {
     return false;
   }
   const int n = observations.size();
-  const int num_camera = NumParams(model);
-  const Eigen::Index num_columns = 6 + NumFree(free) + 1;
   const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
-  rows->padded = PaddedToLanes(n);
-  rows->columns.setZero(2 * rows->padded, num_columns + num_columns % 2);
-  const auto of_axis = [&](int axis) { return rows->columns.middleRows(axis * rows->padded, n); };
   for (int axis = 0; axis < 2; ++axis) {
     const ProjectionJacobian::Rows& predicted = axis == 0 ? jacobian.u : jacobian.v;
-    auto own = of_axis(axis);
+    auto own = rows->columns.middleRows(axis * n, n);
     own.leftCols<6>() = predicted.topRows<6>().transpose();
-    Eigen::Index column = 6;
-    for (int i = 0; i < num_camera; ++i) {
-      if (free[static_cast<size_t>(i)]) own.col(column++) = predicted.row(6 + i).transpose();
+    const AxisColumns& columns = axes_[axis];
+    for (size_t i = 6; i < columns.rows.size(); ++i) {
+      own.col(columns.places[i]) = predicted.row(6 + ParameterOfRow(columns.rows[i], axis)).transpose();
     }
-    own.col(num_columns - 1) = (pixels.row(axis) - observations.pixels.row(axis)).transpose();
+    own.col(num_columns_ - 1) = (pixels.row(axis) - observations.pixels.row(axis)).transpose();
+    const Eigen::Index first_shape = num_columns_ - 1 - static_cast<Eigen::Index>(free_shape_.size());
     for (int i = 0; i < n && shape != nullptr; ++i) {
       const Eigen::Vector3d designed = observations.points_in_target.col(i);
       const Eigen::Matrix<double, 1, TargetShape::kNumParams> by_shape =
           own.block<1, 3>(i, 0) * rotation * ShapedByParams(designed, *shape);
-      Eigen::Index shape_column = column;
-      for (int k = 0; k < TargetShape::kNumParams; ++k) {
-        if (free[static_cast<size_t>(num_camera + k)]) own(i, shape_column++) = by_shape[k];
+      for (size_t k = 0; k < free_shape_.size(); ++k) {
+        own(i, first_shape + static_cast<Eigen::Index>(k)) = by_shape[free_shape_[k]];
       }
     }
   }
-  Whiten(observations, rows->padded, &rows->columns);
-  if (IsWeighted(loss)) {
-    Eigen::ArrayXd roots(n);
-    const double* const residuals = rows->columns.col(num_columns - 1).data();
-    WeighPoints(residuals, residuals + rows->padded, n, pixel_sigma_px, loss, roots.data(), &rows->sums);
-    for (int axis = 0; axis < 2; ++axis) of_axis(axis).array().colwise() *= roots;
-  }
-  rows->columns /= pixel_sigma_px;
   return true;
 }
 
-}  // namespace
-
-bool MultiplyView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-                  const Observations& observations, double pixel_sigma_px, const Loss& loss, const FreeParameters& free,
-                  const TargetShape* shape, ViewProducts* products) {
+bool ViewReducer::Write(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
+                        const TargetShape* shape, ViewRows* rows) const {
+  const int n = observations.size();
+  rows->size = 2 * n;
+  rows->columns.setZero(PaddedToLanes(2 * n), num_columns_ + num_columns_ % 2);
   if (IsPlain(observations)) {
-    return MultiplyPlainView(model, params, camera_from_target, observations, pixel_sigma_px, loss, free, shape,
-                             products);
+    const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
+    ProjectionBatch batch;
+    for (int first = 0; first < n; first += batch.size) {
+      if (!WriteBatch(params, rotation, camera_from_target.translation, observations, shape, first, &batch)) {
+        return false;
+      }
+      for (int axis = 0; axis < 2; ++axis) {
+        for (int row = 0; row < axes_[axis].size(); ++row) {
+          double* const column = rows->columns.col(axes_[axis].places[static_cast<size_t>(row)]).data();
+          std::copy_n(batch.rows[axis][row], batch.size, column + axis * n + first);
+        }
+      }
+    }
+  } else {
+    if (!PredictRows(params, camera_from_target, observations, shape, rows)) return false;
+    Whiten(observations, n, &rows->columns);
   }
+  Sums sums;
+  if (IsWeighted(loss_)) {
+    Eigen::ArrayXd roots(n);
+    const double* const residuals = rows->columns.col(num_columns_ - 1).data();
+    WeighPoints(residuals, residuals + n, n, roots.data(), &sums);
+    for (int axis = 0; axis < 2; ++axis) rows->columns.middleRows(axis * n, n).array().colwise() *= roots;
+  }
+  rows->columns /= pixel_sigma_px_;
+  rows->loss_remainder = sums.Remainder();
+  return true;
+}
+
+bool ViewReducer::Multiply(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
+                           const TargetShape* shape, ViewProducts* products) const {
+  if (IsPlain(observations)) return MultiplyPlain(params, camera_from_target, observations, shape, products);
   ViewRows rows;
-  if (!WriteRows(model, params, camera_from_target, observations, pixel_sigma_px, loss, free, shape, &rows)) {
-    return false;
-  }
-  ColumnProducts sums(6 + static_cast<int>(NumFree(free)) + 1, rows.columns.rows());
+  if (!Write(params, camera_from_target, observations, shape, &rows)) return false;
+  ColumnProducts sums(num_columns_, rows.columns.rows());
   sums.Add(rows.columns.data(), rows.columns.rows());
   products->matrix = sums.Matrix();
-  products->loss_remainder = rows.sums.Remainder();
+  products->loss_remainder = rows.loss_remainder;
+  return true;
+}
+
+bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
+                         const TargetShape* shape, ViewReduction* reduction) const {
+  if (2 * observations.size() > num_columns_) {
+    ViewProducts products;
+    if (!Multiply(params, camera_from_target, observations, shape, &products)) return false;
+    reduction->factor = RootOfProducts(products.matrix);
+    reduction->loss_remainder = products.loss_remainder;
+    return true;
+  }
+  // Fewer rows than that: as they are.
+  ViewRows rows;
+  if (!Write(params, camera_from_target, observations, shape, &rows)) return false;
+  reduction->factor = rows.columns.topLeftCorner(rows.size, num_columns_);
+  reduction->loss_remainder = rows.loss_remainder;
   return true;
 }
 
@@ -317,32 +348,6 @@ Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products) {
   }
   root(n - 1, n - 1) = std::sqrt(std::max(0.0, rest(n - 1, n - 1))) * lengths[n - 1];
   return root;
-}
-
-bool ReduceView(const CameraModel& model, const double* params, const Rigid3d& camera_from_target,
-                const Observations& observations, double pixel_sigma_px, const Loss& loss, const FreeParameters& free,
-                const TargetShape* shape, ViewReduction* reduction) {
-  const Eigen::Index num_columns = 6 + NumFree(free) + 1;
-  if (2 * observations.size() > num_columns) {
-    ViewProducts products;
-    if (!MultiplyView(model, params, camera_from_target, observations, pixel_sigma_px, loss, free, shape, &products)) {
-      return false;
-    }
-    reduction->factor = RootOfProducts(products.matrix);
-    reduction->loss_remainder = products.loss_remainder;
-    return true;
-  }
-  // Fewer rows than that: as they are.
-  ViewRows rows;
-  if (!WriteRows(model, params, camera_from_target, observations, pixel_sigma_px, loss, free, shape, &rows)) {
-    return false;
-  }
-  const int n = observations.size();
-  reduction->factor.resize(2 * n, num_columns);
-  reduction->factor.topRows(n) = rows.columns.topLeftCorner(n, num_columns);
-  reduction->factor.bottomRows(n) = rows.columns.block(rows.padded, 0, n, num_columns);
-  reduction->loss_remainder = rows.sums.Remainder();
-  return true;
 }
 
 int ThreadsFor(int num_points, int most) {

@@ -64,7 +64,7 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
       return (mount_position(a) - mount_position(home)).norm() < (mount_position(b) - mount_position(home)).norm();
     }));
   }
-  const TargetPositions positions = BestKnownPositions(pairs);
+  const TargetPositions& positions = input.positions();
   const auto position = [&](size_t i) { return positions.captures[i].in_camera; };
   const Eigen::Matrix3d camera_from_frame =
       Frame(position(translations[0]) - position(home), position(translations[1]) - position(home));

@@ -104,7 +104,7 @@ State Refined(const std::vector<Measured>& captures, State state, int max_iterat
 
 Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
   const std::vector<PosePair>& pairs = input.pairs();
-  const TargetPositions positions = BestKnownPositions(pairs);
+  const TargetPositions& positions = input.positions();
   Eigen::Vector3d mean_position = Eigen::Vector3d::Zero();
   for (const PosePair& pair : pairs) {
     mean_position += pair.camera_mount_from_target_mount.translation / static_cast<double>(pairs.size());

@@ -33,8 +33,8 @@ TEST(ViewReductionTest, KeepsCostGradientAndGaussNewtonMatrix) {
     const CameraModel& model = scene.camera.Model();
     ViewReduction reduction;
     constexpr double kSigmaPx = 0.5;
-    ASSERT_TRUE(ReduceView(model, scene.camera.params.data(), pose, view.observations, kSigmaPx, *FindLoss("none"),
-                           AllFree(scene), nullptr, &reduction));
+    const ViewReducer reducer(model, AllFree(scene), kSigmaPx, *FindLoss("none"));
+    ASSERT_TRUE(reducer.Reduce(scene.camera.params.data(), pose, view.observations, nullptr, &reduction));
     const Eigen::VectorXd r = Residual(scene, view, pose, scene.camera.params) / kSigmaPx;
     const int n = 6 + NumParams(model);
     Eigen::MatrixXd j(r.size(), n);
@@ -74,8 +74,9 @@ TEST(ViewReductionTest, CostWithALossIsTheSumOfRho) {
   const Points2 residuals = *Residuals(scene.camera, scene.pairs[0].camera_from_target, scene.views[0].observations);
   for (Eigen::Index i = 0; i < residuals.cols(); ++i) direct += loss.rho(residuals.col(i).squaredNorm());
   ViewReduction reduction;
-  ASSERT_TRUE(ReduceView(scene.camera.Model(), scene.camera.params.data(), scene.pairs[0].camera_from_target,
-                         scene.views[0].observations, 1.0, loss, AllFree(scene), nullptr, &reduction));
+  const ViewReducer reducer(scene.camera.Model(), AllFree(scene), 1.0, loss);
+  ASSERT_TRUE(reducer.Reduce(scene.camera.params.data(), scene.pairs[0].camera_from_target, scene.views[0].observations,
+                             nullptr, &reduction));
   EXPECT_NEAR(reduction.factor.rightCols<1>().squaredNorm() + reduction.loss_remainder, direct, 1e-9 * direct);
 }
 
@@ -94,8 +95,9 @@ TEST(ViewReductionTest, HasColumnsOfWhatIsFreeOnly) {
       const TargetShape* const shape = has_shape ? &designed : nullptr;
       const auto multiply = [&](const FreeParameters& free) {
         ViewProducts products;
-        EXPECT_TRUE(MultiplyView(scene.camera.Model(), scene.camera.params.data(), scene.pairs[0].camera_from_target,
-                                 *observations, 0.5, *FindLoss("huber"), free, shape, &products));
+        const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss("huber"));
+        EXPECT_TRUE(reducer.Multiply(scene.camera.params.data(), scene.pairs[0].camera_from_target, *observations,
+                                     shape, &products));
         return products.matrix;
       };
       const FreeParameters all(static_cast<size_t>(num_camera + (has_shape ? TargetShape::kNumParams : 0)), true);

@@ -46,11 +46,10 @@ void BenchMultiplyView(benchmark::State& state, const std::string& loss) {
   const View& view = scene.problem.views.front();
   const Rigid3d camera_from_target = CameraFromTarget(scene.truth, view.camera_mount_from_target_mount);
   const Camera& camera = scene.problem.camera;
-  const FreeParameters free(camera.params.size(), true);
+  const ViewReducer reducer(camera.Model(), FreeParameters(camera.params.size(), true), kBenchNoisePx, *FindLoss(loss));
   ViewProducts products;
   for (const auto _ : state) {
-    CHECK(MultiplyView(camera.Model(), camera.params.data(), camera_from_target, view.observations, kBenchNoisePx,
-                       *FindLoss(loss), free, nullptr, &products));
+    CHECK(reducer.Multiply(camera.params.data(), camera_from_target, view.observations, nullptr, &products));
     benchmark::DoNotOptimize(products);
   }
   state.SetItemsProcessed(state.iterations() * view.observations.size());

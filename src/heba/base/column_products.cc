@@ -74,7 +74,14 @@ HEBA_TARGET_AVX512 void AddRowsAvx512(const double* columns, Eigen::Index stride
 // Of each pair of columns the sum over its lanes.
 template <int kLanes>
 HEBA_INLINE void SumLanes(const double* lanes, int num_sums, double* sums) {
-  for (int i = 0; i < num_sums; ++i) sums[i] = SumOfLanes(LoadLanes<Lanes<kLanes>>(lanes + i * kLanes));
+  using V = Lanes<kLanes>;
+  int i = 0;
+  for (; i + kLanes <= num_sums; i += kLanes) {
+    V some[kLanes];
+    for (int k = 0; k < kLanes; ++k) some[k] = LoadLanes<V>(lanes + (i + k) * kLanes);
+    StoreLanes(SumsOfLanes(some), sums + i);
+  }
+  for (; i < num_sums; ++i) sums[i] = SumOfLanes(LoadLanes<V>(lanes + i * kLanes));
 }
 void SumLanesBaseline(const double* lanes, int num_sums, double* sums) {
   SumLanes<kLanesOf<Simd::kBaseline>>(lanes, num_sums, sums);
@@ -117,12 +124,11 @@ void ColumnProducts::AddTo(const int* places, double scale, Eigen::MatrixXd* mat
   double* const to = matrix->data();
   const Eigen::Index stride = matrix->outerStride();
   const auto add_block = [&](int rows, int i, int j, int sum) {
-    for (int row = i; row < std::min(i + rows, num_columns_); ++row) {
+    double* const first = to + places[j] * stride;
+    for (int row = i; row < std::min(i + rows, num_columns_); ++row, sum += 2) {
       // Blocks on the diagonal have some pairs twice.
-      for (int column = j; column < std::min(j + 2, row + 1); ++column) {
-        const auto [low, high] = std::minmax(places[row], places[column]);
-        to[low * stride + high] += scale * sums[sum + 2 * (row - i) + column - j];
-      }
+      if (j <= row) first[places[row]] += scale * sums[sum];
+      if (j < row) to[places[j + 1] * stride + places[row]] += scale * sums[sum + 1];
     }
   };
   ForEachBlock(

@@ -22,8 +22,8 @@ class ColumnProducts {
 
   // The sums, symmetric.
   Eigen::MatrixXd Matrix() const;
-  // Adds `scale` times them to `matrix`, a column being that of the matrix which `places` says; below its diagonal
-  // only.
+  // Adds `scale` times them to `matrix`, a column being that of the matrix which `places` says, in ascending order;
+  // below its diagonal only.
   void AddTo(const int* places, double scale, Eigen::MatrixXd* matrix) const;
 
  private:

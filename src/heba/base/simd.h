@@ -98,6 +98,40 @@ HEBA_INLINE double SumOfLanes(const V& lanes) {
     return sum;
   }
 }
+// Of as many vectors as they have lanes, each one's sum.
+template <int kLanes>
+HEBA_INLINE Lanes<kLanes> SumsOfLanes(const Lanes<kLanes> (&of)[kLanes]);
+template <>
+HEBA_INLINE Lanes<2> SumsOfLanes<2>(const Lanes<2> (&of)[2]) {
+  return __builtin_shufflevector(of[0], of[1], 0, 2) + __builtin_shufflevector(of[0], of[1], 1, 3);
+}
+template <>
+HEBA_INLINE Lanes<4> SumsOfLanes<4>(const Lanes<4> (&of)[4]) {
+  // Pairs of neighbours, the vectors taking turns.
+  const auto pairs = [](const Lanes<4>& a, const Lanes<4>& b) __attribute__((always_inline)) {
+    return __builtin_shufflevector(a, b, 0, 4, 2, 6) + __builtin_shufflevector(a, b, 1, 5, 3, 7);
+  };
+  const Lanes<4> a = pairs(of[0], of[1]);
+  const Lanes<4> b = pairs(of[2], of[3]);
+  return __builtin_shufflevector(a, b, 0, 1, 4, 5) + __builtin_shufflevector(a, b, 2, 3, 6, 7);
+}
+template <>
+HEBA_INLINE Lanes<8> SumsOfLanes<8>(const Lanes<8> (&of)[8]) {
+  const auto pairs = [](const Lanes<8>& a, const Lanes<8>& b) __attribute__((always_inline)) {
+    return __builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14) +
+           __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15);
+  };
+  const auto fours = [&](int i) __attribute__((always_inline)) {
+    const Lanes<8> a = pairs(of[i], of[i + 1]);
+    const Lanes<8> b = pairs(of[i + 2], of[i + 3]);
+    return __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13) +
+           __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15);
+  };
+  const Lanes<8> a = fours(0);
+  const Lanes<8> b = fours(4);
+  return __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11) +
+         __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15);
+}
 // f of each lane (and of b's).
 template <class V, class F>
 HEBA_INLINE V EachLane(const V& a, const V& b, const F& f) {

@@ -142,7 +142,8 @@ class BatchedCameraModel final : public CameraModel {
     StoreLanes<V>(z * dx - x * dz, rows[4] + i);
     StoreLanes<V>(x * dy - y * dx, rows[5] + i);
     StoreLanes(image, rows[6] + i);
-    for (int k = 0; k < kNumDistortion; ++k) StoreLanes<V>(focal * by_distortion[k], rows[7 + k] + i);
+    StoreLanes(AllLanes<V>(1), rows[7] + i);
+    for (int k = 0; k < kNumDistortion; ++k) StoreLanes<V>(focal * by_distortion[k], rows[8 + k] + i);
   }
 
   static bool ProjectBaseline(const double* params, const double* pose, ProjectionBatch* batch) {

@@ -39,9 +39,7 @@ bool CameraModel::Project(const double* params, const Points3& points_in_camera,
         std::copy_n(batch.rows[axis][from], batch.size, rows.row(to).data() + first);
       };
       for (int k = 0; k < 3; ++k) copy_out(k, k);  // Of a shift of the point.
-      copy_out(6, 3 + axis);
-      rows.row(5 + axis).segment(first, batch.size).setOnes();
-      for (int k = 7; k < 3 + num_params; ++k) copy_out(k, k);
+      for (int row = 6; row < 4 + num_params; ++row) copy_out(row, 3 + ParameterOfRow(row, axis));
     }
   }
   return true;

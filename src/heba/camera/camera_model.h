@@ -34,15 +34,18 @@ struct ProjectionBatch {
   static constexpr int kCapacity = 64;
   static constexpr int kMaxDistortion = 16;
   // Beyond those of a model there is room for the caller's own.
-  static constexpr int kMaxRows = 7 + kMaxDistortion + 9;
+  static constexpr int kMaxRows = 8 + kMaxDistortion + 8;
   int size = 0;
   alignas(64) double points[3][kCapacity];  // Before the pose, m.
   alignas(64) double pixels[2][kCapacity];  // u and v.
   // Derivatives of u, and of v: by a left perturbation of the pose (p' = p + v + w x p: v in m, then w in rad), by the
-  // axis's own focal length, by the distortion coefficients. By its own part of the principal point it is 1, by the
-  // other axis's focal length and principal point 0.
+  // axis's own focal length, its own part of the principal point (1), and the distortion coefficients. By the other
+  // axis's focal length and principal point they are 0.
   alignas(64) double rows[2][kMaxRows][kCapacity];
 };
+
+// Which of a camera's parameters a row of ProjectionBatch::rows after the pose's six is of.
+constexpr int ParameterOfRow(int row, int axis) { return row < 8 ? 2 * (row - 6) + axis : row - 4; }
 
 // Fills up to a multiple of kMaxLanes; `size` stays.
 void PadBatch(ProjectionBatch* batch);

@@ -72,7 +72,7 @@ Centroid CentroidOf(const OutlineVector& u, const OutlineVector& v, bool with_de
 }
 
 // Where a batch's rows (ProjectionBatch::rows) are among ProjectionJacobian's.
-int RowOf(int batch_row, int axis) { return batch_row < 6 ? batch_row : batch_row == 6 ? 6 + axis : batch_row + 3; }
+int RowOf(int batch_row, int axis) { return batch_row < 6 ? batch_row : 6 + ParameterOfRow(batch_row, axis); }
 
 // Derivatives of one image coordinate of `count` points.
 void CopyPoints(const ProjectionBatch& batch, int from, int count, int num_rows, int axis, Eigen::Index first,
@@ -80,7 +80,6 @@ void CopyPoints(const ProjectionBatch& batch, int from, int count, int num_rows,
   for (int row = 0; row < num_rows; ++row) {
     std::copy_n(&batch.rows[axis][row][from], count, &(*rows)(RowOf(row, axis), first));
   }
-  rows->row(8 + axis).segment(first, count).setOnes();
 }
 
 // Derivatives of a centroid's coordinate, by those of the outline's points, which begin at `from`.
@@ -91,7 +90,6 @@ void AddOutline(const ProjectionBatch& batch, int from, int num_rows, const Outl
     for (int row = 0; row < num_rows; ++row) {
       (*rows)(RowOf(row, axis), i) += by.dot(Eigen::Map<const OutlineVector>(&batch.rows[axis][row][from]));
     }
-    (*rows)(8 + axis, i) += by.sum();
   }
 }
 
@@ -101,7 +99,7 @@ bool Predict(const CameraModel& model, const double* params, const Rigid3d& came
              const Observations& observations, Points2* pixels, ProjectionJacobian* jacobian) {
   static const Eigen::Matrix<double, 2, kOutline> kCircle = UnitCircle();
   const int n = observations.size();
-  const int num_rows = 7 + NumParams(model) - 4;  // Of a batch.
+  const int num_rows = 8 + NumParams(model) - 4;  // Of a batch.
   const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
   pixels->resize(2, n);
   if (jacobian != nullptr) {
