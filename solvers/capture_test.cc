@@ -9,7 +9,9 @@
 #include <Eigen/Eigenvalues>
 
 #include "heba/base/distributions.h"
+#include "heba/base/error.h"
 #include "heba/base/median.h"
+#include "heba/base/small_matrix.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/inliers.h"
 #include "solvers/noise_scale.h"
@@ -72,36 +74,49 @@ double ShareOfBestHalf() {
   return 2 * (1 - ChiSquareTail(median, 8));
 }
 
-struct Normal {
-  Eigen::MatrixXd matrix;
-  Eigen::VectorXd right;
-};
-
-Normal NormalOf(const LinearView& view, const VarianceComponents& variances) {
-  const Eigen::LLT<Eigen::MatrixXd> factor(
+// The normal equations of a view: their matrix and, in the last column, their right side.
+Eigen::MatrixXd NormalOf(const LinearView& view, const VarianceComponents& variances) {
+  const Eigen::Index n = view.by_unknowns.cols();
+  const Eigen::LLT<Eigen::MatrixXd> root(
       MarginalCovariance(view, variances.pixel, variances.translation_m2, variances.rotation_rad2));
-  return {view.by_unknowns.transpose() * factor.solve(view.by_unknowns),
-          view.by_unknowns.transpose() * factor.solve(view.offset)};
+  CHECK(root.info() == Eigen::Success);
+  RowMajorMatrix whitened(view.offset.size(), n + 1);
+  whitened << view.by_unknowns, view.offset;
+  SolveLowerInPlace(root.matrixLLT(), &whitened);
+  return whitened.leftCols(n).transpose().lazyProduct(whitened);
 }
 
 // The tail probability of what a view's correction is off by, predicted by the normal equations of others.
-double PValue(const LinearView& view, const Normal& others, const VarianceComponents& variances, double dof) {
-  const Information information{{}, others.matrix};
-  const Eigen::MatrixXd covariance = InvertInformation(information, 1).matrix;
-  const Eigen::VectorXd innovation = view.offset - view.by_unknowns * (covariance * others.right);
+double PValue(const LinearView& view, const Eigen::MatrixXd& others, const VarianceComponents& variances, double dof) {
+  // The prediction's root: Y with Y^T Y its covariance, and what it predicts.
+  const Eigen::Index n = view.by_unknowns.cols();
   const Eigen::Index rows = view.offset.size();
-  const Eigen::LLT<Eigen::MatrixXd> b(variances.pixel * Eigen::MatrixXd::Identity(rows, rows) +
-                                      view.by_unknowns * covariance * view.by_unknowns.transpose());
+  const Eigen::VectorXd scale = others.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
+  const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * others.leftCols(n) * scale.asDiagonal());
+  // Others that do not determine the unknowns predict nothing.
+  if (root.info() != Eigen::Success) return 1;
+  RowMajorMatrix predicted(n, rows + 1);
+  predicted << view.by_unknowns.transpose(), others.col(n);
+  predicted = (scale.asDiagonal() * predicted).eval();
+  SolveLowerInPlace(root.matrixLLT(), &predicted);
+  const auto y = predicted.leftCols(rows);
+  Eigen::MatrixXd covariance = y.transpose().lazyProduct(y);
+  covariance.diagonal().array() += variances.pixel;
+  const Eigen::LLT<Eigen::MatrixXd> b(covariance);
   if (b.info() != Eigen::Success) return 1;
   // g = G^T B^-1 e has covariance M + M Q M, M = G^T B^-1 G. Metres and radians side by side: scaled.
-  const Matrix6 m = view.by_correction.transpose() * b.solve(view.by_correction);
-  const Tangent6 g = view.by_correction.transpose() * b.solve(innovation);
+  RowMajorMatrix whitened(rows, 7);
+  whitened << view.by_correction, view.offset - y.transpose() * predicted.col(rows);
+  SolveLowerInPlace(b.matrixLLT(), &whitened);
+  const auto by_correction = whitened.leftCols<6>();
+  const Matrix6 m = by_correction.transpose().lazyProduct(by_correction);
+  const Tangent6 g = by_correction.transpose() * whitened.col(6);
   Tangent6 q;
   q << Eigen::Vector3d::Constant(variances.translation_m2), Eigen::Vector3d::Constant(variances.rotation_rad2);
   const Matrix6 total = m + m * q.asDiagonal() * m;
-  const Tangent6 scale = total.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
+  const Tangent6 unit = total.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
   constexpr double kNothing = 1e-10;
-  return ChanceOf(scale.cwiseProduct(g), scale.asDiagonal() * total * scale.asDiagonal(), kNothing, dof);
+  return ChanceOf(unit.cwiseProduct(g), unit.asDiagonal() * total * unit.asDiagonal(), kNothing, dof);
 }
 
 }  // namespace
@@ -144,22 +159,15 @@ std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution&
       used.translation_m2 /= ShareOfBestHalf();
       used.rotation_rad2 /= ShareOfBestHalf();
     }
-    Normal all{Eigen::MatrixXd::Zero(num_unknowns, num_unknowns), Eigen::VectorXd::Zero(num_unknowns)};
-    std::vector<Normal> normals;
+    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(num_unknowns, num_unknowns + 1);
+    std::vector<Eigen::MatrixXd> normals;
     for (size_t i = 0; i < views->size(); ++i) {
       normals.push_back(NormalOf((*views)[i], used));
-      if (!is_member[i]) continue;
-      all.matrix += normals.back().matrix;
-      all.right += normals.back().right;
+      if (is_member[i]) all += normals.back();
     }
     std::vector<bool> passes(views->size());
     for (size_t i = 0; i < views->size(); ++i) {
-      Normal others = all;
-      if (is_member[i]) {
-        others.matrix -= normals[i].matrix;
-        others.right -= normals[i].right;
-      }
-      p_values[i] = PValue((*views)[i], others, used, dof);
+      p_values[i] = PValue((*views)[i], is_member[i] ? all - normals[i] : all, used, dof);
       passes[i] = p_values[i] >= limit;
     }
     if (passes == is_member) break;

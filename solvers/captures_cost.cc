@@ -4,13 +4,13 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <numeric>
 
 #include <Eigen/Cholesky>
 
-#include "heba/base/column_products.h"
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
+#include "heba/base/simd.h"
+#include "heba/base/stacked_rows.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/robot_noise.h"
 
@@ -31,56 +31,46 @@ bool IsMirror(const Matrix6& chain) { return chain == -Matrix6::Identity(); }
 // Views of so few points are chained row by row: cheaper than their products.
 constexpr int kFewPoints = 16;
 
-// The products of chained rows, many views' at once.
+// The products of the rows of views of few points, chained to the shared poses.
 class ChainedRows {
  public:
   ChainedRows(int num_shared_poses, int num_others)
-      : num_shared_poses_(num_shared_poses),
-        num_others_(num_others),
-        products_(6 * num_shared_poses + num_others, kStride) {}
-
-  static bool CanHold(int num_shared_poses, int num_others) {
-    return 6 * num_shared_poses + num_others <= ColumnProducts::kMaxColumns;
-  }
+      : num_shared_poses_(num_shared_poses), num_others_(num_others), stacked_(6 * num_shared_poses + num_others) {}
 
   // Of at most kFewPoints points.
   void Add(const ViewRows& rows, const std::vector<Matrix6>& left_from_tangent) {
-    const auto num_rows = static_cast<int>(rows.columns.rows());
-    if (size_ + num_rows > kStride) Multiply();
+    const Eigen::Index num_rows = rows.columns.rows();
+    double* const columns = stacked_.NextColumns(num_rows);
     const auto from = [&](int c) { return rows.columns.data() + c * rows.columns.outerStride(); };
     const double* const by_left[] = {from(0), from(1), from(2), from(3), from(4), from(5)};
     for (int pose = 0; pose < num_shared_poses_; ++pose) {
       const Matrix6& chain = left_from_tangent[static_cast<size_t>(pose)];
       const bool is_mirror = IsMirror(chain);
       for (int c = 0; c < 6; ++c) {
-        double* const to = columns_[6 * pose + c] + size_;
+        double* const to = columns + (6 * pose + c) * StackedRows::kMaxRows;
         if (is_mirror) {
-          for (int i = 0; i < num_rows; ++i) to[i] = -by_left[c][i];
+          for (Eigen::Index i = 0; i < num_rows; ++i) to[i] = -by_left[c][i];
         } else {
-          for (int i = 0; i < num_rows; i += kMaxLanes) ChainRows(by_left, chain, c, i, to + i);
+          for (Eigen::Index i = 0; i < num_rows; i += kMaxLanes) ChainRows(by_left, chain, c, i, to + i);
         }
       }
     }
     for (int c = 0; c < num_others_; ++c) {
-      std::copy_n(from(6 + c), num_rows, columns_[6 * num_shared_poses_ + c] + size_);
+      std::copy_n(from(6 + c), num_rows, columns + (6 * num_shared_poses_ + c) * StackedRows::kMaxRows);
     }
-    size_ += num_rows;
   }
 
   // Below the diagonal.
-  void AddTo(Eigen::MatrixXd* matrix) {
-    Multiply();
-    int places[ColumnProducts::kMaxColumns];
-    std::iota(places, places + matrix->cols(), 0);
-    products_.AddTo(places, 1.0, matrix);
-  }
+  void AddTo(Eigen::MatrixXd* matrix) { stacked_.AddTo(matrix); }
 
  private:
-  static constexpr int kStride = 128;
-  static_assert(PaddedToLanes(2 * kFewPoints) <= kStride);
+  static_assert(PaddedToLanes(2 * kFewPoints) <= StackedRows::kMaxRows);
+  // Two poses, the camera, the target's shape and the residual.
+  static_assert(12 + 4 + ProjectionBatch::kMaxDistortion + TargetShape::kNumParams + 1 <= StackedRows::kMaxColumns);
 
   // Some rows of one column.
-  static void ChainRows(const double* const (&by_left)[6], const Matrix6& chain, int c, int first, double* to) {
+  static void ChainRows(const double* const (&by_left)[6], const Matrix6& chain, int c, Eigen::Index first,
+                        double* to) {
     double sums[kMaxLanes] = {};
     for (int k = 0; k < 6; ++k) {
       for (int i = 0; i < kMaxLanes; ++i) sums[i] += by_left[k][first + i] * chain(k, c);
@@ -88,17 +78,9 @@ class ChainedRows {
     std::copy_n(sums, kMaxLanes, to);
   }
 
-  void Multiply() {
-    products_.Add(columns_[0], size_);
-    size_ = 0;
-  }
-
   int num_shared_poses_;
   int num_others_;
-  int size_ = 0;  // Rows in `columns_`.
-  ColumnProducts products_;
-  // One more pads an odd number.
-  alignas(64) double columns_[ColumnProducts::kMaxColumns + 1][kStride];
+  StackedRows stacked_;
 };
 
 // Adds a view's products, of a left perturbation of its pose and of what else there is, to those of the shared poses'
@@ -107,19 +89,21 @@ void AddChained(const Eigen::MatrixXd& products, const std::vector<Matrix6>& lef
                 Eigen::MatrixXd* sum) {
   const Eigen::Index num_others = products.cols() - 6;
   const Eigen::Index num_shared = 6 * num_shared_poses;
-  const auto by_pose = products.topLeftCorner<6, 6>();
-  const auto others_by_pose = products.block(6, 0, num_others, 6);
+  const Matrix6 by_pose = products.topLeftCorner<6, 6>();
+  const Eigen::Ref<const Eigen::MatrixXd> others_by_pose = products.block(6, 0, num_others, 6);
   for (int k = 0; k < num_shared_poses; ++k) {
     const Matrix6& chain = left_from_tangent[static_cast<size_t>(k)];
-    if (k == 0 && IsMirror(chain)) {
-      sum->topLeftCorner<6, 6>() += by_pose;
-      sum->block(num_shared, 0, num_others, 6) -= others_by_pose;
-      continue;
-    }
-    const Matrix6 half = chain.transpose() * by_pose;
-    for (int l = 0; l <= k; ++l) {
+    const bool is_mirror = IsMirror(chain);
+    const Matrix6 half = is_mirror ? Matrix6(-by_pose) : Matrix6(chain.transpose() * by_pose);
+    for (int l = 0; l < k; ++l) {
       sum->block<6, 6>(6 * k, 6 * l).noalias() += half * left_from_tangent[static_cast<size_t>(l)];
     }
+    if (is_mirror) {
+      sum->block<6, 6>(6 * k, 6 * k) += by_pose;
+      sum->block(num_shared, 6 * k, num_others, 6) -= others_by_pose;
+      continue;
+    }
+    sum->block<6, 6>(6 * k, 6 * k).noalias() += half * chain;
     sum->block(num_shared, 6 * k, num_others, 6).noalias() += others_by_pose.lazyProduct(chain);
   }
   sum->bottomRightCorner(num_others, num_others) += products.bottomRightCorner(num_others, num_others);
@@ -162,6 +146,12 @@ struct CapturesCost::State {
   }
 };
 
+// From where the own poses' linearisation was made; nothing if it was not.
+struct CapturesCost::SharedStep {
+  std::vector<Tangent6> poses;
+  Eigen::VectorXd params;  // The free ones.
+};
+
 CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> captures, CapturesCostOptions options)
     : model_(model),
       captures_(std::move(captures)),
@@ -169,7 +159,6 @@ CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> ca
       reducer_(model, options_.free, options_.pixel_sigma_px, *options_.loss),
       num_params_(NumParams(model) + (options_.shape ? TargetShape::kNumParams : 0)) {
   CHECK(!captures_.empty());
-  CHECK_EQ(options_.free.size(), static_cast<size_t>(num_params_));
   for (int i = 0; i < num_params_; ++i) {
     if (options_.free[static_cast<size_t>(i)]) free_.push_back(i);
   }
@@ -177,6 +166,11 @@ CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> ca
   for (const CaptureTerm& capture : captures_) num_points += capture.observations->size();
   options_.num_threads = ThreadsFor(num_points, options_.num_threads);
   num_shared_poses_ = captures_.front().chain->num_blocks() - (options_.has_own_pose ? 1 : 0);
+  CHECK_LE(num_shared_poses_, 2);
+  if (options_.known) {
+    CHECK(!options_.has_own_pose);
+    CHECK_EQ(options_.known->matrix.cols(), 6 * num_shared_poses_ + static_cast<Eigen::Index>(free_.size()) + 1);
+  }
   for (int i = 0; i < num_shared_poses_; ++i) mutable_parameter_block_sizes()->push_back(kPoseSize);
   mutable_parameter_block_sizes()->push_back(num_params_);
   // One more row holds what the loss adds to the weighted sum of squares.
@@ -255,29 +249,19 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
   const std::vector<double>& at = state->shared.parameters;
   const auto num_free = static_cast<Eigen::Index>(free_.size());
   if (options_.has_own_pose) state->own_poses.resize(captures_.size());
-  // From where the own poses' linearisation was made, if it was.
-  std::vector<Tangent6> pose_steps;
-  Eigen::VectorXd params_step;
+  SharedStep step;
   if (options_.has_own_pose && accepted_ != nullptr) {
     const std::vector<double>& from = accepted_->shared.parameters;
     for (int i = 0; i < num_shared_poses_; ++i) {
-      pose_steps.push_back(LocalCoordinates(FromBlock(&from[static_cast<size_t>(kPoseSize * i)]),
+      step.poses.push_back(LocalCoordinates(FromBlock(&from[static_cast<size_t>(kPoseSize * i)]),
                                             FromBlock(&at[static_cast<size_t>(kPoseSize * i)])));
     }
-    params_step.resize(num_free);
+    step.params.resize(num_free);
     for (Eigen::Index i = 0; i < num_free; ++i) {
       const auto param = static_cast<size_t>(kPoseSize * num_shared_poses_ + free_[static_cast<size_t>(i)]);
-      params_step[i] = at[param] - from[param];
+      step.params[i] = at[param] - from[param];
     }
   }
-  const auto own_pose_of = [&](size_t i) -> Rigid3d {
-    if (accepted_ == nullptr) return captures_[i].own_pose;
-    const OwnPoseState& before = accepted_->own_poses[i];
-    Tangent6 left = Tangent6::Zero();
-    for (size_t k = 0; k < pose_steps.size(); ++k) left += before.left_from_tangent[k] * pose_steps[k];
-    return Retract(before.pose, -(before.step.leftCols<6>() * left + before.step.middleCols(6, num_free) * params_step +
-                                  before.step.rightCols<1>()));
-  };
 
   const int num_captures = static_cast<int>(captures_.size());
   const int num_groups = std::clamp(num_captures / kCapturesPerGroup, 1, kMaxGroups);
@@ -288,7 +272,7 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
       return static_cast<size_t>(static_cast<int64_t>(num_captures) * g / num_groups);
     };
     const auto group = static_cast<size_t>(index);
-    has_failed[group] = !EvaluateGroup(first_of(index), first_of(index + 1), own_pose_of, state, &sums[group]);
+    has_failed[group] = !EvaluateGroup(first_of(index), first_of(index + 1), step, state, &sums[group]);
   });
   if (std::find(has_failed.begin(), has_failed.end(), 1) != has_failed.end()) return false;
   for (size_t group = 1; group < sums.size(); ++group) {
@@ -301,19 +285,28 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
   return true;
 }
 
-bool CapturesCost::EvaluateGroup(size_t first, size_t last, const std::function<Rigid3d(size_t)>& own_pose_of,
-                                 State* state, CapturesProducts* sum) const {
+Rigid3d CapturesCost::OwnPoseAfter(const SharedStep& step, size_t capture) const {
+  if (accepted_ == nullptr) return captures_[capture].own_pose;
+  const OwnPoseState& before = accepted_->own_poses[capture];
+  Tangent6 left = Tangent6::Zero();
+  for (size_t k = 0; k < step.poses.size(); ++k) left += before.left_from_tangent[k] * step.poses[k];
+  return Retract(before.pose,
+                 -(before.step.leftCols<6>() * left + before.step.middleCols(6, step.params.size()) * step.params +
+                   before.step.rightCols<1>()));
+}
+
+bool CapturesCost::EvaluateGroup(size_t first, size_t last, const SharedStep& step, State* state,
+                                 CapturesProducts* sum) const {
   const std::vector<double>& at = state->shared.parameters;
   const int num_others = static_cast<int>(free_.size()) + 1;
   const Eigen::Index num_columns = 6 * num_shared_poses_ + num_others;
   sum->matrix.setZero(num_columns, num_columns);
   const bool settles = options_.settles_own_poses && accepted_ == nullptr;
-  const bool chains_rows = !options_.has_own_pose && ChainedRows::CanHold(num_shared_poses_, num_others);
   std::optional<ChainedRows> rows_of_few;
   ViewRows rows;
   Evaluation evaluation;
   for (size_t i = first; i < last; ++i) {
-    if (chains_rows && captures_[i].observations->size() <= kFewPoints) {
+    if (!options_.has_own_pose && captures_[i].observations->size() <= kFewPoints) {
       if (!WriteCapture(captures_[i], at, &evaluation.left_from_tangent, &rows)) return false;
       if (!rows_of_few) rows_of_few.emplace(num_shared_poses_, num_others);
       rows_of_few->Add(rows, evaluation.left_from_tangent);
@@ -326,7 +319,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const std::function<
       sum->loss_remainder += evaluation.products.loss_remainder;
       continue;
     }
-    evaluation.own_pose = own_pose_of(i);
+    evaluation.own_pose = OwnPoseAfter(step, i);
     bool is_evaluated =
         settles ? SettleOwnPose(captures_[i], at, &evaluation) : EvaluateCapture(captures_[i], at, &evaluation);
     if (!is_evaluated && accepted_ != nullptr) {
@@ -407,7 +400,7 @@ bool CapturesCost::SettleOwnPose(const CaptureTerm& capture, const std::vector<d
                                  Evaluation* evaluation) const {
   if (!EvaluateCapture(capture, parameters, evaluation)) return false;
   constexpr int kMaxSteps = 30;
-  constexpr double kSettled = 1e-4;  // Of the cost: the rest is the joint solve's.
+  constexpr double kSettled = 1e-2;  // Of the cost: the rest is the joint solve's.
   constexpr double kLeastDamping = 1e-6;
   double damping = kLeastDamping;
   for (int i = 0; i < kMaxSteps; ++i) {
@@ -435,9 +428,11 @@ std::vector<Rigid3d> CapturesCost::OwnPoses() const {
   for (size_t i = 0; i < accepted_->own_poses.size(); ++i) {
     const OwnPoseState& own = accepted_->own_poses[i];
     moved.own_pose = Retract(own.pose, -Tangent6(own.step.rightCols<1>()));
-    // What is left of the way to the best: unless it leads nowhere.
+    // What is left of the way to the best: unless it leads nowhere, as no small step does.
+    constexpr double kSmallDrop = 1e-6;
     const bool is_better =
-        EvaluateCapture(captures_[i], accepted_->shared.parameters, &moved) && moved.Cost() <= own.cost;
+        own.predicted_drop < kSmallDrop * own.cost ||
+        (EvaluateCapture(captures_[i], accepted_->shared.parameters, &moved) && moved.Cost() <= own.cost);
     poses.push_back(is_better ? moved.own_pose : own.pose);
   }
   return poses;

@@ -1,14 +1,14 @@
 // The Ceres cost of all captures together: one residual block with a row for each unknown and one more, whatever the
 // number of captures and points.
 //
-// Each capture's products (solvers/view_reduction.h) are chained to the unknowns that the captures share, and summed;
-// a root of the sum has the same cost, gradient and Gauss-Newton matrix as all rows of all captures. A capture may have
+// Each capture's products (solvers/view_reduction.h) are chained to the unknowns that the captures share, and summed
+// (of views of few points the rows are chained, and multiplied many views' at once); a root of the sum has the same
+// cost, gradient and Gauss-Newton matrix as all rows of all captures. A capture may have
 // a pose of its own (a robot's correction, or where the target is): it is eliminated from the products before they are
 // summed (Schur complement), so that cost and memory grow with the captures, not with their cube, and Ceres does not
 // see it. Where the shared unknowns are tried elsewhere, it goes along as its linearisation says.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -46,7 +46,7 @@ struct CapturesCostOptions {
   std::optional<TargetShape> shape;  // If `free` speaks of it; its own parameters are not used.
   bool has_own_pose = false;
   std::optional<RobotNoise> own_pose_prior;  // That it is the identity, give or take this.
-  // What is known already, with the same captures, loss and sigma. Captures without own poses only.
+  // What is known already, with the same captures, loss, sigma and free parameters. Captures without own poses only.
   std::optional<CapturesProducts> known;
   // Whether own poses are brought to their best for the first value of the shared unknowns, or stay where they start.
   bool settles_own_poses = true;
@@ -55,7 +55,7 @@ struct CapturesCostOptions {
 
 // Parameter blocks: the shared poses of the chains (heba/geometry/pose_block.h), then the camera's parameters, which
 // those of the target's shape follow if there is a shape. Evaluation fails, and Ceres rejects the step, if a point has
-// no image. For ceres::Solve only: what a capture's own pose is depends on where the Jacobians were evaluated last.
+// no image. With own poses for ceres::Solve only: what they are depends on where the Jacobians were evaluated last.
 class CapturesCost final : public ceres::CostFunction {
  public:
   // `model`, the observations and the loss must outlive the cost; at least one capture.
@@ -80,6 +80,7 @@ class CapturesCost final : public ceres::CostFunction {
 
  private:
   struct OwnPoseState;
+  struct SharedStep;
   struct State;
   // What is solved for of a capture: its products, of a left perturbation of camera_from_target, the free parameters
   // and the residual.
@@ -87,8 +88,9 @@ class CapturesCost final : public ceres::CostFunction {
 
   bool EvaluateAll(std::vector<double> parameters, State* state) const;
   // What captures [first, last) add, each at its own pose.
-  bool EvaluateGroup(size_t first, size_t last, const std::function<Rigid3d(size_t)>& own_pose_of, State* state,
-                     CapturesProducts* sum) const;
+  bool EvaluateGroup(size_t first, size_t last, const SharedStep& step, State* state, CapturesProducts* sum) const;
+  // Where a capture's own pose goes along to, as its linearisation says; where it starts before there is one.
+  Rigid3d OwnPoseAfter(const SharedStep& step, size_t capture) const;
   // At Evaluation::own_pose; the other one begins there.
   bool EvaluateCapture(const CaptureTerm& capture, const std::vector<double>& parameters, Evaluation* evaluation) const;
   bool WriteCapture(const CaptureTerm& capture, const std::vector<double>& parameters,

@@ -33,20 +33,31 @@ struct HeldOutErrors {
   }
 };
 
-Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const Camera& camera,
-                                      const std::vector<View>& held_out) {
+// Held-out views as a camera sees them.
+struct SeenViews {
+  const Camera& camera;
+  std::vector<View> views;
+  std::vector<std::vector<TargetPose>> poses;  // Of each view, from it alone.
+
+  SeenViews(const Camera& by_camera, std::vector<View> held_out) : camera(by_camera), views(std::move(held_out)) {
+    for (const View& view : views) poses.push_back(EstimateTargetPose(camera, view.observations));
+  }
+};
+
+Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& held_out) {
   HeldOutErrors errors;
-  const std::optional<SquaredErrors> pixels = ReprojectionErrors(hand_eye, camera, held_out);
+  const std::optional<SquaredErrors> pixels = ReprojectionErrors(hand_eye, held_out.camera, held_out.views);
   if (!pixels) return Failure{"a held-out target lies behind the camera"};
   errors.pixels = *pixels;
-  for (const View& view : held_out) {
-    const std::vector<PosePair> seen = PairsAsSeen(camera, hand_eye, {view});
-    if (seen.empty()) continue;
+  for (size_t i = 0; i < held_out.views.size(); ++i) {
+    const View& view = held_out.views[i];
+    const Rigid3d predicted = CameraFromTarget(hand_eye, view.camera_mount_from_target_mount);
+    const TargetPose* const seen = NearestPose(held_out.poses[i], predicted);
+    if (seen == nullptr) continue;
     // At the middle of the points.
     const Eigen::Vector3d middle = view.observations.points_in_target.rowwise().mean();
-    const Rigid3d predicted = CameraFromTarget(hand_eye, view.camera_mount_from_target_mount);
-    errors.sum_m2 += (predicted * middle - seen.front().camera_from_target * middle).squaredNorm();
-    errors.sum_rad2 += std::pow(AngleRad(predicted, seen.front().camera_from_target), 2);
+    errors.sum_m2 += (predicted * middle - seen->camera_from_target * middle).squaredNorm();
+    errors.sum_rad2 += std::pow(AngleRad(predicted, seen->camera_from_target), 2);
     ++errors.num_poses;
   }
   return errors;
@@ -99,17 +110,17 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
     if (!calibration) {
       std::fill(row.begin(), row.end(), Outcome<HeldOutErrors>(Failure{calibration.reason()}));
     } else {
+      const SeenViews seen(calibration->camera, held_out);
       for (size_t m = 0; m < calibration->methods.size(); ++m) {
         const Outcome<HandEye>& hand_eye = calibration->methods[m].hand_eye;
-        row[m] = hand_eye ? PredictHeldOut(*hand_eye, calibration->camera, held_out) : Failure{hand_eye.reason()};
+        row[m] = hand_eye ? PredictHeldOut(*hand_eye, seen) : Failure{hand_eye.reason()};
       }
       const Outcome<Solution>& chain = calibration->chain;
-      row[names.size() - 2] =
-          chain ? PredictHeldOut(chain->hand_eye, calibration->camera, held_out) : Failure{chain.reason()};
+      row[names.size() - 2] = chain ? PredictHeldOut(chain->hand_eye, seen) : Failure{chain.reason()};
       const Outcome<Solution>& refined = calibration->refined;
-      row[names.size() - 1] = refined
-                                  ? PredictHeldOut(refined->hand_eye, refined->camera, Shaped(held_out, refined->shape))
-                                  : Failure{refined.reason()};
+      row[names.size() - 1] =
+          refined ? PredictHeldOut(refined->hand_eye, SeenViews(refined->camera, Shaped(held_out, refined->shape)))
+                  : Failure{refined.reason()};
       if (refined && row.back()) AddChi2(*refined, options, held_out, &*row.back());
     }
     const std::lock_guard<std::mutex> lock(mutex);

@@ -202,15 +202,20 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
   return chosen;
 }
 
+const TargetPose* NearestPose(const std::vector<TargetPose>& poses, const Rigid3d& camera_from_target) {
+  const auto nearest = std::min_element(poses.begin(), poses.end(), [&](const TargetPose& a, const TargetPose& b) {
+    return AngleRad(a.camera_from_target, camera_from_target) < AngleRad(b.camera_from_target, camera_from_target);
+  });
+  return nearest == poses.end() ? nullptr : &*nearest;
+}
+
 std::vector<PosePair> PairsAsSeen(const Camera& camera, const HandEye& hand_eye, const std::vector<View>& views) {
   std::vector<PosePair> pairs;
   for (const View& view : views) {
-    const Rigid3d predicted = CameraFromTarget(hand_eye, view.camera_mount_from_target_mount);
     const std::vector<TargetPose> poses = EstimateTargetPose(camera, view.observations);
-    const auto nearest = std::min_element(poses.begin(), poses.end(), [&](const TargetPose& a, const TargetPose& b) {
-      return AngleRad(a.camera_from_target, predicted) < AngleRad(b.camera_from_target, predicted);
-    });
-    if (nearest == poses.end()) continue;
+    const TargetPose* const nearest =
+        NearestPose(poses, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount));
+    if (nearest == nullptr) continue;
     pairs.push_back(
         {view.camera_mount_from_target_mount, nearest->camera_from_target, view.role, nearest->covariance_at_1px});
   }

@@ -28,6 +28,10 @@ struct ChosenPoses {
 ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
                         const std::vector<std::vector<TargetPose>>& poses, const std::vector<Rigid3d>& symmetries);
 
+// Of the poses that a view alone allows, the one that is turned least against `camera_from_target`; null if there is
+// none.
+const TargetPose* NearestPose(const std::vector<TargetPose>& poses, const Rigid3d& camera_from_target);
+
 // The pairs that a camera sees: of each view's target poses the one nearest to what the chain predicts. Views without a
 // pose of their own have no pair.
 std::vector<PosePair> PairsAsSeen(const Camera& camera, const HandEye& hand_eye, const std::vector<View>& views);

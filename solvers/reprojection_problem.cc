@@ -1,6 +1,7 @@
 #include "solvers/reprojection_problem.h"
 
 #include <algorithm>
+#include <sstream>
 
 #include <ceres/manifold.h>
 
@@ -14,7 +15,8 @@ ceres::Solver::Options ReprojectionSolverOptions(int max_iterations) {
   options.function_tolerance = 1e-12;
   options.parameter_tolerance = 1e-13;
   options.gradient_tolerance = 1e-14;
-  options.initial_trust_region_radius = 1e8;
+  // Starts are good: the first steps are to be Gauss-Newton's own. A poor one pays for it by a few refused steps.
+  options.initial_trust_region_radius = 1e6;
   // Steps that put a point behind the camera are refused one by one until the trust region is small enough.
   options.max_num_consecutive_invalid_steps = 50;
   options.num_threads = 1;
@@ -42,7 +44,7 @@ class StopAtMinimum final : public ceres::IterationCallback {
  public:
   StopAtMinimum(const CapturesCost& cost, double tolerance) : cost_(cost), tolerance_(tolerance) {}
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*iteration*/) override {
-    return cost_.PredictedDrop() < tolerance_ ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
+    return cost_.PredictedDrop() <= tolerance_ ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
   }
 
  private:
@@ -60,7 +62,10 @@ ceres::Solver::Summary SolveCaptures(const CapturesCost& cost, ceres::Solver::Op
   ceres::Solve(options, problem, &summary);
   if (summary.termination_type == ceres::USER_SUCCESS) {
     summary.termination_type = ceres::CONVERGENCE;
-    summary.message = "Function tolerance reached: the next step would change less.";
+    std::ostringstream message;
+    message << "Function tolerance reached. The next step's |cost_change|/cost: " << cost.PredictedDrop()
+            << " <= " << options.function_tolerance;
+    summary.message = message.str();
   }
   return summary;
 }

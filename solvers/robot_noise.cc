@@ -5,6 +5,8 @@
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "heba/base/small_matrix.h"
+#include "heba/base/stacked_rows.h"
 #include "solvers/noise_scale.h"
 #include "solvers/view_reduction.h"
 
@@ -111,14 +113,17 @@ double ChanceOf(const Tangent6& vector, const Matrix6& covariance, double nothin
 Eigen::MatrixXd MarginalInformation(const std::vector<LinearView>& views, const RobotNoise& noise,
                                     double pixel_variance) {
   const Eigen::Index n = views.front().by_unknowns.cols();
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  StackedRows stacked(static_cast<int>(n));
+  RowMajorMatrix whitened;
   for (const LinearView& view : views) {
-    const Eigen::LLT<Eigen::MatrixXd> factor(MarginalCovariance(
+    const Eigen::LLT<Eigen::MatrixXd> root(MarginalCovariance(
         view, pixel_variance, noise.translation_m * noise.translation_m, noise.rotation_rad * noise.rotation_rad));
-    CHECK(factor.info() == Eigen::Success);
-    information += view.by_unknowns.transpose() * factor.solve(view.by_unknowns);
+    CHECK(root.info() == Eigen::Success);
+    whitened = view.by_unknowns;
+    SolveLowerInPlace(root.matrixLLT(), &whitened);
+    stacked.Next<Eigen::Dynamic>(whitened.rows()) = whitened;
   }
-  return information;
+  return stacked.Products();
 }
 
 }  // namespace heba

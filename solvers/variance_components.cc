@@ -11,6 +11,8 @@
 #include <Eigen/QR>
 
 #include "heba/base/error.h"
+#include "heba/base/small_matrix.h"
+#include "heba/base/stacked_rows.h"
 
 namespace heba {
 namespace {
@@ -20,9 +22,8 @@ using MovedRows = Eigen::Matrix<double, kMoved, Eigen::Dynamic>;
 
 // Of a view's rows those that its correction moves, turned so that there are six; rows of zeros where it has fewer.
 struct MovedView {
-  MovedRows by_unknowns;
+  MovedRows rows;  // By the unknowns, and the offset.
   Matrix6 by_correction = Matrix6::Zero();
-  Tangent6 offset = Tangent6::Zero();
 };
 
 // The same measurements in fewer numbers: variances and unknowns have the same likelihood.
@@ -44,8 +45,8 @@ CondensedViews Condensed(const std::vector<LinearView>& views) {
     condensed.num_still += view.num_rest + static_cast<double>(rows - kMoved);
     Eigen::MatrixXd turned(rows, n + 1);
     turned << view.by_unknowns, view.offset;
-    const Eigen::Index num_moved = std::min(rows, kMoved);
-    MovedView moved;
+    MovedView& moved = condensed.moved.emplace_back();
+    moved.rows.setZero(kMoved, n + 1);
     if (rows > kMoved) {
       const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_correction);
       turned.applyOnTheLeft(qr.householderQ().adjoint());
@@ -55,52 +56,75 @@ CondensedViews Condensed(const std::vector<LinearView>& views) {
     } else {
       moved.by_correction.topRows(rows) = view.by_correction;
     }
-    moved.by_unknowns.setZero(kMoved, n);
-    moved.by_unknowns.topRows(num_moved) = turned.topLeftCorner(num_moved, n);
-    moved.offset.head(num_moved) = turned.col(n).head(num_moved);
-    condensed.moved.push_back(std::move(moved));
+    const Eigen::Index num_moved = std::min(rows, kMoved);
+    moved.rows.topRows(num_moved) = turned.topRows(num_moved);
   }
   return condensed;
 }
 
-// With S = p I + t A A^T + r B B^T, the covariance of a view's rows; by_correction is [A, B].
-struct WhitenedView {
-  double log_determinant = 0;
-  Matrix6 inverse;        // S^-1
-  MovedRows by_unknowns;  // S^-1 J
-};
-WhitenedView Whitened(const MovedView& view, const Eigen::Vector3d& variances) {
-  Tangent6 corrections;
-  corrections << Eigen::Vector3d::Constant(variances[1]), Eigen::Vector3d::Constant(variances[2]);
-  const Matrix6 covariance = variances[0] * Matrix6::Identity() +
-                             view.by_correction * corrections.asDiagonal() * view.by_correction.transpose();
-  const Eigen::LLT<Matrix6> factor(covariance);
-  if (factor.info() != Eigen::Success) return {std::numeric_limits<double>::quiet_NaN(), {}, {}};
-  WhitenedView whitened;
-  whitened.log_determinant = 2 * factor.matrixLLT().diagonal().array().log().sum();
-  whitened.inverse = factor.solve(Matrix6::Identity());
-  whitened.by_unknowns = whitened.inverse.lazyProduct(view.by_unknowns);
-  return whitened;
-}
-
-// Sums of J^T S^-1 V_k S^-1 J, where V_k is what variance k multiplies.
-class Falls {
+// With S = p I + t A A^T + r B B^T, the covariance of the views' rows; by_correction is [A, B].
+class Whitening {
  public:
-  explicit Falls(Eigen::Index n) { sums_.fill(Eigen::MatrixXd::Zero(n, n)); }
-  void Add(const MovedView& view, const WhitenedView& whitened) {
-    const MovedRows moved = view.by_correction.transpose().lazyProduct(whitened.by_unknowns);
-    const auto add = [](const auto& rows, Eigen::MatrixXd* sum) {
-      sum->noalias() += rows.transpose().lazyProduct(rows);
-    };
-    add(whitened.by_unknowns, &sums_[0]);
-    add(moved.topRows<3>(), &sums_[1]);
-    add(moved.bottomRows<3>(), &sums_[2]);
+  Whitening(const CondensedViews& views, const Eigen::Vector3d& variances) : num_columns_(views.still.cols()) {
+    StackedRows stacked(static_cast<int>(num_columns_));
+    Tangent6 corrections;
+    corrections << Eigen::Vector3d::Constant(variances[1]), Eigen::Vector3d::Constant(variances[2]);
+    inverses_.reserve(views.moved.size());
+    weighted_.resize(kMoved, num_columns_ * static_cast<Eigen::Index>(views.moved.size()));
+    for (const MovedView& view : views.moved) {
+      const Matrix6 by_sigma = view.by_correction * corrections.cwiseSqrt().asDiagonal();
+      Matrix6 covariance = by_sigma * by_sigma.transpose();
+      covariance.diagonal().array() += variances[0];
+      const Eigen::LLT<Matrix6> root(covariance);
+      is_regular_ &= root.info() == Eigen::Success;
+      if (!is_regular_) return;
+      log_determinants_ += 2 * root.matrixLLT().diagonal().array().log().sum();
+      const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
+      auto whitened = stacked.Next<kMoved>();
+      whitened = inverse_root.lazyProduct(view.rows);
+      const auto v = static_cast<Eigen::Index>(inverses_.size());
+      weighted_.middleCols(v * num_columns_, num_columns_) = inverse_root.transpose().lazyProduct(whitened);
+      inverses_.push_back(inverse_root.transpose() * inverse_root);
+    }
+    products_ = stacked.Products();
   }
-  Eigen::MatrixXd& operator[](int k) { return sums_[static_cast<size_t>(k)]; }
+
+  // Whether all covariances have an inverse; nothing else may be asked for if not.
+  bool is_regular() const { return is_regular_; }
+  double log_determinants() const { return log_determinants_; }
+  // Of the rows: [J, y]^T S^-1 [J, y].
+  const Eigen::MatrixXd& products() const { return products_; }
+  const Matrix6& Inverse(size_t view) const { return inverses_[view]; }  // S^-1
+  // S^-1 [J, y]
+  auto Weighted(size_t view) const {
+    return weighted_.middleCols(static_cast<Eigen::Index>(view) * num_columns_, num_columns_);
+  }
 
  private:
-  std::array<Eigen::MatrixXd, 3> sums_;
+  Eigen::Index num_columns_;
+  bool is_regular_ = true;
+  double log_determinants_ = 0;
+  std::vector<Matrix6> inverses_;
+  MovedRows weighted_;
+  Eigen::MatrixXd products_;
 };
+
+// How the information falls with each variance: J^T S^-1 V_k S^-1 J, where V_k is what variance k multiplies.
+std::array<Eigen::MatrixXd, 3> FallsOf(const CondensedViews& views, const Whitening& whitening, double pixel_variance) {
+  const Eigen::Index n = views.still.cols() - 1;
+  StackedRows pixels(static_cast<int>(n));
+  StackedRows translations(static_cast<int>(n));
+  StackedRows rotations(static_cast<int>(n));
+  for (size_t v = 0; v < views.moved.size(); ++v) {
+    const auto weighted = whitening.Weighted(v).leftCols(n);
+    const Matrix6& by_correction = views.moved[v].by_correction;
+    pixels.Next<kMoved>() = weighted;
+    translations.Next<3>() = by_correction.leftCols<3>().transpose().lazyProduct(weighted);
+    rotations.Next<3>() = by_correction.rightCols<3>().transpose().lazyProduct(weighted);
+  }
+  return {views.still.topLeftCorner(n, n) / (pixel_variance * pixel_variance) + pixels.Products(),
+          translations.Products(), rotations.Products()};
+}
 
 // The restricted likelihood and its derivatives by the three variances.
 struct Likelihood {
@@ -113,20 +137,13 @@ Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variance
   const Eigen::Index n = views.still.cols() - 1;
   const double p = variances[0];
   const auto still = views.still.topLeftCorner(n, n);
-  const Eigen::VectorXd still_right = views.still.col(n).head(n);
+  const auto still_right = views.still.col(n).head(n);
   Likelihood result;
-  Eigen::MatrixXd information = still / p;
-  Eigen::VectorXd right = still_right / p;
-  double log_determinants = views.num_still * std::log(p);
-  std::vector<WhitenedView> whitened_views;
-  whitened_views.reserve(views.moved.size());
-  for (const MovedView& view : views.moved) {
-    const WhitenedView& whitened = whitened_views.emplace_back(Whitened(view, variances));
-    if (std::isnan(whitened.log_determinant)) return result;
-    log_determinants += whitened.log_determinant;
-    information.noalias() += view.by_unknowns.transpose().lazyProduct(whitened.by_unknowns);
-    right.noalias() += whitened.by_unknowns.transpose() * view.offset;
-  }
+  const Whitening whitening(views, variances);
+  if (!whitening.is_regular()) return result;
+  double log_determinants = views.num_still * std::log(p) + whitening.log_determinants();
+  const Eigen::MatrixXd products = views.still / p + whitening.products();
+  const auto information = products.topLeftCorner(n, n);
   // Units of metres, radians and pixels side by side: scaled before it is factored.
   const Eigen::VectorXd scale =
       information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
@@ -135,35 +152,35 @@ Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variance
   log_determinants += 2 * factor.matrixLLT().diagonal().array().log().sum() - 2 * scale.array().log().sum();
   const Eigen::MatrixXd covariance =
       scale.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * scale.asDiagonal();
-  const Eigen::VectorXd step = covariance * right;
+  const Eigen::VectorXd step = covariance * products.col(n).head(n);
 
   const double still_squares = views.still(n, n) - 2 * step.dot(still_right) + step.dot(still * step);
   const double still_seen = covariance.cwiseProduct(still).sum();
   double squares = still_squares / p;
   result.gradient[0] = 0.5 * ((still_squares + still_seen) / (p * p) - views.num_still / p);
   result.fisher(0, 0) = 0.5 * views.num_still / (p * p) - still_seen / (p * p * p);
-  Falls falls(n);
-  falls[0] = still / (p * p);
   // Of two variances, from S^-1 and S^-1 J C J^T S^-1 with what they multiply on either side.
   const auto fisher_of = [](const auto& inverse, const auto& seen) {
     return 0.5 * inverse.squaredNorm() - inverse.cwiseProduct(seen).sum();
   };
+  MovedRows by_covariance(kMoved, n);
   for (size_t v = 0; v < views.moved.size(); ++v) {
     const MovedView& view = views.moved[v];
-    const WhitenedView& whitened = whitened_views[v];
-    const Tangent6 residual = view.offset - view.by_unknowns * step;
-    const Tangent6 weighted = whitened.inverse * residual;
+    const Matrix6& inverse = whitening.Inverse(v);
+    const auto by_unknowns = whitening.Weighted(v).leftCols(n);
+    const Tangent6 residual = view.rows.col(n) - view.rows.leftCols(n).lazyProduct(step);
+    const Tangent6 weighted = inverse * residual;
     squares += residual.dot(weighted);
-    const MovedRows by_covariance = whitened.by_unknowns.lazyProduct(covariance);
-    const Matrix6 seen = by_covariance.lazyProduct(whitened.by_unknowns.transpose());
+    by_covariance = by_unknowns.lazyProduct(covariance);
+    const Matrix6 seen = by_covariance.lazyProduct(by_unknowns.transpose());
     const Matrix6& g = view.by_correction;
-    const Matrix6 inverse_g = whitened.inverse * g;
+    const Matrix6 inverse_g = inverse * g;
     const Matrix6 seen_g = seen * g;
     const Matrix6 g_inverse_g = g.transpose() * inverse_g;
     const Matrix6 g_seen_g = g.transpose() * seen_g;
     const Tangent6 g_weighted = g.transpose() * weighted;
-    result.gradient[0] += 0.5 * (weighted.squaredNorm() - whitened.inverse.trace() + seen.trace());
-    result.fisher(0, 0) += fisher_of(whitened.inverse, seen);
+    result.gradient[0] += 0.5 * (weighted.squaredNorm() - inverse.trace() + seen.trace());
+    result.fisher(0, 0) += fisher_of(inverse, seen);
     for (int k = 1; k < 3; ++k) {
       const Eigen::Index at = 3 * (k - 1);
       result.gradient[k] +=
@@ -175,12 +192,13 @@ Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variance
             fisher_of(g_inverse_g.block<3, 3>(at, 3 * (l - 1)), g_seen_g.block<3, 3>(at, 3 * (l - 1)));
       }
     }
-    falls.Add(view, whitened);
   }
-  for (int k = 0; k < 3; ++k) falls[k] = (covariance * falls[k]).eval();
+  std::array<Eigen::MatrixXd, 3> falls = FallsOf(views, whitening, p);
+  for (Eigen::MatrixXd& fall : falls) fall = (covariance * fall).eval();
   for (int k = 0; k < 3; ++k) {
     for (int l = 0; l <= k; ++l) {
-      result.fisher(k, l) += 0.5 * falls[k].cwiseProduct(falls[l].transpose()).sum();
+      result.fisher(k, l) +=
+          0.5 * falls[static_cast<size_t>(k)].cwiseProduct(falls[static_cast<size_t>(l)].transpose()).sum();
       result.fisher(l, k) = result.fisher(k, l);
     }
   }
@@ -221,28 +239,33 @@ VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, c
         scale.asDiagonal() *
         (scaled + 1e-9 * Eigen::MatrixXd::Identity(size, size)).ldlt().solve(scale.cwiseProduct(gradient));
     if (!direction.allFinite()) break;
-    double length = 1;
-    bool has_moved = false;
-    double change = 0;
-    for (int halving = 0; halving < 30 && !has_moved; ++halving, length *= 0.5) {
+    const auto moved_by = [&](double length) {
       Eigen::Vector3d next = variances;
       for (Eigen::Index a = 0; a < size; ++a) {
         const int k = free[static_cast<size_t>(a)];
         next[k] = std::max(k == 0 ? kMinPixelVariance : 0.0, variances[k] + length * direction[a]);
       }
-      const Likelihood there = Evaluate(views, next);
+      return next;
+    };
+    // In units of what the data can tell.
+    const Eigen::Vector3d unit = here.fisher.diagonal().cwiseMax(0).cwiseSqrt();
+    const Eigen::Vector3d last = moved_by(1);
+    constexpr double kSmallChange = 1e-4;
+    if ((last - variances).cwiseAbs().cwiseProduct(unit).maxCoeff() < kSmallChange) {
+      variances = last;
+      break;
+    }
+    bool has_moved = false;
+    double length = 1;
+    for (int halving = 0; halving < 30 && !has_moved; ++halving, length *= 0.5) {
+      const Eigen::Vector3d next = moved_by(length);
+      Likelihood there = Evaluate(views, next);
       if (!(there.minus_log <= here.minus_log)) continue;
       has_moved = true;
-      for (Eigen::Index a = 0; a < size; ++a) {
-        const int k = free[static_cast<size_t>(a)];
-        // In units of what the data can tell.
-        change = std::max(change, std::abs(next[k] - variances[k]) * std::sqrt(std::max(0.0, here.fisher(k, k))));
-      }
       variances = next;
       here = there;
     }
-    constexpr double kSmallChange = 1e-4;
-    if (!has_moved || change < kSmallChange) break;
+    if (!has_moved) break;
   }
   VarianceComponents result;
   result.pixel = variances[0];
@@ -275,25 +298,17 @@ double DegreesOfFreedom(const std::vector<LinearView>& all_views, const Variance
   if (variances.covariance.isZero(0)) return kCertain;
   const CondensedViews views = Condensed(all_views);
   const Eigen::Index n = views.still.cols() - 1;
-  const auto still = views.still.topLeftCorner(n, n);
-  Eigen::MatrixXd information = still / variances.pixel;
-  // How the information falls with each variance: J^T S^-1 V_k S^-1 J.
-  Falls falls(n);
-  falls[0] = still / (variances.pixel * variances.pixel);
-  const Eigen::Vector3d components(variances.pixel, variances.translation_m2, variances.rotation_rad2);
-  for (const MovedView& view : views.moved) {
-    const WhitenedView whitened = Whitened(view, components);
-    if (std::isnan(whitened.log_determinant)) return kLeast;
-    information.noalias() += view.by_unknowns.transpose().lazyProduct(whitened.by_unknowns);
-    falls.Add(view, whitened);
-  }
+  const Whitening whitening(views, {variances.pixel, variances.translation_m2, variances.rotation_rad2});
+  if (!whitening.is_regular()) return kLeast;
+  const Eigen::MatrixXd information = (views.still / variances.pixel + whitening.products()).topLeftCorner(n, n);
+  std::array<Eigen::MatrixXd, 3> falls = FallsOf(views, whitening, variances.pixel);
   // In coordinates in which the covariance is the identity, and the variances' effects apart as far as they can be.
   const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * information * scale.asDiagonal());
   if (root.info() != Eigen::Success) return kLeast;
   Eigen::MatrixXd total = Eigen::MatrixXd::Zero(n, n);
   for (int k = 0; k < 3; ++k) {
-    Eigen::MatrixXd& fall = falls[k];
+    Eigen::MatrixXd& fall = falls[static_cast<size_t>(k)];
     fall = (scale.asDiagonal() * fall * scale.asDiagonal()).eval();
     fall = root.matrixL().solve(fall).eval();
     fall = root.matrixL().solve(fall.transpose()).eval();
@@ -304,7 +319,7 @@ double DegreesOfFreedom(const std::vector<LinearView>& all_views, const Variance
   for (Eigen::Index m = 0; m < n; ++m) {
     Eigen::Vector3d slope;
     for (int k = 0; k < 3; ++k) {
-      slope[k] = eigen.eigenvectors().col(m).dot(falls[k] * eigen.eigenvectors().col(m));
+      slope[k] = eigen.eigenvectors().col(m).dot(falls[static_cast<size_t>(k)] * eigen.eigenvectors().col(m));
     }
     const double dof = 2 / slope.dot(variances.covariance * slope);
     if (dof <= 2) return kLeast;

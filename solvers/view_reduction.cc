@@ -111,6 +111,8 @@ ViewReducer::ViewReducer(const CameraModel& model, const FreeParameters& free, d
       pixel_sigma_px_(pixel_sigma_px),
       loss_(loss),
       num_columns_(6 + static_cast<int>(NumFree(free)) + 1) {
+  const size_t num_params = static_cast<size_t>(NumParams(model));
+  CHECK(free.size() == num_params || free.size() == num_params + TargetShape::kNumParams) << free.size();
   // Pose, focal length, principal point, distortion, shape, residual, and what pads an odd number.
   static_assert(6 + 2 + ProjectionBatch::kMaxDistortion + TargetShape::kNumParams + 1 + 1 <= ProjectionBatch::kMaxRows);
   for (int axis = 0; axis < 2; ++axis) {
@@ -159,6 +161,7 @@ void ViewReducer::WeighPoints(const double* u, const double* v, int size, double
 bool ViewReducer::WriteBatch(const double* params, const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
                              const Observations& observations, const TargetShape* shape, int first,
                              ProjectionBatch* batch) const {
+  CHECK(shape != nullptr || free_shape_.empty());
   LoadBatch(observations, shape, first, batch);
   if (!model_.ProjectBatch(params, rotation, translation, true, batch)) return false;
   const int padded = PaddedToLanes(batch->size);

@@ -23,7 +23,7 @@ struct Measured {
   Eigen::Matrix3d mount_rotation;
   Eigen::Vector3d mount_position;  // From the mean of all.
   Eigen::Vector3d in_camera;
-  Eigen::Matrix3d whitening;  // W with W^T W = S^-1.
+  Eigen::Matrix3d information;  // S^-1
 };
 
 struct State {
@@ -38,7 +38,8 @@ double CostOf(const std::vector<Measured>& captures, const State& state) {
   for (const Measured& m : captures) {
     const Eigen::Vector3d in_camera =
         state.rotation * (m.mount_rotation * state.point_in_mount + m.mount_position) + state.translation;
-    cost += (m.whitening * (in_camera - m.in_camera)).squaredNorm();
+    const Eigen::Vector3d residual = in_camera - m.in_camera;
+    cost += residual.dot(m.information * residual);
   }
   return cost;
 }
@@ -48,11 +49,16 @@ State WithRotation(const std::vector<Measured>& captures, const Eigen::Matrix3d&
   Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
   for (const Measured& m : captures) {
-    Eigen::Matrix<double, 3, 6> left;
-    left << m.whitening * rotation * m.mount_rotation, m.whitening;
-    normal.noalias() += left.transpose().lazyProduct(left);
-    right.noalias() += left.transpose() * (m.whitening * (m.in_camera - rotation * m.mount_position));
+    const Eigen::Matrix3d by_point = rotation * m.mount_rotation;
+    const Eigen::Matrix3d weighted = m.information * by_point;
+    const Eigen::Vector3d pull = m.information * (m.in_camera - rotation * m.mount_position);
+    normal.topLeftCorner<3, 3>() += by_point.transpose() * weighted;
+    normal.bottomLeftCorner<3, 3>() += weighted;
+    normal.bottomRightCorner<3, 3>() += m.information;
+    right.head<3>() += by_point.transpose() * pull;
+    right.tail<3>() += pull;
   }
+  // Of the lower half.
   const Eigen::Matrix<double, 6, 1> solution = normal.ldlt().solve(right);
   State state{rotation, solution.tail<3>(), solution.head<3>()};
   state.cost = CostOf(captures, state);
@@ -69,17 +75,26 @@ State Refined(const std::vector<Measured>& captures, State state, int max_iterat
     Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
     Vector9 gradient = Vector9::Zero();
     for (const Measured& m : captures) {
-      const Eigen::Vector3d turned = state.rotation * (m.mount_rotation * state.point_in_mount + m.mount_position);
-      Eigen::Matrix<double, 3, 9> j;
-      j << -m.whitening * Skew(turned), m.whitening * state.rotation * m.mount_rotation, m.whitening;
-      const Eigen::Vector3d residual = m.whitening * (turned + state.translation - m.in_camera);
-      normal.noalias() += j.transpose().lazyProduct(j);
-      gradient.noalias() += j.transpose() * residual;
+      const Eigen::Matrix3d by_point = state.rotation * m.mount_rotation;
+      const Eigen::Vector3d turned = by_point * state.point_in_mount + state.rotation * m.mount_position;
+      const Eigen::Matrix3d cross = Skew(turned);  // The residual changes by -cross * rotation's step.
+      const Eigen::Matrix3d weighted_point = m.information * by_point;
+      const Eigen::Matrix3d weighted_cross = m.information * cross;
+      const Eigen::Vector3d pull = m.information * (turned + state.translation - m.in_camera);
+      normal.topLeftCorner<3, 3>() -= cross * weighted_cross;
+      normal.block<3, 3>(3, 0) -= weighted_point.transpose() * cross;
+      normal.block<3, 3>(3, 3) += by_point.transpose() * weighted_point;
+      normal.block<3, 3>(6, 0) -= weighted_cross;
+      normal.block<3, 3>(6, 3) += weighted_point;
+      normal.block<3, 3>(6, 6) += m.information;
+      gradient.head<3>() += turned.cross(pull);
+      gradient.segment<3>(3) += by_point.transpose() * pull;
+      gradient.tail<3>() += pull;
     }
     bool improved = false;
     double relative_drop = 0;
     for (int attempt = 0; attempt < 8 && !improved; ++attempt) {
-      Eigen::Matrix<double, 9, 9> damped = normal;
+      Eigen::Matrix<double, 9, 9> damped = normal;  // The lower half counts.
       damped.diagonal() *= 1 + damping;
       const Vector9 step = -damped.ldlt().solve(gradient);
       // Where so little is to be gained, rounding decides.
@@ -115,7 +130,7 @@ Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
     if (factor.info() != Eigen::Success) return Failure{"the position of the target has no covariance"};
     captures.push_back({pairs[i].camera_mount_from_target_mount.RotationMatrix(),
                         pairs[i].camera_mount_from_target_mount.translation - mean_position,
-                        positions.captures[i].in_camera, factor.matrixL().solve(Eigen::Matrix3d::Identity())});
+                        positions.captures[i].in_camera, factor.solve(Eigen::Matrix3d::Identity())});
   }
   // A few captures are enough to tell the starts apart.
   constexpr size_t kMaxForStart = 30;

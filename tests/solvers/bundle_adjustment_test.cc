@@ -6,6 +6,7 @@
 #include "solvers/cross_validation.h"
 #include "solvers/hand_eye_method.h"
 #include "solvers/information.h"
+#include "solvers/inliers.h"
 #include "solvers/intrinsics_seed.h"
 #include "solvers/robot_noise.h"
 #include "tests/support/matchers.h"
@@ -87,6 +88,49 @@ TEST(BundleAdjustmentTest, ErrorsAreAsLargeAsTheCovarianceSays) {
       EXPECT_GT(sum, 820) << loss;
       EXPECT_LT(sum, 1100) << loss;
     }
+  }
+}
+
+// What has been multiplied before is not multiplied again; what comes out must be as if it were.
+TEST(BundleAdjustmentTest, CovarianceIsTheInformationsAtTheSolution) {
+  for (const char* loss : {"none", "huber", "truncated"}) {
+    TestSceneOptions scene_options;
+    scene_options.noise_px = 0.3;
+    scene_options.points = GridPoints(4, 3, 0.05);
+    const TestScene scene = MakeTestScene(8, scene_options);
+    BundleOptions options;
+    options.loss = loss;
+    options.free_intrinsics = {ParameterGroup::kFocal};
+    const Problem problem{scene.camera, scene.views};
+    const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+    ASSERT_TRUE(solution.ok()) << solution.reason();
+    const FreeParameters free = FreeOf(scene.camera.Model(), options);
+    Problem kept = problem;
+    for (size_t i = 0; i < kept.views.size(); ++i) {
+      const std::vector<int>& rejected = solution->rejected_ids[i];
+      std::vector<bool> keep;
+      for (const int id : kept.views[i].observations.ids) {
+        keep.push_back(std::find(rejected.begin(), rejected.end(), id) == rejected.end());
+      }
+      kept.views[i].observations = KeepPoints(kept.views[i].observations, keep);
+    }
+    const std::optional<std::vector<LinearView>> views =
+        LineariseViewsAt(kept, *solution, {}, free, LossOfKept(options));
+    ASSERT_TRUE(views.has_value());
+    const Eigen::MatrixXd information = MarginalInformation(*views, {}, LossOfKept(options).covariance_factor());
+    const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(information.rows(), information.cols());
+    const Eigen::MatrixXd product =
+        scale.cwiseInverse().asDiagonal() * solution->covariance.matrix * information * scale.asDiagonal();
+    EXPECT_LT((product - identity).cwiseAbs().maxCoeff(), 1e-6) << loss;
+    // And there is nothing left to gain.
+    const Outcome<Solution> again = RefineHandEye({solution->camera, scene.views}, solution->hand_eye, options);
+    ASSERT_TRUE(again.ok()) << again.reason();
+    const Tangent6 moved =
+        LocalCoordinates(solution->hand_eye.camera_mount_from_camera, again->hand_eye.camera_mount_from_camera);
+    EXPECT_LT(moved.cwiseQuotient(scale.head<6>()).cwiseAbs().maxCoeff(), 1e-3) << loss;
+    const bool is_plain = loss == std::string("none");
+    EXPECT_LE(again->convergence.iterations, is_plain ? 0 : 30) << loss;
   }
 }
 

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/geometry/pose_block.h"
+#include "solvers/inliers.h"
 #include "solvers/view_reduction.h"
 #include "tests/support/scenes.h"
 
@@ -43,11 +44,10 @@ struct Unknowns {
 };
 
 std::unique_ptr<CapturesCost> MakeCost(const TestScene& scene, const std::string& loss, bool has_corrections,
-                                       int num_threads = 1) {
-  CapturesCostOptions options;
+                                       int num_threads = 1, CapturesCostOptions options = {}) {
   options.pixel_sigma_px = kSigmaPx;
   options.loss = FindLoss(loss);
-  options.free.assign(scene.camera.params.size(), true);
+  if (options.free.empty()) options.free.assign(scene.camera.params.size(), true);
   options.has_own_pose = has_corrections;
   if (has_corrections) options.own_pose_prior = kRobot;
   options.num_threads = num_threads;
@@ -172,14 +172,157 @@ TEST(CapturesCostTest, OwnPosesAreTheBestForTheSharedUnknowns) {
   EXPECT_NEAR(Evaluate(*cost, there).cost, cost_at(there), 1e-6 * cost_at(there));
 }
 
-TEST(CapturesCostTest, HasTheSameBytesForAnyNumberOfThreads) {
-  const TestScene scene = NoisyScene();
+// Views of few points and of many, on both sides of where they are treated alike.
+TestScene MixedScene() {
+  TestScene scene = NoisyScene([](TestSceneOptions* options) { options->num_captures = 40; });
+  const std::vector<int> counts = {1, 4, 16, 17, 48};
+  for (size_t i = 0; i < scene.views.size(); ++i) {
+    Observations& observations = scene.views[i].observations;
+    std::vector<bool> keep(static_cast<size_t>(observations.size()), false);
+    std::fill_n(keep.begin(), counts[i % counts.size()], true);
+    observations = KeepPoints(observations, keep);
+  }
+  return scene;
+}
+
+// The captures' views, each multiplied by itself and chained as a whole.
+CapturesProducts ChainedProducts(const TestScene& scene, const std::string& loss, const Unknowns& at,
+                                 const FreeParameters& free, const TargetShape* shape) {
+  const std::vector<const double*> blocks = at.Blocks();
+  const ViewReducer reducer(scene.camera.Model(), free, kSigmaPx, *FindLoss(loss));
+  CapturesProducts sum;
+  sum.matrix = Eigen::MatrixXd::Zero(6 + reducer.num_columns(), 6 + reducer.num_columns());
+  for (const View& view : scene.views) {
+    std::vector<Matrix6> chains;
+    const Rigid3d camera_from_target =
+        MakeHandEyeChain(view.camera_mount_from_target_mount)->Evaluate(blocks.data(), &chains);
+    ViewProducts products;
+    EXPECT_TRUE(reducer.Multiply(at.params.data(), camera_from_target, view.observations, shape, &products));
+    Eigen::MatrixXd chain = Eigen::MatrixXd::Zero(products.matrix.cols(), sum.matrix.cols());
+    chain.topLeftCorner<6, 6>() = chains[0];
+    chain.block<6, 6>(0, 6) = chains[1];
+    chain.bottomRightCorner(products.matrix.cols() - 6, products.matrix.cols() - 6).setIdentity();
+    sum.matrix += chain.transpose() * products.matrix * chain;
+    sum.loss_remainder += products.loss_remainder;
+  }
+  return sum;
+}
+
+// Beside columns of ones.
+double LargestDifference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  const Eigen::VectorXd scale = b.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  return (scale.asDiagonal() * (a - b) * scale.asDiagonal()).cwiseAbs().maxCoeff();
+}
+
+TEST(CapturesCostTest, SumsViewsOfFewPointsAndOfMany) {
+  const TestScene plain = MixedScene();
+  TestScene correlated = plain;
+  TestScene discs = plain;
+  for (View& view : correlated.views) {
+    for (int i = 0; i < view.observations.size(); ++i) {
+      view.observations.whitening.emplace_back((Eigen::Matrix2d() << 1.1, 0, 0.1 * i, 0.9).finished());
+    }
+  }
+  for (View& view : discs.views) view.observations.radii_m = Eigen::VectorXd::Constant(view.observations.size(), 0.01);
+  const size_t num_camera = plain.camera.params.size();
+  FreeParameters every_other(num_camera);
+  for (size_t i = 0; i < num_camera; ++i) every_other[i] = i % 2 == 1;
+  FreeParameters with_shape(num_camera + TargetShape::kNumParams, true);
+  const std::vector<FreeParameters> frees = {FreeParameters(num_camera, true), FreeParameters(num_camera, false),
+                                             every_other, with_shape};
+  for (const TestScene* scene : {&plain, &std::as_const(correlated), &std::as_const(discs)}) {
+    for (const char* loss : {"none", "huber"}) {
+      for (const FreeParameters& free : frees) {
+        CapturesCostOptions options;
+        options.free = free;
+        Unknowns here(*scene);
+        if (free.size() > num_camera) {
+          options.shape = DesignedShape(scene->views.back().observations.points_in_target);
+          here.params.insert(here.params.end(), options.shape->params.begin(), options.shape->params.end());
+        }
+        const std::optional<CapturesProducts> products =
+            MakeCost(*scene, loss, false, 1, options)->ProductsAt(here.Blocks().data());
+        ASSERT_TRUE(products.has_value());
+        const CapturesProducts expected =
+            ChainedProducts(*scene, loss, here, free, options.shape ? &*options.shape : nullptr);
+        ASSERT_EQ(products->matrix.cols(), expected.matrix.cols());
+        EXPECT_LT(LargestDifference(products->matrix, expected.matrix), 1e-12);
+        EXPECT_NEAR(products->loss_remainder, expected.loss_remainder,
+                    1e-12 * expected.matrix.rightCols<1>().maxCoeff());
+        EXPECT_EQ(products->loss_remainder > 0, loss == std::string("huber"));
+      }
+    }
+  }
+}
+
+TEST(CapturesCostTest, WhatIsKnownIsTakenWhereItIsKnownOnly) {
+  const TestScene scene = MixedScene();
+  const Unknowns here(scene);
+  const Unknowns there = here.Moved(3, 1e-3);
+  CapturesProducts marked = *MakeCost(scene, "none", false)->ProductsAt(here.Blocks().data());
+  marked.matrix *= 2;
+  CapturesCostOptions options;
+  options.known = marked;
+  const std::unique_ptr<CapturesCost> cost = MakeCost(scene, "none", false, 1, options);
+  EXPECT_EQ(cost->ProductsAt(here.Blocks().data())->matrix, marked.matrix);
+  EXPECT_EQ(cost->ProductsAt(there.Blocks().data())->matrix,
+            MakeCost(scene, "none", false)->ProductsAt(there.Blocks().data())->matrix);
+  // As Ceres asks.
+  Evaluate(*cost, here);
+  EXPECT_EQ(cost->Accepted().matrix, marked.matrix);
+  Evaluate(*cost, there);
+  EXPECT_EQ(cost->Accepted().matrix, MakeCost(scene, "none", false)->ProductsAt(there.Blocks().data())->matrix);
+}
+
+TEST(CapturesCostTest, PredictsWhatANewtonStepGains) {
+  const TestScene scene = MixedScene();
   const Unknowns here(scene);
   for (const bool has_corrections : {false, true}) {
-    const Evaluated one = Evaluate(*MakeCost(scene, "huber", has_corrections, 1), here);
-    const Evaluated four = Evaluate(*MakeCost(scene, "huber", has_corrections, 4), here);
-    EXPECT_EQ(one.cost, four.cost);
-    EXPECT_EQ(one.gradient, four.gradient);
+    for (const bool all_are_free : {false, true}) {
+      CapturesCostOptions options;
+      options.free.assign(scene.camera.params.size(), all_are_free);
+      const std::unique_ptr<CapturesCost> cost = MakeCost(scene, "none", has_corrections, 1, options);
+      const CapturesProducts products = *cost->ProductsAt(here.Blocks().data());
+      const double start = Evaluate(*MakeCost(scene, "none", has_corrections, 1, options), here).cost;
+      const Eigen::Index n = products.matrix.cols() - 1;
+      const Eigen::VectorXd scale = products.matrix.diagonal().head(n).cwiseSqrt().cwiseInverse();
+      const Eigen::VectorXd step =
+          -(scale.asDiagonal() * (scale.asDiagonal() * products.matrix.topLeftCorner(n, n) * scale.asDiagonal())
+                                     .ldlt()
+                                     .solve(scale.cwiseProduct(products.matrix.col(n).head(n))));
+      const double before = Evaluate(*cost, here).cost;
+      const double predicted = cost->PredictedDrop();
+      Unknowns there = here;
+      for (Eigen::Index k = 0; k < n; ++k) there = there.Moved(static_cast<int>(k), step[k]);
+      const double after = Evaluate(*cost, there).cost;
+      EXPECT_EQ(before, start);
+      // The start is so near that little beside the quadratic part is left.
+      EXPECT_NEAR(predicted * before, before - after, 0.02 * (before - after)) << has_corrections << all_are_free;
+      EXPECT_GT(predicted, 0.1);
+      EXPECT_LT(cost->PredictedDrop(), 0.05 * predicted);  // Of second order.
+    }
+  }
+}
+
+TEST(CapturesCostTest, HasTheSameBytesForAnyNumberOfThreads) {
+  // Many captures of few points, and fewer of many.
+  for (const auto& [num_captures, columns] : {std::pair{2600, 4}, std::pair{64, 160}}) {
+    TestScene scene = NoisyScene([&](TestSceneOptions* options) {
+      options->num_captures = 64;
+      options->points = GridPoints(columns, 4, 0.6 / columns);
+    });
+    const size_t num_views = scene.views.size();
+    while (scene.views.size() < static_cast<size_t>(num_captures)) {
+      scene.views.push_back(scene.views[scene.views.size() % num_views]);
+    }
+    ASSERT_GT(ThreadsFor(num_captures * 4 * columns, 4), 1);
+    const Unknowns here(scene);
+    for (const bool has_corrections : {false, true}) {
+      const Evaluated one = Evaluate(*MakeCost(scene, "huber", has_corrections, 1), here);
+      const Evaluated four = Evaluate(*MakeCost(scene, "huber", has_corrections, 4), here);
+      EXPECT_EQ(one.cost, four.cost);
+      EXPECT_EQ(one.gradient, four.gradient);
+    }
   }
 }
 

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "heba/camera/camera_model.h"
+#include "heba/geometry/pose_block.h"
+#include "solvers/hand_eye_method.h"
 #include "solvers/pose_selection.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
@@ -72,6 +74,20 @@ TEST(ChoosePosesTest, RejectsTheWrongMinimum) {
   for (size_t i = 0; i < scene.views.size(); ++i) {
     EXPECT_LT(RadToDeg(AngleRad(chosen.pairs[i].camera_from_target, scene.pairs[i].camera_from_target)), 5.0) << i;
   }
+  // What it says of the methods is what they say of the pairs that it chose.
+  ASSERT_EQ(chosen.solutions.size(), HandEyeMethods().size());
+  int num_known = 0;
+  for (size_t m = 0; m < HandEyeMethods().size(); ++m) {
+    const std::optional<Outcome<HandEye>>& known = chosen.solutions[m];
+    if (!known) continue;
+    ++num_known;
+    const Outcome<HandEye> solved = HandEyeMethods()[m].solve(HandEyeInput(chosen.pairs));
+    ASSERT_EQ(known->ok(), solved.ok()) << HandEyeMethods()[m].name;
+    if (!solved.ok()) continue;
+    EXPECT_EQ(ToBlock((*known)->camera_mount_from_camera), ToBlock(solved->camera_mount_from_camera));
+    EXPECT_EQ(ToBlock((*known)->target_mount_from_target), ToBlock(solved->target_mount_from_target));
+  }
+  EXPECT_GT(num_known, 0);
 }
 
 // A board that looks the same after half a turn, read upside down in every other view.

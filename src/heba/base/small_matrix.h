@@ -1,0 +1,34 @@
+// Triangular systems so small that Eigen's blocked ways of solving them cost more than the sums.
+#pragma once
+
+#include <Eigen/Core>
+
+namespace heba {
+
+using RowMajorMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// Replaces B by L^-1 B. L is the lower triangle of `lower`, whose diagonal has no zero.
+template <class Lower>
+void SolveLowerInPlace(const Lower& lower, RowMajorMatrix* b) {
+  for (Eigen::Index r = 0; r < b->rows(); ++r) {
+    for (Eigen::Index k = 0; k < r; ++k) b->row(r) -= lower(r, k) * b->row(k);
+    b->row(r) /= lower(r, r);
+  }
+}
+
+// L^-1, where L is the lower triangle of `lower`.
+template <int kSize>
+Eigen::Matrix<double, kSize, kSize> InverseOfLower(const Eigen::Matrix<double, kSize, kSize>& lower) {
+  Eigen::Matrix<double, kSize, kSize> inverse = Eigen::Matrix<double, kSize, kSize>::Zero();
+  for (int c = 0; c < kSize; ++c) {
+    inverse(c, c) = 1 / lower(c, c);
+    for (int r = c + 1; r < kSize; ++r) {
+      double sum = 0;
+      for (int k = c; k < r; ++k) sum += lower(r, k) * inverse(k, c);
+      inverse(r, c) = -sum / lower(r, r);
+    }
+  }
+  return inverse;
+}
+
+}  // namespace heba

@@ -1,0 +1,45 @@
+#include "heba/base/stacked_rows.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "heba/base/error.h"
+#include "heba/base/simd.h"
+
+namespace heba {
+
+static_assert(PaddedToLanes(StackedRows::kMaxRows) == StackedRows::kMaxRows);
+
+StackedRows::StackedRows(int num_columns) : num_columns_(num_columns), products_(num_columns, kMaxRows) {
+  std::fill_n(columns_[num_columns], kMaxRows, 0.0);
+}
+
+double* StackedRows::NextColumns(Eigen::Index num_rows) {
+  CHECK_LE(num_rows, kMaxRows);
+  if (size_ + num_rows > kMaxRows) Multiply();
+  double* const next = columns_[0] + size_;
+  size_ += num_rows;
+  return next;
+}
+
+void StackedRows::AddTo(Eigen::MatrixXd* matrix) {
+  Multiply();
+  int places[kMaxColumns];
+  std::iota(places, places + num_columns_, 0);
+  products_.AddTo(places, 1.0, matrix);
+}
+
+Eigen::MatrixXd StackedRows::Products() {
+  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(num_columns_, num_columns_);
+  AddTo(&matrix);
+  return matrix.selfadjointView<Eigen::Lower>();
+}
+
+void StackedRows::Multiply() {
+  const Eigen::Index padded = PaddedToLanes(size_);
+  for (int c = 0; c < num_columns_; ++c) std::fill(columns_[c] + size_, columns_[c] + padded, 0.0);
+  products_.Add(columns_[0], padded);
+  size_ = 0;
+}
+
+}  // namespace heba
