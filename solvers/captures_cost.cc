@@ -10,6 +10,7 @@
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
 #include "heba/base/simd.h"
+#include "heba/base/small_matrix.h"
 #include "heba/base/stacked_rows.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/robot_noise.h"
@@ -82,6 +83,14 @@ class ChainedRows {
   int num_others_;
   StackedRows stacked_;
 };
+
+// own^-1 right. What a view leaves open of its own pose does not move.
+PoseRows SolveOwn(const Matrix6& own, const PoseRows& right) {
+  const Eigen::LLT<Matrix6> root(own);
+  if (root.info() != Eigen::Success) return own.ldlt().solve(right);
+  const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
+  return inverse_root.transpose().lazyProduct(PoseRows(inverse_root.lazyProduct(right)));
+}
 
 // Adds a view's products, of a left perturbation of its pose and of what else there is, to those of the shared poses'
 // tangents; below the diagonal.
@@ -331,7 +340,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const SharedStep& st
     OwnPoseState& own = state->own_poses[i];
     own.pose = evaluation.own_pose;
     own.cost = evaluation.Cost();
-    own.step = evaluation.own.ldlt().solve(evaluation.with_others);
+    own.step = SolveOwn(evaluation.own, evaluation.with_others);
     own.predicted_drop = evaluation.with_others.rightCols<1>().dot(own.step.rightCols<1>());
     Eigen::MatrixXd& products = evaluation.products.matrix;
     products(num_others + 5, num_others + 5) += evaluation.prior_squares;
@@ -429,7 +438,7 @@ std::vector<Rigid3d> CapturesCost::OwnPoses() const {
     const OwnPoseState& own = accepted_->own_poses[i];
     moved.own_pose = Retract(own.pose, -Tangent6(own.step.rightCols<1>()));
     // What is left of the way to the best: unless it leads nowhere, as no small step does.
-    constexpr double kSmallDrop = 1e-6;
+    constexpr double kSmallDrop = 1e-3;
     const bool is_better =
         own.predicted_drop < kSmallDrop * own.cost ||
         (EvaluateCapture(captures_[i], accepted_->shared.parameters, &moved) && moved.Cost() <= own.cost);

@@ -85,13 +85,13 @@ struct PosedView {
   Rigid3d camera_from_target;
 };
 
-// Best poses of all views; false if fewer than three have one.
+// Best poses of all views, roughly: they are refined together. False if fewer than three have one.
 bool PoseViews(const Camera& camera, const std::vector<const View*>& views, std::vector<PosedView>* posed,
                double* median_rms_px) {
   posed->clear();
   std::vector<double> rms;
   for (const View* view : views) {
-    const std::vector<TargetPose> poses = EstimateTargetPose(camera, view->observations);
+    const std::vector<TargetPose> poses = EstimateTargetPose(camera, view->observations, kRoughPose);
     if (poses.empty()) continue;
     posed->push_back({view, poses.front().camera_from_target});
     rms.push_back(poses.front().rms_px);

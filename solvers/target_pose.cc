@@ -98,8 +98,8 @@ std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
 }
 
 // Levenberg-Marquardt on the six numbers of the pose.
-std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& observations,
-                                     Rigid3d camera_from_target) {
+std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& observations, Rigid3d camera_from_target,
+                                     double small_drop) {
   const ViewReducer reducer(camera.Model(), FreeParameters(camera.params.size(), false), 1.0, *FindLoss("none"));
   const auto multiply = [&](const Rigid3d& pose, ViewProducts* products) {
     return reducer.Multiply(camera.params.data(), pose, observations, nullptr, products);
@@ -107,7 +107,6 @@ std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& o
   const auto cost_of = [](const ViewProducts& products) { return products.matrix(6, 6); };
   ViewProducts here;
   if (!multiply(camera_from_target, &here)) return std::nullopt;
-  constexpr double kSmallDrop = 1e-10;  // Of the cost.
   double damping = 1e-6;
   for (int iteration = 0; iteration < 50; ++iteration) {
     const Tangent6 gradient = here.matrix.col(6).head<6>();
@@ -118,7 +117,7 @@ std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& o
       damped.diagonal() *= 1.0 + damping;
       const Tangent6 step = -damped.ldlt().solve(gradient);
       // Where so little is to be gained, rounding decides.
-      if (-step.dot(gradient) < kSmallDrop * cost_of(here)) break;
+      if (-step.dot(gradient) < small_drop * cost_of(here)) break;
       const Rigid3d moved = Rigid3d(ExpRotation(step.tail<3>()), step.head<3>()) * camera_from_target;
       ViewProducts there;
       if (step.allFinite() && multiply(moved, &there) && cost_of(there) <= cost_of(here)) {
@@ -131,7 +130,7 @@ std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& o
         damping = std::max(1e-6, damping * 10);
       }
     }
-    if (!improved || drop < kSmallDrop * cost_of(here)) break;
+    if (!improved || drop < small_drop * cost_of(here)) break;
   }
   const std::optional<SquaredErrors> errors = ViewErrors(camera, camera_from_target, observations);
   CHECK(errors.has_value());
@@ -168,7 +167,7 @@ std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Poi
   return Eigen::Matrix3d(to_normalisation.inverse() * normalised * from_normalisation);
 }
 
-std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations) {
+std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations, double small_drop) {
   const int n = observations.size();
   if (n < 4) return {};
   // Rays, turned so that their mean looks along z: x / z and y / z then stay small for fisheye lenses too.
@@ -200,7 +199,7 @@ std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observati
     const Rigid3d start = Rigid3d(camera_from_turned, Eigen::Vector3d::Zero()) * turned_from_centred *
                           Rigid3d(Eigen::Quaterniond::Identity(), -centre);
     if (!start.translation.allFinite() || !start.rotation.coeffs().allFinite()) continue;
-    const std::optional<TargetPose> refined = RefinePose(camera, observations, start);
+    const std::optional<TargetPose> refined = RefinePose(camera, observations, start, small_drop);
     if (!refined) continue;
     const bool known = std::any_of(poses.begin(), poses.end(), [&](const TargetPose& other) {
       return AngleRad(other.camera_from_target, refined->camera_from_target) < DegToRad(0.05);
