@@ -80,14 +80,9 @@ class CodedBoard final : public Target {
 
   Detection Detect(const cv::Mat& grey) const override {
     CHECK_EQ(grey.type(), CV_8UC1);
-    std::vector<FoundPoint> found;
     const std::vector<FoundEllipse> dots = FindDots(grey);
-    for (const FoundEllipse& dot : dots) {
-      const std::optional<RingReading> reading = decoder_.Read(grey, dot.ellipse);
-      if (reading) AddFound(*reading, &found);
-    }
     Detection detection;
-    const std::vector<FoundPoint> board = FindBoard(found, &detection.reason);
+    const std::vector<FoundPoint> board = FindBoard(ReadDots(grey, dots), &detection.reason);
     for (const FoundPoint& point : board) {
       detection.ids.push_back(points_[static_cast<size_t>(point.point)].id);
       detection.pixels.push_back(point.pixel);
@@ -101,11 +96,83 @@ class CodedBoard final : public Target {
   }
 
  private:
+  // Points from whose places another one's is told.
+  static constexpr size_t kNumUsed = 8;
+
   std::vector<FoundEllipse> FindDots(const cv::Mat& grey) const {
     EllipseFinderOptions finder_options;
     finder_options.polarity = options_.polarity;
     finder_options.min_diameter_px = 3;
     return FindEllipses(grey, finder_options);
+  }
+
+  // Large dots first. Once half the board is known, those that are read are where its points must be.
+  std::vector<FoundPoint> ReadDots(const cv::Mat& grey, const std::vector<FoundEllipse>& dots) const {
+    std::vector<std::pair<double, size_t>> unread;  // By radius.
+    for (size_t i = 0; i < dots.size(); ++i) unread.emplace_back(dots[i].ellipse.RadiusPx(), i);
+    std::sort(unread.begin(), unread.end(), [](const auto& a, const auto& b) {
+      return a.first != b.first ? a.first > b.first : a.second < b.second;
+    });
+    std::vector<FoundPoint> found;
+    // Those of [from, to) that are wanted; they are then no longer unread. Whether there were any.
+    const auto read = [&](size_t from, size_t to, const auto& is_wanted) {
+      const auto end = unread.begin() + static_cast<std::ptrdiff_t>(to);
+      const auto rest = std::stable_partition(unread.begin() + static_cast<std::ptrdiff_t>(from), end,
+                                              [&](const auto& dot) { return is_wanted(dots[dot.second].ellipse); });
+      for (auto dot = unread.begin() + static_cast<std::ptrdiff_t>(from); dot != rest; ++dot) {
+        const std::optional<RingReading> reading = decoder_.Read(grey, dots[dot->second].ellipse);
+        if (reading) AddFound(*reading, &found);
+      }
+      const bool has_read = rest != unread.begin() + static_cast<std::ptrdiff_t>(from);
+      unread.erase(unread.begin() + static_cast<std::ptrdiff_t>(from), rest);
+      return has_read;
+    };
+    std::string reason;
+    while (!unread.empty()) {
+      const double least_px = 0.5 * unread.front().first;
+      const auto end =
+          std::find_if(unread.begin(), unread.end(), [&](const auto& dot) { return dot.first < least_px; });
+      read(0, static_cast<size_t>(end - unread.begin()), [](const Ellipse&) { return true; });
+      const std::vector<FoundPoint> board = FindBoard(found, &reason);
+      if (2 * board.size() < points_.size()) continue;
+      std::vector<ExpectedDot> expected = ExpectedDots(board);
+      while (!expected.empty() && read(0, unread.size(), [&](const Ellipse& dot) {
+        return std::any_of(expected.begin(), expected.end(), [&](const ExpectedDot& place) { return place.Fits(dot); });
+      })) {
+        expected = ExpectedDots(FindBoard(found, &reason));
+      }
+      if (!expected.empty()) break;
+    }
+    return found;
+  }
+
+  // Where a point of the board must be, and how large its dot about is.
+  struct ExpectedDot {
+    Eigen::Vector2d pixel;
+    double reach_px;
+    double radius_px;
+    bool Fits(const Ellipse& dot) const {
+      constexpr double kMaxRatio = 2.5;
+      const double ratio = dot.RadiusPx() / radius_px;
+      return (dot.centre_px - pixel).norm() < reach_px && ratio < kMaxRatio && ratio > 1 / kMaxRatio;
+    }
+  };
+
+  // Of all points, by those that are known. Empty if they do not tell.
+  std::vector<ExpectedDot> ExpectedDots(const std::vector<FoundPoint>& board) const {
+    std::vector<ExpectedDot> expected;
+    for (const TargetPoint& point : points_) {
+      const Eigen::Vector2d on_board = point.in_target.head<2>() / RadiusM();
+      const std::vector<size_t> nearest = Nearest(board, on_board, kNumUsed);
+      const std::optional<Eigen::Vector2d> pixel = Expected(board, on_board, nearest);
+      if (!pixel) return {};
+      const FoundPoint& known = board[nearest.front()];
+      const FoundPoint& next = board[nearest[1]];
+      // Half way to the next point: a lens may bend what is far from those that are known.
+      const double px_per_radius = (next.pixel - known.pixel).norm() / (next.on_board - known.on_board).norm();
+      expected.push_back({*pixel, 0.5 * px_per_radius * options_.spacing_m / RadiusM(), known.radius_px});
+    }
+    return expected;
   }
 
   // Of all codes of the board's kind, where a ring is large and exact enough to be believed.
@@ -225,18 +292,32 @@ class CodedBoard final : public Target {
     });
   }
 
-  // For each point, the others by increasing distance on the board.
-  static std::vector<size_t> Neighbours(const std::vector<FoundPoint>& found, size_t i) {
+  // By increasing distance on the board.
+  static void SortByDistance(const std::vector<FoundPoint>& found, const Eigen::Vector2d& on_board,
+                             std::vector<size_t>* indices) {
+    std::sort(indices->begin(), indices->end(), [&](size_t a, size_t b) {
+      const double distance_a = (found[a].on_board - on_board).squaredNorm();
+      const double distance_b = (found[b].on_board - on_board).squaredNorm();
+      return distance_a != distance_b ? distance_a < distance_b : a < b;
+    });
+  }
+  // Of a point the others, at most so many.
+  static std::vector<size_t> Neighbours(const std::vector<FoundPoint>& found, size_t i, size_t most) {
     std::vector<size_t> others;
     for (size_t j = 0; j < found.size(); ++j) {
       if (j != i && found[j].point != found[i].point) others.push_back(j);
     }
-    std::sort(others.begin(), others.end(), [&](size_t a, size_t b) {
-      const double distance_a = (found[a].on_board - found[i].on_board).squaredNorm();
-      const double distance_b = (found[b].on_board - found[i].on_board).squaredNorm();
-      return distance_a != distance_b ? distance_a < distance_b : a < b;
-    });
+    SortByDistance(found, found[i].on_board, &others);
+    if (others.size() > most) others.resize(most);
     return others;
+  }
+  static std::vector<size_t> Nearest(const std::vector<FoundPoint>& found, const Eigen::Vector2d& on_board,
+                                     size_t most) {
+    std::vector<size_t> all(found.size());
+    std::iota(all.begin(), all.end(), 0);
+    SortByDistance(found, on_board, &all);
+    if (all.size() > most) all.resize(most);
+    return all;
   }
 
   // The points that agree with each other about where the board is, by increasing id. Says why not if there are none.
@@ -249,9 +330,7 @@ class CodedBoard final : public Target {
       return i;
     };
     for (size_t i = 0; i < found.size(); ++i) {
-      const std::vector<size_t> others = Neighbours(found, i);
-      for (size_t k = 0; k < std::min(others.size(), kMaxNeighbours); ++k) {
-        const size_t j = others[k];
+      for (const size_t j : Neighbours(found, i, kMaxNeighbours)) {
         if (Foretells(found[i], found[j]) && Foretells(found[j], found[i])) group[group_of(i)] = group_of(j);
       }
     }
@@ -284,14 +363,12 @@ class CodedBoard final : public Target {
   // Leaves out, the worst first, the points that are not where their neighbours say. Lens distortion bends a board, but
   // hardly among neighbours.
   static void DropStrays(std::vector<FoundPoint>* board) {
-    constexpr size_t kNumUsed = 8;
     while (board->size() >= 6) {
       size_t worst = 0;
       double worst_ratio = 1;
       for (size_t i = 0; i < board->size(); ++i) {
-        std::vector<size_t> others = Neighbours(*board, i);
-        if (others.size() > kNumUsed) others.resize(kNumUsed);
-        const std::optional<Eigen::Vector2d> expected = Expected(*board, i, others);
+        const std::vector<size_t> others = Neighbours(*board, i, kNumUsed);
+        const std::optional<Eigen::Vector2d> expected = Expected(*board, (*board)[i].on_board, others);
         if (!expected) continue;
         const double step_px = ((*board)[others[0]].pixel - (*board)[i].pixel).norm();
         const double ratio = (*expected - (*board)[i].pixel).norm() / (0.08 * step_px + 1);
@@ -305,12 +382,12 @@ class CodedBoard final : public Target {
     }
   }
 
-  // Where the homography through `others` (least squares in the equations, centred and scaled) has point `i`; nothing
-  // if they do not tell.
-  static std::optional<Eigen::Vector2d> Expected(const std::vector<FoundPoint>& board, size_t i,
+  // Where the homography through `others` (least squares in the equations, centred and scaled) has a place; nothing if
+  // they do not tell.
+  static std::optional<Eigen::Vector2d> Expected(const std::vector<FoundPoint>& board,
+                                                 const Eigen::Vector2d& plane_origin,
                                                  const std::vector<size_t>& others) {
     if (others.size() < 5) return std::nullopt;
-    const Eigen::Vector2d plane_origin = board[i].on_board;
     const Eigen::Vector2d pixel_origin = board[others[0]].pixel;
     const double plane_unit = (board[others.back()].on_board - plane_origin).norm();
     const double pixel_unit = (board[others.back()].pixel - pixel_origin).norm() + 1;
