@@ -306,7 +306,10 @@ class Fitter {
           continue;
         }
         rows_.cells().Look(unit.x(), unit.y(), reach.x(), reach.y(), &window);
-        if (window.num_x + window.num_y == 0 && (u + 3 * v) % kFlatShare != 0) continue;
+        if (window.num_x + window.num_y == 0) {
+          AddFlat(rows_.cells().AlbedoAt(window), grey.at<uchar>(v, u));
+          if ((u + 3 * v) % kFlatShare != 0) continue;
+        }
         kinds[std::min(window.num_x, kMostLines)][std::min(window.num_y, kMostLines)].push_back(
             {static_cast<double>(u), static_cast<double>(v), static_cast<double>(grey.at<uchar>(v, u)), unit.x(),
              unit.y()});
@@ -334,10 +337,23 @@ class Fitter {
     return true;
   }
 
-  // Blur as a guess, levels by least squares.
+  // What a pixel away from edges says of the levels.
+  void AddFlat(double albedo, double grey) {
+    const Eigen::Vector2d by_levels(1 - albedo, albedo);
+    flat_normal_ += by_levels * by_levels.transpose();
+    flat_right_ += grey * by_levels;
+  }
+
+  // Blur as a guess, levels by least squares: of the pixels away from edges if there are enough.
   bool StartLevels() {
     constexpr double kStartBlurPx = 0.9;
     params_[kBlur] = kStartBlurPx;
+    constexpr double kEnoughFlat = 20;
+    if (flat_normal_.diagonal().minCoeff() >= kEnoughFlat) {
+      params_.segment<2>(kBlack) = flat_normal_.ldlt().solve(flat_right_);
+      if (params_[kWhite] > params_[kBlack]) return true;
+    }
+    params_[kBlack] = 0;
     params_[kWhite] = 1;
     const std::optional<PatternSums> sums = rows_.Sum(map_, params_, std::numeric_limits<double>::infinity(), false);
     if (!sums) return false;
@@ -363,6 +379,8 @@ class Fitter {
   Eigen::Vector2d half_m_;
   PatternRows rows_;
   PatternMap map_;
+  Eigen::Matrix2d flat_normal_ = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d flat_right_ = Eigen::Vector2d::Zero();
   std::vector<int> sought_;
   PatternParams params_ = PatternParams::Zero();
   double noise_grey_ = 0;  // At first with the misfit of the start.

@@ -19,7 +19,7 @@ namespace {
 // Beyond this many standard deviations a Gaussian has no weight worth counting (6e-5).
 constexpr double kReach = 4.0;
 // How far pixels may move before it is looked again what is within reach.
-constexpr double kMaxMovePx = 0.3;
+constexpr double kMaxMovePx = 0.5;
 
 constexpr size_t kMaxLines = CellPattern::kMaxLines;
 constexpr int kNumLight = kNumPatternParams - kLight;
@@ -589,9 +589,11 @@ std::optional<PatternSums> PatternRows::Sum(const PatternMap& map, const Pattern
                             pixels_.y_.data(),
                             tried_x_.data(),
                             tried_y_.data()};
-  constexpr double kMaxBlurChange = 0.1;
+  // Less blur has what it reaches within what more reaches.
+  constexpr double kMaxGrowth = 1.1;
+  constexpr double kMaxShrink = 0.6;
   if (!looked_ || !(FarthestPx(map, params, *looked_) <= kMaxMovePx) ||
-      !(std::abs(params[kBlur] / (*looked_)[kBlur] - 1) <= kMaxBlurChange)) {
+      !(params[kBlur] <= kMaxGrowth * (*looked_)[kBlur] && params[kBlur] >= kMaxShrink * (*looked_)[kBlur])) {
     looked_.reset();
     if (!Look(task)) return std::nullopt;
     looked_ = params;

@@ -36,6 +36,8 @@ class UnitCells {
     size_t y[CellPattern::kMaxLines];
   };
   void Look(double x, double y, double reach_x, double reach_y, Window* window) const;
+  // Where no line is within reach.
+  double AlbedoAt(const Window& window) const { return albedo_(window.first_y, window.first_x); }
 
   // Numbers that the kernels read of a window with room for `num_x` and `num_y` lines; and those of one.
   static size_t Size(size_t num_x, size_t num_y) { return 5 + 2 * (num_x + num_y) + num_x * num_y; }
