@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "targets/ellipse_finder.h"
+#include "targets/ellipse.h"
 
 namespace heba {
 

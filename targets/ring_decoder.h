@@ -10,6 +10,7 @@
 #include <opencv2/core/mat.hpp>
 
 #include "targets/ellipse_finder.h"
+#include "targets/ellipse_refinement.h"
 
 namespace heba {
 

@@ -18,6 +18,7 @@
 #include "targets/confusions.h"
 #include "targets/dot_grid.h"
 #include "targets/ellipse_finder.h"
+#include "targets/ellipse_refinement.h"
 #include "targets/target.h"
 
 namespace heba {

@@ -17,6 +17,7 @@
 #include "heba/base/units.h"
 #include "targets/circle_lattice.h"
 #include "targets/ellipse_finder.h"
+#include "targets/ellipse_refinement.h"
 #include "targets/image.h"
 #include "targets/target.h"
 #include "tests/support/data_sets.h"

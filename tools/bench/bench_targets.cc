@@ -27,7 +27,7 @@ extern "C" {
 #include "heba/camera/camera.h"
 #include "targets/clutter.h"
 #include "targets/detection.h"
-#include "targets/ellipse_finder.h"
+#include "targets/ellipse_refinement.h"
 #include "targets/rendering.h"
 #include "targets/ring_code.h"
 #include "targets/target.h"
