@@ -84,7 +84,7 @@ class ChainedRows {
   StackedRows stacked_;
 };
 
-// own^-1 right. What a view leaves open of its own pose does not move.
+// own^-1 right, of an `own` that is definite: where a view leaves its pose open, a prior does not.
 PoseRows SolveOwn(const Matrix6& own, const PoseRows& right) {
   const Eigen::LLT<Matrix6> root(own);
   if (root.info() != Eigen::Success) return own.ldlt().solve(right);
@@ -437,10 +437,10 @@ std::vector<Rigid3d> CapturesCost::OwnPoses() const {
   for (size_t i = 0; i < accepted_->own_poses.size(); ++i) {
     const OwnPoseState& own = accepted_->own_poses[i];
     moved.own_pose = Retract(own.pose, -Tangent6(own.step.rightCols<1>()));
-    // What is left of the way to the best: unless it leads nowhere, as no small step does.
+    // What is left of the way to the best: unless it leads nowhere, as no step of a small part of the noise does.
     constexpr double kSmallDrop = 1e-3;
     const bool is_better =
-        own.predicted_drop < kSmallDrop * own.cost ||
+        own.predicted_drop < kSmallDrop * std::min(own.cost, 1.0) ||
         (EvaluateCapture(captures_[i], accepted_->shared.parameters, &moved) && moved.Cost() <= own.cost);
     poses.push_back(is_better ? moved.own_pose : own.pose);
   }

@@ -48,7 +48,7 @@ struct CapturesCostOptions {
   std::optional<RobotNoise> own_pose_prior;  // That it is the identity, give or take this.
   // What is known already, with the same captures, loss, sigma and free parameters. Captures without own poses only.
   std::optional<CapturesProducts> known;
-  // Whether own poses are brought to their best for the first value of the shared unknowns, or stay where they start.
+  // Whether own poses are brought near their best for the first value of the shared unknowns, or stay where they start.
   bool settles_own_poses = true;
   int num_threads = 1;  // At most; the result does not depend on it.
 };

@@ -252,6 +252,7 @@ VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, c
     const Eigen::Vector3d last = moved_by(1);
     constexpr double kSmallChange = 1e-4;
     if ((last - variances).cwiseAbs().cwiseProduct(unit).maxCoeff() < kSmallChange) {
+      // The curvature before it serves for the uncertainties.
       variances = last;
       break;
     }

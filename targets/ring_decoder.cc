@@ -523,6 +523,17 @@ std::optional<RingReading> RingDecoder::Read(const cv::Mat& grey, const Ellipse&
   return ReadWord(grey, *dot);
 }
 
+bool RingDecoder::IsLikely(const cv::Mat& grey, const Ellipse& candidate) const {
+  CHECK_EQ(grey.type(), CV_8UC1);
+  constexpr double kMinRadiusPx = 4;
+  if (candidate.SemiAxesPx().y() < kMinRadiusPx || !IsAlone(grey, candidate)) return false;
+  const Guess guess = BestGuess(grey, candidate, MaxBoost(grey, candidate), bits_);
+  // Of 0.5: true rings have more than 0.4 unless their sectors are blurred into each other.
+  constexpr double kMinMargin = 0.25;
+  return guess.score >= 0 && rotations_[guess.word] >= 0 &&
+         *std::min_element(guess.margins.begin(), guess.margins.begin() + bits_) > kMinMargin;
+}
+
 std::optional<RingReading> RingDecoder::ReadWord(const cv::Mat& grey, const RefinedEllipse& dot) const {
   const Eigen::Vector2d axes_px = dot.ellipse.SemiAxesPx();
   const double max_boost = MaxBoost(grey, dot.ellipse);

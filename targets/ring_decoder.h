@@ -37,6 +37,9 @@ class RingDecoder {
   // CV_8UC1.
   std::optional<RingReading> Read(const cv::Mat& grey, const Ellipse& candidate) const;
 
+  // Whether Read is likely to find one of the codes there: large rings with clear sectors, told without any fit.
+  bool IsLikely(const cv::Mat& grey, const Ellipse& candidate) const;
+
  private:
   bool IsAlone(const cv::Mat& grey, const Ellipse& dot) const;
   std::optional<RingReading> ReadWord(const cv::Mat& grey, const RefinedEllipse& dot) const;

@@ -106,7 +106,8 @@ class CodedBoard final : public Target {
     return FindEllipses(grey, finder_options);
   }
 
-  // Large dots first. Once half the board is known, those that are read are where its points must be.
+  // Large dots first. Once half the board is known, those that are read are where its points must be, and what looks
+  // like another one's: a board that is there twice is not to go unseen.
   std::vector<FoundPoint> ReadDots(const cv::Mat& grey, const std::vector<FoundEllipse>& dots) const {
     std::vector<std::pair<double, size_t>> unread;  // By radius.
     for (size_t i = 0; i < dots.size(); ++i) unread.emplace_back(dots[i].ellipse.RadiusPx(), i);
@@ -114,34 +115,33 @@ class CodedBoard final : public Target {
       return a.first != b.first ? a.first > b.first : a.second < b.second;
     });
     std::vector<FoundPoint> found;
-    // Those of [from, to) that are wanted; they are then no longer unread. Whether there were any.
-    const auto read = [&](size_t from, size_t to, const auto& is_wanted) {
-      const auto end = unread.begin() + static_cast<std::ptrdiff_t>(to);
-      const auto rest = std::stable_partition(unread.begin() + static_cast<std::ptrdiff_t>(from), end,
+    // Those that are wanted; they are then no longer unread. Whether there were any.
+    const auto read = [&](const auto& is_wanted) {
+      const auto rest = std::stable_partition(unread.begin(), unread.end(),
                                               [&](const auto& dot) { return is_wanted(dots[dot.second].ellipse); });
-      for (auto dot = unread.begin() + static_cast<std::ptrdiff_t>(from); dot != rest; ++dot) {
+      for (auto dot = unread.begin(); dot != rest; ++dot) {
         const std::optional<RingReading> reading = decoder_.Read(grey, dots[dot->second].ellipse);
         if (reading) AddFound(*reading, &found);
       }
-      const bool has_read = rest != unread.begin() + static_cast<std::ptrdiff_t>(from);
-      unread.erase(unread.begin() + static_cast<std::ptrdiff_t>(from), rest);
+      const bool has_read = rest != unread.begin();
+      unread.erase(unread.begin(), rest);
       return has_read;
     };
     std::string reason;
     while (!unread.empty()) {
       const double least_px = 0.5 * unread.front().first;
-      const auto end =
-          std::find_if(unread.begin(), unread.end(), [&](const auto& dot) { return dot.first < least_px; });
-      read(0, static_cast<size_t>(end - unread.begin()), [](const Ellipse&) { return true; });
+      read([&](const Ellipse& dot) { return dot.RadiusPx() >= least_px; });
       const std::vector<FoundPoint> board = FindBoard(found, &reason);
       if (2 * board.size() < points_.size()) continue;
       std::vector<ExpectedDot> expected = ExpectedDots(board);
-      while (!expected.empty() && read(0, unread.size(), [&](const Ellipse& dot) {
+      while (!expected.empty() && read([&](const Ellipse& dot) {
         return std::any_of(expected.begin(), expected.end(), [&](const ExpectedDot& place) { return place.Fits(dot); });
       })) {
         expected = ExpectedDots(FindBoard(found, &reason));
       }
-      if (!expected.empty()) break;
+      if (expected.empty()) continue;
+      read([&](const Ellipse& dot) { return decoder_.IsLikely(grey, dot); });
+      break;
     }
     return found;
   }
@@ -348,8 +348,10 @@ class CodedBoard final : public Target {
     }
     std::vector<FoundPoint> board;
     for (const size_t i : sorted[0]) board.push_back(found[i]);
+    // In the board's order: it is not to matter in which one they were read.
+    std::stable_sort(board.begin(), board.end(),
+                     [](const FoundPoint& a, const FoundPoint& b) { return a.point < b.point; });
     DropStrays(&board);
-    std::sort(board.begin(), board.end(), [](const FoundPoint& a, const FoundPoint& b) { return a.point < b.point; });
     // Neither of two with one id.
     std::vector<FoundPoint> unique;
     for (size_t i = 0; i < board.size(); ++i) {

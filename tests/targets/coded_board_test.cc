@@ -434,6 +434,46 @@ TEST(CodedBoard, RefusesDoubles) {
   }
 }
 
+// Once a board is known, little else is looked at: but a second one must not go unseen, of whatever size.
+TEST(CodedBoard, RefusesASecondOneOfAnotherSize) {
+  const auto board = MakeBoard("rows: 4, columns: 5, spacing: 40 mm, dot_diameter: 10 mm");
+  for (const double scale : {1.0, 0.6, 0.45, 0.35}) {
+    const Drawing single = board->Draw();
+    Drawing drawing = single;
+    const Eigen::Vector2d shift_m(0, single.max_m.y() - scale * single.min_m.y());
+    for (Shape shape : single.shapes) {
+      shape.centre_m = scale * shape.centre_m + shift_m;
+      shape.radius_m *= scale;
+      for (Eigen::Vector2d& point : shape.points_m) point = scale * point + shift_m;
+      drawing.shapes.push_back(shape);
+    }
+    drawing.max_m.y() += scale * (single.max_m - single.min_m).y();
+    Rng rng(38);
+    const Camera camera = MakeCamera(1600, 1600, 1500);
+    const Rigid3d camera_from_target = PoseAt(0.5 * (drawing.min_m + drawing.max_m), 0.48, 0, rng);
+    const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, Cluttered(39)));
+    EXPECT_TRUE(detection.ids.empty()) << scale;
+    EXPECT_NE(detection.reason.find("twice"), std::string::npos) << scale << detection.reason;
+  }
+}
+
+// A row is covered, and others are small in the distance.
+TEST(CodedBoard, IsFoundBeyondAGapAndInTheDistance) {
+  const auto board = MakeBoard("rows: 6, columns: 5, spacing: 40 mm, dot_diameter: 10 mm");
+  Drawing drawing = board->Draw();
+  Shape cover;
+  cover.albedo = 0.5;
+  cover.points_m = {{-0.02, 0.065}, {0.18, 0.065}, {0.18, 0.095}, {-0.02, 0.095}};
+  drawing.shapes.push_back(cover);
+  const Camera camera = MakeCamera(1600, 1200, 700);
+  // Steeply from one end.
+  const Eigen::Quaterniond rotation = ExpRotation({1.0, 0, 0});
+  const Rigid3d camera_from_target(rotation, Eigen::Vector3d(0, 0, 0.2) - rotation * Eigen::Vector3d(0.08, 0.08, 0));
+  const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, Cluttered(40)));
+  EXPECT_EQ(detection.ids.size(), 25u) << detection.reason;
+  EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.2);
+}
+
 // Dots, rings and rings of other codes, without a board and around one. (tools/bench_targets counts in thousands.)
 TEST(CodedBoard, IsNotSeenInClutter) {
   const auto board = MakeBoard(kPaperBoard);
