@@ -153,7 +153,7 @@ std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution&
     }
     const double dof = 6.0 * static_cast<double>(members.size()) - static_cast<double>(num_unknowns);
     if (dof < 6) return std::vector<CaptureVerdict>(problem.views.size());
-    variances = EstimateVariances(members, variances, true, true);
+    variances = EstimateVariances(members, variances, true, true, kRoughVariances);
     VarianceComponents used = variances;
     if (round == 0) {
       used.translation_m2 /= ShareOfBestHalf();

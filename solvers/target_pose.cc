@@ -9,6 +9,7 @@
 #include <Eigen/SVD>
 
 #include "heba/base/error.h"
+#include "heba/base/small_matrix.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/view_reduction.h"
@@ -89,12 +90,14 @@ std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
   // Metres and radians side by side: scaled before it is factored.
   const Tangent6 scale = information.diagonal().cwiseSqrt().cwiseInverse();
   const Matrix6 scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  const Eigen::LLT<Matrix6> root(scaled);
+  if (root.info() != Eigen::Success) return std::nullopt;
+  const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
+  // The inverse's trace is at most six times its largest eigenvalue.
   constexpr double kOpen = 1e-12;
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
-  if (eigen.eigenvalues()[0] < kOpen) return std::nullopt;
-  const Matrix6 inverse =
-      eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
-  return Matrix6(scale.asDiagonal() * inverse * scale.asDiagonal());
+  if (!(inverse_root.squaredNorm() < 1 / kOpen)) return std::nullopt;
+  const Matrix6 inverse_scaled = inverse_root * scale.asDiagonal();
+  return Matrix6(inverse_scaled.transpose().lazyProduct(inverse_scaled));
 }
 
 // Levenberg-Marquardt on the six numbers of the pose.

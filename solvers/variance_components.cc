@@ -209,7 +209,7 @@ Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variance
 }  // namespace
 
 VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, const VarianceComponents& start,
-                                     bool pixel_is_free, bool robot_is_free) {
+                                     bool pixel_is_free, bool robot_is_free, double small_change) {
   CHECK(!all_views.empty());
   const CondensedViews views = Condensed(all_views);
   Eigen::Vector3d variances(start.pixel, start.translation_m2, start.rotation_rad2);
@@ -250,8 +250,7 @@ VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, c
     // In units of what the data can tell.
     const Eigen::Vector3d unit = here.fisher.diagonal().cwiseMax(0).cwiseSqrt();
     const Eigen::Vector3d last = moved_by(1);
-    constexpr double kSmallChange = 1e-4;
-    if ((last - variances).cwiseAbs().cwiseProduct(unit).maxCoeff() < kSmallChange) {
+    if ((last - variances).cwiseAbs().cwiseProduct(unit).maxCoeff() < small_change) {
       // The curvature before it serves for the uncertainties.
       variances = last;
       break;

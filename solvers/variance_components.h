@@ -10,7 +10,8 @@
 namespace heba {
 
 // Restricted maximum likelihood (Patterson and Thompson 1971) of the three variances given the linearised views, by
-// Fisher scoring; none can become negative, and each becomes zero if the data ask for it. Those not free stay.
+// Fisher scoring; none can become negative, and each becomes zero if the data ask for it. Those not free stay. The last
+// step changes none of them by more than `small_change` of its own uncertainty.
 struct VarianceComponents {
   double pixel = 1;  // Of the views' unit.
   double translation_m2 = 0;
@@ -20,8 +21,10 @@ struct VarianceComponents {
   // Their covariance, likewise.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
 };
+constexpr double kExactVariances = 1e-4;
+constexpr double kRoughVariances = 1e-2;
 VarianceComponents EstimateVariances(const std::vector<LinearView>& views, const VarianceComponents& start,
-                                     bool pixel_is_free, bool robot_is_free);
+                                     bool pixel_is_free, bool robot_is_free, double small_change = kExactVariances);
 
 // The degrees of freedom that variances known to VarianceComponents::covariance leave the unknowns' covariance as a
 // whole (Satterthwaite's, direction by direction, put together as by Fai and Cornelius 1996): infinite if the variances

@@ -1,0 +1,109 @@
+#include "solvers/variance_components.h"
+
+#include <cmath>
+#include <random>
+
+#include <gtest/gtest.h>
+
+namespace heba {
+namespace {
+
+// Views as their model has them: rows by unknowns and by a correction, with noise of known variances.
+std::vector<LinearView> MakeViews(unsigned seed, int num_views, double pixel, double translation_m, double rotation_rad,
+                                  int num_rows = 16) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  const auto draw = [&](Eigen::Index rows, Eigen::Index columns) {
+    return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(rows, columns, [&] { return normal(random); }));
+  };
+  constexpr Eigen::Index kUnknowns = 9;
+  const Eigen::VectorXd step = draw(kUnknowns, 1);
+  std::vector<LinearView> views;
+  for (int v = 0; v < num_views; ++v) {
+    LinearView view;
+    view.by_unknowns = draw(num_rows, kUnknowns);
+    view.by_correction = 1000 * draw(num_rows, 6);
+    Tangent6 correction;
+    correction << translation_m * draw(3, 1), rotation_rad * draw(3, 1);
+    view.offset = view.by_unknowns * step + view.by_correction * correction + std::sqrt(pixel) * draw(num_rows, 1);
+    views.push_back(std::move(view));
+  }
+  return views;
+}
+
+void ExpectEstimated(const VarianceComponents& found, double pixel, double translation_m2, double rotation_rad2) {
+  constexpr double kSigmas = 4;
+  EXPECT_NEAR(found.pixel, pixel, kSigmas * found.stddev[0]);
+  EXPECT_NEAR(found.translation_m2, translation_m2, kSigmas * found.stddev[1]);
+  EXPECT_NEAR(found.rotation_rad2, rotation_rad2, kSigmas * found.stddev[2]);
+}
+
+TEST(VarianceComponentsTest, FindsWhatWasDrawn) {
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    const std::vector<LinearView> views = MakeViews(seed, 60, 0.7, 2e-3, 5e-3);
+    const VarianceComponents found = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
+    ExpectEstimated(found, 0.7, 4e-6, 25e-6);
+    // Known to some 10 %: 60 views, 3 numbers each.
+    EXPECT_LT(found.stddev[1], 0.2 * found.translation_m2);
+    EXPECT_LT(found.stddev[2], 0.2 * found.rotation_rad2);
+  }
+}
+
+// One that is not there is found to be zero half the time, and never large.
+TEST(VarianceComponentsTest, AnExactRobotIsFoundExact) {
+  int num_zeros = 0;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    const std::vector<LinearView> views = MakeViews(seed, 20, 0.7, 0, 0);
+    const VarianceComponents found = EstimateVariances(views, {1, 1e-4, 1e-4}, true, true);
+    ExpectEstimated(found, 0.7, 0, 0);
+    EXPECT_GE(found.translation_m2, 0);
+    EXPECT_GE(found.rotation_rad2, 0);
+    num_zeros += found.translation_m2 == 0 ? 1 : 0;
+  }
+  EXPECT_GT(num_zeros, 3);
+  EXPECT_LT(num_zeros, 18);
+}
+
+// Wherever it starts, the result is the same, and its own start.
+TEST(VarianceComponentsTest, DoesNotDependOnItsStart) {
+  const std::vector<LinearView> views = MakeViews(3, 30, 0.7, 2e-3, 5e-3);
+  const VarianceComponents exact = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
+  const auto expect_near = [&](const VarianceComponents& other, double share_of_stddev) {
+    EXPECT_NEAR(other.pixel, exact.pixel, share_of_stddev * exact.stddev[0]);
+    EXPECT_NEAR(other.translation_m2, exact.translation_m2, share_of_stddev * exact.stddev[1]);
+    EXPECT_NEAR(other.rotation_rad2, exact.rotation_rad2, share_of_stddev * exact.stddev[2]);
+  };
+  expect_near(EstimateVariances(views, exact, true, true), kExactVariances);
+  expect_near(EstimateVariances(views, {100, 0, 0}, true, true), kExactVariances);
+  expect_near(EstimateVariances(views, {1e-2, 1, 1}, true, true), kExactVariances);
+  expect_near(EstimateVariances(views, {1e-2, 1, 1}, true, true, kRoughVariances), kRoughVariances);
+}
+
+TEST(VarianceComponentsTest, WhatIsNotFreeStays) {
+  const std::vector<LinearView> views = MakeViews(4, 30, 0.7, 2e-3, 5e-3);
+  const VarianceComponents given_pixel = EstimateVariances(views, {0.5, 1e-6, 1e-6}, false, true);
+  EXPECT_EQ(given_pixel.pixel, 0.5);
+  EXPECT_EQ(given_pixel.stddev[0], 0);
+  EXPECT_GT(given_pixel.translation_m2, 1e-6);
+  const VarianceComponents given_robot = EstimateVariances(views, {0.5, 1e-6, 3e-6}, true, false);
+  EXPECT_EQ(given_robot.translation_m2, 1e-6);
+  EXPECT_EQ(given_robot.rotation_rad2, 3e-6);
+  EXPECT_NE(given_robot.pixel, 0.5);
+}
+
+// Views of fewer rows than a correction has numbers, and rests that are counted beside the rows.
+TEST(VarianceComponentsTest, CountsFewRowsAndRests) {
+  const std::vector<LinearView> few = MakeViews(5, 200, 0.7, 2e-3, 5e-3, 4);
+  ExpectEstimated(EstimateVariances(few, {1, 1e-6, 1e-6}, true, true), 0.7, 4e-6, 25e-6);
+  std::vector<LinearView> views = MakeViews(6, 30, 0.7, 2e-3, 5e-3);
+  for (LinearView& view : views) {
+    view.num_rest = 1000;
+    view.rest_squares = 1000 * 0.7;
+  }
+  const VarianceComponents found = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
+  ExpectEstimated(found, 0.7, 4e-6, 25e-6);
+  EXPECT_NEAR(found.stddev[0], 0.7 * std::sqrt(2.0 / 30e3), 1e-4);
+}
+
+}  // namespace
+}  // namespace heba
