@@ -5,11 +5,11 @@
 #include <string_view>
 #include <vector>
 
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "targets/image_codecs.h"
 #include "targets/picture_format.h"
 
 namespace heba {
@@ -35,7 +35,7 @@ cv::Mat ReadGreyImage(const std::filesystem::path& path) {
   cv::Mat image;
   try {
     const cv::Mat buffer(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));  // NOLINT
-    image = cv::imdecode(buffer, cv::IMREAD_UNCHANGED);
+    image = DecodeImage(buffer);
   } catch (const cv::Exception& error) {
     throw InputError(path.string() + ": is not a picture that can be read (" + error.err + ")");
   }
@@ -60,18 +60,18 @@ std::string SmallJpeg(const cv::Mat& grey, int max_width_px) {
     const int height = std::max(1, static_cast<int>(static_cast<int64_t>(grey.rows) * max_width_px / grey.cols));
     cv::resize(grey, small, cv::Size(max_width_px, height), 0, 0, cv::INTER_AREA);
   }
-  std::vector<unsigned char> bytes;
-  cv::imencode(".jpg", small, bytes, {cv::IMWRITE_JPEG_QUALITY, kQuality});
+  const std::vector<unsigned char> bytes = EncodeJpeg(small, kQuality);
   return {bytes.begin(), bytes.end()};
 }
 
 void WriteImage(const std::filesystem::path& path, const cv::Mat& image) {
   std::vector<unsigned char> bytes;
   try {
-    if (!cv::imencode(path.extension().string(), image, bytes)) throw InputError(path.string() + ": cannot be encoded");
+    bytes = EncodeImage(path.extension().string(), image);
   } catch (const cv::Exception& error) {
     throw InputError(path.string() + ": cannot be encoded (" + error.err + ")");
   }
+  if (bytes.empty()) throw InputError(path.string() + ": cannot be encoded");
   WriteFileAtomically(path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));  // NOLINT
 }
 
