@@ -109,6 +109,7 @@ LinearView PriorView(const CameraPrior& prior, const Camera& camera, const FreeP
   view.by_unknowns = Eigen::MatrixXd::Zero(num_rows, 12 + num_free);
   view.by_correction = Eigen::MatrixXd::Zero(num_rows, 6);
   view.offset.resize(num_rows);
+  view.num_unmoved = num_rows;
   Eigen::Index row = 0;
   for (size_t i = 0; i < prior.params.size(); ++i) {
     if (!free[i]) continue;
@@ -155,6 +156,11 @@ std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const FreeParamet
   if (HasShape(free, model)) options.shape = state.shape;
   options.has_own_pose = correction_noise.has_value();
   options.own_pose_prior = correction_noise;
+  // Corrections begin as none at all.
+  options.own_poses_are_rough =
+      std::all_of(state.corrections.begin(), state.corrections.end(), [](const Rigid3d& correction) {
+        return correction.translation.isZero(0) && correction.rotation.vec().isZero(0);
+      });
   std::vector<CaptureTerm> captures;
   for (size_t i = 0; i < problem.views.size(); ++i) {
     const Rigid3d& mount = problem.views[i].camera_mount_from_target_mount;

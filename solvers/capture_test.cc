@@ -77,12 +77,8 @@ double ShareOfBestHalf() {
 // The normal equations of a view: their matrix and, in the last column, their right side.
 Eigen::MatrixXd NormalOf(const LinearView& view, const VarianceComponents& variances) {
   const Eigen::Index n = view.by_unknowns.cols();
-  const Eigen::LLT<Eigen::MatrixXd> root(
-      MarginalCovariance(view, variances.pixel, variances.translation_m2, variances.rotation_rad2));
-  CHECK(root.info() == Eigen::Success);
-  RowMajorMatrix whitened(view.offset.size(), n + 1);
-  whitened << view.by_unknowns, view.offset;
-  SolveLowerInPlace(root.matrixLLT(), &whitened);
+  const RowMajorMatrix whitened =
+      WhitenedRows(view, variances.pixel, variances.translation_m2, variances.rotation_rad2);
   return whitened.leftCols(n).transpose().lazyProduct(whitened);
 }
 

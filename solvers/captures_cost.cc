@@ -166,6 +166,7 @@ CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> ca
       captures_(std::move(captures)),
       options_(std::move(options)),
       reducer_(model, options_.free, options_.pixel_sigma_px, *options_.loss),
+      pose_reducer_(model, FreeParameters(options_.free.size(), false), options_.pixel_sigma_px, *options_.loss),
       num_params_(NumParams(model) + (options_.shape ? TargetShape::kNumParams : 0)) {
   CHECK(!captures_.empty());
   for (int i = 0; i < num_params_; ++i) {
@@ -310,7 +311,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const SharedStep& st
   const int num_others = static_cast<int>(free_.size()) + 1;
   const Eigen::Index num_columns = 6 * num_shared_poses_ + num_others;
   sum->matrix.setZero(num_columns, num_columns);
-  const bool settles = options_.settles_own_poses && accepted_ == nullptr;
+  const bool settles = accepted_ == nullptr;
   std::optional<ChainedRows> rows_of_few;
   ViewRows rows;
   Evaluation evaluation;
@@ -323,14 +324,14 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const SharedStep& st
       continue;
     }
     if (!options_.has_own_pose) {
-      if (!EvaluateCapture(captures_[i], at, &evaluation)) return false;
+      if (!EvaluateCapture(reducer_, captures_[i], at, &evaluation)) return false;
       AddChained(evaluation.products.matrix, evaluation.left_from_tangent, num_shared_poses_, &sum->matrix);
       sum->loss_remainder += evaluation.products.loss_remainder;
       continue;
     }
     evaluation.own_pose = OwnPoseAfter(step, i);
-    bool is_evaluated =
-        settles ? SettleOwnPose(captures_[i], at, &evaluation) : EvaluateCapture(captures_[i], at, &evaluation);
+    bool is_evaluated = settles ? SettleOwnPose(captures_[i], at, &evaluation)
+                                : EvaluateCapture(reducer_, captures_[i], at, &evaluation);
     if (!is_evaluated && accepted_ != nullptr) {
       // The linearisation leads to where nothing is seen: from where it was, then, step by step.
       evaluation.own_pose = accepted_->own_poses[i].pose;
@@ -382,13 +383,13 @@ bool CapturesCost::WriteCapture(const CaptureTerm& capture, const std::vector<do
                         rows);
 }
 
-bool CapturesCost::EvaluateCapture(const CaptureTerm& capture, const std::vector<double>& parameters,
-                                   Evaluation* evaluation) const {
+bool CapturesCost::EvaluateCapture(const ViewReducer& reducer, const CaptureTerm& capture,
+                                   const std::vector<double>& parameters, Evaluation* evaluation) const {
   const Rigid3d camera_from_target =
       CameraFromTargetOf(capture, parameters, evaluation->own_pose, &evaluation->left_from_tangent);
   const std::optional<TargetShape> shape = ShapeAt(parameters);
-  if (!reducer_.Multiply(ParamsAt(parameters), camera_from_target, *capture.observations, shape ? &*shape : nullptr,
-                         &evaluation->products)) {
+  if (!reducer.Multiply(ParamsAt(parameters), camera_from_target, *capture.observations, shape ? &*shape : nullptr,
+                        &evaluation->products)) {
     return false;
   }
   if (!options_.has_own_pose) return true;
@@ -407,20 +408,39 @@ bool CapturesCost::EvaluateCapture(const CaptureTerm& capture, const std::vector
 // By damped Gauss-Newton steps with all else held.
 bool CapturesCost::SettleOwnPose(const CaptureTerm& capture, const std::vector<double>& parameters,
                                  Evaluation* evaluation) const {
-  if (!EvaluateCapture(capture, parameters, evaluation)) return false;
   constexpr int kMaxSteps = 30;
-  constexpr double kSettled = 1e-2;  // Of the cost: the rest is the joint solve's.
   constexpr double kLeastDamping = 1e-6;
   double damping = kLeastDamping;
-  for (int i = 0; i < kMaxSteps; ++i) {
-    const auto gradient = evaluation->with_others.rightCols<1>();
-    Matrix6 damped = evaluation->own;
+  // Nothing where little is to be gained.
+  const auto step_from = [&](const Evaluation& from) -> std::optional<Tangent6> {
+    constexpr double kSettled = 1e-2;  // Of the cost: the rest is the joint solve's.
+    const auto gradient = from.with_others.rightCols<1>();
+    Matrix6 damped = from.own;
     damped.diagonal() *= 1 + damping;
     const Tangent6 step = -damped.ldlt().solve(gradient);
-    if (!(-step.dot(gradient) > kSettled * evaluation->Cost())) break;
+    if (!(-step.dot(gradient) > kSettled * from.Cost())) return std::nullopt;
+    return step;
+  };
+  bool is_evaluated = false;
+  if (options_.own_poses_are_rough && accepted_ == nullptr) {
+    // Where it will hardly stay, the other columns are not asked for.
+    Evaluation first;
+    first.own_pose = evaluation->own_pose;
+    if (!EvaluateCapture(pose_reducer_, capture, parameters, &first)) return false;
+    const std::optional<Tangent6> step = step_from(first);
+    if (step) {
+      evaluation->own_pose = Retract(first.own_pose, *step);
+      is_evaluated = EvaluateCapture(reducer_, capture, parameters, evaluation) && evaluation->Cost() < first.Cost();
+    }
+    if (!is_evaluated) evaluation->own_pose = first.own_pose;
+  }
+  if (!is_evaluated && !EvaluateCapture(reducer_, capture, parameters, evaluation)) return false;
+  for (int i = 0; i < kMaxSteps; ++i) {
+    const std::optional<Tangent6> step = step_from(*evaluation);
+    if (!step) break;
     Evaluation moved;
-    moved.own_pose = Retract(evaluation->own_pose, step);
-    if (EvaluateCapture(capture, parameters, &moved) && moved.Cost() < evaluation->Cost()) {
+    moved.own_pose = Retract(evaluation->own_pose, *step);
+    if (EvaluateCapture(reducer_, capture, parameters, &moved) && moved.Cost() < evaluation->Cost()) {
       *evaluation = std::move(moved);
       damping = std::max(kLeastDamping, 0.1 * damping);
     } else {
@@ -439,9 +459,9 @@ std::vector<Rigid3d> CapturesCost::OwnPoses() const {
     moved.own_pose = Retract(own.pose, -Tangent6(own.step.rightCols<1>()));
     // What is left of the way to the best: unless it leads nowhere, as no step of a small part of the noise does.
     constexpr double kSmallDrop = 1e-3;
-    const bool is_better =
-        own.predicted_drop < kSmallDrop * std::min(own.cost, 1.0) ||
-        (EvaluateCapture(captures_[i], accepted_->shared.parameters, &moved) && moved.Cost() <= own.cost);
+    const bool is_better = own.predicted_drop < kSmallDrop * std::min(own.cost, 1.0) ||
+                           (EvaluateCapture(pose_reducer_, captures_[i], accepted_->shared.parameters, &moved) &&
+                            moved.Cost() <= own.cost);
     poses.push_back(is_better ? moved.own_pose : own.pose);
   }
   return poses;

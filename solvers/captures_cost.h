@@ -48,8 +48,9 @@ struct CapturesCostOptions {
   std::optional<RobotNoise> own_pose_prior;  // That it is the identity, give or take this.
   // What is known already, with the same captures, loss, sigma and free parameters. Captures without own poses only.
   std::optional<CapturesProducts> known;
-  // Whether own poses are brought near their best for the first value of the shared unknowns, or stay where they start.
-  bool settles_own_poses = true;
+  // Own poses start where nobody has looked for them yet. Either way they are brought near their best for the first
+  // value of the shared unknowns.
+  bool own_poses_are_rough = false;
   int num_threads = 1;  // At most; the result does not depend on it.
 };
 
@@ -91,8 +92,9 @@ class CapturesCost final : public ceres::CostFunction {
   bool EvaluateGroup(size_t first, size_t last, const SharedStep& step, State* state, CapturesProducts* sum) const;
   // Where a capture's own pose goes along to, as its linearisation says; where it starts before there is one.
   Rigid3d OwnPoseAfter(const SharedStep& step, size_t capture) const;
-  // At Evaluation::own_pose; the other one begins there.
-  bool EvaluateCapture(const CaptureTerm& capture, const std::vector<double>& parameters, Evaluation* evaluation) const;
+  // At Evaluation::own_pose; settling begins there.
+  bool EvaluateCapture(const ViewReducer& reducer, const CaptureTerm& capture, const std::vector<double>& parameters,
+                       Evaluation* evaluation) const;
   bool WriteCapture(const CaptureTerm& capture, const std::vector<double>& parameters,
                     std::vector<Matrix6>* left_from_tangent, ViewRows* rows) const;
   Rigid3d CameraFromTargetOf(const CaptureTerm& capture, const std::vector<double>& parameters, const Rigid3d& own_pose,
@@ -106,6 +108,7 @@ class CapturesCost final : public ceres::CostFunction {
   std::vector<CaptureTerm> captures_;
   CapturesCostOptions options_;
   ViewReducer reducer_;
+  ViewReducer pose_reducer_;  // Of the captures' poses alone.
   int num_shared_poses_;
   int num_params_;         // The camera's, and the shape's if it is unknown.
   std::vector<int> free_;  // Which of them.

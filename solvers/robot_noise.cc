@@ -60,21 +60,27 @@ std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, co
     LinearView linear;
     const Eigen::Index columns = reduction.factor.cols() - 1;
     Eigen::Index rows = reduction.factor.rows();
+    Eigen::Index num_moved = rows;
     if (2 * view.observations.size() > rows) {
       // A root of the products: its last row has nothing but what the unknowns do not reach.
       rows = columns;
+      num_moved = 6;
       linear.rest_squares = reduction.factor(columns, columns) * reduction.factor(columns, columns);
       linear.num_rest = 2 * view.observations.size() - static_cast<int>(columns);
     }
-    const Eigen::MatrixXd by_pose = reduction.factor.topLeftCorner(rows, 6);
-    linear.by_unknowns.resize(rows, num_unknowns);
-    linear.by_unknowns.leftCols<6>() = by_pose;  // The hand-eye pose's is -by_pose: both signs are minus the row's.
-    linear.by_unknowns.middleCols<6>(6) = -by_pose * Adjoint(camera_from_target);
+    linear.num_unmoved = rows - num_moved;
+    const auto by_pose = reduction.factor.topLeftCorner(num_moved, 6);
+    linear.by_unknowns.setZero(rows, num_unknowns);
+    // The hand-eye pose's is -by_pose: both signs are minus the row's.
+    linear.by_unknowns.topLeftCorner(num_moved, 6) = by_pose;
+    linear.by_unknowns.block(0, 6, num_moved, 6) = -by_pose.lazyProduct(Adjoint(camera_from_target));
     linear.by_unknowns.rightCols(num_unknowns - 12) = -reduction.factor.block(0, 6, rows, num_unknowns - 12);
-    linear.by_correction = -by_pose * LeftFromCorrection(problem.setup, hand_eye, mount, correction);
+    linear.by_correction.setZero(rows, 6);
+    linear.by_correction.topRows(num_moved) =
+        -by_pose.lazyProduct(LeftFromCorrection(problem.setup, hand_eye, mount, correction));
     // The residual as it would be without the correction.
-    linear.offset =
-        reduction.factor.col(columns).head(rows) + linear.by_correction * LocalCoordinates(Rigid3d(), correction);
+    linear.offset = reduction.factor.col(columns).head(rows) +
+                    linear.by_correction.lazyProduct(LocalCoordinates(Rigid3d(), correction));
     result.push_back(std::move(linear));
   }
   return result;
@@ -97,6 +103,28 @@ Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance
          translation_m2 * translation * translation.transpose() + rotation_rad2 * rotation * rotation.transpose();
 }
 
+RowMajorMatrix WhitenedRows(const LinearView& view, double pixel_variance, double translation_m2,
+                            double rotation_rad2) {
+  const Eigen::Index n = view.by_unknowns.cols();
+  const Eigen::Index num_moved = view.offset.size() - view.num_unmoved;
+  Tangent6 sigmas;
+  sigmas << Eigen::Vector3d::Constant(std::sqrt(translation_m2)), Eigen::Vector3d::Constant(std::sqrt(rotation_rad2));
+  RowMajorMatrix moved(num_moved, n + 1);
+  moved << view.by_unknowns.topRows(num_moved), view.offset.head(num_moved);
+  const RowMajorMatrix by_sigmas = view.by_correction.topRows(num_moved) * sigmas.asDiagonal();
+  Eigen::MatrixXd covariance = by_sigmas.lazyProduct(by_sigmas.transpose());
+  covariance.diagonal().array() += pixel_variance;
+  const Eigen::LLT<Eigen::MatrixXd> root(covariance);
+  CHECK(root.info() == Eigen::Success);
+  SolveLowerInPlace(root.matrixLLT(), &moved);
+  const double root_weight = 1 / std::sqrt(pixel_variance);
+  RowMajorMatrix whitened(view.offset.size(), n + 1);
+  whitened.topRows(num_moved) = moved;
+  whitened.bottomLeftCorner(view.num_unmoved, n) = root_weight * view.by_unknowns.bottomRows(view.num_unmoved);
+  whitened.bottomRightCorner(view.num_unmoved, 1) = root_weight * view.offset.tail(view.num_unmoved);
+  return whitened;
+}
+
 double ChanceOf(const Tangent6& vector, const Matrix6& covariance, double nothing, double dof) {
   const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(covariance);
   const Tangent6 along = eigen.eigenvectors().transpose() * vector;
@@ -114,14 +142,11 @@ Eigen::MatrixXd MarginalInformation(const std::vector<LinearView>& views, const 
                                     double pixel_variance) {
   const Eigen::Index n = views.front().by_unknowns.cols();
   StackedRows stacked(static_cast<int>(n));
-  RowMajorMatrix whitened;
   for (const LinearView& view : views) {
-    const Eigen::LLT<Eigen::MatrixXd> root(MarginalCovariance(
-        view, pixel_variance, noise.translation_m * noise.translation_m, noise.rotation_rad * noise.rotation_rad));
-    CHECK(root.info() == Eigen::Success);
-    whitened = view.by_unknowns;
-    SolveLowerInPlace(root.matrixLLT(), &whitened);
-    stacked.Next<Eigen::Dynamic>(whitened.rows()) = whitened;
+    stacked.Next<Eigen::Dynamic>(view.offset.size()) =
+        WhitenedRows(view, pixel_variance, noise.translation_m * noise.translation_m,
+                     noise.rotation_rad * noise.rotation_rad)
+            .leftCols(n);
   }
   return stacked.Products();
 }

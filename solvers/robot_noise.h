@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 
+#include "heba/base/small_matrix.h"
 #include "heba/data/solution.h"
 #include "solvers/information.h"
 
@@ -36,9 +37,11 @@ CorrectionPrior CorrectionPriorAt(const Rigid3d& correction, const RobotNoise& n
 // One capture, linearised: what it measured is offset = by_unknowns * step + by_correction * xi + noise, where noise
 // has unit variance (pixel sigma and loss applied).
 struct LinearView {
-  Eigen::MatrixXd by_unknowns;                             // Rows as Information::names.
+  Eigen::MatrixXd by_unknowns;                             // Columns as Information::names.
   Eigen::Matrix<double, Eigen::Dynamic, 6> by_correction;  // By xi: m, rad.
   Eigen::VectorXd offset;
+  // The last so many rows have nothing that a correction moves.
+  Eigen::Index num_unmoved = 0;
   // What the rows above leave of the pixels: so many more independent residuals with this sum of squares.
   double rest_squares = 0;
   int num_rest = 0;
@@ -58,6 +61,8 @@ std::optional<std::vector<LinearView>> LineariseViewsAt(const Problem& problem, 
 // The covariance of what a view measured when its correction is averaged over: p I + G Q G^T, p in the views' unit.
 Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance, double translation_m2,
                                    double rotation_rad2);
+// That covariance's inverse root times the view's rows by the unknowns and, as the last column, the offset.
+RowMajorMatrix WhitenedRows(const LinearView& view, double pixel_variance, double translation_m2, double rotation_rad2);
 
 // The unknowns' normal matrix when the corrections are averaged over: sum J^T (p I + G Q G^T)^-1 J, where p is
 // `pixel_variance` in the views' unit.

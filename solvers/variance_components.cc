@@ -47,17 +47,17 @@ CondensedViews Condensed(const std::vector<LinearView>& views) {
     turned << view.by_unknowns, view.offset;
     MovedView& moved = condensed.moved.emplace_back();
     moved.rows.setZero(kMoved, n + 1);
-    if (rows > kMoved) {
+    const Eigen::Index num_moved = std::min(rows, kMoved);
+    if (rows - view.num_unmoved <= kMoved) {
+      moved.by_correction.topRows(num_moved) = view.by_correction.topRows(num_moved);
+    } else {
       const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_correction);
       turned.applyOnTheLeft(qr.householderQ().adjoint());
       moved.by_correction = qr.matrixQR().topRows<kMoved>().triangularView<Eigen::Upper>();
-      const auto tail = turned.bottomRows(rows - kMoved);
-      condensed.still.noalias() += tail.transpose() * tail;
-    } else {
-      moved.by_correction.topRows(rows) = view.by_correction;
     }
-    const Eigen::Index num_moved = std::min(rows, kMoved);
     moved.rows.topRows(num_moved) = turned.topRows(num_moved);
+    const auto tail = turned.bottomRows(rows - num_moved);
+    condensed.still.noalias() += tail.transpose() * tail;
   }
   return condensed;
 }

@@ -310,7 +310,7 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
   if (2 * observations.size() > num_columns_) {
     ViewProducts products;
     if (!Multiply(params, camera_from_target, observations, shape, &products)) return false;
-    reduction->factor = RootOfProducts(products.matrix);
+    reduction->factor = RootOfProducts(products.matrix, 6);
     reduction->loss_remainder = products.loss_remainder;
     return true;
   }
@@ -322,7 +322,7 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
   return true;
 }
 
-Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products) {
+Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products, int num_first) {
   const Eigen::Index n = products.cols();
   Eigen::MatrixXd root = Eigen::MatrixXd::Zero(n, n);
   // What is left to explain, scaled to ones on the diagonal: of a symmetric matrix the lower half.
@@ -336,19 +336,24 @@ Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products) {
   const double nothing = static_cast<double>(n) * std::numeric_limits<double>::epsilon();
   // The pivots' row, on the way.
   Eigen::VectorXd row(n);
-  for (Eigen::Index step = 0; step + 1 < n; ++step) {
-    Eigen::Index pivot = 0;
-    if (rest.diagonal().head(n - 1).maxCoeff(&pivot) <= nothing) break;
+  const auto eliminate = [&](Eigen::Index step, Eigen::Index pivot) {
     row.head(pivot) = rest.row(pivot).head(pivot).transpose();
     row.tail(n - pivot) = rest.col(pivot).tail(n - pivot);
     row /= std::sqrt(rest(pivot, pivot));
     for (Eigen::Index j = 0; j < n; ++j) {
+      if (row[j] == 0) continue;  // As of all that were pivots.
       rest.col(j).tail(n - j) -= row[j] * row.tail(n - j);
       root(step, j) = row[j] * lengths[j];
     }
     rest.row(pivot).head(pivot).setZero();
     rest.col(pivot).tail(n - pivot).setZero();
-  }
+  };
+  Eigen::Index step = 0;
+  Eigen::Index pivot = 0;
+  for (; step < num_first && rest.diagonal().head(num_first).maxCoeff(&pivot) > nothing; ++step) eliminate(step, pivot);
+  // What is left of them is rounding.
+  rest.leftCols(num_first).setZero();
+  for (; step + 1 < n && rest.diagonal().head(n - 1).maxCoeff(&pivot) > nothing; ++step) eliminate(step, pivot);
   root(n - 1, n - 1) = std::sqrt(std::max(0.0, rest(n - 1, n - 1))) * lengths[n - 1];
   return root;
 }

@@ -172,6 +172,33 @@ TEST(CapturesCostTest, OwnPosesAreTheBestForTheSharedUnknowns) {
   EXPECT_NEAR(Evaluate(*cost, there).cost, cost_at(there), 1e-6 * cost_at(there));
 }
 
+// Where they begin changes how they are found, not what: one pose is far off, one capture's points lie on a line.
+TEST(CapturesCostTest, OwnPosesThatBeginRoughlyAreTheSame) {
+  TestScene scene = NoisyScene();
+  Rigid3d& far_off = scene.views[3].camera_mount_from_target_mount;
+  far_off = Retract(far_off, Tangent6(0.02, -0.03, 0.01, 0.1, -0.05, 0.08));
+  std::vector<bool> on_a_line(static_cast<size_t>(scene.views[4].observations.size()), false);
+  std::fill_n(on_a_line.begin(), 3, true);
+  scene.views[4].observations = KeepPoints(scene.views[4].observations, on_a_line);
+  const Unknowns here(scene);
+  for (const char* loss : {"none", "huber"}) {
+    const std::unique_ptr<CapturesCost> near = MakeCost(scene, loss, true);
+    CapturesCostOptions options;
+    options.own_poses_are_rough = true;
+    const std::unique_ptr<CapturesCost> rough = MakeCost(scene, loss, true, 1, options);
+    const Evaluated expected = Evaluate(*near, here);
+    const Evaluated found = Evaluate(*rough, here);
+    EXPECT_NEAR(found.cost, expected.cost, 1e-9 * expected.cost);
+    EXPECT_LT((found.gradient - expected.gradient).norm(), 1e-9 * expected.gradient.norm());
+    const std::vector<Rigid3d> poses = near->OwnPoses();
+    const std::vector<Rigid3d> rough_poses = rough->OwnPoses();
+    ASSERT_EQ(rough_poses.size(), poses.size());
+    for (size_t i = 0; i < poses.size(); ++i) {
+      EXPECT_LT(LocalCoordinates(poses[i], rough_poses[i]).norm(), 1e-9) << loss << " " << i;
+    }
+  }
+}
+
 // Views of few points and of many, on both sides of where they are treated alike.
 TestScene MixedScene() {
   TestScene scene = NoisyScene([](TestSceneOptions* options) { options->num_captures = 40; });

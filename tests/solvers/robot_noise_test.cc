@@ -166,6 +166,35 @@ TEST_P(RobotNoiseTest, AnExactRobotIsFoundToBeExact) {
 INSTANTIATE_TEST_SUITE_P(Setups, RobotNoiseTest, testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
                          [](const auto& test) { return std::string(SetupName(test.param)); });
 
+// Of views of many points a correction moves the first rows only; of views of few, all.
+TEST(LinearViewTest, WhitenedRowsHaveTheCovariancesInverse) {
+  for (const int columns : {2, 8}) {
+    TestSceneOptions options;
+    options.points = GridPoints(columns, 2, 0.04);
+    options.noise_px = kPixelPx;
+    const TestScene scene = MakeTestScene(5, options);
+    const FreeParameters free(scene.camera.params.size(), true);
+    const std::vector<LinearView> views = *LineariseViews({scene.camera, scene.views, options.setup}, scene.hand_eye,
+                                                          {}, free, kPixelPx, *FindLoss("none"));
+    for (const LinearView& view : views) {
+      EXPECT_EQ(view.num_unmoved, columns == 8 ? view.offset.size() - 6 : 0);
+      EXPECT_TRUE(view.by_correction.bottomRows(view.num_unmoved).isZero(0));
+      constexpr double kPixelVariance = 1.3;
+      const double translation_m2 = kTranslationM * kTranslationM;
+      const double rotation_rad2 = kRotationRad * kRotationRad;
+      const Eigen::MatrixXd covariance = MarginalCovariance(view, kPixelVariance, translation_m2, rotation_rad2);
+      Eigen::MatrixXd rows(view.offset.size(), view.by_unknowns.cols() + 1);
+      rows << view.by_unknowns, view.offset;
+      const Eigen::MatrixXd expected = rows.transpose() * covariance.ldlt().solve(rows);
+      const RowMajorMatrix whitened = WhitenedRows(view, kPixelVariance, translation_m2, rotation_rad2);
+      const Eigen::VectorXd scale = expected.diagonal().cwiseSqrt().cwiseInverse();
+      const Eigen::MatrixXd difference =
+          scale.asDiagonal() * (whitened.transpose() * whitened - expected) * scale.asDiagonal();
+      EXPECT_LT(difference.cwiseAbs().maxCoeff(), 1e-9);
+    }
+  }
+}
+
 TEST(CorrectionPriorTest, JacobianIsTheDerivative) {
   constexpr RobotNoise kNoise = {1e-3, 2e-3};
   const Rigid3d correction = Retract(Rigid3d(), Tangent6(1e-3, 2e-3, -1e-3, 0.02, -0.03, 0.01));

@@ -91,6 +91,19 @@ TEST(VarianceComponentsTest, WhatIsNotFreeStays) {
   EXPECT_NE(given_robot.pixel, 0.5);
 }
 
+// Rows that no correction moves may be told from the others, or not.
+TEST(VarianceComponentsTest, RowsThatAreNotMovedCountAlike) {
+  std::vector<LinearView> views = MakeViews(7, 30, 0.7, 2e-3, 5e-3);
+  constexpr Eigen::Index kUnmoved = 10;
+  for (LinearView& view : views) view.by_correction.bottomRows(kUnmoved).setZero();
+  const VarianceComponents untold = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
+  for (LinearView& view : views) view.num_unmoved = kUnmoved;
+  const VarianceComponents told = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
+  EXPECT_NEAR(told.pixel, untold.pixel, 1e-9 * untold.pixel);
+  EXPECT_NEAR(told.translation_m2, untold.translation_m2, 1e-9 * untold.translation_m2);
+  EXPECT_NEAR(told.rotation_rad2, untold.rotation_rad2, 1e-9 * untold.rotation_rad2);
+}
+
 // Views of fewer rows than a correction has numbers, and rests that are counted beside the rows.
 TEST(VarianceComponentsTest, CountsFewRowsAndRests) {
   const std::vector<LinearView> few = MakeViews(5, 200, 0.7, 2e-3, 5e-3, 4);

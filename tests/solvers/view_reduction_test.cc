@@ -178,5 +178,21 @@ TEST(ViewReductionTest, ARootHasTheProducts) {
   EXPECT_TRUE(root.bottomRows<1>().leftCols(8).isZero());
 }
 
+TEST(ViewReductionTest, ARootsFirstColumnsStandInItsFirstRows) {
+  for (const int rank_of_first : {6, 3}) {
+    Eigen::MatrixXd rows = Eigen::MatrixXd::Random(40, 11);
+    rows.middleCols(rank_of_first, 6 - rank_of_first) =
+        rows.leftCols(rank_of_first) * Eigen::MatrixXd::Random(rank_of_first, 6 - rank_of_first);
+    rows.col(1) *= 1e6;
+    const Eigen::MatrixXd products = rows.transpose() * rows;
+    const Eigen::MatrixXd root = RootOfProducts(products, 6);
+    const Eigen::VectorXd inverse_lengths = products.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd difference =
+        inverse_lengths.asDiagonal() * (root.transpose() * root - products) * inverse_lengths.asDiagonal();
+    EXPECT_LT(difference.cwiseAbs().maxCoeff(), 1e-13) << rank_of_first;
+    EXPECT_TRUE(root.bottomLeftCorner(11 - rank_of_first, 6).isZero(0)) << rank_of_first;
+  }
+}
+
 }  // namespace
 }  // namespace heba
