@@ -91,10 +91,10 @@ bool PoseViews(const Camera& camera, const std::vector<const View*>& views, std:
   posed->clear();
   std::vector<double> rms;
   for (const View* view : views) {
-    const std::vector<TargetPose> poses = EstimateTargetPose(camera, view->observations, kRoughPose);
-    if (poses.empty()) continue;
-    posed->push_back({view, poses.front().camera_from_target});
-    rms.push_back(poses.front().rms_px);
+    const std::optional<TargetPose> pose = EstimateRoughPose(camera, view->observations);
+    if (!pose) continue;
+    posed->push_back({view, pose->camera_from_target});
+    rms.push_back(pose->rms_px);
   }
   if (posed->size() < 3) return false;
   *median_rms_px = Median(std::move(rms));

@@ -100,44 +100,71 @@ std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
   return Matrix6(inverse_scaled.transpose().lazyProduct(inverse_scaled));
 }
 
-// Levenberg-Marquardt on the six numbers of the pose.
-std::optional<TargetPose> RefinePose(const Camera& camera, const Observations& observations, Rigid3d camera_from_target,
-                                     double small_drop) {
-  const ViewReducer reducer(camera.Model(), FreeParameters(camera.params.size(), false), 1.0, *FindLoss("none"));
-  const auto multiply = [&](const Rigid3d& pose, ViewProducts* products) {
-    return reducer.Multiply(camera.params.data(), pose, observations, nullptr, products);
-  };
-  const auto cost_of = [](const ViewProducts& products) { return products.matrix(6, 6); };
-  ViewProducts here;
-  if (!multiply(camera_from_target, &here)) return std::nullopt;
+// A pose, and the view's products there.
+struct PoseInView {
+  Rigid3d camera_from_target;
+  ViewProducts products;
+
+  double Cost() const { return products.matrix(6, 6); }
+};
+
+// The pose's columns alone.
+class PoseReducer {
+ public:
+  PoseReducer(const Camera& camera, const Observations& observations)
+      : camera_(camera),
+        observations_(observations),
+        reducer_(camera.Model(), FreeParameters(camera.params.size(), false), 1.0, *FindLoss("none")) {}
+
+  std::optional<PoseInView> At(const Rigid3d& camera_from_target) const {
+    PoseInView there{camera_from_target, {}};
+    if (!reducer_.Multiply(camera_.params.data(), camera_from_target, observations_, nullptr, &there.products)) {
+      return std::nullopt;
+    }
+    return there;
+  }
+
+ private:
+  const Camera& camera_;
+  const Observations& observations_;
+  ViewReducer reducer_;
+};
+
+// Levenberg-Marquardt on the six numbers of the pose, until a step changes less than `small_drop` of the cost.
+PoseInView Refined(const PoseReducer& reducer, PoseInView here, double small_drop) {
   double damping = 1e-6;
   for (int iteration = 0; iteration < 50; ++iteration) {
-    const Tangent6 gradient = here.matrix.col(6).head<6>();
+    const Tangent6 gradient = here.products.matrix.col(6).head<6>();
     bool improved = false;
     double drop = 0;
     for (int attempt = 0; attempt < 10 && !improved; ++attempt) {
-      Matrix6 damped = here.matrix.topLeftCorner<6, 6>();
+      Matrix6 damped = here.products.matrix.topLeftCorner<6, 6>();
       damped.diagonal() *= 1.0 + damping;
       const Tangent6 step = -damped.ldlt().solve(gradient);
       // Where so little is to be gained, rounding decides.
-      if (-step.dot(gradient) < small_drop * cost_of(here)) break;
-      const Rigid3d moved = Rigid3d(ExpRotation(step.tail<3>()), step.head<3>()) * camera_from_target;
-      ViewProducts there;
-      if (step.allFinite() && multiply(moved, &there) && cost_of(there) <= cost_of(here)) {
+      if (-step.dot(gradient) < small_drop * here.Cost()) break;
+      std::optional<PoseInView> there;
+      if (step.allFinite()) {
+        there = reducer.At(Rigid3d(ExpRotation(step.tail<3>()), step.head<3>()) * here.camera_from_target);
+      }
+      if (there && there->Cost() <= here.Cost()) {
         improved = true;
-        drop = cost_of(here) - cost_of(there);
-        camera_from_target = moved;
-        here = std::move(there);
+        drop = here.Cost() - there->Cost();
+        here = std::move(*there);
         damping = std::max(1e-12, damping * 0.1);
       } else {
         damping = std::max(1e-6, damping * 10);
       }
     }
-    if (!improved || drop < small_drop * cost_of(here)) break;
+    if (!improved || drop < small_drop * here.Cost()) break;
   }
-  const std::optional<SquaredErrors> errors = ViewErrors(camera, camera_from_target, observations);
+  return here;
+}
+
+TargetPose Measured(const Camera& camera, const Observations& observations, const PoseInView& pose) {
+  const std::optional<SquaredErrors> errors = ViewErrors(camera, pose.camera_from_target, observations);
   CHECK(errors.has_value());
-  return TargetPose{camera_from_target, *errors->RmsPx(), PoseCovariance(here.matrix.topLeftCorner<6, 6>())};
+  return {pose.camera_from_target, *errors->RmsPx(), PoseCovariance(pose.products.matrix.topLeftCorner<6, 6>())};
 }
 
 }  // namespace
@@ -170,7 +197,10 @@ std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Poi
   return Eigen::Matrix3d(to_normalisation.inverse() * normalised * from_normalisation);
 }
 
-std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations, double small_drop) {
+namespace {
+
+// The two solutions of the plane; none as EstimateTargetPose has it.
+std::vector<Rigid3d> StartPoses(const Camera& camera, const Observations& observations) {
   const int n = observations.size();
   if (n < 4) return {};
   // Rays, turned so that their mean looks along z: x / z and y / z then stay small for fisheye lenses too.
@@ -196,21 +226,51 @@ std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observati
   const std::optional<Eigen::Matrix3d> homography = EstimateHomography(centred.topRows<2>(), normalised);
   if (!homography || std::abs((*homography)(2, 2)) < 1e-12) return {};
 
-  std::vector<TargetPose> poses;
+  std::vector<Rigid3d> poses;
   for (const Eigen::Matrix3d& rotation : PlaneRotations(*homography)) {
     const Rigid3d turned_from_centred(rotation, TranslationOnRays(rotation, centred, normalised));
-    const Rigid3d start = Rigid3d(camera_from_turned, Eigen::Vector3d::Zero()) * turned_from_centred *
-                          Rigid3d(Eigen::Quaterniond::Identity(), -centre);
-    if (!start.translation.allFinite() || !start.rotation.coeffs().allFinite()) continue;
-    const std::optional<TargetPose> refined = RefinePose(camera, observations, start, small_drop);
-    if (!refined) continue;
+    const Rigid3d pose = Rigid3d(camera_from_turned, Eigen::Vector3d::Zero()) * turned_from_centred *
+                         Rigid3d(Eigen::Quaterniond::Identity(), -centre);
+    if (pose.translation.allFinite() && pose.rotation.coeffs().allFinite()) poses.push_back(pose);
+  }
+  return poses;
+}
+
+}  // namespace
+
+std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations) {
+  constexpr double kExact = 1e-10;
+  const PoseReducer reducer(camera, observations);
+  std::vector<TargetPose> poses;
+  for (const Rigid3d& start : StartPoses(camera, observations)) {
+    std::optional<PoseInView> pose = reducer.At(start);
+    if (!pose) continue;
+    const TargetPose refined = Measured(camera, observations, Refined(reducer, std::move(*pose), kExact));
     const bool known = std::any_of(poses.begin(), poses.end(), [&](const TargetPose& other) {
-      return AngleRad(other.camera_from_target, refined->camera_from_target) < DegToRad(0.05);
+      return AngleRad(other.camera_from_target, refined.camera_from_target) < DegToRad(0.05);
     });
-    if (!known) poses.push_back(*refined);
+    if (!known) poses.push_back(refined);
   }
   std::sort(poses.begin(), poses.end(), [](const TargetPose& a, const TargetPose& b) { return a.rms_px < b.rms_px; });
   return poses;
+}
+
+std::optional<TargetPose> EstimateRoughPose(const Camera& camera, const Observations& observations) {
+  constexpr double kRough = 1e-3;
+  const PoseReducer reducer(camera, observations);
+  std::vector<PoseInView> poses;
+  for (const Rigid3d& start : StartPoses(camera, observations)) {
+    std::optional<PoseInView> pose = reducer.At(start);
+    if (pose) poses.push_back(std::move(*pose));
+  }
+  if (poses.empty()) return std::nullopt;
+  const auto by_cost = [](const PoseInView& a, const PoseInView& b) { return a.Cost() < b.Cost(); };
+  std::sort(poses.begin(), poses.end(), by_cost);
+  // A start with so many times the other's squares will not be the better minimum.
+  constexpr double kFarWorse = 10;
+  if (poses.size() > 1 && poses[1].Cost() > kFarWorse * poses[0].Cost()) poses.resize(1);
+  for (PoseInView& pose : poses) pose = Refined(reducer, std::move(pose), kRough);
+  return Measured(camera, observations, *std::min_element(poses.begin(), poses.end(), by_cost));
 }
 
 }  // namespace heba

@@ -20,11 +20,11 @@ struct TargetPose {
 // (Schweighofer and Pinz 2006), and which of them is right the view alone cannot always tell. Started from the two
 // solutions of T. Collins and A. Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014. Empty for fewer
 // than 4 points, points on a line or far from a plane, or points that no pose explains.
-// They are found until a step would change less than `small_drop` of the error's square.
-constexpr double kExactPose = 1e-10;
-constexpr double kRoughPose = 1e-3;
-std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations,
-                                           double small_drop = kExactPose);
+std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations);
+
+// The best of them, to where a step would change less than a thousandth of the error's square: a start for what refines
+// it together with others. Nothing where there is none.
+std::optional<TargetPose> EstimateRoughPose(const Camera& camera, const Observations& observations);
 
 // The homography H, up to scale, that maps (x, y, 1) of the columns of `from` to those of `to` by least squares in
 // normalised coordinates (Hartley's direct linear transform). Nothing for fewer than 4 points or points on a line.

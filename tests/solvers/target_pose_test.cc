@@ -48,11 +48,36 @@ TEST(TargetPoseTest, KeepsBothMinimaOfASmallTarget) {
   EXPECT_GE(right, 58);
 }
 
+// Of small targets, whose two minima are alike, and of large ones; with the right camera and with one of half the focal
+// length.
+TEST(TargetPoseTest, TheRoughPoseIsTheBestOne) {
+  for (const int size : {2, 7}) {
+    TestSceneOptions options;
+    options.points = GridPoints(size, size, 0.04);
+    options.noise_px = 0.3;
+    options.num_captures = 60;
+    const TestScene scene = MakeTestScene(14, options);
+    Camera wrong = scene.camera;
+    wrong.params[0] *= 0.5;
+    wrong.params[1] *= 0.5;
+    for (const Camera& camera : {scene.camera, wrong}) {
+      for (const View& view : scene.views) {
+        const std::vector<TargetPose> poses = EstimateTargetPose(camera, view.observations);
+        const std::optional<TargetPose> rough = EstimateRoughPose(camera, view.observations);
+        ASSERT_FALSE(poses.empty());
+        ASSERT_TRUE(rough.has_value());
+        EXPECT_LT(rough->rms_px, 1.01 * poses.front().rms_px + 1e-3);
+      }
+    }
+  }
+}
+
 TEST(TargetPoseTest, NothingFromTooFewOrCollinearPoints) {
   TestSceneOptions options;
   options.points = GridPoints(3, 1, 0.04);
   const TestScene three = MakeTestScene(1, options);
   EXPECT_TRUE(EstimateTargetPose(three.camera, three.views[0].observations).empty());
+  EXPECT_FALSE(EstimateRoughPose(three.camera, three.views[0].observations));
   options.points = GridPoints(6, 1, 0.04);
   const TestScene line = MakeTestScene(1, options);
   EXPECT_TRUE(EstimateTargetPose(line.camera, line.views[0].observations).empty());
