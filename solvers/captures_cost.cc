@@ -432,7 +432,10 @@ bool CapturesCost::SettleOwnPose(const CaptureTerm& capture, const std::vector<d
       evaluation->own_pose = Retract(first.own_pose, *step);
       is_evaluated = EvaluateCapture(reducer_, capture, parameters, evaluation) && evaluation->Cost() < first.Cost();
     }
-    if (!is_evaluated) evaluation->own_pose = first.own_pose;
+    if (!is_evaluated) {
+      evaluation->own_pose = first.own_pose;
+      if (step) damping *= 10;
+    }
   }
   if (!is_evaluated && !EvaluateCapture(reducer_, capture, parameters, evaluation)) return false;
   for (int i = 0; i < kMaxSteps; ++i) {

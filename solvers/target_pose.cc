@@ -161,10 +161,10 @@ PoseInView Refined(const PoseReducer& reducer, PoseInView here, double small_dro
   return here;
 }
 
-TargetPose Measured(const Camera& camera, const Observations& observations, const PoseInView& pose) {
-  const std::optional<SquaredErrors> errors = ViewErrors(camera, pose.camera_from_target, observations);
+double RmsPxOf(const Camera& camera, const Observations& observations, const Rigid3d& camera_from_target) {
+  const std::optional<SquaredErrors> errors = ViewErrors(camera, camera_from_target, observations);
   CHECK(errors.has_value());
-  return {pose.camera_from_target, *errors->RmsPx(), PoseCovariance(pose.products.matrix.topLeftCorner<6, 6>())};
+  return *errors->RmsPx();
 }
 
 }  // namespace
@@ -243,13 +243,16 @@ std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observati
   const PoseReducer reducer(camera, observations);
   std::vector<TargetPose> poses;
   for (const Rigid3d& start : StartPoses(camera, observations)) {
-    std::optional<PoseInView> pose = reducer.At(start);
-    if (!pose) continue;
-    const TargetPose refined = Measured(camera, observations, Refined(reducer, std::move(*pose), kExact));
+    std::optional<PoseInView> at_start = reducer.At(start);
+    if (!at_start) continue;
+    const PoseInView refined = Refined(reducer, std::move(*at_start), kExact);
+    const Rigid3d& pose = refined.camera_from_target;
     const bool known = std::any_of(poses.begin(), poses.end(), [&](const TargetPose& other) {
-      return AngleRad(other.camera_from_target, refined.camera_from_target) < DegToRad(0.05);
+      return AngleRad(other.camera_from_target, pose) < DegToRad(0.05);
     });
-    if (!known) poses.push_back(refined);
+    if (known) continue;
+    poses.push_back(
+        {pose, RmsPxOf(camera, observations, pose), PoseCovariance(refined.products.matrix.topLeftCorner<6, 6>())});
   }
   std::sort(poses.begin(), poses.end(), [](const TargetPose& a, const TargetPose& b) { return a.rms_px < b.rms_px; });
   return poses;
@@ -270,7 +273,8 @@ std::optional<TargetPose> EstimateRoughPose(const Camera& camera, const Observat
   constexpr double kFarWorse = 10;
   if (poses.size() > 1 && poses[1].Cost() > kFarWorse * poses[0].Cost()) poses.resize(1);
   for (PoseInView& pose : poses) pose = Refined(reducer, std::move(pose), kRough);
-  return Measured(camera, observations, *std::min_element(poses.begin(), poses.end(), by_cost));
+  const Rigid3d& best = std::min_element(poses.begin(), poses.end(), by_cost)->camera_from_target;
+  return TargetPose{best, RmsPxOf(camera, observations, best)};
 }
 
 }  // namespace heba

@@ -23,7 +23,7 @@ struct TargetPose {
 std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations);
 
 // The best of them, to where a step would change less than a thousandth of the error's square: a start for what refines
-// it together with others. Nothing where there is none.
+// it together with others; without a covariance. Nothing where there is none.
 std::optional<TargetPose> EstimateRoughPose(const Camera& camera, const Observations& observations);
 
 // The homography H, up to scale, that maps (x, y, 1) of the columns of `from` to those of `to` by least squares in

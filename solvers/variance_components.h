@@ -10,8 +10,8 @@
 namespace heba {
 
 // Restricted maximum likelihood (Patterson and Thompson 1971) of the three variances given the linearised views, by
-// Fisher scoring; none can become negative, and each becomes zero if the data ask for it. Those not free stay. The last
-// step changes none of them by more than `small_change` of its own uncertainty.
+// Fisher scoring; none can become negative, and each becomes zero if the data ask for it. Those not free stay. It ends
+// with the first step that changes none of them by more than `small_change` of its own uncertainty.
 struct VarianceComponents {
   double pixel = 1;  // Of the views' unit.
   double translation_m2 = 0;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include <Eigen/QR>
+
 #include "heba/base/column_products.h"
 #include "heba/base/error.h"
 #include "heba/base/simd.h"
@@ -310,7 +312,13 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
   if (2 * observations.size() > num_columns_) {
     ViewProducts products;
     if (!Multiply(params, camera_from_target, observations, shape, &products)) return false;
-    reduction->factor = RootOfProducts(products.matrix, 6);
+    reduction->factor = RootOfProducts(products.matrix);
+    // Turned, but for its last row, so that the pose's columns stand in the first six.
+    auto turned = reduction->factor.topRows(num_columns_ - 1);
+    const Eigen::HouseholderQR<Eigen::Matrix<double, Eigen::Dynamic, 6>> qr(turned.leftCols<6>());
+    turned.rightCols(num_columns_ - 6).applyOnTheLeft(qr.householderQ().adjoint());
+    turned.topLeftCorner<6, 6>() = qr.matrixQR().topRows<6>().triangularView<Eigen::Upper>();
+    turned.bottomLeftCorner(num_columns_ - 7, 6).setZero();
     reduction->loss_remainder = products.loss_remainder;
     return true;
   }
@@ -322,7 +330,7 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
   return true;
 }
 
-Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products, int num_first) {
+Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products) {
   const Eigen::Index n = products.cols();
   Eigen::MatrixXd root = Eigen::MatrixXd::Zero(n, n);
   // What is left to explain, scaled to ones on the diagonal: of a symmetric matrix the lower half.
@@ -336,7 +344,9 @@ Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products, int num_first) {
   const double nothing = static_cast<double>(n) * std::numeric_limits<double>::epsilon();
   // The pivots' row, on the way.
   Eigen::VectorXd row(n);
-  const auto eliminate = [&](Eigen::Index step, Eigen::Index pivot) {
+  for (Eigen::Index step = 0; step + 1 < n; ++step) {
+    Eigen::Index pivot = 0;
+    if (rest.diagonal().head(n - 1).maxCoeff(&pivot) <= nothing) break;
     row.head(pivot) = rest.row(pivot).head(pivot).transpose();
     row.tail(n - pivot) = rest.col(pivot).tail(n - pivot);
     row /= std::sqrt(rest(pivot, pivot));
@@ -347,13 +357,7 @@ Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products, int num_first) {
     }
     rest.row(pivot).head(pivot).setZero();
     rest.col(pivot).tail(n - pivot).setZero();
-  };
-  Eigen::Index step = 0;
-  Eigen::Index pivot = 0;
-  for (; step < num_first && rest.diagonal().head(num_first).maxCoeff(&pivot) > nothing; ++step) eliminate(step, pivot);
-  // What is left of them is rounding.
-  rest.leftCols(num_first).setZero();
-  for (; step + 1 < n && rest.diagonal().head(n - 1).maxCoeff(&pivot) > nothing; ++step) eliminate(step, pivot);
+  }
   root(n - 1, n - 1) = std::sqrt(std::max(0.0, rest(n - 1, n - 1))) * lengths[n - 1];
   return root;
 }

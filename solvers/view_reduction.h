@@ -89,8 +89,8 @@ class ViewReducer {
 
 // Rows R with R^T R = `products`, which is positive semidefinite up to rounding, and as many of them as it has; the
 // last one has nothing but its last number. Pivoted Cholesky of the matrix scaled to ones on its diagonal: what is
-// below rounding is zero. Below the first `num_first` rows the first `num_first` columns have nothing.
-Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products, int num_first = 0);
+// below rounding is zero.
+Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products);
 
 // How many of `most` threads a pass over so many points is worth: one takes longer to start than some thousand points.
 int ThreadsFor(int num_points, int most);

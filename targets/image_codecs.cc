@@ -2,39 +2,52 @@
 
 #include <dlfcn.h>
 
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
+#include <stdexcept>
+#include <type_traits>
 
-#include "heba/base/error.h"
+#include <opencv2/imgcodecs.hpp>
 
 namespace heba {
 namespace {
 
-// Functions of OpenCV's, and the names that the compiler gives them.
 using Decode = cv::Mat (*)(cv::InputArray, int);
 using Encode = bool (*)(const cv::String&, cv::InputArray, std::vector<uchar>&, const std::vector<int>&);
-static_assert(sizeof(static_cast<Decode>(&cv::imdecode)) > 0 && sizeof(static_cast<Encode>(&cv::imencode)) > 0);
-constexpr const char* kDecodeSymbol = "_ZN2cv8imdecodeERKNS_11_InputArrayEi";
-constexpr const char* kEncodeSymbol =
-    "_ZN2cv8imencodeERKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEERKNS_11_InputArrayERSt6vectorIhSaIhEE"
-    "RKSB_IiSaIiEE";
-
 struct Codecs {
   Decode decode;
   Encode encode;
 };
 
+#ifdef HEBA_IMAGE_CODECS
+
+// That OpenCV has such functions; below, the names that the compiler gives them.
+static_assert(std::is_same_v<Decode, decltype(static_cast<Decode>(&cv::imdecode))>);
+static_assert(std::is_same_v<Encode, decltype(static_cast<Encode>(&cv::imencode))>);
+constexpr const char* kDecodeSymbol = "_ZN2cv8imdecodeERKNS_11_InputArrayEi";
+constexpr const char* kEncodeSymbol =
+    "_ZN2cv8imencodeERKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEERKNS_11_InputArrayERSt6vectorIhSaIhEE"
+    "RKSB_IiSaIiEE";
+
 void* Found(void* address) {
-  if (address == nullptr) throw InputError(std::string("OpenCV's library for pictures cannot be used: ") + dlerror());
-  return address;
+  if (address != nullptr) return address;
+  const char* const reason = dlerror();
+  throw std::runtime_error(std::string("OpenCV's library for pictures cannot be used (") +
+                           (reason != nullptr ? reason : "") + "); install the OpenCV that heba was built with");
 }
 
+Codecs LoadCodecs() {
+  void* const library = Found(dlopen(HEBA_IMAGE_CODECS, RTLD_LAZY | RTLD_LOCAL));
+  return {reinterpret_cast<Decode>(Found(dlsym(library, kDecodeSymbol))),   // NOLINT
+          reinterpret_cast<Encode>(Found(dlsym(library, kEncodeSymbol)))};  // NOLINT
+}
+
+#else
+
+Codecs LoadCodecs() { return {&cv::imdecode, &cv::imencode}; }
+
+#endif
+
 const Codecs& LoadedCodecs() {
-  static const Codecs codecs = [] {
-    void* const library = Found(dlopen(HEBA_IMAGE_CODECS, RTLD_LAZY | RTLD_LOCAL));
-    return Codecs{reinterpret_cast<Decode>(Found(dlsym(library, kDecodeSymbol))),   // NOLINT
-                  reinterpret_cast<Encode>(Found(dlsym(library, kEncodeSymbol)))};  // NOLINT
-  }();
+  static const Codecs codecs = LoadCodecs();
   return codecs;
 }
 

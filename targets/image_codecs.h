@@ -1,5 +1,5 @@
 // Encoded pictures, by OpenCV's imgcodecs. It brings a hundred libraries, which take longer to load than most commands
-// run: it is loaded when the first picture is decoded or encoded.
+// run: where it is a library of its own, it is loaded when the first picture is decoded or encoded.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace heba {
 
-// All throw InputError if OpenCV's library is not there, and cv::Exception as its functions do.
+// All throw cv::Exception as OpenCV's functions do, and std::runtime_error if its library is not there.
 
 // The picture in `bytes` as it is stored; empty if it cannot be read.
 cv::Mat DecodeImage(const cv::Mat& bytes);

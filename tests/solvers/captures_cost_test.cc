@@ -172,11 +172,17 @@ TEST(CapturesCostTest, OwnPosesAreTheBestForTheSharedUnknowns) {
   EXPECT_NEAR(Evaluate(*cost, there).cost, cost_at(there), 1e-6 * cost_at(there));
 }
 
-// Where they begin changes how they are found, not what: one pose is far off, one capture's points lie on a line.
+// Where they begin changes how they are found, not what: one pose is far off, some so far that a first step of one
+// of them leads astray, and one capture's points lie on a line.
 TEST(CapturesCostTest, OwnPosesThatBeginRoughlyAreTheSame) {
   TestScene scene = NoisyScene();
   Rigid3d& far_off = scene.views[3].camera_mount_from_target_mount;
   far_off = Retract(far_off, Tangent6(0.02, -0.03, 0.01, 0.1, -0.05, 0.08));
+  for (size_t i = 5; i < 12; ++i) {
+    Rigid3d& farther_off = scene.views[i].camera_mount_from_target_mount;
+    const double size = 0.6 * static_cast<double>(i);
+    farther_off = Retract(farther_off, size * Tangent6(0.1, -0.1, 0.1, 0.6, i % 2 == 0 ? 0.4 : -0.4, -0.6));
+  }
   std::vector<bool> on_a_line(static_cast<size_t>(scene.views[4].observations.size()), false);
   std::fill_n(on_a_line.begin(), 3, true);
   scene.views[4].observations = KeepPoints(scene.views[4].observations, on_a_line);

@@ -178,19 +178,33 @@ TEST(ViewReductionTest, ARootHasTheProducts) {
   EXPECT_TRUE(root.bottomRows<1>().leftCols(8).isZero());
 }
 
-TEST(ViewReductionTest, ARootsFirstColumnsStandInItsFirstRows) {
-  for (const int rank_of_first : {6, 3}) {
-    Eigen::MatrixXd rows = Eigen::MatrixXd::Random(40, 11);
-    rows.middleCols(rank_of_first, 6 - rank_of_first) =
-        rows.leftCols(rank_of_first) * Eigen::MatrixXd::Random(rank_of_first, 6 - rank_of_first);
-    rows.col(1) *= 1e6;
-    const Eigen::MatrixXd products = rows.transpose() * rows;
-    const Eigen::MatrixXd root = RootOfProducts(products, 6);
-    const Eigen::VectorXd inverse_lengths = products.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::MatrixXd difference =
-        inverse_lengths.asDiagonal() * (root.transpose() * root - products) * inverse_lengths.asDiagonal();
-    EXPECT_LT(difference.cwiseAbs().maxCoeff(), 1e-13) << rank_of_first;
-    EXPECT_TRUE(root.bottomLeftCorner(11 - rank_of_first, 6).isZero(0)) << rank_of_first;
+// Of an ordinary board, and of points that are nearly on a line, which leave a turn of the pose all but open; with the
+// camera's columns, and without.
+TEST(ViewReductionTest, ThePosesColumnsStandInTheFirstSixRows) {
+  for (const double height : {1.0, 1e-3, 1e-6, 0.0}) {
+    for (const bool has_camera : {true, false}) {
+      TestSceneOptions options;
+      options.points = GridPoints(12, 3, 0.02);
+      options.points.row(1) *= height;
+      options.noise_px = 0.5;
+      const TestScene scene = MakeTestScene(2, options);
+      const View& view = scene.views[0];
+      const Rigid3d pose = scene.pairs[0].camera_from_target;
+      const FreeParameters free(scene.camera.params.size(), has_camera);
+      const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss("none"));
+      ViewProducts products;
+      ViewReduction reduction;
+      ASSERT_TRUE(reducer.Multiply(scene.camera.params.data(), pose, view.observations, nullptr, &products));
+      ASSERT_TRUE(reducer.Reduce(scene.camera.params.data(), pose, view.observations, nullptr, &reduction));
+      const Eigen::MatrixXd& factor = reduction.factor;
+      ASSERT_EQ(factor.rows(), reducer.num_columns());
+      EXPECT_TRUE(factor.bottomLeftCorner(factor.rows() - 6, 6).isZero(0));
+      EXPECT_TRUE(factor.bottomRows<1>().leftCols(factor.cols() - 1).isZero(0));
+      const Eigen::VectorXd inverse_lengths = products.matrix.diagonal().cwiseSqrt().cwiseInverse();
+      const Eigen::MatrixXd difference =
+          inverse_lengths.asDiagonal() * (factor.transpose() * factor - products.matrix) * inverse_lengths.asDiagonal();
+      EXPECT_LT(difference.cwiseAbs().maxCoeff(), 1e-7) << height << " " << has_camera;
+    }
   }
 }
 

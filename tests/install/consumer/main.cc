@@ -1,9 +1,11 @@
-// What a program that uses heba as a library looks like: solves a small exact problem, and makes a target.
+// What a program that uses heba as a library looks like: solves a small exact problem, makes a target,
+// and writes a picture.
 #include <cmath>
 #include <cstdio>
 
 #include "heba/camera/camera.h"
 #include "solvers/hand_eye_method.h"
+#include "targets/image.h"
 #include "targets/target.h"
 
 int main() {
@@ -21,6 +23,8 @@ int main() {
   if (!found || heba::DistanceM(found->camera_mount_from_camera, truth.camera_mount_from_camera) > 1e-9) return 1;
   heba::MapReader reader(heba::ParseYaml("{type: chessboard, rows: 6, columns: 8, square: 30 mm}", "board"));
   const std::unique_ptr<heba::Target> target = heba::CreateTarget(reader);
+  // Pictures' formats are loaded at run time, from wherever the program is.
+  if (heba::SmallJpeg(cv::Mat::zeros(48, 64, CV_8UC1), 32).empty()) return 1;
   std::printf("%zu points\n", target->points().size());
   return target->points().size() == 48 ? 0 : 1;
 }
