@@ -339,7 +339,9 @@ TEST(CapturesCostTest, PredictsWhatANewtonStepGains) {
 
 TEST(CapturesCostTest, HasTheSameBytesForAnyNumberOfThreads) {
   // Many captures of few points, and fewer of many.
-  for (const auto& [num_captures, columns] : {std::pair{2600, 4}, std::pair{64, 160}}) {
+  for (const std::pair<int, int>& size : {std::pair{2600, 4}, std::pair{64, 160}}) {
+    const int num_captures = size.first;
+    const int columns = size.second;
     TestScene scene = NoisyScene([&](TestSceneOptions* options) {
       options->num_captures = 64;
       options->points = GridPoints(columns, 4, 0.6 / columns);
