@@ -409,48 +409,29 @@ bool CapturesCost::EvaluateCapture(const ViewReducer& reducer, const CaptureTerm
 bool CapturesCost::SettleOwnPose(const CaptureTerm& capture, const std::vector<double>& parameters,
                                  Evaluation* evaluation) const {
   constexpr int kMaxSteps = 30;
+  constexpr double kSettled = 1e-2;  // Of the cost: the rest is the joint solve's.
   constexpr double kLeastDamping = 1e-6;
   double damping = kLeastDamping;
-  // Nothing where little is to be gained.
-  const auto step_from = [&](const Evaluation& from) -> std::optional<Tangent6> {
-    constexpr double kSettled = 1e-2;  // Of the cost: the rest is the joint solve's.
-    const auto gradient = from.with_others.rightCols<1>();
-    Matrix6 damped = from.own;
+  // Where it will hardly stay, the other columns are not asked for.
+  bool has_all_columns = !(options_.own_poses_are_rough && accepted_ == nullptr);
+  if (!EvaluateCapture(has_all_columns ? reducer_ : pose_reducer_, capture, parameters, evaluation)) return false;
+  for (int i = 0; i < kMaxSteps; ++i) {
+    const auto gradient = evaluation->with_others.rightCols<1>();
+    Matrix6 damped = evaluation->own;
     damped.diagonal() *= 1 + damping;
     const Tangent6 step = -damped.ldlt().solve(gradient);
-    if (!(-step.dot(gradient) > kSettled * from.Cost())) return std::nullopt;
-    return step;
-  };
-  bool is_evaluated = false;
-  if (options_.own_poses_are_rough && accepted_ == nullptr) {
-    // Where it will hardly stay, the other columns are not asked for.
-    Evaluation first;
-    first.own_pose = evaluation->own_pose;
-    if (!EvaluateCapture(pose_reducer_, capture, parameters, &first)) return false;
-    const std::optional<Tangent6> step = step_from(first);
-    if (step) {
-      evaluation->own_pose = Retract(first.own_pose, *step);
-      is_evaluated = EvaluateCapture(reducer_, capture, parameters, evaluation) && evaluation->Cost() < first.Cost();
-    }
-    if (!is_evaluated) {
-      evaluation->own_pose = first.own_pose;
-      if (step) damping *= 10;
-    }
-  }
-  if (!is_evaluated && !EvaluateCapture(reducer_, capture, parameters, evaluation)) return false;
-  for (int i = 0; i < kMaxSteps; ++i) {
-    const std::optional<Tangent6> step = step_from(*evaluation);
-    if (!step) break;
+    if (!(-step.dot(gradient) > kSettled * evaluation->Cost())) break;
     Evaluation moved;
-    moved.own_pose = Retract(evaluation->own_pose, *step);
+    moved.own_pose = Retract(evaluation->own_pose, step);
     if (EvaluateCapture(reducer_, capture, parameters, &moved) && moved.Cost() < evaluation->Cost()) {
       *evaluation = std::move(moved);
+      has_all_columns = true;
       damping = std::max(kLeastDamping, 0.1 * damping);
     } else {
       damping *= 10;
     }
   }
-  return true;
+  return has_all_columns || EvaluateCapture(reducer_, capture, parameters, evaluation);
 }
 
 std::vector<Rigid3d> CapturesCost::OwnPoses() const {

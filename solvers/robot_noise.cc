@@ -1,5 +1,7 @@
 #include "solvers/robot_noise.h"
 
+#include <cmath>
+
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
@@ -11,6 +13,20 @@
 #include "solvers/view_reduction.h"
 
 namespace heba {
+namespace {
+
+// p I + G Q G^T, where G is the first `rows` of a view's rows by its correction.
+Eigen::MatrixXd CovarianceOfRows(const LinearView& view, Eigen::Index rows, double pixel_variance,
+                                 double translation_m2, double rotation_rad2) {
+  Tangent6 sigmas;
+  sigmas << Eigen::Vector3d::Constant(std::sqrt(translation_m2)), Eigen::Vector3d::Constant(std::sqrt(rotation_rad2));
+  const RowMajorMatrix by_sigmas = view.by_correction.topRows(rows) * sigmas.asDiagonal();
+  Eigen::MatrixXd covariance = by_sigmas.lazyProduct(by_sigmas.transpose());
+  covariance.diagonal().array() += pixel_variance;
+  return covariance;
+}
+
+}  // namespace
 
 Rigid3d CameraFromTarget(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
                          const Rigid3d& correction) {
@@ -96,25 +112,17 @@ std::optional<std::vector<LinearView>> LineariseViewsAt(const Problem& problem, 
 
 Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance, double translation_m2,
                                    double rotation_rad2) {
-  const Eigen::Index rows = view.offset.size();
-  const auto translation = view.by_correction.leftCols<3>();
-  const auto rotation = view.by_correction.rightCols<3>();
-  return pixel_variance * Eigen::MatrixXd::Identity(rows, rows) +
-         translation_m2 * translation * translation.transpose() + rotation_rad2 * rotation * rotation.transpose();
+  return CovarianceOfRows(view, view.offset.size(), pixel_variance, translation_m2, rotation_rad2);
 }
 
 RowMajorMatrix WhitenedRows(const LinearView& view, double pixel_variance, double translation_m2,
                             double rotation_rad2) {
   const Eigen::Index n = view.by_unknowns.cols();
   const Eigen::Index num_moved = view.offset.size() - view.num_unmoved;
-  Tangent6 sigmas;
-  sigmas << Eigen::Vector3d::Constant(std::sqrt(translation_m2)), Eigen::Vector3d::Constant(std::sqrt(rotation_rad2));
   RowMajorMatrix moved(num_moved, n + 1);
   moved << view.by_unknowns.topRows(num_moved), view.offset.head(num_moved);
-  const RowMajorMatrix by_sigmas = view.by_correction.topRows(num_moved) * sigmas.asDiagonal();
-  Eigen::MatrixXd covariance = by_sigmas.lazyProduct(by_sigmas.transpose());
-  covariance.diagonal().array() += pixel_variance;
-  const Eigen::LLT<Eigen::MatrixXd> root(covariance);
+  const Eigen::LLT<Eigen::MatrixXd> root(
+      CovarianceOfRows(view, num_moved, pixel_variance, translation_m2, rotation_rad2));
   CHECK(root.info() == Eigen::Success);
   SolveLowerInPlace(root.matrixLLT(), &moved);
   const double root_weight = 1 / std::sqrt(pixel_variance);

@@ -200,7 +200,7 @@ std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Poi
 namespace {
 
 // The two solutions of the plane; none as EstimateTargetPose has it.
-std::vector<Rigid3d> StartPoses(const Camera& camera, const Observations& observations) {
+std::vector<PoseInView> StartPoses(const PoseReducer& reducer, const Camera& camera, const Observations& observations) {
   const int n = observations.size();
   if (n < 4) return {};
   // Rays, turned so that their mean looks along z: x / z and y / z then stay small for fisheye lenses too.
@@ -226,12 +226,14 @@ std::vector<Rigid3d> StartPoses(const Camera& camera, const Observations& observ
   const std::optional<Eigen::Matrix3d> homography = EstimateHomography(centred.topRows<2>(), normalised);
   if (!homography || std::abs((*homography)(2, 2)) < 1e-12) return {};
 
-  std::vector<Rigid3d> poses;
+  std::vector<PoseInView> poses;
   for (const Eigen::Matrix3d& rotation : PlaneRotations(*homography)) {
     const Rigid3d turned_from_centred(rotation, TranslationOnRays(rotation, centred, normalised));
     const Rigid3d pose = Rigid3d(camera_from_turned, Eigen::Vector3d::Zero()) * turned_from_centred *
                          Rigid3d(Eigen::Quaterniond::Identity(), -centre);
-    if (pose.translation.allFinite() && pose.rotation.coeffs().allFinite()) poses.push_back(pose);
+    if (!pose.translation.allFinite() || !pose.rotation.coeffs().allFinite()) continue;
+    std::optional<PoseInView> in_view = reducer.At(pose);
+    if (in_view) poses.push_back(std::move(*in_view));
   }
   return poses;
 }
@@ -242,10 +244,8 @@ std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observati
   constexpr double kExact = 1e-10;
   const PoseReducer reducer(camera, observations);
   std::vector<TargetPose> poses;
-  for (const Rigid3d& start : StartPoses(camera, observations)) {
-    std::optional<PoseInView> at_start = reducer.At(start);
-    if (!at_start) continue;
-    const PoseInView refined = Refined(reducer, std::move(*at_start), kExact);
+  for (PoseInView& start : StartPoses(reducer, camera, observations)) {
+    const PoseInView refined = Refined(reducer, std::move(start), kExact);
     const Rigid3d& pose = refined.camera_from_target;
     const bool known = std::any_of(poses.begin(), poses.end(), [&](const TargetPose& other) {
       return AngleRad(other.camera_from_target, pose) < DegToRad(0.05);
@@ -261,11 +261,7 @@ std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observati
 std::optional<TargetPose> EstimateRoughPose(const Camera& camera, const Observations& observations) {
   constexpr double kRough = 1e-3;
   const PoseReducer reducer(camera, observations);
-  std::vector<PoseInView> poses;
-  for (const Rigid3d& start : StartPoses(camera, observations)) {
-    std::optional<PoseInView> pose = reducer.At(start);
-    if (pose) poses.push_back(std::move(*pose));
-  }
+  std::vector<PoseInView> poses = StartPoses(reducer, camera, observations);
   if (poses.empty()) return std::nullopt;
   const auto by_cost = [](const PoseInView& a, const PoseInView& b) { return a.Cost() < b.Cost(); };
   std::sort(poses.begin(), poses.end(), by_cost);

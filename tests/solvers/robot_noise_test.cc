@@ -182,7 +182,12 @@ TEST(LinearViewTest, WhitenedRowsHaveTheCovariancesInverse) {
       constexpr double kPixelVariance = 1.3;
       const double translation_m2 = kTranslationM * kTranslationM;
       const double rotation_rad2 = kRotationRad * kRotationRad;
-      const Eigen::MatrixXd covariance = MarginalCovariance(view, kPixelVariance, translation_m2, rotation_rad2);
+      const auto by_translation = view.by_correction.leftCols<3>();
+      const auto by_rotation = view.by_correction.rightCols<3>();
+      Eigen::MatrixXd covariance = translation_m2 * by_translation * by_translation.transpose() +
+                                   rotation_rad2 * by_rotation * by_rotation.transpose();
+      covariance.diagonal().array() += kPixelVariance;
+      EXPECT_TRUE(MarginalCovariance(view, kPixelVariance, translation_m2, rotation_rad2).isApprox(covariance, 1e-12));
       Eigen::MatrixXd rows(view.offset.size(), view.by_unknowns.cols() + 1);
       rows << view.by_unknowns, view.offset;
       const Eigen::MatrixXd expected = rows.transpose() * covariance.ldlt().solve(rows);

@@ -2,6 +2,7 @@
 // what it keeps from one place to the next.
 #include "targets/pattern_rows.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -34,8 +35,9 @@ struct Scene {
     pattern.albedo.resize(kCells, kCells);
     for (Eigen::Index i = 0; i < pattern.albedo.size(); ++i) pattern.albedo.data()[i] = rng.Uniform(0, 1) < 0.5 ? 0 : 1;
     map.form = form;
-    const double start[3][3] = {{60, 8, 200}, {-6, 55, 150}, {0.02, -0.03, 1}};
-    std::copy(&start[0][0], &start[0][0] + 9, &map.start[0][0]);
+    Eigen::Matrix<double, 3, 3, Eigen::RowMajor> start;
+    start << 60, 8, 200, -6, 55, 150, 0.02, -0.03, 1;
+    std::copy_n(start.data(), start.size(), &map.start[0][0]);
     map.middle_px[0] = 200;
     map.middle_px[1] = 150;
     map.size_px = 60;
@@ -50,9 +52,7 @@ struct Scene {
     if (form == MapForm::kAffine || form == MapForm::kQuadratic) params.tail<3>().setZero();
     for (int v = 85; v < 215; v += 3) {
       for (int u = 130; u < 270; u += 2) {
-        Eigen::Matrix3d homography;
-        homography << 60, 8, 200, -6, 55, 150, 0.02, -0.03, 1;
-        const Eigen::Vector2d unit = (homography.inverse() * Eigen::Vector3d(u, v, 1)).hnormalized();
+        const Eigen::Vector2d unit = (start.inverse() * Eigen::Vector3d(u, v, 1)).hnormalized();
         if (unit.cwiseAbs().maxCoeff() > 0.97) continue;
         pixels.push_back({static_cast<double>(u), static_cast<double>(v), rng.Uniform(40, 200), unit.x(), unit.y()});
       }
