@@ -17,6 +17,7 @@
 #include "solvers/inliers.h"
 #include "solvers/motion_analysis.h"
 #include "solvers/noise_scale.h"
+#include "solvers/repeated_poses.h"
 #include "solvers/reprojection_problem.h"
 #include "solvers/robot_noise.h"
 #include "solvers/variance_components.h"
@@ -29,7 +30,8 @@ struct State {
   HandEye hand_eye;
   Camera camera;
   TargetShape shape;
-  std::vector<Rigid3d> corrections;  // Of each view's robot pose; empty with an exact robot.
+  // Of each view's robot pose, the same for views of one pose; empty with an exact robot.
+  std::vector<Rigid3d> corrections;
 };
 
 // Of each view, its points' squared distances, whitened; nothing if a point has no image.
@@ -74,14 +76,16 @@ struct Noise {
   std::optional<RobotNoise> robot;
 };
 
-double Cost(const ViewDistances& squared_distances, const State& state, const Noise& noise, const Loss& loss) {
+double Cost(const ViewDistances& squared_distances, const State& state, const PoseGroups& groups, const Noise& noise,
+            const Loss& loss) {
   const double per_px2 = 1 / (noise.pixel_px * noise.pixel_px);
   double sum = 0;
   for (const std::optional<std::vector<double>>& view : squared_distances) {
     for (size_t i = 0; view && i < view->size(); ++i) sum += loss.rho((*view)[i] * per_px2);
   }
-  for (const Rigid3d& correction : state.corrections) {
-    const Tangent6 tangent = LocalCoordinates(Rigid3d(), correction);
+  for (const std::vector<size_t>& group : groups) {
+    if (state.corrections.empty()) break;
+    const Tangent6 tangent = LocalCoordinates(Rigid3d(), state.corrections[group.front()]);
     sum += tangent.head<3>().squaredNorm() / (noise.robot->translation_m * noise.robot->translation_m) +
            tangent.tail<3>().squaredNorm() / (noise.robot->rotation_rad * noise.robot->rotation_rad);
   }
@@ -120,14 +124,16 @@ LinearView PriorView(const CameraPrior& prior, const Camera& camera, const FreeP
   return view;
 }
 
-// All that is known, linearised: the captures and, if there is one, the prior.
-std::optional<std::vector<LinearView>> Linearise(const Problem& problem, const State& state, const FreeParameters& free,
-                                                 const Noise& noise, const Loss& loss, double prior_row_variance,
-                                                 const std::optional<CameraPrior>& prior) {
+// All that is known, linearised: the captures, one view for each pose of the robot, and, if there is one, the prior.
+std::optional<std::vector<LinearView>> Linearise(const Problem& problem, const State& state, const PoseGroups& groups,
+                                                 const FreeParameters& free, const Noise& noise, const Loss& loss,
+                                                 double prior_row_variance, const std::optional<CameraPrior>& prior) {
   std::optional<std::vector<LinearView>> views =
       LineariseViews({state.camera, problem.views, problem.setup, state.shape}, state.hand_eye, state.corrections, free,
                      noise.pixel_px, loss);
-  if (views && prior) views->push_back(PriorView(*prior, state.camera, free, prior_row_variance));
+  if (!views) return views;
+  views = StackGroups(*views, groups);
+  if (prior) views->push_back(PriorView(*prior, state.camera, free, prior_row_variance));
   return views;
 }
 
@@ -149,8 +155,9 @@ struct Unknowns {
 };
 
 // The cost of the problem's captures, their corrections, if there are any, from the state's.
-std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const FreeParameters& free, const State& state,
-                                       const std::optional<RobotNoise>& correction_noise, CapturesCostOptions options) {
+std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const PoseGroups& groups, const FreeParameters& free,
+                                       const State& state, const std::optional<RobotNoise>& correction_noise,
+                                       CapturesCostOptions options) {
   const CameraModel& model = state.camera.Model();
   options.free = free;
   if (HasShape(free, model)) options.shape = state.shape;
@@ -162,11 +169,22 @@ std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const FreeParamet
         return correction.translation.isZero(0) && correction.rotation.vec().isZero(0);
       });
   std::vector<CaptureTerm> captures;
-  for (size_t i = 0; i < problem.views.size(); ++i) {
-    const Rigid3d& mount = problem.views[i].camera_mount_from_target_mount;
-    captures.push_back({&problem.views[i].observations,
-                        options.has_own_pose ? MakeCorrectedChain(problem.setup, mount) : MakeHandEyeChain(mount),
-                        state.corrections.empty() ? Rigid3d() : state.corrections[i]});
+  if (options.has_own_pose) {
+    for (const std::vector<size_t>& group : groups) {
+      const auto chain_of = [&](size_t i) {
+        return MakeCorrectedChain(problem.setup, problem.views[i].camera_mount_from_target_mount);
+      };
+      const size_t first = group.front();
+      CaptureTerm& term = captures.emplace_back(&problem.views[first].observations, chain_of(first),
+                                                state.corrections.empty() ? Rigid3d() : state.corrections[first]);
+      for (size_t k = 1; k < group.size(); ++k) {
+        term.views.push_back({&problem.views[group[k]].observations, chain_of(group[k])});
+      }
+    }
+  } else {
+    for (const View& view : problem.views) {
+      captures.emplace_back(&view.observations, MakeHandEyeChain(view.camera_mount_from_target_mount));
+    }
   }
   return std::make_unique<CapturesCost>(model, std::move(captures), std::move(options));
 }
@@ -199,7 +217,8 @@ std::optional<CapturesProducts> ProductsOf(const std::optional<KnownProducts>& k
 
 // An estimate under way.
 struct Fit {
-  SharedProblem problem;  // Of the points that count, weighted by what is known of them.
+  SharedProblem problem;                     // Of the points that count, weighted by what is known of them.
+  std::shared_ptr<const PoseGroups> groups;  // Of its views, whatever their points.
   State state;
   Noise noise;
   RobotNoise robot_stddev;
@@ -234,7 +253,7 @@ ceres::Solver::Summary Minimise(const FreeParameters& free, const Loss& loss, Sc
   const bool has_corrections = !state->corrections.empty();
   if (!has_corrections) options.known = ProductsOf(fit->known, fit->problem, loss, noise.pixel_px);
   const std::unique_ptr<CapturesCost> cost =
-      MakeCost(problem, free, *state, has_corrections ? noise.robot : std::nullopt, options);
+      MakeCost(problem, *fit->groups, free, *state, has_corrections ? noise.robot : std::nullopt, options);
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem ceres_problem(problem_options);
@@ -262,8 +281,10 @@ ceres::Solver::Summary Minimise(const FreeParameters& free, const Loss& loss, Sc
   state->hand_eye = {FromBlock(hand_eye), FromBlock(board)};
   state->camera.params.assign(params, params + NumParams(model));
   if (has_shape) std::copy_n(params + NumParams(model), state->shape.params.size(), state->shape.params.begin());
-  std::vector<Rigid3d> corrections = cost->OwnPoses();
-  if (!corrections.empty()) state->corrections = std::move(corrections);
+  const std::vector<Rigid3d> corrections = cost->OwnPoses();
+  for (size_t g = 0; g < corrections.size(); ++g) {
+    for (const size_t i : (*fit->groups)[g]) state->corrections[i] = corrections[g];
+  }
   if (summary.termination_type == ceres::CONVERGENCE && !has_corrections &&
       cost->Accepted().parameters == unknowns.all) {
     fit->known = KnownProducts{fit->problem, &loss, noise.pixel_px, cost->Accepted()};
@@ -288,18 +309,20 @@ struct EstimatedNoise {
 };
 
 // The noise that explains the residuals best.
-EstimatedNoise EstimateNoise(const Problem& problem, const State& state, const FreeParameters& free, const Noise& noise,
-                             const Loss& loss, const BundleOptions& options) {
+EstimatedNoise EstimateNoise(const Fit& fit, const FreeParameters& free, const Loss& loss,
+                             const BundleOptions& options) {
+  const Noise& noise = fit.noise;
   const bool pixel_is_free = !options.pixel_noise_px;
   const bool robot_is_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
   const std::optional<std::vector<LinearView>> views =
-      Linearise(problem, state, free, noise, loss, loss.consistency, options.camera_prior);
+      Linearise(*fit.problem, fit.state, *fit.groups, free, noise, loss, loss.consistency, options.camera_prior);
   CHECK(views.has_value()) << "Ceres accepted a step that hides a point";
   VarianceComponents start;
   start.pixel = loss.consistency;
   start.translation_m2 = noise.robot->translation_m * noise.robot->translation_m;
   start.rotation_rad2 = noise.robot->rotation_rad * noise.robot->rotation_rad;
-  const VarianceComponents found = EstimateVariances(*views, start, pixel_is_free, robot_is_free);
+  const VarianceComponents found = EstimateVariances(*views, start, pixel_is_free, robot_is_free, kExactVariances,
+                                                     options.robot_noise_prior ? &*options.robot_noise_prior : nullptr);
   EstimatedNoise result;
   result.noise.pixel_px = std::max(kMinSigmaPx, noise.pixel_px * std::sqrt(found.pixel / loss.consistency));
   result.noise.robot = AtLeastExact({std::sqrt(found.translation_m2), std::sqrt(found.rotation_rad2)});
@@ -323,7 +346,7 @@ std::optional<Information> InformationAt(const FreeParameters& free, const Loss&
     // Averaged over the corrections. Eliminating them from the products would be the same but for its cancellation,
     // which leaves nothing where pictures are far more exact than the robot.
     const std::optional<std::vector<LinearView>> views =
-        Linearise(problem, state, free, noise, loss, factor, bundle_options.camera_prior);
+        Linearise(problem, state, *fit->groups, free, noise, loss, factor, bundle_options.camera_prior);
     if (!views) return std::nullopt;
     return Information{UnknownNames(model, free), MarginalInformation(*views, *noise.robot, factor)};
   }
@@ -334,7 +357,8 @@ std::optional<Information> InformationAt(const FreeParameters& free, const Loss&
   options.known = ProductsOf(fit->known, fit->problem, loss, noise.pixel_px);
   Unknowns unknowns(state, HasShape(free, model));
   const double* const blocks[] = {unknowns.hand_eye(), unknowns.board(), unknowns.params()};
-  std::optional<CapturesProducts> products = MakeCost(problem, free, state, std::nullopt, options)->ProductsAt(blocks);
+  std::optional<CapturesProducts> products =
+      MakeCost(problem, *fit->groups, free, state, std::nullopt, options)->ProductsAt(blocks);
   if (!products) return std::nullopt;
   const Eigen::Index num_unknowns = products->matrix.cols() - 1;
   Information information{UnknownNames(model, free),
@@ -454,7 +478,7 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
     if (options.pixel_noise_px && !estimates_robot) break;
     Noise next = fit.noise;
     if (has_robot_noise) {
-      const EstimatedNoise estimated = EstimateNoise(*fit.problem, fit.state, free, fit.noise, loss, options);
+      const EstimatedNoise estimated = EstimateNoise(fit, free, loss, options);
       next = estimated.noise;
       fit.robot_stddev = estimated.robot_stddev;
       fit.dof = estimated.dof;
@@ -595,6 +619,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   constexpr double kLittleNoisePx = 0.05;
   Fit fit;
   fit.problem = visible;
+  fit.groups = std::make_shared<const PoseGroups>(GroupByRobotPose(problem.setup, problem.views));
   fit.state = start_state;
   fit.noise.pixel_px = options.pixel_noise_px.value_or(kLittleNoisePx);
   const std::optional<Information> start_information = InformationAt(free, *FindLoss("none"), options, &fit);
@@ -608,10 +633,8 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   fit.noise.pixel_px = options.pixel_noise_px ? *options.pixel_noise_px : SigmaFromMedian(Joined(start_distances));
   if (options.robot != BundleOptions::Robot::kExact) {
     fit.state.corrections.assign(problem.views.size(), Rigid3d());
-    // Where nothing is known: a robot of the poorer kind. The estimate does not depend on it.
-    constexpr RobotNoise kPoorRobot = {1e-3, 2e-3};
-    fit.noise.robot =
-        AtLeastExact(options.robot == BundleOptions::Robot::kEstimatedNoise ? kPoorRobot : options.robot_noise);
+    fit.noise.robot = AtLeastExact(options.robot == BundleOptions::Robot::kEstimatedNoise ? options.robot_noise_start
+                                                                                          : options.robot_noise);
   }
   const double detector_px = TypicalDetectorSigma(problem.views).value_or(0);
   if (options.pixel_noise_px && detector_px > 0) fit.excess_px = ExcessPx(*options.pixel_noise_px, detector_px);
@@ -637,9 +660,10 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
     }
   }
   solution.convergence = settled->convergence;
-  solution.convergence.initial_cost = Cost(start_distances, start_state, settled->noise, loss);
-  solution.convergence.final_cost =
-      Cost(DistancesAt(*settled->problem, settled->state, options.num_threads), settled->state, settled->noise, loss);
+  const PoseGroups& groups = *settled->groups;
+  solution.convergence.initial_cost = Cost(start_distances, start_state, groups, settled->noise, loss);
+  solution.convergence.final_cost = Cost(DistancesAt(*settled->problem, settled->state, options.num_threads),
+                                         settled->state, groups, settled->noise, loss);
   const std::optional<Information> information = InformationAt(free, loss, options, &*settled);
   CHECK(information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
@@ -650,6 +674,31 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
     return *failure;
   }
   return solution;
+}
+
+double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options) {
+  const FreeParameters free = FreeOf(solution.camera.Model(), options);
+  const Loss& loss = LossOfKept(options);
+  const State state{solution.hand_eye, solution.camera, solution.shape, solution.corrections};
+  const Noise noise{solution.pixel_sigma_px, solution.robot_noise};
+  const std::optional<std::vector<LinearView>> views =
+      Linearise(problem, state, GroupByRobotPose(problem.setup, problem.views), free, noise, loss, loss.consistency,
+                options.camera_prior);
+  if (!views) return -std::numeric_limits<double>::infinity();
+  VarianceComponents variances;
+  variances.pixel = loss.consistency;
+  const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
+  variances.translation_m2 = robot.translation_m * robot.translation_m;
+  variances.rotation_rad2 = robot.rotation_rad * robot.rotation_rad;
+  const Eigen::Index num_shape =
+      HasShape(free, solution.camera.Model()) ? std::count(free.end() - TargetShape::kNumParams, free.end(), true) : 0;
+  const double in_views_unit =
+      RestrictedLogLikelihood(*views, variances, 12 + NumFree(free) - num_shape,
+                              options.robot_noise_prior ? &*options.robot_noise_prior : nullptr);
+  // The views' unit is the pixel sigma, which differs from model to model.
+  double num_rows = 0;
+  for (const LinearView& view : *views) num_rows += static_cast<double>(view.offset.size() + view.num_rest);
+  return in_views_unit - num_rows * std::log(solution.pixel_sigma_px);
 }
 
 }  // namespace heba

@@ -9,6 +9,7 @@
 #include "heba/base/error.h"
 #include "heba/data/solution.h"
 #include "solvers/information.h"
+#include "solvers/variance_components.h"
 
 namespace heba {
 
@@ -31,6 +32,10 @@ struct BundleOptions {
   enum class Robot { kExact, kGivenNoise, kEstimatedNoise };
   Robot robot = Robot::kExact;
   RobotNoise robot_noise;  // For kGivenNoise.
+  // For kEstimatedNoise: what is known of it before, where the captures are too few to tell it.
+  std::optional<RobotNoisePrior> robot_noise_prior;
+  // For kEstimatedNoise: where the search for it begins. By default a robot of the poorer kind.
+  RobotNoise robot_noise_start = {1e-3, 2e-3};
   // Counts like further measurements of the parameters that are free.
   std::optional<CameraPrior> camera_prior;
   int max_iterations = 200;
@@ -54,5 +59,10 @@ const Loss& LossOfKept(const BundleOptions& options);
 // free parameters, with the loss's factor (solvers/loss.h); with a noisy robot its corrections (solvers/robot_noise.h)
 // are unknowns too, six a view with the robot's noise as their prior, and the covariance is averaged over them.
 Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options);
+
+// The restricted log-likelihood (solvers/variance_components.h) of the problem's points at a solution of it, of which
+// the parameters beside the target's shape are common to all models. Comparable between solutions of one problem whose
+// points have the same weights. Minus infinity if a point has no image.
+double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options);
 
 }  // namespace heba

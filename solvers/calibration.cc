@@ -19,61 +19,11 @@
 #include "solvers/pose_selection.h"
 #include "solvers/target_pose.h"
 #include "solvers/two_step_motion.h"
+#include "solvers/usable_views.h"
+#include "solvers/wrong_captures.h"
 
 namespace heba {
 namespace {
-
-constexpr int kMinPoints = 4;
-
-// Views sorted by what they can serve.
-struct SortedViews {
-  std::vector<View> posed;  // With a pose of their own.
-  std::vector<std::vector<TargetPose>> poses;
-  std::vector<View> misfits;  // Their points do not lie on one plane: some or all of them are wrong.
-  std::vector<std::string> misfit_reasons;
-  std::vector<UnusedView> unused;
-};
-
-SortedViews SortViews(const std::vector<View>& views, const Camera& camera) {
-  SortedViews sorted;
-  std::vector<double> rms;
-  for (const View& view : views) {
-    if (view.observations.size() < kMinPoints) {
-      sorted.unused.push_back(
-          {view.name, std::to_string(view.observations.size()) + " points, 4 are needed for a pose"});
-      continue;
-    }
-    std::vector<TargetPose> found = EstimateTargetPose(camera, view.observations);
-    if (found.empty()) {
-      sorted.misfits.push_back(view);
-      sorted.misfit_reasons.emplace_back("no pose of the target explains its points");
-      continue;
-    }
-    rms.push_back(found.front().rms_px);
-    sorted.posed.push_back(view);
-    sorted.poses.push_back(std::move(found));
-  }
-  if (rms.size() < 3) return sorted;
-  // When the points of the others lie on one plane.
-  const double median = Median(rms);
-  const double limit_px = std::max(3.0, 8.0 * median);
-  SortedViews kept;
-  kept.misfits = std::move(sorted.misfits);
-  kept.misfit_reasons = std::move(sorted.misfit_reasons);
-  kept.unused = std::move(sorted.unused);
-  for (size_t i = 0; i < sorted.posed.size(); ++i) {
-    if (rms[i] > limit_px) {
-      kept.misfits.push_back(std::move(sorted.posed[i]));
-      kept.misfit_reasons.push_back("its points do not fit the target (" + Significant(rms[i], 2) +
-                                    " px rms, half of the captures are below " + Significant(median, 2) +
-                                    "): probably read wrongly");
-      continue;
-    }
-    kept.posed.push_back(std::move(sorted.posed[i]));
-    kept.poses.push_back(std::move(sorted.poses[i]));
-  }
-  return kept;
-}
 
 // Views with too few points for a pose of their own can still refine what the others found: in the chain each point
 // counts. Those that agree with the refinement join it; it stays as it was if the larger one fails.
@@ -92,7 +42,7 @@ void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& 
         std::find_if(views.begin(), views.end(), [&](const View& candidate) { return candidate.name == entry.name; });
     CHECK(view != views.end());
     const int num_points = view->observations.size();
-    if (num_points == 0 || num_points >= kMinPoints) {
+    if (num_points == 0 || num_points >= kMinPosePoints) {
       unused.push_back(entry);
       continue;
     }
@@ -111,7 +61,7 @@ void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& 
     return;
   }
   Outcome<Solution> refined =
-      RefineHandEye({solution.camera, joined, options.setup, options.shape}, solution.hand_eye, options.bundle);
+      RefineHandEye({solution.camera, joined, options.setup, solution.shape}, solution.hand_eye, calibration->bundle);
   if (!refined) return;
   calibration->refined = std::move(refined);
   calibration->views = std::move(joined);
@@ -184,9 +134,7 @@ std::vector<MethodResult> Reported(const std::vector<MethodResult>& results, con
 }
 
 // What a capture's picture says about its pose, in words.
-std::string WhyWrong(const Calibration& calibration, size_t view, double p_value, const Solution& solution,
-                     Setup setup) {
-  View entry = calibration.views[view];
+std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup setup) {
   entry.observations = Shaped(entry.observations, solution.shape);
   const std::vector<PosePair> seen = PairsAsSeen(solution.camera, solution.hand_eye, {entry});
   const std::optional<SquaredErrors> own =
@@ -207,40 +155,161 @@ std::string WhyWrong(const Calibration& calibration, size_t view, double p_value
          "); wrong pose for the picture, robot not settled, or target read wrongly";
 }
 
-// Names and drops the captures that contradict the others, and refines without them, until none is left that does.
-// With the robot taken as exact: what it is off by is the test's to find.
-void DropWrongCaptures(const BundleOptions& options, Setup setup, const TargetShape& shape, Calibration* calibration) {
-  const FreeParameters free = FreeOf(calibration->camera.Model(), options);
-  constexpr int kMaxRounds = 5;
-  for (int round = 0; round < kMaxRounds && calibration->refined; ++round) {
-    const Solution& solution = *calibration->refined;
-    const std::vector<CaptureVerdict> verdicts =
-        TestCaptures({solution.camera, calibration->views, setup, shape}, solution, free);
-    const auto num_wrong =
-        std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& v) { return v.is_wrong; });
-    if (num_wrong == 0) return;
-    if (2 * static_cast<size_t>(num_wrong) > verdicts.size()) {
-      calibration->refined =
-          Failure{std::to_string(num_wrong) + " of " + std::to_string(verdicts.size()) +
-                  " captures contradict any one calibration; do pictures and poses belong together, and do the poses "
-                  "mean what the config says (pose_format, poses_are, setup)?"};
-      return;
-    }
-    std::vector<View> views;
-    std::vector<PosePair> pairs;
-    for (size_t i = 0; i < verdicts.size(); ++i) {
-      if (verdicts[i].is_wrong) {
-        calibration->unused.push_back(
-            {calibration->views[i].name, WhyWrong(*calibration, i, verdicts[i].p_value, solution, setup)});
-        continue;
-      }
-      views.push_back(calibration->views[i]);
-      if (i < calibration->pairs.size()) pairs.push_back(calibration->pairs[i]);
-    }
-    calibration->views = std::move(views);
-    calibration->pairs = std::move(pairs);
+// What is solved, from the calibration's views.
+Problem ProblemOf(const Calibration& calibration, const CalibrationOptions& options) {
+  return {calibration.camera, calibration.views, options.setup, options.shape};
+}
+
+// The refinement of the calibration's views with what may be unknown of the target's shape, where the captures
+// determine that: a bent target must not look like wrong captures. `first` is the solution without.
+Solution WithOpenShape(const Problem& problem, const Solution& first, const CalibrationOptions& options,
+                       BundleOptions* bundle) {
+  if (!options.choose.target_shape) return first;
+  // The largest that is determined.
+  std::vector<std::vector<TargetShapeGroup>> shapes = TargetShapeCombinations();
+  std::reverse(shapes.begin(), shapes.end());
+  for (const std::vector<TargetShapeGroup>& shape : shapes) {
+    if (shape.empty()) break;
+    BundleOptions open = *bundle;
+    open.free_shape = shape;
+    Outcome<Solution> solution = RefineHandEye(problem, first.hand_eye, open);
+    if (!solution) continue;
+    *bundle = open;
+    return *solution;
+  }
+  return first;
+}
+
+// Names the captures that contradict the others and leaves them out. `bundle`: the options of the refinement so far,
+// which takes the robot as exact: what the robot is off by is the test's to find.
+void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions& options, const Solution& solution,
+                           std::vector<View>* left_out, Calibration* calibration) {
+  const JudgedCaptures judged = JudgeCaptures(ProblemOf(*calibration, options), solution, bundle);
+  calibration->num_kept_against_test = judged.num_kept_against_test;
+  calibration->refined = judged.solution;
+  const int num_wrong = judged.NumWrong();
+  if (num_wrong == 0) return;
+  if (2 * static_cast<size_t>(num_wrong) > judged.verdicts.size()) {
     calibration->refined =
-        RefineHandEye({calibration->camera, calibration->views, setup, shape}, solution.hand_eye, options);
+        Failure{std::to_string(num_wrong) + " of " + std::to_string(judged.verdicts.size()) +
+                " captures contradict any one calibration; do images and poses belong together, and do the poses "
+                "mean what the config says (pose_format, poses_are, setup)?"};
+    return;
+  }
+  std::vector<View> views;
+  std::vector<PosePair> pairs;
+  for (size_t i = 0; i < judged.verdicts.size(); ++i) {
+    if (judged.verdicts[i].is_wrong) {
+      left_out->push_back(calibration->views[i]);
+      continue;
+    }
+    views.push_back(calibration->views[i]);
+    if (i < calibration->pairs.size()) pairs.push_back(calibration->pairs[i]);
+  }
+  calibration->views = std::move(views);
+  calibration->pairs = std::move(pairs);
+}
+
+// The points that agree with the largest model of the errors: those that a smaller one cannot explain are still there
+// for it to be judged by.
+Problem WithPointsOfLargestModel(const Problem& problem, const HandEye& start, const BundleOptions& bundle,
+                                 const AutoModel& choose) {
+  BundleOptions largest = bundle;
+  if (choose.robot_noise) largest.robot = BundleOptions::Robot::kEstimatedNoise;
+  std::vector<std::vector<TargetShapeGroup>> shapes = TargetShapeCombinations();
+  std::reverse(shapes.begin(), shapes.end());
+  for (const std::vector<TargetShapeGroup>& shape : shapes) {
+    if (choose.target_shape) largest.free_shape = shape;
+    const Outcome<Solution> solution = RefineHandEye(problem, start, largest);
+    if (solution) {
+      Problem kept = problem;
+      for (size_t i = 0; i < kept.views.size(); ++i) {
+        const std::vector<int>& rejected = solution->rejected_ids[i];
+        std::vector<bool> keep;
+        for (const int id : kept.views[i].observations.ids) {
+          keep.push_back(std::find(rejected.begin(), rejected.end(), id) == rejected.end());
+        }
+        kept.views[i].observations = KeepPoints(kept.views[i].observations, keep);
+      }
+      return kept;
+    }
+    if (!choose.target_shape) break;
+  }
+  return problem;
+}
+
+// Chooses the model of the errors and refines with it, all points judged anew under it.
+Outcome<Solution> RefineWithChosenModel(const CalibrationOptions& options, const Solution& start,
+                                        Calibration* calibration) {
+  Problem problem = ProblemOf(*calibration, options);
+  problem.camera = start.camera;
+  calibration->bundle = options.bundle;
+  calibration->alternatives.clear();
+  if (!options.choose.robot_noise && !options.choose.target_shape) {
+    return RefineHandEye(problem, start.hand_eye, options.bundle);
+  }
+  // Rejection is for the points that all models have in common.
+  BundleOptions kept = options.bundle;
+  if (kept.loss == "truncated") {
+    problem = WithPointsOfLargestModel(problem, start.hand_eye, options.bundle, options.choose);
+    kept.loss = "none";
+  }
+  Outcome<ModelChoice> choice = ChooseModel(problem, start.hand_eye, kept, options.choose);
+  if (!choice) return Failure{choice.reason()};
+  calibration->bundle = choice->options;
+  calibration->bundle.loss = options.bundle.loss;
+  calibration->alternatives = choice->alternatives;
+  if (choice->solution.robot_noise) calibration->bundle.robot_noise_start = *choice->solution.robot_noise;
+  Problem all = ProblemOf(*calibration, options);
+  all.camera = choice->solution.camera;
+  all.shape = choice->solution.shape;
+  return RefineHandEye(all, choice->solution.hand_eye, calibration->bundle);
+}
+
+// Captures that were left out, but that the final estimate explains, come back.
+void TakeBackCaptures(const CalibrationOptions& options, std::vector<View>* left_out, Calibration* calibration) {
+  constexpr int kMaxRounds = 3;
+  for (int round = 0; round < kMaxRounds && calibration->refined && !left_out->empty(); ++round) {
+    Problem problem = ProblemOf(*calibration, options);
+    Solution solution = *calibration->refined;
+    std::vector<bool> is_member(problem.views.size(), true);
+    for (const View& view : *left_out) {
+      problem.views.push_back(view);
+      solution.rejected_ids.emplace_back();
+      is_member.push_back(false);
+    }
+    const std::vector<CaptureVerdict> verdicts =
+        TestAgainstMembers(problem, solution, FreeOf(solution.camera.Model(), calibration->bundle), is_member);
+    std::vector<View> still_out;
+    Calibration larger = *calibration;
+    for (size_t k = 0; k < left_out->size(); ++k) {
+      const CaptureVerdict& verdict = verdicts[calibration->views.size() + k];
+      (verdict.is_wrong ? still_out : larger.views).push_back((*left_out)[k]);
+    }
+    if (still_out.size() == left_out->size()) return;
+    larger.refined = RefineWithChosenModel(options, solution, &larger);
+    if (!larger.refined) return;
+    *calibration = std::move(larger);
+    *left_out = std::move(still_out);
+  }
+}
+
+// The captures that stay out, with the reason that the final estimate gives.
+void NameLeftOut(const std::vector<View>& left_out, const CalibrationOptions& options, Calibration* calibration) {
+  if (left_out.empty()) return;
+  Problem problem = ProblemOf(*calibration, options);
+  Solution solution = *calibration->refined;
+  std::vector<bool> is_member(problem.views.size(), true);
+  for (const View& view : left_out) {
+    problem.views.push_back(view);
+    solution.rejected_ids.emplace_back();
+    is_member.push_back(false);
+  }
+  const std::vector<CaptureVerdict> verdicts =
+      TestAgainstMembers(problem, solution, FreeOf(solution.camera.Model(), calibration->bundle), is_member);
+  for (size_t k = 0; k < left_out.size(); ++k) {
+    const double p_value = verdicts[calibration->views.size() + k].p_value;
+    calibration->unused.push_back({left_out[k].name, WhyWrong(left_out[k], p_value, solution, options.setup)});
   }
 }
 
@@ -263,7 +332,10 @@ bool LeaveOutRejected(Calibration* calibration) {
     kept.push_back(KeepPoints(calibration->views[i].observations, keep));
     order.push_back(i);
   }
-  std::stable_partition(order.begin(), order.end(), [&](size_t i) { return kept[i].size() >= kMinPoints; });
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+    const auto rank = [&](size_t i) { return kept[i].size() >= kMinPosePoints ? 0 : kept[i].size() > 0 ? 1 : 2; };
+    return rank(a) < rank(b);
+  });
   Calibration cleaned = *calibration;
   for (size_t k = 0; k < order.size(); ++k) {
     const size_t i = order[k];
@@ -271,6 +343,17 @@ bool LeaveOutRejected(Calibration* calibration) {
     cleaned.views[k].observations = kept[i];
     cleaned.refined->rejected_ids[k] = solution.rejected_ids[i];
     if (!solution.corrections.empty()) cleaned.refined->corrections[k] = solution.corrections[i];
+  }
+  // A capture without a point is not used.
+  while (!cleaned.views.empty() && cleaned.views.back().observations.ids.empty()) {
+    const size_t num_points = cleaned.refined->rejected_ids.back().size();
+    cleaned.unused.push_back({cleaned.views.back().name,
+                              "none of its " + std::to_string(num_points) +
+                                  " points is where the estimate from the other captures says: the target was probably "
+                                  "read wrongly, or the robot's pose is not this image's"});
+    cleaned.views.pop_back();
+    cleaned.refined->rejected_ids.pop_back();
+    if (!cleaned.refined->corrections.empty()) cleaned.refined->corrections.pop_back();
   }
   cleaned.pairs = PairsAsSeen(cleaned.camera, solution.hand_eye, cleaned.views);
   *calibration = std::move(cleaned);
@@ -292,7 +375,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   }
   SortedViews sorted = SortViews(views, calibration.camera);
   calibration.views = std::move(sorted.posed);
-  calibration.unused = std::move(sorted.unused);
+  calibration.unused = std::move(sorted.too_small);
   const bool has_roles = std::any_of(views.begin(), views.end(), [](const View& view) { return !view.role.empty(); });
   if (!has_roles) {
     const std::vector<std::string> roles = FindTwoStepRoles(options.setup, calibration.views);
@@ -330,10 +413,8 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   // Wrong captures are looked for with an exact robot first: a noisy one could explain much.
   BundleOptions first = options.bundle;
   const bool drops_wrong = options.bundle.loss != "none";
-  if (drops_wrong) {
-    first.loss = "truncated";
-    first.robot = BundleOptions::Robot::kExact;
-  }
+  first.robot = BundleOptions::Robot::kExact;
+  if (drops_wrong) first.loss = "truncated";
   // A view of which some points are wrong has others, which the truncated loss tells apart.
   for (size_t i = 0; i < sorted.misfits.size(); ++i) {
     if (drops_wrong && options.symmetries.size() == 1) {
@@ -342,16 +423,20 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
       calibration.unused.push_back({sorted.misfits[i].name, sorted.misfit_reasons[i]});
     }
   }
-  StartedSolution started = RefineFromSeeds({calibration.camera, calibration.views, options.setup, options.shape},
-                                            calibration.pairs, seeds, first);
+  StartedSolution started = RefineFromSeeds(ProblemOf(calibration, options), calibration.pairs, seeds, first);
   calibration.seed = started.seed;
+  calibration.bundle = options.bundle;
   calibration.refined = std::move(started.solution);
-  if (drops_wrong) DropWrongCaptures(first, options.setup, options.shape, &calibration);
-  const bool is_final = first.loss == options.bundle.loss && first.robot == options.bundle.robot;
-  if (calibration.refined && !is_final) {
-    const HandEye start = calibration.refined->hand_eye;
-    calibration.refined =
-        RefineHandEye({calibration.camera, calibration.views, options.setup, options.shape}, start, options.bundle);
+  std::vector<View> left_out;
+  if (calibration.refined && drops_wrong) {
+    const Solution open = WithOpenShape(ProblemOf(calibration, options), *calibration.refined, options, &first);
+    LeaveOutWrongCaptures(first, options, open, &left_out, &calibration);
+  }
+  if (calibration.refined) {
+    const Solution start = *calibration.refined;
+    calibration.refined = RefineWithChosenModel(options, start, &calibration);
+    TakeBackCaptures(options, &left_out, &calibration);
+    if (calibration.refined) NameLeftOut(left_out, options, &calibration);
   }
   const bool has_fewer_points = calibration.refined && LeaveOutRejected(&calibration);
   // Views may have come and others gone.
@@ -397,11 +482,11 @@ void CalibratePoses(const std::vector<std::string>& methods, const std::string& 
 std::vector<std::string> Advise(const Calibration& calibration, const CalibrationOptions& options) {
   const Solution& solution = *calibration.refined;
   const Problem solved{calibration.camera, calibration.views, options.setup, options.shape};
-  const FreeParameters free = FreeOf(calibration.camera.Model(), options.bundle);
+  const FreeParameters free = FreeOf(calibration.camera.Model(), calibration.bundle);
   std::vector<std::string> advice;
   const TargetAdvice about_target = AdviseOnTarget(solved, solution, free);
   if (!about_target.sentence.empty()) advice.push_back(about_target.sentence);
-  if (options.bundle.robot == BundleOptions::Robot::kExact) {
+  if (calibration.bundle.robot == BundleOptions::Robot::kExact) {
     // A target that is not as designed looks like a poor robot: what is left beside it counts.
     std::string about_robot = AdviseOnRobot(solved, solution, about_target.free);
     if (!about_robot.empty()) advice.push_back(std::move(about_robot));
@@ -413,8 +498,8 @@ std::vector<std::string> Advise(const Calibration& calibration, const Calibratio
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,
                                                             const CalibrationOptions& options) {
   return MoveWithoutEachView({calibration.camera, calibration.views, options.setup, options.shape},
-                             *calibration.refined, FreeOf(calibration.camera.Model(), options.bundle),
-                             LossOfKept(options.bundle));
+                             *calibration.refined, FreeOf(calibration.camera.Model(), calibration.bundle),
+                             LossOfKept(calibration.bundle));
 }
 
 }  // namespace heba

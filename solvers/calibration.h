@@ -11,6 +11,8 @@
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/bundle_adjustment.h"
+#include "solvers/model_choice.h"
+#include "solvers/usable_views.h"
 
 namespace heba {
 
@@ -21,6 +23,9 @@ struct CalibrationOptions {
   std::vector<std::string> methods;  // Closed forms to report, by name; empty: all that the motion suits.
   std::string seed = kBestSeed;      // One of HandEyeMethodNames(), or kBestSeed.
   BundleOptions bundle;
+  // What the captures are to choose instead of the options above and below: by default, all.
+  AutoModel choose = {true, true};
+  bool choose_camera_model = false;
   Setup setup = Setup::kEyeToHand;
   std::optional<Camera> camera;  // Nothing: estimated from the views.
   // Where that begins: a camera that is nearly right. Nothing: from scratch.
@@ -40,14 +45,14 @@ struct MethodResult {
   std::optional<double> reprojection_rms_px;
 };
 
-struct UnusedView {
-  std::string name;
-  std::string reason;
-};
-
 struct Calibration {
   Camera camera;  // Given or estimated; the closed forms use it.
   bool camera_was_given = false;
+  // The options that the refinement was made with: CalibrationOptions::bundle with the chosen model in it.
+  BundleOptions bundle;
+  std::vector<ModelAlternative> alternatives;  // Of the model of the errors; empty if nothing was to be chosen.
+  // So many captures fail their test, but were kept: JudgedCaptures::num_kept_against_test.
+  int num_kept_against_test = 0;
   // The views that were used, their points in the order that the chain decided on, and of each that has a pose of its
   // own, the first of them, its pair of poses. Views of fewer than four points come last: only the refinement uses
   // them.
@@ -60,9 +65,11 @@ struct Calibration {
   Outcome<Solution> refined = Failure{"not run"};
 };
 
-// Captures that contradict the others (solvers/capture_test.h) are named in Calibration::unused and serve no method,
-// unless the loss is `none`, which leaves out nothing. A Failure if there is no camera to be had; a refinement that
-// failed is in Calibration::refined.
+// Captures that contradict the others (solvers/wrong_captures.h) are named in Calibration::unused and serve no method,
+// unless the loss is `none`, which leaves out nothing; so are captures of which no point agrees with the estimate. The
+// model of the errors is chosen on the captures and points that are left (solvers/model_choice.h); both are judged
+// again under the chosen model, and a capture that it explains comes back. A Failure if there is no camera to be had; a
+// refinement that failed is in Calibration::refined.
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
 
 // The part of it that needs poses of the target alone (`pairs`): fills in the methods (those named, or all that the

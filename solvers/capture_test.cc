@@ -15,6 +15,7 @@
 #include "heba/evaluation/metrics.h"
 #include "solvers/inliers.h"
 #include "solvers/noise_scale.h"
+#include "solvers/repeated_poses.h"
 #include "solvers/robot_noise.h"
 #include "solvers/variance_components.h"
 
@@ -22,6 +23,9 @@ namespace heba {
 namespace {
 
 constexpr size_t kMinCaptures = 6;
+
+// The variance of a robot that is exact but for rounding, m^2 and rad^2.
+constexpr double kExact2 = 1e-18;
 
 // The points by which a view is judged: those that agree with the estimate; all, if most do not.
 Observations JudgedPoints(const Observations& observations, const std::vector<int>& rejected_ids) {
@@ -53,7 +57,6 @@ std::vector<bool> BestHalf(const std::vector<LinearView>& views, VarianceCompone
     translations.push_back(correction.head<3>().squaredNorm());
     rotations.push_back(correction.tail<3>().squaredNorm());
   }
-  constexpr double kExact2 = 1e-18;
   start->translation_m2 = std::max(kExact2, Median(translations) / median_of_3_dof);
   start->rotation_rad2 = std::max(kExact2, Median(rotations) / median_of_3_dof);
   std::vector<size_t> order(views.size());
@@ -82,8 +85,17 @@ Eigen::MatrixXd NormalOf(const LinearView& view, const VarianceComponents& varia
   return whitened.leftCols(n).transpose().lazyProduct(whitened);
 }
 
+// What the pixels' variance of a view's moved rows grows to, in the views' unit, by errors that no model knows: a
+// smooth field with kUnmodelledPx at each of the 2 N coordinates, shared out over the six numbers of a pose.
+double VarianceWithUnmodelled(const LinearView& view, double pixel_variance, double pixel_sigma_px) {
+  const double num_coordinates = static_cast<double>(view.offset.size() + view.num_rest);
+  const double ratio = kUnmodelledPx / pixel_sigma_px;
+  return pixel_variance + num_coordinates / 6 * ratio * ratio;
+}
+
 // The tail probability of what a view's correction is off by, predicted by the normal equations of others.
-double PValue(const LinearView& view, const Eigen::MatrixXd& others, const VarianceComponents& variances, double dof) {
+double PValue(const LinearView& view, const Eigen::MatrixXd& others, const VarianceComponents& variances,
+              double pixel_sigma_px, double dof) {
   // The prediction's root: Y with Y^T Y its covariance, and what it predicts.
   const Eigen::Index n = view.by_unknowns.cols();
   const Eigen::Index rows = view.offset.size();
@@ -97,7 +109,10 @@ double PValue(const LinearView& view, const Eigen::MatrixXd& others, const Varia
   SolveLowerInPlace(root.matrixLLT(), &predicted);
   const auto y = predicted.leftCols(rows);
   Eigen::MatrixXd covariance = y.transpose().lazyProduct(y);
+  const Eigen::Index num_moved = rows - view.num_unmoved;
   covariance.diagonal().array() += variances.pixel;
+  covariance.diagonal().head(num_moved).array() +=
+      VarianceWithUnmodelled(view, variances.pixel, pixel_sigma_px) - variances.pixel;
   const Eigen::LLT<Eigen::MatrixXd> b(covariance);
   if (b.info() != Eigen::Success) return 1;
   // g = G^T B^-1 e has covariance M + M Q M, M = G^T B^-1 G. Metres and radians side by side: scaled.
@@ -115,61 +130,143 @@ double PValue(const LinearView& view, const Eigen::MatrixXd& others, const Varia
   return ChanceOf(unit.cwiseProduct(g), unit.asDiagonal() * total * unit.asDiagonal(), kNothing, dof);
 }
 
-}  // namespace
+// The views that can be judged, as a solution sees them.
+struct JudgedViews {
+  std::vector<LinearView> views;
+  std::vector<size_t> index;   // Of each, its view in the problem.
+  PoseGroups groups;           // Of the judged views.
+  std::vector<size_t> hidden;  // Of the problem's views, those of which a point has no image.
+  double pixel_sigma_px = 1;
+};
 
-std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free) {
-  std::vector<CaptureVerdict> verdicts(problem.views.size());
-  Problem judged{solution.camera, {}, problem.setup, solution.shape};
-  std::vector<size_t> index;
+JudgedViews Judge(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+  JudgedViews judged;
+  judged.pixel_sigma_px = solution.pixel_sigma_px;
+  Problem visible{solution.camera, {}, problem.setup, solution.shape};
   for (size_t i = 0; i < problem.views.size(); ++i) {
     View view = problem.views[i];
     view.observations = JudgedPoints(view.observations, solution.rejected_ids[i]);
     const Rigid3d camera_from_target = CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount);
     if (!Residuals(solution.camera, camera_from_target, Shaped(view.observations, solution.shape))) {
-      verdicts[i] = {problem.views.size() >= kMinCaptures, 0};
+      judged.hidden.push_back(i);
       continue;
     }
-    judged.views.push_back(std::move(view));
-    index.push_back(i);
+    visible.views.push_back(std::move(view));
+    judged.index.push_back(i);
   }
-  if (judged.views.size() < kMinCaptures) return verdicts;
-  const std::optional<std::vector<LinearView>> views = LineariseViewsAt(judged, solution, {}, free, *FindLoss("none"));
+  if (visible.views.empty()) return judged;
+  std::optional<std::vector<LinearView>> views = LineariseViewsAt(visible, solution, {}, free, *FindLoss("none"));
   CHECK(views.has_value());
-  const Eigen::Index num_unknowns = views->front().by_unknowns.cols();
+  judged.views = std::move(*views);
+  judged.groups = GroupByRobotPose(problem.setup, visible.views);
+  return judged;
+}
 
+// The members alone, one view for each pose of the robot.
+struct Members {
+  std::vector<LinearView> views;
+  std::vector<size_t> group_of;  // Of each of `views`, its group in JudgedViews.
+};
+
+Members MembersOf(const JudgedViews& judged, const std::vector<bool>& is_member) {
+  Members members;
+  for (size_t g = 0; g < judged.groups.size(); ++g) {
+    std::vector<size_t> group;
+    for (const size_t i : judged.groups[g]) {
+      if (is_member[i]) group.push_back(i);
+    }
+    if (group.empty()) continue;
+    std::vector<LinearView> views;
+    for (const size_t i : group) views.push_back(judged.views[i]);
+    std::vector<size_t> all(views.size());
+    std::iota(all.begin(), all.end(), size_t{0});
+    members.views.push_back(StackGroups(views, {all}).front());
+    members.group_of.push_back(g);
+  }
+  return members;
+}
+
+// Of each judged view: by the estimate of the members at other poses of the robot.
+std::vector<double> PValues(const JudgedViews& judged, const Members& members, const VarianceComponents& variances,
+                            double dof) {
+  const Eigen::Index num_unknowns = judged.views.front().by_unknowns.cols();
+  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(num_unknowns, num_unknowns + 1);
+  std::vector<Eigen::MatrixXd> normal_of_group(judged.groups.size());
+  for (size_t k = 0; k < members.views.size(); ++k) {
+    Eigen::MatrixXd& normal = normal_of_group[members.group_of[k]];
+    normal = NormalOf(members.views[k], variances);
+    all += normal;
+  }
+  std::vector<double> p_values(judged.views.size(), 1.0);
+  for (size_t g = 0; g < judged.groups.size(); ++g) {
+    const Eigen::MatrixXd& own = normal_of_group[g];
+    for (const size_t i : judged.groups[g]) {
+      p_values[i] = own.size() > 0 ? PValue(judged.views[i], all - own, variances, judged.pixel_sigma_px, dof)
+                                   : PValue(judged.views[i], all, variances, judged.pixel_sigma_px, dof);
+    }
+  }
+  return p_values;
+}
+
+double DofOf(const Members& members) {
+  return 6.0 * static_cast<double>(members.views.size()) -
+         static_cast<double>(members.views.front().by_unknowns.cols());
+}
+
+// Fewer degrees of freedom tell no noise.
+constexpr double kLeastDof = 6;
+
+}  // namespace
+
+std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+  std::vector<CaptureVerdict> verdicts(problem.views.size());
+  const JudgedViews judged = Judge(problem, solution, free);
+  for (const size_t i : judged.hidden) verdicts[i] = {problem.views.size() >= kMinCaptures, 0};
+  if (judged.views.size() < kMinCaptures) return verdicts;
   VarianceComponents variances;
-  std::vector<bool> is_member = BestHalf(*views, &variances);
-  const double limit = kCaptureFalseAlarm / static_cast<double>(views->size());
-  std::vector<double> p_values(views->size(), 1.0);
+  std::vector<bool> is_member = BestHalf(judged.views, &variances);
+  const double limit = kCaptureFalseAlarm / static_cast<double>(judged.views.size());
+  std::vector<double> p_values;
   constexpr int kMaxRounds = 20;
   for (int round = 0; round < kMaxRounds; ++round) {
-    std::vector<LinearView> members;
-    for (size_t i = 0; i < views->size(); ++i) {
-      if (is_member[i]) members.push_back((*views)[i]);
-    }
-    const double dof = 6.0 * static_cast<double>(members.size()) - static_cast<double>(num_unknowns);
-    if (dof < 6) return std::vector<CaptureVerdict>(problem.views.size());
-    variances = EstimateVariances(members, variances, true, true, kRoughVariances);
+    const Members members = MembersOf(judged, is_member);
+    const double dof = members.views.empty() ? 0 : DofOf(members);
+    if (dof < kLeastDof) return std::vector<CaptureVerdict>(problem.views.size());
+    variances = EstimateVariances(members.views, variances, true, true, kRoughVariances);
     VarianceComponents used = variances;
     if (round == 0) {
       used.translation_m2 /= ShareOfBestHalf();
       used.rotation_rad2 /= ShareOfBestHalf();
     }
-    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(num_unknowns, num_unknowns + 1);
-    std::vector<Eigen::MatrixXd> normals;
-    for (size_t i = 0; i < views->size(); ++i) {
-      normals.push_back(NormalOf((*views)[i], used));
-      if (is_member[i]) all += normals.back();
-    }
-    std::vector<bool> passes(views->size());
-    for (size_t i = 0; i < views->size(); ++i) {
-      p_values[i] = PValue((*views)[i], is_member[i] ? all - normals[i] : all, used, dof);
-      passes[i] = p_values[i] >= limit;
-    }
+    p_values = PValues(judged, members, used, dof);
+    std::vector<bool> passes;
+    for (const double p_value : p_values) passes.push_back(p_value >= limit);
     if (passes == is_member) break;
     is_member = std::move(passes);
   }
-  for (size_t i = 0; i < views->size(); ++i) verdicts[index[i]] = {!is_member[i], p_values[i]};
+  for (size_t i = 0; i < judged.views.size(); ++i) verdicts[judged.index[i]] = {!is_member[i], p_values[i]};
+  return verdicts;
+}
+
+std::vector<CaptureVerdict> TestAgainstMembers(const Problem& problem, const Solution& solution,
+                                               const FreeParameters& free, const std::vector<bool>& is_member) {
+  CHECK_EQ(is_member.size(), problem.views.size());
+  std::vector<CaptureVerdict> verdicts(problem.views.size());
+  const JudgedViews judged = Judge(problem, solution, free);
+  for (const size_t i : judged.hidden) verdicts[i] = {!is_member[i], 0};
+  std::vector<bool> is_judged_member;
+  for (const size_t i : judged.index) is_judged_member.push_back(is_member[i]);
+  const Members members = MembersOf(judged, is_judged_member);
+  const double dof = members.views.empty() ? 0 : DofOf(members);
+  if (dof < kLeastDof) return verdicts;
+  const VarianceComponents variances =
+      EstimateVariances(members.views, {1, kExact2, kExact2}, true, true, kRoughVariances);
+  const std::vector<double> p_values = PValues(judged, members, variances, dof);
+  const double limit = kCaptureFalseAlarm / static_cast<double>(problem.views.size());
+  for (size_t i = 0; i < judged.views.size(); ++i) {
+    const size_t view = judged.index[i];
+    verdicts[view] = {!is_member[view] && p_values[i] < limit, p_values[i]};
+  }
   return verdicts;
 }
 

@@ -12,19 +12,30 @@ namespace heba {
 // How often a data set without any wrong capture has one named.
 inline constexpr double kCaptureFalseAlarm = 0.01;
 
+// What no model of light, blur and print knows of a view's points, px: such a field of errors, the same size
+// everywhere and as smooth as a pose's, belongs to what a capture is tested by.
+inline constexpr double kUnmodelledPx = 0.003;
+
 struct CaptureVerdict {
   bool is_wrong = false;
-  // What the capture's picture says that the gripper is off by from where the robot said that it was, over what the
+  // What the capture's image says that the gripper is off by from where the robot said that it was, over what the
   // estimate from the *other* captures, the pixels and the robot's own noise allow: the tail probability of F.
   double p_value = 1;
 };
 
 // One verdict a view, at an estimate that the wrong captures have not pulled away (RefineHandEye with the loss
-// `truncated`, an exact robot). What robots of this kind are off by is found from the captures themselves: from the
-// half of them that agree best, whose variances (restricted maximum likelihood, solvers/robot_noise.h) judge the rest,
-// then from all that pass, until nothing changes (as Rousseeuw and Van Driessen's reweighted estimator does, 1999).
-// Each passes if its p-value exceeds kCaptureFalseAlarm over the number of captures. Fewer than six captures cannot
-// tell which of them is wrong: all pass. `solution` has an entry of rejected_ids for every view.
+// `truncated`). `free` says what the captures may disagree on without being wrong: what of the target's shape is
+// unknown belongs to it. The robot's noise is found from the captures themselves: from the half of them that agree
+// best, whose variances (restricted maximum likelihood, solvers/variance_components.h) judge the rest, then from all
+// that pass, until nothing changes (as Rousseeuw and Van Driessen's reweighted estimator does, 1999). Each passes if
+// its p-value exceeds kCaptureFalseAlarm over the number of captures; captures at one pose of the robot share its error
+// and do not vouch for one another. Fewer than six captures cannot tell which of them is wrong: all pass. `solution`
+// has an entry of rejected_ids for every view.
 std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free);
+
+// The same test of the views that are not members, by the noise and the estimate of those that are, at a solution of
+// the members: whether a capture that was left out would still be wrong. Members get no verdict.
+std::vector<CaptureVerdict> TestAgainstMembers(const Problem& problem, const Solution& solution,
+                                               const FreeParameters& free, const std::vector<bool>& is_member);
 
 }  // namespace heba

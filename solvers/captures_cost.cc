@@ -161,6 +161,11 @@ struct CapturesCost::SharedStep {
   Eigen::VectorXd params;  // The free ones.
 };
 
+CaptureTerm::CaptureTerm(const Observations* observations, std::unique_ptr<PoseChain> chain, const Rigid3d& start)
+    : own_pose(start) {
+  views.push_back({observations, std::move(chain)});
+}
+
 CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> captures, CapturesCostOptions options)
     : model_(model),
       captures_(std::move(captures)),
@@ -173,9 +178,12 @@ CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> ca
     if (options_.free[static_cast<size_t>(i)]) free_.push_back(i);
   }
   int num_points = 0;
-  for (const CaptureTerm& capture : captures_) num_points += capture.observations->size();
+  for (const CaptureTerm& capture : captures_) {
+    CHECK(capture.views.size() == 1 || (options_.has_own_pose && !capture.views.empty()));
+    for (const CaptureView& view : capture.views) num_points += view.observations->size();
+  }
   options_.num_threads = ThreadsFor(num_points, options_.num_threads);
-  num_shared_poses_ = captures_.front().chain->num_blocks() - (options_.has_own_pose ? 1 : 0);
+  num_shared_poses_ = captures_.front().views.front().chain->num_blocks() - (options_.has_own_pose ? 1 : 0);
   CHECK_LE(num_shared_poses_, 2);
   if (options_.known) {
     CHECK(!options_.has_own_pose);
@@ -316,7 +324,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const SharedStep& st
   ViewRows rows;
   Evaluation evaluation;
   for (size_t i = first; i < last; ++i) {
-    if (!options_.has_own_pose && captures_[i].observations->size() <= kFewPoints) {
+    if (!options_.has_own_pose && captures_[i].views.front().observations->size() <= kFewPoints) {
       if (!WriteCapture(captures_[i], at, &evaluation.left_from_tangent, &rows)) return false;
       if (!rows_of_few) rows_of_few.emplace(num_shared_poses_, num_others);
       rows_of_few->Add(rows, evaluation.left_from_tangent);
@@ -354,7 +362,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const SharedStep& st
   return true;
 }
 
-Rigid3d CapturesCost::CameraFromTargetOf(const CaptureTerm& capture, const std::vector<double>& parameters,
+Rigid3d CapturesCost::CameraFromTargetOf(const CaptureView& view, const std::vector<double>& parameters,
                                          const Rigid3d& own_pose, std::vector<Matrix6>* left_from_tangent) const {
   std::array<const double*, 4> blocks{};
   CHECK_LT(static_cast<size_t>(num_shared_poses_), blocks.size());
@@ -362,7 +370,7 @@ Rigid3d CapturesCost::CameraFromTargetOf(const CaptureTerm& capture, const std::
   for (size_t i = 0; i < num_shared; ++i) blocks[i] = &parameters[kPoseSize * i];
   const PoseBlock own_block = ToBlock(own_pose);
   if (options_.has_own_pose) blocks[num_shared] = own_block.data();
-  return capture.chain->Evaluate(blocks.data(), left_from_tangent);
+  return view.chain->Evaluate(blocks.data(), left_from_tangent);
 }
 
 std::optional<TargetShape> CapturesCost::ShapeAt(const std::vector<double>& parameters) const {
@@ -377,20 +385,27 @@ const double* CapturesCost::ParamsAt(const std::vector<double>& parameters) cons
 
 bool CapturesCost::WriteCapture(const CaptureTerm& capture, const std::vector<double>& parameters,
                                 std::vector<Matrix6>* left_from_tangent, ViewRows* rows) const {
-  const Rigid3d camera_from_target = CameraFromTargetOf(capture, parameters, {}, left_from_tangent);
+  const CaptureView& view = capture.views.front();
+  const Rigid3d camera_from_target = CameraFromTargetOf(view, parameters, {}, left_from_tangent);
   const std::optional<TargetShape> shape = ShapeAt(parameters);
-  return reducer_.Write(ParamsAt(parameters), camera_from_target, *capture.observations, shape ? &*shape : nullptr,
-                        rows);
+  return reducer_.Write(ParamsAt(parameters), camera_from_target, *view.observations, shape ? &*shape : nullptr, rows);
 }
 
 bool CapturesCost::EvaluateCapture(const ViewReducer& reducer, const CaptureTerm& capture,
                                    const std::vector<double>& parameters, Evaluation* evaluation) const {
-  const Rigid3d camera_from_target =
-      CameraFromTargetOf(capture, parameters, evaluation->own_pose, &evaluation->left_from_tangent);
   const std::optional<TargetShape> shape = ShapeAt(parameters);
-  if (!reducer.Multiply(ParamsAt(parameters), camera_from_target, *capture.observations, shape ? &*shape : nullptr,
-                        &evaluation->products)) {
-    return false;
+  for (const CaptureView& view : capture.views) {
+    const bool is_first = &view == &capture.views.front();
+    const Rigid3d camera_from_target =
+        CameraFromTargetOf(view, parameters, evaluation->own_pose, is_first ? &evaluation->left_from_tangent : nullptr);
+    ViewProducts further;
+    if (!reducer.Multiply(ParamsAt(parameters), camera_from_target, *view.observations, shape ? &*shape : nullptr,
+                          is_first ? &evaluation->products : &further)) {
+      return false;
+    }
+    if (is_first) continue;
+    evaluation->products.matrix += further.matrix;
+    evaluation->products.loss_remainder += further.loss_remainder;
   }
   if (!options_.has_own_pose) return true;
   const Matrix6& left_from_own = evaluation->left_from_tangent.back();

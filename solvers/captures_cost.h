@@ -24,11 +24,20 @@
 
 namespace heba {
 
-struct CaptureTerm {
+struct CaptureView {
   const Observations* observations = nullptr;
   // Its last pose block is the capture's own if there is one (CapturesCostOptions::has_own_pose).
   std::unique_ptr<PoseChain> chain;
+};
+
+struct CaptureTerm {
+  // At least one; more only with an own pose, which they then share. Residuals are each view's; the derivatives of
+  // camera_from_target are the first view's for all, so the views' poses must be the same but for a robot's
+  // repeatability.
+  std::vector<CaptureView> views;
   Rigid3d own_pose;  // Where it starts.
+
+  CaptureTerm(const Observations* observations, std::unique_ptr<PoseChain> chain, const Rigid3d& start = Rigid3d());
 };
 
 // What the captures say at some value of the unknowns.
@@ -97,7 +106,7 @@ class CapturesCost final : public ceres::CostFunction {
                        Evaluation* evaluation) const;
   bool WriteCapture(const CaptureTerm& capture, const std::vector<double>& parameters,
                     std::vector<Matrix6>* left_from_tangent, ViewRows* rows) const;
-  Rigid3d CameraFromTargetOf(const CaptureTerm& capture, const std::vector<double>& parameters, const Rigid3d& own_pose,
+  Rigid3d CameraFromTargetOf(const CaptureView& view, const std::vector<double>& parameters, const Rigid3d& own_pose,
                              std::vector<Matrix6>* left_from_tangent) const;
   std::optional<TargetShape> ShapeAt(const std::vector<double>& parameters) const;
   const double* ParamsAt(const std::vector<double>& parameters) const;

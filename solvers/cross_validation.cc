@@ -10,10 +10,14 @@
 #include "heba/base/parallel.h"
 #include "solvers/noise_scale.h"
 #include "solvers/pose_selection.h"
+#include "solvers/repeated_poses.h"
 #include "solvers/robot_noise.h"
 
 namespace heba {
 namespace {
+
+// The fold of a view that is never held out.
+constexpr int kAlwaysTraining = -1;
 
 // What a fold adds to a method's hold-out figures.
 struct HeldOutErrors {
@@ -63,12 +67,13 @@ Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& 
   return errors;
 }
 
-void AddChi2(const Solution& solution, const CalibrationOptions& options, const std::vector<View>& held_out,
-             HeldOutErrors* errors) {
-  const FreeParameters free = FreeOf(solution.camera.Model(), options.bundle);
-  const std::optional<std::vector<LinearView>> views =
-      LineariseViewsAt({solution.camera, held_out, options.setup}, solution, {}, free, *FindLoss("none"));
+void AddChi2(const Solution& solution, const BundleOptions& bundle, heba::Setup setup,
+             const std::vector<View>& held_out, HeldOutErrors* errors) {
+  const FreeParameters free = FreeOf(solution.camera.Model(), bundle);
+  std::optional<std::vector<LinearView>> views =
+      LineariseViewsAt({solution.camera, held_out, setup}, solution, {}, free, *FindLoss("none"));
   if (!views) return;
+  views = StackGroups(*views, GroupByRobotPose(setup, held_out));
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   for (const LinearView& view : *views) {
     const Eigen::Index rows = view.offset.size();
@@ -90,20 +95,35 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
   names.emplace_back(kBundleMethod);
   CalibrationOptions fold_options = options;
   fold_options.symmetries = {Rigid3d()};
+  // The model is the one that all captures chose.
+  fold_options.choose = {};
+  fold_options.choose_camera_model = false;
+  fold_options.bundle = full.bundle;
+  fold_options.bundle.num_threads = options.bundle.num_threads;
+  fold_options.camera_model = full.camera.model;
   if (!options.camera) fold_options.camera_start = full.camera;
   // errors[fold][method]
   std::vector<std::vector<Outcome<HeldOutErrors>>> errors(
       static_cast<size_t>(num_folds), std::vector<Outcome<HeldOutErrors>>(names.size(), Failure{"not run"}));
+  // Captures at one pose of the robot are held out together: they share its error.
+  std::vector<int> fold_of(full.views.size(), kAlwaysTraining);
+  int num_held_out = 0;
+  for (const std::vector<size_t>& group : GroupByRobotPose(options.setup, full.views)) {
+    // What the two-step method cannot do without is given to all.
+    const bool is_needed = std::any_of(group.begin(), group.end(), [&](size_t i) {
+      const std::string& role = full.views[i].role;
+      return role == "home" || role.starts_with("translate_");
+    });
+    if (is_needed) continue;
+    for (const size_t i : group) fold_of[i] = num_held_out % num_folds;
+    ++num_held_out;
+  }
   std::mutex mutex;
   ParallelFor(num_folds, num_threads, [&](int fold) {
     std::vector<View> training;
     std::vector<View> held_out;
-    int num_shared_out = 0;
-    for (const View& view : full.views) {
-      // What the two-step method cannot do without is given to all.
-      const bool is_needed = view.role == "home" || view.role.starts_with("translate_");
-      const bool is_held_out = !is_needed && num_shared_out++ % num_folds == fold;
-      (is_held_out ? held_out : training).push_back(view);
+    for (size_t i = 0; i < full.views.size(); ++i) {
+      (fold_of[i] == fold ? held_out : training).push_back(full.views[i]);
     }
     const Outcome<Calibration> calibration = Calibrate(training, fold_options);
     std::vector<Outcome<HeldOutErrors>>& row = errors[static_cast<size_t>(fold)];
@@ -121,7 +141,7 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
       row[names.size() - 1] =
           refined ? PredictHeldOut(refined->hand_eye, SeenViews(refined->camera, Shaped(held_out, refined->shape)))
                   : Failure{refined.reason()};
-      if (refined && row.back()) AddChi2(*refined, options, held_out, &*row.back());
+      if (refined && row.back()) AddChi2(*refined, calibration->bundle, options.setup, held_out, &*row.back());
     }
     const std::lock_guard<std::mutex> lock(mutex);
     progress();

@@ -23,11 +23,12 @@ struct HoldOut {
   std::optional<double> chi2_per_dof;
 };
 
-// K-fold cross-validation over captures: view i is held out in fold i modulo `num_folds` (home and the translations of
-// a two-step motion, View::role, never are: views are counted without them) and predicted from the robot's pose alone,
-// by every method and the refinement, all on the same folds. Nothing of a held-out view is used, the camera included
-// when none is given, but where the search for it begins. The views are `full`'s (in their decided order), the
-// calibration of all of them with the same options. `progress` is called after each fold, from one thread at a time.
+// K-fold cross-validation over the robot's poses: the captures of pose i are held out in fold i modulo `num_folds`
+// (home and the translations of a two-step motion, View::role, never are: poses are counted without them) and predicted
+// from the robot's pose alone, by every method and the refinement, all on the same folds. Nothing of a held-out view is
+// used, the camera included when none is given, but where the search for it begins. The views are `full`'s (in their
+// decided order), the calibration of all of them with the same options; the model of the errors that it chose is every
+// fold's. `progress` is called after each fold, from one thread at a time.
 std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOptions& options, int num_folds,
                                    int num_threads, const std::function<void()>& progress);
 

@@ -13,6 +13,7 @@
 #include "heba/base/error.h"
 #include "heba/base/small_matrix.h"
 #include "heba/base/stacked_rows.h"
+#include "heba/base/units.h"
 
 namespace heba {
 namespace {
@@ -206,17 +207,58 @@ Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variance
   return result;
 }
 
+// Adds a log-normal density of sigma_k = sqrt(variances[k]), k = 1, 2, as one of the variance's logarithm.
+void AddPrior(const RobotNoisePrior& prior, const Eigen::Vector3d& variances, Likelihood* likelihood) {
+  const double medians[] = {0, prior.median.translation_m, prior.median.rotation_rad};
+  const double log_variance_sigma = 2 * prior.log_sigma;
+  for (int k = 1; k < 3; ++k) {
+    const double v = variances[k];
+    if (!(v > 0)) {
+      likelihood->minus_log = std::numeric_limits<double>::infinity();
+      return;
+    }
+    const double distance = (std::log(v) - 2 * std::log(medians[k])) / log_variance_sigma;
+    likelihood->minus_log += 0.5 * distance * distance;
+    likelihood->gradient[k] -= distance / (log_variance_sigma * v);
+    likelihood->fisher(k, k) += 1 / std::pow(log_variance_sigma * v, 2);
+  }
+}
+
+Likelihood EvaluateWithPrior(const CondensedViews& views, const Eigen::Vector3d& variances,
+                             const RobotNoisePrior* prior) {
+  Likelihood likelihood = Evaluate(views, variances);
+  if (prior != nullptr) AddPrior(*prior, variances, &likelihood);
+  return likelihood;
+}
+
 }  // namespace
 
+RobotNoisePrior IndustrialArmPrior() {
+  // The logarithm's 95 % interval is 2 x 1.96 sigmas wide, and the bounds are a factor of 20 apart.
+  const double log_sigma = std::log(20.0) / (2 * 1.96);
+  return {{std::sqrt(0.05e-3 * 1e-3), DegToRad(std::sqrt(0.005 * 0.1))}, log_sigma};
+}
+
+double RestrictedLogLikelihood(const std::vector<LinearView>& all_views, const VarianceComponents& variances,
+                               Eigen::Index num_common, const RobotNoisePrior* prior) {
+  CHECK(!all_views.empty());
+  std::vector<LinearView> views = all_views;
+  for (LinearView& view : views) view.by_unknowns.conservativeResize(Eigen::NoChange, num_common);
+  const Eigen::Vector3d at(variances.pixel, variances.translation_m2, variances.rotation_rad2);
+  return -EvaluateWithPrior(Condensed(views), at, prior).minus_log;
+}
+
 VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, const VarianceComponents& start,
-                                     bool pixel_is_free, bool robot_is_free, double small_change) {
+                                     bool pixel_is_free, bool robot_is_free, double small_change,
+                                     const RobotNoisePrior* prior) {
   CHECK(!all_views.empty());
   const CondensedViews views = Condensed(all_views);
   Eigen::Vector3d variances(start.pixel, start.translation_m2, start.rotation_rad2);
   const std::array<bool, 3> may_move = {pixel_is_free, robot_is_free, robot_is_free};
-  Likelihood here = Evaluate(views, variances);
+  Likelihood here = EvaluateWithPrior(views, variances, prior);
   constexpr int kMaxIterations = 100;
   constexpr double kMinPixelVariance = 1e-12;
+  constexpr double kMostFall = 0.1;  // In one step, towards a zero that a prior excludes.
   for (int iteration = 0; iteration < kMaxIterations && std::isfinite(here.minus_log); ++iteration) {
     // A variance at zero that wants to be less stays.
     std::vector<int> free;
@@ -243,7 +285,8 @@ VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, c
       Eigen::Vector3d next = variances;
       for (Eigen::Index a = 0; a < size; ++a) {
         const int k = free[static_cast<size_t>(a)];
-        next[k] = std::max(k == 0 ? kMinPixelVariance : 0.0, variances[k] + length * direction[a]);
+        const double least = k == 0 ? kMinPixelVariance : prior != nullptr ? kMostFall * variances[k] : 0.0;
+        next[k] = std::max(least, variances[k] + length * direction[a]);
       }
       return next;
     };
@@ -259,7 +302,7 @@ VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, c
     double length = 1;
     for (int halving = 0; halving < 30 && !has_moved; ++halving, length *= 0.5) {
       const Eigen::Vector3d next = moved_by(length);
-      Likelihood there = Evaluate(views, next);
+      Likelihood there = EvaluateWithPrior(views, next, prior);
       if (!(there.minus_log <= here.minus_log)) continue;
       has_moved = true;
       variances = next;

@@ -109,6 +109,8 @@ CalibrationOptions OptionsOf(const RunConfig& config, int width_px, int height_p
   options.methods = config.methods;
   options.seed = config.seed;
   options.bundle = config.bundle;
+  options.choose = config.choose;
+  options.choose_camera_model = config.choose_camera_model;
   options.setup = config.setup;
   options.camera = config.camera;
   options.camera_model = config.camera_model;

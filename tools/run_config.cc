@@ -89,15 +89,16 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
   root.Record("camera", reader.used());
 }
 
-// "auto", or both sigmas.
-void ReadRobotNoise(const ConfigValue& value, MapReader* refine, RunConfig* config) {
-  if (value.IsText()) {
-    value.AsChoice({"auto"});
-    config->bundle.robot = BundleOptions::Robot::kEstimatedNoise;
-    refine->Record("robot_noise", YAML::Node("auto"));
+// "auto", "none" (or "exact"), or both sigmas.
+void ReadRobotNoise(MapReader* refine, RunConfig* config) {
+  const std::optional<ConfigValue> value = refine->Find("robot_noise");
+  if (!value || value->IsText()) {
+    const std::string name = value ? value->AsChoice({"auto", "none", "exact"}) : "auto";
+    config->choose.robot_noise = name == "auto";
+    refine->Record("robot_noise", YAML::Node(name));
     return;
   }
-  MapReader reader(value);
+  MapReader reader(*value);
   config->bundle.robot = BundleOptions::Robot::kGivenNoise;
   config->bundle.robot_noise.rotation_rad = reader.Angle("rotation");
   config->bundle.robot_noise.translation_m = reader.Length("translation");
@@ -125,17 +126,22 @@ void ReadIntrinsicsPrior(MapReader* refine, RunConfig* config) {
   config->bundle.camera_prior = CameraPrior{config->camera->params, *sigmas};
 }
 
-// What of the target's shape is unknown too.
+// "auto", "none" (or "exact"), or the list of what of the target's shape is unknown too.
 void ReadFreeShape(MapReader* refine, RunConfig* config) {
   const std::vector<std::string> names(kTargetShapeGroupNames.begin(), kTargetShapeGroupNames.end());
   YAML::Node groups(YAML::NodeType::Sequence);
-  if (const std::optional<ConfigValue> free = refine->Find("target_shape")) {
-    for (const ConfigValue& item : free->AsList()) {
-      const std::string name = item.AsChoice(names);
-      const auto index = std::find(names.begin(), names.end(), name) - names.begin();
-      config->bundle.free_shape.push_back(static_cast<TargetShapeGroup>(index));
-      groups.push_back(name);
-    }
+  const std::optional<ConfigValue> free = refine->Find("target_shape");
+  if (!free || free->IsText()) {
+    const std::string name = free ? free->AsChoice({"auto", "none", "exact"}) : "auto";
+    config->choose.target_shape = name == "auto";
+    refine->Record("target_shape", YAML::Node(name));
+    return;
+  }
+  for (const ConfigValue& item : free->AsList()) {
+    const std::string name = item.AsChoice(names);
+    const auto index = std::find(names.begin(), names.end(), name) - names.begin();
+    config->bundle.free_shape.push_back(static_cast<TargetShapeGroup>(index));
+    groups.push_back(name);
   }
   refine->Record("target_shape", groups);
 }
@@ -159,7 +165,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   }
   reader.Record("intrinsics", groups);
   ReadFreeShape(&reader, config);
-  if (const std::optional<ConfigValue> noise = reader.Find("robot_noise")) ReadRobotNoise(*noise, &reader, config);
+  ReadRobotNoise(&reader, config);
   const std::optional<ConfigValue> pixel_noise = reader.Find("pixel_noise");
   if (pixel_noise && !(pixel_noise->IsText() && pixel_noise->node().Scalar() == "auto")) {
     config->bundle.pixel_noise_px = pixel_noise->AsQuantity(Quantity::kPixels);

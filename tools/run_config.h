@@ -45,6 +45,8 @@ struct RunConfig {
   std::string seed;
   std::vector<std::string> methods;  // Empty: all that the motion suits.
   BundleOptions bundle;
+  AutoModel choose;                  // What of it the captures are to choose.
+  bool choose_camera_model = false;  // The same of camera_model.
   int folds = 0;
   std::optional<std::filesystem::path> truth;
   std::filesystem::path output;

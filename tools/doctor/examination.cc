@@ -12,7 +12,7 @@ namespace heba {
 
 size_t NumSeen(const std::vector<CaptureDetection>& detections) {
   return static_cast<size_t>(std::count_if(detections.begin(), detections.end(), [](const CaptureDetection& capture) {
-    return capture.detection.ids.size() >= kMinPosePoints;
+    return static_cast<int>(capture.detection.ids.size()) >= kMinPosePoints;
   }));
 }
 
@@ -24,7 +24,7 @@ std::vector<ExaminedView> ExamineViews(const RunConfig& config, const std::vecto
     ExaminedView examined;
     examined.capture = i;
     examined.view = ViewOf(config, i, ObservationsOf(*config.target, detections[i].detection));
-    if (examined.view.observations.ids.size() < kMinPosePoints) continue;
+    if (examined.view.observations.size() < kMinPosePoints) continue;
     const std::vector<TargetPose> poses = EstimateTargetPose(camera, examined.view.observations);
     if (poses.empty()) continue;
     for (const TargetPose& pose : poses) {

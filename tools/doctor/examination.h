@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "solvers/pose_consistency.h"
+#include "solvers/usable_views.h"
 #include "targets/detection.h"
 #include "tools/console.h"
 #include "tools/run_config.h"
@@ -30,8 +31,6 @@ struct Examination {
   Verbosity verbosity = Verbosity::kNormal;
 };
 
-// Fewer points of a target tell no pose.
-inline constexpr size_t kMinPosePoints = 4;
 
 // In how many pictures the target shows enough points for a pose.
 size_t NumSeen(const std::vector<CaptureDetection>& detections);

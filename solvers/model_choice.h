@@ -1,0 +1,63 @@
+// Which sources of error the measurements show beside the pixels' noise: the robot's, and a target that differs from
+// its design.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "solvers/bundle_adjustment.h"
+
+namespace heba {
+
+// Fewer poses of the robot do not carry two variances: a prior of industrial arms is then part of the model.
+inline constexpr size_t kMinPosesForVariances = 8;
+
+// A model is rejected if data as far from it would be seen less often than this.
+inline constexpr double kModelRejected = 0.01;
+
+struct ErrorModel {
+  BundleOptions::Robot robot = BundleOptions::Robot::kExact;
+  std::vector<TargetShapeGroup> shape;  // In the order of TargetShapeGroup.
+};
+
+// What of the target's shape can be unknown: nothing, the scale, the bend, both. In this order.
+std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations();
+
+// "exact robot, target as designed", "robot noise, target scaled and bent"
+std::string NameOf(const ErrorModel& model);
+
+struct ModelAlternative {
+  ErrorModel model;
+  double log_likelihood = 0;  // LogLikelihoodOf at the model's own optimum; all alternatives share its constant.
+  int dof = 0;                // How many variances and shape parameters the model has.
+  // The chance of a likelihood ratio as large against the largest model, if this model is right. Nothing for the
+  // largest.
+  std::optional<double> p;
+};
+
+// What is to be chosen; the rest is as the options say.
+struct AutoModel {
+  bool robot_noise = false;
+  bool target_shape = false;
+};
+
+struct ModelChoice {
+  BundleOptions options;                       // The given ones with the chosen model in them.
+  Solution solution;                           // The chosen model's, for the points as they were given.
+  std::vector<ModelAlternative> alternatives;  // The simplest first.
+  size_t chosen = 0;                           // Of the alternatives.
+};
+
+// Fits every combination of {exact robot, robot noise} and {as designed, scale, bend, scale and bend} that is to be
+// chosen from and that the captures determine, and takes the one with the fewest parameters that is not rejected; of
+// equally many, the most likely. Each is fitted at its own optimum: a model that comes out less likely than one that it
+// contains starts again from that one. Models that differ in the shape alone are compared by F (restricted likelihood
+// ratio, with the largest model's degrees of freedom), those that differ in the robot's noise by the mixture of
+// chi-squares of variances at their bound (Self and Liang 1987; its upper bound is used). All points count, with the
+// same weights in all models. With fewer poses than kMinPosesForVariances the robot is noisy in every model, with
+// IndustrialArmPrior as its prior. A Failure if no model could be fitted.
+Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, const BundleOptions& options,
+                                 const AutoModel& choose);
+
+}  // namespace heba

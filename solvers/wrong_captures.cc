@@ -1,0 +1,154 @@
+#include "solvers/wrong_captures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "heba/base/error.h"
+#include "solvers/inliers.h"
+#include "solvers/pose_selection.h"
+#include "solvers/repeated_poses.h"
+
+namespace heba {
+namespace {
+
+std::vector<size_t> MembersOf(const std::vector<CaptureVerdict>& verdicts) {
+  std::vector<size_t> members;
+  for (size_t i = 0; i < verdicts.size(); ++i) {
+    if (!verdicts[i].is_wrong) members.push_back(i);
+  }
+  return members;
+}
+
+Problem PartOf(const Problem& problem, const std::vector<size_t>& views) {
+  Problem part{problem.camera, {}, problem.setup, problem.shape};
+  for (const size_t i : views) part.views.push_back(problem.views[i]);
+  return part;
+}
+
+// The problem without the points that a solution of all its views left out.
+Problem WithoutRejected(const Problem& problem, const Solution& solution) {
+  Problem kept = problem;
+  for (size_t i = 0; i < kept.views.size(); ++i) {
+    Observations& observations = kept.views[i].observations;
+    std::vector<bool> keep;
+    for (const int id : observations.ids) {
+      const std::vector<int>& rejected = solution.rejected_ids[i];
+      keep.push_back(std::find(rejected.begin(), rejected.end(), id) == rejected.end());
+    }
+    observations = KeepPoints(observations, keep);
+  }
+  return kept;
+}
+
+// The restricted log-likelihood of all views if those that are wrong may have any pose, at a solution of the others.
+double LogLikelihoodOfMixture(const Problem& problem, const Solution& of_members,
+                              const std::vector<CaptureVerdict>& verdicts, const BundleOptions& options) {
+  const double nothing = -std::numeric_limits<double>::infinity();
+  const Solution& at = of_members;
+  std::vector<Rigid3d> corrections;
+  size_t member = 0;
+  for (size_t i = 0; i < verdicts.size(); ++i) {
+    if (!verdicts[i].is_wrong) {
+      corrections.push_back(at.corrections[member++]);
+      continue;
+    }
+    // Linearised where the image says that the gripper was.
+    View view = problem.views[i];
+    view.observations = Shaped(view.observations, at.shape);
+    const std::vector<PosePair> seen = PairsAsSeen(at.camera, at.hand_eye, {view});
+    if (seen.empty()) return nothing;
+    const Rigid3d mount = at.hand_eye.camera_mount_from_camera * seen.front().camera_from_target *
+                          Inverse(at.hand_eye.target_mount_from_target);
+    corrections.push_back(Inverse(BaseFromGripper(problem.setup, view.camera_mount_from_target_mount)) *
+                          BaseFromGripper(problem.setup, mount));
+  }
+  const FreeParameters free = FreeOf(at.camera.Model(), options);
+  std::optional<std::vector<LinearView>> views = LineariseViewsAt(problem, at, corrections, free, *FindLoss("none"));
+  if (!views) return nothing;
+  constexpr RobotNoise kExact = {1e-7, 1e-7};
+  const RobotNoise robot = {std::max(at.robot_noise->translation_m, kExact.translation_m),
+                            std::max(at.robot_noise->rotation_rad, kExact.rotation_rad)};
+  for (size_t i = 0; i < verdicts.size(); ++i) {
+    if (!verdicts[i].is_wrong) continue;
+    (*views)[i].by_correction.leftCols<3>() *= kWrongPoseM / robot.translation_m;
+    (*views)[i].by_correction.rightCols<3>() *= kWrongPoseRad / robot.rotation_rad;
+  }
+  VarianceComponents variances;
+  variances.translation_m2 = robot.translation_m * robot.translation_m;
+  variances.rotation_rad2 = robot.rotation_rad * robot.rotation_rad;
+  double num_rows = 0;
+  for (const LinearView& view : *views) num_rows += static_cast<double>(view.offset.size() + view.num_rest);
+  return RestrictedLogLikelihood(*views, variances, views->front().by_unknowns.cols()) -
+         num_rows * std::log(at.pixel_sigma_px);
+}
+
+// Whether one noise for all captures explains them better than wrong poses beside a better robot.
+bool IsNoiseOfAll(const Problem& problem, const JudgedCaptures& judged, const BundleOptions& options_in) {
+  BundleOptions options = options_in;
+  options.robot = BundleOptions::Robot::kEstimatedNoise;
+  Problem start = problem;
+  start.camera = judged.solution.camera;
+  start.shape = judged.solution.shape;
+  const Outcome<Solution> of_all = RefineHandEye(start, judged.solution.hand_eye, options);
+  if (!of_all) return false;
+  // The same points with the same weights in both.
+  Problem kept = WithoutRejected(start, *of_all);
+  options.loss = "none";
+  const Outcome<Solution> of_members =
+      RefineHandEye(PartOf(kept, MembersOf(judged.verdicts)), judged.solution.hand_eye, options);
+  if (!of_members) return true;
+  Solution in_common_weights = *of_members;
+  in_common_weights.excess_px = of_all->excess_px;
+  return LogLikelihoodOfMixture(kept, *of_all, std::vector<CaptureVerdict>(problem.views.size()), options) >=
+         LogLikelihoodOfMixture(kept, in_common_weights, judged.verdicts, options);
+}
+
+}  // namespace
+
+int JudgedCaptures::NumWrong() const {
+  return static_cast<int>(
+      std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& v) { return v.is_wrong; }));
+}
+
+JudgedCaptures JudgeCaptures(const Problem& problem, const Solution& solution, const BundleOptions& options) {
+  const FreeParameters free = FreeOf(problem.camera.Model(), options);
+  JudgedCaptures judged;
+  judged.verdicts.resize(problem.views.size());
+  judged.solution = solution;
+  judged.rejected_ids = solution.rejected_ids;
+  std::vector<size_t> members = MembersOf(judged.verdicts);
+  constexpr int kMaxRounds = 8;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    Solution at = judged.solution;
+    at.rejected_ids = judged.rejected_ids;
+    std::vector<CaptureVerdict> verdicts = TestCaptures(problem, at, free);
+    const std::vector<size_t> next = MembersOf(verdicts);
+    judged.verdicts = std::move(verdicts);
+    if (next == members) break;
+    members = next;
+    Problem part = PartOf(problem, members);
+    part.camera = judged.solution.camera;
+    part.shape = judged.solution.shape;
+    const Outcome<Solution> refined = RefineHandEye(part, judged.solution.hand_eye, options);
+    if (!refined) break;
+    judged.solution = *refined;
+    for (size_t k = 0; k < members.size(); ++k) judged.rejected_ids[members[k]] = refined->rejected_ids[k];
+  }
+  const int num_wrong = judged.NumWrong();
+  if (num_wrong > kMostWrong * static_cast<double>(problem.views.size()) && IsNoiseOfAll(problem, judged, options)) {
+    judged.num_kept_against_test = num_wrong;
+    for (CaptureVerdict& verdict : judged.verdicts) verdict.is_wrong = false;
+    Problem all = problem;
+    all.camera = judged.solution.camera;
+    all.shape = judged.solution.shape;
+    // From where the better captures are: with all of them the first solution may be far off.
+    const Outcome<Solution> refined = RefineHandEye(all, judged.solution.hand_eye, options);
+    judged.solution = refined ? *refined : solution;
+    judged.rejected_ids = judged.solution.rejected_ids;
+  }
+  return judged;
+}
+
+}  // namespace heba

@@ -1,0 +1,38 @@
+// Brown 1966 without the sixth-order term: brown5 with k3 = 0. With x, y = X / Z, Y / Z and r^2 = x^2 + y^2:
+//   x' = x (1 + k1 r^2 + k2 r^4) + 2 p1 x y + p2 (r^2 + 2 x^2)
+//   y' = y (1 + k1 r^2 + k2 r^4) + p1 (r^2 + 2 y^2) + 2 p2 x y
+#include "heba/camera/radial_tangential.h"
+
+namespace heba {
+namespace {
+
+struct Brown4 {
+  static constexpr int kNumDistortion = 4;
+  static std::vector<std::string> DistortionNames() { return {"k1", "k2", "p1", "p2"}; }
+
+  template <class V>
+  HEBA_INLINE static void Distort(const double* distortion, const V& x, const V& y, const V& z,
+                                  DistortedImage<V, kNumDistortion>* image) {
+    const double k1 = distortion[0];
+    const double k2 = distortion[1];
+    const auto ray = PlaneImageOf<V>(x, y, z);
+    const V r2 = ray.r2;
+    const V radial = 1.0 + r2 * (k1 + r2 * k2);
+    const V radial_by_r2 = k1 + r2 * (2.0 * k2);
+    DistortRadialTangential<V>(ray, radial, radial_by_r2, distortion[2], distortion[3], image);
+    SetByRadial<V>(ray, r2, 0, image);
+    SetByRadial<V>(ray, r2 * r2, 1, image);
+  }
+  static Eigen::Vector3d GuessRay(const double* params, const Eigen::Vector2d& pixel) {
+    return {(pixel.x() - params[2]) / params[0], (pixel.y() - params[3]) / params[1], 1.0};
+  }
+};
+
+}  // namespace
+
+const CameraModel& CameraModel_brown4() {
+  static const BatchedCameraModel<Brown4> model("brown4");
+  return model;
+}
+
+}  // namespace heba
