@@ -186,126 +186,264 @@ std::vector<Cure> FindCures(const Problem& problem, const Solution& solution, co
   return cures;
 }
 
-// The pixels' noise, in the views' unit, and the robot's, as the captures have them.
-VarianceComponents FindNoise(const std::vector<LinearView>& views) {
-  VarianceComponents start;
-  start.translation_m2 = 1e-8;
-  start.rotation_rad2 = 1e-8;
-  return EstimateVariances(views, start, true, true);
+std::string Percent(double ratio, int digits) { return Significant(100 * ratio, digits) + " %"; }
+
+std::string ChanceText(double p) {
+  constexpr double kNever = 1e-15;
+  return p < kNever ? "p < 1e-15" : "p = " + Significant(p, 2);
+}
+
+std::string NoiseText(const RobotNoise& noise) {
+  return Significant(1000 * noise.translation_m, 2) + " mm and " + Significant(RadToDeg(noise.rotation_rad), 2) +
+         " deg";
+}
+
+bool HasGroup(const std::vector<TargetShapeGroup>& shape, TargetShapeGroup group) {
+  return std::find(shape.begin(), shape.end(), group) != shape.end();
+}
+
+// "its scale is 1.00400 along x and 1.00200 along y, its middle stands ..."
+std::string ShapeText(const TargetShape& shape, const std::vector<TargetShapeGroup>& groups) {
+  std::vector<std::string> words;
+  if (HasGroup(groups, TargetShapeGroup::kScale)) {
+    words.push_back("its scale is " + Fixed(shape.params[0], 5) + " along x and " + Fixed(shape.params[1], 5) +
+                    " along y");
+  }
+  if (HasGroup(groups, TargetShapeGroup::kBend)) {
+    words.push_back("its middle stands " + Fixed(1000 * shape.params[2], 2) + " mm (along x) and " +
+                    Fixed(1000 * shape.params[3], 2) + " mm (along y) above its edges");
+  }
+  return Join(words, ", ");
 }
 
 }  // namespace
 
-std::vector<std::string> AdviseOnCaptures(const Problem& problem, const Solution& solution,
-                                          const FreeParameters& free) {
+std::optional<Finding> AdviseOnCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free) {
   const std::vector<std::string> names = UnknownNames(solution.camera.Model(), free);
   const std::vector<Weakness> weaknesses = FindWeaknesses(problem, solution, names, solution.covariance.matrix);
-  if (weaknesses.empty()) return {};
-  std::vector<std::string> advice;
+  if (weaknesses.empty()) return std::nullopt;
   const std::vector<Cure> cures = FindCures(problem, solution, free);
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   const Eigen::MatrixXd information =
       InvertInformation({names, solution.covariance.matrix}, 1.0).matrix;  // The covariance's inverse.
+  const Weakness& worst = weaknesses.front();
+  double best_sigma = std::numeric_limits<double>::infinity();
+  std::string best_words;
+  for (const Cure& cure : cures) {
+    const Information with{names, information + MarginalInformation(cure.views, robot, 1.0)};
+    const Eigen::MatrixXd covariance = InvertInformation(with, 1.0).matrix;
+    const double sigma = std::sqrt(worst.direction.dot(covariance * worst.direction));
+    if (sigma >= best_sigma) continue;
+    best_sigma = sigma;
+    best_words = cure.words;
+  }
+  Finding finding{Grade::kDoubtful, "weak_direction", "", ""};
+  std::vector<std::string> parts;
   for (const Weakness& weakness : weaknesses) {
-    double best_sigma = std::numeric_limits<double>::infinity();
-    std::string best_words;
-    for (const Cure& cure : cures) {
-      const Information with{names, information + MarginalInformation(cure.views, robot, 1.0)};
-      const Eigen::MatrixXd covariance = InvertInformation(with, 1.0).matrix;
-      const double sigma = std::sqrt(weakness.direction.dot(covariance * weakness.direction));
-      if (sigma >= best_sigma) continue;
-      best_sigma = sigma;
-      best_words = cure.words;
-    }
-    std::string sentence = weakness.name + " is known to " + Significant(weakness.sigma / weakness.unit_size, 2) + " " +
-                           weakness.unit + " only (one sigma)";
-    constexpr double kHelps = 0.85;
-    if (best_sigma < kHelps * weakness.sigma) {
-      sentence +=
-          "; " + best_words + " would make it " + Significant(best_sigma / weakness.unit_size, 2) + " " + weakness.unit;
-    } else {
-      sentence += "; no two captures would better it much, many would";
-    }
-    advice.push_back(std::move(sentence));
+    const double sigma = weakness.sigma / weakness.unit_size;
+    parts.push_back(weakness.name + " is known to " + Significant(sigma, 2) + " " + weakness.unit);
+    finding.numbers.emplace_back(weakness.name + ", " + weakness.unit, sigma);
   }
-  return advice;
+  finding.text = Join(parts, ", ") + " only (one sigma)";
+  constexpr double kHelps = 0.85;
+  finding.action = best_sigma < kHelps * worst.sigma
+                       ? best_words + " would improve " + worst.name + " to " +
+                             Significant(best_sigma / worst.unit_size, 2) + " " + worst.unit
+                       : "take many more captures: no pair of additional captures improves it much";
+  return finding;
 }
 
-std::string AdviseOnRobot(const Problem& problem, const Solution& solution, const FreeParameters& free) {
-  constexpr size_t kMinCaptures = 6;
-  if (problem.views.size() < kMinCaptures) return "";
-  const std::optional<std::vector<LinearView>> views = LineariseViewsAt(problem, solution, {}, free, *FindLoss("none"));
-  if (!views) return "";
-  const VarianceComponents found = FindNoise(*views);
-  double by_robot = 0;
-  double by_pixels = 0;
-  for (const LinearView& view : *views) {
-    by_robot += found.translation_m2 * view.by_correction.leftCols<3>().squaredNorm() +
-                found.rotation_rad2 * view.by_correction.rightCols<3>().squaredNorm();
-    by_pixels += found.pixel * static_cast<double>(view.offset.size() + view.num_rest);
+Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
+                      const Solution& solution) {
+  Finding finding{Grade::kGood, "model", "", ""};
+  finding.text = "the captures were explained by: " + NameOf(chosen);
+  if (solution.robot_noise && chosen.robot != BundleOptions::Robot::kExact) {
+    finding.text += " (" + NoiseText(*solution.robot_noise) + ")";
+    finding.numbers = {{"robot_mm", 1000 * solution.robot_noise->translation_m},
+                       {"robot_deg", RadToDeg(solution.robot_noise->rotation_rad)}};
   }
-  if (by_robot <= by_pixels) return "";
-  return "the captures speak of a robot whose poses are off by " +
-         Significant(1000 * std::sqrt(found.translation_m2), 2) + " mm and " +
-         Significant(RadToDeg(std::sqrt(found.rotation_rad2)), 2) +
-         " deg (one sigma an axis), but were taken as exact: the uncertainty stated is too small; use "
-         "refine.robot_noise: auto";
+  if (!chosen.shape.empty()) finding.text += "; " + ShapeText(solution.shape, chosen.shape);
+  if (alternatives.size() < 2) return finding;
+  const ModelAlternative* self = nullptr;
+  for (const ModelAlternative& alternative : alternatives) {
+    const bool is_chosen = alternative.model.robot == chosen.robot && alternative.model.shape == chosen.shape;
+    if (is_chosen) self = &alternative;
+  }
+  if (self == nullptr) return finding;
+  // Against the simplest that was rejected, or against the largest if none was.
+  const ModelAlternative& simplest = alternatives.front();
+  const ModelAlternative& largest = alternatives.back();
+  if (&simplest != self) {
+    finding.text += "; " + NameOf(simplest.model) + " is rejected (log-likelihood lower by " +
+                    Significant(self->log_likelihood - simplest.log_likelihood, 3) + ", " +
+                    ChanceText(simplest.p.value_or(0)) + ")";
+  } else {
+    finding.text += "; " + NameOf(largest.model) + " is no better than chance (log-likelihood higher by " +
+                    Significant(largest.log_likelihood - self->log_likelihood, 2) + ", " +
+                    ChanceText(self->p.value_or(1)) + ")";
+  }
+  return finding;
 }
 
-TargetAdvice AdviseOnTarget(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+std::vector<Finding> AdviseOnModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
+                                   const AutoModel& chosen) {
+  const bool asks_robot = !chosen.robot_noise && options.robot == BundleOptions::Robot::kExact;
+  const bool asks_shape = !chosen.target_shape && options.free_shape.empty();
   constexpr size_t kMinCaptures = 6;
-  const CameraModel& model = problem.camera.Model();
-  if (HasShape(free, model) || problem.views.size() < kMinCaptures) return {"", free};
-  // All of the shape; where the captures do not show that, what they do.
-  const std::vector<std::vector<TargetShapeGroup>> sought = {
-      {TargetShapeGroup::kScale, TargetShapeGroup::kBend}, {TargetShapeGroup::kScale}, {TargetShapeGroup::kBend}};
-  for (const std::vector<TargetShapeGroup>& groups : sought) {
-    FreeParameters with_shape = FreeOf(model, {}, groups);
-    std::copy(free.begin(), free.end(), with_shape.begin());
-    const std::optional<std::vector<LinearView>> views =
-        LineariseViewsAt(problem, solution, {}, with_shape, *FindLoss("none"));
-    if (!views) return {"", free};
-    const VarianceComponents noise = FindNoise(*views);
-    const RobotNoise robot{std::sqrt(noise.translation_m2), std::sqrt(noise.rotation_rad2)};
-    const Information information{UnknownNames(model, with_shape), MarginalInformation(*views, robot, noise.pixel)};
-    if (CheckObservable(information)) continue;
-    const Eigen::MatrixXd covariance = InvertInformation(information, 1.0).matrix;
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(covariance.rows());
-    for (const LinearView& view : *views) {
-      right +=
-          view.by_unknowns.transpose() *
-          MarginalCovariance(view, noise.pixel, noise.translation_m2, noise.rotation_rad2).ldlt().solve(view.offset);
+  if ((!asks_robot && !asks_shape) || problem.views.size() < kMinCaptures) return {};
+  Problem at = problem;
+  at.camera = solution.camera;
+  BundleOptions kept = options;
+  kept.loss = LossOfKept(options).name;
+  const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, kept, {true, asks_shape});
+  if (!choice || choice->alternatives.empty()) return {};
+  const ErrorModel& model = choice->alternatives[choice->chosen].model;
+  std::vector<Finding> findings;
+  if (asks_shape && !model.shape.empty()) {
+    constexpr double kScaleMatters = 3e-4;
+    constexpr double kBendMattersM = 1e-4;
+    const TargetShape& shape = choice->solution.shape;
+    const double scale = std::max(std::abs(shape.params[0] - 1), std::abs(shape.params[1] - 1));
+    const double bend_m = std::max(std::abs(shape.params[2]), std::abs(shape.params[3]));
+    if (scale > kScaleMatters || bend_m > kBendMattersM) {
+      const bool is_held = std::find(options.free_intrinsics.begin(), options.free_intrinsics.end(),
+                                     ParameterGroup::kFocal) == options.free_intrinsics.end();
+      findings.push_back(
+          {Grade::kDoubtful,
+           "target_shape_ignored",
+           "the captures indicate that the target differs from its design: " + ShapeText(shape, model.shape) +
+               (is_held && HasGroup(model.shape, TargetShapeGroup::kScale)
+                    ? " (a focal length that is held at a wrong value looks like a wrong scale)"
+                    : ""),
+           "measure the target, or use refine.target_shape: auto",
+           {{"scale_x", shape.params[0]},
+            {"scale_y", shape.params[1]},
+            {"bend_x_mm", 1000 * shape.params[2]},
+            {"bend_y_mm", 1000 * shape.params[3]}}});
     }
-    const Eigen::VectorXd step = covariance * right;
-    const Eigen::Index size = 2 * static_cast<Eigen::Index>(groups.size());
-    const Eigen::VectorXd found = step.tail(size);
-    const double statistic = found.dot(covariance.bottomRightCorner(size, size).ldlt().solve(found));
-    const double tail =
-        FisherTail(statistic / static_cast<double>(size), static_cast<double>(size), DegreesOfFreedom(*views, noise));
-    constexpr double kBeyondDoubt = 1e-4;
-    constexpr double kMatters[] = {3e-4, 1e-4};  // Of the scale; of a bend, m.
-    std::vector<std::string> words;
-    std::vector<std::string> names;
-    bool matters = false;
-    for (size_t g = 0; g < groups.size(); ++g) {
-      const bool is_scale = groups[g] == TargetShapeGroup::kScale;
-      const Eigen::Vector2d value = found.segment<2>(2 * static_cast<Eigen::Index>(g));
-      names.emplace_back(kTargetShapeGroupNames[static_cast<size_t>(groups[g])]);
-      matters = matters || value.cwiseAbs().maxCoeff() > kMatters[is_scale ? 0 : 1];
-      words.push_back(is_scale ? "its scale is " + Fixed(1 + value.x(), 5) + " along x and " + Fixed(1 + value.y(), 5) +
-                                     " along y"
-                               : "its middle stands " + Fixed(1000 * value.x(), 2) + " mm (along x) and " +
-                                     Fixed(1000 * value.y(), 2) + " mm (along y) above its edges");
-    }
-    if (!(tail < kBeyondDoubt) || !matters) return {"", free};
-    return {"the captures speak of a target that is not as designed: " + Join(words, ", ") +
-                "; measure it, or use refine.target_shape: [" + Join(names, ", ") + "]" +
-                (std::find(free.begin(), free.end(), true) == free.end()
-                     ? " (a focal length that is held at a wrong value looks like a wrong scale)"
-                     : ""),
-            with_shape};
   }
-  return {"", free};
+  if (asks_robot && choice->solution.robot_noise && model.robot != BundleOptions::Robot::kExact) {
+    const RobotNoise& noise = *choice->solution.robot_noise;
+    findings.push_back({Grade::kDoubtful,
+                        "robot_noise_ignored",
+                        "the captures indicate that the robot's poses are off by " + NoiseText(noise) +
+                            " (one sigma an axis), but they were taken as exact: the stated uncertainty is too small",
+                        "use refine.robot_noise: auto",
+                        {{"robot_mm", 1000 * noise.translation_m}, {"robot_deg", RadToDeg(noise.rotation_rad)}}});
+  }
+  return findings;
+}
+
+std::optional<Finding> AdviseOnScale(const Solution& solution, const ErrorModel& model) {
+  if (!HasGroup(model.shape, TargetShapeGroup::kScale)) return std::nullopt;
+  constexpr double kOfPrint = 5e-3;
+  constexpr double kWrong = 0.02;
+  const double mean = 0.5 * (solution.shape.params[0] + solution.shape.params[1]);
+  const double off = std::max(std::abs(solution.shape.params[0] - 1), std::abs(solution.shape.params[1] - 1));
+  if (off <= kOfPrint) return std::nullopt;
+  Finding finding{off > kWrong ? Grade::kBad : Grade::kDoubtful,
+                  "target_scale",
+                  "against the robot's poses the target is " + Percent(std::abs(mean - 1), 2) +
+                      (mean > 1 ? " larger" : " smaller") + " than the config says",
+                  "measure the target and correct its dimensions in the config; if they are right, check the units of "
+                  "the robot's poses and its own calibration",
+                  {{"scale_x", solution.shape.params[0]}, {"scale_y", solution.shape.params[1]}}};
+  finding.is_cause = true;
+  return finding;
+}
+
+namespace {
+
+// By how many sigmas each free intrinsic parameter differs from a given camera's; nothing for those that are held.
+std::vector<std::optional<double>> MovesInSigmas(const Camera& given, const Solution& solution) {
+  std::vector<std::optional<double>> moves(given.params.size());
+  const std::vector<std::string>& names = solution.camera.Model().param_names();
+  for (size_t i = 0; i < moves.size() && i < names.size(); ++i) {
+    const auto found =
+        std::find(solution.covariance.names.begin(), solution.covariance.names.end(), "camera." + names[i]);
+    if (found == solution.covariance.names.end()) continue;
+    const Eigen::Index row = found - solution.covariance.names.begin();
+    moves[i] = (solution.camera.params[i] - given.params[i]) / std::sqrt(solution.covariance.matrix(row, row));
+  }
+  return moves;
+}
+
+// "fx +38 px (9.1 sigma)" of the focal length or principal point that moved most.
+std::string LargestMove(const Camera& given, const Solution& solution, Finding* finding) {
+  const std::vector<std::optional<double>> moves = MovesInSigmas(given, solution);
+  const std::vector<std::string>& names = solution.camera.Model().param_names();
+  std::optional<size_t> largest;
+  for (size_t i = 0; i < std::min<size_t>(4, moves.size()); ++i) {
+    if (moves[i] && (!largest || std::abs(*moves[i]) > std::abs(*moves[*largest]))) largest = i;
+  }
+  if (!largest) return "";
+  const double by_px = solution.camera.params[*largest] - given.params[*largest];
+  finding->numbers.emplace_back(names[*largest] + "_px", by_px);
+  finding->numbers.emplace_back(names[*largest] + "_sigmas", *moves[*largest]);
+  return names[*largest] + (by_px < 0 ? " -" : " +") + Significant(std::abs(by_px), 2) + " px (" +
+         Significant(std::abs(*moves[*largest]), 2) + " sigma)";
+}
+
+}  // namespace
+
+std::optional<Finding> AdviseOnHeldIntrinsics(const Problem& problem, const Solution& solution,
+                                              const BundleOptions& options_in, const AutoModel& choose) {
+  if (!options_in.free_intrinsics.empty()) return std::nullopt;
+  BundleOptions options = options_in;
+  options.free_intrinsics = BundleOptions().free_intrinsics;
+  options.loss = LossOfKept(options).name;
+  Problem at = problem;
+  at.camera = solution.camera;
+  at.shape = solution.shape;
+  // With free intrinsics the errors may have another model.
+  Outcome<Solution> freed = Failure{"not run"};
+  if (choose.robot_noise || choose.target_shape) {
+    const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, options, choose);
+    freed = choice ? Outcome<Solution>(choice->solution) : Failure{choice.reason()};
+  } else {
+    freed = RefineHandEye(at, solution.hand_eye, options);
+  }
+  if (!freed) return std::nullopt;
+  const Eigen::Index num_intrinsics = NumParams(solution.camera.Model());
+  const Eigen::MatrixXd covariance = freed->covariance.matrix.block(12, 12, num_intrinsics, num_intrinsics);
+  Eigen::VectorXd difference(num_intrinsics);
+  for (Eigen::Index i = 0; i < num_intrinsics; ++i) {
+    const auto k = static_cast<size_t>(i);
+    difference[i] = freed->camera.params[k] - solution.camera.params[k];
+  }
+  const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::VectorXd scaled = scale.cwiseProduct(difference);
+  const double squares = scaled.dot((scale.asDiagonal() * covariance * scale.asDiagonal()).ldlt().solve(scaled));
+  const double dof = static_cast<double>(num_intrinsics);
+  constexpr double kBeyondDoubt = 1e-4;
+  const double p = FisherTail(std::max(0.0, squares) / dof, dof, freed->covariance_dof);
+  if (!(p < kBeyondDoubt)) return std::nullopt;
+  const double move_m = DistanceM(solution.hand_eye.camera_mount_from_camera, freed->hand_eye.camera_mount_from_camera);
+  const double move_rad =
+      AngleRad(solution.hand_eye.camera_mount_from_camera, freed->hand_eye.camera_mount_from_camera);
+  constexpr double kBadM = 5e-3;
+  const double bad_rad = DegToRad(0.5);
+  Finding finding{move_m > kBadM || move_rad > bad_rad ? Grade::kBad : Grade::kDoubtful, "held_intrinsics", "",
+                  "free them (leave refine.intrinsics out), or calibrate the camera anew"};
+  finding.text = "the intrinsics were held, but the captures say " + LargestMove(solution.camera, *freed, &finding) +
+                 " (" + ChanceText(p) + "); with free intrinsics the camera would be " + Significant(1000 * move_m, 2) +
+                 " mm and " + Significant(RadToDeg(move_rad), 2) + " deg elsewhere";
+  finding.numbers.emplace_back("move_mm", 1000 * move_m);
+  finding.numbers.emplace_back("move_deg", RadToDeg(move_rad));
+  finding.is_cause = true;
+  return finding;
+}
+
+Finding DescribeCameraUse(const Camera& given, const Solution& solution, const BundleOptions& options) {
+  Finding finding{Grade::kGood, "camera", "", ""};
+  if (options.free_intrinsics.empty()) {
+    finding.text = "the given intrinsics were held";
+    return finding;
+  }
+  const std::string moved = LargestMove(given, solution, &finding);
+  finding.text = std::string("the given intrinsics were used as ") + (options.camera_prior ? "a prior" : "the start") +
+                 (moved.empty() ? "" : "; the refinement moved them by at most " + moved);
+  return finding;
 }
 
 }  // namespace heba

@@ -1,35 +1,45 @@
-// What of a result is known worst, in plain words, and which further captures would help most.
+// What a person should know of a calibration beside its figures: findings with a code, figures and an action.
 #pragma once
 
-#include <string>
+#include <optional>
 #include <vector>
 
 #include "heba/data/solution.h"
+#include "heba/evaluation/finding.h"
 #include "solvers/information.h"
+#include "solvers/model_choice.h"
 
 namespace heba {
 
-// One sentence for each part of the result whose one sigma exceeds what a cell usually needs (1 mm, 0.1 deg, 0.2 % of
-// the focal length, 0.2 % of the image's width for its centre): the direction in which it is known worst, along the
-// axis of a frame where it is near one, how well, and the motion that would better it most, with what it would become.
-// The motions are tried: two more captures of each kind (board tilted about its axes, turned in its plane, nearer and
-// farther, towards the picture's sides), from the middle one of the captures, by what their points would add to the
-// normal matrix. Worst first; empty if all is well known.
-std::vector<std::string> AdviseOnCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free);
+// `weak_direction`: the parts of the result whose one sigma exceeds what a cell usually needs (1 mm, 0.1 deg, 0.2 % of
+// the focal length, 0.2 % of the image's width for its centre), the worst first: the direction in which it is known
+// worst, along the axis of a frame where it is near one, how well, and the motion that would improve the worst most,
+// with what it would become. The motions are tried: two more captures of each kind (target tilted about its axes,
+// rotated in its plane, nearer and farther, towards the image's sides), from the middle one of the captures, by what
+// their points would add to the normal matrix. Nothing if all is well known.
+std::optional<Finding> AdviseOnCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free);
 
-// Of a solution that takes the robot's poses as exact: one sentence if the captures say (by restricted maximum
-// likelihood, solvers/robot_noise.h) that the robot's noise moves the points by more than the pixels' own noise does,
-// with its size; empty if not. The solution's covariance is then too small.
-std::string AdviseOnRobot(const Problem& problem, const Solution& solution, const FreeParameters& free);
+// `model`: which model of the errors was chosen, against what, with figures.
+Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
+                      const Solution& solution);
 
-// Of a solution that takes the target's shape as designed: one sentence if the captures say otherwise beyond doubt
-// (F-test of the shape's parameters, with the pixels' and the robot's noise both found from the captures) and by enough
-// to matter, with the shape that they see; empty if not. `free` is what was given and, if there is a sentence, what of
-// the shape the captures show.
-struct TargetAdvice {
-  std::string sentence;
-  FreeParameters free;
-};
-TargetAdvice AdviseOnTarget(const Problem& problem, const Solution& solution, const FreeParameters& free);
+// What the captures say beyond doubt of a part of the model that the options hold fixed (ChooseModel at the solution,
+// with all parts to be chosen): `robot_noise_ignored` if a robot that was taken as exact is not, by more than the
+// pixels' noise; `target_shape_ignored` if a target that was taken as designed is stretched or bent by enough to
+// matter.
+std::vector<Finding> AdviseOnModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
+                                   const AutoModel& chosen);
+
+// `target_scale`: the target's estimated scale differs from its design by more than a print does. Bad beyond 2 %: then
+// its measures are wrong in the config, or the robot's units.
+std::optional<Finding> AdviseOnScale(const Solution& solution, const ErrorModel& model);
+
+// `held_intrinsics`: intrinsics that were held contradict the images and the robot's poses, by a refinement that frees
+// them (F-test of all of them together). Nothing if they agree, or if they cannot be freed.
+std::optional<Finding> AdviseOnHeldIntrinsics(const Problem& problem, const Solution& solution,
+                                              const BundleOptions& options, const AutoModel& choose);
+
+// `camera`: how a given camera was used (held, as start, as prior), and how far the refinement moved it, in sigmas.
+Finding DescribeCameraUse(const Camera& given, const Solution& solution, const BundleOptions& options);
 
 }  // namespace heba

@@ -367,6 +367,11 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   calibration.camera_was_given = options.camera.has_value();
   if (options.camera) {
     calibration.camera = *options.camera;
+  } else if (options.choose_camera_model) {
+    Outcome<CameraChoice> choice = ChooseCameraModel(views, options.width_px, options.height_px);
+    if (!choice) return Failure{choice.reason()};
+    calibration.camera = choice->camera;
+    calibration.camera_alternatives = choice->alternatives;
   } else {
     Outcome<Camera> camera =
         EstimateIntrinsics(views, options.camera_model, options.width_px, options.height_px, options.camera_start);
@@ -479,20 +484,41 @@ void CalibratePoses(const std::vector<std::string>& methods, const std::string& 
   calibration->chain = RefineChain(calibration->pairs, *best->hand_eye);
 }
 
-std::vector<std::string> Advise(const Calibration& calibration, const CalibrationOptions& options) {
+std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOptions& options) {
   const Solution& solution = *calibration.refined;
-  const Problem solved{calibration.camera, calibration.views, options.setup, options.shape};
-  const FreeParameters free = FreeOf(calibration.camera.Model(), calibration.bundle);
-  std::vector<std::string> advice;
-  const TargetAdvice about_target = AdviseOnTarget(solved, solution, free);
-  if (!about_target.sentence.empty()) advice.push_back(about_target.sentence);
-  if (calibration.bundle.robot == BundleOptions::Robot::kExact) {
-    // A target that is not as designed looks like a poor robot: what is left beside it counts.
-    std::string about_robot = AdviseOnRobot(solved, solution, about_target.free);
-    if (!about_robot.empty()) advice.push_back(std::move(about_robot));
+  const BundleOptions& bundle = calibration.bundle;
+  const Problem solved = ProblemOf(calibration, options);
+  const ErrorModel model{bundle.robot, bundle.free_shape};
+  std::vector<Finding> findings;
+  const auto add = [&](std::optional<Finding> finding) {
+    if (finding) findings.push_back(std::move(*finding));
+  };
+  add(AdviseOnScale(solution, model));
+  if (calibration.camera_was_given) {
+    add(AdviseOnHeldIntrinsics(solved, solution, bundle, options.choose));
+    add(DescribeCameraUse(calibration.camera, solution, bundle));
   }
-  for (std::string& sentence : AdviseOnCaptures(solved, solution, free)) advice.push_back(std::move(sentence));
-  return advice;
+  for (Finding& finding : AdviseOnModel(solved, solution, bundle, options.choose)) add(std::move(finding));
+  if (calibration.num_kept_against_test > 0) {
+    const std::string count = std::to_string(calibration.num_kept_against_test);
+    add(Finding{Grade::kDoubtful,
+                "captures_scatter",
+                count + " of " + std::to_string(calibration.views.size()) +
+                    " captures contradict the others, but a larger noise of the robot explains all of them better than "
+                    "so many wrong captures: the model is incomplete, and all were kept",
+                "check the robot's own calibration, the target's dimensions and the camera model",
+                {{"captures", calibration.num_kept_against_test}}});
+  }
+  if (bundle.robot_noise_prior && bundle.robot == BundleOptions::Robot::kEstimatedNoise) {
+    add(Finding{Grade::kDoubtful, "few_captures_prior",
+                "the captures show fewer than " + std::to_string(kMinPosesForVariances) +
+                    " poses of the robot, too few to tell its noise: it was assumed to be an industrial arm's (0.05 to "
+                    "1 mm, 0.005 to 0.1 deg)",
+                "take 15 to 25 captures"});
+  }
+  add(AdviseOnCaptures(solved, solution, FreeOf(calibration.camera.Model(), bundle)));
+  add(DescribeModel(model, calibration.alternatives, solution));
+  return findings;
 }
 
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,

@@ -9,8 +9,10 @@
 #include "heba/base/error.h"
 #include "heba/data/solution.h"
 #include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/finding.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/bundle_adjustment.h"
+#include "solvers/camera_choice.h"
 #include "solvers/model_choice.h"
 #include "solvers/usable_views.h"
 
@@ -50,7 +52,8 @@ struct Calibration {
   bool camera_was_given = false;
   // The options that the refinement was made with: CalibrationOptions::bundle with the chosen model in it.
   BundleOptions bundle;
-  std::vector<ModelAlternative> alternatives;  // Of the model of the errors; empty if nothing was to be chosen.
+  std::vector<CameraAlternative> camera_alternatives;  // Empty if the camera model was given.
+  std::vector<ModelAlternative> alternatives;          // Of the model of the errors; empty if nothing was to be chosen.
   // So many captures fail their test, but were kept: JudgedCaptures::num_kept_against_test.
   int num_kept_against_test = 0;
   // The views that were used, their points in the order that the chain decided on, and of each that has a pose of its
@@ -76,9 +79,10 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
 // motion suits) and the refinement of the poses from the seed. `refined` says what it would take.
 void CalibratePoses(const std::vector<std::string>& methods, const std::string& seed, Calibration* calibration);
 
-// What a person should know of a calibration whose refinement did not fail, for Solution::remarks: of the target, of
-// the robot, of what is known worst (solvers/advice.h). Beside Calibrate: folds and trials have nobody to tell.
-std::vector<std::string> Advise(const Calibration& calibration, const CalibrationOptions& options);
+// What a person should know of a calibration whose refinement did not fail (solvers/advice.h): the chosen model, how a
+// given camera was used, what the held parts of the model hide, what is known worst. Beside Calibrate: folds and trials
+// have nobody to tell.
+std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOptions& options);
 
 // For each used view of a calibration whose refinement did not fail (solvers/influence.h).
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,

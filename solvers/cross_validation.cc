@@ -27,6 +27,8 @@ struct HeldOutErrors {
   int num_poses = 0;
   double chi2 = 0;
   double dof = 0;
+  double noise_squares = 0;  // In sigmas of pixel and robot noise.
+  double num_noise = 0;
   void Add(const HeldOutErrors& other) {
     pixels.Add(other.pixels);
     sum_m2 += other.sum_m2;
@@ -34,6 +36,8 @@ struct HeldOutErrors {
     num_poses += other.num_poses;
     chi2 += other.chi2;
     dof += other.dof;
+    noise_squares += other.noise_squares;
+    num_noise += other.num_noise;
   }
 };
 
@@ -82,6 +86,27 @@ void AddChi2(const Solution& solution, const BundleOptions& bundle, heba::Setup 
                                        view.by_unknowns * solution.covariance.matrix * view.by_unknowns.transpose();
     errors->chi2 += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.rest_squares;
     errors->dof += static_cast<double>(rows + view.num_rest);
+  }
+}
+
+// The held-out residuals of any estimate in the metric of the refinement's noise. They are linearised at the estimate,
+// with the camera that it uses.
+void AddNoiseSquares(const HandEye& hand_eye, const Camera& camera, const Solution& noise, heba::Setup setup,
+                     const std::vector<View>& held_out, HeldOutErrors* errors) {
+  Solution at = noise;
+  at.hand_eye = hand_eye;
+  at.camera = camera;
+  const FreeParameters held(static_cast<size_t>(NumParams(camera.Model())), false);
+  std::optional<std::vector<LinearView>> views =
+      LineariseViewsAt({camera, held_out, setup}, at, {}, held, *FindLoss("none"));
+  if (!views) return;
+  views = StackGroups(*views, GroupByRobotPose(setup, held_out));
+  const RobotNoise robot = noise.robot_noise.value_or(RobotNoise{});
+  for (const LinearView& view : *views) {
+    const Eigen::MatrixXd covariance =
+        MarginalCovariance(view, 1, robot.translation_m * robot.translation_m, robot.rotation_rad * robot.rotation_rad);
+    errors->noise_squares += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.rest_squares;
+    errors->num_noise += static_cast<double>(view.offset.size() + view.num_rest);
   }
 }
 
@@ -134,6 +159,9 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
       for (size_t m = 0; m < calibration->methods.size(); ++m) {
         const Outcome<HandEye>& hand_eye = calibration->methods[m].hand_eye;
         row[m] = hand_eye ? PredictHeldOut(*hand_eye, seen) : Failure{hand_eye.reason()};
+        if (row[m] && calibration->refined) {
+          AddNoiseSquares(*hand_eye, calibration->camera, *calibration->refined, options.setup, held_out, &*row[m]);
+        }
       }
       const Outcome<Solution>& chain = calibration->chain;
       row[names.size() - 2] = chain ? PredictHeldOut(chain->hand_eye, seen) : Failure{chain.reason()};
@@ -141,7 +169,11 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
       row[names.size() - 1] =
           refined ? PredictHeldOut(refined->hand_eye, SeenViews(refined->camera, Shaped(held_out, refined->shape)))
                   : Failure{refined.reason()};
-      if (refined && row.back()) AddChi2(*refined, calibration->bundle, options.setup, held_out, &*row.back());
+      if (refined && row.back()) {
+        AddChi2(*refined, calibration->bundle, options.setup, held_out, &*row.back());
+        AddNoiseSquares(refined->hand_eye, refined->camera, *refined, options.setup, Shaped(held_out, refined->shape),
+                        &*row.back());
+      }
     }
     const std::lock_guard<std::mutex> lock(mutex);
     progress();
@@ -166,6 +198,7 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
         result.target_rad = std::sqrt(total.sum_rad2 / total.num_poses);
       }
       if (total.dof > 0) result.chi2_per_dof = total.chi2 / total.dof;
+      if (total.num_noise > 0) result.sigmas = std::sqrt(total.noise_squares / total.num_noise);
     }
     results.push_back(std::move(result));
   }

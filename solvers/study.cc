@@ -32,8 +32,9 @@ View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
   const Rigid3d camera_from_target =
       CameraFromTarget(setup, cell.hand_eye, view.camera_mount_from_target_mount, Retract(Rigid3d(), error));
   view.observations = cell.target;
-  CHECK(Predict(cell.camera.Model(), cell.camera.params.data(), camera_from_target, cell.target,
-                &view.observations.pixels, nullptr));
+  const bool is_designed = cell.shape.params == TargetShape().params;
+  CHECK(Predict(cell.camera.Model(), cell.camera.params.data(), camera_from_target,
+                is_designed ? cell.target : Shaped(cell.target, cell.shape), &view.observations.pixels, nullptr));
   for (Eigen::Index i = 0; i < view.observations.size(); ++i) {
     const double u = cell.pixel_sigma_px * rng->Normal();
     const double v = cell.pixel_sigma_px * rng->Normal();
@@ -51,7 +52,42 @@ View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
   return view;
 }
 
-FreeParameters FreeOf(const StudyCell& cell) { return FreeOf(cell.camera.Model(), cell.options.bundle); }
+// The camera's parameters that are unknown.
+FreeParameters FreeOf(const StudyCell& cell) {
+  return FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics);
+}
+
+// What of the target's shape is not as designed.
+std::vector<TargetShapeGroup> ShapeGroupsOf(const StudyCell& cell) {
+  std::vector<TargetShapeGroup> groups;
+  for (const TargetShapeGroup group : {TargetShapeGroup::kScale, TargetShapeGroup::kBend}) {
+    bool differs = false;
+    for (int i = 0; i < TargetShape::kNumParams; ++i) {
+      const auto k = static_cast<size_t>(i);
+      differs = differs || (ShapeGroupOf(i) == group && cell.shape.params[k] != TargetShape().params[k]);
+    }
+    if (differs) groups.push_back(group);
+  }
+  return groups;
+}
+
+bool IsModelOf(const StudyCell& cell, const BundleOptions& bundle) {
+  const bool is_noisy = cell.robot_noise.translation_m > 0 || cell.robot_noise.rotation_rad > 0;
+  return (bundle.robot != BundleOptions::Robot::kExact) == is_noisy && bundle.free_shape == ShapeGroupsOf(cell);
+}
+
+// The errors of those of the shape's parameters that the covariance names, in its order.
+Eigen::VectorXd ShapeErrors(const StudyCell& cell, const Solution& solution) {
+  std::vector<double> errors;
+  for (const std::string& name : solution.covariance.names) {
+    for (size_t i = 0; i < kTargetShapeParamNames.size(); ++i) {
+      if (name == "target." + std::string(kTargetShapeParamNames[i])) {
+        errors.push_back(solution.shape.params[i] - cell.shape.params[i]);
+      }
+    }
+  }
+  return Eigen::Map<const Eigen::VectorXd>(errors.data(), static_cast<Eigen::Index>(errors.size()));
+}
 
 // Of the unknowns that are free, in the order of UnknownNames.
 Eigen::VectorXd ErrorOf(const StudyCell& cell, const HandEye& hand_eye, const Camera* camera) {
@@ -80,7 +116,7 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
 
 TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const Outcome<Solution>& solution,
                          const std::vector<PosePair>& pairs) {
-  if (!solution) return {method, false, {}, 0, {}, {}, {}};
+  if (!solution) return {method, false, {}, 0, {}, {}, {}, {}};
   TrialEstimate estimate = EstimateOf(cell, method, Outcome<HandEye>(solution->hand_eye), pairs);
   const Eigen::MatrixXd& covariance = solution->covariance.matrix;
   // The chain knows nothing of intrinsics.
@@ -89,7 +125,10 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
       ErrorOf(cell, solution->hand_eye, covariance.rows() > kNumPoseUnknowns ? &solution->camera : nullptr);
   const double dof = static_cast<double>(covariance.rows());
   const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::VectorXd scaled_error = scale.cwiseProduct(estimate.error);
+  const Eigen::VectorXd shape_errors = ShapeErrors(cell, *solution);
+  Eigen::VectorXd error(covariance.rows());
+  error << estimate.error, shape_errors;
+  const Eigen::VectorXd scaled_error = scale.cwiseProduct(error);
   const double squares =
       scaled_error.dot((scale.asDiagonal() * covariance * scale.asDiagonal()).ldlt().solve(scaled_error));
   constexpr double kOutside = 0.05;
@@ -120,8 +159,8 @@ std::vector<TrialEstimate> RunTrial(const StudyCell& cell, uint64_t seed, int tr
   const Outcome<Calibration> calibration = Calibrate(views, cell.options);
   std::vector<TrialEstimate> estimates;
   if (!calibration) {
-    for (const std::string& name : cell.options.methods) estimates.push_back({name, false, {}, 0, {}, {}, {}});
-    for (const char* name : {kChainMethod, kBundleMethod}) estimates.push_back({name, false, {}, 0, {}, {}, {}});
+    for (const std::string& name : cell.options.methods) estimates.push_back({name, false, {}, 0, {}, {}, {}, {}});
+    for (const char* name : {kChainMethod, kBundleMethod}) estimates.push_back({name, false, {}, 0, {}, {}, {}, {}});
     return estimates;
   }
   for (const MethodResult& method : calibration->methods) {
@@ -129,6 +168,9 @@ std::vector<TrialEstimate> RunTrial(const StudyCell& cell, uint64_t seed, int tr
   }
   estimates.push_back(EstimateOf(cell, kChainMethod, calibration->chain, calibration->pairs));
   estimates.push_back(EstimateOf(cell, kBundleMethod, calibration->refined, calibration->pairs));
+  if (calibration->refined && !calibration->alternatives.empty()) {
+    estimates.back().has_right_model = IsModelOf(cell, calibration->bundle);
+  }
   return estimates;
 }
 
@@ -138,10 +180,10 @@ Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
   exact.robot_noise = {};
   exact.outlier_points = 0;
   exact.wrong_captures = 0;
-  Problem problem{cell.camera, {}, cell.options.setup};
+  Problem problem{cell.camera, {}, cell.options.setup, cell.shape};
   Rng rng(0);
   for (size_t i = 0; i < cell.poses.size(); ++i) problem.views.push_back(MakeView(exact, i, &rng));
-  const FreeParameters free = FreeOf(cell);
+  const FreeParameters free = FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics, ShapeGroupsOf(cell));
   const std::optional<std::vector<LinearView>> views =
       LineariseViews(problem, cell.hand_eye, {}, free, cell.pixel_sigma_px, *FindLoss("none"));
   CHECK(views.has_value());
@@ -160,6 +202,8 @@ std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<st
     Eigen::VectorXd squares;
     int num_covered = 0;
     int num_with_covariance = 0;
+    int num_right = 0;
+    int num_chosen = 0;
     std::vector<double> pixel_sigmas;
     std::vector<double> translations;
     std::vector<double> rotations;
@@ -178,6 +222,10 @@ std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<st
         ++num_with_covariance;
         num_covered += *estimate->is_covered ? 1 : 0;
       }
+      if (estimate->has_right_model) {
+        ++num_chosen;
+        num_right += *estimate->has_right_model ? 1 : 0;
+      }
       if (estimate->pixel_sigma_px) pixel_sigmas.push_back(*estimate->pixel_sigma_px);
       if (estimate->robot_noise) {
         translations.push_back(estimate->robot_noise->translation_m);
@@ -190,6 +238,7 @@ std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<st
       summary.axxb_mean_mm /= num_good;
     }
     if (num_with_covariance > 0) summary.coverage = static_cast<double>(num_covered) / num_with_covariance;
+    if (num_chosen > 0) summary.right_model = static_cast<double>(num_right) / num_chosen;
     if (!pixel_sigmas.empty()) summary.pixel_sigma_px = Median(pixel_sigmas);
     if (!translations.empty()) summary.robot_noise = RobotNoise{Median(translations), Median(rotations)};
     summaries.push_back(std::move(summary));

@@ -18,6 +18,7 @@ struct StudyCell {
   HandEye hand_eye;
   Observations target;  // Ids, points and radii of what every capture sees; its pixels are not used.
   std::vector<SimulatedPose> poses;
+  TargetShape shape;  // Of the truth; the estimators know the design only.
   double pixel_sigma_px = 0;
   RobotNoise robot_noise;
   // Each point is, with this probability, anywhere within 40 px of its place; each capture's stated pose wrong by 5 mm
@@ -36,6 +37,8 @@ struct TrialEstimate {
   double axxb_mean_mm = 0;  // The paper's measure.
   // Of a refinement with a covariance: whether its 95 % region holds the truth.
   std::optional<bool> is_covered;
+  // Of a refinement that chose its model of the errors: whether that is the cell's.
+  std::optional<bool> has_right_model;
   std::optional<double> pixel_sigma_px;
   std::optional<RobotNoise> robot_noise;
 };
@@ -53,9 +56,9 @@ struct StudyErrors {
   std::optional<double> focal_px;  // Of fx and fy together; if they are free.
 };
 
-// The covariance that no unbiased estimator is better than, for the cell's poses, all its points good and both noises
-// known: sum J^T (s^2 I + G Q G^T)^-1 J over captures, inverted. With an exact robot without G. A Failure if the
-// captures do not determine the unknowns.
+// The covariance that no unbiased estimator is better than, for the cell's poses, all its points good, both noises
+// known, and that part of the target's shape unknown in which it differs from its design: sum J^T (s^2 I + G Q G^T)^-1
+// J over captures, inverted. With an exact robot without G. A Failure if the captures do not determine the unknowns.
 Outcome<StudyErrors> ErrorBound(const StudyCell& cell);
 
 struct MethodSummary {
@@ -65,6 +68,7 @@ struct MethodSummary {
   StudyErrors rms;  // Over the trials that did not fail.
   double axxb_mean_mm = 0;
   std::optional<double> coverage;
+  std::optional<double> right_model;  // The share of trials that chose the cell's model of the errors.
   // Medians of what the refinement found.
   std::optional<double> pixel_sigma_px;
   std::optional<RobotNoise> robot_noise;

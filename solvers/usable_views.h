@@ -18,7 +18,7 @@ struct UnusedView {
 };
 
 struct SortedViews {
-  std::vector<View> posed;  // Views with a pose of their own.
+  std::vector<View> posed;                     // Views with a pose of their own.
   std::vector<std::vector<TargetPose>> poses;  // Of each of them, the poses that its points allow.
   // Views whose points no pose of the target explains, or far worse than the others': some or all of them are wrong.
   std::vector<View> misfits;

@@ -13,6 +13,7 @@
 #include "heba/io/result_file.h"
 #include "tools/command.h"
 #include "tools/pipeline.h"
+#include "tools/run_figures.h"
 #include "tools/run_inputs.h"
 #include "tools/summary.h"
 
@@ -84,12 +85,16 @@ std::string TimeLeft(double seconds) {
 // One line a run as it ends, with what is still to come.
 class BatchProgress {
  public:
-  BatchProgress(size_t total, Verbosity verbosity) : total_(total), verbosity_(verbosity) {}
+  BatchProgress(size_t total, Verbosity verbosity, std::optional<Grade> fail_on)
+      : total_(total), verbosity_(verbosity), fail_on_(fail_on) {}
 
   void Done(const Item& item, double seconds) {
     ++num_done_;
     if (!item.was_there) ++num_worked_;
     if (!item.run.result) PrintError(item.run.reason);
+    if (item.run.result && fail_on_ && item.run.result->verdict.grade >= *fail_on_) {
+      PrintError(item.config_path + ": " + VerdictFailure(item.run.result->verdict));
+    }
     if (verbosity_ == Verbosity::kQuiet) return;
     const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
     std::string line = "[" + PadLeft(std::to_string(num_done_), std::to_string(total_).size()) + "/" +
@@ -105,6 +110,7 @@ class BatchProgress {
  private:
   size_t total_;
   Verbosity verbosity_;
+  std::optional<Grade> fail_on_;
   size_t num_done_ = 0;
   size_t num_worked_ = 0;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
@@ -136,7 +142,7 @@ int RunBatch(const std::vector<std::string>& configs, const BatchOptions& option
 
   const int num_mine = static_cast<int>(mine.size());
   const int num_workers = std::max(1, std::min(options.num_threads, num_mine));
-  BatchProgress progress(mine.size(), options.verbosity);
+  BatchProgress progress(mine.size(), options.verbosity, options.fail_on);
   std::mutex mutex;
   int num_started = 0;
   ParallelFor(num_mine, num_workers, [&](int index) {
@@ -165,8 +171,9 @@ int RunBatch(const std::vector<std::string>& configs, const BatchOptions& option
     std::cout << ForTerminal(SummaryTable(runs));
     if (!options.output.empty()) std::cout << "results: " << options.output.string() << std::endl;
   }
-  const bool all_good =
-      std::all_of(runs.begin(), runs.end(), [](const BatchRun& run) { return run.result.has_value(); });
+  const bool all_good = std::all_of(runs.begin(), runs.end(), [&](const BatchRun& run) {
+    return run.result.has_value() && !(options.fail_on && run.result->verdict.grade >= *options.fail_on);
+  });
   return all_good ? kDone : kWorkFailed;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,7 @@ struct BatchOptions {
   int num_threads = 1;                // Of all runs together.
   bool resume = false;                // Runs whose results are complete and whose inputs are the same are left alone.
   Shard shard;
+  std::optional<Grade> fail_on;  // --fail-on
   Verbosity verbosity = Verbosity::kNormal;
 };
 

@@ -40,9 +40,16 @@ const std::vector<Command>& Commands() {
   return commands;
 }
 
+// gflags' own name of a flag: a variable's, without hyphens.
+std::string VariableOf(std::string name) {
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+}
+
 gflags::CommandLineFlagInfo FlagInfo(const std::string& name) {
   gflags::CommandLineFlagInfo info;
-  CHECK(gflags::GetCommandLineFlagInfo(name.c_str(), &info)) << name;
+  CHECK(gflags::GetCommandLineFlagInfo(VariableOf(name).c_str(), &info)) << name;
+  info.name = name;
   return info;
 }
 
@@ -118,7 +125,7 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
     constexpr std::string_view kRepeatable = "set";
     if (name == kRepeatable && !info.current_value.empty()) value = info.current_value + kSettingSeparator + value;
     if (info.type == "string" && value.empty()) throw InputError("--" + name + " needs a value");
-    CHECK(!gflags::SetCommandLineOption(name.c_str(), value.c_str()).empty());
+    CHECK(!gflags::SetCommandLineOption(VariableOf(name).c_str(), value.c_str()).empty());
   }
   return arguments;
 }

@@ -185,7 +185,7 @@ RunLine LineOf(const RunResult& result) {
   return line;
 }
 
-std::string Verdict(const PairDifference& pair) { return pair.p_value < kSignificant ? "differ" : "agree"; }
+std::string Agreement(const PairDifference& pair) { return pair.p_value < kSignificant ? "differ" : "agree"; }
 
 }  // namespace
 
@@ -231,7 +231,7 @@ std::string ComparisonTable(const Comparison& comparison) {
     table += PadRight(shortened(comparison.runs[pairs[i].first].label), kNameWidth + 1) + " " +
              PadRight(shortened(comparison.runs[pairs[i].second].label), kNameWidth) +
              PadLeft(Significant(pairs[i].distance_mm, 2), 9) + PadLeft(Significant(pairs[i].angle_deg, 2), 9) +
-             PadLeft(Significant(pairs[i].p_value, 1), 10) + "  " + Verdict(pairs[i]) + "\n";
+             PadLeft(Significant(pairs[i].p_value, 1), 10) + "  " + Agreement(pairs[i]) + "\n";
   }
   if (pairs.size() > kMaxPairs) table += "and " + std::to_string(pairs.size() - kMaxPairs) + " likelier pairs\n";
   table += "\n";
@@ -258,7 +258,7 @@ std::string ComparisonPairsCsv(const Comparison& comparison) {
   for (const PairDifference& pair : comparison.pairs) {
     csv += CsvField(comparison.runs[pair.first].label) + "," + CsvField(comparison.runs[pair.second].label) + "," +
            RoundTrip(pair.distance_mm) + "," + RoundTrip(pair.angle_deg) + "," + RoundTrip(pair.sigma_mm) + "," +
-           RoundTrip(pair.sigma_deg) + "," + RoundTrip(pair.p_value) + "," + Verdict(pair) + "\n";
+           RoundTrip(pair.sigma_deg) + "," + RoundTrip(pair.p_value) + "," + Agreement(pair) + "\n";
   }
   return csv;
 }
@@ -310,7 +310,7 @@ std::string ComparisonPage(const Comparison& comparison) {
                     {Significant(pair.angle_deg, 3), true},
                     {Significant(pair.sigma_deg, 3), true},
                     {Significant(pair.p_value, 3), true},
-                    {Verdict(pair)}});
+                    {Agreement(pair)}});
   }
   body += Heading("Hand-eye poses apart");
   if (!comparison.pairs.empty()) {

@@ -14,6 +14,7 @@ DEFINE_bool(quiet, false, "no progress and no table");
 DEFINE_string(shard, "", "I/N: the part I, from 0 to N - 1, of N");
 DEFINE_string(set, "", "KEY=VALUE counts more than the config, such as refine.loss=none; may stand several times");
 DEFINE_bool(resume, false, "skip runs that are complete and whose inputs have not changed");
+DEFINE_string(fail_on, "", "bad or doubtful: a run with such a verdict, or a worse one, ends with status 1");
 DEFINE_string(to, "", "the form to export: urdf, ros1, ros2, opencv, kuka, ...");
 DEFINE_string(method, "", "whose estimate to export; the refined one without it");
 DEFINE_string(parent, "", "the frame that the camera is posed in; base_link or tool0 without it");
@@ -35,6 +36,14 @@ int NumThreads() {
 
 std::vector<std::string> Settings() {
   return FLAGS_set.empty() ? std::vector<std::string>() : Split(FLAGS_set, kSettingSeparator);
+}
+
+std::optional<Grade> FailOn() {
+  if (FLAGS_fail_on.empty()) return std::nullopt;
+  for (const Grade grade : {Grade::kDoubtful, Grade::kBad}) {
+    if (FLAGS_fail_on == GradeName(grade)) return grade;
+  }
+  throw InputError("--fail-on needs bad or doubtful, not '" + FLAGS_fail_on + "'");
 }
 
 Shard ParseShard() {

@@ -1,10 +1,13 @@
 // Every flag of the program; commands.def says which command takes which.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <gflags/gflags_declare.h>
+
+#include "heba/evaluation/finding.h"
 
 DECLARE_string(out);
 DECLARE_int32(jobs);
@@ -13,6 +16,7 @@ DECLARE_double(dpi);
 DECLARE_string(shard);
 DECLARE_string(set);
 DECLARE_bool(resume);
+DECLARE_string(fail_on);
 DECLARE_string(to);
 DECLARE_string(method);
 DECLARE_string(parent);
@@ -34,6 +38,9 @@ int NumThreads();
 
 // What every --set said, in order.
 std::vector<std::string> Settings();
+
+// The verdict from which on --fail-on makes a run end with status 1; nothing without it.
+std::optional<Grade> FailOn();
 
 // The part of the work that --shard asks for: index, from 0, of count; 0 of 1 without it.
 struct Shard {

@@ -14,11 +14,9 @@
 #include "heba/evaluation/verdict.h"
 #include "heba/io/result_file.h"
 #include "solvers/calibration.h"
-#include "solvers/cross_validation.h"
-#include "solvers/pose_selection.h"
-#include "solvers/target_location.h"
 #include "targets/guided_detection.h"
 #include "targets/image.h"
+#include "tools/assessment.h"
 #include "tools/captures.h"
 #include "tools/detection_file.h"
 #include "tools/doctor/doctor.h"
@@ -35,99 +33,6 @@ class Stopwatch {
  private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
-
-// What every estimate is measured by.
-Errors EvaluateEstimate(const HandEye& hand_eye, const Camera& camera, const std::vector<View>& views,
-                        const std::vector<PosePair>& pairs, const std::optional<Truth>& truth,
-                        const std::vector<Rigid3d>& symmetries) {
-  Errors errors;
-  const std::optional<SquaredErrors> squared = ReprojectionErrors(hand_eye, camera, views);
-  if (squared) errors.reprojection_rms_px = squared->RmsPx();
-  errors.axxb_mean_mm = AxxbMeanMm(pairs, hand_eye.camera_mount_from_camera);
-  errors.board_scatter = ComputeBoardScatter(pairs, hand_eye);
-  if (truth) errors.truth = CompareWithTruth(hand_eye, camera, *truth, symmetries);
-  return errors;
-}
-
-std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
-                                    const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries) {
-  std::vector<Estimate> estimates;
-  for (const MethodResult& method : calibration.methods) {
-    Estimate estimate;
-    estimate.method = method.method;
-    estimate.kind = "closed_form";
-    estimate.ok = method.hand_eye.ok();
-    estimate.reason = method.hand_eye.reason();
-    estimate.camera = calibration.camera;
-    if (estimate.ok) {
-      estimate.hand_eye = *method.hand_eye;
-      estimate.errors =
-          EvaluateEstimate(estimate.hand_eye, estimate.camera, calibration.views, calibration.pairs, truth, symmetries);
-    }
-    estimates.push_back(std::move(estimate));
-  }
-  Estimate chain;
-  chain.method = kChainMethod;
-  chain.kind = "refined";
-  chain.ok = calibration.chain.ok();
-  chain.reason = calibration.chain.reason();
-  chain.camera = calibration.camera;
-  if (chain.ok) {
-    chain.solution = *calibration.chain;
-    chain.hand_eye = chain.solution->hand_eye;
-    chain.errors =
-        EvaluateEstimate(chain.hand_eye, chain.camera, calibration.views, calibration.pairs, truth, symmetries);
-  }
-  estimates.push_back(std::move(chain));
-  Estimate refined;
-  refined.method = kBundleMethod;
-  refined.kind = "refined";
-  refined.ok = calibration.refined.ok();
-  refined.reason = calibration.refined.reason();
-  if (!refined.ok) {
-    estimates.push_back(std::move(refined));
-    return estimates;
-  }
-  refined.solution = *calibration.refined;
-  refined.hand_eye = refined.solution->hand_eye;
-  refined.camera = refined.solution->camera;
-  // The refined camera sees the target elsewhere than the one that the closed forms had.
-  const std::vector<View> shaped = Shaped(calibration.views, refined.solution->shape);
-  refined.errors = EvaluateEstimate(refined.hand_eye, refined.camera, shaped,
-                                    PairsAsSeen(refined.camera, refined.hand_eye, shaped), truth, symmetries);
-  estimates.push_back(std::move(refined));
-  for (Estimate& estimate : estimates) {
-    for (const HoldOut& hold_out : hold_outs) {
-      if (hold_out.method != estimate.method) continue;
-      estimate.errors.holdout_rms_px = hold_out.rms_px;
-      if (hold_out.target_m) estimate.errors.holdout_target_mm = 1000 * *hold_out.target_m;
-      if (hold_out.target_rad) estimate.errors.holdout_target_deg = RadToDeg(*hold_out.target_rad);
-      estimate.errors.holdout_chi2 = hold_out.chi2_per_dof;
-    }
-  }
-  return estimates;
-}
-
-// Where the target's points must be in a capture, if the calibration is right; nothing for those out of view.
-std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target, const Solution& solution,
-                                                           const Rigid3d& camera_from_target) {
-  constexpr double kRimPx = 3;
-  std::vector<std::optional<Eigen::Vector2d>> expected;
-  const bool z_out = target.Draw().y_up;
-  const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d(0, 0, z_out ? -1 : 1);
-  for (const TargetPoint& point : target.points()) {
-    const Eigen::Vector3d in_camera = camera_from_target * Shaped(point.in_target, solution.shape);
-    std::optional<Eigen::Vector2d> pixel = ProjectPoint(solution.camera, in_camera);
-    // From behind there is nothing to see; and strong distortion folds far rays back into the picture.
-    const bool is_visible = pixel && normal.dot(in_camera) > 0 && pixel->x() >= kRimPx && pixel->y() >= kRimPx &&
-                            pixel->x() <= solution.camera.width_px - 1 - kRimPx &&
-                            pixel->y() <= solution.camera.height_px - 1 - kRimPx &&
-                            UnprojectPixel(solution.camera, *pixel).value_or(Eigen::Vector3d::Zero()).dot(in_camera) >
-                                0.999 * in_camera.norm();
-    expected.push_back(is_visible ? pixel : std::nullopt);
-  }
-  return expected;
-}
 
 // Whether a calibration from more points explains them as well as the first its own: it must not be the worse for it.
 bool IsNoWorse(const Calibration& second, const Calibration& first) {
@@ -221,90 +126,23 @@ std::vector<CaptureView> CaptureViews(const RunConfig& config, const std::vector
   return all;
 }
 
-// By the capture of middling distance; nothing if its points do not tell the target's pose.
-std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Setup setup) {
-  const Solution& solution = *calibration.refined;
-  std::vector<std::pair<double, const View*>> by_distance;
-  const auto middle_of = [&](const View& view) -> Eigen::Vector3d {
-    return CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount) *
-           Shaped(view.observations, solution.shape).points_in_target.rowwise().mean();
-  };
-  constexpr int kMinPoints = 4;
-  for (const View& view : calibration.views) {
-    if (view.observations.size() >= kMinPoints) by_distance.emplace_back(middle_of(view).norm(), &view);
-  }
-  if (by_distance.empty()) return std::nullopt;
-  const auto middle = by_distance.begin() + static_cast<std::ptrdiff_t>(by_distance.size() / 2);
-  std::nth_element(by_distance.begin(), middle, by_distance.end());
-  const View& view = *middle->second;
-  const Outcome<LocatedTarget> located = LocateTarget(setup, solution, view.observations, Rigid3d());
-  if (!located) return std::nullopt;
-  const Eigen::Matrix3d mount_from_camera = solution.hand_eye.camera_mount_from_camera.RotationMatrix();
-  return WorkingPoint{middle_of(view),
-                      mount_from_camera.transpose() * located->covariance.by_calibration_m2 * mount_from_camera};
-}
-
-std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::vector<CaptureDetection>& detections,
-                                            const Calibration& calibration,
-                                            const std::vector<std::optional<CaptureMove>>& moves) {
-  const Solution& solution = *calibration.refined;
-  std::vector<CaptureResult> results;
-  for (size_t i = 0; i < config.captures.size(); ++i) {
-    CaptureResult result;
-    result.image = config.captures[i].name;
-    result.role = config.captures[i].role;
-    result.num_points = static_cast<int>(detections[i].detection.ids.size());
-    result.num_second_pass = detections[i].num_second_pass;
-    result.reason = detections[i].detection.reason;
-    const auto view = std::find_if(calibration.views.begin(), calibration.views.end(),
-                                   [&](const View& entry) { return entry.name == result.image; });
-    const auto unused = std::find_if(calibration.unused.begin(), calibration.unused.end(),
-                                     [&](const UnusedView& entry) { return entry.name == result.image; });
-    if (view != calibration.views.end()) {
-      result.used = true;
-      const std::optional<SquaredErrors> errors =
-          ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
-                     Shaped(view->observations, solution.shape));
-      if (errors) result.rms_px = errors->RmsPx();
-      const auto index = static_cast<size_t>(view - calibration.views.begin());
-      result.num_rejected = static_cast<int>(solution.rejected_ids[index].size());
-      if (result.num_rejected > 0) {
-        result.reason += std::string(result.reason.empty() ? "" : "; ") + std::to_string(result.num_rejected) +
-                         (result.num_rejected == 1 ? " point is" : " points are") +
-                         " not where the estimate from the others says, and left out";
-      }
-      if (!solution.corrections.empty()) result.correction = solution.corrections[index];
-      result.move_without = moves[index];
-    } else if (unused != calibration.unused.end()) {
-      result.reason = unused->reason;
-    }
-    results.push_back(std::move(result));
-  }
-  for (const std::string& image : config.images_without_pose) {
-    CaptureResult result;
-    result.image = image;
-    result.reason = "the robot's pose is not in the poses file";
-    results.push_back(std::move(result));
-  }
-  return results;
-}
-
 // What the doctor finds wrong first, as a sentence's end; empty if nothing.
 std::string DoctorSays(const RunConfig& config, int num_threads) {
-  const std::string wrong = FirstWrong(Diagnose(config, num_threads, Verbosity::kQuiet));
+  const std::string wrong = FirstWrong(Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs));
   return wrong.empty() ? "" : "heba doctor: " + wrong;
 }
 
-// To the remarks of the refinements of a result that is bad.
+// Where the result is bad, what the doctor finds wrong is the first thing to know.
 void AskDoctor(const RunConfig& config, int num_threads, RunResult* result) {
-  if (JudgeRun(*result).grade != Grade::kBad) return;
-  const std::string doctor = DoctorSays(config, num_threads);
-  if (doctor.empty()) return;
-  for (auto estimate = result->estimates.rbegin(); estimate != result->estimates.rend(); ++estimate) {
-    if (!estimate->solution) continue;
-    estimate->solution->remarks.insert(estimate->solution->remarks.begin(), doctor);
-    return;
-  }
+  result->verdict = JudgeRun(*result);
+  if (result->verdict.grade != Grade::kBad) return;
+  const Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
+  if (diagnosis.NumWrong() == 0) return;
+  const Symptom& first = diagnosis.symptoms.front();
+  Finding cause{Grade::kBad, first.code, first.what, first.cure};
+  cause.is_cause = true;
+  result->observations.insert(result->observations.begin(), std::move(cause));
+  result->verdict = JudgeRun(*result);
 }
 
 // A data set of poses that others found of the target: what can be said without its pictures.
@@ -408,29 +246,9 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   result.timing.refine_s = calibration->refined->convergence.seconds;
   result.timing.seed_s = solve_watch.Seconds() - result.timing.refine_s;
   console->Note("seed: " + calibration->seed);
-  calibration->refined->remarks = Advise(*calibration, options);
-
-  // From here on those that were found to suit, in every fold.
-  options.methods.clear();
-  for (const MethodResult& method : calibration->methods) options.methods.push_back(method.method);
-  options.bundle.num_threads = 1;  // The folds are side by side.
-  std::vector<HoldOut> hold_outs;
-  if (config.folds > 0) {
-    const int num_folds = std::min(config.folds, static_cast<int>(calibration->views.size()));
-    Progress progress("hold-out", num_folds, console->verbosity());
-    hold_outs = CrossValidate(*calibration, options, num_folds, num_threads, [&] { progress.Step(); });
-  }
-  for (const HoldOut& hold_out : hold_outs) {
-    if (!hold_out.reason.empty()) console->Note("no hold-out figure for " + hold_out.method + ": " + hold_out.reason);
-  }
-
-  result.name = config.name;
-  result.setup = config.setup;
-  result.target_type = config.target->type();
-  result.num_target_points = static_cast<int>(config.target->points().size());
-  result.estimates = MakeEstimates(*calibration, hold_outs, truth, options.symmetries);
-  result.captures = DescribeCaptures(config, detections, *calibration, MoveWithoutEachView(*calibration, options));
-  result.working_point = FindWorkingPoint(*calibration, config.setup);
+  const Timing timing = result.timing;
+  result = Assess(config, detections, *calibration, options, truth, num_threads, console);
+  result.timing = timing;
   AskDoctor(config_in, num_threads, &result);
   result.timing.total_s = total.Seconds();
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);

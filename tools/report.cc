@@ -45,13 +45,13 @@ std::string Section(const std::string& heading, const std::string& content) {
 }
 
 std::string VerdictSection(const RunResult& result) {
-  const Verdict verdict = JudgeRun(result);
+  const Verdict& verdict = result.verdict;
   const std::string grade(GradeName(verdict.grade));
   std::string section = "<p class=\"verdict " + grade + "\">This calibration is <strong>" + grade +
                         "</strong>.</p>\n<ul class=\"findings\">\n";
   for (const Finding& finding : verdict.findings) {
-    section += "<li class=\"" + std::string(GradeName(finding.grade)) + "\">" + EscapedForMarkup(finding.what);
-    if (!finding.cure.empty()) section += ". <em>" + EscapedForMarkup(finding.cure) + ".</em>";
+    section += "<li class=\"" + std::string(GradeName(finding.grade)) + "\">" + EscapedForMarkup(finding.text);
+    if (!finding.action.empty()) section += ". <em>" + EscapedForMarkup(finding.action) + ".</em>";
     section += "</li>\n";
   }
   return section + "</ul>\n";
@@ -328,8 +328,8 @@ std::string CaptureSection(const RunResult& result) {
     row.push_back({capture.reason});
     rows.push_back(std::move(row));
   }
-  std::vector<std::string> head = {"capture", "", "points", "left out", "rms, px", "result moves without it, mm",
-                                   "deg"};
+  std::vector<std::string> head = {"capture", "",      "points", "left out", "rms, px", "result moves without it, mm",
+                                   "deg",     "chance"};
   if (has_corrections) head.insert(head.end(), {"robot off by, mm", "deg"});
   head.emplace_back("remark");
   return Heading("Captures") + HtmlTable(head, rows, true);

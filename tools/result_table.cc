@@ -6,7 +6,6 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "heba/evaluation/verdict.h"
 #include "tools/run_figures.h"
 
 namespace heba {
@@ -54,6 +53,17 @@ std::string NoiseLine(const Solution& solution, const std::optional<double>& hol
   }
   if (holdout_chi2) line += "; hold-out chi-square " + Significant(*holdout_chi2, 3) + " per degree of freedom";
   return line + "\n";
+}
+
+// The grade, then what keeps it from being good, each with what would better it.
+std::string VerdictLines(const Verdict& verdict, const std::string& bold, const std::string& plain) {
+  std::string lines = bold + "verdict: " + std::string(GradeName(verdict.grade)) + plain + "\n";
+  for (const Finding& finding : verdict.findings) {
+    if (finding.grade == Grade::kGood) continue;
+    lines += "  " + std::string(GradeName(finding.grade)) + " [" + finding.code + "]: " + finding.text + "\n";
+    if (!finding.action.empty()) lines += "    -> " + finding.action + "\n";
+  }
+  return lines;
 }
 
 }  // namespace
@@ -123,24 +133,17 @@ std::string ResultTable(const RunResult& result, Colour colour) {
       table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera (" + estimate.method + ")\n  " +
                PoseText(estimate.hand_eye.camera_mount_from_camera) + "\n";
     }
-    for (const Estimate& estimate : result.estimates) {
-      if (!estimate.solution) continue;
-      for (const std::string& remark : estimate.solution->remarks) table += "remark: " + remark + "\n";
-    }
-    const Verdict verdict = JudgeRun(result);
-    return table + bold + "verdict: " + std::string(GradeName(verdict.grade)) + plain + ": " +
-           verdict.findings.front().what + "\n";
+    return table + VerdictLines(result.verdict, bold, plain);
   }
   table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera\n  " +
            PoseText(refined->hand_eye.camera_mount_from_camera) + "\n  " + Uncertainty(*refined->solution) + "\n";
   table += NoiseLine(*refined->solution, refined->errors.holdout_chi2);
   table += ShapeLine(*refined->solution);
-  for (const std::string& remark : refined->solution->remarks) table += "remark: " + remark + "\n";
-  const Verdict verdict = JudgeRun(result);
-  table += bold + "verdict: " + std::string(GradeName(verdict.grade)) + plain;
-  const Finding& worst = verdict.findings.front();
-  if (verdict.grade != Grade::kGood) table += ": " + worst.what;
-  return table + "\n";
+  for (const Finding& finding : result.verdict.findings) {
+    const bool is_told = finding.code == "model" || finding.code == "camera";
+    if (is_told) table += finding.code + ": " + finding.text + "\n";
+  }
+  return table + VerdictLines(result.verdict, bold, plain);
 }
 
 }  // namespace heba

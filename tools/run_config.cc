@@ -70,7 +70,10 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
   MapReader reader(value ? *value : ConfigValue(empty, config->file, "camera"));
   std::optional<std::string> model;
   if (const std::optional<ConfigValue> model_value = reader.Find("model")) {
-    model = model_value->AsChoice(CameraModelNames());
+    std::vector<std::string> names = CameraModelNames();
+    names.emplace_back("auto");
+    model = model_value->AsChoice(names);
+    if (*model == "auto") model.reset();
   }
   if (const std::optional<ConfigValue> file = reader.Find("intrinsics")) {
     const fs::path path = reader.Path("intrinsics");
@@ -82,7 +85,8 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
     config->camera = AsModel(*config->imported->camera, model, root.Get("captures"));
     config->camera_model = config->camera->model;
   } else {
-    config->camera_model = model.value_or("brown5");
+    config->choose_camera_model = !model;
+    config->camera_model = model.value_or("auto");
   }
   reader.Record("model", YAML::Node(config->camera_model));
   reader.Finish();
@@ -111,13 +115,17 @@ void ReadRobotNoise(MapReader* refine, RunConfig* config) {
   refine->Record("robot_noise", reader.used());
 }
 
-// `file`: what the camera file says of its own parameters' sigmas.
+// `file`: what the camera file says of its own parameters' sigmas. By default where the file says it.
 void ReadIntrinsicsPrior(MapReader* refine, RunConfig* config) {
-  if (refine->Choice("intrinsics_prior", {"none", "file"}, "none") == "none") return;
-  const ConfigValue value = refine->Get("intrinsics_prior");
-  if (!config->camera) value.Fail("needs a camera file (camera.intrinsics)");
-  std::optional<std::vector<double>> sigmas = ReadCameraSigmas(config->camera_file);
+  const bool has_file = config->camera && !config->bundle.free_intrinsics.empty() && !config->imported;
+  std::optional<std::vector<double>> sigmas = has_file ? ReadCameraSigmas(config->camera_file) : std::nullopt;
+  const std::string fallback = sigmas ? "file" : "none";
+  if (refine->Choice("intrinsics_prior", {"none", "file"}, fallback) == "none") return;
   if (!sigmas) {
+    const ConfigValue value = refine->Get("intrinsics_prior");
+    if (!config->camera) value.Fail("needs a camera file (camera.intrinsics)");
+    if (config->bundle.free_intrinsics.empty()) value.Fail("needs intrinsics that are free (refine.intrinsics)");
+
     value.Fail("needs sigmas, which " + config->camera_file +
                " does not have (in heba's own form: std, as in the camera of a result.json)");
   }
@@ -180,6 +188,62 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   root.Record("refine", reader.used());
 }
 
+Eigen::Vector3d ReadPlace(const ConfigValue& value) {
+  const std::vector<ConfigValue> items = value.AsList();
+  if (items.size() != 3) value.Fail("three lengths are needed: [400 mm, 0 mm, 50 mm]");
+  return {items[0].AsQuantity(Quantity::kLength), items[1].AsQuantity(Quantity::kLength),
+          items[2].AsQuantity(Quantity::kLength)};
+}
+
+std::string PlaceText(const Eigen::Vector3d& place_m) {
+  return "[" + Significant(1000 * place_m.x(), 4) + ", " + Significant(1000 * place_m.y(), 4) + ", " +
+         Significant(1000 * place_m.z(), 4) + "] mm";
+}
+
+void ReadRequirements(MapReader* evaluate, RunConfig* config) {
+  const std::optional<ConfigValue> list = evaluate->Find("require");
+  if (!list) return;
+  YAML::Node used(YAML::NodeType::Sequence);
+  for (const ConfigValue& item : list->AsList()) {
+    MapReader reader(item);
+    PlacedRequirement requirement;
+    requirement.within_m = reader.Length("within");
+    if (!(requirement.within_m > 0)) reader.Get("within").Fail("must be greater than zero");
+    if (const std::optional<ConfigValue> confidence = reader.Find("confidence")) {
+      requirement.confidence = confidence->AsNumber();
+      if (!(requirement.confidence > 0 && requirement.confidence < 1)) {
+        confidence->Fail("a number between 0 and 1 is needed");
+      }
+      reader.Record("confidence", confidence->node());
+    }
+    const std::optional<ConfigValue> at = reader.Find("at");
+    const std::optional<ConfigValue> box = reader.Find("box");
+    if (at && box) box->Fail("a point (at) or a box is needed, not both");
+    if (at) {
+      requirement.places_in_base_m = {ReadPlace(*at)};
+      requirement.text = PlaceText(requirement.places_in_base_m.front());
+      reader.Record("at", at->node());
+    }
+    if (box) {
+      const std::vector<ConfigValue> corners = box->AsList();
+      if (corners.size() != 2) box->Fail("two corners are needed: [[x, y, z], [x, y, z]]");
+      const Eigen::Vector3d low = ReadPlace(corners[0]);
+      const Eigen::Vector3d high = ReadPlace(corners[1]);
+      for (int corner = 0; corner < 8; ++corner) {
+        requirement.places_in_base_m.emplace_back((corner & 1) == 0 ? low.x() : high.x(),
+                                                  (corner & 2) == 0 ? low.y() : high.y(),
+                                                  (corner & 4) == 0 ? low.z() : high.z());
+      }
+      requirement.text = "the corners of the box from " + PlaceText(low) + " to " + PlaceText(high);
+      reader.Record("box", box->node());
+    }
+    reader.Finish();
+    used.push_back(reader.used());
+    config->requirements.push_back(std::move(requirement));
+  }
+  evaluate->Record("require", used);
+}
+
 void ReadEvaluate(MapReader& root, RunConfig* config) {
   YAML::Node empty(YAML::NodeType::Map);
   const std::optional<ConfigValue> value = root.Find("evaluate");
@@ -187,6 +251,7 @@ void ReadEvaluate(MapReader& root, RunConfig* config) {
   config->folds = reader.Int("folds", {0, 1000000}, 5);
   if (config->folds == 1) reader.Get("folds").Fail("one fold leaves nothing to learn from; 0 for none, or 2 and more");
   if (reader.Has("truth")) config->truth = reader.Path("truth");
+  ReadRequirements(&reader, config);
   reader.Finish();
   root.Record("evaluate", reader.used());
 }

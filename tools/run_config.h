@@ -23,6 +23,14 @@ struct PoseReading {
   bool is_base_from_gripper = true;
 };
 
+// How well a target must be located there (evaluate.require).
+struct PlacedRequirement {
+  double within_m = 0;
+  double confidence = 0.95;
+  std::vector<Eigen::Vector3d> places_in_base_m;  // A point, or a box's corners; empty: the working point.
+  std::string text;                               // The place in words.
+};
+
 struct RunConfig {
   std::filesystem::path file;
   std::string name;
@@ -48,6 +56,7 @@ struct RunConfig {
   AutoModel choose;                  // What of it the captures are to choose.
   bool choose_camera_model = false;  // The same of camera_model.
   int folds = 0;
+  std::vector<PlacedRequirement> requirements;
   std::optional<std::filesystem::path> truth;
   std::filesystem::path output;
   std::string used;  // The config as used, every default filled in, as YAML.

@@ -42,6 +42,12 @@ std::string PoseText(const Rigid3d& pose) {
 
 std::string FigureText(const std::optional<double>& value) { return value ? Significant(*value, 3) : "-"; }
 
+std::string VerdictFailure(const Verdict& verdict) {
+  const Finding& worst = verdict.findings.front();
+  return "the verdict is " + std::string(GradeName(verdict.grade)) + " (--fail-on): " + worst.text +
+         (worst.action.empty() ? "" : "; " + worst.action);
+}
+
 std::string CsvField(const std::string& text) {
   if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
   std::string quoted = "\"";

@@ -19,6 +19,9 @@ std::string PoseText(const Rigid3d& pose);
 // Three digits, or "-".
 std::string FigureText(const std::optional<double>& value);
 
+// Why --fail-on fails a run, as an error line says it.
+std::string VerdictFailure(const Verdict& verdict);
+
 // As RFC 4180 has it.
 std::string CsvField(const std::string& text);
 

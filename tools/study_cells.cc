@@ -42,6 +42,7 @@ Json MethodJson(const MethodSummary& method) {
                {"rms", ErrorsJson(method.rms)},
                {"axxb_mean_mm", method.axxb_mean_mm}};
   if (method.coverage) json["coverage"] = *method.coverage;
+  if (method.right_model) json["right_model"] = *method.right_model;
   if (method.pixel_sigma_px) json["pixel_sigma_px"] = *method.pixel_sigma_px;
   if (method.robot_noise) json["robot_noise"] = {method.robot_noise->translation_m, method.robot_noise->rotation_rad};
   return json;
@@ -55,6 +56,7 @@ MethodSummary ReadMethod(const JsonReader& reader) {
   method.rms = ReadErrors(reader.Get("rms"));
   method.axxb_mean_mm = reader.Get("axxb_mean_mm").Number();
   if (reader.Has("coverage")) method.coverage = reader.Get("coverage").Number();
+  if (reader.Has("right_model")) method.right_model = reader.Get("right_model").Number();
   if (reader.Has("pixel_sigma_px")) method.pixel_sigma_px = reader.Get("pixel_sigma_px").Number();
   if (reader.Has("robot_noise")) {
     const std::vector<double> noise = reader.Get("robot_noise").Numbers(2);
@@ -94,6 +96,9 @@ std::string MadeFrom(const StudyConfig& study, int index) {
   text += " " + Join(cell.options.methods, ",") + " " + cell.options.seed + " " + bundle.loss + " " +
           std::string(SetupName(cell.options.setup)) + " " + cell.options.camera_model;
   add(cell.options.camera ? 1 : 0);
+  for (const double param : cell.shape.params) add(param);
+  add(cell.options.choose.robot_noise ? 1 : 0);
+  add(cell.options.choose.target_shape ? 1 : 0);
   add(static_cast<double>(bundle.robot));
   add(bundle.robot_noise.translation_m);
   add(bundle.robot_noise.rotation_rad);

@@ -61,6 +61,21 @@ RobotNoise ReadNoise(const ConfigValue& value) {
   return noise;
 }
 
+// How the target differs from its design, as a scene's `print` says it.
+TargetShape ReadTrueShape(const ConfigValue& value) {
+  MapReader reader(value);
+  TargetShape shape;
+  constexpr const char* kKeys[] = {"scale_x", "scale_y", "bend_x", "bend_y"};
+  for (size_t i = 0; i < shape.params.size(); ++i) {
+    const std::optional<ConfigValue> param = reader.Find(kKeys[i]);
+    if (!param) continue;
+    shape.params[i] = i < 2 ? param->AsNumber() : param->AsQuantity(Quantity::kLength);
+    reader.Record(kKeys[i], param->node());
+  }
+  reader.Finish();
+  return shape;
+}
+
 BundleOptions::Robot RobotModel(const std::string& name) {
   if (name == "exact") return BundleOptions::Robot::kExact;
   return name == "given" ? BundleOptions::Robot::kGivenNoise : BundleOptions::Robot::kEstimatedNoise;
@@ -91,9 +106,12 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
   const std::vector<double> outliers = ReadList<double>(reader, "outlier_points", {0.0}, ReadShare);
   const std::vector<double> wrongs = ReadList<double>(reader, "wrong_captures", {0.0}, ReadShare);
   const std::vector<std::string> robot_models =
-      ReadList<std::string>(reader, "robot_model", {"exact"}, [](const ConfigValue& value) {
-        return value.AsChoice({"exact", "given", "auto"});
+      ReadList<std::string>(reader, "robot_model", {"auto"}, [](const ConfigValue& value) {
+        return value.AsChoice({"exact", "given", "estimated", "auto"});
       });
+  const std::vector<TargetShape> target_shapes =
+      ReadList<TargetShape>(reader, "target_shape", {TargetShape()}, ReadTrueShape);
+  const std::string shape_model = reader.Choice("shape_model", {"none", "auto"}, "auto");
   // Left out, each scene says it.
   std::optional<bool> give_camera;
   if (reader.Has("give_camera")) give_camera = reader.Bool("give_camera", true);
@@ -153,18 +171,25 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
       if (give_camera.value_or(scene.give_camera)) cell.options.camera = scene.camera;
       for (const double pixel_sigma_px : pixel_sigmas) {
         for (const RobotNoise& robot_noise : robot_noises) {
-          for (const double outlier_points : outliers) {
-            for (const double wrong_captures : wrongs) {
-              for (const std::string& robot_model : robot_models) {
-                cell.pixel_sigma_px = pixel_sigma_px;
-                cell.robot_noise = robot_noise;
-                cell.outlier_points = outlier_points;
-                cell.wrong_captures = wrong_captures;
-                cell.options.bundle.robot = RobotModel(robot_model);
-                cell.options.bundle.robot_noise = robot_noise;
-                study.cells.push_back(cell);
-                study.labels.push_back({named.name, scene.setup, static_cast<int>(poses->size()), cell.target.size(),
-                                        pixel_sigma_px, robot_noise, outlier_points, wrong_captures, robot_model});
+          for (const TargetShape& shape : target_shapes) {
+            for (const double outlier_points : outliers) {
+              for (const double wrong_captures : wrongs) {
+                for (const std::string& robot_model : robot_models) {
+                  cell.pixel_sigma_px = pixel_sigma_px;
+                  cell.robot_noise = robot_noise;
+                  cell.options.shape = DesignedShape(cell.target.points_in_target);
+                  cell.shape = cell.options.shape;
+                  cell.shape.params = shape.params;
+                  cell.outlier_points = outlier_points;
+                  cell.wrong_captures = wrong_captures;
+                  cell.options.bundle.robot = RobotModel(robot_model);
+                  cell.options.choose = {robot_model == "auto", shape_model == "auto"};
+                  cell.options.bundle.robot_noise = robot_noise;
+                  study.cells.push_back(cell);
+                  study.labels.push_back({named.name, scene.setup, static_cast<int>(poses->size()), cell.target.size(),
+                                          pixel_sigma_px, robot_noise, shape.params, outlier_points, wrong_captures,
+                                          robot_model});
+                }
               }
             }
           }

@@ -1,6 +1,7 @@
 // A study's file: scenes, and lists of what to vary; the cells are all combinations.
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -17,9 +18,10 @@ struct StudyLabels {
   int num_points = 0;
   double pixel_sigma_px = 0;
   RobotNoise robot_noise;
+  std::array<double, TargetShape::kNumParams> shape_params = TargetShape().params;
   double outlier_points = 0;
   double wrong_captures = 0;
-  std::string robot_model;  // exact | given | auto: what the refinement knows of the robot.
+  std::string robot_model;  // exact | given | estimated | auto: what the refinement knows of the robot.
 };
 
 struct StudyConfig {

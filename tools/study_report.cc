@@ -28,6 +28,13 @@ std::string SceneLine(const StudyLabels& labels) {
     line += ", robot " + Significant(1000 * labels.robot_noise.translation_m, 3) + " mm " +
             Significant(RadToDeg(labels.robot_noise.rotation_rad), 3) + " deg";
   }
+  const std::array<double, TargetShape::kNumParams> designed = TargetShape().params;
+  for (size_t i = 0; i < designed.size(); ++i) {
+    if (labels.shape_params[i] == designed[i]) continue;
+    line += std::string(", ") + (i % 2 == 0 ? "x " : "y ") +
+            (i < 2 ? "scale " + Fixed(labels.shape_params[i], 4)
+                   : "bend " + Significant(1000 * labels.shape_params[i], 3) + " mm");
+  }
   line += ", refined with robot " + labels.robot_model;
   if (labels.outlier_points > 0) line += ", " + Significant(100 * labels.outlier_points, 3) + " % of points anywhere";
   if (labels.wrong_captures > 0) line += ", " + Significant(100 * labels.wrong_captures, 3) + " % of poses wrong";
@@ -73,6 +80,10 @@ std::string StudyTable(const std::vector<CellResult>& results) {
         table += PadRight("", 13) + "  failed in " + std::to_string(method.num_failed) + " of " +
                  std::to_string(method.num_trials) + " trials\n";
       }
+      if (method.right_model) {
+        table +=
+            PadRight("", 13) + "  right model of the errors: " + Significant(100 * *method.right_model, 3) + " %\n";
+      }
       if (method.robot_noise) {
         table += PadRight("", 13) + "  found (median): pixels " + Significant(method.pixel_sigma_px.value_or(0), 3) +
                  " px, robot " + Significant(1000 * method.robot_noise->translation_m, 3) + " mm " +
@@ -86,9 +97,11 @@ std::string StudyTable(const std::vector<CellResult>& results) {
 
 std::string StudyCsv(const std::vector<CellResult>& results) {
   std::string csv =
-      "cell,scene,setup,captures,points,pixel_noise_px,robot_translation_mm,robot_rotation_deg,outlier_points,"
+      "cell,scene,setup,captures,points,pixel_noise_px,robot_translation_mm,robot_rotation_deg,scale_x,scale_y,bend_x_"
+      "mm,bend_y_mm,outlier_points,"
       "wrong_captures,robot_model,method,trials,failed,hand_eye_mm,hand_eye_deg,board_mm,board_deg,focal_px,"
-      "bound_hand_eye_mm,bound_hand_eye_deg,bound_board_mm,bound_board_deg,bound_focal_px,coverage_95,axxb_mean_mm,"
+      "bound_hand_eye_mm,bound_hand_eye_deg,bound_board_mm,bound_board_deg,bound_focal_px,coverage_95,right_model,axxb_"
+      "mean_mm,"
       "found_pixel_sigma_px,found_robot_mm,found_robot_deg\n";
   const auto columns = [](const std::optional<StudyErrors>& errors) {
     if (!errors) return std::string(",,,,");
@@ -102,7 +115,9 @@ std::string StudyCsv(const std::vector<CellResult>& results) {
         std::to_string(result.cell) + "," + CsvField(labels.scene) + "," + std::string(SetupName(labels.setup)) + "," +
         std::to_string(labels.num_captures) + "," + std::to_string(labels.num_points) + "," +
         Significant(labels.pixel_sigma_px, 8) + "," + Significant(1000 * labels.robot_noise.translation_m, 8) + "," +
-        Significant(RadToDeg(labels.robot_noise.rotation_rad), 8) + "," + Significant(labels.outlier_points, 8) + "," +
+        Significant(RadToDeg(labels.robot_noise.rotation_rad), 8) + "," + Significant(labels.shape_params[0], 8) + "," +
+        Significant(labels.shape_params[1], 8) + "," + Significant(1000 * labels.shape_params[2], 8) + "," +
+        Significant(1000 * labels.shape_params[3], 8) + "," + Significant(labels.outlier_points, 8) + "," +
         Significant(labels.wrong_captures, 8) + "," + labels.robot_model;
     for (const MethodSummary& method : result.methods) {
       const bool has_any = method.num_failed < method.num_trials;
@@ -110,8 +125,8 @@ std::string StudyCsv(const std::vector<CellResult>& results) {
       csv += cell + "," + method.method + "," + std::to_string(method.num_trials) + "," +
              std::to_string(method.num_failed) + "," +
              columns(has_any ? std::optional<StudyErrors>(method.rms) : std::nullopt) + "," + columns(bound) + "," +
-             OrEmpty(method.coverage) + "," + (has_any ? Significant(method.axxb_mean_mm, 8) : "") + "," +
-             OrEmpty(method.pixel_sigma_px) + ",";
+             OrEmpty(method.coverage) + "," + OrEmpty(method.right_model) + "," +
+             (has_any ? Significant(method.axxb_mean_mm, 8) : "") + "," + OrEmpty(method.pixel_sigma_px) + ",";
       if (method.robot_noise) {
         csv += Significant(1000 * method.robot_noise->translation_m, 8) + "," +
                Significant(RadToDeg(method.robot_noise->rotation_rad), 8);

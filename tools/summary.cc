@@ -52,12 +52,12 @@ const std::vector<Figure>& Figures() {
 }  // namespace
 
 std::string SummaryCsv(const std::vector<BatchRun>& runs) {
-  std::string csv = "run,ok,reason,setup,target,target_points,captures,captures_used,method,kind,method_ok";
+  std::string csv = "run,ok,reason,setup,target,target_points,captures,captures_used,method,kind,method_ok,verdict";
   for (const Figure& figure : Figures()) csv += "," + std::string(figure.name);
   csv += "\n";
   for (const BatchRun& run : runs) {
     if (!run.result) {
-      csv += CsvField(run.name) + ",false," + CsvField(run.reason) + ",,,,,,,,";
+      csv += CsvField(run.name) + ",false," + CsvField(run.reason) + ",,,,,,,,,";
       csv += std::string(Figures().size(), ',') + "\n";
       continue;
     }
@@ -66,7 +66,8 @@ std::string SummaryCsv(const std::vector<BatchRun>& runs) {
       csv += CsvField(run.name) + ",true," + CsvField(estimate.reason) + "," + std::string(SetupName(result.setup)) +
              "," + result.target_type + "," + std::to_string(result.num_target_points) + "," +
              std::to_string(result.captures.size()) + "," + std::to_string(NumUsedCaptures(result)) + "," +
-             estimate.method + "," + estimate.kind + "," + (estimate.ok ? "true" : "false");
+             estimate.method + "," + estimate.kind + "," + (estimate.ok ? "true" : "false") + "," +
+             std::string(GradeName(result.verdict.grade));
       for (const Figure& figure : Figures()) {
         const std::optional<double> value = estimate.ok ? figure.value(estimate) : std::nullopt;
         csv += "," + (value ? RoundTrip(*value) : "");
@@ -78,7 +79,7 @@ std::string SummaryCsv(const std::vector<BatchRun>& runs) {
 }
 
 std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& runs) {
-  std::vector<std::string> head = {"run", "set-up", "target", "captures", "method"};
+  std::vector<std::string> head = {"run", "verdict", "set-up", "target", "captures", "method"};
   for (const Figure& figure : Figures()) head.emplace_back(figure.title);
   head.emplace_back("remark");
   std::vector<std::vector<PageCell>> rows;
@@ -86,7 +87,7 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
   for (const BatchRun& run : runs) {
     if (!run.result) {
       ++num_failed;
-      std::vector<PageCell> row = {{run.name}, {""}, {""}, {""}, {"failed"}};
+      std::vector<PageCell> row = {{run.name}, {""}, {""}, {""}, {""}, {"failed"}};
       row.resize(row.size() + Figures().size());
       row.push_back({run.reason});
       rows.push_back(std::move(row));
@@ -95,6 +96,7 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
     for (const Estimate& estimate : run.result->estimates) {
       std::vector<PageCell> row = {
           {run.name},
+          {std::string(GradeName(run.result->verdict.grade))},
           {std::string(SetupName(run.result->setup))},
           {run.result->target_type},
           {std::to_string(NumUsedCaptures(*run.result)) + " of " + std::to_string(run.result->captures.size())},

@@ -7,12 +7,13 @@
 #include "tools/flags.h"
 #include "tools/pipeline.h"
 #include "tools/result_table.h"
+#include "tools/run_figures.h"
 #include "tools/run_inputs.h"
 
 namespace heba {
 namespace {
 
-int RunOne(const std::string& config_path) {
+int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
   const RunConfig config = ReadRunConfig(config_path, Settings());
   const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
@@ -28,6 +29,10 @@ int RunOne(const std::string& config_path) {
     std::cout << ForTerminal(ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain))
               << "results: " << output.string() << std::endl;
   }
+  if (fail_on && result->verdict.grade >= *fail_on) {
+    PrintError(config_path + ": " + VerdictFailure(result->verdict));
+    return kWorkFailed;
+  }
   return kDone;
 }
 
@@ -35,14 +40,16 @@ int RunOne(const std::string& config_path) {
 
 int RunCommand_run(const std::vector<std::string>& arguments) {
   const Shard shard = ParseShard();
+  const std::optional<Grade> fail_on = FailOn();
   // Named shards are a batch's, whatever their number: 0/1 is a batch of one.
-  if (arguments.size() == 1 && FLAGS_shard.empty()) return RunOne(arguments[0]);
+  if (arguments.size() == 1 && FLAGS_shard.empty()) return RunOne(arguments[0], fail_on);
   BatchOptions options;
   if (!FLAGS_out.empty()) options.output = std::filesystem::absolute(FLAGS_out).lexically_normal();
   options.settings = Settings();
   options.num_threads = NumThreads();
   options.resume = FLAGS_resume;
   options.shard = shard;
+  options.fail_on = fail_on;
   options.verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
   return RunBatch(arguments, options);
 }

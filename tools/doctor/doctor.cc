@@ -28,7 +28,7 @@ bool IsWrong(const Symptom& symptom) { return symptom.severity == Severity::kWro
 
 int Diagnosis::NumWrong() const { return static_cast<int>(std::count_if(symptoms.begin(), symptoms.end(), IsWrong)); }
 
-Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity) {
+Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity, Examine examine) {
   Examination examination;
   examination.config = config;
   examination.num_threads = num_threads;
@@ -41,6 +41,7 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
   }
   for (const Check& check : kChecks) {
     if (check.needs_pictures && !config.target_poses.empty()) continue;
+    if (examine == Examine::kInputs && check.run == &Check_result) continue;
     // Views are looked at as soon as there is a camera for it.
     if (examination.camera && examination.views.empty()) {
       examination.views = ExamineViews(examination.config, examination.detections, *examination.camera);

@@ -18,8 +18,12 @@ struct Diagnosis {
   int NumWrong() const;
 };
 
-// InputError if the pictures cannot be read.
-Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity);
+// What is examined: the inputs alone, or also the result that they lead to.
+enum class Examine { kInputs, kInputsAndResult };
+
+// InputError if the images cannot be read.
+Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity,
+                   Examine examine = Examine::kInputsAndResult);
 
 // The first thing that is wrong, as a clause with its cure; empty if nothing is.
 std::string FirstWrong(const Diagnosis& diagnosis);

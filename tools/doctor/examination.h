@@ -31,7 +31,6 @@ struct Examination {
   Verbosity verbosity = Verbosity::kNormal;
 };
 
-
 // In how many pictures the target shows enough points for a pose.
 size_t NumSeen(const std::vector<CaptureDetection>& detections);
 

@@ -66,8 +66,6 @@ struct Solution {
   // so many in the denominator. Infinite if the noise was given.
   double covariance_dof = std::numeric_limits<double>::infinity();
   Convergence convergence;
-  // What a person should know of it though it is usable: one sentence each.
-  std::vector<std::string> remarks;
 };
 
 }  // namespace heba

@@ -7,6 +7,7 @@
 
 #include "heba/data/setup.h"
 #include "heba/data/solution.h"
+#include "heba/evaluation/finding.h"
 #include "heba/evaluation/metrics.h"
 
 namespace heba {
@@ -19,6 +20,9 @@ struct Errors {
   std::optional<double> holdout_target_deg;
   // Of a refinement: the held-out squares in the metric of all noise that it knows, per degree of freedom.
   std::optional<double> holdout_chi2;
+  // Of every method, on the same captures: the held-out residuals in sigmas of the refinement's noise (pixels and
+  // robot), root mean square.
+  std::optional<double> holdout_sigmas;
   std::optional<double> axxb_mean_mm;
   std::optional<BoardScatter> board_scatter;
   std::optional<TruthErrors> truth;
@@ -71,6 +75,30 @@ struct WorkingPoint {
   Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();
 };
 
+// A model of the errors that was compared with others (solvers/model_choice.h).
+struct ModelEntry {
+  std::string name;
+  double log_likelihood = 0;
+  int dof = 0;
+  std::optional<double> p;
+};
+
+// What the refinement takes the measurements' errors for.
+struct ModelSummary {
+  std::string robot_noise;                // none | estimated | given
+  std::vector<std::string> target_shape;  // Of scale, bend.
+  std::string camera;                     // The camera model.
+  std::vector<ModelEntry> alternatives;   // What was compared; empty if nothing was to be chosen.
+};
+
+// That a target located there is known to `within_m` with this confidence.
+struct Requirement {
+  double within_m = 0;
+  double confidence = 0.95;
+  std::string place;     // In words.
+  double reached_m = 0;  // The radius that holds a target's middle with this confidence, the largest of the place.
+};
+
 // A finished run: what result.json holds.
 struct RunResult {
   std::string name;
@@ -80,6 +108,11 @@ struct RunResult {
   std::vector<CaptureResult> captures;
   std::vector<Estimate> estimates;
   std::optional<WorkingPoint> working_point;
+  ModelSummary model;
+  std::vector<Requirement> requirements;
+  // What was found about the run that its figures do not show.
+  std::vector<Finding> observations;
+  Verdict verdict;  // JudgeRun's.
   Timing timing;
 };
 
@@ -89,6 +122,7 @@ const Estimate* FindRefined(const RunResult& result);
 using FigureOf = std::optional<double> (*)(const Errors&);
 inline std::optional<double> HoldOutPx(const Errors& errors) { return errors.holdout_rms_px; }
 inline std::optional<double> HoldOutMm(const Errors& errors) { return errors.holdout_target_mm; }
+inline std::optional<double> HoldOutSigmas(const Errors& errors) { return errors.holdout_sigmas; }
 // The closed form with the lowest of a figure; null if none has it.
 const Estimate* FindBestClosedForm(const RunResult& result, FigureOf figure);
 

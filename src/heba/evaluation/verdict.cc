@@ -1,6 +1,7 @@
 #include "heba/evaluation/verdict.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 
@@ -10,9 +11,28 @@
 namespace heba {
 namespace {
 
-Grade GradeOf(double value, double doubtful, double bad) {
-  if (!(value <= bad)) return Grade::kBad;
-  return value <= doubtful ? Grade::kGood : Grade::kDoubtful;
+// A figure up to `doubtful` is good, up to `bad` doubtful.
+struct Limits {
+  double doubtful;
+  double bad;
+};
+
+// What cells usually need. A requirement of the config takes the place of the first five.
+constexpr Limits kPositionMm = {1, 5};
+constexpr Limits kOrientationDeg = {0.1, 0.5};
+constexpr Limits kAtWorkMm = {1, 5};
+constexpr Limits kHeldOutMm = {1.5, 5};
+constexpr Limits kHeldOutDeg = {0.3, 1};
+constexpr Limits kHeldOutChi2 = {1.5, 3};  // Per degree of freedom; 1 if the model is right.
+constexpr Limits kPixelSigmaPx = {1, 5};
+constexpr Limits kShareLeftOut = {0.25, 0.6};  // Of the captures that show the target.
+constexpr int kFewCaptures = 8;
+// A closed form predicts unseen captures better than the refinement if its errors are smaller by this factor.
+constexpr double kClosedFormBetter = 0.85;
+
+Grade GradeOf(double value, const Limits& limits) {
+  if (!(value <= limits.bad)) return Grade::kBad;
+  return value <= limits.doubtful ? Grade::kGood : Grade::kDoubtful;
 }
 
 // The largest of three sigmas.
@@ -20,38 +40,85 @@ double LargestSigma(const Covariance& covariance, Eigen::Index first) {
   return std::sqrt(covariance.matrix.diagonal().segment<3>(first).maxCoeff());
 }
 
+bool HasFree(const Covariance& covariance, const std::string& prefix) {
+  return std::any_of(covariance.names.begin(), covariance.names.end(),
+                     [&](const std::string& name) { return name.starts_with(prefix); });
+}
+
 Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   const double mm = 1000 * LargestSigma(solution.covariance, 0);
   const double deg = RadToDeg(LargestSigma(solution.covariance, 3));
   Finding finding;
-  finding.grade = std::max(GradeOf(mm, 1, 5), GradeOf(deg, 0.1, 0.5));
-  finding.what = "the camera's pose is known to " + Significant(mm, 2) + " mm and " + Significant(deg, 2) +
+  finding.code = "uncertainty";
+  finding.grade = std::max(GradeOf(mm, kPositionMm), GradeOf(deg, kOrientationDeg));
+  finding.text = "the camera's pose is known to " + Significant(mm, 2) + " mm and " + Significant(deg, 2) +
                  " deg (one sigma, along and about the axis that is known worst)";
+  finding.numbers = {{"position_mm", mm}, {"orientation_deg", deg}};
   if (result.working_point) {
     const double at_work_mm = 1000 * std::sqrt(result.working_point->covariance_m2.diagonal().maxCoeff());
-    finding.grade = std::max(finding.grade, GradeOf(at_work_mm, 1, 5));
-    finding.what += "; a target seen " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) +
-                    " mm away to " + Significant(at_work_mm, 2) + " mm";
+    finding.grade = std::max(finding.grade, GradeOf(at_work_mm, kAtWorkMm));
+    finding.text += "; a target seen " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) +
+                    " mm away is known to " + Significant(at_work_mm, 2) + " mm";
+    finding.numbers.emplace_back("at_work_mm", at_work_mm);
+  }
+  if (!HasFree(solution.covariance, "camera.") && !solution.camera.params.empty()) {
+    finding.text += "; the intrinsics were held, and their error is not part of these figures";
+    if (result.working_point) {
+      // A focal length that is wrong by a share moves what is seen along the ray by that share.
+      constexpr double kShare = 1e-3;
+      finding.text += " (0.1 % of the focal length moves that target by " +
+                      Significant(1000 * kShare * result.working_point->in_camera_m.norm(), 2) + " mm)";
+    }
   }
   if (finding.grade != Grade::kGood) {
-    finding.cure = "take more captures, with larger turns of the gripper about different axes and more depth";
+    finding.action = "take more captures, with larger rotations of the gripper about different axes and more depth";
   }
   return finding;
 }
 
-std::optional<Finding> JudgeHoldOut(const Errors& errors) {
+// Each requirement, in the place of the built-in limits.
+std::vector<Finding> JudgeRequirements(const RunResult& result, const Errors& errors) {
+  std::vector<Finding> findings;
+  for (const Requirement& requirement : result.requirements) {
+    const double within_mm = 1000 * requirement.within_m;
+    const double reached_mm = 1000 * requirement.reached_m;
+    const double held_out_mm = errors.holdout_target_mm.value_or(0);
+    Finding finding;
+    finding.code = "required";
+    finding.grade = reached_mm <= within_mm && held_out_mm <= within_mm ? Grade::kGood : Grade::kBad;
+    finding.text = "a target located at " + requirement.place + " is known to " + Significant(reached_mm, 2) +
+                   " mm with a confidence of " + Significant(100 * requirement.confidence, 3) + " %; " +
+                   Significant(within_mm, 3) + " mm are required";
+    if (errors.holdout_target_mm) {
+      finding.text += ", and unseen captures were predicted to " + Significant(held_out_mm, 2) + " mm (rms)";
+    }
+    finding.numbers = {{"required_mm", within_mm}, {"reached_mm", reached_mm}, {"held_out_mm", held_out_mm}};
+    if (finding.grade != Grade::kGood) {
+      finding.action = reached_mm > within_mm
+                           ? "take more captures, with larger rotations of the gripper and more depth"
+                           : "look at the captures with the largest errors; calibrate the robot";
+    }
+    findings.push_back(std::move(finding));
+  }
+  return findings;
+}
+
+Finding JudgeHoldOut(const Errors& errors) {
   if (!errors.holdout_target_mm || !errors.holdout_target_deg) {
-    return Finding{Grade::kDoubtful, "nothing was held out: how well unseen captures are predicted is not known",
-                   "set evaluate.folds to 5"};
+    return {Grade::kDoubtful, "no_hold_out",
+            "nothing was held out: how well unseen captures are predicted is not known", "set evaluate.folds to 5"};
   }
   Finding finding;
-  finding.grade = std::max(GradeOf(*errors.holdout_target_mm, 1.5, 5), GradeOf(*errors.holdout_target_deg, 0.3, 1));
-  finding.what = "on captures that it has not seen the target was " + Significant(*errors.holdout_target_mm, 2) +
+  finding.code = "hold_out";
+  finding.grade =
+      std::max(GradeOf(*errors.holdout_target_mm, kHeldOutMm), GradeOf(*errors.holdout_target_deg, kHeldOutDeg));
+  finding.text = "on captures that it has not seen the target was " + Significant(*errors.holdout_target_mm, 2) +
                  " mm and " + Significant(*errors.holdout_target_deg, 2) + " deg from where it was predicted (rms)";
+  finding.numbers = {{"target_mm", *errors.holdout_target_mm}, {"target_deg", *errors.holdout_target_deg}};
   if (finding.grade != Grade::kGood) {
-    finding.cure =
-        "look at the captures with the largest residuals; let the robot settle before each picture; check its own "
-        "calibration, the pose format and the board's measures";
+    finding.action =
+        "look at the captures with the largest residuals; let the robot settle before each image; check its own "
+        "calibration, the pose format and the target's dimensions";
   }
   return finding;
 }
@@ -59,47 +126,62 @@ std::optional<Finding> JudgeHoldOut(const Errors& errors) {
 std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution) {
   if (!errors.holdout_chi2) return std::nullopt;
   Finding finding;
-  finding.grade = GradeOf(*errors.holdout_chi2, 1.5, 3);
-  finding.what = "unseen captures scatter " + Significant(std::sqrt(*errors.holdout_chi2), 2) +
-                 " times as much as the noise that is assumed allows";
+  finding.code = "unmodelled_error";
+  finding.grade = GradeOf(*errors.holdout_chi2, kHeldOutChi2);
+  finding.text = "unseen captures scatter " + Significant(std::sqrt(*errors.holdout_chi2), 2) +
+                 " times as much as the assumed noise allows";
+  finding.numbers = {{"chi2_per_dof", *errors.holdout_chi2}};
   if (finding.grade != Grade::kGood) {
-    finding.cure = solution.robot_noise
-                       ? "something is wrong that is neither pixel noise nor the robot's: the board's measures, the "
-                         "camera model, wrong captures"
-                       : "the robot is not exact: use refine.robot_noise: auto";
+    finding.action = solution.robot_noise
+                         ? "the error is neither pixel noise nor white robot noise: check the target's dimensions, the "
+                           "camera model and the captures with the largest corrections"
+                         : "the robot is not exact: use refine.robot_noise: auto";
   }
   return finding;
 }
 
+// Images without the target are no bad captures.
 Finding JudgeCaptures(const RunResult& result) {
-  const auto num_used = std::count_if(result.captures.begin(), result.captures.end(),
-                                      [](const CaptureResult& capture) { return capture.used; });
-  const double total = static_cast<double>(result.captures.size());
-  const double unused = total > 0 ? 1 - static_cast<double>(num_used) / total : 1;
+  int num_used = 0;
+  int num_seen = 0;
+  for (const CaptureResult& capture : result.captures) {
+    num_used += capture.used ? 1 : 0;
+    num_seen += capture.used || capture.num_points > 0 ? 1 : 0;
+  }
+  const int num_captures = static_cast<int>(result.captures.size());
+  const double left_out = num_seen > 0 ? 1 - static_cast<double>(num_used) / num_seen : 1;
   Finding finding;
-  finding.grade = std::max(GradeOf(unused, 0.25, 0.6), num_used < 8 ? Grade::kDoubtful : Grade::kGood);
-  finding.what = std::to_string(num_used) + " of " + std::to_string(result.captures.size()) + " captures were used";
-  if (num_used < 8) {
-    finding.cure = "take 15 to 25 captures";
+  finding.code = num_used < kFewCaptures ? "few_captures" : "captures_left_out";
+  finding.grade = std::max(GradeOf(left_out, kShareLeftOut), num_used < kFewCaptures ? Grade::kDoubtful : Grade::kGood);
+  finding.text =
+      std::to_string(num_used) + " of " + std::to_string(num_seen) + " captures that show the target were used";
+  if (num_seen < num_captures) {
+    finding.text += "; " + std::to_string(num_captures - num_seen) + " images show no target";
+  }
+  finding.numbers = {{"used", num_used}, {"seen", num_seen}, {"captures", num_captures}};
+  if (num_used < kFewCaptures) {
+    finding.action = "take 15 to 25 captures";
   } else if (finding.grade != Grade::kGood) {
-    finding.cure = "see the reasons in the table of captures";
+    finding.action = "see the reasons in the table of captures";
   }
   return finding;
 }
 
 Finding JudgePixels(const Solution& solution) {
   Finding finding;
-  finding.grade = GradeOf(solution.pixel_sigma_px, 1, 5);
-  finding.what = "the points are off by " + Significant(solution.pixel_sigma_px, 2) + " px a coordinate (one sigma)";
+  finding.code = "pixel_noise";
+  finding.grade = GradeOf(solution.pixel_sigma_px, kPixelSigmaPx);
+  finding.text = "the points are off by " + Significant(solution.pixel_sigma_px, 2) + " px a coordinate (one sigma)";
+  finding.numbers = {{"pixel_sigma_px", solution.pixel_sigma_px}};
   if (finding.grade != Grade::kGood) {
-    finding.cure =
-        "good pictures give 0.02 to 0.3 px: check focus, motion blur, the camera model and the robot's poses";
+    finding.action =
+        "good images give 0.02 to 0.3 px: check focus, motion blur, the camera model and the robot's poses";
   }
   return finding;
 }
 
-// One capture that pulls harder than chance would have it, though all of them were asked. Where many do, not they are
-// wrong but the noise that is assumed, which is judged by itself.
+// One capture that pulls harder than chance would have it, though all of them were asked. Where many do, they are not
+// wrong, but the assumed noise, which is judged by itself.
 std::optional<Finding> JudgeInfluence(const RunResult& result) {
   constexpr double kUnlikely = 0.01;
   const CaptureResult* strongest = nullptr;
@@ -120,28 +202,31 @@ std::optional<Finding> JudgeInfluence(const RunResult& result) {
   const double chance = std::min(1.0, num_asked * strongest->move_without->chance);
   if (chance > kUnlikely || (move_m < kMattersM && move_rad < kMattersRad)) return std::nullopt;
   return Finding{Grade::kDoubtful,
+                 "influential_capture",
                  "without " + strongest->image + " the camera would be " + Significant(1000 * move_m, 2) + " mm and " +
                      Significant(RadToDeg(move_rad), 2) +
-                     " deg elsewhere, more than the noise that is assumed explains (chance " + Significant(chance, 1) +
-                     ")",
-                 "look at that picture and at the robot's pose for it; leave it out if one of them is wrong"};
+                     " deg elsewhere, more than the assumed noise explains (chance " + Significant(chance, 1) + ")",
+                 "look at that image and at the robot's pose for it; leave it out if one of them is wrong",
+                 {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", chance}}};
 }
 
+// In the metric of all noise: where the robot's noise dominates, pixels say little about which estimate is better.
 std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refined) {
-  if (!refined.errors.holdout_target_mm) return std::nullopt;
-  const Estimate* best = FindBestClosedForm(result, &HoldOutMm);
+  if (!refined.errors.holdout_sigmas) return std::nullopt;
+  const Estimate* best = FindBestClosedForm(result, &HoldOutSigmas);
   if (best == nullptr) return std::nullopt;
-  const double ratio = *best->errors.holdout_target_mm / *refined.errors.holdout_target_mm;
+  const double ratio = *best->errors.holdout_sigmas / *refined.errors.holdout_sigmas;
   Finding finding;
-  constexpr double kWorse = 0.85;
-  finding.grade = ratio < kWorse ? Grade::kDoubtful : Grade::kGood;
-  finding.what = "the best closed form (" + best->method + ") predicts unseen captures " +
+  finding.code = "closed_form_better";
+  finding.grade = ratio < kClosedFormBetter ? Grade::kDoubtful : Grade::kGood;
+  finding.text = "the best closed form (" + best->method + ") predicts unseen captures " +
                  (ratio >= 1 ? Significant(ratio, 2) + " times worse" : Significant(1 / ratio, 2) + " times better") +
-                 ", in mm at the target";
+                 ", in sigmas of pixel and robot noise";
+  finding.numbers = {{"ratio", ratio}};
   if (finding.grade != Grade::kGood) {
-    finding.cure =
-        "the refinement bends to something that its model does not know; try refine.robot_noise: auto or fewer "
-        "refine.intrinsics";
+    finding.action = "the residuals contain a systematic error that the model does not describe: ";
+    finding.action += refined.solution->robot_noise ? "try fewer refine.intrinsics, or a camera file"
+                                                    : "use refine.robot_noise: auto";
   }
   return finding;
 }
@@ -151,16 +236,47 @@ Finding JudgePoses(const RunResult& result) {
   const auto chain = std::find_if(result.estimates.begin(), result.estimates.end(),
                                   [](const Estimate& estimate) { return estimate.ok && estimate.kind == "refined"; });
   if (chain == result.estimates.end() || !chain->errors.board_scatter) {
-    return {Grade::kBad, "there is no refined estimate", "see the methods' reasons"};
+    return {Grade::kBad, "no_estimate", "there is no refined estimate", "see the methods' reasons"};
   }
+  constexpr Limits kScatterMm = {1.5, 5};
+  constexpr Limits kScatterDeg = {0.3, 1};
   const BoardScatter& scatter = *chain->errors.board_scatter;
-  // Without pictures nobody knows how good the poses of the target are: never better than doubtful.
-  const Grade grade = std::max(
-      {Grade::kDoubtful, GradeOf(scatter.translation_rms_mm, 1.5, 5), GradeOf(scatter.rotation_rms_deg, 0.3, 1)});
+  // Without images nobody knows how good the poses of the target are: never better than doubtful.
+  const Grade grade = std::max({Grade::kDoubtful, GradeOf(scatter.translation_rms_mm, kScatterMm),
+                                GradeOf(scatter.rotation_rms_deg, kScatterDeg)});
   return {grade,
-          "poses of the target were given, not pictures: it scatters by " + Significant(scatter.translation_rms_mm, 2) +
+          "poses_only",
+          "poses of the target were given, not images: it scatters by " + Significant(scatter.translation_rms_mm, 2) +
               " mm and " + Significant(scatter.rotation_rms_deg, 2) + " deg where it should stand still",
-          "give the pictures or the corners: what is refined from them is better, and says how good it is"};
+          "give the images or the corners: what is refined from them is better, and says how good it is",
+          {{"scatter_mm", scatter.translation_rms_mm}, {"scatter_deg", scatter.rotation_rms_deg}}};
+}
+
+// What shows that something is wrong, without saying what.
+bool IsSymptom(const Finding& finding) {
+  constexpr std::array<std::string_view, 9> kSymptoms = {
+      "hold_out",    "unmodelled_error",    "closed_form_better", "captures_left_out", "captures_scatter",
+      "pixel_noise", "influential_capture", "uncertainty",        "required"};
+  return std::find(kSymptoms.begin(), kSymptoms.end(), finding.code) != kSymptoms.end();
+}
+
+// With a cause that makes a result bad, what it leads to is said with it, in one finding.
+void GatherUnderCause(std::vector<Finding>* findings) {
+  const auto cause = std::find_if(findings->begin(), findings->end(), [](const Finding& finding) {
+    return finding.is_cause && finding.grade == Grade::kBad;
+  });
+  if (cause == findings->end()) return;
+  for (const Finding& finding : *findings) {
+    if (finding.grade != Grade::kBad || !IsSymptom(finding)) continue;
+    cause->text += "; as a consequence, " + finding.text;
+    cause->numbers.insert(cause->numbers.end(), finding.numbers.begin(), finding.numbers.end());
+    break;
+  }
+  findings->erase(std::remove_if(findings->begin(), findings->end(),
+                                 [](const Finding& finding) {
+                                   return !finding.is_cause && finding.grade != Grade::kGood && IsSymptom(finding);
+                                 }),
+                  findings->end());
 }
 
 }  // namespace
@@ -172,26 +288,52 @@ std::string_view GradeName(Grade grade) {
 
 Verdict JudgeRun(const RunResult& result) {
   Verdict verdict;
+  std::vector<Finding>& findings = verdict.findings;
   const Estimate* refined = FindRefined(result);
+  findings = result.observations;
   if (refined == nullptr) {
-    verdict.findings.push_back(JudgePoses(result));
+    findings.push_back(JudgePoses(result));
   } else {
     const Solution& solution = *refined->solution;
-    const std::optional<Finding> more[] = {JudgeHoldOut(refined->errors), JudgeModel(refined->errors, solution),
-                                           JudgeGain(result, *refined)};
-    for (const std::optional<Finding>& finding : more) {
-      if (finding) verdict.findings.push_back(*finding);
+    Finding uncertainty = JudgeUncertainty(result, solution);
+    Finding hold_out = JudgeHoldOut(refined->errors);
+    if (!result.requirements.empty()) {
+      uncertainty.grade = Grade::kGood;
+      uncertainty.action.clear();
+      if (refined->errors.holdout_target_mm) {
+        hold_out.grade = Grade::kGood;
+        hold_out.action.clear();
+      }
+      for (Finding& finding : JudgeRequirements(result, refined->errors)) findings.push_back(std::move(finding));
     }
-    // What was predicted is judged first; then what may be behind it. A remark ends with its own cure.
-    for (const std::string& remark : solution.remarks) verdict.findings.push_back({Grade::kDoubtful, remark, ""});
-    if (const std::optional<Finding> finding = JudgeInfluence(result)) verdict.findings.push_back(*finding);
-    verdict.findings.push_back(JudgeUncertainty(result, solution));
-    verdict.findings.push_back(JudgeCaptures(result));
-    verdict.findings.push_back(JudgePixels(solution));
+    // The directions that are known badly belong to the uncertainty, and say what would help.
+    const auto weak = std::find_if(findings.begin(), findings.end(),
+                                   [](const Finding& finding) { return finding.code == "weak_direction"; });
+    if (weak != findings.end()) {
+      if (uncertainty.grade != Grade::kGood) {
+        uncertainty.text += "; " + weak->text;
+        if (!weak->action.empty()) uncertainty.action = weak->action;
+        uncertainty.numbers.insert(uncertainty.numbers.end(), weak->numbers.begin(), weak->numbers.end());
+        findings.erase(weak);
+      } else if (!result.requirements.empty()) {
+        findings.erase(weak);
+      }
+    }
+    findings.push_back(std::move(hold_out));
+    const std::optional<Finding> more[] = {JudgeModel(refined->errors, solution), JudgeGain(result, *refined),
+                                           JudgeInfluence(result)};
+    for (const std::optional<Finding>& finding : more) {
+      if (finding) findings.push_back(*finding);
+    }
+    findings.push_back(std::move(uncertainty));
+    findings.push_back(JudgeCaptures(result));
+    findings.push_back(JudgePixels(solution));
   }
-  std::stable_sort(verdict.findings.begin(), verdict.findings.end(),
-                   [](const Finding& a, const Finding& b) { return a.grade > b.grade; });
-  verdict.grade = verdict.findings.front().grade;
+  GatherUnderCause(&findings);
+  std::stable_sort(findings.begin(), findings.end(), [](const Finding& a, const Finding& b) {
+    return a.grade != b.grade ? a.grade > b.grade : a.is_cause && !b.is_cause;
+  });
+  verdict.grade = findings.front().grade;
   return verdict;
 }
 

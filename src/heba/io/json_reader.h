@@ -3,7 +3,9 @@
 
 #include <cmath>
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -37,6 +39,16 @@ class JsonReader {
     std::vector<JsonReader> items;
     for (size_t i = 0; i < json_.size(); ++i) items.emplace_back(json_[i], where_ + "[" + std::to_string(i) + "]");
     return items;
+  }
+  // The members of an object; nothing for those that are null.
+  std::vector<std::pair<std::string, std::optional<JsonReader>>> Members() const {
+    if (!json_.is_object()) Fail("an object is needed");
+    std::vector<std::pair<std::string, std::optional<JsonReader>>> members;
+    for (const auto& [name, value] : json_.items()) {
+      members.emplace_back(name, std::nullopt);
+      if (!value.is_null()) members.back().second.emplace(value, where_ + ": " + name);
+    }
+    return members;
   }
   double Number() const {
     if (!json_.is_number()) Fail("a number is needed");

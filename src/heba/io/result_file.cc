@@ -93,6 +93,7 @@ Json ErrorsJson(const Errors& errors) {
   json["holdout_target_mm"] = OrNull(errors.holdout_target_mm);
   json["holdout_target_deg"] = OrNull(errors.holdout_target_deg);
   json["holdout_chi2_per_dof"] = OrNull(errors.holdout_chi2);
+  json["holdout_sigmas"] = OrNull(errors.holdout_sigmas);
   json["axxb_mean_mm"] = OrNull(errors.axxb_mean_mm);
   json["board_translation_rms_mm"] =
       errors.board_scatter ? Json(errors.board_scatter->translation_rms_mm) : Json(nullptr);
@@ -181,8 +182,7 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
                          {"robot_sigma_mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
                          {"covariance_dof", Finite(solution->covariance_dof)},
                          {"seconds", convergence.seconds},
-                         {"message", convergence.message},
-                         {"remarks", solution->remarks}};
+                         {"message", convergence.message}};
   }
   return json;
 }
@@ -198,6 +198,34 @@ Json WorkingPointJson(const std::optional<WorkingPoint>& point) {
   }
   const Eigen::Vector3d& at = point->in_camera_m;
   return Json{{"in_camera_m", {at.x(), at.y(), at.z()}}, {"std_m", std_m}, {"covariance_m2", rows}};
+}
+
+Json ModelJson(const ModelSummary& model) {
+  Json alternatives = Json::array();
+  for (const ModelEntry& entry : model.alternatives) {
+    alternatives.push_back(Json{{"name", entry.name},
+                                {"log_likelihood", Finite(entry.log_likelihood)},
+                                {"dof", entry.dof},
+                                {"p", OrNull(entry.p)}});
+  }
+  return Json{{"robot_noise", model.robot_noise},
+              {"target_shape", model.target_shape},
+              {"camera", model.camera},
+              {"alternatives", alternatives}};
+}
+
+Json VerdictJson(const Verdict& verdict) {
+  Json findings = Json::array();
+  for (const Finding& finding : verdict.findings) {
+    Json numbers = Json::object();
+    for (const auto& [name, value] : finding.numbers) numbers[name] = Finite(value);
+    findings.push_back(Json{{"code", finding.code},
+                            {"grade", GradeName(finding.grade)},
+                            {"numbers", numbers},
+                            {"text", finding.text},
+                            {"action", finding.action}});
+  }
+  return Json{{"grade", GradeName(verdict.grade)}, {"findings", findings}};
 }
 
 }  // namespace
@@ -224,6 +252,8 @@ std::string ResultToJson(const RunResult& result) {
                                     {"robot_correction", TangentJson(CorrectionOf(capture))},
                                     {"move_without", MoveJson(capture.move_without)}});
   }
+  json["verdict"] = VerdictJson(result.verdict);
+  json["model"] = ModelJson(result.model);
   json["estimates"] = Json::array();
   for (const Estimate& estimate : result.estimates) json["estimates"].push_back(EstimateJson(estimate, result.setup));
   json["working_point"] = WorkingPointJson(result.working_point);

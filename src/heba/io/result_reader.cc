@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "heba/base/units.h"
+#include "heba/evaluation/verdict.h"
 #include "heba/io/json_reader.h"
 #include "heba/io/result_file.h"
 
@@ -56,6 +57,7 @@ Errors ReadErrors(const JsonReader& reader) {
   errors.holdout_target_mm = ReadOptional(reader, "holdout_target_mm");
   errors.holdout_target_deg = ReadOptional(reader, "holdout_target_deg");
   errors.holdout_chi2 = ReadOptional(reader, "holdout_chi2_per_dof");
+  errors.holdout_sigmas = ReadOptional(reader, "holdout_sigmas");
   errors.axxb_mean_mm = ReadOptional(reader, "axxb_mean_mm");
   if (reader.Has("board_translation_rms_mm") && reader.Has("board_rotation_rms_deg")) {
     errors.board_scatter =
@@ -109,7 +111,6 @@ Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
         RobotNoise{solve.Get("robot_sigma_mm").Number() / 1000, DegToRad(solve.Get("robot_sigma_deg").Number())};
   }
   solution.covariance_dof = ReadFinite(solve, "covariance_dof", std::numeric_limits<double>::infinity());
-  for (const JsonReader& remark : solve.Get("remarks").List()) solution.remarks.push_back(remark.Text());
   return solution;
 }
 
@@ -155,6 +156,41 @@ CaptureResult ReadCapture(const JsonReader& reader) {
   return capture;
 }
 
+Grade ReadGrade(const JsonReader& reader) {
+  const std::string name = reader.Text();
+  for (const Grade grade : {Grade::kGood, Grade::kDoubtful, Grade::kBad}) {
+    if (GradeName(grade) == name) return grade;
+  }
+  reader.Fail("the grade is unknown; one of: good, doubtful, bad");
+}
+
+Verdict ReadVerdict(const JsonReader& reader) {
+  Verdict verdict;
+  verdict.grade = ReadGrade(reader.Get("grade"));
+  for (const JsonReader& entry : reader.Get("findings").List()) {
+    Finding finding{ReadGrade(entry.Get("grade")), entry.Get("code").Text(), entry.Get("text").Text(),
+                    entry.Get("action").Text()};
+    for (const auto& [name, value] : entry.Get("numbers").Members()) {
+      finding.numbers.emplace_back(name, value ? value->Number() : std::numeric_limits<double>::infinity());
+    }
+    verdict.findings.push_back(std::move(finding));
+  }
+  return verdict;
+}
+
+ModelSummary ReadModel(const JsonReader& reader) {
+  ModelSummary model;
+  model.robot_noise = reader.Get("robot_noise").Text();
+  for (const JsonReader& group : reader.Get("target_shape").List()) model.target_shape.push_back(group.Text());
+  model.camera = reader.Get("camera").Text();
+  for (const JsonReader& entry : reader.Get("alternatives").List()) {
+    model.alternatives.push_back({entry.Get("name").Text(),
+                                  ReadFinite(entry, "log_likelihood", -std::numeric_limits<double>::infinity()),
+                                  entry.Get("dof").Int(0, kMostCounted), ReadOptional(entry, "p")});
+  }
+  return model;
+}
+
 }  // namespace
 
 RunResult ReadResult(const std::filesystem::path& path) {
@@ -186,6 +222,9 @@ RunResult ReadResult(const std::filesystem::path& path) {
       result.working_point->covariance_m2.row(i) = Eigen::Map<const Eigen::RowVector3d>(row.data());
     }
   }
+  if (reader.Has("model")) result.model = ReadModel(reader.Get("model"));
+  // Results of versions before 0.2 had no verdict of their own.
+  result.verdict = reader.Has("verdict") ? ReadVerdict(reader.Get("verdict")) : JudgeRun(result);
   const JsonReader timing = reader.Get("timing_s");
   result.timing = {timing.Get("detect").Number(), timing.Get("seed").Number(), timing.Get("refine").Number(),
                    timing.Get("total").Number()};

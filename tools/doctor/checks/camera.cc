@@ -5,6 +5,7 @@
 
 #include "heba/base/median.h"
 #include "heba/base/text.h"
+#include "solvers/camera_choice.h"
 #include "solvers/intrinsics_seed.h"
 #include "tools/captures.h"
 #include "tools/doctor/examination.h"
@@ -47,6 +48,17 @@ std::optional<PoseConsistency> ByRobot(const Examination& examination, const Cam
 
 std::string FocalText(const Camera& camera) { return Fixed(camera.params[0], 0) + " px"; }
 
+// As a run would estimate it; a lens that a pinhole is given for may distort all the same.
+Outcome<Camera> EstimateCamera(const RunConfig& config, const std::vector<View>& views,
+                               const CaptureDetection& picture) {
+  if (config.choose_camera_model) {
+    const Outcome<CameraChoice> choice = ChooseCameraModel(views, picture.width_px, picture.height_px);
+    return choice ? Outcome<Camera>(choice->camera) : Failure{choice.reason()};
+  }
+  return EstimateIntrinsics(views, config.camera && config.camera_model == "pinhole" ? "brown5" : config.camera_model,
+                            picture.width_px, picture.height_px);
+}
+
 // The file's camera is for pictures of another size.
 Symptom OtherSize(Examination* examination, const Camera& given, const std::optional<Camera>& estimated) {
   const CaptureDetection& picture = examination->detections.front();
@@ -86,9 +98,7 @@ std::vector<Symptom> Check_camera(Examination* examination) {
   const std::vector<View> views = ViewsOf(config, examination->detections);
   std::optional<Camera> estimated;
   if (!views.empty()) {
-    const Outcome<Camera> found =
-        EstimateIntrinsics(views, config.camera && config.camera_model == "pinhole" ? "brown5" : config.camera_model,
-                           picture.width_px, picture.height_px);
+    const Outcome<Camera> found = EstimateCamera(config, views, picture);
     if (found) {
       estimated = *found;
     } else if (!config.camera) {

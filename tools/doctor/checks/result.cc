@@ -1,5 +1,7 @@
-// What the calibration itself has to say, of a data set in which the other checks found nothing wrong.
-#include "solvers/calibration.h"
+// What the calibration itself has to say, of a data set in which the other checks found nothing wrong: the findings of
+// `heba run`, with their codes.
+#include "heba/evaluation/verdict.h"
+#include "tools/assessment.h"
 #include "tools/captures.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
@@ -8,17 +10,22 @@ namespace heba {
 
 std::vector<Symptom> Check_result(Examination* examination) {
   if (examination->found_wrong) return {};
-  const CaptureDetection& picture = examination->detections.front();
-  CalibrationOptions options = OptionsOf(examination->config, picture.width_px, picture.height_px);
-  options.camera = examination->camera;
-  std::vector<View> views;
-  for (const ExaminedView& view : examination->views) views.push_back(view.view);
-  const Outcome<Calibration> calibration = Calibrate(views, options);
+  const RunConfig& config = examination->config;
+  const CaptureDetection& image = examination->detections.front();
+  CalibrationOptions options = OptionsOf(config, image.width_px, image.height_px);
+  if (options.camera) options.camera = examination->camera;
+  options.bundle.num_threads = examination->num_threads;
+  const Outcome<Calibration> calibration = Calibrate(ViewsOf(config, examination->detections), options);
   const std::string reason = !calibration ? calibration.reason() : calibration->refined.reason();
   if (!reason.empty()) return {{Severity::kWrong, "no_result", reason, ""}};
+  Console console(Verbosity::kQuiet);
+  const RunResult result =
+      Assess(config, examination->detections, *calibration, options, std::nullopt, examination->num_threads, &console);
   std::vector<Symptom> symptoms;
-  for (const std::string& sentence : Advise(*calibration, options)) {
-    symptoms.push_back({Severity::kRemark, "advice", sentence, ""});
+  for (const Finding& finding : JudgeRun(result).findings) {
+    if (finding.grade == Grade::kGood) continue;
+    const Severity severity = finding.grade == Grade::kBad ? Severity::kWrong : Severity::kRemark;
+    symptoms.push_back({severity, finding.code, finding.text, finding.action});
   }
   return symptoms;
 }
