@@ -155,6 +155,19 @@ std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup
          "); wrong pose for the picture, robot not settled, or target read wrongly";
 }
 
+// The design of a target of which nothing but the views' points is known.
+TargetShape ShapeOf(const std::vector<View>& views) {
+  Eigen::Index num_points = 0;
+  for (const View& view : views) num_points += view.observations.size();
+  Points3 points(3, num_points);
+  Eigen::Index first = 0;
+  for (const View& view : views) {
+    points.middleCols(first, view.observations.size()) = view.observations.points_in_target;
+    first += view.observations.size();
+  }
+  return num_points > 0 ? DesignedShape(points) : TargetShape();
+}
+
 // What is solved, from the calibration's views.
 Problem ProblemOf(const Calibration& calibration, const CalibrationOptions& options) {
   return {calibration.camera, calibration.views, options.setup, options.shape};
@@ -362,7 +375,9 @@ bool LeaveOutRejected(Calibration* calibration) {
 
 }  // namespace
 
-Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options) {
+Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options_in) {
+  CalibrationOptions options = options_in;
+  if (options.shape.half_size_m.isZero(0)) options.shape = ShapeOf(views);
   Calibration calibration;
   calibration.camera_was_given = options.camera.has_value();
   if (options.camera) {

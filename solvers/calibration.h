@@ -35,7 +35,8 @@ struct CalibrationOptions {
   std::string camera_model = "brown5";
   int width_px = 0;
   int height_px = 0;
-  TargetShape shape;  // As designed.
+  // As designed (DesignedShape). One without a size is taken from the views' points.
+  TargetShape shape;
   // The motions that map the target to itself, the identity first.
   std::vector<Rigid3d> symmetries = {Rigid3d()};
 };

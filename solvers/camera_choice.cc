@@ -138,7 +138,7 @@ Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int widt
                                      static_cast<int>(fitted[i].camera.params.size()), std::nullopt});
     }
     // A model is left for any larger one that is better, be it not the next.
-    constexpr double kSigmas = 2.33;
+    constexpr double kSigmas = 1;
     for (size_t i = 0; i < fitted.size(); ++i) {
       double least_p = 1;
       bool is_rejected = false;

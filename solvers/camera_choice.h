@@ -25,10 +25,10 @@ struct CameraChoice {
 };
 
 // Estimates pinhole, brown4, brown5 and rational8 (EstimateIntrinsics) and takes the smallest that the residuals do not
-// reject: a larger model must be more likely by a chi-square test at 1 %, and by a test over the views as independent
-// samples (Vuong 1989), since errors within a view are not. Where points are seen more than 50 deg off the axis, or
-// where no polynomial model could be estimated, kannala_brandt4 is tried too, and taken if it is more likely. A Failure
-// if no model could be estimated.
+// reject: a larger model must be more likely by a chi-square test at 1 %, and by one sigma over the views as
+// independent samples (Vuong 1989), since errors within a view are not. Where points are seen more than 50 deg off the
+// axis, or where no polynomial model could be estimated, kannala_brandt4 is tried too, and taken if it is more likely.
+// A Failure if no model could be estimated.
 Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int width_px, int height_px);
 
 }  // namespace heba

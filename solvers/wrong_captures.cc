@@ -42,46 +42,75 @@ Problem WithoutRejected(const Problem& problem, const Solution& solution) {
   return kept;
 }
 
-// The restricted log-likelihood of all views if those that are wrong may have any pose, at a solution of the others.
-double LogLikelihoodOfMixture(const Problem& problem, const Solution& of_members,
-                              const std::vector<CaptureVerdict>& verdicts, const BundleOptions& options) {
-  const double nothing = -std::numeric_limits<double>::infinity();
+// A robot whose noise is rounding.
+constexpr RobotNoise kExact = {1e-7, 1e-7};
+
+RobotNoise AtLeast(const RobotNoise& noise, const RobotNoise& least) {
+  return {std::max(noise.translation_m, least.translation_m), std::max(noise.rotation_rad, least.rotation_rad)};
+}
+
+// Two noises of the robot: the members', and that of the captures that are wrong.
+struct Mixture {
+  double log_likelihood = -std::numeric_limits<double>::infinity();  // Restricted, of all views.
+  double ratio = 1;  // The larger of the factors between the two noises' translations and rotations.
+};
+
+// At a solution of the members. The noise of the wrong captures is that of their corrections, which their images tell.
+Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std::vector<CaptureVerdict>& verdicts,
+                  const BundleOptions& options) {
   const Solution& at = of_members;
+  const RobotNoise robot = AtLeast(*at.robot_noise, kExact);
   std::vector<Rigid3d> corrections;
   size_t member = 0;
+  double sum_m2 = 0;
+  double sum_rad2 = 0;
+  double num_wrong = 0;
   for (size_t i = 0; i < verdicts.size(); ++i) {
     if (!verdicts[i].is_wrong) {
       corrections.push_back(at.corrections[member++]);
       continue;
     }
-    // Linearised where the image says that the gripper was.
     View view = problem.views[i];
     view.observations = Shaped(view.observations, at.shape);
     const std::vector<PosePair> seen = PairsAsSeen(at.camera, at.hand_eye, {view});
-    if (seen.empty()) return nothing;
+    if (seen.empty()) return {};
     const Rigid3d mount = at.hand_eye.camera_mount_from_camera * seen.front().camera_from_target *
                           Inverse(at.hand_eye.target_mount_from_target);
     corrections.push_back(Inverse(BaseFromGripper(problem.setup, view.camera_mount_from_target_mount)) *
                           BaseFromGripper(problem.setup, mount));
+    const Tangent6 correction = LocalCoordinates(Rigid3d(), corrections.back());
+    sum_m2 += correction.head<3>().squaredNorm();
+    sum_rad2 += correction.tail<3>().squaredNorm();
+    ++num_wrong;
   }
   const FreeParameters free = FreeOf(at.camera.Model(), options);
   std::optional<std::vector<LinearView>> views = LineariseViewsAt(problem, at, corrections, free, *FindLoss("none"));
-  if (!views) return nothing;
-  constexpr RobotNoise kExact = {1e-7, 1e-7};
-  const RobotNoise robot = {std::max(at.robot_noise->translation_m, kExact.translation_m),
-                            std::max(at.robot_noise->rotation_rad, kExact.rotation_rad)};
-  for (size_t i = 0; i < verdicts.size(); ++i) {
-    if (!verdicts[i].is_wrong) continue;
-    (*views)[i].by_correction.leftCols<3>() *= kWrongPoseM / robot.translation_m;
-    (*views)[i].by_correction.rightCols<3>() *= kWrongPoseRad / robot.rotation_rad;
+  if (!views) return {};
+  Mixture mixture;
+  double choice = 0;
+  if (num_wrong > 0) {
+    const RobotNoise wrong =
+        AtLeast({std::sqrt(sum_m2 / (3 * num_wrong)), std::sqrt(sum_rad2 / (3 * num_wrong))}, robot);
+    const double translations = wrong.translation_m / robot.translation_m;
+    const double rotations = wrong.rotation_rad / robot.rotation_rad;
+    mixture.ratio = std::max(translations, rotations);
+    for (size_t i = 0; i < verdicts.size(); ++i) {
+      if (!verdicts[i].is_wrong) continue;
+      (*views)[i].by_correction.leftCols<3>() *= translations;
+      (*views)[i].by_correction.rightCols<3>() *= rotations;
+    }
+    // Which captures are wrong is chosen after the fact: the logarithm of the number of choices.
+    const double share = num_wrong / static_cast<double>(verdicts.size());
+    choice = -static_cast<double>(verdicts.size()) * (share * std::log(share) + (1 - share) * std::log(1 - share));
   }
   VarianceComponents variances;
   variances.translation_m2 = robot.translation_m * robot.translation_m;
   variances.rotation_rad2 = robot.rotation_rad * robot.rotation_rad;
   double num_rows = 0;
   for (const LinearView& view : *views) num_rows += static_cast<double>(view.offset.size() + view.num_rest);
-  return RestrictedLogLikelihood(*views, variances, views->front().by_unknowns.cols()) -
-         num_rows * std::log(at.pixel_sigma_px);
+  mixture.log_likelihood = RestrictedLogLikelihood(*views, variances, views->front().by_unknowns.cols()) -
+                           num_rows * std::log(at.pixel_sigma_px) - choice;
+  return mixture;
 }
 
 // Whether one noise for all captures explains them better than wrong poses beside a better robot.
@@ -101,8 +130,9 @@ bool IsNoiseOfAll(const Problem& problem, const JudgedCaptures& judged, const Bu
   if (!of_members) return true;
   Solution in_common_weights = *of_members;
   in_common_weights.excess_px = of_all->excess_px;
-  return LogLikelihoodOfMixture(kept, *of_all, std::vector<CaptureVerdict>(problem.views.size()), options) >=
-         LogLikelihoodOfMixture(kept, in_common_weights, judged.verdicts, options);
+  const Mixture one_noise = MixtureOf(kept, *of_all, std::vector<CaptureVerdict>(problem.views.size()), options);
+  const Mixture two_noises = MixtureOf(kept, in_common_weights, judged.verdicts, options);
+  return one_noise.log_likelihood >= two_noises.log_likelihood || two_noises.ratio < kDistinct;
 }
 
 }  // namespace

@@ -11,6 +11,8 @@ namespace heba {
 
 // More than this share of the captures is not left out without a look at what else explains them.
 inline constexpr double kMostWrong = 0.25;
+// Captures whose errors are larger by this factor than the others' are another population.
+inline constexpr double kDistinct = 5;
 
 struct JudgedCaptures {
   std::vector<CaptureVerdict> verdicts;        // One a view.
@@ -25,13 +27,10 @@ struct JudgedCaptures {
 
 // Tests the captures (TestCaptures) at `solution`, refines without those that are wrong, and tests all of them again,
 // those left out too, until nothing changes. `options` are those of the solution (loss `truncated`, exact robot, what
-// of the target's shape may be unknown). Where more than kMostWrong of the captures would go, the restricted likelihood
-// decides between the two explanations: one noise for all, or wrong poses (anywhere within kWrongPoseM, kWrongPoseRad)
-// beside a better robot.
+// of the target's shape may be unknown). Where more than kMostWrong of the captures would go, two explanations are
+// compared: one noise of the robot for all captures, and two, one for those that stay and a larger one for those that
+// would go. These go only if two noises are more likely by more than the choice of the captures costs, and differ by a
+// factor of kDistinct: the tail of one population is not another.
 JudgedCaptures JudgeCaptures(const Problem& problem, const Solution& solution, const BundleOptions& options);
-
-// One sigma of a wrong pose: as of another capture of the session.
-inline constexpr double kWrongPoseM = 0.05;
-inline constexpr double kWrongPoseRad = 0.1;
 
 }  // namespace heba

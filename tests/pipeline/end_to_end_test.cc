@@ -152,14 +152,16 @@ TEST(TargetShapeTest, PrintScaleAndBendAreFound) {
   const fs::path folder = TestFolder("target_shape");
   const std::string scene = SceneText("eye_to_hand", kAprilTags, 2, 15) +
                             "print: {scale_x: 1.001, scale_y: 1.001, bend_x: 0.5 mm}\ngive_camera: false\n";
-  const Json designed = Calibrate(folder, scene, "");
+  const Json designed = Calibrate(folder, scene, "refine: {target_shape: none}\n");
   ASSERT_FALSE(designed.is_null());
-  EXPECT_THAT(Bundle(designed)["solve"]["remarks"].dump(), testing::HasSubstr("not as designed"));
+  EXPECT_THAT(designed["verdict"].dump(), testing::HasSubstr("target_shape_ignored"));
   EXPECT_TRUE(Bundle(designed)["target_shape"].is_null());
   fs::remove_all(folder / "data");
   fs::remove_all(folder / "run");
-  const Json result = Calibrate(folder, scene, "refine: {target_shape: [scale, bend]}\n");
+  // By default it is found without a word in the config.
+  const Json result = Calibrate(folder, scene, "");
   ASSERT_FALSE(result.is_null());
+  EXPECT_EQ(result["model"]["target_shape"].dump(), R"(["scale","bend"])");
   const Json bundle = Bundle(result);
   const Json& shape = bundle["target_shape"];
   EXPECT_NEAR(shape["scale_x"].get<double>(), 1.001, 1e-4);

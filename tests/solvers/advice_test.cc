@@ -9,7 +9,7 @@
 namespace heba {
 namespace {
 
-std::vector<std::string> AdviceFor(const TestScene& scene, const std::vector<ParameterGroup>& free_groups) {
+std::optional<Finding> AdviceFor(const TestScene& scene, const std::vector<ParameterGroup>& free_groups) {
   BundleOptions options;
   options.loss = "none";
   options.free_intrinsics = free_groups;
@@ -23,35 +23,34 @@ std::vector<std::string> AdviceFor(const TestScene& scene, const std::vector<Par
 struct Solved {
   Problem problem;
   Solution solution;
-  FreeParameters free;
+  BundleOptions bundle;
 };
-Solved SolveWithHeldCamera(const TestScene& scene, const TestSceneOptions& options) {
+Solved SolveWithHeldCamera(const TestScene& scene, const TestSceneOptions& options, const Camera& camera) {
   BundleOptions bundle;
   bundle.free_intrinsics = {};
-  const Problem problem{scene.camera, scene.views, options.setup, DesignedShape(options.points)};
+  const Problem problem{camera, scene.views, options.setup, DesignedShape(options.points)};
   const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
   EXPECT_TRUE(solution.ok()) << solution.reason();
-  return {problem, solution.ok() ? *solution : Solution(), FreeOf(scene.camera.Model(), bundle)};
+  return {problem, solution.ok() ? *solution : Solution(), bundle};
 }
 
 TEST(AdviceTest, IsSilentWhereAllIsWellKnown) {
   TestSceneOptions options;
   options.noise_px = 0.1;
-  EXPECT_THAT(AdviceFor(MakeTestScene(3, options), {ParameterGroup::kFocal}), testing::IsEmpty());
+  EXPECT_FALSE(AdviceFor(MakeTestScene(3, options), {ParameterGroup::kFocal}).has_value());
 }
 
-// Turns about the tool point at one distance do not tell the focal length: what tells it is depth.
-TEST(AdviceTest, NamesWhatIsKnownWorstAndWhatWouldCureIt) {
+// Rotations about the tool point at one distance do not tell the focal length: what tells it is depth.
+TEST(AdviceTest, NamesWhatIsKnownWorstAndWhatWouldImproveIt) {
   TestSceneOptions options;
   options.noise_px = 0.1;
   options.motion = TestSceneOptions::Motion::kTwoStep;
   options.points = GridPoints(3, 3, 0.03);
-  const TestScene scene = MakeTestScene(3, options);
-  const std::vector<std::string> advice = AdviceFor(scene, {ParameterGroup::kFocal});
-  ASSERT_FALSE(advice.empty());
-  EXPECT_THAT(advice, testing::Contains(testing::AllOf(testing::HasSubstr("the camera's fx is known to "),
-                                                       testing::HasSubstr(" px only (one sigma); two captures "),
-                                                       testing::HasSubstr("nearer and farther would make it "))));
+  const std::optional<Finding> finding = AdviceFor(MakeTestScene(3, options), {ParameterGroup::kFocal});
+  ASSERT_TRUE(finding.has_value());
+  EXPECT_EQ(finding->code, "weak_direction");
+  EXPECT_THAT(finding->text, testing::HasSubstr("the camera's fx is known to "));
+  EXPECT_THAT(finding->action, testing::HasSubstr("nearer and farther would improve "));
 }
 
 TEST(AdviceTest, ManyTiltedCapturesNeedLess) {
@@ -60,53 +59,87 @@ TEST(AdviceTest, ManyTiltedCapturesNeedLess) {
   options.points = GridPoints(2, 2, 0.04);
   options.num_captures = 6;
   options.max_tilt_rad = 0.2;
-  const TestScene scene = MakeTestScene(8, options);
-  const std::vector<std::string> few = AdviceFor(scene, {});
-  TestSceneOptions more_options = options;
-  more_options.num_captures = 60;
-  more_options.max_tilt_rad = 0.6;
-  const std::vector<std::string> many = AdviceFor(MakeTestScene(8, more_options), {});
-  EXPECT_GT(few.size(), many.size());
+  const std::optional<Finding> few = AdviceFor(MakeTestScene(8, options), {});
+  options.num_captures = 60;
+  options.max_tilt_rad = 0.6;
+  const std::optional<Finding> many = AdviceFor(MakeTestScene(8, options), {});
+  ASSERT_TRUE(few.has_value());
+  EXPECT_GT(few->numbers.size(), many ? many->numbers.size() : 0);
 }
 
-TEST(AdviceTest, SpeaksOfANoisyRobotThatIsTakenAsExact) {
-  for (const bool is_noisy : {false, true}) {
+struct HiddenErrors {
+  const char* name;
+  bool is_noisy;
+  bool is_made_well;
+};
+void PrintTo(const HiddenErrors& hidden, std::ostream* stream) { *stream << hidden.name; }
+
+class FixedModelTest : public testing::TestWithParam<HiddenErrors> {};
+
+// Neither pixels nor a noisy robot pass for a bent or stretched target, nor the other way round. By chance one test in
+// a hundred rejects the right model: of ten seeds one is let off (more are seen less than once in 200 runs of the
+// test).
+TEST_P(FixedModelTest, SaysWhatTheFixedModelHides) {
+  int num_wrong = 0;
+  for (uint64_t seed = 1; seed <= 10; ++seed) {
     TestSceneOptions options;
     options.noise_px = 0.1;
     options.num_captures = 20;
-    options.robot_translation_m = is_noisy ? 5e-4 : 0;
-    options.robot_rotation_rad = is_noisy ? 1e-3 : 0;
-    const TestScene scene = MakeTestScene(5, options);
-    const Solved solved = SolveWithHeldCamera(scene, options);
-    const std::string advice = AdviseOnRobot(solved.problem, solved.solution, solved.free);
-    EXPECT_EQ(advice.find("refine.robot_noise: auto") != std::string::npos, is_noisy) << advice;
+    options.robot_translation_m = GetParam().is_noisy ? 2e-4 : 0;
+    options.robot_rotation_rad = GetParam().is_noisy ? 4e-4 : 0;
+    if (!GetParam().is_made_well) options.shape = {1.001, 1.001, 5e-4, 0};
+    const TestScene scene = MakeTestScene(seed, options);
+    const Solved solved = SolveWithHeldCamera(scene, options, scene.camera);
+    bool names_robot = false;
+    bool names_shape = false;
+    for (const Finding& finding : AdviseOnModel(solved.problem, solved.solution, solved.bundle, {})) {
+      names_robot = names_robot || finding.code == "robot_noise_ignored";
+      names_shape = names_shape || finding.code == "target_shape_ignored";
+    }
+    num_wrong += names_robot != GetParam().is_noisy || names_shape == GetParam().is_made_well ? 1 : 0;
+  }
+  EXPECT_LE(num_wrong, 1);
+}
+
+INSTANTIATE_TEST_SUITE_P(HiddenErrors, FixedModelTest,
+                         testing::Values(HiddenErrors{"nothing", false, true}, HiddenErrors{"robot", true, true},
+                                         HiddenErrors{"shape", false, false}, HiddenErrors{"both", true, false}),
+                         [](const auto& test) { return test.param.name; });
+
+TEST(AdviceTest, HeldIntrinsicsThatTheCapturesContradictAreNamed) {
+  TestSceneOptions options;
+  options.noise_px = 0.1;
+  options.num_captures = 20;
+  const TestScene scene = MakeTestScene(5, options);
+  for (const double off_px : {0.0, 2.0, 5.0, 10.0}) {
+    Camera held = scene.camera;
+    held.params[2] += off_px;
+    // With the robot's noise to be estimated, the misfit would go into that.
+    BundleOptions bundle;
+    bundle.free_intrinsics = {};
+    bundle.robot = BundleOptions::Robot::kEstimatedNoise;
+    const Problem problem{held, scene.views, options.setup, DesignedShape(options.points)};
+    const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
+    ASSERT_TRUE(solution.ok()) << solution.reason();
+    const std::optional<Finding> finding = AdviseOnHeldIntrinsics(problem, *solution, bundle, {true, true});
+    ASSERT_EQ(finding.has_value(), off_px > 0) << off_px;
+    if (!finding) continue;
+    EXPECT_EQ(finding->code, "held_intrinsics");
+    EXPECT_THAT(finding->text, testing::HasSubstr("the captures say cx -"));
   }
 }
 
-// Neither pixels nor a noisy robot pass for a bent or stretched target, and neither hides one.
-TEST(AdviceTest, SpeaksOfATargetThatIsNotAsDesigned) {
-  for (const bool is_noisy : {false, true}) {
-    for (const bool is_made_well : {false, true}) {
-      TestSceneOptions options;
-      options.noise_px = 0.1;
-      options.num_captures = 20;
-      options.robot_translation_m = is_noisy ? 2e-4 : 0;
-      options.robot_rotation_rad = is_noisy ? 4e-4 : 0;
-      if (!is_made_well) options.shape = {1.001, 1.001, 5e-4, 0};
-      for (uint64_t seed = 1; seed <= 10; ++seed) {
-        const TestScene scene = MakeTestScene(seed, options);
-        const Solved solved = SolveWithHeldCamera(scene, options);
-        const TargetAdvice about_target = AdviseOnTarget(solved.problem, solved.solution, solved.free);
-        const std::string& advice = about_target.sentence;
-        EXPECT_EQ(advice.empty(), is_made_well) << advice;
-        // Beside the shape nothing speaks of the robot unless it is noisy.
-        EXPECT_EQ(AdviseOnRobot(solved.problem, solved.solution, about_target.free).empty(), !is_noisy);
-        if (!is_made_well && !is_noisy) {
-          EXPECT_THAT(advice, testing::HasSubstr("refine.target_shape: [scale, bend]"));
-        }
-      }
-    }
-  }
+TEST(AdviceTest, ATargetOfAnotherSizeIsACause) {
+  Solution solution;
+  const ErrorModel scaled{BundleOptions::Robot::kExact, {TargetShapeGroup::kScale}};
+  solution.shape.params = {1.1, 1.1, 0, 0};
+  const std::optional<Finding> finding = AdviseOnScale(solution, scaled);
+  ASSERT_TRUE(finding.has_value());
+  EXPECT_EQ(finding->grade, Grade::kBad);
+  EXPECT_TRUE(finding->is_cause);
+  EXPECT_THAT(finding->text, testing::HasSubstr("10 % larger than the config says"));
+  solution.shape.params = {1.002, 1.001, 0, 0};  // As printers do.
+  EXPECT_FALSE(AdviseOnScale(solution, scaled).has_value());
 }
 
 }  // namespace

@@ -79,7 +79,7 @@ TEST(OwnCameraFile, WritesWhatItReads) {
 
 TEST(OwnCameraFile, SaysWhatIsWrong) {
   EXPECT_THAT(ErrorOf(With(kOwn, "brown5", "brown")),
-              HasSubstr("camera:2: model: 'brown' is unknown; one of: pinhole, brown5"));
+              HasSubstr("camera:2: model: 'brown' is unknown; one of: pinhole, brown4, brown5"));
   EXPECT_THAT(ErrorOf(With(kOwn, "model", "modle")), HasSubstr("'model' is missing"));
   EXPECT_THAT(ErrorOf(With(kOwn, "cx: 640\n", "")), HasSubstr("camera:2: 'cx' is missing"));
   EXPECT_THAT(ErrorOf(kOwn + "k1: 3\n"), HasSubstr("camera:9: unknown key 'k1'"));

@@ -124,8 +124,8 @@ TEST(ExportTest, CamerasComeBack) {
       EXPECT_EQ(camera.width_px, request.camera.width_px) << format;
       EXPECT_EQ(camera.height_px, request.camera.height_px) << format;
       std::vector<double> wanted = request.camera.params;
-      // A pinhole may come back as a lens that bends nothing.
-      if (model->name() == "pinhole") wanted.resize(camera.params.size(), 0);
+      // A smaller model may come back as a larger one whose further coefficients are zero.
+      if (camera.model == "brown5") wanted.resize(camera.params.size(), 0);
       EXPECT_EQ(camera.params, wanted) << format << " " << model->name();
     }
   }
@@ -133,13 +133,13 @@ TEST(ExportTest, CamerasComeBack) {
 
 // Kalibr's polynomial lens has no k3.
 TEST(ExportTest, CamerasComeBackFromKalibr) {
-  for (const std::string model : {"pinhole", "brown5", "kannala_brandt4"}) {
+  for (const std::string model : {"pinhole", "brown4", "brown5", "kannala_brandt4"}) {
     ExportRequest request = TestRequest(Rigid3d(), model);
     if (model == "brown5") request.camera.params[8] = 0;
     const Camera camera = ParseCameraFile(Exported("kalibr", request), "export");
     EXPECT_EQ(camera.width_px, request.camera.width_px) << model;
     std::vector<double> wanted = request.camera.params;
-    if (model == "pinhole") wanted.resize(camera.params.size(), 0);
+    if (camera.model == "brown5") wanted.resize(camera.params.size(), 0);
     EXPECT_EQ(camera.params, wanted) << model;
   }
 }

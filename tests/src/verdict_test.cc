@@ -17,6 +17,7 @@ RunResult GoodResult() {
   closed.kind = "closed_form";
   closed.ok = true;
   closed.errors.holdout_target_mm = 1.0;
+  closed.errors.holdout_sigmas = 2.0;
   result.estimates.push_back(closed);
   Estimate refined;
   refined.method = "bundle";
@@ -25,6 +26,7 @@ RunResult GoodResult() {
   refined.errors.holdout_target_mm = 0.3;
   refined.errors.holdout_target_deg = 0.02;
   refined.errors.holdout_chi2 = 1.02;
+  refined.errors.holdout_sigmas = 1.0;
   refined.solution.emplace();
   refined.solution->pixel_sigma_px = 0.1;
   Eigen::VectorXd variances(12);
@@ -41,13 +43,14 @@ TEST(VerdictTest, JudgesWhereTheWorkIs) {
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
   result.working_point->covariance_m2(1, 1) = std::pow(4.5e-3, 2);
   EXPECT_EQ(JudgeRun(result).grade, Grade::kDoubtful);
-  EXPECT_THAT(JudgeRun(result).findings.front().what, testing::HasSubstr("a target seen 3000 mm away to 4.5 mm"));
+  EXPECT_THAT(JudgeRun(result).findings.front().text,
+              testing::HasSubstr("a target seen 3000 mm away is known to 4.5 mm"));
 }
 
 TEST(VerdictTest, AGoodResultIsGood) {
   const Verdict verdict = JudgeRun(GoodResult());
   EXPECT_EQ(verdict.grade, Grade::kGood);
-  for (const Finding& finding : verdict.findings) EXPECT_EQ(finding.cure, "") << finding.what;
+  for (const Finding& finding : verdict.findings) EXPECT_EQ(finding.action, "") << finding.text;
 }
 
 // Each of them alone, its finding first and with a cure.
@@ -55,39 +58,43 @@ TEST(VerdictTest, OneFaultDecides) {
   struct Case {
     Grade grade;
     const char* what;
+    const char* code;
     void (*spoil)(RunResult* result);
   };
   const Case cases[] = {
-      {Grade::kDoubtful, "the camera's pose is known to 2.0 mm",
+      {Grade::kDoubtful, "the camera's pose is known to 2.0 mm", "uncertainty",
        [](RunResult* r) { r->estimates[1].solution->covariance.matrix(2, 2) = 4e-6; }},
-      {Grade::kBad, "the camera's pose is known to 0.10 mm and 1.00 deg",
+      {Grade::kBad, "the camera's pose is known to 0.10 mm and 1.00 deg", "uncertainty",
        [](RunResult* r) { r->estimates[1].solution->covariance.matrix(4, 4) = 3.046e-4; }},
-      {Grade::kBad, "the target was 16 mm", [](RunResult* r) { r->estimates[1].errors.holdout_target_mm = 16; }},
-      {Grade::kDoubtful, "nothing was held out",
+      {Grade::kBad, "the target was 16 mm", "hold_out",
+       [](RunResult* r) { r->estimates[1].errors.holdout_target_mm = 16; }},
+      {Grade::kDoubtful, "nothing was held out", "no_hold_out",
        [](RunResult* r) { r->estimates[1].errors.holdout_target_mm.reset(); }},
-      {Grade::kDoubtful, "scatter 1.4 times", [](RunResult* r) { r->estimates[1].errors.holdout_chi2 = 2; }},
-      {Grade::kDoubtful, "(park) predicts unseen captures 1.5 times better",
-       [](RunResult* r) { r->estimates[0].errors.holdout_target_mm = 0.2; }},
-      {Grade::kDoubtful, "6 of 6 captures", [](RunResult* r) { r->captures.resize(6); }},
-      {Grade::kDoubtful, "10 of 20 captures",
+      {Grade::kDoubtful, "scatter 1.4 times", "unmodelled_error",
+       [](RunResult* r) { r->estimates[1].errors.holdout_chi2 = 2; }},
+      {Grade::kDoubtful, "(park) predicts unseen captures 1.5 times better", "closed_form_better",
+       [](RunResult* r) { r->estimates[0].errors.holdout_sigmas = 0.667; }},
+      {Grade::kDoubtful, "6 of 6 captures", "few_captures", [](RunResult* r) { r->captures.resize(6); }},
+      {Grade::kDoubtful, "10 of 20 captures", "captures_left_out",
        [](RunResult* r) {
          for (size_t i = 0; i < 10; ++i) r->captures[i].used = false;
        }},
-      {Grade::kBad, "off by 8.0 px", [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
-      {Grade::kDoubtful, "without 7 the camera would be 0.90 mm and 0 deg elsewhere",
+      {Grade::kBad, "off by 8.0 px", "pixel_noise", [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
+      {Grade::kDoubtful, "without 7 the camera would be 0.90 mm and 0 deg elsewhere", "influential_capture",
        [](RunResult* r) {
          for (CaptureResult& capture : r->captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 0.02};
          r->captures[7].move_without = CaptureMove{9e-4 * Tangent6::Unit(1), 1e-4};
        }},
-      {Grade::kBad, "no refined estimate", [](RunResult* r) { r->estimates.pop_back(); }},
+      {Grade::kBad, "no refined estimate", "no_estimate", [](RunResult* r) { r->estimates.pop_back(); }},
   };
   for (const Case& test : cases) {
     RunResult result = GoodResult();
     test.spoil(&result);
     const Verdict verdict = JudgeRun(result);
     EXPECT_EQ(verdict.grade, test.grade) << test.what;
-    EXPECT_THAT(verdict.findings.front().what, testing::HasSubstr(test.what));
-    EXPECT_NE(verdict.findings.front().cure, "") << test.what;
+    EXPECT_THAT(verdict.findings.front().text, testing::HasSubstr(test.what));
+    EXPECT_EQ(verdict.findings.front().code, test.code);
+    EXPECT_NE(verdict.findings.front().action, "") << test.what;
   }
 }
 
@@ -98,10 +105,52 @@ TEST(VerdictTest, BlamesNoCaptureForWhatAllDo) {
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
 }
 
-TEST(VerdictTest, RemarksMakeItDoubtful) {
+// A closed form that fits pixels better is no reason for doubt where the robot's noise moves the points.
+TEST(VerdictTest, ClosedFormsAreComparedInTheMetricOfAllNoise) {
   RunResult result = GoodResult();
-  result.estimates[1].solution->remarks = {"the captures speak of a robot"};
-  EXPECT_EQ(JudgeRun(result).grade, Grade::kDoubtful);
+  result.estimates[0].errors.holdout_rms_px = 0.1;
+  result.estimates[1].errors.holdout_rms_px = 0.5;
+  result.estimates[0].errors.holdout_target_mm = 0.1;
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+}
+
+TEST(VerdictTest, ImagesWithoutTheTargetAreNoBadCaptures) {
+  RunResult result = GoodResult();
+  for (int i = 0; i < 60; ++i) result.captures.push_back({"away", "", 0, false, "no target", 0, 0, {}, {}, {}});
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+}
+
+// What follows from a cause is said with it, in one finding.
+TEST(VerdictTest, OneCauseGivesOneFinding) {
+  RunResult result = GoodResult();
+  result.estimates[1].errors.holdout_target_mm = 50;
+  result.estimates[1].errors.holdout_chi2 = 9;
+  result.estimates[1].solution->pixel_sigma_px = 8;
+  Finding cause{Grade::kBad, "target_size", "the target is 10 % larger", "measure it"};
+  cause.is_cause = true;
+  result.observations.push_back(cause);
+  const Verdict verdict = JudgeRun(result);
+  EXPECT_EQ(verdict.grade, Grade::kBad);
+  EXPECT_EQ(verdict.findings.front().code, "target_size");
+  EXPECT_THAT(verdict.findings.front().text, testing::HasSubstr("as a consequence, on captures that it has not seen"));
+  for (size_t i = 1; i < verdict.findings.size(); ++i) {
+    EXPECT_EQ(verdict.findings[i].grade, Grade::kGood) << verdict.findings[i].text;
+  }
+}
+
+// A requirement takes the place of the built-in limits: stricter or more lenient.
+TEST(VerdictTest, RequirementsDecide) {
+  RunResult result = GoodResult();
+  result.estimates[1].errors.holdout_target_mm = 3;  // Doubtful by itself.
+  result.requirements = {{10e-3, 0.95, "the working point", 2e-3}};
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+  result.requirements = {{1e-3, 0.95, "the working point", 0.5e-3}};
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kBad);
+  EXPECT_EQ(JudgeRun(result).findings.front().code, "required");
+  result.estimates[1].errors.holdout_target_mm = 0.3;
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+  result.requirements[0].reached_m = 2e-3;
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kBad);
 }
 
 }  // namespace

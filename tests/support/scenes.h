@@ -26,6 +26,7 @@ inline Points3 GridPoints(int columns, int rows, double spacing_m) {
 
 inline Camera TestCamera(const std::string& model = "brown5") {
   Camera camera{model, 1600, 1200, {1500, 1502, 805, 595}};
+  if (model == "brown4") camera.params.insert(camera.params.end(), {-0.08, 0.05, 0.0005, -0.0003});
   if (model == "brown5") camera.params.insert(camera.params.end(), {-0.08, 0.05, 0.0005, -0.0003, 0.0});
   if (model == "rational8")
     camera.params.insert(camera.params.end(), {-0.08, 0.05, 0.0005, -0.0003, 0.0, 0.01, 0.0, 0.0});

@@ -15,7 +15,8 @@ std::string Matrix(const std::string& name, size_t rows, const std::vector<doubl
 Outcome<std::string> ExportFormat_camera_info(const ExportRequest& request) {
   const Camera& camera = request.camera;
   std::vector<double> distortion = OpenCvDistortion(camera);
-  if (distortion.empty()) distortion.assign(5, 0);
+  // plumb_bob has five coefficients.
+  if (!IsFisheye(camera) && distortion.size() < 5) distortion.resize(5, 0);
   const std::string model =
       IsFisheye(camera) ? "equidistant" : (distortion.size() > 5 ? "rational_polynomial" : "plumb_bob");
   const std::vector<double>& p = camera.params;

@@ -1,0 +1,108 @@
+// The verdict as programs read it: result.json, summary.csv, exit status.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "tests/pipeline/cli.h"
+
+namespace heba {
+namespace {
+
+using Json = nlohmann::json;
+namespace fs = std::filesystem;
+
+class VerdictRunTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder() = TestFolder("verdict_run");
+    const std::string source = HEBA_SOURCE_DIR;
+    ASSERT_EQ(RunHeba({"simulate", source + "/configs/sample_scene.yaml", "--set", "motion.captures=10", "--out",
+                       (folder() / "data").string(), "--quiet"})
+                  .status,
+              0);
+  }
+  static fs::path& folder() {
+    static fs::path path;
+    return path;
+  }
+  static std::string Config(const std::string& name, const std::string& text) {
+    const fs::path path = folder() / "data" / (name + ".yaml");
+    WriteAll(path, "base: config.yaml\n" + text);
+    return path.string();
+  }
+  static Json Result(const std::string& name) { return Json::parse(ReadAll(folder() / name / "result.json")); }
+};
+
+Json FindingOf(const Json& result, const std::string& code) {
+  for (const Json& finding : result["verdict"]["findings"]) {
+    if (finding["code"] == code) return finding;
+  }
+  return nullptr;
+}
+
+TEST_F(VerdictRunTest, GoodResultsAreGoodAndSayWhichModelWasChosen) {
+  const CommandResult run = RunHeba({"run", Config("good", "evaluate: {folds: 5}\n"), "--out",
+                                     (folder() / "good").string(), "--fail-on", "doubtful"});
+  EXPECT_EQ(run.status, 0) << run.err;
+  const Json result = Result("good");
+  EXPECT_EQ(result["verdict"]["grade"], "good");
+  EXPECT_EQ(result["model"]["alternatives"].size(), 8U);
+  EXPECT_EQ(result["model"]["camera"], "brown5");
+  EXPECT_FALSE(FindingOf(result, "model").is_null());
+  for (const Json& capture : result["captures"]) EXPECT_TRUE(capture["used"].get<bool>()) << capture["reason"];
+}
+
+TEST_F(VerdictRunTest, ARequirementThatIsNotMetFailsTheRunButKeepsItsResults) {
+  const std::string require =
+      "evaluate: {folds: 0, require: [{within: 0.00001 mm, at: [400 mm, 0 mm, 50 mm], confidence: 0.9}]}\n";
+  const CommandResult run =
+      RunHeba({"run", Config("strict", require), "--out", (folder() / "strict").string(), "--fail-on", "bad"});
+  EXPECT_EQ(run.status, 1);
+  EXPECT_THAT(run.err, testing::HasSubstr("heba: error: "));
+  EXPECT_THAT(run.err, testing::HasSubstr("the verdict is bad (--fail-on)"));
+  const Json finding = FindingOf(Result("strict"), "required");
+  ASSERT_FALSE(finding.is_null());
+  EXPECT_EQ(finding["grade"], "bad");
+  EXPECT_GT(finding["numbers"]["reached_mm"].get<double>(), 1e-5);
+  // Without the flag it is a result like any other.
+  EXPECT_EQ(RunHeba({"run", Config("strict", require), "--out", (folder() / "strict").string()}).status, 0);
+}
+
+TEST_F(VerdictRunTest, ATargetOfAnotherSizeIsBadForRunAndDoctorAlike) {
+  const std::string config = Config("large", "evaluate: {folds: 5}\n");
+  // The sample's target, 10 % larger than it was rendered.
+  const std::string target = ReadAll(folder() / "data" / "target.yaml");
+  const size_t at = target.find("spacing: ");
+  ASSERT_NE(at, std::string::npos);
+  const double spacing_mm = std::stod(target.substr(at + 9)) * (target.find(" mm", at) == std::string::npos ? 1000 : 1);
+  const std::string set = "target.spacing=" + std::to_string(1.1 * spacing_mm) + " mm";
+  const CommandResult run = RunHeba({"run", config, "--set", set, "--out", (folder() / "large").string()});
+  ASSERT_EQ(run.status, 0) << run.err;
+  const Json result = Result("large");
+  EXPECT_EQ(result["verdict"]["grade"], "bad");
+  const CommandResult doctor = RunHeba({"doctor", config, "--set", set});
+  EXPECT_THAT(doctor.out, testing::HasSubstr("1. wrong ["));
+  // One cause gives one finding.
+  int num_bad = 0;
+  for (const Json& finding : result["verdict"]["findings"]) num_bad += finding["grade"] == "bad" ? 1 : 0;
+  EXPECT_EQ(num_bad, 1) << result["verdict"].dump(1);
+}
+
+TEST_F(VerdictRunTest, TheSummaryHasTheVerdict) {
+  const CommandResult run =
+      RunHeba({"run", Config("one", ""), Config("two", ""), "--out", (folder() / "batch").string(), "--quiet"});
+  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_THAT(ReadAll(folder() / "batch" / "summary.csv"), testing::HasSubstr(",method_ok,verdict,"));
+  EXPECT_THAT(ReadAll(folder() / "batch" / "summary.html"), testing::HasSubstr("verdict"));
+}
+
+TEST_F(VerdictRunTest, WrongSettingsAreNamed) {
+  EXPECT_THAT(RunHeba({"run", Config("bad_flag", ""), "--fail-on", "good"}).err,
+              testing::HasSubstr("--fail-on needs bad or doubtful, not 'good'"));
+  const CommandResult require = RunHeba({"run", Config("bad_require", "evaluate: {require: [{within: 5}]}\n")});
+  EXPECT_EQ(require.status, 2);
+  EXPECT_THAT(require.err, testing::HasSubstr("within"));
+}
+
+}  // namespace
+}  // namespace heba

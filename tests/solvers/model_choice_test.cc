@@ -1,0 +1,154 @@
+#include "solvers/model_choice.h"
+
+#include <cmath>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "solvers/calibration.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+using Robot = BundleOptions::Robot;
+using Group = TargetShapeGroup;
+
+struct TrueModel {
+  const char* name;
+  double robot_m;
+  double robot_rad;
+  std::array<double, TargetShape::kNumParams> shape;
+  ErrorModel model;
+};
+void PrintTo(const TrueModel& truth, std::ostream* stream) { *stream << truth.name; }
+
+class ModelChoiceTest : public testing::TestWithParam<TrueModel> {
+ protected:
+  TestSceneOptions Options() const {
+    TestSceneOptions options;
+    options.noise_px = 0.1;
+    options.num_captures = 20;
+    options.robot_translation_m = GetParam().robot_m;
+    options.robot_rotation_rad = GetParam().robot_rad;
+    options.shape = GetParam().shape;
+    return options;
+  }
+};
+
+// The right model is rejected once in 100; 3 and more of 20 are seen once in 1,000 runs.
+TEST_P(ModelChoiceTest, TheRightModelIsChosenAndTheTruthIsWithinItsSigmas) {
+  int num_right = 0;
+  constexpr int kSeeds = 20;
+  for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const TestScene scene = MakeTestScene(seed, Options());
+    CalibrationOptions options;
+    options.setup = Options().setup;
+    options.camera = scene.camera;
+    options.shape = DesignedShape(Options().points);
+    const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+    ASSERT_TRUE(calibration.ok() && calibration->refined.ok()) << seed;
+    EXPECT_THAT(calibration->unused, testing::SizeIs(testing::Le(1U))) << seed;
+    num_right +=
+        calibration->bundle.robot == GetParam().model.robot && calibration->bundle.free_shape == GetParam().model.shape
+            ? 1
+            : 0;
+    const Tangent6 error = LocalCoordinates(scene.hand_eye.camera_mount_from_camera,
+                                            calibration->refined->hand_eye.camera_mount_from_camera);
+    // Chi-square with 6 degrees of freedom exceeds 32.1 once in 60,000.
+    const Eigen::Matrix<double, 6, 6> covariance = calibration->refined->covariance.matrix.topLeftCorner<6, 6>();
+    EXPECT_LT(error.dot(covariance.ldlt().solve(error)), 32.1) << seed;
+  }
+  EXPECT_GE(num_right, kSeeds - 2);
+}
+
+constexpr std::array<double, TargetShape::kNumParams> kDesigned = {1, 1, 0, 0};
+INSTANTIATE_TEST_SUITE_P(
+    Truths, ModelChoiceTest,
+    testing::Values(TrueModel{"exact", 0, 0, kDesigned, {Robot::kExact, {}}},
+                    TrueModel{"noisy", 1e-4, 3e-4, kDesigned, {Robot::kEstimatedNoise, {}}},
+                    TrueModel{"bent", 0, 0, {1, 1, 2e-3, 1e-3}, {Robot::kExact, {Group::kBend}}},
+                    TrueModel{"stretched", 0, 0, {1.002, 1.001, 0, 0}, {Robot::kExact, {Group::kScale}}},
+                    TrueModel{"noisy_bent", 1e-4, 3e-4, {1, 1, 2e-3, 1e-3}, {Robot::kEstimatedNoise, {Group::kBend}}},
+                    TrueModel{"noisy_bent_stretched",
+                              1e-4,
+                              3e-4,
+                              {1.002, 1.001, 2e-3, 1e-3},
+                              {Robot::kEstimatedNoise, {Group::kScale, Group::kBend}}}),
+    [](const auto& test) { return test.param.name; });
+
+TEST(ModelChoiceTest, EveryAlternativeIsReportedAndNoneContainsABetterOne) {
+  TestSceneOptions scene_options;
+  scene_options.noise_px = 0.1;
+  scene_options.shape = {1, 1, 2e-3, 0};
+  const TestScene scene = MakeTestScene(4, scene_options);
+  BundleOptions options;
+  options.loss = "none";
+  const Outcome<ModelChoice> choice =
+      ChooseModel({scene.camera, scene.views, scene_options.setup, DesignedShape(scene_options.points)}, scene.hand_eye,
+                  options, {true, true});
+  ASSERT_TRUE(choice.ok()) << choice.reason();
+  ASSERT_EQ(choice->alternatives.size(), 8U);
+  EXPECT_FALSE(choice->alternatives.back().p.has_value());
+  for (const ModelAlternative& smaller : choice->alternatives) {
+    EXPECT_GE(choice->alternatives.back().log_likelihood, smaller.log_likelihood - 0.01) << NameOf(smaller.model);
+  }
+  EXPECT_EQ(NameOf(choice->alternatives[choice->chosen].model), "exact robot, target bent");
+  EXPECT_LT(*choice->alternatives.front().p, 1e-10);
+}
+
+// Seven poses do not carry two variances: the prior of industrial arms is part of the model, and says so.
+TEST(ModelChoiceTest, FewPosesHaveAPrior) {
+  TestSceneOptions scene_options;
+  scene_options.noise_px = 0.1;
+  scene_options.num_captures = 6;
+  scene_options.robot_translation_m = 3e-4;
+  scene_options.robot_rotation_rad = 5e-4;
+  const TestScene scene = MakeTestScene(2, scene_options);
+  CalibrationOptions options;
+  options.camera = scene.camera;
+  options.bundle.free_intrinsics = {};
+  const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+  ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
+  EXPECT_TRUE(calibration->bundle.robot_noise_prior.has_value());
+  EXPECT_GT(calibration->refined->robot_noise->translation_m, 1e-5);
+  EXPECT_GT(calibration->refined->robot_noise->rotation_rad, 1e-5);
+  bool is_said = false;
+  for (const Finding& finding : Advise(*calibration, options))
+    is_said = is_said || finding.code == "few_captures_prior";
+  EXPECT_TRUE(is_said);
+}
+
+// Eleven images at each of eight poses tell no more of the robot than eight images do.
+TEST(ModelChoiceTest, RepeatsAreNotNewInformation) {
+  TestSceneOptions scene_options;
+  scene_options.noise_px = 0.1;
+  scene_options.num_captures = 12;
+  scene_options.robot_translation_m = 3e-4;
+  scene_options.robot_rotation_rad = 5e-4;
+  const TestScene scene = MakeTestScene(7, scene_options);
+  std::vector<View> repeated;
+  Rng rng(1);
+  for (int repeat = 0; repeat < 8; ++repeat) {
+    for (const View& view : scene.views) {
+      repeated.push_back(view);
+      repeated.back().name += "_" + std::to_string(repeat);
+      Points2& pixels = repeated.back().observations.pixels;
+      for (Eigen::Index i = 0; i < pixels.size(); ++i) pixels.data()[i] += 0.1 * rng.Normal();
+    }
+  }
+  CalibrationOptions options;
+  options.camera = scene.camera;
+  options.bundle.free_intrinsics = {};
+  const auto sigma_m = [&](const std::vector<View>& views) {
+    const Outcome<Calibration> calibration = Calibrate(views, options);
+    EXPECT_TRUE(calibration.ok() && calibration->refined.ok());
+    EXPECT_EQ(calibration->bundle.robot, Robot::kEstimatedNoise);
+    return std::sqrt(calibration->refined->covariance.matrix.topLeftCorner<3, 3>().trace());
+  };
+  // The robot's noise is the larger part: eight times the images leave the sigma where it is, not a third of it.
+  EXPECT_GT(sigma_m(repeated), 0.85 * sigma_m(scene.views));
+}
+
+}  // namespace
+}  // namespace heba

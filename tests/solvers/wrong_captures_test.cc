@@ -1,0 +1,91 @@
+#include "solvers/wrong_captures.h"
+
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "solvers/calibration.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+std::set<std::string> LeftOut(const TestScene& scene, const TestSceneOptions& options) {
+  CalibrationOptions calibration_options;
+  calibration_options.setup = options.setup;
+  calibration_options.camera = scene.camera;
+  calibration_options.shape = DesignedShape(options.points);
+  const Outcome<Calibration> calibration = Calibrate(scene.views, calibration_options);
+  EXPECT_TRUE(calibration.ok() && calibration->refined.ok());
+  std::set<std::string> names;
+  for (const UnusedView& unused : calibration->unused) names.insert(unused.name);
+  return names;
+}
+
+// A target that is bent by 2 mm contradicts a flat one in every capture: none of them is wrong.
+TEST(WrongCapturesTest, ABentTargetLosesNoCapture) {
+  for (uint64_t seed = 1; seed <= 10; ++seed) {
+    TestSceneOptions options;
+    options.noise_px = 0.05;
+    options.num_captures = 34;
+    options.shape = {1, 1, 2e-3, 1e-3};
+    const TestScene scene = MakeTestScene(seed, options);
+    EXPECT_THAT(LeftOut(scene, options), testing::SizeIs(testing::Le(1U))) << seed;
+  }
+}
+
+// Where the robot's errors have long tails, half of the captures agree too well with one another by choice: the others
+// are not wrong.
+TEST(WrongCapturesTest, LongTailsLoseFewCaptures) {
+  for (uint64_t seed = 1; seed <= 5; ++seed) {
+    TestSceneOptions options;
+    options.noise_px = 0.05;
+    options.num_captures = 40;
+    TestScene scene = MakeTestScene(seed, options);
+    Rng rng(seed + 100);
+    for (View& view : scene.views) {
+      // A scale mixture: sigmas of 0.1 to 1 mm.
+      const double sigma = 1e-4 * std::pow(10.0, rng.Uniform());
+      Tangent6 error;
+      error << sigma * rng.NormalVector3(), 3 * sigma * rng.NormalVector3();
+      view.camera_mount_from_target_mount = view.camera_mount_from_target_mount * Retract(Rigid3d(), error);
+    }
+    EXPECT_LE(LeftOut(scene, options).size(), scene.views.size() / 4) << seed;
+  }
+}
+
+// A third of the poses that are off by 10 mm are wrong poses, not noise: a better robot and wrong poses are likelier.
+TEST(WrongCapturesTest, ManyWrongPosesAreStillFound) {
+  TestSceneOptions options;
+  options.noise_px = 0.05;
+  options.num_captures = 45;
+  options.robot_translation_m = 1e-4;
+  options.robot_rotation_rad = 1e-4;
+  TestScene scene = MakeTestScene(3, options);
+  Rng rng(9);
+  std::set<std::string> wrong;
+  for (size_t i = 0; i < scene.views.size(); i += 3) {
+    View& view = scene.views[i];
+    wrong.insert(view.name);
+    const Rigid3d shift(Eigen::Quaterniond::Identity(), 0.01 * rng.Direction3());
+    view.camera_mount_from_target_mount = view.camera_mount_from_target_mount * shift;
+  }
+  EXPECT_EQ(LeftOut(scene, options), wrong);
+}
+
+// A capture that was left out at first, but that the final estimate explains, is used.
+TEST(WrongCapturesTest, ACaptureOfWhichNoPointCountsIsNotUsed) {
+  TestSceneOptions options;
+  options.noise_px = 0.05;
+  options.num_captures = 20;
+  TestScene scene = MakeTestScene(6, options);
+  // Read wrongly: the points of another image, each moved by a different amount.
+  Rng rng(2);
+  Points2& pixels = scene.views[4].observations.pixels;
+  for (Eigen::Index i = 0; i < pixels.size(); ++i) pixels.data()[i] += rng.Uniform(-60, 60);
+  EXPECT_THAT(LeftOut(scene, options), testing::ElementsAre("view_4"));
+}
+
+}  // namespace
+}  // namespace heba
