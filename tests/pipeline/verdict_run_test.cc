@@ -1,4 +1,6 @@
 // The verdict as programs read it: result.json, summary.csv, exit status.
+#include <regex>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -69,18 +71,20 @@ TEST_F(VerdictRunTest, ARequirementThatIsNotMetFailsTheRunButKeepsItsResults) {
 }
 
 TEST_F(VerdictRunTest, ATargetOfAnotherSizeIsBadForRunAndDoctorAlike) {
-  const std::string config = Config("large", "evaluate: {folds: 5}\n");
   // The sample's target, 10 % larger than it was rendered.
-  const std::string target = ReadAll(folder() / "data" / "target.yaml");
-  const size_t at = target.find("spacing: ");
-  ASSERT_NE(at, std::string::npos);
-  const double spacing_mm = std::stod(target.substr(at + 9)) * (target.find(" mm", at) == std::string::npos ? 1000 : 1);
-  const std::string set = "target.spacing=" + std::to_string(1.1 * spacing_mm) + " mm";
-  const CommandResult run = RunHeba({"run", config, "--set", set, "--out", (folder() / "large").string()});
+  std::string target = ReadAll(folder() / "data" / "target.yaml");
+  const std::regex length(R"((spacing|dot_diameter): *([0-9.]+))");
+  std::string larger;
+  for (std::smatch match; std::regex_search(target, match, length); target = match.suffix()) {
+    larger += match.prefix().str() + match[1].str() + ": " + std::to_string(1.1 * std::stod(match[2]));
+  }
+  WriteAll(folder() / "data" / "larger.yaml", larger + target);
+  const std::string config = Config("large", "target: larger.yaml\nevaluate: {folds: 5}\n");
+  const CommandResult run = RunHeba({"run", config, "--out", (folder() / "large").string()});
   ASSERT_EQ(run.status, 0) << run.err;
   const Json result = Result("large");
   EXPECT_EQ(result["verdict"]["grade"], "bad");
-  const CommandResult doctor = RunHeba({"doctor", config, "--set", set});
+  const CommandResult doctor = RunHeba({"doctor", config});
   EXPECT_THAT(doctor.out, testing::HasSubstr("1. wrong ["));
   // One cause gives one finding.
   int num_bad = 0;
