@@ -91,6 +91,17 @@ TEST(VerdictTest, OneFaultDecides) {
   }
 }
 
+// Copies of captures are no captures that could not be used.
+TEST(VerdictTest, CopiesOfCapturesDoNotCount) {
+  RunResult result = GoodResult();
+  for (size_t i = 0; i < 60; ++i) {
+    CaptureResult copy;
+    copy.repeat_of = result.captures.front().image;
+    result.captures.push_back(copy);
+  }
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+}
+
 // Where all pull harder than the noise that is assumed allows, it is that noise which is wrong, and no capture.
 TEST(VerdictTest, BlamesNoCaptureForWhatAllDo) {
   RunResult result = GoodResult();

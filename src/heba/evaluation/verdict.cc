@@ -74,11 +74,14 @@ std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution
 Finding JudgeCaptures(const RunResult& result) {
   const auto num_used = std::count_if(result.captures.begin(), result.captures.end(),
                                       [](const CaptureResult& capture) { return capture.used; });
-  const double total = static_cast<double>(result.captures.size());
+  const auto num_copies = std::count_if(result.captures.begin(), result.captures.end(),
+                                        [](const CaptureResult& capture) { return !capture.repeat_of.empty(); });
+  const double total = static_cast<double>(result.captures.size()) - static_cast<double>(num_copies);
   const double unused = total > 0 ? 1 - static_cast<double>(num_used) / total : 1;
   Finding finding;
   finding.grade = std::max(GradeOf(unused, 0.25, 0.6), num_used < 8 ? Grade::kDoubtful : Grade::kGood);
-  finding.what = std::to_string(num_used) + " of " + std::to_string(result.captures.size()) + " captures were used";
+  finding.what = std::to_string(num_used) + " of " + std::to_string(result.captures.size()) + " captures were used" +
+                 (num_copies == 0 ? "" : " (" + std::to_string(num_copies) + " are copies of others)");
   if (num_used < 8) {
     finding.cure = "take 15 to 25 captures";
   } else if (finding.grade != Grade::kGood) {
