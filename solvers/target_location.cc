@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -150,6 +151,42 @@ Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const
   located.rms_px = pose.rms_px;
   located.covariance = CovarianceInBase(setup, solution, middle, base_from_camera_mount);
   return located;
+}
+
+Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Solution& solution,
+                                                          const Observations& observations,
+                                                          const std::vector<Rigid3d>& symmetries,
+                                                          const Rigid3d& base_from_camera_mount) {
+  std::vector<LocatedTarget> possible;
+  for (const Rigid3d& symmetry : symmetries) {
+    // The target as manufactured need not have exactly the symmetries of its design (its scale acts about its origin),
+    // so each order of reading is located by itself.
+    Observations reading = observations;
+    for (Eigen::Index i = 0; i < reading.size(); ++i) {
+      const Eigen::Vector3d designed = observations.points_in_target.col(i);
+      reading.points_in_target.col(i) = symmetry * designed;
+    }
+    Outcome<LocatedTarget> located = LocateTarget(setup, solution, reading, base_from_camera_mount);
+    if (!located) return Failure{located.reason()};
+    possible.push_back(std::move(*located));
+  }
+  const auto x_axis = [](const LocatedTarget& located) -> Eigen::Vector3d {
+    return located.base_from_target.rotation * Eigen::Vector3d::UnitX();
+  };
+  std::sort(possible.begin(), possible.end(),
+            [&](const LocatedTarget& a, const LocatedTarget& b) { return x_axis(a).x() > x_axis(b).x(); });
+  return possible;
+}
+
+std::optional<size_t> FindMeantPose(const std::vector<LocatedTarget>& possible, const Rigid3d& rough) {
+  std::vector<std::pair<double, size_t>> by_angle;
+  for (size_t i = 0; i < possible.size(); ++i) {
+    by_angle.emplace_back(AngleRad(possible[i].base_from_target, rough), i);
+  }
+  if (by_angle.empty()) return std::nullopt;
+  std::sort(by_angle.begin(), by_angle.end());
+  if (by_angle.size() > 1 && by_angle[1].first - by_angle[0].first < kMinRotationGapRad) return std::nullopt;
+  return by_angle[0].second;
 }
 
 Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,

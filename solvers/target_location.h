@@ -2,8 +2,10 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "heba/base/error.h"
+#include "heba/base/units.h"
 #include "heba/data/setup.h"
 #include "heba/data/solution.h"
 
@@ -30,6 +32,23 @@ struct LocatedTarget {
 // still. A Failure if the points do not tell a pose (solvers/target_pose.h).
 Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const Observations& observations,
                                     const Rigid3d& base_from_camera_mount);
+
+// Locates a target that looks the same after each of `symmetries` (target_from_target, Target::Symmetries()): one pose
+// for each of them, all of which fit the same image. `observations` may have been read in any of these orders. The
+// result does not depend on which: the pose whose x axis points most along the base's x axis comes first. A Failure if
+// one of the poses cannot be determined.
+Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Solution& solution,
+                                                          const Observations& observations,
+                                                          const std::vector<Rigid3d>& symmetries,
+                                                          const Rigid3d& base_from_camera_mount);
+
+// Two rotations are told apart by a rough one if it is nearer to one of them by at least this much.
+inline constexpr double kMinRotationGapRad = DegToRad(30);
+
+// The pose that `rough` means: the index in `possible` of the pose whose rotation is nearest to that of `rough`.
+// Nothing if another one is less than kMinRotationGapRad farther away. The translations are not compared, because the
+// symmetries of a target are rotations that differ by 90 deg or more.
+std::optional<size_t> FindMeantPose(const std::vector<LocatedTarget>& possible, const Rigid3d& rough);
 
 // n . p = distance, for points p in the base.
 struct Plane {

@@ -15,7 +15,7 @@ CaptureDetection DetectCapture(const Target& target, const std::filesystem::path
   // OpenCV's finders draw random numbers: each picture has its own.
   cv::theRNG() = cv::RNG(1);
   constexpr int kSmallWidthPx = 640;
-  return {grey.cols, grey.rows, target.Detect(grey), 0, SmallJpeg(grey, kSmallWidthPx)};
+  return {grey.cols, grey.rows, target.Detect(grey), 0, SmallJpeg(grey, kSmallWidthPx), ""};
 }
 
 std::optional<Eigen::Vector2d> PixelOf(const TargetPoint& point, const Camera& camera,

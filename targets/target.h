@@ -58,6 +58,9 @@ class Target {
   // The rotations, as target_from_target, under which the target looks the same, the identity first. A target whose
   // points carry ids or a mark has no other.
   virtual std::vector<Rigid3d> Symmetries() const { return {Rigid3d()}; }
+  // The keys to change, with their values, for a target of this type that has no symmetry but the identity. Empty if
+  // this one has none.
+  virtual TargetSettings WithoutSymmetry() const { return {}; }
   // Other targets of this type that `grey` may show, where people wrote this one by mistake, likelier first: each the
   // keys that would have to be changed, with the other target's values. Some of them may not make a target.
   virtual std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const { return {}; }

@@ -67,6 +67,7 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
         // Unless it was another picture meanwhile.
         if (DigestOfFile(image) == digest) cache.Keep(digest, detections[i]);
       }
+      detections[i].image_digest = digest;
       const std::lock_guard<std::mutex> lock(mutex);
       progress.Step();
     });

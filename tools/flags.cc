@@ -21,6 +21,10 @@ DEFINE_string(parent, "", "the frame that the camera is posed in; base_link or t
 DEFINE_string(child, "", "the camera's optical frame; camera_optical_frame without it");
 DEFINE_string(units, "m", "of the form matrix: m or mm");
 DEFINE_string(pose, "", "the robot's pose at the picture, its numbers as in the run's poses file, commas between them");
+DEFINE_string(
+    near, "",
+    "roughly where the target is, base_from_target, its numbers as in the run's poses file (x,y,z,qx,qy,qz,qw "
+    "in m if that holds joints): decides between the poses of a target that looks the same after half a turn");
 DEFINE_string(robot, "", "the arm whose joints reach the target: ur3 to ur30, or a .urdf file");
 DEFINE_string(format, "", "what the data set is: industrial_calibration, easy_handeye2, ...; found out without it");
 DEFINE_string(pixels, "", "u,v;u,v: pixels of the picture to locate instead of the target");

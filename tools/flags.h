@@ -23,6 +23,7 @@ DECLARE_string(parent);
 DECLARE_string(child);
 DECLARE_string(units);
 DECLARE_string(pose);
+DECLARE_string(near);
 DECLARE_string(robot);
 DECLARE_string(format);
 DECLARE_string(pixels);

@@ -20,8 +20,10 @@
 #include "tools/captures.h"
 #include "tools/detection_file.h"
 #include "tools/doctor/doctor.h"
+#include "tools/duplicate_images.h"
 #include "tools/report.h"
 #include "tools/run_inputs.h"
+#include "tools/target_symmetry.h"
 
 namespace heba {
 namespace {
@@ -208,6 +210,9 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   FitCameraToPictures(detections.front(), &config);
   RunResult result;
   result.timing.detect_s = detect_watch.Seconds();
+  const LeftOutCaptures left_out = LeaveOutSharedImages(&config, &detections);
+  for (const std::string& note : left_out.notes) console->Note(config.name + ": " + note);
+  if (detections.empty()) return Failure{Join(left_out.notes, "; ")};
   const std::vector<View> views = ViewsOf(config, detections);
   if (views.empty()) {
     const std::string first = detections.front().detection.reason;
@@ -217,6 +222,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   }
   console->Note(config.name + ": the target was seen in " + std::to_string(views.size()) + " of " +
                 std::to_string(detections.size()) + " pictures");
+  if (config.target->Symmetries().size() > 1) console->Note(config.name + ": " + SymmetryRemark(*config.target));
 
   const Stopwatch solve_watch;
   CalibrationOptions options = OptionsOf(config, detections.front().width_px, detections.front().height_px);
@@ -249,6 +255,10 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   const Timing timing = result.timing;
   result = Assess(config, detections, *calibration, options, truth, num_threads, console);
   result.timing = timing;
+  InsertLeftOut(left_out, &result.captures);
+  if (config.target->Symmetries().size() > 1) {
+    result.observations.push_back({Grade::kGood, "symmetric_target", SymmetryRemark(*config.target), ""});
+  }
   AskDoctor(config_in, num_threads, &result);
   result.timing.total_s = total.Seconds();
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
@@ -257,7 +267,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   WriteFileAtomically(
       folder.staging() / "report.html",
       ReportPage(result, CaptureViews(config, detections, *calibration), AllPoints(*config.target).points_in_target));
-  if (RunInputsText(config) != inputs) {
+  if (RunInputsText(config_in) != inputs) {
     return Failure{"pictures or other input files were changed while the run was at work; run it again"};
   }
   WriteFileAtomically(folder.staging() / "inputs.json", inputs);

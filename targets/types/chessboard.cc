@@ -175,6 +175,12 @@ class Chessboard final : public Target {
     return symmetries;
   }
 
+  // A half turn exchanges the colours of a board whose numbers of rows and columns have an odd sum.
+  TargetSettings WithoutSymmetry() const override {
+    if ((rows_ + columns_) % 2 != 0) return {};
+    return {{"columns", std::to_string(columns_ + 1)}};
+  }
+
  private:
   // What is not worth looking for though this board has not been found: linking quads takes ten seconds for boards of
   // another size, a minute in an enlarged picture.

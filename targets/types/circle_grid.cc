@@ -66,6 +66,13 @@ class CircleGrid final : public Target {
     return options_.marker_dot ? std::vector<Rigid3d>{Rigid3d()} : PlaneSymmetries(points_);
   }
 
+  // In an asymmetric grid with an odd number of rows a half turn moves the rows that stand back to those that do not.
+  TargetSettings WithoutSymmetry() const override {
+    if (Symmetries().size() == 1) return {};
+    if (!options_.asymmetric) return {{"marker_dot", "true"}};
+    return {{"rows", std::to_string(options_.rows + 1)}};
+  }
+
   std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const override {
     std::vector<TargetSettings> confusions = ConfusedGrids(options_.rows, options_.columns);
     confusions.push_back({{"light_on_dark", options_.polarity == DotPolarity::kDarkOnLight ? "true" : "false"}});

@@ -190,6 +190,17 @@ TEST_P(TargetTest, SymmetriesAreTheOrdersOfReading) {
   }
 }
 
+// A target with symmetries names the settings of one without; a target without symmetries names none.
+TEST_P(TargetTest, SettingsWithoutSymmetryGiveATargetWithoutSymmetry) {
+  for (size_t i = 0; i < targets_.size(); ++i) {
+    const TargetSettings settings = targets_[i]->WithoutSymmetry();
+    EXPECT_EQ(settings.empty(), targets_[i]->Symmetries().size() == 1) << examples_[i].yaml;
+    YAML::Node changed = YAML::Load(examples_[i].yaml);
+    for (const auto& [key, value] : settings) changed[key] = value;
+    EXPECT_EQ(MakeTarget(YAML::Dump(changed))->Symmetries().size(), 1U) << examples_[i].yaml;
+  }
+}
+
 // Each point at most once, by increasing id, with its pixel, and the picture unchanged; covariances, if there are any,
 // cover all points.
 TEST_P(TargetTest, DetectionsAreWellFormed) {

@@ -108,6 +108,71 @@ TEST(LocatePixelTest, ARayThatMissesThePlaneIsAFailure) {
   EXPECT_NE(LocatePixel(Setup::kEyeToHand, solution, middle, behind, Rigid3d()).reason(), "");
 }
 
+// A target of 8 x 6 points that is printed 1 % too large and 2 % too high: it looks the same after half a turn.
+TEST(LocateSymmetricTargetTest, AllPosesFitWhicheverWayTheTargetWasRead) {
+  TestSceneOptions options;
+  options.points.colwise() += Eigen::Vector3d(0.2, 0.1, 0);
+  options.shape = {1.01, 1.02, 0, 0};
+  const TestScene scene = MakeTestScene(3, options);
+  Solution solution;
+  solution.hand_eye = scene.hand_eye;
+  solution.camera = scene.camera;
+  solution.shape = DesignedShape(options.points);
+  solution.shape.params = options.shape;
+  solution.pixel_sigma_px = 0.1;
+  solution.covariance.names.resize(6);
+  solution.covariance.matrix = Eigen::MatrixXd::Identity(6, 6);
+  const std::vector<Rigid3d> symmetries = {
+      Rigid3d(), Rigid3d(Eigen::Quaterniond(0, 0, 0, 1), Eigen::Vector3d(2 * 0.2, 2 * 0.1, 0))};
+  for (size_t i = 0; i < scene.views.size(); ++i) {
+    const Observations& observations = scene.views[i].observations;
+    Observations turned = observations;
+    for (Eigen::Index k = 0; k < turned.size(); ++k) {
+      const Eigen::Vector3d point = observations.points_in_target.col(k);
+      turned.points_in_target.col(k) = symmetries[1] * point;
+    }
+    const auto locate = [&](const Observations& reading) {
+      return LocateSymmetricTarget(Setup::kEyeToHand, solution, reading, symmetries, Rigid3d());
+    };
+    const Outcome<std::vector<LocatedTarget>> possible = locate(observations);
+    const Outcome<std::vector<LocatedTarget>> again = locate(turned);
+    ASSERT_TRUE(possible.ok()) << possible.reason();
+    ASSERT_TRUE(again.ok()) << again.reason();
+    ASSERT_EQ(possible->size(), 2U);
+    const Rigid3d truth = scene.hand_eye.camera_mount_from_camera * scene.pairs[i].camera_from_target;
+    // The pixels are exact: what is left is where the iteration stops.
+    constexpr double kToleranceM = 1e-6;
+    const size_t right = AngleRad((*possible)[0].base_from_target, truth) < 1 ? 0 : 1;
+    EXPECT_LT(DistanceM((*possible)[right].base_from_target, truth), kToleranceM);
+    for (Eigen::Index k = 0; k < observations.size(); ++k) {
+      const Eigen::Vector3d point = observations.points_in_target.col(k);
+      const Eigen::Vector3d other = turned.points_in_target.col(k);
+      const Eigen::Vector3d in_base = (*possible)[1 - right].base_from_target * Shaped(other, solution.shape);
+      EXPECT_LT((in_base - truth * Shaped(point, solution.shape)).norm(), kToleranceM);
+    }
+    for (size_t n = 0; n < 2; ++n) {
+      EXPECT_LT(DistanceM((*possible)[n].base_from_target, (*again)[n].base_from_target), kToleranceM);
+      EXPECT_LT(AngleRad((*possible)[n].base_from_target, (*again)[n].base_from_target), kToleranceM);
+    }
+  }
+}
+
+TEST(FindMeantPoseTest, ARotationThatIsAboutEquallyFarFromTwoPosesMeansNone) {
+  std::vector<LocatedTarget> possible(2);
+  possible[1].base_from_target = Rigid3d(ExpRotation({0, 0, kPi}), Eigen::Vector3d::Zero());
+  const auto meant = [&](double angle_deg) {
+    return FindMeantPose(possible, Rigid3d(ExpRotation({0, 0, DegToRad(angle_deg)}), Eigen::Vector3d(1, 2, 3)));
+  };
+  EXPECT_EQ(meant(0), 0U);
+  EXPECT_EQ(meant(74), 0U);
+  EXPECT_EQ(meant(76), std::nullopt);
+  EXPECT_EQ(meant(104), std::nullopt);
+  EXPECT_EQ(meant(106), 1U);
+  EXPECT_EQ(FindMeantPose({}, Rigid3d()), std::nullopt);
+  possible.pop_back();
+  EXPECT_EQ(meant(170), 0U);
+}
+
 TEST(LocateFewPointsTest, TooFewPointsAreAFailure) {
   const TestScene scene = MakeTestScene(1);
   Solution solution;

@@ -11,7 +11,7 @@ namespace {
 // 20 captures, 0.1 mm, 0.01 deg, all as it should be.
 RunResult GoodResult() {
   RunResult result;
-  for (int i = 0; i < 20; ++i) result.captures.push_back({std::to_string(i), "", 48, true, "", 0, 0, 0.1, {}, {}});
+  for (int i = 0; i < 20; ++i) result.captures.push_back({std::to_string(i), "", 48, true, "", "", 0, 0, 0.1, {}, {}});
   Estimate closed;
   closed.method = "park";
   closed.kind = "closed_form";
@@ -98,6 +98,17 @@ TEST(VerdictTest, OneFaultDecides) {
   }
 }
 
+// Copies of captures are no captures that could not be used.
+TEST(VerdictTest, CopiesOfCapturesDoNotCount) {
+  RunResult result = GoodResult();
+  for (size_t i = 0; i < 60; ++i) {
+    CaptureResult copy;
+    copy.repeat_of = result.captures.front().image;
+    result.captures.push_back(copy);
+  }
+  EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
+}
+
 // Where all pull harder than the noise that is assumed allows, it is that noise which is wrong, and no capture.
 TEST(VerdictTest, BlamesNoCaptureForWhatAllDo) {
   RunResult result = GoodResult();
@@ -116,7 +127,7 @@ TEST(VerdictTest, ClosedFormsAreComparedInTheMetricOfAllNoise) {
 
 TEST(VerdictTest, ImagesWithoutTheTargetAreNoBadCaptures) {
   RunResult result = GoodResult();
-  for (int i = 0; i < 60; ++i) result.captures.push_back({"away", "", 0, false, "no target", 0, 0, {}, {}, {}});
+  for (int i = 0; i < 60; ++i) result.captures.push_back({"away", "", 0, false, "no target", "", 0, 0, {}, {}, {}});
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
 }
 

@@ -16,6 +16,7 @@
 #include "tools/flags.h"
 #include "tools/run_config.h"
 #include "tools/run_figures.h"
+#include "tools/target_symmetry.h"
 
 namespace heba {
 namespace {
@@ -40,22 +41,46 @@ FinishedRun ReadFinishedRun(const std::filesystem::path& folder) {
   return run;
 }
 
-Rigid3d PoseAskedFor(const PoseReading& reading) {
-  const std::vector<std::string> fields = Split(FLAGS_pose, ',');
-  const std::vector<std::string>& columns = reading.format.columns;
+// The numbers of the flag --`name`.
+Rigid3d PoseOfFlag(const std::string& name, const std::string& text, const PoseFormat& format) {
+  const std::vector<std::string> fields = Split(text, ',');
+  const std::vector<std::string>& columns = format.columns;
   std::vector<double> numbers;
   for (const std::string& field : fields) {
     double number = 0;
-    if (!ParseDouble(Trim(field), &number)) throw InputError("--pose: " + Quoted(Trim(field)) + " is not a number");
+    if (!ParseDouble(Trim(field), &number)) {
+      throw InputError("--" + name + ": " + Quoted(Trim(field)) + " is not a number");
+    }
     numbers.push_back(number);
   }
   if (numbers.size() != columns.size()) {
-    throw InputError("--pose: " + std::to_string(numbers.size()) + " numbers; the run's pose format has " +
-                     std::to_string(columns.size()) + ": " + Join(columns, ","));
+    throw InputError("--" + name + ": " + std::to_string(numbers.size()) + " numbers; " +
+                     std::to_string(columns.size()) + " are needed: " + Join(columns, ","));
   }
-  const Outcome<Rigid3d> pose = PoseFromNumbers(reading.format, numbers);
-  if (!pose) throw InputError("--pose: " + pose.reason());
-  return BaseFromGripper(reading, *pose);
+  const Outcome<Rigid3d> pose = PoseFromNumbers(format, numbers);
+  if (!pose) throw InputError("--" + name + ": " + pose.reason());
+  return *pose;
+}
+
+Rigid3d PoseAskedFor(const PoseReading& reading) {
+  return BaseFromGripper(reading, PoseOfFlag("pose", FLAGS_pose, reading.format));
+}
+
+// The format of --near: that of the run's poses, or `ros` where these are joints.
+const PoseFormat& FormatOfNear(const PoseReading& reading) {
+  return reading.format.robot.empty() ? reading.format : *FindPoseFormat("ros");
+}
+
+// Where --near expects the target, base_from_target; nothing without the flag.
+std::optional<Rigid3d> NearAskedFor(const FinishedRun& run) {
+  if (FLAGS_near.empty()) return std::nullopt;
+  if (!FLAGS_pixels.empty()) {
+    throw InputError("--near: the target's plane is the same for all of its possible poses; leave this out");
+  }
+  if (run.target->Symmetries().size() == 1) {
+    throw InputError("--near: the target has no symmetry, so its pose needs no choice; leave this out");
+  }
+  return PoseOfFlag("near", FLAGS_near, FormatOfNear(run.pose_reading));
 }
 
 std::string SigmasMm(const Eigen::Matrix3d& covariance_m2) {
@@ -71,10 +96,8 @@ std::string SigmasText(const PlaceCovariance& covariance) {
          (covariance.by_robot_m2.isZero() ? "" : "; robot " + SigmasMm(covariance.by_robot_m2)) + ")";
 }
 
-std::string Describe(const std::string& image, const LocatedTarget& located, size_t num_seen, size_t num_points) {
-  return image + ": " + std::to_string(num_seen) + " of " + std::to_string(num_points) + " points, rms " +
-         Significant(located.rms_px, 2) + " px\n  base_from_target " + PoseText(located.base_from_target) +
-         "\n  one sigma of its middle, along the base's x, y, z: " + SigmasText(located.covariance) + "\n";
+std::string DescribeSigma(const LocatedTarget& located) {
+  return "  one sigma of its middle, along the base's x, y, z: " + SigmasText(located.covariance) + "\n";
 }
 
 // The arm of --robot: one of the table, or a URDF's from its root to its only tip; neither without the flag.
@@ -126,6 +149,26 @@ std::string DescribePostures(const UrRobot& robot, const Rigid3d& base_from_targ
 std::string DescribePostures(const Arm& arm, const Rigid3d& base_from_target) {
   if (arm.ur != nullptr) return DescribePostures(*arm.ur, base_from_target);
   return arm.urdf ? DescribePostures(*arm.urdf, base_from_target) : "";
+}
+
+// All poses that fit an image of a target with symmetries.
+std::string DescribePossible(const std::vector<LocatedTarget>& possible, const Arm& arm) {
+  std::string text;
+  for (size_t i = 0; i < possible.size(); ++i) {
+    text += "  possible pose " + std::to_string(i + 1) + " of " + std::to_string(possible.size()) +
+            ": base_from_target " + PoseText(possible[i].base_from_target) + "\n" +
+            DescribePostures(arm, possible[i].base_from_target);
+  }
+  return text + DescribeSigma(possible.front());
+}
+
+// "3.1 deg, 178 deg": how far the possible poses are turned from `rough`, in the order of `possible`.
+std::string AnglesText(const std::vector<LocatedTarget>& possible, const Rigid3d& rough) {
+  std::vector<std::string> angles;
+  for (const LocatedTarget& located : possible) {
+    angles.push_back(Significant(RadToDeg(AngleRad(located.base_from_target, rough)), 3) + " deg");
+  }
+  return Join(angles, ", ");
 }
 
 // "u,v; u,v": px.
@@ -237,6 +280,41 @@ Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solu
   return text;
 }
 
+// What is said of the target in one image.
+struct TargetDescription {
+  std::string text;         // For standard output; lists all possible poses where none is chosen.
+  bool is_located = false;  // One pose was chosen.
+  std::string fault;        // Why not; empty if only --near is missing.
+};
+
+TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solution, const std::string& image,
+                                 const CaptureDetection& seen, const Rigid3d& base_from_mount,
+                                 const std::optional<Rigid3d>& near, const Arm& arm) {
+  const Outcome<std::vector<LocatedTarget>> possible =
+      LocateSymmetricTarget(run.result.setup, solution, ObservationsOf(*run.target, seen.detection),
+                            run.target->Symmetries(), base_from_mount);
+  if (!possible) return {"", false, seen.detection.reason.empty() ? possible.reason() : seen.detection.reason};
+  const std::string fit = image + ": " + std::to_string(seen.detection.ids.size()) + " of " +
+                          std::to_string(run.target->points().size()) + " points, rms " +
+                          Significant(possible->front().rms_px, 2) + " px";
+  const auto describe_chosen = [&](const LocatedTarget& located, const std::string& why) {
+    return fit + "\n  base_from_target " + PoseText(located.base_from_target) + "\n" + DescribeSigma(located) + why +
+           DescribePostures(arm, located.base_from_target);
+  };
+  if (possible->size() == 1) return {describe_chosen(possible->front(), ""), true, ""};
+  const std::string all = fit + "; " + SymmetryText(*run.target) + "\n" + DescribePossible(*possible, arm);
+  if (!near) return {all, false, ""};
+  const std::string angles = std::to_string(possible->size()) + " possible poses, from which its rotation differs by " +
+                             AnglesText(*possible, *near);
+  const std::optional<size_t> meant = FindMeantPose(*possible, *near);
+  if (!meant) {
+    return {all, false,
+            "--near does not decide between the " + angles + "; it must be nearer to one of them by " +
+                Significant(RadToDeg(kMinRotationGapRad), 2) + " deg"};
+  }
+  return {describe_chosen((*possible)[*meant], "  chosen by --near among the " + angles + "\n"), true, ""};
+}
+
 }  // namespace
 
 int RunCommand_locate(const std::vector<std::string>& arguments) {
@@ -251,6 +329,8 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
   if (!is_carried && !FLAGS_pose.empty()) throw InputError("--pose: the camera stands still; leave this out");
   const Rigid3d base_from_mount = is_carried ? PoseAskedFor(run.pose_reading) : Rigid3d();
   const PixelsAsked asked = ReadPixelsAsked(refined->camera);
+  const std::optional<Rigid3d> near = NearAskedFor(run);
+  std::vector<std::string> undecided;
   bool all_found = true;
   for (size_t i = 1; i < arguments.size(); ++i) {
     const CaptureDetection seen = DetectCapture(*run.target, arguments[i]);
@@ -270,15 +350,22 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
       }
       continue;
     }
-    const Outcome<LocatedTarget> located = LocateTarget(run.result.setup, *refined->solution,
-                                                        ObservationsOf(*run.target, seen.detection), base_from_mount);
-    if (!located) {
-      all_found = false;
-      PrintError(arguments[i] + ": " + (seen.detection.reason.empty() ? located.reason() : seen.detection.reason));
-      continue;
+    const TargetDescription target =
+        DescribeTarget(run, *refined->solution, arguments[i], seen, base_from_mount, near, arm);
+    std::cout << target.text;
+    if (target.is_located) continue;
+    all_found = false;
+    if (target.fault.empty()) {
+      undecided.push_back(arguments[i]);
+    } else {
+      PrintError(arguments[i] + ": " + target.fault);
     }
-    std::cout << Describe(arguments[i], *located, seen.detection.ids.size(), run.target->points().size());
-    std::cout << DescribePostures(arm, located->base_from_target);
+  }
+  if (!undecided.empty()) {
+    PrintError((undecided.size() == 1 ? undecided[0] : std::to_string(undecided.size()) + " images") + ": " +
+               SymmetryText(*run.target) + ", so " + std::to_string(run.target->Symmetries().size()) +
+               " poses fit an image equally well; --near " + Join(FormatOfNear(run.pose_reading).columns, ",") +
+               ", a rough base_from_target, decides between them");
   }
   std::cout << std::flush;
   return all_found ? kDone : kWorkFailed;

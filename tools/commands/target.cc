@@ -7,6 +7,7 @@
 #include "targets/target.h"
 #include "tools/command.h"
 #include "tools/flags.h"
+#include "tools/target_symmetry.h"
 
 namespace heba {
 
@@ -27,6 +28,10 @@ int RunCommand_target(const std::vector<std::string>& arguments) {
   std::cout << path.string() << ": " << sheet.page_mm.x() << " x " << sheet.page_mm.y() << " mm, "
             << sheet.points.size() << " points; print at 100 % and check the ruler\n"
             << json.string() << ": where the points are" << std::endl;
+  if (target->Symmetries().size() > 1) {
+    std::cerr << "heba: warning: " << arguments[0] << ": " << SymmetryRemark(*target) << "; " << SymmetryCure(*target)
+              << std::endl;
+  }
   return kDone;
 }
 

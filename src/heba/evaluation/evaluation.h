@@ -49,7 +49,7 @@ struct CaptureResult {
   std::string role;
   int num_points = 0;
   bool used = false;
-  std::string reason;            // Why not used, or what is odd about it.
+  std::string reason;  // Why not used, or what is odd about it.
   int num_second_pass = 0;       // Of the points, those found only where the first estimate said to look.
   int num_rejected = 0;          // Of the points, those that the estimate left out.
   std::optional<double> rms_px;  // With the refined estimate, from the robot's pose as it was given.
@@ -57,6 +57,8 @@ struct CaptureResult {
   std::optional<Rigid3d> correction;
   // What the refined hand-eye pose would move by without this capture (solvers/influence.h).
   std::optional<CaptureMove> move_without;
+  // The capture of which this one is a copy, image and pose; empty for all others. Copies are not used.
+  std::string repeat_of = {};
 };
 
 struct Timing {

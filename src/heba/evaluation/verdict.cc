@@ -144,11 +144,14 @@ std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution
 Finding JudgeCaptures(const RunResult& result) {
   int num_used = 0;
   int num_seen = 0;
+  int num_copies = 0;
   for (const CaptureResult& capture : result.captures) {
+    const bool is_copy = !capture.repeat_of.empty();
+    num_copies += is_copy ? 1 : 0;
     num_used += capture.used ? 1 : 0;
-    num_seen += capture.used || capture.num_points > 0 ? 1 : 0;
+    num_seen += !is_copy && (capture.used || capture.num_points > 0) ? 1 : 0;
   }
-  const int num_captures = static_cast<int>(result.captures.size());
+  const int num_captures = static_cast<int>(result.captures.size()) - num_copies;
   const double left_out = num_seen > 0 ? 1 - static_cast<double>(num_used) / num_seen : 1;
   Finding finding;
   finding.code = num_used < kFewCaptures ? "few_captures" : "captures_left_out";
@@ -158,7 +161,8 @@ Finding JudgeCaptures(const RunResult& result) {
   if (num_seen < num_captures) {
     finding.text += "; " + std::to_string(num_captures - num_seen) + " images show no target";
   }
-  finding.numbers = {{"used", num_used}, {"seen", num_seen}, {"captures", num_captures}};
+  if (num_copies > 0) finding.text += " (" + std::to_string(num_copies) + " are copies of others)";
+  finding.numbers = {{"used", num_used}, {"seen", num_seen}, {"captures", num_captures}, {"copies", num_copies}};
   if (num_used < kFewCaptures) {
     finding.action = "take 15 to 25 captures";
   } else if (finding.grade != Grade::kGood) {

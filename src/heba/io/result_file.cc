@@ -248,6 +248,7 @@ std::string ResultToJson(const RunResult& result) {
                                     {"points_rejected", capture.num_rejected},
                                     {"used", capture.used},
                                     {"reason", capture.reason},
+                                    {"repeat_of", capture.repeat_of.empty() ? Json(nullptr) : Json(capture.repeat_of)},
                                     {"rms_px", OrNull(capture.rms_px)},
                                     {"robot_correction", TangentJson(CorrectionOf(capture))},
                                     {"move_without", MoveJson(capture.move_without)}});

@@ -147,6 +147,7 @@ CaptureResult ReadCapture(const JsonReader& reader) {
   capture.num_rejected = reader.Get("points_rejected").Int(0, kMostCounted);
   capture.used = reader.Get("used").Bool();
   capture.reason = reader.Get("reason").Text();
+  if (reader.Has("repeat_of")) capture.repeat_of = reader.Get("repeat_of").Text();
   capture.rms_px = ReadOptional(reader, "rms_px");
   const std::optional<Tangent6> correction = ReadTangent(reader, "robot_correction");
   if (correction) capture.correction = Rigid3d(ExpRotation(correction->tail<3>()), correction->head<3>());

@@ -3,27 +3,52 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "tools/digest.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/duplicate_images.h"
 
 namespace heba {
 namespace {
 
-std::vector<Symptom> SamePictures(const RunConfig& config) {
-  std::map<std::string, std::string> first_of;
+std::string ApartText(const Capture& a, const Capture& b) {
+  return Significant(1000 * DistanceM(a.base_from_gripper, b.base_from_gripper), 2) + " mm and " +
+         Significant(RadToDeg(AngleRad(a.base_from_gripper, b.base_from_gripper)), 2) + " deg";
+}
+
+// Images with several poses are wrong. Copies of a capture are not, but the checks that follow do not see them.
+std::vector<Symptom> SharedImages(Examination* examination) {
+  const std::vector<Capture>& captures = examination->config.captures;
   std::vector<Symptom> symptoms;
-  for (const Capture& capture : config.captures) {
-    if (capture.image.empty()) continue;
-    const auto [first, is_new] = first_of.emplace(DigestOfFile(capture.image), capture.name);
-    if (is_new) continue;
-    symptoms.push_back({Severity::kWrong, "same_picture",
-                        capture.name + " is the same picture as " + first->second + ", file for file",
-                        "leave one of them out, the one whose pose does not belong to it"});
+  std::set<size_t> copies;
+  std::string example;
+  for (const SharedImage& shared : FindSharedImages(captures, examination->detections)) {
+    if (shared.has_one_pose) {
+      if (example.empty())
+        example = captures[shared.captures[1]].name + " that of " + captures[shared.captures[0]].name;
+      copies.insert(shared.captures.begin() + 1, shared.captures.end());
+      continue;
+    }
+    for (size_t k = 1; k < shared.captures.size(); ++k) {
+      const Capture& capture = captures[shared.captures[k]];
+      const Capture& other = captures[FindOtherPose(captures, shared, shared.captures[k])];
+      symptoms.push_back({Severity::kWrong, "same_picture",
+                          capture.name + " is the same image as " + other.name +
+                              ", byte by byte, but has another pose of the robot, " + ApartText(capture, other) +
+                              " away",
+                          "leave one of them out, the one whose pose does not belong to it"});
+    }
   }
+  if (!copies.empty()) {
+    symptoms.push_back({Severity::kRemark, "repeated_image",
+                        std::to_string(copies.size()) + " of " + std::to_string(captures.size()) +
+                            " captures repeat the image of another one, byte by byte, and its pose, such as " + example,
+                        "they do not count: take more captures in the place of copies"});
+  }
+  std::erase_if(examination->views, [&](const ExaminedView& view) { return copies.count(view.capture) > 0; });
   return symptoms;
 }
 
@@ -75,7 +100,7 @@ double MisfitM(const PoseConsistency& consistency, const ExaminedView& view, con
 }  // namespace
 
 std::vector<Symptom> Check_captures(Examination* examination) {
-  std::vector<Symptom> symptoms = SamePictures(examination->config);
+  std::vector<Symptom> symptoms = SharedImages(examination);
   const std::vector<ExaminedView>& views = examination->views;
   const std::optional<PoseConsistency> consistency = FindPoseConsistency(CandidatesOf(views), RobotScale::kOne);
   if (!consistency) return symptoms;

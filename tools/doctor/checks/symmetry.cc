@@ -1,0 +1,15 @@
+// Does the target look the same after half a turn? The captures together tell its orientations apart, one image does
+// not.
+#include "tools/doctor/examination.h"
+#include "tools/doctor/symptom.h"
+#include "tools/target_symmetry.h"
+
+namespace heba {
+
+std::vector<Symptom> Check_symmetry(Examination* examination) {
+  const Target& target = *examination->config.target;
+  if (target.Symmetries().size() == 1) return {};
+  return {{Severity::kRemark, "symmetric_target", SymmetryRemark(target), SymmetryCure(target)}};
+}
+
+}  // namespace heba
