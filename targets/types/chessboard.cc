@@ -144,6 +144,7 @@ class Chessboard final : public Target {
     return confusions;
   }
   const Drawing& Draw() const override { return drawing_; }
+  TargetSettings UnitLengths() const override { return {{"square", UnitLength(1, 1)}}; }
 
   std::vector<Rigid3d> Symmetries() const override {
     std::vector<Rigid3d> symmetries;
