@@ -233,15 +233,11 @@ class AprilTagGrid final : public Target {
     for (size_t pass = 0; !parts.empty(); ++pass) {
       const double decimate = decimations[std::min(pass, decimations.size() - 1)];
       const size_t num_before = search.NumKnown();
-      // As long as nothing is known, finer passes look only at what coarser ones cannot show.
-      const cv::Mat searched = pass > 0 && num_before == 0 ? Detailed(grey, decimate) : grey;
-      if (!searched.empty()) {
-        for (const cv::Rect& part : parts) AddSeen(grey, searched, part, decimate, &search);
+      for (const cv::Rect& part : parts) AddSeen(grey, part, decimate, &search);
+      Settle(grey, &search);
+      if (geometry_.corner_squares && search.board.tags.size() < layout_.corners_m.size()) {
+        for (const cv::Rect& part : parts) AddParted(grey, part, decimate, &search);
         Settle(grey, &search);
-        if (geometry_.corner_squares && search.board.tags.size() < layout_.corners_m.size()) {
-          for (const cv::Rect& part : parts) AddParted(grey, searched, part, decimate, &search);
-          Settle(grey, &search);
-        }
       }
       const bool is_new = search.NumKnown() > num_before;
       const bool was_seen_well = decimate <= DecimationTo(grey, kSeenWellPx);
@@ -381,19 +377,17 @@ class AprilTagGrid final : public Target {
     return parted;
   }
 
-  // What libapriltag sees in a part of `searched`, its corners refined in the picture.
-  void AddSeen(const cv::Mat& grey, const cv::Mat& searched, const cv::Rect& part, double decimate,
-               Search* search) const {
-    for (const SeenTag& found : family_.Detect(searched(part), decimate)) {
+  // What libapriltag sees in a part of the picture, its corners refined.
+  void AddSeen(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
+    for (const SeenTag& found : family_.Detect(grey(part), decimate)) {
       SeenTag tag = Shifted(found, part);
       RefineOnSquares(grey, &tag);
       AddCandidate(tag, search);
     }
   }
   // The same with black regions parted.
-  void AddParted(const cv::Mat& grey, const cv::Mat& searched, const cv::Rect& part, double decimate,
-                 Search* search) const {
-    for (const SeenTag& found : family_.Detect(Parted(searched(part), decimate), decimate)) {
+  void AddParted(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
+    for (const SeenTag& found : family_.Detect(Parted(grey(part), decimate), decimate)) {
       SeenTag tag = Shifted(found, part);
       Grow(GrownPx(decimate), &tag.corners_px);
       // By how much the edges moved is a guess, not a measurement: only as a start for the saddles.
@@ -437,42 +431,6 @@ class AprilTagGrid final : public Target {
         *known = tag;
       }
     }
-  }
-
-  // The picture with all covered in which there can be no tag that is seen with this decimation, but not with the one
-  // before: such tags have cells so small that there are edges nearly everywhere. Empty if nothing is left.
-  static cv::Mat Detailed(const cv::Mat& grey, double decimate) {
-    constexpr int kWindowPx = 12;  // The least side of a tag, in the decimated picture.
-    constexpr int kReachPx = 12;   // From the inside of a tag to the paper around it.
-    constexpr double kMinShareOfEdges = 0.7;
-    constexpr double kMinContrastGrey = 8;
-    cv::Mat small;
-    cv::resize(grey, small, {}, 1 / decimate, 1 / decimate, cv::INTER_AREA);
-    cv::Mat range;
-    cv::GaussianBlur(small, range, cv::Size(3, 3), 0);
-    cv::morphologyEx(range, range, cv::MORPH_GRADIENT, cv::Mat::ones(3, 3, CV_8U));
-    // Noise has edges everywhere, but weak ones: more than half of most pictures is plain.
-    const double least_grey = std::max(kMinContrastGrey, 2.0 * MiddleOf(range));
-    cv::Mat share;
-    cv::boxFilter(range > least_grey, share, CV_8U, cv::Size(kWindowPx, kWindowPx));
-    cv::Mat places = share > kMinShareOfEdges * 255;
-    if (cv::countNonZero(places) == 0) return {};
-    cv::dilate(places, places, cv::Mat::ones(2 * kReachPx + 1, 2 * kReachPx + 1, CV_8U));
-    cv::resize(places, places, grey.size(), 0, 0, cv::INTER_NEAREST);
-    cv::Mat detailed(grey.size(), CV_8UC1, cv::mean(grey));
-    grey.copyTo(detailed, places);
-    return detailed;
-  }
-  // Half of the grey values are at most so large.
-  static int MiddleOf(const cv::Mat& grey) {
-    std::array<int, 256> counts{};
-    for (int row = 0; row < grey.rows; ++row) {
-      for (int column = 0; column < grey.cols; ++column) ++counts[grey.at<uchar>(row, column)];
-    }
-    int middle = 0;
-    for (int sum = counts[0]; 2 * sum < static_cast<int>(grey.total()); sum += counts[static_cast<size_t>(++middle)]) {
-    }
-    return middle;
   }
 
   // The parts of the picture in which those tags must lie that are not settled; nothing if there is nothing left to
