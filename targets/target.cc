@@ -38,6 +38,11 @@ std::unique_ptr<Target> CreateTarget(MapReader& reader) {
   return target;
 }
 
+std::string UnitLength(double length_m, double unit_m) {
+  constexpr int kDigits = 12;
+  return Significant(length_m / unit_m, kDigits) + " m";
+}
+
 std::vector<Rigid3d> PlaneSymmetries(const std::vector<TargetPoint>& points) {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (const TargetPoint& point : points) centre += point.in_target;

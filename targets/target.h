@@ -64,6 +64,9 @@ class Target {
   // Other targets of this type that `grey` may show, where people wrote this one by mistake, likelier first: each the
   // keys that would have to be changed, with the other target's values. Some of them may not make a target.
   virtual std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const { return {}; }
+  // The keys of all lengths, with the values of a target of the same proportions that is the same for every size: an
+  // image shows both where it shows one of them. Empty if the type has none such.
+  virtual TargetSettings UnitLengths() const { return {}; }
 };
 
 // Reads a target from its mapping, heba's or Kalibr's, all of it (the reader then holds the target as used, in heba's
@@ -71,6 +74,9 @@ class Target {
 // with file and line on a fault.
 std::unique_ptr<Target> CreateTarget(MapReader& reader);
 std::vector<std::string> TargetTypeNames();
+
+// A length as a value of Target::UnitLengths: `unit_m` is 1 m. Rounded, so that it is the same for every size.
+std::string UnitLength(double length_m, double unit_m);
 
 // The rotations about the plane's normal, as target_from_target, that map `points` onto themselves within 1e-6 of their
 // extent, the identity first.

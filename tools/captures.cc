@@ -4,7 +4,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
-#include "tools/detection_cache.h"
+#include "heba/config/yaml_reader.h"
 #include "tools/digest.h"
 
 namespace heba {
@@ -44,6 +44,34 @@ std::vector<CaptureDetection> GivenDetections(const RunConfig& config) {
 
 }  // namespace
 
+CaptureDetector::CaptureDetector(const std::string& target_used) {
+  const auto create = [&](const TargetSettings& settings) {
+    YAML::Node node = YAML::Load(target_used);
+    for (const auto& [key, value] : settings) node[key] = value;
+    MapReader reader(ConfigValue(node, "target", "target"));
+    target_ = CreateTarget(reader);
+    cache_.emplace(YAML::Dump(reader.used()));
+  };
+  create({});
+  try {
+    create(target_->UnitLengths());
+  } catch (const InputError&) {
+    // One that is at the limit of what is possible, rounded: it is searched for as it is.
+  }
+}
+
+CaptureDetection CaptureDetector::Detect(const std::filesystem::path& image) const {
+  const std::string digest = DigestOfFile(image);
+  std::optional<CaptureDetection> detection = cache_->Find(digest);
+  if (!detection) {
+    detection = DetectCapture(*target_, image);
+    // Unless it was another image meanwhile.
+    if (DigestOfFile(image) == digest) cache_->Keep(digest, *detection);
+  }
+  detection->image_digest = digest;
+  return std::move(*detection);
+}
+
 std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_threads, Verbosity verbosity) {
   if (!config.given_detections.empty()) {
     std::vector<CaptureDetection> given = GivenDetections(config);
@@ -53,21 +81,12 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
   std::vector<CaptureDetection> detections(config.captures.size());
   {
     Progress progress("detect", static_cast<int>(detections.size()), verbosity);
-    const DetectionCache cache(config.target_used);
+    const CaptureDetector detector(config.target_used);
     std::mutex mutex;
     // Pictures are read, searched and dropped: of each only a small copy stays.
     ParallelFor(static_cast<int>(detections.size()), num_threads, [&](int index) {
       const size_t i = static_cast<size_t>(index);
-      const std::filesystem::path& image = config.captures[i].image;
-      const std::string digest = DigestOfFile(image);
-      if (std::optional<CaptureDetection> known = cache.Find(digest)) {
-        detections[i] = std::move(*known);
-      } else {
-        detections[i] = DetectCapture(*config.target, image);
-        // Unless it was another picture meanwhile.
-        if (DigestOfFile(image) == digest) cache.Keep(digest, detections[i]);
-      }
-      detections[i].image_digest = digest;
+      detections[i] = detector.Detect(config.captures[i].image);
       const std::lock_guard<std::mutex> lock(mutex);
       progress.Step();
     });

@@ -1,14 +1,35 @@
 // From a run's config to what is calibrated: its pictures' detections, the views that they make, the options.
 #pragma once
 
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "solvers/calibration.h"
 #include "targets/detection.h"
+#include "targets/target.h"
 #include "tools/console.h"
+#include "tools/detection_cache.h"
 #include "tools/run_config.h"
 
 namespace heba {
+
+// Searches images for a target, each one once, however large the target is said to be: what was found is kept
+// (DetectionCache).
+class CaptureDetector {
+ public:
+  // The target as used, as YAML.
+  explicit CaptureDetector(const std::string& target_used);
+
+  // InputError if the image cannot be read.
+  CaptureDetection Detect(const std::filesystem::path& image) const;
+
+ private:
+  std::unique_ptr<const Target> target_;
+  std::optional<DetectionCache> cache_;
+};
 
 // Of all captures, with the digests of their images and progress on the terminal. InputError if pictures cannot be read
 // or differ in size.

@@ -12,7 +12,7 @@ namespace heba {
 class DetectionCache {
  public:
   // In the folder that HEBA_CACHE names (empty: none is kept), else in the user's cache folder (XDG_CACHE_HOME, or
-  // .cache at home). `target` is the target as used.
+  // .cache at home). `target` is the target that is searched for, as used.
   explicit DetectionCache(const std::string& target);
 
   // The detection of the picture's file; nothing if it is not known.

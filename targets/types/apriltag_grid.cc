@@ -269,6 +269,7 @@ class AprilTagGrid final : public Target {
     return confusions;
   }
   const Drawing& Draw() const override { return drawing_; }
+  TargetSettings UnitLengths() const override { return {{"tag_size", UnitLength(1, 1)}}; }
 
  private:
   // What is known of a picture so far, pass by pass.

@@ -147,6 +147,9 @@ class Charuco final : public Target {
     return confusions;
   }
   const Drawing& Draw() const override { return drawing_; }
+  TargetSettings UnitLengths() const override {
+    return {{"square", UnitLength(1, 1)}, {"marker", UnitLength(geometry_.marker_m, geometry_.square_m)}};
+  }
 
  private:
   Drawing MakeDrawing() const {

@@ -81,6 +81,14 @@ class CircleGrid final : public Target {
     return confusions;
   }
   const Drawing& Draw() const override { return drawing_; }
+  TargetSettings UnitLengths() const override {
+    TargetSettings lengths = {{"spacing", UnitLength(1, 1)},
+                              {"dot_diameter", UnitLength(options_.dot_diameter_m, options_.spacing_m)}};
+    if (options_.marker_dot) {
+      lengths.emplace_back("marker_diameter", UnitLength(options_.marker_diameter_m, options_.spacing_m));
+    }
+    return lengths;
+  }
 
   Detection Detect(const cv::Mat& grey) const override {
     CHECK_EQ(grey.type(), CV_8UC1);

@@ -77,6 +77,9 @@ class CodedBoard final : public Target {
     return confusions;
   }
   const Drawing& Draw() const override { return drawing_; }
+  TargetSettings UnitLengths() const override {
+    return {{"spacing", UnitLength(1, 1)}, {"dot_diameter", UnitLength(options_.dot_diameter_m, options_.spacing_m)}};
+  }
 
   Detection Detect(const cv::Mat& grey) const override {
     CHECK_EQ(grey.type(), CV_8UC1);

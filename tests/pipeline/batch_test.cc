@@ -244,11 +244,16 @@ TEST(BatchTest, CachedDetectionsGiveTheSameResult) {
     EXPECT_EQ(RunHeba(RunArguments(cell, cell.folder / out, {}), cache).status, 0);
   }
   ASSERT_EQ(RunHeba(RunArguments(cell, cell.folder / "none", {})).status, 0);
+  // A target of another size looks the same.
+  WriteAll(cell.folder / "larger.yaml",
+           "base: data/config.yaml\ntarget: {type: chessboard, rows: 5, columns: 7, square: 20.7 mm}\n");
+  const std::string larger = (cell.folder / "larger.yaml").string();
+  EXPECT_EQ(RunHeba({"detect", larger, "--out", (cell.folder / "larger").string()}, cache).status, 0);
   int num_kept = 0;
   for (const auto& entry : fs::recursive_directory_iterator(cell.folder / "cache")) {
     num_kept += entry.is_regular_file() ? 1 : 0;
   }
-  EXPECT_EQ(num_kept, 8);  // One a picture, for all runs.
+  EXPECT_EQ(num_kept, 8);  // One a picture, for all runs and sizes.
   for (const char* out : {"warm", "none"}) {
     EXPECT_EQ(WithoutTimes(cell.folder / out / "plain" / "result.json"),
               WithoutTimes(cell.folder / "cold" / "plain" / "result.json"));

@@ -1,11 +1,13 @@
 // Measures how long targets take to find, on rendered pictures that are in memory: CPU milliseconds a picture, what was
-// found and how exactly, beside libapriltag and OpenCV's aruco as their users call them.
+// found and how exactly, beside libapriltag and OpenCV's aruco as their users call them; then how long the search takes
+// that ends without the target (--table misses). With `--target KEYS IMAGE...` it searches files instead.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,12 +25,15 @@ extern "C" {
 #include "heba/base/units.h"
 #include "targets/clutter.h"
 #include "targets/detection.h"
+#include "targets/image.h"
 #include "targets/rendering.h"
 #include "targets/target.h"
 #include "tools/bench/target_of.h"
 
 DEFINE_int32(pictures, 5, "pictures of each row; the figures are their medians");
 DEFINE_string(only, "", "only the rows whose names contain this");
+DEFINE_string(table, "", "one table: times or misses");
+DEFINE_string(target, "", "keys of a target that is searched for in the files that follow, a line for each");
 
 namespace heba {
 namespace {
@@ -186,6 +191,150 @@ void Run(const Row& row) {
   }
 }
 
+// The target over two thirds of the picture's height, its middle `aside` of the picture's size away from the picture's
+// middle, turned by `turn_rad`.
+Rigid3d PlacedPose(const Drawing& drawing, const Camera& camera, const Eigen::Vector2d& aside, double turn_rad) {
+  constexpr double kShareOfHeight = 0.66;
+  const Eigen::Vector2d size_m = drawing.max_m - drawing.min_m;
+  const double focal_px = camera.params[0];
+  const double distance_m = std::max(size_m.y() * focal_px / (kShareOfHeight * camera.height_px),
+                                     size_m.x() * focal_px / (kShareOfHeight * camera.width_px));
+  const Eigen::Quaterniond front = drawing.y_up ? ExpRotation({kPi, 0, 0}) : Eigen::Quaterniond::Identity();
+  const Eigen::Quaterniond rotation = ExpRotation({0.2, -0.15, 0}) * ExpRotation({0, 0, turn_rad}) * front;
+  const Eigen::Vector2d middle = 0.5 * (drawing.min_m + drawing.max_m);
+  const Eigen::Vector3d place(aside.x() * camera.width_px / focal_px, aside.y() * camera.height_px / focal_px, 1);
+  return {rotation, distance_m * place - rotation * Eigen::Vector3d(middle.x(), middle.y(), 0)};
+}
+
+// How far to the right the target's middle has to be for a third of its points to be outside.
+double AsideOfCut(const Target& target, const Camera& camera, double turn_rad) {
+  for (double aside = 0; aside < 1; aside += 0.005) {
+    const Rigid3d camera_from_target = PlacedPose(target.Draw(), camera, {aside, 0}, turn_rad);
+    size_t num_outside = 0;
+    for (const TargetPoint& point : target.points()) {
+      const std::optional<Eigen::Vector2d> pixel = PixelOf(point, camera, camera_from_target);
+      num_outside += !pixel || pixel->x() > camera.width_px - 1 ? 1 : 0;
+    }
+    if (3 * num_outside >= target.points().size()) return aside;
+  }
+  return 1;
+}
+
+// A target of each kind.
+struct Kind {
+  const char* name;
+  const char* keys;
+};
+constexpr Kind kKinds[] = {
+    {"coded_board", "type: coded_board, rows: 4, columns: 5, spacing: 35 mm, dot_diameter: 10 mm"},
+    {"apriltag_grid, squares", "type: apriltag_grid, family: tag36h11, rows: 6, columns: 6, tag_size: 24 mm"},
+    {"apriltag_grid, plain",
+     "type: apriltag_grid, family: tag36h11, rows: 6, columns: 6, tag_size: 24 mm, corner_squares: false"},
+    {"chessboard", "type: chessboard, rows: 7, columns: 10, square: 20 mm"},
+    {"chessboard, small", "type: chessboard, rows: 4, columns: 3, square: 50 mm"},
+    {"charuco", "type: charuco, rows: 7, columns: 9, square: 20 mm, marker: 15 mm, dictionary: DICT_5X5_100"},
+    {"circle_grid", "type: circle_grid, rows: 7, columns: 9, spacing: 20 mm"},
+    {"circle_grid, asymmetric", "type: circle_grid, rows: 11, columns: 4, spacing: 15 mm, asymmetric: true"},
+};
+
+// Searches for one kind of target in pictures that show it, that do not, and that show two thirds of it.
+void RunMisses(const Kind& kind, int width_px, int height_px) {
+  const std::string name = std::string(kind.name) + ", " + std::to_string(width_px) + " x " + std::to_string(height_px);
+  if (name.find(FLAGS_only) == std::string::npos) return;
+  const std::unique_ptr<Target> target = TargetOf(kind.keys);
+  const double focal_px = width_px;
+  const Camera camera{
+      "pinhole", width_px, height_px, {focal_px, focal_px, 0.5 * (width_px - 1), 0.5 * (height_px - 1)}};
+  RenderOptions plain;
+  plain.noise_sigma_grey = 2;
+  plain.light_gradient = 0.3;
+  RenderOptions noisy = plain;
+  noisy.noise_sigma_grey = 12;
+  RenderOptions cluttered = plain;
+  cluttered.clutter = true;
+  // What is rendered without a target: the camera sees nothing but the background.
+  const Rigid3d behind(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, -10));
+  struct Scene {
+    std::string what;
+    std::function<cv::Mat(uint64_t seed)> render;
+  };
+  const auto render = [&](const Target& drawn, const Rigid3d& pose, RenderOptions options, uint64_t seed) {
+    options.seed = seed;
+    return RenderView(drawn.Draw(), camera, pose, options);
+  };
+  const auto turn_of = [](uint64_t seed) { return 0.3 * static_cast<double>(seed) - 0.4; };
+  std::vector<Scene> scenes = {
+      {"shown",
+       [&](uint64_t seed) {
+         return render(*target, PlacedPose(target->Draw(), camera, {0, 0}, turn_of(seed)), cluttered, seed);
+       }},
+      {"blank wall", [&](uint64_t seed) { return render(*target, behind, plain, seed); }},
+      {"noise", [&](uint64_t seed) { return render(*target, behind, noisy, seed); }},
+      {"clutter", [&](uint64_t seed) { return render(*target, behind, cluttered, seed); }},
+      {"cut off, upright",
+       [&](uint64_t seed) {
+         const double aside = AsideOfCut(*target, camera, 0);
+         return render(*target, PlacedPose(target->Draw(), camera, {aside, 0}, 0), cluttered, seed);
+       }},
+      {"cut off, turned",
+       [&](uint64_t seed) {
+         const double turn_rad = 0.6 + 0.3 * static_cast<double>(seed);
+         const double aside = AsideOfCut(*target, camera, turn_rad);
+         return render(*target, PlacedPose(target->Draw(), camera, {aside, 0}, turn_rad), cluttered, seed);
+       }},
+  };
+  for (const Kind& other : kKinds) {
+    if (target->type() == TargetOf(other.keys)->type()) continue;
+    scenes.push_back(
+        {std::string("instead ") + other.name, [&](uint64_t seed) {
+           const std::unique_ptr<Target> drawn = TargetOf(other.keys);
+           return render(*drawn, PlacedPose(drawn->Draw(), camera, {0, 0}, turn_of(seed)), cluttered, seed);
+         }});
+  }
+  double shown_ms = 0;
+  for (const Scene& scene : scenes) {
+    std::vector<double> cpu_ms;
+    size_t most_found = 0;
+    size_t least_found = target->points().size();
+    for (int picture = 0; picture < FLAGS_pictures; ++picture) {
+      const cv::Mat grey = scene.render(static_cast<uint64_t>(picture));
+      const double start_ms = CpuMs();
+      const size_t num_found = target->Detect(grey).ids.size();
+      cpu_ms.push_back(CpuMs() - start_ms);
+      most_found = std::max(most_found, num_found);
+      least_found = std::min(least_found, num_found);
+    }
+    std::sort(cpu_ms.begin(), cpu_ms.end());
+    const double middle_ms = cpu_ms[cpu_ms.size() / 2];
+    if (scene.what == "shown") shown_ms = middle_ms;
+    std::printf("| %-38s | %-31s | %8.0f | %8.0f | %6.2f | %3zu to %3zu of %3zu |\n", name.c_str(), scene.what.c_str(),
+                middle_ms, cpu_ms.back(), middle_ms / shown_ms, least_found, most_found, target->points().size());
+    std::fflush(stdout);
+  }
+}
+
+void RunAllMisses() {
+  std::printf("| target | picture | CPU ms, middle | most | by shown | points |\n|---|---|---|---|---|---|\n");
+  for (const Kind& kind : kKinds) {
+    RunMisses(kind, 1632, 1224);
+    RunMisses(kind, 2592, 1944);
+  }
+}
+
+void RunFiles(const std::vector<std::string>& files) {
+  const std::unique_ptr<Target> target = TargetOf(FLAGS_target);
+  std::printf("| file | megapixels | CPU ms | points |\n|---|---|---|---|\n");
+  for (const std::string& file : files) {
+    const cv::Mat grey = ReadGreyImage(file);
+    cv::theRNG() = cv::RNG(1);  // As DetectCapture does.
+    const double start_ms = CpuMs();
+    const Detection detection = target->Detect(grey);
+    std::printf("| %s | %.1f | %8.0f | %4zu of %4zu | %s\n", file.c_str(), 1e-6 * static_cast<double>(grey.total()),
+                CpuMs() - start_ms, detection.ids.size(), target->points().size(), detection.reason.c_str());
+    std::fflush(stdout);
+  }
+}
+
 void RunAll() {
   const std::string plain =
       "type: apriltag_grid, family: tag36h11, rows: 6, columns: 6, tag_size: 24 mm, tag_spacing: 0.3, corner_squares: "
@@ -219,6 +368,11 @@ void RunAll() {
 int main(int argc, char** argv) {
   gflags::SetUsageMessage("Measures how long targets take to find.");
   gflags::ParseCommandLineFlags(&argc, &argv, true);
-  heba::RunAll();
+  if (!FLAGS_target.empty()) {
+    heba::RunFiles({argv + 1, argv + argc});
+    return 0;
+  }
+  if (FLAGS_table.empty() || FLAGS_table == "times") heba::RunAll();
+  if (FLAGS_table.empty() || FLAGS_table == "misses") heba::RunAllMisses();
   return 0;
 }

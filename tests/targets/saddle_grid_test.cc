@@ -1,0 +1,141 @@
+// Grids of saddles: found where boards are, and nothing to go on with where no whole board can be.
+#include "targets/saddle_grid.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <opencv2/core.hpp>
+
+#include "tests/support/rendered_target.h"
+
+namespace heba {
+namespace {
+
+using testing::IsEmpty;
+using testing::Lt;
+
+constexpr int kRows = 6;
+constexpr int kColumns = 9;
+const cv::Size kSize(kColumns, kRows);
+
+std::unique_ptr<Target> Board() { return MakeTarget("{type: chessboard, rows: 6, columns: 9, square: 20 mm}"); }
+
+// From the front, turned by `turn_rad`, its middle `aside_px` to the right of the image's.
+Rigid3d BoardPose(double aside_px, double turn_rad) {
+  constexpr double kDistanceM = 0.35;
+  const Eigen::Quaterniond rotation = ExpRotation({0.3, -0.2, 0}) * ExpRotation({0, 0, turn_rad});
+  const Eigen::Vector3d middle_m(0.08, 0.05, 0);
+  const double aside_m = aside_px * kDistanceM / PictureCamera().params[0];
+  return {rotation, Eigen::Vector3d(aside_m, 0, kDistanceM) - rotation * middle_m};
+}
+
+cv::Mat Render(const Target& target, const Rigid3d& camera_from_target, double noise_grey = 2) {
+  RenderOptions options;
+  options.noise_sigma_grey = noise_grey;
+  options.clutter = true;
+  return RenderView(target.Draw(), PictureCamera(), camera_from_target, options);
+}
+
+TEST(SaddleGrid, SaddlesHaveTheDarkSectorBetweenTheirEdges) {
+  const std::unique_ptr<Target> board = Board();
+  const cv::Mat grey = Render(*board, BoardPose(0, 0.4));
+  const std::vector<Saddle> saddles = FindSaddles(grey, 1000);
+  size_t num_corners = 0;
+  for (const TargetPoint& point : board->points()) {
+    const Eigen::Vector2d pixel = PixelOf(point, PictureCamera(), BoardPose(0, 0.4)).value();
+    for (const Saddle& saddle : saddles) {
+      if ((saddle.pixel - pixel).norm() > 0.5) continue;
+      ++num_corners;
+      const auto level = [&](const Eigen::Vector2d& offset) {
+        const Eigen::Vector2d at = saddle.pixel + offset;
+        return static_cast<int>(
+            grey.at<uchar>(static_cast<int>(std::lround(at.y())), static_cast<int>(std::lround(at.x()))));
+      };
+      for (const double sign : {-1.0, 1.0}) {
+        EXPECT_LT(level(sign * 5 * (saddle.edges[0] + saddle.edges[1])) + 50,
+                  level(sign * 5 * (saddle.edges[0] - saddle.edges[1])));
+      }
+    }
+  }
+  EXPECT_EQ(num_corners, board->points().size());
+}
+
+TEST(SaddleGrid, FindsBoardsHoweverTheyAreTurned) {
+  const std::unique_ptr<Target> board = Board();
+  for (int step = 0; step < 12; ++step) {
+    const Rigid3d pose = BoardPose(0, step * kPi / 6);
+    const SaddleGrid grid = FindSaddleGrid(Render(*board, pose, /*noise_grey=*/6), kSize);
+    ASSERT_EQ(grid.corners.size(), board->points().size()) << step;
+    for (const TargetPoint& point : board->points()) {
+      const Eigen::Vector2d pixel = PixelOf(point, PictureCamera(), pose).value();
+      double nearest_px = 1e9;
+      for (const cv::Point2f& corner : grid.corners) {
+        nearest_px = std::min(nearest_px, (Eigen::Vector2d(corner.x, corner.y) - pixel).norm());
+      }
+      EXPECT_LT(nearest_px, 1) << step << ": " << pixel.transpose();
+    }
+  }
+}
+
+// OpenCV's finders take a second for such an image, or minutes: they are not to be asked.
+TEST(SaddleGrid, GivesUpBoardsThatAreCutOff) {
+  const std::unique_ptr<Target> board = Board();
+  for (int step = 0; step < 12; ++step) {
+    for (const double aside_px : {390.0, 440.0}) {
+      const cv::Mat grey = Render(*board, BoardPose(aside_px, step * kPi / 6));
+      const SaddleGrid grid = FindSaddleGrid(grey, kSize);
+      EXPECT_THAT(grid.corners, IsEmpty()) << step << ", " << aside_px;
+      EXPECT_TRUE(grid.may_be_in.empty()) << step << ", " << aside_px;
+    }
+  }
+}
+
+TEST(SaddleGrid, GivesUpImagesOfOtherThings) {
+  const char* const others[] = {"{type: chessboard, rows: 9, columns: 13, square: 13 mm}",
+                                "{type: chessboard, rows: 4, columns: 5, square: 30 mm}",
+                                "{type: circle_grid, rows: 6, columns: 9, spacing: 20 mm}",
+                                "{type: coded_board, rows: 4, columns: 5, spacing: 35 mm, dot_diameter: 10 mm}"};
+  for (const char* other : others) {
+    const std::unique_ptr<Target> target = MakeTarget(other);
+    const SaddleGrid grid = FindSaddleGrid(Render(*target, BoardPose(0, 0.2)), kSize);
+    EXPECT_THAT(grid.corners, IsEmpty()) << other;
+    EXPECT_TRUE(grid.may_be_in.empty()) << other;
+  }
+}
+
+// Spots hide the corners of the last columns: the squares around them tell that the board goes on.
+TEST(SaddleGrid, SaysWhereAnIncompleteBoardGoesOn) {
+  const std::unique_ptr<Target> board = Board();
+  cv::Mat grey = Render(*board, BoardPose(0, 0));
+  const auto pixel_of = [&](int row, int column) {
+    const size_t index = static_cast<size_t>(row * kColumns + column);
+    const Eigen::Vector2d pixel = PixelOf(board->points()[index], PictureCamera(), BoardPose(0, 0)).value();
+    return cv::Point(static_cast<int>(pixel.x()), static_cast<int>(pixel.y()));
+  };
+  constexpr int kSpotPx = 16;
+  for (int row = 0; row < kRows; ++row) {
+    for (int column = kColumns - 2; column < kColumns; ++column) {
+      const cv::Point corner = pixel_of(row, column);
+      grey(cv::Rect(corner.x - kSpotPx / 2, corner.y - kSpotPx / 2, kSpotPx, kSpotPx)) = 120;
+    }
+  }
+  const SaddleGrid grid = FindSaddleGrid(grey, kSize);
+  EXPECT_THAT(grid.corners, IsEmpty());
+  EXPECT_TRUE(grid.may_be_in.contains(pixel_of(0, 0)));
+  EXPECT_TRUE(grid.may_be_in.contains(pixel_of(kRows - 1, kColumns - 1)));
+}
+
+// What the search costs grows with the number of saddles: noise, however strong, makes few.
+TEST(SaddleGrid, NoiseMakesFewSaddles) {
+  cv::Mat noise(1000, 1000, CV_8UC1);
+  cv::RNG random(27);
+  for (const double sigma_grey : {2.0, 5.0, 12.0, 30.0}) {
+    random.fill(noise, cv::RNG::NORMAL, 120, sigma_grey);
+    EXPECT_THAT(FindSaddles(noise, 10000).size(), Lt(500U)) << sigma_grey;
+  }
+}
+
+}  // namespace
+}  // namespace heba
