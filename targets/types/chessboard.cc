@@ -76,6 +76,9 @@ constexpr Finder kFinders[] = {
 };
 constexpr double kMaxEnlargement = 3;
 
+// Inner corners: OpenCV's finders need as many.
+constexpr int kMinSide = 3;
+
 // Of the grids of corners in the picture, or of parts of them, in inner corners: what the first two finders see if
 // any size is right.
 std::vector<cv::Size> SizesSeen(const cv::Mat& grey) {
@@ -84,10 +87,9 @@ std::vector<cv::Size> SizesSeen(const cv::Mat& grey) {
   cv::resize(grey, picture, {}, scale, scale, cv::INTER_AREA);
   std::vector<cv::Size> sizes;
   for (const int flags : {0, static_cast<int>(cv::CALIB_CB_NORMALIZE_IMAGE)}) {
-    constexpr int kLeastSide = 3;
     std::vector<cv::Point2f> corners;
     cv::Mat meta;
-    const bool is_seen = cv::findChessboardCornersSB(picture, {kLeastSide, kLeastSide}, corners,
+    const bool is_seen = cv::findChessboardCornersSB(picture, {kMinSide, kMinSide}, corners,
                                                      flags | static_cast<int>(cv::CALIB_CB_LARGER), meta);
     if (is_seen) sizes.push_back(meta.size());
   }
@@ -358,10 +360,14 @@ class Chessboard final : public Target {
                          const TargetPoint& point) const {
     const int row = point.id / columns_;
     const int column = point.id % columns_;
+    const Eigen::Vector2d at_m = point.in_target.head<2>();
+    const double half_m = 0.5 * square_m_;
     std::vector<Eigen::Vector2d> near_m;
     std::vector<Eigen::Vector2d> near_px;
-    for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r) {
-      for (int c = std::max(0, column - 1); c <= std::min(columns_ - 1, column + 1); ++c) {
+    const int first_row = std::clamp(row - 1, 0, rows_ - kMinSide);
+    const int first_column = std::clamp(column - 1, 0, columns_ - kMinSide);
+    for (int r = first_row; r < first_row + kMinSide; ++r) {
+      for (int c = first_column; c < first_column + kMinSide; ++c) {
         near_m.emplace_back(points_[Index(r, c)].in_target.head<2>());
         near_px.push_back(corners[Index(r, c)]);
       }
@@ -372,7 +378,13 @@ class Chessboard final : public Target {
     // What a window finds that did not see what is drawn: a guess that such a point counts for little.
     constexpr double kSaddleSigmaPx = 0.15;
     const MeasuredCorner saddle{here_px, kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
-    return MeasureCorner(grey, drawing, point.in_target.head<2>(), 0.5 * square_m_, *picture_from_board, here_px)
+    std::vector<Eigen::Vector2d> offsets;
+    std::vector<Eigen::Vector2d> residuals_px;
+    for (size_t k = 0; k < near_m.size(); ++k) {
+      offsets.emplace_back((near_m[k] - at_m) / half_m);
+      residuals_px.emplace_back(near_px[k] - Map(*picture_from_board, near_m[k]));
+    }
+    return MeasureCorner(grey, drawing, at_m, half_m, *picture_from_board, here_px, BendOf(offsets, residuals_px))
         .value_or(saddle);
   }
 
@@ -403,7 +415,7 @@ class Chessboard final : public Target {
 }  // namespace
 
 std::unique_ptr<Target> CreateTarget_chessboard(MapReader& reader) {
-  constexpr IntRange kCorners = {3, 100};  // OpenCV's finders need three a side.
+  constexpr IntRange kCorners = {kMinSide, 100};
   const int rows = reader.Int("rows", kCorners);
   const int columns = reader.Int("columns", kCorners);
   const double square_m = reader.PositiveLength("square");
