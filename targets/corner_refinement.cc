@@ -90,7 +90,7 @@ std::optional<MeasuredCorner> MeasureCorner(const cv::Mat& grey, const Drawing& 
       CellsOf(drawing, at_m - Eigen::Vector2d::Constant(2 * half_m), at_m + Eigen::Vector2d::Constant(2 * half_m));
   const std::optional<PatternFit> fit = FitPattern(grey, pattern, start, {at_m}, options);
   if (!fit) return std::nullopt;
-  return MeasuredCorner{fit->pixels.front(), fit->covariance_px2};
+  return MeasuredCorner{fit->pixels.front(), fit->covariance_px2, fit->outlier_share};
 }
 
 }  // namespace heba

@@ -125,6 +125,12 @@ class Fitter {
 
   // Of one grey value, freed from the number of unknowns.
   double noise_grey() const { return std::sqrt(2 * result_.cost / Dof()); }
+  double OutlierShare() const {
+    const double limit_grey = contrast() / 3;
+    const auto num = std::count_if(result_.residuals.begin(), result_.residuals.end(),
+                                   [&](double residual) { return std::abs(residual) > limit_grey; });
+    return static_cast<double>(num) / static_cast<double>(result_.residuals.size());
+  }
   // Of the sought parameters.
   Eigen::MatrixXd Covariance() const {
     return std::max(2 * result_.cost / Dof(), SignificantVarianceOf(result_.at_edges)) *
@@ -447,6 +453,7 @@ std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pat
   fit.blur_sigma_px = fitter.param(kBlur);
   fit.contrast_grey = fitter.contrast();
   fit.residual_ratio = fitter.noise_grey() / fit.contrast_grey;
+  fit.outlier_share = fitter.OutlierShare();
   if (!(fit.contrast_grey >= options.min_contrast_grey && fit.residual_ratio <= options.max_residual_ratio)) {
     return std::nullopt;
   }

@@ -16,6 +16,7 @@
 
 #include "heba/base/error.h"
 #include "targets/confusions.h"
+#include "targets/corner_lattice.h"
 #include "targets/corner_refinement.h"
 #include "targets/homography.h"
 #include "targets/target.h"
@@ -79,21 +80,28 @@ constexpr double kMaxEnlargement = 3;
 // Inner corners: OpenCV's finders need as many.
 constexpr int kMinSide = 3;
 
-// Of the grids of corners in the picture, or of parts of them, in inner corners: what the first two finders see if
-// any size is right.
-std::vector<cv::Size> SizesSeen(const cv::Mat& grey) {
+// A grid of corners in the image, row by row, or a part of one.
+struct SeenGrid {
+  cv::Size size;
+  Corners corners;
+};
+
+// What the first two finders see if any size is right.
+std::vector<SeenGrid> GridsSeen(const cv::Mat& grey) {
   const double scale = std::min(1.0, kFinders[0].max_side_px / std::max(grey.cols, grey.rows));
   cv::Mat picture;
   cv::resize(grey, picture, {}, scale, scale, cv::INTER_AREA);
-  std::vector<cv::Size> sizes;
+  const Eigen::Vector2d scales(static_cast<double>(picture.cols) / grey.cols,
+                               static_cast<double>(picture.rows) / grey.rows);
+  std::vector<SeenGrid> grids;
   for (const int flags : {0, static_cast<int>(cv::CALIB_CB_NORMALIZE_IMAGE)}) {
     std::vector<cv::Point2f> corners;
     cv::Mat meta;
     const bool is_seen = cv::findChessboardCornersSB(picture, {kMinSide, kMinSide}, corners,
                                                      flags | static_cast<int>(cv::CALIB_CB_LARGER), meta);
-    if (is_seen) sizes.push_back(meta.size());
+    if (is_seen) grids.push_back({meta.size(), FromOpenCv(corners, scales)});
   }
-  return sizes;
+  return grids;
 }
 
 class Chessboard final : public Target {
@@ -128,35 +136,49 @@ class Chessboard final : public Target {
       return detection;
     }
     const bool has_contrast = HasContrast(grey);
-    std::optional<InVain> in_vain;
+    std::optional<std::vector<SeenGrid>> grids;
+    PartlySeen partly;
+    InVain in_vain;
     for (const Finder& finder : kFinders) {
       if (!has_contrast) break;
       const bool is_quads = finder.find == &FindQuads;
       const bool is_enlarged = finder.min_side_px > 0;
       if (is_quads || is_enlarged) {
-        if (!in_vain) in_vain = WhatIsInVain(grey);
-        if ((is_quads && in_vain->quads) || (is_enlarged && in_vain->enlarged)) continue;
+        if (!grids) {
+          grids = GridsSeen(grey);
+          in_vain = WhatIsInVain(*grids);
+          partly = DetectPartly(grey, *grids);
+          // Of a board of few corners the other finders may see more.
+          const bool is_large = points_.size() >= kSmall;
+          if (is_large && !partly.detection.ids.empty()) return partly.detection;
+          // Much of the board itself: linking quads finds no more of it.
+          in_vain.quads = in_vain.quads || (is_large && 2 * partly.num_seen >= points_.size());
+        }
+        if ((is_quads && in_vain.quads) || (is_enlarged && in_vain.enlarged)) continue;
       }
       std::optional<Corners> corners = Find(grey, finder);
       if (!corners) continue;
+      // What a window finds that did not see what is drawn: a guess that such a point counts for little.
+      constexpr double kSaddleSigmaPx = 0.15;
       const Drawing& seen = ColourScore(grey, *corners) < 0 ? inverted_ : drawing_;
       for (const TargetPoint& point : points_) {
-        const MeasuredCorner corner = Measure(grey, *corners, seen, point);
-        detection.ids.push_back(point.id);
-        detection.pixels.push_back(corner.pixel);
-        detection.covariances_px2.emplace_back(corner.covariance_px2);
+        const MeasuredCorner saddle{(*corners)[static_cast<size_t>(point.id)],
+                                    kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
+        Append(point, Measure(grey, *corners, seen, point).value_or(saddle), &detection);
       }
       return detection;
     }
+    if (!partly.detection.ids.empty()) return partly.detection;
     detection.reason = "no board of " + std::to_string(rows_) + " x " + std::to_string(columns_) +
-                       " inner corners found; it must be seen whole, with a light rim";
+                       " inner corners found; it must be seen with a light rim" + partly.detection.reason;
     return detection;
   }
 
   // The size of the board that is seen, whatever it is: boards are counted wrongly in more ways than can be tried.
   std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
     std::vector<TargetSettings> confusions;
-    for (const cv::Size& size : SizesSeen(grey)) {
+    for (const SeenGrid& grid : GridsSeen(grey)) {
+      const cv::Size& size = grid.size;
       // Lying or standing as the config has it.
       const bool is_alike = (size.width >= size.height) == (columns_ >= rows_);
       confusions.push_back(is_alike ? RowsAndColumns(size.height, size.width)
@@ -178,19 +200,21 @@ class Chessboard final : public Target {
   }
 
  private:
+  static constexpr size_t kSmall = 30;  // The rim of a board of fewer corners is often taken for rows.
+
   // What is not worth looking for though this board has not been found: linking quads takes ten seconds for boards of
   // another size, a minute in an enlarged picture.
   struct InVain {
     bool quads = false;     // A board is seen that is larger than this one and its rim.
     bool enlarged = false;  // Or much of a board: it is large enough as it is.
   };
-  InVain WhatIsInVain(const cv::Mat& grey) const {
-    constexpr size_t kSmall = 30;  // The rim of a board of fewer corners is often taken for rows.
+  InVain WhatIsInVain(const std::vector<SeenGrid>& grids) const {
     constexpr double kMuch = 0.4;
     InVain in_vain;
     if (points_.size() < kSmall) return in_vain;
     const auto [short_side, long_side] = std::minmax(columns_, rows_);
-    for (const cv::Size& size : SizesSeen(grey)) {
+    for (const SeenGrid& grid : grids) {
+      const cv::Size& size = grid.size;
       const auto [seen_short, seen_long] = std::minmax(size.width, size.height);
       const int more_short = seen_short - short_side;
       const int more_long = seen_long - long_side;
@@ -200,6 +224,156 @@ class Chessboard final : public Target {
       in_vain.enlarged = in_vain.enlarged || is_larger || size.area() > kMuch * static_cast<double>(points_.size());
     }
     return in_vain;
+  }
+
+  static void Append(const TargetPoint& point, const MeasuredCorner& corner, Detection* detection) {
+    detection->ids.push_back(point.id);
+    detection->pixels.push_back(corner.pixel);
+    detection->covariances_px2.emplace_back(corner.covariance_px2);
+  }
+
+  struct PartlySeen {
+    Detection detection;
+    size_t num_seen = 0;  // Corners of one grid, whether or not they have been numbered.
+  };
+  // The corners of a board that is covered in part, from a part of its grid. Those that are seen must reach from the
+  // first to the last row and column, else their numbers are not known; `reason` then goes on from "no board found".
+  PartlySeen DetectPartly(const cv::Mat& grey, const std::vector<SeenGrid>& grids) const {
+    PartlySeen result;
+    for (const SeenGrid& grid : grids) {
+      const CornerLattice lattice = LatticeOf(grey, grid);
+      result.num_seen = std::max(result.num_seen, lattice.size());
+      const std::optional<Corners> corners = Complete(grey, lattice);
+      if (!corners) {
+        const LatticeExtent extent = ExtentOf(lattice);
+        result.detection.reason = "; of " + std::to_string(extent.rows) + " x " + std::to_string(extent.columns) +
+                                  " corners that are seen rows and columns cannot be told";
+        continue;
+      }
+      Detection visible = MeasureVisible(grey, *corners);
+      if (!ReachesAllSides(visible.ids)) {
+        result.detection.reason = "; too many of the outer corners are covered to tell rows and columns";
+        continue;
+      }
+      if (visible.ids.size() < points_.size()) {
+        visible.reason = std::to_string(points_.size() - visible.ids.size()) + " corners are covered";
+      }
+      result.detection = std::move(visible);
+      break;
+    }
+    return result;
+  }
+
+  // Everything that belongs to a grid.
+  CornerLattice LatticeOf(const cv::Mat& grey, const SeenGrid& grid) const {
+    CornerLattice start;
+    for (size_t i = 0; i < grid.corners.size(); ++i) {
+      const int index = static_cast<int>(i);
+      start[{index / grid.size.width, index % grid.size.width}] = grid.corners[i];
+    }
+    CornerLattice best;
+    for (const bool is_first_black : {true, false}) {
+      // A row or column more than the board has shows that it is another one.
+      const CornerLattice lattice =
+          GrowLattice(start, std::max(rows_, columns_) + 1, [&](const LatticePlace& place, const Eigen::Matrix3d& map) {
+            return FindInLattice(grey, is_first_black == IsBlack(place.row, place.column), place, map);
+          });
+      if (lattice.size() > best.size()) best = lattice;
+    }
+    return best;
+  }
+
+  // `is_black`: the square above and left of the corner.
+  static std::optional<Eigen::Vector2d> FindInLattice(const cv::Mat& grey, bool is_black, const LatticePlace& place,
+                                                      const Eigen::Matrix3d& image_from_lattice) {
+    constexpr double kWindowRatio = 0.75;
+    constexpr double kMinContrastGrey = 8;
+    const Eigen::Vector2d at(place.column, place.row);
+    const Eigen::Vector2d predicted_px = Map(image_from_lattice, at);
+    const Eigen::Vector2d side_px = Map(image_from_lattice, at + Eigen::Vector2d(1, 0)) - predicted_px;
+    const Eigen::Vector2d other_px = Map(image_from_lattice, at + Eigen::Vector2d(0, 1)) - predicted_px;
+    const double area_px2 = std::abs(side_px.x() * other_px.y() - side_px.y() * other_px.x());
+    const double reach_px = area_px2 / std::max({side_px.norm(), other_px.norm(), 1e-9});
+    const std::optional<Eigen::Vector2d> corner_px =
+        RefineCorner(grey, predicted_px, kWindowRatio * reach_px, std::max(2.0, 0.3 * reach_px));
+    if (!corner_px) return std::nullopt;
+    double black_max = 0;
+    double white_min = 255;
+    for (const double share : {0.2, 0.35}) {
+      for (const int down : {-1, 1}) {
+        for (const int across : {-1, 1}) {
+          const Eigen::Vector2d at_px = *corner_px + share * (across * side_px + down * other_px);
+          const cv::Point pixel(static_cast<int>(std::lround(at_px.x())), static_cast<int>(std::lround(at_px.y())));
+          if (pixel.x < 0 || pixel.y < 0 || pixel.x >= grey.cols || pixel.y >= grey.rows) return std::nullopt;
+          const double level = grey.at<uchar>(pixel);
+          if ((down == across) == is_black) {
+            black_max = std::max(black_max, level);
+          } else {
+            white_min = std::min(white_min, level);
+          }
+        }
+      }
+    }
+    if (white_min - black_max < kMinContrastGrey) return std::nullopt;
+    return corner_px;
+  }
+
+  // All corners of the board in its order, those that are covered as their neighbours predict them; nothing if the
+  // lattice is smaller or larger than the board.
+  std::optional<Corners> Complete(const cv::Mat& grey, const CornerLattice& lattice) const {
+    const LatticeExtent extent = ExtentOf(lattice);
+    const bool is_upright = extent.rows == rows_ && extent.columns == columns_;
+    if (!is_upright && !(extent.rows == columns_ && extent.columns == rows_)) return std::nullopt;
+    Corners corners;
+    for (int row = 0; row < rows_; ++row) {
+      for (int column = 0; column < columns_; ++column) {
+        const LatticePlace place{extent.first.row + (is_upright ? row : column),
+                                 extent.first.column + (is_upright ? column : row)};
+        const auto seen = lattice.find(place);
+        if (seen != lattice.end()) {
+          corners.push_back(seen->second);
+          continue;
+        }
+        const std::optional<Eigen::Matrix3d> map = MapNear(lattice, place);
+        if (!map) return std::nullopt;
+        corners.push_back(Map(*map, {place.column, place.row}));
+      }
+    }
+    Arrange(grey, &corners);
+    return corners;
+  }
+
+  Detection MeasureVisible(const cv::Mat& grey, const Corners& corners) const {
+    // Of a corner's grey values: fewer are left to Huber's loss.
+    constexpr double kMaxCovered = 0.05;
+    const bool inverted = ColourScore(grey, corners) < 0;
+    Detection detection;
+    for (const TargetPoint& point : points_) {
+      const int row = point.id / columns_;
+      const int column = point.id % columns_;
+      if (!IsSaddle(grey, corners, row, column, 0.2, inverted)) continue;
+      const std::optional<MeasuredCorner> corner = Measure(grey, corners, inverted ? inverted_ : drawing_, point);
+      if (corner && corner->outlier_share <= kMaxCovered) Append(point, *corner, &detection);
+    }
+    return detection;
+  }
+
+  // Whether of every outer row and column enough corners are among `ids`, and half of all.
+  bool ReachesAllSides(const std::vector<int>& ids) const {
+    int num_top = 0;
+    int num_bottom = 0;
+    int num_left = 0;
+    int num_right = 0;
+    for (const int id : ids) {
+      num_top += id / columns_ == 0 ? 1 : 0;
+      num_bottom += id / columns_ == rows_ - 1 ? 1 : 0;
+      num_left += id % columns_ == 0 ? 1 : 0;
+      num_right += id % columns_ == columns_ - 1 ? 1 : 0;
+    }
+    // A single one may be something else.
+    const auto is_enough = [](int num, int of) { return num >= std::max(2, of / 3); };
+    return is_enough(num_top, columns_) && is_enough(num_bottom, columns_) && is_enough(num_left, rows_) &&
+           is_enough(num_right, rows_) && 2 * ids.size() >= points_.size();
   }
 
   std::optional<Corners> Find(const cv::Mat& grey, const Finder& finder) const {
@@ -356,8 +530,8 @@ class Chessboard final : public Target {
   }
 
   // By all grey values nearer to this corner than to others.
-  MeasuredCorner Measure(const cv::Mat& grey, const Corners& corners, const Drawing& drawing,
-                         const TargetPoint& point) const {
+  std::optional<MeasuredCorner> Measure(const cv::Mat& grey, const Corners& corners, const Drawing& drawing,
+                                        const TargetPoint& point) const {
     const int row = point.id / columns_;
     const int column = point.id % columns_;
     const Eigen::Vector2d at_m = point.in_target.head<2>();
@@ -374,18 +548,14 @@ class Chessboard final : public Target {
     }
     const Eigen::Vector2d& here_px = corners[Index(row, column)];
     const std::optional<Eigen::Matrix3d> picture_from_board = FitHomography(near_m, near_px);
-    if (!picture_from_board) return {here_px, Eigen::Matrix2d::Identity()};
-    // What a window finds that did not see what is drawn: a guess that such a point counts for little.
-    constexpr double kSaddleSigmaPx = 0.15;
-    const MeasuredCorner saddle{here_px, kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
+    if (!picture_from_board) return std::nullopt;
     std::vector<Eigen::Vector2d> offsets;
     std::vector<Eigen::Vector2d> residuals_px;
     for (size_t k = 0; k < near_m.size(); ++k) {
       offsets.emplace_back((near_m[k] - at_m) / half_m);
       residuals_px.emplace_back(near_px[k] - Map(*picture_from_board, near_m[k]));
     }
-    return MeasureCorner(grey, drawing, at_m, half_m, *picture_from_board, here_px, BendOf(offsets, residuals_px))
-        .value_or(saddle);
+    return MeasureCorner(grey, drawing, at_m, half_m, *picture_from_board, here_px, BendOf(offsets, residuals_px));
   }
 
   // How far a corner is from the next lines of the board.

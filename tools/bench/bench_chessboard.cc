@@ -1,6 +1,7 @@
 // Measures chessboard corners by heba and by OpenCV's detectors: against the truth on rendered images, from razor-sharp
 // to blurred ones; and on folders of recorded images by the residuals of a camera calibration of each detector's
-// corners (cv::calibrateCamera) over the images in which all of them find the whole board.
+// corners (cv::calibrateCamera) over the images in which all of them find the whole board. --sweep counts whole boards
+// that heba refuses.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -12,8 +13,10 @@
 
 #include <gflags/gflags.h>
 #include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/parallel.h"
@@ -32,6 +35,7 @@ DEFINE_int32(seed, 1, "of all random numbers");
 DEFINE_string(row, "", "only the rows whose names contain this");
 DEFINE_bool(others, true, "measures OpenCV's detectors too");
 DEFINE_string(images, "", "a folder of recorded images, in place of the rendered ones");
+DEFINE_int32(sweep, 0, "renders so many whole boards in any pose and light amid clutter, and lists those refused");
 DEFINE_string(board, "rows: 6, columns: 8", "its inner corners");
 
 namespace heba {
@@ -294,7 +298,78 @@ void ReportRecorded(const Target& target, const BoardSize& size) {
   }
 }
 
+// A board of any size, seen whole and no steeper than 60 degrees, squares of 8 px or more.
+void ReportRefusals() {
+  constexpr double kSquareM = 0.02;
+  std::vector<std::string> refusals(static_cast<size_t>(FLAGS_sweep));
+  ParallelFor(FLAGS_sweep, NumThreads(), [&](int i) {
+    Rng rng(static_cast<uint64_t>(FLAGS_seed) + 300, static_cast<uint64_t>(i));
+    const int rows = 3 + rng.Index(7);
+    const int columns = 3 + rng.Index(9);
+    const std::unique_ptr<Target> target = TargetOf("type: chessboard, square: 20 mm, rows: " + std::to_string(rows) +
+                                                    ", columns: " + std::to_string(columns));
+    const Drawing& drawing = target->Draw();
+    const Camera camera{"brown5", 1280, 960, {1100, 1100, 641, 478, rng.Uniform(-0.25, 0.05), 0.05, 5e-4, -5e-4, 0}};
+    const Eigen::AlignedBox2d image(Eigen::Vector2d(2, 2), Eigen::Vector2d(1277, 957));
+    RenderOptions options;
+    Rigid3d camera_from_target;
+    double tilt_deg = 0;
+    double square_px = 0;
+    bool is_whole = false;
+    while (!is_whole) {
+      tilt_deg = rng.Uniform(0, 60);
+      square_px = std::exp(rng.Uniform(std::log(10.0), std::log(80.0)));
+      const double towards = rng.Uniform(0, 2 * kPi);
+      const Eigen::Quaterniond rotation =
+          ExpRotation(tilt_deg * kPi / 180 * Eigen::Vector3d(std::cos(towards), std::sin(towards), 0)) *
+          ExpRotation({0, 0, rng.Uniform(0, 2 * kPi)});
+      const double distance_m = camera.params[0] * kSquareM / square_px;
+      const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
+      const Eigen::Vector3d place_m(rng.Uniform(-0.5, 0.5) * distance_m, rng.Uniform(-0.4, 0.4) * distance_m,
+                                    distance_m);
+      camera_from_target = Rigid3d(rotation, place_m - rotation * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0));
+      is_whole = true;
+      constexpr int kSteps = 12;
+      for (int k = 0; k < kSteps * kSteps && is_whole; ++k) {
+        const Eigen::Vector2d share((k % kSteps) / (kSteps - 1.0), k / kSteps / (kSteps - 1.0));
+        const Eigen::Vector2d at_m = drawing.min_m + share.cwiseProduct(drawing.max_m - drawing.min_m);
+        const std::optional<Eigen::Vector2d> pixel =
+            ProjectPoint(camera, camera_from_target * Eigen::Vector3d(at_m.x(), at_m.y(), 0));
+        is_whole = pixel && image.contains(*pixel);
+      }
+    }
+    options.blur_sigma_px = rng.Uniform(0.2, 1.0);
+    options.noise_sigma_grey = rng.Uniform(0, 4);
+    options.light_gradient = rng.Uniform(0, 0.8);
+    options.black_grey = rng.Uniform(5, 60);
+    options.white_grey = options.black_grey + rng.Uniform(60, 190);
+    options.clutter = rng.Uniform(0, 1) < 0.7;
+    options.background_albedo = rng.Uniform(0, 1);
+    options.seed = static_cast<uint64_t>(FLAGS_seed) * 15485863 + static_cast<uint64_t>(i);
+    const cv::Mat grey = RenderView(drawing, camera, camera_from_target, options);
+    const Detection detection = target->Detect(grey);
+    std::vector<Eigen::Vector2d> truth_px;
+    for (const TargetPoint& point : target->points()) truth_px.push_back(*PixelOf(point, camera, camera_from_target));
+    const Errors errors = Compare(CornersOf(detection, {rows, columns}), truth_px, detection.covariances_px2);
+    if (errors.num_found == 1 && errors.num_wild == 0) return;
+    char line[300];
+    std::snprintf(line, sizeof line,
+                  "%6d: %d x %d, tilt %2.0f, square %2.0f px, blur %.1f, noise %.1f, grey %.0f to %.0f, uneven light "
+                  "%.1f, clutter %d: %zu corners, %d more than 0.5 px off: %s",
+                  i, rows, columns, tilt_deg, square_px, options.blur_sigma_px, options.noise_sigma_grey,
+                  options.black_grey, options.white_grey, options.light_gradient, options.clutter ? 1 : 0,
+                  detection.ids.size(), errors.num_wild, detection.reason.c_str());
+    refusals[static_cast<size_t>(i)] = line;
+    std::fprintf(stderr, "%s\n", line);
+    if (FLAGS_row == "write") cv::imwrite("refused_" + std::to_string(i) + ".png", grey);
+  });
+  int num_refused = 0;
+  for (const std::string& refusal : refusals) num_refused += refusal.empty() ? 0 : 1;
+  std::printf("%d of %d whole boards refused or wrong\n", num_refused, FLAGS_sweep);
+}
+
 void Run() {
+  if (FLAGS_sweep > 0) return ReportRefusals();
   const std::unique_ptr<Target> target = TargetOf("type: chessboard, square: 20 mm, " + FLAGS_board);
   // Points go row by row.
   BoardSize size;
