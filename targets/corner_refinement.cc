@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/LU>
 #include <opencv2/imgproc.hpp>
 
 #include "targets/homography.h"
@@ -32,9 +33,38 @@ std::optional<Eigen::Vector2d> RefineCorner(const cv::Mat& grey, const Eigen::Ve
   return refined_px;
 }
 
+std::optional<MapBend> BendOf(const std::vector<Eigen::Vector2d>& offsets,
+                              const std::vector<Eigen::Vector2d>& residuals_px) {
+  constexpr Eigen::Index kNumTerms = 6;
+  constexpr double kNumHomography = 8;
+  // Of a corner that is not measured yet.
+  constexpr double kCornerSigmaPx = 0.03;
+  // What is left of third order, by the bend.
+  constexpr double kThirdOrder = 0.2;
+  const auto num_corners = static_cast<Eigen::Index>(offsets.size());
+  const double dof = 2.0 * static_cast<double>(num_corners - 3) - kNumHomography;
+  if (dof <= 0) return std::nullopt;
+  Eigen::MatrixXd terms(num_corners, kNumTerms);
+  Eigen::MatrixX2d residuals(num_corners, 2);
+  for (Eigen::Index k = 0; k < num_corners; ++k) {
+    const Eigen::Vector2d& at = offsets[static_cast<size_t>(k)];
+    terms.row(k) << 1, at.x(), at.y(), at.x() * at.x(), at.x() * at.y(), at.y() * at.y();
+    residuals.row(k) = residuals_px[static_cast<size_t>(k)].transpose();
+  }
+  const Eigen::Matrix<double, kNumTerms, kNumTerms> covariance = (terms.transpose() * terms).inverse();
+  const Eigen::Matrix<double, kNumTerms, 2> solution = covariance * (terms.transpose() * residuals);
+  MapBend bend;
+  bend.squares = solution.bottomRows<3>().transpose();
+  const double variance_px2 = kCornerSigmaPx * kCornerSigmaPx + (residuals - terms * solution).squaredNorm() / dof;
+  bend.sigma = std::sqrt(variance_px2 * covariance.diagonal().tail<3>().maxCoeff() +
+                         std::pow(kThirdOrder * bend.squares.cwiseAbs().maxCoeff(), 2));
+  if (!std::isfinite(bend.sigma)) return std::nullopt;
+  return bend;
+}
+
 std::optional<MeasuredCorner> MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const Eigen::Vector2d& at_m,
                                             double half_m, const Eigen::Matrix3d& picture_from_board,
-                                            const Eigen::Vector2d& start_px) {
+                                            const Eigen::Vector2d& start_px, const std::optional<MapBend>& bend) {
   Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
   shift.topRightCorner<2, 1>() = start_px - Map(picture_from_board, at_m);
   const Eigen::Matrix3d start = shift * picture_from_board;
@@ -51,12 +81,16 @@ std::optional<MeasuredCorner> MeasureCorner(const cv::Mat& grey, const Drawing& 
   options.min_m = at_m - Eigen::Vector2d::Constant(share * half_m);
   options.max_m = at_m + Eigen::Vector2d::Constant(share * half_m);
   options.freedom = widest_px < kMinQuadraticPx ? MapFreedom::kAffine : MapFreedom::kQuadratic;
+  if (bend) {
+    options.squares_px = share * share * bend->squares;
+    options.squares_sigma_px = share * share * bend->sigma;
+  }
   // Edges just beyond the window blur into it.
   const CellPattern pattern =
       CellsOf(drawing, at_m - Eigen::Vector2d::Constant(2 * half_m), at_m + Eigen::Vector2d::Constant(2 * half_m));
   const std::optional<PatternFit> fit = FitPattern(grey, pattern, start, {at_m}, options);
   if (!fit) return std::nullopt;
-  return MeasuredCorner{fit->pixels.front(), fit->covariance_px2};
+  return MeasuredCorner{fit->pixels.front(), fit->covariance_px2, fit->outlier_share};
 }
 
 }  // namespace heba

@@ -20,13 +20,28 @@ std::optional<Eigen::Vector2d> RefineCorner(const cv::Mat& grey, const Eigen::Ve
 struct MeasuredCorner {
   Eigen::Vector2d pixel;
   Eigen::Matrix2d covariance_px2;
+  double outlier_share = 0;  // Of its grey values, those that show something else.
 };
+
+// How the map from a board into the image bends about one of its points beyond a homography: terms of x^2, x y and y^2
+// (px by squared units of length), each give or take `sigma`.
+struct MapBend {
+  Eigen::Matrix<double, 2, 3> squares = Eigen::Matrix<double, 2, 3>::Zero();
+  double sigma = 0;
+};
+// By the residuals of corners' homography: `offsets` are the corners' places about the point, in units of length.
+// Nothing if there are too few.
+std::optional<MapBend> BendOf(const std::vector<Eigen::Vector2d>& offsets,
+                              const std::vector<Eigen::Vector2d>& residuals_px);
 
 // The corner at `at_m` of a board's drawing, near `start_px`, from the grey values of all that is drawn up to
 // `half_m` away from it along x and y (what lies beyond belongs to the next corner: no grey value counts twice).
-// Nothing where the picture does not show what is drawn. `picture_from_board` tells how the board lies there.
+// Nothing where the picture does not show what is drawn. `picture_from_board` tells how the board lies there, `bend`,
+// in units of `half_m`, what the corners around it know of the lens: an edge is then placed by all of its pixels
+// together, where one that may bend is placed by those in its middle.
 std::optional<MeasuredCorner> MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const Eigen::Vector2d& at_m,
                                             double half_m, const Eigen::Matrix3d& picture_from_board,
-                                            const Eigen::Vector2d& start_px);
+                                            const Eigen::Vector2d& start_px,
+                                            const std::optional<MapBend>& bend = std::nullopt);
 
 }  // namespace heba

@@ -54,6 +54,10 @@ PatternMap StartMap(const Eigen::Matrix3d& picture_from_unit, MapForm form, cons
   return map;
 }
 
+// The standard deviation of a pixel's own box: a sharper image is not sampled over the pixels' areas, and its edges are
+// then where the pixels near them say, on the mean, that they are.
+constexpr double kMinBlurPx = 0.2886751345948129;
+
 constexpr double kCorners[][2] = {{-1, -1}, {-1, 1}, {1, -1}, {1, 1}};
 
 // Columns: the sought terms.
@@ -80,6 +84,7 @@ class Fitter {
     const Eigen::Matrix3d picture_from_unit = start * pattern_from_unit;
     map_ = StartMap(picture_from_unit, FormOf(options.freedom), LensPx(grey));
     sought_ = SoughtParams(map_.form);
+    if (map_.form == MapForm::kQuadratic) ExpectSquares(options);
     is_usable_ = CollectPixels(grey, picture_from_unit) && StartLevels();
   }
 
@@ -109,7 +114,8 @@ class Fitter {
     if (!Descend(EquationsOf(*start), kLeastSquares, kRough)) return false;
     constexpr double kHuber = 2.5;
     constexpr double kMinNoiseGrey = 0.3;  // A pixel's rounding.
-    noise_grey_ = std::max(kMinNoiseGrey, NoiseOf(result_.residuals));
+    // Misfit at the edges of a sharp image is noise too: if all of it were outliers, nothing would be known.
+    noise_grey_ = std::max({kMinNoiseGrey, NoiseOf(result_.residuals), MeanNoiseOf(result_.at_edges)});
     const double huber_grey = kHuber * noise_grey_;
     std::optional<Equations> here =
         map_.form == MapForm::kLens ? LineariseOrAddPolynomial(huber_grey) : Linearise(huber_grey);
@@ -119,9 +125,15 @@ class Fitter {
 
   // Of one grey value, freed from the number of unknowns.
   double noise_grey() const { return std::sqrt(2 * result_.cost / Dof()); }
+  double OutlierShare() const {
+    const double limit_grey = contrast() / 3;
+    const auto num = std::count_if(result_.residuals.begin(), result_.residuals.end(),
+                                   [&](double residual) { return std::abs(residual) > limit_grey; });
+    return static_cast<double>(num) / static_cast<double>(result_.residuals.size());
+  }
   // Of the sought parameters.
   Eigen::MatrixXd Covariance() const {
-    return noise_grey() * noise_grey() *
+    return std::max(2 * result_.cost / Dof(), SignificantVarianceOf(result_.at_edges)) *
            result_.normal.ldlt().solve(Eigen::MatrixXd::Identity(NumSought(), NumSought()));
   }
 
@@ -132,6 +144,7 @@ class Fitter {
     Eigen::VectorXd gradient;
     double cost = 0;  // Half the sum of Huber's rho.
     std::vector<double> residuals;
+    EdgeResiduals at_edges;
   };
 
   Eigen::Index NumSought() const { return static_cast<Eigen::Index>(sought_.size()); }
@@ -155,8 +168,10 @@ class Fitter {
       const PatternParams before = params_;
       const auto move = [&](const Eigen::VectorXd& step) {
         for (size_t k = 0; k < sought_.size(); ++k) params_[sought_[k]] += step[static_cast<Eigen::Index>(k)];
+        params_[kBlur] = std::max(params_[kBlur], kMinBlurPx);
       };
       // Whether it is small is asked of the whole step: damping shortens it where little is known.
+      if (params_[kBlur] <= kMinBlurPx) HoldBlur(&result_);
       const Eigen::VectorXd whole = result_.normal.ldlt().solve(-result_.gradient);
       if (!whole.allFinite()) return false;
       const double variance = 2 * result_.cost / Dof();
@@ -187,6 +202,16 @@ class Fitter {
       }
     }
     return true;
+  }
+
+  // Where the blur is least already and would become less still, the other parameters move without it.
+  void HoldBlur(Equations* equations) const {
+    const Eigen::Index blur = std::find(sought_.begin(), sought_.end(), kBlur) - sought_.begin();
+    if (equations->gradient[blur] <= 0) return;
+    equations->gradient[blur] = 0;
+    equations->normal.row(blur).setZero();
+    equations->normal.col(blur).setZero();
+    equations->normal(blur, blur) = 1;
   }
 
   // Goes on with squares and cubes in place of perspective and lens if the grey values ask for them: if the cost would
@@ -221,11 +246,13 @@ class Fitter {
 
   Equations EquationsOf(const PatternSums& sums) const {
     const Eigen::Index n = NumSought();
-    Equations equations{sums.products.topLeftCorner(n, n), sums.products.col(n).head(n), sums.cost, sums.residuals};
-    const auto expect_small = [&](Eigen::Index first, Eigen::Index end, double sigma_px) {
+    Equations equations{sums.products.topLeftCorner(n, n), sums.products.col(n).head(n), sums.cost, sums.residuals,
+                        sums.at_edges};
+    const auto expect = [&](Eigen::Index first, Eigen::Index end, double sigma_px) {
       const double weight = std::pow(noise_grey_ / sigma_px, 2);
       for (Eigen::Index k = first; k < end; ++k) {
-        const double term = params_[sought_[static_cast<size_t>(k)]];
+        const int param = sought_[static_cast<size_t>(k)];
+        const double term = params_[param] - expected_[param];
         equations.normal(k, k) += weight;
         equations.gradient[k] += weight * term;
         equations.cost += 0.5 * weight * term * term;
@@ -233,19 +260,28 @@ class Fitter {
     };
     // Near the picture's middle the pattern says nothing of the lens, nor does it matter: the lens's two numbers are
     // what it displaces at the picture's corner, hardly more than half the picture.
-    if (map_.form == MapForm::kLens) expect_small(PatternMap::kLens, PatternMap::kPolynomial, map_.lens_radius_px);
+    if (map_.form == MapForm::kLens) expect(PatternMap::kLens, PatternMap::kPolynomial, map_.lens_radius_px);
     // Where few edges are seen, most other terms than shifts move things along them only.
     constexpr double kLargeStretch = 0.1;
-    constexpr double kLargeSquare = 0.05;
     if (map_.form == MapForm::kAffine || map_.form == MapForm::kQuadratic) {
-      expect_small(1, 3, kLargeStretch * map_.size_px);
-      expect_small(4, PatternMap::kNumAffine, kLargeStretch * map_.size_px);
+      expect(1, 3, kLargeStretch * map_.size_px);
+      expect(4, PatternMap::kNumAffine, kLargeStretch * map_.size_px);
     }
     if (map_.form == MapForm::kQuadratic) {
-      expect_small(PatternMap::kNumAffine, PatternMap::kNumAffine + 2 * PatternMap::kNumSquares,
-                   kLargeSquare * map_.size_px);
+      expect(PatternMap::kNumAffine, PatternMap::kNumAffine + 2 * PatternMap::kNumSquares, squares_sigma_px_);
     }
     return equations;
+  }
+
+  // Begins at what is expected of them.
+  void ExpectSquares(const PatternFitOptions& options) {
+    constexpr double kLargeSquare = 0.05;
+    squares_sigma_px_ = options.squares_sigma_px > 0 ? options.squares_sigma_px : kLargeSquare * map_.size_px;
+    for (int axis = 0; axis < 2; ++axis) {
+      expected_.segment<PatternMap::kNumSquares>(PatternMap::kPolynomial + axis * PatternMap::kNumPolynomial) =
+          options.squares_px.row(axis).transpose();
+    }
+    params_ = expected_;
   }
 
   // Of the pattern's corners.
@@ -365,10 +401,24 @@ class Fitter {
   }
 
   bool IsPossible() const {
-    return params_.allFinite() && params_[kBlur] > 0.2 && params_[kBlur] < 20 && params_[kWhite] > params_[kBlack] &&
+    return params_.allFinite() && params_[kBlur] < 20 && params_[kWhite] > params_[kBlack] &&
            params_.tail<kNumPatternParams - kLight>().cwiseAbs().maxCoeff() < 1;
   }
 
+  // From the mean of their sizes.
+  static double MeanNoiseOf(const EdgeResiduals& at_edges) {
+    return 1.2533 * at_edges.sizes / std::max(at_edges.weights, 1e-9);
+  }
+  // Of a grey value at an edge if it is larger than chance makes it where all grey values have the same noise (2
+  // sigma); else 0.
+  double SignificantVarianceOf(const EdgeResiduals& at_edges) const {
+    const double num_effective = at_edges.weights * at_edges.weights / std::max(at_edges.weights_squared, 1e-9);
+    const auto num_sought = static_cast<double>(NumSought());
+    if (num_effective <= num_sought) return 0;
+    const double variance = at_edges.squares / at_edges.weights * num_effective / (num_effective - num_sought);
+    const double chance = 1 + 2 * std::sqrt(2 / (num_effective - num_sought));
+    return variance > chance * 2 * result_.cost / Dof() ? variance : 0;
+  }
   // From the median of their sizes.
   static double NoiseOf(std::vector<double> residuals) {
     for (double& residual : residuals) residual = std::abs(residual);
@@ -382,6 +432,8 @@ class Fitter {
   Eigen::Matrix2d flat_normal_ = Eigen::Matrix2d::Zero();
   Eigen::Vector2d flat_right_ = Eigen::Vector2d::Zero();
   std::vector<int> sought_;
+  PatternParams expected_ = PatternParams::Zero();  // Of the terms that are expected to be something.
+  double squares_sigma_px_ = 0;
   PatternParams params_ = PatternParams::Zero();
   double noise_grey_ = 0;  // At first with the misfit of the start.
   bool is_usable_ = false;
@@ -401,6 +453,7 @@ std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pat
   fit.blur_sigma_px = fitter.param(kBlur);
   fit.contrast_grey = fitter.contrast();
   fit.residual_ratio = fitter.noise_grey() / fit.contrast_grey;
+  fit.outlier_share = fitter.OutlierShare();
   if (!(fit.contrast_grey >= options.min_contrast_grey && fit.residual_ratio <= options.max_residual_ratio)) {
     return std::nullopt;
   }

@@ -25,6 +25,10 @@ struct PatternFitOptions {
   Eigen::Vector2d min_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d max_m = Eigen::Vector2d::Zero();
   MapFreedom freedom = MapFreedom::kQuadratic;
+  // For kQuadratic: the squares (x^2, x y, y^2 of coordinates from -1 to 1 over the used rectangle) that other
+  // measurements expect, and how far from them the pattern may be; 0 if there are none.
+  Eigen::Matrix<double, 2, 3> squares_px = Eigen::Matrix<double, 2, 3>::Zero();
+  double squares_sigma_px = 0;
   double max_move_px = 2;  // Of any wanted point from the start.
   double min_contrast_grey = 8;
   // RMS of the residuals by the contrast; beyond it the picture shows something else.
@@ -37,6 +41,7 @@ struct PatternFit {
   double blur_sigma_px = 0;             // Of the edges, a pixel's own width included.
   double contrast_grey = 0;             // White less black.
   double residual_ratio = 0;            // RMS of the residuals by the contrast: noise and misfit.
+  double outlier_share = 0;             // Of the used pixels, those that deviate by more than a third of the contrast.
 };
 
 // The most likely place given the grey values: the pattern's albedo through the map, blurred by a Gaussian (exact for

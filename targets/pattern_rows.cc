@@ -400,11 +400,12 @@ struct Rows {
   // A column more, as ColumnProducts wants it.
   alignas(64) double columns[ColumnProducts::kMaxColumns + 1][kStride];
   double cost = 0;
+  EdgeResiduals at_edges;
 };
 
 template <int kLanes>
 HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* numbers, int num_x, int num_y,
-                         double* columns, double* residuals, double* cost) {
+                         double* residuals, double* columns, double* cost, EdgeResiduals* at_edges) {
   using V = Lanes<kLanes>;
   const PatternMap& map = *task.map;
   const double* const params = task.params;
@@ -456,6 +457,12 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
   // The pattern moves with the map, the pixel stays: the derivatives have the opposite sign of the picture's slopes.
   const V by_u = -(blur.x_by_u * by_x + blur.y_by_u * by_y);
   const V by_v = -(blur.x_by_v * by_x + blur.y_by_v * by_y);
+  const V edge_weight = by_u * by_u + by_v * by_v;
+  const V size = root * AbsLanes(residual);
+  at_edges->weights += SumOfLanes<V>(edge_weight);
+  at_edges->weights_squared += SumOfLanes<V>(edge_weight * edge_weight);
+  at_edges->sizes += SumOfLanes<V>(edge_weight * size);
+  at_edges->squares += SumOfLanes<V>(edge_weight * size * size);
   const auto add = [&](const V& column) __attribute__((always_inline)) {
     StoreLanes(column, columns);
     columns += Rows::kStride;
@@ -484,8 +491,8 @@ template <int kLanes>
 HEBA_INLINE bool FillRows(const PatternTask& task, size_t begin, size_t end, const double* numbers,
                           const PatternGroup* groups, double* residuals, Rows* rows) {
   for (size_t i = begin; i < end; i += kLanes, ++groups) {
-    if (!FillRow<kLanes>(task, i, numbers + groups->begin, groups->num_x, groups->num_y, rows->columns[0] + (i - begin),
-                         residuals, &rows->cost)) {
+    if (!FillRow<kLanes>(task, i, numbers + groups->begin, groups->num_x, groups->num_y, residuals,
+                         rows->columns[0] + (i - begin), &rows->cost, &rows->at_edges)) {
       return false;
     }
   }
@@ -617,6 +624,7 @@ std::optional<PatternSums> PatternRows::Sum(const PatternMap& map, const Pattern
   if (!std::isfinite(rows.cost)) return std::nullopt;
   sums.products = products.Matrix();
   sums.cost = rows.cost;
+  sums.at_edges = rows.at_edges;
   sums.residuals.resize(pixels_.size());
   return sums;
 }

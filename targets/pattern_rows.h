@@ -90,6 +90,15 @@ class PatternPixels {
   std::vector<double> y_;
 };
 
+// The residuals at edges, which alone tell where the pattern is: sums over all pixels, each of which counts by the
+// square of its slope (grey values by px).
+struct EdgeResiduals {
+  double weights = 0;
+  double weights_squared = 0;
+  double sizes = 0;
+  double squares = 0;
+};
+
 // The sums over all pixels of a linearisation.
 struct PatternSums {
   // Of all pairs of columns: the residuals' derivatives by the sought parameters, the residuals, and, if asked for, the
@@ -97,6 +106,7 @@ struct PatternSums {
   Eigen::MatrixXd products;
   double cost = 0;                // Half the sum of Huber's rho, grey values squared.
   std::vector<double> residuals;  // Of each pixel, what is expected less what is seen; not weighted.
+  EdgeResiduals at_edges;         // Weighted by Huber too.
 };
 
 struct PatternTask;

@@ -471,6 +471,18 @@ std::vector<Eigen::Vector2d> OutlinePx(const Drawing& drawing, SheetView& view) 
   return outline_px;
 }
 
+// The scene at the centres of the pixels.
+void SampleCentres(const DrawingEdges& drawing, const Camera& camera, const SheetView& view, cv::Mat* albedo,
+                   cv::Mat* on_sheet) {
+  for (int y = 0; y < albedo->rows; ++y) {
+    for (int x = 0; x < albedo->cols; ++x) {
+      const SheetValue value = view.ValueAt(drawing, UnprojectPixel(camera, Eigen::Vector2d(x, y)));
+      albedo->at<float>(y, x) = static_cast<float>(value.albedo);
+      on_sheet->at<float>(y, x) = static_cast<float>(value.on_sheet);
+    }
+  }
+}
+
 // The light on every pixel, of at most 1.
 class Light {
  public:
@@ -547,11 +559,12 @@ cv::Mat RenderView(const Drawing& drawing, const Camera& camera, const Rigid3d& 
   cv::Mat albedo;
   cv::Mat on_sheet;
   sum.Finish(corner, &albedo, &on_sheet);
+  if (options.is_point_sampled) SampleCentres(seen, camera, view, &albedo, &on_sheet);
 
   if (options.clutter) {
     cv::Mat background =
         DrawClutter(camera.width_px, camera.height_px, OutlinePx(drawing, view), Rng(options.seed, kClutter));
-    if (options.blur_sigma_px > 0) {
+    if (options.blur_sigma_px > 0 && !options.is_point_sampled) {
       cv::GaussianBlur(background, background, cv::Size(), options.blur_sigma_px, 0, cv::BORDER_REPLICATE);
     }
     albedo += background.mul(1 - on_sheet);

@@ -18,6 +18,8 @@ enum class GreyDepth { k8Bit, k16Bit };
 struct RenderOptions {
   // Gaussian, beside the pixel's own box. Less than 0.02 px counts as 0.02 px.
   double blur_sigma_px = 0.7;
+  // The scene at each pixel's centre alone, without blur or pixel box, as renderers without anti-aliasing draw it.
+  bool is_point_sampled = false;
   double noise_sigma_grey = 0;  // Grey levels are of 255, at either depth.
   double black_grey = 30;       // Of albedo 0.
   double white_grey = 220;      // Of albedo 1.
@@ -33,11 +35,11 @@ struct RenderOptions {
   [[nodiscard]] std::string Check() const;
 };
 
-// A pixel is the integral of the scene over its box and the blur, (0, 0) being the centre of the first one; then come
-// light, noise (clipped) and rounding. The scene is the sheet, plain grey from behind, before the background, which
-// also shows where a pixel has no ray. Edges are exact but for that of the sheet before clutter: there the two are
-// blurred apart. CV_8UC1, or CV_16UC1 with 257 units a grey level. The same inputs give the same bytes, on any thread.
-// `options` and `camera` must be valid.
+// A pixel is the integral of the scene over its box and the blur, (0, 0) being the centre of the first one (or the
+// scene at that centre, see is_point_sampled); then come light, noise (clipped) and rounding. The scene is the sheet,
+// plain grey from behind, before the background, which also shows where a pixel has no ray. Edges are exact but for
+// that of the sheet before clutter: there the two are blurred apart. CV_8UC1, or CV_16UC1 with 257 units a grey level.
+// The same inputs give the same bytes, on any thread. `options` and `camera` must be valid.
 cv::Mat RenderView(const Drawing& drawing, const Camera& camera, const Rigid3d& camera_from_target,
                    const RenderOptions& options = {});
 

@@ -16,6 +16,7 @@
 
 #include "heba/base/error.h"
 #include "targets/confusions.h"
+#include "targets/corner_lattice.h"
 #include "targets/corner_refinement.h"
 #include "targets/homography.h"
 #include "targets/saddle_grid.h"
@@ -68,22 +69,32 @@ constexpr Finder kFinders[] = {
 };
 constexpr double kMaxEnlargement = 3;
 
-// Of the grids of corners in the picture, or of parts of them, in inner corners: what the first two finders see if
-// any size is right.
-std::vector<cv::Size> SizesSeen(const cv::Mat& grey) {
-  const double scale = std::min(1.0, kFinders[0].max_side_px / std::max(grey.cols, grey.rows));
+// Inner corners: OpenCV's finders need as many.
+constexpr int kMinSide = 3;
+
+// A grid of corners in the image, row by row, or a part of one.
+struct SeenGrid {
+  cv::Size size;
+  Corners corners;
+};
+
+// What the first two finders see in a part of the image if any size is right.
+std::vector<SeenGrid> GridsSeen(const cv::Mat& grey, const cv::Rect& part) {
+  const double scale = std::min(1.0, kFinders[0].max_side_px / std::max(part.width, part.height));
   cv::Mat picture;
-  cv::resize(grey, picture, {}, scale, scale, cv::INTER_AREA);
-  std::vector<cv::Size> sizes;
+  cv::resize(grey(part), picture, {}, scale, scale, cv::INTER_AREA);
+  std::vector<SeenGrid> grids;
   for (const int flags : {0, static_cast<int>(cv::CALIB_CB_NORMALIZE_IMAGE)}) {
-    constexpr int kLeastSide = 3;
-    std::vector<cv::Point2f> corners;
+    std::vector<cv::Point2f> found;
     cv::Mat meta;
-    const bool is_seen = cv::findChessboardCornersSB(picture, {kLeastSide, kLeastSide}, corners,
+    const bool is_seen = cv::findChessboardCornersSB(picture, {kMinSide, kMinSide}, found,
                                                      flags | static_cast<int>(cv::CALIB_CB_LARGER), meta);
-    if (is_seen) sizes.push_back(meta.size());
+    if (!is_seen) continue;
+    Corners corners = FromOpenCv(found, scale);
+    for (Eigen::Vector2d& corner : corners) corner += Eigen::Vector2d(part.x, part.y);
+    grids.push_back({meta.size(), std::move(corners)});
   }
-  return sizes;
+  return grids;
 }
 
 class Chessboard final : public Target {
@@ -117,25 +128,31 @@ class Chessboard final : public Target {
       detection.reason = "the picture is too small";
       return detection;
     }
-    if (const std::optional<Corners> corners = FindCorners(grey)) {
+    cv::Rect may_be_in;
+    if (const std::optional<Corners> corners = FindCorners(grey, &may_be_in)) {
+      // What a window finds that did not see what is drawn: a guess that such a point counts for little.
+      constexpr double kSaddleSigmaPx = 0.15;
       const Drawing& seen = ColourScore(grey, *corners) < 0 ? inverted_ : drawing_;
       for (const TargetPoint& point : points_) {
-        const MeasuredCorner corner = Measure(grey, *corners, seen, point);
-        detection.ids.push_back(point.id);
-        detection.pixels.push_back(corner.pixel);
-        detection.covariances_px2.emplace_back(corner.covariance_px2);
+        const MeasuredCorner saddle{(*corners)[static_cast<size_t>(point.id)],
+                                    kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
+        Append(point, Measure(grey, *corners, seen, point).value_or(saddle), &detection);
       }
       return detection;
     }
+    PartlySeen partly;
+    if (!may_be_in.empty()) partly = DetectPartly(grey, GridsSeen(grey, may_be_in));
+    if (!partly.detection.ids.empty()) return partly.detection;
     detection.reason = "no board of " + std::to_string(rows_) + " x " + std::to_string(columns_) +
-                       " inner corners found; it must be seen whole, with a light rim";
+                       " inner corners found; it must be seen with a light rim" + partly.detection.reason;
     return detection;
   }
 
   // The size of the board that is seen, whatever it is: boards are counted wrongly in more ways than can be tried.
   std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
     std::vector<TargetSettings> confusions;
-    for (const cv::Size& size : SizesSeen(grey)) {
+    for (const SeenGrid& grid : GridsSeen(grey, cv::Rect(0, 0, grey.cols, grey.rows))) {
+      const cv::Size& size = grid.size;
       // Lying or standing as the config has it.
       const bool is_alike = (size.width >= size.height) == (columns_ >= rows_);
       confusions.push_back(is_alike ? RowsAndColumns(size.height, size.width)
@@ -164,9 +181,10 @@ class Chessboard final : public Target {
   }
 
  private:
-  std::optional<Corners> FindCorners(const cv::Mat& grey) const {
+  // All corners, refined; nothing if the board is not seen whole. `may_be_in` then says where it may be all the same,
+  // and is empty if it is nowhere.
+  std::optional<Corners> FindCorners(const cv::Mat& grey, cv::Rect* may_be_in) const {
     const cv::Size size(columns_, rows_);
-    cv::Rect may_be_in;
     double last_scale = 0;
     for (const Level& level : kLevels) {
       const double scale = ScaleOf(grey, level.max_side_px, level.min_side_px);
@@ -175,23 +193,176 @@ class Chessboard final : public Target {
       last_scale = scale;
       const SaddleGrid grid = FindSaddleGrid(Resized(grey, scale), size);
       if (std::optional<Corners> corners = Accepted(grey, grid.corners, scale, {0, 0})) return corners;
-      if (may_be_in.empty() && !grid.may_be_in.empty()) {
+      if (may_be_in->empty() && !grid.may_be_in.empty()) {
         const cv::Rect& in = grid.may_be_in;
         const cv::Point first(cvFloor(in.x / scale), cvFloor(in.y / scale));
         const cv::Point last(cvCeil(in.br().x / scale), cvCeil(in.br().y / scale));
-        may_be_in = cv::Rect(first, last) & cv::Rect(0, 0, grey.cols, grey.rows);
+        *may_be_in = cv::Rect(first, last) & cv::Rect(0, 0, grey.cols, grey.rows);
       }
     }
     constexpr int kMinSidePx = 16;
-    if (std::min(may_be_in.width, may_be_in.height) < kMinSidePx) return std::nullopt;
+    if (std::min(may_be_in->width, may_be_in->height) < kMinSidePx) {
+      *may_be_in = {};
+      return std::nullopt;
+    }
     for (const Finder& finder : kFinders) {
-      const cv::Mat part = grey(may_be_in);
+      const cv::Mat part = grey(*may_be_in);
       const double scale = ScaleOf(grey, finder.max_side_px, finder.min_side_px);
       std::vector<cv::Point2f> found;
       if (!finder.find(Resized(part, scale), size, &found)) continue;
-      if (std::optional<Corners> corners = Accepted(grey, found, scale, may_be_in.tl())) return corners;
+      if (std::optional<Corners> corners = Accepted(grey, found, scale, may_be_in->tl())) return corners;
     }
     return std::nullopt;
+  }
+
+  static void Append(const TargetPoint& point, const MeasuredCorner& corner, Detection* detection) {
+    detection->ids.push_back(point.id);
+    detection->pixels.push_back(corner.pixel);
+    detection->covariances_px2.emplace_back(corner.covariance_px2);
+  }
+
+  struct PartlySeen {
+    Detection detection;
+    size_t num_seen = 0;  // Corners of one grid, whether or not they have been numbered.
+  };
+  // The corners of a board that is covered in part, from a part of its grid. Those that are seen must reach from the
+  // first to the last row and column, else their numbers are not known; `reason` then goes on from "no board found".
+  PartlySeen DetectPartly(const cv::Mat& grey, const std::vector<SeenGrid>& grids) const {
+    PartlySeen result;
+    for (const SeenGrid& grid : grids) {
+      const CornerLattice lattice = LatticeOf(grey, grid);
+      result.num_seen = std::max(result.num_seen, lattice.size());
+      const std::optional<Corners> corners = Complete(grey, lattice);
+      if (!corners) {
+        const LatticeExtent extent = ExtentOf(lattice);
+        result.detection.reason = "; of " + std::to_string(extent.rows) + " x " + std::to_string(extent.columns) +
+                                  " corners that are seen rows and columns cannot be told";
+        continue;
+      }
+      Detection visible = MeasureVisible(grey, *corners);
+      if (!ReachesAllSides(visible.ids)) {
+        result.detection.reason = "; too many of the outer corners are covered to tell rows and columns";
+        continue;
+      }
+      if (visible.ids.size() < points_.size()) {
+        visible.reason = std::to_string(points_.size() - visible.ids.size()) + " corners are covered";
+      }
+      result.detection = std::move(visible);
+      break;
+    }
+    return result;
+  }
+
+  // Everything that belongs to a grid.
+  CornerLattice LatticeOf(const cv::Mat& grey, const SeenGrid& grid) const {
+    CornerLattice start;
+    for (size_t i = 0; i < grid.corners.size(); ++i) {
+      const int index = static_cast<int>(i);
+      start[{index / grid.size.width, index % grid.size.width}] = grid.corners[i];
+    }
+    CornerLattice best;
+    for (const bool is_first_black : {true, false}) {
+      // A row or column more than the board has shows that it is another one.
+      const CornerLattice lattice =
+          GrowLattice(start, std::max(rows_, columns_) + 1, [&](const LatticePlace& place, const Eigen::Matrix3d& map) {
+            return FindInLattice(grey, is_first_black == IsBlack(place.row, place.column), place, map);
+          });
+      if (lattice.size() > best.size()) best = lattice;
+    }
+    return best;
+  }
+
+  // `is_black`: the square above and left of the corner.
+  static std::optional<Eigen::Vector2d> FindInLattice(const cv::Mat& grey, bool is_black, const LatticePlace& place,
+                                                      const Eigen::Matrix3d& image_from_lattice) {
+    constexpr double kWindowRatio = 0.75;
+    constexpr double kMinContrastGrey = 8;
+    const Eigen::Vector2d at(place.column, place.row);
+    const Eigen::Vector2d predicted_px = Map(image_from_lattice, at);
+    const Eigen::Vector2d side_px = Map(image_from_lattice, at + Eigen::Vector2d(1, 0)) - predicted_px;
+    const Eigen::Vector2d other_px = Map(image_from_lattice, at + Eigen::Vector2d(0, 1)) - predicted_px;
+    const double area_px2 = std::abs(side_px.x() * other_px.y() - side_px.y() * other_px.x());
+    const double reach_px = area_px2 / std::max({side_px.norm(), other_px.norm(), 1e-9});
+    const std::optional<Eigen::Vector2d> corner_px =
+        RefineCorner(grey, predicted_px, kWindowRatio * reach_px, std::max(2.0, 0.3 * reach_px));
+    if (!corner_px) return std::nullopt;
+    double black_max = 0;
+    double white_min = 255;
+    for (const double share : {0.2, 0.35}) {
+      for (const int down : {-1, 1}) {
+        for (const int across : {-1, 1}) {
+          const Eigen::Vector2d at_px = *corner_px + share * (across * side_px + down * other_px);
+          const cv::Point pixel(static_cast<int>(std::lround(at_px.x())), static_cast<int>(std::lround(at_px.y())));
+          if (pixel.x < 0 || pixel.y < 0 || pixel.x >= grey.cols || pixel.y >= grey.rows) return std::nullopt;
+          const double level = grey.at<uchar>(pixel);
+          if ((down == across) == is_black) {
+            black_max = std::max(black_max, level);
+          } else {
+            white_min = std::min(white_min, level);
+          }
+        }
+      }
+    }
+    if (white_min - black_max < kMinContrastGrey) return std::nullopt;
+    return corner_px;
+  }
+
+  // All corners of the board in its order, those that are covered as their neighbours predict them; nothing if the
+  // lattice is smaller or larger than the board.
+  std::optional<Corners> Complete(const cv::Mat& grey, const CornerLattice& lattice) const {
+    const LatticeExtent extent = ExtentOf(lattice);
+    const bool is_upright = extent.rows == rows_ && extent.columns == columns_;
+    if (!is_upright && !(extent.rows == columns_ && extent.columns == rows_)) return std::nullopt;
+    Corners corners;
+    for (int row = 0; row < rows_; ++row) {
+      for (int column = 0; column < columns_; ++column) {
+        const LatticePlace place{extent.first.row + (is_upright ? row : column),
+                                 extent.first.column + (is_upright ? column : row)};
+        const auto seen = lattice.find(place);
+        if (seen != lattice.end()) {
+          corners.push_back(seen->second);
+          continue;
+        }
+        const std::optional<Eigen::Matrix3d> map = MapNear(lattice, place);
+        if (!map) return std::nullopt;
+        corners.push_back(Map(*map, {place.column, place.row}));
+      }
+    }
+    Arrange(grey, &corners);
+    return corners;
+  }
+
+  Detection MeasureVisible(const cv::Mat& grey, const Corners& corners) const {
+    // Of a corner's grey values: fewer are left to Huber's loss.
+    constexpr double kMaxCovered = 0.05;
+    const bool inverted = ColourScore(grey, corners) < 0;
+    Detection detection;
+    for (const TargetPoint& point : points_) {
+      const int row = point.id / columns_;
+      const int column = point.id % columns_;
+      if (!IsSaddle(grey, corners, row, column, 0.2, inverted)) continue;
+      const std::optional<MeasuredCorner> corner = Measure(grey, corners, inverted ? inverted_ : drawing_, point);
+      if (corner && corner->outlier_share <= kMaxCovered) Append(point, *corner, &detection);
+    }
+    return detection;
+  }
+
+  // Whether of every outer row and column enough corners are among `ids`, and half of all.
+  bool ReachesAllSides(const std::vector<int>& ids) const {
+    int num_top = 0;
+    int num_bottom = 0;
+    int num_left = 0;
+    int num_right = 0;
+    for (const int id : ids) {
+      num_top += id / columns_ == 0 ? 1 : 0;
+      num_bottom += id / columns_ == rows_ - 1 ? 1 : 0;
+      num_left += id % columns_ == 0 ? 1 : 0;
+      num_right += id % columns_ == columns_ - 1 ? 1 : 0;
+    }
+    // A single one may be something else.
+    const auto is_enough = [](int num, int of) { return num >= std::max(2, of / 3); };
+    return is_enough(num_top, columns_) && is_enough(num_bottom, columns_) && is_enough(num_left, rows_) &&
+           is_enough(num_right, rows_) && 2 * ids.size() >= points_.size();
   }
 
   static double ScaleOf(const cv::Mat& grey, double max_side_px, double min_side_px) {
@@ -354,26 +525,32 @@ class Chessboard final : public Target {
   }
 
   // By all grey values nearer to this corner than to others.
-  MeasuredCorner Measure(const cv::Mat& grey, const Corners& corners, const Drawing& drawing,
-                         const TargetPoint& point) const {
+  std::optional<MeasuredCorner> Measure(const cv::Mat& grey, const Corners& corners, const Drawing& drawing,
+                                        const TargetPoint& point) const {
     const int row = point.id / columns_;
     const int column = point.id % columns_;
+    const Eigen::Vector2d at_m = point.in_target.head<2>();
+    const double half_m = 0.5 * square_m_;
     std::vector<Eigen::Vector2d> near_m;
     std::vector<Eigen::Vector2d> near_px;
-    for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r) {
-      for (int c = std::max(0, column - 1); c <= std::min(columns_ - 1, column + 1); ++c) {
+    const int first_row = std::clamp(row - 1, 0, rows_ - kMinSide);
+    const int first_column = std::clamp(column - 1, 0, columns_ - kMinSide);
+    for (int r = first_row; r < first_row + kMinSide; ++r) {
+      for (int c = first_column; c < first_column + kMinSide; ++c) {
         near_m.emplace_back(points_[Index(r, c)].in_target.head<2>());
         near_px.push_back(corners[Index(r, c)]);
       }
     }
     const Eigen::Vector2d& here_px = corners[Index(row, column)];
     const std::optional<Eigen::Matrix3d> picture_from_board = FitHomography(near_m, near_px);
-    if (!picture_from_board) return {here_px, Eigen::Matrix2d::Identity()};
-    // What a window finds that did not see what is drawn: a guess that such a point counts for little.
-    constexpr double kSaddleSigmaPx = 0.15;
-    const MeasuredCorner saddle{here_px, kSaddleSigmaPx * kSaddleSigmaPx * Eigen::Matrix2d::Identity()};
-    return MeasureCorner(grey, drawing, point.in_target.head<2>(), 0.5 * square_m_, *picture_from_board, here_px)
-        .value_or(saddle);
+    if (!picture_from_board) return std::nullopt;
+    std::vector<Eigen::Vector2d> offsets;
+    std::vector<Eigen::Vector2d> residuals_px;
+    for (size_t k = 0; k < near_m.size(); ++k) {
+      offsets.emplace_back((near_m[k] - at_m) / half_m);
+      residuals_px.emplace_back(near_px[k] - Map(*picture_from_board, near_m[k]));
+    }
+    return MeasureCorner(grey, drawing, at_m, half_m, *picture_from_board, here_px, BendOf(offsets, residuals_px));
   }
 
   // How far a corner is from the next lines of the board.
@@ -403,7 +580,7 @@ class Chessboard final : public Target {
 }  // namespace
 
 std::unique_ptr<Target> CreateTarget_chessboard(MapReader& reader) {
-  constexpr IntRange kCorners = {3, 100};  // OpenCV's finders need three a side.
+  constexpr IntRange kCorners = {kMinSide, 100};
   const int rows = reader.Int("rows", kCorners);
   const int columns = reader.Int("columns", kCorners);
   const double square_m = reader.PositiveLength("square");

@@ -11,7 +11,7 @@ namespace {
 // 20 captures, 0.1 mm, 0.01 deg, all as it should be.
 RunResult GoodResult() {
   RunResult result;
-  for (int i = 0; i < 20; ++i) result.captures.push_back({std::to_string(i), "", 48, true, "", "", 0, 0, 0.1, {}, {}});
+  for (int i = 0; i < 20; ++i) result.captures.push_back({std::to_string(i), "", 48, true, "", 0, 0, 0.1, {}, {}});
   Estimate closed;
   closed.method = "park";
   closed.kind = "closed_form";
@@ -127,7 +127,7 @@ TEST(VerdictTest, ClosedFormsAreComparedInTheMetricOfAllNoise) {
 
 TEST(VerdictTest, ImagesWithoutTheTargetAreNoBadCaptures) {
   RunResult result = GoodResult();
-  for (int i = 0; i < 60; ++i) result.captures.push_back({"away", "", 0, false, "no target", "", 0, 0, {}, {}, {}});
+  for (int i = 0; i < 60; ++i) result.captures.push_back({"away", "", 0, false, "no target", 0, 0, {}, {}, {}});
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
 }
 

@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <Eigen/LU>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -60,6 +61,44 @@ TEST(Chessboard, DrawnBoardsAreFoundWhereTheyAre) {
   }
 }
 
+// Pixels that are black or white alone: more precise than OpenCV's finder with its option for accuracy. The stated
+// covariance is not too small; it is too large, since steps that alternate along an edge cancel each other.
+TEST(Chessboard, ImagesWithoutAntiAliasing) {
+  constexpr int kRows = 5;
+  constexpr int kColumns = 8;
+  const std::unique_ptr<Target> target = MakeBoard(kRows, kColumns);
+  const Camera camera = PictureCamera();
+  DetectionErrors own;
+  DetectionErrors of_opencv;
+  double chi2 = 0;
+  for (int view = 0; view < 6; ++view) {
+    Rng rng(26, static_cast<uint64_t>(view));
+    const Rigid3d camera_from_target = RandomView(target->Draw(), 0.8, 0.7, 0.6, rng);
+    RenderOptions options;
+    options.is_point_sampled = true;
+    options.noise_sigma_grey = 2;
+    options.seed = static_cast<uint64_t>(view);
+    const cv::Mat grey = RenderView(target->Draw(), camera, camera_from_target, options);
+    Detection detection = target->Detect(grey);
+    ASSERT_EQ(detection.ids.size(), target->points().size());
+    own.Add(ErrorsOf(*target, camera, camera_from_target, detection));
+    for (size_t i = 0; i < detection.ids.size(); ++i) {
+      const Eigen::Vector2d truth_px = PixelOf(target->points()[i], camera, camera_from_target).value();
+      const Eigen::Vector2d error_px = detection.pixels[i] - truth_px;
+      chi2 += error_px.dot(detection.covariances_px2[i].inverse() * error_px);
+    }
+    std::vector<cv::Point2f> corners;
+    ASSERT_TRUE(cv::findChessboardCornersSB(grey, {kColumns, kRows}, corners, cv::CALIB_CB_ACCURACY));
+    for (size_t i = 0; i < corners.size(); ++i) detection.pixels[i] = {corners[i].x, corners[i].y};
+    of_opencv.Add(ErrorsOf(*target, camera, camera_from_target, detection));
+  }
+  RecordProperty("rms_px", std::to_string(own.RmsPx()));
+  RecordProperty("opencv_rms_px", std::to_string(of_opencv.RmsPx()));
+  EXPECT_LT(own.RmsPx(), of_opencv.RmsPx());
+  EXPECT_LT(chi2 / (2.0 * static_cast<double>(own.num_found)), 2);
+  EXPECT_GT(chi2 / (2.0 * static_cast<double>(own.num_found)), 0.08);
+}
+
 // A board with one order is read in it, however it is turned.
 TEST(Chessboard, ColoursTellTheOrder) {
   const std::unique_ptr<Target> target = MakeBoard(5, 8);
@@ -113,6 +152,112 @@ TEST(Chessboard, ABlankWallIsNotSearched) {
   cv::RNG random(25);
   random.fill(wall, cv::RNG::NORMAL, 120, 5);
   EXPECT_THAT(target->Detect(wall).reason, HasSubstr("no board of 5 x 8"));
+}
+
+// What is drawn over a board in its image, and what is found of it.
+struct CoveredView {
+  Camera camera = PictureCamera();
+  Rigid3d camera_from_target;
+  cv::Mat grey;
+  cv::Mat cover;  // Where it is covered.
+
+  CoveredView(const Target& target, int view) {
+    Rng rng(27, static_cast<uint64_t>(view));
+    camera_from_target = RandomView(target.Draw(), 0.8, 0.5, 0.4, rng);
+    RenderOptions options;
+    options.noise_sigma_grey = 2;
+    options.seed = static_cast<uint64_t>(view);
+    grey = RenderView(target.Draw(), camera, camera_from_target, options);
+    cover = cv::Mat::zeros(grey.size(), CV_8U);
+  }
+  cv::Point At(double x_squares, double y_squares) const {
+    const Eigen::Vector2d pixel =
+        ProjectPoint(camera, camera_from_target * Eigen::Vector3d(0.02 * x_squares, 0.02 * y_squares, 0)).value();
+    return {static_cast<int>(std::lround(pixel.x())), static_cast<int>(std::lround(pixel.y()))};
+  }
+  void Line(const std::vector<cv::Point>& points, int width_px, int level) {
+    for (size_t i = 0; i + 1 < points.size(); ++i) {
+      cv::line(grey, points[i], points[i + 1], level, width_px, cv::LINE_AA);
+      cv::line(cover, points[i], points[i + 1], 255, width_px);
+    }
+  }
+};
+
+struct CoveredCorners {
+  int num_wrong = 0;     // Found elsewhere than they are.
+  int num_unseen = 0;    // Found though covered.
+  int num_missed = 0;    // Not found though what is covered is farther than 0.8 squares away.
+  int num_left_out = 0;  // Not found.
+  double largest_error_px = 0;
+};
+CoveredCorners Judge(const Target& target, const CoveredView& view, const Detection& detection) {
+  cv::Mat distance_px;
+  cv::distanceTransform(255 - view.cover, distance_px, cv::DIST_L2, 5);
+  const double square_px = cv::norm(view.At(1, 1) - view.At(0, 1));
+  CoveredCorners result;
+  for (const TargetPoint& point : target.points()) {
+    const Eigen::Vector2d truth_px = PixelOf(point, view.camera, view.camera_from_target).value();
+    const auto away_px =
+        distance_px.at<float>(static_cast<int>(std::lround(truth_px.y())), static_cast<int>(std::lround(truth_px.x())));
+    const auto found = std::find(detection.ids.begin(), detection.ids.end(), point.id);
+    if (found == detection.ids.end()) {
+      ++result.num_left_out;
+      result.num_missed += away_px > 0.8 * square_px ? 1 : 0;
+      continue;
+    }
+    const double error_px = (detection.pixels[static_cast<size_t>(found - detection.ids.begin())] - truth_px).norm();
+    result.largest_error_px = std::max(result.largest_error_px, error_px);
+    result.num_wrong += error_px > 0.5 ? 1 : 0;
+    result.num_unseen += away_px == 0 ? 1 : 0;
+  }
+  return result;
+}
+
+TEST(Chessboard, ACableLeavesTheCornersBesideIt) {
+  const std::unique_ptr<Target> target = MakeBoard(7, 10);
+  for (const int level : {10, 120, 240}) {
+    for (int i = 0; i < 2; ++i) {
+      CoveredView view(*target, i);
+      view.Line({view.At(-3, 1.2), view.At(2.4, 2.7), view.At(5.2, 3.1), view.At(7.5, 5.6), view.At(9, 9)}, 14, level);
+      const Detection detection = target->Detect(view.grey);
+      const CoveredCorners judged = Judge(*target, view, detection);
+      EXPECT_EQ(judged.num_wrong, 0) << "level " << level << ", view " << i;
+      EXPECT_EQ(judged.num_unseen, 0) << "level " << level << ", view " << i;
+      EXPECT_EQ(judged.num_missed, 0) << "level " << level << ", view " << i << ": " << detection.reason;
+      EXPECT_GT(judged.num_left_out, 0) << "level " << level << ", view " << i;
+      EXPECT_LT(judged.largest_error_px, 0.3) << "level " << level << ", view " << i;
+    }
+  }
+}
+
+TEST(Chessboard, FingersOverAnEdgeLeaveTheOtherCorners) {
+  const std::unique_ptr<Target> target = MakeBoard(7, 10);
+  for (int i = 0; i < 3; ++i) {
+    CoveredView view(*target, i);
+    for (const double x : {2.2, 3.6, 5.0}) view.Line({view.At(x, -4), view.At(x - 0.3, 1.3)}, 32, 150);
+    const Detection detection = target->Detect(view.grey);
+    const CoveredCorners judged = Judge(*target, view, detection);
+    EXPECT_EQ(judged.num_wrong, 0) << "view " << i;
+    EXPECT_EQ(judged.num_unseen, 0) << "view " << i;
+    EXPECT_EQ(judged.num_missed, 0) << "view " << i << ": " << detection.reason;
+    EXPECT_THAT(detection.reason, HasSubstr("corners are covered"));
+  }
+}
+
+// Rows and columns cannot be counted then, whichever side is covered.
+TEST(Chessboard, ACoveredOuterRowIsRefused) {
+  const std::unique_ptr<Target> target = MakeBoard(7, 10);
+  for (int side = 0; side < 4; ++side) {
+    CoveredView view(*target, side);
+    const double x = side == 0 ? 0 : 9;
+    const double y = side == 2 ? 0 : 6;
+    const std::vector<cv::Point> line = side < 2 ? std::vector<cv::Point>{view.At(x, -2), view.At(x, 8)}
+                                                 : std::vector<cv::Point>{view.At(-2, y), view.At(11, y)};
+    view.Line(line, 30, 150);
+    const Detection detection = target->Detect(view.grey);
+    EXPECT_THAT(detection.ids, IsEmpty()) << "side " << side;
+    EXPECT_THAT(detection.reason, HasSubstr("rows and columns cannot be told")) << "side " << side;
+  }
 }
 
 TEST(Chessboard, RejectsTooFewCorners) {

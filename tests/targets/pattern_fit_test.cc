@@ -98,7 +98,7 @@ struct FitTotals {
 };
 
 // Rendered views of the corner at the origin, tilted and turned, from a start that is wrong by up to half a pixel.
-FitTotals FitViews(const RenderOptions& options_in, int num_views) {
+FitTotals FitViews(const RenderOptions& options_in, int num_views, double squares_sigma_px = 0) {
   const Drawing drawing = TestDrawing();
   const Camera camera{"pinhole", 120, 100, {900, 900, 59.5, 49.5}};
   Rng rng(3);
@@ -122,6 +122,7 @@ FitTotals FitViews(const RenderOptions& options_in, int num_views) {
     PatternFitOptions fit_options;
     fit_options.min_m = {-0.008, -0.008};
     fit_options.max_m = {0.008, 0.008};
+    fit_options.squares_sigma_px = squares_sigma_px;
     const std::optional<PatternFit> fit = FitPattern(picture, CellsOf(drawing, {-0.016, -0.016}, {0.016, 0.016}),
                                                      shift * truth, {Eigen::Vector2d::Zero()}, fit_options);
     if (!fit) continue;
@@ -168,6 +169,32 @@ TEST(FitPatternTest, WithoutNoiseIsRightToThousandths) {
   const FitTotals totals = FitViews({}, 40);
   EXPECT_EQ(totals.count, 40);
   EXPECT_LT(std::sqrt(totals.squares_px2 / 80), 0.003);
+}
+
+// Whose pixels are black or white, but for the noise: the steps along the edges are the larger error.
+TEST(FitPatternTest, StatesTheErrorOfImagesWithoutAntiAliasing) {
+  RenderOptions options;
+  options.is_point_sampled = true;
+  options.noise_sigma_grey = 2;
+  constexpr int kViews = 200;
+  const FitTotals totals = FitViews(options, kViews);
+  EXPECT_EQ(totals.count, kViews);
+  EXPECT_LT(std::sqrt(totals.squares_px2 / (2 * kViews)), 0.12);
+  // The steps alternate along an edge, so that their errors are not independent: a factor of two of sigma either way.
+  EXPECT_GT(totals.chi2 / (2 * kViews), 0.25);
+  EXPECT_LT(totals.chi2 / (2 * kViews), 2);
+}
+
+// An edge that cannot bend is placed by all of its pixels: 9/4 of the information on a line's place.
+TEST(FitPatternTest, GainsByWhatIsKnownOfTheBend) {
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  constexpr int kViews = 200;
+  const FitTotals unknown = FitViews(options, kViews);
+  const FitTotals known = FitViews(options, kViews, /*squares_sigma_px=*/1e-3);
+  EXPECT_EQ(known.count, kViews);
+  EXPECT_LT(std::sqrt(known.squares_px2 / unknown.squares_px2), 0.85);
+  EXPECT_NEAR(known.chi2 / (2 * kViews), 1, 0.25);
 }
 
 TEST(FitPatternTest, RefusesWhatIsNotThere) {

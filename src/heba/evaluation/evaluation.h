@@ -49,7 +49,7 @@ struct CaptureResult {
   std::string role;
   int num_points = 0;
   bool used = false;
-  std::string reason;  // Why not used, or what is odd about it.
+  std::string reason;            // Why not used, or what is odd about it.
   int num_second_pass = 0;       // Of the points, those found only where the first estimate said to look.
   int num_rejected = 0;          // Of the points, those that the estimate left out.
   std::optional<double> rms_px;  // With the refined estimate, from the robot's pose as it was given.
