@@ -419,11 +419,14 @@ class Continuation {
   // Where a board of `size` corners may be, with what is drawn around it; empty if nowhere.
   cv::Rect MayBeIn(cv::Size size) const {
     if (!pixel_from_cell_) return {};
-    // What is drawn around a board may look like more of it.
-    constexpr int kMaxMore = 2;
     const int spare_columns = size.width - bounds_.width;
     const int spare_rows = size.height - bounds_.height;
-    if (std::min(spare_columns, spare_rows) < -kMaxMore) return {};
+    // What is drawn around a board may look like more of it: a rim on all sides, around a small board on any side.
+    constexpr int kSmall = 30;
+    constexpr int kRimLines = 2;
+    const bool is_with_rim = spare_columns == -kRimLines && spare_rows == -kRimLines;
+    const int most_more = size.area() < kSmall ? kRimLines : 0;
+    if (std::min(spare_columns, spare_rows) < -most_more && !is_with_rim) return {};
     cv::Rect region;
     for (int left = 0; left <= std::max(0, spare_columns); ++left) {
       for (int above = 0; above <= std::max(0, spare_rows); ++above) {
