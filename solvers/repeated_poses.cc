@@ -3,8 +3,30 @@
 #include <algorithm>
 #include <numeric>
 
+#include <Eigen/QR>
+
 namespace heba {
 namespace {
+
+// The same measurements in no more rows than there are columns: what the triangular factor of [correction, unknowns,
+// offset] leaves of the offset alone is independent of all of them.
+LinearView Condensed(const LinearView& view) {
+  const Eigen::Index n = view.by_unknowns.cols();
+  const Eigen::Index rows = 6 + n;
+  if (view.offset.size() <= rows + 1) return view;
+  Eigen::MatrixXd all(view.offset.size(), rows + 1);
+  all << view.by_correction, view.by_unknowns, view.offset;
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(all);
+  const Eigen::MatrixXd factor = qr.matrixQR().topRows(rows + 1).triangularView<Eigen::Upper>();
+  LinearView condensed;
+  condensed.by_correction = factor.topLeftCorner(rows, 6);
+  condensed.by_unknowns = factor.block(0, 6, rows, n);
+  condensed.offset = factor.col(rows).head(rows);
+  condensed.num_unmoved = n;
+  condensed.rest_squares = view.rest_squares + factor(rows, rows) * factor(rows, rows);
+  condensed.num_rest = view.num_rest + static_cast<int>(view.offset.size() - rows);
+  return condensed;
+}
 
 LinearView Stack(const std::vector<LinearView>& views, const std::vector<size_t>& group) {
   LinearView stacked;
@@ -33,7 +55,7 @@ LinearView Stack(const std::vector<LinearView>& views, const std::vector<size_t>
     moved += num_moved;
     unmoved += view.num_unmoved;
   }
-  return stacked;
+  return Condensed(stacked);
 }
 
 }  // namespace

@@ -119,7 +119,7 @@ TEST(ModelChoiceTest, FewPosesHaveAPrior) {
   EXPECT_TRUE(is_said);
 }
 
-// Eleven images at each of eight poses tell no more of the robot than eight images do.
+// Eight images at each of twelve poses tell no more of the robot than twelve images do.
 TEST(ModelChoiceTest, RepeatsAreNotNewInformation) {
   TestSceneOptions scene_options;
   scene_options.noise_px = 0.1;

@@ -5,22 +5,27 @@
 #include "tools/captures.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/duplicate_images.h"
 
 namespace heba {
 
 std::vector<Symptom> Check_result(Examination* examination) {
   if (examination->found_wrong) return {};
-  const RunConfig& config = examination->config;
-  const CaptureDetection& image = examination->detections.front();
+  // As a run does it: copies of a capture do not count.
+  RunConfig config = examination->config;
+  std::vector<CaptureDetection> detections = examination->detections;
+  LeaveOutSharedImages(&config, &detections);
+  if (detections.empty()) return {};
+  const CaptureDetection& image = detections.front();
   CalibrationOptions options = OptionsOf(config, image.width_px, image.height_px);
   if (options.camera) options.camera = examination->camera;
   options.bundle.num_threads = examination->num_threads;
-  const Outcome<Calibration> calibration = Calibrate(ViewsOf(config, examination->detections), options);
+  const Outcome<Calibration> calibration = Calibrate(ViewsOf(config, detections), options);
   const std::string reason = !calibration ? calibration.reason() : calibration->refined.reason();
   if (!reason.empty()) return {{Severity::kWrong, "no_result", reason, ""}};
   Console console(Verbosity::kQuiet);
   const RunResult result =
-      Assess(config, examination->detections, *calibration, options, std::nullopt, examination->num_threads, &console);
+      Assess(config, detections, *calibration, options, std::nullopt, examination->num_threads, &console);
   std::vector<Symptom> symptoms;
   for (const Finding& finding : JudgeRun(result).findings) {
     if (finding.grade == Grade::kGood) continue;
