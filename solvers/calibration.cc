@@ -444,6 +444,13 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     }
   }
   StartedSolution started = RefineFromSeeds(ProblemOf(calibration, options), calibration.pairs, seeds, first);
+  if (!started.solution && options.choose.target_shape) {
+    // A target of another size than the design's leaves residuals that no camera is determined by.
+    BundleOptions scaled = first;
+    scaled.free_shape = {TargetShapeGroup::kScale};
+    StartedSolution other = RefineFromSeeds(ProblemOf(calibration, options), calibration.pairs, seeds, scaled);
+    if (other.solution) started = std::move(other);
+  }
   calibration.seed = started.seed;
   calibration.bundle = options.bundle;
   calibration.refined = std::move(started.solution);

@@ -143,6 +143,8 @@ void AskDoctor(const RunConfig& config, int num_threads, RunResult* result) {
   const Symptom& first = diagnosis.symptoms.front();
   Finding cause{Grade::kBad, first.code, first.what, first.cure};
   cause.is_cause = true;
+  // The run may have found the same by itself.
+  std::erase_if(result->observations, [&](const Finding& finding) { return finding.code == cause.code; });
   result->observations.insert(result->observations.begin(), std::move(cause));
   result->verdict = JudgeRun(*result);
 }

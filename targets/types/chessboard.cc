@@ -78,21 +78,18 @@ struct SeenGrid {
   Corners corners;
 };
 
-// What the first two finders see in a part of the image if any size is right.
-std::vector<SeenGrid> GridsSeen(const cv::Mat& grey, const cv::Rect& part) {
-  const double scale = std::min(1.0, kFinders[0].max_side_px / std::max(part.width, part.height));
+// What the first two finders see if any size is right.
+std::vector<SeenGrid> GridsSeen(const cv::Mat& grey) {
+  const double scale = std::min(1.0, kFinders[0].max_side_px / std::max(grey.cols, grey.rows));
   cv::Mat picture;
-  cv::resize(grey(part), picture, {}, scale, scale, cv::INTER_AREA);
+  cv::resize(grey, picture, {}, scale, scale, cv::INTER_AREA);
   std::vector<SeenGrid> grids;
   for (const int flags : {0, static_cast<int>(cv::CALIB_CB_NORMALIZE_IMAGE)}) {
     std::vector<cv::Point2f> found;
     cv::Mat meta;
     const bool is_seen = cv::findChessboardCornersSB(picture, {kMinSide, kMinSide}, found,
                                                      flags | static_cast<int>(cv::CALIB_CB_LARGER), meta);
-    if (!is_seen) continue;
-    Corners corners = FromOpenCv(found, scale);
-    for (Eigen::Vector2d& corner : corners) corner += Eigen::Vector2d(part.x, part.y);
-    grids.push_back({meta.size(), std::move(corners)});
+    if (is_seen) grids.push_back({meta.size(), FromOpenCv(found, scale)});
   }
   return grids;
 }
@@ -141,7 +138,7 @@ class Chessboard final : public Target {
       return detection;
     }
     PartlySeen partly;
-    if (!may_be_in.empty()) partly = DetectPartly(grey, GridsSeen(grey, may_be_in));
+    if (!may_be_in.empty()) partly = DetectPartly(grey, GridsSeen(grey));
     if (!partly.detection.ids.empty()) return partly.detection;
     detection.reason = "no board of " + std::to_string(rows_) + " x " + std::to_string(columns_) +
                        " inner corners found; it must be seen with a light rim" + partly.detection.reason;
@@ -151,7 +148,7 @@ class Chessboard final : public Target {
   // The size of the board that is seen, whatever it is: boards are counted wrongly in more ways than can be tried.
   std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
     std::vector<TargetSettings> confusions;
-    for (const SeenGrid& grid : GridsSeen(grey, cv::Rect(0, 0, grey.cols, grey.rows))) {
+    for (const SeenGrid& grid : GridsSeen(grey)) {
       const cv::Size& size = grid.size;
       // Lying or standing as the config has it.
       const bool is_alike = (size.width >= size.height) == (columns_ >= rows_);

@@ -31,7 +31,7 @@ function makePages() {
   renameSync(join(folder, 'data/images/003.png'), join(folder, 'data/images', kHostile));
   renameSync(join(folder, 'data/images/006.png'), join(folder, 'data/images', kSwallowing));
   writeFileSync(join(folder, 'data/poses.csv'), poses.replace('003.png', kHostile).replace('006.png', kSwallowing));
-  writeFileSync(join(folder, 'noisy.yaml'), 'base: data/config.yaml\nrefine: {robot_noise: auto}\n');
+  writeFileSync(join(folder, 'noisy.yaml'), 'base: data/config.yaml\nrefine: {robot_noise: {translation: 0.05 mm, rotation: 0.01 deg}}\n');
   writeFileSync(join(folder, 'exact.yaml'), 'base: data/config.yaml\n');
   writeFileSync(join(folder, 'long.yaml'), 'base: data/config.yaml\nname: cell_7_line_2_with_a_very_long_name_indeed\n');
   run('run', 'exact.yaml', 'noisy.yaml', 'long.yaml', '--out', 'runs', '--quiet');
