@@ -341,10 +341,13 @@ std::optional<Finding> AdviseOnScale(const Solution& solution, const ErrorModel&
   const double mean = 0.5 * (solution.shape.params[0] + solution.shape.params[1]);
   const double off = std::max(std::abs(solution.shape.params[0] - 1), std::abs(solution.shape.params[1] - 1));
   if (off <= kOfPrint) return std::nullopt;
+  const std::vector<std::string>& names = solution.covariance.names;
+  const bool is_focal_held = std::find(names.begin(), names.end(), "camera.fx") == names.end();
   Finding finding{off > kWrong ? Grade::kBad : Grade::kDoubtful,
                   "target_scale",
                   "against the robot's poses the target is " + Percent(std::abs(mean - 1), 2) +
-                      (mean > 1 ? " larger" : " smaller") + " than the config says",
+                      (mean > 1 ? " larger" : " smaller") + " than the config says" +
+                      (is_focal_held ? " (a focal length that is held at a wrong value looks the same)" : ""),
                   "measure the target and correct its dimensions in the config; if they are right, check the units of "
                   "the robot's poses and its own calibration",
                   {{"scale_x", solution.shape.params[0]}, {"scale_y", solution.shape.params[1]}}};

@@ -17,6 +17,8 @@ struct Recorded {
   int rows;
   int columns;
   Setup setup;
+  // A robot that is off by 5 mm against a target of 25.4 mm pitch and a nominal focal length: the run is bad, too.
+  std::string code_as_it_is = {};
 };
 
 class DoctorRecordedTest : public testing::TestWithParam<Recorded> {};
@@ -36,7 +38,8 @@ TEST_P(DoctorRecordedTest, NamesTheCauseFirst) {
                recorded.length_mm,
                recorded.rows,
                recorded.columns,
-               recorded.setup};
+               recorded.setup,
+               recorded.code_as_it_is};
   const SpoilingScore score = ScoreDoctor(good, folder / "work", false, recorded.name.size(), Stride(12));
   std::cout << good.name << ": " << score.num_right << " of " << score.num_all << std::endl;
   EXPECT_GE(score.num_right, 0.95 * score.num_all);
@@ -49,7 +52,8 @@ INSTANTIATE_TEST_SUITE_P(
                     Recorded{"caliban_no_curv", "chessboard", "square", 12.1, 9, 14, Setup::kEyeInHand},
                     Recorded{"chjohnkim_ur5_chess", "chessboard", "square", 42.4, 9, 11, Setup::kEyeInHand},
                     Recorded{"ic_charuco_eye_to_hand", "charuco", "square", 36.195, 7, 5, Setup::kEyeToHand},
-                    Recorded{"ic_circlegrid_eye_in_hand", "circle_grid", "spacing", 25.4, 10, 10, Setup::kEyeInHand},
+                    Recorded{"ic_circlegrid_eye_in_hand", "circle_grid", "spacing", 25.4, 10, 10, Setup::kEyeInHand,
+                             "target_scale"},
                     Recorded{"metric_workcell_camera2", "chessboard", "square", 50, 4, 3, Setup::kEyeToHand},
                     Recorded{"zhangnatha_asym_circles_eye_to_hand", "circle_grid", "spacing", 10, 5, 4,
                              Setup::kEyeToHand}),
