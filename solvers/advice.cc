@@ -216,6 +216,27 @@ std::string ShapeText(const TargetShape& shape, const std::vector<TargetShapeGro
   return Join(words, ", ");
 }
 
+// "fx +38 px (9.1 sigma)" of the focal length or principal point that moved most.
+std::string LargestMove(const Camera& given, const Solution& solution, Finding* finding) {
+  std::string largest;
+  double by_px = 0;
+  double sigmas = 0;
+  for (size_t i = 0; i < 4; ++i) {
+    const std::string& name = solution.camera.Model().param_names()[i];
+    const std::optional<double> sigma = SigmaOf(solution.covariance, "camera." + name);
+    const double move_px = solution.camera.params[i] - given.params[i];
+    if (!sigma || (!largest.empty() && std::abs(move_px / *sigma) <= std::abs(sigmas))) continue;
+    largest = name;
+    by_px = move_px;
+    sigmas = move_px / *sigma;
+  }
+  if (largest.empty()) return "";
+  finding->numbers.emplace_back(largest + "_px", by_px);
+  finding->numbers.emplace_back(largest + "_sigmas", sigmas);
+  return largest + (by_px < 0 ? " -" : " +") + Significant(std::abs(by_px), 2) + " px (" +
+         Significant(std::abs(sigmas), 2) + " sigma)";
+}
+
 }  // namespace
 
 std::optional<Finding> AdviseOnCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free) {
@@ -341,8 +362,7 @@ std::optional<Finding> AdviseOnScale(const Solution& solution, const ErrorModel&
   const double mean = 0.5 * (solution.shape.params[0] + solution.shape.params[1]);
   const double off = std::max(std::abs(solution.shape.params[0] - 1), std::abs(solution.shape.params[1] - 1));
   if (off <= kOfPrint) return std::nullopt;
-  const std::vector<std::string>& names = solution.covariance.names;
-  const bool is_focal_held = std::find(names.begin(), names.end(), "camera.fx") == names.end();
+  const bool is_focal_held = !SigmaOf(solution.covariance, "camera.fx");
   Finding finding{off > kWrong ? Grade::kBad : Grade::kDoubtful,
                   "target_scale",
                   "against the robot's poses the target is " + Percent(std::abs(mean - 1), 2) +
@@ -355,40 +375,6 @@ std::optional<Finding> AdviseOnScale(const Solution& solution, const ErrorModel&
   return finding;
 }
 
-namespace {
-
-// By how many sigmas each free intrinsic parameter differs from a given camera's; nothing for those that are held.
-std::vector<std::optional<double>> MovesInSigmas(const Camera& given, const Solution& solution) {
-  std::vector<std::optional<double>> moves(given.params.size());
-  const std::vector<std::string>& names = solution.camera.Model().param_names();
-  for (size_t i = 0; i < moves.size() && i < names.size(); ++i) {
-    const auto found =
-        std::find(solution.covariance.names.begin(), solution.covariance.names.end(), "camera." + names[i]);
-    if (found == solution.covariance.names.end()) continue;
-    const Eigen::Index row = found - solution.covariance.names.begin();
-    moves[i] = (solution.camera.params[i] - given.params[i]) / std::sqrt(solution.covariance.matrix(row, row));
-  }
-  return moves;
-}
-
-// "fx +38 px (9.1 sigma)" of the focal length or principal point that moved most.
-std::string LargestMove(const Camera& given, const Solution& solution, Finding* finding) {
-  const std::vector<std::optional<double>> moves = MovesInSigmas(given, solution);
-  const std::vector<std::string>& names = solution.camera.Model().param_names();
-  std::optional<size_t> largest;
-  for (size_t i = 0; i < std::min<size_t>(4, moves.size()); ++i) {
-    if (moves[i] && (!largest || std::abs(*moves[i]) > std::abs(*moves[*largest]))) largest = i;
-  }
-  if (!largest) return "";
-  const double by_px = solution.camera.params[*largest] - given.params[*largest];
-  finding->numbers.emplace_back(names[*largest] + "_px", by_px);
-  finding->numbers.emplace_back(names[*largest] + "_sigmas", *moves[*largest]);
-  return names[*largest] + (by_px < 0 ? " -" : " +") + Significant(std::abs(by_px), 2) + " px (" +
-         Significant(std::abs(*moves[*largest]), 2) + " sigma)";
-}
-
-}  // namespace
-
 std::optional<Finding> AdviseOnHeldIntrinsics(const Problem& problem, const Solution& solution,
                                               const BundleOptions& options_in, const AutoModel& choose) {
   if (!options_in.free_intrinsics.empty()) return std::nullopt;
@@ -399,36 +385,30 @@ std::optional<Finding> AdviseOnHeldIntrinsics(const Problem& problem, const Solu
   at.camera = solution.camera;
   at.shape = solution.shape;
   // With free intrinsics the errors may have another model.
-  Outcome<Solution> freed = Failure{"not run"};
-  if (choose.robot_noise || choose.target_shape) {
-    const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, options, choose);
-    freed = choice ? Outcome<Solution>(choice->solution) : Failure{choice.reason()};
-  } else {
-    freed = RefineHandEye(at, solution.hand_eye, options);
-  }
-  if (!freed) return std::nullopt;
+  const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, options, choose);
+  if (!choice) return std::nullopt;
+  const Solution& freed = choice->solution;
   const Eigen::Index num_intrinsics = NumParams(solution.camera.Model());
-  const Eigen::MatrixXd covariance = freed->covariance.matrix.block(12, 12, num_intrinsics, num_intrinsics);
+  const Eigen::MatrixXd covariance = freed.covariance.matrix.block(12, 12, num_intrinsics, num_intrinsics);
   Eigen::VectorXd difference(num_intrinsics);
   for (Eigen::Index i = 0; i < num_intrinsics; ++i) {
     const auto k = static_cast<size_t>(i);
-    difference[i] = freed->camera.params[k] - solution.camera.params[k];
+    difference[i] = freed.camera.params[k] - solution.camera.params[k];
   }
   const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::VectorXd scaled = scale.cwiseProduct(difference);
   const double squares = scaled.dot((scale.asDiagonal() * covariance * scale.asDiagonal()).ldlt().solve(scaled));
   const double dof = static_cast<double>(num_intrinsics);
   constexpr double kBeyondDoubt = 1e-4;
-  const double p = FisherTail(std::max(0.0, squares) / dof, dof, freed->covariance_dof);
+  const double p = FisherTail(std::max(0.0, squares) / dof, dof, freed.covariance_dof);
   if (!(p < kBeyondDoubt)) return std::nullopt;
-  const double move_m = DistanceM(solution.hand_eye.camera_mount_from_camera, freed->hand_eye.camera_mount_from_camera);
-  const double move_rad =
-      AngleRad(solution.hand_eye.camera_mount_from_camera, freed->hand_eye.camera_mount_from_camera);
+  const double move_m = DistanceM(solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera);
+  const double move_rad = AngleRad(solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera);
   constexpr double kBadM = 5e-3;
   const double bad_rad = DegToRad(0.5);
   Finding finding{move_m > kBadM || move_rad > bad_rad ? Grade::kBad : Grade::kDoubtful, "held_intrinsics", "",
                   "free them (leave refine.intrinsics out), or calibrate the camera anew"};
-  finding.text = "the intrinsics were held, but the captures say " + LargestMove(solution.camera, *freed, &finding) +
+  finding.text = "the intrinsics were held, but the captures say " + LargestMove(solution.camera, freed, &finding) +
                  " (" + ChanceText(p) + "); with free intrinsics the camera would be " + Significant(1000 * move_m, 2) +
                  " mm and " + Significant(RadToDeg(move_rad), 2) + " deg elsewhere";
   finding.numbers.emplace_back("move_mm", 1000 * move_m);

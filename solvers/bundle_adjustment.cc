@@ -692,13 +692,8 @@ double LogLikelihoodOf(const Problem& problem, const Solution& solution, const B
   variances.rotation_rad2 = robot.rotation_rad * robot.rotation_rad;
   const Eigen::Index num_shape =
       HasShape(free, solution.camera.Model()) ? std::count(free.end() - TargetShape::kNumParams, free.end(), true) : 0;
-  const double in_views_unit =
-      RestrictedLogLikelihood(*views, variances, 12 + NumFree(free) - num_shape,
-                              options.robot_noise_prior ? &*options.robot_noise_prior : nullptr);
-  // The views' unit is the pixel sigma, which differs from model to model.
-  double num_rows = 0;
-  for (const LinearView& view : *views) num_rows += static_cast<double>(view.offset.size() + view.num_rest);
-  return in_views_unit - num_rows * std::log(solution.pixel_sigma_px);
+  return RestrictedLogLikelihood(*views, solution.pixel_sigma_px, variances, 12 + NumFree(free) - num_shape,
+                                 options.robot_noise_prior ? &*options.robot_noise_prior : nullptr);
 }
 
 }  // namespace heba

@@ -144,13 +144,11 @@ std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup
     return "its points do not fit the target" + (own ? " (" + Significant(*own->RmsPx(), 2) + " px rms)" : "") +
            " and are not where the other captures say: probably read wrongly";
   }
-  const Rigid3d mount = solution.hand_eye.camera_mount_from_camera * seen.front().camera_from_target *
-                        Inverse(solution.hand_eye.target_mount_from_target);
-  const Rigid3d stated = BaseFromGripper(setup, entry.camera_mount_from_target_mount);
-  const Rigid3d shown = BaseFromGripper(setup, mount);
+  const Rigid3d correction =
+      CorrectionFor(setup, solution.hand_eye, entry.camera_mount_from_target_mount, seen.front().camera_from_target);
   return "contradicts the other captures: by its picture the gripper was " +
-         Significant(1000 * DistanceM(stated, shown), 2) + " mm and " +
-         Significant(RadToDeg(AngleRad(stated, shown)), 2) +
+         Significant(1000 * correction.translation.norm(), 2) + " mm and " +
+         Significant(RadToDeg(AngleRad(Rigid3d(), correction)), 2) +
          " deg from the robot's pose (chance of that: " + Significant(p_value, 1) +
          "); wrong pose for the picture, robot not settled, or target read wrongly";
 }
@@ -223,55 +221,17 @@ void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions
   calibration->pairs = std::move(pairs);
 }
 
-// The points that agree with the largest model of the errors: those that a smaller one cannot explain are still there
-// for it to be judged by.
-Problem WithPointsOfLargestModel(const Problem& problem, const HandEye& start, const BundleOptions& bundle,
-                                 const AutoModel& choose) {
-  BundleOptions largest = bundle;
-  if (choose.robot_noise) largest.robot = BundleOptions::Robot::kEstimatedNoise;
-  std::vector<std::vector<TargetShapeGroup>> shapes = TargetShapeCombinations();
-  std::reverse(shapes.begin(), shapes.end());
-  for (const std::vector<TargetShapeGroup>& shape : shapes) {
-    if (choose.target_shape) largest.free_shape = shape;
-    const Outcome<Solution> solution = RefineHandEye(problem, start, largest);
-    if (solution) {
-      Problem kept = problem;
-      for (size_t i = 0; i < kept.views.size(); ++i) {
-        const std::vector<int>& rejected = solution->rejected_ids[i];
-        std::vector<bool> keep;
-        for (const int id : kept.views[i].observations.ids) {
-          keep.push_back(std::find(rejected.begin(), rejected.end(), id) == rejected.end());
-        }
-        kept.views[i].observations = KeepPoints(kept.views[i].observations, keep);
-      }
-      return kept;
-    }
-    if (!choose.target_shape) break;
-  }
-  return problem;
-}
-
 // Chooses the model of the errors and refines with it, all points judged anew under it.
 Outcome<Solution> RefineWithChosenModel(const CalibrationOptions& options, const Solution& start,
                                         Calibration* calibration) {
   Problem problem = ProblemOf(*calibration, options);
   problem.camera = start.camera;
-  calibration->bundle = options.bundle;
-  calibration->alternatives.clear();
-  if (!options.choose.robot_noise && !options.choose.target_shape) {
-    return RefineHandEye(problem, start.hand_eye, options.bundle);
-  }
-  // Rejection is for the points that all models have in common.
-  BundleOptions kept = options.bundle;
-  if (kept.loss == "truncated") {
-    problem = WithPointsOfLargestModel(problem, start.hand_eye, options.bundle, options.choose);
-    kept.loss = "none";
-  }
-  Outcome<ModelChoice> choice = ChooseModel(problem, start.hand_eye, kept, options.choose);
+  const Outcome<ModelChoice> choice = ChooseModel(problem, start.hand_eye, options.bundle, options.choose);
   if (!choice) return Failure{choice.reason()};
   calibration->bundle = choice->options;
-  calibration->bundle.loss = options.bundle.loss;
   calibration->alternatives = choice->alternatives;
+  // One model is fitted to its own points already.
+  if (choice->alternatives.empty()) return choice->solution;
   if (choice->solution.robot_noise) calibration->bundle.robot_noise_start = *choice->solution.robot_noise;
   Problem all = ProblemOf(*calibration, options);
   all.camera = choice->solution.camera;
@@ -279,28 +239,26 @@ Outcome<Solution> RefineWithChosenModel(const CalibrationOptions& options, const
   return RefineHandEye(all, choice->solution.hand_eye, calibration->bundle);
 }
 
+// The captures that were left out, by the estimate of the others.
+std::vector<CaptureVerdict> TestLeftOut(const std::vector<View>& left_out, const CalibrationOptions& options,
+                                        const Calibration& calibration) {
+  const Solution& solution = *calibration.refined;
+  return TestAgainst(ProblemOf(calibration, options), solution, FreeOf(solution.camera.Model(), calibration.bundle),
+                     left_out);
+}
+
 // Captures that were left out, but that the final estimate explains, come back.
 void TakeBackCaptures(const CalibrationOptions& options, std::vector<View>* left_out, Calibration* calibration) {
   constexpr int kMaxRounds = 3;
   for (int round = 0; round < kMaxRounds && calibration->refined && !left_out->empty(); ++round) {
-    Problem problem = ProblemOf(*calibration, options);
-    Solution solution = *calibration->refined;
-    std::vector<bool> is_member(problem.views.size(), true);
-    for (const View& view : *left_out) {
-      problem.views.push_back(view);
-      solution.rejected_ids.emplace_back();
-      is_member.push_back(false);
-    }
-    const std::vector<CaptureVerdict> verdicts =
-        TestAgainstMembers(problem, solution, FreeOf(solution.camera.Model(), calibration->bundle), is_member);
+    const std::vector<CaptureVerdict> verdicts = TestLeftOut(*left_out, options, *calibration);
     std::vector<View> still_out;
     Calibration larger = *calibration;
     for (size_t k = 0; k < left_out->size(); ++k) {
-      const CaptureVerdict& verdict = verdicts[calibration->views.size() + k];
-      (verdict.is_wrong ? still_out : larger.views).push_back((*left_out)[k]);
+      (verdicts[k].is_wrong ? still_out : larger.views).push_back((*left_out)[k]);
     }
     if (still_out.size() == left_out->size()) return;
-    larger.refined = RefineWithChosenModel(options, solution, &larger);
+    larger.refined = RefineWithChosenModel(options, *calibration->refined, &larger);
     if (!larger.refined) return;
     *calibration = std::move(larger);
     *left_out = std::move(still_out);
@@ -310,19 +268,10 @@ void TakeBackCaptures(const CalibrationOptions& options, std::vector<View>* left
 // The captures that stay out, with the reason that the final estimate gives.
 void NameLeftOut(const std::vector<View>& left_out, const CalibrationOptions& options, Calibration* calibration) {
   if (left_out.empty()) return;
-  Problem problem = ProblemOf(*calibration, options);
-  Solution solution = *calibration->refined;
-  std::vector<bool> is_member(problem.views.size(), true);
-  for (const View& view : left_out) {
-    problem.views.push_back(view);
-    solution.rejected_ids.emplace_back();
-    is_member.push_back(false);
-  }
-  const std::vector<CaptureVerdict> verdicts =
-      TestAgainstMembers(problem, solution, FreeOf(solution.camera.Model(), calibration->bundle), is_member);
+  const std::vector<CaptureVerdict> verdicts = TestLeftOut(left_out, options, *calibration);
   for (size_t k = 0; k < left_out.size(); ++k) {
-    const double p_value = verdicts[calibration->views.size() + k].p_value;
-    calibration->unused.push_back({left_out[k].name, WhyWrong(left_out[k], p_value, solution, options.setup)});
+    calibration->unused.push_back(
+        {left_out[k].name, WhyWrong(left_out[k], verdicts[k].p_value, *calibration->refined, options.setup)});
   }
 }
 
@@ -337,12 +286,7 @@ bool LeaveOutRejected(Calibration* calibration) {
   std::vector<size_t> order;
   std::vector<Observations> kept;
   for (size_t i = 0; i < calibration->views.size(); ++i) {
-    const std::vector<int>& rejected = solution.rejected_ids[i];
-    std::vector<bool> keep;
-    for (const int id : calibration->views[i].observations.ids) {
-      keep.push_back(std::find(rejected.begin(), rejected.end(), id) == rejected.end());
-    }
-    kept.push_back(KeepPoints(calibration->views[i].observations, keep));
+    kept.push_back(WithoutPoints(calibration->views[i].observations, solution.rejected_ids[i]));
     order.push_back(i);
   }
   std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {

@@ -10,6 +10,7 @@
 #include "solvers/loss.h"
 #include "solvers/noise_scale.h"
 #include "solvers/target_pose.h"
+#include "solvers/usable_views.h"
 
 namespace heba {
 namespace {
@@ -24,10 +25,9 @@ struct FittedCamera {
 
 FittedCamera Measure(const Camera& camera, const std::vector<View>& views) {
   FittedCamera fitted{camera, {}};
-  constexpr int kMinPoints = 4;
   for (const View& view : views) {
     std::vector<double>& squares = fitted.squares_px2.emplace_back();
-    if (view.observations.size() < kMinPoints) continue;
+    if (view.observations.size() < kMinPosePoints) continue;
     const std::vector<TargetPose> poses = EstimateTargetPose(camera, view.observations);
     if (poses.empty()) continue;
     const std::optional<Points2> residuals = Residuals(camera, poses.front().camera_from_target, view.observations);

@@ -30,11 +30,7 @@ constexpr double kExact2 = 1e-18;
 // The points by which a view is judged: those that agree with the estimate; all, if most do not.
 Observations JudgedPoints(const Observations& observations, const std::vector<int>& rejected_ids) {
   if (2 * rejected_ids.size() > observations.ids.size()) return observations;
-  std::vector<bool> keep;
-  for (const int id : observations.ids) {
-    keep.push_back(std::find(rejected_ids.begin(), rejected_ids.end(), id) == rejected_ids.end());
-  }
-  return KeepPoints(observations, keep);
+  return WithoutPoints(observations, rejected_ids);
 }
 
 // What each capture's correction would be if nothing but pixels were noisy, held to what is possible at all.
@@ -248,15 +244,21 @@ std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution&
   return verdicts;
 }
 
-std::vector<CaptureVerdict> TestAgainstMembers(const Problem& problem, const Solution& solution,
-                                               const FreeParameters& free, const std::vector<bool>& is_member) {
-  CHECK_EQ(is_member.size(), problem.views.size());
-  std::vector<CaptureVerdict> verdicts(problem.views.size());
-  const JudgedViews judged = Judge(problem, solution, free);
-  for (const size_t i : judged.hidden) verdicts[i] = {!is_member[i], 0};
-  std::vector<bool> is_judged_member;
-  for (const size_t i : judged.index) is_judged_member.push_back(is_member[i]);
-  const Members members = MembersOf(judged, is_judged_member);
+std::vector<CaptureVerdict> TestAgainst(const Problem& problem_of_members, const Solution& solution,
+                                        const FreeParameters& free, const std::vector<View>& others) {
+  const size_t num_members = problem_of_members.views.size();
+  Problem problem = problem_of_members;
+  problem.views.insert(problem.views.end(), others.begin(), others.end());
+  Solution at = solution;
+  at.rejected_ids.resize(problem.views.size());
+  std::vector<CaptureVerdict> verdicts(others.size());
+  const JudgedViews judged = Judge(problem, at, free);
+  for (const size_t i : judged.hidden) {
+    if (i >= num_members) verdicts[i - num_members] = {true, 0};
+  }
+  std::vector<bool> is_member;
+  for (const size_t i : judged.index) is_member.push_back(i < num_members);
+  const Members members = MembersOf(judged, is_member);
   const double dof = members.views.empty() ? 0 : DofOf(members);
   if (dof < kLeastDof) return verdicts;
   const VarianceComponents variances =
@@ -264,8 +266,7 @@ std::vector<CaptureVerdict> TestAgainstMembers(const Problem& problem, const Sol
   const std::vector<double> p_values = PValues(judged, members, variances, dof);
   const double limit = kCaptureFalseAlarm / static_cast<double>(problem.views.size());
   for (size_t i = 0; i < judged.views.size(); ++i) {
-    const size_t view = judged.index[i];
-    verdicts[view] = {!is_member[view] && p_values[i] < limit, p_values[i]};
+    if (!is_member[i]) verdicts[judged.index[i] - num_members] = {p_values[i] < limit, p_values[i]};
   }
   return verdicts;
 }

@@ -33,9 +33,9 @@ struct CaptureVerdict {
 // has an entry of rejected_ids for every view.
 std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free);
 
-// The same test of the views that are not members, by the noise and the estimate of those that are, at a solution of
-// the members: whether a capture that was left out would still be wrong. Members get no verdict.
-std::vector<CaptureVerdict> TestAgainstMembers(const Problem& problem, const Solution& solution,
-                                               const FreeParameters& free, const std::vector<bool>& is_member);
+// The same test of `others`, by the noise and the estimate of the views of `problem_of_members`, at their solution:
+// whether a capture that was left out would still be wrong. One verdict for each of the others.
+std::vector<CaptureVerdict> TestAgainst(const Problem& problem_of_members, const Solution& solution,
+                                        const FreeParameters& free, const std::vector<View>& others);
 
 }  // namespace heba

@@ -62,4 +62,20 @@ Observations KeepPoints(const Observations& observations, const std::vector<bool
   return result;
 }
 
+Observations WithoutPoints(const Observations& observations, const std::vector<int>& ids) {
+  std::vector<bool> keep;
+  for (const int id : observations.ids) keep.push_back(std::find(ids.begin(), ids.end(), id) == ids.end());
+  return KeepPoints(observations, keep);
+}
+
+Problem WithoutRejected(const Problem& problem, const Solution& solution) {
+  CHECK_EQ(solution.rejected_ids.size(), problem.views.size());
+  Problem kept = problem;
+  for (size_t i = 0; i < kept.views.size(); ++i) {
+    Observations& observations = kept.views[i].observations;
+    observations = WithoutPoints(observations, solution.rejected_ids[i]);
+  }
+  return kept;
+}
+
 }  // namespace heba

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "heba/data/problem.h"
+#include "heba/data/solution.h"
 
 namespace heba {
 
@@ -15,5 +15,11 @@ std::vector<bool> FindInliers(const Camera& camera, const Rigid3d& camera_from_t
 
 // The observations that are to be kept, with all that is known of them. `keep`: one a point, alike within a block.
 Observations KeepPoints(const Observations& observations, const std::vector<bool>& keep);
+
+// The observations without the points of these ids.
+Observations WithoutPoints(const Observations& observations, const std::vector<int>& ids);
+
+// The problem without the points that a solution of all its views left out.
+Problem WithoutRejected(const Problem& problem, const Solution& solution);
 
 }  // namespace heba

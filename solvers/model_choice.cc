@@ -5,6 +5,7 @@
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "solvers/inliers.h"
 #include "solvers/noise_scale.h"
 #include "solvers/repeated_poses.h"
 
@@ -145,7 +146,9 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
   if (choose.robot_noise && has_few_poses) options.robot_noise_prior = IndustrialArmPrior();
   const std::vector<ErrorModel> candidates = Candidates(options, choose, has_few_poses);
 
-  // The largest model that can be fitted says what the points' weights are.
+  // The largest model that can be fitted says which points count, and with what weights: those that a smaller one
+  // cannot explain are there for it to be judged by.
+  std::optional<Problem> problem;
   std::optional<double> excess_px;
   std::string reason = "no model of the errors could be fitted";
   for (auto model = candidates.rbegin(); model != candidates.rend(); ++model) {
@@ -159,12 +162,14 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
     }
     if (candidates.size() == 1) return ModelChoice{largest, *solution, {}, 0};
     excess_px = solution->excess_px;
+    problem = WithFixedWeights(WithoutRejected(problem_in, *solution), excess_px);
     break;
   }
-  const Problem problem = WithFixedWeights(problem_in, excess_px);
+  if (!problem) return Failure{reason};
+  options.loss = LossOfKept(options_in).name;
   std::vector<FittedModel> fitted;
   for (const ErrorModel& model : candidates) {
-    std::optional<FittedModel> fit = FitModel(problem, start, model, options, fitted);
+    std::optional<FittedModel> fit = FitModel(*problem, start, model, options, fitted);
     if (fit && std::isfinite(fit->log_likelihood)) fitted.push_back(std::move(*fit));
   }
   if (fitted.empty()) return Failure{reason};
@@ -190,6 +195,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
   }
   CHECK(best != nullptr) << "the largest model cannot be rejected";
   choice.options = best->options;
+  choice.options.loss = options_in.loss;
   choice.solution = best->solution;
   choice.solution.excess_px = excess_px;
   return choice;

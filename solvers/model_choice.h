@@ -44,7 +44,7 @@ struct AutoModel {
 
 struct ModelChoice {
   BundleOptions options;                       // The given ones with the chosen model in them.
-  Solution solution;                           // The chosen model's, for the points as they were given.
+  Solution solution;                           // The chosen model's.
   std::vector<ModelAlternative> alternatives;  // The simplest first.
   size_t chosen = 0;                           // Of the alternatives.
 };
@@ -54,9 +54,11 @@ struct ModelChoice {
 // equally many, the most likely. Each is fitted at its own optimum: a model that comes out less likely than one that it
 // contains starts again from that one. Models that differ in the shape alone are compared by F (restricted likelihood
 // ratio, with the largest model's degrees of freedom), those that differ in the robot's noise by the mixture of
-// chi-squares of variances at their bound (Self and Liang 1987; its upper bound is used). All points count, with the
-// same weights in all models. With fewer poses than kMinPosesForVariances the robot is noisy in every model, with
-// IndustrialArmPrior as its prior. A Failure if no model could be fitted.
+// chi-squares of variances at their bound (Self and Liang 1987; its upper bound is used). The same points count, with
+// the same weights, in all models: with the loss `truncated` those that the largest model does not leave out. With
+// fewer poses than kMinPosesForVariances the robot is noisy in every model, with IndustrialArmPrior as its prior. Where
+// there is one model only, it is fitted as RefineHandEye does, and there are no alternatives. A Failure if no model
+// could be fitted.
 Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, const BundleOptions& options,
                                  const AutoModel& choose);
 

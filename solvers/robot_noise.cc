@@ -35,6 +35,13 @@ Rigid3d CameraFromTarget(Setup setup, const HandEye& hand_eye, const Rigid3d& ca
   return CameraFromTarget(hand_eye, corrected);
 }
 
+Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
+                      const Rigid3d& camera_from_target) {
+  const Rigid3d corrected =
+      hand_eye.camera_mount_from_camera * camera_from_target * Inverse(hand_eye.target_mount_from_target);
+  return Inverse(BaseFromGripper(setup, camera_mount_from_target_mount)) * BaseFromGripper(setup, corrected);
+}
+
 Matrix6 LeftFromCorrection(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
                            const Rigid3d& correction) {
   const Rigid3d camera_from_camera_mount = Inverse(hand_eye.camera_mount_from_camera);

@@ -22,6 +22,10 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 Rigid3d CameraFromTarget(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
                          const Rigid3d& correction);
 
+// The correction with which the function above gives `camera_from_target`.
+Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
+                      const Rigid3d& camera_from_target);
+
 // d (left perturbation of camera_from_target) / d (tangent of the correction).
 Matrix6 LeftFromCorrection(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
                            const Rigid3d& correction);

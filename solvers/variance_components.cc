@@ -239,13 +239,18 @@ RobotNoisePrior IndustrialArmPrior() {
   return {{std::sqrt(0.05e-3 * 1e-3), DegToRad(std::sqrt(0.005 * 0.1))}, log_sigma};
 }
 
-double RestrictedLogLikelihood(const std::vector<LinearView>& all_views, const VarianceComponents& variances,
-                               Eigen::Index num_common, const RobotNoisePrior* prior) {
+double RestrictedLogLikelihood(const std::vector<LinearView>& all_views, double unit_px,
+                               const VarianceComponents& variances, Eigen::Index num_common,
+                               const RobotNoisePrior* prior) {
   CHECK(!all_views.empty());
   std::vector<LinearView> views = all_views;
-  for (LinearView& view : views) view.by_unknowns.conservativeResize(Eigen::NoChange, num_common);
+  double num_rows = 0;
+  for (LinearView& view : views) {
+    view.by_unknowns.conservativeResize(Eigen::NoChange, num_common);
+    num_rows += static_cast<double>(view.offset.size() + view.num_rest);
+  }
   const Eigen::Vector3d at(variances.pixel, variances.translation_m2, variances.rotation_rad2);
-  return -EvaluateWithPrior(Condensed(views), at, prior).minus_log;
+  return -EvaluateWithPrior(Condensed(views), at, prior).minus_log - num_rows * std::log(unit_px);
 }
 
 VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, const VarianceComponents& start,

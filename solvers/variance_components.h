@@ -36,13 +36,15 @@ VarianceComponents EstimateVariances(const std::vector<LinearView>& views, const
                                      bool pixel_is_free, bool robot_is_free, double small_change = kExactVariances,
                                      const RobotNoisePrior* prior = nullptr);
 
-// The restricted log-likelihood of the views' measurements, in the views' unit and up to a constant that all models of
-// the same rows share: the density of the contrasts that the first `num_common` unknowns leave open. The unknowns after
-// these count as fixed where the views were linearised, so that models with different unknowns there can be compared
-// (Welham and Thompson, "Likelihood ratio tests for fixed model terms using residual maximum likelihood", 1997, section
-// 2.2). With a prior its log-density is added. Minus infinity where the variances make a covariance singular.
-double RestrictedLogLikelihood(const std::vector<LinearView>& views, const VarianceComponents& variances,
-                               Eigen::Index num_common, const RobotNoisePrior* prior = nullptr);
+// The restricted log-likelihood of the views' measurements in px, one of the views' unit being `unit_px`, up to a
+// constant that all models of the same rows share: the density of the contrasts that the first `num_common` unknowns
+// leave open. The unknowns after these count as fixed where the views were linearised, so that models with different
+// unknowns there can be compared (Welham and Thompson, "Likelihood ratio tests for fixed model terms using residual
+// maximum likelihood", 1997, section 2.2). With a prior its log-density is added. Minus infinity where the variances
+// make a covariance singular.
+double RestrictedLogLikelihood(const std::vector<LinearView>& views, double unit_px,
+                               const VarianceComponents& variances, Eigen::Index num_common,
+                               const RobotNoisePrior* prior = nullptr);
 
 // The degrees of freedom that variances known to VarianceComponents::covariance leave the unknowns' covariance as a
 // whole (Satterthwaite's, direction by direction, put together as by Fai and Cornelius 1996): infinite if the variances

@@ -27,21 +27,6 @@ Problem PartOf(const Problem& problem, const std::vector<size_t>& views) {
   return part;
 }
 
-// The problem without the points that a solution of all its views left out.
-Problem WithoutRejected(const Problem& problem, const Solution& solution) {
-  Problem kept = problem;
-  for (size_t i = 0; i < kept.views.size(); ++i) {
-    Observations& observations = kept.views[i].observations;
-    std::vector<bool> keep;
-    for (const int id : observations.ids) {
-      const std::vector<int>& rejected = solution.rejected_ids[i];
-      keep.push_back(std::find(rejected.begin(), rejected.end(), id) == rejected.end());
-    }
-    observations = KeepPoints(observations, keep);
-  }
-  return kept;
-}
-
 // A robot whose noise is rounding.
 constexpr RobotNoise kExact = {1e-7, 1e-7};
 
@@ -74,10 +59,8 @@ Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std:
     view.observations = Shaped(view.observations, at.shape);
     const std::vector<PosePair> seen = PairsAsSeen(at.camera, at.hand_eye, {view});
     if (seen.empty()) return {};
-    const Rigid3d mount = at.hand_eye.camera_mount_from_camera * seen.front().camera_from_target *
-                          Inverse(at.hand_eye.target_mount_from_target);
-    corrections.push_back(Inverse(BaseFromGripper(problem.setup, view.camera_mount_from_target_mount)) *
-                          BaseFromGripper(problem.setup, mount));
+    corrections.push_back(CorrectionFor(problem.setup, at.hand_eye, view.camera_mount_from_target_mount,
+                                        seen.front().camera_from_target));
     const Tangent6 correction = LocalCoordinates(Rigid3d(), corrections.back());
     sum_m2 += correction.head<3>().squaredNorm();
     sum_rad2 += correction.tail<3>().squaredNorm();
@@ -106,10 +89,8 @@ Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std:
   VarianceComponents variances;
   variances.translation_m2 = robot.translation_m * robot.translation_m;
   variances.rotation_rad2 = robot.rotation_rad * robot.rotation_rad;
-  double num_rows = 0;
-  for (const LinearView& view : *views) num_rows += static_cast<double>(view.offset.size() + view.num_rest);
-  mixture.log_likelihood = RestrictedLogLikelihood(*views, variances, views->front().by_unknowns.cols()) -
-                           num_rows * std::log(at.pixel_sigma_px) - choice;
+  mixture.log_likelihood =
+      RestrictedLogLikelihood(*views, at.pixel_sigma_px, variances, views->front().by_unknowns.cols()) - choice;
   return mixture;
 }
 

@@ -36,9 +36,8 @@ std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Set
     return CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount) *
            Shaped(view.observations, solution.shape).points_in_target.rowwise().mean();
   };
-  constexpr int kMinPoints = 4;
   for (const View& view : calibration.views) {
-    if (view.observations.size() >= kMinPoints) by_distance.emplace_back(middle_of(view).norm(), &view);
+    if (view.observations.size() >= kMinPosePoints) by_distance.emplace_back(middle_of(view).norm(), &view);
   }
   if (by_distance.empty()) return std::nullopt;
   const auto middle = by_distance.begin() + static_cast<std::ptrdiff_t>(by_distance.size() / 2);

@@ -15,32 +15,27 @@ std::string Cell(const std::optional<double>& value, int digits) {
   return value ? Significant(*value, digits) : std::string("-");
 }
 
-double SigmaOf(const Covariance& covariance, Eigen::Index i) { return std::sqrt(covariance.matrix(i, i)); }
+double SigmaAt(const Covariance& covariance, Eigen::Index i) { return std::sqrt(covariance.matrix(i, i)); }
 
 std::string Uncertainty(const Solution& solution) {
   std::vector<std::string> mm;
   std::vector<std::string> deg;
-  for (Eigen::Index i = 0; i < 3; ++i) mm.push_back(Significant(1000 * SigmaOf(solution.covariance, i), 2));
-  for (Eigen::Index i = 3; i < 6; ++i) deg.push_back(Significant(RadToDeg(SigmaOf(solution.covariance, i)), 2));
+  for (Eigen::Index i = 0; i < 3; ++i) mm.push_back(Significant(1000 * SigmaAt(solution.covariance, i), 2));
+  for (Eigen::Index i = 3; i < 6; ++i) deg.push_back(Significant(RadToDeg(SigmaAt(solution.covariance, i)), 2));
   return "one sigma " + Join(mm, ", ") + " mm; " + Join(deg, ", ") + " deg (camera's x, y, z)";
 }
 
 // Of the target, if its shape was an unknown.
 std::string ShapeLine(const Solution& solution) {
-  const auto sigma = [&](size_t i) {
-    const std::vector<std::string>& names = solution.covariance.names;
-    const auto found = std::find(names.begin(), names.end(), "target." + std::string(kTargetShapeParamNames[i]));
-    if (found == names.end()) return std::string();
-    const Eigen::Index row = found - names.begin();
-    return Significant((i < 2 ? 1 : 1000) * std::sqrt(solution.covariance.matrix(row, row)), 2);
-  };
   std::vector<std::string> parts;
   for (size_t i = 0; i < solution.shape.params.size(); ++i) {
-    if (sigma(i).empty()) continue;
+    const std::optional<double> sigma =
+        SigmaOf(solution.covariance, "target." + std::string(kTargetShapeParamNames[i]));
+    if (!sigma) continue;
     const bool is_scale = i < 2;
     parts.push_back(std::string(is_scale ? "scale" : "bend") + (i % 2 == 0 ? " x " : " y ") +
                     Fixed((is_scale ? 1 : 1000) * solution.shape.params[i], is_scale ? 5 : 3) +
-                    (is_scale ? "" : " mm") + " (one sigma " + sigma(i) + ")");
+                    (is_scale ? "" : " mm") + " (one sigma " + Significant((is_scale ? 1 : 1000) * *sigma, 2) + ")");
   }
   return parts.empty() ? "" : "target: " + Join(parts, ", ") + "\n";
 }

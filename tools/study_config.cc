@@ -81,6 +81,25 @@ BundleOptions::Robot RobotModel(const std::string& name) {
   return name == "given" ? BundleOptions::Robot::kGivenNoise : BundleOptions::Robot::kEstimatedNoise;
 }
 
+// A cell under construction.
+struct Variant {
+  StudyCell cell;
+  StudyLabels labels;
+};
+
+// Replaces each variant by as many as there are values, in their order, and sets one value in each.
+template <class T, class Set>
+void Vary(const std::vector<T>& values, std::vector<Variant>* variants, const Set& set) {
+  std::vector<Variant> varied;
+  for (const Variant& variant : *variants) {
+    for (const T& value : values) {
+      varied.push_back(variant);
+      set(value, &varied.back());
+    }
+  }
+  *variants = std::move(varied);
+}
+
 }  // namespace
 
 StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
@@ -169,31 +188,39 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
       cell.options.width_px = scene.camera.width_px;
       cell.options.height_px = scene.camera.height_px;
       if (give_camera.value_or(scene.give_camera)) cell.options.camera = scene.camera;
-      for (const double pixel_sigma_px : pixel_sigmas) {
-        for (const RobotNoise& robot_noise : robot_noises) {
-          for (const TargetShape& shape : target_shapes) {
-            for (const double outlier_points : outliers) {
-              for (const double wrong_captures : wrongs) {
-                for (const std::string& robot_model : robot_models) {
-                  cell.pixel_sigma_px = pixel_sigma_px;
-                  cell.robot_noise = robot_noise;
-                  cell.options.shape = DesignedShape(cell.target.points_in_target);
-                  cell.shape = cell.options.shape;
-                  cell.shape.params = shape.params;
-                  cell.outlier_points = outlier_points;
-                  cell.wrong_captures = wrong_captures;
-                  cell.options.bundle.robot = RobotModel(robot_model);
-                  cell.options.choose = {robot_model == "auto", shape_model == "auto"};
-                  cell.options.bundle.robot_noise = robot_noise;
-                  study.cells.push_back(cell);
-                  study.labels.push_back({named.name, scene.setup, static_cast<int>(poses->size()), cell.target.size(),
-                                          pixel_sigma_px, robot_noise, shape.params, outlier_points, wrong_captures,
-                                          robot_model});
-                }
-              }
-            }
-          }
-        }
+      cell.options.choose.target_shape = shape_model == "auto";
+      cell.options.shape = DesignedShape(cell.target.points_in_target);
+      cell.shape = cell.options.shape;
+      std::vector<Variant> variants = {{cell, {}}};
+      StudyLabels& labels = variants.front().labels;
+      labels.scene = named.name;
+      labels.setup = scene.setup;
+      labels.num_captures = static_cast<int>(poses->size());
+      labels.num_points = cell.target.size();
+      Vary(pixel_sigmas, &variants, [](double sigma_px, Variant* variant) {
+        variant->cell.pixel_sigma_px = variant->labels.pixel_sigma_px = sigma_px;
+      });
+      Vary(robot_noises, &variants, [](const RobotNoise& noise, Variant* variant) {
+        variant->cell.robot_noise = variant->labels.robot_noise = noise;
+        variant->cell.options.bundle.robot_noise = noise;
+      });
+      Vary(target_shapes, &variants, [](const TargetShape& shape, Variant* variant) {
+        variant->cell.shape.params = variant->labels.shape_params = shape.params;
+      });
+      Vary(outliers, &variants, [](double share, Variant* variant) {
+        variant->cell.outlier_points = variant->labels.outlier_points = share;
+      });
+      Vary(wrongs, &variants, [](double share, Variant* variant) {
+        variant->cell.wrong_captures = variant->labels.wrong_captures = share;
+      });
+      Vary(robot_models, &variants, [](const std::string& model, Variant* variant) {
+        variant->labels.robot_model = model;
+        variant->cell.options.bundle.robot = RobotModel(model);
+        variant->cell.options.choose.robot_noise = model == "auto";
+      });
+      for (Variant& variant : variants) {
+        study.cells.push_back(std::move(variant.cell));
+        study.labels.push_back(std::move(variant.labels));
       }
     }
   }

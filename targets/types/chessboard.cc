@@ -137,11 +137,10 @@ class Chessboard final : public Target {
       }
       return detection;
     }
-    PartlySeen partly;
-    if (!may_be_in.empty()) partly = DetectPartly(grey, GridsSeen(grey));
-    if (!partly.detection.ids.empty()) return partly.detection;
+    if (!may_be_in.empty()) detection = DetectPartly(grey);
+    if (!detection.ids.empty()) return detection;
     detection.reason = "no board of " + std::to_string(rows_) + " x " + std::to_string(columns_) +
-                       " inner corners found; it must be seen with a light rim" + partly.detection.reason;
+                       " inner corners found; it must be seen with a light rim" + detection.reason;
     return detection;
   }
 
@@ -218,36 +217,30 @@ class Chessboard final : public Target {
     detection->covariances_px2.emplace_back(corner.covariance_px2);
   }
 
-  struct PartlySeen {
-    Detection detection;
-    size_t num_seen = 0;  // Corners of one grid, whether or not they have been numbered.
-  };
   // The corners of a board that is covered in part, from a part of its grid. Those that are seen must reach from the
   // first to the last row and column, else their numbers are not known; `reason` then goes on from "no board found".
-  PartlySeen DetectPartly(const cv::Mat& grey, const std::vector<SeenGrid>& grids) const {
-    PartlySeen result;
-    for (const SeenGrid& grid : grids) {
+  Detection DetectPartly(const cv::Mat& grey) const {
+    Detection none;
+    for (const SeenGrid& grid : GridsSeen(grey)) {
       const CornerLattice lattice = LatticeOf(grey, grid);
-      result.num_seen = std::max(result.num_seen, lattice.size());
       const std::optional<Corners> corners = Complete(grey, lattice);
       if (!corners) {
         const LatticeExtent extent = ExtentOf(lattice);
-        result.detection.reason = "; of " + std::to_string(extent.rows) + " x " + std::to_string(extent.columns) +
-                                  " corners that are seen rows and columns cannot be told";
+        none.reason = "; of " + std::to_string(extent.rows) + " x " + std::to_string(extent.columns) +
+                      " corners that are seen rows and columns cannot be told";
         continue;
       }
       Detection visible = MeasureVisible(grey, *corners);
       if (!ReachesAllSides(visible.ids)) {
-        result.detection.reason = "; too many of the outer corners are covered to tell rows and columns";
+        none.reason = "; too many of the outer corners are covered to tell rows and columns";
         continue;
       }
       if (visible.ids.size() < points_.size()) {
         visible.reason = std::to_string(points_.size() - visible.ids.size()) + " corners are covered";
       }
-      result.detection = std::move(visible);
-      break;
+      return visible;
     }
-    return result;
+    return none;
   }
 
   // Everything that belongs to a grid.

@@ -77,6 +77,23 @@ INSTANTIATE_TEST_SUITE_P(
                               {Robot::kEstimatedNoise, {Group::kScale, Group::kBend}}}),
     [](const auto& test) { return test.param.name; });
 
+// A robot that is off by more than the pixels are.
+TestSceneOptions NoisyRobot(int num_captures) {
+  TestSceneOptions options;
+  options.noise_px = 0.1;
+  options.num_captures = num_captures;
+  options.robot_translation_m = 3e-4;
+  options.robot_rotation_rad = 5e-4;
+  return options;
+}
+
+CalibrationOptions WithHeldCamera(const TestScene& scene) {
+  CalibrationOptions options;
+  options.camera = scene.camera;
+  options.bundle.free_intrinsics = {};
+  return options;
+}
+
 TEST(ModelChoiceTest, EveryAlternativeIsReportedAndNoneContainsABetterOne) {
   TestSceneOptions scene_options;
   scene_options.noise_px = 0.1;
@@ -97,17 +114,10 @@ TEST(ModelChoiceTest, EveryAlternativeIsReportedAndNoneContainsABetterOne) {
   EXPECT_LT(*choice->alternatives.front().p, 1e-10);
 }
 
-// Seven poses do not carry two variances: the prior of industrial arms is part of the model, and says so.
+// Six poses do not carry two variances: the prior of industrial arms is part of the model, and says so.
 TEST(ModelChoiceTest, FewPosesHaveAPrior) {
-  TestSceneOptions scene_options;
-  scene_options.noise_px = 0.1;
-  scene_options.num_captures = 6;
-  scene_options.robot_translation_m = 3e-4;
-  scene_options.robot_rotation_rad = 5e-4;
-  const TestScene scene = MakeTestScene(2, scene_options);
-  CalibrationOptions options;
-  options.camera = scene.camera;
-  options.bundle.free_intrinsics = {};
+  const TestScene scene = MakeTestScene(2, NoisyRobot(6));
+  const CalibrationOptions options = WithHeldCamera(scene);
   const Outcome<Calibration> calibration = Calibrate(scene.views, options);
   ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
   EXPECT_TRUE(calibration->bundle.robot_noise_prior.has_value());
@@ -121,12 +131,7 @@ TEST(ModelChoiceTest, FewPosesHaveAPrior) {
 
 // Eight images at each of twelve poses tell no more of the robot than twelve images do.
 TEST(ModelChoiceTest, RepeatsAreNotNewInformation) {
-  TestSceneOptions scene_options;
-  scene_options.noise_px = 0.1;
-  scene_options.num_captures = 12;
-  scene_options.robot_translation_m = 3e-4;
-  scene_options.robot_rotation_rad = 5e-4;
-  const TestScene scene = MakeTestScene(7, scene_options);
+  const TestScene scene = MakeTestScene(7, NoisyRobot(12));
   std::vector<View> repeated;
   Rng rng(1);
   for (int repeat = 0; repeat < 8; ++repeat) {
@@ -137,9 +142,7 @@ TEST(ModelChoiceTest, RepeatsAreNotNewInformation) {
       for (Eigen::Index i = 0; i < pixels.size(); ++i) pixels.data()[i] += 0.1 * rng.Normal();
     }
   }
-  CalibrationOptions options;
-  options.camera = scene.camera;
-  options.bundle.free_intrinsics = {};
+  const CalibrationOptions options = WithHeldCamera(scene);
   const auto sigma_m = [&](const std::vector<View>& views) {
     const Outcome<Calibration> calibration = Calibrate(views, options);
     EXPECT_TRUE(calibration.ok() && calibration->refined.ok());

@@ -74,7 +74,7 @@ TEST(WrongCapturesTest, ManyWrongPosesAreStillFound) {
   EXPECT_EQ(LeftOut(scene, options), wrong);
 }
 
-// A capture that was left out at first, but that the final estimate explains, is used.
+// A capture whose points were all read wrongly is not used, though it has a pose.
 TEST(WrongCapturesTest, ACaptureOfWhichNoPointCountsIsNotUsed) {
   TestSceneOptions options;
   options.noise_px = 0.05;

@@ -1,6 +1,8 @@
 // What a refinement found, and how well it is known.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <string>
@@ -20,6 +22,14 @@ struct Covariance {
   std::vector<std::string> names;
   Eigen::MatrixXd matrix;
 };
+
+// One sigma of a parameter; nothing if it was held.
+inline std::optional<double> SigmaOf(const Covariance& covariance, const std::string& name) {
+  const auto found = std::find(covariance.names.begin(), covariance.names.end(), name);
+  if (found == covariance.names.end()) return std::nullopt;
+  const Eigen::Index i = found - covariance.names.begin();
+  return std::sqrt(covariance.matrix(i, i));
+}
 
 // One sigma along and about each axis of the gripper's frame.
 struct RobotNoise {

@@ -44,19 +44,17 @@ Json CameraJson(const Camera& camera) {
 }
 
 // One sigma of a parameter, or null if it was held.
-Json SigmaOf(const Covariance& covariance, const std::string& name) {
-  const auto found = std::find(covariance.names.begin(), covariance.names.end(), name);
-  if (found == covariance.names.end()) return nullptr;
-  const Eigen::Index i = found - covariance.names.begin();
-  return Finite(std::sqrt(covariance.matrix(i, i)));
+Json SigmaJson(const Covariance& covariance, const std::string& name) {
+  const std::optional<double> sigma = SigmaOf(covariance, name);
+  return sigma ? Finite(*sigma) : Json(nullptr);
 }
 
 Json CameraSigmaJson(const Camera& camera, const Covariance& covariance) {
   const std::vector<std::string>& names = camera.Model().param_names();
   Json json;
-  for (size_t i = 0; i < 4; ++i) json[names[i]] = SigmaOf(covariance, "camera." + names[i]);
+  for (size_t i = 0; i < 4; ++i) json[names[i]] = SigmaJson(covariance, "camera." + names[i]);
   json["distortion"] = Json::array();
-  for (size_t i = 4; i < names.size(); ++i) json["distortion"].push_back(SigmaOf(covariance, "camera." + names[i]));
+  for (size_t i = 4; i < names.size(); ++i) json["distortion"].push_back(SigmaJson(covariance, "camera." + names[i]));
   return json;
 }
 
@@ -68,7 +66,7 @@ Json ShapeJson(const TargetShape& shape, const Covariance& covariance) {
   for (size_t i = 0; i < shape.params.size(); ++i) {
     const std::string name(kTargetShapeParamNames[i]);
     json[name] = shape.params[i];
-    sigmas[name] = SigmaOf(covariance, "target." + name);
+    sigmas[name] = SigmaJson(covariance, "target." + name);
     is_free = is_free || !sigmas[name].is_null();
   }
   json["std"] = sigmas;
@@ -143,7 +141,7 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
       const auto sigmas = [&](const char* a, const char* b, const char* c) {
         Json list = Json::array();
         for (const char* part : {a, b, c})
-          list.push_back(SigmaOf(solution->covariance, "hand_eye." + std::string(part)));
+          list.push_back(SigmaJson(solution->covariance, "hand_eye." + std::string(part)));
         return list;
       };
       hand_eye["std_translation_m"] = sigmas("tx_m", "ty_m", "tz_m");
