@@ -1,4 +1,4 @@
-// What a person should know of a calibration beside its figures: findings with a code, figures and an action.
+// Findings about a calibration beside its figures, each with a code, numbers and an action.
 #pragma once
 
 #include <optional>
@@ -23,9 +23,9 @@ std::optional<Finding> AdviseOnCaptures(const Problem& problem, const Solution& 
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
                       const Solution& solution);
 
-// What the captures say beyond doubt of a part of the model that the options hold fixed (ChooseModel at the solution,
-// with all parts to be chosen): `robot_noise_ignored` if a robot that was taken as exact is not, by more than the
-// pixels' noise; `target_shape_ignored` if a target that was taken as designed is stretched or bent by enough to
+// Returns what the captures show beyond doubt of the parts of the model that the options hold fixed (ChooseModel at the
+// solution, with all parts to be chosen): `robot_noise_ignored` if a robot that was taken as exact is not, by more than
+// the pixels' noise; `target_shape_ignored` if a target that was taken as designed is stretched or bent by enough to
 // matter.
 std::vector<Finding> AdviseOnModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
                                    const AutoModel& chosen);

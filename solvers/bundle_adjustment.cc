@@ -30,7 +30,7 @@ struct State {
   HandEye hand_eye;
   Camera camera;
   TargetShape shape;
-  // Of each view's robot pose, the same for views of one pose; empty with an exact robot.
+  // The correction of each view's robot pose, the same for views of one pose; empty with an exact robot.
   std::vector<Rigid3d> corrections;
 };
 
@@ -217,8 +217,8 @@ std::optional<CapturesProducts> ProductsOf(const std::optional<KnownProducts>& k
 
 // An estimate under way.
 struct Fit {
-  SharedProblem problem;                     // Of the points that count, weighted by what is known of them.
-  std::shared_ptr<const PoseGroups> groups;  // Of its views, whatever their points.
+  SharedProblem problem;                     // The points that count, weighted by what is known of them.
+  std::shared_ptr<const PoseGroups> groups;  // The problem's views by robot pose.
   State state;
   Noise noise;
   RobotNoise robot_stddev;

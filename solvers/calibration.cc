@@ -166,7 +166,7 @@ TargetShape ShapeOf(const std::vector<View>& views) {
   return num_points > 0 ? DesignedShape(points) : TargetShape();
 }
 
-// What is solved, from the calibration's views.
+// The problem that the calibration's views pose.
 Problem ProblemOf(const Calibration& calibration, const CalibrationOptions& options) {
   return {calibration.camera, calibration.views, options.setup, options.shape};
 }

@@ -25,7 +25,7 @@ struct CalibrationOptions {
   std::vector<std::string> methods;  // Closed forms to report, by name; empty: all that the motion suits.
   std::string seed = kBestSeed;      // One of HandEyeMethodNames(), or kBestSeed.
   BundleOptions bundle;
-  // What the captures are to choose instead of the options above and below: by default, all.
+  // The parts of the model that the captures choose, instead of the options above and below; by default, all.
   AutoModel choose = {true, true};
   bool choose_camera_model = false;
   Setup setup = Setup::kEyeToHand;
@@ -35,7 +35,7 @@ struct CalibrationOptions {
   std::string camera_model = "brown5";
   int width_px = 0;
   int height_px = 0;
-  // As designed (DesignedShape). One without a size is taken from the views' points.
+  // The target as designed (DesignedShape). A shape without a size is replaced by that of the views' points.
   TargetShape shape;
   // The motions that map the target to itself, the identity first.
   std::vector<Rigid3d> symmetries = {Rigid3d()};
@@ -54,7 +54,7 @@ struct Calibration {
   // The options that the refinement was made with: CalibrationOptions::bundle with the chosen model in it.
   BundleOptions bundle;
   std::vector<CameraAlternative> camera_alternatives;  // Empty if the camera model was given.
-  std::vector<ModelAlternative> alternatives;          // Of the model of the errors; empty if nothing was to be chosen.
+  std::vector<ModelAlternative> alternatives;          // The models of the errors; empty if there was one.
   // So many captures fail their test, but were kept: JudgedCaptures::num_kept_against_test.
   int num_kept_against_test = 0;
   // The views that were used, their points in the order that the chain decided on, and of each that has a pose of its
@@ -80,9 +80,9 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
 // motion suits) and the refinement of the poses from the seed. `refined` says what it would take.
 void CalibratePoses(const std::vector<std::string>& methods, const std::string& seed, Calibration* calibration);
 
-// What a person should know of a calibration whose refinement did not fail (solvers/advice.h): the chosen model, how a
-// given camera was used, what the held parts of the model hide, what is known worst. Beside Calibrate: folds and trials
-// have nobody to tell.
+// Returns the findings about a calibration whose refinement did not fail (solvers/advice.h): the chosen model, how a
+// given camera was used, what the held parts of the model hide, what is known worst. Calibrate does not call it: folds
+// and trials have no use for findings.
 std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOptions& options);
 
 // For each used view of a calibration whose refinement did not fail (solvers/influence.h).

@@ -50,8 +50,8 @@ double MinusLogLikelihood(const std::vector<double>& squares_px2, size_t num_poi
 }
 
 struct Comparison {
-  double gain = 0;    // Of the log-likelihood.
-  double p = 1;       // Of so large a gain by chance.
+  double gain = 0;    // The difference of the log-likelihoods.
+  double p = 1;       // The chance of so large a gain.
   double sigmas = 0;  // Vuong's statistic: the gain beyond the parameters' own, in sigmas over views.
 };
 

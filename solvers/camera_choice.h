@@ -12,7 +12,7 @@ namespace heba {
 
 struct CameraAlternative {
   std::string model;
-  double log_likelihood = 0;  // Of the points, each view with a pose of its own; a constant is common to all.
+  double log_likelihood = 0;  // Every view has a pose of its own; a constant is common to all models.
   int dof = 0;                // Parameters of the camera.
   // The chance of so large a gain of the larger model that it was compared with, if this model is right; nothing for a
   // model that was compared with none.

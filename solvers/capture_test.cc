@@ -81,8 +81,8 @@ Eigen::MatrixXd NormalOf(const LinearView& view, const VarianceComponents& varia
   return whitened.leftCols(n).transpose().lazyProduct(whitened);
 }
 
-// What the pixels' variance of a view's moved rows grows to, in the views' unit, by errors that no model knows: a
-// smooth field with kUnmodelledPx at each of the 2 N coordinates, shared out over the six numbers of a pose.
+// Returns the variance of a view's moved rows, in the views' unit, with the errors that no model describes: a smooth
+// field of kUnmodelledPx at each of the 2 N coordinates, shared out over the six numbers of a pose.
 double VarianceWithUnmodelled(const LinearView& view, double pixel_variance, double pixel_sigma_px) {
   const double num_coordinates = static_cast<double>(view.offset.size() + view.num_rest);
   const double ratio = kUnmodelledPx / pixel_sigma_px;
@@ -129,9 +129,9 @@ double PValue(const LinearView& view, const Eigen::MatrixXd& others, const Varia
 // The views that can be judged, as a solution sees them.
 struct JudgedViews {
   std::vector<LinearView> views;
-  std::vector<size_t> index;   // Of each, its view in the problem.
-  PoseGroups groups;           // Of the judged views.
-  std::vector<size_t> hidden;  // Of the problem's views, those of which a point has no image.
+  std::vector<size_t> index;   // The view's place in the problem.
+  PoseGroups groups;           // The judged views by robot pose.
+  std::vector<size_t> hidden;  // The problem's views of which a point has no image.
   double pixel_sigma_px = 1;
 };
 
@@ -161,7 +161,7 @@ JudgedViews Judge(const Problem& problem, const Solution& solution, const FreePa
 // The members alone, one view for each pose of the robot.
 struct Members {
   std::vector<LinearView> views;
-  std::vector<size_t> group_of;  // Of each of `views`, its group in JudgedViews.
+  std::vector<size_t> group_of;  // The place of each of `views` in JudgedViews::groups.
 };
 
 Members MembersOf(const JudgedViews& judged, const std::vector<bool>& is_member) {
@@ -182,7 +182,7 @@ Members MembersOf(const JudgedViews& judged, const std::vector<bool>& is_member)
   return members;
 }
 
-// Of each judged view: by the estimate of the members at other poses of the robot.
+// Returns the tail probability of each judged view, by the estimate of the members at other poses of the robot.
 std::vector<double> PValues(const JudgedViews& judged, const Members& members, const VarianceComponents& variances,
                             double dof) {
   const Eigen::Index num_unknowns = judged.views.front().by_unknowns.cols();

@@ -12,14 +12,14 @@ namespace heba {
 // How often a data set without any wrong capture has one named.
 inline constexpr double kCaptureFalseAlarm = 0.01;
 
-// What no model of light, blur and print knows of a view's points, px: such a field of errors, the same size
-// everywhere and as smooth as a pose's, belongs to what a capture is tested by.
+// The error of a view's points that no model of light, blur and print describes, px. A field of errors of this size, as
+// smooth as a pose's, is part of the noise that a capture is tested by.
 inline constexpr double kUnmodelledPx = 0.003;
 
 struct CaptureVerdict {
   bool is_wrong = false;
-  // What the capture's image says that the gripper is off by from where the robot said that it was, over what the
-  // estimate from the *other* captures, the pixels and the robot's own noise allow: the tail probability of F.
+  // The tail probability (F) of the distance between the gripper's pose that the capture's image shows and the one that
+  // the robot stated, given the estimate from the *other* captures, the pixels' noise and the robot's own.
   double p_value = 1;
 };
 

@@ -134,7 +134,7 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
   std::vector<int> fold_of(full.views.size(), kAlwaysTraining);
   int num_held_out = 0;
   for (const std::vector<size_t>& group : GroupByRobotPose(options.setup, full.views)) {
-    // What the two-step method cannot do without is given to all.
+    // The two-step method cannot do without these captures: every fold is trained on them.
     const bool is_needed = std::any_of(group.begin(), group.end(), [&](size_t i) {
       const std::string& role = full.views[i].role;
       return role == "home" || role.starts_with("translate_");

@@ -21,8 +21,8 @@ struct HoldOut {
   // noise, the robot's if it is modelled, the estimate's own uncertainty), per degree of freedom. About 1 if the model
   // is right; with the robot's noise in it, this and not rms_px says which model predicts better.
   std::optional<double> chi2_per_dof;
-  // Of every method: the held-out residuals in sigmas of the noise that the refinement of the same fold found (pixels
-  // and robot, not the estimates' own uncertainty), root mean square. About 1 for an estimate that is exact.
+  // The held-out residuals of any method in sigmas of the noise that the refinement of the same fold found (pixels and
+  // robot, not the estimates' own uncertainty), root mean square. About 1 for an estimate that is exact.
   std::optional<double> sigmas;
 };
 

@@ -101,7 +101,7 @@ std::optional<FittedModel> FitModel(const Problem& problem, const HandEye& start
   return other && (!found || other->log_likelihood > found->log_likelihood) ? other : found;
 }
 
-// Of a likelihood ratio as large between nested models.
+// The chance of a likelihood ratio as large between nested models.
 double ChanceOfRatio(const FittedModel& smaller, const FittedModel& larger) {
   const double statistic = std::max(0.0, 2 * (larger.log_likelihood - smaller.log_likelihood));
   const double num_shape = NumShapeParams(larger.model) - NumShapeParams(smaller.model);

@@ -21,7 +21,7 @@ struct ErrorModel {
   std::vector<TargetShapeGroup> shape;  // In the order of TargetShapeGroup.
 };
 
-// What of the target's shape can be unknown: nothing, the scale, the bend, both. In this order.
+// The parts of the target's shape that can be unknown: nothing, the scale, the bend, both. In this order.
 std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations();
 
 // "exact robot, target as designed", "robot noise, target scaled and bent"
@@ -36,7 +36,7 @@ struct ModelAlternative {
   std::optional<double> p;
 };
 
-// What is to be chosen; the rest is as the options say.
+// The parts of the model that are to be chosen; the others are as the options say.
 struct AutoModel {
   bool robot_noise = false;
   bool target_shape = false;
@@ -46,7 +46,7 @@ struct ModelChoice {
   BundleOptions options;                       // The given ones with the chosen model in them.
   Solution solution;                           // The chosen model's.
   std::vector<ModelAlternative> alternatives;  // The simplest first.
-  size_t chosen = 0;                           // Of the alternatives.
+  size_t chosen = 0;                           // The index of the chosen alternative.
 };
 
 // Fits every combination of {exact robot, robot noise} and {as designed, scale, bend, scale and bend} that is to be

@@ -57,7 +57,7 @@ FreeParameters FreeOf(const StudyCell& cell) {
   return FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics);
 }
 
-// What of the target's shape is not as designed.
+// The parts of the target's shape that differ from the design.
 std::vector<TargetShapeGroup> ShapeGroupsOf(const StudyCell& cell) {
   std::vector<TargetShapeGroup> groups;
   for (const TargetShapeGroup group : {TargetShapeGroup::kScale, TargetShapeGroup::kBend}) {

@@ -18,7 +18,7 @@ struct StudyCell {
   HandEye hand_eye;
   Observations target;  // Ids, points and radii of what every capture sees; its pixels are not used.
   std::vector<SimulatedPose> poses;
-  TargetShape shape;  // Of the truth; the estimators know the design only.
+  TargetShape shape;  // The true shape; the estimators know the design only.
   double pixel_sigma_px = 0;
   RobotNoise robot_noise;
   // Each point is, with this probability, anywhere within 40 px of its place; each capture's stated pose wrong by 5 mm
@@ -37,7 +37,7 @@ struct TrialEstimate {
   double axxb_mean_mm = 0;  // The paper's measure.
   // Of a refinement with a covariance: whether its 95 % region holds the truth.
   std::optional<bool> is_covered;
-  // Of a refinement that chose its model of the errors: whether that is the cell's.
+  // Whether a refinement that chose its model of the errors chose the cell's.
   std::optional<bool> has_right_model;
   std::optional<double> pixel_sigma_px;
   std::optional<RobotNoise> robot_noise;

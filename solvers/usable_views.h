@@ -1,4 +1,4 @@
-// What each view can serve: a pose of its own, a test of its points, or nothing.
+// Views sorted by their use: a pose of their own, a test of their points, or none.
 #pragma once
 
 #include <string>
@@ -19,7 +19,7 @@ struct UnusedView {
 
 struct SortedViews {
   std::vector<View> posed;                     // Views with a pose of their own.
-  std::vector<std::vector<TargetPose>> poses;  // Of each of them, the poses that its points allow.
+  std::vector<std::vector<TargetPose>> poses;  // The poses that each view's points allow.
   // Views whose points no pose of the target explains, or far worse than the others': some or all of them are wrong.
   std::vector<View> misfits;
   std::vector<std::string> misfit_reasons;

@@ -9,7 +9,7 @@
 
 namespace heba {
 
-// What is known of a robot's noise before the first capture: log-normal densities of its two sigmas.
+// The knowledge of a robot's noise before the first capture: log-normal densities of its two sigmas.
 struct RobotNoisePrior {
   RobotNoise median;
   double log_sigma = 1;  // One sigma of the logarithm of either sigma.

@@ -16,7 +16,7 @@ inline constexpr double kDistinct = 5;
 
 struct JudgedCaptures {
   std::vector<CaptureVerdict> verdicts;        // One a view.
-  Solution solution;                           // Of the views that are not wrong, with their rejected_ids.
+  Solution solution;                           // The solution of the views that are not wrong.
   std::vector<std::vector<int>> rejected_ids;  // One a view of the problem, wrong ones included.
   // So many captures failed the test, but a robot with more noise explains all of them better than one with less noise
   // and so many wrong poses: none is left out. 0 if there was no doubt.

@@ -37,9 +37,9 @@ std::optional<MapBend> BendOf(const std::vector<Eigen::Vector2d>& offsets,
                               const std::vector<Eigen::Vector2d>& residuals_px) {
   constexpr Eigen::Index kNumTerms = 6;
   constexpr double kNumHomography = 8;
-  // Of a corner that is not measured yet.
+  // The sigma of a corner that is not measured yet.
   constexpr double kCornerSigmaPx = 0.03;
-  // What is left of third order, by the bend.
+  // The share of the bend that is left in third order.
   constexpr double kThirdOrder = 0.2;
   const auto num_corners = static_cast<Eigen::Index>(offsets.size());
   const double dof = 2.0 * static_cast<double>(num_corners - 3) - kNumHomography;

@@ -20,7 +20,7 @@ std::optional<Eigen::Vector2d> RefineCorner(const cv::Mat& grey, const Eigen::Ve
 struct MeasuredCorner {
   Eigen::Vector2d pixel;
   Eigen::Matrix2d covariance_px2;
-  double outlier_share = 0;  // Of its grey values, those that show something else.
+  double outlier_share = 0;  // The share of its grey values that show something else.
 };
 
 // How the map from a board into the image bends about one of its points beyond a homography: terms of x^2, x y and y^2

@@ -20,7 +20,8 @@ struct CaptureDetection {
   Detection detection;
   int num_second_pass = 0;  // Of the points, those that the second look added.
   std::string small_jpeg;   // The picture, small, for people to look at.
-  // Of the image file's bytes, from who has computed it: equal digests mean equal files. Empty: not known.
+  // The digest of the image file's bytes, set by the caller that computed it: equal digests mean equal files. Empty if
+  // it is not known.
   std::string image_digest = {};
 };
 

@@ -204,7 +204,7 @@ class Fitter {
     return true;
   }
 
-  // Where the blur is least already and would become less still, the other parameters move without it.
+  // Holds the blur where it is at its lower bound and would fall further; the other parameters move without it.
   void HoldBlur(Equations* equations) const {
     const Eigen::Index blur = std::find(sought_.begin(), sought_.end(), kBlur) - sought_.begin();
     if (equations->gradient[blur] <= 0) return;
@@ -409,8 +409,8 @@ class Fitter {
   static double MeanNoiseOf(const EdgeResiduals& at_edges) {
     return 1.2533 * at_edges.sizes / std::max(at_edges.weights, 1e-9);
   }
-  // Of a grey value at an edge if it is larger than chance makes it where all grey values have the same noise (2
-  // sigma); else 0.
+  // Returns the variance of a grey value at an edge if it is larger than chance makes it where all grey values have the
+  // same noise (2 sigma); else 0.
   double SignificantVarianceOf(const EdgeResiduals& at_edges) const {
     const double num_effective = at_edges.weights * at_edges.weights / std::max(at_edges.weights_squared, 1e-9);
     const auto num_sought = static_cast<double>(NumSought());
@@ -432,7 +432,7 @@ class Fitter {
   Eigen::Matrix2d flat_normal_ = Eigen::Matrix2d::Zero();
   Eigen::Vector2d flat_right_ = Eigen::Vector2d::Zero();
   std::vector<int> sought_;
-  PatternParams expected_ = PatternParams::Zero();  // Of the terms that are expected to be something.
+  PatternParams expected_ = PatternParams::Zero();  // The values of the terms that have an expectation.
   double squares_sigma_px_ = 0;
   PatternParams params_ = PatternParams::Zero();
   double noise_grey_ = 0;  // At first with the misfit of the start.

@@ -41,7 +41,7 @@ struct PatternFit {
   double blur_sigma_px = 0;             // Of the edges, a pixel's own width included.
   double contrast_grey = 0;             // White less black.
   double residual_ratio = 0;            // RMS of the residuals by the contrast: noise and misfit.
-  double outlier_share = 0;             // Of the used pixels, those that deviate by more than a third of the contrast.
+  double outlier_share = 0;  // The share of the used pixels that deviate by more than a third of the contrast.
 };
 
 // The most likely place given the grey values: the pattern's albedo through the map, blurred by a Gaussian (exact for

@@ -54,7 +54,7 @@ cv::Mat Saddleness(const cv::Mat& smooth) {
   return saddleness;
 }
 
-// What noise or a fine texture makes neighbouring grey values differ by.
+// Returns the typical difference of neighbouring grey values by noise or a fine texture.
 double TextureGrey(const cv::Mat& smooth) {
   std::array<size_t, 256> counts{};
   size_t num = 0;
@@ -108,7 +108,7 @@ std::vector<Peak> PeaksOf(const cv::Mat& saddleness, double min_contrast_grey, s
   return peaks;
 }
 
-// Where a parabola through three equidistant values has its top, from the middle one.
+// Returns the place of the top of a parabola through three equidistant values, from the middle one.
 double TopOf(double before, double here, double behind) {
   const double curvature = 2 * here - before - behind;
   return curvature > 0 ? std::clamp(0.5 * (behind - before) / curvature, -0.5, 0.5) : 0;
@@ -188,7 +188,7 @@ class SaddleIndex {
           static_cast<int>(n));
     }
   }
-  // Those of the cells that come within `reach_px`.
+  // Calls `use` for the cells that come within `reach_px`.
   template <typename Use>
   void ForEachNear(const Eigen::Vector2d& pixel, double reach_px, const Use& use) const {
     const int last_row = LineOf(pixel.y() + reach_px, rows_);
@@ -291,7 +291,7 @@ Links LinksOf(const cv::Mat& smooth, const std::vector<Saddle>& saddles, const S
 using Cell = std::pair<int, int>;  // Column and row.
 using Grid = std::map<Cell, Eigen::Vector2d>;
 
-// What is linked with `seed`, both ways; those saddles are then used.
+// Returns the saddles that are linked with `seed`, both ways; these are then used.
 Grid GridFrom(const std::vector<Saddle>& saddles, const std::vector<Links>& links, int seed,
               std::vector<bool>* is_used) {
   struct Member {
@@ -350,7 +350,7 @@ cv::Rect BoundsOf(const Grid& grid) {
   return {first_column, first_row, last_column - first_column + 1, last_row - first_row + 1};
 }
 
-// Where a corner must be that was not seen, by those on both sides or by two on one.
+// Predicts a corner that was not seen, by those on both sides or by two on one.
 std::optional<Eigen::Vector2d> Expected(const Grid& grid, const Cell& cell) {
   const auto find = [&](int column, int row) -> const Eigen::Vector2d* {
     const auto entry = grid.find({cell.first + column, cell.second + row});
@@ -390,8 +390,8 @@ bool FillIn(const cv::Mat& image, const cv::Rect& bounds, Grid* grid) {
   return true;
 }
 
-// Where a board of which a grid is a part may be: what is missing of it would lie in the image, and next to the grid
-// there are squares.
+// Tells where a board of which a grid is a part may be: its missing part would lie in the image, and there are squares
+// next to the grid.
 class Continuation {
  public:
   Continuation(const cv::Mat& smooth, const Grid& grid, const cv::Rect& bounds) : smooth_(smooth), bounds_(bounds) {
@@ -412,16 +412,16 @@ class Continuation {
         sum += SignOf(column, row) * SquareGrey(column, row).value_or(0);
       }
     }
-    // Of squares of both colours there are about equally many.
+    // There are about equally many squares of both colours.
     half_contrast_grey_ = count > 1 ? sum / count : 0;
   }
 
-  // Where a board of `size` corners may be, with what is drawn around it; empty if nowhere.
+  // Returns the area in which a board of `size` corners may be, with what is drawn around it; empty if there is none.
   cv::Rect MayBeIn(cv::Size size) const {
     if (!pixel_from_cell_) return {};
     const int spare_columns = size.width - bounds_.width;
     const int spare_rows = size.height - bounds_.height;
-    // What is drawn around a board may look like more of it: a rim on all sides, around a small board on any side.
+    // The surroundings of a board may look like more of it: a rim on all sides, around a small board on any side.
     constexpr int kSmall = 30;
     constexpr int kRimLines = 2;
     const bool is_with_rim = spare_columns == -kRimLines && spare_rows == -kRimLines;
@@ -439,7 +439,7 @@ class Continuation {
   }
 
  private:
-  // Of the square between the corners (column, row) and (column + 1, row + 1).
+  // The sign of the square between the corners (column, row) and (column + 1, row + 1).
   static int SignOf(int column, int row) { return ((column + row) & 1) == 0 ? 1 : -1; }
   std::optional<double> SquareGrey(int column, int row) const {
     const Eigen::Vector2d middle = Map(*pixel_from_cell_, Eigen::Vector2d(column + 0.5, row + 0.5));
@@ -546,7 +546,7 @@ SaddleGrid FindSaddleGrid(const cv::Mat& grey, cv::Size size) {
   SaddleGrid result;
   const auto num_corners = static_cast<size_t>(size.area());
   const std::vector<Saddle> saddles = FindSaddles(grey, kClutter + 2 * num_corners);
-  // Of a board's corners some may be hidden by glare, or not be seen as what they are.
+  // Some of a board's corners may be hidden by glare, or not be seen as corners.
   const size_t least_found = std::max<size_t>(8, num_corners * 4 / 5);
   const size_t least_seen = std::max<size_t>(6, num_corners / 4);
   if (saddles.size() < least_seen) return result;

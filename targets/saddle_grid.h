@@ -24,8 +24,8 @@ std::vector<Saddle> FindSaddles(const cv::Mat& grey, size_t max_saddles);
 struct SaddleGrid {
   // All of a board's inner corners, row by row in some order, to about a pixel; empty if they were not found.
   std::vector<cv::Point2f> corners;
-  // Where the board may be all the same: a good part of one of about its size is seen, squares go on, and nothing says
-  // that the rest is outside of the image. Empty if it is nowhere.
+  // The area in which the board may be although it was not found: a good part of a board of about its size is seen, its
+  // squares go on, and nothing says that the rest is outside of the image. Empty if there is none.
   cv::Rect may_be_in;
 };
 

@@ -15,7 +15,7 @@
 namespace heba {
 namespace {
 
-// What every estimate is measured by.
+// Computes the errors that every estimate is measured by.
 Errors EvaluateEstimate(const HandEye& hand_eye, const Camera& camera, const std::vector<View>& views,
                         const std::vector<PosePair>& pairs, const std::optional<Truth>& truth,
                         const std::vector<Rigid3d>& symmetries) {
@@ -117,8 +117,8 @@ double RadiusM(const Eigen::Matrix3d& covariance_m2, double confidence) {
   return std::sqrt(squares / trace * ChiSquareQuantile(1 - confidence, dof));
 }
 
-// What the calibration reaches where the config says what it must. A camera that the robot carries sees a target at any
-// place as it did at the working point.
+// Returns the accuracy that the calibration reaches at each place for which the config requires one. A camera that the
+// robot carries sees a target at any place as it did at the working point.
 std::vector<Requirement> ReachedRequirements(const RunConfig& config, const Calibration& calibration,
                                              const RunResult& result) {
   std::vector<Requirement> reached;

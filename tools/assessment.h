@@ -17,7 +17,7 @@ namespace heba {
 std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
                                     const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries);
 
-// Where the target's points must be in a capture, px, if the calibration is right; nothing for those out of view.
+// Predicts the target's points in a capture, px, from the calibration; nothing for those out of view.
 std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target, const Solution& solution,
                                                            const Rigid3d& camera_from_target);
 

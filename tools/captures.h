@@ -31,8 +31,8 @@ class CaptureDetector {
   std::optional<DetectionCache> cache_;
 };
 
-// Of all captures, with the digests of their images and progress on the terminal. InputError if pictures cannot be read
-// or differ in size.
+// Detects the target in all captures, with the digests of their images and progress on the terminal. InputError if
+// images cannot be read or differ in size.
 std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_threads, Verbosity verbosity);
 
 // Gives the config's camera, if there is one, the size of the pictures where its file does not tell it. InputError if

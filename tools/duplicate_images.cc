@@ -59,7 +59,7 @@ LeftOutCaptures LeaveOutSharedImages(RunConfig* config, std::vector<CaptureDetec
   int num_repeats = 0;
   int num_contradictory = 0;
   for (const SharedImage& shared : FindSharedImages(captures, *detections)) {
-    // Where no target was seen, as in black images, there is nothing to leave out.
+    // There is nothing to leave out of images that show no target, such as black ones.
     if ((*detections)[shared.captures.front()].detection.ids.empty()) continue;
     for (const size_t i : shared.captures) {
       if (shared.has_one_pose && i == shared.captures.front()) continue;

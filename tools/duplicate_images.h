@@ -28,7 +28,8 @@ struct SharedImage {
 std::vector<SharedImage> FindSharedImages(const std::vector<Capture>& captures,
                                           const std::vector<CaptureDetection>& detections);
 
-// Of the captures that share an image but not the pose: the first one of `shared` whose pose is not that of `capture`.
+// Returns the first capture of `shared` whose pose is not that of `capture`, for captures that share an image but not
+// the pose.
 size_t FindOtherPose(const std::vector<Capture>& captures, const SharedImage& shared, size_t capture);
 
 // The captures that were left out, and one sentence on them for each cause.

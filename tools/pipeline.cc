@@ -134,7 +134,7 @@ std::string DoctorSays(const RunConfig& config, int num_threads) {
   return wrong.empty() ? "" : "heba doctor: " + wrong;
 }
 
-// Where the result is bad, what the doctor finds wrong is the first thing to know.
+// Puts the doctor's first fault before the findings of a result that is bad.
 void AskDoctor(const RunConfig& config, int num_threads, RunResult* result) {
   result->verdict = JudgeRun(*result);
   if (result->verdict.grade != Grade::kBad) return;

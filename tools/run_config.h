@@ -53,7 +53,7 @@ struct RunConfig {
   std::string seed;
   std::vector<std::string> methods;  // Empty: all that the motion suits.
   BundleOptions bundle;
-  AutoModel choose;                  // What of it the captures are to choose.
+  AutoModel choose;                  // The parts of it that the captures choose.
   bool choose_camera_model = false;  // The same of camera_model.
   int folds = 0;
   std::vector<PlacedRequirement> requirements;

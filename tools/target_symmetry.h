@@ -1,4 +1,4 @@
-// What the program says of a target that looks the same after half a turn or a quarter of a turn.
+// The program's words on a target that looks the same after half a turn or a quarter of a turn.
 #pragma once
 
 #include <string>

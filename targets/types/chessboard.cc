@@ -55,13 +55,13 @@ bool FindSectorsNormalised(const cv::Mat& grey, cv::Size size, std::vector<cv::P
 // Coarse to fine, for small boards enlarged, and last for boards that are out of focus. Saddles take a tenth of the
 // time that OpenCV's finders take, whatever the picture shows.
 struct Level {
-  double max_side_px;  // As a finder's.
+  double max_side_px;  // See Finder.
   double min_side_px;
 };
 constexpr Level kLevels[] = {{1000, 0}, {2000, 0}, {4000, 2000}, {500, 0}};
 
-// Where the saddles show much of a board, but not all of it, in this order: the contrast as it is, stretched for dark
-// pictures, and small boards enlarged.
+// The finders for images in which the saddles show much of a board, but not all of it, in this order: the contrast as
+// it is, stretched for dark images, and small boards enlarged.
 constexpr Finder kFinders[] = {
     {960, 0, &FindSectors},
     {960, 0, &FindSectorsNormalised},
@@ -78,7 +78,7 @@ struct SeenGrid {
   Corners corners;
 };
 
-// What the first two finders see if any size is right.
+// Returns the grids that the first two finders see if any size is right.
 std::vector<SeenGrid> GridsSeen(const cv::Mat& grey) {
   const double scale = std::min(1.0, kFinders[0].max_side_px / std::max(grey.cols, grey.rows));
   cv::Mat picture;
@@ -127,7 +127,8 @@ class Chessboard final : public Target {
     }
     cv::Rect may_be_in;
     if (const std::optional<Corners> corners = FindCorners(grey, &may_be_in)) {
-      // What a window finds that did not see what is drawn: a guess that such a point counts for little.
+      // The sigma of a corner that a window finds although the pattern fit fails there: a guess under which such a
+      // point counts for little.
       constexpr double kSaddleSigmaPx = 0.15;
       const Drawing& seen = ColourScore(grey, *corners) < 0 ? inverted_ : drawing_;
       for (const TargetPoint& point : points_) {
@@ -323,7 +324,7 @@ class Chessboard final : public Target {
   }
 
   Detection MeasureVisible(const cv::Mat& grey, const Corners& corners) const {
-    // Of a corner's grey values: fewer are left to Huber's loss.
+    // The largest share of deviating grey values of a visible corner: fewer are left to Huber's loss.
     constexpr double kMaxCovered = 0.05;
     const bool inverted = ColourScore(grey, corners) < 0;
     Detection detection;
@@ -366,7 +367,8 @@ class Chessboard final : public Target {
     return picture;
   }
 
-  // What was found in a resized part of the picture, in this board's order and refined, if it is one.
+  // Returns the corners that were found in a resized part of the image, in this board's order and refined, if they are
+  // a board's.
   std::optional<Corners> Accepted(const cv::Mat& grey, const std::vector<cv::Point2f>& found, double scale,
                                   const cv::Point& first_px) const {
     if (found.size() != points_.size()) return std::nullopt;

@@ -153,7 +153,7 @@ TEST_P(TargetTest, PointsAreFoundWhereTheCameraModelSays) {
   }
 }
 
-// What is found in an image does not depend on how large the target is said to be: it is searched once for all sizes.
+// A detection does not depend on the stated size of the target: an image is searched once for all sizes.
 TEST_P(TargetTest, TheUnitTargetIsFoundWhereTheTargetIs) {
   for (size_t i = 0; i < targets_.size(); ++i) {
     const TargetSettings lengths = targets_[i]->UnitLengths();

@@ -138,7 +138,7 @@ TEST(AdviceTest, ATargetOfAnotherSizeIsACause) {
   EXPECT_EQ(finding->grade, Grade::kBad);
   EXPECT_TRUE(finding->is_cause);
   EXPECT_THAT(finding->text, testing::HasSubstr("10 % larger than the config says"));
-  solution.shape.params = {1.002, 1.001, 0, 0};  // As printers do.
+  solution.shape.params = {1.002, 1.001, 0, 0};  // A printer does as much.
   EXPECT_FALSE(AdviseOnScale(solution, scaled).has_value());
 }
 

@@ -35,8 +35,8 @@ TEST(WrongCapturesTest, ABentTargetLosesNoCapture) {
   }
 }
 
-// Where the robot's errors have long tails, half of the captures agree too well with one another by choice: the others
-// are not wrong.
+// If the robot's errors have long tails, half of the captures agree too well with one another by choice; the others are
+// not wrong.
 TEST(WrongCapturesTest, LongTailsLoseFewCaptures) {
   for (uint64_t seed = 1; seed <= 5; ++seed) {
     TestSceneOptions options;

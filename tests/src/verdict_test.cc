@@ -131,7 +131,7 @@ TEST(VerdictTest, ImagesWithoutTheTargetAreNoBadCaptures) {
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
 }
 
-// What follows from a cause is said with it, in one finding.
+// The consequences of a cause are said with it, in one finding.
 TEST(VerdictTest, OneCauseGivesOneFinding) {
   RunResult result = GoodResult();
   result.estimates[1].errors.holdout_target_mm = 50;

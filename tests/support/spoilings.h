@@ -36,7 +36,7 @@ struct GoodSet {
   int rows = 0;
   int columns = 0;
   Setup setup = Setup::kEyeToHand;
-  // What the doctor says first of the set as it is; empty if nothing is wrong with it.
+  // The code that the doctor gives first for the set as it is; empty if nothing is wrong with it.
   std::string code_as_it_is = {};
 };
 

@@ -154,12 +154,12 @@ TEST(Chessboard, ABlankWallIsNotSearched) {
   EXPECT_THAT(target->Detect(wall).reason, HasSubstr("no board of 5 x 8"));
 }
 
-// What is drawn over a board in its image, and what is found of it.
+// An image of a board with something drawn over it, and the truth about it.
 struct CoveredView {
   Camera camera = PictureCamera();
   Rigid3d camera_from_target;
   cv::Mat grey;
-  cv::Mat cover;  // Where it is covered.
+  cv::Mat cover;  // Nonzero at covered pixels.
 
   CoveredView(const Target& target, int view) {
     Rng rng(27, static_cast<uint64_t>(view));

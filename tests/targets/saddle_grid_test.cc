@@ -127,7 +127,7 @@ TEST(SaddleGrid, SaysWhereAnIncompleteBoardGoesOn) {
   EXPECT_TRUE(grid.may_be_in.contains(pixel_of(kRows - 1, kColumns - 1)));
 }
 
-// What the search costs grows with the number of saddles: noise, however strong, makes few.
+// The cost of the search grows with the number of saddles; noise, however strong, makes few.
 TEST(SaddleGrid, NoiseMakesFewSaddles) {
   cv::Mat noise(1000, 1000, CV_8UC1);
   cv::RNG random(27);

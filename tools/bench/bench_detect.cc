@@ -252,7 +252,7 @@ void RunMisses(const Kind& kind, int width_px, int height_px) {
   noisy.noise_sigma_grey = 12;
   RenderOptions cluttered = plain;
   cluttered.clutter = true;
-  // What is rendered without a target: the camera sees nothing but the background.
+  // An image without a target: the camera sees nothing but the background.
   const Rigid3d behind(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, -10));
   struct Scene {
     std::string what;
@@ -326,7 +326,7 @@ void RunFiles(const std::vector<std::string>& files) {
   std::printf("| file | megapixels | CPU ms | points |\n|---|---|---|---|\n");
   for (const std::string& file : files) {
     const cv::Mat grey = ReadGreyImage(file);
-    cv::theRNG() = cv::RNG(1);  // As DetectCapture does.
+    cv::theRNG() = cv::RNG(1);  // DetectCapture does the same.
     const double start_ms = CpuMs();
     const Detection detection = target->Detect(grey);
     std::printf("| %s | %.1f | %8.0f | %4zu of %4zu | %s\n", file.c_str(), 1e-6 * static_cast<double>(grey.total()),

@@ -71,7 +71,7 @@ const PoseFormat& FormatOfNear(const PoseReading& reading) {
   return reading.format.robot.empty() ? reading.format : *FindPoseFormat("ros");
 }
 
-// Where --near expects the target, base_from_target; nothing without the flag.
+// The pose that --near expects, base_from_target; nothing without the flag.
 std::optional<Rigid3d> NearAskedFor(const FinishedRun& run) {
   if (FLAGS_near.empty()) return std::nullopt;
   if (!FLAGS_pixels.empty()) {
@@ -280,7 +280,7 @@ Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solu
   return text;
 }
 
-// What is said of the target in one image.
+// The text about the target in one image.
 struct TargetDescription {
   std::string text;         // For standard output; lists all possible poses where none is chosen.
   bool is_located = false;  // One pose was chosen.

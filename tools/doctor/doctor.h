@@ -18,7 +18,7 @@ struct Diagnosis {
   int NumWrong() const;
 };
 
-// What is examined: the inputs alone, or also the result that they lead to.
+// The scope of an examination: the inputs alone, or also the result that they lead to.
 enum class Examine { kInputs, kInputsAndResult };
 
 // InputError if the images cannot be read.

@@ -20,7 +20,7 @@ struct Errors {
   std::optional<double> holdout_target_deg;
   // Of a refinement: the held-out squares in the metric of all noise that it knows, per degree of freedom.
   std::optional<double> holdout_chi2;
-  // Of every method, on the same captures: the held-out residuals in sigmas of the refinement's noise (pixels and
+  // The held-out residuals of every method, on the same captures, in sigmas of the refinement's noise (pixels and
   // robot), root mean square.
   std::optional<double> holdout_sigmas;
   std::optional<double> axxb_mean_mm;
@@ -85,12 +85,12 @@ struct ModelEntry {
   std::optional<double> p;
 };
 
-// What the refinement takes the measurements' errors for.
+// The model of the errors that the refinement uses.
 struct ModelSummary {
   std::string robot_noise;                // none | estimated | given
-  std::vector<std::string> target_shape;  // Of scale, bend.
+  std::vector<std::string> target_shape;  // A list of scale, bend.
   std::string camera;                     // The camera model.
-  std::vector<ModelEntry> alternatives;   // What was compared; empty if nothing was to be chosen.
+  std::vector<ModelEntry> alternatives;   // Empty if nothing was to be chosen.
 };
 
 // That a target located there is known to `within_m` with this confidence.
@@ -112,7 +112,7 @@ struct RunResult {
   std::optional<WorkingPoint> working_point;
   ModelSummary model;
   std::vector<Requirement> requirements;
-  // What was found about the run that its figures do not show.
+  // Findings about the run that its figures do not show.
   std::vector<Finding> observations;
   Verdict verdict;  // JudgeRun's.
   Timing timing;

@@ -14,8 +14,8 @@ std::string_view GradeName(Grade grade);  // "good", "doubtful", "bad"
 struct Finding {
   Grade grade = Grade::kGood;
   std::string code;    // Short, and the same in every version: what programs ask for.
-  std::string text;    // What was found, with its figures.
-  std::string action;  // What would better it; empty if nothing needs to be done.
+  std::string text;    // The observation, with its figures.
+  std::string action;  // The remedy; empty if nothing needs to be done.
   std::vector<std::pair<std::string, double>> numbers = {};  // The figures of the text, named with their units.
   // Whether it says what is wrong, not how that shows: then the findings that show it need no mention of their own.
   bool is_cause = false;

@@ -17,7 +17,7 @@ struct Limits {
   double bad;
 };
 
-// What cells usually need. A requirement of the config takes the place of the first five.
+// The needs of usual cells. A requirement of the config takes the place of the first five.
 constexpr Limits kPositionMm = {1, 5};
 constexpr Limits kOrientationDeg = {0.1, 0.5};
 constexpr Limits kAtWorkMm = {1, 5};
@@ -25,7 +25,7 @@ constexpr Limits kHeldOutMm = {1.5, 5};
 constexpr Limits kHeldOutDeg = {0.3, 1};
 constexpr Limits kHeldOutChi2 = {1.5, 3};  // Per degree of freedom; 1 if the model is right.
 constexpr Limits kPixelSigmaPx = {1, 5};
-constexpr Limits kShareLeftOut = {0.25, 0.6};  // Of the captures that show the target.
+constexpr Limits kShareLeftOut = {0.25, 0.6};  // A share of the captures that show the target.
 constexpr int kFewCaptures = 8;
 // A closed form predicts unseen captures better than the refinement if its errors are smaller by this factor.
 constexpr double kClosedFormBetter = 0.85;
@@ -256,7 +256,7 @@ Finding JudgePoses(const RunResult& result) {
           {{"scatter_mm", scatter.translation_rms_mm}, {"scatter_deg", scatter.rotation_rms_deg}}};
 }
 
-// What shows that something is wrong, without saying what.
+// Whether a finding shows that something is wrong, without saying what.
 bool IsSymptom(const Finding& finding) {
   constexpr std::array<std::string_view, 9> kSymptoms = {
       "hold_out",    "unmodelled_error",    "closed_form_better", "captures_left_out", "captures_scatter",

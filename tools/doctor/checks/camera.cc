@@ -48,7 +48,7 @@ std::optional<PoseConsistency> ByRobot(const Examination& examination, const Cam
 
 std::string FocalText(const Camera& camera) { return Fixed(camera.params[0], 0) + " px"; }
 
-// As a run would estimate it; a lens that a pinhole is given for may distort all the same.
+// Estimates the camera that a run would estimate; a lens for which a pinhole is given may distort all the same.
 Outcome<Camera> EstimateCamera(const RunConfig& config, const std::vector<View>& views,
                                const CaptureDetection& picture) {
   if (config.choose_camera_model) {

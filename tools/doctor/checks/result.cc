@@ -1,5 +1,4 @@
-// What the calibration itself has to say, of a data set in which the other checks found nothing wrong: the findings of
-// `heba run`, with their codes.
+// The findings of `heba run`, with their codes, for a data set in which the other checks found nothing wrong.
 #include "heba/evaluation/verdict.h"
 #include "tools/assessment.h"
 #include "tools/captures.h"
@@ -11,7 +10,7 @@ namespace heba {
 
 std::vector<Symptom> Check_result(Examination* examination) {
   if (examination->found_wrong) return {};
-  // As a run does it: copies of a capture do not count.
+  // Copies of a capture do not count, in a run neither.
   RunConfig config = examination->config;
   std::vector<CaptureDetection> detections = examination->detections;
   LeaveOutSharedImages(&config, &detections);
