@@ -42,6 +42,7 @@ extern "C" {
 #include "targets/name_table.h"
 #include "targets/pattern_fit.h"
 #include "targets/tag_layout.h"
+#include "targets/tag_places.h"
 #include "targets/target.h"
 
 namespace heba {
@@ -150,8 +151,9 @@ class BoardFamily {
     return family_.reversed_border ? ring == -1 : ring >= 0;
   }
 
-  // All tags of the board that libapriltag decodes; corners in this program's pixels.
-  std::vector<SeenTag> Detect(const cv::Mat& grey, double decimate) const {
+  // All tags of the board that libapriltag decodes; corners in this program's pixels. A tag may be there twice. Regions
+  // that were `searched` before are left out, as FindTagPlaces has it.
+  std::vector<SeenTag> Detect(const cv::Mat& grey, double decimate, std::vector<cv::Rect>* searched = nullptr) const {
     // libapriltag's tiles of 4 px do not fit into less.
     constexpr int kMinDecimatedPx = 8;
     decimate =
@@ -169,20 +171,29 @@ class BoardFamily {
     owner.detector->nthreads = 1;
     owner.detector->quad_decimate = static_cast<float>(decimate);
     owner.detector->refine_edges = true;
-    image_u8_t image = {grey.cols, grey.rows, static_cast<int32_t>(grey.step[0]), grey.data};
-    zarray_t* found = apriltag_detector_detect(owner.detector, &image);
+    TagPlaceOptions options;
+    options.decimate = static_cast<int>(decimate);
+    options.min_side_px = family_.width_at_border;
+    options.is_light_in_dark = family_.reversed_border;
     std::vector<SeenTag> tags;
-    for (int i = 0; i < zarray_size(found); ++i) {
-      apriltag_detection_t* detection = nullptr;
-      zarray_get(found, i, &detection);
-      SeenTag tag;
-      tag.index = detection->id;
-      tag.num_bit_errors = detection->hamming;
-      // libapriltag's first pixel has its centre at (0.5, 0.5).
-      for (size_t k = 0; k < 4; ++k) tag.corners_px[k] = {detection->p[k][0] - 0.5, detection->p[k][1] - 0.5};
-      tags.push_back(tag);
+    for (const cv::Rect& place : FindTagPlaces(grey, options, searched)) {
+      const cv::Mat part = grey(place);
+      image_u8_t image = {part.cols, part.rows, static_cast<int32_t>(part.step[0]), part.data};
+      zarray_t* found = apriltag_detector_detect(owner.detector, &image);
+      for (int i = 0; i < zarray_size(found); ++i) {
+        apriltag_detection_t* detection = nullptr;
+        zarray_get(found, i, &detection);
+        SeenTag tag;
+        tag.index = detection->id;
+        tag.num_bit_errors = detection->hamming;
+        // libapriltag's first pixel has its centre at (0.5, 0.5).
+        for (size_t k = 0; k < 4; ++k) {
+          tag.corners_px[k] = {place.x + detection->p[k][0] - 0.5, place.y + detection->p[k][1] - 0.5};
+        }
+        tags.push_back(tag);
+      }
+      apriltag_detections_destroy(found);
     }
-    apriltag_detections_destroy(found);
     return tags;
   }
 
@@ -283,6 +294,9 @@ class AprilTagGrid final : public Target {
       std::optional<PatternFit> fit;
     };
     std::vector<Fit> fits;
+    // Large regions of the picture in which libapriltag was asked for tags, and of the picture with regions parted.
+    std::vector<cv::Rect> searched;
+    std::vector<cv::Rect> searched_parted;
 
     bool IsSettled(int index) const { return fits[static_cast<size_t>(index)].fit.has_value(); }
     // Tags, and once more those that are settled.
@@ -377,9 +391,14 @@ class AprilTagGrid final : public Target {
     return parted;
   }
 
+  // Only the whole picture is searched for nothing: a part of it is where tags are expected.
+  static std::vector<cv::Rect>* SearchedOf(const cv::Mat& grey, const cv::Rect& part, std::vector<cv::Rect>* searched) {
+    return part == cv::Rect(0, 0, grey.cols, grey.rows) ? searched : nullptr;
+  }
+
   // What libapriltag sees in a part of the picture, its corners refined.
   void AddSeen(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
-    for (const SeenTag& found : family_.Detect(grey(part), decimate)) {
+    for (const SeenTag& found : family_.Detect(grey(part), decimate, SearchedOf(grey, part, &search->searched))) {
       SeenTag tag = Shifted(found, part);
       RefineOnSquares(grey, &tag);
       AddCandidate(tag, search);
@@ -387,7 +406,8 @@ class AprilTagGrid final : public Target {
   }
   // The same with black regions parted.
   void AddParted(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
-    for (const SeenTag& found : family_.Detect(Parted(grey(part), decimate), decimate)) {
+    for (const SeenTag& found :
+         family_.Detect(Parted(grey(part), decimate), decimate, SearchedOf(grey, part, &search->searched_parted))) {
       SeenTag tag = Shifted(found, part);
       Grow(GrownPx(decimate), &tag.corners_px);
       // By how much the edges moved is a guess, not a measurement: only as a start for the saddles.

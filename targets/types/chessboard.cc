@@ -78,18 +78,20 @@ struct SeenGrid {
   Corners corners;
 };
 
-// Returns the grids that the first two finders see if any size is right.
-std::vector<SeenGrid> GridsSeen(const cv::Mat& grey) {
+// Returns the grids that the first two finders see in a part of the image if any size is right.
+std::vector<SeenGrid> GridsSeen(const cv::Mat& grey, const cv::Rect& part) {
   const double scale = std::min(1.0, kFinders[0].max_side_px / std::max(grey.cols, grey.rows));
   cv::Mat picture;
-  cv::resize(grey, picture, {}, scale, scale, cv::INTER_AREA);
+  cv::resize(grey(part), picture, {}, scale, scale, cv::INTER_AREA);
   std::vector<SeenGrid> grids;
   for (const int flags : {0, static_cast<int>(cv::CALIB_CB_NORMALIZE_IMAGE)}) {
     std::vector<cv::Point2f> found;
     cv::Mat meta;
     const bool is_seen = cv::findChessboardCornersSB(picture, {kMinSide, kMinSide}, found,
                                                      flags | static_cast<int>(cv::CALIB_CB_LARGER), meta);
-    if (is_seen) grids.push_back({meta.size(), FromOpenCv(found, scale)});
+    if (!is_seen) continue;
+    grids.push_back({meta.size(), FromOpenCv(found, scale)});
+    for (Eigen::Vector2d& corner : grids.back().corners) corner += Eigen::Vector2d(part.x, part.y);
   }
   return grids;
 }
@@ -138,7 +140,7 @@ class Chessboard final : public Target {
       }
       return detection;
     }
-    if (!may_be_in.empty()) detection = DetectPartly(grey);
+    if (!may_be_in.empty()) detection = DetectPartly(grey, may_be_in);
     if (!detection.ids.empty()) return detection;
     detection.reason = "no board of " + std::to_string(rows_) + " x " + std::to_string(columns_) +
                        " inner corners found; it must be seen with a light rim" + detection.reason;
@@ -148,7 +150,7 @@ class Chessboard final : public Target {
   // The size of the board that is seen, whatever it is: boards are counted wrongly in more ways than can be tried.
   std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
     std::vector<TargetSettings> confusions;
-    for (const SeenGrid& grid : GridsSeen(grey)) {
+    for (const SeenGrid& grid : GridsSeen(grey, cv::Rect({}, grey.size()))) {
       const cv::Size& size = grid.size;
       // Lying or standing as the config has it.
       const bool is_alike = (size.width >= size.height) == (columns_ >= rows_);
@@ -218,11 +220,12 @@ class Chessboard final : public Target {
     detection->covariances_px2.emplace_back(corner.covariance_px2);
   }
 
-  // The corners of a board that is covered in part, from a part of its grid. Those that are seen must reach from the
-  // first to the last row and column, else their numbers are not known; `reason` then goes on from "no board found".
-  Detection DetectPartly(const cv::Mat& grey) const {
+  // The corners of a board that is covered in part, from a part of its grid, which lies in `may_be_in`. Those that are
+  // seen must reach from the first to the last row and column, else their numbers are not known; `reason` then goes on
+  // from "no board found".
+  Detection DetectPartly(const cv::Mat& grey, const cv::Rect& may_be_in) const {
     Detection none;
-    for (const SeenGrid& grid : GridsSeen(grey)) {
+    for (const SeenGrid& grid : GridsSeen(grey, may_be_in)) {
       const CornerLattice lattice = LatticeOf(grey, grid);
       const std::optional<Corners> corners = Complete(grey, lattice);
       if (!corners) {

@@ -1,0 +1,125 @@
+#include "targets/tag_places.h"
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <opencv2/imgproc.hpp>
+
+#include "targets/rendering.h"
+#include "targets/target.h"
+#include "tests/support/rendered_target.h"
+
+namespace heba {
+namespace {
+
+constexpr int kWidthPx = 1200;
+constexpr int kHeightPx = 900;
+const Camera kCamera{"pinhole", kWidthPx, kHeightPx, {1200, 1200, 599.5, 449.5}};
+
+// The middle of the sheet on the optical axis.
+Rigid3d PoseOf(const Drawing& drawing, double distance_m, double tilt_rad) {
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(tilt_rad, Eigen::Vector3d(0.6, 0.8, 0)) *
+                                Eigen::AngleAxisd(kPi, Eigen::Vector3d::UnitX()));
+  const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
+  return {turn, Eigen::Vector3d(0, 0, distance_m) - turn * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0)};
+}
+
+cv::Mat Rendered(const Drawing& drawing, double distance_m, double tilt_rad, double noise_grey) {
+  RenderOptions options;
+  options.noise_sigma_grey = noise_grey;
+  options.light_gradient = 0.3;
+  return RenderView(drawing, kCamera, PoseOf(drawing, distance_m, tilt_rad), options);
+}
+
+double AreaShare(const std::vector<cv::Rect>& places, const cv::Mat& grey) {
+  cv::Mat mask = cv::Mat::zeros(grey.size(), CV_8U);
+  for (const cv::Rect& place : places) mask(place).setTo(1);
+  return static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(grey.total());
+}
+
+TagPlaceOptions OptionsOf(int decimate) {
+  TagPlaceOptions options;
+  options.decimate = decimate;
+  options.min_side_px = 8;
+  return options;
+}
+
+// All points of a board of tags, however small, tilted and noisy, are in the places.
+TEST(TagPlacesTest, HoldEveryTag) {
+  const std::unique_ptr<Target> target = MakeTarget(
+      "{type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 24 mm, tag_spacing: 0.3, "
+      "corner_squares: false}");
+  for (const double distance_m : {0.2, 0.6, 1.8}) {
+    for (const double tilt_rad : {0.0, 0.9}) {
+      for (const double noise_grey : {0.0, 4.0}) {
+        SCOPED_TRACE(::testing::Message() << distance_m << " m, " << tilt_rad << " rad, " << noise_grey);
+        const cv::Mat grey = Rendered(target->Draw(), distance_m, tilt_rad, noise_grey);
+        const std::vector<cv::Rect> places = FindTagPlaces(grey, OptionsOf(1), nullptr);
+        for (const TargetPoint& point : target->points()) {
+          const std::optional<Eigen::Vector2d> pixel =
+              PixelOf(point, kCamera, PoseOf(target->Draw(), distance_m, tilt_rad));
+          ASSERT_TRUE(pixel);
+          const cv::Point at(static_cast<int>(pixel->x()), static_cast<int>(pixel->y()));
+          bool is_held = false;
+          for (const cv::Rect& place : places) is_held = is_held || place.contains(at);
+          EXPECT_TRUE(is_held) << at;
+        }
+      }
+    }
+  }
+}
+
+TEST(TagPlacesTest, LeaveNoiseAndSolidShapesOut) {
+  Drawing drawing;
+  drawing.min_m = {-1, -1};
+  drawing.max_m = {1, 1};
+  for (const double noise_grey : {0.0, 2.0, 12.0}) {
+    const cv::Mat wall = Rendered(drawing, 0.5, 0, noise_grey);
+    for (const int decimate : {1, 2, 4}) {
+      EXPECT_LT(AreaShare(FindTagPlaces(wall, OptionsOf(decimate), nullptr), wall), 0.05)
+          << noise_grey << " grey levels, every " << decimate << "th pixel";
+    }
+  }
+  // A square without cells, and a ring, which is no quadrilateral.
+  cv::Mat shapes(kHeightPx, kWidthPx, CV_8UC1, cv::Scalar(200));
+  cv::rectangle(shapes, {100, 100, 150, 150}, cv::Scalar(40), cv::FILLED);
+  cv::circle(shapes, {600, 300}, 90, cv::Scalar(40), 20);
+  EXPECT_TRUE(FindTagPlaces(shapes, OptionsOf(1), nullptr).empty());
+  // With cells it is a place, and again one for light regions if it is light.
+  cv::rectangle(shapes, {150, 150, 40, 50}, cv::Scalar(200), cv::FILLED);
+  EXPECT_EQ(FindTagPlaces(shapes, OptionsOf(1), nullptr).size(), 1U);
+  TagPlaceOptions light = OptionsOf(1);
+  light.is_light_in_dark = true;
+  EXPECT_EQ(FindTagPlaces(~shapes, light, nullptr).size(), 1U);
+}
+
+TEST(TagPlacesTest, LargeRegionsAreSearchedOnce) {
+  const std::unique_ptr<Target> target = MakeTarget(
+      "{type: apriltag_grid, family: tag36h11, rows: 1, columns: 1, tag_size: 24 mm, corner_squares: false}");
+  const cv::Mat grey = Rendered(target->Draw(), 0.1, 0.2, 1);
+  std::vector<cv::Rect> searched;
+  EXPECT_EQ(FindTagPlaces(grey, OptionsOf(4), &searched).size(), 1U);
+  ASSERT_FALSE(searched.empty());
+  EXPECT_GT(searched.front().width, 200);
+  // Only cells within the tag are left.
+  const double share = AreaShare(FindTagPlaces(grey, OptionsOf(2), nullptr), grey);
+  EXPECT_GT(share, 0.05);
+  EXPECT_LT(AreaShare(FindTagPlaces(grey, OptionsOf(2), &searched), grey), 0.5 * share);
+}
+
+TEST(TagPlacesTest, TakeAnyPicture) {
+  for (const cv::Size& size : {cv::Size(1, 1), cv::Size(7, 900), cv::Size(9, 9), cv::Size(33, 17)}) {
+    cv::Mat grey(size, CV_8UC1);
+    cv::randu(grey, 0, 255);
+    for (const int decimate : {1, 3}) {
+      for (const cv::Rect& place : FindTagPlaces(grey, OptionsOf(decimate), nullptr)) {
+        EXPECT_EQ((place & cv::Rect({}, size)), place);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace heba
