@@ -3,13 +3,18 @@
 // corners (cv::calibrateCamera) over the images in which all of them find the whole board. --sweep counts whole boards
 // that heba refuses.
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include <unistd.h>
 
 #include <gflags/gflags.h>
 #include <Eigen/Dense>
@@ -66,11 +71,32 @@ Corners BySubPix(const cv::Mat& grey, const BoardSize& size, int half_px) {
   return corners;
 }
 
+// By mrcal's detector, which is a program of its own (Debian's package mrgingham) and knows square boards only.
+Corners ByMrgingham(const cv::Mat& grey, const BoardSize& size) {
+  static std::atomic<int> count{0};
+  const std::filesystem::path file =
+      std::filesystem::temp_directory_path() /
+      ("bench_chessboard_" + std::to_string(::getpid()) + "_" + std::to_string(count++) + ".png");
+  cv::imwrite(file.string(), grey);
+  const std::string command = "mrgingham --gridn " + std::to_string(size.rows) + " " + file.string();
+  Corners corners;
+  if (FILE* const output = popen(command.c_str(), "r")) {
+    char line[4096];
+    while (std::fgets(line, sizeof line, output) != nullptr) {
+      float x = 0;
+      float y = 0;
+      if (line[0] != '#' && std::sscanf(line, "%*s %f %f", &x, &y) == 2) corners.emplace_back(x, y);
+    }
+    pclose(output);
+  }
+  std::filesystem::remove(file);
+  return corners.size() == size.NumCorners() ? corners : Corners();
+}
+
 struct Method {
   const char* name;
   Corners (*find)(const cv::Mat& grey, const BoardSize& size);
 };
-// After heba's own.
 constexpr Method kMethods[] = {
     {"SB", [](const cv::Mat& grey, const BoardSize& size) { return BySectors(grey, size, 0); }},
     {"SB accurate",
@@ -79,8 +105,20 @@ constexpr Method kMethods[] = {
      }},
     {"subPix 3", [](const cv::Mat& grey, const BoardSize& size) { return BySubPix(grey, size, 3); }},
     {"subPix 5", [](const cv::Mat& grey, const BoardSize& size) { return BySubPix(grey, size, 5); }},
+    {"mrgingham", &ByMrgingham},
 };
-constexpr size_t kNumMethods = 1 + std::size(kMethods);
+
+// Those that can be compared with heba's own here.
+std::vector<Method> MethodsFor(const BoardSize& size) {
+  std::vector<Method> methods;
+  if (!FLAGS_others) return methods;
+  for (const Method& method : kMethods) {
+    const bool is_mrgingham = method.find == &ByMrgingham;
+    if (is_mrgingham && (size.rows != size.columns || std::system("command -v mrgingham >/dev/null") != 0)) continue;
+    methods.push_back(method);
+  }
+  return methods;
+}
 
 // The corners by heba, by increasing id; incomplete ones count as none.
 Corners CornersOf(const Detection& detection, const BoardSize& size) {
@@ -173,7 +211,8 @@ std::vector<Row> Rows() {
 }
 
 // A lens of a moderate distortion; the board fills about a third of the image.
-std::vector<Errors> MeasureView(const Target& target, const BoardSize& size, const Row& row, int view) {
+std::vector<Errors> MeasureView(const Target& target, const BoardSize& size, const std::vector<Method>& methods,
+                                const Row& row, int view) {
   Rng rng(static_cast<uint64_t>(FLAGS_seed), static_cast<uint64_t>(view));
   const Drawing& drawing = target.Draw();
   const Eigen::Vector2d sheet_m = drawing.max_m - drawing.min_m;
@@ -205,9 +244,7 @@ std::vector<Errors> MeasureView(const Target& target, const BoardSize& size, con
   for (const TargetPoint& point : target.points()) truth_px.push_back(*PixelOf(point, camera, camera_from_target));
   const Detection detection = target.Detect(grey);
   std::vector<Errors> errors = {Compare(CornersOf(detection, size), truth_px, detection.covariances_px2)};
-  for (const Method& method : kMethods) {
-    errors.push_back(FLAGS_others ? Compare(method.find(grey, size), truth_px, {}) : Errors());
-  }
+  for (const Method& method : methods) errors.push_back(Compare(method.find(grey, size), truth_px, {}));
   return errors;
 }
 
@@ -216,18 +253,19 @@ void ReportRendered(const Target& target, const BoardSize& size) {
               FLAGS_views);
   std::printf("%-38s %-12s %6s %5s %8s %8s %8s %8s %6s\n", "", "", "found", ">.5px", "rms x", "rms y", "bias x",
               "bias y", "chi2");
+  const std::vector<Method> methods = MethodsFor(size);
   for (const Row& row : Rows()) {
     if (row.Name().find(FLAGS_row) == std::string::npos) continue;
     std::vector<std::vector<Errors>> views(static_cast<size_t>(FLAGS_views));
     ParallelFor(FLAGS_views, NumThreads(),
-                [&](int view) { views[static_cast<size_t>(view)] = MeasureView(target, size, row, view); });
-    for (size_t method = 0; method < (FLAGS_others ? kNumMethods : 1); ++method) {
+                [&](int view) { views[static_cast<size_t>(view)] = MeasureView(target, size, methods, row, view); });
+    for (size_t method = 0; method <= methods.size(); ++method) {
       Errors sum;
       for (const std::vector<Errors>& view : views) sum.Add(view[method]);
       const Eigen::Vector2d rms = sum.RmsPx();
       const Eigen::Vector2d bias = sum.BiasPx();
       std::printf("%-38s %-12s %6d %5d %8.4f %8.4f %8.4f %8.4f", method == 0 ? row.Name().c_str() : "",
-                  method == 0 ? "heba" : kMethods[method - 1].name, sum.num_found, sum.num_wild, rms.x(), rms.y(),
+                  method == 0 ? "heba" : methods[method - 1].name, sum.num_found, sum.num_wild, rms.x(), rms.y(),
                   bias.x(), bias.y());
       method == 0 ? std::printf(" %6.2f\n", sum.sum_normalised / (2 * std::max(sum.num, 1))) : std::printf("\n");
     }
@@ -269,6 +307,8 @@ void ReportRecorded(const Target& target, const BoardSize& size) {
   for (const auto& entry : std::filesystem::directory_iterator(FLAGS_images)) files.push_back(entry.path());
   std::sort(files.begin(), files.end());
   const int num_files = static_cast<int>(files.size());
+  const std::vector<Method> methods = MethodsFor(size);
+  const size_t num_methods = 1 + methods.size();
   std::vector<std::vector<Corners>> found(files.size());
   std::vector<cv::Size> sizes(files.size());
   ParallelFor(num_files, NumThreads(), [&](int i) {
@@ -276,29 +316,43 @@ void ReportRecorded(const Target& target, const BoardSize& size) {
     const cv::Mat grey = ReadGreyImage(files[index]);
     sizes[index] = grey.size();
     found[index] = {CornersOf(target.Detect(grey), size)};
-    for (const Method& method : kMethods) {
+    for (const Method& method : methods) {
       found[index].push_back(InOrderOf(method.find(grey, size), found[index][0]));
     }
   });
-  std::vector<int> num_found(kNumMethods, 0);
-  std::vector<std::vector<Corners>> common(kNumMethods);
+  std::vector<int> num_found(num_methods, 0);
+  std::vector<std::vector<Corners>> common(num_methods);
   for (const std::vector<Corners>& image : found) {
     const bool is_common = std::none_of(image.begin(), image.end(), [](const Corners& c) { return c.empty(); });
-    for (size_t method = 0; method < kNumMethods; ++method) {
+    for (size_t method = 0; method < num_methods; ++method) {
       if (!image[method].empty()) ++num_found[method];
       if (is_common) common[method].push_back(image[method]);
     }
   }
   std::printf("%s: %d images, in %zu of them all find the board\n", FLAGS_images.c_str(), num_files, common[0].size());
   if (common[0].empty()) return;
-  for (size_t method = 0; method < kNumMethods; ++method) {
+  for (size_t method = 0; method < num_methods; ++method) {
     std::printf("  %-12s found in %4d, rms of the calibration %.4f px\n",
-                method == 0 ? "heba" : kMethods[method - 1].name, num_found[method],
+                method == 0 ? "heba" : methods[method - 1].name, num_found[method],
                 CalibrationRmsPx(common[method], size, sizes[0]));
   }
 }
 
 // A board of any size, seen whole and no steeper than 60 degrees, squares of 8 px or more.
+// The least distance between opposite sides of a square, from its corner, row by row.
+double LeastWidthPx(const std::vector<Eigen::Vector2d>& corners_px, int columns) {
+  double least_px = std::numeric_limits<double>::infinity();
+  const auto num_columns = static_cast<size_t>(columns);
+  for (size_t i = 0; i + num_columns < corners_px.size(); ++i) {
+    if ((i + 1) % num_columns == 0) continue;
+    const Eigen::Vector2d right = corners_px[i + 1] - corners_px[i];
+    const Eigen::Vector2d down = corners_px[i + num_columns] - corners_px[i];
+    const double area = std::abs(right.x() * down.y() - right.y() * down.x());
+    least_px = std::min(least_px, area / std::max(right.norm(), down.norm()));
+  }
+  return least_px;
+}
+
 void ReportRefusals() {
   constexpr double kSquareM = 0.02;
   std::vector<std::string> refusals(static_cast<size_t>(FLAGS_sweep));
@@ -352,13 +406,19 @@ void ReportRefusals() {
     for (const TargetPoint& point : target->points()) truth_px.push_back(*PixelOf(point, camera, camera_from_target));
     const Errors errors = Compare(CornersOf(detection, {rows, columns}), truth_px, detection.covariances_px2);
     if (errors.num_found == 1 && errors.num_wild == 0) return;
-    char line[300];
+    std::string others;
+    for (const Method& method : MethodsFor({rows, columns})) {
+      if (!method.find(grey, {rows, columns}).empty()) others += std::string(" ") + method.name + ",";
+    }
+    char line[400];
     std::snprintf(line, sizeof line,
-                  "%6d: %d x %d, tilt %2.0f, square %2.0f px, blur %.1f, noise %.1f, grey %.0f to %.0f, uneven light "
+                  "%6d: %d x %d, squares at least %.1f px wide, found by%s blur %.1f, noise %.1f, grey %.0f to %.0f, "
+                  "uneven light "
                   "%.1f, clutter %d: %zu corners, %d more than 0.5 px off: %s",
-                  i, rows, columns, tilt_deg, square_px, options.blur_sigma_px, options.noise_sigma_grey,
-                  options.black_grey, options.white_grey, options.light_gradient, options.clutter ? 1 : 0,
-                  detection.ids.size(), errors.num_wild, detection.reason.c_str());
+                  i, rows, columns, LeastWidthPx(truth_px, columns), others.empty() ? " none," : others.c_str(),
+                  options.blur_sigma_px, options.noise_sigma_grey, options.black_grey, options.white_grey,
+                  options.light_gradient, options.clutter ? 1 : 0, detection.ids.size(), errors.num_wild,
+                  detection.reason.c_str());
     refusals[static_cast<size_t>(i)] = line;
     std::fprintf(stderr, "%s\n", line);
     if (FLAGS_row == "write") cv::imwrite("refused_" + std::to_string(i) + ".png", grey);
