@@ -13,7 +13,9 @@ namespace heba {
 struct LatticePlace {
   int row = 0;
   int column = 0;
-  auto operator<=>(const LatticePlace&) const = default;
+  friend bool operator<(const LatticePlace& a, const LatticePlace& b) {
+    return a.row != b.row ? a.row < b.row : a.column < b.column;
+  }
 };
 using CornerLattice = std::map<LatticePlace, Eigen::Vector2d>;  // px
 

@@ -14,6 +14,7 @@
 #include "heba/base/error.h"
 #include "heba/base/median.h"
 #include "heba/base/units.h"
+#include "targets/image.h"
 #include "targets/light_areas.h"
 
 namespace heba {
@@ -450,7 +451,6 @@ std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderO
   }
 
   std::vector<Candidate> candidates;
-  const int local_threshold = static_cast<int>(std::clamp(options.min_contrast_grey / 2, 4.0, 255.0));
   cv::Mat level = light_dots;
   cv::Mat smooth;
   cv::Mat mean;
@@ -464,6 +464,9 @@ std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderO
     // Noise has no part in outlines, and takes long to follow.
     cv::GaussianBlur(level, smooth, cv::Size(3, 3), 0, 0, cv::BORDER_REPLICATE);
     for (const int threshold : GlobalLevels(smooth)) add(smooth, threshold);
+    constexpr double kNoises = 2.5;
+    const int local_threshold =
+        static_cast<int>(std::clamp(std::max(options.min_contrast_grey / 2, kNoises * NoiseGrey(smooth)), 4.0, 255.0));
     // Lighter than around by more than noise, in windows of half the pixels: small dots in narrow ones.
     for (const int window_px : scale == 1 ? std::array{5, 13} : std::array{13, 31}) {
       cv::boxFilter(half, mean, -1, cv::Size(window_px, window_px), cv::Point(-1, -1), true, cv::BORDER_REPLICATE);

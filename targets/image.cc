@@ -1,6 +1,10 @@
 #include "targets/image.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
 #include <optional>
 #include <string_view>
 #include <vector>
@@ -73,6 +77,35 @@ void WriteImage(const std::filesystem::path& path, const cv::Mat& image) {
   }
   if (bytes.empty()) throw InputError(path.string() + ": cannot be encoded");
   WriteFileAtomically(path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));  // NOLINT
+}
+
+double NoiseGrey(const cv::Mat& grey) {
+  CHECK_EQ(grey.type(), CV_8UC1);
+  std::array<int64_t, 256> counts{};
+  int64_t num = 0;
+  constexpr int kEnoughRows = 256;
+  const int stride = std::max(1, grey.rows / kEnoughRows);
+  for (int row = stride / 2; row < grey.rows; row += stride) {
+    const auto* const line = grey.ptr<uchar>(row);
+    for (int column = 0; column + 1 < grey.cols; ++column, ++num) {
+      ++counts[static_cast<size_t>(std::abs(line[column + 1] - line[column]))];
+    }
+  }
+  // A difference d of whole numbers stands for all up to d + 1/2.
+  const double wanted = 0.5 * static_cast<double>(num);
+  double below = 0;
+  for (size_t difference = 0; difference < counts.size() && num > 0; ++difference) {
+    const auto count = static_cast<double>(counts[difference]);
+    if (below + count < wanted) {
+      below += count;
+      continue;
+    }
+    const double first = difference == 0 ? 0.0 : static_cast<double>(difference) - 0.5;
+    const double width = difference == 0 ? 0.5 : 1.0;
+    // Half of the absolute values of a normal distribution are below 0.6745 sigma; a difference has twice the variance.
+    return (first + width * (wanted - below) / count) / (0.6745 * std::sqrt(2.0));
+  }
+  return 0;
 }
 
 }  // namespace heba

@@ -22,6 +22,10 @@ void WriteImage(const std::filesystem::path& path, const cv::Mat& image);
 // A copy of a CV_8UC1 picture, no wider than `max_width_px`, as the bytes of a JPEG file.
 std::string SmallJpeg(const cv::Mat& grey, int max_width_px);
 
+// The standard deviation of a pixel's noise in grey levels, from the median difference of neighbours in a row, of a
+// CV_8UC1 picture; a fine texture counts as noise. 0 for a picture of one column.
+double NoiseGrey(const cv::Mat& grey);
+
 // Whether a place lies within the centres of the outermost pixels.
 inline bool IsInPicture(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
   return pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() <= grey.cols - 1 && pixel.y() <= grey.rows - 1;

@@ -2,6 +2,7 @@
 // depends on the number of pixels, hardly on what they show.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include <Eigen/Core>
@@ -14,7 +15,7 @@ struct Saddle {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // To some tenths of a pixel.
   // Unit vectors along the two edges. The sector from edges[0] to edges[1], clockwise in the image, and the opposite
   // one are dark.
-  Eigen::Vector2d edges[2];
+  std::array<Eigen::Vector2d, 2> edges;
   double contrast_grey = 0;  // Between light and dark sectors.
 };
 

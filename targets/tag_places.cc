@@ -16,7 +16,7 @@ namespace {
 
 // libapriltag's constants.
 constexpr int kTilePx = 4;
-constexpr int kMinContrast = 5;  // Of neighbouring tiles; grey levels.
+constexpr int kMinContrast = 5;  // The least range of neighbouring tiles that tells dark from light; grey levels.
 
 // A tag whose cells are to be told apart; pixels of the decimated picture.
 constexpr int kLargePx = 32;
@@ -40,7 +40,7 @@ struct TileRange {
   double noise_grey = 0;  // Standard deviation of a pixel, at most.
 };
 
-// Of a pixel's grey value, by the tiles that show the least.
+// Returns the standard deviation of a pixel's grey value, by the tiles that show the least.
 double NoiseOf(const cv::Mat& min, const cv::Mat& max) {
   std::array<int, 256> counts{};
   for (int y = 0; y < min.rows; ++y) {
@@ -180,8 +180,8 @@ double AreaOfTriangle(const cv::Point& a, const cv::Point& b, const cv::Point& c
   return 0.5 * std::abs((b - a).cross(c - a));
 }
 
-// Those four corners of the points' convex hull that are left when the others go, one by one, the one that cuts off the
-// least first; nothing for a hull of fewer.
+// Returns the four corners of the points' convex hull that are left when the others go, one by one, the one that cuts
+// off the least first; nothing for a hull of fewer.
 std::optional<Corners> CornersOf(const std::vector<cv::Point>& points) {
   std::vector<cv::Point> hull;
   cv::convexHull(points, hull);
@@ -241,7 +241,7 @@ bool IsAboutQuadrilateral(const std::vector<cv::Point>& outermost, const Corners
 
 // Whether the middle of a quadrilateral has cells of both kinds, as each code has.
 bool HasCells(const cv::Mat& grey, const Corners& corners, const RegionGrey& means) {
-  constexpr double kMiddle = 0.7;  // Of its size.
+  constexpr double kMiddle = 0.7;  // The middle's share of its size.
   const cv::Point2d centre = 0.25 * cv::Point2d(corners[0] + corners[1] + corners[2] + corners[3]);
   std::array<cv::Point2d, 4> middle;
   cv::Point2d low = centre;
@@ -339,7 +339,7 @@ std::vector<cv::Rect> FindTagPlaces(const cv::Mat& grey, const TagPlaceOptions& 
     if (!corners || AreaPx2(*corners) < min_area_px2 || !IsAboutQuadrilateral(outermost, *corners)) continue;
     const bool is_large = std::min(region.width, region.height) >= kLargePx;
     if (is_large && !HasCells(decimated, *corners, means)) continue;
-    // What is thresholded by the same tiles and their neighbours, and the paper that a tag is decoded against.
+    // The box takes in what the same tiles and their neighbours threshold, and the paper that a tag is decoded against.
     const int room_px = decimate * (2 * kTilePx + std::max(region.width, region.height) / 4);
     const int left = std::max(0, (region_px.x - room_px) / tile_px * tile_px);
     const int top = std::max(0, (region_px.y - room_px) / tile_px * tile_px);

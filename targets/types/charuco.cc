@@ -21,6 +21,7 @@
 #include "targets/confusions.h"
 #include "targets/corner_refinement.h"
 #include "targets/homography.h"
+#include "targets/image.h"
 #include "targets/name_table.h"
 #include "targets/tag_layout.h"
 #include "targets/target.h"
@@ -206,7 +207,11 @@ class Charuco final : public Target {
     parameters->adaptiveThreshWinSizeStep = 10;
     std::vector<std::vector<cv::Point2f>> corners;
     std::vector<int> ids;
-    cv::aruco::detectMarkers(grey, dictionary_, corners, ids, parameters);
+    // Each speck of noise is followed as a marker's outline would be.
+    constexpr double kStrongNoiseGrey = 8;
+    cv::Mat smooth = grey;
+    if (NoiseGrey(grey) > kStrongNoiseGrey) cv::GaussianBlur(grey, smooth, {}, 0.8);
+    cv::aruco::detectMarkers(smooth, dictionary_, corners, ids, parameters);
     std::vector<SeenTag> markers;
     for (size_t i = 0; i < ids.size(); ++i) {
       SeenTag marker;

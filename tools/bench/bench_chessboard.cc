@@ -24,6 +24,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "heba/base/error.h"
 #include "heba/base/parallel.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
@@ -108,7 +109,7 @@ constexpr Method kMethods[] = {
     {"mrgingham", &ByMrgingham},
 };
 
-// Those that can be compared with heba's own here.
+// Returns the methods that can be compared with heba's own here.
 std::vector<Method> MethodsFor(const BoardSize& size) {
   std::vector<Method> methods;
   if (!FLAGS_others) return methods;
@@ -385,7 +386,8 @@ void ReportRefusals() {
       is_whole = true;
       constexpr int kSteps = 12;
       for (int k = 0; k < kSteps * kSteps && is_whole; ++k) {
-        const Eigen::Vector2d share((k % kSteps) / (kSteps - 1.0), k / kSteps / (kSteps - 1.0));
+        const int line = k / kSteps;
+        const Eigen::Vector2d share((k % kSteps) / (kSteps - 1.0), line / (kSteps - 1.0));
         const Eigen::Vector2d at_m = drawing.min_m + share.cwiseProduct(drawing.max_m - drawing.min_m);
         const std::optional<Eigen::Vector2d> pixel =
             ProjectPoint(camera, camera_from_target * Eigen::Vector3d(at_m.x(), at_m.y(), 0));
@@ -434,6 +436,7 @@ void Run() {
   // Points go row by row.
   BoardSize size;
   for (const TargetPoint& point : target->points()) size.rows += point.in_target.x() == 0 ? 1 : 0;
+  CHECK_GT(size.rows, 0);
   size.columns = static_cast<int>(target->points().size()) / size.rows;
   FLAGS_images.empty() ? ReportRendered(*target, size) : ReportRecorded(*target, size);
 }
