@@ -13,6 +13,7 @@
 #include "heba/io/result_file.h"
 #include "tools/command.h"
 #include "tools/pipeline.h"
+#include "tools/result_folder.h"
 #include "tools/run_figures.h"
 #include "tools/run_inputs.h"
 #include "tools/summary.h"

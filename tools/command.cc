@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
@@ -107,7 +108,7 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
       value = word.substr(equals + 1);
     } else if (info.type == "bool") {
       value = "true";
-    } else if (i + 1 < words.size()) {
+    } else if (i + 1 < words.size() && !words[i + 1].starts_with("--")) {
       value = words[++i];
     } else {
       throw InputError("--" + name + " needs a value");
@@ -119,6 +120,8 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
       throw InputError("--" + name + " needs a " + (info.type == "int32" ? "whole number" : "number") + ", not '" +
                        value + "'");
     }
+    // 1e3 is a whole number too, in other words than gflags knows.
+    if (info.type == "int32") value = std::to_string(std::llround(number));
     if (info.type == "bool" && value != "true" && value != "false") {
       throw InputError("--" + name + " is true or false, not '" + value + "'");
     }
@@ -149,7 +152,7 @@ int Dispatch(const std::vector<std::string>& words) {
                      "; one of: " + Join(names, ", "));
   }
   const std::vector<std::string> rest(words.begin() + 1, words.end());
-  if (std::find(rest.begin(), rest.end(), "--help") != rest.end()) {
+  if (std::any_of(rest.begin(), rest.end(), [](const std::string& word) { return word == "--help" || word == "-h"; })) {
     PrintCommandHelp(*command);
     return kDone;
   }
@@ -173,7 +176,12 @@ void PrintError(const std::string& message) {
 
 int RunCommandLine(int argc, char** argv) {
   try {
-    return Dispatch(std::vector<std::string>(argv + 1, argv + argc));
+    const int status = Dispatch(std::vector<std::string>(argv + 1, argv + argc));
+    // What could not be written was not done.
+    std::cout.flush();
+    if (std::cout && std::fflush(stdout) == 0) return status;
+    PrintError("standard output cannot be written");
+    return kWorkFailed;
   } catch (const InputError& error) {
     PrintError(error.what());
     return kInputWrong;

@@ -70,7 +70,7 @@ DetectionCache::DetectionCache(const std::string& target)
 
 std::filesystem::path DetectionCache::FileOf(const std::string& image_digest) const {
   const std::string name = DigestOf(context_ + image_digest);
-  return folder_ / "detections" / name.substr(0, 2) / (name + ".json");
+  return folder_ / "detections" / name.substr(0, 2) / (name + ".detection");
 }
 
 std::optional<CaptureDetection> DetectionCache::Find(const std::string& image_digest) const {
@@ -80,7 +80,14 @@ std::optional<CaptureDetection> DetectionCache::Find(const std::string& image_di
   if (!std::filesystem::exists(file, error)) return std::nullopt;
   try {
     constexpr size_t kMaxBytes = size_t{64} << 20;
-    const nlohmann::ordered_json json = ReadJsonFile(file, kMaxBytes);
+    // The first line is the digest of what follows: a bit that fell over is no detection.
+    const std::string text = ReadTextFile(file, kMaxBytes);
+    const size_t end = text.find('\n');
+    if (end == std::string::npos || DigestOf(std::string_view(text).substr(end + 1)) != text.substr(0, end)) {
+      return std::nullopt;
+    }
+    const nlohmann::ordered_json json = nlohmann::ordered_json::parse(text.substr(end + 1), nullptr, false);
+    if (json.is_discarded()) return std::nullopt;
     return FromJson(JsonReader(json, file.string()));
   } catch (const InputError&) {
     return std::nullopt;  // Spoiled: as good as none.
@@ -93,7 +100,8 @@ void DetectionCache::Keep(const std::string& image_digest, const CaptureDetectio
   std::error_code error;
   std::filesystem::create_directories(file.parent_path(), error);
   try {
-    WriteFileAtomically(file, ToJson(detection));
+    const std::string json = ToJson(detection);
+    WriteFileAtomically(file, DigestOf(json) + "\n" + json);
   } catch (const InputError&) {
     return;
   }

@@ -43,6 +43,10 @@ std::string LibrariesInUse() {
 std::string DigestOf(std::string_view content) { return Hex(XXH3_128bits(content.data(), content.size())); }
 
 std::string DigestOfFile(const std::filesystem::path& path) {
+  std::error_code error;
+  if (std::filesystem::exists(path, error) && !std::filesystem::is_regular_file(path, error)) {
+    throw InputError(path.string() + ": is not a regular file");
+  }
   std::ifstream stream(path, std::ios::binary);
   if (!stream) throw InputError(path.string() + ": cannot be read (" + std::strerror(errno) + ")");
   const std::unique_ptr<XXH3_state_t, decltype(&XXH3_freeState)> state(XXH3_createState(), &XXH3_freeState);

@@ -34,7 +34,11 @@ DEFINE_double(dpi, 300, "resolution of a .png sheet");
 namespace heba {
 
 int NumThreads() {
-  if (FLAGS_jobs < 0) throw InputError("--jobs must not be negative");
+  constexpr int kMostThreads = 4096;
+  if (FLAGS_jobs < 0 || FLAGS_jobs > kMostThreads) {
+    throw InputError("--jobs needs a number from 0 to " + std::to_string(kMostThreads) + ", not " +
+                     std::to_string(FLAGS_jobs));
+  }
   return FLAGS_jobs == 0 ? NumProcessors() : FLAGS_jobs;
 }
 

@@ -22,6 +22,7 @@
 #include "tools/doctor/doctor.h"
 #include "tools/duplicate_images.h"
 #include "tools/report.h"
+#include "tools/result_folder.h"
 #include "tools/run_inputs.h"
 #include "tools/target_symmetry.h"
 
@@ -153,7 +154,7 @@ void AskDoctor(const RunConfig& config, int num_threads, RunResult* result) {
 Outcome<RunResult> RunOnPoses(const RunConfig& config, const std::filesystem::path& output, int num_threads,
                               Console* console) {
   const Stopwatch total;
-  StagedFolder folder(output, "result.json");
+  StagedFolder folder(output);
   const std::string inputs = RunInputsText(config);
   std::optional<Truth> truth;
   if (config.truth) truth = ReadTruth(*config.truth, config.setup);
@@ -202,7 +203,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   const Stopwatch total;
   RunConfig config = config_in;
   // Made first: a run that cannot be written should say so before the work.
-  StagedFolder folder(output, "result.json");
+  StagedFolder folder(output);
   const std::string inputs = RunInputsText(config);
   std::optional<Truth> truth;
   if (config.truth) truth = ReadTruth(*config.truth, config.setup);

@@ -1,3 +1,5 @@
+#include <sys/stat.h>
+
 #include <atomic>
 #include <cmath>
 #include <fstream>
@@ -214,72 +216,23 @@ TEST(Files, WhatCannotBeWrittenLeavesNothing) {
   EXPECT_THAT(InputErrorOf([&] { WriteFileAtomically(folder / "none/a.txt", "x"); }), HasSubstr("cannot be written"));
   // A folder of that name cannot be replaced by a file.
   fs::create_directories(folder / "taken/inside");
-  EXPECT_THAT(InputErrorOf([&] { WriteFileAtomically(folder / "taken", "x"); }), HasSubstr("cannot be written"));
+  EXPECT_THAT(InputErrorOf([&] { WriteFileAtomically(folder / "taken", "x"); }), HasSubstr("is a folder"));
   EXPECT_TRUE(fs::exists(folder / "taken/inside"));
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 1);
 }
 
-TEST(StagedFolderTest, AppearsOnCommitOnly) {
+TEST(Files, ReadsAndReplacesRegularFilesOnly) {
   const TempFolder folder;
-  {
-    StagedFolder staged(folder / "runs/a", "result.json");
-    Write(staged.staging() / "result.json", "1");
-    EXPECT_FALSE(fs::exists(folder / "runs/a"));
-    staged.Commit();
-    EXPECT_TRUE(fs::exists(folder / "runs/a/result.json"));
-  }
-  EXPECT_TRUE(fs::exists(folder / "runs/a/result.json"));
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder / "runs"), fs::directory_iterator()), 1);
-}
-
-TEST(StagedFolderTest, LeavesNothingWithoutCommit) {
-  const TempFolder folder;
-  Write(folder / "kept.txt", "x");
-  {
-    const StagedFolder staged(folder / "a", "result.json");
-    Write(staged.staging() / "result.json", "1");
-  }
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 1);
-}
-
-TEST(StagedFolderTest, ReplacesOlderResultsAndEmptyFolders) {
-  const TempFolder folder;
-  fs::create_directory(folder / "empty");
-  fs::create_directory(folder / "older");
-  Write(folder / "older/result.json", "old");
-  Write(folder / "older/left_over.txt", "old");
-  for (const char* name : {"empty", "older", "older/"}) {
-    StagedFolder staged(folder / name, "result.json");
-    Write(staged.staging() / "result.json", "new");
-    staged.Commit();
-    EXPECT_EQ(ReadTextFile(folder / name / "result.json"), "new");
-  }
-  EXPECT_FALSE(fs::exists(folder / "older/left_over.txt"));
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 2);
-}
-
-TEST(StagedFolderTest, NeverReplacesOtherThings) {
-  const TempFolder folder;
-  fs::create_directory(folder / "photos");
-  Write(folder / "photos/holiday.jpg", "x");
-  Write(folder / "file", "x");
-  EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder / "photos", "result.json"); }), HasSubstr("holds other files"));
-  EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder / "file", "result.json"); }), HasSubstr("is a file"));
-  EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder / "file/below", "result.json"); }), HasSubstr("cannot be made"));
-  EXPECT_EQ(ReadTextFile(folder / "photos/holiday.jpg"), "x");
-  EXPECT_EQ(ReadTextFile(folder / "file"), "x");
-}
-
-TEST(StagedFolderTest, OlderResultsStayUntilCommit) {
-  const TempFolder folder;
-  fs::create_directory(folder / "a");
-  Write(folder / "a/result.json", "old");
-  {
-    const StagedFolder staged(folder / "a", "result.json");
-    Write(staged.staging() / "result.json", "new");
-    EXPECT_EQ(ReadTextFile(folder / "a/result.json"), "old");
-  }
-  EXPECT_EQ(ReadTextFile(folder / "a/result.json"), "old");
+  ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
+  EXPECT_THAT(InputErrorOf([&] { ReadTextFile(folder / "pipe"); }), HasSubstr("is not a regular file"));
+  EXPECT_THAT(InputErrorOf([&] { ReadTextFile("/dev/zero"); }), HasSubstr("is not a regular file"));
+  EXPECT_THAT(InputErrorOf([&] { WriteFileAtomically(folder / "pipe", "x"); }), HasSubstr("is not a regular file"));
+  EXPECT_TRUE(fs::is_fifo(folder / "pipe"));
+  Write(folder / "kept.txt", "kept");
+  fs::create_symlink(folder / "kept.txt", folder / "link");
+  EXPECT_THAT(InputErrorOf([&] { WriteFileAtomically(folder / "link", "x"); }), HasSubstr("is not a regular file"));
+  EXPECT_TRUE(fs::is_symlink(folder / "link"));
+  EXPECT_EQ(ReadTextFile(folder / "kept.txt"), "kept");
 }
 
 // Threads.

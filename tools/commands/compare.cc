@@ -9,6 +9,7 @@
 #include "tools/comparison.h"
 #include "tools/console.h"
 #include "tools/flags.h"
+#include "tools/result_folder.h"
 
 namespace heba {
 namespace {
@@ -45,7 +46,7 @@ int RunCommand_compare(const std::vector<std::string>& arguments) {
   const Comparison comparison = CompareRuns(std::move(runs));
   if (!FLAGS_quiet) std::cout << ForTerminal(ComparisonTable(comparison));
   if (FLAGS_out.empty()) return kDone;
-  StagedFolder folder(FLAGS_out, "compare.csv");
+  StagedFolder folder(FLAGS_out);
   WriteFileAtomically(folder.staging() / "compare.csv", ComparisonRunsCsv(comparison));
   WriteFileAtomically(folder.staging() / "pairs.csv", ComparisonPairsCsv(comparison));
   WriteFileAtomically(folder.staging() / "compare.html", ComparisonPage(comparison));

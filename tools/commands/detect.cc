@@ -15,6 +15,7 @@
 #include "tools/console.h"
 #include "tools/detection_file.h"
 #include "tools/flags.h"
+#include "tools/result_folder.h"
 #include "tools/run_config.h"
 
 namespace heba {
@@ -52,7 +53,7 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
   const fs::path output =
       FLAGS_out.empty() ? fs::absolute(arguments[0]).parent_path() / "detections" / config.name : fs::path(FLAGS_out);
-  StagedFolder folder(output, "overlays");
+  StagedFolder folder(output);
   const std::vector<CaptureDetection> detections = DetectCaptures(config, NumThreads(), verbosity);
   FitCameraToPictures(detections.front(), &config);
   fs::create_directory(folder.staging() / "overlays");

@@ -14,12 +14,11 @@
 #include "tools/console.h"
 #include "tools/detection_file.h"
 #include "tools/flags.h"
+#include "tools/result_folder.h"
 
 namespace heba {
 namespace {
 namespace fs = std::filesystem;
-
-constexpr const char* kMark = "imported.txt";
 
 // What `import` writes, file by file: all of it, before any is written.
 struct ImportedFiles {
@@ -131,10 +130,9 @@ int RunCommand_import(const std::vector<std::string>& arguments) {
   const ImportedFiles made = FilesOf(set, output);
   RefuseToSwallow(set, source, output);
   // Its own mark: any folder may have a config.yaml.
-  StagedFolder folder(output, kMark);
+  StagedFolder folder(output);
   for (const auto& [name, text] : made.files) WriteFileAtomically(folder.staging() / name, text);
   WriteFileAtomically(folder.staging() / "config.yaml", made.config);
-  WriteFileAtomically(folder.staging() / kMark, "# heba import: this folder is replaced when it is imported again\n");
   folder.Commit();
   if (!FLAGS_quiet) {
     std::string text =

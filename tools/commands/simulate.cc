@@ -14,6 +14,7 @@
 #include "tools/command.h"
 #include "tools/console.h"
 #include "tools/flags.h"
+#include "tools/result_folder.h"
 #include "tools/scene_config.h"
 
 namespace heba {
@@ -47,7 +48,7 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   namespace fs = std::filesystem;
   if (FLAGS_out.empty()) throw InputError("'heba simulate' needs --out DIR");
   const SceneConfig scene = ReadSceneConfig(arguments[0], Settings());
-  StagedFolder folder(FLAGS_out, "truth.json");
+  StagedFolder folder(FLAGS_out);
   const Drawing& drawing = scene.target->Draw();
   Rng rng(scene.seed);
   const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);

@@ -9,6 +9,7 @@
 #include "tools/command.h"
 #include "tools/console.h"
 #include "tools/flags.h"
+#include "tools/result_folder.h"
 #include "tools/study_cells.h"
 #include "tools/study_config.h"
 #include "tools/study_report.h"

@@ -1,7 +1,7 @@
 #include "heba/base/files.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -20,14 +20,38 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::string_view kStagingSuffix = ".part";
+// A descriptor that is closed at the end.
+class Descriptor {
+ public:
+  explicit Descriptor(int number) : number_(number) {}
+  ~Descriptor() {
+    if (number_ >= 0) close(number_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int number() const { return number_; }
 
-// What was written to a file, or into a folder, is on the disk.
-void Sync(const fs::path& path) {
-  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0) return;
-  fsync(descriptor);
-  close(descriptor);
+ private:
+  int number_;
+};
+
+bool WriteAll(int descriptor, std::string_view content) {
+  while (!content.empty()) {
+    const ssize_t count = write(descriptor, content.data(), content.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return false;
+    content.remove_prefix(static_cast<size_t>(count));
+  }
+  return true;
+}
+
+// A name beside `path` that nobody has.
+fs::path NameBeside(const fs::path& path) {
+  unsigned long long number = 0;
+  if (getentropy(&number, sizeof(number)) != 0) throw InputError(path.string() + ": the system has no random numbers");
+  char text[24];
+  std::snprintf(text, sizeof(text), ".part-%016llx", number);
+  return path.parent_path() / ("." + path.filename().string() + text);
 }
 
 }  // namespace
@@ -46,6 +70,8 @@ std::string ReadTextFile(const fs::path& path, size_t max_bytes) {
   const fs::file_status status = fs::status(path, error);
   if (!fs::exists(status)) throw InputError(path.string() + ": there is no such file");
   if (fs::is_directory(status)) throw InputError(path.string() + ": this is a folder; a file is needed");
+  // A pipe or a device may never end.
+  if (!fs::is_regular_file(status)) throw InputError(path.string() + ": is not a regular file");
   std::ifstream stream(path, std::ios::binary);
   if (!stream) throw InputError(path.string() + ": cannot be read (" + std::strerror(errno) + ")");
   std::string content;
@@ -62,110 +88,35 @@ std::string ReadTextFile(const fs::path& path, size_t max_bytes) {
 }
 
 void WriteFileAtomically(const fs::path& path, std::string_view content) {
-  const fs::path temporary =
-      path.parent_path() / ("." + path.filename().string() + std::string(kStagingSuffix) + std::to_string(getpid()));
-  {
-    std::ofstream stream(temporary, std::ios::binary | std::ios::trunc);
-    stream.write(content.data(), static_cast<std::streamsize>(content.size()));
-    stream.flush();
-    if (!stream) {
-      const std::string reason = std::strerror(errno);
-      std::error_code ignored;
-      fs::remove(temporary, ignored);
-      throw InputError(path.string() + ": cannot be written (" + reason + ")");
-    }
+  const auto fail = [&](int error) {
+    throw InputError(path.string() + ": cannot be written (" + std::strerror(error) + ")");
+  };
+  std::error_code status_error;
+  const fs::file_status status = fs::symlink_status(path, status_error);
+  if (fs::is_directory(status)) throw InputError(path.string() + ": is a folder; a file's name is needed");
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
+    throw InputError(path.string() + ": is not a regular file, and is not replaced");
   }
-  Sync(temporary);
-  std::error_code error;
-  fs::rename(temporary, path, error);
-  if (error) {
-    std::error_code ignored;
-    fs::remove(temporary, ignored);
-    throw InputError(path.string() + ": cannot be written (" + error.message() + ")");
+  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  const fs::path temporary = NameBeside(path);
+  constexpr mode_t kMode = 0666;
+  // A file without a name is gone with the program.
+  const Descriptor unnamed(open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kMode));
+  const bool is_unnamed = unnamed.number() >= 0;
+  const Descriptor named(
+      is_unnamed ? -1 : open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, kMode));
+  const int descriptor = is_unnamed ? unnamed.number() : named.number();
+  if (descriptor < 0) fail(errno);
+  const auto give_up = [&](int error) {
+    unlink(temporary.c_str());
+    fail(error);
+  };
+  if (!WriteAll(descriptor, content) || fsync(descriptor) != 0) give_up(errno);
+  if (is_unnamed) {
+    const std::string handle = "/proc/self/fd/" + std::to_string(descriptor);
+    if (linkat(AT_FDCWD, handle.c_str(), AT_FDCWD, temporary.c_str(), AT_SYMLINK_FOLLOW) != 0) give_up(errno);
   }
+  if (rename(temporary.c_str(), path.c_str()) != 0) give_up(errno);
 }
-
-StagedFolder::StagedFolder(const fs::path& final_path, const std::string& marker) {
-  // "runs/x/" and "runs/x" are the same folder.
-  final_path_ = fs::absolute(final_path).lexically_normal();
-  if (final_path_.filename().empty()) final_path_ = final_path_.parent_path();
-  std::error_code error;
-  if (fs::exists(final_path_, error) && !fs::is_directory(final_path_, error)) {
-    throw InputError(final_path_.string() + ": is a file; the results need a folder of that name");
-  }
-  if (fs::is_directory(final_path_, error) && !fs::is_empty(final_path_, error) &&
-      !fs::exists(final_path_ / marker, error)) {
-    throw InputError(final_path_.string() + ": holds other files (no " + marker +
-                     "), so it is not replaced; name a new or empty folder");
-  }
-  fs::create_directories(final_path_.parent_path(), error);
-  staging_ = final_path_.parent_path() /
-             ("." + final_path_.filename().string() + std::string(kStagingSuffix) + std::to_string(getpid()));
-  fs::remove_all(staging_, error);
-  fs::create_directory(staging_, error);
-  if (error) throw InputError(final_path_.string() + ": cannot be made (" + error.message() + ")");
-  // It lives as long as this lock.
-  lock_ = open(staging_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (lock_ >= 0) flock(lock_, LOCK_EX | LOCK_NB);
-}
-
-StagedFolder::~StagedFolder() {
-  if (lock_ >= 0) close(lock_);
-  if (committed_) return;
-  std::error_code ignored;
-  fs::remove_all(staging_, ignored);
-}
-
-void StagedFolder::Commit() {
-  std::error_code error;
-  Sync(staging_);
-  if (fs::exists(final_path_, error)) {
-    const int status = renameat2(AT_FDCWD, staging_.c_str(), AT_FDCWD, final_path_.c_str(), RENAME_EXCHANGE);
-    if (status == 0) {
-      committed_ = true;
-      fs::remove_all(staging_, error);  // The older results.
-      return;
-    }
-    // A file system that cannot exchange: away with the older results, and at once the new ones in their place.
-    fs::remove_all(final_path_, error);
-  }
-  fs::rename(staging_, final_path_, error);
-  if (error) throw InputError(final_path_.string() + ": cannot be written (" + error.message() + ")");
-  committed_ = true;
-}
-
-void RemoveStaleStaging(const fs::path& parent) {
-  std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(parent, error)) {
-    const std::string name = entry.path().filename().string();
-    const size_t suffix = name.rfind(kStagingSuffix);
-    if (!name.starts_with(".") || suffix == std::string::npos) continue;
-    const std::string number = name.substr(suffix + kStagingSuffix.size());
-    if (number.empty() || number.find_first_not_of("0123456789") != std::string::npos) continue;
-    const int descriptor = open(entry.path().c_str(), O_RDONLY | O_CLOEXEC);
-    if (descriptor < 0) continue;
-    const bool is_free = flock(descriptor, LOCK_EX | LOCK_NB) == 0;
-    close(descriptor);
-    if (is_free) fs::remove_all(entry.path(), error);
-  }
-}
-
-FolderLock::FolderLock(const fs::path& folder, const std::string& name, Kind kind) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  const fs::path file = folder / name;
-  descriptor_ = open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-  if (descriptor_ < 0) throw InputError(file.string() + ": cannot be made (" + std::strerror(errno) + ")");
-  if (flock(descriptor_, (kind == Kind::kAlone ? LOCK_EX : LOCK_SH) | LOCK_NB) != 0) {
-    const bool is_taken = errno == EWOULDBLOCK;
-    const std::string reason = std::strerror(errno);
-    close(descriptor_);
-    throw InputError(folder.string() + (is_taken
-                                            ? ": another heba works in this folder; wait for it, or name another one"
-                                            : ": cannot be locked (" + reason + ")"));
-  }
-}
-
-FolderLock::~FolderLock() { close(descriptor_); }
 
 }  // namespace heba
