@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 
 #include "heba/base/distributions.h"
+#include "heba/base/error.h"
 #include "heba/base/median.h"
 #include "heba/base/rng.h"
 #include "heba/data/prediction.h"
@@ -27,14 +28,22 @@ View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
   view.name = "capture_" + std::to_string(index);
   view.role = pose.role;
   view.camera_mount_from_target_mount = CameraMountFromTargetMount(cell.hand_eye, pose.camera_from_target);
-  Tangent6 error;
-  error << cell.robot_noise.translation_m * rng->NormalVector3(), cell.robot_noise.rotation_rad * rng->NormalVector3();
-  const Rigid3d camera_from_target =
-      CameraFromTarget(setup, cell.hand_eye, view.camera_mount_from_target_mount, Retract(Rigid3d(), error));
   view.observations = cell.target;
   const bool is_designed = cell.shape.params == TargetShape().params;
-  CHECK(Predict(cell.camera.Model(), cell.camera.params.data(), camera_from_target,
-                is_designed ? cell.target : Shaped(cell.target, cell.shape), &view.observations.pixels, nullptr));
+  const Observations true_target = is_designed ? cell.target : Shaped(cell.target, cell.shape);
+  // Where the robot is so far off that the target is behind the camera, it is drawn anew.
+  constexpr int kMostDraws = 100;
+  bool is_seen = false;
+  for (int draw = 0; draw < kMostDraws && !is_seen; ++draw) {
+    Tangent6 error;
+    error << cell.robot_noise.translation_m * rng->NormalVector3(),
+        cell.robot_noise.rotation_rad * rng->NormalVector3();
+    const Rigid3d camera_from_target =
+        CameraFromTarget(setup, cell.hand_eye, view.camera_mount_from_target_mount, Retract(Rigid3d(), error));
+    is_seen = Predict(cell.camera.Model(), cell.camera.params.data(), camera_from_target, true_target,
+                      &view.observations.pixels, nullptr);
+  }
+  if (!is_seen) throw InputError("the robot's noise hides the target from the camera in every draw");
   for (Eigen::Index i = 0; i < view.observations.size(); ++i) {
     const double u = cell.pixel_sigma_px * rng->Normal();
     const double v = cell.pixel_sigma_px * rng->Normal();

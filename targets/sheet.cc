@@ -343,6 +343,13 @@ Sheet MakeSheet(const Target& target, const SheetOptions& options) {
 void WriteSheet(const Sheet& sheet, const std::filesystem::path& path) {
   const Format& format = FormatOf(path);
   const double max_mm = sheet.page_mm.maxCoeff();
+  const double drawn_mm = 1e3 * (sheet.drawing.max_m - sheet.drawing.min_m).minCoeff();
+  constexpr double kLeastMm = 1;
+  constexpr double kMostMm = 20000;
+  if (!(drawn_mm >= kLeastMm && max_mm <= kMostMm)) {
+    throw InputError(path.string() + ": a target of " + Significant(drawn_mm, 3) + " mm on a sheet of " +
+                     Significant(max_mm, 3) + " mm cannot be printed; from 1 mm to 20 m can");
+  }
   if (format.has_dpi && max_mm * sheet.options.dpi / kMmPerInch > kMaxPixels) {
     throw InputError(path.string() + ": a sheet of " + Fixed(max_mm, 0) + " mm at " +
                      Significant(sheet.options.dpi, 6) + " dpi has more than " + std::to_string(kMaxPixels) +

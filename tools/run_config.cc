@@ -10,6 +10,7 @@
 #include "solvers/hand_eye_method.h"
 #include "solvers/loss.h"
 #include "tools/capture_section.h"
+#include "tools/robot_noise_config.h"
 
 namespace heba {
 namespace {
@@ -94,7 +95,7 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
 }
 
 // "auto", "none" (or "exact"), or both sigmas.
-void ReadRobotNoise(MapReader* refine, RunConfig* config) {
+void ReadRobotModel(MapReader* refine, RunConfig* config) {
   const std::optional<ConfigValue> value = refine->Find("robot_noise");
   if (!value || value->IsText()) {
     const std::string name = value ? value->AsChoice({"auto", "none", "exact"}) : "auto";
@@ -104,14 +105,7 @@ void ReadRobotNoise(MapReader* refine, RunConfig* config) {
   }
   MapReader reader(*value);
   config->bundle.robot = BundleOptions::Robot::kGivenNoise;
-  config->bundle.robot_noise.rotation_rad = reader.Angle("rotation");
-  config->bundle.robot_noise.translation_m = reader.Length("translation");
-  for (const char* key : {"rotation", "translation"}) {
-    const bool is_negative = (std::string_view(key) == "rotation" ? config->bundle.robot_noise.rotation_rad
-                                                                  : config->bundle.robot_noise.translation_m) < 0;
-    if (is_negative) reader.Get(key).Fail("must not be negative");
-  }
-  reader.Finish();
+  config->bundle.robot_noise = ReadRobotNoise(reader);
   refine->Record("robot_noise", reader.used());
 }
 
@@ -173,7 +167,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   }
   reader.Record("intrinsics", groups);
   ReadFreeShape(&reader, config);
-  ReadRobotNoise(&reader, config);
+  ReadRobotModel(&reader, config);
   const std::optional<ConfigValue> pixel_noise = reader.Find("pixel_noise");
   if (pixel_noise && !(pixel_noise->IsText() && pixel_noise->node().Scalar() == "auto")) {
     config->bundle.pixel_noise_px = pixel_noise->AsQuantity(Quantity::kPixels);

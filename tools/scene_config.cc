@@ -3,8 +3,10 @@
 #include <limits>
 
 #include "heba/base/error.h"
+#include "heba/base/text.h"
 #include "heba/io/camera_file.h"
 #include "targets/detection.h"
+#include "tools/robot_noise_config.h"
 #include "tools/run_config.h"
 
 namespace heba {
@@ -52,6 +54,9 @@ SceneConfig ReadScene(const ConfigValue& value) {
     const std::string faults = scene.two_step->Check();
     if (!faults.empty()) two_step_value->Fail(faults);
   }
+  if (scene.motion.num_captures == 0 && !scene.two_step) {
+    motion.Get("captures").Fail("must be at least 1 without two_step");
+  }
   motion.Finish();
   const std::string motion_faults = scene.motion.Check();
   if (!motion_faults.empty()) motion.value().Fail(motion_faults);
@@ -69,14 +74,29 @@ SceneConfig ReadScene(const ConfigValue& value) {
   scene.image.shape = DesignedShape(AllPoints(*scene.target).points_in_target);
   scene.image.shape.params = {print.Number("scale_x", 1.0), print.Number("scale_y", 1.0), print.Length("bend_x", 0.0),
                               print.Length("bend_y", 0.0)};
+  for (const char* key : {"scale_x", "scale_y"}) {
+    constexpr double kMostTimes = 2;
+    const double scale = print.Number(key, 1.0);
+    if (!(scale >= 1 / kMostTimes && scale <= kMostTimes)) print.Get(key).Fail("must be from 0.5 to 2");
+  }
+  for (const char* key : {"bend_x", "bend_y"}) {
+    // More than that is a roll.
+    constexpr double kMostOfSheet = 0.25;
+    const Drawing& drawing = scene.target->Draw();
+    const double most_m = kMostOfSheet * (drawing.max_m - drawing.min_m).minCoeff();
+    if (std::abs(print.Length(key, 0.0)) > most_m) {
+      print.Get(key).Fail("must be at most " + Significant(1e3 * most_m, 3) +
+                          " mm, a quarter of the sheet's shorter side");
+    }
+  }
   print.Finish();
   const std::string image_faults = scene.image.Check();
   if (!image_faults.empty()) image.value().Fail(image_faults);
 
   MapReader robot = SubReader(reader, "robot_noise");
-  scene.robot_rotation_sigma_rad = robot.Angle("rotation", 0.0);
-  scene.robot_translation_sigma_m = robot.Length("translation", 0.0);
-  robot.Finish();
+  const RobotNoise noise = ReadRobotNoise(robot, 0.0);
+  scene.robot_rotation_sigma_rad = noise.rotation_rad;
+  scene.robot_translation_sigma_m = noise.translation_m;
   scene.pose_format = *FindPoseFormat("ros");
   if (const std::optional<ConfigValue> format = reader.Find("pose_format")) scene.pose_format = ReadPoseFormat(*format);
   scene.give_camera = reader.Bool("give_camera", true);

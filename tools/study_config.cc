@@ -8,6 +8,7 @@
 #include "solvers/hand_eye_method.h"
 #include "solvers/loss.h"
 #include "targets/detection.h"
+#include "tools/robot_noise_config.h"
 #include "tools/scene_config.h"
 
 namespace heba {
@@ -55,10 +56,7 @@ double ReadShare(const ConfigValue& value) {
 
 RobotNoise ReadNoise(const ConfigValue& value) {
   MapReader reader(value);
-  const RobotNoise noise{reader.Length("translation"), reader.Angle("rotation")};
-  if (noise.translation_m < 0 || noise.rotation_rad < 0) value.Fail("must not be negative");
-  reader.Finish();
-  return noise;
+  return ReadRobotNoise(reader);
 }
 
 // How the target differs from its design, as a scene's `print` says it.
@@ -70,6 +68,8 @@ TargetShape ReadTrueShape(const ConfigValue& value) {
     const std::optional<ConfigValue> param = reader.Find(kKeys[i]);
     if (!param) continue;
     shape.params[i] = i < 2 ? param->AsNumber() : param->AsQuantity(Quantity::kLength);
+    if (i < 2 && !(shape.params[i] >= 0.5 && shape.params[i] <= 2)) param->Fail("must be from 0.5 to 2");
+    if (i >= 2 && std::abs(shape.params[i]) > 0.1) param->Fail("must be at most 100 mm");
     reader.Record(kKeys[i], param->node());
   }
   reader.Finish();

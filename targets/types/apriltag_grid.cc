@@ -893,8 +893,8 @@ std::unique_ptr<Target> CreateTarget_apriltag_grid(MapReader& reader) {
     reader.Get("border_bits").Fail("must be 1 for " + name + ", whose border lies between its cells");
   }
   geometry.tag_spacing_ratio = reader.Number("tag_spacing", 0.3);
-  if (!(geometry.tag_spacing_ratio > 0 && geometry.tag_spacing_ratio <= 10)) {
-    reader.Get("tag_spacing").Fail("must be greater than 0 and at most 10");
+  if (!(geometry.tag_spacing_ratio >= 0.01 && geometry.tag_spacing_ratio <= 10)) {
+    reader.Get("tag_spacing").Fail("must be at least 0.01 and at most 10");
   }
   if (has_outer_cells && geometry.rows * geometry.columns > 1) {
     const double min_ratio = (2.0 * family.NumOuterCells() + 1) / family->width_at_border;

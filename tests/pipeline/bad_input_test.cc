@@ -1,7 +1,12 @@
 // Bad input gets one line that names the file, what is wrong and what would be right; exit status 2 (1 where the work
 // failed); and nothing is written.
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <functional>
 #include <map>
 
@@ -108,6 +113,8 @@ class BadInputTest : public testing::Test {
   static void SetUpTestSuite() {
     root_ = new fs::path(TestFolder("bad_input"));
     WriteAll(*root_ / "scene.yaml", kScene);
+    std::string long_scene = kScene;
+    WriteAll(*root_ / "long_scene.yaml", long_scene.replace(long_scene.find("captures: 6"), 11, "captures: 5000"));
     const CommandResult result =
         RunHeba({"simulate", (*root_ / "scene.yaml").string(), "--out", (*root_ / "good").string(), "--quiet"});
     ASSERT_EQ(result.status, 0) << result.err;
@@ -437,7 +444,7 @@ TEST_F(BadInputTest, OutputThatHoldsOtherFilesIsLeftAlone) {
   WriteAll(out / "thesis.txt", "ten years of work");
   const CommandResult result = RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"});
   EXPECT_EQ(result.status, 2);
-  EXPECT_THAT(result.err, testing::HasSubstr("holds other files"));
+  EXPECT_THAT(result.err, testing::HasSubstr("was not made by heba"));
   EXPECT_EQ(ReadAll(out / "thesis.txt"), "ten years of work");
 }
 TEST_F(BadInputTest, FailedRunKeepsTheFormerResult) {
@@ -465,6 +472,108 @@ TEST_F(BadInputTest, OddNamesAreNoObstacle) {
   EXPECT_THAT(ReadAll(out / "result.json"), testing::HasSubstr("o'dd \\\"1\\\", \xc3\xb6#;.png"));
   EXPECT_FALSE(fs::exists("x"));
   fs::remove_all(odd);
+}
+
+// A pipe that nobody writes into would be waited for.
+TEST_F(BadInputTest, PipesAreNoInputs) {
+  ASSERT_EQ(mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+  const std::string pipe = (folder_ / "pipe").string();
+  for (const char* key :
+       {"captures.poses", "target", "camera.intrinsics", "evaluate.truth", "captures.detections", "base"}) {
+    const CommandResult result = RunHeba({"run", (folder_ / "config.yaml").string(), "--set",
+                                          std::string(key) + "=" + pipe, "--out", (*root_ / "piped").string()},
+                                         "HEBA_CACHE= timeout 20");
+    EXPECT_EQ(result.status, 2) << key << ": " << result.err;
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << key << ": " << result.err;
+  }
+  fs::remove(folder_ / "images/002.png");
+  ASSERT_EQ(mkfifo((folder_ / "images/002.png").c_str(), 0600), 0);
+  ExpectError(2, {"002.png"});
+}
+
+// Numbers in other words than gflags knows, and more threads than any machine has.
+TEST_F(BadInputTest, NumbersOfThreads) {
+  const std::string config = (folder_ / "config.yaml").string();
+  for (const auto& [jobs, status] : std::map<std::string, int>{{"1e3", 0}, {"1.0", 0}, {"1e9", 2}, {"1.5", 2}}) {
+    const CommandResult result =
+        RunHeba({"detect", config, "--jobs", jobs, "--out", (*root_ / jobs).string(), "--quiet"});
+    EXPECT_EQ(result.status, status) << jobs << ": " << result.err;
+  }
+}
+
+TEST_F(BadInputTest, AFullOutputIsAFailure) {
+  const fs::path out = *root_ / "full_output";
+  ASSERT_EQ(RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"}).status, 0);
+  const std::string program = ShellQuoted(HEBA_PROGRAM);
+  for (const std::string& command :
+       {"export " + ShellQuoted(out.string()) + " --to ros1", std::string("help"), std::string("--version")}) {
+    const int raw = std::system((program + " " + command + " > /dev/full 2> /dev/null").c_str());
+    EXPECT_EQ(WEXITSTATUS(raw), 1) << command;
+  }
+}
+
+TEST_F(BadInputTest, OnlyRegularFilesAreReplaced) {
+  const fs::path out = *root_ / "exported_run";
+  ASSERT_EQ(RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"}).status, 0);
+  ASSERT_EQ(mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+  WriteAll(folder_ / "notes.txt", "mine");
+  fs::create_symlink("notes.txt", folder_ / "link");
+  for (const fs::path& path : {folder_ / "pipe", folder_ / "link", fs::path("/dev/null")}) {
+    const CommandResult result = RunHeba({"export", out.string(), "--to", "ros1", "--out", path.string()});
+    EXPECT_EQ(result.status, 2) << path;
+    EXPECT_THAT(result.err, testing::HasSubstr("is not a regular file")) << path;
+  }
+  EXPECT_TRUE(fs::is_fifo(folder_ / "pipe"));
+  EXPECT_TRUE(fs::is_symlink(folder_ / "link"));
+  EXPECT_EQ(ReadAll(folder_ / "notes.txt"), "mine");
+}
+
+// A second import or simulation keeps runs and notes, and refuses to replace a config that was edited.
+TEST_F(BadInputTest, NothingOfTheUsersIsRemoved) {
+  const fs::path data = *root_ / "kept_data";
+  const std::vector<std::string> simulate = {"simulate", (*root_ / "scene.yaml").string(), "--out", data.string(),
+                                             "--quiet"};
+  ASSERT_EQ(RunHeba(simulate).status, 0);
+  ASSERT_EQ(RunHeba({"run", (data / "config.yaml").string(), "--quiet"}).status, 0);
+  WriteAll(data / "runs/config/notes.txt", "mine");
+  ASSERT_EQ(RunHeba(simulate).status, 0);
+  EXPECT_TRUE(fs::exists(data / "runs/config/result.json"));
+  ASSERT_EQ(RunHeba({"run", (data / "config.yaml").string(), "--quiet"}).status, 0);
+  EXPECT_EQ(ReadAll(data / "runs/config/notes.txt"), "mine");
+  WriteAll(data / "config.yaml", ReadAll(data / "config.yaml") + "# mine\n");
+  const CommandResult refused = RunHeba(simulate);
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, testing::HasSubstr("config.yaml: was changed since heba wrote it"));
+  EXPECT_THAT(ReadAll(data / "config.yaml"), testing::HasSubstr("# mine"));
+}
+
+// Ctrl-C and a batch system's end: one line, and nothing half done.
+TEST_F(BadInputTest, AnInterruptionLeavesNothing) {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    const fs::path place = *root_ / "interrupted";
+    fs::remove_all(place);
+    fs::create_directories(place);
+    const std::string err = (*root_ / "interrupted.err").string();
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      if (std::freopen(err.c_str(), "w", stderr) == nullptr) _exit(127);
+      setenv("HEBA_CACHE", "", 1);
+      const std::string scene = (*root_ / "long_scene.yaml").string();
+      execl(HEBA_PROGRAM, HEBA_PROGRAM, "simulate", scene.c_str(), "--out", (place / "a").c_str(), "--quiet", nullptr);
+      _exit(127);
+    }
+    // Until it has begun to write.
+    for (int i = 0; i < 2000 && fs::is_empty(place); ++i) usleep(1000);
+    EXPECT_FALSE(fs::is_empty(place));
+    kill(child, signal);
+    int status = 0;
+    waitpid(child, &status, 0);
+    ASSERT_TRUE(WIFEXITED(status));
+    EXPECT_EQ(WEXITSTATUS(status), 128 + signal);
+    EXPECT_EQ(ReadAll(err), "heba: error: interrupted\n");
+    EXPECT_TRUE(fs::is_empty(place));
+  }
 }
 
 TEST_F(BadInputTest, OutputThatCannotBeMadeIsOneLine) {
@@ -530,6 +639,9 @@ TEST(CommandLineTest, WrongCallsAreOneLineAndStatus2) {
       {"flag without value", {"run", "x.yaml", "--out"}, "needs a value"},
       {"number expected", {"run", "x.yaml", "--jobs", "many"}, "whole number"},
       {"negative jobs", {"detect", "x.yaml", "--jobs=-1"}, ""},
+      {"a flag where a value belongs", {"run", "x.yaml", "--out", "--quiet"}, "--out needs a value"},
+      {"a config that is a device", {"run", "/dev/zero"}, "is not a regular file"},
+      {"a config without end", {"doctor", "/dev/urandom"}, "is not a regular file"},
       {"two configs for one", {"detect", "a.yaml", "b.yaml"}, "takes CONFIG"},
       {"missing config", {"run", "no/such.yaml"}, "no such file"},
       {"export of nothing", {"export", "no/such", "--to", "urdf"}, "no such file"},

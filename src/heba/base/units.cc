@@ -44,6 +44,19 @@ std::string_view Example(Quantity quantity) {
   return "";
 }
 
+double MaxQuantity(Quantity quantity) {
+  switch (quantity) {
+    case Quantity::kLength:
+      return 1e4;
+    case Quantity::kAngle:
+      return 200 * kPi;
+    case Quantity::kPixels:
+    case Quantity::kGreyLevels:
+      return 1e6;
+  }
+  return 0;
+}
+
 ParsedQuantity ParseQuantity(std::string_view text, Quantity quantity) {
   const std::string expected = std::string(Example(quantity));
   std::string trimmed = Trim(text);
@@ -58,7 +71,15 @@ ParsedQuantity ParseQuantity(std::string_view text, Quantity quantity) {
   std::vector<std::string> known;
   for (const Unit& unit : kUnits) {
     if (unit.quantity != quantity) continue;
-    if (unit.name == unit_name) return {number * unit.factor, ""};
+    if (unit.name == unit_name) {
+      const double value = number * unit.factor;
+      const double most = MaxQuantity(quantity);
+      if (std::abs(value) > most) {
+        return {0, Quoted(trimmed) + " is out of range; at most " + Significant(most / unit.factor, 6) + " " +
+                       std::string(unit.name) + " can be meant"};
+      }
+      return {value, ""};
+    }
     known.emplace_back(unit.name);
   }
   return {0, Quoted(trimmed) + " has the unit " + Quoted(unit_name) + "; one of " + Join(known, ", ") + " is needed"};

@@ -15,6 +15,10 @@ std::string_view BaseUnit(Quantity quantity);
 // "a length such as '40 mm'": for messages.
 std::string_view Example(Quantity quantity);
 
+// The greatest absolute value that a file may state: 10 km, 100 turns, a million pixels or grey levels. More is a slip,
+// and would not fit into what is computed with it.
+double MaxQuantity(Quantity quantity);
+
 struct ParsedQuantity {
   double value = 0;   // In BaseUnit(quantity).
   std::string fault;  // Empty if `text` is a quantity of this kind; else what is wrong with it, as a clause.

@@ -331,6 +331,8 @@ double MapReader::Pixels(const std::string& key, std::optional<double> fallback_
 double MapReader::PositiveLength(const std::string& key, std::optional<double> fallback_m) {
   const double length_m = Length(key, fallback_m);
   if (!(length_m > 0)) Get(key).Fail("must be greater than zero");
+  constexpr double kLeastM = 1e-6;
+  if (length_m < kLeastM) Get(key).Fail("must be at least 0.001 mm");
   return length_m;
 }
 

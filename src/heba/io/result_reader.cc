@@ -1,5 +1,7 @@
 // The reading half of result_file.h.
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "heba/base/units.h"
@@ -22,7 +24,10 @@ Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::str
   return {rotation, Eigen::Vector3d(t[0], t[1], t[2])};
 }
 
-// Of points, captures, iterations.
+// What the unknown parameters belong to.
+constexpr const char* kBodies[] = {"hand_eye.", "board.", "camera.", "target."};
+
+// The most points, captures or iterations that a result counts.
 constexpr int kMostCounted = 1000000000;
 
 Camera ReadCameraJson(const JsonReader& reader) {
@@ -50,26 +55,75 @@ double ReadFinite(const JsonReader& reader, const char* key, double otherwise) {
   return ReadOptional(reader, key).value_or(otherwise);
 }
 
+// A figure that cannot be negative: an rms, a sigma, a time.
+double ReadMagnitude(const JsonReader& reader, const char* key) {
+  const double value = reader.Get(key).Number();
+  constexpr double kMost = 1e15;
+  if (!(value >= 0 && value <= kMost)) reader.Get(key).Fail("must not be negative, nor above 1e15");
+  return value;
+}
+std::optional<double> ReadOptionalMagnitude(const JsonReader& reader, const char* key) {
+  if (!reader.Has(key)) return std::nullopt;
+  return ReadMagnitude(reader, key);
+}
+
 Errors ReadErrors(const JsonReader& reader) {
   Errors errors;
-  errors.reprojection_rms_px = ReadOptional(reader, "reprojection_rms_px");
-  errors.holdout_rms_px = ReadOptional(reader, "holdout_rms_px");
-  errors.holdout_target_mm = ReadOptional(reader, "holdout_target_mm");
-  errors.holdout_target_deg = ReadOptional(reader, "holdout_target_deg");
-  errors.holdout_chi2 = ReadOptional(reader, "holdout_chi2_per_dof");
-  errors.holdout_sigmas = ReadOptional(reader, "holdout_sigmas");
-  errors.axxb_mean_mm = ReadOptional(reader, "axxb_mean_mm");
+  errors.reprojection_rms_px = ReadOptionalMagnitude(reader, "reprojection_rms_px");
+  errors.holdout_rms_px = ReadOptionalMagnitude(reader, "holdout_rms_px");
+  errors.holdout_target_mm = ReadOptionalMagnitude(reader, "holdout_target_mm");
+  errors.holdout_target_deg = ReadOptionalMagnitude(reader, "holdout_target_deg");
+  errors.holdout_chi2 = ReadOptionalMagnitude(reader, "holdout_chi2_per_dof");
+  errors.holdout_sigmas = ReadOptionalMagnitude(reader, "holdout_sigmas");
+  errors.axxb_mean_mm = ReadOptionalMagnitude(reader, "axxb_mean_mm");
   if (reader.Has("board_translation_rms_mm") && reader.Has("board_rotation_rms_deg")) {
-    errors.board_scatter =
-        BoardScatter{reader.Get("board_translation_rms_mm").Number(), reader.Get("board_rotation_rms_deg").Number()};
+    errors.board_scatter = BoardScatter{ReadMagnitude(reader, "board_translation_rms_mm"),
+                                        ReadMagnitude(reader, "board_rotation_rms_deg")};
   }
   if (reader.Has("truth")) {
     const JsonReader truth = reader.Get("truth");
-    errors.truth =
-        TruthErrors{truth.Get("hand_eye_mm").Number(), truth.Get("hand_eye_deg").Number(),
-                    ReadOptional(truth, "board_mm"), ReadOptional(truth, "board_deg"), ReadOptional(truth, "focal_px")};
+    errors.truth = TruthErrors{ReadMagnitude(truth, "hand_eye_mm"), ReadMagnitude(truth, "hand_eye_deg"),
+                               ReadOptionalMagnitude(truth, "board_mm"), ReadOptionalMagnitude(truth, "board_deg"),
+                               ReadOptionalMagnitude(truth, "focal_px")};
   }
   return errors;
+}
+
+// InputError for a matrix that is no covariance, or of other parameters than those of a hand-eye calibration.
+void CheckCovariance(const JsonReader& reader, const Covariance& covariance) {
+  constexpr const char* kTangent[] = {"tx_m", "ty_m", "tz_m", "rx_rad", "ry_rad", "rz_rad"};
+  for (const char* body : {"hand_eye.", "board."}) {
+    for (const char* part : kTangent) {
+      const auto count = std::count(covariance.names.begin(), covariance.names.end(), std::string(body) + part);
+      if (count != 1) reader.Fail("the names must have " + std::string(body) + part + " once");
+    }
+  }
+  for (const std::string& name : covariance.names) {
+    const bool is_known =
+        std::any_of(std::begin(kBodies), std::end(kBodies), [&](const char* body) { return name.starts_with(body); });
+    if (!is_known || std::count(covariance.names.begin(), covariance.names.end(), name) != 1) {
+      reader.Fail("'" + name + "' is no parameter, or stands twice");
+    }
+  }
+  const Eigen::MatrixXd& matrix = covariance.matrix;
+  constexpr double kMost = 1e15;
+  constexpr double kRounding = 1e-6;
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    if (!(matrix(i, i) >= 0 && matrix(i, i) <= kMost)) {
+      reader.Fail("a variance is negative or above 1e15: " + covariance.names[static_cast<size_t>(i)]);
+    }
+  }
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      const double most = std::sqrt(matrix(i, i)) * std::sqrt(matrix(j, j));
+      if (std::abs(matrix(i, j) - matrix(j, i)) <= kRounding * most &&
+          std::abs(matrix(i, j)) <= (1 + kRounding) * most) {
+        continue;
+      }
+      reader.Fail("the matrix is no covariance: see " + covariance.names[static_cast<size_t>(i)] + " and " +
+                  covariance.names[static_cast<size_t>(j)]);
+    }
+  }
 }
 
 Covariance ReadCovariance(const JsonReader& reader) {
@@ -84,6 +138,7 @@ Covariance ReadCovariance(const JsonReader& reader) {
     covariance.matrix.row(static_cast<Eigen::Index>(i)) =
         Eigen::Map<const Eigen::RowVectorXd>(row.data(), static_cast<Eigen::Index>(size));
   }
+  CheckCovariance(reader, covariance);
   return covariance;
 }
 
@@ -103,14 +158,16 @@ Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
   solution.convergence.iterations = solve.Get("iterations").Int(0, kMostCounted);
   solution.convergence.initial_cost = ReadFinite(solve, "initial_cost", std::numeric_limits<double>::infinity());
   solution.convergence.final_cost = ReadFinite(solve, "final_cost", std::numeric_limits<double>::infinity());
-  solution.convergence.seconds = solve.Get("seconds").Number();
+  solution.convergence.seconds = ReadMagnitude(solve, "seconds");
   solution.convergence.message = solve.Get("message").Text();
-  solution.pixel_sigma_px = solve.Get("pixel_sigma").Number();
+  solution.pixel_sigma_px = ReadMagnitude(solve, "pixel_sigma");
   if (solve.Has("robot_sigma_mm")) {
     solution.robot_noise =
-        RobotNoise{solve.Get("robot_sigma_mm").Number() / 1000, DegToRad(solve.Get("robot_sigma_deg").Number())};
+        RobotNoise{ReadMagnitude(solve, "robot_sigma_mm") / 1000, DegToRad(ReadMagnitude(solve, "robot_sigma_deg"))};
   }
-  solution.covariance_dof = ReadFinite(solve, "covariance_dof", std::numeric_limits<double>::infinity());
+  solution.covariance_dof =
+      ReadOptionalMagnitude(solve, "covariance_dof").value_or(std::numeric_limits<double>::infinity());
+  if (solution.covariance_dof == 0) solve.Get("covariance_dof").Fail("must be greater than 0");
   return solution;
 }
 
@@ -125,6 +182,7 @@ Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
   estimate.hand_eye = {ReadPoseJson(reader.Get("hand_eye"), CameraMountName(setup), "camera"),
                        ReadPoseJson(reader.Get("board"), TargetMountName(setup), "target")};
   if (reader.Has("camera")) estimate.camera = ReadCameraJson(reader.Get("camera"));
+  if (estimate.kind == "refined" && reader.Has("solve") && !reader.Has("camera")) reader.Fail("'camera' is missing");
   if (reader.Has("solve")) estimate.solution = ReadSolution(reader, estimate);
   return estimate;
 }
@@ -148,7 +206,7 @@ CaptureResult ReadCapture(const JsonReader& reader) {
   capture.used = reader.Get("used").Bool();
   capture.reason = reader.Get("reason").Text();
   if (reader.Has("repeat_of")) capture.repeat_of = reader.Get("repeat_of").Text();
-  capture.rms_px = ReadOptional(reader, "rms_px");
+  capture.rms_px = ReadOptionalMagnitude(reader, "rms_px");
   const std::optional<Tangent6> correction = ReadTangent(reader, "robot_correction");
   if (correction) capture.correction = Rigid3d(ExpRotation(correction->tail<3>()), correction->head<3>());
   if (const std::optional<Tangent6> move = ReadTangent(reader, "move_without")) {
@@ -222,13 +280,14 @@ RunResult ReadResult(const std::filesystem::path& path) {
       const std::vector<double> row = rows[static_cast<size_t>(i)].Numbers(3);
       result.working_point->covariance_m2.row(i) = Eigen::Map<const Eigen::RowVector3d>(row.data());
     }
+    if (!(result.working_point->covariance_m2.diagonal().array() >= 0).all()) point.Fail("a variance is negative");
   }
   if (reader.Has("model")) result.model = ReadModel(reader.Get("model"));
   // Results of versions before 0.2 had no verdict of their own.
   result.verdict = reader.Has("verdict") ? ReadVerdict(reader.Get("verdict")) : JudgeRun(result);
   const JsonReader timing = reader.Get("timing_s");
-  result.timing = {timing.Get("detect").Number(), timing.Get("seed").Number(), timing.Get("refine").Number(),
-                   timing.Get("total").Number()};
+  result.timing = {ReadMagnitude(timing, "detect"), ReadMagnitude(timing, "seed"), ReadMagnitude(timing, "refine"),
+                   ReadMagnitude(timing, "total")};
   return result;
 }
 
