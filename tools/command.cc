@@ -11,6 +11,7 @@
 #include <gflags/gflags.h>
 
 #include "heba/base/error.h"
+#include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
 #include "tools/flags.h"
@@ -181,6 +182,9 @@ int RunCommandLine(int argc, char** argv) {
     std::cout.flush();
     if (std::cout && std::fflush(stdout) == 0) return status;
     PrintError("standard output cannot be written");
+    return kWorkFailed;
+  } catch (const OutputError& error) {
+    PrintError(error.what());
     return kWorkFailed;
   } catch (const InputError& error) {
     PrintError(error.what());

@@ -184,6 +184,7 @@ StagedFolder::StagedFolder(const fs::path& final_path) {
   staging_ =
       final_path_.parent_path() / ("." + final_path_.filename().string() + std::string(kStagingSuffix) + RandomName());
   if (!fs::create_directory(staging_, error) || error) {
+    if (error == std::errc::no_space_on_device) throw OutputError(final_path_.string() + ": cannot be made (no space)");
     throw InputError(final_path_.string() + ": cannot be made (" + error.message() + ")");
   }
   // It lives as long as the lock on its record, which network file systems know too.
@@ -215,7 +216,7 @@ void StagedFolder::Commit() {
   std::error_code error;
   const std::string record = RecordText(staging_);
   if (pwrite(lock_, record.data(), record.size(), 0) != static_cast<ssize_t>(record.size()) || fsync(lock_) != 0) {
-    throw InputError(final_path_.string() + ": cannot be written (" + std::strerror(errno) + ")");
+    throw OutputError(final_path_.string() + ": cannot be written (" + std::strerror(errno) + ")");
   }
   if (!fs::exists(final_path_, error)) {
     fs::rename(staging_, final_path_, error);

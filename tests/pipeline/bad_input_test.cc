@@ -619,7 +619,7 @@ TEST_F(BadInputTest, AFullDiskIsOneLineAndLeavesNothing) {
   EXPECT_THAT(said, testing::StartsWith("heba: error: "));
   EXPECT_THAT(said, testing::HasSubstr("No space left"));
   EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
-  EXPECT_EQ(ReadAll(err + ".status"), "2\n");
+  EXPECT_EQ(ReadAll(err + ".status"), "1\n");
   EXPECT_EQ(ReadAll(err + ".left"), "");
 }
 

@@ -89,7 +89,10 @@ std::string ReadTextFile(const fs::path& path, size_t max_bytes) {
 
 void WriteFileAtomically(const fs::path& path, std::string_view content) {
   const auto fail = [&](int error) {
-    throw InputError(path.string() + ": cannot be written (" + std::strerror(error) + ")");
+    const std::string fault = path.string() + ": cannot be written (" + std::strerror(error) + ")";
+    constexpr std::array<int, 4> kDisk = {ENOSPC, EDQUOT, EIO, EFBIG};
+    if (std::find(kDisk.begin(), kDisk.end(), error) != kDisk.end()) throw OutputError(fault);
+    throw InputError(fault);
   };
   std::error_code status_error;
   const fs::file_status status = fs::symlink_status(path, status_error);
