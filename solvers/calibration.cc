@@ -149,7 +149,7 @@ std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup
   return "contradicts the other captures: by its picture the gripper was " +
          Significant(1000 * correction.translation.norm(), 2) + " mm and " +
          Significant(RadToDeg(AngleRad(Rigid3d(), correction)), 2) +
-         " deg from the robot's pose (chance of that: " + Significant(p_value, 1) +
+         " deg from the robot's pose (chance of that: " + ShownChance(p_value) +
          "); wrong pose for the picture, robot not settled, or target read wrongly";
 }
 

@@ -31,7 +31,7 @@ View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
   view.observations = cell.target;
   const bool is_designed = cell.shape.params == TargetShape().params;
   const Observations true_target = is_designed ? cell.target : Shaped(cell.target, cell.shape);
-  // Where the robot is so far off that the target is behind the camera, it is drawn anew.
+  // The robot's error is drawn anew if it puts the target behind the camera.
   constexpr int kMostDraws = 100;
   bool is_seen = false;
   for (int draw = 0; draw < kMostDraws && !is_seen; ++draw) {

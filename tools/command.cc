@@ -178,7 +178,7 @@ void PrintError(const std::string& message) {
 int RunCommandLine(int argc, char** argv) {
   try {
     const int status = Dispatch(std::vector<std::string>(argv + 1, argv + argc));
-    // What could not be written was not done.
+    // A result that could not be written was not delivered.
     std::cout.flush();
     if (std::cout && std::fflush(stdout) == 0) return status;
     PrintError("standard output cannot be written");

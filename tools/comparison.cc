@@ -95,7 +95,7 @@ std::string AgreementFinding(const Comparison& comparison, const std::string& wh
                               " are " + Significant(worst->distance_mm, 2) + " mm and " +
                               Significant(worst->angle_deg, 2) + " deg apart (one sigma " +
                               Significant(worst->sigma_mm, 2) + " mm, " + Significant(worst->sigma_deg, 2) +
-                              " deg; chance " + Significant(worst->p_value, 1) + ")";
+                              " deg; chance " + ShownChance(worst->p_value) + ")";
   if (num_different == 0) {
     return what + " agree within their uncertainties, all " + std::to_string(num_pairs) +
            " pairs; the least likely: " + extreme;
@@ -231,7 +231,7 @@ std::string ComparisonTable(const Comparison& comparison) {
     table += PadRight(shortened(comparison.runs[pairs[i].first].label), kNameWidth + 1) + " " +
              PadRight(shortened(comparison.runs[pairs[i].second].label), kNameWidth) +
              PadLeft(Significant(pairs[i].distance_mm, 2), 9) + PadLeft(Significant(pairs[i].angle_deg, 2), 9) +
-             PadLeft(Significant(pairs[i].p_value, 1), 10) + "  " + Agreement(pairs[i]) + "\n";
+             PadLeft(ShownChance(pairs[i].p_value), 10) + "  " + Agreement(pairs[i]) + "\n";
   }
   if (pairs.size() > kMaxPairs) table += "and " + std::to_string(pairs.size() - kMaxPairs) + " likelier pairs\n";
   table += "\n";

@@ -1,5 +1,10 @@
 #include "tools/page.h"
 
+#include <cctype>
+#include <cstdio>
+#include <string_view>
+
+#include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "tools/page_assets.h"
 
@@ -70,6 +75,21 @@ std::string SharedViewFigure(const std::string& view, const std::string& caption
                 caption, "");
 }
 
+std::string LinkTo(const std::string& path) {
+  std::string link;
+  for (const char c : path) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (std::isalnum(byte) != 0 || std::string_view("-._~/").find(c) != std::string_view::npos) {
+      link += c;
+      continue;
+    }
+    char code[4];
+    std::snprintf(code, sizeof(code), "%%%02X", byte);
+    link += code;
+  }
+  return link;
+}
+
 std::string HtmlTable(const std::vector<std::string>& head, const std::vector<std::vector<PageCell>>& rows,
                       bool opens_captures) {
   constexpr size_t kLongText = 40;
@@ -81,10 +101,14 @@ std::string HtmlTable(const std::vector<std::string>& head, const std::vector<st
   }
   table += "</tr></thead>\n<tbody>\n";
   for (size_t i = 0; i < rows.size(); ++i) {
+    CHECK_EQ(rows[i].size(), head.size()) << "every column has a heading";
     table += opens_captures ? "<tr data-capture=\"" + std::to_string(i) + "\">" : "<tr>";
     for (const PageCell& cell : rows[i]) {
       const std::string kind = cell.is_number ? "number" : (cell.text.size() > kLongText ? "text" : "");
-      table += (kind.empty() ? "<td>" : "<td class=\"" + kind + "\">") + EscapedForMarkup(cell.text) + "</td>";
+      const std::string text = EscapedForMarkup(cell.text);
+      table += (kind.empty() ? "<td>" : "<td class=\"" + kind + "\">") +
+               (cell.link.empty() ? text : "<a href=\"" + EscapedForMarkup(cell.link) + "\">" + text + "</a>") +
+               "</td>";
     }
     table += "</tr>\n";
   }

@@ -29,11 +29,15 @@ std::string SharedData(const std::string& name, const nlohmann::ordered_json& da
 std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data);
 std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data);
 
-// A cell of a table: text, or a number that it is sorted and aligned by.
+// A cell of a table: text, or a number that it is sorted and aligned by; with `link`, what a click on it opens.
 struct PageCell {
   std::string text;
   bool is_number = false;
+  std::string link = {};
 };
+
+// A path beside the page as a link, whatever its characters.
+std::string LinkTo(const std::string& path);
 
 // A table whose columns sort at a click on their heads. Markup. With `opens_captures` a click on the i-th row opens the
 // i-th of the captures that SharedData("captures", ...) holds.

@@ -146,10 +146,11 @@ bool IsStagingName(const std::string& name) {
   return number.size() == 16 && number.find_first_not_of("0123456789abcdef") == std::string::npos;
 }
 
-// What is being filled now.
+// The folders that are being filled now.
 struct AllStaging {
   std::mutex mutex;
   std::set<fs::path> folders;
+  bool is_abandoned = false;
 };
 AllStaging& Staging() {
   static AllStaging staging;
@@ -183,6 +184,9 @@ StagedFolder::StagedFolder(const fs::path& final_path) {
   RemoveStaleStaging(final_path_.parent_path());
   staging_ =
       final_path_.parent_path() / ("." + final_path_.filename().string() + std::string(kStagingSuffix) + RandomName());
+  // A program that is being ended knows of the folder as soon as it is there, and none comes after that.
+  const std::lock_guard<std::mutex> guard(Staging().mutex);
+  if (Staging().is_abandoned) throw InputError("interrupted");
   if (!fs::create_directory(staging_, error) || error) {
     if (error == std::errc::no_space_on_device) throw OutputError(final_path_.string() + ": cannot be made (no space)");
     throw InputError(final_path_.string() + ": cannot be made (" + error.message() + ")");
@@ -198,7 +202,6 @@ StagedFolder::StagedFolder(const fs::path& final_path) {
     fs::remove_all(staging_, error);
     throw InputError(final_path_.string() + ": cannot be written (" + reason + ")");
   }
-  const std::lock_guard<std::mutex> guard(Staging().mutex);
   Staging().folders.insert(staging_);
 }
 
@@ -264,6 +267,7 @@ void RemoveStaleStaging(const fs::path& parent) {
 
 void AbandonStaging() {
   const std::lock_guard<std::mutex> guard(Staging().mutex);
+  Staging().is_abandoned = true;
   for (const fs::path& folder : Staging().folders) {
     std::error_code error;
     // Under another name nobody writes into it.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <functional>
 
 #include "heba/base/text.h"
@@ -11,8 +12,15 @@
 namespace heba {
 namespace {
 
-std::string Cell(const std::optional<double>& value, int digits) {
-  return value ? Significant(*value, digits) : std::string("-");
+// With fewer digits where they do not fit into a column, which begins with a space.
+std::string Cell(const std::optional<double>& value, int digits, size_t width) {
+  if (!value) return "-";
+  std::string text = Significant(*value, digits);
+  while (text.size() >= width && digits > 1) text = Significant(*value, --digits);
+  if (text.size() < width) return text;
+  char buffer[32];
+  std::snprintf(buffer, sizeof(buffer), "%.0e", *value);
+  return buffer;
 }
 
 double SigmaAt(const Covariance& covariance, Eigen::Index i) { return std::sqrt(covariance.matrix(i, i)); }
@@ -114,7 +122,7 @@ std::string ResultTable(const RunResult& result, Colour colour) {
       continue;
     }
     for (const Column& column : columns) {
-      table += PadLeft(Cell(column.figure(estimate.errors), column.digits), column.width);
+      table += PadLeft(Cell(column.figure(estimate.errors), column.digits, column.width), column.width);
     }
     if (is_last) table += plain;
     table += "\n";

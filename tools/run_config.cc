@@ -158,6 +158,8 @@ void ReadRefine(MapReader& root, RunConfig* config) {
     for (const ConfigValue& item : free->AsList()) {
       const std::string name = item.AsChoice(names);
       const auto group = static_cast<ParameterGroup>(std::find(names.begin(), names.end(), name) - names.begin());
+      const std::vector<ParameterGroup>& known = config->bundle.free_intrinsics;
+      if (std::find(known.begin(), known.end(), group) != known.end()) item.Fail("stands twice");
       config->bundle.free_intrinsics.push_back(group);
     }
   }
@@ -267,7 +269,11 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
   MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
   config.name = reader.Text("name", path.stem().string());
-  if (config.name.find('/') != std::string::npos || config.name == "." || config.name == "..") {
+  constexpr size_t kLongestName = 200;  // File systems take 255 bytes, of which some are for what is staged.
+  const bool has_control = std::any_of(config.name.begin(), config.name.end(),
+                                       [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+  if (config.name.find('/') != std::string::npos || config.name == "." || config.name == ".." || has_control ||
+      config.name.size() > kLongestName) {
     reader.Get("name").Fail("'" + config.name + "' cannot name a folder");
   }
   const YAML::Node captures_used = ReadCaptures(reader.Get("captures"), &config);

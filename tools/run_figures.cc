@@ -48,7 +48,10 @@ std::string VerdictFailure(const Verdict& verdict) {
          (worst.action.empty() ? "" : "; " + worst.action);
 }
 
-std::string CsvField(const std::string& text) {
+std::string CsvField(const std::string& text_in) {
+  // A spreadsheet would take these for the beginning of a formula.
+  const bool is_formula = !text_in.empty() && std::string_view("=+-@\t").find(text_in[0]) != std::string_view::npos;
+  const std::string text = is_formula ? "'" + text_in : text_in;
   if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
   std::string quoted = "\"";
   for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);

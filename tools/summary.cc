@@ -83,19 +83,15 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
   for (const Figure& figure : Figures()) head.emplace_back(figure.title);
   head.emplace_back("remark");
   std::vector<std::vector<PageCell>> rows;
-  int num_failed = 0;
+  std::vector<std::vector<PageCell>> failed;
   for (const BatchRun& run : runs) {
     if (!run.result) {
-      ++num_failed;
-      std::vector<PageCell> row = {{run.name}, {""}, {""}, {""}, {""}, {"failed"}};
-      row.resize(row.size() + Figures().size());
-      row.push_back({run.reason});
-      rows.push_back(std::move(row));
+      failed.push_back({{run.name}, {run.reason}});
       continue;
     }
     for (const Estimate& estimate : run.result->estimates) {
       std::vector<PageCell> row = {
-          {run.name},
+          {run.name, false, LinkTo(run.name + "/report.html")},
           {std::string(GradeName(run.result->verdict.grade))},
           {std::string(SetupName(run.result->setup))},
           {run.result->target_type},
@@ -109,6 +105,7 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
       rows.push_back(std::move(row));
     }
   }
+  const size_t num_failed = failed.size();
   const std::string counts = std::to_string(runs.size()) + " runs" +
                              (num_failed > 0 ? ", " + std::to_string(num_failed) + " of them failed" : "") +
                              ". In-sample: on the captures that the estimate was made from; hold-out: on captures that "
@@ -127,7 +124,8 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
                   "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
                       ViewFigure("dumbbells", "Hold-out of every run.",
                                  Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}}) +
-                      HtmlTable(head, rows));
+                      (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "why"}, failed)) +
+                      Heading("Runs and methods") + HtmlTable(head, rows));
 }
 
 std::string SummaryTable(const std::vector<BatchRun>& runs) {

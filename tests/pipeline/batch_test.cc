@@ -99,7 +99,11 @@ TEST(BatchTest, ARunThatFailsFailsAlone) {
   const std::string csv = ReadAll(cell.folder / "out" / "summary.csv");
   EXPECT_THAT(csv, HasSubstr("\nplain,true,"));
   EXPECT_THAT(csv, HasSubstr("\nblind,false,"));
-  EXPECT_THAT(ReadAll(cell.folder / "out" / "summary.html"), HasSubstr("6 runs, 2 of them failed"));
+  const std::string page = ReadAll(cell.folder / "out" / "summary.html");
+  EXPECT_THAT(page, HasSubstr("6 runs, 2 of them failed"));
+  // Each run opens its report; those that failed stand apart, with their reasons.
+  EXPECT_THAT(page, HasSubstr("<a href=\"plain/report.html\">plain</a>"));
+  EXPECT_THAT(page, testing::ContainsRegex("Runs that failed.*blind"));
   fs::remove_all(cell.folder);
 }
 
@@ -260,6 +264,24 @@ TEST(BatchTest, CachedDetectionsGiveTheSameResult) {
     EXPECT_EQ(ReadAll(cell.folder / out / "plain" / "detections.json"),
               ReadAll(cell.folder / "cold" / "plain" / "detections.json"));
   }
+
+  // An entry in which a digit fell over, or that is no file, is none.
+  std::vector<fs::path> entries;
+  for (const auto& entry : fs::recursive_directory_iterator(cell.folder / "cache")) {
+    if (entry.is_regular_file()) entries.push_back(entry.path());
+  }
+  for (const fs::path& entry : entries) {
+    std::string text = ReadAll(entry);
+    const size_t digit = text.find_first_of("123456789", text.find("\"pixels\""));
+    ASSERT_NE(digit, std::string::npos);
+    text[digit] = text[digit] == '9' ? '8' : '9';
+    WriteAll(entry, text);
+  }
+  fs::remove(entries.front());
+  ASSERT_EQ(mkfifo(entries.front().c_str(), 0600), 0);
+  ASSERT_EQ(RunHeba(RunArguments(cell, cell.folder / "spoiled", {}), cache + " timeout 60").status, 0);
+  EXPECT_EQ(WithoutTimes(cell.folder / "spoiled" / "plain" / "result.json"),
+            WithoutTimes(cell.folder / "cold" / "plain" / "result.json"));
   fs::remove_all(cell.folder);
 }
 

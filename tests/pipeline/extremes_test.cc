@@ -71,7 +71,7 @@ class ExtremesTest : public testing::Test {
     ASSERT_EQ(
         RunHeba({"run", (*root_ / "good/config.yaml").string(), "--out", (*root_ / "run").string(), "--quiet"}).status,
         0);
-    // As small as a study can be.
+    // This study is as small as one can be.
     WriteAll(*root_ / "study.yaml",
              "trials: 2\nseed: 1\nscenes: {a: " + (*root_ / "scene.yaml").string() +
                  "}\npixel_noise: [0.1 px]\nrobot_noise: [{translation: 0.1 mm, rotation: 0.01 deg}]\n"
@@ -205,7 +205,7 @@ TEST_F(ExtremesTest, Results) {
        *root_ / "run"});
 }
 
-// What no calibration can have as its result is refused, by all that read results.
+// All commands that read results refuse what no calibration can have as its result.
 TEST_F(ExtremesTest, ResultsThatMeanNothing) {
   using Json = nlohmann::ordered_json;
   struct Spoiling {

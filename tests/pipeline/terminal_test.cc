@@ -63,6 +63,8 @@ TEST(TerminalTest, EveryLineFitsAndColourCanBeRefused) {
   // Nothing is broken where nobody looks; and a table needs no breaking.
   const std::string piped = RunHeba({"run", config, "--out", (folder / "run").string()}).out;
   EXPECT_THAT(piped, testing::Not(testing::HasSubstr("\x1b")));
+  EXPECT_FALSE(std::regex_search(piped, std::regex(R"([0-9]\.[0-9]+\.[0-9])"))) << "two columns run together:\n"
+                                                                                << piped;
   const std::regex row(R"(\w+( +-?[0-9.]+){5,} *)");
   int num_rows = 0;
   std::istringstream stream(piped);

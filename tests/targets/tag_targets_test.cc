@@ -269,7 +269,7 @@ TEST(AprilTagGrid, RejectsWhatCannotBe) {
   EXPECT_THAT(InputErrorOf([] { MakeGrid("tagStandard41h12", 1, 1, ", corner_squares: true"); }),
               HasSubstr("must be false"));
   EXPECT_THAT(InputErrorOf([] { MakeGrid("tag36h12", 1, 1, ""); }), HasSubstr("family"));
-  EXPECT_THAT(InputErrorOf([] { MakeGrid("tag36h11", 1, 1, ", tag_spacing: 0"); }), HasSubstr("greater than 0"));
+  EXPECT_THAT(InputErrorOf([] { MakeGrid("tag36h11", 1, 1, ", tag_spacing: 0"); }), HasSubstr("at least 0.01"));
 }
 
 // How far a found tag lies from where the tags around it say, as a share of its side: the worst of all tags. A misread

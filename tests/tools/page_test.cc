@@ -85,5 +85,14 @@ TEST_P(PageTest, WhatIsNoNumberIsNull) {
   EXPECT_EQ(OrNull(std::nullopt), nullptr);
 }
 
+TEST(PageTableTest, CellsLinkWhateverTheirNames) {
+  const std::string table = HtmlTable({"run", "mm"}, {{{"a <b>", false, LinkTo("a <b>: c/report.html")}, {"1", true}}});
+  EXPECT_THAT(table, HasSubstr("<a href=\"a%20%3Cb%3E%3A%20c/report.html\">a &lt;b&gt;</a>"));
+}
+
+TEST(PageTableDeathTest, EveryColumnHasAHeading) {
+  EXPECT_DEATH(HtmlTable({"run"}, {{{"a"}, {"b"}}}), "every column has a heading");
+}
+
 }  // namespace
 }  // namespace heba

@@ -152,7 +152,7 @@ TEST(StagedFolderTest, OlderResultsStayUntilCommit) {
 
 TEST(StagedFolderTest, StaleFoldersOfItsOwnAreRemovedAndNoOthers) {
   const TempFolder folder;
-  // As a program leaves it that was killed: a record that nobody locks.
+  // A program that was killed leaves a record that nobody locks.
   fs::create_directory(folder / ".a.part-0123456789abcdef");
   Write(folder / ".a.part-0123456789abcdef/.heba", "heba folder 1\n");
   for (const char* name : {".archive.part3", ".mine.part-0123456789abcdef", ".notes.part2021"}) {

@@ -62,6 +62,10 @@ int RunCommand_export(const std::vector<std::string>& arguments) {
   ExportRequest request = MakeExportRequest(result, EstimateAskedFor(result, file.string()));
   ReadFrame("parent", FLAGS_parent, &request.parent_frame);
   ReadFrame("child", FLAGS_child, &request.camera_frame);
+  if (request.parent_frame == request.camera_frame) {
+    throw InputError("--parent and --child are both " + Quoted(request.parent_frame) +
+                     "; a frame has no pose in itself");
+  }
   if (FLAGS_units != "m" && FLAGS_units != "mm") {
     throw InputError("--units: " + Quoted(FLAGS_units) + "; m or mm");
   }

@@ -25,8 +25,8 @@ bool HasImageSuffix(const std::filesystem::path& path);
 std::string ReadTextFile(const std::filesystem::path& path, size_t max_bytes = size_t{64} << 20);
 
 // Writes `content` to a file without a name and then gives it `path`, so that `path` is never seen half written and
-// nothing is left behind. OutputError if the disk is full or broken, InputError if the folder does not exist or cannot be written, or if a link, a device or
-// another thing than a regular file stands at `path`.
+// nothing is left behind. OutputError if the disk is full or broken, InputError if the folder does not exist or cannot
+// be written, or if a link, a device or another thing than a regular file stands at `path`.
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view content);
 
 }  // namespace heba

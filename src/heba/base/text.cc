@@ -183,6 +183,8 @@ std::string Significant(double value, int digits) {
   return Fixed(value, std::max(0, digits - 1 - exponent));
 }
 
+std::string ShownChance(double chance) { return chance < 1e-6 ? "< 1e-6" : Significant(chance, 1); }
+
 std::string RoundTrip(double value) {
   char buffer[64];
   const auto [end, error] = std::to_chars(buffer, buffer + sizeof(buffer), value);

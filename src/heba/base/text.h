@@ -33,6 +33,8 @@ bool IsUtf8(std::string_view text);
 std::string Fixed(double value, int decimals);
 // `value` with `digits` significant digits, without an exponent where that is readable.
 std::string Significant(double value, int digits);
+// A chance as people read it: one digit, and "< 1e-6" for all that is less.
+std::string ShownChance(double chance);
 // The shortest text that reads back as the same double.
 std::string RoundTrip(double value);
 

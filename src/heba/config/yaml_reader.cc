@@ -188,6 +188,9 @@ Eigen::Vector3d ConfigValue::AsVector3(Quantity quantity) const {
 }
 
 ConfigValue ParseYaml(const std::string& text, const std::filesystem::path& name) {
+  if (text.find('\0') != std::string::npos) {
+    throw InputError(name.string() + ": has NUL characters, as text in UTF-16 has; save it as UTF-8");
+  }
   try {
     CheckOneDocument(text, name);
     const YAML::Node root = YAML::Load(text);

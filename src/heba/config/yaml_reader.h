@@ -107,7 +107,7 @@ class MapReader {
   double Angle(const std::string& key, std::optional<double> fallback_rad = std::nullopt);
   double Pixels(const std::string& key, std::optional<double> fallback_px = std::nullopt);
   double QuantityOf(const std::string& key, Quantity quantity, std::optional<double> fallback = std::nullopt);
-  // As Length, and it must be at least a thousandth of a millimetre.
+  // Reads a length that must be at least a thousandth of a millimetre.
   double PositiveLength(const std::string& key, std::optional<double> fallback_m = std::nullopt);
   std::string Choice(const std::string& key, const std::vector<std::string>& choices,
                      const std::optional<std::string>& fallback = std::nullopt);

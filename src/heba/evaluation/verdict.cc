@@ -209,7 +209,7 @@ std::optional<Finding> JudgeInfluence(const RunResult& result) {
                  "influential_capture",
                  "without " + strongest->image + " the camera would be " + Significant(1000 * move_m, 2) + " mm and " +
                      Significant(RadToDeg(move_rad), 2) +
-                     " deg elsewhere, more than the assumed noise explains (chance " + Significant(chance, 1) + ")",
+                     " deg elsewhere, more than the assumed noise explains (chance " + ShownChance(chance) + ")",
                  "look at that image and at the robot's pose for it; leave it out if one of them is wrong",
                  {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", chance}}};
 }

@@ -24,7 +24,7 @@ Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::str
   return {rotation, Eigen::Vector3d(t[0], t[1], t[2])};
 }
 
-// What the unknown parameters belong to.
+// The beginnings of all parameters' names.
 constexpr const char* kBodies[] = {"hand_eye.", "board.", "camera.", "target."};
 
 // The most points, captures or iterations that a result counts.
@@ -182,7 +182,7 @@ Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
   estimate.hand_eye = {ReadPoseJson(reader.Get("hand_eye"), CameraMountName(setup), "camera"),
                        ReadPoseJson(reader.Get("board"), TargetMountName(setup), "target")};
   if (reader.Has("camera")) estimate.camera = ReadCameraJson(reader.Get("camera"));
-  if (estimate.kind == "refined" && reader.Has("solve") && !reader.Has("camera")) reader.Fail("'camera' is missing");
+  if (estimate.method == "bundle" && !reader.Has("camera")) reader.Fail("'camera' is missing");
   if (reader.Has("solve")) estimate.solution = ReadSolution(reader, estimate);
   return estimate;
 }
