@@ -193,7 +193,7 @@ TEST_F(ExtremesTest, RunsOfSpoiledDataSets) {
 }
 
 TEST_F(ExtremesTest, Results) {
-  Try({"result", *root_ / "run/result.json", {"export", "FOLDER", "--to", "ros2"}, 11});
+  Try({"result", *root_ / "run/result.json", {"export", "FOLDER", "--to", "ros2"}, 23});
   Try({"compared",
        *root_ / "run/result.json",
        {"compare", "FOLDER", (*root_ / "run").string(), "--out", "FOLDER/out"},
@@ -201,7 +201,7 @@ TEST_F(ExtremesTest, Results) {
   Try({"located",
        *root_ / "run/result.json",
        {"locate", "FOLDER", (*root_ / "good/images/000.png").string()},
-       17,
+       37,
        *root_ / "run"});
 }
 

@@ -127,6 +127,21 @@ std::vector<Peer> Peers() {
          return folder / "camera2";
        },
        false, Setup::kEyeToHand, "0000.png", 1371, "rows: 4"},
+      {"visp",
+       [](const fs::path& folder) {
+         Write(folder / "franka_pose_rPe_1.yaml", VispPose(kGripper));
+         Write(folder / "franka_image-1.png", "x");
+         return folder;
+       },
+       false, std::nullopt, "franka_image-1.png"},
+      {"tabb",
+       [](const fs::path& folder) {
+         Write(folder / "robot_cali.txt", "1\n" + MatrixLines(InMm(Inverse(kGripper)), " ") + "\n");
+         Write(folder / "calibration_object.txt", "tile size: 28.5 mm\n");
+         Write(folder / "image0.png", "x");
+         return folder;
+       },
+       false, Setup::kEyeInHand, "image0.png"},
       {"tabb",
        [](const fs::path& folder) {
          Write(folder / "robot_cali.txt", "1\n" + MatrixLines(InMm(Inverse(kGripper)), " ") + "\n");
@@ -228,7 +243,8 @@ TEST_P(ImportTest, FilesThatAreCutOffAreFaults) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, ImportTest, testing::ValuesIn(Peers()), [](const auto& peer) { return peer.param.format; });
+INSTANTIATE_TEST_SUITE_P(, ImportTest, testing::ValuesIn(Peers()),
+                         [](const auto& peer) { return peer.param.format + "_" + std::to_string(peer.index); });
 
 TEST(ImportCornersTest, MrcalsCornersKeepTheirPlaces) {
   const TempFolder folder;

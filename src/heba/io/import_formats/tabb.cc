@@ -1,5 +1,6 @@
 // A. Tabb's RWHEC: robot_cali.txt (a count, then 4 x 4 matrices), calibration_object.txt (chess_mm_height,
-// chess_mm_width, chess_height, chess_width: squares' sides and inner corners) and images/camera0. The matrices are the
+// chess_mm_width, chess_height, chess_width: squares' sides and inner corners; in later sets a line such as "tile size:
+// 28.5 mm" only) and images/camera0, images or pictures beside the poses. The matrices are the
 // inverse of the usual: gripper_from_base, in the object's unit (mm).
 #include <cmath>
 #include <map>
@@ -18,9 +19,14 @@ bool Matches(const fs::path& source) {
   return fs::is_directory(source, error) && fs::exists(source / "robot_cali.txt", error);
 }
 
-std::string TargetOf(const fs::path& file) {
+// Empty, and a remark, where the file says how large the squares are and no more.
+std::string TargetOf(const fs::path& file, std::vector<std::string>* remarks) {
   std::map<std::string, double> values;
   for (const TextLine& line : LinesOf(ReadTextFile(file))) {
+    if (line.text.starts_with("tile size:")) {
+      remarks->push_back("calibration_object.txt says '" + line.text + "', not how many corners the chessboard has");
+      return "";
+    }
     const size_t blank = line.text.find_first_of(" \t");
     if (blank == std::string::npos) continue;
     const std::vector<double> numbers = NumbersOfLine(line.text.substr(blank), file, line.number);
@@ -57,11 +63,12 @@ ImportedSet Read(const fs::path& source) {
   if (!has_count) throw InputError(robot.string() + ": a count and as many 4 x 4 matrices are needed");
   const fs::path object = source / "calibration_object.txt";
   if (fs::exists(object)) {
-    set.target = TargetOf(object);
+    set.target = TargetOf(object, &set.remarks);
     set.files.push_back(object);
   }
   std::vector<fs::path> pictures = PicturesOf(source / "images" / "camera0");
   if (pictures.empty()) pictures = PicturesOf(source / "images");
+  if (pictures.empty()) pictures = PicturesOf(source);
   const size_t num_poses = (numbers.size() - 1) / kMatrix;
   if (!pictures.empty() && pictures.size() != num_poses) {
     throw InputError(robot.string() + ": has " + std::to_string(num_poses) + " poses for " +

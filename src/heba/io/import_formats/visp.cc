@@ -1,6 +1,11 @@
 // ViSP's hand-eye tools: pose_rPe_N.yaml (the effector in the robot's frame) with pose_cPo_N.yaml (the object in the
-// camera's) or pictures image-N.*; poses are 6 x 1: tx ty tz (m) and theta u (rad). camera.xml is ViSP's own and is not
-// read.
+// camera's) or pictures image-N.*, all with the same word before, as in franka_pose_rPe_1.yaml, or with none; poses are
+// 6 x 1: tx ty tz (m) and theta u (rad). camera.xml is ViSP's own and is not read.
+#include <optional>
+#include <string>
+#include <string_view>
+#include <system_error>
+
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"
 
@@ -8,7 +13,26 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-bool Matches(const fs::path& source) { return !NumberedFiles(source, {"pose_rPe_"}, {".yaml"}).empty(); }
+constexpr std::string_view kEffector = "pose_rPe_";
+
+// Returns what the names of the set's files begin with; nothing if there are none.
+std::optional<std::string> PrefixOf(const fs::path& source) {
+  std::optional<std::string> prefix;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(source, error)) {
+    const std::string name = entry.path().filename().string();
+    const size_t at = name.find(kEffector);
+    if (at == std::string::npos || entry.path().extension() != ".yaml") continue;
+    // The first by the alphabet, whatever order the folder has.
+    if (!prefix || name.substr(0, at) < *prefix) prefix = name.substr(0, at);
+  }
+  return prefix;
+}
+
+bool Matches(const fs::path& source) {
+  const std::optional<std::string> prefix = PrefixOf(source);
+  return prefix && !NumberedFiles(source, {*prefix + std::string(kEffector)}, {".yaml"}).empty();
+}
 
 // `rows: 6`, `cols: 1` and `data:`, a list whose items may stand in lists of their own.
 Rigid3d ReadPose(const fs::path& file) {
@@ -18,9 +42,11 @@ Rigid3d ReadPose(const fs::path& file) {
 
 ImportedSet Read(const fs::path& source) {
   ImportedSet set;
-  const std::map<int, fs::path> seen = NumberedFiles(source, {"pose_cPo_"}, {".yaml"});
-  const std::map<int, fs::path> pictures = NumberedFiles(source, {"image-"}, {".png", ".jpg", ".jpeg", ".pgm", ".ppm"});
-  for (const auto& [number, file] : NumberedFiles(source, {"pose_rPe_"}, {".yaml"})) {
+  const std::string prefix = PrefixOf(source).value_or("");
+  const std::map<int, fs::path> seen = NumberedFiles(source, {prefix + "pose_cPo_"}, {".yaml"});
+  const std::map<int, fs::path> pictures =
+      NumberedFiles(source, {prefix + "image-"}, {".png", ".jpg", ".jpeg", ".pgm", ".ppm"});
+  for (const auto& [number, file] : NumberedFiles(source, {prefix + std::string(kEffector)}, {".yaml"})) {
     ImportedCapture capture = CaptureOf(pictures, number);
     capture.base_from_gripper = ReadPose(file);
     set.files.push_back(file);
