@@ -540,6 +540,23 @@ TEST_F(BadInputTest, OnlyRegularFilesAreReplaced) {
   EXPECT_TRUE(fs::is_fifo(folder_ / "pipe"));
   EXPECT_TRUE(fs::is_symlink(folder_ / "link"));
   EXPECT_EQ(ReadAll(folder_ / "notes.txt"), "mine");
+  const CommandResult itself =
+      RunHeba({"export", out.string(), "--to", "ros1", "--parent", "tool0", "--child", "tool0"});
+  EXPECT_EQ(itself.status, 2);
+  EXPECT_THAT(itself.err, testing::HasSubstr("a frame has no pose in itself"));
+  // Its own detections as input, and one that lies outside of the image.
+  const std::string detections = ReadAll(out / "detections.json");
+  WriteAll(folder_ / "detections.json", detections);
+  const auto run = [&] {
+    return RunHeba({"run", (folder_ / "config.yaml").string(), "--set",
+                    "captures.detections=" + (folder_ / "detections.json").string(), "--set", "captures.images=null",
+                    "--out", (*root_ / "from_detections").string(), "--quiet"});
+  };
+  std::string outside = detections;
+  const size_t pixels = outside.find("\"pixels\":[[") + 11;
+  outside.replace(pixels, outside.find(',', pixels) - pixels, "99999");
+  WriteAll(folder_ / "detections.json", outside);
+  EXPECT_THAT(run().err, testing::HasSubstr("lies outside of the image"));
 }
 
 // A second import or simulation keeps runs and notes, and refuses to replace a config that was edited.

@@ -372,10 +372,13 @@ TEST(SummaryPageTest, NamesAreText) {
   const Cell cell = MakeCell("summary_names");
   const std::string hostile = "<img src=x onerror=alert(1)>";
   WriteAll(cell.folder / "hostile.yaml", "base: data/config.yaml\nname: \"" + hostile + "\"\n");
-  EXPECT_EQ(RunCached({"run", cell.configs[0], (cell.folder / "hostile.yaml").string(), "--out",
-                       (cell.folder / "out").string()})
+  WriteAll(cell.folder / "formula.yaml", "base: data/config.yaml\nname: \"=1+1\"\n");
+  EXPECT_EQ(RunCached({"run", cell.configs[0], (cell.folder / "hostile.yaml").string(),
+                       (cell.folder / "formula.yaml").string(), "--out", (cell.folder / "out").string()})
                 .status,
             0);
+  // No spreadsheet computes a name.
+  EXPECT_THAT(ReadAll(cell.folder / "out" / "summary.csv"), HasSubstr("\n'=1+1,"));
   const std::string page = ReadAll(cell.folder / "out" / "summary.html");
   EXPECT_THAT(page, HasSubstr("&lt;img src=x onerror=alert(1)&gt;"));
   EXPECT_THAT(page, testing::Not(HasSubstr("<img")));
