@@ -6,10 +6,10 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <sstream>
 #include <system_error>
@@ -31,24 +31,22 @@ constexpr std::string_view kStagingSuffix = ".part-";
 // The digest of each file, by its path in the folder.
 using Record = std::map<std::string, std::string>;
 
-bool HasRecord(const fs::path& folder) {
+// Nothing for a folder that heba did not make.
+std::optional<Record> ReadRecord(const fs::path& folder) {
   std::error_code error;
   const fs::path file = folder / kRecordName;
-  if (!fs::is_regular_file(fs::symlink_status(file, error))) return false;
+  if (!fs::is_regular_file(fs::symlink_status(file, error))) return std::nullopt;
+  std::string text;
   try {
-    return ReadTextFile(file).starts_with(kRecordHead);
+    text = ReadTextFile(file);
   } catch (const InputError&) {
-    return false;
+    return std::nullopt;
   }
-}
-
-Record ReadRecord(const fs::path& folder) {
+  if (!text.starts_with(kRecordHead)) return std::nullopt;
   Record record;
-  std::istringstream lines(ReadTextFile(folder / kRecordName));
-  std::string line;
-  std::getline(lines, line);
+  std::istringstream lines(text.substr(kRecordHead.size()));
   constexpr size_t kDigits = 32;
-  while (std::getline(lines, line)) {
+  for (std::string line; std::getline(lines, line);) {
     if (line.size() > kDigits + 1 && line[kDigits] == ' ') record[line.substr(kDigits + 1)] = line.substr(0, kDigits);
   }
   return record;
@@ -130,14 +128,6 @@ void KeepOthers(const fs::path& older, const Record& record, const fs::path& new
   }
 }
 
-std::string RandomName() {
-  unsigned long long number = 0;
-  if (getentropy(&number, sizeof(number)) != 0) throw InputError("the system has no random numbers");
-  char text[20];
-  std::snprintf(text, sizeof(text), "%016llx", number);
-  return text;
-}
-
 // ".NAME.part-0123456789abcdef"
 bool IsStagingName(const std::string& name) {
   const size_t suffix = name.rfind(kStagingSuffix);
@@ -173,12 +163,13 @@ StagedFolder::StagedFolder(const fs::path& final_path) {
     throw InputError(final_path_.string() + ": is a file; the results need a folder of that name");
   }
   if (fs::is_directory(final_path_, error) && !fs::is_empty(final_path_, error)) {
-    if (!HasRecord(final_path_)) {
+    const std::optional<Record> record = ReadRecord(final_path_);
+    if (!record) {
       throw InputError(
           final_path_.string() +
           ": holds other files and was not made by heba, so it is not replaced; name a new or empty folder");
     }
-    CheckUnchanged(final_path_, ReadRecord(final_path_));
+    CheckUnchanged(final_path_, *record);
   }
   fs::create_directories(final_path_.parent_path(), error);
   RemoveStaleStaging(final_path_.parent_path());
@@ -227,9 +218,8 @@ void StagedFolder::Commit() {
     committed_ = true;
     return;
   }
-  Record older;
+  const Record older = ReadRecord(final_path_).value_or(Record());
   try {
-    if (HasRecord(final_path_)) older = ReadRecord(final_path_);
     CheckUnchanged(final_path_, older);
     KeepOthers(final_path_, older, staging_);
   } catch (const fs::filesystem_error& fault) {
@@ -256,7 +246,7 @@ void StagedFolder::Commit() {
 void RemoveStaleStaging(const fs::path& parent) {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(parent, error)) {
-    if (!IsStagingName(entry.path().filename().string()) || !IsFolder(entry.path()) || !HasRecord(entry.path()))
+    if (!IsStagingName(entry.path().filename().string()) || !IsFolder(entry.path()) || !ReadRecord(entry.path()))
       continue;
     const int descriptor = open((entry.path() / kRecordName).c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC);
     if (descriptor < 0) continue;

@@ -45,15 +45,6 @@ bool WriteAll(int descriptor, std::string_view content) {
   return true;
 }
 
-// A name beside `path` that nobody has.
-fs::path NameBeside(const fs::path& path) {
-  unsigned long long number = 0;
-  if (getentropy(&number, sizeof(number)) != 0) throw InputError(path.string() + ": the system has no random numbers");
-  char text[24];
-  std::snprintf(text, sizeof(text), ".part-%016llx", number);
-  return path.parent_path() / ("." + path.filename().string() + text);
-}
-
 }  // namespace
 
 bool HasImageSuffix(const std::filesystem::path& path) {
@@ -101,7 +92,7 @@ void WriteFileAtomically(const fs::path& path, std::string_view content) {
     throw InputError(path.string() + ": is not a regular file, and is not replaced");
   }
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
-  const fs::path temporary = NameBeside(path);
+  const fs::path temporary = path.parent_path() / ("." + path.filename().string() + ".part-" + RandomName());
   constexpr mode_t kMode = 0666;
   // A file without a name is gone with the program.
   const Descriptor unnamed(open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kMode));
@@ -120,6 +111,14 @@ void WriteFileAtomically(const fs::path& path, std::string_view content) {
     if (linkat(AT_FDCWD, handle.c_str(), AT_FDCWD, temporary.c_str(), AT_SYMLINK_FOLLOW) != 0) give_up(errno);
   }
   if (rename(temporary.c_str(), path.c_str()) != 0) give_up(errno);
+}
+
+std::string RandomName() {
+  unsigned long long number = 0;
+  if (getentropy(&number, sizeof(number)) != 0) throw InputError("the system has no random numbers");
+  char text[20];
+  std::snprintf(text, sizeof(text), "%016llx", number);
+  return text;
 }
 
 }  // namespace heba

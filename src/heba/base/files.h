@@ -29,4 +29,7 @@ std::string ReadTextFile(const std::filesystem::path& path, size_t max_bytes = s
 // be written, or if a link, a device or another thing than a regular file stands at `path`.
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view content);
 
+// Returns 16 hexadecimal digits that nobody foretells, for the name of a temporary file or folder.
+std::string RandomName();
+
 }  // namespace heba
