@@ -14,6 +14,7 @@
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
+#include "tools/console.h"
 #include "tools/flags.h"
 
 namespace heba {
@@ -55,10 +56,11 @@ gflags::CommandLineFlagInfo FlagInfo(const std::string& name) {
   return info;
 }
 
-std::string FlagForm(const gflags::CommandLineFlagInfo& info) {
-  if (info.type == "bool") return "--" + info.name;
-  const std::string value = info.type == "string" ? "PATH" : "N";
-  return "--" + info.name + " " + value;
+// "--name VALUE" and what it does, from a description "VALUE|what it does".
+std::pair<std::string, std::string> FlagHelp(const gflags::CommandLineFlagInfo& info) {
+  const size_t end = info.description.find('|');
+  CHECK(end != std::string::npos) << info.name;
+  return {Trim("--" + info.name + " " + info.description.substr(0, end)), info.description.substr(end + 1)};
 }
 
 void PrintUsage(std::ostream& stream) {
@@ -75,9 +77,8 @@ void PrintCommandHelp(const Command& command) {
   std::cout << "usage: heba " << command.name << " " << command.arguments << " [--flags]\n\n"
             << command.summary << "\n\n";
   for (const std::string& flag : command.flags) {
-    const gflags::CommandLineFlagInfo info = FlagInfo(flag);
-    const std::string form = FlagForm(info);
-    std::cout << "  " << form << std::string(form.size() < 16 ? 16 - form.size() : 1, ' ') << info.description << "\n";
+    const auto [form, description] = FlagHelp(FlagInfo(flag));
+    std::cout << ForTerminal("  " + PadRight(form, 17) + " " + description + "\n");
   }
 }
 

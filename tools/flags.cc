@@ -8,28 +8,37 @@
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
 
-DEFINE_string(out, "", "where the results go");
-DEFINE_int32(jobs, 0, "threads to use; 0 for one a processor");
-DEFINE_bool(quiet, false, "no progress and no table");
-DEFINE_string(shard, "", "I/N: the part I, from 0 to N - 1, of N");
-DEFINE_string(set, "", "KEY=VALUE counts more than the config, such as refine.loss=none; may stand several times");
-DEFINE_bool(resume, false, "skip runs that are complete and whose inputs have not changed");
-DEFINE_string(fail_on, "", "bad or doubtful: a run with such a verdict, or a worse one, ends with status 1");
-DEFINE_string(to, "", "the form to export: urdf, ros1, ros2, opencv, kuka, ...");
-DEFINE_string(method, "", "whose estimate to export; the refined one without it");
-DEFINE_string(parent, "", "the frame that the camera is posed in; base_link or tool0 without it");
-DEFINE_string(child, "", "the camera's optical frame; camera_optical_frame without it");
-DEFINE_string(units, "m", "of the form matrix: m or mm");
-DEFINE_string(pose, "", "the robot's pose at the picture, its numbers as in the run's poses file, commas between them");
+// A description begins with the kind of value that the flag takes, and |.
+DEFINE_string(out, "", "PATH|where the results go");
+DEFINE_int32(jobs, 0, "N|threads to use; 0 for one a processor");
+DEFINE_bool(quiet, false, "|no progress and no table");
+DEFINE_string(shard, "", "I/N|the part I, from 0 to N - 1, of N");
+DEFINE_string(set, "", "KEY=VALUE|counts more than the config, such as refine.loss=none; may stand several times");
+DEFINE_bool(resume, false, "|skip runs that are complete and whose inputs have not changed");
+DEFINE_string(fail_on, "", "GRADE|bad or doubtful: a run with such a verdict, or a worse one, ends with status 1");
+DEFINE_string(to, "", "FORM|urdf, ros1, ros2, opencv, kuka, ...; all for every one, into the folder --out");
+DEFINE_string(method, "", "METHOD|whose estimate to export; the refined one without it");
+DEFINE_string(parent, "",
+              "FRAME|what the camera is posed in; base_link (base for Universal Robots) or tool0 without it");
+DEFINE_string(child, "", "FRAME|the camera's frame; camera_optical_frame without it, camera_link with --child-is");
+DEFINE_string(
+    child_is, "",
+    "FRAME|optical (z forward), body (x forward, at the same place), or the optical frame's pose in the child, "
+    "x,y,z,qx,qy,qz,qw in m");
+DEFINE_bool(inverse, false, "|the pose of the parent in the child");
+DEFINE_string(units, "m", "UNIT|of the form matrix: m or mm");
+DEFINE_string(pose, "", "NUMBERS|the robot's pose at the picture, as in the run's poses file, commas between them");
 DEFINE_string(
     near, "",
-    "roughly where the target is, base_from_target, its numbers as in the run's poses file (x,y,z,qx,qy,qz,qw "
-    "in m if that holds joints): decides between the poses of a target that looks the same after half a turn");
-DEFINE_string(robot, "", "the arm whose joints reach the target: ur3 to ur30, or a .urdf file");
-DEFINE_string(format, "", "what the data set is: industrial_calibration, easy_handeye2, ...; found out without it");
-DEFINE_string(pixels, "", "u,v;u,v: pixels of the picture to locate instead of the target");
-DEFINE_string(plane, "target", "where the pixels lie: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
-DEFINE_double(dpi, 300, "resolution of a .png sheet");
+    "NUMBERS|roughly where the target is, base_from_target, as in the run's poses file (x,y,z,qx,qy,qz,qw in m "
+    "if that holds joints): decides between the poses of a target that looks the same after half a turn");
+DEFINE_string(robot, "", "ARM|the arm whose joints reach the target: ur3 to ur30, or a .urdf file");
+DEFINE_string(format, "",
+              "FORM|what the data set is: industrial_calibration, easy_handeye2, ...; found out without it");
+DEFINE_string(pixels, "", "U,V;U,V|pixels of the picture to locate instead of the target");
+DEFINE_string(plane, "target",
+              "PLANE|where the pixels lie: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
+DEFINE_double(dpi, 300, "N|resolution of a .png sheet");
 
 namespace heba {
 

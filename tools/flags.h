@@ -21,6 +21,8 @@ DECLARE_string(to);
 DECLARE_string(method);
 DECLARE_string(parent);
 DECLARE_string(child);
+DECLARE_string(child_is);
+DECLARE_bool(inverse);
 DECLARE_string(units);
 DECLARE_string(pose);
 DECLARE_string(near);

@@ -1,6 +1,8 @@
 #include "heba/io/export.h"
 
 #include <cmath>
+#include <functional>
+#include <map>
 #include <regex>
 
 #include <gmock/gmock.h>
@@ -161,11 +163,146 @@ TEST(ExportTest, WhatAFormCannotHoldIsRefusedInWords) {
               HasSubstr("distortion_model: equidistant"));
 }
 
+Eigen::Matrix<double, 6, 6> TestCovariance() {
+  Eigen::Matrix<double, 6, 6> root = Eigen::Matrix<double, 6, 6>::Identity();
+  root(0, 4) = 0.3;
+  root(5, 1) = -0.4;
+  root.diagonal() << 1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3;
+  return root * root.transpose();
+}
+
+// How the pose of `change(request)` moves with the pose of the optical frame, by finite differences.
+template <typename Change>
+Eigen::Matrix<double, 6, 6> MovedBy(const ExportRequest& request, const Change& change) {
+  const Rigid3d changed = change(request).parent_from_child;
+  constexpr double kStep = 1e-6;
+  Eigen::Matrix<double, 6, 6> moved;
+  for (int i = 0; i < 6; ++i) {
+    ExportRequest near = request;
+    near.parent_from_child = Retract(request.parent_from_child, kStep * Tangent6::Unit(i));
+    moved.col(i) = LocalCoordinates(changed, change(near).parent_from_child) / kStep;
+  }
+  return moved;
+}
+
+// The covariance follows the frames: what a small motion of the optical frame does to the exported pose is measured.
+TEST(ExportTest, CovarianceFollowsTheFrames) {
+  const Rigid3d optical_from_child(ExpRotation({0.3, -0.2, 0.9}), {0.02, -0.05, 0.01});
+  const auto link = [&](const ExportRequest& request) {
+    return WithChild(request, ExportFrame::kLink, optical_from_child);
+  };
+  const auto inverse = [&](const ExportRequest& request) { return Inverted(link(request)); };
+  for (const Rigid3d& pose : Poses()) {
+    ExportRequest request = TestRequest(pose);
+    request.covariance = TestCovariance();
+    for (const std::function<ExportRequest(const ExportRequest&)>& change :
+         {std::function<ExportRequest(const ExportRequest&)>(link), {inverse}}) {
+      const Eigen::Matrix<double, 6, 6> moved = MovedBy(request, change);
+      const Eigen::Matrix<double, 6, 6> wanted = moved * TestCovariance() * moved.transpose();
+      EXPECT_LT((*change(request).covariance - wanted).norm(), 1e-4 * wanted.norm());
+    }
+  }
+}
+
+// ROS' covariance is that of the place and of turns about the parent's fixed axes.
+TEST(ExportTest, PoseWithCovarianceIsInTheParentsAxes) {
+  for (const Rigid3d& pose : Poses()) {
+    ExportRequest request = TestRequest(pose);
+    request.covariance = TestCovariance();
+    const std::string text = Exported("pose_with_covariance", request);
+    ExpectSame(PoseIn(After(text, "position:"), *FindPoseFormat("ros")), pose, "pose_with_covariance");
+    const std::vector<double> numbers = NumbersIn(After(text, "covariance: ["));
+    ASSERT_EQ(numbers.size(), 36U);
+    const Eigen::Matrix<double, 6, 6> found = Eigen::Map<const Eigen::Matrix<double, 6, 6>>(numbers.data());
+    constexpr double kStep = 1e-6;
+    Eigen::Matrix<double, 6, 6> moved;
+    for (int i = 0; i < 6; ++i) {
+      const Rigid3d near = Retract(pose, kStep * Tangent6::Unit(i));
+      moved.col(i) << near.translation - pose.translation, LogRotation(near.rotation * pose.rotation.conjugate());
+    }
+    moved /= kStep;
+    const Eigen::Matrix<double, 6, 6> wanted = moved * TestCovariance() * moved.transpose();
+    EXPECT_LT((found - wanted).norm(), 1e-4 * wanted.norm());
+    EXPECT_EQ(found, found.transpose());
+  }
+}
+
+TEST(ExportTest, TheInverseIsThePoseOfTheParentInTheChild) {
+  for (const Rigid3d& pose : Poses()) {
+    const ExportRequest request = Inverted(TestRequest(pose));
+    EXPECT_EQ(request.parent_frame, "camera_optical_frame");
+    EXPECT_EQ(request.child_frame, "base_link");
+    ExpectSame(PoseIn(After(Exported("ros2", request), "arguments=["), *FindPoseFormat("ros")), Inverse(pose), "ros2");
+    for (const ExportFormat& format : ExportFormats()) {
+      const Outcome<std::string> text = ExportText(format, request);
+      const bool has_room = text.ok();
+      // Where a form fixes the frames, the inverse would be taken for the pose.
+      EXPECT_EQ(has_room, format.name != "easy_handeye2" && format.name != "opencv" && format.name != "camera_info" &&
+                              format.name != "kalibr" && format.name != "mrcal" &&
+                              format.name != "pose_with_covariance")
+          << format.name << ": " << text.reason();
+    }
+  }
+}
+
+TEST(ExportTest, TheBodyFrameStandsAtThePlaceOfTheOpticalOne) {
+  for (const Rigid3d& pose : Poses()) {
+    const ExportRequest request = WithChild(TestRequest(pose), ExportFrame::kBody, OpticalFromBody());
+    EXPECT_EQ(request.child_frame, "camera_link");
+    EXPECT_THAT(Exported("urdf", request), HasSubstr("camera_link: the camera's BODY frame"));
+    ExpectSame(request.parent_from_child, pose * OpticalFromBody(), "body");
+  }
+}
+
+// The numbers stand in the controller's own syntax, to the last of the digits that it has.
+TEST(ExportTest, ControllersReadTheirOwnSyntax) {
+  const std::map<std::string, std::string> forms = {
+      {"kuka", R"(\{X %, Y %, Z %, A %, B %, C %\})"},
+      {"ur", R"(p\[%, %, %, %, %, %\])"},
+      {"abb", R"(\[\[%, %, %\], \[%, %, %, %\]\])"},
+      {"fanuc", "UFRAME: X % mm, Y % mm, Z % mm, W % deg, P % deg, R % deg"},
+      {"staubli", R"(\{%, %, %, %, %, %\})"},
+      {"kawasaki", R"(TRANS\(%, %, %, %, %, %\))"},
+      {"yaskawa", "X % Y % Z % Rx % Ry % Rz %"}};
+  for (const auto& [name, form] : forms) {
+    for (const Rigid3d& pose : Poses()) {
+      const std::string text = Exported(name, TestRequest(pose));
+      const std::string line =
+          After(text, "# for the controller: ").substr(0, After(text, "# for the controller: ").find('\n'));
+      EXPECT_TRUE(std::regex_match(line, std::regex(std::regex_replace(form, std::regex("%"), R"(-?\d+\.\d{3,6})"))))
+          << line;
+      const Rigid3d found = PoseIn(line, *FindPoseFormat(name));
+      EXPECT_LT(LocalCoordinates(pose, found).norm(), 5e-6) << name;
+    }
+  }
+}
+
+// The pendant's base is not base_link.
+TEST(ExportTest, PosesOfAUniversalRobotsControllerAreInItsBase) {
+  RunResult result;
+  Estimate estimate;
+  estimate.camera = TestCamera("brown5");
+  const ExportRequest request = MakeExportRequest(result, estimate, true);
+  EXPECT_EQ(request.parent_frame, "base");
+  EXPECT_THAT(Exported("ros2", request), HasSubstr("turned by 180 deg about z"));
+  EXPECT_THAT(Exported("ros2", TestRequest(Rigid3d())), testing::Not(HasSubstr("180 deg")));
+}
+
+// A line that is to be copied names the frames.
+TEST(ExportTest, LinesToCopyNameTheFrames) {
+  ExportRequest request = TestRequest(Rigid3d());
+  request.parent_frame = "world";
+  request.child_frame = "cam/optical";
+  EXPECT_THAT(Exported("ros2", request), HasSubstr("--frame-id world --child-frame-id cam/optical\n"));
+  EXPECT_THAT(Exported("ros1", request), HasSubstr(" world cam/optical\n"));
+}
+
 // Each says whose axes these are; and a name is no markup, no comment's end, no code.
 TEST(ExportTest, NamesAreHarmless) {
   ExportRequest request = TestRequest(Rigid3d());
   request.name = "a--><evil/>\"\nimport os\n#";
   request.camera.params[8] = 0;
+  request.covariance = TestCovariance();
   for (const ExportFormat& format : ExportFormats()) {
     const std::string text = Exported(format.name, request);
     EXPECT_THAT(text, HasSubstr("OPTICAL")) << format.name;

@@ -14,6 +14,7 @@
 #include "tools/capture_section.h"
 #include "tools/command.h"
 #include "tools/flags.h"
+#include "tools/pose_flag.h"
 #include "tools/run_config.h"
 #include "tools/run_figures.h"
 #include "tools/target_symmetry.h"
@@ -39,27 +40,6 @@ FinishedRun ReadFinishedRun(const std::filesystem::path& folder) {
   MapReader captures(config.Get("captures"));
   run.pose_reading = ReadPoseReading(captures);
   return run;
-}
-
-// The numbers of the flag --`name`.
-Rigid3d PoseOfFlag(const std::string& name, const std::string& text, const PoseFormat& format) {
-  const std::vector<std::string> fields = Split(text, ',');
-  const std::vector<std::string>& columns = format.columns;
-  std::vector<double> numbers;
-  for (const std::string& field : fields) {
-    double number = 0;
-    if (!ParseDouble(Trim(field), &number)) {
-      throw InputError("--" + name + ": " + Quoted(Trim(field)) + " is not a number");
-    }
-    numbers.push_back(number);
-  }
-  if (numbers.size() != columns.size()) {
-    throw InputError("--" + name + ": " + std::to_string(numbers.size()) + " numbers; " +
-                     std::to_string(columns.size()) + " are needed: " + Join(columns, ","));
-  }
-  const Outcome<Rigid3d> pose = PoseFromNumbers(format, numbers);
-  if (!pose) throw InputError("--" + name + ": " + pose.reason());
-  return *pose;
 }
 
 Rigid3d PoseAskedFor(const PoseReading& reading) {

@@ -1,13 +1,14 @@
 #include "heba/io/export.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "heba/base/text.h"
 #include "heba/io/pose_file.h"
 
 namespace heba {
 
-#define HEBA_EXPORT_FORMAT(name, file_name, holds_camera, description) \
+#define HEBA_EXPORT_FORMAT(name, file_name, holds, description) \
   Outcome<std::string> ExportFormat_##name(const ExportRequest& request);
 #include "heba/io/export_formats.def"
 #undef HEBA_EXPORT_FORMAT
@@ -18,14 +19,14 @@ using Writer = Outcome<std::string> (*)(const ExportRequest& request);
 
 struct Entry {
   ExportFormat format;
-  bool holds_camera;
+  ExportHolds holds;
   Writer writer;
 };
 
 const std::vector<Entry>& Entries() {
   static const std::vector<Entry> entries = {
-#define HEBA_EXPORT_FORMAT(name, file_name, holds_camera, description) \
-  {{#name, description, file_name}, holds_camera, &ExportFormat_##name},
+#define HEBA_EXPORT_FORMAT(name, file_name, holds, description) \
+  {{#name, description, file_name}, ExportHolds::holds, &ExportFormat_##name},
 #include "heba/io/export_formats.def"
 #undef HEBA_EXPORT_FORMAT
   };
@@ -45,24 +46,130 @@ std::string AnglesInWords(const PoseFormat& format) {
          (is_fixed ? "as it was at first" : "as already turned");
 }
 
+// Digits behind the point that tell a micrometre, or about a microradian.
+int ControllerDecimals(const PoseFormat& format, size_t number) {
+  const std::string& unit = number < 3 ? format.translation_unit : format.angle_unit;
+  if (unit == "mm") return 3;
+  return unit == "deg" ? 4 : 6;
+}
+
+// The pose in the syntax of the robot's controller, such as {X 812.345, Y ...}.
+std::string ControllerText(const PoseFormat& format, const ExportRequest& request) {
+  const std::vector<double> numbers = NumbersFromPose(format, request.parent_from_child);
+  std::string text;
+  size_t next = 0;
+  for (const char c : format.controller_form) {
+    if (c == '%') {
+      text += Fixed(numbers[next], ControllerDecimals(format, next));
+      ++next;
+    } else if (c == '@') {
+      text += request.parent == ExportFrame::kGripper ? "UTOOL" : "UFRAME";
+    } else {
+      text += c;
+    }
+  }
+  return text;
+}
+
 std::string RobotPoseText(PoseFormat format, const ExportRequest& request) {
   if (format.rotation == "matrix") format.translation_unit = request.length_unit;
   std::vector<std::string> remarks = ExportRemarks(request);
   remarks.push_back(AnglesInWords(format));
-  return CommentLines(remarks, "# ") + PoseFileText({{"", "", request.parent_from_camera, 0}}, format);
+  if (!format.controller_form.empty()) {
+    remarks.push_back("for the controller: " + ControllerText(format, request));
+  }
+  return CommentLines(remarks, "# ") + PoseFileText({{"", "", request.parent_from_child, 0}}, format);
+}
+
+// Why the form has no room for what is asked; empty if it has.
+std::string WhyNot(ExportHolds holds, const ExportRequest& request) {
+  if (holds == ExportHolds::kLens && request.camera.params.empty()) {
+    return "an estimate from poses alone has no camera, which this form holds; use urdf, ros2 or a robot's form, such "
+           "as matrix";
+  }
+  if (holds != ExportHolds::kAnyPose && request.child != ExportFrame::kOptical) {
+    return "this form holds the pose of the camera's optical frame in " +
+           std::string(request.setup == Setup::kEyeToHand ? "the base" : "the gripper") +
+           " only; leave out --child-is and --inverse, or use urdf, ros2 or a robot's form";
+  }
+  return "";
+}
+
+std::string FrameInWords(ExportFrame frame) {
+  switch (frame) {
+    case ExportFrame::kBase:
+      return "the robot's base";
+    case ExportFrame::kGripper:
+      return "the gripper (flange or tool, as the robot reports it)";
+    case ExportFrame::kOptical:
+      return "the camera's OPTICAL frame (x right, y down, z forward), not a body frame (x forward, y left, z up)";
+    case ExportFrame::kBody:
+      return "the camera's BODY frame (x forward, y left, z up) at the place of the optical frame (x right, y down, z "
+             "forward)";
+    case ExportFrame::kLink:
+      return "a LINK of the camera, in which the optical frame (x right, y down, z forward) has the pose that was "
+             "given";
+  }
+  return "";
+}
+
+std::string SigmasText(const Eigen::Matrix<double, 6, 6>& covariance, Eigen::Index first, double unit) {
+  std::vector<std::string> sigmas;
+  for (Eigen::Index i = first; i < first + 3; ++i) {
+    sigmas.push_back(Significant(std::sqrt(std::max(covariance(i, i), 0.0)) / unit, 2));
+  }
+  return Join(sigmas, ", ");
+}
+
+// The covariance of the hand-eye pose; nothing if the estimate has none.
+std::optional<Eigen::Matrix<double, 6, 6>> HandEyeCovariance(const Estimate& estimate) {
+  if (!estimate.solution) return std::nullopt;
+  const Covariance& all = estimate.solution->covariance;
+  const auto first = std::find(all.names.begin(), all.names.end(), "hand_eye.tx_m");
+  const auto last = std::find(all.names.begin(), all.names.end(), "hand_eye.rz_rad");
+  if (first == all.names.end() || last - first != 5) return std::nullopt;
+  const Eigen::Index at = first - all.names.begin();
+  return all.matrix.block<6, 6>(at, at);
 }
 
 }  // namespace
 
-ExportRequest MakeExportRequest(const RunResult& result, const Estimate& estimate) {
+ExportRequest MakeExportRequest(const RunResult& result, const Estimate& estimate, bool is_ur_controller) {
   const bool is_fixed = result.setup == Setup::kEyeToHand;
-  return {result.name,
-          result.setup,
-          estimate.hand_eye.camera_mount_from_camera,
-          estimate.camera,
-          is_fixed ? "base_link" : "tool0",
-          "camera_optical_frame",
-          "m"};
+  ExportRequest request;
+  request.name = result.name;
+  request.method = estimate.method;
+  request.setup = result.setup;
+  request.parent_from_child = estimate.hand_eye.camera_mount_from_camera;
+  request.parent = is_fixed ? ExportFrame::kBase : ExportFrame::kGripper;
+  request.parent_frame = is_fixed ? (is_ur_controller ? "base" : "base_link") : "tool0";
+  request.child_frame = "camera_optical_frame";
+  request.covariance = HandEyeCovariance(estimate);
+  request.is_ur_controller = is_ur_controller;
+  request.camera = estimate.camera;
+  return request;
+}
+
+ExportRequest WithChild(ExportRequest request, ExportFrame child, const Rigid3d& optical_from_child) {
+  // T exp(xi) C = (T C) exp(Adjoint(C^-1) xi).
+  const Eigen::Matrix<double, 6, 6> child_by_optical = Adjoint(Inverse(optical_from_child));
+  request.parent_from_child = request.parent_from_child * optical_from_child;
+  if (request.covariance) {
+    request.covariance = child_by_optical * *request.covariance * child_by_optical.transpose();
+  }
+  request.child = child;
+  request.child_frame = "camera_link";
+  return request;
+}
+
+ExportRequest Inverted(ExportRequest request) {
+  // (T exp(xi))^-1 = T^-1 exp(Adjoint(T) (-xi)).
+  const Eigen::Matrix<double, 6, 6> parent_by_child = Adjoint(request.parent_from_child);
+  if (request.covariance) request.covariance = parent_by_child * *request.covariance * parent_by_child.transpose();
+  request.parent_from_child = Inverse(request.parent_from_child);
+  std::swap(request.parent, request.child);
+  std::swap(request.parent_frame, request.child_frame);
+  return request;
 }
 
 const std::vector<ExportFormat>& ExportFormats() {
@@ -82,11 +189,8 @@ const std::vector<ExportFormat>& ExportFormats() {
 Outcome<std::string> ExportText(const ExportFormat& format, const ExportRequest& request) {
   for (const Entry& entry : Entries()) {
     if (entry.format.name != format.name) continue;
-    if (entry.holds_camera && request.camera.params.empty()) {
-      return Failure{
-          "an estimate from poses alone has no camera, which this form holds; use urdf, "
-          "ros2 or a robot's form, such as matrix"};
-    }
+    const std::string why_not = WhyNot(entry.holds, request);
+    if (!why_not.empty()) return Failure{why_not};
     return entry.writer(request);
   }
   const PoseFormat* pose_format = FindPoseFormat(format.name);
@@ -94,19 +198,32 @@ Outcome<std::string> ExportText(const ExportFormat& format, const ExportRequest&
   return RobotPoseText(*pose_format, request);
 }
 
+std::string PlainText(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c < ' ' || c > '~' || c == '-' || c == '<' || c == '>'; }, '_');
+  return text;
+}
+
 std::vector<std::string> ExportRemarks(const ExportRequest& request) {
-  // A name may hold anything: what is no plain letter could end a comment.
-  const auto plain = [](std::string text) {
-    std::replace_if(
-        text.begin(), text.end(), [](char c) { return c < ' ' || c > '~' || c == '-' || c == '<' || c == '>'; }, '_');
-    return text;
-  };
-  const bool is_fixed = request.setup == Setup::kEyeToHand;
-  return {"heba, calibration " + plain(request.name) + ", " + std::string(SetupName(request.setup)) +
-              ": the camera in " +
-              (is_fixed ? "the robot's base" : "the gripper (flange or tool, as the robot reports it)"),
-          "parent " + plain(request.parent_frame) + ", camera " + plain(request.camera_frame) +
-              ": the OPTICAL frame (x right, y down, z forward), not a body frame (x forward, y left, z up)"};
+  const std::string parent = PlainText(request.parent_frame);
+  const std::string child = PlainText(request.child_frame);
+  std::vector<std::string> remarks = {
+      "heba, calibration " + PlainText(request.name) + ", " + std::string(SetupName(request.setup)) + ", method " +
+          PlainText(request.method) + ": the pose of " + child + " in " + parent,
+      parent + ": " + FrameInWords(request.parent), child + ": " + FrameInWords(request.child)};
+  if (request.covariance) {
+    constexpr double kMillimetre = 1e-3;
+    constexpr double kDegree = M_PI / 180;
+    remarks.push_back("one sigma along and about the axes of " + child + ": " +
+                      SigmasText(*request.covariance, 0, kMillimetre) + " mm and " +
+                      SigmasText(*request.covariance, 3, kDegree) + " deg");
+  }
+  if (request.is_ur_controller && request.setup == Setup::kEyeToHand) {
+    remarks.emplace_back(
+        "the base is that of the Universal Robots controller and pendant, the frame `base` of ROS; base_link of ROS is "
+        "turned by 180 deg about z against it");
+  }
+  return remarks;
 }
 
 std::string CommentLines(const std::vector<std::string>& lines, const std::string& mark) {

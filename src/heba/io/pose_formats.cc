@@ -158,8 +158,8 @@ std::string CheckRange(const PoseFormat& format, std::span<const double> numbers
 
 const std::vector<PoseFormat>& PoseFormats() {
   static const std::vector<PoseFormat> formats = {
-#define HEBA_POSE_FORMAT(name, columns, translation_unit, rotation, angle_unit) \
-  {#name, Split(columns, ' '), translation_unit, rotation, angle_unit, ""},
+#define HEBA_POSE_FORMAT(name, columns, translation_unit, rotation, angle_unit, controller_form) \
+  {#name, Split(columns, ' '), translation_unit, rotation, angle_unit, "", nullptr, controller_form},
 #include "heba/io/pose_formats.def"
 #undef HEBA_POSE_FORMAT
   };

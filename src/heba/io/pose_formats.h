@@ -24,6 +24,7 @@ struct PoseFormat {
   std::string angle_unit;        // rad, deg; empty if the rotation has no angles.
   std::string robot = {};  // Not empty: the columns are this arm's joints (ur_robots.def or a URDF's), base first.
   std::shared_ptr<const UrdfArm> arm = nullptr;  // Of a URDF.
+  std::string controller_form = {};              // How the controller writes a pose (pose_formats.def); may be empty.
 };
 
 // In the order of pose_formats.def.

@@ -22,7 +22,7 @@ Outcome<std::string> ExportFormat_kalibr(const ExportRequest& request) {
   }
   std::vector<std::string> remarks = ExportRemarks(request);
   remarks.push_back("camera in parent, x y z qx qy qz qw (a camchain has no place for it): " +
-                    JoinNumbers(TranslationAndQuaternion(request.parent_from_camera), " "));
+                    JoinNumbers(TranslationAndQuaternion(request.parent_from_child), " "));
   const std::vector<double>& p = camera.params;
   return CommentLines(remarks, "# ") + "cam0:\n  camera_model: pinhole\n  intrinsics: [" +
          JoinNumbers({p[0], p[1], p[2], p[3]}, ", ") + "]\n  distortion_model: " + model + "\n  distortion_coeffs: [" +

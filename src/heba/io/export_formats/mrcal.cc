@@ -11,7 +11,7 @@ Outcome<std::string> ExportFormat_mrcal(const ExportRequest& request) {
   const size_t num_distortion = camera.params.size() - 4;
   const std::string lens =
       num_distortion == 0 ? "LENSMODEL_PINHOLE" : "LENSMODEL_OPENCV" + std::to_string(num_distortion);
-  const Rigid3d camera_from_parent = Inverse(request.parent_from_camera);
+  const Rigid3d camera_from_parent = Inverse(request.parent_from_child);
   const Eigen::Vector3d r = LogRotation(camera_from_parent.rotation);
   const Eigen::Vector3d& t = camera_from_parent.translation;
   return CommentLines(ExportRemarks(request), "# ") + "{\n    'lensmodel':  '" + lens + "',\n    'extrinsics': [ " +

@@ -1,4 +1,4 @@
-// OpenCV's FileStorage. `hand_eye` is the 4 x 4 matrix of parent_from_camera, which takes points of the camera to the
+// OpenCV's FileStorage. `hand_eye` is the 4 x 4 matrix of parent_from_child, which takes points of the camera to the
 // parent, lengths in m: R_cam2gripper and t_cam2gripper of cv::calibrateHandEye together.
 #include "heba/io/export.h"
 
@@ -17,7 +17,7 @@ Outcome<std::string> ExportFormat_opencv(const ExportRequest& request) {
   const Camera& camera = request.camera;
   std::vector<double> distortion = OpenCvDistortion(camera);
   if (distortion.empty()) distortion.assign(5, 0);
-  const std::vector<double> pose = NumbersFromPose(*FindPoseFormat("matrix"), request.parent_from_camera);
+  const std::vector<double> pose = NumbersFromPose(*FindPoseFormat("matrix"), request.parent_from_child);
   const std::vector<double>& p = camera.params;
   return "%YAML:1.0\n---\n" + CommentLines(ExportRemarks(request), "# ") +
          "image_width: " + std::to_string(camera.width_px) + "\nimage_height: " + std::to_string(camera.height_px) +

@@ -7,7 +7,7 @@
 namespace heba {
 
 Outcome<std::string> ExportFormat_ros2(const ExportRequest& request) {
-  const std::vector<double> numbers = TranslationAndQuaternion(request.parent_from_camera);
+  const std::vector<double> numbers = TranslationAndQuaternion(request.parent_from_child);
   constexpr std::array kNames = {"--x", "--y", "--z", "--qx", "--qy", "--qz", "--qw"};
   std::vector<std::string> words;
   std::string list;
@@ -16,8 +16,8 @@ Outcome<std::string> ExportFormat_ros2(const ExportRequest& request) {
     list += "            '" + std::string(kNames[i]) + "', '" + DecimalText(numbers[i]) + "',\n";
   }
   std::vector<std::string> remarks = ExportRemarks(request);
-  remarks.push_back("by hand: ros2 run tf2_ros static_transform_publisher " + Join(words, " ") +
-                    " --frame-id PARENT --child-frame-id CAMERA");
+  remarks.push_back("by hand: ros2 run tf2_ros static_transform_publisher " + Join(words, " ") + " --frame-id " +
+                    PlainText(request.parent_frame) + " --child-frame-id " + PlainText(request.child_frame));
   // Python reads YAML's quoted text, too.
   return CommentLines(remarks, "# ") +
          "from launch import LaunchDescription\nfrom launch_ros.actions import Node\n\n\n"
@@ -26,7 +26,7 @@ Outcome<std::string> ExportFormat_ros2(const ExportRequest& request) {
          "        package='tf2_ros', executable='static_transform_publisher', name='camera_pose_publisher',\n"
          "        arguments=[\n" +
          list + "            '--frame-id', " + QuotedForYaml(request.parent_frame) +
-         ",\n            '--child-frame-id', " + QuotedForYaml(request.camera_frame) + ",\n        ])])\n";
+         ",\n            '--child-frame-id', " + QuotedForYaml(request.child_frame) + ",\n        ])])\n";
 }
 
 }  // namespace heba

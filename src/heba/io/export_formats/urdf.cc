@@ -16,15 +16,17 @@ std::string Origin(const Rigid3d& pose) {
 
 Outcome<std::string> ExportFormat_urdf(const ExportRequest& request) {
   const std::string parent = EscapedForMarkup(request.parent_frame);
-  const std::string camera = EscapedForMarkup(request.camera_frame);
+  const std::string camera = EscapedForMarkup(request.child_frame);
   std::vector<std::string> remarks = ExportRemarks(request);
-  remarks.push_back("of a body frame at the same place: " +
-                    Origin(request.parent_from_camera * OpticalFromBody()).substr(1));
+  if (request.child == ExportFrame::kOptical) {
+    remarks.push_back("of a body frame at the same place: " +
+                      Origin(request.parent_from_child * OpticalFromBody()).substr(1));
+  }
   // Two hyphens would end the comment: numbers have one at most.
   return "<?xml version=\"1.0\"?>\n<!--\n" + CommentLines(remarks, "  ") + "-->\n<robot name=\"" +
          EscapedForMarkup(request.name) + "\">\n  <link name=\"" + parent + "\"/>\n  <link name=\"" + camera +
          "\"/>\n  <joint name=\"" + parent + "_to_" + camera + "\" type=\"fixed\">\n    <parent link=\"" + parent +
-         "\"/>\n    <child link=\"" + camera + "\"/>\n    " + Origin(request.parent_from_camera) +
+         "\"/>\n    <child link=\"" + camera + "\"/>\n    " + Origin(request.parent_from_child) +
          "\n  </joint>\n</robot>\n";
 }
 
