@@ -190,10 +190,10 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
     }
     results.push_back(std::move(result));
   }
-  for (const std::string& image : config.images_without_pose) {
+  for (const LeftOut& entry : config.left_out) {
     CaptureResult result;
-    result.image = image;
-    result.reason = "the robot's pose is not in the poses file";
+    result.image = entry.name;
+    result.reason = entry.reason;
     results.push_back(std::move(result));
   }
   return results;

@@ -1,14 +1,16 @@
 #include "tools/capture_section.h"
 
 #include <algorithm>
+#include <functional>
 #include <map>
+#include <set>
 
 #include <glob.h>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/text.h"
-#include "heba/io/pose_file.h"
+#include "heba/io/pose_source.h"
 #include "heba/robot/ur_kinematics.h"
 #include "tools/detection_file.h"
 
@@ -19,7 +21,9 @@ namespace fs = std::filesystem;
 std::vector<fs::path> ListFolder(const ConfigValue& value, const fs::path& folder) {
   std::vector<fs::path> images;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-    if (entry.is_regular_file() && HasImageSuffix(entry.path())) images.push_back(entry.path());
+    if (!HasImageSuffix(entry.path())) continue;
+    if (!entry.is_regular_file()) value.Fail(entry.path().string() + " is not a regular file");
+    images.push_back(entry.path());
   }
   if (images.empty()) value.Fail("the folder " + folder.string() + " holds no pictures");
   return images;
@@ -156,6 +160,123 @@ std::vector<PoseRow> RowsOf(const ConfigValue& data, const ImportedSet& set) {
   return rows;
 }
 
+// The names of captures that are to be left out.
+std::set<std::string> ReadExcluded(MapReader* reader, const std::vector<Seen>& seen, const std::vector<PoseRow>& rows) {
+  std::set<std::string> excluded;
+  const std::optional<ConfigValue> list = reader->Find("exclude");
+  if (!list) return excluded;
+  std::vector<std::string> names;
+  for (const Seen& entry : seen) names.push_back(entry.name);
+  for (const PoseRow& row : rows) names.push_back(row.image);
+  for (const ConfigValue& item : list->AsList()) {
+    const std::string name = item.AsText();
+    if (std::find(names.begin(), names.end(), name) == names.end()) {
+      item.Fail("there is no capture " + Quoted(name) + DidYouMean(name, names));
+    }
+    excluded.insert(name);
+  }
+  reader->Record("exclude", list->node());
+  return excluded;
+}
+
+// The places of names that are alike after `part_of`; nothing if two of them are, or one has no such part.
+template <typename Part>
+std::optional<std::map<Part, size_t>> PlacesBy(const std::vector<std::string>& names,
+                                               const std::function<std::optional<Part>(const std::string&)>& part_of) {
+  std::map<Part, size_t> places;
+  for (size_t i = 0; i < names.size(); ++i) {
+    const std::optional<Part> part = part_of(names[i]);
+    if (!part || !places.emplace(*part, i).second) return std::nullopt;
+  }
+  return places;
+}
+
+std::string StemOf(const std::string& name) { return fs::path(name).stem().string(); }
+
+// Pairs files of one pose each with pictures: by their names without suffix, or else by the numbers in them.
+std::vector<std::optional<size_t>> PairFiles(const std::vector<PoseRow>& rows, const std::vector<Seen>& seen,
+                                             const fs::path& folder) {
+  std::vector<std::string> pictures;
+  for (const Seen& entry : seen) pictures.push_back(StemOf(entry.name));
+  std::vector<std::optional<size_t>> pairs(rows.size());
+  bool any = false;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const auto found = std::find(pictures.begin(), pictures.end(), rows[i].image);
+    if (found != pictures.end()) pairs[i] = found - pictures.begin();
+    any = any || pairs[i];
+  }
+  if (any) return pairs;
+  const auto places = PlacesBy<long>(pictures, NumberInName);
+  std::set<long> numbers;
+  for (const PoseRow& row : rows) numbers.insert(*NumberInName(row.image));
+  if (!places || numbers.size() != rows.size()) {
+    throw InputError(folder.string() +
+                     ": its files and the pictures have no names or single numbers in common by which they belong "
+                     "together; name them alike, such as 007.txt and 007.png");
+  }
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const auto found = places->find(*NumberInName(rows[i].image));
+    if (found != places->end()) pairs[i] = found->second;
+  }
+  return pairs;
+}
+
+// A picture without a pose that the row may mean: near in its name and with the same number in it.
+std::string PictureMeant(const std::string& name, const std::vector<std::string>& without_row) {
+  std::vector<std::string> likely;
+  for (const std::string& other : without_row) {
+    if (NumberInName(StemOf(other)) == NumberInName(StemOf(name))) likely.push_back(other);
+  }
+  return DidYouMean(name, likely);
+}
+
+// For each row the picture that it belongs to; nothing if there is none.
+std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, const std::vector<Seen>& seen,
+                                            const ConfigValue& seen_value, const RunConfig& config) {
+  std::map<std::string, size_t> place_of;
+  for (size_t i = 0; i < seen.size(); ++i) {
+    if (!place_of.emplace(seen[i].name, i).second) {
+      seen_value.Fail("two pictures are called " + seen[i].name +
+                      "; poses are found by file name, so names must differ");
+    }
+  }
+  std::vector<std::optional<size_t>> pairs(rows.size());
+  if (rows.empty() || rows.front().image.empty()) {
+    if (rows.size() != seen.size()) {
+      throw InputError(config.poses_file.string() + ": has " + std::to_string(rows.size()) +
+                       " rows without an image column for " + std::to_string(seen.size()) +
+                       " pictures; the counts must agree, or name the pictures");
+    }
+    for (size_t i = 0; i < rows.size(); ++i) pairs[i] = i;
+    return pairs;
+  }
+  std::error_code error;
+  if (fs::is_directory(config.poses_file, error)) {
+    pairs = PairFiles(rows, seen, config.poses_file);
+  } else {
+    for (size_t i = 0; i < rows.size(); ++i) {
+      const auto found = place_of.find(rows[i].image);
+      if (found != place_of.end()) pairs[i] = found->second;
+    }
+  }
+  std::vector<std::string> without_row;
+  for (const auto& [name, place] : place_of) {
+    if (std::find(pairs.begin(), pairs.end(), place) == pairs.end()) without_row.push_back(name);
+  }
+  const bool any = std::any_of(pairs.begin(), pairs.end(), [](const auto& pair) { return pair.has_value(); });
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (pairs[i]) continue;
+    // A picture that was taken away leaves its pose out; one that is spelt otherwise is a mistake.
+    const std::string meant = PictureMeant(rows[i].image, without_row);
+    if (any && meant.empty()) continue;
+    const std::string where =
+        rows[i].line > 0 ? config.poses_file.string() + ":" + std::to_string(rows[i].line) : config.poses_file.string();
+    throw InputError(where + ": the picture " + rows[i].image + " is not among those of " + seen_value.key() +
+                     (meant.empty() ? "; nor is that of any other row" : meant));
+  }
+  return pairs;
+}
+
 void AddCapture(const Seen& seen, const PoseRow& row, RunConfig* config) {
   Capture capture;
   capture.name = seen.name;
@@ -231,40 +352,35 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
     config->poses_file = reader.Path("poses");
     config->pose_reading = ReadPoseReading(reader);
     if (config->pose_reading.format.arm) config->data_files.emplace_back(config->pose_reading.format.robot);
-    rows = ReadPoseFile(config->poses_file, config->pose_reading.format);
-  }
-  reader.Finish();
-
-  std::map<std::string, const Seen*> by_name;
-  for (const Seen& entry : seen) {
-    if (!by_name.emplace(entry.name, &entry).second) {
-      seen_value.Fail("two pictures are called " + entry.name + "; poses are found by file name, so names must differ");
+    std::error_code error;
+    if (fs::is_directory(config->poses_file, error)) {
+      for (const fs::path& file : PoseFilesOf(config->poses_file)) config->data_files.push_back(file);
     }
+    rows = ReadPoses(config->poses_file, config->pose_reading.format);
   }
-  const bool has_names = !rows.empty() && !rows.front().image.empty();
-  if (!has_names && rows.size() != seen.size()) {
-    throw InputError(config->poses_file.string() + ": has " + std::to_string(rows.size()) +
-                     " rows without an image column for " + std::to_string(seen.size()) +
-                     " pictures; the counts must agree, or name the pictures");
-  }
+
+  const std::set<std::string> excluded = ReadExcluded(&reader, seen, rows);
+  reader.Finish();
+  const std::vector<std::optional<size_t>> picture_of_row = PairRows(rows, seen, seen_value, *config);
+  std::vector<bool> has_row(seen.size(), false);
   for (size_t i = 0; i < rows.size(); ++i) {
-    if (!has_names) {
-      AddCapture(seen[i], rows[i], config);
+    if (!picture_of_row[i]) {
+      if (excluded.count(rows[i].image) > 0) continue;
+      config->left_out.push_back({rows[i].image, "the picture is not among those of " + seen_value.key()});
       continue;
     }
-    const auto found = by_name.find(rows[i].image);
-    if (found == by_name.end()) {
-      std::vector<std::string> names;
-      for (const auto& entry : by_name) names.push_back(entry.first);
-      throw InputError(config->poses_file.string() + ":" + std::to_string(rows[i].line) + ": the picture " +
-                       rows[i].image + " is not among those of " + seen_value.key() + DidYouMean(rows[i].image, names));
+    const Seen& picture = seen[*picture_of_row[i]];
+    has_row[*picture_of_row[i]] = true;
+    if (excluded.count(picture.name) == 0) AddCapture(picture, rows[i], config);
+  }
+  for (size_t i = 0; i < seen.size(); ++i) {
+    if (excluded.count(seen[i].name) > 0) {
+      config->left_out.push_back({seen[i].name, "left out by captures.exclude"});
+    } else if (!has_row[i]) {
+      config->left_out.push_back({seen[i].name, "the robot's pose is not in the poses file"});
     }
-    AddCapture(*found->second, rows[i], config);
-    by_name.erase(found);
   }
-  if (has_names) {
-    for (const auto& entry : by_name) config->images_without_pose.push_back(entry.first);
-  }
+  if (config->captures.empty()) seen_value.Fail("no capture is left: captures.exclude leaves all of them out");
   const bool has_pictures = std::all_of(config->captures.begin(), config->captures.end(),
                                         [](const Capture& capture) { return !capture.image.empty(); });
   if (!has_pictures && config->given_detections.empty() && config->target_poses.size() != config->captures.size()) {

@@ -36,7 +36,8 @@ std::vector<SharedImage> FindSharedImages(const std::vector<Capture>& captures,
     if (!detections[i].image_digest.empty()) captures_of[detections[i].image_digest].push_back(i);
   }
   std::vector<SharedImage> all;
-  for (const auto& [digest, sharing] : captures_of) {
+  for (const auto& entry : captures_of) {
+    const std::vector<size_t>& sharing = entry.second;
     if (sharing.size() < 2) continue;
     const bool has_one_pose = std::all_of(
         sharing.begin(), sharing.end(), [&](size_t i) { return HaveSamePose(captures[sharing.front()], captures[i]); });

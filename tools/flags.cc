@@ -35,6 +35,7 @@ DEFINE_string(
 DEFINE_string(robot, "", "ARM|the arm whose joints reach the target: ur3 to ur30, or a .urdf file");
 DEFINE_string(format, "",
               "FORM|what the data set is: industrial_calibration, easy_handeye2, ...; found out without it");
+DEFINE_string(target, "", "TARGET.yaml|what is in the pictures of a folder that no program has described");
 DEFINE_string(pixels, "", "U,V;U,V|pixels of the picture to locate instead of the target");
 DEFINE_string(plane, "target",
               "PLANE|where the pixels lie: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");

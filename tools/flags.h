@@ -28,6 +28,7 @@ DECLARE_string(pose);
 DECLARE_string(near);
 DECLARE_string(robot);
 DECLARE_string(format);
+DECLARE_string(target);
 DECLARE_string(pixels);
 DECLARE_string(plane);
 

@@ -225,6 +225,8 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   }
   console->Note(config.name + ": the target was seen in " + std::to_string(views.size()) + " of " +
                 std::to_string(detections.size()) + " pictures");
+  for (const LeftOut& entry : config.left_out)
+    console->Note(config.name + ": without " + entry.name + ": " + entry.reason);
   if (config.target->Symmetries().size() > 1) console->Note(config.name + ": " + SymmetryRemark(*config.target));
 
   const Stopwatch solve_watch;

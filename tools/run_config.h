@@ -31,6 +31,12 @@ struct PlacedRequirement {
   std::string text;                               // The place in words.
 };
 
+// What belongs to no capture.
+struct LeftOut {
+  std::string name;    // Of the picture, or of the row of poses without one.
+  std::string reason;  // In one clause.
+};
+
 struct RunConfig {
   std::filesystem::path file;
   std::string name;
@@ -49,7 +55,7 @@ struct RunConfig {
   std::vector<Rigid3d> target_poses;              // camera_from_target
   std::optional<ImportedSet> imported;            // The data set of another project that the captures are from.
   std::vector<std::filesystem::path> data_files;  // What the captures were read from, but for pictures and poses.
-  std::vector<std::string> images_without_pose;
+  std::vector<LeftOut> left_out;
   std::string seed;
   std::vector<std::string> methods;  // Empty: all that the motion suits.
   BundleOptions bundle;

@@ -36,7 +36,8 @@ std::string RunInputsText(const RunConfig& config) {
   for (const Capture& capture : config.captures) {
     json["images"].push_back({capture.name, DigestOrNothing(capture.image)});
   }
-  json["images_without_pose"] = config.images_without_pose;
+  json["left_out"] = nlohmann::ordered_json::array();
+  for (const LeftOut& entry : config.left_out) json["left_out"].push_back(entry.name);
   return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 

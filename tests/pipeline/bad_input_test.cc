@@ -678,6 +678,7 @@ TEST(CommandLineTest, WrongCallsAreOneLineAndStatus2) {
       {"export of nothing", {"export", "no/such", "--to", "urdf"}, "no such file"},
       {"export without a form", {"export", "no/such"}, "needs --to FORMAT"},
       {"export to an unknown form", {"export", "no/such", "--to", "kuke"}, "did you mean 'kuka'?"},
+      {"export of all forms to nowhere", {"export", "no/such", "--to", "all"}, "no such file"},
       {"locate without a picture", {"locate", "no/such"}, "takes RUN_DIR IMAGE..."},
       {"locate in nothing", {"locate", "no/such", "a.png"}, "no such file"},
       {"sheet without --out", {"target", "x.yaml"}, "needs --out"},

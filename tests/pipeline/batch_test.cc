@@ -357,8 +357,25 @@ TEST(ExportTest, WritesWhatTheRunFound) {
   EXPECT_NE(park.out, printed.out);
   const CommandResult named = RunHeba({"export", run.string(), "--to", "urdf", "--parent", "world", "--child", "eye"});
   EXPECT_THAT(named.out, HasSubstr("<joint name=\"world_to_eye\""));
-  for (const std::vector<std::string>& wrong :
-       {std::vector<std::string>{"--method", "parc"}, {"--parent", "a b"}, {"--units", "mm"}, {"--units", "inch"}}) {
+  // Every form at once, and what has no room for this result in words.
+  const fs::path all = cell.folder / "exports";
+  const CommandResult everything = RunHeba({"export", run.string(), "--to", "all", "--out", all.string()});
+  EXPECT_EQ(everything.status, 0) << everything.err;
+  EXPECT_EQ(ReadAll(all / "camera_ur.csv"), printed.out);
+  EXPECT_THAT(ReadAll(all / "camera_pose.yaml"), HasSubstr("covariance: ["));
+  EXPECT_GT(std::distance(fs::directory_iterator(all), {}), 15);
+  const CommandResult inverse = RunHeba({"export", run.string(), "--to", "all", "--inverse", "--out", all.string()});
+  EXPECT_THAT(inverse.out, HasSubstr("not opencv: this form holds the pose of the camera's optical frame"));
+  // The poses of a pendant are in its own base, which is not base_link.
+  WriteAll(run / "config.yaml", "captures: {pose_format: ur}\n");
+  EXPECT_THAT(RunHeba({"export", run.string(), "--to", "ros2"}).out, HasSubstr("'--frame-id', \"base\""));
+  EXPECT_THAT(RunHeba({"export", run.string(), "--to", "ros2", "--parent", "base_link"}).err, HasSubstr("180 deg"));
+  for (const std::vector<std::string>& wrong : {std::vector<std::string>{"--method", "parc"},
+                                                {"--parent", "a b"},
+                                                {"--units", "mm"},
+                                                {"--units", "inch"},
+                                                {"--child-is", "sideways"},
+                                                {"--child-is", "1,2,3"}}) {
     std::vector<std::string> arguments = {"export", run.string(), "--to", "urdf"};
     arguments.insert(arguments.end(), wrong.begin(), wrong.end());
     const CommandResult refused = RunHeba(arguments);

@@ -223,11 +223,11 @@ TEST(ReadPoseFormatTest, SaysWhatIsWrong) {
   EXPECT_THAT(error("{columns: [x, y, z, a, b, c], translation: mm, rotation: euler_zzy, angle: deg}"),
               HasSubstr("'euler_zzy' is unknown"));
   EXPECT_THAT(error("{columns: [x, y, z, a, b], translation: mm, rotation: euler_zyx, angle: deg}"),
-              HasSubstr("5 columns; euler_zyx needs 6"));
+              HasSubstr("5 columns of numbers; euler_zyx needs 6"));
   EXPECT_THAT(error("{columns: [x, y, z, a, b, b], translation: mm, rotation: euler_zyx, angle: deg}"),
               HasSubstr("twice"));
   EXPECT_THAT(error("{columns: [x, y, z, a, b, image], translation: mm, rotation: euler_zyx, angle: deg}"),
-              HasSubstr("leave it out"));
+              HasSubstr("5 columns of numbers; euler_zyx needs 6"));
   EXPECT_THAT(error("{columns: [x, y, z, a, b, c, d], translation: mm, rotation: quaternion_xyzw, angle: deg}"),
               HasSubstr("has no angles"));
   EXPECT_THAT(error("{columns: [x, y, z, a, b, c, d], translation: mm, rotation: quaternion_xyzw, unit: deg}"),

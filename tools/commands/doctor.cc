@@ -1,10 +1,14 @@
 #include "tools/doctor/doctor.h"
 
+#include <filesystem>
 #include <iostream>
+#include <optional>
 
+#include "heba/base/error.h"
 #include "tools/command.h"
 #include "tools/console.h"
 #include "tools/flags.h"
+#include "tools/pose_guess.h"
 #include "tools/run_config.h"
 
 namespace heba {
@@ -26,12 +30,39 @@ std::string DiagnosisText(const std::string& name, const Diagnosis& diagnosis) {
   return text;
 }
 
+Symptom UnreadablePoses(const std::string& fault, const GuessedReading& guessed) {
+  const std::optional<PoseFit>& fit = guessed.diagnosis.pose_fit;
+  std::string why = "; by their sizes alone, for the pictures cannot tell";
+  if (guessed.fits) why = " fit the pictures (robot and pictures differ by " + fit->misfit + ")";
+  if (fit && !guessed.fits) why = "; but neither these nor any other order of them fit the pictures";
+  return {
+      Severity::kWrong, "pose_format",
+      "the poses cannot be read as the config says: " + fault + "; there are " + ReadingInWords(guessed.format) + why,
+      "set captures.pose_format: " + PoseFormatText(guessed.format)};
+}
+
 }  // namespace
 
 int RunCommand_doctor(const std::vector<std::string>& arguments) {
-  const RunConfig config = ReadRunConfig(arguments[0], Settings());
-  const Diagnosis diagnosis = Diagnose(config, NumThreads(), FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
-  std::cout << ForTerminal(DiagnosisText(config.name, diagnosis)) << std::flush;
+  const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
+  std::optional<RunConfig> config;
+  std::string fault;
+  try {
+    config = ReadRunConfig(arguments[0], Settings());
+  } catch (const InputError& error) {
+    fault = error.what();
+  }
+  if (config) {
+    const Diagnosis diagnosis = Diagnose(*config, NumThreads(), verbosity);
+    std::cout << ForTerminal(DiagnosisText(config->name, diagnosis)) << std::flush;
+    return kDone;
+  }
+  // Poses that cannot be read as the config says may be read otherwise.
+  std::optional<GuessedReading> guessed = GuessReading(arguments[0], Settings(), NumThreads(), verbosity);
+  if (!guessed) throw InputError(fault);
+  guessed->diagnosis.symptoms.insert(guessed->diagnosis.symptoms.begin(), UnreadablePoses(fault, *guessed));
+  std::cout << ForTerminal(DiagnosisText(std::filesystem::path(arguments[0]).stem().string(), guessed->diagnosis))
+            << std::flush;
   return kDone;
 }
 

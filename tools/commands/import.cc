@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <iostream>
+#include <optional>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
@@ -14,6 +15,7 @@
 #include "tools/console.h"
 #include "tools/detection_file.h"
 #include "tools/flags.h"
+#include "tools/raw_folder.h"
 #include "tools/result_folder.h"
 
 namespace heba {
@@ -120,12 +122,43 @@ void RefuseToSwallow(const ImportedSet& set, const fs::path& source, const fs::p
   }
 }
 
+// Pictures and poses that no program has described.
+int ImportRawFolder(const fs::path& source, const fs::path& output) {
+  const std::optional<RawFolder> raw = FindRawFolder(source);
+  if (!raw) {
+    throw InputError(source.string() +
+                     ": is a data set of no form that heba knows, nor a folder of pictures with a table "
+                     "of poses (or one file a pose); one of: " +
+                     Join(ImportFormatNames(), ", "));
+  }
+  RefuseToSwallow({}, source, output);
+  std::optional<fs::path> target;
+  if (!FLAGS_target.empty()) target = FLAGS_target;
+  StagedFolder folder(output);
+  const RawConfig made = ConfigOf(*raw, target, folder.staging() / "config.yaml", NumThreads());
+  std::string text;
+  for (const std::string& remark : made.remarks) text += "# " + remark + "\n";
+  WriteFileAtomically(folder.staging() / "config.yaml", text + made.text);
+  folder.Commit();
+  if (FLAGS_quiet) return kDone;
+  std::string report = source.string() + ": " + std::to_string(raw->num_pictures) + " pictures in " +
+                       raw->pictures.string() + ", poses in " + raw->poses.string() + "\n";
+  for (const std::string& remark : made.remarks) report += "remark: " + remark + "\n";
+  std::cout << ForTerminal(report) << "written: " << (output / "config.yaml").string() << std::endl;
+  return kDone;
+}
+
 }  // namespace
 
 int RunCommand_import(const std::vector<std::string>& arguments) {
   if (FLAGS_out.empty()) throw InputError("--out: name the folder for heba's own files");
   const fs::path source = arguments[0];
   const fs::path output = fs::absolute(FLAGS_out).lexically_normal();
+  std::error_code error;
+  if (FLAGS_format.empty() && fs::is_directory(source, error) && FindImportFormat(source) == nullptr) {
+    return ImportRawFolder(source, output);
+  }
+  if (!FLAGS_target.empty()) throw InputError("--target: a data set of a known form says itself what its target is");
   const ImportedSet set = ImportDataSet(source, FLAGS_format);
   const ImportedFiles made = FilesOf(set, output);
   RefuseToSwallow(set, source, output);

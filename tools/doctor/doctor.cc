@@ -50,6 +50,7 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
     for (Symptom& symptom : check.run(&examination)) diagnosis.symptoms.push_back(std::move(symptom));
     examination.found_wrong = diagnosis.NumWrong() > 0;
   }
+  diagnosis.pose_fit = examination.pose_fit;
   std::stable_partition(diagnosis.symptoms.begin(), diagnosis.symptoms.end(), IsWrong);
   return diagnosis;
 }

@@ -1,10 +1,12 @@
 // What is wrong with a data set: every check of checks.def, each on what the ones before it left.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "tools/console.h"
+#include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 #include "tools/run_config.h"
 
@@ -15,6 +17,7 @@ struct Diagnosis {
   int num_seen = 0;  // With a pose of the target.
   // The wrong before the remarks; of the wrong, the one that hides others first.
   std::vector<Symptom> symptoms;
+  std::optional<PoseFit> pose_fit;
   int NumWrong() const;
 };
 

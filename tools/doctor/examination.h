@@ -21,12 +21,21 @@ struct ExaminedView {
   double rms_px = 0;  // Of the first of them.
 };
 
+// A reading of the poses file under which robot and pictures agree best.
+struct PoseFit {
+  PoseFormat format;
+  double misfit_m = 0;  // At the target; 7 of 10 captures have less.
+  std::string misfit;   // "0.1 deg and 0.3 mm"
+};
+
 struct Examination {
   RunConfig config;
   std::vector<CaptureDetection> detections;  // The first check's.
   std::optional<Camera> camera;              // Given, or estimated from the pictures; nothing if neither is to be had.
   std::vector<ExaminedView> views;
   bool found_wrong = false;  // By a check before.
+  // Found by the check of the poses; nothing if the pictures or the motion cannot tell.
+  std::optional<PoseFit> pose_fit;
   int num_threads = 1;
   Verbosity verbosity = Verbosity::kNormal;
 };

@@ -25,14 +25,20 @@ std::vector<std::string> ImportFormatNames() {
   return names;
 }
 
+const ImportFormat* FindImportFormat(const std::filesystem::path& source) {
+  const auto found = std::find_if(ImportFormats().begin(), ImportFormats().end(),
+                                  [&](const ImportFormat& format) { return format.reader.matches(source); });
+  return found == ImportFormats().end() ? nullptr : &*found;
+}
+
 namespace {
 
 ImportedSet FindAndRead(const std::filesystem::path& source, std::string_view name) {
   std::error_code error;
   if (!std::filesystem::exists(source, error)) throw InputError(source.string() + ": no such file or folder");
-  const ImportFormat* format = nullptr;
+  const ImportFormat* format = name.empty() ? FindImportFormat(source) : nullptr;
   for (const ImportFormat& known : ImportFormats()) {
-    if (format == nullptr && (name.empty() ? known.reader.matches(source) : known.name == name)) format = &known;
+    if (known.name == name) format = &known;
   }
   if (format == nullptr) {
     throw InputError(source.string() +

@@ -55,6 +55,9 @@ struct ImportFormat {
 const std::vector<ImportFormat>& ImportFormats();
 std::vector<std::string> ImportFormatNames();
 
+// The first format that takes a file or folder for its own; null if none does.
+const ImportFormat* FindImportFormat(const std::filesystem::path& source);
+
 // Reads a file or folder; `format` is a name of the table, or empty to find it out. InputError if it is of no known
 // form, is faulty, or holds no captures.
 ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view format);

@@ -59,9 +59,20 @@ class LineReader {
 std::vector<std::string> Fields(const Line& line, char separator) {
   std::vector<std::string> fields;
   const std::string_view text = line.text;
+  const auto is_blank = [](char c) { return c == ' ' || c == '\t'; };
   size_t i = 0;
+  if (separator == ' ') {
+    // Any number of them is one separator.
+    while (i < text.size()) {
+      while (i < text.size() && is_blank(text[i])) ++i;
+      const size_t end = std::min(text.find_first_of(" \t", i), text.size());
+      if (end > i) fields.emplace_back(text.substr(i, end - i));
+      i = end;
+    }
+    return fields;
+  }
   while (true) {
-    while (i < text.size() && text[i] != separator && (text[i] == ' ' || text[i] == '\t')) ++i;
+    while (i < text.size() && text[i] != separator && is_blank(text[i])) ++i;
     if (i < text.size() && text[i] == '"') {
       std::string field;
       bool closed = false;
@@ -92,15 +103,25 @@ std::vector<std::string> Fields(const Line& line, char separator) {
   }
 }
 
-// The one that the header has most of.
-char FindSeparator(std::string_view header) {
+// The one that the first line has most of; a blank if it has none, or tabs among blanks that make too few fields.
+char FindSeparator(const Line& first, size_t num_numbers) {
+  const std::string_view text = first.text;
   char best = ',';
   for (const char separator : {';', '\t'}) {
-    if (std::count(header.begin(), header.end(), separator) > std::count(header.begin(), header.end(), best)) {
-      best = separator;
-    }
+    if (std::count(text.begin(), text.end(), separator) > std::count(text.begin(), text.end(), best)) best = separator;
   }
+  const bool has_any = text.find(best) != std::string_view::npos;
+  if (!has_any || (best == '\t' && Fields(first, best).size() < num_numbers)) return ' ';
   return best;
+}
+
+bool HasHeader(const std::vector<std::string>& first) {
+  const auto is_number = [](const std::string& name) {
+    double number = 0;
+    return ParseDouble(name, &number);
+  };
+  constexpr int kNumbersOfAPlace = 3;
+  return std::count_if(first.begin(), first.end(), is_number) < kNumbersOfAPlace;
 }
 
 // Which format of the table has exactly these columns, as a hint.
@@ -127,23 +148,33 @@ struct Header {
   std::optional<size_t> role;
 };
 
+// The columns of a file without a header.
+Header HeaderOf(const PoseFormat& format) {
+  Header header;
+  header.names = format.file_columns;
+  const auto place_of = [&](std::string_view name) -> std::optional<size_t> {
+    const auto found = std::find(header.names.begin(), header.names.end(), name);
+    if (found == header.names.end()) return std::nullopt;
+    return static_cast<size_t>(found - header.names.begin());
+  };
+  for (const std::string& column : format.columns) header.numbers.push_back(*place_of(column));
+  header.image = place_of(kImageColumn);
+  header.role = place_of(kRoleColumn);
+  return header;
+}
+
 Header ReadHeader(const Line& line, char separator, const PoseFormat& format) {
   Header header;
   header.names = Fields(line, separator);
-  const auto is_number = [](const std::string& name) {
-    double number = 0;
-    return ParseDouble(name, &number);
-  };
-  if (std::count_if(header.names.begin(), header.names.end(), is_number) >= 3) {
-    line.Fail("the first line must name the columns: image, " + Join(format.columns, ", "));
-  }
   std::vector<std::string> known = format.columns;
-  known.insert(known.end(), {"image", "role"});
+  known.insert(known.end(), {std::string(kImageColumn), std::string(kRoleColumn)});
   std::map<std::string, size_t> places;
   for (size_t i = 0; i < header.names.size(); ++i) {
     const std::string& name = header.names[i];
     if (name.empty()) line.Fail("column " + std::to_string(i + 1) + " has no name");
     if (std::find(known.begin(), known.end(), name) == known.end()) {
+      const std::vector<std::string>& own = format.file_columns;
+      if (std::find(own.begin(), own.end(), kNoColumn) != own.end()) continue;
       const std::string other = OtherFormat(header.names);
       line.Fail("unknown column " + Quoted(name) + (other.empty() ? DidYouMean(name, known) : other) +
                 "; needed: " + Join(format.columns, ", ") + "; possible: image, role");
@@ -184,6 +215,17 @@ std::string Field(const std::string& text) {
 
 }  // namespace
 
+std::string WithoutBrackets(std::string_view line) {
+  std::string bare(line);
+  for (size_t i = 0; i < bare.size(); ++i) {
+    if (bare[i] == 'p' && i + 1 < bare.size() && bare[i + 1] == '[') bare[i] = ' ';
+  }
+  std::replace_if(
+      bare.begin(), bare.end(), [](char c) { return std::string_view("[](){}").find(c) != std::string_view::npos; },
+      ' ');
+  return bare;
+}
+
 std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format) {
   if (text.find('\0') != std::string::npos) {
     throw InputError(name.string() + ": is not a text file in UTF-8; save it as CSV in UTF-8");
@@ -191,19 +233,32 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
   LineReader lines(text, name);
   const std::optional<Line> first = lines.Next();
   if (!first) throw InputError(name.string() + ": is empty; a header line and a line a capture are needed");
-  const char separator = FindSeparator(first->text);
-  const Header header = ReadHeader(*first, separator, format);
+  std::string bare = WithoutBrackets(first->text);
+  const Line bare_first{bare, first->number, &name};
+  const char bare_separator = FindSeparator(bare_first, format.columns.size());
+  const bool has_header = HasHeader(Fields(bare_first, bare_separator));
+  if (!has_header && format.file_columns.empty()) {
+    first->Fail("the first line must name the columns: image, " + Join(format.columns, ", ") +
+                "; for a file without such a line say what they are (pose_format: {columns: [...], ...})");
+  }
+  const char separator = has_header ? FindSeparator(*first, format.columns.size()) : bare_separator;
+  const Header header = has_header ? ReadHeader(*first, separator, format) : HeaderOf(format);
 
   std::vector<PoseRow> rows;
   std::map<std::string, int> line_of_image;
   std::vector<double> numbers(format.columns.size());
   const std::vector<std::string> roles(std::begin(kCaptureRoles), std::end(kCaptureRoles));
-  while (const std::optional<Line> line = lines.Next()) {
+  for (std::optional<Line> line = has_header ? lines.Next() : first; line; line = lines.Next()) {
+    if (!has_header) {
+      bare = WithoutBrackets(line->text);
+      line->text = bare;
+    }
     if (rows.size() == kMaxRows) line->Fail("more than " + std::to_string(kMaxRows) + " captures");
     const std::vector<std::string> fields = Fields(*line, separator);
     if (fields.size() != header.names.size()) {
-      line->Fail(std::to_string(fields.size()) + " fields, but the header names " +
-                 std::to_string(header.names.size()) + " columns");
+      line->Fail(std::to_string(fields.size()) + " fields, but " +
+                 (has_header ? "the header names " : "pose_format has ") + std::to_string(header.names.size()) +
+                 " columns");
     }
     PoseRow row;
     row.line = line->number;

@@ -203,11 +203,12 @@ PoseFormat ReadPoseFormat(const ConfigValue& value) {
   const ConfigValue columns = reader.Get("columns");
   for (const ConfigValue& column : columns.AsList()) {
     const std::string name = column.AsText();
-    if (name == "image" || name == "role") column.Fail("'" + name + "' is not a number of the pose; leave it out");
-    if (std::find(format.columns.begin(), format.columns.end(), name) != format.columns.end()) {
+    const std::vector<std::string>& known = format.file_columns;
+    if (name != kNoColumn && std::find(known.begin(), known.end(), name) != known.end()) {
       column.Fail("'" + name + "' stands here twice");
     }
-    format.columns.push_back(name);
+    format.file_columns.push_back(name);
+    if (name != kNoColumn && name != kImageColumn && name != kRoleColumn) format.columns.push_back(name);
   }
   format.translation_unit = reader.Choice("translation", {"m", "cm", "mm", "in"});
   format.rotation = reader.Choice("rotation", PoseRotationNames());
@@ -220,7 +221,7 @@ PoseFormat ReadPoseFormat(const ConfigValue& value) {
   reader.Finish();
   const bool whole_matrix = form.kind == RotationKind::kMatrix && format.columns.size() == 16;
   if (!whole_matrix && static_cast<int>(format.columns.size()) != 3 + form.num_numbers) {
-    columns.Fail(std::to_string(format.columns.size()) + " columns; " + format.rotation + " needs " +
+    columns.Fail(std::to_string(format.columns.size()) + " columns of numbers; " + format.rotation + " needs " +
                  std::to_string(3 + form.num_numbers) + ": x, y, z and " + std::to_string(form.num_numbers) +
                  " of the rotation" + (form.kind == RotationKind::kMatrix ? ", or the 16 of the 4 x 4 matrix" : ""));
   }
@@ -276,11 +277,26 @@ std::vector<PoseFormat> FormatsOfSameColumns(const PoseFormat& format) {
 YAML::Node PoseFormatNode(const PoseFormat& format) {
   if (!format.name.empty()) return YAML::Node(format.name);
   YAML::Node node(YAML::NodeType::Map);
-  for (const std::string& column : format.columns) node["columns"].push_back(column);
+  for (const std::string& column : format.file_columns.empty() ? format.columns : format.file_columns) {
+    node["columns"].push_back(column);
+  }
   node["translation"] = format.translation_unit;
   node["rotation"] = format.rotation;
   if (!format.angle_unit.empty()) node["angle"] = format.angle_unit;
   return node;
+}
+
+std::string PoseFormatText(const PoseFormat& format) {
+  for (const PoseFormat& known : PoseFormats()) {
+    if (format.file_columns.empty() && known.columns == format.columns &&
+        known.translation_unit == format.translation_unit && known.rotation == format.rotation &&
+        known.angle_unit == format.angle_unit) {
+      return known.name;
+    }
+  }
+  return "{columns: [" + Join(format.file_columns.empty() ? format.columns : format.file_columns, ", ") +
+         "], translation: " + format.translation_unit + ", rotation: " + format.rotation +
+         (format.angle_unit.empty() ? "" : ", angle: " + format.angle_unit) + "}";
 }
 
 Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const double> numbers) {

@@ -14,6 +14,11 @@
 
 namespace heba {
 
+// Columns of a poses file that are no numbers of the pose, and the mark of one that is passed over.
+inline constexpr std::string_view kImageColumn = "image";
+inline constexpr std::string_view kRoleColumn = "role";
+inline constexpr std::string_view kNoColumn = "-";
+
 struct PoseFormat {
   std::string name;  // Of pose_formats.def; empty for a user's own.
   // The file's columns in the order of the numbers: x, y, z, then the rotation's. For the rotation `matrix` either
@@ -25,6 +30,9 @@ struct PoseFormat {
   std::string robot = {};  // Not empty: the columns are this arm's joints (ur_robots.def or a URDF's), base first.
   std::shared_ptr<const UrdfArm> arm = nullptr;  // Of a URDF.
   std::string controller_form = {};              // How the controller writes a pose (pose_formats.def); may be empty.
+  // Of a user's own: the columns of a file without a header, in its order: those of `columns`, image and role, and -
+  // for one that means nothing here.
+  std::vector<std::string> file_columns = {};
 };
 
 // In the order of pose_formats.def.
@@ -45,7 +53,8 @@ PoseFormat JointFormat(const std::string& robot, const std::string& angle_unit);
 // messages and configs call it.
 PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> arm, const std::string& angle_unit);
 
-// A name, or a mapping {columns: [...], translation: mm, rotation: euler_zyx, angle: deg}.
+// A name, or a mapping {columns: [...], translation: mm, rotation: euler_zyx, angle: deg}. The columns may hold image
+// and role where they stand in a file without a header, and - for a column that means nothing.
 PoseFormat ReadPoseFormat(const ConfigValue& value);
 // `format` with the unit of translations that `units` names. InputError unless it is the format `matrix`, the only one
 // that robots write in either.
@@ -55,6 +64,8 @@ PoseFormat WithUnits(const PoseFormat& format, const ConfigValue& units);
 std::vector<PoseFormat> FormatsOfSameColumns(const PoseFormat& format);
 // Reads back as the same format (but for the units of `matrix`).
 YAML::Node PoseFormatNode(const PoseFormat& format);
+// What a config says for this format, on one line: the name of one of the table, or else a mapping.
+std::string PoseFormatText(const PoseFormat& format);
 
 // The pose, of the frames that the file has. `numbers` are as many as the columns. A Failure if a number is not finite
 // or absurd, a quaternion is not of length 1, or a matrix is not a rotation; a quaternion or matrix that was rounded to

@@ -190,17 +190,6 @@ std::optional<JudgedReading> Judge(const Examination& examination, const Reading
   return judged;
 }
 
-std::string FormatText(const PoseFormat& format) {
-  for (const PoseFormat& known : PoseFormats()) {
-    if (known.columns == format.columns && known.translation_unit == format.translation_unit &&
-        known.rotation == format.rotation && known.angle_unit == format.angle_unit) {
-      return known.name;
-    }
-  }
-  return "{columns: [" + Join(format.columns, ", ") + "], translation: " + format.translation_unit +
-         ", rotation: " + format.rotation + (format.angle_unit.empty() ? "" : ", angle: " + format.angle_unit) + "}";
-}
-
 std::string RotationText(const PoseFormat& format) {
   if (!format.robot.empty()) return "joints of " + format.robot + " in " + format.angle_unit;
   return format.rotation + (format.angle_unit.empty() ? "" : " in " + format.angle_unit);
@@ -256,7 +245,7 @@ Symptom Describe(const Examination& examination, const JudgedReading& best, cons
   }
   if (other_rotation || other_angle || other_unit) {
     cures.push_back(format.robot.empty()
-                        ? "set captures.pose_format: " + FormatText(format)
+                        ? "set captures.pose_format: " + PoseFormatText(format)
                         : "set captures.robot: " + format.robot + ", captures.joint_angles: " + format.angle_unit);
   }
   if (reading.direction == Direction::kInverse) {
@@ -319,6 +308,7 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   if (RadToDeg(seen_motion.rotation_rms_rad[0]) < kNoTurnDeg) return {};
   const bool is_scale_only = !WhyNotObservable(seen_motion).empty();
   const PoseFormat& format_now = examination->config.pose_reading.format;
+  examination->pose_fit = PoseFit{format_now, now->typical_misfit_m, MisfitText(*now)};
   const auto is_tellable = [&](const Reading& reading) {
     return !is_scale_only ||
            (reading.direction == Direction::kAsRead && reading.pairing.empty() &&
@@ -358,6 +348,10 @@ std::vector<Symptom> Check_poses(Examination* examination) {
       }
     }
     const Symptom symptom = Describe(*examination, *best, *now, alike);
+    if (best->reading.direction == Direction::kAsRead && best->reading.pairing.empty()) {
+      examination->pose_fit = PoseFit{best->reading.format, misfit_m(*best), MisfitText(best->consistency)};
+      examination->pose_fit->format.translation_unit = best->unit;
+    }
     Apply(*best, examination);
     return {symptom};
   }

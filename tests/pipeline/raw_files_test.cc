@@ -1,0 +1,203 @@
+// What a user has after a session, read as it is: pictures, and poses in a file that nobody has described.
+#include <algorithm>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "heba/base/text.h"
+#include "heba/io/pose_file.h"
+#include "tests/pipeline/cli.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr const char* kScene =
+    "setup: eye_to_hand\n"
+    "target: {type: chessboard, rows: 5, columns: 7, square: 20 mm}\n"
+    "camera: {model: brown5, image_size: [640, 480], fx: 700, fy: 700, cx: 320, cy: 240, distortion: [0, 0, 0, 0, 0]}\n"
+    "hand_eye: {translation: [820 mm, -140 mm, 610 mm], rpy: [-118 deg, 4 deg, 62 deg]}\n"
+    "board: {translation: [-70 mm, -60 mm, 95 mm], rpy: [3 deg, -2 deg, 15 deg]}\n"
+    "motion: {captures: 10, distance: 420 mm, tilt: 35 deg, spin: 60 deg, spread: 0.3}\n"
+    "image: {noise: 2 grey}\n";
+
+// Pictures of one data set, and its poses, in forms that the tests choose.
+class RawFilesTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    root_ = new fs::path(TestFolder("raw_files"));
+    WriteAll(*root_ / "scene.yaml", kScene);
+    const CommandResult made =
+        RunHeba({"simulate", (*root_ / "scene.yaml").string(), "--out", (*root_ / "data").string(), "--quiet"});
+    ASSERT_EQ(made.status, 0) << made.err;
+  }
+  static void TearDownTestSuite() { delete root_; }
+
+  void SetUp() override {
+    folder_ = *root_ / testing::UnitTest::GetInstance()->current_test_info()->name();
+    fs::copy(*root_ / "data", folder_, fs::copy_options::recursive);
+    rows_ = ReadPoseFile(folder_ / "poses.csv", *FindPoseFormat("ros"));
+  }
+
+  // The numbers of the captures' poses in a format, a line each.
+  std::string Lines(const std::string& format, const std::string& separator) const {
+    std::string text;
+    for (const PoseRow& row : rows_) {
+      std::vector<std::string> fields;
+      for (const double number : NumbersFromPose(*FindPoseFormat(format), row.pose))
+        fields.push_back(RoundTrip(number));
+      text += Join(fields, separator) + "\n";
+    }
+    return text;
+  }
+
+  CommandResult Heba(std::vector<std::string> arguments) const {
+    return RunHeba(arguments, "HEBA_CACHE=" + (*root_ / "cache").string());
+  }
+  Json Run(const std::vector<std::string>& settings) const {
+    std::vector<std::string> arguments = {"run",
+                                          (folder_ / "config.yaml").string(),
+                                          "--quiet",
+                                          "--out",
+                                          (folder_ / "run").string(),
+                                          "--set",
+                                          "evaluate.folds=0"};
+    for (const std::string& setting : settings) arguments.insert(arguments.end(), {"--set", setting});
+    const CommandResult run = Heba(arguments);
+    EXPECT_EQ(run.status, 0) << run.err;
+    return run.status == 0 ? Json::parse(ReadAll(folder_ / "run" / "result.json")) : Json();
+  }
+  std::string Setting(const std::string& name) const { return "captures.poses=" + (folder_ / name).string(); }
+
+  static inline fs::path* root_ = nullptr;
+  fs::path folder_;
+  std::vector<PoseRow> rows_;
+};
+
+std::vector<std::string> UnusedOf(const Json& result) {
+  std::vector<std::string> unused;
+  for (const Json& capture : result["captures"]) {
+    if (!capture["used"])
+      unused.push_back(capture["image"].get<std::string>() + ": " + capture["reason"].get<std::string>());
+  }
+  return unused;
+}
+
+TEST_F(RawFilesTest, PosesWithoutAHeaderAndInAFolderGiveTheSameResult) {
+  const Json wanted = Run({})["estimates"].back()["hand_eye"];
+  WriteAll(folder_ / "bare.txt", Lines("ros", "  "));
+  EXPECT_EQ(
+      Run({Setting("bare.txt"),
+           "captures.pose_format={columns: [x, y, z, qx, qy, qz, qw], translation: m, rotation: quaternion_xyzw}"})
+          ["estimates"]
+              .back()["hand_eye"],
+      wanted);
+  fs::create_directory(folder_ / "one_each");
+  const std::vector<std::string> lines = Split(Lines("ros", ", "), '\n');
+  for (size_t i = 0; i < rows_.size(); ++i) {
+    const std::string name = "pose_" + std::to_string(i);
+    if (i % 2 == 0) WriteAll(folder_ / "one_each" / (name + ".txt"), lines[i]);
+    if (i % 2 == 1) WriteAll(folder_ / "one_each" / (name + ".json"), "{\"pose\": [" + lines[i] + "]}");
+  }
+  EXPECT_EQ(Run({Setting("one_each")})["estimates"].back()["hand_eye"], wanted);
+  // The numbers pair files and pictures, also where one is gone.
+  fs::remove(folder_ / "images" / "003.png");
+  fs::remove(folder_ / "one_each" / "pose_4.txt");
+  const Json result = Run({Setting("one_each")});
+  EXPECT_THAT(UnusedOf(result),
+              testing::UnorderedElementsAre("pose_3: the picture is not among those of captures.images",
+                                            "004.png: the robot's pose is not in the poses file"));
+}
+
+TEST_F(RawFilesTest, APictureThatWasRemovedIsSkippedWithANote) {
+  fs::remove(folder_ / "images" / "007.png");
+  EXPECT_THAT(UnusedOf(Run({})), testing::ElementsAre("007.png: the picture is not among those of captures.images"));
+  EXPECT_THAT(ReadAll(folder_ / "run" / "log.txt"), HasSubstr("without 007.png: the picture is not among those"));
+}
+
+// A name that is spelt otherwise is a mistake, and only a picture without a pose may be meant.
+TEST_F(RawFilesTest, AMisspeltPictureIsAnError) {
+  std::string poses = ReadAll(folder_ / "poses.csv");
+  poses.replace(poses.find("003.png"), 7, "03.png");
+  WriteAll(folder_ / "poses.csv", poses);
+  const CommandResult run = Heba({"run", (folder_ / "config.yaml").string(), "--out", (folder_ / "run").string()});
+  EXPECT_EQ(run.status, 2);
+  EXPECT_THAT(run.err,
+              AllOf(HasSubstr("poses.csv:5: the picture 03.png is not among"), HasSubstr("did you mean '003.png'?")));
+}
+
+TEST_F(RawFilesTest, ExcludedCapturesAreLeftOut) {
+  EXPECT_THAT(UnusedOf(Run({"captures.exclude=[002.png, 005.png]"})),
+              testing::ElementsAre("002.png: left out by captures.exclude", "005.png: left out by captures.exclude"));
+  EXPECT_THAT(ReadAll(folder_ / "run" / "config.yaml"), HasSubstr("exclude"));
+  const CommandResult wrong = Heba({"run", (folder_ / "config.yaml").string(), "--set", "captures.exclude=[02.png]"});
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("there is no capture '02.png'; did you mean"));
+}
+
+// What the doctor says to set is what the numbers are.
+TEST_F(RawFilesTest, TheDoctorGuessesPosesThatNobodyDescribed) {
+  struct Case {
+    std::string format;
+    std::string reading;
+  };
+  for (const Case& given : {Case{"kuka", "translation: mm, rotation: euler_zyx, angle: deg}"},
+                            {"staubli", "translation: mm, rotation: euler_xyz, angle: deg}"},
+                            {"ur", "translation: m, rotation: rotation_vector, angle: rad}"},
+                            {"abb", "translation: mm, rotation: quaternion_wxyz}"},
+                            {"matrix", "translation: m, rotation: matrix}"}}) {
+    WriteAll(folder_ / "bare.txt", Lines(given.format, " "));
+    const CommandResult doctor =
+        Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set", Setting("bare.txt")});
+    EXPECT_EQ(doctor.status, 0) << doctor.err;
+    EXPECT_THAT(doctor.out,
+                AllOf(HasSubstr("wrong [pose_format]"), HasSubstr("fit the pictures"), HasSubstr(given.reading)))
+        << given.format;
+    // The cure cures.
+    const size_t begin = doctor.out.find("captures.pose_format: ") + 22;
+    const std::string cure = doctor.out.substr(begin, doctor.out.find('\n', begin) - begin);
+    const CommandResult again = Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set",
+                                      Setting("bare.txt"), "--set", "captures.pose_format=" + cure});
+    EXPECT_THAT(again.out, HasSubstr("nothing is wrong")) << again.err << cure;
+  }
+  // A fault that no reading mends stays one.
+  WriteAll(folder_ / "bare.txt", "1 2 3\n4 5 6\n7 8 9\n");
+  const CommandResult hopeless =
+      Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set", Setting("bare.txt")});
+  EXPECT_EQ(hopeless.status, 2);
+  EXPECT_THAT(hopeless.err, HasSubstr("the first line must name the columns"));
+}
+
+TEST_F(RawFilesTest, ImportReadsABareFolder) {
+  const fs::path bare = folder_ / "bare";
+  fs::create_directory(bare);
+  fs::rename(folder_ / "images", bare / "photos");
+  WriteAll(bare / "robot.txt", Lines("staubli", ";"));
+  const fs::path out = folder_ / "imported";
+  // Without a target the numbers' sizes are all that there is.
+  const CommandResult unknown = Heba({"import", bare.string(), "--out", out.string()});
+  EXPECT_EQ(unknown.status, 0) << unknown.err;
+  EXPECT_THAT(unknown.out, HasSubstr("by their sizes alone"));
+  EXPECT_THAT(ReadAll(out / "config.yaml"), AllOf(HasSubstr("# setup:"), HasSubstr("# target:")));
+  const CommandResult known = Heba(
+      {"import", bare.string(), "--target", (folder_ / "target.yaml").string(), "--out", (folder_ / "known").string()});
+  EXPECT_EQ(known.status, 0) << known.err;
+  EXPECT_THAT(
+      ReadAll(folder_ / "known" / "config.yaml"),
+      AllOf(HasSubstr("setup: eye_to_hand"), HasSubstr("rotation: euler_xyz, angle: deg}"), Not(HasSubstr("# setup"))));
+  const CommandResult run = Heba({"run", (folder_ / "known" / "config.yaml").string(), "--quiet"});
+  EXPECT_EQ(run.status, 0) << run.err;
+  // Nothing of a folder without poses.
+  fs::remove(bare / "robot.txt");
+  const CommandResult nothing = Heba({"import", bare.string(), "--out", (folder_ / "nothing").string()});
+  EXPECT_EQ(nothing.status, 2);
+  EXPECT_THAT(nothing.err, HasSubstr("nor a folder of pictures with a table of poses"));
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,153 @@
+#include "tools/raw_folder.h"
+
+#include <algorithm>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/data/setup.h"
+#include "heba/io/camera_file.h"
+#include "heba/io/export.h"
+#include "heba/io/import_text.h"
+#include "heba/io/pose_source.h"
+#include "targets/target.h"
+#include "tools/pose_guess.h"
+#include "tools/run_config.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+// Of a folder, by name.
+std::vector<fs::path> EntriesOf(const fs::path& folder) {
+  std::vector<fs::path> entries;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) entries.push_back(entry.path());
+  std::sort(entries.begin(), entries.end());
+  return entries;
+}
+
+bool Reads(const fs::path& file, void (*read)(const fs::path& file)) {
+  try {
+    read(file);
+    return true;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+bool IsCamera(const fs::path& file) {
+  return Reads(file, [](const fs::path& path) { ReadCameraFile(path); });
+}
+
+bool IsTarget(const fs::path& file) {
+  return Reads(file, [](const fs::path& path) {
+    MapReader reader(ReadYamlFile(path));
+    CreateTarget(reader);
+  });
+}
+
+// A config that leaves out what is not known.
+std::string ConfigText(const RawFolder& raw, const std::optional<fs::path>& target, const PoseFormat& format,
+                       const std::optional<Setup>& setup, const fs::path& config) {
+  const auto path = [&](const fs::path& file) {
+    return QuotedForYaml(
+        fs::weakly_canonical(file).lexically_proximate(fs::weakly_canonical(config.parent_path())).string());
+  };
+  std::string text = setup ? "setup: " + std::string(SetupName(*setup)) + "\n"
+                           : "# setup: eye_to_hand (camera fixed) or eye_in_hand (camera on the gripper)\n";
+  text += target ? "target: " + path(*target) + "\n" : "# target: ...: what is in the pictures\n";
+  if (raw.camera) text += "camera:\n  intrinsics: " + path(*raw.camera) + "\n";
+  return text + "captures:\n  images: " + path(raw.pictures) + "\n  poses: " + path(raw.poses) +
+         "\n  pose_format: " + PoseFormatText(format) + "\n";
+}
+
+struct Trial {
+  Setup setup = Setup::kEyeToHand;
+  PoseFormat format;
+  double misfit_m = 0;
+  std::string misfit;
+};
+
+std::string TrialInWords(const Trial& trial) {
+  return std::string(SetupName(trial.setup)) + ": robot and pictures differ by " + trial.misfit;
+}
+
+}  // namespace
+
+std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
+  RawFolder raw;
+  std::vector<fs::path> folders = {folder};
+  std::error_code error;
+  for (const fs::path& entry : EntriesOf(folder)) {
+    if (fs::is_directory(entry, error)) folders.push_back(entry);
+  }
+  for (const fs::path& candidate : folders) {
+    const size_t count = PicturesOf(candidate).size();
+    if (count > raw.num_pictures) {
+      raw.pictures = candidate;
+      raw.num_pictures = count;
+    }
+  }
+  if (raw.num_pictures == 0) return std::nullopt;
+  // A table counts more than files of one pose each.
+  std::vector<fs::path> sources;
+  for (const fs::path& place : {folder, raw.pictures}) {
+    for (const fs::path& entry : EntriesOf(place)) {
+      if (!fs::is_regular_file(entry, error) || HasImageSuffix(entry)) continue;
+      sources.push_back(entry);
+      if (!raw.camera && IsCamera(entry)) raw.camera = entry;
+      if (!raw.target && IsTarget(entry)) raw.target = entry;
+    }
+  }
+  for (const fs::path& candidate : folders) {
+    if (PoseFilesOf(candidate).size() > 2) sources.push_back(candidate);
+  }
+  for (const fs::path& source : sources) {
+    if (source == raw.camera || source == raw.target) continue;
+    if (const std::optional<PoseFormat> format = GuessPoseFormat(source)) {
+      raw.poses = source;
+      raw.format = *format;
+      return raw;
+    }
+  }
+  return std::nullopt;
+}
+
+RawConfig ConfigOf(const RawFolder& raw, const std::optional<fs::path>& asked_target, const fs::path& config,
+                   int num_threads) {
+  const std::optional<fs::path> target = asked_target ? asked_target : raw.target;
+  RawConfig made;
+  std::vector<Trial> trials;
+  for (const Setup setup : {Setup::kEyeToHand, Setup::kEyeInHand}) {
+    if (!target) break;
+    WriteFileAtomically(config, ConfigText(raw, target, raw.format, setup, config));
+    const std::optional<GuessedReading> reading = GuessReading(config, {}, num_threads, Verbosity::kQuiet);
+    if (!reading || !reading->fits) continue;
+    const PoseFit& fit = *reading->diagnosis.pose_fit;
+    trials.push_back({setup, reading->format, fit.misfit_m, fit.misfit});
+  }
+  std::sort(trials.begin(), trials.end(), [](const Trial& a, const Trial& b) { return a.misfit_m < b.misfit_m; });
+  std::optional<Setup> setup;
+  PoseFormat format = raw.format;
+  if (trials.empty()) {
+    made.remarks.push_back("the poses hold " + ReadingInWords(raw.format) + ", by their sizes alone: " +
+                           (target
+                                ? "no reading of them fits the pictures; 'heba doctor' on the config says more"
+                                : "name the target (--target FILE, or in the config) and 'heba doctor' on the config "
+                                  "tries every reading on the pictures"));
+  } else {
+    setup = trials.front().setup;
+    format = trials.front().format;
+    made.remarks.push_back("the poses hold " + ReadingInWords(format) + ", which fit the pictures; " +
+                           TrialInWords(trials.front()) +
+                           (trials.size() > 1 ? ", and " + TrialInWords(trials.back()) : ""));
+    made.remarks.emplace_back(
+        "poses are taken for those of the gripper in the base; if they are the inverse, the set-up is the other one");
+  }
+  made.text = ConfigText(raw, target, format, setup, config);
+  return made;
+}
+
+}  // namespace heba
