@@ -118,13 +118,9 @@ std::vector<Seed> SeedsOf(const std::vector<MethodResult>& results, const std::s
 }
 
 std::vector<MethodResult> Reported(const std::vector<MethodResult>& results, const std::vector<std::string>& names) {
+  // Those that do not suit the motion say why.
+  if (names.empty()) return results;
   std::vector<MethodResult> reported;
-  if (names.empty()) {
-    for (const MethodResult& result : results) {
-      const bool suits = FindHandEyeMethod(result.method)->motion == MethodMotion::kAny || result.hand_eye.ok();
-      if (suits) reported.push_back(result);
-    }
-  }
   for (const std::string& name : names) {
     const MethodResult* result = FindResult(results, name);
     CHECK(result != nullptr) << name;

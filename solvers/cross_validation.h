@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "solvers/calibration.h"
@@ -17,6 +18,8 @@ struct HoldOut {
   // How far the target was from where it was predicted, by its picture's own pose: root mean squares over captures.
   std::optional<double> target_m;
   std::optional<double> target_rad;
+  // The same of each capture that was held out, by its view's name.
+  std::vector<std::pair<std::string, double>> target_m_of_view;
   // Of a refinement of reprojection errors: the held-out pixels' squares in the metric of all that may move them (pixel
   // noise, the robot's if it is modelled, the estimate's own uncertainty), per degree of freedom. About 1 if the model
   // is right; with the robot's noise in it, this and not rms_px says which model predicts better.

@@ -10,8 +10,9 @@
 
 namespace heba {
 
-CaptureDetection DetectCapture(const Target& target, const std::filesystem::path& image) {
-  const cv::Mat grey = ReadGreyImage(image);
+CaptureDetection DetectCapture(const Target& target, const std::filesystem::path& image,
+                               const std::optional<PictureSize>& expected) {
+  const cv::Mat grey = ReadGreyImage(image, expected);
   // OpenCV's finders draw random numbers: each picture has its own.
   cv::theRNG() = cv::RNG(1);
   constexpr int kSmallWidthPx = 640;

@@ -10,6 +10,7 @@
 
 #include "heba/camera/camera.h"
 #include "heba/data/problem.h"
+#include "targets/image.h"
 #include "targets/target.h"
 
 namespace heba {
@@ -25,8 +26,10 @@ struct CaptureDetection {
   std::string image_digest = {};
 };
 
-// What is found in one picture, whatever was searched before. InputError if it cannot be read.
-CaptureDetection DetectCapture(const Target& target, const std::filesystem::path& image);
+// What is found in one picture, whatever was searched before. InputError if it cannot be read or is of another size
+// than `expected`.
+CaptureDetection DetectCapture(const Target& target, const std::filesystem::path& image,
+                               const std::optional<PictureSize>& expected = std::nullopt);
 
 // Where a camera sees a point of the target, as detectors measure it: a disc by the centroid of its image. Nothing if
 // it has no image.

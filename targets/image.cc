@@ -13,6 +13,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "heba/base/text.h"
 #include "targets/image_codecs.h"
 #include "targets/picture_format.h"
 
@@ -21,9 +22,23 @@ namespace {
 
 constexpr size_t kMaxImageBytes = size_t{1} << 30;
 
+std::string SizeText(double width_px, double height_px) {
+  return Significant(width_px, 9) + " x " + Significant(height_px, 9);
+}
+
 }  // namespace
 
-cv::Mat ReadGreyImage(const std::filesystem::path& path) {
+std::optional<PictureSize> ReadPictureSize(const std::filesystem::path& path) {
+  const std::optional<PictureHeader> header = ReadPictureHeader(ReadTextFile(path, kMaxImageBytes));
+  constexpr double kMostPx = 1e6;
+  if (!header || !(header->width_px >= 1 && header->height_px >= 1) || header->width_px > kMostPx ||
+      header->height_px > kMostPx) {
+    return std::nullopt;
+  }
+  return PictureSize{static_cast<int>(header->width_px), static_cast<int>(header->height_px)};
+}
+
+cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<PictureSize>& expected) {
   const std::string bytes = ReadTextFile(path, kMaxImageBytes);
   if (bytes.empty()) throw InputError(path.string() + ": is empty; a picture is needed");
   const std::optional<PictureHeader> header = ReadPictureHeader(bytes);
@@ -32,9 +47,17 @@ cv::Mat ReadGreyImage(const std::filesystem::path& path) {
   }
   if (header->is_cut_short) throw InputError(path.string() + ": the picture is cut short; copy it again");
   constexpr double kMaxPixels = 4e8;
-  if (header->num_pixels > kMaxPixels) {
+  if (!(header->width_px >= 1 && header->height_px >= 1)) {
+    throw InputError(path.string() + ": is not a picture that can be read: its header does not say how large it is");
+  }
+  if (header->width_px * header->height_px > kMaxPixels) {
     throw InputError(path.string() +
                      ": claims to have more than 400 million pixels; no camera that heba knows of does");
+  }
+  if (expected && (header->width_px != expected->width_px || header->height_px != expected->height_px)) {
+    throw InputError(path.string() + ": is " + SizeText(header->width_px, header->height_px) + " px, not " +
+                     SizeText(expected->width_px, expected->height_px) +
+                     " px as the first picture; all pictures must come from one camera at one resolution");
   }
   cv::Mat image;
   try {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include <Eigen/Core>
@@ -14,7 +15,15 @@ namespace heba {
 // scaled so that the brightest pixel is 255). The file's pixels as they are: a rotation in its metadata is not applied,
 // since a camera's model belongs to the sensor. InputError if the file is missing, cut short, no picture, or of another
 // depth.
-cv::Mat ReadGreyImage(const std::filesystem::path& path);
+// Its size is looked at first: with `expected` one of another size is an InputError before it is decoded.
+struct PictureSize {
+  int width_px = 0;
+  int height_px = 0;
+  bool operator==(const PictureSize& other) const = default;
+};
+cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<PictureSize>& expected = std::nullopt);
+// What the file's header says; nothing if that cannot be told. InputError if the file cannot be read.
+std::optional<PictureSize> ReadPictureSize(const std::filesystem::path& path);
 
 // Writes a picture whole or not at all; the format follows the suffix. InputError if it cannot be written.
 void WriteImage(const std::filesystem::path& path, const cv::Mat& image);

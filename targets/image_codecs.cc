@@ -2,6 +2,8 @@
 
 #include <dlfcn.h>
 
+#include <cstdio>
+#include <mutex>
 #include <stdexcept>
 #include <type_traits>
 
@@ -57,9 +59,49 @@ std::vector<unsigned char> Encoded(const std::string& suffix, const cv::Mat& ima
   return bytes;
 }
 
+// While one lives, what C libraries write to `stderr` goes nowhere: the libraries of PNG and JPEG print warnings of
+// their own there, which are none of the user's business or are said again by whoever decodes. heba's own lines go to
+// std::cerr, which has the file by another way.
+class WithoutLibrariesWarnings {
+ public:
+  WithoutLibrariesWarnings() {
+    const std::lock_guard<std::mutex> lock(Mutex());
+    if (Count()++ > 0) return;
+    static FILE* const nowhere = std::fopen("/dev/null", "w");
+    if (nowhere == nullptr) return;
+    Kept() = stderr;
+    stderr = nowhere;
+  }
+  ~WithoutLibrariesWarnings() {
+    const std::lock_guard<std::mutex> lock(Mutex());
+    if (--Count() > 0 || Kept() == nullptr) return;
+    stderr = Kept();
+    Kept() = nullptr;
+  }
+  WithoutLibrariesWarnings(const WithoutLibrariesWarnings&) = delete;
+  WithoutLibrariesWarnings& operator=(const WithoutLibrariesWarnings&) = delete;
+
+ private:
+  static std::mutex& Mutex() {
+    static std::mutex mutex;
+    return mutex;
+  }
+  static int& Count() {
+    static int count = 0;
+    return count;
+  }
+  static FILE*& Kept() {
+    static FILE* kept = nullptr;
+    return kept;
+  }
+};
+
 }  // namespace
 
-cv::Mat DecodeImage(const cv::Mat& bytes) { return LoadedCodecs().decode(bytes, cv::IMREAD_UNCHANGED); }
+cv::Mat DecodeImage(const cv::Mat& bytes) {
+  const WithoutLibrariesWarnings silence;
+  return LoadedCodecs().decode(bytes, cv::IMREAD_UNCHANGED);
+}
 
 std::vector<unsigned char> EncodeImage(const std::string& suffix, const cv::Mat& image) {
   return Encoded(suffix, image, {});

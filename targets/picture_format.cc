@@ -1,11 +1,17 @@
 #include "targets/picture_format.h"
 
 #include <algorithm>
+#include <array>
 
 namespace heba {
 namespace {
 
 using std::string_view;
+
+struct Size {
+  double width_px = 0;
+  double height_px = 0;
+};
 
 // A whole number of `count` bytes; bytes beyond the end count as zero.
 double NumberAt(string_view bytes, size_t at, size_t count, bool is_big_endian) {
@@ -18,7 +24,7 @@ double NumberAt(string_view bytes, size_t at, size_t count, bool is_big_endian) 
 }
 
 bool IsPng(string_view bytes) { return bytes.starts_with(string_view("\x89PNG\r\n\x1a\n", 8)); }
-double PixelsOfPng(string_view bytes) { return NumberAt(bytes, 16, 4, true) * NumberAt(bytes, 20, 4, true); }
+Size SizeOfPng(string_view bytes) { return {NumberAt(bytes, 16, 4, true), NumberAt(bytes, 20, 4, true)}; }
 // Chunks: length, type, data, checksum; the last is IEND.
 bool IsPngCutShort(string_view bytes) {
   size_t at = 8;
@@ -30,36 +36,40 @@ bool IsPngCutShort(string_view bytes) {
 }
 
 bool IsJpeg(string_view bytes) { return bytes.starts_with("\xff\xd8\xff"); }
-// Segments: marker, length; the frame's is one of C0 to CF but C4, C8 and CC.
-double PixelsOfJpeg(string_view bytes) {
+// Segments: any number of bytes FF, marker, length; the frame's marker is one of C0 to CF but C4, C8 and CC.
+Size SizeOfJpeg(string_view bytes) {
   for (size_t at = 2; at + 9 < bytes.size() && bytes[at] == '\xff';) {
+    if (bytes[at + 1] == '\xff') {
+      ++at;
+      continue;
+    }
     const auto marker = static_cast<unsigned char>(bytes[at + 1]);
     if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc) {
-      return NumberAt(bytes, at + 5, 2, true) * NumberAt(bytes, at + 7, 2, true);
+      return {NumberAt(bytes, at + 7, 2, true), NumberAt(bytes, at + 5, 2, true)};
     }
     at += 2 + static_cast<size_t>(NumberAt(bytes, at + 2, 2, true));
   }
-  return 0;
+  return {};
 }
 // The end marker may be followed by what a camera or an editor added.
 bool IsJpegCutShort(string_view bytes) { return bytes.rfind("\xff\xd9") == string_view::npos; }
 
 bool IsBmp(string_view bytes) { return bytes.starts_with("BM"); }
-double PixelsOfBmp(string_view bytes) {
+Size SizeOfBmp(string_view bytes) {
   constexpr double kOldHeader = 12;  // OS/2's, with sizes of 16 bits.
   if (NumberAt(bytes, 14, 4, false) == kOldHeader) {
-    return NumberAt(bytes, 18, 2, false) * NumberAt(bytes, 20, 2, false);
+    return {NumberAt(bytes, 18, 2, false), NumberAt(bytes, 20, 2, false)};
   }
   // Heights below zero stand for pictures from top to bottom.
   const double height = NumberAt(bytes, 22, 4, false);
-  return NumberAt(bytes, 18, 4, false) * std::min(height, 4294967296.0 - height);
+  return {NumberAt(bytes, 18, 4, false), std::min(height, 4294967296.0 - height)};
 }
 
 bool IsTiff(string_view bytes) {
   return bytes.starts_with(string_view("II*\0", 4)) || bytes.starts_with(string_view("MM\0*", 4));
 }
 // Of the first directory: a count, then entries of 12 bytes: tag, type (1: 8 bits, 3: 16, else 32), count, value.
-double PixelsOfTiff(string_view bytes) {
+Size SizeOfTiff(string_view bytes) {
   constexpr double kWidth = 256;
   constexpr double kHeight = 257;
   const bool is_big_endian = bytes[0] == 'M';
@@ -76,7 +86,7 @@ double PixelsOfTiff(string_view bytes) {
     if (tag == kWidth) width = std::max(width, value);
     if (tag == kHeight) height = std::max(height, value);
   }
-  return width * height;
+  return {width, height};
 }
 
 // Magic number (P2, P3, P5 or P6), blank, then width and height in digits, among blanks and comments.
@@ -84,19 +94,17 @@ bool IsPnm(string_view bytes) {
   return bytes.size() > 2 && bytes[0] == 'P' && string_view("2356").find(bytes[1]) != string_view::npos &&
          string_view(" \t\r\n").find(bytes[2]) != string_view::npos;
 }
-double PixelsOfPnm(string_view bytes) {
-  double num_pixels = 1;
+Size SizeOfPnm(string_view bytes) {
+  std::array<double, 2> sizes{};
   size_t at = 2;
-  for (int i = 0; i < 2; ++i) {
+  for (double& size : sizes) {
     const auto is_digit = [&] { return at < bytes.size() && bytes[at] >= '0' && bytes[at] <= '9'; };
     for (; at < bytes.size() && !is_digit(); ++at) {
       if (bytes[at] == '#') at = std::min(bytes.find_first_of("\r\n", at), bytes.size());
     }
-    double size = 0;
     for (; is_digit(); ++at) size = 10 * size + (bytes[at] - '0');
-    num_pixels *= size;
   }
-  return num_pixels;
+  return {sizes[0], sizes[1]};
 }
 
 bool IsNeverCutShort(string_view /*bytes*/) { return false; }
@@ -104,22 +112,22 @@ bool IsNeverCutShort(string_view /*bytes*/) { return false; }
 struct Format {
   string_view name;
   bool (*matches)(string_view bytes);
-  double (*num_pixels)(string_view bytes);
+  Size (*size)(string_view bytes);
   bool (*is_cut_short)(string_view bytes);
 };
 constexpr Format kFormats[] = {
-    {"PNG", &IsPng, &PixelsOfPng, &IsPngCutShort},
-    {"JPEG", &IsJpeg, &PixelsOfJpeg, &IsJpegCutShort},
-    {"BMP", &IsBmp, &PixelsOfBmp, &IsNeverCutShort},
-    {"TIFF (not BigTIFF)", &IsTiff, &PixelsOfTiff, &IsNeverCutShort},
-    {"PGM/PPM", &IsPnm, &PixelsOfPnm, &IsNeverCutShort},
+    {"PNG", &IsPng, &SizeOfPng, &IsPngCutShort},       {"JPEG", &IsJpeg, &SizeOfJpeg, &IsJpegCutShort},
+    {"BMP", &IsBmp, &SizeOfBmp, &IsNeverCutShort},     {"TIFF (not BigTIFF)", &IsTiff, &SizeOfTiff, &IsNeverCutShort},
+    {"PGM/PPM", &IsPnm, &SizeOfPnm, &IsNeverCutShort},
 };
 
 }  // namespace
 
 std::optional<PictureHeader> ReadPictureHeader(string_view bytes) {
   for (const Format& format : kFormats) {
-    if (format.matches(bytes)) return PictureHeader{format.num_pixels(bytes), format.is_cut_short(bytes)};
+    if (!format.matches(bytes)) continue;
+    const Size size = format.size(bytes);
+    return PictureHeader{size.width_px, size.height_px, format.is_cut_short(bytes)};
   }
   return std::nullopt;
 }

@@ -281,11 +281,27 @@ std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target,
   return expected;
 }
 
+namespace {
+
+void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::vector<CaptureResult>* captures) {
+  for (const HoldOut& hold_out : hold_outs) {
+    if (hold_out.method != kBundleMethod) continue;
+    for (const auto& [name, distance_m] : hold_out.target_m_of_view) {
+      const auto capture = std::find_if(captures->begin(), captures->end(),
+                                        [&](const CaptureResult& entry) { return entry.image == name; });
+      if (capture != captures->end()) capture->holdout_target_mm = 1000 * distance_m;
+    }
+  }
+}
+
+}  // namespace
+
 RunResult Assess(const RunConfig& config, const std::vector<CaptureDetection>& detections,
                  const Calibration& calibration, CalibrationOptions options, const std::optional<Truth>& truth,
                  int num_threads, Console* console) {
   RunResult result;
   result.name = config.name;
+  result.about = config.about;
   result.setup = config.setup;
   result.target_type = config.target->type();
   result.num_target_points = static_cast<int>(config.target->points().size());
@@ -293,7 +309,9 @@ RunResult Assess(const RunConfig& config, const std::vector<CaptureDetection>& d
 
   // From here on the methods that were found to suit, in every fold.
   options.methods.clear();
-  for (const MethodResult& method : calibration.methods) options.methods.push_back(method.method);
+  for (const MethodResult& method : calibration.methods) {
+    if (method.hand_eye) options.methods.push_back(method.method);
+  }
   options.bundle.num_threads = 1;  // The folds are side by side.
   std::vector<HoldOut> hold_outs;
   if (config.folds > 0) {
@@ -306,6 +324,7 @@ RunResult Assess(const RunConfig& config, const std::vector<CaptureDetection>& d
   }
   result.estimates = MakeEstimates(calibration, hold_outs, truth, options.symmetries);
   result.captures = DescribeCaptures(config, detections, calibration, MoveWithoutEachView(calibration, options));
+  AddHoldOuts(hold_outs, &result.captures);
   result.working_point = FindWorkingPoint(calibration, config.setup);
   result.model = SummariseModel(calibration);
   if (std::optional<Finding> missing = FindMissingIds(config, calibration, detections)) {

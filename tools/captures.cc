@@ -60,11 +60,12 @@ CaptureDetector::CaptureDetector(const std::string& target_used) {
   }
 }
 
-CaptureDetection CaptureDetector::Detect(const std::filesystem::path& image) const {
+CaptureDetection CaptureDetector::Detect(const std::filesystem::path& image,
+                                         const std::optional<PictureSize>& expected) const {
   const std::string digest = DigestOfFile(image);
   std::optional<CaptureDetection> detection = cache_->Find(digest);
   if (!detection) {
-    detection = DetectCapture(*target_, image);
+    detection = DetectCapture(*target_, image, expected);
     // Unless it was another image meanwhile.
     if (DigestOfFile(image) == digest) cache_->Keep(digest, *detection);
   }
@@ -78,6 +79,15 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
     CheckSizes(config, given);
     return given;
   }
+  // By the headers, before anything is decoded: a picture of another size may be one of gigabytes.
+  const std::optional<PictureSize> expected = ReadPictureSize(config.captures.front().image);
+  if (expected) {
+    RunConfig copy = config;
+    CaptureDetection first;
+    first.width_px = expected->width_px;
+    first.height_px = expected->height_px;
+    FitCameraToPictures(first, &copy);
+  }
   std::vector<CaptureDetection> detections(config.captures.size());
   {
     Progress progress("detect", static_cast<int>(detections.size()), verbosity);
@@ -86,12 +96,13 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
     // Pictures are read, searched and dropped: of each only a small copy stays.
     ParallelFor(static_cast<int>(detections.size()), num_threads, [&](int index) {
       const size_t i = static_cast<size_t>(index);
-      detections[i] = detector.Detect(config.captures[i].image);
+      detections[i] = detector.Detect(config.captures[i].image, expected);
       const std::lock_guard<std::mutex> lock(mutex);
       progress.Step();
     });
   }
   CheckSizes(config, detections);
+  TrimCache(LargestCacheBytes());
   return detections;
 }
 

@@ -23,8 +23,8 @@ class CaptureDetector {
   // The target as used, as YAML.
   explicit CaptureDetector(const std::string& target_used);
 
-  // InputError if the image cannot be read.
-  CaptureDetection Detect(const std::filesystem::path& image) const;
+  // InputError if the image cannot be read or is of another size than `expected`.
+  CaptureDetection Detect(const std::filesystem::path& image, const std::optional<PictureSize>& expected) const;
 
  private:
   std::unique_ptr<const Target> target_;

@@ -12,6 +12,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "heba/base/simd.h"
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
 #include "tools/console.h"
@@ -178,6 +179,7 @@ void PrintError(const std::string& message) {
 
 int RunCommandLine(int argc, char** argv) {
   try {
+    if (const std::string fault = FaultOfSimdSetting(); !fault.empty()) throw InputError(fault);
     const int status = Dispatch(std::vector<std::string>(argv + 1, argv + argc));
     // A result that could not be written was not delivered.
     std::cout.flush();

@@ -309,7 +309,7 @@ std::string ComparisonPage(const Comparison& comparison) {
                     {Significant(pair.sigma_mm, 3), true},
                     {Significant(pair.angle_deg, 3), true},
                     {Significant(pair.sigma_deg, 3), true},
-                    {Significant(pair.p_value, 3), true},
+                    {ShownChance(pair.p_value), true},
                     {Agreement(pair)}});
   }
   body += Heading("Hand-eye poses apart");
@@ -325,7 +325,7 @@ std::string ComparisonPage(const Comparison& comparison) {
   body += rows.size() <= kManyPairs
               ? table
               : "<details><summary>All " + std::to_string(rows.size()) + " pairs</summary>\n" + table + "</details>\n";
-  return HtmlPage("Comparison of runs", body);
+  return HtmlPage("Comparison of runs", body, PageWidth::kWide);
 }
 
 }  // namespace heba

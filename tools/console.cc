@@ -11,12 +11,26 @@
 namespace heba {
 namespace {
 
+// What names of files and configs may hold would move a terminal's cursor: question marks in its place. Bold and plain
+// are the program's own.
+std::string WithoutControls(const std::string& text) {
+  std::string shown = text;
+  for (size_t i = 0; i < shown.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(shown[i]);
+    if ((byte >= 0x20 && byte != 0x7f) || shown[i] == '\n') continue;
+    const std::string_view rest = std::string_view(shown).substr(i);
+    if (!rest.starts_with("\x1b[1m") && !rest.starts_with("\x1b[0m")) shown[i] = '?';
+  }
+  return shown;
+}
+
 std::string Fitted(const std::string& text, int descriptor) {
-  if (isatty(descriptor) == 0) return text;
+  constexpr size_t kWidthOfFiles = 160;
   constexpr size_t kUsualWidth = 80;
+  if (isatty(descriptor) == 0) return Wrapped(WithoutControls(text), kWidthOfFiles);
   winsize size{};
   const bool is_known = ioctl(descriptor, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
-  return Wrapped(text, is_known ? size.ws_col : kUsualWidth);
+  return Wrapped(WithoutControls(text), is_known ? size.ws_col : kUsualWidth);
 }
 
 }  // namespace

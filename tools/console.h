@@ -46,7 +46,8 @@ class Progress {
 // Whether standard output may be coloured: a terminal, and no NO_COLOR in the environment.
 bool UseColour();
 
-// Text for standard output: long lines broken to a terminal's width, and whole where it is none.
+// Text for standard output: long lines broken to a terminal's width, or to 160 characters where it is none, and
+// control characters as question marks.
 std::string ForTerminal(const std::string& text);
 
 }  // namespace heba

@@ -1,8 +1,10 @@
 #include "tools/detection_cache.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <system_error>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -13,7 +15,6 @@
 #include "tools/digest.h"
 
 namespace heba {
-namespace {
 
 std::filesystem::path CacheFolder() {
   if (const char* named = std::getenv("HEBA_CACHE")) return named;
@@ -24,6 +25,30 @@ std::filesystem::path CacheFolder() {
     return std::filesystem::path(home) / ".cache" / "heba";
   }
   return {};
+}
+
+namespace {
+
+// Entries of heba's alone, whatever else lies there: two hexadecimal digits, then a digest.
+struct CacheEntry {
+  std::filesystem::path file;
+  double bytes = 0;
+  std::filesystem::file_time_type used;
+};
+
+std::vector<CacheEntry> EntriesOfCache() {
+  std::vector<CacheEntry> entries;
+  const std::filesystem::path folder = CacheFolder();
+  std::error_code error;
+  if (folder.empty()) return entries;
+  for (const auto& shelf : std::filesystem::directory_iterator(folder / "detections", error)) {
+    if (shelf.path().filename().string().size() != 2 || !shelf.is_directory(error)) continue;
+    for (const auto& file : std::filesystem::directory_iterator(shelf.path(), error)) {
+      if (file.path().extension() != ".detection" || !file.is_regular_file(error)) continue;
+      entries.push_back({file.path(), static_cast<double>(file.file_size(error)), file.last_write_time(error)});
+    }
+  }
+  return entries;
 }
 
 std::string ToJson(const CaptureDetection& capture) {
@@ -65,6 +90,44 @@ CaptureDetection FromJson(const JsonReader& reader) {
 
 }  // namespace
 
+CacheSize SizeOfCache() {
+  CacheSize size;
+  for (const CacheEntry& entry : EntriesOfCache()) {
+    ++size.num_entries;
+    size.bytes += entry.bytes;
+  }
+  return size;
+}
+
+double LargestCacheBytes() {
+  constexpr double kMegabyte = 1e6;
+  constexpr double kUsualMegabytes = 1024;
+  const char* const asked = std::getenv("HEBA_CACHE_MB");
+  if (asked == nullptr || *asked == 0) return kUsualMegabytes * kMegabyte;
+  double megabytes = 0;
+  if (!ParseDouble(asked, &megabytes) || !(megabytes >= 0) || megabytes > 1e9) {
+    throw InputError("HEBA_CACHE_MB: " + Quoted(asked) + " is no size in megabytes");
+  }
+  return megabytes * kMegabyte;
+}
+
+CacheSize TrimCache(double most_bytes) {
+  std::vector<CacheEntry> entries = EntriesOfCache();
+  std::sort(entries.begin(), entries.end(), [](const CacheEntry& a, const CacheEntry& b) { return a.used > b.used; });
+  double kept = 0;
+  CacheSize removed;
+  for (const CacheEntry& entry : entries) {
+    std::error_code error;
+    if (kept + entry.bytes <= most_bytes || !std::filesystem::remove(entry.file, error)) {
+      kept += entry.bytes;
+      continue;
+    }
+    ++removed.num_entries;
+    removed.bytes += entry.bytes;
+  }
+  return removed;
+}
+
 DetectionCache::DetectionCache(const std::string& target)
     : folder_(CacheFolder()), context_(DigestOfProgram() + DigestOf(target)) {}
 
@@ -88,7 +151,10 @@ std::optional<CaptureDetection> DetectionCache::Find(const std::string& image_di
     }
     const nlohmann::ordered_json json = nlohmann::ordered_json::parse(text.substr(end + 1), nullptr, false);
     if (json.is_discarded()) return std::nullopt;
-    return FromJson(JsonReader(json, file.string()));
+    CaptureDetection detection = FromJson(JsonReader(json, file.string()));
+    // Used now: TrimCache goes by it.
+    std::filesystem::last_write_time(file, std::filesystem::file_time_type::clock::now(), error);
+    return detection;
   } catch (const InputError&) {
     return std::nullopt;  // Spoiled: as good as none.
   }

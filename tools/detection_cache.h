@@ -9,6 +9,19 @@
 
 namespace heba {
 
+// The folder of what is kept; empty if nothing is to be.
+std::filesystem::path CacheFolder();
+
+struct CacheSize {
+  size_t num_entries = 0;
+  double bytes = 0;
+};
+CacheSize SizeOfCache();
+// The most that is kept: HEBA_CACHE_MB in the environment, or 1024 MB.
+double LargestCacheBytes();
+// Removes the entries that were used longest ago until `most_bytes` are left; nothing but entries. What was removed.
+CacheSize TrimCache(double most_bytes);
+
 class DetectionCache {
  public:
   // In the folder that HEBA_CACHE names (empty: none is kept), else in the user's cache folder (XDG_CACHE_HOME, or

@@ -24,7 +24,7 @@ std::string DetectionsToJson(const std::vector<Capture>& captures, const std::ve
 }
 
 std::vector<std::pair<std::string, CaptureDetection>> ReadDetections(const std::filesystem::path& path) {
-  constexpr size_t kMaxBytes = size_t{256} << 20;
+  constexpr size_t kMaxBytes = size_t{128} << 20;
   const nlohmann::ordered_json json = ReadJsonFile(path, kMaxBytes);
   const JsonReader root(json, path.string());
   std::vector<std::pair<std::string, CaptureDetection>> captures;

@@ -32,16 +32,17 @@ std::string EmbeddedJson(const nlohmann::ordered_json& data) {
   return text;
 }
 
-std::string Figure(const std::string& attributes, const std::string& caption, const std::string& content) {
-  if (PageScript().empty()) return "";
-  return "<figure " + attributes + ">" +
-         (caption.empty() ? "" : "<figcaption>" + EscapedForMarkup(caption) + "</figcaption>") + content +
-         "</figure>\n";
+std::string Figure(const std::string& attributes, const std::string& caption, const std::string& content,
+                   const std::string& picture) {
+  const std::string head = caption.empty() ? "" : "<figcaption>" + EscapedForMarkup(caption) + "</figcaption>";
+  if (PageScript().empty()) return picture.empty() ? "" : "<figure>" + head + picture + "</figure>\n";
+  const std::string still = picture.empty() ? "" : "<noscript>" + picture + "</noscript>";
+  return "<figure " + attributes + ">" + head + content + still + "</figure>\n";
 }
 
 }  // namespace
 
-std::string HtmlPage(const std::string& title, const std::string& body) {
+std::string HtmlPage(const std::string& title, const std::string& body, PageWidth width) {
   const std::string script(PageScript());
   const std::string allowed = script.empty() ? "'none'" : "'" + std::string(PageScriptHash()) + "'";
   return "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
@@ -49,10 +50,11 @@ std::string HtmlPage(const std::string& title, const std::string& body) {
          "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
          "img-src data:; script-src " +
          allowed + "\">\n<title>" + EscapedForMarkup(title) + "</title>\n<style>" + std::string(PageStyle()) +
-         "</style>\n</head>\n<body>\n" + body +
-         (script.empty() ? Paragraph("This page has no charts, and its tables do not sort: the heba that made it was "
-                                     "built without Node.js.")
-                         : "<script>" + script + "</script>") +
+         "</style>\n</head>\n<body" + (width == PageWidth::kWide ? " class=\"whole\"" : "") + ">\n" + body +
+         (script.empty()
+              ? Paragraph("The charts of this page are still pictures, and its tables do not sort: the heba that "
+                          "made it was built without Node.js.")
+              : "<script>" + script + "</script>") +
          "\n</body>\n</html>\n";
 }
 
@@ -65,14 +67,27 @@ std::string SharedData(const std::string& name, const nlohmann::ordered_json& da
          "</script>\n";
 }
 
-std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data) {
+std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data,
+                       const std::string& picture) {
   return Figure("data-view=\"" + EscapedForMarkup(view) + "\"", caption,
-                "<script type=\"application/json\">" + EmbeddedJson(data) + "</script>");
+                "<script type=\"application/json\">" + EmbeddedJson(data) + "</script>", picture);
 }
 
-std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data) {
+std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data,
+                             const std::string& picture) {
   return Figure("data-view=\"" + EscapedForMarkup(view) + "\" data-from=\"" + EscapedForMarkup(shared_data) + "\"",
-                caption, "");
+                caption, "", picture);
+}
+
+std::string CopyableText(const std::string& text) {
+  // A line end is no blank here.
+  std::vector<std::string> lines;
+  for (const std::string& line : Split(text, '\n')) lines.push_back(EscapedForMarkup(line));
+  return "<pre class=\"copyable\">" + Join(lines, "\n") + "</pre>\n";
+}
+
+std::string Details(const std::string& summary, const std::string& content) {
+  return "<details><summary>" + EscapedForMarkup(summary) + "</summary>\n" + content + "</details>\n";
 }
 
 std::string LinkTo(const std::string& path) {
@@ -103,12 +118,16 @@ std::string HtmlTable(const std::vector<std::string>& head, const std::vector<st
   for (size_t i = 0; i < rows.size(); ++i) {
     CHECK_EQ(rows[i].size(), head.size()) << "every column has a heading";
     table += opens_captures ? "<tr data-capture=\"" + std::to_string(i) + "\">" : "<tr>";
-    for (const PageCell& cell : rows[i]) {
+    for (size_t column = 0; column < rows[i].size(); ++column) {
+      const PageCell& cell = rows[i][column];
       const std::string kind = cell.is_number ? "number" : (cell.text.size() > kLongText ? "text" : "");
-      const std::string text = EscapedForMarkup(cell.text);
-      table += (kind.empty() ? "<td>" : "<td class=\"" + kind + "\">") +
-               (cell.link.empty() ? text : "<a href=\"" + EscapedForMarkup(cell.link) + "\">" + text + "</a>") +
-               "</td>";
+      std::string text = EscapedForMarkup(cell.text);
+      if (cell.is_strong) text = "<strong>" + text + "</strong>";
+      table +=
+          "<td" + (kind.empty() ? "" : " class=\"" + kind + "\"") +
+          (head[column].empty() || cell.text.empty() ? "" : " data-head=\"" + EscapedForMarkup(head[column]) + "\"") +
+          (cell.text.empty() ? " data-empty>" : ">") +
+          (cell.link.empty() ? text : "<a href=\"" + EscapedForMarkup(cell.link) + "\">" + text + "</a>") + "</td>";
     }
     table += "</tr>\n";
   }

@@ -10,8 +10,9 @@
 
 namespace heba {
 
-// A whole page. `body` is markup.
-std::string HtmlPage(const std::string& title, const std::string& body);
+// A whole page. `body` is markup. A wide page takes all of the window.
+enum class PageWidth { kText, kWide };
+std::string HtmlPage(const std::string& title, const std::string& body, PageWidth width = PageWidth::kText);
 
 // Markup of a heading, and of a paragraph.
 std::string Heading(const std::string& text);
@@ -25,21 +26,29 @@ inline nlohmann::ordered_json OrNull(const std::optional<double>& value) {
 // Data for several views, under a name.
 std::string SharedData(const std::string& name, const nlohmann::ordered_json& data);
 // What the script draws by its view of this name, from data of its own or from shared data; `caption` says what it
-// shows. Empty without the script.
-std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data);
-std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data);
+// shows. `picture` is markup of the same chart for a reader without a script (chart_picture.h); empty for none.
+std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data,
+                       const std::string& picture = "");
+std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data,
+                             const std::string& picture = "");
+// Text to be copied as it stands; the script puts a button beside it.
+std::string CopyableText(const std::string& text);
+// What is hidden until it is asked for; `content` is markup.
+std::string Details(const std::string& summary, const std::string& content);
 
 // A cell of a table: text, or a number that it is sorted and aligned by; with `link`, what a click on it opens.
 struct PageCell {
   std::string text;
   bool is_number = false;
   std::string link = {};
+  bool is_strong = false;
 };
 
 // A path beside the page as a link, whatever its characters.
 std::string LinkTo(const std::string& path);
 
-// A table whose columns sort at a click on their heads. Markup. With `opens_captures` a click on the i-th row opens the
+// A table whose columns sort at a click on their heads; in a narrow window each row is a block that names its cells.
+// Markup. With `opens_captures` a click on the i-th row opens the
 // i-th of the captures that SharedData("captures", ...) holds.
 std::string HtmlTable(const std::vector<std::string>& head, const std::vector<std::vector<PageCell>>& rows,
                       bool opens_captures = false);

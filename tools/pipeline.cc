@@ -129,6 +129,11 @@ std::vector<CaptureView> CaptureViews(const RunConfig& config, const std::vector
   return all;
 }
 
+ReportContext ContextOf(const RunConfig& config, const std::filesystem::path& output) {
+  return {TimeNow(), std::filesystem::absolute(config.file).lexically_normal(), config.used,
+          std::filesystem::absolute(output).lexically_normal()};
+}
+
 // What the doctor finds wrong first, as a sentence's end; empty if nothing.
 std::string DoctorSays(const RunConfig& config, int num_threads) {
   const std::string wrong = FirstWrong(Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs));
@@ -176,6 +181,7 @@ Outcome<RunResult> RunOnPoses(const RunConfig& config, const std::filesystem::pa
   console->Note(config.name + ": " + calibration.refined.reason());
   RunResult result;
   result.name = config.name;
+  result.about = config.about;
   result.setup = config.setup;
   result.target_type = config.target ? config.target->type() : "";
   result.num_target_points = config.target ? static_cast<int>(config.target->points().size()) : 0;
@@ -191,7 +197,8 @@ Outcome<RunResult> RunOnPoses(const RunConfig& config, const std::filesystem::pa
   result.timing.total_s = total.Seconds();
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   WriteFileAtomically(folder.staging() / "log.txt", console->log());
-  WriteFileAtomically(folder.staging() / "report.html", ReportPage(result, {}, Points3(3, 0)));
+  WriteFileAtomically(folder.staging() / "report.html",
+                      ReportPage(result, {}, Points3(3, 0), ContextOf(config, output)));
   WriteFileAtomically(folder.staging() / "inputs.json", inputs);
   WriteFileAtomically(folder.staging() / "result.json", ResultToJson(result));
   folder.Commit();
@@ -247,11 +254,19 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   for (const UnusedView& unused : calibration->unused) console->Note("not used: " + unused.name + ": " + unused.reason);
   if (!calibration->refined) {
     // What there is to see of the failure.
+    std::vector<std::pair<std::string, std::string>> methods_of;  // A reason, and the methods that give it.
     for (const MethodResult& method : calibration->methods) {
-      console->Note(method.method + ": " +
-                    (method.hand_eye ? Significant(method.reprojection_rms_px.value_or(NAN), 3) + " px"
-                                     : method.hand_eye.reason()));
+      const std::string reason =
+          method.hand_eye ? Significant(method.reprojection_rms_px.value_or(NAN), 3) + " px" : method.hand_eye.reason();
+      const auto known =
+          std::find_if(methods_of.begin(), methods_of.end(), [&](const auto& entry) { return entry.first == reason; });
+      if (known == methods_of.end()) {
+        methods_of.emplace_back(reason, method.method);
+      } else {
+        known->second += ", " + method.method;
+      }
     }
+    for (const auto& [reason, methods] : methods_of) console->Note(methods + ": " + reason);
     return Failure{calibration->refined.reason()};
   }
   result.timing.refine_s = calibration->refined->convergence.seconds;
@@ -269,9 +284,9 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
   WriteFileAtomically(folder.staging() / "log.txt", console->log());
-  WriteFileAtomically(
-      folder.staging() / "report.html",
-      ReportPage(result, CaptureViews(config, detections, *calibration), AllPoints(*config.target).points_in_target));
+  WriteFileAtomically(folder.staging() / "report.html",
+                      ReportPage(result, CaptureViews(config, detections, *calibration),
+                                 AllPoints(*config.target).points_in_target, ContextOf(config, output)));
   if (RunInputsText(config_in) != inputs) {
     return Failure{"pictures or other input files were changed while the run was at work; run it again"};
   }

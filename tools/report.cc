@@ -14,6 +14,7 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
 #include "tools/page.h"
+#include "tools/report_pictures.h"
 #include "tools/run_figures.h"
 
 namespace heba {
@@ -44,64 +45,6 @@ std::string Section(const std::string& heading, const std::string& content) {
   return "<section>" + Heading(heading) + content + "</section>\n";
 }
 
-std::string VerdictSection(const RunResult& result) {
-  const Verdict& verdict = result.verdict;
-  const std::string grade(GradeName(verdict.grade));
-  std::string section = "<p class=\"verdict " + grade + "\">This calibration is <strong>" + grade +
-                        "</strong>.</p>\n<ul class=\"findings\">\n";
-  for (const Finding& finding : verdict.findings) {
-    section += "<li class=\"" + std::string(GradeName(finding.grade)) + "\">" + EscapedForMarkup(finding.text);
-    if (!finding.action.empty()) section += ". <em>" + EscapedForMarkup(finding.action) + ".</em>";
-    section += "</li>\n";
-  }
-  return section + "</ul>\n";
-}
-
-// The figures that people ask for first.
-std::string Tiles(const RunResult& result, const Estimate& refined) {
-  std::string tiles = "<dl class=\"tiles\">\n";
-  const auto add = [&](const std::string& name, const std::string& value) {
-    tiles += "<div><dt>" + EscapedForMarkup(name) + "</dt><dd>" + EscapedForMarkup(value) + "</dd></div>\n";
-  };
-  const Solution& solution = *refined.solution;
-  const Errors& errors = refined.errors;
-  const auto largest = [](const Eigen::Matrix3d& block) { return std::sqrt(block.diagonal().maxCoeff()); };
-  const Eigen::MatrixXd& covariance = solution.covariance.matrix;
-  add("camera position, one sigma (worst axis)", Significant(1000 * largest(covariance.block<3, 3>(0, 0)), 3) + " mm");
-  add("camera orientation, one sigma (worst axis)",
-      Significant(RadToDeg(largest(covariance.block<3, 3>(3, 3))), 3) + " deg");
-  if (result.working_point) {
-    add("a target " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) +
-            " mm away, one sigma (worst axis)",
-        Significant(1000 * largest(result.working_point->covariance_m2), 3) + " mm");
-  }
-  add("unseen captures, target off by", FigureText(errors.holdout_target_mm) + " mm");
-  add("unseen captures, points off by", FigureText(errors.holdout_rms_px) + " px");
-  add("pixel noise", Significant(solution.pixel_sigma_px, 3) + " px");
-  if (solution.robot_noise) {
-    add("robot noise", Significant(1000 * solution.robot_noise->translation_m, 2) + " mm, " +
-                           Significant(RadToDeg(solution.robot_noise->rotation_rad), 2) + " deg");
-  }
-  return tiles + "</dl>\n";
-}
-
-std::string PoseSection(const RunResult& result, const Estimate& refined) {
-  const auto line = [](std::string_view parent, const char* child, const Rigid3d& pose) {
-    return "<p><code>" + EscapedForMarkup(std::string(parent) + "_from_" + child) + "</code><br>\n<code>" +
-           EscapedForMarkup(PoseText(pose)) + "</code></p>\n";
-  };
-  const Camera& camera = refined.camera;
-  const std::vector<std::string>& names = camera.Model().param_names();
-  std::vector<std::string> params;
-  for (size_t i = 0; i < camera.params.size(); ++i) params.push_back(names[i] + " " + Significant(camera.params[i], 6));
-  return Section("Result",
-                 line(CameraMountName(result.setup), "camera", refined.hand_eye.camera_mount_from_camera) +
-                     line(TargetMountName(result.setup), "target", refined.hand_eye.target_mount_from_target) +
-                     "<p><code>camera</code>, " + EscapedForMarkup(camera.model) + ", " +
-                     std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + " px<br>\n<code>" +
-                     EscapedForMarkup(Join(params, ", ")) + "</code></p>\n");
-}
-
 // From the upper left corner of the picture on, clockwise.
 Json CornerRays(const Camera& camera) {
   Json rays = Json::array();
@@ -116,6 +59,26 @@ Json CornerRays(const Camera& camera) {
   return rays;
 }
 
+// How far apart what hangs together is.
+std::string DistancesText(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures,
+                          const Eigen::Vector3d& target_middle) {
+  const HandEye& hand_eye = refined.hand_eye;
+  const auto mm = [](double metres) { return Fixed(1000 * metres, 0); };
+  double nearest_m = std::numeric_limits<double>::infinity();
+  double farthest_m = 0;
+  for (const CaptureView& view : captures) {
+    const Rigid3d mount = CameraMountFromTargetMount(result.setup, view.base_from_gripper);
+    const double distance_m = (CameraFromTarget(hand_eye, mount) * target_middle).norm();
+    nearest_m = std::min(nearest_m, distance_m);
+    farthest_m = std::max(farthest_m, distance_m);
+  }
+  return "From the " + std::string(CameraMountName(result.setup)) + " to the camera " +
+         mm(hand_eye.camera_mount_from_camera.translation.norm()) + " mm, from the " +
+         std::string(TargetMountName(result.setup)) + " to the target's middle " +
+         mm((hand_eye.target_mount_from_target * target_middle).norm()) + " mm, from the camera to the target " +
+         mm(nearest_m) + " to " + mm(farthest_m) + " mm.";
+}
+
 std::string SetUpSection(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures,
                          const Points3& target_points) {
   const Camera& camera = refined.camera;
@@ -127,14 +90,18 @@ std::string SetUpSection(const RunResult& result, const Estimate& refined, const
             {"corners", CornerRays(camera)},
             {"target_size", {low.x(), low.y(), high.x(), high.y()}},
             {"captures", Json::array()}};
-  for (const CaptureResult& capture : result.captures) {
+  for (size_t i = 0; i < result.captures.size(); ++i) {
+    const CaptureResult& capture = result.captures[i];
     const CaptureView* view = FindView(captures, capture.image);
     if (view == nullptr) continue;
-    data["captures"].push_back(Json{
-        {"image", capture.image}, {"used", capture.used}, {"base_from_gripper", PoseJson(view->base_from_gripper)}});
+    data["captures"].push_back(Json{{"image", capture.image},
+                                    {"number", i + 1},
+                                    {"used", capture.used},
+                                    {"base_from_gripper", PoseJson(view->base_from_gripper)}});
   }
-  const std::string figure = ViewFigure("set-up", "", data);
-  return figure.empty() ? "" : Section("Set-up", figure);
+  const Eigen::Vector3d middle = 0.5 * (low + high);
+  return Section("Set-up", ViewFigure("set-up", "", data, SetUpPicture(result, refined, captures, middle)) +
+                               Paragraph(DistancesText(result, refined, captures, middle)));
 }
 
 std::string UncertaintySection(const RunResult& result, const Estimate& refined) {
@@ -142,6 +109,7 @@ std::string UncertaintySection(const RunResult& result, const Estimate& refined)
   // Of two coordinates together, with the degrees of freedom that the noise leaves.
   const double reach_95 = std::sqrt(2 * FisherQuantile(0.05, 2, solution.covariance_dof));
   Json ellipses = Json::array();
+  std::string pictures;
   const auto add = [&](const char* x, const char* y, const char* unit, const Eigen::Matrix3d& matrix, Eigen::Index i,
                        Eigen::Index j) {
     ellipses.push_back(Json{{"x_label", x},
@@ -149,6 +117,9 @@ std::string UncertaintySection(const RunResult& result, const Estimate& refined)
                             {"unit", unit},
                             {"covariance", {matrix(i, i), matrix(i, j), matrix(j, j)}},
                             {"reach_95", reach_95}});
+    Eigen::Matrix2d covariance;
+    covariance << matrix(i, i), matrix(i, j), matrix(j, i), matrix(j, j);
+    pictures += EllipsePicture(std::string(x) + ", " + unit, std::string(y) + ", " + unit, covariance, reach_95);
   };
   if (result.working_point) {
     const Eigen::Matrix3d at_work = 1e6 * result.working_point->covariance_m2;
@@ -163,7 +134,7 @@ std::string UncertaintySection(const RunResult& result, const Estimate& refined)
                  "A target that is seen where it was, in mm, and the camera's orientation, in deg: one "
                  "sigma (filled) and 95 % (dashed), along and about the camera's axes; z is its "
                  "optical axis.",
-                 Json{{"ellipses", ellipses}});
+                 Json{{"ellipses", ellipses}}, "<div class=\"charts\">" + pictures + "</div>");
   return figure.empty() ? "" : Section("Uncertainty where the work is", figure);
 }
 
@@ -177,9 +148,9 @@ std::string CorrelationSection(const Estimate& refined) {
     for (Eigen::Index j = 0; j < correlation.cols(); ++j) row.push_back(Rounded(correlation(i, j), 3));
     rows.push_back(row);
   }
-  const std::string figure =
-      ViewFigure("correlation", "Parameters that the captures cannot tell apart have strong colours off the diagonal.",
-                 Json{{"names", covariance.names}, {"matrix", rows}});
+  const std::string figure = ViewFigure(
+      "correlation", "Parameters that the captures cannot tell apart have strong colours off the diagonal.",
+      Json{{"names", covariance.names}, {"matrix", rows}}, CorrelationPicture(covariance.names, correlation));
   return figure.empty() ? "" : Section("How the parameters hang together", figure);
 }
 
@@ -193,33 +164,39 @@ std::string MethodsSection(const RunResult& result) {
   };
   for (const Estimate& estimate : result.estimates) {
     const Errors& errors = estimate.errors;
+    if (!estimate.ok) continue;
     lines.push_back(Json{{"label", estimate.method},
                          {"values", {OrNull(errors.reprojection_rms_px), OrNull(errors.holdout_rms_px)}},
                          {"strong", estimate.kind == "refined"}});
     rows.push_back(
-        {{estimate.method},
+        {{estimate.method + (&estimate == FindRefined(result) ? " (the result)" : ""),
+          false,
+          {},
+          &estimate == FindRefined(result)},
          cell(errors.reprojection_rms_px),
          cell(errors.holdout_rms_px),
          cell(errors.holdout_target_mm),
          cell(errors.holdout_target_deg),
          cell(errors.axxb_mean_mm),
-         cell(errors.board_scatter ? std::optional<double>(errors.board_scatter->translation_rms_mm) : std::nullopt),
-         {estimate.reason}});
+         cell(errors.board_scatter ? std::optional<double>(errors.board_scatter->translation_rms_mm) : std::nullopt)});
     if (!has_truth) continue;
     const std::optional<TruthErrors>& truth = errors.truth;
-    rows.back().insert(rows.back().end() - 1,
-                       {cell(truth ? std::optional<double>(truth->hand_eye_mm) : std::nullopt),
-                        cell(truth ? std::optional<double>(truth->hand_eye_deg) : std::nullopt)});
+    rows.back().insert(rows.back().end(), {cell(truth ? std::optional<double>(truth->hand_eye_mm) : std::nullopt),
+                                           cell(truth ? std::optional<double>(truth->hand_eye_deg) : std::nullopt)});
   }
   std::vector<std::string> head = {"method",        "in-sample, px", "hold-out, px", "hold-out, mm",
-                                   "hold-out, deg", "AX-XB, mm",     "board, mm",    "remark"};
-  if (has_truth) head.insert(head.end() - 1, {"true error, mm", "deg"});
-  return Section(
-      "Methods",
-      Paragraph("How far predicted and observed points are apart (rms): on the captures that the "
-                "estimate was made from, and on captures that it has not seen.") +
-          ViewFigure("dumbbells", "", Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}}) +
-          HtmlTable(head, rows));
+                                   "hold-out, deg", "AX-XB, mm",     "board, mm"};
+  if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
+  std::string without;
+  for (const auto& [reason, methods] : MethodsWithoutResult(result)) {
+    without += Paragraph(methods + ": none, " + reason);
+  }
+  return Section("Methods", Paragraph("How far predicted and observed points are apart (rms): on the captures that the "
+                                      "estimate was made from, and on captures that it has not seen.") +
+                                ViewFigure("dumbbells", "",
+                                           Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}},
+                                           MethodsPicture(result)) +
+                                HtmlTable(head, rows) + without);
 }
 
 // Small pictures make a page large: of very many captures the worst have one.
@@ -272,6 +249,7 @@ std::string CapturesData(const RunResult& result, const Estimate& refined, const
   Json data{{"image_size", {refined.camera.width_px, refined.camera.height_px}},
             {"centre", {refined.camera.params[2], refined.camera.params[3]}},
             {"rms_px", OrNull(refined.errors.reprojection_rms_px)},
+            {"sigma_px", refined.solution->pixel_sigma_px},
             {"captures", Json::array()}};
   for (const CaptureResult& capture : result.captures) {
     const CaptureView* view = FindView(captures, capture.image);
@@ -289,33 +267,43 @@ std::string CapturesData(const RunResult& result, const Estimate& refined, const
   return SharedData("captures", data);
 }
 
-std::string ResidualSections(const std::vector<CaptureView>& captures) {
+std::string ResidualSections(const RunResult& result, const Estimate& refined,
+                             const std::vector<CaptureView>& captures) {
+  const Camera& camera = refined.camera;
   const std::string sample = NumPoints(captures) > kMaxPoints ? " An even sample of the points." : "";
   const std::string field = SharedViewFigure(
-      "residual-field", "Predicted minus seen, of the points that count. Click for the capture." + sample, "captures");
+      "residual-field", "Predicted minus seen, of the points that count. Click for the capture." + sample, "captures",
+      ResidualFieldPicture(camera, captures));
   if (field.empty()) return "";
   const std::string cells = SharedViewFigure(
       "coverage",
       "Per cent of the points that count. Where there are none, no capture says anything of the lens." + sample,
-      "captures");
-  const std::string radius = SharedViewFigure("residual-radius", "", "captures");
-  const std::string bars =
-      SharedViewFigure("capture-bars", "The dashed line is the rms of all. Click for the picture.", "captures");
+      "captures", CoveragePicture(camera, captures));
+  const std::string radius =
+      SharedViewFigure("residual-radius", "", "captures", ResidualRadiusPicture(camera, captures));
+  const std::string histogram = SharedViewFigure(
+      "histogram", "Coordinates of the points that count, and what noise of the stated sigma would give.", "captures",
+      HistogramPicture(refined.solution->pixel_sigma_px, captures));
+  const std::string bars = SharedViewFigure("capture-bars", "The dashed line is the rms of all. Click for the picture.",
+                                            "captures", CaptureBarsPicture(result));
   return "<div class=\"columns\">\n" + Section("Residuals over the picture", field) +
          Section("Coverage of the picture", cells) + Section("Residuals from the middle outwards", radius) +
-         Section("Residuals capture by capture", bars) + "</div>\n";
+         Section("Residuals by their size", histogram) + Section("Residuals capture by capture", bars) + "</div>\n";
 }
 
 std::string CaptureSection(const RunResult& result) {
   std::vector<std::vector<PageCell>> rows;
   bool has_corrections = false;
   for (const CaptureResult& capture : result.captures) has_corrections = has_corrections || capture.correction;
-  for (const CaptureResult& capture : result.captures) {
-    std::vector<PageCell> row = {{capture.image},
+  for (size_t i = 0; i < result.captures.size(); ++i) {
+    const CaptureResult& capture = result.captures[i];
+    std::vector<PageCell> row = {{std::to_string(i + 1), true},
+                                 {capture.image},
                                  {capture.used ? "used" : "not used"},
                                  {std::to_string(capture.num_points), true},
                                  {std::to_string(capture.num_rejected), true},
-                                 {capture.rms_px ? Significant(*capture.rms_px, 3) : "", true}};
+                                 {capture.rms_px ? Significant(*capture.rms_px, 3) : "", true},
+                                 {capture.holdout_target_mm ? ShownAmount(*capture.holdout_target_mm, 2) : "", true}};
     const std::optional<CaptureMove>& move = capture.move_without;
     row.push_back({move ? Significant(1000 * move->tangent.head<3>().norm(), 2) : "", true});
     row.push_back({move ? Significant(RadToDeg(move->tangent.tail<3>().norm()), 2) : "", true});
@@ -328,8 +316,9 @@ std::string CaptureSection(const RunResult& result) {
     row.push_back({capture.reason});
     rows.push_back(std::move(row));
   }
-  std::vector<std::string> head = {"capture", "",      "points", "left out", "rms, px", "result moves without it, mm",
-                                   "deg",     "chance"};
+  std::vector<std::string> head = {
+      "no.", "capture", "", "points", "left out", "rms, px", "hold-out, mm", "result moves without it, mm",
+      "deg", "chance"};
   if (has_corrections) head.insert(head.end(), {"robot off by, mm", "deg"});
   head.emplace_back("remark");
   return Heading("Captures") + HtmlTable(head, rows, true);
@@ -337,23 +326,20 @@ std::string CaptureSection(const RunResult& result) {
 
 }  // namespace
 
-std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures,
-                       const Points3& target_points) {
+std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures, const Points3& target_points,
+                       const ReportContext& context) {
   const Estimate* refined = FindRefined(result);
-  std::string body = "<h1>" + EscapedForMarkup(result.name) + "</h1>\n" +
-                     Paragraph(std::string(SetupName(result.setup)) + ", " + result.target_type + ", " +
-                               std::to_string(NumUsedCaptures(result)) + " of " +
-                               std::to_string(result.captures.size()) + " captures used") +
-                     VerdictSection(result);
+  std::string body = RecordSection(result, context);
+  // Without points only poses of the target were given: nothing was measured in pictures.
   if (refined == nullptr) {
-    // Poses of the target only: nothing was measured in pictures.
-    return HtmlPage(result.name, body + MethodsSection(result) + CaptureSection(result));
+    body += MethodsSection(result);
+  } else {
+    body += CapturesData(result, *refined, captures) + SetUpSection(result, *refined, captures, target_points) +
+            MethodsSection(result) + ResidualSections(result, *refined, captures) +
+            UncertaintySection(result, *refined) + CorrelationSection(*refined);
   }
-  body += Tiles(result, *refined) + CapturesData(result, *refined, captures) + "<div class=\"columns\">\n" +
-          SetUpSection(result, *refined, captures, target_points) + PoseSection(result, *refined) + "</div>\n" +
-          MethodsSection(result) + ResidualSections(captures) + UncertaintySection(result, *refined) +
-          CorrelationSection(*refined) + CaptureSection(result);
-  return HtmlPage(result.name, body);
+  return HtmlPage(result.name,
+                  body + CaptureSection(result) + Details("The config as used", CopyableText(context.config_used)));
 }
 
 }  // namespace heba

@@ -6,6 +6,7 @@
 
 #include "heba/camera/camera_model.h"
 #include "heba/evaluation/evaluation.h"
+#include "tools/report_record.h"
 
 namespace heba {
 
@@ -22,7 +23,8 @@ struct CaptureView {
   std::string small_jpeg;
 };
 
-// `result` has a refined estimate. `target_points` are all of the target's, in its frame, m.
-std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures, const Points3& target_points);
+// `target_points` are all of the target's, in its frame, m. A result without a refined estimate has no `captures`.
+std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures, const Points3& target_points,
+                       const ReportContext& context);
 
 }  // namespace heba

@@ -15,6 +15,8 @@ namespace {
 // With fewer digits where they do not fit into a column, which begins with a space.
 std::string Cell(const std::optional<double>& value, int digits, size_t width) {
   if (!value) return "-";
+  constexpr double kRounding = 1e-9;
+  if (std::abs(*value) < kRounding) return "0";
   std::string text = Significant(*value, digits);
   while (text.size() >= width && digits > 1) text = Significant(*value, --digits);
   if (text.size() < width) return text;
@@ -28,8 +30,8 @@ double SigmaAt(const Covariance& covariance, Eigen::Index i) { return std::sqrt(
 std::string Uncertainty(const Solution& solution) {
   std::vector<std::string> mm;
   std::vector<std::string> deg;
-  for (Eigen::Index i = 0; i < 3; ++i) mm.push_back(Significant(1000 * SigmaAt(solution.covariance, i), 2));
-  for (Eigen::Index i = 3; i < 6; ++i) deg.push_back(Significant(RadToDeg(SigmaAt(solution.covariance, i)), 2));
+  for (Eigen::Index i = 0; i < 3; ++i) mm.push_back(ShownAmount(1000 * SigmaAt(solution.covariance, i), 2));
+  for (Eigen::Index i = 3; i < 6; ++i) deg.push_back(ShownAmount(RadToDeg(SigmaAt(solution.covariance, i)), 2));
   return "one sigma " + Join(mm, ", ") + " mm; " + Join(deg, ", ") + " deg (camera's x, y, z)";
 }
 
@@ -43,7 +45,7 @@ std::string ShapeLine(const Solution& solution) {
     const bool is_scale = i < 2;
     parts.push_back(std::string(is_scale ? "scale" : "bend") + (i % 2 == 0 ? " x " : " y ") +
                     Fixed((is_scale ? 1 : 1000) * solution.shape.params[i], is_scale ? 5 : 3) +
-                    (is_scale ? "" : " mm") + " (one sigma " + Significant((is_scale ? 1 : 1000) * *sigma, 2) + ")");
+                    (is_scale ? "" : " mm") + " (one sigma " + ShownAmount((is_scale ? 1 : 1000) * *sigma, 2) + ")");
   }
   return parts.empty() ? "" : "target: " + Join(parts, ", ") + "\n";
 }
@@ -51,8 +53,8 @@ std::string ShapeLine(const Solution& solution) {
 std::string NoiseLine(const Solution& solution, const std::optional<double>& holdout_chi2) {
   std::string line = "pixel noise " + Significant(solution.pixel_sigma_px, 3) + " px a coordinate";
   if (solution.robot_noise) {
-    line += ", the robot's " + Significant(1000 * solution.robot_noise->translation_m, 2) + " mm and " +
-            Significant(RadToDeg(solution.robot_noise->rotation_rad), 2) + " deg";
+    line += ", the robot's " + ShownAmount(1000 * solution.robot_noise->translation_m, 2) + " mm and " +
+            ShownAmount(RadToDeg(solution.robot_noise->rotation_rad), 2) + " deg";
   }
   if (holdout_chi2) line += "; hold-out chi-square " + Significant(*holdout_chi2, 3) + " per degree of freedom";
   return line + "\n";
@@ -81,7 +83,8 @@ std::string ResultTable(const RunResult& result, Colour colour) {
                                      [](const Estimate& estimate) { return estimate.errors.truth.has_value(); });
   std::string table = bold + result.name + plain + ": " + std::string(SetupName(result.setup)) + ", " +
                       result.target_type + ", " + std::to_string(used) + " of " +
-                      std::to_string(result.captures.size()) + " captures used\n\n";
+                      std::to_string(result.captures.size()) + " captures used\n" +
+                      VerdictLines(result.verdict, bold, plain) + "\n";
   // Title, unit and figure of each column; 80 characters in all.
   struct Column {
     const char* title;
@@ -115,18 +118,16 @@ std::string ResultTable(const RunResult& result, Colour colour) {
   table += "\n";
   for (const Estimate& estimate : result.estimates) {
     const bool is_last = &estimate == &result.estimates.back();
+    if (!estimate.ok) continue;
     if (is_last) table += bold;
     table += PadRight(estimate.method, kMethodWidth);
-    if (!estimate.ok) {
-      table += "  failed: " + estimate.reason + plain + "\n";
-      continue;
-    }
     for (const Column& column : columns) {
       table += PadLeft(Cell(column.figure(estimate.errors), column.digits, column.width), column.width);
     }
     if (is_last) table += plain;
     table += "\n";
   }
+  for (const auto& [reason, methods] : MethodsWithoutResult(result)) table += methods + ": none, " + reason + "\n";
   // The last of them is the refinement of the reprojection error.
   const Estimate* refined = FindRefined(result);
   if (refined == nullptr) {
@@ -134,19 +135,19 @@ std::string ResultTable(const RunResult& result, Colour colour) {
     for (const Estimate& estimate : result.estimates) {
       if (!estimate.ok || estimate.kind != "refined") continue;
       table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera (" + estimate.method + ")\n  " +
-               PoseText(estimate.hand_eye.camera_mount_from_camera) + "\n";
+               HandEyePoseText(estimate) + "\n";
     }
-    return table + VerdictLines(result.verdict, bold, plain);
+    return table;
   }
-  table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera\n  " +
-           PoseText(refined->hand_eye.camera_mount_from_camera) + "\n  " + Uncertainty(*refined->solution) + "\n";
+  table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera\n  " + HandEyePoseText(*refined) + "\n  " +
+           Uncertainty(*refined->solution) + "\n";
   table += NoiseLine(*refined->solution, refined->errors.holdout_chi2);
   table += ShapeLine(*refined->solution);
   for (const Finding& finding : result.verdict.findings) {
     const bool is_told = finding.code == "model" || finding.code == "camera";
     if (is_told) table += finding.code + ": " + finding.text + "\n";
   }
-  return table + VerdictLines(result.verdict, bold, plain);
+  return table;
 }
 
 }  // namespace heba

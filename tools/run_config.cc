@@ -263,6 +263,23 @@ std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& k
   return target;
 }
 
+namespace {
+
+// Texts of the user's own, for the record.
+void ReadAbout(MapReader& root, RunConfig* config) {
+  const std::optional<ConfigValue> about = root.Find("about");
+  if (!about) return;
+  if (!about->IsMap()) about->Fail("a mapping is needed, such as {camera: serial number 4711}");
+  MapReader reader(*about);
+  for (const auto& entry : about->node()) {
+    const std::string key = entry.first.Scalar();
+    config->about.emplace_back(key, reader.Text(key));
+  }
+  root.Record("about", reader.used());
+}
+
+}  // namespace
+
 RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& settings) {
   RunConfig config;
   config.file = path;
@@ -276,6 +293,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
       config.name.size() > kLongestName) {
     reader.Get("name").Fail("'" + config.name + "' cannot name a folder");
   }
+  ReadAbout(reader, &config);
   const YAML::Node captures_used = ReadCaptures(reader.Get("captures"), &config);
   ReadSetup(reader, &config);
   ReadTargetSection(reader, &config);

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "heba/data/dataset.h"
@@ -40,6 +41,7 @@ struct LeftOut {
 struct RunConfig {
   std::filesystem::path file;
   std::string name;
+  std::vector<std::pair<std::string, std::string>> about;  // RunResult::about.
   Setup setup = Setup::kEyeToHand;
   std::shared_ptr<const Target> target;  // Null if poses of the target are given, and the target is not.
   std::string target_used;               // As YAML, every default filled in.

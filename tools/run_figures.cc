@@ -26,17 +26,44 @@ std::optional<double> RotationSigmaDeg(const Estimate& estimate) {
   return sigma_rad ? std::optional<double>(RadToDeg(*sigma_rad)) : std::nullopt;
 }
 
+std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result) {
+  std::vector<std::pair<std::string, std::string>> methods_of;
+  for (const Estimate& estimate : result.estimates) {
+    if (estimate.ok) continue;
+    const auto known = std::find_if(methods_of.begin(), methods_of.end(),
+                                    [&](const auto& entry) { return entry.first == estimate.reason; });
+    if (known == methods_of.end()) {
+      methods_of.emplace_back(estimate.reason, estimate.method);
+    } else {
+      known->second += ", " + estimate.method;
+    }
+  }
+  return methods_of;
+}
+
 int NumUsedCaptures(const RunResult& result) {
   return static_cast<int>(std::count_if(result.captures.begin(), result.captures.end(),
                                         [](const CaptureResult& capture) { return capture.used; }));
 }
 
-std::string PoseText(const Rigid3d& pose) {
+std::string HandEyePoseText(const Estimate& estimate) {
+  const Rigid3d& pose = estimate.hand_eye.camera_mount_from_camera;
+  if (!estimate.solution || estimate.solution->covariance.matrix.rows() < 6) return PoseText(pose);
+  const Eigen::VectorXd variances = estimate.solution->covariance.matrix.diagonal();
+  return PoseText(pose, 1000 * std::sqrt(variances.segment<3>(0).maxCoeff()),
+                  std::sqrt(variances.segment<3>(3).maxCoeff()));
+}
+
+std::string PoseText(const Rigid3d& pose, double sigma_mm, double sigma_rad) {
+  constexpr int kMostDecimals = 8;
+  constexpr int kFewestDecimals = 3;
   const double sign = pose.rotation.w() < 0 ? -1 : 1;
   std::vector<std::string> t;
   std::vector<std::string> q;
-  for (int i = 0; i < 3; ++i) t.push_back(Fixed(1000 * pose.translation[i], 3));
-  for (int i = 0; i < 4; ++i) q.push_back(Fixed(sign * pose.rotation.coeffs()[i], 6));
+  for (int i = 0; i < 3; ++i) t.push_back(Fixed(1000 * pose.translation[i], DecimalsFor(sigma_mm, kMostDecimals)));
+  for (int i = 0; i < 4; ++i)
+    q.push_back(
+        Fixed(sign * pose.rotation.coeffs()[i], std::max(kFewestDecimals, DecimalsFor(sigma_rad, kMostDecimals))));
   return "[" + Join(t, ", ") + "] mm, quaternion xyzw [" + Join(q, ", ") + "]";
 }
 

@@ -3,6 +3,8 @@
 
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "heba/evaluation/evaluation.h"
 
@@ -12,10 +14,16 @@ namespace heba {
 std::optional<double> TranslationSigmaMm(const Estimate& estimate);
 std::optional<double> RotationSigmaDeg(const Estimate& estimate);
 
+// The reasons why methods have no estimate, each once, and the methods that give it, with commas between them.
+std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result);
+
 int NumUsedCaptures(const RunResult& result);
 
-// "[x, y, z] mm, quaternion xyzw [...]", w not negative.
-std::string PoseText(const Rigid3d& pose);
+// "[x, y, z] mm, quaternion xyzw [...]", w not negative; to a micrometre, or with the digits that the largest sigmas
+// of place and turn deserve.
+std::string PoseText(const Rigid3d& pose, double sigma_mm = 0.01, double sigma_rad = 1e-5);
+// The same with the sigmas of an estimate's hand-eye pose.
+std::string HandEyePoseText(const Estimate& estimate);
 // Three digits, or "-".
 std::string FigureText(const std::optional<double>& value);
 

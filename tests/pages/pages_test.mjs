@@ -66,6 +66,7 @@ const kMarks = {
   coverage: ['g[aria-label=rect] rect', 48],
   'residual-radius': ['g[aria-label=dot] circle', 200],
   'capture-bars': ['g[aria-label=bar] rect', 9],
+  histogram: ['g[aria-label=rect] rect', 41],
   ellipses: ['g[aria-label=line] path', 8],
   correlation: ['g[aria-label=cell] rect', 12 * 12],
   lines: ['g[aria-label=line] path', 5],
@@ -134,6 +135,14 @@ async function checkScene(page) {
   await scene.focus();
   await page.keyboard.press('ArrowLeft');
   assert.notEqual(await sceneOf(page), dragged, 'a key does not turn the scene');
+  await page.getByRole('button', {name: 'reset the view'}).click();
+  assert.equal(await sceneOf(page), first, 'the view is not reset');
+  // No name is cut off.
+  const [edge, names] = await page.evaluate(() => {
+    const inside = document.querySelector('svg.scene').getBoundingClientRect();
+    return [inside.right, [...document.querySelectorAll('svg.scene text')].map((text) => text.getBoundingClientRect().right)];
+  });
+  assert.ok(names.length === 2 && names.every((right) => right <= edge), `${names} reach beyond ${edge}`);
 }
 
 async function checkCaptures(page) {
@@ -141,7 +150,7 @@ async function checkCaptures(page) {
   assert.equal(await row.count(), 1);
   await row.click();
   const dialog = page.locator('dialog[open]');
-  assert.equal(await dialog.locator('h3').textContent(), kHostile);
+  assert.equal(await dialog.locator('h3').textContent(), `4: ${kHostile}`);
   const picture = await dialog.locator('image').getAttribute('href');
   const size = await page.evaluate(async (href) => {
     const image = new Image();
@@ -155,13 +164,13 @@ async function checkCaptures(page) {
   assert.ok(before.split(',').length >= 20, 'few residuals are drawn');
   await dialog.locator('input[type=range]').fill('0.8');
   assert.notEqual(await ends(), before, 'the slider does not stretch the residuals');
-  const names = [kHostile];
+  const names = [`4: ${kHostile}`];
   for (const act of [() => dialog.getByRole('button', {name: 'next'}).click(), () => page.keyboard.press('ArrowRight'),
                      () => page.keyboard.press('ArrowRight')]) {
     await act();
     names.push(await dialog.locator('h3').textContent());
   }
-  assert.deepEqual(names, [kHostile, '004.png', '005.png', kSwallowing]);
+  assert.deepEqual(names, [`4: ${kHostile}`, '5: 004.png', '6: 005.png', `7: ${kSwallowing}`]);
   await page.keyboard.press('Escape');
   assert.equal(await page.locator('dialog[open]').count(), 0);
   // By a bar of the chart, too.
@@ -169,12 +178,12 @@ async function checkCaptures(page) {
   await bar.scrollIntoViewIfNeeded();
   await bar.hover();
   await bar.click();
-  assert.equal(await page.locator('dialog[open] h3').textContent(), '004.png');
+  assert.equal(await page.locator('dialog[open] h3').textContent(), '5: 004.png');
   await page.locator('dialog[open]').getByRole('button', {name: 'close'}).click();
   assert.equal(await page.locator('dialog[open]').count(), 0);
 }
 
-const kReportViews = ['set-up', 'dumbbells', 'residual-field', 'coverage', 'residual-radius', 'capture-bars', 'ellipses', 'correlation'];
+const kReportViews = ['set-up', 'dumbbells', 'residual-field', 'coverage', 'residual-radius', 'histogram', 'capture-bars', 'ellipses', 'correlation'];
 const kPages = [
   {file: 'runs/exact/report.html', views: kReportViews, column: 'rms, px', isReport: true},
   {file: 'runs/noisy/report.html', views: kReportViews, column: 'robot off by, mm', isReport: true},
@@ -182,6 +191,38 @@ const kPages = [
   {file: 'comparison/compare.html', views: ['dumbbells', 'pairs'], column: 'sigma, mm'},
   {file: 'study/study.html', views: ['lines'], column: 'hand-eye, mm'},
 ];
+
+// Nothing of a table stands outside of a narrow window, and every cell says what it is.
+async function checkNarrow(page, file) {
+  const outside = await page.$$eval('td', (cells) => cells.filter((cell) => cell.getBoundingClientRect().right > innerWidth + 1)
+      .map((cell) => cell.textContent));
+  assert.deepEqual(outside, [], `${file}: cells outside of the window`);
+}
+
+// Without a script the charts are pictures; the words and tables are there.
+async function checkWithoutScript(file) {
+  const context = await browser.newContext({viewport: {width: 1280, height: 900}, offline: true, javaScriptEnabled: false});
+  const page = await context.newPage();
+  await page.goto(pathToFileURL(join(folder, file)).href);
+  const pictures = page.locator('figure svg.picture');
+  const figures = await page.locator('figure').count();
+  for (let i = 0; i < (await pictures.count()); ++i) {
+    const box = await pictures.nth(i).boundingBox();
+    assert.ok(box && box.width > 100 && box.height > 40, `${file}: picture ${i} has no size`);
+  }
+  // All but the runs' pairs, which are in a table too.
+  assert.ok((await pictures.count()) >= figures - (file.includes('compare') ? 1 : 0), `${file}: ${await pictures.count()} pictures of ${figures} charts`);
+  await context.close();
+}
+
+// What is on paper first is a record by itself.
+async function checkRecord(page, file) {
+  await page.emulateMedia({media: 'print'});
+  await page.setViewportSize({width: 794 - 90, height: 1123}); // A4 without its margins, in px.
+  const height = await page.locator('.record-page').evaluate((element) => element.getBoundingClientRect().height);
+  assert.ok(height < 1123 - 90, `${file}: the record is ${height} px high`);
+  await page.emulateMedia({media: 'screen'});
+}
 
 let browser;
 try {
@@ -191,10 +232,12 @@ try {
   browser = await chromium.launch({executablePath, args});
   const complaints = [];
   for (const {file, views, column: title, isReport} of kPages) {
+    await checkWithoutScript(file);
     for (const width of [1280, 400]) {
       const page = await open(browser, file, width, complaints);
       await checkFigures(page, file, width, views);
       await checkSorting(page, title);
+      if (width === 400) await checkNarrow(page, file);
       if (isReport) {
         await checkScene(page);
         await checkCaptures(page);
@@ -224,6 +267,7 @@ try {
       const refusals = complaints.filter((text) => text.includes('Content Security Policy'));
       assert.equal(refusals.length, 2, String(complaints));
       complaints.splice(0, complaints.length, ...complaints.filter((text) => !refusals.includes(text)));
+      if (isReport && width > 400) await checkRecord(page, file);
       await page.context().close();
       console.log(`${file} at ${width} px: ok`);
     }

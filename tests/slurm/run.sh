@@ -128,9 +128,9 @@ done
 "$heba" run "${configs[@]}" --out "$work/one_machine" --quiet
 
 echo "an array of a batch"
-"$source/tools/slurm/submit.sh" --tasks 3 --heba "$heba" --cpus-per-task=1 -- run "${configs[@]}" --out "$work/array" >/dev/null
+"$source/tools/slurm/submit.sh" --tasks 3 --heba "$heba" --cpus-per-task=1 -- run "${configs[@]}" --out "$work/array%j" >/dev/null
 wait_for 120 queue_is_empty || fail "the array does not end"
-cmp "$work/array/summary.csv" "$work/one_machine/summary.csv" || fail "the array's summary is another"
+cmp "$work/array%j/summary.csv" "$work/one_machine/summary.csv" || fail "the array's summary is another"
 
 echo "a node that dies in mid-array"
 submitted=$("$source/tools/slurm/submit.sh" --tasks 6 --heba "$heba" --cpus-per-task=1 -- run "${configs[@]}" --out "$work/killed")

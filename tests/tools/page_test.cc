@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tools/chart_picture.h"
 #include "tools/page_assets.h"
 
 namespace heba {
@@ -58,6 +59,43 @@ TEST_P(PageTest, HasNoChartsWithoutTheScriptAndSaysSo) {
   }
 }
 
+// A chart has a picture for whoever has no script: beside the script where there is one, alone where there is none.
+TEST_P(PageTest, ChartsHavePicturesWithoutTheScript) {
+  const std::string picture = "<svg class=\"picture\"></svg>";
+  for (const std::string& figure : {ViewFigure("lines", "caption", {{"x", 1}}, picture),
+                                    SharedViewFigure("lines", "caption", "d", picture)}) {
+    EXPECT_THAT(figure, HasSubstr("<figcaption>caption</figcaption>"));
+    if (GetParam()) {
+      EXPECT_THAT(figure, HasSubstr("<noscript>" + picture + "</noscript>"));
+    } else {
+      EXPECT_THAT(figure, HasSubstr(picture));
+      EXPECT_THAT(figure, Not(HasSubstr("noscript")));
+    }
+  }
+}
+
+TEST(ChartPictureTest, MarksStandWhereTheirNumbersAre) {
+  ChartPicture chart(200, 146, {"x", 0, 10}, {"y", 1, 100, true}, 88);
+  chart.Dot(0, 1, 2, "first");
+  chart.Dot(10, 100, 2, "first");
+  chart.Dot(5, 10, 2, "first");
+  chart.Text(5, 10, "<b>", "end");
+  const std::string svg = chart.Svg();
+  // The plot is 100 px a side: 88 px from the left, 8 from the top.
+  EXPECT_THAT(svg, HasSubstr("<circle cx=\"88.0\" cy=\"108.0\""));
+  EXPECT_THAT(svg, HasSubstr("<circle cx=\"188.0\" cy=\"8.0\""));
+  EXPECT_THAT(svg, HasSubstr("<circle cx=\"138.0\" cy=\"58.0\""));
+  EXPECT_THAT(svg, HasSubstr("&lt;b&gt;"));
+  EXPECT_THAT(svg, Not(HasSubstr("<b>")));
+}
+
+TEST(ChartPictureTest, TicksAreRoundAndWithin) {
+  EXPECT_EQ(AxisTicks({"", 0, 10}, 6), (std::vector<double>{0, 2, 4, 6, 8, 10}));
+  EXPECT_EQ(AxisTicks({"", 8, -1}, 6), (std::vector<double>{0, 2, 4, 6, 8}));
+  EXPECT_EQ(AxisTicks({"", 0.3, 6, true}, 6), (std::vector<double>{0.5, 1, 2, 5}));
+  EXPECT_EQ(AxisTicks({"", 0.01, 1000, true}, 6).size(), 6U);
+}
+
 TEST_P(PageTest, NothingGivenBecomesMarkup) {
   for (const std::string& name : kHostile) {
     const nlohmann::ordered_json data = {{"name", name}, {name, 1}};
@@ -86,7 +124,10 @@ TEST_P(PageTest, WhatIsNoNumberIsNull) {
 }
 
 TEST(PageTableTest, CellsLinkWhateverTheirNames) {
-  const std::string table = HtmlTable({"run", "mm"}, {{{"a <b>", false, LinkTo("a <b>: c/report.html")}, {"1", true}}});
+  const std::string table =
+      HtmlTable({"run", "mm", "<i>"}, {{{"a <b>", false, LinkTo("a <b>: c/report.html")}, {"1", true}, {""}}});
+  // In a narrow window a cell says whose it is.
+  EXPECT_THAT(table, HasSubstr("<td class=\"number\" data-head=\"mm\">1</td><td data-empty></td>"));
   EXPECT_THAT(table, HasSubstr("<a href=\"a%20%3Cb%3E%3A%20c/report.html\">a &lt;b&gt;</a>"));
 }
 

@@ -11,6 +11,15 @@ endif()
 if(HEBA_WARNINGS_AS_ERRORS)
   target_compile_options(heba_options INTERFACE -Werror)
 endif()
+# Against hostile files: what overflows a stack or a buffer of known size ends the program, and the tables of foreign
+# functions cannot be written once it runs. The sanitizers have checks of their own.
+if(HEBA_HARDEN AND NOT HEBA_SANITIZE)
+  target_compile_options(heba_options INTERFACE -fstack-protector-strong)
+  if(NOT CMAKE_BUILD_TYPE STREQUAL "Debug")
+    target_compile_options(heba_options INTERFACE -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=2)
+  endif()
+  target_link_options(heba_options INTERFACE LINKER:-z,relro LINKER:-z,now)
+endif()
 if(HEBA_SANITIZE)
   target_compile_options(heba_options INTERFACE -fsanitize=${HEBA_SANITIZE} -fno-omit-frame-pointer
                                                 -fno-sanitize-recover=all)

@@ -7,6 +7,8 @@
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
+#include "solvers/camera_choice.h"
+#include "solvers/intrinsics_seed.h"
 #include "solvers/target_pose.h"
 #include "targets/image.h"
 #include "targets/overlay.h"
@@ -21,8 +23,23 @@
 namespace heba {
 namespace {
 
-// How far the points are from the flat target that fits them best: through the camera if it is known, else through a
-// homography, which lens distortion does not follow.
+// The camera of the config, or the one that these pictures themselves give; nothing if they are too few for that.
+std::optional<Camera> FittedCamera(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+  if (config.camera) return config.camera;
+  const std::vector<View> views = ViewsOf(config, detections);
+  if (views.empty()) return std::nullopt;
+  const int width_px = detections.front().width_px;
+  const int height_px = detections.front().height_px;
+  if (config.choose_camera_model) {
+    const Outcome<CameraChoice> choice = ChooseCameraModel(views, width_px, height_px);
+    return choice ? std::optional(choice->camera) : std::nullopt;
+  }
+  const Outcome<Camera> camera = EstimateIntrinsics(views, config.camera_model, width_px, height_px);
+  return camera ? std::optional(*camera) : std::nullopt;
+}
+
+// How far the points are from the target that fits them best: through the camera if there is one, else through a
+// homography of the plane, which lens distortion does not follow.
 std::optional<Points2> FitResiduals(const std::optional<Camera>& camera, const Observations& observations) {
   if (observations.size() < 4) return std::nullopt;
   if (camera) {
@@ -56,17 +73,20 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   StagedFolder folder(output);
   const std::vector<CaptureDetection> detections = DetectCaptures(config, NumThreads(), verbosity);
   FitCameraToPictures(detections.front(), &config);
+  const std::optional<Camera> camera = FittedCamera(config, detections);
+  const std::string through = camera
+                                  ? (config.camera ? "the given camera" : "a " + camera->model + " lens fitted to them")
+                                  : "a plane without a lens, for these pictures do not give one";
   fs::create_directory(folder.staging() / "overlays");
   std::vector<std::string> lines(config.captures.size());
   ParallelFor(static_cast<int>(config.captures.size()), NumThreads(), [&](int index) {
     const size_t i = static_cast<size_t>(index);
     const Observations observations = ObservationsOf(*config.target, detections[i].detection);
-    const std::optional<Points2> residuals = FitResiduals(config.camera, observations);
+    const std::optional<Points2> residuals = FitResiduals(camera, observations);
     std::string line = config.captures[i].name + ": " + std::to_string(observations.size()) + " of " +
                        std::to_string(config.target->points().size()) + " points";
     if (residuals) {
-      line += ", " + Significant(*SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx(), 3) +
-              " px rms from " + (config.camera ? "the best pose" : "a plane");
+      line += ", " + Significant(*SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx(), 3) + " px rms";
     }
     if (!detections[i].detection.reason.empty()) line += " (" + detections[i].detection.reason + ")";
     OverlayOptions options;
@@ -85,10 +105,11 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   int seen = 0;
   for (const CaptureDetection& detection : detections) seen += detection.detection.ids.empty() ? 0 : 1;
   if (!FLAGS_quiet) {
-    for (const std::string& line : lines) std::cout << line << "\n";
-    std::cout << "the target was seen in " << seen << " of " << detections.size()
-              << " pictures; residual arrows are drawn up to 100 times as long as they are\npictures: "
-              << (output / "overlays").string() << std::endl;
+    std::string text = "the target was seen in " + std::to_string(seen) + " of " + std::to_string(detections.size()) +
+                       " pictures; residuals are through " + through +
+                       ", and drawn up to 100 times as long as they are\n";
+    for (const std::string& line : lines) text += line + "\n";
+    std::cout << ForTerminal(text) << "pictures: " << (output / "overlays").string() << std::endl;
   }
   if (seen > 0) return kDone;
   PrintError(arguments[0] + ": the target was not seen in any picture");

@@ -21,11 +21,24 @@ std::string DiagnosisText(const std::string& name, const Diagnosis& diagnosis) {
                      std::to_string(diagnosis.num_seen) + " of them show a pose of the target; " +
                      (num_wrong == 0 ? "nothing is wrong" : std::to_string(num_wrong) + " wrong") + ", " +
                      std::to_string(num_remarks) + (num_remarks == 1 ? " remark\n" : " remarks\n");
-  int number = 0;
-  for (const Symptom& symptom : diagnosis.symptoms) {
-    text += std::to_string(++number) + ". " + (symptom.severity == Severity::kWrong ? "wrong" : "remark") + " [" +
-            symptom.code + "]: " + symptom.what + "\n";
+  // Of many alike the first ones are told, with their cure once.
+  constexpr size_t kMostAlike = 4;
+  size_t alike = 0;
+  for (size_t i = 0; i < diagnosis.symptoms.size(); ++i) {
+    const Symptom& symptom = diagnosis.symptoms[i];
+    const bool is_last_alike = i + 1 == diagnosis.symptoms.size() || diagnosis.symptoms[i + 1].code != symptom.code ||
+                               diagnosis.symptoms[i + 1].cure != symptom.cure;
+    ++alike;
+    if (alike <= kMostAlike) {
+      text += std::to_string(i + 1) + ". " + (symptom.severity == Severity::kWrong ? "wrong" : "remark") + " [" +
+              symptom.code + "]: " + symptom.what + "\n";
+    }
+    if (!is_last_alike) continue;
+    if (alike > kMostAlike) {
+      text += "   and " + std::to_string(alike - kMostAlike) + " more [" + symptom.code + "] of this kind\n";
+    }
     if (!symptom.cure.empty()) text += "   -> " + symptom.cure + "\n";
+    alike = 0;
   }
   return text;
 }

@@ -13,6 +13,7 @@
 #include "targets/detection.h"
 #include "tools/capture_section.h"
 #include "tools/command.h"
+#include "tools/console.h"
 #include "tools/flags.h"
 #include "tools/pose_flag.h"
 #include "tools/run_config.h"
@@ -75,6 +76,13 @@ std::string SigmasText(const PlaceCovariance& covariance) {
          SigmasMm(covariance.by_picture_m2) +
          (covariance.by_robot_m2.isZero() ? "" : "; robot " + SigmasMm(covariance.by_robot_m2)) + ")";
 }
+
+// Whether figures of a place can be shown: what a result says of its own uncertainty may be no covariance.
+bool IsKnown(const Eigen::Vector3d& place_m, const PlaceCovariance& covariance) {
+  const Eigen::Vector3d variances = covariance.TotalM2().diagonal();
+  return place_m.allFinite() && variances.allFinite() && variances.minCoeff() >= 0;
+}
+constexpr const char* kNotKnown = "the place and its uncertainty are no finite numbers; the result is not to be used";
 
 std::string DescribeSigma(const LocatedTarget& located) {
   return "  one sigma of its middle, along the base's x, y, z: " + SigmasText(located.covariance) + "\n";
@@ -253,6 +261,7 @@ Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solu
     if (!located) {
       return Failure{"pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": " + located.reason()};
     }
+    if (!IsKnown(located->in_base, located->covariance)) return Failure{kNotKnown};
     text += DescribePoint(pixel, *located);
     const bool is_seen_side = normal.dot(base_from_camera.translation - located->in_base) > 0;
     text += DescribePostures(arm, PointingAt(located->in_base, is_seen_side ? normal : Eigen::Vector3d(-normal)));
@@ -274,6 +283,9 @@ TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solutio
       LocateSymmetricTarget(run.result.setup, solution, ObservationsOf(*run.target, seen.detection),
                             run.target->Symmetries(), base_from_mount);
   if (!possible) return {"", false, seen.detection.reason.empty() ? possible.reason() : seen.detection.reason};
+  for (const LocatedTarget& located : *possible) {
+    if (!IsKnown(located.base_from_target.translation, located.covariance)) return {"", false, kNotKnown};
+  }
   const std::string fit = image + ": " + std::to_string(seen.detection.ids.size()) + " of " +
                           std::to_string(run.target->points().size()) + " points, rms " +
                           Significant(possible->front().rms_px, 2) + " px";
@@ -323,7 +335,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
     if (!FLAGS_pixels.empty()) {
       const Outcome<std::string> points = DescribePixels(run, *refined->solution, seen, base_from_mount, asked, arm);
       if (points) {
-        std::cout << arguments[i] << ":\n" << *points;
+        std::cout << ForTerminal(arguments[i] + ":\n" + *points);
       } else {
         all_found = false;
         PrintError(arguments[i] + ": " + points.reason());
@@ -332,7 +344,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
     }
     const TargetDescription target =
         DescribeTarget(run, *refined->solution, arguments[i], seen, base_from_mount, near, arm);
-    std::cout << target.text;
+    std::cout << ForTerminal(target.text);
     if (target.is_located) continue;
     all_found = false;
     if (target.fault.empty()) {

@@ -50,6 +50,8 @@ if [ -z "$out" ]; then
 fi
 logs=${out%/}.slurm
 mkdir -p "$logs"
+# A % in a path would be a pattern of Slurm.
+log_pattern=${logs//%/%%}
 
 # As one word each, whatever they hold.
 command=$(printf '%q ' "$heba" "$@" --resume --quiet)
@@ -57,8 +59,8 @@ script() { printf '#!/usr/bin/env bash\nexec %s --jobs "${SLURM_CPUS_PER_TASK:-1
 
 array=$(script "--shard \"\$SLURM_ARRAY_TASK_ID/$tasks\"" |
   sbatch --parsable --job-name=heba --requeue --open-mode=append --array="0-$((tasks - 1))" \
-    --output="$logs/%A_%a.log" ${options[@]+"${options[@]}"})
+    --output="$log_pattern/%A_%a.log" ${options[@]+"${options[@]}"})
 merge=$(script "--shard 0/1" |
   sbatch --parsable --job-name=heba-merge --requeue --open-mode=append --dependency="afterany:${array%%;*}" \
-    --output="$logs/%j.log" ${options[@]+"${options[@]}"})
+    --output="$log_pattern/%j.log" ${options[@]+"${options[@]}"})
 echo "${array%%;*} ${merge%%;*}"

@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <string_view>
 
-#include <glog/logging.h>
+#include "heba/base/text.h"
 
 namespace heba {
 namespace {
@@ -24,9 +24,6 @@ Simd BestOfMachine() {
 Simd AskedFor() {
   const char* const asked = std::getenv("HEBA_SIMD");
   const std::string_view name = asked == nullptr ? "" : asked;
-  if (!name.empty() && name != "baseline" && name != "avx2" && name != "avx512") {
-    LOG(WARNING) << "HEBA_SIMD is '" << name << "', which is none of baseline, avx2, avx512: it is passed over";
-  }
   return name == "baseline" ? Simd::kBaseline : name == "avx2" ? Simd::kAvx2 : Simd::kAvx512;
 }
 
@@ -36,6 +33,13 @@ Simd& Active() {
 }
 
 }  // namespace
+
+std::string FaultOfSimdSetting() {
+  const char* const asked = std::getenv("HEBA_SIMD");
+  const std::string_view name = asked == nullptr ? "" : asked;
+  if (name.empty() || name == "baseline" || name == "avx2" || name == "avx512") return "";
+  return "HEBA_SIMD: " + Quoted(name) + " is none of baseline, avx2, avx512";
+}
 
 Simd ActiveSimd() { return Active(); }
 void LimitSimd(Simd most) { Active() = std::min(BestOfMachine(), most); }

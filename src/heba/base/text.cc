@@ -183,6 +183,16 @@ std::string Significant(double value, int digits) {
   return Fixed(value, std::max(0, digits - 1 - exponent));
 }
 
+std::string ShownAmount(double amount, int digits) {
+  constexpr double kLeast = 1e-6;
+  return std::abs(amount) < kLeast && amount != 0 ? "< 1e-6" : Significant(amount, digits);
+}
+
+int DecimalsFor(double sigma, int most) {
+  if (!(sigma > 0)) return most;
+  return std::clamp(1 - static_cast<int>(std::floor(std::log10(sigma))), 0, most);
+}
+
 std::string ShownChance(double chance) { return chance < 1e-6 ? "< 1e-6" : Significant(chance, 1); }
 
 std::string RoundTrip(double value) {

@@ -33,6 +33,11 @@ bool IsUtf8(std::string_view text);
 std::string Fixed(double value, int decimals);
 // `value` with `digits` significant digits, without an exponent where that is readable.
 std::string Significant(double value, int digits);
+// A length in mm or an angle in deg, with so many significant digits; "< 1e-6" for less, which is rounding and says
+// nothing of the world.
+std::string ShownAmount(double amount, int digits);
+// How many digits behind the point `sigma` deserves, so that its first two digits are seen; 0 to `most`.
+int DecimalsFor(double sigma, int most);
 // A chance as people read it: one digit, and "< 1e-6" for all that is less.
 std::string ShownChance(double chance);
 // The shortest text that reads back as the same double.

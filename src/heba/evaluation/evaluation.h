@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "heba/data/setup.h"
@@ -53,6 +54,8 @@ struct CaptureResult {
   int num_second_pass = 0;       // Of the points, those found only where the first estimate said to look.
   int num_rejected = 0;          // Of the points, those that the estimate left out.
   std::optional<double> rms_px;  // With the refined estimate, from the robot's pose as it was given.
+  // How far the target was from where a refinement that had not seen this capture predicted it.
+  std::optional<double> holdout_target_mm;
   // The gripper as the pictures have it, in the gripper's frame as the robot had it; if the robot is noisy.
   std::optional<Rigid3d> correction;
   // What the refined hand-eye pose would move by without this capture (solvers/influence.h).
@@ -104,6 +107,8 @@ struct Requirement {
 // A finished run: what result.json holds.
 struct RunResult {
   std::string name;
+  // What the config says of the cell for the record: serial numbers, an operator's name.
+  std::vector<std::pair<std::string, std::string>> about;
   Setup setup = Setup::kEyeToHand;
   std::string target_type;
   int num_target_points = 0;

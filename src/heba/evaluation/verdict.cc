@@ -51,14 +51,14 @@ Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   Finding finding;
   finding.code = "uncertainty";
   finding.grade = std::max(GradeOf(mm, kPositionMm), GradeOf(deg, kOrientationDeg));
-  finding.text = "the camera's pose is known to " + Significant(mm, 2) + " mm and " + Significant(deg, 2) +
+  finding.text = "the camera's pose is known to " + ShownAmount(mm, 2) + " mm and " + ShownAmount(deg, 2) +
                  " deg (one sigma, along and about the axis that is known worst)";
   finding.numbers = {{"position_mm", mm}, {"orientation_deg", deg}};
   if (result.working_point) {
     const double at_work_mm = 1000 * std::sqrt(result.working_point->covariance_m2.diagonal().maxCoeff());
     finding.grade = std::max(finding.grade, GradeOf(at_work_mm, kAtWorkMm));
     finding.text += "; a target seen " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) +
-                    " mm away is known to " + Significant(at_work_mm, 2) + " mm";
+                    " mm away is known to " + ShownAmount(at_work_mm, 2) + " mm";
     finding.numbers.emplace_back("at_work_mm", at_work_mm);
   }
   if (!HasFree(solution.covariance, "camera.") && !solution.camera.params.empty()) {
@@ -86,11 +86,11 @@ std::vector<Finding> JudgeRequirements(const RunResult& result, const Errors& er
     Finding finding;
     finding.code = "required";
     finding.grade = reached_mm <= within_mm && held_out_mm <= within_mm ? Grade::kGood : Grade::kBad;
-    finding.text = "a target located at " + requirement.place + " is known to " + Significant(reached_mm, 2) +
+    finding.text = "a target located at " + requirement.place + " is known to " + ShownAmount(reached_mm, 2) +
                    " mm with a confidence of " + Significant(100 * requirement.confidence, 3) + " %; " +
                    Significant(within_mm, 3) + " mm are required";
     if (errors.holdout_target_mm) {
-      finding.text += ", and unseen captures were predicted to " + Significant(held_out_mm, 2) + " mm (rms)";
+      finding.text += ", and unseen captures were predicted to " + ShownAmount(held_out_mm, 2) + " mm (rms)";
     }
     finding.numbers = {{"required_mm", within_mm}, {"reached_mm", reached_mm}, {"held_out_mm", held_out_mm}};
     if (finding.grade != Grade::kGood) {
@@ -112,8 +112,8 @@ Finding JudgeHoldOut(const Errors& errors) {
   finding.code = "hold_out";
   finding.grade =
       std::max(GradeOf(*errors.holdout_target_mm, kHeldOutMm), GradeOf(*errors.holdout_target_deg, kHeldOutDeg));
-  finding.text = "on captures that it has not seen the target was " + Significant(*errors.holdout_target_mm, 2) +
-                 " mm and " + Significant(*errors.holdout_target_deg, 2) + " deg from where it was predicted (rms)";
+  finding.text = "on captures that it has not seen the target was " + ShownAmount(*errors.holdout_target_mm, 2) +
+                 " mm and " + ShownAmount(*errors.holdout_target_deg, 2) + " deg from where it was predicted (rms)";
   finding.numbers = {{"target_mm", *errors.holdout_target_mm}, {"target_deg", *errors.holdout_target_deg}};
   if (finding.grade != Grade::kGood) {
     finding.action =
@@ -207,8 +207,8 @@ std::optional<Finding> JudgeInfluence(const RunResult& result) {
   if (chance > kUnlikely || (move_m < kMattersM && move_rad < kMattersRad)) return std::nullopt;
   return Finding{Grade::kDoubtful,
                  "influential_capture",
-                 "without " + strongest->image + " the camera would be " + Significant(1000 * move_m, 2) + " mm and " +
-                     Significant(RadToDeg(move_rad), 2) +
+                 "without " + strongest->image + " the camera would be " + ShownAmount(1000 * move_m, 2) + " mm and " +
+                     ShownAmount(RadToDeg(move_rad), 2) +
                      " deg elsewhere, more than the assumed noise explains (chance " + ShownChance(chance) + ")",
                  "look at that image and at the robot's pose for it; leave it out if one of them is wrong",
                  {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", chance}}};
@@ -250,8 +250,8 @@ Finding JudgePoses(const RunResult& result) {
                                 GradeOf(scatter.rotation_rms_deg, kScatterDeg)});
   return {grade,
           "poses_only",
-          "poses of the target were given, not images: it scatters by " + Significant(scatter.translation_rms_mm, 2) +
-              " mm and " + Significant(scatter.rotation_rms_deg, 2) + " deg where it should stand still",
+          "poses of the target were given, not images: it scatters by " + ShownAmount(scatter.translation_rms_mm, 2) +
+              " mm and " + ShownAmount(scatter.rotation_rms_deg, 2) + " deg where it should stand still",
           "give the images or the corners: what is refined from them is better, and says how good it is",
           {{"scatter_mm", scatter.translation_rms_mm}, {"scatter_deg", scatter.rotation_rms_deg}}};
 }

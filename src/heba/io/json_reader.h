@@ -1,6 +1,7 @@
 // Reading JSON: every access says where it is in the file.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <optional>
@@ -80,10 +81,15 @@ class JsonReader {
   std::string where_;
 };
 
-// The whole file. InputError if it is not JSON.
+// The whole file. InputError if it is not JSON, or holds more values than a run has, which would take gigabytes.
 inline nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path, size_t max_bytes) {
+  const std::string text = ReadTextFile(path, max_bytes);
+  constexpr std::ptrdiff_t kMostValues = 20'000'000;
+  if (std::count_if(text.begin(), text.end(), [](char c) { return c == ',' || c == '[' || c == '{'; }) > kMostValues) {
+    throw InputError(path.string() + ": holds more than 20 million values");
+  }
   try {
-    return nlohmann::ordered_json::parse(ReadTextFile(path, max_bytes));
+    return nlohmann::ordered_json::parse(text);
   } catch (const nlohmann::ordered_json::parse_error& error) {
     throw InputError(path.string() + ": not valid JSON at byte " + std::to_string(error.byte));
   } catch (const nlohmann::ordered_json::exception&) {

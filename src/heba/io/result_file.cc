@@ -237,6 +237,10 @@ std::string ResultToJson(const RunResult& result) {
   json["name"] = result.name;
   json["setup"] = SetupName(result.setup);
   json["target"] = Json{{"type", result.target_type}, {"points", result.num_target_points}};
+  if (!result.about.empty()) {
+    json["about"] = Json::object();
+    for (const auto& [key, value] : result.about) json["about"][key] = value;
+  }
   json["captures"] = Json::array();
   for (const CaptureResult& capture : result.captures) {
     json["captures"].push_back(Json{{"image", capture.image},
@@ -248,6 +252,7 @@ std::string ResultToJson(const RunResult& result) {
                                     {"reason", capture.reason},
                                     {"repeat_of", capture.repeat_of.empty() ? Json(nullptr) : Json(capture.repeat_of)},
                                     {"rms_px", OrNull(capture.rms_px)},
+                                    {"holdout_target_mm", OrNull(capture.holdout_target_mm)},
                                     {"robot_correction", TangentJson(CorrectionOf(capture))},
                                     {"move_without", MoveJson(capture.move_without)}});
   }

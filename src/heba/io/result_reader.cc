@@ -207,6 +207,8 @@ CaptureResult ReadCapture(const JsonReader& reader) {
   capture.reason = reader.Get("reason").Text();
   if (reader.Has("repeat_of")) capture.repeat_of = reader.Get("repeat_of").Text();
   capture.rms_px = ReadOptionalMagnitude(reader, "rms_px");
+  // Results of before have no such member.
+  if (reader.Has("holdout_target_mm")) capture.holdout_target_mm = ReadOptionalMagnitude(reader, "holdout_target_mm");
   const std::optional<Tangent6> correction = ReadTangent(reader, "robot_correction");
   if (correction) capture.correction = Rigid3d(ExpRotation(correction->tail<3>()), correction->head<3>());
   if (const std::optional<Tangent6> move = ReadTangent(reader, "move_without")) {
@@ -253,7 +255,7 @@ ModelSummary ReadModel(const JsonReader& reader) {
 }  // namespace
 
 RunResult ReadResult(const std::filesystem::path& path) {
-  constexpr size_t kMaxBytes = size_t{256} << 20;
+  constexpr size_t kMaxBytes = size_t{64} << 20;
   const nlohmann::ordered_json json = ReadJsonFile(path, kMaxBytes);
   const JsonReader reader(json, path.string());
   const std::string schema = reader.Get("schema").Text();

@@ -64,7 +64,7 @@ function show(): void {
     ...(capture.reason ? [capture.reason] : []),
   ].join('; ');
   dialog.setAttribute('aria-label', capture.image);
-  const parts: Node[] = [element('h3', '', capture.image), element('p', '', say)];
+  const parts: Node[] = [element('h3', '', `${index + 1}: ${capture.image}`), element('p', '', say)];
   if (capture.picture || capture.points.length > 0) parts.push(overlay(data, index));
   if (!capture.picture) parts.push(element('p', '', 'The page holds no picture of this capture.'));
   content.replaceChildren(...parts);

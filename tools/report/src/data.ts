@@ -23,6 +23,7 @@ export interface Captures {
   image_size: [number, number];
   centre: [number, number]; // The principal point.
   rms_px: number | null; // Of all points that count.
+  sigma_px: number; // Of the noise of a coordinate.
   captures: Capture[];
 }
 
@@ -32,7 +33,7 @@ export interface SetUp {
   mount_from_target: Pose;
   corners: [number, number, number][]; // The rays of the picture's corners, from the upper left on clockwise, in the camera.
   target_size: [number, number, number, number]; // x and y from, x and y to.
-  captures: {image: string; used: boolean; base_from_gripper: Pose}[];
+  captures: {image: string; number: number; used: boolean; base_from_gripper: Pose}[];
 }
 
 export interface Dumbbells {
@@ -44,6 +45,8 @@ export interface Dumbbells {
 export interface Lines {
   x_label: string;
   y_label: string;
+  linear?: ('x' | 'y')[]; // The axes that are not logarithmic.
+  band?: [number, number]; // What of the vertical axis is as it should be.
   lines: {name: string; reference: boolean; strong: boolean; points: [number, number][]}[];
 }
 

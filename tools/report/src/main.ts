@@ -5,12 +5,14 @@
 // Finds the page's figures and draws each by its view: <figure data-view="NAME"> with its data as JSON in a script of
 // its own, or in the one that data-from names.
 import {dataIn} from './page_data';
+import {prepareCopies} from './copies';
 import {prepareTables} from './tables';
 import {captureBars} from './views/capture_bars';
 import {correlation} from './views/correlation';
 import {coverage} from './views/coverage';
 import {dumbbells} from './views/dumbbells';
 import {ellipses} from './views/ellipses';
+import {histogram} from './views/histogram';
 import {lines} from './views/lines';
 import {pairs} from './views/pairs';
 import {residualField} from './views/residual_field';
@@ -23,6 +25,7 @@ const views: Record<string, (figure: HTMLElement, data: any) => void> = {
   coverage,
   dumbbells,
   ellipses,
+  histogram,
   lines,
   pairs,
   'residual-field': residualField,
@@ -50,3 +53,4 @@ for (const figure of document.querySelectorAll<HTMLElement>('figure[data-view]')
   }
 }
 prepareTables();
+prepareCopies();

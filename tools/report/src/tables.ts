@@ -3,6 +3,9 @@ import type {Captures} from './data';
 import {openCapture} from './capture_dialog';
 import {dataIn} from './page_data';
 
+// Of "0.8 mm" and of "< 1e-6" too.
+const numberOf = (text: string) => Number.parseFloat(text.replace('< ', ''));
+
 function sortBy(head: HTMLTableCellElement): void {
   const body = head.closest('table')?.tBodies[0];
   if (!body) return;
@@ -17,7 +20,7 @@ function sortBy(head: HTMLTableCellElement): void {
   const isEmpty = (text: string) => text === '' || text === '-';
   keys.sort((a, b) => {
     if (isEmpty(a.text) || isEmpty(b.text)) return Number(isEmpty(a.text)) - Number(isEmpty(b.text));
-    const difference = a.isNumber && b.isNumber ? Number(a.text) - Number(b.text) :
+    const difference = a.isNumber && b.isNumber ? numberOf(a.text) - numberOf(b.text) :
                                                   a.text.localeCompare(b.text, 'en', {numeric: true});
     return isUp ? difference : -difference;
   });
@@ -33,7 +36,7 @@ export function prepareTables(): void {
   const data = dataIn(script) as Captures;
   for (const row of document.querySelectorAll<HTMLTableRowElement>('tr[data-capture]')) {
     const index = Number(row.dataset['capture']);
-    const cell = row.cells[0];
+    const cell = row.cells[1]; // Beside its number.
     if (!cell || !data.captures[index]) continue;
     const button = document.createElement('button');
     button.className = 'open';

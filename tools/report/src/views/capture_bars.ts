@@ -15,7 +15,7 @@ export function captureBars(figure: HTMLElement, data: Captures): void {
   responsive(figure, (width) => {
     const chart = plot({
       width, height: 200, marginLeft: 50, marginBottom: 30,
-      x: {type: 'band', domain: bars.map(({index}) => index), label: 'capture', padding: 0.15,
+      x: {type: 'band', domain: bars.map(({index}) => index), label: 'number of the capture', padding: 0.15,
           ticks: bars.filter(({index}) => index % Math.ceil((bars.length * 26) / width) === 0).map(({index}) => index),
           tickFormat: (index: number) => String(index + 1)},
       y: {label: 'rms, px', grid: true, ticks: 4},
@@ -23,7 +23,7 @@ export function captureBars(figure: HTMLElement, data: Captures): void {
         barY(bars.filter(({rms}) => rms !== null), {
           x: 'index', y: 'rms', className: 'bars',
           fill: (bar: {rms: number}) => (bar.rms > 2 * overall ? colours.second : colours.first),
-          channels: {what: {value: (bar: {image: string; rms: number}) => `${bar.image}: ${significant(bar.rms)} px`, label: ''}},
+          channels: {what: {value: (bar: {index: number; image: string; rms: number}) => `${bar.index + 1}: ${bar.image}, ${significant(bar.rms)} px`, label: ''}},
           tip: {format: {x: false, y: false, fill: false, what: true}}}),
         ruleY([overall], {stroke: colours.ink, strokeDasharray: '4 3'}),
         ruleY([0], {stroke: colours.dim}),

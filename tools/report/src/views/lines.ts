@@ -1,14 +1,16 @@
-// Curves against each other on logarithmic axes, the names in a legend: a study's errors against the noise.
-import {dot, line, plot} from '@observablehq/plot';
+// Curves against each other, the names in a legend: a study's errors, or how often its regions hold the truth.
+import {dot, line, plot, rectY} from '@observablehq/plot';
 import type {Lines} from '../data';
 import {colours, legend, palette, responsive, significant} from '../figure';
 
 export function lines(figure: HTMLElement, data: Lines): void {
   let next = 0;
+  const isLinear = (axis: 'x' | 'y') => data.linear?.includes(axis) ?? false;
+  const isShown = ([x, y]: [number, number]) => (isLinear('x') || x > 0) && (isLinear('y') || y > 0);
   const drawn = data.lines
       .map((entry) => ({
         ...entry,
-        points: entry.points.filter(([x, y]) => x > 0 && y > 0),
+        points: entry.points.filter(isShown),
         colour: entry.reference ? colours.dim : palette[next++ % palette.length]!,
       }))
       .filter((entry) => entry.points.length > 0);
@@ -18,9 +20,11 @@ export function lines(figure: HTMLElement, data: Lines): void {
     height: Math.min(0.6 * width, 420),
     marginLeft: 56,
     grid: true,
-    x: {type: 'log', label: data.x_label, tickFormat: (value: number) => significant(value), ticks: Math.max(2, width / 90)},
-    y: {type: 'log', label: data.y_label, tickFormat: (value: number) => significant(value), ticks: 5},
-    marks: drawn.flatMap((entry) => [
+    x: {type: isLinear('x') ? 'linear' : 'log', label: data.x_label, tickFormat: (value: number) => significant(value), ticks: Math.max(2, width / 90)},
+    y: {type: isLinear('y') ? 'linear' : 'log', label: data.y_label, tickFormat: (value: number) => significant(value), ticks: 5},
+    marks: [
+      ...(data.band ? [rectY([data.band], {y1: '0', y2: '1', fill: colours.dim, fillOpacity: 0.15})] : []),
+      ...drawn.flatMap((entry) => [
       line(entry.points, {
         x: '0', y: '1', stroke: entry.colour, strokeWidth: entry.strong ? 3 : 1.5,
         strokeDasharray: entry.reference ? '6 4' : ''}),
@@ -28,6 +32,7 @@ export function lines(figure: HTMLElement, data: Lines): void {
         x: '0', y: '1', r: entry.reference ? 1.5 : 3, fill: entry.colour,
         channels: {what: {value: (point: [number, number]) => `${entry.name}: ${significant(point[1])} at ${significant(point[0])}`, label: ''}},
         tip: {format: {x: false, y: false, what: true}}}),
-    ]),
+      ]),
+    ],
   }), 820);
 }

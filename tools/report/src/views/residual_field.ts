@@ -53,7 +53,7 @@ export function residualField(figure: HTMLElement, data: Captures): void {
         dot(drawn, {
           x: 'x', y: 'y', r: 1.2, fill: colours.first,
           channels: {what: {value: (r: Residual) =>
-              `${data.captures[r.capture]?.image}: ${significant(r.dx, 2)}, ${significant(r.dy, 2)} px`, label: ''}},
+              `${r.capture + 1}: ${data.captures[r.capture]?.image}, ${significant(r.dx, 2)}, ${significant(r.dy, 2)} px`, label: ''}},
           tip: {format: {x: false, y: false, what: true}}}),
         frame({stroke: colours.dim}),
       ],

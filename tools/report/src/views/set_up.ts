@@ -38,6 +38,16 @@ class Drawing {
     ends.forEach((end, i) => this.segments([at(0, 0, 0), end], {...style, colour: kAxes[i]!}));
   }
 
+  // From one place to another, dashed.
+  link(from: Vector3, to: Vector3, style: Style): void {
+    const count = 9;
+    const points: Vector3[] = [];
+    for (let i = 0; i < count; ++i) {
+      points.push(from.clone().lerp(to, i / count), from.clone().lerp(to, (i + 0.5) / count));
+    }
+    this.segments(points, style);
+  }
+
   label(text: string, at: Vector3): void {
     const node = document.createElementNS('http://www.w3.org/2000/svg', 'text');
     node.textContent = text;
@@ -122,6 +132,13 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
     extent.push(...lines);
     drawing.segments(lines, {colour: '--first', opacity: isFixed ? many(boardsAt.length) : 1, width: isFixed ? 1.5 : 2});
   }
+  // The gripper carries the target or the camera; the other one stands in the base.
+  const place = (matrix: Matrix4) => new Vector3().setFromMatrixPosition(matrix);
+  grippers.forEach((gripper, i) => {
+    const carried = isFixed ? boardsAt[i]! : camerasAt[i]!;
+    drawing.link(place(gripper), place(carried), {colour: isFixed ? '--first' : '--second', opacity: many(grippers.length), width: 1});
+  });
+  drawing.link(new Vector3(), place(isFixed ? handEye : boardPose), {colour: '--dim', opacity: 0.8, width: 1.2});
   if (isFixed) drawing.label('camera', new Vector3().setFromMatrixPosition(handEye));
   else drawing.label('target', new Vector3().setFromMatrixPosition(boardPose));
 
@@ -138,9 +155,14 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   svg.setAttribute('role', 'img');
   svg.setAttribute('aria-label', 'the set-up in 3-D; drag, or use the arrow keys, to turn it');
   svg.classList.add('scene');
-  const place = element('div', 'drawing');
-  place.append(svg);
-  figure.append(place);
+  const frame = element('div', 'drawing');
+  frame.append(svg);
+  figure.append(frame);
+  const reset = element('button', '', 'reset the view');
+  reset.type = 'button';
+  const buttons = element('div', 'view-buttons');
+  buttons.append(reset);
+  figure.append(buttons);
   figure.append(element('p', 'hint', 
       'The small axes are the gripper\u2019s at each capture. Drag to turn; after a click the wheel zooms and the arrow keys turn. ' +
       'Two fingers zoom and move.' + (step > 1 ? ` Of ${data.captures.length} captures ${captures.length} are drawn.` : '')));
@@ -152,7 +174,8 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   const away = new Vector3(work.y, -work.x, 0);
   if (away.lengthSq() < 1e-12) away.set(1, 0, 0);
   away.normalize().addScaledVector(work.setZ(0).normalize(), 0.45).setZ(0.55).normalize();
-  eye.position.copy(middle).addScaledVector(away, size);
+  const first = middle.clone().addScaledVector(away, size);
+  eye.position.copy(first);
   const controls = new OrbitControls(eye, svg as unknown as HTMLElement);
   controls.target.copy(middle);
   controls.update();
@@ -179,14 +202,19 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
 
   // As near as all of it is in view, along the direction that the eye looks in.
   let isUntouched = true;
+  let drawnHeight = 300;
   const comeNear = () => {
     const forward = controls.target.clone().sub(eye.position).normalize();
     const right = new Vector3().crossVectors(forward, eye.up).normalize();
     const up = new Vector3().crossVectors(right, forward);
-    const slope = 0.88 * Math.tan((0.5 * eye.fov * Math.PI) / 180);
+    // Names stand beside their places: they need room too.
+    const [nameWidth, nameHeight] = [56, 18];
+    const half = Math.tan((0.5 * eye.fov * Math.PI) / 180);
+    const slope = half * (1 - (2 * nameHeight) / drawnHeight);
+    const slopeAcross = half * eye.aspect * (1 - (2 * nameWidth) / (drawnHeight * eye.aspect));
     const distances = extent.map((point) => {
       const arm = point.clone().sub(controls.target);
-      const across = Math.max(Math.abs(arm.dot(right)) / (slope * eye.aspect), Math.abs(arm.dot(up)) / slope);
+      const across = Math.max(Math.abs(arm.dot(right)) / slopeAcross, Math.abs(arm.dot(up)) / slope);
       return across - arm.dot(forward);
     });
     eye.position.copy(controls.target).addScaledVector(forward, -Math.max(...distances, 0.1 * size));
@@ -200,6 +228,7 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
     const height = Math.round(Math.min(0.66 * width, 480));
     renderer.setSize(width, height);
     eye.aspect = width / height;
+    drawnHeight = height;
     eye.updateProjectionMatrix();
     if (isUntouched) comeNear();
     render();
@@ -214,6 +243,12 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   };
   colour();
   fit();
+  reset.addEventListener('click', () => {
+    isUntouched = true;
+    controls.target.copy(middle);
+    eye.position.copy(first);
+    fit();
+  });
   controls.addEventListener('change', render);
   controls.addEventListener('start', () => { isUntouched = false; });
   new ResizeObserver(fit).observe(figure);
