@@ -256,6 +256,7 @@ ceres::Solver::Summary Minimise(const FreeParameters& free, const Loss& loss, Sc
       MakeCost(problem, *fit->groups, free, *state, has_corrections ? noise.robot : std::nullopt, options);
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  std::optional<ceres::NormalPrior> prior_cost;  // The problem owns no costs.
   ceres::Problem ceres_problem(problem_options);
   ceres_problem.AddParameterBlock(hand_eye, 7, new PoseManifold);
   ceres_problem.AddParameterBlock(board, 7, new PoseManifold);
@@ -273,7 +274,8 @@ ceres::Solver::Summary Minimise(const FreeParameters& free, const Loss& loss, Sc
     rows.leftCols(weights.size()) = weights.asDiagonal();
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(size);
     mean.head(weights.size()) = Eigen::Map<const Eigen::VectorXd>(prior.params.data(), weights.size());
-    ceres_problem.AddResidualBlock(new ceres::NormalPrior(rows, mean), nullptr, params);
+    prior_cost.emplace(rows, mean);
+    ceres_problem.AddResidualBlock(&*prior_cost, nullptr, params);
     ceres::Solve(solver_options, &ceres_problem, &summary);
   } else {
     summary = SolveCaptures(*cost, solver_options, &ceres_problem);

@@ -22,9 +22,7 @@ namespace {
 
 constexpr size_t kMaxImageBytes = size_t{1} << 30;
 
-std::string SizeText(double width_px, double height_px) {
-  return Significant(width_px, 9) + " x " + Significant(height_px, 9);
-}
+std::string SizeText(double width_px, double height_px) { return Fixed(width_px, 0) + " x " + Fixed(height_px, 0); }
 
 }  // namespace
 

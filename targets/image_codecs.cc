@@ -61,7 +61,7 @@ std::vector<unsigned char> Encoded(const std::string& suffix, const cv::Mat& ima
 
 // While one lives, what C libraries write to `stderr` goes nowhere: the libraries of PNG and JPEG print warnings of
 // their own there, which are none of the user's business or are said again by whoever decodes. heba's own lines go to
-// std::cerr, which has the file by another way.
+// the stream of C++, which has the file by another way.
 class WithoutLibrariesWarnings {
  public:
   WithoutLibrariesWarnings() {

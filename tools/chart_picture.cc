@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "heba/base/text.h"
 
@@ -94,8 +95,8 @@ std::string ChartPicture::Svg() const {
   };
   const double right = width_ - kRight;
   const double bottom = height_ - kBottom;
-  std::string svg = "<svg class=\"picture\" viewBox=\"0 0 " + Fixed(width_, 0) +
-                    " " + Fixed(height_, 0) + "\" width=\"" + Fixed(width_, 0) + "\" role=\"img\">\n";
+  std::string svg = "<svg class=\"picture\" viewBox=\"0 0 " + Fixed(width_, 0) + " " + Fixed(height_, 0) +
+                    "\" width=\"" + Fixed(width_, 0) + "\" role=\"img\">\n";
   if (x_.has_ticks) {
     for (const double tick : AxisTicks(x_, 8)) {
       svg += grid(X(tick), kTop, X(tick), bottom) +
@@ -115,6 +116,41 @@ std::string ChartPicture::Svg() const {
         y_.label);
   }
   return svg + "</svg>\n";
+}
+
+std::string DumbbellPicture(const std::string& axis, const std::vector<FigureRow>& rows) {
+  std::vector<FigureRow> shown;
+  double low = std::numeric_limits<double>::infinity();
+  double high = 0;
+  for (FigureRow row : rows) {
+    for (std::optional<double>* figure : {&row.first, &row.second}) {
+      if (*figure && !(**figure > 0)) figure->reset();
+      if (!*figure) continue;
+      low = std::min(low, **figure);
+      high = std::max(high, **figure);
+    }
+    if (row.first || row.second) shown.push_back(std::move(row));
+  }
+  if (shown.empty()) return "";
+  constexpr size_t kLongest = 28;
+  size_t longest = 0;
+  for (FigureRow& row : shown) {
+    if (row.label.size() > kLongest) row.label = ".." + row.label.substr(row.label.size() - kLongest + 2);
+    longest = std::max(longest, row.label.size());
+  }
+  constexpr double kWidth = 620;
+  constexpr double kPxPerLetter = 7;
+  const auto count = static_cast<double>(shown.size());
+  ChartPicture chart(kWidth, 50 + 20 * count, {axis, low / 1.3, 1.3 * high, true}, {"", count, 0, false, false},
+                     16 + kPxPerLetter * static_cast<double>(longest));
+  for (size_t i = 0; i < shown.size(); ++i) {
+    const double y = static_cast<double>(i) + 0.5;
+    chart.RowName(y, shown[i].label);
+    if (shown[i].first && shown[i].second) chart.Line({{*shown[i].first, y}, {*shown[i].second, y}}, "dim", 2);
+    if (shown[i].second) chart.Dot(*shown[i].second, y, 5, "second");
+    if (shown[i].first) chart.Dot(*shown[i].first, y, 5, "first");
+  }
+  return chart.Svg();
 }
 
 }  // namespace heba

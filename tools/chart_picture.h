@@ -1,6 +1,7 @@
 // Charts as pictures in a page: what its script draws, for a reader who has no script.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -45,6 +46,15 @@ class ChartPicture {
   ChartAxis y_;
   std::string marks_;
 };
+
+// A row an entry: two figures on a logarithmic axis, and the line between them. Figures that are not positive, and rows
+// without any, are left out. Empty if nothing is left.
+struct FigureRow {
+  std::string label;
+  std::optional<double> first;
+  std::optional<double> second;
+};
+std::string DumbbellPicture(const std::string& axis, const std::vector<FigureRow>& rows);
 
 // 1, 2 and 5 of each decade of a logarithmic axis; of many decades the ones alone; of a linear one some even steps.
 std::vector<double> AxisTicks(const ChartAxis& axis, int most);

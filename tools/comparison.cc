@@ -12,6 +12,7 @@
 #include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "tools/chart_picture.h"
 #include "tools/page.h"
 #include "tools/run_figures.h"
 
@@ -270,10 +271,12 @@ std::string ComparisonPage(const Comparison& comparison) {
   using Json = nlohmann::ordered_json;
   Json bars = Json::array();
   Json labels = Json::array();
+  std::vector<FigureRow> pictured;
   std::vector<std::vector<PageCell>> rows;
   for (const ComparedRun& run : comparison.runs) {
     const RunLine line = LineOf(run.result);
     labels.push_back(run.label);
+    pictured.push_back({run.label, line.refined_px, line.closed_px});
     bars.push_back(Json{{"label", run.label}, {"values", {OrNull(line.refined_px), OrNull(line.closed_px)}}});
     rows.push_back({{run.label},
                     {std::string(SetupName(run.result.setup))},
@@ -289,7 +292,8 @@ std::string ComparisonPage(const Comparison& comparison) {
   }
   body +=
       ViewFigure("dumbbells", "How far points are from where they are predicted on captures that were not seen (rms).",
-                 Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}});
+                 Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
+                 DumbbellPicture("px rms: refined (first colour), best closed form (second)", pictured));
   body += HtmlTable({"run", "set-up", "target", "best closed form", "its hold-out, px", "refined hold-out, px",
                      "sigma, mm", "sigma, deg", "board, mm", "board, deg", "time, s"},
                     rows);

@@ -91,13 +91,13 @@ bool LookAgain(const RunConfig& config, const Calibration& calibration, int num_
 }
 
 // What the report shows of the captures, by the refined estimate.
-std::vector<CaptureView> CaptureViews(const RunConfig& config, const std::vector<CaptureDetection>& detections,
-                                      const Calibration& calibration) {
+std::vector<ReportedCapture> CaptureViews(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+                                          const Calibration& calibration) {
   const Solution& solution = *calibration.refined;
-  std::vector<CaptureView> all;
+  std::vector<ReportedCapture> all;
   for (size_t i = 0; i < config.captures.size(); ++i) {
     const Capture& capture = config.captures[i];
-    CaptureView shown;
+    ReportedCapture shown;
     shown.image = capture.name;
     shown.base_from_gripper = capture.base_from_gripper;
     shown.small_jpeg = detections[i].small_jpeg;
@@ -134,10 +134,14 @@ ReportContext ContextOf(const RunConfig& config, const std::filesystem::path& ou
           std::filesystem::absolute(output).lexically_normal()};
 }
 
-// What the doctor finds wrong first, as a sentence's end; empty if nothing.
-std::string DoctorSays(const RunConfig& config, int num_threads) {
-  const std::string wrong = FirstWrong(Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs));
-  return wrong.empty() ? "" : "heba doctor: " + wrong;
+// Why a run failed: what the doctor finds wrong first, for it is the cause, then how the calibration ended. What both
+// say is said once.
+std::string WithDiagnosis(const std::string& reason, const RunConfig& config, int num_threads) {
+  const Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
+  if (diagnosis.NumWrong() == 0) return reason;
+  const Symptom& first = diagnosis.symptoms.front();
+  if (reason.find(first.what) != std::string::npos) return reason + (first.cure.empty() ? "" : "; " + first.cure);
+  return "heba doctor: " + FirstWrong(diagnosis) + "; the calibration itself ended with: " + reason;
 }
 
 // Puts the doctor's first fault before the findings of a result that is bad.
@@ -307,8 +311,7 @@ Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::p
   Outcome<RunResult> result = config.target_poses.empty() ? Run(config, output, num_threads, console)
                                                           : RunOnPoses(config, output, num_threads, console);
   if (result) return result;
-  const std::string doctor = DoctorSays(config, num_threads);
-  return Failure{result.reason() + (doctor.empty() ? "" : "; " + doctor)};
+  return Failure{WithDiagnosis(result.reason(), config, num_threads)};
 }
 
 }  // namespace heba

@@ -35,9 +35,9 @@ Json PoseJson(const Rigid3d& pose) {
               {"q", {Rounded(q[0], 7), Rounded(q[1], 7), Rounded(q[2], 7), Rounded(q[3], 7)}}};
 }
 
-const CaptureView* FindView(const std::vector<CaptureView>& captures, const std::string& image) {
+const ReportedCapture* FindView(const std::vector<ReportedCapture>& captures, const std::string& image) {
   const auto found =
-      std::find_if(captures.begin(), captures.end(), [&](const CaptureView& view) { return view.image == image; });
+      std::find_if(captures.begin(), captures.end(), [&](const ReportedCapture& view) { return view.image == image; });
   return found == captures.end() ? nullptr : &*found;
 }
 
@@ -60,13 +60,13 @@ Json CornerRays(const Camera& camera) {
 }
 
 // How far apart what hangs together is.
-std::string DistancesText(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures,
-                          const Eigen::Vector3d& target_middle) {
+std::string DistancesText(const RunResult& result, const Estimate& refined,
+                          const std::vector<ReportedCapture>& captures, const Eigen::Vector3d& target_middle) {
   const HandEye& hand_eye = refined.hand_eye;
   const auto mm = [](double metres) { return Fixed(1000 * metres, 0); };
   double nearest_m = std::numeric_limits<double>::infinity();
   double farthest_m = 0;
-  for (const CaptureView& view : captures) {
+  for (const ReportedCapture& view : captures) {
     const Rigid3d mount = CameraMountFromTargetMount(result.setup, view.base_from_gripper);
     const double distance_m = (CameraFromTarget(hand_eye, mount) * target_middle).norm();
     nearest_m = std::min(nearest_m, distance_m);
@@ -79,7 +79,7 @@ std::string DistancesText(const RunResult& result, const Estimate& refined, cons
          mm(nearest_m) + " to " + mm(farthest_m) + " mm.";
 }
 
-std::string SetUpSection(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures,
+std::string SetUpSection(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures,
                          const Points3& target_points) {
   const Camera& camera = refined.camera;
   const Eigen::Vector3d low = target_points.rowwise().minCoeff();
@@ -92,7 +92,7 @@ std::string SetUpSection(const RunResult& result, const Estimate& refined, const
             {"captures", Json::array()}};
   for (size_t i = 0; i < result.captures.size(); ++i) {
     const CaptureResult& capture = result.captures[i];
-    const CaptureView* view = FindView(captures, capture.image);
+    const ReportedCapture* view = FindView(captures, capture.image);
     if (view == nullptr) continue;
     data["captures"].push_back(Json{{"image", capture.image},
                                     {"number", i + 1},
@@ -230,13 +230,14 @@ Json PointsJson(const Points2& pixels, const Points2& residuals, const std::func
 // Beyond these a page would be too large: then it holds an even sample.
 constexpr Eigen::Index kMaxPoints = 40'000;
 
-Eigen::Index NumPoints(const std::vector<CaptureView>& captures) {
+Eigen::Index NumPoints(const std::vector<ReportedCapture>& captures) {
   Eigen::Index num_points = 0;
-  for (const CaptureView& view : captures) num_points += view.pixels.cols();
+  for (const ReportedCapture& view : captures) num_points += view.pixels.cols();
   return num_points;
 }
 
-std::string CapturesData(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures) {
+std::string CapturesData(const RunResult& result, const Estimate& refined,
+                         const std::vector<ReportedCapture>& captures) {
   // Multiples of the golden ratio spread evenly, whatever the order of the points on the board.
   const double share = std::min(1.0, static_cast<double>(kMaxPoints) / static_cast<double>(NumPoints(captures)));
   double place = 0;
@@ -252,7 +253,7 @@ std::string CapturesData(const RunResult& result, const Estimate& refined, const
             {"sigma_px", refined.solution->pixel_sigma_px},
             {"captures", Json::array()}};
   for (const CaptureResult& capture : result.captures) {
-    const CaptureView* view = FindView(captures, capture.image);
+    const ReportedCapture* view = FindView(captures, capture.image);
     const bool has_picture = view != nullptr && !view->small_jpeg.empty() && images.count(capture.image) > 0;
     data["captures"].push_back(
         Json{{"image", capture.image},
@@ -268,7 +269,7 @@ std::string CapturesData(const RunResult& result, const Estimate& refined, const
 }
 
 std::string ResidualSections(const RunResult& result, const Estimate& refined,
-                             const std::vector<CaptureView>& captures) {
+                             const std::vector<ReportedCapture>& captures) {
   const Camera& camera = refined.camera;
   const std::string sample = NumPoints(captures) > kMaxPoints ? " An even sample of the points." : "";
   const std::string field = SharedViewFigure(
@@ -326,8 +327,8 @@ std::string CaptureSection(const RunResult& result) {
 
 }  // namespace
 
-std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures, const Points3& target_points,
-                       const ReportContext& context) {
+std::string ReportPage(const RunResult& result, const std::vector<ReportedCapture>& captures,
+                       const Points3& target_points, const ReportContext& context) {
   const Estimate* refined = FindRefined(result);
   std::string body = RecordSection(result, context);
   // Without points only poses of the target were given: nothing was measured in pictures.

@@ -11,7 +11,7 @@
 namespace heba {
 
 // What the report shows of a capture beside its CaptureResult.
-struct CaptureView {
+struct ReportedCapture {
   std::string image;  // As in CaptureResult.
   Rigid3d base_from_gripper;
   // What the refined estimate leaves of its points: where they were seen, and predicted minus seen, px.
@@ -24,7 +24,7 @@ struct CaptureView {
 };
 
 // `target_points` are all of the target's, in its frame, m. A result without a refined estimate has no `captures`.
-std::string ReportPage(const RunResult& result, const std::vector<CaptureView>& captures, const Points3& target_points,
-                       const ReportContext& context);
+std::string ReportPage(const RunResult& result, const std::vector<ReportedCapture>& captures,
+                       const Points3& target_points, const ReportContext& context);
 
 }  // namespace heba

@@ -22,9 +22,9 @@ struct Residual {
   double dy;
 };
 
-std::vector<Residual> ResidualsOf(const std::vector<CaptureView>& captures) {
+std::vector<Residual> ResidualsOf(const std::vector<ReportedCapture>& captures) {
   std::vector<Residual> all;
-  for (const CaptureView& view : captures) {
+  for (const ReportedCapture& view : captures) {
     for (Eigen::Index i = 0; i < view.pixels.cols(); ++i) {
       all.push_back({view.pixels(0, i), view.pixels(1, i), view.residuals(0, i), view.residuals(1, i)});
     }
@@ -52,37 +52,15 @@ ChartPicture OverPicture(const Camera& camera) {
 }  // namespace
 
 std::string MethodsPicture(const RunResult& result) {
-  double low = 0;
-  double high = 0;
-  std::vector<const Estimate*> shown;
+  std::vector<FigureRow> rows;
   for (const Estimate& estimate : result.estimates) {
-    const std::optional<double>& in_sample = estimate.errors.reprojection_rms_px;
-    if (!estimate.ok || !in_sample || !(*in_sample > 0)) continue;
-    const double other = std::max(estimate.errors.holdout_rms_px.value_or(*in_sample), 1e-12);
-    low = shown.empty() ? std::min(*in_sample, other) : std::min({low, *in_sample, other});
-    high = std::max({high, *in_sample, other});
-    shown.push_back(&estimate);
+    if (!estimate.ok) continue;
+    rows.push_back({estimate.method, estimate.errors.reprojection_rms_px, estimate.errors.holdout_rms_px});
   }
-  if (shown.empty()) return "";
-  const auto rows = static_cast<double>(shown.size());
-  ChartPicture chart(kWidth, 50 + 20 * rows,
-                     {"px rms: in-sample (first colour), hold-out (second)", low / 1.3, 1.3 * high, true},
-                     {"", rows, 0, false, false}, 100);
-  for (size_t i = 0; i < shown.size(); ++i) {
-    const double row = static_cast<double>(i) + 0.5;
-    const double in_sample = *shown[i]->errors.reprojection_rms_px;
-    chart.RowName(row, shown[i]->method);
-    if (shown[i]->errors.holdout_rms_px) {
-      const double hold_out = *shown[i]->errors.holdout_rms_px;
-      chart.Line({{in_sample, row}, {hold_out, row}}, "dim", 2);
-      chart.Dot(hold_out, row, 5, "second");
-    }
-    chart.Dot(in_sample, row, 5, "first");
-  }
-  return chart.Svg();
+  return DumbbellPicture("px rms: in-sample (first colour), hold-out (second)", rows);
 }
 
-std::string ResidualFieldPicture(const Camera& camera, const std::vector<CaptureView>& captures) {
+std::string ResidualFieldPicture(const Camera& camera, const std::vector<ReportedCapture>& captures) {
   const std::vector<Residual> drawn = Thinned(ResidualsOf(captures));
   if (drawn.empty()) return "";
   std::vector<double> lengths;
@@ -97,7 +75,7 @@ std::string ResidualFieldPicture(const Camera& camera, const std::vector<Capture
   return chart.Svg();
 }
 
-std::string CoveragePicture(const Camera& camera, const std::vector<CaptureView>& captures) {
+std::string CoveragePicture(const Camera& camera, const std::vector<ReportedCapture>& captures) {
   const std::vector<Residual> all = ResidualsOf(captures);
   if (all.empty()) return "";
   constexpr int kColumns = 8;
@@ -126,7 +104,7 @@ std::string CoveragePicture(const Camera& camera, const std::vector<CaptureView>
   return chart.Svg();
 }
 
-std::string ResidualRadiusPicture(const Camera& camera, const std::vector<CaptureView>& captures) {
+std::string ResidualRadiusPicture(const Camera& camera, const std::vector<ReportedCapture>& captures) {
   std::vector<std::pair<double, double>> dots;
   double farthest = 1;
   double largest = 1e-9;
@@ -146,7 +124,7 @@ std::string ResidualRadiusPicture(const Camera& camera, const std::vector<Captur
   return chart.Svg();
 }
 
-std::string HistogramPicture(double sigma_px, const std::vector<CaptureView>& captures) {
+std::string HistogramPicture(double sigma_px, const std::vector<ReportedCapture>& captures) {
   const std::vector<Residual> all = ResidualsOf(captures);
   if (all.empty() || !(sigma_px > 0)) return "";
   constexpr int kBins = 41;
@@ -188,13 +166,13 @@ std::string CaptureBarsPicture(const RunResult& result) {
   return chart.Svg();
 }
 
-std::string SetUpPicture(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures,
+std::string SetUpPicture(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures,
                          const Eigen::Vector3d& target_middle) {
   const bool is_fixed = result.setup == Setup::kEyeToHand;
   std::vector<Eigen::Vector3d> cameras;
   std::vector<Eigen::Vector3d> targets;
   const HandEye& hand_eye = refined.hand_eye;
-  for (const CaptureView& view : captures) {
+  for (const ReportedCapture& view : captures) {
     const Rigid3d camera =
         is_fixed ? hand_eye.camera_mount_from_camera : view.base_from_gripper * hand_eye.camera_mount_from_camera;
     const Rigid3d target =

@@ -10,13 +10,13 @@
 namespace heba {
 
 std::string MethodsPicture(const RunResult& result);
-std::string ResidualFieldPicture(const Camera& camera, const std::vector<CaptureView>& captures);
-std::string CoveragePicture(const Camera& camera, const std::vector<CaptureView>& captures);
-std::string ResidualRadiusPicture(const Camera& camera, const std::vector<CaptureView>& captures);
-std::string HistogramPicture(double sigma_px, const std::vector<CaptureView>& captures);
+std::string ResidualFieldPicture(const Camera& camera, const std::vector<ReportedCapture>& captures);
+std::string CoveragePicture(const Camera& camera, const std::vector<ReportedCapture>& captures);
+std::string ResidualRadiusPicture(const Camera& camera, const std::vector<ReportedCapture>& captures);
+std::string HistogramPicture(double sigma_px, const std::vector<ReportedCapture>& captures);
 std::string CaptureBarsPicture(const RunResult& result);
 // Seen from above, the base's x to the right and y upwards: where base, cameras and targets stand.
-std::string SetUpPicture(const RunResult& result, const Estimate& refined, const std::vector<CaptureView>& captures,
+std::string SetUpPicture(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures,
                          const Eigen::Vector3d& target_middle);
 // A region of two coordinates: one sigma, and 95 %.
 std::string EllipsePicture(const std::string& x, const std::string& y, const Eigen::Matrix2d& covariance,

@@ -3,6 +3,7 @@
 #include <functional>
 
 #include "heba/base/text.h"
+#include "tools/chart_picture.h"
 #include "tools/page.h"
 #include "tools/run_figures.h"
 
@@ -112,20 +113,23 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
                              "it has not seen.";
   using Json = nlohmann::ordered_json;
   Json bars = Json::array();
+  std::vector<FigureRow> pictured;
   for (const BatchRun& run : runs) {
-    const Estimate* refined = run.result ? FindRefined(*run.result) : nullptr;
-    const Estimate* closed = run.result ? FindBestClosedForm(*run.result, &HoldOutPx) : nullptr;
-    bars.push_back(Json{{"label", run.name},
-                        {"values",
-                         {OrNull(refined != nullptr ? refined->errors.holdout_rms_px : std::nullopt),
-                          OrNull(closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt)}}});
+    if (!run.result) continue;
+    const Estimate* refined = FindRefined(*run.result);
+    const Estimate* closed = FindBestClosedForm(*run.result, &HoldOutPx);
+    const FigureRow row{run.name, refined != nullptr ? refined->errors.holdout_rms_px : std::nullopt,
+                        closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt};
+    bars.push_back(Json{{"label", row.label}, {"values", {OrNull(row.first), OrNull(row.second)}}});
+    pictured.push_back(row);
   }
-  return HtmlPage(title,
-                  "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
-                      ViewFigure("dumbbells", "Hold-out of every run.",
-                                 Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}}) +
-                      (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "why"}, failed)) +
-                      Heading("Runs and methods") + HtmlTable(head, rows));
+  return HtmlPage(
+      title, "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
+                 ViewFigure("dumbbells", "Hold-out of every run.",
+                            Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
+                            DumbbellPicture("px rms: refined (first colour), best closed form (second)", pictured)) +
+                 (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "why"}, failed)) +
+                 Heading("Runs and methods") + HtmlTable(head, rows));
 }
 
 std::string SummaryTable(const std::vector<BatchRun>& runs) {

@@ -69,7 +69,7 @@ const kMarks = {
   histogram: ['g[aria-label=rect] rect', 41],
   ellipses: ['g[aria-label=line] path', 8],
   correlation: ['g[aria-label=cell] rect', 12 * 12],
-  lines: ['g[aria-label=line] path', 5],
+  lines: ['g[aria-label=line] path', 2],
   pairs: ['g[aria-label=cell] rect', 2],
 };
 
@@ -118,7 +118,9 @@ async function checkSorting(page, title) {
   }
 }
 
-const sceneOf = (page) => page.$$eval('svg.scene path', (paths) => paths.map((path) => path.getAttribute('d')).join(' '));
+// To a hundredth of a pixel.
+const sceneOf = (page) => page.$$eval('svg.scene path', (paths) => paths.map((path) => path.getAttribute('d')
+    .replace(/-?[0-9.]+(e-?[0-9]+)?/g, (number) => String(Number(Number(number).toFixed(2)) + 0))).join(' '));
 
 async function checkScene(page) {
   const scene = page.locator('svg.scene');
@@ -192,6 +194,15 @@ const kPages = [
   {file: 'study/study.html', views: ['lines'], column: 'hand-eye, mm'},
 ];
 
+// Errors with the bound and every method, then coverage with its band.
+async function checkStudy(page) {
+  const charts = page.locator('figure[data-view=lines]');
+  assert.equal(await charts.count(), 2);
+  assert.ok((await charts.nth(0).locator('g[aria-label=line] path').count()) >= 5, 'few methods in the chart of errors');
+  assert.ok((await charts.nth(0).locator('.legend').textContent()).includes('bound'));
+  assert.equal(await charts.nth(1).locator('g[aria-label=rect] rect').count(), 1, 'the coverage has no band');
+}
+
 // Nothing of a table stands outside of a narrow window, and every cell says what it is.
 async function checkNarrow(page, file) {
   const outside = await page.$$eval('td', (cells) => cells.filter((cell) => cell.getBoundingClientRect().right > innerWidth + 1)
@@ -237,6 +248,7 @@ try {
       const page = await open(browser, file, width, complaints);
       await checkFigures(page, file, width, views);
       await checkSorting(page, title);
+      if (file.startsWith('study')) await checkStudy(page);
       if (width === 400) await checkNarrow(page, file);
       if (isReport) {
         await checkScene(page);

@@ -28,6 +28,20 @@ inline void WriteAll(const std::filesystem::path& path, const std::string& conte
   stream << content;
 }
 
+// Text that the program has broken into lines of at most 160 characters, with what follows indented, whole again.
+inline std::string Unbroken(const std::string& text) {
+  std::string whole;
+  for (size_t i = 0; i < text.size(); ++i) {
+    if (text.compare(i, 3, "\n  ") != 0) {
+      whole += text[i];
+      continue;
+    }
+    i = text.find_first_not_of(' ', i + 1) - 1;
+    whole += ' ';
+  }
+  return whole;
+}
+
 struct CommandResult {
   int status = -1;  // -1 if the program was ended by a signal.
   std::string out;

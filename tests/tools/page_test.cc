@@ -62,8 +62,8 @@ TEST_P(PageTest, HasNoChartsWithoutTheScriptAndSaysSo) {
 // A chart has a picture for whoever has no script: beside the script where there is one, alone where there is none.
 TEST_P(PageTest, ChartsHavePicturesWithoutTheScript) {
   const std::string picture = "<svg class=\"picture\"></svg>";
-  for (const std::string& figure : {ViewFigure("lines", "caption", {{"x", 1}}, picture),
-                                    SharedViewFigure("lines", "caption", "d", picture)}) {
+  for (const std::string& figure :
+       {ViewFigure("lines", "caption", {{"x", 1}}, picture), SharedViewFigure("lines", "caption", "d", picture)}) {
     EXPECT_THAT(figure, HasSubstr("<figcaption>caption</figcaption>"));
     if (GetParam()) {
       EXPECT_THAT(figure, HasSubstr("<noscript>" + picture + "</noscript>"));

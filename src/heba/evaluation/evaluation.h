@@ -54,14 +54,14 @@ struct CaptureResult {
   int num_second_pass = 0;       // Of the points, those found only where the first estimate said to look.
   int num_rejected = 0;          // Of the points, those that the estimate left out.
   std::optional<double> rms_px;  // With the refined estimate, from the robot's pose as it was given.
-  // How far the target was from where a refinement that had not seen this capture predicted it.
-  std::optional<double> holdout_target_mm;
   // The gripper as the pictures have it, in the gripper's frame as the robot had it; if the robot is noisy.
   std::optional<Rigid3d> correction;
   // What the refined hand-eye pose would move by without this capture (solvers/influence.h).
   std::optional<CaptureMove> move_without;
   // The capture of which this one is a copy, image and pose; empty for all others. Copies are not used.
   std::string repeat_of = {};
+  // How far the target was from where a refinement that had not seen this capture predicted it.
+  std::optional<double> holdout_target_mm = {};
 };
 
 struct Timing {

@@ -208,8 +208,9 @@ std::string EitherSetUp(const RunConfig& config, const Rigid3d& camera_mount_fro
          "); the data cannot tell these two apart, you can see it";
 }
 
-Symptom Describe(const Examination& examination, const JudgedReading& best, const PoseConsistency& now,
-                 const std::vector<std::string>& alike) {
+// Nothing if the reading is the config's but for a scale within what is not told.
+std::optional<Symptom> Describe(const Examination& examination, const JudgedReading& best, const PoseConsistency& now,
+                                const std::vector<std::string>& alike) {
   const RunConfig& config = examination.config;
   const PoseFormat& format_now = config.pose_reading.format;
   Symptom symptom;
@@ -272,7 +273,8 @@ Symptom Describe(const Examination& examination, const JudgedReading& best, cons
         "a data set's own poses are read in one way only: write them as heba's files first (heba import), "
         "and change it there");
   }
-  symptom.code = codes.empty() ? "pose_format" : codes.front();
+  if (codes.empty()) return std::nullopt;
+  symptom.code = codes.front();
   symptom.what = Join(faults, "; ") + evidence;
   symptom.cure = Join(cures, "; ");
   return symptom;
@@ -307,6 +309,13 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   constexpr double kNoTurnDeg = 1;
   if (RadToDeg(seen_motion.rotation_rms_rad[0]) < kNoTurnDeg) return {};
   const bool is_scale_only = !WhyNotObservable(seen_motion).empty();
+  // A robot that turned about one axis leaves pictures that do not tell an estimated camera: its focal length, and with
+  // it every scale and small turn that they show, may be anything.
+  std::vector<Rigid3d> robot;
+  for (const PoseCandidates& capture : captures) robot.push_back(capture.camera_mount_from_target_mount);
+  constexpr double kClearTurnDeg = 6;
+  const bool has_clear_turns = RadToDeg(seen_motion.rotation_rms_rad[1]) > kClearTurnDeg;
+  if (!examination->config.camera && !has_clear_turns && !WhyNotObservable(AnalyseMotion(robot)).empty()) return {};
   const PoseFormat& format_now = examination->config.pose_reading.format;
   examination->pose_fit = PoseFit{format_now, now->typical_misfit_m, MisfitText(*now)};
   const auto is_tellable = [&](const Reading& reading) {
@@ -347,13 +356,14 @@ std::vector<Symptom> Check_poses(Examination* examination) {
         alike.push_back(RotationText(one.reading.format));
       }
     }
-    const Symptom symptom = Describe(*examination, *best, *now, alike);
+    const std::optional<Symptom> symptom = Describe(*examination, *best, *now, alike);
+    if (!symptom) return {};
     if (best->reading.direction == Direction::kAsRead && best->reading.pairing.empty()) {
       examination->pose_fit = PoseFit{best->reading.format, misfit_m(*best), MisfitText(best->consistency)};
       examination->pose_fit->format.translation_unit = best->unit;
     }
     Apply(*best, examination);
-    return {symptom};
+    return {*symptom};
   }
 
   const std::optional<PoseConsistency> scaled = FindPoseConsistency(captures, RobotScale::kFree);
