@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 
 #include "heba/base/text.h"
@@ -16,6 +17,13 @@ constexpr double kBottom = 38;
 double Share(const ChartAxis& axis, double value) {
   if (axis.is_log) return std::log(value / axis.low) / std::log(axis.high / axis.low);
   return (value - axis.low) / (axis.high - axis.low);
+}
+
+// Without the zeros that a fixed number of digits would have at the end.
+std::string TickText(double value) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof(buffer), "%.3g", value);
+  return buffer;
 }
 
 std::string Ink(const std::string& colour) { return "var(--" + colour + ")"; }
@@ -67,8 +75,8 @@ void ChartPicture::Line(const std::vector<std::pair<double, double>>& points, co
 }
 
 void ChartPicture::Bar(double x1, double y1, double x2, double y2, const std::string& colour, double opacity) {
-  const auto [left, right] = std::minmax(X(x1), X(x2));
-  const auto [top, bottom] = std::minmax(Y(y1), Y(y2));
+  const auto [left, right] = std::minmax({X(x1), X(x2)});
+  const auto [top, bottom] = std::minmax({Y(y1), Y(y2)});
   marks_ += "<rect x=\"" + Fixed(left, 1) + "\" y=\"" + Fixed(top, 1) + "\" width=\"" + Fixed(right - left, 1) +
             "\" height=\"" + Fixed(bottom - top, 1) + "\" fill=\"" + Ink(colour) + "\"" +
             (opacity < 1 ? " fill-opacity=\"" + Fixed(opacity, 2) + "\"" : "") + "/>\n";
@@ -98,15 +106,14 @@ std::string ChartPicture::Svg() const {
   std::string svg = "<svg class=\"picture\" viewBox=\"0 0 " + Fixed(width_, 0) + " " + Fixed(height_, 0) +
                     "\" width=\"" + Fixed(width_, 0) + "\" role=\"img\">\n";
   if (x_.has_ticks) {
-    for (const double tick : AxisTicks(x_, 8)) {
-      svg += grid(X(tick), kTop, X(tick), bottom) +
-             text(X(tick), bottom + 15, "text-anchor=\"middle\"", Significant(tick, 3));
+    for (const double tick : AxisTicks(x_, width_ < 300 ? 3 : 8)) {
+      svg +=
+          grid(X(tick), kTop, X(tick), bottom) + text(X(tick), bottom + 15, "text-anchor=\"middle\"", TickText(tick));
     }
   }
   if (y_.has_ticks) {
-    for (const double tick : AxisTicks(y_, 6)) {
-      svg += grid(left_, Y(tick), right, Y(tick)) +
-             text(left_ - 6, Y(tick) + 4, "text-anchor=\"end\"", Significant(tick, 3));
+    for (const double tick : AxisTicks(y_, height_ < 300 ? 4 : 6)) {
+      svg += grid(left_, Y(tick), right, Y(tick)) + text(left_ - 6, Y(tick) + 4, "text-anchor=\"end\"", TickText(tick));
     }
   }
   svg += marks_ + text(0.5 * (left_ + right), height_ - 6, "text-anchor=\"middle\"", x_.label);

@@ -80,11 +80,13 @@ TEST(ChartPictureTest, MarksStandWhereTheirNumbersAre) {
   chart.Dot(10, 100, 2, "first");
   chart.Dot(5, 10, 2, "first");
   chart.Text(5, 10, "<b>", "end");
+  chart.Bar(10, 100, 5, 10, "first", 0.5);
   const std::string svg = chart.Svg();
   // The plot is 100 px a side: 88 px from the left, 8 from the top.
   EXPECT_THAT(svg, HasSubstr("<circle cx=\"88.0\" cy=\"108.0\""));
   EXPECT_THAT(svg, HasSubstr("<circle cx=\"188.0\" cy=\"8.0\""));
   EXPECT_THAT(svg, HasSubstr("<circle cx=\"138.0\" cy=\"58.0\""));
+  EXPECT_THAT(svg, HasSubstr("<rect x=\"138.0\" y=\"8.0\" width=\"50.0\" height=\"50.0\""));
   EXPECT_THAT(svg, HasSubstr("&lt;b&gt;"));
   EXPECT_THAT(svg, Not(HasSubstr("<b>")));
 }
