@@ -118,7 +118,7 @@ std::vector<Seed> SeedsOf(const std::vector<MethodResult>& results, const std::s
 }
 
 std::vector<MethodResult> Reported(const std::vector<MethodResult>& results, const std::vector<std::string>& names) {
-  // Those that do not suit the motion say why.
+  // A method that does not suit the motion says why.
   if (names.empty()) return results;
   std::vector<MethodResult> reported;
   for (const std::string& name : names) {

@@ -173,6 +173,9 @@ std::vector<TrialEstimate> RunTrial(const StudyCell& cell, uint64_t seed, int tr
     return estimates;
   }
   for (const MethodResult& method : calibration->methods) {
+    // A method for another motion than the cell's is no method of the study unless it was asked for.
+    const bool suits = FindHandEyeMethod(method.method)->motion == MethodMotion::kAny || method.hand_eye.ok();
+    if (!suits && cell.options.methods.empty()) continue;
     estimates.push_back(EstimateOf(cell, method.method, method.hand_eye, calibration->pairs));
   }
   estimates.push_back(EstimateOf(cell, kChainMethod, calibration->chain, calibration->pairs));

@@ -26,8 +26,8 @@ struct CaptureDetection {
   std::string image_digest = {};
 };
 
-// What is found in one picture, whatever was searched before. InputError if it cannot be read or is of another size
-// than `expected`.
+// Searches one picture, whatever was searched before. InputError if it cannot be read or is of another size than
+// `expected`.
 CaptureDetection DetectCapture(const Target& target, const std::filesystem::path& image,
                                const std::optional<PictureSize>& expected = std::nullopt);
 

@@ -22,7 +22,7 @@ struct PictureSize {
   bool operator==(const PictureSize& other) const = default;
 };
 cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<PictureSize>& expected = std::nullopt);
-// What the file's header says; nothing if that cannot be told. InputError if the file cannot be read.
+// Reads the size from the file's header; nothing if that does not tell it. InputError if the file cannot be read.
 std::optional<PictureSize> ReadPictureSize(const std::filesystem::path& path);
 
 // Writes a picture whole or not at all; the format follows the suffix. InputError if it cannot be written.

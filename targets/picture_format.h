@@ -10,7 +10,7 @@
 namespace heba {
 
 struct PictureHeader {
-  // What the header claims, and a decoder would allocate whatever follows; 0 x 0 if it cannot be told.
+  // The size that the header claims, which a decoder would allocate whatever follows; 0 x 0 if it cannot be told.
   double width_px = 0;
   double height_px = 0;
   // Decoders fill what is missing with grey and only print a warning. Known of some formats only.

@@ -81,13 +81,6 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
   }
   // By the headers, before anything is decoded: a picture of another size may be one of gigabytes.
   const std::optional<PictureSize> expected = ReadPictureSize(config.captures.front().image);
-  if (expected) {
-    RunConfig copy = config;
-    CaptureDetection first;
-    first.width_px = expected->width_px;
-    first.height_px = expected->height_px;
-    FitCameraToPictures(first, &copy);
-  }
   std::vector<CaptureDetection> detections(config.captures.size());
   {
     Progress progress("detect", static_cast<int>(detections.size()), verbosity);
@@ -104,6 +97,18 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
   CheckSizes(config, detections);
   TrimCache(LargestCacheBytes());
   return detections;
+}
+
+void CheckCameraByHeader(const RunConfig& config) {
+  const std::filesystem::path& image = config.captures.front().image;
+  if (!config.camera || image.empty()) return;
+  const std::optional<PictureSize> size = ReadPictureSize(image);
+  if (!size) return;
+  RunConfig copy = config;
+  CaptureDetection first;
+  first.width_px = size->width_px;
+  first.height_px = size->height_px;
+  FitCameraToPictures(first, &copy);
 }
 
 void FitCameraToPictures(const CaptureDetection& first, RunConfig* config) {

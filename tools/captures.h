@@ -35,6 +35,9 @@ class CaptureDetector {
 // images cannot be read or differ in size.
 std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_threads, Verbosity verbosity);
 
+// Throws the InputError of FitCameraToPictures by the header of the first picture, before any is decoded.
+void CheckCameraByHeader(const RunConfig& config);
+
 // Gives the config's camera, if there is one, the size of the pictures where its file does not tell it. InputError if
 // the two disagree.
 void FitCameraToPictures(const CaptureDetection& first, RunConfig* config);

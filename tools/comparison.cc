@@ -266,7 +266,8 @@ std::string ComparisonPairsCsv(const Comparison& comparison) {
 
 std::string ComparisonPage(const Comparison& comparison) {
   std::string body = "<h1>Comparison of " + std::to_string(comparison.runs.size()) + " runs</h1>\n<ul>\n";
-  for (const std::string& finding : comparison.findings) body += "<li>" + EscapedForMarkup(finding) + "</li>\n";
+  for (const std::string& finding : comparison.findings)
+    body += "<li>" + EscapedForMarkup(Capitalised(finding)) + "</li>\n";
   body += "</ul>\n" + Heading("Runs");
   using Json = nlohmann::ordered_json;
   Json bars = Json::array();

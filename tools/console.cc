@@ -11,8 +11,8 @@
 namespace heba {
 namespace {
 
-// What names of files and configs may hold would move a terminal's cursor: question marks in its place. Bold and plain
-// are the program's own.
+// Control characters in names of files and configs would move a terminal's cursor: question marks stand in their place.
+// Bold and plain are the program's own.
 std::string WithoutControls(const std::string& text) {
   std::string shown = text;
   for (size_t i = 0; i < shown.size(); ++i) {

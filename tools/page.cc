@@ -1,5 +1,6 @@
 #include "tools/page.h"
 
+#include <algorithm>
 #include <cctype>
 #include <cstdio>
 #include <string_view>
@@ -56,6 +57,15 @@ std::string HtmlPage(const std::string& title, const std::string& body, PageWidt
                           "made it was built without Node.js.")
               : "<script>" + script + "</script>") +
          "\n</body>\n</html>\n";
+}
+
+std::string Capitalised(std::string text) {
+  // A name of a file, or a key, stays as it is.
+  const size_t word_end = std::min(text.find(' '), text.size());
+  const bool is_word = std::all_of(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(word_end),
+                                   [](char c) { return (c >= 'a' && c <= 'z') || c == '\'' || c == ','; });
+  if (is_word && !text.empty()) text[0] = static_cast<char>(text[0] - 'a' + 'A');
+  return text;
 }
 
 std::string Heading(const std::string& text) { return "<h2>" + EscapedForMarkup(text) + "</h2>\n"; }

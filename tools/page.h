@@ -14,6 +14,9 @@ namespace heba {
 enum class PageWidth { kText, kWide };
 std::string HtmlPage(const std::string& title, const std::string& body, PageWidth width = PageWidth::kText);
 
+// A sentence with a capital at its beginning, unless that is a file's name or a key.
+std::string Capitalised(std::string text);
+
 // Markup of a heading, and of a paragraph.
 std::string Heading(const std::string& text);
 std::string Paragraph(const std::string& text);
@@ -33,7 +36,7 @@ std::string SharedViewFigure(const std::string& view, const std::string& caption
                              const std::string& picture = "");
 // Text to be copied as it stands; the script puts a button beside it.
 std::string CopyableText(const std::string& text);
-// What is hidden until it is asked for; `content` is markup.
+// Markup that is hidden until it is asked for; `content` is markup.
 std::string Details(const std::string& summary, const std::string& content);
 
 // A cell of a table: text, or a number that it is sorted and aligned by; with `link`, what a click on it opens.

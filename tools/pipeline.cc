@@ -220,6 +220,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   if (config.truth) truth = ReadTruth(*config.truth, config.setup);
 
   const Stopwatch detect_watch;
+  CheckCameraByHeader(config);
   std::vector<CaptureDetection> detections = DetectCaptures(config, num_threads, console->verbosity());
   FitCameraToPictures(detections.front(), &config);
   RunResult result;

@@ -1,4 +1,4 @@
-// What the numbers of a poses file mean, where nobody has said it.
+// Guesses what the numbers of a poses file mean that nobody has described.
 #pragma once
 
 #include <filesystem>
@@ -12,7 +12,7 @@
 
 namespace heba {
 
-// What the file, array or folder (heba/io/pose_source.h) alone says of itself: how many numbers a pose has, which of
+// Guesses from the file, array or folder (heba/io/pose_source.h) alone: how many numbers a pose has, which of
 // its columns they are, and, by their size, the likeliest units. Orders of angles cannot be told from it. Nothing if it
 // holds no table of poses: 6 numbers (a place and angles), 7 (a quaternion), 12 or 16 (a matrix), perhaps behind an
 // index or a time.

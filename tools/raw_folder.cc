@@ -19,7 +19,7 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// Of a folder, by name.
+// The entries of a folder, by name.
 std::vector<fs::path> EntriesOf(const fs::path& folder) {
   std::vector<fs::path> entries;
   std::error_code error;

@@ -19,16 +19,6 @@ namespace {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-// With a capital at the beginning, as a sentence has it.
-std::string Capitalised(std::string text) {
-  // A name of a file, or a key, stays as it is.
-  const size_t word_end = std::min(text.find(' '), text.size());
-  const bool is_word = std::all_of(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(word_end),
-                                   [](char c) { return (c >= 'a' && c <= 'z') || c == '\'' || c == ','; });
-  if (is_word && !text.empty()) text[0] = static_cast<char>(text[0] - 'a' + 'A');
-  return text;
-}
-
 std::string FindingItem(const Finding& finding) {
   std::string item = "<li class=\"" + std::string(GradeName(finding.grade)) + "\">" +
                      EscapedForMarkup(Capitalised(finding.text)) + ".";
@@ -198,7 +188,7 @@ std::string ResultPart(const RunResult& result) {
              "OpenCV's axes: x right, y down, z forward.");
 }
 
-// As a word of a shell's line.
+// Quotes a path as one word of a shell's line.
 std::string ShellWord(const std::string& path) {
   const bool is_plain = std::all_of(path.begin(), path.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||

@@ -9,7 +9,7 @@
 
 namespace heba {
 
-// What a report says of the run beside its result.
+// The facts about the run that a report has beside its result.
 struct ReportContext {
   std::string made;              // When, as text.
   std::filesystem::path config;  // The file of the run's config.

@@ -32,9 +32,9 @@ struct PlacedRequirement {
   std::string text;                               // The place in words.
 };
 
-// What belongs to no capture.
+// A picture or a row of poses that belongs to no capture.
 struct LeftOut {
-  std::string name;    // Of the picture, or of the row of poses without one.
+  std::string name;    // The picture's, or that of the row of poses without one.
   std::string reason;  // In one clause.
 };
 

@@ -22,7 +22,7 @@ namespace {
 
 std::string Ratio(double value, double bound) { return bound > 0 ? Significant(value / bound, 3) : "-"; }
 
-// What a study varies and a chart can have as its horizontal axis. Robot noise is swept as a pair.
+// A quantity that a study varies and a chart can have as its horizontal axis. Robot noise is swept as a pair.
 struct SweptQuantity {
   const char* label;
   bool has_zero;  // Then the axis is linear.
@@ -50,7 +50,7 @@ bool IsSwept(size_t quantity, size_t swept) {
   return quantity == swept || (swept < kNoQuantity && IsRobotNoise(swept) && IsRobotNoise(quantity));
 }
 
-// What a cell is, without its pixel noise and without the quantity that is swept.
+// Describes a cell, without its pixel noise and without the quantity that is swept.
 std::string SceneLine(const StudyLabels& labels, size_t swept = kPixelNoise) {
   const auto is_swept = [&](std::string_view label) {
     for (size_t i = 0; i < kNoQuantity; ++i) {
@@ -191,7 +191,7 @@ struct StudyChart {
   Plot plot;
   bool has_linear_x = false;
   bool has_linear_y = false;
-  std::optional<std::pair<double, double>> band;  // Where the vertical axis is as it should be.
+  std::optional<std::pair<double, double>> band;  // The part of the vertical axis that is as it should be.
 };
 
 // The cells that differ in a quantity only, by it; groups of one are none.
@@ -213,8 +213,13 @@ std::vector<std::vector<const CellResult*>> SweepsOf(const std::vector<CellResul
     std::vector<const CellResult*>& group = groups[key];
     std::set<double> values;
     for (const CellResult* result : group) values.insert(kQuantities[quantity].value(result->labels));
-    // What is swept with robot noise in deg alone has its own chart.
-    if (values.size() > 1) sweeps.push_back(std::move(group));
+    // The robot's deg have no charts of their own if its mm vary too.
+    const bool is_second_of_pair =
+        IsRobotNoise(quantity) && IsRobotNoise(quantity - 1) &&
+        std::any_of(group.begin(), group.end(), [&](const CellResult* result) {
+          return kQuantities[quantity - 1].value(result->labels) != kQuantities[quantity - 1].value(group[0]->labels);
+        });
+    if (values.size() > 1 && !is_second_of_pair) sweeps.push_back(std::move(group));
   }
   return sweeps;
 }
@@ -281,7 +286,7 @@ std::optional<StudyChart> CoverageChart(const std::vector<const CellResult*>& sw
   return chart;
 }
 
-// Of every quantity that is swept, errors before coverage.
+// The charts of every quantity that is swept, errors before coverage.
 std::vector<StudyChart> StudyCharts(const std::vector<CellResult>& results) {
   std::vector<StudyChart> charts;
   for (size_t quantity = 0; quantity < kNoQuantity; ++quantity) {

@@ -505,6 +505,98 @@ TEST_F(BadInputTest, PipesAreNoInputs) {
   ExpectError(2, {"002.png"});
 }
 
+// Fill bytes before a marker are none of it: what follows says that the picture has 65535 x 65535 pixels.
+TEST_F(BadInputTest, FillBytesDoNotHideAHugeJpeg) {
+  const std::string frame = std::string("\xff\xff\xff\xff\xff\xc0\x00\x0b\x08\xff\xff\xff\xff\x01\x01\x11\x00", 17);
+  WriteAll(folder_ / "images/003.png", std::string("\xff\xd8", 2) + frame + "\xff\xd9");
+  ExpectError(2, {"003.png", "400 million pixels"});
+}
+
+// A header is read before a picture is decoded: this one has another size, and nothing behind it.
+TEST_F(BadInputTest, APictureOfAnotherSizeIsNotDecoded) {
+  std::string other = ReadAll(folder_ / "images/003.png");
+  other[18] = 0x4e;  // The width is that of a picture of 20,000 columns.
+  other[19] = 0x20;
+  WriteAll(folder_ / "images/003.png", other);
+  ExpectError(2, {"003.png: is 20", "all pictures must come from one camera at one resolution"});
+}
+
+// libpng has warnings of its own, here of a checksum that does not matter.
+TEST_F(BadInputTest, LibrariesDoNotWriteToStandardError) {
+  std::string picture = ReadAll(folder_ / "images/003.png");
+  constexpr size_t kBehindHeader = 33;
+  picture.insert(kBehindHeader, std::string("\x00\x00\x00\x04gAMA\x00\x00\xb1\x8f....", 16));
+  WriteAll(folder_ / "images/003.png", picture);
+  const CommandResult result =
+      RunHeba({"detect", (folder_ / "config.yaml").string(), "--out", (*root_ / "warned").string(), "--quiet"});
+  EXPECT_EQ(result.status, 0);
+  EXPECT_EQ(result.err, "");
+}
+
+TEST_F(BadInputTest, EnvironmentIsChecked) {
+  const std::string config = (folder_ / "config.yaml").string();
+  for (const std::string setting : {"HEBA_SIMD=nonsense", "HEBA_CACHE_MB=much", "HEBA_CACHE_MB=-1"}) {
+    const CommandResult result =
+        RunHeba({"detect", config, "--out", (*root_ / "environment").string(), "--quiet"}, setting);
+    EXPECT_EQ(result.status, 2) << setting;
+    EXPECT_THAT(result.err, testing::StartsWith("heba: error: " + setting.substr(0, setting.find('=')))) << setting;
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+  }
+}
+
+// What is kept of detections can be seen, has a limit, and is all that goes.
+TEST_F(BadInputTest, TheCacheHasALimitAndIsCleared) {
+  const fs::path cache = *root_ / "kept";
+  const std::string environment = "HEBA_CACHE=" + ShellQuoted(cache.string());
+  const auto detect = [&](const std::string& limit) {
+    const CommandResult result =
+        RunHeba({"detect", (folder_ / "config.yaml").string(), "--out", (*root_ / "cached").string(), "--quiet"},
+                environment + limit);
+    EXPECT_EQ(result.status, 0) << result.err;
+  };
+  const auto shown = [&] { return RunHeba({"cache", "show"}, environment).out; };
+  detect("");
+  EXPECT_THAT(shown(), testing::HasSubstr(": 6 detections, "));
+  WriteAll(cache / "detections" / "notes.txt", "mine");
+  WriteAll(cache / "mine.detection", "mine");
+  const CommandResult cleared = RunHeba({"cache", "clear"}, environment);
+  EXPECT_EQ(cleared.status, 0) << cleared.err;
+  EXPECT_THAT(cleared.out, testing::HasSubstr("removed 6 detections"));
+  EXPECT_THAT(shown(), testing::HasSubstr(": 0 detections, "));
+  EXPECT_TRUE(fs::exists(cache / "detections" / "notes.txt"));
+  EXPECT_TRUE(fs::exists(cache / "mine.detection"));
+  detect(" HEBA_CACHE_MB=0");
+  EXPECT_THAT(shown(), testing::HasSubstr(": 0 detections, "));
+  EXPECT_EQ(RunHeba({"cache", "burn"}, environment).status, 2);
+  EXPECT_THAT(RunHeba({"cache", "show"}, "HEBA_CACHE=").out, testing::HasSubstr("no detections are kept"));
+}
+
+// Control characters in a file's name do not reach a terminal.
+TEST_F(BadInputTest, NamesDoNotMoveTheCursor) {
+  const std::string hostile = "003\x1b[2Jx.png";
+  fs::rename(folder_ / "images/003.png", folder_ / "images" / hostile);
+  std::string poses = ReadAll(folder_ / "poses.csv");
+  poses.replace(poses.find("003.png"), 7, hostile);
+  WriteAll(folder_ / "poses.csv", poses);
+  const CommandResult result =
+      RunHeba({"detect", (folder_ / "config.yaml").string(), "--out", (*root_ / "hostile").string()});
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(result.out, testing::HasSubstr("003?[2Jx.png: "));
+  EXPECT_EQ((result.out + result.err).find('\x1b'), std::string::npos);
+}
+
+// More values than any run has are counted before they are parsed, which would take gigabytes.
+TEST_F(BadInputTest, VeryManyValuesAreNotParsed) {
+  std::string json = "{\"captures\": [";
+  for (int i = 0; i < 21'000'000; ++i) json += "0,";
+  WriteAll(folder_ / "detections.json", json + "0]}");
+  const CommandResult result =
+      RunHeba({"run", (folder_ / "config.yaml").string(), "--set", "captures.images=", "--set",
+               "captures.detections=" + (folder_ / "detections.json").string(), "--out", (*root_ / "many").string()});
+  EXPECT_EQ(result.status, 2);
+  EXPECT_THAT(result.err, testing::HasSubstr("holds more than 20 million values"));
+}
+
 // Numbers in other words than gflags knows, and more threads than any machine has.
 TEST_F(BadInputTest, NumbersOfThreads) {
   const std::string config = (folder_ / "config.yaml").string();
@@ -679,6 +771,7 @@ TEST(CommandLineTest, WrongCallsAreOneLineAndStatus2) {
       {"export without a form", {"export", "no/such"}, "needs --to FORMAT"},
       {"export to an unknown form", {"export", "no/such", "--to", "kuke"}, "did you mean 'kuka'?"},
       {"export of all forms to nowhere", {"export", "no/such", "--to", "all"}, "no such file"},
+      {"cache without a word", {"cache"}, "takes show|clear"},
       {"locate without a picture", {"locate", "no/such"}, "takes RUN_DIR IMAGE..."},
       {"locate in nothing", {"locate", "no/such", "a.png"}, "no such file"},
       {"sheet without --out", {"target", "x.yaml"}, "needs --out"},

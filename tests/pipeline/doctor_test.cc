@@ -84,6 +84,37 @@ INSTANTIATE_TEST_SUITE_P(
              "{type: coded_board, rows: 3, columns: 4, spacing: 40 mm, dot_diameter: 10 mm}", "spacing", 40, 3, 4}),
     [](const testing::TestParamInfo<Cell>& cell) { return cell.param.name; });
 
+// Frontal pictures under turns about one axis tell no camera, so that what they say of scales and small turns is no
+// finding: the axis is the only one, and it is said once.
+TEST(OneAxisTest, ARefusalNamesTheAxisAndNothingElse) {
+  const fs::path folder = TestFolder("doctor_one_axis");
+  const std::vector<std::string> targets = {
+      "{type: chessboard, rows: 6, columns: 9, square: 20 mm}",
+      "{type: coded_board, rows: 2, columns: 2, spacing: 40 mm, dot_diameter: 10 mm}",
+      "{type: apriltag_grid, family: tag36h11, rows: 2, columns: 2, tag_size: 30 mm, tag_spacing: 0.3}"};
+  for (const std::string& target : targets) {
+    for (const std::string setup : {"eye_to_hand", "eye_in_hand"}) {
+      WriteAll(folder / "scene.yaml",
+               SceneText(setup, target, "{captures: 10, distance: 420 mm, tilt: 0 deg, spin: 60 deg, spread: 0}") +
+                   "give_camera: false\n");
+      fs::remove_all(folder / "set");
+      ASSERT_EQ(
+          RunHeba({"simulate", (folder / "scene.yaml").string(), "--out", (folder / "set").string(), "--quiet"}).status,
+          0);
+      const std::string config = (folder / "set" / "config.yaml").string();
+      const CommandResult run = RunHeba({"run", config, "--quiet", "--out", (folder / "run").string()});
+      EXPECT_EQ(run.status, 1) << run.err;
+      const size_t first = run.err.find("about one axis only");
+      EXPECT_NE(first, std::string::npos) << run.err;
+      EXPECT_EQ(run.err.find("about one axis only", first + 1), std::string::npos) << run.err;
+      EXPECT_EQ(run.err.find("heba doctor:"), std::string::npos) << run.err;
+      const CommandResult doctor = RunHeba({"doctor", config, "--quiet"});
+      EXPECT_EQ(FirstWrongCode(doctor.out), "motion") << doctor.out;
+    }
+  }
+  fs::remove_all(folder);
+}
+
 struct Motion {
   std::string name;
   std::string motion;

@@ -1,4 +1,4 @@
-// What a user has after a session, read as it is: pictures, and poses in a file that nobody has described.
+// The files that a user has after a session are read as they are: pictures, and poses that nobody has described.
 #include <algorithm>
 
 #include <gmock/gmock.h>
@@ -140,7 +140,7 @@ TEST_F(RawFilesTest, ExcludedCapturesAreLeftOut) {
   EXPECT_THAT(wrong.err, HasSubstr("there is no capture '02.png'; did you mean"));
 }
 
-// What the doctor says to set is what the numbers are.
+// The numbers are what the doctor says to set.
 TEST_F(RawFilesTest, TheDoctorGuessesPosesThatNobodyDescribed) {
   struct Case {
     std::string format;

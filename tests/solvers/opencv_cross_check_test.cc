@@ -81,7 +81,7 @@ TEST(OpenCvLargeTurns, TsaiAndDaniilidisAreWrongOnExactData) {
   for (const std::string name : {"tsai", "daniilidis"}) {
     double worst_rad = 0;
     for (const heba::Setup setup : {heba::Setup::kEyeInHand, heba::Setup::kEyeToHand}) {
-      // As many scenes as every compiler's order of random numbers needs to have such turns.
+      // The scenes are many enough that every compiler's order of random numbers has such turns.
       for (uint64_t seed = 1; seed <= 60; ++seed) {
         const TestScene scene = SceneOfTurns(setup, seed, kPi, 0, 0);
         const Rigid3d truth = scene.hand_eye.camera_mount_from_camera;

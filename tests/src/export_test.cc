@@ -236,7 +236,7 @@ TEST(ExportTest, TheInverseIsThePoseOfTheParentInTheChild) {
     for (const ExportFormat& format : ExportFormats()) {
       const Outcome<std::string> text = ExportText(format, request);
       const bool has_room = text.ok();
-      // Where a form fixes the frames, the inverse would be taken for the pose.
+      // A form that fixes the frames would have the inverse taken for the pose.
       EXPECT_EQ(has_room, format.name != "easy_handeye2" && format.name != "opencv" && format.name != "camera_info" &&
                               format.name != "kalibr" && format.name != "mrcal" &&
                               format.name != "pose_with_covariance")

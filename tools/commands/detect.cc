@@ -71,6 +71,7 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   const fs::path output =
       FLAGS_out.empty() ? fs::absolute(arguments[0]).parent_path() / "detections" / config.name : fs::path(FLAGS_out);
   StagedFolder folder(output);
+  CheckCameraByHeader(config);
   const std::vector<CaptureDetection> detections = DetectCaptures(config, NumThreads(), verbosity);
   FitCameraToPictures(detections.front(), &config);
   const std::optional<Camera> camera = FittedCamera(config, detections);

@@ -21,7 +21,7 @@ std::string DiagnosisText(const std::string& name, const Diagnosis& diagnosis) {
                      std::to_string(diagnosis.num_seen) + " of them show a pose of the target; " +
                      (num_wrong == 0 ? "nothing is wrong" : std::to_string(num_wrong) + " wrong") + ", " +
                      std::to_string(num_remarks) + (num_remarks == 1 ? " remark\n" : " remarks\n");
-  // Of many alike the first ones are told, with their cure once.
+  // The first ones of many alike are told, with their cure once.
   constexpr size_t kMostAlike = 4;
   size_t alike = 0;
   for (size_t i = 0; i < diagnosis.symptoms.size(); ++i) {

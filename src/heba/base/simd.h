@@ -30,7 +30,7 @@ enum class Simd { kBaseline, kAvx2, kAvx512 };
 // The best that this machine has, or less if the environment variable HEBA_SIMD says `baseline` or `avx2`: machines
 // of several kinds give the same digits then.
 Simd ActiveSimd();
-// What is wrong with the value of HEBA_SIMD; empty if nothing is.
+// Returns what is wrong with the value of HEBA_SIMD; empty if nothing is.
 std::string FaultOfSimdSetting();
 // For benchmarks and tests: from now on at most `most`. Not while kernels run.
 void LimitSimd(Simd most);

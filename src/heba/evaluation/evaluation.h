@@ -107,7 +107,7 @@ struct Requirement {
 // A finished run: what result.json holds.
 struct RunResult {
   std::string name;
-  // What the config says of the cell for the record: serial numbers, an operator's name.
+  // The config's own words about the cell, for the record: serial numbers, an operator's name.
   std::vector<std::pair<std::string, std::string>> about;
   Setup setup = Setup::kEyeToHand;
   std::string target_type;

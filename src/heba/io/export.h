@@ -13,7 +13,7 @@
 
 namespace heba {
 
-// What a frame of an exported pose is.
+// The kind of a frame of an exported pose.
 enum class ExportFrame {
   kBase,     // The robot's base, as the robot reports its poses.
   kGripper,  // The flange or tool, as the robot reports it.
@@ -48,7 +48,7 @@ ExportRequest WithChild(ExportRequest request, ExportFrame child, const Rigid3d&
 // The pose of the parent in the child: the two change places.
 ExportRequest Inverted(ExportRequest request);
 
-// What a format has room for.
+// The room that a format has.
 enum class ExportHolds {
   kAnyPose,        // The pose of any frame in any other.
   kOpticalCamera,  // The pose of the optical frame in the parent and nothing else.
@@ -68,7 +68,7 @@ Outcome<std::string> ExportText(const ExportFormat& format, const ExportRequest&
 
 // For the files in export_formats/.
 
-// What every file says in comments: what it is, which frames are meant, and how well the pose is known. A line an
+// Returns the comments of every file: what it is, which frames are meant, and how well the pose is known. A line an
 // entry, without a comment's mark and free of what could end one.
 std::vector<std::string> ExportRemarks(const ExportRequest& request);
 // A name as it can stand in a comment: what is no plain letter could end one.

@@ -34,7 +34,7 @@ const NumberType* FindNumberType(const std::string& name) {
   return found == types.end() ? nullptr : &found->second;
 }
 
-// Where the number stands among `shape.size()` numbers with the first index running first.
+// Returns the place of the number in an array whose first index runs first; `place` is that with the last one first.
 size_t FortranPlace(size_t place, const std::vector<size_t>& shape) {
   size_t fortran = 0;
   size_t stride = 1;

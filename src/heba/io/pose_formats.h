@@ -30,8 +30,8 @@ struct PoseFormat {
   std::string robot = {};  // Not empty: the columns are this arm's joints (ur_robots.def or a URDF's), base first.
   std::shared_ptr<const UrdfArm> arm = nullptr;  // Of a URDF.
   std::string controller_form = {};              // How the controller writes a pose (pose_formats.def); may be empty.
-  // Of a user's own: the columns of a file without a header, in its order: those of `columns`, image and role, and -
-  // for one that means nothing here.
+  // The columns of a file without a header, in its order: those of `columns`, image and role, and - for one that means
+  // nothing here. A format of the table has none.
   std::vector<std::string> file_columns = {};
 };
 
@@ -64,7 +64,7 @@ PoseFormat WithUnits(const PoseFormat& format, const ConfigValue& units);
 std::vector<PoseFormat> FormatsOfSameColumns(const PoseFormat& format);
 // Reads back as the same format (but for the units of `matrix`).
 YAML::Node PoseFormatNode(const PoseFormat& format);
-// What a config says for this format, on one line: the name of one of the table, or else a mapping.
+// Returns this format as a config says it, on one line: the name of one of the table, or else a mapping.
 std::string PoseFormatText(const PoseFormat& format);
 
 // The pose, of the frames that the file has. `numbers` are as many as the columns. A Failure if a number is not finite

@@ -1,7 +1,7 @@
 // Text that is to be copied gets a button for it.
 import {element} from './figure';
 
-// Where the clipboard is not to be had, as in some mail programs, the text is selected.
+// The text is selected where the clipboard is not to be had, as in some mail programs.
 async function copy(source: HTMLElement): Promise<string> {
   try {
     await navigator.clipboard.writeText(source.textContent ?? '');

@@ -23,7 +23,7 @@ export interface Captures {
   image_size: [number, number];
   centre: [number, number]; // The principal point.
   rms_px: number | null; // Of all points that count.
-  sigma_px: number; // Of the noise of a coordinate.
+  sigma_px: number; // The noise of a coordinate.
   captures: Capture[];
 }
 
@@ -46,7 +46,7 @@ export interface Lines {
   x_label: string;
   y_label: string;
   linear?: ('x' | 'y')[]; // The axes that are not logarithmic.
-  band?: [number, number]; // What of the vertical axis is as it should be.
+  band?: [number, number]; // The part of the vertical axis that is as it should be.
   lines: {name: string; reference: boolean; strong: boolean; points: [number, number][]}[];
 }
 

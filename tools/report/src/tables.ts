@@ -3,7 +3,7 @@ import type {Captures} from './data';
 import {openCapture} from './capture_dialog';
 import {dataIn} from './page_data';
 
-// Of "0.8 mm" and of "< 1e-6" too.
+// The number in a cell such as "0.8 mm" or "< 1e-6".
 const numberOf = (text: string) => Number.parseFloat(text.replace('< ', ''));
 
 function sortBy(head: HTMLTableCellElement): void {

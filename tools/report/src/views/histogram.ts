@@ -13,7 +13,7 @@ export function histogram(figure: HTMLElement, data: Captures): void {
     figure.append('No points to show.');
     return;
   }
-  // What lies farther out is counted in the last bins.
+  // Residuals that lie farther out are counted in the last bins.
   const reach = 5 * sigma;
   const width = (2 * reach) / kBins;
   const counts = Array.from({length: kBins}, (_, i) => ({x1: -reach + i * width, x2: -reach + (i + 1) * width, count: 0}));

@@ -3,15 +3,21 @@ import {dot, line, plot, rectY} from '@observablehq/plot';
 import type {Lines} from '../data';
 import {colours, legend, palette, responsive, significant} from '../figure';
 
+// A name has one colour in all charts of a page.
+const known = new Map<string, string>();
+function colourOf(name: string): string {
+  if (!known.has(name)) known.set(name, palette[known.size % palette.length]!);
+  return known.get(name)!;
+}
+
 export function lines(figure: HTMLElement, data: Lines): void {
-  let next = 0;
   const isLinear = (axis: 'x' | 'y') => data.linear?.includes(axis) ?? false;
   const isShown = ([x, y]: [number, number]) => (isLinear('x') || x > 0) && (isLinear('y') || y > 0);
   const drawn = data.lines
       .map((entry) => ({
         ...entry,
         points: entry.points.filter(isShown),
-        colour: entry.reference ? colours.dim : palette[next++ % palette.length]!,
+        colour: entry.reference ? colours.dim : colourOf(entry.name),
       }))
       .filter((entry) => entry.points.length > 0);
   figure.append(legend(drawn.map(({name, colour}) => ({name, colour}))));
