@@ -194,6 +194,7 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
     CaptureResult result;
     result.image = entry.name;
     result.reason = entry.reason;
+    result.was_searched = false;
     results.push_back(std::move(result));
   }
   return results;
@@ -286,10 +287,10 @@ namespace {
 void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::vector<CaptureResult>* captures) {
   for (const HoldOut& hold_out : hold_outs) {
     if (hold_out.method != kBundleMethod) continue;
-    for (const auto& [name, distance_m] : hold_out.target_m_of_view) {
+    for (const auto& entry_of : hold_out.target_m_of_view) {
       const auto capture = std::find_if(captures->begin(), captures->end(),
-                                        [&](const CaptureResult& entry) { return entry.image == name; });
-      if (capture != captures->end()) capture->holdout_target_mm = 1000 * distance_m;
+                                        [&](const CaptureResult& entry) { return entry.image == entry_of.first; });
+      if (capture != captures->end()) capture->holdout_target_mm = 1000 * entry_of.second;
     }
   }
 }

@@ -208,7 +208,9 @@ std::vector<std::optional<size_t>> PairFiles(const std::vector<PoseRow>& rows, c
   if (any) return pairs;
   const auto places = PlacesBy<long>(pictures, NumberInName);
   std::set<long> numbers;
-  for (const PoseRow& row : rows) numbers.insert(*NumberInName(row.image));
+  for (const PoseRow& row : rows) {
+    if (const std::optional<long> number = NumberInName(row.image)) numbers.insert(*number);
+  }
   if (!places || numbers.size() != rows.size()) {
     throw InputError(folder.string() +
                      ": its files and the pictures have no names or single numbers in common by which they belong "
@@ -232,7 +234,8 @@ std::string PictureMeant(const std::string& name, const std::vector<std::string>
 
 // For each row the picture that it belongs to; nothing if there is none.
 std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, const std::vector<Seen>& seen,
-                                            const ConfigValue& seen_value, const RunConfig& config) {
+                                            const std::set<std::string>& excluded, const ConfigValue& seen_value,
+                                            const RunConfig& config) {
   std::map<std::string, size_t> place_of;
   for (size_t i = 0; i < seen.size(); ++i) {
     if (!place_of.emplace(seen[i].name, i).second) {
@@ -259,13 +262,22 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
       if (found != place_of.end()) pairs[i] = found->second;
     }
   }
+  std::map<size_t, size_t> row_of;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (!pairs[i]) continue;
+    const auto [other, is_new] = row_of.emplace(*pairs[i], i);
+    if (!is_new) {
+      throw InputError(config.poses_file.string() + ": " + rows[other->second].image + " and " + rows[i].image +
+                       " both belong to the picture " + seen[*pairs[i]].name);
+    }
+  }
   std::vector<std::string> without_row;
   for (const auto& [name, place] : place_of) {
     if (std::find(pairs.begin(), pairs.end(), place) == pairs.end()) without_row.push_back(name);
   }
   const bool any = std::any_of(pairs.begin(), pairs.end(), [](const auto& pair) { return pair.has_value(); });
   for (size_t i = 0; i < rows.size(); ++i) {
-    if (pairs[i]) continue;
+    if (pairs[i] || excluded.count(rows[i].image) > 0) continue;
     // A picture that was taken away leaves its pose out; one that is spelt otherwise is a mistake.
     const std::string meant = PictureMeant(rows[i].image, without_row);
     if (any && meant.empty()) continue;
@@ -361,20 +373,25 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
 
   const std::set<std::string> excluded = ReadExcluded(&reader, seen, rows);
   reader.Finish();
-  const std::vector<std::optional<size_t>> picture_of_row = PairRows(rows, seen, seen_value, *config);
+  const std::vector<std::optional<size_t>> picture_of_row = PairRows(rows, seen, excluded, seen_value, *config);
   std::vector<bool> has_row(seen.size(), false);
+  std::vector<bool> is_excluded(seen.size(), false);
+  for (size_t i = 0; i < seen.size(); ++i) is_excluded[i] = excluded.count(seen[i].name) > 0;
   for (size_t i = 0; i < rows.size(); ++i) {
+    // A capture is called by its picture's name, or by its row's where that is another.
+    const bool is_row_excluded = excluded.count(rows[i].image) > 0;
     if (!picture_of_row[i]) {
-      if (excluded.count(rows[i].image) > 0) continue;
+      if (is_row_excluded) continue;
       config->left_out.push_back({rows[i].image, "the picture is not among those of " + seen_value.key()});
       continue;
     }
-    const Seen& picture = seen[*picture_of_row[i]];
-    has_row[*picture_of_row[i]] = true;
-    if (excluded.count(picture.name) == 0) AddCapture(picture, rows[i], config);
+    const size_t picture = *picture_of_row[i];
+    has_row[picture] = true;
+    if (is_row_excluded) is_excluded[picture] = true;
+    if (!is_excluded[picture]) AddCapture(seen[picture], rows[i], config);
   }
   for (size_t i = 0; i < seen.size(); ++i) {
-    if (excluded.count(seen[i].name) > 0) {
+    if (is_excluded[i]) {
       config->left_out.push_back({seen[i].name, "left out by captures.exclude"});
     } else if (!has_row[i]) {
       config->left_out.push_back({seen[i].name, "the robot's pose is not in the poses file"});

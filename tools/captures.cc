@@ -81,6 +81,7 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
   }
   // By the headers, before anything is decoded: a picture of another size may be one of gigabytes.
   const std::optional<PictureSize> expected = ReadPictureSize(config.captures.front().image);
+  const double largest_cache_bytes = LargestCacheBytes();
   std::vector<CaptureDetection> detections(config.captures.size());
   {
     Progress progress("detect", static_cast<int>(detections.size()), verbosity);
@@ -95,7 +96,7 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
     });
   }
   CheckSizes(config, detections);
-  TrimCache(LargestCacheBytes());
+  TrimCache(largest_cache_bytes);
   return detections;
 }
 

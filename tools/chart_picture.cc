@@ -10,9 +10,9 @@
 namespace heba {
 namespace {
 
-constexpr double kTop = 8;
-constexpr double kRight = 12;
-constexpr double kBottom = 38;
+constexpr double kTop = kChartTop;
+constexpr double kRight = kChartRight;
+constexpr double kBottom = kChartBottom;
 
 double Share(const ChartAxis& axis, double value) {
   if (axis.is_log) return std::log(value / axis.low) / std::log(axis.high / axis.low);
@@ -22,7 +22,7 @@ double Share(const ChartAxis& axis, double value) {
 // Without the zeros that a fixed number of digits would have at the end.
 std::string TickText(double value) {
   char buffer[32];
-  std::snprintf(buffer, sizeof(buffer), "%.3g", value);
+  std::snprintf(buffer, sizeof(buffer), "%.6g", value);
   return buffer;
 }
 

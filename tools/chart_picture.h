@@ -17,6 +17,11 @@ struct ChartAxis {
 };
 
 // One chart, its marks in the axes' units. Colours are names of the page's own: first, second, dim, ink, line, bad.
+// The margins of a chart but for that at the left, px: a chart that is to be true to scale counts them.
+inline constexpr double kChartTop = 8;
+inline constexpr double kChartRight = 12;
+inline constexpr double kChartBottom = 38;
+
 class ChartPicture {
  public:
   // The size in px that it is drawn at where there is room; `left` is the margin beside the vertical axis. The vertical

@@ -34,10 +34,13 @@ struct Command {
   int (*run)(const std::vector<std::string>& arguments);
 };
 
+std::vector<std::string> WordsOf(const std::string& text) {
+  return text.empty() ? std::vector<std::string>() : Split(text, ' ');
+}
+
 const std::vector<Command>& Commands() {
   static const std::vector<Command> commands = {
-#define HEBA_COMMAND(name, arguments, flags, summary) \
-  {#name, arguments, Split(flags, ' '), summary, &RunCommand_##name},
+#define HEBA_COMMAND(name, arguments, flags, summary) {#name, arguments, WordsOf(flags), summary, &RunCommand_##name},
 #include "tools/commands.def"
 #undef HEBA_COMMAND
   };

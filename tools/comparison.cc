@@ -280,6 +280,7 @@ std::string ComparisonPage(const Comparison& comparison) {
     pictured.push_back({run.label, line.refined_px, line.closed_px});
     bars.push_back(Json{{"label", run.label}, {"values", {OrNull(line.refined_px), OrNull(line.closed_px)}}});
     rows.push_back({{run.label},
+                    {std::string(GradeName(run.result.verdict.grade))},
                     {std::string(SetupName(run.result.setup))},
                     {run.result.target_type},
                     {line.closed_form},
@@ -295,8 +296,8 @@ std::string ComparisonPage(const Comparison& comparison) {
       ViewFigure("dumbbells", "How far points are from where they are predicted on captures that were not seen (rms).",
                  Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
                  DumbbellPicture("px rms: refined (first colour), best closed form (second)", pictured));
-  body += HtmlTable({"run", "set-up", "target", "best closed form", "its hold-out, px", "refined hold-out, px",
-                     "sigma, mm", "sigma, deg", "board, mm", "board, deg", "time, s"},
+  body += HtmlTable({"run", "verdict", "set-up", "target", "best closed form", "its hold-out, px",
+                     "refined hold-out, px", "sigma, mm", "sigma, deg", "board, mm", "board, deg", "time, s"},
                     rows);
   rows.clear();
   Json pairs = Json::array();

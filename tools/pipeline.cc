@@ -163,7 +163,7 @@ void AskDoctor(const RunConfig& config, int num_threads, RunResult* result) {
 Outcome<RunResult> RunOnPoses(const RunConfig& config, const std::filesystem::path& output, int num_threads,
                               Console* console) {
   const Stopwatch total;
-  StagedFolder folder(output);
+  StagedFolder folder(output, "the results of a run");
   const std::string inputs = RunInputsText(config);
   std::optional<Truth> truth;
   if (config.truth) truth = ReadTruth(*config.truth, config.setup);
@@ -214,7 +214,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   const Stopwatch total;
   RunConfig config = config_in;
   // Made first: a run that cannot be written should say so before the work.
-  StagedFolder folder(output);
+  StagedFolder folder(output, "the results of a run");
   const std::string inputs = RunInputsText(config);
   std::optional<Truth> truth;
   if (config.truth) truth = ReadTruth(*config.truth, config.setup);

@@ -1,6 +1,8 @@
 #include "tools/pose_guess.h"
 
 #include <algorithm>
+#include <array>
+#include <cctype>
 #include <cmath>
 
 #include "heba/base/error.h"
@@ -28,9 +30,19 @@ bool IsNumber(const std::string& field) {
   return ParseDouble(field, &number);
 }
 
+// Between the characters of `between` and blanks; of a line with tabs, commas or semicolons a field may hold blanks.
 std::vector<std::string> FieldsOf(std::string line) {
   line = WithoutBrackets(line);
   std::replace(line.begin(), line.end(), '"', ' ');
+  for (const char separator : {'\t', ';', ','}) {
+    if (line.find(separator) == std::string::npos) continue;
+    std::vector<std::string> fields;
+    for (const std::string& field : Split(line, separator)) fields.push_back(Trim(field));
+    const bool are_whole = std::all_of(fields.begin(), fields.end(), [](const std::string& field) {
+      return field.find_first_of(";,\t") == std::string::npos && !field.empty();
+    });
+    if (are_whole) return fields;
+  }
   constexpr std::string_view kBetween = " \t\r,;";
   std::vector<std::string> fields;
   size_t at = line.find_first_not_of(kBetween);
@@ -119,36 +131,120 @@ bool IsQuaternion(const RawTable& table, const std::vector<size_t>& columns, siz
   return true;
 }
 
-// How many of the numbers at the front are an index or a time: what is left are 6, 7, 12 or 16; nothing if it is not.
-std::optional<size_t> NumbersBeforeThePose(const RawTable& table, const std::vector<size_t>& columns) {
-  constexpr size_t kEuler = 6;
-  constexpr size_t kQuaternion = 7;
-  const auto is_pose = [&](size_t first) {
-    const size_t count = columns.size() - first;
-    if (count == kQuaternion) return IsQuaternion(table, columns, first + 3);
-    return count == kEuler || count == 12 || count == 16;
-  };
-  for (const size_t first : {0, 1}) {
-    if (columns.size() > first && is_pose(first)) return first;
+// Whether nine columns are a rotation, row by row.
+bool IsRotation(const RawTable& table, const std::vector<size_t>& columns, const std::array<size_t, 9>& places) {
+  for (const std::vector<std::string>& row : table.rows) {
+    Eigen::Matrix3d matrix;
+    for (size_t k = 0; k < places.size(); ++k) {
+      ParseDouble(row[columns[places[k]]], &matrix(static_cast<Eigen::Index>(k / 3), static_cast<Eigen::Index>(k % 3)));
+    }
+    constexpr double kRounded = 0.02;
+    if (!((matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).norm() < kRounded)) return false;
   }
-  return std::nullopt;
+  return true;
 }
 
-void GuessUnits(const RawTable& table, const std::vector<size_t>& columns, PoseFormat* format) {
+// The columns in the order of a pose, x, y, z first: every order that the numbers may have, the likelier one first.
+std::vector<std::vector<size_t>> OrdersOf(const RawTable& table, const std::vector<size_t>& columns) {
+  const auto picked = [&](const std::vector<size_t>& places) {
+    std::vector<size_t> order;
+    for (const size_t place : places) order.push_back(columns[place]);
+    return order;
+  };
+  switch (columns.size()) {
+    case 6:
+      return {columns, picked({3, 4, 5, 0, 1, 2})};
+    case 7:
+      if (IsQuaternion(table, columns, 3)) return {columns};
+      if (IsQuaternion(table, columns, 0)) return {picked({4, 5, 6, 0, 1, 2, 3})};
+      return {};
+    case 12:
+      if (IsRotation(table, columns, {3, 4, 5, 6, 7, 8, 9, 10, 11})) return {columns};
+      // The upper three rows of a 4 x 4 matrix.
+      if (IsRotation(table, columns, {0, 1, 2, 4, 5, 6, 8, 9, 10})) {
+        return {picked({3, 7, 11, 0, 1, 2, 4, 5, 6, 8, 9, 10})};
+      }
+      return {};
+    case 16:
+      return {columns};
+    default:
+      return {};
+  }
+}
+
+// "X [mm]" -> "x".
+std::string BareName(const std::string& name) {
+  std::string bare;
+  for (const char c : name) {
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0) break;
+    bare += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  return bare;
+}
+
+// The columns that a header calls x, y and z come first; nothing if it does not.
+std::optional<std::vector<size_t>> OrderByNames(const RawTable& table, const std::vector<size_t>& columns) {
+  if (table.names.empty() || columns.size() == 16) return std::nullopt;
+  std::vector<size_t> order;
+  for (const char* const axis : {"x", "y", "z"}) {
+    const auto found = std::find_if(columns.begin(), columns.end(),
+                                    [&](size_t column) { return BareName(table.names[column]) == axis; });
+    if (found == columns.end()) return std::nullopt;
+    order.push_back(*found);
+  }
+  for (const size_t column : columns) {
+    if (std::find(order.begin(), order.end(), column) == order.end()) order.push_back(column);
+  }
+  return order;
+}
+
+bool NamesJoints(const RawTable& table) {
+  return std::any_of(table.names.begin(), table.names.end(), [](const std::string& name) {
+    const std::string bare = BareName(name);
+    return bare.starts_with("joint") ||
+           (bare.size() == 2 && (bare[0] == 'j' || bare[0] == 'q') && std::isdigit(bare[1]) != 0);
+  });
+}
+
+// `order`: the pose's columns of the table, x, y, z first.
+void GuessUnits(const RawTable& table, const std::vector<size_t>& order, PoseFormat* format) {
   // No arm reaches 20 m, few places are within 20 mm of the base.
   constexpr double kLongestInMetres = 20;
   constexpr size_t kEuler = 6;
-  const bool is_whole_matrix = columns.size() == 16;
-  double longest = LargestOf(table, columns, 0, 3);
-  if (is_whole_matrix) longest = std::max({LargestOf(table, columns, 3, 4), LargestOf(table, columns, 7, 8)});
+  const bool is_whole_matrix = order.size() == 16;
+  double longest = LargestOf(table, order, 0, 3);
+  if (is_whole_matrix) longest = std::max({LargestOf(table, order, 3, 4), LargestOf(table, order, 7, 8)});
   format->translation_unit = longest > kLongestInMetres ? "mm" : "m";
-  if (columns.size() == kEuler) {
-    const bool is_deg = LargestOf(table, columns, 3, kEuler) > 2 * M_PI + 0.01;
+  if (order.size() == kEuler) {
+    const bool is_deg = LargestOf(table, order, 3, kEuler) > 2 * M_PI + 0.01;
     format->rotation = is_deg ? "euler_zyx" : "rotation_vector";
     format->angle_unit = is_deg ? "deg" : "rad";
   } else {
-    format->rotation = columns.size() == 7 ? "quaternion_xyzw" : "matrix";
+    format->rotation = order.size() == 7 ? "quaternion_xyzw" : "matrix";
   }
+}
+
+PoseFormat FormatOf(const RawTable& table, const std::vector<size_t>& order, const std::optional<size_t>& image) {
+  PoseFormat format;
+  const size_t width = table.rows.front().size();
+  const auto name_of = [&](size_t number) -> std::string {
+    if (!table.names.empty()) return table.names[order[number]];
+    return number < 3 && order.size() != 16 ? std::string(1, "xyz"[number]) : "r" + std::to_string(number + 1);
+  };
+  for (size_t number = 0; number < order.size(); ++number) format.columns.push_back(name_of(number));
+  // A header finds the columns by their names: then they stand in the pose's order.
+  if (!table.names.empty() && !std::is_sorted(order.begin(), order.end())) {
+    format.file_columns = format.columns;
+    if (width > order.size()) format.file_columns.emplace_back(kNoColumn);
+  } else {
+    for (size_t column = 0; column < width; ++column) {
+      const auto place = std::find(order.begin(), order.end(), column);
+      format.file_columns.push_back(place != order.end() ? name_of(static_cast<size_t>(place - order.begin()))
+                                                         : std::string(image == column ? kImageColumn : kNoColumn));
+    }
+  }
+  GuessUnits(table, order, &format);
+  return format;
 }
 
 // A pose file's own faults are the caller's to report.
@@ -163,77 +259,79 @@ std::optional<RunConfig> ReadWith(const fs::path& config, std::vector<std::strin
 
 }  // namespace
 
-std::optional<PoseFormat> GuessPoseFormat(const fs::path& poses) {
+GuessedTable GuessPoseFormats(const fs::path& poses) {
   RawTable table;
   try {
     table = ReadRawTable(poses);
   } catch (const InputError&) {
-    return std::nullopt;
+    return {};
   }
   constexpr size_t kFewestRows = 3;
-  if (table.rows.size() < kFewestRows) return std::nullopt;
+  if (table.rows.size() < kFewestRows || NamesJoints(table)) return {};
   const size_t width = table.rows.front().size();
   const bool is_even = std::all_of(table.rows.begin(), table.rows.end(),
                                    [&](const std::vector<std::string>& row) { return row.size() == width; });
-  if (!is_even || (!table.names.empty() && table.names.size() != width)) return std::nullopt;
+  if (!is_even || (!table.names.empty() && table.names.size() != width)) return {};
   std::vector<size_t> numeric;
   std::optional<size_t> image;
   for (size_t column = 0; column < width; ++column) {
-    const auto all = [&](const auto& is) {
-      return std::all_of(table.rows.begin(), table.rows.end(), [&](const auto& row) { return is(row[column]); });
+    const auto count_of = [&](const auto& is) {
+      return static_cast<size_t>(
+          std::count_if(table.rows.begin(), table.rows.end(), [&](const auto& row) { return is(row[column]); }));
     };
-    if (all(IsNumber)) numeric.push_back(column);
-    if (!image && all([](const std::string& field) { return HasImageSuffix(field); })) image = column;
+    const size_t num_numbers = count_of(IsNumber);
+    if (num_numbers == table.rows.size()) numeric.push_back(column);
+    // A number that is misspelt is a fault of its line.
+    if (num_numbers < table.rows.size() && 2 * num_numbers > table.rows.size()) return {};
+    const bool is_image = count_of([](const std::string& field) { return HasImageSuffix(field); }) == table.rows.size();
+    if (!image && is_image) image = column;
   }
-  const std::optional<size_t> before = NumbersBeforeThePose(table, numeric);
-  if (!before) return std::nullopt;
-  numeric.erase(numeric.begin(), numeric.begin() + static_cast<std::ptrdiff_t>(*before));
-  PoseFormat format;
-  for (size_t column = 0; column < width; ++column) {
-    const auto place = std::find(numeric.begin(), numeric.end(), column);
-    if (place != numeric.end()) {
-      const auto number = static_cast<size_t>(place - numeric.begin());
-      const std::string made_up =
-          number < 3 && numeric.size() != 16 ? std::string(1, "xyz"[number]) : "r" + std::to_string(number + 1);
-      format.columns.push_back(table.names.empty() ? made_up : table.names[column]);
-      format.file_columns.push_back(format.columns.back());
-    } else {
-      format.file_columns.emplace_back(image == column ? kImageColumn : kNoColumn);
-    }
+  // An index or a time may stand before the pose.
+  for (const size_t before : {0, 1}) {
+    if (numeric.size() <= before) break;
+    const std::vector<size_t> columns(numeric.begin() + static_cast<std::ptrdiff_t>(before), numeric.end());
+    std::vector<std::vector<size_t>> orders = OrdersOf(table, columns);
+    if (orders.empty()) continue;
+    if (const std::optional<std::vector<size_t>> named = OrderByNames(table, columns)) orders = {*named};
+    GuessedTable guessed{{}, table.rows.size()};
+    for (const std::vector<size_t>& order : orders) guessed.formats.push_back(FormatOf(table, order, image));
+    return guessed;
   }
-  GuessUnits(table, numeric, &format);
-  return format;
+  return {};
 }
 
 std::string PoseFormatSetting(const PoseFormat& format) { return "captures.pose_format=" + PoseFormatText(format); }
 
 std::optional<GuessedReading> GuessReading(const fs::path& config, const std::vector<std::string>& settings,
                                            int num_threads, Verbosity verbosity) {
-  std::optional<PoseFormat> format;
+  std::vector<PoseFormat> formats;
   try {
     const ConfigValue file = ReadYamlFileOverBases(config, {"name", "output"});
     MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
     MapReader captures(reader.Get("captures"));
     if (!captures.Has("poses")) return std::nullopt;
-    format = GuessPoseFormat(captures.Path("poses"));
+    formats = GuessPoseFormats(captures.Path("poses")).formats;
   } catch (const InputError&) {
     return std::nullopt;
   }
-  if (!format) return std::nullopt;
-  GuessedReading guessed;
-  guessed.format = *format;
-  // The pictures say what the numbers' sizes do not; with that, the other checks see the poses as they are.
-  for (int round = 0; round < 2; ++round) {
-    const std::optional<RunConfig> read = ReadWith(config, settings, guessed.format);
-    if (!read) return std::nullopt;
-    guessed.diagnosis = Diagnose(*read, num_threads, verbosity);
-    const std::optional<PoseFit>& fit = guessed.diagnosis.pose_fit;
-    guessed.fits = fit && std::none_of(guessed.diagnosis.symptoms.begin(), guessed.diagnosis.symptoms.end(),
-                                       [](const Symptom& symptom) { return symptom.code == "poses_unexplained"; });
-    if (!fit || PoseFormatText(fit->format) == PoseFormatText(guessed.format)) break;
-    guessed.format = fit->format;
+  std::optional<GuessedReading> first;
+  for (const PoseFormat& format : formats) {
+    GuessedReading guessed;
+    guessed.format = format;
+    // The pictures say what the numbers' sizes do not; with that, the other checks see the poses as they are.
+    for (int round = 0; round < 2; ++round) {
+      const std::optional<RunConfig> read = ReadWith(config, settings, guessed.format);
+      if (!read) return first;
+      guessed.diagnosis = Diagnose(*read, num_threads, verbosity);
+      const std::optional<PoseFit>& fit = guessed.diagnosis.pose_fit;
+      guessed.fits = fit && fit->fits;
+      if (!fit || PoseFormatText(fit->format) == PoseFormatText(guessed.format)) break;
+      guessed.format = fit->format;
+    }
+    if (guessed.fits) return guessed;
+    if (!first) first = std::move(guessed);
   }
-  return guessed;
+  return first;
 }
 
 std::string ReadingInWords(const PoseFormat& format) {

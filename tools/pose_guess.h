@@ -12,11 +12,16 @@
 
 namespace heba {
 
-// Guesses from the file, array or folder (heba/io/pose_source.h) alone: how many numbers a pose has, which of
-// its columns they are, and, by their size, the likeliest units. Orders of angles cannot be told from it. Nothing if it
-// holds no table of poses: 6 numbers (a place and angles), 7 (a quaternion), 12 or 16 (a matrix), perhaps behind an
-// index or a time.
-std::optional<PoseFormat> GuessPoseFormat(const std::filesystem::path& poses);
+// What a table of poses may mean, the likelier reading first; none if it is no such table.
+struct GuessedTable {
+  std::vector<PoseFormat> formats;
+  size_t num_rows = 0;
+};
+
+// Guesses from the file, array or folder (heba/io/pose_source.h) alone: which of its columns are the pose's numbers, 6
+// (a place and angles), 7 (a quaternion), 12 or 16 (a matrix), in which order place and rotation stand, and, by the
+// numbers' size, the likeliest units. Orders of angles cannot be told from it.
+GuessedTable GuessPoseFormats(const std::filesystem::path& poses);
 
 // The setting (--set) that makes a config read its poses so.
 std::string PoseFormatSetting(const PoseFormat& format);

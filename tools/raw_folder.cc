@@ -1,6 +1,7 @@
 #include "tools/raw_folder.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
@@ -74,6 +75,17 @@ std::string TrialInWords(const Trial& trial) {
   return std::string(SetupName(trial.setup)) + ": robot and pictures differ by " + trial.misfit;
 }
 
+// Why neither set-up gave a reading that fits: the config's fault, if it has one.
+std::string WhyNoReading(const fs::path& config) {
+  try {
+    ReadRunConfig(config);
+  } catch (const InputError& fault) {
+    return std::string("the data set cannot be read: ") + fault.what();
+  }
+  return "no reading of them that was tried fits the pictures; set setup in the config, and 'heba doctor' on it says "
+         "more";
+}
+
 }  // namespace
 
 std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
@@ -104,20 +116,30 @@ std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
   for (const fs::path& candidate : folders) {
     if (PoseFilesOf(candidate).size() > 2) sources.push_back(candidate);
   }
+  // A row a picture says more than an order of names.
+  size_t best_difference = std::numeric_limits<size_t>::max();
   for (const fs::path& source : sources) {
     if (source == raw.camera || source == raw.target) continue;
-    if (const std::optional<PoseFormat> format = GuessPoseFormat(source)) {
-      raw.poses = source;
-      raw.format = *format;
-      return raw;
-    }
+    const GuessedTable table = GuessPoseFormats(source);
+    if (table.formats.empty()) continue;
+    const size_t difference = std::max(table.num_rows, raw.num_pictures) - std::min(table.num_rows, raw.num_pictures);
+    if (difference >= best_difference) continue;
+    best_difference = difference;
+    raw.poses = source;
+    raw.format = table.formats.front();
   }
-  return std::nullopt;
+  if (raw.poses.empty()) return std::nullopt;
+  return raw;
 }
 
 RawConfig ConfigOf(const RawFolder& raw, const std::optional<fs::path>& asked_target, const fs::path& config,
                    int num_threads) {
   const std::optional<fs::path> target = asked_target ? asked_target : raw.target;
+  if (target) {
+    // A fault of the target's is no matter of the poses.
+    MapReader reader(ReadYamlFile(*target));
+    CreateTarget(reader);
+  }
   RawConfig made;
   std::vector<Trial> trials;
   for (const Setup setup : {Setup::kEyeToHand, Setup::kEyeInHand}) {
@@ -129,20 +151,25 @@ RawConfig ConfigOf(const RawFolder& raw, const std::optional<fs::path>& asked_ta
     trials.push_back({setup, reading->format, fit.misfit_m, fit.misfit});
   }
   std::sort(trials.begin(), trials.end(), [](const Trial& a, const Trial& b) { return a.misfit_m < b.misfit_m; });
+  // Two set-ups that fit alike are not told apart.
+  constexpr double kDecidedly = 2.5;
+  const bool is_decided =
+      trials.size() == 1 || (trials.size() > 1 && trials[1].misfit_m > kDecidedly * trials[0].misfit_m);
   std::optional<Setup> setup;
   PoseFormat format = raw.format;
   if (trials.empty()) {
-    made.remarks.push_back("the poses hold " + ReadingInWords(raw.format) + ", by their sizes alone: " +
-                           (target
-                                ? "no reading of them fits the pictures; 'heba doctor' on the config says more"
-                                : "name the target (--target FILE, or in the config) and 'heba doctor' on the config "
-                                  "tries every reading on the pictures"));
+    made.remarks.push_back(
+        "the poses hold " + ReadingInWords(raw.format) + ", by their sizes alone: " +
+        (target ? WhyNoReading(config)
+                : "name the target and the set-up in the config, and 'heba doctor' on it tries every reading on "
+                  "the pictures; or import with --target FILE"));
   } else {
-    setup = trials.front().setup;
+    if (is_decided) setup = trials.front().setup;
     format = trials.front().format;
     made.remarks.push_back("the poses hold " + ReadingInWords(format) + ", which fit the pictures; " +
                            TrialInWords(trials.front()) +
                            (trials.size() > 1 ? ", and " + TrialInWords(trials.back()) : ""));
+    if (!is_decided) made.remarks.emplace_back("the two set-ups fit alike: set setup in the config, you can see it");
     made.remarks.emplace_back(
         "poses are taken for those of the gripper in the base; if they are the inverse, the set-up is the other one");
   }

@@ -41,12 +41,14 @@ std::vector<Residual> Thinned(const std::vector<Residual>& all) {
 
 // The picture's pixels, y downwards.
 ChartPicture OverPicture(const Camera& camera) {
-  const double height = kWidth * camera.height_px / camera.width_px;
+  // True to scale: the plot has the picture's shape.
+  constexpr double kLeft = 12;
+  const double height = (kWidth - kLeft - kChartRight) * camera.height_px / camera.width_px;
   return {kWidth,
-          height,
+          height + kChartTop + kChartBottom,
           {"", -0.5, camera.width_px - 0.5, false, false},
           {"", camera.height_px - 0.5, -0.5, false, false},
-          12};
+          kLeft};
 }
 
 }  // namespace
@@ -192,7 +194,9 @@ std::string SetUpPicture(const RunResult& result, const Estimate& refined, const
   }
   const Eigen::Vector3d middle = 500 * (low + high);
   const double reach = std::max(650 * (high - low).head<2>().maxCoeff(), 1.0);
-  ChartPicture chart(kWidth, kWidth, {"x of the base, mm", middle.x() - reach, middle.x() + reach},
+  constexpr double kLeft = 56;
+  const double height = kWidth - kLeft - kChartRight + kChartTop + kChartBottom;
+  ChartPicture chart(kWidth, height, {"x of the base, mm", middle.x() - reach, middle.x() + reach},
                      {"y of the base, mm (seen from above)", middle.y() - reach, middle.y() + reach});
   for (const Eigen::Vector3d& target : targets) chart.Dot(1000 * target.x(), 1000 * target.y(), 4, "first");
   for (const Eigen::Vector3d& camera : cameras) chart.Dot(1000 * camera.x(), 1000 * camera.y(), 4, "second");
@@ -209,7 +213,9 @@ std::string EllipsePicture(const std::string& x, const std::string& y, const Eig
   if (!(largest > 0)) return "";
   const double reach = 1.1 * reach_95 * largest;
   constexpr double kSize = 250;
-  ChartPicture chart(kSize, kSize, {x, -reach, reach}, {y, -reach, reach});
+  constexpr double kLeft = 56;
+  ChartPicture chart(kSize, kSize - kLeft - kChartRight + kChartTop + kChartBottom, {x, -reach, reach},
+                     {y, -reach, reach});
   const Eigen::Matrix2d root = covariance.llt().matrixL();
   for (const double sigmas : {1.0, reach_95}) {
     std::vector<std::pair<double, double>> outline;

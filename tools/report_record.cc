@@ -19,10 +19,16 @@ namespace {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
+// With a capital at its beginning and a full stop at its end, unless it is a question.
+std::string Sentence(const std::string& text) {
+  const bool has_end = text.ends_with('.') || text.ends_with('?') || text.ends_with('!');
+  return Capitalised(text) + (has_end ? "" : ".");
+}
+
 std::string FindingItem(const Finding& finding) {
-  std::string item = "<li class=\"" + std::string(GradeName(finding.grade)) + "\">" +
-                     EscapedForMarkup(Capitalised(finding.text)) + ".";
-  if (!finding.action.empty()) item += " <em>" + EscapedForMarkup(Capitalised(finding.action)) + ".</em>";
+  std::string item =
+      "<li class=\"" + std::string(GradeName(finding.grade)) + "\">" + EscapedForMarkup(Sentence(finding.text));
+  if (!finding.action.empty()) item += " <em>" + EscapedForMarkup(Sentence(finding.action)) + "</em>";
   return item + "</li>\n";
 }
 
@@ -67,8 +73,8 @@ std::string TilesPart(const RunResult& result, const Estimate& refined) {
             " mm away, one sigma (worst axis)",
         ShownAmount(1000 * largest(result.working_point->covariance_m2), 3) + " mm");
   }
-  add("unseen captures, target off by", FigureText(errors.holdout_target_mm) + " mm");
-  add("unseen captures, points off by", FigureText(errors.holdout_rms_px) + " px");
+  if (errors.holdout_target_mm) add("unseen captures, target off by", FigureText(errors.holdout_target_mm) + " mm");
+  if (errors.holdout_rms_px) add("unseen captures, points off by", FigureText(errors.holdout_rms_px) + " px");
   add("pixel noise", Significant(solution.pixel_sigma_px, 3) + " px");
   if (solution.robot_noise) {
     add("robot noise", ShownAmount(1000 * solution.robot_noise->translation_m, 2) + " mm, " +
@@ -206,10 +212,10 @@ std::string NextPart(const RunResult& result, const ReportContext& context) {
   std::string actions;
   for (const Finding& finding : result.verdict.findings) {
     if (finding.grade == Grade::kGood || finding.action.empty() || !told.insert(finding.action).second) continue;
-    actions += "<li>" + EscapedForMarkup(Capitalised(finding.action)) + ".</li>\n";
+    actions += "<li>" + EscapedForMarkup(Sentence(finding.action)) + "</li>\n";
   }
   if (!actions.empty()) part += "<ol>\n" + actions + "</ol>\n";
-  if (result.verdict.grade == Grade::kBad) return part + Paragraph("Do not use this result before.");
+  if (result.verdict.grade == Grade::kBad) return part + Paragraph("Do not use this result.");
   const std::string run = ShellWord(context.output.string());
   const std::string pose = result.setup == Setup::kEyeInHand ? " --pose NUMBERS" : "";
   part += Paragraph(

@@ -29,6 +29,8 @@ constexpr const char* kRecordName = ".heba";
 constexpr std::string_view kRecordHead = "heba folder 1\n";
 constexpr std::string_view kStagingSuffix = ".part-";
 
+constexpr std::string_view kKindHead = "kind ";
+
 // The digest of each file, by its path in the folder.
 using Record = std::map<std::string, std::string>;
 
@@ -51,6 +53,15 @@ std::optional<Record> ReadRecord(const fs::path& folder) {
     if (line.size() > kDigits + 1 && line[kDigits] == ' ') record[line.substr(kDigits + 1)] = line.substr(0, kDigits);
   }
   return record;
+}
+
+// What the record says that the folder holds; empty if it does not say it.
+std::string KindOf(const fs::path& folder) {
+  std::istringstream lines(ReadTextFile(folder / kRecordName));
+  std::string line;
+  std::getline(lines, line);
+  std::getline(lines, line);
+  return line.starts_with(kKindHead) ? line.substr(kKindHead.size()) : "";
 }
 
 // The paths in the folder of all that is in it but its record, folders before what they hold.
@@ -90,8 +101,8 @@ void CheckUnchanged(const fs::path& folder, const Record& record) {
   }
 }
 
-std::string RecordText(const fs::path& folder) {
-  std::string text(kRecordHead);
+std::string RecordText(const fs::path& folder, const std::string& kind) {
+  std::string text = std::string(kRecordHead) + std::string(kKindHead) + kind + "\n";
   for (const fs::path& entry : EntriesOf(folder)) {
     if (!IsFolder(folder / entry)) text += DigestOfFile(folder / entry) + " " + entry.string() + "\n";
   }
@@ -150,8 +161,9 @@ AllStaging& Staging() {
 
 }  // namespace
 
-StagedFolder::StagedFolder(const fs::path& final_path) {
+StagedFolder::StagedFolder(const fs::path& final_path, const std::string& kind) {
   // "runs/x/" and "runs/x" are the same folder, and a link is what it leads to.
+  kind_ = kind;
   final_path_ = fs::absolute(final_path).lexically_normal();
   if (final_path_.filename().empty()) final_path_ = final_path_.parent_path();
   std::error_code error;
@@ -169,6 +181,11 @@ StagedFolder::StagedFolder(const fs::path& final_path) {
       throw InputError(
           final_path_.string() +
           ": holds other files and was not made by heba, so it is not replaced; name a new or empty folder");
+    }
+    const std::string older_kind = KindOf(final_path_);
+    if (!older_kind.empty() && older_kind != kind_) {
+      throw InputError(final_path_.string() + ": holds " + older_kind + ", which " + kind_ +
+                       " would replace; name another folder");
     }
     CheckUnchanged(final_path_, *record);
   }
@@ -209,7 +226,7 @@ StagedFolder::~StagedFolder() {
 
 void StagedFolder::Commit() {
   std::error_code error;
-  const std::string record = RecordText(staging_);
+  const std::string record = RecordText(staging_, kind_);
   if (pwrite(lock_, record.data(), record.size(), 0) != static_cast<ssize_t>(record.size()) || fsync(lock_) != 0) {
     throw OutputError(final_path_.string() + ": cannot be written (" + std::strerror(errno) + ")");
   }

@@ -15,8 +15,9 @@ class StagedFolder {
  public:
   // A link to a folder stands for that folder. InputError if a file stands at `final_path`, if a folder there is
   // neither empty nor has a record, if one of its recorded files was changed since it was written, or if the parent
-  // folder cannot be made or written.
-  explicit StagedFolder(const std::filesystem::path& final_path);
+  // folder cannot be made or written; also if what is recorded there is of another kind, which nobody asked to replace.
+  // `kind` is what users call the content, such as "a data set".
+  explicit StagedFolder(const std::filesystem::path& final_path, const std::string& kind = "results");
   ~StagedFolder();
   StagedFolder(const StagedFolder&) = delete;
   StagedFolder& operator=(const StagedFolder&) = delete;
@@ -29,6 +30,7 @@ class StagedFolder {
  private:
   std::filesystem::path final_path_;
   std::filesystem::path staging_;
+  std::string kind_;
   int lock_ = -1;
   bool committed_ = false;
 };

@@ -120,7 +120,7 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
   const std::vector<RobotNoise> robot_noises = ReadList<RobotNoise>(reader, "robot_noise", {RobotNoise{}}, ReadNoise);
   // 0: as many as the scene has.
   const std::vector<int> captures = ReadList<int>(reader, "captures", {0}, [](const ConfigValue& value) {
-    return value.AsInt({3, 100000});
+    return value.AsInt({3, 10000});
   });
   const std::vector<double> outliers = ReadList<double>(reader, "outlier_points", {0.0}, ReadShare);
   const std::vector<double> wrongs = ReadList<double>(reader, "wrong_captures", {0.0}, ReadShare);

@@ -244,10 +244,16 @@ std::vector<PlotLine> LinesOf(const std::vector<const CellResult*>& sweep, size_
   return lines;
 }
 
+// A cell without the quantity that is swept, but with its pixel noise.
+std::string TitleOf(const StudyLabels& labels, size_t swept) {
+  return SceneLine(labels, swept) +
+         (swept == kPixelNoise ? "" : ", pixel noise " + Significant(labels.pixel_sigma_px, 3) + " px");
+}
+
 // The hand-eye translation's error against the quantity, with the bound.
 StudyChart ErrorChart(const std::vector<const CellResult*>& sweep, size_t quantity) {
   StudyChart chart{quantity,
-                   {SceneLine(sweep.front()->labels, quantity),
+                   {TitleOf(sweep.front()->labels, quantity),
                     kQuantities[quantity].label,
                     "RMS error of the hand-eye translation, mm",
                     {}},
@@ -270,7 +276,7 @@ StudyChart ErrorChart(const std::vector<const CellResult*>& sweep, size_t quanti
 // How often the stated 95 % region holds the truth; the band is what that many trials leave to chance.
 std::optional<StudyChart> CoverageChart(const std::vector<const CellResult*>& sweep, size_t quantity) {
   StudyChart chart{quantity,
-                   {SceneLine(sweep.front()->labels, quantity),
+                   {TitleOf(sweep.front()->labels, quantity),
                     kQuantities[quantity].label,
                     "share of trials whose 95 % region holds the truth",
                     {}},

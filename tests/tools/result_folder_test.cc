@@ -109,6 +109,21 @@ TEST(StagedFolderTest, RefusesWhereAFileWasEdited) {
   EXPECT_EQ(ReadTextFile(folder / "a/result.json"), "edited");
 }
 
+// The results of a run do not take the place of the data set that they are made from.
+TEST(StagedFolderTest, RefusesToReplaceAnotherKind) {
+  const TempFolder temp;
+  const fs::path folder = temp.path() / "set";
+  {
+    StagedFolder staged(folder, "a data set");
+    WriteFileAtomically(staged.staging() / "picture.png", "picture");
+    staged.Commit();
+  }
+  EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder, "the results of a run"); }),
+              HasSubstr("holds a data set, which the results of a run would replace; name another folder"));
+  StagedFolder(folder, "a data set").Commit();
+  EXPECT_FALSE(fs::exists(folder / "picture.png"));
+}
+
 TEST(StagedFolderTest, RefusesAFileOfTheSameNameThatIsNotItsOwn) {
   const TempFolder folder;
   WriteResults(folder / "a", "old");

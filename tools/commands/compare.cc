@@ -46,7 +46,7 @@ int RunCommand_compare(const std::vector<std::string>& arguments) {
   const Comparison comparison = CompareRuns(std::move(runs));
   if (!FLAGS_quiet) std::cout << ForTerminal(ComparisonTable(comparison));
   if (FLAGS_out.empty()) return kDone;
-  StagedFolder folder(FLAGS_out);
+  StagedFolder folder(FLAGS_out, "a comparison");
   WriteFileAtomically(folder.staging() / "compare.csv", ComparisonRunsCsv(comparison));
   WriteFileAtomically(folder.staging() / "pairs.csv", ComparisonPairsCsv(comparison));
   WriteFileAtomically(folder.staging() / "compare.html", ComparisonPage(comparison));

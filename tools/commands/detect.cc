@@ -70,7 +70,7 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
   const fs::path output =
       FLAGS_out.empty() ? fs::absolute(arguments[0]).parent_path() / "detections" / config.name : fs::path(FLAGS_out);
-  StagedFolder folder(output);
+  StagedFolder folder(output, "detections");
   CheckCameraByHeader(config);
   const std::vector<CaptureDetection> detections = DetectCaptures(config, NumThreads(), verbosity);
   FitCameraToPictures(detections.front(), &config);

@@ -47,11 +47,12 @@ Symptom UnreadablePoses(const std::string& fault, const GuessedReading& guessed)
   const std::optional<PoseFit>& fit = guessed.diagnosis.pose_fit;
   std::string why = "; by their sizes alone, for the pictures cannot tell";
   if (guessed.fits) why = " fit the pictures (robot and pictures differ by " + fit->misfit + ")";
-  if (fit && !guessed.fits) why = "; but neither these nor any other order of them fit the pictures";
+  if (fit && !guessed.fits) why = "; but no reading of them that was tried fits the pictures";
   return {
       Severity::kWrong, "pose_format",
       "the poses cannot be read as the config says: " + fault + "; there are " + ReadingInWords(guessed.format) + why,
-      "set captures.pose_format: " + PoseFormatText(guessed.format)};
+      fit && !guessed.fits ? "say what the columns are (captures.pose_format: {columns: [...], ...})"
+                           : "set captures.pose_format: " + PoseFormatText(guessed.format)};
 }
 
 }  // namespace

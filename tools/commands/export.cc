@@ -103,6 +103,10 @@ ExportRequest RequestAskedFor(const fs::path& run) {
                  "base_link of ROS is turned by 180 deg about z against it, so name the parent base"
               << std::endl;
   }
+  if (result.verdict.grade == Grade::kBad && !FLAGS_quiet) {
+    std::cerr << "heba: warning: the verdict of this run is bad: " << file.parent_path().string()
+              << "/report.html says why" << std::endl;
+  }
   if (FLAGS_units != "m" && FLAGS_units != "mm") {
     throw InputError("--units: " + Quoted(FLAGS_units) + "; m or mm");
   }
@@ -118,12 +122,24 @@ int ExportAll(const ExportRequest& request) {
   if (fs::exists(folder, error) && !fs::is_directory(folder, error)) {
     throw InputError("--out: " + folder.string() + " is a file; --to all needs a folder");
   }
+  // Only an earlier export is replaced: the names are not the user's choice.
+  for (const ExportFormat& format : ExportFormats()) {
+    const fs::path file = folder / format.file_name;
+    if (fs::exists(file, error) && ReadTextFile(file).find(kExportMark) == std::string::npos) {
+      throw InputError(file.string() + ": is no export of heba's and is not replaced; name another folder");
+    }
+  }
   fs::create_directories(folder, error);
   for (const ExportFormat& format : ExportFormats()) {
     const Outcome<std::string> text = ExportText(format, request);
-    if (text) WriteFileAtomically(folder / format.file_name, *text);
+    if (text) {
+      WriteFileAtomically(folder / format.file_name, *text);
+    } else {
+      fs::remove(folder / format.file_name, error);  // An earlier export, of something else.
+    }
     if (FLAGS_quiet) continue;
-    std::cout << (text ? (folder / format.file_name).string() + ": " + format.description
+    std::cout << (text ? (folder / format.file_name).string() + ": " + format.description +
+                             (FLAGS_inverse ? ", inverted" : "")
                        : "not " + format.name + ": " + text.reason())
               << "\n";
   }

@@ -134,7 +134,7 @@ int ImportRawFolder(const fs::path& source, const fs::path& output) {
   RefuseToSwallow({}, source, output);
   std::optional<fs::path> target;
   if (!FLAGS_target.empty()) target = FLAGS_target;
-  StagedFolder folder(output);
+  StagedFolder folder(output, "an imported data set");
   const RawConfig made = ConfigOf(*raw, target, folder.staging() / "config.yaml", NumThreads());
   std::string text;
   for (const std::string& remark : made.remarks) text += "# " + remark + "\n";
@@ -155,6 +155,7 @@ int RunCommand_import(const std::vector<std::string>& arguments) {
   const fs::path source = arguments[0];
   const fs::path output = fs::absolute(FLAGS_out).lexically_normal();
   std::error_code error;
+  if (!fs::exists(source, error)) throw InputError(source.string() + ": no such file or folder");
   if (FLAGS_format.empty() && fs::is_directory(source, error) && FindImportFormat(source) == nullptr) {
     return ImportRawFolder(source, output);
   }
@@ -163,7 +164,7 @@ int RunCommand_import(const std::vector<std::string>& arguments) {
   const ImportedFiles made = FilesOf(set, output);
   RefuseToSwallow(set, source, output);
   // Its own mark: any folder may have a config.yaml.
-  StagedFolder folder(output);
+  StagedFolder folder(output, "an imported data set");
   for (const auto& [name, text] : made.files) WriteFileAtomically(folder.staging() / name, text);
   WriteFileAtomically(folder.staging() / "config.yaml", made.config);
   folder.Commit();

@@ -84,6 +84,10 @@ bool IsKnown(const Eigen::Vector3d& place_m, const PlaceCovariance& covariance) 
 }
 constexpr const char* kNotKnown = "the place and its uncertainty are no finite numbers; the result is not to be used";
 
+double LargestSigmaMm(const PlaceCovariance& covariance) {
+  return 1000 * std::sqrt(covariance.TotalM2().diagonal().maxCoeff());
+}
+
 std::string DescribeSigma(const LocatedTarget& located) {
   return "  one sigma of its middle, along the base's x, y, z: " + SigmasText(located.covariance) + "\n";
 }
@@ -290,8 +294,8 @@ TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solutio
                           std::to_string(run.target->points().size()) + " points, rms " +
                           Significant(possible->front().rms_px, 2) + " px";
   const auto describe_chosen = [&](const LocatedTarget& located, const std::string& why) {
-    return fit + "\n  base_from_target " + PoseText(located.base_from_target) + "\n" + DescribeSigma(located) + why +
-           DescribePostures(arm, located.base_from_target);
+    return fit + "\n  base_from_target " + PoseText(located.base_from_target, LargestSigmaMm(located.covariance)) +
+           "\n" + DescribeSigma(located) + why + DescribePostures(arm, located.base_from_target);
   };
   if (possible->size() == 1) return {describe_chosen(possible->front(), ""), true, ""};
   const std::string all = fit + "; " + SymmetryText(*run.target) + "\n" + DescribePossible(*possible, arm);

@@ -48,7 +48,7 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   namespace fs = std::filesystem;
   if (FLAGS_out.empty()) throw InputError("'heba simulate' needs --out DIR");
   const SceneConfig scene = ReadSceneConfig(arguments[0], Settings());
-  StagedFolder folder(FLAGS_out);
+  StagedFolder folder(FLAGS_out, "a data set");
   const Drawing& drawing = scene.target->Draw();
   Rng rng(scene.seed);
   const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);

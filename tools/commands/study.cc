@@ -45,6 +45,11 @@ int RunCommand_study(const std::vector<std::string>& arguments) {
   if (!results.empty() && !FLAGS_quiet) {
     std::cerr << results.size() << " of " << results.size() + to_do.size() << " cells were there" << std::endl;
   }
+  // The first trial of a large cell may take a while.
+  if (!FLAGS_quiet) {
+    std::cerr << to_do.size() << (to_do.size() == 1 ? " cell, " : " cells, ") << study.num_trials << " trials of each"
+              << std::endl;
+  }
   Progress progress("trial", static_cast<int>(to_do.size()) * study.num_trials,
                     FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
   for (const int index : to_do) {

@@ -26,6 +26,7 @@ struct PoseFit {
   PoseFormat format;
   double misfit_m = 0;  // At the target; 7 of 10 captures have less.
   std::string misfit;   // "0.1 deg and 0.3 mm"
+  bool fits = false;    // Robot and pictures belong together so: they differ by less than kPoorShare.
 };
 
 struct Examination {

@@ -62,6 +62,7 @@ struct CaptureResult {
   std::string repeat_of = {};
   // How far the target was from where a refinement that had not seen this capture predicted it.
   std::optional<double> holdout_target_mm = {};
+  bool was_searched = true;  // False for what belongs to no capture: a picture without a pose, one that is left out.
 };
 
 struct Timing {

@@ -103,8 +103,19 @@ std::vector<Finding> JudgeRequirements(const RunResult& result, const Errors& er
   return findings;
 }
 
-Finding JudgeHoldOut(const Errors& errors) {
-  if (!errors.holdout_target_mm || !errors.holdout_target_deg) {
+Finding JudgeHoldOut(const RunResult& result, const Errors& errors) {
+  const bool is_missing = !errors.holdout_target_mm || !errors.holdout_target_deg;
+  const bool have_others = std::any_of(result.estimates.begin(), result.estimates.end(), [](const Estimate& estimate) {
+    return estimate.errors.holdout_rms_px.has_value();
+  });
+  if (is_missing && have_others) {
+    return {
+        Grade::kDoubtful, "no_hold_out",
+        "the refinement has no result without the captures that were held out: how well unseen captures are predicted "
+        "is not known",
+        "take more captures: too few are left to determine the camera and its pose when some are held out"};
+  }
+  if (is_missing) {
     return {Grade::kDoubtful, "no_hold_out",
             "nothing was held out: how well unseen captures are predicted is not known", "set evaluate.folds to 5"};
   }
@@ -145,13 +156,16 @@ Finding JudgeCaptures(const RunResult& result) {
   int num_used = 0;
   int num_seen = 0;
   int num_copies = 0;
+  int num_listed = 0;
   for (const CaptureResult& capture : result.captures) {
+    if (!capture.was_searched) continue;
+    ++num_listed;
     const bool is_copy = !capture.repeat_of.empty();
     num_copies += is_copy ? 1 : 0;
     num_used += capture.used ? 1 : 0;
     num_seen += !is_copy && (capture.used || capture.num_points > 0) ? 1 : 0;
   }
-  const int num_captures = static_cast<int>(result.captures.size()) - num_copies;
+  const int num_captures = num_listed - num_copies;
   const double left_out = num_seen > 0 ? 1 - static_cast<double>(num_used) / num_seen : 1;
   Finding finding;
   finding.code = num_used < kFewCaptures ? "few_captures" : "captures_left_out";
@@ -300,7 +314,7 @@ Verdict JudgeRun(const RunResult& result) {
   } else {
     const Solution& solution = *refined->solution;
     Finding uncertainty = JudgeUncertainty(result, solution);
-    Finding hold_out = JudgeHoldOut(refined->errors);
+    Finding hold_out = JudgeHoldOut(result, refined->errors);
     if (!result.requirements.empty()) {
       uncertainty.grade = Grade::kGood;
       uncertainty.action.clear();

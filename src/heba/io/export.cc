@@ -75,7 +75,9 @@ std::string RobotPoseText(PoseFormat format, const ExportRequest& request) {
   if (format.rotation == "matrix") format.translation_unit = request.length_unit;
   std::vector<std::string> remarks = ExportRemarks(request);
   remarks.push_back(AnglesInWords(format));
-  if (!format.controller_form.empty()) {
+  // A controller has frames in its base or on its flange and no others.
+  const bool is_controllers = request.parent == ExportFrame::kBase || request.parent == ExportFrame::kGripper;
+  if (!format.controller_form.empty() && is_controllers) {
     remarks.push_back("for the controller: " + ControllerText(format, request));
   }
   return CommentLines(remarks, "# ") + PoseFileText({{"", "", request.parent_from_child, 0}}, format);
@@ -208,7 +210,7 @@ std::vector<std::string> ExportRemarks(const ExportRequest& request) {
   const std::string parent = PlainText(request.parent_frame);
   const std::string child = PlainText(request.child_frame);
   std::vector<std::string> remarks = {
-      "heba, calibration " + PlainText(request.name) + ", " + std::string(SetupName(request.setup)) + ", method " +
+      std::string(kExportMark) + PlainText(request.name) + ", " + std::string(SetupName(request.setup)) + ", method " +
           PlainText(request.method) + ": the pose of " + child + " in " + parent,
       parent + ": " + FrameInWords(request.parent), child + ": " + FrameInWords(request.child)};
   if (request.covariance) {

@@ -68,6 +68,8 @@ Outcome<std::string> ExportText(const ExportFormat& format, const ExportRequest&
 
 // For the files in export_formats/.
 
+// The beginning of the comments of every file.
+inline constexpr std::string_view kExportMark = "heba, calibration ";
 // Returns the comments of every file: what it is, which frames are meant, and how well the pose is known. A line an
 // entry, without a comment's mark and free of what could end one.
 std::vector<std::string> ExportRemarks(const ExportRequest& request);

@@ -63,6 +63,8 @@ NumberArray ParseNpy(const std::string& bytes, const std::filesystem::path& name
   size_t header_size = 0;
   for (size_t i = header_at; i-- > kLengthAt;) header_size = 256 * header_size + static_cast<unsigned char>(bytes[i]);
   if (header_size > bytes.size() - header_at) fail("is cut off");
+  constexpr size_t kLargestHeader = 65536;
+  if (header_size > kLargestHeader) fail("has a huge header");
   const PythonValue header = ParsePythonLiteral(bytes.substr(header_at, header_size), name);
   const PythonValue* type_name = header.Find("descr");
   const PythonValue* order = header.Find("fortran_order");
@@ -75,6 +77,8 @@ NumberArray ParseNpy(const std::string& bytes, const std::filesystem::path& name
   if (type == nullptr || descr[0] == '>') {
     fail("holds " + Quoted(descr) + "; an array of floats or integers is needed, lowest byte first");
   }
+  constexpr size_t kMostAxes = 32;  // As NumPy's own.
+  if (shape->items.size() > kMostAxes) fail("has more than 32 axes");
   NumberArray array;
   const size_t num_bytes = bytes.size() - header_at - header_size;
   size_t count = 1;

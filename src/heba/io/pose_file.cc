@@ -174,6 +174,10 @@ Header ReadHeader(const Line& line, char separator, const PoseFormat& format) {
     if (name.empty()) line.Fail("column " + std::to_string(i + 1) + " has no name");
     if (std::find(known.begin(), known.end(), name) == known.end()) {
       const std::vector<std::string>& own = format.file_columns;
+      if (own.size() == header.names.size() && own[i] == kImageColumn) {
+        header.image = i;
+        continue;
+      }
       if (std::find(own.begin(), own.end(), kNoColumn) != own.end()) continue;
       const std::string other = OtherFormat(header.names);
       line.Fail("unknown column " + Quoted(name) + (other.empty() ? DidYouMean(name, known) : other) +
@@ -216,13 +220,18 @@ std::string Field(const std::string& text) {
 }  // namespace
 
 std::string WithoutBrackets(std::string_view line) {
-  std::string bare(line);
-  for (size_t i = 0; i < bare.size(); ++i) {
-    if (bare[i] == 'p' && i + 1 < bare.size() && bare[i + 1] == '[') bare[i] = ' ';
+  std::string bare = Trim(line.substr(0, line.find('#')));
+  constexpr std::string_view kBrackets = "[](){}";
+  if (bare.starts_with("p[")) bare[0] = ' ';
+  const size_t first = bare.find_first_not_of(' ');
+  // Brackets elsewhere belong to a picture's name, such as img (1).png.
+  const bool has_brackets = first != std::string::npos && kBrackets.find(bare[first]) != std::string_view::npos;
+  if (has_brackets) {
+    std::replace_if(
+        bare.begin(), bare.end(), [&](char c) { return kBrackets.find(c) != std::string_view::npos; }, ' ');
   }
-  std::replace_if(
-      bare.begin(), bare.end(), [](char c) { return std::string_view("[](){}").find(c) != std::string_view::npos; },
-      ' ');
+  bare = Trim(bare);
+  while (!bare.empty() && (bare.back() == ',' || bare.back() == ';')) bare = Trim(bare.substr(0, bare.size() - 1));
   return bare;
 }
 
@@ -231,7 +240,8 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
     throw InputError(name.string() + ": is not a text file in UTF-8; save it as CSV in UTF-8");
   }
   LineReader lines(text, name);
-  const std::optional<Line> first = lines.Next();
+  std::optional<Line> first = lines.Next();
+  while (first && WithoutBrackets(first->text).empty()) first = lines.Next();
   if (!first) throw InputError(name.string() + ": is empty; a header line and a line a capture are needed");
   std::string bare = WithoutBrackets(first->text);
   const Line bare_first{bare, first->number, &name};
@@ -251,6 +261,7 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
   for (std::optional<Line> line = has_header ? lines.Next() : first; line; line = lines.Next()) {
     if (!has_header) {
       bare = WithoutBrackets(line->text);
+      if (bare.empty()) continue;
       line->text = bare;
     }
     if (rows.size() == kMaxRows) line->Fail("more than " + std::to_string(kMaxRows) + " captures");

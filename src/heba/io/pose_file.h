@@ -23,15 +23,16 @@ struct PoseRow {
 
 // A header line that names the columns (those of `format`, and `image` and `role` if wanted, in any order), then a line
 // a capture. A file without a header is read where `format` is a user's own, whose file_columns say what its columns
-// are; brackets in it ([[1, 2, 3], [4, 5, 6]], p[...]) are passed over. Fields are separated by commas, semicolons or
-// tabs, whichever the first line has most of, or else by blanks, and may be quoted; blank lines and lines that start
-// with # are skipped. InputError on the first fault, with its line and column; for a file over 64 MiB or of more than a
-// million captures, and for one without any.
+// are; brackets around its lines ([[1, 2, 3], [4, 5, 6]], p[...]) are passed over. A file with a header may call its
+// column of pictures otherwise: then it is the one where file_columns have image. Fields are separated by commas,
+// semicolons or tabs, whichever the first line has most of, or else by blanks, and may be quoted; blank lines and lines
+// that start with # are skipped. InputError on the first fault, with its line and column; for a file over 64 MiB or of
+// more than a million captures, and for one without any.
 std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseFormat& format);
 // The same from text; `name` is what messages call it.
 std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format);
 
-// A line as [[1, 2, 3], [4, 5, 6]] or p[1, 2, 3, 4, 5, 6] writes it, without what is no field.
+// A line as [[1, 2, 3], [4, 5, 6]], or p[1, 2, 3, 4, 5, 6] writes it, without brackets, comments and what ends it.
 std::string WithoutBrackets(std::string_view line);
 
 // The text of such a file, to full precision. Columns that no row fills are left out.

@@ -196,6 +196,21 @@ PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> a
   return format;
 }
 
+namespace {
+
+// Moves the columns of these names, if all of them are there, in this order to the places from `first` on.
+void PutFirst(const std::vector<std::string>& names, size_t first, std::vector<std::string>* columns) {
+  const auto place_of = [&](const std::string& name) { return std::find(columns->begin(), columns->end(), name); };
+  for (const std::string& name : names) {
+    if (place_of(name) == columns->end()) return;
+  }
+  for (const std::string& name : names) columns->erase(place_of(name));
+  const auto at = columns->begin() + static_cast<std::ptrdiff_t>(std::min(first, columns->size()));
+  columns->insert(at, names.begin(), names.end());
+}
+
+}  // namespace
+
 PoseFormat ReadPoseFormat(const ConfigValue& value) {
   if (!value.IsMap()) return *FindPoseFormat(value.AsChoice(PoseFormatNames()));
   MapReader reader(value);
@@ -210,9 +225,13 @@ PoseFormat ReadPoseFormat(const ConfigValue& value) {
     format.file_columns.push_back(name);
     if (name != kNoColumn && name != kImageColumn && name != kRoleColumn) format.columns.push_back(name);
   }
+  // Names say more than places: x, y and z are the position wherever they stand, qx, qy, qz and qw the quaternion.
+  PutFirst({"x", "y", "z"}, 0, &format.columns);
   format.translation_unit = reader.Choice("translation", {"m", "cm", "mm", "in"});
   format.rotation = reader.Choice("rotation", PoseRotationNames());
   const RotationForm& form = FormOf(format);
+  if (form.kind == RotationKind::kQuaternionXyzw) PutFirst({"qx", "qy", "qz", "qw"}, 3, &format.columns);
+  if (form.kind == RotationKind::kQuaternionWxyz) PutFirst({"qw", "qx", "qy", "qz"}, 3, &format.columns);
   if (HasAngles(form)) {
     format.angle_unit = reader.Choice("angle", {"rad", "deg"});
   } else if (const std::optional<ConfigValue> angle = reader.Find("angle")) {

@@ -54,7 +54,8 @@ PoseFormat JointFormat(const std::string& robot, const std::string& angle_unit);
 PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> arm, const std::string& angle_unit);
 
 // A name, or a mapping {columns: [...], translation: mm, rotation: euler_zyx, angle: deg}. The columns may hold image
-// and role where they stand in a file without a header, and - for a column that means nothing.
+// and role where they stand in a file without a header, and - for a column that means nothing. Columns called x, y, z
+// are the position, and qx, qy, qz, qw the quaternion, wherever they stand; all others are taken in their order.
 PoseFormat ReadPoseFormat(const ConfigValue& value);
 // `format` with the unit of translations that `units` names. InputError unless it is the format `matrix`, the only one
 // that robots write in either.

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <charconv>
+#include <map>
 #include <optional>
 
 #include "heba/base/files.h"
@@ -25,6 +27,23 @@ std::string SuffixOf(const fs::path& file) {
 
 bool IsYaml(const std::string& suffix) { return suffix == ".yaml" || suffix == ".yml" || suffix == ".json"; }
 
+// The numbers of a row without a header in the order of the format's columns; as they are if their count is another.
+std::vector<double> InOrder(const PoseFormat& format, const std::vector<double>& numbers) {
+  // Files that hold one pose need not have the columns that mean nothing.
+  std::vector<std::string> listed = format.file_columns;
+  if (numbers.size() == format.columns.size()) {
+    std::erase_if(listed, [&](const std::string& column) {
+      return std::find(format.columns.begin(), format.columns.end(), column) == format.columns.end();
+    });
+  }
+  if (numbers.size() != listed.size()) return numbers;
+  std::vector<double> ordered;
+  for (const std::string& column : format.columns) {
+    ordered.push_back(numbers[static_cast<size_t>(std::find(listed.begin(), listed.end(), column) - listed.begin())]);
+  }
+  return ordered;
+}
+
 PoseRow RowOf(const PoseFormat& format, std::vector<double> numbers, const std::string& where) {
   if (numbers.size() != format.columns.size()) {
     throw InputError(where + ": " + std::to_string(numbers.size()) + " numbers; a pose has " +
@@ -38,16 +57,56 @@ PoseRow RowOf(const PoseFormat& format, std::vector<double> numbers, const std::
   return row;
 }
 
-// All numbers within, in their order.
-void AppendNumbers(const ConfigValue& value, std::vector<double>* numbers) {
+// The numbers of a mapping x, y, z, or x, y, z, w in the order of the format's quaternions; nothing if it is neither.
+std::optional<std::vector<double>> NumbersOfAxes(const ConfigValue& map, const PoseFormat& format) {
+  MapReader reader(map);
+  const bool has_w = reader.Has("w");
+  std::vector<std::string> keys = {"x", "y", "z"};
+  if (has_w) keys.insert(format.rotation == "quaternion_wxyz" ? keys.begin() : keys.end(), "w");
+  std::vector<double> numbers;
+  if (map.node().size() != keys.size()) return std::nullopt;
+  for (const std::string& key : keys) {
+    if (!reader.Has(key)) return std::nullopt;
+    numbers.push_back(reader.Get(key).AsNumber());
+  }
+  return numbers;
+}
+
+// The numbers within, those of the place before those of the rotation. InputError for a mapping that does not say which
+// are which: the order of its keys means nothing.
+void AppendNumbers(const ConfigValue& value, const PoseFormat& format, std::vector<double>* numbers) {
   if (value.IsText()) {
     numbers->push_back(value.AsNumber());
   } else if (value.IsList()) {
-    for (const ConfigValue& item : value.AsList()) AppendNumbers(item, numbers);
+    for (const ConfigValue& item : value.AsList()) AppendNumbers(item, format, numbers);
   } else if (value.IsMap()) {
-    for (const auto& entry : value.node()) {
-      AppendNumbers(ConfigValue(entry.second, value.file(), entry.first.Scalar()), numbers);
+    if (const std::optional<std::vector<double>> axes = NumbersOfAxes(value, format)) {
+      numbers->insert(numbers->end(), axes->begin(), axes->end());
+      return;
     }
+    // Beside a pose there may be a time or a name.
+    for (const char* const name : {"pose", "transform", "matrix", "base_from_gripper", "tcp", "T"}) {
+      MapReader reader(value);
+      if (value.node().size() > 1 && reader.Has(name)) {
+        AppendNumbers(reader.Get(name), format, numbers);
+        return;
+      }
+    }
+    std::vector<ConfigValue> entries;
+    std::vector<bool> are_places;
+    for (const auto& entry : value.node()) {
+      const std::string key = entry.first.Scalar();
+      entries.emplace_back(entry.second, value.file(), key);
+      are_places.push_back(key.starts_with("pos") || key.starts_with("trans") || key.starts_with("place") ||
+                           key == "t" || key == "xyz");
+    }
+    const bool are_told = entries.size() == 2 && are_places[0] != are_places[1];
+    if (entries.size() != 1 && !are_told) {
+      value.Fail("which of these numbers is which? Either the keys " + Join(format.columns, ", ") +
+                 " are needed, or position and orientation, or a list");
+    }
+    if (are_told && are_places[1]) std::swap(entries[0], entries[1]);
+    for (const ConfigValue& entry : entries) AppendNumbers(entry, format, numbers);
   }
 }
 
@@ -70,8 +129,8 @@ std::vector<double> NumbersOfYaml(const fs::path& file, const PoseFormat& format
       return numbers;
     }
   }
-  AppendNumbers(value, &numbers);
-  return numbers;
+  AppendNumbers(value, format, &numbers);
+  return value.IsList() ? InOrder(format, numbers) : numbers;
 }
 
 // A table of one row, or nothing but numbers.
@@ -83,7 +142,7 @@ std::vector<double> NumbersOfText(const fs::path& file, const PoseFormat& format
         const std::vector<std::string> names = Split(lines.front().text, ',');
         return std::find(names.begin(), names.end(), column) != names.end();
       });
-  if (!names_columns) return NumbersOfFile(file);
+  if (!names_columns) return InOrder(format, NumbersOfFile(file));
   const std::vector<PoseRow> rows = ParsePoses(text, file, format);
   if (rows.size() != 1) throw InputError(file.string() + ": holds " + std::to_string(rows.size()) + " poses, not one");
   return rows.front().numbers;
@@ -93,7 +152,7 @@ PoseRow ReadOnePose(const fs::path& file, const PoseFormat& format) {
   const std::string suffix = SuffixOf(file);
   std::vector<double> numbers;
   if (suffix == ".npy") {
-    numbers = ReadNpyFile(file).numbers;
+    numbers = InOrder(format, ReadNpyFile(file).numbers);
   } else if (IsYaml(suffix)) {
     numbers = NumbersOfYaml(file, format);
   } else {
@@ -106,7 +165,9 @@ PoseRow ReadOnePose(const fs::path& file, const PoseFormat& format) {
 
 std::vector<PoseRow> ReadPoseArray(const fs::path& file, const PoseFormat& format) {
   const NumberArray array = ReadNpyFile(file);
-  const size_t num_columns = format.columns.size();
+  // An array may have the columns that mean nothing, or be without them.
+  const bool has_all = array.shape.size() == 2 && array.shape[1] == format.file_columns.size();
+  const size_t num_columns = has_all ? format.file_columns.size() : format.columns.size();
   const bool is_table = array.shape.size() == 2 && array.shape[1] == num_columns;
   const bool is_matrices = array.shape.size() == 3 && array.shape[1] == 4 && array.shape[2] == 4;
   if (!is_table && !(is_matrices && num_columns == kMatrixNumbers)) {
@@ -119,7 +180,7 @@ std::vector<PoseRow> ReadPoseArray(const fs::path& file, const PoseFormat& forma
   std::vector<PoseRow> rows;
   for (size_t i = 0; i < array.shape[0]; ++i) {
     const auto first = array.numbers.begin() + static_cast<std::ptrdiff_t>(i * num_columns);
-    rows.push_back(RowOf(format, {first, first + static_cast<std::ptrdiff_t>(num_columns)},
+    rows.push_back(RowOf(format, InOrder(format, {first, first + static_cast<std::ptrdiff_t>(num_columns)}),
                          file.string() + ": row " + std::to_string(i + 1)));
   }
   return rows;
@@ -133,9 +194,20 @@ std::vector<fs::path> PoseFilesOf(const fs::path& folder) {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
     const bool is_known = std::find(kSuffixes.begin(), kSuffixes.end(), SuffixOf(entry.path())) != kSuffixes.end();
-    if (is_known && entry.is_regular_file(error) && NumberInName(entry.path().stem().string())) {
-      files.push_back(entry.path());
-    }
+    const bool has_digit = entry.path().stem().string().find_first_of("0123456789") != std::string::npos;
+    if (is_known && has_digit && entry.is_regular_file(error)) files.push_back(entry.path());
+  }
+  // Where one name has several suffixes, such as 007.json beside 007.txt, those of the commonest suffix are the poses.
+  std::map<std::string, size_t> num_of_suffix;
+  std::map<std::string, size_t> num_of_stem;
+  for (const fs::path& file : files) {
+    ++num_of_suffix[SuffixOf(file)];
+    ++num_of_stem[file.stem().string()];
+  }
+  if (num_of_stem.size() < files.size()) {
+    const auto commonest = std::max_element(num_of_suffix.begin(), num_of_suffix.end(),
+                                            [](const auto& a, const auto& b) { return a.second < b.second; });
+    std::erase_if(files, [&](const fs::path& file) { return SuffixOf(file) != commonest->first; });
   }
   std::sort(files.begin(), files.end(), [](const fs::path& a, const fs::path& b) {
     return NaturalLess(a.filename().string(), b.filename().string());
@@ -149,9 +221,9 @@ std::optional<long> NumberInName(const std::string& stem) {
   if (last == std::string::npos) return std::nullopt;
   const size_t before = stem.find_last_not_of(kDigits, last);
   const size_t first = before == std::string::npos ? 0 : before + 1;
-  constexpr size_t kMostDigits = 15;
-  if (last - first >= kMostDigits) return std::nullopt;
-  return std::stol(stem.substr(first, last - first + 1));
+  long number = 0;
+  const auto [end, error] = std::from_chars(stem.data() + first, stem.data() + last + 1, number);
+  return error == std::errc() ? std::optional(number) : std::nullopt;
 }
 
 std::vector<PoseRow> ReadPoses(const fs::path& path, const PoseFormat& format) {

@@ -16,7 +16,8 @@ namespace heba {
 //   a folder with one file a pose, by the numbers in their names: .txt and .csv with nothing but the numbers of one
 //   pose
 //     in the order of the format's columns, or a table of one row; .yaml and .json with the columns as keys, or with
-//     nothing but the numbers in lists, or an OpenCV FileStorage with one matrix; .npy.
+//     a list of the numbers, or with a position and an orientation that are lists or mappings of x, y, z (and w), or an
+//     OpenCV FileStorage with one matrix; .npy.
 // A row of a folder has the file's name without its suffix as its image. InputError on the first fault, with its file.
 std::vector<PoseRow> ReadPoses(const std::filesystem::path& path, const PoseFormat& format);
 

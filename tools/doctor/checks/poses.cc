@@ -317,7 +317,8 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   const bool has_clear_turns = RadToDeg(seen_motion.rotation_rms_rad[1]) > kClearTurnDeg;
   if (!examination->config.camera && !has_clear_turns && !WhyNotObservable(AnalyseMotion(robot)).empty()) return {};
   const PoseFormat& format_now = examination->config.pose_reading.format;
-  examination->pose_fit = PoseFit{format_now, now->typical_misfit_m, MisfitText(*now)};
+  examination->pose_fit = PoseFit{format_now, now->typical_misfit_m, MisfitText(*now),
+                                  now->typical_misfit_m <= kPoorShare * WorkingDistanceM(examination->views)};
   const auto is_tellable = [&](const Reading& reading) {
     return !is_scale_only ||
            (reading.direction == Direction::kAsRead && reading.pairing.empty() &&
@@ -331,12 +332,9 @@ std::vector<Symptom> Check_poses(Examination* examination) {
       if (std::optional<JudgedReading> one = Judge(*examination, reading)) judged.push_back(std::move(*one));
     }
   }
-  if (judged.empty()) return {};
   const auto misfit_m = [](const JudgedReading& one) { return one.consistency.typical_misfit_m; };
-  const double least_m =
-      misfit_m(*std::min_element(judged.begin(), judged.end(), [&](const JudgedReading& a, const JudgedReading& b) {
-        return misfit_m(a) < misfit_m(b);
-      }));
+  double least_m = std::numeric_limits<double>::infinity();
+  for (const JudgedReading& one : judged) least_m = std::min(least_m, misfit_m(one));
   const double distance_m = WorkingDistanceM(examination->views);
 
   constexpr double kGoodShare = 1e-3;
@@ -356,14 +354,15 @@ std::vector<Symptom> Check_poses(Examination* examination) {
         alike.push_back(RotationText(one.reading.format));
       }
     }
-    const std::optional<Symptom> symptom = Describe(*examination, *best, *now, alike);
-    if (!symptom) return {};
-    if (best->reading.direction == Direction::kAsRead && best->reading.pairing.empty()) {
-      examination->pose_fit = PoseFit{best->reading.format, misfit_m(*best), MisfitText(best->consistency)};
-      examination->pose_fit->format.translation_unit = best->unit;
+    if (const std::optional<Symptom> symptom = Describe(*examination, *best, *now, alike)) {
+      if (best->reading.direction == Direction::kAsRead && best->reading.pairing.empty()) {
+        examination->pose_fit = PoseFit{best->reading.format, misfit_m(*best), MisfitText(best->consistency),
+                                        misfit_m(*best) <= kPoorShare * distance_m};
+        examination->pose_fit->format.translation_unit = best->unit;
+      }
+      Apply(*best, examination);
+      return {*symptom};
     }
-    Apply(*best, examination);
-    return {*symptom};
   }
 
   const std::optional<PoseConsistency> scaled = FindPoseConsistency(captures, RobotScale::kFree);
