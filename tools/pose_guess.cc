@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 
 #include "heba/base/error.h"
@@ -172,23 +171,13 @@ std::vector<std::vector<size_t>> OrdersOf(const RawTable& table, const std::vect
   }
 }
 
-// "X [mm]" -> "x".
-std::string BareName(const std::string& name) {
-  std::string bare;
-  for (const char c : name) {
-    if (std::isalnum(static_cast<unsigned char>(c)) == 0) break;
-    bare += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  }
-  return bare;
-}
-
 // The columns that a header calls x, y and z come first; nothing if it does not.
 std::optional<std::vector<size_t>> OrderByNames(const RawTable& table, const std::vector<size_t>& columns) {
   if (table.names.empty() || columns.size() == 16) return std::nullopt;
   std::vector<size_t> order;
   for (const char* const axis : {"x", "y", "z"}) {
     const auto found = std::find_if(columns.begin(), columns.end(),
-                                    [&](size_t column) { return BareName(table.names[column]) == axis; });
+                                    [&](size_t column) { return BareColumnName(table.names[column]) == axis; });
     if (found == columns.end()) return std::nullopt;
     order.push_back(*found);
   }
@@ -200,9 +189,9 @@ std::optional<std::vector<size_t>> OrderByNames(const RawTable& table, const std
 
 bool NamesJoints(const RawTable& table) {
   return std::any_of(table.names.begin(), table.names.end(), [](const std::string& name) {
-    const std::string bare = BareName(name);
+    const std::string bare = BareColumnName(name);
     return bare.starts_with("joint") ||
-           (bare.size() == 2 && (bare[0] == 'j' || bare[0] == 'q') && std::isdigit(bare[1]) != 0);
+           (bare.size() == 2 && (bare[0] == 'j' || bare[0] == 'q') && bare[1] >= '0' && bare[1] <= '9');
   });
 }
 
@@ -232,16 +221,11 @@ PoseFormat FormatOf(const RawTable& table, const std::vector<size_t>& order, con
     return number < 3 && order.size() != 16 ? std::string(1, "xyz"[number]) : "r" + std::to_string(number + 1);
   };
   for (size_t number = 0; number < order.size(); ++number) format.columns.push_back(name_of(number));
-  // A header finds the columns by their names: then they stand in the pose's order.
-  if (!table.names.empty() && !std::is_sorted(order.begin(), order.end())) {
-    format.file_columns = format.columns;
-    if (width > order.size()) format.file_columns.emplace_back(kNoColumn);
-  } else {
-    for (size_t column = 0; column < width; ++column) {
-      const auto place = std::find(order.begin(), order.end(), column);
-      format.file_columns.push_back(place != order.end() ? name_of(static_cast<size_t>(place - order.begin()))
-                                                         : std::string(image == column ? kImageColumn : kNoColumn));
-    }
+  // In the file's order: x, y and z are found by their names (ReadPoseFormat).
+  for (size_t column = 0; column < width; ++column) {
+    const auto place = std::find(order.begin(), order.end(), column);
+    format.file_columns.push_back(place != order.end() ? name_of(static_cast<size_t>(place - order.begin()))
+                                                       : std::string(image == column ? kImageColumn : kNoColumn));
   }
   GuessUnits(table, order, &format);
   return format;

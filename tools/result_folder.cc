@@ -140,6 +140,16 @@ void KeepOthers(const fs::path& older, const Record& record, const fs::path& new
   }
 }
 
+// Removes a staging folder, its record last: whenever the program is killed, what is left is known as heba's.
+void RemoveStaging(const fs::path& folder) {
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path().filename() != kRecordName) fs::remove_all(entry.path(), error);
+  }
+  fs::remove(folder / kRecordName, error);
+  fs::remove(folder, error);
+}
+
 // ".NAME.part-0123456789abcdef"
 bool IsStagingName(const std::string& name) {
   const size_t suffix = name.rfind(kStagingSuffix);
@@ -191,25 +201,34 @@ StagedFolder::StagedFolder(const fs::path& final_path, const std::string& kind) 
   }
   fs::create_directories(final_path_.parent_path(), error);
   RemoveStaleStaging(final_path_.parent_path());
-  staging_ =
-      final_path_.parent_path() / ("." + final_path_.filename().string() + std::string(kStagingSuffix) + RandomName());
   // A program that is being ended knows of the folder as soon as it is there, and none comes after that.
   const std::lock_guard<std::mutex> guard(Staging().mutex);
   if (Staging().is_abandoned) throw InputError("interrupted");
-  if (!fs::create_directory(staging_, error) || error) {
-    if (error == std::errc::no_space_on_device) throw OutputError(final_path_.string() + ": cannot be made (no space)");
-    throw InputError(final_path_.string() + ": cannot be made (" + error.message() + ")");
-  }
-  // It lives as long as the lock on its record, which network file systems know too.
-  lock_ = open((staging_ / kRecordName).c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
-  const bool is_marked =
-      lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) == 0 &&
-      write(lock_, kRecordHead.data(), kRecordHead.size()) == static_cast<ssize_t>(kRecordHead.size());
-  if (!is_marked) {
-    const std::string reason = std::strerror(errno);
+  // Another program may take a folder for stale as long as it has no record.
+  constexpr int kMostTrials = 5;
+  bool is_marked = false;
+  for (int trial = 0; trial < kMostTrials && !is_marked; ++trial) {
+    staging_ = final_path_.parent_path() /
+               ("." + final_path_.filename().string() + std::string(kStagingSuffix) + RandomName());
+    if (!fs::create_directory(staging_, error) || error) {
+      if (error == std::errc::no_space_on_device) {
+        throw OutputError(final_path_.string() + ": cannot be made (no space)");
+      }
+      throw InputError(final_path_.string() + ": cannot be made (" + error.message() + ")");
+    }
+    // It lives as long as the lock on its record, which network file systems know too.
+    lock_ = open((staging_ / kRecordName).c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+    is_marked = lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) == 0 &&
+                write(lock_, kRecordHead.data(), kRecordHead.size()) == static_cast<ssize_t>(kRecordHead.size());
+    if (is_marked) break;
+    const int reason = errno;
     if (lock_ >= 0) close(lock_);
-    fs::remove_all(staging_, error);
-    throw InputError(final_path_.string() + ": cannot be written (" + reason + ")");
+    lock_ = -1;
+    RemoveStaging(staging_);
+    const bool was_taken_away = reason == ENOENT || reason == EWOULDBLOCK;
+    if (!was_taken_away || trial + 1 == kMostTrials) {
+      throw InputError(final_path_.string() + ": cannot be written (" + std::strerror(reason) + ")");
+    }
   }
   Staging().folders.insert(staging_);
 }
@@ -219,8 +238,7 @@ StagedFolder::~StagedFolder() {
     const std::lock_guard<std::mutex> guard(Staging().mutex);
     Staging().folders.erase(staging_);
   }
-  std::error_code ignored;
-  if (!committed_) fs::remove_all(staging_, ignored);
+  if (!committed_) RemoveStaging(staging_);
   if (lock_ >= 0) close(lock_);
 }
 
@@ -258,17 +276,27 @@ void StagedFolder::Commit() {
     fs::create_directories((final_path_ / entry).parent_path(), error);
     fs::rename(staging_ / entry, final_path_ / entry, error);
   }
-  fs::remove_all(staging_, error);
+  RemoveStaging(staging_);
 }
 
 void RemoveStaleStaging(const fs::path& parent) {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(parent, error)) {
-    if (!IsStagingName(entry.path().filename().string()) || !IsFolder(entry.path()) || !ReadRecord(entry.path()))
+    if (!IsStagingName(entry.path().filename().string()) || !IsFolder(entry.path())) continue;
+    if (!ReadRecord(entry.path())) {
+      // Without a record it holds nothing of heba's, and goes only if it holds nothing but one that is not written yet.
+      const fs::path unwritten = entry.path() / kRecordName;
+      const int descriptor = open(unwritten.c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC);
+      if (descriptor >= 0 && flock(descriptor, LOCK_EX | LOCK_NB) == 0 && fs::file_size(unwritten, error) == 0) {
+        fs::remove(unwritten, error);
+      }
+      if (descriptor >= 0) close(descriptor);
+      rmdir(entry.path().c_str());
       continue;
+    }
     const int descriptor = open((entry.path() / kRecordName).c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC);
     if (descriptor < 0) continue;
-    if (flock(descriptor, LOCK_EX | LOCK_NB) == 0) fs::remove_all(entry.path(), error);
+    if (flock(descriptor, LOCK_EX | LOCK_NB) == 0) RemoveStaging(entry.path());
     close(descriptor);
   }
 }
@@ -281,7 +309,7 @@ void AbandonStaging() {
     // Under another name nobody writes into it.
     const fs::path away = folder.string() + "0";
     fs::rename(folder, away, error);
-    if (!error) fs::remove_all(away, error);
+    if (!error) RemoveStaging(away);
   }
 }
 

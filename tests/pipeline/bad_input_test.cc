@@ -786,8 +786,15 @@ TEST(CommandLineTest, WrongCallsAreOneLineAndStatus2) {
 }
 
 TEST(CommandLineTest, HelpAndVersionAnswer) {
-  for (const std::vector<std::string>& arguments :
-       {std::vector<std::string>{}, {"help"}, {"--help"}, {"run", "--help"}, {"help", "target"}, {"--version"}}) {
+  for (const std::vector<std::string>& arguments : {std::vector<std::string>{},
+                                                    {"help"},
+                                                    {"--help"},
+                                                    {"run", "--help"},
+                                                    {"help", "target"},
+                                                    {"--version"},
+                                                    {"cache", "--help"},
+                                                    {"cache", "-h"},
+                                                    {"help", "cache"}}) {
     const CommandResult result = RunHeba(arguments);
     EXPECT_EQ(result.status, 0);
     EXPECT_EQ(result.err, "");

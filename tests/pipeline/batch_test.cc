@@ -366,6 +366,13 @@ TEST(ExportTest, WritesWhatTheRunFound) {
   EXPECT_GT(std::distance(fs::directory_iterator(all), {}), 15);
   const CommandResult inverse = RunHeba({"export", run.string(), "--to", "all", "--inverse", "--out", all.string()});
   EXPECT_THAT(inverse.out, HasSubstr("not opencv: this form holds the pose of the camera's optical frame"));
+  // What an earlier export left goes; a file of the user's stays.
+  EXPECT_FALSE(fs::exists(all / "camera.opencv.yaml"));
+  WriteAll(all / "camera_info.yaml", "mine");
+  const CommandResult over = RunHeba({"export", run.string(), "--to", "all", "--out", all.string()});
+  EXPECT_EQ(over.status, 2);
+  EXPECT_THAT(over.err, HasSubstr("camera_info.yaml: is no export of heba's"));
+  EXPECT_EQ(ReadAll(all / "camera_info.yaml"), "mine");
   // The poses of a pendant are in its own base, which is not base_link.
   WriteAll(run / "config.yaml", "captures: {pose_format: ur}\n");
   EXPECT_THAT(RunHeba({"export", run.string(), "--to", "ros2"}).out, HasSubstr("'--frame-id', \"base\""));

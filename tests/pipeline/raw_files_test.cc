@@ -1,5 +1,6 @@
 // The files that a user has after a session are read as they are: pictures, and poses that nobody has described.
 #include <algorithm>
+#include <map>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -171,6 +172,104 @@ TEST_F(RawFilesTest, TheDoctorGuessesPosesThatNobodyDescribed) {
       Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set", Setting("bare.txt")});
   EXPECT_EQ(hopeless.status, 2);
   EXPECT_THAT(hopeless.err, HasSubstr("the first line must name the columns"));
+}
+
+// Captures of one file a pose are left out by either name, and a picture has one pose.
+TEST_F(RawFilesTest, FilesOfOnePoseAreExcludedAndSingle) {
+  fs::create_directory(folder_ / "one_each");
+  const std::vector<std::string> lines = Split(Lines("ros", " "), '\n');
+  for (size_t i = 0; i < rows_.size(); ++i) {
+    WriteAll(folder_ / "one_each" / (fs::path(rows_[i].image).stem().string() + ".txt"), lines[i]);
+  }
+  EXPECT_THAT(UnusedOf(Run({Setting("one_each"), "captures.exclude=[\"003\", 004.png]"})),
+              testing::ElementsAre("003.png: left out by captures.exclude", "004.png: left out by captures.exclude"));
+  // Two files of one number, where names alone do not pair.
+  for (size_t i = 0; i < rows_.size(); ++i) {
+    fs::rename(folder_ / "one_each" / (fs::path(rows_[i].image).stem().string() + ".txt"),
+               folder_ / "one_each" / ("p" + std::to_string(i) + ".txt"));
+  }
+  WriteAll(folder_ / "one_each" / "q0.txt", lines[0]);
+  const CommandResult twice = Heba(
+      {"run", (folder_ / "config.yaml").string(), "--set", Setting("one_each"), "--out", (folder_ / "r").string()});
+  EXPECT_EQ(twice.status, 2) << twice.out;
+}
+
+// A rotation before the place, a header of other words, a time in front: the doctor finds each.
+TEST_F(RawFilesTest, TheDoctorFindsOtherOrders) {
+  std::string turns_first;
+  std::string named = "stamp;file;Rz [deg];Ry [deg];Rx [deg];X [mm];Y [mm];Z [mm]\n";
+  std::string upper_rows;
+  for (size_t i = 0; i < rows_.size(); ++i) {
+    const std::vector<double> n = NumbersFromPose(*FindPoseFormat("kuka"), rows_[i].pose);
+    const auto text = [&](const std::vector<size_t>& places, const std::string& separator) {
+      std::vector<std::string> fields;
+      for (const size_t place : places) fields.push_back(RoundTrip(n[place]));
+      return Join(fields, separator);
+    };
+    turns_first += text({3, 4, 5, 0, 1, 2}, " ") + "\n";
+    named += std::to_string(17 + i) + ";" + rows_[i].image + ";" + text({3, 4, 5, 0, 1, 2}, ";") + "\n";
+    const Eigen::Matrix4d matrix = rows_[i].pose.Matrix();
+    for (int k = 0; k < 12; ++k) upper_rows += RoundTrip(matrix(k / 4, k % 4)) + (k < 11 ? " " : "\n");
+  }
+  for (const auto& [name, content] : std::map<std::string, std::string>{
+           {"turns.txt", turns_first}, {"named.csv", named}, {"kitti.txt", upper_rows}}) {
+    WriteAll(folder_ / name, content);
+    const CommandResult doctor =
+        Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set", Setting(name)});
+    EXPECT_THAT(doctor.out, HasSubstr("fit the pictures")) << name << doctor.err;
+    const std::string out = Unbroken(doctor.out);
+    const size_t begin = out.find("captures.pose_format: ") + 22;
+    const std::string cure = out.substr(begin, out.find('}', begin) + 1 - begin);
+    const CommandResult again = Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set", Setting(name),
+                                      "--set", "captures.pose_format=" + cure});
+    EXPECT_THAT(again.out, HasSubstr("nothing is wrong")) << name << again.err << cure;
+  }
+  // One number that is misspelt is the fault, not a format.
+  std::string poses = ReadAll(folder_ / "poses.csv");
+  const size_t last = poses.find_last_of("0123456789");
+  poses[last] = 'x';
+  WriteAll(folder_ / "misspelt.csv", poses);
+  EXPECT_THAT(Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set", Setting("misspelt.csv")}).err,
+              HasSubstr("misspelt.csv:11: column 'qw'"));
+}
+
+// Poses that do not belong to the pictures are not said to fit them.
+TEST_F(RawFilesTest, ImportDoesNotClaimAFit) {
+  const fs::path bare = folder_ / "bare";
+  fs::create_directory(bare);
+  fs::rename(folder_ / "images", bare / "photos");
+  std::string text;
+  for (int i = 0; i < 10; ++i) {
+    text += Join({std::to_string((37 * i) % 100), std::to_string((53 * i) % 90), std::to_string((71 * i) % 80),
+                  std::to_string((29 * i) % 70), std::to_string((31 * i) % 60), std::to_string((43 * i) % 50)},
+                 " ") +
+            "\n";
+  }
+  WriteAll(bare / "robot.txt", text);
+  const CommandResult import = Heba({"import", bare.string(), "--target", (folder_ / "target.yaml").string(), "--out",
+                                     (folder_ / "imported").string()});
+  EXPECT_EQ(import.status, 0) << import.err;
+  EXPECT_THAT(Unbroken(import.out), HasSubstr("no reading of them that was tried fits"));
+  EXPECT_THAT(ReadAll(folder_ / "imported" / "config.yaml"), HasSubstr("# setup:"));
+  // A table with a row a picture is the one, not one of joints; a target that is not there is said.
+  WriteAll(bare / "joints.csv", "j1,j2,j3,j4,j5,j6\n1,2,3,4,5,6\n1,2,3,4,5,6\n1,2,3,4,5,6\n");
+  WriteAll(bare / "robot.txt", Lines("kuka", " "));
+  EXPECT_THAT(Heba({"import", bare.string(), "--out", (folder_ / "imported").string()}).out, HasSubstr("robot.txt"));
+  const CommandResult nowhere =
+      Heba({"import", bare.string(), "--target", "no_such.yaml", "--out", (folder_ / "imported").string()});
+  EXPECT_EQ(nowhere.status, 2);
+  EXPECT_THAT(nowhere.err, HasSubstr("no_such.yaml"));
+}
+
+// A run's results do not take the place of its own data.
+TEST_F(RawFilesTest, DataSetsAreNotReplaced) {
+  fs::copy_file(*root_ / "data" / ".heba", folder_ / ".heba", fs::copy_options::overwrite_existing);
+  for (const std::string command : {"run", "detect"}) {
+    const CommandResult result = Heba({command, (folder_ / "config.yaml").string(), "--out", folder_.string()});
+    EXPECT_EQ(result.status, 2) << command;
+    EXPECT_THAT(result.err, HasSubstr("holds a data set, which")) << command;
+  }
+  EXPECT_TRUE(fs::exists(folder_ / "images" / "000.png"));
 }
 
 TEST_F(RawFilesTest, ImportReadsABareFolder) {

@@ -277,6 +277,11 @@ TEST(ExportTest, ControllersReadTheirOwnSyntax) {
   }
 }
 
+// A controller has no frame in a camera.
+TEST(ExportTest, TheInverseIsNoFrameOfTheController) {
+  EXPECT_THAT(Exported("fanuc", Inverted(TestRequest(Rigid3d()))), testing::Not(HasSubstr("for the controller")));
+}
+
 // The pendant's base is not base_link.
 TEST(ExportTest, PosesOfAUniversalRobotsControllerAreInItsBase) {
   RunResult result;

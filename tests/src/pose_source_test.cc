@@ -1,6 +1,7 @@
 // Robot poses in the files that users have: tables without a header, arrays of NumPy, one file a pose.
 #include "heba/io/pose_source.h"
 
+#include <algorithm>
 #include <cstring>
 #include <fstream>
 
@@ -57,6 +58,32 @@ TEST(HeaderlessTest, ColumnsMayBeImagesOrNothing) {
       kFirst);
 }
 
+// Names say which number is which, wherever it stands.
+TEST(HeaderlessTest, NamesCountMoreThanPlaces) {
+  const PoseFormat turns_first =
+      FormatOf("{columns: [a, b, c, x, y, z], translation: mm, rotation: euler_zyx, angle: deg}");
+  EXPECT_EQ(ParsePoses("10 20 30 100 -200 300\n", "poses.txt", turns_first)[0].numbers, kFirst);
+  EXPECT_EQ(ParsePoses("a b c x y z\n10 20 30 100 -200 300\n", "poses.txt", turns_first)[0].numbers, kFirst);
+  const PoseFormat w_first =
+      FormatOf("{columns: [qw, qx, qy, qz, z, y, x], translation: m, rotation: quaternion_xyzw}");
+  EXPECT_EQ(ParsePoses("0 1 0 0 3 2 1\n", "poses.txt", w_first)[0].numbers, (std::vector<double>{1, 2, 3, 1, 0, 0, 0}));
+}
+
+// Brackets in the name of a picture are its own; a header may call the column of pictures as it likes.
+TEST(HeaderlessTest, PicturesKeepTheirNames) {
+  EXPECT_EQ(ParsePoses("img (1).png,7,100,-200,300,10,20,30\n", "poses.txt", FormatOf(kOwn))[0].image, "img (1).png");
+  EXPECT_EQ(ParsePoses("file,n,x,y,z,a,b,c\nb.png,7,100,-200,300,10,20,30\n", "poses.txt", FormatOf(kOwn))[0].image,
+            "b.png");
+}
+
+TEST(HeaderlessTest, ListsOfOtherProgramsAreRead) {
+  const std::vector<PoseRow> rows =
+      ParsePoses("[\n  [100, -200, 300, 10, 20, 30],\n  [110, -210, 310, -15, 25, 35]  # the last one\n]\n",
+                 "poses.txt", FormatOf(kPlain));
+  ASSERT_EQ(rows.size(), 2U);
+  EXPECT_EQ(rows[1].numbers, kSecond);
+}
+
 TEST(HeaderlessTest, FaultsNameTheLine) {
   const auto error = [](const std::string& text, const std::string& format) {
     return InputErrorOf([&] { ParsePoses(text, "poses.txt", FormatOf(format)); });
@@ -72,7 +99,7 @@ TEST(HeaderlessTest, FaultsNameTheLine) {
 std::string Npy(const std::string& descr, bool is_fortran, const std::string& shape, const std::string& data) {
   std::string header =
       "{'descr': '" + descr + "', 'fortran_order': " + (is_fortran ? "True" : "False") + ", 'shape': " + shape + ", }";
-  header.resize(118, ' ');
+  header.resize(std::max<size_t>(118, header.size() + 1), ' ');
   header.back() = '\n';
   return std::string("\x93NUMPY\x01\x00", 8) + std::string{static_cast<char>(header.size()), 0} + header + data;
 }
@@ -117,6 +144,10 @@ TEST(NpyTest, SaysWhatIsWrong) {
   EXPECT_THAT(error(Npy(">f8", false, "(2, 3)", data)), HasSubstr("'>f8'"));
   EXPECT_THAT(error(Npy("<U8", false, "(2, 3)", data)), HasSubstr("'<U8'"));
   EXPECT_THAT(error(Npy("<f8", false, "(2, 3)", data).substr(0, 60)), HasSubstr("cut off"));
+  // As many axes as would take hours to count through.
+  std::string axes;
+  for (int i = 0; i < 33; ++i) axes += "1,";
+  EXPECT_THAT(error(Npy("<f8", true, "(" + axes + ")", data)), HasSubstr("more than 32 axes"));
   // Whatever is cut off, an error comes, or an array that is whole.
   const std::string whole = Npy("<f8", false, "(2, 3)", data);
   for (size_t size = 0; size < whole.size(); ++size) EXPECT_NE(error(whole.substr(0, size)), "") << size;
@@ -162,6 +193,40 @@ TEST_F(PoseSourceTest, ReadsFoldersWithOneFileAPose) {
   EXPECT_EQ(names, (std::vector<std::string>{"pose_2", "pose_9", "pose_10", "pose_11", "pose_12", "pose_13"}));
 }
 
+// The order of keys means nothing: what is told by name is taken by it, and all else is refused.
+TEST_F(PoseSourceTest, MappingsAreReadByTheirKeys) {
+  const fs::path file = folder_.path() / "pose_1.json";
+  const auto numbers_of = [&](const std::string& json, const PoseFormat& format) {
+    Write(file, json);
+    return ReadPoses(folder_.path(), format)[0].numbers;
+  };
+  const PoseFormat& ros = *FindPoseFormat("ros");
+  const std::vector<double> wanted = {1, 2, 3, 0, 0, 1, 0};
+  for (
+      const std::string json :
+      {R"({"orientation": {"w": 0, "x": 0, "y": 0, "z": 1}, "position": {"x": 1, "y": 2, "z": 3}})",
+       R"({"stamp": 17.5, "pose": {"position": {"x": 1, "y": 2, "z": 3}, "orientation": {"x": 0, "y": 0, "z": 1, "w": 0}}})",
+       R"({"translation": [1, 2, 3], "rotation": [0, 0, 1, 0]})"}) {
+    EXPECT_EQ(numbers_of(json, ros), wanted) << json;
+  }
+  for (const std::string json :
+       {R"({"a": 1, "b": 2, "c": 3, "x": 4, "y": 5, "z": 6})", R"({"first": [1, 2, 3], "second": [4, 5, 6]})"}) {
+    Write(file, json);
+    EXPECT_THAT(InputErrorOf([&] { ReadPoses(folder_.path(), *FindPoseFormat("ur")); }),
+                HasSubstr("which of these numbers is which"));
+  }
+}
+
+// Names of nanoseconds, and files of another kind beside the poses.
+TEST_F(PoseSourceTest, FoldersAsProgramsLeaveThem) {
+  Write(folder_.path() / "1690000000123456789.txt", "100 -200 300 10 20 30");
+  Write(folder_.path() / "1690000000223456789.txt", "110 -210 310 -15 25 35");
+  Write(folder_.path() / "1690000000223456789.json", "{\"exposure\": 10}");
+  const std::vector<PoseRow> rows = ReadPoses(folder_.path(), FormatOf(kPlain));
+  ASSERT_EQ(rows.size(), 2U);
+  EXPECT_EQ(rows[1].image, "1690000000223456789");
+}
+
 TEST_F(PoseSourceTest, FaultsNameTheFile) {
   const auto error = [&](const std::string& name, const std::string& content) {
     for (const fs::directory_entry& entry : fs::directory_iterator(folder_.path())) fs::remove(entry.path());
@@ -182,6 +247,7 @@ TEST(NumberInNameTest, IsTheLastOne) {
   EXPECT_EQ(NumberInName("cam2_010_rgb"), 10);
   EXPECT_EQ(NumberInName("12"), 12);
   EXPECT_EQ(NumberInName("pose"), std::nullopt);
+  EXPECT_EQ(NumberInName("1690000000123456789"), 1690000000123456789);
   EXPECT_EQ(NumberInName("1234567890123456789012345"), std::nullopt);
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 
 #include <Eigen/LU>
@@ -200,16 +201,30 @@ namespace {
 
 // Moves the columns of these names, if all of them are there, in this order to the places from `first` on.
 void PutFirst(const std::vector<std::string>& names, size_t first, std::vector<std::string>* columns) {
-  const auto place_of = [&](const std::string& name) { return std::find(columns->begin(), columns->end(), name); };
+  const auto place_of = [&](const std::string& name) {
+    return std::find_if(columns->begin(), columns->end(),
+                        [&](const std::string& column) { return BareColumnName(column) == name; });
+  };
+  std::vector<std::string> found;
   for (const std::string& name : names) {
     if (place_of(name) == columns->end()) return;
+    found.push_back(*place_of(name));
   }
   for (const std::string& name : names) columns->erase(place_of(name));
   const auto at = columns->begin() + static_cast<std::ptrdiff_t>(std::min(first, columns->size()));
-  columns->insert(at, names.begin(), names.end());
+  columns->insert(at, found.begin(), found.end());
 }
 
 }  // namespace
+
+std::string BareColumnName(const std::string& name) {
+  std::string bare;
+  for (const char c : name) {
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0) break;
+    bare += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  return bare;
+}
 
 PoseFormat ReadPoseFormat(const ConfigValue& value) {
   if (!value.IsMap()) return *FindPoseFormat(value.AsChoice(PoseFormatNames()));
@@ -313,9 +328,15 @@ std::string PoseFormatText(const PoseFormat& format) {
       return known.name;
     }
   }
-  return "{columns: [" + Join(format.file_columns.empty() ? format.columns : format.file_columns, ", ") +
-         "], translation: " + format.translation_unit + ", rotation: " + format.rotation +
-         (format.angle_unit.empty() ? "" : ", angle: " + format.angle_unit) + "}";
+  std::vector<std::string> columns;
+  for (const std::string& column : format.file_columns.empty() ? format.columns : format.file_columns) {
+    // YAML takes brackets and the like for its own.
+    const bool is_plain = std::all_of(column.begin(), column.end(),
+                                      [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; });
+    columns.push_back(is_plain ? column : "'" + column + "'");
+  }
+  return "{columns: [" + Join(columns, ", ") + "], translation: " + format.translation_unit +
+         ", rotation: " + format.rotation + (format.angle_unit.empty() ? "" : ", angle: " + format.angle_unit) + "}";
 }
 
 Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const double> numbers) {

@@ -53,6 +53,9 @@ PoseFormat JointFormat(const std::string& robot, const std::string& angle_unit);
 // messages and configs call it.
 PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> arm, const std::string& angle_unit);
 
+// The letters and digits that a column's name begins with, in small letters: "X [mm]" is x.
+std::string BareColumnName(const std::string& name);
+
 // A name, or a mapping {columns: [...], translation: mm, rotation: euler_zyx, angle: deg}. The columns may hold image
 // and role where they stand in a file without a header, and - for a column that means nothing. Columns called x, y, z
 // are the position, and qx, qy, qz, qw the quaternion, wherever they stand; all others are taken in their order.

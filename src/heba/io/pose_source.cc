@@ -105,8 +105,11 @@ void AppendNumbers(const ConfigValue& value, const PoseFormat& format, std::vect
       value.Fail("which of these numbers is which? Either the keys " + Join(format.columns, ", ") +
                  " are needed, or position and orientation, or a list");
     }
-    if (are_told && are_places[1]) std::swap(entries[0], entries[1]);
-    for (const ConfigValue& entry : entries) AppendNumbers(entry, format, numbers);
+    // The place first. (A YAML::Node must not be swapped: its copies are the same node.)
+    const size_t first = are_told && are_places[1] ? 1 : 0;
+    for (size_t i = 0; i < entries.size(); ++i) {
+      AppendNumbers(entries[(first + i) % entries.size()], format, numbers);
+    }
   }
 }
 
