@@ -12,7 +12,7 @@
 
 namespace heba {
 
-// What a table of poses may mean, the likelier reading first; none if it is no such table.
+// The readings that a table of poses allows, the likelier one first; none if it is no such table.
 struct GuessedTable {
   std::vector<PoseFormat> formats;
   size_t num_rows = 0;

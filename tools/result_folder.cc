@@ -55,7 +55,7 @@ std::optional<Record> ReadRecord(const fs::path& folder) {
   return record;
 }
 
-// What the record says that the folder holds; empty if it does not say it.
+// Returns what the folder holds by its record; empty if that does not say it.
 std::string KindOf(const fs::path& folder) {
   std::istringstream lines(ReadTextFile(folder / kRecordName));
   std::string line;

@@ -544,7 +544,7 @@ TEST_F(BadInputTest, EnvironmentIsChecked) {
   }
 }
 
-// What is kept of detections can be seen, has a limit, and is all that goes.
+// The detections that are kept can be seen, have a limit, and are all that goes.
 TEST_F(BadInputTest, TheCacheHasALimitAndIsCleared) {
   const fs::path cache = *root_ / "kept";
   const std::string environment = "HEBA_CACHE=" + ShellQuoted(cache.string());

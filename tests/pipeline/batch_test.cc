@@ -366,7 +366,7 @@ TEST(ExportTest, WritesWhatTheRunFound) {
   EXPECT_GT(std::distance(fs::directory_iterator(all), {}), 15);
   const CommandResult inverse = RunHeba({"export", run.string(), "--to", "all", "--inverse", "--out", all.string()});
   EXPECT_THAT(inverse.out, HasSubstr("not opencv: this form holds the pose of the camera's optical frame"));
-  // What an earlier export left goes; a file of the user's stays.
+  // The files of an earlier export go; a file of the user's stays.
   EXPECT_FALSE(fs::exists(all / "camera.opencv.yaml"));
   WriteAll(all / "camera_info.yaml", "mine");
   const CommandResult over = RunHeba({"export", run.string(), "--to", "all", "--out", all.string()});

@@ -144,7 +144,7 @@ TEST(NpyTest, SaysWhatIsWrong) {
   EXPECT_THAT(error(Npy(">f8", false, "(2, 3)", data)), HasSubstr("'>f8'"));
   EXPECT_THAT(error(Npy("<U8", false, "(2, 3)", data)), HasSubstr("'<U8'"));
   EXPECT_THAT(error(Npy("<f8", false, "(2, 3)", data).substr(0, 60)), HasSubstr("cut off"));
-  // As many axes as would take hours to count through.
+  // So many axes would take hours to count through.
   std::string axes;
   for (int i = 0; i < 33; ++i) axes += "1,";
   EXPECT_THAT(error(Npy("<f8", true, "(" + axes + ")", data)), HasSubstr("more than 32 axes"));

@@ -77,7 +77,7 @@ NumberArray ParseNpy(const std::string& bytes, const std::filesystem::path& name
   if (type == nullptr || descr[0] == '>') {
     fail("holds " + Quoted(descr) + "; an array of floats or integers is needed, lowest byte first");
   }
-  constexpr size_t kMostAxes = 32;  // As NumPy's own.
+  constexpr size_t kMostAxes = 32;  // NumPy has the same limit.
   if (shape->items.size() > kMostAxes) fail("has more than 32 axes");
   NumberArray array;
   const size_t num_bytes = bytes.size() - header_at - header_size;

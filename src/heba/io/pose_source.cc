@@ -200,7 +200,7 @@ std::vector<fs::path> PoseFilesOf(const fs::path& folder) {
     const bool has_digit = entry.path().stem().string().find_first_of("0123456789") != std::string::npos;
     if (is_known && has_digit && entry.is_regular_file(error)) files.push_back(entry.path());
   }
-  // Where one name has several suffixes, such as 007.json beside 007.txt, those of the commonest suffix are the poses.
+  // The files of the commonest suffix are the poses if one name has several, such as 007.json beside 007.txt.
   std::map<std::string, size_t> num_of_suffix;
   std::map<std::string, size_t> num_of_stem;
   for (const fs::path& file : files) {
