@@ -80,17 +80,40 @@ RawTable TableOfArray(const fs::path& file) {
   return table;
 }
 
-// One file a pose: its numbers in their order, whatever stands around them.
+// The numbers of a file in their order, whatever stands around them.
+std::vector<std::string> NumbersIn(const fs::path& file) {
+  std::vector<std::string> numbers;
+  if (file.extension() == ".npy") {
+    for (const double number : ReadNpyFile(file).numbers) numbers.push_back(RoundTrip(number));
+    return numbers;
+  }
+  const std::string suffix = file.extension().string();
+  if (suffix == ".json" || suffix == ".yaml" || suffix == ".yml") {
+    try {
+      for (const double number : PoseNumbersOfYaml(file, *FindPoseFormat("ros"))) numbers.push_back(RoundTrip(number));
+      return numbers;
+    } catch (const InputError&) {
+      numbers.clear();  // Its keys tell nothing: then by their places.
+    }
+  }
+  for (const TextLine& line : LinesOf(ReadTextFile(file))) {
+    std::string text = line.text;
+    constexpr std::string_view kMarks = "[](){}:,;\"'";
+    std::replace_if(
+        text.begin(), text.end(), [&](char c) { return kMarks.find(c) != std::string_view::npos; }, ' ');
+    for (const std::string& field : FieldsOf(text)) {
+      if (IsNumber(field)) numbers.push_back(field);
+    }
+  }
+  return numbers;
+}
+
+// One file a pose.
 RawTable TableOfFolder(const fs::path& folder) {
   RawTable table;
   for (const fs::path& file : PoseFilesOf(folder)) {
     if (table.rows.size() == kMostRows) break;
-    RawTable one = file.extension() == ".npy" ? TableOfArray(file) : TableOfText(file);
-    std::vector<std::string> numbers;
-    for (const std::vector<std::string>& row : one.rows) {
-      std::copy_if(row.begin(), row.end(), std::back_inserter(numbers), IsNumber);
-    }
-    table.rows.push_back(std::move(numbers));
+    table.rows.push_back(NumbersIn(file));
   }
   return table;
 }

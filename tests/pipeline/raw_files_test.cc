@@ -233,6 +233,27 @@ TEST_F(RawFilesTest, TheDoctorFindsOtherOrders) {
               HasSubstr("misspelt.csv:11: column 'qw'"));
 }
 
+// What the import writes for poses among other things is a config that runs.
+TEST_F(RawFilesTest, ImportReadsPosesWithATime) {
+  const fs::path bare = folder_ / "bare";
+  fs::create_directories(bare / "poses");
+  fs::rename(folder_ / "images", bare / "photos");
+  for (size_t i = 0; i < rows_.size(); ++i) {
+    const std::vector<double> n = NumbersFromPose(*FindPoseFormat("ros"), rows_[i].pose);
+    const Json pose = {{"timestamp", 17.25 + static_cast<double>(i)},
+                       {"pose",
+                        {{"position", {{"x", n[0]}, {"y", n[1]}, {"z", n[2]}}},
+                         {"orientation", {{"x", n[3]}, {"y", n[4]}, {"z", n[5]}, {"w", n[6]}}}}}};
+    WriteAll(bare / "poses" / (std::to_string(i) + ".json"), pose.dump(1));
+  }
+  const fs::path out = folder_ / "imported";
+  const CommandResult import =
+      Heba({"import", bare.string(), "--target", (folder_ / "target.yaml").string(), "--out", out.string()});
+  EXPECT_EQ(import.status, 0) << import.err;
+  EXPECT_THAT(Unbroken(import.out), HasSubstr("which fit the pictures"));
+  EXPECT_EQ(Heba({"run", (out / "config.yaml").string(), "--quiet"}).status, 0);
+}
+
 // Poses that do not belong to the pictures are not said to fit them.
 TEST_F(RawFilesTest, ImportDoesNotClaimAFit) {
   const fs::path bare = folder_ / "bare";

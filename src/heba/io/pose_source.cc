@@ -113,29 +113,6 @@ void AppendNumbers(const ConfigValue& value, const PoseFormat& format, std::vect
   }
 }
 
-std::vector<double> NumbersOfYaml(const fs::path& file, const PoseFormat& format) {
-  const std::string text = ReadTextFile(file);
-  if (text.starts_with("%YAML:")) {
-    for (auto& [name, numbers] : FileStorageNumbers(file)) {
-      if (numbers.size() == format.columns.size()) return numbers;
-    }
-    throw InputError(file.string() + ": holds no matrix of " + std::to_string(format.columns.size()) + " numbers");
-  }
-  const ConfigValue value = ParseYaml(text, file);
-  std::vector<double> numbers;
-  if (value.IsMap()) {
-    MapReader reader(value);
-    const bool has_all = std::all_of(format.columns.begin(), format.columns.end(),
-                                     [&](const std::string& column) { return reader.Has(column); });
-    if (has_all) {
-      for (const std::string& column : format.columns) numbers.push_back(reader.Get(column).AsNumber());
-      return numbers;
-    }
-  }
-  AppendNumbers(value, format, &numbers);
-  return value.IsList() ? InOrder(format, numbers) : numbers;
-}
-
 // A table of one row, or nothing but numbers.
 std::vector<double> NumbersOfText(const fs::path& file, const PoseFormat& format) {
   const std::string text = ReadTextFile(file);
@@ -157,7 +134,7 @@ PoseRow ReadOnePose(const fs::path& file, const PoseFormat& format) {
   if (suffix == ".npy") {
     numbers = InOrder(format, ReadNpyFile(file).numbers);
   } else if (IsYaml(suffix)) {
-    numbers = NumbersOfYaml(file, format);
+    numbers = PoseNumbersOfYaml(file, format);
   } else {
     numbers = NumbersOfText(file, format);
   }
@@ -190,6 +167,29 @@ std::vector<PoseRow> ReadPoseArray(const fs::path& file, const PoseFormat& forma
 }
 
 }  // namespace
+
+std::vector<double> PoseNumbersOfYaml(const fs::path& file, const PoseFormat& format) {
+  const std::string text = ReadTextFile(file);
+  if (text.starts_with("%YAML:")) {
+    for (auto& [name, numbers] : FileStorageNumbers(file)) {
+      if (numbers.size() == format.columns.size()) return numbers;
+    }
+    throw InputError(file.string() + ": holds no matrix of " + std::to_string(format.columns.size()) + " numbers");
+  }
+  const ConfigValue value = ParseYaml(text, file);
+  std::vector<double> numbers;
+  if (value.IsMap()) {
+    MapReader reader(value);
+    const bool has_all = std::all_of(format.columns.begin(), format.columns.end(),
+                                     [&](const std::string& column) { return reader.Has(column); });
+    if (has_all) {
+      for (const std::string& column : format.columns) numbers.push_back(reader.Get(column).AsNumber());
+      return numbers;
+    }
+  }
+  AppendNumbers(value, format, &numbers);
+  return value.IsList() ? InOrder(format, numbers) : numbers;
+}
 
 std::vector<fs::path> PoseFilesOf(const fs::path& folder) {
   constexpr std::array<std::string_view, 6> kSuffixes = {".txt", ".csv", ".yaml", ".yml", ".json", ".npy"};

@@ -21,6 +21,9 @@ namespace heba {
 // A row of a folder has the file's name without its suffix as its image. InputError on the first fault, with its file.
 std::vector<PoseRow> ReadPoses(const std::filesystem::path& path, const PoseFormat& format);
 
+// The numbers of the one pose in a .yaml or .json file, by its keys. InputError as of ReadPoses.
+std::vector<double> PoseNumbersOfYaml(const std::filesystem::path& file, const PoseFormat& format);
+
 // The files of a folder that hold one pose each, in the order of the numbers in their names.
 std::vector<std::filesystem::path> PoseFilesOf(const std::filesystem::path& folder);
 
