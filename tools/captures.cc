@@ -67,7 +67,10 @@ CaptureDetection CaptureDetector::Detect(const std::filesystem::path& image,
   if (!detection) {
     detection = DetectCapture(*target_, image, expected);
     // Unless it was another image meanwhile.
-    if (DigestOfFile(image) == digest) cache_->Keep(digest, *detection);
+    if (DigestOfFile(image) == digest) {
+      cache_->Keep(digest, *detection);
+      has_kept_ = true;
+    }
   }
   detection->image_digest = digest;
   return std::move(*detection);
@@ -94,9 +97,10 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
       const std::lock_guard<std::mutex> lock(mutex);
       progress.Step();
     });
+    // The cache is walked through only where it has grown.
+    if (detector.has_kept()) TrimCache(largest_cache_bytes);
   }
   CheckSizes(config, detections);
-  TrimCache(largest_cache_bytes);
   return detections;
 }
 

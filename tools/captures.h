@@ -1,6 +1,7 @@
 // From a run's config to what is calibrated: its pictures' detections, the views that they make, the options.
 #pragma once
 
+#include <atomic>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -25,10 +26,13 @@ class CaptureDetector {
 
   // InputError if the image cannot be read or is of another size than `expected`.
   CaptureDetection Detect(const std::filesystem::path& image, const std::optional<PictureSize>& expected) const;
+  // Whether the cache has grown by a detection of this detector.
+  bool has_kept() const { return has_kept_; }
 
  private:
   std::unique_ptr<const Target> target_;
   std::optional<DetectionCache> cache_;
+  mutable std::atomic<bool> has_kept_ = false;
 };
 
 // Detects the target in all captures, with the digests of their images and progress on the terminal. InputError if
