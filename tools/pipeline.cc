@@ -23,6 +23,7 @@
 #include "tools/duplicate_images.h"
 #include "tools/report.h"
 #include "tools/result_folder.h"
+#include "tools/run_figures.h"
 #include "tools/run_inputs.h"
 #include "tools/target_symmetry.h"
 
@@ -259,19 +260,13 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   for (const UnusedView& unused : calibration->unused) console->Note("not used: " + unused.name + ": " + unused.reason);
   if (!calibration->refined) {
     // What there is to see of the failure.
-    std::vector<std::pair<std::string, std::string>> methods_of;  // A reason, and the methods that give it.
+    std::vector<MethodReason> outcomes;
     for (const MethodResult& method : calibration->methods) {
-      const std::string reason =
-          method.hand_eye ? Significant(method.reprojection_rms_px.value_or(NAN), 3) + " px" : method.hand_eye.reason();
-      const auto known =
-          std::find_if(methods_of.begin(), methods_of.end(), [&](const auto& entry) { return entry.first == reason; });
-      if (known == methods_of.end()) {
-        methods_of.emplace_back(reason, method.method);
-      } else {
-        known->second += ", " + method.method;
-      }
+      outcomes.emplace_back(method.method, method.hand_eye
+                                               ? Significant(method.reprojection_rms_px.value_or(NAN), 3) + " px"
+                                               : method.hand_eye.reason());
     }
-    for (const auto& [reason, methods] : methods_of) console->Note(methods + ": " + reason);
+    for (const auto& [reason, methods] : GroupedByReason(outcomes)) console->Note(methods + ": " + reason);
     return Failure{calibration->refined.reason()};
   }
   result.timing.refine_s = calibration->refined->convergence.seconds;

@@ -29,7 +29,7 @@ bool IsNumber(const std::string& field) {
   return ParseDouble(field, &number);
 }
 
-// Between the characters of `between` and blanks; of a line with tabs, commas or semicolons a field may hold blanks.
+// The fields of a line between tabs, semicolons or commas, where they may hold blanks, or else between blanks.
 std::vector<std::string> FieldsOf(std::string line) {
   line = WithoutBrackets(line);
   std::replace(line.begin(), line.end(), '"', ' ');

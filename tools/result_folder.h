@@ -39,7 +39,7 @@ class StagedFolder {
 void RemoveStaleStaging(const std::filesystem::path& parent);
 
 // Removes the folders of all StagedFolders of this program that are not committed. For a program that is about to end:
-// what is still written into them fails, and no further StagedFolder can be made.
+// the files that are still written into them fail, and no further StagedFolder can be made.
 void AbandonStaging();
 
 // A folder for one program at a time, on one machine or on several that share it: a lock on a file in it, which ends

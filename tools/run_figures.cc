@@ -26,19 +26,26 @@ std::optional<double> RotationSigmaDeg(const Estimate& estimate) {
   return sigma_rad ? std::optional<double>(RadToDeg(*sigma_rad)) : std::nullopt;
 }
 
-std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result) {
+std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<MethodReason>& methods) {
   std::vector<std::pair<std::string, std::string>> methods_of;
-  for (const Estimate& estimate : result.estimates) {
-    if (estimate.ok) continue;
+  for (const MethodReason& method : methods) {
     const auto known = std::find_if(methods_of.begin(), methods_of.end(),
-                                    [&](const auto& entry) { return entry.first == estimate.reason; });
+                                    [&](const auto& entry) { return entry.first == method.second; });
     if (known == methods_of.end()) {
-      methods_of.emplace_back(estimate.reason, estimate.method);
+      methods_of.emplace_back(method.second, method.first);
     } else {
-      known->second += ", " + estimate.method;
+      known->second += ", " + method.first;
     }
   }
   return methods_of;
+}
+
+std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result) {
+  std::vector<MethodReason> methods;
+  for (const Estimate& estimate : result.estimates) {
+    if (!estimate.ok) methods.emplace_back(estimate.method, estimate.reason);
+  }
+  return GroupedByReason(methods);
 }
 
 int NumUsedCaptures(const RunResult& result) {

@@ -14,7 +14,10 @@ namespace heba {
 std::optional<double> TranslationSigmaMm(const Estimate& estimate);
 std::optional<double> RotationSigmaDeg(const Estimate& estimate);
 
-// The reasons why methods have no estimate, each once, and the methods that give it, with commas between them.
+// Each reason once, with the methods that give it and commas between them. `methods`: a method and its reason.
+using MethodReason = std::pair<std::string, std::string>;
+std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<MethodReason>& methods);
+// The same of the methods that have no estimate.
 std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result);
 
 int NumUsedCaptures(const RunResult& result);

@@ -233,7 +233,7 @@ TEST_F(RawFilesTest, TheDoctorFindsOtherOrders) {
               HasSubstr("misspelt.csv:11: column 'qw'"));
 }
 
-// What the import writes for poses among other things is a config that runs.
+// The import writes a config that runs for poses that stand among other things.
 TEST_F(RawFilesTest, ImportReadsPosesWithATime) {
   const fs::path bare = folder_ / "bare";
   fs::create_directories(bare / "poses");
