@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -150,6 +151,14 @@ void RemoveStaging(const fs::path& folder) {
   fs::remove(folder, error);
 }
 
+// Returns whether the open file still has a name; errno is ENOENT if it was removed meanwhile.
+bool HasName(int descriptor) {
+  struct stat status = {};
+  if (fstat(descriptor, &status) != 0) return false;
+  if (status.st_nlink == 0) errno = ENOENT;
+  return status.st_nlink > 0;
+}
+
 // ".NAME.part-0123456789abcdef"
 bool IsStagingName(const std::string& name) {
   const size_t suffix = name.rfind(kStagingSuffix);
@@ -204,8 +213,8 @@ StagedFolder::StagedFolder(const fs::path& final_path, const std::string& kind) 
   // A program that is being ended knows of the folder as soon as it is there, and none comes after that.
   const std::lock_guard<std::mutex> guard(Staging().mutex);
   if (Staging().is_abandoned) throw InputError("interrupted");
-  // Another program may take a folder for stale as long as it has no record.
-  constexpr int kMostTrials = 5;
+  // Another thread or program may take a folder for stale, and remove it, until its record is locked and written.
+  constexpr int kMostTrials = 100;
   bool is_marked = false;
   for (int trial = 0; trial < kMostTrials && !is_marked; ++trial) {
     staging_ = final_path_.parent_path() /
@@ -218,7 +227,7 @@ StagedFolder::StagedFolder(const fs::path& final_path, const std::string& kind) 
     }
     // It lives as long as the lock on its record, which network file systems know too.
     lock_ = open((staging_ / kRecordName).c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
-    is_marked = lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) == 0 &&
+    is_marked = lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) == 0 && HasName(lock_) &&
                 write(lock_, kRecordHead.data(), kRecordHead.size()) == static_cast<ssize_t>(kRecordHead.size());
     if (is_marked) break;
     const int reason = errno;

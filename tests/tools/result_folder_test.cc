@@ -2,8 +2,12 @@
 
 #include <unistd.h>
 
+#include <atomic>
 #include <fstream>
 #include <iterator>
+#include <string>
+#include <thread>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -43,6 +47,26 @@ TEST(StagedFolderTest, AppearsOnCommitOnly) {
   }
   EXPECT_TRUE(fs::exists(folder / "runs/a/result.json"));
   EXPECT_EQ(NumEntries(folder / "runs"), 1);
+}
+
+// Every new folder looks for stale ones beside it; one that another thread is just making is not stale.
+TEST(StagedFolderTest, ThreadsDoNotTakeEachOthersFoldersForStale) {
+  const TempFolder folder;
+  constexpr int kNumThreads = 4;
+  constexpr int kNumFolders = 200;
+  std::vector<std::jthread> threads;
+  std::atomic<int> num_lost = 0;
+  for (int t = 0; t < kNumThreads; ++t) {
+    threads.emplace_back([&, t] {
+      for (int i = 0; i < kNumFolders; ++i) {
+        StagedFolder staged(folder / ("run" + std::to_string(t)));
+        num_lost += fs::exists(staged.staging() / ".heba") ? 0 : 1;
+      }
+    });
+  }
+  threads.clear();
+  EXPECT_EQ(num_lost, 0);
+  EXPECT_EQ(NumEntries(folder.path()), 0);
 }
 
 TEST(StagedFolderTest, LeavesNothingWithoutCommit) {
