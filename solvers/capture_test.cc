@@ -11,7 +11,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
 #include "heba/base/median.h"
-#include "heba/base/small_matrix.h"
+#include "heba/kernels/small_matrix.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/inliers.h"
 #include "solvers/noise_scale.h"

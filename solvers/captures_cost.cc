@@ -9,9 +9,9 @@
 
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
-#include "heba/base/simd.h"
-#include "heba/base/small_matrix.h"
-#include "heba/base/stacked_rows.h"
+#include "heba/kernels/simd.h"
+#include "heba/kernels/small_matrix.h"
+#include "heba/kernels/stacked_rows.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/robot_noise.h"
 

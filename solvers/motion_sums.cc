@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "heba/base/column_products.h"
-#include "heba/base/simd.h"
+#include "heba/kernels/gram_matrix.h"
+#include "heba/kernels/simd.h"
 #include "heba/base/units.h"
 
 namespace heba {

@@ -7,8 +7,8 @@
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
-#include "heba/base/small_matrix.h"
-#include "heba/base/stacked_rows.h"
+#include "heba/kernels/small_matrix.h"
+#include "heba/kernels/stacked_rows.h"
 #include "solvers/noise_scale.h"
 #include "solvers/view_reduction.h"
 

@@ -10,7 +10,7 @@
 
 #include <Eigen/Core>
 
-#include "heba/base/small_matrix.h"
+#include "heba/kernels/small_matrix.h"
 #include "heba/data/solution.h"
 #include "solvers/information.h"
 

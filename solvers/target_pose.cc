@@ -9,7 +9,7 @@
 #include <Eigen/SVD>
 
 #include "heba/base/error.h"
-#include "heba/base/small_matrix.h"
+#include "heba/kernels/small_matrix.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/view_reduction.h"

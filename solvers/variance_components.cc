@@ -11,8 +11,8 @@
 #include <Eigen/QR>
 
 #include "heba/base/error.h"
-#include "heba/base/small_matrix.h"
-#include "heba/base/stacked_rows.h"
+#include "heba/kernels/small_matrix.h"
+#include "heba/kernels/stacked_rows.h"
 #include "heba/base/units.h"
 
 namespace heba {

@@ -6,9 +6,9 @@
 
 #include <Eigen/QR>
 
-#include "heba/base/column_products.h"
+#include "heba/kernels/gram_matrix.h"
 #include "heba/base/error.h"
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 #include "heba/data/prediction.h"
 
 namespace heba {

@@ -3,7 +3,7 @@
 // Every residual of a view depends on the six numbers of camera_from_target and on the camera's parameters only. With
 // J = [d r / d pose, d r / d camera, r], any R with R^T R = J^T J has the same cost, gradient and Gauss-Newton matrix
 // as all the view's rows: a Cholesky factor of the products, at most one more row than there are unknowns. The products
-// take one pass over the points, several at once (heba/base/column_products.h).
+// take one pass over the points, several at once (heba/kernels/gram_matrix.h).
 #pragma once
 
 #include <optional>
@@ -29,7 +29,7 @@ struct ViewProducts {
 };
 
 // All rows of a view as they are: those of u, then those of v, then zeros up to a multiple of kMaxLanes
-// (heba/base/simd.h). Columns as ViewProducts' (and one of zeros more if their number is odd).
+// (heba/kernels/simd.h). Columns as ViewProducts' (and one of zeros more if their number is odd).
 struct ViewRows {
   int size = 0;  // Without the zeros.
   Eigen::MatrixXd columns;

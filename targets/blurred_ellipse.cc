@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "heba/base/column_products.h"
-#include "heba/base/lane_functions.h"
-#include "heba/base/simd.h"
+#include "heba/kernels/gram_matrix.h"
+#include "heba/kernels/lane_functions.h"
+#include "heba/kernels/simd.h"
 
 namespace heba {
 

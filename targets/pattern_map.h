@@ -10,7 +10,7 @@
 
 #include <Eigen/Core>
 
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 
 namespace heba {
 

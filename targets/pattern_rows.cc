@@ -9,9 +9,9 @@
 
 #include <Eigen/LU>
 
-#include "heba/base/column_products.h"
+#include "heba/kernels/gram_matrix.h"
 #include "heba/base/error.h"
-#include "heba/base/lane_functions.h"
+#include "heba/kernels/lane_functions.h"
 
 namespace heba {
 namespace {

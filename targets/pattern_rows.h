@@ -1,5 +1,5 @@
 // How the grey values of a picture differ from those of a pattern, blurred and under light, and how that changes with
-// what is not known of it: the inner loop of FitPattern, several pixels at a time (heba/base/simd.h).
+// what is not known of it: the inner loop of FitPattern, several pixels at a time (heba/kernels/simd.h).
 #pragma once
 
 #include <optional>

@@ -5,9 +5,9 @@
 
 #include <Eigen/Geometry>
 
-#include "heba/base/column_products.h"
-#include "heba/base/lane_functions.h"
-#include "heba/base/simd.h"
+#include "heba/kernels/gram_matrix.h"
+#include "heba/kernels/lane_functions.h"
+#include "heba/kernels/simd.h"
 #include "heba/base/units.h"
 #include "targets/ring_code.h"
 #include "targets/rough_turn.h"

@@ -12,7 +12,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
 #include "tools/console.h"

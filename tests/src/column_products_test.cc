@@ -1,4 +1,4 @@
-#include "heba/base/column_products.h"
+#include "heba/kernels/gram_matrix.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "heba/base/lane_functions.h"
+#include "heba/kernels/lane_functions.h"
 
 #include <cmath>
 

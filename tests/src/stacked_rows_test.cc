@@ -1,8 +1,8 @@
-#include "heba/base/stacked_rows.h"
+#include "heba/kernels/stacked_rows.h"
 
 #include <gtest/gtest.h>
 
-#include "heba/base/small_matrix.h"
+#include "heba/kernels/small_matrix.h"
 #include "tests/support/simd_sets.h"
 
 namespace heba {

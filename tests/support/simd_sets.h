@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 
 namespace heba {
 

@@ -4,9 +4,9 @@
 
 #include <benchmark/benchmark.h>
 
-#include "heba/base/column_products.h"
+#include "heba/kernels/gram_matrix.h"
 #include "heba/base/error.h"
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 #include "solvers/motion_sums.h"
 #include "solvers/view_reduction.h"
 #include "tools/bench/workloads.h"

@@ -16,7 +16,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/bundle_adjustment.h"
 #include "solvers/cross_validation.h"

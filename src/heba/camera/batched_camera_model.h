@@ -13,7 +13,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 #include "heba/camera/camera_model.h"
 
 namespace heba {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 
 namespace heba {
 

@@ -29,7 +29,7 @@ struct ProjectionJacobian {
 };
 
 // Some points and their images, for kernels. Those after `size`, up to a
-// multiple of kMaxLanes (heba/base/simd.h), are calculated too: PadBatch.
+// multiple of kMaxLanes (heba/kernels/simd.h), are calculated too: PadBatch.
 struct ProjectionBatch {
   static constexpr int kCapacity = 64;
   static constexpr int kMaxDistortion = 16;

@@ -1,10 +1,10 @@
-#include "heba/base/stacked_rows.h"
+#include "heba/kernels/stacked_rows.h"
 
 #include <algorithm>
 #include <numeric>
 
 #include "heba/base/error.h"
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 
 namespace heba {
 

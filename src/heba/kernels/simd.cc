@@ -1,4 +1,4 @@
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 
 #include <algorithm>
 #include <cstdlib>

@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 
 namespace heba {
 
@@ -16,7 +16,7 @@ class ColumnProducts {
   // `stride`: how far apart columns begin in what Add is given; `most_rows`: that it is given in all.
   ColumnProducts(int num_columns, Eigen::Index stride, Eigen::Index most_rows = std::numeric_limits<int>::max());
 
-  // Adds `num_rows` rows, which the caller pads with zeros to a multiple of kMaxLanes (heba/base/simd.h). Of an odd
+  // Adds `num_rows` rows, which the caller pads with zeros to a multiple of kMaxLanes (heba/kernels/simd.h). Of an odd
   // number of columns there must be one more, which may hold anything.
   void Add(const double* columns, Eigen::Index num_rows);
 

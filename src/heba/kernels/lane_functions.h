@@ -1,4 +1,4 @@
-// Functions of several numbers at once (heba/base/simd.h), as kernels need them. V is double or lanes of it.
+// Functions of several numbers at once (heba/kernels/simd.h), as kernels need them. V is double or lanes of it.
 #pragma once
 
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <cstring>
 #include <type_traits>
 
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 
 namespace heba {
 

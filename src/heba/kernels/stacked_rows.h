@@ -3,7 +3,7 @@
 
 #include <Eigen/Core>
 
-#include "heba/base/column_products.h"
+#include "heba/kernels/gram_matrix.h"
 
 namespace heba {
 

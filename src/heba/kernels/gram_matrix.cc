@@ -1,10 +1,10 @@
-#include "heba/base/column_products.h"
+#include "heba/kernels/gram_matrix.h"
 
 #include <algorithm>
 #include <numeric>
 
 #include "heba/base/error.h"
-#include "heba/base/simd.h"
+#include "heba/kernels/simd.h"
 
 namespace heba {
 namespace {
