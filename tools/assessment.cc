@@ -8,8 +8,8 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
-#include "solvers/pose_selection.h"
-#include "solvers/target_location.h"
+#include "solvers/initial/pose_selection.h"
+#include "solvers/calibration/target_location.h"
 #include "tools/captures.h"
 
 namespace heba {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "heba/evaluation/evaluation.h"
-#include "solvers/calibration.h"
-#include "solvers/cross_validation.h"
+#include "solvers/calibration/calibration.h"
+#include "solvers/calibration/cross_validation.h"
 #include "targets/detection.h"
 #include "tools/console.h"
 #include "tools/run_config.h"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "solvers/calibration.h"
+#include "solvers/calibration/calibration.h"
 #include "targets/detection.h"
 #include "targets/target.h"
 #include "tools/console.h"

@@ -13,7 +13,7 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/result_file.h"
-#include "solvers/calibration.h"
+#include "solvers/calibration/calibration.h"
 #include "targets/guided_detection.h"
 #include "targets/image.h"
 #include "tools/assessment.h"

@@ -7,8 +7,8 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/io/camera_file.h"
-#include "solvers/hand_eye_method.h"
-#include "solvers/loss.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/residuals/loss.h"
 #include "tools/capture_section.h"
 #include "tools/robot_noise_config.h"
 

@@ -12,7 +12,7 @@
 #include "heba/data/setup.h"
 #include "heba/io/import.h"
 #include "heba/io/pose_formats.h"
-#include "solvers/calibration.h"
+#include "solvers/calibration/calibration.h"
 #include "targets/detection.h"
 #include "targets/target.h"
 

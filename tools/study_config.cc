@@ -5,8 +5,8 @@
 
 #include "heba/base/error.h"
 #include "heba/config/yaml_reader.h"
-#include "solvers/hand_eye_method.h"
-#include "solvers/loss.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/residuals/loss.h"
 #include "targets/detection.h"
 #include "tools/robot_noise_config.h"
 #include "tools/scene_config.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "solvers/study.h"
+#include "solvers/calibration/study.h"
 
 namespace heba {
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "solvers/hand_eye_method.h"
+#include "solvers/closed_form/hand_eye_method.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
 

@@ -1,9 +1,9 @@
-#include "solvers/advice.h"
+#include "solvers/calibration/diagnostics.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "solvers/bundle_adjustment.h"
+#include "solvers/refine/bundle_adjustment.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

@@ -1,14 +1,14 @@
-#include "solvers/bundle_adjustment.h"
+#include "solvers/refine/bundle_adjustment.h"
 
 #include <gtest/gtest.h>
 
-#include "solvers/calibration.h"
-#include "solvers/cross_validation.h"
-#include "solvers/hand_eye_method.h"
-#include "solvers/information.h"
-#include "solvers/inliers.h"
-#include "solvers/intrinsics_seed.h"
-#include "solvers/robot_noise.h"
+#include "solvers/calibration/calibration.h"
+#include "solvers/calibration/cross_validation.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/uncertainty/information.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/initial/initial_intrinsics.h"
+#include "solvers/uncertainty/robot_noise.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
 

@@ -1,9 +1,9 @@
-#include "solvers/calibration.h"
+#include "solvers/calibration/calibration.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "solvers/hand_eye_method.h"
+#include "solvers/closed_form/hand_eye_method.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

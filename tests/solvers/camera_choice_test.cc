@@ -1,4 +1,4 @@
-#include "solvers/camera_choice.h"
+#include "solvers/calibration/camera_choice.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

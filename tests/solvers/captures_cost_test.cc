@@ -1,12 +1,12 @@
-#include "solvers/captures_cost.h"
+#include "solvers/refine/captures_cost.h"
 
 #include <functional>
 
 #include <gtest/gtest.h>
 
 #include "heba/geometry/pose_block.h"
-#include "solvers/inliers.h"
-#include "solvers/view_reduction.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/residuals/view_reduction.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

@@ -1,4 +1,4 @@
-#include "solvers/chain.h"
+#include "solvers/refine/pose_refinement.h"
 
 #include <cmath>
 
@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
 
-#include "solvers/hand_eye_method.h"
-#include "solvers/pose_selection.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/initial/pose_selection.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
 

@@ -8,7 +8,7 @@
 
 #include "heba/base/rng.h"
 #include "heba/evaluation/metrics.h"
-#include "solvers/bundle_adjustment.h"
+#include "solvers/refine/bundle_adjustment.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

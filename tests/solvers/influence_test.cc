@@ -1,11 +1,11 @@
-#include "solvers/influence.h"
+#include "solvers/uncertainty/influence.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-#include "solvers/bundle_adjustment.h"
+#include "solvers/refine/bundle_adjustment.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

@@ -1,11 +1,11 @@
-#include "solvers/model_choice.h"
+#include "solvers/calibration/model_choice.h"
 
 #include <cmath>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "solvers/calibration.h"
+#include "solvers/calibration/calibration.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

@@ -1,4 +1,4 @@
-#include "solvers/motion_sums.h"
+#include "solvers/closed_form/motion_sums.h"
 
 #include <array>
 #include <cmath>

@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "solvers/hand_eye_method.h"
+#include "solvers/closed_form/hand_eye_method.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
 #include "tools/bench/opencv_calibration.h"

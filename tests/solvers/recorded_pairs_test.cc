@@ -9,7 +9,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/setup.h"
-#include "solvers/hand_eye_method.h"
+#include "solvers/closed_form/hand_eye_method.h"
 #include "tests/support/data_sets.h"
 
 namespace heba {

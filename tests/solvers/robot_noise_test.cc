@@ -1,4 +1,4 @@
-#include "solvers/robot_noise.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 #include <pthread.h>
 #include <sys/mman.h>
@@ -12,7 +12,7 @@
 #include <Eigen/Cholesky>
 
 #include "heba/geometry/pose_block.h"
-#include "solvers/bundle_adjustment.h"
+#include "solvers/refine/bundle_adjustment.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

@@ -7,10 +7,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "solvers/calibration.h"
-#include "solvers/hand_eye_method.h"
-#include "solvers/inliers.h"
-#include "solvers/multi_start.h"
+#include "solvers/calibration/calibration.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/calibration/multi_start.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
 

@@ -1,6 +1,6 @@
 // Studies themselves: the bound is that of an independent formula, the refinement reaches it, trials follow from their
 // numbers.
-#include "solvers/study.h"
+#include "solvers/calibration/study.h"
 
 #include <cmath>
 

@@ -1,9 +1,9 @@
-#include "solvers/target_location.h"
+#include "solvers/calibration/target_location.h"
 
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
 
-#include "solvers/bundle_adjustment.h"
+#include "solvers/refine/bundle_adjustment.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

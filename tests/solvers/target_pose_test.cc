@@ -1,11 +1,11 @@
-#include "solvers/target_pose.h"
+#include "solvers/initial/target_pose.h"
 
 #include <gtest/gtest.h>
 
 #include "heba/camera/camera_model.h"
 #include "heba/geometry/pose_block.h"
-#include "solvers/hand_eye_method.h"
-#include "solvers/pose_selection.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/initial/pose_selection.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
 

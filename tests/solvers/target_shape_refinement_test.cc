@@ -5,9 +5,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "solvers/bundle_adjustment.h"
-#include "solvers/calibration.h"
-#include "solvers/robot_noise.h"
+#include "solvers/refine/bundle_adjustment.h"
+#include "solvers/calibration/calibration.h"
+#include "solvers/uncertainty/robot_noise.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
 

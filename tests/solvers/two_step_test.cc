@@ -6,9 +6,9 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/units.h"
-#include "solvers/hand_eye_method.h"
-#include "solvers/target_pose.h"
-#include "solvers/two_step_motion.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/initial/target_pose.h"
+#include "solvers/closed_form/two_step_motion.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
 

@@ -1,4 +1,4 @@
-#include "solvers/variance_components.h"
+#include "solvers/uncertainty/variance_components.h"
 
 #include <cmath>
 #include <random>

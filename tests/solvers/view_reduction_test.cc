@@ -1,4 +1,4 @@
-#include "solvers/view_reduction.h"
+#include "solvers/residuals/view_reduction.h"
 
 #include <functional>
 #include <utility>
@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "solvers/inliers.h"
+#include "solvers/residuals/inliers.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

@@ -1,11 +1,11 @@
-#include "solvers/wrong_captures.h"
+#include "solvers/calibration/capture_rejection.h"
 
 #include <set>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "solvers/calibration.h"
+#include "solvers/calibration/calibration.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

@@ -7,8 +7,8 @@
 #include "heba/kernels/gram_matrix.h"
 #include "heba/base/error.h"
 #include "heba/kernels/simd.h"
-#include "solvers/motion_sums.h"
-#include "solvers/view_reduction.h"
+#include "solvers/closed_form/motion_sums.h"
+#include "solvers/residuals/view_reduction.h"
 #include "tools/bench/workloads.h"
 
 namespace heba {

@@ -3,7 +3,7 @@
 #include "heba/base/error.h"
 #include "heba/base/rng.h"
 #include "heba/simulation/scene.h"
-#include "solvers/hand_eye_method.h"
+#include "solvers/closed_form/hand_eye_method.h"
 
 namespace heba {
 

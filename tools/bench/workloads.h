@@ -5,8 +5,8 @@
 
 #include "heba/data/problem.h"
 #include "heba/evaluation/metrics.h"
-#include "solvers/calibration.h"
-#include "solvers/study.h"
+#include "solvers/calibration/calibration.h"
+#include "solvers/calibration/study.h"
 
 namespace heba {
 

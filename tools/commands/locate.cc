@@ -9,7 +9,7 @@
 #include "heba/io/result_file.h"
 #include "heba/robot/ur_kinematics.h"
 #include "heba/robot/urdf_arm.h"
-#include "solvers/target_location.h"
+#include "solvers/calibration/target_location.h"
 #include "targets/detection.h"
 #include "tools/capture_section.h"
 #include "tools/command.h"

@@ -4,7 +4,7 @@
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "solvers/target_pose.h"
+#include "solvers/initial/target_pose.h"
 #include "tools/captures.h"
 #include "tools/run_figures.h"
 

@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "solvers/pose_consistency.h"
-#include "solvers/usable_views.h"
+#include "solvers/initial/pose_consistency.h"
+#include "solvers/initial/usable_views.h"
 #include "targets/detection.h"
 #include "tools/console.h"
 #include "tools/run_config.h"

@@ -21,7 +21,7 @@ struct Observations {
   // Detection::covariances_px2; empty if the detector did not say.
   std::vector<Eigen::MatrixXd> covariances_px2;
   // Lower triangular matrices, one for each of the covariances: residuals multiplied by them are uncorrelated and have
-  // one common sigma (solvers/noise_scale.h). Empty: all coordinates count alike.
+  // one common sigma (solvers/residuals/noise_scale.h). Empty: all coordinates count alike.
   std::vector<Eigen::MatrixXd> whitening;
 
   double RadiusM(Eigen::Index i) const { return radii_m.size() > 0 ? radii_m[i] : 0; }

@@ -29,7 +29,7 @@ struct Errors {
   std::optional<TruthErrors> truth;
 };
 
-// The refinements' names: of the captures' poses (solvers/chain.h), and of the reprojection error.
+// The refinements' names: of the captures' poses (solvers/refine/pose_refinement.h), and of the reprojection error.
 inline constexpr const char* kChainMethod = "chain";
 inline constexpr const char* kBundleMethod = "bundle";
 
@@ -56,7 +56,7 @@ struct CaptureResult {
   std::optional<double> rms_px;  // With the refined estimate, from the robot's pose as it was given.
   // The gripper as the pictures have it, in the gripper's frame as the robot had it; if the robot is noisy.
   std::optional<Rigid3d> correction;
-  // What the refined hand-eye pose would move by without this capture (solvers/influence.h).
+  // What the refined hand-eye pose would move by without this capture (solvers/uncertainty/influence.h).
   std::optional<CaptureMove> move_without;
   // The capture of which this one is a copy, image and pose; empty for all others. Copies are not used.
   std::string repeat_of = {};
@@ -77,11 +77,11 @@ struct WorkingPoint {
   Eigen::Vector3d in_camera_m = Eigen::Vector3d::Zero();  // The target's middle.
   // How well the calibration knows the place of a target that is seen there, in the frame of the camera's mount, along
   // the camera's axes. What is wrong of the hand-eye pose and of the intrinsics goes together, and in part cancels
-  // (solvers/target_location.h).
+  // (solvers/calibration/target_location.h).
   Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();
 };
 
-// A model of the errors that was compared with others (solvers/model_choice.h).
+// A model of the errors that was compared with others (solvers/calibration/model_choice.h).
 struct ModelEntry {
   std::string name;
   double log_likelihood = 0;

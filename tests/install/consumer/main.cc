@@ -4,7 +4,7 @@
 #include <cstdio>
 
 #include "heba/camera/camera.h"
-#include "solvers/hand_eye_method.h"
+#include "solvers/closed_form/hand_eye_method.h"
 #include "targets/image.h"
 #include "targets/target.h"
 

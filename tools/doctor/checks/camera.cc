@@ -5,8 +5,8 @@
 
 #include "heba/base/median.h"
 #include "heba/base/text.h"
-#include "solvers/camera_choice.h"
-#include "solvers/intrinsics_seed.h"
+#include "solvers/calibration/camera_choice.h"
+#include "solvers/initial/initial_intrinsics.h"
 #include "tools/captures.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"

@@ -1,7 +1,7 @@
 // Does the motion show the hand-eye pose?
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "solvers/motion_analysis.h"
+#include "solvers/closed_form/motion_analysis.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 

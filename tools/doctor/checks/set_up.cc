@@ -1,5 +1,5 @@
 // What the data cannot tell: where the camera is.
-#include "solvers/pose_consistency.h"
+#include "solvers/initial/pose_consistency.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 

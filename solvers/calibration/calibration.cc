@@ -1,0 +1,493 @@
+#include "solvers/calibration/calibration.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "heba/base/error.h"
+#include "heba/base/median.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "solvers/calibration/diagnostics.h"
+#include "solvers/uncertainty/capture_outliers.h"
+#include "solvers/refine/pose_refinement.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/uncertainty/influence.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/initial/initial_intrinsics.h"
+#include "solvers/calibration/multi_start.h"
+#include "solvers/initial/pose_selection.h"
+#include "solvers/initial/target_pose.h"
+#include "solvers/closed_form/two_step_motion.h"
+#include "solvers/initial/usable_views.h"
+#include "solvers/calibration/capture_rejection.h"
+
+namespace heba {
+namespace {
+
+// Views with too few points for a pose of their own can still refine what the others found: in the chain each point
+// counts. Those that agree with the refinement join it; it stays as it was if the larger one fails.
+void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& options, Calibration* calibration) {
+  // A board that can be read in several orders needs a pose to say in which it was.
+  if (options.symmetries.size() > 1) return;
+  const Solution& solution = *calibration->refined;
+  const std::optional<SquaredErrors> used =
+      ReprojectionErrors(solution.hand_eye, solution.camera, Shaped(calibration->views, solution.shape));
+  if (!used || !used->RmsPx()) return;
+  constexpr double kMaxRatio = 3;
+  std::vector<View> joined = calibration->views;
+  std::vector<UnusedView> unused;
+  for (const UnusedView& entry : calibration->unused) {
+    const auto view =
+        std::find_if(views.begin(), views.end(), [&](const View& candidate) { return candidate.name == entry.name; });
+    CHECK(view != views.end());
+    const int num_points = view->observations.size();
+    if (num_points == 0 || num_points >= kMinPosePoints) {
+      unused.push_back(entry);
+      continue;
+    }
+    const std::optional<SquaredErrors> errors =
+        ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
+                   Shaped(view->observations, solution.shape));
+    if (errors && *errors->RmsPx() <= kMaxRatio * *used->RmsPx()) {
+      joined.push_back(*view);
+    } else {
+      unused.push_back({entry.name, std::to_string(num_points) + " points, too few for a pose, and not where the "
+                                                                 "other captures say"});
+    }
+  }
+  if (joined.size() == calibration->views.size()) {
+    calibration->unused = std::move(unused);
+    return;
+  }
+  Outcome<Solution> refined =
+      RefineHandEye({solution.camera, joined, options.setup, solution.shape}, solution.hand_eye, calibration->bundle);
+  if (!refined) return;
+  calibration->refined = std::move(refined);
+  calibration->views = std::move(joined);
+  calibration->unused = std::move(unused);
+}
+
+MethodResult ResultOf(const HandEyeMethod& method, Outcome<HandEye> hand_eye, const Calibration& calibration) {
+  MethodResult result;
+  result.method = method.name;
+  result.hand_eye = std::move(hand_eye);
+  if (result.hand_eye) {
+    const std::optional<SquaredErrors> errors =
+        ReprojectionErrors(*result.hand_eye, calibration.camera, calibration.views);
+    if (errors) result.reprojection_rms_px = errors->RmsPx();
+  }
+  return result;
+}
+
+// Every method runs, if only to be a seed. `known`: what they have been found to make of the pairs.
+std::vector<MethodResult> RunMethods(const Calibration& calibration,
+                                     const std::vector<std::optional<Outcome<HandEye>>>& known = {}) {
+  std::vector<MethodResult> results;
+  const HandEyeInput input(calibration.pairs);
+  for (size_t i = 0; i < HandEyeMethods().size(); ++i) {
+    const HandEyeMethod& method = HandEyeMethods()[i];
+    results.push_back(ResultOf(method, i < known.size() && known[i] ? *known[i] : method.solve(input), calibration));
+  }
+  return results;
+}
+
+const MethodResult* FindResult(const std::vector<MethodResult>& results, const std::string& name) {
+  const auto found =
+      std::find_if(results.begin(), results.end(), [&](const MethodResult& r) { return r.method == name; });
+  return found == results.end() ? nullptr : &*found;
+}
+
+// The starts of the refinement, the one to begin with first. Empty if there is none.
+std::vector<Seed> SeedsOf(const std::vector<MethodResult>& results, const std::string& wanted,
+                          const Calibration& calibration) {
+  // By RMS; a capture that a method hides must not hide which of them explains the others.
+  constexpr double kHides = 1e6;
+  std::vector<std::pair<double, size_t>> order;
+  for (size_t i = 0; i < results.size(); ++i) {
+    if (!results[i].hand_eye) continue;
+    const double scale_px = RobustScalePx(calibration.camera, calibration.views, *results[i].hand_eye);
+    if (!results[i].reprojection_rms_px && !std::isfinite(scale_px)) continue;
+    order.emplace_back(results[i].method == wanted ? -1 : results[i].reprojection_rms_px.value_or(kHides + scale_px),
+                       i);
+  }
+  std::sort(order.begin(), order.end());
+  std::vector<Seed> seeds;
+  for (const auto& [rank, i] : order) seeds.push_back({results[i].method, *results[i].hand_eye});
+  return seeds;
+}
+
+std::vector<MethodResult> Reported(const std::vector<MethodResult>& results, const std::vector<std::string>& names) {
+  // A method that does not suit the motion says why.
+  if (names.empty()) return results;
+  std::vector<MethodResult> reported;
+  for (const std::string& name : names) {
+    const MethodResult* result = FindResult(results, name);
+    CHECK(result != nullptr) << name;
+    reported.push_back(*result);
+  }
+  return reported;
+}
+
+// What a capture's picture says about its pose, in words.
+std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup setup) {
+  entry.observations = Shaped(entry.observations, solution.shape);
+  const std::vector<PosePair> seen = PairsAsSeen(solution.camera, solution.hand_eye, {entry});
+  const std::optional<SquaredErrors> own =
+      seen.empty() ? std::nullopt : ViewErrors(solution.camera, seen.front().camera_from_target, entry.observations);
+  constexpr double kMisfitRatio = 8;
+  if (!own || *own->RmsPx() > kMisfitRatio * solution.pixel_sigma_px) {
+    return "its points do not fit the target" + (own ? " (" + Significant(*own->RmsPx(), 2) + " px rms)" : "") +
+           " and are not where the other captures say: probably read wrongly";
+  }
+  const Rigid3d correction =
+      CorrectionFor(setup, solution.hand_eye, entry.camera_mount_from_target_mount, seen.front().camera_from_target);
+  return "contradicts the other captures: by its picture the gripper was " +
+         Significant(1000 * correction.translation.norm(), 2) + " mm and " +
+         Significant(RadToDeg(AngleRad(Rigid3d(), correction)), 2) +
+         " deg from the robot's pose (chance of that: " + ShownChance(p_value) +
+         "); wrong pose for the picture, robot not settled, or target read wrongly";
+}
+
+// The design of a target of which nothing but the views' points is known.
+TargetShape ShapeOf(const std::vector<View>& views) {
+  Eigen::Index num_points = 0;
+  for (const View& view : views) num_points += view.observations.size();
+  Points3 points(3, num_points);
+  Eigen::Index first = 0;
+  for (const View& view : views) {
+    points.middleCols(first, view.observations.size()) = view.observations.points_in_target;
+    first += view.observations.size();
+  }
+  return num_points > 0 ? DesignedShape(points) : TargetShape();
+}
+
+// The problem that the calibration's views pose.
+Problem ProblemOf(const Calibration& calibration, const CalibrationOptions& options) {
+  return {calibration.camera, calibration.views, options.setup, options.shape};
+}
+
+// The refinement of the calibration's views with what may be unknown of the target's shape, where the captures
+// determine that: a bent target must not look like wrong captures. `first` is the solution without.
+Solution WithOpenShape(const Problem& problem, const Solution& first, const CalibrationOptions& options,
+                       BundleOptions* bundle) {
+  if (!options.choose.target_shape) return first;
+  // The largest that is determined.
+  std::vector<std::vector<TargetShapeGroup>> shapes = TargetShapeCombinations();
+  std::reverse(shapes.begin(), shapes.end());
+  for (const std::vector<TargetShapeGroup>& shape : shapes) {
+    if (shape.empty()) break;
+    BundleOptions open = *bundle;
+    open.free_shape = shape;
+    Outcome<Solution> solution = RefineHandEye(problem, first.hand_eye, open);
+    if (!solution) continue;
+    *bundle = open;
+    return *solution;
+  }
+  return first;
+}
+
+// Names the captures that contradict the others and leaves them out. `bundle`: the options of the refinement so far,
+// which takes the robot as exact: what the robot is off by is the test's to find.
+void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions& options, const Solution& solution,
+                           std::vector<View>* left_out, Calibration* calibration) {
+  const JudgedCaptures judged = JudgeCaptures(ProblemOf(*calibration, options), solution, bundle);
+  calibration->num_kept_against_test = judged.num_kept_against_test;
+  calibration->refined = judged.solution;
+  const int num_wrong = judged.NumWrong();
+  if (num_wrong == 0) return;
+  if (2 * static_cast<size_t>(num_wrong) > judged.verdicts.size()) {
+    calibration->refined =
+        Failure{std::to_string(num_wrong) + " of " + std::to_string(judged.verdicts.size()) +
+                " captures contradict any one calibration; do images and poses belong together, and do the poses "
+                "mean what the config says (pose_format, poses_are, setup)?"};
+    return;
+  }
+  std::vector<View> views;
+  std::vector<PosePair> pairs;
+  for (size_t i = 0; i < judged.verdicts.size(); ++i) {
+    if (judged.verdicts[i].is_wrong) {
+      left_out->push_back(calibration->views[i]);
+      continue;
+    }
+    views.push_back(calibration->views[i]);
+    if (i < calibration->pairs.size()) pairs.push_back(calibration->pairs[i]);
+  }
+  calibration->views = std::move(views);
+  calibration->pairs = std::move(pairs);
+}
+
+// Chooses the model of the errors and refines with it, all points judged anew under it.
+Outcome<Solution> RefineWithChosenModel(const CalibrationOptions& options, const Solution& start,
+                                        Calibration* calibration) {
+  Problem problem = ProblemOf(*calibration, options);
+  problem.camera = start.camera;
+  const Outcome<ModelChoice> choice = ChooseModel(problem, start.hand_eye, options.bundle, options.choose);
+  if (!choice) return Failure{choice.reason()};
+  calibration->bundle = choice->options;
+  calibration->alternatives = choice->alternatives;
+  // One model is fitted to its own points already.
+  if (choice->alternatives.empty()) return choice->solution;
+  if (choice->solution.robot_noise) calibration->bundle.robot_noise_start = *choice->solution.robot_noise;
+  Problem all = ProblemOf(*calibration, options);
+  all.camera = choice->solution.camera;
+  all.shape = choice->solution.shape;
+  return RefineHandEye(all, choice->solution.hand_eye, calibration->bundle);
+}
+
+// The captures that were left out, by the estimate of the others.
+std::vector<CaptureVerdict> TestLeftOut(const std::vector<View>& left_out, const CalibrationOptions& options,
+                                        const Calibration& calibration) {
+  const Solution& solution = *calibration.refined;
+  return TestAgainst(ProblemOf(calibration, options), solution, FreeOf(solution.camera.Model(), calibration.bundle),
+                     left_out);
+}
+
+// Captures that were left out, but that the final estimate explains, come back.
+void TakeBackCaptures(const CalibrationOptions& options, std::vector<View>* left_out, Calibration* calibration) {
+  constexpr int kMaxRounds = 3;
+  for (int round = 0; round < kMaxRounds && calibration->refined && !left_out->empty(); ++round) {
+    const std::vector<CaptureVerdict> verdicts = TestLeftOut(*left_out, options, *calibration);
+    std::vector<View> still_out;
+    Calibration larger = *calibration;
+    for (size_t k = 0; k < left_out->size(); ++k) {
+      (verdicts[k].is_wrong ? still_out : larger.views).push_back((*left_out)[k]);
+    }
+    if (still_out.size() == left_out->size()) return;
+    larger.refined = RefineWithChosenModel(options, *calibration->refined, &larger);
+    if (!larger.refined) return;
+    *calibration = std::move(larger);
+    *left_out = std::move(still_out);
+  }
+}
+
+// The captures that stay out, with the reason that the final estimate gives.
+void NameLeftOut(const std::vector<View>& left_out, const CalibrationOptions& options, Calibration* calibration) {
+  if (left_out.empty()) return;
+  const std::vector<CaptureVerdict> verdicts = TestLeftOut(left_out, options, *calibration);
+  for (size_t k = 0; k < left_out.size(); ++k) {
+    calibration->unused.push_back(
+        {left_out[k].name, WhyWrong(left_out[k], verdicts[k].p_value, *calibration->refined, options.setup)});
+  }
+}
+
+// The points that the refinement left out serve no other method and no figure either: all are judged by the same ones.
+// Whether there were any.
+bool LeaveOutRejected(Calibration* calibration) {
+  const Solution& solution = *calibration->refined;
+  const bool has_rejected = std::any_of(solution.rejected_ids.begin(), solution.rejected_ids.end(),
+                                        [](const std::vector<int>& ids) { return !ids.empty(); });
+  if (!has_rejected) return false;
+  // Views that keep enough points for a pose first, each of the two groups in its order.
+  std::vector<size_t> order;
+  std::vector<Observations> kept;
+  for (size_t i = 0; i < calibration->views.size(); ++i) {
+    kept.push_back(WithoutPoints(calibration->views[i].observations, solution.rejected_ids[i]));
+    order.push_back(i);
+  }
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+    const auto rank = [&](size_t i) { return kept[i].size() >= kMinPosePoints ? 0 : kept[i].size() > 0 ? 1 : 2; };
+    return rank(a) < rank(b);
+  });
+  Calibration cleaned = *calibration;
+  for (size_t k = 0; k < order.size(); ++k) {
+    const size_t i = order[k];
+    cleaned.views[k] = calibration->views[i];
+    cleaned.views[k].observations = kept[i];
+    cleaned.refined->rejected_ids[k] = solution.rejected_ids[i];
+    if (!solution.corrections.empty()) cleaned.refined->corrections[k] = solution.corrections[i];
+  }
+  // A capture without a point is not used.
+  while (!cleaned.views.empty() && cleaned.views.back().observations.ids.empty()) {
+    const size_t num_points = cleaned.refined->rejected_ids.back().size();
+    cleaned.unused.push_back({cleaned.views.back().name,
+                              "none of its " + std::to_string(num_points) +
+                                  " points is where the estimate from the other captures says: the target was probably "
+                                  "read wrongly, or the robot's pose is not this image's"});
+    cleaned.views.pop_back();
+    cleaned.refined->rejected_ids.pop_back();
+    if (!cleaned.refined->corrections.empty()) cleaned.refined->corrections.pop_back();
+  }
+  cleaned.pairs = PairsAsSeen(cleaned.camera, solution.hand_eye, cleaned.views);
+  *calibration = std::move(cleaned);
+  return true;
+}
+
+}  // namespace
+
+Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options_in) {
+  CalibrationOptions options = options_in;
+  if (options.shape.half_size_m.isZero(0)) options.shape = ShapeOf(views);
+  Calibration calibration;
+  calibration.camera_was_given = options.camera.has_value();
+  if (options.camera) {
+    calibration.camera = *options.camera;
+  } else if (options.choose_camera_model) {
+    Outcome<CameraChoice> choice = ChooseCameraModel(views, options.width_px, options.height_px);
+    if (!choice) return Failure{choice.reason()};
+    calibration.camera = choice->camera;
+    calibration.camera_alternatives = choice->alternatives;
+  } else {
+    Outcome<Camera> camera =
+        EstimateIntrinsics(views, options.camera_model, options.width_px, options.height_px, options.camera_start);
+    if (!camera) return Failure{camera.reason()};
+    calibration.camera = *camera;
+  }
+  SortedViews sorted = SortViews(views, calibration.camera);
+  calibration.views = std::move(sorted.posed);
+  calibration.unused = std::move(sorted.too_small);
+  const bool has_roles = std::any_of(views.begin(), views.end(), [](const View& view) { return !view.role.empty(); });
+  if (!has_roles) {
+    const std::vector<std::string> roles = FindTwoStepRoles(options.setup, calibration.views);
+    for (size_t i = 0; i < roles.size(); ++i) calibration.views[i].role = roles[i];
+  }
+  const ChosenPoses chosen = ChoosePoses(calibration.camera, calibration.views, sorted.poses, options.symmetries);
+  calibration.pairs = chosen.pairs;
+  for (size_t i = 0; i < calibration.views.size(); ++i) {
+    const Rigid3d& symmetry = options.symmetries[static_cast<size_t>(chosen.symmetry[i])];
+    Points3& points = calibration.views[i].observations.points_in_target;
+    points = ((symmetry.RotationMatrix() * points).colwise() + symmetry.translation).eval();
+  }
+
+  const size_t num_views = calibration.views.size();
+  const size_t num_pairs = calibration.pairs.size();
+  std::vector<MethodResult> results = RunMethods(calibration, chosen.solutions);
+  const MethodResult* wanted = options.seed == kBestSeed ? nullptr : FindResult(results, options.seed);
+  CHECK(options.seed == kBestSeed || wanted != nullptr) << options.seed;
+  const std::vector<Seed> seeds = SeedsOf(results, options.seed, calibration);
+  if (seeds.empty() || (wanted != nullptr && !wanted->hand_eye)) {
+    // The methods agree on why there is none where the motion is to blame.
+    std::string reason = wanted != nullptr ? wanted->hand_eye.reason() : "";
+    for (const MethodResult& result : results) {
+      const bool suits = FindHandEyeMethod(result.method)->motion == MethodMotion::kAny;
+      if (reason.empty() && suits) reason = result.hand_eye.reason();
+    }
+    if (reason.empty()) reason = "every closed form puts the target behind the camera; check set-up and pose direction";
+    for (size_t i = 0; i < sorted.misfits.size(); ++i) {
+      calibration.unused.push_back({sorted.misfits[i].name, sorted.misfit_reasons[i]});
+    }
+    calibration.refined = Failure{reason};
+    calibration.methods = Reported(results, options.methods);
+    return calibration;
+  }
+  // Wrong captures are looked for with an exact robot first: a noisy one could explain much.
+  BundleOptions first = options.bundle;
+  const bool drops_wrong = options.bundle.loss != "none";
+  first.robot = BundleOptions::Robot::kExact;
+  if (drops_wrong) first.loss = "truncated";
+  // A view of which some points are wrong has others, which the truncated loss tells apart.
+  for (size_t i = 0; i < sorted.misfits.size(); ++i) {
+    if (drops_wrong && options.symmetries.size() == 1) {
+      calibration.views.push_back(std::move(sorted.misfits[i]));
+    } else {
+      calibration.unused.push_back({sorted.misfits[i].name, sorted.misfit_reasons[i]});
+    }
+  }
+  StartedSolution started = RefineFromSeeds(ProblemOf(calibration, options), calibration.pairs, seeds, first);
+  if (!started.solution && options.choose.target_shape) {
+    // A target of another size than the design's leaves residuals that no camera is determined by.
+    BundleOptions scaled = first;
+    scaled.free_shape = {TargetShapeGroup::kScale};
+    StartedSolution other = RefineFromSeeds(ProblemOf(calibration, options), calibration.pairs, seeds, scaled);
+    if (other.solution) started = std::move(other);
+  }
+  calibration.seed = started.seed;
+  calibration.bundle = options.bundle;
+  calibration.refined = std::move(started.solution);
+  std::vector<View> left_out;
+  if (calibration.refined && drops_wrong) {
+    const Solution open = WithOpenShape(ProblemOf(calibration, options), *calibration.refined, options, &first);
+    LeaveOutWrongCaptures(first, options, open, &left_out, &calibration);
+  }
+  if (calibration.refined) {
+    const Solution start = *calibration.refined;
+    calibration.refined = RefineWithChosenModel(options, start, &calibration);
+    TakeBackCaptures(options, &left_out, &calibration);
+    if (calibration.refined) NameLeftOut(left_out, options, &calibration);
+  }
+  const bool has_fewer_points = calibration.refined && LeaveOutRejected(&calibration);
+  // Views may have come and others gone.
+  const bool has_other_views = calibration.views.size() != num_views || calibration.pairs.size() != num_pairs;
+  if (has_fewer_points || has_other_views) results = RunMethods(calibration);
+  calibration.methods = Reported(results, options.methods);
+  if (calibration.refined) {
+    calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
+    AddFewPointViews(views, options, &calibration);
+  }
+  return calibration;
+}
+
+void CalibratePoses(const std::vector<std::string>& methods, const std::string& seed, Calibration* calibration) {
+  const std::vector<MethodResult> results = RunMethods(*calibration);
+  calibration->methods = Reported(results, methods);
+  calibration->refined =
+      Failure{"poses of the target are given, not its points: bundle adjustment needs pictures or corners"};
+  // By the scatter of the target where it stands still: there are no pixels to count.
+  const MethodResult* best = nullptr;
+  double least_mm = std::numeric_limits<double>::infinity();
+  for (const MethodResult& result : results) {
+    if (!result.hand_eye || (seed != kBestSeed && result.method != seed)) continue;
+    const std::optional<BoardScatter> scatter = ComputeBoardScatter(calibration->pairs, *result.hand_eye);
+    if (!scatter || scatter->translation_rms_mm >= least_mm) continue;
+    least_mm = scatter->translation_rms_mm;
+    best = &result;
+  }
+  if (best == nullptr) {
+    std::string reason = "no closed form has a result";
+    for (const MethodResult& result : results) {
+      const bool counts =
+          seed == kBestSeed ? FindHandEyeMethod(result.method)->motion == MethodMotion::kAny : result.method == seed;
+      if (counts && !result.hand_eye) reason = result.hand_eye.reason();
+    }
+    calibration->chain = Failure{reason};
+    return;
+  }
+  calibration->seed = best->method;
+  calibration->chain = RefineChain(calibration->pairs, *best->hand_eye);
+}
+
+std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOptions& options) {
+  const Solution& solution = *calibration.refined;
+  const BundleOptions& bundle = calibration.bundle;
+  const Problem solved = ProblemOf(calibration, options);
+  const ErrorModel model{bundle.robot, bundle.free_shape};
+  std::vector<Finding> findings;
+  const auto add = [&](std::optional<Finding> finding) {
+    if (finding) findings.push_back(std::move(*finding));
+  };
+  add(AdviseOnScale(solution, model));
+  if (calibration.camera_was_given) {
+    add(AdviseOnHeldIntrinsics(solved, solution, bundle, options.choose));
+    add(DescribeCameraUse(calibration.camera, solution, bundle));
+  }
+  for (Finding& finding : AdviseOnModel(solved, solution, bundle, options.choose)) add(std::move(finding));
+  if (calibration.num_kept_against_test > 0) {
+    const std::string count = std::to_string(calibration.num_kept_against_test);
+    add(Finding{Grade::kDoubtful,
+                "captures_scatter",
+                count + " of " + std::to_string(calibration.views.size()) +
+                    " captures contradict the others, but a larger noise of the robot explains all of them better than "
+                    "so many wrong captures: the model is incomplete, and all were kept",
+                "check the robot's own calibration, the target's dimensions and the camera model",
+                {{"captures", calibration.num_kept_against_test}}});
+  }
+  if (bundle.robot_noise_prior && bundle.robot == BundleOptions::Robot::kEstimatedNoise) {
+    add(Finding{Grade::kDoubtful, "few_captures_prior",
+                "the captures show fewer than " + std::to_string(kMinPosesForVariances) +
+                    " poses of the robot, too few to tell its noise: it was assumed to be an industrial arm's (0.05 to "
+                    "1 mm, 0.005 to 0.1 deg)",
+                "take 15 to 25 captures"});
+  }
+  add(AdviseOnCaptures(solved, solution, FreeOf(calibration.camera.Model(), bundle)));
+  add(DescribeModel(model, calibration.alternatives, solution));
+  return findings;
+}
+
+std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,
+                                                            const CalibrationOptions& options) {
+  return MoveWithoutEachView({calibration.camera, calibration.views, options.setup, options.shape},
+                             *calibration.refined, FreeOf(calibration.camera.Model(), calibration.bundle),
+                             LossOfKept(calibration.bundle));
+}
+
+}  // namespace heba

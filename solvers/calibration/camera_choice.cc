@@ -1,0 +1,177 @@
+#include "solvers/calibration/camera_choice.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "heba/base/distributions.h"
+#include "heba/base/units.h"
+#include "heba/evaluation/metrics.h"
+#include "solvers/initial/initial_intrinsics.h"
+#include "solvers/residuals/loss.h"
+#include "solvers/residuals/noise_scale.h"
+#include "solvers/initial/target_pose.h"
+#include "solvers/initial/usable_views.h"
+
+namespace heba {
+namespace {
+
+constexpr double kSignificant = 0.01;
+
+struct FittedCamera {
+  Camera camera;
+  // The squared distances of each usable view's points, px^2; empty where no pose explains the view.
+  std::vector<std::vector<double>> squares_px2;
+};
+
+FittedCamera Measure(const Camera& camera, const std::vector<View>& views) {
+  FittedCamera fitted{camera, {}};
+  for (const View& view : views) {
+    std::vector<double>& squares = fitted.squares_px2.emplace_back();
+    if (view.observations.size() < kMinPosePoints) continue;
+    const std::vector<TargetPose> poses = EstimateTargetPose(camera, view.observations);
+    if (poses.empty()) continue;
+    const std::optional<Points2> residuals = Residuals(camera, poses.front().camera_from_target, view.observations);
+    for (Eigen::Index i = 0; residuals && i < residuals->cols(); ++i)
+      squares.push_back(residuals->col(i).squaredNorm());
+  }
+  return fitted;
+}
+
+// Half of the sum of a robust loss of a view's points; those of a view that a camera does not explain are 20 sigmas
+// off.
+double MinusLogLikelihood(const std::vector<double>& squares_px2, size_t num_points, double sigma_px) {
+  const Loss& huber = *FindLoss("huber");
+  constexpr double kHiddenSigmas = 20;
+  double sum = 0;
+  for (size_t i = 0; i < num_points; ++i) {
+    sum += huber.rho(squares_px2.empty() ? kHiddenSigmas * kHiddenSigmas : squares_px2[i] / (sigma_px * sigma_px));
+  }
+  return 0.5 * sum;
+}
+
+struct Comparison {
+  double gain = 0;    // The difference of the log-likelihoods.
+  double p = 1;       // The chance of so large a gain.
+  double sigmas = 0;  // Vuong's statistic: the gain beyond the parameters' own, in sigmas over views.
+};
+
+Comparison Compare(const FittedCamera& smaller, const FittedCamera& larger, double sigma_px) {
+  std::vector<double> gains;
+  for (size_t v = 0; v < smaller.squares_px2.size(); ++v) {
+    const size_t num_points = std::max(smaller.squares_px2[v].size(), larger.squares_px2[v].size());
+    if (num_points == 0) continue;
+    gains.push_back(MinusLogLikelihood(smaller.squares_px2[v], num_points, sigma_px) -
+                    MinusLogLikelihood(larger.squares_px2[v], num_points, sigma_px));
+  }
+  Comparison comparison;
+  for (const double gain : gains) comparison.gain += gain;
+  const double num_views = static_cast<double>(gains.size());
+  const double mean = comparison.gain / num_views;
+  double variance = 0;
+  for (const double gain : gains) variance += (gain - mean) * (gain - mean) / std::max(1.0, num_views - 1);
+  const double num_more = std::max(
+      1.0, static_cast<double>(larger.camera.params.size()) - static_cast<double>(smaller.camera.params.size()));
+  comparison.p = ChiSquareTail(std::max(0.0, 2 * comparison.gain), num_more);
+  // On average each parameter gains one half by chance.
+  const double scatter = std::sqrt(num_views * variance);
+  comparison.sigmas = scatter > 0 ? (comparison.gain - 0.5 * num_more) / scatter : 0;
+  return comparison;
+}
+
+// One coordinate's sigma; a view's six numbers are free in it.
+double SigmaPx(const FittedCamera& fitted) {
+  std::vector<double> all;
+  for (const std::vector<double>& squares : fitted.squares_px2) all.insert(all.end(), squares.begin(), squares.end());
+  return SigmaFromMedian(std::move(all));
+}
+
+double LogLikelihood(const FittedCamera& fitted, const std::vector<View>& views, double sigma_px) {
+  double sum = 0;
+  for (size_t v = 0; v < views.size(); ++v) {
+    sum -= MinusLogLikelihood(fitted.squares_px2[v], static_cast<size_t>(views[v].observations.size()), sigma_px);
+  }
+  return sum;
+}
+
+// The largest angle between a ray to a point and the optical axis.
+double LargestAngleRad(const Camera& camera, const std::vector<View>& views) {
+  double largest = 0;
+  for (const View& view : views) {
+    for (Eigen::Index i = 0; i < view.observations.pixels.cols(); ++i) {
+      const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, view.observations.pixels.col(i));
+      // Beyond where the distortion folds back there is no ray: as wide as can be.
+      largest = std::max(largest, ray ? std::acos(std::clamp(ray->z(), -1.0, 1.0)) : kPi / 2);
+    }
+  }
+  return largest;
+}
+
+}  // namespace
+
+Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int width_px, int height_px) {
+  std::vector<FittedCamera> fitted;
+  std::string reason;
+  for (const char* model : {"pinhole", "brown4", "brown5", "rational8"}) {
+    // From the smaller model's optimum: a larger one is never worse.
+    std::optional<Camera> start;
+    if (!fitted.empty()) start = ConvertCamera(fitted.back().camera, model);
+    const Outcome<Camera> camera = EstimateIntrinsics(views, model, width_px, height_px);
+    const Outcome<Camera> other =
+        start ? EstimateIntrinsics(views, model, width_px, height_px, start) : Outcome<Camera>(Failure{""});
+    if (!camera && !other) {
+      reason = camera.reason();
+      continue;
+    }
+    std::vector<FittedCamera> found;
+    if (camera) found.push_back(Measure(*camera, views));
+    if (other) found.push_back(Measure(*other, views));
+    const bool takes_second = found.size() == 2 && Compare(found[0], found[1], SigmaPx(found[0])).gain > 0;
+    fitted.push_back(std::move(found[takes_second ? 1 : 0]));
+  }
+  CameraChoice choice;
+  size_t chosen = 0;
+  double sigma_px = 1;
+  if (!fitted.empty()) {
+    sigma_px = SigmaPx(fitted.back());
+    for (size_t i = 0; i < fitted.size(); ++i) {
+      choice.alternatives.push_back({fitted[i].camera.model, LogLikelihood(fitted[i], views, sigma_px),
+                                     static_cast<int>(fitted[i].camera.params.size()), std::nullopt});
+    }
+    // A model is left for any larger one that is better, be it not the next.
+    constexpr double kSigmas = 1;
+    for (size_t i = 0; i < fitted.size(); ++i) {
+      double least_p = 1;
+      bool is_rejected = false;
+      for (size_t k = i + 1; k < fitted.size(); ++k) {
+        const Comparison comparison = Compare(fitted[i], fitted[k], sigma_px);
+        least_p = std::min(least_p, comparison.p);
+        is_rejected = is_rejected || (comparison.p < kSignificant && comparison.sigmas > kSigmas);
+      }
+      if (i + 1 < fitted.size()) choice.alternatives[i].p = least_p;
+      chosen = i;
+      if (!is_rejected) break;
+    }
+  }
+  const double wide_rad = DegToRad(50.0);
+  if (fitted.empty() || LargestAngleRad(fitted[chosen].camera, views) > wide_rad) {
+    const Outcome<Camera> fisheye = EstimateIntrinsics(views, "kannala_brandt4", width_px, height_px);
+    if (fisheye) {
+      FittedCamera measured = Measure(*fisheye, views);
+      if (fitted.empty()) sigma_px = SigmaPx(measured);
+      choice.alternatives.push_back({measured.camera.model, LogLikelihood(measured, views, sigma_px),
+                                     static_cast<int>(measured.camera.params.size()), std::nullopt});
+      const bool is_better = fitted.empty() || Compare(fitted[chosen], measured, sigma_px).gain > 0;
+      if (is_better) {
+        fitted.push_back(std::move(measured));
+        chosen = fitted.size() - 1;
+      }
+    } else if (fitted.empty()) {
+      reason = fisheye.reason();
+    }
+  }
+  if (fitted.empty()) return Failure{reason};
+  choice.camera = fitted[chosen].camera;
+  return choice;
+}
+
+}  // namespace heba

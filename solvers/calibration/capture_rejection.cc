@@ -1,0 +1,165 @@
+#include "solvers/calibration/capture_rejection.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "heba/base/error.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/initial/pose_selection.h"
+#include "solvers/uncertainty/repeated_poses.h"
+
+namespace heba {
+namespace {
+
+std::vector<size_t> MembersOf(const std::vector<CaptureVerdict>& verdicts) {
+  std::vector<size_t> members;
+  for (size_t i = 0; i < verdicts.size(); ++i) {
+    if (!verdicts[i].is_wrong) members.push_back(i);
+  }
+  return members;
+}
+
+Problem PartOf(const Problem& problem, const std::vector<size_t>& views) {
+  Problem part{problem.camera, {}, problem.setup, problem.shape};
+  for (const size_t i : views) part.views.push_back(problem.views[i]);
+  return part;
+}
+
+// A robot whose noise is rounding.
+constexpr RobotNoise kExact = {1e-7, 1e-7};
+
+RobotNoise AtLeast(const RobotNoise& noise, const RobotNoise& least) {
+  return {std::max(noise.translation_m, least.translation_m), std::max(noise.rotation_rad, least.rotation_rad)};
+}
+
+// Two noises of the robot: the members', and that of the captures that are wrong.
+struct Mixture {
+  double log_likelihood = -std::numeric_limits<double>::infinity();  // Restricted, of all views.
+  double ratio = 1;  // The larger of the factors between the two noises' translations and rotations.
+};
+
+// At a solution of the members. The noise of the wrong captures is that of their corrections, which their images tell.
+Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std::vector<CaptureVerdict>& verdicts,
+                  const BundleOptions& options) {
+  const Solution& at = of_members;
+  const RobotNoise robot = AtLeast(*at.robot_noise, kExact);
+  std::vector<Rigid3d> corrections;
+  size_t member = 0;
+  double sum_m2 = 0;
+  double sum_rad2 = 0;
+  double num_wrong = 0;
+  for (size_t i = 0; i < verdicts.size(); ++i) {
+    if (!verdicts[i].is_wrong) {
+      corrections.push_back(at.corrections[member++]);
+      continue;
+    }
+    View view = problem.views[i];
+    view.observations = Shaped(view.observations, at.shape);
+    const std::vector<PosePair> seen = PairsAsSeen(at.camera, at.hand_eye, {view});
+    if (seen.empty()) return {};
+    corrections.push_back(CorrectionFor(problem.setup, at.hand_eye, view.camera_mount_from_target_mount,
+                                        seen.front().camera_from_target));
+    const Tangent6 correction = LocalCoordinates(Rigid3d(), corrections.back());
+    sum_m2 += correction.head<3>().squaredNorm();
+    sum_rad2 += correction.tail<3>().squaredNorm();
+    ++num_wrong;
+  }
+  const FreeParameters free = FreeOf(at.camera.Model(), options);
+  std::optional<std::vector<LinearView>> views = LineariseViewsAt(problem, at, corrections, free, *FindLoss("none"));
+  if (!views) return {};
+  Mixture mixture;
+  double choice = 0;
+  if (num_wrong > 0) {
+    const RobotNoise wrong =
+        AtLeast({std::sqrt(sum_m2 / (3 * num_wrong)), std::sqrt(sum_rad2 / (3 * num_wrong))}, robot);
+    const double translations = wrong.translation_m / robot.translation_m;
+    const double rotations = wrong.rotation_rad / robot.rotation_rad;
+    mixture.ratio = std::max(translations, rotations);
+    for (size_t i = 0; i < verdicts.size(); ++i) {
+      if (!verdicts[i].is_wrong) continue;
+      (*views)[i].by_correction.leftCols<3>() *= translations;
+      (*views)[i].by_correction.rightCols<3>() *= rotations;
+    }
+    // Which captures are wrong is chosen after the fact: the logarithm of the number of choices.
+    const double share = num_wrong / static_cast<double>(verdicts.size());
+    choice = -static_cast<double>(verdicts.size()) * (share * std::log(share) + (1 - share) * std::log(1 - share));
+  }
+  VarianceComponents variances;
+  variances.translation_m2 = robot.translation_m * robot.translation_m;
+  variances.rotation_rad2 = robot.rotation_rad * robot.rotation_rad;
+  mixture.log_likelihood =
+      RestrictedLogLikelihood(*views, at.pixel_sigma_px, variances, views->front().by_unknowns.cols()) - choice;
+  return mixture;
+}
+
+// Whether one noise for all captures explains them better than wrong poses beside a better robot.
+bool IsNoiseOfAll(const Problem& problem, const JudgedCaptures& judged, const BundleOptions& options_in) {
+  BundleOptions options = options_in;
+  options.robot = BundleOptions::Robot::kEstimatedNoise;
+  Problem start = problem;
+  start.camera = judged.solution.camera;
+  start.shape = judged.solution.shape;
+  const Outcome<Solution> of_all = RefineHandEye(start, judged.solution.hand_eye, options);
+  if (!of_all) return false;
+  // The same points with the same weights in both.
+  Problem kept = WithoutRejected(start, *of_all);
+  options.loss = "none";
+  const Outcome<Solution> of_members =
+      RefineHandEye(PartOf(kept, MembersOf(judged.verdicts)), judged.solution.hand_eye, options);
+  if (!of_members) return true;
+  Solution in_common_weights = *of_members;
+  in_common_weights.excess_px = of_all->excess_px;
+  const Mixture one_noise = MixtureOf(kept, *of_all, std::vector<CaptureVerdict>(problem.views.size()), options);
+  const Mixture two_noises = MixtureOf(kept, in_common_weights, judged.verdicts, options);
+  return one_noise.log_likelihood >= two_noises.log_likelihood || two_noises.ratio < kDistinct;
+}
+
+}  // namespace
+
+int JudgedCaptures::NumWrong() const {
+  return static_cast<int>(
+      std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& v) { return v.is_wrong; }));
+}
+
+JudgedCaptures JudgeCaptures(const Problem& problem, const Solution& solution, const BundleOptions& options) {
+  const FreeParameters free = FreeOf(problem.camera.Model(), options);
+  JudgedCaptures judged;
+  judged.verdicts.resize(problem.views.size());
+  judged.solution = solution;
+  judged.rejected_ids = solution.rejected_ids;
+  std::vector<size_t> members = MembersOf(judged.verdicts);
+  constexpr int kMaxRounds = 8;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    Solution at = judged.solution;
+    at.rejected_ids = judged.rejected_ids;
+    std::vector<CaptureVerdict> verdicts = TestCaptures(problem, at, free);
+    const std::vector<size_t> next = MembersOf(verdicts);
+    judged.verdicts = std::move(verdicts);
+    if (next == members) break;
+    members = next;
+    Problem part = PartOf(problem, members);
+    part.camera = judged.solution.camera;
+    part.shape = judged.solution.shape;
+    const Outcome<Solution> refined = RefineHandEye(part, judged.solution.hand_eye, options);
+    if (!refined) break;
+    judged.solution = *refined;
+    for (size_t k = 0; k < members.size(); ++k) judged.rejected_ids[members[k]] = refined->rejected_ids[k];
+  }
+  const int num_wrong = judged.NumWrong();
+  if (num_wrong > kMostWrong * static_cast<double>(problem.views.size()) && IsNoiseOfAll(problem, judged, options)) {
+    judged.num_kept_against_test = num_wrong;
+    for (CaptureVerdict& verdict : judged.verdicts) verdict.is_wrong = false;
+    Problem all = problem;
+    all.camera = judged.solution.camera;
+    all.shape = judged.solution.shape;
+    // From where the better captures are: with all of them the first solution may be far off.
+    const Outcome<Solution> refined = RefineHandEye(all, judged.solution.hand_eye, options);
+    judged.solution = refined ? *refined : solution;
+    judged.rejected_ids = judged.solution.rejected_ids;
+  }
+  return judged;
+}
+
+}  // namespace heba

@@ -1,0 +1,432 @@
+#include "solvers/calibration/diagnostics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include <Eigen/Eigenvalues>
+
+#include "heba/base/distributions.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "heba/data/prediction.h"
+#include "solvers/uncertainty/robot_noise.h"
+#include "solvers/uncertainty/variance_components.h"
+
+namespace heba {
+namespace {
+
+// A direction of the unknowns that is known worse than it should be.
+struct Weakness {
+  std::string name;
+  Eigen::VectorXd direction;  // Of unit length, in the unknowns.
+  double sigma = 0;
+  double wanted = 0;
+  std::string unit;
+  double unit_size = 1;  // Of `unit`, in the unknowns' unit.
+};
+
+std::string AxisName(const Eigen::Vector3d& direction, const Eigen::Matrix3d& parent_from_child,
+                     const std::string& parent, const std::string& child) {
+  constexpr double kNearAxis = 0.9;
+  const Eigen::Vector3d in_parent = parent_from_child * direction;
+  Eigen::Index child_axis = 0;
+  Eigen::Index parent_axis = 0;
+  const double child_part = direction.cwiseAbs().maxCoeff(&child_axis);
+  const double parent_part = in_parent.cwiseAbs().maxCoeff(&parent_axis);
+  if (std::max(child_part, parent_part) < kNearAxis) {
+    return "[" + Fixed(direction.x(), 2) + ", " + Fixed(direction.y(), 2) + ", " + Fixed(direction.z(), 2) +
+           "] of the " + child;
+  }
+  const bool by_child = child_part >= parent_part;
+  return "the " + (by_child ? child : parent) + "'s " + std::string(1, "xyz"[by_child ? child_axis : parent_axis]);
+}
+
+// The worst direction within three unknowns.
+Weakness WorstOf(const Eigen::MatrixXd& covariance, Eigen::Index first, const std::string& what,
+                 const Eigen::Matrix3d& parent_from_child, const std::string& parent, const std::string& child) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance.block<3, 3>(first, first));
+  Weakness weakness;
+  weakness.direction = Eigen::VectorXd::Zero(covariance.rows());
+  weakness.direction.segment<3>(first) = eigen.eigenvectors().col(2);
+  weakness.sigma = std::sqrt(std::max(0.0, eigen.eigenvalues()[2]));
+  weakness.name = what + AxisName(eigen.eigenvectors().col(2), parent_from_child, parent, child);
+  return weakness;
+}
+
+std::vector<Weakness> FindWeaknesses(const Problem& problem, const Solution& solution,
+                                     const std::vector<std::string>& names, const Eigen::MatrixXd& covariance) {
+  constexpr double kWantedM = 1e-3;
+  const double wanted_rad = DegToRad(0.1);
+  constexpr double kWantedRatio = 0.002;
+  const std::string camera_mount(CameraMountName(problem.setup));
+  const std::string target_mount(TargetMountName(problem.setup));
+  const Eigen::Matrix3d r_x = solution.hand_eye.camera_mount_from_camera.RotationMatrix();
+  const Eigen::Matrix3d r_z = solution.hand_eye.target_mount_from_target.RotationMatrix();
+  std::vector<Weakness> weaknesses = {
+      WorstOf(covariance, 0, "the camera's position along ", r_x, camera_mount, "camera"),
+      WorstOf(covariance, 3, "the camera's orientation about ", r_x, camera_mount, "camera"),
+      WorstOf(covariance, 6, "the board's position along ", r_z, target_mount, "target"),
+      WorstOf(covariance, 9, "the board's orientation about ", r_z, target_mount, "target")};
+  for (size_t i = 0; i < weaknesses.size(); ++i) {
+    const bool is_position = i % 2 == 0;
+    weaknesses[i].wanted = is_position ? kWantedM : wanted_rad;
+    weaknesses[i].unit = is_position ? "mm" : "deg";
+    weaknesses[i].unit_size = is_position ? 1e-3 : DegToRad(1.0);
+  }
+  for (size_t i = 12; i < names.size(); ++i) {
+    const std::string part = names[i].substr(names[i].find('.') + 1);
+    const bool is_focal = part == "fx" || part == "fy";
+    if (!is_focal && part != "cx" && part != "cy") continue;
+    const Eigen::Index k = static_cast<Eigen::Index>(i);
+    Weakness weakness;
+    weakness.name = std::string("the camera's ") + part;
+    weakness.direction = Eigen::VectorXd::Unit(covariance.rows(), k);
+    weakness.sigma = std::sqrt(covariance(k, k));
+    weakness.wanted = kWantedRatio * (is_focal ? solution.camera.params[0] : solution.camera.width_px);
+    weakness.unit = "px";
+    weaknesses.push_back(std::move(weakness));
+  }
+  weaknesses.erase(std::remove_if(weaknesses.begin(), weaknesses.end(),
+                                  [](const Weakness& weakness) { return weakness.sigma <= weakness.wanted; }),
+                   weaknesses.end());
+  std::sort(weaknesses.begin(), weaknesses.end(),
+            [](const Weakness& a, const Weakness& b) { return a.sigma / a.wanted > b.sigma / b.wanted; });
+  return weaknesses;
+}
+
+// Two further captures, in words and as what they would add.
+struct Cure {
+  std::string words;
+  std::vector<LinearView> views;
+};
+
+// A view of all that any capture saw, if it is in the picture from there.
+std::optional<View> ImaginedView(const Problem& problem, const Solution& solution, const Observations& points,
+                                 const Rigid3d& camera_from_target) {
+  View view;
+  view.camera_mount_from_target_mount = solution.hand_eye.camera_mount_from_camera * camera_from_target *
+                                        Inverse(solution.hand_eye.target_mount_from_target);
+  view.observations = points;
+  view.observations.covariances_px2.clear();
+  view.observations.whitening.clear();
+  if (!Predict(solution.camera.Model(), solution.camera.params.data(), camera_from_target, points,
+               &view.observations.pixels, nullptr)) {
+    return std::nullopt;
+  }
+  for (Eigen::Index i = 0; i < points.size(); ++i) {
+    const Eigen::Vector2d pixel = view.observations.pixels.col(i);
+    if ((pixel.array() < 0).any() || pixel.x() > problem.camera.width_px || pixel.y() > problem.camera.height_px) {
+      return std::nullopt;
+    }
+  }
+  return view;
+}
+
+std::vector<Cure> FindCures(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+  const View& fullest = *std::max_element(problem.views.begin(), problem.views.end(), [](const View& a, const View& b) {
+    return a.observations.size() < b.observations.size();
+  });
+  const Observations& points = fullest.observations;
+  std::vector<Rigid3d> poses;
+  for (const View& view : problem.views) {
+    poses.push_back(CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount));
+  }
+  const Rigid3d mean = MeanPose(poses);
+  const Eigen::Vector3d middle = points.points_in_target.rowwise().mean();
+  // Moves about the middle of the points, as the camera sees it.
+  const auto turned = [&](const Eigen::Vector3d& axis_in_target, double angle_rad) {
+    const Rigid3d about(ExpRotation(angle_rad * axis_in_target), Eigen::Vector3d::Zero());
+    return mean * Rigid3d(Eigen::Quaterniond::Identity(), middle) * about *
+           Rigid3d(Eigen::Quaterniond::Identity(), -middle);
+  };
+  const auto moved = [&](const Eigen::Vector3d& by_m) { return Rigid3d(mean.rotation, mean.translation + by_m); };
+  const double depth_m = (mean * middle).z();
+  const double side_m = 0.25 * depth_m * problem.camera.width_px / solution.camera.params[0];
+  const bool carries_board = problem.setup == Setup::kEyeToHand;
+  const std::string tilt = carries_board ? "with the board tilted" : "with the camera tilted against the board";
+  const std::string turn = carries_board ? "with the board turned" : "with the camera turned";
+  struct Motion {
+    std::string words;
+    std::function<Rigid3d(double)> pose;  // For +1 and -1.
+  };
+  const double tilt_rad = DegToRad(25.0);
+  const double turn_rad = DegToRad(45.0);
+  const std::vector<Motion> motions = {
+      {"two captures " + tilt + " by 25 deg to and fro about the board's x",
+       [&](double side) { return turned(Eigen::Vector3d::UnitX(), side * tilt_rad); }},
+      {"two captures " + tilt + " by 25 deg to and fro about the board's y",
+       [&](double side) { return turned(Eigen::Vector3d::UnitY(), side * tilt_rad); }},
+      {"two captures " + turn + " by 45 deg to and fro in the board's plane",
+       [&](double side) { return turned(Eigen::Vector3d::UnitZ(), side * turn_rad); }},
+      {"two captures from " + Fixed(250 * depth_m, 0) + " mm nearer and farther",
+       [&](double side) { return moved(0.25 * side * depth_m * (mean * middle).normalized()); }},
+      {"two captures with the board at the left and right of the picture",
+       [&](double side) {
+         return moved({side * side_m, 0, 0});
+       }},
+      {"two captures with the board at the top and bottom of the picture",
+       [&](double side) {
+         return moved({0, side * side_m, 0});
+       }},
+  };
+  std::vector<Cure> cures;
+  for (const Motion& motion : motions) {
+    Problem imagined{solution.camera, {}, problem.setup, solution.shape};
+    for (const double side : {1.0, -1.0}) {
+      std::optional<View> view = ImaginedView(problem, solution, points, motion.pose(side));
+      if (view) imagined.views.push_back(std::move(*view));
+    }
+    if (imagined.views.size() < 2) continue;
+    std::optional<std::vector<LinearView>> views =
+        LineariseViews(imagined, solution.hand_eye, {}, free, solution.pixel_sigma_px, *FindLoss("none"));
+    if (views) cures.push_back({motion.words, std::move(*views)});
+  }
+  return cures;
+}
+
+std::string Percent(double ratio, int digits) { return Significant(100 * ratio, digits) + " %"; }
+
+std::string ChanceText(double p) {
+  constexpr double kNever = 1e-15;
+  return p < kNever ? "p < 1e-15" : "p = " + Significant(p, 2);
+}
+
+std::string NoiseText(const RobotNoise& noise) {
+  return Significant(1000 * noise.translation_m, 2) + " mm and " + Significant(RadToDeg(noise.rotation_rad), 2) +
+         " deg";
+}
+
+bool HasGroup(const std::vector<TargetShapeGroup>& shape, TargetShapeGroup group) {
+  return std::find(shape.begin(), shape.end(), group) != shape.end();
+}
+
+// "its scale is 1.00400 along x and 1.00200 along y, its middle stands ..."
+std::string ShapeText(const TargetShape& shape, const std::vector<TargetShapeGroup>& groups) {
+  std::vector<std::string> words;
+  if (HasGroup(groups, TargetShapeGroup::kScale)) {
+    words.push_back("its scale is " + Fixed(shape.params[0], 5) + " along x and " + Fixed(shape.params[1], 5) +
+                    " along y");
+  }
+  if (HasGroup(groups, TargetShapeGroup::kBend)) {
+    words.push_back("its middle stands " + Fixed(1000 * shape.params[2], 2) + " mm (along x) and " +
+                    Fixed(1000 * shape.params[3], 2) + " mm (along y) above its edges");
+  }
+  return Join(words, ", ");
+}
+
+// "fx +38 px (9.1 sigma)" of the focal length or principal point that moved most.
+std::string LargestMove(const Camera& given, const Solution& solution, Finding* finding) {
+  std::string largest;
+  double by_px = 0;
+  double sigmas = 0;
+  for (size_t i = 0; i < 4; ++i) {
+    const std::string& name = solution.camera.Model().param_names()[i];
+    const std::optional<double> sigma = SigmaOf(solution.covariance, "camera." + name);
+    const double move_px = solution.camera.params[i] - given.params[i];
+    if (!sigma || (!largest.empty() && std::abs(move_px / *sigma) <= std::abs(sigmas))) continue;
+    largest = name;
+    by_px = move_px;
+    sigmas = move_px / *sigma;
+  }
+  if (largest.empty()) return "";
+  finding->numbers.emplace_back(largest + "_px", by_px);
+  finding->numbers.emplace_back(largest + "_sigmas", sigmas);
+  return largest + (by_px < 0 ? " -" : " +") + Significant(std::abs(by_px), 2) + " px (" +
+         Significant(std::abs(sigmas), 2) + " sigma)";
+}
+
+}  // namespace
+
+std::optional<Finding> AdviseOnCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+  const std::vector<std::string> names = UnknownNames(solution.camera.Model(), free);
+  const std::vector<Weakness> weaknesses = FindWeaknesses(problem, solution, names, solution.covariance.matrix);
+  if (weaknesses.empty()) return std::nullopt;
+  const std::vector<Cure> cures = FindCures(problem, solution, free);
+  const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
+  const Eigen::MatrixXd information =
+      InvertInformation({names, solution.covariance.matrix}, 1.0).matrix;  // The covariance's inverse.
+  const Weakness& worst = weaknesses.front();
+  double best_sigma = std::numeric_limits<double>::infinity();
+  std::string best_words;
+  for (const Cure& cure : cures) {
+    const Information with{names, information + MarginalInformation(cure.views, robot, 1.0)};
+    const Eigen::MatrixXd covariance = InvertInformation(with, 1.0).matrix;
+    const double sigma = std::sqrt(worst.direction.dot(covariance * worst.direction));
+    if (sigma >= best_sigma) continue;
+    best_sigma = sigma;
+    best_words = cure.words;
+  }
+  Finding finding{Grade::kDoubtful, "weak_direction", "", ""};
+  std::vector<std::string> parts;
+  for (const Weakness& weakness : weaknesses) {
+    const double sigma = weakness.sigma / weakness.unit_size;
+    parts.push_back(weakness.name + " is known to " + Significant(sigma, 2) + " " + weakness.unit);
+    finding.numbers.emplace_back(weakness.name + ", " + weakness.unit, sigma);
+  }
+  finding.text = Join(parts, ", ") + " only (one sigma)";
+  constexpr double kHelps = 0.85;
+  finding.action = best_sigma < kHelps * worst.sigma
+                       ? best_words + " would improve " + worst.name + " to " +
+                             Significant(best_sigma / worst.unit_size, 2) + " " + worst.unit
+                       : "take many more captures: no pair of additional captures improves it much";
+  return finding;
+}
+
+Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
+                      const Solution& solution) {
+  Finding finding{Grade::kGood, "model", "", ""};
+  finding.text = "the captures were explained by: " + NameOf(chosen);
+  if (solution.robot_noise && chosen.robot != BundleOptions::Robot::kExact) {
+    finding.text += " (" + NoiseText(*solution.robot_noise) + ")";
+    finding.numbers = {{"robot_mm", 1000 * solution.robot_noise->translation_m},
+                       {"robot_deg", RadToDeg(solution.robot_noise->rotation_rad)}};
+  }
+  if (!chosen.shape.empty()) finding.text += "; " + ShapeText(solution.shape, chosen.shape);
+  if (alternatives.size() < 2) return finding;
+  const ModelAlternative* self = nullptr;
+  for (const ModelAlternative& alternative : alternatives) {
+    const bool is_chosen = alternative.model.robot == chosen.robot && alternative.model.shape == chosen.shape;
+    if (is_chosen) self = &alternative;
+  }
+  if (self == nullptr) return finding;
+  // Against the simplest that was rejected, or against the largest if none was.
+  const ModelAlternative& simplest = alternatives.front();
+  const ModelAlternative& largest = alternatives.back();
+  if (&simplest != self) {
+    finding.text += "; " + NameOf(simplest.model) + " is rejected (log-likelihood lower by " +
+                    Significant(self->log_likelihood - simplest.log_likelihood, 3) + ", " +
+                    ChanceText(simplest.p.value_or(0)) + ")";
+  } else {
+    finding.text += "; " + NameOf(largest.model) + " is no better than chance (log-likelihood higher by " +
+                    Significant(largest.log_likelihood - self->log_likelihood, 2) + ", " +
+                    ChanceText(self->p.value_or(1)) + ")";
+  }
+  return finding;
+}
+
+std::vector<Finding> AdviseOnModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
+                                   const AutoModel& chosen) {
+  const bool asks_robot = !chosen.robot_noise && options.robot == BundleOptions::Robot::kExact;
+  const bool asks_shape = !chosen.target_shape && options.free_shape.empty();
+  constexpr size_t kMinCaptures = 6;
+  if ((!asks_robot && !asks_shape) || problem.views.size() < kMinCaptures) return {};
+  Problem at = problem;
+  at.camera = solution.camera;
+  BundleOptions kept = options;
+  kept.loss = LossOfKept(options).name;
+  const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, kept, {true, asks_shape});
+  if (!choice || choice->alternatives.empty()) return {};
+  const ErrorModel& model = choice->alternatives[choice->chosen].model;
+  std::vector<Finding> findings;
+  if (asks_shape && !model.shape.empty()) {
+    constexpr double kScaleMatters = 3e-4;
+    constexpr double kBendMattersM = 1e-4;
+    const TargetShape& shape = choice->solution.shape;
+    const double scale = std::max(std::abs(shape.params[0] - 1), std::abs(shape.params[1] - 1));
+    const double bend_m = std::max(std::abs(shape.params[2]), std::abs(shape.params[3]));
+    if (scale > kScaleMatters || bend_m > kBendMattersM) {
+      const bool is_held = std::find(options.free_intrinsics.begin(), options.free_intrinsics.end(),
+                                     ParameterGroup::kFocal) == options.free_intrinsics.end();
+      findings.push_back(
+          {Grade::kDoubtful,
+           "target_shape_ignored",
+           "the captures indicate that the target differs from its design: " + ShapeText(shape, model.shape) +
+               (is_held && HasGroup(model.shape, TargetShapeGroup::kScale)
+                    ? " (a focal length that is held at a wrong value looks like a wrong scale)"
+                    : ""),
+           "measure the target, or use refine.target_shape: auto",
+           {{"scale_x", shape.params[0]},
+            {"scale_y", shape.params[1]},
+            {"bend_x_mm", 1000 * shape.params[2]},
+            {"bend_y_mm", 1000 * shape.params[3]}}});
+    }
+  }
+  if (asks_robot && choice->solution.robot_noise && model.robot != BundleOptions::Robot::kExact) {
+    const RobotNoise& noise = *choice->solution.robot_noise;
+    findings.push_back({Grade::kDoubtful,
+                        "robot_noise_ignored",
+                        "the captures indicate that the robot's poses are off by " + NoiseText(noise) +
+                            " (one sigma an axis), but they were taken as exact: the stated uncertainty is too small",
+                        "use refine.robot_noise: auto",
+                        {{"robot_mm", 1000 * noise.translation_m}, {"robot_deg", RadToDeg(noise.rotation_rad)}}});
+  }
+  return findings;
+}
+
+std::optional<Finding> AdviseOnScale(const Solution& solution, const ErrorModel& model) {
+  if (!HasGroup(model.shape, TargetShapeGroup::kScale)) return std::nullopt;
+  constexpr double kOfPrint = 5e-3;
+  constexpr double kWrong = 0.02;
+  const double mean = 0.5 * (solution.shape.params[0] + solution.shape.params[1]);
+  const double off = std::max(std::abs(solution.shape.params[0] - 1), std::abs(solution.shape.params[1] - 1));
+  if (off <= kOfPrint) return std::nullopt;
+  const bool is_focal_held = !SigmaOf(solution.covariance, "camera.fx");
+  Finding finding{off > kWrong ? Grade::kBad : Grade::kDoubtful,
+                  "target_scale",
+                  "against the robot's poses the target is " + Percent(std::abs(mean - 1), 2) +
+                      (mean > 1 ? " larger" : " smaller") + " than the config says" +
+                      (is_focal_held ? " (a focal length that is held at a wrong value looks the same)" : ""),
+                  "measure the target and correct its dimensions in the config; if they are right, check the units of "
+                  "the robot's poses and its own calibration",
+                  {{"scale_x", solution.shape.params[0]}, {"scale_y", solution.shape.params[1]}}};
+  finding.is_cause = true;
+  return finding;
+}
+
+std::optional<Finding> AdviseOnHeldIntrinsics(const Problem& problem, const Solution& solution,
+                                              const BundleOptions& options_in, const AutoModel& choose) {
+  if (!options_in.free_intrinsics.empty()) return std::nullopt;
+  BundleOptions options = options_in;
+  options.free_intrinsics = BundleOptions().free_intrinsics;
+  options.loss = LossOfKept(options).name;
+  Problem at = problem;
+  at.camera = solution.camera;
+  at.shape = solution.shape;
+  // With free intrinsics the errors may have another model.
+  const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, options, choose);
+  if (!choice) return std::nullopt;
+  const Solution& freed = choice->solution;
+  const Eigen::Index num_intrinsics = NumParams(solution.camera.Model());
+  const Eigen::MatrixXd covariance = freed.covariance.matrix.block(12, 12, num_intrinsics, num_intrinsics);
+  Eigen::VectorXd difference(num_intrinsics);
+  for (Eigen::Index i = 0; i < num_intrinsics; ++i) {
+    const auto k = static_cast<size_t>(i);
+    difference[i] = freed.camera.params[k] - solution.camera.params[k];
+  }
+  const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::VectorXd scaled = scale.cwiseProduct(difference);
+  const double squares = scaled.dot((scale.asDiagonal() * covariance * scale.asDiagonal()).ldlt().solve(scaled));
+  const double dof = static_cast<double>(num_intrinsics);
+  constexpr double kBeyondDoubt = 1e-4;
+  const double p = FisherTail(std::max(0.0, squares) / dof, dof, freed.covariance_dof);
+  if (!(p < kBeyondDoubt)) return std::nullopt;
+  const double move_m = DistanceM(solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera);
+  const double move_rad = AngleRad(solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera);
+  constexpr double kBadM = 5e-3;
+  const double bad_rad = DegToRad(0.5);
+  Finding finding{move_m > kBadM || move_rad > bad_rad ? Grade::kBad : Grade::kDoubtful, "held_intrinsics", "",
+                  "free them (leave refine.intrinsics out), or calibrate the camera anew"};
+  finding.text = "the intrinsics were held, but the captures say " + LargestMove(solution.camera, freed, &finding) +
+                 " (" + ChanceText(p) + "); with free intrinsics the camera would be " + Significant(1000 * move_m, 2) +
+                 " mm and " + Significant(RadToDeg(move_rad), 2) + " deg elsewhere";
+  finding.numbers.emplace_back("move_mm", 1000 * move_m);
+  finding.numbers.emplace_back("move_deg", RadToDeg(move_rad));
+  finding.is_cause = true;
+  return finding;
+}
+
+Finding DescribeCameraUse(const Camera& given, const Solution& solution, const BundleOptions& options) {
+  Finding finding{Grade::kGood, "camera", "", ""};
+  if (options.free_intrinsics.empty()) {
+    finding.text = "the given intrinsics were held";
+    return finding;
+  }
+  const std::string moved = LargestMove(given, solution, &finding);
+  finding.text = std::string("the given intrinsics were used as ") + (options.camera_prior ? "a prior" : "the start") +
+                 (moved.empty() ? "" : "; the refinement moved them by at most " + moved);
+  return finding;
+}
+
+}  // namespace heba

@@ -1,0 +1,204 @@
+#include "solvers/calibration/model_choice.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "heba/base/distributions.h"
+#include "heba/base/error.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/residuals/noise_scale.h"
+#include "solvers/uncertainty/repeated_poses.h"
+
+namespace heba {
+namespace {
+
+using Robot = BundleOptions::Robot;
+
+struct FittedModel {
+  ErrorModel model;
+  BundleOptions options;
+  Solution solution;
+  double log_likelihood = 0;
+};
+
+int NumVariances(const ErrorModel& model) { return model.robot == Robot::kEstimatedNoise ? 2 : 0; }
+int NumShapeParams(const ErrorModel& model) { return 2 * static_cast<int>(model.shape.size()); }
+int DofOf(const ErrorModel& model) { return NumVariances(model) + NumShapeParams(model); }
+
+bool Contains(const ErrorModel& larger, const ErrorModel& smaller) {
+  return NumVariances(larger) >= NumVariances(smaller) &&
+         std::all_of(smaller.shape.begin(), smaller.shape.end(), [&](TargetShapeGroup group) {
+           return std::find(larger.shape.begin(), larger.shape.end(), group) != larger.shape.end();
+         });
+}
+
+// The smaller before the larger.
+std::vector<ErrorModel> Candidates(const BundleOptions& options, const AutoModel& choose, bool has_few_poses) {
+  std::vector<Robot> robots = {options.robot};
+  if (choose.robot_noise) robots = {Robot::kExact, Robot::kEstimatedNoise};
+  if (choose.robot_noise && has_few_poses) robots = {Robot::kEstimatedNoise};
+  std::vector<std::vector<TargetShapeGroup>> shapes = {options.free_shape};
+  if (choose.target_shape) {
+    shapes = {
+        {}, {TargetShapeGroup::kScale}, {TargetShapeGroup::kBend}, {TargetShapeGroup::kScale, TargetShapeGroup::kBend}};
+  }
+  std::vector<ErrorModel> candidates;
+  for (const Robot robot : robots) {
+    for (const std::vector<TargetShapeGroup>& shape : shapes) candidates.push_back({robot, shape});
+  }
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const ErrorModel& a, const ErrorModel& b) { return DofOf(a) < DofOf(b); });
+  return candidates;
+}
+
+// With the weights that the residuals of one fit ask for, the same in all that follow.
+Problem WithFixedWeights(const Problem& problem, std::optional<double> excess_px) {
+  Problem fixed = problem;
+  if (excess_px) WeightByCovariance(*excess_px, &fixed.views);
+  for (View& view : fixed.views) view.observations.covariances_px2.clear();
+  return fixed;
+}
+
+std::optional<FittedModel> Fit(const Problem& problem, const HandEye& start, const ErrorModel& model,
+                               const BundleOptions& options) {
+  const Outcome<Solution> solution = RefineHandEye(problem, start, options);
+  if (!solution) return std::nullopt;
+  return FittedModel{model, options, *solution, LogLikelihoodOf(problem, *solution, options)};
+}
+
+std::optional<FittedModel> FitFrom(const Problem& problem, const FittedModel& from, const ErrorModel& model,
+                                   const BundleOptions& options) {
+  Problem at = problem;
+  at.camera = from.solution.camera;
+  at.shape = from.solution.shape;
+  return Fit(at, from.solution.hand_eye, model, options);
+}
+
+// The model at its own optimum, which is at least as good as that of any model that it contains.
+std::optional<FittedModel> FitModel(const Problem& problem, const HandEye& start, const ErrorModel& model,
+                                    BundleOptions options, const std::vector<FittedModel>& fitted) {
+  options.robot = model.robot;
+  options.free_shape = model.shape;
+  const FittedModel* best_within = nullptr;
+  const FittedModel* nearest = nullptr;
+  for (const FittedModel& other : fitted) {
+    if (!Contains(model, other.model)) continue;
+    if (best_within == nullptr || other.log_likelihood > best_within->log_likelihood) best_within = &other;
+    const bool has_same_shape = other.model.shape == model.shape;
+    if (nearest == nullptr || has_same_shape) nearest = &other;
+  }
+  std::optional<FittedModel> found =
+      nearest != nullptr ? FitFrom(problem, *nearest, model, options) : Fit(problem, start, model, options);
+  constexpr double kRounding = 1e-3;
+  if (best_within == nullptr || (found && found->log_likelihood >= best_within->log_likelihood - kRounding)) {
+    return found;
+  }
+  // A robot that begins as good as exact: what the smaller model explains, its noise need not.
+  constexpr RobotNoise kAlmostExact = {1e-6, 1e-6};
+  BundleOptions again = options;
+  again.robot_noise_start = best_within->solution.robot_noise.value_or(kAlmostExact);
+  std::optional<FittedModel> other = FitFrom(problem, *best_within, model, again);
+  return other && (!found || other->log_likelihood > found->log_likelihood) ? other : found;
+}
+
+// The chance of a likelihood ratio as large between nested models.
+double ChanceOfRatio(const FittedModel& smaller, const FittedModel& larger) {
+  const double statistic = std::max(0.0, 2 * (larger.log_likelihood - smaller.log_likelihood));
+  const double num_shape = NumShapeParams(larger.model) - NumShapeParams(smaller.model);
+  if (NumVariances(larger.model) > NumVariances(smaller.model)) {
+    return 0.5 * (ChiSquareTail(statistic, num_shape + 1) + ChiSquareTail(statistic, num_shape + 2));
+  }
+  const double dof = larger.solution.covariance_dof;
+  if (!std::isfinite(dof)) return ChiSquareTail(statistic, num_shape);
+  // The ratio of a linear model is (dof + k) log(1 + k F / dof).
+  return FisherTail(dof / num_shape * std::expm1(statistic / (dof + num_shape)), num_shape, dof);
+}
+
+}  // namespace
+
+std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations() {
+  std::vector<std::vector<TargetShapeGroup>> combinations(4);
+  combinations[1].push_back(TargetShapeGroup::kScale);
+  combinations[2].push_back(TargetShapeGroup::kBend);
+  combinations[3].push_back(TargetShapeGroup::kScale);
+  combinations[3].push_back(TargetShapeGroup::kBend);
+  return combinations;
+}
+
+std::string NameOf(const ErrorModel& model) {
+  const auto has = [&](TargetShapeGroup group) {
+    return std::find(model.shape.begin(), model.shape.end(), group) != model.shape.end();
+  };
+  const bool is_scaled = has(TargetShapeGroup::kScale);
+  const bool is_bent = has(TargetShapeGroup::kBend);
+  const std::string target = is_scaled && is_bent ? "target scaled and bent"
+                             : is_scaled          ? "target scaled"
+                             : is_bent            ? "target bent"
+                                                  : "target as designed";
+  return (model.robot == Robot::kExact ? "exact robot, " : "robot noise, ") + target;
+}
+
+Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start, const BundleOptions& options_in,
+                                 const AutoModel& choose) {
+  BundleOptions options = options_in;
+  const size_t num_poses = GroupByRobotPose(problem_in.setup, problem_in.views).size();
+  const bool has_few_poses = num_poses < kMinPosesForVariances;
+  if (choose.robot_noise && has_few_poses) options.robot_noise_prior = IndustrialArmPrior();
+  const std::vector<ErrorModel> candidates = Candidates(options, choose, has_few_poses);
+
+  // The largest model that can be fitted says which points count, and with what weights: those that a smaller one
+  // cannot explain are there for it to be judged by.
+  std::optional<Problem> problem;
+  std::optional<double> excess_px;
+  std::string reason = "no model of the errors could be fitted";
+  for (auto model = candidates.rbegin(); model != candidates.rend(); ++model) {
+    BundleOptions largest = options;
+    largest.robot = model->robot;
+    largest.free_shape = model->shape;
+    const Outcome<Solution> solution = RefineHandEye(problem_in, start, largest);
+    if (!solution) {
+      reason = solution.reason();
+      continue;
+    }
+    if (candidates.size() == 1) return ModelChoice{largest, *solution, {}, 0};
+    excess_px = solution->excess_px;
+    problem = WithFixedWeights(WithoutRejected(problem_in, *solution), excess_px);
+    break;
+  }
+  if (!problem) return Failure{reason};
+  options.loss = LossOfKept(options_in).name;
+  std::vector<FittedModel> fitted;
+  for (const ErrorModel& model : candidates) {
+    std::optional<FittedModel> fit = FitModel(*problem, start, model, options, fitted);
+    if (fit && std::isfinite(fit->log_likelihood)) fitted.push_back(std::move(*fit));
+  }
+  if (fitted.empty()) return Failure{reason};
+
+  ModelChoice choice;
+  const FittedModel* best = nullptr;
+  for (const FittedModel& smaller : fitted) {
+    ModelAlternative alternative{smaller.model, smaller.log_likelihood, DofOf(smaller.model), std::nullopt};
+    // The largest of the models that contain it.
+    const FittedModel* largest = nullptr;
+    for (const FittedModel& other : fitted) {
+      if (&other == &smaller || !Contains(other.model, smaller.model)) continue;
+      if (largest == nullptr || DofOf(other.model) > DofOf(largest->model)) largest = &other;
+    }
+    if (largest != nullptr) alternative.p = ChanceOfRatio(smaller, *largest);
+    choice.alternatives.push_back(alternative);
+    if (alternative.p.value_or(1) < kModelRejected) continue;
+    const bool is_better = best == nullptr || (DofOf(smaller.model) == DofOf(best->model) &&
+                                               smaller.log_likelihood > best->log_likelihood);
+    if (!is_better) continue;
+    best = &smaller;
+    choice.chosen = choice.alternatives.size() - 1;
+  }
+  CHECK(best != nullptr) << "the largest model cannot be rejected";
+  choice.options = best->options;
+  choice.options.loss = options_in.loss;
+  choice.solution = best->solution;
+  choice.solution.excess_px = excess_px;
+  return choice;
+}
+
+}  // namespace heba

@@ -1,0 +1,219 @@
+#include "solvers/calibration/multi_start.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "heba/base/distributions.h"
+#include "heba/base/error.h"
+#include "heba/base/rng.h"
+#include "heba/evaluation/metrics.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/closed_form/known_rotation.h"
+#include "solvers/residuals/noise_scale.h"
+
+namespace heba {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Every so many, so that no more than `most` are left.
+size_t StrideFor(size_t count, size_t most) { return std::max<size_t>(1, (count + most - 1) / most); }
+
+// A part of the problem that tells starts apart at the price of a small one.
+Problem PartOf(const Problem& problem) {
+  constexpr size_t kMaxViews = 24;
+  constexpr size_t kMaxPoints = 24;
+  Problem part{problem.camera, {}, problem.setup, problem.shape};
+  for (size_t i = 0; i < problem.views.size(); i += StrideFor(problem.views.size(), kMaxViews)) {
+    View view = problem.views[i];
+    const size_t n = view.observations.ids.size();
+    std::vector<bool> keep(n, false);
+    for (size_t k = 0; k < n; k += StrideFor(n, kMaxPoints)) keep[k] = true;
+    // Without covariances: a part of a block could not be kept.
+    view.observations.covariances_px2.clear();
+    view.observations.whitening.clear();
+    view.observations = KeepPoints(view.observations, keep);
+    part.views.push_back(std::move(view));
+  }
+  return part;
+}
+
+// Of each pair, one coordinate's sigma as the capture's own pose leaves it; infinite where nothing is left over.
+std::vector<double> OwnPoseSigmasPx(const Problem& problem, const std::vector<PosePair>& pairs) {
+  std::vector<double> sigmas;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    const Observations& observations = problem.views[i].observations;
+    const std::optional<SquaredErrors> errors = ViewErrors(problem.camera, pairs[i].camera_from_target, observations);
+    const int dof = 2 * observations.size() - 6;
+    sigmas.push_back(errors && dof > 0 ? std::sqrt(errors->sum_px2 / dof) : kInfinity);
+  }
+  return sigmas;
+}
+
+// The pixels' sigma as the captures have it whose points agree best among themselves: from the tenth that does, whose
+// scatter is small by choice too (all have about as many points).
+double SigmaOfBestPx(std::vector<double> sigmas, const Problem& problem) {
+  if (sigmas.empty()) return 0;
+  constexpr double kShare = 0.1;
+  const double dof = std::max(1, 2 * problem.views.front().observations.size() - 6);
+  const auto chosen = sigmas.begin() + static_cast<std::ptrdiff_t>(kShare * static_cast<double>(sigmas.size()));
+  std::nth_element(sigmas.begin(), chosen, sigmas.end());
+  return std::isfinite(*chosen) ? *chosen / std::sqrt(ChiSquareQuantile(1 - kShare, dof) / dof) : 0;
+}
+
+// Cauchy's cost of all points at a common scale; a point without an image counts as the image's width away.
+double RobustCost(const Problem& problem, const HandEye& hand_eye, double sigma_px) {
+  const Loss& cauchy = *FindLoss("cauchy");
+  double cost = 0;
+  for (const View& view : problem.views) {
+    const std::optional<Points2> residuals =
+        Residuals(problem.camera, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount), view.observations);
+    for (Eigen::Index i = 0; i < view.observations.size(); ++i) {
+      const double distance_px = residuals ? residuals->col(i).norm() : problem.camera.width_px;
+      cost += cauchy.rho(std::pow(distance_px / sigma_px, 2));
+    }
+  }
+  return cost;
+}
+
+// A closed form of a few captures at a time: among many handfuls some have no wrong capture. Every other one is taken
+// from the half of the captures whose points agree best among themselves.
+std::vector<Seed> HandfulSeeds(const Problem& part, const std::vector<PosePair>& pairs,
+                               const std::vector<double>& own_sigmas_px) {
+  constexpr size_t kHandful = 4;
+  constexpr int kNumHandfuls = 120;
+  constexpr size_t kMaxSeeds = 4;
+  if (pairs.size() <= 2 * kHandful) return {};
+  std::vector<size_t> all(pairs.size());
+  std::iota(all.begin(), all.end(), size_t{0});
+  std::vector<size_t> better = all;
+  std::sort(better.begin(), better.end(), [&](size_t a, size_t b) { return own_sigmas_px[a] < own_sigmas_px[b]; });
+  better.resize(pairs.size() / 2);
+  Rng rng(1);
+  std::vector<std::pair<double, HandEye>> scored;
+  for (int trial = 0; trial < kNumHandfuls; ++trial) {
+    std::vector<size_t>& order = trial % 2 == 0 ? all : better;
+    std::vector<PosePair> handful;
+    for (size_t k = 0; k < kHandful; ++k) {
+      std::swap(order[k], order[k + static_cast<size_t>(rng.Index(static_cast<int>(order.size() - k)))]);
+      handful.push_back(pairs[order[k]]);
+    }
+    for (const char* name : {"shah", "two_step_ls"}) {
+      const Outcome<HandEye> hand_eye = FindHandEyeMethod(name)->solve(handful);
+      if (hand_eye) scored.emplace_back(RobustScalePx(part.camera, part.views, *hand_eye), *hand_eye);
+    }
+  }
+  std::sort(scored.begin(), scored.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<Seed> seeds;
+  for (size_t i = 0; i < std::min(kMaxSeeds, scored.size()); ++i) {
+    seeds.push_back({"a handful of captures", scored[i].second});
+  }
+  return seeds;
+}
+
+// The seed's rotation times the turns of a cube; the rest follows from each by least squares.
+std::vector<Seed> TurnedSeeds(const std::vector<PosePair>& pairs, const HandEye& start) {
+  std::vector<Seed> seeds;
+  for (const Eigen::Matrix3d& turn : TurnsOfACube()) {
+    const Eigen::Matrix3d rotation = start.camera_mount_from_camera.RotationMatrix() * turn;
+    const HandEye board = WithMeanBoard(pairs, Rigid3d(rotation, Eigen::Vector3d::Zero()));
+    seeds.push_back(
+        {"a turned start", SolveTranslations(pairs, rotation, board.target_mount_from_target.RotationMatrix())});
+  }
+  return seeds;
+}
+
+double RejectedRatio(const Problem& problem, const Solution& solution) {
+  size_t num_rejected = 0;
+  size_t num_points = 0;
+  for (const std::vector<int>& ids : solution.rejected_ids) num_rejected += ids.size();
+  for (const View& view : problem.views) num_points += view.observations.ids.size();
+  return static_cast<double>(num_rejected) / static_cast<double>(num_points);
+}
+
+// How far from right a solution may be, for what it explains: 1 is where doubt begins. Pixels that are off by more than
+// the captures' own poses say may be off by the robot's noise: up to what no robot is off by.
+double Doubt(const Problem& problem, const std::vector<PosePair>& pairs, const Outcome<Solution>& solution,
+             double own_sigma_px) {
+  if (!solution) return kInfinity;
+  constexpr double kRejectedRatio = 0.2;
+  constexpr double kSigmaRatio = 3;
+  constexpr double kRobotM = 2e-3;
+  double metres_per_px = 0;
+  for (const PosePair& pair : pairs) {
+    metres_per_px +=
+        pair.camera_from_target.translation.norm() / problem.camera.params[0] / static_cast<double>(pairs.size());
+  }
+  const double sigma_px = solution->pixel_sigma_px;
+  return std::max(
+      RejectedRatio(problem, *solution) / kRejectedRatio,
+      std::min(sigma_px / (kSigmaRatio * std::max(own_sigma_px, kMinSigmaPx)), sigma_px * metres_per_px / kRobotM));
+}
+
+}  // namespace
+
+double RobustScalePx(const Camera& camera, const std::vector<View>& views, const HandEye& hand_eye) {
+  constexpr size_t kMaxViews = 40;
+  std::vector<double> squares;
+  for (size_t i = 0; i < views.size(); i += StrideFor(views.size(), kMaxViews)) {
+    const Observations& observations = views[i].observations;
+    const std::optional<Points2> residuals =
+        Residuals(camera, CameraFromTarget(hand_eye, views[i].camera_mount_from_target_mount), observations);
+    for (Eigen::Index k = 0; k < observations.size(); ++k) {
+      squares.push_back(residuals ? residuals->col(k).squaredNorm() : kInfinity);
+    }
+  }
+  return SigmaFromMedian(std::move(squares));
+}
+
+StartedSolution RefineFromSeeds(const Problem& problem, const std::vector<PosePair>& pairs,
+                                const std::vector<Seed>& seeds, const BundleOptions& options) {
+  CHECK(!seeds.empty());
+  CHECK_LE(pairs.size(), problem.views.size());
+  StartedSolution best{RefineHandEye(problem, seeds.front().hand_eye, options), seeds.front().name};
+  const std::vector<double> own_sigmas_px = OwnPoseSigmasPx(problem, pairs);
+  const double own_sigma_px = SigmaOfBestPx(own_sigmas_px, problem);
+  const double doubt = Doubt(problem, pairs, best.solution, own_sigma_px);
+  if (doubt < 1) return best;
+
+  const Problem part = PartOf(problem);
+  std::vector<Seed> others(seeds.begin() + 1, seeds.end());
+  for (Seed& seed : HandfulSeeds(part, pairs, own_sigmas_px)) others.push_back(std::move(seed));
+  // Noise of a robot that is taken for exact raises the same doubt: only what is far off is worth all turns.
+  constexpr double kFarOff = 10;
+  if (doubt > kFarOff) {
+    for (Seed& seed : TurnedSeeds(pairs, seeds.front().hand_eye)) others.push_back(std::move(seed));
+  }
+  BundleOptions trial_options;
+  trial_options.loss = "truncated";
+  trial_options.free_intrinsics = {};
+  const double scale_px = std::max(own_sigma_px, kMinSigmaPx);
+  const Seed* promising = nullptr;
+  HandEye promising_start;
+  double least_cost = kInfinity;
+  for (const Seed& seed : others) {
+    const Outcome<Solution> trial = RefineHandEye(part, seed.hand_eye, trial_options);
+    if (!trial) continue;
+    const double cost = RobustCost(part, trial->hand_eye, scale_px);
+    if (cost >= least_cost) continue;
+    least_cost = cost;
+    promising = &seed;
+    promising_start = trial->hand_eye;
+  }
+  if (promising == nullptr) return best;
+  StartedSolution other{RefineHandEye(problem, promising_start, options), promising->name};
+  if (!other.solution) return best;
+  constexpr double kBetter = 0.97;
+  const auto cost_of = [&](const Solution& solution) {
+    return RobustCost({solution.camera, Shaped(problem.views, solution.shape)}, solution.hand_eye, scale_px);
+  };
+  if (!best.solution || cost_of(*other.solution) < kBetter * cost_of(*best.solution)) {
+    return other;
+  }
+  return best;
+}
+
+}  // namespace heba

@@ -1,0 +1,53 @@
+// N. Andreff, R. Horaud and B. Espiau, "On-line hand-eye calibration", 3DIM 1999. Linear in the nine entries of R_X and
+// in t_X at once, equation (9), with vec by columns:
+//   (I - R_B (x) R_A) vec(R_X) = 0,   (t_B^T (x) I) vec(R_X) + (I - R_A) t_X = t_A
+// by least squares over all motions; R_X is then the nearest rotation.
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "solvers/closed_form/known_rotation.h"
+
+namespace heba {
+
+Outcome<HandEye> SolveHandEye_andreff(const HandEyeInput& input) {
+  // Sums over the motions of products with these columns.
+  const Eigen::MatrixXd& sums = input.motions().linear;
+  constexpr auto kOne = MotionSums::kOne;
+  constexpr auto kTranslationA = MotionSums::kTranslationA;
+  constexpr auto kTranslationB = MotionSums::kTranslationB;
+  const auto rotation_a = [](int column) { return MotionSums::kRotationA + 3 * column; };
+  const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
+  // Of 1, R_A's entry or t_B's entry with all of R_A.
+  const auto with_rotation_a = [&](Eigen::Index row) -> Eigen::Matrix3d {
+    const Eigen::Matrix<double, 9, 1> entries = sums.col(row).segment<9>(MotionSums::kRotationA);
+    return Eigen::Map<const Eigen::Matrix3d>(entries.data());
+  };
+  Eigen::Matrix<double, 12, 12> normal;
+  Eigen::Matrix<double, 12, 1> right;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      // (I - R_B (x) R_A)^T (I - R_B (x) R_A) = 2 I - R_B (x) R_A - (R_B (x) R_A)^T, and t_B t_B^T (x) I.
+      normal.block<3, 3>(3 * i, 3 * j) = -with_rotation_a(MotionSums::kRotationB + 3 * j + i) -
+                                         with_rotation_a(MotionSums::kRotationB + 3 * i + j).transpose() +
+                                         sums(kTranslationB + i, kTranslationB + j) * identity;
+    }
+    normal.block<3, 3>(3 * i, 3 * i) += 2 * sums(kOne, kOne) * identity;
+    const Eigen::Matrix3d with_translation =
+        sums(kOne, kTranslationB + i) * identity - with_rotation_a(kTranslationB + i);
+    normal.block<3, 3>(3 * i, 9) = with_translation;
+    normal.block<3, 3>(9, 3 * i) = with_translation.transpose();
+    right.segment<3>(3 * i) = sums.col(kTranslationB + i).segment<3>(kTranslationA);
+    right[9 + i] = sums(kOne, kTranslationA + i) - sums.block<3, 3>(rotation_a(i), kTranslationA).trace();
+  }
+  const Eigen::Matrix3d sum_a = with_rotation_a(kOne);
+  normal.bottomRightCorner<3, 3>() = 2 * sums(kOne, kOne) * identity - sum_a - sum_a.transpose();
+  const Eigen::Matrix<double, 12, 1> solution = normal.ldlt().solve(right);
+  if (!solution.allFinite()) return Failure{"the linear equations have no solution"};
+  const Eigen::Matrix3d linear = Eigen::Map<const Eigen::Matrix3d>(solution.data());
+  if (!(linear.determinant() > 1e-6)) {
+    return Failure{"the linear solution is no rotation (the translations say too little of the scale)"};
+  }
+  return WithMeanBoard(input.pairs(), {NearestRotation(linear), solution.tail<3>()});
+}
+
+}  // namespace heba

@@ -1,0 +1,99 @@
+// Fang et al., "Hand-eye calibration of a monocular camera by two steps", 2021, for both set-ups. With M =
+// camera_mount_from_target_mount (eye-to-hand: base_from_gripper), c the position of the target's point in the camera
+// and y the same in the target's mount, X c = M y for every capture.
+//
+// Step 1 (their section 1.1): without turning, the mount's displacements e = M y - M_home y and the target's u in the
+// camera differ by the rotation alone: the columns u_x, u_y and u_x x u_y of unit vectors, against those of e, give it;
+// the nearest rotation makes it one (by SVD).
+// Step 2 (section 1.2): turns about the tool point against home, equations (8) to (10): (R_M - R_M,home) y = R_X (c -
+// c_home) - (p_M - p_M,home), by linear least squares over all turns; eye-to-hand leaves the last term zero. Then X's
+// translation from home.
+#include <algorithm>
+#include <optional>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "solvers/closed_form/known_rotation.h"
+#include "solvers/closed_form/target_position.h"
+
+namespace heba {
+namespace {
+
+// The captures of a role; of the translations only the longest is used, as the paper has one.
+std::vector<size_t> WithRole(const std::vector<PosePair>& pairs, const std::string& role) {
+  std::vector<size_t> found;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    if (pairs[i].role == role) found.push_back(i);
+  }
+  return found;
+}
+
+Eigen::Matrix3d Frame(const Eigen::Vector3d& along_x, const Eigen::Vector3d& along_y) {
+  const Eigen::Vector3d x = along_x.normalized();
+  const Eigen::Vector3d y = along_y.normalized();
+  Eigen::Matrix3d frame;
+  frame << x, y, x.cross(y).normalized();
+  return frame;
+}
+
+}  // namespace
+
+Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
+  const std::vector<PosePair>& pairs = input.pairs();
+  const std::vector<size_t> homes = WithRole(pairs, "home");
+  const std::vector<size_t> turns = WithRole(pairs, "rotate");
+  if (homes.empty()) {
+    return Failure{
+        "no capture is the home pose of the two-step motion (role home), and none was found from the robot's poses"};
+  }
+  const size_t home = homes.front();
+  const auto mount_position = [&](size_t i) { return pairs[i].camera_mount_from_target_mount.translation; };
+  const auto mount_rotation = [&](size_t i) { return pairs[i].camera_mount_from_target_mount.RotationMatrix(); };
+  std::vector<size_t> translations;
+  for (const std::string axis : {"x", "y"}) {
+    const std::vector<size_t> candidates = WithRole(pairs, "translate_" + axis);
+    if (candidates.empty()) {
+      return Failure{"no capture moves the tool along its " + axis + " alone (role translate_" + axis +
+                     "): add one, 50 mm or more from home without turning"};
+    }
+    translations.push_back(*std::max_element(candidates.begin(), candidates.end(), [&](size_t a, size_t b) {
+      return (mount_position(a) - mount_position(home)).norm() < (mount_position(b) - mount_position(home)).norm();
+    }));
+  }
+  const TargetPositions& positions = input.positions();
+  const auto position = [&](size_t i) { return positions.captures[i].in_camera; };
+  const Eigen::Matrix3d camera_from_frame =
+      Frame(position(translations[0]) - position(home), position(translations[1]) - position(home));
+  const Eigen::Matrix3d mount_from_frame = Frame(mount_position(translations[0]) - mount_position(home),
+                                                 mount_position(translations[1]) - mount_position(home));
+  const Eigen::Matrix3d rotation_x = NearestRotation(mount_from_frame * camera_from_frame.inverse());
+
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  for (const size_t i : turns) {
+    const Eigen::Matrix3d left = mount_rotation(i) - mount_rotation(home);
+    normal += left.transpose() * left;
+    right +=
+        left.transpose() * (rotation_x * (position(i) - position(home)) - (mount_position(i) - mount_position(home)));
+  }
+  // A turn by w moves what lies across its axis by |w|: the weakest direction must have seen a few degrees in all.
+  const double least_rad =
+      std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(normal).eigenvalues()[0]));
+  const double needed_rad = DegToRad(2.0);
+  if (least_rad < needed_rad) {
+    return Failure{std::to_string(turns.size()) + (turns.size() == 1 ? " turn" : " turns") +
+                   " about the tool point (role rotate) turn the weakest direction by " +
+                   Fixed(RadToDeg(least_rad), 2) +
+                   " deg in all: two or more about different axes, by 10 deg or more, are needed"};
+  }
+  const Eigen::Vector3d point_in_mount = normal.ldlt().solve(right);
+  const Eigen::Vector3d translation =
+      mount_rotation(home) * point_in_mount + mount_position(home) - rotation_x * position(home);
+  return WithBoardThrough(pairs, Rigid3d(rotation_x, translation), positions.point_in_target, point_in_mount);
+}
+
+}  // namespace heba

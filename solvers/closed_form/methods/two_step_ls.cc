@@ -1,0 +1,158 @@
+// The two-step method's idea as one weighted least-squares problem: any motions serve, and every capture's position of
+// the target counts by what it is worth. With M = camera_mount_from_target_mount, c the position of the target's point
+// in the camera, S its covariance, y the point in the target's mount and [R, t] the inverse of X:
+//   min over R, t, y of  sum |R (R_M y + p_M) + t - c|^2 in the metric S^-1.
+// For a known R it is linear in (y, t). The depth of a small board is known an order of magnitude worse than its place
+// across the line of sight; without S the depth's noise is the estimate's (the paper's formulas have no S). The
+// orientation of the target is not used. The rotation is found by Gauss-Newton from 24 turns of a cube, no rotation
+// being farther than 63 deg from one of them; the least cost wins.
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "solvers/closed_form/known_rotation.h"
+#include "solvers/closed_form/target_position.h"
+
+namespace heba {
+namespace {
+
+struct Measured {
+  Eigen::Matrix3d mount_rotation;
+  Eigen::Vector3d mount_position;  // From the mean of all.
+  Eigen::Vector3d in_camera;
+  Eigen::Matrix3d information;  // S^-1
+};
+
+struct State {
+  Eigen::Matrix3d rotation;  // camera_from_camera_mount
+  Eigen::Vector3d translation;
+  Eigen::Vector3d point_in_mount;
+  double cost = std::numeric_limits<double>::infinity();
+};
+
+double CostOf(const std::vector<Measured>& captures, const State& state) {
+  double cost = 0;
+  for (const Measured& m : captures) {
+    const Eigen::Vector3d in_camera =
+        state.rotation * (m.mount_rotation * state.point_in_mount + m.mount_position) + state.translation;
+    const Eigen::Vector3d residual = in_camera - m.in_camera;
+    cost += residual.dot(m.information * residual);
+  }
+  return cost;
+}
+
+// The best translation and point for a rotation.
+State WithRotation(const std::vector<Measured>& captures, const Eigen::Matrix3d& rotation) {
+  Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
+  for (const Measured& m : captures) {
+    const Eigen::Matrix3d by_point = rotation * m.mount_rotation;
+    const Eigen::Matrix3d weighted = m.information * by_point;
+    const Eigen::Vector3d pull = m.information * (m.in_camera - rotation * m.mount_position);
+    normal.topLeftCorner<3, 3>() += by_point.transpose() * weighted;
+    normal.bottomLeftCorner<3, 3>() += weighted;
+    normal.bottomRightCorner<3, 3>() += m.information;
+    right.head<3>() += by_point.transpose() * pull;
+    right.tail<3>() += pull;
+  }
+  // Of the lower half.
+  const Eigen::Matrix<double, 6, 1> solution = normal.ldlt().solve(right);
+  State state{rotation, solution.tail<3>(), solution.head<3>()};
+  state.cost = CostOf(captures, state);
+  return state;
+}
+
+// Levenberg-Marquardt on rotation (perturbed from the left), point and translation. Ends early near `known`, a minimum
+// that needs not be found again.
+State Refined(const std::vector<Measured>& captures, State state, int max_iterations, double small_drop,
+              const State* known = nullptr) {
+  using Vector9 = Eigen::Matrix<double, 9, 1>;
+  double damping = 1e-4;
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
+    Vector9 gradient = Vector9::Zero();
+    for (const Measured& m : captures) {
+      const Eigen::Matrix3d by_point = state.rotation * m.mount_rotation;
+      const Eigen::Vector3d turned = by_point * state.point_in_mount + state.rotation * m.mount_position;
+      const Eigen::Matrix3d cross = Skew(turned);  // The residual changes by -cross * rotation's step.
+      const Eigen::Matrix3d weighted_point = m.information * by_point;
+      const Eigen::Matrix3d weighted_cross = m.information * cross;
+      const Eigen::Vector3d pull = m.information * (turned + state.translation - m.in_camera);
+      normal.topLeftCorner<3, 3>() -= cross * weighted_cross;
+      normal.block<3, 3>(3, 0) -= weighted_point.transpose() * cross;
+      normal.block<3, 3>(3, 3) += by_point.transpose() * weighted_point;
+      normal.block<3, 3>(6, 0) -= weighted_cross;
+      normal.block<3, 3>(6, 3) += weighted_point;
+      normal.block<3, 3>(6, 6) += m.information;
+      gradient.head<3>() += turned.cross(pull);
+      gradient.segment<3>(3) += by_point.transpose() * pull;
+      gradient.tail<3>() += pull;
+    }
+    bool improved = false;
+    double relative_drop = 0;
+    for (int attempt = 0; attempt < 8 && !improved; ++attempt) {
+      Eigen::Matrix<double, 9, 9> damped = normal;  // The lower half counts.
+      damped.diagonal() *= 1 + damping;
+      const Vector9 step = -damped.ldlt().solve(gradient);
+      // Where so little is to be gained, rounding decides.
+      if (-step.dot(gradient) < small_drop * state.cost) break;
+      State next{ExpRotation(step.head<3>()).toRotationMatrix() * state.rotation, state.translation + step.tail<3>(),
+                 state.point_in_mount + step.segment<3>(3)};
+      next.cost = step.allFinite() ? CostOf(captures, next) : std::numeric_limits<double>::infinity();
+      improved = next.cost <= state.cost;
+      damping = improved ? std::max(1e-12, 0.1 * damping) : std::max(1e-6, 10 * damping);
+      if (!improved) continue;
+      relative_drop = state.cost > 0 ? (state.cost - next.cost) / state.cost : 0;
+      state = next;
+    }
+    constexpr double kNear2 = 0.01;  // Of the rotations' squared distance, 8 sin^2(angle / 2): 4 deg.
+    if (known != nullptr && (state.rotation - known->rotation).squaredNorm() < kNear2) break;
+    if (!improved || relative_drop < small_drop) break;
+  }
+  return state;
+}
+
+}  // namespace
+
+Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
+  const std::vector<PosePair>& pairs = input.pairs();
+  const TargetPositions& positions = input.positions();
+  Eigen::Vector3d mean_position = Eigen::Vector3d::Zero();
+  for (const PosePair& pair : pairs) {
+    mean_position += pair.camera_mount_from_target_mount.translation / static_cast<double>(pairs.size());
+  }
+  std::vector<Measured> captures;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    const Eigen::LLT<Eigen::Matrix3d> factor(positions.captures[i].covariance_at_1px);
+    if (factor.info() != Eigen::Success) return Failure{"the position of the target has no covariance"};
+    captures.push_back({pairs[i].camera_mount_from_target_mount.RotationMatrix(),
+                        pairs[i].camera_mount_from_target_mount.translation - mean_position,
+                        positions.captures[i].in_camera, factor.solve(Eigen::Matrix3d::Identity())});
+  }
+  // A few captures are enough to tell the starts apart.
+  constexpr size_t kMaxForStart = 30;
+  std::vector<Measured> few;
+  for (size_t i = 0; i < captures.size(); i += std::max<size_t>(1, captures.size() / kMaxForStart)) {
+    few.push_back(captures[i]);
+  }
+  State best;
+  for (const Eigen::Matrix3d& turn : TurnsOfACube()) {
+    constexpr int kFewIterations = 12;
+    constexpr double kTellingDrop = 1e-3;
+    const State found =
+        Refined(few, WithRotation(few, turn), kFewIterations, kTellingDrop, std::isfinite(best.cost) ? &best : nullptr);
+    if (found.cost < best.cost) best = found;
+  }
+  if (!std::isfinite(best.cost)) return Failure{"the positions of the target do not determine the hand-eye pose"};
+  constexpr int kMaxIterations = 100;
+  constexpr double kLastDrop = 1e-13;
+  best = Refined(captures, WithRotation(captures, best.rotation), kMaxIterations, kLastDrop);
+  const Eigen::Matrix3d rotation_x = best.rotation.transpose();
+  const Rigid3d camera_mount_from_camera(rotation_x, mean_position - rotation_x * best.translation);
+  return WithBoardThrough(pairs, camera_mount_from_camera, positions.point_in_target, best.point_in_mount);
+}
+
+}  // namespace heba

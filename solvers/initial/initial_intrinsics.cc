@@ -1,0 +1,255 @@
+#include "solvers/initial/initial_intrinsics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include <ceres/ceres.h>
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include "heba/base/median.h"
+#include "heba/base/text.h"
+#include "heba/evaluation/metrics.h"
+#include "heba/geometry/pose_block.h"
+#include "solvers/refine/captures_cost.h"
+#include "solvers/residuals/noise_scale.h"
+#include "solvers/refine/reprojection_problem.h"
+#include "solvers/initial/target_pose.h"
+
+namespace heba {
+namespace {
+
+Camera MakeCamera(const std::string& model, int width_px, int height_px, double fx, double fy, double cx, double cy) {
+  Camera camera{model, width_px, height_px, {}};
+  camera.params.assign(static_cast<size_t>(NumParams(camera.Model())), 0.0);
+  camera.params[0] = fx;
+  camera.params[1] = fy;
+  camera.params[2] = cx;
+  camera.params[3] = cy;
+  return camera;
+}
+
+// Zhang's linear equations h_1^T B h_2 = 0, h_1^T B h_1 = h_2^T B h_2 in B = K^-T K^-1 without skew, on pixels moved to
+// the image's centre and divided by its half width. With `centred` the principal point is held there.
+std::optional<Camera> ZhangClosedForm(const std::vector<Eigen::Matrix3d>& homographies, const std::string& model,
+                                      int width_px, int height_px, bool centred) {
+  const double scale = 0.5 * width_px;
+  const double centre_x = 0.5 * (width_px - 1);
+  const double centre_y = 0.5 * (height_px - 1);
+  Eigen::Matrix3d normalisation;
+  normalisation << 1 / scale, 0, -centre_x / scale, 0, 1 / scale, -centre_y / scale, 0, 0, 1;
+  // Unknowns B11, B22, B13, B23, B33.
+  using Vector5 = Eigen::Matrix<double, 5, 1>;
+  Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
+  for (const Eigen::Matrix3d& homography : homographies) {
+    Eigen::Matrix3d h = normalisation * homography;
+    h /= h.norm();
+    const auto row = [&](int i, int j) {
+      Vector5 v;
+      v << h(0, i) * h(0, j), h(1, i) * h(1, j), h(0, i) * h(2, j) + h(2, i) * h(0, j),
+          h(1, i) * h(2, j) + h(2, i) * h(1, j), h(2, i) * h(2, j);
+      return v;
+    };
+    const Vector5 orthogonal = row(0, 1);
+    const Vector5 equal = row(0, 0) - row(1, 1);
+    normal += orthogonal * orthogonal.transpose() + equal * equal.transpose();
+  }
+  Vector5 b;
+  if (centred) {
+    Eigen::Matrix3d small;
+    const int keep[3] = {0, 1, 4};
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) small(i, j) = normal(keep[i], keep[j]);
+    }
+    const Eigen::Vector3d null_vector = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(small).eigenvectors().col(0);
+    b << null_vector[0], null_vector[1], 0, 0, null_vector[2];
+  } else {
+    b = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 5, 5>>(normal).eigenvectors().col(0);
+  }
+  if (b[0] < 0) b = -b;
+  const double cx = -b[2] / b[0];
+  const double cy = -b[3] / b[1];
+  const double lambda = b[4] - b[2] * b[2] / b[0] - b[3] * b[3] / b[1];
+  if (!(b[0] > 0) || !(b[1] > 0) || !(lambda > 0)) return std::nullopt;
+  const double fx = std::sqrt(lambda / b[0]) * scale;
+  const double fy = std::sqrt(lambda / b[1]) * scale;
+  if (!std::isfinite(fx) || !std::isfinite(fy) || std::abs(cx) > 1 || std::abs(cy) > 1) return std::nullopt;
+  return MakeCamera(model, width_px, height_px, fx, fy, cx * scale + centre_x, cy * scale + centre_y);
+}
+
+struct PosedView {
+  const View* view;
+  Rigid3d camera_from_target;
+};
+
+// Best poses of all views, roughly: they are refined together. False if fewer than three have one.
+bool PoseViews(const Camera& camera, const std::vector<const View*>& views, std::vector<PosedView>* posed,
+               double* median_rms_px) {
+  posed->clear();
+  std::vector<double> rms;
+  for (const View* view : views) {
+    const std::optional<TargetPose> pose = EstimateRoughPose(camera, view->observations);
+    if (!pose) continue;
+    posed->push_back({view, pose->camera_from_target});
+    rms.push_back(pose->rms_px);
+  }
+  if (posed->size() < 3) return false;
+  *median_rms_px = Median(std::move(rms));
+  return true;
+}
+
+std::vector<double> SquaredDistances(const Camera& camera, const std::vector<PosedView>& posed) {
+  std::vector<double> distances;
+  for (const PosedView& entry : posed) {
+    const std::optional<Points2> residuals = Residuals(camera, entry.camera_from_target, entry.view->observations);
+    CHECK(residuals.has_value());
+    for (Eigen::Index i = 0; i < residuals->cols(); ++i) distances.push_back(residuals->col(i).squaredNorm());
+  }
+  return distances;
+}
+
+// Camera and one pose a view, together, until the cost changes by less than this share. False if Ceres cannot use the
+// result.
+bool RefineTogether(const FreeParameters& free, const Loss& loss, double tolerance, Camera* camera,
+                    std::vector<PosedView>* posed) {
+  const CameraModel& model = camera->Model();
+  const double sigma_px = SigmaFromMedian(SquaredDistances(*camera, *posed));
+  CapturesCostOptions options;
+  options.pixel_sigma_px = sigma_px;
+  options.loss = &loss;
+  options.free = free;
+  options.has_own_pose = true;
+  std::vector<CaptureTerm> captures;
+  for (const PosedView& entry : *posed) {
+    captures.push_back({&entry.view->observations, MakeFreePoseChain(), entry.camera_from_target});
+  }
+  CapturesCost cost(model, std::move(captures), options);
+  ceres::Problem::Options problem_options;
+  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem problem(problem_options);
+  AddCameraBlock(free, camera->params.data(), &problem);
+  problem.AddResidualBlock(&cost, nullptr, camera->params.data());
+  ceres::Solver::Options solver_options = ReprojectionSolverOptions(100);
+  solver_options.function_tolerance = tolerance;
+  const ceres::Solver::Summary summary = SolveCaptures(cost, solver_options, &problem);
+  const std::vector<Rigid3d> poses = cost.OwnPoses();
+  for (size_t i = 0; i < poses.size(); ++i) (*posed)[i].camera_from_target = poses[i];
+  return summary.IsSolutionUsable();
+}
+
+// Of the closed form and of guesses of the focal length, the camera whose views close best, each with a pose of its
+// own.
+std::optional<Camera> FirstGuess(const std::vector<const View*>& usable,
+                                 const std::vector<Eigen::Matrix3d>& homographies, const std::string& model_name,
+                                 int width_px, int height_px) {
+  std::vector<Camera> candidates;
+  for (const bool centred : {false, true}) {
+    const std::optional<Camera> zhang = ZhangClosedForm(homographies, model_name, width_px, height_px, centred);
+    if (zhang) candidates.push_back(*zhang);
+  }
+  for (const double ratio : {0.35, 0.6, 1.0, 1.6, 3.0}) {
+    candidates.push_back(MakeCamera(model_name, width_px, height_px, ratio * width_px, ratio * width_px,
+                                    0.5 * (width_px - 1), 0.5 * (height_px - 1)));
+  }
+  // Some of the views are enough to tell: of all degrees of perspective, which is what tells focal lengths apart.
+  constexpr size_t kMaxTelling = 12;
+  std::vector<std::pair<double, size_t>> order;
+  for (size_t i = 0; i < homographies.size(); ++i) {
+    const Points3& points = usable[i]->observations.points_in_target;
+    const double extent_m = (points.rowwise().maxCoeff() - points.rowwise().minCoeff()).maxCoeff();
+    order.emplace_back(-extent_m * (homographies[i].row(2).head<2>() / homographies[i](2, 2)).norm(), i);
+  }
+  std::sort(order.begin(), order.end());
+  std::vector<const View*> telling;
+  const size_t stride = (usable.size() + kMaxTelling - 1) / kMaxTelling;
+  for (size_t k = 0; k < order.size(); k += stride) telling.push_back(usable[order[k].second]);
+  std::optional<Camera> camera;
+  std::vector<PosedView> posed;
+  double best_rms_px = 0;
+  size_t best_count = 0;
+  for (const Camera& candidate : candidates) {
+    double rms_px = 0;
+    if (!PoseViews(candidate, telling, &posed, &rms_px)) continue;
+    if (camera && (posed.size() < best_count || (posed.size() == best_count && rms_px >= best_rms_px))) continue;
+    camera = candidate;
+    best_rms_px = rms_px;
+    best_count = posed.size();
+  }
+  if (!camera && telling.size() < usable.size()) {
+    // None of them has a pose.
+    for (const Camera& candidate : candidates) {
+      if (PoseViews(candidate, usable, &posed, &best_rms_px)) return candidate;
+    }
+  }
+  return camera;
+}
+
+}  // namespace
+
+Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::string& model_name, int width_px,
+                                   int height_px, const std::optional<Camera>& start) {
+  std::vector<const View*> usable;
+  std::vector<Eigen::Matrix3d> homographies;
+  int num_points = 0;
+  for (const View& view : views) {
+    if (view.observations.size() < 4) continue;
+    const std::optional<Eigen::Matrix3d> homography =
+        EstimateHomography(view.observations.points_in_target.topRows<2>(), view.observations.pixels);
+    if (!homography) continue;
+    usable.push_back(&view);
+    homographies.push_back(*homography);
+    num_points += view.observations.size();
+  }
+  if (usable.size() < 3) {
+    return Failure{"the camera cannot be calibrated from " + std::to_string(usable.size()) +
+                   " captures; 3 or more are needed, or a camera file (camera.intrinsics)"};
+  }
+  // Two coordinates a point, six unknowns a view; three times what distortion takes is its due. Without it a start's
+  // distortion would stay, whatever these views say.
+  const int num_params = NumParams(*FindCameraModel(model_name));
+  const bool has_distortion = 2 * num_points - 6 * static_cast<int>(usable.size()) >= 3 * num_params;
+  const bool has_start = start && has_distortion;
+  std::optional<Camera> camera;
+  if (has_start) {
+    camera = start;
+  } else {
+    camera = FirstGuess(usable, homographies, model_name, width_px, height_px);
+  }
+  std::vector<PosedView> posed;
+  double rms_px = 0;
+  if (!camera || !PoseViews(*camera, usable, &posed, &rms_px)) {
+    return Failure{"the captures do not determine a camera; give a camera file (camera.intrinsics)"};
+  }
+
+  // First what every view speaks of, then all: distortion from a few points would run away from a rough start.
+  const CameraModel& model = camera->Model();
+  const Loss& loss = *FindLoss("huber");
+  const FreeParameters linear = FreeOf(model, {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint});
+  FreeParameters all(static_cast<size_t>(NumParams(model)), true);
+  std::vector<FreeParameters> stages;
+  if (!has_start) stages = {FreeOf(model, {ParameterGroup::kFocal}), linear};
+  if (has_distortion) {
+    // Sixth-order terms last: they are known to a tenth of what the lower ones are.
+    FreeParameters low_order = all;
+    for (size_t i = 8; i < low_order.size(); ++i) low_order[i] = false;
+    if (!has_start) stages.push_back(low_order);
+    stages.push_back(all);
+    stages.push_back(all);
+  }
+  // What a stage leaves is the next one's.
+  constexpr double kPassing = 1e-3;
+  constexpr double kLast = 1e-10;
+  for (size_t i = 0; i < stages.size(); ++i) {
+    if (!RefineTogether(stages[i], loss, i + 1 < stages.size() ? kPassing : kLast, &*camera, &posed)) {
+      return Failure{"the camera's intrinsics could not be estimated; give a camera file (camera.intrinsics)"};
+    }
+    const std::string faults = CheckCamera(*camera);
+    if (!faults.empty()) return Failure{"the estimated camera makes no sense (" + faults + "); give a camera file"};
+  }
+  return *camera;
+}
+
+}  // namespace heba

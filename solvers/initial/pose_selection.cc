@@ -1,0 +1,225 @@
+#include "solvers/initial/pose_selection.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "heba/base/error.h"
+#include "solvers/closed_form/hand_eye_method.h"
+
+namespace heba {
+namespace {
+
+struct Candidate {
+  Rigid3d camera_from_target;
+  std::optional<Eigen::Matrix<double, 6, 6>> covariance_at_1px;
+  int symmetry;
+};
+using Candidates = std::vector<std::vector<Candidate>>;  // By view.
+using Choice = std::vector<int>;                         // The candidate of each view.
+
+// Of the rotation from one to the other, in rad, by the chord between them.
+double AngleBetween(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
+  const double chord2 = std::min((a.coeffs() - b.coeffs()).squaredNorm(), (a.coeffs() + b.coeffs()).squaredNorm());
+  return 4 * std::asin(0.5 * std::sqrt(chord2));
+}
+
+// Captures vote by how badly two of them contradict each other: by the angle between them, which the camera must see as
+// the robot has it.
+class AngleVote {
+ public:
+  AngleVote(const std::vector<View>& views, const Candidates& candidates) : views_(views), candidates_(candidates) {
+    // So many voices are enough.
+    constexpr size_t kMaxVoters = 100;
+    const size_t step = (views.size() + kMaxVoters - 1) / kMaxVoters;
+    for (size_t i = 0; i < views.size(); i += step) voters_.push_back(i);
+  }
+
+  // The choice that agrees with candidate `a` of view `anchor`, then improved view by view until nothing changes.
+  Choice From(size_t anchor, int a, double* total) const {
+    const size_t n = candidates_.size();
+    Choice choice(n, 0);
+    choice[anchor] = a;
+    for (size_t i = 0; i < n; ++i) {
+      if (i != anchor) choice[i] = BestOf(Sums(i, {anchor}, choice));
+    }
+    constexpr int kMaxSweeps = 10;
+    for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
+      bool changed = false;
+      *total = 0;
+      for (size_t i = 0; i < n; ++i) {
+        const std::vector<double> sums = Sums(i, voters_, choice);
+        const int best = BestOf(sums);
+        changed = changed || best != choice[i];
+        choice[i] = best;
+        *total += sums[static_cast<size_t>(best)];
+      }
+      if (!changed) break;
+    }
+    return choice;
+  }
+
+ private:
+  // The contradictions of each candidate of view i with the others' choices, in rad.
+  std::vector<double> Sums(size_t i, const std::vector<size_t>& others, const Choice& choice) const {
+    constexpr double kCap = 0.2;  // One bad view must not outvote the rest.
+    std::vector<double> sums(candidates_[i].size(), 0.0);
+    for (const size_t j : others) {
+      if (j == i) continue;
+      const double robot_angle = AngleBetween(views_[i].camera_mount_from_target_mount.rotation,
+                                              views_[j].camera_mount_from_target_mount.rotation);
+      const Eigen::Quaterniond& other = candidates_[j][static_cast<size_t>(choice[j])].camera_from_target.rotation;
+      for (size_t a = 0; a < sums.size(); ++a) {
+        const double seen_angle = AngleBetween(candidates_[i][a].camera_from_target.rotation, other);
+        sums[a] += std::min(kCap, std::abs(robot_angle - seen_angle));
+      }
+    }
+    return sums;
+  }
+  // Ties go to the first: the candidate that fits its own view best.
+  static int BestOf(const std::vector<double>& sums) {
+    return static_cast<int>(std::min_element(sums.begin(), sums.end()) - sums.begin());
+  }
+
+  const std::vector<View>& views_;
+  const Candidates& candidates_;
+  std::vector<size_t> voters_;
+};
+
+std::vector<PosePair> Pairs(const std::vector<View>& views, const Candidates& candidates, const Choice& choice) {
+  std::vector<PosePair> pairs;
+  for (size_t i = 0; i < views.size(); ++i) {
+    const Candidate& candidate = candidates[i][static_cast<size_t>(choice[i])];
+    pairs.push_back({views[i].camera_mount_from_target_mount, candidate.camera_from_target, views[i].role,
+                     candidate.covariance_at_1px});
+  }
+  return pairs;
+}
+
+// Squared reprojection error of a view read in a given order and predicted by the chain; capped, and the cap if a point
+// would have no image.
+double PredictionError(const Camera& camera, const View& view, const Rigid3d& camera_from_target,
+                       const Rigid3d& symmetry) {
+  const double cap = std::pow(0.25 * camera.width_px, 2) * view.observations.size();
+  const std::optional<SquaredErrors> errors = ViewErrors(camera, camera_from_target * symmetry, view.observations);
+  return errors ? std::min(cap, errors->sum_px2) : cap;
+}
+
+}  // namespace
+
+ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
+                        const std::vector<std::vector<TargetPose>>& poses, const std::vector<Rigid3d>& symmetries) {
+  CHECK_EQ(views.size(), poses.size());
+  CHECK(!symmetries.empty());
+  Candidates candidates(views.size());
+  for (size_t i = 0; i < views.size(); ++i) {
+    CHECK(!poses[i].empty()) << views[i].name;
+    for (const TargetPose& pose : poses[i]) {
+      for (size_t s = 0; s < symmetries.size(); ++s) {
+        // With the points moved by S the same pixels ask for the pose times S^-1.
+        candidates[i].push_back(
+            {pose.camera_from_target * Inverse(symmetries[s]), pose.covariance_at_1px, static_cast<int>(s)});
+      }
+    }
+  }
+
+  // Vote, from each pose of a few views: one of them is right somewhere.
+  const AngleVote vote(views, candidates);
+  constexpr size_t kMaxAnchors = 5;
+  const size_t step = std::max<size_t>(1, views.size() / kMaxAnchors);
+  Choice choice(views.size(), 0);
+  double best_total = std::numeric_limits<double>::infinity();
+  for (size_t anchor = 0; anchor < views.size(); anchor += step) {
+    for (size_t p = 0; p < poses[anchor].size(); ++p) {
+      double total = 0;
+      const Choice found = vote.From(anchor, static_cast<int>(p * symmetries.size()), &total);
+      if (total < best_total - 1e-12) {
+        best_total = total;
+        choice = found;
+      }
+    }
+  }
+
+  // Then by a calibration: each view takes the order that its prediction fits, and of that order's poses the one
+  // nearest to the prediction; again until nothing changes. Whichever method ends with the smallest error has the say.
+  Choice best_choice = choice;
+  double best_error = std::numeric_limits<double>::infinity();
+  const std::vector<PosePair> voted = Pairs(views, candidates, choice);
+  const HandEyeInput voted_input(voted);
+  struct Solved {
+    size_t method;
+    Choice choice;
+    Outcome<HandEye> hand_eye;
+  };
+  std::vector<Solved> solved;
+  for (size_t m = 0; m < HandEyeMethods().size(); ++m) {
+    const HandEyeMethod& method = HandEyeMethods()[m];
+    Choice current = choice;
+    constexpr int kMaxRounds = 10;
+    for (int round = 0; round < kMaxRounds; ++round) {
+      const Outcome<HandEye> hand_eye =
+          current == choice ? method.solve(voted_input) : method.solve(Pairs(views, candidates, current));
+      solved.push_back({m, current, hand_eye});
+      if (!hand_eye) break;
+      double error = 0;
+      Choice next(views.size());
+      for (size_t i = 0; i < views.size(); ++i) {
+        const Rigid3d predicted = CameraFromTarget(*hand_eye, views[i].camera_mount_from_target_mount);
+        std::vector<double> errors;
+        for (const Rigid3d& symmetry : symmetries) {
+          errors.push_back(PredictionError(camera, views[i], predicted, symmetry));
+        }
+        const int best = static_cast<int>(std::min_element(errors.begin(), errors.end()) - errors.begin());
+        error += errors[static_cast<size_t>(best)];
+        double best_angle = std::numeric_limits<double>::infinity();
+        for (size_t a = 0; a < candidates[i].size(); ++a) {
+          if (candidates[i][a].symmetry != best) continue;
+          const double angle = AngleRad(candidates[i][a].camera_from_target, predicted);
+          if (angle >= best_angle) continue;
+          best_angle = angle;
+          next[i] = static_cast<int>(a);
+        }
+      }
+      const bool settled = next == current;
+      if (error < best_error) {
+        best_error = error;
+        best_choice = next;
+      }
+      current = next;
+      if (settled) break;
+    }
+  }
+
+  ChosenPoses chosen;
+  chosen.solutions.resize(HandEyeMethods().size());
+  for (Solved& entry : solved) {
+    if (entry.choice == best_choice) chosen.solutions[entry.method] = std::move(entry.hand_eye);
+  }
+  chosen.pairs = Pairs(views, candidates, best_choice);
+  for (size_t i = 0; i < views.size(); ++i) {
+    chosen.symmetry.push_back(candidates[i][static_cast<size_t>(best_choice[i])].symmetry);
+  }
+  return chosen;
+}
+
+const TargetPose* NearestPose(const std::vector<TargetPose>& poses, const Rigid3d& camera_from_target) {
+  const auto nearest = std::min_element(poses.begin(), poses.end(), [&](const TargetPose& a, const TargetPose& b) {
+    return AngleRad(a.camera_from_target, camera_from_target) < AngleRad(b.camera_from_target, camera_from_target);
+  });
+  return nearest == poses.end() ? nullptr : &*nearest;
+}
+
+std::vector<PosePair> PairsAsSeen(const Camera& camera, const HandEye& hand_eye, const std::vector<View>& views) {
+  std::vector<PosePair> pairs;
+  for (const View& view : views) {
+    const std::vector<TargetPose> poses = EstimateTargetPose(camera, view.observations);
+    const TargetPose* const nearest =
+        NearestPose(poses, CameraFromTarget(hand_eye, view.camera_mount_from_target_mount));
+    if (nearest == nullptr) continue;
+    pairs.push_back(
+        {view.camera_mount_from_target_mount, nearest->camera_from_target, view.role, nearest->covariance_at_1px});
+  }
+  return pairs;
+}
+
+}  // namespace heba

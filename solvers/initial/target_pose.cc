@@ -1,0 +1,276 @@
+#include "solvers/initial/target_pose.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+
+#include "heba/base/error.h"
+#include "heba/kernels/small_matrix.h"
+#include "heba/base/units.h"
+#include "heba/evaluation/metrics.h"
+#include "solvers/residuals/view_reduction.h"
+
+namespace heba {
+namespace {
+
+// The similarity that moves points to mean 0 and mean distance sqrt(2).
+Eigen::Matrix3d Normalisation(const Points2& points) {
+  const Eigen::Vector2d mean = points.rowwise().mean();
+  const double distance = (points.colwise() - mean).colwise().norm().mean();
+  const double scale = distance > 0 ? std::sqrt(2.0) / distance : 1.0;
+  Eigen::Matrix3d transform;
+  transform << scale, 0, -scale * mean.x(), 0, scale, -scale * mean.y(), 0, 0, 1;
+  return transform;
+}
+
+// The second singular value of the centred points over the first: 0 for points on a line.
+double Flatness(const Points2& points) {
+  const Eigen::Vector2d mean = points.rowwise().mean();
+  const Points2 centred = points.colwise() - mean;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(centred * centred.transpose());
+  return std::sqrt(std::max(0.0, eigen.eigenvalues()[0]) / eigen.eigenvalues()[1]);
+}
+
+// The rotation with the least angle that maps z to `direction`.
+Eigen::Matrix3d RotationFromZ(const Eigen::Vector3d& direction) {
+  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), direction).toRotationMatrix();
+}
+
+// The two rotations of a plane whose homography to normalised image coordinates is `h`; the plane's origin is near the
+// points. (Collins and Bartoli 2014, section 4, in their notation: v is the image of the origin, J the Jacobian of the
+// plane-to-image map there, gamma the reciprocal of the origin's depth.)
+std::vector<Eigen::Matrix3d> PlaneRotations(Eigen::Matrix3d h) {
+  h /= h(2, 2);
+  const Eigen::Vector2d v = h.topRightCorner<2, 1>();
+  const Eigen::Matrix2d j = h.topLeftCorner<2, 2>() - v * h.bottomLeftCorner<1, 2>();
+  const Eigen::Matrix3d r_v = RotationFromZ(Eigen::Vector3d(v.x(), v.y(), 1.0).normalized());
+  Eigen::Matrix<double, 2, 3> projection;
+  projection << 1, 0, -v.x(), 0, 1, -v.y();
+  const Eigen::Matrix2d b = projection * r_v.leftCols<2>();
+  const Eigen::Matrix2d a = b.inverse() * j;
+  const double gamma = Eigen::JacobiSVD<Eigen::Matrix2d>(a).singularValues()[0];
+  if (!(gamma > 0) || !std::isfinite(gamma)) return {};
+  const Eigen::Matrix2d r22 = a / gamma;
+  const Eigen::Matrix2d gram = Eigen::Matrix2d::Identity() - r22.transpose() * r22;
+  double r31 = std::sqrt(std::max(0.0, gram(0, 0)));
+  double r32 = std::sqrt(std::max(0.0, gram(1, 1)));
+  if (gram(0, 1) < 0) r32 = -r32;
+  std::vector<Eigen::Matrix3d> rotations;
+  for (const double sign : {1.0, -1.0}) {
+    Eigen::Vector3d first(r22(0, 0), r22(1, 0), sign * r31);
+    Eigen::Vector3d second(r22(0, 1), r22(1, 1), sign * r32);
+    Eigen::Matrix3d rotation;
+    rotation << first, second, first.cross(second);
+    rotations.push_back(r_v * NearestRotation(rotation));
+  }
+  return rotations;
+}
+
+// The translation that puts the points on their rays, by linear least squares; `normalised` are x / z and y / z.
+Eigen::Vector3d TranslationOnRays(const Eigen::Matrix3d& rotation, const Points3& points, const Points2& normalised) {
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    Eigen::Matrix<double, 2, 3> projection;
+    projection << 1, 0, -normalised(0, i), 0, 1, -normalised(1, i);
+    normal += projection.transpose() * projection;
+    right -= projection.transpose() * (projection * (rotation * points.col(i)));
+  }
+  return normal.ldlt().solve(right);
+}
+
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
+  if ((information.diagonal().array() <= 0).any()) return std::nullopt;
+  // Metres and radians side by side: scaled before it is factored.
+  const Tangent6 scale = information.diagonal().cwiseSqrt().cwiseInverse();
+  const Matrix6 scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  const Eigen::LLT<Matrix6> root(scaled);
+  if (root.info() != Eigen::Success) return std::nullopt;
+  const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
+  // The inverse's trace is at most six times its largest eigenvalue.
+  constexpr double kOpen = 1e-12;
+  if (!(inverse_root.squaredNorm() < 1 / kOpen)) return std::nullopt;
+  const Matrix6 inverse_scaled = inverse_root * scale.asDiagonal();
+  return Matrix6(inverse_scaled.transpose().lazyProduct(inverse_scaled));
+}
+
+// A pose, and the view's products there.
+struct PoseInView {
+  Rigid3d camera_from_target;
+  ViewProducts products;
+
+  double Cost() const { return products.matrix(6, 6); }
+};
+
+// The pose's columns alone.
+class PoseReducer {
+ public:
+  PoseReducer(const Camera& camera, const Observations& observations)
+      : camera_(camera),
+        observations_(observations),
+        reducer_(camera.Model(), FreeParameters(camera.params.size(), false), 1.0, *FindLoss("none")) {}
+
+  std::optional<PoseInView> At(const Rigid3d& camera_from_target) const {
+    PoseInView there{camera_from_target, {}};
+    if (!reducer_.Multiply(camera_.params.data(), camera_from_target, observations_, nullptr, &there.products)) {
+      return std::nullopt;
+    }
+    return there;
+  }
+
+ private:
+  const Camera& camera_;
+  const Observations& observations_;
+  ViewReducer reducer_;
+};
+
+// Levenberg-Marquardt on the six numbers of the pose, until a step changes less than `small_drop` of the cost.
+PoseInView Refined(const PoseReducer& reducer, PoseInView here, double small_drop) {
+  double damping = 1e-6;
+  for (int iteration = 0; iteration < 50; ++iteration) {
+    const Tangent6 gradient = here.products.matrix.col(6).head<6>();
+    bool improved = false;
+    double drop = 0;
+    for (int attempt = 0; attempt < 10 && !improved; ++attempt) {
+      Matrix6 damped = here.products.matrix.topLeftCorner<6, 6>();
+      damped.diagonal() *= 1.0 + damping;
+      const Tangent6 step = -damped.ldlt().solve(gradient);
+      // Where so little is to be gained, rounding decides.
+      if (-step.dot(gradient) < small_drop * here.Cost()) break;
+      std::optional<PoseInView> there;
+      if (step.allFinite()) {
+        there = reducer.At(Rigid3d(ExpRotation(step.tail<3>()), step.head<3>()) * here.camera_from_target);
+      }
+      if (there && there->Cost() <= here.Cost()) {
+        improved = true;
+        drop = here.Cost() - there->Cost();
+        here = std::move(*there);
+        damping = std::max(1e-12, damping * 0.1);
+      } else {
+        damping = std::max(1e-6, damping * 10);
+      }
+    }
+    if (!improved || drop < small_drop * here.Cost()) break;
+  }
+  return here;
+}
+
+double RmsPxOf(const Camera& camera, const Observations& observations, const Rigid3d& camera_from_target) {
+  const std::optional<SquaredErrors> errors = ViewErrors(camera, camera_from_target, observations);
+  CHECK(errors.has_value());
+  return *errors->RmsPx();
+}
+
+}  // namespace
+
+std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Points2& to) {
+  CHECK_EQ(from.cols(), to.cols());
+  constexpr double kOnALine = 1e-6;
+  if (from.cols() < 4 || Flatness(from) < kOnALine || Flatness(to) < kOnALine) return std::nullopt;
+  const Eigen::Matrix3d from_normalisation = Normalisation(from);
+  const Eigen::Matrix3d to_normalisation = Normalisation(to);
+  // The products of the equations [p, 0, -q_x p] h = 0 and [0, p, -q_y p] h = 0.
+  using Matrix9 = Eigen::Matrix<double, 9, 9>;
+  Matrix9 products = Matrix9::Zero();
+  for (Eigen::Index i = 0; i < from.cols(); ++i) {
+    const Eigen::Vector3d p = from_normalisation * from.col(i).homogeneous();
+    const Eigen::Vector3d q = to_normalisation * to.col(i).homogeneous();
+    const Eigen::Matrix3d pp = p * p.transpose();
+    products.topLeftCorner<3, 3>() += pp;
+    products.block<3, 3>(6, 0) -= q.x() * pp;
+    products.block<3, 3>(6, 3) -= q.y() * pp;
+    products.bottomRightCorner<3, 3>() += q.head<2>().squaredNorm() * pp;
+  }
+  products.block<3, 3>(3, 3) = products.topLeftCorner<3, 3>();
+  const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(products);  // Of the lower half.
+  // A second null direction: the points do not determine the map.
+  constexpr double kNull = 1e-14;  // Round-off of the products: a ten-millionth in the equations themselves.
+  if (eigen.eigenvalues()[1] < kNull * eigen.eigenvalues()[8]) return std::nullopt;
+  const Eigen::Matrix<double, 9, 1> h = eigen.eigenvectors().col(0);
+  const Eigen::Matrix3d normalised = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.data());
+  return Eigen::Matrix3d(to_normalisation.inverse() * normalised * from_normalisation);
+}
+
+namespace {
+
+// The two solutions of the plane; none as EstimateTargetPose has it.
+std::vector<PoseInView> StartPoses(const PoseReducer& reducer, const Camera& camera, const Observations& observations) {
+  const int n = observations.size();
+  if (n < 4) return {};
+  // Rays, turned so that their mean looks along z: x / z and y / z then stay small for fisheye lenses too.
+  Eigen::Matrix3Xd rays(3, n);
+  for (int i = 0; i < n; ++i) {
+    const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, observations.pixels.col(i));
+    if (!ray) return {};
+    rays.col(i) = *ray;
+  }
+  const Eigen::Vector3d mean_ray = rays.rowwise().mean();
+  if (mean_ray.norm() < 1e-3) return {};
+  const Eigen::Matrix3d camera_from_turned = RotationFromZ(mean_ray.normalized());
+  const Eigen::Matrix3Xd turned = camera_from_turned.transpose() * rays;
+  if ((turned.row(2).array() < 0.05).any()) return {};
+  Points2 normalised(2, n);
+  normalised.row(0) = turned.row(0).cwiseQuotient(turned.row(2));
+  normalised.row(1) = turned.row(1).cwiseQuotient(turned.row(2));
+
+  // The plane's origin is moved to the points' centre, where the homography is best known.
+  const Eigen::Vector3d centre = observations.points_in_target.rowwise().mean();
+  const Points3 centred = observations.points_in_target.colwise() - centre;
+  if (!(centred.row(2).cwiseAbs().maxCoeff() <= 0.1 * centred.topRows<2>().cwiseAbs().maxCoeff())) return {};
+  const std::optional<Eigen::Matrix3d> homography = EstimateHomography(centred.topRows<2>(), normalised);
+  if (!homography || std::abs((*homography)(2, 2)) < 1e-12) return {};
+
+  std::vector<PoseInView> poses;
+  for (const Eigen::Matrix3d& rotation : PlaneRotations(*homography)) {
+    const Rigid3d turned_from_centred(rotation, TranslationOnRays(rotation, centred, normalised));
+    const Rigid3d pose = Rigid3d(camera_from_turned, Eigen::Vector3d::Zero()) * turned_from_centred *
+                         Rigid3d(Eigen::Quaterniond::Identity(), -centre);
+    if (!pose.translation.allFinite() || !pose.rotation.coeffs().allFinite()) continue;
+    std::optional<PoseInView> in_view = reducer.At(pose);
+    if (in_view) poses.push_back(std::move(*in_view));
+  }
+  return poses;
+}
+
+}  // namespace
+
+std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations) {
+  constexpr double kExact = 1e-10;
+  const PoseReducer reducer(camera, observations);
+  std::vector<TargetPose> poses;
+  for (PoseInView& start : StartPoses(reducer, camera, observations)) {
+    const PoseInView refined = Refined(reducer, std::move(start), kExact);
+    const Rigid3d& pose = refined.camera_from_target;
+    const bool known = std::any_of(poses.begin(), poses.end(), [&](const TargetPose& other) {
+      return AngleRad(other.camera_from_target, pose) < DegToRad(0.05);
+    });
+    if (known) continue;
+    poses.push_back(
+        {pose, RmsPxOf(camera, observations, pose), PoseCovariance(refined.products.matrix.topLeftCorner<6, 6>())});
+  }
+  std::sort(poses.begin(), poses.end(), [](const TargetPose& a, const TargetPose& b) { return a.rms_px < b.rms_px; });
+  return poses;
+}
+
+std::optional<TargetPose> EstimateRoughPose(const Camera& camera, const Observations& observations) {
+  constexpr double kRough = 1e-3;
+  const PoseReducer reducer(camera, observations);
+  std::vector<PoseInView> poses = StartPoses(reducer, camera, observations);
+  if (poses.empty()) return std::nullopt;
+  const auto by_cost = [](const PoseInView& a, const PoseInView& b) { return a.Cost() < b.Cost(); };
+  std::sort(poses.begin(), poses.end(), by_cost);
+  // A start with so many times the other's squares will not be the better minimum.
+  constexpr double kFarWorse = 10;
+  if (poses.size() > 1 && poses[1].Cost() > kFarWorse * poses[0].Cost()) poses.resize(1);
+  for (PoseInView& pose : poses) pose = Refined(reducer, std::move(pose), kRough);
+  const Rigid3d& best = std::min_element(poses.begin(), poses.end(), by_cost)->camera_from_target;
+  return TargetPose{best, RmsPxOf(camera, observations, best)};
+}
+
+}  // namespace heba

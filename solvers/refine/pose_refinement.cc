@@ -1,0 +1,132 @@
+#include "solvers/refine/pose_refinement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include <ceres/ceres.h>
+#include <Eigen/Cholesky>
+
+#include "heba/geometry/pose_block.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/uncertainty/information.h"
+#include "solvers/refine/kinematic_loop.h"
+#include "solvers/refine/reprojection_problem.h"
+
+namespace heba {
+namespace {
+
+// What camera_from_target is off by, and its derivative by a further left perturbation.
+Tangent6 Misclosure(const Rigid3d& predicted, const Rigid3d& seen, Matrix6* by_left) {
+  const Rigid3d difference = predicted * Inverse(seen);
+  const Eigen::Vector3d angle = LogRotation(difference.rotation);
+  Tangent6 misclosure;
+  misclosure << difference.translation, angle;
+  if (by_left != nullptr) {
+    const Eigen::Matrix3d skew = Skew(angle);
+    by_left->setIdentity();
+    by_left->topRightCorner<3, 3>() = -Skew(difference.translation);
+    // The inverse left Jacobian of the rotation vector.
+    const double theta = angle.norm();
+    const double factor = theta < 1e-4 ? 1.0 / 12 : (1 - 0.5 * theta / std::tan(0.5 * theta)) / (theta * theta);
+    by_left->bottomRightCorner<3, 3>() = Eigen::Matrix3d::Identity() - 0.5 * skew + factor * skew * skew;
+  }
+  return misclosure;
+}
+
+class ChainCost final : public ceres::SizedCostFunction<6, 7, 7> {
+ public:
+  ChainCost(const PosePair& pair, const Matrix6& whitening)
+      : chain_(MakeHandEyeChain(pair.camera_mount_from_target_mount)),
+        camera_from_target_(pair.camera_from_target),
+        whitening_(whitening) {}
+
+  bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override {
+    std::vector<Matrix6> left_from_tangent;
+    const Rigid3d predicted = chain_->Evaluate(parameters, jacobians == nullptr ? nullptr : &left_from_tangent);
+    Matrix6 by_left;
+    Eigen::Map<Tangent6> residual(residuals);
+    residual = whitening_ * Misclosure(predicted, camera_from_target_, jacobians == nullptr ? nullptr : &by_left);
+    for (int i = 0; jacobians != nullptr && i < 2; ++i) {
+      if (jacobians[i] == nullptr) continue;
+      Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>> jacobian(jacobians[i]);
+      jacobian = whitening_ * by_left * left_from_tangent[static_cast<size_t>(i)] * TangentFromBlock(parameters[i]);
+    }
+    return true;
+  }
+
+ private:
+  std::unique_ptr<PoseChain> chain_;
+  Rigid3d camera_from_target_;
+  Matrix6 whitening_;
+};
+
+// W with W^T W = S^-1, one a pair.
+std::vector<Matrix6> Whitenings(const std::vector<PosePair>& pairs) {
+  Matrix6 typical = Matrix6::Zero();
+  int num_known = 0;
+  for (const PosePair& pair : pairs) {
+    if (!pair.covariance_at_1px) continue;
+    typical += *pair.covariance_at_1px;
+    ++num_known;
+  }
+  typical = num_known == 0 ? Matrix6(1e-6 * Matrix6::Identity()) : Matrix6(typical / num_known);
+  std::vector<Matrix6> whitenings;
+  for (const PosePair& pair : pairs) {
+    const Eigen::LLT<Matrix6> factor(pair.covariance_at_1px.value_or(typical));
+    CHECK(factor.info() == Eigen::Success) << "a pose's covariance is not positive definite";
+    whitenings.emplace_back(factor.matrixL().solve(Matrix6::Identity()));
+  }
+  return whitenings;
+}
+
+}  // namespace
+
+Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye& start) {
+  if (const std::optional<Failure> failure = HandEyeInput(pairs).why_not()) return *failure;
+  const std::vector<Matrix6> whitenings = Whitenings(pairs);
+  PoseBlock hand_eye = ToBlock(start.camera_mount_from_camera);
+  PoseBlock board = ToBlock(start.target_mount_from_target);
+  ceres::Problem problem;
+  problem.AddParameterBlock(hand_eye.data(), 7, new PoseManifold);
+  problem.AddParameterBlock(board.data(), 7, new PoseManifold);
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    problem.AddResidualBlock(new ChainCost(pairs[i], whitenings[i]), nullptr, hand_eye.data(), board.data());
+  }
+  constexpr int kMaxIterations = 200;
+  ceres::Solver::Options options = ReprojectionSolverOptions(kMaxIterations);
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  if (summary.termination_type != ceres::CONVERGENCE) return Failure{"did not converge: " + summary.message};
+
+  Solution solution;
+  solution.hand_eye = {FromBlock(hand_eye.data()), FromBlock(board.data())};
+  solution.convergence = {true,
+                          static_cast<int>(summary.iterations.size()) - 1,
+                          summary.initial_cost,
+                          summary.final_cost,
+                          summary.total_time_in_seconds,
+                          summary.message};
+  Information information;
+  for (const char* pose : {"hand_eye.", "board."}) {
+    for (const std::string_view tangent : kTangentNames) information.names.push_back(pose + std::string(tangent));
+  }
+  information.matrix = Eigen::MatrixXd::Zero(12, 12);
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    const Rigid3d predicted = CameraFromTarget(solution.hand_eye, pairs[i].camera_mount_from_target_mount);
+    Matrix6 by_left;
+    Misclosure(predicted, pairs[i].camera_from_target, &by_left);
+    Eigen::Matrix<double, 6, 12> j;
+    j << -Matrix6::Identity(), Adjoint(predicted);
+    j = (whitenings[i] * by_left * j).eval();
+    information.matrix += j.transpose() * j;
+  }
+  if (const std::optional<Failure> failure = CheckObservable(information)) return *failure;
+  const double dof = 6.0 * static_cast<double>(pairs.size()) - 12;
+  solution.pixel_sigma_px = std::sqrt(2 * summary.final_cost / dof);
+  solution.covariance_dof = dof;
+  solution.covariance = InvertInformation(information, solution.pixel_sigma_px * solution.pixel_sigma_px);
+  return solution;
+}
+
+}  // namespace heba

@@ -1,0 +1,73 @@
+#include "solvers/refine/reprojection_problem.h"
+
+#include <algorithm>
+#include <sstream>
+
+#include <ceres/manifold.h>
+
+namespace heba {
+
+ceres::Solver::Options ReprojectionSolverOptions(int max_iterations) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = max_iterations;
+  // What is left then is far below the last step, which is itself far below the noise.
+  options.function_tolerance = 1e-12;
+  options.parameter_tolerance = 1e-13;
+  options.gradient_tolerance = 1e-14;
+  // Starts are good: the first steps are to be Gauss-Newton's own. A poor one pays for it by a few refused steps.
+  options.initial_trust_region_radius = 1e6;
+  // Steps that put a point behind the camera are refused one by one until the trust region is small enough.
+  options.max_num_consecutive_invalid_steps = 50;
+  options.num_threads = 1;
+  options.logging_type = ceres::SILENT;
+  return options;
+}
+
+void AddCameraBlock(const FreeParameters& free, double* params, ceres::Problem* problem) {
+  const int size = static_cast<int>(free.size());
+  problem->AddParameterBlock(params, size);
+  std::vector<int> held;
+  for (int i = 0; i < size; ++i) {
+    if (!free[static_cast<size_t>(i)]) held.push_back(i);
+  }
+  if (static_cast<int>(held.size()) == size) {
+    problem->SetParameterBlockConstant(params);
+  } else if (!held.empty()) {
+    problem->SetManifold(params, new ceres::SubsetManifold(size, held));
+  }
+}
+
+namespace {
+
+class StopAtMinimum final : public ceres::IterationCallback {
+ public:
+  StopAtMinimum(const CapturesCost& cost, double tolerance) : cost_(cost), tolerance_(tolerance) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*iteration*/) override {
+    return cost_.PredictedDrop() <= tolerance_ ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const CapturesCost& cost_;
+  double tolerance_;
+};
+
+}  // namespace
+
+ceres::Solver::Summary SolveCaptures(const CapturesCost& cost, ceres::Solver::Options options,
+                                     ceres::Problem* problem) {
+  StopAtMinimum stop(cost, options.function_tolerance);
+  options.callbacks.push_back(&stop);
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, problem, &summary);
+  if (summary.termination_type == ceres::USER_SUCCESS) {
+    summary.termination_type = ceres::CONVERGENCE;
+    std::ostringstream message;
+    message << "Function tolerance reached. The next step's |cost_change|/cost: " << cost.PredictedDrop()
+            << " <= " << options.function_tolerance;
+    summary.message = message.str();
+  }
+  return summary;
+}
+
+}  // namespace heba

@@ -1,0 +1,274 @@
+#include "solvers/uncertainty/capture_outliers.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include "heba/base/distributions.h"
+#include "heba/base/error.h"
+#include "heba/base/median.h"
+#include "heba/kernels/small_matrix.h"
+#include "heba/evaluation/metrics.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/residuals/noise_scale.h"
+#include "solvers/uncertainty/repeated_poses.h"
+#include "solvers/uncertainty/robot_noise.h"
+#include "solvers/uncertainty/variance_components.h"
+
+namespace heba {
+namespace {
+
+constexpr size_t kMinCaptures = 6;
+
+// The variance of a robot that is exact but for rounding, m^2 and rad^2.
+constexpr double kExact2 = 1e-18;
+
+// The points by which a view is judged: those that agree with the estimate; all, if most do not.
+Observations JudgedPoints(const Observations& observations, const std::vector<int>& rejected_ids) {
+  if (2 * rejected_ids.size() > observations.ids.size()) return observations;
+  return WithoutPoints(observations, rejected_ids);
+}
+
+// What each capture's correction would be if nothing but pixels were noisy, held to what is possible at all.
+Tangent6 RoughCorrection(const LinearView& view) {
+  constexpr double kPossibleM = 0.05;
+  constexpr double kPossibleRad = 0.1;
+  Matrix6 normal = view.by_correction.transpose() * view.by_correction;
+  normal.diagonal().head<3>().array() += 1 / (kPossibleM * kPossibleM);
+  normal.diagonal().tail<3>().array() += 1 / (kPossibleRad * kPossibleRad);
+  return normal.ldlt().solve(view.by_correction.transpose() * view.offset);
+}
+
+// The half of the captures with the smallest corrections, and the variances that these have.
+std::vector<bool> BestHalf(const std::vector<LinearView>& views, VarianceComponents* start) {
+  const double median_of_3_dof = ChiSquareQuantile(0.5, 3);
+  std::vector<double> translations;
+  std::vector<double> rotations;
+  for (const LinearView& view : views) {
+    const Tangent6 correction = RoughCorrection(view);
+    translations.push_back(correction.head<3>().squaredNorm());
+    rotations.push_back(correction.tail<3>().squaredNorm());
+  }
+  start->translation_m2 = std::max(kExact2, Median(translations) / median_of_3_dof);
+  start->rotation_rad2 = std::max(kExact2, Median(rotations) / median_of_3_dof);
+  std::vector<size_t> order(views.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  const auto size_of = [&](size_t i) {
+    return translations[i] / start->translation_m2 + rotations[i] / start->rotation_rad2;
+  };
+  std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return size_of(a) < size_of(b); });
+  std::vector<bool> is_member(views.size(), false);
+  for (size_t k = 0; k < (views.size() + 1) / 2; ++k) is_member[order[k]] = true;
+  return is_member;
+}
+
+// Of the 6 degrees of freedom of a chi-square only those below the median: their mean, over 6.
+double ShareOfBestHalf() {
+  // E[x; x < m] = 6 P(chi2_8 < m), over P(x < m) = 1/2.
+  const double median = ChiSquareQuantile(0.5, 6);
+  return 2 * (1 - ChiSquareTail(median, 8));
+}
+
+// The normal equations of a view: their matrix and, in the last column, their right side.
+Eigen::MatrixXd NormalOf(const LinearView& view, const VarianceComponents& variances) {
+  const Eigen::Index n = view.by_unknowns.cols();
+  const RowMajorMatrix whitened =
+      WhitenedRows(view, variances.pixel, variances.translation_m2, variances.rotation_rad2);
+  return whitened.leftCols(n).transpose().lazyProduct(whitened);
+}
+
+// Returns the variance of a view's moved rows, in the views' unit, with the errors that no model describes: a smooth
+// field of kUnmodelledPx at each of the 2 N coordinates, shared out over the six numbers of a pose.
+double VarianceWithUnmodelled(const LinearView& view, double pixel_variance, double pixel_sigma_px) {
+  const double num_coordinates = static_cast<double>(view.offset.size() + view.num_rest);
+  const double ratio = kUnmodelledPx / pixel_sigma_px;
+  return pixel_variance + num_coordinates / 6 * ratio * ratio;
+}
+
+// The tail probability of what a view's correction is off by, predicted by the normal equations of others.
+double PValue(const LinearView& view, const Eigen::MatrixXd& others, const VarianceComponents& variances,
+              double pixel_sigma_px, double dof) {
+  // The prediction's root: Y with Y^T Y its covariance, and what it predicts.
+  const Eigen::Index n = view.by_unknowns.cols();
+  const Eigen::Index rows = view.offset.size();
+  const Eigen::VectorXd scale = others.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
+  const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * others.leftCols(n) * scale.asDiagonal());
+  // Others that do not determine the unknowns predict nothing.
+  if (root.info() != Eigen::Success) return 1;
+  RowMajorMatrix predicted(n, rows + 1);
+  predicted << view.by_unknowns.transpose(), others.col(n);
+  predicted = (scale.asDiagonal() * predicted).eval();
+  SolveLowerInPlace(root.matrixLLT(), &predicted);
+  const auto y = predicted.leftCols(rows);
+  Eigen::MatrixXd covariance = y.transpose().lazyProduct(y);
+  const Eigen::Index num_moved = rows - view.num_unmoved;
+  covariance.diagonal().array() += variances.pixel;
+  covariance.diagonal().head(num_moved).array() +=
+      VarianceWithUnmodelled(view, variances.pixel, pixel_sigma_px) - variances.pixel;
+  const Eigen::LLT<Eigen::MatrixXd> b(covariance);
+  if (b.info() != Eigen::Success) return 1;
+  // g = G^T B^-1 e has covariance M + M Q M, M = G^T B^-1 G. Metres and radians side by side: scaled.
+  RowMajorMatrix whitened(rows, 7);
+  whitened << view.by_correction, view.offset - y.transpose() * predicted.col(rows);
+  SolveLowerInPlace(b.matrixLLT(), &whitened);
+  const auto by_correction = whitened.leftCols<6>();
+  const Matrix6 m = by_correction.transpose().lazyProduct(by_correction);
+  const Tangent6 g = by_correction.transpose() * whitened.col(6);
+  Tangent6 q;
+  q << Eigen::Vector3d::Constant(variances.translation_m2), Eigen::Vector3d::Constant(variances.rotation_rad2);
+  const Matrix6 total = m + m * q.asDiagonal() * m;
+  const Tangent6 unit = total.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
+  constexpr double kNothing = 1e-10;
+  return ChanceOf(unit.cwiseProduct(g), unit.asDiagonal() * total * unit.asDiagonal(), kNothing, dof);
+}
+
+// The views that can be judged, as a solution sees them.
+struct JudgedViews {
+  std::vector<LinearView> views;
+  std::vector<size_t> index;   // The view's place in the problem.
+  PoseGroups groups;           // The judged views by robot pose.
+  std::vector<size_t> hidden;  // The problem's views of which a point has no image.
+  double pixel_sigma_px = 1;
+};
+
+JudgedViews Judge(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+  JudgedViews judged;
+  judged.pixel_sigma_px = solution.pixel_sigma_px;
+  Problem visible{solution.camera, {}, problem.setup, solution.shape};
+  for (size_t i = 0; i < problem.views.size(); ++i) {
+    View view = problem.views[i];
+    view.observations = JudgedPoints(view.observations, solution.rejected_ids[i]);
+    const Rigid3d camera_from_target = CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount);
+    if (!Residuals(solution.camera, camera_from_target, Shaped(view.observations, solution.shape))) {
+      judged.hidden.push_back(i);
+      continue;
+    }
+    visible.views.push_back(std::move(view));
+    judged.index.push_back(i);
+  }
+  if (visible.views.empty()) return judged;
+  std::optional<std::vector<LinearView>> views = LineariseViewsAt(visible, solution, {}, free, *FindLoss("none"));
+  CHECK(views.has_value());
+  judged.views = std::move(*views);
+  judged.groups = GroupByRobotPose(problem.setup, visible.views);
+  return judged;
+}
+
+// The members alone, one view for each pose of the robot.
+struct Members {
+  std::vector<LinearView> views;
+  std::vector<size_t> group_of;  // The place of each of `views` in JudgedViews::groups.
+};
+
+Members MembersOf(const JudgedViews& judged, const std::vector<bool>& is_member) {
+  Members members;
+  for (size_t g = 0; g < judged.groups.size(); ++g) {
+    std::vector<size_t> group;
+    for (const size_t i : judged.groups[g]) {
+      if (is_member[i]) group.push_back(i);
+    }
+    if (group.empty()) continue;
+    std::vector<LinearView> views;
+    for (const size_t i : group) views.push_back(judged.views[i]);
+    std::vector<size_t> all(views.size());
+    std::iota(all.begin(), all.end(), size_t{0});
+    members.views.push_back(StackGroups(views, {all}).front());
+    members.group_of.push_back(g);
+  }
+  return members;
+}
+
+// Returns the tail probability of each judged view, by the estimate of the members at other poses of the robot.
+std::vector<double> PValues(const JudgedViews& judged, const Members& members, const VarianceComponents& variances,
+                            double dof) {
+  const Eigen::Index num_unknowns = judged.views.front().by_unknowns.cols();
+  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(num_unknowns, num_unknowns + 1);
+  std::vector<Eigen::MatrixXd> normal_of_group(judged.groups.size());
+  for (size_t k = 0; k < members.views.size(); ++k) {
+    Eigen::MatrixXd& normal = normal_of_group[members.group_of[k]];
+    normal = NormalOf(members.views[k], variances);
+    all += normal;
+  }
+  std::vector<double> p_values(judged.views.size(), 1.0);
+  for (size_t g = 0; g < judged.groups.size(); ++g) {
+    const Eigen::MatrixXd& own = normal_of_group[g];
+    for (const size_t i : judged.groups[g]) {
+      p_values[i] = own.size() > 0 ? PValue(judged.views[i], all - own, variances, judged.pixel_sigma_px, dof)
+                                   : PValue(judged.views[i], all, variances, judged.pixel_sigma_px, dof);
+    }
+  }
+  return p_values;
+}
+
+double DofOf(const Members& members) {
+  return 6.0 * static_cast<double>(members.views.size()) -
+         static_cast<double>(members.views.front().by_unknowns.cols());
+}
+
+// Fewer degrees of freedom tell no noise.
+constexpr double kLeastDof = 6;
+
+}  // namespace
+
+std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+  std::vector<CaptureVerdict> verdicts(problem.views.size());
+  const JudgedViews judged = Judge(problem, solution, free);
+  for (const size_t i : judged.hidden) verdicts[i] = {problem.views.size() >= kMinCaptures, 0};
+  if (judged.views.size() < kMinCaptures) return verdicts;
+  VarianceComponents variances;
+  std::vector<bool> is_member = BestHalf(judged.views, &variances);
+  const double limit = kCaptureFalseAlarm / static_cast<double>(judged.views.size());
+  std::vector<double> p_values;
+  constexpr int kMaxRounds = 20;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const Members members = MembersOf(judged, is_member);
+    const double dof = members.views.empty() ? 0 : DofOf(members);
+    if (dof < kLeastDof) return std::vector<CaptureVerdict>(problem.views.size());
+    variances = EstimateVariances(members.views, variances, true, true, kRoughVariances);
+    VarianceComponents used = variances;
+    if (round == 0) {
+      used.translation_m2 /= ShareOfBestHalf();
+      used.rotation_rad2 /= ShareOfBestHalf();
+    }
+    p_values = PValues(judged, members, used, dof);
+    std::vector<bool> passes;
+    for (const double p_value : p_values) passes.push_back(p_value >= limit);
+    if (passes == is_member) break;
+    is_member = std::move(passes);
+  }
+  for (size_t i = 0; i < judged.views.size(); ++i) verdicts[judged.index[i]] = {!is_member[i], p_values[i]};
+  return verdicts;
+}
+
+std::vector<CaptureVerdict> TestAgainst(const Problem& problem_of_members, const Solution& solution,
+                                        const FreeParameters& free, const std::vector<View>& others) {
+  const size_t num_members = problem_of_members.views.size();
+  Problem problem = problem_of_members;
+  problem.views.insert(problem.views.end(), others.begin(), others.end());
+  Solution at = solution;
+  at.rejected_ids.resize(problem.views.size());
+  std::vector<CaptureVerdict> verdicts(others.size());
+  const JudgedViews judged = Judge(problem, at, free);
+  for (const size_t i : judged.hidden) {
+    if (i >= num_members) verdicts[i - num_members] = {true, 0};
+  }
+  std::vector<bool> is_member;
+  for (const size_t i : judged.index) is_member.push_back(i < num_members);
+  const Members members = MembersOf(judged, is_member);
+  const double dof = members.views.empty() ? 0 : DofOf(members);
+  if (dof < kLeastDof) return verdicts;
+  const VarianceComponents variances =
+      EstimateVariances(members.views, {1, kExact2, kExact2}, true, true, kRoughVariances);
+  const std::vector<double> p_values = PValues(judged, members, variances, dof);
+  const double limit = kCaptureFalseAlarm / static_cast<double>(problem.views.size());
+  for (size_t i = 0; i < judged.views.size(); ++i) {
+    if (!is_member[i]) verdicts[judged.index[i] - num_members] = {p_values[i] < limit, p_values[i]};
+  }
+  return verdicts;
+}
+
+}  // namespace heba

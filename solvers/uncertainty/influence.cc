@@ -1,0 +1,51 @@
+#include "solvers/uncertainty/influence.h"
+
+#include <Eigen/Cholesky>
+
+#include "solvers/uncertainty/robot_noise.h"
+
+namespace heba {
+namespace {
+
+// Of a move as large or larger by chance. Directions that the capture says nothing of have no part in it.
+double ChanceOfMove(const Tangent6& move, const Matrix6& covariance_without, const Matrix6& covariance_with,
+                    double dof) {
+  const Tangent6 scale = covariance_with.diagonal().cwiseSqrt().cwiseInverse();
+  constexpr double kNothing = 1e-6;  // Of a variance of the pose itself.
+  return ChanceOf(scale.cwiseProduct(move),
+                  scale.asDiagonal() * (covariance_without - covariance_with) * scale.asDiagonal(), kNothing, dof);
+}
+
+}  // namespace
+
+std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& problem, const Solution& solution,
+                                                            const FreeParameters& free, const Loss& loss) {
+  std::vector<std::optional<CaptureMove>> moves(problem.views.size());
+  const std::optional<std::vector<LinearView>> views =
+      LineariseViewsAt(problem, solution, solution.corrections, free, loss);
+  if (!views) return moves;
+  const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
+  const std::vector<std::string> names = UnknownNames(solution.camera.Model(), free);
+  // All that the solution rests on, at whose minimum the sides of the views and of what else there is cancel.
+  const Eigen::MatrixXd& covariance = solution.covariance.matrix;
+  const Eigen::MatrixXd information = InvertInformation({names, covariance}, 1.0).matrix;
+  // From the weighted normal matrix to the second derivatives of rho on average, which are smaller.
+  const double newton = loss.mean_weight / loss.consistency;
+  for (size_t i = 0; i < views->size(); ++i) {
+    const LinearView& view = (*views)[i];
+    const Eigen::MatrixXd whitened =
+        MarginalCovariance(view, loss.covariance_factor(), robot.translation_m * robot.translation_m,
+                           robot.rotation_rad * robot.rotation_rad)
+            .ldlt()
+            .solve(view.by_unknowns);
+    const Information without{names, information - view.by_unknowns.transpose() * whitened};
+    if (CheckObservable(without)) continue;
+    const Eigen::MatrixXd covariance_without = InvertInformation(without, 1.0).matrix;
+    const Tangent6 move = (-newton * covariance_without * (whitened.transpose() * view.offset)).head<6>();
+    moves[i] = CaptureMove{move, ChanceOfMove(move, covariance_without.topLeftCorner<6, 6>(),
+                                              covariance.topLeftCorner<6, 6>(), solution.covariance_dof)};
+  }
+  return moves;
+}
+
+}  // namespace heba

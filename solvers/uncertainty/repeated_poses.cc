@@ -1,0 +1,114 @@
+#include "solvers/uncertainty/repeated_poses.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include <Eigen/QR>
+
+namespace heba {
+namespace {
+
+// The same measurements in no more rows than there are columns: what the triangular factor of [correction, unknowns,
+// offset] leaves of the offset alone is independent of all of them.
+LinearView Condensed(const LinearView& view) {
+  const Eigen::Index n = view.by_unknowns.cols();
+  const Eigen::Index rows = 6 + n;
+  if (view.offset.size() <= rows + 1) return view;
+  Eigen::MatrixXd all(view.offset.size(), rows + 1);
+  all << view.by_correction, view.by_unknowns, view.offset;
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(all);
+  const Eigen::MatrixXd factor = qr.matrixQR().topRows(rows + 1).triangularView<Eigen::Upper>();
+  LinearView condensed;
+  condensed.by_correction = factor.topLeftCorner(rows, 6);
+  condensed.by_unknowns = factor.block(0, 6, rows, n);
+  condensed.offset = factor.col(rows).head(rows);
+  condensed.num_unmoved = n;
+  condensed.rest_squares = view.rest_squares + factor(rows, rows) * factor(rows, rows);
+  condensed.num_rest = view.num_rest + static_cast<int>(view.offset.size() - rows);
+  return condensed;
+}
+
+LinearView Stack(const std::vector<LinearView>& views, const std::vector<size_t>& group) {
+  LinearView stacked;
+  Eigen::Index num_rows = 0;
+  for (const size_t i : group) {
+    num_rows += views[i].offset.size();
+    stacked.num_unmoved += views[i].num_unmoved;
+    stacked.rest_squares += views[i].rest_squares;
+    stacked.num_rest += views[i].num_rest;
+  }
+  stacked.by_unknowns.resize(num_rows, views[group.front()].by_unknowns.cols());
+  stacked.by_correction.resize(num_rows, 6);
+  stacked.offset.resize(num_rows);
+  // All rows that the correction moves come before those that it does not.
+  Eigen::Index moved = 0;
+  Eigen::Index unmoved = num_rows - stacked.num_unmoved;
+  for (const size_t i : group) {
+    const LinearView& view = views[i];
+    const Eigen::Index num_moved = view.offset.size() - view.num_unmoved;
+    stacked.by_unknowns.middleRows(moved, num_moved) = view.by_unknowns.topRows(num_moved);
+    stacked.by_correction.middleRows(moved, num_moved) = view.by_correction.topRows(num_moved);
+    stacked.offset.segment(moved, num_moved) = view.offset.head(num_moved);
+    stacked.by_unknowns.middleRows(unmoved, view.num_unmoved) = view.by_unknowns.bottomRows(view.num_unmoved);
+    stacked.by_correction.middleRows(unmoved, view.num_unmoved) = view.by_correction.bottomRows(view.num_unmoved);
+    stacked.offset.segment(unmoved, view.num_unmoved) = view.offset.tail(view.num_unmoved);
+    moved += num_moved;
+    unmoved += view.num_unmoved;
+  }
+  return Condensed(stacked);
+}
+
+}  // namespace
+
+PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views) {
+  std::vector<Rigid3d> poses;
+  for (const View& view : views) poses.push_back(BaseFromGripper(setup, view.camera_mount_from_target_mount));
+  // Sorted by x: only neighbours there can be the same.
+  std::vector<size_t> order(views.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+    const double x_a = poses[a].translation.x();
+    const double x_b = poses[b].translation.x();
+    return x_a != x_b ? x_a < x_b : a < b;
+  });
+  std::vector<size_t> place(views.size());
+  for (size_t k = 0; k < order.size(); ++k) place[order[k]] = k;
+  constexpr size_t kNone = static_cast<size_t>(-1);
+  std::vector<size_t> group_of(views.size(), kNone);
+  PoseGroups groups;
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (group_of[i] != kNone) continue;
+    std::vector<size_t> group;
+    const auto visit = [&](size_t k) {
+      const size_t j = order[k];
+      if (std::abs(poses[j].translation.x() - poses[i].translation.x()) > kSamePoseM) return false;
+      const bool is_same = group_of[j] == kNone && DistanceM(poses[i], poses[j]) <= kSamePoseM &&
+                           AngleRad(poses[i], poses[j]) <= kSamePoseRad;
+      if (is_same) {
+        group_of[j] = groups.size();
+        group.push_back(j);
+      }
+      return true;
+    };
+    for (size_t k = place[i]; k < order.size() && visit(k); ++k) {
+    }
+    for (size_t k = place[i]; k > 0 && visit(k - 1); --k) {
+    }
+    std::sort(group.begin(), group.end());
+    groups.push_back(std::move(group));
+  }
+  return groups;
+}
+
+std::vector<LinearView> StackGroups(const std::vector<LinearView>& views, const PoseGroups& groups) {
+  std::vector<LinearView> stacked;
+  size_t num_grouped = 0;
+  for (const std::vector<size_t>& group : groups) {
+    num_grouped += group.size();
+    stacked.push_back(group.size() == 1 ? views[group.front()] : Stack(views, group));
+  }
+  stacked.insert(stacked.end(), views.begin() + static_cast<std::ptrdiff_t>(num_grouped), views.end());
+  return stacked;
+}
+
+}  // namespace heba

@@ -1,0 +1,379 @@
+#include "solvers/uncertainty/variance_components.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/QR>
+
+#include "heba/base/error.h"
+#include "heba/kernels/small_matrix.h"
+#include "heba/kernels/stacked_rows.h"
+#include "heba/base/units.h"
+
+namespace heba {
+namespace {
+
+constexpr Eigen::Index kMoved = 6;
+using MovedRows = Eigen::Matrix<double, kMoved, Eigen::Dynamic>;
+
+// Of a view's rows those that its correction moves, turned so that there are six; rows of zeros where it has fewer.
+struct MovedView {
+  MovedRows rows;  // By the unknowns, and the offset.
+  Matrix6 by_correction = Matrix6::Zero();
+};
+
+// The same measurements in fewer numbers: variances and unknowns have the same likelihood.
+struct CondensedViews {
+  std::vector<MovedView> moved;
+  // Of all that no correction moves: the products of unknowns and offset, and of how many numbers they are.
+  Eigen::MatrixXd still;
+  double num_still = 0;
+};
+
+CondensedViews Condensed(const std::vector<LinearView>& views) {
+  const Eigen::Index n = views.front().by_unknowns.cols();
+  CondensedViews condensed;
+  condensed.still.setZero(n + 1, n + 1);
+  for (const LinearView& view : views) {
+    const Eigen::Index rows = view.offset.size();
+    condensed.still(n, n) += view.rest_squares;
+    // Rows of zeros count for what they are: nothing.
+    condensed.num_still += view.num_rest + static_cast<double>(rows - kMoved);
+    Eigen::MatrixXd turned(rows, n + 1);
+    turned << view.by_unknowns, view.offset;
+    MovedView& moved = condensed.moved.emplace_back();
+    moved.rows.setZero(kMoved, n + 1);
+    const Eigen::Index num_moved = std::min(rows, kMoved);
+    if (rows - view.num_unmoved <= kMoved) {
+      moved.by_correction.topRows(num_moved) = view.by_correction.topRows(num_moved);
+    } else {
+      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_correction);
+      turned.applyOnTheLeft(qr.householderQ().adjoint());
+      moved.by_correction = qr.matrixQR().topRows<kMoved>().triangularView<Eigen::Upper>();
+    }
+    moved.rows.topRows(num_moved) = turned.topRows(num_moved);
+    const auto tail = turned.bottomRows(rows - num_moved);
+    condensed.still.noalias() += tail.transpose() * tail;
+  }
+  return condensed;
+}
+
+// With S = p I + t A A^T + r B B^T, the covariance of the views' rows; by_correction is [A, B].
+class Whitening {
+ public:
+  Whitening(const CondensedViews& views, const Eigen::Vector3d& variances) : num_columns_(views.still.cols()) {
+    StackedRows stacked(static_cast<int>(num_columns_));
+    Tangent6 corrections;
+    corrections << Eigen::Vector3d::Constant(variances[1]), Eigen::Vector3d::Constant(variances[2]);
+    inverses_.reserve(views.moved.size());
+    weighted_.resize(kMoved, num_columns_ * static_cast<Eigen::Index>(views.moved.size()));
+    for (const MovedView& view : views.moved) {
+      const Matrix6 by_sigma = view.by_correction * corrections.cwiseSqrt().asDiagonal();
+      Matrix6 covariance = by_sigma * by_sigma.transpose();
+      covariance.diagonal().array() += variances[0];
+      const Eigen::LLT<Matrix6> root(covariance);
+      is_regular_ &= root.info() == Eigen::Success;
+      if (!is_regular_) return;
+      log_determinants_ += 2 * root.matrixLLT().diagonal().array().log().sum();
+      const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
+      auto whitened = stacked.Next<kMoved>();
+      whitened = inverse_root.lazyProduct(view.rows);
+      const auto v = static_cast<Eigen::Index>(inverses_.size());
+      weighted_.middleCols(v * num_columns_, num_columns_) = inverse_root.transpose().lazyProduct(whitened);
+      inverses_.push_back(inverse_root.transpose() * inverse_root);
+    }
+    products_ = stacked.Products();
+  }
+
+  // Whether all covariances have an inverse; nothing else may be asked for if not.
+  bool is_regular() const { return is_regular_; }
+  double log_determinants() const { return log_determinants_; }
+  // Of the rows: [J, y]^T S^-1 [J, y].
+  const Eigen::MatrixXd& products() const { return products_; }
+  const Matrix6& Inverse(size_t view) const { return inverses_[view]; }  // S^-1
+  // S^-1 [J, y]
+  auto Weighted(size_t view) const {
+    return weighted_.middleCols(static_cast<Eigen::Index>(view) * num_columns_, num_columns_);
+  }
+
+ private:
+  Eigen::Index num_columns_;
+  bool is_regular_ = true;
+  double log_determinants_ = 0;
+  std::vector<Matrix6> inverses_;
+  MovedRows weighted_;
+  Eigen::MatrixXd products_;
+};
+
+// How the information falls with each variance: J^T S^-1 V_k S^-1 J, where V_k is what variance k multiplies.
+std::array<Eigen::MatrixXd, 3> FallsOf(const CondensedViews& views, const Whitening& whitening, double pixel_variance) {
+  const Eigen::Index n = views.still.cols() - 1;
+  StackedRows pixels(static_cast<int>(n));
+  StackedRows translations(static_cast<int>(n));
+  StackedRows rotations(static_cast<int>(n));
+  for (size_t v = 0; v < views.moved.size(); ++v) {
+    const auto weighted = whitening.Weighted(v).leftCols(n);
+    const Matrix6& by_correction = views.moved[v].by_correction;
+    pixels.Next<kMoved>() = weighted;
+    translations.Next<3>() = by_correction.leftCols<3>().transpose().lazyProduct(weighted);
+    rotations.Next<3>() = by_correction.rightCols<3>().transpose().lazyProduct(weighted);
+  }
+  return {views.still.topLeftCorner(n, n) / (pixel_variance * pixel_variance) + pixels.Products(),
+          translations.Products(), rotations.Products()};
+}
+
+// The restricted likelihood and its derivatives by the three variances.
+struct Likelihood {
+  double minus_log = std::numeric_limits<double>::infinity();
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  // Of the log.
+  Eigen::Matrix3d fisher = Eigen::Matrix3d::Zero();
+};
+
+Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variances) {
+  const Eigen::Index n = views.still.cols() - 1;
+  const double p = variances[0];
+  const auto still = views.still.topLeftCorner(n, n);
+  const auto still_right = views.still.col(n).head(n);
+  Likelihood result;
+  const Whitening whitening(views, variances);
+  if (!whitening.is_regular()) return result;
+  double log_determinants = views.num_still * std::log(p) + whitening.log_determinants();
+  const Eigen::MatrixXd products = views.still / p + whitening.products();
+  const auto information = products.topLeftCorner(n, n);
+  // Units of metres, radians and pixels side by side: scaled before it is factored.
+  const Eigen::VectorXd scale =
+      information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
+  const Eigen::LLT<Eigen::MatrixXd> factor(scale.asDiagonal() * information * scale.asDiagonal());
+  if (factor.info() != Eigen::Success) return result;
+  log_determinants += 2 * factor.matrixLLT().diagonal().array().log().sum() - 2 * scale.array().log().sum();
+  const Eigen::MatrixXd covariance =
+      scale.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * scale.asDiagonal();
+  const Eigen::VectorXd step = covariance * products.col(n).head(n);
+
+  const double still_squares = views.still(n, n) - 2 * step.dot(still_right) + step.dot(still * step);
+  const double still_seen = covariance.cwiseProduct(still).sum();
+  double squares = still_squares / p;
+  result.gradient[0] = 0.5 * ((still_squares + still_seen) / (p * p) - views.num_still / p);
+  result.fisher(0, 0) = 0.5 * views.num_still / (p * p) - still_seen / (p * p * p);
+  // Of two variances, from S^-1 and S^-1 J C J^T S^-1 with what they multiply on either side.
+  const auto fisher_of = [](const auto& inverse, const auto& seen) {
+    return 0.5 * inverse.squaredNorm() - inverse.cwiseProduct(seen).sum();
+  };
+  MovedRows by_covariance(kMoved, n);
+  for (size_t v = 0; v < views.moved.size(); ++v) {
+    const MovedView& view = views.moved[v];
+    const Matrix6& inverse = whitening.Inverse(v);
+    const auto by_unknowns = whitening.Weighted(v).leftCols(n);
+    const Tangent6 residual = view.rows.col(n) - view.rows.leftCols(n).lazyProduct(step);
+    const Tangent6 weighted = inverse * residual;
+    squares += residual.dot(weighted);
+    by_covariance = by_unknowns.lazyProduct(covariance);
+    const Matrix6 seen = by_covariance.lazyProduct(by_unknowns.transpose());
+    const Matrix6& g = view.by_correction;
+    const Matrix6 inverse_g = inverse * g;
+    const Matrix6 seen_g = seen * g;
+    const Matrix6 g_inverse_g = g.transpose() * inverse_g;
+    const Matrix6 g_seen_g = g.transpose() * seen_g;
+    const Tangent6 g_weighted = g.transpose() * weighted;
+    result.gradient[0] += 0.5 * (weighted.squaredNorm() - inverse.trace() + seen.trace());
+    result.fisher(0, 0) += fisher_of(inverse, seen);
+    for (int k = 1; k < 3; ++k) {
+      const Eigen::Index at = 3 * (k - 1);
+      result.gradient[k] +=
+          0.5 * (g_weighted.segment<3>(at).squaredNorm() - g_inverse_g.diagonal().segment<3>(at).sum() +
+                 g_seen_g.diagonal().segment<3>(at).sum());
+      result.fisher(k, 0) += fisher_of(inverse_g.middleCols<3>(at), seen_g.middleCols<3>(at));
+      for (int l = 1; l <= k; ++l) {
+        result.fisher(k, l) +=
+            fisher_of(g_inverse_g.block<3, 3>(at, 3 * (l - 1)), g_seen_g.block<3, 3>(at, 3 * (l - 1)));
+      }
+    }
+  }
+  std::array<Eigen::MatrixXd, 3> falls = FallsOf(views, whitening, p);
+  for (Eigen::MatrixXd& fall : falls) fall = (covariance * fall).eval();
+  for (int k = 0; k < 3; ++k) {
+    for (int l = 0; l <= k; ++l) {
+      result.fisher(k, l) +=
+          0.5 * falls[static_cast<size_t>(k)].cwiseProduct(falls[static_cast<size_t>(l)].transpose()).sum();
+      result.fisher(l, k) = result.fisher(k, l);
+    }
+  }
+  result.minus_log = 0.5 * (log_determinants + squares);
+  return result;
+}
+
+// Adds a log-normal density of sigma_k = sqrt(variances[k]), k = 1, 2, as one of the variance's logarithm.
+void AddPrior(const RobotNoisePrior& prior, const Eigen::Vector3d& variances, Likelihood* likelihood) {
+  const double medians[] = {0, prior.median.translation_m, prior.median.rotation_rad};
+  const double log_variance_sigma = 2 * prior.log_sigma;
+  for (int k = 1; k < 3; ++k) {
+    const double v = variances[k];
+    if (!(v > 0)) {
+      likelihood->minus_log = std::numeric_limits<double>::infinity();
+      return;
+    }
+    const double distance = (std::log(v) - 2 * std::log(medians[k])) / log_variance_sigma;
+    likelihood->minus_log += 0.5 * distance * distance;
+    likelihood->gradient[k] -= distance / (log_variance_sigma * v);
+    likelihood->fisher(k, k) += 1 / std::pow(log_variance_sigma * v, 2);
+  }
+}
+
+Likelihood EvaluateWithPrior(const CondensedViews& views, const Eigen::Vector3d& variances,
+                             const RobotNoisePrior* prior) {
+  Likelihood likelihood = Evaluate(views, variances);
+  if (prior != nullptr) AddPrior(*prior, variances, &likelihood);
+  return likelihood;
+}
+
+}  // namespace
+
+RobotNoisePrior IndustrialArmPrior() {
+  // The logarithm's 95 % interval is 2 x 1.96 sigmas wide, and the bounds are a factor of 20 apart.
+  const double log_sigma = std::log(20.0) / (2 * 1.96);
+  return {{std::sqrt(0.05e-3 * 1e-3), DegToRad(std::sqrt(0.005 * 0.1))}, log_sigma};
+}
+
+double RestrictedLogLikelihood(const std::vector<LinearView>& all_views, double unit_px,
+                               const VarianceComponents& variances, Eigen::Index num_common,
+                               const RobotNoisePrior* prior) {
+  CHECK(!all_views.empty());
+  std::vector<LinearView> views = all_views;
+  double num_rows = 0;
+  for (LinearView& view : views) {
+    view.by_unknowns.conservativeResize(Eigen::NoChange, num_common);
+    num_rows += static_cast<double>(view.offset.size() + view.num_rest);
+  }
+  const Eigen::Vector3d at(variances.pixel, variances.translation_m2, variances.rotation_rad2);
+  return -EvaluateWithPrior(Condensed(views), at, prior).minus_log - num_rows * std::log(unit_px);
+}
+
+VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, const VarianceComponents& start,
+                                     bool pixel_is_free, bool robot_is_free, double small_change,
+                                     const RobotNoisePrior* prior) {
+  CHECK(!all_views.empty());
+  const CondensedViews views = Condensed(all_views);
+  Eigen::Vector3d variances(start.pixel, start.translation_m2, start.rotation_rad2);
+  const std::array<bool, 3> may_move = {pixel_is_free, robot_is_free, robot_is_free};
+  Likelihood here = EvaluateWithPrior(views, variances, prior);
+  constexpr int kMaxIterations = 100;
+  constexpr double kMinPixelVariance = 1e-12;
+  constexpr double kMostFall = 0.1;  // In one step, towards a zero that a prior excludes.
+  for (int iteration = 0; iteration < kMaxIterations && std::isfinite(here.minus_log); ++iteration) {
+    // A variance at zero that wants to be less stays.
+    std::vector<int> free;
+    for (int k = 0; k < 3; ++k) {
+      if (may_move[static_cast<size_t>(k)] && (variances[k] > 0 || here.gradient[k] > 0)) free.push_back(k);
+    }
+    if (free.empty()) break;
+    const Eigen::Index size = static_cast<Eigen::Index>(free.size());
+    Eigen::MatrixXd fisher(size, size);
+    Eigen::VectorXd gradient(size);
+    for (Eigen::Index a = 0; a < size; ++a) {
+      gradient[a] = here.gradient[free[static_cast<size_t>(a)]];
+      for (Eigen::Index b = 0; b < size; ++b) {
+        fisher(a, b) = here.fisher(free[static_cast<size_t>(a)], free[static_cast<size_t>(b)]);
+      }
+    }
+    const Eigen::VectorXd scale = fisher.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
+    const Eigen::MatrixXd scaled = scale.asDiagonal() * fisher * scale.asDiagonal();
+    const Eigen::VectorXd direction =
+        scale.asDiagonal() *
+        (scaled + 1e-9 * Eigen::MatrixXd::Identity(size, size)).ldlt().solve(scale.cwiseProduct(gradient));
+    if (!direction.allFinite()) break;
+    const auto moved_by = [&](double length) {
+      Eigen::Vector3d next = variances;
+      for (Eigen::Index a = 0; a < size; ++a) {
+        const int k = free[static_cast<size_t>(a)];
+        const double least = k == 0 ? kMinPixelVariance : prior != nullptr ? kMostFall * variances[k] : 0.0;
+        next[k] = std::max(least, variances[k] + length * direction[a]);
+      }
+      return next;
+    };
+    // In units of what the data can tell.
+    const Eigen::Vector3d unit = here.fisher.diagonal().cwiseMax(0).cwiseSqrt();
+    const Eigen::Vector3d last = moved_by(1);
+    if ((last - variances).cwiseAbs().cwiseProduct(unit).maxCoeff() < small_change) {
+      // The curvature before it serves for the uncertainties.
+      variances = last;
+      break;
+    }
+    bool has_moved = false;
+    double length = 1;
+    for (int halving = 0; halving < 30 && !has_moved; ++halving, length *= 0.5) {
+      const Eigen::Vector3d next = moved_by(length);
+      Likelihood there = EvaluateWithPrior(views, next, prior);
+      if (!(there.minus_log <= here.minus_log)) continue;
+      has_moved = true;
+      variances = next;
+      here = there;
+    }
+    if (!has_moved) break;
+  }
+  VarianceComponents result;
+  result.pixel = variances[0];
+  result.translation_m2 = variances[1];
+  result.rotation_rad2 = variances[2];
+  std::vector<int> uncertain;
+  for (int k = 0; k < 3; ++k) {
+    if (!may_move[static_cast<size_t>(k)] || !(here.fisher(k, k) > 0)) continue;
+    result.stddev[k] = 1 / std::sqrt(here.fisher(k, k));
+    // One that the data have put to zero is taken as such, and so is one that they cannot tell from it: it is more
+    // likely too large than too small, so that the covariance is wide enough by itself.
+    constexpr double kToldFromZero = 0.75;
+    if (result.stddev[k] < kToldFromZero * variances[k]) uncertain.push_back(k);
+  }
+  const Eigen::Index size = static_cast<Eigen::Index>(uncertain.size());
+  if (size > 0) {
+    Eigen::MatrixXd fisher = here.fisher(uncertain, uncertain);
+    const Eigen::VectorXd scale = fisher.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd inverse =
+        (scale.asDiagonal() * fisher * scale.asDiagonal()).ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+    result.covariance(uncertain, uncertain) = scale.asDiagonal() * inverse * scale.asDiagonal();
+  }
+  return result;
+}
+
+double DegreesOfFreedom(const std::vector<LinearView>& all_views, const VarianceComponents& variances) {
+  CHECK(!all_views.empty());
+  constexpr double kCertain = std::numeric_limits<double>::infinity();
+  constexpr double kLeast = 4;
+  if (variances.covariance.isZero(0)) return kCertain;
+  const CondensedViews views = Condensed(all_views);
+  const Eigen::Index n = views.still.cols() - 1;
+  const Whitening whitening(views, {variances.pixel, variances.translation_m2, variances.rotation_rad2});
+  if (!whitening.is_regular()) return kLeast;
+  const Eigen::MatrixXd information = (views.still / variances.pixel + whitening.products()).topLeftCorner(n, n);
+  std::array<Eigen::MatrixXd, 3> falls = FallsOf(views, whitening, variances.pixel);
+  // In coordinates in which the covariance is the identity, and the variances' effects apart as far as they can be.
+  const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * information * scale.asDiagonal());
+  if (root.info() != Eigen::Success) return kLeast;
+  Eigen::MatrixXd total = Eigen::MatrixXd::Zero(n, n);
+  for (int k = 0; k < 3; ++k) {
+    Eigen::MatrixXd& fall = falls[static_cast<size_t>(k)];
+    fall = (scale.asDiagonal() * fall * scale.asDiagonal()).eval();
+    fall = root.matrixL().solve(fall).eval();
+    fall = root.matrixL().solve(fall.transpose()).eval();
+    total += std::sqrt(variances.covariance(k, k)) * fall;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(total);
+  double sum = 0;
+  for (Eigen::Index m = 0; m < n; ++m) {
+    Eigen::Vector3d slope;
+    for (int k = 0; k < 3; ++k) {
+      slope[k] = eigen.eigenvectors().col(m).dot(falls[static_cast<size_t>(k)] * eigen.eigenvectors().col(m));
+    }
+    const double dof = 2 / slope.dot(variances.covariance * slope);
+    if (dof <= 2) return kLeast;
+    sum += dof / (dof - 2);
+  }
+  return sum > static_cast<double>(n) ? std::max(kLeast, 2 * sum / (sum - static_cast<double>(n))) : kCertain;
+}
+
+}  // namespace heba
