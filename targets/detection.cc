@@ -6,7 +6,7 @@
 
 #include "heba/base/error.h"
 #include "heba/data/prediction.h"
-#include "targets/image.h"
+#include "targets/images/image.h"
 
 namespace heba {
 

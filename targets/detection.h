@@ -10,7 +10,7 @@
 
 #include "heba/camera/camera.h"
 #include "heba/data/problem.h"
-#include "targets/image.h"
+#include "targets/images/image.h"
 #include "targets/target.h"
 
 namespace heba {

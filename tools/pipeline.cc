@@ -15,7 +15,7 @@
 #include "heba/io/result_file.h"
 #include "solvers/calibration/calibration.h"
 #include "targets/guided_detection.h"
-#include "targets/image.h"
+#include "targets/images/image.h"
 #include "tools/assessment.h"
 #include "tools/captures.h"
 #include "tools/detection_file.h"

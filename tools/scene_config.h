@@ -14,7 +14,7 @@
 #include "heba/data/setup.h"
 #include "heba/io/pose_formats.h"
 #include "heba/simulation/scene.h"
-#include "targets/rendering.h"
+#include "targets/render/rendering.h"
 #include "targets/target.h"
 
 namespace heba {

@@ -35,14 +35,14 @@ extern "C" {
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
-#include "targets/confusions.h"
-#include "targets/corner_refinement.h"
-#include "targets/homography.h"
-#include "targets/image.h"
+#include "targets/types/likely_misconfigurations.h"
+#include "targets/corners/corner_refinement.h"
+#include "targets/images/homography.h"
+#include "targets/images/image.h"
 #include "targets/name_table.h"
-#include "targets/pattern_fit.h"
-#include "targets/tag_layout.h"
-#include "targets/tag_places.h"
+#include "targets/corners/pattern_fit.h"
+#include "targets/tags/tag_layout.h"
+#include "targets/tags/tag_places.h"
 #include "targets/target.h"
 
 namespace heba {

@@ -18,12 +18,12 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
-#include "targets/confusions.h"
-#include "targets/corner_refinement.h"
-#include "targets/homography.h"
-#include "targets/image.h"
+#include "targets/types/likely_misconfigurations.h"
+#include "targets/corners/corner_refinement.h"
+#include "targets/images/homography.h"
+#include "targets/images/image.h"
 #include "targets/name_table.h"
-#include "targets/tag_layout.h"
+#include "targets/tags/tag_layout.h"
 #include "targets/target.h"
 
 namespace heba {

@@ -15,11 +15,11 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
-#include "targets/confusions.h"
-#include "targets/corner_lattice.h"
-#include "targets/corner_refinement.h"
-#include "targets/homography.h"
-#include "targets/saddle_grid.h"
+#include "targets/types/likely_misconfigurations.h"
+#include "targets/corners/corner_lattice.h"
+#include "targets/corners/corner_refinement.h"
+#include "targets/images/homography.h"
+#include "targets/corners/saddle_grid.h"
 #include "targets/target.h"
 
 namespace heba {

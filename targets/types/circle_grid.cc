@@ -14,11 +14,11 @@
 
 #include "heba/base/error.h"
 #include "heba/base/median.h"
-#include "targets/circle_lattice.h"
-#include "targets/confusions.h"
-#include "targets/dot_grid.h"
-#include "targets/ellipse_finder.h"
-#include "targets/ellipse_refinement.h"
+#include "targets/dots/circle_lattice.h"
+#include "targets/types/likely_misconfigurations.h"
+#include "targets/dots/dot_grid.h"
+#include "targets/dots/ellipse_finder.h"
+#include "targets/dots/ellipse_refinement.h"
 #include "targets/target.h"
 
 namespace heba {

@@ -14,11 +14,11 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
-#include "targets/confusions.h"
-#include "targets/dot_grid.h"
-#include "targets/ellipse_finder.h"
-#include "targets/ring_code.h"
-#include "targets/ring_decoder.h"
+#include "targets/types/likely_misconfigurations.h"
+#include "targets/dots/dot_grid.h"
+#include "targets/dots/ellipse_finder.h"
+#include "targets/dots/ring_code.h"
+#include "targets/dots/ring_decoder.h"
 #include "targets/target.h"
 
 namespace heba {

@@ -1,5 +1,5 @@
 // Pictures.
-#include "targets/image.h"
+#include "targets/images/image.h"
 #include "tests/fuzz/target.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

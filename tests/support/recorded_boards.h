@@ -10,7 +10,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
-#include "targets/image.h"
+#include "targets/images/image.h"
 #include "targets/target.h"
 
 namespace heba {

@@ -17,7 +17,7 @@
 #include "heba/config/yaml_reader.h"
 #include "heba/geometry/rigid3.h"
 #include "targets/detection.h"
-#include "targets/rendering.h"
+#include "targets/render/rendering.h"
 #include "targets/target.h"
 
 namespace heba {

@@ -7,7 +7,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
-#include "targets/image.h"
+#include "targets/images/image.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/input_error.h"
 #include "tests/support/recorded_boards.h"

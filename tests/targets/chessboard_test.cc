@@ -9,7 +9,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "targets/image.h"
+#include "targets/images/image.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/input_error.h"
 #include "tests/support/matchers.h"

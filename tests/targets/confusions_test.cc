@@ -1,4 +1,4 @@
-#include "targets/confusions.h"
+#include "targets/types/likely_misconfigurations.h"
 
 #include <numeric>
 

@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/rng.h"
-#include "targets/blurred_ellipse.h"
-#include "targets/ring_picture.h"
+#include "targets/dots/blurred_ellipse.h"
+#include "targets/dots/ring_image.h"
 #include "tests/support/simd_sets.h"
 
 namespace heba {

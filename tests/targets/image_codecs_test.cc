@@ -1,4 +1,4 @@
-#include "targets/image_codecs.h"
+#include "targets/images/image_codecs.h"
 
 #include <future>
 

@@ -1,4 +1,4 @@
-#include "targets/light_areas.h"
+#include "targets/images/light_areas.h"
 
 #include <algorithm>
 #include <set>

@@ -1,4 +1,4 @@
-#include "targets/pattern_fit.h"
+#include "targets/corners/pattern_fit.h"
 
 #include <cmath>
 
@@ -8,10 +8,10 @@
 #include <opencv2/core.hpp>
 
 #include "heba/base/rng.h"
-#include "targets/cell_pattern.h"
-#include "targets/homography.h"
-#include "targets/pattern_rows.h"
-#include "targets/rendering.h"
+#include "targets/corners/cell_pattern.h"
+#include "targets/images/homography.h"
+#include "targets/corners/pattern_rows.h"
+#include "targets/render/rendering.h"
 #include "tests/support/simd_sets.h"
 
 namespace heba {

@@ -1,6 +1,6 @@
 // The kernel of patterns: its columns against differences, for every form of the map and every instruction set, and
 // what it keeps from one place to the next.
-#include "targets/pattern_rows.h"
+#include "targets/corners/pattern_rows.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
-#include "targets/rendering.h"
-#include "targets/drawing_edges.h"
+#include "targets/render/rendering.h"
+#include "targets/render/drawing_edges.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // Codes of rings: their numbers, as an independent count has them, and what makes them codes.
-#include "targets/ring_code.h"
+#include "targets/dots/ring_code.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,5 +1,5 @@
 // Grids of saddles: found where boards are, and nothing to go on with where no whole board can be.
-#include "targets/saddle_grid.h"
+#include "targets/corners/saddle_grid.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "targets/sheet.h"
+#include "targets/render/sheet.h"
 
 #include <cmath>
 #include <string>

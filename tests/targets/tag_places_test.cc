@@ -1,4 +1,4 @@
-#include "targets/tag_places.h"
+#include "targets/tags/tag_places.h"
 
 #include <memory>
 #include <optional>
@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 #include <opencv2/imgproc.hpp>
 
-#include "targets/rendering.h"
+#include "targets/render/rendering.h"
 #include "targets/target.h"
 #include "tests/support/rendered_target.h"
 

@@ -30,8 +30,8 @@
 #include "heba/base/units.h"
 #include "heba/camera/camera.h"
 #include "targets/detection.h"
-#include "targets/image.h"
-#include "targets/rendering.h"
+#include "targets/images/image.h"
+#include "targets/render/rendering.h"
 #include "targets/target.h"
 #include "tools/bench/target_of.h"
 

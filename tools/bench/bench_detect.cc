@@ -23,10 +23,10 @@ extern "C" {
 #include "heba/base/error.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
-#include "targets/clutter.h"
+#include "targets/render/clutter.h"
 #include "targets/detection.h"
-#include "targets/image.h"
-#include "targets/rendering.h"
+#include "targets/images/image.h"
+#include "targets/render/rendering.h"
 #include "targets/target.h"
 #include "tools/bench/target_of.h"
 

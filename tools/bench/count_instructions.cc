@@ -11,7 +11,7 @@
 #include "solvers/calibration/cross_validation.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/initial/initial_intrinsics.h"
-#include "targets/rendering.h"
+#include "targets/render/rendering.h"
 #include "tools/bench/target_of.h"
 #include "tools/bench/workloads.h"
 

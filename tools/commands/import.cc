@@ -10,7 +10,7 @@
 #include "heba/io/camera_file.h"
 #include "heba/io/export.h"
 #include "heba/io/pose_file.h"
-#include "targets/image.h"
+#include "targets/images/image.h"
 #include "tools/command.h"
 #include "tools/console.h"
 #include "tools/detection_file.h"

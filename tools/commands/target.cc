@@ -3,7 +3,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
-#include "targets/sheet.h"
+#include "targets/render/sheet.h"
 #include "targets/target.h"
 #include "tools/command.h"
 #include "tools/flags.h"

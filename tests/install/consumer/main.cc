@@ -5,7 +5,7 @@
 
 #include "heba/camera/camera.h"
 #include "solvers/closed_form/hand_eye_method.h"
-#include "targets/image.h"
+#include "targets/images/image.h"
 #include "targets/target.h"
 
 int main() {

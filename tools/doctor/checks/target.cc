@@ -6,7 +6,7 @@
 #include "heba/base/parallel.h"
 #include "heba/base/spread.h"
 #include "heba/base/text.h"
-#include "targets/image.h"
+#include "targets/images/image.h"
 #include "targets/target.h"
 #include "tools/captures.h"
 #include "tools/doctor/examination.h"

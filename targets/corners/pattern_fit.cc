@@ -1,0 +1,475 @@
+#include "targets/corners/pattern_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include <Eigen/Dense>
+
+#include "heba/base/error.h"
+#include "heba/base/median.h"
+#include "targets/images/homography.h"
+#include "targets/corners/pattern_map.h"
+#include "targets/corners/pattern_rows.h"
+
+namespace heba {
+namespace {
+
+MapForm FormOf(MapFreedom freedom) {
+  switch (freedom) {
+    case MapFreedom::kAffine:
+      return MapForm::kAffine;
+    case MapFreedom::kQuadratic:
+      return MapForm::kQuadratic;
+    case MapFreedom::kStrongLens:
+      return MapForm::kLens;
+  }
+  return MapForm::kLens;
+}
+
+// The middle of the whole picture, of which `grey` may be a part.
+Eigen::Vector2d LensPx(const cv::Mat& grey) {
+  cv::Size whole;
+  cv::Point offset;
+  grey.locateROI(whole, offset);
+  return {0.5 * (whole.width - 1) - offset.x, 0.5 * (whole.height - 1) - offset.y};
+}
+
+PatternMap StartMap(const Eigen::Matrix3d& picture_from_unit, MapForm form, const Eigen::Vector2d& lens_px) {
+  PatternMap map;
+  map.form = form;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) map.start[row][column] = picture_from_unit(row, column);
+  }
+  const Eigen::Vector2d middle_px = Map(picture_from_unit, Eigen::Vector2d::Zero());
+  const Eigen::Vector2d right_px = Map(picture_from_unit, Eigen::Vector2d(1, 0));
+  const Eigen::Vector2d below_px = Map(picture_from_unit, Eigen::Vector2d(0, 1));
+  map.size_px = std::max({1.0, (right_px - middle_px).norm(), (below_px - middle_px).norm()});
+  map.lens_radius_px = std::max(1.0, lens_px.norm());
+  for (int axis = 0; axis < 2; ++axis) {
+    map.middle_px[axis] = middle_px[axis];
+    map.lens_px[axis] = lens_px[axis];
+  }
+  return map;
+}
+
+// The standard deviation of a pixel's own box: a sharper image is not sampled over the pixels' areas, and its edges are
+// then where the pixels near them say, on the mean, that they are.
+constexpr double kMinBlurPx = 0.2886751345948129;
+
+constexpr double kCorners[][2] = {{-1, -1}, {-1, 1}, {1, -1}, {1, 1}};
+
+// Columns: the sought terms.
+Eigen::Matrix2Xd DisplacementsAt(const PatternMap& map, const Eigen::Vector2d& unit) {
+  Eigen::Matrix2Xd displacements = Eigen::Matrix2Xd::Zero(2, PatternMap::kNumTerms);
+  Eigen::Index column = 0;
+  ForEachDisplacement(
+      map, unit.x(), unit.y(), [&](double px) { displacements(0, column++) = px; },
+      [&](double px) { displacements(1, column++) = px; },
+      [&](double u_px, double v_px) { displacements.col(column++) << u_px, v_px; });
+  return displacements.leftCols(column);
+}
+
+class Fitter {
+ public:
+  Fitter(const cv::Mat& grey, const CellPattern& pattern, const Eigen::Matrix3d& start,
+         const PatternFitOptions& options)
+      : centre_m_(0.5 * (options.min_m + options.max_m)),
+        half_m_(0.5 * (options.max_m - options.min_m)),
+        rows_(pattern, centre_m_, half_m_) {
+    Eigen::Matrix3d pattern_from_unit = Eigen::Matrix3d::Identity();
+    pattern_from_unit.diagonal().head<2>() = half_m_;
+    pattern_from_unit.topRightCorner<2, 1>() = centre_m_;
+    const Eigen::Matrix3d picture_from_unit = start * pattern_from_unit;
+    map_ = StartMap(picture_from_unit, FormOf(options.freedom), LensPx(grey));
+    sought_ = SoughtParams(map_.form);
+    if (map_.form == MapForm::kQuadratic) ExpectSquares(options);
+    is_usable_ = CollectPixels(grey, picture_from_unit) && StartLevels();
+  }
+
+  bool is_usable() const { return is_usable_; }
+  double param(PatternParam which) const { return params_[which]; }
+  double contrast() const { return params_[kWhite] - params_[kBlack]; }
+  Eigen::Vector2d UnitOf(const Eigen::Vector2d& at_m) const { return (at_m - centre_m_).cwiseQuotient(half_m_); }
+  Eigen::Vector2d PixelAt(const Eigen::Vector2d& unit) const {
+    const MappedPoint<double> point = MapPoint(map_, params_.data(), unit.x(), unit.y());
+    return {point.u, point.v};
+  }
+  // By the sought parameters.
+  Eigen::Matrix2Xd PixelDerivative(const Eigen::Vector2d& unit) const {
+    Eigen::Matrix2Xd derivative = Eigen::Matrix2Xd::Zero(2, NumSought());
+    const Eigen::Matrix2Xd displacements = DisplacementsAt(map_, unit);
+    derivative.leftCols(displacements.cols()) = displacements;
+    return derivative;
+  }
+
+  // By least squares first; then what deviates counts less. False if a step leads nowhere that can be computed.
+  bool Solve() {
+    constexpr SmallStep kRough = {0.02, 1};
+    constexpr double kLeastSquares = std::numeric_limits<double>::infinity();
+    const std::optional<PatternSums> start = rows_.Sum(map_, params_, kLeastSquares, false);
+    if (!start) return false;
+    noise_grey_ = std::sqrt(2 * start->cost / Dof());
+    if (!Descend(EquationsOf(*start), kLeastSquares, kRough)) return false;
+    constexpr double kHuber = 2.5;
+    constexpr double kMinNoiseGrey = 0.3;  // A pixel's rounding.
+    // Misfit at the edges of a sharp image is noise too: if all of it were outliers, nothing would be known.
+    noise_grey_ = std::max({kMinNoiseGrey, NoiseOf(result_.residuals), MeanNoiseOf(result_.at_edges)});
+    const double huber_grey = kHuber * noise_grey_;
+    std::optional<Equations> here =
+        map_.form == MapForm::kLens ? LineariseOrAddPolynomial(huber_grey) : Linearise(huber_grey);
+    constexpr SmallStep kFine = {2e-3, 0.1};
+    return here && Descend(std::move(*here), huber_grey, kFine);
+  }
+
+  // Of one grey value, freed from the number of unknowns.
+  double noise_grey() const { return std::sqrt(2 * result_.cost / Dof()); }
+  double OutlierShare() const {
+    const double limit_grey = contrast() / 3;
+    const auto num = std::count_if(result_.residuals.begin(), result_.residuals.end(),
+                                   [&](double residual) { return std::abs(residual) > limit_grey; });
+    return static_cast<double>(num) / static_cast<double>(result_.residuals.size());
+  }
+  // Of the sought parameters.
+  Eigen::MatrixXd Covariance() const {
+    return std::max(2 * result_.cost / Dof(), SignificantVarianceOf(result_.at_edges)) *
+           result_.normal.ldlt().solve(Eigen::MatrixXd::Identity(NumSought(), NumSought()));
+  }
+
+ private:
+  // Of the sought parameters.
+  struct Equations {
+    Eigen::MatrixXd normal;
+    Eigen::VectorXd gradient;
+    double cost = 0;  // Half the sum of Huber's rho.
+    std::vector<double> residuals;
+    EdgeResiduals at_edges;
+  };
+
+  Eigen::Index NumSought() const { return static_cast<Eigen::Index>(sought_.size()); }
+  double Dof() const {
+    return std::max(1.0, static_cast<double>(rows_.NumPixels()) - static_cast<double>(NumSought()));
+  }
+
+  // Either is enough.
+  struct SmallStep {
+    double move_px;
+    double sigmas;  // Of all parameters together, as the noise leaves them.
+  };
+
+  // Levenberg-Marquardt to where steps are too small to matter.
+  bool Descend(Equations here, double huber_grey, const SmallStep& small) {
+    constexpr int kMaxIterations = 30;
+    constexpr double kMaxDamping = 1e4;
+    double damping = 1e-4;
+    result_ = std::move(here);
+    for (int iteration = 0; iteration < kMaxIterations && damping < kMaxDamping; ++iteration) {
+      const PatternParams before = params_;
+      const auto move = [&](const Eigen::VectorXd& step) {
+        for (size_t k = 0; k < sought_.size(); ++k) params_[sought_[k]] += step[static_cast<Eigen::Index>(k)];
+        params_[kBlur] = std::max(params_[kBlur], kMinBlurPx);
+      };
+      // Whether it is small is asked of the whole step: damping shortens it where little is known.
+      if (params_[kBlur] <= kMinBlurPx) HoldBlur(&result_);
+      const Eigen::VectorXd whole = result_.normal.ldlt().solve(-result_.gradient);
+      if (!whole.allFinite()) return false;
+      const double variance = 2 * result_.cost / Dof();
+      const double move_px = LargestMovePx(whole);
+      // A move that is not small must be looked at, however little is known of it.
+      constexpr double kMostUnseenPx = 0.3;
+      const bool is_in_noise =
+          move_px < kMostUnseenPx && -result_.gradient.dot(whole) < small.sigmas * small.sigmas * variance;
+      if (move_px < small.move_px || is_in_noise) {
+        // What is left after it goes with the step's square.
+        move(whole);
+        if (!IsPossible()) params_ = before;
+        return true;
+      }
+      Eigen::MatrixXd normal = result_.normal;
+      normal.diagonal() *= 1 + damping;
+      const Eigen::VectorXd step = normal.ldlt().solve(-result_.gradient);
+      if (!step.allFinite()) return false;
+      move(step);
+      std::optional<Equations> there = IsPossible() ? Linearise(huber_grey) : std::nullopt;
+      if (there && there->cost <= result_.cost) {
+        damping = std::max(1e-7, 0.1 * damping);
+        result_ = std::move(*there);
+        rows_.Keep();
+      } else {
+        params_ = before;
+        damping *= 10;
+      }
+    }
+    return true;
+  }
+
+  // Holds the blur where it is at its lower bound and would fall further; the other parameters move without it.
+  void HoldBlur(Equations* equations) const {
+    const Eigen::Index blur = std::find(sought_.begin(), sought_.end(), kBlur) - sought_.begin();
+    if (equations->gradient[blur] <= 0) return;
+    equations->gradient[blur] = 0;
+    equations->normal.row(blur).setZero();
+    equations->normal.col(blur).setZero();
+    equations->normal(blur, blur) = 1;
+  }
+
+  // Goes on with squares and cubes in place of perspective and lens if the grey values ask for them: if the cost would
+  // fall by more than chance lets it (chi-square of the added numbers, 2 sigma).
+  std::optional<Equations> LineariseOrAddPolynomial(double huber_grey) {
+    const std::optional<PatternSums> sums = rows_.Sum(map_, params_, huber_grey, true);
+    if (!sums) return std::nullopt;
+    const Eigen::Index num_sought = NumSought();
+    Equations narrow = EquationsOf(*sums);
+    // Without perspective and lens, with the polynomial.
+    std::vector<Eigen::Index> wide;
+    for (Eigen::Index k = 0; k < sums->products.cols(); ++k) {
+      if (k != num_sought && !(k >= PatternMap::kPerspective && k < PatternMap::kPolynomial)) wide.push_back(k);
+    }
+    const Eigen::MatrixXd normal = sums->products(wide, wide);
+    const Eigen::VectorXd gradient = sums->products(wide, num_sought);
+    const double narrow_fall = narrow.gradient.dot(narrow.normal.ldlt().solve(narrow.gradient));
+    const double wide_fall = gradient.dot(normal.ldlt().solve(gradient));
+    const double variance = std::max(2 * narrow.cost - wide_fall, 0.0) / Dof();
+    const auto num_added = static_cast<double>(normal.cols() - num_sought);
+    if (!(wide_fall - narrow_fall > variance * (num_added + 2 * std::sqrt(2.0 * num_added)))) return narrow;
+    map_.form = MapForm::kPolynomial;
+    sought_ = SoughtParams(map_.form);
+    return Linearise(huber_grey);
+  }
+
+  std::optional<Equations> Linearise(double huber_grey) {
+    const std::optional<PatternSums> sums = rows_.Sum(map_, params_, huber_grey, false);
+    if (!sums) return std::nullopt;
+    return EquationsOf(*sums);
+  }
+
+  Equations EquationsOf(const PatternSums& sums) const {
+    const Eigen::Index n = NumSought();
+    Equations equations{sums.products.topLeftCorner(n, n), sums.products.col(n).head(n), sums.cost, sums.residuals,
+                        sums.at_edges};
+    const auto expect = [&](Eigen::Index first, Eigen::Index end, double sigma_px) {
+      const double weight = std::pow(noise_grey_ / sigma_px, 2);
+      for (Eigen::Index k = first; k < end; ++k) {
+        const int param = sought_[static_cast<size_t>(k)];
+        const double term = params_[param] - expected_[param];
+        equations.normal(k, k) += weight;
+        equations.gradient[k] += weight * term;
+        equations.cost += 0.5 * weight * term * term;
+      }
+    };
+    // Near the picture's middle the pattern says nothing of the lens, nor does it matter: the lens's two numbers are
+    // what it displaces at the picture's corner, hardly more than half the picture.
+    if (map_.form == MapForm::kLens) expect(PatternMap::kLens, PatternMap::kPolynomial, map_.lens_radius_px);
+    // Where few edges are seen, most other terms than shifts move things along them only.
+    constexpr double kLargeStretch = 0.1;
+    if (map_.form == MapForm::kAffine || map_.form == MapForm::kQuadratic) {
+      expect(1, 3, kLargeStretch * map_.size_px);
+      expect(4, PatternMap::kNumAffine, kLargeStretch * map_.size_px);
+    }
+    if (map_.form == MapForm::kQuadratic) {
+      expect(PatternMap::kNumAffine, PatternMap::kNumAffine + 2 * PatternMap::kNumSquares, squares_sigma_px_);
+    }
+    return equations;
+  }
+
+  // Begins at what is expected of them.
+  void ExpectSquares(const PatternFitOptions& options) {
+    constexpr double kLargeSquare = 0.05;
+    squares_sigma_px_ = options.squares_sigma_px > 0 ? options.squares_sigma_px : kLargeSquare * map_.size_px;
+    for (int axis = 0; axis < 2; ++axis) {
+      expected_.segment<PatternMap::kNumSquares>(PatternMap::kPolynomial + axis * PatternMap::kNumPolynomial) =
+          options.squares_px.row(axis).transpose();
+    }
+    params_ = expected_;
+  }
+
+  // Of the pattern's corners.
+  double LargestMovePx(const Eigen::VectorXd& step) const {
+    double largest_px = 0;
+    for (const auto& corner : kCorners) {
+      const Eigen::Matrix2Xd displacements = DisplacementsAt(map_, {corner[0], corner[1]});
+      largest_px = std::max(largest_px, (displacements * step.head(displacements.cols())).cwiseAbs().maxCoeff());
+    }
+    return largest_px;
+  }
+
+  // False if there are too few, or too many out of the picture.
+  bool CollectPixels(const cv::Mat& grey, const Eigen::Matrix3d& picture_from_unit) {
+    // Away from edges there is nothing but the two levels to see: few pixels tell them.
+    constexpr double kEdgeReachPx = 3.7;
+    constexpr int kFlatShare = 7;
+    const Eigen::Matrix3d unit_from_picture = picture_from_unit.inverse();
+    Eigen::Array2d low = Eigen::Array2d::Constant(1e9);
+    Eigen::Array2d high = -low;
+    Eigen::Vector2d reach = Eigen::Vector2d::Zero();  // Where it is largest.
+    for (const auto& corner : kCorners) {
+      const Eigen::Vector2d unit(corner[0], corner[1]);
+      const Eigen::Vector2d at_px = Map(picture_from_unit, unit);
+      if (!at_px.allFinite()) return false;
+      low = low.min(at_px.array());
+      high = high.max(at_px.array());
+      const Eigen::Matrix2d by_px =
+          (unit_from_picture.topLeftCorner<2, 2>() - unit * unit_from_picture.bottomLeftCorner<1, 2>()) /
+          unit_from_picture.row(2).dot(at_px.homogeneous());
+      reach = reach.cwiseMax(kEdgeReachPx * by_px.rowwise().norm());
+    }
+    constexpr double kMaxSizePx = 2000;
+    const Eigen::Array2d size_px = high - low;
+    if (!(size_px < kMaxSizePx).all()) return false;
+    // Of a large pattern every second, third, ... pixel is enough.
+    constexpr double kEnoughPixels = 30000;
+    const int step = 1 + static_cast<int>(std::sqrt(size_px.prod() / kEnoughPixels));
+    const int stride = step * step;
+    // Beyond the horizon it changes its sign.
+    const double front = picture_from_unit(2, 2);
+    // By how many lines are near: those of one kind are worked on together.
+    constexpr size_t kMostLines = 4;
+    std::vector<PatternPixels::Pixel> kinds[kMostLines + 1][kMostLines + 1];
+    UnitCells::Window window;
+    int num_outside = 0;
+    size_t num_inside = 0;
+    const int first_u = static_cast<int>(std::floor(low.x()));
+    const int last_u = static_cast<int>(std::ceil(high.x()));
+    for (int v = static_cast<int>(std::floor(low.y())); v <= static_cast<int>(std::ceil(high.y())); ++v) {
+      const Eigen::Vector3d row_begin = unit_from_picture.col(1) * v + unit_from_picture.col(2);
+      for (int u = first_u + (stride > 1 ? v * 5 % stride : 0); u <= last_u; u += stride) {
+        const Eigen::Vector3d q = row_begin + unit_from_picture.col(0) * u;
+        const Eigen::Vector2d unit = q.head<2>() * (1 / q.z());
+        if (!(std::abs(unit.x()) <= 1 && std::abs(unit.y()) <= 1 && q.z() * front > 0)) continue;
+        if (u < 0 || v < 0 || u >= grey.cols || v >= grey.rows) {
+          ++num_outside;
+          continue;
+        }
+        rows_.cells().Look(unit.x(), unit.y(), reach.x(), reach.y(), &window);
+        if (window.num_x + window.num_y == 0) {
+          AddFlat(rows_.cells().AlbedoAt(window), grey.at<uchar>(v, u));
+          if ((u + 3 * v) % kFlatShare != 0) continue;
+        }
+        kinds[std::min(window.num_x, kMostLines)][std::min(window.num_y, kMostLines)].push_back(
+            {static_cast<double>(u), static_cast<double>(v), static_cast<double>(grey.at<uchar>(v, u)), unit.x(),
+             unit.y()});
+        ++num_inside;
+      }
+    }
+    // More would add time, and hardly precision.
+    constexpr size_t kMaxPixels = 6000;
+    const size_t share = num_inside / kMaxPixels + 1;
+    std::vector<PatternPixels::Pixel> pixels;
+    pixels.reserve(num_inside / share + 1);
+    size_t next = 0;
+    for (const auto& row : kinds) {
+      for (const auto& kind : row) {
+        for (const PatternPixels::Pixel& pixel : kind) {
+          if (next++ % share == 0) pixels.push_back(pixel);
+        }
+      }
+    }
+    if (!(pixels.size() > 2 * static_cast<size_t>(NumSought()) && 4 * num_outside < static_cast<int>(pixels.size()))) {
+      return false;
+    }
+    rows_.SetPixels(PatternPixels(pixels, Map(picture_from_unit, Eigen::Vector2d::Zero()),
+                                  0.5 * std::max(1.0, size_px.maxCoeff())));
+    return true;
+  }
+
+  // What a pixel away from edges says of the levels.
+  void AddFlat(double albedo, double grey) {
+    const Eigen::Vector2d by_levels(1 - albedo, albedo);
+    flat_normal_ += by_levels * by_levels.transpose();
+    flat_right_ += grey * by_levels;
+  }
+
+  // Blur as a guess, levels by least squares: of the pixels away from edges if there are enough.
+  bool StartLevels() {
+    constexpr double kStartBlurPx = 0.9;
+    params_[kBlur] = kStartBlurPx;
+    constexpr double kEnoughFlat = 20;
+    if (flat_normal_.diagonal().minCoeff() >= kEnoughFlat) {
+      params_.segment<2>(kBlack) = flat_normal_.ldlt().solve(flat_right_);
+      if (params_[kWhite] > params_[kBlack]) return true;
+    }
+    params_[kBlack] = 0;
+    params_[kWhite] = 1;
+    const std::optional<PatternSums> sums = rows_.Sum(map_, params_, std::numeric_limits<double>::infinity(), false);
+    if (!sums) return false;
+    const Eigen::Index residual = NumSought();
+    const Eigen::Index black = std::find(sought_.begin(), sought_.end(), kBlack) - sought_.begin();
+    const Eigen::Matrix2d normal = sums->products.block<2, 2>(black, black);
+    params_.segment<2>(kBlack) -= normal.ldlt().solve(sums->products.col(residual).segment<2>(black));
+    return params_.allFinite();
+  }
+
+  bool IsPossible() const {
+    return params_.allFinite() && params_[kBlur] < 20 && params_[kWhite] > params_[kBlack] &&
+           params_.tail<kNumPatternParams - kLight>().cwiseAbs().maxCoeff() < 1;
+  }
+
+  // From the mean of their sizes.
+  static double MeanNoiseOf(const EdgeResiduals& at_edges) {
+    return 1.2533 * at_edges.sizes / std::max(at_edges.weights, 1e-9);
+  }
+  // Returns the variance of a grey value at an edge if it is larger than chance makes it where all grey values have the
+  // same noise (2 sigma); else 0.
+  double SignificantVarianceOf(const EdgeResiduals& at_edges) const {
+    const double num_effective = at_edges.weights * at_edges.weights / std::max(at_edges.weights_squared, 1e-9);
+    const auto num_sought = static_cast<double>(NumSought());
+    if (num_effective <= num_sought) return 0;
+    const double variance = at_edges.squares / at_edges.weights * num_effective / (num_effective - num_sought);
+    const double chance = 1 + 2 * std::sqrt(2 / (num_effective - num_sought));
+    return variance > chance * 2 * result_.cost / Dof() ? variance : 0;
+  }
+  // From the median of their sizes.
+  static double NoiseOf(std::vector<double> residuals) {
+    for (double& residual : residuals) residual = std::abs(residual);
+    return 1.4826 * Median(std::move(residuals));
+  }
+
+  Eigen::Vector2d centre_m_;
+  Eigen::Vector2d half_m_;
+  PatternRows rows_;
+  PatternMap map_;
+  Eigen::Matrix2d flat_normal_ = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d flat_right_ = Eigen::Vector2d::Zero();
+  std::vector<int> sought_;
+  PatternParams expected_ = PatternParams::Zero();  // The values of the terms that have an expectation.
+  double squares_sigma_px_ = 0;
+  PatternParams params_ = PatternParams::Zero();
+  double noise_grey_ = 0;  // At first with the misfit of the start.
+  bool is_usable_ = false;
+  Equations result_;
+};
+
+}  // namespace
+
+std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pattern,
+                                     const Eigen::Matrix3d& start_picture_from_pattern,
+                                     const std::vector<Eigen::Vector2d>& wanted_m, const PatternFitOptions& options) {
+  CHECK_EQ(grey.type(), CV_8UC1);
+  CHECK((options.max_m.array() > options.min_m.array()).all());
+  Fitter fitter(grey, pattern, start_picture_from_pattern, options);
+  if (!fitter.is_usable() || !fitter.Solve()) return std::nullopt;
+  PatternFit fit;
+  fit.blur_sigma_px = fitter.param(kBlur);
+  fit.contrast_grey = fitter.contrast();
+  fit.residual_ratio = fitter.noise_grey() / fit.contrast_grey;
+  fit.outlier_share = fitter.OutlierShare();
+  if (!(fit.contrast_grey >= options.min_contrast_grey && fit.residual_ratio <= options.max_residual_ratio)) {
+    return std::nullopt;
+  }
+  const Eigen::MatrixXd covariance = fitter.Covariance();
+  Eigen::MatrixXd by_params(2 * static_cast<Eigen::Index>(wanted_m.size()), covariance.cols());
+  for (size_t k = 0; k < wanted_m.size(); ++k) {
+    const Eigen::Vector2d unit = fitter.UnitOf(wanted_m[k]);
+    fit.pixels.push_back(fitter.PixelAt(unit));
+    if (!((fit.pixels.back() - Map(start_picture_from_pattern, wanted_m[k])).norm() <= options.max_move_px)) {
+      return std::nullopt;
+    }
+    by_params.middleRows<2>(2 * static_cast<Eigen::Index>(k)) = fitter.PixelDerivative(unit);
+  }
+  fit.covariance_px2 = by_params * covariance * by_params.transpose();
+  if (!fit.covariance_px2.allFinite()) return std::nullopt;
+  return fit;
+}
+
+}  // namespace heba

@@ -1,0 +1,329 @@
+#include "targets/dots/circle_lattice.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <set>
+
+#include <Eigen/Dense>
+
+namespace heba {
+namespace {
+
+constexpr std::array<LatticeCell, 4> kSteps = {LatticeCell{1, 0}, LatticeCell{0, 1}, LatticeCell{-1, 0},
+                                               LatticeCell{0, -1}};
+
+LatticeCell operator+(const LatticeCell& a, const LatticeCell& b) { return {a.i + b.i, a.j + b.j}; }
+LatticeCell operator-(const LatticeCell& a, const LatticeCell& b) { return {a.i - b.i, a.j - b.j}; }
+
+// Dots by place.
+class DotIndex {
+ public:
+  explicit DotIndex(const std::vector<Ellipse>& dots) : dots_(dots) {
+    for (size_t n = 0; n < dots.size(); ++n) cells_[CellOf(dots[n].centre_px)].push_back(static_cast<int>(n));
+  }
+  // The dots within `reach_px`.
+  std::vector<int> Near(const Eigen::Vector2d& pixel, double reach_px) const {
+    std::vector<int> near;
+    const auto first = CellOf(pixel.array() - reach_px);
+    const auto last = CellOf(pixel.array() + reach_px);
+    for (int row = first.second; row <= last.second; ++row) {
+      for (int column = first.first; column <= last.first; ++column) {
+        const auto cell = cells_.find({column, row});
+        if (cell == cells_.end()) continue;
+        for (const int n : cell->second) {
+          if ((dots_[n].centre_px - pixel).norm() <= reach_px) near.push_back(n);
+        }
+      }
+    }
+    return near;
+  }
+
+ private:
+  static std::pair<int, int> CellOf(const Eigen::Vector2d& pixel) {
+    constexpr double kCellPx = 32;
+    return {static_cast<int>(std::floor(pixel.x() / kCellPx)), static_cast<int>(std::floor(pixel.y() / kCellPx))};
+  }
+  const std::vector<Ellipse>& dots_;
+  std::map<std::pair<int, int>, std::vector<int>> cells_;
+};
+
+double Cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+
+// Outlines of candidates are right to some tenths of a pixel.
+bool AreAlike(const Ellipse& a, const Ellipse& b, double max_size_ratio) {
+  const double radius_a = a.RadiusPx();
+  const double radius_b = b.RadiusPx();
+  return std::max(radius_a, radius_b) < max_size_ratio * std::min(radius_a, radius_b) + 0.7;
+}
+
+struct Seed {
+  int dot;
+  Eigen::Vector2d i_px;  // To the neighbours along i and j.
+  Eigen::Vector2d j_px;
+  int num_agreeing;  // Of the eight neighbours that the two make expect.
+  double spread;     // How far those are off, by the spacing.
+};
+
+// The lattice's two directions at a dot. The dot's own shape undoes the tilt: in units of its outline, the two are
+// about equally long and at right angles.
+bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double max_size_ratio, int dot, Seed* seed) {
+  const Ellipse& ellipse = dots[dot];
+  const double reach_px = 9 * ellipse.SemiAxesPx().x();
+  struct Neighbour {
+    int dot;
+    double distance;
+    Eigen::Vector2d offset;  // In units of the outline.
+  };
+  const Eigen::Matrix2d units_from_px = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(ellipse.shape).operatorSqrt();
+  std::vector<Neighbour> neighbours;
+  for (const int other : index.Near(ellipse.centre_px, reach_px)) {
+    if (other == dot) continue;
+    if (!AreAlike(ellipse, dots[other], max_size_ratio)) continue;
+    const Eigen::Vector2d offset = units_from_px * (dots[other].centre_px - ellipse.centre_px);
+    if (offset.norm() < 1.5) continue;
+    neighbours.push_back({other, offset.norm(), offset});
+  }
+  std::sort(neighbours.begin(), neighbours.end(),
+            [](const Neighbour& a, const Neighbour& b) { return a.distance < b.distance; });
+  constexpr size_t kMaxNeighbours = 12;
+  if (neighbours.size() > kMaxNeighbours) neighbours.resize(kMaxNeighbours);
+  bool found = false;
+  for (size_t a = 0; a < std::min<size_t>(neighbours.size(), 4); ++a) {
+    for (size_t b = 0; b < neighbours.size(); ++b) {
+      const Eigen::Vector2d& offset_i = neighbours[a].offset;
+      const Eigen::Vector2d& offset_j = neighbours[b].offset;
+      const double length_ratio = offset_j.norm() / offset_i.norm();
+      if (length_ratio < 0.7 || length_ratio > 1.45) continue;
+      const double sine = Cross(offset_i, offset_j) / (offset_i.norm() * offset_j.norm());
+      if (sine < 0.8) continue;
+      Seed candidate{dot, dots[neighbours[a].dot].centre_px - ellipse.centre_px,
+                     dots[neighbours[b].dot].centre_px - ellipse.centre_px, 0, 0};
+      const double spacing_px = std::min(candidate.i_px.norm(), candidate.j_px.norm());
+      bool has_closer = false;
+      for (int i = -1; i <= 1; ++i) {
+        for (int j = -1; j <= 1; ++j) {
+          if (i == 0 && j == 0) continue;
+          const Eigen::Vector2d expected = i * candidate.i_px + j * candidate.j_px;
+          double nearest = 0.25 * spacing_px;
+          for (const Neighbour& neighbour : neighbours) {
+            const double off = (dots[neighbour.dot].centre_px - ellipse.centre_px - expected).norm();
+            nearest = std::min(nearest, off);
+          }
+          candidate.num_agreeing += nearest < 0.25 * spacing_px ? 1 : 0;
+          candidate.spread += nearest / spacing_px;
+        }
+      }
+      // A dot in the middle of a mesh: the two directions are diagonals.
+      for (const Neighbour& neighbour : neighbours) {
+        const Eigen::Vector2d offset = dots[neighbour.dot].centre_px - ellipse.centre_px;
+        for (const double si : {-0.5, 0.5}) {
+          for (const double sj : {-0.5, 0.5}) {
+            if ((offset - si * candidate.i_px - sj * candidate.j_px).norm() < 0.2 * spacing_px) has_closer = true;
+          }
+        }
+      }
+      if (has_closer) continue;
+      if (!found || candidate.num_agreeing > seed->num_agreeing ||
+          (candidate.num_agreeing == seed->num_agreeing && candidate.spread < seed->spread)) {
+        *seed = candidate;
+        found = true;
+      }
+    }
+  }
+  return found && seed->num_agreeing >= 3;
+}
+
+// Where a neighbour in direction `step` of the dot at `cell` should be, from what is known of the lattice.
+struct Prediction {
+  Eigen::Vector2d pixel;
+  double spacing_px;
+  double tolerance;  // By the spacing.
+};
+
+Prediction Predict(const Lattice& lattice, const std::vector<Ellipse>& dots, const LatticeCell& cell,
+                   const LatticeCell& step, const Eigen::Vector2d& default_px) {
+  const auto find = [&](const LatticeCell& at) -> const Eigen::Vector2d* {
+    const auto entry = lattice.find(at);
+    return entry == lattice.end() ? nullptr : &dots[entry->second].centre_px;
+  };
+  const LatticeCell side{-step.j, step.i};
+  const Eigen::Vector2d& here = dots[lattice.at(cell)].centre_px;
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  double weights = 0;
+  // The step before, and how steps change.
+  if (const Eigen::Vector2d* last = find(cell - step)) {
+    Eigen::Vector2d expected = 2 * here - *last;
+    double weight = 1;
+    if (const Eigen::Vector2d* before_last = find(cell - step - step)) {
+      expected = 3 * here - 3 * *last + *before_last;
+      weight = 0.7;
+    }
+    sum += weight * expected;
+    weights += weight;
+  }
+  // The same step beside.
+  for (const int sign : {-1, 1}) {
+    const LatticeCell beside = cell + LatticeCell{sign * side.i, sign * side.j};
+    const Eigen::Vector2d* from = find(beside);
+    const Eigen::Vector2d* to = find(beside + step);
+    if (from != nullptr && to != nullptr) {
+      sum += 1.5 * (here + *to - *from);
+      weights += 1.5;
+    }
+  }
+  if (weights == 0) return {here + default_px, default_px.norm(), 0.3};
+  const Eigen::Vector2d expected = sum / weights;
+  return {expected, (expected - here).norm(), weights > 1.4 ? 0.2 : 0.25};
+}
+
+Lattice Grow(const std::vector<Ellipse>& dots, const DotIndex& index, const LatticeOptions& options, const Seed& seed) {
+  Lattice lattice;
+  std::set<int> used;
+  struct Open {
+    LatticeCell cell;
+    Eigen::Vector2d i_px;
+    Eigen::Vector2d j_px;
+  };
+  std::deque<Open> open;
+  lattice[{0, 0}] = seed.dot;
+  used.insert(seed.dot);
+  open.push_back({{0, 0}, seed.i_px, seed.j_px});
+  while (!open.empty()) {
+    Open current = open.front();
+    open.pop_front();
+    const int dot = lattice.at(current.cell);
+    for (const LatticeCell& step : kSteps) {
+      const LatticeCell cell = current.cell + step;
+      if (lattice.count(cell) > 0) continue;
+      const Eigen::Vector2d default_px = step.i * current.i_px + step.j * current.j_px;
+      const Prediction prediction = Predict(lattice, dots, current.cell, step, default_px);
+      const double reach_px = prediction.tolerance * prediction.spacing_px;
+      int best = -1;
+      double best_distance = std::numeric_limits<double>::infinity();
+      for (const int other : index.Near(prediction.pixel, reach_px)) {
+        if (used.count(other) > 0) continue;
+        if (!AreAlike(dots[dot], dots[other], options.max_size_ratio)) continue;
+        const double distance = (dots[other].centre_px - prediction.pixel).norm();
+        if (distance < best_distance) {
+          best_distance = distance;
+          best = other;
+        }
+      }
+      if (best < 0) continue;
+      lattice[cell] = best;
+      used.insert(best);
+      Open next{cell, current.i_px, current.j_px};
+      const Eigen::Vector2d step_px = dots[best].centre_px - dots[dot].centre_px;
+      if (step.i != 0) {
+        next.i_px = step.i * step_px;
+      } else {
+        next.j_px = step.j * step_px;
+      }
+      open.push_back(next);
+    }
+  }
+  return lattice;
+}
+
+// The first ones, of those that are nearly the same only some: a dot that is found twice makes two of its lattice.
+std::vector<Lattice> WithoutCopies(const std::vector<Lattice>& lattices, size_t max_lattices) {
+  constexpr int kMaxAlike = 3;
+  std::vector<Lattice> kept;
+  std::vector<std::set<int>> dots_of_kept;
+  for (const Lattice& lattice : lattices) {
+    if (kept.size() == max_lattices) break;
+    std::set<int> dots;
+    for (const auto& [cell, dot] : lattice) dots.insert(dot);
+    int num_alike = 0;
+    for (const std::set<int>& others : dots_of_kept) {
+      size_t num_shared = 0;
+      for (const int dot : dots) num_shared += others.count(dot);
+      num_alike += 5 * num_shared > 4 * dots.size() && 50 * (others.size() - dots.size()) <= dots.size() ? 1 : 0;
+    }
+    if (num_alike >= kMaxAlike) continue;
+    kept.push_back(lattice);
+    dots_of_kept.push_back(std::move(dots));
+  }
+  return kept;
+}
+
+}  // namespace
+
+std::vector<Lattice> GrowLattices(const std::vector<Ellipse>& dots, const LatticeOptions& options) {
+  const DotIndex index(dots);
+  std::vector<Seed> seeds;
+  for (size_t n = 0; n < dots.size(); ++n) {
+    Seed seed;
+    if (FindSeed(dots, index, options.max_size_ratio, static_cast<int>(n), &seed)) seeds.push_back(seed);
+  }
+  std::stable_sort(seeds.begin(), seeds.end(), [](const Seed& a, const Seed& b) {
+    return a.num_agreeing != b.num_agreeing ? a.num_agreeing > b.num_agreeing : a.spread < b.spread;
+  });
+  std::vector<Lattice> lattices;
+  std::vector<int> num_uses(dots.size(), 0);
+  int num_grown = 0;
+  for (const Seed& seed : seeds) {
+    // A dot in two lattices has had its chance, a wrong pair of directions at the first one allowed for.
+    if (num_uses[seed.dot] >= 2) continue;
+    constexpr int kMaxGrown = 300;
+    if (++num_grown > kMaxGrown) break;
+    Lattice lattice = Grow(dots, index, options, seed);
+    if (static_cast<int>(lattice.size()) < options.min_dots) continue;
+    for (const auto& [cell, dot] : lattice) ++num_uses[dot];
+    lattices.push_back(std::move(lattice));
+  }
+  std::stable_sort(lattices.begin(), lattices.end(),
+                   [](const Lattice& a, const Lattice& b) { return a.size() > b.size(); });
+  return WithoutCopies(lattices, static_cast<size_t>(options.max_lattices));
+}
+
+std::optional<DotPrediction> PredictDot(const Lattice& lattice, const std::vector<Ellipse>& dots,
+                                        const LatticeCell& cell) {
+  Lattice others = lattice;
+  others.erase(cell);
+  DotPrediction mean;
+  int num = 0;
+  for (const LatticeCell& step : kSteps) {
+    const LatticeCell from = cell - step;
+    if (others.count(from) == 0) continue;
+    const Prediction prediction = Predict(others, dots, from, step, Eigen::Vector2d::Zero());
+    if (!(prediction.spacing_px > 0)) continue;
+    mean.pixel += prediction.pixel;
+    mean.spacing_px += prediction.spacing_px;
+    ++num;
+  }
+  if (num == 0) return std::nullopt;
+  mean.pixel /= num;
+  mean.spacing_px /= num;
+  return mean;
+}
+
+std::vector<LatticePlacement> PlacePattern(const Lattice& lattice, const std::vector<LatticeCell>& pattern) {
+  std::map<std::vector<int>, LatticePlacement> placements;
+  if (pattern.empty() || lattice.size() < pattern.size()) return {};
+  std::vector<LatticeCell> turned = pattern;
+  for (int quarter = 0; quarter < 4; ++quarter) {
+    for (const auto& [anchor, anchor_dot] : lattice) {
+      const LatticeCell shift = anchor - turned.front();
+      std::vector<int> order;
+      for (const LatticeCell& cell : turned) {
+        const auto entry = lattice.find(cell + shift);
+        if (entry == lattice.end()) break;
+        order.push_back(entry->second);
+      }
+      if (order.size() != turned.size()) continue;
+      std::vector<int> key = order;
+      std::sort(key.begin(), key.end());
+      placements[key].orders.push_back(std::move(order));
+    }
+    for (LatticeCell& cell : turned) cell = {-cell.j, cell.i};
+  }
+  std::vector<LatticePlacement> result;
+  for (auto& [key, placement] : placements) result.push_back(std::move(placement));
+  return result;
+}
+
+}  // namespace heba

@@ -1,0 +1,359 @@
+#include "targets/dots/ellipse_refinement.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include <Eigen/Dense>
+
+#include "heba/base/error.h"
+#include "heba/base/median.h"
+#include "heba/base/units.h"
+#include "targets/dots/blurred_ellipse.h"
+#include "targets/images/approximate_angle.h"
+
+namespace heba {
+namespace {
+
+using Parameters = BlurredEllipseParameters;
+using Normal = decltype(BlurredEllipseSums::normal);
+
+// Keeps a parameter where it is.
+void Hold(int parameter, Normal* normal, Parameters* gradient) {
+  normal->row(parameter).setZero();
+  normal->col(parameter).setZero();
+  (*normal)(parameter, parameter) = 1;
+  (*gradient)[parameter] = 0;
+}
+
+// The fit of one dot, in coordinates about `start` and in its radii.
+class BlurredEllipse {
+ public:
+  BlurredEllipse(const cv::Mat& grey, const Ellipse& start)
+      : grey_(grey), origin_px_(start.centre_px), radius_px_(start.RadiusPx()) {
+    const Eigen::Matrix2d shape = start.shape * radius_px_ * radius_px_;
+    x_[kShapeXX] = shape(0, 0);
+    x_[kShapeXY] = shape(0, 1);
+    x_[kShapeYY] = shape(1, 1);
+    x_[kLogSigma] = std::log(1.0 / radius_px_);
+    // Slopes need some area to be told from the dot's place.
+    num_free_ = radius_px_ < 3 ? kLightX : kInsideX;
+  }
+
+  Ellipse Outline() const {
+    Eigen::Matrix2d shape;
+    shape << x_[kShapeXX], x_[kShapeXY], x_[kShapeXY], x_[kShapeYY];
+    return {origin_px_ + radius_px_ * x_.head<2>(), shape / (radius_px_ * radius_px_)};
+  }
+  double SigmaPx() const { return radius_px_ * std::exp(x_[kLogSigma]); }
+  // At the centre, which is the mean of the outline.
+  double Contrast() const {
+    const double light = 1 + x_[kLightX] * x_[kCentreX] + x_[kLightY] * x_[kCentreY];
+    return light * (x_[kInside] - x_[kOutside] + x_[kInsideX] * x_[kCentreX] + x_[kInsideY] * x_[kCentreY]);
+  }
+
+  // A dot that just touches the border is as good as whole.
+  bool IsInPicture() const {
+    const Ellipse outline = Outline();
+    const Eigen::Vector2d extent = outline.ExtentPx();
+    const double beyond_px = 0.5 + 0.1 * outline.RadiusPx();
+    const Eigen::Vector2d first = outline.centre_px - extent;
+    const Eigen::Vector2d last = outline.centre_px + extent;
+    return (first.array() > -beyond_px).all() && last.x() < grey_.cols - 1 + beyond_px &&
+           last.y() < grey_.rows - 1 + beyond_px;
+  }
+
+  // Takes the pixels within `margin_px` of the outline, not all if there are more than `max_samples`.
+  void Sample(double margin_px, const RefineEllipseOptions& options, double max_samples) {
+    const Ellipse outline = Outline();
+    const double reach_px = options.next_reach_sigmas * SigmaPx();
+    const double num_expected = 4 * kPi * outline.RadiusPx() * margin_px;
+    const int stride = std::max(1, static_cast<int>(std::sqrt(num_expected / max_samples)));
+    const Eigen::Vector2d semi_axes_px = outline.SemiAxesPx();
+    // Larger and smaller ones, beyond and within which there is nothing to take.
+    const double slack_px = 1 + 0.1 * margin_px;
+    const Ellipse outer = outline.Grown(margin_px + slack_px);
+    const double inner_px = semi_axes_px.y() - margin_px - slack_px;
+    const std::optional<Ellipse> inner =
+        inner_px > 0 ? std::optional<Ellipse>(outline.Grown(-margin_px - slack_px)) : std::nullopt;
+    const double extent_px = outer.ExtentPx().y();
+    const int y0 = std::max(0, static_cast<int>(std::floor(outline.centre_px.y() - extent_px)));
+    const int y1 = std::min(grey_.rows - 1, static_cast<int>(std::ceil(outline.centre_px.y() + extent_px)));
+    pixels_.Clear();
+    distances_px_.clear();
+    sectors_.clear();
+    for (int row = y0; row <= y1; row += stride) {
+      const std::optional<Eigen::Vector2d> span = SpanOf(outer, row);
+      if (!span) continue;
+      const int x0 = std::max(0, static_cast<int>(std::floor(span->x())));
+      const int x1 = std::min(grey_.cols - 1, static_cast<int>(std::ceil(span->y())));
+      const std::optional<Eigen::Vector2d> hole = inner ? SpanOf(*inner, row) : std::nullopt;
+      int column = (x0 + stride - 1) / stride * stride;
+      for (; column <= x1; column += stride) {
+        if (hole && column > hole->x() && column < hole->y()) {
+          column = static_cast<int>(std::ceil(hole->y())) / stride * stride;
+          if (column < hole->y()) column += stride;
+          if (column > x1) break;
+        }
+        AddPixel(row, column, outline, margin_px, reach_px, options.next_outline_ratio);
+      }
+    }
+    pixels_.Pad();
+    HidePixels();
+  }
+
+  // Brightness inside and outside from the samples. False if there are too few.
+  bool StartLevels(double margin_px) {
+    const double inside_px = std::min(0.5 * margin_px, 0.3 * Outline().SemiAxesPx().y());
+    double outside_px = 0;
+    for (const double distance_px : distances_px_) outside_px = std::max(outside_px, 0.5 * distance_px);
+    double sum_inside = 0;
+    double sum_outside = 0;
+    int num_inside = 0;
+    int num_outside = 0;
+    for (size_t i = 0; i < pixels_.size(); ++i) {
+      if (distances_px_[i] < -inside_px) {
+        sum_inside += pixels_.grey()[i];
+        ++num_inside;
+      } else if (distances_px_[i] > outside_px) {
+        sum_outside += pixels_.grey()[i];
+        ++num_outside;
+      }
+    }
+    if (num_inside < 1 || num_outside < 4) return false;
+    x_[kInside] = sum_inside / num_inside;
+    x_[kOutside] = sum_outside / num_outside;
+    return true;
+  }
+
+  // To within `tolerance` of the cost. False if what comes out is no ellipse.
+  bool Fit(double tolerance) {
+    return pixels_.size() >= kNumBlurredEllipseParameters + 4u && Minimise(num_free_, tolerance, &x_, &sums_);
+  }
+
+  // With a slope of the inside alone (gloss, a dirty dot) where the picture asks for it.
+  bool FitWithNeededSlopes(double tolerance) {
+    if (!Fit(tolerance)) return false;
+    if (num_free_ != kInsideX) return true;
+    Parameters sloping = x_;
+    BlurredEllipseSums sloping_sums;
+    if (!Minimise(kNumBlurredEllipseParameters, tolerance, &sloping, &sloping_sums)) return true;
+    // Chi-square of two, exceeded by chance once in 3000: rarely enough not to widen the scatter of even ones.
+    constexpr double kMinGain = 16;
+    if (static_cast<double>(pixels_.size()) * (sums_.cost / sloping_sums.cost - 1) > kMinGain) {
+      x_ = sloping;
+      sums_ = sloping_sums;
+      num_free_ = kNumBlurredEllipseParameters;
+    }
+    return true;
+  }
+
+  // From the residuals: what counts as an outlier, and which sectors of the outline do not agree with the rest. Whether
+  // those have changed.
+  bool Judge() {
+    std::vector<double> sizes = EdgeResiduals(pixels_, x_);
+    std::array<double, kNumSectors> sums{};
+    std::array<int, kNumSectors> counts{};
+    for (size_t i = 0; i < pixels_.size(); ++i) {
+      sums[sectors_[i]] += sizes[i] * sizes[i];
+      ++counts[sectors_[i]];
+      sizes[i] = std::abs(sizes[i]);
+    }
+    // Some tell enough.
+    constexpr size_t kEnough = 500;
+    const size_t stride = std::max<size_t>(1, sizes.size() / kEnough);
+    size_t num_sizes = 0;
+    for (size_t i = 0; i < sizes.size(); i += stride) sizes[num_sizes++] = sizes[i];
+    sizes.resize(num_sizes);
+    // Where the flat parts are saturated, the edge alone has residuals: those are no outliers.
+    bend_ = std::max(2.5 * 1.4826 * Median(std::move(sizes)), 0.05 * std::abs(Contrast()));
+
+    std::vector<double> squares;
+    for (int i = 0; i < kNumSectors; ++i) {
+      sums[i] /= std::max(counts[i], 1);
+      squares.push_back(sums[i]);
+    }
+    const double limit = std::max(4 * Median(std::move(squares)), std::pow(0.12 * Contrast(), 2));
+    bool changed = false;
+    for (int i = 0; i < kNumSectors; ++i) {
+      const bool hidden = sums[i] > limit;
+      changed = changed || hidden != hidden_[i];
+      hidden_[i] = hidden;
+    }
+    HidePixels();
+    return changed;
+  }
+
+  RefinedEllipse Result() const {
+    RefinedEllipse refined;
+    refined.ellipse = Outline();
+    refined.blur_sigma_px = SigmaPx();
+    refined.contrast_grey = Contrast();
+    refined.visible_ratio =
+        1 - static_cast<double>(std::count(hidden_.begin(), hidden_.end(), true)) / static_cast<double>(kNumSectors);
+    const std::vector<double> residuals = EdgeResiduals(pixels_, x_);
+    double sum_square = 0;
+    double sum_weighted = 0;
+    double num_samples = 0;
+    for (size_t i = 0; i < residuals.size(); ++i) {
+      if (hidden_[sectors_[i]]) continue;
+      const double square = residuals[i] * residuals[i];
+      sum_square += square;
+      sum_weighted += square <= bend_ * bend_ ? square : bend_ * std::abs(residuals[i]);
+      num_samples += 1;
+    }
+    refined.residual_ratio = std::sqrt(sum_square / num_samples) / std::abs(refined.contrast_grey);
+    const Normal covariance = sums_.normal.ldlt().solve(Normal::Identity());
+    // Rounding alone has a variance of 1/12.
+    const double variance = std::max(sum_weighted / std::max(num_samples - num_free_, 1.0), 1.0 / 12);
+    refined.centre_covariance_px2 = radius_px_ * radius_px_ * variance * covariance.topLeftCorner<2, 2>();
+    return refined;
+  }
+
+ private:
+  static constexpr int kNumSectors = 24;
+
+  // The columns between which a row is inside.
+  static std::optional<Eigen::Vector2d> SpanOf(const Ellipse& ellipse, int row) {
+    const double v = row - ellipse.centre_px.y();
+    const double a = ellipse.shape(0, 0);
+    const double b = ellipse.shape(0, 1) * v;
+    const double square = b * b - a * (ellipse.shape(1, 1) * v * v - 1);
+    if (!(square > 0)) return std::nullopt;
+    const double middle = ellipse.centre_px.x() - b / a;
+    const double half = std::sqrt(square) / a;
+    return Eigen::Vector2d(middle - half, middle + half);
+  }
+
+  void AddPixel(int row, int column, const Ellipse& outline, double margin_px, double reach_px,
+                double next_outline_ratio) {
+    const double ux = column - outline.centre_px.x();
+    const double uy = row - outline.centre_px.y();
+    const double mx = outline.shape(0, 0) * ux + outline.shape(0, 1) * uy;
+    const double my = outline.shape(0, 1) * ux + outline.shape(1, 1) * uy;
+    const double rho = std::sqrt(ux * mx + uy * my);
+    const double g = std::sqrt(mx * mx + my * my);
+    const double distance_px = rho > 1e-6 ? (rho - 1) * rho / g : -radius_px_;
+    if (std::abs(distance_px) > margin_px) return;
+    if (next_outline_ratio > 0 && rho > 1) {
+      const double gradient = g / rho;  // Of rho, 1/px.
+      const double gap_px = (next_outline_ratio - 1) / gradient;
+      if ((next_outline_ratio - rho) / gradient < std::min(reach_px, 0.5 * gap_px)) return;
+    }
+    const double grey = grey_.type() == CV_32FC1 ? grey_.at<float>(row, column) : grey_.ptr<uchar>(row)[column];
+    pixels_.Add((column - origin_px_.x()) / radius_px_, (row - origin_px_.y()) / radius_px_, grey);
+    distances_px_.push_back(distance_px);
+    sectors_.push_back(static_cast<size_t>(RoughTurn(ux, uy) * kNumSectors));
+  }
+
+  // What hidden parts show does not count.
+  void HidePixels() {
+    for (size_t i = 0; i < pixels_.size(); ++i) pixels_.SetWeight(i, hidden_[sectors_[i]] ? 0 : 1);
+  }
+
+  // Levenberg-Marquardt, until what a step may gain is less than `tolerance` of the cost. False if a step cannot be
+  // found.
+  bool Minimise(int num_free, double tolerance, Parameters* x, BlurredEllipseSums* sums) const {
+    // A pixel's own width is that of a Gaussian of 0.29 px.
+    const double min_log_sigma = std::log(0.29 / radius_px_);
+    *sums = SumEdge(pixels_, *x, num_free, bend_);
+    double damping = 1e-3;
+    constexpr int kMaxIterations = 30;
+    for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+      Parameters gradient = sums->gradient;
+      Normal normal = sums->normal;
+      if ((*x)[kLogSigma] <= min_log_sigma && gradient[kLogSigma] > 0) Hold(kLogSigma, &normal, &gradient);
+      bool improved = false;
+      while (!improved && damping < 1e8) {
+        Normal damped = normal;
+        damped.diagonal() *= 1 + damping;
+        const Eigen::LLT<Normal> cholesky(damped);
+        if (cholesky.info() != Eigen::Success) {
+          damping *= 10;
+          continue;
+        }
+        const Parameters step = -cholesky.solve(gradient);
+        if (!step.allFinite()) return false;
+        Parameters next = *x + step;
+        next[kLogSigma] = std::max(next[kLogSigma], min_log_sigma);
+        const bool is_ellipse = next[kShapeXX] > 0.05 &&
+                                next[kShapeXX] * next[kShapeYY] - next[kShapeXY] * next[kShapeXY] > 0.05 &&
+                                next.head<2>().norm() < 0.7 && next[kLogSigma] < 1;
+        if (is_ellipse && damping < 1 && -gradient.dot(step) <= tolerance * sums->cost) {
+          *x = next;
+          return true;
+        }
+        if (!is_ellipse) {
+          damping *= 10;
+          continue;
+        }
+        const BlurredEllipseSums next_sums = SumEdge(pixels_, next, num_free, bend_);
+        if (next_sums.cost <= sums->cost) {
+          improved = true;
+          *x = next;
+          *sums = next_sums;
+          damping = std::max(damping * 0.1, 1e-9);
+        } else {
+          damping *= 10;
+        }
+      }
+      if (!improved) return true;
+    }
+    return true;
+  }
+
+  const cv::Mat& grey_;
+  const Eigen::Vector2d origin_px_;
+  const double radius_px_;
+  Parameters x_ = Parameters::Zero();
+  int num_free_ = kNumBlurredEllipseParameters;
+  double bend_ = 1e6;  // Grey levels; nothing is an outlier at first.
+  std::array<bool, kNumSectors> hidden_{};
+  EdgePixels pixels_;
+  std::vector<double> distances_px_;  // Of each pixel from the outline that it was taken for.
+  std::vector<size_t> sectors_;
+  BlurredEllipseSums sums_;  // Of the last fit.
+};
+
+}  // namespace
+
+std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& start,
+                                            const RefineEllipseOptions& options) {
+  CHECK(grey.type() == CV_8UC1 || grey.type() == CV_32FC1);
+  const double radius_px = start.RadiusPx();
+  if (!(radius_px > 1) || !start.centre_px.allFinite()) return std::nullopt;
+  const double max_margin_px = std::max(options.max_margin_px, 1.5);
+  BlurredEllipse fit(grey, start);
+  if (!fit.IsInPicture()) return std::nullopt;
+
+  // Coarsely, from some of the pixels in a wide margin.
+  const double first_margin_px = std::min(std::max(3.0, 0.15 * radius_px), max_margin_px);
+  constexpr double kMaxFirstSamples = 800;
+  constexpr double kCoarsely = 1e-3;
+  constexpr double kExactly = 1e-7;
+  fit.Sample(first_margin_px, options, kMaxFirstSamples);
+  if (!fit.StartLevels(first_margin_px) || !fit.Fit(kCoarsely)) return std::nullopt;
+  fit.Judge();
+  // Then from those that the blurred edge concerns, again as long as parts turn out to be hidden.
+  constexpr int kMaxRounds = 5;
+  const auto margin_px = [&] {
+    return std::min(std::clamp(4 * fit.SigmaPx(), 3.0, std::max(radius_px, 3.0)), max_margin_px);
+  };
+  for (int round = 0; round < kMaxRounds; ++round) {
+    if (!fit.IsInPicture()) return std::nullopt;
+    const double used_px = margin_px();
+    fit.Sample(used_px, options, std::numeric_limits<double>::infinity());
+    if (!fit.Fit(kCoarsely)) return std::nullopt;
+    const bool other_parts = fit.Judge();
+    if (!other_parts && std::abs(margin_px() - used_px) < 0.2 * used_px) break;
+  }
+  if (!fit.FitWithNeededSlopes(kExactly) || !fit.IsInPicture()) return std::nullopt;
+  if (!(std::abs(fit.Contrast()) > 1)) return std::nullopt;
+  const RefinedEllipse refined = fit.Result();
+  if (!refined.centre_covariance_px2.allFinite() || !std::isfinite(refined.residual_ratio)) return std::nullopt;
+  return refined;
+}
+
+}  // namespace heba

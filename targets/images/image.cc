@@ -1,0 +1,132 @@
+#include "targets/images/image.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include <opencv2/imgproc.hpp>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "targets/images/image_codecs.h"
+#include "targets/images/image_format.h"
+
+namespace heba {
+namespace {
+
+constexpr size_t kMaxImageBytes = size_t{1} << 30;
+
+std::string SizeText(double width_px, double height_px) { return Fixed(width_px, 0) + " x " + Fixed(height_px, 0); }
+
+}  // namespace
+
+std::optional<PictureSize> ReadPictureSize(const std::filesystem::path& path) {
+  const std::optional<PictureHeader> header = ReadPictureHeader(ReadTextFile(path, kMaxImageBytes));
+  constexpr double kMostPx = 1e6;
+  if (!header || !(header->width_px >= 1 && header->height_px >= 1) || header->width_px > kMostPx ||
+      header->height_px > kMostPx) {
+    return std::nullopt;
+  }
+  return PictureSize{static_cast<int>(header->width_px), static_cast<int>(header->height_px)};
+}
+
+cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<PictureSize>& expected) {
+  const std::string bytes = ReadTextFile(path, kMaxImageBytes);
+  if (bytes.empty()) throw InputError(path.string() + ": is empty; a picture is needed");
+  const std::optional<PictureHeader> header = ReadPictureHeader(bytes);
+  if (!header) {
+    throw InputError(path.string() + ": is not a picture of a format that heba reads: " + PictureFormatNames());
+  }
+  if (header->is_cut_short) throw InputError(path.string() + ": the picture is cut short; copy it again");
+  constexpr double kMaxPixels = 4e8;
+  if (!(header->width_px >= 1 && header->height_px >= 1)) {
+    throw InputError(path.string() + ": is not a picture that can be read: its header does not say how large it is");
+  }
+  if (header->width_px * header->height_px > kMaxPixels) {
+    throw InputError(path.string() +
+                     ": claims to have more than 400 million pixels; no camera that heba knows of does");
+  }
+  if (expected && (header->width_px != expected->width_px || header->height_px != expected->height_px)) {
+    throw InputError(path.string() + ": is " + SizeText(header->width_px, header->height_px) + " px, not " +
+                     SizeText(expected->width_px, expected->height_px) +
+                     " px as the first picture; all pictures must come from one camera at one resolution");
+  }
+  cv::Mat image;
+  try {
+    const cv::Mat buffer(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));  // NOLINT
+    image = DecodeImage(buffer);
+  } catch (const cv::Exception& error) {
+    throw InputError(path.string() + ": is not a picture that can be read (" + error.err + ")");
+  }
+  if (image.empty()) throw InputError(path.string() + ": is not a picture that can be read, or is cut short");
+  if (image.depth() == CV_16U) {
+    double brightest = 0;
+    cv::minMaxLoc(image.reshape(1), nullptr, &brightest);
+    image.convertTo(image, CV_8U, brightest > 0 ? 255.0 / brightest : 1.0);
+  } else if (image.depth() != CV_8U) {
+    throw InputError(path.string() + ": has neither 8 nor 16 bits a channel; save it as one of these");
+  }
+  if (image.channels() == 3) cv::cvtColor(image, image, cv::COLOR_BGR2GRAY);
+  if (image.channels() == 4) cv::cvtColor(image, image, cv::COLOR_BGRA2GRAY);
+  if (image.channels() != 1) throw InputError(path.string() + ": has 2 channels; grey or colour is needed");
+  return image;
+}
+
+std::string SmallJpeg(const cv::Mat& grey, int max_width_px) {
+  constexpr int kQuality = 60;
+  cv::Mat small = grey;
+  if (grey.cols > max_width_px) {
+    const int height = std::max(1, static_cast<int>(static_cast<int64_t>(grey.rows) * max_width_px / grey.cols));
+    cv::resize(grey, small, cv::Size(max_width_px, height), 0, 0, cv::INTER_AREA);
+  }
+  const std::vector<unsigned char> bytes = EncodeJpeg(small, kQuality);
+  return {bytes.begin(), bytes.end()};
+}
+
+void WriteImage(const std::filesystem::path& path, const cv::Mat& image) {
+  std::vector<unsigned char> bytes;
+  try {
+    bytes = EncodeImage(path.extension().string(), image);
+  } catch (const cv::Exception& error) {
+    throw InputError(path.string() + ": cannot be encoded (" + error.err + ")");
+  }
+  if (bytes.empty()) throw InputError(path.string() + ": cannot be encoded");
+  WriteFileAtomically(path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));  // NOLINT
+}
+
+double NoiseGrey(const cv::Mat& grey) {
+  CHECK_EQ(grey.type(), CV_8UC1);
+  std::array<int64_t, 256> counts{};
+  int64_t num = 0;
+  constexpr int kEnoughRows = 256;
+  const int stride = std::max(1, grey.rows / kEnoughRows);
+  for (int row = stride / 2; row < grey.rows; row += stride) {
+    const auto* const line = grey.ptr<uchar>(row);
+    for (int column = 0; column + 1 < grey.cols; ++column, ++num) {
+      ++counts[static_cast<size_t>(std::abs(line[column + 1] - line[column]))];
+    }
+  }
+  // A difference d of whole numbers stands for all up to d + 1/2.
+  const double wanted = 0.5 * static_cast<double>(num);
+  double below = 0;
+  for (size_t difference = 0; difference < counts.size() && num > 0; ++difference) {
+    const auto count = static_cast<double>(counts[difference]);
+    if (below + count < wanted) {
+      below += count;
+      continue;
+    }
+    const double first = difference == 0 ? 0.0 : static_cast<double>(difference) - 0.5;
+    const double width = difference == 0 ? 0.5 : 1.0;
+    // Half of the absolute values of a normal distribution are below 0.6745 sigma; a difference has twice the variance.
+    return (first + width * (wanted - below) / count) / (0.6745 * std::sqrt(2.0));
+  }
+  return 0;
+}
+
+}  // namespace heba

@@ -1,0 +1,206 @@
+#include "targets/images/light_areas.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdint>
+
+#include <opencv2/core/hal/intrin.hpp>
+
+#include "heba/base/error.h"
+
+namespace heba {
+namespace {
+
+// Where a row's pixels change between dark and light: begin and end of each run of light ones, and its area.
+struct Row {
+  std::vector<int> edges;  // Two a run: its first column, the one after its last.
+  std::vector<int> labels;
+  size_t num_runs = 0;
+};
+
+// What is left of a row's pixels after the last full 64 is dark.
+class RowReader {
+ public:
+  explicit RowReader(int num_columns) : num_columns_(num_columns), words_(static_cast<size_t>(num_columns / 64 + 1)) {}
+
+  void Read(const uchar* pixels, int threshold, Row* row) {
+    FillWords(pixels, threshold);
+    int* edge = row->edges.data();
+    uint64_t last = 0;
+    for (size_t w = 0; w < words_.size(); ++w) {
+      // A bit is set where a pixel is unlike the one before it.
+      uint64_t changes = words_[w] ^ (words_[w] << 1 | last);
+      last = words_[w] >> 63;
+      const int column = static_cast<int>(64 * w);
+      while (changes != 0) {
+        *edge++ = column + std::countr_zero(changes);
+        changes &= changes - 1;
+      }
+    }
+    row->num_runs = static_cast<size_t>(edge - row->edges.data()) / 2;
+  }
+
+ private:
+  void FillWords(const uchar* pixels, int threshold) {
+    constexpr int kLanes = cv::v_uint8x16::nlanes;
+    static_assert(64 % kLanes == 0);
+    const cv::v_uint8x16 level = cv::v_setall_u8(static_cast<uchar>(threshold));
+    for (size_t w = 0; w < words_.size(); ++w) {
+      const int column = static_cast<int>(64 * w);
+      uint64_t word = 0;
+      if (column + 64 <= num_columns_) {
+        for (int i = 0; i < 64; i += kLanes) {
+          const cv::v_uint8x16 lanes = cv::v_load(pixels + column + i);
+          word |= static_cast<uint64_t>(static_cast<uint32_t>(cv::v_signmask(lanes > level))) << i;
+        }
+      } else {
+        for (int i = 0; column + i < num_columns_; ++i) {
+          word |= static_cast<uint64_t>(pixels[column + i] > threshold) << i;
+        }
+      }
+      words_[w] = word;
+    }
+  }
+
+  int num_columns_;
+  std::vector<uint64_t> words_;
+};
+
+// Areas as they grow from row to row: a forest, each area named by the root of its runs' labels.
+class AreaForest {
+ public:
+  int Add(int row, int begin, int end) {
+    nodes_.push_back({static_cast<int>(nodes_.size()), begin, end, row, row, begin, end - begin});
+    return static_cast<int>(nodes_.size()) - 1;
+  }
+  int Root(int label) {
+    while (nodes_[label].parent != label) label = nodes_[label].parent = nodes_[nodes_[label].parent].parent;
+    return label;
+  }
+  void Extend(int root, int row, int begin, int end) {
+    Node& node = nodes_[root];
+    node.begin = std::min(node.begin, begin);
+    node.end = std::max(node.end, end);
+    node.last_row = row;
+    node.num_pixels += end - begin;
+  }
+  // The one that began first, in order of reading, stays.
+  int Unite(int a, int b) {
+    if (b < a) std::swap(a, b);
+    Node& node = nodes_[a];
+    const Node& other = nodes_[b];
+    node.begin = std::min(node.begin, other.begin);
+    node.end = std::max(node.end, other.end);
+    node.last_row = std::max(node.last_row, other.last_row);
+    node.num_pixels += other.num_pixels;
+    nodes_[b].parent = a;
+    return a;
+  }
+  template <class F>
+  void ForEach(const F& f) const {
+    for (size_t i = 0; i < nodes_.size(); ++i) {
+      const Node& node = nodes_[i];
+      if (node.parent != static_cast<int>(i)) continue;
+      f(LightArea{cv::Rect(node.begin, node.first_row, node.end - node.begin, node.last_row - node.first_row + 1),
+                  cv::Point(node.first_column, node.first_row), node.num_pixels});
+    }
+  }
+
+ private:
+  struct Node {
+    int parent;
+    int begin;  // Columns of the box, and the one after them.
+    int end;
+    int first_row;
+    int last_row;
+    int first_column;  // In the first row.
+    int num_pixels;
+  };
+  std::vector<Node> nodes_;
+};
+
+// Gives each run of `row` the area of the runs above that it touches, or a new one.
+void Join(const Row& above, int row_number, Row* row, AreaForest* forest) {
+  size_t first_above = 0;
+  for (size_t i = 0; i < row->num_runs; ++i) {
+    const int begin = row->edges[2 * i];
+    const int end = row->edges[2 * i + 1];
+    while (first_above < above.num_runs && above.edges[2 * first_above + 1] < begin) ++first_above;
+    int root = -1;
+    for (size_t k = first_above; k < above.num_runs && above.edges[2 * k] <= end; ++k) {
+      const int other = forest->Root(above.labels[k]);
+      if (root < 0) {
+        forest->Extend(other, row_number, begin, end);
+        root = other;
+      } else if (other != root) {
+        root = forest->Unite(root, other);
+      }
+    }
+    row->labels[i] = root >= 0 ? root : forest->Add(row_number, begin, end);
+  }
+}
+
+}  // namespace
+
+std::vector<LightArea> FindLightAreas(const cv::Mat& grey, int threshold, int min_side_px, int max_side_px) {
+  CHECK_EQ(grey.type(), CV_8UC1);
+  CHECK(threshold >= 0 && threshold <= 255) << threshold;
+  const auto most_edges = static_cast<size_t>(grey.cols) + 2;
+  Row above{std::vector<int>(most_edges), std::vector<int>(most_edges), 0};
+  Row row = above;
+  RowReader reader(grey.cols);
+  AreaForest forest;
+  for (int y = 0; y < grey.rows; ++y) {
+    reader.Read(grey.ptr<uchar>(y), threshold, &row);
+    Join(above, y, &row, &forest);
+    std::swap(above, row);
+  }
+  std::vector<LightArea> areas;
+  forest.ForEach([&](const LightArea& area) {
+    const cv::Rect& box = area.box;
+    const int side_px = std::max(box.width, box.height);
+    if (side_px < min_side_px || side_px > max_side_px) return;
+    if (box.x <= 0 || box.y <= 0 || box.x + box.width >= grey.cols || box.y + box.height >= grey.rows) return;
+    areas.push_back(area);
+  });
+  return areas;
+}
+
+bool TraceOutline(const cv::Mat& grey, int threshold, const cv::Point& first, size_t max_points,
+                  std::vector<cv::Point>* outline) {
+  // Clockwise in the picture, from the right.
+  constexpr std::array<int, 8> kColumns = {1, 1, 0, -1, -1, -1, 0, 1};
+  constexpr std::array<int, 8> kRows = {0, 1, 1, 1, 0, -1, -1, -1};
+  const auto stride = static_cast<std::ptrdiff_t>(grey.step[0]);
+  std::array<std::ptrdiff_t, 8> steps;
+  for (size_t d = 0; d < 8; ++d) steps[d] = kRows[d] * stride + kColumns[d];
+  // Clockwise from `from`, the first direction in which there is a light pixel, or from + 8.
+  const auto next = [&](const uchar* pixel, unsigned from) {
+    unsigned d = from;
+    while (d < from + 8 && pixel[steps[d % 8]] <= threshold) ++d;
+    return d;
+  };
+  outline->clear();
+  outline->push_back(first);
+  const uchar* const first_pixel = grey.ptr<uchar>(first.y) + first.x;
+  constexpr unsigned kLeft = 4;
+  const unsigned first_found = next(first_pixel, kLeft);
+  if (first_found == kLeft + 8) return true;
+  const unsigned first_direction = first_found % 8;
+  cv::Point at = first;
+  const uchar* pixel = first_pixel;
+  for (unsigned direction = first_direction;;) {
+    at.x += kColumns[direction];
+    at.y += kRows[direction];
+    pixel += steps[direction];
+    // Two eighths back lies what was dark.
+    const unsigned onward = next(pixel, direction + 6) % 8;
+    if (pixel == first_pixel && onward == first_direction) return true;
+    if (outline->size() == max_points) return false;
+    outline->push_back(at);
+    direction = onward;
+  }
+}
+
+}  // namespace heba

@@ -1,0 +1,60 @@
+#include "targets/render/overlay.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <opencv2/imgproc.hpp>
+
+namespace heba {
+namespace {
+
+const cv::Scalar kPointColour(0, 200, 0);
+const cv::Scalar kIdColour(0, 120, 255);
+const cv::Scalar kResidualColour(255, 60, 200);
+
+// OpenCV draws with `kShift` binary digits after the point.
+constexpr int kShift = 4;
+cv::Point SubPixel(const Eigen::Vector2d& pixel) {
+  return {static_cast<int>(std::lround(pixel.x() * (1 << kShift))),
+          static_cast<int>(std::lround(pixel.y() * (1 << kShift)))};
+}
+
+}  // namespace
+
+cv::Mat DrawOverlay(const cv::Mat& grey, const Observations& observations, const std::optional<Points2>& residuals,
+                    const OverlayOptions& options) {
+  cv::Mat picture;
+  cv::cvtColor(grey, picture, cv::COLOR_GRAY2BGR);
+  // Small pictures are enlarged, so that ids can be read.
+  const double zoom = std::max(1.0, std::ceil(1200.0 / std::max(1, grey.cols)));
+  if (zoom > 1) cv::resize(picture, picture, {}, zoom, zoom, cv::INTER_NEAREST);
+  const double size = std::max(1.0, picture.cols / 1600.0);
+  const int thickness = std::max(1, static_cast<int>(std::lround(size)));
+  // The centre of pixel (0, 0) lies in the middle of its zoom x zoom block.
+  const auto place = [&](const Eigen::Vector2d& pixel) -> Eigen::Vector2d {
+    return zoom * pixel + Eigen::Vector2d::Constant(0.5 * (zoom - 1));
+  };
+  for (int i = 0; i < observations.size(); ++i) {
+    const Eigen::Vector2d at = place(observations.pixels.col(i));
+    const double arm = 6 * size;
+    for (const Eigen::Vector2d& direction : {Eigen::Vector2d(arm, 0), Eigen::Vector2d(0, arm)}) {
+      cv::line(picture, SubPixel(at - direction), SubPixel(at + direction), kPointColour, thickness, cv::LINE_AA,
+               kShift);
+    }
+    if (residuals) {
+      const Eigen::Vector2d end = at + zoom * options.magnification * residuals->col(i);
+      cv::arrowedLine(picture, SubPixel(at), SubPixel(end), kResidualColour, thickness, cv::LINE_AA, kShift, 0.2);
+    }
+    const cv::Point label(static_cast<int>(at.x() + 4 * size), static_cast<int>(at.y() - 4 * size));
+    cv::putText(picture, std::to_string(observations.ids[static_cast<size_t>(i)]), label, cv::FONT_HERSHEY_SIMPLEX,
+                0.42 * size, kIdColour, thickness, cv::LINE_AA);
+  }
+  const cv::Point origin(static_cast<int>(10 * size), static_cast<int>(24 * size));
+  cv::putText(picture, options.caption, origin, cv::FONT_HERSHEY_SIMPLEX, 0.6 * size, cv::Scalar(0, 0, 0),
+              4 * thickness, cv::LINE_AA);
+  cv::putText(picture, options.caption, origin, cv::FONT_HERSHEY_SIMPLEX, 0.6 * size, cv::Scalar(255, 255, 255),
+              thickness, cv::LINE_AA);
+  return picture;
+}
+
+}  // namespace heba

@@ -1,0 +1,149 @@
+#include "targets/tags/tag_layout.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "targets/images/homography.h"
+
+namespace heba {
+namespace {
+
+// Whether the two tags' corners are one plane's, nearly: the residual of the homography of all eight in units of the
+// smaller tag's side. A fisheye bends a board by some hundredths between neighbours; a wrongly decoded tag is off by
+// its side.
+bool Agree(const SeenTag& a, const SeenTag& b, const TagLayout& layout, double max_residual_ratio) {
+  std::vector<Eigen::Vector2d> board_m;
+  std::vector<Eigen::Vector2d> picture_px;
+  for (const SeenTag* tag : {&a, &b}) {
+    const TagCorners& corners_m = layout.corners_m[static_cast<size_t>(tag->index)];
+    board_m.insert(board_m.end(), corners_m.begin(), corners_m.end());
+    picture_px.insert(picture_px.end(), tag->corners_px.begin(), tag->corners_px.end());
+  }
+  const std::optional<Eigen::Matrix3d> picture_from_board = FitHomography(board_m, picture_px);
+  if (!picture_from_board) return false;
+  const double limit_px = max_residual_ratio * std::min(MeanSide(a.corners_px), MeanSide(b.corners_px));
+  for (size_t i = 0; i < board_m.size(); ++i) {
+    if (!((Map(*picture_from_board, board_m[i]) - picture_px[i]).norm() <= limit_px)) return false;
+  }
+  return true;
+}
+
+// Groups of tags that agree with one another, by the index of the group's first tag.
+class Groups {
+ public:
+  explicit Groups(size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), size_t{0}); }
+  size_t Find(size_t i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  void Join(size_t i, size_t j) { parent_[std::max(Find(i), Find(j))] = std::min(Find(i), Find(j)); }
+
+ private:
+  std::vector<size_t> parent_;
+};
+
+}  // namespace
+
+Eigen::Vector2d TagLayout::Centre(int index) const { return CentreOf(corners_m[static_cast<size_t>(index)]); }
+
+double MinSide(const TagCorners& corners) {
+  double side = (corners[0] - corners[3]).norm();
+  for (size_t i = 0; i + 1 < 4; ++i) side = std::min(side, (corners[i + 1] - corners[i]).norm());
+  return side;
+}
+
+double MeanSide(const TagCorners& corners) {
+  double sum = 0;
+  for (size_t i = 0; i < 4; ++i) sum += (corners[(i + 1) % 4] - corners[i]).norm();
+  return sum / 4;
+}
+
+Eigen::Vector2d CentreOf(const TagCorners& corners) { return (corners[0] + corners[1] + corners[2] + corners[3]) / 4; }
+
+ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout& layout, int num_bit_errors_alone) {
+  // Neighbours, the next but one included (a tag between them may be hidden).
+  constexpr double kReachOfNeighbours = 2.9;  // Of the pitch: two steps along each axis.
+  constexpr double kMaxResidualRatio = 0.12;
+  constexpr double kMaxResidualRatioFarther = 0.3;
+  Groups groups(seen.size());
+  for (size_t i = 0; i < seen.size(); ++i) {
+    for (size_t j = 0; j < i; ++j) {
+      if (seen[i].index == seen[j].index) continue;
+      const double distance_m = (layout.Centre(seen[i].index) - layout.Centre(seen[j].index)).norm();
+      if (distance_m > kReachOfNeighbours * layout.pitch_m) continue;
+      if (groups.Find(i) == groups.Find(j)) continue;
+      if (Agree(seen[i], seen[j], layout, kMaxResidualRatio)) groups.Join(i, j);
+    }
+  }
+  std::vector<size_t> group_size(seen.size(), 0);
+  for (size_t i = 0; i < seen.size(); ++i) ++group_size[groups.Find(i)];
+  // The largest groups first; among single tags those with the fewest bit errors.
+  std::vector<size_t> order(seen.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::sort(order.begin(), order.end(), [&](size_t i, size_t j) {
+    const size_t group_i = groups.Find(i);
+    const size_t group_j = groups.Find(j);
+    if (group_size[group_i] != group_size[group_j]) return group_size[group_i] > group_size[group_j];
+    if (group_i != group_j && seen[group_i].num_bit_errors != seen[group_j].num_bit_errors) {
+      return seen[group_i].num_bit_errors < seen[group_j].num_bit_errors;
+    }
+    return group_i != group_j ? group_i < group_j : i < j;
+  });
+  ConsistentTags kept;
+  size_t end = 0;
+  for (size_t begin = 0; begin < order.size(); begin = end) {
+    const size_t group = groups.Find(order[begin]);
+    while (end < order.size() && groups.Find(order[end]) == group) ++end;
+    // A group beside the largest one (a hand may part a board) is of the same board if it fits to it, though loosely:
+    // far apart the lens bends more.
+    bool belongs =
+        kept.tags.empty() ? end - begin > 1 || seen[order[begin]].num_bit_errors <= num_bit_errors_alone : false;
+    std::vector<SeenTag> additional;
+    for (size_t k = begin; k < end; ++k) {
+      const SeenTag& tag = seen[order[k]];
+      const bool repeated = std::any_of(kept.tags.begin(), kept.tags.end(),
+                                        [&](const SeenTag& other) { return other.index == tag.index; }) ||
+                            std::any_of(additional.begin(), additional.end(),
+                                        [&](const SeenTag& other) { return other.index == tag.index; });
+      if (!repeated) additional.push_back(tag);
+    }
+    if (!kept.tags.empty()) {
+      for (const SeenTag& tag : additional) {
+        const auto nearest =
+            std::min_element(kept.tags.begin(), kept.tags.end(), [&](const SeenTag& a, const SeenTag& b) {
+              return (layout.Centre(a.index) - layout.Centre(tag.index)).norm() <
+                     (layout.Centre(b.index) - layout.Centre(tag.index)).norm();
+            });
+        if (Agree(tag, *nearest, layout, kMaxResidualRatioFarther)) belongs = true;
+      }
+    }
+    if (!belongs) additional.clear();
+    kept.num_dropped += static_cast<int>(end - begin - additional.size());
+    kept.tags.insert(kept.tags.end(), additional.begin(), additional.end());
+  }
+  std::sort(kept.tags.begin(), kept.tags.end(), [](const SeenTag& a, const SeenTag& b) { return a.index < b.index; });
+  return kept;
+}
+
+std::optional<Eigen::Matrix3d> LocalHomography(const std::vector<SeenTag>& tags, const TagLayout& layout,
+                                               const Eigen::Vector2d& at_m, size_t num_nearest) {
+  if (tags.empty()) return std::nullopt;
+  std::vector<const SeenTag*> nearest;
+  for (const SeenTag& tag : tags) nearest.push_back(&tag);
+  const size_t num_used = std::min(num_nearest, nearest.size());
+  std::partial_sort(nearest.begin(), nearest.begin() + static_cast<std::ptrdiff_t>(num_used), nearest.end(),
+                    [&](const SeenTag* a, const SeenTag* b) {
+                      return (layout.Centre(a->index) - at_m).squaredNorm() <
+                             (layout.Centre(b->index) - at_m).squaredNorm();
+                    });
+  std::vector<Eigen::Vector2d> board_m;
+  std::vector<Eigen::Vector2d> picture_px;
+  for (size_t i = 0; i < num_used; ++i) {
+    const TagCorners& corners_m = layout.corners_m[static_cast<size_t>(nearest[i]->index)];
+    board_m.insert(board_m.end(), corners_m.begin(), corners_m.end());
+    picture_px.insert(picture_px.end(), nearest[i]->corners_px.begin(), nearest[i]->corners_px.end());
+  }
+  return FitHomography(board_m, picture_px);
+}
+
+}  // namespace heba
