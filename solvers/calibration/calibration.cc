@@ -14,7 +14,7 @@
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/uncertainty/influence.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/initial/initial_intrinsics.h"
+#include "solvers/initial/intrinsics.h"
 #include "solvers/calibration/multi_start.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"

@@ -6,7 +6,7 @@
 #include "heba/base/distributions.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
-#include "solvers/initial/initial_intrinsics.h"
+#include "solvers/initial/intrinsics.h"
 #include "solvers/residuals/loss.h"
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/initial/target_pose.h"

@@ -7,7 +7,7 @@
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/residuals/inliers.h"
-#include "solvers/initial/initial_intrinsics.h"
+#include "solvers/initial/intrinsics.h"
 #include "solvers/uncertainty/robot_noise.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"

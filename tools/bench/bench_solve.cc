@@ -21,7 +21,7 @@
 #include "solvers/refine/bundle_adjustment.h"
 #include "solvers/calibration/cross_validation.h"
 #include "solvers/closed_form/hand_eye_method.h"
-#include "solvers/initial/initial_intrinsics.h"
+#include "solvers/initial/intrinsics.h"
 #include "solvers/calibration/study.h"
 #include "tools/bench/opencv_calibration.h"
 #include "tools/bench/textbook_refinement.h"

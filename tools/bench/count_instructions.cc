@@ -10,7 +10,7 @@
 #include "solvers/refine/bundle_adjustment.h"
 #include "solvers/calibration/cross_validation.h"
 #include "solvers/closed_form/hand_eye_method.h"
-#include "solvers/initial/initial_intrinsics.h"
+#include "solvers/initial/intrinsics.h"
 #include "targets/render/rendering.h"
 #include "tools/bench/target_of.h"
 #include "tools/bench/workloads.h"

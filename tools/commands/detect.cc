@@ -8,7 +8,7 @@
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/calibration/camera_choice.h"
-#include "solvers/initial/initial_intrinsics.h"
+#include "solvers/initial/intrinsics.h"
 #include "solvers/initial/target_pose.h"
 #include "targets/images/image.h"
 #include "targets/render/overlay.h"

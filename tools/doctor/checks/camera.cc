@@ -6,7 +6,7 @@
 #include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "solvers/calibration/camera_choice.h"
-#include "solvers/initial/initial_intrinsics.h"
+#include "solvers/initial/intrinsics.h"
 #include "tools/captures.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"

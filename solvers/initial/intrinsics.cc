@@ -1,4 +1,4 @@
-#include "solvers/initial/initial_intrinsics.h"
+#include "solvers/initial/intrinsics.h"
 
 #include <algorithm>
 #include <cmath>
