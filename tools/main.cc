@@ -6,8 +6,8 @@
 
 #include <glog/logging.h>
 
-#include "tools/command.h"
-#include "tools/result_folder.h"
+#include "tools/cli/command.h"
+#include "tools/files/result_folder.h"
 
 namespace {
 

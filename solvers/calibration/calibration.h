@@ -11,10 +11,10 @@
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/finding.h"
 #include "heba/evaluation/metrics.h"
-#include "solvers/refine/bundle_adjustment.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/calibration/model_choice.h"
 #include "solvers/initial/usable_views.h"
+#include "solvers/refine/bundle_adjustment.h"
 
 namespace heba {
 
@@ -69,20 +69,20 @@ struct Calibration {
   Outcome<Solution> refined = Failure{"not run"};
 };
 
-// Captures that contradict the others (solvers/calibration/capture_rejection.h) are named in Calibration::unused and serve no method,
-// unless the loss is `none`, which leaves out nothing; so are captures of which no point agrees with the estimate. The
-// model of the errors is chosen on the captures and points that are left (solvers/calibration/model_choice.h); both are judged
-// again under the chosen model, and a capture that it explains comes back. A Failure if there is no camera to be had; a
-// refinement that failed is in Calibration::refined.
+// Captures that contradict the others (solvers/calibration/capture_rejection.h) are named in Calibration::unused and
+// serve no method, unless the loss is `none`, which leaves out nothing; so are captures of which no point agrees with
+// the estimate. The model of the errors is chosen on the captures and points that are left
+// (solvers/calibration/model_choice.h); both are judged again under the chosen model, and a capture that it explains
+// comes back. A Failure if there is no camera to be had; a refinement that failed is in Calibration::refined.
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
 
 // The part of it that needs poses of the target alone (`pairs`): fills in the methods (those named, or all that the
 // motion suits) and the refinement of the poses from the seed. `refined` says what it would take.
 void CalibratePoses(const std::vector<std::string>& methods, const std::string& seed, Calibration* calibration);
 
-// Returns the findings about a calibration whose refinement did not fail (solvers/calibration/diagnostics.h): the chosen model, how a
-// given camera was used, what the held parts of the model hide, what is known worst. Calibrate does not call it: folds
-// and trials have no use for findings.
+// Returns the findings about a calibration whose refinement did not fail (solvers/calibration/diagnostics.h): the
+// chosen model, how a given camera was used, what the held parts of the model hide, what is known worst. Calibrate does
+// not call it: folds and trials have no use for findings.
 std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOptions& options);
 
 // For each used view of a calibration whose refinement did not fail (solvers/uncertainty/influence.h).

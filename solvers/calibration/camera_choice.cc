@@ -7,10 +7,10 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/initial/intrinsics.h"
-#include "solvers/residuals/loss.h"
-#include "solvers/residuals/noise_scale.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/initial/usable_views.h"
+#include "solvers/residuals/loss.h"
+#include "solvers/residuals/noise_scale.h"
 
 namespace heba {
 namespace {

@@ -6,8 +6,8 @@
 #include <optional>
 
 #include "heba/base/error.h"
-#include "solvers/residuals/inliers.h"
 #include "solvers/initial/pose_selection.h"
+#include "solvers/residuals/inliers.h"
 #include "solvers/uncertainty/repeated_poses.h"
 
 namespace heba {

@@ -8,8 +8,8 @@
 
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
-#include "solvers/residuals/noise_scale.h"
 #include "solvers/initial/pose_selection.h"
+#include "solvers/residuals/noise_scale.h"
 #include "solvers/uncertainty/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 

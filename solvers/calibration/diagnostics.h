@@ -6,8 +6,8 @@
 
 #include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
-#include "solvers/uncertainty/information.h"
 #include "solvers/calibration/model_choice.h"
+#include "solvers/uncertainty/information.h"
 
 namespace heba {
 

@@ -10,8 +10,8 @@
 #include "heba/base/rng.h"
 #include "heba/evaluation/metrics.h"
 #include "solvers/closed_form/hand_eye_method.h"
-#include "solvers/residuals/inliers.h"
 #include "solvers/closed_form/known_rotation.h"
+#include "solvers/residuals/inliers.h"
 #include "solvers/residuals/noise_scale.h"
 
 namespace heba {

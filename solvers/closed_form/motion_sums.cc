@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "heba/base/units.h"
 #include "heba/kernels/gram_matrix.h"
 #include "heba/kernels/simd.h"
-#include "heba/base/units.h"
 
 namespace heba {
 namespace {

@@ -10,9 +10,9 @@
 
 namespace heba {
 
-// Sums over the motions A = M_j M_i^-1 and B = C_j C_i^-1 (solvers/closed_form/hand_eye_method.h) whose rotation is large enough to
-// carry information (5 deg, or a quarter of the largest one) and not so near half a turn that its axis could flip.
-// Of more than some million pairs of captures an even choice is taken.
+// Sums over the motions A = M_j M_i^-1 and B = C_j C_i^-1 (solvers/closed_form/hand_eye_method.h) whose rotation is
+// large enough to carry information (5 deg, or a quarter of the largest one) and not so near half a turn that its axis
+// could flip. Of more than some million pairs of captures an even choice is taken.
 struct MotionSums {
   // Of the products of all pairs of numbers that one motion has, in this order.
   enum : int { kOne = 0, kRotationA = 1, kRotationB = 10, kTranslationA = 19, kTranslationB = 22, kNumLinear = 25 };

@@ -14,10 +14,10 @@
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/geometry/pose_block.h"
-#include "solvers/refine/captures_cost.h"
-#include "solvers/residuals/noise_scale.h"
-#include "solvers/refine/reprojection_problem.h"
 #include "solvers/initial/target_pose.h"
+#include "solvers/refine/captures_cost.h"
+#include "solvers/refine/reprojection_problem.h"
+#include "solvers/residuals/noise_scale.h"
 
 namespace heba {
 namespace {

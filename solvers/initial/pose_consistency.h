@@ -38,11 +38,11 @@ struct PoseConsistency {
 
 enum class RobotScale { kOne, kFree };
 
-// X and Z of X C_i = M_i Z (solvers/closed_form/hand_eye_method.h) such that seven tenths of the captures fit as well as can be:
-// least quantile of the misfits over random triples of captures (P. Rousseeuw, "Least median of squares regression",
-// JASA 79, 1984), rotations first, then translations, each solved again from the captures that fit. Deterministic.
-// A motion that leaves a part of X open gives one of the solutions: the misfits mean the same. Nothing for fewer than
-// five captures.
+// X and Z of X C_i = M_i Z (solvers/closed_form/hand_eye_method.h) such that seven tenths of the captures fit as well
+// as can be: least quantile of the misfits over random triples of captures (P. Rousseeuw, "Least median of squares
+// regression", JASA 79, 1984), rotations first, then translations, each solved again from the captures that fit.
+// Deterministic. A motion that leaves a part of X open gives one of the solutions: the misfits mean the same. Nothing
+// for fewer than five captures.
 std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandidates>& captures, RobotScale scale);
 
 }  // namespace heba

@@ -9,9 +9,9 @@
 #include <Eigen/SVD>
 
 #include "heba/base/error.h"
-#include "heba/kernels/small_matrix.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
+#include "heba/kernels/small_matrix.h"
 #include "solvers/residuals/view_reduction.h"
 
 namespace heba {

@@ -12,16 +12,16 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/geometry/pose_block.h"
-#include "solvers/refine/captures_cost.h"
-#include "solvers/uncertainty/information.h"
-#include "solvers/residuals/inliers.h"
 #include "solvers/closed_form/motion_analysis.h"
-#include "solvers/residuals/noise_scale.h"
-#include "solvers/uncertainty/repeated_poses.h"
+#include "solvers/refine/captures_cost.h"
 #include "solvers/refine/reprojection_problem.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/residuals/noise_scale.h"
+#include "solvers/residuals/view_reduction.h"
+#include "solvers/uncertainty/information.h"
+#include "solvers/uncertainty/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 #include "solvers/uncertainty/variance_components.h"
-#include "solvers/residuals/view_reduction.h"
 
 namespace heba {
 namespace {

@@ -56,13 +56,14 @@ const Loss& LossOfKept(const BundleOptions& options);
 // they have no image. Before the solve, the motion and the normal matrix at the start are examined: what the data
 // cannot see is a Failure that names it. So are a target behind the camera at the start, no convergence, and a result
 // whose own sigma says that it means nothing. The covariance is sigma^2 times the inverse of the normal matrix of all
-// free parameters, with the loss's factor (solvers/residuals/loss.h); with a noisy robot its corrections (solvers/uncertainty/robot_noise.h)
-// are unknowns too, six a view with the robot's noise as their prior, and the covariance is averaged over them.
+// free parameters, with the loss's factor (solvers/residuals/loss.h); with a noisy robot its corrections
+// (solvers/uncertainty/robot_noise.h) are unknowns too, six a view with the robot's noise as their prior, and the
+// covariance is averaged over them.
 Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options);
 
-// The restricted log-likelihood (solvers/uncertainty/variance_components.h) of the problem's points at a solution of it, of which
-// the parameters beside the target's shape are common to all models. Comparable between solutions of one problem whose
-// points have the same weights. Minus infinity if a point has no image.
+// The restricted log-likelihood (solvers/uncertainty/variance_components.h) of the problem's points at a solution of
+// it, of which the parameters beside the target's shape are common to all models. Comparable between solutions of one
+// problem whose points have the same weights. Minus infinity if a point has no image.
 double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options);
 
 }  // namespace heba

@@ -9,10 +9,10 @@
 
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
+#include "heba/geometry/pose_block.h"
 #include "heba/kernels/simd.h"
 #include "heba/kernels/small_matrix.h"
 #include "heba/kernels/stacked_rows.h"
-#include "heba/geometry/pose_block.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {

@@ -1,12 +1,12 @@
 // The Ceres cost of all captures together: one residual block with a row for each unknown and one more, whatever the
 // number of captures and points.
 //
-// Each capture's products (solvers/residuals/view_reduction.h) are chained to the unknowns that the captures share, and summed
-// (of views of few points the rows are chained, and multiplied many views' at once); a root of the sum has the same
-// cost, gradient and Gauss-Newton matrix as all rows of all captures. A capture may have
-// a pose of its own (a robot's correction, or where the target is): it is eliminated from the products before they are
-// summed (Schur complement), so that cost and memory grow with the captures, not with their cube, and Ceres does not
-// see it. Where the shared unknowns are tried elsewhere, it goes along as its linearisation says.
+// Each capture's products (solvers/residuals/view_reduction.h) are chained to the unknowns that the captures share, and
+// summed (of views of few points the rows are chained, and multiplied many views' at once); a root of the sum has the
+// same cost, gradient and Gauss-Newton matrix as all rows of all captures. A capture may have a pose of its own (a
+// robot's correction, or where the target is): it is eliminated from the products before they are summed (Schur
+// complement), so that cost and memory grow with the captures, not with their cube, and Ceres does not see it. Where
+// the shared unknowns are tried elsewhere, it goes along as its linearisation says.
 #pragma once
 
 #include <memory>
@@ -18,8 +18,8 @@
 #include "heba/camera/camera_model.h"
 #include "heba/data/problem.h"
 #include "heba/data/solution.h"
-#include "solvers/residuals/loss.h"
 #include "solvers/refine/kinematic_loop.h"
+#include "solvers/residuals/loss.h"
 #include "solvers/residuals/view_reduction.h"
 
 namespace heba {

@@ -20,7 +20,8 @@ struct PoseChain {
 
 // Blocks: camera_mount_from_camera, target_mount_from_target.
 std::unique_ptr<PoseChain> MakeHandEyeChain(const Rigid3d& camera_mount_from_target_mount);
-// Blocks: camera_mount_from_camera, target_mount_from_target, the capture's correction (solvers/uncertainty/robot_noise.h).
+// Blocks: camera_mount_from_camera, target_mount_from_target, the capture's correction
+// (solvers/uncertainty/robot_noise.h).
 std::unique_ptr<PoseChain> MakeCorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount);
 // Block: camera_from_target.
 std::unique_ptr<PoseChain> MakeFreePoseChain();

@@ -9,9 +9,9 @@
 
 #include "heba/geometry/pose_block.h"
 #include "solvers/closed_form/hand_eye_method.h"
-#include "solvers/uncertainty/information.h"
 #include "solvers/refine/kinematic_loop.h"
 #include "solvers/refine/reprojection_problem.h"
+#include "solvers/uncertainty/information.h"
 
 namespace heba {
 namespace {

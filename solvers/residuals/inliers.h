@@ -8,8 +8,8 @@
 namespace heba {
 
 // Of each point whether its squared residual, whitened and over sigma^2, passes the test of the loss `truncated`
-// (solvers/residuals/loss.h). Points that were measured together (a block of Observations::covariances_px2) pass together or not
-// at all. None passes if a point has no image from that pose.
+// (solvers/residuals/loss.h). Points that were measured together (a block of Observations::covariances_px2) pass
+// together or not at all. None passes if a point has no image from that pose.
 std::vector<bool> FindInliers(const Camera& camera, const Rigid3d& camera_from_target, const Observations& observations,
                               double pixel_sigma_px);
 

@@ -6,10 +6,10 @@
 
 #include <Eigen/QR>
 
-#include "heba/kernels/gram_matrix.h"
 #include "heba/base/error.h"
-#include "heba/kernels/simd.h"
 #include "heba/data/prediction.h"
+#include "heba/kernels/gram_matrix.h"
+#include "heba/kernels/simd.h"
 
 namespace heba {
 namespace {

@@ -26,11 +26,11 @@ struct CaptureVerdict {
 // One verdict a view, at an estimate that the wrong captures have not pulled away (RefineHandEye with the loss
 // `truncated`). `free` says what the captures may disagree on without being wrong: what of the target's shape is
 // unknown belongs to it. The robot's noise is found from the captures themselves: from the half of them that agree
-// best, whose variances (restricted maximum likelihood, solvers/uncertainty/variance_components.h) judge the rest, then from all
-// that pass, until nothing changes (as Rousseeuw and Van Driessen's reweighted estimator does, 1999). Each passes if
-// its p-value exceeds kCaptureFalseAlarm over the number of captures; captures at one pose of the robot share its error
-// and do not vouch for one another. Fewer than six captures cannot tell which of them is wrong: all pass. `solution`
-// has an entry of rejected_ids for every view.
+// best, whose variances (restricted maximum likelihood, solvers/uncertainty/variance_components.h) judge the rest, then
+// from all that pass, until nothing changes (as Rousseeuw and Van Driessen's reweighted estimator does, 1999). Each
+// passes if its p-value exceeds kCaptureFalseAlarm over the number of captures; captures at one pose of the robot share
+// its error and do not vouch for one another. Fewer than six captures cannot tell which of them is wrong: all pass.
+// `solution` has an entry of rejected_ids for every view.
 std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free);
 
 // The same test of `others`, by the noise and the estimate of the views of `problem_of_members`, at their solution:

@@ -10,8 +10,8 @@
 
 #include <Eigen/Core>
 
-#include "heba/kernels/small_matrix.h"
 #include "heba/data/solution.h"
+#include "heba/kernels/small_matrix.h"
 #include "solvers/uncertainty/information.h"
 
 namespace heba {

@@ -11,9 +11,9 @@
 #include <Eigen/QR>
 
 #include "heba/base/error.h"
+#include "heba/base/units.h"
 #include "heba/kernels/small_matrix.h"
 #include "heba/kernels/stacked_rows.h"
-#include "heba/base/units.h"
 
 namespace heba {
 namespace {

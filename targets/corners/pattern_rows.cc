@@ -9,8 +9,8 @@
 
 #include <Eigen/LU>
 
-#include "heba/kernels/gram_matrix.h"
 #include "heba/base/error.h"
+#include "heba/kernels/gram_matrix.h"
 #include "heba/kernels/lane_functions.h"
 
 namespace heba {

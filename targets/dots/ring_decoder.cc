@@ -10,9 +10,9 @@
 #include "heba/base/error.h"
 #include "heba/base/median.h"
 #include "heba/base/units.h"
-#include "targets/images/image.h"
 #include "targets/dots/ring_code.h"
 #include "targets/dots/ring_image.h"
+#include "targets/images/image.h"
 
 namespace heba {
 namespace {

@@ -5,10 +5,10 @@
 
 #include <Eigen/Geometry>
 
+#include "heba/base/units.h"
 #include "heba/kernels/gram_matrix.h"
 #include "heba/kernels/lane_functions.h"
 #include "heba/kernels/simd.h"
-#include "heba/base/units.h"
 #include "targets/dots/ring_code.h"
 #include "targets/images/approximate_angle.h"
 

@@ -11,11 +11,11 @@
 
 namespace heba {
 
-// The picture as CV_8UC1: of any format of targets/images/image_format.h, grey or colour, 8 or 16 bit (16-bit values are
-// scaled so that the brightest pixel is 255). The file's pixels as they are: a rotation in its metadata is not applied,
-// since a camera's model belongs to the sensor. InputError if the file is missing, cut short, no picture, or of another
-// depth.
-// Its size is looked at first: with `expected` one of another size is an InputError before it is decoded.
+// The picture as CV_8UC1: of any format of targets/images/image_format.h, grey or colour, 8 or 16 bit (16-bit values
+// are scaled so that the brightest pixel is 255). The file's pixels as they are: a rotation in its metadata is not
+// applied, since a camera's model belongs to the sensor. InputError if the file is missing, cut short, no picture, or
+// of another depth. Its size is looked at first: with `expected` one of another size is an InputError before it is
+// decoded.
 struct PictureSize {
   int width_px = 0;
   int height_px = 0;

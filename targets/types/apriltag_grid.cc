@@ -35,15 +35,15 @@ extern "C" {
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
-#include "targets/types/likely_misconfigurations.h"
 #include "targets/corners/corner_refinement.h"
+#include "targets/corners/pattern_fit.h"
 #include "targets/images/homography.h"
 #include "targets/images/image.h"
 #include "targets/name_table.h"
-#include "targets/corners/pattern_fit.h"
 #include "targets/tags/tag_layout.h"
 #include "targets/tags/tag_places.h"
 #include "targets/target.h"
+#include "targets/types/likely_misconfigurations.h"
 
 namespace heba {
 namespace {

@@ -15,12 +15,12 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
-#include "targets/types/likely_misconfigurations.h"
 #include "targets/corners/corner_lattice.h"
 #include "targets/corners/corner_refinement.h"
-#include "targets/images/homography.h"
 #include "targets/corners/saddle_grid.h"
+#include "targets/images/homography.h"
 #include "targets/target.h"
+#include "targets/types/likely_misconfigurations.h"
 
 namespace heba {
 namespace {

@@ -4,8 +4,8 @@
 
 #include <benchmark/benchmark.h>
 
-#include "heba/kernels/gram_matrix.h"
 #include "heba/base/error.h"
+#include "heba/kernels/gram_matrix.h"
 #include "heba/kernels/simd.h"
 #include "solvers/closed_form/motion_sums.h"
 #include "solvers/residuals/view_reduction.h"

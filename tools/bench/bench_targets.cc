@@ -25,11 +25,11 @@ extern "C" {
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
 #include "heba/camera/camera.h"
-#include "targets/render/clutter.h"
 #include "targets/detection.h"
 #include "targets/dots/ellipse_refinement.h"
-#include "targets/render/rendering.h"
 #include "targets/dots/ring_code.h"
+#include "targets/render/clutter.h"
+#include "targets/render/rendering.h"
 #include "targets/target.h"
 #include "tools/bench/target_of.h"
 

@@ -1,4 +1,4 @@
-# STYLE, and SCRIPT with its HASH if there is one, as a C++ source OUT that defines tools/page_assets.h.
+# STYLE, and SCRIPT with its HASH if there is one, as a C++ source OUT that defines tools/pages/page_assets.h.
 set(script "")
 set(hash "")
 file(READ ${STYLE} style)
@@ -13,7 +13,7 @@ foreach(text style script)
   endif()
 endforeach()
 file(WRITE ${OUT}
-"#include \"tools/page_assets.h\"
+"#include \"tools/pages/page_assets.h\"
 #pragma GCC diagnostic ignored \"-Woverlength-strings\"
 namespace heba {
 std::string_view PageStyle() { return R\"heba(${style})heba\"; }

@@ -1,4 +1,4 @@
-# The script of heba's pages: TypeScript and packages from npm (tools/report), one file within every page. Node.js is
+# The script of heba's pages: TypeScript and packages from npm (tools/pages/web), one file within every page. Node.js is
 # needed to build it and for nothing else.
 set(HEBA_REPORT_SCRIPT "AUTO" CACHE STRING "Build charts into the pages: ON, OFF, or AUTO (if Node.js and npm's packages are to be had)")
 set_property(CACHE HEBA_REPORT_SCRIPT PROPERTY STRINGS AUTO ON OFF)
@@ -10,7 +10,7 @@ function(heba_probe_report_packages work result)
   set(${result} "${status}" PARENT_SCOPE)
 endfunction()
 
-# Puts the packages that tools/report/package-lock.json names into `work`; sets `why_not` to what is missing.
+# Puts the packages that tools/pages/web/package-lock.json names into `work`; sets `why_not` to what is missing.
 function(heba_install_report_packages source work why_not)
   set(${why_not} "" PARENT_SCOPE)
   if(NOT HEBA_REPORT_SCRIPT)
@@ -41,7 +41,7 @@ function(heba_install_report_packages source work why_not)
   file(MAKE_DIRECTORY ${work})
   file(REMOVE ${work}/installed)
   file(COPY ${source}/package.json ${source}/package-lock.json DESTINATION ${work})
-  message(STATUS "Report: installing the packages of tools/report with npm")
+  message(STATUS "Report: installing the packages of tools/pages/web with npm")
   # Whatever the user's npm leaves out otherwise: the bundler's binary is an optional package, the tests' are for
   # development.
   execute_process(COMMAND ${HEBA_NPM} ci --ignore-scripts --no-audit --no-fund --include=dev --include=optional
@@ -56,10 +56,10 @@ function(heba_install_report_packages source work why_not)
   file(WRITE ${work}/installed ${wanted})
 endfunction()
 
-# heba_page_sources(out) sets `out` to a C++ source that defines tools/page_assets.h; HEBA_HAS_REPORT_SCRIPT and
+# heba_page_sources(out) sets `out` to a C++ source that defines tools/pages/page_assets.h; HEBA_HAS_REPORT_SCRIPT and
 # HEBA_REPORT_WORK (the folder with the packages) tell the tests.
 function(heba_page_sources out)
-  set(source ${CMAKE_CURRENT_SOURCE_DIR}/report)
+  set(source ${CMAKE_CURRENT_SOURCE_DIR}/pages/web)
   set(work ${CMAKE_CURRENT_BINARY_DIR}/report)
   heba_install_report_packages(${source} ${work} why_not)
   set(script "")

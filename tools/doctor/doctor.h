@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "tools/console.h"
+#include "tools/config/run_config.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
-#include "tools/run_config.h"
+#include "tools/text/console.h"
 
 namespace heba {
 

@@ -5,8 +5,8 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/initial/target_pose.h"
-#include "tools/captures.h"
-#include "tools/run_figures.h"
+#include "tools/run/captures.h"
+#include "tools/text/result_text.h"
 
 namespace heba {
 

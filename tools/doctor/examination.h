@@ -7,8 +7,8 @@
 #include "solvers/initial/pose_consistency.h"
 #include "solvers/initial/usable_views.h"
 #include "targets/detection.h"
-#include "tools/console.h"
-#include "tools/run_config.h"
+#include "tools/config/run_config.h"
+#include "tools/text/console.h"
 
 namespace heba {
 

@@ -13,8 +13,8 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
-#include "heba/kernels/simd.h"
 #include "heba/camera/camera_model.h"
+#include "heba/kernels/simd.h"
 
 namespace heba {
 

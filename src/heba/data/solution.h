@@ -60,7 +60,8 @@ struct Solution {
   TargetShape shape;
   // Per coordinate; estimated from the residuals or as given.
   double pixel_sigma_px = 0;
-  // Of that, what the detectors do not know of by themselves (solvers/residuals/noise_scale.h); nothing if they say nothing.
+  // Of that, what the detectors do not know of by themselves (solvers/residuals/noise_scale.h); nothing if they say
+  // nothing.
   std::optional<double> excess_px;
   // If the robot's poses were observations: their noise, estimated or as given, and, if it was estimated, how well it
   // is known (one sigma of each sigma).

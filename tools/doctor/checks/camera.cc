@@ -7,9 +7,9 @@
 #include "heba/base/text.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/initial/intrinsics.h"
-#include "tools/captures.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/run/captures.h"
 
 namespace heba {
 namespace {

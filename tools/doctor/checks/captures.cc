@@ -9,7 +9,7 @@
 #include "heba/base/units.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
-#include "tools/duplicate_images.h"
+#include "tools/run/duplicate_images.h"
 
 namespace heba {
 namespace {

@@ -4,8 +4,8 @@
 //
 // Of two captures the turn that the robot made and the turn that the camera saw have one angle, and their shifts along
 // the axis are alike: that tells orders of angles and units apart. It is the same for poses and their inverses, which
-// only a solve tells apart (solvers/initial/pose_consistency.h), and eye-to-hand with poses is eye-in-hand with their inverses,
-// which nothing in the data does.
+// only a solve tells apart (solvers/initial/pose_consistency.h), and eye-to-hand with poses is eye-in-hand with their
+// inverses, which nothing in the data does.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -14,7 +14,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/closed_form/motion_analysis.h"
-#include "tools/capture_section.h"
+#include "tools/config/capture_section.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 

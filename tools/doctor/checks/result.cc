@@ -1,10 +1,10 @@
 // The findings of `heba run`, with their codes, for a data set in which the other checks found nothing wrong.
 #include "heba/evaluation/verdict.h"
-#include "tools/assessment.h"
-#include "tools/captures.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
-#include "tools/duplicate_images.h"
+#include "tools/run/assessment.h"
+#include "tools/run/captures.h"
+#include "tools/run/duplicate_images.h"
 
 namespace heba {
 

@@ -2,7 +2,7 @@
 // not.
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
-#include "tools/target_symmetry.h"
+#include "tools/text/target_symmetry.h"
 
 namespace heba {
 

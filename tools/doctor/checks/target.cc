@@ -8,9 +8,9 @@
 #include "heba/base/text.h"
 #include "targets/images/image.h"
 #include "targets/target.h"
-#include "tools/captures.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/run/captures.h"
 
 namespace heba {
 namespace {

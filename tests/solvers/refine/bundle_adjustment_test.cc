@@ -1,0 +1,392 @@
+#include "solvers/refine/bundle_adjustment.h"
+
+#include <gtest/gtest.h>
+
+#include "solvers/calibration/calibration.h"
+#include "solvers/calibration/cross_validation.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/initial/intrinsics.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/uncertainty/information.h"
+#include "solvers/uncertainty/robot_noise.h"
+#include "tests/support/matchers.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+HandEye Disturbed(const HandEye& hand_eye, double rotation_rad, double translation_m, uint64_t seed) {
+  Rng rng(seed);
+  const auto disturb = [&](const Rigid3d& pose) {
+    Tangent6 tangent;
+    tangent << translation_m * rng.Direction3(), rotation_rad * rng.Direction3();
+    return Retract(pose, tangent);
+  };
+  return {disturb(hand_eye.camera_mount_from_camera), disturb(hand_eye.target_mount_from_target)};
+}
+
+TEST(BundleAdjustmentTest, ExactWithoutNoiseForEveryCameraModelSetupAndLoss) {
+  for (const std::string& model : CameraModelNames()) {
+    for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
+      for (const char* loss : {"none", "huber", "cauchy"}) {
+        TestSceneOptions scene_options;
+        scene_options.camera = TestCamera(model);
+        scene_options.setup = setup;
+        const TestScene scene = MakeTestScene(21, scene_options);
+        BundleOptions options;
+        options.loss = loss;
+        options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
+        Camera start_camera = scene.camera;
+        start_camera.params[0] *= 1.01;
+        start_camera.params[3] += 5;
+        const Outcome<Solution> solution =
+            RefineHandEye({start_camera, scene.views}, Disturbed(scene.hand_eye, 0.05, 0.02, 1), options);
+        ASSERT_TRUE(solution.ok()) << model << " " << loss << ": " << solution.reason();
+        constexpr double kRoundOff = 1e-8;  // rad and m
+        EXPECT_THAT(solution->hand_eye.camera_mount_from_camera,
+                    IsNearPose(scene.hand_eye.camera_mount_from_camera, kRoundOff, kRoundOff))
+            << model << " " << loss;
+        EXPECT_THAT(solution->hand_eye.target_mount_from_target,
+                    IsNearPose(scene.hand_eye.target_mount_from_target, kRoundOff, kRoundOff))
+            << model << " " << loss;
+        EXPECT_NEAR(solution->camera.params[0], scene.camera.params[0], 1e-4);
+      }
+    }
+  }
+}
+
+// Every error, weighed by the inverse of the covariance that came with it, is chi-square distributed with as many
+// degrees of freedom as there are parameters. Summed over 60 seeds and 16 (with Huber's loss: the same) parameters the
+// sum has 960 degrees of freedom, a mean of 960 and a standard deviation of 44: [820, 1100] leaves 3.2 sigma to either
+// side.
+TEST(BundleAdjustmentTest, ErrorsAreAsLargeAsTheCovarianceSays) {
+  for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
+    for (const char* loss : {"none", "huber", "cauchy"}) {
+      double sum = 0;
+      constexpr int kSeeds = 60;
+      for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+        TestSceneOptions scene_options;
+        scene_options.setup = setup;
+        scene_options.noise_px = 0.3;
+        const TestScene scene = MakeTestScene(seed, scene_options);
+        BundleOptions options;
+        options.loss = loss;
+        options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
+        const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views}, scene.hand_eye, options);
+        ASSERT_TRUE(solution.ok()) << solution.reason();
+        Eigen::VectorXd error(16);
+        error.head<6>() =
+            LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera);
+        error.segment<6>(6) =
+            LocalCoordinates(scene.hand_eye.target_mount_from_target, solution->hand_eye.target_mount_from_target);
+        for (size_t i = 0; i < 4; ++i)
+          error[12 + static_cast<int>(i)] = solution->camera.params[i] - scene.camera.params[i];
+        ASSERT_EQ(solution->covariance.names.size(), 16U);
+        sum += error.dot(solution->covariance.matrix.ldlt().solve(error));
+        EXPECT_NEAR(solution->pixel_sigma_px, 0.3, 0.03);  // 4.5 sigma of 1440 coordinates, and more with Huber's loss
+      }
+      EXPECT_GT(sum, 820) << loss;
+      EXPECT_LT(sum, 1100) << loss;
+    }
+  }
+}
+
+// What has been multiplied before is not multiplied again; what comes out must be as if it were.
+TEST(BundleAdjustmentTest, CovarianceIsTheInformationsAtTheSolution) {
+  for (const char* loss : {"none", "huber", "truncated"}) {
+    TestSceneOptions scene_options;
+    scene_options.noise_px = 0.3;
+    scene_options.points = GridPoints(4, 3, 0.05);
+    const TestScene scene = MakeTestScene(8, scene_options);
+    BundleOptions options;
+    options.loss = loss;
+    options.free_intrinsics = {ParameterGroup::kFocal};
+    const Problem problem{scene.camera, scene.views};
+    const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+    ASSERT_TRUE(solution.ok()) << solution.reason();
+    const FreeParameters free = FreeOf(scene.camera.Model(), options);
+    Problem kept = problem;
+    for (size_t i = 0; i < kept.views.size(); ++i) {
+      const std::vector<int>& rejected = solution->rejected_ids[i];
+      std::vector<bool> keep;
+      for (const int id : kept.views[i].observations.ids) {
+        keep.push_back(std::find(rejected.begin(), rejected.end(), id) == rejected.end());
+      }
+      kept.views[i].observations = KeepPoints(kept.views[i].observations, keep);
+    }
+    const std::optional<std::vector<LinearView>> views =
+        LineariseViewsAt(kept, *solution, {}, free, LossOfKept(options));
+    ASSERT_TRUE(views.has_value());
+    const Eigen::MatrixXd information = MarginalInformation(*views, {}, LossOfKept(options).covariance_factor());
+    const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(information.rows(), information.cols());
+    const Eigen::MatrixXd product =
+        scale.cwiseInverse().asDiagonal() * solution->covariance.matrix * information * scale.asDiagonal();
+    EXPECT_LT((product - identity).cwiseAbs().maxCoeff(), 1e-6) << loss;
+    // And there is nothing left to gain.
+    const Outcome<Solution> again = RefineHandEye({solution->camera, scene.views}, solution->hand_eye, options);
+    ASSERT_TRUE(again.ok()) << again.reason();
+    const Tangent6 moved =
+        LocalCoordinates(solution->hand_eye.camera_mount_from_camera, again->hand_eye.camera_mount_from_camera);
+    EXPECT_LT(moved.cwiseQuotient(scale.head<6>()).cwiseAbs().maxCoeff(), 1e-3) << loss;
+    const bool is_plain = loss == std::string("none");
+    EXPECT_LE(again->convergence.iterations, is_plain ? 0 : 30) << loss;
+  }
+}
+
+// A name in the covariance names the number that it stands beside: moving the hand-eye pose along the tangent of name i
+// moves the estimate's error in coordinate i.
+TEST(InformationTest, NamesBelongToTheirNumbers) {
+  const TestScene scene = MakeTestScene(31);
+  const Problem problem{scene.camera, scene.views};
+  const FreeParameters free = FreeOf(scene.camera.Model(), {ParameterGroup::kFocal});
+  const std::vector<LinearView> views = *LineariseViews(problem, scene.hand_eye, {}, free, 1.0, *FindLoss("none"));
+  const Information information{UnknownNames(scene.camera.Model(), free), MarginalInformation(views, {}, 1.0)};
+  ASSERT_EQ(information.names[2], "hand_eye.tz_m");
+  ASSERT_EQ(information.names[9], "board.rx_rad");
+  ASSERT_EQ(information.names[13], "camera.fy");
+  const auto cost = [&](const HandEye& hand_eye, const Camera& camera) {
+    return ReprojectionErrors(hand_eye, camera, scene.views)->sum_px2;
+  };
+  // Exact data: the cost of a small step h along coordinate i is h^2 times the diagonal of the information.
+  constexpr double kStep = 1e-6;
+  HandEye moved = scene.hand_eye;
+  moved.camera_mount_from_camera = Retract(moved.camera_mount_from_camera, kStep * Tangent6::Unit(2));
+  EXPECT_NEAR(cost(moved, scene.camera) / (kStep * kStep) / information.matrix(2, 2), 1.0, 1e-3);
+  moved = scene.hand_eye;
+  moved.target_mount_from_target = Retract(moved.target_mount_from_target, kStep * Tangent6::Unit(3));
+  EXPECT_NEAR(cost(moved, scene.camera) / (kStep * kStep) / information.matrix(9, 9), 1.0, 1e-3);
+  Camera camera = scene.camera;
+  camera.params[1] += 1e-3;
+  EXPECT_NEAR(cost(scene.hand_eye, camera) / 1e-6 / information.matrix(13, 13), 1.0, 1e-3);
+}
+
+TEST(BundleAdjustmentTest, RefusesMotionThatCannotWork) {
+  const TestScene scene = MakeTestScene(41);
+  BundleOptions options;
+  options.free_intrinsics = {};
+  Problem two{scene.camera, {scene.views[0], scene.views[1]}};
+  EXPECT_THAT(RefineHandEye(two, scene.hand_eye, options).reason(), testing::HasSubstr("at least 3 captures"));
+
+  const auto with_turns = [&](double max_turn_rad) {
+    Rng rng(3);
+    Problem problem{scene.camera, {}};
+    for (int i = 0; i < 12; ++i) {
+      const Rigid3d camera_from_target =
+          scene.pairs[0].camera_from_target *
+          Rigid3d(ExpRotation({0, 0, rng.Uniform(-1, 1) * max_turn_rad}), 0.02 * rng.NormalVector3());
+      problem.views.push_back(*SimulateView("v", scene.camera, scene.hand_eye,
+                                            CameraMountFromTargetMount(scene.hand_eye, camera_from_target),
+                                            GridPoints(8, 6, 0.03), 0.1, &rng));
+    }
+    return problem;
+  };
+  EXPECT_THAT(RefineHandEye(with_turns(0.5), scene.hand_eye, options).reason(), testing::HasSubstr("one axis only"));
+  EXPECT_THAT(RefineHandEye(with_turns(0.0), scene.hand_eye, options).reason(), testing::HasSubstr("did not rotate"));
+}
+
+// Captures at one distance and without tilt: focal length cannot be told from distance.
+TEST(BundleAdjustmentTest, RefusesIntrinsicsThatTheDataCannotSee) {
+  const TestScene scene = MakeTestScene(42);
+  Rng rng(5);
+  Problem problem{scene.camera, {}};
+  for (int i = 0; i < 10; ++i) {
+    // Small turns about the board's own middle.
+    const Rigid3d camera_from_target(ExpRotation(0.06 * rng.Direction3()), Eigen::Vector3d(0, 0, 0.7));
+    problem.views.push_back(*SimulateView("v", scene.camera, scene.hand_eye,
+                                          CameraMountFromTargetMount(scene.hand_eye, camera_from_target),
+                                          GridPoints(2, 2, 0.02), 0.3, &rng));
+  }
+  BundleOptions options;
+  options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
+  const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+  ASSERT_FALSE(solution.ok());
+  EXPECT_THAT(solution.reason(),
+              testing::AnyOf(testing::HasSubstr("the camera's f"), testing::HasSubstr("the camera's c"),
+                             testing::HasSubstr("is known to")));
+}
+
+TEST(BundleAdjustmentTest, NamesTheCaptureWhoseTargetIsBehindTheCamera) {
+  const TestScene scene = MakeTestScene(43);
+  HandEye wrong = scene.hand_eye;
+  wrong.camera_mount_from_camera.rotation = wrong.camera_mount_from_camera.rotation * ExpRotation({kPi, 0, 0});
+  const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views}, wrong, {});
+  ASSERT_FALSE(solution.ok());
+  EXPECT_THAT(solution.reason(), testing::HasSubstr("behind the camera"));
+  EXPECT_THAT(solution.reason(), testing::HasSubstr("view_"));
+}
+
+// Turns about the tool point alone do not tell the focal length from the distance: with a prior the estimate keeps to
+// it, and the covariance knows; where the captures know better, they have the say.
+TEST(BundleAdjustmentTest, APriorHoldsWhatTheCapturesDoNotKnow) {
+  for (const bool is_weak : {true, false}) {
+    SCOPED_TRACE(is_weak);
+    double chi2 = 0;
+    constexpr int kSeeds = 40;
+    double focal_squares = 0;
+    double sigma_squares = 0;
+    for (int seed = 1; seed <= kSeeds; ++seed) {
+      TestSceneOptions scene_options;
+      scene_options.noise_px = 0.1;
+      if (is_weak) {
+        scene_options.motion = TestSceneOptions::Motion::kTwoStep;
+        scene_options.points = GridPoints(2, 2, 0.04);
+      }
+      const TestScene scene = MakeTestScene(static_cast<uint64_t>(seed), scene_options);
+      BundleOptions options;
+      options.loss = "none";
+      options.free_intrinsics = {ParameterGroup::kFocal};
+      // A calibration of the camera that was known to 3 px.
+      Rng rng(static_cast<uint64_t>(seed), 5);
+      constexpr double kSigmaPx = 3;
+      Camera camera = scene.camera;
+      for (const size_t i : {0, 1}) camera.params[i] += kSigmaPx * rng.Normal();
+      options.camera_prior = CameraPrior{
+          camera.params, std::vector<double>(camera.params.size(), std::numeric_limits<double>::infinity())};
+      options.camera_prior->sigmas[0] = kSigmaPx;
+      options.camera_prior->sigmas[1] = kSigmaPx;
+      const Outcome<Solution> solution = RefineHandEye({camera, scene.views}, scene.hand_eye, options);
+      ASSERT_TRUE(solution.ok()) << solution.reason();
+      Eigen::Matrix<double, 14, 1> error;
+      error << LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera),
+          LocalCoordinates(scene.hand_eye.target_mount_from_target, solution->hand_eye.target_mount_from_target),
+          solution->camera.params[0] - scene.camera.params[0], solution->camera.params[1] - scene.camera.params[1];
+      chi2 += error.dot(solution->covariance.matrix.ldlt().solve(error));
+      focal_squares += error[12] * error[12];
+      sigma_squares += solution->covariance.matrix(12, 12);
+    }
+    // 14 numbers a seed, four sigma of the sum to each side and 2 % for the estimated noise.
+    const double dof = 14.0 * kSeeds;
+    EXPECT_NEAR(chi2, dof, 4 * std::sqrt(2 * dof) + 0.02 * dof);
+    if (is_weak) {
+      EXPECT_GT(std::sqrt(sigma_squares / kSeeds), 1.5);
+    } else {
+      EXPECT_LT(std::sqrt(focal_squares / kSeeds), 1.5);
+    }
+  }
+}
+
+TEST(IntrinsicsSeedTest, FindsTheCameraFromTheViewsAlone) {
+  for (const std::string& model : CameraModelNames()) {
+    TestSceneOptions options;
+    options.camera = TestCamera(model);
+    options.noise_px = 0.05;
+    options.num_captures = 20;
+    const TestScene scene = MakeTestScene(51, options);
+    const Outcome<Camera> camera = EstimateIntrinsics(scene.views, model, 1600, 1200);
+    ASSERT_TRUE(camera.ok()) << model << ": " << camera.reason();
+    // 0.05 px of noise leave about 1 px in the focal length and 2 px in the centre.
+    EXPECT_NEAR(camera->params[0], scene.camera.params[0], 6) << model;
+    EXPECT_NEAR(camera->params[2], scene.camera.params[2], 10) << model;
+  }
+}
+
+TEST(IntrinsicsSeedTest, AStartLeadsToTheSameCamera) {
+  TestSceneOptions options;
+  options.noise_px = 0.1;
+  const TestScene scene = MakeTestScene(53, options);
+  Camera start = scene.camera;
+  start.params[0] *= 1.01;
+  start.params[4] += 0.02;
+  const Outcome<Camera> found = EstimateIntrinsics(scene.views, "brown5", 1600, 1200);
+  const Outcome<Camera> from_start = EstimateIntrinsics(scene.views, "brown5", 1600, 1200, start);
+  ASSERT_TRUE(found.ok() && from_start.ok());
+  for (size_t i = 0; i < start.params.size(); ++i) {
+    EXPECT_NEAR(from_start->params[i], found->params[i], 1e-4 * std::abs(found->params[i]) + 1e-4) << i;
+  }
+}
+
+// Too few points for distortion: what a start has of it came from other captures.
+TEST(IntrinsicsSeedTest, AStartsDistortionIsNotKept) {
+  TestSceneOptions options;
+  options.noise_px = 0.02;
+  options.num_captures = 10;
+  options.points = GridPoints(2, 2, 0.12);
+  const TestScene scene = MakeTestScene(54, options);
+  const Outcome<Camera> found = EstimateIntrinsics(scene.views, "brown5", 1600, 1200);
+  const Outcome<Camera> from_start = EstimateIntrinsics(scene.views, "brown5", 1600, 1200, scene.camera);
+  ASSERT_TRUE(found.ok()) << found.reason();
+  ASSERT_TRUE(from_start.ok()) << from_start.reason();
+  EXPECT_EQ(from_start->params, found->params);
+}
+
+TEST(IntrinsicsSeedTest, RefusesTwoViews) {
+  const TestScene scene = MakeTestScene(52);
+  const Outcome<Camera> camera = EstimateIntrinsics({scene.views[0], scene.views[1]}, "brown5", 1600, 1200);
+  ASSERT_FALSE(camera.ok());
+  EXPECT_THAT(camera.reason(), testing::HasSubstr("3 or more"));
+}
+
+TEST(CalibrateTest, FromViewsToRefinedWithoutACameraFile) {
+  TestSceneOptions scene_options;
+  scene_options.noise_px = 0.1;
+  scene_options.num_captures = 20;
+  const TestScene scene = MakeTestScene(61, scene_options);
+  CalibrationOptions options;
+  options.methods = HandEyeMethodNames();
+  options.width_px = 1600;
+  options.height_px = 1200;
+  const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+  ASSERT_TRUE(calibration.ok()) << calibration.reason();
+  ASSERT_TRUE(calibration->refined.ok()) << calibration->refined.reason();
+  EXPECT_EQ(calibration->methods.size(), HandEyeMethodNames().size());
+  // 4 sigma of its own covariance in every coordinate.
+  const Tangent6 error = LocalCoordinates(scene.hand_eye.camera_mount_from_camera,
+                                          calibration->refined->hand_eye.camera_mount_from_camera);
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_LT(std::abs(error[i]), 4 * std::sqrt(calibration->refined->covariance.matrix(i, i))) << i;
+  }
+}
+
+TEST(CalibrateTest, LeavesOutWhatWasReadWrongly) {
+  TestSceneOptions scene_options;
+  scene_options.noise_px = 0.1;
+  TestScene scene = MakeTestScene(62, scene_options);
+  // Two points swapped.
+  scene.views[4].observations.pixels.col(0).swap(scene.views[4].observations.pixels.col(20));
+  CalibrationOptions options;
+  options.camera = scene.camera;
+  // The two points alone.
+  const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+  ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
+  EXPECT_TRUE(calibration->unused.empty());
+  for (size_t i = 0; i < calibration->views.size(); ++i) {
+    const bool has_swapped = calibration->views[i].name == "view_4";
+    EXPECT_EQ(calibration->refined->rejected_ids[i], has_swapped ? std::vector<int>({0, 20}) : std::vector<int>())
+        << calibration->views[i].name;
+  }
+  // Where every point of a capture is to count, the capture.
+  options.bundle.loss = "none";
+  const Outcome<Calibration> without_loss = Calibrate(scene.views, options);
+  ASSERT_TRUE(without_loss.ok()) << without_loss.reason();
+  ASSERT_EQ(without_loss->unused.size(), 1U);
+  EXPECT_EQ(without_loss->unused[0].name, "view_4");
+  EXPECT_THAT(without_loss->unused[0].reason, testing::HasSubstr("read wrongly"));
+}
+
+TEST(CrossValidateTest, HoldOutErrorIsThatOfTheNoiseAndTheSameForAnyNumberOfThreads) {
+  TestSceneOptions scene_options;
+  scene_options.noise_px = 0.2;
+  const TestScene scene = MakeTestScene(63, scene_options);
+  CalibrationOptions options;
+  options.camera = scene.camera;
+  options.methods = {"park", "shah"};
+  options.bundle.free_intrinsics = {};
+  const Outcome<Calibration> full = Calibrate(scene.views, options);
+  ASSERT_TRUE(full.ok()) << full.reason();
+  int calls = 0;
+  const std::vector<HoldOut> one = CrossValidate(*full, options, 5, 1, [&] { ++calls; });
+  const std::vector<HoldOut> two = CrossValidate(*full, options, 5, 2, [] {});
+  EXPECT_EQ(calls, 5);
+  ASSERT_EQ(one.size(), 4U);  // The two, chain and bundle.
+  for (size_t i = 0; i < one.size(); ++i) {
+    ASSERT_TRUE(one[i].rms_px.has_value()) << one[i].reason;
+    EXPECT_EQ(*one[i].rms_px, *two[i].rms_px);
+  }
+  // sqrt(2) x 0.2 px, with 2 % for the estimate's own error and 4 % (3 sigma) for the noise of 720 points.
+  EXPECT_NEAR(*one[3].rms_px, 0.283, 0.02);
+  EXPECT_GT(*one[0].rms_px, *one[3].rms_px);
+}
+
+}  // namespace
+}  // namespace heba

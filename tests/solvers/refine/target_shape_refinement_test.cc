@@ -1,0 +1,112 @@
+// The target's shape as an unknown: found to what the pixels allow, and refused where they do not show it.
+#include <array>
+#include <cmath>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "solvers/calibration/calibration.h"
+#include "solvers/refine/bundle_adjustment.h"
+#include "solvers/uncertainty/robot_noise.h"
+#include "tests/support/matchers.h"
+#include "tests/support/scenes.h"
+
+namespace heba {
+namespace {
+
+constexpr double kNoisePx = 0.1;
+constexpr std::array<double, TargetShape::kNumParams> kMade = {1.001, 1.0005, 5e-4, -3e-4};
+
+Problem ProblemOf(const TestScene& scene, const TestSceneOptions& options) {
+  return {scene.camera, scene.views, options.setup, DesignedShape(options.points)};
+}
+
+TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
+  TestSceneOptions scene_options;
+  scene_options.noise_px = kNoisePx;
+  scene_options.shape = kMade;
+  TargetShape made = DesignedShape(scene_options.points);
+  made.params = kMade;
+  BundleOptions options;
+  options.free_shape = {TargetShapeGroup::kScale, TargetShapeGroup::kBend};
+  constexpr int kNumSeeds = 60;
+  double error_m2 = 0;
+  double designed_error_m2 = 0;
+  double bound_m2 = 0;
+  Eigen::Vector4d shape_squares = Eigen::Vector4d::Zero();
+  for (uint64_t seed = 1; seed <= kNumSeeds; ++seed) {
+    const TestScene scene = MakeTestScene(seed, scene_options);
+    const Problem problem = ProblemOf(scene, scene_options);
+    const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+    ASSERT_TRUE(solution.ok()) << solution.reason();
+    const Outcome<Solution> as_designed = RefineHandEye(problem, scene.hand_eye, BundleOptions());
+    ASSERT_TRUE(as_designed.ok()) << as_designed.reason();
+    const Rigid3d& truth = scene.hand_eye.camera_mount_from_camera;
+    error_m2 += std::pow(DistanceM(solution->hand_eye.camera_mount_from_camera, truth), 2);
+    designed_error_m2 += std::pow(DistanceM(as_designed->hand_eye.camera_mount_from_camera, truth), 2);
+    EXPECT_EQ(solution->covariance.names.back(), "target.bend_y_m");
+    for (Eigen::Index i = 0; i < 4; ++i) {
+      const size_t k = static_cast<size_t>(i);
+      const Eigen::Index row = solution->covariance.matrix.rows() - 4 + i;
+      shape_squares[i] += std::pow(solution->shape.params[k] - kMade[k], 2) / solution->covariance.matrix(row, row);
+    }
+    const FreeParameters free = FreeOf(scene.camera.Model(), options);
+    const std::vector<LinearView> linear = *LineariseViews({scene.camera, scene.views, scene_options.setup, made},
+                                                           scene.hand_eye, {}, free, kNoisePx, *FindLoss("none"));
+    const Information information{UnknownNames(scene.camera.Model(), free), MarginalInformation(linear, {}, 1.0)};
+    bound_m2 += InvertInformation(information, 1.0).matrix.topLeftCorner<3, 3>().trace();
+  }
+  // 60 trials of three coordinates scatter by some 7 %.
+  EXPECT_LT(std::sqrt(error_m2 / bound_m2), 1.2);
+  EXPECT_GT(std::sqrt(designed_error_m2 / bound_m2), 1.5);
+  for (const double square : shape_squares) EXPECT_NEAR(std::sqrt(square / kNumSeeds), 1, 0.3);
+}
+
+// A badly made target, off by many pixels as designed: all that judges captures goes by the shape found.
+TEST(TargetShapeRefinementTest, CapturesAreJudgedByTheShapeFound) {
+  TestSceneOptions scene_options;
+  scene_options.noise_px = kNoisePx;
+  scene_options.shape = {1.02, 1.02, 3e-3, 0};
+  const TestScene scene = MakeTestScene(6, scene_options);
+  CalibrationOptions options;
+  options.camera = scene.camera;
+  options.bundle.free_shape = {TargetShapeGroup::kScale, TargetShapeGroup::kBend};
+  options.bundle.free_intrinsics = {};
+  options.shape = DesignedShape(scene_options.points);
+  const Outcome<Calibration> calibration = Calibrate(scene.views, options);
+  ASSERT_TRUE(calibration.ok()) << calibration.reason();
+  ASSERT_TRUE(calibration->refined.ok()) << calibration->refined.reason();
+  EXPECT_THAT(calibration->unused, testing::IsEmpty());
+  EXPECT_NEAR(calibration->refined->shape.params[0], 1.02, 1e-4);
+  EXPECT_NEAR(calibration->refined->pixel_sigma_px, kNoisePx, 0.01);
+  EXPECT_LT(DistanceM(calibration->refined->hand_eye.camera_mount_from_camera, scene.hand_eye.camera_mount_from_camera),
+            3e-4);
+}
+
+TEST(TargetShapeRefinementTest, FourPointsShowNoBend) {
+  TestSceneOptions scene_options;
+  scene_options.points = GridPoints(2, 2, 0.1);
+  const TestScene scene = MakeTestScene(7, scene_options);
+  BundleOptions options;
+  options.free_intrinsics = {};
+  options.free_shape = {TargetShapeGroup::kBend};
+  const Outcome<Solution> solution = RefineHandEye(ProblemOf(scene, scene_options), scene.hand_eye, options);
+  ASSERT_FALSE(solution);
+  EXPECT_THAT(solution.reason(), testing::HasSubstr("the target's bend along x"));
+}
+
+TEST(TargetShapeRefinementTest, TurnsAboutTheToolPointShowNoScale) {
+  TestSceneOptions scene_options;
+  scene_options.motion = TestSceneOptions::Motion::kTwoStep;
+  TestScene scene = MakeTestScene(8, scene_options);
+  scene.views.erase(scene.views.begin() + 1, scene.views.begin() + 3);  // The translations.
+  BundleOptions options;
+  options.free_intrinsics = {};
+  options.free_shape = {TargetShapeGroup::kScale};
+  const Outcome<Solution> solution = RefineHandEye(ProblemOf(scene, scene_options), scene.hand_eye, options);
+  ASSERT_FALSE(solution);
+  EXPECT_THAT(solution.reason(), testing::HasSubstr("the target's scale along"));
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,220 @@
+#include "targets/corners/pattern_fit.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <opencv2/core.hpp>
+
+#include "heba/base/rng.h"
+#include "targets/corners/cell_pattern.h"
+#include "targets/corners/pattern_rows.h"
+#include "targets/images/homography.h"
+#include "targets/render/rendering.h"
+#include "tests/support/simd_sets.h"
+
+namespace heba {
+namespace {
+
+// Squares of 10 mm in the chessboard's colours around the origin, and a small square in a corner's white one.
+Drawing TestDrawing() {
+  Drawing drawing;
+  drawing.min_m = {-0.04, -0.04};
+  drawing.max_m = {0.04, 0.04};
+  for (int row = -2; row < 2; ++row) {
+    for (int column = -2; column < 2; ++column) {
+      if ((row + column) % 2 != 0) continue;
+      drawing.AddRectangle(0.01 * column, 0.01 * row, 0.01 * (column + 1), 0.01 * (row + 1), 0);
+    }
+  }
+  drawing.AddRectangle(0.003, -0.007, 0.007, -0.003, 0.2);
+  return drawing;
+}
+
+TEST(CellPatternTest, HasTheDrawingsColours) {
+  const CellPattern pattern = CellsOf(TestDrawing(), {-0.008, -0.008}, {0.008, 0.008});
+  ASSERT_EQ(pattern.x_m, (std::vector<double>{0, 0.003, 0.007}));
+  ASSERT_EQ(pattern.y_m, (std::vector<double>{-0.007, -0.003, 0}));
+  EXPECT_EQ(pattern.albedo(0, 0), 0);    // Upper left.
+  EXPECT_EQ(pattern.albedo(1, 2), 0.2);  // The small square.
+  EXPECT_EQ(pattern.albedo(2, 2), 1);    // Below it.
+  EXPECT_EQ(pattern.albedo(3, 1), 0);    // Lower right.
+  EXPECT_EQ(pattern.albedo(3, 0), 1);    // Lower left.
+}
+
+// The closed form against sums over a fine grid, for maps with shear and perspective's foreshortening.
+TEST(BlurredTest, IsTheGaussianMeanOfTheCells) {
+  const CellPattern pattern = CellsOf(TestDrawing(), {-0.02, -0.02}, {0.02, 0.02});
+  Eigen::Matrix2d picture_by_pattern;
+  picture_by_pattern << 900, 500, -200, 400;
+  constexpr double kBlurPx = 1.3;
+  const Eigen::Matrix2d pattern_by_picture = picture_by_pattern.inverse();
+  for (const Eigen::Vector2d& at_m : {Eigen::Vector2d(0.0005, -0.0007), Eigen::Vector2d(0.0031, -0.0036),
+                                      Eigen::Vector2d(-0.0004, 0.006), Eigen::Vector2d(0.0068, -0.0031)}) {
+    const auto mean = [&](const Eigen::Vector2d& centre_m, double blur_px) {
+      double sum = 0;
+      double weights = 0;
+      constexpr int kSteps = 300;
+      for (int i = -kSteps; i <= kSteps; ++i) {
+        for (int j = -kSteps; j <= kSteps; ++j) {
+          const Eigen::Vector2d q(6.0 * i / kSteps, 6.0 * j / kSteps);  // In sigmas.
+          const Eigen::Vector2d p = centre_m + pattern_by_picture * (blur_px * q);
+          Eigen::Index x = 0;
+          Eigen::Index y = 0;
+          while (x < static_cast<Eigen::Index>(pattern.x_m.size()) && p.x() > pattern.x_m[static_cast<size_t>(x)]) ++x;
+          while (y < static_cast<Eigen::Index>(pattern.y_m.size()) && p.y() > pattern.y_m[static_cast<size_t>(y)]) ++y;
+          const double weight = std::exp(-0.5 * q.squaredNorm());
+          sum += weight * pattern.albedo(y, x);
+          weights += weight;
+        }
+      }
+      return sum / weights;
+    };
+    const BlurredAlbedo blurred = Blurred(pattern, at_m, picture_by_pattern, kBlurPx);
+    constexpr double kGridError = 2e-3;  // Of the sums: cells end between steps.
+    EXPECT_NEAR(blurred.value, mean(at_m, kBlurPx), kGridError);
+    constexpr double kStepM = 2e-7;
+    for (int axis = 0; axis < 2; ++axis) {
+      const Eigen::Vector2d step_m = kStepM * Eigen::Vector2d::Unit(axis);
+      const double numeric = (Blurred(pattern, at_m + step_m, picture_by_pattern, kBlurPx).value -
+                              Blurred(pattern, at_m - step_m, picture_by_pattern, kBlurPx).value) /
+                             (2 * kStepM);
+      EXPECT_NEAR(blurred.by_at[axis], numeric, 1e-3 * (1 + std::abs(numeric)) + 0.1);
+    }
+    constexpr double kStepPx = 1e-4;
+    const double by_blur = (Blurred(pattern, at_m, picture_by_pattern, kBlurPx + kStepPx).value -
+                            Blurred(pattern, at_m, picture_by_pattern, kBlurPx - kStepPx).value) /
+                           (2 * kStepPx);
+    EXPECT_NEAR(blurred.by_blur, by_blur, 1e-3);
+  }
+}
+
+struct FitTotals {
+  Eigen::Vector2d sum_px = Eigen::Vector2d::Zero();
+  double squares_px2 = 0;
+  double chi2 = 0;
+  int count = 0;
+};
+
+// Rendered views of the corner at the origin, tilted and turned, from a start that is wrong by up to half a pixel.
+FitTotals FitViews(const RenderOptions& options_in, int num_views, double squares_sigma_px = 0) {
+  const Drawing drawing = TestDrawing();
+  const Camera camera{"pinhole", 120, 100, {900, 900, 59.5, 49.5}};
+  Rng rng(3);
+  FitTotals totals;
+  for (int i = 0; i < num_views; ++i) {
+    const double towards = rng.Uniform(-M_PI, M_PI);
+    const Rigid3d pose(ExpRotation(rng.Uniform(0, 0.7) * Eigen::Vector3d(std::cos(towards), std::sin(towards), 0)) *
+                           ExpRotation(rng.Uniform(-M_PI, M_PI) * Eigen::Vector3d::UnitZ()),
+                       {rng.Uniform(-0.001, 0.001), rng.Uniform(-0.001, 0.001), 0.6});
+    RenderOptions options = options_in;
+    options.seed = static_cast<uint64_t>(i) + 1;
+    const cv::Mat picture = RenderView(drawing, camera, pose, options);
+    Eigen::Matrix3d intrinsics;
+    intrinsics << 900, 0, 59.5, 0, 900, 49.5, 0, 0, 1;
+    Eigen::Matrix3d plane;
+    plane << pose.RotationMatrix().leftCols<2>(), pose.translation;
+    Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+    shift(0, 2) = rng.Uniform(-0.5, 0.5);
+    shift(1, 2) = rng.Uniform(-0.5, 0.5);
+    const Eigen::Matrix3d truth = intrinsics * plane;
+    PatternFitOptions fit_options;
+    fit_options.min_m = {-0.008, -0.008};
+    fit_options.max_m = {0.008, 0.008};
+    fit_options.squares_sigma_px = squares_sigma_px;
+    const std::optional<PatternFit> fit = FitPattern(picture, CellsOf(drawing, {-0.016, -0.016}, {0.016, 0.016}),
+                                                     shift * truth, {Eigen::Vector2d::Zero()}, fit_options);
+    if (!fit) continue;
+    const Eigen::Vector2d error_px = fit->pixels[0] - Map(truth, Eigen::Vector2d::Zero());
+    totals.sum_px += error_px;
+    totals.squares_px2 += error_px.squaredNorm();
+    totals.chi2 += error_px.dot(fit->covariance_px2.ldlt().solve(error_px));
+    ++totals.count;
+  }
+  return totals;
+}
+
+using PatternKernelTest = EverySimdTest;
+
+TEST_P(PatternKernelTest, FindsTheSameAsTheBaseline) {
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  const FitTotals here = FitViews(options, 10);
+  LimitSimd(Simd::kBaseline);
+  const FitTotals baseline = FitViews(options, 10);
+  EXPECT_EQ(here.count, 10);
+  EXPECT_EQ(here.count, baseline.count);
+  EXPECT_LT((here.sum_px - baseline.sum_px).norm(), 1e-6);
+}
+
+INSTANTIATE_TEST_SUITE_P(Sets, PatternKernelTest, EverySimd(), SimdName);
+
+TEST(FitPatternTest, FindsACornerWithinItsCovariance) {
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  options.light_gradient = 0.3;
+  constexpr int kViews = 200;
+  const FitTotals totals = FitViews(options, kViews);
+  EXPECT_EQ(totals.count, kViews);
+  RecordProperty("rms_px", std::to_string(std::sqrt(totals.squares_px2 / (2 * kViews))));
+  RecordProperty("chi2_per_dof", std::to_string(totals.chi2 / (2 * kViews)));
+  EXPECT_LT(std::sqrt(totals.squares_px2 / (2 * kViews)), 0.015);
+  EXPECT_LT((totals.sum_px / kViews).norm(), 0.003);
+  // Of 400 numbers: three sigma are 0.21; the rest is for what the model leaves out.
+  EXPECT_NEAR(totals.chi2 / (2 * kViews), 1, 0.25);
+}
+
+TEST(FitPatternTest, WithoutNoiseIsRightToThousandths) {
+  const FitTotals totals = FitViews({}, 40);
+  EXPECT_EQ(totals.count, 40);
+  EXPECT_LT(std::sqrt(totals.squares_px2 / 80), 0.003);
+}
+
+// Whose pixels are black or white, but for the noise: the steps along the edges are the larger error.
+TEST(FitPatternTest, StatesTheErrorOfImagesWithoutAntiAliasing) {
+  RenderOptions options;
+  options.is_point_sampled = true;
+  options.noise_sigma_grey = 2;
+  constexpr int kViews = 200;
+  const FitTotals totals = FitViews(options, kViews);
+  EXPECT_EQ(totals.count, kViews);
+  EXPECT_LT(std::sqrt(totals.squares_px2 / (2 * kViews)), 0.12);
+  // The steps alternate along an edge, so that their errors are not independent: a factor of two of sigma either way.
+  EXPECT_GT(totals.chi2 / (2 * kViews), 0.25);
+  EXPECT_LT(totals.chi2 / (2 * kViews), 2);
+}
+
+// An edge that cannot bend is placed by all of its pixels: 9/4 of the information on a line's place.
+TEST(FitPatternTest, GainsByWhatIsKnownOfTheBend) {
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  constexpr int kViews = 200;
+  const FitTotals unknown = FitViews(options, kViews);
+  const FitTotals known = FitViews(options, kViews, /*squares_sigma_px=*/1e-3);
+  EXPECT_EQ(known.count, kViews);
+  EXPECT_LT(std::sqrt(known.squares_px2 / unknown.squares_px2), 0.85);
+  EXPECT_NEAR(known.chi2 / (2 * kViews), 1, 0.25);
+}
+
+TEST(FitPatternTest, RefusesWhatIsNotThere) {
+  const Drawing drawing = TestDrawing();
+  PatternFitOptions options;
+  options.min_m = {-0.008, -0.008};
+  options.max_m = {0.008, 0.008};
+  Eigen::Matrix3d start;
+  start << 1500, 0, 60, 0, 1500, 50, 0, 0, 1;
+  const CellPattern pattern = CellsOf(drawing, {-0.016, -0.016}, {0.016, 0.016});
+  cv::Mat blank(100, 120, CV_8UC1, cv::Scalar(128));
+  EXPECT_FALSE(FitPattern(blank, pattern, start, {Eigen::Vector2d::Zero()}, options).has_value());
+  cv::Mat noise(100, 120, CV_8UC1);
+  cv::theRNG() = cv::RNG(5);
+  cv::randu(noise, 0, 256);
+  EXPECT_FALSE(FitPattern(noise, pattern, start, {Eigen::Vector2d::Zero()}, options).has_value());
+  // Half out of the picture.
+  start(0, 2) = 0;
+  EXPECT_FALSE(FitPattern(blank, pattern, start, {Eigen::Vector2d::Zero()}, options).has_value());
+}
+
+}  // namespace
+}  // namespace heba

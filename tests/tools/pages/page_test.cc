@@ -1,0 +1,141 @@
+#include "tools/pages/page.h"
+
+#include <cmath>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tools/pages/chart_picture.h"
+#include "tools/pages/page_assets.h"
+
+namespace heba {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+bool has_script = true;
+
+// Names that would do harm as markup, in a script, or as no UTF-8.
+const std::vector<std::string> kHostile = {"<!--<script>", "</script><img src=x onerror=alert(1)>", "\"' onload='x' \"",
+                                           "&lt;b&gt;", "\xff\xfe <b>"};
+
+}  // namespace
+
+std::string_view PageStyle() { return "body{}"; }
+std::string_view PageScript() { return has_script ? "run();" : ""; }
+std::string_view PageScriptHash() { return has_script ? "sha256-abc=" : ""; }
+
+namespace {
+
+class PageTest : public testing::TestWithParam<bool> {
+ protected:
+  PageTest() { has_script = GetParam(); }
+};
+INSTANTIATE_TEST_SUITE_P(, PageTest, testing::Bool(),
+                         [](const auto& test) { return test.param ? "WithScript" : "Plain"; });
+
+TEST_P(PageTest, HoldsTheScriptThatItAllowsAndNoOther) {
+  const std::string page = HtmlPage("a <title>", "<p>body</p>");
+  EXPECT_THAT(page, HasSubstr("<title>a &lt;title&gt;</title>"));
+  EXPECT_THAT(page, HasSubstr("default-src 'none'"));
+  EXPECT_THAT(page, Not(HasSubstr("://")));
+  EXPECT_THAT(page, Not(HasSubstr("unsafe-eval")));
+}
+
+TEST_P(PageTest, HasNoChartsWithoutTheScriptAndSaysSo) {
+  const std::string page = HtmlPage("t", ViewFigure("lines", "caption", {{"x", 1}}) + SharedData("d", {{"y", 2}}) +
+                                             SharedViewFigure("pairs", "", "d"));
+  if (GetParam()) {
+    EXPECT_THAT(page, HasSubstr("script-src 'sha256-abc='"));
+    EXPECT_THAT(page, HasSubstr("<script>run();</script>"));
+    EXPECT_THAT(page, HasSubstr("<figure data-view=\"lines\"><figcaption>caption</figcaption>"));
+    EXPECT_THAT(page, HasSubstr("data-from=\"d\""));
+  } else {
+    EXPECT_THAT(page, HasSubstr("script-src 'none'"));
+    EXPECT_THAT(page, Not(HasSubstr("<script")));
+    EXPECT_THAT(page, Not(HasSubstr("<figure")));
+    EXPECT_THAT(page, HasSubstr("built without Node.js"));
+  }
+}
+
+// A chart has a picture for whoever has no script: beside the script where there is one, alone where there is none.
+TEST_P(PageTest, ChartsHavePicturesWithoutTheScript) {
+  const std::string picture = "<svg class=\"picture\"></svg>";
+  for (const std::string& figure :
+       {ViewFigure("lines", "caption", {{"x", 1}}, picture), SharedViewFigure("lines", "caption", "d", picture)}) {
+    EXPECT_THAT(figure, HasSubstr("<figcaption>caption</figcaption>"));
+    if (GetParam()) {
+      EXPECT_THAT(figure, HasSubstr("<noscript>" + picture + "</noscript>"));
+    } else {
+      EXPECT_THAT(figure, HasSubstr(picture));
+      EXPECT_THAT(figure, Not(HasSubstr("noscript")));
+    }
+  }
+}
+
+TEST(ChartPictureTest, MarksStandWhereTheirNumbersAre) {
+  ChartPicture chart(200, 146, {"x", 0, 10}, {"y", 1, 100, true}, 88);
+  chart.Dot(0, 1, 2, "first");
+  chart.Dot(10, 100, 2, "first");
+  chart.Dot(5, 10, 2, "first");
+  chart.Text(5, 10, "<b>", "end");
+  chart.Bar(10, 100, 5, 10, "first", 0.5);
+  const std::string svg = chart.Svg();
+  // The plot is 100 px a side: 88 px from the left, 8 from the top.
+  EXPECT_THAT(svg, HasSubstr("<circle cx=\"88.0\" cy=\"108.0\""));
+  EXPECT_THAT(svg, HasSubstr("<circle cx=\"188.0\" cy=\"8.0\""));
+  EXPECT_THAT(svg, HasSubstr("<circle cx=\"138.0\" cy=\"58.0\""));
+  EXPECT_THAT(svg, HasSubstr("<rect x=\"138.0\" y=\"8.0\" width=\"50.0\" height=\"50.0\""));
+  EXPECT_THAT(svg, HasSubstr("&lt;b&gt;"));
+  EXPECT_THAT(svg, Not(HasSubstr("<b>")));
+}
+
+TEST(ChartPictureTest, TicksAreRoundAndWithin) {
+  EXPECT_EQ(AxisTicks({"", 0, 10}, 6), (std::vector<double>{0, 2, 4, 6, 8, 10}));
+  EXPECT_EQ(AxisTicks({"", 8, -1}, 6), (std::vector<double>{0, 2, 4, 6, 8}));
+  EXPECT_EQ(AxisTicks({"", 0.3, 6, true}, 6), (std::vector<double>{0.5, 1, 2, 5}));
+  EXPECT_EQ(AxisTicks({"", 0.01, 1000, true}, 6).size(), 6U);
+}
+
+TEST_P(PageTest, NothingGivenBecomesMarkup) {
+  for (const std::string& name : kHostile) {
+    const nlohmann::ordered_json data = {{"name", name}, {name, 1}};
+    for (const std::string& markup : {ViewFigure("v", name, data), SharedData("d", data),
+                                      HtmlTable({name}, {{{name}}}, true), Heading(name), Paragraph(name)}) {
+      // The only tags are those that these functions write.
+      for (const char* tag : {"<!--", "<script>", "<img", "<b>"}) EXPECT_THAT(markup, Not(HasSubstr(tag))) << name;
+      const size_t ends = GetParam() && markup.find("application/json") != std::string::npos ? 1 : 0;
+      size_t found = 0;
+      for (size_t at = markup.find("</script"); at != std::string::npos; at = markup.find("</script", at + 1)) ++found;
+      EXPECT_EQ(found, ends) << markup;
+    }
+  }
+  // And it is the same text when it is read again.
+  if (!GetParam()) return;
+  const std::string embedded = SharedData("d", {{"name", kHostile[1]}});
+  const size_t begin = embedded.find('>') + 1;
+  const auto read = nlohmann::json::parse(embedded.substr(begin, embedded.rfind("</script>") - begin));
+  EXPECT_EQ(read["name"], kHostile[1]);
+}
+
+TEST_P(PageTest, WhatIsNoNumberIsNull) {
+  if (!GetParam()) return;
+  EXPECT_THAT(SharedData("d", {{"x", std::nan("")}}), HasSubstr("{\"x\":null}"));
+  EXPECT_EQ(OrNull(std::nullopt), nullptr);
+}
+
+TEST(PageTableTest, CellsLinkWhateverTheirNames) {
+  const std::string table =
+      HtmlTable({"run", "mm", "<i>"}, {{{"a <b>", false, LinkTo("a <b>: c/report.html")}, {"1", true}, {""}}});
+  // In a narrow window a cell says whose it is.
+  EXPECT_THAT(table, HasSubstr("<td class=\"number\" data-head=\"mm\">1</td><td data-empty></td>"));
+  EXPECT_THAT(table, HasSubstr("<a href=\"a%20%3Cb%3E%3A%20c/report.html\">a &lt;b&gt;</a>"));
+}
+
+TEST(PageTableDeathTest, EveryColumnHasAHeading) {
+  EXPECT_DEATH(HtmlTable({"run"}, {{{"a"}, {"b"}}}), "every column has a heading");
+}
+
+}  // namespace
+}  // namespace heba

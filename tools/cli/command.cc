@@ -1,0 +1,205 @@
+#include "tools/cli/command.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <new>
+
+#include <gflags/gflags.h>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/io/result_file.h"
+#include "heba/kernels/simd.h"
+#include "tools/cli/flags.h"
+#include "tools/text/console.h"
+
+namespace heba {
+
+#define HEBA_COMMAND(name, arguments, flags, summary) int RunCommand_##name(const std::vector<std::string>& arguments_);
+#include "tools/cli/commands.def"
+#undef HEBA_COMMAND
+
+namespace {
+
+struct Command {
+  std::string name;
+  std::string arguments;
+  std::vector<std::string> flags;
+  std::string summary;
+  int (*run)(const std::vector<std::string>& arguments);
+};
+
+std::vector<std::string> WordsOf(const std::string& text) {
+  return text.empty() ? std::vector<std::string>() : Split(text, ' ');
+}
+
+const std::vector<Command>& Commands() {
+  static const std::vector<Command> commands = {
+#define HEBA_COMMAND(name, arguments, flags, summary) {#name, arguments, WordsOf(flags), summary, &RunCommand_##name},
+#include "tools/cli/commands.def"
+#undef HEBA_COMMAND
+  };
+  return commands;
+}
+
+// gflags' own name of a flag: a variable's, without hyphens.
+std::string VariableOf(std::string name) {
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+}
+
+gflags::CommandLineFlagInfo FlagInfo(const std::string& name) {
+  gflags::CommandLineFlagInfo info;
+  CHECK(gflags::GetCommandLineFlagInfo(VariableOf(name).c_str(), &info)) << name;
+  info.name = name;
+  return info;
+}
+
+// "--name VALUE" and what it does, from a description "VALUE|what it does".
+std::pair<std::string, std::string> FlagHelp(const gflags::CommandLineFlagInfo& info) {
+  const size_t end = info.description.find('|');
+  CHECK(end != std::string::npos) << info.name;
+  return {Trim("--" + info.name + " " + info.description.substr(0, end)), info.description.substr(end + 1)};
+}
+
+void PrintUsage(std::ostream& stream) {
+  stream << "heba " << Version() << ": hand-eye calibration by bundle adjustment\n\n"
+         << "usage: heba COMMAND [ARGUMENTS] [--flags]\n\n";
+  for (const Command& command : Commands()) {
+    const std::string call = command.name + " " + command.arguments;
+    stream << "  " << call << std::string(call.size() < 24 ? 24 - call.size() : 1, ' ') << command.summary << "\n";
+  }
+  stream << "\n'heba COMMAND --help' tells more of one.\n";
+}
+
+void PrintCommandHelp(const Command& command) {
+  std::cout << "usage: heba " << command.name << " " << command.arguments << " [--flags]\n\n"
+            << command.summary << "\n\n";
+  for (const std::string& flag : command.flags) {
+    const auto [form, description] = FlagHelp(FlagInfo(flag));
+    std::cout << ForTerminal("  " + PadRight(form, 17) + " " + description + "\n");
+  }
+}
+
+// Sets the flags of `words` and returns the other words. gflags keeps one registry for the whole program, with glog's
+// flags in it, and ends the program on a fault: names and values are looked at here first.
+std::vector<std::string> ParseFlags(const Command& command, const std::vector<std::string>& words) {
+  std::vector<std::string> arguments;
+  for (size_t i = 0; i < words.size(); ++i) {
+    const std::string& word = words[i];
+    if (word == "--") {
+      arguments.insert(arguments.end(), words.begin() + static_cast<std::ptrdiff_t>(i) + 1, words.end());
+      break;
+    }
+    if (word.size() < 2 || word[0] != '-') {
+      arguments.push_back(word);
+      continue;
+    }
+    const size_t dashes = word[1] == '-' ? 2 : 1;
+    const size_t equals = word.find('=');
+    const std::string name = word.substr(dashes, equals == std::string::npos ? std::string::npos : equals - dashes);
+    if (std::find(command.flags.begin(), command.flags.end(), name) == command.flags.end()) {
+      throw InputError(
+          "'heba " + command.name + "' has no flag --" + name + DidYouMean(name, command.flags) +
+          (DidYouMean(name, command.flags).empty() ? "; 'heba " + command.name + " --help' lists them" : ""));
+    }
+    const gflags::CommandLineFlagInfo info = FlagInfo(name);
+    std::string value;
+    if (equals != std::string::npos) {
+      value = word.substr(equals + 1);
+    } else if (info.type == "bool") {
+      value = "true";
+    } else if (i + 1 < words.size() && !words[i + 1].starts_with("--")) {
+      value = words[++i];
+    } else {
+      throw InputError("--" + name + " needs a value");
+    }
+    double number = 0;
+    const bool is_number = ParseDouble(value, &number);
+    if ((info.type == "int32" && (!is_number || number != std::floor(number) || std::abs(number) > 1e9)) ||
+        (info.type == "double" && !is_number)) {
+      throw InputError("--" + name + " needs a " + (info.type == "int32" ? "whole number" : "number") + ", not '" +
+                       value + "'");
+    }
+    // 1e3 is a whole number too, in other words than gflags knows.
+    if (info.type == "int32") value = std::to_string(std::llround(number));
+    if (info.type == "bool" && value != "true" && value != "false") {
+      throw InputError("--" + name + " is true or false, not '" + value + "'");
+    }
+    constexpr std::string_view kRepeatable = "set";
+    if (name == kRepeatable && !info.current_value.empty()) value = info.current_value + kSettingSeparator + value;
+    if (info.type == "string" && value.empty()) throw InputError("--" + name + " needs a value");
+    CHECK(!gflags::SetCommandLineOption(VariableOf(name).c_str(), value.c_str()).empty());
+  }
+  return arguments;
+}
+
+int Dispatch(const std::vector<std::string>& words) {
+  if (words.empty() || words[0] == "help" || words[0] == "--help" || words[0] == "-h") {
+    if (words.size() > 1 && words[0] == "help") return Dispatch({words[1], "--help"});
+    PrintUsage(std::cout);
+    return kDone;
+  }
+  if (words[0] == "--version") {
+    std::cout << "heba " << Version() << "\n";
+    return kDone;
+  }
+  const auto command =
+      std::find_if(Commands().begin(), Commands().end(), [&](const Command& entry) { return entry.name == words[0]; });
+  if (command == Commands().end()) {
+    std::vector<std::string> names;
+    for (const Command& entry : Commands()) names.push_back(entry.name);
+    throw InputError("'" + words[0] + "' is not a command" + DidYouMean(words[0], names) +
+                     "; one of: " + Join(names, ", "));
+  }
+  const std::vector<std::string> rest(words.begin() + 1, words.end());
+  if (std::any_of(rest.begin(), rest.end(), [](const std::string& word) { return word == "--help" || word == "-h"; })) {
+    PrintCommandHelp(*command);
+    return kDone;
+  }
+  const std::vector<std::string> arguments = ParseFlags(*command, rest);
+  const bool takes_many = command->arguments.ends_with("...");
+  const size_t num_needed = Split(command->arguments, ' ').size();
+  if (arguments.size() < num_needed || (!takes_many && arguments.size() > num_needed)) {
+    throw InputError("'heba " + command->name + "' takes " + command->arguments + ", not " +
+                     std::to_string(arguments.size()) + " arguments");
+  }
+  return command->run(arguments);
+}
+
+}  // namespace
+
+int RunCommandLine(int argc, char** argv) {
+  try {
+    if (const std::string fault = FaultOfSimdSetting(); !fault.empty()) throw InputError(fault);
+    const int status = Dispatch(std::vector<std::string>(argv + 1, argv + argc));
+    // A result that could not be written was not delivered.
+    std::cout.flush();
+    if (std::cout && std::fflush(stdout) == 0) return status;
+    PrintError("standard output cannot be written");
+    return kWorkFailed;
+  } catch (const OutputError& error) {
+    PrintError(error.what());
+    return kWorkFailed;
+  } catch (const InputError& error) {
+    PrintError(error.what());
+    return kInputWrong;
+  } catch (const std::filesystem::filesystem_error& error) {
+    // A path that cannot even be asked for.
+    PrintError(Quoted(error.path1().string()) + ": " + error.code().message());
+    return kInputWrong;
+  } catch (const std::bad_alloc&) {
+    PrintError("out of memory");
+    return kWorkFailed;
+  } catch (const std::exception& error) {
+    PrintError(std::string("unexpected: ") + error.what());
+    return kWorkFailed;
+  }
+}
+
+}  // namespace heba

@@ -1,0 +1,120 @@
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/parallel.h"
+#include "heba/base/text.h"
+#include "heba/evaluation/metrics.h"
+#include "solvers/calibration/camera_choice.h"
+#include "solvers/initial/intrinsics.h"
+#include "solvers/initial/target_pose.h"
+#include "targets/images/image.h"
+#include "targets/render/overlay.h"
+#include "tools/cli/command.h"
+#include "tools/cli/flags.h"
+#include "tools/config/run_config.h"
+#include "tools/files/detection_file.h"
+#include "tools/files/result_folder.h"
+#include "tools/run/captures.h"
+#include "tools/text/console.h"
+
+namespace heba {
+namespace {
+
+// The camera of the config, or the one that these pictures themselves give; nothing if they are too few for that.
+std::optional<Camera> FittedCamera(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+  if (config.camera) return config.camera;
+  const std::vector<View> views = ViewsOf(config, detections);
+  if (views.empty()) return std::nullopt;
+  const int width_px = detections.front().width_px;
+  const int height_px = detections.front().height_px;
+  if (config.choose_camera_model) {
+    const Outcome<CameraChoice> choice = ChooseCameraModel(views, width_px, height_px);
+    return choice ? std::optional(choice->camera) : std::nullopt;
+  }
+  const Outcome<Camera> camera = EstimateIntrinsics(views, config.camera_model, width_px, height_px);
+  return camera ? std::optional(*camera) : std::nullopt;
+}
+
+// How far the points are from the target that fits them best: through the camera if there is one, else through a
+// homography of the plane, which lens distortion does not follow.
+std::optional<Points2> FitResiduals(const std::optional<Camera>& camera, const Observations& observations) {
+  if (observations.size() < 4) return std::nullopt;
+  if (camera) {
+    const std::vector<TargetPose> poses = EstimateTargetPose(*camera, observations);
+    if (poses.empty()) return std::nullopt;
+    return Residuals(*camera, poses.front().camera_from_target, observations);
+  }
+  const Points2 on_target = observations.points_in_target.topRows<2>();
+  const std::optional<Eigen::Matrix3d> homography = EstimateHomography(on_target, observations.pixels);
+  if (!homography) return std::nullopt;
+  Points2 residuals(2, observations.size());
+  for (Eigen::Index i = 0; i < residuals.cols(); ++i) {
+    const Eigen::Vector3d image = *homography * on_target.col(i).homogeneous();
+    residuals.col(i) = image.hnormalized() - observations.pixels.col(i);
+  }
+  return residuals;
+}
+
+}  // namespace
+
+int RunCommand_detect(const std::vector<std::string>& arguments) {
+  namespace fs = std::filesystem;
+  RunConfig config = ReadRunConfig(arguments[0], Settings());
+  for (const Capture& capture : config.captures) {
+    if (capture.image.empty())
+      throw InputError(arguments[0] + ": capture " + capture.name + " has no picture to be searched");
+  }
+  const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
+  const fs::path output =
+      FLAGS_out.empty() ? fs::absolute(arguments[0]).parent_path() / "detections" / config.name : fs::path(FLAGS_out);
+  StagedFolder folder(output, "detections");
+  CheckCameraByHeader(config);
+  const std::vector<CaptureDetection> detections = DetectCaptures(config, NumThreads(), verbosity);
+  FitCameraToPictures(detections.front(), &config);
+  const std::optional<Camera> camera = FittedCamera(config, detections);
+  const std::string through = camera
+                                  ? (config.camera ? "the given camera" : "a " + camera->model + " lens fitted to them")
+                                  : "a plane without a lens, for these pictures do not give one";
+  fs::create_directory(folder.staging() / "overlays");
+  std::vector<std::string> lines(config.captures.size());
+  ParallelFor(static_cast<int>(config.captures.size()), NumThreads(), [&](int index) {
+    const size_t i = static_cast<size_t>(index);
+    const Observations observations = ObservationsOf(*config.target, detections[i].detection);
+    const std::optional<Points2> residuals = FitResiduals(camera, observations);
+    std::string line = config.captures[i].name + ": " + std::to_string(observations.size()) + " of " +
+                       std::to_string(config.target->points().size()) + " points";
+    if (residuals) {
+      line += ", " + Significant(*SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx(), 3) + " px rms";
+    }
+    if (!detections[i].detection.reason.empty()) line += " (" + detections[i].detection.reason + ")";
+    OverlayOptions options;
+    options.caption = line;
+    if (residuals) {
+      // Arrows of 30 px at the most on average: what a lens bends away from a plane would cover the picture.
+      const double rms_px = *SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx();
+      options.magnification = std::min(options.magnification, 30.0 / std::max(rms_px, 1e-9));
+    }
+    const cv::Mat picture = DrawOverlay(ReadGreyImage(config.captures[i].image), observations, residuals, options);
+    WriteImage(folder.staging() / "overlays" / (config.captures[i].name + ".png"), picture);
+    lines[i] = line;
+  });
+  WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
+  folder.Commit();
+  int seen = 0;
+  for (const CaptureDetection& detection : detections) seen += detection.detection.ids.empty() ? 0 : 1;
+  if (!FLAGS_quiet) {
+    std::string text = "the target was seen in " + std::to_string(seen) + " of " + std::to_string(detections.size()) +
+                       " pictures; residuals are through " + through +
+                       ", and drawn up to 100 times as long as they are\n";
+    for (const std::string& line : lines) text += line + "\n";
+    std::cout << ForTerminal(text) << "pictures: " << (output / "overlays").string() << std::endl;
+  }
+  if (seen > 0) return kDone;
+  PrintError(arguments[0] + ": the target was not seen in any picture");
+  return kWorkFailed;
+}
+
+}  // namespace heba

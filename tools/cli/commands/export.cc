@@ -1,0 +1,178 @@
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/io/export.h"
+#include "heba/io/result_file.h"
+#include "heba/robot/ur_kinematics.h"
+#include "tools/cli/command.h"
+#include "tools/cli/flags.h"
+#include "tools/cli/pose_flag.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+const ExportFormat& FormatAskedFor() {
+  std::vector<std::string> names;
+  for (const ExportFormat& format : ExportFormats()) {
+    if (format.name == FLAGS_to) return format;
+    names.push_back(format.name);
+  }
+  names.emplace_back("all");
+  if (FLAGS_to.empty()) throw InputError("'heba export' needs --to FORMAT, one of: " + Join(names, ", "));
+  throw InputError("--to: format " + Quoted(FLAGS_to) + " is unknown; one of: " + Join(names, ", ") +
+                   DidYouMean(FLAGS_to, names));
+}
+
+// The refined one, or the one that --method names.
+const Estimate& EstimateAskedFor(const RunResult& result, const std::string& where) {
+  std::vector<std::string> names;
+  for (const Estimate& estimate : result.estimates) {
+    if (estimate.ok) names.push_back(estimate.method);
+  }
+  const Estimate* refined = FindRefined(result);
+  if (FLAGS_method.empty() && refined != nullptr) return *refined;
+  for (const Estimate& estimate : result.estimates) {
+    if (estimate.ok && estimate.method == FLAGS_method) return estimate;
+  }
+  throw InputError((FLAGS_method.empty() ? where + ": has no refined estimate; name another with --method"
+                                         : "--method: " + where + " has no estimate of " + Quoted(FLAGS_method)) +
+                   "; it has: " + Join(names, ", "));
+}
+
+// Names of frames go into files of many languages: those that ROS allows are safe in all of them.
+void ReadFrame(const char* flag, const std::string& given, std::string* frame) {
+  if (given.empty()) return;
+  const bool is_plain = std::all_of(given.begin(), given.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '/';
+  });
+  if (!is_plain) {
+    throw InputError(std::string("--") + flag + ": " + Quoted(given) +
+                     " is no name of a frame; letters, digits, _ and / are possible");
+  }
+  *frame = given;
+}
+
+// Whether the run's poses are those of a Universal Robots controller, by the config that stands beside the result.
+bool PosesAreOfUrController(const fs::path& run) {
+  const fs::path file = run / "config.yaml";
+  std::error_code error;
+  if (!fs::is_regular_file(file, error)) return false;
+  MapReader config(ReadYamlFile(file));
+  const std::optional<ConfigValue> section = config.Find("captures");
+  if (!section || !section->IsMap()) return false;
+  MapReader captures(*section);
+  const auto text_of = [&](const std::string& key) {
+    const std::optional<ConfigValue> value = captures.Find(key);
+    return value && value->IsText() ? value->AsText() : std::string();
+  };
+  const std::string format = text_of("pose_format");
+  return format == "ur" || (format == "joints" && FindUrRobot(text_of("robot")) != nullptr);
+}
+
+// The request with the frame that --child-is asks for in place of the optical one.
+ExportRequest WithChildAskedFor(const ExportRequest& request) {
+  if (FLAGS_child_is.empty() || FLAGS_child_is == "optical") return request;
+  if (FLAGS_child_is == "body") return WithChild(request, ExportFrame::kBody, OpticalFromBody());
+  if (FLAGS_child_is.find(',') == std::string::npos) {
+    throw InputError("--child-is: " + Quoted(FLAGS_child_is) +
+                     "; optical, body, or the optical frame's pose in the child, x,y,z,qx,qy,qz,qw in m");
+  }
+  const Rigid3d link_from_optical = PoseOfFlag("child-is", FLAGS_child_is, *FindPoseFormat("ros"));
+  return WithChild(request, ExportFrame::kLink, Inverse(link_from_optical));
+}
+
+ExportRequest RequestAskedFor(const fs::path& run) {
+  const fs::path file = run / "result.json";
+  const RunResult result = ReadResult(file);
+  ExportRequest request = WithChildAskedFor(
+      MakeExportRequest(result, EstimateAskedFor(result, file.string()), PosesAreOfUrController(run)));
+  ReadFrame("parent", FLAGS_parent, &request.parent_frame);
+  ReadFrame("child", FLAGS_child, &request.child_frame);
+  if (request.parent_frame == request.child_frame) {
+    throw InputError("--parent and --child are both " + Quoted(request.parent_frame) +
+                     "; a frame has no pose in itself");
+  }
+  if (request.is_ur_controller && request.parent_frame == "base_link" && request.setup == Setup::kEyeToHand) {
+    std::cerr << "heba: warning: the run's poses are those of a Universal Robots controller, in its frame base; "
+                 "base_link of ROS is turned by 180 deg about z against it, so name the parent base"
+              << std::endl;
+  }
+  if (result.verdict.grade == Grade::kBad && !FLAGS_quiet) {
+    std::cerr << "heba: warning: the verdict of this run is bad: " << file.parent_path().string()
+              << "/report.html says why" << std::endl;
+  }
+  if (FLAGS_units != "m" && FLAGS_units != "mm") {
+    throw InputError("--units: " + Quoted(FLAGS_units) + "; m or mm");
+  }
+  request.length_unit = FLAGS_units;
+  return FLAGS_inverse ? Inverted(request) : request;
+}
+
+// Every form that has room for this result, into the folder --out.
+int ExportAll(const ExportRequest& request) {
+  if (FLAGS_out.empty()) throw InputError("--to all needs --out FOLDER");
+  const fs::path folder = FLAGS_out;
+  std::error_code error;
+  if (fs::exists(folder, error) && !fs::is_directory(folder, error)) {
+    throw InputError("--out: " + folder.string() + " is a file; --to all needs a folder");
+  }
+  // Only an earlier export is replaced: the names are not the user's choice.
+  for (const ExportFormat& format : ExportFormats()) {
+    const fs::path file = folder / format.file_name;
+    if (fs::exists(file, error) && ReadTextFile(file).find(kExportMark) == std::string::npos) {
+      throw InputError(file.string() + ": is no export of heba's and is not replaced; name another folder");
+    }
+  }
+  fs::create_directories(folder, error);
+  for (const ExportFormat& format : ExportFormats()) {
+    const Outcome<std::string> text = ExportText(format, request);
+    if (text) {
+      WriteFileAtomically(folder / format.file_name, *text);
+    } else {
+      fs::remove(folder / format.file_name, error);  // An earlier export, of something else.
+    }
+    if (FLAGS_quiet) continue;
+    std::cout << (text ? (folder / format.file_name).string() + ": " + format.description +
+                             (FLAGS_inverse ? ", inverted" : "")
+                       : "not " + format.name + ": " + text.reason())
+              << "\n";
+  }
+  std::cout << std::flush;
+  return kDone;
+}
+
+}  // namespace
+
+int RunCommand_export(const std::vector<std::string>& arguments) {
+  const bool all = FLAGS_to == "all";
+  const ExportFormat* format = all ? nullptr : &FormatAskedFor();
+  const fs::path run = arguments[0];
+  const ExportRequest request = RequestAskedFor(run);
+  if (all) return ExportAll(request);
+  if (FLAGS_units != "m" && format->name != "matrix") {
+    throw InputError("--units: format " + format->name + " has its own; only matrix is written in either");
+  }
+  const Outcome<std::string> text = ExportText(*format, request);
+  if (!text) {
+    PrintError((run / "result.json").string() + ": " + text.reason());
+    return kWorkFailed;
+  }
+  if (FLAGS_out.empty()) {
+    std::cout << *text << std::flush;
+    return kDone;
+  }
+  std::error_code error;
+  const fs::path out = FLAGS_out;
+  const fs::path path = fs::is_directory(out, error) ? out / format->file_name : out;
+  WriteFileAtomically(path, *text);
+  if (!FLAGS_quiet) std::cout << path.string() << ": " << format->description << std::endl;
+  return kDone;
+}
+
+}  // namespace heba

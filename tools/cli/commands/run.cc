@@ -1,0 +1,57 @@
+#include <iostream>
+
+#include "heba/base/error.h"
+#include "tools/batch/batch.h"
+#include "tools/batch/pipeline.h"
+#include "tools/cli/command.h"
+#include "tools/cli/flags.h"
+#include "tools/run/run_inputs.h"
+#include "tools/text/console.h"
+#include "tools/text/result_table.h"
+#include "tools/text/result_text.h"
+
+namespace heba {
+namespace {
+
+int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
+  const RunConfig config = ReadRunConfig(config_path, Settings());
+  const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
+  Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
+  const std::optional<RunResult> current = FLAGS_resume ? CurrentResult(output, config) : std::nullopt;
+  if (current) console.Note(config.name + ": nothing has changed since these results");
+  const Outcome<RunResult> result =
+      current ? Outcome<RunResult>(*current) : RunPipeline(config, output, NumThreads(), &console);
+  if (!result) {
+    PrintError(config_path + ": " + result.reason());
+    return kWorkFailed;
+  }
+  if (!FLAGS_quiet) {
+    std::cout << ForTerminal(ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain))
+              << "results: " << output.string() << std::endl;
+  }
+  if (fail_on && result->verdict.grade >= *fail_on) {
+    PrintError(config_path + ": " + VerdictFailure(result->verdict));
+    return kWorkFailed;
+  }
+  return kDone;
+}
+
+}  // namespace
+
+int RunCommand_run(const std::vector<std::string>& arguments) {
+  const Shard shard = ParseShard();
+  const std::optional<Grade> fail_on = FailOn();
+  // Named shards are a batch's, whatever their number: 0/1 is a batch of one.
+  if (arguments.size() == 1 && FLAGS_shard.empty()) return RunOne(arguments[0], fail_on);
+  BatchOptions options;
+  if (!FLAGS_out.empty()) options.output = std::filesystem::absolute(FLAGS_out).lexically_normal();
+  options.settings = Settings();
+  options.num_threads = NumThreads();
+  options.resume = FLAGS_resume;
+  options.shard = shard;
+  options.fail_on = fail_on;
+  options.verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
+  return RunBatch(arguments, options);
+}
+
+}  // namespace heba

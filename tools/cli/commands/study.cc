@@ -1,0 +1,84 @@
+#include <algorithm>
+#include <iostream>
+#include <mutex>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/parallel.h"
+#include "heba/base/text.h"
+#include "tools/cli/command.h"
+#include "tools/cli/flags.h"
+#include "tools/config/study_config.h"
+#include "tools/files/result_folder.h"
+#include "tools/study/study_cells.h"
+#include "tools/study/study_report.h"
+#include "tools/text/console.h"
+
+namespace heba {
+namespace {
+
+std::vector<int> CellsOf(const Shard& shard, int num_cells) {
+  std::vector<int> cells;
+  for (int cell = shard.index; cell < num_cells; cell += shard.count) cells.push_back(cell);
+  return cells;
+}
+
+}  // namespace
+
+int RunCommand_study(const std::vector<std::string>& arguments) {
+  const StudyConfig study = ReadStudyConfig(arguments[0]);
+  const std::filesystem::path output = FLAGS_out.empty() ? study.output : std::filesystem::absolute(FLAGS_out);
+  const Shard shard = ParseShard();
+  const bool is_whole = shard.count == 1;
+  const FolderLock lock(output, ".heba.lock", is_whole ? FolderLock::Kind::kAlone : FolderLock::Kind::kShared);
+  const StudyCells cells(output, study);
+  std::vector<CellResult> results;
+  std::vector<int> to_do;
+  for (const int cell : CellsOf(shard, static_cast<int>(study.cells.size()))) {
+    std::optional<CellResult> known = FLAGS_resume ? cells.Find(cell) : std::nullopt;
+    if (known) {
+      results.push_back(std::move(*known));
+    } else {
+      to_do.push_back(cell);
+    }
+  }
+  if (!results.empty() && !FLAGS_quiet) {
+    std::cerr << results.size() << " of " << results.size() + to_do.size() << " cells were there" << std::endl;
+  }
+  // The first trial of a large cell may take a while.
+  if (!FLAGS_quiet) {
+    std::cerr << to_do.size() << (to_do.size() == 1 ? " cell, " : " cells, ") << study.num_trials << " trials of each"
+              << std::endl;
+  }
+  Progress progress("trial", static_cast<int>(to_do.size()) * study.num_trials,
+                    FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
+  for (const int index : to_do) {
+    const StudyCell& cell = study.cells[static_cast<size_t>(index)];
+    // Every trial by itself: the result does not depend on which thread did it.
+    std::vector<std::vector<TrialEstimate>> trials(static_cast<size_t>(study.num_trials));
+    std::mutex mutex;
+    ParallelFor(study.num_trials, NumThreads(), [&](int trial) {
+      // Cells share their noise, trial by trial: what differs between them is not chance.
+      trials[static_cast<size_t>(trial)] = RunTrial(cell, study.seed, trial);
+      const std::lock_guard<std::mutex> guard(mutex);
+      progress.Step();
+    });
+    results.push_back({index, study.labels[static_cast<size_t>(index)], ErrorBound(cell), Summarise(cell, trials)});
+    cells.Keep(results.back());
+  }
+  std::sort(results.begin(), results.end(), [](const CellResult& a, const CellResult& b) { return a.cell < b.cell; });
+  if (is_whole) {
+    WriteFileAtomically(output / "config.yaml", study.used);
+    WriteFileAtomically(output / "study.txt", StudyTable(results));
+    WriteStudyPlots(results, output);
+    WriteFileAtomically(output / "study.html", StudyPage(output.lexically_normal().filename().empty()
+                                                             ? output.parent_path().filename().string()
+                                                             : output.filename().string(),
+                                                         results));
+    WriteFileAtomically(output / "study.csv", StudyCsv(results));
+  }
+  if (!FLAGS_quiet) std::cout << ForTerminal(StudyTable(results)) << "results: " << output.string() << std::endl;
+  return kDone;
+}
+
+}  // namespace heba

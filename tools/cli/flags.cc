@@ -1,0 +1,81 @@
+#include "tools/cli/flags.h"
+
+#include <cmath>
+
+#include <gflags/gflags.h>
+
+#include "heba/base/error.h"
+#include "heba/base/parallel.h"
+#include "heba/base/text.h"
+
+// A description begins with the kind of value that the flag takes, and |.
+DEFINE_string(out, "", "PATH|where the results go");
+DEFINE_int32(jobs, 0, "N|threads to use; 0 for one a processor");
+DEFINE_bool(quiet, false, "|no progress and no table");
+DEFINE_string(shard, "", "I/N|the part I, from 0 to N - 1, of N");
+DEFINE_string(set, "", "KEY=VALUE|counts more than the config, such as refine.loss=none; may stand several times");
+DEFINE_bool(resume, false, "|skip runs that are complete and whose inputs have not changed");
+DEFINE_string(fail_on, "", "GRADE|bad or doubtful: a run with such a verdict, or a worse one, ends with status 1");
+DEFINE_string(to, "", "FORM|urdf, ros1, ros2, opencv, kuka, ...; all for every one, into the folder --out");
+DEFINE_string(method, "", "METHOD|whose estimate to export; the refined one without it");
+DEFINE_string(parent, "",
+              "FRAME|what the camera is posed in; base_link (base for Universal Robots) or tool0 without it");
+DEFINE_string(child, "", "FRAME|the camera's frame; camera_optical_frame without it, camera_link with --child-is");
+DEFINE_string(
+    child_is, "",
+    "FRAME|optical (z forward), body (x forward, at the same place), or the optical frame's pose in the child, "
+    "x,y,z,qx,qy,qz,qw in m");
+DEFINE_bool(inverse, false, "|the pose of the parent in the child");
+DEFINE_string(units, "m", "UNIT|of the form matrix: m or mm");
+DEFINE_string(pose, "", "NUMBERS|the robot's pose at the picture, as in the run's poses file, commas between them");
+DEFINE_string(
+    near, "",
+    "NUMBERS|roughly where the target is, base_from_target, as in the run's poses file (x,y,z,qx,qy,qz,qw in m "
+    "if that holds joints): decides between the poses of a target that looks the same after half a turn");
+DEFINE_string(robot, "", "ARM|the arm whose joints reach the target: ur3 to ur30, or a .urdf file");
+DEFINE_string(format, "",
+              "FORM|what the data set is: industrial_calibration, easy_handeye2, ...; found out without it");
+DEFINE_string(target, "", "TARGET.yaml|what is in the pictures of a folder that no program has described");
+DEFINE_string(pixels, "", "U,V;U,V|pixels of the picture to locate instead of the target");
+DEFINE_string(plane, "target",
+              "PLANE|where the pixels lie: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
+DEFINE_double(dpi, 300, "N|resolution of a .png sheet");
+
+namespace heba {
+
+int NumThreads() {
+  constexpr int kMostThreads = 4096;
+  if (FLAGS_jobs < 0 || FLAGS_jobs > kMostThreads) {
+    throw InputError("--jobs needs a number from 0 to " + std::to_string(kMostThreads) + ", not " +
+                     std::to_string(FLAGS_jobs));
+  }
+  return FLAGS_jobs == 0 ? NumProcessors() : FLAGS_jobs;
+}
+
+std::vector<std::string> Settings() {
+  return FLAGS_set.empty() ? std::vector<std::string>() : Split(FLAGS_set, kSettingSeparator);
+}
+
+std::optional<Grade> FailOn() {
+  if (FLAGS_fail_on.empty()) return std::nullopt;
+  for (const Grade grade : {Grade::kDoubtful, Grade::kBad}) {
+    if (FLAGS_fail_on == GradeName(grade)) return grade;
+  }
+  throw InputError("--fail-on needs bad or doubtful, not '" + FLAGS_fail_on + "'");
+}
+
+Shard ParseShard() {
+  if (FLAGS_shard.empty()) return {};
+  const size_t slash = FLAGS_shard.find('/');
+  double index = 0;
+  double count = 0;
+  const bool is_number = slash != std::string::npos && ParseDouble(FLAGS_shard.substr(0, slash), &index) &&
+                         ParseDouble(FLAGS_shard.substr(slash + 1), &count);
+  const bool is_whole = index == std::floor(index) && count == std::floor(count) && count <= 1e6;
+  if (!is_number || !is_whole || count < 1 || index < 0 || index >= count) {
+    throw InputError("--shard needs I/N with I from 0 to N - 1, not '" + FLAGS_shard + "'");
+  }
+  return {static_cast<int>(index), static_cast<int>(count)};
+}
+
+}  // namespace heba

@@ -1,0 +1,411 @@
+#include "tools/config/capture_section.h"
+
+#include <algorithm>
+#include <functional>
+#include <map>
+#include <set>
+
+#include <glob.h>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/io/pose_source.h"
+#include "heba/robot/ur_kinematics.h"
+#include "tools/files/detection_file.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+std::vector<fs::path> ListFolder(const ConfigValue& value, const fs::path& folder) {
+  std::vector<fs::path> images;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    if (!HasImageSuffix(entry.path())) continue;
+    if (!entry.is_regular_file()) value.Fail(entry.path().string() + " is not a regular file");
+    images.push_back(entry.path());
+  }
+  if (images.empty()) value.Fail("the folder " + folder.string() + " holds no pictures");
+  return images;
+}
+
+std::vector<fs::path> ExpandGlob(const ConfigValue& value, const fs::path& pattern) {
+  glob_t found;
+  std::vector<fs::path> images;
+  if (glob(pattern.c_str(), 0, nullptr, &found) == 0) {
+    for (size_t i = 0; i < found.gl_pathc; ++i) images.emplace_back(found.gl_pathv[i]);
+  }
+  globfree(&found);
+  if (images.empty()) value.Fail("no file matches " + pattern.string());
+  return images;
+}
+
+// A folder, a glob or a list, sorted by name unless it is a list.
+std::vector<fs::path> FindImages(const ConfigValue& value) {
+  std::vector<fs::path> images;
+  if (value.IsList()) {
+    for (const ConfigValue& item : value.AsList()) {
+      const fs::path path = item.AsPath();
+      if (!fs::is_regular_file(path)) item.Fail("there is no picture " + path.string());
+      images.push_back(path);
+    }
+    if (images.empty()) value.Fail("the list is empty; pictures are needed");
+    return images;
+  }
+  const fs::path path = value.AsPath();
+  if (fs::is_directory(path)) {
+    images = ListFolder(value, path);
+  } else if (path.string().find_first_of("*?[") != std::string::npos) {
+    images = ExpandGlob(value, path);
+  } else {
+    value.Fail("there is no folder " + path.string() + "; a folder, a glob such as images/*.png, or a list is needed");
+  }
+  std::sort(images.begin(), images.end(), [](const fs::path& a, const fs::path& b) {
+    return NaturalLess(a.filename().string(), b.filename().string());
+  });
+  return images;
+}
+
+// What there is of one capture but for the robot's pose.
+struct Seen {
+  std::string name;
+  fs::path image;  // Empty: there is no picture.
+  std::optional<Rigid3d> camera_from_target;
+  std::optional<CaptureDetection> detection;
+};
+
+std::vector<Seen> SeenInPictures(const ConfigValue& value, MapReader* reader) {
+  const std::vector<fs::path> images = FindImages(value);
+  if (value.IsList()) {
+    YAML::Node list;
+    for (const fs::path& image : images) list.push_back(fs::absolute(image).lexically_normal().string());
+    reader->Record("images", list);
+  } else {
+    reader->Record("images", YAML::Node(fs::absolute(value.AsPath()).lexically_normal().string()));
+  }
+  std::vector<Seen> seen;
+  for (const fs::path& image : images) seen.push_back({image.filename().string(), image, {}, {}});
+  return seen;
+}
+
+std::vector<Seen> SeenByOthers(MapReader* reader, RunConfig* config) {
+  const fs::path file = reader->Path("target_poses");
+  config->data_files.push_back(file);
+  std::vector<Seen> seen;
+  for (const PoseRow& row : ReadPoseFile(file, *FindPoseFormat("ros"))) {
+    seen.push_back({row.image.empty() ? "sample_" + std::to_string(seen.size()) : row.image, {}, row.pose, {}});
+  }
+  return seen;
+}
+
+std::vector<Seen> SeenBefore(MapReader* reader, RunConfig* config) {
+  const fs::path file = reader->Path("detections");
+  config->data_files.push_back(file);
+  std::vector<Seen> seen;
+  for (auto& [name, detection] : ReadDetections(file)) seen.push_back({name, {}, {}, std::move(detection)});
+  return seen;
+}
+
+// A data set of another project. Its pictures count more than what was found in them.
+std::vector<Seen> SeenInDataSet(MapReader* reader, RunConfig* config) {
+  const fs::path source = reader->Path("data");
+  std::vector<std::string> formats = ImportFormatNames();
+  formats.insert(formats.begin(), "auto");
+  const std::string format = reader->Choice("format", formats, "auto");
+  config->imported = ImportDataSet(source, format == "auto" ? "" : format);
+  reader->Record("format", YAML::Node(config->imported->format));
+  config->data_files = config->imported->files;
+  const std::vector<ImportedCapture>& captures = config->imported->captures;
+  const auto all_have = [&](const auto& has) { return std::all_of(captures.begin(), captures.end(), has); };
+  const bool have_images = all_have([](const ImportedCapture& capture) { return !capture.image.empty(); });
+  const bool have_corners = std::any_of(captures.begin(), captures.end(),
+                                        [](const ImportedCapture& capture) { return !capture.ids.empty(); });
+  std::vector<Seen> seen;
+  for (const ImportedCapture& capture : captures) {
+    Seen entry{capture.name, capture.image, {}, {}};
+    if (!have_images) entry.image.clear();
+    if (have_corners) {
+      entry.detection = CaptureDetection{};
+      entry.detection->detection.ids = capture.ids;
+      entry.detection->detection.pixels = capture.pixels;
+    } else if (!have_images) {
+      entry.camera_from_target = capture.camera_from_target;
+    }
+    seen.push_back(std::move(entry));
+  }
+  return seen;
+}
+
+struct Source {
+  const char* key;
+  std::vector<Seen> (*read)(const ConfigValue& value, MapReader* reader, RunConfig* config);
+};
+constexpr Source kSources[] = {
+    {"images", [](const ConfigValue& value, MapReader* reader, RunConfig*) { return SeenInPictures(value, reader); }},
+    {"target_poses",
+     [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenByOthers(reader, config); }},
+    {"detections", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenBefore(reader, config); }},
+    {"data", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenInDataSet(reader, config); }}};
+
+// The poses as the data set has them, as rows of a file in the form `ros`.
+std::vector<PoseRow> RowsOf(const ConfigValue& data, const ImportedSet& set) {
+  std::vector<PoseRow> rows;
+  for (const ImportedCapture& capture : set.captures) {
+    if (!capture.base_from_gripper) {
+      data.Fail("a data set in the form " + set.format + " has no poses of the robot; give them (poses)");
+    }
+    rows.push_back({capture.name, "", *capture.base_from_gripper, 0,
+                    NumbersFromPose(*FindPoseFormat("ros"), *capture.base_from_gripper)});
+  }
+  return rows;
+}
+
+// The names of captures that are to be left out.
+std::set<std::string> ReadExcluded(MapReader* reader, const std::vector<Seen>& seen, const std::vector<PoseRow>& rows) {
+  std::set<std::string> excluded;
+  const std::optional<ConfigValue> list = reader->Find("exclude");
+  if (!list) return excluded;
+  std::vector<std::string> names;
+  for (const Seen& entry : seen) names.push_back(entry.name);
+  for (const PoseRow& row : rows) names.push_back(row.image);
+  for (const ConfigValue& item : list->AsList()) {
+    const std::string name = item.AsText();
+    if (std::find(names.begin(), names.end(), name) == names.end()) {
+      item.Fail("there is no capture " + Quoted(name) + DidYouMean(name, names));
+    }
+    excluded.insert(name);
+  }
+  reader->Record("exclude", list->node());
+  return excluded;
+}
+
+// The places of names that are alike after `part_of`; nothing if two of them are, or one has no such part.
+template <typename Part>
+std::optional<std::map<Part, size_t>> PlacesBy(const std::vector<std::string>& names,
+                                               const std::function<std::optional<Part>(const std::string&)>& part_of) {
+  std::map<Part, size_t> places;
+  for (size_t i = 0; i < names.size(); ++i) {
+    const std::optional<Part> part = part_of(names[i]);
+    if (!part || !places.emplace(*part, i).second) return std::nullopt;
+  }
+  return places;
+}
+
+std::string StemOf(const std::string& name) { return fs::path(name).stem().string(); }
+
+// Pairs files of one pose each with pictures: by their names without suffix, or else by the numbers in them.
+std::vector<std::optional<size_t>> PairFiles(const std::vector<PoseRow>& rows, const std::vector<Seen>& seen,
+                                             const fs::path& folder) {
+  std::vector<std::string> pictures;
+  for (const Seen& entry : seen) pictures.push_back(StemOf(entry.name));
+  std::vector<std::optional<size_t>> pairs(rows.size());
+  bool any = false;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const auto found = std::find(pictures.begin(), pictures.end(), rows[i].image);
+    if (found != pictures.end()) pairs[i] = found - pictures.begin();
+    any = any || pairs[i];
+  }
+  if (any) return pairs;
+  const auto places = PlacesBy<long>(pictures, NumberInName);
+  std::set<long> numbers;
+  for (const PoseRow& row : rows) {
+    if (const std::optional<long> number = NumberInName(row.image)) numbers.insert(*number);
+  }
+  if (!places || numbers.size() != rows.size()) {
+    throw InputError(folder.string() +
+                     ": its files and the pictures have no names or single numbers in common by which they belong "
+                     "together; name them alike, such as 007.txt and 007.png");
+  }
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const auto found = places->find(*NumberInName(rows[i].image));
+    if (found != places->end()) pairs[i] = found->second;
+  }
+  return pairs;
+}
+
+// A picture without a pose that the row may mean: near in its name and with the same number in it.
+std::string PictureMeant(const std::string& name, const std::vector<std::string>& without_row) {
+  std::vector<std::string> likely;
+  for (const std::string& other : without_row) {
+    if (NumberInName(StemOf(other)) == NumberInName(StemOf(name))) likely.push_back(other);
+  }
+  return DidYouMean(name, likely);
+}
+
+// For each row the picture that it belongs to; nothing if there is none.
+std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, const std::vector<Seen>& seen,
+                                            const std::set<std::string>& excluded, const ConfigValue& seen_value,
+                                            const RunConfig& config) {
+  std::map<std::string, size_t> place_of;
+  for (size_t i = 0; i < seen.size(); ++i) {
+    if (!place_of.emplace(seen[i].name, i).second) {
+      seen_value.Fail("two pictures are called " + seen[i].name +
+                      "; poses are found by file name, so names must differ");
+    }
+  }
+  std::vector<std::optional<size_t>> pairs(rows.size());
+  if (rows.empty() || rows.front().image.empty()) {
+    if (rows.size() != seen.size()) {
+      throw InputError(config.poses_file.string() + ": has " + std::to_string(rows.size()) +
+                       " rows without an image column for " + std::to_string(seen.size()) +
+                       " pictures; the counts must agree, or name the pictures");
+    }
+    for (size_t i = 0; i < rows.size(); ++i) pairs[i] = i;
+    return pairs;
+  }
+  std::error_code error;
+  if (fs::is_directory(config.poses_file, error)) {
+    pairs = PairFiles(rows, seen, config.poses_file);
+  } else {
+    for (size_t i = 0; i < rows.size(); ++i) {
+      const auto found = place_of.find(rows[i].image);
+      if (found != place_of.end()) pairs[i] = found->second;
+    }
+  }
+  std::map<size_t, size_t> row_of;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (!pairs[i]) continue;
+    const auto [other, is_new] = row_of.emplace(*pairs[i], i);
+    if (!is_new) {
+      throw InputError(config.poses_file.string() + ": " + rows[other->second].image + " and " + rows[i].image +
+                       " both belong to the picture " + seen[*pairs[i]].name);
+    }
+  }
+  std::vector<std::string> without_row;
+  for (const auto& [name, place] : place_of) {
+    if (std::find(pairs.begin(), pairs.end(), place) == pairs.end()) without_row.push_back(name);
+  }
+  const bool any = std::any_of(pairs.begin(), pairs.end(), [](const auto& pair) { return pair.has_value(); });
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (pairs[i] || excluded.count(rows[i].image) > 0) continue;
+    // A picture that was taken away leaves its pose out; one that is spelt otherwise is a mistake.
+    const std::string meant = PictureMeant(rows[i].image, without_row);
+    if (any && meant.empty()) continue;
+    const std::string where =
+        rows[i].line > 0 ? config.poses_file.string() + ":" + std::to_string(rows[i].line) : config.poses_file.string();
+    throw InputError(where + ": the picture " + rows[i].image + " is not among those of " + seen_value.key() +
+                     (meant.empty() ? "; nor is that of any other row" : meant));
+  }
+  return pairs;
+}
+
+void AddCapture(const Seen& seen, const PoseRow& row, RunConfig* config) {
+  Capture capture;
+  capture.name = seen.name;
+  capture.image = seen.image;
+  capture.role = row.role;
+  capture.base_from_gripper = BaseFromGripper(config->pose_reading, row.pose);
+  config->captures.push_back(capture);
+  config->pose_numbers.push_back(row.numbers);
+  if (seen.camera_from_target) config->target_poses.push_back(*seen.camera_from_target);
+  if (seen.detection) config->given_detections.push_back(*seen.detection);
+}
+
+}  // namespace
+
+namespace {
+
+// `robot`: an arm of the table, or a URDF with the links between which the joints are.
+PoseFormat ReadJointFormat(MapReader& reader) {
+  const std::string robot = reader.Get("robot").AsText();
+  const bool is_urdf = robot.ends_with(".urdf");
+  if (!is_urdf) {
+    reader.Choice("robot", UrRobotNames());
+    return JointFormat(robot, reader.Choice("joint_angles", {"rad", "deg"}, "rad"));
+  }
+  const fs::path file = reader.Path("robot");
+  const std::string base_link = reader.Text("base_link", "");
+  const std::string tip_link = reader.Text("tip_link", "");
+  return JointFormat(file.string(), UrdfArm::Read(file, base_link, tip_link),
+                     reader.Choice("joint_angles", {"rad", "deg"}, "rad"));
+}
+
+}  // namespace
+
+PoseReading ReadPoseReading(MapReader& reader) {
+  PoseFormat format = *FindPoseFormat("ros");
+  const std::optional<ConfigValue> format_value = reader.Find("pose_format");
+  const bool has_joints = format_value && format_value->IsText() && format_value->AsText() == "joints";
+  if (has_joints) {
+    format = ReadJointFormat(reader);
+  } else if (format_value) {
+    format = ReadPoseFormat(format_value->Top());
+  }
+  reader.Record("pose_format", PoseFormatNode(format));
+  if (const std::optional<ConfigValue> units = reader.Find("units")) {
+    format = WithUnits(format, *units);
+    reader.Record("units", units->node());
+  }
+  const std::string direction =
+      reader.Choice("poses_are", {"base_from_gripper", "gripper_from_base"}, "base_from_gripper");
+  return {format, direction == "base_from_gripper"};
+}
+
+Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose) {
+  return reading.is_base_from_gripper ? pose : Inverse(pose);
+}
+
+YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
+  MapReader reader(captures);
+  const Source* source = nullptr;
+  for (const Source& known : kSources) {
+    if (!reader.Has(known.key)) continue;
+    if (source != nullptr) reader.Get(known.key).Fail("only one of this and '" + std::string(source->key) + "' can be");
+    source = &known;
+  }
+  if (source == nullptr) source = &kSources[0];  // Its absence is the error.
+  const ConfigValue seen_value = reader.Get(source->key);
+  const std::vector<Seen> seen = source->read(seen_value, &reader, config);
+  std::vector<PoseRow> rows;
+  if (config->imported && !reader.Has("poses")) {
+    config->pose_reading.format = *FindPoseFormat("ros");
+    rows = RowsOf(seen_value, *config->imported);
+  } else {
+    config->poses_file = reader.Path("poses");
+    config->pose_reading = ReadPoseReading(reader);
+    if (config->pose_reading.format.arm) config->data_files.emplace_back(config->pose_reading.format.robot);
+    std::error_code error;
+    if (fs::is_directory(config->poses_file, error)) {
+      for (const fs::path& file : PoseFilesOf(config->poses_file)) config->data_files.push_back(file);
+    }
+    rows = ReadPoses(config->poses_file, config->pose_reading.format);
+  }
+
+  const std::set<std::string> excluded = ReadExcluded(&reader, seen, rows);
+  reader.Finish();
+  const std::vector<std::optional<size_t>> picture_of_row = PairRows(rows, seen, excluded, seen_value, *config);
+  std::vector<bool> has_row(seen.size(), false);
+  std::vector<bool> is_excluded(seen.size(), false);
+  for (size_t i = 0; i < seen.size(); ++i) is_excluded[i] = excluded.count(seen[i].name) > 0;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    // A capture is called by its picture's name, or by its row's where that is another.
+    const bool is_row_excluded = excluded.count(rows[i].image) > 0;
+    if (!picture_of_row[i]) {
+      if (is_row_excluded) continue;
+      config->left_out.push_back({rows[i].image, "the picture is not among those of " + seen_value.key()});
+      continue;
+    }
+    const size_t picture = *picture_of_row[i];
+    has_row[picture] = true;
+    if (is_row_excluded) is_excluded[picture] = true;
+    if (!is_excluded[picture]) AddCapture(seen[picture], rows[i], config);
+  }
+  for (size_t i = 0; i < seen.size(); ++i) {
+    if (is_excluded[i]) {
+      config->left_out.push_back({seen[i].name, "left out by captures.exclude"});
+    } else if (!has_row[i]) {
+      config->left_out.push_back({seen[i].name, "the robot's pose is not in the poses file"});
+    }
+  }
+  if (config->captures.empty()) seen_value.Fail("no capture is left: captures.exclude leaves all of them out");
+  const bool has_pictures = std::all_of(config->captures.begin(), config->captures.end(),
+                                        [](const Capture& capture) { return !capture.image.empty(); });
+  if (!has_pictures && config->given_detections.empty() && config->target_poses.size() != config->captures.size()) {
+    seen_value.Fail(
+        "neither pictures nor corners nor poses of the target belong to these poses; name the pictures "
+        "(images)");
+  }
+  return reader.used();
+}
+
+}  // namespace heba

@@ -1,0 +1,331 @@
+#include "tools/config/run_config.h"
+
+#include <algorithm>
+#include <limits>
+#include <set>
+
+#include "heba/base/error.h"
+#include "heba/base/text.h"
+#include "heba/io/camera_file.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/residuals/loss.h"
+#include "tools/config/capture_section.h"
+#include "tools/config/robot_noise_config.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+// A data set may say what the config does not.
+void ReadSetup(MapReader& root, RunConfig* config) {
+  std::optional<std::string> fallback;
+  if (config->imported && config->imported->setup) fallback = SetupName(*config->imported->setup);
+  config->setup = *FindSetup(root.Choice("setup", {"eye_to_hand", "eye_in_hand"}, fallback));
+}
+
+void ReadTargetSection(MapReader& root, RunConfig* config) {
+  if (!root.Has("target")) {
+    if (config->imported && !config->imported->target.empty()) {
+      MapReader target(ParseYaml(config->imported->target, config->imported->files.front()));
+      config->target = CreateTarget(target);
+      root.Record("target", target.used());
+    } else if (!config->target_poses.empty()) {
+      return;
+    }
+  }
+  if (!config->target) config->target = ReadTarget(root, "target");
+  config->target_used = YAML::Dump(root.used()["target"]);
+  std::set<int> known;
+  for (const TargetPoint& point : config->target->points()) known.insert(point.id);
+  for (size_t i = 0; i < config->given_detections.size(); ++i) {
+    std::set<int> seen;
+    for (const int id : config->given_detections[i].detection.ids) {
+      const std::string where = config->data_files.front().string() + ": " + config->captures[i].name + ": ";
+      if (known.count(id) == 0) throw InputError(where + "the target has no point " + std::to_string(id));
+      if (!seen.insert(id).second) throw InputError(where + "point " + std::to_string(id) + " stands there twice");
+    }
+    for (const Eigen::Vector2d& pixel : config->given_detections[i].detection.pixels) {
+      constexpr double kFarthestPx = 1e6;
+      if (!(pixel.cwiseAbs().maxCoeff() <= kFarthestPx)) {
+        throw InputError(config->data_files.front().string() + ": " + config->captures[i].name +
+                         ": a point is farther away than any picture reaches");
+      }
+    }
+  }
+}
+
+// The camera of a file, or of an imported data set, as `model`, if that is asked for.
+Camera AsModel(const Camera& camera, const std::optional<std::string>& model, const ConfigValue& asked) {
+  if (!model) return camera;
+  const std::optional<Camera> converted = ConvertCamera(camera, *model);
+  if (!converted) {
+    asked.Fail("holds a " + camera.model + " camera, which cannot be written as " + *model +
+               "; leave camera.model out or estimate the intrinsics");
+  }
+  return *converted;
+}
+
+void ReadCameraSection(MapReader& root, RunConfig* config) {
+  YAML::Node empty(YAML::NodeType::Map);
+  const std::optional<ConfigValue> value = root.Find("camera");
+  MapReader reader(value ? *value : ConfigValue(empty, config->file, "camera"));
+  std::optional<std::string> model;
+  if (const std::optional<ConfigValue> model_value = reader.Find("model")) {
+    std::vector<std::string> names = CameraModelNames();
+    names.emplace_back("auto");
+    model = model_value->AsChoice(names);
+    if (*model == "auto") model.reset();
+  }
+  if (const std::optional<ConfigValue> file = reader.Find("intrinsics")) {
+    const fs::path path = reader.Path("intrinsics");
+    config->camera_file = path.string();
+    config->camera = AsModel(ReadCameraFile(path), model, *file);
+    config->camera_model = config->camera->model;
+  } else if (config->imported && config->imported->camera) {
+    config->camera_file = config->imported->files.front().string();
+    config->camera = AsModel(*config->imported->camera, model, root.Get("captures"));
+    config->camera_model = config->camera->model;
+  } else {
+    config->choose_camera_model = !model;
+    config->camera_model = model.value_or("auto");
+  }
+  reader.Record("model", YAML::Node(config->camera_model));
+  reader.Finish();
+  root.Record("camera", reader.used());
+}
+
+// "auto", "none" (or "exact"), or both sigmas.
+void ReadRobotModel(MapReader* refine, RunConfig* config) {
+  const std::optional<ConfigValue> value = refine->Find("robot_noise");
+  if (!value || value->IsText()) {
+    const std::string name = value ? value->AsChoice({"auto", "none", "exact"}) : "auto";
+    config->choose.robot_noise = name == "auto";
+    refine->Record("robot_noise", YAML::Node(name));
+    return;
+  }
+  MapReader reader(*value);
+  config->bundle.robot = BundleOptions::Robot::kGivenNoise;
+  config->bundle.robot_noise = ReadRobotNoise(reader);
+  refine->Record("robot_noise", reader.used());
+}
+
+// `file`: what the camera file says of its own parameters' sigmas. By default where the file says it.
+void ReadIntrinsicsPrior(MapReader* refine, RunConfig* config) {
+  const bool has_file = config->camera && !config->bundle.free_intrinsics.empty() && !config->imported;
+  std::optional<std::vector<double>> sigmas = has_file ? ReadCameraSigmas(config->camera_file) : std::nullopt;
+  const std::string fallback = sigmas ? "file" : "none";
+  if (refine->Choice("intrinsics_prior", {"none", "file"}, fallback) == "none") return;
+  if (!sigmas) {
+    const ConfigValue value = refine->Get("intrinsics_prior");
+    if (!config->camera) value.Fail("needs a camera file (camera.intrinsics)");
+    if (config->bundle.free_intrinsics.empty()) value.Fail("needs intrinsics that are free (refine.intrinsics)");
+
+    value.Fail("needs sigmas, which " + config->camera_file +
+               " does not have (in heba's own form: std, as in the camera of a result.json)");
+  }
+  // Coefficients that the file's model does not have are unknown.
+  sigmas->resize(config->camera->params.size(), std::numeric_limits<double>::infinity());
+  config->bundle.camera_prior = CameraPrior{config->camera->params, *sigmas};
+}
+
+// "auto", "none" (or "exact"), or the list of what of the target's shape is unknown too.
+void ReadFreeShape(MapReader* refine, RunConfig* config) {
+  const std::vector<std::string> names(kTargetShapeGroupNames.begin(), kTargetShapeGroupNames.end());
+  YAML::Node groups(YAML::NodeType::Sequence);
+  const std::optional<ConfigValue> free = refine->Find("target_shape");
+  if (!free || free->IsText()) {
+    const std::string name = free ? free->AsChoice({"auto", "none", "exact"}) : "auto";
+    config->choose.target_shape = name == "auto";
+    refine->Record("target_shape", YAML::Node(name));
+    return;
+  }
+  for (const ConfigValue& item : free->AsList()) {
+    const std::string name = item.AsChoice(names);
+    const auto index = std::find(names.begin(), names.end(), name) - names.begin();
+    config->bundle.free_shape.push_back(static_cast<TargetShapeGroup>(index));
+    groups.push_back(name);
+  }
+  refine->Record("target_shape", groups);
+}
+
+void ReadRefine(MapReader& root, RunConfig* config) {
+  YAML::Node empty(YAML::NodeType::Map);
+  const std::optional<ConfigValue> value = root.Find("refine");
+  MapReader reader(value ? *value : ConfigValue(empty, config->file, "refine"));
+  if (const std::optional<ConfigValue> free = reader.Find("intrinsics")) {
+    config->bundle.free_intrinsics.clear();
+    const std::vector<std::string> names(std::begin(kParameterGroupNames), std::end(kParameterGroupNames));
+    for (const ConfigValue& item : free->AsList()) {
+      const std::string name = item.AsChoice(names);
+      const auto group = static_cast<ParameterGroup>(std::find(names.begin(), names.end(), name) - names.begin());
+      const std::vector<ParameterGroup>& known = config->bundle.free_intrinsics;
+      if (std::find(known.begin(), known.end(), group) != known.end()) item.Fail("stands twice");
+      config->bundle.free_intrinsics.push_back(group);
+    }
+  }
+  YAML::Node groups(YAML::NodeType::Sequence);
+  for (const ParameterGroup group : config->bundle.free_intrinsics) {
+    groups.push_back(std::string(kParameterGroupNames[static_cast<size_t>(group)]));
+  }
+  reader.Record("intrinsics", groups);
+  ReadFreeShape(&reader, config);
+  ReadRobotModel(&reader, config);
+  const std::optional<ConfigValue> pixel_noise = reader.Find("pixel_noise");
+  if (pixel_noise && !(pixel_noise->IsText() && pixel_noise->node().Scalar() == "auto")) {
+    config->bundle.pixel_noise_px = pixel_noise->AsQuantity(Quantity::kPixels);
+    if (!(*config->bundle.pixel_noise_px > 0)) pixel_noise->Fail("must be greater than zero");
+    reader.Record("pixel_noise", QuantityNode(*config->bundle.pixel_noise_px, Quantity::kPixels));
+  } else {
+    reader.Record("pixel_noise", YAML::Node("auto"));
+  }
+  ReadIntrinsicsPrior(&reader, config);
+  config->bundle.loss = reader.Choice("loss", LossNames(), "truncated");
+  reader.Finish();
+  root.Record("refine", reader.used());
+}
+
+Eigen::Vector3d ReadPlace(const ConfigValue& value) {
+  const std::vector<ConfigValue> items = value.AsList();
+  if (items.size() != 3) value.Fail("three lengths are needed: [400 mm, 0 mm, 50 mm]");
+  return {items[0].AsQuantity(Quantity::kLength), items[1].AsQuantity(Quantity::kLength),
+          items[2].AsQuantity(Quantity::kLength)};
+}
+
+std::string PlaceText(const Eigen::Vector3d& place_m) {
+  return "[" + Significant(1000 * place_m.x(), 4) + ", " + Significant(1000 * place_m.y(), 4) + ", " +
+         Significant(1000 * place_m.z(), 4) + "] mm";
+}
+
+void ReadRequirements(MapReader* evaluate, RunConfig* config) {
+  const std::optional<ConfigValue> list = evaluate->Find("require");
+  if (!list) return;
+  YAML::Node used(YAML::NodeType::Sequence);
+  for (const ConfigValue& item : list->AsList()) {
+    MapReader reader(item);
+    PlacedRequirement requirement;
+    requirement.within_m = reader.Length("within");
+    if (!(requirement.within_m > 0)) reader.Get("within").Fail("must be greater than zero");
+    if (const std::optional<ConfigValue> confidence = reader.Find("confidence")) {
+      requirement.confidence = confidence->AsNumber();
+      if (!(requirement.confidence > 0 && requirement.confidence < 1)) {
+        confidence->Fail("a number between 0 and 1 is needed");
+      }
+      reader.Record("confidence", confidence->node());
+    }
+    const std::optional<ConfigValue> at = reader.Find("at");
+    const std::optional<ConfigValue> box = reader.Find("box");
+    if (at && box) box->Fail("a point (at) or a box is needed, not both");
+    if (at) {
+      requirement.places_in_base_m = {ReadPlace(*at)};
+      requirement.text = PlaceText(requirement.places_in_base_m.front());
+      reader.Record("at", at->node());
+    }
+    if (box) {
+      const std::vector<ConfigValue> corners = box->AsList();
+      if (corners.size() != 2) box->Fail("two corners are needed: [[x, y, z], [x, y, z]]");
+      const Eigen::Vector3d low = ReadPlace(corners[0]);
+      const Eigen::Vector3d high = ReadPlace(corners[1]);
+      for (int corner = 0; corner < 8; ++corner) {
+        requirement.places_in_base_m.emplace_back((corner & 1) == 0 ? low.x() : high.x(),
+                                                  (corner & 2) == 0 ? low.y() : high.y(),
+                                                  (corner & 4) == 0 ? low.z() : high.z());
+      }
+      requirement.text = "the corners of the box from " + PlaceText(low) + " to " + PlaceText(high);
+      reader.Record("box", box->node());
+    }
+    reader.Finish();
+    used.push_back(reader.used());
+    config->requirements.push_back(std::move(requirement));
+  }
+  evaluate->Record("require", used);
+}
+
+void ReadEvaluate(MapReader& root, RunConfig* config) {
+  YAML::Node empty(YAML::NodeType::Map);
+  const std::optional<ConfigValue> value = root.Find("evaluate");
+  MapReader reader(value ? *value : ConfigValue(empty, config->file, "evaluate"));
+  config->folds = reader.Int("folds", {0, 1000000}, 5);
+  if (config->folds == 1) reader.Get("folds").Fail("one fold leaves nothing to learn from; 0 for none, or 2 and more");
+  if (reader.Has("truth")) config->truth = reader.Path("truth");
+  ReadRequirements(&reader, config);
+  reader.Finish();
+  root.Record("evaluate", reader.used());
+}
+
+}  // namespace
+
+std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key) {
+  // A target that says what it is replaces the one below: another type has other keys.
+  const ConfigValue value = reader.Get(key).DownTo({"type", "target_type"});
+  MapReader target_reader(value.IsMap() ? value : ReadYamlFile(value.AsPath()));
+  std::shared_ptr<const Target> target = CreateTarget(target_reader);
+  reader.Record(key, target_reader.used());
+  return target;
+}
+
+namespace {
+
+// Texts of the user's own, for the record.
+void ReadAbout(MapReader& root, RunConfig* config) {
+  const std::optional<ConfigValue> about = root.Find("about");
+  if (!about) return;
+  if (!about->IsMap()) about->Fail("a mapping is needed, such as {camera: serial number 4711}");
+  MapReader reader(*about);
+  for (const auto& entry : about->node()) {
+    const std::string key = entry.first.Scalar();
+    config->about.emplace_back(key, reader.Text(key));
+  }
+  root.Record("about", reader.used());
+}
+
+}  // namespace
+
+RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& settings) {
+  RunConfig config;
+  config.file = path;
+  const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
+  MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
+  config.name = reader.Text("name", path.stem().string());
+  constexpr size_t kLongestName = 200;  // File systems take 255 bytes, of which some are for what is staged.
+  const bool has_control = std::any_of(config.name.begin(), config.name.end(),
+                                       [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+  if (config.name.find('/') != std::string::npos || config.name == "." || config.name == ".." || has_control ||
+      config.name.size() > kLongestName) {
+    reader.Get("name").Fail("'" + config.name + "' cannot name a folder");
+  }
+  ReadAbout(reader, &config);
+  const YAML::Node captures_used = ReadCaptures(reader.Get("captures"), &config);
+  ReadSetup(reader, &config);
+  ReadTargetSection(reader, &config);
+  ReadCameraSection(reader, &config);
+  reader.Record("captures", captures_used);
+  std::vector<std::string> seeds = HandEyeMethodNames();
+  seeds.emplace_back(kBestSeed);
+  config.seed = reader.Choice("seed", seeds, kBestSeed);
+  if (const std::optional<ConfigValue> methods = reader.Find("methods")) {
+    if (methods->AsList().empty()) methods->Fail("the list is empty; name a method, or leave the key out for all");
+    for (const ConfigValue& item : methods->AsList()) {
+      const std::string name = item.AsChoice(HandEyeMethodNames());
+      if (std::find(config.methods.begin(), config.methods.end(), name) != config.methods.end()) {
+        item.Fail("'" + name + "' stands here twice");
+      }
+      config.methods.push_back(name);
+    }
+  }
+  if (!config.methods.empty()) reader.Record("methods", YAML::Node(config.methods));
+  ReadRefine(reader, &config);
+  ReadEvaluate(reader, &config);
+  if (reader.Has("output")) {
+    config.output = reader.Path("output");
+  } else {
+    config.output = fs::absolute(path).parent_path() / "runs" / config.name;
+    reader.Record("output", YAML::Node(config.output.string()));
+  }
+  reader.Finish();
+  YAML::Emitter emitter;
+  emitter << reader.used();
+  config.used = std::string(emitter.c_str()) + "\n";
+  return config;
+}
+
+}  // namespace heba

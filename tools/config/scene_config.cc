@@ -1,0 +1,125 @@
+#include "tools/config/scene_config.h"
+
+#include <limits>
+
+#include "heba/base/error.h"
+#include "heba/base/text.h"
+#include "heba/io/camera_file.h"
+#include "targets/detection.h"
+#include "tools/config/robot_noise_config.h"
+#include "tools/config/run_config.h"
+
+namespace heba {
+namespace {
+
+MapReader SubReader(MapReader& root, const std::string& key) {
+  const std::optional<ConfigValue> value = root.Find(key);
+  return MapReader(value ? *value : ConfigValue(YAML::Node(YAML::NodeType::Map), root.value().file(), key));
+}
+
+}  // namespace
+
+SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector<std::string>& settings) {
+  const ConfigValue file = ReadYamlFileOverBases(path, {});
+  return ReadScene(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
+}
+
+SceneConfig ReadScene(const ConfigValue& value) {
+  SceneConfig scene;
+  MapReader reader(value);
+  scene.setup = *FindSetup(reader.Choice("setup", {"eye_to_hand", "eye_in_hand"}));
+  scene.target = ReadTarget(reader, "target");
+  scene.target_used = reader.used()["target"];
+  // A camera that says what it is replaces the one below: another model has other coefficients.
+  const ConfigValue camera = reader.Get("camera").DownTo({"model"});
+  scene.camera = camera.IsMap() ? ReadCamera(camera) : ReadCameraFile(camera.AsPath());
+  if (scene.camera.width_px == 0) camera.Fail("the camera file has no image size; a simulated camera needs one");
+  scene.hand_eye.camera_mount_from_camera = ReadPose(reader.Get("hand_eye"));
+  scene.hand_eye.target_mount_from_target = ReadPose(reader.Get("board"));
+
+  MapReader motion = SubReader(reader, "motion");
+  scene.motion.num_captures = motion.Int("captures", {0, 10000}, scene.motion.num_captures);
+  scene.motion.distance_m = motion.PositiveLength("distance", scene.motion.distance_m);
+  scene.motion.depth_ratio = motion.Number("depth", scene.motion.depth_ratio);
+  scene.motion.max_tilt_rad = motion.Angle("tilt", scene.motion.max_tilt_rad);
+  scene.motion.max_spin_rad = motion.Angle("spin", scene.motion.max_spin_rad);
+  scene.motion.spread = motion.Number("spread", scene.motion.spread);
+  if (const std::optional<ConfigValue> two_step_value = motion.Find("two_step")) {
+    MapReader two_step(*two_step_value);
+    scene.two_step.emplace();
+    scene.two_step->translation_m = two_step.PositiveLength("translation", scene.two_step->translation_m);
+    scene.two_step->num_turns = two_step.Int("turns", {2, 10000}, scene.two_step->num_turns);
+    scene.two_step->max_turn_rad = two_step.Angle("angle", scene.two_step->max_turn_rad);
+    two_step.Finish();
+    const std::string faults = scene.two_step->Check();
+    if (!faults.empty()) two_step_value->Fail(faults);
+  }
+  if (scene.motion.num_captures == 0 && !scene.two_step) {
+    motion.Get("captures").Fail("must be at least 1 without two_step");
+  }
+  motion.Finish();
+  const std::string motion_faults = scene.motion.Check();
+  if (!motion_faults.empty()) motion.value().Fail(motion_faults);
+
+  MapReader image = SubReader(reader, "image");
+  scene.image.blur_sigma_px = image.Pixels("blur", scene.image.blur_sigma_px);
+  scene.image.noise_sigma_grey = image.QuantityOf("noise", Quantity::kGreyLevels, scene.image.noise_sigma_grey);
+  scene.image.black_grey = image.QuantityOf("black", Quantity::kGreyLevels, scene.image.black_grey);
+  scene.image.white_grey = image.QuantityOf("white", Quantity::kGreyLevels, scene.image.white_grey);
+  scene.image.light_gradient = image.Number("uneven_light", scene.image.light_gradient);
+  scene.image.clutter = image.Bool("clutter", scene.image.clutter);
+  scene.image.depth = image.Int("bits", {8, 16}, 8) == 16 ? GreyDepth::k16Bit : GreyDepth::k8Bit;
+  image.Finish();
+  MapReader print = SubReader(reader, "print");
+  scene.image.shape = DesignedShape(AllPoints(*scene.target).points_in_target);
+  scene.image.shape.params = {print.Number("scale_x", 1.0), print.Number("scale_y", 1.0), print.Length("bend_x", 0.0),
+                              print.Length("bend_y", 0.0)};
+  for (const char* key : {"scale_x", "scale_y"}) {
+    constexpr double kMostTimes = 2;
+    const double scale = print.Number(key, 1.0);
+    if (!(scale >= 1 / kMostTimes && scale <= kMostTimes)) print.Get(key).Fail("must be from 0.5 to 2");
+  }
+  for (const char* key : {"bend_x", "bend_y"}) {
+    // More than that is a roll.
+    constexpr double kMostOfSheet = 0.25;
+    const Drawing& drawing = scene.target->Draw();
+    const double most_m = kMostOfSheet * (drawing.max_m - drawing.min_m).minCoeff();
+    if (std::abs(print.Length(key, 0.0)) > most_m) {
+      print.Get(key).Fail("must be at most " + Significant(1e3 * most_m, 3) +
+                          " mm, a quarter of the sheet's shorter side");
+    }
+  }
+  print.Finish();
+  const std::string image_faults = scene.image.Check();
+  if (!image_faults.empty()) image.value().Fail(image_faults);
+
+  MapReader robot = SubReader(reader, "robot_noise");
+  const RobotNoise noise = ReadRobotNoise(robot, 0.0);
+  scene.robot_rotation_sigma_rad = noise.rotation_rad;
+  scene.robot_translation_sigma_m = noise.translation_m;
+  scene.pose_format = *FindPoseFormat("ros");
+  if (const std::optional<ConfigValue> format = reader.Find("pose_format")) scene.pose_format = ReadPoseFormat(*format);
+  scene.give_camera = reader.Bool("give_camera", true);
+  scene.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
+  reader.Finish();
+  return scene;
+}
+
+Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng* rng) {
+  const Points3 points = AllPoints(*scene.target).points_in_target;
+  const bool z_out = scene.target->Draw().y_up;
+  std::vector<SimulatedPose> poses;
+  if (scene.two_step) {
+    Outcome<std::vector<SimulatedPose>> two_step = SimulateTwoStepPoses(
+        scene.setup, scene.camera, points, z_out, scene.hand_eye, scene.motion, *scene.two_step, rng);
+    if (!two_step) return two_step;
+    poses = *two_step;
+  }
+  if (scene.motion.num_captures == 0) return poses;
+  const Outcome<std::vector<Rigid3d>> free = SimulatePoses(scene.camera, points, z_out, scene.motion, rng);
+  if (!free) return Failure{free.reason()};
+  for (const Rigid3d& pose : *free) poses.push_back({scene.two_step ? "free" : "", pose});
+  return poses;
+}
+
+}  // namespace heba

@@ -1,0 +1,230 @@
+#include "tools/config/study_config.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "heba/base/error.h"
+#include "heba/config/yaml_reader.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/residuals/loss.h"
+#include "targets/detection.h"
+#include "tools/config/robot_noise_config.h"
+#include "tools/config/scene_config.h"
+
+namespace heba {
+namespace {
+
+struct NamedScene {
+  std::string name;
+  ConfigValue place;
+  SceneConfig scene;
+};
+
+// A mapping from names to scenes, each a file or a mapping itself.
+std::vector<NamedScene> ReadScenes(MapReader& reader) {
+  const ConfigValue value = reader.Get("scenes");
+  if (!value.IsMap() || value.node().size() == 0) value.Fail("a mapping from names to scenes is needed");
+  MapReader scenes(value);
+  std::vector<NamedScene> result;
+  for (const auto& entry : value.node()) {
+    const std::string name = entry.first.as<std::string>();
+    const ConfigValue scene = scenes.Get(name);
+    result.push_back({name, scene, scene.IsMap() ? ReadScene(scene) : ReadSceneConfig(scene.AsPath())});
+  }
+  reader.Record("scenes", value.node());
+  return result;
+}
+
+// A list to vary, or the one value of a study that does not.
+template <class T, class Read>
+std::vector<T> ReadList(MapReader& reader, const std::string& key, const std::vector<T>& fallback, const Read& read) {
+  const std::optional<ConfigValue> value = reader.Find(key);
+  if (!value) return fallback;
+  reader.Record(key, value->node());
+  if (!value->IsList()) return {read(*value)};
+  std::vector<T> list;
+  for (const ConfigValue& item : value->AsList()) list.push_back(read(item));
+  if (list.empty()) value->Fail("the list is empty");
+  return list;
+}
+
+double ReadShare(const ConfigValue& value) {
+  const double share = value.AsNumber();
+  if (!(share >= 0 && share <= 1)) value.Fail("a share from 0 to 1 is needed");
+  return share;
+}
+
+RobotNoise ReadNoise(const ConfigValue& value) {
+  MapReader reader(value);
+  return ReadRobotNoise(reader);
+}
+
+// How the target differs from its design, as a scene's `print` says it.
+TargetShape ReadTrueShape(const ConfigValue& value) {
+  MapReader reader(value);
+  TargetShape shape;
+  constexpr const char* kKeys[] = {"scale_x", "scale_y", "bend_x", "bend_y"};
+  for (size_t i = 0; i < shape.params.size(); ++i) {
+    const std::optional<ConfigValue> param = reader.Find(kKeys[i]);
+    if (!param) continue;
+    shape.params[i] = i < 2 ? param->AsNumber() : param->AsQuantity(Quantity::kLength);
+    if (i < 2 && !(shape.params[i] >= 0.5 && shape.params[i] <= 2)) param->Fail("must be from 0.5 to 2");
+    if (i >= 2 && std::abs(shape.params[i]) > 0.1) param->Fail("must be at most 100 mm");
+    reader.Record(kKeys[i], param->node());
+  }
+  reader.Finish();
+  return shape;
+}
+
+BundleOptions::Robot RobotModel(const std::string& name) {
+  if (name == "exact") return BundleOptions::Robot::kExact;
+  return name == "given" ? BundleOptions::Robot::kGivenNoise : BundleOptions::Robot::kEstimatedNoise;
+}
+
+// A cell under construction.
+struct Variant {
+  StudyCell cell;
+  StudyLabels labels;
+};
+
+// Replaces each variant by as many as there are values, in their order, and sets one value in each.
+template <class T, class Set>
+void Vary(const std::vector<T>& values, std::vector<Variant>* variants, const Set& set) {
+  std::vector<Variant> varied;
+  for (const Variant& variant : *variants) {
+    for (const T& value : values) {
+      varied.push_back(variant);
+      set(value, &varied.back());
+    }
+  }
+  *variants = std::move(varied);
+}
+
+}  // namespace
+
+StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
+  StudyConfig study;
+  MapReader reader(ReadYamlFile(path));
+  study.name = reader.Text("name", path.stem().string());
+  if (study.name.find('/') != std::string::npos || study.name == "." || study.name == "..") {
+    reader.Get("name").Fail("'" + study.name + "' cannot name a folder");
+  }
+  study.num_trials = reader.Int("trials", {1, 100000000}, 300);
+  study.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
+  const std::vector<NamedScene> scenes = ReadScenes(reader);
+  const std::vector<double> pixel_sigmas = ReadList<double>(reader, "pixel_noise", {0.1}, [](const ConfigValue& value) {
+    const double sigma_px = value.AsQuantity(Quantity::kPixels);
+    if (!(sigma_px > 0)) value.Fail("must be greater than zero");
+    return sigma_px;
+  });
+  const std::vector<RobotNoise> robot_noises = ReadList<RobotNoise>(reader, "robot_noise", {RobotNoise{}}, ReadNoise);
+  // 0: as many as the scene has.
+  const std::vector<int> captures = ReadList<int>(reader, "captures", {0}, [](const ConfigValue& value) {
+    return value.AsInt({3, 10000});
+  });
+  const std::vector<double> outliers = ReadList<double>(reader, "outlier_points", {0.0}, ReadShare);
+  const std::vector<double> wrongs = ReadList<double>(reader, "wrong_captures", {0.0}, ReadShare);
+  const std::vector<std::string> robot_models =
+      ReadList<std::string>(reader, "robot_model", {"auto"}, [](const ConfigValue& value) {
+        return value.AsChoice({"exact", "given", "estimated", "auto"});
+      });
+  const std::vector<TargetShape> target_shapes =
+      ReadList<TargetShape>(reader, "target_shape", {TargetShape()}, ReadTrueShape);
+  const std::string shape_model = reader.Choice("shape_model", {"none", "auto"}, "auto");
+  // Left out, each scene says it.
+  std::optional<bool> give_camera;
+  if (reader.Has("give_camera")) give_camera = reader.Bool("give_camera", true);
+  CalibrationOptions options;
+  if (const std::optional<ConfigValue> methods = reader.Find("methods")) {
+    for (const ConfigValue& item : methods->AsList()) options.methods.push_back(item.AsChoice(HandEyeMethodNames()));
+    reader.Record("methods", methods->node());
+  }
+  std::vector<std::string> seeds = HandEyeMethodNames();
+  seeds.emplace_back(kBestSeed);
+  options.seed = reader.Choice("start", seeds, kBestSeed);
+  options.bundle.loss = reader.Choice("loss", LossNames(), "truncated");
+  options.bundle.free_intrinsics = {};
+  if (const std::optional<ConfigValue> free = reader.Find("intrinsics")) {
+    const std::vector<std::string> names(std::begin(kParameterGroupNames), std::end(kParameterGroupNames));
+    for (const ConfigValue& item : free->AsList()) {
+      const auto found = std::find(names.begin(), names.end(), item.AsChoice(names));
+      options.bundle.free_intrinsics.push_back(static_cast<ParameterGroup>(found - names.begin()));
+    }
+    reader.Record("intrinsics", free->node());
+  }
+  if (reader.Has("output")) {
+    study.output = reader.Path("output");
+  } else {
+    study.output = std::filesystem::absolute(path).parent_path() / "studies" / study.name;
+  }
+  reader.Finish();
+  study.used = [&] {
+    YAML::Emitter emitter;
+    emitter << reader.used();
+    return std::string(emitter.c_str()) + "\n";
+  }();
+
+  for (const NamedScene& named : scenes) {
+    for (const int num_captures : captures) {
+      SceneConfig scene = named.scene;
+      const int num_two_step = scene.two_step ? 3 + scene.two_step->num_turns : 0;
+      if (num_captures > 0) {
+        if (num_captures < num_two_step)
+          named.place.Fail("has more captures in its two-step motion than are asked for");
+        scene.motion.num_captures = num_captures - num_two_step;
+      }
+      Rng rng(scene.seed);
+      const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
+      if (!poses) named.place.Fail(poses.reason());
+      StudyCell cell;
+      cell.camera = scene.camera;
+      cell.hand_eye = scene.hand_eye;
+      cell.target = AllPoints(*scene.target);
+      cell.poses = *poses;
+      cell.options = options;
+      cell.options.setup = scene.setup;
+      cell.options.symmetries = {Rigid3d()};
+      cell.options.camera_model = scene.camera.model;
+      cell.options.width_px = scene.camera.width_px;
+      cell.options.height_px = scene.camera.height_px;
+      if (give_camera.value_or(scene.give_camera)) cell.options.camera = scene.camera;
+      cell.options.choose.target_shape = shape_model == "auto";
+      cell.options.shape = DesignedShape(cell.target.points_in_target);
+      cell.shape = cell.options.shape;
+      std::vector<Variant> variants = {{cell, {}}};
+      StudyLabels& labels = variants.front().labels;
+      labels.scene = named.name;
+      labels.setup = scene.setup;
+      labels.num_captures = static_cast<int>(poses->size());
+      labels.num_points = cell.target.size();
+      Vary(pixel_sigmas, &variants, [](double sigma_px, Variant* variant) {
+        variant->cell.pixel_sigma_px = variant->labels.pixel_sigma_px = sigma_px;
+      });
+      Vary(robot_noises, &variants, [](const RobotNoise& noise, Variant* variant) {
+        variant->cell.robot_noise = variant->labels.robot_noise = noise;
+        variant->cell.options.bundle.robot_noise = noise;
+      });
+      Vary(target_shapes, &variants, [](const TargetShape& shape, Variant* variant) {
+        variant->cell.shape.params = variant->labels.shape_params = shape.params;
+      });
+      Vary(outliers, &variants, [](double share, Variant* variant) {
+        variant->cell.outlier_points = variant->labels.outlier_points = share;
+      });
+      Vary(wrongs, &variants, [](double share, Variant* variant) {
+        variant->cell.wrong_captures = variant->labels.wrong_captures = share;
+      });
+      Vary(robot_models, &variants, [](const std::string& model, Variant* variant) {
+        variant->labels.robot_model = model;
+        variant->cell.options.bundle.robot = RobotModel(model);
+        variant->cell.options.choose.robot_noise = model == "auto";
+      });
+      for (Variant& variant : variants) {
+        study.cells.push_back(std::move(variant.cell));
+        study.labels.push_back(std::move(variant.labels));
+      }
+    }
+  }
+  return study;
+}
+
+}  // namespace heba

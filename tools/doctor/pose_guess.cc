@@ -1,0 +1,351 @@
+#include "tools/doctor/pose_guess.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/io/import_text.h"
+#include "heba/io/npy_file.h"
+#include "heba/io/pose_source.h"
+#include "tools/config/run_config.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+// The fields of some poses, a row each, and the names that the file gives to its columns, if it does.
+struct RawTable {
+  std::vector<std::string> names;
+  std::vector<std::vector<std::string>> rows;
+};
+
+constexpr size_t kMostRows = 1000;
+
+bool IsNumber(const std::string& field) {
+  double number = 0;
+  return ParseDouble(field, &number);
+}
+
+// The fields of a line between tabs, semicolons or commas, where they may hold blanks, or else between blanks.
+std::vector<std::string> FieldsOf(std::string line) {
+  line = WithoutBrackets(line);
+  std::replace(line.begin(), line.end(), '"', ' ');
+  for (const char separator : {'\t', ';', ','}) {
+    if (line.find(separator) == std::string::npos) continue;
+    std::vector<std::string> fields;
+    for (const std::string& field : Split(line, separator)) fields.push_back(Trim(field));
+    const bool are_whole = std::all_of(fields.begin(), fields.end(), [](const std::string& field) {
+      return field.find_first_of(";,\t") == std::string::npos && !field.empty();
+    });
+    if (are_whole) return fields;
+  }
+  constexpr std::string_view kBetween = " \t\r,;";
+  std::vector<std::string> fields;
+  size_t at = line.find_first_not_of(kBetween);
+  while (at != std::string::npos) {
+    const size_t end = std::min(line.find_first_of(kBetween, at), line.size());
+    fields.push_back(line.substr(at, end - at));
+    at = line.find_first_not_of(kBetween, end);
+  }
+  return fields;
+}
+
+RawTable TableOfText(const fs::path& file) {
+  RawTable table;
+  for (const TextLine& line : LinesOf(ReadTextFile(file))) {
+    if (table.rows.size() == kMostRows) break;
+    std::vector<std::string> fields = FieldsOf(line.text);
+    const auto num_numbers = std::count_if(fields.begin(), fields.end(), IsNumber);
+    constexpr int kNumbersOfAPlace = 3;
+    if (table.names.empty() && table.rows.empty() && num_numbers < kNumbersOfAPlace) {
+      table.names = std::move(fields);
+    } else {
+      table.rows.push_back(std::move(fields));
+    }
+  }
+  return table;
+}
+
+RawTable TableOfArray(const fs::path& file) {
+  const NumberArray array = ReadNpyFile(file);
+  RawTable table;
+  const size_t width = array.shape.empty() ? 1 : array.numbers.size() / array.shape[0];
+  for (size_t i = 0; i + width <= array.numbers.size() && table.rows.size() < kMostRows; i += width) {
+    table.rows.emplace_back();
+    for (size_t j = 0; j < width; ++j) table.rows.back().push_back(RoundTrip(array.numbers[i + j]));
+  }
+  return table;
+}
+
+// The numbers of a file in their order, whatever stands around them.
+std::vector<std::string> NumbersIn(const fs::path& file) {
+  std::vector<std::string> numbers;
+  if (file.extension() == ".npy") {
+    for (const double number : ReadNpyFile(file).numbers) numbers.push_back(RoundTrip(number));
+    return numbers;
+  }
+  const std::string suffix = file.extension().string();
+  if (suffix == ".json" || suffix == ".yaml" || suffix == ".yml") {
+    try {
+      for (const double number : PoseNumbersOfYaml(file, *FindPoseFormat("ros"))) numbers.push_back(RoundTrip(number));
+      return numbers;
+    } catch (const InputError&) {
+      numbers.clear();  // Its keys tell nothing: then by their places.
+    }
+  }
+  for (const TextLine& line : LinesOf(ReadTextFile(file))) {
+    std::string text = line.text;
+    constexpr std::string_view kMarks = "[](){}:,;\"'";
+    std::replace_if(
+        text.begin(), text.end(), [&](char c) { return kMarks.find(c) != std::string_view::npos; }, ' ');
+    for (const std::string& field : FieldsOf(text)) {
+      if (IsNumber(field)) numbers.push_back(field);
+    }
+  }
+  return numbers;
+}
+
+// One file a pose.
+RawTable TableOfFolder(const fs::path& folder) {
+  RawTable table;
+  for (const fs::path& file : PoseFilesOf(folder)) {
+    if (table.rows.size() == kMostRows) break;
+    table.rows.push_back(NumbersIn(file));
+  }
+  return table;
+}
+
+RawTable ReadRawTable(const fs::path& poses) {
+  std::error_code error;
+  if (fs::is_directory(poses, error)) return TableOfFolder(poses);
+  return poses.extension() == ".npy" ? TableOfArray(poses) : TableOfText(poses);
+}
+
+std::vector<double> NumbersOf(const RawTable& table, size_t column) {
+  std::vector<double> numbers;
+  for (const std::vector<std::string>& row : table.rows) {
+    double number = 0;
+    ParseDouble(row[column], &number);
+    numbers.push_back(number);
+  }
+  return numbers;
+}
+
+double LargestOf(const RawTable& table, const std::vector<size_t>& columns, size_t first, size_t last) {
+  double largest = 0;
+  for (size_t i = first; i < last; ++i) {
+    for (const double number : NumbersOf(table, columns[i])) largest = std::max(largest, std::abs(number));
+  }
+  return largest;
+}
+
+// Whether the four columns from `first` on are of length 1 together.
+bool IsQuaternion(const RawTable& table, const std::vector<size_t>& columns, size_t first) {
+  Eigen::Vector4d q;
+  for (size_t i = 0; i < table.rows.size(); ++i) {
+    for (size_t k = 0; k < 4; ++k) ParseDouble(table.rows[i][columns[first + k]], &q[static_cast<Eigen::Index>(k)]);
+    constexpr double kRounded = 0.02;
+    if (!(std::abs(q.norm() - 1) < kRounded)) return false;
+  }
+  return true;
+}
+
+// Whether nine columns are a rotation, row by row.
+bool IsRotation(const RawTable& table, const std::vector<size_t>& columns, const std::array<size_t, 9>& places) {
+  for (const std::vector<std::string>& row : table.rows) {
+    Eigen::Matrix3d matrix;
+    for (size_t k = 0; k < places.size(); ++k) {
+      ParseDouble(row[columns[places[k]]], &matrix(static_cast<Eigen::Index>(k / 3), static_cast<Eigen::Index>(k % 3)));
+    }
+    constexpr double kRounded = 0.02;
+    if (!((matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).norm() < kRounded)) return false;
+  }
+  return true;
+}
+
+// The columns in the order of a pose, x, y, z first: every order that the numbers may have, the likelier one first.
+std::vector<std::vector<size_t>> OrdersOf(const RawTable& table, const std::vector<size_t>& columns) {
+  const auto picked = [&](const std::vector<size_t>& places) {
+    std::vector<size_t> order;
+    for (const size_t place : places) order.push_back(columns[place]);
+    return order;
+  };
+  switch (columns.size()) {
+    case 6:
+      return {columns, picked({3, 4, 5, 0, 1, 2})};
+    case 7:
+      if (IsQuaternion(table, columns, 3)) return {columns};
+      if (IsQuaternion(table, columns, 0)) return {picked({4, 5, 6, 0, 1, 2, 3})};
+      return {};
+    case 12:
+      if (IsRotation(table, columns, {3, 4, 5, 6, 7, 8, 9, 10, 11})) return {columns};
+      // The upper three rows of a 4 x 4 matrix.
+      if (IsRotation(table, columns, {0, 1, 2, 4, 5, 6, 8, 9, 10})) {
+        return {picked({3, 7, 11, 0, 1, 2, 4, 5, 6, 8, 9, 10})};
+      }
+      return {};
+    case 16:
+      return {columns};
+    default:
+      return {};
+  }
+}
+
+// The columns that a header calls x, y and z come first; nothing if it does not.
+std::optional<std::vector<size_t>> OrderByNames(const RawTable& table, const std::vector<size_t>& columns) {
+  if (table.names.empty() || columns.size() == 16) return std::nullopt;
+  std::vector<size_t> order;
+  for (const char* const axis : {"x", "y", "z"}) {
+    const auto found = std::find_if(columns.begin(), columns.end(),
+                                    [&](size_t column) { return BareColumnName(table.names[column]) == axis; });
+    if (found == columns.end()) return std::nullopt;
+    order.push_back(*found);
+  }
+  for (const size_t column : columns) {
+    if (std::find(order.begin(), order.end(), column) == order.end()) order.push_back(column);
+  }
+  return order;
+}
+
+bool NamesJoints(const RawTable& table) {
+  return std::any_of(table.names.begin(), table.names.end(), [](const std::string& name) {
+    const std::string bare = BareColumnName(name);
+    return bare.starts_with("joint") ||
+           (bare.size() == 2 && (bare[0] == 'j' || bare[0] == 'q') && bare[1] >= '0' && bare[1] <= '9');
+  });
+}
+
+// `order`: the pose's columns of the table, x, y, z first.
+void GuessUnits(const RawTable& table, const std::vector<size_t>& order, PoseFormat* format) {
+  // No arm reaches 20 m, few places are within 20 mm of the base.
+  constexpr double kLongestInMetres = 20;
+  constexpr size_t kEuler = 6;
+  const bool is_whole_matrix = order.size() == 16;
+  double longest = LargestOf(table, order, 0, 3);
+  if (is_whole_matrix) longest = std::max({LargestOf(table, order, 3, 4), LargestOf(table, order, 7, 8)});
+  format->translation_unit = longest > kLongestInMetres ? "mm" : "m";
+  if (order.size() == kEuler) {
+    const bool is_deg = LargestOf(table, order, 3, kEuler) > 2 * M_PI + 0.01;
+    format->rotation = is_deg ? "euler_zyx" : "rotation_vector";
+    format->angle_unit = is_deg ? "deg" : "rad";
+  } else {
+    format->rotation = order.size() == 7 ? "quaternion_xyzw" : "matrix";
+  }
+}
+
+PoseFormat FormatOf(const RawTable& table, const std::vector<size_t>& order, const std::optional<size_t>& image) {
+  PoseFormat format;
+  const size_t width = table.rows.front().size();
+  const auto name_of = [&](size_t number) -> std::string {
+    if (!table.names.empty()) return table.names[order[number]];
+    return number < 3 && order.size() != 16 ? std::string(1, "xyz"[number]) : "r" + std::to_string(number + 1);
+  };
+  for (size_t number = 0; number < order.size(); ++number) format.columns.push_back(name_of(number));
+  // In the file's order: x, y and z are found by their names (ReadPoseFormat).
+  for (size_t column = 0; column < width; ++column) {
+    const auto place = std::find(order.begin(), order.end(), column);
+    format.file_columns.push_back(place != order.end() ? name_of(static_cast<size_t>(place - order.begin()))
+                                                       : std::string(image == column ? kImageColumn : kNoColumn));
+  }
+  GuessUnits(table, order, &format);
+  return format;
+}
+
+// A pose file's own faults are the caller's to report.
+std::optional<RunConfig> ReadWith(const fs::path& config, std::vector<std::string> settings, const PoseFormat& format) {
+  settings.push_back(PoseFormatSetting(format));
+  try {
+    return ReadRunConfig(config, settings);
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
+GuessedTable GuessPoseFormats(const fs::path& poses) {
+  RawTable table;
+  try {
+    table = ReadRawTable(poses);
+  } catch (const InputError&) {
+    return {};
+  }
+  constexpr size_t kFewestRows = 3;
+  if (table.rows.size() < kFewestRows || NamesJoints(table)) return {};
+  const size_t width = table.rows.front().size();
+  const bool is_even = std::all_of(table.rows.begin(), table.rows.end(),
+                                   [&](const std::vector<std::string>& row) { return row.size() == width; });
+  if (!is_even || (!table.names.empty() && table.names.size() != width)) return {};
+  std::vector<size_t> numeric;
+  std::optional<size_t> image;
+  for (size_t column = 0; column < width; ++column) {
+    const auto count_of = [&](const auto& is) {
+      return static_cast<size_t>(
+          std::count_if(table.rows.begin(), table.rows.end(), [&](const auto& row) { return is(row[column]); }));
+    };
+    const size_t num_numbers = count_of(IsNumber);
+    if (num_numbers == table.rows.size()) numeric.push_back(column);
+    // A number that is misspelt is a fault of its line.
+    if (num_numbers < table.rows.size() && 2 * num_numbers > table.rows.size()) return {};
+    const bool is_image = count_of([](const std::string& field) { return HasImageSuffix(field); }) == table.rows.size();
+    if (!image && is_image) image = column;
+  }
+  // An index or a time may stand before the pose.
+  for (const size_t before : {0, 1}) {
+    if (numeric.size() <= before) break;
+    const std::vector<size_t> columns(numeric.begin() + static_cast<std::ptrdiff_t>(before), numeric.end());
+    std::vector<std::vector<size_t>> orders = OrdersOf(table, columns);
+    if (orders.empty()) continue;
+    if (const std::optional<std::vector<size_t>> named = OrderByNames(table, columns)) orders = {*named};
+    GuessedTable guessed{{}, table.rows.size()};
+    for (const std::vector<size_t>& order : orders) guessed.formats.push_back(FormatOf(table, order, image));
+    return guessed;
+  }
+  return {};
+}
+
+std::string PoseFormatSetting(const PoseFormat& format) { return "captures.pose_format=" + PoseFormatText(format); }
+
+std::optional<GuessedReading> GuessReading(const fs::path& config, const std::vector<std::string>& settings,
+                                           int num_threads, Verbosity verbosity) {
+  std::vector<PoseFormat> formats;
+  try {
+    const ConfigValue file = ReadYamlFileOverBases(config, {"name", "output"});
+    MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
+    MapReader captures(reader.Get("captures"));
+    if (!captures.Has("poses")) return std::nullopt;
+    formats = GuessPoseFormats(captures.Path("poses")).formats;
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+  std::optional<GuessedReading> first;
+  for (const PoseFormat& format : formats) {
+    GuessedReading guessed;
+    guessed.format = format;
+    // The pictures say what the numbers' sizes do not; with that, the other checks see the poses as they are.
+    for (int round = 0; round < 2; ++round) {
+      const std::optional<RunConfig> read = ReadWith(config, settings, guessed.format);
+      if (!read) return first;
+      guessed.diagnosis = Diagnose(*read, num_threads, verbosity);
+      const std::optional<PoseFit>& fit = guessed.diagnosis.pose_fit;
+      guessed.fits = fit && fit->fits;
+      if (!fit || PoseFormatText(fit->format) == PoseFormatText(guessed.format)) break;
+      guessed.format = fit->format;
+    }
+    if (guessed.fits) return guessed;
+    if (!first) first = std::move(guessed);
+  }
+  return first;
+}
+
+std::string ReadingInWords(const PoseFormat& format) {
+  return std::to_string(format.columns.size()) + " numbers a pose: " +
+         (format.columns.size() == 16 ? "a 4 x 4 matrix row by row, in " + format.translation_unit
+                                      : "x, y, z in " + format.translation_unit + " and " + format.rotation +
+                                            (format.angle_unit.empty() ? "" : " in " + format.angle_unit));
+}
+
+}  // namespace heba

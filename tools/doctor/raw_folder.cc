@@ -1,0 +1,180 @@
+#include "tools/doctor/raw_folder.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/data/setup.h"
+#include "heba/io/camera_file.h"
+#include "heba/io/export.h"
+#include "heba/io/import_text.h"
+#include "heba/io/pose_source.h"
+#include "targets/target.h"
+#include "tools/config/run_config.h"
+#include "tools/doctor/pose_guess.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+// The entries of a folder, by name.
+std::vector<fs::path> EntriesOf(const fs::path& folder) {
+  std::vector<fs::path> entries;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) entries.push_back(entry.path());
+  std::sort(entries.begin(), entries.end());
+  return entries;
+}
+
+bool Reads(const fs::path& file, void (*read)(const fs::path& file)) {
+  try {
+    read(file);
+    return true;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+bool IsCamera(const fs::path& file) {
+  return Reads(file, [](const fs::path& path) { ReadCameraFile(path); });
+}
+
+bool IsTarget(const fs::path& file) {
+  return Reads(file, [](const fs::path& path) {
+    MapReader reader(ReadYamlFile(path));
+    CreateTarget(reader);
+  });
+}
+
+// A config that leaves out what is not known.
+std::string ConfigText(const RawFolder& raw, const std::optional<fs::path>& target, const PoseFormat& format,
+                       const std::optional<Setup>& setup, const fs::path& config) {
+  const auto path = [&](const fs::path& file) {
+    return QuotedForYaml(
+        fs::weakly_canonical(file).lexically_proximate(fs::weakly_canonical(config.parent_path())).string());
+  };
+  std::string text = setup ? "setup: " + std::string(SetupName(*setup)) + "\n"
+                           : "# setup: eye_to_hand (camera fixed) or eye_in_hand (camera on the gripper)\n";
+  text += target ? "target: " + path(*target) + "\n" : "# target: ...: what is in the pictures\n";
+  if (raw.camera) text += "camera:\n  intrinsics: " + path(*raw.camera) + "\n";
+  return text + "captures:\n  images: " + path(raw.pictures) + "\n  poses: " + path(raw.poses) +
+         "\n  pose_format: " + PoseFormatText(format) + "\n";
+}
+
+struct Trial {
+  Setup setup = Setup::kEyeToHand;
+  PoseFormat format;
+  double misfit_m = 0;
+  std::string misfit;
+};
+
+std::string TrialInWords(const Trial& trial) {
+  return std::string(SetupName(trial.setup)) + ": robot and pictures differ by " + trial.misfit;
+}
+
+// Why neither set-up gave a reading that fits: the config's fault, if it has one.
+std::string WhyNoReading(const fs::path& config) {
+  try {
+    ReadRunConfig(config);
+  } catch (const InputError& fault) {
+    return std::string("the data set cannot be read: ") + fault.what();
+  }
+  return "no reading of them that was tried fits the pictures; set setup in the config, and 'heba doctor' on it says "
+         "more";
+}
+
+}  // namespace
+
+std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
+  RawFolder raw;
+  std::vector<fs::path> folders = {folder};
+  std::error_code error;
+  for (const fs::path& entry : EntriesOf(folder)) {
+    if (fs::is_directory(entry, error)) folders.push_back(entry);
+  }
+  for (const fs::path& candidate : folders) {
+    const size_t count = PicturesOf(candidate).size();
+    if (count > raw.num_pictures) {
+      raw.pictures = candidate;
+      raw.num_pictures = count;
+    }
+  }
+  if (raw.num_pictures == 0) return std::nullopt;
+  // A table counts more than files of one pose each.
+  std::vector<fs::path> sources;
+  for (const fs::path& place : {folder, raw.pictures}) {
+    for (const fs::path& entry : EntriesOf(place)) {
+      if (!fs::is_regular_file(entry, error) || HasImageSuffix(entry)) continue;
+      sources.push_back(entry);
+      if (!raw.camera && IsCamera(entry)) raw.camera = entry;
+      if (!raw.target && IsTarget(entry)) raw.target = entry;
+    }
+  }
+  for (const fs::path& candidate : folders) {
+    if (PoseFilesOf(candidate).size() > 2) sources.push_back(candidate);
+  }
+  // A row a picture says more than an order of names.
+  size_t best_difference = std::numeric_limits<size_t>::max();
+  for (const fs::path& source : sources) {
+    if (source == raw.camera || source == raw.target) continue;
+    const GuessedTable table = GuessPoseFormats(source);
+    if (table.formats.empty()) continue;
+    const size_t difference = std::max(table.num_rows, raw.num_pictures) - std::min(table.num_rows, raw.num_pictures);
+    if (difference >= best_difference) continue;
+    best_difference = difference;
+    raw.poses = source;
+    raw.format = table.formats.front();
+  }
+  if (raw.poses.empty()) return std::nullopt;
+  return raw;
+}
+
+RawConfig ConfigOf(const RawFolder& raw, const std::optional<fs::path>& asked_target, const fs::path& config,
+                   int num_threads) {
+  const std::optional<fs::path> target = asked_target ? asked_target : raw.target;
+  if (target) {
+    // A fault of the target's is no matter of the poses.
+    MapReader reader(ReadYamlFile(*target));
+    CreateTarget(reader);
+  }
+  RawConfig made;
+  std::vector<Trial> trials;
+  for (const Setup setup : {Setup::kEyeToHand, Setup::kEyeInHand}) {
+    if (!target) break;
+    WriteFileAtomically(config, ConfigText(raw, target, raw.format, setup, config));
+    const std::optional<GuessedReading> reading = GuessReading(config, {}, num_threads, Verbosity::kQuiet);
+    if (!reading || !reading->fits) continue;
+    const PoseFit& fit = *reading->diagnosis.pose_fit;
+    trials.push_back({setup, reading->format, fit.misfit_m, fit.misfit});
+  }
+  std::sort(trials.begin(), trials.end(), [](const Trial& a, const Trial& b) { return a.misfit_m < b.misfit_m; });
+  // Two set-ups that fit alike are not told apart.
+  constexpr double kDecidedly = 2.5;
+  const bool is_decided =
+      trials.size() == 1 || (trials.size() > 1 && trials[1].misfit_m > kDecidedly * trials[0].misfit_m);
+  std::optional<Setup> setup;
+  PoseFormat format = raw.format;
+  if (trials.empty()) {
+    made.remarks.push_back(
+        "the poses hold " + ReadingInWords(raw.format) + ", by their sizes alone: " +
+        (target ? WhyNoReading(config)
+                : "name the target and the set-up in the config, and 'heba doctor' on it tries every reading on "
+                  "the pictures; or import with --target FILE"));
+  } else {
+    if (is_decided) setup = trials.front().setup;
+    format = trials.front().format;
+    made.remarks.push_back("the poses hold " + ReadingInWords(format) + ", which fit the pictures; " +
+                           TrialInWords(trials.front()) +
+                           (trials.size() > 1 ? ", and " + TrialInWords(trials.back()) : ""));
+    if (!is_decided) made.remarks.emplace_back("the two set-ups fit alike: set setup in the config, you can see it");
+    made.remarks.emplace_back(
+        "poses are taken for those of the gripper in the base; if they are the inverse, the set-up is the other one");
+  }
+  made.text = ConfigText(raw, target, format, setup, config);
+  return made;
+}
+
+}  // namespace heba

@@ -1,0 +1,58 @@
+#include "tools/files/detection_file.h"
+
+#include <nlohmann/json.hpp>
+
+#include "heba/io/json_reader.h"
+
+namespace heba {
+
+std::string DetectionsToJson(const std::vector<Capture>& captures, const std::vector<CaptureDetection>& detections) {
+  using Json = nlohmann::ordered_json;
+  Json json;
+  json["schema"] = "heba/detections/1";
+  json["captures"] = Json::array();
+  for (size_t i = 0; i < captures.size(); ++i) {
+    Json pixels = Json::array();
+    for (const Eigen::Vector2d& pixel : detections[i].detection.pixels) pixels.push_back({pixel.x(), pixel.y()});
+    json["captures"].push_back(Json{{"image", captures[i].name},
+                                    {"image_size", {detections[i].width_px, detections[i].height_px}},
+                                    {"ids", detections[i].detection.ids},
+                                    {"pixels", pixels},
+                                    {"reason", detections[i].detection.reason}});
+  }
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::vector<std::pair<std::string, CaptureDetection>> ReadDetections(const std::filesystem::path& path) {
+  constexpr size_t kMaxBytes = size_t{128} << 20;
+  const nlohmann::ordered_json json = ReadJsonFile(path, kMaxBytes);
+  const JsonReader root(json, path.string());
+  std::vector<std::pair<std::string, CaptureDetection>> captures;
+  for (const JsonReader& entry : root.Get("captures").List()) {
+    CaptureDetection capture;
+    constexpr int kMaxSize = 100000;
+    constexpr int kMaxId = 1000000000;
+    const std::vector<JsonReader> size = entry.Get("image_size").List();
+    if (size.size() != 2) entry.Get("image_size").Fail("two whole numbers are needed: [width, height]");
+    capture.width_px = size[0].Int(0, kMaxSize);
+    capture.height_px = size[1].Int(0, kMaxSize);
+    for (const JsonReader& id : entry.Get("ids").List()) capture.detection.ids.push_back(id.Int(0, kMaxId));
+    for (const JsonReader& pixel : entry.Get("pixels").List()) {
+      const std::vector<double> uv = pixel.Numbers(2);
+      // The fit of a tag at the edge may put a corner a little outside.
+      constexpr double kRoomPx = 5;
+      const bool is_inside = uv[0] >= -kRoomPx && uv[1] >= -kRoomPx && uv[0] <= capture.width_px + kRoomPx &&
+                             uv[1] <= capture.height_px + kRoomPx;
+      if (capture.width_px > 0 && !is_inside) pixel.Fail("lies outside of the image");
+      capture.detection.pixels.emplace_back(uv[0], uv[1]);
+    }
+    if (capture.detection.ids.size() != capture.detection.pixels.size()) {
+      entry.Fail(std::to_string(capture.detection.ids.size()) + " ids, but " +
+                 std::to_string(capture.detection.pixels.size()) + " pixels");
+    }
+    captures.emplace_back(entry.Get("image").Text(), std::move(capture));
+  }
+  return captures;
+}
+
+}  // namespace heba

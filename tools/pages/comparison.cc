@@ -1,0 +1,337 @@
+#include "tools/pages/comparison.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+
+#include <Eigen/Cholesky>
+#include <nlohmann/json.hpp>
+
+#include "heba/base/distributions.h"
+#include "heba/base/median.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "tools/pages/chart_picture.h"
+#include "tools/pages/page.h"
+#include "tools/text/result_text.h"
+
+namespace heba {
+namespace {
+
+constexpr double kSignificant = 0.01;
+
+// Nothing unless both runs have a refined pose with a covariance, in one set-up's frames.
+std::optional<PairDifference> DifferenceOf(const std::vector<ComparedRun>& runs, size_t first, size_t second) {
+  const RunResult& a = runs[first].result;
+  const RunResult& b = runs[second].result;
+  const Estimate* refined_a = FindRefined(a);
+  const Estimate* refined_b = FindRefined(b);
+  if (a.setup != b.setup || refined_a == nullptr || refined_b == nullptr) return std::nullopt;
+  const Covariance& covariance_a = refined_a->solution->covariance;
+  const Covariance& covariance_b = refined_b->solution->covariance;
+  const Rigid3d& x_a = refined_a->hand_eye.camera_mount_from_camera;
+  const Rigid3d& x_b = refined_b->hand_eye.camera_mount_from_camera;
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
+  const Matrix6 covariance = covariance_a.matrix.topLeftCorner<6, 6>() + covariance_b.matrix.topLeftCorner<6, 6>();
+  const Tangent6 difference = LocalCoordinates(x_a, x_b);
+  const Tangent6 scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
+  if (!scale.allFinite()) return std::nullopt;
+  const Matrix6 scaled = scale.asDiagonal() * covariance * scale.asDiagonal();
+  const Tangent6 scaled_difference = scale.cwiseProduct(difference);
+  const double statistic = scaled_difference.dot(scaled.ldlt().solve(scaled_difference));
+  PairDifference pair;
+  pair.first = first;
+  pair.second = second;
+  pair.distance_mm = 1000 * DistanceM(x_a, x_b);
+  pair.angle_deg = RadToDeg(AngleRad(x_a, x_b));
+  pair.sigma_mm = 1000 * std::sqrt(covariance.diagonal().head<3>().sum());
+  pair.sigma_deg = RadToDeg(std::sqrt(covariance.diagonal().tail<3>().sum()));
+  pair.p_value =
+      FisherTail(statistic / 6, 6, std::min(refined_a->solution->covariance_dof, refined_b->solution->covariance_dof));
+  return pair;
+}
+
+// Of each run the closed form that does best on captures that it has not seen, which is chosen with these in view, and
+// what its error is against the refinement's.
+std::string GainFinding(const std::vector<ComparedRun>& runs, const std::string& what, FigureOf choice,
+                        FigureOf figure) {
+  std::vector<double> ratios;
+  for (const ComparedRun& run : runs) {
+    const Estimate* refined = FindRefined(run.result);
+    if (refined == nullptr || !figure(refined->errors)) continue;
+    const Estimate* closed = FindBestClosedForm(run.result, choice);
+    if (closed != nullptr && figure(closed->errors)) {
+      ratios.push_back(*figure(closed->errors) / *figure(refined->errors));
+    }
+  }
+  if (ratios.empty()) return "";
+  const auto num_better = std::count_if(ratios.begin(), ratios.end(), [](double ratio) { return ratio > 1; });
+  const auto [least, most] = std::minmax_element(ratios.begin(), ratios.end());
+  return what + ": the refinement is better than the best closed form in " + std::to_string(num_better) + " of " +
+         std::to_string(ratios.size()) + " runs; the closed form's error is " + Significant(Median(ratios), 2) +
+         " times the refinement's (median; " + Significant(*least, 2) + " to " + Significant(*most, 2) + ")";
+}
+
+std::optional<double> TrueMm(const Errors& errors) {
+  return errors.truth ? std::optional<double>(errors.truth->hand_eye_mm) : std::nullopt;
+}
+std::optional<double> TrueDeg(const Errors& errors) {
+  return errors.truth ? std::optional<double>(errors.truth->hand_eye_deg) : std::nullopt;
+}
+
+std::string AgreementFinding(const Comparison& comparison, const std::string& what,
+                             const std::function<bool(const PairDifference&)>& concerns) {
+  int num_pairs = 0;
+  int num_different = 0;
+  const PairDifference* worst = nullptr;
+  for (const PairDifference& pair : comparison.pairs) {
+    if (!concerns(pair)) continue;
+    ++num_pairs;
+    num_different += pair.p_value < kSignificant ? 1 : 0;
+    if (worst == nullptr || pair.p_value < worst->p_value) worst = &pair;
+  }
+  if (worst == nullptr) return "";
+  const std::string extreme = comparison.runs[worst->first].label + " and " + comparison.runs[worst->second].label +
+                              " are " + Significant(worst->distance_mm, 2) + " mm and " +
+                              Significant(worst->angle_deg, 2) + " deg apart (one sigma " +
+                              Significant(worst->sigma_mm, 2) + " mm, " + Significant(worst->sigma_deg, 2) +
+                              " deg; chance " + ShownChance(worst->p_value) + ")";
+  if (num_different == 0) {
+    return what + " agree within their uncertainties, all " + std::to_string(num_pairs) +
+           " pairs; the least likely: " + extreme;
+  }
+  return what + " differ by more than their uncertainties in " + std::to_string(num_different) + " of " +
+         std::to_string(num_pairs) + " pairs; the worst: " + extreme;
+}
+
+std::vector<std::string> FindingsOf(const Comparison& comparison) {
+  std::vector<std::string> findings;
+  const std::string gain_px =
+      GainFinding(comparison.runs, "in px, on captures that neither has seen", &HoldOutPx, &HoldOutPx);
+  const std::string gain_mm =
+      GainFinding(comparison.runs, "in mm at the target, on captures that neither has seen", &HoldOutMm, &HoldOutMm);
+  const bool is_robot_noisy = std::any_of(comparison.runs.begin(), comparison.runs.end(), [](const ComparedRun& run) {
+    const Estimate* refined = FindRefined(run.result);
+    return refined != nullptr && refined->solution->robot_noise.has_value();
+  });
+  for (const std::string& gain : {gain_px, gain_mm}) {
+    if (!gain.empty()) findings.push_back(gain);
+  }
+  if (findings.empty()) findings.emplace_back("no run has hold-out figures to compare methods by (evaluate.folds)");
+  if (is_robot_noisy) {
+    findings.emplace_back(
+        "where the robot's noise is modelled, captures that were held out scatter by it whatever the method: the true "
+        "gain is larger than these figures (the chi-square of the hold-out, and sigma, say more)");
+  }
+  const std::string true_mm =
+      GainFinding(comparison.runs, "in true error, mm, with the closed form that does best in px", &HoldOutPx, &TrueMm);
+  const std::string true_deg = GainFinding(comparison.runs, "in true error, deg, likewise", &HoldOutPx, &TrueDeg);
+  for (const std::string& gain : {true_mm, true_deg}) {
+    if (!gain.empty()) findings.push_back(gain);
+  }
+  const auto target_of = [&](size_t run) { return comparison.runs[run].result.target_type; };
+  const std::string same =
+      AgreementFinding(comparison, "hand-eye poses from targets of one type",
+                       [&](const PairDifference& pair) { return target_of(pair.first) == target_of(pair.second); });
+  const std::string across =
+      AgreementFinding(comparison, "hand-eye poses from targets of different types",
+                       [&](const PairDifference& pair) { return target_of(pair.first) != target_of(pair.second); });
+  for (const std::string& finding : {across, same}) {
+    if (!finding.empty()) findings.push_back(finding);
+  }
+  // By type, what the targets are worth.
+  std::map<std::string, std::vector<double>> sigmas;
+  for (const ComparedRun& run : comparison.runs) {
+    const Estimate* refined = FindRefined(run.result);
+    const std::optional<double> sigma = refined == nullptr ? std::nullopt : TranslationSigmaMm(*refined);
+    if (sigma) sigmas[run.result.target_type].push_back(*sigma);
+  }
+  if (sigmas.size() > 1) {
+    std::vector<std::string> parts;
+    for (const auto& [type, values] : sigmas) parts.push_back(type + " " + Significant(Median(values), 2) + " mm");
+    findings.push_back("one sigma of the hand-eye translation by target (median): " + Join(parts, ", "));
+  }
+  return findings;
+}
+
+std::string Exact(const std::optional<double>& value) { return value ? RoundTrip(*value) : std::string(); }
+
+// One run's line in every form.
+struct RunLine {
+  std::string closed_form;
+  std::optional<double> closed_px;
+  std::optional<double> refined_px;
+  std::optional<double> sigma_mm;
+  std::optional<double> sigma_deg;
+  std::optional<double> board_mm;
+  std::optional<double> board_deg;
+};
+
+RunLine LineOf(const RunResult& result) {
+  RunLine line;
+  if (const Estimate* closed = FindBestClosedForm(result, &HoldOutPx)) {
+    line.closed_form = closed->method;
+    line.closed_px = closed->errors.holdout_rms_px;
+  }
+  if (const Estimate* refined = FindRefined(result)) {
+    line.refined_px = refined->errors.holdout_rms_px;
+    line.sigma_mm = TranslationSigmaMm(*refined);
+    line.sigma_deg = RotationSigmaDeg(*refined);
+    if (refined->errors.board_scatter) {
+      line.board_mm = refined->errors.board_scatter->translation_rms_mm;
+      line.board_deg = refined->errors.board_scatter->rotation_rms_deg;
+    }
+  }
+  return line;
+}
+
+std::string Agreement(const PairDifference& pair) { return pair.p_value < kSignificant ? "differ" : "agree"; }
+
+}  // namespace
+
+Comparison CompareRuns(std::vector<ComparedRun> runs) {
+  Comparison comparison;
+  comparison.runs = std::move(runs);
+  for (size_t first = 0; first < comparison.runs.size(); ++first) {
+    for (size_t second = first + 1; second < comparison.runs.size(); ++second) {
+      const std::optional<PairDifference> pair = DifferenceOf(comparison.runs, first, second);
+      if (pair) comparison.pairs.push_back(*pair);
+    }
+  }
+  comparison.findings = FindingsOf(comparison);
+  return comparison;
+}
+
+std::string ComparisonTable(const Comparison& comparison) {
+  constexpr size_t kNameWidth = 20;
+  const auto shortened = [](const std::string& label) {
+    return label.size() <= kNameWidth ? label : ".." + label.substr(label.size() - kNameWidth + 2);
+  };
+  std::string table = PadRight("run", kNameWidth) + PadRight(" target", 15) + PadLeft("hold-out px", 19) +
+                      PadLeft("sigma", 9) + PadLeft("board", 9) + PadLeft("time", 8) + "\n" +
+                      PadRight("", kNameWidth + 15) + PadLeft("closed", 10) + PadLeft("refined", 9) + PadLeft("mm", 9) +
+                      PadLeft("mm rms", 9) + PadLeft("s", 8) + "\n";
+  for (const ComparedRun& run : comparison.runs) {
+    const RunLine line = LineOf(run.result);
+    table += PadRight(shortened(run.label), kNameWidth) + PadRight(" " + run.result.target_type, 15) +
+             PadLeft(FigureText(line.closed_px), 10) + PadLeft(FigureText(line.refined_px), 9) +
+             PadLeft(FigureText(line.sigma_mm), 9) + PadLeft(FigureText(line.board_mm), 9) +
+             PadLeft(Significant(run.result.timing.total_s, 2), 8) + "\n";
+  }
+  // The least likely first; the page and the csv have them all.
+  std::vector<PairDifference> pairs = comparison.pairs;
+  std::stable_sort(pairs.begin(), pairs.end(),
+                   [](const PairDifference& a, const PairDifference& b) { return a.p_value < b.p_value; });
+  constexpr size_t kMaxPairs = 10;
+  if (!pairs.empty()) {
+    table += "\n" + PadRight("hand-eye apart", 2 * kNameWidth + 2) + PadLeft("mm", 9) + PadLeft("deg", 9) +
+             PadLeft("chance", 10) + "\n";
+  }
+  for (size_t i = 0; i < std::min(pairs.size(), kMaxPairs); ++i) {
+    table += PadRight(shortened(comparison.runs[pairs[i].first].label), kNameWidth + 1) + " " +
+             PadRight(shortened(comparison.runs[pairs[i].second].label), kNameWidth) +
+             PadLeft(Significant(pairs[i].distance_mm, 2), 9) + PadLeft(Significant(pairs[i].angle_deg, 2), 9) +
+             PadLeft(ShownChance(pairs[i].p_value), 10) + "  " + Agreement(pairs[i]) + "\n";
+  }
+  if (pairs.size() > kMaxPairs) table += "and " + std::to_string(pairs.size() - kMaxPairs) + " likelier pairs\n";
+  table += "\n";
+  for (const std::string& finding : comparison.findings) table += "- " + finding + "\n";
+  return table;
+}
+
+std::string ComparisonRunsCsv(const Comparison& comparison) {
+  std::string csv =
+      "run,setup,target,closed_form,closed_form_holdout_px,refined_holdout_px,std_translation_mm,std_rotation_deg,"
+      "board_translation_rms_mm,board_rotation_rms_deg,seconds\n";
+  for (const ComparedRun& run : comparison.runs) {
+    const RunLine line = LineOf(run.result);
+    csv += CsvField(run.label) + "," + std::string(SetupName(run.result.setup)) + "," + run.result.target_type + "," +
+           line.closed_form + "," + Exact(line.closed_px) + "," + Exact(line.refined_px) + "," + Exact(line.sigma_mm) +
+           "," + Exact(line.sigma_deg) + "," + Exact(line.board_mm) + "," + Exact(line.board_deg) + "," +
+           RoundTrip(run.result.timing.total_s) + "\n";
+  }
+  return csv;
+}
+
+std::string ComparisonPairsCsv(const Comparison& comparison) {
+  std::string csv = "first,second,distance_mm,angle_deg,std_mm,std_deg,p_value,verdict\n";
+  for (const PairDifference& pair : comparison.pairs) {
+    csv += CsvField(comparison.runs[pair.first].label) + "," + CsvField(comparison.runs[pair.second].label) + "," +
+           RoundTrip(pair.distance_mm) + "," + RoundTrip(pair.angle_deg) + "," + RoundTrip(pair.sigma_mm) + "," +
+           RoundTrip(pair.sigma_deg) + "," + RoundTrip(pair.p_value) + "," + Agreement(pair) + "\n";
+  }
+  return csv;
+}
+
+std::string ComparisonPage(const Comparison& comparison) {
+  std::string body = "<h1>Comparison of " + std::to_string(comparison.runs.size()) + " runs</h1>\n<ul>\n";
+  for (const std::string& finding : comparison.findings)
+    body += "<li>" + EscapedForMarkup(Capitalised(finding)) + "</li>\n";
+  body += "</ul>\n" + Heading("Runs");
+  using Json = nlohmann::ordered_json;
+  Json bars = Json::array();
+  Json labels = Json::array();
+  std::vector<FigureRow> pictured;
+  std::vector<std::vector<PageCell>> rows;
+  for (const ComparedRun& run : comparison.runs) {
+    const RunLine line = LineOf(run.result);
+    labels.push_back(run.label);
+    pictured.push_back({run.label, line.refined_px, line.closed_px});
+    bars.push_back(Json{{"label", run.label}, {"values", {OrNull(line.refined_px), OrNull(line.closed_px)}}});
+    rows.push_back({{run.label},
+                    {std::string(GradeName(run.result.verdict.grade))},
+                    {std::string(SetupName(run.result.setup))},
+                    {run.result.target_type},
+                    {line.closed_form},
+                    {FigureText(line.closed_px), true},
+                    {FigureText(line.refined_px), true},
+                    {FigureText(line.sigma_mm), true},
+                    {FigureText(line.sigma_deg), true},
+                    {FigureText(line.board_mm), true},
+                    {FigureText(line.board_deg), true},
+                    {Significant(run.result.timing.total_s, 3), true}});
+  }
+  body +=
+      ViewFigure("dumbbells", "How far points are from where they are predicted on captures that were not seen (rms).",
+                 Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
+                 DumbbellPicture("px rms: refined (first colour), best closed form (second)", pictured));
+  body += HtmlTable({"run", "verdict", "set-up", "target", "best closed form", "its hold-out, px",
+                     "refined hold-out, px", "sigma, mm", "sigma, deg", "board, mm", "board, deg", "time, s"},
+                    rows);
+  rows.clear();
+  Json pairs = Json::array();
+  for (const PairDifference& pair : comparison.pairs) {
+    pairs.push_back(Json{{"first", pair.first},
+                         {"second", pair.second},
+                         {"mm", pair.distance_mm},
+                         {"deg", pair.angle_deg},
+                         {"sigma_mm", pair.sigma_mm},
+                         {"sigma_deg", pair.sigma_deg},
+                         {"chance", pair.p_value}});
+    rows.push_back({{comparison.runs[pair.first].label},
+                    {comparison.runs[pair.second].label},
+                    {Significant(pair.distance_mm, 3), true},
+                    {Significant(pair.sigma_mm, 3), true},
+                    {Significant(pair.angle_deg, 3), true},
+                    {Significant(pair.sigma_deg, 3), true},
+                    {ShownChance(pair.p_value), true},
+                    {Agreement(pair)}});
+  }
+  body += Heading("Hand-eye poses apart");
+  if (!comparison.pairs.empty()) {
+    body += ViewFigure("pairs", "mm between the runs' cameras.", Json{{"runs", labels}, {"pairs", pairs}});
+  }
+  body += Paragraph(
+      "The chance is that of a difference as large between runs that measure the same, if they share no captures; "
+      "below "
+      "1 % they differ.");
+  const std::string table = HtmlTable({"run", "and", "mm", "sigma, mm", "deg", "sigma, deg", "chance", ""}, rows);
+  constexpr size_t kManyPairs = 30;
+  body += rows.size() <= kManyPairs
+              ? table
+              : "<details><summary>All " + std::to_string(rows.size()) + " pairs</summary>\n" + table + "</details>\n";
+  return HtmlPage("Comparison of runs", body, PageWidth::kWide);
+}
+
+}  // namespace heba

@@ -1,0 +1,346 @@
+#include "tools/pages/report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <set>
+
+#include <nlohmann/json.hpp>
+
+#include "heba/base/distributions.h"
+#include "heba/base/error.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "heba/evaluation/verdict.h"
+#include "tools/pages/page.h"
+#include "tools/pages/report_pictures.h"
+#include "tools/text/result_text.h"
+
+namespace heba {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// With so many digits after the point: a page need not hold more than can be seen.
+double Rounded(double value, int digits) {
+  const double power = std::pow(10.0, digits);
+  return std::round(value * power) / power;
+}
+
+Json PoseJson(const Rigid3d& pose) {
+  const Eigen::Vector3d& t = pose.translation;
+  const Eigen::Vector4d& q = pose.rotation.coeffs();
+  return Json{{"t", {Rounded(t.x(), 6), Rounded(t.y(), 6), Rounded(t.z(), 6)}},
+              {"q", {Rounded(q[0], 7), Rounded(q[1], 7), Rounded(q[2], 7), Rounded(q[3], 7)}}};
+}
+
+const ReportedCapture* FindView(const std::vector<ReportedCapture>& captures, const std::string& image) {
+  const auto found =
+      std::find_if(captures.begin(), captures.end(), [&](const ReportedCapture& view) { return view.image == image; });
+  return found == captures.end() ? nullptr : &*found;
+}
+
+std::string Section(const std::string& heading, const std::string& content) {
+  return "<section>" + Heading(heading) + content + "</section>\n";
+}
+
+// From the upper left corner of the picture on, clockwise.
+Json CornerRays(const Camera& camera) {
+  Json rays = Json::array();
+  for (const auto& [x, y] : {std::pair(0.0, 0.0), std::pair(1.0, 0.0), std::pair(1.0, 1.0), std::pair(0.0, 1.0)}) {
+    const Eigen::Vector2d corner(x * camera.width_px - 0.5, y * camera.height_px - 0.5);
+    // A lens that bends the corner back has no ray there: then as if it bent nothing.
+    const Eigen::Vector3d straight((corner.x() - camera.params[2]) / camera.params[0],
+                                   (corner.y() - camera.params[3]) / camera.params[1], 1);
+    const Eigen::Vector3d ray = UnprojectPixel(camera, corner).value_or(straight.normalized());
+    rays.push_back({Rounded(ray.x(), 5), Rounded(ray.y(), 5), Rounded(ray.z(), 5)});
+  }
+  return rays;
+}
+
+// How far apart what hangs together is.
+std::string DistancesText(const RunResult& result, const Estimate& refined,
+                          const std::vector<ReportedCapture>& captures, const Eigen::Vector3d& target_middle) {
+  const HandEye& hand_eye = refined.hand_eye;
+  const auto mm = [](double metres) { return Fixed(1000 * metres, 0); };
+  double nearest_m = std::numeric_limits<double>::infinity();
+  double farthest_m = 0;
+  for (const ReportedCapture& view : captures) {
+    const Rigid3d mount = CameraMountFromTargetMount(result.setup, view.base_from_gripper);
+    const double distance_m = (CameraFromTarget(hand_eye, mount) * target_middle).norm();
+    nearest_m = std::min(nearest_m, distance_m);
+    farthest_m = std::max(farthest_m, distance_m);
+  }
+  return "From the " + std::string(CameraMountName(result.setup)) + " to the camera " +
+         mm(hand_eye.camera_mount_from_camera.translation.norm()) + " mm, from the " +
+         std::string(TargetMountName(result.setup)) + " to the target's middle " +
+         mm((hand_eye.target_mount_from_target * target_middle).norm()) + " mm, from the camera to the target " +
+         mm(nearest_m) + " to " + mm(farthest_m) + " mm.";
+}
+
+std::string SetUpSection(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures,
+                         const Points3& target_points) {
+  const Camera& camera = refined.camera;
+  const Eigen::Vector3d low = target_points.rowwise().minCoeff();
+  const Eigen::Vector3d high = target_points.rowwise().maxCoeff();
+  Json data{{"setup", SetupName(result.setup)},
+            {"mount_from_camera", PoseJson(refined.hand_eye.camera_mount_from_camera)},
+            {"mount_from_target", PoseJson(refined.hand_eye.target_mount_from_target)},
+            {"corners", CornerRays(camera)},
+            {"target_size", {low.x(), low.y(), high.x(), high.y()}},
+            {"captures", Json::array()}};
+  for (size_t i = 0; i < result.captures.size(); ++i) {
+    const CaptureResult& capture = result.captures[i];
+    const ReportedCapture* view = FindView(captures, capture.image);
+    if (view == nullptr) continue;
+    data["captures"].push_back(Json{{"image", capture.image},
+                                    {"number", i + 1},
+                                    {"used", capture.used},
+                                    {"base_from_gripper", PoseJson(view->base_from_gripper)}});
+  }
+  const Eigen::Vector3d middle = 0.5 * (low + high);
+  return Section("Set-up", ViewFigure("set-up", "", data, SetUpPicture(result, refined, captures, middle)) +
+                               Paragraph(DistancesText(result, refined, captures, middle)));
+}
+
+std::string UncertaintySection(const RunResult& result, const Estimate& refined) {
+  const Solution& solution = *refined.solution;
+  // Of two coordinates together, with the degrees of freedom that the noise leaves.
+  const double reach_95 = std::sqrt(2 * FisherQuantile(0.05, 2, solution.covariance_dof));
+  Json ellipses = Json::array();
+  std::string pictures;
+  const auto add = [&](const char* x, const char* y, const char* unit, const Eigen::Matrix3d& matrix, Eigen::Index i,
+                       Eigen::Index j) {
+    ellipses.push_back(Json{{"x_label", x},
+                            {"y_label", y},
+                            {"unit", unit},
+                            {"covariance", {matrix(i, i), matrix(i, j), matrix(j, j)}},
+                            {"reach_95", reach_95}});
+    Eigen::Matrix2d covariance;
+    covariance << matrix(i, i), matrix(i, j), matrix(j, i), matrix(j, j);
+    pictures += EllipsePicture(std::string(x) + ", " + unit, std::string(y) + ", " + unit, covariance, reach_95);
+  };
+  if (result.working_point) {
+    const Eigen::Matrix3d at_work = 1e6 * result.working_point->covariance_m2;
+    add("x", "y", "mm", at_work, 0, 1);
+    add("x", "z", "mm", at_work, 0, 2);
+  }
+  const Eigen::Matrix3d rotation = std::pow(RadToDeg(1.0), 2) * solution.covariance.matrix.block<3, 3>(3, 3);
+  add("about x", "about y", "deg", rotation, 0, 1);
+  add("about x", "about z", "deg", rotation, 0, 2);
+  const std::string figure =
+      ViewFigure("ellipses",
+                 "A target that is seen where it was, in mm, and the camera's orientation, in deg: one "
+                 "sigma (filled) and 95 % (dashed), along and about the camera's axes; z is its "
+                 "optical axis.",
+                 Json{{"ellipses", ellipses}}, "<div class=\"charts\">" + pictures + "</div>");
+  return figure.empty() ? "" : Section("Uncertainty where the work is", figure);
+}
+
+std::string CorrelationSection(const Estimate& refined) {
+  const Covariance& covariance = refined.solution->covariance;
+  const Eigen::VectorXd scale = covariance.matrix.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd correlation = scale.asDiagonal() * covariance.matrix * scale.asDiagonal();
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < correlation.rows(); ++i) {
+    Json row = Json::array();
+    for (Eigen::Index j = 0; j < correlation.cols(); ++j) row.push_back(Rounded(correlation(i, j), 3));
+    rows.push_back(row);
+  }
+  const std::string figure = ViewFigure(
+      "correlation", "Parameters that the captures cannot tell apart have strong colours off the diagonal.",
+      Json{{"names", covariance.names}, {"matrix", rows}}, CorrelationPicture(covariance.names, correlation));
+  return figure.empty() ? "" : Section("How the parameters hang together", figure);
+}
+
+std::string MethodsSection(const RunResult& result) {
+  Json lines = Json::array();
+  std::vector<std::vector<PageCell>> rows;
+  const bool has_truth = std::any_of(result.estimates.begin(), result.estimates.end(),
+                                     [](const Estimate& estimate) { return estimate.errors.truth.has_value(); });
+  const auto cell = [](const std::optional<double>& value) {
+    return PageCell{value ? Significant(*value, 3) : "", true};
+  };
+  for (const Estimate& estimate : result.estimates) {
+    const Errors& errors = estimate.errors;
+    if (!estimate.ok) continue;
+    lines.push_back(Json{{"label", estimate.method},
+                         {"values", {OrNull(errors.reprojection_rms_px), OrNull(errors.holdout_rms_px)}},
+                         {"strong", estimate.kind == "refined"}});
+    rows.push_back(
+        {{estimate.method + (&estimate == FindRefined(result) ? " (the result)" : ""),
+          false,
+          {},
+          &estimate == FindRefined(result)},
+         cell(errors.reprojection_rms_px),
+         cell(errors.holdout_rms_px),
+         cell(errors.holdout_target_mm),
+         cell(errors.holdout_target_deg),
+         cell(errors.axxb_mean_mm),
+         cell(errors.board_scatter ? std::optional<double>(errors.board_scatter->translation_rms_mm) : std::nullopt)});
+    if (!has_truth) continue;
+    const std::optional<TruthErrors>& truth = errors.truth;
+    rows.back().insert(rows.back().end(), {cell(truth ? std::optional<double>(truth->hand_eye_mm) : std::nullopt),
+                                           cell(truth ? std::optional<double>(truth->hand_eye_deg) : std::nullopt)});
+  }
+  std::vector<std::string> head = {"method",        "in-sample, px", "hold-out, px", "hold-out, mm",
+                                   "hold-out, deg", "AX-XB, mm",     "board, mm"};
+  if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
+  std::string without;
+  for (const auto& [reason, methods] : MethodsWithoutResult(result)) {
+    without += Paragraph(methods + ": none, " + reason);
+  }
+  return Section("Methods", Paragraph("How far predicted and observed points are apart (rms): on the captures that the "
+                                      "estimate was made from, and on captures that it has not seen.") +
+                                ViewFigure("dumbbells", "",
+                                           Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}},
+                                           MethodsPicture(result)) +
+                                HtmlTable(head, rows) + without);
+}
+
+// Small pictures make a page large: of very many captures the worst have one.
+std::set<std::string> ImagesToShow(const RunResult& result) {
+  constexpr size_t kMaxPictures = 100;
+  std::vector<const CaptureResult*> order;
+  for (const CaptureResult& capture : result.captures) order.push_back(&capture);
+  std::stable_sort(order.begin(), order.end(), [](const CaptureResult* a, const CaptureResult* b) {
+    if (a->used != b->used) return !a->used;
+    return a->rms_px.value_or(0) > b->rms_px.value_or(0);
+  });
+  if (order.size() > kMaxPictures) order.resize(kMaxPictures);
+  std::set<std::string> images;
+  for (const CaptureResult* capture : order) images.insert(capture->image);
+  return images;
+}
+
+// Where points were seen and predicted minus seen; every point that `keep` says.
+Json PointsJson(const Points2& pixels, const Points2& residuals, const std::function<bool()>& keep) {
+  Json points = Json::array();
+  for (Eigen::Index i = 0; i < pixels.cols(); ++i) {
+    if (!keep()) continue;
+    for (const double value : {Rounded(pixels(0, i), 2), Rounded(pixels(1, i), 2), Rounded(residuals(0, i), 4),
+                               Rounded(residuals(1, i), 4)}) {
+      points.push_back(value);
+    }
+  }
+  return points;
+}
+
+// Beyond these a page would be too large: then it holds an even sample.
+constexpr Eigen::Index kMaxPoints = 40'000;
+
+Eigen::Index NumPoints(const std::vector<ReportedCapture>& captures) {
+  Eigen::Index num_points = 0;
+  for (const ReportedCapture& view : captures) num_points += view.pixels.cols();
+  return num_points;
+}
+
+std::string CapturesData(const RunResult& result, const Estimate& refined,
+                         const std::vector<ReportedCapture>& captures) {
+  // Multiples of the golden ratio spread evenly, whatever the order of the points on the board.
+  const double share = std::min(1.0, static_cast<double>(kMaxPoints) / static_cast<double>(NumPoints(captures)));
+  double place = 0;
+  const auto keep = [&] {
+    place += std::numbers::phi;
+    place -= std::floor(place);
+    return place <= share;
+  };
+  const std::set<std::string> images = ImagesToShow(result);
+  Json data{{"image_size", {refined.camera.width_px, refined.camera.height_px}},
+            {"centre", {refined.camera.params[2], refined.camera.params[3]}},
+            {"rms_px", OrNull(refined.errors.reprojection_rms_px)},
+            {"sigma_px", refined.solution->pixel_sigma_px},
+            {"captures", Json::array()}};
+  for (const CaptureResult& capture : result.captures) {
+    const ReportedCapture* view = FindView(captures, capture.image);
+    const bool has_picture = view != nullptr && !view->small_jpeg.empty() && images.count(capture.image) > 0;
+    data["captures"].push_back(
+        Json{{"image", capture.image},
+             {"used", capture.used},
+             {"reason", capture.reason},
+             {"rms_px", OrNull(capture.rms_px)},
+             {"points", view != nullptr ? PointsJson(view->pixels, view->residuals, keep) : Json::array()},
+             {"left_out",
+              view != nullptr ? PointsJson(view->left_out_pixels, view->left_out_residuals, keep) : Json::array()},
+             {"picture", has_picture ? Json(ToBase64(view->small_jpeg)) : Json(nullptr)}});
+  }
+  return SharedData("captures", data);
+}
+
+std::string ResidualSections(const RunResult& result, const Estimate& refined,
+                             const std::vector<ReportedCapture>& captures) {
+  const Camera& camera = refined.camera;
+  const std::string sample = NumPoints(captures) > kMaxPoints ? " An even sample of the points." : "";
+  const std::string field = SharedViewFigure(
+      "residual-field", "Predicted minus seen, of the points that count. Click for the capture." + sample, "captures",
+      ResidualFieldPicture(camera, captures));
+  if (field.empty()) return "";
+  const std::string cells = SharedViewFigure(
+      "coverage",
+      "Per cent of the points that count. Where there are none, no capture says anything of the lens." + sample,
+      "captures", CoveragePicture(camera, captures));
+  const std::string radius =
+      SharedViewFigure("residual-radius", "", "captures", ResidualRadiusPicture(camera, captures));
+  const std::string histogram = SharedViewFigure(
+      "histogram", "Coordinates of the points that count, and what noise of the stated sigma would give.", "captures",
+      HistogramPicture(refined.solution->pixel_sigma_px, captures));
+  const std::string bars = SharedViewFigure("capture-bars", "The dashed line is the rms of all. Click for the picture.",
+                                            "captures", CaptureBarsPicture(result));
+  return "<div class=\"columns\">\n" + Section("Residuals over the picture", field) +
+         Section("Coverage of the picture", cells) + Section("Residuals from the middle outwards", radius) +
+         Section("Residuals by their size", histogram) + Section("Residuals capture by capture", bars) + "</div>\n";
+}
+
+std::string CaptureSection(const RunResult& result) {
+  std::vector<std::vector<PageCell>> rows;
+  bool has_corrections = false;
+  for (const CaptureResult& capture : result.captures) has_corrections = has_corrections || capture.correction;
+  for (size_t i = 0; i < result.captures.size(); ++i) {
+    const CaptureResult& capture = result.captures[i];
+    std::vector<PageCell> row = {{std::to_string(i + 1), true},
+                                 {capture.image},
+                                 {capture.used ? "used" : "not used"},
+                                 {std::to_string(capture.num_points), true},
+                                 {std::to_string(capture.num_rejected), true},
+                                 {capture.rms_px ? Significant(*capture.rms_px, 3) : "", true},
+                                 {capture.holdout_target_mm ? ShownAmount(*capture.holdout_target_mm, 2) : "", true}};
+    const std::optional<CaptureMove>& move = capture.move_without;
+    row.push_back({move ? Significant(1000 * move->tangent.head<3>().norm(), 2) : "", true});
+    row.push_back({move ? Significant(RadToDeg(move->tangent.tail<3>().norm()), 2) : "", true});
+    row.push_back({move ? ShownChance(move->chance) : "", true});
+    if (has_corrections) {
+      const bool has = capture.correction.has_value();
+      row.push_back({has ? Significant(1000 * capture.correction->translation.norm(), 2) : "", true});
+      row.push_back({has ? Significant(RadToDeg(LogRotation(capture.correction->rotation).norm()), 2) : "", true});
+    }
+    row.push_back({capture.reason});
+    rows.push_back(std::move(row));
+  }
+  std::vector<std::string> head = {
+      "no.", "capture", "", "points", "left out", "rms, px", "hold-out, mm", "result moves without it, mm",
+      "deg", "chance"};
+  if (has_corrections) head.insert(head.end(), {"robot off by, mm", "deg"});
+  head.emplace_back("remark");
+  return Heading("Captures") + HtmlTable(head, rows, true);
+}
+
+}  // namespace
+
+std::string ReportPage(const RunResult& result, const std::vector<ReportedCapture>& captures,
+                       const Points3& target_points, const ReportContext& context) {
+  const Estimate* refined = FindRefined(result);
+  std::string body = RecordSection(result, context);
+  // Without points only poses of the target were given: nothing was measured in pictures.
+  if (refined == nullptr) {
+    body += MethodsSection(result);
+  } else {
+    body += CapturesData(result, *refined, captures) + SetUpSection(result, *refined, captures, target_points) +
+            MethodsSection(result) + ResidualSections(result, *refined, captures) +
+            UncertaintySection(result, *refined) + CorrelationSection(*refined);
+  }
+  return HtmlPage(result.name,
+                  body + CaptureSection(result) + Details("The config as used", CopyableText(context.config_used)));
+}
+
+}  // namespace heba

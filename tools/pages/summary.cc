@@ -1,0 +1,160 @@
+#include "tools/pages/summary.h"
+
+#include <functional>
+
+#include "heba/base/text.h"
+#include "tools/pages/chart_picture.h"
+#include "tools/pages/page.h"
+#include "tools/text/result_text.h"
+
+namespace heba {
+namespace {
+
+// The figures of an estimate, with their names in the csv and on pages.
+struct Figure {
+  const char* name;
+  const char* title;
+  std::function<std::optional<double>(const Estimate&)> value;
+};
+
+const std::vector<Figure>& Figures() {
+  static const std::vector<Figure> figures = {
+      {"reprojection_rms_px", "in-sample, px", [](const Estimate& e) { return e.errors.reprojection_rms_px; }},
+      {"holdout_rms_px", "hold-out, px", [](const Estimate& e) { return e.errors.holdout_rms_px; }},
+      {"holdout_target_mm", "hold-out, mm", [](const Estimate& e) { return e.errors.holdout_target_mm; }},
+      {"holdout_target_deg", "hold-out, deg", [](const Estimate& e) { return e.errors.holdout_target_deg; }},
+      {"holdout_chi2_per_dof", "hold-out chi-square", [](const Estimate& e) { return e.errors.holdout_chi2; }},
+      {"axxb_mean_mm", "AX-XB, mm", [](const Estimate& e) { return e.errors.axxb_mean_mm; }},
+      {"board_translation_rms_mm", "board, mm",
+       [](const Estimate& e) {
+         return e.errors.board_scatter ? std::optional<double>(e.errors.board_scatter->translation_rms_mm)
+                                       : std::nullopt;
+       }},
+      {"board_rotation_rms_deg", "board, deg",
+       [](const Estimate& e) {
+         return e.errors.board_scatter ? std::optional<double>(e.errors.board_scatter->rotation_rms_deg) : std::nullopt;
+       }},
+      {"std_translation_mm", "sigma, mm", [](const Estimate& e) { return TranslationSigmaMm(e); }},
+      {"std_rotation_deg", "sigma, deg", [](const Estimate& e) { return RotationSigmaDeg(e); }},
+      {"pixel_sigma", "pixel noise, px",
+       [](const Estimate& e) { return e.solution ? std::optional<double>(e.solution->pixel_sigma_px) : std::nullopt; }},
+      {"truth_hand_eye_mm", "true error, mm",
+       [](const Estimate& e) {
+         return e.errors.truth ? std::optional<double>(e.errors.truth->hand_eye_mm) : std::nullopt;
+       }},
+      {"truth_hand_eye_deg", "true error, deg",
+       [](const Estimate& e) {
+         return e.errors.truth ? std::optional<double>(e.errors.truth->hand_eye_deg) : std::nullopt;
+       }},
+  };
+  return figures;
+}
+
+}  // namespace
+
+std::string SummaryCsv(const std::vector<BatchRun>& runs) {
+  std::string csv = "run,ok,reason,setup,target,target_points,captures,captures_used,method,kind,method_ok,verdict";
+  for (const Figure& figure : Figures()) csv += "," + std::string(figure.name);
+  csv += "\n";
+  for (const BatchRun& run : runs) {
+    if (!run.result) {
+      csv += CsvField(run.name) + ",false," + CsvField(run.reason) + ",,,,,,,,,";
+      csv += std::string(Figures().size(), ',') + "\n";
+      continue;
+    }
+    const RunResult& result = *run.result;
+    for (const Estimate& estimate : result.estimates) {
+      csv += CsvField(run.name) + ",true," + CsvField(estimate.reason) + "," + std::string(SetupName(result.setup)) +
+             "," + result.target_type + "," + std::to_string(result.num_target_points) + "," +
+             std::to_string(result.captures.size()) + "," + std::to_string(NumUsedCaptures(result)) + "," +
+             estimate.method + "," + estimate.kind + "," + (estimate.ok ? "true" : "false") + "," +
+             std::string(GradeName(result.verdict.grade));
+      for (const Figure& figure : Figures()) {
+        const std::optional<double> value = estimate.ok ? figure.value(estimate) : std::nullopt;
+        csv += "," + (value ? RoundTrip(*value) : "");
+      }
+      csv += "\n";
+    }
+  }
+  return csv;
+}
+
+std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& runs) {
+  std::vector<std::string> head = {"run", "verdict", "set-up", "target", "captures", "method"};
+  for (const Figure& figure : Figures()) head.emplace_back(figure.title);
+  head.emplace_back("remark");
+  std::vector<std::vector<PageCell>> rows;
+  std::vector<std::vector<PageCell>> failed;
+  for (const BatchRun& run : runs) {
+    if (!run.result) {
+      failed.push_back({{run.name}, {run.reason}});
+      continue;
+    }
+    for (const Estimate& estimate : run.result->estimates) {
+      std::vector<PageCell> row = {
+          {run.name, false, LinkTo(run.name + "/report.html")},
+          {std::string(GradeName(run.result->verdict.grade))},
+          {std::string(SetupName(run.result->setup))},
+          {run.result->target_type},
+          {std::to_string(NumUsedCaptures(*run.result)) + " of " + std::to_string(run.result->captures.size())},
+          {estimate.method}};
+      for (const Figure& figure : Figures()) {
+        const std::optional<double> value = estimate.ok ? figure.value(estimate) : std::nullopt;
+        row.push_back({value ? Significant(*value, 4) : "", true});
+      }
+      row.push_back({estimate.reason});
+      rows.push_back(std::move(row));
+    }
+  }
+  const size_t num_failed = failed.size();
+  const std::string counts = std::to_string(runs.size()) + " runs" +
+                             (num_failed > 0 ? ", " + std::to_string(num_failed) + " of them failed" : "") +
+                             ". In-sample: on the captures that the estimate was made from; hold-out: on captures that "
+                             "it has not seen.";
+  using Json = nlohmann::ordered_json;
+  Json bars = Json::array();
+  std::vector<FigureRow> pictured;
+  for (const BatchRun& run : runs) {
+    if (!run.result) continue;
+    const Estimate* refined = FindRefined(*run.result);
+    const Estimate* closed = FindBestClosedForm(*run.result, &HoldOutPx);
+    const FigureRow row{run.name, refined != nullptr ? refined->errors.holdout_rms_px : std::nullopt,
+                        closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt};
+    bars.push_back(Json{{"label", row.label}, {"values", {OrNull(row.first), OrNull(row.second)}}});
+    pictured.push_back(row);
+  }
+  return HtmlPage(
+      title, "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
+                 ViewFigure("dumbbells", "Hold-out of every run.",
+                            Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
+                            DumbbellPicture("px rms: refined (first colour), best closed form (second)", pictured)) +
+                 (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "why"}, failed)) +
+                 Heading("Runs and methods") + HtmlTable(head, rows));
+}
+
+std::string SummaryTable(const std::vector<BatchRun>& runs) {
+  constexpr size_t kNameWidth = 24;
+  std::string table = PadRight("run", kNameWidth) + PadRight(" target", 15) + PadLeft("captures", 9) +
+                      PadLeft("hold-out px", 18) + PadLeft("sigma mm", 10) + "\n" + PadRight("", kNameWidth + 15 + 9) +
+                      PadLeft("closed", 9) + PadLeft("refined", 9) + "\n";
+  for (const BatchRun& run : runs) {
+    const std::string name =
+        run.name.size() > kNameWidth ? run.name.substr(0, kNameWidth - 2) + ".." : PadRight(run.name, kNameWidth);
+    table += name;
+    const Estimate* refined = run.result ? FindRefined(*run.result) : nullptr;
+    if (refined == nullptr) {
+      table += " failed: " + run.reason + "\n";
+      continue;
+    }
+    const RunResult& result = *run.result;
+    const Estimate* closed = FindBestClosedForm(result, &HoldOutPx);
+    table += PadRight(" " + result.target_type, 15) +
+             PadLeft(std::to_string(NumUsedCaptures(result)) + "/" + std::to_string(result.captures.size()), 9) +
+             PadLeft(FigureText(closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt), 9) +
+             PadLeft(FigureText(refined->errors.holdout_rms_px), 9) +
+             PadLeft(FigureText(TranslationSigmaMm(*refined)), 10) + "\n";
+  }
+  return table;
+}
+
+}  // namespace heba

@@ -1,0 +1,338 @@
+#include "tools/run/assessment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "heba/base/distributions.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "heba/data/prediction.h"
+#include "solvers/calibration/target_location.h"
+#include "solvers/initial/pose_selection.h"
+#include "tools/run/captures.h"
+
+namespace heba {
+namespace {
+
+// Computes the errors that every estimate is measured by.
+Errors EvaluateEstimate(const HandEye& hand_eye, const Camera& camera, const std::vector<View>& views,
+                        const std::vector<PosePair>& pairs, const std::optional<Truth>& truth,
+                        const std::vector<Rigid3d>& symmetries) {
+  Errors errors;
+  const std::optional<SquaredErrors> squared = ReprojectionErrors(hand_eye, camera, views);
+  if (squared) errors.reprojection_rms_px = squared->RmsPx();
+  errors.axxb_mean_mm = AxxbMeanMm(pairs, hand_eye.camera_mount_from_camera);
+  errors.board_scatter = ComputeBoardScatter(pairs, hand_eye);
+  if (truth) errors.truth = CompareWithTruth(hand_eye, camera, *truth, symmetries);
+  return errors;
+}
+
+// By the capture of middling distance; nothing if its points do not tell the target's pose.
+std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Setup setup) {
+  const Solution& solution = *calibration.refined;
+  std::vector<std::pair<double, const View*>> by_distance;
+  const auto middle_of = [&](const View& view) -> Eigen::Vector3d {
+    return CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount) *
+           Shaped(view.observations, solution.shape).points_in_target.rowwise().mean();
+  };
+  for (const View& view : calibration.views) {
+    if (view.observations.size() >= kMinPosePoints) by_distance.emplace_back(middle_of(view).norm(), &view);
+  }
+  if (by_distance.empty()) return std::nullopt;
+  const auto middle = by_distance.begin() + static_cast<std::ptrdiff_t>(by_distance.size() / 2);
+  std::nth_element(by_distance.begin(), middle, by_distance.end());
+  const View& view = *middle->second;
+  const Outcome<LocatedTarget> located = LocateTarget(setup, solution, view.observations, Rigid3d());
+  if (!located) return std::nullopt;
+  const Eigen::Matrix3d mount_from_camera = solution.hand_eye.camera_mount_from_camera.RotationMatrix();
+  return WorkingPoint{middle_of(view),
+                      mount_from_camera.transpose() * located->covariance.by_calibration_m2 * mount_from_camera};
+}
+
+ModelSummary SummariseModel(const Calibration& calibration) {
+  ModelSummary model;
+  const BundleOptions& bundle = calibration.bundle;
+  constexpr const char* kRobotNames[] = {"none", "given", "estimated"};
+  model.robot_noise = kRobotNames[static_cast<size_t>(bundle.robot)];
+  for (const TargetShapeGroup group : bundle.free_shape) {
+    model.target_shape.emplace_back(kTargetShapeGroupNames[static_cast<size_t>(group)]);
+  }
+  model.camera = calibration.refined->camera.model;
+  for (const ModelAlternative& alternative : calibration.alternatives) {
+    model.alternatives.push_back(
+        {NameOf(alternative.model), alternative.log_likelihood, alternative.dof, alternative.p});
+  }
+  for (const CameraAlternative& alternative : calibration.camera_alternatives) {
+    model.alternatives.push_back(
+        {"camera " + alternative.model, alternative.log_likelihood, alternative.dof, alternative.p});
+  }
+  return model;
+}
+
+// Points that are in view time and again, but are never found: a wrong id, marker size or pattern, not a bad image.
+std::optional<Finding> FindMissingIds(const RunConfig& config, const Calibration& calibration,
+                                      const std::vector<CaptureDetection>& detections) {
+  if (!config.given_detections.empty()) return std::nullopt;
+  constexpr int kOften = 5;
+  constexpr double kShare = 0.1;
+  const std::vector<TargetPoint>& points = config.target->points();
+  std::vector<int> num_expected(points.size(), 0);
+  std::vector<int> num_found(points.size(), 0);
+  for (size_t i = 0; i < config.captures.size(); ++i) {
+    const std::vector<int>& ids = detections[i].detection.ids;
+    if (ids.empty()) continue;
+    const Rigid3d mount = CameraMountFromTargetMount(config.setup, config.captures[i].base_from_gripper);
+    const std::vector<std::optional<Eigen::Vector2d>> expected =
+        ExpectedPixels(*config.target, *calibration.refined, CameraFromTarget(calibration.refined->hand_eye, mount));
+    for (size_t k = 0; k < points.size(); ++k) {
+      num_expected[k] += expected[k] ? 1 : 0;
+      num_found[k] += std::count(ids.begin(), ids.end(), points[k].id) > 0 ? 1 : 0;
+    }
+  }
+  int num_missing = 0;
+  int least_expected = std::numeric_limits<int>::max();
+  for (size_t k = 0; k < points.size(); ++k) {
+    if (num_found[k] > 0 || num_expected[k] < kOften) continue;
+    ++num_missing;
+    least_expected = std::min(least_expected, num_expected[k]);
+  }
+  if (num_missing < kShare * static_cast<double>(points.size()) || num_missing == 0) return std::nullopt;
+  return Finding{Grade::kDoubtful,
+                 "missing_ids",
+                 std::to_string(num_missing) + " of the target's " + std::to_string(points.size()) +
+                     " points are never found, though each is in view in " + std::to_string(least_expected) +
+                     " images or more",
+                 "check the target's first id, its rows and columns, the marker size and legacy_pattern",
+                 {{"missing", num_missing}, {"points", static_cast<double>(points.size())}}};
+}
+
+// The radius around the middle that holds a Gaussian with this covariance with this confidence: of a weighted sum of
+// chi-squares by its first two moments (Satterthwaite 1946).
+double RadiusM(const Eigen::Matrix3d& covariance_m2, double confidence) {
+  const double trace = covariance_m2.trace();
+  const double squares = covariance_m2.squaredNorm();
+  if (!(trace > 0)) return 0;
+  const double dof = trace * trace / squares;
+  return std::sqrt(squares / trace * ChiSquareQuantile(1 - confidence, dof));
+}
+
+// Returns the accuracy that the calibration reaches at each place for which the config requires one. A camera that the
+// robot carries sees a target at any place as it did at the working point.
+std::vector<Requirement> ReachedRequirements(const RunConfig& config, const Calibration& calibration,
+                                             const RunResult& result) {
+  std::vector<Requirement> reached;
+  const Solution& solution = *calibration.refined;
+  for (const PlacedRequirement& required : config.requirements) {
+    Requirement entry{required.within_m, required.confidence, "the working point", 0};
+    if (result.working_point) entry.reached_m = RadiusM(result.working_point->covariance_m2, required.confidence);
+    if (!required.places_in_base_m.empty() && config.setup == Setup::kEyeToHand) {
+      entry.place = required.text;
+      entry.reached_m = 0;
+      const View& fullest =
+          *std::max_element(calibration.views.begin(), calibration.views.end(),
+                            [](const View& a, const View& b) { return a.observations.size() < b.observations.size(); });
+      for (const Eigen::Vector3d& place : required.places_in_base_m) {
+        // The target as that capture showed it, moved to the place.
+        Observations seen = fullest.observations;
+        Rigid3d camera_from_target = CameraFromTarget(solution.hand_eye, fullest.camera_mount_from_target_mount);
+        const Eigen::Vector3d middle = seen.points_in_target.rowwise().mean();
+        camera_from_target.translation +=
+            Inverse(solution.hand_eye.camera_mount_from_camera) * place - camera_from_target * middle;
+        const bool is_visible = Predict(solution.camera.Model(), solution.camera.params.data(), camera_from_target,
+                                        Shaped(seen, solution.shape), &seen.pixels, nullptr);
+        const Outcome<LocatedTarget> located =
+            is_visible ? LocateTarget(config.setup, solution, seen, Rigid3d())
+                       : Outcome<LocatedTarget>(Failure{"the place lies behind the camera"});
+        entry.reached_m =
+            std::max(entry.reached_m, located ? RadiusM(located->covariance.by_calibration_m2, required.confidence)
+                                              : std::numeric_limits<double>::infinity());
+      }
+    }
+    reached.push_back(std::move(entry));
+  }
+  return reached;
+}
+
+std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+                                            const Calibration& calibration,
+                                            const std::vector<std::optional<CaptureMove>>& moves) {
+  const Solution& solution = *calibration.refined;
+  std::vector<CaptureResult> results;
+  for (size_t i = 0; i < config.captures.size(); ++i) {
+    CaptureResult result;
+    result.image = config.captures[i].name;
+    result.role = config.captures[i].role;
+    result.num_points = static_cast<int>(detections[i].detection.ids.size());
+    result.num_second_pass = detections[i].num_second_pass;
+    result.reason = detections[i].detection.reason;
+    const auto view = std::find_if(calibration.views.begin(), calibration.views.end(),
+                                   [&](const View& entry) { return entry.name == result.image; });
+    const auto unused = std::find_if(calibration.unused.begin(), calibration.unused.end(),
+                                     [&](const UnusedView& entry) { return entry.name == result.image; });
+    if (view != calibration.views.end()) {
+      result.used = true;
+      const std::optional<SquaredErrors> errors =
+          ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
+                     Shaped(view->observations, solution.shape));
+      if (errors) result.rms_px = errors->RmsPx();
+      const auto index = static_cast<size_t>(view - calibration.views.begin());
+      result.num_rejected = static_cast<int>(solution.rejected_ids[index].size());
+      if (result.num_rejected > 0) {
+        result.reason += std::string(result.reason.empty() ? "" : "; ") + std::to_string(result.num_rejected) +
+                         (result.num_rejected == 1 ? " point is" : " points are") +
+                         " not where the estimate from the others says, and left out";
+      }
+      if (!solution.corrections.empty()) result.correction = solution.corrections[index];
+      result.move_without = moves[index];
+    } else if (unused != calibration.unused.end()) {
+      result.reason = unused->reason;
+    }
+    results.push_back(std::move(result));
+  }
+  for (const LeftOut& entry : config.left_out) {
+    CaptureResult result;
+    result.image = entry.name;
+    result.reason = entry.reason;
+    result.was_searched = false;
+    results.push_back(std::move(result));
+  }
+  return results;
+}
+
+}  // namespace
+
+std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
+                                    const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries) {
+  std::vector<Estimate> estimates;
+  for (const MethodResult& method : calibration.methods) {
+    Estimate estimate;
+    estimate.method = method.method;
+    estimate.kind = "closed_form";
+    estimate.ok = method.hand_eye.ok();
+    estimate.reason = method.hand_eye.reason();
+    estimate.camera = calibration.camera;
+    if (estimate.ok) {
+      estimate.hand_eye = *method.hand_eye;
+      estimate.errors =
+          EvaluateEstimate(estimate.hand_eye, estimate.camera, calibration.views, calibration.pairs, truth, symmetries);
+    }
+    estimates.push_back(std::move(estimate));
+  }
+  Estimate chain;
+  chain.method = kChainMethod;
+  chain.kind = "refined";
+  chain.ok = calibration.chain.ok();
+  chain.reason = calibration.chain.reason();
+  chain.camera = calibration.camera;
+  if (chain.ok) {
+    chain.solution = *calibration.chain;
+    chain.hand_eye = chain.solution->hand_eye;
+    chain.errors =
+        EvaluateEstimate(chain.hand_eye, chain.camera, calibration.views, calibration.pairs, truth, symmetries);
+  }
+  estimates.push_back(std::move(chain));
+  Estimate refined;
+  refined.method = kBundleMethod;
+  refined.kind = "refined";
+  refined.ok = calibration.refined.ok();
+  refined.reason = calibration.refined.reason();
+  if (!refined.ok) {
+    estimates.push_back(std::move(refined));
+    return estimates;
+  }
+  refined.solution = *calibration.refined;
+  refined.hand_eye = refined.solution->hand_eye;
+  refined.camera = refined.solution->camera;
+  // The refined camera sees the target elsewhere than the one that the closed forms had.
+  const std::vector<View> shaped = Shaped(calibration.views, refined.solution->shape);
+  refined.errors = EvaluateEstimate(refined.hand_eye, refined.camera, shaped,
+                                    PairsAsSeen(refined.camera, refined.hand_eye, shaped), truth, symmetries);
+  estimates.push_back(std::move(refined));
+  for (Estimate& estimate : estimates) {
+    for (const HoldOut& hold_out : hold_outs) {
+      if (hold_out.method != estimate.method) continue;
+      estimate.errors.holdout_rms_px = hold_out.rms_px;
+      if (hold_out.target_m) estimate.errors.holdout_target_mm = 1000 * *hold_out.target_m;
+      if (hold_out.target_rad) estimate.errors.holdout_target_deg = RadToDeg(*hold_out.target_rad);
+      estimate.errors.holdout_chi2 = hold_out.chi2_per_dof;
+      estimate.errors.holdout_sigmas = hold_out.sigmas;
+    }
+  }
+  return estimates;
+}
+
+std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target, const Solution& solution,
+                                                           const Rigid3d& camera_from_target) {
+  constexpr double kRimPx = 3;
+  std::vector<std::optional<Eigen::Vector2d>> expected;
+  const bool z_out = target.Draw().y_up;
+  const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d(0, 0, z_out ? -1 : 1);
+  for (const TargetPoint& point : target.points()) {
+    const Eigen::Vector3d in_camera = camera_from_target * Shaped(point.in_target, solution.shape);
+    std::optional<Eigen::Vector2d> pixel = ProjectPoint(solution.camera, in_camera);
+    // From behind there is nothing to see; and strong distortion folds far rays back into the picture.
+    const bool is_visible = pixel && normal.dot(in_camera) > 0 && pixel->x() >= kRimPx && pixel->y() >= kRimPx &&
+                            pixel->x() <= solution.camera.width_px - 1 - kRimPx &&
+                            pixel->y() <= solution.camera.height_px - 1 - kRimPx &&
+                            UnprojectPixel(solution.camera, *pixel).value_or(Eigen::Vector3d::Zero()).dot(in_camera) >
+                                0.999 * in_camera.norm();
+    expected.push_back(is_visible ? pixel : std::nullopt);
+  }
+  return expected;
+}
+
+namespace {
+
+void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::vector<CaptureResult>* captures) {
+  for (const HoldOut& hold_out : hold_outs) {
+    if (hold_out.method != kBundleMethod) continue;
+    for (const auto& entry_of : hold_out.target_m_of_view) {
+      const auto capture = std::find_if(captures->begin(), captures->end(),
+                                        [&](const CaptureResult& entry) { return entry.image == entry_of.first; });
+      if (capture != captures->end()) capture->holdout_target_mm = 1000 * entry_of.second;
+    }
+  }
+}
+
+}  // namespace
+
+RunResult Assess(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+                 const Calibration& calibration, CalibrationOptions options, const std::optional<Truth>& truth,
+                 int num_threads, Console* console) {
+  RunResult result;
+  result.name = config.name;
+  result.about = config.about;
+  result.setup = config.setup;
+  result.target_type = config.target->type();
+  result.num_target_points = static_cast<int>(config.target->points().size());
+  result.observations = Advise(calibration, options);
+
+  // From here on the methods that were found to suit, in every fold.
+  options.methods.clear();
+  for (const MethodResult& method : calibration.methods) {
+    if (method.hand_eye) options.methods.push_back(method.method);
+  }
+  options.bundle.num_threads = 1;  // The folds are side by side.
+  std::vector<HoldOut> hold_outs;
+  if (config.folds > 0) {
+    const int num_folds = std::min(config.folds, static_cast<int>(calibration.views.size()));
+    Progress progress("hold-out", num_folds, console->verbosity());
+    hold_outs = CrossValidate(calibration, options, num_folds, num_threads, [&] { progress.Step(); });
+  }
+  for (const HoldOut& hold_out : hold_outs) {
+    if (!hold_out.reason.empty()) console->Note("no hold-out figure for " + hold_out.method + ": " + hold_out.reason);
+  }
+  result.estimates = MakeEstimates(calibration, hold_outs, truth, options.symmetries);
+  result.captures = DescribeCaptures(config, detections, calibration, MoveWithoutEachView(calibration, options));
+  AddHoldOuts(hold_outs, &result.captures);
+  result.working_point = FindWorkingPoint(calibration, config.setup);
+  result.model = SummariseModel(calibration);
+  if (std::optional<Finding> missing = FindMissingIds(config, calibration, detections)) {
+    result.observations.push_back(std::move(*missing));
+  }
+  result.requirements = ReachedRequirements(config, calibration, result);
+  return result;
+}
+
+}  // namespace heba

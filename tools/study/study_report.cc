@@ -1,0 +1,447 @@
+#include "tools/study/study_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <set>
+#include <string_view>
+
+#include <nlohmann/json.hpp>
+
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "tools/pages/chart_picture.h"
+#include "tools/pages/page.h"
+#include "tools/pages/plot.h"
+#include "tools/text/result_text.h"
+
+namespace heba {
+namespace {
+
+std::string Ratio(double value, double bound) { return bound > 0 ? Significant(value / bound, 3) : "-"; }
+
+// A quantity that a study varies and a chart can have as its horizontal axis. Robot noise is swept as a pair.
+struct SweptQuantity {
+  const char* label;
+  bool has_zero;  // Then the axis is linear.
+  double (*value)(const StudyLabels& labels);
+};
+constexpr SweptQuantity kQuantities[] = {
+    {"pixel noise, px", false, [](const StudyLabels& l) { return l.pixel_sigma_px; }},
+    {"captures", false, [](const StudyLabels& l) { return static_cast<double>(l.num_captures); }},
+    {"points of the target", false, [](const StudyLabels& l) { return static_cast<double>(l.num_points); }},
+    {"robot noise, mm", true, [](const StudyLabels& l) { return 1000 * l.robot_noise.translation_m; }},
+    {"robot noise, deg", true, [](const StudyLabels& l) { return RadToDeg(l.robot_noise.rotation_rad); }},
+    {"scale in x", true, [](const StudyLabels& l) { return l.shape_params[0]; }},
+    {"scale in y", true, [](const StudyLabels& l) { return l.shape_params[1]; }},
+    {"bend in x, mm", true, [](const StudyLabels& l) { return 1000 * l.shape_params[2]; }},
+    {"bend in y, mm", true, [](const StudyLabels& l) { return 1000 * l.shape_params[3]; }},
+    {"points anywhere, %", true, [](const StudyLabels& l) { return 100 * l.outlier_points; }},
+    {"wrong poses, %", true, [](const StudyLabels& l) { return 100 * l.wrong_captures; }}};
+constexpr size_t kPixelNoise = 0;
+constexpr size_t kNoQuantity = std::size(kQuantities);
+
+bool IsRobotNoise(size_t quantity) { return std::string_view(kQuantities[quantity].label).starts_with("robot noise"); }
+
+// Whether a cell's line leaves this quantity out because it is what a chart varies.
+bool IsSwept(size_t quantity, size_t swept) {
+  return quantity == swept || (swept < kNoQuantity && IsRobotNoise(swept) && IsRobotNoise(quantity));
+}
+
+// Describes a cell, without its pixel noise and without the quantity that is swept.
+std::string SceneLine(const StudyLabels& labels, size_t swept = kPixelNoise) {
+  const auto is_swept = [&](std::string_view label) {
+    for (size_t i = 0; i < kNoQuantity; ++i) {
+      if (kQuantities[i].label == label) return IsSwept(i, swept);
+    }
+    return false;
+  };
+  std::string line = labels.scene + " (" + std::string(SetupName(labels.setup));
+  if (!is_swept("captures")) line += ", " + std::to_string(labels.num_captures) + " captures";
+  if (!is_swept("points of the target")) line += ", " + std::to_string(labels.num_points) + " points";
+  line += ")";
+  if (!is_swept("robot noise, mm") && (labels.robot_noise.translation_m > 0 || labels.robot_noise.rotation_rad > 0)) {
+    line += ", robot " + Significant(1000 * labels.robot_noise.translation_m, 3) + " mm " +
+            Significant(RadToDeg(labels.robot_noise.rotation_rad), 3) + " deg";
+  }
+  const std::array<double, TargetShape::kNumParams> designed = TargetShape().params;
+  constexpr std::array<const char*, TargetShape::kNumParams> kShapes = {"scale in x", "scale in y", "bend in x, mm",
+                                                                        "bend in y, mm"};
+  for (size_t i = 0; i < designed.size(); ++i) {
+    if (labels.shape_params[i] == designed[i] || is_swept(kShapes[i])) continue;
+    line += std::string(", ") + (i % 2 == 0 ? "x " : "y ") +
+            (i < 2 ? "scale " + Fixed(labels.shape_params[i], 4)
+                   : "bend " + Significant(1000 * labels.shape_params[i], 3) + " mm");
+  }
+  line += ", refined with robot " + labels.robot_model;
+  if (labels.outlier_points > 0 && !is_swept("points anywhere, %")) {
+    line += ", " + Significant(100 * labels.outlier_points, 3) + " % of points anywhere";
+  }
+  if (labels.wrong_captures > 0 && !is_swept("wrong poses, %")) {
+    line += ", " + Significant(100 * labels.wrong_captures, 3) + " % of poses wrong";
+  }
+  return line;
+}
+
+std::string OrEmpty(const std::optional<double>& value) { return value ? Significant(*value, 8) : ""; }
+
+}  // namespace
+
+std::string StudyTable(const std::vector<CellResult>& results) {
+  std::string table;
+  for (const CellResult& result : results) {
+    table += SceneLine(result.labels) + ", pixel noise " + Significant(result.labels.pixel_sigma_px, 3) + " px\n";
+    if (!result.bound) {
+      table += "  no bound: " + result.bound.reason() + "\n\n";
+      continue;
+    }
+    // 80 characters in all.
+    const auto figures = [](const StudyErrors& errors) {
+      return PadLeft(Significant(1000 * errors.hand_eye_m, 3), 9) +
+             PadLeft(Significant(RadToDeg(errors.hand_eye_rad), 3), 9) +
+             PadLeft(Significant(1000 * errors.board_m, 3), 9) + PadLeft(Significant(RadToDeg(errors.board_rad), 3), 9);
+    };
+    table += PadRight("", 13) + PadLeft("hand-eye", 18) + PadLeft("board", 18) + PadLeft("over the bound", 18) +
+             PadLeft("95 %", 6) + PadLeft("AX-XB", 7) + "\n" + PadRight("", 13) + PadLeft("mm", 9) + PadLeft("deg", 9) +
+             PadLeft("mm", 9) + PadLeft("deg", 9) + PadLeft("mm", 6) + PadLeft("deg", 6) + PadLeft("focal", 6) +
+             PadLeft("holds", 6) + PadLeft("mm", 7) + "\n";
+    const StudyErrors& bound = *result.bound;
+    table += "  " + PadRight("bound", 11) + figures(bound) + "\n";
+    for (const MethodSummary& method : result.methods) {
+      table += "  " + PadRight(method.method, 11);
+      if (method.num_failed < method.num_trials) {
+        const StudyErrors& rms = method.rms;
+        table += figures(rms) + PadLeft(Ratio(rms.hand_eye_m, bound.hand_eye_m), 6) +
+                 PadLeft(Ratio(rms.hand_eye_rad, bound.hand_eye_rad), 6) +
+                 PadLeft(rms.focal_px && bound.focal_px ? Ratio(*rms.focal_px, *bound.focal_px) : "-", 6) +
+                 PadLeft(method.coverage ? Fixed(*method.coverage, 3) : "-", 6) +
+                 PadLeft(Significant(method.axxb_mean_mm, 3), 7);
+      }
+      table += "\n";
+      if (method.num_failed > 0) {
+        table += PadRight("", 13) + "  failed in " + std::to_string(method.num_failed) + " of " +
+                 std::to_string(method.num_trials) + " trials\n";
+      }
+      if (method.right_model) {
+        table +=
+            PadRight("", 13) + "  right model of the errors: " + Significant(100 * *method.right_model, 3) + " %\n";
+      }
+      if (method.robot_noise) {
+        table += PadRight("", 13) + "  found (median): pixels " + Significant(method.pixel_sigma_px.value_or(0), 3) +
+                 " px, robot " + Significant(1000 * method.robot_noise->translation_m, 3) + " mm " +
+                 Significant(RadToDeg(method.robot_noise->rotation_rad), 3) + " deg\n";
+      }
+    }
+    table += "\n";
+  }
+  return table;
+}
+
+std::string StudyCsv(const std::vector<CellResult>& results) {
+  std::string csv =
+      "cell,scene,setup,captures,points,pixel_noise_px,robot_translation_mm,robot_rotation_deg,scale_x,scale_y,bend_x_"
+      "mm,bend_y_mm,outlier_points,"
+      "wrong_captures,robot_model,method,trials,failed,hand_eye_mm,hand_eye_deg,board_mm,board_deg,focal_px,"
+      "bound_hand_eye_mm,bound_hand_eye_deg,bound_board_mm,bound_board_deg,bound_focal_px,coverage_95,right_model,axxb_"
+      "mean_mm,"
+      "found_pixel_sigma_px,found_robot_mm,found_robot_deg\n";
+  const auto columns = [](const std::optional<StudyErrors>& errors) {
+    if (!errors) return std::string(",,,,");
+    return Significant(1000 * errors->hand_eye_m, 8) + "," + Significant(RadToDeg(errors->hand_eye_rad), 8) + "," +
+           Significant(1000 * errors->board_m, 8) + "," + Significant(RadToDeg(errors->board_rad), 8) + "," +
+           OrEmpty(errors->focal_px);
+  };
+  for (const CellResult& result : results) {
+    const StudyLabels& labels = result.labels;
+    const std::string cell =
+        std::to_string(result.cell) + "," + CsvField(labels.scene) + "," + std::string(SetupName(labels.setup)) + "," +
+        std::to_string(labels.num_captures) + "," + std::to_string(labels.num_points) + "," +
+        Significant(labels.pixel_sigma_px, 8) + "," + Significant(1000 * labels.robot_noise.translation_m, 8) + "," +
+        Significant(RadToDeg(labels.robot_noise.rotation_rad), 8) + "," + Significant(labels.shape_params[0], 8) + "," +
+        Significant(labels.shape_params[1], 8) + "," + Significant(1000 * labels.shape_params[2], 8) + "," +
+        Significant(1000 * labels.shape_params[3], 8) + "," + Significant(labels.outlier_points, 8) + "," +
+        Significant(labels.wrong_captures, 8) + "," + labels.robot_model;
+    for (const MethodSummary& method : result.methods) {
+      const bool has_any = method.num_failed < method.num_trials;
+      const std::optional<StudyErrors> bound = result.bound ? std::optional<StudyErrors>(*result.bound) : std::nullopt;
+      csv += cell + "," + method.method + "," + std::to_string(method.num_trials) + "," +
+             std::to_string(method.num_failed) + "," +
+             columns(has_any ? std::optional<StudyErrors>(method.rms) : std::nullopt) + "," + columns(bound) + "," +
+             OrEmpty(method.coverage) + "," + OrEmpty(method.right_model) + "," +
+             (has_any ? Significant(method.axxb_mean_mm, 8) : "") + "," + OrEmpty(method.pixel_sigma_px) + ",";
+      if (method.robot_noise) {
+        csv += Significant(1000 * method.robot_noise->translation_m, 8) + "," +
+               Significant(RadToDeg(method.robot_noise->rotation_rad), 8);
+      } else {
+        csv += ",";
+      }
+      csv += "\n";
+    }
+  }
+  return csv;
+}
+
+namespace {
+
+// A chart of one swept quantity, everything else the same.
+struct StudyChart {
+  size_t quantity = 0;
+  Plot plot;
+  bool has_linear_x = false;
+  bool has_linear_y = false;
+  std::optional<std::pair<double, double>> band;  // The part of the vertical axis that is as it should be.
+};
+
+// The cells that differ in a quantity only, by it; groups of one are none.
+std::vector<std::vector<const CellResult*>> SweepsOf(const std::vector<CellResult>& results, size_t quantity) {
+  std::vector<std::string> order;
+  std::map<std::string, std::vector<const CellResult*>> groups;
+  for (const CellResult& result : results) {
+    std::string key =
+        result.labels.scene + "|" + std::string(SetupName(result.labels.setup)) + "|" + result.labels.robot_model;
+    for (size_t i = 0; i < kNoQuantity; ++i) {
+      if (!IsSwept(i, quantity)) key += "|" + RoundTrip(kQuantities[i].value(result.labels));
+    }
+    std::vector<const CellResult*>& group = groups[key];
+    if (group.empty()) order.push_back(key);
+    group.push_back(&result);
+  }
+  std::vector<std::vector<const CellResult*>> sweeps;
+  for (const std::string& key : order) {
+    std::vector<const CellResult*>& group = groups[key];
+    std::set<double> values;
+    for (const CellResult* result : group) values.insert(kQuantities[quantity].value(result->labels));
+    // The robot's deg have no charts of their own if its mm vary too.
+    const bool is_second_of_pair =
+        IsRobotNoise(quantity) && IsRobotNoise(quantity - 1) &&
+        std::any_of(group.begin(), group.end(), [&](const CellResult* result) {
+          return kQuantities[quantity - 1].value(result->labels) != kQuantities[quantity - 1].value(group[0]->labels);
+        });
+    if (values.size() > 1 && !is_second_of_pair) sweeps.push_back(std::move(group));
+  }
+  return sweeps;
+}
+
+using MethodFigure = std::optional<double> (*)(const MethodSummary& method);
+
+std::vector<PlotLine> LinesOf(const std::vector<const CellResult*>& sweep, size_t quantity, MethodFigure figure) {
+  std::vector<PlotLine> lines;
+  for (const CellResult* result : sweep) {
+    for (const MethodSummary& method : result->methods) {
+      const std::optional<double> value = figure(method);
+      if (!value) continue;
+      auto line =
+          std::find_if(lines.begin(), lines.end(), [&](const PlotLine& known) { return known.name == method.method; });
+      if (line == lines.end()) {
+        line = lines.insert(lines.end(), {method.method, {}, false, method.method == kBundleMethod});
+      }
+      line->points.emplace_back(kQuantities[quantity].value(result->labels), *value);
+    }
+  }
+  for (PlotLine& line : lines) std::sort(line.points.begin(), line.points.end());
+  return lines;
+}
+
+// A cell without the quantity that is swept, but with its pixel noise.
+std::string TitleOf(const StudyLabels& labels, size_t swept) {
+  return SceneLine(labels, swept) +
+         (swept == kPixelNoise ? "" : ", pixel noise " + Significant(labels.pixel_sigma_px, 3) + " px");
+}
+
+// The hand-eye translation's error against the quantity, with the bound.
+StudyChart ErrorChart(const std::vector<const CellResult*>& sweep, size_t quantity) {
+  StudyChart chart{quantity,
+                   {TitleOf(sweep.front()->labels, quantity),
+                    kQuantities[quantity].label,
+                    "RMS error of the hand-eye translation, mm",
+                    {}},
+                   kQuantities[quantity].has_zero,
+                   false,
+                   {}};
+  PlotLine bound{"bound", {}, true, false};
+  for (const CellResult* result : sweep) {
+    if (!result->bound) continue;
+    bound.points.emplace_back(kQuantities[quantity].value(result->labels), 1000 * result->bound->hand_eye_m);
+  }
+  std::sort(bound.points.begin(), bound.points.end());
+  chart.plot.lines = LinesOf(sweep, quantity, [](const MethodSummary& method) -> std::optional<double> {
+    return method.num_failed < method.num_trials ? std::optional(1000 * method.rms.hand_eye_m) : std::nullopt;
+  });
+  chart.plot.lines.insert(chart.plot.lines.begin(), bound);
+  return chart;
+}
+
+// How often the stated 95 % region holds the truth; the band is what that many trials leave to chance.
+std::optional<StudyChart> CoverageChart(const std::vector<const CellResult*>& sweep, size_t quantity) {
+  StudyChart chart{quantity,
+                   {TitleOf(sweep.front()->labels, quantity),
+                    kQuantities[quantity].label,
+                    "share of trials whose 95 % region holds the truth",
+                    {}},
+                   kQuantities[quantity].has_zero,
+                   true,
+                   {}};
+  chart.plot.lines = LinesOf(sweep, quantity, [](const MethodSummary& method) { return method.coverage; });
+  if (chart.plot.lines.empty()) return std::nullopt;
+  int num_trials = 0;
+  for (const MethodSummary& method : sweep.front()->methods) num_trials = std::max(num_trials, method.num_trials);
+  const double sigma = std::sqrt(0.95 * 0.05 / std::max(num_trials, 1));
+  chart.band = std::pair(0.95 - 2 * sigma, std::min(1.0, 0.95 + 2 * sigma));
+  return chart;
+}
+
+// The charts of every quantity that is swept, errors before coverage.
+std::vector<StudyChart> StudyCharts(const std::vector<CellResult>& results) {
+  std::vector<StudyChart> charts;
+  for (size_t quantity = 0; quantity < kNoQuantity; ++quantity) {
+    const std::vector<std::vector<const CellResult*>> sweeps = SweepsOf(results, quantity);
+    for (const auto& sweep : sweeps) charts.push_back(ErrorChart(sweep, quantity));
+    for (const auto& sweep : sweeps) {
+      if (std::optional<StudyChart> chart = CoverageChart(sweep, quantity)) charts.push_back(std::move(*chart));
+    }
+  }
+  return charts;
+}
+
+std::string ChartPictureOf(const StudyChart& chart) {
+  ChartAxis x{chart.plot.x_label, INFINITY, -INFINITY, !chart.has_linear_x};
+  ChartAxis y{chart.plot.y_label, INFINITY, -INFINITY, !chart.has_linear_y};
+  const auto is_shown = [&](const std::pair<double, double>& point) {
+    return (!x.is_log || point.first > 0) && (!y.is_log || point.second > 0);
+  };
+  std::vector<PlotLine> lines = chart.plot.lines;
+  for (PlotLine& line : lines) {
+    std::erase_if(line.points, [&](const auto& point) { return !is_shown(point); });
+    for (const auto& [px, py] : line.points) {
+      x.low = std::min(x.low, px);
+      x.high = std::max(x.high, px);
+      y.low = std::min(y.low, py);
+      y.high = std::max(y.high, py);
+    }
+  }
+  if (chart.band) {
+    y.low = std::min(y.low, chart.band->first);
+    y.high = std::max(y.high, chart.band->second);
+  }
+  if (!(x.low < x.high) || !(y.low <= y.high)) return "";
+  if (y.is_log) {
+    y.low /= 1.3;
+    y.high *= 1.3;
+  } else {
+    const double room = 0.05 * std::max(y.high - y.low, 1e-3);
+    y.low -= room;
+    y.high += room;
+  }
+  ChartPicture picture(560, 340, x, y);
+  if (chart.band) picture.Bar(x.low, chart.band->first, x.high, chart.band->second, "dim", 0.15);
+  for (const PlotLine& line : lines) {
+    if (line.points.empty()) continue;
+    picture.Line(line.points, line.is_reference ? "dim" : (line.is_emphasised ? "second" : "first"),
+                 line.is_emphasised ? 3 : 1.2, line.is_reference);
+    if (line.is_reference || line.is_emphasised) {
+      picture.Text(line.points.back().first, line.points.back().second, line.name, "end");
+    }
+  }
+  return picture.Svg();
+}
+
+std::string ChartFigure(const StudyChart& chart) {
+  using Json = nlohmann::ordered_json;
+  Json lines = Json::array();
+  for (const PlotLine& line : chart.plot.lines) {
+    Json points = Json::array();
+    for (const auto& [x, y] : line.points) points.push_back({x, y});
+    lines.push_back(Json{{"name", line.name},
+                         {"reference", line.is_reference},
+                         {"strong", line.is_emphasised},
+                         {"points", std::move(points)}});
+  }
+  Json data{
+      {"x_label", chart.plot.x_label}, {"y_label", chart.plot.y_label}, {"linear", Json::array()}, {"lines", lines}};
+  if (chart.has_linear_x) data["linear"].push_back("x");
+  if (chart.has_linear_y) data["linear"].push_back("y");
+  if (chart.band) data["band"] = {chart.band->first, chart.band->second};
+  return "<section>" + ViewFigure("lines", chart.plot.title, data, ChartPictureOf(chart)) + "</section>\n";
+}
+
+}  // namespace
+
+void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesystem::path& folder) {
+  std::vector<Plot> plots;
+  for (const StudyChart& chart : StudyCharts(results)) {
+    if (chart.quantity == kPixelNoise && !chart.has_linear_y) plots.push_back(chart.plot);
+  }
+  for (size_t i = 0; i < plots.size(); ++i) {
+    const std::string number = plots.size() > 1 ? "_" + std::to_string(i + 1) : "";
+    WriteFileAtomically(folder / ("hand_eye_mm" + number + ".svg"), LogLogSvg(plots[i]));
+  }
+}
+
+std::string StudyPage(const std::string& title, const std::vector<CellResult>& results) {
+  std::string body = "<h1>" + EscapedForMarkup(title) + "</h1>\n" +
+                     Paragraph(
+                         "RMS errors against the truth, of every method, and the least that any unbiased method "
+                         "can reach (bound).");
+  // Very many charts hide what they show: the file of figures has the rest.
+  constexpr size_t kMostCharts = 60;
+  const std::vector<StudyChart> charts = StudyCharts(results);
+  std::string section;
+  for (size_t i = 0; i < charts.size(); ++i) {
+    const bool is_next_kind =
+        i == 0 || charts[i].quantity != charts[i - 1].quantity || charts[i].has_linear_y != charts[i - 1].has_linear_y;
+    if (is_next_kind) {
+      body += section.empty() ? "" : "<div class=\"columns\">\n" + section + "</div>\n";
+      section.clear();
+      body += Heading((charts[i].has_linear_y ? "Coverage against " : "Error against ") + charts[i].plot.x_label);
+    }
+    if (i < kMostCharts) section += ChartFigure(charts[i]);
+  }
+  body += section.empty() ? "" : "<div class=\"columns\">\n" + section + "</div>\n";
+  if (charts.size() > kMostCharts) {
+    body += Paragraph(std::to_string(charts.size() - kMostCharts) +
+                      " further charts are not drawn; study.csv has their figures.");
+  }
+  const auto number = [](const std::optional<double>& value) {
+    return PageCell{value ? Significant(*value, 3) : "", true};
+  };
+  // A table a scene: what its cells share stands above it once.
+  std::vector<std::string> order;
+  std::map<std::string, std::vector<std::vector<PageCell>>> rows_of;
+  for (const CellResult& result : results) {
+    const std::string scene = SceneLine(result.labels);
+    if (rows_of.count(scene) == 0) order.push_back(scene);
+    for (const MethodSummary& method : result.methods) {
+      const bool has_any = method.num_failed < method.num_trials;
+      const StudyErrors& rms = method.rms;
+      const auto of_bound = [&](double value, double StudyErrors::*member) -> std::optional<double> {
+        if (!has_any || !result.bound || !((*result.bound).*member > 0)) return std::nullopt;
+        return value / (*result.bound).*member;
+      };
+      rows_of[scene].push_back({number(result.labels.pixel_sigma_px),
+                                {method.method, false, {}, method.method == kBundleMethod},
+                                number(has_any ? std::optional<double>(1000 * rms.hand_eye_m) : std::nullopt),
+                                number(has_any ? std::optional<double>(RadToDeg(rms.hand_eye_rad)) : std::nullopt),
+                                number(of_bound(rms.hand_eye_m, &StudyErrors::hand_eye_m)),
+                                number(of_bound(rms.hand_eye_rad, &StudyErrors::hand_eye_rad)),
+                                number(has_any ? std::optional<double>(1000 * rms.board_m) : std::nullopt),
+                                number(method.coverage),
+                                number(has_any ? std::optional<double>(method.axxb_mean_mm) : std::nullopt),
+                                number(method.num_failed),
+                                number(method.num_trials)});
+    }
+  }
+  body += Heading("All figures");
+  constexpr size_t kFewScenes = 2;
+  for (const std::string& scene : order) {
+    const std::string table =
+        HtmlTable({"pixel noise, px", "method", "hand-eye, mm", "deg", "mm over the bound", "deg over the bound",
+                   "board, mm", "95 % holds", "AX-XB, mm", "failed", "trials"},
+                  rows_of[scene]);
+    body += order.size() <= kFewScenes ? "<h3>" + EscapedForMarkup(scene) + "</h3>\n" + table : Details(scene, table);
+  }
+  return HtmlPage(title, body, PageWidth::kWide);
+}
+
+}  // namespace heba

@@ -1,0 +1,95 @@
+#include "tools/text/result_text.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+
+namespace heba {
+namespace {
+
+std::optional<double> SigmaOf(const Estimate& estimate, Eigen::Index first) {
+  if (!estimate.solution || estimate.solution->covariance.matrix.rows() < 6) return std::nullopt;
+  return std::sqrt(estimate.solution->covariance.matrix.diagonal().segment<3>(first).sum());
+}
+
+}  // namespace
+
+std::optional<double> TranslationSigmaMm(const Estimate& estimate) {
+  const std::optional<double> sigma_m = SigmaOf(estimate, 0);
+  return sigma_m ? std::optional<double>(1000 * *sigma_m) : std::nullopt;
+}
+
+std::optional<double> RotationSigmaDeg(const Estimate& estimate) {
+  const std::optional<double> sigma_rad = SigmaOf(estimate, 3);
+  return sigma_rad ? std::optional<double>(RadToDeg(*sigma_rad)) : std::nullopt;
+}
+
+std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<MethodReason>& methods) {
+  std::vector<std::pair<std::string, std::string>> methods_of;
+  for (const MethodReason& method : methods) {
+    const auto known = std::find_if(methods_of.begin(), methods_of.end(),
+                                    [&](const auto& entry) { return entry.first == method.second; });
+    if (known == methods_of.end()) {
+      methods_of.emplace_back(method.second, method.first);
+    } else {
+      known->second += ", " + method.first;
+    }
+  }
+  return methods_of;
+}
+
+std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result) {
+  std::vector<MethodReason> methods;
+  for (const Estimate& estimate : result.estimates) {
+    if (!estimate.ok) methods.emplace_back(estimate.method, estimate.reason);
+  }
+  return GroupedByReason(methods);
+}
+
+int NumUsedCaptures(const RunResult& result) {
+  return static_cast<int>(std::count_if(result.captures.begin(), result.captures.end(),
+                                        [](const CaptureResult& capture) { return capture.used; }));
+}
+
+std::string HandEyePoseText(const Estimate& estimate) {
+  const Rigid3d& pose = estimate.hand_eye.camera_mount_from_camera;
+  if (!estimate.solution || estimate.solution->covariance.matrix.rows() < 6) return PoseText(pose);
+  const Eigen::VectorXd variances = estimate.solution->covariance.matrix.diagonal();
+  return PoseText(pose, 1000 * std::sqrt(variances.segment<3>(0).maxCoeff()),
+                  std::sqrt(variances.segment<3>(3).maxCoeff()));
+}
+
+std::string PoseText(const Rigid3d& pose, double sigma_mm, double sigma_rad) {
+  constexpr int kMostDecimals = 8;
+  constexpr int kFewestDecimals = 3;
+  const double sign = pose.rotation.w() < 0 ? -1 : 1;
+  std::vector<std::string> t;
+  std::vector<std::string> q;
+  for (int i = 0; i < 3; ++i) t.push_back(Fixed(1000 * pose.translation[i], DecimalsFor(sigma_mm, kMostDecimals)));
+  for (int i = 0; i < 4; ++i)
+    q.push_back(
+        Fixed(sign * pose.rotation.coeffs()[i], std::max(kFewestDecimals, DecimalsFor(sigma_rad, kMostDecimals))));
+  return "[" + Join(t, ", ") + "] mm, quaternion xyzw [" + Join(q, ", ") + "]";
+}
+
+std::string FigureText(const std::optional<double>& value) { return value ? Significant(*value, 3) : "-"; }
+
+std::string VerdictFailure(const Verdict& verdict) {
+  const Finding& worst = verdict.findings.front();
+  return "the verdict is " + std::string(GradeName(verdict.grade)) + " (--fail-on): " + worst.text +
+         (worst.action.empty() ? "" : "; " + worst.action);
+}
+
+std::string CsvField(const std::string& text_in) {
+  // A spreadsheet would take these for the beginning of a formula.
+  const bool is_formula = !text_in.empty() && std::string_view("=+-@\t").find(text_in[0]) != std::string_view::npos;
+  const std::string text = is_formula ? "'" + text_in : text_in;
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+}  // namespace heba
