@@ -11,7 +11,7 @@
 namespace heba {
 
 CaptureDetection DetectCapture(const Target& target, const std::filesystem::path& image,
-                               const std::optional<PictureSize>& expected) {
+                               const std::optional<ImageSize>& expected) {
   const cv::Mat grey = ReadGreyImage(image, expected);
   // OpenCV's finders draw random numbers: each picture has its own.
   cv::theRNG() = cv::RNG(1);

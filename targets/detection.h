@@ -29,7 +29,7 @@ struct CaptureDetection {
 // Searches one picture, whatever was searched before. InputError if it cannot be read or is of another size than
 // `expected`.
 CaptureDetection DetectCapture(const Target& target, const std::filesystem::path& image,
-                               const std::optional<PictureSize>& expected = std::nullopt);
+                               const std::optional<ImageSize>& expected = std::nullopt);
 
 // Where a camera sees a point of the target, as detectors measure it: a disc by the centroid of its image. Nothing if
 // it has no image.

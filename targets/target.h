@@ -63,7 +63,7 @@ class Target {
   virtual TargetSettings WithoutSymmetry() const { return {}; }
   // Other targets of this type that `grey` may show, where people wrote this one by mistake, likelier first: each the
   // keys that would have to be changed, with the other target's values. Some of them may not make a target.
-  virtual std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const { return {}; }
+  virtual std::vector<TargetSettings> LikelyMisconfigurations(const cv::Mat& /*grey*/) const { return {}; }
   // The keys of all lengths, with the values of a target of the same proportions that is the same for every size: an
   // image shows both where it shows one of them. Empty if the type has none such.
   virtual TargetSettings UnitLengths() const { return {}; }

@@ -32,7 +32,7 @@ void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& 
   if (options.symmetries.size() > 1) return;
   const Solution& solution = *calibration->refined;
   const std::optional<SquaredErrors> used =
-      ReprojectionErrors(solution.hand_eye, solution.camera, Shaped(calibration->views, solution.shape));
+      ReprojectionErrors(solution.hand_eye, solution.camera, ApplyShape(calibration->views, solution.shape));
   if (!used || !used->RmsPx()) return;
   constexpr double kMaxRatio = 3;
   std::vector<View> joined = calibration->views;
@@ -48,7 +48,7 @@ void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& 
     }
     const std::optional<SquaredErrors> errors =
         ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
-                   Shaped(view->observations, solution.shape));
+                   ApplyShape(view->observations, solution.shape));
     if (errors && *errors->RmsPx() <= kMaxRatio * *used->RmsPx()) {
       joined.push_back(*view);
     } else {
@@ -99,8 +99,8 @@ const MethodResult* FindResult(const std::vector<MethodResult>& results, const s
 }
 
 // The starts of the refinement, the one to begin with first. Empty if there is none.
-std::vector<Seed> SeedsOf(const std::vector<MethodResult>& results, const std::string& wanted,
-                          const Calibration& calibration) {
+std::vector<InitialGuess> SeedsOf(const std::vector<MethodResult>& results, const std::string& wanted,
+                                  const Calibration& calibration) {
   // By RMS; a capture that a method hides must not hide which of them explains the others.
   constexpr double kHides = 1e6;
   std::vector<std::pair<double, size_t>> order;
@@ -112,7 +112,7 @@ std::vector<Seed> SeedsOf(const std::vector<MethodResult>& results, const std::s
                        i);
   }
   std::sort(order.begin(), order.end());
-  std::vector<Seed> seeds;
+  std::vector<InitialGuess> seeds;
   for (const auto& [rank, i] : order) seeds.push_back({results[i].method, *results[i].hand_eye});
   return seeds;
 }
@@ -131,8 +131,8 @@ std::vector<MethodResult> Reported(const std::vector<MethodResult>& results, con
 
 // What a capture's picture says about its pose, in words.
 std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup setup) {
-  entry.observations = Shaped(entry.observations, solution.shape);
-  const std::vector<PosePair> seen = PairsAsSeen(solution.camera, solution.hand_eye, {entry});
+  entry.observations = ApplyShape(entry.observations, solution.shape);
+  const std::vector<PosePair> seen = PosePairsOf(solution.camera, solution.hand_eye, {entry});
   const std::optional<SquaredErrors> own =
       seen.empty() ? std::nullopt : ViewErrors(solution.camera, seen.front().camera_from_target, entry.observations);
   constexpr double kMisfitRatio = 8;
@@ -239,8 +239,8 @@ Outcome<Solution> RefineWithChosenModel(const CalibrationOptions& options, const
 std::vector<CaptureVerdict> TestLeftOut(const std::vector<View>& left_out, const CalibrationOptions& options,
                                         const Calibration& calibration) {
   const Solution& solution = *calibration.refined;
-  return TestAgainst(ProblemOf(calibration, options), solution, FreeOf(solution.camera.Model(), calibration.bundle),
-                     left_out);
+  return TestLeftOutCaptures(ProblemOf(calibration, options), solution,
+                             FreeOf(solution.camera.Model(), calibration.bundle), left_out);
 }
 
 // Captures that were left out, but that the final estimate explains, come back.
@@ -308,7 +308,7 @@ bool LeaveOutRejected(Calibration* calibration) {
     cleaned.refined->rejected_ids.pop_back();
     if (!cleaned.refined->corrections.empty()) cleaned.refined->corrections.pop_back();
   }
-  cleaned.pairs = PairsAsSeen(cleaned.camera, solution.hand_eye, cleaned.views);
+  cleaned.pairs = PosePairsOf(cleaned.camera, solution.hand_eye, cleaned.views);
   *calibration = std::move(cleaned);
   return true;
 }
@@ -354,7 +354,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   std::vector<MethodResult> results = RunMethods(calibration, chosen.solutions);
   const MethodResult* wanted = options.seed == kBestSeed ? nullptr : FindResult(results, options.seed);
   CHECK(options.seed == kBestSeed || wanted != nullptr) << options.seed;
-  const std::vector<Seed> seeds = SeedsOf(results, options.seed, calibration);
+  const std::vector<InitialGuess> seeds = SeedsOf(results, options.seed, calibration);
   if (seeds.empty() || (wanted != nullptr && !wanted->hand_eye)) {
     // The methods agree on why there is none where the motion is to blame.
     std::string reason = wanted != nullptr ? wanted->hand_eye.reason() : "";
@@ -383,12 +383,14 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
       calibration.unused.push_back({sorted.misfits[i].name, sorted.misfit_reasons[i]});
     }
   }
-  StartedSolution started = RefineFromSeeds(ProblemOf(calibration, options), calibration.pairs, seeds, first);
+  MultiStartSolution started =
+      RefineFromMultipleStarts(ProblemOf(calibration, options), calibration.pairs, seeds, first);
   if (!started.solution && options.choose.target_shape) {
     // A target of another size than the design's leaves residuals that no camera is determined by.
     BundleOptions scaled = first;
     scaled.free_shape = {TargetShapeGroup::kScale};
-    StartedSolution other = RefineFromSeeds(ProblemOf(calibration, options), calibration.pairs, seeds, scaled);
+    MultiStartSolution other =
+        RefineFromMultipleStarts(ProblemOf(calibration, options), calibration.pairs, seeds, scaled);
     if (other.solution) started = std::move(other);
   }
   calibration.seed = started.seed;
@@ -455,12 +457,12 @@ std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOpt
   const auto add = [&](std::optional<Finding> finding) {
     if (finding) findings.push_back(std::move(*finding));
   };
-  add(AdviseOnScale(solution, model));
+  add(DiagnoseScale(solution, model));
   if (calibration.camera_was_given) {
-    add(AdviseOnHeldIntrinsics(solved, solution, bundle, options.choose));
+    add(DiagnoseHeldIntrinsics(solved, solution, bundle, options.choose));
     add(DescribeCameraUse(calibration.camera, solution, bundle));
   }
-  for (Finding& finding : AdviseOnModel(solved, solution, bundle, options.choose)) add(std::move(finding));
+  for (Finding& finding : DiagnoseModel(solved, solution, bundle, options.choose)) add(std::move(finding));
   if (calibration.num_kept_against_test > 0) {
     const std::string count = std::to_string(calibration.num_kept_against_test);
     add(Finding{Grade::kDoubtful,
@@ -478,7 +480,7 @@ std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOpt
                     "1 mm, 0.005 to 0.1 deg)",
                 "take 15 to 25 captures"});
   }
-  add(AdviseOnCaptures(solved, solution, FreeOf(calibration.camera.Model(), bundle)));
+  add(DiagnoseWeakDirections(solved, solution, FreeOf(calibration.camera.Model(), bundle)));
   add(DescribeModel(model, calibration.alternatives, solution));
   return findings;
 }
@@ -487,7 +489,7 @@ std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& c
                                                             const CalibrationOptions& options) {
   return MoveWithoutEachView({calibration.camera, calibration.views, options.setup, options.shape},
                              *calibration.refined, FreeOf(calibration.camera.Model(), calibration.bundle),
-                             LossOfKept(calibration.bundle));
+                             InlierLoss(calibration.bundle));
 }
 
 }  // namespace heba

@@ -56,8 +56,8 @@ Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std:
       continue;
     }
     View view = problem.views[i];
-    view.observations = Shaped(view.observations, at.shape);
-    const std::vector<PosePair> seen = PairsAsSeen(at.camera, at.hand_eye, {view});
+    view.observations = ApplyShape(view.observations, at.shape);
+    const std::vector<PosePair> seen = PosePairsOf(at.camera, at.hand_eye, {view});
     if (seen.empty()) return {};
     corrections.push_back(CorrectionFor(problem.setup, at.hand_eye, view.camera_mount_from_target_mount,
                                         seen.front().camera_from_target));
@@ -67,7 +67,8 @@ Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std:
     ++num_wrong;
   }
   const FreeParameters free = FreeOf(at.camera.Model(), options);
-  std::optional<std::vector<LinearView>> views = LineariseViewsAt(problem, at, corrections, free, *FindLoss("none"));
+  std::optional<std::vector<LinearisedView>> views =
+      LineariseViewsAt(problem, at, corrections, free, *FindLoss("none"));
   if (!views) return {};
   Mixture mixture;
   double choice = 0;
@@ -110,7 +111,7 @@ bool IsNoiseOfAll(const Problem& problem, const JudgedCaptures& judged, const Bu
       RefineHandEye(PartOf(kept, MembersOf(judged.verdicts)), judged.solution.hand_eye, options);
   if (!of_members) return true;
   Solution in_common_weights = *of_members;
-  in_common_weights.excess_px = of_all->excess_px;
+  in_common_weights.unmodelled_sigma_px = of_all->unmodelled_sigma_px;
   const Mixture one_noise = MixtureOf(kept, *of_all, std::vector<CaptureVerdict>(problem.views.size()), options);
   const Mixture two_noises = MixtureOf(kept, in_common_weights, judged.verdicts, options);
   return one_noise.log_likelihood >= two_noises.log_likelihood || two_noises.ratio < kDistinct;
@@ -134,7 +135,7 @@ JudgedCaptures JudgeCaptures(const Problem& problem, const Solution& solution, c
   for (int round = 0; round < kMaxRounds; ++round) {
     Solution at = judged.solution;
     at.rejected_ids = judged.rejected_ids;
-    std::vector<CaptureVerdict> verdicts = TestCaptures(problem, at, free);
+    std::vector<CaptureVerdict> verdicts = FindOutlierCaptures(problem, at, free);
     const std::vector<size_t> next = MembersOf(verdicts);
     judged.verdicts = std::move(verdicts);
     if (next == members) break;

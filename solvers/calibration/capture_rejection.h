@@ -25,9 +25,9 @@ struct JudgedCaptures {
   int NumWrong() const;
 };
 
-// Tests the captures (TestCaptures) at `solution`, refines without those that are wrong, and tests all of them again,
-// those left out too, until nothing changes. `options` are those of the solution (loss `truncated`, exact robot, what
-// of the target's shape may be unknown). Where more than kMostWrong of the captures would go, two explanations are
+// Tests the captures (FindOutlierCaptures) at `solution`, refines without those that are wrong, and tests all of them
+// again, those left out too, until nothing changes. `options` are those of the solution (loss `truncated`, exact robot,
+// what of the target's shape may be unknown). Where more than kMostWrong of the captures would go, two explanations are
 // compared: one noise of the robot for all captures, and two, one for those that stay and a larger one for those that
 // would go. These go only if two noises are more likely by more than the choice of the captures costs, and differ by a
 // factor of kDistinct: the tail of one population is not another.

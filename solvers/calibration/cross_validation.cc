@@ -79,18 +79,18 @@ Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& 
 void AddChi2(const Solution& solution, const BundleOptions& bundle, heba::Setup setup,
              const std::vector<View>& held_out, HeldOutErrors* errors) {
   const FreeParameters free = FreeOf(solution.camera.Model(), bundle);
-  std::optional<std::vector<LinearView>> views =
+  std::optional<std::vector<LinearisedView>> views =
       LineariseViewsAt({solution.camera, held_out, setup}, solution, {}, free, *FindLoss("none"));
   if (!views) return;
   views = StackGroups(*views, GroupByRobotPose(setup, held_out));
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
-  for (const LinearView& view : *views) {
+  for (const LinearisedView& view : *views) {
     const Eigen::Index rows = view.offset.size();
     const Eigen::MatrixXd covariance = MarginalCovariance(view, 1, robot.translation_m * robot.translation_m,
                                                           robot.rotation_rad * robot.rotation_rad) +
                                        view.by_unknowns * solution.covariance.matrix * view.by_unknowns.transpose();
-    errors->chi2 += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.rest_squares;
-    errors->dof += static_cast<double>(rows + view.num_rest);
+    errors->chi2 += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.residual_sum_of_squares;
+    errors->dof += static_cast<double>(rows + view.num_residual_dof);
   }
 }
 
@@ -102,16 +102,16 @@ void AddNoiseSquares(const HandEye& hand_eye, const Camera& camera, const Soluti
   at.hand_eye = hand_eye;
   at.camera = camera;
   const FreeParameters held(static_cast<size_t>(NumParams(camera.Model())), false);
-  std::optional<std::vector<LinearView>> views =
+  std::optional<std::vector<LinearisedView>> views =
       LineariseViewsAt({camera, held_out, setup}, at, {}, held, *FindLoss("none"));
   if (!views) return;
   views = StackGroups(*views, GroupByRobotPose(setup, held_out));
   const RobotNoise robot = noise.robot_noise.value_or(RobotNoise{});
-  for (const LinearView& view : *views) {
+  for (const LinearisedView& view : *views) {
     const Eigen::MatrixXd covariance =
         MarginalCovariance(view, 1, robot.translation_m * robot.translation_m, robot.rotation_rad * robot.rotation_rad);
-    errors->noise_squares += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.rest_squares;
-    errors->num_noise += static_cast<double>(view.offset.size() + view.num_rest);
+    errors->noise_squares += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.residual_sum_of_squares;
+    errors->num_noise += static_cast<double>(view.offset.size() + view.num_residual_dof);
   }
 }
 
@@ -172,12 +172,12 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
       row[names.size() - 2] = chain ? PredictHeldOut(chain->hand_eye, seen) : Failure{chain.reason()};
       const Outcome<Solution>& refined = calibration->refined;
       row[names.size() - 1] =
-          refined ? PredictHeldOut(refined->hand_eye, SeenViews(refined->camera, Shaped(held_out, refined->shape)))
+          refined ? PredictHeldOut(refined->hand_eye, SeenViews(refined->camera, ApplyShape(held_out, refined->shape)))
                   : Failure{refined.reason()};
       if (refined && row.back()) {
         AddChi2(*refined, calibration->bundle, options.setup, held_out, &*row.back());
-        AddNoiseSquares(refined->hand_eye, refined->camera, *refined, options.setup, Shaped(held_out, refined->shape),
-                        &*row.back());
+        AddNoiseSquares(refined->hand_eye, refined->camera, *refined, options.setup,
+                        ApplyShape(held_out, refined->shape), &*row.back());
       }
     }
     const std::lock_guard<std::mutex> lock(mutex);

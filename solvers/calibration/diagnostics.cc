@@ -18,7 +18,7 @@ namespace heba {
 namespace {
 
 // A direction of the unknowns that is known worse than it should be.
-struct Weakness {
+struct WeakDirection {
   std::string name;
   Eigen::VectorXd direction;  // Of unit length, in the unknowns.
   double sigma = 0;
@@ -44,10 +44,10 @@ std::string AxisName(const Eigen::Vector3d& direction, const Eigen::Matrix3d& pa
 }
 
 // The worst direction within three unknowns.
-Weakness WorstOf(const Eigen::MatrixXd& covariance, Eigen::Index first, const std::string& what,
-                 const Eigen::Matrix3d& parent_from_child, const std::string& parent, const std::string& child) {
+WeakDirection WorstOf(const Eigen::MatrixXd& covariance, Eigen::Index first, const std::string& what,
+                      const Eigen::Matrix3d& parent_from_child, const std::string& parent, const std::string& child) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance.block<3, 3>(first, first));
-  Weakness weakness;
+  WeakDirection weakness;
   weakness.direction = Eigen::VectorXd::Zero(covariance.rows());
   weakness.direction.segment<3>(first) = eigen.eigenvectors().col(2);
   weakness.sigma = std::sqrt(std::max(0.0, eigen.eigenvalues()[2]));
@@ -55,8 +55,9 @@ Weakness WorstOf(const Eigen::MatrixXd& covariance, Eigen::Index first, const st
   return weakness;
 }
 
-std::vector<Weakness> FindWeaknesses(const Problem& problem, const Solution& solution,
-                                     const std::vector<std::string>& names, const Eigen::MatrixXd& covariance) {
+std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solution& solution,
+                                              const std::vector<std::string>& names,
+                                              const Eigen::MatrixXd& covariance) {
   constexpr double kWantedM = 1e-3;
   const double wanted_rad = DegToRad(0.1);
   constexpr double kWantedRatio = 0.002;
@@ -64,42 +65,42 @@ std::vector<Weakness> FindWeaknesses(const Problem& problem, const Solution& sol
   const std::string target_mount(TargetMountName(problem.setup));
   const Eigen::Matrix3d r_x = solution.hand_eye.camera_mount_from_camera.RotationMatrix();
   const Eigen::Matrix3d r_z = solution.hand_eye.target_mount_from_target.RotationMatrix();
-  std::vector<Weakness> weaknesses = {
+  std::vector<WeakDirection> weak_directions = {
       WorstOf(covariance, 0, "the camera's position along ", r_x, camera_mount, "camera"),
       WorstOf(covariance, 3, "the camera's orientation about ", r_x, camera_mount, "camera"),
       WorstOf(covariance, 6, "the board's position along ", r_z, target_mount, "target"),
       WorstOf(covariance, 9, "the board's orientation about ", r_z, target_mount, "target")};
-  for (size_t i = 0; i < weaknesses.size(); ++i) {
+  for (size_t i = 0; i < weak_directions.size(); ++i) {
     const bool is_position = i % 2 == 0;
-    weaknesses[i].wanted = is_position ? kWantedM : wanted_rad;
-    weaknesses[i].unit = is_position ? "mm" : "deg";
-    weaknesses[i].unit_size = is_position ? 1e-3 : DegToRad(1.0);
+    weak_directions[i].wanted = is_position ? kWantedM : wanted_rad;
+    weak_directions[i].unit = is_position ? "mm" : "deg";
+    weak_directions[i].unit_size = is_position ? 1e-3 : DegToRad(1.0);
   }
   for (size_t i = 12; i < names.size(); ++i) {
     const std::string part = names[i].substr(names[i].find('.') + 1);
     const bool is_focal = part == "fx" || part == "fy";
     if (!is_focal && part != "cx" && part != "cy") continue;
     const Eigen::Index k = static_cast<Eigen::Index>(i);
-    Weakness weakness;
+    WeakDirection weakness;
     weakness.name = std::string("the camera's ") + part;
     weakness.direction = Eigen::VectorXd::Unit(covariance.rows(), k);
     weakness.sigma = std::sqrt(covariance(k, k));
     weakness.wanted = kWantedRatio * (is_focal ? solution.camera.params[0] : solution.camera.width_px);
     weakness.unit = "px";
-    weaknesses.push_back(std::move(weakness));
+    weak_directions.push_back(std::move(weakness));
   }
-  weaknesses.erase(std::remove_if(weaknesses.begin(), weaknesses.end(),
-                                  [](const Weakness& weakness) { return weakness.sigma <= weakness.wanted; }),
-                   weaknesses.end());
-  std::sort(weaknesses.begin(), weaknesses.end(),
-            [](const Weakness& a, const Weakness& b) { return a.sigma / a.wanted > b.sigma / b.wanted; });
-  return weaknesses;
+  weak_directions.erase(std::remove_if(weak_directions.begin(), weak_directions.end(),
+                                       [](const WeakDirection& weakness) { return weakness.sigma <= weakness.wanted; }),
+                        weak_directions.end());
+  std::sort(weak_directions.begin(), weak_directions.end(),
+            [](const WeakDirection& a, const WeakDirection& b) { return a.sigma / a.wanted > b.sigma / b.wanted; });
+  return weak_directions;
 }
 
 // Two further captures, in words and as what they would add.
-struct Cure {
+struct SuggestedCaptures {
   std::string words;
-  std::vector<LinearView> views;
+  std::vector<LinearisedView> views;
 };
 
 // A view of all that any capture saw, if it is in the picture from there.
@@ -124,7 +125,8 @@ std::optional<View> ImaginedView(const Problem& problem, const Solution& solutio
   return view;
 }
 
-std::vector<Cure> FindCures(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, const Solution& solution,
+                                                     const FreeParameters& free) {
   const View& fullest = *std::max_element(problem.views.begin(), problem.views.end(), [](const View& a, const View& b) {
     return a.observations.size() < b.observations.size();
   });
@@ -171,7 +173,7 @@ std::vector<Cure> FindCures(const Problem& problem, const Solution& solution, co
          return moved({0, side * side_m, 0});
        }},
   };
-  std::vector<Cure> cures;
+  std::vector<SuggestedCaptures> cures;
   for (const Motion& motion : motions) {
     Problem imagined{solution.camera, {}, problem.setup, solution.shape};
     for (const double side : {1.0, -1.0}) {
@@ -179,7 +181,7 @@ std::vector<Cure> FindCures(const Problem& problem, const Solution& solution, co
       if (view) imagined.views.push_back(std::move(*view));
     }
     if (imagined.views.size() < 2) continue;
-    std::optional<std::vector<LinearView>> views =
+    std::optional<std::vector<LinearisedView>> views =
         LineariseViews(imagined, solution.hand_eye, {}, free, solution.pixel_sigma_px, *FindLoss("none"));
     if (views) cures.push_back({motion.words, std::move(*views)});
   }
@@ -239,18 +241,20 @@ std::string LargestMove(const Camera& given, const Solution& solution, Finding* 
 
 }  // namespace
 
-std::optional<Finding> AdviseOnCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
+                                              const FreeParameters& free) {
   const std::vector<std::string> names = UnknownNames(solution.camera.Model(), free);
-  const std::vector<Weakness> weaknesses = FindWeaknesses(problem, solution, names, solution.covariance.matrix);
-  if (weaknesses.empty()) return std::nullopt;
-  const std::vector<Cure> cures = FindCures(problem, solution, free);
+  const std::vector<WeakDirection> weak_directions =
+      FindWeakDirections(problem, solution, names, solution.covariance.matrix);
+  if (weak_directions.empty()) return std::nullopt;
+  const std::vector<SuggestedCaptures> cures = FindSuggestedCaptures(problem, solution, free);
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   const Eigen::MatrixXd information =
       InvertInformation({names, solution.covariance.matrix}, 1.0).matrix;  // The covariance's inverse.
-  const Weakness& worst = weaknesses.front();
+  const WeakDirection& worst = weak_directions.front();
   double best_sigma = std::numeric_limits<double>::infinity();
   std::string best_words;
-  for (const Cure& cure : cures) {
+  for (const SuggestedCaptures& cure : cures) {
     const Information with{names, information + MarginalInformation(cure.views, robot, 1.0)};
     const Eigen::MatrixXd covariance = InvertInformation(with, 1.0).matrix;
     const double sigma = std::sqrt(worst.direction.dot(covariance * worst.direction));
@@ -260,7 +264,7 @@ std::optional<Finding> AdviseOnCaptures(const Problem& problem, const Solution& 
   }
   Finding finding{Grade::kDoubtful, "weak_direction", "", ""};
   std::vector<std::string> parts;
-  for (const Weakness& weakness : weaknesses) {
+  for (const WeakDirection& weakness : weak_directions) {
     const double sigma = weakness.sigma / weakness.unit_size;
     parts.push_back(weakness.name + " is known to " + Significant(sigma, 2) + " " + weakness.unit);
     finding.numbers.emplace_back(weakness.name + ", " + weakness.unit, sigma);
@@ -306,7 +310,7 @@ Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternati
   return finding;
 }
 
-std::vector<Finding> AdviseOnModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
+std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
                                    const AutoModel& chosen) {
   const bool asks_robot = !chosen.robot_noise && options.robot == BundleOptions::Robot::kExact;
   const bool asks_shape = !chosen.target_shape && options.free_shape.empty();
@@ -315,7 +319,7 @@ std::vector<Finding> AdviseOnModel(const Problem& problem, const Solution& solut
   Problem at = problem;
   at.camera = solution.camera;
   BundleOptions kept = options;
-  kept.loss = LossOfKept(options).name;
+  kept.loss = InlierLoss(options).name;
   const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, kept, {true, asks_shape});
   if (!choice || choice->alternatives.empty()) return {};
   const ErrorModel& model = choice->alternatives[choice->chosen].model;
@@ -355,7 +359,7 @@ std::vector<Finding> AdviseOnModel(const Problem& problem, const Solution& solut
   return findings;
 }
 
-std::optional<Finding> AdviseOnScale(const Solution& solution, const ErrorModel& model) {
+std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel& model) {
   if (!HasGroup(model.shape, TargetShapeGroup::kScale)) return std::nullopt;
   constexpr double kOfPrint = 5e-3;
   constexpr double kWrong = 0.02;
@@ -375,12 +379,12 @@ std::optional<Finding> AdviseOnScale(const Solution& solution, const ErrorModel&
   return finding;
 }
 
-std::optional<Finding> AdviseOnHeldIntrinsics(const Problem& problem, const Solution& solution,
+std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution,
                                               const BundleOptions& options_in, const AutoModel& choose) {
   if (!options_in.free_intrinsics.empty()) return std::nullopt;
   BundleOptions options = options_in;
   options.free_intrinsics = BundleOptions().free_intrinsics;
-  options.loss = LossOfKept(options).name;
+  options.loss = InlierLoss(options).name;
   Problem at = problem;
   at.camera = solution.camera;
   at.shape = solution.shape;

@@ -17,7 +17,8 @@ namespace heba {
 // with what it would become. The motions are tried: two more captures of each kind (target tilted about its axes,
 // rotated in its plane, nearer and farther, towards the image's sides), from the middle one of the captures, by what
 // their points would add to the normal matrix. Nothing if all is well known.
-std::optional<Finding> AdviseOnCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free);
+std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
+                                              const FreeParameters& free);
 
 // `model`: which model of the errors was chosen, against what, with figures.
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
@@ -27,16 +28,16 @@ Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternati
 // solution, with all parts to be chosen): `robot_noise_ignored` if a robot that was taken as exact is not, by more than
 // the pixels' noise; `target_shape_ignored` if a target that was taken as designed is stretched or bent by enough to
 // matter.
-std::vector<Finding> AdviseOnModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
+std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
                                    const AutoModel& chosen);
 
 // `target_scale`: the target's estimated scale differs from its design by more than a print does. Bad beyond 2 %: then
 // its measures are wrong in the config, or the robot's units.
-std::optional<Finding> AdviseOnScale(const Solution& solution, const ErrorModel& model);
+std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel& model);
 
 // `held_intrinsics`: intrinsics that were held contradict the images and the robot's poses, by a refinement that frees
 // them (F-test of all of them together). Nothing if they agree, or if they cannot be freed.
-std::optional<Finding> AdviseOnHeldIntrinsics(const Problem& problem, const Solution& solution,
+std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution,
                                               const BundleOptions& options, const AutoModel& choose);
 
 // `camera`: how a given camera was used (held, as start, as prior), and how far the refinement moved it, in sigmas.

@@ -52,9 +52,9 @@ std::vector<ErrorModel> Candidates(const BundleOptions& options, const AutoModel
 }
 
 // With the weights that the residuals of one fit ask for, the same in all that follow.
-Problem WithFixedWeights(const Problem& problem, std::optional<double> excess_px) {
+Problem WithFixedWeights(const Problem& problem, std::optional<double> unmodelled_sigma_px) {
   Problem fixed = problem;
-  if (excess_px) WeightByCovariance(*excess_px, &fixed.views);
+  if (unmodelled_sigma_px) WeightByCovariance(*unmodelled_sigma_px, &fixed.views);
   for (View& view : fixed.views) view.observations.covariances_px2.clear();
   return fixed;
 }
@@ -149,7 +149,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
   // The largest model that can be fitted says which points count, and with what weights: those that a smaller one
   // cannot explain are there for it to be judged by.
   std::optional<Problem> problem;
-  std::optional<double> excess_px;
+  std::optional<double> unmodelled_sigma_px;
   std::string reason = "no model of the errors could be fitted";
   for (auto model = candidates.rbegin(); model != candidates.rend(); ++model) {
     BundleOptions largest = options;
@@ -161,12 +161,12 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
       continue;
     }
     if (candidates.size() == 1) return ModelChoice{largest, *solution, {}, 0};
-    excess_px = solution->excess_px;
-    problem = WithFixedWeights(WithoutRejected(problem_in, *solution), excess_px);
+    unmodelled_sigma_px = solution->unmodelled_sigma_px;
+    problem = WithFixedWeights(WithoutRejected(problem_in, *solution), unmodelled_sigma_px);
     break;
   }
   if (!problem) return Failure{reason};
-  options.loss = LossOfKept(options_in).name;
+  options.loss = InlierLoss(options_in).name;
   std::vector<FittedModel> fitted;
   for (const ErrorModel& model : candidates) {
     std::optional<FittedModel> fit = FitModel(*problem, start, model, options, fitted);
@@ -197,7 +197,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
   choice.options = best->options;
   choice.options.loss = options_in.loss;
   choice.solution = best->solution;
-  choice.solution.excess_px = excess_px;
+  choice.solution.unmodelled_sigma_px = unmodelled_sigma_px;
   return choice;
 }
 

@@ -81,8 +81,8 @@ double RobustCost(const Problem& problem, const HandEye& hand_eye, double sigma_
 
 // A closed form of a few captures at a time: among many handfuls some have no wrong capture. Every other one is taken
 // from the half of the captures whose points agree best among themselves.
-std::vector<Seed> HandfulSeeds(const Problem& part, const std::vector<PosePair>& pairs,
-                               const std::vector<double>& own_sigmas_px) {
+std::vector<InitialGuess> RandomSubsetStarts(const Problem& part, const std::vector<PosePair>& pairs,
+                                             const std::vector<double>& own_sigmas_px) {
   constexpr size_t kHandful = 4;
   constexpr int kNumHandfuls = 120;
   constexpr size_t kMaxSeeds = 4;
@@ -107,7 +107,7 @@ std::vector<Seed> HandfulSeeds(const Problem& part, const std::vector<PosePair>&
     }
   }
   std::sort(scored.begin(), scored.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  std::vector<Seed> seeds;
+  std::vector<InitialGuess> seeds;
   for (size_t i = 0; i < std::min(kMaxSeeds, scored.size()); ++i) {
     seeds.push_back({"a handful of captures", scored[i].second});
   }
@@ -115,11 +115,11 @@ std::vector<Seed> HandfulSeeds(const Problem& part, const std::vector<PosePair>&
 }
 
 // The seed's rotation times the turns of a cube; the rest follows from each by least squares.
-std::vector<Seed> TurnedSeeds(const std::vector<PosePair>& pairs, const HandEye& start) {
-  std::vector<Seed> seeds;
-  for (const Eigen::Matrix3d& turn : TurnsOfACube()) {
+std::vector<InitialGuess> RotatedStarts(const std::vector<PosePair>& pairs, const HandEye& start) {
+  std::vector<InitialGuess> seeds;
+  for (const Eigen::Matrix3d& turn : CubeRotations()) {
     const Eigen::Matrix3d rotation = start.camera_mount_from_camera.RotationMatrix() * turn;
-    const HandEye board = WithMeanBoard(pairs, Rigid3d(rotation, Eigen::Vector3d::Zero()));
+    const HandEye board = WithAverageBoardPose(pairs, Rigid3d(rotation, Eigen::Vector3d::Zero()));
     seeds.push_back(
         {"a turned start", SolveTranslations(pairs, rotation, board.target_mount_from_target.RotationMatrix())});
   }
@@ -136,8 +136,8 @@ double RejectedRatio(const Problem& problem, const Solution& solution) {
 
 // How far from right a solution may be, for what it explains: 1 is where doubt begins. Pixels that are off by more than
 // the captures' own poses say may be off by the robot's noise: up to what no robot is off by.
-double Doubt(const Problem& problem, const std::vector<PosePair>& pairs, const Outcome<Solution>& solution,
-             double own_sigma_px) {
+double FitQualityRatio(const Problem& problem, const std::vector<PosePair>& pairs, const Outcome<Solution>& solution,
+                       double own_sigma_px) {
   if (!solution) return kInfinity;
   constexpr double kRejectedRatio = 0.2;
   constexpr double kSigmaRatio = 3;
@@ -169,32 +169,32 @@ double RobustScalePx(const Camera& camera, const std::vector<View>& views, const
   return SigmaFromMedian(std::move(squares));
 }
 
-StartedSolution RefineFromSeeds(const Problem& problem, const std::vector<PosePair>& pairs,
-                                const std::vector<Seed>& seeds, const BundleOptions& options) {
+MultiStartSolution RefineFromMultipleStarts(const Problem& problem, const std::vector<PosePair>& pairs,
+                                            const std::vector<InitialGuess>& seeds, const BundleOptions& options) {
   CHECK(!seeds.empty());
   CHECK_LE(pairs.size(), problem.views.size());
-  StartedSolution best{RefineHandEye(problem, seeds.front().hand_eye, options), seeds.front().name};
+  MultiStartSolution best{RefineHandEye(problem, seeds.front().hand_eye, options), seeds.front().name};
   const std::vector<double> own_sigmas_px = OwnPoseSigmasPx(problem, pairs);
   const double own_sigma_px = SigmaOfBestPx(own_sigmas_px, problem);
-  const double doubt = Doubt(problem, pairs, best.solution, own_sigma_px);
+  const double doubt = FitQualityRatio(problem, pairs, best.solution, own_sigma_px);
   if (doubt < 1) return best;
 
   const Problem part = PartOf(problem);
-  std::vector<Seed> others(seeds.begin() + 1, seeds.end());
-  for (Seed& seed : HandfulSeeds(part, pairs, own_sigmas_px)) others.push_back(std::move(seed));
+  std::vector<InitialGuess> others(seeds.begin() + 1, seeds.end());
+  for (InitialGuess& seed : RandomSubsetStarts(part, pairs, own_sigmas_px)) others.push_back(std::move(seed));
   // Noise of a robot that is taken for exact raises the same doubt: only what is far off is worth all turns.
   constexpr double kFarOff = 10;
   if (doubt > kFarOff) {
-    for (Seed& seed : TurnedSeeds(pairs, seeds.front().hand_eye)) others.push_back(std::move(seed));
+    for (InitialGuess& seed : RotatedStarts(pairs, seeds.front().hand_eye)) others.push_back(std::move(seed));
   }
   BundleOptions trial_options;
   trial_options.loss = "truncated";
   trial_options.free_intrinsics = {};
   const double scale_px = std::max(own_sigma_px, kMinSigmaPx);
-  const Seed* promising = nullptr;
+  const InitialGuess* promising = nullptr;
   HandEye promising_start;
   double least_cost = kInfinity;
-  for (const Seed& seed : others) {
+  for (const InitialGuess& seed : others) {
     const Outcome<Solution> trial = RefineHandEye(part, seed.hand_eye, trial_options);
     if (!trial) continue;
     const double cost = RobustCost(part, trial->hand_eye, scale_px);
@@ -204,11 +204,11 @@ StartedSolution RefineFromSeeds(const Problem& problem, const std::vector<PosePa
     promising_start = trial->hand_eye;
   }
   if (promising == nullptr) return best;
-  StartedSolution other{RefineHandEye(problem, promising_start, options), promising->name};
+  MultiStartSolution other{RefineHandEye(problem, promising_start, options), promising->name};
   if (!other.solution) return best;
   constexpr double kBetter = 0.97;
   const auto cost_of = [&](const Solution& solution) {
-    return RobustCost({solution.camera, Shaped(problem.views, solution.shape)}, solution.hand_eye, scale_px);
+    return RobustCost({solution.camera, ApplyShape(problem.views, solution.shape)}, solution.hand_eye, scale_px);
   };
   if (!best.solution || cost_of(*other.solution) < kBetter * cost_of(*best.solution)) {
     return other;

@@ -12,7 +12,7 @@
 
 namespace heba {
 
-struct Seed {
+struct InitialGuess {
   std::string name;
   HandEye hand_eye;
 };
@@ -21,7 +21,7 @@ struct Seed {
 // half of the points be anything. Infinite if half of them have no image. Of many views a part is looked at.
 double RobustScalePx(const Camera& camera, const std::vector<View>& views, const HandEye& hand_eye);
 
-struct StartedSolution {
+struct MultiStartSolution {
   Outcome<Solution> solution = Failure{"not run"};
   std::string seed;  // The name of the start that led to it.
 };
@@ -32,7 +32,7 @@ struct StartedSolution {
 // other seeds, the closed form of random handfuls of captures, of which some have no wrong one among them, and, if
 // nothing came near, the 24 turns of a cube. Each is refined on a part of the captures with the intrinsics held; the
 // best of them is refined on all, and taken if it explains the points better, robustly measured. Deterministic.
-StartedSolution RefineFromSeeds(const Problem& problem, const std::vector<PosePair>& pairs,
-                                const std::vector<Seed>& seeds, const BundleOptions& options);
+MultiStartSolution RefineFromMultipleStarts(const Problem& problem, const std::vector<PosePair>& pairs,
+                                            const std::vector<InitialGuess>& seeds, const BundleOptions& options);
 
 }  // namespace heba

@@ -30,7 +30,7 @@ View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
   view.camera_mount_from_target_mount = CameraMountFromTargetMount(cell.hand_eye, pose.camera_from_target);
   view.observations = cell.target;
   const bool is_designed = cell.shape.params == TargetShape().params;
-  const Observations true_target = is_designed ? cell.target : Shaped(cell.target, cell.shape);
+  const Observations true_target = is_designed ? cell.target : ApplyShape(cell.target, cell.shape);
   // The robot's error is drawn anew if it puts the target behind the camera.
   constexpr int kMostDraws = 100;
   bool is_seen = false;
@@ -196,7 +196,7 @@ Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
   Rng rng(0);
   for (size_t i = 0; i < cell.poses.size(); ++i) problem.views.push_back(MakeView(exact, i, &rng));
   const FreeParameters free = FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics, ShapeGroupsOf(cell));
-  const std::optional<std::vector<LinearView>> views =
+  const std::optional<std::vector<LinearisedView>> views =
       LineariseViews(problem, cell.hand_eye, {}, free, cell.pixel_sigma_px, *FindLoss("none"));
   CHECK(views.has_value());
   const Information information{UnknownNames(cell.camera.Model(), free),

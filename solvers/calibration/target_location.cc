@@ -19,7 +19,7 @@ struct SeenPose {
   Eigen::MatrixXd by_params;
 };
 
-Outcome<SeenPose> SeePose(const Solution& solution, const Observations& shaped) {
+Outcome<SeenPose> LocatePose(const Solution& solution, const Observations& shaped) {
   const std::vector<TargetPose> poses = EstimateTargetPose(solution.camera, shaped);
   if (poses.empty() || !poses.front().covariance_at_1px) {
     return Failure{"the " + std::to_string(shaped.size()) + " points that were seen do not tell the target's pose"};
@@ -65,24 +65,24 @@ Tangent6 RobotVariances(Setup setup, const Solution& solution) {
 }
 
 // A point in the camera's frame, and what moves it there.
-struct SeenPlace {
+struct PositionSensitivity {
   Eigen::Vector3d in_camera = Eigen::Vector3d::Zero();
   // Its covariance by one pixel of noise in the picture.
-  Eigen::Matrix3d by_picture_at_1px_m2 = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d by_image_at_1px_m2 = Eigen::Matrix3d::Zero();
   Eigen::MatrixXd by_params;  // Of the camera.
   // What of a shift of the camera is one of the point in the base: all of it, but for a point on a plane that stands
   // still there.
   Eigen::Matrix3d with_camera = Eigen::Matrix3d::Identity();
 };
 
-PlaceCovariance CovarianceInBase(Setup setup, const Solution& solution, const SeenPlace& place,
-                                 const Rigid3d& base_from_camera_mount) {
+PositionCovariance CovarianceInBase(Setup setup, const Solution& solution, const PositionSensitivity& place,
+                                    const Rigid3d& base_from_camera_mount) {
   const Rigid3d& camera_mount_from_camera = solution.hand_eye.camera_mount_from_camera;
   const Eigen::Matrix3d mount = base_from_camera_mount.RotationMatrix();
   const Eigen::Matrix3d rotation = mount * camera_mount_from_camera.RotationMatrix();
-  PlaceCovariance covariance;
+  PositionCovariance covariance;
   const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
-  covariance.by_picture_m2 = variance_px2 * rotation * place.by_picture_at_1px_m2 * rotation.transpose();
+  covariance.by_image_m2 = variance_px2 * rotation * place.by_image_at_1px_m2 * rotation.transpose();
   // The intrinsics are wrong by what they are for the calibration as well, and what is seen by them is wrong with them.
   const Eigen::MatrixXd by_unknowns =
       rotation * ByUnknowns(solution, place.with_camera * PointByMotion(place.in_camera), place.by_params);
@@ -94,22 +94,22 @@ PlaceCovariance CovarianceInBase(Setup setup, const Solution& solution, const Se
 }
 
 // The point where a ray meets a plane of the camera's frame, and what moves it: nothing if it does not meet it.
-struct Meeting {
+struct RayPlaneIntersection {
   Eigen::Vector3d in_camera = Eigen::Vector3d::Zero();
   Eigen::Matrix<double, 3, 2> by_pixel;
   Eigen::Vector3d by_plane = Eigen::Vector3d::Zero();  // By a shift of the plane along its normal.
   Eigen::MatrixXd by_params;
 };
 
-Outcome<Meeting> Meet(const Camera& camera, const Eigen::Vector2d& pixel, const Eigen::Vector3d& normal,
-                      double distance_m) {
+Outcome<RayPlaneIntersection> IntersectRayPlane(const Camera& camera, const Eigen::Vector2d& pixel,
+                                                const Eigen::Vector3d& normal, double distance_m) {
   const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, pixel);
   if (!ray) return Failure{"no ray has its image there"};
   constexpr double kGrazing = 1e-3;
   const double slope = normal.dot(*ray);
   const double range_m = distance_m / slope;
   if (std::abs(slope) < kGrazing || !(range_m > 0)) return Failure{"its ray does not meet the plane"};
-  Meeting meeting;
+  RayPlaneIntersection meeting;
   meeting.in_camera = range_m * *ray;
   Points3 point(3, 1);
   point = meeting.in_camera;
@@ -136,14 +136,14 @@ Outcome<Meeting> Meet(const Camera& camera, const Eigen::Vector2d& pixel, const 
 
 Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const Observations& observations,
                                     const Rigid3d& base_from_camera_mount) {
-  const Observations shaped = Shaped(observations, solution.shape);
-  const Outcome<SeenPose> seen = SeePose(solution, shaped);
+  const Observations shaped = ApplyShape(observations, solution.shape);
+  const Outcome<SeenPose> seen = LocatePose(solution, shaped);
   if (!seen) return Failure{seen.reason()};
   const TargetPose& pose = seen->pose;
-  SeenPlace middle;
+  PositionSensitivity middle;
   middle.in_camera = pose.camera_from_target * shaped.points_in_target.rowwise().mean();
   const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(middle.in_camera);
-  middle.by_picture_at_1px_m2 = by_motion * *pose.covariance_at_1px * by_motion.transpose();
+  middle.by_image_at_1px_m2 = by_motion * *pose.covariance_at_1px * by_motion.transpose();
   middle.by_params = by_motion * seen->by_params;
   LocatedTarget located;
   located.base_from_target =
@@ -193,12 +193,12 @@ Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const E
                                   const Plane& plane, const Rigid3d& base_from_camera_mount) {
   const Rigid3d base_from_camera = base_from_camera_mount * solution.hand_eye.camera_mount_from_camera;
   const Eigen::Vector3d normal = base_from_camera.rotation.conjugate() * plane.normal;
-  const Outcome<Meeting> meeting =
-      Meet(solution.camera, pixel, normal, plane.distance_m - plane.normal.dot(base_from_camera.translation));
+  const Outcome<RayPlaneIntersection> meeting = IntersectRayPlane(
+      solution.camera, pixel, normal, plane.distance_m - plane.normal.dot(base_from_camera.translation));
   if (!meeting) return Failure{meeting.reason()};
-  SeenPlace place;
+  PositionSensitivity place;
   place.in_camera = meeting->in_camera;
-  place.by_picture_at_1px_m2 = meeting->by_pixel * meeting->by_pixel.transpose();
+  place.by_image_at_1px_m2 = meeting->by_pixel * meeting->by_pixel.transpose();
   place.by_params = meeting->by_params;
   // What moves the camera moves the point with it, and the plane, which stands still, moves it back along its ray.
   place.with_camera -= meeting->by_plane * normal.transpose();
@@ -208,18 +208,19 @@ Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const E
 
 Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
                                           const Observations& observations, const Rigid3d& base_from_camera_mount) {
-  const Outcome<SeenPose> seen = SeePose(solution, Shaped(observations, solution.shape));
+  const Outcome<SeenPose> seen = LocatePose(solution, ApplyShape(observations, solution.shape));
   if (!seen) return Failure{seen.reason()};
   const Rigid3d& camera_from_target = seen->pose.camera_from_target;
   const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d::UnitZ();
-  const Outcome<Meeting> meeting = Meet(solution.camera, pixel, normal, normal.dot(camera_from_target.translation));
+  const Outcome<RayPlaneIntersection> meeting =
+      IntersectRayPlane(solution.camera, pixel, normal, normal.dot(camera_from_target.translation));
   if (!meeting) return Failure{meeting.reason()};
   // The plane is where the picture shows it.
   const Eigen::Matrix<double, 3, 6> by_pose =
       meeting->by_plane * normal.transpose() * PointByMotion(meeting->in_camera);
-  SeenPlace place;
+  PositionSensitivity place;
   place.in_camera = meeting->in_camera;
-  place.by_picture_at_1px_m2 =
+  place.by_image_at_1px_m2 =
       meeting->by_pixel * meeting->by_pixel.transpose() + by_pose * *seen->pose.covariance_at_1px * by_pose.transpose();
   place.by_params = meeting->by_params + by_pose * seen->by_params;
   return LocatedPoint{base_from_camera_mount * solution.hand_eye.camera_mount_from_camera * place.in_camera,

@@ -14,18 +14,18 @@ namespace heba {
 // How well a place is known, along the base's axes, m^2: by the calibration (hand-eye pose and intrinsics together, as
 // they vary together), by the picture's pixel noise, and, where the robot carries the camera and its noise is known, by
 // the robot's pose.
-struct PlaceCovariance {
+struct PositionCovariance {
   Eigen::Matrix3d by_calibration_m2 = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d by_picture_m2 = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d by_image_m2 = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d by_robot_m2 = Eigen::Matrix3d::Zero();
 
-  Eigen::Matrix3d TotalM2() const { return by_calibration_m2 + by_picture_m2 + by_robot_m2; }
+  Eigen::Matrix3d TotalM2() const { return by_calibration_m2 + by_image_m2 + by_robot_m2; }
 };
 
 struct LocatedTarget {
   Rigid3d base_from_target;
-  double rms_px = 0;           // Of the target's points.
-  PlaceCovariance covariance;  // Of the target's middle, the mean of the points that were seen.
+  double rms_px = 0;              // Of the target's points.
+  PositionCovariance covariance;  // Of the target's middle, the mean of the points that were seen.
 };
 
 // `base_from_camera_mount` is the gripper's pose for a camera that the robot carries, the identity for one that stands
@@ -60,7 +60,7 @@ struct Plane {
 struct LocatedPoint {
   Eigen::Vector3d in_base = Eigen::Vector3d::Zero();
   // The plane is taken as exact where it is given, and as the target's picture shows it otherwise.
-  PlaceCovariance covariance;
+  PositionCovariance covariance;
 };
 
 // Where the ray of `pixel` meets `plane`. A Failure if it does not, in front of the camera.

@@ -21,7 +21,7 @@ Eigen::Vector3d SolveTranslation(const MotionSums& motions, const Eigen::Matrix3
   return normal.ldlt().solve(right);
 }
 
-HandEye WithMeanBoard(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera) {
+HandEye WithAverageBoardPose(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera) {
   std::vector<Rigid3d> boards;
   boards.reserve(pairs.size());
   for (const PosePair& pair : pairs) {

@@ -9,7 +9,7 @@ namespace heba {
 Eigen::Vector3d SolveTranslation(const MotionSums& motions, const Eigen::Matrix3d& rotation_x);
 
 // X with the board that belongs to it: the mean of M_i^-1 X C_i.
-HandEye WithMeanBoard(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera);
+HandEye WithAverageBoardPose(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera);
 
 // Translations of X and of Z for known rotations: least squares of R_M t_Z - t_X = R_X t_C - t_M over all captures.
 HandEye SolveTranslations(const std::vector<PosePair>& pairs, const Eigen::Matrix3d& rotation_x,

@@ -183,11 +183,11 @@ MotionSums SumMotions(const std::vector<PosePair>& pairs) {
     cameras.Set(i, pairs[i].camera_from_target);
   }
   const Cosines cosines = {std::cos(0.5 * LeastAngleRad(pairs)), std::cos(0.5 * DegToRad(170.0))};
-  const auto append = OfSet(ActiveSimd(), &AppendBaseline, &AppendAvx2, &AppendAvx512);
+  const auto append = SelectForIsa(ActiveSimd(), &AppendBaseline, &AppendAvx2, &AppendAvx512);
   MotionBatch batch;
-  ColumnProducts linear(MotionSums::kNumLinear, MotionBatch::kStride);
-  ColumnProducts screws(MotionSums::kNumScrew, MotionBatch::kStride);
-  ColumnProducts axes(MotionSums::kNumAxes, MotionBatch::kStride);
+  GramMatrix linear(MotionSums::kNumLinear, MotionBatch::kStride);
+  GramMatrix screws(MotionSums::kNumScrew, MotionBatch::kStride);
+  GramMatrix axes(MotionSums::kNumAxes, MotionBatch::kStride);
   const auto multiply = [&] {
     const int padded = PaddedToLanes(batch.size);
     const auto pad = [&](auto& columns) {

@@ -81,9 +81,9 @@ TargetPositions BestKnownPositions(const std::vector<PosePair>& pairs) {
   return positions;
 }
 
-HandEye WithBoardThrough(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera,
+HandEye WithBoardAtPoint(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera,
                          const Eigen::Vector3d& point_in_target, const Eigen::Vector3d& point_in_mount) {
-  HandEye hand_eye = WithMeanBoard(pairs, camera_mount_from_camera);
+  HandEye hand_eye = WithAverageBoardPose(pairs, camera_mount_from_camera);
   Rigid3d& board = hand_eye.target_mount_from_target;
   board.translation = point_in_mount - board.rotation * point_in_target;
   return hand_eye;

@@ -27,7 +27,7 @@ TargetPositions BestKnownPositions(const std::vector<PosePair>& pairs);
 
 // The hand-eye pose with the board that it implies: the orientation is the mean over captures, and the target's point
 // stands at `point_in_mount`.
-HandEye WithBoardThrough(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera,
+HandEye WithBoardAtPoint(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera,
                          const Eigen::Vector3d& point_in_target, const Eigen::Vector3d& point_in_mount);
 
 }  // namespace heba

@@ -121,7 +121,7 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
   options.pixel_sigma_px = sigma_px;
   options.loss = &loss;
   options.free = free;
-  options.has_own_pose = true;
+  options.has_eliminated_pose = true;
   std::vector<CaptureTerm> captures;
   for (const PosedView& entry : *posed) {
     captures.push_back({&entry.view->observations, MakeFreePoseChain(), entry.camera_from_target});
@@ -135,7 +135,7 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
   ceres::Solver::Options solver_options = ReprojectionSolverOptions(100);
   solver_options.function_tolerance = tolerance;
   const ceres::Solver::Summary summary = SolveCaptures(cost, solver_options, &problem);
-  const std::vector<Rigid3d> poses = cost.OwnPoses();
+  const std::vector<Rigid3d> poses = cost.EliminatedPoses();
   for (size_t i = 0; i < poses.size(); ++i) (*posed)[i].camera_from_target = poses[i];
   return summary.IsSolutionUsable();
 }

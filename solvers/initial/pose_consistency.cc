@@ -7,8 +7,8 @@
 
 #include <Eigen/Dense>
 
+#include "heba/base/even_indices.h"
 #include "heba/base/rng.h"
-#include "heba/base/spread.h"
 
 namespace heba {
 namespace {
@@ -59,7 +59,7 @@ class Solver {
     // Pairs grow with the square: from many captures, some, evenly spread.
     constexpr size_t kMost = 100;
     std::vector<Choice> chosen;
-    for (const size_t i : SpreadIndices(all.size(), kMost)) chosen.push_back(all[i]);
+    for (const size_t i : EvenIndices(all.size(), kMost)) chosen.push_back(all[i]);
     Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
     for (size_t i = 0; i < chosen.size(); ++i) {
       for (size_t j = i + 1; j < chosen.size(); ++j) {

@@ -209,7 +209,7 @@ const TargetPose* NearestPose(const std::vector<TargetPose>& poses, const Rigid3
   return nearest == poses.end() ? nullptr : &*nearest;
 }
 
-std::vector<PosePair> PairsAsSeen(const Camera& camera, const HandEye& hand_eye, const std::vector<View>& views) {
+std::vector<PosePair> PosePairsOf(const Camera& camera, const HandEye& hand_eye, const std::vector<View>& views) {
   std::vector<PosePair> pairs;
   for (const View& view : views) {
     const std::vector<TargetPose> poses = EstimateTargetPose(camera, view.observations);

@@ -34,6 +34,6 @@ const TargetPose* NearestPose(const std::vector<TargetPose>& poses, const Rigid3
 
 // The pairs that a camera sees: of each view's target poses the one nearest to what the chain predicts. Views without a
 // pose of their own have no pair.
-std::vector<PosePair> PairsAsSeen(const Camera& camera, const HandEye& hand_eye, const std::vector<View>& views);
+std::vector<PosePair> PosePairsOf(const Camera& camera, const HandEye& hand_eye, const std::vector<View>& views);
 
 }  // namespace heba

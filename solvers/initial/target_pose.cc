@@ -103,7 +103,7 @@ std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
 // A pose, and the view's products there.
 struct PoseInView {
   Rigid3d camera_from_target;
-  ViewProducts products;
+  ViewNormalEquations products;
 
   double Cost() const { return products.matrix(6, 6); }
 };

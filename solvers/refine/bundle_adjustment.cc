@@ -104,16 +104,17 @@ Eigen::VectorXd PriorWeights(const CameraPrior& prior, const FreeParameters& fre
 }
 
 // The prior as rows like a capture's, which no correction moves. `row_variance`: what the rows' noise is counted as.
-LinearView PriorView(const CameraPrior& prior, const Camera& camera, const FreeParameters& free, double row_variance) {
+LinearisedView PriorView(const CameraPrior& prior, const Camera& camera, const FreeParameters& free,
+                         double row_variance) {
   const Eigen::VectorXd weights = std::sqrt(row_variance) * PriorWeights(prior, free);
   const Eigen::Index num_free = std::count(free.begin(), free.end(), true);
   const Eigen::Index num_rows =
       std::count(free.begin(), free.begin() + static_cast<std::ptrdiff_t>(prior.params.size()), true);
-  LinearView view;
+  LinearisedView view;
   view.by_unknowns = Eigen::MatrixXd::Zero(num_rows, 12 + num_free);
   view.by_correction = Eigen::MatrixXd::Zero(num_rows, 6);
   view.offset.resize(num_rows);
-  view.num_unmoved = num_rows;
+  view.num_rows_without_correction = num_rows;
   Eigen::Index row = 0;
   for (size_t i = 0; i < prior.params.size(); ++i) {
     if (!free[i]) continue;
@@ -125,10 +126,11 @@ LinearView PriorView(const CameraPrior& prior, const Camera& camera, const FreeP
 }
 
 // All that is known, linearised: the captures, one view for each pose of the robot, and, if there is one, the prior.
-std::optional<std::vector<LinearView>> Linearise(const Problem& problem, const State& state, const PoseGroups& groups,
-                                                 const FreeParameters& free, const Noise& noise, const Loss& loss,
-                                                 double prior_row_variance, const std::optional<CameraPrior>& prior) {
-  std::optional<std::vector<LinearView>> views =
+std::optional<std::vector<LinearisedView>> Linearise(const Problem& problem, const State& state,
+                                                     const PoseGroups& groups, const FreeParameters& free,
+                                                     const Noise& noise, const Loss& loss, double prior_row_variance,
+                                                     const std::optional<CameraPrior>& prior) {
+  std::optional<std::vector<LinearisedView>> views =
       LineariseViews({state.camera, problem.views, problem.setup, state.shape}, state.hand_eye, state.corrections, free,
                      noise.pixel_px, loss);
   if (!views) return views;
@@ -161,15 +163,15 @@ std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const PoseGroups&
   const CameraModel& model = state.camera.Model();
   options.free = free;
   if (HasShape(free, model)) options.shape = state.shape;
-  options.has_own_pose = correction_noise.has_value();
-  options.own_pose_prior = correction_noise;
+  options.has_eliminated_pose = correction_noise.has_value();
+  options.eliminated_pose_prior = correction_noise;
   // Corrections begin as none at all.
-  options.own_poses_are_rough =
+  options.eliminated_poses_are_rough =
       std::all_of(state.corrections.begin(), state.corrections.end(), [](const Rigid3d& correction) {
         return correction.translation.isZero(0) && correction.rotation.vec().isZero(0);
       });
   std::vector<CaptureTerm> captures;
-  if (options.has_own_pose) {
+  if (options.has_eliminated_pose) {
     for (const std::vector<size_t>& group : groups) {
       const auto chain_of = [&](size_t i) {
         return MakeCorrectedChain(problem.setup, problem.views[i].camera_mount_from_target_mount);
@@ -200,17 +202,17 @@ struct KnownProducts {
   SharedProblem problem;
   const Loss* loss;
   double pixel_px;
-  CapturesProducts products;
+  NormalEquations products;
 };
 
 // They, if they are what this problem has with this loss and this noise.
-std::optional<CapturesProducts> ProductsOf(const std::optional<KnownProducts>& known, const SharedProblem& problem,
-                                           const Loss& loss, double pixel_px) {
+std::optional<NormalEquations> ProductsOf(const std::optional<KnownProducts>& known, const SharedProblem& problem,
+                                          const Loss& loss, double pixel_px) {
   if (!known || known->problem != problem || known->loss != &loss) return std::nullopt;
   if (known->pixel_px == pixel_px) return known->products;
   if (loss.name != "none") return std::nullopt;
   // Without a loss the noise is a unit.
-  CapturesProducts products = known->products;
+  NormalEquations products = known->products;
   products.matrix *= known->pixel_px * known->pixel_px / (pixel_px * pixel_px);
   return products;
 }
@@ -225,7 +227,7 @@ struct Fit {
   double dof = std::numeric_limits<double>::infinity();  // Of the noise, as Solution::covariance_dof.
   // Detectors know part of the points' noise, point by point; the rest is found from the residuals, equal for all.
   // Nothing: all points count alike.
-  std::optional<double> excess_px;
+  std::optional<double> unmodelled_sigma_px;
   Convergence convergence;
   std::optional<KnownProducts> known;
 };
@@ -283,7 +285,7 @@ ceres::Solver::Summary Minimise(const FreeParameters& free, const Loss& loss, Sc
   state->hand_eye = {FromBlock(hand_eye), FromBlock(board)};
   state->camera.params.assign(params, params + NumParams(model));
   if (has_shape) std::copy_n(params + NumParams(model), state->shape.params.size(), state->shape.params.begin());
-  const std::vector<Rigid3d> corrections = cost->OwnPoses();
+  const std::vector<Rigid3d> corrections = cost->EliminatedPoses();
   for (size_t g = 0; g < corrections.size(); ++g) {
     for (const size_t i : (*fit->groups)[g]) state->corrections[i] = corrections[g];
   }
@@ -316,7 +318,7 @@ EstimatedNoise EstimateNoise(const Fit& fit, const FreeParameters& free, const L
   const Noise& noise = fit.noise;
   const bool pixel_is_free = !options.pixel_noise_px;
   const bool robot_is_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
-  const std::optional<std::vector<LinearView>> views =
+  const std::optional<std::vector<LinearisedView>> views =
       Linearise(*fit.problem, fit.state, *fit.groups, free, noise, loss, loss.consistency, options.camera_prior);
   CHECK(views.has_value()) << "Ceres accepted a step that hides a point";
   VarianceComponents start;
@@ -347,7 +349,7 @@ std::optional<Information> InformationAt(const FreeParameters& free, const Loss&
   if (noise.robot) {
     // Averaged over the corrections. Eliminating them from the products would be the same but for its cancellation,
     // which leaves nothing where pictures are far more exact than the robot.
-    const std::optional<std::vector<LinearView>> views =
+    const std::optional<std::vector<LinearisedView>> views =
         Linearise(problem, state, *fit->groups, free, noise, loss, factor, bundle_options.camera_prior);
     if (!views) return std::nullopt;
     return Information{UnknownNames(model, free), MarginalInformation(*views, *noise.robot, factor)};
@@ -359,8 +361,8 @@ std::optional<Information> InformationAt(const FreeParameters& free, const Loss&
   options.known = ProductsOf(fit->known, fit->problem, loss, noise.pixel_px);
   Unknowns unknowns(state, HasShape(free, model));
   const double* const blocks[] = {unknowns.hand_eye(), unknowns.board(), unknowns.params()};
-  std::optional<CapturesProducts> products =
-      MakeCost(problem, *fit->groups, free, state, std::nullopt, options)->ProductsAt(blocks);
+  std::optional<NormalEquations> products =
+      MakeCost(problem, *fit->groups, free, state, std::nullopt, options)->NormalEquationsAt(blocks);
   if (!products) return std::nullopt;
   const Eigen::Index num_unknowns = products->matrix.cols() - 1;
   Information information{UnknownNames(model, free),
@@ -379,14 +381,14 @@ std::optional<Information> InformationAt(const FreeParameters& free, const Loss&
 }
 
 // What is left of a typical point's noise beside what its detector knows; never less than print and paper leave.
-double ExcessPx(double pixel_sigma_px, double detector_px) {
+double UnmodelledSigmaPx(double pixel_sigma_px, double detector_px) {
   constexpr double kLeastPx = 0.005;
   return std::sqrt(std::max(kLeastPx * kLeastPx, pixel_sigma_px * pixel_sigma_px - detector_px * detector_px));
 }
 
 // Whether another round would change nothing that matters: a robot's noise is known to a few per cent at best. What is
 // exact may become more so.
-bool HasSettled(const Noise& noise, const Noise& next, Scale scale) {
+bool NoiseConverged(const Noise& noise, const Noise& next, Scale scale) {
   constexpr double kRough = 0.02;
   const double robot_tolerance = scale == Scale::kMedian ? kRough : 1e-3;
   const auto is_close = [&](double a, double b, double exact) {
@@ -448,19 +450,20 @@ std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Came
   return std::nullopt;
 }
 
-SharedProblem WeightedByCovariance(const Problem& problem, double excess_px) {
+SharedProblem WeightedByCovariance(const Problem& problem, double unmodelled_sigma_px) {
   auto weighted = std::make_shared<Problem>(problem);
-  WeightByCovariance(excess_px, &weighted->views);
+  WeightByCovariance(unmodelled_sigma_px, &weighted->views);
   return weighted;
 }
 
 // The estimate and the noise that it is whitened by determine each other: a few rounds settle both.
-Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale scale, const BundleOptions& options) {
+Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeParameters& free, const Loss& loss, Scale scale,
+                                const BundleOptions& options) {
   const int num_unknowns = 12 + static_cast<int>(std::count(free.begin(), free.end(), true));
   const bool has_robot_noise = options.robot != BundleOptions::Robot::kExact;
   const bool estimates_robot = options.robot == BundleOptions::Robot::kEstimatedNoise;
   const double detector_px = TypicalDetectorSigma(fit.problem->views).value_or(0);
-  if (fit.excess_px) fit.problem = WeightedByCovariance(*fit.problem, *fit.excess_px);
+  if (fit.unmodelled_sigma_px) fit.problem = WeightedByCovariance(*fit.problem, *fit.unmodelled_sigma_px);
   // The estimate of plain least squares does not depend on the noise.
   const bool is_least_squares = loss.name == "none" && !has_robot_noise && !options.camera_prior;
   constexpr int kMaxRounds = 30;
@@ -491,13 +494,14 @@ Outcome<Fit> Settle(Fit fit, const FreeParameters& free, const Loss& loss, Scale
       fit.dof = std::max(1.0, 2.0 * static_cast<double>(distances.size()) - num_unknowns);
       next.pixel_px = scale == Scale::kMedian ? median_px : SigmaOfFit(distances, num_unknowns, loss, median_px);
     }
-    bool settled = HasSettled(fit.noise, next, scale) || is_least_squares;
+    bool settled = NoiseConverged(fit.noise, next, scale) || is_least_squares;
     fit.noise = next;
     if (detector_px > 0 && !options.pixel_noise_px) {
-      const double next_px = ExcessPx(fit.noise.pixel_px, detector_px);
-      if (!fit.excess_px || std::abs(next_px - *fit.excess_px) > 0.02 * std::hypot(next_px, detector_px)) {
+      const double next_px = UnmodelledSigmaPx(fit.noise.pixel_px, detector_px);
+      if (!fit.unmodelled_sigma_px ||
+          std::abs(next_px - *fit.unmodelled_sigma_px) > 0.02 * std::hypot(next_px, detector_px)) {
         settled = false;
-        fit.excess_px = next_px;
+        fit.unmodelled_sigma_px = next_px;
         fit.problem = WeightedByCovariance(*fit.problem, next_px);
       }
     }
@@ -510,14 +514,14 @@ using PointFlags = std::vector<std::vector<bool>>;  // By view and point.
 
 PointFlags FindInliers(const Problem& problem, const Fit& fit) {
   std::vector<View> views = problem.views;
-  if (fit.excess_px) WeightByCovariance(*fit.excess_px, &views);
+  if (fit.unmodelled_sigma_px) WeightByCovariance(*fit.unmodelled_sigma_px, &views);
   PointFlags flags;
   for (size_t i = 0; i < views.size(); ++i) {
     const Rigid3d camera_from_target =
         CameraFromTarget(problem.setup, fit.state.hand_eye, views[i].camera_mount_from_target_mount,
                          fit.state.corrections.empty() ? Rigid3d() : fit.state.corrections[i]);
     flags.push_back(heba::FindInliers(fit.state.camera, camera_from_target,
-                                      Shaped(views[i].observations, fit.state.shape), fit.noise.pixel_px));
+                                      ApplyShape(views[i].observations, fit.state.shape), fit.noise.pixel_px));
   }
   return flags;
 }
@@ -550,9 +554,9 @@ std::optional<Failure> CheckCount(int num_points, const FreeParameters& free) {
 
 // Least squares of the points that pass their test at the estimate that they give. A start that no bad point can pull
 // far comes from a loss that forgets what is far off, its scale shrinking with the residuals.
-Outcome<Fit> SettleTruncated(const Problem& problem, Fit fit, const FreeParameters& free, const BundleOptions& options,
-                             PointFlags* keep) {
-  Outcome<Fit> settled = Settle(std::move(fit), free, *FindLoss("cauchy"), Scale::kMedian, options);
+Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const FreeParameters& free,
+                                 const BundleOptions& options, PointFlags* keep) {
+  Outcome<Fit> settled = IterateNoiseAndFit(std::move(fit), free, *FindLoss("cauchy"), Scale::kMedian, options);
   if (!settled) return settled;
   constexpr int kMaxRounds = 20;
   for (int round = 0; round < kMaxRounds; ++round) {
@@ -563,7 +567,7 @@ Outcome<Fit> SettleTruncated(const Problem& problem, Fit fit, const FreeParamete
     if (const std::optional<Failure> failure = CheckCount(num_kept, free)) return *failure;
     Fit next = *settled;
     next.problem = KeepPoints(problem, *keep);
-    settled = Settle(std::move(next), free, *FindLoss("none"), Scale::kOfFit, options);
+    settled = IterateNoiseAndFit(std::move(next), free, *FindLoss("none"), Scale::kOfFit, options);
     if (!settled) return settled;
   }
   return settled;
@@ -586,7 +590,7 @@ FreeParameters FreeOf(const CameraModel& model, const BundleOptions& options) {
   return FreeOf(model, options.free_intrinsics, options.free_shape);
 }
 
-const Loss& LossOfKept(const BundleOptions& options) {
+const Loss& InlierLoss(const BundleOptions& options) {
   return *FindLoss(options.loss == "truncated" ? "none" : options.loss);
 }
 
@@ -639,18 +643,19 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
                                                                                           : options.robot_noise);
   }
   const double detector_px = TypicalDetectorSigma(problem.views).value_or(0);
-  if (options.pixel_noise_px && detector_px > 0) fit.excess_px = ExcessPx(*options.pixel_noise_px, detector_px);
+  if (options.pixel_noise_px && detector_px > 0)
+    fit.unmodelled_sigma_px = UnmodelledSigmaPx(*options.pixel_noise_px, detector_px);
 
-  const Loss& loss = LossOfKept(options);
-  Outcome<Fit> settled = is_truncated ? SettleTruncated(problem_in, std::move(fit), free, options, &keep)
-                                      : Settle(std::move(fit), free, loss, Scale::kOfFit, options);
+  const Loss& loss = InlierLoss(options);
+  Outcome<Fit> settled = is_truncated ? RefineWithRejection(problem_in, std::move(fit), free, options, &keep)
+                                      : IterateNoiseAndFit(std::move(fit), free, loss, Scale::kOfFit, options);
   if (!settled) return Failure{settled.reason()};
   Solution solution;
   solution.hand_eye = settled->state.hand_eye;
   solution.camera = settled->state.camera;
   solution.shape = settled->state.shape;
   solution.pixel_sigma_px = settled->noise.pixel_px;
-  solution.excess_px = settled->excess_px;
+  solution.unmodelled_sigma_px = settled->unmodelled_sigma_px;
   solution.covariance_dof = settled->dof;
   solution.robot_noise = settled->noise.robot;
   if (options.robot == BundleOptions::Robot::kEstimatedNoise) solution.robot_noise_stddev = settled->robot_stddev;
@@ -680,10 +685,10 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
 
 double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options) {
   const FreeParameters free = FreeOf(solution.camera.Model(), options);
-  const Loss& loss = LossOfKept(options);
+  const Loss& loss = InlierLoss(options);
   const State state{solution.hand_eye, solution.camera, solution.shape, solution.corrections};
   const Noise noise{solution.pixel_sigma_px, solution.robot_noise};
-  const std::optional<std::vector<LinearView>> views =
+  const std::optional<std::vector<LinearisedView>> views =
       Linearise(problem, state, GroupByRobotPose(problem.setup, problem.views), free, noise, loss, loss.consistency,
                 options.camera_prior);
   if (!views) return -std::numeric_limits<double>::infinity();

@@ -48,7 +48,7 @@ struct BundleOptions {
 FreeParameters FreeOf(const CameraModel& model, const BundleOptions& options);
 
 // The loss of the points that count: of `truncated`, once the others are left out, none.
-const Loss& LossOfKept(const BundleOptions& options);
+const Loss& InlierLoss(const BundleOptions& options);
 
 // Minimises the sum over all points of rho(|projection - observation|^2 / sigma^2) with Ceres, from `start` and
 // problem.camera. With the loss `truncated` that is least squares of the points that pass their test at the estimate

@@ -33,9 +33,9 @@ bool IsMirror(const Matrix6& chain) { return chain == -Matrix6::Identity(); }
 constexpr int kFewPoints = 16;
 
 // The products of the rows of views of few points, chained to the shared poses.
-class ChainedRows {
+class ApplyChainRule {
  public:
-  ChainedRows(int num_shared_poses, int num_others)
+  ApplyChainRule(int num_shared_poses, int num_others)
       : num_shared_poses_(num_shared_poses), num_others_(num_others), stacked_(6 * num_shared_poses + num_others) {}
 
   // Of at most kFewPoints points.
@@ -122,9 +122,9 @@ void AddChained(const Eigen::MatrixXd& products, const std::vector<Matrix6>& lef
 
 // A capture at some value of its own pose.
 struct CapturesCost::Evaluation {
-  Rigid3d own_pose;
+  Rigid3d eliminated_pose;
   std::vector<Matrix6> left_from_tangent;  // Of the shared poses, then of its own.
-  ViewProducts products;
+  ViewNormalEquations products;
   // Of the own pose: what its step is solved from, 6 x 6, and 6 rows with the products' other columns.
   Matrix6 own;
   PoseRows with_others;
@@ -137,7 +137,7 @@ struct CapturesCost::Evaluation {
 };
 
 // What is known of a capture's own pose where the cost was evaluated.
-struct CapturesCost::OwnPoseState {
+struct CapturesCost::EliminatedPoseState {
   Rigid3d pose;
   std::vector<Matrix6> left_from_tangent;
   double cost = 0;            // Of the capture, there.
@@ -147,8 +147,8 @@ struct CapturesCost::OwnPoseState {
 };
 
 struct CapturesCost::State {
-  CapturesProducts shared;
-  std::vector<OwnPoseState> own_poses;  // Empty if captures have none.
+  NormalEquations shared;
+  std::vector<EliminatedPoseState> own_poses;  // Empty if captures have none.
 
   double Cost() const {
     return std::max(0.0, shared.matrix(shared.matrix.rows() - 1, shared.matrix.cols() - 1)) + shared.loss_remainder;
@@ -161,8 +161,8 @@ struct CapturesCost::SharedStep {
   Eigen::VectorXd params;  // The free ones.
 };
 
-CaptureTerm::CaptureTerm(const Observations* observations, std::unique_ptr<PoseChain> chain, const Rigid3d& start)
-    : own_pose(start) {
+CaptureTerm::CaptureTerm(const Observations* observations, std::unique_ptr<KinematicLoop> chain, const Rigid3d& start)
+    : eliminated_pose(start) {
   views.push_back({observations, std::move(chain)});
 }
 
@@ -179,14 +179,14 @@ CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> ca
   }
   int num_points = 0;
   for (const CaptureTerm& capture : captures_) {
-    CHECK(capture.views.size() == 1 || (options_.has_own_pose && !capture.views.empty()));
+    CHECK(capture.views.size() == 1 || (options_.has_eliminated_pose && !capture.views.empty()));
     for (const CaptureView& view : capture.views) num_points += view.observations->size();
   }
   options_.num_threads = ThreadsFor(num_points, options_.num_threads);
-  num_shared_poses_ = captures_.front().views.front().chain->num_blocks() - (options_.has_own_pose ? 1 : 0);
+  num_shared_poses_ = captures_.front().views.front().chain->num_blocks() - (options_.has_eliminated_pose ? 1 : 0);
   CHECK_LE(num_shared_poses_, 2);
   if (options_.known) {
-    CHECK(!options_.has_own_pose);
+    CHECK(!options_.has_eliminated_pose);
     CHECK_EQ(options_.known->matrix.cols(), 6 * num_shared_poses_ + static_cast<Eigen::Index>(free_.size()) + 1);
   }
   for (int i = 0; i < num_shared_poses_; ++i) mutable_parameter_block_sizes()->push_back(kPoseSize);
@@ -211,7 +211,7 @@ bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, 
     residual[0] = std::sqrt(candidate_->Cost());
     return true;
   }
-  const Eigen::MatrixXd root = RootOfProducts(candidate_->shared.matrix);
+  const Eigen::MatrixXd root = PivotedCholesky(candidate_->shared.matrix);
   residual.head(root.rows()) = root.rightCols<1>();
   residual[root.rows()] = std::sqrt(candidate_->shared.loss_remainder);
   for (int i = 0; i <= num_shared_poses_; ++i) {
@@ -231,11 +231,11 @@ bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, 
   // Ceres asks for Jacobians where it stays.
   accepted_ = candidate_;
   predicted_drop_ = root.col(root.cols() - 1).head(root.rows() - 1).squaredNorm();
-  for (const OwnPoseState& own : accepted_->own_poses) predicted_drop_ += own.predicted_drop;
+  for (const EliminatedPoseState& own : accepted_->own_poses) predicted_drop_ += own.predicted_drop;
   return true;
 }
 
-const CapturesProducts& CapturesCost::Accepted() const {
+const NormalEquations& CapturesCost::Accepted() const {
   CHECK(accepted_ != nullptr);
   return accepted_->shared;
 }
@@ -252,7 +252,7 @@ std::vector<double> CapturesCost::Joined(const double* const* parameters) const 
   return joined;
 }
 
-std::optional<CapturesProducts> CapturesCost::ProductsAt(const double* const* parameters) const {
+std::optional<NormalEquations> CapturesCost::NormalEquationsAt(const double* const* parameters) const {
   State state;
   if (!EvaluateAll(Joined(parameters), &state)) return std::nullopt;
   return std::move(state.shared);
@@ -266,9 +266,9 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
   state->shared.parameters = std::move(parameters);
   const std::vector<double>& at = state->shared.parameters;
   const auto num_free = static_cast<Eigen::Index>(free_.size());
-  if (options_.has_own_pose) state->own_poses.resize(captures_.size());
+  if (options_.has_eliminated_pose) state->own_poses.resize(captures_.size());
   SharedStep step;
-  if (options_.has_own_pose && accepted_ != nullptr) {
+  if (options_.has_eliminated_pose && accepted_ != nullptr) {
     const std::vector<double>& from = accepted_->shared.parameters;
     for (int i = 0; i < num_shared_poses_; ++i) {
       step.poses.push_back(LocalCoordinates(FromBlock(&from[static_cast<size_t>(kPoseSize * i)]),
@@ -283,7 +283,7 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
 
   const int num_captures = static_cast<int>(captures_.size());
   const int num_groups = std::clamp(num_captures / kCapturesPerGroup, 1, kMaxGroups);
-  std::vector<CapturesProducts> sums(static_cast<size_t>(num_groups));
+  std::vector<NormalEquations> sums(static_cast<size_t>(num_groups));
   std::vector<char> has_failed(static_cast<size_t>(num_groups), 0);
   ParallelFor(num_groups, options_.num_threads, [&](int index) {
     const auto first_of = [&](int g) {
@@ -303,9 +303,9 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
   return true;
 }
 
-Rigid3d CapturesCost::OwnPoseAfter(const SharedStep& step, size_t capture) const {
-  if (accepted_ == nullptr) return captures_[capture].own_pose;
-  const OwnPoseState& before = accepted_->own_poses[capture];
+Rigid3d CapturesCost::EliminatedPoseAfter(const SharedStep& step, size_t capture) const {
+  if (accepted_ == nullptr) return captures_[capture].eliminated_pose;
+  const EliminatedPoseState& before = accepted_->own_poses[capture];
   Tangent6 left = Tangent6::Zero();
   for (size_t k = 0; k < step.poses.size(); ++k) left += before.left_from_tangent[k] * step.poses[k];
   return Retract(before.pose,
@@ -314,40 +314,40 @@ Rigid3d CapturesCost::OwnPoseAfter(const SharedStep& step, size_t capture) const
 }
 
 bool CapturesCost::EvaluateGroup(size_t first, size_t last, const SharedStep& step, State* state,
-                                 CapturesProducts* sum) const {
+                                 NormalEquations* sum) const {
   const std::vector<double>& at = state->shared.parameters;
   const int num_others = static_cast<int>(free_.size()) + 1;
   const Eigen::Index num_columns = 6 * num_shared_poses_ + num_others;
   sum->matrix.setZero(num_columns, num_columns);
   const bool settles = accepted_ == nullptr;
-  std::optional<ChainedRows> rows_of_few;
+  std::optional<ApplyChainRule> rows_of_few;
   ViewRows rows;
   Evaluation evaluation;
   for (size_t i = first; i < last; ++i) {
-    if (!options_.has_own_pose && captures_[i].views.front().observations->size() <= kFewPoints) {
+    if (!options_.has_eliminated_pose && captures_[i].views.front().observations->size() <= kFewPoints) {
       if (!WriteCapture(captures_[i], at, &evaluation.left_from_tangent, &rows)) return false;
       if (!rows_of_few) rows_of_few.emplace(num_shared_poses_, num_others);
       rows_of_few->Add(rows, evaluation.left_from_tangent);
       sum->loss_remainder += rows.loss_remainder;
       continue;
     }
-    if (!options_.has_own_pose) {
+    if (!options_.has_eliminated_pose) {
       if (!EvaluateCapture(reducer_, captures_[i], at, &evaluation)) return false;
       AddChained(evaluation.products.matrix, evaluation.left_from_tangent, num_shared_poses_, &sum->matrix);
       sum->loss_remainder += evaluation.products.loss_remainder;
       continue;
     }
-    evaluation.own_pose = OwnPoseAfter(step, i);
-    bool is_evaluated = settles ? SettleOwnPose(captures_[i], at, &evaluation)
+    evaluation.eliminated_pose = EliminatedPoseAfter(step, i);
+    bool is_evaluated = settles ? SolveEliminatedPose(captures_[i], at, &evaluation)
                                 : EvaluateCapture(reducer_, captures_[i], at, &evaluation);
     if (!is_evaluated && accepted_ != nullptr) {
       // The linearisation leads to where nothing is seen: from where it was, then, step by step.
-      evaluation.own_pose = accepted_->own_poses[i].pose;
-      is_evaluated = SettleOwnPose(captures_[i], at, &evaluation);
+      evaluation.eliminated_pose = accepted_->own_poses[i].pose;
+      is_evaluated = SolveEliminatedPose(captures_[i], at, &evaluation);
     }
     if (!is_evaluated) return false;
-    OwnPoseState& own = state->own_poses[i];
-    own.pose = evaluation.own_pose;
+    EliminatedPoseState& own = state->own_poses[i];
+    own.pose = evaluation.eliminated_pose;
     own.cost = evaluation.Cost();
     own.step = SolveOwn(evaluation.own, evaluation.with_others);
     own.predicted_drop = evaluation.with_others.rightCols<1>().dot(own.step.rightCols<1>());
@@ -363,13 +363,14 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const SharedStep& st
 }
 
 Rigid3d CapturesCost::CameraFromTargetOf(const CaptureView& view, const std::vector<double>& parameters,
-                                         const Rigid3d& own_pose, std::vector<Matrix6>* left_from_tangent) const {
+                                         const Rigid3d& eliminated_pose,
+                                         std::vector<Matrix6>* left_from_tangent) const {
   std::array<const double*, 4> blocks{};
   CHECK_LT(static_cast<size_t>(num_shared_poses_), blocks.size());
   const auto num_shared = static_cast<size_t>(num_shared_poses_);
   for (size_t i = 0; i < num_shared; ++i) blocks[i] = &parameters[kPoseSize * i];
-  const PoseBlock own_block = ToBlock(own_pose);
-  if (options_.has_own_pose) blocks[num_shared] = own_block.data();
+  const PoseBlock own_block = ToBlock(eliminated_pose);
+  if (options_.has_eliminated_pose) blocks[num_shared] = own_block.data();
   return view.chain->Evaluate(blocks.data(), left_from_tangent);
 }
 
@@ -396,9 +397,9 @@ bool CapturesCost::EvaluateCapture(const ViewReducer& reducer, const CaptureTerm
   const std::optional<TargetShape> shape = ShapeAt(parameters);
   for (const CaptureView& view : capture.views) {
     const bool is_first = &view == &capture.views.front();
-    const Rigid3d camera_from_target =
-        CameraFromTargetOf(view, parameters, evaluation->own_pose, is_first ? &evaluation->left_from_tangent : nullptr);
-    ViewProducts further;
+    const Rigid3d camera_from_target = CameraFromTargetOf(view, parameters, evaluation->eliminated_pose,
+                                                          is_first ? &evaluation->left_from_tangent : nullptr);
+    ViewNormalEquations further;
     if (!reducer.Multiply(ParamsAt(parameters), camera_from_target, *view.observations, shape ? &*shape : nullptr,
                           is_first ? &evaluation->products : &further)) {
       return false;
@@ -407,12 +408,12 @@ bool CapturesCost::EvaluateCapture(const ViewReducer& reducer, const CaptureTerm
     evaluation->products.matrix += further.matrix;
     evaluation->products.loss_remainder += further.loss_remainder;
   }
-  if (!options_.has_own_pose) return true;
+  if (!options_.has_eliminated_pose) return true;
   const Matrix6& left_from_own = evaluation->left_from_tangent.back();
   evaluation->with_others = left_from_own.transpose().lazyProduct(evaluation->products.matrix.topRows<6>());
   evaluation->own = evaluation->with_others.leftCols<6>() * left_from_own;
-  if (options_.own_pose_prior) {
-    const CorrectionPrior prior = CorrectionPriorAt(evaluation->own_pose, *options_.own_pose_prior);
+  if (options_.eliminated_pose_prior) {
+    const CorrectionPrior prior = CorrectionPriorAt(evaluation->eliminated_pose, *options_.eliminated_pose_prior);
     evaluation->own += prior.by_tangent.transpose() * prior.by_tangent;
     evaluation->with_others.rightCols<1>() += prior.by_tangent.transpose() * prior.residual;
     evaluation->prior_squares = prior.residual.squaredNorm();
@@ -421,14 +422,14 @@ bool CapturesCost::EvaluateCapture(const ViewReducer& reducer, const CaptureTerm
 }
 
 // By damped Gauss-Newton steps with all else held.
-bool CapturesCost::SettleOwnPose(const CaptureTerm& capture, const std::vector<double>& parameters,
-                                 Evaluation* evaluation) const {
+bool CapturesCost::SolveEliminatedPose(const CaptureTerm& capture, const std::vector<double>& parameters,
+                                       Evaluation* evaluation) const {
   constexpr int kMaxSteps = 30;
   constexpr double kSettled = 1e-2;  // Of the cost: the rest is the joint solve's.
   constexpr double kLeastDamping = 1e-6;
   double damping = kLeastDamping;
   // Where it will hardly stay, the other columns are not asked for.
-  bool has_all_columns = !(options_.own_poses_are_rough && accepted_ == nullptr);
+  bool has_all_columns = !(options_.eliminated_poses_are_rough && accepted_ == nullptr);
   if (!EvaluateCapture(has_all_columns ? reducer_ : pose_reducer_, capture, parameters, evaluation)) return false;
   for (int i = 0; i < kMaxSteps; ++i) {
     const auto gradient = evaluation->with_others.rightCols<1>();
@@ -437,7 +438,7 @@ bool CapturesCost::SettleOwnPose(const CaptureTerm& capture, const std::vector<d
     const Tangent6 step = -damped.ldlt().solve(gradient);
     if (!(-step.dot(gradient) > kSettled * evaluation->Cost())) break;
     Evaluation moved;
-    moved.own_pose = Retract(evaluation->own_pose, step);
+    moved.eliminated_pose = Retract(evaluation->eliminated_pose, step);
     if (EvaluateCapture(reducer_, capture, parameters, &moved) && moved.Cost() < evaluation->Cost()) {
       *evaluation = std::move(moved);
       has_all_columns = true;
@@ -449,19 +450,19 @@ bool CapturesCost::SettleOwnPose(const CaptureTerm& capture, const std::vector<d
   return has_all_columns || EvaluateCapture(reducer_, capture, parameters, evaluation);
 }
 
-std::vector<Rigid3d> CapturesCost::OwnPoses() const {
+std::vector<Rigid3d> CapturesCost::EliminatedPoses() const {
   std::vector<Rigid3d> poses;
   if (accepted_ == nullptr) return poses;
   Evaluation moved;
   for (size_t i = 0; i < accepted_->own_poses.size(); ++i) {
-    const OwnPoseState& own = accepted_->own_poses[i];
-    moved.own_pose = Retract(own.pose, -Tangent6(own.step.rightCols<1>()));
+    const EliminatedPoseState& own = accepted_->own_poses[i];
+    moved.eliminated_pose = Retract(own.pose, -Tangent6(own.step.rightCols<1>()));
     // What is left of the way to the best: unless it leads nowhere, as no step of a small part of the noise does.
     constexpr double kSmallDrop = 1e-3;
     const bool is_better = own.predicted_drop < kSmallDrop * std::min(own.cost, 1.0) ||
                            (EvaluateCapture(pose_reducer_, captures_[i], accepted_->shared.parameters, &moved) &&
                             moved.Cost() <= own.cost);
-    poses.push_back(is_better ? moved.own_pose : own.pose);
+    poses.push_back(is_better ? moved.eliminated_pose : own.pose);
   }
   return poses;
 }

@@ -26,8 +26,8 @@ namespace heba {
 
 struct CaptureView {
   const Observations* observations = nullptr;
-  // Its last pose block is the capture's own if there is one (CapturesCostOptions::has_own_pose).
-  std::unique_ptr<PoseChain> chain;
+  // Its last pose block is the capture's own if there is one (CapturesCostOptions::has_eliminated_pose).
+  std::unique_ptr<KinematicLoop> chain;
 };
 
 struct CaptureTerm {
@@ -35,17 +35,17 @@ struct CaptureTerm {
   // camera_from_target are the first view's for all, so the views' poses must be the same but for a robot's
   // repeatability.
   std::vector<CaptureView> views;
-  Rigid3d own_pose;  // Where it starts.
+  Rigid3d eliminated_pose;  // Where it starts.
 
-  CaptureTerm(const Observations* observations, std::unique_ptr<PoseChain> chain, const Rigid3d& start = Rigid3d());
+  CaptureTerm(const Observations* observations, std::unique_ptr<KinematicLoop> chain, const Rigid3d& start = Rigid3d());
 };
 
 // What the captures say at some value of the unknowns.
-struct CapturesProducts {
+struct NormalEquations {
   std::vector<double> parameters;  // The shared poses' blocks, the camera's parameters, the shape's.
   // J^T J of the shared poses' tangents, the free parameters and the residual, own poses eliminated.
   Eigen::MatrixXd matrix;
-  double loss_remainder = 0;  // As ViewProducts', solvers/residuals/view_reduction.h.
+  double loss_remainder = 0;  // As ViewNormalEquations', solvers/residuals/view_reduction.h.
 };
 
 struct CapturesCostOptions {
@@ -53,13 +53,13 @@ struct CapturesCostOptions {
   const Loss* loss = nullptr;
   FreeParameters free;               // The others' Jacobians are 0.
   std::optional<TargetShape> shape;  // If `free` speaks of it; its own parameters are not used.
-  bool has_own_pose = false;
-  std::optional<RobotNoise> own_pose_prior;  // That it is the identity, give or take this.
+  bool has_eliminated_pose = false;
+  std::optional<RobotNoise> eliminated_pose_prior;  // That it is the identity, give or take this.
   // What is known already, with the same captures, loss, sigma and free parameters. Captures without own poses only.
-  std::optional<CapturesProducts> known;
+  std::optional<NormalEquations> known;
   // Own poses start where nobody has looked for them yet. Either way they are brought near their best for the first
   // value of the shared unknowns.
-  bool own_poses_are_rough = false;
+  bool eliminated_poses_are_rough = false;
   int num_threads = 1;  // At most; the result does not depend on it.
 };
 
@@ -77,19 +77,19 @@ class CapturesCost final : public ceres::CostFunction {
   bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override;
 
   // Nothing if a point has no image.
-  std::optional<CapturesProducts> ProductsAt(const double* const* parameters) const;
+  std::optional<NormalEquations> NormalEquationsAt(const double* const* parameters) const;
 
   // Where the Jacobians were evaluated last: after ceres::Solve, at the solution. They must have been.
-  const CapturesProducts& Accepted() const;
+  const NormalEquations& Accepted() const;
   // What Gauss-Newton's next step from there would make the cost less by, as its own linearisation has it; of the cost.
   double PredictedDrop() const;
 
   // The captures' own poses, best for the shared unknowns at which the Jacobians were evaluated last: after
   // ceres::Solve, the solution's.
-  std::vector<Rigid3d> OwnPoses() const;
+  std::vector<Rigid3d> EliminatedPoses() const;
 
  private:
-  struct OwnPoseState;
+  struct EliminatedPoseState;
   struct SharedStep;
   struct State;
   // What is solved for of a capture: its products, of a left perturbation of camera_from_target, the free parameters
@@ -98,19 +98,20 @@ class CapturesCost final : public ceres::CostFunction {
 
   bool EvaluateAll(std::vector<double> parameters, State* state) const;
   // What captures [first, last) add, each at its own pose.
-  bool EvaluateGroup(size_t first, size_t last, const SharedStep& step, State* state, CapturesProducts* sum) const;
+  bool EvaluateGroup(size_t first, size_t last, const SharedStep& step, State* state, NormalEquations* sum) const;
   // Where a capture's own pose goes along to, as its linearisation says; where it starts before there is one.
-  Rigid3d OwnPoseAfter(const SharedStep& step, size_t capture) const;
-  // At Evaluation::own_pose; settling begins there.
+  Rigid3d EliminatedPoseAfter(const SharedStep& step, size_t capture) const;
+  // At Evaluation::eliminated_pose; settling begins there.
   bool EvaluateCapture(const ViewReducer& reducer, const CaptureTerm& capture, const std::vector<double>& parameters,
                        Evaluation* evaluation) const;
   bool WriteCapture(const CaptureTerm& capture, const std::vector<double>& parameters,
                     std::vector<Matrix6>* left_from_tangent, ViewRows* rows) const;
-  Rigid3d CameraFromTargetOf(const CaptureView& view, const std::vector<double>& parameters, const Rigid3d& own_pose,
-                             std::vector<Matrix6>* left_from_tangent) const;
+  Rigid3d CameraFromTargetOf(const CaptureView& view, const std::vector<double>& parameters,
+                             const Rigid3d& eliminated_pose, std::vector<Matrix6>* left_from_tangent) const;
   std::optional<TargetShape> ShapeAt(const std::vector<double>& parameters) const;
   const double* ParamsAt(const std::vector<double>& parameters) const;
-  bool SettleOwnPose(const CaptureTerm& capture, const std::vector<double>& parameters, Evaluation* evaluation) const;
+  bool SolveEliminatedPose(const CaptureTerm& capture, const std::vector<double>& parameters,
+                           Evaluation* evaluation) const;
   std::vector<double> Joined(const double* const* parameters) const;
 
   const CameraModel& model_;

@@ -7,7 +7,7 @@ namespace {
 
 // camera_from_target = (camera_mount_from_camera Exp(xi))^-1 M target_mount_from_target Exp(eta): to first order a left
 // perturbation by -xi, and by Adjoint(camera_from_target) eta.
-class HandEyeChain final : public PoseChain {
+class HandEyeChain final : public KinematicLoop {
  public:
   explicit HandEyeChain(const Rigid3d& camera_mount_from_target_mount)
       : camera_mount_from_target_mount_(camera_mount_from_target_mount) {}
@@ -23,7 +23,7 @@ class HandEyeChain final : public PoseChain {
   Rigid3d camera_mount_from_target_mount_;
 };
 
-class CorrectedChain final : public PoseChain {
+class CorrectedChain final : public KinematicLoop {
  public:
   CorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount)
       : setup_(setup), camera_mount_from_target_mount_(camera_mount_from_target_mount) {}
@@ -44,7 +44,7 @@ class CorrectedChain final : public PoseChain {
   Rigid3d camera_mount_from_target_mount_;
 };
 
-class FreePoseChain final : public PoseChain {
+class FreePoseChain final : public KinematicLoop {
  public:
   int num_blocks() const override { return 1; }
   Rigid3d Evaluate(const double* const* pose_blocks, std::vector<Matrix6>* left_from_tangent) const override {
@@ -56,14 +56,14 @@ class FreePoseChain final : public PoseChain {
 
 }  // namespace
 
-std::unique_ptr<PoseChain> MakeHandEyeChain(const Rigid3d& camera_mount_from_target_mount) {
+std::unique_ptr<KinematicLoop> MakeHandEyeChain(const Rigid3d& camera_mount_from_target_mount) {
   return std::make_unique<HandEyeChain>(camera_mount_from_target_mount);
 }
 
-std::unique_ptr<PoseChain> MakeCorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount) {
+std::unique_ptr<KinematicLoop> MakeCorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount) {
   return std::make_unique<CorrectedChain>(setup, camera_mount_from_target_mount);
 }
 
-std::unique_ptr<PoseChain> MakeFreePoseChain() { return std::make_unique<FreePoseChain>(); }
+std::unique_ptr<KinematicLoop> MakeFreePoseChain() { return std::make_unique<FreePoseChain>(); }
 
 }  // namespace heba

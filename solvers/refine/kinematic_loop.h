@@ -10,20 +10,20 @@
 namespace heba {
 
 // How camera_from_target follows from the pose blocks (heba/geometry/pose_block.h) of a cost.
-struct PoseChain {
+struct KinematicLoop {
   // Computes camera_from_target and, for each block, the 6 x 6 derivative of its left perturbation by the block's
   // tangent.
-  virtual ~PoseChain() = default;
+  virtual ~KinematicLoop() = default;
   virtual int num_blocks() const = 0;
   virtual Rigid3d Evaluate(const double* const* pose_blocks, std::vector<Matrix6>* left_from_tangent) const = 0;
 };
 
 // Blocks: camera_mount_from_camera, target_mount_from_target.
-std::unique_ptr<PoseChain> MakeHandEyeChain(const Rigid3d& camera_mount_from_target_mount);
+std::unique_ptr<KinematicLoop> MakeHandEyeChain(const Rigid3d& camera_mount_from_target_mount);
 // Blocks: camera_mount_from_camera, target_mount_from_target, the capture's correction
 // (solvers/uncertainty/robot_noise.h).
-std::unique_ptr<PoseChain> MakeCorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount);
+std::unique_ptr<KinematicLoop> MakeCorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount);
 // Block: camera_from_target.
-std::unique_ptr<PoseChain> MakeFreePoseChain();
+std::unique_ptr<KinematicLoop> MakeFreePoseChain();
 
 }  // namespace heba

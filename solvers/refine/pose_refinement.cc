@@ -56,7 +56,7 @@ class ChainCost final : public ceres::SizedCostFunction<6, 7, 7> {
   }
 
  private:
-  std::unique_ptr<PoseChain> chain_;
+  std::unique_ptr<KinematicLoop> chain_;
   Rigid3d camera_from_target_;
   Matrix6 whitening_;
 };

@@ -44,15 +44,16 @@ std::optional<double> TypicalDetectorSigma(const std::vector<View>& views) {
   return std::sqrt(Median(std::move(variances_px2)));
 }
 
-void WeightByCovariance(double excess_px, std::vector<View>* views) {
+void WeightByCovariance(double unmodelled_sigma_px, std::vector<View>* views) {
   const std::optional<double> typical_px = TypicalDetectorSigma(*views);
   if (!typical_px) return;
-  const double unit_px2 = *typical_px * *typical_px + excess_px * excess_px;
+  const double unit_px2 = *typical_px * *typical_px + unmodelled_sigma_px * unmodelled_sigma_px;
   for (View& view : *views) {
     view.observations.whitening.clear();
     for (const Eigen::MatrixXd& block : view.observations.covariances_px2) {
       const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(block.rows(), block.cols());
-      const Eigen::LLT<Eigen::MatrixXd> factor((block + excess_px * excess_px * identity) / unit_px2);
+      const Eigen::LLT<Eigen::MatrixXd> factor((block + unmodelled_sigma_px * unmodelled_sigma_px * identity) /
+                                               unit_px2);
       CHECK(factor.info() == Eigen::Success) << "a detector's covariance is not positive definite";
       view.observations.whitening.emplace_back(factor.matrixL().solve(identity));
     }

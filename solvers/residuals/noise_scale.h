@@ -26,9 +26,9 @@ double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unkn
 // of one coordinate's sigma. Nothing if they say nothing.
 std::optional<double> TypicalDetectorSigma(const std::vector<View>& views);
 
-// Fills in Observations::whitening: what a detector says of each point, and `excess_px`, equal for all, of what it
-// cannot know (print, paper, lens, robot), in such a measure that the typical point keeps its size: a pixel sigma still
-// means a point's. Without covariances all points count alike.
-void WeightByCovariance(double excess_px, std::vector<View>* views);
+// Fills in Observations::whitening: what a detector says of each point, and `unmodelled_sigma_px`, equal for all, of
+// what it cannot know (print, paper, lens, robot), in such a measure that the typical point keeps its size: a pixel
+// sigma still means a point's. Without covariances all points count alike.
+void WeightByCovariance(double unmodelled_sigma_px, std::vector<View>* views);
 
 }  // namespace heba

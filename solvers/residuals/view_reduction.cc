@@ -80,7 +80,7 @@ void LoadBatch(const Observations& observations, const TargetShape* shape, int f
     std::copy_n(observations.points_in_target.row(k).data() + first, batch->size, batch->points[k]);
   }
   for (int i = 0; i < batch->size && shape != nullptr; ++i) {
-    const Eigen::Vector3d at = Shaped(Eigen::Vector3d(observations.points_in_target.col(first + i)), *shape);
+    const Eigen::Vector3d at = ApplyShape(Eigen::Vector3d(observations.points_in_target.col(first + i)), *shape);
     for (int k = 0; k < 3; ++k) batch->points[k][i] = at[k];
   }
   PadBatch(batch);
@@ -187,12 +187,12 @@ bool ViewReducer::WriteBatch(const double* params, const Eigen::Matrix3d& rotati
 // Of plain points: u and v apart, since what is zero in all rows of one of them need not be multiplied.
 bool ViewReducer::MultiplyPlain(const double* params, const Rigid3d& camera_from_target,
                                 const Observations& observations, const TargetShape* shape,
-                                ViewProducts* products) const {
+                                ViewNormalEquations* products) const {
   const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
   const int n = observations.size();
   const int sizes[] = {axes_[0].size(), axes_[1].size()};
-  ColumnProducts products_of[] = {ColumnProducts(sizes[0], ProjectionBatch::kCapacity, n),
-                                  ColumnProducts(sizes[1], ProjectionBatch::kCapacity, n)};
+  GramMatrix products_of[] = {GramMatrix(sizes[0], ProjectionBatch::kCapacity, n),
+                              GramMatrix(sizes[1], ProjectionBatch::kCapacity, n)};
   Sums sums;
   ProjectionBatch batch;
   for (int first = 0; first < n; first += batch.size) {
@@ -230,7 +230,7 @@ bool ViewReducer::MultiplyPlain(const double* params, const Rigid3d& camera_from
 bool ViewReducer::PredictRows(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
                               const TargetShape* shape, ViewRows* rows) const {
   Observations shaped;
-  if (shape != nullptr) shaped = Shaped(observations, *shape);
+  if (shape != nullptr) shaped = ApplyShape(observations, *shape);
   Points2 pixels;
   ProjectionJacobian jacobian;
   if (!Predict(model_, params, camera_from_target, shape != nullptr ? shaped : observations, &pixels, &jacobian)) {
@@ -296,11 +296,11 @@ bool ViewReducer::Write(const double* params, const Rigid3d& camera_from_target,
 }
 
 bool ViewReducer::Multiply(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
-                           const TargetShape* shape, ViewProducts* products) const {
+                           const TargetShape* shape, ViewNormalEquations* products) const {
   if (IsPlain(observations)) return MultiplyPlain(params, camera_from_target, observations, shape, products);
   ViewRows rows;
   if (!Write(params, camera_from_target, observations, shape, &rows)) return false;
-  ColumnProducts sums(num_columns_, rows.columns.rows());
+  GramMatrix sums(num_columns_, rows.columns.rows());
   sums.Add(rows.columns.data(), rows.columns.rows());
   products->matrix = sums.Matrix();
   products->loss_remainder = rows.loss_remainder;
@@ -308,11 +308,11 @@ bool ViewReducer::Multiply(const double* params, const Rigid3d& camera_from_targ
 }
 
 bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
-                         const TargetShape* shape, ViewReduction* reduction) const {
+                         const TargetShape* shape, SquareRootInformation* reduction) const {
   if (2 * observations.size() > num_columns_) {
-    ViewProducts products;
+    ViewNormalEquations products;
     if (!Multiply(params, camera_from_target, observations, shape, &products)) return false;
-    reduction->factor = RootOfProducts(products.matrix);
+    reduction->factor = PivotedCholesky(products.matrix);
     // Turned, but for its last row, so that the pose's columns stand in the first six.
     auto turned = reduction->factor.topRows(num_columns_ - 1);
     const Eigen::HouseholderQR<Eigen::Matrix<double, Eigen::Dynamic, 6>> qr(turned.leftCols<6>());
@@ -330,7 +330,7 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
   return true;
 }
 
-Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products) {
+Eigen::MatrixXd PivotedCholesky(const Eigen::MatrixXd& products) {
   const Eigen::Index n = products.cols();
   Eigen::MatrixXd root = Eigen::MatrixXd::Zero(n, n);
   // What is left to explain, scaled to ones on the diagonal: of a symmetric matrix the lower half.
@@ -388,7 +388,7 @@ std::optional<std::vector<double>> WhitenedSquares(const CameraModel& model, con
     return squares;
   }
   Observations shaped;
-  if (shape != nullptr) shaped = Shaped(observations, *shape);
+  if (shape != nullptr) shaped = ApplyShape(observations, *shape);
   Points2 pixels;
   if (!Predict(model, params, camera_from_target, shape != nullptr ? shaped : observations, &pixels, nullptr)) {
     return std::nullopt;

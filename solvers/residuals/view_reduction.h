@@ -21,7 +21,7 @@ namespace heba {
 // J^T J of a view. Columns: of a left perturbation of the pose (6, as Predict's, heba/data/prediction.h), of the
 // camera's parameters that are free, of the shape's, then the residual. Whitened, weighted by the loss's weight at this
 // point.
-struct ViewProducts {
+struct ViewNormalEquations {
   Eigen::MatrixXd matrix;
   // Sum of rho less the weighted sum of squares, not negative: with it, the last number of the diagonal is the sum of
   // rho.
@@ -29,18 +29,18 @@ struct ViewProducts {
 };
 
 // All rows of a view as they are: those of u, then those of v, then zeros up to a multiple of kMaxLanes
-// (heba/kernels/simd.h). Columns as ViewProducts' (and one of zeros more if their number is odd).
+// (heba/kernels/simd.h). Columns as ViewNormalEquations' (and one of zeros more if their number is odd).
 struct ViewRows {
   int size = 0;  // Without the zeros.
   Eigen::MatrixXd columns;
-  double loss_remainder = 0;  // As ViewProducts'.
+  double loss_remainder = 0;  // As ViewNormalEquations'.
 };
 
 // As many rows as there are columns, or fewer, with the same products. Where they are as many, the pose's columns have
 // nothing below the first six.
-struct ViewReduction {
+struct SquareRootInformation {
   Eigen::MatrixXd factor;
-  double loss_remainder = 0;  // As ViewProducts'.
+  double loss_remainder = 0;  // As ViewNormalEquations'.
 };
 
 // What views become rows with: a camera model, which of its parameters, and then of the shape's, have columns, how
@@ -54,11 +54,11 @@ class ViewReducer {
   ViewReducer(const CameraModel& model, const FreeParameters& free, double pixel_sigma_px, const Loss& loss);
 
   bool Multiply(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
-                const TargetShape* shape, ViewProducts* products) const;
+                const TargetShape* shape, ViewNormalEquations* products) const;
   bool Write(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
              const TargetShape* shape, ViewRows* rows) const;
   bool Reduce(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
-              const TargetShape* shape, ViewReduction* reduction) const;
+              const TargetShape* shape, SquareRootInformation* reduction) const;
 
   int num_columns() const { return num_columns_; }
 
@@ -75,7 +75,7 @@ class ViewReducer {
   bool WriteBatch(const double* params, const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
                   const Observations& observations, const TargetShape* shape, int first, ProjectionBatch* batch) const;
   bool MultiplyPlain(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
-                     const TargetShape* shape, ViewProducts* products) const;
+                     const TargetShape* shape, ViewNormalEquations* products) const;
   bool PredictRows(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
                    const TargetShape* shape, ViewRows* rows) const;
 
@@ -90,7 +90,7 @@ class ViewReducer {
 // Rows R with R^T R = `products`, which is positive semidefinite up to rounding, and as many of them as it has; the
 // last one has nothing but its last number. Pivoted Cholesky of the matrix scaled to ones on its diagonal: what is
 // below rounding is zero.
-Eigen::MatrixXd RootOfProducts(const Eigen::MatrixXd& products);
+Eigen::MatrixXd PivotedCholesky(const Eigen::MatrixXd& products);
 
 // How many of `most` threads a pass over so many points is worth: one takes longer to start than some thousand points.
 int ThreadsFor(int num_points, int most);

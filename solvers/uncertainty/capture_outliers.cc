@@ -34,7 +34,7 @@ Observations JudgedPoints(const Observations& observations, const std::vector<in
 }
 
 // What each capture's correction would be if nothing but pixels were noisy, held to what is possible at all.
-Tangent6 RoughCorrection(const LinearView& view) {
+Tangent6 RoughCorrection(const LinearisedView& view) {
   constexpr double kPossibleM = 0.05;
   constexpr double kPossibleRad = 0.1;
   Matrix6 normal = view.by_correction.transpose() * view.by_correction;
@@ -44,11 +44,11 @@ Tangent6 RoughCorrection(const LinearView& view) {
 }
 
 // The half of the captures with the smallest corrections, and the variances that these have.
-std::vector<bool> BestHalf(const std::vector<LinearView>& views, VarianceComponents* start) {
+std::vector<bool> BestHalf(const std::vector<LinearisedView>& views, VarianceComponents* start) {
   const double median_of_3_dof = ChiSquareQuantile(0.5, 3);
   std::vector<double> translations;
   std::vector<double> rotations;
-  for (const LinearView& view : views) {
+  for (const LinearisedView& view : views) {
     const Tangent6 correction = RoughCorrection(view);
     translations.push_back(correction.head<3>().squaredNorm());
     rotations.push_back(correction.tail<3>().squaredNorm());
@@ -74,7 +74,7 @@ double ShareOfBestHalf() {
 }
 
 // The normal equations of a view: their matrix and, in the last column, their right side.
-Eigen::MatrixXd NormalOf(const LinearView& view, const VarianceComponents& variances) {
+Eigen::MatrixXd NormalOf(const LinearisedView& view, const VarianceComponents& variances) {
   const Eigen::Index n = view.by_unknowns.cols();
   const RowMajorMatrix whitened =
       WhitenedRows(view, variances.pixel, variances.translation_m2, variances.rotation_rad2);
@@ -83,14 +83,14 @@ Eigen::MatrixXd NormalOf(const LinearView& view, const VarianceComponents& varia
 
 // Returns the variance of a view's moved rows, in the views' unit, with the errors that no model describes: a smooth
 // field of kUnmodelledPx at each of the 2 N coordinates, shared out over the six numbers of a pose.
-double VarianceWithUnmodelled(const LinearView& view, double pixel_variance, double pixel_sigma_px) {
-  const double num_coordinates = static_cast<double>(view.offset.size() + view.num_rest);
+double VarianceWithUnmodelled(const LinearisedView& view, double pixel_variance, double pixel_sigma_px) {
+  const double num_coordinates = static_cast<double>(view.offset.size() + view.num_residual_dof);
   const double ratio = kUnmodelledPx / pixel_sigma_px;
   return pixel_variance + num_coordinates / 6 * ratio * ratio;
 }
 
 // The tail probability of what a view's correction is off by, predicted by the normal equations of others.
-double PValue(const LinearView& view, const Eigen::MatrixXd& others, const VarianceComponents& variances,
+double PValue(const LinearisedView& view, const Eigen::MatrixXd& others, const VarianceComponents& variances,
               double pixel_sigma_px, double dof) {
   // The prediction's root: Y with Y^T Y its covariance, and what it predicts.
   const Eigen::Index n = view.by_unknowns.cols();
@@ -105,9 +105,9 @@ double PValue(const LinearView& view, const Eigen::MatrixXd& others, const Varia
   SolveLowerInPlace(root.matrixLLT(), &predicted);
   const auto y = predicted.leftCols(rows);
   Eigen::MatrixXd covariance = y.transpose().lazyProduct(y);
-  const Eigen::Index num_moved = rows - view.num_unmoved;
+  const Eigen::Index num_rows_with_correction = rows - view.num_rows_without_correction;
   covariance.diagonal().array() += variances.pixel;
-  covariance.diagonal().head(num_moved).array() +=
+  covariance.diagonal().head(num_rows_with_correction).array() +=
       VarianceWithUnmodelled(view, variances.pixel, pixel_sigma_px) - variances.pixel;
   const Eigen::LLT<Eigen::MatrixXd> b(covariance);
   if (b.info() != Eigen::Success) return 1;
@@ -128,7 +128,7 @@ double PValue(const LinearView& view, const Eigen::MatrixXd& others, const Varia
 
 // The views that can be judged, as a solution sees them.
 struct JudgedViews {
-  std::vector<LinearView> views;
+  std::vector<LinearisedView> views;
   std::vector<size_t> index;   // The view's place in the problem.
   PoseGroups groups;           // The judged views by robot pose.
   std::vector<size_t> hidden;  // The problem's views of which a point has no image.
@@ -143,7 +143,7 @@ JudgedViews Judge(const Problem& problem, const Solution& solution, const FreePa
     View view = problem.views[i];
     view.observations = JudgedPoints(view.observations, solution.rejected_ids[i]);
     const Rigid3d camera_from_target = CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount);
-    if (!Residuals(solution.camera, camera_from_target, Shaped(view.observations, solution.shape))) {
+    if (!Residuals(solution.camera, camera_from_target, ApplyShape(view.observations, solution.shape))) {
       judged.hidden.push_back(i);
       continue;
     }
@@ -151,7 +151,7 @@ JudgedViews Judge(const Problem& problem, const Solution& solution, const FreePa
     judged.index.push_back(i);
   }
   if (visible.views.empty()) return judged;
-  std::optional<std::vector<LinearView>> views = LineariseViewsAt(visible, solution, {}, free, *FindLoss("none"));
+  std::optional<std::vector<LinearisedView>> views = LineariseViewsAt(visible, solution, {}, free, *FindLoss("none"));
   CHECK(views.has_value());
   judged.views = std::move(*views);
   judged.groups = GroupByRobotPose(problem.setup, visible.views);
@@ -160,7 +160,7 @@ JudgedViews Judge(const Problem& problem, const Solution& solution, const FreePa
 
 // The members alone, one view for each pose of the robot.
 struct Members {
-  std::vector<LinearView> views;
+  std::vector<LinearisedView> views;
   std::vector<size_t> group_of;  // The place of each of `views` in JudgedViews::groups.
 };
 
@@ -172,7 +172,7 @@ Members MembersOf(const JudgedViews& judged, const std::vector<bool>& is_member)
       if (is_member[i]) group.push_back(i);
     }
     if (group.empty()) continue;
-    std::vector<LinearView> views;
+    std::vector<LinearisedView> views;
     for (const size_t i : group) views.push_back(judged.views[i]);
     std::vector<size_t> all(views.size());
     std::iota(all.begin(), all.end(), size_t{0});
@@ -214,7 +214,8 @@ constexpr double kLeastDof = 6;
 
 }  // namespace
 
-std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const Solution& solution,
+                                                const FreeParameters& free) {
   std::vector<CaptureVerdict> verdicts(problem.views.size());
   const JudgedViews judged = Judge(problem, solution, free);
   for (const size_t i : judged.hidden) verdicts[i] = {problem.views.size() >= kMinCaptures, 0};
@@ -244,8 +245,8 @@ std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution&
   return verdicts;
 }
 
-std::vector<CaptureVerdict> TestAgainst(const Problem& problem_of_members, const Solution& solution,
-                                        const FreeParameters& free, const std::vector<View>& others) {
+std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem_of_members, const Solution& solution,
+                                                const FreeParameters& free, const std::vector<View>& others) {
   const size_t num_members = problem_of_members.views.size();
   Problem problem = problem_of_members;
   problem.views.insert(problem.views.end(), others.begin(), others.end());

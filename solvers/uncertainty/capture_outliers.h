@@ -31,11 +31,12 @@ struct CaptureVerdict {
 // passes if its p-value exceeds kCaptureFalseAlarm over the number of captures; captures at one pose of the robot share
 // its error and do not vouch for one another. Fewer than six captures cannot tell which of them is wrong: all pass.
 // `solution` has an entry of rejected_ids for every view.
-std::vector<CaptureVerdict> TestCaptures(const Problem& problem, const Solution& solution, const FreeParameters& free);
+std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const Solution& solution,
+                                                const FreeParameters& free);
 
 // The same test of `others`, by the noise and the estimate of the views of `problem_of_members`, at their solution:
 // whether a capture that was left out would still be wrong. One verdict for each of the others.
-std::vector<CaptureVerdict> TestAgainst(const Problem& problem_of_members, const Solution& solution,
-                                        const FreeParameters& free, const std::vector<View>& others);
+std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem_of_members, const Solution& solution,
+                                                const FreeParameters& free, const std::vector<View>& others);
 
 }  // namespace heba

@@ -21,7 +21,7 @@ double ChanceOfMove(const Tangent6& move, const Matrix6& covariance_without, con
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& problem, const Solution& solution,
                                                             const FreeParameters& free, const Loss& loss) {
   std::vector<std::optional<CaptureMove>> moves(problem.views.size());
-  const std::optional<std::vector<LinearView>> views =
+  const std::optional<std::vector<LinearisedView>> views =
       LineariseViewsAt(problem, solution, solution.corrections, free, loss);
   if (!views) return moves;
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
@@ -32,7 +32,7 @@ std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& probl
   // From the weighted normal matrix to the second derivatives of rho on average, which are smaller.
   const double newton = loss.mean_weight / loss.consistency;
   for (size_t i = 0; i < views->size(); ++i) {
-    const LinearView& view = (*views)[i];
+    const LinearisedView& view = (*views)[i];
     const Eigen::MatrixXd whitened =
         MarginalCovariance(view, loss.covariance_factor(), robot.translation_m * robot.translation_m,
                            robot.rotation_rad * robot.rotation_rad)

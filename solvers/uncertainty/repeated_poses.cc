@@ -10,7 +10,7 @@ namespace {
 
 // The same measurements in no more rows than there are columns: what the triangular factor of [correction, unknowns,
 // offset] leaves of the offset alone is independent of all of them.
-LinearView Condensed(const LinearView& view) {
+LinearisedView Condensed(const LinearisedView& view) {
   const Eigen::Index n = view.by_unknowns.cols();
   const Eigen::Index rows = 6 + n;
   if (view.offset.size() <= rows + 1) return view;
@@ -18,42 +18,47 @@ LinearView Condensed(const LinearView& view) {
   all << view.by_correction, view.by_unknowns, view.offset;
   const Eigen::HouseholderQR<Eigen::MatrixXd> qr(all);
   const Eigen::MatrixXd factor = qr.matrixQR().topRows(rows + 1).triangularView<Eigen::Upper>();
-  LinearView condensed;
+  LinearisedView condensed;
   condensed.by_correction = factor.topLeftCorner(rows, 6);
   condensed.by_unknowns = factor.block(0, 6, rows, n);
   condensed.offset = factor.col(rows).head(rows);
-  condensed.num_unmoved = n;
-  condensed.rest_squares = view.rest_squares + factor(rows, rows) * factor(rows, rows);
-  condensed.num_rest = view.num_rest + static_cast<int>(view.offset.size() - rows);
+  condensed.num_rows_without_correction = n;
+  condensed.residual_sum_of_squares = view.residual_sum_of_squares + factor(rows, rows) * factor(rows, rows);
+  condensed.num_residual_dof = view.num_residual_dof + static_cast<int>(view.offset.size() - rows);
   return condensed;
 }
 
-LinearView Stack(const std::vector<LinearView>& views, const std::vector<size_t>& group) {
-  LinearView stacked;
+LinearisedView Stack(const std::vector<LinearisedView>& views, const std::vector<size_t>& group) {
+  LinearisedView stacked;
   Eigen::Index num_rows = 0;
   for (const size_t i : group) {
     num_rows += views[i].offset.size();
-    stacked.num_unmoved += views[i].num_unmoved;
-    stacked.rest_squares += views[i].rest_squares;
-    stacked.num_rest += views[i].num_rest;
+    stacked.num_rows_without_correction += views[i].num_rows_without_correction;
+    stacked.residual_sum_of_squares += views[i].residual_sum_of_squares;
+    stacked.num_residual_dof += views[i].num_residual_dof;
   }
   stacked.by_unknowns.resize(num_rows, views[group.front()].by_unknowns.cols());
   stacked.by_correction.resize(num_rows, 6);
   stacked.offset.resize(num_rows);
   // All rows that the correction moves come before those that it does not.
-  Eigen::Index moved = 0;
-  Eigen::Index unmoved = num_rows - stacked.num_unmoved;
+  Eigen::Index correction_dependent = 0;
+  Eigen::Index unmoved = num_rows - stacked.num_rows_without_correction;
   for (const size_t i : group) {
-    const LinearView& view = views[i];
-    const Eigen::Index num_moved = view.offset.size() - view.num_unmoved;
-    stacked.by_unknowns.middleRows(moved, num_moved) = view.by_unknowns.topRows(num_moved);
-    stacked.by_correction.middleRows(moved, num_moved) = view.by_correction.topRows(num_moved);
-    stacked.offset.segment(moved, num_moved) = view.offset.head(num_moved);
-    stacked.by_unknowns.middleRows(unmoved, view.num_unmoved) = view.by_unknowns.bottomRows(view.num_unmoved);
-    stacked.by_correction.middleRows(unmoved, view.num_unmoved) = view.by_correction.bottomRows(view.num_unmoved);
-    stacked.offset.segment(unmoved, view.num_unmoved) = view.offset.tail(view.num_unmoved);
-    moved += num_moved;
-    unmoved += view.num_unmoved;
+    const LinearisedView& view = views[i];
+    const Eigen::Index num_rows_with_correction = view.offset.size() - view.num_rows_without_correction;
+    stacked.by_unknowns.middleRows(correction_dependent, num_rows_with_correction) =
+        view.by_unknowns.topRows(num_rows_with_correction);
+    stacked.by_correction.middleRows(correction_dependent, num_rows_with_correction) =
+        view.by_correction.topRows(num_rows_with_correction);
+    stacked.offset.segment(correction_dependent, num_rows_with_correction) = view.offset.head(num_rows_with_correction);
+    stacked.by_unknowns.middleRows(unmoved, view.num_rows_without_correction) =
+        view.by_unknowns.bottomRows(view.num_rows_without_correction);
+    stacked.by_correction.middleRows(unmoved, view.num_rows_without_correction) =
+        view.by_correction.bottomRows(view.num_rows_without_correction);
+    stacked.offset.segment(unmoved, view.num_rows_without_correction) =
+        view.offset.tail(view.num_rows_without_correction);
+    correction_dependent += num_rows_with_correction;
+    unmoved += view.num_rows_without_correction;
   }
   return Condensed(stacked);
 }
@@ -100,8 +105,8 @@ PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views) {
   return groups;
 }
 
-std::vector<LinearView> StackGroups(const std::vector<LinearView>& views, const PoseGroups& groups) {
-  std::vector<LinearView> stacked;
+std::vector<LinearisedView> StackGroups(const std::vector<LinearisedView>& views, const PoseGroups& groups) {
+  std::vector<LinearisedView> stacked;
   size_t num_grouped = 0;
   for (const std::vector<size_t>& group : groups) {
     num_grouped += group.size();

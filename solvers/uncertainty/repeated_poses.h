@@ -17,9 +17,8 @@ inline constexpr double kSamePoseRad = 1e-4;
 using PoseGroups = std::vector<std::vector<size_t>>;
 PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views);
 
-// One LinearView a group: the rows of the group's views, in no more rows than it has columns, with one correction that
-// they share. Views beyond those that
-// the groups name (a prior's) follow as they are.
-std::vector<LinearView> StackGroups(const std::vector<LinearView>& views, const PoseGroups& groups);
+// One LinearisedView a group: the rows of the group's views, in no more rows than it has columns, with one correction
+// that they share. Views beyond those that the groups name (a prior's) follow as they are.
+std::vector<LinearisedView> StackGroups(const std::vector<LinearisedView>& views, const PoseGroups& groups);
 
 }  // namespace heba

@@ -16,7 +16,7 @@ namespace heba {
 namespace {
 
 // p I + G Q G^T, where G is the first `rows` of a view's rows by its correction.
-Eigen::MatrixXd CovarianceOfRows(const LinearView& view, Eigen::Index rows, double pixel_variance,
+Eigen::MatrixXd CovarianceOfRows(const LinearisedView& view, Eigen::Index rows, double pixel_variance,
                                  double translation_m2, double rotation_rad2) {
   Tangent6 sigmas;
   sigmas << Eigen::Vector3d::Constant(std::sqrt(translation_m2)), Eigen::Vector3d::Constant(std::sqrt(rotation_rad2));
@@ -62,44 +62,44 @@ CorrectionPrior CorrectionPriorAt(const Rigid3d& correction, const RobotNoise& n
   return prior;
 }
 
-std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
-                                                      const std::vector<Rigid3d>& corrections,
-                                                      const FreeParameters& free, double pixel_sigma_px,
-                                                      const Loss& loss) {
+std::optional<std::vector<LinearisedView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
+                                                          const std::vector<Rigid3d>& corrections,
+                                                          const FreeParameters& free, double pixel_sigma_px,
+                                                          const Loss& loss) {
   const CameraModel& model = problem.camera.Model();
   const Eigen::Index num_unknowns = 12 + NumFree(free);
   const ViewReducer reducer(model, free, pixel_sigma_px, loss);
-  std::vector<LinearView> result;
+  std::vector<LinearisedView> result;
   for (size_t v = 0; v < problem.views.size(); ++v) {
     const View& view = problem.views[v];
     const Rigid3d correction = corrections.empty() ? Rigid3d() : corrections[v];
     const Rigid3d& mount = view.camera_mount_from_target_mount;
     const Rigid3d camera_from_target = CameraFromTarget(problem.setup, hand_eye, mount, correction);
-    ViewReduction reduction;
+    SquareRootInformation reduction;
     if (!reducer.Reduce(problem.camera.params.data(), camera_from_target, view.observations,
                         HasShape(free, model) ? &problem.shape : nullptr, &reduction)) {
       return std::nullopt;
     }
-    LinearView linear;
+    LinearisedView linear;
     const Eigen::Index columns = reduction.factor.cols() - 1;
     Eigen::Index rows = reduction.factor.rows();
-    Eigen::Index num_moved = rows;
+    Eigen::Index num_rows_with_correction = rows;
     if (2 * view.observations.size() > rows) {
       // A root of the products: its last row has nothing but what the unknowns do not reach.
       rows = columns;
-      num_moved = 6;
-      linear.rest_squares = reduction.factor(columns, columns) * reduction.factor(columns, columns);
-      linear.num_rest = 2 * view.observations.size() - static_cast<int>(columns);
+      num_rows_with_correction = 6;
+      linear.residual_sum_of_squares = reduction.factor(columns, columns) * reduction.factor(columns, columns);
+      linear.num_residual_dof = 2 * view.observations.size() - static_cast<int>(columns);
     }
-    linear.num_unmoved = rows - num_moved;
-    const auto by_pose = reduction.factor.topLeftCorner(num_moved, 6);
+    linear.num_rows_without_correction = rows - num_rows_with_correction;
+    const auto by_pose = reduction.factor.topLeftCorner(num_rows_with_correction, 6);
     linear.by_unknowns.setZero(rows, num_unknowns);
     // The hand-eye pose's is -by_pose: both signs are minus the row's.
-    linear.by_unknowns.topLeftCorner(num_moved, 6) = by_pose;
-    linear.by_unknowns.block(0, 6, num_moved, 6) = -by_pose.lazyProduct(Adjoint(camera_from_target));
+    linear.by_unknowns.topLeftCorner(num_rows_with_correction, 6) = by_pose;
+    linear.by_unknowns.block(0, 6, num_rows_with_correction, 6) = -by_pose.lazyProduct(Adjoint(camera_from_target));
     linear.by_unknowns.rightCols(num_unknowns - 12) = -reduction.factor.block(0, 6, rows, num_unknowns - 12);
     linear.by_correction.setZero(rows, 6);
-    linear.by_correction.topRows(num_moved) =
+    linear.by_correction.topRows(num_rows_with_correction) =
         -by_pose.lazyProduct(LeftFromCorrection(problem.setup, hand_eye, mount, correction));
     // The residual as it would be without the correction.
     linear.offset = reduction.factor.col(columns).head(rows) +
@@ -109,34 +109,37 @@ std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, co
   return result;
 }
 
-std::optional<std::vector<LinearView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
-                                                        const std::vector<Rigid3d>& corrections,
-                                                        const FreeParameters& free, const Loss& loss) {
+std::optional<std::vector<LinearisedView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
+                                                            const std::vector<Rigid3d>& corrections,
+                                                            const FreeParameters& free, const Loss& loss) {
   Problem weighted{solution.camera, problem.views, problem.setup, solution.shape};
-  if (solution.excess_px) WeightByCovariance(*solution.excess_px, &weighted.views);
+  if (solution.unmodelled_sigma_px) WeightByCovariance(*solution.unmodelled_sigma_px, &weighted.views);
   return LineariseViews(weighted, solution.hand_eye, corrections, free, solution.pixel_sigma_px, loss);
 }
 
-Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance, double translation_m2,
+Eigen::MatrixXd MarginalCovariance(const LinearisedView& view, double pixel_variance, double translation_m2,
                                    double rotation_rad2) {
   return CovarianceOfRows(view, view.offset.size(), pixel_variance, translation_m2, rotation_rad2);
 }
 
-RowMajorMatrix WhitenedRows(const LinearView& view, double pixel_variance, double translation_m2,
+RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance, double translation_m2,
                             double rotation_rad2) {
   const Eigen::Index n = view.by_unknowns.cols();
-  const Eigen::Index num_moved = view.offset.size() - view.num_unmoved;
-  RowMajorMatrix moved(num_moved, n + 1);
-  moved << view.by_unknowns.topRows(num_moved), view.offset.head(num_moved);
+  const Eigen::Index num_rows_with_correction = view.offset.size() - view.num_rows_without_correction;
+  RowMajorMatrix correction_dependent(num_rows_with_correction, n + 1);
+  correction_dependent << view.by_unknowns.topRows(num_rows_with_correction),
+      view.offset.head(num_rows_with_correction);
   const Eigen::LLT<Eigen::MatrixXd> root(
-      CovarianceOfRows(view, num_moved, pixel_variance, translation_m2, rotation_rad2));
+      CovarianceOfRows(view, num_rows_with_correction, pixel_variance, translation_m2, rotation_rad2));
   CHECK(root.info() == Eigen::Success);
-  SolveLowerInPlace(root.matrixLLT(), &moved);
+  SolveLowerInPlace(root.matrixLLT(), &correction_dependent);
   const double root_weight = 1 / std::sqrt(pixel_variance);
   RowMajorMatrix whitened(view.offset.size(), n + 1);
-  whitened.topRows(num_moved) = moved;
-  whitened.bottomLeftCorner(view.num_unmoved, n) = root_weight * view.by_unknowns.bottomRows(view.num_unmoved);
-  whitened.bottomRightCorner(view.num_unmoved, 1) = root_weight * view.offset.tail(view.num_unmoved);
+  whitened.topRows(num_rows_with_correction) = correction_dependent;
+  whitened.bottomLeftCorner(view.num_rows_without_correction, n) =
+      root_weight * view.by_unknowns.bottomRows(view.num_rows_without_correction);
+  whitened.bottomRightCorner(view.num_rows_without_correction, 1) =
+      root_weight * view.offset.tail(view.num_rows_without_correction);
   return whitened;
 }
 
@@ -153,11 +156,11 @@ double ChanceOf(const Tangent6& vector, const Matrix6& covariance, double nothin
   return rank == 0 ? 1 : FisherTail(statistic / rank, rank, dof);
 }
 
-Eigen::MatrixXd MarginalInformation(const std::vector<LinearView>& views, const RobotNoise& noise,
+Eigen::MatrixXd MarginalInformation(const std::vector<LinearisedView>& views, const RobotNoise& noise,
                                     double pixel_variance) {
   const Eigen::Index n = views.front().by_unknowns.cols();
   StackedRows stacked(static_cast<int>(n));
-  for (const LinearView& view : views) {
+  for (const LinearisedView& view : views) {
     stacked.Next<Eigen::Dynamic>(view.offset.size()) =
         WhitenedRows(view, pixel_variance, noise.translation_m * noise.translation_m,
                      noise.rotation_rad * noise.rotation_rad)

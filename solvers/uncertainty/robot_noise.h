@@ -40,37 +40,38 @@ CorrectionPrior CorrectionPriorAt(const Rigid3d& correction, const RobotNoise& n
 
 // One capture, linearised: what it measured is offset = by_unknowns * step + by_correction * xi + noise, where noise
 // has unit variance (pixel sigma and loss applied).
-struct LinearView {
+struct LinearisedView {
   Eigen::MatrixXd by_unknowns;                             // Columns as Information::names.
   Eigen::Matrix<double, Eigen::Dynamic, 6> by_correction;  // By xi: m, rad.
   Eigen::VectorXd offset;
   // The last so many rows have nothing that a correction moves.
-  Eigen::Index num_unmoved = 0;
+  Eigen::Index num_rows_without_correction = 0;
   // What the rows above leave of the pixels: so many more independent residuals with this sum of squares.
-  double rest_squares = 0;
-  int num_rest = 0;
+  double residual_sum_of_squares = 0;
+  int num_residual_dof = 0;
 };
 
 // `corrections` is empty if there are none. Nothing if a point has no image.
-std::optional<std::vector<LinearView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
-                                                      const std::vector<Rigid3d>& corrections,
-                                                      const FreeParameters& free, double pixel_sigma_px,
-                                                      const Loss& loss);
+std::optional<std::vector<LinearisedView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
+                                                          const std::vector<Rigid3d>& corrections,
+                                                          const FreeParameters& free, double pixel_sigma_px,
+                                                          const Loss& loss);
 
 // The same of the problem's views at a solution, which has the camera, the target's shape and the points' weights.
-std::optional<std::vector<LinearView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
-                                                        const std::vector<Rigid3d>& corrections,
-                                                        const FreeParameters& free, const Loss& loss);
+std::optional<std::vector<LinearisedView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
+                                                            const std::vector<Rigid3d>& corrections,
+                                                            const FreeParameters& free, const Loss& loss);
 
 // The covariance of what a view measured when its correction is averaged over: p I + G Q G^T, p in the views' unit.
-Eigen::MatrixXd MarginalCovariance(const LinearView& view, double pixel_variance, double translation_m2,
+Eigen::MatrixXd MarginalCovariance(const LinearisedView& view, double pixel_variance, double translation_m2,
                                    double rotation_rad2);
 // That covariance's inverse root times the view's rows by the unknowns and, as the last column, the offset.
-RowMajorMatrix WhitenedRows(const LinearView& view, double pixel_variance, double translation_m2, double rotation_rad2);
+RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance, double translation_m2,
+                            double rotation_rad2);
 
 // The unknowns' normal matrix when the corrections are averaged over: sum J^T (p I + G Q G^T)^-1 J, where p is
 // `pixel_variance` in the views' unit.
-Eigen::MatrixXd MarginalInformation(const std::vector<LinearView>& views, const RobotNoise& noise,
+Eigen::MatrixXd MarginalInformation(const std::vector<LinearisedView>& views, const RobotNoise& noise,
                                     double pixel_variance);
 
 // Of a vector as large or larger by chance, if it has this covariance with `dof` degrees of freedom, both in

@@ -18,47 +18,48 @@
 namespace heba {
 namespace {
 
-constexpr Eigen::Index kMoved = 6;
-using MovedRows = Eigen::Matrix<double, kMoved, Eigen::Dynamic>;
+constexpr Eigen::Index kNumCorrectedRows = 6;
+using CorrectedRows = Eigen::Matrix<double, kNumCorrectedRows, Eigen::Dynamic>;
 
 // Of a view's rows those that its correction moves, turned so that there are six; rows of zeros where it has fewer.
-struct MovedView {
-  MovedRows rows;  // By the unknowns, and the offset.
+struct CorrectedView {
+  CorrectedRows rows;  // By the unknowns, and the offset.
   Matrix6 by_correction = Matrix6::Zero();
 };
 
 // The same measurements in fewer numbers: variances and unknowns have the same likelihood.
 struct CondensedViews {
-  std::vector<MovedView> moved;
+  std::vector<CorrectedView> correction_dependent;
   // Of all that no correction moves: the products of unknowns and offset, and of how many numbers they are.
-  Eigen::MatrixXd still;
-  double num_still = 0;
+  Eigen::MatrixXd correction_independent;
+  double num_independent = 0;
 };
 
-CondensedViews Condensed(const std::vector<LinearView>& views) {
+CondensedViews Condensed(const std::vector<LinearisedView>& views) {
   const Eigen::Index n = views.front().by_unknowns.cols();
   CondensedViews condensed;
-  condensed.still.setZero(n + 1, n + 1);
-  for (const LinearView& view : views) {
+  condensed.correction_independent.setZero(n + 1, n + 1);
+  for (const LinearisedView& view : views) {
     const Eigen::Index rows = view.offset.size();
-    condensed.still(n, n) += view.rest_squares;
+    condensed.correction_independent(n, n) += view.residual_sum_of_squares;
     // Rows of zeros count for what they are: nothing.
-    condensed.num_still += view.num_rest + static_cast<double>(rows - kMoved);
+    condensed.num_independent += view.num_residual_dof + static_cast<double>(rows - kNumCorrectedRows);
     Eigen::MatrixXd turned(rows, n + 1);
     turned << view.by_unknowns, view.offset;
-    MovedView& moved = condensed.moved.emplace_back();
-    moved.rows.setZero(kMoved, n + 1);
-    const Eigen::Index num_moved = std::min(rows, kMoved);
-    if (rows - view.num_unmoved <= kMoved) {
-      moved.by_correction.topRows(num_moved) = view.by_correction.topRows(num_moved);
+    CorrectedView& corrected = condensed.correction_dependent.emplace_back();
+    corrected.rows.setZero(kNumCorrectedRows, n + 1);
+    const Eigen::Index num_rows_with_correction = std::min(rows, kNumCorrectedRows);
+    if (rows - view.num_rows_without_correction <= kNumCorrectedRows) {
+      corrected.by_correction.topRows(num_rows_with_correction) =
+          view.by_correction.topRows(num_rows_with_correction);
     } else {
       const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_correction);
       turned.applyOnTheLeft(qr.householderQ().adjoint());
-      moved.by_correction = qr.matrixQR().topRows<kMoved>().triangularView<Eigen::Upper>();
+      corrected.by_correction = qr.matrixQR().topRows<kNumCorrectedRows>().triangularView<Eigen::Upper>();
     }
-    moved.rows.topRows(num_moved) = turned.topRows(num_moved);
-    const auto tail = turned.bottomRows(rows - num_moved);
-    condensed.still.noalias() += tail.transpose() * tail;
+    corrected.rows.topRows(num_rows_with_correction) = turned.topRows(num_rows_with_correction);
+    const auto tail = turned.bottomRows(rows - num_rows_with_correction);
+    condensed.correction_independent.noalias() += tail.transpose() * tail;
   }
   return condensed;
 }
@@ -66,13 +67,14 @@ CondensedViews Condensed(const std::vector<LinearView>& views) {
 // With S = p I + t A A^T + r B B^T, the covariance of the views' rows; by_correction is [A, B].
 class Whitening {
  public:
-  Whitening(const CondensedViews& views, const Eigen::Vector3d& variances) : num_columns_(views.still.cols()) {
+  Whitening(const CondensedViews& views, const Eigen::Vector3d& variances)
+      : num_columns_(views.correction_independent.cols()) {
     StackedRows stacked(static_cast<int>(num_columns_));
     Tangent6 corrections;
     corrections << Eigen::Vector3d::Constant(variances[1]), Eigen::Vector3d::Constant(variances[2]);
-    inverses_.reserve(views.moved.size());
-    weighted_.resize(kMoved, num_columns_ * static_cast<Eigen::Index>(views.moved.size()));
-    for (const MovedView& view : views.moved) {
+    inverses_.reserve(views.correction_dependent.size());
+    weighted_.resize(kNumCorrectedRows, num_columns_ * static_cast<Eigen::Index>(views.correction_dependent.size()));
+    for (const CorrectedView& view : views.correction_dependent) {
       const Matrix6 by_sigma = view.by_correction * corrections.cwiseSqrt().asDiagonal();
       Matrix6 covariance = by_sigma * by_sigma.transpose();
       covariance.diagonal().array() += variances[0];
@@ -81,7 +83,7 @@ class Whitening {
       if (!is_regular_) return;
       log_determinants_ += 2 * root.matrixLLT().diagonal().array().log().sum();
       const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
-      auto whitened = stacked.Next<kMoved>();
+      auto whitened = stacked.Next<kNumCorrectedRows>();
       whitened = inverse_root.lazyProduct(view.rows);
       const auto v = static_cast<Eigen::Index>(inverses_.size());
       weighted_.middleCols(v * num_columns_, num_columns_) = inverse_root.transpose().lazyProduct(whitened);
@@ -106,24 +108,25 @@ class Whitening {
   bool is_regular_ = true;
   double log_determinants_ = 0;
   std::vector<Matrix6> inverses_;
-  MovedRows weighted_;
+  CorrectedRows weighted_;
   Eigen::MatrixXd products_;
 };
 
-// How the information falls with each variance: J^T S^-1 V_k S^-1 J, where V_k is what variance k multiplies.
-std::array<Eigen::MatrixXd, 3> FallsOf(const CondensedViews& views, const Whitening& whitening, double pixel_variance) {
-  const Eigen::Index n = views.still.cols() - 1;
+// The derivatives of the information by each variance, negated: J^T S^-1 V_k S^-1 J, where V_k is what variance k multiplies.
+std::array<Eigen::MatrixXd, 3> InformationDerivatives(const CondensedViews& views, const Whitening& whitening,
+                                                      double pixel_variance) {
+  const Eigen::Index n = views.correction_independent.cols() - 1;
   StackedRows pixels(static_cast<int>(n));
   StackedRows translations(static_cast<int>(n));
   StackedRows rotations(static_cast<int>(n));
-  for (size_t v = 0; v < views.moved.size(); ++v) {
+  for (size_t v = 0; v < views.correction_dependent.size(); ++v) {
     const auto weighted = whitening.Weighted(v).leftCols(n);
-    const Matrix6& by_correction = views.moved[v].by_correction;
-    pixels.Next<kMoved>() = weighted;
+    const Matrix6& by_correction = views.correction_dependent[v].by_correction;
+    pixels.Next<kNumCorrectedRows>() = weighted;
     translations.Next<3>() = by_correction.leftCols<3>().transpose().lazyProduct(weighted);
     rotations.Next<3>() = by_correction.rightCols<3>().transpose().lazyProduct(weighted);
   }
-  return {views.still.topLeftCorner(n, n) / (pixel_variance * pixel_variance) + pixels.Products(),
+  return {views.correction_independent.topLeftCorner(n, n) / (pixel_variance * pixel_variance) + pixels.Products(),
           translations.Products(), rotations.Products()};
 }
 
@@ -135,15 +138,15 @@ struct Likelihood {
 };
 
 Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variances) {
-  const Eigen::Index n = views.still.cols() - 1;
+  const Eigen::Index n = views.correction_independent.cols() - 1;
   const double p = variances[0];
-  const auto still = views.still.topLeftCorner(n, n);
-  const auto still_right = views.still.col(n).head(n);
+  const auto correction_independent = views.correction_independent.topLeftCorner(n, n);
+  const auto independent_right = views.correction_independent.col(n).head(n);
   Likelihood result;
   const Whitening whitening(views, variances);
   if (!whitening.is_regular()) return result;
-  double log_determinants = views.num_still * std::log(p) + whitening.log_determinants();
-  const Eigen::MatrixXd products = views.still / p + whitening.products();
+  double log_determinants = views.num_independent * std::log(p) + whitening.log_determinants();
+  const Eigen::MatrixXd products = views.correction_independent / p + whitening.products();
   const auto information = products.topLeftCorner(n, n);
   // Units of metres, radians and pixels side by side: scaled before it is factored.
   const Eigen::VectorXd scale =
@@ -155,18 +158,19 @@ Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variance
       scale.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * scale.asDiagonal();
   const Eigen::VectorXd step = covariance * products.col(n).head(n);
 
-  const double still_squares = views.still(n, n) - 2 * step.dot(still_right) + step.dot(still * step);
-  const double still_seen = covariance.cwiseProduct(still).sum();
-  double squares = still_squares / p;
-  result.gradient[0] = 0.5 * ((still_squares + still_seen) / (p * p) - views.num_still / p);
-  result.fisher(0, 0) = 0.5 * views.num_still / (p * p) - still_seen / (p * p * p);
+  const double independent_squares =
+      views.correction_independent(n, n) - 2 * step.dot(independent_right) + step.dot(correction_independent * step);
+  const double independent_seen = covariance.cwiseProduct(correction_independent).sum();
+  double squares = independent_squares / p;
+  result.gradient[0] = 0.5 * ((independent_squares + independent_seen) / (p * p) - views.num_independent / p);
+  result.fisher(0, 0) = 0.5 * views.num_independent / (p * p) - independent_seen / (p * p * p);
   // Of two variances, from S^-1 and S^-1 J C J^T S^-1 with what they multiply on either side.
   const auto fisher_of = [](const auto& inverse, const auto& seen) {
     return 0.5 * inverse.squaredNorm() - inverse.cwiseProduct(seen).sum();
   };
-  MovedRows by_covariance(kMoved, n);
-  for (size_t v = 0; v < views.moved.size(); ++v) {
-    const MovedView& view = views.moved[v];
+  CorrectedRows by_covariance(kNumCorrectedRows, n);
+  for (size_t v = 0; v < views.correction_dependent.size(); ++v) {
+    const CorrectedView& view = views.correction_dependent[v];
     const Matrix6& inverse = whitening.Inverse(v);
     const auto by_unknowns = whitening.Weighted(v).leftCols(n);
     const Tangent6 residual = view.rows.col(n) - view.rows.leftCols(n).lazyProduct(step);
@@ -194,12 +198,12 @@ Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variance
       }
     }
   }
-  std::array<Eigen::MatrixXd, 3> falls = FallsOf(views, whitening, p);
-  for (Eigen::MatrixXd& fall : falls) fall = (covariance * fall).eval();
+  std::array<Eigen::MatrixXd, 3> derivatives = InformationDerivatives(views, whitening, p);
+  for (Eigen::MatrixXd& fall : derivatives) fall = (covariance * fall).eval();
   for (int k = 0; k < 3; ++k) {
     for (int l = 0; l <= k; ++l) {
       result.fisher(k, l) +=
-          0.5 * falls[static_cast<size_t>(k)].cwiseProduct(falls[static_cast<size_t>(l)].transpose()).sum();
+          0.5 * derivatives[static_cast<size_t>(k)].cwiseProduct(derivatives[static_cast<size_t>(l)].transpose()).sum();
       result.fisher(l, k) = result.fisher(k, l);
     }
   }
@@ -239,21 +243,21 @@ RobotNoisePrior IndustrialArmPrior() {
   return {{std::sqrt(0.05e-3 * 1e-3), DegToRad(std::sqrt(0.005 * 0.1))}, log_sigma};
 }
 
-double RestrictedLogLikelihood(const std::vector<LinearView>& all_views, double unit_px,
+double RestrictedLogLikelihood(const std::vector<LinearisedView>& all_views, double unit_px,
                                const VarianceComponents& variances, Eigen::Index num_common,
                                const RobotNoisePrior* prior) {
   CHECK(!all_views.empty());
-  std::vector<LinearView> views = all_views;
+  std::vector<LinearisedView> views = all_views;
   double num_rows = 0;
-  for (LinearView& view : views) {
+  for (LinearisedView& view : views) {
     view.by_unknowns.conservativeResize(Eigen::NoChange, num_common);
-    num_rows += static_cast<double>(view.offset.size() + view.num_rest);
+    num_rows += static_cast<double>(view.offset.size() + view.num_residual_dof);
   }
   const Eigen::Vector3d at(variances.pixel, variances.translation_m2, variances.rotation_rad2);
   return -EvaluateWithPrior(Condensed(views), at, prior).minus_log - num_rows * std::log(unit_px);
 }
 
-VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, const VarianceComponents& start,
+VarianceComponents EstimateVariances(const std::vector<LinearisedView>& all_views, const VarianceComponents& start,
                                      bool pixel_is_free, bool robot_is_free, double small_change,
                                      const RobotNoisePrior* prior) {
   CHECK(!all_views.empty());
@@ -339,24 +343,25 @@ VarianceComponents EstimateVariances(const std::vector<LinearView>& all_views, c
   return result;
 }
 
-double DegreesOfFreedom(const std::vector<LinearView>& all_views, const VarianceComponents& variances) {
+double DegreesOfFreedom(const std::vector<LinearisedView>& all_views, const VarianceComponents& variances) {
   CHECK(!all_views.empty());
   constexpr double kCertain = std::numeric_limits<double>::infinity();
   constexpr double kLeast = 4;
   if (variances.covariance.isZero(0)) return kCertain;
   const CondensedViews views = Condensed(all_views);
-  const Eigen::Index n = views.still.cols() - 1;
+  const Eigen::Index n = views.correction_independent.cols() - 1;
   const Whitening whitening(views, {variances.pixel, variances.translation_m2, variances.rotation_rad2});
   if (!whitening.is_regular()) return kLeast;
-  const Eigen::MatrixXd information = (views.still / variances.pixel + whitening.products()).topLeftCorner(n, n);
-  std::array<Eigen::MatrixXd, 3> falls = FallsOf(views, whitening, variances.pixel);
+  const Eigen::MatrixXd information =
+      (views.correction_independent / variances.pixel + whitening.products()).topLeftCorner(n, n);
+  std::array<Eigen::MatrixXd, 3> derivatives = InformationDerivatives(views, whitening, variances.pixel);
   // In coordinates in which the covariance is the identity, and the variances' effects apart as far as they can be.
   const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * information * scale.asDiagonal());
   if (root.info() != Eigen::Success) return kLeast;
   Eigen::MatrixXd total = Eigen::MatrixXd::Zero(n, n);
   for (int k = 0; k < 3; ++k) {
-    Eigen::MatrixXd& fall = falls[static_cast<size_t>(k)];
+    Eigen::MatrixXd& fall = derivatives[static_cast<size_t>(k)];
     fall = (scale.asDiagonal() * fall * scale.asDiagonal()).eval();
     fall = root.matrixL().solve(fall).eval();
     fall = root.matrixL().solve(fall.transpose()).eval();
@@ -367,7 +372,7 @@ double DegreesOfFreedom(const std::vector<LinearView>& all_views, const Variance
   for (Eigen::Index m = 0; m < n; ++m) {
     Eigen::Vector3d slope;
     for (int k = 0; k < 3; ++k) {
-      slope[k] = eigen.eigenvectors().col(m).dot(falls[static_cast<size_t>(k)] * eigen.eigenvectors().col(m));
+      slope[k] = eigen.eigenvectors().col(m).dot(derivatives[static_cast<size_t>(k)] * eigen.eigenvectors().col(m));
     }
     const double dof = 2 / slope.dot(variances.covariance * slope);
     if (dof <= 2) return kLeast;

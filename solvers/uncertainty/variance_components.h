@@ -32,7 +32,7 @@ struct VarianceComponents {
 };
 constexpr double kExactVariances = 1e-4;
 constexpr double kRoughVariances = 1e-2;
-VarianceComponents EstimateVariances(const std::vector<LinearView>& views, const VarianceComponents& start,
+VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, const VarianceComponents& start,
                                      bool pixel_is_free, bool robot_is_free, double small_change = kExactVariances,
                                      const RobotNoisePrior* prior = nullptr);
 
@@ -42,13 +42,13 @@ VarianceComponents EstimateVariances(const std::vector<LinearView>& views, const
 // unknowns there can be compared (Welham and Thompson, "Likelihood ratio tests for fixed model terms using residual
 // maximum likelihood", 1997, section 2.2). With a prior its log-density is added. Minus infinity where the variances
 // make a covariance singular.
-double RestrictedLogLikelihood(const std::vector<LinearView>& views, double unit_px,
+double RestrictedLogLikelihood(const std::vector<LinearisedView>& views, double unit_px,
                                const VarianceComponents& variances, Eigen::Index num_common,
                                const RobotNoisePrior* prior = nullptr);
 
 // The degrees of freedom that variances known to VarianceComponents::covariance leave the unknowns' covariance as a
 // whole (Satterthwaite's, direction by direction, put together as by Fai and Cornelius 1996): infinite if the variances
 // are certain, at least 4.
-double DegreesOfFreedom(const std::vector<LinearView>& views, const VarianceComponents& variances);
+double DegreesOfFreedom(const std::vector<LinearisedView>& views, const VarianceComponents& variances);
 
 }  // namespace heba

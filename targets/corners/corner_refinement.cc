@@ -33,13 +33,13 @@ std::optional<Eigen::Vector2d> RefineCorner(const cv::Mat& grey, const Eigen::Ve
   return refined_px;
 }
 
-std::optional<MapBend> BendOf(const std::vector<Eigen::Vector2d>& offsets,
-                              const std::vector<Eigen::Vector2d>& residuals_px) {
+std::optional<MapCurvature> BendOf(const std::vector<Eigen::Vector2d>& offsets,
+                                   const std::vector<Eigen::Vector2d>& residuals_px) {
   constexpr Eigen::Index kNumTerms = 6;
   constexpr double kNumHomography = 8;
   // The sigma of a corner that is not measured yet.
   constexpr double kCornerSigmaPx = 0.03;
-  // The share of the bend that is left in third order.
+  // The share of the curvature that is left in third order.
   constexpr double kThirdOrder = 0.2;
   const auto num_corners = static_cast<Eigen::Index>(offsets.size());
   const double dof = 2.0 * static_cast<double>(num_corners - 3) - kNumHomography;
@@ -53,37 +53,38 @@ std::optional<MapBend> BendOf(const std::vector<Eigen::Vector2d>& offsets,
   }
   const Eigen::Matrix<double, kNumTerms, kNumTerms> covariance = (terms.transpose() * terms).inverse();
   const Eigen::Matrix<double, kNumTerms, 2> solution = covariance * (terms.transpose() * residuals);
-  MapBend bend;
-  bend.squares = solution.bottomRows<3>().transpose();
+  MapCurvature curvature;
+  curvature.squares = solution.bottomRows<3>().transpose();
   const double variance_px2 = kCornerSigmaPx * kCornerSigmaPx + (residuals - terms * solution).squaredNorm() / dof;
-  bend.sigma = std::sqrt(variance_px2 * covariance.diagonal().tail<3>().maxCoeff() +
-                         std::pow(kThirdOrder * bend.squares.cwiseAbs().maxCoeff(), 2));
-  if (!std::isfinite(bend.sigma)) return std::nullopt;
-  return bend;
+  curvature.sigma = std::sqrt(variance_px2 * covariance.diagonal().tail<3>().maxCoeff() +
+                              std::pow(kThirdOrder * curvature.squares.cwiseAbs().maxCoeff(), 2));
+  if (!std::isfinite(curvature.sigma)) return std::nullopt;
+  return curvature;
 }
 
 std::optional<MeasuredCorner> MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const Eigen::Vector2d& at_m,
-                                            double half_m, const Eigen::Matrix3d& picture_from_board,
-                                            const Eigen::Vector2d& start_px, const std::optional<MapBend>& bend) {
+                                            double half_m, const Eigen::Matrix3d& image_from_board,
+                                            const Eigen::Vector2d& start_px,
+                                            const std::optional<MapCurvature>& curvature) {
   Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
-  shift.topRightCorner<2, 1>() = start_px - Map(picture_from_board, at_m);
-  const Eigen::Matrix3d start = shift * picture_from_board;
+  shift.topRightCorner<2, 1>() = start_px - ApplyHomography(image_from_board, at_m);
+  const Eigen::Matrix3d start = shift * image_from_board;
   // Larger windows gain little, cost time and see more of the lens.
   constexpr double kMaxHalfPx = 20;
   // Below, perspective and lens within the window are not to be seen.
   constexpr double kMinQuadraticPx = 8;
   double widest_px = 0;
   for (const Eigen::Vector2d& direction : {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}) {
-    widest_px = std::max(widest_px, (Map(start, at_m + half_m * direction) - start_px).norm());
+    widest_px = std::max(widest_px, (ApplyHomography(start, at_m + half_m * direction) - start_px).norm());
   }
   const double share = std::min(1.0, kMaxHalfPx / widest_px);
   PatternFitOptions options;
   options.min_m = at_m - Eigen::Vector2d::Constant(share * half_m);
   options.max_m = at_m + Eigen::Vector2d::Constant(share * half_m);
   options.freedom = widest_px < kMinQuadraticPx ? MapFreedom::kAffine : MapFreedom::kQuadratic;
-  if (bend) {
-    options.squares_px = share * share * bend->squares;
-    options.squares_sigma_px = share * share * bend->sigma;
+  if (curvature) {
+    options.squares_px = share * share * curvature->squares;
+    options.squares_sigma_px = share * share * curvature->sigma;
   }
   // Edges just beyond the window blur into it.
   const CellPattern pattern =

@@ -25,23 +25,23 @@ struct MeasuredCorner {
 
 // How the map from a board into the image bends about one of its points beyond a homography: terms of x^2, x y and y^2
 // (px by squared units of length), each give or take `sigma`.
-struct MapBend {
+struct MapCurvature {
   Eigen::Matrix<double, 2, 3> squares = Eigen::Matrix<double, 2, 3>::Zero();
   double sigma = 0;
 };
 // By the residuals of corners' homography: `offsets` are the corners' places about the point, in units of length.
 // Nothing if there are too few.
-std::optional<MapBend> BendOf(const std::vector<Eigen::Vector2d>& offsets,
-                              const std::vector<Eigen::Vector2d>& residuals_px);
+std::optional<MapCurvature> BendOf(const std::vector<Eigen::Vector2d>& offsets,
+                                   const std::vector<Eigen::Vector2d>& residuals_px);
 
 // The corner at `at_m` of a board's drawing, near `start_px`, from the grey values of all that is drawn up to
 // `half_m` away from it along x and y (what lies beyond belongs to the next corner: no grey value counts twice).
-// Nothing where the picture does not show what is drawn. `picture_from_board` tells how the board lies there, `bend`,
-// in units of `half_m`, what the corners around it know of the lens: an edge is then placed by all of its pixels
-// together, where one that may bend is placed by those in its middle.
+// Nothing where the picture does not show what is drawn. `image_from_board` tells how the board lies there,
+// `curvature`, in units of `half_m`, what the corners around it know of the lens: an edge is then placed by all of its
+// pixels together, where one that may curvature is placed by those in its middle.
 std::optional<MeasuredCorner> MeasureCorner(const cv::Mat& grey, const Drawing& drawing, const Eigen::Vector2d& at_m,
-                                            double half_m, const Eigen::Matrix3d& picture_from_board,
+                                            double half_m, const Eigen::Matrix3d& image_from_board,
                                             const Eigen::Vector2d& start_px,
-                                            const std::optional<MapBend>& bend = std::nullopt);
+                                            const std::optional<MapCurvature>& curvature = std::nullopt);
 
 }  // namespace heba

@@ -36,15 +36,15 @@ Eigen::Vector2d LensPx(const cv::Mat& grey) {
   return {0.5 * (whole.width - 1) - offset.x, 0.5 * (whole.height - 1) - offset.y};
 }
 
-PatternMap StartMap(const Eigen::Matrix3d& picture_from_unit, MapForm form, const Eigen::Vector2d& lens_px) {
+PatternMap StartMap(const Eigen::Matrix3d& image_from_unit, MapForm form, const Eigen::Vector2d& lens_px) {
   PatternMap map;
   map.form = form;
   for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) map.start[row][column] = picture_from_unit(row, column);
+    for (int column = 0; column < 3; ++column) map.start[row][column] = image_from_unit(row, column);
   }
-  const Eigen::Vector2d middle_px = Map(picture_from_unit, Eigen::Vector2d::Zero());
-  const Eigen::Vector2d right_px = Map(picture_from_unit, Eigen::Vector2d(1, 0));
-  const Eigen::Vector2d below_px = Map(picture_from_unit, Eigen::Vector2d(0, 1));
+  const Eigen::Vector2d middle_px = ApplyHomography(image_from_unit, Eigen::Vector2d::Zero());
+  const Eigen::Vector2d right_px = ApplyHomography(image_from_unit, Eigen::Vector2d(1, 0));
+  const Eigen::Vector2d below_px = ApplyHomography(image_from_unit, Eigen::Vector2d(0, 1));
   map.size_px = std::max({1.0, (right_px - middle_px).norm(), (below_px - middle_px).norm()});
   map.lens_radius_px = std::max(1.0, lens_px.norm());
   for (int axis = 0; axis < 2; ++axis) {
@@ -81,11 +81,11 @@ class Fitter {
     Eigen::Matrix3d pattern_from_unit = Eigen::Matrix3d::Identity();
     pattern_from_unit.diagonal().head<2>() = half_m_;
     pattern_from_unit.topRightCorner<2, 1>() = centre_m_;
-    const Eigen::Matrix3d picture_from_unit = start * pattern_from_unit;
-    map_ = StartMap(picture_from_unit, FormOf(options.freedom), LensPx(grey));
+    const Eigen::Matrix3d image_from_unit = start * pattern_from_unit;
+    map_ = StartMap(image_from_unit, FormOf(options.freedom), LensPx(grey));
     sought_ = SoughtParams(map_.form);
     if (map_.form == MapForm::kQuadratic) ExpectSquares(options);
-    is_usable_ = CollectPixels(grey, picture_from_unit) && StartLevels();
+    is_usable_ = CollectPixels(grey, image_from_unit) && StartLevels();
   }
 
   bool is_usable() const { return is_usable_; }
@@ -295,24 +295,24 @@ class Fitter {
   }
 
   // False if there are too few, or too many out of the picture.
-  bool CollectPixels(const cv::Mat& grey, const Eigen::Matrix3d& picture_from_unit) {
+  bool CollectPixels(const cv::Mat& grey, const Eigen::Matrix3d& image_from_unit) {
     // Away from edges there is nothing but the two levels to see: few pixels tell them.
     constexpr double kEdgeReachPx = 3.7;
     constexpr int kFlatShare = 7;
-    const Eigen::Matrix3d unit_from_picture = picture_from_unit.inverse();
+    const Eigen::Matrix3d unit_from_image = image_from_unit.inverse();
     Eigen::Array2d low = Eigen::Array2d::Constant(1e9);
     Eigen::Array2d high = -low;
-    Eigen::Vector2d reach = Eigen::Vector2d::Zero();  // Where it is largest.
+    Eigen::Vector2d support_radius = Eigen::Vector2d::Zero();  // Where it is largest.
     for (const auto& corner : kCorners) {
       const Eigen::Vector2d unit(corner[0], corner[1]);
-      const Eigen::Vector2d at_px = Map(picture_from_unit, unit);
+      const Eigen::Vector2d at_px = ApplyHomography(image_from_unit, unit);
       if (!at_px.allFinite()) return false;
       low = low.min(at_px.array());
       high = high.max(at_px.array());
       const Eigen::Matrix2d by_px =
-          (unit_from_picture.topLeftCorner<2, 2>() - unit * unit_from_picture.bottomLeftCorner<1, 2>()) /
-          unit_from_picture.row(2).dot(at_px.homogeneous());
-      reach = reach.cwiseMax(kEdgeReachPx * by_px.rowwise().norm());
+          (unit_from_image.topLeftCorner<2, 2>() - unit * unit_from_image.bottomLeftCorner<1, 2>()) /
+          unit_from_image.row(2).dot(at_px.homogeneous());
+      support_radius = support_radius.cwiseMax(kEdgeReachPx * by_px.rowwise().norm());
     }
     constexpr double kMaxSizePx = 2000;
     const Eigen::Array2d size_px = high - low;
@@ -322,7 +322,7 @@ class Fitter {
     const int step = 1 + static_cast<int>(std::sqrt(size_px.prod() / kEnoughPixels));
     const int stride = step * step;
     // Beyond the horizon it changes its sign.
-    const double front = picture_from_unit(2, 2);
+    const double front = image_from_unit(2, 2);
     // By how many lines are near: those of one kind are worked on together.
     constexpr size_t kMostLines = 4;
     std::vector<PatternPixels::Pixel> kinds[kMostLines + 1][kMostLines + 1];
@@ -332,16 +332,16 @@ class Fitter {
     const int first_u = static_cast<int>(std::floor(low.x()));
     const int last_u = static_cast<int>(std::ceil(high.x()));
     for (int v = static_cast<int>(std::floor(low.y())); v <= static_cast<int>(std::ceil(high.y())); ++v) {
-      const Eigen::Vector3d row_begin = unit_from_picture.col(1) * v + unit_from_picture.col(2);
+      const Eigen::Vector3d row_begin = unit_from_image.col(1) * v + unit_from_image.col(2);
       for (int u = first_u + (stride > 1 ? v * 5 % stride : 0); u <= last_u; u += stride) {
-        const Eigen::Vector3d q = row_begin + unit_from_picture.col(0) * u;
+        const Eigen::Vector3d q = row_begin + unit_from_image.col(0) * u;
         const Eigen::Vector2d unit = q.head<2>() * (1 / q.z());
         if (!(std::abs(unit.x()) <= 1 && std::abs(unit.y()) <= 1 && q.z() * front > 0)) continue;
         if (u < 0 || v < 0 || u >= grey.cols || v >= grey.rows) {
           ++num_outside;
           continue;
         }
-        rows_.cells().Look(unit.x(), unit.y(), reach.x(), reach.y(), &window);
+        rows_.cells().FindEdgesWithin(unit.x(), unit.y(), support_radius.x(), support_radius.y(), &window);
         if (window.num_x + window.num_y == 0) {
           AddFlat(rows_.cells().AlbedoAt(window), grey.at<uchar>(v, u));
           if ((u + 3 * v) % kFlatShare != 0) continue;
@@ -368,7 +368,7 @@ class Fitter {
     if (!(pixels.size() > 2 * static_cast<size_t>(NumSought()) && 4 * num_outside < static_cast<int>(pixels.size()))) {
       return false;
     }
-    rows_.SetPixels(PatternPixels(pixels, Map(picture_from_unit, Eigen::Vector2d::Zero()),
+    rows_.SetPixels(PatternPixels(pixels, ApplyHomography(image_from_unit, Eigen::Vector2d::Zero()),
                                   0.5 * std::max(1.0, size_px.maxCoeff())));
     return true;
   }
@@ -443,11 +443,11 @@ class Fitter {
 }  // namespace
 
 std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pattern,
-                                     const Eigen::Matrix3d& start_picture_from_pattern,
+                                     const Eigen::Matrix3d& start_image_from_pattern,
                                      const std::vector<Eigen::Vector2d>& wanted_m, const PatternFitOptions& options) {
   CHECK_EQ(grey.type(), CV_8UC1);
   CHECK((options.max_m.array() > options.min_m.array()).all());
-  Fitter fitter(grey, pattern, start_picture_from_pattern, options);
+  Fitter fitter(grey, pattern, start_image_from_pattern, options);
   if (!fitter.is_usable() || !fitter.Solve()) return std::nullopt;
   PatternFit fit;
   fit.blur_sigma_px = fitter.param(kBlur);
@@ -462,7 +462,7 @@ std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pat
   for (size_t k = 0; k < wanted_m.size(); ++k) {
     const Eigen::Vector2d unit = fitter.UnitOf(wanted_m[k]);
     fit.pixels.push_back(fitter.PixelAt(unit));
-    if (!((fit.pixels.back() - Map(start_picture_from_pattern, wanted_m[k])).norm() <= options.max_move_px)) {
+    if (!((fit.pixels.back() - ApplyHomography(start_image_from_pattern, wanted_m[k])).norm() <= options.max_move_px)) {
       return std::nullopt;
     }
     by_params.middleRows<2>(2 * static_cast<Eigen::Index>(k)) = fitter.PixelDerivative(unit);

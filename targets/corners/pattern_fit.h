@@ -46,11 +46,11 @@ struct PatternFit {
 
 // The most likely place given the grey values: the pattern's albedo through the map, blurred by a Gaussian (exact for
 // a map that is linear within the blur: cells by the bivariate normal distribution), between a black and a white level
-// under light with a gradient (for kStrongLens bent); deviating pixels count less (Huber). `start_picture_from_pattern`
+// under light with a gradient (for kStrongLens bent); deviating pixels count less (Huber). `start_image_from_pattern`
 // is a homography that must be right to about a blur's width. Nothing if there is no such pattern there, or if a
 // quarter of it or more is out of the picture.
 std::optional<PatternFit> FitPattern(const cv::Mat& grey, const CellPattern& pattern,
-                                     const Eigen::Matrix3d& start_picture_from_pattern,
+                                     const Eigen::Matrix3d& start_image_from_pattern,
                                      const std::vector<Eigen::Vector2d>& wanted_m, const PatternFitOptions& options);
 
 }  // namespace heba

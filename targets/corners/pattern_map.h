@@ -32,7 +32,7 @@ struct PatternMap {
   static constexpr int kNumTerms = 24;
 
   MapForm form = MapForm::kAffine;
-  double start[3][3] = {};    // picture_from_unit, the start's homography.
+  double start[3][3] = {};    // image_from_unit, the start's homography.
   double middle_px[2] = {};   // Of the pattern, in the picture.
   double size_px = 1;         // Half the pattern's size there.
   double lens_px[2] = {};     // The picture's middle.

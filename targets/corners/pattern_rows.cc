@@ -17,8 +17,8 @@ namespace heba {
 namespace {
 
 // Beyond this many standard deviations a Gaussian has no weight worth counting (6e-5).
-constexpr double kReach = 4.0;
-// How far pixels may move before it is looked again what is within reach.
+constexpr double kSupportRadius = 4.0;
+// How far pixels may move before it is looked again what is within support_radius.
 constexpr double kMaxMovePx = 0.5;
 
 constexpr size_t kMaxLines = CellPattern::kMaxLines;
@@ -35,7 +35,7 @@ struct BlurredLanes {
   V by_scale;
 };
 
-// Lines of one axis within reach: how far the pixels are from each in standard deviations, and what the normal
+// Lines of one axis within support_radius: how far the pixels are from each in standard deviations, and what the normal
 // distribution makes of that.
 template <class V>
 struct SeenLines {
@@ -54,17 +54,17 @@ struct NormalPair {
 
 // Adds the pairs of lines, `at_pair(j, i)` being theirs.
 template <class V, class AtPair>
-HEBA_INLINE void AddTwists(const double* twists, int num_x, int num_y, const SeenLines<V>& x, const SeenLines<V>& y,
-                           const AtPair& at_pair, BlurredLanes<V>* result) {
+HEBA_INLINE void AddTwists(const double* cross_differences, int num_x, int num_y, const SeenLines<V>& x,
+                           const SeenLines<V>& y, const AtPair& at_pair, BlurredLanes<V>* result) {
   constexpr int kLanes = kLanesIn<V>;
   for (int j = 0; j < num_y; ++j) {
     for (int i = 0; i < num_x; ++i) {
-      const V twist = LoadLanes<V>(twists + (j * num_x + i) * kLanes);
-      if (LargestLane(AbsLanes(twist)) == 0) continue;
+      const V cross_difference = LoadLanes<V>(cross_differences + (j * num_x + i) * kLanes);
+      if (LargestLane(AbsLanes(cross_difference)) == 0) continue;
       const NormalPair<V> pair = at_pair(j, i);
-      const V slope_a = twist * pair.by_a;
-      const V slope_b = twist * pair.by_b;
-      result->value += twist * pair.cdf;
+      const V slope_a = cross_difference * pair.by_a;
+      const V slope_b = cross_difference * pair.by_b;
+      result->value += cross_difference * pair.cdf;
       result->by_a += slope_a;
       result->by_b += slope_b;
       result->by_scale -= slope_a * x.at[i] + slope_b * y.at[j];
@@ -75,7 +75,7 @@ HEBA_INLINE void AddTwists(const double* twists, int num_x, int num_y, const See
 // The bivariate normal distribution function of a small correlation r: the product of the two, and Mehler's series
 // sum r^k / k! He_(k-1)(a) He_(k-1)(b) times the two densities (Kendall 1941), to kTerms.
 template <int kTerms, class V>
-HEBA_INLINE void AddTwistsBySeries(const double* twists, int num_x, int num_y, const SeenLines<V>& x,
+HEBA_INLINE void AddTwistsBySeries(const double* cross_differences, int num_x, int num_y, const SeenLines<V>& x,
                                    const SeenLines<V>& y, const V& correlation, BlurredLanes<V>* result) {
   const auto at_pair = [&](int j, int i) __attribute__((always_inline))->NormalPair<V> {
     const V a = x.at[i];
@@ -104,13 +104,13 @@ HEBA_INLINE void AddTwistsBySeries(const double* twists, int num_x, int num_y, c
     return {x.cdf[i] * y.cdf[j] + densities * sum, x.density[i] * y.cdf[j] - densities * sum_a,
             y.density[j] * x.cdf[i] - densities * sum_b};
   };
-  AddTwists(twists, num_x, num_y, x, y, at_pair, result);
+  AddTwists(cross_differences, num_x, num_y, x, y, at_pair, result);
 }
 
 // The same of any correlation: the product of the two plus an integral over the correlation's angle (Plackett 1954), by
 // Gauss-Legendre (to 1e-8).
 template <class V>
-HEBA_INLINE void AddTwistsByQuadrature(const double* twists, int num_x, int num_y, const SeenLines<V>& x,
+HEBA_INLINE void AddTwistsByQuadrature(const double* cross_differences, int num_x, int num_y, const SeenLines<V>& x,
                                        const SeenLines<V>& y, const V& correlation, BlurredLanes<V>* result) {
   constexpr int kNumNodes = 6;
   constexpr double kNodes[kNumNodes] = {0.2386191860831969,  -0.2386191860831969, 0.6612093864662645,
@@ -140,7 +140,7 @@ HEBA_INLINE void AddTwistsByQuadrature(const double* twists, int num_x, int num_
     return {x.cdf[i] * y.cdf[j] + sum * scale, x.density[i] * NormalOf<V>((b - correlation * a) * inverse_rest).cdf,
             y.density[j] * NormalOf<V>((a - correlation * b) * inverse_rest).cdf};
   };
-  AddTwists(twists, num_x, num_y, x, y, at_pair, result);
+  AddTwists(cross_differences, num_x, num_y, x, y, at_pair, result);
 }
 
 // `numbers`: what UnitCells::Write wrote for each lane. `inverse_x`: of the blur's standard deviation along x.
@@ -267,7 +267,8 @@ UnitCells::UnitCells(const CellPattern& pattern, const Eigen::Vector2d& centre_m
   for (const double y_m : pattern.y_m) y_.push_back((y_m - centre_m.y()) / half_m.y());
 }
 
-void UnitCells::Look(double x, double y, double reach_x, double reach_y, Window* window) const {
+void UnitCells::FindEdgesWithin(double x, double y, double support_radius_x, double support_radius_y,
+                                Window* window) const {
   // From where the last one was, which is near.
   const auto find = [](const std::vector<double>& lines, double from, double to, size_t* first) {
     size_t begin = std::min(*first, lines.size());
@@ -278,8 +279,8 @@ void UnitCells::Look(double x, double y, double reach_x, double reach_y, Window*
     *first = begin;
     return end;
   };
-  const size_t end_x = find(x_, x - reach_x, x + reach_x, &window->first_x);
-  const size_t end_y = find(y_, y - reach_y, y + reach_y, &window->first_y);
+  const size_t end_x = find(x_, x - support_radius_x, x + support_radius_x, &window->first_x);
+  const size_t end_y = find(y_, y - support_radius_y, y + support_radius_y, &window->first_y);
   window->num_x = 0;
   window->num_y = 0;
   for (size_t i = window->first_x; i < end_x; ++i) {
@@ -373,11 +374,11 @@ struct PatternTask {
 
 namespace {
 
-// The pixels' unit coordinates and how far things are within reach of each.
+// The pixels' unit coordinates and how far things are within support_radius of each.
 template <int kLanes>
-HEBA_INLINE bool FindReach(const PatternTask& task, size_t size, double* reach_x, double* reach_y) {
+HEBA_INLINE bool FindReach(const PatternTask& task, size_t size, double* support_radius_x, double* support_radius_y) {
   using V = Lanes<kLanes>;
-  const double reach_px = kReach * task.params[kBlur] + kMaxMovePx;
+  const double support_radius_px = kSupportRadius * task.params[kBlur] + kMaxMovePx;
   for (size_t i = 0; i < size; i += kLanes) {
     V x = LoadLanes<V>(task.from_x + i);
     V y = LoadLanes<V>(task.from_y + i);
@@ -385,11 +386,11 @@ HEBA_INLINE bool FindReach(const PatternTask& task, size_t size, double* reach_x
     if (!Invert(*task.map, task.params, LoadLanes<V>(task.u + i), LoadLanes<V>(task.v + i), &x, &y, &point)) {
       return false;
     }
-    const UnitBlur<V> reach = BlurThere(point, reach_px);
+    const UnitBlur<V> support_radius = BlurThere(point, support_radius_px);
     StoreLanes(x, task.x + i);
     StoreLanes(y, task.y + i);
-    StoreLanes(reach.sigma_x, reach_x + i);
-    StoreLanes(reach.sigma_y, reach_y + i);
+    StoreLanes(support_radius.sigma_x, support_radius_x + i);
+    StoreLanes(support_radius.sigma_y, support_radius_y + i);
   }
   return true;
 }
@@ -397,8 +398,8 @@ HEBA_INLINE bool FindReach(const PatternTask& task, size_t size, double* reach_x
 // Some rows, of PatternSums' columns, kStride apart.
 struct Rows {
   static constexpr int kStride = 64;
-  // A column more, as ColumnProducts wants it.
-  alignas(64) double columns[ColumnProducts::kMaxColumns + 1][kStride];
+  // A column more, as GramMatrix wants it.
+  alignas(64) double columns[GramMatrix::kMaxColumns + 1][kStride];
   double cost = 0;
   EdgeResiduals at_edges;
 };
@@ -499,14 +500,16 @@ HEBA_INLINE bool FillRows(const PatternTask& task, size_t begin, size_t end, con
   return true;
 }
 
-bool FindReachBaseline(const PatternTask& task, size_t size, double* reach_x, double* reach_y) {
-  return FindReach<kLanesOf<Simd::kBaseline>>(task, size, reach_x, reach_y);
+bool FindReachBaseline(const PatternTask& task, size_t size, double* support_radius_x, double* support_radius_y) {
+  return FindReach<kLanesOf<Simd::kBaseline>>(task, size, support_radius_x, support_radius_y);
 }
-HEBA_TARGET_AVX2 bool FindReachAvx2(const PatternTask& task, size_t size, double* reach_x, double* reach_y) {
-  return FindReach<kLanesOf<Simd::kAvx2>>(task, size, reach_x, reach_y);
+HEBA_TARGET_AVX2 bool FindReachAvx2(const PatternTask& task, size_t size, double* support_radius_x,
+                                    double* support_radius_y) {
+  return FindReach<kLanesOf<Simd::kAvx2>>(task, size, support_radius_x, support_radius_y);
 }
-HEBA_TARGET_AVX512 bool FindReachAvx512(const PatternTask& task, size_t size, double* reach_x, double* reach_y) {
-  return FindReach<kLanesOf<Simd::kAvx512>>(task, size, reach_x, reach_y);
+HEBA_TARGET_AVX512 bool FindReachAvx512(const PatternTask& task, size_t size, double* support_radius_x,
+                                        double* support_radius_y) {
+  return FindReach<kLanesOf<Simd::kAvx512>>(task, size, support_radius_x, support_radius_y);
 }
 bool FillRowsBaseline(const PatternTask& task, size_t begin, size_t end, const double* numbers,
                       const PatternGroup* groups, double* residuals, Rows* rows) {
@@ -548,13 +551,14 @@ void PatternRows::Keep() {
   pixels_.y_.swap(tried_y_);
 }
 
-bool PatternRows::Look(const PatternTask& task) {
+bool PatternRows::FindEdgesWithin(const PatternTask& task) {
   const size_t padded = pixels_.u_.size();
   const Simd set = ActiveSimd();
   const auto lanes = static_cast<size_t>(NumLanes(set));
-  std::vector<double> reach_x(padded);
-  std::vector<double> reach_y(padded);
-  if (!OfSet(set, &FindReachBaseline, &FindReachAvx2, &FindReachAvx512)(task, padded, reach_x.data(), reach_y.data())) {
+  std::vector<double> support_radius_x(padded);
+  std::vector<double> support_radius_y(padded);
+  if (!SelectForIsa(set, &FindReachBaseline, &FindReachAvx2, &FindReachAvx512)(task, padded, support_radius_x.data(),
+                                                                               support_radius_y.data())) {
     return false;
   }
   groups_.clear();
@@ -565,7 +569,7 @@ bool PatternRows::Look(const PatternTask& task) {
     size_t num_y = 0;
     for (size_t lane = 0; lane < lanes; ++lane) {
       const size_t i = begin + lane;
-      cells_.Look(tried_x_[i], tried_y_[i], reach_x[i], reach_y[i], &windows[lane]);
+      cells_.FindEdgesWithin(tried_x_[i], tried_y_[i], support_radius_x[i], support_radius_y[i], &windows[lane]);
       num_x = std::max(num_x, windows[lane].num_x);
       num_y = std::max(num_y, windows[lane].num_y);
     }
@@ -602,7 +606,7 @@ std::optional<PatternSums> PatternRows::Sum(const PatternMap& map, const Pattern
   if (!looked_ || !(FarthestPx(map, params, *looked_) <= kMaxMovePx) ||
       !(params[kBlur] <= kMaxGrowth * (*looked_)[kBlur] && params[kBlur] >= kMaxShrink * (*looked_)[kBlur])) {
     looked_.reset();
-    if (!Look(task)) return std::nullopt;
+    if (!FindEdgesWithin(task)) return std::nullopt;
     looked_ = params;
   }
   const int num_columns =
@@ -611,9 +615,9 @@ std::optional<PatternSums> PatternRows::Sum(const PatternMap& map, const Pattern
   PatternSums sums;
   sums.residuals.resize(padded);
   const Simd set = ActiveSimd();
-  const auto fill = OfSet(set, &FillRowsBaseline, &FillRowsAvx2, &FillRowsAvx512);
+  const auto fill = SelectForIsa(set, &FillRowsBaseline, &FillRowsAvx2, &FillRowsAvx512);
   const auto lanes = static_cast<size_t>(NumLanes(set));
-  ColumnProducts products(num_columns, Rows::kStride);
+  GramMatrix products(num_columns, Rows::kStride);
   Rows rows;
   for (size_t begin = 0; begin < padded; begin += Rows::kStride) {
     const size_t end = std::min(padded, begin + Rows::kStride);
@@ -629,18 +633,18 @@ std::optional<PatternSums> PatternRows::Sum(const PatternMap& map, const Pattern
   return sums;
 }
 
-BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m,
-                      const Eigen::Matrix2d& picture_by_pattern, double blur_sigma_px) {
+BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m, const Eigen::Matrix2d& image_by_pattern,
+                      double blur_sigma_px) {
   const UnitCells cells(pattern, Eigen::Vector2d::Zero(), Eigen::Vector2d::Ones());
-  const Eigen::Matrix2d pattern_by_picture = picture_by_pattern.inverse();
-  const double sigma_x = blur_sigma_px * pattern_by_picture.row(0).norm();
-  const double sigma_y = blur_sigma_px * pattern_by_picture.row(1).norm();
+  const Eigen::Matrix2d pattern_by_image = image_by_pattern.inverse();
+  const double sigma_x = blur_sigma_px * pattern_by_image.row(0).norm();
+  const double sigma_y = blur_sigma_px * pattern_by_image.row(1).norm();
   UnitCells::Window window;
-  cells.Look(at_m.x(), at_m.y(), kReach * sigma_x, kReach * sigma_y, &window);
+  cells.FindEdgesWithin(at_m.x(), at_m.y(), kSupportRadius * sigma_x, kSupportRadius * sigma_y, &window);
   std::vector<double> numbers(UnitCells::Size(window.num_x, window.num_y), 0.0);
   cells.Write(window, at_m.x(), at_m.y(), window.num_x, window.num_y, 1, numbers.data());
   const double correlation = std::clamp(
-      blur_sigma_px * blur_sigma_px * pattern_by_picture.row(0).dot(pattern_by_picture.row(1)) / (sigma_x * sigma_y),
+      blur_sigma_px * blur_sigma_px * pattern_by_image.row(0).dot(pattern_by_image.row(1)) / (sigma_x * sigma_y),
       -0.999, 0.999);
   const BlurredLanes<double> blurred =
       Blur(numbers.data(), static_cast<int>(window.num_x), static_cast<int>(window.num_y), at_m.x(), at_m.y(),

@@ -28,15 +28,15 @@ class UnitCells {
 
   // The lines near a point across which the albedo changes near it.
   struct Window {
-    size_t first_x = 0;  // The cell below all lines within reach, where the next search begins.
+    size_t first_x = 0;  // The cell below all lines within support_radius, where the next search begins.
     size_t first_y = 0;
     size_t num_x = 0;
     size_t num_y = 0;
     size_t x[CellPattern::kMaxLines];
     size_t y[CellPattern::kMaxLines];
   };
-  void Look(double x, double y, double reach_x, double reach_y, Window* window) const;
-  // Where no line is within reach.
+  void FindEdgesWithin(double x, double y, double support_radius_x, double support_radius_y, Window* window) const;
+  // Where no line is within support_radius.
   double AlbedoAt(const Window& window) const { return albedo_(window.first_y, window.first_x); }
 
   // Numbers that the kernels read of a window with room for `num_x` and `num_y` lines; and those of one.
@@ -111,7 +111,7 @@ struct PatternSums {
 
 struct PatternTask;
 
-// What is within reach of some pixels that are worked on at once.
+// What is within support_radius of some pixels that are worked on at once.
 struct PatternGroup {
   size_t begin;  // Of what UnitCells wrote.
   int num_x;
@@ -135,8 +135,8 @@ class PatternRows {
   void Keep();
 
  private:
-  // What is within reach of each pixel. False where the map cannot be inverted.
-  bool Look(const PatternTask& task);
+  // What is within support_radius of each pixel. False where the map cannot be inverted.
+  bool FindEdgesWithin(const PatternTask& task);
 
   UnitCells cells_;
   PatternPixels pixels_;
@@ -149,14 +149,14 @@ class PatternRows {
   std::optional<PatternParams> looked_;
 };
 
-// The pattern's blurred albedo at `at_m`, where the map into the picture has the derivative `picture_by_pattern` (px
+// The pattern's blurred albedo at `at_m`, where the map into the picture has the derivative `image_by_pattern` (px
 // per m), and its derivatives: exact for a map that is linear within the blur.
 struct BlurredAlbedo {
   double value = 0;
   Eigen::Vector2d by_at = Eigen::Vector2d::Zero();  // 1/m
   double by_blur = 0;                               // 1/px
 };
-BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m,
-                      const Eigen::Matrix2d& picture_by_pattern, double blur_sigma_px);
+BlurredAlbedo Blurred(const CellPattern& pattern, const Eigen::Vector2d& at_m, const Eigen::Matrix2d& image_by_pattern,
+                      double blur_sigma_px);
 
 }  // namespace heba

@@ -244,7 +244,7 @@ bool IsEdge(const cv::Mat& smooth, const Saddle& from, size_t way, const Saddle&
     const Eigen::Vector2d at = from.pixel + share * offset;
     const Eigen::Vector2d dark = at + aside_px * towards_dark;
     const Eigen::Vector2d light = at - aside_px * towards_dark;
-    if (!IsInPicture(smooth, dark) || !IsInPicture(smooth, light)) return false;
+    if (!IsInImage(smooth, dark) || !IsInImage(smooth, light)) return false;
     if (GreyAt(smooth, light) - GreyAt(smooth, dark) < least) return false;
   }
   return true;
@@ -383,7 +383,7 @@ bool FillIn(const cv::Mat& image, const cv::Rect& bounds, Grid* grid) {
     for (int column = bounds.x; column < bounds.x + bounds.width; ++column) {
       if (grid->count({column, row}) > 0) continue;
       const std::optional<Eigen::Vector2d> expected = Expected(*grid, {column, row});
-      if (!expected || !IsInPicture(image, *expected)) return false;
+      if (!expected || !IsInImage(image, *expected)) return false;
       (*grid)[{column, row}] = *expected;
     }
   }
@@ -442,8 +442,8 @@ class Continuation {
   // The sign of the square between the corners (column, row) and (column + 1, row + 1).
   static int SignOf(int column, int row) { return ((column + row) & 1) == 0 ? 1 : -1; }
   std::optional<double> SquareGrey(int column, int row) const {
-    const Eigen::Vector2d middle = Map(*pixel_from_cell_, Eigen::Vector2d(column + 0.5, row + 0.5));
-    if (!IsInPicture(smooth_, middle)) return std::nullopt;
+    const Eigen::Vector2d middle = ApplyHomography(*pixel_from_cell_, Eigen::Vector2d(column + 0.5, row + 0.5));
+    if (!IsInImage(smooth_, middle)) return std::nullopt;
     return GreyAt(smooth_, middle);
   }
 
@@ -454,7 +454,7 @@ class Continuation {
     std::vector<cv::Point2f> outline;
     for (const int column : {board.x - kRim, board.x + board.width - 1 + kRim}) {
       for (const int row : {board.y - kRim, board.y + board.height - 1 + kRim}) {
-        const Eigen::Vector2d pixel = Map(*pixel_from_cell_, Eigen::Vector2d(column, row));
+        const Eigen::Vector2d pixel = ApplyHomography(*pixel_from_cell_, Eigen::Vector2d(column, row));
         const double farthest_px = 4.0 * (image.width + image.height);
         if (!(pixel.cwiseAbs().maxCoeff() < farthest_px)) return image;
         outline.emplace_back(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()));
@@ -467,12 +467,12 @@ class Continuation {
   bool IsInside(const cv::Rect& board) const {
     for (const int column : {board.x, board.x + board.width - 1}) {
       for (const int row : {board.y, board.y + board.height - 1}) {
-        const Eigen::Vector2d pixel = Map(*pixel_from_cell_, Eigen::Vector2d(column, row));
+        const Eigen::Vector2d pixel = ApplyHomography(*pixel_from_cell_, Eigen::Vector2d(column, row));
         const Eigen::Vector2d nearest(std::clamp(column, bounds_.x, bounds_.x + bounds_.width - 1),
                                       std::clamp(row, bounds_.y, bounds_.y + bounds_.height - 1));
         // The lens may bend what is far from the part that is seen.
         constexpr double kMaxBend = 0.15;
-        const double room_px = 1 + kMaxBend * (pixel - Map(*pixel_from_cell_, nearest)).norm();
+        const double room_px = 1 + kMaxBend * (pixel - ApplyHomography(*pixel_from_cell_, nearest)).norm();
         if (!(pixel.x() > -room_px && pixel.y() > -room_px && pixel.x() < smooth_.cols - 1 + room_px &&
               pixel.y() < smooth_.rows - 1 + room_px)) {
           return false;

@@ -117,7 +117,7 @@ struct KernelInput {
 
 // Columns of J and, after them, r, both times the root of the weights, from pixel `first` on; the cost of those pixels.
 template <int kLanes>
-HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, int num_free, double bend,
+HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, int num_free, double huber_delta,
                                double* columns) {
   using V = Lanes<kLanes>;
   V cost = AllLanes<V>(0);
@@ -127,7 +127,7 @@ HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, i
     const V weight = LoadLanes<V>(input.weights + first + i);
     const Edge<V> edge = EdgeAt<V>(input.p, input.by_sigma, x, y);
     const V residual = edge.light * edge.evenly_lit - LoadLanes<V>(input.grey + first + i);
-    const HuberLanes<V> huber = HuberOf(residual, bend);
+    const HuberLanes<V> huber = HuberOf(residual, huber_delta);
     cost += weight * huber.cost;
     const V scale = SqrtLanes<V>(weight * huber.weight);
     StoreJacobian<V>(input.p, input.by_sigma, edge, x, y, scale, columns + i);
@@ -136,16 +136,17 @@ HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, i
   return SumOfLanes(cost);
 }
 
-double FillColumnsBaseline(const KernelInput& input, int first, int count, int num_free, double bend, double* columns) {
-  return FillColumns<kLanesOf<Simd::kBaseline>>(input, first, count, num_free, bend, columns);
+double FillColumnsBaseline(const KernelInput& input, int first, int count, int num_free, double huber_delta,
+                           double* columns) {
+  return FillColumns<kLanesOf<Simd::kBaseline>>(input, first, count, num_free, huber_delta, columns);
 }
-HEBA_TARGET_AVX2 double FillColumnsAvx2(const KernelInput& input, int first, int count, int num_free, double bend,
-                                        double* columns) {
-  return FillColumns<kLanesOf<Simd::kAvx2>>(input, first, count, num_free, bend, columns);
+HEBA_TARGET_AVX2 double FillColumnsAvx2(const KernelInput& input, int first, int count, int num_free,
+                                        double huber_delta, double* columns) {
+  return FillColumns<kLanesOf<Simd::kAvx2>>(input, first, count, num_free, huber_delta, columns);
 }
-HEBA_TARGET_AVX512 double FillColumnsAvx512(const KernelInput& input, int first, int count, int num_free, double bend,
-                                            double* columns) {
-  return FillColumns<kLanesOf<Simd::kAvx512>>(input, first, count, num_free, bend, columns);
+HEBA_TARGET_AVX512 double FillColumnsAvx512(const KernelInput& input, int first, int count, int num_free,
+                                            double huber_delta, double* columns) {
+  return FillColumns<kLanesOf<Simd::kAvx512>>(input, first, count, num_free, huber_delta, columns);
 }
 
 template <int kLanes>
@@ -179,15 +180,16 @@ KernelInput InputOf(const EdgePixels& pixels, const BlurredEllipseParameters& x)
 
 }  // namespace
 
-BlurredEllipseSums SumEdge(const EdgePixels& pixels, const BlurredEllipseParameters& x, int num_free, double bend) {
+BlurredEllipseSums SumEdge(const EdgePixels& pixels, const BlurredEllipseParameters& x, int num_free,
+                           double huber_delta) {
   const KernelInput input = InputOf(pixels, x);
-  const auto fill = OfSet(ActiveSimd(), &FillColumnsBaseline, &FillColumnsAvx2, &FillColumnsAvx512);
+  const auto fill = SelectForIsa(ActiveSimd(), &FillColumnsBaseline, &FillColumnsAvx2, &FillColumnsAvx512);
   alignas(64) double columns[kMostColumns * kChunk] = {};
-  ColumnProducts products(num_free + 1, kChunk, input.size);
+  GramMatrix products(num_free + 1, kChunk, input.size);
   BlurredEllipseSums sums;
   for (int first = 0; first < input.size; first += kChunk) {
     const int count = std::min(kChunk, input.size - first);
-    sums.cost += fill(input, first, count, num_free, bend, columns);
+    sums.cost += fill(input, first, count, num_free, huber_delta, columns);
     products.Add(columns, count);
   }
   const Eigen::MatrixXd all = products.Matrix();
@@ -201,7 +203,7 @@ BlurredEllipseSums SumEdge(const EdgePixels& pixels, const BlurredEllipseParamet
 std::vector<double> EdgeResiduals(const EdgePixels& pixels, const BlurredEllipseParameters& x) {
   const KernelInput input = InputOf(pixels, x);
   std::vector<double> residuals(pixels.weights().size());
-  OfSet(ActiveSimd(), &FillResidualsBaseline, &FillResidualsAvx2, &FillResidualsAvx512)(input, residuals.data());
+  SelectForIsa(ActiveSimd(), &FillResidualsBaseline, &FillResidualsAvx2, &FillResidualsAvx512)(input, residuals.data());
   residuals.resize(pixels.size());
   return residuals;
 }

@@ -50,14 +50,15 @@ class EdgePixels {
   std::vector<double> weights_;
 };
 
-// Of the residuals r, predicted less seen, under Huber's cost: r^2 to `bend`, a line beyond.
+// Of the residuals r, predicted less seen, under Huber's cost: r^2 to `huber_delta`, a line beyond.
 struct BlurredEllipseSums {
   double cost = 0;
   // J'WJ and J'Wr of the first parameters; 1 on the diagonal and 0 of the others, which are held.
   Eigen::Matrix<double, kNumBlurredEllipseParameters, kNumBlurredEllipseParameters> normal;
   BlurredEllipseParameters gradient;
 };
-BlurredEllipseSums SumEdge(const EdgePixels& pixels, const BlurredEllipseParameters& x, int num_free, double bend);
+BlurredEllipseSums SumEdge(const EdgePixels& pixels, const BlurredEllipseParameters& x, int num_free,
+                           double huber_delta);
 
 // Of every pixel, whatever it counts.
 std::vector<double> EdgeResiduals(const EdgePixels& pixels, const BlurredEllipseParameters& x);

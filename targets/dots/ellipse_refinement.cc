@@ -55,7 +55,7 @@ class BlurredEllipse {
   }
 
   // A dot that just touches the border is as good as whole.
-  bool IsInPicture() const {
+  bool IsInImage() const {
     const Ellipse outline = Outline();
     const Eigen::Vector2d extent = outline.ExtentPx();
     const double beyond_px = 0.5 + 0.1 * outline.RadiusPx();
@@ -245,7 +245,7 @@ class BlurredEllipse {
     const double grey = grey_.type() == CV_32FC1 ? grey_.at<float>(row, column) : grey_.ptr<uchar>(row)[column];
     pixels_.Add((column - origin_px_.x()) / radius_px_, (row - origin_px_.y()) / radius_px_, grey);
     distances_px_.push_back(distance_px);
-    sectors_.push_back(static_cast<size_t>(RoughTurn(ux, uy) * kNumSectors));
+    sectors_.push_back(static_cast<size_t>(ApproximateAngle(ux, uy) * kNumSectors));
   }
 
   // What hidden parts show does not count.
@@ -326,7 +326,7 @@ std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& 
   if (!(radius_px > 1) || !start.centre_px.allFinite()) return std::nullopt;
   const double max_margin_px = std::max(options.max_margin_px, 1.5);
   BlurredEllipse fit(grey, start);
-  if (!fit.IsInPicture()) return std::nullopt;
+  if (!fit.IsInImage()) return std::nullopt;
 
   // Coarsely, from some of the pixels in a wide margin.
   const double first_margin_px = std::min(std::max(3.0, 0.15 * radius_px), max_margin_px);
@@ -342,14 +342,14 @@ std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& 
     return std::min(std::clamp(4 * fit.SigmaPx(), 3.0, std::max(radius_px, 3.0)), max_margin_px);
   };
   for (int round = 0; round < kMaxRounds; ++round) {
-    if (!fit.IsInPicture()) return std::nullopt;
+    if (!fit.IsInImage()) return std::nullopt;
     const double used_px = margin_px();
     fit.Sample(used_px, options, std::numeric_limits<double>::infinity());
     if (!fit.Fit(kCoarsely)) return std::nullopt;
     const bool other_parts = fit.Judge();
     if (!other_parts && std::abs(margin_px() - used_px) < 0.2 * used_px) break;
   }
-  if (!fit.FitWithNeededSlopes(kExactly) || !fit.IsInPicture()) return std::nullopt;
+  if (!fit.FitWithNeededSlopes(kExactly) || !fit.IsInImage()) return std::nullopt;
   if (!(std::abs(fit.Contrast()) > 1)) return std::nullopt;
   const RefinedEllipse refined = fit.Result();
   if (!refined.centre_covariance_px2.allFinite() || !std::isfinite(refined.residual_ratio)) return std::nullopt;

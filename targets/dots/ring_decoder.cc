@@ -40,7 +40,7 @@ Eigen::Matrix3d PixelFromUnitCircle(const Ellipse& ellipse) {
 // A homography that maps the unit circle onto itself and the origin to `boost`, |boost| < 1: what the dot's outline
 // leaves open about perspective. (The maps that keep x^2 + y^2 - w^2 are the Lorentz transformations of the plane:
 // rotations and these.)
-Eigen::Matrix3d Boost(const Eigen::Vector2d& boost) {
+Eigen::Matrix3d ConicPreservingHomography(const Eigen::Vector2d& boost) {
   const double square = boost.squaredNorm();
   const double gamma = 1 / std::sqrt(1 - square);
   Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
@@ -98,7 +98,7 @@ bool SampleCircle(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_ring,
     const double by_w = 1 / w;
     const Eigen::Vector2d pixel(by_w * (pixel_from_ring(0, 0) * x + pixel_from_ring(0, 1) * y + pixel_from_ring(0, 2)),
                                 by_w * (pixel_from_ring(1, 0) * x + pixel_from_ring(1, 1) * y + pixel_from_ring(1, 2)));
-    if (!IsInPicture(grey, pixel)) return false;
+    if (!IsInImage(grey, pixel)) return false;
     *values++ = GreyAt(grey, pixel);
   }
   return true;
@@ -109,7 +109,7 @@ Guess GuessWord(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_unit, con
                 const std::vector<Eigen::Vector2d>& directions) {
   constexpr double kRadii[] = {2.25, 2.5, 2.75};
   const int num_angles = kSamplesPerBit * bits;
-  const Eigen::Matrix3d pixel_from_ring = pixel_from_unit * Boost(boost);
+  const Eigen::Matrix3d pixel_from_ring = pixel_from_unit * ConicPreservingHomography(boost);
   Guess best;
   RingSamples samples;
   if (!SampleCircle(grey, pixel_from_ring, directions, 0.4, static_cast<size_t>(bits), samples.data())) return best;
@@ -219,7 +219,7 @@ class RingFit {
     return light * x_[kRingStep] * RingCoverage(PlaceOf(ring_from_pixel, pixel), x_[kRingScale]);
   }
   Eigen::Matrix3d PixelFromRing(const Parameters& x) const {
-    return pixel_from_unit_ * Boost(x.head<2>()) * Turn(x[kRingPhase]);
+    return pixel_from_unit_ * ConicPreservingHomography(x.head<2>()) * Turn(x[kRingPhase]);
   }
 
   struct Residuals {
@@ -491,7 +491,7 @@ bool RingDecoder::IsAlone(const cv::Mat& grey, const Ellipse& dot) const {
     const Eigen::Vector2d direction(std::cos(2 * kPi * i / kNumAngles), std::sin(2 * kPi * i / kNumAngles));
     for (const double radius : {0.4, 1.5}) {
       const Eigen::Vector2d pixel = (pixel_from_unit * (radius * direction).homogeneous()).hnormalized();
-      if (!IsInPicture(grey, pixel)) return false;
+      if (!IsInImage(grey, pixel)) return false;
       (radius < 1 ? inside : gap).push_back(GreyAt(grey, pixel));
     }
   }

@@ -34,7 +34,7 @@ RingPixels::RingPixels(const std::vector<RingPixel>& pixels, size_t stride, cons
   for (size_t i = 0; i < size_; ++i) {
     const RingPixel& pixel = pixels[i * stride];
     const Eigen::Vector3d ring = ring_from_place * pixel.place.homogeneous();
-    turns_[i] = RoughTurn(ring.x(), ring.y());
+    turns_[i] = ApproximateAngle(ring.x(), ring.y());
     const auto sector = std::min(static_cast<size_t>(turns_[i] * word.bits), sectors.size() - 1);
     columns_[kX][i] = pixel.place.x();
     columns_[kY][i] = pixel.place.y();
@@ -129,7 +129,7 @@ HEBA_INLINE Coverage<V> CoverageAt(const KernelInput& input, int i, const V& u, 
 
 // Columns of J and, after them, r, both times the root of the weights, from pixel `first` on; the cost of those pixels.
 template <int kLanes>
-HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, double unit, double bend,
+HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, double unit, double huber_delta,
                                double* columns) {
   using V = Lanes<kLanes>;
   const double by_unit = 1 / unit;
@@ -144,7 +144,7 @@ HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, d
     const V light = 1.0 + input.p[kRingLightX] * u + input.p[kRingLightY] * v;
     const V evenly_lit = input.p[kRingBlank] + step * at.share;
     const V residual = (light * evenly_lit - LoadLanes<V>(input.columns[RingPixels::kGrey] + i)) * by_unit;
-    const HuberLanes<V> huber = HuberOf(residual, bend);
+    const HuberLanes<V> huber = HuberOf(residual, huber_delta);
     cost += weight * huber.cost;
     const V scale = SqrtLanes<V>(weight * huber.weight);
     const V by_grey = scale * by_unit;
@@ -166,16 +166,17 @@ HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, d
   return SumOfLanes(cost);
 }
 
-double FillColumnsBaseline(const KernelInput& input, int first, int count, double unit, double bend, double* columns) {
-  return FillColumns<kLanesOf<Simd::kBaseline>>(input, first, count, unit, bend, columns);
+double FillColumnsBaseline(const KernelInput& input, int first, int count, double unit, double huber_delta,
+                           double* columns) {
+  return FillColumns<kLanesOf<Simd::kBaseline>>(input, first, count, unit, huber_delta, columns);
 }
-HEBA_TARGET_AVX2 double FillColumnsAvx2(const KernelInput& input, int first, int count, double unit, double bend,
+HEBA_TARGET_AVX2 double FillColumnsAvx2(const KernelInput& input, int first, int count, double unit, double huber_delta,
                                         double* columns) {
-  return FillColumns<kLanesOf<Simd::kAvx2>>(input, first, count, unit, bend, columns);
+  return FillColumns<kLanesOf<Simd::kAvx2>>(input, first, count, unit, huber_delta, columns);
 }
-HEBA_TARGET_AVX512 double FillColumnsAvx512(const KernelInput& input, int first, int count, double unit, double bend,
-                                            double* columns) {
-  return FillColumns<kLanesOf<Simd::kAvx512>>(input, first, count, unit, bend, columns);
+HEBA_TARGET_AVX512 double FillColumnsAvx512(const KernelInput& input, int first, int count, double unit,
+                                            double huber_delta, double* columns) {
+  return FillColumns<kLanesOf<Simd::kAvx512>>(input, first, count, unit, huber_delta, columns);
 }
 
 template <int kLanes>
@@ -224,15 +225,16 @@ KernelInput InputOf(const RingPixels& pixels, const RingMap& map, const RingPara
 
 }  // namespace
 
-RingSums SumRing(const RingPixels& pixels, const RingMap& map, const RingParameters& x, double unit, double bend) {
+RingSums SumRing(const RingPixels& pixels, const RingMap& map, const RingParameters& x, double unit,
+                 double huber_delta) {
   const KernelInput input = InputOf(pixels, map, x);
-  const auto fill = OfSet(ActiveSimd(), &FillColumnsBaseline, &FillColumnsAvx2, &FillColumnsAvx512);
+  const auto fill = SelectForIsa(ActiveSimd(), &FillColumnsBaseline, &FillColumnsAvx2, &FillColumnsAvx512);
   alignas(64) double columns[kMostColumns * kChunk] = {};
-  ColumnProducts products(kNumRingParameters + 1, kChunk, input.size);
+  GramMatrix products(kNumRingParameters + 1, kChunk, input.size);
   RingSums sums;
   for (int first = 0; first < input.size; first += kChunk) {
     const int count = std::min(kChunk, input.size - first);
-    sums.cost += fill(input, first, count, unit, bend, columns);
+    sums.cost += fill(input, first, count, unit, huber_delta, columns);
     products.Add(columns, count);
   }
   const Eigen::MatrixXd all = products.Matrix();
@@ -245,8 +247,8 @@ std::vector<RingResidual> RingResiduals(const RingPixels& pixels, const RingMap&
   const KernelInput input = InputOf(pixels, map, x);
   std::vector<double> values(static_cast<size_t>(input.size));
   std::vector<double> radii(values.size());
-  OfSet(ActiveSimd(), &FillResidualsBaseline, &FillResidualsAvx2, &FillResidualsAvx512)(input, values.data(),
-                                                                                        radii.data());
+  SelectForIsa(ActiveSimd(), &FillResidualsBaseline, &FillResidualsAvx2, &FillResidualsAvx512)(input, values.data(),
+                                                                                               radii.data());
   std::vector<RingResidual> residuals(pixels.size());
   for (size_t i = 0; i < residuals.size(); ++i) residuals[i] = {values[i], radii[i]};
   return residuals;

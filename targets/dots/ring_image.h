@@ -71,8 +71,10 @@ struct RingSums {
   Eigen::Matrix<double, kNumRingParameters, kNumRingParameters> normal;  // J'WJ
   RingParameters gradient;                                               // J'Wr
 };
-// Of the residuals r, predicted less seen by `unit` (grey levels), under Huber's cost: r^2 to `bend`, a line beyond.
-RingSums SumRing(const RingPixels& pixels, const RingMap& map, const RingParameters& x, double unit, double bend);
+// Of the residuals r, predicted less seen by `unit` (grey levels), under Huber's cost: r^2 to `huber_delta`, a line
+// beyond.
+RingSums SumRing(const RingPixels& pixels, const RingMap& map, const RingParameters& x, double unit,
+                 double huber_delta);
 
 struct RingResidual {
   double residual = 0;  // Predicted less seen, by the light and the step.

@@ -7,7 +7,7 @@
 namespace heba {
 
 // The angle of (x, y), from the first axis towards the second, in turns, in [0, 1), to a thousandth of one.
-inline double RoughTurn(double x, double y) {
+inline double ApproximateAngle(double x, double y) {
   const double ax = std::abs(x);
   const double ay = std::abs(y);
   const double slope = std::min(ax, ay) / std::max({ax, ay, 1e-300});

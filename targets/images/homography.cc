@@ -21,7 +21,7 @@ std::optional<Eigen::Matrix3d> FitHomography(const std::vector<Eigen::Vector2d>&
   return homography;
 }
 
-Eigen::Vector2d Map(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point) {
+Eigen::Vector2d ApplyHomography(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point) {
   return (homography * point.homogeneous()).hnormalized();
 }
 

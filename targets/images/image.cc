@@ -26,22 +26,22 @@ std::string SizeText(double width_px, double height_px) { return Fixed(width_px,
 
 }  // namespace
 
-std::optional<PictureSize> ReadPictureSize(const std::filesystem::path& path) {
-  const std::optional<PictureHeader> header = ReadPictureHeader(ReadTextFile(path, kMaxImageBytes));
+std::optional<ImageSize> ReadImageSize(const std::filesystem::path& path) {
+  const std::optional<ImageHeader> header = ReadImageHeader(ReadTextFile(path, kMaxImageBytes));
   constexpr double kMostPx = 1e6;
   if (!header || !(header->width_px >= 1 && header->height_px >= 1) || header->width_px > kMostPx ||
       header->height_px > kMostPx) {
     return std::nullopt;
   }
-  return PictureSize{static_cast<int>(header->width_px), static_cast<int>(header->height_px)};
+  return ImageSize{static_cast<int>(header->width_px), static_cast<int>(header->height_px)};
 }
 
-cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<PictureSize>& expected) {
+cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<ImageSize>& expected) {
   const std::string bytes = ReadTextFile(path, kMaxImageBytes);
   if (bytes.empty()) throw InputError(path.string() + ": is empty; a picture is needed");
-  const std::optional<PictureHeader> header = ReadPictureHeader(bytes);
+  const std::optional<ImageHeader> header = ReadImageHeader(bytes);
   if (!header) {
-    throw InputError(path.string() + ": is not a picture of a format that heba reads: " + PictureFormatNames());
+    throw InputError(path.string() + ": is not a picture of a format that heba reads: " + ImageFormatNames());
   }
   if (header->is_cut_short) throw InputError(path.string() + ": the picture is cut short; copy it again");
   constexpr double kMaxPixels = 4e8;

@@ -16,14 +16,14 @@ namespace heba {
 // applied, since a camera's model belongs to the sensor. InputError if the file is missing, cut short, no picture, or
 // of another depth. Its size is looked at first: with `expected` one of another size is an InputError before it is
 // decoded.
-struct PictureSize {
+struct ImageSize {
   int width_px = 0;
   int height_px = 0;
-  bool operator==(const PictureSize& other) const = default;
+  bool operator==(const ImageSize& other) const = default;
 };
-cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<PictureSize>& expected = std::nullopt);
+cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<ImageSize>& expected = std::nullopt);
 // Reads the size from the file's header; nothing if that does not tell it. InputError if the file cannot be read.
-std::optional<PictureSize> ReadPictureSize(const std::filesystem::path& path);
+std::optional<ImageSize> ReadImageSize(const std::filesystem::path& path);
 
 // Writes a picture whole or not at all; the format follows the suffix. InputError if it cannot be written.
 void WriteImage(const std::filesystem::path& path, const cv::Mat& image);
@@ -36,7 +36,7 @@ std::string SmallJpeg(const cv::Mat& grey, int max_width_px);
 double NoiseGrey(const cv::Mat& grey);
 
 // Whether a place lies within the centres of the outermost pixels.
-inline bool IsInPicture(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
+inline bool IsInImage(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
   return pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() <= grey.cols - 1 && pixel.y() <= grey.rows - 1;
 }
 

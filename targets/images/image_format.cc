@@ -123,16 +123,16 @@ constexpr Format kFormats[] = {
 
 }  // namespace
 
-std::optional<PictureHeader> ReadPictureHeader(string_view bytes) {
+std::optional<ImageHeader> ReadImageHeader(string_view bytes) {
   for (const Format& format : kFormats) {
     if (!format.matches(bytes)) continue;
     const Size size = format.size(bytes);
-    return PictureHeader{size.width_px, size.height_px, format.is_cut_short(bytes)};
+    return ImageHeader{size.width_px, size.height_px, format.is_cut_short(bytes)};
   }
   return std::nullopt;
 }
 
-std::string PictureFormatNames() {
+std::string ImageFormatNames() {
   std::string names;
   for (const Format& format : kFormats) names += (names.empty() ? "" : ", ") + std::string(format.name);
   return names;

@@ -9,7 +9,7 @@
 
 namespace heba {
 
-struct PictureHeader {
+struct ImageHeader {
   // The size that the header claims, which a decoder would allocate whatever follows; 0 x 0 if it cannot be told.
   double width_px = 0;
   double height_px = 0;
@@ -18,9 +18,9 @@ struct PictureHeader {
 };
 
 // Nothing if the bytes are of no format that is read.
-std::optional<PictureHeader> ReadPictureHeader(std::string_view bytes);
+std::optional<ImageHeader> ReadImageHeader(std::string_view bytes);
 
 // "PNG, JPEG, ...".
-std::string PictureFormatNames();
+std::string ImageFormatNames();
 
 }  // namespace heba

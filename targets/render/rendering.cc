@@ -280,7 +280,7 @@ class SheetView {
   // False if the point is not seen, or so far aside that it would fall where another ray's image is.
   bool Project(const Eigen::Vector2d& point_in_target, Eigen::Vector2d* pixel) {
     const Eigen::Vector3d designed(point_in_target.x(), point_in_target.y(), 0);
-    const Eigen::Vector3d point_in_camera = origin_ + rotation_ * Shaped(designed, shape_);
+    const Eigen::Vector3d point_in_camera = origin_ + rotation_ * ApplyShape(designed, shape_);
     if (point_in_camera.z() < min_cosine_ * point_in_camera.norm()) return false;
     point_ = point_in_camera;
     if (!model_.Project(camera_.params.data(), point_, &pixel_, nullptr)) return false;
@@ -299,7 +299,7 @@ class SheetView {
       const double depth = (facing_ + height_m) / approach;
       const Eigen::Vector3d point_in_target = rotation_.transpose() * (ray_in_camera * depth - origin_);
       designed = {point_in_target.x() / shape_.params[0], point_in_target.y() / shape_.params[1], 0};
-      height_m = Shaped(designed, shape_).z();
+      height_m = ApplyShape(designed, shape_).z();
     }
     return designed.head<2>();
   }

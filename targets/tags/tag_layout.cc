@@ -13,17 +13,17 @@ namespace {
 // its side.
 bool Agree(const SeenTag& a, const SeenTag& b, const TagLayout& layout, double max_residual_ratio) {
   std::vector<Eigen::Vector2d> board_m;
-  std::vector<Eigen::Vector2d> picture_px;
+  std::vector<Eigen::Vector2d> image_px;
   for (const SeenTag* tag : {&a, &b}) {
     const TagCorners& corners_m = layout.corners_m[static_cast<size_t>(tag->index)];
     board_m.insert(board_m.end(), corners_m.begin(), corners_m.end());
-    picture_px.insert(picture_px.end(), tag->corners_px.begin(), tag->corners_px.end());
+    image_px.insert(image_px.end(), tag->corners_px.begin(), tag->corners_px.end());
   }
-  const std::optional<Eigen::Matrix3d> picture_from_board = FitHomography(board_m, picture_px);
-  if (!picture_from_board) return false;
+  const std::optional<Eigen::Matrix3d> image_from_board = FitHomography(board_m, image_px);
+  if (!image_from_board) return false;
   const double limit_px = max_residual_ratio * std::min(MeanSide(a.corners_px), MeanSide(b.corners_px));
   for (size_t i = 0; i < board_m.size(); ++i) {
-    if (!((Map(*picture_from_board, board_m[i]) - picture_px[i]).norm() <= limit_px)) return false;
+    if (!((ApplyHomography(*image_from_board, board_m[i]) - image_px[i]).norm() <= limit_px)) return false;
   }
   return true;
 }
@@ -137,13 +137,13 @@ std::optional<Eigen::Matrix3d> LocalHomography(const std::vector<SeenTag>& tags,
                              (layout.Centre(b->index) - at_m).squaredNorm();
                     });
   std::vector<Eigen::Vector2d> board_m;
-  std::vector<Eigen::Vector2d> picture_px;
+  std::vector<Eigen::Vector2d> image_px;
   for (size_t i = 0; i < num_used; ++i) {
     const TagCorners& corners_m = layout.corners_m[static_cast<size_t>(nearest[i]->index)];
     board_m.insert(board_m.end(), corners_m.begin(), corners_m.end());
-    picture_px.insert(picture_px.end(), nearest[i]->corners_px.begin(), nearest[i]->corners_px.end());
+    image_px.insert(image_px.end(), nearest[i]->corners_px.begin(), nearest[i]->corners_px.end());
   }
-  return FitHomography(board_m, picture_px);
+  return FitHomography(board_m, image_px);
 }
 
 }  // namespace heba

@@ -40,7 +40,7 @@ struct ConsistentTags {
 };
 ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout& layout, int num_bit_errors_alone);
 
-// picture_from_board near `at_m`, from the `num_nearest` of `tags` that are nearest to it on the board; no value
+// image_from_board near `at_m`, from the `num_nearest` of `tags` that are nearest to it on the board; no value
 // without tags.
 std::optional<Eigen::Matrix3d> LocalHomography(const std::vector<SeenTag>& tags, const TagLayout& layout,
                                                const Eigen::Vector2d& at_m, size_t num_nearest);

@@ -264,7 +264,7 @@ class AprilTagGrid final : public Target {
     return detection;
   }
 
-  std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
+  std::vector<TargetSettings> LikelyMisconfigurations(const cv::Mat& grey) const override {
     std::vector<TargetSettings> confusions =
         OtherFirstIds("first_id", SeenIds(grey), geometry_.first_id, geometry_.rows * geometry_.columns);
     if (geometry_.rows != geometry_.columns) {
@@ -325,7 +325,7 @@ class AprilTagGrid final : public Target {
     const double decimate = DecimationTo(grey, kEnoughPx);
     for (const SeenTag& tag : every.Detect(grey, decimate)) ids.push_back(tag.index);
     if (geometry_.corner_squares) {
-      for (const SeenTag& tag : every.Detect(Parted(grey, decimate), decimate)) ids.push_back(tag.index);
+      for (const SeenTag& tag : every.Detect(SeparateTouching(grey, decimate), decimate)) ids.push_back(tag.index);
     }
     return ids;
   }
@@ -384,7 +384,7 @@ class AprilTagGrid final : public Target {
 
   // Black regions that touch come apart: white grows by one pixel of the decimated picture.
   static int GrownPx(double decimate) { return static_cast<int>(decimate); }
-  static cv::Mat Parted(const cv::Mat& grey, double decimate) {
+  static cv::Mat SeparateTouching(const cv::Mat& grey, double decimate) {
     const int side_px = 2 * GrownPx(decimate) + 1;
     cv::Mat parted;
     cv::dilate(grey, parted, cv::Mat::ones(side_px, side_px, CV_8U));
@@ -406,10 +406,10 @@ class AprilTagGrid final : public Target {
   }
   // The same with black regions parted.
   void AddParted(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
-    for (const SeenTag& found :
-         family_.Detect(Parted(grey(part), decimate), decimate, SearchedOf(grey, part, &search->searched_parted))) {
+    for (const SeenTag& found : family_.Detect(SeparateTouching(grey(part), decimate), decimate,
+                                               SearchedOf(grey, part, &search->searched_parted))) {
       SeenTag tag = Shifted(found, part);
-      Grow(GrownPx(decimate), &tag.corners_px);
+      OffsetQuad(GrownPx(decimate), &tag.corners_px);
       // By how much the edges moved is a guess, not a measurement: only as a start for the saddles.
       if (RefineOnSquares(grey, &tag)) AddCandidate(tag, search);
     }
@@ -506,7 +506,7 @@ class AprilTagGrid final : public Target {
   }
 
   // Moves every edge outwards by `distance_px`.
-  static void Grow(double distance_px, TagCorners* corners) {
+  static void OffsetQuad(double distance_px, TagCorners* corners) {
     const TagCorners before = *corners;
     for (size_t k = 0; k < 4; ++k) {
       const Eigen::Vector2d from_next = (before[k] - before[(k + 1) % 4]).normalized();
@@ -522,9 +522,9 @@ class AprilTagGrid final : public Target {
     if (!geometry_.corner_squares) return true;
     const TagCorners start_px = tag->corners_px;
     const TagCorners& board_m = layout_.corners_m[static_cast<size_t>(tag->index)];
-    const std::optional<Eigen::Matrix3d> picture_from_board =
+    const std::optional<Eigen::Matrix3d> image_from_board =
         FitHomography({board_m.begin(), board_m.end()}, {start_px.begin(), start_px.end()});
-    if (!picture_from_board) return false;
+    if (!image_from_board) return false;
     // The next edges: the far sides of the corner squares, and the inner side of the tag's border.
     const double free_m = geometry_.tag_size_m * std::min(geometry_.tag_spacing_ratio,
                                                           static_cast<double>(geometry_.border_bits) / family_.width());
@@ -532,10 +532,10 @@ class AprilTagGrid final : public Target {
                                                     Eigen::Vector2d(0, free_m), Eigen::Vector2d(0, -free_m)};
     bool are_all_refined = true;
     for (size_t k = 0; k < 4; ++k) {
-      const Eigen::Vector2d at_px = Map(*picture_from_board, board_m[k]);
+      const Eigen::Vector2d at_px = ApplyHomography(*image_from_board, board_m[k]);
       double reach_px = std::numeric_limits<double>::infinity();
       for (const Eigen::Vector2d& step_m : steps_m) {
-        reach_px = std::min(reach_px, (Map(*picture_from_board, board_m[k] + step_m) - at_px).norm());
+        reach_px = std::min(reach_px, (ApplyHomography(*image_from_board, board_m[k] + step_m) - at_px).norm());
       }
       const std::optional<Eigen::Vector2d> refined_px =
           RefineCorner(grey, start_px[k], reach_px, std::max(1.5, 0.5 * reach_px));
@@ -578,7 +578,7 @@ class AprilTagGrid final : public Target {
     const std::optional<TagCorners> expected_px = Expected(tags, index);
     if (!expected_px) return std::nullopt;
     for (const Eigen::Vector2d& corner_px : *expected_px) {
-      if (!IsInPicture(grey, corner_px)) return std::nullopt;
+      if (!IsInImage(grey, corner_px)) return std::nullopt;
     }
     SeenTag tag;
     tag.index = index;
@@ -601,12 +601,12 @@ class AprilTagGrid final : public Target {
   // and the paper around it.
   std::optional<int> CountBitErrors(const cv::Mat& grey, const SeenTag& tag) const {
     const double width = family_.width();
-    const std::optional<Eigen::Matrix3d> picture_from_cells =
+    const std::optional<Eigen::Matrix3d> image_from_cells =
         FitHomography({{0, width}, {width, width}, {width, 0}, {0, 0}}, {tag.corners_px.begin(), tag.corners_px.end()});
-    if (!picture_from_cells) return std::nullopt;
+    if (!image_from_cells) return std::nullopt;
     const auto level = [&](double x, double y) -> std::optional<double> {
-      const Eigen::Vector2d at_px = Map(*picture_from_cells, {x, y});
-      if (!IsInPicture(grey, at_px)) return std::nullopt;
+      const Eigen::Vector2d at_px = ApplyHomography(*image_from_cells, {x, y});
+      if (!IsInImage(grey, at_px)) return std::nullopt;
       return GreyAt(grey, at_px);
     };
     const auto mean_at = [&](double from_edge) {  // Over the four edges, cells inwards of them.
@@ -708,12 +708,12 @@ class AprilTagGrid final : public Target {
   // Where the tags nearest to it have a tag; nothing without any.
   std::optional<TagCorners> Expected(const std::vector<SeenTag>& tags, int index) const {
     constexpr size_t kNumNearest = 3;
-    const std::optional<Eigen::Matrix3d> picture_from_board =
+    const std::optional<Eigen::Matrix3d> image_from_board =
         LocalHomography(tags, layout_, layout_.Centre(index), kNumNearest);
-    if (!picture_from_board) return std::nullopt;
+    if (!image_from_board) return std::nullopt;
     TagCorners expected_px;
     for (size_t k = 0; k < 4; ++k) {
-      expected_px[k] = Map(*picture_from_board, layout_.corners_m[static_cast<size_t>(index)][k]);
+      expected_px[k] = ApplyHomography(*image_from_board, layout_.corners_m[static_cast<size_t>(index)][k]);
       if (!expected_px[k].allFinite()) return std::nullopt;
     }
     return expected_px;
@@ -749,10 +749,10 @@ class AprilTagGrid final : public Target {
     constexpr double kMinLensPx = 16;
     options.freedom = side_px < kMinLensPx ? MapFreedom::kAffine : MapFreedom::kStrongLens;
     options.max_move_px = std::max(2.0, 0.1 * side_px);
-    const std::optional<Eigen::Matrix3d> picture_from_board =
+    const std::optional<Eigen::Matrix3d> image_from_board =
         FitHomography({corners_m.begin(), corners_m.end()}, {start_px.begin(), start_px.end()});
-    if (!picture_from_board) return std::nullopt;
-    return FitPattern(grey, CellsOf(drawing_, options.min_m - margin, options.max_m + margin), *picture_from_board,
+    if (!image_from_board) return std::nullopt;
+    return FitPattern(grey, CellsOf(drawing_, options.min_m - margin, options.max_m + margin), *image_from_board,
                       {corners_m.begin(), corners_m.end()}, options);
   }
 
@@ -819,7 +819,7 @@ class AprilTagGrid final : public Target {
         for (double at_px = -reach_px; at_px <= reach_px; at_px += kStepPx) {
           const Eigen::Vector2d before_px = from_px + share * along_px + (at_px - 0.5) * across;
           const Eigen::Vector2d behind_px = before_px + across;
-          if (!IsInPicture(grey, before_px) || !IsInPicture(grey, behind_px)) continue;
+          if (!IsInImage(grey, before_px) || !IsInImage(grey, behind_px)) continue;
           const double slope = std::abs(GreyAt(grey, behind_px) - GreyAt(grey, before_px));
           if (slope <= steepest) continue;
           steepest = slope;

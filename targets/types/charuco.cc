@@ -136,7 +136,7 @@ class Charuco final : public Target {
     return detection;
   }
 
-  std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
+  std::vector<TargetSettings> LikelyMisconfigurations(const cv::Mat& grey) const override {
     std::vector<int> ids;
     for (const SeenTag& marker : AllMarkers(grey)) ids.push_back(marker.index);
     std::vector<TargetSettings> confusions = OtherFirstIds("first_marker", std::move(ids), geometry_.first_marker,
@@ -237,16 +237,18 @@ class Charuco final : public Target {
     constexpr size_t kNumNearest = 4;
     const std::optional<Eigen::Matrix3d> homography = LocalHomography(markers, layout_, at_m, kNumNearest);
     if (!homography) return std::nullopt;
-    const Eigen::Vector2d predicted_px = Map(*homography, at_m);
+    const Eigen::Vector2d predicted_px = ApplyHomography(*homography, at_m);
     // The nearest other thing is a marker's corner, on the diagonal.
     const double gap_m = 0.5 * (geometry_.square_m - geometry_.marker_m);
     double diagonal_px = std::numeric_limits<double>::infinity();
     double square_px = std::numeric_limits<double>::infinity();
     for (const Eigen::Vector2d& direction : {Eigen::Vector2d(1, 1), Eigen::Vector2d(1, -1)}) {
-      diagonal_px = std::min(diagonal_px, (Map(*homography, at_m + gap_m * direction) - predicted_px).norm());
+      diagonal_px =
+          std::min(diagonal_px, (ApplyHomography(*homography, at_m + gap_m * direction) - predicted_px).norm());
     }
     for (const Eigen::Vector2d& direction : {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}) {
-      square_px = std::min(square_px, (Map(*homography, at_m + geometry_.square_m * direction) - predicted_px).norm());
+      square_px = std::min(square_px,
+                           (ApplyHomography(*homography, at_m + geometry_.square_m * direction) - predicted_px).norm());
     }
     // Markers that nearly fill their squares leave less room than a saddle needs: its edges still outweigh theirs.
     constexpr double kMinReachPx = 4.7;

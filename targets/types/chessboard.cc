@@ -148,7 +148,7 @@ class Chessboard final : public Target {
   }
 
   // The size of the board that is seen, whatever it is: boards are counted wrongly in more ways than can be tried.
-  std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
+  std::vector<TargetSettings> LikelyMisconfigurations(const cv::Mat& grey) const override {
     std::vector<TargetSettings> confusions;
     for (const SeenGrid& grid : GridsSeen(grey, cv::Rect({}, grey.size()))) {
       const cv::Size& size = grid.size;
@@ -272,9 +272,9 @@ class Chessboard final : public Target {
     constexpr double kWindowRatio = 0.75;
     constexpr double kMinContrastGrey = 8;
     const Eigen::Vector2d at(place.column, place.row);
-    const Eigen::Vector2d predicted_px = Map(image_from_lattice, at);
-    const Eigen::Vector2d side_px = Map(image_from_lattice, at + Eigen::Vector2d(1, 0)) - predicted_px;
-    const Eigen::Vector2d other_px = Map(image_from_lattice, at + Eigen::Vector2d(0, 1)) - predicted_px;
+    const Eigen::Vector2d predicted_px = ApplyHomography(image_from_lattice, at);
+    const Eigen::Vector2d side_px = ApplyHomography(image_from_lattice, at + Eigen::Vector2d(1, 0)) - predicted_px;
+    const Eigen::Vector2d other_px = ApplyHomography(image_from_lattice, at + Eigen::Vector2d(0, 1)) - predicted_px;
     const double area_px2 = std::abs(side_px.x() * other_px.y() - side_px.y() * other_px.x());
     const double reach_px = area_px2 / std::max({side_px.norm(), other_px.norm(), 1e-9});
     const std::optional<Eigen::Vector2d> corner_px =
@@ -319,7 +319,7 @@ class Chessboard final : public Target {
         }
         const std::optional<Eigen::Matrix3d> map = MapNear(lattice, place);
         if (!map) return std::nullopt;
-        corners.push_back(Map(*map, {place.column, place.row}));
+        corners.push_back(ApplyHomography(*map, {place.column, place.row}));
       }
     }
     Arrange(grey, &corners);
@@ -537,15 +537,15 @@ class Chessboard final : public Target {
       }
     }
     const Eigen::Vector2d& here_px = corners[Index(row, column)];
-    const std::optional<Eigen::Matrix3d> picture_from_board = FitHomography(near_m, near_px);
-    if (!picture_from_board) return std::nullopt;
+    const std::optional<Eigen::Matrix3d> image_from_board = FitHomography(near_m, near_px);
+    if (!image_from_board) return std::nullopt;
     std::vector<Eigen::Vector2d> offsets;
     std::vector<Eigen::Vector2d> residuals_px;
     for (size_t k = 0; k < near_m.size(); ++k) {
       offsets.emplace_back((near_m[k] - at_m) / half_m);
-      residuals_px.emplace_back(near_px[k] - Map(*picture_from_board, near_m[k]));
+      residuals_px.emplace_back(near_px[k] - ApplyHomography(*image_from_board, near_m[k]));
     }
-    return MeasureCorner(grey, drawing, at_m, half_m, *picture_from_board, here_px, BendOf(offsets, residuals_px));
+    return MeasureCorner(grey, drawing, at_m, half_m, *image_from_board, here_px, BendOf(offsets, residuals_px));
   }
 
   // How far a corner is from the next lines of the board.

@@ -73,7 +73,7 @@ class CircleGrid final : public Target {
     return {{"rows", std::to_string(options_.rows + 1)}};
   }
 
-  std::vector<TargetSettings> Confusions(const cv::Mat& /*grey*/) const override {
+  std::vector<TargetSettings> LikelyMisconfigurations(const cv::Mat& /*grey*/) const override {
     std::vector<TargetSettings> confusions = ConfusedGrids(options_.rows, options_.columns);
     confusions.push_back({{"light_on_dark", options_.polarity == DotPolarity::kDarkOnLight ? "true" : "false"}});
     confusions.push_back({{"asymmetric", options_.asymmetric ? "false" : "true"}});

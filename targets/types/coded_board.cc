@@ -63,7 +63,7 @@ class CodedBoard final : public Target {
   std::string_view type() const override { return "coded_board"; }
   const std::vector<TargetPoint>& points() const override { return points_; }
 
-  std::vector<TargetSettings> Confusions(const cv::Mat& grey) const override {
+  std::vector<TargetSettings> LikelyMisconfigurations(const cv::Mat& grey) const override {
     std::vector<TargetSettings> confusions =
         OtherFirstIds("first_id", SeenIds(grey), options_.first_id, options_.rows * options_.columns);
     if (options_.rows != options_.columns) confusions.push_back(RowsAndColumns(options_.columns, options_.rows));
@@ -287,7 +287,7 @@ class CodedBoard final : public Target {
   }
 
   // Whether one of the ways in which `a` can be seen puts `b` where it is.
-  static bool Foretells(const FoundPoint& a, const FoundPoint& b) {
+  static bool Predicts(const FoundPoint& a, const FoundPoint& b) {
     const double limit_px = 0.15 * (b.pixel - a.pixel).norm();
     return std::any_of(a.pixel_from_plane.begin(), a.pixel_from_plane.end(), [&](const Eigen::Matrix3d& map) {
       const Eigen::Vector3d mapped = map * b.on_board.homogeneous();
@@ -334,7 +334,7 @@ class CodedBoard final : public Target {
     };
     for (size_t i = 0; i < found.size(); ++i) {
       for (const size_t j : Neighbours(found, i, kMaxNeighbours)) {
-        if (Foretells(found[i], found[j]) && Foretells(found[j], found[i])) group[group_of(i)] = group_of(j);
+        if (Predicts(found[i], found[j]) && Predicts(found[j], found[i])) group[group_of(i)] = group_of(j);
       }
     }
     std::map<size_t, std::vector<size_t>> groups;
@@ -354,7 +354,7 @@ class CodedBoard final : public Target {
     // In the board's order: it is not to matter in which one they were read.
     std::stable_sort(board.begin(), board.end(),
                      [](const FoundPoint& a, const FoundPoint& b) { return a.point < b.point; });
-    DropStrays(&board);
+    RemoveOutliers(&board);
     // Neither of two with one id.
     std::vector<FoundPoint> unique;
     for (size_t i = 0; i < board.size(); ++i) {
@@ -367,7 +367,7 @@ class CodedBoard final : public Target {
 
   // Leaves out, the worst first, the points that are not where their neighbours say. Lens distortion bends a board, but
   // hardly among neighbours.
-  static void DropStrays(std::vector<FoundPoint>* board) {
+  static void RemoveOutliers(std::vector<FoundPoint>* board) {
     while (board->size() >= 6) {
       size_t worst = 0;
       double worst_ratio = 1;

@@ -1,4 +1,4 @@
-// Mistakes that people make with more than one type of target, for Target::Confusions.
+// Mistakes that people make with more than one type of target, for Target::LikelyMisconfigurations.
 #pragma once
 
 #include <algorithm>

@@ -168,7 +168,7 @@ TEST_P(TargetTest, TheUnitTargetIsFoundWhereTheTargetIs) {
     RenderOptions options;
     options.noise_sigma_grey = 2;
     const Rigid3d camera_from_target = RandomView(targets_[i]->Draw(), 0.7, 0.6, 0.6, rng);
-    const cv::Mat grey = RenderView(targets_[i]->Draw(), PictureCamera(), camera_from_target, options);
+    const cv::Mat grey = RenderView(targets_[i]->Draw(), ImageCamera(), camera_from_target, options);
     const Detection expected = targets_[i]->Detect(grey);
     const Detection found = with_lengths(1)->Detect(grey);
     ASSERT_EQ(found.ids, expected.ids) << examples_[i].yaml;
@@ -205,7 +205,7 @@ TEST_P(TargetTest, SymmetriesAreTheOrdersOfReading) {
         EXPECT_EQ(AlbedoAt(drawing, moved_m.head<2>()), AlbedoAt(drawing, at_m)) << examples_[i].yaml;
       }
     }
-    const Camera camera = PictureCamera();
+    const Camera camera = ImageCamera();
     for (int quarter = 0; quarter < 4; ++quarter) {
       const Rigid3d upright = RandomView(drawing, /*share=*/0.6, /*max_tilt_rad=*/0.3, /*max_roll_rad=*/0.3, rng);
       const Rigid3d camera_from_target = Rigid3d(ExpRotation({0, 0, quarter * kPi / 2}), {0, 0, 0}) * upright;
@@ -234,7 +234,7 @@ TEST_P(TargetTest, DetectionsAreWellFormed) {
   for (const std::unique_ptr<Target>& target : targets_) {
     const Drawing& drawing = target->Draw();
     Rng rng(43);
-    const cv::Mat grey = RenderView(drawing, PictureCamera(), RandomView(drawing, 0.7, 0.5, 0.5, rng));
+    const cv::Mat grey = RenderView(drawing, ImageCamera(), RandomView(drawing, 0.7, 0.5, 0.5, rng));
     const cv::Mat before = grey.clone();
     const Detection detection = target->Detect(grey);
     EXPECT_EQ(cv::norm(grey, before, cv::NORM_INF), 0);

@@ -302,21 +302,19 @@ std::vector<BadInput> BadInputs() {
        Replace("config.yaml", "pose_format: ros", "pose_format: joints\n  robot: poses.csv.urdf"),
        {"poses.csv.urdf"}},
       // Pictures.
-      {"PictureThatClaimsToBeHuge", Write("images/002.png", HugePng()), {"002.png", "400 million pixels"}},
+      {"ImageThatClaimsToBeHuge", Write("images/002.png", HugePng()), {"002.png", "400 million pixels"}},
       {"GlobThatMatchesNothing",
        [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  images: \"images/*.tiff\""); },
        {"captures.images", "no file matches"}},
-      {"ListWithAPictureThatIsNotThere",
+      {"ListWithAImageThatIsNotThere",
        [](const fs::path& folder) {
          ReplaceLine(folder / "config.yaml", "images:", "  images: [images/000.png, no.png]");
        },
        {"captures.images", "no.png"}},
-      {"EmptyListOfPictures",
+      {"EmptyListOfImages",
        [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  images: []"); },
        {"captures.images", "empty"}},
-      {"PicturesFromTwoPlaces",
-       Replace("config.yaml", "  poses:", "  data: x\n  poses:"),
-       {"captures.data", "'images'"}},
+      {"ImagesFromTwoPlaces", Replace("config.yaml", "  poses:", "  data: x\n  poses:"), {"captures.data", "'images'"}},
       // Other projects' data, and what was found before.
       {"DataOfNoKnownForm",
        [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  data: config.yaml"); },
@@ -513,7 +511,7 @@ TEST_F(BadInputTest, FillBytesDoNotHideAHugeJpeg) {
 }
 
 // A header is read before a picture is decoded: this one has another size, and nothing behind it.
-TEST_F(BadInputTest, APictureOfAnotherSizeIsNotDecoded) {
+TEST_F(BadInputTest, AImageOfAnotherSizeIsNotDecoded) {
   std::string other = ReadAll(folder_ / "images/003.png");
   other[18] = 0x4e;  // The width is that of a picture of 20,000 columns.
   other[19] = 0x20;

@@ -115,14 +115,14 @@ TEST_F(RawFilesTest, PosesWithoutAHeaderAndInAFolderGiveTheSameResult) {
                                             "004.png: the robot's pose is not in the poses file"));
 }
 
-TEST_F(RawFilesTest, APictureThatWasRemovedIsSkippedWithANote) {
+TEST_F(RawFilesTest, AImageThatWasRemovedIsSkippedWithANote) {
   fs::remove(folder_ / "images" / "007.png");
   EXPECT_THAT(UnusedOf(Run({})), testing::ElementsAre("007.png: the picture is not among those of captures.images"));
   EXPECT_THAT(ReadAll(folder_ / "run" / "log.txt"), HasSubstr("without 007.png: the picture is not among those"));
 }
 
 // A name that is spelt otherwise is a mistake, and only a picture without a pose may be meant.
-TEST_F(RawFilesTest, AMisspeltPictureIsAnError) {
+TEST_F(RawFilesTest, AMisspeltImageIsAnError) {
   std::string poses = ReadAll(folder_ / "poses.csv");
   poses.replace(poses.find("003.png"), 7, "03.png");
   WriteAll(folder_ / "poses.csv", poses);

@@ -28,12 +28,12 @@ inline std::unique_ptr<Target> MakeTarget(const std::string& yaml) {
 }
 
 // A lens with some distortion: a target's own geometry must not rely on straight lines.
-inline Camera PictureCamera() { return {"brown5", 1000, 800, {900, 905, 502.3, 398.6, -0.1, 0.03, 1e-3, -5e-4, 0}}; }
+inline Camera ImageCamera() { return {"brown5", 1000, 800, {900, 905, 502.3, 398.6, -0.1, 0.03, 1e-3, -5e-4, 0}}; }
 
 // The middle of the sheet near the optical axis, its front to the camera, tilted by 0.3 to 1 of `max_tilt_rad` and
 // turned by up to `max_roll_rad`, so that the sheet takes about `share` of the picture's height.
 inline Rigid3d RandomView(const Drawing& drawing, double share, double max_tilt_rad, double max_roll_rad, Rng& rng) {
-  const Camera camera = PictureCamera();
+  const Camera camera = ImageCamera();
   const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
   const Eigen::Quaterniond front =
       drawing.y_up ? ExpRotation(kPi * Eigen::Vector3d::UnitX()) : Eigen::Quaterniond::Identity();
@@ -99,7 +99,7 @@ inline DetectionErrors ErrorsOf(const Target& target, const Camera& camera, cons
 
 // The errors in `num_views` rendered views with noise of 2 grey levels.
 inline DetectionErrors DetectRendered(const Target& target, int num_views, double share, uint64_t seed) {
-  const Camera camera = PictureCamera();
+  const Camera camera = ImageCamera();
   const Drawing& drawing = target.Draw();
   DetectionErrors total;
   for (int view = 0; view < num_views; ++view) {

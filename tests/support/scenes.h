@@ -86,7 +86,7 @@ inline TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options = 
   Points3 made_points = options.points;
   for (Eigen::Index i = 0; i < made_points.cols(); ++i) {
     const Eigen::Vector3d designed = options.points.col(i);
-    made_points.col(i) = Shaped(designed, made);
+    made_points.col(i) = ApplyShape(designed, made);
   }
   for (const auto& [role, camera_from_target] : poses) {
     const Rigid3d mount = CameraMountFromTargetMount(scene.hand_eye, camera_from_target);

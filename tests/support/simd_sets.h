@@ -21,7 +21,7 @@ class EverySimdTest : public testing::TestWithParam<Simd> {
 
 inline auto EverySimd() { return testing::Values(Simd::kBaseline, Simd::kAvx2, Simd::kAvx512); }
 inline std::string SimdName(const testing::TestParamInfo<Simd>& tested) {
-  return OfSet(tested.param, "baseline", "avx2", "avx512");
+  return SelectForIsa(tested.param, "baseline", "avx2", "avx512");
 }
 
 }  // namespace heba

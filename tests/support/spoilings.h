@@ -227,7 +227,7 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
                          return Spoiled{{"camera.intrinsics=" + (folder / "camera.yaml").string()}, {"camera_size"}};
                        }});
   spoilings.push_back(
-      {"cropped_pictures", [](const GoodSet& good, const std::filesystem::path& folder) -> std::optional<Spoiled> {
+      {"cropped_images", [](const GoodSet& good, const std::filesystem::path& folder) -> std::optional<Spoiled> {
          if (!std::filesystem::exists(good.camera)) return std::nullopt;
          std::filesystem::create_directories(folder / "images");
          for (const auto& entry : std::filesystem::directory_iterator(good.images)) {
@@ -241,7 +241,7 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
          return Spoiled{{"captures.images=" + (folder / "images").string()}, {"camera_size"}};
        }});
   spoilings.push_back(
-      {"picture_twice", [](const GoodSet& good, const std::filesystem::path& folder) -> std::optional<Spoiled> {
+      {"image_twice", [](const GoodSet& good, const std::filesystem::path& folder) -> std::optional<Spoiled> {
          std::filesystem::create_directories(folder / "images");
          std::vector<std::filesystem::path> files;
          for (const auto& entry : std::filesystem::directory_iterator(good.images)) files.push_back(entry.path());

@@ -10,7 +10,7 @@ namespace {
 // Finds what the test says, if the picture is not the whole one.
 class ScriptedTarget final : public Target {
  public:
-  explicit ScriptedTarget(Detection in_whole_picture) : found_(std::move(in_whole_picture)) {
+  explicit ScriptedTarget(Detection in_whole_image) : found_(std::move(in_whole_image)) {
     for (int id = 0; id < 4; ++id) {
       const int row = id / 2;
       points_.push_back({id, {0.1 * (id % 2), 0.1 * row, 0}});

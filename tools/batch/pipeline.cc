@@ -39,20 +39,20 @@ class Stopwatch {
 };
 
 // Whether a calibration from more points explains them as well as the first its own: it must not be the worse for it.
-bool IsNoWorse(const Calibration& second, const Calibration& first) {
+bool IsAtLeastAsGood(const Calibration& second, const Calibration& first) {
   constexpr double kMaxRise = 1.05;
   return second.views.size() >= first.views.size() &&
          second.refined->pixel_sigma_px <= kMaxRise * first.refined->pixel_sigma_px;
 }
 
 // Looks again, where the calibration says, for what the first look missed; true if anything changed.
-bool LookAgain(const RunConfig& config, const Calibration& calibration, int num_threads, Verbosity verbosity,
-               std::vector<CaptureDetection>* detections) {
+bool RedetectMissing(const RunConfig& config, const Calibration& calibration, int num_threads, Verbosity verbosity,
+                     std::vector<CaptureDetection>* detections) {
   // A board without ids is found whole or not at all.
   if (config.target->Symmetries().size() > 1 || !config.given_detections.empty()) return false;
   const Solution& solution = *calibration.refined;
   const std::optional<SquaredErrors> errors =
-      ReprojectionErrors(solution.hand_eye, solution.camera, Shaped(calibration.views, solution.shape));
+      ReprojectionErrors(solution.hand_eye, solution.camera, ApplyShape(calibration.views, solution.shape));
   if (!errors) return false;
   constexpr double kMinTolerancePx = 2;
   constexpr double kToleranceRatio = 4;  // Of the captures' RMS, the robot's noise included.
@@ -106,7 +106,7 @@ std::vector<ReportedCapture> CaptureViews(const RunConfig& config, const std::ve
         CameraFromTarget(solution.hand_eye, CameraMountFromTargetMount(config.setup, capture.base_from_gripper));
     const auto measure = [&](const Observations& observations, Points2* pixels, Points2* residuals) {
       const std::optional<Points2> found =
-          Residuals(solution.camera, camera_from_target, Shaped(observations, solution.shape));
+          Residuals(solution.camera, camera_from_target, ApplyShape(observations, solution.shape));
       if (!found) return;
       *pixels = observations.pixels;
       *residuals = *found;
@@ -146,7 +146,7 @@ std::string WithDiagnosis(const std::string& reason, const RunConfig& config, in
 }
 
 // Puts the doctor's first fault before the findings of a result that is bad.
-void AskDoctor(const RunConfig& config, int num_threads, RunResult* result) {
+void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result) {
   result->verdict = JudgeRun(*result);
   if (result->verdict.grade != Grade::kBad) return;
   const Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
@@ -198,7 +198,7 @@ Outcome<RunResult> RunOnPoses(const RunConfig& config, const std::filesystem::pa
     described.used = true;
     result.captures.push_back(std::move(described));
   }
-  AskDoctor(config, num_threads, &result);
+  AppendDiagnosis(config, num_threads, &result);
   result.timing.total_s = total.Seconds();
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   WriteFileAtomically(folder.staging() / "log.txt", console->log());
@@ -223,7 +223,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   const Stopwatch detect_watch;
   CheckCameraByHeader(config);
   std::vector<CaptureDetection> detections = DetectCaptures(config, num_threads, console->verbosity());
-  FitCameraToPictures(detections.front(), &config);
+  FitCameraToImages(detections.front(), &config);
   RunResult result;
   result.timing.detect_s = detect_watch.Seconds();
   const LeftOutCaptures left_out = LeaveOutSharedImages(&config, &detections);
@@ -249,9 +249,9 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   if (!calibration) return Failure{calibration.reason()};
   if (calibration->refined) {
     std::vector<CaptureDetection> again = detections;
-    if (LookAgain(config, *calibration, num_threads, console->verbosity(), &again)) {
+    if (RedetectMissing(config, *calibration, num_threads, console->verbosity(), &again)) {
       Outcome<Calibration> second = Calibrate(ViewsOf(config, again), options);
-      if (second && second->refined && IsNoWorse(*second, *calibration)) {
+      if (second && second->refined && IsAtLeastAsGood(*second, *calibration)) {
         calibration = std::move(second);
         detections = std::move(again);
       }
@@ -279,7 +279,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   if (config.target->Symmetries().size() > 1) {
     result.observations.push_back({Grade::kGood, "symmetric_target", SymmetryRemark(*config.target), ""});
   }
-  AskDoctor(config_in, num_threads, &result);
+  AppendDiagnosis(config_in, num_threads, &result);
   result.timing.total_s = total.Seconds();
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));

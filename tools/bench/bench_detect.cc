@@ -163,7 +163,7 @@ void Run(const Row& row) {
     finders.emplace_back("OpenCV aruco, subpix", &FindWithAruco);
   }
   std::vector<std::vector<Measured>> all(finders.size());
-  for (int picture = 0; picture < FLAGS_pictures; ++picture) {
+  for (int picture = 0; picture < FLAGS_images; ++picture) {
     Rng rng(7, static_cast<uint64_t>(picture));
     const Eigen::Quaterniond front = drawing.y_up ? ExpRotation({kPi, 0, 0}) : Eigen::Quaterniond::Identity();
     const Eigen::Quaterniond rotation = ExpRotation({rng.Uniform(-0.4, 0.4), rng.Uniform(-0.4, 0.4), 0}) *
@@ -296,7 +296,7 @@ void RunMisses(const Kind& kind, int width_px, int height_px) {
     std::vector<double> cpu_ms;
     size_t most_found = 0;
     size_t least_found = target->points().size();
-    for (int picture = 0; picture < FLAGS_pictures; ++picture) {
+    for (int picture = 0; picture < FLAGS_images; ++picture) {
       const cv::Mat grey = scene.render(static_cast<uint64_t>(picture));
       const double start_ms = CpuMs();
       const size_t num_found = target->Detect(grey).ids.size();

@@ -47,7 +47,7 @@ void BenchMultiplyView(benchmark::State& state, const std::string& loss) {
   const Rigid3d camera_from_target = CameraFromTarget(scene.truth, view.camera_mount_from_target_mount);
   const Camera& camera = scene.problem.camera;
   const ViewReducer reducer(camera.Model(), FreeParameters(camera.params.size(), true), kBenchNoisePx, *FindLoss(loss));
-  ViewProducts products;
+  ViewNormalEquations products;
   for (const auto _ : state) {
     CHECK(reducer.Multiply(camera.params.data(), camera_from_target, view.observations, nullptr, &products));
     benchmark::DoNotOptimize(products);
@@ -58,7 +58,7 @@ void BenchMultiplyView(benchmark::State& state, const std::string& loss) {
 void BenchRootOfProducts(benchmark::State& state) {
   const Eigen::MatrixXd rows = Eigen::MatrixXd::Random(100, state.range(0));
   const Eigen::MatrixXd products = rows.transpose() * rows;
-  for (const auto _ : state) benchmark::DoNotOptimize(RootOfProducts(products));
+  for (const auto _ : state) benchmark::DoNotOptimize(PivotedCholesky(products));
 }
 
 void BenchSumMotions(benchmark::State& state) {

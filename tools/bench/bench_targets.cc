@@ -372,8 +372,8 @@ Errors MeasureRecall(double diameter_px, double tilt_rad) {
   const double radius_m = 0.005;
   const Camera camera = large ? Camera{"pinhole", 2448, 2048, {2400, 2400, 1223.5, 1023.5}}
                               : Camera{"pinhole", 1280, 960, {1400, 1400, 639.5, 479.5}};
-  const int num_pictures = large ? std::max(FLAGS_pictures / 2, 1) : FLAGS_pictures;
-  return Sum(num_pictures, [&](int picture) {
+  const int num_images = large ? std::max(FLAGS_images / 2, 1) : FLAGS_images;
+  return Sum(num_images, [&](int picture) {
     Rng rng(static_cast<uint64_t>(FLAGS_seed) + 100, static_cast<uint64_t>(picture));
     const Drawing drawing = AmidRoundMarks(*board, large ? 10 : 60, own, large ? 0.03 : 0.1, rng);
     const double distance_m = camera.params[0] * 2 * radius_m / diameter_px;

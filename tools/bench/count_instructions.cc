@@ -35,7 +35,7 @@ void Refine(int num_captures, int points_a_side, BundleOptions::Robot robot) {
 constexpr const char* kTags = "type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 24 mm";
 constexpr const char* kDots = "type: coded_board, rows: 3, columns: 4, spacing: 35 mm, dot_diameter: 10 mm";
 
-cv::Mat PictureOf(const Target& target) {
+cv::Mat ImageOf(const Target& target) {
   const Drawing& drawing = target.Draw();
   const Camera camera{"pinhole", 640, 512, {640, 640, 319.5, 255.5}};
   const Eigen::Quaterniond front = drawing.y_up ? ExpRotation({kPi, 0, 0}) : Eigen::Quaterniond::Identity();
@@ -50,10 +50,10 @@ cv::Mat PictureOf(const Target& target) {
   return RenderView(drawing, camera, camera_from_target, options);
 }
 
-void Render(const char* keys) { PictureOf(*TargetOf(keys)); }
+void Render(const char* keys) { ImageOf(*TargetOf(keys)); }
 void Find(const char* keys) {
   const std::unique_ptr<Target> target = TargetOf(keys);
-  CHECK_EQ(target->Detect(PictureOf(*target)).ids.size(), target->points().size());
+  CHECK_EQ(target->Detect(ImageOf(*target)).ids.size(), target->points().size());
 }
 
 struct Workload {

@@ -74,7 +74,7 @@ struct Seen {
   std::optional<CaptureDetection> detection;
 };
 
-std::vector<Seen> SeenInPictures(const ConfigValue& value, MapReader* reader) {
+std::vector<Seen> SeenInImages(const ConfigValue& value, MapReader* reader) {
   const std::vector<fs::path> images = FindImages(value);
   if (value.IsList()) {
     YAML::Node list;
@@ -141,7 +141,7 @@ struct Source {
   std::vector<Seen> (*read)(const ConfigValue& value, MapReader* reader, RunConfig* config);
 };
 constexpr Source kSources[] = {
-    {"images", [](const ConfigValue& value, MapReader* reader, RunConfig*) { return SeenInPictures(value, reader); }},
+    {"images", [](const ConfigValue& value, MapReader* reader, RunConfig*) { return SeenInImages(value, reader); }},
     {"target_poses",
      [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenByOthers(reader, config); }},
     {"detections", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenBefore(reader, config); }},
@@ -224,7 +224,7 @@ std::vector<std::optional<size_t>> PairFiles(const std::vector<PoseRow>& rows, c
 }
 
 // A picture without a pose that the row may mean: near in its name and with the same number in it.
-std::string PictureMeant(const std::string& name, const std::vector<std::string>& without_row) {
+std::string ImageMeant(const std::string& name, const std::vector<std::string>& without_row) {
   std::vector<std::string> likely;
   for (const std::string& other : without_row) {
     if (NumberInName(StemOf(other)) == NumberInName(StemOf(name))) likely.push_back(other);
@@ -279,7 +279,7 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
   for (size_t i = 0; i < rows.size(); ++i) {
     if (pairs[i] || excluded.count(rows[i].image) > 0) continue;
     // A picture that was taken away leaves its pose out; one that is spelt otherwise is a mistake.
-    const std::string meant = PictureMeant(rows[i].image, without_row);
+    const std::string meant = ImageMeant(rows[i].image, without_row);
     if (any && meant.empty()) continue;
     const std::string where =
         rows[i].line > 0 ? config.poses_file.string() + ":" + std::to_string(rows[i].line) : config.poses_file.string();
@@ -373,19 +373,19 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
 
   const std::set<std::string> excluded = ReadExcluded(&reader, seen, rows);
   reader.Finish();
-  const std::vector<std::optional<size_t>> picture_of_row = PairRows(rows, seen, excluded, seen_value, *config);
+  const std::vector<std::optional<size_t>> image_of_row = PairRows(rows, seen, excluded, seen_value, *config);
   std::vector<bool> has_row(seen.size(), false);
   std::vector<bool> is_excluded(seen.size(), false);
   for (size_t i = 0; i < seen.size(); ++i) is_excluded[i] = excluded.count(seen[i].name) > 0;
   for (size_t i = 0; i < rows.size(); ++i) {
     // A capture is called by its picture's name, or by its row's where that is another.
     const bool is_row_excluded = excluded.count(rows[i].image) > 0;
-    if (!picture_of_row[i]) {
+    if (!image_of_row[i]) {
       if (is_row_excluded) continue;
       config->left_out.push_back({rows[i].image, "the picture is not among those of " + seen_value.key()});
       continue;
     }
-    const size_t picture = *picture_of_row[i];
+    const size_t picture = *image_of_row[i];
     has_row[picture] = true;
     if (is_row_excluded) is_excluded[picture] = true;
     if (!is_excluded[picture]) AddCapture(seen[picture], rows[i], config);
@@ -398,9 +398,9 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
     }
   }
   if (config->captures.empty()) seen_value.Fail("no capture is left: captures.exclude leaves all of them out");
-  const bool has_pictures = std::all_of(config->captures.begin(), config->captures.end(),
-                                        [](const Capture& capture) { return !capture.image.empty(); });
-  if (!has_pictures && config->given_detections.empty() && config->target_poses.size() != config->captures.size()) {
+  const bool has_images = std::all_of(config->captures.begin(), config->captures.end(),
+                                      [](const Capture& capture) { return !capture.image.empty(); });
+  if (!has_images && config->given_detections.empty() && config->target_poses.size() != config->captures.size()) {
     seen_value.Fail(
         "neither pictures nor corners nor poses of the target belong to these poses; name the pictures "
         "(images)");

@@ -6,18 +6,18 @@
 
 namespace heba {
 
-#define HEBA_CHECK(name, needs_pictures, what) std::vector<Symptom> Check_##name(Examination* examination);
+#define HEBA_CHECK(name, needs_images, what) std::vector<Symptom> Check_##name(Examination* examination);
 #include "tools/doctor/checks.def"
 #undef HEBA_CHECK
 
 namespace {
 
 struct Check {
-  bool needs_pictures;
+  bool needs_images;
   std::vector<Symptom> (*run)(Examination* examination);
 };
 constexpr Check kChecks[] = {
-#define HEBA_CHECK(name, needs_pictures, what) {needs_pictures, &Check_##name},
+#define HEBA_CHECK(name, needs_images, what) {needs_images, &Check_##name},
 #include "tools/doctor/checks.def"
 #undef HEBA_CHECK
 };
@@ -40,7 +40,7 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
     diagnosis.num_seen = diagnosis.num_captures;
   }
   for (const Check& check : kChecks) {
-    if (check.needs_pictures && !config.target_poses.empty()) continue;
+    if (check.needs_images && !config.target_poses.empty()) continue;
     if (examine == Examine::kInputs && check.run == &Check_result) continue;
     // Views are looked at as soon as there is a camera for it.
     if (examination.camera && examination.views.empty()) {

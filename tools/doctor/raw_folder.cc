@@ -96,13 +96,13 @@ std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
     if (fs::is_directory(entry, error)) folders.push_back(entry);
   }
   for (const fs::path& candidate : folders) {
-    const size_t count = PicturesOf(candidate).size();
-    if (count > raw.num_pictures) {
+    const size_t count = ImagesOf(candidate).size();
+    if (count > raw.num_images) {
       raw.pictures = candidate;
-      raw.num_pictures = count;
+      raw.num_images = count;
     }
   }
-  if (raw.num_pictures == 0) return std::nullopt;
+  if (raw.num_images == 0) return std::nullopt;
   // A table counts more than files of one pose each.
   std::vector<fs::path> sources;
   for (const fs::path& place : {folder, raw.pictures}) {
@@ -122,7 +122,7 @@ std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
     if (source == raw.camera || source == raw.target) continue;
     const GuessedTable table = GuessPoseFormats(source);
     if (table.formats.empty()) continue;
-    const size_t difference = std::max(table.num_rows, raw.num_pictures) - std::min(table.num_rows, raw.num_pictures);
+    const size_t difference = std::max(table.num_rows, raw.num_images) - std::min(table.num_rows, raw.num_images);
     if (difference >= best_difference) continue;
     best_difference = difference;
     raw.poses = source;

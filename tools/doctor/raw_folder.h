@@ -12,7 +12,7 @@ namespace heba {
 
 struct RawFolder {
   std::filesystem::path pictures;  // The folder that holds them: the folder itself or one in it.
-  size_t num_pictures = 0;
+  size_t num_images = 0;
   std::filesystem::path poses;  // A table, an array, or a folder with one file a pose.
   PoseFormat format;            // By the numbers' sizes.
   std::optional<std::filesystem::path> camera;

@@ -12,8 +12,8 @@
 #include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "tools/pages/chart_picture.h"
 #include "tools/pages/page.h"
+#include "tools/pages/static_chart.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -295,7 +295,7 @@ std::string ComparisonPage(const Comparison& comparison) {
   body +=
       ViewFigure("dumbbells", "How far points are from where they are predicted on captures that were not seen (rms).",
                  Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
-                 DumbbellPicture("px rms: refined (first colour), best closed form (second)", pictured));
+                 DumbbellChart("px rms: refined (first colour), best closed form (second)", pictured));
   body += HtmlTable({"run", "verdict", "set-up", "target", "best closed form", "its hold-out, px",
                      "refined hold-out, px", "sigma, mm", "sigma, deg", "board, mm", "board, deg", "time, s"},
                     rows);

@@ -30,7 +30,7 @@ inline nlohmann::ordered_json OrNull(const std::optional<double>& value) {
 // Data for several views, under a name.
 std::string SharedData(const std::string& name, const nlohmann::ordered_json& data);
 // What the script draws by its view of this name, from data of its own or from shared data; `caption` says what it
-// shows. `picture` is markup of the same chart for a reader without a script (chart_picture.h); empty for none.
+// shows. `picture` is markup of the same chart for a reader without a script (static_chart.h); empty for none.
 std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data,
                        const std::string& picture = "");
 std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data,

@@ -14,7 +14,7 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
 #include "tools/pages/page.h"
-#include "tools/pages/report_pictures.h"
+#include "tools/pages/report_charts.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -100,7 +100,7 @@ std::string SetUpSection(const RunResult& result, const Estimate& refined, const
                                     {"base_from_gripper", PoseJson(view->base_from_gripper)}});
   }
   const Eigen::Vector3d middle = 0.5 * (low + high);
-  return Section("Set-up", ViewFigure("set-up", "", data, SetUpPicture(result, refined, captures, middle)) +
+  return Section("Set-up", ViewFigure("set-up", "", data, SetUpChart(result, refined, captures, middle)) +
                                Paragraph(DistancesText(result, refined, captures, middle)));
 }
 
@@ -119,7 +119,7 @@ std::string UncertaintySection(const RunResult& result, const Estimate& refined)
                             {"reach_95", reach_95}});
     Eigen::Matrix2d covariance;
     covariance << matrix(i, i), matrix(i, j), matrix(j, i), matrix(j, j);
-    pictures += EllipsePicture(std::string(x) + ", " + unit, std::string(y) + ", " + unit, covariance, reach_95);
+    pictures += EllipseChart(std::string(x) + ", " + unit, std::string(y) + ", " + unit, covariance, reach_95);
   };
   if (result.working_point) {
     const Eigen::Matrix3d at_work = 1e6 * result.working_point->covariance_m2;
@@ -148,9 +148,9 @@ std::string CorrelationSection(const Estimate& refined) {
     for (Eigen::Index j = 0; j < correlation.cols(); ++j) row.push_back(Rounded(correlation(i, j), 3));
     rows.push_back(row);
   }
-  const std::string figure = ViewFigure(
-      "correlation", "Parameters that the captures cannot tell apart have strong colours off the diagonal.",
-      Json{{"names", covariance.names}, {"matrix", rows}}, CorrelationPicture(covariance.names, correlation));
+  const std::string figure =
+      ViewFigure("correlation", "Parameters that the captures cannot tell apart have strong colours off the diagonal.",
+                 Json{{"names", covariance.names}, {"matrix", rows}}, CorrelationChart(covariance.names, correlation));
   return figure.empty() ? "" : Section("How the parameters hang together", figure);
 }
 
@@ -195,20 +195,20 @@ std::string MethodsSection(const RunResult& result) {
                                       "estimate was made from, and on captures that it has not seen.") +
                                 ViewFigure("dumbbells", "",
                                            Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}},
-                                           MethodsPicture(result)) +
+                                           MethodsChart(result)) +
                                 HtmlTable(head, rows) + without);
 }
 
 // Small pictures make a page large: of very many captures the worst have one.
 std::set<std::string> ImagesToShow(const RunResult& result) {
-  constexpr size_t kMaxPictures = 100;
+  constexpr size_t kMaxImages = 100;
   std::vector<const CaptureResult*> order;
   for (const CaptureResult& capture : result.captures) order.push_back(&capture);
   std::stable_sort(order.begin(), order.end(), [](const CaptureResult* a, const CaptureResult* b) {
     if (a->used != b->used) return !a->used;
     return a->rms_px.value_or(0) > b->rms_px.value_or(0);
   });
-  if (order.size() > kMaxPictures) order.resize(kMaxPictures);
+  if (order.size() > kMaxImages) order.resize(kMaxImages);
   std::set<std::string> images;
   for (const CaptureResult* capture : order) images.insert(capture->image);
   return images;
@@ -254,7 +254,7 @@ std::string CapturesData(const RunResult& result, const Estimate& refined,
             {"captures", Json::array()}};
   for (const CaptureResult& capture : result.captures) {
     const ReportedCapture* view = FindView(captures, capture.image);
-    const bool has_picture = view != nullptr && !view->small_jpeg.empty() && images.count(capture.image) > 0;
+    const bool has_image = view != nullptr && !view->small_jpeg.empty() && images.count(capture.image) > 0;
     data["captures"].push_back(
         Json{{"image", capture.image},
              {"used", capture.used},
@@ -263,7 +263,7 @@ std::string CapturesData(const RunResult& result, const Estimate& refined,
              {"points", view != nullptr ? PointsJson(view->pixels, view->residuals, keep) : Json::array()},
              {"left_out",
               view != nullptr ? PointsJson(view->left_out_pixels, view->left_out_residuals, keep) : Json::array()},
-             {"picture", has_picture ? Json(ToBase64(view->small_jpeg)) : Json(nullptr)}});
+             {"picture", has_image ? Json(ToBase64(view->small_jpeg)) : Json(nullptr)}});
   }
   return SharedData("captures", data);
 }
@@ -274,19 +274,18 @@ std::string ResidualSections(const RunResult& result, const Estimate& refined,
   const std::string sample = NumPoints(captures) > kMaxPoints ? " An even sample of the points." : "";
   const std::string field = SharedViewFigure(
       "residual-field", "Predicted minus seen, of the points that count. Click for the capture." + sample, "captures",
-      ResidualFieldPicture(camera, captures));
+      ResidualFieldChart(camera, captures));
   if (field.empty()) return "";
   const std::string cells = SharedViewFigure(
       "coverage",
       "Per cent of the points that count. Where there are none, no capture says anything of the lens." + sample,
-      "captures", CoveragePicture(camera, captures));
-  const std::string radius =
-      SharedViewFigure("residual-radius", "", "captures", ResidualRadiusPicture(camera, captures));
+      "captures", CoverageChart(camera, captures));
+  const std::string radius = SharedViewFigure("residual-radius", "", "captures", ResidualRadiusChart(camera, captures));
   const std::string histogram = SharedViewFigure(
       "histogram", "Coordinates of the points that count, and what noise of the stated sigma would give.", "captures",
-      HistogramPicture(refined.solution->pixel_sigma_px, captures));
+      HistogramChart(refined.solution->pixel_sigma_px, captures));
   const std::string bars = SharedViewFigure("capture-bars", "The dashed line is the rms of all. Click for the picture.",
-                                            "captures", CaptureBarsPicture(result));
+                                            "captures", CaptureBarsChart(result));
   return "<div class=\"columns\">\n" + Section("Residuals over the picture", field) +
          Section("Coverage of the picture", cells) + Section("Residuals from the middle outwards", radius) +
          Section("Residuals by their size", histogram) + Section("Residuals capture by capture", bars) + "</div>\n";

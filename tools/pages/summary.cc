@@ -3,8 +3,8 @@
 #include <functional>
 
 #include "heba/base/text.h"
-#include "tools/pages/chart_picture.h"
 #include "tools/pages/page.h"
+#include "tools/pages/static_chart.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -123,13 +123,13 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
     bars.push_back(Json{{"label", row.label}, {"values", {OrNull(row.first), OrNull(row.second)}}});
     pictured.push_back(row);
   }
-  return HtmlPage(
-      title, "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
-                 ViewFigure("dumbbells", "Hold-out of every run.",
-                            Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
-                            DumbbellPicture("px rms: refined (first colour), best closed form (second)", pictured)) +
-                 (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "why"}, failed)) +
-                 Heading("Runs and methods") + HtmlTable(head, rows));
+  return HtmlPage(title,
+                  "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
+                      ViewFigure("dumbbells", "Hold-out of every run.",
+                                 Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
+                                 DumbbellChart("px rms: refined (first colour), best closed form (second)", pictured)) +
+                      (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "why"}, failed)) +
+                      Heading("Runs and methods") + HtmlTable(head, rows));
 }
 
 std::string SummaryTable(const std::vector<BatchRun>& runs) {

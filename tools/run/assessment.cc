@@ -34,7 +34,7 @@ std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Set
   std::vector<std::pair<double, const View*>> by_distance;
   const auto middle_of = [&](const View& view) -> Eigen::Vector3d {
     return CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount) *
-           Shaped(view.observations, solution.shape).points_in_target.rowwise().mean();
+           ApplyShape(view.observations, solution.shape).points_in_target.rowwise().mean();
   };
   for (const View& view : calibration.views) {
     if (view.observations.size() >= kMinPosePoints) by_distance.emplace_back(middle_of(view).norm(), &view);
@@ -140,7 +140,7 @@ std::vector<Requirement> ReachedRequirements(const RunConfig& config, const Cali
         camera_from_target.translation +=
             Inverse(solution.hand_eye.camera_mount_from_camera) * place - camera_from_target * middle;
         const bool is_visible = Predict(solution.camera.Model(), solution.camera.params.data(), camera_from_target,
-                                        Shaped(seen, solution.shape), &seen.pixels, nullptr);
+                                        ApplyShape(seen, solution.shape), &seen.pixels, nullptr);
         const Outcome<LocatedTarget> located =
             is_visible ? LocateTarget(config.setup, solution, seen, Rigid3d())
                        : Outcome<LocatedTarget>(Failure{"the place lies behind the camera"});
@@ -174,7 +174,7 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
       result.used = true;
       const std::optional<SquaredErrors> errors =
           ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
-                     Shaped(view->observations, solution.shape));
+                     ApplyShape(view->observations, solution.shape));
       if (errors) result.rms_px = errors->RmsPx();
       const auto index = static_cast<size_t>(view - calibration.views.begin());
       result.num_rejected = static_cast<int>(solution.rejected_ids[index].size());
@@ -245,9 +245,9 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
   refined.hand_eye = refined.solution->hand_eye;
   refined.camera = refined.solution->camera;
   // The refined camera sees the target elsewhere than the one that the closed forms had.
-  const std::vector<View> shaped = Shaped(calibration.views, refined.solution->shape);
+  const std::vector<View> shaped = ApplyShape(calibration.views, refined.solution->shape);
   refined.errors = EvaluateEstimate(refined.hand_eye, refined.camera, shaped,
-                                    PairsAsSeen(refined.camera, refined.hand_eye, shaped), truth, symmetries);
+                                    PosePairsOf(refined.camera, refined.hand_eye, shaped), truth, symmetries);
   estimates.push_back(std::move(refined));
   for (Estimate& estimate : estimates) {
     for (const HoldOut& hold_out : hold_outs) {
@@ -269,7 +269,7 @@ std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target,
   const bool z_out = target.Draw().y_up;
   const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d(0, 0, z_out ? -1 : 1);
   for (const TargetPoint& point : target.points()) {
-    const Eigen::Vector3d in_camera = camera_from_target * Shaped(point.in_target, solution.shape);
+    const Eigen::Vector3d in_camera = camera_from_target * ApplyShape(point.in_target, solution.shape);
     std::optional<Eigen::Vector2d> pixel = ProjectPoint(solution.camera, in_camera);
     // From behind there is nothing to see; and strong distortion folds far rays back into the picture.
     const bool is_visible = pixel && normal.dot(in_camera) > 0 && pixel->x() >= kRimPx && pixel->y() >= kRimPx &&

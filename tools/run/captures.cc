@@ -61,7 +61,7 @@ CaptureDetector::CaptureDetector(const std::string& target_used) {
 }
 
 CaptureDetection CaptureDetector::Detect(const std::filesystem::path& image,
-                                         const std::optional<PictureSize>& expected) const {
+                                         const std::optional<ImageSize>& expected) const {
   const std::string digest = DigestOfFile(image);
   std::optional<CaptureDetection> detection = cache_->Find(digest);
   if (!detection) {
@@ -83,7 +83,7 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
     return given;
   }
   // By the headers, before anything is decoded: a picture of another size may be one of gigabytes.
-  const std::optional<PictureSize> expected = ReadPictureSize(config.captures.front().image);
+  const std::optional<ImageSize> expected = ReadImageSize(config.captures.front().image);
   const double largest_cache_bytes = LargestCacheBytes();
   std::vector<CaptureDetection> detections(config.captures.size());
   {
@@ -107,16 +107,16 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
 void CheckCameraByHeader(const RunConfig& config) {
   const std::filesystem::path& image = config.captures.front().image;
   if (!config.camera || image.empty()) return;
-  const std::optional<PictureSize> size = ReadPictureSize(image);
+  const std::optional<ImageSize> size = ReadImageSize(image);
   if (!size) return;
   RunConfig copy = config;
   CaptureDetection first;
   first.width_px = size->width_px;
   first.height_px = size->height_px;
-  FitCameraToPictures(first, &copy);
+  FitCameraToImages(first, &copy);
 }
 
-void FitCameraToPictures(const CaptureDetection& first, RunConfig* config) {
+void FitCameraToImages(const CaptureDetection& first, RunConfig* config) {
   if (!config->camera) return;
   Camera& camera = *config->camera;
   if (camera.width_px == 0) {

@@ -25,7 +25,7 @@ class CaptureDetector {
   explicit CaptureDetector(const std::string& target_used);
 
   // InputError if the image cannot be read or is of another size than `expected`.
-  CaptureDetection Detect(const std::filesystem::path& image, const std::optional<PictureSize>& expected) const;
+  CaptureDetection Detect(const std::filesystem::path& image, const std::optional<ImageSize>& expected) const;
   // Whether the cache has grown by a detection of this detector.
   bool has_kept() const { return has_kept_; }
 
@@ -39,12 +39,12 @@ class CaptureDetector {
 // images cannot be read or differ in size.
 std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_threads, Verbosity verbosity);
 
-// Throws the InputError of FitCameraToPictures by the header of the first picture, before any is decoded.
+// Throws the InputError of FitCameraToImages by the header of the first picture, before any is decoded.
 void CheckCameraByHeader(const RunConfig& config);
 
 // Gives the config's camera, if there is one, the size of the pictures where its file does not tell it. InputError if
 // the two disagree.
-void FitCameraToPictures(const CaptureDetection& first, RunConfig* config);
+void FitCameraToImages(const CaptureDetection& first, RunConfig* config);
 
 // One capture, numbered as in RunConfig::captures, with what its picture shows.
 View ViewOf(const RunConfig& config, size_t capture, Observations observations);

@@ -12,9 +12,9 @@
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
-#include "tools/pages/chart_picture.h"
 #include "tools/pages/page.h"
 #include "tools/pages/plot.h"
+#include "tools/pages/static_chart.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -305,7 +305,7 @@ std::vector<StudyChart> StudyCharts(const std::vector<CellResult>& results) {
   return charts;
 }
 
-std::string ChartPictureOf(const StudyChart& chart) {
+std::string StaticChartOf(const StudyChart& chart) {
   ChartAxis x{chart.plot.x_label, INFINITY, -INFINITY, !chart.has_linear_x};
   ChartAxis y{chart.plot.y_label, INFINITY, -INFINITY, !chart.has_linear_y};
   const auto is_shown = [&](const std::pair<double, double>& point) {
@@ -334,7 +334,7 @@ std::string ChartPictureOf(const StudyChart& chart) {
     y.low -= room;
     y.high += room;
   }
-  ChartPicture picture(560, 340, x, y);
+  StaticChart picture(560, 340, x, y);
   if (chart.band) picture.Bar(x.low, chart.band->first, x.high, chart.band->second, "dim", 0.15);
   for (const PlotLine& line : lines) {
     if (line.points.empty()) continue;
@@ -363,7 +363,7 @@ std::string ChartFigure(const StudyChart& chart) {
   if (chart.has_linear_x) data["linear"].push_back("x");
   if (chart.has_linear_y) data["linear"].push_back("y");
   if (chart.band) data["band"] = {chart.band->first, chart.band->second};
-  return "<section>" + ViewFigure("lines", chart.plot.title, data, ChartPictureOf(chart)) + "</section>\n";
+  return "<section>" + ViewFigure("lines", chart.plot.title, data, StaticChartOf(chart)) + "</section>\n";
 }
 
 }  // namespace

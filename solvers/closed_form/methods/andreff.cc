@@ -47,7 +47,7 @@ Outcome<HandEye> SolveHandEye_andreff(const HandEyeInput& input) {
   if (!(linear.determinant() > 1e-6)) {
     return Failure{"the linear solution is no rotation (the translations say too little of the scale)"};
   }
-  return WithMeanBoard(input.pairs(), {NearestRotation(linear), solution.tail<3>()});
+  return WithAverageBoardPose(input.pairs(), {NearestRotation(linear), solution.tail<3>()});
 }
 
 }  // namespace heba

@@ -86,7 +86,7 @@ Outcome<HandEye> SolveHandEye_daniilidis(const HandEyeInput& input) {
   const Eigen::Quaterniond q(real[0] / norm, real[1] / norm, real[2] / norm, real[3] / norm);
   const Eigen::Quaterniond q_dual(dual[0] / norm, dual[1] / norm, dual[2] / norm, dual[3] / norm);
   const Eigen::Vector3d translation = 2.0 * (q_dual * q.conjugate()).vec();
-  return WithMeanBoard(input.pairs(), {q, translation});
+  return WithAverageBoardPose(input.pairs(), {q, translation});
 }
 
 }  // namespace heba

@@ -26,7 +26,7 @@ Outcome<HandEye> SolveHandEye_horaud(const HandEyeInput& input) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> eigen(sum);
   const Eigen::Vector4d q = eigen.eigenvectors().col(0);
   const Eigen::Matrix3d rotation = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix();
-  return WithMeanBoard(input.pairs(), {rotation, SolveTranslation(motions, rotation)});
+  return WithAverageBoardPose(input.pairs(), {rotation, SolveTranslation(motions, rotation)});
 }
 
 }  // namespace heba

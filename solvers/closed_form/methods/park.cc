@@ -9,7 +9,7 @@ Outcome<HandEye> SolveHandEye_park(const HandEyeInput& input) {
   const MotionSums& motions = input.motions();
   const Eigen::Matrix3d m = motions.axes.block<3, 3>(MotionSums::kVectorA, MotionSums::kVectorB);
   const Eigen::Matrix3d rotation = NearestRotation(m);
-  return WithMeanBoard(input.pairs(), {rotation, SolveTranslation(motions, rotation)});
+  return WithAverageBoardPose(input.pairs(), {rotation, SolveTranslation(motions, rotation)});
 }
 
 }  // namespace heba

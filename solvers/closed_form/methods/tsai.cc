@@ -37,7 +37,7 @@ Outcome<HandEye> SolveHandEye_tsai(const HandEyeInput& input) {
   }
   if (!std::isfinite(smallest)) return Failure{"the rotation equations have no solution"};
   const Eigen::Matrix3d rotation = rotation_x.toRotationMatrix();
-  return WithMeanBoard(input.pairs(), {rotation, SolveTranslation(motions, rotation)});
+  return WithAverageBoardPose(input.pairs(), {rotation, SolveTranslation(motions, rotation)});
 }
 
 }  // namespace heba

@@ -93,7 +93,7 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
   const Eigen::Vector3d point_in_mount = normal.ldlt().solve(right);
   const Eigen::Vector3d translation =
       mount_rotation(home) * point_in_mount + mount_position(home) - rotation_x * position(home);
-  return WithBoardThrough(pairs, Rigid3d(rotation_x, translation), positions.point_in_target, point_in_mount);
+  return WithBoardAtPoint(pairs, Rigid3d(rotation_x, translation), positions.point_in_target, point_in_mount);
 }
 
 }  // namespace heba

@@ -139,7 +139,7 @@ Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
     few.push_back(captures[i]);
   }
   State best;
-  for (const Eigen::Matrix3d& turn : TurnsOfACube()) {
+  for (const Eigen::Matrix3d& turn : CubeRotations()) {
     constexpr int kFewIterations = 12;
     constexpr double kTellingDrop = 1e-3;
     const State found =
@@ -152,7 +152,7 @@ Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
   best = Refined(captures, WithRotation(captures, best.rotation), kMaxIterations, kLastDrop);
   const Eigen::Matrix3d rotation_x = best.rotation.transpose();
   const Rigid3d camera_mount_from_camera(rotation_x, mean_position - rotation_x * best.translation);
-  return WithBoardThrough(pairs, camera_mount_from_camera, positions.point_in_target, best.point_in_mount);
+  return WithBoardAtPoint(pairs, camera_mount_from_camera, positions.point_in_target, best.point_in_mount);
 }
 
 }  // namespace heba

@@ -31,7 +31,7 @@ struct DistortedImage {
 
 // 1 / z of what is positive, NaN of anything else.
 template <class V>
-HEBA_INLINE V InFront(const V& z) {
+HEBA_INLINE V ReciprocalOrNaN(const V& z) {
   const V none = AllLanes<V>(std::numeric_limits<double>::quiet_NaN());
   return z > 0.0 ? 1.0 / z : none;
 }
@@ -62,9 +62,9 @@ class BatchedCameraModel final : public CameraModel {
       pose[9 + i] = translation[i];
     }
     const Simd set = ActiveSimd();
-    return with_derivatives
-               ? OfSet(set, &DifferentiateBaseline, &DifferentiateAvx2, &DifferentiateAvx512)(params, pose, batch)
-               : OfSet(set, &ProjectBaseline, &ProjectAvx2, &ProjectAvx512)(params, pose, batch);
+    return with_derivatives ? SelectForIsa(set, &DifferentiateBaseline, &DifferentiateAvx2, &DifferentiateAvx512)(
+                                  params, pose, batch)
+                            : SelectForIsa(set, &ProjectBaseline, &ProjectAvx2, &ProjectAvx512)(params, pose, batch);
   }
 
   std::optional<Eigen::Vector3d> Unproject(const double* params, const Eigen::Vector2d& pixel) const override {

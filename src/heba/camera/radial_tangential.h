@@ -16,7 +16,7 @@ struct PlaneImage {
 template <class V>
 HEBA_INLINE PlaneImage<V> PlaneImageOf(const V& x, const V& y, const V& z) {
   PlaneImage<V> plane;
-  plane.inverse_z = InFront<V>(z);
+  plane.inverse_z = ReciprocalOrNaN<V>(z);
   plane.a = x * plane.inverse_z;
   plane.b = y * plane.inverse_z;
   plane.r2 = plane.a * plane.a + plane.b * plane.b;

@@ -62,7 +62,7 @@ struct Solution {
   double pixel_sigma_px = 0;
   // Of that, what the detectors do not know of by themselves (solvers/residuals/noise_scale.h); nothing if they say
   // nothing.
-  std::optional<double> excess_px;
+  std::optional<double> unmodelled_sigma_px;
   // If the robot's poses were observations: their noise, estimated or as given, and, if it was estimated, how well it
   // is known (one sigma of each sigma).
   std::optional<RobotNoise> robot_noise;

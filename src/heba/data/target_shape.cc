@@ -28,7 +28,7 @@ TargetShape DesignedShape(const Points3& points_in_target) {
   return shape;
 }
 
-Eigen::Vector3d Shaped(const Eigen::Vector3d& point, const TargetShape& shape) {
+Eigen::Vector3d ApplyShape(const Eigen::Vector3d& point, const TargetShape& shape) {
   const Eigen::Array2d arch = Arch(point.head<2>(), shape);
   return {shape.params[0] * point.x(), shape.params[1] * point.y(),
           point.z() + shape.params[2] * arch[0] + shape.params[3] * arch[1]};
@@ -44,18 +44,18 @@ Eigen::Matrix<double, 3, TargetShape::kNumParams> ShapedByParams(const Eigen::Ve
   return by_params;
 }
 
-Observations Shaped(const Observations& observations, const TargetShape& shape) {
+Observations ApplyShape(const Observations& observations, const TargetShape& shape) {
   Observations shaped = observations;
   for (Eigen::Index i = 0; i < shaped.size(); ++i) {
     const Eigen::Vector3d designed = observations.points_in_target.col(i);
-    shaped.points_in_target.col(i) = Shaped(designed, shape);
+    shaped.points_in_target.col(i) = ApplyShape(designed, shape);
   }
   return shaped;
 }
 
-std::vector<View> Shaped(const std::vector<View>& views, const TargetShape& shape) {
+std::vector<View> ApplyShape(const std::vector<View>& views, const TargetShape& shape) {
   std::vector<View> shaped = views;
-  for (View& view : shaped) view.observations = Shaped(view.observations, shape);
+  for (View& view : shaped) view.observations = ApplyShape(view.observations, shape);
   return shaped;
 }
 

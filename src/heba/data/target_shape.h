@@ -39,13 +39,13 @@ constexpr TargetShapeGroup ShapeGroupOf(int param) {
 TargetShape DesignedShape(const Points3& points_in_target);
 
 // Where a point designed at `point` is, m.
-Eigen::Vector3d Shaped(const Eigen::Vector3d& point, const TargetShape& shape);
+Eigen::Vector3d ApplyShape(const Eigen::Vector3d& point, const TargetShape& shape);
 // Its derivatives by TargetShape::params.
 Eigen::Matrix<double, 3, TargetShape::kNumParams> ShapedByParams(const Eigen::Vector3d& point,
                                                                  const TargetShape& shape);
 
 // With every point where the shape puts it. Discs keep their radius: what a shape changes of it moves no centroid.
-Observations Shaped(const Observations& observations, const TargetShape& shape);
-std::vector<View> Shaped(const std::vector<View>& views, const TargetShape& shape);
+Observations ApplyShape(const Observations& observations, const TargetShape& shape);
+std::vector<View> ApplyShape(const std::vector<View>& views, const TargetShape& shape);
 
 }  // namespace heba

@@ -99,7 +99,7 @@ double DistanceM(const Rigid3d& a, const Rigid3d& b) { return (a.translation - b
 
 double AngleRad(const Rigid3d& a, const Rigid3d& b) { return RotationAngle(a.rotation.conjugate() * b.rotation); }
 
-std::vector<Eigen::Matrix3d> TurnsOfACube() {
+std::vector<Eigen::Matrix3d> CubeRotations() {
   std::vector<Eigen::Matrix3d> turns;
   for (int x = 0; x < 3; ++x) {
     for (const int y : {(x + 1) % 3, (x + 2) % 3}) {

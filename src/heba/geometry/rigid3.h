@@ -45,7 +45,7 @@ double RotationAngle(const Eigen::Quaterniond& rotation);
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix);
 
 // The 24 rotations that map a cube to itself: no rotation is farther than 63 deg from one of them.
-std::vector<Eigen::Matrix3d> TurnsOfACube();
+std::vector<Eigen::Matrix3d> CubeRotations();
 
 // A 6-vector in the tangent space at a pose: translation (m) before rotation (rad), both in the child frame. The
 // retraction is a_from_b * [Exp(rotation), translation]: it agrees with SE(3)'s exponential to first order.

@@ -157,7 +157,7 @@ std::map<int, fs::path> NumberedFiles(const fs::path& folder, std::initializer_l
   return files;
 }
 
-std::vector<fs::path> PicturesOf(const fs::path& folder) {
+std::vector<fs::path> ImagesOf(const fs::path& folder) {
   std::vector<fs::path> pictures;
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
@@ -169,10 +169,10 @@ std::vector<fs::path> PicturesOf(const fs::path& folder) {
   return pictures;
 }
 
-std::vector<fs::path> PicturesForPoses(const std::vector<fs::path>& folders, size_t num_poses,
-                                       std::vector<std::string>* remarks) {
+std::vector<fs::path> ImagesForPoses(const std::vector<fs::path>& folders, size_t num_poses,
+                                     std::vector<std::string>* remarks) {
   for (const fs::path& folder : folders) {
-    std::vector<fs::path> pictures = PicturesOf(folder);
+    std::vector<fs::path> pictures = ImagesOf(folder);
     if (pictures.size() == num_poses) return pictures;
     if (pictures.empty()) continue;
     remarks->push_back(std::to_string(pictures.size()) + " pictures lie beside the " + std::to_string(num_poses) +

@@ -49,11 +49,11 @@ std::map<int, std::filesystem::path> NumberedFiles(const std::filesystem::path& 
                                                    std::initializer_list<std::string_view> prefixes,
                                                    std::initializer_list<std::string_view> suffixes);
 // The pictures of a folder, in the order of the numbers in their names; none if there is no such folder.
-std::vector<std::filesystem::path> PicturesOf(const std::filesystem::path& folder);
+std::vector<std::filesystem::path> ImagesOf(const std::filesystem::path& folder);
 // The pictures of the first of `folders` that has any, one a pose. None, and a remark why, if there are not as many as
 // poses.
-std::vector<std::filesystem::path> PicturesForPoses(const std::vector<std::filesystem::path>& folders, size_t num_poses,
-                                                    std::vector<std::string>* remarks);
+std::vector<std::filesystem::path> ImagesForPoses(const std::vector<std::filesystem::path>& folders, size_t num_poses,
+                                                  std::vector<std::string>* remarks);
 // A capture with the name of its picture, or pose_N if it has none (an empty path, or none of that number).
 ImportedCapture CaptureOf(const std::filesystem::path& picture, size_t number);
 ImportedCapture CaptureOf(const std::map<int, std::filesystem::path>& pictures, int number);

@@ -105,7 +105,7 @@ int NumSums(int num_columns) {
 
 }  // namespace
 
-ColumnProducts::ColumnProducts(int num_columns, Eigen::Index stride, Eigen::Index most_rows)
+GramMatrix::GramMatrix(int num_columns, Eigen::Index stride, Eigen::Index most_rows)
     : num_columns_(num_columns), stride_(stride), set_(ActiveSimd()) {
   CHECK(num_columns <= kMaxColumns) << num_columns;
   // A few rows do not fill many lanes, whose sums cost more than they.
@@ -113,14 +113,15 @@ ColumnProducts::ColumnProducts(int num_columns, Eigen::Index stride, Eigen::Inde
   std::fill_n(lanes_, NumSums(Even(num_columns)) * NumLanes(set_), 0.0);
 }
 
-void ColumnProducts::Add(const double* columns, Eigen::Index num_rows) {
-  OfSet(set_, &AddRowsBaseline, &AddRowsAvx2, &AddRowsAvx512)(columns, stride_, Even(num_columns_), num_rows, lanes_);
+void GramMatrix::Add(const double* columns, Eigen::Index num_rows) {
+  SelectForIsa(set_, &AddRowsBaseline, &AddRowsAvx2, &AddRowsAvx512)(columns, stride_, Even(num_columns_), num_rows,
+                                                                     lanes_);
 }
 
-void ColumnProducts::AddTo(const int* places, double scale, Eigen::MatrixXd* matrix) const {
+void GramMatrix::AddTo(const int* places, double scale, Eigen::MatrixXd* matrix) const {
   const int even = Even(num_columns_);
   double sums[kMaxSums];
-  OfSet(set_, &SumLanesBaseline, &SumLanesAvx2, &SumLanesAvx512)(lanes_, NumSums(even), sums);
+  SelectForIsa(set_, &SumLanesBaseline, &SumLanesAvx2, &SumLanesAvx512)(lanes_, NumSums(even), sums);
   double* const to = matrix->data();
   const Eigen::Index stride = matrix->outerStride();
   const auto add_block = [&](int rows, int i, int j, int sum) {
@@ -136,7 +137,7 @@ void ColumnProducts::AddTo(const int* places, double scale, Eigen::MatrixXd* mat
       [&](int i, int j, int sum) { add_block(2, i, j, sum); });
 }
 
-Eigen::MatrixXd ColumnProducts::Matrix() const {
+Eigen::MatrixXd GramMatrix::Matrix() const {
   int places[kMaxColumns];
   std::iota(places, places + num_columns_, 0);
   Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(num_columns_, num_columns_);

@@ -10,11 +10,11 @@
 namespace heba {
 
 // Sums of the products of all pairs of columns.
-class ColumnProducts {
+class GramMatrix {
  public:
   static constexpr int kMaxColumns = 40;
   // `stride`: how far apart columns begin in what Add is given; `most_rows`: that it is given in all.
-  ColumnProducts(int num_columns, Eigen::Index stride, Eigen::Index most_rows = std::numeric_limits<int>::max());
+  GramMatrix(int num_columns, Eigen::Index stride, Eigen::Index most_rows = std::numeric_limits<int>::max());
 
   // Adds `num_rows` rows, which the caller pads with zeros to a multiple of kMaxLanes (heba/kernels/simd.h). Of an odd
   // number of columns there must be one more, which may hold anything.

@@ -42,16 +42,17 @@ HEBA_INLINE V AbsLanes(const V& x) {
   return x < 0.0 ? -x : x;
 }
 
-// Huber's cost of a residual: its square up to `bend`, a line beyond; and what the square counts for there.
+// Huber's cost of a residual: its square up to `huber_delta`, a line beyond; and what the square counts for there.
 template <class V>
 struct HuberLanes {
   V cost;
   V weight;
 };
 template <class V>
-HEBA_INLINE HuberLanes<V> HuberOf(const V& residual, double bend) {
+HEBA_INLINE HuberLanes<V> HuberOf(const V& residual, double huber_delta) {
   const V size = AbsLanes(residual);
-  return {size <= bend ? size * size : bend * (2.0 * size - bend), size <= bend ? AllLanes<V>(1) : bend / size};
+  return {size <= huber_delta ? size * size : huber_delta * (2.0 * size - huber_delta),
+          size <= huber_delta ? AllLanes<V>(1) : huber_delta / size};
 }
 
 // e^x to a relative 1e-11, for x <= 700; of what is below -700 or not a number, 1e-304.

@@ -37,12 +37,12 @@ void LimitSimd(Simd most);
 
 // One thing of three, by set.
 template <class T>
-constexpr T OfSet(Simd set, T baseline, T avx2, T avx512) {
+constexpr T SelectForIsa(Simd set, T baseline, T avx2, T avx512) {
   return set == Simd::kAvx512 ? avx512 : set == Simd::kAvx2 ? avx2 : baseline;
 }
 
 // Lanes of each set.
-constexpr int NumLanes(Simd set) { return OfSet(set, 2, 4, 8); }
+constexpr int NumLanes(Simd set) { return SelectForIsa(set, 2, 4, 8); }
 template <Simd kSet>
 inline constexpr int kLanesOf = NumLanes(kSet);
 inline constexpr int kMaxLanes = 8;

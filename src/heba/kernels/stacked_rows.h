@@ -10,7 +10,7 @@ namespace heba {
 class StackedRows {
  public:
   static constexpr int kMaxRows = 128;  // That fit in at a time.
-  static constexpr int kMaxColumns = ColumnProducts::kMaxColumns;
+  static constexpr int kMaxColumns = GramMatrix::kMaxColumns;
 
   // At most kMaxColumns.
   explicit StackedRows(int num_columns);
@@ -34,7 +34,7 @@ class StackedRows {
 
   int num_columns_;
   Eigen::Index size_ = 0;  // Rows in `columns_`.
-  ColumnProducts products_;
+  GramMatrix products_;
   // One more pads an odd number.
   alignas(64) double columns_[kMaxColumns + 1][kMaxRows];
 };

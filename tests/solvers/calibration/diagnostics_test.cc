@@ -16,7 +16,7 @@ std::optional<Finding> AdviceFor(const TestScene& scene, const std::vector<Param
   const Problem problem{scene.camera, scene.views};
   const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
   EXPECT_TRUE(solution.ok()) << solution.reason();
-  return AdviseOnCaptures(problem, *solution, FreeOf(scene.camera.Model(), free_groups));
+  return DiagnoseWeakDirections(problem, *solution, FreeOf(scene.camera.Model(), free_groups));
 }
 
 // A scene's solution with a robot taken as exact and a camera that is held.
@@ -92,7 +92,7 @@ TEST_P(FixedModelTest, SaysWhatTheFixedModelHides) {
     const Solved solved = SolveWithHeldCamera(scene, options, scene.camera);
     bool names_robot = false;
     bool names_shape = false;
-    for (const Finding& finding : AdviseOnModel(solved.problem, solved.solution, solved.bundle, {})) {
+    for (const Finding& finding : DiagnoseModel(solved.problem, solved.solution, solved.bundle, {})) {
       names_robot = names_robot || finding.code == "robot_noise_ignored";
       names_shape = names_shape || finding.code == "target_shape_ignored";
     }
@@ -121,7 +121,7 @@ TEST(AdviceTest, HeldIntrinsicsThatTheCapturesContradictAreNamed) {
     const Problem problem{held, scene.views, options.setup, DesignedShape(options.points)};
     const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, bundle);
     ASSERT_TRUE(solution.ok()) << solution.reason();
-    const std::optional<Finding> finding = AdviseOnHeldIntrinsics(problem, *solution, bundle, {true, true});
+    const std::optional<Finding> finding = DiagnoseHeldIntrinsics(problem, *solution, bundle, {true, true});
     ASSERT_EQ(finding.has_value(), off_px > 0) << off_px;
     if (!finding) continue;
     EXPECT_EQ(finding->code, "held_intrinsics");
@@ -133,13 +133,13 @@ TEST(AdviceTest, ATargetOfAnotherSizeIsACause) {
   Solution solution;
   const ErrorModel scaled{BundleOptions::Robot::kExact, {TargetShapeGroup::kScale}};
   solution.shape.params = {1.1, 1.1, 0, 0};
-  const std::optional<Finding> finding = AdviseOnScale(solution, scaled);
+  const std::optional<Finding> finding = DiagnoseScale(solution, scaled);
   ASSERT_TRUE(finding.has_value());
   EXPECT_EQ(finding->grade, Grade::kBad);
   EXPECT_TRUE(finding->is_cause);
   EXPECT_THAT(finding->text, testing::HasSubstr("10 % larger than the config says"));
   solution.shape.params = {1.002, 1.001, 0, 0};  // A printer does as much.
-  EXPECT_FALSE(AdviseOnScale(solution, scaled).has_value());
+  EXPECT_FALSE(DiagnoseScale(solution, scaled).has_value());
 }
 
 }  // namespace

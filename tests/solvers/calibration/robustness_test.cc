@@ -196,8 +196,8 @@ TEST_P(RobustnessTest, AStartFarOffIsPutRight) {
     const Outcome<Solution> alone = RefineHandEye({scene.camera, scene.views, setup()}, start, options);
     constexpr double kRightM = 0.05;
     if (alone && ErrorM(scene, alone->hand_eye) < kRightM) ++num_alone;
-    const StartedSolution started =
-        RefineFromSeeds({scene.camera, scene.views, setup()}, scene.pairs, {{"far off", start}}, options);
+    const MultiStartSolution started =
+        RefineFromMultipleStarts({scene.camera, scene.views, setup()}, scene.pairs, {{"far off", start}}, options);
     ASSERT_TRUE(started.solution.ok()) << started.solution.reason();
     EXPECT_LT(ErrorM(scene, started.solution->hand_eye), kRightM) << started.seed;
   }

@@ -147,8 +147,8 @@ TEST(LocateSymmetricTargetTest, AllPosesFitWhicheverWayTheTargetWasRead) {
     for (Eigen::Index k = 0; k < observations.size(); ++k) {
       const Eigen::Vector3d point = observations.points_in_target.col(k);
       const Eigen::Vector3d other = turned.points_in_target.col(k);
-      const Eigen::Vector3d in_base = (*possible)[1 - right].base_from_target * Shaped(other, solution.shape);
-      EXPECT_LT((in_base - truth * Shaped(point, solution.shape)).norm(), kToleranceM);
+      const Eigen::Vector3d in_base = (*possible)[1 - right].base_from_target * ApplyShape(other, solution.shape);
+      EXPECT_LT((in_base - truth * ApplyShape(point, solution.shape)).norm(), kToleranceM);
     }
     for (size_t n = 0; n < 2; ++n) {
       EXPECT_LT(DistanceM((*possible)[n].base_from_target, (*again)[n].base_from_target), kToleranceM);

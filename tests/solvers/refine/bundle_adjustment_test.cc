@@ -114,10 +114,10 @@ TEST(BundleAdjustmentTest, CovarianceIsTheInformationsAtTheSolution) {
       }
       kept.views[i].observations = KeepPoints(kept.views[i].observations, keep);
     }
-    const std::optional<std::vector<LinearView>> views =
-        LineariseViewsAt(kept, *solution, {}, free, LossOfKept(options));
+    const std::optional<std::vector<LinearisedView>> views =
+        LineariseViewsAt(kept, *solution, {}, free, InlierLoss(options));
     ASSERT_TRUE(views.has_value());
-    const Eigen::MatrixXd information = MarginalInformation(*views, {}, LossOfKept(options).covariance_factor());
+    const Eigen::MatrixXd information = MarginalInformation(*views, {}, InlierLoss(options).covariance_factor());
     const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(information.rows(), information.cols());
     const Eigen::MatrixXd product =
@@ -140,7 +140,7 @@ TEST(InformationTest, NamesBelongToTheirNumbers) {
   const TestScene scene = MakeTestScene(31);
   const Problem problem{scene.camera, scene.views};
   const FreeParameters free = FreeOf(scene.camera.Model(), {ParameterGroup::kFocal});
-  const std::vector<LinearView> views = *LineariseViews(problem, scene.hand_eye, {}, free, 1.0, *FindLoss("none"));
+  const std::vector<LinearisedView> views = *LineariseViews(problem, scene.hand_eye, {}, free, 1.0, *FindLoss("none"));
   const Information information{UnknownNames(scene.camera.Model(), free), MarginalInformation(views, {}, 1.0)};
   ASSERT_EQ(information.names[2], "hand_eye.tz_m");
   ASSERT_EQ(information.names[9], "board.rx_rad");

@@ -48,8 +48,8 @@ std::unique_ptr<CapturesCost> MakeCost(const TestScene& scene, const std::string
   options.pixel_sigma_px = kSigmaPx;
   options.loss = FindLoss(loss);
   if (options.free.empty()) options.free.assign(scene.camera.params.size(), true);
-  options.has_own_pose = has_corrections;
-  if (has_corrections) options.own_pose_prior = kRobot;
+  options.has_eliminated_pose = has_corrections;
+  if (has_corrections) options.eliminated_pose_prior = kRobot;
   options.num_threads = num_threads;
   std::vector<CaptureTerm> captures;
   for (const View& view : scene.views) {
@@ -148,7 +148,7 @@ TEST(CapturesCostTest, OwnPosesAreTheBestForTheSharedUnknowns) {
   const Evaluated evaluated = Evaluate(*cost, here);
   ExpectGradient(cost_at, here, evaluated.gradient);
   // What the poses are, and the prior, by themselves.
-  const std::vector<Rigid3d> corrections = cost->OwnPoses();
+  const std::vector<Rigid3d> corrections = cost->EliminatedPoses();
   ASSERT_EQ(corrections.size(), scene.views.size());
   const HandEye hand_eye{FromBlock(here.hand_eye.data()), FromBlock(here.board.data())};
   const auto cost_of = [&](size_t i, const Rigid3d& correction) {
@@ -190,14 +190,14 @@ TEST(CapturesCostTest, OwnPosesThatBeginRoughlyAreTheSame) {
   for (const char* loss : {"none", "huber"}) {
     const std::unique_ptr<CapturesCost> near = MakeCost(scene, loss, true);
     CapturesCostOptions options;
-    options.own_poses_are_rough = true;
+    options.eliminated_poses_are_rough = true;
     const std::unique_ptr<CapturesCost> rough = MakeCost(scene, loss, true, 1, options);
     const Evaluated expected = Evaluate(*near, here);
     const Evaluated found = Evaluate(*rough, here);
     EXPECT_NEAR(found.cost, expected.cost, 1e-9 * expected.cost);
     EXPECT_LT((found.gradient - expected.gradient).norm(), 1e-9 * expected.gradient.norm());
-    const std::vector<Rigid3d> poses = near->OwnPoses();
-    const std::vector<Rigid3d> rough_poses = rough->OwnPoses();
+    const std::vector<Rigid3d> poses = near->EliminatedPoses();
+    const std::vector<Rigid3d> rough_poses = rough->EliminatedPoses();
     ASSERT_EQ(rough_poses.size(), poses.size());
     for (size_t i = 0; i < poses.size(); ++i) {
       EXPECT_LT(LocalCoordinates(poses[i], rough_poses[i]).norm(), 1e-9) << loss << " " << i;
@@ -219,17 +219,17 @@ TestScene MixedScene() {
 }
 
 // The captures' views, each multiplied by itself and chained as a whole.
-CapturesProducts ChainedProducts(const TestScene& scene, const std::string& loss, const Unknowns& at,
-                                 const FreeParameters& free, const TargetShape* shape) {
+NormalEquations ChainedProducts(const TestScene& scene, const std::string& loss, const Unknowns& at,
+                                const FreeParameters& free, const TargetShape* shape) {
   const std::vector<const double*> blocks = at.Blocks();
   const ViewReducer reducer(scene.camera.Model(), free, kSigmaPx, *FindLoss(loss));
-  CapturesProducts sum;
+  NormalEquations sum;
   sum.matrix = Eigen::MatrixXd::Zero(6 + reducer.num_columns(), 6 + reducer.num_columns());
   for (const View& view : scene.views) {
     std::vector<Matrix6> chains;
     const Rigid3d camera_from_target =
         MakeHandEyeChain(view.camera_mount_from_target_mount)->Evaluate(blocks.data(), &chains);
-    ViewProducts products;
+    ViewNormalEquations products;
     EXPECT_TRUE(reducer.Multiply(at.params.data(), camera_from_target, view.observations, shape, &products));
     Eigen::MatrixXd chain = Eigen::MatrixXd::Zero(products.matrix.cols(), sum.matrix.cols());
     chain.topLeftCorner<6, 6>() = chains[0];
@@ -273,10 +273,10 @@ TEST(CapturesCostTest, SumsViewsOfFewPointsAndOfMany) {
           options.shape = DesignedShape(scene->views.back().observations.points_in_target);
           here.params.insert(here.params.end(), options.shape->params.begin(), options.shape->params.end());
         }
-        const std::optional<CapturesProducts> products =
-            MakeCost(*scene, loss, false, 1, options)->ProductsAt(here.Blocks().data());
+        const std::optional<NormalEquations> products =
+            MakeCost(*scene, loss, false, 1, options)->NormalEquationsAt(here.Blocks().data());
         ASSERT_TRUE(products.has_value());
-        const CapturesProducts expected =
+        const NormalEquations expected =
             ChainedProducts(*scene, loss, here, free, options.shape ? &*options.shape : nullptr);
         ASSERT_EQ(products->matrix.cols(), expected.matrix.cols());
         EXPECT_LT(LargestDifference(products->matrix, expected.matrix), 1e-12);
@@ -292,19 +292,19 @@ TEST(CapturesCostTest, WhatIsKnownIsTakenWhereItIsKnownOnly) {
   const TestScene scene = MixedScene();
   const Unknowns here(scene);
   const Unknowns there = here.Moved(3, 1e-3);
-  CapturesProducts marked = *MakeCost(scene, "none", false)->ProductsAt(here.Blocks().data());
+  NormalEquations marked = *MakeCost(scene, "none", false)->NormalEquationsAt(here.Blocks().data());
   marked.matrix *= 2;
   CapturesCostOptions options;
   options.known = marked;
   const std::unique_ptr<CapturesCost> cost = MakeCost(scene, "none", false, 1, options);
-  EXPECT_EQ(cost->ProductsAt(here.Blocks().data())->matrix, marked.matrix);
-  EXPECT_EQ(cost->ProductsAt(there.Blocks().data())->matrix,
-            MakeCost(scene, "none", false)->ProductsAt(there.Blocks().data())->matrix);
+  EXPECT_EQ(cost->NormalEquationsAt(here.Blocks().data())->matrix, marked.matrix);
+  EXPECT_EQ(cost->NormalEquationsAt(there.Blocks().data())->matrix,
+            MakeCost(scene, "none", false)->NormalEquationsAt(there.Blocks().data())->matrix);
   // As Ceres asks.
   Evaluate(*cost, here);
   EXPECT_EQ(cost->Accepted().matrix, marked.matrix);
   Evaluate(*cost, there);
-  EXPECT_EQ(cost->Accepted().matrix, MakeCost(scene, "none", false)->ProductsAt(there.Blocks().data())->matrix);
+  EXPECT_EQ(cost->Accepted().matrix, MakeCost(scene, "none", false)->NormalEquationsAt(there.Blocks().data())->matrix);
 }
 
 TEST(CapturesCostTest, PredictsWhatANewtonStepGains) {
@@ -315,7 +315,7 @@ TEST(CapturesCostTest, PredictsWhatANewtonStepGains) {
       CapturesCostOptions options;
       options.free.assign(scene.camera.params.size(), all_are_free);
       const std::unique_ptr<CapturesCost> cost = MakeCost(scene, "none", has_corrections, 1, options);
-      const CapturesProducts products = *cost->ProductsAt(here.Blocks().data());
+      const NormalEquations products = *cost->NormalEquationsAt(here.Blocks().data());
       const double start = Evaluate(*MakeCost(scene, "none", has_corrections, 1, options), here).cost;
       const Eigen::Index n = products.matrix.cols() - 1;
       const Eigen::VectorXd scale = products.matrix.diagonal().head(n).cwiseSqrt().cwiseInverse();

@@ -42,7 +42,7 @@ TEST_P(ChainTest, IsWeightedByThePosesCovariances) {
     options.noise_px = 0.2;
     options.num_captures = 20;
     const TestScene scene = MakeTestScene(static_cast<uint64_t>(seed), options);
-    const std::vector<PosePair> pairs = PairsAsSeen(scene.camera, scene.hand_eye, scene.views);
+    const std::vector<PosePair> pairs = PosePairsOf(scene.camera, scene.hand_eye, scene.views);
     const Outcome<HandEye> shah = FindHandEyeMethod("shah")->solve(pairs);
     const Outcome<Solution> solution = RefineChain(pairs, *shah);
     ASSERT_TRUE(solution.ok()) << solution.reason();

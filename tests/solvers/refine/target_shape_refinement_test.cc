@@ -51,8 +51,8 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
       shape_squares[i] += std::pow(solution->shape.params[k] - kMade[k], 2) / solution->covariance.matrix(row, row);
     }
     const FreeParameters free = FreeOf(scene.camera.Model(), options);
-    const std::vector<LinearView> linear = *LineariseViews({scene.camera, scene.views, scene_options.setup, made},
-                                                           scene.hand_eye, {}, free, kNoisePx, *FindLoss("none"));
+    const std::vector<LinearisedView> linear = *LineariseViews({scene.camera, scene.views, scene_options.setup, made},
+                                                               scene.hand_eye, {}, free, kNoisePx, *FindLoss("none"));
     const Information information{UnknownNames(scene.camera.Model(), free), MarginalInformation(linear, {}, 1.0)};
     bound_m2 += InvertInformation(information, 1.0).matrix.topLeftCorner<3, 3>().trace();
   }

@@ -32,7 +32,7 @@ TEST(ViewReductionTest, KeepsCostGradientAndGaussNewtonMatrix) {
     const View& view = scene.views[0];
     const Rigid3d pose = scene.pairs[0].camera_from_target;
     const CameraModel& model = scene.camera.Model();
-    ViewReduction reduction;
+    SquareRootInformation reduction;
     constexpr double kSigmaPx = 0.5;
     const ViewReducer reducer(model, AllFree(scene), kSigmaPx, *FindLoss("none"));
     ASSERT_TRUE(reducer.Reduce(scene.camera.params.data(), pose, view.observations, nullptr, &reduction));
@@ -74,7 +74,7 @@ TEST(ViewReductionTest, CostWithALossIsTheSumOfRho) {
   double direct = 0;
   const Points2 residuals = *Residuals(scene.camera, scene.pairs[0].camera_from_target, scene.views[0].observations);
   for (Eigen::Index i = 0; i < residuals.cols(); ++i) direct += loss.rho(residuals.col(i).squaredNorm());
-  ViewReduction reduction;
+  SquareRootInformation reduction;
   const ViewReducer reducer(scene.camera.Model(), AllFree(scene), 1.0, loss);
   ASSERT_TRUE(reducer.Reduce(scene.camera.params.data(), scene.pairs[0].camera_from_target, scene.views[0].observations,
                              nullptr, &reduction));
@@ -105,7 +105,7 @@ TEST(ViewReductionTest, RowsHaveTheProducts) {
           free[2] = false;
           const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss(loss));
           const Rigid3d& pose = scene.pairs[0].camera_from_target;
-          ViewProducts products;
+          ViewNormalEquations products;
           ViewRows rows;
           ASSERT_TRUE(reducer.Multiply(scene.camera.params.data(), pose, *observations, shape, &products));
           ASSERT_TRUE(reducer.Write(scene.camera.params.data(), pose, *observations, shape, &rows));
@@ -137,7 +137,7 @@ TEST(ViewReductionTest, HasColumnsOfWhatIsFreeOnly) {
       const TargetShape designed = DesignedShape(observations->points_in_target);
       const TargetShape* const shape = has_shape ? &designed : nullptr;
       const auto multiply = [&](const FreeParameters& free) {
-        ViewProducts products;
+        ViewNormalEquations products;
         const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss("huber"));
         EXPECT_TRUE(reducer.Multiply(scene.camera.params.data(), scene.pairs[0].camera_from_target, *observations,
                                      shape, &products));
@@ -170,7 +170,7 @@ TEST(ViewReductionTest, ARootHasTheProducts) {
   rows.col(3) *= 1e8;
   rows.col(6).setZero();
   const Eigen::MatrixXd products = rows.transpose() * rows;
-  const Eigen::MatrixXd root = RootOfProducts(products);
+  const Eigen::MatrixXd root = PivotedCholesky(products);
   const Eigen::VectorXd lengths = products.diagonal().cwiseSqrt().cwiseMax(1e-300);
   const Eigen::MatrixXd difference =
       lengths.cwiseInverse().asDiagonal() * (root.transpose() * root - products) * lengths.cwiseInverse().asDiagonal();
@@ -192,8 +192,8 @@ TEST(ViewReductionTest, ThePosesColumnsStandInTheFirstSixRows) {
       const Rigid3d pose = scene.pairs[0].camera_from_target;
       const FreeParameters free(scene.camera.params.size(), has_camera);
       const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss("none"));
-      ViewProducts products;
-      ViewReduction reduction;
+      ViewNormalEquations products;
+      SquareRootInformation reduction;
       ASSERT_TRUE(reducer.Multiply(scene.camera.params.data(), pose, view.observations, nullptr, &products));
       ASSERT_TRUE(reducer.Reduce(scene.camera.params.data(), pose, view.observations, nullptr, &reduction));
       const Eigen::MatrixXd& factor = reduction.factor;

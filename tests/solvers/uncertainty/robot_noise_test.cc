@@ -103,7 +103,7 @@ TEST_P(RobotNoiseTest, CorrectionsStandOnTheGrippersSide) {
 
 // Pictures a million times more exact than the robot: the corrections then take up nearly all that they say, and what
 // is left must not drown in rounding.
-TEST_P(RobotNoiseTest, ExactPicturesLeaveTheRobotsUncertainty) {
+TEST_P(RobotNoiseTest, ExactImagesLeaveTheRobotsUncertainty) {
   TestSceneOptions options;
   options.setup = GetParam();
   const TestScene scene = MakeTestScene(9, options);
@@ -174,11 +174,11 @@ TEST(LinearViewTest, WhitenedRowsHaveTheCovariancesInverse) {
     options.noise_px = kPixelPx;
     const TestScene scene = MakeTestScene(5, options);
     const FreeParameters free(scene.camera.params.size(), true);
-    const std::vector<LinearView> views = *LineariseViews({scene.camera, scene.views, options.setup}, scene.hand_eye,
-                                                          {}, free, kPixelPx, *FindLoss("none"));
-    for (const LinearView& view : views) {
-      EXPECT_EQ(view.num_unmoved, columns == 8 ? view.offset.size() - 6 : 0);
-      EXPECT_TRUE(view.by_correction.bottomRows(view.num_unmoved).isZero(0));
+    const std::vector<LinearisedView> views = *LineariseViews({scene.camera, scene.views, options.setup},
+                                                              scene.hand_eye, {}, free, kPixelPx, *FindLoss("none"));
+    for (const LinearisedView& view : views) {
+      EXPECT_EQ(view.num_rows_without_correction, columns == 8 ? view.offset.size() - 6 : 0);
+      EXPECT_TRUE(view.by_correction.bottomRows(view.num_rows_without_correction).isZero(0));
       constexpr double kPixelVariance = 1.3;
       const double translation_m2 = kTranslationM * kTranslationM;
       const double rotation_rad2 = kRotationRad * kRotationRad;

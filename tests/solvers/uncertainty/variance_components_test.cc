@@ -9,8 +9,8 @@ namespace heba {
 namespace {
 
 // Views as their model has them: rows by unknowns and by a correction, with noise of known variances.
-std::vector<LinearView> MakeViews(unsigned seed, int num_views, double pixel, double translation_m, double rotation_rad,
-                                  int num_rows = 16) {
+std::vector<LinearisedView> MakeViews(unsigned seed, int num_views, double pixel, double translation_m,
+                                      double rotation_rad, int num_rows = 16) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   const auto draw = [&](Eigen::Index rows, Eigen::Index columns) {
@@ -18,9 +18,9 @@ std::vector<LinearView> MakeViews(unsigned seed, int num_views, double pixel, do
   };
   constexpr Eigen::Index kUnknowns = 9;
   const Eigen::VectorXd step = draw(kUnknowns, 1);
-  std::vector<LinearView> views;
+  std::vector<LinearisedView> views;
   for (int v = 0; v < num_views; ++v) {
-    LinearView view;
+    LinearisedView view;
     view.by_unknowns = draw(num_rows, kUnknowns);
     view.by_correction = 1000 * draw(num_rows, 6);
     Tangent6 correction;
@@ -40,7 +40,7 @@ void ExpectEstimated(const VarianceComponents& found, double pixel, double trans
 
 TEST(VarianceComponentsTest, FindsWhatWasDrawn) {
   for (unsigned seed = 1; seed <= 10; ++seed) {
-    const std::vector<LinearView> views = MakeViews(seed, 60, 0.7, 2e-3, 5e-3);
+    const std::vector<LinearisedView> views = MakeViews(seed, 60, 0.7, 2e-3, 5e-3);
     const VarianceComponents found = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
     ExpectEstimated(found, 0.7, 4e-6, 25e-6);
     // Known to some 10 %: 60 views, 3 numbers each.
@@ -53,7 +53,7 @@ TEST(VarianceComponentsTest, FindsWhatWasDrawn) {
 TEST(VarianceComponentsTest, AnExactRobotIsFoundExact) {
   int num_zeros = 0;
   for (unsigned seed = 1; seed <= 20; ++seed) {
-    const std::vector<LinearView> views = MakeViews(seed, 20, 0.7, 0, 0);
+    const std::vector<LinearisedView> views = MakeViews(seed, 20, 0.7, 0, 0);
     const VarianceComponents found = EstimateVariances(views, {1, 1e-4, 1e-4}, true, true);
     ExpectEstimated(found, 0.7, 0, 0);
     EXPECT_GE(found.translation_m2, 0);
@@ -66,7 +66,7 @@ TEST(VarianceComponentsTest, AnExactRobotIsFoundExact) {
 
 // Wherever it starts, the result is the same, and its own start.
 TEST(VarianceComponentsTest, DoesNotDependOnItsStart) {
-  const std::vector<LinearView> views = MakeViews(3, 30, 0.7, 2e-3, 5e-3);
+  const std::vector<LinearisedView> views = MakeViews(3, 30, 0.7, 2e-3, 5e-3);
   const VarianceComponents exact = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
   const auto expect_near = [&](const VarianceComponents& other, double share_of_stddev) {
     EXPECT_NEAR(other.pixel, exact.pixel, share_of_stddev * exact.stddev[0]);
@@ -80,7 +80,7 @@ TEST(VarianceComponentsTest, DoesNotDependOnItsStart) {
 }
 
 TEST(VarianceComponentsTest, WhatIsNotFreeStays) {
-  const std::vector<LinearView> views = MakeViews(4, 30, 0.7, 2e-3, 5e-3);
+  const std::vector<LinearisedView> views = MakeViews(4, 30, 0.7, 2e-3, 5e-3);
   const VarianceComponents given_pixel = EstimateVariances(views, {0.5, 1e-6, 1e-6}, false, true);
   EXPECT_EQ(given_pixel.pixel, 0.5);
   EXPECT_EQ(given_pixel.stddev[0], 0);
@@ -93,11 +93,11 @@ TEST(VarianceComponentsTest, WhatIsNotFreeStays) {
 
 // Rows that no correction moves may be told from the others, or not.
 TEST(VarianceComponentsTest, RowsThatAreNotMovedCountAlike) {
-  std::vector<LinearView> views = MakeViews(7, 30, 0.7, 2e-3, 5e-3);
+  std::vector<LinearisedView> views = MakeViews(7, 30, 0.7, 2e-3, 5e-3);
   constexpr Eigen::Index kUnmoved = 10;
-  for (LinearView& view : views) view.by_correction.bottomRows(kUnmoved).setZero();
+  for (LinearisedView& view : views) view.by_correction.bottomRows(kUnmoved).setZero();
   const VarianceComponents untold = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
-  for (LinearView& view : views) view.num_unmoved = kUnmoved;
+  for (LinearisedView& view : views) view.num_rows_without_correction = kUnmoved;
   const VarianceComponents told = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
   EXPECT_NEAR(told.pixel, untold.pixel, 1e-9 * untold.pixel);
   EXPECT_NEAR(told.translation_m2, untold.translation_m2, 1e-9 * untold.translation_m2);
@@ -106,12 +106,12 @@ TEST(VarianceComponentsTest, RowsThatAreNotMovedCountAlike) {
 
 // Views of fewer rows than a correction has numbers, and rests that are counted beside the rows.
 TEST(VarianceComponentsTest, CountsFewRowsAndRests) {
-  const std::vector<LinearView> few = MakeViews(5, 200, 0.7, 2e-3, 5e-3, 4);
+  const std::vector<LinearisedView> few = MakeViews(5, 200, 0.7, 2e-3, 5e-3, 4);
   ExpectEstimated(EstimateVariances(few, {1, 1e-6, 1e-6}, true, true), 0.7, 4e-6, 25e-6);
-  std::vector<LinearView> views = MakeViews(6, 30, 0.7, 2e-3, 5e-3);
-  for (LinearView& view : views) {
-    view.num_rest = 1000;
-    view.rest_squares = 1000 * 0.7;
+  std::vector<LinearisedView> views = MakeViews(6, 30, 0.7, 2e-3, 5e-3);
+  for (LinearisedView& view : views) {
+    view.num_residual_dof = 1000;
+    view.residual_sum_of_squares = 1000 * 0.7;
   }
   const VarianceComponents found = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
   ExpectEstimated(found, 0.7, 4e-6, 25e-6);

@@ -21,15 +21,15 @@ TEST(TargetShapeTest, AsDesignedMovesNothing) {
   TargetShape shape = MakeShape();
   shape.params = TargetShape().params;
   const Eigen::Vector3d point(0.03, 0.04, 0.001);
-  EXPECT_EQ(Shaped(point, shape), point);
+  EXPECT_EQ(ApplyShape(point, shape), point);
 }
 
 TEST(TargetShapeTest, BendsAreHeightsInTheMiddle) {
   const TargetShape shape = MakeShape();
   // In the middle along both axes, both; at the edge of one, the other.
-  EXPECT_TRUE(Shaped({0.1, 0.05, 0}, shape).isApprox(Eigen::Vector3d(0.1002, 0.04995, 3e-4), 1e-12));
-  EXPECT_TRUE(Shaped({0.2, 0.05, 0}, shape).isApprox(Eigen::Vector3d(0.2004, 0.04995, -2e-4), 1e-12));
-  EXPECT_TRUE(Shaped({0.1, 0.1, 0}, shape).isApprox(Eigen::Vector3d(0.1002, 0.0999, 5e-4), 1e-12));
+  EXPECT_TRUE(ApplyShape({0.1, 0.05, 0}, shape).isApprox(Eigen::Vector3d(0.1002, 0.04995, 3e-4), 1e-12));
+  EXPECT_TRUE(ApplyShape({0.2, 0.05, 0}, shape).isApprox(Eigen::Vector3d(0.2004, 0.04995, -2e-4), 1e-12));
+  EXPECT_TRUE(ApplyShape({0.1, 0.1, 0}, shape).isApprox(Eigen::Vector3d(0.1002, 0.0999, 5e-4), 1e-12));
 }
 
 TEST(TargetShapeTest, DerivativesAreThoseOfDifferences) {
@@ -40,7 +40,7 @@ TEST(TargetShapeTest, DerivativesAreThoseOfDifferences) {
   for (size_t i = 0; i < shape.params.size(); ++i) {
     TargetShape more = shape;
     more.params[i] += kStep;
-    const Eigen::Vector3d difference = (Shaped(point, more) - Shaped(point, shape)) / kStep;
+    const Eigen::Vector3d difference = (ApplyShape(point, more) - ApplyShape(point, shape)) / kStep;
     EXPECT_LT((difference - by_params.col(static_cast<Eigen::Index>(i))).norm(), 1e-9) << kTargetShapeParamNames[i];
   }
 }
@@ -50,7 +50,7 @@ TEST(TargetShapeTest, ALineIsNotBentAcross) {
   points << 0.0, 0.2, 0.0, 0.0, 0.0, 0.0;
   TargetShape shape = DesignedShape(points);
   shape.params = {1, 1, 1e-3, 1e-3};
-  EXPECT_TRUE(Shaped({0.1, 0, 0}, shape).isApprox(Eigen::Vector3d(0.1, 0, 1e-3), 1e-12));
+  EXPECT_TRUE(ApplyShape({0.1, 0, 0}, shape).isApprox(Eigen::Vector3d(0.1, 0, 1e-3), 1e-12));
 }
 
 }  // namespace

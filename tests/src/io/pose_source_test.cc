@@ -70,7 +70,7 @@ TEST(HeaderlessTest, NamesCountMoreThanPlaces) {
 }
 
 // Brackets in the name of a picture are its own; a header may call the column of pictures as it likes.
-TEST(HeaderlessTest, PicturesKeepTheirNames) {
+TEST(HeaderlessTest, ImagesKeepTheirNames) {
   EXPECT_EQ(ParsePoses("img (1).png,7,100,-200,300,10,20,30\n", "poses.txt", FormatOf(kOwn))[0].image, "img (1).png");
   EXPECT_EQ(ParsePoses("file,n,x,y,z,a,b,c\nb.png,7,100,-200,300,10,20,30\n", "poses.txt", FormatOf(kOwn))[0].image,
             "b.png");

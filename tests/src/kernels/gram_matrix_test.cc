@@ -10,11 +10,11 @@ namespace {
 using ColumnProductsTest = EverySimdTest;
 
 TEST_P(ColumnProductsTest, AreTheProductsOfAllPairs) {
-  for (int num_columns = 1; num_columns <= ColumnProducts::kMaxColumns; ++num_columns) {
+  for (int num_columns = 1; num_columns <= GramMatrix::kMaxColumns; ++num_columns) {
     for (const Eigen::Index num_rows : {8, 40}) {
       const Eigen::Index stride = num_rows + 8;
       Eigen::MatrixXd columns = Eigen::MatrixXd::Random(stride, num_columns + num_columns % 2);
-      ColumnProducts products(num_columns, stride);
+      GramMatrix products(num_columns, stride);
       products.Add(columns.data(), num_rows);
       products.Add(columns.data() + 8, num_rows);
       const auto part = [&](Eigen::Index first) { return columns.block(first, 0, num_rows, num_columns); };

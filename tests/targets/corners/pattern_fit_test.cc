@@ -46,10 +46,10 @@ TEST(CellPatternTest, HasTheDrawingsColours) {
 // The closed form against sums over a fine grid, for maps with shear and perspective's foreshortening.
 TEST(BlurredTest, IsTheGaussianMeanOfTheCells) {
   const CellPattern pattern = CellsOf(TestDrawing(), {-0.02, -0.02}, {0.02, 0.02});
-  Eigen::Matrix2d picture_by_pattern;
-  picture_by_pattern << 900, 500, -200, 400;
+  Eigen::Matrix2d image_by_pattern;
+  image_by_pattern << 900, 500, -200, 400;
   constexpr double kBlurPx = 1.3;
-  const Eigen::Matrix2d pattern_by_picture = picture_by_pattern.inverse();
+  const Eigen::Matrix2d pattern_by_image = image_by_pattern.inverse();
   for (const Eigen::Vector2d& at_m : {Eigen::Vector2d(0.0005, -0.0007), Eigen::Vector2d(0.0031, -0.0036),
                                       Eigen::Vector2d(-0.0004, 0.006), Eigen::Vector2d(0.0068, -0.0031)}) {
     const auto mean = [&](const Eigen::Vector2d& centre_m, double blur_px) {
@@ -59,7 +59,7 @@ TEST(BlurredTest, IsTheGaussianMeanOfTheCells) {
       for (int i = -kSteps; i <= kSteps; ++i) {
         for (int j = -kSteps; j <= kSteps; ++j) {
           const Eigen::Vector2d q(6.0 * i / kSteps, 6.0 * j / kSteps);  // In sigmas.
-          const Eigen::Vector2d p = centre_m + pattern_by_picture * (blur_px * q);
+          const Eigen::Vector2d p = centre_m + pattern_by_image * (blur_px * q);
           Eigen::Index x = 0;
           Eigen::Index y = 0;
           while (x < static_cast<Eigen::Index>(pattern.x_m.size()) && p.x() > pattern.x_m[static_cast<size_t>(x)]) ++x;
@@ -71,20 +71,20 @@ TEST(BlurredTest, IsTheGaussianMeanOfTheCells) {
       }
       return sum / weights;
     };
-    const BlurredAlbedo blurred = Blurred(pattern, at_m, picture_by_pattern, kBlurPx);
+    const BlurredAlbedo blurred = Blurred(pattern, at_m, image_by_pattern, kBlurPx);
     constexpr double kGridError = 2e-3;  // Of the sums: cells end between steps.
     EXPECT_NEAR(blurred.value, mean(at_m, kBlurPx), kGridError);
     constexpr double kStepM = 2e-7;
     for (int axis = 0; axis < 2; ++axis) {
       const Eigen::Vector2d step_m = kStepM * Eigen::Vector2d::Unit(axis);
-      const double numeric = (Blurred(pattern, at_m + step_m, picture_by_pattern, kBlurPx).value -
-                              Blurred(pattern, at_m - step_m, picture_by_pattern, kBlurPx).value) /
+      const double numeric = (Blurred(pattern, at_m + step_m, image_by_pattern, kBlurPx).value -
+                              Blurred(pattern, at_m - step_m, image_by_pattern, kBlurPx).value) /
                              (2 * kStepM);
       EXPECT_NEAR(blurred.by_at[axis], numeric, 1e-3 * (1 + std::abs(numeric)) + 0.1);
     }
     constexpr double kStepPx = 1e-4;
-    const double by_blur = (Blurred(pattern, at_m, picture_by_pattern, kBlurPx + kStepPx).value -
-                            Blurred(pattern, at_m, picture_by_pattern, kBlurPx - kStepPx).value) /
+    const double by_blur = (Blurred(pattern, at_m, image_by_pattern, kBlurPx + kStepPx).value -
+                            Blurred(pattern, at_m, image_by_pattern, kBlurPx - kStepPx).value) /
                            (2 * kStepPx);
     EXPECT_NEAR(blurred.by_blur, by_blur, 1e-3);
   }
@@ -126,7 +126,7 @@ FitTotals FitViews(const RenderOptions& options_in, int num_views, double square
     const std::optional<PatternFit> fit = FitPattern(picture, CellsOf(drawing, {-0.016, -0.016}, {0.016, 0.016}),
                                                      shift * truth, {Eigen::Vector2d::Zero()}, fit_options);
     if (!fit) continue;
-    const Eigen::Vector2d error_px = fit->pixels[0] - Map(truth, Eigen::Vector2d::Zero());
+    const Eigen::Vector2d error_px = fit->pixels[0] - ApplyHomography(truth, Eigen::Vector2d::Zero());
     totals.sum_px += error_px;
     totals.squares_px2 += error_px.squaredNorm();
     totals.chi2 += error_px.dot(fit->covariance_px2.ldlt().solve(error_px));

@@ -27,7 +27,7 @@ Rigid3d BoardPose(double aside_px, double turn_rad) {
   constexpr double kDistanceM = 0.35;
   const Eigen::Quaterniond rotation = ExpRotation({0.3, -0.2, 0}) * ExpRotation({0, 0, turn_rad});
   const Eigen::Vector3d middle_m(0.08, 0.05, 0);
-  const double aside_m = aside_px * kDistanceM / PictureCamera().params[0];
+  const double aside_m = aside_px * kDistanceM / ImageCamera().params[0];
   return {rotation, Eigen::Vector3d(aside_m, 0, kDistanceM) - rotation * middle_m};
 }
 
@@ -35,7 +35,7 @@ cv::Mat Render(const Target& target, const Rigid3d& camera_from_target, double n
   RenderOptions options;
   options.noise_sigma_grey = noise_grey;
   options.clutter = true;
-  return RenderView(target.Draw(), PictureCamera(), camera_from_target, options);
+  return RenderView(target.Draw(), ImageCamera(), camera_from_target, options);
 }
 
 TEST(SaddleGrid, SaddlesHaveTheDarkSectorBetweenTheirEdges) {
@@ -44,7 +44,7 @@ TEST(SaddleGrid, SaddlesHaveTheDarkSectorBetweenTheirEdges) {
   const std::vector<Saddle> saddles = FindSaddles(grey, 1000);
   size_t num_corners = 0;
   for (const TargetPoint& point : board->points()) {
-    const Eigen::Vector2d pixel = PixelOf(point, PictureCamera(), BoardPose(0, 0.4)).value();
+    const Eigen::Vector2d pixel = PixelOf(point, ImageCamera(), BoardPose(0, 0.4)).value();
     for (const Saddle& saddle : saddles) {
       if ((saddle.pixel - pixel).norm() > 0.5) continue;
       ++num_corners;
@@ -69,7 +69,7 @@ TEST(SaddleGrid, FindsBoardsHoweverTheyAreTurned) {
     const SaddleGrid grid = FindSaddleGrid(Render(*board, pose, /*noise_grey=*/6), kSize);
     ASSERT_EQ(grid.corners.size(), board->points().size()) << step;
     for (const TargetPoint& point : board->points()) {
-      const Eigen::Vector2d pixel = PixelOf(point, PictureCamera(), pose).value();
+      const Eigen::Vector2d pixel = PixelOf(point, ImageCamera(), pose).value();
       double nearest_px = 1e9;
       for (const cv::Point2f& corner : grid.corners) {
         nearest_px = std::min(nearest_px, (Eigen::Vector2d(corner.x, corner.y) - pixel).norm());
@@ -111,7 +111,7 @@ TEST(SaddleGrid, SaysWhereAnIncompleteBoardGoesOn) {
   cv::Mat grey = Render(*board, BoardPose(0, 0));
   const auto pixel_of = [&](int row, int column) {
     const size_t index = static_cast<size_t>(row * kColumns + column);
-    const Eigen::Vector2d pixel = PixelOf(board->points()[index], PictureCamera(), BoardPose(0, 0)).value();
+    const Eigen::Vector2d pixel = PixelOf(board->points()[index], ImageCamera(), BoardPose(0, 0)).value();
     return cv::Point(static_cast<int>(pixel.x()), static_cast<int>(pixel.y()));
   };
   constexpr int kSpotPx = 16;

@@ -267,7 +267,7 @@ INSTANTIATE_TEST_SUITE_P(RenderView, RenderAccuracyTest, testing::Range(size_t{0
                          [](const auto& param_info) { return std::string(Scenes()[param_info.param].name); });
 
 // One picture in 49: the rows' sums run over all edges at their left, in and out of the picture.
-TEST(RenderView, PartsOfAPictureAreThePicturesOfItsParts) {
+TEST(RenderView, PartsOfAImageAreTheImagesOfItsParts) {
   const Drawing drawing = Tangle(false);
   const Rigid3d camera_from_target(Rotation(0.3, -0.4, 0.2), {0.001, 0.002, 0.12});
   const Camera camera{"brown5", 140, 105, {180, 181, 70, 51, -0.2, 0.05, 0.001, 0, 0}};
@@ -328,7 +328,7 @@ TEST(DrawingEdgesTest, TheSheetsBorderIsCutByWhatCrossesIt) {
   }
 }
 
-TEST(RenderView, BoardBehindTheCameraOrBesideThePictureIsNotSeen) {
+TEST(RenderView, BoardBehindTheCameraOrBesideTheImageIsNotSeen) {
   const Drawing drawing = Tangle(false);
   const Camera camera{"brown5", 60, 40, {60, 60, 30, 20, -0.3, 0.1, 0, 0, 0}};
   RenderOptions options;

@@ -219,7 +219,7 @@ TEST(Sheet, JsonHasTheFormOfTheInterfaces) {
   EXPECT_TRUE(nlohmann::json::parse(SheetJson(sheet, "sheet.pdf"))["dpi"].is_null());
 }
 
-TEST(Sheet, OtherSuffixesAndHugePicturesAreInputErrors) {
+TEST(Sheet, OtherSuffixesAndHugeImagesAreInputErrors) {
   const TempFolder folder;
   Sheet sheet = MakeSheet(TwoDiscs());
   EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / "sheet.jpg"); }), HasSubstr(".svg, .pdf or .png"));

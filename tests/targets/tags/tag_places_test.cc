@@ -109,7 +109,7 @@ TEST(TagPlacesTest, LargeRegionsAreSearchedOnce) {
   EXPECT_LT(AreaShare(FindTagPlaces(grey, OptionsOf(2), &searched), grey), 0.5 * share);
 }
 
-TEST(TagPlacesTest, TakeAnyPicture) {
+TEST(TagPlacesTest, TakeAnyImage) {
   for (const cv::Size& size : {cv::Size(1, 1), cv::Size(7, 900), cv::Size(9, 9), cv::Size(33, 17)}) {
     cv::Mat grey(size, CV_8UC1);
     cv::randu(grey, 0, 255);

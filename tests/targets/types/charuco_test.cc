@@ -99,7 +99,7 @@ TEST(Charuco, WrongLayoutLeavesOutWhatIsNotOnTheBoard) {
   Rng rng(32);
   const Drawing& drawing = printed->Draw();
   const Detection detection =
-      assumed->Detect(RenderView(drawing, PictureCamera(), RandomView(drawing, 0.9, 0.5, 0.4, rng)));
+      assumed->Detect(RenderView(drawing, ImageCamera(), RandomView(drawing, 0.9, 0.5, 0.4, rng)));
   EXPECT_EQ(detection.ids.size(), assumed->points().size() - 5);
   EXPECT_THAT(detection.reason, HasSubstr("5 of 40 corners not seen"));
 }

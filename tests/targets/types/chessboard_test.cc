@@ -67,7 +67,7 @@ TEST(Chessboard, ImagesWithoutAntiAliasing) {
   constexpr int kRows = 5;
   constexpr int kColumns = 8;
   const std::unique_ptr<Target> target = MakeBoard(kRows, kColumns);
-  const Camera camera = PictureCamera();
+  const Camera camera = ImageCamera();
   DetectionErrors own;
   DetectionErrors of_opencv;
   double chi2 = 0;
@@ -102,7 +102,7 @@ TEST(Chessboard, ImagesWithoutAntiAliasing) {
 // A board with one order is read in it, however it is turned.
 TEST(Chessboard, ColoursTellTheOrder) {
   const std::unique_ptr<Target> target = MakeBoard(5, 8);
-  const Camera camera = PictureCamera();
+  const Camera camera = ImageCamera();
   for (int quarter = 0; quarter < 4; ++quarter) {
     Rng rng(22, static_cast<uint64_t>(quarter));
     const Eigen::Vector3d middle_m(0.07, 0.04, 0);
@@ -118,7 +118,7 @@ TEST(Chessboard, ColoursTellTheOrder) {
 // A dark thing behind a rim narrower than a square makes the rim look like one more row of squares.
 TEST(Chessboard, RimIsNoRow) {
   const std::unique_ptr<Target> target = MakeBoard(4, 3);
-  const Camera camera = PictureCamera();
+  const Camera camera = ImageCamera();
   Drawing drawing = target->Draw();
   drawing.min_m += Eigen::Vector2d(0.014, 0.014);  // 6 mm of the rim of 20 mm remain.
   drawing.max_m -= Eigen::Vector2d(0.014, 0.014);
@@ -139,7 +139,7 @@ TEST(Chessboard, FindsNothingWithoutABoard) {
   const std::unique_ptr<Target> other = MakeBoard(3, 4);
   Rng rng(24);
   const Detection detection =
-      target->Detect(RenderView(other->Draw(), PictureCamera(), RandomView(other->Draw(), 0.7, 0.4, 0.4, rng)));
+      target->Detect(RenderView(other->Draw(), ImageCamera(), RandomView(other->Draw(), 0.7, 0.4, 0.4, rng)));
   EXPECT_THAT(detection.ids, IsEmpty());
   EXPECT_THAT(detection.reason, HasSubstr("no board of 5 x 8"));
 }
@@ -156,7 +156,7 @@ TEST(Chessboard, ABlankWallIsNotSearched) {
 
 // An image of a board with something drawn over it, and the truth about it.
 struct CoveredView {
-  Camera camera = PictureCamera();
+  Camera camera = ImageCamera();
   Rigid3d camera_from_target;
   cv::Mat grey;
   cv::Mat cover;  // Nonzero at covered pixels.

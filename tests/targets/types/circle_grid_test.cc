@@ -28,7 +28,7 @@ namespace {
 
 // ---------------------------------------------------------------------------------------------------------- pictures
 
-struct PictureOptions {
+struct ImageOptions {
   int width_px = 640;
   int height_px = 480;
   int samples = 3;  // A side of a pixel.
@@ -40,7 +40,7 @@ struct PictureOptions {
 };
 
 // The picture of a scene given by its albedo at a pixel.
-cv::Mat Render(const std::function<double(const Eigen::Vector2d& pixel)>& albedo, const PictureOptions& options,
+cv::Mat Render(const std::function<double(const Eigen::Vector2d& pixel)>& albedo, const ImageOptions& options,
                Rng rng) {
   const int samples = options.samples;
   cv::Mat fine(options.height_px * samples, options.width_px * samples, CV_32F);
@@ -67,7 +67,7 @@ cv::Mat Render(const std::function<double(const Eigen::Vector2d& pixel)>& albedo
 }
 
 // A single dark dot.
-cv::Mat RenderDot(const Ellipse& dot, const PictureOptions& options, const Rng& rng) {
+cv::Mat RenderDot(const Ellipse& dot, const ImageOptions& options, const Rng& rng) {
   return Render(
       [&](const Eigen::Vector2d& pixel) {
         const Eigen::Vector2d u = pixel - dot.centre_px;
@@ -78,7 +78,7 @@ cv::Mat RenderDot(const Ellipse& dot, const PictureOptions& options, const Rng& 
 
 // How a camera sees the target's plane: a homography, then a lens that moves pixels towards the centre (`bend`, by the
 // half width squared).
-struct Look {
+struct FindEdgesWithin {
   Eigen::Matrix3d pixel_from_plane = Eigen::Matrix3d::Identity();
   Eigen::Vector2d lens_centre_px = Eigen::Vector2d(319.5, 239.5);
   double bend = 0;
@@ -109,7 +109,7 @@ struct Look {
 };
 
 // A camera of f = 800 px that looks at the middle of a drawing, tilted about an axis in the plane.
-Look RandomLook(const Drawing& drawing, double max_tilt_rad, double max_roll_rad, Rng& rng) {
+FindEdgesWithin RandomLook(const Drawing& drawing, double max_tilt_rad, double max_roll_rad, Rng& rng) {
   const double tilt = rng.Uniform(0, max_tilt_rad);
   const double direction = rng.Uniform(0, 2 * kPi);
   const double roll = rng.Uniform(-max_roll_rad, max_roll_rad);
@@ -124,13 +124,14 @@ Look RandomLook(const Drawing& drawing, double max_tilt_rad, double max_roll_rad
       translation - rotation * Eigen::Vector3d(middle.x(), middle.y(), 0);
   Eigen::Matrix3d intrinsics;
   intrinsics << 800, 0, 319.5, 0, 800, 239.5, 0, 0, 1;
-  Look look;
+  FindEdgesWithin look;
   look.pixel_from_plane = intrinsics * camera_from_plane;
   return look;
 }
 
 // A drawing of discs, on its sheet before grey.
-cv::Mat RenderDrawing(const Drawing& drawing, const Look& look, const PictureOptions& options, const Rng& rng) {
+cv::Mat RenderDrawing(const Drawing& drawing, const FindEdgesWithin& look, const ImageOptions& options,
+                      const Rng& rng) {
   // Which discs reach into each of the sheet's cells: there are millions of samples.
   constexpr int kCells = 64;
   const Eigen::Vector2d cell_m = (drawing.max_m - drawing.min_m) / kCells;
@@ -200,7 +201,7 @@ void ExpectPrecision(const Precision& precision) {
   double sum_normalised = 0;
   const int num_dots = precision.radius_px > 15 ? 40 : 100;
   for (int k = 0; k < num_dots; ++k) {
-    PictureOptions options;
+    ImageOptions options;
     options.width_px = options.height_px = static_cast<int>(4 * precision.radius_px + 24);
     options.samples = 8;
     options.blur_sigma_px = precision.blur_sigma_px;
@@ -252,7 +253,7 @@ TEST(RefineEllipse, LeavesOutAHiddenPart) {
   for (int k = 0; k < 20; ++k) {
     const Ellipse dot = Ellipse::FromAxes({50 + rng.Uniform(-0.5, 0.5), 50 + rng.Uniform(-0.5, 0.5)}, 25, 20, 0.4);
     const Eigen::Vector2d hidden_px = dot.centre_px + 27 * Eigen::Vector2d(std::cos(0.3 * k), std::sin(0.3 * k));
-    PictureOptions options;
+    ImageOptions options;
     options.width_px = options.height_px = 100;
     const cv::Mat grey = Render(
         [&](const Eigen::Vector2d& pixel) {
@@ -273,7 +274,7 @@ TEST(RefineEllipse, LeavesOutAHiddenPart) {
 }
 
 TEST(RefineEllipse, RefusesWhatIsNotThere) {
-  PictureOptions options;
+  ImageOptions options;
   options.width_px = options.height_px = 80;
   // Half outside the picture.
   const Ellipse cut = Ellipse::FromAxes({2, 40}, 10, 10, 0);
@@ -285,7 +286,7 @@ TEST(RefineEllipse, RefusesWhatIsNotThere) {
   EXPECT_TRUE(!refined || std::abs(refined->contrast_grey) < 8 || refined->residual_ratio > 0.2);
 }
 
-TEST(FindEllipses, DoesNotChangeThePicture) {
+TEST(FindEllipses, DoesNotChangeTheImage) {
   const cv::Mat grey = RenderDot(Ellipse::FromAxes({50, 50}, 10, 10, 0), {.width_px = 100, .height_px = 100}, Rng(7));
   const cv::Mat copy = grey.clone();
   FindEllipses(grey, {});
@@ -297,7 +298,7 @@ TEST(FindEllipses, FindsDotsOfAllSizesOnce) {
     const int size_px = static_cast<int>(3 * radius + 30);
     const Ellipse dot = Ellipse::FromAxes({0.5 * size_px, 0.5 * size_px + 0.3}, radius, radius, 0);
     for (const bool light : {false, true}) {
-      PictureOptions options{.width_px = size_px, .height_px = size_px, .samples = 2};
+      ImageOptions options{.width_px = size_px, .height_px = size_px, .samples = 2};
       if (light) std::swap(options.black_grey, options.white_grey);
       EllipseFinderOptions finder_options;
       finder_options.polarity = light ? DotPolarity::kLightOnDark : DotPolarity::kDarkOnLight;
@@ -313,7 +314,7 @@ TEST(FindEllipses, FindsDotsOfAllSizesOnce) {
 }
 
 TEST(FindEllipses, LeavesOutSquaresAndWhatTouchesTheBorder) {
-  PictureOptions options{.width_px = 200, .height_px = 200};
+  ImageOptions options{.width_px = 200, .height_px = 200};
   const cv::Mat grey = Render(
       [](const Eigen::Vector2d& pixel) {
         const bool square = (pixel - Eigen::Vector2d(60, 60)).cwiseAbs().maxCoeff() < 20;
@@ -408,7 +409,7 @@ TEST(CircleGrid, IsFoundInAnyAttitude) {
     const Drawing& drawing = target->Draw();
     for (int k = 0; k < 3; ++k) {
       Rng rng(10, ++seed);
-      const Look look = RandomLook(drawing, kPi / 4, kPi, rng);
+      const FindEdgesWithin look = RandomLook(drawing, kPi / 4, kPi, rng);
       const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
       ASSERT_EQ(detection.ids.size(), target->points().size()) << grid.keys << ": " << detection.reason;
       EXPECT_EQ(detection.reason, "");
@@ -436,7 +437,7 @@ TEST(CircleGrid, IsFoundThroughAWideLens) {
     const Drawing& drawing = target->Draw();
     for (int k = 0; k < 2; ++k) {
       Rng rng(11, ++seed);
-      Look look = RandomLook(drawing, 0.7, kPi, rng);
+      FindEdgesWithin look = RandomLook(drawing, 0.7, kPi, rng);
       look.bend = 0.15;
       const Detection detection = target->Detect(RenderDrawing(drawing, look, {.light_slope = 0.5}, rng));
       ASSERT_EQ(detection.ids.size(), target->points().size()) << grid.keys << ": " << detection.reason;
@@ -453,7 +454,7 @@ TEST(CircleGrid, IsFoundAmongStrayDots) {
     Drawing drawing = target->Draw();
     drawing.min_m.array() -= 0.06;
     drawing.max_m.array() += 0.06;
-    const Look look = RandomLook(drawing, 0.5, kPi, rng);
+    const FindEdgesWithin look = RandomLook(drawing, 0.5, kPi, rng);
     int num_strays = 0;
     while (num_strays < 40) {
       const Eigen::Vector2d place(rng.Uniform(drawing.min_m.x(), drawing.max_m.x()),
@@ -474,7 +475,7 @@ TEST(CircleGrid, SaysWhatIsMissing) {
   Rng rng(13);
   const auto target = MakeGrid("rows: 5, columns: 4, spacing: 10 mm, asymmetric: true");
   Drawing drawing = target->Draw();
-  const Look look = RandomLook(drawing, 0.3, 1, rng);
+  const FindEdgesWithin look = RandomLook(drawing, 0.3, 1, rng);
   drawing.shapes.erase(drawing.shapes.begin() + 7);
   const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
   EXPECT_TRUE(detection.ids.empty());
@@ -490,7 +491,7 @@ TEST(CircleGrid, IsNotFoundInALargerOne) {
   Rng rng(14);
   const auto larger = MakeGrid("rows: 6, columns: 8, spacing: 20 mm");
   const Drawing& drawing = larger->Draw();
-  const Look look = RandomLook(drawing, 0.5, kPi, rng);
+  const FindEdgesWithin look = RandomLook(drawing, 0.5, kPi, rng);
   const cv::Mat grey = RenderDrawing(drawing, look, {}, rng);
   for (const std::string keys :
        {"rows: 5, columns: 8", "rows: 6, columns: 7", "rows: 3, columns: 3", "rows: 4, columns: 6"}) {
@@ -525,7 +526,7 @@ TEST(CircleGrid, IsFoundBeforeALargerLattice) {
           }
         }
       }
-      const Look look = RandomLook(drawing, 0.5, kPi, rng);
+      const FindEdgesWithin look = RandomLook(drawing, 0.5, kPi, rng);
       const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
       if (!is_there) {
         EXPECT_TRUE(detection.ids.empty()) << keys;
@@ -559,7 +560,7 @@ TEST(CircleGrid, NeedsTheLargerDotAndOnTheRightSide) {
   Rng rng(15);
   const auto target = MakeGrid("rows: 4, columns: 6, spacing: 20 mm, marker_dot: true");
   Drawing drawing = target->Draw();
-  const Look look = RandomLook(drawing, 0.4, kPi, rng);
+  const FindEdgesWithin look = RandomLook(drawing, 0.4, kPi, rng);
   // A mirror has it at the bottom right.
   Drawing mirrored = drawing;
   for (Shape& disc : mirrored.shapes) disc.centre_m.x() = 0.1 - disc.centre_m.x();
@@ -577,7 +578,7 @@ TEST(CircleGrid, IsReadUprightWhereItCannotKnow) {
   Rng rng(16);
   const auto target = MakeGrid("rows: 5, columns: 7, spacing: 20 mm");
   const Drawing& drawing = target->Draw();
-  const Look look = RandomLook(drawing, 0.4, 0.5, rng);
+  const FindEdgesWithin look = RandomLook(drawing, 0.4, 0.5, rng);
   const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
   ASSERT_EQ(detection.ids.size(), 35u) << detection.reason;
   EXPECT_LT((detection.pixels[0] - look.PixelOf({0, 0})).norm(), 0.2);
@@ -601,7 +602,7 @@ TEST(CircleGrid, RefusesWhatCannotBe) {
 // ----------------------------------------------------------------------------------------------------- recorded
 // pictures
 
-std::vector<std::filesystem::path> PicturesIn(const std::filesystem::path& folder) {
+std::vector<std::filesystem::path> ImagesIn(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> pictures;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (HasImageSuffix(entry.path())) pictures.push_back(entry.path());
@@ -657,11 +658,11 @@ bool IsLargeDot(const cv::Mat& grey, const Eigen::Vector2d& pixel, double reach_
 
 // All 15 pictures and one of the same board elsewhere; the board in one of them touches the picture's border. Every fit
 // is within 0.45 px, most within 0.17 (the board's picture bends at the camera's corners).
-TEST(CircleGrid, IsFoundInRecordedPicturesWithALargerDot) {
+TEST(CircleGrid, IsFoundInRecordedImagesWithALargerDot) {
   const std::filesystem::path folder = DataDir() / "ic_circlegrid_eye_in_hand" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const auto target = MakeGrid("rows: 10, columns: 10, spacing: 25.4 mm, marker_dot: true");
-  std::vector<std::filesystem::path> pictures = PicturesIn(folder);
+  std::vector<std::filesystem::path> pictures = ImagesIn(folder);
   EXPECT_EQ(pictures.size(), 15u);
   const std::filesystem::path other =
       DataDir() / "detect_misc_targets" / "images" / "ic_modified_circle_grid_10x10_0.025.png";
@@ -683,17 +684,17 @@ TEST(CircleGrid, IsFoundInRecordedPicturesWithALargerDot) {
 
 // Dots of 230 to 260 px, cut out of their pictures with a ragged edge. In one picture of the 20 the edge of two dots is
 // gone. Every seventh is looked at.
-TEST(CircleGrid, IsFoundInRecordedPicturesOfAnAsymmetricGrid) {
+TEST(CircleGrid, IsFoundInRecordedImagesOfAnAsymmetricGrid) {
   const std::filesystem::path folder = DataDir() / "zhangnatha_asym_circles_eye_to_hand" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const auto target = MakeGrid("rows: 5, columns: 4, spacing: 10 mm, asymmetric: true, light_on_dark: true");
-  const std::vector<std::filesystem::path> pictures = PicturesIn(folder);
+  const std::vector<std::filesystem::path> pictures = ImagesIn(folder);
   int num_found = 0;
-  int num_pictures = 0;
+  int num_images = 0;
   for (size_t n = 0; n < pictures.size(); n += 7) {
     const std::filesystem::path& picture = pictures[n];
     const Detection detection = target->Detect(ReadGreyImage(picture));
-    ++num_pictures;
+    ++num_images;
     if (detection.ids.empty()) {
       EXPECT_FALSE(detection.reason.empty());
       continue;
@@ -702,7 +703,7 @@ TEST(CircleGrid, IsFoundInRecordedPicturesOfAnAsymmetricGrid) {
     EXPECT_EQ(detection.ids.size(), 20u);
     EXPECT_LT(HomographyRms(*target, detection), 0.45) << picture.filename();
   }
-  EXPECT_GE(num_found, num_pictures - 1);
+  EXPECT_GE(num_found, num_images - 1);
 }
 
 // Every 24th picture of every set without such a grid, those of more than 4 megapixels at half their size.
@@ -711,11 +712,11 @@ TEST(CircleGrid, IsNotFoundWhereThereIsNone) {
   const auto symmetric = MakeGrid("rows: 4, columns: 4, spacing: 10 mm");
   const auto asymmetric = MakeGrid("rows: 5, columns: 4, spacing: 10 mm, asymmetric: true");
   const auto light = MakeGrid("rows: 3, columns: 4, spacing: 10 mm, light_on_dark: true");
-  int num_pictures = 0;
+  int num_images = 0;
   for (const auto& set : std::filesystem::directory_iterator(DataDir())) {
     const std::string name = set.path().filename().string();
     if (name.find("circle") != std::string::npos || !std::filesystem::exists(set.path() / "images")) continue;
-    const std::vector<std::filesystem::path> pictures = PicturesIn(set.path() / "images");
+    const std::vector<std::filesystem::path> pictures = ImagesIn(set.path() / "images");
     for (size_t n = 0; n < pictures.size(); n += 24) {
       if (pictures[n].filename().string().find("circle") != std::string::npos) continue;
       cv::Mat grey = ReadGreyImage(pictures[n]);
@@ -725,10 +726,10 @@ TEST(CircleGrid, IsNotFoundWhereThereIsNone) {
         EXPECT_TRUE(detection.ids.empty()) << pictures[n];
         EXPECT_FALSE(detection.reason.empty());
       }
-      ++num_pictures;
+      ++num_images;
     }
   }
-  EXPECT_GT(num_pictures, 0);
+  EXPECT_GT(num_images, 0);
 }
 
 }  // namespace

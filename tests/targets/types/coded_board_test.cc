@@ -259,7 +259,7 @@ TEST(CodedBoard, IsFoundInAllSizesAndAttitudes) {
 }
 
 // Dots of 300 px: those whose rings are whole in the picture are found.
-TEST(CodedBoard, IsFoundWhereItFillsThePicture) {
+TEST(CodedBoard, IsFoundWhereItFillsTheImage) {
   const auto board = MakeBoard("rows: 2, columns: 2, spacing: 32.5 mm, dot_diameter: 10 mm");
   for (const double tilt_deg : {0.0, 40.0}) {
     Rng rng(38, static_cast<uint64_t>(tilt_deg));

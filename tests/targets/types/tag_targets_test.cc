@@ -127,7 +127,7 @@ TEST(AprilTagGrid, NeighboursCorrectWhatTheLensBends) {
 // Specks between the cells leave a tag readable but unlike what is drawn: its corners are those of its edges, and are
 // said to be no better than those are straight.
 TEST(AprilTagGrid, StainedTagsSayHowPoorTheyAre) {
-  const Camera camera = PictureCamera();
+  const Camera camera = ImageCamera();
   for (const int side : {1, 3}) {
     const std::unique_ptr<Target> target = MakeGrid("tag36h11", side, side, ", corner_squares: false");
     Drawing drawing = target->Draw();
@@ -199,7 +199,7 @@ TEST(AprilTagGrid, SecondBoardWithTheSameTagsIsLeftOut) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 2, 2, "");
   Rng rng(14);
   const Rigid3d camera_from_target = RandomView(target->Draw(), 0.6, 0.3, 0.2, rng);
-  const cv::Mat view = RenderView(target->Draw(), PictureCamera(), camera_from_target);
+  const cv::Mat view = RenderView(target->Draw(), ImageCamera(), camera_from_target);
   cv::Mat both;
   cv::hconcat(view, view, both);
   const Detection detection = target->Detect(both);
@@ -234,7 +234,7 @@ TEST(AprilTagGrid, TheBoardOfWhichMoreIsSeenIsFound) {
   EXPECT_LT(ErrorsOf(*target, camera, far, detection).max_px, 0.3);
 }
 
-TEST(AprilTagGrid, PicturesOfAnyShapeAreSearched) {
+TEST(AprilTagGrid, ImagesOfAnyShapeAreSearched) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 2, 2, "");
   cv::RNG random(6);
   for (const cv::Size& size : {cv::Size(16, 20000), cv::Size(20000, 17), cv::Size(320, 16)}) {
@@ -247,7 +247,7 @@ TEST(AprilTagGrid, PicturesOfAnyShapeAreSearched) {
 TEST(AprilTagGrid, ThreadsShareOneTarget) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 3, 3, "");
   Rng rng(15);
-  const cv::Mat view = RenderView(target->Draw(), PictureCamera(), RandomView(target->Draw(), 0.8, 0.5, 0.5, rng));
+  const cv::Mat view = RenderView(target->Draw(), ImageCamera(), RandomView(target->Draw(), 0.8, 0.5, 0.5, rng));
   const Detection alone = target->Detect(view);
   ASSERT_EQ(alone.ids.size(), 36U);
   std::vector<Detection> detections(4);
@@ -297,10 +297,10 @@ double WorstMisfit(const Target& target, const Detection& detection) {
         picture.emplace_back(detection.pixels[i].x(), detection.pixels[i].y());
       }
     }
-    const cv::Mat picture_from_board = cv::findHomography(board, picture);
+    const cv::Mat image_from_board = cv::findHomography(board, picture);
     std::vector<cv::Point2d> corners;
     for (size_t i = 4 * tag; i < 4 * tag + 4; ++i) corners.push_back(place_of(detection.ids[i]));
-    cv::perspectiveTransform(corners, corners, picture_from_board);
+    cv::perspectiveTransform(corners, corners, image_from_board);
     for (size_t k = 0; k < 4; ++k) {
       const Eigen::Vector2d& found_px = detection.pixels[4 * tag + k];
       const double side_px = (detection.pixels[4 * tag + (k + 1) % 4] - found_px).norm();
@@ -324,7 +324,7 @@ TEST(AprilTagGrid, ReadsRecordedKalibrSheets) {
   };
   const std::map<std::string, Sheet> others = {{"rs_iphone.png", {6, 11, 2}},
                                                {"py_t36h11_1bit_margin.png", {11, 14, 1}}};
-  int num_pictures = 0;
+  int num_images = 0;
   for (const nlohmann::json& picture : data.at("images")) {
     const std::string name = picture.at("image");
     const auto other = others.find(name);
@@ -349,9 +349,9 @@ TEST(AprilTagGrid, ReadsRecordedKalibrSheets) {
       }
       EXPECT_LT(WorstMisfit(*target, detection), 0.25) << name;
     }
-    ++num_pictures;
+    ++num_images;
   }
-  EXPECT_EQ(num_pictures, 16);
+  EXPECT_EQ(num_images, 16);
 }
 
 // The pictures show many copies of tag 0: one of them is found, where libapriltag's own test expects it. That test runs

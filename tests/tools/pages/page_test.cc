@@ -5,8 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tools/pages/chart_picture.h"
 #include "tools/pages/page_assets.h"
+#include "tools/pages/static_chart.h"
 
 namespace heba {
 namespace {
@@ -60,7 +60,7 @@ TEST_P(PageTest, HasNoChartsWithoutTheScriptAndSaysSo) {
 }
 
 // A chart has a picture for whoever has no script: beside the script where there is one, alone where there is none.
-TEST_P(PageTest, ChartsHavePicturesWithoutTheScript) {
+TEST_P(PageTest, ChartsHaveImagesWithoutTheScript) {
   const std::string picture = "<svg class=\"picture\"></svg>";
   for (const std::string& figure :
        {ViewFigure("lines", "caption", {{"x", 1}}, picture), SharedViewFigure("lines", "caption", "d", picture)}) {
@@ -74,8 +74,8 @@ TEST_P(PageTest, ChartsHavePicturesWithoutTheScript) {
   }
 }
 
-TEST(ChartPictureTest, MarksStandWhereTheirNumbersAre) {
-  ChartPicture chart(200, 146, {"x", 0, 10}, {"y", 1, 100, true}, 88);
+TEST(StaticChartTest, MarksStandWhereTheirNumbersAre) {
+  StaticChart chart(200, 146, {"x", 0, 10}, {"y", 1, 100, true}, 88);
   chart.Dot(0, 1, 2, "first");
   chart.Dot(10, 100, 2, "first");
   chart.Dot(5, 10, 2, "first");
@@ -91,7 +91,7 @@ TEST(ChartPictureTest, MarksStandWhereTheirNumbersAre) {
   EXPECT_THAT(svg, Not(HasSubstr("<b>")));
 }
 
-TEST(ChartPictureTest, TicksAreRoundAndWithin) {
+TEST(StaticChartTest, TicksAreRoundAndWithin) {
   EXPECT_EQ(AxisTicks({"", 0, 10}, 6), (std::vector<double>{0, 2, 4, 6, 8, 10}));
   EXPECT_EQ(AxisTicks({"", 8, -1}, 6), (std::vector<double>{0, 2, 4, 6, 8}));
   EXPECT_EQ(AxisTicks({"", 0.3, 6, true}, 6), (std::vector<double>{0.5, 1, 2, 5}));

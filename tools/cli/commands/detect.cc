@@ -73,7 +73,7 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   StagedFolder folder(output, "detections");
   CheckCameraByHeader(config);
   const std::vector<CaptureDetection> detections = DetectCaptures(config, NumThreads(), verbosity);
-  FitCameraToPictures(detections.front(), &config);
+  FitCameraToImages(detections.front(), &config);
   const std::optional<Camera> camera = FittedCamera(config, detections);
   const std::string through = camera
                                   ? (config.camera ? "the given camera" : "a " + camera->model + " lens fitted to them")

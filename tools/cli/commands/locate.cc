@@ -71,20 +71,20 @@ std::string SigmasMm(const Eigen::Matrix3d& covariance_m2) {
 }
 
 // "sx, sy, sz mm (calibration ...; picture ...)".
-std::string SigmasText(const PlaceCovariance& covariance) {
+std::string SigmasText(const PositionCovariance& covariance) {
   return SigmasMm(covariance.TotalM2()) + " mm (calibration " + SigmasMm(covariance.by_calibration_m2) + "; picture " +
-         SigmasMm(covariance.by_picture_m2) +
+         SigmasMm(covariance.by_image_m2) +
          (covariance.by_robot_m2.isZero() ? "" : "; robot " + SigmasMm(covariance.by_robot_m2)) + ")";
 }
 
 // Whether figures of a place can be shown: what a result says of its own uncertainty may be no covariance.
-bool IsKnown(const Eigen::Vector3d& place_m, const PlaceCovariance& covariance) {
+bool IsKnown(const Eigen::Vector3d& place_m, const PositionCovariance& covariance) {
   const Eigen::Vector3d variances = covariance.TotalM2().diagonal();
   return place_m.allFinite() && variances.allFinite() && variances.minCoeff() >= 0;
 }
 constexpr const char* kNotKnown = "the place and its uncertainty are no finite numbers; the result is not to be used";
 
-double LargestSigmaMm(const PlaceCovariance& covariance) {
+double LargestSigmaMm(const PositionCovariance& covariance) {
   return 1000 * std::sqrt(covariance.TotalM2().diagonal().maxCoeff());
 }
 

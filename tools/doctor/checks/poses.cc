@@ -10,7 +10,7 @@
 #include <cmath>
 #include <limits>
 
-#include "heba/base/spread.h"
+#include "heba/base/even_indices.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/closed_form/motion_analysis.h"
@@ -171,7 +171,7 @@ std::optional<JudgedReading> Judge(const Examination& examination, const Reading
     if (reading.mounts[i]) captures.push_back({*reading.mounts[i], examination.views[i].camera_from_target});
   }
   std::vector<PoseCandidates> some;
-  for (const size_t i : SpreadIndices(captures.size(), kMostViews)) some.push_back(captures[i]);
+  for (const size_t i : EvenIndices(captures.size(), kMostViews)) some.push_back(captures[i]);
   std::optional<PoseConsistency> consistency = FindPoseConsistency(some, reading.scale);
   if (!consistency) return std::nullopt;
   JudgedReading judged{reading, std::move(*consistency), reading.format.translation_unit, reading.oddness};

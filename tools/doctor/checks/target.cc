@@ -2,9 +2,9 @@
 // often confused with.
 #include <algorithm>
 
+#include "heba/base/even_indices.h"
 #include "heba/base/median.h"
 #include "heba/base/parallel.h"
-#include "heba/base/spread.h"
 #include "heba/base/text.h"
 #include "targets/images/image.h"
 #include "targets/target.h"
@@ -45,10 +45,10 @@ std::string SettingsText(const TargetSettings& settings) {
 }
 
 // A few captures of the data set.
-RunConfig Sample(const RunConfig& config, size_t num_pictures) {
+RunConfig Sample(const RunConfig& config, size_t num_images) {
   RunConfig sample = config;
   sample.captures.clear();
-  for (const size_t i : SpreadIndices(config.captures.size(), num_pictures)) {
+  for (const size_t i : EvenIndices(config.captures.size(), num_images)) {
     sample.captures.push_back(config.captures[i]);
   }
   return sample;
@@ -64,7 +64,7 @@ size_t NumPoints(const std::vector<CaptureDetection>& detections) {
 std::vector<OtherTarget> OtherTargets(const RunConfig& config) {
   std::vector<std::pair<int, TargetSettings>> counted;
   for (const Capture& capture : config.captures) {
-    for (const TargetSettings& settings : config.target->Confusions(ReadGreyImage(capture.image))) {
+    for (const TargetSettings& settings : config.target->LikelyMisconfigurations(ReadGreyImage(capture.image))) {
       const auto known =
           std::find_if(counted.begin(), counted.end(), [&](const auto& entry) { return entry.second == settings; });
       if (known == counted.end()) {
@@ -120,13 +120,13 @@ double MiddleShare(const RunConfig& config, const std::vector<CaptureDetection>&
   return shares.empty() ? 0 : Median(shares);
 }
 
-constexpr double kMostPictures = 0.7;
+constexpr double kMostImages = 0.7;
 
 // Whether the pictures show enough of the target for it to be the right one.
 bool IsSeenWell(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
   constexpr double kMostOfIt =
       0.85;  // Less is a reason to look, not a fault: a target may well be half in the picture.
-  return static_cast<double>(NumSeen(detections)) >= kMostPictures * static_cast<double>(detections.size()) &&
+  return static_cast<double>(NumSeen(detections)) >= kMostImages * static_cast<double>(detections.size()) &&
          MiddleShare(config, detections) >= kMostOfIt;
 }
 
@@ -195,7 +195,7 @@ std::vector<Symptom> Check_target(Examination* examination) {
     return {{Severity::kWrong, "target_not_seen", "the target is seen " + seen + why,
              "look at heba detect's pictures: is it the target that the config names, whole, sharp and lit?"}};
   }
-  if (share >= kMostPictures) return {};
+  if (share >= kMostImages) return {};
   return {{Severity::kRemark, "target_often_missed", "the target is seen " + seen + " only" + why,
            "look at heba detect's pictures of the others"}};
 }

@@ -26,7 +26,7 @@ struct KannalaBrandt4 {
     const auto is_on_axis = rho2 <= zz * 1e-16;
     const V rho = EachLane<V>(rho2, rho2, [](double a, double) { return std::sqrt(a); });
     const V theta = EachLane<V>(rho, z, [](double a, double b) { return std::atan2(a, b); });
-    const V on_axis = InFront<V>(z);  // theta / rho there.
+    const V on_axis = ReciprocalOrNaN<V>(z);  // theta / rho there.
     const V one = AllLanes<V>(1);
     const V theta_by_rho = is_on_axis ? on_axis : theta / (is_on_axis ? one : rho);
     const V theta2 = theta * theta;

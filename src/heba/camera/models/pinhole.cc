@@ -11,7 +11,7 @@ struct Pinhole {
   template <class V>
   HEBA_INLINE static void Distort(const double* /*distortion*/, const V& x, const V& y, const V& z,
                                   DistortedImage<V, kNumDistortion>* image) {
-    const V inverse = InFront<V>(z);
+    const V inverse = ReciprocalOrNaN<V>(z);
     image->x = x * inverse;
     image->y = y * inverse;
     image->x_by_point[0] = inverse;

@@ -22,7 +22,7 @@ struct Rational8 {
     const V r2 = ray.r2;
     const V numerator = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
     // Beyond a pole of the radial factor there is no image.
-    const V inverse = InFront<V>(1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+    const V inverse = ReciprocalOrNaN<V>(1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)));
     const V radial = numerator * inverse;
     const V numerator_by_r2 = k1 + r2 * (2.0 * k2 + r2 * (3.0 * k3));
     const V denominator_by_r2 = k4 + r2 * (2.0 * k5 + r2 * (3.0 * k6));

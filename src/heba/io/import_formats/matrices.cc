@@ -23,7 +23,7 @@ ImportedSet Read(const fs::path& source) {
     throw InputError(source.string() + ": " + std::to_string(numbers.size()) + " numbers are no 4 x 4 matrices");
   }
   const size_t count = numbers.size() / kMatrix;
-  const std::vector<fs::path> pictures = PicturesForPoses({source.parent_path() / "images"}, count, &set.remarks);
+  const std::vector<fs::path> pictures = ImagesForPoses({source.parent_path() / "images"}, count, &set.remarks);
   for (size_t i = 0; i < count; ++i) {
     ImportedCapture capture = CaptureOf(pictures.empty() ? fs::path() : pictures[i], i);
     capture.base_from_gripper = PoseOfMatrix(std::span(numbers).subspan(kMatrix * i, kMatrix), 1,

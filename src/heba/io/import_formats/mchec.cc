@@ -69,7 +69,7 @@ ImportedSet Read(const fs::path& source) {
     set.camera = ReadCamera(intrinsics);
     set.files.push_back(intrinsics);
   }
-  for (const fs::path& picture : PicturesOf(camera / "image")) {
+  for (const fs::path& picture : ImagesOf(camera / "image")) {
     const fs::path pose = camera / "pose" / (picture.stem().string() + ".csv");
     if (!fs::exists(pose)) continue;
     set.files.push_back(pose);

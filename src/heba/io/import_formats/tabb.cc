@@ -66,9 +66,9 @@ ImportedSet Read(const fs::path& source) {
     set.target = TargetOf(object, &set.remarks);
     set.files.push_back(object);
   }
-  std::vector<fs::path> pictures = PicturesOf(source / "images" / "camera0");
-  if (pictures.empty()) pictures = PicturesOf(source / "images");
-  if (pictures.empty()) pictures = PicturesOf(source);
+  std::vector<fs::path> pictures = ImagesOf(source / "images" / "camera0");
+  if (pictures.empty()) pictures = ImagesOf(source / "images");
+  if (pictures.empty()) pictures = ImagesOf(source);
   const size_t num_poses = (numbers.size() - 1) / kMatrix;
   if (!pictures.empty() && pictures.size() != num_poses) {
     throw InputError(robot.string() + ": has " + std::to_string(num_poses) + " poses for " +

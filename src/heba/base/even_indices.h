@@ -8,7 +8,7 @@
 namespace heba {
 
 // At most `most` of the indices 0 .. count - 1, evenly spread, the first one among them.
-inline std::vector<size_t> SpreadIndices(size_t count, size_t most) {
+inline std::vector<size_t> EvenIndices(size_t count, size_t most) {
   std::vector<size_t> indices;
   const size_t num = std::min(count, most);
   for (size_t i = 0; i < num; ++i) indices.push_back(i * count / num);

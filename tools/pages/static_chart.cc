@@ -1,4 +1,4 @@
-#include "tools/pages/chart_picture.h"
+#include "tools/pages/static_chart.h"
 
 #include <algorithm>
 #include <cmath>
@@ -55,26 +55,26 @@ std::vector<double> AxisTicks(const ChartAxis& axis, int most) {
   return ticks;
 }
 
-ChartPicture::ChartPicture(double width, double height, ChartAxis x, ChartAxis y, double left)
+StaticChart::StaticChart(double width, double height, ChartAxis x, ChartAxis y, double left)
     : width_(width), height_(height), left_(left), x_(std::move(x)), y_(std::move(y)) {}
 
-double ChartPicture::X(double x) const { return left_ + (width_ - left_ - kRight) * Share(x_, x); }
-double ChartPicture::Y(double y) const { return kTop + (height_ - kTop - kBottom) * (1 - Share(y_, y)); }
+double StaticChart::X(double x) const { return left_ + (width_ - left_ - kRight) * Share(x_, x); }
+double StaticChart::Y(double y) const { return kTop + (height_ - kTop - kBottom) * (1 - Share(y_, y)); }
 
-void ChartPicture::Dot(double x, double y, double radius_px, const std::string& colour) {
+void StaticChart::Dot(double x, double y, double radius_px, const std::string& colour) {
   marks_ += "<circle cx=\"" + Fixed(X(x), 1) + "\" cy=\"" + Fixed(Y(y), 1) + "\" r=\"" + Fixed(radius_px, 1) +
             "\" fill=\"" + Ink(colour) + "\"/>\n";
 }
 
-void ChartPicture::Line(const std::vector<std::pair<double, double>>& points, const std::string& colour,
-                        double width_px, bool is_dashed) {
+void StaticChart::Line(const std::vector<std::pair<double, double>>& points, const std::string& colour, double width_px,
+                       bool is_dashed) {
   std::string path;
   for (const auto& [x, y] : points) path += (path.empty() ? "" : " ") + Fixed(X(x), 1) + "," + Fixed(Y(y), 1);
   marks_ += "<polyline fill=\"none\" points=\"" + path + "\" stroke=\"" + Ink(colour) + "\" stroke-width=\"" +
             Fixed(width_px, 1) + "\"" + (is_dashed ? " stroke-dasharray=\"6 4\"" : "") + "/>\n";
 }
 
-void ChartPicture::Bar(double x1, double y1, double x2, double y2, const std::string& colour, double opacity) {
+void StaticChart::Bar(double x1, double y1, double x2, double y2, const std::string& colour, double opacity) {
   const auto [left, right] = std::minmax({X(x1), X(x2)});
   const auto [top, bottom] = std::minmax({Y(y1), Y(y2)});
   marks_ += "<rect x=\"" + Fixed(left, 1) + "\" y=\"" + Fixed(top, 1) + "\" width=\"" + Fixed(right - left, 1) +
@@ -82,17 +82,17 @@ void ChartPicture::Bar(double x1, double y1, double x2, double y2, const std::st
             (opacity < 1 ? " fill-opacity=\"" + Fixed(opacity, 2) + "\"" : "") + "/>\n";
 }
 
-void ChartPicture::Text(double x, double y, const std::string& text, const std::string& anchor) {
+void StaticChart::Text(double x, double y, const std::string& text, const std::string& anchor) {
   marks_ += "<text x=\"" + Fixed(X(x), 1) + "\" y=\"" + Fixed(Y(y) + 4, 1) + "\" text-anchor=\"" + anchor + "\">" +
             EscapedForMarkup(text) + "</text>\n";
 }
 
-void ChartPicture::RowName(double y, const std::string& text) {
+void StaticChart::RowName(double y, const std::string& text) {
   marks_ += "<text x=\"" + Fixed(left_ - 8, 1) + "\" y=\"" + Fixed(Y(y) + 4, 1) + "\" text-anchor=\"end\">" +
             EscapedForMarkup(text) + "</text>\n";
 }
 
-std::string ChartPicture::Svg() const {
+std::string StaticChart::Svg() const {
   const auto text = [](double x, double y, const std::string& attributes, const std::string& words) {
     return "<text x=\"" + Fixed(x, 1) + "\" y=\"" + Fixed(y, 1) + "\" " + attributes + ">" + EscapedForMarkup(words) +
            "</text>\n";
@@ -125,7 +125,7 @@ std::string ChartPicture::Svg() const {
   return svg + "</svg>\n";
 }
 
-std::string DumbbellPicture(const std::string& axis, const std::vector<FigureRow>& rows) {
+std::string DumbbellChart(const std::string& axis, const std::vector<FigureRow>& rows) {
   std::vector<FigureRow> shown;
   double low = std::numeric_limits<double>::infinity();
   double high = 0;
@@ -148,8 +148,8 @@ std::string DumbbellPicture(const std::string& axis, const std::vector<FigureRow
   constexpr double kWidth = 620;
   constexpr double kPxPerLetter = 7;
   const auto count = static_cast<double>(shown.size());
-  ChartPicture chart(kWidth, 50 + 20 * count, {axis, low / 1.3, 1.3 * high, true}, {"", count, 0, false, false},
-                     16 + kPxPerLetter * static_cast<double>(longest));
+  StaticChart chart(kWidth, 50 + 20 * count, {axis, low / 1.3, 1.3 * high, true}, {"", count, 0, false, false},
+                    16 + kPxPerLetter * static_cast<double>(longest));
   for (size_t i = 0; i < shown.size(); ++i) {
     const double y = static_cast<double>(i) + 0.5;
     chart.RowName(y, shown[i].label);

@@ -22,11 +22,11 @@ inline constexpr double kChartTop = 8;
 inline constexpr double kChartRight = 12;
 inline constexpr double kChartBottom = 38;
 
-class ChartPicture {
+class StaticChart {
  public:
   // The size in px that it is drawn at where there is room; `left` is the margin beside the vertical axis. The vertical
   // axis runs upwards, from low to high; low may be the larger one.
-  ChartPicture(double width, double height, ChartAxis x, ChartAxis y, double left = 56);
+  StaticChart(double width, double height, ChartAxis x, ChartAxis y, double left = 56);
 
   void Dot(double x, double y, double radius_px, const std::string& colour);
   void Line(const std::vector<std::pair<double, double>>& points, const std::string& colour, double width_px,
@@ -59,7 +59,7 @@ struct FigureRow {
   std::optional<double> first;
   std::optional<double> second;
 };
-std::string DumbbellPicture(const std::string& axis, const std::vector<FigureRow>& rows);
+std::string DumbbellChart(const std::string& axis, const std::vector<FigureRow>& rows);
 
 // 1, 2 and 5 of each decade of a logarithmic axis; of many decades the ones alone; of a linear one some even steps.
 std::vector<double> AxisTicks(const ChartAxis& axis, int most);

@@ -1,4 +1,4 @@
-#include "tools/pages/report_pictures.h"
+#include "tools/pages/report_charts.h"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 #include <Eigen/Cholesky>
 
 #include "heba/base/text.h"
-#include "tools/pages/chart_picture.h"
+#include "tools/pages/static_chart.h"
 
 namespace heba {
 namespace {
@@ -40,7 +40,7 @@ std::vector<Residual> Thinned(const std::vector<Residual>& all) {
 }
 
 // The picture's pixels, y downwards.
-ChartPicture OverPicture(const Camera& camera) {
+StaticChart OverImage(const Camera& camera) {
   // True to scale: the plot has the picture's shape.
   constexpr double kLeft = 12;
   const double height = (kWidth - kLeft - kChartRight) * camera.height_px / camera.width_px;
@@ -53,23 +53,23 @@ ChartPicture OverPicture(const Camera& camera) {
 
 }  // namespace
 
-std::string MethodsPicture(const RunResult& result) {
+std::string MethodsChart(const RunResult& result) {
   std::vector<FigureRow> rows;
   for (const Estimate& estimate : result.estimates) {
     if (!estimate.ok) continue;
     rows.push_back({estimate.method, estimate.errors.reprojection_rms_px, estimate.errors.holdout_rms_px});
   }
-  return DumbbellPicture("px rms: in-sample (first colour), hold-out (second)", rows);
+  return DumbbellChart("px rms: in-sample (first colour), hold-out (second)", rows);
 }
 
-std::string ResidualFieldPicture(const Camera& camera, const std::vector<ReportedCapture>& captures) {
+std::string ResidualFieldChart(const Camera& camera, const std::vector<ReportedCapture>& captures) {
   const std::vector<Residual> drawn = Thinned(ResidualsOf(captures));
   if (drawn.empty()) return "";
   std::vector<double> lengths;
   for (const Residual& r : drawn) lengths.push_back(std::hypot(r.dx, r.dy));
   std::nth_element(lengths.begin(), lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2), lengths.end());
   const double times = camera.width_px / 40.0 / std::max(lengths[lengths.size() / 2], 1e-9);
-  ChartPicture chart = OverPicture(camera);
+  StaticChart chart = OverImage(camera);
   for (const Residual& r : drawn) {
     chart.Line({{r.x, r.y}, {r.x + times * r.dx, r.y + times * r.dy}}, "second", 1);
     chart.Dot(r.x, r.y, 1.2, "first");
@@ -77,7 +77,7 @@ std::string ResidualFieldPicture(const Camera& camera, const std::vector<Reporte
   return chart.Svg();
 }
 
-std::string CoveragePicture(const Camera& camera, const std::vector<ReportedCapture>& captures) {
+std::string CoverageChart(const Camera& camera, const std::vector<ReportedCapture>& captures) {
   const std::vector<Residual> all = ResidualsOf(captures);
   if (all.empty()) return "";
   constexpr int kColumns = 8;
@@ -89,7 +89,7 @@ std::string CoveragePicture(const Camera& camera, const std::vector<ReportedCapt
     const int row = std::clamp(static_cast<int>((r.y + 0.5) / camera.height_px * rows), 0, rows - 1);
     ++counts(row, column);
   }
-  ChartPicture chart = OverPicture(camera);
+  StaticChart chart = OverImage(camera);
   const double width = static_cast<double>(camera.width_px) / kColumns;
   const double height = static_cast<double>(camera.height_px) / rows;
   for (int row = 0; row < rows; ++row) {
@@ -106,7 +106,7 @@ std::string CoveragePicture(const Camera& camera, const std::vector<ReportedCapt
   return chart.Svg();
 }
 
-std::string ResidualRadiusPicture(const Camera& camera, const std::vector<ReportedCapture>& captures) {
+std::string ResidualRadiusChart(const Camera& camera, const std::vector<ReportedCapture>& captures) {
   std::vector<std::pair<double, double>> dots;
   double farthest = 1;
   double largest = 1e-9;
@@ -120,13 +120,13 @@ std::string ResidualRadiusPicture(const Camera& camera, const std::vector<Report
     largest = std::max(largest, std::abs(outward));
   }
   if (dots.empty()) return "";
-  ChartPicture chart(kWidth, 240, {"distance from the principal point, px", 0, farthest},
-                     {"outward, px", -largest, largest});
+  StaticChart chart(kWidth, 240, {"distance from the principal point, px", 0, farthest},
+                    {"outward, px", -largest, largest});
   for (const auto& [radius, outward] : dots) chart.Dot(radius, outward, 1.3, "first");
   return chart.Svg();
 }
 
-std::string HistogramPicture(double sigma_px, const std::vector<ReportedCapture>& captures) {
+std::string HistogramChart(double sigma_px, const std::vector<ReportedCapture>& captures) {
   const std::vector<Residual> all = ResidualsOf(captures);
   if (all.empty() || !(sigma_px > 0)) return "";
   constexpr int kBins = 41;
@@ -139,7 +139,7 @@ std::string HistogramPicture(double sigma_px, const std::vector<ReportedCapture>
     }
   }
   const double top = 2.0 * static_cast<double>(all.size()) * width / (sigma_px * std::sqrt(2 * M_PI));
-  ChartPicture chart(
+  StaticChart chart(
       kWidth, 240, {"predicted minus seen, px", -reach, reach},
       {"coordinates", 0, 1.05 * std::max(top, static_cast<double>(*std::max_element(counts.begin(), counts.end())))});
   for (size_t i = 0; i < counts.size(); ++i) {
@@ -155,12 +155,12 @@ std::string HistogramPicture(double sigma_px, const std::vector<ReportedCapture>
   return chart.Svg();
 }
 
-std::string CaptureBarsPicture(const RunResult& result) {
+std::string CaptureBarsChart(const RunResult& result) {
   double largest = 0;
   for (const CaptureResult& capture : result.captures) largest = std::max(largest, capture.rms_px.value_or(0));
   if (!(largest > 0)) return "";
   const auto count = static_cast<double>(result.captures.size());
-  ChartPicture chart(kWidth, 200, {"number of the capture", 0.5, count + 0.5}, {"rms, px", 0, 1.05 * largest});
+  StaticChart chart(kWidth, 200, {"number of the capture", 0.5, count + 0.5}, {"rms, px", 0, 1.05 * largest});
   for (size_t i = 0; i < result.captures.size(); ++i) {
     const double x = static_cast<double>(i) + 1;
     chart.Bar(x - 0.4, 0, x + 0.4, result.captures[i].rms_px.value_or(0), "first");
@@ -168,8 +168,8 @@ std::string CaptureBarsPicture(const RunResult& result) {
   return chart.Svg();
 }
 
-std::string SetUpPicture(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures,
-                         const Eigen::Vector3d& target_middle) {
+std::string SetUpChart(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures,
+                       const Eigen::Vector3d& target_middle) {
   const bool is_fixed = result.setup == Setup::kEyeToHand;
   std::vector<Eigen::Vector3d> cameras;
   std::vector<Eigen::Vector3d> targets;
@@ -196,8 +196,8 @@ std::string SetUpPicture(const RunResult& result, const Estimate& refined, const
   const double reach = std::max(650 * (high - low).head<2>().maxCoeff(), 1.0);
   constexpr double kLeft = 56;
   const double height = kWidth - kLeft - kChartRight + kChartTop + kChartBottom;
-  ChartPicture chart(kWidth, height, {"x of the base, mm", middle.x() - reach, middle.x() + reach},
-                     {"y of the base, mm (seen from above)", middle.y() - reach, middle.y() + reach});
+  StaticChart chart(kWidth, height, {"x of the base, mm", middle.x() - reach, middle.x() + reach},
+                    {"y of the base, mm (seen from above)", middle.y() - reach, middle.y() + reach});
   for (const Eigen::Vector3d& target : targets) chart.Dot(1000 * target.x(), 1000 * target.y(), 4, "first");
   for (const Eigen::Vector3d& camera : cameras) chart.Dot(1000 * camera.x(), 1000 * camera.y(), 4, "second");
   chart.Dot(0, 0, 4, "ink");
@@ -207,15 +207,15 @@ std::string SetUpPicture(const RunResult& result, const Estimate& refined, const
   return chart.Svg();
 }
 
-std::string EllipsePicture(const std::string& x, const std::string& y, const Eigen::Matrix2d& covariance,
-                           double reach_95) {
+std::string EllipseChart(const std::string& x, const std::string& y, const Eigen::Matrix2d& covariance,
+                         double reach_95) {
   const double largest = std::sqrt(covariance.diagonal().maxCoeff());
   if (!(largest > 0)) return "";
   const double reach = 1.1 * reach_95 * largest;
   constexpr double kSize = 250;
   constexpr double kLeft = 56;
-  ChartPicture chart(kSize, kSize - kLeft - kChartRight + kChartTop + kChartBottom, {x, -reach, reach},
-                     {y, -reach, reach});
+  StaticChart chart(kSize, kSize - kLeft - kChartRight + kChartTop + kChartBottom, {x, -reach, reach},
+                    {y, -reach, reach});
   const Eigen::Matrix2d root = covariance.llt().matrixL();
   for (const double sigmas : {1.0, reach_95}) {
     std::vector<std::pair<double, double>> outline;
@@ -229,13 +229,13 @@ std::string EllipsePicture(const std::string& x, const std::string& y, const Eig
   return chart.Svg();
 }
 
-std::string CorrelationPicture(const std::vector<std::string>& names, const Eigen::MatrixXd& correlation) {
+std::string CorrelationChart(const std::vector<std::string>& names, const Eigen::MatrixXd& correlation) {
   const auto count = static_cast<double>(names.size());
   constexpr double kCell = 20;
   constexpr double kNames = 110;
-  ChartPicture chart(kNames + kCell * count + 12, kCell * count + 46,
-                     {"in the same order from left to right", 0, count, false, false}, {"", count, 0, false, false},
-                     kNames);
+  StaticChart chart(kNames + kCell * count + 12, kCell * count + 46,
+                    {"in the same order from left to right", 0, count, false, false}, {"", count, 0, false, false},
+                    kNames);
   for (size_t i = 0; i < names.size(); ++i) {
     chart.RowName(static_cast<double>(i) + 0.5, names[i]);
     for (size_t j = 0; j < names.size(); ++j) {
