@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Layers include only what lies below them: src <- solvers, targets <- tools; solvers and targets do not know each other.
+# The include structure: a folder includes only folders below it, and within a folder a room includes only rooms that
+# stand before it in its list. docs/architecture.md draws the same lists.
 set -uo pipefail
 cd "$(dirname "$0")/../.."
 status=0
@@ -10,10 +11,40 @@ forbid() {
     status=1
   fi
 }
-forbid src 'opencv2|apriltag|cairo|gflags|solvers/|targets/|tools/|tests/' 'the core knows nothing above it'
-forbid solvers 'opencv2|apriltag|cairo|gflags|targets/|tools/|tests/' 'solvers know the core only'
-forbid targets 'gflags|solvers/|tools/|tests/' 'targets know the core only'
-forbid tools 'tests/' 'the application does not know its tests'
+forbid src 'opencv2|apriltag|cairo|gflags|solvers/|targets/|tools/|tests/' 'the core includes nothing above it'
+forbid solvers 'opencv2|apriltag|cairo|gflags|targets/|tools/|tests/' 'solvers include the core only'
+forbid targets 'gflags|solvers/|tools/|tests/' 'targets include the core only'
+forbid tools 'tests/' 'the application does not include its tests'
+
+# rooms FOLDER PREFIX ROOM...: the rooms of a folder, each of which may include those before it. The room '.' is the
+# files directly in the folder.
+rooms() {
+  local folder=$1 prefix=$2
+  shift 2
+  local rooms=("$@") i j file
+  for i in "${!rooms[@]}"; do
+    for ((j = i + 1; j < ${#rooms[@]}; ++j)); do
+      local above="$prefix${rooms[j]}/[^\"]*" inside=(-r "$folder/${rooms[i]}")
+      [ "${rooms[j]}" = . ] && above="$prefix[^/\"]*"
+      [ "${rooms[i]}" = . ] && inside=(-d skip "$folder"/*.*)
+      if grep -nE --include='*.h' --include='*.cc' --include='*.def' "^#include \"$above\"" "${inside[@]}"; then
+        echo "^ $folder/${rooms[i]} must not include $folder/${rooms[j]}"
+        status=1
+      fi
+    done
+  done
+  for file in "$folder"/*/; do
+    case " ${rooms[*]} bench cmake slurm " in
+      *" $(basename "$file") "*) ;;
+      *) echo "$file is not in the list of rooms"; status=1 ;;
+    esac
+  done
+}
+rooms src/heba heba/ base kernels geometry camera data config robot evaluation io simulation
+rooms solvers solvers/ closed_form residuals uncertainty refine initial calibration
+rooms targets targets/ images . dots render corners tags types
+rooms tools tools/ text files config run pages doctor batch study cli .
+
 # Libraries print nothing and read no flags.
 if grep -rnE --include='*.h' --include='*.cc' 'std::(cout|cerr)|[^sn]printf\(|FLAGS_' src solvers targets | grep -v snprintf; then
   echo "^ libraries print nothing and read no flags"
