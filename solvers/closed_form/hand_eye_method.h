@@ -1,15 +1,16 @@
-// Closed-form hand-eye methods: what one is, and the table of them.
+// Closed-form hand-eye methods: their common interface and the table of all methods.
 //
-// A method gets one pair of poses a capture, M_i = camera_mount_from_target_mount and C_i = camera_from_target, and
-// finds X = camera_mount_from_camera and Z = target_mount_from_target with
+// A method is given one pair of poses per capture, M_i = camera_mount_from_target_mount and C_i = camera_from_target,
+// and finds X = camera_mount_from_camera and Z = target_mount_from_target with
 //   X C_i = M_i Z                                                (the papers' AX = ZB, read as X B = A Z)
 // or, for two captures i and j, without Z,
 //   A X = X B,  A = M_j M_i^-1 (motion of the mounts), B = C_j C_i^-1 (motion seen by the camera).
-// It serves eye-to-hand and eye-in-hand alike: the set-ups differ in what M_i is (heba/data/setup.h).
+// The equations hold for eye-to-hand and eye-in-hand alike: the setups differ only in the definition of M_i
+// (heba/data/setup.h).
 //
-// For every method: exact on noise-free data of the motion that it is made for; a change of the world's or of the
-// camera's frame changes the answer in the same way; too few captures, parallel rotation axes and a motion that it
-// cannot use are a Failure (tests/conformance/hand_eye_method_test.cc).
+// Every method is exact on noise-free data of the motion that it is made for, and a change of the world frame or of
+// the camera frame changes its result accordingly. Too few captures, parallel rotation axes and a motion that the
+// method cannot use result in a Failure (tests/conformance/hand_eye_method_test.cc).
 #pragma once
 
 #include <optional>
@@ -24,21 +25,22 @@
 
 namespace heba {
 
-// What captures a method can use: any with turns about two axes, or those of the two-step motion
+// Selects the captures that a method can use: any motion with rotations about two axes, or the two-step motion
 // (solvers/closed_form/two_step_motion.h).
 enum class MethodMotion { kAny, kTwoStep };
 
-// What the methods are given: several of them share what is calculated of the captures.
+// The input of all methods. Quantities that several methods need are computed once and cached.
 class HandEyeInput {
  public:
-  // `pairs` must outlive it.
+  // `pairs` must outlive this object.
   HandEyeInput(const std::vector<PosePair>& pairs);  // NOLINT(google-explicit-constructor): pairs are an input.
   const std::vector<PosePair>& pairs() const { return *pairs_; }
-  // Why no method can determine a hand-eye pose from the captures; nothing if one may.
+  // Returns the reason why no method can determine the hand-eye pose from the captures, or nothing if the motion is
+  // sufficient.
   const std::optional<Failure>& why_not() const { return why_not_; }
-  // Summed when first asked for: not by several threads at once.
+  // Computes the sums on the first call and caches them. Not safe to be called by several threads at once.
   const MotionSums& motions() const;
-  // Of the target's best known point; likewise.
+  // Computes the positions of the target's best-determined point, under the same conditions as motions().
   const TargetPositions& positions() const;
 
  private:
@@ -51,8 +53,8 @@ class HandEyeInput {
 struct HandEyeMethod {
   std::string_view name;
   MethodMotion motion;
-  std::string_view description;  // With the paper.
-  // Of captures that have no why_not.
+  std::string_view description;  // Includes the reference to the paper.
+  // Is called only if the captures have no why_not.
   Outcome<HandEye> (*solve_observable)(const HandEyeInput& input);
 
   Outcome<HandEye> solve(const HandEyeInput& input) const {
@@ -60,9 +62,9 @@ struct HandEyeMethod {
   }
 };
 
-// In the order of methods.def.
+// Returns all methods in the order of methods.def.
 const std::vector<HandEyeMethod>& HandEyeMethods();
-// Null if there is none of that name.
+// Returns null if there is no method of this name.
 const HandEyeMethod* FindHandEyeMethod(std::string_view name);
 std::vector<std::string> HandEyeMethodNames();
 

@@ -13,7 +13,7 @@ Eigen::Vector3d SolveTranslation(const MotionSums& motions, const Eigen::Matrix3
   Eigen::Vector3d right = ones.segment<3>(MotionSums::kTranslationA) -
                           rotation_x * Eigen::Vector3d(ones.segment<3>(MotionSums::kTranslationB));
   for (int k = 0; k < 3; ++k) {
-    // R_A's column k with t_B, and with t_A.
+    // The products of column k of R_A with t_B and with t_A.
     const Eigen::Index column = MotionSums::kRotationA + 3 * k;
     right[k] += rotation_x.cwiseProduct(motions.linear.block<3, 3>(column, MotionSums::kTranslationB)).sum() -
                 motions.linear.block<3, 3>(column, MotionSums::kTranslationA).trace();

@@ -1,17 +1,18 @@
-// What closed-form methods have left to solve once a rotation is known.
+// Steps that several closed-form methods share once a rotation is known.
 #pragma once
 
 #include "solvers/closed_form/hand_eye_method.h"
 
 namespace heba {
 
-// The translation of X for a known rotation: least squares of (R_A - I) t = R_X t_B - t_A over all motions.
+// Computes the translation of X for a known rotation: least squares of (R_A - I) t = R_X t_B - t_A over all motions.
 Eigen::Vector3d SolveTranslation(const MotionSums& motions, const Eigen::Matrix3d& rotation_x);
 
-// X with the board that belongs to it: the mean of M_i^-1 X C_i.
+// Returns X together with the board pose that it implies: the mean of M_i^-1 X C_i.
 HandEye WithAverageBoardPose(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera);
 
-// Translations of X and of Z for known rotations: least squares of R_M t_Z - t_X = R_X t_C - t_M over all captures.
+// Computes the translations of X and Z for known rotations: least squares of R_M t_Z - t_X = R_X t_C - t_M over all
+// captures.
 HandEye SolveTranslations(const std::vector<PosePair>& pairs, const Eigen::Matrix3d& rotation_x,
                           const Eigen::Matrix3d& rotation_z);
 

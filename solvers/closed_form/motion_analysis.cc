@@ -32,8 +32,7 @@ MotionAnalysis AnalyseMotion(const std::vector<Rigid3d>& poses) {
 
 std::string WhyNotObservable(const MotionAnalysis& motion) {
   constexpr int kMinCaptures = 3;
-  // Below this, a rotation is the robot's noise and not a motion: robots repeat to 0.01 deg and are accurate to 0.2
-  // deg.
+  // Smaller rotations are robot noise and not motion: robots repeat to 0.01 deg and are accurate to 0.2 deg.
   const double min_rotation_rad = DegToRad(0.5);
   if (motion.num_captures < kMinCaptures) {
     return "at least 3 captures with the target are needed, there " +

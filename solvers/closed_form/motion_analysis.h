@@ -1,4 +1,4 @@
-// What the robot's motion alone says about whether a hand-eye calibration is possible.
+// Analyses the robot's motion alone: is a hand-eye calibration possible with it?
 #pragma once
 
 #include <string>
@@ -12,18 +12,20 @@ namespace heba {
 
 struct MotionAnalysis {
   int num_captures = 0;
-  // Root mean square of the rotation vectors from the mean orientation, along their three principal directions, largest
-  // first: (0, 0, 0) without rotation, (a, 0, 0) for turns about one axis.
+  // RMS of the rotation vectors relative to the mean orientation along their three principal directions, largest
+  // first: (0, 0, 0) without rotation, (a, 0, 0) for rotations about a single axis.
   Eigen::Vector3d rotation_rms_rad = Eigen::Vector3d::Zero();
-  Eigen::Vector3d main_axis = Eigen::Vector3d::UnitZ();  // Of the largest of them, in the moving mount's frame.
+  // Axis of the largest rotation, in the child frame of the poses.
+  Eigen::Vector3d main_axis = Eigen::Vector3d::UnitZ();
   double translation_rms_m = 0;
 };
 
-// `poses`: one pose of the same two frames a capture, camera_mount_from_target_mount or its inverse.
+// Analyses one pose per capture: camera_mount_from_target_mount, or the inverse, for all captures.
 MotionAnalysis AnalyseMotion(const std::vector<Rigid3d>& poses);
 
-// Why no method can find the hand-eye pose from such a motion, and what would cure it, as one clause; empty if one can.
-// The hand-eye pose needs turns about two axes that are not parallel (Tsai and Lenz 1989, section II).
+// Returns the reason why no method can find the hand-eye pose from such a motion, and how to correct it, as one
+// clause; empty if the motion is sufficient. The hand-eye pose requires rotations about two axes that are not
+// parallel (Tsai and Lenz 1989, section II).
 std::string WhyNotObservable(const MotionAnalysis& motion);
 
 }  // namespace heba

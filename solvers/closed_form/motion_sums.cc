@@ -10,9 +10,9 @@
 namespace heba {
 namespace {
 
-// Poses as a structure of arrays, with room to read lanes beyond the last.
+// Poses as a structure of arrays, padded so that a full vector can be loaded from any index.
 struct Poses {
-  std::vector<double> rotation[9];    // Column by column.
+  std::vector<double> rotation[9];    // Stored column by column.
   std::vector<double> quaternion[4];  // w, x, y, z.
   std::vector<double> translation[3];
 
@@ -35,12 +35,13 @@ struct Poses {
   }
 };
 
+// Bounds on the cosine of half the rotation angle.
 struct Cosines {
-  double most = 1;   // Of half the least angle.
-  double least = 0;  // Of half the largest one.
+  double most = 1;   // Cosine of half the smallest angle.
+  double least = 0;  // Cosine of half the largest angle.
 };
 
-// Motions whose columns wait to be multiplied.
+// A batch of motions whose columns are still to be multiplied.
 struct MotionBatch {
   static constexpr int kCapacity = 128;
   static constexpr int kStride = kCapacity + kMaxLanes;
@@ -58,7 +59,7 @@ struct Motion {
   V translation[3];
 };
 
-// From capture i to those from j on.
+// Computes the motions from capture i to the captures from index j on, one per lane.
 template <class V>
 HEBA_INLINE Motion<V> MotionOf(const Poses& poses, size_t i, size_t j) {
   Motion<V> motion;
@@ -96,7 +97,7 @@ HEBA_INLINE Motion<V> MotionOf(const Poses& poses, size_t i, size_t j) {
   return motion;
 }
 
-// What is not used is 0.
+// Appends the motions to `batch`; lanes that are not used are set to 0.
 template <class V, class Mask>
 HEBA_INLINE void StoreMotion(const Motion<V>& motion, const Mask& is_used, const int (&linear)[2],
                              const int (&screw)[2], const int (&axes)[2], MotionBatch* batch) {
@@ -126,7 +127,7 @@ HEBA_INLINE void StoreMotion(const Motion<V>& motion, const Mask& is_used, const
   }
 }
 
-// Appends the motions from capture i to `count` captures from j on.
+// Appends the motions from capture i to `count` captures from index j on.
 template <int kLanes>
 HEBA_INLINE void Append(const Poses& mounts, const Poses& cameras, const Cosines& cosines, size_t i, size_t j,
                         int count, MotionBatch* batch) {
@@ -158,7 +159,8 @@ void AppendBaseline(const Poses& mounts, const Poses& cameras, const Cosines& co
   Append<kLanesOf<Simd::kBaseline>>(mounts, cameras, cosines, i, j, count, batch);
 }
 
-// The least rotation that counts, rad: 5 deg, or a quarter of the largest between two captures.
+// Returns the smallest rotation that is used, rad: 5 deg, or a quarter of the largest rotation between two captures
+// if that is less.
 double LeastAngleRad(const std::vector<PosePair>& pairs) {
   const double enough_rad = DegToRad(20.0);
   double largest_rad = 0;
@@ -201,14 +203,15 @@ MotionSums SumMotions(const std::vector<PosePair>& pairs) {
     axes.Add(batch.axes[0], padded);
     batch.size = 0;
   };
-  // Each capture with so many of those after it, in runs that are spread evenly.
+  // Each capture is combined with later captures in runs of kRun; if there are too many pairs, every stride-th run is
+  // used.
   constexpr size_t kMaxPairs = 2'000'000;
   constexpr size_t kRun = 64;
   const size_t num_runs = (n + kRun - 1) / kRun;
   const size_t stride = std::max<size_t>(1, (n * (n - 1) / 2 + kMaxPairs - 1) / kMaxPairs);
   for (size_t i = 0; i + 1 < n; ++i) {
     for (size_t run = 0; run < num_runs; ++run) {
-      // Another choice for each capture.
+      // The offset by i selects different runs for each capture.
       if ((run + i) % stride != 0) continue;
       for (size_t j = i + 1 + run * kRun; j < std::min(n, i + 1 + (run + 1) * kRun);) {
         if (batch.size == MotionBatch::kCapacity) multiply();

@@ -8,14 +8,15 @@
 namespace heba {
 namespace {
 
+// Returns the covariance of a point that is fixed in the target, m^2 for a pixel noise of 1 px.
 Eigen::Matrix3d CovarianceAt(const PosePair& pair, const Eigen::Vector3d& in_camera) {
   const Eigen::Matrix<double, 3, 6> j = PointByMotion(in_camera);
   return j * *pair.covariance_at_1px * j.transpose();
 }
 
-// The point with the least sum of log det of its covariances, by majorisation: log det is concave, so that with the
-// covariances' inverses at one point as weights the weighted traces, a quadratic in the point's x and y, lead to a
-// better one.
+// Returns the point with the minimal sum of log det of its covariances, by majorisation: log det is concave, so the
+// sum of traces weighted with the inverse covariances at the current point is an upper bound up to a constant. It is
+// quadratic in the point's x and y, and its minimum is the next point.
 Eigen::Vector3d BestKnownPoint(const std::vector<PosePair>& pairs) {
   constexpr double kStepM = 0.1;
   constexpr int kMaxIterations = 50;
@@ -36,7 +37,7 @@ Eigen::Vector3d BestKnownPoint(const std::vector<PosePair>& pairs) {
       }
       return sum;
     };
-    // The quadratic, from its values at six places.
+    // The coefficients of the quadratic, from its values at six points.
     const double h = kStepM;
     const double f00 = sum_at(0, 0);
     const double fp0 = sum_at(h, 0);

@@ -8,13 +8,15 @@
 namespace heba {
 namespace {
 
-// What robots keep still when they are told to: more than they wander, less than any motion that is worth a capture.
+// Tolerances for a motion component that is commanded to be zero: above the wander of robots, below any motion that
+// is worth a capture.
 constexpr double kStillM = 0.3e-3;
 const double kStillRad = DegToRad(0.1);
 constexpr double kOffAxisRatio = 0.01;
 constexpr double kMinTranslationM = 5e-3;
 const double kMinTurnRad = DegToRad(2.0);
 
+// Returns the role of a pose relative to the home pose.
 std::string RoleFrom(const Rigid3d& base_from_home, const Rigid3d& base_from_gripper) {
   const Rigid3d home_from_gripper = Inverse(base_from_home) * base_from_gripper;
   const double distance_m = home_from_gripper.translation.norm();

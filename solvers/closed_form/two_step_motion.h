@@ -1,5 +1,5 @@
-// The motion of the two-step method (Fang et al. 2021): a home pose, one translation along the tool's x and one along
-// its y without turning, turns about the tool point without moving it.
+// The motion of the two-step method (Fang et al. 2021): a home pose, one translation along the tool's x axis and one
+// along its y axis without rotation, and rotations about the tool point without translation.
 #pragma once
 
 #include <string>
@@ -9,9 +9,9 @@
 
 namespace heba {
 
-// The role of each view in such a motion, found from the robot's poses alone: home is the pose from which most others
-// are pure translations along the tool's axes or pure turns about the tool point; "free" are those that are neither.
-// All empty if the views have no home with both translations and two turns.
+// Returns the role of each view in such a motion, found from the robot poses alone. Home is the pose from which most
+// other poses are pure translations along the tool's axes or pure rotations about the tool point; views that are
+// neither are "free". All roles are empty if no pose is a home with both translations and two rotations.
 std::vector<std::string> FindTwoStepRoles(Setup setup, const std::vector<View>& views);
 
 }  // namespace heba

@@ -32,8 +32,9 @@ Camera MakeCamera(const std::string& model, int width_px, int height_px, double 
   return camera;
 }
 
-// Zhang's linear equations h_1^T B h_2 = 0, h_1^T B h_1 = h_2^T B h_2 in B = K^-T K^-1 without skew, on pixels moved to
-// the image's centre and divided by its half width. With `centred` the principal point is held there.
+// Solves Zhang's linear equations h_1^T B h_2 = 0, h_1^T B h_1 = h_2^T B h_2 for B = K^-T K^-1 without skew, on
+// pixels relative to the image centre and divided by half the image width. With `centred` the principal point is held
+// at the image centre.
 std::optional<Camera> ZhangClosedForm(const std::vector<Eigen::Matrix3d>& homographies, const std::string& model,
                                       int width_px, int height_px, bool centred) {
   const double scale = 0.5 * width_px;
@@ -41,7 +42,7 @@ std::optional<Camera> ZhangClosedForm(const std::vector<Eigen::Matrix3d>& homogr
   const double centre_y = 0.5 * (height_px - 1);
   Eigen::Matrix3d normalisation;
   normalisation << 1 / scale, 0, -centre_x / scale, 0, 1 / scale, -centre_y / scale, 0, 0, 1;
-  // Unknowns B11, B22, B13, B23, B33.
+  // The unknowns are B11, B22, B13, B23, B33.
   using Vector5 = Eigen::Matrix<double, 5, 1>;
   Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
   for (const Eigen::Matrix3d& homography : homographies) {
@@ -85,7 +86,8 @@ struct PosedView {
   Rigid3d camera_from_target;
 };
 
-// Best poses of all views, roughly: they are refined together. False if fewer than three have one.
+// Estimates the rough poses of all views; they are refined jointly later. Returns false if fewer than three views
+// have one.
 bool PoseViews(const Camera& camera, const std::vector<const View*>& views, std::vector<PosedView>* posed,
                double* median_rms_px) {
   posed->clear();
@@ -111,8 +113,8 @@ std::vector<double> SquaredDistances(const Camera& camera, const std::vector<Pos
   return distances;
 }
 
-// Camera and one pose a view, together, until the cost changes by less than this share. False if Ceres cannot use the
-// result.
+// Refines the camera and one pose per view jointly until the relative change of the cost is below `tolerance`.
+// Returns false if Ceres cannot use the result.
 bool RefineTogether(const FreeParameters& free, const Loss& loss, double tolerance, Camera* camera,
                     std::vector<PosedView>* posed) {
   const CameraModel& model = camera->Model();
@@ -140,8 +142,8 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
   return summary.IsSolutionUsable();
 }
 
-// Of the closed form and of guesses of the focal length, the camera whose views close best, each with a pose of its
-// own.
+// Returns the best of the closed-form solutions and the guesses of the focal length: with it most views have a pose,
+// and their median RMS error is smallest.
 std::optional<Camera> FirstGuess(const std::vector<const View*>& usable,
                                  const std::vector<Eigen::Matrix3d>& homographies, const std::string& model_name,
                                  int width_px, int height_px) {
@@ -154,7 +156,7 @@ std::optional<Camera> FirstGuess(const std::vector<const View*>& usable,
     candidates.push_back(MakeCamera(model_name, width_px, height_px, ratio * width_px, ratio * width_px,
                                     0.5 * (width_px - 1), 0.5 * (height_px - 1)));
   }
-  // Some of the views are enough to tell: of all degrees of perspective, which is what tells focal lengths apart.
+  // Some of the views suffice. They are selected over all degrees of perspective, which distinguishes focal lengths.
   constexpr size_t kMaxTelling = 12;
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < homographies.size(); ++i) {
@@ -179,7 +181,7 @@ std::optional<Camera> FirstGuess(const std::vector<const View*>& usable,
     best_count = posed.size();
   }
   if (!camera && telling.size() < usable.size()) {
-    // None of them has a pose.
+    // None of the selected views has a pose.
     for (const Camera& candidate : candidates) {
       if (PoseViews(candidate, usable, &posed, &best_rms_px)) return candidate;
     }
@@ -207,8 +209,8 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
     return Failure{"the camera cannot be calibrated from " + std::to_string(usable.size()) +
                    " captures; 3 or more are needed, or a camera file (camera.intrinsics)"};
   }
-  // Two coordinates a point, six unknowns a view; three times what distortion takes is its due. Without it a start's
-  // distortion would stay, whatever these views say.
+  // A point has two coordinates, a view has six unknowns; the distortion is estimated if at least three times the
+  // number of camera parameters remains. Otherwise the distortion of `start` would remain, whatever these views show.
   const int num_params = NumParams(*FindCameraModel(model_name));
   const bool has_distortion = 2 * num_points - 6 * static_cast<int>(usable.size()) >= 3 * num_params;
   const bool has_start = start && has_distortion;
@@ -224,7 +226,8 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
     return Failure{"the captures do not determine a camera; give a camera file (camera.intrinsics)"};
   }
 
-  // First what every view speaks of, then all: distortion from a few points would run away from a rough start.
+  // The parameters that every view determines come first, then all: distortion from a few points would diverge from a
+  // rough initial guess.
   const CameraModel& model = camera->Model();
   const Loss& loss = *FindLoss("huber");
   const FreeParameters linear = FreeOf(model, {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint});
@@ -232,14 +235,14 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
   std::vector<FreeParameters> stages;
   if (!has_start) stages = {FreeOf(model, {ParameterGroup::kFocal}), linear};
   if (has_distortion) {
-    // Sixth-order terms last: they are known to a tenth of what the lower ones are.
+    // Sixth-order terms come last: they are known ten times less accurately than the lower ones.
     FreeParameters low_order = all;
     for (size_t i = 8; i < low_order.size(); ++i) low_order[i] = false;
     if (!has_start) stages.push_back(low_order);
     stages.push_back(all);
     stages.push_back(all);
   }
-  // What a stage leaves is the next one's.
+  // Errors that an intermediate stage leaves are corrected by the next one.
   constexpr double kPassing = 1e-3;
   constexpr double kLast = 1e-10;
   for (size_t i = 0; i < stages.size(); ++i) {

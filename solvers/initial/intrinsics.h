@@ -1,4 +1,4 @@
-// A camera from the captures alone, when no calibration of it is given.
+// Estimates the camera from the captures alone, if no calibration of it is given.
 #pragma once
 
 #include <optional>
@@ -10,11 +10,12 @@
 
 namespace heba {
 
-// Zhang's closed form (Z. Zhang, "A flexible new technique for camera calibration", PAMI 22(11), 2000, section 3.1,
-// without skew) or, where noise leaves it without a solution, guesses of the focal length; then a refinement of the
-// intrinsics with one free target pose a view, by the same costs as the bundle adjustment. The robot's poses are not
-// used. Views with fewer than 4 points are passed over. Failure if fewer than 3 views are usable or if they do not
-// determine a camera. With a `start`, of the same model and size, the refinement begins there.
+// Estimates the intrinsics with Zhang's closed form (Z. Zhang, "A flexible new technique for camera calibration",
+// PAMI 22(11), 2000, section 3.1, without skew) or, if noise leaves it without a solution, from guesses of the focal
+// length, and then refines them with one free target pose per view, using the cost functions of the bundle
+// adjustment. The robot poses are not used. Views with fewer than 4 points or with collinear points are skipped.
+// Returns a Failure if fewer than 3 views are usable or if they do not determine a camera. `start` must have the same
+// model and size; it replaces the initial guess, unless the views have too few points to estimate distortion.
 Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::string& model, int width_px,
                                    int height_px, const std::optional<Camera>& start = std::nullopt);
 

@@ -16,9 +16,10 @@ namespace {
 constexpr double kQuantile = 0.7;
 constexpr int kNumTriples = 150;
 constexpr int kNumRounds = 4;
-// Captures that fit within this many times the quantile are solved from again.
+// Captures whose misfit is within this factor of the quantile are used to re-estimate the solution.
 constexpr double kFits = 2.0;
 
+// Returns the 70 % quantile.
 double QuantileOf(std::vector<double> values) {
   const auto at = values.begin() + std::lround(kQuantile * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
@@ -31,6 +32,7 @@ struct Choice {
   size_t candidate = 0;
 };
 
+// The rotations of X and Z.
 struct Rotations {
   Eigen::Quaterniond x = Eigen::Quaterniond::Identity();
   Eigen::Quaterniond z = Eigen::Quaterniond::Identity();
@@ -39,11 +41,13 @@ struct Rotations {
 // t_Z and t_X, m, and the scale k of the robot's translations.
 using Translations = Eigen::Matrix<double, 7, 1>;
 
+// Linear equations in Translations.
 struct TranslationEquations {
   Eigen::MatrixXd left;
   Eigen::VectorXd right;
 };
 
+// The misfits of all captures with a solution, and the best candidate of each.
 struct Fit {
   std::vector<double> misfit;
   std::vector<size_t> candidate;
@@ -54,9 +58,10 @@ class Solver {
  public:
   explicit Solver(const std::vector<PoseCandidates>& captures) : captures_(captures) {}
 
-  // R_X from the axes of the motions, a = R_X b, by Kabsch; R_Z as the mean of what the captures then say.
+  // Estimates R_X from the rotation vectors of the motions, a = R_X b, by Kabsch's method, and R_Z as the mean over
+  // the captures.
   Rotations SolveRotations(const std::vector<Choice>& all) const {
-    // Pairs grow with the square: from many captures, some, evenly spread.
+    // The number of pairs grows quadratically, so at most kMost captures are used, evenly spread.
     constexpr size_t kMost = 100;
     std::vector<Choice> chosen;
     for (const size_t i : EvenIndices(all.size(), kMost)) chosen.push_back(all[i]);
@@ -78,6 +83,7 @@ class Solver {
     return solved;
   }
 
+  // Computes the rotation misfits, rad, of all captures.
   Fit JudgeRotations(const Rotations& rotations) const {
     Fit fit;
     for (size_t i = 0; i < captures_.size(); ++i) {
@@ -98,7 +104,7 @@ class Solver {
     return fit;
   }
 
-  // Least squares of EquationsOf. The scale is solved for if it is free, otherwise 1.
+  // Solves EquationsOf by least squares. The scale is 1 unless it is free.
   Translations SolveTranslations(const Rotations& rotations, const std::vector<Choice>& chosen,
                                  RobotScale scale) const {
     const TranslationEquations equations = EquationsOf(rotations, chosen, scale);
@@ -108,10 +114,10 @@ class Solver {
     return solved;
   }
 
-  // One sigma of the scale that was solved for from `chosen`.
+  // Returns the sigma of the scale, estimated from `chosen`.
   double ScaleStddev(const Rotations& rotations, const Translations& solved, const std::vector<Choice>& chosen) const {
     const TranslationEquations equations = EquationsOf(rotations, chosen, RobotScale::kFree);
-    // What the other columns leave of the last one.
+    // The component of the last column that is orthogonal to the others.
     const Eigen::MatrixXd others = equations.left.leftCols(6);
     const Eigen::VectorXd last = equations.left.col(6);
     const Eigen::VectorXd rest =
@@ -122,6 +128,7 @@ class Solver {
     return rest.norm() > 0 ? std::sqrt(variance) / rest.norm() : std::numeric_limits<double>::infinity();
   }
 
+  // Computes the translation misfits, m, of `choices`.
   std::vector<double> JudgeTranslations(const Rotations& rotations, const Translations& solved,
                                         const std::vector<Choice>& choices) const {
     std::vector<double> misfits;
@@ -142,7 +149,8 @@ class Solver {
   size_t NumCandidates(size_t capture) const { return captures_[capture].camera_from_target.size(); }
 
  private:
-  // R_M t_Z + k t_M - t_X = R_X t_C of all `chosen`; without k among the unknowns its term is on the right.
+  // Returns the equations R_M t_Z + k t_M - t_X = R_X t_C of all `chosen`. If k is not free, its term is on the
+  // right-hand side.
   TranslationEquations EquationsOf(const Rotations& rotations, const std::vector<Choice>& chosen,
                                    RobotScale scale) const {
     TranslationEquations equations;
@@ -167,7 +175,7 @@ class Solver {
   const std::vector<PoseCandidates>& captures_;
 };
 
-// Three different ones of `from`.
+// Returns three different elements of `from`, which must have at least three.
 std::vector<size_t> RandomTriple(const std::vector<size_t>& from, Rng* rng) {
   std::vector<size_t> triple;
   while (triple.size() < 3) {
@@ -177,6 +185,8 @@ std::vector<size_t> RandomTriple(const std::vector<size_t>& from, Rng* rng) {
   return triple;
 }
 
+// Finds the rotations with the smallest 70 % quantile of the misfits, from random triples and then from the captures
+// that fit.
 std::pair<Rotations, Fit> FindRotations(const Solver& solver, Rng* rng) {
   std::vector<size_t> all(solver.size());
   for (size_t i = 0; i < all.size(); ++i) all[i] = i;
@@ -267,7 +277,7 @@ std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandida
   found.hand_eye = {Rigid3d(rotations.x, best.segment<3>(3)), Rigid3d(rotations.z, best.head<3>())};
   found.robot_scale = best[6];
   if (scale == RobotScale::kFree) {
-    // Of all that fit: three captures alone say little of it.
+    // Estimated from all captures that fit: three captures alone hardly determine the scale.
     const std::vector<Choice> chosen = all_that_fit();
     const Translations solved = solver.SolveTranslations(rotations, chosen, scale);
     found.robot_scale_stddev = solver.ScaleStddev(rotations, solved, chosen);

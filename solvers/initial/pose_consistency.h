@@ -1,5 +1,5 @@
-// Whether the robot's poses and the poses that pictures show of the target belong together at all, though a part of
-// them be wrong: what tells the readings of a data set apart (tools/doctor).
+// Tests whether the robot poses and the target poses seen in the images are consistent at all, even if some of them
+// are wrong. Distinguishes possible interpretations of a data set (tools/doctor).
 #pragma once
 
 #include <optional>
@@ -9,28 +9,29 @@
 
 namespace heba {
 
-// One capture: the robot's pose, and what the picture leaves open of the target's (the two poses of a plane, the turns
-// under which a board looks the same), likelier ones first; at least one.
+// One capture: the robot pose, and the candidates for the target pose in the image (the two poses of a planar target,
+// the rotations under which the target looks the same). Likelier candidates come first; there must be at least one.
 struct PoseCandidates {
   Rigid3d camera_mount_from_target_mount;
   std::vector<Rigid3d> camera_from_target;
 };
 
 struct PoseConsistency {
-  // What explains most captures best. Its translations are in the camera's metres.
+  // The solution that explains most captures best. Its translations are in metres of the camera's scale, which is
+  // that of the target.
   HandEye hand_eye;
-  // The robot's translations times this are the camera's: 1 if units and the target's size are right; and its sigma.
-  // Exactly 1, and 0, if it was not free.
+  // Factor from the robot's translations to those of the camera, and its sigma: 1 if the units and the size of the
+  // target are correct. Exactly 1 and 0 if the scale was not free.
   double robot_scale = 1;
   double robot_scale_stddev = 0;
-  // Of each capture, by the candidate that fits best: angle between the two ways from the target to the camera's mount,
-  // distance between them, and both as a distance at the target.
+  // For each capture, with the best candidate: the angle between the two paths from the target to the camera's mount,
+  // the distance between them, and both combined as a distance at the target.
   std::vector<double> rotation_rad;
   std::vector<double> translation_m;
   std::vector<double> misfit_m;
-  // Of the candidates, the one that fits best.
+  // For each capture, the index of the best candidate.
   std::vector<size_t> candidate;
-  // What seven tenths of the captures stay below.
+  // 70 % quantiles over the captures.
   double typical_rotation_rad = 0;
   double typical_translation_m = 0;
   double typical_misfit_m = 0;
@@ -38,11 +39,11 @@ struct PoseConsistency {
 
 enum class RobotScale { kOne, kFree };
 
-// X and Z of X C_i = M_i Z (solvers/closed_form/hand_eye_method.h) such that seven tenths of the captures fit as well
-// as can be: least quantile of the misfits over random triples of captures (P. Rousseeuw, "Least median of squares
-// regression", JASA 79, 1984), rotations first, then translations, each solved again from the captures that fit.
-// Deterministic. A motion that leaves a part of X open gives one of the solutions: the misfits mean the same. Nothing
-// for fewer than five captures.
+// Returns X and Z of X C_i = M_i Z (solvers/closed_form/hand_eye_method.h) with the smallest 70 % quantile of the
+// misfits over random triples of captures (P. Rousseeuw, "Least median of squares regression", JASA 79, 1984).
+// Rotations are estimated first, then translations, and each is re-estimated from the captures that fit. The result
+// is deterministic. If the motion leaves a part of X undetermined, one of the solutions is returned; the misfits are
+// valid nevertheless. Returns nothing for fewer than five captures.
 std::optional<PoseConsistency> FindPoseConsistency(const std::vector<PoseCandidates>& captures, RobotScale scale);
 
 }  // namespace heba

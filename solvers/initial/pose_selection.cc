@@ -10,32 +10,34 @@
 namespace heba {
 namespace {
 
+// One possible target pose of a view, with the order in which the target was read.
 struct Candidate {
   Rigid3d camera_from_target;
   std::optional<Eigen::Matrix<double, 6, 6>> covariance_at_1px;
   int symmetry;
 };
-using Candidates = std::vector<std::vector<Candidate>>;  // By view.
-using Choice = std::vector<int>;                         // The candidate of each view.
+using Candidates = std::vector<std::vector<Candidate>>;  // Indexed by view.
+using Choice = std::vector<int>;                         // Index of the candidate of each view.
 
-// Of the rotation from one to the other, in rad, by the chord between them.
+// Returns the angle of the rotation between a and b, rad, from their chord.
 double AngleBetween(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
   const double chord2 = std::min((a.coeffs() - b.coeffs()).squaredNorm(), (a.coeffs() + b.coeffs()).squaredNorm());
   return 4 * std::asin(0.5 * std::sqrt(chord2));
 }
 
-// Captures vote by how badly two of them contradict each other: by the angle between them, which the camera must see as
-// the robot has it.
+// Captures vote on how much two of them contradict each other: by the difference between the relative rotation angles
+// that the camera and the robot report.
 class AngleVote {
  public:
   AngleVote(const std::vector<View>& views, const Candidates& candidates) : views_(views), candidates_(candidates) {
-    // So many voices are enough.
+    // This number of voters is sufficient.
     constexpr size_t kMaxVoters = 100;
     const size_t step = (views.size() + kMaxVoters - 1) / kMaxVoters;
     for (size_t i = 0; i < views.size(); i += step) voters_.push_back(i);
   }
 
-  // The choice that agrees with candidate `a` of view `anchor`, then improved view by view until nothing changes.
+  // Returns the choice that agrees best with candidate `a` of view `anchor`, refined view by view until it no longer
+  // changes. `total` is its sum of contradictions, rad.
   Choice From(size_t anchor, int a, double* total) const {
     const size_t n = candidates_.size();
     Choice choice(n, 0);
@@ -60,9 +62,9 @@ class AngleVote {
   }
 
  private:
-  // The contradictions of each candidate of view i with the others' choices, in rad.
+  // Returns for each candidate of view i the sum of its contradictions with the choices of the other views, rad.
   std::vector<double> Sums(size_t i, const std::vector<size_t>& others, const Choice& choice) const {
-    constexpr double kCap = 0.2;  // One bad view must not outvote the rest.
+    constexpr double kCap = 0.2;  // Limits the influence of a single bad view.
     std::vector<double> sums(candidates_[i].size(), 0.0);
     for (const size_t j : others) {
       if (j == i) continue;
@@ -76,7 +78,7 @@ class AngleVote {
     }
     return sums;
   }
-  // Ties go to the first: the candidate that fits its own view best.
+  // Returns the index of the smallest sum. On a tie it is the first, the candidate that fits its own view best.
   static int BestOf(const std::vector<double>& sums) {
     return static_cast<int>(std::min_element(sums.begin(), sums.end()) - sums.begin());
   }
@@ -96,8 +98,8 @@ std::vector<PosePair> Pairs(const std::vector<View>& views, const Candidates& ca
   return pairs;
 }
 
-// Squared reprojection error of a view read in a given order and predicted by the chain; capped, and the cap if a point
-// would have no image.
+// Returns the squared reprojection error of a view, px^2, for one reading order and the pose predicted by the chain.
+// The error is capped; it is the cap if a point cannot be projected.
 double PredictionError(const Camera& camera, const View& view, const Rigid3d& camera_from_target,
                        const Rigid3d& symmetry) {
   const double cap = std::pow(0.25 * camera.width_px, 2) * view.observations.size();
@@ -116,14 +118,14 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
     CHECK(!poses[i].empty()) << views[i].name;
     for (const TargetPose& pose : poses[i]) {
       for (size_t s = 0; s < symmetries.size(); ++s) {
-        // With the points moved by S the same pixels ask for the pose times S^-1.
+        // If S moves the points, the same pixels correspond to the pose times S^-1.
         candidates[i].push_back(
             {pose.camera_from_target * Inverse(symmetries[s]), pose.covariance_at_1px, static_cast<int>(s)});
       }
     }
   }
 
-  // Vote, from each pose of a few views: one of them is right somewhere.
+  // The captures vote, starting from each pose of a few views; one of these poses is correct.
   const AngleVote vote(views, candidates);
   constexpr size_t kMaxAnchors = 5;
   const size_t step = std::max<size_t>(1, views.size() / kMaxAnchors);
@@ -140,8 +142,9 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
     }
   }
 
-  // Then by a calibration: each view takes the order that its prediction fits, and of that order's poses the one
-  // nearest to the prediction; again until nothing changes. Whichever method ends with the smallest error has the say.
+  // Then refine the choice by calibration: each view takes the reading order that fits its prediction best and,
+  // within that order, the pose nearest to the prediction, until nothing changes. The method with the smallest error
+  // decides.
   Choice best_choice = choice;
   double best_error = std::numeric_limits<double>::infinity();
   const std::vector<PosePair> voted = Pairs(views, candidates, choice);

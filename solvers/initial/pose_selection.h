@@ -1,9 +1,9 @@
-// Which of a view's possible target poses is the right one: what a view alone cannot tell, the chain of all captures
-// can.
+// Selects the correct one of a view's possible target poses: the kinematic chain of all captures resolves the
+// ambiguity of a single view.
 //
-// A flat target has up to two poses that explain a view about equally well, and a board that looks the same after a
-// turn can be read in several orders. Two captures must see the rotation that the robot made between them: angle(M_j
-// M_i^-1) = angle(C_j C_i^-1); no wrong pose keeps that over all captures.
+// A planar target has up to two poses that explain a view about equally well, and a target that looks the same after
+// a rotation can be read in several orders. Two captures must see the rotation that the robot made between them:
+// angle(M_j M_i^-1) = angle(C_j C_i^-1). No wrong pose satisfies this over all captures.
 #pragma once
 
 #include <optional>
@@ -16,24 +16,26 @@
 namespace heba {
 
 struct ChosenPoses {
-  std::vector<PosePair> pairs;  // One a view.
-  // The order in which each view's board was read: the index of the symmetry S with true point = S * labelled point.
+  std::vector<PosePair> pairs;  // One per view.
+  // The order in which the target was read in each view: index of the symmetry S with true point = S * labelled
+  // point.
   std::vector<int> symmetry;
-  // What the methods, in the order of HandEyeMethods(), make of the pairs; nothing of those that were not asked.
+  // The results of the methods, in the order of HandEyeMethods(), for these pairs; nothing for methods that were not
+  // run.
   std::vector<std::optional<Outcome<HandEye>>> solutions;
 };
 
-// `poses[i]`: the candidates of views[i], at least one. `symmetries`: the motions that map the target to itself, the
-// identity first (then one order for all is as good as another, and the first view's is kept).
+// Selects one pose per view. `poses[i]`: the candidates of views[i], at least one. `symmetries`: the motions that map
+// the target to itself, the identity first. A common symmetry of all views cannot be resolved: the order of the first
+// view is kept.
 ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
                         const std::vector<std::vector<TargetPose>>& poses, const std::vector<Rigid3d>& symmetries);
 
-// Of the poses that a view alone allows, the one that is turned least against `camera_from_target`; null if there is
-// none.
+// Returns the pose with the smallest rotation relative to `camera_from_target`, or null if `poses` is empty.
 const TargetPose* NearestPose(const std::vector<TargetPose>& poses, const Rigid3d& camera_from_target);
 
-// The pairs that a camera sees: of each view's target poses the one nearest to what the chain predicts. Views without a
-// pose of their own have no pair.
+// Returns the pose pairs of the views: the target pose of each view that is nearest to the prediction of the chain.
+// Views from which no target pose can be estimated have no pair.
 std::vector<PosePair> PosePairsOf(const Camera& camera, const HandEye& hand_eye, const std::vector<View>& views);
 
 }  // namespace heba

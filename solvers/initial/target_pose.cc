@@ -17,7 +17,7 @@
 namespace heba {
 namespace {
 
-// The similarity that moves points to mean 0 and mean distance sqrt(2).
+// Returns the similarity that maps the points to mean 0 and mean distance sqrt(2).
 Eigen::Matrix3d Normalisation(const Points2& points) {
   const Eigen::Vector2d mean = points.rowwise().mean();
   const double distance = (points.colwise() - mean).colwise().norm().mean();
@@ -27,7 +27,7 @@ Eigen::Matrix3d Normalisation(const Points2& points) {
   return transform;
 }
 
-// The second singular value of the centred points over the first: 0 for points on a line.
+// Returns the ratio of the second to the first singular value of the centred points: 0 for collinear points.
 double Flatness(const Points2& points) {
   const Eigen::Vector2d mean = points.rowwise().mean();
   const Points2 centred = points.colwise() - mean;
@@ -35,14 +35,14 @@ double Flatness(const Points2& points) {
   return std::sqrt(std::max(0.0, eigen.eigenvalues()[0]) / eigen.eigenvalues()[1]);
 }
 
-// The rotation with the least angle that maps z to `direction`.
+// Returns the rotation by the smallest angle that maps z to `direction`.
 Eigen::Matrix3d RotationFromZ(const Eigen::Vector3d& direction) {
   return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), direction).toRotationMatrix();
 }
 
-// The two rotations of a plane whose homography to normalised image coordinates is `h`; the plane's origin is near the
-// points. (Collins and Bartoli 2014, section 4, in their notation: v is the image of the origin, J the Jacobian of the
-// plane-to-image map there, gamma the reciprocal of the origin's depth.)
+// Returns the two rotations of a plane whose homography to normalised image coordinates is `h`; the origin of the
+// plane must be near the points. The method and notation are those of Collins and Bartoli 2014, section 4: v is the
+// image of the origin, J the Jacobian of the plane-to-image map there, gamma the reciprocal of the origin's depth.
 std::vector<Eigen::Matrix3d> PlaneRotations(Eigen::Matrix3d h) {
   h /= h(2, 2);
   const Eigen::Vector2d v = h.topRightCorner<2, 1>();
@@ -70,7 +70,8 @@ std::vector<Eigen::Matrix3d> PlaneRotations(Eigen::Matrix3d h) {
   return rotations;
 }
 
-// The translation that puts the points on their rays, by linear least squares; `normalised` are x / z and y / z.
+// Returns the translation that moves the points to their rays, by linear least squares; `normalised` are x / z and y
+// / z.
 Eigen::Vector3d TranslationOnRays(const Eigen::Matrix3d& rotation, const Points3& points, const Points2& normalised) {
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
@@ -85,22 +86,23 @@ Eigen::Vector3d TranslationOnRays(const Eigen::Matrix3d& rotation, const Points3
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
+// Returns the inverse, or nothing if the information is singular up to round-off.
 std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
   if ((information.diagonal().array() <= 0).any()) return std::nullopt;
-  // Metres and radians side by side: scaled before it is factored.
+  // Scaled before factorisation because metres and radians are mixed.
   const Tangent6 scale = information.diagonal().cwiseSqrt().cwiseInverse();
   const Matrix6 scaled = scale.asDiagonal() * information * scale.asDiagonal();
   const Eigen::LLT<Matrix6> root(scaled);
   if (root.info() != Eigen::Success) return std::nullopt;
   const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
-  // The inverse's trace is at most six times its largest eigenvalue.
+  // The trace of the inverse is at most six times its largest eigenvalue.
   constexpr double kOpen = 1e-12;
   if (!(inverse_root.squaredNorm() < 1 / kOpen)) return std::nullopt;
   const Matrix6 inverse_scaled = inverse_root * scale.asDiagonal();
   return Matrix6(inverse_scaled.transpose().lazyProduct(inverse_scaled));
 }
 
-// A pose, and the view's products there.
+// A pose and the normal equations of the view there.
 struct PoseInView {
   Rigid3d camera_from_target;
   ViewNormalEquations products;
@@ -108,7 +110,7 @@ struct PoseInView {
   double Cost() const { return products.matrix(6, 6); }
 };
 
-// The pose's columns alone.
+// Computes the normal equations of a view for its pose only.
 class PoseReducer {
  public:
   PoseReducer(const Camera& camera, const Observations& observations)
@@ -130,7 +132,8 @@ class PoseReducer {
   ViewReducer reducer_;
 };
 
-// Levenberg-Marquardt on the six numbers of the pose, until a step changes less than `small_drop` of the cost.
+// Refines the six parameters of the pose by Levenberg-Marquardt until a step decreases the cost by less than the
+// fraction `small_drop`.
 PoseInView Refined(const PoseReducer& reducer, PoseInView here, double small_drop) {
   double damping = 1e-6;
   for (int iteration = 0; iteration < 50; ++iteration) {
@@ -141,7 +144,8 @@ PoseInView Refined(const PoseReducer& reducer, PoseInView here, double small_dro
       Matrix6 damped = here.products.matrix.topLeftCorner<6, 6>();
       damped.diagonal() *= 1.0 + damping;
       const Tangent6 step = -damped.ldlt().solve(gradient);
-      // Where so little is to be gained, rounding decides.
+      // Steps that promise less than this are not tried: at the minimum, rounding would decide whether the cost
+      // decreases.
       if (-step.dot(gradient) < small_drop * here.Cost()) break;
       std::optional<PoseInView> there;
       if (step.allFinite()) {
@@ -175,7 +179,7 @@ std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Poi
   if (from.cols() < 4 || Flatness(from) < kOnALine || Flatness(to) < kOnALine) return std::nullopt;
   const Eigen::Matrix3d from_normalisation = Normalisation(from);
   const Eigen::Matrix3d to_normalisation = Normalisation(to);
-  // The products of the equations [p, 0, -q_x p] h = 0 and [0, p, -q_y p] h = 0.
+  // The normal equations of [p, 0, -q_x p] h = 0 and [0, p, -q_y p] h = 0.
   using Matrix9 = Eigen::Matrix<double, 9, 9>;
   Matrix9 products = Matrix9::Zero();
   for (Eigen::Index i = 0; i < from.cols(); ++i) {
@@ -188,9 +192,9 @@ std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Poi
     products.bottomRightCorner<3, 3>() += q.head<2>().squaredNorm() * pp;
   }
   products.block<3, 3>(3, 3) = products.topLeftCorner<3, 3>();
-  const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(products);  // Of the lower half.
-  // A second null direction: the points do not determine the map.
-  constexpr double kNull = 1e-14;  // Round-off of the products: a ten-millionth in the equations themselves.
+  const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(products);  // Reads the lower triangle only.
+  // A second null direction means that the points do not determine the homography.
+  constexpr double kNull = 1e-14;  // Round-off of the products: 1e-7 in the equations themselves.
   if (eigen.eigenvalues()[1] < kNull * eigen.eigenvalues()[8]) return std::nullopt;
   const Eigen::Matrix<double, 9, 1> h = eigen.eigenvectors().col(0);
   const Eigen::Matrix3d normalised = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.data());
@@ -199,11 +203,12 @@ std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Poi
 
 namespace {
 
-// The two solutions of the plane; none as EstimateTargetPose has it.
+// Returns the two solutions for a plane, or none in the cases listed at EstimateTargetPose.
 std::vector<PoseInView> StartPoses(const PoseReducer& reducer, const Camera& camera, const Observations& observations) {
   const int n = observations.size();
   if (n < 4) return {};
-  // Rays, turned so that their mean looks along z: x / z and y / z then stay small for fisheye lenses too.
+  // The rays are rotated such that their mean is along z, so that x / z and y / z remain small for fisheye lenses,
+  // too.
   Eigen::Matrix3Xd rays(3, n);
   for (int i = 0; i < n; ++i) {
     const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, observations.pixels.col(i));
@@ -219,7 +224,7 @@ std::vector<PoseInView> StartPoses(const PoseReducer& reducer, const Camera& cam
   normalised.row(0) = turned.row(0).cwiseQuotient(turned.row(2));
   normalised.row(1) = turned.row(1).cwiseQuotient(turned.row(2));
 
-  // The plane's origin is moved to the points' centre, where the homography is best known.
+  // The origin of the plane is moved to the centre of the points, where the homography is most accurate.
   const Eigen::Vector3d centre = observations.points_in_target.rowwise().mean();
   const Points3 centred = observations.points_in_target.colwise() - centre;
   if (!(centred.row(2).cwiseAbs().maxCoeff() <= 0.1 * centred.topRows<2>().cwiseAbs().maxCoeff())) return {};
@@ -265,7 +270,7 @@ std::optional<TargetPose> EstimateRoughPose(const Camera& camera, const Observat
   if (poses.empty()) return std::nullopt;
   const auto by_cost = [](const PoseInView& a, const PoseInView& b) { return a.Cost() < b.Cost(); };
   std::sort(poses.begin(), poses.end(), by_cost);
-  // A start with so many times the other's squares will not be the better minimum.
+  // An initial guess whose cost is this factor larger will not lead to the better minimum.
   constexpr double kFarWorse = 10;
   if (poses.size() > 1 && poses[1].Cost() > kFarWorse * poses[0].Cost()) poses.resize(1);
   for (PoseInView& pose : poses) pose = Refined(reducer, std::move(pose), kRough);

@@ -1,4 +1,4 @@
-// The target's pose in one view, from the view alone.
+// Estimates the target pose in one view from that view alone.
 #pragma once
 
 #include <optional>
@@ -10,24 +10,25 @@ namespace heba {
 
 struct TargetPose {
   Rigid3d camera_from_target;
-  double rms_px = 0;  // Root mean squared distance of the view's points, as SquaredErrors::RmsPx.
-  // As PosePair::covariance_at_1px; nothing if the points leave a direction of the pose open.
+  double rms_px = 0;  // See SquaredErrors::RmsPx.
+  // See PosePair::covariance_at_1px; nothing if the points do not determine the pose.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance_at_1px = std::nullopt;
 };
 
-// The local minima of the reprojection error for a target that is flat (its points at z = 0) or, by a tenth of its
-// extent, nearly so, best first: a plane has up to two
-// (Schweighofer and Pinz 2006), and which of them is right the view alone cannot always tell. Started from the two
-// solutions of T. Collins and A. Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014. Empty for fewer
-// than 4 points, points on a line or far from a plane, or points that no pose explains.
+// Returns the local minima of the reprojection error, best first, for a target that is planar (points at z = 0) or
+// deviates from a plane by at most a tenth of its extent. A planar target has up to two (Schweighofer and Pinz 2006),
+// and one view alone cannot always tell which one is correct. The initial guesses are the two solutions of T. Collins
+// and A. Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014. Returns an empty list for fewer than 4
+// points, for points that are collinear or far from a plane, and for points that no pose explains.
 std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observations& observations);
 
-// The best of them, to where a step would change less than a thousandth of the error's square: a start for what refines
-// it together with others; without a covariance. Nothing where there is none.
+// Returns the best of these poses, without covariance, refined until a step changes the squared error by less than a
+// thousandth: an initial guess for a joint refinement. Returns nothing if there is no pose.
 std::optional<TargetPose> EstimateRoughPose(const Camera& camera, const Observations& observations);
 
-// The homography H, up to scale, that maps (x, y, 1) of the columns of `from` to those of `to` by least squares in
-// normalised coordinates (Hartley's direct linear transform). Nothing for fewer than 4 points or points on a line.
+// Returns the homography H, up to scale, that maps (x, y, 1) of the columns of `from` to those of `to`: least squares
+// in normalised coordinates (Hartley's direct linear transform). Returns nothing for fewer than 4 points, for
+// collinear points and for points that do not determine the homography.
 std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Points2& to);
 
 }  // namespace heba

@@ -28,7 +28,7 @@ SortedViews SortViews(const std::vector<View>& views, const Camera& camera) {
     posed.push_back(view);
     poses.push_back(std::move(found));
   }
-  constexpr size_t kFewViews = 3;  // Fewer have no typical residual.
+  constexpr size_t kFewViews = 3;  // Fewer views have no typical residual.
   constexpr double kLeastMisfitPx = 3;
   constexpr double kMisfitRatio = 8;
   const double median_px = rms_px.size() < kFewViews ? 0 : Median({rms_px.begin(), rms_px.end()});

@@ -1,4 +1,4 @@
-// Views sorted by their use: a pose of their own, a test of their points, or none.
+// Classification of views by their number of points and their fit: usable for a pose, misfit, or too small.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace heba {
 
-// Fewer points of a flat target tell no pose.
+// Minimum number of points of a planar target that determine its pose.
 inline constexpr int kMinPosePoints = 4;
 
 struct UnusedView {
@@ -18,14 +18,16 @@ struct UnusedView {
 };
 
 struct SortedViews {
-  std::vector<View> posed;                     // Views with a pose of their own.
-  std::vector<std::vector<TargetPose>> poses;  // The poses that each view's points allow.
-  // Views whose points no pose of the target explains, or far worse than the others': some or all of them are wrong.
+  std::vector<View> posed;                     // Views from which the target pose can be estimated.
+  std::vector<std::vector<TargetPose>> poses;  // The possible poses of each of these views.
+  // Views whose points are not explained by any pose of the target, or much worse than those of the other views: some
+  // or all points are wrong.
   std::vector<View> misfits;
   std::vector<std::string> misfit_reasons;
-  std::vector<UnusedView> too_small;  // Views of fewer than kMinPosePoints points.
+  std::vector<UnusedView> too_small;  // Views with fewer than kMinPosePoints points.
 };
 
+// Classifies the views with the given camera; the robot poses are not used.
 SortedViews SortViews(const std::vector<View>& views, const Camera& camera);
 
 }  // namespace heba

@@ -26,15 +26,16 @@
 namespace heba {
 namespace {
 
+// An estimate of all unknowns.
 struct State {
   HandEye hand_eye;
   Camera camera;
   TargetShape shape;
-  // The correction of each view's robot pose, the same for views of one pose; empty with an exact robot.
+  // The correction of each view's robot pose, identical for views at one pose; empty if the robot is exact.
   std::vector<Rigid3d> corrections;
 };
 
-// Of each view, its points' squared distances, whitened; nothing if a point has no image.
+// The squared whitened distances of each view's points; nothing if any of its points cannot be projected.
 using ViewDistances = std::vector<std::optional<std::vector<double>>>;
 ViewDistances SquaredDistances(const Problem& problem, const State& state, int num_threads) {
   ViewDistances distances(problem.views.size());
@@ -53,7 +54,7 @@ ViewDistances SquaredDistances(const Problem& problem, const State& state, int n
   return distances;
 }
 
-// Of all points, in the views' order, but those of views that have none.
+// Returns the distances of all points in the order of the views, skipping views that have none.
 std::vector<double> Joined(const ViewDistances& distances) {
   std::vector<double> joined;
   for (const std::optional<std::vector<double>>& view : distances) {
@@ -62,7 +63,7 @@ std::vector<double> Joined(const ViewDistances& distances) {
   return joined;
 }
 
-// Where all points have an image: where a refinement has been.
+// Returns the distances at a state where every point can be projected, as after a refinement.
 ViewDistances DistancesAt(const Problem& problem, const State& state, int num_threads) {
   ViewDistances distances = SquaredDistances(problem, state, num_threads);
   CHECK(std::all_of(distances.begin(), distances.end(), [](const auto& view) { return view.has_value(); }))
@@ -70,12 +71,13 @@ ViewDistances DistancesAt(const Problem& problem, const State& state, int num_th
   return distances;
 }
 
-// What noise the solve goes by.
+// The noise that residuals are whitened with.
 struct Noise {
   double pixel_px = 0;
   std::optional<RobotNoise> robot;
 };
 
+// Returns half the sum of rho over all points and of the squared whitened corrections.
 double Cost(const ViewDistances& squared_distances, const State& state, const PoseGroups& groups, const Noise& noise,
             const Loss& loss) {
   const double per_px2 = 1 / (noise.pixel_px * noise.pixel_px);
@@ -92,7 +94,7 @@ double Cost(const ViewDistances& squared_distances, const State& state, const Po
   return 0.5 * sum;
 }
 
-// 1 / sigma of each parameter of the camera; 0 of those that are held or of which nothing is known.
+// Returns 1 / sigma for each camera parameter, or 0 if it is held or nothing is known about it.
 Eigen::VectorXd PriorWeights(const CameraPrior& prior, const FreeParameters& free) {
   CHECK_EQ(prior.params.size(), prior.sigmas.size());
   CHECK_LE(prior.params.size(), free.size());
@@ -103,7 +105,8 @@ Eigen::VectorXd PriorWeights(const CameraPrior& prior, const FreeParameters& fre
   return weights;
 }
 
-// The prior as rows like a capture's, which no correction moves. `row_variance`: what the rows' noise is counted as.
+// Returns the prior as the rows of a view that do not depend on a correction, scaled to noise of variance
+// `row_variance`.
 LinearisedView PriorView(const CameraPrior& prior, const Camera& camera, const FreeParameters& free,
                          double row_variance) {
   const Eigen::VectorXd weights = std::sqrt(row_variance) * PriorWeights(prior, free);
@@ -125,7 +128,7 @@ LinearisedView PriorView(const CameraPrior& prior, const Camera& camera, const F
   return view;
 }
 
-// All that is known, linearised: the captures, one view for each pose of the robot, and, if there is one, the prior.
+// Linearises all observations: the captures, with one view per robot pose, and the prior if there is one.
 std::optional<std::vector<LinearisedView>> Linearise(const Problem& problem, const State& state,
                                                      const PoseGroups& groups, const FreeParameters& free,
                                                      const Noise& noise, const Loss& loss, double prior_row_variance,
@@ -139,10 +142,10 @@ std::optional<std::vector<LinearisedView>> Linearise(const Problem& problem, con
   return views;
 }
 
-// All unknowns in one array. Ceres orders blocks by their addresses: so it adds in the same order, and gives the same
-// digits, in whatever thread it runs.
+// All unknowns in one array. Ceres orders blocks by their addresses; contiguous storage fixes the order of summation,
+// so the result is identical to the last digit in every thread.
 struct Unknowns {
-  std::vector<double> all;  // Hand-eye pose, board, the camera's parameters, then the shape's if they are unknown.
+  std::vector<double> all;  // Hand-eye pose, board pose, camera, then the shape if it is unknown.
 
   Unknowns(const State& state, bool has_shape) {
     const auto append = [&](const auto& block) { all.insert(all.end(), block.begin(), block.end()); };
@@ -156,7 +159,7 @@ struct Unknowns {
   double* params() { return all.data() + 14; }
 };
 
-// The cost of the problem's captures, their corrections, if there are any, from the state's.
+// Returns the cost of the problem's captures. Corrections, if there are any, start at those of the state.
 std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const PoseGroups& groups, const FreeParameters& free,
                                        const State& state, const std::optional<RobotNoise>& correction_noise,
                                        CapturesCostOptions options) {
@@ -165,7 +168,7 @@ std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const PoseGroups&
   if (HasShape(free, model)) options.shape = state.shape;
   options.has_eliminated_pose = correction_noise.has_value();
   options.eliminated_pose_prior = correction_noise;
-  // Corrections begin as none at all.
+  // All corrections are zero before the first solve.
   options.eliminated_poses_are_rough =
       std::all_of(state.corrections.begin(), state.corrections.end(), [](const Rigid3d& correction) {
         return correction.translation.isZero(0) && correction.rotation.vec().isZero(0);
@@ -191,13 +194,13 @@ std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const PoseGroups&
   return std::make_unique<CapturesCost>(model, std::move(captures), std::move(options));
 }
 
-// Problems are large: shared, and copied only to be changed.
+// Problems are large: they are shared, and copied only to be modified.
 using SharedProblem = std::shared_ptr<const Problem>;
 
-// One that is the caller's.
+// Wraps a problem that the caller owns.
 SharedProblem Borrowed(const Problem& problem) { return {SharedProblem(), &problem}; }
 
-// What the captures' products were found to be.
+// Cached normal equations of the captures, with the problem, loss and pixel sigma for which they were computed.
 struct KnownProducts {
   SharedProblem problem;
   const Loss* loss;
@@ -205,38 +208,38 @@ struct KnownProducts {
   NormalEquations products;
 };
 
-// They, if they are what this problem has with this loss and this noise.
+// Returns the cached normal equations if they belong to this problem, loss and pixel sigma; otherwise nothing.
 std::optional<NormalEquations> ProductsOf(const std::optional<KnownProducts>& known, const SharedProblem& problem,
                                           const Loss& loss, double pixel_px) {
   if (!known || known->problem != problem || known->loss != &loss) return std::nullopt;
   if (known->pixel_px == pixel_px) return known->products;
   if (loss.name != "none") return std::nullopt;
-  // Without a loss the noise is a unit.
+  // Without a robust loss the pixel sigma is only a scale factor.
   NormalEquations products = known->products;
   products.matrix *= known->pixel_px * known->pixel_px / (pixel_px * pixel_px);
   return products;
 }
 
-// An estimate under way.
+// An estimate in progress.
 struct Fit {
-  SharedProblem problem;                     // The points that count, weighted by what is known of them.
-  std::shared_ptr<const PoseGroups> groups;  // The problem's views by robot pose.
+  SharedProblem problem;                     // The points in use, with their weights.
+  std::shared_ptr<const PoseGroups> groups;  // The problem's views, grouped by robot pose.
   State state;
   Noise noise;
   RobotNoise robot_stddev;
-  double dof = std::numeric_limits<double>::infinity();  // Of the noise, as Solution::covariance_dof.
-  // Detectors know part of the points' noise, point by point; the rest is found from the residuals, equal for all.
-  // Nothing: all points count alike.
+  double dof = std::numeric_limits<double>::infinity();  // See Solution::covariance_dof.
+  // The part of the points' sigma that is not in the detectors' covariances. It is equal for all points and estimated
+  // from the residuals. Nothing: all points are weighted equally.
   std::optional<double> unmodelled_sigma_px;
   Convergence convergence;
   std::optional<KnownProducts> known;
 };
 
-// Which of the residuals' scales the noise is: the fit's, or their median's, which half of them cannot pull away. By
-// the median outliers are told from the others: the last digits are another fit's.
+// Selects how sigma is estimated: from the RMS of the fit, or from the median, which is robust to 50 % outliers. The
+// median is used while inliers are searched for; that fit need not converge to the last digits.
 enum class Scale { kOfFit, kMedian };
 
-// One run of Ceres at a fixed noise.
+// Runs Ceres once with the noise held constant.
 ceres::Solver::Summary Minimise(const FreeParameters& free, const Loss& loss, Scale scale,
                                 const BundleOptions& bundle_options, Fit* fit) {
   const Problem& problem = *fit->problem;
@@ -258,7 +261,7 @@ ceres::Solver::Summary Minimise(const FreeParameters& free, const Loss& loss, Sc
       MakeCost(problem, *fit->groups, free, *state, has_corrections ? noise.robot : std::nullopt, options);
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  std::optional<ceres::NormalPrior> prior_cost;  // The problem owns no costs.
+  std::optional<ceres::NormalPrior> prior_cost;  // The Ceres problem does not own its costs.
   ceres::Problem ceres_problem(problem_options);
   ceres_problem.AddParameterBlock(hand_eye, 7, new PoseManifold);
   ceres_problem.AddParameterBlock(board, 7, new PoseManifold);
@@ -292,13 +295,13 @@ ceres::Solver::Summary Minimise(const FreeParameters& free, const Loss& loss, Sc
   if (summary.termination_type == ceres::CONVERGENCE && !has_corrections &&
       cost->Accepted().parameters == unknowns.all) {
     fit->known = KnownProducts{fit->problem, &loss, noise.pixel_px, cost->Accepted()};
-    // The same but for how poses are normalised.
+    // Identical up to the normalisation of the poses.
     fit->known->products.parameters = Unknowns(*state, has_shape).all;
   }
   return summary;
 }
 
-// Below these a robot is exact: its corrections are held by a prior that no picture can move.
+// A robot with smaller sigmas counts as exact: the prior then holds its corrections regardless of the images.
 constexpr double kExactM = 1e-8;
 constexpr double kExactRad = 1e-8;
 
@@ -309,10 +312,10 @@ RobotNoise AtLeastExact(const RobotNoise& noise) {
 struct EstimatedNoise {
   Noise noise;
   RobotNoise robot_stddev;
-  double dof = 0;  // That it leaves the unknowns' covariance.
+  double dof = 0;  // Degrees of freedom of the unknowns' covariance.
 };
 
-// The noise that explains the residuals best.
+// Estimates the noise that explains the residuals best.
 EstimatedNoise EstimateNoise(const Fit& fit, const FreeParameters& free, const Loss& loss,
                              const BundleOptions& options) {
   const Noise& noise = fit.noise;
@@ -330,25 +333,25 @@ EstimatedNoise EstimateNoise(const Fit& fit, const FreeParameters& free, const L
   EstimatedNoise result;
   result.noise.pixel_px = std::max(kMinSigmaPx, noise.pixel_px * std::sqrt(found.pixel / loss.consistency));
   result.noise.robot = AtLeastExact({std::sqrt(found.translation_m2), std::sqrt(found.rotation_rad2)});
-  // From a variance's sigma to a sigma's.
+  // Converts the standard deviation of a variance to that of a sigma.
   result.robot_stddev = {0.5 * found.stddev[1] / result.noise.robot->translation_m,
                          0.5 * found.stddev[2] / result.noise.robot->rotation_rad};
   result.dof = DegreesOfFreedom(*views, found);
   return result;
 }
 
-// The unknowns' normal matrix at the fit's noise; nothing if a point has no image.
+// Returns the unknowns' normal matrix at the noise of the fit, or nothing if a point cannot be projected.
 std::optional<Information> InformationAt(const FreeParameters& free, const Loss& loss,
                                          const BundleOptions& bundle_options, Fit* fit) {
   const Problem& problem = *fit->problem;
   const State& state = fit->state;
   const Noise& noise = fit->noise;
   const CameraModel& model = state.camera.Model();
-  // The pixels' rows are worth 1 / factor of what their weights say (Loss::covariance_factor).
+  // The information of the pixels' rows is 1 / factor of their weighted normal matrix (Loss::covariance_factor).
   const double factor = loss.covariance_factor();
   if (noise.robot) {
-    // Averaged over the corrections. Eliminating them from the products would be the same but for its cancellation,
-    // which leaves nothing where pictures are far more exact than the robot.
+    // Marginalised over the corrections. The Schur complement of the normal equations would be equivalent, but
+    // cancellation leaves no significant digits if the images are far more exact than the robot.
     const std::optional<std::vector<LinearisedView>> views =
         Linearise(problem, state, *fit->groups, free, noise, loss, factor, bundle_options.camera_prior);
     if (!views) return std::nullopt;
@@ -380,14 +383,14 @@ std::optional<Information> InformationAt(const FreeParameters& free, const Loss&
   return information;
 }
 
-// What is left of a typical point's noise beside what its detector knows; never less than print and paper leave.
+// Returns the part of a typical point's sigma that its detector does not know; at least the error of print and paper.
 double UnmodelledSigmaPx(double pixel_sigma_px, double detector_px) {
   constexpr double kLeastPx = 0.005;
   return std::sqrt(std::max(kLeastPx * kLeastPx, pixel_sigma_px * pixel_sigma_px - detector_px * detector_px));
 }
 
-// Whether another round would change nothing that matters: a robot's noise is known to a few per cent at best. What is
-// exact may become more so.
+// Returns whether another round would change nothing of relevance: robot noise is known to a few per cent at best. A
+// robot sigma near the lower bound counts as converged.
 bool NoiseConverged(const Noise& noise, const Noise& next, Scale scale) {
   constexpr double kRough = 0.02;
   const double robot_tolerance = scale == Scale::kMedian ? kRough : 1e-3;
@@ -400,12 +403,12 @@ bool NoiseConverged(const Noise& noise, const Noise& next, Scale scale) {
                          is_close(noise.robot->rotation_rad, next.robot->rotation_rad, kExactRad));
 }
 
-// A result that its own sigma makes worthless.
+// Returns a Failure if the sigma of an unknown is too large for the result to be useful.
 std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Camera& camera) {
   constexpr double kMaxTranslationM = 0.1;
   constexpr double kMaxRotationRad = 0.1;
   constexpr double kMaxFocalRatio = 0.01;
-  constexpr double kMaxCentreRatio = 0.02;  // Of the image's width.
+  constexpr double kMaxCentreRatio = 0.02;  // Relative to the image width.
   constexpr double kMaxScale = 0.01;
   constexpr double kMaxBendM = 5e-3;
   for (size_t i = 0; i < covariance.names.size(); ++i) {
@@ -450,13 +453,15 @@ std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Came
   return std::nullopt;
 }
 
+// Returns a copy of the problem, whitened with the detectors' covariances and the unmodelled sigma.
 SharedProblem WeightedByCovariance(const Problem& problem, double unmodelled_sigma_px) {
   auto weighted = std::make_shared<Problem>(problem);
   WeightByCovariance(unmodelled_sigma_px, &weighted->views);
   return weighted;
 }
 
-// The estimate and the noise that it is whitened by determine each other: a few rounds settle both.
+// The estimate and the noise that it is whitened with depend on each other: alternates between both until they
+// converge.
 Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeParameters& free, const Loss& loss, Scale scale,
                                 const BundleOptions& options) {
   const int num_unknowns = 12 + static_cast<int>(std::count(free.begin(), free.end(), true));
@@ -474,7 +479,7 @@ Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeParameters& free, const Loss&
     fit.convergence.seconds += summary.total_time_in_seconds;
     fit.convergence.message = summary.message;
     if (!fit.convergence.converged) {
-      // Mostly for want of information: then that is what to say.
+      // The usual reason is missing information; the failure then names it.
       const std::optional<Information> weak = InformationAt(free, loss, options, &fit);
       std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
       if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), fit.state.camera);
@@ -489,7 +494,7 @@ Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeParameters& free, const Loss&
       fit.dof = estimated.dof;
     } else {
       const std::vector<double> distances = Joined(DistancesAt(*fit.problem, fit.state, options.num_threads));
-      // Half of the points may be anything where outliers are looked for.
+      // The median is robust to 50 % outliers and is used while outliers are searched for.
       const double median_px = SigmaFromMedian(distances);
       fit.dof = std::max(1.0, 2.0 * static_cast<double>(distances.size()) - num_unknowns);
       next.pixel_px = scale == Scale::kMedian ? median_px : SigmaOfFit(distances, num_unknowns, loss, median_px);
@@ -510,8 +515,9 @@ Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeParameters& free, const Loss&
   return fit;
 }
 
-using PointFlags = std::vector<std::vector<bool>>;  // By view and point.
+using PointFlags = std::vector<std::vector<bool>>;  // Indexed by view and point.
 
+// Returns flags for the points that pass their test at the estimate.
 PointFlags FindInliers(const Problem& problem, const Fit& fit) {
   std::vector<View> views = problem.views;
   if (fit.unmodelled_sigma_px) WeightByCovariance(*fit.unmodelled_sigma_px, &views);
@@ -526,6 +532,7 @@ PointFlags FindInliers(const Problem& problem, const Fit& fit) {
   return flags;
 }
 
+// Returns the problem with the flagged points only, without a copy if these are all.
 SharedProblem KeepPoints(const Problem& problem, const PointFlags& keep) {
   const auto is_whole = [](const std::vector<bool>& view) {
     return std::find(view.begin(), view.end(), false) == view.end();
@@ -544,16 +551,17 @@ int Count(const PointFlags& flags) {
   return count;
 }
 
+// Returns a Failure unless there are more measured coordinates than unknowns.
 std::optional<Failure> CheckCount(int num_points, const FreeParameters& free) {
-  // More numbers than unknowns, or there is nothing to average.
+  // If there were as many unknowns as measurements, no noise would be averaged.
   const int num_unknowns = 12 + static_cast<int>(std::count(free.begin(), free.end(), true));
   if (2 * num_points > num_unknowns) return std::nullopt;
   return Failure{std::to_string(2 * num_points) + " measured coordinates for " + std::to_string(num_unknowns) +
                  " unknowns are too few; take more captures or hold the intrinsics"};
 }
 
-// Least squares of the points that pass their test at the estimate that they give. A start that no bad point can pull
-// far comes from a loss that forgets what is far off, its scale shrinking with the residuals.
+// Least squares over the points that pass their test at the resulting estimate. The initial estimate uses the Cauchy
+// loss, whose scale shrinks with the residuals, so outliers have little influence on it.
 Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const FreeParameters& free,
                                  const BundleOptions& options, PointFlags* keep) {
   Outcome<Fit> settled = IterateNoiseAndFit(std::move(fit), free, *FindLoss("cauchy"), Scale::kMedian, options);
@@ -613,7 +621,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
     keep.emplace_back(static_cast<size_t>(problem_in.views[i].observations.size()), is_visible);
     if (!is_visible) hidden.push_back(problem_in.views[i].name);
   }
-  // A few may have the wrong pose.
+  // A few captures may have a wrong pose, which `truncated` tolerates.
   if (hidden.size() > (is_truncated ? keep.size() / 2 : 0)) {
     return Failure{"with the start values the target of capture " + hidden.front() +
                    " lies behind the camera; another seed, or a check of set-up and pose direction, is needed"};
@@ -621,7 +629,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   const SharedProblem visible = KeepPoints(problem_in, keep);
   const Problem& problem = *visible;
   if (const std::optional<Failure> failure = CheckCount(Count(keep), free)) return *failure;
-  // What even little noise would hide, the solve would look for in vain.
+  // Observability is checked at sigma = 0.05 px: a direction that is unobservable even then cannot be solved for.
   constexpr double kLittleNoisePx = 0.05;
   Fit fit;
   fit.problem = visible;

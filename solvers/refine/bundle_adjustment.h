@@ -1,5 +1,5 @@
-// The refinement: hand-eye pose, board pose and camera intrinsics together, by the whitened reprojection error of every
-// point of every view.
+// Bundle adjustment: refines hand-eye pose, board pose and camera intrinsics jointly, by minimising the whitened
+// reprojection error of every point in every view.
 #pragma once
 
 #include <optional>
@@ -13,7 +13,8 @@
 
 namespace heba {
 
-// What is known of the camera before: its parameters and one sigma of each, infinite where nothing is known.
+// Prior knowledge of the camera: its parameters and one sigma for each, infinite if nothing is known about a
+// parameter.
 struct CameraPrior {
   std::vector<double> params;
   std::vector<double> sigmas;
@@ -22,48 +23,55 @@ struct CameraPrior {
 struct BundleOptions {
   std::vector<ParameterGroup> free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint,
                                                  ParameterGroup::kDistortion};
-  // What of the target's shape is unknown too; the problem's (Problem::shape) is the start.
+  // The unknown parts of the target's shape; Problem::shape is the initial guess.
   std::vector<TargetShapeGroup> free_shape;
   std::string loss = "truncated";
-  // One coordinate's noise. Nothing: estimated from the residuals.
+  // Sigma of one coordinate, px. Nothing: estimated from the residuals.
   std::optional<double> pixel_noise_px;
-  // The robot's poses are exact; are observations with the noise given; or with noise that is estimated together with
-  // the pixels' (by restricted maximum likelihood).
+  // Treats the robot poses as exact, as observations with the given noise, or as observations with a noise that is
+  // estimated together with the pixel noise (by restricted maximum likelihood).
   enum class Robot { kExact, kGivenNoise, kEstimatedNoise };
   Robot robot = Robot::kExact;
-  RobotNoise robot_noise;  // For kGivenNoise.
-  // For kEstimatedNoise: what is known of it before, where the captures are too few to tell it.
+  RobotNoise robot_noise;  // Used with kGivenNoise.
+  // Used with kEstimatedNoise: prior of the robot noise, for captures that are too few to determine it.
   std::optional<RobotNoisePrior> robot_noise_prior;
-  // For kEstimatedNoise: where the search for it begins. By default a robot of the poorer kind.
+  // Used with kEstimatedNoise: initial guess of the robot noise. The default is an inaccurate robot.
   RobotNoise robot_noise_start = {1e-3, 2e-3};
-  // Counts like further measurements of the parameters that are free.
+  // Is treated as an additional measurement of the free camera parameters.
   std::optional<CameraPrior> camera_prior;
   int max_iterations = 200;
   int num_threads = 1;  // The result does not depend on it.
 
-  // Every violated constraint, one a line; empty if the options are valid.
+  // Returns every violated constraint, one per line; empty if the options are valid.
   [[nodiscard]] std::string Check() const;
 };
 
 FreeParameters FreeOf(const CameraModel& model, const BundleOptions& options);
 
-// The loss of the points that count: of `truncated`, once the others are left out, none.
+// Returns the loss that applies to the inliers: `none` for `truncated`, because its outliers are removed.
 const Loss& InlierLoss(const BundleOptions& options);
 
 // Minimises the sum over all points of rho(|projection - observation|^2 / sigma^2) with Ceres, from `start` and
-// problem.camera. With the loss `truncated` that is least squares of the points that pass their test at the estimate
-// that they give, found from Cauchy's; the others are named in Solution::rejected_ids and count in nothing, not even if
-// they have no image. Before the solve, the motion and the normal matrix at the start are examined: what the data
-// cannot see is a Failure that names it. So are a target behind the camera at the start, no convergence, and a result
-// whose own sigma says that it means nothing. The covariance is sigma^2 times the inverse of the normal matrix of all
-// free parameters, with the loss's factor (solvers/residuals/loss.h); with a noisy robot its corrections
-// (solvers/uncertainty/robot_noise.h) are unknowns too, six a view with the robot's noise as their prior, and the
-// covariance is averaged over them.
+// problem.camera. `options` must be valid.
+//
+// The loss `truncated` means least squares over the points that pass their test at the resulting estimate; it starts
+// from an estimate with the Cauchy loss. The other points are listed in Solution::rejected_ids and have no influence,
+// even if they cannot be projected.
+//
+// Before the solve, the motion and the normal matrix at the start are examined: an unobservable direction is a
+// Failure that names it. It is also a Failure if a target is behind the camera at the start (with `truncated`: in
+// more than half of the views), if the refinement does not converge, or if the sigma of a result is too large for it
+// to be useful.
+//
+// The covariance is sigma^2 times the inverse of the normal matrix of all free parameters, multiplied by the factor
+// of the loss (solvers/residuals/loss.h). With a noisy robot, its corrections (solvers/uncertainty/robot_noise.h) are
+// unknowns too, six per robot pose with the robot noise as their prior, and the covariance is marginalised over them.
 Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options);
 
-// The restricted log-likelihood (solvers/uncertainty/variance_components.h) of the problem's points at a solution of
-// it, of which the parameters beside the target's shape are common to all models. Comparable between solutions of one
-// problem whose points have the same weights. Minus infinity if a point has no image.
+// Returns the restricted log-likelihood (solvers/uncertainty/variance_components.h) of the problem's points at a
+// solution. All parameters except the target's shape are taken as common to the models that are compared. Comparable
+// between solutions of one problem whose points have the same weights. Returns minus infinity if a point cannot be
+// projected.
 double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options);
 
 }  // namespace heba

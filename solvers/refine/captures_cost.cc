@@ -18,7 +18,7 @@
 namespace heba {
 namespace {
 
-// How the captures are summed, whatever the number of threads: so the digits do not depend on it.
+// Captures are summed in groups that do not depend on the number of threads; neither do the digits of the result.
 constexpr int kMaxGroups = 32;
 constexpr int kCapturesPerGroup = 16;
 
@@ -26,19 +26,20 @@ constexpr int kPoseSize = 7;
 
 using PoseRows = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
-// As a hand-eye pose's chain is: it stands next to the camera.
+// Returns whether a chain is -I, as that of the hand-eye pose, whose tangent is in the camera frame.
 bool IsMirror(const Matrix6& chain) { return chain == -Matrix6::Identity(); }
 
-// Views of so few points are chained row by row: cheaper than their products.
+// Rows of views with at most this many points are chained individually, which is cheaper than chaining their
+// products.
 constexpr int kFewPoints = 16;
 
-// The products of the rows of views of few points, chained to the shared poses.
+// Accumulates the products of the rows of views with few points, chained to the shared poses.
 class ApplyChainRule {
  public:
   ApplyChainRule(int num_shared_poses, int num_others)
       : num_shared_poses_(num_shared_poses), num_others_(num_others), stacked_(6 * num_shared_poses + num_others) {}
 
-  // Of at most kFewPoints points.
+  // Adds the rows of a view with at most kFewPoints points.
   void Add(const ViewRows& rows, const std::vector<Matrix6>& left_from_tangent) {
     const Eigen::Index num_rows = rows.columns.rows();
     double* const columns = stacked_.NextColumns(num_rows);
@@ -61,15 +62,15 @@ class ApplyChainRule {
     }
   }
 
-  // Below the diagonal.
+  // Adds the sums to the lower triangle of `matrix`.
   void AddTo(Eigen::MatrixXd* matrix) { stacked_.AddTo(matrix); }
 
  private:
   static_assert(PaddedToLanes(2 * kFewPoints) <= StackedRows::kMaxRows);
-  // Two poses, the camera, the target's shape and the residual.
+  // Columns for two poses, the camera, the target's shape and the residual.
   static_assert(12 + 4 + ProjectionBatch::kMaxDistortion + TargetShape::kNumParams + 1 <= StackedRows::kMaxColumns);
 
-  // Some rows of one column.
+  // Applies the chain rule to kMaxLanes rows of one column.
   static void ChainRows(const double* const (&by_left)[6], const Matrix6& chain, int c, Eigen::Index first,
                         double* to) {
     double sums[kMaxLanes] = {};
@@ -84,7 +85,7 @@ class ApplyChainRule {
   StackedRows stacked_;
 };
 
-// own^-1 right, of an `own` that is definite: where a view leaves its pose open, a prior does not.
+// Returns own^-1 right. `own` is positive definite: if a view does not determine its pose, a prior does.
 PoseRows SolveOwn(const Matrix6& own, const PoseRows& right) {
   const Eigen::LLT<Matrix6> root(own);
   if (root.info() != Eigen::Success) return own.ldlt().solve(right);
@@ -92,8 +93,8 @@ PoseRows SolveOwn(const Matrix6& own, const PoseRows& right) {
   return inverse_root.transpose().lazyProduct(PoseRows(inverse_root.lazyProduct(right)));
 }
 
-// Adds a view's products, of a left perturbation of its pose and of what else there is, to those of the shared poses'
-// tangents; below the diagonal.
+// Adds the products of a view, for a left perturbation of its pose and the other columns, to those for the tangents
+// of the shared poses (chain rule). Only the lower triangle is used.
 void AddChained(const Eigen::MatrixXd& products, const std::vector<Matrix6>& left_from_tangent, int num_shared_poses,
                 Eigen::MatrixXd* sum) {
   const Eigen::Index num_others = products.cols() - 6;
@@ -120,12 +121,12 @@ void AddChained(const Eigen::MatrixXd& products, const std::vector<Matrix6>& lef
 
 }  // namespace
 
-// A capture at some value of its own pose.
+// A capture, evaluated at one value of its own pose.
 struct CapturesCost::Evaluation {
   Rigid3d eliminated_pose;
-  std::vector<Matrix6> left_from_tangent;  // Of the shared poses, then of its own.
+  std::vector<Matrix6> left_from_tangent;  // Shared poses, then the own pose.
   ViewNormalEquations products;
-  // Of the own pose: what its step is solved from, 6 x 6, and 6 rows with the products' other columns.
+  // The own pose: the 6 x 6 matrix of its normal equations, and its 6 rows with all columns of the products.
   Matrix6 own;
   PoseRows with_others;
   double prior_squares = 0;
@@ -136,29 +137,30 @@ struct CapturesCost::Evaluation {
   }
 };
 
-// What is known of a capture's own pose where the cost was evaluated.
+// The state of a capture's own pose where the cost was evaluated.
 struct CapturesCost::EliminatedPoseState {
   Rigid3d pose;
   std::vector<Matrix6> left_from_tangent;
-  double cost = 0;            // Of the capture, there.
-  double predicted_drop = 0;  // Of its cost, by its own step alone.
-  // Its best step is minus this times [the left perturbation by the shared poses' steps, the free parameters' step, 1].
+  double cost = 0;            // Cost of the capture at this pose.
+  double predicted_drop = 0;  // Predicted decrease of that cost by the own step alone.
+  // The best step is -step * [left perturbation by the shared poses' steps, step of the free parameters, 1].
   PoseRows step;
 };
 
+// All captures, evaluated at one value of the shared unknowns.
 struct CapturesCost::State {
   NormalEquations shared;
-  std::vector<EliminatedPoseState> own_poses;  // Empty if captures have none.
+  std::vector<EliminatedPoseState> own_poses;  // Empty if the captures have none.
 
   double Cost() const {
     return std::max(0.0, shared.matrix(shared.matrix.rows() - 1, shared.matrix.cols() - 1)) + shared.loss_remainder;
   }
 };
 
-// From where the own poses' linearisation was made; nothing if it was not.
+// The step of the shared unknowns since the own poses were linearised; empty if they have not been.
 struct CapturesCost::SharedStep {
   std::vector<Tangent6> poses;
-  Eigen::VectorXd params;  // The free ones.
+  Eigen::VectorXd params;  // Free parameters only.
 };
 
 CaptureTerm::CaptureTerm(const Observations* observations, std::unique_ptr<KinematicLoop> chain, const Rigid3d& start)
@@ -191,7 +193,7 @@ CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> ca
   }
   for (int i = 0; i < num_shared_poses_; ++i) mutable_parameter_block_sizes()->push_back(kPoseSize);
   mutable_parameter_block_sizes()->push_back(num_params_);
-  // One more row holds what the loss adds to the weighted sum of squares.
+  // One more row holds the difference between the sum of rho and the weighted sum of squares.
   set_num_residuals(6 * num_shared_poses_ + static_cast<int>(free_.size()) + 2);
 }
 
@@ -206,7 +208,7 @@ bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, 
   }
   Eigen::Map<Eigen::VectorXd> residual(residuals, num_residuals());
   if (jacobians == nullptr) {
-    // The cost alone.
+    // Only the cost is needed.
     residual.setZero();
     residual[0] = std::sqrt(candidate_->Cost());
     return true;
@@ -228,7 +230,7 @@ bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, 
       for (const int param : free_) jacobian.col(param).head(root.rows()) = root.col(column++);
     }
   }
-  // Ceres asks for Jacobians where it stays.
+  // Ceres evaluates Jacobians only where it stays.
   accepted_ = candidate_;
   predicted_drop_ = root.col(root.cols() - 1).head(root.rows() - 1).squaredNorm();
   for (const EliminatedPoseState& own : accepted_->own_poses) predicted_drop_ += own.predicted_drop;
@@ -297,7 +299,7 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
     sums[0].matrix += sums[group].matrix;
     sums[0].loss_remainder += sums[group].loss_remainder;
   }
-  // The sums' lower triangles are what was added up.
+  // Only the lower triangles were summed.
   state->shared.matrix = sums[0].matrix.selfadjointView<Eigen::Lower>();
   state->shared.loss_remainder = sums[0].loss_remainder;
   return true;
@@ -341,7 +343,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const SharedStep& st
     bool is_evaluated = settles ? SolveEliminatedPose(captures_[i], at, &evaluation)
                                 : EvaluateCapture(reducer_, captures_[i], at, &evaluation);
     if (!is_evaluated && accepted_ != nullptr) {
-      // The linearisation leads to where nothing is seen: from where it was, then, step by step.
+      // A point cannot be projected from the predicted pose: refine from the accepted pose instead.
       evaluation.eliminated_pose = accepted_->own_poses[i].pose;
       is_evaluated = SolveEliminatedPose(captures_[i], at, &evaluation);
     }
@@ -421,14 +423,14 @@ bool CapturesCost::EvaluateCapture(const ViewReducer& reducer, const CaptureTerm
   return true;
 }
 
-// By damped Gauss-Newton steps with all else held.
+// Refines the own pose by damped Gauss-Newton steps with all other unknowns held.
 bool CapturesCost::SolveEliminatedPose(const CaptureTerm& capture, const std::vector<double>& parameters,
                                        Evaluation* evaluation) const {
   constexpr int kMaxSteps = 30;
-  constexpr double kSettled = 1e-2;  // Of the cost: the rest is the joint solve's.
+  constexpr double kSettled = 1e-2;  // Relative to the cost; the joint solve does the rest.
   constexpr double kLeastDamping = 1e-6;
   double damping = kLeastDamping;
-  // Where it will hardly stay, the other columns are not asked for.
+  // A rough pose will hardly be kept, so the columns of the other parameters are not needed there.
   bool has_all_columns = !(options_.eliminated_poses_are_rough && accepted_ == nullptr);
   if (!EvaluateCapture(has_all_columns ? reducer_ : pose_reducer_, capture, parameters, evaluation)) return false;
   for (int i = 0; i < kMaxSteps; ++i) {
@@ -457,7 +459,7 @@ std::vector<Rigid3d> CapturesCost::EliminatedPoses() const {
   for (size_t i = 0; i < accepted_->own_poses.size(); ++i) {
     const EliminatedPoseState& own = accepted_->own_poses[i];
     moved.eliminated_pose = Retract(own.pose, -Tangent6(own.step.rightCols<1>()));
-    // What is left of the way to the best: unless it leads nowhere, as no step of a small part of the noise does.
+    // Takes the remaining step to the optimum if it is a small fraction of the noise or does not increase the cost.
     constexpr double kSmallDrop = 1e-3;
     const bool is_better = own.predicted_drop < kSmallDrop * std::min(own.cost, 1.0) ||
                            (EvaluateCapture(pose_reducer_, captures_[i], accepted_->shared.parameters, &moved) &&

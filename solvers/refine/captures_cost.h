@@ -1,12 +1,15 @@
-// The Ceres cost of all captures together: one residual block with a row for each unknown and one more, whatever the
-// number of captures and points.
+// The Ceres cost function of all captures: one residual block with one row per unknown and two more, independent of
+// the number of captures and points.
 //
-// Each capture's products (solvers/residuals/view_reduction.h) are chained to the unknowns that the captures share, and
-// summed (of views of few points the rows are chained, and multiplied many views' at once); a root of the sum has the
-// same cost, gradient and Gauss-Newton matrix as all rows of all captures. A capture may have a pose of its own (a
-// robot's correction, or where the target is): it is eliminated from the products before they are summed (Schur
-// complement), so that cost and memory grow with the captures, not with their cube, and Ceres does not see it. Where
-// the shared unknowns are tried elsewhere, it goes along as its linearisation says.
+// The normal equations of each capture (solvers/residuals/view_reduction.h) are chained to the unknowns that the
+// captures share, and summed. The rows of views with few points are chained individually, and multiplied for many
+// views at once. A square root of the sum has the same cost, gradient and Gauss-Newton matrix as all rows of all
+// captures.
+//
+// A capture may have a pose of its own (the robot's correction, or the pose of the target). It is eliminated from the
+// normal equations before they are summed (Schur complement), so that cost and memory grow linearly with the number
+// of captures, and Ceres does not see it. When Ceres evaluates other values of the shared unknowns, the eliminated
+// pose follows according to its linearisation.
 #pragma once
 
 #include <memory>
@@ -24,51 +27,54 @@
 
 namespace heba {
 
+// One image of a capture.
 struct CaptureView {
   const Observations* observations = nullptr;
-  // Its last pose block is the capture's own if there is one (CapturesCostOptions::has_eliminated_pose).
+  // Its last pose block is the capture's own pose, if there is one (CapturesCostOptions::has_eliminated_pose).
   std::unique_ptr<KinematicLoop> chain;
 };
 
+// One capture: a robot pose and the images taken there.
 struct CaptureTerm {
-  // At least one; more only with an own pose, which they then share. Residuals are each view's; the derivatives of
-  // camera_from_target are the first view's for all, so the views' poses must be the same but for a robot's
-  // repeatability.
+  // One view or more; several views require an own pose, which they share. Each view has its own residuals, but the
+  // derivatives of camera_from_target are those of the first view for all of them, so their robot poses must agree
+  // within the robot's repeatability.
   std::vector<CaptureView> views;
-  Rigid3d eliminated_pose;  // Where it starts.
+  Rigid3d eliminated_pose;  // Initial guess of the own pose.
 
   CaptureTerm(const Observations* observations, std::unique_ptr<KinematicLoop> chain, const Rigid3d& start = Rigid3d());
 };
 
-// What the captures say at some value of the unknowns.
+// The normal equations of all captures at one value of the unknowns.
 struct NormalEquations {
-  std::vector<double> parameters;  // The shared poses' blocks, the camera's parameters, the shape's.
-  // J^T J of the shared poses' tangents, the free parameters and the residual, own poses eliminated.
+  std::vector<double> parameters;  // Blocks of the shared poses, camera parameters, shape parameters.
+  // J^T J of the shared poses' tangents, the free parameters and the residual, with own poses eliminated.
   Eigen::MatrixXd matrix;
-  double loss_remainder = 0;  // As ViewNormalEquations', solvers/residuals/view_reduction.h.
+  double loss_remainder = 0;  // See ViewNormalEquations, solvers/residuals/view_reduction.h.
 };
 
 struct CapturesCostOptions {
   double pixel_sigma_px = 1;
   const Loss* loss = nullptr;
-  FreeParameters free;               // The others' Jacobians are 0.
-  std::optional<TargetShape> shape;  // If `free` speaks of it; its own parameters are not used.
+  FreeParameters free;               // The Jacobians of the other parameters are 0.
+  std::optional<TargetShape> shape;  // Set if `free` has entries for it; its params are not used.
   bool has_eliminated_pose = false;
-  std::optional<RobotNoise> eliminated_pose_prior;  // That it is the identity, give or take this.
-  // What is known already, with the same captures, loss, sigma and free parameters. Captures without own poses only.
+  std::optional<RobotNoise> eliminated_pose_prior;  // Prior that the own pose is the identity, with this noise.
+  // Cached normal equations of the same captures, loss, sigma and free parameters. Only without own poses.
   std::optional<NormalEquations> known;
-  // Own poses start where nobody has looked for them yet. Either way they are brought near their best for the first
-  // value of the shared unknowns.
+  // The own poses have not been estimated before. In either case they are refined at the first value of the shared
+  // unknowns.
   bool eliminated_poses_are_rough = false;
-  int num_threads = 1;  // At most; the result does not depend on it.
+  int num_threads = 1;  // Upper bound; the result does not depend on it.
 };
 
-// Parameter blocks: the shared poses of the chains (heba/geometry/pose_block.h), then the camera's parameters, which
-// those of the target's shape follow if there is a shape. Evaluation fails, and Ceres rejects the step, if a point has
-// no image. With own poses for ceres::Solve only: what they are depends on where the Jacobians were evaluated last.
+// Parameter blocks: the shared poses of the chains (heba/geometry/pose_block.h), then the camera parameters, followed
+// by those of the target's shape if there is a shape. Evaluation fails, and Ceres rejects the step, if a point cannot
+// be projected. With own poses, only for use with ceres::Solve: their values depend on the point at which the
+// Jacobians were evaluated last.
 class CapturesCost final : public ceres::CostFunction {
  public:
-  // `model`, the observations and the loss must outlive the cost; at least one capture.
+  // `model`, the observations and the loss must outlive the cost; there must be at least one capture.
   CapturesCost(const CameraModel& model, std::vector<CaptureTerm> captures, CapturesCostOptions options);
   ~CapturesCost() override;
   CapturesCost(const CapturesCost&) = delete;
@@ -76,32 +82,35 @@ class CapturesCost final : public ceres::CostFunction {
 
   bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override;
 
-  // Nothing if a point has no image.
+  // Returns nothing if a point cannot be projected.
   std::optional<NormalEquations> NormalEquationsAt(const double* const* parameters) const;
 
-  // Where the Jacobians were evaluated last: after ceres::Solve, at the solution. They must have been.
+  // Returns the normal equations at the point where the Jacobians were evaluated last: after ceres::Solve, the
+  // solution. The Jacobians must have been evaluated before.
   const NormalEquations& Accepted() const;
-  // What Gauss-Newton's next step from there would make the cost less by, as its own linearisation has it; of the cost.
+  // Returns the decrease of the cost that the next Gauss-Newton step from there would give according to the
+  // linearisation, relative to the cost.
   double PredictedDrop() const;
 
-  // The captures' own poses, best for the shared unknowns at which the Jacobians were evaluated last: after
-  // ceres::Solve, the solution's.
+  // Returns the captures' own poses, optimal for the shared unknowns at which the Jacobians were evaluated last:
+  // after ceres::Solve, the solution. Empty if there are none.
   std::vector<Rigid3d> EliminatedPoses() const;
 
  private:
   struct EliminatedPoseState;
   struct SharedStep;
   struct State;
-  // What is solved for of a capture: its products, of a left perturbation of camera_from_target, the free parameters
-  // and the residual.
+  // The normal equations of one capture: left perturbation of camera_from_target, free parameters and residual.
   struct Evaluation;
 
+  // Evaluates all captures. Returns false if a point cannot be projected.
   bool EvaluateAll(std::vector<double> parameters, State* state) const;
-  // What captures [first, last) add, each at its own pose.
+  // Sums the normal equations of captures [first, last), each at its own pose.
   bool EvaluateGroup(size_t first, size_t last, const SharedStep& step, State* state, NormalEquations* sum) const;
-  // Where a capture's own pose goes along to, as its linearisation says; where it starts before there is one.
+  // Returns a capture's own pose as predicted by its linearisation, or its initial guess before the first
+  // linearisation.
   Rigid3d EliminatedPoseAfter(const SharedStep& step, size_t capture) const;
-  // At Evaluation::eliminated_pose; settling begins there.
+  // Evaluates a capture at Evaluation::eliminated_pose, which is also where SolveEliminatedPose starts.
   bool EvaluateCapture(const ViewReducer& reducer, const CaptureTerm& capture, const std::vector<double>& parameters,
                        Evaluation* evaluation) const;
   bool WriteCapture(const CaptureTerm& capture, const std::vector<double>& parameters,
@@ -118,11 +127,12 @@ class CapturesCost final : public ceres::CostFunction {
   std::vector<CaptureTerm> captures_;
   CapturesCostOptions options_;
   ViewReducer reducer_;
-  ViewReducer pose_reducer_;  // Of the captures' poses alone.
+  ViewReducer pose_reducer_;  // Has columns for the pose only.
   int num_shared_poses_;
-  int num_params_;         // The camera's, and the shape's if it is unknown.
-  std::vector<int> free_;  // Which of them.
-  // Where the Jacobians were evaluated last, and where the cost was: mostly Ceres asks for the Jacobians there next.
+  int num_params_;         // Number of camera parameters, plus those of the shape if unknown.
+  std::vector<int> free_;  // Indices of the free ones.
+  // The states where the Jacobians and the cost were evaluated last: Ceres usually asks for the Jacobians at the
+  // latter next.
   mutable std::shared_ptr<const State> accepted_;
   mutable std::shared_ptr<const State> candidate_;
   mutable double predicted_drop_ = 0;

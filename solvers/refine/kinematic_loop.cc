@@ -5,8 +5,8 @@
 namespace heba {
 namespace {
 
-// camera_from_target = (camera_mount_from_camera Exp(xi))^-1 M target_mount_from_target Exp(eta): to first order a left
-// perturbation by -xi, and by Adjoint(camera_from_target) eta.
+// camera_from_target = (camera_mount_from_camera Exp(xi))^-1 M target_mount_from_target Exp(eta): to first order this
+// is a left perturbation by -xi and by Adjoint(camera_from_target) eta.
 class HandEyeChain final : public KinematicLoop {
  public:
   explicit HandEyeChain(const Rigid3d& camera_mount_from_target_mount)

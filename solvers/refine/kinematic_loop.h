@@ -1,4 +1,4 @@
-// From the unknown poses of a refinement to where a capture's camera sees the target.
+// Kinematic loops: from the unknown poses of a refinement to the pose of the target in a capture's camera.
 #pragma once
 
 #include <memory>
@@ -9,10 +9,10 @@
 
 namespace heba {
 
-// How camera_from_target follows from the pose blocks (heba/geometry/pose_block.h) of a cost.
+// Computes camera_from_target from the pose blocks (heba/geometry/pose_block.h) of a cost.
 struct KinematicLoop {
-  // Computes camera_from_target and, for each block, the 6 x 6 derivative of its left perturbation by the block's
-  // tangent.
+  // Returns camera_from_target and, for each block, the 6 x 6 derivative of its left perturbation with respect to the
+  // tangent of the block. `left_from_tangent` may be null.
   virtual ~KinematicLoop() = default;
   virtual int num_blocks() const = 0;
   virtual Rigid3d Evaluate(const double* const* pose_blocks, std::vector<Matrix6>* left_from_tangent) const = 0;

@@ -16,7 +16,7 @@
 namespace heba {
 namespace {
 
-// What camera_from_target is off by, and its derivative by a further left perturbation.
+// Returns the misclosure of camera_from_target and its derivative with respect to a further left perturbation.
 Tangent6 Misclosure(const Rigid3d& predicted, const Rigid3d& seen, Matrix6* by_left) {
   const Rigid3d difference = predicted * Inverse(seen);
   const Eigen::Vector3d angle = LogRotation(difference.rotation);
@@ -34,6 +34,7 @@ Tangent6 Misclosure(const Rigid3d& predicted, const Rigid3d& seen, Matrix6* by_l
   return misclosure;
 }
 
+// Residual: the whitened misclosure of one capture.
 class ChainCost final : public ceres::SizedCostFunction<6, 7, 7> {
  public:
   ChainCost(const PosePair& pair, const Matrix6& whitening)
@@ -61,7 +62,7 @@ class ChainCost final : public ceres::SizedCostFunction<6, 7, 7> {
   Matrix6 whitening_;
 };
 
-// W with W^T W = S^-1, one a pair.
+// Returns W with W^T W = S^-1 for each pair.
 std::vector<Matrix6> Whitenings(const std::vector<PosePair>& pairs) {
   Matrix6 typical = Matrix6::Zero();
   int num_known = 0;

@@ -1,4 +1,4 @@
-// Refinement at pose level: hand-eye and board pose from the closed loop of every capture.
+// Refinement at pose level: estimates hand-eye and board pose from the closed loop of every capture.
 #pragma once
 
 #include <vector>
@@ -9,14 +9,15 @@
 
 namespace heba {
 
-// Minimises, with Ceres from `start`, the sum over captures of e^T S^-1 e, where e is what the loop of Mao and Zhu 2004
-// (equation 1, H_gb H_tg = H_cb H_tc) fails to close by: the left perturbation (m, then rad, in the camera) between the
-// target's pose that the chain predicts and the one that the picture has, and S the covariance of the latter
-// (PosePair::covariance_at_1px; the mean of the others where it is unknown, 1 mm and 1 mrad if nobody knows). The
-// covariance in the result is scaled by what is left of the residuals; pixel_sigma_px is that scale. The picture enters
-// through six numbers only: two poses of a flat target, strong noise and a wrong camera spoil it more than the
-// refinement of the reprojection error. A Failure if the motion does not determine the poses or Ceres does not
-// converge.
+// Minimises with Ceres, from `start`, the sum over all captures of e^T S^-1 e, where e is the misclosure of the loop
+// of Mao and Zhu 2004 (equation 1, H_gb H_tg = H_cb H_tc): the left perturbation (m, then rad, in the camera frame)
+// between the predicted target pose and the one estimated from the image. S is the covariance of the latter
+// (PosePair::covariance_at_1px; the mean of the others if it is unknown, 1 mm and 1 mrad if all are unknown).
+//
+// The covariance of the result is scaled by the variance of the residuals; pixel_sigma_px is the square root of that
+// scale. An image enters through six numbers only, so the two-fold ambiguity of a planar target, strong noise and a
+// wrong camera do more harm than in the refinement of the reprojection error. Returns a Failure if the motion does
+// not determine the poses or Ceres does not converge.
 Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye& start);
 
 }  // namespace heba

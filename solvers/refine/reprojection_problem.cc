@@ -11,13 +11,14 @@ ceres::Solver::Options ReprojectionSolverOptions(int max_iterations) {
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = max_iterations;
-  // What is left then is far below the last step, which is itself far below the noise.
+  // The error that remains within these tolerances is far below the last step, which is itself far below the noise.
   options.function_tolerance = 1e-12;
   options.parameter_tolerance = 1e-13;
   options.gradient_tolerance = 1e-14;
-  // Starts are good: the first steps are to be Gauss-Newton's own. A poor one pays for it by a few refused steps.
+  // Initial guesses are good, so the first steps should be undamped Gauss-Newton steps. A poor guess costs some
+  // rejected steps.
   options.initial_trust_region_radius = 1e6;
-  // Steps that put a point behind the camera are refused one by one until the trust region is small enough.
+  // Steps that put a point behind the camera are rejected one by one until the trust region is small enough.
   options.max_num_consecutive_invalid_steps = 50;
   options.num_threads = 1;
   options.logging_type = ceres::SILENT;
@@ -40,6 +41,7 @@ void AddCameraBlock(const FreeParameters& free, double* params, ceres::Problem* 
 
 namespace {
 
+// Stops the iteration if the predicted relative decrease of the cost is at most `tolerance`.
 class StopAtMinimum final : public ceres::IterationCallback {
  public:
   StopAtMinimum(const CapturesCost& cost, double tolerance) : cost_(cost), tolerance_(tolerance) {}

@@ -1,4 +1,4 @@
-// What every Ceres problem over views has in common.
+// Common parts of all Ceres problems over views.
 #pragma once
 
 #include <ceres/problem.h>
@@ -9,15 +9,16 @@
 
 namespace heba {
 
-// Settings for small dense problems solved to the last digit that matters; one thread, so that the result does not
-// depend on their number.
+// Returns settings for small dense problems that are solved to full precision. One thread is used, so that the result
+// does not depend on the number of threads.
 ceres::Solver::Options ReprojectionSolverOptions(int max_iterations);
 
-// Adds the camera's parameters to `problem` and holds those that are not free.
+// Adds the camera parameters to `problem` and holds those that are not free constant.
 void AddCameraBlock(const FreeParameters& free, double* params, ceres::Problem* problem);
 
-// ceres::Solve of a problem that has no other cost than `cost`. It converges, too, where the next step would lower the
-// cost by less than options.function_tolerance of it: Ceres alone sees that only when it has taken that step.
+// Calls ceres::Solve for a problem whose only cost is `cost`. Convergence is also reached if the predicted relative
+// decrease of the cost in the next step is below options.function_tolerance; Ceres alone detects that only after the
+// step.
 ceres::Solver::Summary SolveCaptures(const CapturesCost& cost, ceres::Solver::Options options, ceres::Problem* problem);
 
 }  // namespace heba

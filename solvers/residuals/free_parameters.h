@@ -1,4 +1,4 @@
-// Which parameters are unknowns.
+// Selects which parameters besides the poses are estimated.
 #pragma once
 
 #include <algorithm>
@@ -9,8 +9,8 @@
 
 namespace heba {
 
-// Which parameters beside the poses are unknowns: one entry for each of the camera's and, only if one of them is free,
-// one for each of the target's shape behind them.
+// One flag per camera parameter and, only if any parameter of the target's shape is free, one per shape parameter
+// after them; true if the parameter is unknown.
 using FreeParameters = std::vector<bool>;
 FreeParameters FreeOf(const CameraModel& model, const std::vector<ParameterGroup>& free_intrinsics,
                       const std::vector<TargetShapeGroup>& free_shape = {});

@@ -9,7 +9,8 @@
 namespace heba {
 namespace {
 
-// Points of each block: the covariances' blocks, or a block a point.
+// Returns the number of points in each block: the blocks of the covariances or, without covariances, one point per
+// block.
 std::vector<int> BlockSizes(const Observations& observations) {
   if (observations.covariances_px2.empty()) return std::vector<int>(static_cast<size_t>(observations.size()), 1);
   std::vector<int> sizes;

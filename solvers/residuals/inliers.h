@@ -1,4 +1,4 @@
-// Points that are where they should be, and the others.
+// Separation of inliers and outliers among the points of a view.
 #pragma once
 
 #include <vector>
@@ -7,19 +7,21 @@
 
 namespace heba {
 
-// Of each point whether its squared residual, whitened and over sigma^2, passes the test of the loss `truncated`
-// (solvers/residuals/loss.h). Points that were measured together (a block of Observations::covariances_px2) pass
-// together or not at all. None passes if a point has no image from that pose.
+// Returns for each point whether its squared residual, whitened and divided by sigma^2, passes the test of the loss
+// `truncated` (solvers/residuals/loss.h). Points that were measured together (a block of
+// Observations::covariances_px2) pass together or not at all. No point passes if any point cannot be projected from
+// that pose.
 std::vector<bool> FindInliers(const Camera& camera, const Rigid3d& camera_from_target, const Observations& observations,
                               double pixel_sigma_px);
 
-// The observations that are to be kept, with all that is known of them. `keep`: one a point, alike within a block.
+// Returns the observations with `keep` set, together with their radii, covariances and whitening. `keep` has one flag
+// per point, equal within a block.
 Observations KeepPoints(const Observations& observations, const std::vector<bool>& keep);
 
-// The observations without the points of these ids.
+// Returns the observations without the points with these ids.
 Observations WithoutPoints(const Observations& observations, const std::vector<int>& ids);
 
-// The problem without the points that a solution of all its views left out.
+// Returns the problem without the points that `solution`, which must have an entry for every view, rejected.
 Problem WithoutRejected(const Problem& problem, const Solution& solution);
 
 }  // namespace heba

@@ -10,7 +10,8 @@ namespace {
 constexpr double kHuber = 1.345;
 constexpr double kCauchy = 2.385;
 
-// -2 ln of the false-alarm rate: chi-square with 2 degrees of freedom exceeds it with that probability.
+// -2 ln of the false-alarm rate: a chi-square variable with 2 degrees of freedom exceeds this value with that
+// probability.
 const double kTruncated2 = -2.0 * std::log(kTruncatedFalseAlarm);
 
 double RhoNone(double s) { return s; }
@@ -31,13 +32,13 @@ void Evaluate(const double* s, int size, double* rho, double* weight) {
   }
 }
 
-// The mean of f(s) over chi-square with 2 degrees of freedom, whose density is exp(-s / 2) / 2: Gauss-Legendre panels
-// in q = sqrt(s), in which f is smooth on either side of `knee`.
+// Returns the mean of f(s) for s chi-square with 2 degrees of freedom, whose density is exp(-s / 2) / 2, by
+// Gauss-Legendre quadrature in q = sqrt(s) on panels that end at `knee`; f is smooth on either side of it.
 template <class F>
 double Mean(const F& f, double knee) {
   constexpr int kPanels = 40;
-  constexpr double kEnd = 12.0;  // exp(-72): nothing beyond.
-  // Of five points, on [-1, 1].
+  constexpr double kEnd = 12.0;  // exp(-72): the rest is negligible.
+  // The five-point rule on [-1, 1].
   const double inner = std::sqrt(5 - 2 * std::sqrt(10.0 / 7)) / 3;
   const double outer = std::sqrt(5 + 2 * std::sqrt(10.0 / 7)) / 3;
   const double inner_weight = (322 + 13 * std::sqrt(70.0)) / 900;
@@ -57,7 +58,7 @@ double Mean(const F& f, double knee) {
   return sum;
 }
 
-// `knee`: where, in sigma, its weight is not smooth.
+// `knee`: the distance, in sigma, at which the weight is not smooth.
 template <double (*kRho)(double), double (*kWeight)(double)>
 Loss MakeLoss(std::string_view name, double knee) {
   const auto mean = [&](const auto& f) { return Mean(f, knee); };

@@ -1,4 +1,4 @@
-// Robust losses rho(s) of the squared whitened distance s = (du^2 + dv^2) / sigma^2 of a point, and what they do to
+// Robust losses rho(s) of a point's squared whitened distance s = (du^2 + dv^2) / sigma^2, and their effect on
 // estimates when the noise is Gaussian.
 #pragma once
 
@@ -12,9 +12,10 @@ struct Loss {
   std::string_view name;
   double (*rho)(double s);
   double (*weight)(double s);  // d rho / d s
-  // Both, of many.
+  // Evaluates both for `size` values.
   void (*evaluate)(const double* s, int size, double* rho, double* weight);
-  // Expectations over s of two Gaussian coordinates of variance 1 (chi-square with 2 degrees of freedom):
+  // Expectations for s = sum of squares of two Gaussian coordinates of variance 1 (chi-square with 2 degrees of
+  // freedom):
   double mean_weight;     // E[w]
   double consistency;     // E[w s] / 2: sigma^2 = sum(w r^2) / (degrees of freedom * consistency) is unbiased
   double mean_weight2_s;  // E[w^2 s] / 2
@@ -23,11 +24,12 @@ struct Loss {
   double covariance_factor() const { return mean_weight2_s / (consistency * consistency) * mean_weight; }
 };
 
-// How often `truncated` leaves a point out that is as it should be.
+// Probability that `truncated` rejects a point whose noise is Gaussian with the assumed sigma.
 inline constexpr double kTruncatedFalseAlarm = 1e-4;
 
-// none; huber (1.345) and cauchy (2.385), with the constants that are 95 % efficient in one dimension; truncated: least
-// squares of the points that pass a test with the false-alarm rate above, nothing of the others.
+// Returns the loss of this name, or null if there is none: `none`; `huber` (1.345) and `cauchy` (2.385), with the
+// constants that have 95 % efficiency in one dimension; `truncated`: least squares over the points that pass a test
+// with the false-alarm rate above; the others have no weight.
 const Loss* FindLoss(std::string_view name);
 std::vector<std::string> LossNames();
 

@@ -32,7 +32,7 @@ double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unkn
 }
 
 std::optional<double> TypicalDetectorSigma(const std::vector<View>& views) {
-  std::vector<double> variances_px2;  // Of each point.
+  std::vector<double> variances_px2;  // One per point.
   for (const View& view : views) {
     for (const Eigen::MatrixXd& block : view.observations.covariances_px2) {
       for (Eigen::Index i = 0; i < block.rows(); i += 2) {

@@ -1,4 +1,4 @@
-// The size of the pixel noise, from residuals.
+// Estimation of the pixel noise from residuals, and weighting of points by their covariances.
 #pragma once
 
 #include <optional>
@@ -9,26 +9,28 @@
 
 namespace heba {
 
-// Never less than this: below it, residuals are round-off.
+// Lower bound of every sigma: smaller residuals are round-off.
 inline constexpr double kMinSigmaPx = 1e-6;
 
-// One coordinate's sigma from the squared distances of points, robustly: from their median, which is 2 ln 2 sigma^2 for
-// Gaussian noise. Half the points may be anything.
+// Returns a robust estimate of one coordinate's sigma from the squared distances of points: their median is 2 ln 2
+// sigma^2 for Gaussian noise. Up to half of the points may be outliers. Returns kMinSigmaPx if there are no points.
 double SigmaFromMedian(std::vector<double> squared_distances_px2);
 
-// One coordinate's sigma of an M-estimate: the fixed point of sigma^2 = sum(w(s) r^2) / (dof * E[w s] / 2), s =
-// r^2 / sigma^2; for the loss `none` the root of the mean square. `num_unknowns` are what the fit freed: 2 points less
-// these are the degrees of freedom.
+// Returns the sigma of one coordinate for an M-estimate: the fixed point of sigma^2 = sum(w(s) r^2) / (dof * E[w s] /
+// 2), s = r^2 / sigma^2, found by iteration from `start_px`; for the loss `none` the square root of sum(r^2) / dof.
+// The degrees of freedom are twice the number of points minus `num_unknowns`, the number of free parameters of the
+// fit.
 double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unknowns, const Loss& loss,
                   double start_px);
 
-// What detectors say of their points (Observations::covariances_px2), in the typical case: the median over all points
-// of one coordinate's sigma. Nothing if they say nothing.
+// Returns the typical sigma of one coordinate according to the detectors (Observations::covariances_px2): the square
+// root of the median variance over all points. Returns nothing if no view has covariances.
 std::optional<double> TypicalDetectorSigma(const std::vector<View>& views);
 
-// Fills in Observations::whitening: what a detector says of each point, and `unmodelled_sigma_px`, equal for all, of
-// what it cannot know (print, paper, lens, robot), in such a measure that the typical point keeps its size: a pixel
-// sigma still means a point's. Without covariances all points count alike.
+// Fills in Observations::whitening from the detector's covariance of each point plus `unmodelled_sigma_px`, equal for
+// all points, for errors that a detector cannot know (print, paper, lens, robot). The whitening is scaled such that
+// the typical point keeps its size, so a pixel sigma still is the sigma of a point. Without covariances all points
+// are weighted equally.
 void WeightByCovariance(double unmodelled_sigma_px, std::vector<View>* views);
 
 }  // namespace heba

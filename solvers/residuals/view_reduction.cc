@@ -14,7 +14,7 @@
 namespace heba {
 namespace {
 
-// Of points that were measured one by one: u' = a u, v' = b u + c v.
+// Whitens points that were measured one by one: u' = a u, v' = b u + c v.
 void WhitenPoints(const std::vector<Eigen::MatrixXd>& blocks, Eigen::Index v_offset, Eigen::MatrixXd* columns) {
   const auto n = static_cast<Eigen::Index>(blocks.size());
   Eigen::ArrayX3d factors(n, 3);
@@ -30,9 +30,9 @@ void WhitenPoints(const std::vector<Eigen::MatrixXd>& blocks, Eigen::Index v_off
   }
 }
 
-// Of points of which several were measured together, as a tag's corners.
+// Whitens one block of points that were measured together, such as the corners of a tag.
 void WhitenBlock(const Eigen::MatrixXd& block, double* u, double* v) {
-  // From the last row up: a row needs those before it only.
+  // The last row comes first: each row depends only on itself and the rows before it.
   for (Eigen::Index i = block.rows() / 2 - 1; i >= 0; --i) {
     double whitened_u = block(2 * i, 2 * i) * u[i];
     double whitened_v = block(2 * i + 1, 2 * i) * u[i] + block(2 * i + 1, 2 * i + 1) * v[i];
@@ -45,8 +45,8 @@ void WhitenBlock(const Eigen::MatrixXd& block, double* u, double* v) {
   }
 }
 
-// Makes what was measured together uncorrelated. In `columns` the rows of v begin `v_offset` after those of u; a block
-// of the whitening has them in turn.
+// Multiplies every column by the whitening, which makes the coordinates uncorrelated. In `columns` the rows of v
+// begin `v_offset` after those of u; in a block of the whitening u and v alternate.
 void Whiten(const Observations& observations, Eigen::Index v_offset, Eigen::MatrixXd* columns) {
   const std::vector<Eigen::MatrixXd>& blocks = observations.whitening;
   Eigen::Index num_points = 0;
@@ -65,15 +65,15 @@ void Whiten(const Observations& observations, Eigen::Index v_offset, Eigen::Matr
   }
 }
 
-// Or all points count alike.
+// Returns whether the points are weighted depending on their residuals.
 bool IsWeighted(const Loss& loss) { return loss.name != "none"; }
 
-// Whether the points' rows are as the camera model gives them: no discs, no correlated noise.
+// Returns whether the rows of the points are those of the camera model: no discs, no whitening.
 bool IsPlain(const Observations& observations) {
   return observations.whitening.empty() && (observations.radii_m.size() == 0 || observations.radii_m.maxCoeff() <= 0);
 }
 
-// The points from `first` on, as many as a batch holds.
+// Loads the points from index `first` on, at most as many as a batch holds.
 void LoadBatch(const Observations& observations, const TargetShape* shape, int first, ProjectionBatch* batch) {
   batch->size = std::min(observations.size() - first, ProjectionBatch::kCapacity);
   for (int k = 0; k < 3; ++k) {
@@ -86,12 +86,12 @@ void LoadBatch(const Observations& observations, const TargetShape* shape, int f
   PadBatch(batch);
 }
 
-// Writes behind a batch's rows of one axis, which begin at `row`, those of the shape's free parameters.
+// Writes the rows of the shape's free parameters for one image axis, from index `row` of the batch's rows on.
 void WriteShapeRows(const Observations& observations, int first, const Eigen::Matrix3d& rotation,
                     const TargetShape& shape, const std::vector<int>& free_shape, int row,
                     double (*rows)[ProjectionBatch::kCapacity], int size) {
   for (int i = 0; i < size; ++i) {
-    // What moves a point moves its image as a shift of the whole target would.
+    // Chain rule: displacing a point changes its projection as the same translation of the whole target would.
     const Eigen::RowVector3d by_shift(rows[0][i], rows[1][i], rows[2][i]);
     const Eigen::Matrix<double, 1, TargetShape::kNumParams> by_shape =
         by_shift * rotation * ShapedByParams(Eigen::Vector3d(observations.points_in_target.col(first + i)), shape);
@@ -101,7 +101,7 @@ void WriteShapeRows(const Observations& observations, int first, const Eigen::Ma
 
 }  // namespace
 
-// What a pass over a view's points adds up.
+// Sums over the points of a view, accumulated in one pass.
 struct ViewReducer::Sums {
   double rho = 0;
   double weighted = 0;
@@ -115,7 +115,7 @@ ViewReducer::ViewReducer(const CameraModel& model, const FreeParameters& free, d
       num_columns_(6 + static_cast<int>(NumFree(free)) + 1) {
   const size_t num_params = static_cast<size_t>(NumParams(model));
   CHECK(free.size() == num_params || free.size() == num_params + TargetShape::kNumParams) << free.size();
-  // Pose, focal length, principal point, distortion, shape, residual, and what pads an odd number.
+  // Pose, focal length, principal point, distortion, shape, residual, and one column that pads an odd number.
   static_assert(6 + 2 + ProjectionBatch::kMaxDistortion + TargetShape::kNumParams + 1 + 1 <= ProjectionBatch::kMaxRows);
   for (int axis = 0; axis < 2; ++axis) {
     AxisColumns& own = axes_[axis];
@@ -130,7 +130,7 @@ ViewReducer::ViewReducer(const CameraModel& model, const FreeParameters& free, d
       if (i >= 4 || i % 2 == axis) add(i < 4 ? 6 + i / 2 : 4 + i);
       ++place;
     }
-    // The shape's and the residual's are written behind them.
+    // The columns of shape and residual follow; their rows are written separately.
     for (; place < num_columns_; ++place) own.places.push_back(place);
   }
   for (size_t i = static_cast<size_t>(NumParams(model)); i < free.size(); ++i) {
@@ -138,7 +138,7 @@ ViewReducer::ViewReducer(const CameraModel& model, const FreeParameters& free, d
   }
 }
 
-// The square roots of the weights of points with these whitened residuals; `sums` grows.
+// Computes the square roots of the points' weights from their whitened residuals, and adds to `sums`.
 void ViewReducer::WeighPoints(const double* u, const double* v, int size, double* roots, Sums* sums) const {
   const double per_px2 = 1 / (pixel_sigma_px_ * pixel_sigma_px_);
   constexpr int kSome = ProjectionBatch::kCapacity;
@@ -159,7 +159,8 @@ void ViewReducer::WeighPoints(const double* u, const double* v, int size, double
   }
 }
 
-// The rows of plain points from `first` on, as many as a batch holds: of each axis those of its columns.
+// Writes the rows of plain points from index `first` on, at most as many as a batch holds; each axis has its own
+// columns.
 bool ViewReducer::WriteBatch(const double* params, const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
                              const Observations& observations, const TargetShape* shape, int first,
                              ProjectionBatch* batch) const {
@@ -184,7 +185,8 @@ bool ViewReducer::WriteBatch(const double* params, const Eigen::Matrix3d& rotati
   return true;
 }
 
-// Of plain points: u and v apart, since what is zero in all rows of one of them need not be multiplied.
+// Computes the normal equations of plain points. The axes u and v are treated separately, because columns that are
+// zero for one axis need not be multiplied.
 bool ViewReducer::MultiplyPlain(const double* params, const Rigid3d& camera_from_target,
                                 const Observations& observations, const TargetShape* shape,
                                 ViewNormalEquations* products) const {
@@ -226,7 +228,7 @@ bool ViewReducer::MultiplyPlain(const double* params, const Rigid3d& camera_from
   return true;
 }
 
-// What the camera model gives of a view's rows, before whitening, of points of any kind.
+// Computes the rows of a view before whitening, for points of any kind.
 bool ViewReducer::PredictRows(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
                               const TargetShape* shape, ViewRows* rows) const {
   Observations shaped;
@@ -313,7 +315,7 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
     ViewNormalEquations products;
     if (!Multiply(params, camera_from_target, observations, shape, &products)) return false;
     reduction->factor = PivotedCholesky(products.matrix);
-    // Turned, but for its last row, so that the pose's columns stand in the first six.
+    // All rows but the last are rotated such that the pose columns are zero below row six.
     auto turned = reduction->factor.topRows(num_columns_ - 1);
     const Eigen::HouseholderQR<Eigen::Matrix<double, Eigen::Dynamic, 6>> qr(turned.leftCols<6>());
     turned.rightCols(num_columns_ - 6).applyOnTheLeft(qr.householderQ().adjoint());
@@ -322,7 +324,7 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
     reduction->loss_remainder = products.loss_remainder;
     return true;
   }
-  // Fewer rows than that: as they are.
+  // A view with no more rows than columns keeps its rows.
   ViewRows rows;
   if (!Write(params, camera_from_target, observations, shape, &rows)) return false;
   reduction->factor = rows.columns.topLeftCorner(rows.size, num_columns_);
@@ -333,7 +335,7 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
 Eigen::MatrixXd PivotedCholesky(const Eigen::MatrixXd& products) {
   const Eigen::Index n = products.cols();
   Eigen::MatrixXd root = Eigen::MatrixXd::Zero(n, n);
-  // What is left to explain, scaled to ones on the diagonal: of a symmetric matrix the lower half.
+  // The remainder, scaled to a unit diagonal; only the lower triangle of the symmetric matrix is used.
   Eigen::MatrixXd rest = products;
   Eigen::VectorXd lengths(n);
   for (Eigen::Index i = 0; i < n; ++i) lengths[i] = std::sqrt(std::max(0.0, products(i, i)));
@@ -342,7 +344,7 @@ Eigen::MatrixXd PivotedCholesky(const Eigen::MatrixXd& products) {
       rest(i, j) = lengths[i] * lengths[j] > 0 ? rest(i, j) / lengths[i] / lengths[j] : 0;
   }
   const double nothing = static_cast<double>(n) * std::numeric_limits<double>::epsilon();
-  // The pivots' row, on the way.
+  // The pivot's row of the factor.
   Eigen::VectorXd row(n);
   for (Eigen::Index step = 0; step + 1 < n; ++step) {
     Eigen::Index pivot = 0;
@@ -351,7 +353,7 @@ Eigen::MatrixXd PivotedCholesky(const Eigen::MatrixXd& products) {
     row.tail(n - pivot) = rest.col(pivot).tail(n - pivot);
     row /= std::sqrt(rest(pivot, pivot));
     for (Eigen::Index j = 0; j < n; ++j) {
-      if (row[j] == 0) continue;  // As of all that were pivots.
+      if (row[j] == 0) continue;  // Zero for all earlier pivots.
       rest.col(j).tail(n - j) -= row[j] * row.tail(n - j);
       root(step, j) = row[j] * lengths[j];
     }

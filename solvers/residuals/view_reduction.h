@@ -1,9 +1,10 @@
-// One view's reprojection errors, however many points it has, as a handful of rows.
+// Reduces the reprojection errors of one view to a few rows, independent of its number of points.
 //
-// Every residual of a view depends on the six numbers of camera_from_target and on the camera's parameters only. With
-// J = [d r / d pose, d r / d camera, r], any R with R^T R = J^T J has the same cost, gradient and Gauss-Newton matrix
-// as all the view's rows: a Cholesky factor of the products, at most one more row than there are unknowns. The products
-// take one pass over the points, several at once (heba/kernels/gram_matrix.h).
+// Every residual of a view depends only on the six parameters of camera_from_target and on the parameters of camera
+// and target shape. With J = [d r / d pose, d r / d camera, d r / d shape, r], any R with R^T R = J^T J has the same
+// cost, gradient and Gauss-Newton matrix as all rows of the view. R is a Cholesky factor of J^T J and has at most one
+// row more than there are unknowns. J^T J is accumulated in one pass over the points, several points at once
+// (heba/kernels/gram_matrix.h).
 #pragma once
 
 #include <optional>
@@ -18,45 +19,49 @@
 
 namespace heba {
 
-// J^T J of a view. Columns: of a left perturbation of the pose (6, as Predict's, heba/data/prediction.h), of the
-// camera's parameters that are free, of the shape's, then the residual. Whitened, weighted by the loss's weight at this
-// point.
+// J^T J of a view, whitened and weighted by the loss at the current residuals. The columns are the left perturbation
+// of the pose (6, as in Predict, heba/data/prediction.h), the free camera parameters, the free shape parameters and
+// the residual.
 struct ViewNormalEquations {
   Eigen::MatrixXd matrix;
-  // Sum of rho less the weighted sum of squares, not negative: with it, the last number of the diagonal is the sum of
-  // rho.
+  // Sum of rho minus the weighted sum of squares, not negative. Added to the last diagonal element, it gives the sum
+  // of rho.
   double loss_remainder = 0;
 };
 
-// All rows of a view as they are: those of u, then those of v, then zeros up to a multiple of kMaxLanes
-// (heba/kernels/simd.h). Columns as ViewNormalEquations' (and one of zeros more if their number is odd).
+// All rows of a view: first those of u, then those of v, then zeros up to a multiple of kMaxLanes
+// (heba/kernels/simd.h). The columns are those of ViewNormalEquations, followed by a column of zeros if their number
+// is odd.
 struct ViewRows {
-  int size = 0;  // Without the zeros.
+  int size = 0;  // Number of rows without the zeros.
   Eigen::MatrixXd columns;
-  double loss_remainder = 0;  // As ViewNormalEquations'.
+  double loss_remainder = 0;  // See ViewNormalEquations.
 };
 
-// As many rows as there are columns, or fewer, with the same products. Where they are as many, the pose's columns have
-// nothing below the first six.
+// A factor with at most as many rows as columns and the same J^T J. If the view has more rows than columns, the
+// factor is square and its pose columns are zero below row six; otherwise the factor holds the rows of the view
+// unchanged.
 struct SquareRootInformation {
   Eigen::MatrixXd factor;
-  double loss_remainder = 0;  // As ViewNormalEquations'.
+  double loss_remainder = 0;  // See ViewNormalEquations.
 };
 
-// What views become rows with: a camera model, which of its parameters, and then of the shape's, have columns, how
-// exact a point is, and how much it counts when it is far off.
+// Converts views to rows, given a camera model, the parameters that have columns, the pixel sigma and the loss.
 //
-// All return false if a point has no image from that pose. With `shape` the points are where it puts them; null if
-// `free` does not speak of it.
+// All functions return false if a point cannot be projected from that pose. `shape` displaces the points of the
+// target; it is null if `free` has no entries for the shape.
 class ViewReducer {
  public:
-  // `model` and `loss` must outlive it.
+  // `model` and `loss` must outlive this object.
   ViewReducer(const CameraModel& model, const FreeParameters& free, double pixel_sigma_px, const Loss& loss);
 
+  // Computes the normal equations.
   bool Multiply(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
                 const TargetShape* shape, ViewNormalEquations* products) const;
+  // Computes all rows.
   bool Write(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
              const TargetShape* shape, ViewRows* rows) const;
+  // Computes the square-root information.
   bool Reduce(const double* params, const Rigid3d& camera_from_target, const Observations& observations,
               const TargetShape* shape, SquareRootInformation* reduction) const;
 
@@ -64,10 +69,10 @@ class ViewReducer {
 
  private:
   struct Sums;
-  // Of one image axis.
+  // The columns that concern one image axis.
   struct AxisColumns {
-    std::vector<int> rows;    // Which of a batch's rows (ProjectionBatch::rows) are columns of the products.
-    std::vector<int> places;  // Which columns: of these rows, then of the shape and the residual. Ascending.
+    std::vector<int> rows;    // Rows of a batch (ProjectionBatch::rows) that are columns of the products.
+    std::vector<int> places;  // Columns of the products: those of `rows`, then shape and residual. Ascending.
     int size() const { return static_cast<int>(places.size()); }
   };
 
@@ -87,16 +92,17 @@ class ViewReducer {
   std::vector<int> free_shape_;
 };
 
-// Rows R with R^T R = `products`, which is positive semidefinite up to rounding, and as many of them as it has; the
-// last one has nothing but its last number. Pivoted Cholesky of the matrix scaled to ones on its diagonal: what is
-// below rounding is zero.
+// Returns R with R^T R = `products`, which must be positive semidefinite up to rounding. R has as many rows as
+// `products`; its last row is zero except for the last element. Pivoted Cholesky factorisation of the matrix scaled
+// to a unit diagonal; remainders below rounding are set to zero.
 Eigen::MatrixXd PivotedCholesky(const Eigen::MatrixXd& products);
 
-// How many of `most` threads a pass over so many points is worth: one takes longer to start than some thousand points.
+// Returns how many threads, at most `most`, are worthwhile for a pass over this many points: starting a thread takes
+// longer than processing some thousand points.
 int ThreadsFor(int num_points, int most);
 
-// Of each point, its squared residual after whitening (Observations::whitening), px^2. Nothing where a point has no
-// image. Without a shape the points are where they are.
+// Returns each point's squared residual after whitening (Observations::whitening), px^2, or nothing if any point
+// cannot be projected. Without a shape the points are used as designed.
 std::optional<std::vector<double>> WhitenedSquares(const CameraModel& model, const double* params,
                                                    const Rigid3d& camera_from_target, const Observations& observations,
                                                    const TargetShape* shape);

@@ -24,16 +24,17 @@ namespace {
 
 constexpr size_t kMinCaptures = 6;
 
-// The variance of a robot that is exact but for rounding, m^2 and rad^2.
+// Variance of a robot that is exact except for rounding, m^2 and rad^2.
 constexpr double kExact2 = 1e-18;
 
-// The points by which a view is judged: those that agree with the estimate; all, if most do not.
+// Returns the points by which a view is tested: its inliers, or all points if most of them were rejected.
 Observations JudgedPoints(const Observations& observations, const std::vector<int>& rejected_ids) {
   if (2 * rejected_ids.size() > observations.ids.size()) return observations;
   return WithoutPoints(observations, rejected_ids);
 }
 
-// What each capture's correction would be if nothing but pixels were noisy, held to what is possible at all.
+// Estimates a view's correction as if the pixel noise were the only noise, with a weak prior on what is physically
+// possible.
 Tangent6 RoughCorrection(const LinearisedView& view) {
   constexpr double kPossibleM = 0.05;
   constexpr double kPossibleRad = 0.1;
@@ -43,7 +44,8 @@ Tangent6 RoughCorrection(const LinearisedView& view) {
   return normal.ldlt().solve(view.by_correction.transpose() * view.offset);
 }
 
-// The half of the captures with the smallest corrections, and the variances that these have.
+// Returns flags for the half of the captures with the smallest corrections, and the variances of the robot from the
+// median corrections.
 std::vector<bool> BestHalf(const std::vector<LinearisedView>& views, VarianceComponents* start) {
   const double median_of_3_dof = ChiSquareQuantile(0.5, 3);
   std::vector<double> translations;
@@ -66,14 +68,14 @@ std::vector<bool> BestHalf(const std::vector<LinearisedView>& views, VarianceCom
   return is_member;
 }
 
-// Of the 6 degrees of freedom of a chi-square only those below the median: their mean, over 6.
+// Returns the mean of a chi-square variable with 6 degrees of freedom that is truncated at its median, divided by 6.
 double ShareOfBestHalf() {
   // E[x; x < m] = 6 P(chi2_8 < m), over P(x < m) = 1/2.
   const double median = ChiSquareQuantile(0.5, 6);
   return 2 * (1 - ChiSquareTail(median, 8));
 }
 
-// The normal equations of a view: their matrix and, in the last column, their right side.
+// Returns the normal equations of a view: their matrix and, in the last column, their right-hand side.
 Eigen::MatrixXd NormalOf(const LinearisedView& view, const VarianceComponents& variances) {
   const Eigen::Index n = view.by_unknowns.cols();
   const RowMajorMatrix whitened =
@@ -81,23 +83,25 @@ Eigen::MatrixXd NormalOf(const LinearisedView& view, const VarianceComponents& v
   return whitened.leftCols(n).transpose().lazyProduct(whitened);
 }
 
-// Returns the variance of a view's moved rows, in the views' unit, with the errors that no model describes: a smooth
-// field of kUnmodelledPx at each of the 2 N coordinates, shared out over the six numbers of a pose.
+// Returns the variance of the rows that depend on the correction, in the views' unit, including the errors that no
+// model describes: a smooth field of kUnmodelledPx at each of the 2 N coordinates, distributed over the six
+// parameters of a pose.
 double VarianceWithUnmodelled(const LinearisedView& view, double pixel_variance, double pixel_sigma_px) {
   const double num_coordinates = static_cast<double>(view.offset.size() + view.num_residual_dof);
   const double ratio = kUnmodelledPx / pixel_sigma_px;
   return pixel_variance + num_coordinates / 6 * ratio * ratio;
 }
 
-// The tail probability of what a view's correction is off by, predicted by the normal equations of others.
+// Returns the tail probability of a view's correction, given the prediction from the normal equations of the others.
 double PValue(const LinearisedView& view, const Eigen::MatrixXd& others, const VarianceComponents& variances,
               double pixel_sigma_px, double dof) {
-  // The prediction's root: Y with Y^T Y its covariance, and what it predicts.
+  // Y, with Y^T Y the covariance of the prediction, and in the last column the vector that Y^T maps to the
+  // prediction.
   const Eigen::Index n = view.by_unknowns.cols();
   const Eigen::Index rows = view.offset.size();
   const Eigen::VectorXd scale = others.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
   const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * others.leftCols(n) * scale.asDiagonal());
-  // Others that do not determine the unknowns predict nothing.
+  // Captures that do not determine the unknowns predict nothing.
   if (root.info() != Eigen::Success) return 1;
   RowMajorMatrix predicted(n, rows + 1);
   predicted << view.by_unknowns.transpose(), others.col(n);
@@ -111,7 +115,7 @@ double PValue(const LinearisedView& view, const Eigen::MatrixXd& others, const V
       VarianceWithUnmodelled(view, variances.pixel, pixel_sigma_px) - variances.pixel;
   const Eigen::LLT<Eigen::MatrixXd> b(covariance);
   if (b.info() != Eigen::Success) return 1;
-  // g = G^T B^-1 e has covariance M + M Q M, M = G^T B^-1 G. Metres and radians side by side: scaled.
+  // g = G^T B^-1 e has the covariance M + M Q M, M = G^T B^-1 G. It is scaled because it mixes metres and radians.
   RowMajorMatrix whitened(rows, 7);
   whitened << view.by_correction, view.offset - y.transpose() * predicted.col(rows);
   SolveLowerInPlace(b.matrixLLT(), &whitened);
@@ -126,12 +130,12 @@ double PValue(const LinearisedView& view, const Eigen::MatrixXd& others, const V
   return ChanceOf(unit.cwiseProduct(g), unit.asDiagonal() * total * unit.asDiagonal(), kNothing, dof);
 }
 
-// The views that can be judged, as a solution sees them.
+// The views that can be tested, linearised at a solution.
 struct JudgedViews {
   std::vector<LinearisedView> views;
-  std::vector<size_t> index;   // The view's place in the problem.
-  PoseGroups groups;           // The judged views by robot pose.
-  std::vector<size_t> hidden;  // The problem's views of which a point has no image.
+  std::vector<size_t> index;   // Index of the view in the problem.
+  PoseGroups groups;           // The tested views, grouped by robot pose.
+  std::vector<size_t> hidden;  // Views of the problem with a point that cannot be projected.
   double pixel_sigma_px = 1;
 };
 
@@ -158,10 +162,10 @@ JudgedViews Judge(const Problem& problem, const Solution& solution, const FreePa
   return judged;
 }
 
-// The members alone, one view for each pose of the robot.
+// The members only, one stacked view per robot pose.
 struct Members {
   std::vector<LinearisedView> views;
-  std::vector<size_t> group_of;  // The place of each of `views` in JudgedViews::groups.
+  std::vector<size_t> group_of;  // Index of each of `views` in JudgedViews::groups.
 };
 
 Members MembersOf(const JudgedViews& judged, const std::vector<bool>& is_member) {
@@ -182,7 +186,7 @@ Members MembersOf(const JudgedViews& judged, const std::vector<bool>& is_member)
   return members;
 }
 
-// Returns the tail probability of each judged view, by the estimate of the members at other poses of the robot.
+// Returns the tail probability of each tested view, given the estimate from the members at other robot poses.
 std::vector<double> PValues(const JudgedViews& judged, const Members& members, const VarianceComponents& variances,
                             double dof) {
   const Eigen::Index num_unknowns = judged.views.front().by_unknowns.cols();
@@ -209,7 +213,7 @@ double DofOf(const Members& members) {
          static_cast<double>(members.views.front().by_unknowns.cols());
 }
 
-// Fewer degrees of freedom tell no noise.
+// Fewer degrees of freedom do not determine the noise.
 constexpr double kLeastDof = 6;
 
 }  // namespace

@@ -7,11 +7,12 @@
 namespace heba {
 namespace {
 
-// Of a move as large or larger by chance. Directions that the capture says nothing of have no part in it.
+// Returns the probability that a move is at least as large. Directions about which the capture carries no information
+// are ignored.
 double ChanceOfMove(const Tangent6& move, const Matrix6& covariance_without, const Matrix6& covariance_with,
                     double dof) {
   const Tangent6 scale = covariance_with.diagonal().cwiseSqrt().cwiseInverse();
-  constexpr double kNothing = 1e-6;  // Of a variance of the pose itself.
+  constexpr double kNothing = 1e-6;  // Relative to the variance of the pose.
   return ChanceOf(scale.cwiseProduct(move),
                   scale.asDiagonal() * (covariance_without - covariance_with) * scale.asDiagonal(), kNothing, dof);
 }
@@ -26,10 +27,10 @@ std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& probl
   if (!views) return moves;
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   const std::vector<std::string> names = UnknownNames(solution.camera.Model(), free);
-  // All that the solution rests on, at whose minimum the sides of the views and of what else there is cancel.
+  // The information of all data: at the minimum, the right-hand sides of the views and of everything else cancel.
   const Eigen::MatrixXd& covariance = solution.covariance.matrix;
   const Eigen::MatrixXd information = InvertInformation({names, covariance}, 1.0).matrix;
-  // From the weighted normal matrix to the second derivatives of rho on average, which are smaller.
+  // Ratio of the weighted normal matrix to the mean of the second derivatives of rho, which are smaller.
   const double newton = loss.mean_weight / loss.consistency;
   for (size_t i = 0; i < views->size(); ++i) {
     const LinearisedView& view = (*views)[i];

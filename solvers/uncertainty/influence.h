@@ -1,4 +1,4 @@
-// How much of a result hangs on each capture.
+// Influence of each capture on the result.
 #pragma once
 
 #include <optional>
@@ -9,12 +9,15 @@
 
 namespace heba {
 
-// For each view, what the hand-eye pose would move by without it: one Gauss-Newton step from the solution over all else
-// that it rests on, an intrinsics prior included (Cook and Weisberg 1982, section 3.2), with the noise as the solution
-// has it, the robot's averaged over. `problem` is what was solved, without the points that the solution left out, and
-// `loss` its loss (`none` for `truncated`, whose others were left out). The chance of a move is by its own covariance,
-// C_without - C_with (a capture that tells much moves much), with the degrees of freedom of the solution's noise.
-// Nothing for a view without which the others could not tell the unknowns, or that tells nothing of the pose.
+// Returns for each view by how much the hand-eye pose would move without it: one Gauss-Newton step from the solution
+// over all other data, including an intrinsics prior (Cook and Weisberg 1982, section 3.2), with the noise of the
+// solution and marginalised over the robot's corrections. `problem` is what was solved, without the rejected points,
+// and `loss` is its loss (`none` instead of `truncated`, because the outliers are already removed).
+//
+// The p-value of a move (CaptureMove::chance) is computed from the covariance of the move, C_without - C_with (an
+// informative capture has a large covariance of its move), with the degrees of freedom of the solution's noise.
+// Returns nothing for a view without which the unknowns would not be observable, and for every view if a point cannot
+// be projected.
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& problem, const Solution& solution,
                                                             const FreeParameters& free, const Loss& loss);
 

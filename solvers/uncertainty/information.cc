@@ -13,7 +13,7 @@
 namespace heba {
 namespace {
 
-// The diagonal's inverse roots; zero where the diagonal is.
+// Returns the inverse square roots of the diagonal, or zero for elements that are not positive.
 Eigen::VectorXd ScaleOf(const Eigen::MatrixXd& matrix) {
   return matrix.diagonal().unaryExpr([](double d) { return d > 0 ? 1.0 / std::sqrt(d) : 0.0; });
 }
@@ -45,17 +45,17 @@ std::optional<Failure> CheckObservable(const Information& information) {
     if (scale[i] == 0) return Failure{"the data do not see " + PlainName(information.names[static_cast<size_t>(i)])};
   }
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information.matrix * scale.asDiagonal();
-  // Mostly a bound on the smallest eigenvalue is enough: one over the inverse's norm.
+  // A lower bound of the smallest eigenvalue usually suffices: one divided by the norm of the inverse.
   const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
   if (factor.info() == Eigen::Success && InverseOf(factor).norm() <= 1 / kMinEigenvalue) return std::nullopt;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
   if (eigen.eigenvalues()[0] >= kMinEigenvalue) return std::nullopt;
-  // The largest parts of the direction that nothing sees, in scaled units.
+  // The largest components of the unobservable direction, in scaled units.
   const Eigen::VectorXd direction = eigen.eigenvectors().col(0);
   std::vector<int> order(static_cast<size_t>(direction.size()));
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](int a, int b) { return std::abs(direction[a]) > std::abs(direction[b]); });
-  // What could be held by the config comes first: poses cannot.
+  // Parameters that can be held by the config come first; poses cannot be held.
   const auto is_pose = [&](int i) { return i < 12; };
   const double limit = 0.3 * std::abs(direction[order.front()]);
   order.erase(std::remove_if(order.begin(), order.end(), [&](int i) { return std::abs(direction[i]) < limit; }),

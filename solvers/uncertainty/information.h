@@ -1,5 +1,4 @@
-// What the data say about the unknowns: the normal matrix of the joint reprojection problem, which direction it sees
-// worst, and its inverse.
+// The information about the unknowns: normal matrix of the joint reprojection problem, observability and covariance.
 #pragma once
 
 #include <optional>
@@ -14,22 +13,22 @@
 namespace heba {
 
 struct Information {
-  std::vector<std::string> names;  // As Covariance::names.
+  std::vector<std::string> names;  // See Covariance::names.
   Eigen::MatrixXd matrix;          // sum w J^T J / sigma^2
 };
 
-// Information::names of a camera model and what of it is free.
+// Returns the names (Information::names) of the unknowns for a camera model and its free parameters.
 std::vector<std::string> UnknownNames(const CameraModel& model, const FreeParameters& free);
 
-// Why the unknowns cannot all be determined, with the direction that the data do not see in plain words; nothing if
-// they can. The criterion is the smallest eigenvalue of the matrix with its diagonal scaled to 1: below 1e-9 nothing is
-// left of a direction but round-off.
+// Returns the reason why the unknowns cannot all be determined, with the unobservable direction in plain words, or
+// nothing if they can. The criterion is the smallest eigenvalue of the matrix scaled to a unit diagonal: below 1e-9,
+// a direction contains nothing but round-off.
 std::optional<Failure> CheckObservable(const Information& information);
 
-// factor * matrix^-1. `information` must have passed CheckObservable.
+// Returns factor * matrix^-1. `information` must have passed CheckObservable.
 Covariance InvertInformation(const Information& information, double factor);
 
-// "the hand-eye translation along the camera's z", for a name of Covariance::names.
+// Returns the plain name of an entry of Covariance::names, e.g. "the hand-eye translation along the camera's z".
 std::string PlainName(const std::string& name);
 
 }  // namespace heba

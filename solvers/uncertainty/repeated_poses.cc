@@ -8,8 +8,8 @@
 namespace heba {
 namespace {
 
-// The same measurements in no more rows than there are columns: what the triangular factor of [correction, unknowns,
-// offset] leaves of the offset alone is independent of all of them.
+// Returns the same measurements in no more rows than columns, from the triangular factor of [correction, unknowns,
+// offset]: its last row depends on the offset alone and is independent of the others.
 LinearisedView Condensed(const LinearisedView& view) {
   const Eigen::Index n = view.by_unknowns.cols();
   const Eigen::Index rows = 6 + n;
@@ -28,6 +28,7 @@ LinearisedView Condensed(const LinearisedView& view) {
   return condensed;
 }
 
+// Stacks the rows of a group's views.
 LinearisedView Stack(const std::vector<LinearisedView>& views, const std::vector<size_t>& group) {
   LinearisedView stacked;
   Eigen::Index num_rows = 0;
@@ -40,7 +41,7 @@ LinearisedView Stack(const std::vector<LinearisedView>& views, const std::vector
   stacked.by_unknowns.resize(num_rows, views[group.front()].by_unknowns.cols());
   stacked.by_correction.resize(num_rows, 6);
   stacked.offset.resize(num_rows);
-  // All rows that the correction moves come before those that it does not.
+  // Rows that depend on the correction come before those that do not.
   Eigen::Index correction_dependent = 0;
   Eigen::Index unmoved = num_rows - stacked.num_rows_without_correction;
   for (const size_t i : group) {
@@ -68,7 +69,7 @@ LinearisedView Stack(const std::vector<LinearisedView>& views, const std::vector
 PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views) {
   std::vector<Rigid3d> poses;
   for (const View& view : views) poses.push_back(BaseFromGripper(setup, view.camera_mount_from_target_mount));
-  // Sorted by x: only neighbours there can be the same.
+  // Sorted by x: only poses that are close in this order can be the same.
   std::vector<size_t> order(views.size());
   std::iota(order.begin(), order.end(), size_t{0});
   std::sort(order.begin(), order.end(), [&](size_t a, size_t b) {

@@ -1,4 +1,4 @@
-// Captures at one pose of the robot: its error there is one error, however often the camera looks.
+// Captures at one robot pose share one error of the robot, irrespective of how many images were taken there.
 #pragma once
 
 #include <vector>
@@ -8,17 +8,18 @@
 
 namespace heba {
 
-// Two poses of the robot that differ by less than an industrial arm's repeatability are one pose.
+// Two robot poses that differ by less than the repeatability of an industrial arm are the same pose.
 inline constexpr double kSamePoseM = 0.05e-3;
 inline constexpr double kSamePoseRad = 1e-4;
 
-// Indices of views, grouped by the robot's pose: each view is in exactly one group, the groups are in the order of
-// their first views, and a view belongs to the first group whose first view has the same pose.
+// Indices of views, grouped by robot pose. Each view is in exactly one group, the groups are in the order of their
+// first views, and a view belongs to the first group whose first view has the same pose.
 using PoseGroups = std::vector<std::vector<size_t>>;
 PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views);
 
-// One LinearisedView a group: the rows of the group's views, in no more rows than it has columns, with one correction
-// that they share. Views beyond those that the groups name (a prior's) follow as they are.
+// Returns one LinearisedView per group: the rows of the group's views, reduced to at most as many rows as columns,
+// with one correction that they share. Views that belong to no group (those of a prior) must come last; they are
+// appended unchanged.
 std::vector<LinearisedView> StackGroups(const std::vector<LinearisedView>& views, const PoseGroups& groups);
 
 }  // namespace heba

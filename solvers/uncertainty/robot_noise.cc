@@ -15,7 +15,7 @@
 namespace heba {
 namespace {
 
-// p I + G Q G^T, where G is the first `rows` of a view's rows by its correction.
+// Returns p I + G Q G^T, where G is the first `rows` rows of the view's by_correction.
 Eigen::MatrixXd CovarianceOfRows(const LinearisedView& view, Eigen::Index rows, double pixel_variance,
                                  double translation_m2, double rotation_rad2) {
   Tangent6 sigmas;
@@ -55,7 +55,7 @@ CorrectionPrior CorrectionPriorAt(const Rigid3d& correction, const RobotNoise& n
   prior.residual.head<3>() = tangent.head<3>() / noise.translation_m;
   prior.residual.tail<3>() = tangent.tail<3>() / noise.rotation_rad;
   prior.by_tangent.topLeftCorner<3, 3>() = correction.RotationMatrix() / noise.translation_m;
-  // The inverse right Jacobian of the rotation vector, to second order: corrections are small.
+  // The inverse right Jacobian of the rotation vector to second order; corrections are small.
   const Eigen::Matrix3d skew = Skew(tangent.tail<3>());
   prior.by_tangent.bottomRightCorner<3, 3>() =
       (Eigen::Matrix3d::Identity() + 0.5 * skew + skew * skew / 12) / noise.rotation_rad;
@@ -85,7 +85,7 @@ std::optional<std::vector<LinearisedView>> LineariseViews(const Problem& problem
     Eigen::Index rows = reduction.factor.rows();
     Eigen::Index num_rows_with_correction = rows;
     if (2 * view.observations.size() > rows) {
-      // A root of the products: its last row has nothing but what the unknowns do not reach.
+      // The factor is square: its last row contains only the residual that no unknown can explain.
       rows = columns;
       num_rows_with_correction = 6;
       linear.residual_sum_of_squares = reduction.factor(columns, columns) * reduction.factor(columns, columns);
@@ -94,7 +94,7 @@ std::optional<std::vector<LinearisedView>> LineariseViews(const Problem& problem
     linear.num_rows_without_correction = rows - num_rows_with_correction;
     const auto by_pose = reduction.factor.topLeftCorner(num_rows_with_correction, 6);
     linear.by_unknowns.setZero(rows, num_unknowns);
-    // The hand-eye pose's is -by_pose: both signs are minus the row's.
+    // by_unknowns is the negated derivative of the residual, which is -by_pose with respect to the hand-eye pose.
     linear.by_unknowns.topLeftCorner(num_rows_with_correction, 6) = by_pose;
     linear.by_unknowns.block(0, 6, num_rows_with_correction, 6) = -by_pose.lazyProduct(Adjoint(camera_from_target));
     linear.by_unknowns.rightCols(num_unknowns - 12) = -reduction.factor.block(0, 6, rows, num_unknowns - 12);

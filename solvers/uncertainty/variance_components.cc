@@ -21,16 +21,17 @@ namespace {
 constexpr Eigen::Index kNumCorrectedRows = 6;
 using CorrectedRows = Eigen::Matrix<double, kNumCorrectedRows, Eigen::Dynamic>;
 
-// Of a view's rows those that its correction moves, turned so that there are six; rows of zeros where it has fewer.
+// The rows of a view that depend on its correction, rotated such that there are six; padded with zeros if there are
+// fewer.
 struct CorrectedView {
-  CorrectedRows rows;  // By the unknowns, and the offset.
+  CorrectedRows rows;  // by_unknowns, and the offset as the last column.
   Matrix6 by_correction = Matrix6::Zero();
 };
 
-// The same measurements in fewer numbers: variances and unknowns have the same likelihood.
+// The same measurements in fewer rows: the likelihood of variances and unknowns does not change.
 struct CondensedViews {
   std::vector<CorrectedView> correction_dependent;
-  // Of all that no correction moves: the products of unknowns and offset, and of how many numbers they are.
+  // All rows that depend on no correction: the products of unknowns and offset, and the number of rows.
   Eigen::MatrixXd correction_independent;
   double num_independent = 0;
 };
@@ -42,7 +43,7 @@ CondensedViews Condensed(const std::vector<LinearisedView>& views) {
   for (const LinearisedView& view : views) {
     const Eigen::Index rows = view.offset.size();
     condensed.correction_independent(n, n) += view.residual_sum_of_squares;
-    // Rows of zeros count for what they are: nothing.
+    // Padding with rows of zeros is not counted.
     condensed.num_independent += view.num_residual_dof + static_cast<double>(rows - kNumCorrectedRows);
     Eigen::MatrixXd turned(rows, n + 1);
     turned << view.by_unknowns, view.offset;
@@ -64,7 +65,7 @@ CondensedViews Condensed(const std::vector<LinearisedView>& views) {
   return condensed;
 }
 
-// With S = p I + t A A^T + r B B^T, the covariance of the views' rows; by_correction is [A, B].
+// Whitens the views' rows with their covariance S = p I + t A A^T + r B B^T, where by_correction is [A, B].
 class Whitening {
  public:
   Whitening(const CondensedViews& views, const Eigen::Vector3d& variances)
@@ -92,13 +93,13 @@ class Whitening {
     products_ = stacked.Products();
   }
 
-  // Whether all covariances have an inverse; nothing else may be asked for if not.
+  // Returns whether all covariances are invertible; if not, the other functions must not be called.
   bool is_regular() const { return is_regular_; }
   double log_determinants() const { return log_determinants_; }
-  // Of the rows: [J, y]^T S^-1 [J, y].
+  // Returns [J, y]^T S^-1 [J, y], summed over the views.
   const Eigen::MatrixXd& products() const { return products_; }
-  const Matrix6& Inverse(size_t view) const { return inverses_[view]; }  // S^-1
-  // S^-1 [J, y]
+  const Matrix6& Inverse(size_t view) const { return inverses_[view]; }  // S^-1 of one view.
+  // S^-1 [J, y] of one view.
   auto Weighted(size_t view) const {
     return weighted_.middleCols(static_cast<Eigen::Index>(view) * num_columns_, num_columns_);
   }
@@ -112,7 +113,8 @@ class Whitening {
   Eigen::MatrixXd products_;
 };
 
-// The derivatives of the information by each variance, negated: J^T S^-1 V_k S^-1 J, where V_k is what variance k multiplies.
+// Returns the negated derivatives of the information with respect to each variance: J^T S^-1 V_k S^-1 J, where V_k is
+// the matrix that variance k multiplies in S.
 std::array<Eigen::MatrixXd, 3> InformationDerivatives(const CondensedViews& views, const Whitening& whitening,
                                                       double pixel_variance) {
   const Eigen::Index n = views.correction_independent.cols() - 1;
@@ -130,10 +132,10 @@ std::array<Eigen::MatrixXd, 3> InformationDerivatives(const CondensedViews& view
           translations.Products(), rotations.Products()};
 }
 
-// The restricted likelihood and its derivatives by the three variances.
+// The restricted likelihood and its derivatives with respect to the three variances.
 struct Likelihood {
   double minus_log = std::numeric_limits<double>::infinity();
-  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  // Of the log.
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  // Gradient of the log-likelihood.
   Eigen::Matrix3d fisher = Eigen::Matrix3d::Zero();
 };
 
@@ -148,7 +150,7 @@ Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variance
   double log_determinants = views.num_independent * std::log(p) + whitening.log_determinants();
   const Eigen::MatrixXd products = views.correction_independent / p + whitening.products();
   const auto information = products.topLeftCorner(n, n);
-  // Units of metres, radians and pixels side by side: scaled before it is factored.
+  // Scaled before factorisation because metres, radians and pixels are mixed.
   const Eigen::VectorXd scale =
       information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
   const Eigen::LLT<Eigen::MatrixXd> factor(scale.asDiagonal() * information * scale.asDiagonal());
@@ -164,7 +166,8 @@ Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variance
   double squares = independent_squares / p;
   result.gradient[0] = 0.5 * ((independent_squares + independent_seen) / (p * p) - views.num_independent / p);
   result.fisher(0, 0) = 0.5 * views.num_independent / (p * p) - independent_seen / (p * p * p);
-  // Of two variances, from S^-1 and S^-1 J C J^T S^-1 with what they multiply on either side.
+  // Returns the element of the Fisher information for two variances, given S^-1 and S^-1 J C J^T S^-1, both
+  // multiplied by the factors of V_k and V_l.
   const auto fisher_of = [](const auto& inverse, const auto& seen) {
     return 0.5 * inverse.squaredNorm() - inverse.cwiseProduct(seen).sum();
   };
@@ -211,7 +214,7 @@ Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variance
   return result;
 }
 
-// Adds a log-normal density of sigma_k = sqrt(variances[k]), k = 1, 2, as one of the variance's logarithm.
+// Adds a log-normal density of sigma_k = sqrt(variances[k]), k = 1, 2, expressed in the logarithm of the variance.
 void AddPrior(const RobotNoisePrior& prior, const Eigen::Vector3d& variances, Likelihood* likelihood) {
   const double medians[] = {0, prior.median.translation_m, prior.median.rotation_rad};
   const double log_variance_sigma = 2 * prior.log_sigma;
@@ -238,7 +241,7 @@ Likelihood EvaluateWithPrior(const CondensedViews& views, const Eigen::Vector3d&
 }  // namespace
 
 RobotNoisePrior IndustrialArmPrior() {
-  // The logarithm's 95 % interval is 2 x 1.96 sigmas wide, and the bounds are a factor of 20 apart.
+  // The 95 % interval of the logarithm is 2 x 1.96 sigmas wide, and its bounds differ by a factor of 20.
   const double log_sigma = std::log(20.0) / (2 * 1.96);
   return {{std::sqrt(0.05e-3 * 1e-3), DegToRad(std::sqrt(0.005 * 0.1))}, log_sigma};
 }
@@ -267,9 +270,9 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& all_view
   Likelihood here = EvaluateWithPrior(views, variances, prior);
   constexpr int kMaxIterations = 100;
   constexpr double kMinPixelVariance = 1e-12;
-  constexpr double kMostFall = 0.1;  // In one step, towards a zero that a prior excludes.
+  constexpr double kMostFall = 0.1;  // Largest decrease per step, towards a zero that a prior excludes.
   for (int iteration = 0; iteration < kMaxIterations && std::isfinite(here.minus_log); ++iteration) {
-    // A variance at zero that wants to be less stays.
+    // A variance at zero stays there unless its gradient is positive.
     std::vector<int> free;
     for (int k = 0; k < 3; ++k) {
       if (may_move[static_cast<size_t>(k)] && (variances[k] > 0 || here.gradient[k] > 0)) free.push_back(k);
@@ -299,11 +302,11 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& all_view
       }
       return next;
     };
-    // In units of what the data can tell.
+    // The change is measured in units of the variances' standard deviations.
     const Eigen::Vector3d unit = here.fisher.diagonal().cwiseMax(0).cwiseSqrt();
     const Eigen::Vector3d last = moved_by(1);
     if ((last - variances).cwiseAbs().cwiseProduct(unit).maxCoeff() < small_change) {
-      // The curvature before it serves for the uncertainties.
+      // The curvature at the previous point is used for the uncertainties.
       variances = last;
       break;
     }
@@ -327,8 +330,8 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& all_view
   for (int k = 0; k < 3; ++k) {
     if (!may_move[static_cast<size_t>(k)] || !(here.fisher(k, k) > 0)) continue;
     result.stddev[k] = 1 / std::sqrt(here.fisher(k, k));
-    // One that the data have put to zero is taken as such, and so is one that they cannot tell from it: it is more
-    // likely too large than too small, so that the covariance is wide enough by itself.
+    // A variance that is zero is taken as certain, and so is one that cannot be told from zero: it is more likely too
+    // large than too small, so the covariance is wide enough without further degrees of freedom.
     constexpr double kToldFromZero = 0.75;
     if (result.stddev[k] < kToldFromZero * variances[k]) uncertain.push_back(k);
   }
@@ -355,7 +358,8 @@ double DegreesOfFreedom(const std::vector<LinearisedView>& all_views, const Vari
   const Eigen::MatrixXd information =
       (views.correction_independent / variances.pixel + whitening.products()).topLeftCorner(n, n);
   std::array<Eigen::MatrixXd, 3> derivatives = InformationDerivatives(views, whitening, variances.pixel);
-  // In coordinates in which the covariance is the identity, and the variances' effects apart as far as they can be.
+  // Coordinates in which the covariance is the identity, and in which the effects of the variances are decoupled as
+  // far as possible.
   const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * information * scale.asDiagonal());
   if (root.info() != Eigen::Success) return kLeast;

@@ -1,7 +1,7 @@
-// N. Andreff, R. Horaud and B. Espiau, "On-line hand-eye calibration", 3DIM 1999. Linear in the nine entries of R_X and
-// in t_X at once, equation (9), with vec by columns:
+// N. Andreff, R. Horaud and B. Espiau, "On-line hand-eye calibration", 3DIM 1999. Solves equation (9), linear in the
+// nine entries of R_X and in t_X at once, with vec by columns:
 //   (I - R_B (x) R_A) vec(R_X) = 0,   (t_B^T (x) I) vec(R_X) + (I - R_A) t_X = t_A
-// by least squares over all motions; R_X is then the nearest rotation.
+// by least squares over all motions; R_X is then projected to the nearest rotation.
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
@@ -10,14 +10,14 @@
 namespace heba {
 
 Outcome<HandEye> SolveHandEye_andreff(const HandEyeInput& input) {
-  // Sums over the motions of products with these columns.
+  // The sums over the motions of the products with these columns.
   const Eigen::MatrixXd& sums = input.motions().linear;
   constexpr auto kOne = MotionSums::kOne;
   constexpr auto kTranslationA = MotionSums::kTranslationA;
   constexpr auto kTranslationB = MotionSums::kTranslationB;
   const auto rotation_a = [](int column) { return MotionSums::kRotationA + 3 * column; };
   const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
-  // Of 1, R_A's entry or t_B's entry with all of R_A.
+  // Returns the sum of R_A multiplied by 1, by an entry of R_B or by an entry of t_B.
   const auto with_rotation_a = [&](Eigen::Index row) -> Eigen::Matrix3d {
     const Eigen::Matrix<double, 9, 1> entries = sums.col(row).segment<9>(MotionSums::kRotationA);
     return Eigen::Map<const Eigen::Matrix3d>(entries.data());

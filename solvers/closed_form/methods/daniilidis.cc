@@ -1,9 +1,10 @@
-// K. Daniilidis, "Hand-eye calibration using dual quaternions", International Journal of Robotics Research 18(3), 1999.
-// A motion's screw, a + epsilon a' seen by the robot and b + epsilon b' by the camera (vector parts of the dual
-// quaternions), gives six equations in the dual quaternion q + epsilon q' of X, equation (31):
+// K. Daniilidis, "Hand-eye calibration using dual quaternions", International Journal of Robotics Research 18(3),
+// 1999. The screws of a motion, a + epsilon a' as reported by the robot and b + epsilon b' as seen by the camera
+// (vector parts of the dual quaternions), give six equations in the dual quaternion q + epsilon q' of X, equation
+// (31):
 //   [a - b, skew(a + b), 0, 0; a' - b', skew(a' + b'), a - b, skew(a + b)] [q; q'] = 0.
-// The solution lies in the span of the two right singular vectors of the smallest singular values; q q = 1 and
-// q q' = 0 fix it (equations (34) to (37)).
+// The solution lies in the span of the two right singular vectors of the smallest singular values; q q = 1 and q q' =
+// 0 determine it (equations (34) to (37)).
 #include <cmath>
 #include <tuple>
 
@@ -14,7 +15,7 @@
 namespace heba {
 namespace {
 
-// The sum of [x, skew(y)]^T [z, skew(w)] from those of x z^T, x w^T, y z^T and y w^T.
+// Returns the sum of [x, skew(y)]^T [z, skew(w)], given the sums of x z^T, x w^T, y z^T and y w^T.
 Eigen::Matrix4d SumOfProducts(const Eigen::Matrix3d& xz, const Eigen::Matrix3d& xw, const Eigen::Matrix3d& yz,
                               const Eigen::Matrix3d& yw) {
   Eigen::Matrix4d sum;
@@ -28,7 +29,7 @@ Eigen::Matrix4d SumOfProducts(const Eigen::Matrix3d& xz, const Eigen::Matrix3d& 
 }  // namespace
 
 Outcome<HandEye> SolveHandEye_daniilidis(const HandEyeInput& input) {
-  // From the screws a, a', b, b' to a - b, a + b, a' - b', a' + b'.
+  // The linear map from the screws a, a', b, b' to a - b, a + b, a' - b', a' + b'.
   using Matrix12 = Eigen::Matrix<double, 12, 12>;
   Matrix12 combine = Matrix12::Zero();
   const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
@@ -40,7 +41,7 @@ Outcome<HandEye> SolveHandEye_daniilidis(const HandEyeInput& input) {
     combine.block<3, 3>(row + 3, b) = identity;
   }
   const Matrix12 combined = combine * input.motions().screws * combine.transpose();
-  // Of D^T E, where D = [a - b, skew(a + b)] or, dual, [a' - b', skew(a' + b')], and E alike.
+  // Returns the sum of D^T E, where D and E are [a - b, skew(a + b)] or, for the dual part, [a' - b', skew(a' + b')].
   const auto sum_of = [&](int d, int e) {
     const auto block = [&](int i, int j) -> Eigen::Matrix3d { return combined.block<3, 3>(6 * d + i, 6 * e + j); };
     return SumOfProducts(block(0, 0), block(0, 3), block(3, 0), block(3, 3));
@@ -56,8 +57,8 @@ Outcome<HandEye> SolveHandEye_daniilidis(const HandEyeInput& input) {
   const Eigen::Vector4d v1 = eigen.eigenvectors().col(0).tail<4>();
   const Eigen::Vector4d u2 = eigen.eigenvectors().col(1).head<4>();
   const Eigen::Vector4d v2 = eigen.eigenvectors().col(1).tail<4>();
-  // (q; q') = l1 (u1; v1) + l2 (u2; v2) with q q' = 0: a quadratic in l1 / l2 or, where that is better conditioned, in
-  // l2 / l1.
+  // (q; q') = l1 (u1; v1) + l2 (u2; v2) with q q' = 0 is a quadratic equation in l1 / l2 or, if that is better
+  // conditioned, in l2 / l1.
   double a = u1.dot(v1);
   const double b = u1.dot(v2) + u2.dot(v1);
   double c = u2.dot(v2);
@@ -65,7 +66,7 @@ Outcome<HandEye> SolveHandEye_daniilidis(const HandEyeInput& input) {
   if (swapped) std::swap(a, c);
   if (std::abs(a) < 1e-300) return Failure{"the dual quaternion equations have no solution"};
   const double discriminant = std::max(0.0, b * b - 4 * a * c);
-  // Of the two roots the one with the larger real part |q|^2 (equation (37)).
+  // The root with the larger norm |q|^2 of the real part is used (equation (37)).
   double best_norm2 = 0;
   Eigen::Vector4d real = Eigen::Vector4d::Zero();
   Eigen::Vector4d dual = Eigen::Vector4d::Zero();

@@ -1,6 +1,7 @@
-// R. Horaud and F. Dornaika, "Hand-eye calibration", International Journal of Robotics Research 14(3), 1995. The axes
-// of a motion obey n_A = R_X n_B; with unit quaternions, n_A q - q n_B = 0 is linear in q, and the unit q that
-// minimises the sum of squares is the eigenvector of the smallest eigenvalue (section 4.1); then the translation.
+// R. Horaud and F. Dornaika, "Hand-eye calibration", International Journal of Robotics Research 14(3), 1995. The
+// rotation axes of a motion satisfy n_A = R_X n_B. With unit quaternions, n_A q - q n_B = 0 is linear in q, and the
+// unit q that minimises the sum of squares is the eigenvector of the smallest eigenvalue (section 4.1). The
+// translation follows by linear least squares.
 #include <Eigen/Eigenvalues>
 
 #include "solvers/closed_form/known_rotation.h"
@@ -14,7 +15,7 @@ Outcome<HandEye> SolveHandEye_horaud(const HandEyeInput& input) {
   const Eigen::Matrix3d ab = sum_of(MotionSums::kAxisA, MotionSums::kAxisB);
   const Eigen::Matrix3d bb = sum_of(MotionSums::kAxisB, MotionSums::kAxisB);
   const Eigen::Matrix3d both = ab + ab.transpose();
-  // Of the difference d = n_A - n_B and the sum s = n_A + n_B.
+  // Sums of the outer products of the difference d = n_A - n_B and of the sum s = n_A + n_B.
   const Eigen::Matrix3d dd = aa - both + bb;
   const Eigen::Matrix3d ss = aa + both + bb;
   // The sum of D^T D, D = [0, -d^T; d, skew(s)]; rows and columns in the order w, x, y, z.

@@ -1,8 +1,8 @@
 // A. Li, L. Wang and D. Wu, "Simultaneous robot-world and hand-eye calibration using dual-quaternions and Kronecker
-// product", International Journal of the Physical Sciences 5(10), 2010, its Kronecker form. All 24 unknowns of M Z = X
-// C at once, with vec by columns:
+// product", International Journal of the Physical Sciences 5(10), 2010, in the Kronecker form. Solves for all 24
+// unknowns of M Z = X C at once, with vec by columns:
 //   (I (x) R_M) vec(R_Z) - (R_C^T (x) I) vec(R_X) = 0,   R_M t_Z - (t_C^T (x) I) vec(R_X) - t_X = -t_M
-// by least squares; the rotations are then the nearest ones, the translations stay as solved.
+// by least squares. The rotations are then projected to the nearest ones; the translations are not changed.
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 

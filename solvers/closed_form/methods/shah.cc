@@ -1,7 +1,7 @@
 // M. Shah, "Solving the robot-world/hand-eye calibration problem using the Kronecker product", ASME Journal of
-// Mechanisms and Robotics 5(3), 2013. From R_X R_C = R_M R_Z: with K = sum R_C (x) R_M (vec by columns), vec(R_Z) and
-// vec(R_X) are the right and left singular vectors of K's largest singular value; the rotations nearest to them, then
-// both translations by linear least squares.
+// Mechanisms and Robotics 5(3), 2013. From R_X R_C = R_M R_Z it follows, with K = sum R_C (x) R_M (vec by columns),
+// that vec(R_Z) and vec(R_X) are the right and left singular vectors of the largest singular value of K. Both are
+// projected to the nearest rotations; the two translations follow by linear least squares.
 #include <Eigen/LU>
 #include <Eigen/SVD>
 
@@ -10,7 +10,7 @@
 namespace heba {
 namespace {
 
-// The rotation nearest to a singular vector read as a matrix, whose sign and scale are arbitrary.
+// Returns the rotation nearest to a singular vector, read as a matrix whose sign and scale are arbitrary.
 Eigen::Matrix3d RotationFromVector(const Eigen::Matrix<double, 9, 1>& vector) {
   const Eigen::Matrix3d matrix = Eigen::Map<const Eigen::Matrix3d>(vector.data());
   return NearestRotation(matrix.determinant() < 0 ? Eigen::Matrix3d(-matrix) : matrix);

@@ -1,11 +1,12 @@
 // R. Y. Tsai and R. K. Lenz, "A new technique for fully autonomous and efficient 3D robotics hand/eye calibration",
-// IEEE Transactions on Robotics and Automation 5(3), 1989. With P = 2 sin(angle / 2) axis of a rotation, equation (12),
+// IEEE Transactions on Robotics and Automation 5(3), 1989. Solves equation (12) over all motions, with P = 2
+// sin(angle / 2) axis for each rotation,
 //   skew(P_A + P_B) P' = P_B - P_A,   P' = tan(angle_X / 2) axis_X,
-// over all motions, then equation (15) for the translation.
+// and then equation (15) for the translation.
 //
-// P' grows without bound when X is a rotation by half a turn, a common way to mount a camera. So the equation is solved
-// with the camera's frame turned by Q = identity and half a turn about x, y, z, and the one whose X Q^-1 turns least is
-// taken: one of the four turns by 120 deg at most.
+// P' diverges if X is a rotation by 180 deg, a common way to mount a camera. The equation is therefore solved four
+// times, with the camera frame rotated by Q = identity and by 180 deg about x, y and z, and the solution whose X Q^-1
+// has the smallest angle is used: for one of the four it is at most 120 deg.
 #include <limits>
 
 #include <Eigen/Cholesky>
@@ -27,7 +28,7 @@ Outcome<HandEye> SolveHandEye_tsai(const HandEyeInput& input) {
   for (const Eigen::Quaterniond& turn : turns) {
     const Eigen::Matrix3d q = turn.toRotationMatrix();
     const Eigen::Matrix3d a_turned = ab * q.transpose();
-    // With s = P_A + Q P_B: skew(s)^T skew(s) = |s|^2 I - s s^T, and skew(s)^T (Q P_B - P_A) = -2 P_A cross Q P_B.
+    // For s = P_A + Q P_B: skew(s)^T skew(s) = |s|^2 I - s s^T, and skew(s)^T (Q P_B - P_A) = -2 P_A cross Q P_B.
     const Eigen::Matrix3d ss = aa + a_turned + a_turned.transpose() + q * bb * q.transpose();
     const Eigen::Matrix3d normal = ss.trace() * Eigen::Matrix3d::Identity() - ss;
     const Eigen::Vector3d p = normal.ldlt().solve(-2 * SumOfCross(a_turned));

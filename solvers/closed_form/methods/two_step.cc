@@ -1,13 +1,13 @@
-// Fang et al., "Hand-eye calibration of a monocular camera by two steps", 2021, for both set-ups. With M =
+// Fang et al., "Hand-eye calibration of a monocular camera by two steps", 2021, for both setups. With M =
 // camera_mount_from_target_mount (eye-to-hand: base_from_gripper), c the position of the target's point in the camera
-// and y the same in the target's mount, X c = M y for every capture.
+// and y its position in the target's mount, X c = M y for every capture.
 //
-// Step 1 (their section 1.1): without turning, the mount's displacements e = M y - M_home y and the target's u in the
-// camera differ by the rotation alone: the columns u_x, u_y and u_x x u_y of unit vectors, against those of e, give it;
-// the nearest rotation makes it one (by SVD).
-// Step 2 (section 1.2): turns about the tool point against home, equations (8) to (10): (R_M - R_M,home) y = R_X (c -
-// c_home) - (p_M - p_M,home), by linear least squares over all turns; eye-to-hand leaves the last term zero. Then X's
-// translation from home.
+// Step 1 (their section 1.1): without rotation, the mount's displacements e = M y - M_home y and the target's
+// displacements u in the camera differ only by the rotation of X. It is determined by the columns u_x, u_y and u_x x
+// u_y of unit vectors and the same columns of e, and projected to the nearest rotation by SVD.
+// Step 2 (section 1.2): rotations about the tool point relative to home, equations (8) to (10), give (R_M - R_M,home)
+// y = R_X (c - c_home) - (p_M - p_M,home), solved by linear least squares over all rotations; eye-to-hand the last
+// term is zero. The translation of X then follows from the home capture.
 #include <algorithm>
 #include <optional>
 
@@ -23,7 +23,7 @@
 namespace heba {
 namespace {
 
-// The captures of a role; of the translations only the longest is used, as the paper has one.
+// Returns the indices of the captures that have this role.
 std::vector<size_t> WithRole(const std::vector<PosePair>& pairs, const std::string& role) {
   std::vector<size_t> found;
   for (size_t i = 0; i < pairs.size(); ++i) {
@@ -32,6 +32,7 @@ std::vector<size_t> WithRole(const std::vector<PosePair>& pairs, const std::stri
   return found;
 }
 
+// Returns the matrix with the columns x, y and x cross y, all of unit length.
 Eigen::Matrix3d Frame(const Eigen::Vector3d& along_x, const Eigen::Vector3d& along_y) {
   const Eigen::Vector3d x = along_x.normalized();
   const Eigen::Vector3d y = along_y.normalized();
@@ -53,6 +54,7 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
   const size_t home = homes.front();
   const auto mount_position = [&](size_t i) { return pairs[i].camera_mount_from_target_mount.translation; };
   const auto mount_rotation = [&](size_t i) { return pairs[i].camera_mount_from_target_mount.RotationMatrix(); };
+  // For each axis only the longest translation is used, because the paper has one.
   std::vector<size_t> translations;
   for (const std::string axis : {"x", "y"}) {
     const std::vector<size_t> candidates = WithRole(pairs, "translate_" + axis);
@@ -80,7 +82,8 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
     right +=
         left.transpose() * (rotation_x * (position(i) - position(home)) - (mount_position(i) - mount_position(home)));
   }
-  // A turn by w moves what lies across its axis by |w|: the weakest direction must have seen a few degrees in all.
+  // A rotation by w displaces a unit vector perpendicular to its axis by |w|: the direction in which the point is
+  // determined worst must have been displaced by a few degrees in total.
   const double least_rad =
       std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(normal).eigenvalues()[0]));
   const double needed_rad = DegToRad(2.0);

@@ -1,11 +1,11 @@
-// The two-step method's idea as one weighted least-squares problem: any motions serve, and every capture's position of
-// the target counts by what it is worth. With M = camera_mount_from_target_mount, c the position of the target's point
-// in the camera, S its covariance, y the point in the target's mount and [R, t] the inverse of X:
+// The idea of the two-step method as one weighted least-squares problem: it accepts any motion, and each capture's
+// target position is weighted by its covariance. With M = camera_mount_from_target_mount, c the position of the
+// target's point in the camera, S its covariance, y the point in the target's mount and [R, t] the inverse of X:
 //   min over R, t, y of  sum |R (R_M y + p_M) + t - c|^2 in the metric S^-1.
-// For a known R it is linear in (y, t). The depth of a small board is known an order of magnitude worse than its place
-// across the line of sight; without S the depth's noise is the estimate's (the paper's formulas have no S). The
-// orientation of the target is not used. The rotation is found by Gauss-Newton from 24 turns of a cube, no rotation
-// being farther than 63 deg from one of them; the least cost wins.
+// For a known R the problem is linear in (y, t). The depth of a small target is an order of magnitude less certain
+// than its lateral position; without S, as in the paper's formulas, the depth noise would dominate the estimate. The
+// orientation of the target is not used. The rotation is found by iterative refinement from the 24 rotations of a
+// cube, because every rotation is within 63 deg of one of them; the solution with the smallest cost is used.
 #include <array>
 #include <cmath>
 #include <limits>
@@ -19,9 +19,10 @@
 namespace heba {
 namespace {
 
+// The measurements of one capture.
 struct Measured {
   Eigen::Matrix3d mount_rotation;
-  Eigen::Vector3d mount_position;  // From the mean of all.
+  Eigen::Vector3d mount_position;  // Relative to the mean over the captures.
   Eigen::Vector3d in_camera;
   Eigen::Matrix3d information;  // S^-1
 };
@@ -44,7 +45,7 @@ double CostOf(const std::vector<Measured>& captures, const State& state) {
   return cost;
 }
 
-// The best translation and point for a rotation.
+// Solves for the best translation and point, given a rotation.
 State WithRotation(const std::vector<Measured>& captures, const Eigen::Matrix3d& rotation) {
   Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
@@ -58,15 +59,15 @@ State WithRotation(const std::vector<Measured>& captures, const Eigen::Matrix3d&
     right.head<3>() += by_point.transpose() * pull;
     right.tail<3>() += pull;
   }
-  // Of the lower half.
+  // LDLT reads the lower triangle only.
   const Eigen::Matrix<double, 6, 1> solution = normal.ldlt().solve(right);
   State state{rotation, solution.tail<3>(), solution.head<3>()};
   state.cost = CostOf(captures, state);
   return state;
 }
 
-// Levenberg-Marquardt on rotation (perturbed from the left), point and translation. Ends early near `known`, a minimum
-// that needs not be found again.
+// Refines rotation (left perturbation), point and translation by Levenberg-Marquardt. Stops early near `known`, a
+// minimum that need not be found again.
 State Refined(const std::vector<Measured>& captures, State state, int max_iterations, double small_drop,
               const State* known = nullptr) {
   using Vector9 = Eigen::Matrix<double, 9, 1>;
@@ -77,7 +78,7 @@ State Refined(const std::vector<Measured>& captures, State state, int max_iterat
     for (const Measured& m : captures) {
       const Eigen::Matrix3d by_point = state.rotation * m.mount_rotation;
       const Eigen::Vector3d turned = by_point * state.point_in_mount + state.rotation * m.mount_position;
-      const Eigen::Matrix3d cross = Skew(turned);  // The residual changes by -cross * rotation's step.
+      const Eigen::Matrix3d cross = Skew(turned);  // The residual changes by -cross * (rotation step).
       const Eigen::Matrix3d weighted_point = m.information * by_point;
       const Eigen::Matrix3d weighted_cross = m.information * cross;
       const Eigen::Vector3d pull = m.information * (turned + state.translation - m.in_camera);
@@ -94,10 +95,11 @@ State Refined(const std::vector<Measured>& captures, State state, int max_iterat
     bool improved = false;
     double relative_drop = 0;
     for (int attempt = 0; attempt < 8 && !improved; ++attempt) {
-      Eigen::Matrix<double, 9, 9> damped = normal;  // The lower half counts.
+      Eigen::Matrix<double, 9, 9> damped = normal;  // Only the lower triangle is used.
       damped.diagonal() *= 1 + damping;
       const Vector9 step = -damped.ldlt().solve(gradient);
-      // Where so little is to be gained, rounding decides.
+      // Steps that promise less than this are not tried: at the minimum, rounding would decide whether the cost
+      // decreases.
       if (-step.dot(gradient) < small_drop * state.cost) break;
       State next{ExpRotation(step.head<3>()).toRotationMatrix() * state.rotation, state.translation + step.tail<3>(),
                  state.point_in_mount + step.segment<3>(3)};
@@ -108,7 +110,7 @@ State Refined(const std::vector<Measured>& captures, State state, int max_iterat
       relative_drop = state.cost > 0 ? (state.cost - next.cost) / state.cost : 0;
       state = next;
     }
-    constexpr double kNear2 = 0.01;  // Of the rotations' squared distance, 8 sin^2(angle / 2): 4 deg.
+    constexpr double kNear2 = 0.01;  // Squared Frobenius distance of two rotations, 8 sin^2(angle / 2): 4 deg.
     if (known != nullptr && (state.rotation - known->rotation).squaredNorm() < kNear2) break;
     if (!improved || relative_drop < small_drop) break;
   }
@@ -132,7 +134,7 @@ Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
                         pairs[i].camera_mount_from_target_mount.translation - mean_position,
                         positions.captures[i].in_camera, factor.solve(Eigen::Matrix3d::Identity())});
   }
-  // A few captures are enough to tell the starts apart.
+  // A few captures suffice to compare the initial rotations.
   constexpr size_t kMaxForStart = 30;
   std::vector<Measured> few;
   for (size_t i = 0; i < captures.size(); i += std::max<size_t>(1, captures.size() / kMaxForStart)) {
