@@ -13,7 +13,7 @@ namespace heba {
 CaptureDetection DetectCapture(const Target& target, const std::filesystem::path& image,
                                const std::optional<ImageSize>& expected) {
   const cv::Mat grey = ReadGreyImage(image, expected);
-  // OpenCV's finders draw random numbers: each picture has its own.
+  // OpenCV's detectors draw random numbers; a fixed seed makes each image independent of the others.
   cv::theRNG() = cv::RNG(1);
   constexpr int kSmallWidthPx = 640;
   return {grey.cols, grey.rows, target.Detect(grey), 0, SmallJpeg(grey, kSmallWidthPx), ""};

@@ -1,5 +1,4 @@
-// What a target looks like, as flat shapes in its own plane: one description for the sheet to print and for the
-// renderer.
+// The appearance of a target as flat shapes in its own plane, used both for the printed sheet and by the renderer.
 #pragma once
 
 #include <string>
@@ -9,32 +8,32 @@
 
 namespace heba {
 
-// A disc or, with `points`, a filled polygon (simple, either sense). Painted in order over a ground of
-// `Drawing::ground`.
+// A disc or, if `points_m` is not empty, a filled simple polygon with vertices in either order. Shapes are painted in
+// order on a ground of albedo `Drawing::ground`.
 struct Shape {
   double albedo = 0;  // 0 is black ink, 1 is white paper.
-  // Disc:
+  // Centre and radius of a disc.
   Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();
   double radius_m = 0;
-  // Polygon, if not empty:
+  // Vertices of a polygon; empty for a disc.
   std::vector<Eigen::Vector2d> points_m;
 };
 
 struct Label {
   std::string text;
-  Eigen::Vector2d at_m = Eigen::Vector2d::Zero();  // Where its first letter's base line starts.
+  Eigen::Vector2d at_m = Eigen::Vector2d::Zero();  // Start of the first letter's baseline.
   double height_m = 0.002;
 };
 
-// In the target's plane z = 0, metres.
+// A drawing in the target's plane z = 0, in metres.
 struct Drawing {
-  // The sheet that belongs to the target: its quiet zone included.
+  // The extent of the sheet that belongs to the target, including its quiet zone.
   Eigen::Vector2d min_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d max_m = Eigen::Vector2d::Zero();
   double ground = 1;          // Albedo of the sheet.
-  bool y_up = false;          // Whether the target's y points up on the sheet as it is read (else down).
-  std::vector<Shape> shapes;  // Later ones cover earlier ones.
-  std::vector<Label> labels;  // Printed on sheets; not rendered.
+  bool y_up = false;          // Whether the target's y axis points up on the printed sheet (else down).
+  std::vector<Shape> shapes;  // Later shapes cover earlier ones.
+  std::vector<Label> labels;  // Printed on sheets but not rendered.
 
   void AddRectangle(double x0_m, double y0_m, double x1_m, double y1_m, double albedo);
   void AddDisc(const Eigen::Vector2d& centre_m, double radius_m, double albedo);

@@ -17,7 +17,7 @@ size_t IndexOf(const Target& target, int id) {
   return static_cast<size_t>(found - points.begin());
 }
 
-// Points that were measured together: the first and the one past the last.
+// The range [begin, end) of points that were measured together.
 struct Block {
   size_t begin = 0;
   size_t end = 0;
@@ -78,7 +78,7 @@ GuidedDetection DetectGuided(const Target& target, const cv::Mat& grey, const De
     is_any_missing = is_any_missing || seen.count(target.points()[i].id) == 0;
   }
   if (!is_any_missing) return result;
-  // Room for what is drawn around the outermost points.
+  // The margin leaves room for what is drawn around the outermost points.
   const double room_px = 30 + tolerance_px + 0.3 * (max_px - min_px).maxCoeff();
   const cv::Rect whole(0, 0, grey.cols, grey.rows);
   const cv::Rect wanted(static_cast<int>(std::floor(min_px.x() - room_px)),
@@ -97,7 +97,7 @@ GuidedDetection DetectGuided(const Target& target, const cv::Mat& grey, const De
                                      [&](int id) { return seen.count(id) > 0; });
     if (!is_new || !is_there(second, block, shift_px)) continue;
     for (size_t i = block.begin; i < block.end; ++i) seen.insert(second.ids[i]);
-    // Either both say how well they know their points, or neither does.
+    // Either all points of a detection have covariances or none has.
     if (!result.detection.ids.empty() && second.covariances_px2.empty() != result.detection.covariances_px2.empty()) {
       continue;
     }

@@ -1,4 +1,4 @@
-// A second look at a picture once it is known where the target must be.
+// A second detection pass over an image, once the approximate position of the target in it is known.
 #pragma once
 
 #include <optional>
@@ -13,14 +13,16 @@ namespace heba {
 
 struct GuidedDetection {
   Detection detection;
-  int num_added = 0;    // Points that the first pass missed.
-  int num_dropped = 0;  // Points of the first pass that lie elsewhere.
+  int num_added = 0;    // Number of points that only the second pass found.
+  int num_dropped = 0;  // Number of points of the first pass that are not where they are expected.
 };
 
-// `expected_px[i]`: where the target's point i (by its index in points()) must be, give or take `tolerance_px`; nothing
-// where it is out of view. Points of `first` that lie elsewhere are dropped; if some are missing, the target is
-// searched for in the part of the picture where it must be, which is smaller and less cluttered than the whole. Points
-// that were measured together stay or go together. What the first pass found and is where it must be stays as it is.
+// Repeats the detection with known approximate pixels. `expected_px[i]` is where the point with index i in points()
+// is expected, to within `tolerance_px`, or nothing if the point is out of view. Points of `first` that are farther
+// than `tolerance_px` from the expected pixel are dropped. If points are missing, the target is searched for in the
+// part of the image that should contain it, which is smaller and less cluttered than the whole image. Points that
+// were measured together are kept or dropped together. Points of the first pass that are where they are expected
+// remain unchanged.
 GuidedDetection DetectGuided(const Target& target, const cv::Mat& grey, const Detection& first,
                              const std::vector<std::optional<Eigen::Vector2d>>& expected_px, double tolerance_px);
 

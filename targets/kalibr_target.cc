@@ -46,7 +46,7 @@ void FromCirclegrid(MapReader& reader, YAML::Node* target) {
   (*target)["columns"] = reader.Get("targetCols").AsInt(kCounts);
   (*target)["spacing"] = Metres(reader, "spacingMeters");
   const std::optional<ConfigValue> asymmetric = reader.Find("asymmetricGrid");
-  // Python writes True.
+  // Python writes booleans as True and False.
   if (asymmetric) (*target)["asymmetric"] = asymmetric->AsChoice({"true", "false", "True", "False"}).find("rue") == 1;
 }
 

@@ -1,4 +1,4 @@
-// Choices by name from a table.
+// Selects table entries by name.
 #pragma once
 
 #include <algorithm>
@@ -17,13 +17,13 @@ std::vector<std::string> NamesOf(const Table& table) {
   return names;
 }
 
-// The entry of a table of structs with this `name`; there must be one.
+// Returns the entry of a table of structs with this `name`, which must exist.
 template <class Table>
 const auto& EntryNamed(const Table& table, const std::string& name) {
   return *std::find_if(std::begin(table), std::end(table), [&](const auto& entry) { return entry.name == name; });
 }
 
-// The entry that `key` names; InputError, with the names, if there is none.
+// Returns the entry that the value of `key` names. Throws InputError, which lists the valid names, if there is none.
 template <class Table>
 const auto& ReadChoice(MapReader& reader, const std::string& key, const Table& table) {
   return EntryNamed(table, reader.Choice(key, NamesOf(table)));

@@ -65,7 +65,8 @@ std::vector<Rigid3d> PlaneSymmetries(const std::vector<TargetPoint>& points) {
 
 bool SeenFromFront(const std::vector<Eigen::Vector2d>& points_m, const std::vector<Eigen::Vector2d>& pixels,
                    bool y_up) {
-  // The sign of the least-squares affine map from the target's plane to the image.
+  // The result follows from the sign of the determinant of the least-squares affine map from the target's plane to
+  // the image.
   CHECK_EQ(points_m.size(), pixels.size());
   Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d mean_px = Eigen::Vector2d::Zero();

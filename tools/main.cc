@@ -11,8 +11,9 @@
 
 namespace {
 
-// Ctrl-C and SIGTERM end the program without half a result. They are waited for by a thread of its own, so that it may
-// do what a signal's handler must not. A reader that goes away is an error of writing and no signal.
+// Ends the program on SIGINT, SIGTERM and SIGHUP without leaving half a result behind. A thread of its own waits for
+// the signals, so that it may call functions that a signal handler must not. SIGPIPE is ignored: a closed pipe is
+// reported as a write error.
 void WatchForInterruption() {
   std::signal(SIGPIPE, SIG_IGN);
   sigset_t signals;
@@ -33,7 +34,7 @@ void WatchForInterruption() {
 
 int main(int argc, char** argv) {
   WatchForInterruption();
-  // Ceres warns through glog; what matters of it reaches the user as an error or a remark of ours.
+  // Ceres warns through glog; the relevant warnings reach the user as errors or remarks of heba.
   FLAGS_logtostderr = true;
   FLAGS_minloglevel = google::GLOG_ERROR;
   google::InitGoogleLogging(argv[0]);

@@ -25,10 +25,10 @@
 namespace heba {
 namespace {
 
-// Views with too few points for a pose of their own can still refine what the others found: in the chain each point
-// counts. Those that agree with the refinement join it; it stays as it was if the larger one fails.
+// Adds views with too few points for a pose of their own: in the bundle adjustment they still contribute. Views that
+// agree with the refined solution are added, and the solution is kept as it was if the refinement with them fails.
 void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& options, Calibration* calibration) {
-  // A board that can be read in several orders needs a pose to say in which it was.
+  // The reading order of a target with symmetries can only be determined from a pose.
   if (options.symmetries.size() > 1) return;
   const Solution& solution = *calibration->refined;
   const std::optional<SquaredErrors> used =
@@ -80,7 +80,7 @@ MethodResult ResultOf(const HandEyeMethod& method, Outcome<HandEye> hand_eye, co
   return result;
 }
 
-// Every method runs, if only to be a seed. `known`: what they have been found to make of the pairs.
+// Runs every method, because each may be needed as a seed. `known`: results that are already available.
 std::vector<MethodResult> RunMethods(const Calibration& calibration,
                                      const std::vector<std::optional<Outcome<HandEye>>>& known = {}) {
   std::vector<MethodResult> results;
@@ -98,10 +98,11 @@ const MethodResult* FindResult(const std::vector<MethodResult>& results, const s
   return found == results.end() ? nullptr : &*found;
 }
 
-// The starts of the refinement, the one to begin with first. Empty if there is none.
+// Returns the initial guesses of the refinement, the preferred one first. Empty if there is none.
 std::vector<InitialGuess> SeedsOf(const std::vector<MethodResult>& results, const std::string& wanted,
                                   const Calibration& calibration) {
-  // By RMS; a capture that a method hides must not hide which of them explains the others.
+  // Sorted by RMS. A capture without an image under a method's result ranks it last, but the robust scale still orders
+  // such methods.
   constexpr double kHides = 1e6;
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < results.size(); ++i) {
@@ -118,7 +119,7 @@ std::vector<InitialGuess> SeedsOf(const std::vector<MethodResult>& results, cons
 }
 
 std::vector<MethodResult> Reported(const std::vector<MethodResult>& results, const std::vector<std::string>& names) {
-  // A method that does not suit the motion says why.
+  // A method that does not suit the motion is reported with the reason.
   if (names.empty()) return results;
   std::vector<MethodResult> reported;
   for (const std::string& name : names) {
@@ -129,7 +130,7 @@ std::vector<MethodResult> Reported(const std::vector<MethodResult>& results, con
   return reported;
 }
 
-// What a capture's picture says about its pose, in words.
+// Describes how a capture's image contradicts its pose.
 std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup setup) {
   entry.observations = ApplyShape(entry.observations, solution.shape);
   const std::vector<PosePair> seen = PosePairsOf(solution.camera, solution.hand_eye, {entry});
@@ -149,7 +150,7 @@ std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup
          "); wrong pose for the picture, robot not settled, or target read wrongly";
 }
 
-// The design of a target of which nothing but the views' points is known.
+// Returns the design of a target, from the views' points if nothing else is known.
 TargetShape ShapeOf(const std::vector<View>& views) {
   Eigen::Index num_points = 0;
   for (const View& view : views) num_points += view.observations.size();
@@ -162,17 +163,17 @@ TargetShape ShapeOf(const std::vector<View>& views) {
   return num_points > 0 ? DesignedShape(points) : TargetShape();
 }
 
-// The problem that the calibration's views pose.
+// Returns the problem that consists of the calibration's views.
 Problem ProblemOf(const Calibration& calibration, const CalibrationOptions& options) {
   return {calibration.camera, calibration.views, options.setup, options.shape};
 }
 
-// The refinement of the calibration's views with what may be unknown of the target's shape, where the captures
-// determine that: a bent target must not look like wrong captures. `first` is the solution without.
+// Refines with as many free shape parameters of the target as the captures determine, so that a bent target is not
+// mistaken for wrong captures. `first` is the solution without them; `bundle` is updated to the options used.
 Solution WithOpenShape(const Problem& problem, const Solution& first, const CalibrationOptions& options,
                        BundleOptions* bundle) {
   if (!options.choose.target_shape) return first;
-  // The largest that is determined.
+  // The largest combination that is determined.
   std::vector<std::vector<TargetShapeGroup>> shapes = TargetShapeCombinations();
   std::reverse(shapes.begin(), shapes.end());
   for (const std::vector<TargetShapeGroup>& shape : shapes) {
@@ -187,8 +188,8 @@ Solution WithOpenShape(const Problem& problem, const Solution& first, const Cali
   return first;
 }
 
-// Names the captures that contradict the others and leaves them out. `bundle`: the options of the refinement so far,
-// which takes the robot as exact: what the robot is off by is the test's to find.
+// Rejects the captures that contradict the others. `bundle`: the options of the refinement so far, which takes the
+// robot as exact; the test estimates the robot noise itself.
 void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions& options, const Solution& solution,
                            std::vector<View>* left_out, Calibration* calibration) {
   const JudgedCaptures judged = JudgeCaptures(ProblemOf(*calibration, options), solution, bundle);
@@ -217,7 +218,7 @@ void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions
   calibration->pairs = std::move(pairs);
 }
 
-// Chooses the model of the errors and refines with it, all points judged anew under it.
+// Chooses the error model and refines with it, judging all points again.
 Outcome<Solution> RefineWithChosenModel(const CalibrationOptions& options, const Solution& start,
                                         Calibration* calibration) {
   Problem problem = ProblemOf(*calibration, options);
@@ -226,7 +227,7 @@ Outcome<Solution> RefineWithChosenModel(const CalibrationOptions& options, const
   if (!choice) return Failure{choice.reason()};
   calibration->bundle = choice->options;
   calibration->alternatives = choice->alternatives;
-  // One model is fitted to its own points already.
+  // A single model has been fitted to its own inliers already.
   if (choice->alternatives.empty()) return choice->solution;
   if (choice->solution.robot_noise) calibration->bundle.robot_noise_start = *choice->solution.robot_noise;
   Problem all = ProblemOf(*calibration, options);
@@ -235,7 +236,7 @@ Outcome<Solution> RefineWithChosenModel(const CalibrationOptions& options, const
   return RefineHandEye(all, choice->solution.hand_eye, calibration->bundle);
 }
 
-// The captures that were left out, by the estimate of the others.
+// Tests the rejected captures against the estimate from the others.
 std::vector<CaptureVerdict> TestLeftOut(const std::vector<View>& left_out, const CalibrationOptions& options,
                                         const Calibration& calibration) {
   const Solution& solution = *calibration.refined;
@@ -243,7 +244,7 @@ std::vector<CaptureVerdict> TestLeftOut(const std::vector<View>& left_out, const
                              FreeOf(solution.camera.Model(), calibration.bundle), left_out);
 }
 
-// Captures that were left out, but that the final estimate explains, come back.
+// Takes back rejected captures that the final estimate explains.
 void TakeBackCaptures(const CalibrationOptions& options, std::vector<View>* left_out, Calibration* calibration) {
   constexpr int kMaxRounds = 3;
   for (int round = 0; round < kMaxRounds && calibration->refined && !left_out->empty(); ++round) {
@@ -261,7 +262,7 @@ void TakeBackCaptures(const CalibrationOptions& options, std::vector<View>* left
   }
 }
 
-// The captures that stay out, with the reason that the final estimate gives.
+// Lists the captures that stay rejected, each with the reason under the final estimate.
 void NameLeftOut(const std::vector<View>& left_out, const CalibrationOptions& options, Calibration* calibration) {
   if (left_out.empty()) return;
   const std::vector<CaptureVerdict> verdicts = TestLeftOut(left_out, options, *calibration);
@@ -271,14 +272,14 @@ void NameLeftOut(const std::vector<View>& left_out, const CalibrationOptions& op
   }
 }
 
-// The points that the refinement left out serve no other method and no figure either: all are judged by the same ones.
-// Whether there were any.
+// Removes the points that the refinement rejected, so that all methods and figures use the same points. Returns
+// whether there were any.
 bool LeaveOutRejected(Calibration* calibration) {
   const Solution& solution = *calibration->refined;
   const bool has_rejected = std::any_of(solution.rejected_ids.begin(), solution.rejected_ids.end(),
                                         [](const std::vector<int>& ids) { return !ids.empty(); });
   if (!has_rejected) return false;
-  // Views that keep enough points for a pose first, each of the two groups in its order.
+  // Views that keep enough points for a pose come first; the order within both groups is kept.
   std::vector<size_t> order;
   std::vector<Observations> kept;
   for (size_t i = 0; i < calibration->views.size(); ++i) {
@@ -297,7 +298,7 @@ bool LeaveOutRejected(Calibration* calibration) {
     cleaned.refined->rejected_ids[k] = solution.rejected_ids[i];
     if (!solution.corrections.empty()) cleaned.refined->corrections[k] = solution.corrections[i];
   }
-  // A capture without a point is not used.
+  // A capture without any point is not used.
   while (!cleaned.views.empty() && cleaned.views.back().observations.ids.empty()) {
     const size_t num_points = cleaned.refined->rejected_ids.back().size();
     cleaned.unused.push_back({cleaned.views.back().name,
@@ -356,7 +357,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   CHECK(options.seed == kBestSeed || wanted != nullptr) << options.seed;
   const std::vector<InitialGuess> seeds = SeedsOf(results, options.seed, calibration);
   if (seeds.empty() || (wanted != nullptr && !wanted->hand_eye)) {
-    // The methods agree on why there is none where the motion is to blame.
+    // If the motion is the cause, all methods fail for the same reason.
     std::string reason = wanted != nullptr ? wanted->hand_eye.reason() : "";
     for (const MethodResult& result : results) {
       const bool suits = FindHandEyeMethod(result.method)->motion == MethodMotion::kAny;
@@ -370,12 +371,12 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     calibration.methods = Reported(results, options.methods);
     return calibration;
   }
-  // Wrong captures are looked for with an exact robot first: a noisy one could explain much.
+  // Wrong captures are searched for with an exact robot first, because robot noise could absorb their errors.
   BundleOptions first = options.bundle;
   const bool drops_wrong = options.bundle.loss != "none";
   first.robot = BundleOptions::Robot::kExact;
   if (drops_wrong) first.loss = "truncated";
-  // A view of which some points are wrong has others, which the truncated loss tells apart.
+  // A view with some wrong points has other points, which the truncated loss separates.
   for (size_t i = 0; i < sorted.misfits.size(); ++i) {
     if (drops_wrong && options.symmetries.size() == 1) {
       calibration.views.push_back(std::move(sorted.misfits[i]));
@@ -386,7 +387,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   MultiStartSolution started =
       RefineFromMultipleStarts(ProblemOf(calibration, options), calibration.pairs, seeds, first);
   if (!started.solution && options.choose.target_shape) {
-    // A target of another size than the design's leaves residuals that no camera is determined by.
+    // A target whose size differs from the design leaves residuals that can prevent the refinement with a free camera.
     BundleOptions scaled = first;
     scaled.free_shape = {TargetShapeGroup::kScale};
     MultiStartSolution other =
@@ -408,7 +409,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     if (calibration.refined) NameLeftOut(left_out, options, &calibration);
   }
   const bool has_fewer_points = calibration.refined && LeaveOutRejected(&calibration);
-  // Views may have come and others gone.
+  // Views may have been added or removed.
   const bool has_other_views = calibration.views.size() != num_views || calibration.pairs.size() != num_pairs;
   if (has_fewer_points || has_other_views) results = RunMethods(calibration);
   calibration.methods = Reported(results, options.methods);
@@ -424,7 +425,8 @@ void CalibratePoses(const std::vector<std::string>& methods, const std::string& 
   calibration->methods = Reported(results, methods);
   calibration->refined =
       Failure{"poses of the target are given, not its points: bundle adjustment needs pictures or corners"};
-  // By the scatter of the target where it stands still: there are no pixels to count.
+  // The best method has the smallest scatter of the target in the frame in which it is fixed, because there are no
+  // pixels to compare.
   const MethodResult* best = nullptr;
   double least_mm = std::numeric_limits<double>::infinity();
   for (const MethodResult& result : results) {

@@ -1,5 +1,5 @@
-// The whole estimation, from views to a refined result: camera (if none is given), target poses, closed forms, seed,
-// bundle adjustment.
+// Runs the whole calibration, from views to a refined result: camera (if none is given), target poses, closed-form
+// methods, seed, bundle adjustment.
 #pragma once
 
 #include <optional>
@@ -18,19 +18,20 @@
 
 namespace heba {
 
-// The seed that means "whichever closed form has the lowest reprojection RMS over all captures".
+// The seed that stands for the closed form with the lowest reprojection RMS over all captures.
 inline constexpr const char* kBestSeed = "best";
 
 struct CalibrationOptions {
-  std::vector<std::string> methods;  // Closed forms to report, by name; empty: all that the motion suits.
+  std::vector<std::string> methods;  // Closed forms to report, by name; empty: all.
   std::string seed = kBestSeed;      // One of HandEyeMethodNames(), or kBestSeed.
   BundleOptions bundle;
-  // The parts of the model that the captures choose, instead of the options above and below; by default, all.
+  // The parts of the model that are chosen from the captures instead of taken from `bundle` and `camera_model`. By
+  // default the parts of the error model are chosen and the camera model is not.
   AutoModel choose = {true, true};
   bool choose_camera_model = false;
   Setup setup = Setup::kEyeToHand;
-  std::optional<Camera> camera;  // Nothing: estimated from the views.
-  // Where that begins: a camera that is nearly right. Nothing: from scratch.
+  std::optional<Camera> camera;  // Estimated from the views if not given.
+  // The initial guess of that estimation, nearly right. If not given, it starts from scratch.
   std::optional<Camera> camera_start;
   std::string camera_model = "brown5";
   int width_px = 0;
@@ -44,22 +45,22 @@ struct CalibrationOptions {
 struct MethodResult {
   std::string method;
   Outcome<HandEye> hand_eye = Failure{"not run"};
-  // Over all used views; nothing if the method failed or hides a point.
+  // RMS over all used views; not set if the method failed or if a point has no image under its result.
   std::optional<double> reprojection_rms_px;
 };
 
 struct Calibration {
-  Camera camera;  // Given or estimated; the closed forms use it.
+  Camera camera;  // Given or estimated; used by the closed forms.
   bool camera_was_given = false;
-  // The options that the refinement was made with: CalibrationOptions::bundle with the chosen model in it.
+  // The options of the final refinement: CalibrationOptions::bundle with the chosen model.
   BundleOptions bundle;
   std::vector<CameraAlternative> camera_alternatives;  // Empty if the camera model was given.
-  std::vector<ModelAlternative> alternatives;          // The models of the errors; empty if there was one.
-  // So many captures fail their test, but were kept: JudgedCaptures::num_kept_against_test.
+  std::vector<ModelAlternative> alternatives;          // The candidate error models; empty if there was only one.
+  // Number of captures that fail their test, but were kept: JudgedCaptures::num_kept_against_test.
   int num_kept_against_test = 0;
-  // The views that were used, their points in the order that the chain decided on, and of each that has a pose of its
-  // own, the first of them, its pair of poses. Views of fewer than four points come last: only the refinement uses
-  // them.
+  // The views that were used, with their points in the reading order that was chosen among the target's symmetries.
+  // Pair i belongs to view i: the first views have a pose of their own and a pair. Views of fewer than four points
+  // come last and are used by the refinement only.
   std::vector<View> views;
   std::vector<PosePair> pairs;
   std::vector<UnusedView> unused;
@@ -69,23 +70,25 @@ struct Calibration {
   Outcome<Solution> refined = Failure{"not run"};
 };
 
-// Captures that contradict the others (solvers/calibration/capture_rejection.h) are named in Calibration::unused and
-// serve no method, unless the loss is `none`, which leaves out nothing; so are captures of which no point agrees with
-// the estimate. The model of the errors is chosen on the captures and points that are left
-// (solvers/calibration/model_choice.h); both are judged again under the chosen model, and a capture that it explains
-// comes back. A Failure if there is no camera to be had; a refinement that failed is in Calibration::refined.
+// Calibrates from views. Captures that contradict the others (solvers/calibration/capture_rejection.h) are listed in
+// Calibration::unused and used by no method, unless the loss is `none`, which rejects nothing; so are captures without
+// any point that agrees with the estimate. The error model is chosen on the remaining captures and points
+// (solvers/calibration/model_choice.h). Points and captures are then judged again under the chosen model, and a
+// capture that it explains is taken back. Returns a Failure if no camera can be estimated; the Failure of a refinement
+// is in Calibration::refined.
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
 
-// The part of it that needs poses of the target alone (`pairs`): fills in the methods (those named, or all that the
-// motion suits) and the refinement of the poses from the seed. `refined` says what it would take.
+// Calibrates from poses of the target alone (`pairs`): sets `methods` (those named in `methods`, or all), `seed` and
+// `chain`, the refinement of the poses from the seed. `refined` becomes a Failure that names the missing measurements.
 void CalibratePoses(const std::vector<std::string>& methods, const std::string& seed, Calibration* calibration);
 
-// Returns the findings about a calibration whose refinement did not fail (solvers/calibration/diagnostics.h): the
-// chosen model, how a given camera was used, what the held parts of the model hide, what is known worst. Calibrate does
-// not call it: folds and trials have no use for findings.
+// Returns the findings about a calibration whose refinement succeeded (solvers/calibration/diagnostics.h): the chosen
+// model, how a given camera was used, the errors that its fixed parts hide, and which part of the result has the
+// largest uncertainty. Calibrate does not call it, because cross-validation folds and study trials need no findings.
 std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOptions& options);
 
-// For each used view of a calibration whose refinement did not fail (solvers/uncertainty/influence.h).
+// Returns the influence of each used view on a calibration whose refinement succeeded
+// (solvers/uncertainty/influence.h).
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Calibration& calibration,
                                                             const CalibrationOptions& options);
 

@@ -19,7 +19,7 @@ constexpr double kSignificant = 0.01;
 
 struct FittedCamera {
   Camera camera;
-  // The squared distances of each usable view's points, px^2; empty where no pose explains the view.
+  // The squared residuals of each view's points, px^2; empty for a view that no pose explains.
   std::vector<std::vector<double>> squares_px2;
 };
 
@@ -37,8 +37,8 @@ FittedCamera Measure(const Camera& camera, const std::vector<View>& views) {
   return fitted;
 }
 
-// Half of the sum of a robust loss of a view's points; those of a view that a camera does not explain are 20 sigmas
-// off.
+// Returns half of the sum of the Huber loss over a view's points. The points of a view that a camera does not explain
+// count as 20 sigmas off.
 double MinusLogLikelihood(const std::vector<double>& squares_px2, size_t num_points, double sigma_px) {
   const Loss& huber = *FindLoss("huber");
   constexpr double kHiddenSigmas = 20;
@@ -50,9 +50,9 @@ double MinusLogLikelihood(const std::vector<double>& squares_px2, size_t num_poi
 }
 
 struct Comparison {
-  double gain = 0;    // The difference of the log-likelihoods.
-  double p = 1;       // The chance of so large a gain.
-  double sigmas = 0;  // Vuong's statistic: the gain beyond the parameters' own, in sigmas over views.
+  double gain = 0;    // Difference of the log-likelihoods.
+  double p = 1;       // Probability of so large a gain by chance.
+  double sigmas = 0;  // Vuong's statistic: the gain corrected for the number of parameters, in sigmas over views.
 };
 
 Comparison Compare(const FittedCamera& smaller, const FittedCamera& larger, double sigma_px) {
@@ -72,13 +72,13 @@ Comparison Compare(const FittedCamera& smaller, const FittedCamera& larger, doub
   const double num_more = std::max(
       1.0, static_cast<double>(larger.camera.params.size()) - static_cast<double>(smaller.camera.params.size()));
   comparison.p = ChiSquareTail(std::max(0.0, 2 * comparison.gain), num_more);
-  // On average each parameter gains one half by chance.
+  // Each superfluous parameter gains one half on average.
   const double scatter = std::sqrt(num_views * variance);
   comparison.sigmas = scatter > 0 ? (comparison.gain - 0.5 * num_more) / scatter : 0;
   return comparison;
 }
 
-// One coordinate's sigma; a view's six numbers are free in it.
+// Returns the sigma of one coordinate, from the median; the six pose parameters per view are not corrected for.
 double SigmaPx(const FittedCamera& fitted) {
   std::vector<double> all;
   for (const std::vector<double>& squares : fitted.squares_px2) all.insert(all.end(), squares.begin(), squares.end());
@@ -93,13 +93,13 @@ double LogLikelihood(const FittedCamera& fitted, const std::vector<View>& views,
   return sum;
 }
 
-// The largest angle between a ray to a point and the optical axis.
+// Returns the largest angle between the ray of a point and the optical axis.
 double LargestAngleRad(const Camera& camera, const std::vector<View>& views) {
   double largest = 0;
   for (const View& view : views) {
     for (Eigen::Index i = 0; i < view.observations.pixels.cols(); ++i) {
       const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, view.observations.pixels.col(i));
-      // Beyond where the distortion folds back there is no ray: as wide as can be.
+      // There is no ray beyond the radius at which the distortion folds back: the angle counts as 90 deg.
       largest = std::max(largest, ray ? std::acos(std::clamp(ray->z(), -1.0, 1.0)) : kPi / 2);
     }
   }
@@ -112,7 +112,7 @@ Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int widt
   std::vector<FittedCamera> fitted;
   std::string reason;
   for (const char* model : {"pinhole", "brown4", "brown5", "rational8"}) {
-    // From the smaller model's optimum: a larger one is never worse.
+    // A larger model also starts from the smaller model's optimum, so its fit is never worse.
     std::optional<Camera> start;
     if (!fitted.empty()) start = ConvertCamera(fitted.back().camera, model);
     const Outcome<Camera> camera = EstimateIntrinsics(views, model, width_px, height_px);
@@ -137,7 +137,7 @@ Outcome<CameraChoice> ChooseCameraModel(const std::vector<View>& views, int widt
       choice.alternatives.push_back({fitted[i].camera.model, LogLikelihood(fitted[i], views, sigma_px),
                                      static_cast<int>(fitted[i].camera.params.size()), std::nullopt});
     }
-    // A model is left for any larger one that is better, be it not the next.
+    // A model is rejected by any larger one that is better, not only by the next.
     constexpr double kSigmas = 1;
     for (size_t i = 0; i < fitted.size(); ++i) {
       double least_p = 1;

@@ -27,20 +27,21 @@ Problem PartOf(const Problem& problem, const std::vector<size_t>& views) {
   return part;
 }
 
-// A robot whose noise is rounding.
+// The noise of a robot with rounding errors only.
 constexpr RobotNoise kExact = {1e-7, 1e-7};
 
 RobotNoise AtLeast(const RobotNoise& noise, const RobotNoise& least) {
   return {std::max(noise.translation_m, least.translation_m), std::max(noise.rotation_rad, least.rotation_rad)};
 }
 
-// Two noises of the robot: the members', and that of the captures that are wrong.
+// Two robot noises: that of the members, and that of the captures that are wrong.
 struct Mixture {
-  double log_likelihood = -std::numeric_limits<double>::infinity();  // Restricted, of all views.
-  double ratio = 1;  // The larger of the factors between the two noises' translations and rotations.
+  double log_likelihood = -std::numeric_limits<double>::infinity();  // Restricted, over all views.
+  double ratio = 1;  // The larger of the ratios between the two noises' translations and rotations.
 };
 
-// At a solution of the members. The noise of the wrong captures is that of their corrections, which their images tell.
+// Evaluates the mixture at `of_members`, the solution of the members. The noise of the wrong captures is the RMS of
+// their corrections, computed from the poses that their images show.
 Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std::vector<CaptureVerdict>& verdicts,
                   const BundleOptions& options) {
   const Solution& at = of_members;
@@ -83,7 +84,7 @@ Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std:
       (*views)[i].by_correction.leftCols<3>() *= translations;
       (*views)[i].by_correction.rightCols<3>() *= rotations;
     }
-    // Which captures are wrong is chosen after the fact: the logarithm of the number of choices.
+    // Penalty for choosing the wrong captures after the fact: the logarithm of the number of choices.
     const double share = num_wrong / static_cast<double>(verdicts.size());
     choice = -static_cast<double>(verdicts.size()) * (share * std::log(share) + (1 - share) * std::log(1 - share));
   }
@@ -95,7 +96,7 @@ Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std:
   return mixture;
 }
 
-// Whether one noise for all captures explains them better than wrong poses beside a better robot.
+// Returns whether one noise for all captures explains them better than wrong poses with a more accurate robot.
 bool IsNoiseOfAll(const Problem& problem, const JudgedCaptures& judged, const BundleOptions& options_in) {
   BundleOptions options = options_in;
   options.robot = BundleOptions::Robot::kEstimatedNoise;
@@ -104,7 +105,7 @@ bool IsNoiseOfAll(const Problem& problem, const JudgedCaptures& judged, const Bu
   start.shape = judged.solution.shape;
   const Outcome<Solution> of_all = RefineHandEye(start, judged.solution.hand_eye, options);
   if (!of_all) return false;
-  // The same points with the same weights in both.
+  // Both fits use the same points with the same weights.
   Problem kept = WithoutRejected(start, *of_all);
   options.loss = "none";
   const Outcome<Solution> of_members =
@@ -155,7 +156,7 @@ JudgedCaptures JudgeCaptures(const Problem& problem, const Solution& solution, c
     Problem all = problem;
     all.camera = judged.solution.camera;
     all.shape = judged.solution.shape;
-    // From where the better captures are: with all of them the first solution may be far off.
+    // Starts from the solution of the better captures; with all of them the first solution may be far off.
     const Outcome<Solution> refined = RefineHandEye(all, judged.solution.hand_eye, options);
     judged.solution = refined ? *refined : solution;
     judged.rejected_ids = judged.solution.rejected_ids;

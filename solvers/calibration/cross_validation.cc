@@ -19,7 +19,7 @@ namespace {
 // The fold of a view that is never held out.
 constexpr int kAlwaysTraining = -1;
 
-// What a fold adds to a method's hold-out figures.
+// The errors that one fold adds to a method's hold-out figures.
 struct HeldOutErrors {
   SquaredErrors pixels;
   double sum_m2 = 0;
@@ -27,7 +27,7 @@ struct HeldOutErrors {
   int num_poses = 0;
   double chi2 = 0;
   double dof = 0;
-  double noise_squares = 0;  // In sigmas of pixel and robot noise.
+  double noise_squares = 0;  // Unit: sigmas of pixel and robot noise.
   double num_noise = 0;
   std::vector<std::pair<std::string, double>> distance_m_of_view;
   void Add(const HeldOutErrors& other) {
@@ -44,11 +44,11 @@ struct HeldOutErrors {
   }
 };
 
-// Held-out views as a camera sees them.
+// Held-out views, with the poses that a camera sees in them.
 struct SeenViews {
   const Camera& camera;
   std::vector<View> views;
-  std::vector<std::vector<TargetPose>> poses;  // Of each view, from it alone.
+  std::vector<std::vector<TargetPose>> poses;  // Candidate poses of each view, from that view alone.
 
   SeenViews(const Camera& by_camera, std::vector<View> held_out) : camera(by_camera), views(std::move(held_out)) {
     for (const View& view : views) poses.push_back(EstimateTargetPose(camera, view.observations));
@@ -65,7 +65,7 @@ Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& 
     const Rigid3d predicted = CameraFromTarget(hand_eye, view.camera_mount_from_target_mount);
     const TargetPose* const seen = NearestPose(held_out.poses[i], predicted);
     if (seen == nullptr) continue;
-    // At the middle of the points.
+    // The distance is measured at the centre of the points.
     const Eigen::Vector3d middle = view.observations.points_in_target.rowwise().mean();
     const double distance_m = (predicted * middle - seen->camera_from_target * middle).norm();
     errors.sum_m2 += distance_m * distance_m;
@@ -94,8 +94,8 @@ void AddChi2(const Solution& solution, const BundleOptions& bundle, heba::Setup 
   }
 }
 
-// The held-out residuals of any estimate in the metric of the refinement's noise. They are linearised at the estimate,
-// with the camera that it uses.
+// Adds the held-out residuals of any estimate, whitened by the noise of the refinement. They are linearised at the
+// estimate, with the camera that it uses.
 void AddNoiseSquares(const HandEye& hand_eye, const Camera& camera, const Solution& noise, heba::Setup setup,
                      const std::vector<View>& held_out, HeldOutErrors* errors) {
   Solution at = noise;
@@ -125,21 +125,20 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
   names.emplace_back(kBundleMethod);
   CalibrationOptions fold_options = options;
   fold_options.symmetries = {Rigid3d()};
-  // The model is the one that all captures chose.
+  // Folds use the model that was chosen from all captures.
   fold_options.choose = {};
   fold_options.choose_camera_model = false;
   fold_options.bundle = full.bundle;
   fold_options.bundle.num_threads = options.bundle.num_threads;
   fold_options.camera_model = full.camera.model;
   if (!options.camera) fold_options.camera_start = full.camera;
-  // errors[fold][method]
   std::vector<std::vector<Outcome<HeldOutErrors>>> errors(
       static_cast<size_t>(num_folds), std::vector<Outcome<HeldOutErrors>>(names.size(), Failure{"not run"}));
-  // Captures at one pose of the robot are held out together: they share its error.
+  // Captures at the same robot pose are held out together, because they share its error.
   std::vector<int> fold_of(full.views.size(), kAlwaysTraining);
   int num_held_out = 0;
   for (const std::vector<size_t>& group : GroupByRobotPose(options.setup, full.views)) {
-    // The two-step method cannot do without these captures: every fold is trained on them.
+    // The two-step method needs these captures, so every fold is trained on them.
     const bool is_needed = std::any_of(group.begin(), group.end(), [&](size_t i) {
       const std::string& role = full.views[i].role;
       return role == "home" || role.starts_with("translate_");

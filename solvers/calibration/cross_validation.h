@@ -1,4 +1,4 @@
-// How good every method is on captures that it has not seen.
+// Cross-validation: the errors of every method on captures that it was not estimated from.
 #pragma once
 
 #include <functional>
@@ -13,28 +13,28 @@ namespace heba {
 
 struct HoldOut {
   std::string method;
-  std::optional<double> rms_px;  // Nothing if the method failed on a fold, or if a held-out point had no image.
-  std::string reason;            // Then why.
-  // How far the target was from where it was predicted, by its picture's own pose: root mean squares over captures.
+  std::optional<double> rms_px;  // Not set if the method failed on a fold, or if a held-out point had no image.
+  std::string reason;            // The reason if `rms_px` is not set.
+  // The distance between the predicted pose of the target and the pose that its own image shows: RMS over captures.
   std::optional<double> target_m;
   std::optional<double> target_rad;
-  // The same of each capture that was held out, by its view's name.
+  // The same distance for each held-out capture, by the name of its view.
   std::vector<std::pair<std::string, double>> target_m_of_view;
-  // Of a refinement of reprojection errors: the held-out pixels' squares in the metric of all that may move them (pixel
-  // noise, the robot's if it is modelled, the estimate's own uncertainty), per degree of freedom. About 1 if the model
-  // is right; with the robot's noise in it, this and not rms_px says which model predicts better.
+  // For a refinement of reprojection errors: the squared held-out residuals, whitened by all sources of error (pixel
+  // noise, the robot noise if it is modelled, the covariance of the estimate), per degree of freedom. About 1 if the
+  // model is right. If robot noise is modelled, this figure and not `rms_px` tells which model predicts better.
   std::optional<double> chi2_per_dof;
-  // The held-out residuals of any method in sigmas of the noise that the refinement of the same fold found (pixels and
-  // robot, not the estimates' own uncertainty), root mean square. About 1 for an estimate that is exact.
+  // The RMS of the held-out residuals of any method, in sigmas of the noise that the refinement of the same fold
+  // estimated (pixel and robot noise, without the covariance of the estimate). About 1 for an exact estimate.
   std::optional<double> sigmas;
 };
 
-// K-fold cross-validation over the robot's poses: the captures of pose i are held out in fold i modulo `num_folds`
-// (home and the translations of a two-step motion, View::role, never are: poses are counted without them) and predicted
-// from the robot's pose alone, by every method and the refinement, all on the same folds. Nothing of a held-out view is
-// used, the camera included when none is given, but where the search for it begins. The views are `full`'s (in their
-// decided order), the calibration of all of them with the same options; the model of the errors that it chose is every
-// fold's. `progress` is called after each fold, from one thread at a time.
+// K-fold cross-validation over the robot's poses. The captures of pose i are held out in fold i modulo `num_folds` and
+// predicted from the robot pose alone, by every method and the refinement, all on the same folds. Captures of home and
+// of the translations of a two-step motion (View::role) are never held out, and are not counted in i. Held-out views
+// are not used for anything else: if no camera is given, each fold estimates its own and takes only the initial guess
+// from `full`. `full` is the calibration of all captures with the same options; its views (in the reading order chosen
+// there) and its error model are used in all folds. `progress` is called after each fold, by one thread at a time.
 std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOptions& options, int num_folds,
                                    int num_threads, const std::function<void()>& progress);
 

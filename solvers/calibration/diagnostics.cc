@@ -17,14 +17,14 @@
 namespace heba {
 namespace {
 
-// A direction of the unknowns that is known worse than it should be.
+// A direction of the unknowns whose sigma is larger than it should be.
 struct WeakDirection {
   std::string name;
-  Eigen::VectorXd direction;  // Of unit length, in the unknowns.
+  Eigen::VectorXd direction;  // Unit vector in the space of the unknowns.
   double sigma = 0;
   double wanted = 0;
   std::string unit;
-  double unit_size = 1;  // Of `unit`, in the unknowns' unit.
+  double unit_size = 1;  // Size of `unit`, in the unknowns' unit.
 };
 
 std::string AxisName(const Eigen::Vector3d& direction, const Eigen::Matrix3d& parent_from_child,
@@ -43,7 +43,7 @@ std::string AxisName(const Eigen::Vector3d& direction, const Eigen::Matrix3d& pa
   return "the " + (by_child ? child : parent) + "'s " + std::string(1, "xyz"[by_child ? child_axis : parent_axis]);
 }
 
-// The worst direction within three unknowns.
+// Returns the direction of the largest variance within three unknowns.
 WeakDirection WorstOf(const Eigen::MatrixXd& covariance, Eigen::Index first, const std::string& what,
                       const Eigen::Matrix3d& parent_from_child, const std::string& parent, const std::string& child) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance.block<3, 3>(first, first));
@@ -97,13 +97,13 @@ std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solu
   return weak_directions;
 }
 
-// Two further captures, in words and as what they would add.
+// Two additional captures, in words and as linearised views.
 struct SuggestedCaptures {
   std::string words;
   std::vector<LinearisedView> views;
 };
 
-// A view of all that any capture saw, if it is in the picture from there.
+// Returns a view of all `points` from `camera_from_target`, or nothing if a point would lie outside the image.
 std::optional<View> ImaginedView(const Problem& problem, const Solution& solution, const Observations& points,
                                  const Rigid3d& camera_from_target) {
   View view;
@@ -137,7 +137,7 @@ std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, con
   }
   const Rigid3d mean = MeanPose(poses);
   const Eigen::Vector3d middle = points.points_in_target.rowwise().mean();
-  // Moves about the middle of the points, as the camera sees it.
+  // Rotates the mean pose about the centre of the points.
   const auto turned = [&](const Eigen::Vector3d& axis_in_target, double angle_rad) {
     const Rigid3d about(ExpRotation(angle_rad * axis_in_target), Eigen::Vector3d::Zero());
     return mean * Rigid3d(Eigen::Quaterniond::Identity(), middle) * about *
@@ -151,7 +151,7 @@ std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, con
   const std::string turn = carries_board ? "with the board turned" : "with the camera turned";
   struct Motion {
     std::string words;
-    std::function<Rigid3d(double)> pose;  // For +1 and -1.
+    std::function<Rigid3d(double)> pose;  // The pose for +1 or -1.
   };
   const double tilt_rad = DegToRad(25.0);
   const double turn_rad = DegToRad(45.0);
@@ -204,7 +204,7 @@ bool HasGroup(const std::vector<TargetShapeGroup>& shape, TargetShapeGroup group
   return std::find(shape.begin(), shape.end(), group) != shape.end();
 }
 
-// "its scale is 1.00400 along x and 1.00200 along y, its middle stands ..."
+// Describes a shape: "its scale is 1.00400 along x and 1.00200 along y, its middle stands ..."
 std::string ShapeText(const TargetShape& shape, const std::vector<TargetShapeGroup>& groups) {
   std::vector<std::string> words;
   if (HasGroup(groups, TargetShapeGroup::kScale)) {
@@ -218,7 +218,7 @@ std::string ShapeText(const TargetShape& shape, const std::vector<TargetShapeGro
   return Join(words, ", ");
 }
 
-// "fx +38 px (9.1 sigma)" of the focal length or principal point that moved most.
+// Returns the largest change in sigmas among focal lengths and principal point, such as "fx +38 px (9.1 sigma)".
 std::string LargestMove(const Camera& given, const Solution& solution, Finding* finding) {
   std::string largest;
   double by_px = 0;
@@ -250,7 +250,7 @@ std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solu
   const std::vector<SuggestedCaptures> cures = FindSuggestedCaptures(problem, solution, free);
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   const Eigen::MatrixXd information =
-      InvertInformation({names, solution.covariance.matrix}, 1.0).matrix;  // The covariance's inverse.
+      InvertInformation({names, solution.covariance.matrix}, 1.0).matrix;  // The inverse of the covariance.
   const WeakDirection& worst = weak_directions.front();
   double best_sigma = std::numeric_limits<double>::infinity();
   std::string best_words;
@@ -295,7 +295,7 @@ Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternati
     if (is_chosen) self = &alternative;
   }
   if (self == nullptr) return finding;
-  // Against the simplest that was rejected, or against the largest if none was.
+  // Compares with the simplest model if that was rejected, otherwise with the largest.
   const ModelAlternative& simplest = alternatives.front();
   const ModelAlternative& largest = alternatives.back();
   if (&simplest != self) {
@@ -388,7 +388,7 @@ std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solu
   Problem at = problem;
   at.camera = solution.camera;
   at.shape = solution.shape;
-  // With free intrinsics the errors may have another model.
+  // The best error model may be another one with free intrinsics.
   const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, options, choose);
   if (!choice) return std::nullopt;
   const Solution& freed = choice->solution;

@@ -1,4 +1,4 @@
-// Findings about a calibration beside its figures, each with a code, numbers and an action.
+// Findings about a calibration, each with a code, numbers and an action.
 #pragma once
 
 #include <optional>
@@ -11,36 +11,37 @@
 
 namespace heba {
 
-// `weak_direction`: the parts of the result whose one sigma exceeds what a cell usually needs (1 mm, 0.1 deg, 0.2 % of
-// the focal length, 0.2 % of the image's width for its centre), the worst first: the direction in which it is known
-// worst, along the axis of a frame where it is near one, how well, and the motion that would improve the worst most,
-// with what it would become. The motions are tried: two more captures of each kind (target tilted about its axes,
-// rotated in its plane, nearer and farther, towards the image's sides), from the middle one of the captures, by what
-// their points would add to the normal matrix. Nothing if all is well known.
+// `weak_direction`: the parts of the result whose sigma exceeds what a robot cell usually needs (1 mm, 0.1 deg, 0.2 %
+// of the focal length, 0.2 % of the image width for the principal point), the worst first. The finding names the worst
+// direction (by a frame's axis if it is close to one), its sigma, and the motion that would reduce the worst sigma
+// most, with the sigma expected then. Candidate motions are pairs of captures: target tilted about its axes, rotated
+// in its plane, nearer and farther, towards the sides of the image, all relative to the mean pose of the captures.
+// Each pair is rated by the information that its points would add. Returns nothing if no sigma is too large.
 std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
                                               const FreeParameters& free);
 
-// `model`: which model of the errors was chosen, against what, with figures.
+// `model`: which error model was chosen, and against which alternative, with figures.
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
                       const Solution& solution);
 
-// Returns what the captures show beyond doubt of the parts of the model that the options hold fixed (ChooseModel at the
-// solution, with all parts to be chosen): `robot_noise_ignored` if a robot that was taken as exact is not, by more than
-// the pixels' noise; `target_shape_ignored` if a target that was taken as designed is stretched or bent by enough to
+// Returns findings about the parts of the model that the options hold fixed, from ChooseModel at the solution with all
+// parts free to be chosen: `robot_noise_ignored` if the robot was taken as exact, but its errors exceed what the pixel
+// noise explains; `target_shape_ignored` if the target was taken as designed, but is scaled or bent by enough to
 // matter.
 std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
                                    const AutoModel& chosen);
 
-// `target_scale`: the target's estimated scale differs from its design by more than a print does. Bad beyond 2 %: then
-// its measures are wrong in the config, or the robot's units.
+// `target_scale`: the estimated scale of the target differs from its design by more than printing explains. The grade
+// is bad beyond 2 %: the dimensions in the config or the units of the robot's poses are then wrong.
 std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel& model);
 
-// `held_intrinsics`: intrinsics that were held contradict the images and the robot's poses, by a refinement that frees
-// them (F-test of all of them together). Nothing if they agree, or if they cannot be freed.
+// `held_intrinsics`: fixed intrinsics contradict the images and the robot's poses, by a joint F-test of the changes in
+// a refinement that frees them. Returns nothing if they agree, or if they cannot be freed.
 std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution,
                                               const BundleOptions& options, const AutoModel& choose);
 
-// `camera`: how a given camera was used (held, as start, as prior), and how far the refinement moved it, in sigmas.
+// `camera`: how a given camera was used (held, as initial guess, as prior), and how far the refinement moved it, in
+// sigmas.
 Finding DescribeCameraUse(const Camera& given, const Solution& solution, const BundleOptions& options);
 
 }  // namespace heba

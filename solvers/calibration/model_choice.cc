@@ -32,7 +32,7 @@ bool Contains(const ErrorModel& larger, const ErrorModel& smaller) {
          });
 }
 
-// The smaller before the larger.
+// Returns the models to compare, in the order of their number of parameters.
 std::vector<ErrorModel> Candidates(const BundleOptions& options, const AutoModel& choose, bool has_few_poses) {
   std::vector<Robot> robots = {options.robot};
   if (choose.robot_noise) robots = {Robot::kExact, Robot::kEstimatedNoise};
@@ -51,7 +51,7 @@ std::vector<ErrorModel> Candidates(const BundleOptions& options, const AutoModel
   return candidates;
 }
 
-// With the weights that the residuals of one fit ask for, the same in all that follow.
+// Returns the problem with fixed weights, computed from the residuals of one fit and used in all fits that follow.
 Problem WithFixedWeights(const Problem& problem, std::optional<double> unmodelled_sigma_px) {
   Problem fixed = problem;
   if (unmodelled_sigma_px) WeightByCovariance(*unmodelled_sigma_px, &fixed.views);
@@ -74,7 +74,7 @@ std::optional<FittedModel> FitFrom(const Problem& problem, const FittedModel& fr
   return Fit(at, from.solution.hand_eye, model, options);
 }
 
-// The model at its own optimum, which is at least as good as that of any model that it contains.
+// Fits a model to its own optimum, which is at least as good as that of any model that it contains.
 std::optional<FittedModel> FitModel(const Problem& problem, const HandEye& start, const ErrorModel& model,
                                     BundleOptions options, const std::vector<FittedModel>& fitted) {
   options.robot = model.robot;
@@ -93,7 +93,7 @@ std::optional<FittedModel> FitModel(const Problem& problem, const HandEye& start
   if (best_within == nullptr || (found && found->log_likelihood >= best_within->log_likelihood - kRounding)) {
     return found;
   }
-  // A robot that begins as good as exact: what the smaller model explains, its noise need not.
+  // Starts again from the smaller model with nearly no robot noise, because that model explains the data without it.
   constexpr RobotNoise kAlmostExact = {1e-6, 1e-6};
   BundleOptions again = options;
   again.robot_noise_start = best_within->solution.robot_noise.value_or(kAlmostExact);
@@ -101,7 +101,7 @@ std::optional<FittedModel> FitModel(const Problem& problem, const HandEye& start
   return other && (!found || other->log_likelihood > found->log_likelihood) ? other : found;
 }
 
-// The chance of a likelihood ratio as large between nested models.
+// Returns the probability of a likelihood ratio at least as large between nested models.
 double ChanceOfRatio(const FittedModel& smaller, const FittedModel& larger) {
   const double statistic = std::max(0.0, 2 * (larger.log_likelihood - smaller.log_likelihood));
   const double num_shape = NumShapeParams(larger.model) - NumShapeParams(smaller.model);
@@ -110,7 +110,7 @@ double ChanceOfRatio(const FittedModel& smaller, const FittedModel& larger) {
   }
   const double dof = larger.solution.covariance_dof;
   if (!std::isfinite(dof)) return ChiSquareTail(statistic, num_shape);
-  // The ratio of a linear model is (dof + k) log(1 + k F / dof).
+  // The likelihood ratio statistic of a linear model is (dof + k) log(1 + k F / dof).
   return FisherTail(dof / num_shape * std::expm1(statistic / (dof + num_shape)), num_shape, dof);
 }
 
@@ -146,8 +146,8 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
   if (choose.robot_noise && has_few_poses) options.robot_noise_prior = IndustrialArmPrior();
   const std::vector<ErrorModel> candidates = Candidates(options, choose, has_few_poses);
 
-  // The largest model that can be fitted says which points count, and with what weights: those that a smaller one
-  // cannot explain are there for it to be judged by.
+  // The largest model that can be fitted determines the inliers and their weights: points that a smaller model cannot
+  // explain must remain, so that it can be judged by them.
   std::optional<Problem> problem;
   std::optional<double> unmodelled_sigma_px;
   std::string reason = "no model of the errors could be fitted";
@@ -178,7 +178,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
   const FittedModel* best = nullptr;
   for (const FittedModel& smaller : fitted) {
     ModelAlternative alternative{smaller.model, smaller.log_likelihood, DofOf(smaller.model), std::nullopt};
-    // The largest of the models that contain it.
+    // The largest of the models that contain `smaller`.
     const FittedModel* largest = nullptr;
     for (const FittedModel& other : fitted) {
       if (&other == &smaller || !Contains(other.model, smaller.model)) continue;

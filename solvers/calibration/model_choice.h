@@ -1,5 +1,5 @@
-// Which sources of error the measurements show beside the pixels' noise: the robot's, and a target that differs from
-// its design.
+// Chooses which sources of error to model besides the pixel noise: robot noise, and a target that differs from its
+// design.
 #pragma once
 
 #include <optional>
@@ -10,55 +10,59 @@
 
 namespace heba {
 
-// Fewer poses of the robot do not carry two variances: a prior of industrial arms is then part of the model.
+// Fewer robot poses do not determine two variances: a prior for industrial arms is then part of the model.
 inline constexpr size_t kMinPosesForVariances = 8;
 
-// A model is rejected if data as far from it would be seen less often than this.
+// Significance level: a model is rejected if data that deviate from it as much would be rarer than this.
 inline constexpr double kModelRejected = 0.01;
 
 struct ErrorModel {
   BundleOptions::Robot robot = BundleOptions::Robot::kExact;
-  std::vector<TargetShapeGroup> shape;  // In the order of TargetShapeGroup.
+  std::vector<TargetShapeGroup> shape;  // Ordered as TargetShapeGroup.
 };
 
-// The parts of the target's shape that can be unknown: nothing, the scale, the bend, both. In this order.
+// Returns the combinations of shape parameters that can be unknown: none, the scale, the bend, both, in this order.
 std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations();
 
-// "exact robot, target as designed", "robot noise, target scaled and bent"
+// Returns the name of a model, such as "exact robot, target as designed" or "robot noise, target scaled and bent".
 std::string NameOf(const ErrorModel& model);
 
 struct ModelAlternative {
   ErrorModel model;
-  double log_likelihood = 0;  // LogLikelihoodOf at the model's own optimum; all alternatives share its constant.
-  int dof = 0;                // How many variances and shape parameters the model has.
-  // The chance of a likelihood ratio as large against the largest model, if this model is right. Nothing for the
-  // largest.
+  // LogLikelihoodOf at the model's own optimum, up to a constant common to all alternatives.
+  double log_likelihood = 0;
+  int dof = 0;  // Number of variances and shape parameters of the model.
+  // The probability, if this model is right, of a likelihood ratio at least as large against the largest model that
+  // contains it. Not set for the largest model.
   std::optional<double> p;
 };
 
-// The parts of the model that are to be chosen; the others are as the options say.
+// The parts of the model that are to be chosen; the others are given by the options.
 struct AutoModel {
   bool robot_noise = false;
   bool target_shape = false;
 };
 
 struct ModelChoice {
-  BundleOptions options;                       // The given ones with the chosen model in them.
-  Solution solution;                           // The chosen model's.
+  BundleOptions options;                       // The given options with the chosen model.
+  Solution solution;                           // The solution of the chosen model.
   std::vector<ModelAlternative> alternatives;  // The simplest first.
-  size_t chosen = 0;                           // The index of the chosen alternative.
+  size_t chosen = 0;                           // Index of the chosen alternative.
 };
 
 // Fits every combination of {exact robot, robot noise} and {as designed, scale, bend, scale and bend} that is to be
-// chosen from and that the captures determine, and takes the one with the fewest parameters that is not rejected; of
-// equally many, the most likely. Each is fitted at its own optimum: a model that comes out less likely than one that it
-// contains starts again from that one. Models that differ in the shape alone are compared by F (restricted likelihood
-// ratio, with the largest model's degrees of freedom), those that differ in the robot's noise by the mixture of
-// chi-squares of variances at their bound (Self and Liang 1987; its upper bound is used). The same points count, with
-// the same weights, in all models: with the loss `truncated` those that the largest model does not leave out. With
-// fewer poses than kMinPosesForVariances the robot is noisy in every model, with IndustrialArmPrior as its prior. Where
-// there is one model only, it is fitted as RefineHandEye does, and there are no alternatives. A Failure if no model
-// could be fitted.
+// chosen from and that the captures determine. Chooses the one with the fewest parameters that is not rejected; among
+// equally many parameters, the most likely.
+//
+// Each model is fitted to its own optimum: one that is less likely than a model that it contains is refined again from
+// that model's solution. Models that differ in the shape alone are compared by an F-test (restricted likelihood ratio,
+// with the degrees of freedom of the largest model). Models that differ in the robot noise are compared by the mixture
+// of chi-squares for variances at their bound (Self and Liang 1987; its upper bound is used). All models use the same
+// points with the same weights; with the loss `truncated`, the inliers of the largest model.
+//
+// With fewer robot poses than kMinPosesForVariances, every model has robot noise, with IndustrialArmPrior as its
+// prior. If there is only one model, it is fitted as RefineHandEye does, and `alternatives` is empty. Returns a
+// Failure if no model could be fitted.
 Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, const BundleOptions& options,
                                  const AutoModel& choose);
 

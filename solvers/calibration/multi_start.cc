@@ -19,10 +19,10 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Every so many, so that no more than `most` are left.
+// Returns the stride that keeps no more than `most` of `count` elements.
 size_t StrideFor(size_t count, size_t most) { return std::max<size_t>(1, (count + most - 1) / most); }
 
-// A part of the problem that tells starts apart at the price of a small one.
+// Returns a part of the problem that is large enough to tell initial guesses apart and cheap to refine.
 Problem PartOf(const Problem& problem) {
   constexpr size_t kMaxViews = 24;
   constexpr size_t kMaxPoints = 24;
@@ -32,7 +32,7 @@ Problem PartOf(const Problem& problem) {
     const size_t n = view.observations.ids.size();
     std::vector<bool> keep(n, false);
     for (size_t k = 0; k < n; k += StrideFor(n, kMaxPoints)) keep[k] = true;
-    // Without covariances: a part of a block could not be kept.
+    // The covariances are dropped, because a subset of a covariance block cannot be kept.
     view.observations.covariances_px2.clear();
     view.observations.whitening.clear();
     view.observations = KeepPoints(view.observations, keep);
@@ -41,7 +41,8 @@ Problem PartOf(const Problem& problem) {
   return part;
 }
 
-// Of each pair, one coordinate's sigma as the capture's own pose leaves it; infinite where nothing is left over.
+// Returns, for each pair, the sigma of one coordinate under the capture's own pose; infinite if there are no degrees
+// of freedom left.
 std::vector<double> OwnPoseSigmasPx(const Problem& problem, const std::vector<PosePair>& pairs) {
   std::vector<double> sigmas;
   for (size_t i = 0; i < pairs.size(); ++i) {
@@ -53,8 +54,8 @@ std::vector<double> OwnPoseSigmasPx(const Problem& problem, const std::vector<Po
   return sigmas;
 }
 
-// The pixels' sigma as the captures have it whose points agree best among themselves: from the tenth that does, whose
-// scatter is small by choice too (all have about as many points).
+// Returns the pixel sigma of the captures whose points agree best with one another: the 10 % quantile of `sigmas`,
+// corrected by the chi-square quantile for the selection of small values. All captures have about as many points.
 double SigmaOfBestPx(std::vector<double> sigmas, const Problem& problem) {
   if (sigmas.empty()) return 0;
   constexpr double kShare = 0.1;
@@ -64,7 +65,8 @@ double SigmaOfBestPx(std::vector<double> sigmas, const Problem& problem) {
   return std::isfinite(*chosen) ? *chosen / std::sqrt(ChiSquareQuantile(1 - kShare, dof) / dof) : 0;
 }
 
-// Cauchy's cost of all points at a common scale; a point without an image counts as the image's width away.
+// Returns Cauchy's cost of all points at a common scale. The residual of a point without an image counts as the image
+// width.
 double RobustCost(const Problem& problem, const HandEye& hand_eye, double sigma_px) {
   const Loss& cauchy = *FindLoss("cauchy");
   double cost = 0;
@@ -79,8 +81,8 @@ double RobustCost(const Problem& problem, const HandEye& hand_eye, double sigma_
   return cost;
 }
 
-// A closed form of a few captures at a time: among many handfuls some have no wrong capture. Every other one is taken
-// from the half of the captures whose points agree best among themselves.
+// Returns the best closed-form estimates of random subsets of four captures; some of many subsets contain no outlier.
+// Every other subset is drawn from the half of the captures whose points agree best with one another.
 std::vector<InitialGuess> RandomSubsetStarts(const Problem& part, const std::vector<PosePair>& pairs,
                                              const std::vector<double>& own_sigmas_px) {
   constexpr size_t kHandful = 4;
@@ -114,7 +116,8 @@ std::vector<InitialGuess> RandomSubsetStarts(const Problem& part, const std::vec
   return seeds;
 }
 
-// The seed's rotation times the turns of a cube; the rest follows from each by least squares.
+// Returns the seed's rotation multiplied by each rotation of a cube; translations and board pose follow by least
+// squares.
 std::vector<InitialGuess> RotatedStarts(const std::vector<PosePair>& pairs, const HandEye& start) {
   std::vector<InitialGuess> seeds;
   for (const Eigen::Matrix3d& turn : CubeRotations()) {
@@ -134,8 +137,8 @@ double RejectedRatio(const Problem& problem, const Solution& solution) {
   return static_cast<double>(num_rejected) / static_cast<double>(num_points);
 }
 
-// How far from right a solution may be, for what it explains: 1 is where doubt begins. Pixels that are off by more than
-// the captures' own poses say may be off by the robot's noise: up to what no robot is off by.
+// Rates how doubtful the residuals of a solution are; doubt begins at 1. Residuals that exceed those under the
+// captures' own poses may be due to robot noise, but only up to an error that no robot has.
 double FitQualityRatio(const Problem& problem, const std::vector<PosePair>& pairs, const Outcome<Solution>& solution,
                        double own_sigma_px) {
   if (!solution) return kInfinity;
@@ -182,7 +185,7 @@ MultiStartSolution RefineFromMultipleStarts(const Problem& problem, const std::v
   const Problem part = PartOf(problem);
   std::vector<InitialGuess> others(seeds.begin() + 1, seeds.end());
   for (InitialGuess& seed : RandomSubsetStarts(part, pairs, own_sigmas_px)) others.push_back(std::move(seed));
-  // Noise of a robot that is taken for exact raises the same doubt: only what is far off is worth all turns.
+  // Unmodelled robot noise raises the same doubt, so all rotations are tried only if the fit is far off.
   constexpr double kFarOff = 10;
   if (doubt > kFarOff) {
     for (InitialGuess& seed : RotatedStarts(pairs, seeds.front().hand_eye)) others.push_back(std::move(seed));

@@ -1,7 +1,7 @@
-// Refinement from more than one start, where one is not enough.
+// Refines from several initial guesses if one is not enough.
 //
-// The refinement finds its way from a start that is wrong by no more than 45 deg and 30 cm;
-// closed forms are worse than that where captures contradict one another or a small board is seen with much noise.
+// The refinement converges from an initial guess that is wrong by no more than 45 deg and 30 cm. Closed forms are
+// worse than that if captures contradict one another, or if a small target is seen with much noise.
 #pragma once
 
 #include <string>
@@ -17,21 +17,24 @@ struct InitialGuess {
   HandEye hand_eye;
 };
 
-// The median distance between predicted and observed points as one coordinate's sigma, px: what a start is worth though
-// half of the points be anything. Infinite if half of them have no image. Of many views a part is looked at.
+// Returns the sigma of one pixel coordinate, px, from the median distance between predicted and observed points. It
+// rates an initial guess even if half of the points are outliers. Infinite if half of the points have no image. At
+// most 40 views, evenly spaced, are used.
 double RobustScalePx(const Camera& camera, const std::vector<View>& views, const HandEye& hand_eye);
 
 struct MultiStartSolution {
   Outcome<Solution> solution = Failure{"not run"};
-  std::string seed;  // The name of the start that led to it.
+  std::string seed;  // Name of the initial guess that led to it.
 };
 
-// Refines from the first of `seeds`. If that fails, leaves out a fifth of the points or more, or explains the points
-// three times worse than their own poses explain the best captures (`pairs`, of the first views) and by more than 2 mm
-// at the target, which no robot is off by, it tries others: the
-// other seeds, the closed form of random handfuls of captures, of which some have no wrong one among them, and, if
-// nothing came near, the 24 turns of a cube. Each is refined on a part of the captures with the intrinsics held; the
-// best of them is refined on all, and taken if it explains the points better, robustly measured. Deterministic.
+// Refines from the first of `seeds` and returns that solution unless it is doubtful: it failed, it rejects at least a
+// fifth of the points, or its residuals are more than three times those of the best captures under their own poses
+// (`pairs`, for the first views) and more than 2 mm at the target, an error that no robot has.
+//
+// If it is doubtful, other initial guesses are tried: the remaining seeds, closed forms of random small subsets of the
+// captures, some of which contain no outlier, and, if the limits above are exceeded tenfold, the 24 rotations of a
+// cube. Each guess is refined on a part of the captures with fixed intrinsics. The best one is refined on all
+// captures, and returned if its robust cost is lower than that of the first solution. The result is deterministic.
 MultiStartSolution RefineFromMultipleStarts(const Problem& problem, const std::vector<PosePair>& pairs,
                                             const std::vector<InitialGuess>& seeds, const BundleOptions& options);
 

@@ -31,7 +31,7 @@ View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
   view.observations = cell.target;
   const bool is_designed = cell.shape.params == TargetShape().params;
   const Observations true_target = is_designed ? cell.target : ApplyShape(cell.target, cell.shape);
-  // The robot's error is drawn anew if it puts the target behind the camera.
+  // The robot's error is drawn again if it puts the target behind the camera.
   constexpr int kMostDraws = 100;
   bool is_seen = false;
   for (int draw = 0; draw < kMostDraws && !is_seen; ++draw) {
@@ -61,12 +61,12 @@ View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
   return view;
 }
 
-// The camera's parameters that are unknown.
+// Returns which parameters of the camera are free.
 FreeParameters FreeOf(const StudyCell& cell) {
   return FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics);
 }
 
-// The parts of the target's shape that differ from the design.
+// Returns the parts of the target's shape that differ from the design.
 std::vector<TargetShapeGroup> ShapeGroupsOf(const StudyCell& cell) {
   std::vector<TargetShapeGroup> groups;
   for (const TargetShapeGroup group : {TargetShapeGroup::kScale, TargetShapeGroup::kBend}) {
@@ -85,7 +85,7 @@ bool IsModelOf(const StudyCell& cell, const BundleOptions& bundle) {
   return (bundle.robot != BundleOptions::Robot::kExact) == is_noisy && bundle.free_shape == ShapeGroupsOf(cell);
 }
 
-// The errors of those of the shape's parameters that the covariance names, in its order.
+// Returns the errors of the shape parameters that the covariance names, in its order.
 Eigen::VectorXd ShapeErrors(const StudyCell& cell, const Solution& solution) {
   std::vector<double> errors;
   for (const std::string& name : solution.covariance.names) {
@@ -98,7 +98,7 @@ Eigen::VectorXd ShapeErrors(const StudyCell& cell, const Solution& solution) {
   return Eigen::Map<const Eigen::VectorXd>(errors.data(), static_cast<Eigen::Index>(errors.size()));
 }
 
-// Of the unknowns that are free, in the order of UnknownNames.
+// Returns the errors of the free unknowns, in the order of UnknownNames.
 Eigen::VectorXd ErrorOf(const StudyCell& cell, const HandEye& hand_eye, const Camera* camera) {
   const FreeParameters free = FreeOf(cell);
   const Eigen::Index num_free = camera == nullptr ? 0 : std::count(free.begin(), free.end(), true);
@@ -128,7 +128,7 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
   if (!solution) return {method, false, {}, 0, {}, {}, {}, {}};
   TrialEstimate estimate = EstimateOf(cell, method, Outcome<HandEye>(solution->hand_eye), pairs);
   const Eigen::MatrixXd& covariance = solution->covariance.matrix;
-  // The chain knows nothing of intrinsics.
+  // The chain does not estimate intrinsics.
   constexpr Eigen::Index kNumPoseUnknowns = 12;
   estimate.error =
       ErrorOf(cell, solution->hand_eye, covariance.rows() > kNumPoseUnknowns ? &solution->camera : nullptr);
@@ -147,7 +147,7 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
   return estimate;
 }
 
-// From the mean squares of each unknown.
+// Computes RMS errors from the mean squared error of each unknown.
 StudyErrors FromMeanSquares(const StudyCell& cell, const Eigen::VectorXd& squares) {
   StudyErrors errors;
   errors.hand_eye_m = std::sqrt(squares.segment<3>(0).sum());
@@ -173,7 +173,7 @@ std::vector<TrialEstimate> RunTrial(const StudyCell& cell, uint64_t seed, int tr
     return estimates;
   }
   for (const MethodResult& method : calibration->methods) {
-    // A method for another motion than the cell's is no method of the study unless it was asked for.
+    // A method for another type of motion is left out of the study unless it was requested.
     const bool suits = FindHandEyeMethod(method.method)->motion == MethodMotion::kAny || method.hand_eye.ok();
     if (!suits && cell.options.methods.empty()) continue;
     estimates.push_back(EstimateOf(cell, method.method, method.hand_eye, calibration->pairs));

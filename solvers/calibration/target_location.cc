@@ -13,7 +13,7 @@
 namespace heba {
 namespace {
 
-// A target's pose in a picture, and how it moves (as a left perturbation) with the camera's parameters.
+// The pose of a target in an image, with its derivative (a left perturbation) by the camera's parameters.
 struct SeenPose {
   TargetPose pose;
   Eigen::MatrixXd by_params;
@@ -33,13 +33,14 @@ Outcome<SeenPose> LocatePose(const Solution& solution, const Observations& shape
   const Eigen::MatrixXd all_u = jacobian.u.transpose();
   const Eigen::MatrixXd all_v = jacobian.v.transpose();
   const Eigen::MatrixXd normal =
-      all_u.transpose() * all_u + all_v.transpose() * all_v;  // By the pose's six and the camera's parameters.
+      // Normal matrix of the six pose and the camera's parameters.
+      all_u.transpose() * all_u + all_v.transpose() * all_v;
   const Eigen::Index num_params = normal.cols() - 6;
   return SeenPose{poses.front(), -normal.topLeftCorner<6, 6>().ldlt().solve(normal.block(0, 6, 6, num_params))};
 }
 
-// How something in the camera's frame moves with the solution's unknowns, from how it moves with a motion of the
-// camera's frame and with the camera's parameters.
+// Returns the derivative of a point in the camera frame by the solution's unknowns, from its derivatives by a motion
+// of the camera frame and by the camera's parameters.
 Eigen::MatrixXd ByUnknowns(const Solution& solution, const Eigen::Matrix<double, 3, 6>& by_motion,
                            const Eigen::MatrixXd& by_params) {
   const Covariance& covariance = solution.covariance;
@@ -54,7 +55,8 @@ Eigen::MatrixXd ByUnknowns(const Solution& solution, const Eigen::Matrix<double,
   return by_unknowns;
 }
 
-// Of a motion of the gripper in its own frame; zero if the camera stands still or the robot is exact.
+// Returns the variances of a motion of the gripper in its own frame; zero if the camera is stationary or the robot
+// exact.
 Tangent6 RobotVariances(Setup setup, const Solution& solution) {
   Tangent6 variances = Tangent6::Zero();
   if (setup != Setup::kEyeInHand || !solution.robot_noise) return variances;
@@ -64,14 +66,14 @@ Tangent6 RobotVariances(Setup setup, const Solution& solution) {
   return variances;
 }
 
-// A point in the camera's frame, and what moves it there.
+// A point in the camera frame and its derivatives.
 struct PositionSensitivity {
   Eigen::Vector3d in_camera = Eigen::Vector3d::Zero();
-  // Its covariance by one pixel of noise in the picture.
+  // Covariance due to pixel noise of 1 px in the image.
   Eigen::Matrix3d by_image_at_1px_m2 = Eigen::Matrix3d::Zero();
-  Eigen::MatrixXd by_params;  // Of the camera.
-  // What of a shift of the camera is one of the point in the base: all of it, but for a point on a plane that stands
-  // still there.
+  Eigen::MatrixXd by_params;  // Derivative by the camera's parameters.
+  // Derivative of the point in the base by the camera's translation: the identity, or the projector along the ray if
+  // the point lies on a plane that is fixed in the base.
   Eigen::Matrix3d with_camera = Eigen::Matrix3d::Identity();
 };
 
@@ -83,7 +85,8 @@ PositionCovariance CovarianceInBase(Setup setup, const Solution& solution, const
   PositionCovariance covariance;
   const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
   covariance.by_image_m2 = variance_px2 * rotation * place.by_image_at_1px_m2 * rotation.transpose();
-  // The intrinsics are wrong by what they are for the calibration as well, and what is seen by them is wrong with them.
+  // The intrinsics that locate the point are those of the calibration, so their errors are correlated with the
+  // hand-eye pose.
   const Eigen::MatrixXd by_unknowns =
       rotation * ByUnknowns(solution, place.with_camera * PointByMotion(place.in_camera), place.by_params);
   covariance.by_calibration_m2 = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
@@ -93,11 +96,11 @@ PositionCovariance CovarianceInBase(Setup setup, const Solution& solution, const
   return covariance;
 }
 
-// The point where a ray meets a plane of the camera's frame, and what moves it: nothing if it does not meet it.
+// The intersection of a ray with a plane in the camera frame, and its derivatives.
 struct RayPlaneIntersection {
   Eigen::Vector3d in_camera = Eigen::Vector3d::Zero();
   Eigen::Matrix<double, 3, 2> by_pixel;
-  Eigen::Vector3d by_plane = Eigen::Vector3d::Zero();  // By a shift of the plane along its normal.
+  Eigen::Vector3d by_plane = Eigen::Vector3d::Zero();  // Derivative by a shift of the plane along its normal.
   Eigen::MatrixXd by_params;
 };
 
@@ -118,7 +121,8 @@ Outcome<RayPlaneIntersection> IntersectRayPlane(const Camera& camera, const Eige
   if (!camera.Model().Project(camera.params.data(), point, &image, &jacobian)) {
     return Failure{"its ray does not meet the plane in front of the camera"};
   }
-  // The point stays on its ray and on the plane, whatever moves.
+  // The point stays on its ray and on the plane: its two pixel coordinates and its distance along the normal determine
+  // it.
   Eigen::Matrix3d left;
   left.row(0) = jacobian.u.topRows<3>().transpose();
   left.row(1) = jacobian.v.topRows<3>().transpose();
@@ -160,7 +164,7 @@ Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Sol
   std::vector<LocatedTarget> possible;
   for (const Rigid3d& symmetry : symmetries) {
     // The target as manufactured need not have exactly the symmetries of its design (its scale acts about its origin),
-    // so each order of reading is located by itself.
+    // so each reading order is located by itself.
     Observations reading = observations;
     for (Eigen::Index i = 0; i < reading.size(); ++i) {
       const Eigen::Vector3d designed = observations.points_in_target.col(i);
@@ -200,7 +204,8 @@ Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const E
   place.in_camera = meeting->in_camera;
   place.by_image_at_1px_m2 = meeting->by_pixel * meeting->by_pixel.transpose();
   place.by_params = meeting->by_params;
-  // What moves the camera moves the point with it, and the plane, which stands still, moves it back along its ray.
+  // A motion of the camera moves the point along, and the plane, which is fixed in the base, moves it back along its
+  // ray.
   place.with_camera -= meeting->by_plane * normal.transpose();
   return LocatedPoint{base_from_camera * place.in_camera,
                       CovarianceInBase(setup, solution, place, base_from_camera_mount)};
@@ -215,7 +220,7 @@ Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution,
   const Outcome<RayPlaneIntersection> meeting =
       IntersectRayPlane(solution.camera, pixel, normal, normal.dot(camera_from_target.translation));
   if (!meeting) return Failure{meeting.reason()};
-  // The plane is where the picture shows it.
+  // The plane has the pose that the image shows.
   const Eigen::Matrix<double, 3, 6> by_pose =
       meeting->by_plane * normal.transpose() * PointByMotion(meeting->in_camera);
   PositionSensitivity place;

@@ -8,7 +8,7 @@
 namespace heba {
 namespace {
 
-// Cells that are lines closer than this together are drawing round-off.
+// Lines closer together than this ratio of the extent result from round-off in the drawing and are merged.
 constexpr double kSameLineRatio = 1e-6;
 
 std::vector<double> Lines(std::vector<double> at, double min, double max) {

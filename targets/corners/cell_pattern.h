@@ -1,5 +1,5 @@
-// A flat pattern of upright rectangular cells (a tag, the squares around a chessboard corner): what a drawing shows
-// there.
+// The part of a drawing that consists of axis-aligned rectangular cells, such as a tag or the squares around a
+// chessboard corner.
 #pragma once
 
 #include <vector>
@@ -10,16 +10,17 @@
 
 namespace heba {
 
-// Cells between lines; the outermost ones go on for ever.
+// A grid of cells between lines. The outermost cells extend to infinity.
 struct CellPattern {
   static constexpr size_t kMaxLines = 64;  // Along either axis.
-  std::vector<double> x_m;                 // Increasing, as y_m.
-  std::vector<double> y_m;
-  // albedo(j, i) lies between x_m[i - 1] and x_m[i], y_m[j - 1] and y_m[j].
+  std::vector<double> x_m;                 // Positions of the lines x = const, increasing.
+  std::vector<double> y_m;  // Positions of the lines y = const, increasing.
+  // albedo(j, i) is the albedo between x_m[i - 1] and x_m[i] along x, and between y_m[j - 1] and y_m[j] along y.
   Eigen::MatrixXd albedo;
 };
 
-// What a drawing shows between two corners. Its shapes there must be upright rectangles.
+// Returns the cells of a drawing between two corners. All shapes of the drawing must be polygons of four points, and
+// those between the corners axis-aligned rectangles; there may be at most CellPattern::kMaxLines lines along an axis.
 CellPattern CellsOf(const Drawing& drawing, const Eigen::Vector2d& min_m, const Eigen::Vector2d& max_m);
 
 }  // namespace heba

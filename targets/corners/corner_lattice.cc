@@ -14,7 +14,8 @@ int Distance(const LatticePlace& a, const LatticePlace& b) {
   return std::max(std::abs(a.row - b.row), std::abs(a.column - b.column));
 }
 
-// First and last of the lines that have two corners at least, given how many each one has.
+// Returns the first and the last line with at least two corners, given the number of corners on each line; (0, -1) if
+// there is none.
 std::pair<int, int> RangeOf(const std::map<int, int>& counts) {
   int first = 0;
   int last = -1;

@@ -1,4 +1,4 @@
-// A board's corners as a lattice that is seen in part: from some corners that lie together to all that can be seen.
+// A target's corners as a lattice, which is grown from a few neighbouring corners to all that are visible.
 #pragma once
 
 #include <compare>
@@ -17,20 +17,22 @@ struct LatticePlace {
     return a.row != b.row ? a.row < b.row : a.column < b.column;
   }
 };
-using CornerLattice = std::map<LatticePlace, Eigen::Vector2d>;  // px
+using CornerLattice = std::map<LatticePlace, Eigen::Vector2d>;  // Pixels.
 
-// The map from (column, row) into the image near a place, by the corners around it. Nothing if they are too few.
+// Estimates the homography from (column, row) to pixels near a lattice position. Needs six corners, in at least two
+// rows and two columns, within six steps of the position; returns nothing otherwise.
 std::optional<Eigen::Matrix3d> MapNear(const CornerLattice& lattice, const LatticePlace& place);
 
-// The corner at a place, where `image_from_lattice` maps (column, row) near there; nothing if none is seen.
+// Finds the corner at a lattice position; `image_from_lattice` maps (column, row) to pixels near it. Returns nothing
+// if no corner is seen there.
 using FindLatticeCorner =
     std::function<std::optional<Eigen::Vector2d>(const LatticePlace& place, const Eigen::Matrix3d& image_from_lattice)>;
 
-// Drops the corners that `find` does not see and adds those that it sees next to others or beyond gaps of two corners,
-// to at most `max_side` rows and columns.
+// Drops the corners that `find` does not confirm, and adds those that it sees next to known corners or beyond gaps of
+// up to two corners, up to `max_side` rows and columns.
 CornerLattice GrowLattice(const CornerLattice& start, int max_side, const FindLatticeCorner& find);
 
-// The rows and columns from the first to the last that have two corners at least.
+// The range of rows and columns from the first to the last that have at least two corners.
 struct LatticeExtent {
   LatticePlace first;
   int rows = 0;

@@ -15,8 +15,8 @@ std::optional<Eigen::Vector2d> RefineCorner(const cv::Mat& grey, const Eigen::Ve
                                             double max_move_px) {
   constexpr int kMinHalfWindow_px = 2;
   constexpr int kMaxHalfWindow_px = 11;
-  // The window is upright while the squares may be turned: its corners reach sqrt(2) times as far, but count for
-  // little. The pixel is for the blur of the next edge.
+  // The window is axis-aligned, while the squares may be rotated: its corners reach sqrt(2) times as far, but have
+  // little weight. One pixel is subtracted for the blur of the next edge.
   const int half_px = std::min(static_cast<int>(std::floor((reach_px - 1.0) / 1.2)), kMaxHalfWindow_px);
   if (half_px < kMinHalfWindow_px) return std::nullopt;
   const double border_px = half_px + 1.0;
@@ -28,7 +28,7 @@ std::optional<Eigen::Vector2d> RefineCorner(const cv::Mat& grey, const Eigen::Ve
   cv::cornerSubPix(grey, corner, cv::Size(half_px, half_px), cv::Size(-1, -1),
                    cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-3));
   const Eigen::Vector2d refined_px(corner[0].x, corner[0].y);
-  // cornerSubPix gives the start back if it ends outside of its window.
+  // cornerSubPix returns the start if it ends outside its window.
   if (!((refined_px - start_px).norm() <= max_move_px)) return std::nullopt;
   return refined_px;
 }
@@ -39,7 +39,7 @@ std::optional<MapCurvature> BendOf(const std::vector<Eigen::Vector2d>& offsets,
   constexpr double kNumHomography = 8;
   // The sigma of a corner that is not measured yet.
   constexpr double kCornerSigmaPx = 0.03;
-  // The share of the curvature that is left in third order.
+  // The assumed ratio of third-order terms, which are not modelled, to the curvature.
   constexpr double kThirdOrder = 0.2;
   const auto num_corners = static_cast<Eigen::Index>(offsets.size());
   const double dof = 2.0 * static_cast<double>(num_corners - 3) - kNumHomography;
@@ -69,9 +69,9 @@ std::optional<MeasuredCorner> MeasureCorner(const cv::Mat& grey, const Drawing& 
   Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
   shift.topRightCorner<2, 1>() = start_px - ApplyHomography(image_from_board, at_m);
   const Eigen::Matrix3d start = shift * image_from_board;
-  // Larger windows gain little, cost time and see more of the lens.
+  // Larger windows gain little, take more time and include more lens distortion.
   constexpr double kMaxHalfPx = 20;
-  // Below, perspective and lens within the window are not to be seen.
+  // Perspective and lens distortion are not visible within windows smaller than this.
   constexpr double kMinQuadraticPx = 8;
   double widest_px = 0;
   for (const Eigen::Vector2d& direction : {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}) {
@@ -86,7 +86,7 @@ std::optional<MeasuredCorner> MeasureCorner(const cv::Mat& grey, const Drawing& 
     options.squares_px = share * share * curvature->squares;
     options.squares_sigma_px = share * share * curvature->sigma;
   }
-  // Edges just beyond the window blur into it.
+  // Edges just outside the window blur into it.
   const CellPattern pattern =
       CellsOf(drawing, at_m - Eigen::Vector2d::Constant(2 * half_m), at_m + Eigen::Vector2d::Constant(2 * half_m));
   const std::optional<PatternFit> fit = FitPattern(grey, pattern, start, {at_m}, options);

@@ -28,7 +28,7 @@ MapForm FormOf(MapFreedom freedom) {
   return MapForm::kLens;
 }
 
-// The middle of the whole picture, of which `grey` may be a part.
+// Returns the centre of the whole image, in pixels of `grey`, which may be a part of it.
 Eigen::Vector2d LensPx(const cv::Mat& grey) {
   cv::Size whole;
   cv::Point offset;
@@ -54,13 +54,13 @@ PatternMap StartMap(const Eigen::Matrix3d& image_from_unit, MapForm form, const 
   return map;
 }
 
-// The standard deviation of a pixel's own box: a sharper image is not sampled over the pixels' areas, and its edges are
-// then where the pixels near them say, on the mean, that they are.
+// The lower bound of the blur: the standard deviation of a pixel's box. A sharper image is not integrated over the
+// pixels' areas, and its edges then lie, on average, where the pixels near them indicate.
 constexpr double kMinBlurPx = 0.2886751345948129;
 
 constexpr double kCorners[][2] = {{-1, -1}, {-1, 1}, {1, -1}, {1, 1}};
 
-// Columns: the sought terms.
+// Returns the displacements per unit of the free terms, one column per term.
 Eigen::Matrix2Xd DisplacementsAt(const PatternMap& map, const Eigen::Vector2d& unit) {
   Eigen::Matrix2Xd displacements = Eigen::Matrix2Xd::Zero(2, PatternMap::kNumTerms);
   Eigen::Index column = 0;
@@ -96,7 +96,7 @@ class Fitter {
     const MappedPoint<double> point = MapPoint(map_, params_.data(), unit.x(), unit.y());
     return {point.u, point.v};
   }
-  // By the sought parameters.
+  // Returns the pixel's derivative by the free parameters.
   Eigen::Matrix2Xd PixelDerivative(const Eigen::Vector2d& unit) const {
     Eigen::Matrix2Xd derivative = Eigen::Matrix2Xd::Zero(2, NumSought());
     const Eigen::Matrix2Xd displacements = DisplacementsAt(map_, unit);
@@ -104,7 +104,7 @@ class Fitter {
     return derivative;
   }
 
-  // By least squares first; then what deviates counts less. False if a step leads nowhere that can be computed.
+  // Solves by least squares first, then with Huber's loss. Returns false if a step or the map cannot be computed.
   bool Solve() {
     constexpr SmallStep kRough = {0.02, 1};
     constexpr double kLeastSquares = std::numeric_limits<double>::infinity();
@@ -113,8 +113,9 @@ class Fitter {
     noise_grey_ = std::sqrt(2 * start->cost / Dof());
     if (!Descend(EquationsOf(*start), kLeastSquares, kRough)) return false;
     constexpr double kHuber = 2.5;
-    constexpr double kMinNoiseGrey = 0.3;  // A pixel's rounding.
-    // Misfit at the edges of a sharp image is noise too: if all of it were outliers, nothing would be known.
+    constexpr double kMinNoiseGrey = 0.3;  // Rounding noise of a pixel.
+    // Misfit at the edges of a sharp image counts as noise: if all of it were outliers, the position would be
+    // unknown.
     noise_grey_ = std::max({kMinNoiseGrey, NoiseOf(result_.residuals), MeanNoiseOf(result_.at_edges)});
     const double huber_grey = kHuber * noise_grey_;
     std::optional<Equations> here =
@@ -123,7 +124,7 @@ class Fitter {
     return here && Descend(std::move(*here), huber_grey, kFine);
   }
 
-  // Of one grey value, freed from the number of unknowns.
+  // Returns the sigma of one grey value, corrected for the degrees of freedom.
   double noise_grey() const { return std::sqrt(2 * result_.cost / Dof()); }
   double OutlierShare() const {
     const double limit_grey = contrast() / 3;
@@ -131,14 +132,14 @@ class Fitter {
                                    [&](double residual) { return std::abs(residual) > limit_grey; });
     return static_cast<double>(num) / static_cast<double>(result_.residuals.size());
   }
-  // Of the sought parameters.
+  // Returns the covariance of the free parameters.
   Eigen::MatrixXd Covariance() const {
     return std::max(2 * result_.cost / Dof(), SignificantVarianceOf(result_.at_edges)) *
            result_.normal.ldlt().solve(Eigen::MatrixXd::Identity(NumSought(), NumSought()));
   }
 
  private:
-  // Of the sought parameters.
+  // The normal equations of the free parameters.
   struct Equations {
     Eigen::MatrixXd normal;
     Eigen::VectorXd gradient;
@@ -152,13 +153,13 @@ class Fitter {
     return std::max(1.0, static_cast<double>(rows_.NumPixels()) - static_cast<double>(NumSought()));
   }
 
-  // Either is enough.
+  // The thresholds of convergence. Either one is sufficient.
   struct SmallStep {
     double move_px;
-    double sigmas;  // Of all parameters together, as the noise leaves them.
+    double sigmas;  // Mahalanobis length of the step, given the noise.
   };
 
-  // Levenberg-Marquardt to where steps are too small to matter.
+  // Minimises the cost by Levenberg-Marquardt until the steps are negligible. Returns false if a step is not finite.
   bool Descend(Equations here, double huber_grey, const SmallStep& small) {
     constexpr int kMaxIterations = 30;
     constexpr double kMaxDamping = 1e4;
@@ -170,18 +171,18 @@ class Fitter {
         for (size_t k = 0; k < sought_.size(); ++k) params_[sought_[k]] += step[static_cast<Eigen::Index>(k)];
         params_[kBlur] = std::max(params_[kBlur], kMinBlurPx);
       };
-      // Whether it is small is asked of the whole step: damping shortens it where little is known.
+      // Convergence is judged by the undamped step: damping shortens steps along poorly determined directions.
       if (params_[kBlur] <= kMinBlurPx) HoldBlur(&result_);
       const Eigen::VectorXd whole = result_.normal.ldlt().solve(-result_.gradient);
       if (!whole.allFinite()) return false;
       const double variance = 2 * result_.cost / Dof();
       const double move_px = LargestMovePx(whole);
-      // A move that is not small must be looked at, however little is known of it.
+      // A move larger than this must be evaluated, however uncertain it is.
       constexpr double kMostUnseenPx = 0.3;
       const bool is_in_noise =
           move_px < kMostUnseenPx && -result_.gradient.dot(whole) < small.sigmas * small.sigmas * variance;
       if (move_px < small.move_px || is_in_noise) {
-        // What is left after it goes with the step's square.
+        // The error that remains is quadratic in the step.
         move(whole);
         if (!IsPossible()) params_ = before;
         return true;
@@ -204,7 +205,7 @@ class Fitter {
     return true;
   }
 
-  // Holds the blur where it is at its lower bound and would fall further; the other parameters move without it.
+  // Removes the blur from the equations if it is at its lower bound and would decrease further.
   void HoldBlur(Equations* equations) const {
     const Eigen::Index blur = std::find(sought_.begin(), sought_.end(), kBlur) - sought_.begin();
     if (equations->gradient[blur] <= 0) return;
@@ -214,14 +215,14 @@ class Fitter {
     equations->normal(blur, blur) = 1;
   }
 
-  // Goes on with squares and cubes in place of perspective and lens if the grey values ask for them: if the cost would
-  // fall by more than chance lets it (chi-square of the added numbers, 2 sigma).
+  // Replaces perspective and lens by squares and cubes, and linearises, if the grey values require them: if the cost
+  // would decrease by more than chance allows (2 sigma of the chi-square distribution of the added parameters).
   std::optional<Equations> LineariseOrAddPolynomial(double huber_grey) {
     const std::optional<PatternSums> sums = rows_.Sum(map_, params_, huber_grey, true);
     if (!sums) return std::nullopt;
     const Eigen::Index num_sought = NumSought();
     Equations narrow = EquationsOf(*sums);
-    // Without perspective and lens, with the polynomial.
+    // The columns without perspective and lens, but with the polynomial.
     std::vector<Eigen::Index> wide;
     for (Eigen::Index k = 0; k < sums->products.cols(); ++k) {
       if (k != num_sought && !(k >= PatternMap::kPerspective && k < PatternMap::kPolynomial)) wide.push_back(k);
@@ -258,10 +259,10 @@ class Fitter {
         equations.cost += 0.5 * weight * term * term;
       }
     };
-    // Near the picture's middle the pattern says nothing of the lens, nor does it matter: the lens's two numbers are
-    // what it displaces at the picture's corner, hardly more than half the picture.
+    // A pattern near the image centre neither determines nor needs the lens. The two lens terms are displacements at
+    // a distance of lens_radius_px from the centre; their sigma is that distance.
     if (map_.form == MapForm::kLens) expect(PatternMap::kLens, PatternMap::kPolynomial, map_.lens_radius_px);
-    // Where few edges are seen, most other terms than shifts move things along them only.
+    // If few edges are visible, most terms other than shifts move pixels only along these edges.
     constexpr double kLargeStretch = 0.1;
     if (map_.form == MapForm::kAffine || map_.form == MapForm::kQuadratic) {
       expect(1, 3, kLargeStretch * map_.size_px);
@@ -273,7 +274,7 @@ class Fitter {
     return equations;
   }
 
-  // Begins at what is expected of them.
+  // Sets the expected squares and starts from them.
   void ExpectSquares(const PatternFitOptions& options) {
     constexpr double kLargeSquare = 0.05;
     squares_sigma_px_ = options.squares_sigma_px > 0 ? options.squares_sigma_px : kLargeSquare * map_.size_px;
@@ -284,7 +285,7 @@ class Fitter {
     params_ = expected_;
   }
 
-  // Of the pattern's corners.
+  // Returns the largest move of a corner of the pattern along u or v.
   double LargestMovePx(const Eigen::VectorXd& step) const {
     double largest_px = 0;
     for (const auto& corner : kCorners) {
@@ -294,15 +295,15 @@ class Fitter {
     return largest_px;
   }
 
-  // False if there are too few, or too many out of the picture.
+  // Returns false if there are too few pixels, or too many of them lie outside the image.
   bool CollectPixels(const cv::Mat& grey, const Eigen::Matrix3d& image_from_unit) {
-    // Away from edges there is nothing but the two levels to see: few pixels tell them.
+    // Pixels away from edges determine only the two levels: few of them suffice.
     constexpr double kEdgeReachPx = 3.7;
     constexpr int kFlatShare = 7;
     const Eigen::Matrix3d unit_from_image = image_from_unit.inverse();
     Eigen::Array2d low = Eigen::Array2d::Constant(1e9);
     Eigen::Array2d high = -low;
-    Eigen::Vector2d support_radius = Eigen::Vector2d::Zero();  // Where it is largest.
+    Eigen::Vector2d support_radius = Eigen::Vector2d::Zero();  // Largest one at a corner of the pattern.
     for (const auto& corner : kCorners) {
       const Eigen::Vector2d unit(corner[0], corner[1]);
       const Eigen::Vector2d at_px = ApplyHomography(image_from_unit, unit);
@@ -317,13 +318,13 @@ class Fitter {
     constexpr double kMaxSizePx = 2000;
     const Eigen::Array2d size_px = high - low;
     if (!(size_px < kMaxSizePx).all()) return false;
-    // Of a large pattern every second, third, ... pixel is enough.
+    // Every second, third, ... pixel of a large pattern is enough.
     constexpr double kEnoughPixels = 30000;
     const int step = 1 + static_cast<int>(std::sqrt(size_px.prod() / kEnoughPixels));
     const int stride = step * step;
-    // Beyond the horizon it changes its sign.
+    // The third homogeneous coordinate changes its sign beyond the horizon.
     const double front = image_from_unit(2, 2);
-    // By how many lines are near: those of one kind are worked on together.
+    // Pixels by the numbers of lines near them along x and y: pixels of one kind are processed together.
     constexpr size_t kMostLines = 4;
     std::vector<PatternPixels::Pixel> kinds[kMostLines + 1][kMostLines + 1];
     UnitCells::Window window;
@@ -352,7 +353,7 @@ class Fitter {
         ++num_inside;
       }
     }
-    // More would add time, and hardly precision.
+    // More pixels would take more time and hardly improve the precision.
     constexpr size_t kMaxPixels = 6000;
     const size_t share = num_inside / kMaxPixels + 1;
     std::vector<PatternPixels::Pixel> pixels;
@@ -373,14 +374,15 @@ class Fitter {
     return true;
   }
 
-  // What a pixel away from edges says of the levels.
+  // Adds the equation of a pixel away from edges to the normal equations of the two levels.
   void AddFlat(double albedo, double grey) {
     const Eigen::Vector2d by_levels(1 - albedo, albedo);
     flat_normal_ += by_levels * by_levels.transpose();
     flat_right_ += grey * by_levels;
   }
 
-  // Blur as a guess, levels by least squares: of the pixels away from edges if there are enough.
+  // Initialises the blur by a guess, and the levels by least squares: from the pixels away from edges if there are
+  // enough, from all pixels otherwise.
   bool StartLevels() {
     constexpr double kStartBlurPx = 0.9;
     params_[kBlur] = kStartBlurPx;
@@ -405,12 +407,12 @@ class Fitter {
            params_.tail<kNumPatternParams - kLight>().cwiseAbs().maxCoeff() < 1;
   }
 
-  // From the mean of their sizes.
+  // Returns sigma as estimated from the mean absolute residual at edges.
   static double MeanNoiseOf(const EdgeResiduals& at_edges) {
     return 1.2533 * at_edges.sizes / std::max(at_edges.weights, 1e-9);
   }
-  // Returns the variance of a grey value at an edge if it is larger than chance makes it where all grey values have the
-  // same noise (2 sigma); else 0.
+  // Returns the variance of a grey value at an edge if it exceeds what chance allows (2 sigma) when all grey values
+  // have the same noise; otherwise 0.
   double SignificantVarianceOf(const EdgeResiduals& at_edges) const {
     const double num_effective = at_edges.weights * at_edges.weights / std::max(at_edges.weights_squared, 1e-9);
     const auto num_sought = static_cast<double>(NumSought());
@@ -419,7 +421,7 @@ class Fitter {
     const double chance = 1 + 2 * std::sqrt(2 / (num_effective - num_sought));
     return variance > chance * 2 * result_.cost / Dof() ? variance : 0;
   }
-  // From the median of their sizes.
+  // Returns sigma as estimated from the median absolute residual.
   static double NoiseOf(std::vector<double> residuals) {
     for (double& residual : residuals) residual = std::abs(residual);
     return 1.4826 * Median(std::move(residuals));
@@ -432,10 +434,10 @@ class Fitter {
   Eigen::Matrix2d flat_normal_ = Eigen::Matrix2d::Zero();
   Eigen::Vector2d flat_right_ = Eigen::Vector2d::Zero();
   std::vector<int> sought_;
-  PatternParams expected_ = PatternParams::Zero();  // The values of the terms that have an expectation.
+  PatternParams expected_ = PatternParams::Zero();  // Expected values of the terms that have an expectation.
   double squares_sigma_px_ = 0;
   PatternParams params_ = PatternParams::Zero();
-  double noise_grey_ = 0;  // At first with the misfit of the start.
+  double noise_grey_ = 0;  // Sigma of a grey value; initially includes the misfit of the start.
   bool is_usable_ = false;
   Equations result_;
 };

@@ -1,9 +1,9 @@
-// The map from a flat pattern into the picture that FitPattern seeks: a homography known from the start plus a sum of
-// displacements. The pattern's used rectangle is scaled to [-1, 1] on both axes ("unit" coordinates).
+// The map from a flat pattern to the image that FitPattern estimates: a homography known from the initial guess plus
+// a sum of displacements. The pattern's used rectangle is scaled to [-1, 1] along both axes ("unit" coordinates).
 //
-// The terms, by index: 0 to 5 affine (1, x, y in u, then in v); 6 and 7 perspective; 8 and 9 a lens that is radial
-// about the picture's middle (whatever such a lens does to second order within the pattern is among these four); 10 to
-// 16 a polynomial in u (three squares, four cubes), 17 to 23 in v.
+// The terms, by index: 0 to 5 are affine (1, x, y in u, then in v); 6 and 7 are perspective; 8 and 9 are a lens that
+// is radial about the image centre (terms 6 to 9 cover the second-order effect of such a lens within the pattern); 10
+// to 16 are a polynomial in u (three squares, four cubes), 17 to 23 the same in v.
 #pragma once
 
 #include <vector>
@@ -14,12 +14,12 @@
 
 namespace heba {
 
-// Which of the terms are sought; the others stay as they are.
+// Selects the free terms; the others are held.
 enum class MapForm {
-  kAffine,      // 0 to 5; the others are 0.
-  kQuadratic,   // And the squares; perspective, lens and cubes are 0.
-  kLens,        // 0 to 9; the polynomial is 0.
-  kPolynomial,  // 0 to 5 and the polynomial; perspective and lens are held.
+  kAffine,      // Terms 0 to 5; the others are 0.
+  kQuadratic,   // Terms 0 to 5 and the squares; perspective, lens and cubes are 0.
+  kLens,        // Terms 0 to 9; the polynomial is 0.
+  kPolynomial,  // Terms 0 to 5 and the polynomial; perspective and lens are held.
 };
 
 struct PatternMap {
@@ -28,18 +28,18 @@ struct PatternMap {
   static constexpr int kLens = 8;
   static constexpr int kPolynomial = 10;
   static constexpr int kNumSquares = 3;
-  static constexpr int kNumPolynomial = 7;  // On one axis.
+  static constexpr int kNumPolynomial = 7;  // Per axis.
   static constexpr int kNumTerms = 24;
 
   MapForm form = MapForm::kAffine;
-  double start[3][3] = {};    // image_from_unit, the start's homography.
-  double middle_px[2] = {};   // Of the pattern, in the picture.
-  double size_px = 1;         // Half the pattern's size there.
-  double lens_px[2] = {};     // The picture's middle.
-  double lens_radius_px = 1;  // From there to the picture's corner.
+  double start[3][3] = {};    // image_from_unit: homography of the initial guess.
+  double middle_px[2] = {};   // Centre of the pattern in the image.
+  double size_px = 1;         // Half the pattern's size in the image.
+  double lens_px[2] = {};     // Centre of the whole image.
+  double lens_radius_px = 1;  // Distance from lens_px to the first pixel.
 };
 
-// The terms that are sought, by increasing index.
+// Returns the free terms by increasing index.
 std::vector<int> SoughtTerms(MapForm form);
 
 template <class V>
@@ -71,7 +71,7 @@ HEBA_INLINE V Determinant(const MappedPoint<V>& point) {
   return point.u_by_x * point.v_by_y - point.u_by_y * point.v_by_x;
 }
 
-// `terms`: the displacements' sizes, px: kNumTerms.
+// Maps a point to the image. `terms` are the kNumTerms displacements, px.
 template <class V>
 HEBA_INLINE MappedPoint<V> MapPoint(const PatternMap& map, const double* terms, const V& x, const V& y) {
   const StartPoint<V> start = MapByStart(map, x, y);
@@ -144,7 +144,7 @@ HEBA_INLINE MappedPoint<V> MapPoint(const PatternMap& map, const double* terms, 
   return point;
 }
 
-// x^2, x y, y^2 and, if `has_cubes`, x^3, x^2 y, x y^2, y^3.
+// Calls `in` with x^2, x y, y^2 and, if `has_cubes`, with x^3, x^2 y, x y^2, y^3.
 template <class V, class In>
 HEBA_INLINE void ForEachPower(const V& x, const V& y, bool has_cubes, const In& in) {
   const V xx = x * x;
@@ -160,8 +160,8 @@ HEBA_INLINE void ForEachPower(const V& x, const V& y, bool has_cubes, const In& 
   in(V(yy * y));
 }
 
-// What a unit of each sought term displaces at a point: calls, by increasing term, in_u(px) for terms that act on u
-// only, in_v(px), or in_both(px in u, px in v).
+// Computes the displacement per unit of each free term at a point. Calls, by increasing term, in_u(px) for terms that
+// act on u only, in_v(px) for terms that act on v only, and in_both(px in u, px in v) for the others.
 template <class V, class InU, class InV, class InBoth>
 HEBA_INLINE void ForEachDisplacement(const PatternMap& map, const V& x, const V& y, const InU& in_u, const InV& in_v,
                                      const InBoth& in_both) {

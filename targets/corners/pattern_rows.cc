@@ -16,9 +16,9 @@
 namespace heba {
 namespace {
 
-// Beyond this many standard deviations a Gaussian has no weight worth counting (6e-5).
+// The weight of a Gaussian is negligible beyond this many standard deviations (6e-5).
 constexpr double kSupportRadius = 4.0;
-// How far pixels may move before it is looked again what is within support_radius.
+// The distance that pixels may move before the edges within support_radius are searched for again.
 constexpr double kMaxMovePx = 0.5;
 
 constexpr size_t kMaxLines = CellPattern::kMaxLines;
@@ -26,7 +26,8 @@ constexpr int kNumLight = kNumPatternParams - kLight;
 
 bool IsLightBent(MapForm form) { return form == MapForm::kLens || form == MapForm::kPolynomial; }
 
-// The pattern's blurred albedo and its derivatives: by x and y in standard deviations, by the logarithm of the blur.
+// The blurred albedo of the pattern and its derivatives: by x and y in standard deviations, and by the logarithm of
+// the blur.
 template <class V>
 struct BlurredLanes {
   V value;
@@ -35,8 +36,8 @@ struct BlurredLanes {
   V by_scale;
 };
 
-// Lines of one axis within support_radius: how far the pixels are from each in standard deviations, and what the normal
-// distribution makes of that.
+// The lines along one axis within support_radius: their distances from the pixels in standard deviations, and the
+// normal distribution function and density there.
 template <class V>
 struct SeenLines {
   V at[kMaxLines];
@@ -44,7 +45,7 @@ struct SeenLines {
   V density[kMaxLines];
 };
 
-// The bivariate normal distribution function of a pair of lines, and its derivatives.
+// The bivariate normal distribution function at a pair of lines, and its derivatives.
 template <class V>
 struct NormalPair {
   V cdf;
@@ -52,7 +53,7 @@ struct NormalPair {
   V by_b;
 };
 
-// Adds the pairs of lines, `at_pair(j, i)` being theirs.
+// Adds the contributions of all pairs of lines; `at_pair(j, i)` returns the NormalPair of lines j and i.
 template <class V, class AtPair>
 HEBA_INLINE void AddTwists(const double* cross_differences, int num_x, int num_y, const SeenLines<V>& x,
                            const SeenLines<V>& y, const AtPair& at_pair, BlurredLanes<V>* result) {
@@ -72,8 +73,9 @@ HEBA_INLINE void AddTwists(const double* cross_differences, int num_x, int num_y
   }
 }
 
-// The bivariate normal distribution function of a small correlation r: the product of the two, and Mehler's series
-// sum r^k / k! He_(k-1)(a) He_(k-1)(b) times the two densities (Kendall 1941), to kTerms.
+// Adds the pairs of lines for a small correlation r. The bivariate normal distribution function is the product of the
+// univariate ones plus Mehler's series sum r^k / k! He_(k-1)(a) He_(k-1)(b) times the two densities (Kendall 1941),
+// truncated after kTerms.
 template <int kTerms, class V>
 HEBA_INLINE void AddTwistsBySeries(const double* cross_differences, int num_x, int num_y, const SeenLines<V>& x,
                                    const SeenLines<V>& y, const V& correlation, BlurredLanes<V>* result) {
@@ -107,8 +109,8 @@ HEBA_INLINE void AddTwistsBySeries(const double* cross_differences, int num_x, i
   AddTwists(cross_differences, num_x, num_y, x, y, at_pair, result);
 }
 
-// The same of any correlation: the product of the two plus an integral over the correlation's angle (Plackett 1954), by
-// Gauss-Legendre (to 1e-8).
+// Adds the pairs of lines for any correlation: the product of the univariate distribution functions plus an integral
+// over the angle of the correlation (Plackett 1954), computed by Gauss-Legendre quadrature (to 1e-8).
 template <class V>
 HEBA_INLINE void AddTwistsByQuadrature(const double* cross_differences, int num_x, int num_y, const SeenLines<V>& x,
                                        const SeenLines<V>& y, const V& correlation, BlurredLanes<V>* result) {
@@ -143,14 +145,15 @@ HEBA_INLINE void AddTwistsByQuadrature(const double* cross_differences, int num_
   AddTwists(cross_differences, num_x, num_y, x, y, at_pair, result);
 }
 
-// `numbers`: what UnitCells::Write wrote for each lane. `inverse_x`: of the blur's standard deviation along x.
+// Computes the blurred albedo at a point. `numbers` were written by UnitCells::Write for each lane; `inverse_x` is 1
+// over the blur's standard deviation along x, `inverse_y` likewise along y.
 template <class V>
 HEBA_INLINE BlurredLanes<V> Blur(const double* numbers, int num_x, int num_y, const V& x, const V& y,
                                  const V& inverse_x, const V& inverse_y, const V& correlation) {
   constexpr int kLanes = kLanesIn<V>;
   const V none = AllLanes<V>(0);
   BlurredLanes<V> result{LoadLanes<V>(numbers), none, none, none};
-  // Not set to 0 first: this is called for every pixel.
+  // These are not initialised to 0, since this is called for every pixel.
   SeenLines<V> x_lines;
   SeenLines<V> y_lines;
   const double* next = numbers + 5 * kLanes;
@@ -173,7 +176,7 @@ HEBA_INLINE BlurredLanes<V> Blur(const double* numbers, int num_x, int num_y, co
   look(num_y, y, inverse_y, &y_lines, &result.by_b);
   if (num_x == 0 || num_y == 0) return result;
   const double largest = LargestLane(AbsLanes(correlation));
-  // Errors of 2e-7 and 4e-7 at most.
+  // The errors of the two series are at most 2e-7 and 4e-7.
   if (largest <= 0.1) {
     AddTwistsBySeries<4>(next, num_x, num_y, x_lines, y_lines, correlation, &result);
   } else if (largest <= 0.35) {
@@ -184,13 +187,14 @@ HEBA_INLINE BlurredLanes<V> Blur(const double* numbers, int num_x, int num_y, co
   return result;
 }
 
-// The unit coordinates of a pixel, from a guess, and the map's derivative near there. False if there are none.
+// Computes the unit coordinates of a pixel by Newton's method from an initial guess, and the derivative of the map
+// near them. Returns false if the iteration does not converge.
 template <class V>
 HEBA_INLINE bool Invert(const PatternMap& map, const double* terms, const V& u, const V& v, V* x, V* y,
                         MappedPoint<V>* point) {
   constexpr int kMaxSteps = 10;
   constexpr double kLongest = 2;
-  // The error that is left goes with the step's square: 1e-4 px of a pattern that is strongly bent.
+  // The error that remains is quadratic in the step: 1e-4 px for a strongly curved pattern.
   constexpr double kShort = 1e-3;
   for (int step = 0; step < kMaxSteps; ++step) {
     *point = MapPoint(map, terms, *x, *y);
@@ -209,7 +213,7 @@ HEBA_INLINE bool Invert(const PatternMap& map, const double* terms, const V& u, 
   return false;
 }
 
-// What the blur is along the pattern's axes, seen there, and their correlation.
+// The blur along the pattern's axes at a point, and the derivatives that determine its correlation.
 template <class V>
 struct UnitBlur {
   V x_by_u;  // Unit coordinates by pixels.
@@ -269,7 +273,7 @@ UnitCells::UnitCells(const CellPattern& pattern, const Eigen::Vector2d& centre_m
 
 void UnitCells::FindEdgesWithin(double x, double y, double support_radius_x, double support_radius_y,
                                 Window* window) const {
-  // From where the last one was, which is near.
+  // The search begins at the last window, which is near.
   const auto find = [](const std::vector<double>& lines, double from, double to, size_t* first) {
     size_t begin = std::min(*first, lines.size());
     while (begin > 0 && lines[begin - 1] >= from) --begin;
@@ -302,7 +306,7 @@ void UnitCells::FindEdgesWithin(double x, double y, double support_radius_x, dou
 void UnitCells::Write(const Window& window, double x, double y, size_t num_x, size_t num_y, size_t stride,
                       double* to) const {
   to[0] = albedo_(window.first_y, window.first_x);
-  // The nearest line, and half if there is one.
+  // Writes the position of the nearest line and 0.5 if there is one.
   const auto write_nearest = [&](const std::vector<double>& lines, const size_t* seen, size_t size, double at,
                                  double* place) {
     double distance = std::numeric_limits<double>::infinity();
@@ -353,7 +357,7 @@ PatternPixels::PatternPixels(const std::vector<Pixel>& pixels, const Eigen::Vect
   }
 }
 
-// What the kernels work on. Of pixel i: u[i] and so on.
+// The input and output of the kernels; the arrays are indexed by pixel.
 struct PatternTask {
   const PatternMap* map;
   const double* params;
@@ -365,7 +369,7 @@ struct PatternTask {
   const double* light_y;
   const double* grey;
   const double* counts;
-  // Unit coordinates: from where they are sought, and what was found.
+  // Unit coordinates: the start of the inversion, and its result.
   const double* from_x;
   const double* from_y;
   double* x;
@@ -374,7 +378,8 @@ struct PatternTask {
 
 namespace {
 
-// The pixels' unit coordinates and how far things are within support_radius of each.
+// Computes the unit coordinates of the pixels and the support radius of each. Returns false if the map cannot be
+// inverted.
 template <int kLanes>
 HEBA_INLINE bool FindReach(const PatternTask& task, size_t size, double* support_radius_x, double* support_radius_y) {
   using V = Lanes<kLanes>;
@@ -395,15 +400,16 @@ HEBA_INLINE bool FindReach(const PatternTask& task, size_t size, double* support
   return true;
 }
 
-// Some rows, of PatternSums' columns, kStride apart.
+// Some rows of the columns of PatternSums::products; the columns are kStride apart.
 struct Rows {
   static constexpr int kStride = 64;
-  // A column more, as GramMatrix wants it.
+  // GramMatrix requires one more column.
   alignas(64) double columns[GramMatrix::kMaxColumns + 1][kStride];
   double cost = 0;
   EdgeResiduals at_edges;
 };
 
+// Computes the residuals and the columns of pixels i to i + kLanes - 1. Returns false if the map cannot be inverted.
 template <int kLanes>
 HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* numbers, int num_x, int num_y,
                          double* residuals, double* columns, double* cost, EdgeResiduals* at_edges) {
@@ -416,14 +422,13 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
   if (!Invert(map, params, LoadLanes<V>(task.u + i), LoadLanes<V>(task.v + i), &x, &y, &point)) return false;
   StoreLanes(x, task.x + i);
   StoreLanes(y, task.y + i);
-  // Half way to the lines that blur into the pixel: so taken, the map's derivative gives the distance to them to second
-  // order.
+  // The map's derivative half way to the lines that blur into the pixel gives the distance to them to second order.
   const auto half_way = [&](const V& at, int which) __attribute__((always_inline))->V {
     const V line = LoadLanes<V>(numbers + which * kLanes);
     return at + LoadLanes<V>(numbers + (which + 1) * kLanes) * (line - at);
   };
   const MappedPoint<V> there = MapPoint(map, params, half_way(x, 1), half_way(y, 3));
-  // Not a number where the map is none.
+  // The sum is not a number if the map is undefined there.
   if (!(SumOfLanes<V>(1.0 / AbsLanes(Determinant(there))) < 1e12)) return false;
   const UnitBlur<V> blur = BlurThere(there, params[kBlur]);
   const V inverse_x = 1.0 / blur.sigma_x;
@@ -455,7 +460,8 @@ HEBA_INLINE bool FillRow(const PatternTask& task, size_t i, const double* number
   *cost += SumOfLanes<V>(counts * rho);
   const V by_x = albedo.by_a * inverse_x * scale * root;
   const V by_y = albedo.by_b * inverse_y * scale * root;
-  // The pattern moves with the map, the pixel stays: the derivatives have the opposite sign of the picture's slopes.
+  // The pattern moves with the map while the pixel stays: the derivatives have the opposite sign of the image's
+  // gradient.
   const V by_u = -(blur.x_by_u * by_x + blur.y_by_u * by_y);
   const V by_v = -(blur.x_by_v * by_x + blur.y_by_v * by_y);
   const V edge_weight = by_u * by_u + by_v * by_v;
@@ -524,7 +530,8 @@ HEBA_TARGET_AVX512 bool FillRowsAvx512(const PatternTask& task, size_t begin, si
   return FillRows<kLanesOf<Simd::kAvx512>>(task, begin, end, numbers, groups, residuals, rows);
 }
 
-// How far apart two maps have the pattern's corners, the middles of its sides and its own, at most.
+// Returns the largest distance between the images of the pattern's corners, the midpoints of its sides and its centre
+// under two maps.
 double FarthestPx(const PatternMap& map, const PatternParams& a, const PatternParams& b) {
   double farthest_px = 0;
   for (const double x : {-1.0, 0.0, 1.0}) {
@@ -600,7 +607,7 @@ std::optional<PatternSums> PatternRows::Sum(const PatternMap& map, const Pattern
                             pixels_.y_.data(),
                             tried_x_.data(),
                             tried_y_.data()};
-  // Less blur has what it reaches within what more reaches.
+  // The edges found for a larger blur include those of a smaller one.
   constexpr double kMaxGrowth = 1.1;
   constexpr double kMaxShrink = 0.6;
   if (!looked_ || !(FarthestPx(map, params, *looked_) <= kMaxMovePx) ||

@@ -19,13 +19,13 @@
 namespace heba {
 namespace {
 
-// How far from a saddle its sectors are looked at: squares must be larger.
+// The radius at which the sectors around a saddle are sampled. Squares must be larger.
 constexpr double kRingRadiusPx = 3;
-// Differences of grey values are taken over so many pixels.
+// The distance over which differences of grey values are taken.
 constexpr int kStepPx = 2;
 
 double Cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
-// A quarter turn clockwise in the image.
+// Rotates a vector by 90 degrees, clockwise in the image.
 Eigen::Vector2d Clockwise(const Eigen::Vector2d& a) { return {-a.y(), a.x()}; }
 
 cv::Mat Smooth(const cv::Mat& grey) {
@@ -34,8 +34,8 @@ cv::Mat Smooth(const cv::Mat& grey) {
   return smooth;
 }
 
-// Less the determinant of the second derivatives, times kStepPx^4: about the square of the contrast of a corner of four
-// squares, whichever way it is turned.
+// Computes minus the determinant of the second derivatives, times kStepPx^4, with the mixed derivative doubled: this
+// is about the squared contrast at a corner of four squares, independent of its rotation.
 cv::Mat Saddleness(const cv::Mat& smooth) {
   cv::Mat saddleness(smooth.size(), CV_32F, cv::Scalar(0));
   for (int y = kStepPx; y < smooth.rows - kStepPx; ++y) {
@@ -54,7 +54,7 @@ cv::Mat Saddleness(const cv::Mat& smooth) {
   return saddleness;
 }
 
-// Returns the typical difference of neighbouring grey values by noise or a fine texture.
+// Returns the median difference of nearby grey values, which measures noise or a fine texture.
 double TextureGrey(const cv::Mat& smooth) {
   std::array<size_t, 256> counts{};
   size_t num = 0;
@@ -75,7 +75,7 @@ struct Peak {
   cv::Point at;
 };
 
-// Local maxima of at least that contrast, the highest of them, at most `most`.
+// Returns the local maxima of at least that contrast; if there are more than `most`, the highest ones.
 std::vector<Peak> PeaksOf(const cv::Mat& saddleness, double min_contrast_grey, size_t most) {
   const auto least = static_cast<float>(min_contrast_grey * min_contrast_grey);
   constexpr int kReach = 2;
@@ -108,13 +108,13 @@ std::vector<Peak> PeaksOf(const cv::Mat& saddleness, double min_contrast_grey, s
   return peaks;
 }
 
-// Returns the place of the top of a parabola through three equidistant values, from the middle one.
+// Returns the position of the maximum of a parabola through three equidistant values, relative to the middle one.
 double TopOf(double before, double here, double behind) {
   const double curvature = 2 * here - before - behind;
   return curvature > 0 ? std::clamp(0.5 * (behind - before) / curvature, -0.5, 0.5) : 0;
 }
 
-// The saddle at a peak, if dark and light alternate twice around it and opposite sectors are alike.
+// Returns the saddle at a peak if dark and light alternate twice around it and opposite sectors are alike.
 std::optional<Saddle> SaddleAt(const cv::Mat& smooth, const cv::Mat& saddleness, const cv::Point& at) {
   constexpr size_t kNumSamples = 24;
   static const std::array<Eigen::Vector2d, kNumSamples> kDirections = [] {
@@ -133,7 +133,7 @@ std::optional<Saddle> SaddleAt(const cv::Mat& smooth, const cv::Mat& saddleness,
   for (size_t i = 0; i < kNumSamples; ++i) levels[i] = GreyAt(smooth, saddle.pixel + kRingRadiusPx * kDirections[i]);
   const auto [darkest, lightest] = std::minmax_element(levels.begin(), levels.end());
   const double middle = 0.5 * (*darkest + *lightest);
-  // The angles at which the sectors begin, samples; whether the first one is dark.
+  // The angles at which the sectors begin, in samples, and whether the first sector is dark.
   std::array<double, 4> begins;
   size_t num_sectors = 0;
   bool is_first_dark = false;
@@ -146,13 +146,13 @@ std::optional<Saddle> SaddleAt(const cv::Mat& smooth, const cv::Mat& saddleness,
     begins[num_sectors++] = static_cast<double>(i) + here / (here - next);
   }
   if (num_sectors != 4) return std::nullopt;
-  // Perspective and lens leave edges straight.
+  // Edges remain nearly straight under perspective and lens distortion.
   constexpr double kMaxKink = kNumSamples / 12.0;
   constexpr double kMinSector = kNumSamples / 18.0;
   for (size_t k = 0; k < 2; ++k) {
     if (std::abs(begins[k + 2] - begins[k] - 0.5 * kNumSamples) > kMaxKink) return std::nullopt;
   }
-  std::array<double, 4> sectors;  // The grey values in their middles.
+  std::array<double, 4> sectors;  // Grey values in the middles of the sectors.
   for (size_t k = 0; k < 4; ++k) {
     const double end = k < 3 ? begins[k + 1] : begins[0] + kNumSamples;
     if (end - begins[k] < kMinSector) return std::nullopt;
@@ -176,7 +176,7 @@ std::optional<Saddle> SaddleAt(const cv::Mat& smooth, const cv::Mat& saddleness,
   return saddle;
 }
 
-// Saddles by place.
+// An index of saddles by position.
 class SaddleIndex {
  public:
   SaddleIndex(const std::vector<Saddle>& saddles, cv::Size image_px)
@@ -188,7 +188,7 @@ class SaddleIndex {
           static_cast<int>(n));
     }
   }
-  // Calls `use` for the cells that come within `reach_px`.
+  // Calls `use` with the index of every saddle in the cells that come within `reach_px`.
   template <typename Use>
   void ForEachNear(const Eigen::Vector2d& pixel, double reach_px, const Use& use) const {
     const int last_row = LineOf(pixel.y() + reach_px, rows_);
@@ -210,17 +210,17 @@ class SaddleIndex {
   std::vector<std::vector<int>> cells_;
 };
 
-// The ways from a saddle: along edges[0], along edges[1], and back.
+// The directions from a saddle: along edges[0], along edges[1], and opposite to them.
 constexpr size_t kNumWays = 4;
 Eigen::Vector2d WayOf(const Saddle& saddle, size_t way) { return (way < 2 ? 1 : -1) * saddle.edges[way % 2]; }
 constexpr size_t BackOf(size_t way) { return (way + 2) % kNumWays; }
-using Links = std::array<int, kNumWays>;  // The next saddle each way, or -1.
+using Links = std::array<int, kNumWays>;  // Next saddle in each direction, or -1.
 
-// On the way from `from`, the way of `to` that leads on, if there is one: at every corner the colours change sides, so
-// that one's first edge is the next one's second.
+// Returns the direction at `to` that continues the direction `way` at `from`, if there is one. The colours change
+// sides at every corner, so that the first edge of one corner continues as the second edge of the next.
 std::optional<size_t> WayOn(const Saddle& from, size_t way, const Saddle& to) {
   constexpr double kMaxSine = 0.45;
-  // Light changes little from one corner to the next.
+  // Illumination changes little from one corner to the next.
   constexpr double kMaxContrastRatio = 2.5;
   const auto [less, more] = std::minmax(from.contrast_grey, to.contrast_grey);
   if (more > kMaxContrastRatio * less) return std::nullopt;
@@ -231,11 +231,11 @@ std::optional<size_t> WayOn(const Saddle& from, size_t way, const Saddle& to) {
   return direction.dot(to.edges[edge]) > 0 ? edge : edge + 2;
 }
 
-// Whether an edge runs from one saddle to the other, with the dark side where the first one has it.
+// Returns whether an edge runs from one saddle to the other, with its dark side as at the first one.
 bool IsEdge(const cv::Mat& smooth, const Saddle& from, size_t way, const Saddle& to) {
   const Eigen::Vector2d offset = to.pixel - from.pixel;
   const double length_px = offset.norm();
-  // Along edges[0] the dark side lies clockwise.
+  // The dark side lies clockwise of edges[0].
   const Eigen::Vector2d towards_dark = (way % 2 == 0 ? 1 : -1) * Clockwise(offset / length_px);
   const double aside_px = std::clamp(0.15 * length_px, 1.0, 4.0);
   constexpr double kMinShare = 0.3;
@@ -250,13 +250,13 @@ bool IsEdge(const cv::Mat& smooth, const Saddle& from, size_t way, const Saddle&
   return true;
 }
 
-// The nearest saddles to which edges lead.
+// Returns the nearest saddles that are connected by edges.
 Links LinksOf(const cv::Mat& smooth, const std::vector<Saddle>& saddles, const SaddleIndex& index, int here) {
   constexpr double kMinLengthPx = 3.5;
   constexpr double kMaxSine = 0.35;
-  // Neither a saddle that has so many nearer ones is a neighbour,
+  // A saddle is not a neighbour if there are this many nearer ones,
   constexpr size_t kCrowd = 64;
-  // nor one that is so many times as far away as another: squares are only so oblique.
+  // or if it is this many times as far away as another neighbour, which limits how oblique squares may be.
   constexpr double kMaxLengthRatio = 6;
   const Saddle& from = saddles[static_cast<size_t>(here)];
   Links links;
@@ -291,13 +291,13 @@ Links LinksOf(const cv::Mat& smooth, const std::vector<Saddle>& saddles, const S
 using Cell = std::pair<int, int>;  // Column and row.
 using Grid = std::map<Cell, Eigen::Vector2d>;
 
-// Returns the saddles that are linked with `seed`, both ways; these are then used.
+// Returns the saddles that are linked with `seed` in both directions, and marks them as used.
 Grid GridFrom(const std::vector<Saddle>& saddles, const std::vector<Links>& links, int seed,
               std::vector<bool>* is_used) {
   struct Member {
     int saddle;
     Cell cell;
-    size_t way;  // That is the grid's first direction; the next one clockwise is the second.
+    size_t way;  // Direction along the grid's first axis; the next one clockwise is along the second.
   };
   Grid grid;
   std::deque<Member> open = {{seed, {0, 0}, 0}};
@@ -307,7 +307,7 @@ Grid GridFrom(const std::vector<Saddle>& saddles, const std::vector<Links>& link
     open.pop_front();
     const Saddle& from = saddles[static_cast<size_t>(member.saddle)];
     if (!grid.emplace(member.cell, from.pixel).second) continue;
-    // Counted clockwise the ways are edges[0], edges[1] and back.
+    // The directions, counted clockwise, are edges[0], edges[1] and their opposites.
     for (size_t turn = 0; turn < kNumWays; ++turn) {
       const size_t way = (member.way + turn) % kNumWays;
       const int next = links[static_cast<size_t>(member.saddle)][way];
@@ -324,7 +324,7 @@ Grid GridFrom(const std::vector<Saddle>& saddles, const std::vector<Links>& link
   return grid;
 }
 
-// Columns and rows from the first to the last that are for the most part there.
+// Returns the columns and rows from the first to the last with at least half as many corners as the fullest one.
 cv::Rect BoundsOf(const Grid& grid) {
   std::map<int, int> columns;
   std::map<int, int> rows;
@@ -350,7 +350,7 @@ cv::Rect BoundsOf(const Grid& grid) {
   return {first_column, first_row, last_column - first_column + 1, last_row - first_row + 1};
 }
 
-// Predicts a corner that was not seen, by those on both sides or by two on one.
+// Predicts a corner that was not seen from those on both sides of it or from two on one side.
 std::optional<Eigen::Vector2d> Expected(const Grid& grid, const Cell& cell) {
   const auto find = [&](int column, int row) -> const Eigen::Vector2d* {
     const auto entry = grid.find({cell.first + column, cell.second + row});
@@ -377,7 +377,7 @@ std::optional<Eigen::Vector2d> Expected(const Grid& grid, const Cell& cell) {
   return sum / count;
 }
 
-// Adds what is missing within the bounds; false if it is not to be told, or outside of the image.
+// Adds the missing corners within the bounds. Returns false if one cannot be predicted or lies outside the image.
 bool FillIn(const cv::Mat& image, const cv::Rect& bounds, Grid* grid) {
   for (int row = bounds.y; row < bounds.y + bounds.height; ++row) {
     for (int column = bounds.x; column < bounds.x + bounds.width; ++column) {
@@ -390,8 +390,8 @@ bool FillIn(const cv::Mat& image, const cv::Rect& bounds, Grid* grid) {
   return true;
 }
 
-// Tells where a board of which a grid is a part may be: its missing part would lie in the image, and there are squares
-// next to the grid.
+// Determines where a chessboard may be if a grid is only a part of it: the missing part must lie in the image, and
+// there must be squares next to the grid.
 class Continuation {
  public:
   Continuation(const cv::Mat& smooth, const Grid& grid, const cv::Rect& bounds) : smooth_(smooth), bounds_(bounds) {
@@ -412,16 +412,17 @@ class Continuation {
         sum += SignOf(column, row) * SquareGrey(column, row).value_or(0);
       }
     }
-    // There are about equally many squares of both colours.
+    // There are about as many squares of one colour as of the other.
     half_contrast_grey_ = count > 1 ? sum / count : 0;
   }
 
-  // Returns the area in which a board of `size` corners may be, with what is drawn around it; empty if there is none.
+  // Returns the region that may contain a chessboard of `size` corners and its surroundings; empty if there is none.
   cv::Rect MayBeIn(cv::Size size) const {
     if (!pixel_from_cell_) return {};
     const int spare_columns = size.width - bounds_.width;
     const int spare_rows = size.height - bounds_.height;
-    // The surroundings of a board may look like more of it: a rim on all sides, around a small board on any side.
+    // The surroundings of a chessboard may look like more squares: a rim on all sides, or, around a small one, on any
+    // side.
     constexpr int kSmall = 30;
     constexpr int kRimLines = 2;
     const bool is_with_rim = spare_columns == -kRimLines && spare_rows == -kRimLines;
@@ -439,7 +440,7 @@ class Continuation {
   }
 
  private:
-  // The sign of the square between the corners (column, row) and (column + 1, row + 1).
+  // Returns the sign of the square between the corners (column, row) and (column + 1, row + 1).
   static int SignOf(int column, int row) { return ((column + row) & 1) == 0 ? 1 : -1; }
   std::optional<double> SquareGrey(int column, int row) const {
     const Eigen::Vector2d middle = ApplyHomography(*pixel_from_cell_, Eigen::Vector2d(column + 0.5, row + 0.5));
@@ -447,7 +448,7 @@ class Continuation {
     return GreyAt(smooth_, middle);
   }
 
-  // The pixels of the board with the squares around its corners, and a light rim.
+  // Returns the pixels of a chessboard, including the squares around its corners and a light rim.
   cv::Rect RegionOf(const cv::Rect& board) const {
     constexpr int kRim = 2;
     const cv::Rect image(0, 0, smooth_.cols, smooth_.rows);
@@ -463,14 +464,15 @@ class Continuation {
     return cv::boundingRect(outline) & image;
   }
 
-  // Whether all corners of the board lie in the image: a part of a plane lies in a convex image if its corners do.
+  // Returns whether all corners of the chessboard lie in the image. Its outer corners suffice, since the image is
+  // convex.
   bool IsInside(const cv::Rect& board) const {
     for (const int column : {board.x, board.x + board.width - 1}) {
       for (const int row : {board.y, board.y + board.height - 1}) {
         const Eigen::Vector2d pixel = ApplyHomography(*pixel_from_cell_, Eigen::Vector2d(column, row));
         const Eigen::Vector2d nearest(std::clamp(column, bounds_.x, bounds_.x + bounds_.width - 1),
                                       std::clamp(row, bounds_.y, bounds_.y + bounds_.height - 1));
-        // The lens may bend what is far from the part that is seen.
+        // Lens distortion may displace points far from the part that is seen.
         constexpr double kMaxBend = 0.15;
         const double room_px = 1 + kMaxBend * (pixel - ApplyHomography(*pixel_from_cell_, nearest)).norm();
         if (!(pixel.x() > -room_px && pixel.y() > -room_px && pixel.x() < smooth_.cols - 1 + room_px &&
@@ -482,7 +484,8 @@ class Continuation {
     return true;
   }
 
-  // Whether there are squares beyond the next corners, on every side on which some of the board are missing.
+  // Returns whether there are squares beyond the next row or column of corners on every side on which corners are
+  // missing.
   bool HasSquares(const cv::Rect& board) const {
     return (board.x == bounds_.x || HasColumn(bounds_.x - 2)) &&
            (board.br().x == bounds_.br().x || HasColumn(bounds_.br().x)) &&
@@ -495,7 +498,7 @@ class Continuation {
   bool HasRow(int row) const {
     return HasSquaresAt(bounds_.width + 1, [&](int n) { return cv::Point(bounds_.x - 1 + n, row); });
   }
-  // Whether most neighbours of a line of squares differ as they have to.
+  // Returns whether most neighbouring squares of a line differ in brightness as they should.
   template <typename SquareOf>
   bool HasSquaresAt(int count, const SquareOf& square_of) const {
     constexpr double kMinShareOfContrast = 0.3;
@@ -529,8 +532,8 @@ std::vector<Saddle> FindSaddles(const cv::Mat& grey, size_t max_saddles) {
   const cv::Mat saddleness = Saddleness(smooth);
   std::vector<Saddle> saddles;
   constexpr double kMinContrastGrey = 6;
-  constexpr double kTextures = 6;      // Chance rarely makes a saddle of so many times the texture's grey values.
-  constexpr size_t kPeaksASaddle = 4;  // Most peaks of noise are none.
+  constexpr double kTextures = 6;      // Ratio of a saddle's contrast to the texture's that chance rarely exceeds.
+  constexpr size_t kPeaksASaddle = 4;  // Most peaks caused by noise are not saddles.
   const double least_grey = std::max(kMinContrastGrey, kTextures * TextureGrey(smooth));
   for (const Peak& peak : PeaksOf(saddleness, least_grey, kPeaksASaddle * max_saddles)) {
     if (const std::optional<Saddle> saddle = SaddleAt(smooth, saddleness, peak.at)) saddles.push_back(*saddle);
@@ -546,7 +549,7 @@ SaddleGrid FindSaddleGrid(const cv::Mat& grey, cv::Size size) {
   SaddleGrid result;
   const auto num_corners = static_cast<size_t>(size.area());
   const std::vector<Saddle> saddles = FindSaddles(grey, kClutter + 2 * num_corners);
-  // Some of a board's corners may be hidden by glare, or not be seen as corners.
+  // Some corners may be hidden by glare or not be recognised as corners.
   const size_t least_found = std::max<size_t>(8, num_corners * 4 / 5);
   const size_t least_seen = std::max<size_t>(6, num_corners / 4);
   if (saddles.size() < least_seen) return result;

@@ -33,8 +33,8 @@ namespace {
 constexpr int kMostColumns = kNumBlurredEllipseParameters + 2;
 constexpr int kChunk = 64;
 
-// The brightness that the model gives to a pixel. The distance from the outline, to first order (exact on the outline
-// and for circles), is (rho - 1) rho / |M u| with rho^2 = u' M u.
+// The grey value that the model predicts at a pixel. The distance from the outline, to first order (exact on the
+// outline and for circles), is (rho - 1) rho / |M u| with rho^2 = u' M u.
 template <class V>
 struct Edge {
   V ux;
@@ -45,7 +45,7 @@ struct Edge {
   V rho;
   V distance;
   V z;
-  V share;  // Of the inside.
+  V share;  // Share of the inside.
   V density;
   V light;
   V inside;
@@ -61,7 +61,7 @@ HEBA_INLINE Edge<V> EdgeAt(const double* p, double by_sigma, const V& x, const V
   edge.mu_y = p[kShapeXY] * edge.ux + p[kShapeYY] * edge.uy;
   const V q = edge.ux * edge.mu_x + edge.uy * edge.mu_y;
   const V g_square = edge.mu_x * edge.mu_x + edge.mu_y * edge.mu_y;
-  // The centre itself is far inside.
+  // The lower bound avoids a division by zero at the centre, which is far inside.
   const V least = AllLanes<V>(1e-16);
   edge.rho = SqrtLanes<V>(q > least ? q : least);
   edge.by_g = 1.0 / SqrtLanes<V>(g_square > least ? g_square : least);
@@ -76,7 +76,7 @@ HEBA_INLINE Edge<V> EdgeAt(const double* p, double by_sigma, const V& x, const V
   return edge;
 }
 
-// The derivatives of the brightness times `scale`, one a column of kChunk rows.
+// Stores the derivatives of the grey value multiplied by `scale`, one column of kChunk rows per parameter.
 template <class V>
 HEBA_INLINE void StoreJacobian(const double* p, double by_sigma, const Edge<V>& edge, const V& x, const V& y,
                                const V& scale, double* columns) {
@@ -86,7 +86,7 @@ HEBA_INLINE void StoreJacobian(const double* p, double by_sigma, const Edge<V>& 
   const V by_z = -light * (edge.inside - p[kOutside]) * edge.density;
   const V by_distance = by_z * by_sigma;
   const V by_q = by_distance * (1.0 - 0.5 / edge.rho) * edge.by_g;
-  // dg = (M u)' d(M u) / g.
+  // The derivative of g = |M u| is dg = (M u)' d(M u) / g.
   const V by_g = -by_distance * edge.distance * edge.by_g * edge.by_g;
   const V m_mu_x = p[kShapeXX] * edge.mu_x + p[kShapeXY] * edge.mu_y;
   const V m_mu_y = p[kShapeXY] * edge.mu_x + p[kShapeYY] * edge.mu_y;
@@ -110,12 +110,13 @@ struct KernelInput {
   const double* y;
   const double* grey;
   const double* weights;
-  int size;         // A multiple of kMaxLanes.
+  int size;         // Padded size, a multiple of kMaxLanes.
   const double* p;  // Parameters.
   double by_sigma;
 };
 
-// Columns of J and, after them, r, both times the root of the weights, from pixel `first` on; the cost of those pixels.
+// Fills the columns of J and, after them, r, both multiplied by the square root of the weights, for `count` pixels
+// from `first` on. Returns the cost of these pixels.
 template <int kLanes>
 HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, int num_free, double huber_delta,
                                double* columns) {

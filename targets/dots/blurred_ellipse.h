@@ -1,5 +1,6 @@
-// The picture of an ellipse with a blurred edge, at many pixels at once: two surfaces under a light that is a plane,
-// the inner one itself a plane, the edge between them an error function of the distance.
+// A model of the image of an ellipse with a blurred edge, evaluated at many pixels at once: two surfaces under a
+// light that varies linearly, the grey value of the inner one varying linearly too, and an edge between them that is
+// an error function of the distance.
 #pragma once
 
 #include <cstddef>
@@ -9,17 +10,17 @@
 
 namespace heba {
 
-// In coordinates and units of length of the caller's choice.
+// Parameters of the model, in coordinates and units of length of the caller's choice.
 enum BlurredEllipseParameter {
   kCentreX,
   kCentreY,
-  kShapeXX,  // Inside are the u, from the centre, with u' shape u < 1.
+  kShapeXX,  // Points u, relative to the centre, with u' shape u < 1 are inside.
   kShapeXY,
   kShapeYY,
-  kLogSigma,  // Of the edge's blur.
+  kLogSigma,  // Logarithm of the sigma of the edge's blur.
   kOutside,
   kInside,
-  kLightX,  // Relative to the light at the origin.
+  kLightX,  // Gradient of the light, relative to the light at the origin.
   kLightY,
   kInsideX,
   kInsideY,
@@ -27,12 +28,12 @@ enum BlurredEllipseParameter {
 };
 using BlurredEllipseParameters = Eigen::Matrix<double, kNumBlurredEllipseParameters, 1>;
 
-// Places, grey values, and what each counts. Columns are padded for the kernels with pixels that count nothing.
+// Positions, grey values and weights of pixels. Columns are padded for the SIMD kernels with pixels of zero weight.
 class EdgePixels {
  public:
   void Clear();
   void Add(double x, double y, double grey);
-  // Once all are added, which then all count 1.
+  // Pads the columns and sets all weights to 1; called once all pixels have been added.
   void Pad();
 
   size_t size() const { return size_; }
@@ -50,17 +51,17 @@ class EdgePixels {
   std::vector<double> weights_;
 };
 
-// Of the residuals r, predicted less seen, under Huber's cost: r^2 to `huber_delta`, a line beyond.
+// Sums over the residuals r, predicted minus observed, under Huber's loss: r^2 up to `huber_delta`, linear beyond.
 struct BlurredEllipseSums {
   double cost = 0;
-  // J'WJ and J'Wr of the first parameters; 1 on the diagonal and 0 of the others, which are held.
+  // J'WJ and J'Wr of the first `num_free` parameters. The others are held: 1 on the diagonal, 0 elsewhere.
   Eigen::Matrix<double, kNumBlurredEllipseParameters, kNumBlurredEllipseParameters> normal;
   BlurredEllipseParameters gradient;
 };
 BlurredEllipseSums SumEdge(const EdgePixels& pixels, const BlurredEllipseParameters& x, int num_free,
                            double huber_delta);
 
-// Of every pixel, whatever it counts.
+// Returns the residuals of all pixels, regardless of their weights.
 std::vector<double> EdgeResiduals(const EdgePixels& pixels, const BlurredEllipseParameters& x);
 
 }  // namespace heba

@@ -18,13 +18,13 @@ constexpr std::array<LatticeCell, 4> kSteps = {LatticeCell{1, 0}, LatticeCell{0,
 LatticeCell operator+(const LatticeCell& a, const LatticeCell& b) { return {a.i + b.i, a.j + b.j}; }
 LatticeCell operator-(const LatticeCell& a, const LatticeCell& b) { return {a.i - b.i, a.j - b.j}; }
 
-// Dots by place.
+// A spatial index of dots.
 class DotIndex {
  public:
   explicit DotIndex(const std::vector<Ellipse>& dots) : dots_(dots) {
     for (size_t n = 0; n < dots.size(); ++n) cells_[CellOf(dots[n].centre_px)].push_back(static_cast<int>(n));
   }
-  // The dots within `reach_px`.
+  // Returns the dots within `reach_px` of a pixel.
   std::vector<int> Near(const Eigen::Vector2d& pixel, double reach_px) const {
     std::vector<int> near;
     const auto first = CellOf(pixel.array() - reach_px);
@@ -52,7 +52,8 @@ class DotIndex {
 
 double Cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
-// Outlines of candidates are right to some tenths of a pixel.
+// Returns whether two dots have similar radii, given that outlines of candidates are accurate to some tenths of a
+// pixel.
 bool AreAlike(const Ellipse& a, const Ellipse& b, double max_size_ratio) {
   const double radius_a = a.RadiusPx();
   const double radius_b = b.RadiusPx();
@@ -61,21 +62,21 @@ bool AreAlike(const Ellipse& a, const Ellipse& b, double max_size_ratio) {
 
 struct Seed {
   int dot;
-  Eigen::Vector2d i_px;  // To the neighbours along i and j.
+  Eigen::Vector2d i_px;  // Offsets to the neighbours along i and j.
   Eigen::Vector2d j_px;
-  int num_agreeing;  // Of the eight neighbours that the two make expect.
-  double spread;     // How far those are off, by the spacing.
+  int num_agreeing;  // Number of the eight predicted neighbours that were found.
+  double spread;     // Sum of their distances from the prediction, relative to the spacing.
 };
 
-// The lattice's two directions at a dot. The dot's own shape undoes the tilt: in units of its outline, the two are
-// about equally long and at right angles.
+// Finds the two directions of the lattice at a dot. The dot's own shape undoes the tilt: in units of its outline, the
+// two are approximately equally long and orthogonal.
 bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double max_size_ratio, int dot, Seed* seed) {
   const Ellipse& ellipse = dots[dot];
   const double reach_px = 9 * ellipse.SemiAxesPx().x();
   struct Neighbour {
     int dot;
     double distance;
-    Eigen::Vector2d offset;  // In units of the outline.
+    Eigen::Vector2d offset;  // Offset in units of the outline.
   };
   const Eigen::Matrix2d units_from_px = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(ellipse.shape).operatorSqrt();
   std::vector<Neighbour> neighbours;
@@ -116,7 +117,7 @@ bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double ma
           candidate.spread += nearest / spacing_px;
         }
       }
-      // A dot in the middle of a mesh: the two directions are diagonals.
+      // A dot in the middle of the mesh shows that the two directions are diagonals.
       for (const Neighbour& neighbour : neighbours) {
         const Eigen::Vector2d offset = dots[neighbour.dot].centre_px - ellipse.centre_px;
         for (const double si : {-0.5, 0.5}) {
@@ -136,11 +137,11 @@ bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double ma
   return found && seed->num_agreeing >= 3;
 }
 
-// Where a neighbour in direction `step` of the dot at `cell` should be, from what is known of the lattice.
+// The predicted position of a neighbour of a dot, from the part of the lattice that is known.
 struct Prediction {
   Eigen::Vector2d pixel;
   double spacing_px;
-  double tolerance;  // By the spacing.
+  double tolerance;  // Tolerance relative to the spacing.
 };
 
 Prediction Predict(const Lattice& lattice, const std::vector<Ellipse>& dots, const LatticeCell& cell,
@@ -153,7 +154,7 @@ Prediction Predict(const Lattice& lattice, const std::vector<Ellipse>& dots, con
   const Eigen::Vector2d& here = dots[lattice.at(cell)].centre_px;
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   double weights = 0;
-  // The step before, and how steps change.
+  // The previous step is extrapolated, with its change if that is known.
   if (const Eigen::Vector2d* last = find(cell - step)) {
     Eigen::Vector2d expected = 2 * here - *last;
     double weight = 1;
@@ -164,7 +165,7 @@ Prediction Predict(const Lattice& lattice, const std::vector<Ellipse>& dots, con
     sum += weight * expected;
     weights += weight;
   }
-  // The same step beside.
+  // The same step in the adjacent rows is used as well.
   for (const int sign : {-1, 1}) {
     const LatticeCell beside = cell + LatticeCell{sign * side.i, sign * side.j};
     const Eigen::Vector2d* from = find(beside);
@@ -228,7 +229,8 @@ Lattice Grow(const std::vector<Ellipse>& dots, const DotIndex& index, const Latt
   return lattice;
 }
 
-// The first ones, of those that are nearly the same only some: a dot that is found twice makes two of its lattice.
+// Returns the first `max_lattices`, but only some of those that are nearly the same: a dot that was found twice
+// yields two copies of its lattice.
 std::vector<Lattice> WithoutCopies(const std::vector<Lattice>& lattices, size_t max_lattices) {
   constexpr int kMaxAlike = 3;
   std::vector<Lattice> kept;
@@ -266,7 +268,7 @@ std::vector<Lattice> GrowLattices(const std::vector<Ellipse>& dots, const Lattic
   std::vector<int> num_uses(dots.size(), 0);
   int num_grown = 0;
   for (const Seed& seed : seeds) {
-    // A dot in two lattices has had its chance, a wrong pair of directions at the first one allowed for.
+    // A dot that is already in two lattices is not used again; the first one may have had a wrong pair of directions.
     if (num_uses[seed.dot] >= 2) continue;
     constexpr int kMaxGrown = 300;
     if (++num_grown > kMaxGrown) break;

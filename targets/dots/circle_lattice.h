@@ -1,4 +1,4 @@
-// Square lattices among dots, as a camera sees them: bent by perspective and by the lens.
+// Square lattices of dots in an image, bent by perspective and lens distortion.
 #pragma once
 
 #include <compare>
@@ -12,7 +12,8 @@
 
 namespace heba {
 
-// i and j count along two directions of the lattice; seen in the image, j's is clockwise from i's.
+// A cell of a lattice: i and j count along its two directions. In the image, the direction of j is clockwise from
+// that of i.
 struct LatticeCell {
   int i = 0;
   int j = 0;
@@ -20,35 +21,37 @@ struct LatticeCell {
   friend auto operator<=>(const LatticeCell&, const LatticeCell&) = default;
 };
 
-// The dot at each occupied cell, as an index.
+// Maps each occupied cell to the index of its dot.
 using Lattice = std::map<LatticeCell, int>;
 
 struct LatticeOptions {
-  // How many times as large a dot may be as its neighbour in the lattice.
+  // Maximum ratio of the radii of two dots that are neighbours in a lattice.
   double max_size_ratio = 1.45;
-  // Lattices of fewer dots are not worth a word.
+  // Lattices of fewer dots are discarded.
   int min_dots = 4;
   int max_lattices = 20;
 };
 
-// Lattices of neighbouring dots, grown from the most regular places, the largest first. Two may have dots in common.
+// Grows lattices of neighbouring dots from the most regular neighbourhoods and returns the largest first. Two
+// lattices may have dots in common.
 std::vector<Lattice> GrowLattices(const std::vector<Ellipse>& dots, const LatticeOptions& options);
 
 struct DotPrediction {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
-  double spacing_px = 0;  // Between neighbouring dots there.
+  double spacing_px = 0;  // Distance between neighbouring dots there.
 };
-// Where the dot of `cell` should be, from the dots around it, whether it has a dot or not. Nothing if those are too
-// few.
+// Predicts the dot of `cell` from the dots around it, whether or not the cell is occupied. Returns nothing if there
+// are too few of them.
 std::optional<DotPrediction> PredictDot(const Lattice& lattice, const std::vector<Ellipse>& dots,
                                         const LatticeCell& cell);
 
-// Ways to lay a pattern of cells on a lattice so that every cell has its dot.
+// The ways to place a pattern of cells on a lattice so that every cell has a dot.
 struct LatticePlacement {
-  // placement.orders[k][n] is the dot of pattern[n]: the same dots in each order, the lattice turned by quarters.
+  // placement.orders[k][n] is the dot of pattern[n]. All orders have the same dots, with the pattern rotated by
+  // quarter turns.
   std::vector<std::vector<int>> orders;
 };
-// One placement for each set of dots.
+// Places a pattern on a lattice; returns one placement for each set of dots.
 std::vector<LatticePlacement> PlacePattern(const Lattice& lattice, const std::vector<LatticeCell>& pattern);
 
 }  // namespace heba

@@ -1,4 +1,4 @@
-// What boards of dots in rows and columns have in common.
+// Common parts of targets with dots in rows and columns.
 #pragma once
 
 #include "heba/config/yaml_reader.h"
@@ -12,12 +12,12 @@ struct DotGrid {
   double spacing_m = 0;
   DotPolarity polarity = DotPolarity::kDarkOnLight;
 
-  // Albedos of the sheet and of what is printed on it.
+  // The albedos of the sheet and of the ink on it.
   double Ground() const { return polarity == DotPolarity::kLightOnDark ? 0 : 1; }
   double Ink() const { return 1 - Ground(); }
 };
 
-// From the keys rows, columns, spacing and light_on_dark.
+// Reads the keys rows, columns, spacing and light_on_dark.
 DotGrid ReadDotGrid(MapReader& reader);
 
 }  // namespace heba

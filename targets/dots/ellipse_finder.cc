@@ -30,14 +30,14 @@ std::string EllipseFinderOptions::Check() const {
 
 namespace {
 
-// Outlines of so many points may have parts that do not belong to the dot,
+// Outlines of at least this many points may have parts that do not belong to the dot.
 constexpr size_t kMinPointsToSpare = 60;
-// unless they are as smooth as pixels allow.
+// Outlines with a smaller roughness are as smooth as pixels allow and are not reduced to a part.
 constexpr double kSmoothPx = 0.6;
 
 struct Candidate {
   FoundEllipse found;
-  double score;  // Brightness step across the outline, less for a rough outline.
+  double score;  // Grey value step across the outline, reduced for a rough outline.
 };
 
 double Bilinear(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
@@ -52,7 +52,7 @@ double Bilinear(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
   return (1 - fy) * ((1 - fx) * upper[0] + fx * upper[1]) + fy * ((1 - fx) * lower[0] + fx * lower[1]);
 }
 
-// Brightness on rays through the outline: what lies inside, outside, and the step between.
+// Grey values inside and outside the outline, on rays from the centre.
 struct Rays {
   static constexpr int kNumRays = 24;
   std::array<double, kNumRays> inside;
@@ -89,7 +89,7 @@ double MiddleOf(std::array<double, Rays::kNumRays> values) {
   return values[values.size() / 2];
 }
 
-// How far points are from an outline, to first order.
+// Computes the distances of points from an outline, to first order.
 class OutlineDistance {
  public:
   explicit OutlineDistance(const Ellipse& outline)
@@ -126,24 +126,24 @@ class OutlineDistance {
 };
 
 struct OutlineFit {
-  Ellipse ellipse;      // Around the pixels of which the outline has the outermost ones.
-  double roughness_px;  // RMS distance of the outline from it.
+  Ellipse ellipse;      // Contains the pixels whose outermost ones form the outline.
+  double roughness_px;  // RMS distance of the outline from the fitted ellipse.
 };
 
-// Of an outline that is taken for an ellipse's.
+// Returns the maximum roughness of an outline that is accepted as an ellipse.
 double MaxRoughnessPx(double radius_px) { return 0.4 + 0.03 * radius_px; }
 
-// Around the pixels of which it goes through the centres.
+// Converts the ellipse through the centres of the outermost pixels to the one that contains these pixels.
 Ellipse Around(const Ellipse& through) { return through.Grown(0.5); }
 
-// The ellipse with the area's moments to the second.
+// The ellipse with the centroid and the covariance of an area.
 struct MomentEllipse {
   Ellipse ellipse;
   double area_px2;
-  double fill;  // The area by the ellipse's: 1 for ellipses, less for everything else.
+  double fill;  // Area divided by that of the ellipse: 1 for ellipses, less for all other shapes.
 };
 
-// Of the polygon `outline`, clockwise in the picture. Nothing if it has no area.
+// Fits an ellipse to the polygon `outline`, clockwise in the image. Returns nothing if the polygon has no area.
 std::optional<MomentEllipse> FitMoments(const std::vector<cv::Point>& outline) {
   const cv::Point origin = outline.front();
   int64_t sum = 0;
@@ -182,12 +182,13 @@ std::optional<MomentEllipse> FitMoments(const std::vector<cv::Point>& outline) {
   return moments;
 }
 
-// The conic a x^2 + b x y + c y^2 + d x + e y = 1, about a place within and in units of `radius_px`, that is nearest to
-// the points in the least squares of its equation. Nothing if it is no ellipse.
+// Fits the conic a x^2 + b x y + c y^2 + d x + e y = 1 to the points by algebraic least squares, in coordinates
+// relative to a position inside it, `within_px`, and in units of `radius_px`. Returns nothing if the conic is not an
+// ellipse.
 std::optional<Ellipse> FitConic(const std::vector<cv::Point>& points, const Eigen::Vector2d& within_px,
                                 double radius_px) {
   using Row = Eigen::Matrix<double, 5, 1>;
-  Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();  // Its lower half.
+  Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();  // Only the lower triangle is filled.
   double sum_x = 0;
   double sum_y = 0;
   for (const cv::Point& point : points) {
@@ -211,7 +212,7 @@ std::optional<Ellipse> FitConic(const std::vector<cv::Point>& points, const Eige
     sum_x += x;
     sum_y += y;
   }
-  // The same sums elsewhere.
+  // These entries are equal to sums computed above.
   normal(2, 0) = normal(1, 1);
   normal(4, 0) = normal(3, 1);
   normal(3, 2) = normal(4, 1);
@@ -226,7 +227,7 @@ std::optional<Ellipse> FitConic(const std::vector<cv::Point>& points, const Eige
   return Ellipse{within_px + radius_px * centre, shape / (radius_px * radius_px)};
 }
 
-// Leaves out most points of long outlines: some tell enough.
+// Drops most points of long outlines, since some of them suffice.
 void Thin(std::vector<cv::Point>* outline) {
   constexpr size_t kEnough = 60;
   const size_t stride = outline->size() / kEnough;
@@ -236,8 +237,8 @@ void Thin(std::vector<cv::Point>* outline) {
   outline->resize(size);
 }
 
-// The ellipse through most of `points`, those of a large outline of which a part may be missing; `whole` is through
-// all of them.
+// Fits an ellipse to most of `points`, which outline a large dot that may be partly hidden; `whole` is fitted to all
+// of them.
 std::optional<OutlineFit> FitMost(const std::vector<cv::Point>& points, const Ellipse& whole) {
   const double radius_px = whole.RadiusPx();
   std::vector<cv::Point> used = points;
@@ -249,10 +250,10 @@ std::optional<OutlineFit> FitMost(const std::vector<cv::Point>& points, const El
     const OutlineDistance distance(*through);
     const double roughness_px = distance.RmsPx(used);
     if (roughness_px < kSmoothPx || round == kMaxRounds) return OutlineFit{Around(*through), roughness_px};
-    // A round that leaves out what is farthest makes it smaller by half, about.
+    // A round that leaves out the farthest points reduces the roughness by about half.
     constexpr double kHopeless = 4;
     if (round > 1 && roughness_px > kHopeless * MaxRoughnessPx(radius_px)) return std::nullopt;
-    // The points that are nearest to the last ellipse, four fifths of them.
+    // The next round uses the four fifths of the points that are nearest to the last ellipse.
     for (size_t i = 0; i < points.size(); ++i) distances[i] = {distance.SquarePx2(points[i]), i};
     const size_t num_used = points.size() * 4 / 5;
     std::nth_element(distances.begin(), distances.begin() + static_cast<std::ptrdiff_t>(num_used), distances.end());
@@ -261,11 +262,12 @@ std::optional<OutlineFit> FitMost(const std::vector<cv::Point>& points, const El
   }
 }
 
-// Areas of the pixels of `level` above `threshold`, as candidates in the pixels of the picture `grey` (light dots), of
-// which `level` is a version smaller by `scale`; `is_last` if there is none that is smaller still.
+// Adds the areas of the pixels of `level` above `threshold` as candidates, in pixels of the full image `grey` (light
+// dots). `level` is that image reduced by the factor `scale`; `is_last` tells that there is no further reduction.
 void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int scale, bool is_last,
                    const EllipseFinderOptions& options, std::vector<Candidate>* candidates) {
-  // Of a pyramid's level, the dots that neither the last nor the next level can show better, with a wide overlap.
+  // A level of the pyramid covers the dots that neither the previous nor the next one shows better, with a wide
+  // overlap.
   const double min_px = scale == 1 ? options.min_diameter_px : 10.0 * scale;
   const double max_px = std::min(options.max_diameter_px + 2, is_last ? 1e9 : 64.0 * scale);
   const std::vector<LightArea> areas = FindLightAreas(level, threshold, static_cast<int>(std::ceil(min_px / scale)),
@@ -273,7 +275,7 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
   std::vector<cv::Point> outline;
   for (const LightArea& area : areas) {
     const double box_area = area.box.width * area.box.height;
-    // Without holes that light or dirt make.
+    // The threshold is low because the number of pixels excludes holes caused by glare or dirt.
     if (area.num_pixels < 0.15 * box_area) continue;
     const double long_side = std::max(area.box.width, area.box.height);
     const double short_side = std::min(area.box.width, area.box.height);
@@ -286,7 +288,7 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
     if (num_pixels < 0.3 * box_area) continue;
     const size_t num_points = outline.size();
     const bool has_spare_points = num_points >= kMinPointsToSpare;
-    // Of a dot from which noise or glare has taken a part, or to which a line leads.
+    // Noise or glare may have removed a part of the dot, and a line may lead to it.
     constexpr double kMinFill = 0.5;
     constexpr size_t kMinPointsForMoments = 24;
     if (num_points >= kMinPointsForMoments && moments->fill < kMinFill) continue;
@@ -294,7 +296,7 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
     Thin(&outline);
     Ellipse through = moments->ellipse;
     double roughness_px = OutlineDistance(through).RmsPx(outline);
-    // Of few pixels the moments are those of a polygon, the conic those of a curve.
+    // For few pixels, the moments are those of a polygon, whereas the conic is fitted to a curve.
     constexpr double kAsGoodPx = 0.4;
     if (!has_spare_points && (num_points < kMinPointsForMoments || roughness_px > kAsGoodPx)) {
       through = FitConic(outline, through.centre_px, through.RadiusPx()).value_or(through);
@@ -315,7 +317,7 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
     if (std::abs(num_pixels / (kPi * axes.x() * axes.y()) - 1) > area_tolerance) continue;
     Ellipse ellipse = fit.ellipse;
 
-    // To the pixels of the whole picture.
+    // The ellipse is converted to pixels of the full image.
     ellipse.centre_px = (ellipse.centre_px.array() + 0.5) * scale - 0.5;
     ellipse.shape /= static_cast<double>(scale * scale);
     const Eigen::Vector2d extent = ellipse.ExtentPx();
@@ -326,7 +328,7 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
     const Rays rays = SampleRays(grey, ellipse);
     const double contrast = MiddleOf(rays.inside) - MiddleOf(rays.outside);
     if (contrast < options.min_contrast_grey) continue;
-    // The step is there all around.
+    // The step must be present all around.
     int num_steps = 0;
     for (int i = 0; i < Rays::kNumRays; ++i) num_steps += rays.inside[i] - rays.outside[i] > 0.25 * contrast ? 1 : 0;
     if (num_steps < 0.8 * Rays::kNumRays) continue;
@@ -335,7 +337,7 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
   }
 }
 
-// One candidate a dot: the best of those that agree in centre and size.
+// Keeps one candidate per dot: the best of those that agree in centre and size.
 std::vector<FoundEllipse> Cluster(std::vector<Candidate> candidates, DotPolarity polarity) {
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
@@ -356,7 +358,7 @@ std::vector<FoundEllipse> Cluster(std::vector<Candidate> candidates, DotPolarity
         for (const size_t other : cell->second) {
           const double other_radius = kept[other].ellipse.RadiusPx();
           const double distance = (kept[other].ellipse.centre_px - ellipse.centre_px).norm();
-          // A threshold near dark or light moves a blurred outline by about a pixel.
+          // A threshold near the dark or light level moves a blurred outline by about a pixel.
           const double tolerance_px = 0.35 * std::min(radius, other_radius) + 1.2;
           if (distance < reach && std::abs(other_radius - radius) < tolerance_px) is_new = false;
         }
@@ -370,7 +372,8 @@ std::vector<FoundEllipse> Cluster(std::vector<Candidate> candidates, DotPolarity
   return kept;
 }
 
-// Levels between the picture's dark and light ends, so that about each brightness step of a tenth of them is crossed.
+// Returns thresholds between the dark and the light end of the image's grey values, so close that about every step of
+// a tenth of that range crosses one.
 std::vector<int> GlobalLevels(const cv::Mat& grey) {
   std::array<int64_t, 256> histogram{};
   constexpr int kEnoughRows = 256;
@@ -399,7 +402,8 @@ std::vector<int> GlobalLevels(const cv::Mat& grey) {
   return levels;
 }
 
-// Half as large; of an odd number of rows or columns the last is left out. Empty if there is but one.
+// Returns the image at half size; the last of an odd number of rows or columns is left out. Empty if there is only
+// one.
 cv::Mat Halved(const cv::Mat& grey) {
   if (grey.cols < 2 || grey.rows < 2) return {};
   cv::Mat half;
@@ -408,7 +412,8 @@ cv::Mat Halved(const cv::Mat& grey) {
   return half;
 }
 
-// a less what `half`, of half its size, has there; 0 where that is more, and in an odd last row and column.
+// Subtracts `half`, enlarged to twice its size, from `a`. Negative differences, and those in an odd last row or
+// column, are 0.
 void SubtractDoubled(const cv::Mat& a, const cv::Mat& half, cv::Mat* difference) {
   constexpr int kLanes = cv::v_uint8x16::nlanes;
   difference->create(a.size(), CV_8UC1);
@@ -461,13 +466,14 @@ std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderO
     const auto add = [&](const cv::Mat& picture, int threshold) {
       AddCandidates(light_dots, picture, threshold, scale, is_last, options, &candidates);
     };
-    // Noise has no part in outlines, and takes long to follow.
+    // Smoothing keeps noise out of the outlines, which would take long to trace.
     cv::GaussianBlur(level, smooth, cv::Size(3, 3), 0, 0, cv::BORDER_REPLICATE);
     for (const int threshold : GlobalLevels(smooth)) add(smooth, threshold);
     constexpr double kNoises = 2.5;
     const int local_threshold =
         static_cast<int>(std::clamp(std::max(options.min_contrast_grey / 2, kNoises * NoiseGrey(smooth)), 4.0, 255.0));
-    // Lighter than around by more than noise, in windows of half the pixels: small dots in narrow ones.
+    // The local threshold finds pixels that exceed the mean around them by more than the noise, in windows measured
+    // in pixels of half size; narrow windows find small dots.
     for (const int window_px : scale == 1 ? std::array{5, 13} : std::array{13, 31}) {
       cv::boxFilter(half, mean, -1, cv::Size(window_px, window_px), cv::Point(-1, -1), true, cv::BORDER_REPLICATE);
       SubtractDoubled(smooth, mean, &lighter);

@@ -20,7 +20,7 @@ namespace {
 using Parameters = BlurredEllipseParameters;
 using Normal = decltype(BlurredEllipseSums::normal);
 
-// Keeps a parameter where it is.
+// Holds a parameter at its current value.
 void Hold(int parameter, Normal* normal, Parameters* gradient) {
   normal->row(parameter).setZero();
   normal->col(parameter).setZero();
@@ -28,7 +28,7 @@ void Hold(int parameter, Normal* normal, Parameters* gradient) {
   (*gradient)[parameter] = 0;
 }
 
-// The fit of one dot, in coordinates about `start` and in its radii.
+// The fit of one dot, in coordinates relative to the centre of `start` and in units of its radius.
 class BlurredEllipse {
  public:
   BlurredEllipse(const cv::Mat& grey, const Ellipse& start)
@@ -38,7 +38,7 @@ class BlurredEllipse {
     x_[kShapeXY] = shape(0, 1);
     x_[kShapeYY] = shape(1, 1);
     x_[kLogSigma] = std::log(1.0 / radius_px_);
-    // Slopes need some area to be told from the dot's place.
+    // Slopes can be separated from the position of the dot only if it has enough area.
     num_free_ = radius_px_ < 3 ? kLightX : kInsideX;
   }
 
@@ -48,13 +48,13 @@ class BlurredEllipse {
     return {origin_px_ + radius_px_ * x_.head<2>(), shape / (radius_px_ * radius_px_)};
   }
   double SigmaPx() const { return radius_px_ * std::exp(x_[kLogSigma]); }
-  // At the centre, which is the mean of the outline.
+  // Returns the contrast at the centre, which is the mean along the outline.
   double Contrast() const {
     const double light = 1 + x_[kLightX] * x_[kCentreX] + x_[kLightY] * x_[kCentreY];
     return light * (x_[kInside] - x_[kOutside] + x_[kInsideX] * x_[kCentreX] + x_[kInsideY] * x_[kCentreY]);
   }
 
-  // A dot that just touches the border is as good as whole.
+  // Returns whether the dot lies in the image; the border may cut off up to a tenth of its radius.
   bool IsInImage() const {
     const Ellipse outline = Outline();
     const Eigen::Vector2d extent = outline.ExtentPx();
@@ -65,14 +65,14 @@ class BlurredEllipse {
            last.y() < grey_.rows - 1 + beyond_px;
   }
 
-  // Takes the pixels within `margin_px` of the outline, not all if there are more than `max_samples`.
+  // Collects the pixels within `margin_px` of the outline, at a stride if there are more than `max_samples`.
   void Sample(double margin_px, const RefineEllipseOptions& options, double max_samples) {
     const Ellipse outline = Outline();
     const double reach_px = options.next_reach_sigmas * SigmaPx();
     const double num_expected = 4 * kPi * outline.RadiusPx() * margin_px;
     const int stride = std::max(1, static_cast<int>(std::sqrt(num_expected / max_samples)));
     const Eigen::Vector2d semi_axes_px = outline.SemiAxesPx();
-    // Larger and smaller ones, beyond and within which there is nothing to take.
+    // A larger and a smaller ellipse bound the pixels to collect.
     const double slack_px = 1 + 0.1 * margin_px;
     const Ellipse outer = outline.Grown(margin_px + slack_px);
     const double inner_px = semi_axes_px.y() - margin_px - slack_px;
@@ -104,7 +104,7 @@ class BlurredEllipse {
     HidePixels();
   }
 
-  // Brightness inside and outside from the samples. False if there are too few.
+  // Initialises the grey values inside and outside from the samples. Returns false if there are too few.
   bool StartLevels(double margin_px) {
     const double inside_px = std::min(0.5 * margin_px, 0.3 * Outline().SemiAxesPx().y());
     double outside_px = 0;
@@ -128,19 +128,20 @@ class BlurredEllipse {
     return true;
   }
 
-  // To within `tolerance` of the cost. False if what comes out is no ellipse.
+  // Fits to within `tolerance` of the cost. Returns false if there are too few pixels or the fit fails.
   bool Fit(double tolerance) {
     return pixels_.size() >= kNumBlurredEllipseParameters + 4u && Minimise(num_free_, tolerance, &x_, &sums_);
   }
 
-  // With a slope of the inside alone (gloss, a dirty dot) where the picture asks for it.
+  // Fits with a slope of the inside (gloss, a dirty dot) if the image requires it.
   bool FitWithNeededSlopes(double tolerance) {
     if (!Fit(tolerance)) return false;
     if (num_free_ != kInsideX) return true;
     Parameters sloping = x_;
     BlurredEllipseSums sloping_sums;
     if (!Minimise(kNumBlurredEllipseParameters, tolerance, &sloping, &sloping_sums)) return true;
-    // Chi-square of two, exceeded by chance once in 3000: rarely enough not to widen the scatter of even ones.
+    // The gain is a chi-square variable with two degrees of freedom, which exceeds this by chance once in 3000:
+    // rarely enough not to increase the scatter of evenly coloured dots.
     constexpr double kMinGain = 16;
     if (static_cast<double>(pixels_.size()) * (sums_.cost / sloping_sums.cost - 1) > kMinGain) {
       x_ = sloping;
@@ -150,8 +151,8 @@ class BlurredEllipse {
     return true;
   }
 
-  // From the residuals: what counts as an outlier, and which sectors of the outline do not agree with the rest. Whether
-  // those have changed.
+  // Determines from the residuals the Huber threshold and the sectors of the outline that do not agree with the rest.
+  // Returns whether these sectors have changed.
   bool Judge() {
     std::vector<double> sizes = EdgeResiduals(pixels_, x_);
     std::array<double, kNumSectors> sums{};
@@ -161,13 +162,13 @@ class BlurredEllipse {
       ++counts[sectors_[i]];
       sizes[i] = std::abs(sizes[i]);
     }
-    // Some tell enough.
+    // A part of the residuals suffices for the median.
     constexpr size_t kEnough = 500;
     const size_t stride = std::max<size_t>(1, sizes.size() / kEnough);
     size_t num_sizes = 0;
     for (size_t i = 0; i < sizes.size(); i += stride) sizes[num_sizes++] = sizes[i];
     sizes.resize(num_sizes);
-    // Where the flat parts are saturated, the edge alone has residuals: those are no outliers.
+    // If the flat parts are saturated, only the edge has residuals, which must not count as outliers.
     bend_ = std::max(2.5 * 1.4826 * Median(std::move(sizes)), 0.05 * std::abs(Contrast()));
 
     std::vector<double> squares;
@@ -215,7 +216,7 @@ class BlurredEllipse {
  private:
   static constexpr int kNumSectors = 24;
 
-  // The columns between which a row is inside.
+  // Returns the columns between which a row is inside the ellipse.
   static std::optional<Eigen::Vector2d> SpanOf(const Ellipse& ellipse, int row) {
     const double v = row - ellipse.centre_px.y();
     const double a = ellipse.shape(0, 0);
@@ -238,7 +239,7 @@ class BlurredEllipse {
     const double distance_px = rho > 1e-6 ? (rho - 1) * rho / g : -radius_px_;
     if (std::abs(distance_px) > margin_px) return;
     if (next_outline_ratio > 0 && rho > 1) {
-      const double gradient = g / rho;  // Of rho, 1/px.
+      const double gradient = g / rho;  // Norm of the gradient of rho, 1/px.
       const double gap_px = (next_outline_ratio - 1) / gradient;
       if ((next_outline_ratio - rho) / gradient < std::min(reach_px, 0.5 * gap_px)) return;
     }
@@ -248,15 +249,15 @@ class BlurredEllipse {
     sectors_.push_back(static_cast<size_t>(ApproximateAngle(ux, uy) * kNumSectors));
   }
 
-  // What hidden parts show does not count.
+  // Sets the weights of pixels in hidden sectors to zero.
   void HidePixels() {
     for (size_t i = 0; i < pixels_.size(); ++i) pixels_.SetWeight(i, hidden_[sectors_[i]] ? 0 : 1);
   }
 
-  // Levenberg-Marquardt, until what a step may gain is less than `tolerance` of the cost. False if a step cannot be
-  // found.
+  // Minimises the cost by Levenberg-Marquardt, until the predicted gain of a step is less than `tolerance` of the
+  // cost. Returns false if a step cannot be computed.
   bool Minimise(int num_free, double tolerance, Parameters* x, BlurredEllipseSums* sums) const {
-    // A pixel's own width is that of a Gaussian of 0.29 px.
+    // The width of a pixel is that of a Gaussian with a sigma of 0.29 px.
     const double min_log_sigma = std::log(0.29 / radius_px_);
     *sums = SumEdge(pixels_, *x, num_free, bend_);
     double damping = 1e-3;
@@ -309,12 +310,12 @@ class BlurredEllipse {
   const double radius_px_;
   Parameters x_ = Parameters::Zero();
   int num_free_ = kNumBlurredEllipseParameters;
-  double bend_ = 1e6;  // Grey levels; nothing is an outlier at first.
+  double bend_ = 1e6;  // Huber threshold in grey levels; there are no outliers at first.
   std::array<bool, kNumSectors> hidden_{};
   EdgePixels pixels_;
-  std::vector<double> distances_px_;  // Of each pixel from the outline that it was taken for.
+  std::vector<double> distances_px_;  // Distance of each pixel from the outline around which it was collected.
   std::vector<size_t> sectors_;
-  BlurredEllipseSums sums_;  // Of the last fit.
+  BlurredEllipseSums sums_;  // Sums of the last fit.
 };
 
 }  // namespace
@@ -328,7 +329,7 @@ std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& 
   BlurredEllipse fit(grey, start);
   if (!fit.IsInImage()) return std::nullopt;
 
-  // Coarsely, from some of the pixels in a wide margin.
+  // The first fit is coarse and uses some of the pixels in a wide margin.
   const double first_margin_px = std::min(std::max(3.0, 0.15 * radius_px), max_margin_px);
   constexpr double kMaxFirstSamples = 800;
   constexpr double kCoarsely = 1e-3;
@@ -336,7 +337,8 @@ std::optional<RefinedEllipse> RefineEllipse(const cv::Mat& grey, const Ellipse& 
   fit.Sample(first_margin_px, options, kMaxFirstSamples);
   if (!fit.StartLevels(first_margin_px) || !fit.Fit(kCoarsely)) return std::nullopt;
   fit.Judge();
-  // Then from those that the blurred edge concerns, again as long as parts turn out to be hidden.
+  // The next fits use the pixels near the blurred edge, and are repeated until the hidden parts and the margin
+  // settle.
   constexpr int kMaxRounds = 5;
   const auto margin_px = [&] {
     return std::min(std::clamp(4 * fit.SigmaPx(), 3.0, std::max(radius_px, 3.0)), max_margin_px);

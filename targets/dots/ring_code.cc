@@ -8,7 +8,7 @@
 namespace heba {
 namespace {
 
-// All codes by increasing value, without the two plain rings.
+// Returns all codes by increasing value, without the two plain rings.
 std::vector<uint32_t> AllCodes(int bits) {
   std::vector<uint32_t> codes;
   const uint32_t full = (1U << bits) - 1;

@@ -18,17 +18,17 @@ namespace heba {
 namespace {
 
 constexpr int kMaxBits = 14;
-// Radii of the dot: the quiet zone is looked at to here, as others' rings may begin where it ends.
+// Radius, in radii of the dot, to which the quiet zone is examined; other rings may begin where it ends.
 constexpr double kLookedAt = kRingQuiet - 0.1;
 
-// The normal distribution.
+// Computes the cumulative distribution function of the standard normal distribution.
 double Phi(double z) {
   if (z > 5) return 1;
   if (z < -5) return 0;
   return 0.5 * std::erfc(-z / std::sqrt(2.0));
 }
 
-// Maps the unit circle onto the ellipse; the principal axes stay.
+// Returns the map of the unit circle onto the ellipse that preserves its principal axes.
 Eigen::Matrix3d PixelFromUnitCircle(const Ellipse& ellipse) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(ellipse.shape);
   Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
@@ -37,14 +37,14 @@ Eigen::Matrix3d PixelFromUnitCircle(const Ellipse& ellipse) {
   return map;
 }
 
-// A homography that maps the unit circle onto itself and the origin to `boost`, |boost| < 1: what the dot's outline
-// leaves open about perspective. (The maps that keep x^2 + y^2 - w^2 are the Lorentz transformations of the plane:
-// rotations and these.)
+// Returns a homography that maps the unit circle onto itself and the origin to `boost`, |boost| < 1. It is the part
+// of the perspective that the outline of the dot leaves undetermined. (The maps that preserve x^2 + y^2 - w^2 are the
+// Lorentz transformations of the plane: rotations and these.)
 Eigen::Matrix3d ConicPreservingHomography(const Eigen::Vector2d& boost) {
   const double square = boost.squaredNorm();
   const double gamma = 1 / std::sqrt(1 - square);
   Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
-  // (gamma - 1) / square, which is 1/2 at 0.
+  // This factor equals (gamma - 1) / square, and is 1/2 at 0.
   map.topLeftCorner<2, 2>() += gamma * gamma / (gamma + 1) * boost * boost.transpose();
   map.topRightCorner<2, 1>() = gamma * boost;
   map.bottomLeftCorner<1, 2>() = gamma * boost.transpose();
@@ -60,13 +60,13 @@ Eigen::Matrix3d Turn(double angle_rad) {
 
 }  // namespace
 
-// A ring with perspective and phase guessed from the middles of its sectors.
+// An initial guess of a ring's perspective and phase, from the middles of its sectors.
 struct RingDecoder::Guess {
   Eigen::Vector2d boost = Eigen::Vector2d::Zero();
-  double phase_rad = 0;  // Where the first sector of `word` begins.
+  double phase_rad = 0;  // Angle at which the first sector of `word` begins.
   uint32_t word = 0;
-  std::array<double, kMaxBits> margins{};  // Of each sector: |v - 0.5|, v being 0 for blank and 1 for the dot's colour.
-  double score = -1;                       // Mean square of 2 v - 1 over the sectors, less the variance within them.
+  std::array<double, kMaxBits> margins{};  // |v - 0.5| of each sector; v is 0 for blank and 1 for the dot's colour.
+  double score = -1;                       // Mean square of 2 v - 1 over the sectors, minus the variance within them.
 };
 
 namespace {
@@ -76,7 +76,7 @@ using Guess = RingDecoder::Guess;
 constexpr int kSamplesPerBit = 8;
 using RingSamples = std::array<double, static_cast<size_t>(kSamplesPerBit) * kMaxBits>;
 
-// Places of samples on a circle: kSamplesPerBit for each sector.
+// Returns the directions of the samples on a circle, kSamplesPerBit for each sector.
 std::vector<Eigen::Vector2d> RingDirections(int bits) {
   std::vector<Eigen::Vector2d> directions;
   const int num_angles = kSamplesPerBit * bits;
@@ -87,7 +87,8 @@ std::vector<Eigen::Vector2d> RingDirections(int bits) {
   return directions;
 }
 
-// Grey values around a circle of `radius`, every `step`-th direction; false where that leaves the picture.
+// Samples the grey values on a circle of `radius`, in every `step`-th direction; returns false if it leaves the
+// image.
 bool SampleCircle(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_ring,
                   const std::vector<Eigen::Vector2d>& directions, double radius, size_t step, double* values) {
   for (size_t i = 0; i < directions.size(); i += step) {
@@ -104,7 +105,7 @@ bool SampleCircle(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_ring,
   return true;
 }
 
-// The best phase under a perspective.
+// Returns the guess with the best phase for one perspective.
 Guess GuessWord(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_unit, const Eigen::Vector2d& boost, int bits,
                 const std::vector<Eigen::Vector2d>& directions) {
   constexpr double kRadii[] = {2.25, 2.5, 2.75};
@@ -136,7 +137,7 @@ Guess GuessWord(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_unit, con
     for (int bit = 0; bit < bits; ++bit) {
       double sum = 0;
       double square = 0;
-      constexpr int kFirst = 1;  // Without the sectors' edges.
+      constexpr int kFirst = 1;  // Samples at the sectors' edges are skipped.
       for (int k = kFirst; k < kSamplesPerBit - kFirst; ++k) {
         const auto i = static_cast<size_t>((shift + bit * kSamplesPerBit + k) % num_angles);
         sum += sums[i];
@@ -155,7 +156,7 @@ Guess GuessWord(const cv::Mat& grey, const Eigen::Matrix3d& pixel_from_unit, con
   return best;
 }
 
-// How far perspective may go. The plane's horizon is f / tan(tilt) away: as many radii as 1 / |boost|.
+// Returns the maximum perspective. The plane's horizon is f / tan(tilt) away, which is 1 / |boost| radii of the dot.
 double MaxBoost(const cv::Mat& grey, const Ellipse& dot) {
   const Eigen::Vector2d axes_px = dot.SemiAxesPx();
   const double steepness = std::sqrt(std::max(0.0, std::pow(axes_px.x() / axes_px.y(), 2) - 1));
@@ -163,7 +164,7 @@ double MaxBoost(const cv::Mat& grey, const Ellipse& dot) {
   return std::min(0.2, axes_px.y() * std::max(steepness, 0.3) / least_focal_px);
 }
 
-// The best guess of all perspectives, which lie along the shorter axis, mostly.
+// Returns the best guess over perspectives along the shorter axis, where they mostly lie.
 Guess BestGuess(const cv::Mat& grey, const Ellipse& dot, double max_boost, int bits) {
   const Eigen::Matrix3d pixel_from_unit = PixelFromUnitCircle(dot);
   const Eigen::Vector2d direction = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(dot.shape).eigenvectors().col(1);
@@ -179,7 +180,7 @@ Guess BestGuess(const cv::Mat& grey, const Ellipse& dot, double max_boost, int b
   return guess;
 }
 
-// The picture of a ring with a known word, fitted to the pixels from the gap to the quiet zone.
+// The model of a ring with a known word, fitted to the pixels from the gap to the quiet zone.
 class RingFit {
  public:
   using Parameters = RingParameters;
@@ -195,7 +196,8 @@ class RingFit {
     TakePixels(grey);
   }
 
-  // From a wide blur, whose edges draw from afar, to that of the picture. False if what comes out is no ring.
+  // Fits with a wide blur first, whose edges attract from afar, then with that of the image. Returns false if the
+  // result is not a ring.
   bool Fit() {
     if (pixels_.size() < 60) return false;
     const double blur_px = sigma_px_;
@@ -212,7 +214,7 @@ class RingFit {
   }
 
   const Parameters& x() const { return x_; }
-  // What the ring takes from a pixel's brightness (or adds to it), grey levels.
+  // Returns what the ring adds to the grey value of a pixel (negative for a dark ring), in grey levels.
   double RingGrey(const Eigen::Matrix3d& ring_from_pixel, const Eigen::Vector2d& pixel) const {
     const Eigen::Vector2d offset = (pixel - centre_px_) / radius_px_;
     const double light = 1 + x_[kRingLightX] * offset.x() + x_[kRingLightY] * offset.y();
@@ -223,10 +225,10 @@ class RingFit {
   }
 
   struct Residuals {
-    double rms = 0;           // By the step.
-    double worst_sector = 0;  // The largest mean of one, by the step, and the largest of an eighth of
-    double worst_blank = 0;   // the gap or the quiet zone.
-    bool is_complete = true;  // Every sector has pixels.
+    double rms = 0;           // RMS relative to the step.
+    double worst_sector = 0;  // Largest mean over a sector, relative to the step.
+    double worst_blank = 0;   // Largest mean over an eighth of the gap or the quiet zone, relative to the step.
+    bool is_complete = true;  // Whether every sector has pixels.
   };
   Residuals Judge() const {
     Residuals residuals;
@@ -269,12 +271,12 @@ class RingFit {
   }
 
  private:
-  // A pixel in the ring's plane.
+  // The position of a pixel in the ring's plane.
   struct Place {
     double radius = 0;
     double turn = 0;           // Angle from the first sector's first edge, in turns, in [0, 1).
-    double radial_sigma = 0;   // Of the blur, in radii of the dot: along the radius
-    double tangent_sigma = 0;  // and across.
+    double radial_sigma = 0;   // Sigma of the blur along the radius, in radii of the dot.
+    double tangent_sigma = 0;  // Sigma of the blur across the radius.
   };
 
   static Place PlaceOf(const Eigen::Matrix3d& ring_from_pixel, const Eigen::Vector2d& pixel, double sigma_px) {
@@ -312,7 +314,7 @@ class RingFit {
 
   void TakePixels(const cv::Mat& grey) {
     const Eigen::Matrix3d pixel_from_ring = PixelFromRing(x_);
-    // The outermost circle's image.
+    // The box bounds the image of the outermost circle.
     Eigen::Vector2d low = centre_px_;
     Eigen::Vector2d high = centre_px_;
     for (int i = 0; i < 24; ++i) {
@@ -332,7 +334,7 @@ class RingFit {
     const int x1 = std::min(grey.cols - 1, static_cast<int>(high.x()) + 1);
     const int y1 = std::min(grey.rows - 1, static_cast<int>(high.y()) + 1);
     std::vector<double> gap;
-    // Of a large ring blocks of pixels, which are then its pixels and blur it.
+    // For a large ring, the means of blocks of pixels serve as pixels, which adds to the blur.
     sigma_px_ = std::sqrt(sigma_px_ * sigma_px_ + (stride * stride - 1) / 12.0);
     for (int row = y0; row + stride <= y1 + 1; row += stride) {
       for (int column = x0; column + stride <= x1 + 1; column += stride) {
@@ -354,11 +356,11 @@ class RingFit {
     x_[kRingBlank] = gap.empty() ? 0 : Median(gap);
   }
 
-  // Of a residual in units of the step.
+  // Huber threshold of a residual in units of the step, and prior sigma of the ring's scale.
   static constexpr double kBend = 0.15;
   static constexpr double kScaleStddev = 0.03;
 
-  // Variance of a residual that the priors are set against.
+  // Variance of a residual against which the priors are weighted.
   static constexpr double kPriorWeight = 0.03 * 0.03;
 
   RingMap MapOf(const Parameters& x) const {
@@ -378,7 +380,7 @@ class RingFit {
     return map;
   }
 
-  // Residuals by `unit`, with the priors.
+  // Returns the sums for residuals in units of `unit`, including the priors.
   RingSums SumsOf(const RingPixels& pixels, const Parameters& x, double unit) const {
     RingSums sums = SumRing(pixels, MapOf(x), x, unit, kBend);
     const auto add_prior = [&](int i, double mean, double stddev) {
@@ -393,7 +395,8 @@ class RingFit {
     return sums;
   }
 
-  // Levenberg-Marquardt over each `stride`-th pixel, until what a step may gain is less than `tolerance` of the cost.
+  // Runs Levenberg-Marquardt over every `stride`-th pixel, until the predicted gain of a step is less than
+  // `tolerance` of the cost. Returns false if a step is not finite.
   bool Minimise(size_t stride, double tolerance) {
     const double unit = std::abs(x_[kRingStep]);
     const RingPixels pixels(pixels_, stride, MapOf(x_).ring_from_place, word_);
@@ -435,14 +438,14 @@ class RingFit {
   Eigen::Matrix3d pixel_from_unit_;
   Eigen::Vector2d centre_px_;
   double radius_px_;
-  double sigma_px_;  // Of the blur.
+  double sigma_px_;  // Sigma of the blur.
   RingWord word_;
   double boost_stddev_;
   Parameters x_;
   std::vector<RingPixel> pixels_;
 };
 
-// The dot in a picture from which its ring is taken away.
+// Refines the dot in an image from which its ring has been subtracted.
 std::optional<RefinedEllipse> RefineWithoutRing(const cv::Mat& grey, const RefinedEllipse& dot, const RingFit& fit) {
   const Eigen::Vector2d reach = 2 * dot.ellipse.ExtentPx().array() + 2;
   const Eigen::Vector2i low = (dot.ellipse.centre_px - reach).array().floor().cast<int>().max(0);
@@ -477,7 +480,7 @@ RingDecoder::RingDecoder(int bits, DotPolarity polarity, const std::vector<uint3
   CHECK(IsRingSize(bits)) << bits;
   for (const uint32_t code : codes) {
     CHECK_EQ(RingCodeOf(code, bits), code);
-    // The word that reading yields when it starts `count` sectors before the code does.
+    // The rotation yields the word that is read if reading starts `count` sectors before the code does.
     for (int count = bits - 1; count >= 0; --count) rotations_[RotateRing(code, (bits - count) % bits, bits)] = count;
   }
 }
@@ -506,7 +509,7 @@ bool RingDecoder::IsAlone(const cv::Mat& grey, const Ellipse& dot) const {
 std::optional<RingReading> RingDecoder::Read(const cv::Mat& grey, const Ellipse& candidate) const {
   CHECK_EQ(grey.type(), CV_8UC1);
   if (!IsAlone(grey, candidate)) return std::nullopt;
-  // Most dots are not worth a fit: what is around them is clearly something else.
+  // Most dots are not worth a fit, since something else clearly surrounds them.
   const Guess guess = BestGuess(grey, candidate, MaxBoost(grey, candidate), bits_);
   const double least_margin = *std::min_element(guess.margins.begin(), guess.margins.begin() + bits_);
   const double clear_margin = candidate.SemiAxesPx().y() > 5 ? 0.2 : 0.3;
@@ -528,7 +531,7 @@ bool RingDecoder::IsLikely(const cv::Mat& grey, const Ellipse& candidate) const 
   constexpr double kMinRadiusPx = 4;
   if (candidate.SemiAxesPx().y() < kMinRadiusPx || !IsAlone(grey, candidate)) return false;
   const Guess guess = BestGuess(grey, candidate, MaxBoost(grey, candidate), bits_);
-  // Of 0.5: true rings have more than 0.4 unless their sectors are blurred into each other.
+  // The maximum is 0.5; true rings have more than 0.4 unless their sectors are blurred into each other.
   constexpr double kMinMargin = 0.25;
   return guess.score >= 0 && rotations_[guess.word] >= 0 &&
          *std::min_element(guess.margins.begin(), guess.margins.begin() + bits_) > kMinMargin;
@@ -539,10 +542,11 @@ std::optional<RingReading> RingDecoder::ReadWord(const cv::Mat& grey, const Refi
   const double max_boost = MaxBoost(grey, dot.ellipse);
   const Guess guess = BestGuess(grey, dot.ellipse, max_boost, bits_);
   if (guess.score < 0) return std::nullopt;
-  // Where the blur of the ring reaches the dot's, and a sector's the next one's.
+  // The blur of a small ring reaches the dot's edge, and that of a sector reaches the next one.
   const bool is_small = axes_px.y() < 6 * dot.blur_sigma_px;
   if (rotations_[guess.word] >= 0) return ReadAs(grey, dot, guess, max_boost, is_small);
-  // Neighbours may have blurred a sector into the wrong colour: what the ring then looks like decides.
+  // Neighbours may have blurred a sector into the wrong colour, so the doubtful bits are flipped one by one and
+  // the best fit decides.
   std::optional<RingReading> best;
   for (int bit = 0; is_small && bit < bits_; ++bit) {
     Guess other = guess;
@@ -563,7 +567,7 @@ std::optional<RingReading> RingDecoder::ReadAs(const cv::Mat& grey, const Refine
   RingFit fit(grey, dot, bits_, guess, boost_stddev);
   if (!fit.Fit()) return std::nullopt;
   if (is_small) {
-    // The dot again, without the ring, and the ring about that.
+    // The dot is refined without the ring, then the ring is fitted around the new outline.
     const std::optional<RefinedEllipse> alone = RefineWithoutRing(grey, dot, fit);
     if (!alone) return std::nullopt;
     reading.dot = *alone;
@@ -584,7 +588,7 @@ std::optional<RingReading> RingDecoder::ReadAs(const cv::Mat& grey, const Refine
   }
   reading.pixel_from_ring = fit.PixelFromRing(x) * Turn(2 * kPi * rotations_[guess.word] / bits_);
   reading.residual_ratio = residuals.rms;
-  // About three times what the true rings of rendered pictures have.
+  // The limits are about three times the values of true rings in rendered images.
   reading.is_clear = small_px < 0.25 && residuals.rms < 1.5 * reading.dot.residual_ratio + 0.015 + 0.1 * small_px &&
                      residuals.worst_sector < 0.06 + 0.2 * small_px && residuals.worst_blank < 0.06 + 0.2 * small_px &&
                      std::abs(x[kRingScale] - 1) < 0.01 + 0.1 * small_px;

@@ -1,5 +1,5 @@
-// Reads the ring of black and white sectors around a dot: a disc of radius 1 (the dot's own), blank to 2, the sectors
-// from 2 to 3, blank again to 3.5. What is not exactly that is not read.
+// Reads the ring of black and white sectors around a dot. In radii of the dot, the ring extends from 2 to 3, and the
+// zones from 1 to 2 and from 3 to 3.5 are blank. Anything else is not read.
 #pragma once
 
 #include <cstdint>
@@ -17,27 +17,29 @@ namespace heba {
 struct RingReading {
   uint32_t code = 0;
   RefinedEllipse dot;
-  // Homography from the ring's plane, in radii of the dot: x along the first edge of the sector that is the code's
-  // highest bit, y a quarter turn on in the sense of reading. Its scale is such that points in front have w > 0.
+  // Homography from the ring's plane, in radii of the dot: x points along the first edge of the sector that is the
+  // highest bit of the code, y a quarter turn further in the direction of reading. It is scaled so that points in
+  // front have w > 0.
   Eigen::Matrix3d pixel_from_ring = Eigen::Matrix3d::Identity();
-  double residual_ratio = 0;  // RMS of what the picture is unlike the ring drawn so, by the contrast.
-  // Whether the ring is large and exact enough to be believed alone. Of others some are chance: a small ring with one
-  // black sector is a dot with a spot beside it.
+  double residual_ratio = 0;  // RMS difference between the image and the modelled ring, divided by the contrast.
+  // Whether the ring is large and exact enough to be trusted on its own. Some of the other readings are accidental: a
+  // small ring with one black sector may be a dot with a spot beside it.
   bool is_clear = false;
 };
 
 class RingDecoder {
  public:
-  // `codes` are those that are read.
+  // Prepares to read the codes in `codes`.
   RingDecoder(int bits, DotPolarity polarity, const std::vector<uint32_t>& codes);
 
   struct Guess;
 
-  // The ring about a dot as FindEllipses finds it; nothing if there is none, or not one of the codes. `grey` is
-  // CV_8UC1.
+  // Reads the ring around a dot found by FindEllipses. Returns nothing if there is no ring or its code is not in the
+  // list. `grey` is CV_8UC1.
   std::optional<RingReading> Read(const cv::Mat& grey, const Ellipse& candidate) const;
 
-  // Whether Read is likely to find one of the codes there: large rings with clear sectors, told without any fit.
+  // Returns whether Read is likely to find one of the codes: true for large rings with clear sectors, judged without
+  // a fit.
   bool IsLikely(const cv::Mat& grey, const Ellipse& candidate) const;
 
  private:
@@ -48,7 +50,8 @@ class RingDecoder {
 
   int bits_;
   DotPolarity polarity_;
-  std::vector<int> rotations_;  // Of each word that is read: by how many sectors its code starts later; else -1.
+  // Number of sectors by which the code starts later, for each word that is read; else -1.
+  std::vector<int> rotations_;
 };
 
 }  // namespace heba

@@ -21,7 +21,7 @@ RingPixels::RingPixels(const std::vector<RingPixel>& pixels, size_t stride, cons
   for (std::vector<double>& column : columns_) column.resize(padded);
   turns_.resize(size_);
   struct Sector {
-    std::array<double, 7> columns;  // From kHere on.
+    std::array<double, 7> columns;  // Columns from kHere on.
   };
   std::vector<Sector> sectors;
   for (int sector = 0; sector < word.bits; ++sector) {
@@ -42,7 +42,7 @@ RingPixels::RingPixels(const std::vector<RingPixel>& pixels, size_t stride, cons
     columns_[kWeight][i] = 1;
     for (size_t k = 0; k < 7; ++k) columns_[kHere + k][i] = sectors[sector].columns[k];
   }
-  // In the plane of the others, or there would be no radius.
+  // Padding repeats a valid position, so that its radius is not zero.
   for (size_t i = size_; i < padded; ++i) {
     columns_[kX][i] = size_ > 0 ? columns_[kX][0] : 0;
     columns_[kY][i] = size_ > 0 ? columns_[kY][0] : 0;
@@ -56,21 +56,22 @@ constexpr int kMostColumns = kNumRingParameters + 2;
 
 struct KernelInput {
   std::array<const double*, RingPixels::kNumColumns> columns;
-  int size;                   // A multiple of kMaxLanes.
-  std::array<double, 9> map;  // Row by row.
+  int size;                   // Padded size, a multiple of kMaxLanes.
+  std::array<double, 9> map;  // Row-major.
   std::array<std::array<double, 9>, 3> derivatives;
   double sigma;
   const double* p;  // Parameters.
 };
 
-// The share of the dot's colour that a pixel sees, and its derivatives by the place in the ring's plane and the scale.
+// The share of the dot's colour that a pixel sees, with its derivatives with respect to the position in the ring's
+// plane and to the scale.
 template <class V>
 struct Coverage {
   V share;
   V by_x;
   V by_y;
   V by_scale;
-  // The place: in the plane, and how far away the horizon is.
+  // Position in the ring's plane, inverse of the homogeneous coordinate w, and radius.
   V x;
   V y;
   V by_w;
@@ -93,7 +94,7 @@ HEBA_INLINE Coverage<V> CoverageAt(const KernelInput& input, int i, const V& u, 
   at.radius = Length<V>(at.x, at.y);
   const V radial_x = at.x / at.radius;
   const V radial_y = at.y / at.radius;
-  // The map's slope, and the blur that it makes of the picture's along the radius and across.
+  // The Jacobian of the map converts the blur of the image to sigmas along and across the radius.
   const V xu = at.by_w * (m[0] - at.x * m[6]);
   const V xv = at.by_w * (m[1] - at.x * m[7]);
   const V yu = at.by_w * (m[3] - at.y * m[6]);
@@ -105,7 +106,7 @@ HEBA_INLINE Coverage<V> CoverageAt(const KernelInput& input, int i, const V& u, 
   const NormalLanes<V> dot = NormalOf<V>((1.0 - at.radius) * by_radial_sigma);
   const NormalLanes<V> inner = NormalOf<V>((at.radius - kRingInner * scale) * by_radial_sigma);
   const NormalLanes<V> outer = NormalOf<V>((at.radius - kRingOuter * scale) * by_radial_sigma);
-  // From the edges of the sector, against the sense of reading.
+  // Distances from the two edges of the sector are positive outside of it.
   const V before = LoadLanes<V>(input.columns[RingPixels::kBefore] + i);
   const V after = LoadLanes<V>(input.columns[RingPixels::kAfter] + i);
   const V first_x = LoadLanes<V>(input.columns[RingPixels::kFirstX] + i);
@@ -127,7 +128,8 @@ HEBA_INLINE Coverage<V> CoverageAt(const KernelInput& input, int i, const V& u, 
   return at;
 }
 
-// Columns of J and, after them, r, both times the root of the weights, from pixel `first` on; the cost of those pixels.
+// Fills the columns of J and, after them, r, both multiplied by the square root of the weights, for `count` pixels
+// from `first` on. Returns the cost of these pixels.
 template <int kLanes>
 HEBA_INLINE double FillColumns(const KernelInput& input, int first, int count, double unit, double huber_delta,
                                double* columns) {

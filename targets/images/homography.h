@@ -1,4 +1,4 @@
-// Maps between planes.
+// Homographies between planes.
 #pragma once
 
 #include <optional>
@@ -8,7 +8,7 @@
 
 namespace heba {
 
-// The homography, to_from_from, of at least four points; no value for a degenerate arrangement.
+// Returns the homography to_from_from fitted to at least four pairs of points, or nothing if they are degenerate.
 std::optional<Eigen::Matrix3d> FitHomography(const std::vector<Eigen::Vector2d>& from,
                                              const std::vector<Eigen::Vector2d>& to);
 Eigen::Vector2d ApplyHomography(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);

@@ -112,7 +112,7 @@ double NoiseGrey(const cv::Mat& grey) {
       ++counts[static_cast<size_t>(std::abs(line[column + 1] - line[column]))];
     }
   }
-  // A difference d of whole numbers stands for all up to d + 1/2.
+  // An integer difference d represents all real ones from d - 1/2 to d + 1/2.
   const double wanted = 0.5 * static_cast<double>(num);
   double below = 0;
   for (size_t difference = 0; difference < counts.size() && num > 0; ++difference) {
@@ -123,7 +123,8 @@ double NoiseGrey(const cv::Mat& grey) {
     }
     const double first = difference == 0 ? 0.0 : static_cast<double>(difference) - 0.5;
     const double width = difference == 0 ? 0.5 : 1.0;
-    // Half of the absolute values of a normal distribution are below 0.6745 sigma; a difference has twice the variance.
+    // Half of the absolute values of a normal distribution lie below 0.6745 sigma; a difference has twice the
+    // variance.
     return (first + width * (wanted - below) / count) / (0.6745 * std::sqrt(2.0));
   }
   return 0;

@@ -21,7 +21,7 @@ struct Codecs {
 
 #ifdef HEBA_IMAGE_CODECS
 
-// That OpenCV has such functions; below, the names that the compiler gives them.
+// The assertions check that OpenCV has such functions; the constants are their mangled names.
 static_assert(std::is_same_v<Decode, decltype(static_cast<Decode>(&cv::imdecode))>);
 static_assert(std::is_same_v<Encode, decltype(static_cast<Encode>(&cv::imencode))>);
 constexpr const char* kDecodeSymbol = "_ZN2cv8imdecodeERKNS_11_InputArrayEi";
@@ -59,9 +59,9 @@ std::vector<unsigned char> Encoded(const std::string& suffix, const cv::Mat& ima
   return bytes;
 }
 
-// While one lives, what C libraries write to `stderr` goes nowhere: the libraries of PNG and JPEG print warnings of
-// their own there, which are none of the user's business or are said again by whoever decodes. heba's own lines go to
-// the stream of C++, which has the file by another way.
+// Discards what C libraries write to `stderr` while an instance lives. The libraries for PNG and JPEG print warnings
+// there, which do not concern the user or are reported again by the caller that decodes. heba's own messages use the
+// C++ stream, which does not use the variable `stderr`.
 class WithoutLibrariesWarnings {
  public:
   WithoutLibrariesWarnings() {

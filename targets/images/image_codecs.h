@@ -1,5 +1,6 @@
-// Encoded pictures, by OpenCV's imgcodecs. It brings a hundred libraries, which take longer to load than most commands
-// run: where it is a library of its own, it is loaded when the first picture is decoded or encoded.
+// Encodes and decodes images with OpenCV's imgcodecs. It depends on a hundred libraries, which take longer to load
+// than most commands run. If it is a library of its own, it is therefore loaded when the first image is decoded or
+// encoded.
 #pragma once
 
 #include <string>
@@ -9,13 +10,13 @@
 
 namespace heba {
 
-// All throw cv::Exception as OpenCV's functions do, and std::runtime_error if its library is not there.
+// All functions throw cv::Exception as OpenCV's do, and std::runtime_error if OpenCV's library cannot be loaded.
 
-// The picture in `bytes` as it is stored; empty if it cannot be read.
+// Decodes the image file in `bytes` without any conversion; the result is empty if it cannot be read.
 cv::Mat DecodeImage(const cv::Mat& bytes);
 
-// The bytes of a file with this suffix (".png"); none if it cannot be written.
+// Encodes an image as a file with this suffix (".png"); the result is empty if it cannot be encoded.
 std::vector<unsigned char> EncodeImage(const std::string& suffix, const cv::Mat& image);
-std::vector<unsigned char> EncodeJpeg(const cv::Mat& image, int quality);  // 0 to 100
+std::vector<unsigned char> EncodeJpeg(const cv::Mat& image, int quality);  // `quality`: 0 to 100.
 
 }  // namespace heba

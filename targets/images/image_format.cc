@@ -13,7 +13,7 @@ struct Size {
   double height_px = 0;
 };
 
-// A whole number of `count` bytes; bytes beyond the end count as zero.
+// Reads an unsigned integer of `count` bytes; bytes beyond the end count as zero.
 double NumberAt(string_view bytes, size_t at, size_t count, bool is_big_endian) {
   double value = 0;
   for (size_t i = 0; i < count; ++i) {
@@ -25,7 +25,7 @@ double NumberAt(string_view bytes, size_t at, size_t count, bool is_big_endian) 
 
 bool IsPng(string_view bytes) { return bytes.starts_with(string_view("\x89PNG\r\n\x1a\n", 8)); }
 Size SizeOfPng(string_view bytes) { return {NumberAt(bytes, 16, 4, true), NumberAt(bytes, 20, 4, true)}; }
-// Chunks: length, type, data, checksum; the last is IEND.
+// A PNG consists of chunks (length, type, data, checksum), and IEND is the last one.
 bool IsPngCutShort(string_view bytes) {
   size_t at = 8;
   while (at + 12 <= bytes.size()) {
@@ -36,7 +36,8 @@ bool IsPngCutShort(string_view bytes) {
 }
 
 bool IsJpeg(string_view bytes) { return bytes.starts_with("\xff\xd8\xff"); }
-// Segments: any number of bytes FF, marker, length; the frame's marker is one of C0 to CF but C4, C8 and CC.
+// A JPEG consists of segments: any number of bytes FF, a marker, a length. The marker of the frame is one of C0 to CF
+// except C4, C8 and CC.
 Size SizeOfJpeg(string_view bytes) {
   for (size_t at = 2; at + 9 < bytes.size() && bytes[at] == '\xff';) {
     if (bytes[at + 1] == '\xff') {
@@ -51,16 +52,16 @@ Size SizeOfJpeg(string_view bytes) {
   }
   return {};
 }
-// The end marker may be followed by what a camera or an editor added.
+// Bytes that a camera or an editor added may follow the end marker.
 bool IsJpegCutShort(string_view bytes) { return bytes.rfind("\xff\xd9") == string_view::npos; }
 
 bool IsBmp(string_view bytes) { return bytes.starts_with("BM"); }
 Size SizeOfBmp(string_view bytes) {
-  constexpr double kOldHeader = 12;  // OS/2's, with sizes of 16 bits.
+  constexpr double kOldHeader = 12;  // OS/2 header, with sizes of 16 bits.
   if (NumberAt(bytes, 14, 4, false) == kOldHeader) {
     return {NumberAt(bytes, 18, 2, false), NumberAt(bytes, 20, 2, false)};
   }
-  // Heights below zero stand for pictures from top to bottom.
+  // Negative heights mark images that are stored from top to bottom.
   const double height = NumberAt(bytes, 22, 4, false);
   return {NumberAt(bytes, 18, 4, false), std::min(height, 4294967296.0 - height)};
 }
@@ -68,7 +69,8 @@ Size SizeOfBmp(string_view bytes) {
 bool IsTiff(string_view bytes) {
   return bytes.starts_with(string_view("II*\0", 4)) || bytes.starts_with(string_view("MM\0*", 4));
 }
-// Of the first directory: a count, then entries of 12 bytes: tag, type (1: 8 bits, 3: 16, else 32), count, value.
+// Reads the size from the first directory, which is a count followed by entries of 12 bytes: tag, type (1: 8 bits, 3:
+// 16 bits, else 32 bits), count, value.
 Size SizeOfTiff(string_view bytes) {
   constexpr double kWidth = 256;
   constexpr double kHeight = 257;
@@ -82,14 +84,15 @@ Size SizeOfTiff(string_view bytes) {
     const double tag = NumberAt(bytes, entry, 2, is_big_endian);
     const double type = NumberAt(bytes, entry + 2, 2, is_big_endian);
     const double value = NumberAt(bytes, entry + 8, type == 1 ? 1 : type == 3 ? 2 : 4, is_big_endian);
-    // Of a tag that is there twice decoders differ in which they take.
+    // Decoders differ in the value they take from a repeated tag; the largest one is used here.
     if (tag == kWidth) width = std::max(width, value);
     if (tag == kHeight) height = std::max(height, value);
   }
   return {width, height};
 }
 
-// Magic number (P2, P3, P5 or P6), blank, then width and height in digits, among blanks and comments.
+// A PNM header consists of a magic number (P2, P3, P5 or P6), white space, and width and height in digits, separated
+// by white space and comments.
 bool IsPnm(string_view bytes) {
   return bytes.size() > 2 && bytes[0] == 'P' && string_view("2356").find(bytes[1]) != string_view::npos &&
          string_view(" \t\r\n").find(bytes[2]) != string_view::npos;

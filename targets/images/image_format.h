@@ -1,6 +1,6 @@
-// What a picture's bytes say of it before a decoder sees them. Only the formats here are read, each known by its first
-// bytes alone as OpenCV knows it: what OpenCV does not know it hands to libraries for maps and medicine, which may read
-// other files, and end the program on faults.
+// Inspects the bytes of an image file before a decoder does. Only the formats listed here are read, each recognised
+// by its first bytes, as in OpenCV. OpenCV passes formats that it does not recognise to libraries for geographic and
+// medical data, which may read other files and terminate the program on errors.
 #pragma once
 
 #include <optional>
@@ -10,17 +10,18 @@
 namespace heba {
 
 struct ImageHeader {
-  // The size that the header claims, which a decoder would allocate whatever follows; 0 x 0 if it cannot be told.
+  // The image size that the header claims, which a decoder would allocate whatever data follow; 0 x 0 if unknown.
   double width_px = 0;
   double height_px = 0;
-  // Decoders fill what is missing with grey and only print a warning. Known of some formats only.
+  // Whether the file is truncated; detected for PNG and JPEG only. Decoders fill the missing pixels with grey and
+  // only print a warning.
   bool is_cut_short = false;
 };
 
-// Nothing if the bytes are of no format that is read.
+// Reads the header of an image file; returns nothing if its format is not supported.
 std::optional<ImageHeader> ReadImageHeader(std::string_view bytes);
 
-// "PNG, JPEG, ...".
+// Returns the names of the supported formats: "PNG, JPEG, ...".
 std::string ImageFormatNames();
 
 }  // namespace heba

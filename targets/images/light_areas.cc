@@ -12,14 +12,14 @@
 namespace heba {
 namespace {
 
-// Where a row's pixels change between dark and light: begin and end of each run of light ones, and its area.
+// The runs of light pixels in a row, with the area that each belongs to.
 struct Row {
-  std::vector<int> edges;  // Two a run: its first column, the one after its last.
+  std::vector<int> edges;  // Two per run: its first column and the column after its last.
   std::vector<int> labels;
   size_t num_runs = 0;
 };
 
-// What is left of a row's pixels after the last full 64 is dark.
+// Finds the runs of a row in words of 64 pixels. The unused bits of the last word count as dark.
 class RowReader {
  public:
   explicit RowReader(int num_columns) : num_columns_(num_columns), words_(static_cast<size_t>(num_columns / 64 + 1)) {}
@@ -29,7 +29,7 @@ class RowReader {
     int* edge = row->edges.data();
     uint64_t last = 0;
     for (size_t w = 0; w < words_.size(); ++w) {
-      // A bit is set where a pixel is unlike the one before it.
+      // A bit is set if its pixel differs from the previous one.
       uint64_t changes = words_[w] ^ (words_[w] << 1 | last);
       last = words_[w] >> 63;
       const int column = static_cast<int>(64 * w);
@@ -67,7 +67,7 @@ class RowReader {
   std::vector<uint64_t> words_;
 };
 
-// Areas as they grow from row to row: a forest, each area named by the root of its runs' labels.
+// Areas that grow from row to row, as a union-find forest: an area is identified by the root of its runs' labels.
 class AreaForest {
  public:
   int Add(int row, int begin, int end) {
@@ -85,7 +85,7 @@ class AreaForest {
     node.last_row = row;
     node.num_pixels += end - begin;
   }
-  // The one that began first, in order of reading, stays.
+  // Merges two areas; the one that began first in reading order remains the root.
   int Unite(int a, int b) {
     if (b < a) std::swap(a, b);
     Node& node = nodes_[a];
@@ -110,17 +110,17 @@ class AreaForest {
  private:
   struct Node {
     int parent;
-    int begin;  // Columns of the box, and the one after them.
+    int begin;  // Columns of the bounding box: [begin, end).
     int end;
     int first_row;
     int last_row;
-    int first_column;  // In the first row.
+    int first_column;  // First column in the first row.
     int num_pixels;
   };
   std::vector<Node> nodes_;
 };
 
-// Gives each run of `row` the area of the runs above that it touches, or a new one.
+// Assigns to each run of `row` the area of the runs above that it touches, or a new area.
 void Join(const Row& above, int row_number, Row* row, AreaForest* forest) {
   size_t first_above = 0;
   for (size_t i = 0; i < row->num_runs; ++i) {
@@ -169,13 +169,13 @@ std::vector<LightArea> FindLightAreas(const cv::Mat& grey, int threshold, int mi
 
 bool TraceOutline(const cv::Mat& grey, int threshold, const cv::Point& first, size_t max_points,
                   std::vector<cv::Point>* outline) {
-  // Clockwise in the picture, from the right.
+  // The eight directions are listed clockwise in the image, starting with the one to the right.
   constexpr std::array<int, 8> kColumns = {1, 1, 0, -1, -1, -1, 0, 1};
   constexpr std::array<int, 8> kRows = {0, 1, 1, 1, 0, -1, -1, -1};
   const auto stride = static_cast<std::ptrdiff_t>(grey.step[0]);
   std::array<std::ptrdiff_t, 8> steps;
   for (size_t d = 0; d < 8; ++d) steps[d] = kRows[d] * stride + kColumns[d];
-  // Clockwise from `from`, the first direction in which there is a light pixel, or from + 8.
+  // Returns the first direction with a light pixel, clockwise from `from`, or from + 8 if there is none.
   const auto next = [&](const uchar* pixel, unsigned from) {
     unsigned d = from;
     while (d < from + 8 && pixel[steps[d % 8]] <= threshold) ++d;
@@ -194,7 +194,7 @@ bool TraceOutline(const cv::Mat& grey, int threshold, const cv::Point& first, si
     at.x += kColumns[direction];
     at.y += kRows[direction];
     pixel += steps[direction];
-    // Two eighths back lies what was dark.
+    // The search resumes two directions back, at a pixel that is known to be dark.
     const unsigned onward = next(pixel, direction + 6) % 8;
     if (pixel == first_pixel && onward == first_direction) return true;
     if (outline->size() == max_points) return false;

@@ -8,19 +8,21 @@
 
 namespace heba {
 
-// Pixels above a threshold that touch each other along a side or at a corner.
+// An area of pixels above a threshold, connected along sides or at corners.
 struct LightArea {
   cv::Rect box;
-  cv::Point first;     // Of its uppermost pixels the leftmost.
-  int num_pixels = 0;  // Without holes.
+  cv::Point first;     // Leftmost of its uppermost pixels.
+  int num_pixels = 0;  // Number of its pixels, excluding holes.
 };
 
-// The areas of the pixels of `grey` (CV_8UC1) above `threshold` whose boxes do not touch the picture's border and have
-// a longer side between `min_side_px` and `max_side_px`, by row of their first pixels.
+// Finds the areas of the pixels of `grey` (CV_8UC1) above `threshold` whose bounding boxes do not touch the border of
+// the image and have a longer side between `min_side_px` and `max_side_px`. They are returned in reading order of
+// their first pixels.
 std::vector<LightArea> FindLightAreas(const cv::Mat& grey, int threshold, int min_side_px, int max_side_px);
 
-// The outermost pixels of an area in their order around it, each a neighbour of the last; holes have no part in it.
-// False if there are more than `max_points`. The area must not touch the picture's border.
+// Traces the outermost pixels of an area clockwise from `first` (LightArea::first), each a neighbour of the previous
+// one; holes are ignored. Returns false if there are more than `max_points`. The area must not touch the border of
+// the image.
 bool TraceOutline(const cv::Mat& grey, int threshold, const cv::Point& first, size_t max_points,
                   std::vector<cv::Point>* outline);
 

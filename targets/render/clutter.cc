@@ -13,7 +13,7 @@
 namespace heba {
 namespace {
 
-// A picture of one channel: coverage stands for albedo.
+// The surface has one channel: coverage represents albedo.
 void SetAlbedo(cairo_t* context, double albedo) { cairo_set_source_rgba(context, 0, 0, 0, albedo); }
 
 void AddPolygon(cairo_t* context, const Eigen::Vector2d& at, double size_px, Rng& rng) {
@@ -58,7 +58,7 @@ void AddLine(cairo_t* context, const Eigen::Vector2d& at, double size_px, Rng& r
   cairo_stroke(context);
 }
 
-// Lines of little strokes, as print looks from afar.
+// Draws lines of small strokes, which resemble print seen from afar.
 void AddPrint(cairo_t* context, const Eigen::Vector2d& at, double size_px, Rng& rng) {
   const double letter_px = rng.Uniform(4.0, 14.0);
   const int num_lines = 1 + rng.Index(4);
@@ -113,13 +113,13 @@ cv::Mat DrawClutter(int width_px, int height_px, const std::vector<Eigen::Vector
     Eigen::Vector2d at(rng.Uniform(0, width_px), rng.Uniform(0, height_px));
     double size_px = diagonal_px * std::exp(rng.Uniform(std::log(0.008), std::log(0.12)));
     if (i >= kNumMarks / 2 && !outline_px.empty()) {
-      // Right beside the sheet.
+      // Half of the marks are placed right beside the sheet.
       size_px *= 0.5;
       at = outline_px[rng.Index(static_cast<int>(outline_px.size()))] +
            size_px * Eigen::Vector2d(rng.Normal(), rng.Normal());
     }
     SetAlbedo(context, rng.Uniform());
-    // Marks far off the picture are not drawn, but draw their numbers.
+    // The position is clamped, so that a mark far outside the image consumes the same random numbers.
     const double limit_px = 2 * diagonal_px;
     kMarks[rng.Index(std::size(kMarks))](context, at.cwiseMax(-limit_px).cwiseMin(limit_px), size_px, rng);
   }
@@ -137,7 +137,7 @@ cv::Mat DrawClutter(int width_px, int height_px, const std::vector<Eigen::Vector
 void AddRoundMarks(const RoundMarksOptions& options, const Eigen::AlignedBox2d& kept, Rng& rng, Drawing* drawing) {
   for (int n = 0; n < options.count; ++n) {
     const double radius_m = std::exp(rng.Uniform(std::log(options.min_radius_m), std::log(options.max_radius_m)));
-    // Mostly as it should be.
+    // Most rings have the correct proportions.
     const double inner = rng.Uniform() < 0.6 ? 2 : rng.Uniform(1.4, 2.6);
     const double outer = rng.Uniform() < 0.6 ? inner + 1 : inner + rng.Uniform(0.3, 1.4);
     const double ink = rng.Uniform() < 0.7 ? 0 : rng.Uniform(0, 0.6);

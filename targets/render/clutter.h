@@ -1,4 +1,4 @@
-// What stands around a target in a rendered picture.
+// Clutter around a target in a rendered image.
 #pragma once
 
 #include <cstdint>
@@ -13,21 +13,21 @@
 
 namespace heba {
 
-// CV_32FC1, albedos: a gradient under random polygons, discs, rings, lines and marks like print, anti-aliased. Some
-// stand near the points of `outline_px`, which may be empty.
+// Draws albedos (CV_32FC1): a gradient under random polygons, discs, rings, lines and marks that resemble print, all
+// anti-aliased. Half of the marks are placed near the points of `outline_px`, if there are any.
 cv::Mat DrawClutter(int width_px, int height_px, const std::vector<Eigen::Vector2d>& outline_px, Rng rng);
 
 struct RoundMarksOptions {
   int count = 60;
-  double min_radius_m = 0.002;  // Of the dots; the rings about them are up to four times as large.
+  double min_radius_m = 0.002;  // Radius of the dots; the rings around them are up to four times as large.
   double max_radius_m = 0.01;
-  // Sectors of the rings that look like coded ones, and the codes (ring_code.h) that they do not have.
+  // Number of sectors of the rings that resemble coded ones, and the codes (ring_code.h) that they must not have.
   int bits = 12;
   std::vector<uint32_t> avoided_codes;
 };
 
-// Adds dots, rings, coded rings of right and of wrong proportions, and mirrored or broken ones to the sheet, at random
-// places that leave `kept` free.
+// Adds dots, rings, coded rings of correct and of wrong proportions, and mirrored or broken ones to the sheet, at
+// random positions outside `kept`.
 void AddRoundMarks(const RoundMarksOptions& options, const Eigen::AlignedBox2d& kept, Rng& rng, Drawing* drawing);
 
 }  // namespace heba

@@ -41,7 +41,7 @@ void Bounds(const Shape& shape, Eigen::Vector2d* low_m, Eigen::Vector2d* high_m)
 }
 
 void Bounds(const AlbedoEdge& edge, Eigen::Vector2d* low_m, Eigen::Vector2d* high_m) {
-  // Circles are cut in quarters at their extremes: the ends bound an arc too.
+  // Circles are split into quarters at their extremes, so that the end points bound an arc as well.
   const Eigen::Vector2d start = edge.At(0);
   const Eigen::Vector2d end = edge.At(1);
   *low_m = start.cwiseMin(end);
@@ -53,14 +53,14 @@ double Length(const AlbedoEdge& edge) {
                            : (edge.end_m - edge.start_m).norm();
 }
 
-// The direction of the edge at `t`, of unit length.
+// Returns the unit vector along the edge at `t`.
 Eigen::Vector2d Direction(const AlbedoEdge& edge, double t) {
   if (edge.radius_m == 0) return (edge.end_m - edge.start_m).normalized();
   const double angle = edge.start_rad + t * (edge.end_rad - edge.start_rad);
   return {-std::sin(angle), std::cos(angle)};
 }
 
-// Where `point_m` lies along the edge's line or circle, in the edge's own measure (0 to 1 within the edge).
+// Returns the parameter of `point_m` along the edge's line or circle (0 to 1 within the edge).
 double ParameterOf(const AlbedoEdge& edge, const Eigen::Vector2d& point_m) {
   if (edge.radius_m == 0) {
     const Eigen::Vector2d along = edge.end_m - edge.start_m;
@@ -78,7 +78,8 @@ double Distance(const AlbedoEdge& edge, const Eigen::Vector2d& point_m) {
   return (edge.At(t) - point_m).norm();
 }
 
-// Where the line of `a` meets that of `b`, whether within the edges or not; where they run together, the ends of `b`.
+// Returns the intersections of the lines or circles of `a` and `b`, which may lie outside the edges. If both are
+// parallel lines, which may coincide, returns the end points of `b`.
 std::vector<Eigen::Vector2d> Meetings(const AlbedoEdge& a, const AlbedoEdge& b, double nearness_m) {
   if (a.radius_m == 0 && b.radius_m == 0) {
     const Eigen::Vector2d along_a = a.end_m - a.start_m;
@@ -89,8 +90,8 @@ std::vector<Eigen::Vector2d> Meetings(const AlbedoEdge& a, const AlbedoEdge& b, 
     return {a.start_m + along_a * (Cross(b.start_m - a.start_m, along_b) / cross)};
   }
   if (b.radius_m == 0) return Meetings(b, a, nearness_m);
-  Eigen::Vector2d foot;   // The point of the chord nearest to b's centre,
-  Eigen::Vector2d chord;  // and the chord's direction.
+  Eigen::Vector2d foot;   // Point of the chord nearest to the centre of `b`.
+  Eigen::Vector2d chord;  // Direction of the chord.
   if (a.radius_m == 0) {
     chord = (a.end_m - a.start_m).normalized();
     foot = a.start_m + chord * (b.centre_m - a.start_m).dot(chord);
@@ -201,7 +202,7 @@ std::vector<double> DrawingEdges::Cuts(int index) const {
   Eigen::Vector2d low;
   Eigen::Vector2d high;
   Bounds(outline, &low, &high);
-  // With some reach: by rounding the sheet's own border may lie outside of it.
+  // A small reach is needed because rounding may put the sheet's own border outside the sheet.
   for (const size_t cell : CellsOf(low, high, nearness_m_)) {
     others.insert(others.end(), cells_[cell].outlines.begin(), cells_[cell].outlines.end());
   }
@@ -233,7 +234,8 @@ void DrawingEdges::AddSeenPieces(int index) {
     i = next;
     const double middle = 0.5 * (start + end);
     const Eigen::Vector2d point = outline.At(middle);
-    // Of outlines that run together the first one stands for all: it is asked far enough aside to see past them.
+    // If outlines coincide, the first one represents all; the values are taken far enough aside to lie beyond them
+    // all.
     const std::vector<int>& near = CellAt(point).outlines;
     const bool stands_for_all = std::none_of(near.begin(), near.end(), [&](int other) {
       return other < index && Distance(outlines_[other], point) < 2 * nearness_m_;

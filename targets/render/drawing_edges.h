@@ -1,5 +1,6 @@
-// Where the albedo of a drawing changes: the seen pieces of its shapes' outlines, each once, with what lies on either
-// side. Shapes may overlap and share outlines (to a billionth of the drawing's size); parts off the sheet are not seen.
+// The edges at which the albedo of a drawing changes: the visible pieces of its shapes' outlines, each once, with the
+// values on either side. Shapes may overlap and share outlines (to a billionth of the drawing's size); parts outside
+// the sheet are not visible.
 #pragma once
 
 #include <vector>
@@ -10,27 +11,27 @@
 
 namespace heba {
 
-// What a point of the plane shows.
+// The appearance of a point in the plane.
 struct SheetValue {
   double albedo = 0;
-  double on_sheet = 0;  // 1 on the sheet; else 0, as is then the albedo.
+  double on_sheet = 0;  // 1 on the sheet, else 0; the albedo off the sheet is 0.
   bool operator==(const SheetValue&) const = default;
 };
 
-// A piece of a straight line, from `start` to `end`, or of a circle.
+// A piece of a straight line from `start_m` to `end_m`, or of a circle.
 struct AlbedoEdge {
   Eigen::Vector2d start_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d end_m = Eigen::Vector2d::Zero();
-  // Circle, if radius_m is not 0:
+  // Centre, radius and angles of a circular piece; the radius of a straight piece is 0.
   Eigen::Vector2d centre_m = Eigen::Vector2d::Zero();
   double radius_m = 0;
   double start_rad = 0;
   double end_rad = 0;
-  // On the side to which x turns into y, seen along the edge, and on the other one.
+  // Values on either side: `positive` is the side in the edge's direction rotated by 90 degrees from x towards y.
   SheetValue positive;
   SheetValue negative;
 
-  // `t` from 0 at the start to 1 at the end.
+  // Returns the point at `t`, which runs from 0 at the start to 1 at the end.
   Eigen::Vector2d At(double t) const;
 };
 
@@ -42,22 +43,22 @@ class DrawingEdges {
   SheetValue ValueAt(const Eigen::Vector2d& point_m) const;
 
  private:
-  // What a cell of a uniform grid over the sheet touches, by increasing index.
+  // Indices of the shapes and outlines that touch a cell of a uniform grid over the sheet, in increasing order.
   struct Cell {
     std::vector<int> shapes;
     std::vector<int> outlines;
   };
 
   void AddOutline(const AlbedoEdge& outline);
-  // The indices of the cells that [low_m, high_m], grown by `reach_m`, touches; none if it is off the sheet.
+  // Returns the indices of the cells that touch [low_m, high_m], grown by `reach_m`; none if it lies off the sheet.
   std::vector<size_t> CellsOf(const Eigen::Vector2d& low_m, const Eigen::Vector2d& high_m, double reach_m) const;
   const Cell& CellAt(const Eigen::Vector2d& point_m) const;
   std::vector<double> Cuts(int outline) const;
   void AddSeenPieces(int outline);
 
   Drawing drawing_;
-  double nearness_m_ = 0;             // Outlines nearer than this are one.
-  std::vector<AlbedoEdge> outlines_;  // Of the sheet and of all shapes, covered or not.
+  double nearness_m_ = 0;             // Outlines nearer than this coincide.
+  std::vector<AlbedoEdge> outlines_;  // Outlines of the sheet and of all shapes, covered or not.
   int grid_size_ = 1;
   std::vector<Cell> cells_;
   std::vector<AlbedoEdge> edges_;

@@ -12,7 +12,7 @@ const cv::Scalar kPointColour(0, 200, 0);
 const cv::Scalar kIdColour(0, 120, 255);
 const cv::Scalar kResidualColour(255, 60, 200);
 
-// OpenCV draws with `kShift` binary digits after the point.
+// OpenCV draws coordinates with `kShift` fractional bits.
 constexpr int kShift = 4;
 cv::Point SubPixel(const Eigen::Vector2d& pixel) {
   return {static_cast<int>(std::lround(pixel.x() * (1 << kShift))),
@@ -25,7 +25,7 @@ cv::Mat DrawOverlay(const cv::Mat& grey, const Observations& observations, const
                     const OverlayOptions& options) {
   cv::Mat picture;
   cv::cvtColor(grey, picture, cv::COLOR_GRAY2BGR);
-  // Small pictures are enlarged, so that ids can be read.
+  // Small images are enlarged so that the ids are legible.
   const double zoom = std::max(1.0, std::ceil(1200.0 / std::max(1, grey.cols)));
   if (zoom > 1) cv::resize(picture, picture, {}, zoom, zoom, cv::INTER_NEAREST);
   const double size = std::max(1.0, picture.cols / 1600.0);

@@ -1,4 +1,4 @@
-// Pictures of detections that a person can check.
+// Images of detections for visual inspection.
 #pragma once
 
 #include <optional>
@@ -11,12 +11,12 @@
 namespace heba {
 
 struct OverlayOptions {
-  std::string caption;         // Over the picture's top-left corner.
-  double magnification = 100;  // Of residual arrows.
+  std::string caption;         // Text in the top-left corner of the image.
+  double magnification = 100;  // Magnification of the residual arrows.
 };
 
-// `grey` in colour with a cross at each point, its id beside it and, if given, the residual (predicted - observed, px)
-// of each point as an arrow. CV_8UC3.
+// Draws `grey` in colour with a cross at each point, its id beside it and, if given, its residual (predicted -
+// observed, px) as an arrow. Images narrower than 1200 px are enlarged by an integer factor. Returns CV_8UC3.
 cv::Mat DrawOverlay(const cv::Mat& grey, const Observations& observations, const std::optional<Points2>& residuals,
                     const OverlayOptions& options = {});
 

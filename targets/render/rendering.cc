@@ -1,8 +1,10 @@
-// The picture of a plane of constant albedos is a sum over their edges. With the kernel of a pixel k(x) k(y), its own
-// box beside the blur, and K the integral of k, the value at pixel (i, j) is, by Green's theorem,
+// The image of a plane of piecewise constant albedo is a sum over its edges. Let k(x) k(y) be the kernel of a pixel,
+// that is, its own box convolved with the blur, and K the integral of k. Green's theorem gives the value at pixel
+// (i, j) as
 //   value(i, j) = sum over edges of the integral of jump(s) K(i - x(s)) k(j - y(s)) dy(s)
-// so that value(i, j) - value(i - 1, j) is gathered from edges within the kernel's reach, by Gauss-Legendre quadrature
-// along their projections, and rows are summed up from the left. There is no sampling grid and so no bias by one.
+// The differences value(i, j) - value(i - 1, j) are therefore accumulated from the edges within the reach of the
+// kernel, by Gauss-Legendre quadrature along their projections, and each row is summed up from the left. There is no
+// sampling grid and therefore no bias caused by one.
 #include "targets/render/rendering.h"
 
 #include <algorithm>
@@ -25,18 +27,19 @@
 namespace heba {
 namespace {
 
-constexpr double kBackAlbedo = 0.6;  // Of the sheet, seen from behind.
+constexpr double kBackAlbedo = 0.6;  // Albedo of the back of the sheet.
 
-// Streams of random numbers; rows have those from kFirstRow on.
+// Streams of random numbers; the rows of the image use the streams from kFirstRow on.
 enum Stream : uint64_t { kLight, kClutter, kFirstRow };
 
-// The kernel k(s) = box * Gaussian and the steps K(s) - K(s - 1) of its integral, at whole distances from any place.
+// The kernel k(s), a box convolved with a Gaussian, and the steps K(s) - K(s - 1) of its integral, interpolated from
+// a lookup table at integer distances from any position.
 class PixelKernel {
  public:
   explicit PixelKernel(double sigma_px) : sigma_px_(std::max(sigma_px, 0.02)) {
-    constexpr double kReachSigmas = 4.5;  // Beyond lie 7e-6 of a Gaussian.
+    constexpr double kReachSigmas = 4.5;  // A share of 7e-6 of a Gaussian lies beyond.
     reach_ = static_cast<int>(std::ceil(0.5 + kReachSigmas * sigma_px_));
-    // The error of linear interpolation is then below 1e-5.
+    // This many entries keep the error of linear interpolation below 1e-5.
     num_places_ = std::clamp(static_cast<int>(64 / sigma_px_), 128, 4096);
     values_.resize((num_places_ + 1) * size());
     steps_.resize((num_places_ + 1) * size());
@@ -59,9 +62,9 @@ class PixelKernel {
   }
 
   double sigma_px() const { return sigma_px_; }
-  // Nothing is felt beyond this many pixels.
+  // Returns the distance in pixels beyond which the kernel is zero.
   int reach() const { return reach_; }
-  // Of the vectors below: entry i belongs to pixel floor(at) - reach + i.
+  // Returns the length of the vectors below, whose entry i belongs to pixel floor(at) - reach + i.
   int size() const { return 2 * reach_ + 3; }
   void Values(double at, double* out) const { Interpolate(values_, at, out); }
   void Steps(double at, double* out) const { Interpolate(steps_, at, out); }
@@ -90,7 +93,7 @@ class PixelKernel {
   std::vector<double> steps_;
 };
 
-// A curve of second degree through an image's pixels: at(0), at(1/2), at(1).
+// A quadratic curve in the image, given by its points at t = 0, 1/2 and 1.
 struct Parabola {
   Parabola(const Eigen::Vector2d& p0, const Eigen::Vector2d& p1, const Eigen::Vector2d& p2)
       : constant(p0), linear(4 * p1 - 3 * p0 - p2), square(2 * (p0 + p2) - 4 * p1) {}
@@ -102,7 +105,7 @@ struct Parabola {
   Eigen::Vector2d square;
 };
 
-// Sums up edges in the image.
+// Accumulates the contributions of edges to the image.
 class EdgeSum {
  public:
   EdgeSum(int width_px, int height_px, const PixelKernel& kernel)
@@ -119,15 +122,16 @@ class EdgeSum {
         values_(kernel.size()),
         steps_(kernel.size()) {}
 
-  // Edges matter in [low, high] only.
+  // Only edges within [low, high] contribute.
   Eigen::Vector2d low() const { return {-margin_, -margin_}; }
   Eigen::Vector2d high() const { return {width_ - 1 + margin_, height_ - 1 + margin_}; }
 
-  // An edge no longer than about two pixels. `positive` is on the side to which x turns into y, seen along the curve.
+  // Adds an edge no longer than about two pixels. `positive` is the side in the curve's direction rotated by 90
+  // degrees from x towards y.
   void Add(const Parabola& curve, const SheetValue& positive, const SheetValue& negative) {
     const double albedo_jump = negative.albedo - positive.albedo;
     const double sheet_jump = negative.on_sheet - positive.on_sheet;
-    // Cut it where it leaves the region at the left.
+    // The curve is cut where it crosses the left border of the region.
     std::array<double, 4> cuts = {0, 1, 1, 1};
     int num_cuts = 1;
     bool inside = true;
@@ -139,7 +143,7 @@ class EdgeSum {
       const std::array<double, 2> roots = Roots(curve.square.x(), curve.linear.x(), x0);
       const bool crosses_once = (x0 < 0) != (x1 < 0);
       if (crosses_once) {
-        // Rounding may put the root a little outside.
+        // Rounding may put the root slightly outside [0, 1].
         const auto outside = [](double t) { return std::abs(t - std::clamp(t, 0.0, 1.0)); };
         const double root = outside(roots[0]) < outside(roots[1]) ? roots[0] : roots[1];
         cuts[num_cuts++] = std::clamp(root, 0.0, 1.0);
@@ -158,7 +162,7 @@ class EdgeSum {
     }
   }
 
-  // `corner` is what is seen at low().
+  // Integrates the sums over the image; `corner` is the value of the scene at low().
   void Finish(const SheetValue& corner, cv::Mat* albedo, cv::Mat* on_sheet) const {
     albedo->create(height_, width_, CV_32FC1);
     on_sheet->create(height_, width_, CV_32FC1);
@@ -186,7 +190,7 @@ class EdgeSum {
   }
 
  private:
-  // Of a t^2 + b t + c, in increasing order; far outside [0, 1] if there are none.
+  // Returns the roots of a t^2 + b t + c in increasing order, or values far outside [0, 1] if there are none.
   static std::array<double, 2> Roots(double a, double b, double c) {
     constexpr double kNone = 1e9;
     const double discriminant = b * b - 4 * a * c;
@@ -197,7 +201,7 @@ class EdgeSum {
     return {std::min(first, second), std::max(first, second)};
   }
 
-  // The left border of the region crosses an edge at `y`; the jumps are from above to below.
+  // Records that an edge crosses the left border of the region at `y`; the jumps are from above to below.
   void AddAtLeft(double y, double albedo_jump, double sheet_jump) {
     if (!(y > low().y() && y < high().y())) return;
     kernel_.Steps(y, steps_.data());
@@ -209,7 +213,7 @@ class EdgeSum {
   }
 
   void Integrate(const Parabola& curve, double begin, double end, double albedo_jump, double sheet_jump) {
-    // Three points a panel of 1.6 sigma integrate the kernel to 1e-4.
+    // Three nodes per panel of 1.6 sigma integrate the kernel to 1e-4.
     const double length_px = (curve.linear.norm() + curve.square.norm()) * (end - begin);
     const int num_panels = static_cast<int>(std::ceil(length_px / std::min(1.0, 1.6 * kernel_.sigma_px())));
     constexpr double kNodes[] = {-0.7745966692414834, 0.0, 0.7745966692414834};
@@ -247,8 +251,8 @@ class EdgeSum {
   const PixelKernel& kernel_;
   int width_;
   int height_;
-  int margin_;  // Of the region around the image in which edges matter,
-  int pad_;     // and of the arrays, which hold the kernel of all of its points.
+  int margin_;  // Margin around the image within which edges contribute.
+  int pad_;     // Padding of the arrays, which hold the kernels of all points within the margin.
   int stride_;
   std::vector<double> albedo_steps_;
   std::vector<double> sheet_steps_;
@@ -258,8 +262,8 @@ class EdgeSum {
   std::vector<double> steps_;
 };
 
-// The sheet of a target in front of a camera. How it is bent counts for where it is seen, not for which of its sides
-// is: it hides no part of itself.
+// The sheet of a target in front of a camera. The bending of the sheet affects where its points are seen, but not
+// which side of it is visible: the sheet is assumed not to hide any part of itself.
 class SheetView {
  public:
   SheetView(const Camera& camera, const Rigid3d& camera_from_target, const TargetShape& shape, const EdgeSum& sum)
@@ -272,12 +276,14 @@ class SheetView {
     FindLimit(sum);
   }
 
-  // Positive if the plane's normal points away from the camera: then x turns into y in the image as in the plane.
+  // Returns a value that is positive if the normal of the plane points away from the camera; x then rotates into y in
+  // the image as it does in the plane.
   double facing_m() const { return facing_; }
-  // Whether some pixels see nothing: the distortion folds back within the image.
+  // Returns whether some pixels have no ray because the distortion folds back within the image.
   bool folds() const { return folds_; }
 
-  // False if the point is not seen, or so far aside that it would fall where another ray's image is.
+  // Projects a point of the sheet. Returns false if it is not visible, or lies so far aside that it would be
+  // projected onto the image of another ray.
   bool Project(const Eigen::Vector2d& point_in_target, Eigen::Vector2d* pixel) {
     const Eigen::Vector3d designed(point_in_target.x(), point_in_target.y(), 0);
     const Eigen::Vector3d point_in_camera = origin_ + rotation_ * ApplyShape(designed, shape_);
@@ -287,11 +293,12 @@ class SheetView {
     *pixel = pixel_;
     return true;
   }
-  // Where the sheet is hit, as designed; nothing behind the camera.
+  // Returns the point at which a ray hits the sheet, in coordinates of the design; nothing if it is behind the
+  // camera.
   std::optional<Eigen::Vector2d> Hit(const Eigen::Vector3d& ray_in_camera) const {
     const double approach = ray_in_camera.dot(rotation_.col(2));
     if (approach * facing_ <= 0) return std::nullopt;
-    // The plane first, then at the height that the sheet has there.
+    // The intersection with the plane is computed first, then repeatedly that at the height of the sheet found there.
     Eigen::Vector3d designed = Eigen::Vector3d::Zero();
     double height_m = 0;
     constexpr int kNumSteps = 8;
@@ -308,7 +315,7 @@ class SheetView {
     const std::optional<Eigen::Vector2d> point_in_target = Hit(*ray_in_camera);
     return point_in_target ? drawing.ValueAt(*point_in_target) : SheetValue();
   }
-  // A ray at the limit of what is seen, `angle_rad` about the optical axis.
+  // Returns a ray at the limit of the visible cone, at `angle_rad` about the optical axis.
   Eigen::Vector3d LimitRay(double angle_rad) const {
     const double sine = std::sqrt(std::max(0.0, 1 - min_cosine_ * min_cosine_));
     return {sine * std::cos(angle_rad), sine * std::sin(angle_rad), min_cosine_};
@@ -321,14 +328,15 @@ class SheetView {
   }
 
  private:
-  // The cone of rays about the optical axis that the image holds: beyond it a distortion may fold back into the image.
+  // Finds the cone of rays about the optical axis that the image contains: beyond it, the distortion may fold back
+  // into the image.
   void FindLimit(const EdgeSum& sum) {
     const Eigen::Vector2d low = sum.low();
     const Eigen::Vector2d size = sum.high() - low;
     const Eigen::Vector2d middle(camera_.params[2], camera_.params[3]);
     double widest = 1;              // Cosine of the widest ray of the image.
-    double first_fold = -1;         // Cosine of the narrowest ray beyond which there is none.
-    constexpr int kNumPlaces = 64;  // A side.
+    double first_fold = -1;         // Cosine of the narrowest ray beyond which there is no ray.
+    constexpr int kNumPlaces = 64;  // Number of samples per side.
     for (int i = 0; i < 4 * kNumPlaces; ++i) {
       const double t = static_cast<double>(i % kNumPlaces) / kNumPlaces;
       const Eigen::Vector2d sides[] = {{t, 0}, {1, t}, {1 - t, 1}, {0, 1 - t}};
@@ -349,7 +357,7 @@ class SheetView {
       }
       widest = std::min(widest, ray_in_camera->z());
     }
-    // The border is looked at in places: leave room, unless it is the fold.
+    // The border is only sampled, so the limit gets a margin, unless it is the fold.
     constexpr double kRoomRad = 0.02;
     const double limit_rad = std::acos(std::clamp(folds_ ? first_fold : widest, -1.0, 1.0)) + (folds_ ? 0 : kRoomRad);
     min_cosine_ = limit_rad < kPi ? std::cos(limit_rad) : -1;
@@ -367,14 +375,14 @@ class SheetView {
   Points2 pixel_ = Points2::Zero(2, 1);
 };
 
-// Projects edges into the image, in steps that a parabola follows.
+// Projects edges into the image, in steps short enough to be approximated by a parabola.
 class EdgeTracer {
  public:
   EdgeTracer(SheetView& view, EdgeSum& sum) : view_(view), sum_(sum), low_(sum.low()), high_(sum.high()) {}
 
   void Trace(const AlbedoEdge& edge) {
     edge_ = &edge;
-    // More than one start: a long edge may be seen in its middle only.
+    // There are several intervals because a long edge may be visible only in its middle.
     constexpr int kNumStarts = 8;
     Sample last = At(0);
     for (int i = 1; i <= kNumStarts; ++i) {
@@ -427,7 +435,7 @@ class EdgeTracer {
   const AlbedoEdge* edge_ = nullptr;
 };
 
-// Where the distortion folds back within the image the sheet ends too.
+// Adds the edge at which the visible sheet ends because the distortion folds back within the image.
 void AddFold(const DrawingEdges& drawing, SheetView& view, EdgeSum& sum) {
   constexpr int kNumSteps = 100000;
   Eigen::Vector2d last;
@@ -445,7 +453,7 @@ void AddFold(const DrawingEdges& drawing, SheetView& view, EdgeSum& sum) {
   }
 }
 
-// The sheet as it is seen: from behind it has no print.
+// Returns the visible drawing: the back of the sheet has no print.
 Drawing SeenDrawing(const Drawing& drawing, double facing_m) {
   const bool from_front = (facing_m > 0) != drawing.y_up;
   if (from_front) return drawing;
@@ -455,10 +463,10 @@ Drawing SeenDrawing(const Drawing& drawing, double facing_m) {
   return back;
 }
 
-// Points on the sheet's outline in the image.
+// Returns the pixels of points on the border of the sheet.
 std::vector<Eigen::Vector2d> OutlinePx(const Drawing& drawing, SheetView& view) {
   std::vector<Eigen::Vector2d> outline_px;
-  constexpr int kNumPlaces = 16;  // A side.
+  constexpr int kNumPlaces = 16;  // Number of points per side.
   for (int i = 0; i < 4 * kNumPlaces; ++i) {
     const double t = static_cast<double>(i % kNumPlaces) / kNumPlaces;
     const Eigen::Vector2d sides[] = {{t, 0}, {1, t}, {1 - t, 1}, {0, 1 - t}};
@@ -471,7 +479,7 @@ std::vector<Eigen::Vector2d> OutlinePx(const Drawing& drawing, SheetView& view) 
   return outline_px;
 }
 
-// The scene at the centres of the pixels.
+// Samples the scene at the centres of the pixels.
 void SampleCentres(const DrawingEdges& drawing, const Camera& camera, const SheetView& view, cv::Mat* albedo,
                    cv::Mat* on_sheet) {
   for (int y = 0; y < albedo->rows; ++y) {
@@ -483,7 +491,7 @@ void SampleCentres(const DrawingEdges& drawing, const Camera& camera, const Shee
   }
 }
 
-// The light on every pixel, of at most 1.
+// The relative light at each pixel, at most 1.
 class Light {
  public:
   Light(int width_px, int height_px, const RenderOptions& options)
@@ -549,7 +557,7 @@ cv::Mat RenderView(const Drawing& drawing, const Camera& camera, const Rigid3d& 
   const DrawingEdges seen(SeenDrawing(drawing, view.facing_m()));
 
   SheetValue corner;
-  // Seen from within its plane a sheet has no area.
+  // A sheet seen edge-on has no area.
   if (view.facing_m() != 0) {
     EdgeTracer tracer(view, sum);
     for (const AlbedoEdge& edge : seen.edges()) tracer.Trace(edge);

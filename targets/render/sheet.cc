@@ -20,8 +20,8 @@ namespace {
 
 constexpr double kMmPerInch = 25.4;
 constexpr double kPointsPerMm = 72 / kMmPerInch;
-constexpr int kMaxPixels = 32767;  // A side of a Cairo image.
-// The strip: the ruler's ticks at the top, its numbers below them, the small print at the bottom.
+constexpr int kMaxPixels = 32767;  // Limit for a side of a Cairo image.
+// The strip has the ruler's ticks at the top, its numbers below them and the small print at the bottom.
 constexpr double kStripMm = 14;
 constexpr double kRulerMm = 100;
 constexpr double kRulerTopMm = 2;
@@ -29,7 +29,7 @@ constexpr double kRulerNumbersMm = 7;
 constexpr double kPrintMm = 12;
 constexpr double kPrintHeightMm = 2.2;
 
-// For people: no 12.000000000000002.
+// Rounds a number for display: no 12.000000000000002.
 double Rounded(double value) { return std::round(value * 1e9) / 1e9 + 0.0; }
 
 void Require(cairo_status_t status) {
@@ -42,11 +42,12 @@ cairo_status_t Append(void* bytes, const unsigned char* data, unsigned int size)
   return CAIRO_STATUS_SUCCESS;
 }
 
-// A line of text as a path of height 1, in Cairo's own strokes: the same on every machine, whatever fonts it has.
+// A line of text as a path of height 1, drawn with Cairo's own strokes: it is the same on every machine, whatever
+// fonts are installed.
 class Text {
  public:
   explicit Text(const std::string& text) {
-    // Without bounds: what lies outside them is left out of the path.
+    // The surface has no bounds, since the path would omit what lies outside them.
     cairo_surface_t* const surface = cairo_recording_surface_create(CAIRO_CONTENT_ALPHA, nullptr);
     cairo_t* const context = cairo_create(surface);
     cairo_font_options_t* const options = cairo_font_options_create();
@@ -55,7 +56,7 @@ class Text {
     cairo_set_font_options(context, options);
     cairo_font_options_destroy(options);
     cairo_select_font_face(context, "@cairo:", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
-    // Strokes become polygons at the size asked for: at a large one the text would be most of the file.
+    // Strokes become polygons at this size; at a large size the text would make up most of the file.
     constexpr double kSize = 4;
     cairo_set_font_size(context, kSize);
     cairo_text_extents_t extents;
@@ -84,13 +85,13 @@ class Text {
 // Draws the sheet in millimetres.
 class SheetPainter {
  public:
-  // In a surface of one channel coverage stands for albedo.
+  // On a surface with one channel, coverage represents albedo.
   SheetPainter(cairo_surface_t* surface, double units_per_mm, const Sheet& sheet)
       : context_(cairo_create(surface)),
         one_channel_(cairo_surface_get_type(surface) == CAIRO_SURFACE_TYPE_IMAGE),
         sheet_(sheet) {
     cairo_set_antialias(context_, CAIRO_ANTIALIAS_BEST);
-    // Curves are flattened to this in device units: far below a printer's dots.
+    // Curves are flattened to this tolerance in device units, far below the size of a printer's dots.
     cairo_set_tolerance(context_, 0.01);
     cairo_scale(context_, units_per_mm, units_per_mm);
     if (one_channel_) cairo_set_operator(context_, CAIRO_OPERATOR_SOURCE);
@@ -126,7 +127,7 @@ class SheetPainter {
     }
     std::vector<Eigen::Vector2d> points_mm;
     for (const Eigen::Vector2d& point : shape.points_m) points_mm.push_back(sheet_.PageFromTarget(point));
-    // All in the sense of the discs: shapes of one path then add up where they overlap.
+    // All polygons get the orientation of the discs, so that the shapes of one path add up where they overlap.
     double twice_area = 0;
     for (size_t i = 0; i < points_mm.size(); ++i) {
       const Eigen::Vector2d& a = points_mm[i];
@@ -134,7 +135,7 @@ class SheetPainter {
       twice_area += a.x() * b.y() - a.y() * b.x();
     }
     if (twice_area < 0) std::reverse(points_mm.begin(), points_mm.end());
-    // Else a line from the last shape's start would lead here.
+    // Otherwise a line would lead here from the start of the previous shape.
     cairo_new_sub_path(context_);
     for (const Eigen::Vector2d& point_mm : points_mm) cairo_line_to(context_, point_mm.x(), point_mm.y());
     cairo_close_path(context_);
@@ -143,12 +144,12 @@ class SheetPainter {
   void PaintTarget() {
     const double strip_top_mm = sheet_.page_mm.y() - sheet_.strip_mm;
     cairo_save(context_);
-    // To the right as far as there is paper: a PNG is rounded up to whole pixels.
+    // The ground extends to the right as far as there is paper, since a PNG is rounded up to whole pixels.
     cairo_rectangle(context_, 0, 0, sheet_.page_mm.x() + kMmPerInch, strip_top_mm);
     cairo_clip(context_);
     SetAlbedo(sheet_.drawing.ground);
     cairo_paint(context_);
-    // Neighbours of one albedo are one path: filled apart they would show a seam.
+    // Consecutive shapes of the same albedo form one path; filled separately, they would show a seam.
     const std::vector<Shape>& shapes = sheet_.drawing.shapes;
     for (size_t i = 0; i < shapes.size(); ++i) {
       AddPath(shapes[i]);
@@ -194,7 +195,7 @@ class SheetPainter {
       const double end_mm = left_mm + length_mm - end.width() * kPrintHeightMm;
       PaintText(end, {end_mm, top_mm + kRulerNumbersMm}, kPrintHeightMm);
     }
-    // The small print, smaller where it does not fit.
+    // The small print is scaled down if it does not fit.
     const Text print(sheet_.options.caption);
     const double room_mm = sheet_.page_mm.x() - 2 * left_mm;
     PaintText(print, {left_mm, top_mm + kPrintMm}, std::min(kPrintHeightMm, room_mm / print.width()));
@@ -205,7 +206,7 @@ class SheetPainter {
   const Sheet& sheet_;
 };
 
-// Draws on `surface` and ends it.
+// Draws on `surface`, then finishes and destroys it.
 void PaintAndFinish(cairo_surface_t* surface, double units_per_mm, const Sheet& sheet) {
   Require(cairo_surface_status(surface));
   SheetPainter(surface, units_per_mm, sheet).Paint();
@@ -214,7 +215,7 @@ void PaintAndFinish(cairo_surface_t* surface, double units_per_mm, const Sheet& 
   cairo_surface_destroy(surface);
 }
 
-// Replaces what stands between the first `before` and the next `after`.
+// Replaces the text between the first `before` and the next `after`.
 void ReplaceBetween(std::string_view before, std::string_view after, const std::string& text, std::string* bytes) {
   const size_t found = bytes->find(before);
   CHECK_NE(found, std::string::npos);
@@ -223,14 +224,14 @@ void ReplaceBetween(std::string_view before, std::string_view after, const std::
 }
 
 std::string Svg(const Sheet& sheet) {
-  // Cairo keeps paths in units of 1/256: drawn in millimetres they would be off by 2 um.
+  // Cairo stores paths in units of 1/256: drawn in millimetres, they would be off by 2 um.
   constexpr double kUnitsPerMm = 100;
   const Eigen::Vector2d size = kUnitsPerMm * sheet.page_mm;
   std::string bytes;
   PaintAndFinish(cairo_svg_surface_create_for_stream(Append, &bytes, size.x(), size.y()), kUnitsPerMm, sheet);
   ReplaceBetween(" width=\"", "\"", RoundTrip(Rounded(sheet.page_mm.x())) + "mm", &bytes);
   ReplaceBetween(" height=\"", "\"", RoundTrip(Rounded(sheet.page_mm.y())) + "mm", &bytes);
-  // Cairo counts the surfaces of the process.
+  // Cairo numbers the surfaces of a process; a fixed id gives equal bytes for equal sheets.
   ReplaceBetween("<g id=\"", "\"", "sheet", &bytes);
   return bytes;
 }
@@ -239,7 +240,7 @@ std::string Pdf(const Sheet& sheet) {
   const Eigen::Vector2d size = kPointsPerMm * sheet.page_mm;
   std::string bytes;
   cairo_surface_t* const surface = cairo_pdf_surface_create_for_stream(Append, &bytes, size.x(), size.y());
-  // Not the time of writing: the same sheet gives the same bytes.
+  // The dates are fixed, so that equal sheets give equal bytes.
   cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_CREATE_DATE, "2000-01-01T00:00:00Z");
   cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_MOD_DATE, "2000-01-01T00:00:00Z");
   cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_CREATOR, "heba");
@@ -251,7 +252,7 @@ void AppendBigEndian(uint32_t value, std::string* bytes) {
   for (int shift = 24; shift >= 0; shift -= 8) bytes->push_back(static_cast<char>((value >> shift) & 0xff));
 }
 
-// A PNG's check sum (CRC-32 of ISO 3309).
+// Computes the checksum of a PNG chunk (CRC-32 of ISO 3309).
 uint32_t Crc(std::string_view bytes) {
   uint32_t crc = 0xffffffffU;
   for (const char byte : bytes) {
@@ -272,7 +273,7 @@ std::string Png(const Sheet& sheet) {
   Require(cairo_surface_write_to_png_stream(surface, Append, &bytes));
   cairo_surface_destroy(surface);
 
-  // Cairo does not write the resolution: a chunk of its own behind the first one.
+  // Cairo does not write the resolution, so a chunk with it is inserted after the first one.
   constexpr size_t kEndOfHeader = 8 + 25;
   const uint32_t pixels_per_m = static_cast<uint32_t>(std::lround(1000 * pixels_per_mm));
   std::string resolution = "pHYs";

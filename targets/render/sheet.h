@@ -1,4 +1,4 @@
-// The sheet to print: a target's drawing true to scale, and the places of its points on it.
+// The sheet to print: the drawing of a target at true scale, with the positions of its points.
 #pragma once
 
 #include <filesystem>
@@ -14,28 +14,29 @@
 namespace heba {
 
 struct SheetOptions {
-  double dpi = 300;  // Of a PNG; the other formats have none.
+  double dpi = 300;  // Resolution of a PNG; the other formats have none.
   double margin_mm = 5;
-  // The small print: what the target is. Empty: its type, its number of points and its size.
+  // The description of the target in the small print. If empty, it states the type, the number of points and the
+  // size.
   std::string caption;
-  // Every violated constraint, one a line; empty if the options are valid.
+  // Returns the violated constraints, one per line; empty if the options are valid.
   [[nodiscard]] std::string Check() const;
 };
 
 struct SheetPoint {
   int id = 0;
   Eigen::Vector3d in_target = Eigen::Vector3d::Zero();  // m
-  Eigen::Vector2d page_mm = Eigen::Vector2d::Zero();    // Right and down from the sheet's top-left corner.
+  Eigen::Vector2d page_mm = Eigen::Vector2d::Zero();    // Offset right and down from the sheet's top-left corner.
 };
 
-// The drawing reads right on it (y_up drawings are turned over); below it runs a strip with a ruler and the small
+// A page with the drawing the right way round (y_up drawings are flipped), above a strip with a ruler and the small
 // print.
 struct Sheet {
   Drawing drawing;
   std::vector<SheetPoint> points;
-  Eigen::Vector2d page_mm = Eigen::Vector2d::Zero();  // Width and height, the strip included.
+  Eigen::Vector2d page_mm = Eigen::Vector2d::Zero();  // Width and height, including the strip.
   double strip_mm = 0;                                // Height of the strip at the bottom.
-  double ruler_mm = 0;                                // 100: a smaller target's page is wider than the target.
+  double ruler_mm = 0;                                // Length of the ruler, 100; no page is narrower.
   SheetOptions options;
 
   Eigen::Vector2d PageFromTarget(const Eigen::Vector2d& point_in_target_m) const;
@@ -43,13 +44,14 @@ struct Sheet {
 
 Sheet MakeSheet(const Target& target, const SheetOptions& options = {});
 
-// Writes the sheet as .svg, .pdf or .png, by the suffix of `path`, whole or not at all; the same sheet gives the same
-// bytes. Page point (x, y) mm is at pixel x * dpi / 25.4 - 0.5 of the PNG, which is rounded up to whole pixels and says
-// its resolution (pHYs). InputError if the suffix is another, the PNG would have more than 32767 pixels a side, or the
-// file cannot be written.
+// Writes the sheet as .svg, .pdf or .png, by the suffix of `path`, completely or not at all; equal sheets give equal
+// bytes. Page point (x, y) mm lies at pixel x * dpi / 25.4 - 0.5 of the PNG, which is rounded up to whole pixels and
+// states its resolution (pHYs). Throws InputError if the suffix is another, the target is smaller than 1 mm, the page
+// is larger than 20 m, the PNG would have more than 32767 pixels per side, or the file cannot be written.
 void WriteSheet(const Sheet& sheet, const std::filesystem::path& path);
 
-// SHEET.json (README, "Commands") of the sheet written to `path`: its suffix decides whether there is a dpi.
+// Returns SHEET.json (README, "Commands") for the sheet written to `path`, whose suffix decides whether there is a
+// dpi.
 std::string SheetJson(const Sheet& sheet, const std::filesystem::path& path);
 
 }  // namespace heba

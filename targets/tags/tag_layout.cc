@@ -8,9 +8,9 @@
 namespace heba {
 namespace {
 
-// Whether the two tags' corners are one plane's, nearly: the residual of the homography of all eight in units of the
-// smaller tag's side. A fisheye bends a board by some hundredths between neighbours; a wrongly decoded tag is off by
-// its side.
+// Returns whether the corners of two tags lie approximately on one plane: the residuals of the homography fitted to
+// all eight may be at most `max_residual_ratio` sides of the smaller tag. A fisheye lens bends a target by some
+// hundredths of a side between neighbours, whereas a wrongly decoded tag is off by a whole side.
 bool Agree(const SeenTag& a, const SeenTag& b, const TagLayout& layout, double max_residual_ratio) {
   std::vector<Eigen::Vector2d> board_m;
   std::vector<Eigen::Vector2d> image_px;
@@ -28,7 +28,7 @@ bool Agree(const SeenTag& a, const SeenTag& b, const TagLayout& layout, double m
   return true;
 }
 
-// Groups of tags that agree with one another, by the index of the group's first tag.
+// Groups of tags that agree with one another (union-find). A group is identified by the index of its first tag.
 class Groups {
  public:
   explicit Groups(size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), size_t{0}); }
@@ -61,8 +61,8 @@ double MeanSide(const TagCorners& corners) {
 Eigen::Vector2d CentreOf(const TagCorners& corners) { return (corners[0] + corners[1] + corners[2] + corners[3]) / 4; }
 
 ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout& layout, int num_bit_errors_alone) {
-  // Neighbours, the next but one included (a tag between them may be hidden).
-  constexpr double kReachOfNeighbours = 2.9;  // Of the pitch: two steps along each axis.
+  // Neighbours include the next but one, since a tag between them may be hidden.
+  constexpr double kReachOfNeighbours = 2.9;  // Multiple of the pitch: two steps along each axis.
   constexpr double kMaxResidualRatio = 0.12;
   constexpr double kMaxResidualRatioFarther = 0.3;
   Groups groups(seen.size());
@@ -77,7 +77,7 @@ ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout&
   }
   std::vector<size_t> group_size(seen.size(), 0);
   for (size_t i = 0; i < seen.size(); ++i) ++group_size[groups.Find(i)];
-  // The largest groups first; among single tags those with the fewest bit errors.
+  // The largest groups come first; among single tags, those with the fewest bit errors.
   std::vector<size_t> order(seen.size());
   std::iota(order.begin(), order.end(), size_t{0});
   std::sort(order.begin(), order.end(), [&](size_t i, size_t j) {
@@ -94,8 +94,8 @@ ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout&
   for (size_t begin = 0; begin < order.size(); begin = end) {
     const size_t group = groups.Find(order[begin]);
     while (end < order.size() && groups.Find(order[end]) == group) ++end;
-    // A group beside the largest one (a hand may part a board) is of the same board if it fits to it, though loosely:
-    // far apart the lens bends more.
+    // A group separated from the largest one (a hand may divide a target) belongs to the same target if it fits
+    // loosely: over larger distances the lens bends more.
     bool belongs =
         kept.tags.empty() ? end - begin > 1 || seen[order[begin]].num_bit_errors <= num_bit_errors_alone : false;
     std::vector<SeenTag> additional;

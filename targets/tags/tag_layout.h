@@ -1,5 +1,5 @@
-// What tags and markers on a flat board have in common: where each lies, and whether what was decoded in a picture
-// agrees with that.
+// Common parts of flat targets with tags or markers: the position of each tag, and whether the tags decoded in an
+// image are consistent with these positions.
 #pragma once
 
 #include <array>
@@ -11,18 +11,18 @@
 
 namespace heba {
 
-// The corners of one tag, in the same order on the board and in the picture.
+// The corners of a tag, in the same order on the target and in the image.
 using TagCorners = std::array<Eigen::Vector2d, 4>;
 
 struct SeenTag {
-  int index = 0;  // In TagLayout.
+  int index = 0;  // Index in TagLayout::corners_m.
   TagCorners corners_px;
   int num_bit_errors = 0;
 };
 
 struct TagLayout {
   std::vector<TagCorners> corners_m;
-  double pitch_m = 0;  // Between the centres of neighbouring tags.
+  double pitch_m = 0;  // Distance between the centres of neighbouring tags.
 
   Eigen::Vector2d Centre(int index) const;
 };
@@ -31,17 +31,17 @@ double MinSide(const TagCorners& corners);
 double MeanSide(const TagCorners& corners);
 Eigen::Vector2d CentreOf(const TagCorners& corners);
 
-// The tags that can be one board: each agrees with tags near it up to what a lens does between neighbours. An index
-// that remains more than once (two such boards) goes to the larger group. `num_bit_errors_alone` is what a tag without
-// any neighbour may have.
 struct ConsistentTags {
-  std::vector<SeenTag> tags;  // By increasing index, each once.
+  std::vector<SeenTag> tags;  // Sorted by index, each once.
   int num_dropped = 0;
 };
+// Keeps the tags that can belong to one target: each agrees with tags near it up to the distortion of a lens between
+// neighbours. If several tags with the same index remain (two such targets are visible), the one in the larger group
+// is kept. A tag without any neighbour is kept only if it has at most `num_bit_errors_alone` bit errors.
 ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout& layout, int num_bit_errors_alone);
 
-// image_from_board near `at_m`, from the `num_nearest` of `tags` that are nearest to it on the board; no value
-// without tags.
+// Fits image_from_board near `at_m` to the `num_nearest` of `tags` that are nearest to it on the target. Returns
+// nothing if there are no tags or their corners are degenerate.
 std::optional<Eigen::Matrix3d> LocalHomography(const std::vector<SeenTag>& tags, const TagLayout& layout,
                                                const Eigen::Vector2d& at_m, size_t num_nearest);
 

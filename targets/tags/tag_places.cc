@@ -14,14 +14,14 @@
 namespace heba {
 namespace {
 
-// libapriltag's constants.
+// These constants are libapriltag's.
 constexpr int kTilePx = 4;
-constexpr int kMinContrast = 5;  // The least range of neighbouring tiles that tells dark from light; grey levels.
+constexpr int kMinContrast = 5;  // Minimum range of neighbouring tiles that tells dark from light, in grey levels.
 
-// A tag whose cells are to be told apart; pixels of the decimated picture.
+// Minimum side of a region whose cells can be distinguished, in pixels of the decimated image.
 constexpr int kLargePx = 32;
 
-// Every `decimate`th pixel of every such row, as libapriltag takes them.
+// Returns every `decimate`th pixel of every `decimate`th row, as libapriltag does.
 cv::Mat Decimated(const cv::Mat& grey, int decimate) {
   if (decimate == 1) return grey;
   cv::Mat decimated((grey.rows - 1) / decimate + 1, (grey.cols - 1) / decimate + 1, CV_8UC1);
@@ -33,14 +33,14 @@ cv::Mat Decimated(const cv::Mat& grey, int decimate) {
   return decimated;
 }
 
-// The least and greatest grey value of each tile and its eight neighbours.
+// The minimum and maximum grey value of each tile and its eight neighbours.
 struct TileRange {
   cv::Mat min;
   cv::Mat max;
-  double noise_grey = 0;  // Standard deviation of a pixel, at most.
+  double noise_grey = 0;  // Upper bound of the standard deviation of a pixel.
 };
 
-// Returns the standard deviation of a pixel's grey value, by the tiles that show the least.
+// Estimates the standard deviation of a pixel's grey value from the tiles with the smallest ranges.
 double NoiseOf(const cv::Mat& min, const cv::Mat& max) {
   std::array<int, 256> counts{};
   for (int y = 0; y < min.rows; ++y) {
@@ -49,7 +49,7 @@ double NoiseOf(const cv::Mat& min, const cv::Mat& max) {
     for (int x = 0; x < min.cols; ++x) ++counts[static_cast<size_t>(high[x] - low[x])];
   }
   constexpr double kShare = 0.25;
-  // That many of the ranges of 16 normally distributed values are smaller.
+  // The range of 16 normally distributed values has its kShare quantile at this many standard deviations.
   constexpr double kRangeOfSigma = 3.0;
   const double wanted = kShare * static_cast<double>(min.total());
   double sum = 0;
@@ -90,12 +90,12 @@ TileRange RangesOf(const cv::Mat& grey) {
   return around;
 }
 
-// 255 where a pixel is dark (or light) beside what is around it, 0 elsewhere.
+// Returns a mask that is 255 where a pixel is dark (or light) relative to its surroundings and 0 elsewhere.
 cv::Mat Thresholded(const cv::Mat& grey, const TileRange& ranges, bool is_light) {
-  // Noise alone has ranges of 5.3 of its standard deviations in nine tiles, with a deviation of 0.6.
+  // The range of pure noise over nine tiles is 5.3 standard deviations on average, with a deviation of 0.6.
   const double min_range = std::max<double>(kMinContrast, 6.5 * ranges.noise_grey);
   cv::Mat mask(grey.size(), CV_8UC1);
-  std::vector<uchar> lowest(static_cast<size_t>(grey.cols));  // Grey values of the mask, by column.
+  std::vector<uchar> lowest(static_cast<size_t>(grey.cols));  // Range of grey values in the mask, by column.
   std::vector<uchar> highest(static_cast<size_t>(grey.cols));
   for (int y = 0; y < grey.rows; ++y) {
     const int tile_y = std::min(y / kTilePx, ranges.min.rows - 1);
@@ -106,7 +106,7 @@ cv::Mat Thresholded(const cv::Mat& grey, const TileRange& ranges, bool is_light)
         const int max = ranges.max.at<uchar>(tile_y, tile_x);
         const int middle = min + (max - min) / 2;
         const bool is_flat = max - min < min_range;
-        // The range is empty where nothing can be told.
+        // The range is empty where dark and light cannot be told apart.
         lowest[static_cast<size_t>(x)] = static_cast<uchar>(is_flat ? 255 : is_light ? middle + 1 : 0);
         highest[static_cast<size_t>(x)] = static_cast<uchar>(is_flat ? 0 : is_light ? 255 : middle);
       }
@@ -120,7 +120,7 @@ cv::Mat Thresholded(const cv::Mat& grey, const TileRange& ranges, bool is_light)
   return mask;
 }
 
-// Means of the grey values of a region and of what else is in its box.
+// Mean grey values of a region and of the rest of its bounding box.
 struct RegionGrey {
   double inside = 0;
   double around = 0;
@@ -144,7 +144,7 @@ RegionGrey GreyOf(const cv::Mat& grey, const cv::Mat& labels, int label, const c
   return {mean(1), counts[0] == 0 ? 255 - mean(1) : mean(0)};
 }
 
-// The outermost pixels of a region by row and by column.
+// Returns the outermost pixels of a region in each row and in each column.
 std::vector<cv::Point> OutermostPixels(const cv::Mat& labels, int label, const cv::Rect& box) {
   std::vector<cv::Point> pixels;
   pixels.reserve(static_cast<size_t>(2 * (box.width + box.height)));
@@ -180,8 +180,8 @@ double AreaOfTriangle(const cv::Point& a, const cv::Point& b, const cv::Point& c
   return 0.5 * std::abs((b - a).cross(c - a));
 }
 
-// Returns the four corners of the points' convex hull that are left when the others go, one by one, the one that cuts
-// off the least first; nothing for a hull of fewer.
+// Returns the four corners that remain of the points' convex hull when corners are removed one by one, always the one
+// that cuts off the smallest area. Returns nothing if the hull has fewer than four.
 std::optional<Corners> CornersOf(const std::vector<cv::Point>& points) {
   std::vector<cv::Point> hull;
   cv::convexHull(points, hull);
@@ -219,15 +219,15 @@ double MeanSide(const Corners& corners) {
 double AreaPx2(const Corners& corners) {
   double area = 0;
   for (size_t k = 0; k < 4; ++k) area += 0.5 * corners[k].cross(corners[(k + 1) % 4]);
-  // Pixels have a side of their own.
+  // The corners are centres of pixels, whose own extent adds to the area.
   return std::abs(area) + 2 * MeanSide(corners) + 1;
 }
 
-// Whether an outline follows four straight lines, as far as a lens lets it.
+// Returns whether an outline follows four straight lines, as far as lens distortion permits.
 bool IsAboutQuadrilateral(const std::vector<cv::Point>& outermost, const Corners& corners) {
   constexpr double kMinReachPx = 1.6;
-  constexpr double kMaxReachPx = 7;     // libapriltag's lines are off by the root of 10 px^2 on average, at most.
-  constexpr double kReachRatio = 0.06;  // A bent side leaves its chord by this much of its length, at most.
+  constexpr double kMaxReachPx = 7;     // libapriltag accepts lines with a mean squared error of at most 10 px^2.
+  constexpr double kReachRatio = 0.06;  // Maximum deviation of a bent side from its chord, relative to its length.
   constexpr double kMinShare = 0.7;
   const double reach_px = std::clamp(kReachRatio * MeanSide(corners), kMinReachPx, kMaxReachPx);
   const auto num_near = std::count_if(outermost.begin(), outermost.end(), [&](const cv::Point& pixel) {
@@ -239,9 +239,9 @@ bool IsAboutQuadrilateral(const std::vector<cv::Point>& outermost, const Corners
   return static_cast<double>(num_near) >= kMinShare * static_cast<double>(outermost.size());
 }
 
-// Whether the middle of a quadrilateral has cells of both kinds, as each code has.
+// Returns whether the middle of a quad has cells of both colours, as every code does.
 bool HasCells(const cv::Mat& grey, const Corners& corners, const RegionGrey& means) {
-  constexpr double kMiddle = 0.7;  // The middle's share of its size.
+  constexpr double kMiddle = 0.7;  // Size of the middle relative to the quad.
   const cv::Point2d centre = 0.25 * cv::Point2d(corners[0] + corners[1] + corners[2] + corners[3]);
   std::array<cv::Point2d, 4> middle;
   cv::Point2d low = centre;
@@ -252,7 +252,7 @@ bool HasCells(const cv::Mat& grey, const Corners& corners, const RegionGrey& mea
     high = {std::max(high.x, middle[k].x), std::max(high.y, middle[k].y)};
   }
   const double turn = (middle[1] - middle[0]).cross(middle[2] - middle[0]) < 0 ? -1.0 : 1.0;
-  constexpr double kOtherKind = 0.35;  // Blurred cells reach no further from the one kind to the other.
+  constexpr double kOtherKind = 0.35;  // Share of the contrast that blurred cells still reach.
   const double limit = means.inside + kOtherKind * (means.around - means.inside);
   const bool is_dark = means.inside < means.around;
   int count = 0;
@@ -273,7 +273,7 @@ bool HasCells(const cv::Mat& grey, const Corners& corners, const RegionGrey& mea
   return num_other >= kMinShare * count;
 }
 
-// Whether a box is one of others, up to what their pixels' sizes do.
+// Returns whether a box equals one of `boxes`, up to the sizes of the pixels that they were found with.
 bool IsAmong(const std::vector<cv::Rect>& boxes, const cv::Rect& box) {
   constexpr double kSameRatio = 0.75;
   return std::any_of(boxes.begin(), boxes.end(), [&](const cv::Rect& other) {
@@ -282,7 +282,7 @@ bool IsAmong(const std::vector<cv::Rect>& boxes, const cv::Rect& box) {
   });
 }
 
-// Boxes become one where that costs little.
+// Adds a box, merged with other boxes as long as that adds little area.
 void AddMerged(cv::Rect box, std::vector<cv::Rect>* boxes) {
   constexpr double kMaxRatio = 1.1;
   for (bool is_grown = true; is_grown;) {
@@ -310,16 +310,16 @@ std::vector<cv::Rect> FindTagPlaces(const cv::Mat& grey, const TagPlaceOptions& 
   const cv::Mat decimated = Decimated(grey, decimate);
   if (std::min(decimated.cols, decimated.rows) < 2 * kTilePx) return {whole};
   const TileRange ranges = RangesOf(decimated);
-  // Regions of noise differ from their surroundings by less than two of its standard deviations.
+  // Regions of pure noise differ from their surroundings by less than two standard deviations.
   const double min_contrast = std::max<double>(kMinContrast, 2.5 * ranges.noise_grey);
   cv::Mat labels;
   cv::Mat stats;
   cv::Mat centres;
-  // libapriltag joins dark pixels along their sides, light ones at their corners too.
+  // libapriltag connects dark pixels along their sides, and light ones at their corners too.
   const int connectivity = options.is_light_in_dark ? 8 : 4;
   const int num_labels = cv::connectedComponentsWithStats(Thresholded(decimated, ranges, options.is_light_in_dark),
                                                           labels, stats, centres, connectivity, CV_32S);
-  // libapriltag takes quads of 95 percent of this, by outlines that are half a pixel off.
+  // libapriltag accepts quads of 95 percent of this area, measured by outlines that are half a pixel off.
   const double min_area_px2 = 0.8 * std::pow(std::max(3.0, options.min_side_px / decimate), 2);
   const int tile_px = kTilePx * decimate;
   std::vector<cv::Rect> boxes;
@@ -339,14 +339,15 @@ std::vector<cv::Rect> FindTagPlaces(const cv::Mat& grey, const TagPlaceOptions& 
     if (!corners || AreaPx2(*corners) < min_area_px2 || !IsAboutQuadrilateral(outermost, *corners)) continue;
     const bool is_large = std::min(region.width, region.height) >= kLargePx;
     if (is_large && !HasCells(decimated, *corners, means)) continue;
-    // The box takes in what the same tiles and their neighbours threshold, and the paper that a tag is decoded against.
+    // The box includes the pixels that the same tiles and their neighbours threshold, and the paper that a tag is
+    // decoded against.
     const int room_px = decimate * (2 * kTilePx + std::max(region.width, region.height) / 4);
     const int left = std::max(0, (region_px.x - room_px) / tile_px * tile_px);
     const int top = std::max(0, (region_px.y - room_px) / tile_px * tile_px);
     const int right = (region_px.br().x + room_px) / tile_px * tile_px + tile_px;
     const int bottom = (region_px.br().y + room_px) / tile_px * tile_px + tile_px;
     AddMerged(cv::Rect(left, top, right - left, bottom - top) & whole, &boxes);
-    // A region at the border of the picture may have an edge of its own that shows in a finer picture.
+    // A region at the border of the image may have an edge of its own that becomes visible in a finer image.
     const bool is_inside =
         region.x > 0 && region.y > 0 && region.br().x < decimated.cols && region.br().y < decimated.rows;
     if (is_inside && is_large) now_searched.push_back(region_px);

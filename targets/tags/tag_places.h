@@ -1,5 +1,5 @@
-// The parts of a picture in which libapriltag can see a tag at all. Its search takes far longer where a picture is full
-// of edges than where it is smooth, whether or not these edges belong to quadrilaterals.
+// The parts of an image in which libapriltag can detect a tag at all. Its search takes far longer in an image full of
+// edges than in a smooth one, whether or not these edges belong to quads.
 #pragma once
 
 #include <vector>
@@ -10,20 +10,19 @@
 namespace heba {
 
 struct TagPlaceOptions {
-  int decimate = 1;               // libapriltag's quad_decimate; a whole number.
-  double min_side_px = 0;         // The least side of a tag that can be decoded, in pixels of the picture.
-  bool is_light_in_dark = false;  // The family's quad is the inner side of a black ring, not the outer one.
+  int decimate = 1;               // libapriltag's quad_decimate; an integer.
+  double min_side_px = 0;         // Minimum side of a tag that can be decoded, in pixels of the full image.
+  bool is_light_in_dark = false;  // Whether the family's quad is the inner side of a black ring, not the outer one.
 };
 
-// Returns boxes in pixels of `grey` (CV_8UC1) that together hold, with room around it, each region whose outline is
-// about a quadrilateral and that stands out from the noise: dark regions, or light ones. The regions are those of
-// libapriltag's adaptive threshold (Wang and Olson, "AprilTag 2", IROS 2016, section III.A), and the boxes keep to its
-// tiles, so that it sees in a box what it sees in the whole picture. Boxes may overlap a little. A picture of less than
-// two tiles is one box.
+// Returns boxes in pixels of `grey` (CV_8UC1) that together contain, with a margin, each region whose outline is
+// approximately a quad and that stands out from the noise: dark regions, or light ones. The regions are those of
+// libapriltag's adaptive threshold (Wang and Olson, "AprilTag 2", IROS 2016, section III.A), and the boxes are
+// aligned with its tiles, so that it sees the same in a box as in the whole image. Boxes may overlap slightly. An
+// image of less than two tiles is returned as one box.
 //
-// `searched` lists regions, as boxes in pixels, that were large in coarser pictures of the same scene, so that nothing
-// new is to be seen in a finer one: these are left out, and the large regions of this picture are added. It may be
-// null.
+// `searched` lists boxes, in pixels, of regions that were large in coarser images of the same scene, so that a finer
+// image shows nothing new of them. They are skipped, and the large regions of this image are added. It may be null.
 std::vector<cv::Rect> FindTagPlaces(const cv::Mat& grey, const TagPlaceOptions& options,
                                     std::vector<cv::Rect>* searched);
 

@@ -1,14 +1,14 @@
-// A grid of AprilTags in Kalibr's geometry, or a single tag. Frame: origin at the outer bottom-left corner of the first
-// tag, x to the right, y up, z out of the sheet; tags are numbered row by row from the bottom left. Point id = 4 * tag
-// + corner, corners counter-clockwise from the bottom left.
+// A grid of AprilTags in Kalibr's geometry, or a single tag. Frame: origin at the outer bottom-left corner of the
+// first tag, x to the right, y up, z out of the sheet. Tags are numbered row by row from the bottom left. Point id =
+// 4 * tag id + corner, with the corners counter-clockwise from the bottom left.
 //
 // A tag's corners are those of the quad that libapriltag reports: the outer edge of the black border. Tags of the
 // families tagCircle..., tagCustom... and tagStandard... have cells outside of that quad, which is the inner one of a
-// black ring: `tag_size` is the quad's side for them too, not the side of what is printed.
+// black ring: `tag_size` is the quad's side for them too, not the side of the printed tag.
 //
-// libapriltag sees a black region only if nothing black touches it. Kalibr's corner squares touch the tags, so that it
-// misses some: they are looked for with the black regions parted, and then where the tags around them say, refined as
-// saddles and decoded there.
+// libapriltag detects a black region only if nothing black touches it. Kalibr's corner squares touch the tags, so
+// that it misses some of them. These are searched for with the black regions separated, and then at the positions
+// that the tags around them predict, where they are refined as saddles and decoded.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -65,7 +65,7 @@ constexpr FamilyName kFamilies[] = {
     {"tagStandard52h13", &tagStandard52h13_create, &tagStandard52h13_destroy},
 };
 
-// One of libapriltag's families, owned.
+// Owns one of libapriltag's families.
 class Family {
  public:
   explicit Family(const FamilyName& name) : name_(&name), family_(name.create()) {}
@@ -79,7 +79,8 @@ class Family {
 
   const apriltag_family_t& operator*() const { return *family_; }
   const apriltag_family_t* operator->() const { return family_; }
-  // Cells outside of the reported quad, on each side, that belong to the tag (and not to the paper).
+  // Returns the number of cells outside the reported quad, on each side, that belong to the tag (and not to the
+  // paper).
   int NumOuterCells() const {
     return family_->reversed_border ? (family_->total_width - family_->width_at_border) / 2 : 0;
   }
@@ -95,21 +96,21 @@ struct TagGridGeometry {
   int columns = 0;
   double tag_size_m = 0;
   int border_bits = 1;
-  double tag_spacing_ratio = 0;  // Gap between tags, of tag_size_m.
+  double tag_spacing_ratio = 0;  // Ratio of the gap between tags to tag_size_m.
   int first_id = 0;
   bool corner_squares = true;
 };
 
-// Bit errors that may be corrected: far fewer than the code distance allows, since every quad in a picture is a chance
-// to misread: none for 16h5, 1 for 25h9, 2 (libapriltag's most) for 36h11.
+// Returns the number of bit errors that may be corrected. It is far smaller than the code distance allows, since
+// every quad in an image may be misread: 0 for 16h5, 1 for 25h9, 2 (libapriltag's maximum) for 36h11.
 int MaxBitErrors(const apriltag_family_t& family) { return std::clamp((static_cast<int>(family.h) - 5) / 3, 0, 2); }
 
-// The tags of a family that are on the board, their black border as wide as the board's. Ids become indices from 0.
+// The tags of a family that are on the target, with the target's border width. Ids become indices from 0.
 class BoardFamily {
  public:
   BoardFamily(Family family, const TagGridGeometry& geometry, int max_bit_errors)
       : source_(std::move(family)), family_(*source_) {
-    // Only the board's codes: the table of codes with errors of a large family would take gigabytes.
+    // Only the target's codes are used: the lookup table of codes with errors of a large family would take gigabytes.
     family_.codes += geometry.first_id;
     family_.ncodes = static_cast<uint32_t>(geometry.rows * geometry.columns);
     const int added = geometry.border_bits - 1;
@@ -122,8 +123,8 @@ class BoardFamily {
     family_.bit_x = bit_x_.data();
     family_.bit_y = bit_y_.data();
     family_.impl = nullptr;
-    // A detector builds the table when it is given the family and frees it when it is destroyed: this one never
-    // detects.
+    // A detector builds the lookup table when a family is added and frees it when it is destroyed. This one never
+    // detects, it only owns the table.
     table_owner_ = apriltag_detector_create();
     apriltag_detector_add_family_bits(table_owner_, &family_, max_bit_errors);
   }
@@ -131,30 +132,30 @@ class BoardFamily {
   BoardFamily(const BoardFamily&) = delete;
   BoardFamily& operator=(const BoardFamily&) = delete;
 
-  // In cells, the side of the quad that libapriltag reports.
+  // Returns the side of the quad that libapriltag reports, in cells.
   int width() const { return family_.width_at_border; }
   uint32_t num_bits() const { return family_.nbits; }
   int NumOuterCells() const { return source_.NumOuterCells(); }
-  // A data bit's cell; (0, 0) is the quad's top-left one.
+  // Returns a data bit's cell; (0, 0) is the quad's top-left one.
   int BitX(uint32_t bit) const { return static_cast<int>(bit_x_[bit]); }
   int BitY(uint32_t bit) const { return static_cast<int>(bit_y_[bit]); }
   bool IsWhite(int index, uint32_t bit) const {
     return ((family_.codes[index] >> (family_.nbits - 1 - bit)) & 1u) != 0;
   }
-  // Whether a cell is printed black; cells that are neither data nor border are paper.
+  // Returns whether a cell is printed black; cells that are neither data nor border are paper.
   bool IsBlack(int index, int x, int y) const {
     for (uint32_t bit = 0; bit < family_.nbits; ++bit) {
       if (BitX(bit) == x && BitY(bit) == y) return !IsWhite(index, bit);
     }
     const int ring = std::min({x, y, width() - 1 - x, width() - 1 - y});
-    // A reversed border's quad lies between a black ring outside and a white one inside.
+    // The quad of a reversed border lies between a black ring outside and a white one inside.
     return family_.reversed_border ? ring == -1 : ring >= 0;
   }
 
-  // All tags of the board that libapriltag decodes; corners in this program's pixels. A tag may be there twice. Regions
-  // that were `searched` before are left out, as FindTagPlaces has it.
+  // Returns all tags of the target that libapriltag decodes, with corners in this program's pixels. A tag may occur
+  // twice. Regions in `searched` are left out, see FindTagPlaces.
   std::vector<SeenTag> Detect(const cv::Mat& grey, double decimate, std::vector<cv::Rect>* searched = nullptr) const {
-    // libapriltag's tiles of 4 px do not fit into less.
+    // libapriltag's tiles of 4 px do not fit into smaller images.
     constexpr int kMinDecimatedPx = 8;
     decimate =
         std::clamp(std::floor(std::min(grey.cols, grey.rows) / static_cast<double>(kMinDecimatedPx)), 1.0, decimate);
@@ -162,12 +163,12 @@ class BoardFamily {
       apriltag_family_t family;
       apriltag_detector_t* detector = apriltag_detector_create();
       ~Detector() {
-        family.impl = nullptr;  // The shared table stays.
+        family.impl = nullptr;  // The shared lookup table is not freed here.
         apriltag_detector_destroy(detector);
       }
     };
     Detector owner = {family_};
-    apriltag_detector_add_family_bits(owner.detector, &owner.family, 0);  // Its table is there already.
+    apriltag_detector_add_family_bits(owner.detector, &owner.family, 0);  // The lookup table exists already.
     owner.detector->nthreads = 1;
     owner.detector->quad_decimate = static_cast<float>(decimate);
     owner.detector->refine_edges = true;
@@ -240,7 +241,7 @@ class AprilTagGrid final : public Target {
     cv::Rect whole(0, 0, grey.cols, grey.rows);
     std::vector<cv::Rect> parts = {whole};
     const std::vector<double> decimations = Decimations(grey);
-    // The finest again, as long as what it finds tells more of where others are.
+    // The finest pass is repeated as long as it finds tags that predict the positions of others.
     for (size_t pass = 0; !parts.empty(); ++pass) {
       const double decimate = decimations[std::min(pass, decimations.size() - 1)];
       const size_t num_before = search.NumKnown();
@@ -255,7 +256,7 @@ class AprilTagGrid final : public Target {
       const bool was_whole = parts.front() == whole;
       parts = WhereMissing(whole, search, was_seen_well);
       const bool is_whole = !parts.empty() && parts.front() == whole;
-      // All of the picture again is worth its time only as long as finer passes find something.
+      // The whole image is searched again only as long as finer passes find something.
       if (is_whole && was_seen_well && num_before > 0 && !is_new) break;
       if (pass + 1 >= decimations.size() && (!is_new || (is_whole && was_whole))) break;
     }
@@ -283,23 +284,23 @@ class AprilTagGrid final : public Target {
   TargetSettings UnitLengths() const override { return {{"tag_size", UnitLength(1, 1)}}; }
 
  private:
-  // What is known of a picture so far, pass by pass.
+  // The state of the search in an image, pass by pass.
   struct Search {
     explicit Search(size_t num_tags) : fits(num_tags) {}
     std::vector<SeenTag> candidates;
-    ConsistentTags board;  // Of the candidates.
-    // Of each tag of the board, by all its grey values: where that was begun last, and what came of it.
+    ConsistentTags board;  // Candidates that are consistent.
+    // The fit of each of the target's tags to all its grey values: the last start and its result.
     struct Fit {
       std::optional<TagCorners> start_px;
       std::optional<PatternFit> fit;
     };
     std::vector<Fit> fits;
-    // Large regions of the picture in which libapriltag was asked for tags, and of the picture with regions parted.
+    // Large regions in which libapriltag has searched for tags, in the image and in the image with separated regions.
     std::vector<cv::Rect> searched;
     std::vector<cv::Rect> searched_parted;
 
     bool IsSettled(int index) const { return fits[static_cast<size_t>(index)].fit.has_value(); }
-    // Tags, and once more those that are settled.
+    // Returns the number of tags plus the number of settled ones.
     size_t NumKnown() const {
       const auto num_settled =
           std::count_if(board.tags.begin(), board.tags.end(), [&](const SeenTag& tag) { return IsSettled(tag.index); });
@@ -307,11 +308,11 @@ class AprilTagGrid final : public Target {
     }
   };
 
-  // Below this no tag can be decoded, and libapriltag's tiles do not fit.
+  // No tag can be decoded in a smaller image, and libapriltag's tiles do not fit into it.
   static constexpr int kMinSidePx = 16;
   static bool IsTooSmall(const cv::Mat& grey) { return std::min(grey.cols, grey.rows) < kMinSidePx; }
 
-  // Of all tags of the family, without a wrong bit.
+  // Returns the ids of all tags of the family that are decoded without a bit error.
   std::vector<int> SeenIds(const cv::Mat& grey) const {
     if (IsTooSmall(grey)) return {};
     Family family(EntryNamed(kFamilies, geometry_.family));
@@ -336,12 +337,12 @@ class AprilTagGrid final : public Target {
     const double cell_m = geometry_.tag_size_m / family_.width();
     const double gap_m = geometry_.tag_size_m * geometry_.tag_spacing_ratio;
     const double outer_m = family_.NumOuterCells() * cell_m;
-    // A cell of paper around all that is printed.
+    // One cell of paper surrounds everything that is printed.
     const double rim_m = std::max(geometry_.corner_squares ? gap_m : 0.0, outer_m) + cell_m;
     const Eigen::Vector2d last_m = layout_.corners_m.back()[2];
     drawing.min_m = {-rim_m, -rim_m};
     drawing.max_m = {last_m.x() + rim_m, last_m.y() + rim_m};
-    // Labels stand in the gap below the tag, away from its corners.
+    // Labels are in the gap below the tag, away from its corners.
     const double room_m = (layout_.corners_m.size() > 1 ? std::min(gap_m, rim_m) : rim_m) - outer_m;
     const double height_m = std::min(0.002, 0.3 * room_m);
     for (int index = 0; index < static_cast<int>(layout_.corners_m.size()); ++index) {
@@ -364,25 +365,25 @@ class AprilTagGrid final : public Target {
 
   int PointId(int index, size_t corner) const { return 4 * (geometry_.first_id + index) + static_cast<int>(corner); }
 
-  // Of so many pixels, a picture shows most of what there is.
+  // An image of this many pixels shows most of what there is.
   static constexpr double kSeenWellPx = 1e6;
-  // By how much the picture has to be made smaller to have so many pixels.
+  // Returns the factor by which the image must be reduced to this many pixels.
   static double DecimationTo(const cv::Mat& grey, double num_px) {
     return std::ceil(std::sqrt(static_cast<double>(grey.total()) / num_px));
   }
-  // How coarsely libapriltag looks for quads, pass by pass: first so that it takes some milliseconds, then finer. It
-  // decodes and refines edges in the whole picture in any case.
+  // Returns libapriltag's quad_decimate for every pass: the first pass takes some milliseconds, the next ones are
+  // finer. Tags are decoded and edges refined at full resolution in any case.
   static std::vector<double> Decimations(const cv::Mat& grey) {
     constexpr double kFirstPx = 1e5;
     constexpr double kSlowPx = 14e6;
-    // Blurred tags are better found in a coarser picture.
+    // Blurred tags are found better in a coarser image.
     std::vector<double> decimations = {std::max(2.0, DecimationTo(grey, kFirstPx))};
     const double finest = DecimationTo(grey, kSlowPx);
     while (decimations.back() > finest) decimations.push_back(std::max(finest, std::ceil(decimations.back() / 2)));
     return decimations;
   }
 
-  // Black regions that touch come apart: white grows by one pixel of the decimated picture.
+  // Returns by how much white grows to separate black regions that touch: one pixel of the decimated image.
   static int GrownPx(double decimate) { return static_cast<int>(decimate); }
   static cv::Mat SeparateTouching(const cv::Mat& grey, double decimate) {
     const int side_px = 2 * GrownPx(decimate) + 1;
@@ -391,12 +392,13 @@ class AprilTagGrid final : public Target {
     return parted;
   }
 
-  // Only the whole picture is searched for nothing: a part of it is where tags are expected.
+  // Returns `searched` if the part is the whole image, else null: all of a smaller part is searched, since tags are
+  // expected there.
   static std::vector<cv::Rect>* SearchedOf(const cv::Mat& grey, const cv::Rect& part, std::vector<cv::Rect>* searched) {
     return part == cv::Rect(0, 0, grey.cols, grey.rows) ? searched : nullptr;
   }
 
-  // What libapriltag sees in a part of the picture, its corners refined.
+  // Adds the tags that libapriltag detects in a part of the image, with their corners refined.
   void AddSeen(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
     for (const SeenTag& found : family_.Detect(grey(part), decimate, SearchedOf(grey, part, &search->searched))) {
       SeenTag tag = Shifted(found, part);
@@ -404,13 +406,13 @@ class AprilTagGrid final : public Target {
       AddCandidate(tag, search);
     }
   }
-  // The same with black regions parted.
+  // Adds the tags that libapriltag detects after separating black regions.
   void AddParted(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
     for (const SeenTag& found : family_.Detect(SeparateTouching(grey(part), decimate), decimate,
                                                SearchedOf(grey, part, &search->searched_parted))) {
       SeenTag tag = Shifted(found, part);
       OffsetQuad(GrownPx(decimate), &tag.corners_px);
-      // By how much the edges moved is a guess, not a measurement: only as a start for the saddles.
+      // The offset of the edges is a guess, not a measurement: it only gives the start for the saddles.
       if (RefineOnSquares(grey, &tag)) AddCandidate(tag, search);
     }
   }
@@ -420,14 +422,14 @@ class AprilTagGrid final : public Target {
     return tag;
   }
 
-  // The same tag at the same place.
+  // Finds the same tag at the same position.
   static std::vector<SeenTag>::iterator FindCandidate(const SeenTag& tag, Search* search) {
     return std::find_if(search->candidates.begin(), search->candidates.end(), [&](const SeenTag& other) {
       return other.index == tag.index &&
              (CentreOf(other.corners_px) - CentreOf(tag.corners_px)).norm() < 0.5 * MeanSide(tag.corners_px);
     });
   }
-  // One that is settled stays as it is; of others a finer pass knows better.
+  // Adds a candidate, or replaces a known one that is not settled: a finer pass is more accurate.
   static void AddCandidate(const SeenTag& tag, Search* search) {
     const auto known = FindCandidate(tag, search);
     if (known == search->candidates.end()) {
@@ -437,12 +439,12 @@ class AprilTagGrid final : public Target {
     }
   }
 
-  // Puts the board together from the candidates and fits what is new of it.
+  // Selects the target's tags from the candidates and fits those that are new.
   void Settle(const cv::Mat& grey, Search* search) const {
     search->board = KeepConsistent(search->candidates, layout_, std::max(0, max_bit_errors_ - 1));
     FillIn(grey, &search->board.tags);
     FitAll(grey, search);
-    // What is settled is a candidate from now on, however it was found.
+    // A settled tag is a candidate from now on, however it was found.
     for (const SeenTag& tag : Fitted(*search)) {
       const auto known = FindCandidate(tag, search);
       if (known == search->candidates.end()) {
@@ -453,9 +455,9 @@ class AprilTagGrid final : public Target {
     }
   }
 
-  // The parts of the picture in which those tags must lie that are not settled; nothing if there is nothing left to
-  // look for. All of the picture as long as too few tags are known for the others to be foretold, or more of them may
-  // belong to another board that only a closer look (`was_seen_well`) shows.
+  // Returns the parts of the image in which the tags that are not settled must lie; none if there is nothing left to
+  // search for. Returns the whole image as long as too few tags are known to predict the others, or as long as only a
+  // closer look (`was_seen_well`) can tell whether most of them belong to another target.
   std::vector<cv::Rect> WhereMissing(const cv::Rect& whole, const Search& search, bool was_seen_well) const {
     const std::vector<SeenTag> fitted = Fitted(search);
     const size_t num_tags = layout_.corners_m.size();
@@ -469,7 +471,7 @@ class AprilTagGrid final : public Target {
       if (search.IsSettled(index)) continue;
       const std::optional<TagCorners> expected_px = Expected(fitted, index);
       if (!expected_px) continue;
-      // The farther from those that are known, the less is it known where.
+      // The prediction is less accurate farther away from known tags.
       const SeenTag nearest = NearestTo(fitted, index, 1).front();
       const double num_away = (layout_.Centre(nearest.index) - layout_.Centre(index)).norm() / layout_.pitch_m;
       const double room_px = (0.75 + 0.25 * num_away) * MeanSide(*expected_px);
@@ -487,7 +489,7 @@ class AprilTagGrid final : public Target {
                            static_cast<int>(std::ceil(high.y() + room_px)));
       cv::Rect part = cv::Rect(first, last) & whole;
       if (part.empty()) continue;
-      // One with those that it touches.
+      // Parts that overlap are merged.
       for (bool is_grown = true; is_grown;) {
         is_grown = false;
         for (size_t k = 0; k < parts.size() && !is_grown; ++k) {
@@ -505,7 +507,7 @@ class AprilTagGrid final : public Target {
     return parts;
   }
 
-  // Moves every edge outwards by `distance_px`.
+  // Moves every edge of a quad outwards by `distance_px`.
   static void OffsetQuad(double distance_px, TagCorners* corners) {
     const TagCorners before = *corners;
     for (size_t k = 0; k < 4; ++k) {
@@ -516,8 +518,9 @@ class AprilTagGrid final : public Target {
     }
   }
 
-  // Puts the corners onto the saddles between tag and corner squares; false if one stays where it was because it could
-  // not be refined. A plain tag's corner is no saddle: libapriltag's edges are better there.
+  // Moves the corners to the saddles between the tag and the corner squares. Returns false if one could not be
+  // refined and stays at its position. Does nothing without corner squares: the corners are not saddles then, and
+  // libapriltag's edges are better.
   bool RefineOnSquares(const cv::Mat& grey, SeenTag* tag) const {
     if (!geometry_.corner_squares) return true;
     const TagCorners start_px = tag->corners_px;
@@ -525,7 +528,7 @@ class AprilTagGrid final : public Target {
     const std::optional<Eigen::Matrix3d> image_from_board =
         FitHomography({board_m.begin(), board_m.end()}, {start_px.begin(), start_px.end()});
     if (!image_from_board) return false;
-    // The next edges: the far sides of the corner squares, and the inner side of the tag's border.
+    // The next edges are the far sides of the corner squares and the inner side of the tag's border.
     const double free_m = geometry_.tag_size_m * std::min(geometry_.tag_spacing_ratio,
                                                           static_cast<double>(geometry_.border_bits) / family_.width());
     const std::array<Eigen::Vector2d, 4> steps_m = {Eigen::Vector2d(free_m, 0), Eigen::Vector2d(-free_m, 0),
@@ -545,7 +548,7 @@ class AprilTagGrid final : public Target {
     return are_all_refined;
   }
 
-  // Reads the missing tags where their neighbours say, until that finds no more.
+  // Decodes missing tags at the positions that their neighbours predict, until no more are found.
   void FillIn(const cv::Mat& grey, std::vector<SeenTag>* tags) const {
     if (!geometry_.corner_squares || tags->empty()) return;
     for (;;) {
@@ -583,11 +586,11 @@ class AprilTagGrid final : public Target {
     SeenTag tag;
     tag.index = index;
     tag.corners_px = *expected_px;
-    // Twice: the lens bends, and a saddle may lie beyond the first window.
+    // Two passes are necessary because lens distortion may put a saddle beyond the first window.
     for (int pass = 0; pass < 2; ++pass) {
       if (!RefineOnSquares(grey, &tag)) return std::nullopt;
     }
-    constexpr double kMaxMoveRatio = 0.15;  // Of the tag's side.
+    constexpr double kMaxMoveRatio = 0.15;  // Ratio to the tag's side.
     for (size_t k = 0; k < 4; ++k) {
       if ((tag.corners_px[k] - (*expected_px)[k]).norm() > kMaxMoveRatio * MeanSide(*expected_px)) return std::nullopt;
     }
@@ -597,8 +600,8 @@ class AprilTagGrid final : public Target {
     return tag;
   }
 
-  // Reads the data between the corners and compares with the tag's code. No value without contrast between the border
-  // and the paper around it.
+  // Reads the data between the corners and returns the number of bits that differ from the tag's code. Returns
+  // nothing if the border does not contrast with the paper around it, or if a bit lies outside the image.
   std::optional<int> CountBitErrors(const cv::Mat& grey, const SeenTag& tag) const {
     const double width = family_.width();
     const std::optional<Eigen::Matrix3d> image_from_cells =
@@ -609,7 +612,7 @@ class AprilTagGrid final : public Target {
       if (!IsInImage(grey, at_px)) return std::nullopt;
       return GreyAt(grey, at_px);
     };
-    const auto mean_at = [&](double from_edge) {  // Over the four edges, cells inwards of them.
+    const auto mean_at = [&](double from_edge) {  // Mean along the four edges, `from_edge` cells inside them.
       double sum = 0;
       int count = 0;
       for (int i = 0; i < family_.width(); ++i) {
@@ -627,7 +630,7 @@ class AprilTagGrid final : public Target {
     };
     const double black = mean_at(0.5);
     const double white = mean_at(-0.5);
-    constexpr double kMinContrast = 12;  // Grey levels.
+    constexpr double kMinContrast = 12;  // Grey values.
     if (white - black < kMinContrast) return std::nullopt;
     int num_errors = 0;
     for (uint32_t bit = 0; bit < family_.num_bits(); ++bit) {
@@ -638,11 +641,11 @@ class AprilTagGrid final : public Target {
     return num_errors;
   }
 
-  // Fits the tags of the board that are not settled, each by all its grey values together. A lens that bends edges
-  // misleads libapriltag by pixels: where the picture does not show a tag as drawn from there on, it is looked for
-  // where the tags around it say.
+  // Fits the tags of the target that are not settled, each to all its grey values together. A lens that bends edges
+  // misleads libapriltag by pixels: if the fit fails from its corners, it is repeated from the position that the tags
+  // around it predict.
   void FitAll(const cv::Mat& grey, Search* search) const {
-    // What is not on the board, or is another board's tag of the same number, is not settled.
+    // A tag that is no longer on the target, or was another target's tag of the same number, is not settled.
     std::vector<Search::Fit> fits(search->fits.size());
     for (const SeenTag& tag : search->board.tags) {
       Search::Fit& known = search->fits[static_cast<size_t>(tag.index)];
@@ -671,8 +674,8 @@ class AprilTagGrid final : public Target {
     }
   }
 
-  // Adds the corners of all tags. One that could not be fitted (stained, partly hidden) stays as it was seen unless the
-  // tags around it or its edges contradict. Returns how many were left out.
+  // Adds the corners of all tags. A tag that could not be fitted (stained, partly hidden) keeps its detected corners
+  // unless the tags around it or its edges contradict them. Returns how many tags were left out.
   int MeasureAll(const cv::Mat& grey, const Search& search, Detection* detection) const {
     const std::vector<SeenTag> fitted = Fitted(search);
     int num_dropped = 0;
@@ -693,7 +696,7 @@ class AprilTagGrid final : public Target {
     return num_dropped;
   }
 
-  // The board's tags that were fitted, where the fit has them.
+  // Returns the fitted tags of the target, with the corners of the fit.
   static std::vector<SeenTag> Fitted(const Search& search) {
     std::vector<SeenTag> fitted;
     for (const SeenTag& tag : search.board.tags) {
@@ -705,7 +708,7 @@ class AprilTagGrid final : public Target {
     return fitted;
   }
 
-  // Where the tags nearest to it have a tag; nothing without any.
+  // Predicts the corners of a tag from the tags nearest to it; nothing if there are none.
   std::optional<TagCorners> Expected(const std::vector<SeenTag>& tags, int index) const {
     constexpr size_t kNumNearest = 3;
     const std::optional<Eigen::Matrix3d> image_from_board =
@@ -719,7 +722,7 @@ class AprilTagGrid final : public Target {
     return expected_px;
   }
 
-  // The least distance between opposite sides, about.
+  // Returns the approximate smallest distance between opposite sides.
   static double MinWidth(const TagCorners& corners) {
     const Eigen::Vector2d first = corners[2] - corners[0];
     const Eigen::Vector2d second = corners[3] - corners[1];
@@ -729,15 +732,15 @@ class AprilTagGrid final : public Target {
     return area / longest;
   }
 
-  // By all grey values of the tag, from corners that are right to about a cell.
+  // Fits a tag to all its grey values, from corners that are correct to about a cell.
   std::optional<PatternFit> Fit(const cv::Mat& grey, int index, const TagCorners& start_px) const {
     const TagCorners& corners_m = layout_.corners_m[static_cast<size_t>(index)];
     const double cell_m = geometry_.tag_size_m / family_.width();
     const double gap_m = layout_.corners_m.size() > 1 || geometry_.corner_squares
                              ? geometry_.tag_size_m * geometry_.tag_spacing_ratio
                              : std::numeric_limits<double>::infinity();
-    // Half the way to the next tag at most, which then uses the other half.
-    // Nor so far into the paper around the tag that its edge, a cell away, is to be seen: it may lie on anything.
+    // The margin reaches at most half way to the next tag, which uses the other half. It also ends before the edge of
+    // the paper around the tag, one cell away, becomes visible: the paper may lie on anything.
     constexpr double kEdgePx = 3.5;
     const double side_px = MeanSide(start_px);
     const double paper_cells = std::clamp(1 - kEdgePx * family_.width() / MinWidth(start_px), 0.3, 0.9);
@@ -756,13 +759,13 @@ class AprilTagGrid final : public Target {
                       {corners_m.begin(), corners_m.end()}, options);
   }
 
-  // How exact the corners of a tag are that could not be fitted; nothing if they are not where the tags around it or
-  // its own edges say.
+  // Returns the sigma of the corners of a tag that could not be fitted; nothing if the tags around it or its own
+  // edges contradict the corners.
   std::optional<double> UnfittedSigmaPx(const cv::Mat& grey, const std::vector<SeenTag>& fitted,
                                         const SeenTag& tag) const {
     const std::optional<double> off_px = OffNeighboursPx(fitted, tag);
     if (off_px) {
-      // What perspective and lens leave of such predictions shows on the tags that are known.
+      // The fitted tags show the error that perspective and lens distortion cause in such predictions.
       constexpr size_t kNumJudged = 4;
       double usual_px = 0;
       for (const SeenTag& other : NearestTo(fitted, tag.index, kNumJudged)) {
@@ -770,10 +773,10 @@ class AprilTagGrid final : public Target {
       }
       if (*off_px > 2 * usual_px + 1) return std::nullopt;
     }
-    // A corner that is wrong takes two edges with it.
+    // A wrong corner displaces two edges.
     const double off_edges_px = OffEdgesPx(grey, tag.corners_px);
     if (off_edges_px > std::max(1.0, 0.1 * MeanSide(tag.corners_px) / family_.width())) return std::nullopt;
-    // Where all is well libapriltag's edges scatter by 0.04 px.
+    // libapriltag's edges scatter by 0.04 px under good conditions.
     constexpr double kMinSigmaPx = 0.1;
     return std::max(kMinSigmaPx, 2 * off_edges_px);
   }
@@ -788,7 +791,7 @@ class AprilTagGrid final : public Target {
     return tags;
   }
 
-  // How far a tag's corners are, at most, from where the others say; nothing without others.
+  // Returns the largest distance of a tag's corners from those that the other tags predict; nothing without others.
   std::optional<double> OffNeighboursPx(std::vector<SeenTag> others, const SeenTag& tag) const {
     others.erase(
         std::remove_if(others.begin(), others.end(), [&](const SeenTag& other) { return other.index == tag.index; }),
@@ -802,8 +805,7 @@ class AprilTagGrid final : public Target {
     return farthest_px;
   }
 
-  // Root mean square of the distances from the straight lines between the corners to the steepest change of grey across
-  // them.
+  // Returns the RMS distance from the straight lines between the corners to the steepest change of grey across them.
   double OffEdgesPx(const cv::Mat& grey, const TagCorners& corners_px) const {
     constexpr double kStepPx = 0.25;
     const double reach_px = 0.8 * MeanSide(corners_px) / family_.width();
@@ -855,8 +857,8 @@ class AprilTagGrid final : public Target {
     const int begin = -family_.NumOuterCells();
     const int end = family_.width() + family_.NumOuterCells();
     for (int y = begin; y < end; ++y) {
-      // Cells count down from the top, the board's y up from the bottom. Runs of black cells are one shape, so that no
-      // hairline shows between them.
+      // Cells count down from the top, the target's y up from the bottom. A run of black cells is one shape, so that
+      // no hairline shows between them.
       const double top_m = first_m.y() + (family_.width() - y) * cell_m;
       for (int x = begin; x < end; ++x) {
         if (!family_.IsBlack(index, x, y)) continue;

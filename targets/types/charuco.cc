@@ -1,12 +1,12 @@
-// A chessboard with ArUco markers in its white squares. Frame: origin at the board's outer top-left corner as printed,
-// x to the right, y down, z into the sheet (the frame of OpenCV's CharucoBoard since 4.7). The points are the inner
-// corners: id = row * (columns - 1) + column, at ((column + 1) square, (row + 1) square, 0).
+// A chessboard with ArUco markers in its white squares. Frame: origin at the target's outer top-left corner as
+// printed, x to the right, y down, z into the sheet (the frame of OpenCV's CharucoBoard since 4.7). The points are
+// the inner corners: id = row * (columns - 1) + column, at ((column + 1) square, (row + 1) square, 0).
 //
-// The square in the top-left corner is black. Boards that OpenCV before 4.6 drew (`legacy_pattern`) have the black
-// square in the bottom-left corner instead, which differs where the number of rows is even.
+// The square in the top-left corner is black. Targets drawn by OpenCV before 4.6 (`legacy_pattern`) have the black
+// square in the bottom-left corner instead, which differs if the number of rows is even.
 //
-// Markers are OpenCV's to find (this is the one file that knows the interface of its aruco module, which changed in
-// 4.7); corners are predicted from the markers around them and refined as saddles.
+// OpenCV finds the markers (this is the only file that depends on the interface of its aruco module, which changed in
+// 4.7). Corners are predicted from the markers around them, refined as saddles and measured by MeasureCorner.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -89,7 +89,7 @@ class Charuco final : public Target {
         if (geometry_.IsBlack(row, column)) continue;
         const Eigen::Vector2d first(column * square_m + gap_m, row * square_m + gap_m);
         const double m = geometry_.marker_m;
-        // OpenCV's order: clockwise from the top-left corner.
+        // OpenCV's order is clockwise from the top-left corner.
         layout_.corners_m.push_back(
             {first, first + Eigen::Vector2d(m, 0), first + Eigen::Vector2d(m, m), first + Eigen::Vector2d(0, m)});
         marker_squares_.push_back({row, column});
@@ -167,12 +167,12 @@ class Charuco final : public Target {
     }
     for (size_t index = 0; index < layout_.corners_m.size(); ++index) {
       const int cells = dictionary_->markerSize + 2;
-      cv::Mat bits;  // One pixel a cell, the border included.
+      cv::Mat bits;  // One pixel per cell, including the border.
       cv::aruco::drawMarker(dictionary_, geometry_.first_marker + static_cast<int>(index), cells, bits, 1);
       const Eigen::Vector2d& corner = layout_.corners_m[index][0];
       const double cell_m = geometry_.marker_m / cells;
       for (int row = 0; row < cells; ++row) {
-        // Runs of black cells as one shape, so that no hairline shows between them.
+        // A run of black cells is one shape, so that no hairline shows between them.
         for (int column = 0; column < cells;) {
           if (bits.at<uchar>(row, column) != 0) {
             ++column;
@@ -197,17 +197,17 @@ class Charuco final : public Target {
     return markers;
   }
 
-  // The board's and others; the index of each is its number in the dictionary.
+  // Returns all markers that are seen, on the target or not; the index of each is its number in the dictionary.
   std::vector<SeenTag> AllMarkers(const cv::Mat& grey) const {
     const cv::Ptr<cv::aruco::DetectorParameters> parameters = cv::aruco::DetectorParameters::create();
     parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;
     parameters->minMarkerPerimeterRate = 0.01;
-    // Windows of 3 to 53 px, for small pictures and for large ones.
+    // The windows are 3 to 53 px wide, for small and for large images.
     parameters->adaptiveThreshWinSizeMax = 53;
     parameters->adaptiveThreshWinSizeStep = 10;
     std::vector<std::vector<cv::Point2f>> corners;
     std::vector<int> ids;
-    // Each speck of noise is followed as a marker's outline would be.
+    // Each speck of noise would be traced like a marker's outline.
     constexpr double kStrongNoiseGrey = 8;
     cv::Mat smooth = grey;
     if (NoiseGrey(grey) > kStrongNoiseGrey) cv::GaussianBlur(grey, smooth, {}, 0.8);
@@ -222,7 +222,8 @@ class Charuco final : public Target {
     return markers;
   }
 
-  // Predicted by the markers nearest to it, of which one at least must touch it, and refined within its squares.
+  // Predicts a corner from the nearest markers, at least one of which must touch it, and refines it within its
+  // squares.
   std::optional<MeasuredCorner> FindCorner(const cv::Mat& grey, const std::vector<SeenTag>& markers,
                                            const std::vector<bool>& seen, const TargetPoint& point) const {
     const int row = point.id / (geometry_.columns - 1);
@@ -238,7 +239,7 @@ class Charuco final : public Target {
     const std::optional<Eigen::Matrix3d> homography = LocalHomography(markers, layout_, at_m, kNumNearest);
     if (!homography) return std::nullopt;
     const Eigen::Vector2d predicted_px = ApplyHomography(*homography, at_m);
-    // The nearest other thing is a marker's corner, on the diagonal.
+    // The nearest other feature is a marker's corner, on the diagonal.
     const double gap_m = 0.5 * (geometry_.square_m - geometry_.marker_m);
     double diagonal_px = std::numeric_limits<double>::infinity();
     double square_px = std::numeric_limits<double>::infinity();

@@ -1,11 +1,12 @@
-// A plain chessboard, by its inner corners. Frame: origin at the first inner corner, x to the right along the columns,
-// y down, z into the sheet; the square up and left of the origin is black (or, on a board whose corners have an even
-// number of rows and columns together, white). id = row * columns + column.
+// A plain chessboard, defined by its inner corners. Frame: origin at the first inner corner, x to the right along the
+// columns, y down, z into the sheet. The square above and to the left of the origin is black (or, if the numbers of
+// rows and columns of corners have an even sum, possibly white). id = row * columns + column.
 //
-// A grid of saddles tells where the corners are (saddle_grid.h) or, where that is incomplete, OpenCV's finders; every
-// corner is then refined as a saddle in the whole picture, and the board is believed only if it looks like one around
-// every corner. Refining halves the error of the finders' own sub-pixel step: cv::calibrateCamera's RMS over recorded
-// sets falls from 0.22, 0.21 and 0.07 px (findChessboardCornersSB with its ACCURACY) to 0.17, 0.08 and 0.05 px.
+// The corners are located by a grid of saddles (saddle_grid.h) or, if that is incomplete, by OpenCV's finders. Every
+// corner is then refined as a saddle in the full image, and the chessboard is accepted only if the image looks like
+// one around every corner. Refinement halves the error of the finders' own sub-pixel step: the RMS of
+// cv::calibrateCamera on recorded sets falls from 0.22, 0.21 and 0.07 px (findChessboardCornersSB with its ACCURACY
+// flag) to 0.17, 0.08 and 0.05 px.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -27,7 +28,8 @@ namespace {
 
 using Corners = std::vector<Eigen::Vector2d>;
 
-// From a picture that was resized by `scale`: the outer edges of the first pixels meet, not their centres.
+// Converts corners from pixels of an image that was resized by `scale`. The outer edges of the first pixels coincide,
+// not their centres.
 Corners FromOpenCv(const std::vector<cv::Point2f>& corners, double scale) {
   const Eigen::Vector2d half(0.5, 0.5);
   Corners pixels;
@@ -37,9 +39,9 @@ Corners FromOpenCv(const std::vector<cv::Point2f>& corners, double scale) {
   return pixels;
 }
 
-// One way to find a board: all corners row by row in some order, or none.
+// A method that finds all corners of a chessboard, row by row in some order, or none.
 struct Finder {
-  // The larger side of the picture that is searched, at most and, by enlarging, at least.
+  // Largest and, by enlarging, smallest size of the larger side of the searched image.
   double max_side_px;
   double min_side_px;
   bool (*find)(const cv::Mat& grey, cv::Size size, std::vector<cv::Point2f>* corners);
@@ -52,16 +54,16 @@ bool FindSectorsNormalised(const cv::Mat& grey, cv::Size size, std::vector<cv::P
   return cv::findChessboardCornersSB(grey, size, *corners, cv::CALIB_CB_NORMALIZE_IMAGE);
 }
 
-// Coarse to fine, for small boards enlarged, and last for boards that are out of focus. Saddles take a tenth of the
-// time that OpenCV's finders take, whatever the picture shows.
+// Image sizes for the search by saddles: coarse to fine, enlarged for small chessboards, and last coarse for
+// defocused images. Saddles take a tenth of the time of OpenCV's finders, whatever the image shows.
 struct Level {
   double max_side_px;  // See Finder.
   double min_side_px;
 };
 constexpr Level kLevels[] = {{1000, 0}, {2000, 0}, {4000, 2000}, {500, 0}};
 
-// The finders for images in which the saddles show much of a board, but not all of it, in this order: the contrast as
-// it is, stretched for dark images, and small boards enlarged.
+// Finders for images in which the saddles show much of a chessboard, but not all of it, in this order: with the
+// original contrast, with the contrast stretched for dark images, and with small chessboards enlarged.
 constexpr Finder kFinders[] = {
     {960, 0, &FindSectors},
     {960, 0, &FindSectorsNormalised},
@@ -69,7 +71,7 @@ constexpr Finder kFinders[] = {
 };
 constexpr double kMaxEnlargement = 3;
 
-// Inner corners: OpenCV's finders need as many.
+// Smallest number of inner corners along a side that OpenCV's finders accept.
 constexpr int kMinSide = 3;
 
 // A grid of corners in the image, row by row, or a part of one.
@@ -78,7 +80,7 @@ struct SeenGrid {
   Corners corners;
 };
 
-// Returns the grids that the first two finders see in a part of the image if any size is right.
+// Returns the grids of any size that the first two finders see in a part of the image.
 std::vector<SeenGrid> GridsSeen(const cv::Mat& grey, const cv::Rect& part) {
   const double scale = std::min(1.0, kFinders[0].max_side_px / std::max(grey.cols, grey.rows));
   cv::Mat picture;
@@ -122,15 +124,15 @@ class Chessboard final : public Target {
 
   Detection Detect(const cv::Mat& grey) const override {
     Detection detection;
-    constexpr int kMinSidePx = 16;  // OpenCV's finders throw on less.
+    constexpr int kMinSidePx = 16;  // OpenCV's finders throw on smaller images.
     if (std::min(grey.cols, grey.rows) < kMinSidePx) {
       detection.reason = "the picture is too small";
       return detection;
     }
     cv::Rect may_be_in;
     if (const std::optional<Corners> corners = FindCorners(grey, &may_be_in)) {
-      // The sigma of a corner that a window finds although the pattern fit fails there: a guess under which such a
-      // point counts for little.
+      // The sigma of a corner that is refined as a saddle although the pattern fit fails there: a guess that gives
+      // such a point little weight.
       constexpr double kSaddleSigmaPx = 0.15;
       const Drawing& seen = ColourScore(grey, *corners) < 0 ? inverted_ : drawing_;
       for (const TargetPoint& point : points_) {
@@ -147,12 +149,12 @@ class Chessboard final : public Target {
     return detection;
   }
 
-  // The size of the board that is seen, whatever it is: boards are counted wrongly in more ways than can be tried.
+  // Returns the size of any chessboard that is seen: chessboards are miscounted in more ways than can be tried.
   std::vector<TargetSettings> LikelyMisconfigurations(const cv::Mat& grey) const override {
     std::vector<TargetSettings> confusions;
     for (const SeenGrid& grid : GridsSeen(grey, cv::Rect({}, grey.size()))) {
       const cv::Size& size = grid.size;
-      // Lying or standing as the config has it.
+      // The longer side is that of the config.
       const bool is_alike = (size.width >= size.height) == (columns_ >= rows_);
       confusions.push_back(is_alike ? RowsAndColumns(size.height, size.width)
                                     : RowsAndColumns(size.width, size.height));
@@ -165,7 +167,7 @@ class Chessboard final : public Target {
   std::vector<Rigid3d> Symmetries() const override {
     std::vector<Rigid3d> symmetries;
     for (const Rigid3d& symmetry : PlaneSymmetries(points_)) {
-      // Where the middle of the black square beside the origin goes, there must be a black one.
+      // A rotation is a symmetry if it maps the black square beside the origin to a black square.
       const Eigen::Vector3d moved = symmetry * Eigen::Vector3d(0.5 * square_m_, 0.5 * square_m_, 0);
       const auto cell = [&](double x_m) { return static_cast<int>(std::floor(x_m / square_m_)); };
       if (IsBlack(cell(moved.y()), cell(moved.x()))) symmetries.push_back(symmetry);
@@ -173,15 +175,16 @@ class Chessboard final : public Target {
     return symmetries;
   }
 
-  // A half turn exchanges the colours of a board whose numbers of rows and columns have an odd sum.
+  // Adds a column if rows and columns have an even sum: with an odd sum, a rotation by 180 degrees exchanges the
+  // colours.
   TargetSettings WithoutSymmetry() const override {
     if ((rows_ + columns_) % 2 != 0) return {};
     return {{"columns", std::to_string(columns_ + 1)}};
   }
 
  private:
-  // All corners, refined; nothing if the board is not seen whole. `may_be_in` then says where it may be all the same,
-  // and is empty if it is nowhere.
+  // Finds all corners and refines them. Returns nothing if the chessboard is not seen completely; `may_be_in` is then
+  // the region that may contain it nevertheless, or empty.
   std::optional<Corners> FindCorners(const cv::Mat& grey, cv::Rect* may_be_in) const {
     const cv::Size size(columns_, rows_);
     double last_scale = 0;
@@ -220,9 +223,9 @@ class Chessboard final : public Target {
     detection->covariances_px2.emplace_back(corner.covariance_px2);
   }
 
-  // The corners of a board that is covered in part, from a part of its grid, which lies in `may_be_in`. Those that are
-  // seen must reach from the first to the last row and column, else their numbers are not known; `reason` then goes on
-  // from "no board found".
+  // Measures the corners of a partly covered chessboard from a part of its grid, which lies in `may_be_in`. The
+  // visible corners must reach from the first to the last row and column, since their ids are ambiguous otherwise;
+  // `reason` then continues the sentence "no board found".
   Detection DetectPartly(const cv::Mat& grey, const cv::Rect& may_be_in) const {
     Detection none;
     for (const SeenGrid& grid : GridsSeen(grey, may_be_in)) {
@@ -247,7 +250,7 @@ class Chessboard final : public Target {
     return none;
   }
 
-  // Everything that belongs to a grid.
+  // Grows the lattice of all corners that belong to a grid.
   CornerLattice LatticeOf(const cv::Mat& grey, const SeenGrid& grid) const {
     CornerLattice start;
     for (size_t i = 0; i < grid.corners.size(); ++i) {
@@ -256,7 +259,7 @@ class Chessboard final : public Target {
     }
     CornerLattice best;
     for (const bool is_first_black : {true, false}) {
-      // A row or column more than the board has shows that it is another one.
+      // One row or column more than the target has indicates a different chessboard.
       const CornerLattice lattice =
           GrowLattice(start, std::max(rows_, columns_) + 1, [&](const LatticePlace& place, const Eigen::Matrix3d& map) {
             return FindInLattice(grey, is_first_black == IsBlack(place.row, place.column), place, map);
@@ -266,7 +269,8 @@ class Chessboard final : public Target {
     return best;
   }
 
-  // `is_black`: the square above and left of the corner.
+  // Finds a corner of the lattice near its predicted position. `is_black` is the colour of the square above and to
+  // the left of the corner.
   static std::optional<Eigen::Vector2d> FindInLattice(const cv::Mat& grey, bool is_black, const LatticePlace& place,
                                                       const Eigen::Matrix3d& image_from_lattice) {
     constexpr double kWindowRatio = 0.75;
@@ -301,8 +305,8 @@ class Chessboard final : public Target {
     return corner_px;
   }
 
-  // All corners of the board in its order, those that are covered as their neighbours predict them; nothing if the
-  // lattice is smaller or larger than the board.
+  // Returns all corners in the target's order, the covered ones as predicted by their neighbours; nothing if the
+  // lattice is smaller or larger than the target.
   std::optional<Corners> Complete(const cv::Mat& grey, const CornerLattice& lattice) const {
     const LatticeExtent extent = ExtentOf(lattice);
     const bool is_upright = extent.rows == rows_ && extent.columns == columns_;
@@ -327,7 +331,7 @@ class Chessboard final : public Target {
   }
 
   Detection MeasureVisible(const cv::Mat& grey, const Corners& corners) const {
-    // The largest share of deviating grey values of a visible corner: fewer are left to Huber's loss.
+    // The largest share of deviating grey values of a visible corner: smaller shares are left to Huber's loss.
     constexpr double kMaxCovered = 0.05;
     const bool inverted = ColourScore(grey, corners) < 0;
     Detection detection;
@@ -341,7 +345,7 @@ class Chessboard final : public Target {
     return detection;
   }
 
-  // Whether of every outer row and column enough corners are among `ids`, and half of all.
+  // Returns whether `ids` include enough corners of every outer row and column, and at least half of all.
   bool ReachesAllSides(const std::vector<int>& ids) const {
     int num_top = 0;
     int num_bottom = 0;
@@ -353,7 +357,7 @@ class Chessboard final : public Target {
       num_left += id % columns_ == 0 ? 1 : 0;
       num_right += id % columns_ == columns_ - 1 ? 1 : 0;
     }
-    // A single one may be something else.
+    // A single corner may be something else.
     const auto is_enough = [](int num, int of) { return num >= std::max(2, of / 3); };
     return is_enough(num_top, columns_) && is_enough(num_bottom, columns_) && is_enough(num_left, rows_) &&
            is_enough(num_right, rows_) && 2 * ids.size() >= points_.size();
@@ -370,8 +374,8 @@ class Chessboard final : public Target {
     return picture;
   }
 
-  // Returns the corners that were found in a resized part of the image, in this board's order and refined, if they are
-  // a board's.
+  // Returns the corners that were found in a resized part of the image, in the target's order and refined, if they
+  // are the target's. `first_px` is the first pixel of the part.
   std::optional<Corners> Accepted(const cv::Mat& grey, const std::vector<cv::Point2f>& found, double scale,
                                   const cv::Point& first_px) const {
     if (found.size() != points_.size()) return std::nullopt;
@@ -383,12 +387,13 @@ class Chessboard final : public Target {
     return corners;
   }
 
-  // The square between corners (row, column) and (row + 1, column + 1).
+  // Returns the colour of the square between the corners (row, column) and (row + 1, column + 1).
   static bool IsBlack(int row, int column) { return ((row + column) & 1) == 0; }
 
   size_t Index(int row, int column) const { return static_cast<size_t>(row * columns_ + column); }
 
-  // Mean grey of the middle of an inner square, bilinear between its corners.
+  // Returns the mean grey value at points in the middle of an inner square, which are interpolated bilinearly between
+  // its corners.
   double SquareGrey(const cv::Mat& grey, const Corners& corners, int row, int column) const {
     double sum = 0;
     int count = 0;
@@ -406,7 +411,7 @@ class Chessboard final : public Target {
     return count > 0 ? sum / count : 0;
   }
 
-  // Sum of white less black squares: positive if the order fits the colours.
+  // Returns the sum of the white minus that of the black squares: positive if the order fits the colours.
   double ColourScore(const cv::Mat& grey, const Corners& corners) const {
     double score = 0;
     for (int row = 0; row + 1 < rows_; ++row) {
@@ -417,7 +422,7 @@ class Chessboard final : public Target {
     return score;
   }
 
-  // Puts the corners into this board's order: seen from the front, and the black squares where they belong.
+  // Puts the corners into the target's order: seen from the front, with the black squares at their positions.
   void Arrange(const cv::Mat& grey, Corners* corners) const {
     std::vector<Eigen::Vector2d> places_m;
     for (const TargetPoint& point : points_) places_m.emplace_back(point.in_target.head<2>());
@@ -428,7 +433,8 @@ class Chessboard final : public Target {
       }
     }
     if (ColourScore(grey, *corners) >= 0) return;
-    // Half a turn swaps the colours of a board with an odd and an even side, a quarter those of a square one.
+    // A rotation by 180 degrees exchanges the colours if one side is odd and the other even, one by 90 degrees if the
+    // sides are equal.
     if (rows_ == columns_) {
       Corners turned(corners->size());
       for (int row = 0; row < rows_; ++row) {
@@ -442,11 +448,11 @@ class Chessboard final : public Target {
     }
   }
 
-  // Whether the corners are those of a board: spaced evenly, and the four quadrants around each black and white as on
-  // the board, close to it and farther away. A rim narrower than a square, with something dark behind it, looks like
-  // one more row from farther away only.
+  // Returns whether the corners form a chessboard: they are spaced evenly, and the four quadrants around each are
+  // black and white as drawn, both close to it and farther away. A rim narrower than a square, with something dark
+  // behind it, looks like one more row only from farther away.
   bool IsBoard(const cv::Mat& grey, const Corners& corners) const {
-    // Where half a turn keeps the colours, boards are printed with the first square black or white.
+    // If a rotation by 180 degrees keeps the colours, chessboards are printed with the first square black or white.
     const bool inverted = ColourScore(grey, corners) < 0;
     for (int row = 0; row < rows_; ++row) {
       for (int column = 0; column < columns_; ++column) {
@@ -459,9 +465,9 @@ class Chessboard final : public Target {
     return true;
   }
 
-  // Whether a corner is nearly half way between those before and behind it.
+  // Returns whether a corner is nearly half way between the previous and the next one.
   bool IsEven(const Corners& corners, int row, int column) const {
-    constexpr double kMaxUnevenness = 0.35;  // Of the step: perspective and lens.
+    constexpr double kMaxUnevenness = 0.35;  // Ratio to the spacing; allows for perspective and lens.
     const auto is_even = [&](const Eigen::Vector2d& before, const Eigen::Vector2d& here,
                              const Eigen::Vector2d& behind) {
       const double step_px = std::min((here - before).norm(), (behind - here).norm());
@@ -475,10 +481,11 @@ class Chessboard final : public Target {
     return along && across;
   }
 
-  // Whether the four quadrants around a corner have their colours, at `share` of a square along both of its sides.
+  // Returns whether the four quadrants around a corner have their colours, at `share` of a square along both of its
+  // sides.
   bool IsSaddle(const cv::Mat& grey, const Corners& corners, int row, int column, double share, bool inverted) const {
     const Eigen::Vector2d& here = corners[Index(row, column)];
-    // A step along a row or a column, to a neighbour or away from it.
+    // The step along a row or a column to the next corner; at the rim, the step from the opposite one.
     const auto step = [&](int down, int across) -> Eigen::Vector2d {
       const int r = row + down;
       const int c = column + across;
@@ -503,10 +510,9 @@ class Chessboard final : public Target {
     return black_max < white_min;
   }
 
-  // Puts the corners onto their saddles, those excepted that are too near to the next line or to the picture's rim.
+  // Moves the corners to their saddles, except those too near to the next line or to the border of the image.
   void Refine(const cv::Mat& grey, Corners* corners) const {
-    // A window that nearly reaches the next lines: what it sees of them weighs little, and a large window is what
-    // lowers the noise.
+    // The window nearly reaches the next lines: these have little weight in it, and a large window reduces the noise.
     constexpr double kWindowRatio = 0.75;
     const Corners start = *corners;
     for (int row = 0; row < rows_; ++row) {
@@ -519,7 +525,7 @@ class Chessboard final : public Target {
     }
   }
 
-  // By all grey values nearer to this corner than to others.
+  // Measures a corner by all grey values that are nearer to it than to other corners.
   std::optional<MeasuredCorner> Measure(const cv::Mat& grey, const Corners& corners, const Drawing& drawing,
                                         const TargetPoint& point) const {
     const int row = point.id / columns_;
@@ -548,7 +554,7 @@ class Chessboard final : public Target {
     return MeasureCorner(grey, drawing, at_m, half_m, *image_from_board, here_px, BendOf(offsets, residuals_px));
   }
 
-  // How far a corner is from the next lines of the board.
+  // Returns the distance of a corner from the next lines of the chessboard.
   double ReachPx(const Corners& corners, int row, int column) const {
     const Eigen::Vector2d& here = corners[Index(row, column)];
     double reach_px = std::numeric_limits<double>::infinity();
@@ -569,7 +575,7 @@ class Chessboard final : public Target {
   double square_m_;
   std::vector<TargetPoint> points_;
   Drawing drawing_;
-  Drawing inverted_;  // White squares on black, as boards are printed where half a turn keeps the colours.
+  Drawing inverted_;  // Exchanged colours, for prints whose first square is white although rows + columns is even.
 };
 
 }  // namespace

@@ -1,10 +1,12 @@
-// A grid of dots: symmetric (square), asymmetric as OpenCV's (odd rows shifted by half a pitch), or symmetric with one
-// larger dot that fixes the order (industrial_calibration's modified circle grid). Frame: origin at the first dot, x to
-// the right along the columns, y down, z into the sheet. id = row * columns + column; in an asymmetric grid dot (row,
-// column) is at ((2 column + row % 2) spacing, row spacing). The larger dot is the first one of the last row.
+// A grid of dots: symmetric (square), asymmetric as in OpenCV (odd rows shifted by half a pitch), or symmetric with
+// one larger dot that makes the order unique (industrial_calibration's modified circle grid). Frame: origin at the
+// first dot, x to the right along the columns, y down, z into the sheet. id = row * columns + column; in an
+// asymmetric grid, the dot (row, column) is at ((2 column + row % 2) spacing, row spacing). The larger dot is the
+// first one of the last row.
 //
-// All kinds are square lattices of neighbouring dots (the asymmetric one stands on a corner), so one search serves all:
-// dots (FindEllipses), lattices among them (GrowLattices), the grid's pattern laid on a lattice (PlacePattern).
+// All kinds are square lattices of neighbouring dots (the asymmetric one is rotated by 45 degrees), so that one
+// search serves all: it finds dots (FindEllipses), then lattices among them (GrowLattices), and places the grid's
+// pattern on a lattice (PlacePattern).
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -38,7 +40,7 @@ std::string Count(size_t count, const std::string& what) {
 struct Dot : Ellipse {
   Eigen::Matrix2d centre_covariance_px2 = Eigen::Matrix2d::Zero();
 };
-// A grid's dots in the order of its ids.
+// The dots of a grid in the order of its ids.
 using Dots = std::vector<Dot>;
 
 class CircleGrid final : public Target {
@@ -52,7 +54,7 @@ class CircleGrid final : public Target {
         points_.push_back({id,
                            {x * options_.spacing_m, row * options_.spacing_m, 0},
                            0.5 * (is_marker ? options_.marker_diameter_m : options_.dot_diameter_m)});
-        // An asymmetric grid's lattice has its steps along (1, 1) and (-1, 1).
+        // The steps of an asymmetric grid's lattice are along (1, 1) and (-1, 1).
         pattern_.push_back(options_.asymmetric ? LatticeCell{(x + row) / 2, (row - x) / 2} : LatticeCell{x, row});
       }
     }
@@ -66,7 +68,8 @@ class CircleGrid final : public Target {
     return options_.marker_dot ? std::vector<Rigid3d>{Rigid3d()} : PlaneSymmetries(points_);
   }
 
-  // In an asymmetric grid with an odd number of rows a half turn moves the rows that stand back to those that do not.
+  // Adds the larger dot, or a row to an asymmetric grid: a rotation by 180 degrees maps an asymmetric grid onto
+  // itself only if it exchanges shifted and other rows, which requires an even number of rows.
   TargetSettings WithoutSymmetry() const override {
     if (Symmetries().size() == 1) return {};
     if (!options_.asymmetric) return {{"marker_dot", "true"}};
@@ -97,7 +100,7 @@ class CircleGrid final : public Target {
     std::vector<Ellipse> dots;
     for (const FoundEllipse& found : FindEllipses(grey, finder_options)) dots.push_back(found.ellipse);
     LatticeOptions lattice_options;
-    // Makers of sheets differ about the larger dot.
+    // Manufacturers differ about the size of the larger dot.
     if (options_.marker_dot)
       lattice_options.max_size_ratio *= 1.4 * options_.marker_diameter_m / options_.dot_diameter_m;
 
@@ -106,9 +109,9 @@ class CircleGrid final : public Target {
     size_t num_seen = 0;
     std::string beyond;
     std::string fault;
-    std::vector<Dots> orders;  // Of one set of dots.
+    std::vector<Dots> orders;  // Orders of one set of dots.
     std::set<std::vector<int>> sets_seen;
-    Dots others;  // Of lattices that are not ours: nor are parts of them.
+    Dots others;  // Dots of lattices that are not this target's; parts of such lattices are not either.
     for (const Lattice& lattice : GrowLattices(dots, lattice_options)) {
       num_seen = std::max(num_seen, lattice.size());
       const std::vector<LatticePlacement> placements = PlacePattern(lattice, pattern_);
@@ -182,8 +185,8 @@ class CircleGrid final : public Target {
 
   int MarkerId() const { return (options_.rows - 1) * options_.columns; }
 
-  // Whether the lattice continues beyond the pattern: more than a stray dot or two exactly where the next ones would
-  // be.
+  // Returns whether the lattice continues beyond the pattern with more than a stray dot or two at the exact positions
+  // of the next dots.
   bool GoesOn(const Lattice& lattice, const std::vector<Ellipse>& dots, const LatticePlacement& placement) const {
     const std::set<int> inside(placement.orders.front().begin(), placement.orders.front().end());
     Lattice grid;
@@ -201,7 +204,7 @@ class CircleGrid final : public Target {
     return num_beyond > std::max(1, std::min(options_.rows, options_.columns) / 3);
   }
 
-  // The exact dots in all orders of a placement, or what shows that they are no grid.
+  // Returns the refined dots in all orders of a placement, or the reason why they are not a grid.
   Outcome<std::vector<Dots>> Refine(const cv::Mat& grey, const std::vector<Ellipse>& dots,
                                     const LatticePlacement& placement) const {
     const std::vector<int>& first = placement.orders.front();
@@ -214,7 +217,7 @@ class CircleGrid final : public Target {
       refine_options.max_margin_px = 0.6 * GapPx(dots, first, dot);
       const std::optional<RefinedEllipse> refined = RefineEllipse(grey, start, refine_options);
       const double sign = options_.polarity == DotPolarity::kLightOnDark ? 1 : -1;
-      // A ragged outline is a reason only where it leaves the centre in doubt.
+      // A ragged outline is a reason only if it makes the centre uncertain.
       if (!refined || sign * refined->contrast_grey < 4 || refined->residual_ratio > 0.35 ||
           (refined->residual_ratio > 0.2 && refined->CentreStddevPx() > 0.02) || refined->visible_ratio < 0.7 ||
           refined->CentreStddevPx() > 0.25 ||
@@ -241,8 +244,8 @@ class CircleGrid final : public Target {
     return orders;
   }
 
-  // Whether half of the dots of `a` are among those of `b`: candidates for one dot come to the same when they are
-  // refined.
+  // Returns whether more than half of the dots of `a` are among those of `b`. Several candidates for one dot coincide
+  // after refinement.
   static bool AreSame(const Dots& a, const Dots& b) {
     size_t num_shared = 0;
     for (const Ellipse& dot : a) {
@@ -253,7 +256,7 @@ class CircleGrid final : public Target {
     return 2 * num_shared > a.size();
   }
 
-  // Between the outlines of `dot` and the nearest other dot.
+  // Returns the gap between the outlines of `dot` and the nearest other dot.
   static double GapPx(const std::vector<Ellipse>& dots, const std::vector<int>& grid, int dot) {
     double gap_px = 1e6;
     for (const int other : grid) {
@@ -268,7 +271,7 @@ class CircleGrid final : public Target {
     return gap_px;
   }
 
-  // Whether steps and sizes change only as slowly as perspective and lens make them.
+  // Returns whether steps and sizes change as slowly as perspective and lens distortion make them.
   bool IsEven(const Dots& dots) const {
     Lattice lattice;
     for (size_t n = 0; n < dots.size(); ++n) lattice[pattern_[n]] = static_cast<int>(n);
@@ -294,14 +297,14 @@ class CircleGrid final : public Target {
     }
     const std::vector<double> sizes = EvenSizes(dots);
     if (sizes.empty()) return false;
-    // The larger dot may be as large as it likes.
+    // The larger dot may have any size.
     const double median = Median(sizes);
     int num_unlike = 0;
     for (const double size : sizes) num_unlike += size > 1.35 * median || size < median / 1.35 ? 1 : 0;
     return num_unlike <= (options_.marker_dot ? 1 : 0);
   }
 
-  // The dots' radii with the perspective taken out, m; empty if there is none that fits.
+  // Returns the dots' radii with the perspective removed, m; empty if no homography fits.
   std::vector<double> EvenSizes(const Dots& dots) const {
     std::vector<cv::Point2d> plane;
     std::vector<cv::Point2d> image;
@@ -318,7 +321,7 @@ class CircleGrid final : public Target {
     std::vector<double> sizes;
     for (size_t n = 0; n < dots.size(); ++n) {
       const double depth = pixel_from_plane.row(2).dot(Eigen::Vector3d(plane[n].x, plane[n].y, 1));
-      // The area's scale of a homography at a point.
+      // The scale of areas under a homography at a point.
       const double scale = pixel_from_plane.determinant() / (depth * depth * depth);
       if (!(scale > 0)) return {};
       sizes.push_back(dots[n].RadiusPx() / std::sqrt(scale));
@@ -326,7 +329,7 @@ class CircleGrid final : public Target {
     return sizes;
   }
 
-  // The order in which the larger dot is in its place.
+  // Returns the order in which the larger dot is at its position.
   Outcome<Dots> OrderByMarker(const std::vector<Dots>& orders) const {
     const double marker_ratio = options_.marker_diameter_m / options_.dot_diameter_m;
     for (const Dots& order : orders) {
@@ -334,14 +337,15 @@ class CircleGrid final : public Target {
       if (sizes.empty()) continue;
       const auto largest = std::max_element(sizes.begin(), sizes.end());
       if (largest - sizes.begin() != MarkerId()) continue;
-      // Halfway, as ratios go, to the size it should have.
+      // The threshold is the geometric mean of the expected sizes of the larger dot and of the others.
       if (*largest < std::sqrt(marker_ratio) * Median(sizes)) break;
       return order;
     }
     return Failure{"all dots were seen, but none in a corner is larger than the others"};
   }
 
-  // The order with the first row nearest to the picture's top. Any would do: the robot's poses tell which one is right.
+  // Returns the order whose first row points most nearly to the right of the image. Any order would do: the robot's
+  // poses determine the correct one.
   Outcome<Dots> OrderByImage(const std::vector<Dots>& orders) const {
     const auto upright = [&](const Dots& order) {
       return (order[options_.columns - 1].centre_px - order[0].centre_px).normalized().x();
@@ -352,7 +356,7 @@ class CircleGrid final : public Target {
 
   CircleGridOptions options_;
   std::vector<TargetPoint> points_;
-  std::vector<LatticeCell> pattern_;  // The lattice cell of each point.
+  std::vector<LatticeCell> pattern_;  // Lattice cell of each point.
   Drawing drawing_;
 };
 
@@ -365,7 +369,7 @@ std::unique_ptr<Target> CreateTarget_circle_grid(MapReader& reader) {
   if (options.asymmetric && options.marker_dot) {
     reader.Get("marker_dot").Fail("only a symmetric grid can have it");
   }
-  // Between neighbouring dots.
+  // The distance between neighbouring dots.
   const double pitch_m = options.asymmetric ? std::sqrt(2.0) * options.spacing_m : options.spacing_m;
   options.dot_diameter_m = reader.PositiveLength("dot_diameter", 0.5 * pitch_m);
   if (options.dot_diameter_m > 0.95 * pitch_m) {

@@ -1,10 +1,10 @@
-// A grid of dots, each in the ring of black and white sectors that tells its id (ring_code.h, ring_decoder.h). Frame:
-// origin at the first dot, x to the right along the columns, y down, z into the sheet. The id of dot (row, column), at
-// (column spacing, row spacing, 0), is first_id + row * columns + column; the first sector of its code begins at the
-// ring's rightmost point, and reading goes on clockwise.
+// A grid of dots, each in a ring of black and white sectors that encodes its id (ring_code.h, ring_decoder.h). Frame:
+// origin at the first dot, x to the right along the columns, y down, z into the sheet. The dot (row, column) is at
+// (column spacing, row spacing, 0) and has the id first_id + row * columns + column. The first sector of its code
+// begins at the ring's rightmost point, and the code is read clockwise.
 //
-// A ring tells more than an id: with the dot's outline and the perspective that its edges show it says where the next
-// dots are. Readings that say so of each other are one board (FindBoard).
+// A ring provides more than an id: together with the dot's outline and the perspective of its edges, it predicts the
+// positions of the next dots. Readings that predict each other belong to one target (FindBoard).
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -31,16 +31,17 @@ struct CodedBoardOptions : DotGrid {
   RingCodeOrder code_order = RingCodeOrder::kSeparation;
 };
 
-// A dot that was read, as a point of the board.
+// A dot that was read, as a point of the target.
 struct FoundPoint {
   int point = 0;
-  Eigen::Vector2d on_board = Eigen::Vector2d::Zero();  // Radii of a dot.
+  Eigen::Vector2d on_board = Eigen::Vector2d::Zero();  // Position on the target, in radii of a dot.
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();
   double radius_px = 0;
   double residual_ratio = 0;
   bool is_clear = false;
-  // The board's plane about the point, radii of a dot, as the ring tells it; several if the ring looks the same turned.
+  // Homographies from the target's plane, in radii of a dot, to the image near the point, from its ring; several if
+  // the ring has rotational symmetries.
   std::vector<Eigen::Matrix3d> pixel_from_plane;
 };
 
@@ -99,7 +100,7 @@ class CodedBoard final : public Target {
   }
 
  private:
-  // Points from whose places another one's is told.
+  // The largest number of points from which another one is predicted.
   static constexpr size_t kNumUsed = 8;
 
   std::vector<FoundEllipse> FindDots(const cv::Mat& grey) const {
@@ -109,8 +110,8 @@ class CodedBoard final : public Target {
     return FindEllipses(grey, finder_options);
   }
 
-  // Large dots first. Once half the board is known, those that are read are where its points must be, and what looks
-  // like another one's: a board that is there twice is not to go unseen.
+  // Reads large dots first. Once half the target is known, reads the dots at the predicted positions of its points
+  // and then those that look like a ring, so that a second copy of the target does not go unnoticed.
   std::vector<FoundPoint> ReadDots(const cv::Mat& grey, const std::vector<FoundEllipse>& dots) const {
     std::vector<std::pair<double, size_t>> unread;  // By radius.
     for (size_t i = 0; i < dots.size(); ++i) unread.emplace_back(dots[i].ellipse.RadiusPx(), i);
@@ -118,7 +119,7 @@ class CodedBoard final : public Target {
       return a.first != b.first ? a.first > b.first : a.second < b.second;
     });
     std::vector<FoundPoint> found;
-    // Those that are wanted; they are then no longer unread. Whether there were any.
+    // Reads the wanted dots and removes them from `unread`. Returns whether there were any.
     const auto read = [&](const auto& is_wanted) {
       const auto rest = std::stable_partition(unread.begin(), unread.end(),
                                               [&](const auto& dot) { return is_wanted(dots[dot.second].ellipse); });
@@ -149,7 +150,7 @@ class CodedBoard final : public Target {
     return found;
   }
 
-  // Where a point of the board must be, and how large its dot about is.
+  // The predicted position of a point of the target, and the approximate size of its dot.
   struct ExpectedDot {
     Eigen::Vector2d pixel;
     double reach_px;
@@ -161,7 +162,7 @@ class CodedBoard final : public Target {
     }
   };
 
-  // Of all points, by those that are known. Empty if they do not tell.
+  // Predicts all points from those that are known. Returns an empty list if one cannot be predicted.
   std::vector<ExpectedDot> ExpectedDots(const std::vector<FoundPoint>& board) const {
     std::vector<ExpectedDot> expected;
     for (const TargetPoint& point : points_) {
@@ -171,14 +172,14 @@ class CodedBoard final : public Target {
       if (!pixel) return {};
       const FoundPoint& known = board[nearest.front()];
       const FoundPoint& next = board[nearest[1]];
-      // Half way to the next point: a lens may bend what is far from those that are known.
+      // The reach is half way to the next point, since lens distortion may displace points far from known ones.
       const double px_per_radius = (next.pixel - known.pixel).norm() / (next.on_board - known.on_board).norm();
       expected.push_back({*pixel, 0.5 * px_per_radius * options_.spacing_m / RadiusM(), known.radius_px});
     }
     return expected;
   }
 
-  // Of all codes of the board's kind, where a ring is large and exact enough to be believed.
+  // Returns the ids of all codes of this kind whose rings are large and exact enough to be trusted.
   std::vector<int> SeenIds(const cv::Mat& grey) const {
     const std::vector<uint32_t> codes = RingCodes(options_.bits, options_.code_order);
     const RingDecoder decoder(options_.bits, options_.polarity, codes);
@@ -200,12 +201,12 @@ class CodedBoard final : public Target {
     drawing.ground = options_.Ground();
     for (const TargetPoint& point : points_) {
       const Eigen::Vector2d centre_m = point.in_target.head<2>();
-      // The ring, its blank sectors as wedges that reach beyond it, the gap, the dot.
+      // The shapes are the ring, its blank sectors as wedges that extend beyond it, the gap and the dot.
       drawing.AddDisc(centre_m, kRingOuter * radius_m, options_.Ink());
       AddBlankSectors(codes_[static_cast<size_t>(point.id - options_.first_id)], centre_m, &drawing);
       drawing.AddDisc(centre_m, kRingInner * radius_m, options_.Ground());
       drawing.AddDisc(centre_m, radius_m, options_.Ink());
-      // Below the ring, to the right.
+      // The label is below the ring, to the right.
       const double height_m = 0.6 * radius_m;
       const double offset_m = 2.6 * radius_m;
       drawing.labels.push_back(
@@ -214,15 +215,15 @@ class CodedBoard final : public Target {
     return drawing;
   }
 
-  // Whether a ring that is none of the board's hardly ever reads as one of its codes: only then is a point believed
-  // that no other confirms.
+  // Returns whether rings that are not the target's hardly ever read as one of its codes. Only then is a point
+  // accepted without confirmation by another one.
   bool IsRare() const {
     constexpr double kMaxChance = 0.02;
     return static_cast<double>(codes_.size()) * options_.bits <= kMaxChance * std::pow(2.0, options_.bits);
   }
 
-  // Whether a point may be believed that no other of the board confirms. A code whose marks are all in one run is what
-  // any arc or blot beside a dot may look like.
+  // Returns whether a point is accepted without confirmation by another one. A code with all its marks in one run may
+  // be any arc or blot beside a dot.
   bool IsBelievedAlone(const FoundPoint& point) const {
     if (!point.is_clear || !IsRare()) return false;
     const uint32_t code = codes_[static_cast<size_t>(point.point)];
@@ -240,7 +241,7 @@ class CodedBoard final : public Target {
   void AddBlankSectors(uint32_t code, const Eigen::Vector2d& centre_m, Drawing* drawing) const {
     const int bits = options_.bits;
     const auto is_blank = [&](int sector) { return ((code >> (bits - 1 - sector % bits)) & 1U) == 0; };
-    // A code is its own smallest rotation: it begins with a blank sector and ends with another one.
+    // A code is its own smallest rotation: it begins with a blank sector and ends with a marked one.
     CHECK(is_blank(0) && !is_blank(bits - 1));
     for (int first = 0; first < bits; ++first) {
       if (!is_blank(first)) continue;
@@ -249,7 +250,7 @@ class CodedBoard final : public Target {
       Shape wedge;
       wedge.albedo = drawing->ground;
       wedge.points_m.push_back(centre_m);
-      // Chords of at most half a sector, 22.5 degrees, at 3.2 radii stay outside 3.1.
+      // Chords of at most half a sector, 22.5 degrees, at 3.2 radii stay outside 3.1 radii.
       const int num_steps = 2 * (last + 1 - first);
       for (int step = 0; step <= num_steps; ++step) {
         const double angle = 2 * kPi * (first + 0.5 * step) / bits;
@@ -260,7 +261,7 @@ class CodedBoard final : public Target {
     }
   }
 
-  // A dot may have been a candidate twice: the better reading counts.
+  // Adds a reading. If a dot was a candidate twice, the better reading is kept.
   void AddFound(const RingReading& reading, std::vector<FoundPoint>* found) const {
     FoundPoint point;
     point.point = point_of_code_.at(reading.code);
@@ -286,7 +287,7 @@ class CodedBoard final : public Target {
     found->push_back(std::move(point));
   }
 
-  // Whether one of the ways in which `a` can be seen puts `b` where it is.
+  // Returns whether one of the homographies of `a` predicts the position of `b`.
   static bool Predicts(const FoundPoint& a, const FoundPoint& b) {
     const double limit_px = 0.15 * (b.pixel - a.pixel).norm();
     return std::any_of(a.pixel_from_plane.begin(), a.pixel_from_plane.end(), [&](const Eigen::Matrix3d& map) {
@@ -295,7 +296,7 @@ class CodedBoard final : public Target {
     });
   }
 
-  // By increasing distance on the board.
+  // Sorts by increasing distance on the target.
   static void SortByDistance(const std::vector<FoundPoint>& found, const Eigen::Vector2d& on_board,
                              std::vector<size_t>* indices) {
     std::sort(indices->begin(), indices->end(), [&](size_t a, size_t b) {
@@ -304,7 +305,7 @@ class CodedBoard final : public Target {
       return distance_a != distance_b ? distance_a < distance_b : a < b;
     });
   }
-  // Of a point the others, at most so many.
+  // Returns the points nearest to a point, other than itself, at most `most`.
   static std::vector<size_t> Neighbours(const std::vector<FoundPoint>& found, size_t i, size_t most) {
     std::vector<size_t> others;
     for (size_t j = 0; j < found.size(); ++j) {
@@ -323,7 +324,8 @@ class CodedBoard final : public Target {
     return all;
   }
 
-  // The points that agree with each other about where the board is, by increasing id. Says why not if there are none.
+  // Returns the points that agree on the pose of the target, by increasing id. Returns none if no points agree, or,
+  // with a `reason`, if the two largest groups that agree have the same size.
   std::vector<FoundPoint> FindBoard(const std::vector<FoundPoint>& found, std::string* reason) const {
     constexpr size_t kMaxNeighbours = 12;
     std::vector<size_t> group(found.size());
@@ -351,11 +353,11 @@ class CodedBoard final : public Target {
     }
     std::vector<FoundPoint> board;
     for (const size_t i : sorted[0]) board.push_back(found[i]);
-    // In the board's order: it is not to matter in which one they were read.
+    // The target's order makes the result independent of the order in which points were read.
     std::stable_sort(board.begin(), board.end(),
                      [](const FoundPoint& a, const FoundPoint& b) { return a.point < b.point; });
     RemoveOutliers(&board);
-    // Neither of two with one id.
+    // Points with the same id are all removed.
     std::vector<FoundPoint> unique;
     for (size_t i = 0; i < board.size(); ++i) {
       const bool twice = (i > 0 && board[i - 1].point == board[i].point) ||
@@ -365,8 +367,8 @@ class CodedBoard final : public Target {
     return unique;
   }
 
-  // Leaves out, the worst first, the points that are not where their neighbours say. Lens distortion bends a board, but
-  // hardly among neighbours.
+  // Removes, worst first, the points that are not where their neighbours predict them. Lens distortion bends a
+  // target, but hardly among neighbours.
   static void RemoveOutliers(std::vector<FoundPoint>* board) {
     while (board->size() >= 6) {
       size_t worst = 0;
@@ -387,8 +389,8 @@ class CodedBoard final : public Target {
     }
   }
 
-  // Where the homography through `others` (least squares in the equations, centred and scaled) has a place; nothing if
-  // they do not tell.
+  // Predicts the pixel of a point from the homography through `others` (linear least squares, centred and scaled).
+  // Returns nothing if they do not determine it.
   static std::optional<Eigen::Vector2d> Expected(const std::vector<FoundPoint>& board,
                                                  const Eigen::Vector2d& plane_origin,
                                                  const std::vector<size_t>& others) {
@@ -407,7 +409,7 @@ class CodedBoard final : public Target {
       values.segment<2>(row) = pixel;
     }
     const Eigen::ColPivHouseholderQR<Eigen::Matrix<double, Eigen::Dynamic, 8>> solver(rows);
-    // All but one on a line leave the homography open.
+    // The homography is undetermined if all points but one lie on a line.
     if (solver.rank() < 8 || std::abs(solver.matrixR()(7, 7)) < 1e-3 * std::abs(solver.matrixR()(0, 0))) {
       return std::nullopt;
     }
@@ -416,7 +418,7 @@ class CodedBoard final : public Target {
   }
 
   CodedBoardOptions options_;
-  std::vector<uint32_t> codes_;  // Of the points.
+  std::vector<uint32_t> codes_;  // Codes of the points.
   RingDecoder decoder_;
   std::vector<TargetPoint> points_;
   std::map<uint32_t, int> point_of_code_;
@@ -428,7 +430,7 @@ class CodedBoard final : public Target {
 std::unique_ptr<Target> CreateTarget_coded_board(MapReader& reader) {
   CodedBoardOptions options{ReadDotGrid(reader)};
   options.dot_diameter_m = reader.PositiveLength("dot_diameter", 0.25 * options.spacing_m);
-  // From one dot to where the quiet zone of the next one ends the ring of the first.
+  // The least spacing leaves the ring of each dot outside the quiet zone of the next one.
   const double least_spacing_m = 0.5 * (kRingOuter + kRingQuiet) * options.dot_diameter_m;
   if (options.spacing_m < least_spacing_m * (1 - 1e-9)) {
     const std::optional<ConfigValue> given = reader.Find("dot_diameter");

@@ -1,4 +1,4 @@
-// Mistakes that people make with more than one type of target, for Target::LikelyMisconfigurations.
+// Frequent mistakes in the configuration of several types of targets, for Target::LikelyMisconfigurations.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,8 @@ inline TargetSettings RowsAndColumns(int rows, int columns) {
   return {{"rows", std::to_string(rows)}, {"columns", std::to_string(columns)}};
 }
 
-// Rows for columns, squares for the corners between them (or the reverse), one too many or too few of one of them.
+// Returns grids with rows and columns exchanged, with squares counted instead of the corners between them (or the
+// reverse), and with one row or column too many or too few.
 inline std::vector<TargetSettings> ConfusedGrids(int rows, int columns) {
   std::vector<TargetSettings> confusions;
   if (rows != columns) confusions.push_back(RowsAndColumns(columns, rows));
@@ -29,9 +30,9 @@ inline std::vector<TargetSettings> ConfusedGrids(int rows, int columns) {
   return confusions;
 }
 
-// Where the numbers of a board's `num` tags (markers, dots) may begin instead of at `first`, by all those `seen` in a
-// picture: so that as many of them as can be belong to the board. Of a board that is partly in view several starts do,
-// all of them if they are few, else the ends of what is possible.
+// Returns other values of `key`, the number of a target's first tag (marker, dot), which is now `first`. The target
+// has `num` tags; with the returned values it includes as many as possible of those `seen` in an image. If the target
+// is partly in view, several values do: all are returned if they are few, else the two ends of their range.
 inline std::vector<TargetSettings> OtherFirstIds(const std::string& key, std::vector<int> seen, int first, int num) {
   std::sort(seen.begin(), seen.end());
   seen.erase(std::unique(seen.begin(), seen.end()), seen.end());
@@ -52,7 +53,7 @@ inline std::vector<TargetSettings> OtherFirstIds(const std::string& key, std::ve
   return confusions;
 }
 
-// Every other name of a table for `key`.
+// Adds a setting of `key` for every other name in a table.
 template <class Table>
 void AddOtherNames(const std::string& key, const Table& table, const std::string& name,
                    std::vector<TargetSettings>* confusions) {

@@ -1,5 +1,5 @@
-// What every camera model promises (heba/camera/camera_model.h). Runs over the table: a new model is tested by its
-// line.
+// Requirements for every camera model (heba/camera/camera_model.h). The tests iterate over the table of models, so
+// that a new model is tested automatically.
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -17,8 +17,9 @@ namespace {
 constexpr int kWidthPx = 1280;
 constexpr int kHeightPx = 960;
 
-// Cameras of a model: without distortion, with a usual lens's, and with a strong one's of either sign. The coefficients
-// are by name, so that a new model with the usual names has them too; its image is invertible out to the corners.
+// Returns cameras of a model: without distortion, with typical distortion, and with strong distortion of either sign.
+// Coefficients are set by name, so that a new model with the usual names has them too. The projection is invertible
+// up to the image corners.
 std::vector<Camera> CamerasOf(const CameraModel& model) {
   struct Lens {
     double focal_px;
@@ -28,13 +29,14 @@ std::vector<Camera> CamerasOf(const CameraModel& model) {
   const bool fisheye = model.name() == "kannala_brandt4";
   const std::vector<Lens> polynomial = {{1000, 0, 0, 0, 0, 0, 0},
                                         {1100, -0.12, 0.08, -0.01, 0.001, 0.0007, -0.0005},
-                                        // Barrel: the corners, at 0.85 focal lengths without it, move in by 17 %.
+                                        // Barrel distortion: the corners, at 0.85 focal lengths without it, move
+                                        // inwards by 17 %.
                                         {940, -0.28, 0.09, -0.01, 0, 0.002, -0.001},
-                                        // Pincushion: they move out by a third.
+                                        // Pincushion distortion: the corners move outwards by a third.
                                         {800, 0.35, 0.1, 0.01, 0.002, -0.001, 0.002}};
   const std::vector<Lens> fisheyes = {{500, 0, 0, 0, 0, 0, 0},
                                       {520, -0.02, 0.004, -0.002, 0.0003, 0, 0},
-                                      // 180 degrees and more within the image.
+                                      // The field of view is 180 degrees or more.
                                       {420, 0.04, -0.01, 0.002, -0.0002, 0, 0},
                                       {450, -0.05, 0.01, -0.0015, 0.0001, 0, 0}};
   std::vector<Camera> cameras;
@@ -51,7 +53,7 @@ std::vector<Camera> CamerasOf(const CameraModel& model) {
       if (name == "k3") value = lens.k3;
       if (name == "p1") value = lens.p1;
       if (name == "p2") value = lens.p2;
-      // Of the rational model these divide.
+      // These coefficients of the rational model are in the denominator.
       if (name == "k4" || name == "k5" || name == "k6") value = fisheye ? lens.k4 : 0.1 * lens.k4;
       camera.params.push_back(value);
     }
@@ -60,7 +62,7 @@ std::vector<Camera> CamerasOf(const CameraModel& model) {
   return cameras;
 }
 
-// Points ahead of the camera whose images cover the picture.
+// Returns points in front of the camera whose projections cover the image.
 Points3 RandomPoints(Rng* rng, int count) {
   Points3 points(3, count);
   for (int i = 0; i < count; ++i) {
@@ -116,7 +118,7 @@ TEST_P(CameraModelTest, NothingBehindTheCameraOrNotFiniteHasAnImage) {
     EXPECT_FALSE(ProjectPoint(camera, {0, 0, 0}).has_value());
     EXPECT_FALSE(ProjectPoint(camera, {nan, 0, 1}).has_value());
     EXPECT_FALSE(ProjectPoint(camera, {0, 0, nan}).has_value());
-    // One such point spoils a batch, with and without derivatives.
+    // One such point makes the projection of a batch fail, with and without derivatives.
     Points3 points(3, 3);
     points << 0, 0, 0.1, 0, 0, 0.1, 1, -1, 1;
     Points2 pixels;
@@ -134,12 +136,12 @@ TEST_P(CameraModelTest, DependsOnTheRayOnly) {
       const std::optional<Eigen::Vector2d> near = ProjectPoint(camera, points.col(i));
       const std::optional<Eigen::Vector2d> far = ProjectPoint(camera, 1000.0 * points.col(i));
       ASSERT_TRUE(near.has_value() && far.has_value());
-      EXPECT_LT((*near - *far).norm(), 1e-9);  // px: round-off at 1000 px.
+      EXPECT_LT((*near - *far).norm(), 1e-9);  // px: round-off at coordinates of 1000 px.
     }
   }
 }
 
-// Over the whole image, its corners included.
+// Tests the whole image including its corners.
 TEST_P(CameraModelTest, UnprojectInvertsProject) {
   for (const Camera& camera : CamerasOf(model())) {
     for (int v = -10; v <= kHeightPx + 10; v += 20) {
@@ -151,13 +153,13 @@ TEST_P(CameraModelTest, UnprojectInvertsProject) {
         EXPECT_NEAR(ray->norm(), 1.0, 1e-12);
         const std::optional<Eigen::Vector2d> back = ProjectPoint(camera, *ray);
         ASSERT_TRUE(back.has_value());
-        EXPECT_LT((*back - pixel).norm(), 1e-6);  // px: what the model promises to accept.
+        EXPECT_LT((*back - pixel).norm(), 1e-6);  // px: the tolerance that the model promises.
       }
     }
   }
 }
 
-// The ray, not only one that has the same image.
+// Tests that the original ray is found, and not just a ray with the same projection.
 TEST_P(CameraModelTest, UnprojectFindsTheRayItself) {
   Rng rng(2);
   for (const Camera& camera : CamerasOf(model())) {
@@ -165,7 +167,8 @@ TEST_P(CameraModelTest, UnprojectFindsTheRayItself) {
     for (Eigen::Index i = 0; i < points.cols(); ++i) {
       const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, *ProjectPoint(camera, points.col(i)));
       ASSERT_TRUE(ray.has_value()) << points.col(i).transpose();
-      // rad: 1e-9 px over a focal length of some 500 px, with a margin for the flatter corners.
+      // rad: 1e-9 px divided by a focal length of about 500 px, with a margin for the smaller gradient at the
+      // corners.
       EXPECT_LT(ray->cross(points.col(i).normalized()).norm(), 1e-10);
       EXPECT_GT(ray->dot(points.col(i)), 0);
     }
@@ -186,8 +189,8 @@ TEST_P(CameraModelTest, JacobiansAreTheDerivatives) {
   const int num_params = NumParams(model());
   for (const Camera& camera : CamerasOf(model())) {
     Points3 points = RandomPoints(&rng, 30);
-    points.col(0) << 0, 0, 1.5;         // On the axis.
-    points.col(1) << 1e-10, -2e-10, 1;  // Where a fisheye's formula changes.
+    points.col(0) << 0, 0, 1.5;         // A point on the optical axis.
+    points.col(1) << 1e-10, -2e-10, 1;  // The formula of the fisheye changes near the axis.
     Points2 pixels;
     ProjectionJacobian jacobian;
     ASSERT_TRUE(model().Project(camera.params.data(), points, &pixels, &jacobian));
@@ -206,11 +209,12 @@ TEST_P(CameraModelTest, JacobiansAreTheDerivatives) {
         };
         const double value = j < 3 ? points(j, i) : camera.params[static_cast<size_t>(j - 3)];
         const double step = 1e-5 * std::max(1.0, std::abs(value));
-        // Central differences with an extrapolation: an error of the fourth order of the step.
+        // Central differences with Richardson extrapolation have an error of fourth order in the step.
         const Eigen::Vector2d wide = (moved(2 * step) - moved(-2 * step)) / (4 * step);
         const Eigen::Vector2d narrow = (moved(step) - moved(-step)) / (2 * step);
         const Eigen::Vector2d expected = (4 * narrow - wide) / 3;
-        // Round-off of 1e-13 px (of 1000 px) over the step of 1e-5, and as much relative to large derivatives.
+        // Round-off of 1e-13 px (at 1000 px) divided by the step of 1e-5, and the same relative tolerance for large
+        // derivatives.
         const double tolerance = 1e-7 + 1e-7 * expected.norm();
         EXPECT_NEAR(jacobian.u(j, i), expected.x(), tolerance)
             << "input " << j << ", point " << points.col(i).transpose();
@@ -225,14 +229,14 @@ TEST_P(CameraModelTest, ABatchIsItsPoints) {
   Rng rng(4);
   for (const Camera& camera : CamerasOf(model())) {
     const Points3 points = RandomPoints(&rng, 37);
-    // Sized for another batch: outputs must be resized.
+    // The outputs have the size of another batch and must be resized.
     Points2 pixels(2, 5);
     ProjectionJacobian jacobian;
     ASSERT_TRUE(model().Project(camera.params.data(), points, &pixels, &jacobian));
     Points2 plain;
     ASSERT_TRUE(model().Project(camera.params.data(), points, &plain, nullptr));
     ASSERT_EQ(pixels.cols(), points.cols());
-    // px: vectorised code may round otherwise.
+    // px: vectorised code may round differently.
     constexpr double kRoundOffPx = 1e-11;
     EXPECT_LT((pixels - plain).cwiseAbs().maxCoeff(), kRoundOffPx);
     for (Eigen::Index i = 0; i < points.cols(); ++i) {
@@ -252,7 +256,7 @@ TEST_P(CameraModelTest, ABatchIsItsPoints) {
 std::string NameOf(const testing::TestParamInfo<std::string>& parameter) { return parameter.param; }
 INSTANTIATE_TEST_SUITE_P(Table, CameraModelTest, testing::ValuesIn(CameraModelNames()), NameOf);
 
-// Beyond the radius where a barrel distortion folds back two rays share a pixel; the outer one does not count.
+// Beyond the radius where barrel distortion folds back two rays share a pixel; the outer one is invalid.
 TEST(FoldedDistortion, PixelsBeyondTheFoldHaveNoRay) {
   // r (1 - 0.3 r^2) is largest at r = 1.054, where it is 0.703.
   const Camera camera = {"brown5", kWidthPx, kHeightPx, {500, 500, 640, 480, -0.3, 0, 0, 0, 0}};
@@ -262,19 +266,20 @@ TEST(FoldedDistortion, PixelsBeyondTheFoldHaveNoRay) {
   EXPECT_LT(inside->x() / inside->z(), 1.054);
 }
 
-// The other way round: the first guess, the pixel's own radius, lies beyond the fold, the ray does not.
+// The opposite case: the initial guess, the pixel's own radius, is beyond the fold, but the ray is not.
 TEST(FoldedDistortion, RaysWithinTheFoldAreFoundFromAGuessBeyondIt) {
-  // r (1 + r^2 - r^4) is largest at r = 0.916, where it is 1.040: for a ray at 0.8 the guess is 0.984, beyond it.
+  // r (1 + r^2 - r^4) is largest at r = 0.916, where it is 1.040: for a ray at 0.8 the guess is 0.984, beyond the
+  // fold.
   const Camera camera = {"brown5", kWidthPx, kHeightPx, {500, 500, 640, 480, 1, -1, 0, 0, 0}};
   for (const double r : {0.5, 0.8, 0.86, 0.89}) {
     const Eigen::Vector3d point_in_camera(r, 0, 1);
     const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, *ProjectPoint(camera, point_in_camera));
     ASSERT_TRUE(ray.has_value()) << r;
-    EXPECT_NEAR(ray->x() / ray->z(), r, 1e-9);  // 1e-9 px over a slope of at least 20 px.
+    EXPECT_NEAR(ray->x() / ray->z(), r, 1e-9);  // 1e-9 px divided by a slope of at least 20 px.
   }
 }
 
-// Pins of the conventions of OpenCV and ROS, from their documentation's formulas worked out by hand.
+// These tests pin the conventions of OpenCV and ROS with values that were derived by hand from their documentation.
 TEST(CameraModelPins, Brown5) {
   // a = 0.5, b = 0.25, r2 = 0.3125; radial = 1 + 0.1 r2 - 0.2 r2^2 + 0.3 r2^3 = 1.020874023...
   const double r2 = 0.3125;
@@ -293,7 +298,7 @@ TEST(CameraModelPins, Rational8ExtendsBrown5) {
   const std::optional<Camera> rational = ConvertCamera(brown, "rational8");
   ASSERT_TRUE(rational.has_value());
   EXPECT_LT((*ProjectPoint(*rational, {1, 0.5, 2}) - *ProjectPoint(brown, {1, 0.5, 2})).norm(), 1e-12);
-  // The last three divide: with k4 = k1 and no others the radial factor is 1.
+  // The last three coefficients are in the denominator: with k4 = k1 and all others 0 the radial factor is 1.
   Camera divided = {"rational8", kWidthPx, kHeightPx, {100, 200, 10, 20, 0.1, 0, 0, 0, 0, 0.1, 0, 0}};
   EXPECT_LT((*ProjectPoint(divided, {1, 0.5, 2}) - Eigen::Vector2d(60, 70)).norm(), 1e-12);
   EXPECT_FALSE(ConvertCamera(divided, "brown5").has_value());
@@ -301,7 +306,7 @@ TEST(CameraModelPins, Rational8ExtendsBrown5) {
 }
 
 TEST(CameraModelPins, KannalaBrandt4SeesBehindTheImagePlane) {
-  // At a right angle to the axis theta is pi / 2: r = theta (1 + 0.1 theta^2).
+  // For a ray perpendicular to the axis theta = pi / 2 and r = theta (1 + 0.1 theta^2).
   const double theta = 1.5707963267948966;
   const Camera camera = {"kannala_brandt4", kWidthPx, kHeightPx, {100, 200, 10, 20, 0.1, 0, 0, 0}};
   const std::optional<Eigen::Vector2d> pixel = ProjectPoint(camera, {3, 0, 0});

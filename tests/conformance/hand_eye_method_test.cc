@@ -1,4 +1,4 @@
-// What every closed-form method must do, run over the table of them.
+// Requirements for every closed-form method in the table of methods.
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -10,14 +10,14 @@
 namespace heba {
 namespace {
 
-// A scene with the motion that the method needs.
+// Makes a scene with the motion that the method needs.
 TestScene SceneFor(const std::string& method, uint64_t seed, TestSceneOptions options = {}) {
   if (FindHandEyeMethod(method)->motion == MethodMotion::kTwoStep) options.motion = TestSceneOptions::Motion::kTwoStep;
   return MakeTestScene(seed, options);
 }
 
 constexpr double kRoundOff =
-    1e-8;  // rad and m: exact data; null vectors of 24 x 24 normal matrices in double precision
+    1e-8;  // rad and m: exact data; null vectors of 24 x 24 normal matrices in double precision.
 
 class HandEyeMethodTest : public testing::TestWithParam<std::string> {
  protected:
@@ -52,7 +52,8 @@ TEST_P(HandEyeMethodTest, RecoversExactDataOfBothSetups) {
   }
 }
 
-// A camera turned by exactly half a turn against its mount is common, and a pole of several parametrisations.
+// A camera that is rotated by exactly 180 degrees relative to its mount is common, and a singularity of several
+// parametrisations.
 TEST_P(HandEyeMethodTest, RecoversHalfTurns) {
   TestScene scene = SceneFor(GetParam(), 3);
   for (const Eigen::Vector3d& axis : {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)}) {
@@ -107,8 +108,8 @@ TEST_P(HandEyeMethodTest, RefusesParallelAxesAndNoRotation) {
   }
 }
 
-// With captures that carry the same noise, nine times as many give a third of the error. The median over seeds of the
-// ratio of errors has a spread of about 15 % here; [1/6, 1/1.5] fails by chance far less than once in 10^4.
+// Nine times as many captures with the same noise reduce the error to a third. The median ratio of errors over the
+// seeds has a spread of about 15 % here; the range [1/6, 1/1.5] is missed by chance far less than once in 10^4.
 TEST_P(HandEyeMethodTest, ErrorFallsWithTheRootOfTheCaptures) {
   if (FindHandEyeMethod(GetParam())->motion == MethodMotion::kTwoStep) {
     GTEST_SKIP() << "its rotation comes from two translations, however many captures there are";

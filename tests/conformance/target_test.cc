@@ -1,5 +1,5 @@
-// What every type of target must do, run over the table of them; and the conventions of OpenCV's and libapriltag's
-// detectors that they rely on.
+// Requirements for every type of target in targets.def, and the conventions of OpenCV's and libapriltag's detectors
+// that the targets rely on.
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -35,11 +35,11 @@ using testing::IsEmpty;
 
 struct Example {
   std::string yaml;
-  double max_rms_px;   // Of the distances of the found points; of their pixels' noise and their detector's own errors.
-  double max_bias_px;  // Of their mean over the views.
+  double max_rms_px;   // RMS distance of the detected points, from pixel noise and the detector's own errors.
+  double max_bias_px;  // Norm of the mean difference over all views.
 };
 
-// At least one for each type; an entry of targets.def without one fails the test.
+// Each type has at least one example; an entry of targets.def without an example fails the test.
 const std::multimap<std::string, Example> kExamples = {
     {"apriltag_grid", {"{type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 30 mm}", 0.1, 0.02}},
     {"apriltag_grid",
@@ -109,15 +109,15 @@ TEST_P(TargetTest, IdsIncreaseAndPointsSpanAPlane) {
       scatter_m2 += (point.in_target - mean_m) * (point.in_target - mean_m).transpose();
     }
     const Eigen::Vector3d spread_m2 = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter_m2).eigenvalues();
-    EXPECT_GT(spread_m2[1], 0.01 * spread_m2[2]);  // Sorted: the second is 0 where all lie on one line.
+    EXPECT_GT(spread_m2[1], 0.01 * spread_m2[2]);  // Sorted ascending: the second is 0 if all points are on one line.
   }
 }
 
-// Every point lies on the sheet, where the drawing changes from black to white: within reach of it both are seen.
+// Every point is on the sheet, at an edge between black and white: both occur in its neighbourhood.
 TEST_P(TargetTest, DrawingCoversItsPoints) {
   for (const std::unique_ptr<Target>& target : targets_) {
     const Drawing& drawing = target->Draw();
-    double nearest_m = INFINITY;  // Of two points.
+    double nearest_m = INFINITY;  // Smallest distance between two points.
     for (const TargetPoint& a : target->points()) {
       for (const TargetPoint& b : target->points()) {
         if (a.id < b.id) nearest_m = std::min(nearest_m, (a.in_target - b.in_target).norm());
@@ -141,7 +141,7 @@ TEST_P(TargetTest, DrawingCoversItsPoints) {
   }
 }
 
-// Tilts to 40 degrees, through a lens with distortion, with noise of 2 grey levels.
+// Tilts up to 40 degrees, a lens with distortion, and noise of 2 grey levels.
 TEST_P(TargetTest, PointsAreFoundWhereTheCameraModelSays) {
   for (size_t i = 0; i < targets_.size(); ++i) {
     constexpr int kNumViews = 4;
@@ -153,7 +153,7 @@ TEST_P(TargetTest, PointsAreFoundWhereTheCameraModelSays) {
   }
 }
 
-// A detection does not depend on the stated size of the target: an image is searched once for all sizes.
+// Detections do not depend on the stated size of the target, so an image is searched once for all sizes.
 TEST_P(TargetTest, TheUnitTargetIsFoundWhereTheTargetIs) {
   for (size_t i = 0; i < targets_.size(); ++i) {
     const TargetSettings lengths = targets_[i]->UnitLengths();
@@ -173,14 +173,14 @@ TEST_P(TargetTest, TheUnitTargetIsFoundWhereTheTargetIs) {
     const Detection found = with_lengths(1)->Detect(grey);
     ASSERT_EQ(found.ids, expected.ids) << examples_[i].yaml;
     for (size_t n = 0; n < found.ids.size(); ++n) {
-      // OpenCV's cornerSubPix ends with a step of less than 0.001 px: rounding may cost it a step.
+      // OpenCV's cornerSubPix ends with a step of less than 0.001 px; rounding errors may change the number of steps.
       EXPECT_LT((found.pixels[n] - expected.pixels[n]).norm(), 3e-3) << examples_[i].yaml;
     }
   }
 }
 
-// The identity first, each once, each a rotation that maps points to points and the drawing's grey to itself. A target
-// is read in one of these orders, however it is turned before the camera.
+// The first symmetry is the identity, all are different, and each is a rotation that maps points to points and the
+// drawing's grey values to themselves. A target in any orientation is detected in one of these orders.
 TEST_P(TargetTest, SymmetriesAreTheOrdersOfReading) {
   for (size_t i = 0; i < targets_.size(); ++i) {
     const Target& target = *targets_[i];
@@ -217,7 +217,7 @@ TEST_P(TargetTest, SymmetriesAreTheOrdersOfReading) {
   }
 }
 
-// A target with symmetries names the settings of one without; a target without symmetries names none.
+// A target with symmetries states the settings of a similar target without symmetries; otherwise the list is empty.
 TEST_P(TargetTest, SettingsWithoutSymmetryGiveATargetWithoutSymmetry) {
   for (size_t i = 0; i < targets_.size(); ++i) {
     const TargetSettings settings = targets_[i]->WithoutSymmetry();
@@ -228,8 +228,8 @@ TEST_P(TargetTest, SettingsWithoutSymmetryGiveATargetWithoutSymmetry) {
   }
 }
 
-// Each point at most once, by increasing id, with its pixel, and the picture unchanged; covariances, if there are any,
-// cover all points.
+// Each point occurs at most once, by increasing id, with its pixel, and the image is unchanged; covariances, if there
+// are any, cover all points.
 TEST_P(TargetTest, DetectionsAreWellFormed) {
   for (const std::unique_ptr<Target>& target : targets_) {
     const Drawing& drawing = target->Draw();
@@ -247,7 +247,7 @@ TEST_P(TargetTest, DetectionsAreWellFormed) {
     for (const Eigen::MatrixXd& covariance_px2 : detection.covariances_px2) {
       EXPECT_EQ(covariance_px2.rows() % 2, 0);
       EXPECT_EQ(covariance_px2.rows(), covariance_px2.cols());
-      EXPECT_EQ(covariance_px2.llt().info(), Eigen::Success);  // Positive definite.
+      EXPECT_EQ(covariance_px2.llt().info(), Eigen::Success);  // The covariance is positive definite.
       num_rows += covariance_px2.rows();
     }
     EXPECT_EQ(num_rows, 2 * static_cast<Eigen::Index>(detection.ids.size()));
@@ -277,24 +277,24 @@ INSTANTIATE_TEST_SUITE_P(Table, TargetTest, testing::ValuesIn(TargetTypeNames())
 
 // --------------------------------------------------------------------------------- conventions of other libraries
 
-// A picture, magnified: each of its pixels is kCell by kCell pixels of the result, whose pixel (x, y) is centred at
-// (x, y). The edge before cell c is then at kCell * c - 0.5.
+// Magnifies an image: each of its pixels becomes kCell by kCell pixels of the result, in which pixel (x, y) has its
+// centre at (x, y). The edge before cell c is at kCell * c - 0.5.
 constexpr int kCell = 20;
 
 cv::Mat Magnified(const cv::Mat& cells) {
   cv::Mat picture;
   cv::resize(cells, picture, cv::Size(), kCell, kCell, cv::INTER_NEAREST);
-  // Blur moves no straight edge, but makes it a slope, as in pictures of cameras.
+  // Blur does not move straight edges, but makes them slopes as in images of cameras.
   cv::GaussianBlur(picture, picture, cv::Size(), 1);
   return picture;
 }
 
-// libapriltag: the first pixel has its centre at (0.5, 0.5), and the corners of an upright tag are bottom left, bottom
-// right, top right, top left. On upright tags its refinement of edges is up to 0.15 px off, less than the half pixel.
+// libapriltag's first pixel has its centre at (0.5, 0.5), and the corners of an upright tag are bottom left, bottom
+// right, top right, top left. On upright tags its edge refinement is off by up to 0.15 px, less than half a pixel.
 TEST(ForeignConventions, LibapriltagsCorners) {
   apriltag_family_t* family = tag36h11_create();
   image_u8_t* tag = apriltag_to_image(family, 5);
-  ASSERT_EQ(tag->width, 10);  // A cell of paper, one of border, six of data, border, paper.
+  ASSERT_EQ(tag->width, 10);  // Cells: one of paper, one of border, six of data, one of border, one of paper.
   cv::Mat cells(16, 18, CV_8UC1, cv::Scalar(255));
   cv::Mat(tag->height, tag->width, CV_8UC1, tag->buf, static_cast<size_t>(tag->stride))
       .copyTo(cells(cv::Rect(4, 3, 10, 10)));
@@ -324,13 +324,13 @@ TEST(ForeignConventions, LibapriltagsCorners) {
   }
   apriltag_detections_destroy(found);
   apriltag_detector_destroy(detector);
-  std::free(tag->buf);  // image_u8_destroy() is not among the functions that the library exports.
+  std::free(tag->buf);  // The library does not export image_u8_destroy().
   std::free(tag);
   tag36h11_destroy(family);
 }
 
-// cv::aruco: corners clockwise from the top left of an upright marker, of its outer black edge, with pixel centres at
-// integers. A marker's bits as cv::aruco draws them.
+// cv::aruco gives the corners of the outer black edge, clockwise from the top left of an upright marker, with pixel
+// centres at integers. The marker is drawn by cv::aruco itself.
 TEST(ForeignConventions, ArucoCorners) {
   const cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_100);
   cv::Mat marker;
@@ -350,15 +350,15 @@ TEST(ForeignConventions, ArucoCorners) {
   const double top_px = 3 * kCell - 0.5;
   const double bottom_px = 10 * kCell - 0.5;
   const double expected_px[4][2] = {{left_px, top_px}, {right_px, top_px}, {right_px, bottom_px}, {left_px, bottom_px}};
-  // It follows the outermost dark pixels, half a pixel inside of the edge.
+  // The detector follows the outermost dark pixels, half a pixel inside the edge.
   for (size_t k = 0; k < 4; ++k) {
     EXPECT_NEAR(corners[0][k].x, expected_px[k][0], 1.1) << "corner " << k;
     EXPECT_NEAR(corners[0][k].y, expected_px[k][1], 1.1) << "corner " << k;
   }
 }
 
-// OpenCV's pixel (x, y) has its centre at (x, y): the corner between four quarters, two of them dark, lies half a pixel
-// before the first pixel of the last quarter.
+// OpenCV's pixel (x, y) has its centre at (x, y): the corner between four quadrants, two of them dark, is half a
+// pixel before the first pixel of the last quadrant.
 TEST(ForeignConventions, OpenCvsPixelCentre) {
   cv::Mat picture(80, 100, CV_8UC1, cv::Scalar(220));
   picture(cv::Rect(0, 0, 50, 40)).setTo(30);

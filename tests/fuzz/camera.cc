@@ -1,4 +1,4 @@
-// Camera files of every form.
+// Fuzzes camera files.
 #include <cmath>
 #include "heba/io/camera_file.h"
 

@@ -1,4 +1,4 @@
-// Pictures.
+// Fuzzes image files.
 #include "targets/images/image.h"
 #include "tests/fuzz/target.h"
 

@@ -1,4 +1,4 @@
-// Other projects' data sets of one file; the first byte says which form it is taken for.
+// Fuzzes imported data sets that consist of one file; the first byte selects the format.
 #include "heba/io/import.h"
 #include "tests/fuzz/imported.h"
 #include "tests/fuzz/target.h"

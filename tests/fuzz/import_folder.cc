@@ -1,5 +1,5 @@
-// Other projects' data sets of several files. The input is the files one after the other, each after a line
-// `=== path`, below one folder.
+// Fuzzes imported data sets that consist of several files. The input is a sequence of files below one folder, each
+// preceded by a line `=== path`.
 #include <algorithm>
 
 #include "heba/base/text.h"
@@ -10,7 +10,7 @@
 namespace {
 namespace fs = std::filesystem;
 
-// Letters that cannot lead out of the folder, and not too many of them.
+// Returns true if the path cannot lead out of the folder and is short.
 bool IsHarmless(const std::string& path) {
   constexpr size_t kMost = 60;
   constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./";

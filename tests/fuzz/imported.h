@@ -1,4 +1,4 @@
-// What every data set that an importer makes of some bytes must be.
+// Checks the invariants of every data set that an importer accepts.
 #pragma once
 
 #include "heba/io/import.h"

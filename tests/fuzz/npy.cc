@@ -1,4 +1,4 @@
-// Arrays of NumPy.
+// Fuzzes NumPy arrays.
 #include "heba/io/npy_file.h"
 #include "tests/fuzz/target.h"
 

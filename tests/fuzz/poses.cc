@@ -1,4 +1,5 @@
-// Pose files in every form; the first byte says which. The last forms are a user's own, whose files need no header.
+// Fuzzes pose files in every format; the first byte selects it. The last formats are user-defined; their files need
+// no header.
 #include "heba/io/pose_file.h"
 #include "tests/fuzz/target.h"
 
@@ -23,7 +24,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string text(reinterpret_cast<const char*>(data) + 1, size - 1);
   heba::Expect([&] {
     const std::vector<heba::PoseRow> rows = heba::ParsePoses(text, "poses.csv", format);
-    // What was read can be written and read again.
+    // Poses that were read can be written and read again.
     heba::ParsePoses(heba::PoseFileText(rows, format), "poses.csv", format);
   });
   return 0;

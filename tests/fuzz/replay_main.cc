@@ -1,4 +1,5 @@
-// A fuzz target without a fuzzer: the seed corpus, and a fixed number of spoiled copies of it, the same each time.
+// Runs a fuzz target without a fuzzer: on the seed corpus and on a fixed number of spoiled copies of it, identical
+// each time.
 // Usage: TARGET CORPUS_FOLDER COUNT
 #include <algorithm>
 #include <fstream>
@@ -15,24 +16,24 @@ std::string Spoiled(std::string text, const std::vector<std::string>& seeds, heb
   for (int i = 0; i < num_changes; ++i) {
     const size_t at = text.empty() ? 0 : static_cast<size_t>(rng->Index(static_cast<int>(text.size())));
     switch (rng->Index(6)) {
-      case 0:  // A byte.
+      case 0:  // Replaces a byte.
         if (!text.empty()) text[at] = static_cast<char>(rng->Index(256));
         break;
-      case 1:  // Cut off.
+      case 1:  // Truncates.
         text.resize(at);
         break;
-      case 2:  // Something that parsers stumble over.
+      case 2:  // Inserts something that parsers stumble over.
         text.insert(at, std::vector<std::string>{"\n", ":", "[", "{", "\"", "nan", "1e999", "-", "&a ", "*a", "#", "\t",
                                                  ",", "99999999999999999999", std::string("\0", 1),
                                                  "\xff"}[static_cast<size_t>(rng->Index(16))]);
         break;
-      case 3:  // A part again.
+      case 3:  // Repeats a part.
         text.insert(at, text.substr(at, static_cast<size_t>(1 + rng->Index(40))));
         break;
-      case 4:  // A part less.
+      case 4:  // Removes a part.
         text.erase(at, static_cast<size_t>(1 + rng->Index(40)));
         break;
-      default: {  // A part of another one.
+      default: {  // Inserts a part of another seed.
         const std::string& other = seeds[static_cast<size_t>(rng->Index(static_cast<int>(seeds.size())))];
         const size_t from = other.empty() ? 0 : static_cast<size_t>(rng->Index(static_cast<int>(other.size())));
         text.insert(at, other.substr(from, static_cast<size_t>(1 + rng->Index(60))));

@@ -1,4 +1,4 @@
-// result.json and truth.json.
+// Fuzzes result.json and truth.json.
 #include "heba/io/result_file.h"
 #include "tests/fuzz/target.h"
 

@@ -1,4 +1,4 @@
-// Target files, heba's and Kalibr's.
+// Fuzzes target files, heba's and Kalibr's.
 #include "targets/target.h"
 #include "tests/fuzz/target.h"
 

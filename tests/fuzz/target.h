@@ -1,5 +1,5 @@
-// What the fuzz targets share. A target is a file with LLVMFuzzerTestOneInput: whatever bytes it is given, the parser
-// that it feeds either reads them or throws an InputError.
+// Functions shared by the fuzz targets. A fuzz target is a file with LLVMFuzzerTestOneInput: for any bytes, the
+// parser under test either reads them or throws an InputError.
 #pragma once
 
 #include <unistd.h>
@@ -15,24 +15,25 @@
 
 namespace heba {
 
-// Runs `parse`; anything but success or an InputError ends the program.
+// Runs `parse`; an exception other than InputError ends the program.
 template <class Parse>
 void Expect(const Parse& parse) {
   try {
     parse();
   } catch (const InputError&) {
-    // Said in words.
+    // The parser refused its input with a message.
   }
 }
 
-// What was read must mean something.
+// Ends the program unless a property of the parsed data holds.
 inline void Require(bool condition, const char* what) {
   if (condition) return;
   std::cerr << "not so: " << what << std::endl;
   std::abort();
 }
 
-// The input as a file, for parsers that read files. Each process has its own, in memory where the machine has that.
+// Writes the input to a file for parsers that read files. Each process has its own file, in memory if the machine
+// supports it.
 inline std::filesystem::path AsFile(const std::string& text, const std::string& suffix) {
   static const std::filesystem::path folder = [] {
     const std::filesystem::path shared = "/dev/shm";

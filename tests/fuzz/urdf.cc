@@ -1,4 +1,4 @@
-// URDFs.
+// Fuzzes URDF files.
 #include "heba/robot/urdf_arm.h"
 #include "tests/fuzz/target.h"
 

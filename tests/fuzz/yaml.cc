@@ -1,4 +1,4 @@
-// YAML configs: the reader with its limits, and every value of what it read.
+// Fuzzes YAML configs: the reader with its limits, and the conversion of every value.
 #include "heba/config/yaml_reader.h"
 #include "tests/fuzz/target.h"
 

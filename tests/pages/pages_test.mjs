@@ -1,5 +1,5 @@
-// The pages in a real browser: node pages_test.mjs HEBA SOURCE PACKAGES, where PACKAGES is the folder that holds
-// node_modules with playwright-core. Exits with 77 if there is no Chromium.
+// Tests the pages in a real browser: node pages_test.mjs HEBA SOURCE PACKAGES, where PACKAGES is the folder that
+// holds node_modules with playwright-core. Exits with status 77 if there is no Chromium.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
 import {existsSync, mkdtempSync, readFileSync, renameSync, rmSync, writeFileSync} from 'node:fs';
@@ -16,9 +16,10 @@ if (!executablePath) {
 }
 const {chromium} = createRequire(`${packages}/`)('playwright-core');
 
-// A name that would do harm if it ever were markup. (A slash, which it would need to close an element, no file has.)
+// A file name that would do harm if it became markup. (File names cannot contain the slash that would close an
+// element.)
 const kHostile = '<img src=x onerror=window.harmed=1>.png';
-const kSwallowing = '<!--<script>.png'; // Would take the rest of the page with it.
+const kSwallowing = '<!--<script>.png'; // Would swallow the rest of the page.
 
 const folder = mkdtempSync(join(tmpdir(), 'heba_pages_'));
 process.env.HEBA_CACHE = join(folder, 'cache');
@@ -42,7 +43,7 @@ function makePages() {
   run('study', 'study.yaml', '--out', 'study', '--quiet');
 }
 
-// What a browser says against a page, gathered while it is open.
+// Opens a page and collects the browser's complaints about it while it is open.
 async function open(browser, file, width, complaints) {
   const context = await browser.newContext({viewport: {width, height: 900}, offline: true});
   const page = await context.newPage();
@@ -58,7 +59,7 @@ async function open(browser, file, width, complaints) {
   return page;
 }
 
-// What each view is made of, and how much of it there is in these runs at least.
+// Selector of the marks of each view, and the minimum number of marks in these runs.
 const kMarks = {
   'set-up': ['svg.scene path', 10],
   dumbbells: ['g[aria-label=dot] circle', 4],
@@ -96,7 +97,7 @@ async function column(page, table, index) {
   return page.$$eval('table', (tables, [t, i]) => [...tables[t].tBodies[0].rows].map((row) => row.cells[i].textContent), [table, index]);
 }
 
-// Numbers rise, then fall; what is empty stays last.
+// Checks that numbers ascend, then descend, and that empty cells stay last.
 async function checkSorting(page, title) {
   const place = await page.$$eval('table', (tables, wanted) => {
     for (const [t, table] of tables.entries()) {
@@ -118,7 +119,7 @@ async function checkSorting(page, title) {
   }
 }
 
-// To a hundredth of a pixel.
+// Returns the paths of the scene, rounded to a hundredth of a pixel.
 const sceneOf = (page) => page.$$eval('svg.scene path', (paths) => paths.map((path) => path.getAttribute('d')
     .replace(/-?[0-9.]+(e-?[0-9]+)?/g, (number) => String(Number(Number(number).toFixed(2)) + 0))).join(' '));
 
@@ -139,7 +140,7 @@ async function checkScene(page) {
   assert.notEqual(await sceneOf(page), dragged, 'a key does not turn the scene');
   await page.getByRole('button', {name: 'reset the view'}).click();
   assert.equal(await sceneOf(page), first, 'the view is not reset');
-  // No name is cut off.
+  // No label is cut off.
   const [edge, names] = await page.evaluate(() => {
     const inside = document.querySelector('svg.scene').getBoundingClientRect();
     return [inside.right, [...document.querySelectorAll('svg.scene text')].map((text) => text.getBoundingClientRect().right)];
@@ -175,7 +176,7 @@ async function checkCaptures(page) {
   assert.deepEqual(names, [`4: ${kHostile}`, '5: 004.png', '6: 005.png', `7: ${kSwallowing}`]);
   await page.keyboard.press('Escape');
   assert.equal(await page.locator('dialog[open]').count(), 0);
-  // By a bar of the chart, too.
+  // A bar of the chart opens the capture too.
   const bar = page.locator('figure[data-view=capture-bars] g[aria-label=bar] rect').nth(4);
   await bar.scrollIntoViewIfNeeded();
   await bar.hover();
@@ -194,7 +195,7 @@ const kPages = [
   {file: 'study/study.html', views: ['lines'], column: 'hand-eye, mm'},
 ];
 
-// Errors with the bound and every method, then coverage with its band.
+// Checks that the errors of the bound and every method come first, then the coverage with its band.
 async function checkStudy(page) {
   const charts = page.locator('figure[data-view=lines]');
   assert.equal(await charts.count(), 2);
@@ -203,14 +204,14 @@ async function checkStudy(page) {
   assert.equal(await charts.nth(1).locator('g[aria-label=rect] rect').count(), 1, 'the coverage has no band');
 }
 
-// Nothing of a table stands outside of a narrow window, and every cell says what it is.
+// Checks that no table cell exceeds a narrow window.
 async function checkNarrow(page, file) {
   const outside = await page.$$eval('td', (cells) => cells.filter((cell) => cell.getBoundingClientRect().right > innerWidth + 1)
       .map((cell) => cell.textContent));
   assert.deepEqual(outside, [], `${file}: cells outside of the window`);
 }
 
-// Without a script the charts are pictures; the words and tables are there.
+// Checks that without a script the charts are static and have a size.
 async function checkWithoutScript(file) {
   const context = await browser.newContext({viewport: {width: 1280, height: 900}, offline: true, javaScriptEnabled: false});
   const page = await context.newPage();
@@ -221,15 +222,16 @@ async function checkWithoutScript(file) {
     const box = await pictures.nth(i).boundingBox();
     assert.ok(box && box.width > 100 && box.height > 40, `${file}: picture ${i} has no size`);
   }
-  // All but the runs' pairs, which are in a table too.
+  // The matrix of pairs has no static chart because a table lists the same figures.
   assert.ok((await pictures.count()) >= figures - (file.includes('compare') ? 1 : 0), `${file}: ${await pictures.count()} pictures of ${figures} charts`);
   await context.close();
 }
 
-// What is on paper first is a record by itself.
+// Checks that the record fits on the first printed page.
 async function checkRecord(page, file) {
   await page.emulateMedia({media: 'print'});
-  await page.setViewportSize({width: 816 - 90, height: 1056}); // US Letter, shorter than A4, without its margins, in px.
+  // US Letter, which is shorter than A4, without margins, in px.
+  await page.setViewportSize({width: 816 - 90, height: 1056});
   const height = await page.locator('.record-page').evaluate((element) => element.getBoundingClientRect().height);
   assert.ok(height < 1056 - 90, `${file}: the record is ${height} px high`);
   await page.emulateMedia({media: 'screen'});
@@ -256,7 +258,7 @@ try {
       }
       assert.equal(await page.evaluate(() => window.harmed), undefined, `${file}: a name became markup`);
       assert.equal(await page.locator('img').count(), 0);
-      // Dark and on paper it is drawn as well.
+      // The page adapts to dark colours and to print.
       await page.emulateMedia({colorScheme: 'dark'});
       const dark = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
       await page.emulateMedia({colorScheme: 'light'});
@@ -265,7 +267,7 @@ try {
       assert.equal(await page.evaluate(() => getComputedStyle(document.body).backgroundColor), 'rgb(255, 255, 255)');
       if (isReport) assert.equal(await page.locator('.hint').isVisible(), false);
       await page.emulateMedia({media: 'screen', colorScheme: 'light'});
-      // Nothing but the page's own script runs.
+      // The content security policy allows only the page's own script.
       await page.evaluate(() => {
         const script = document.createElement('script');
         script.textContent = 'window.harmed = 2';

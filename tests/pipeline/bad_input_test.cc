@@ -1,5 +1,5 @@
-// Bad input gets one line that names the file, what is wrong and what would be right; exit status 2 (1 where the work
-// failed); and nothing is written.
+// Bad input gives one line that names the file, the error and the remedy, and exit status 2 (1 if the work failed).
+// No output is written.
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/stat.h>
@@ -29,7 +29,7 @@ motion: {captures: 6, distance: 400 mm, tilt: 30 deg, spread: 0.3}
 image: {noise: 1 grey}
 )";
 
-// Ways to spoil the data set in a folder.
+// A change that spoils the data set in a folder.
 using Spoil = std::function<void(const fs::path& folder)>;
 
 Spoil Remove(const std::string& path) {
@@ -40,7 +40,7 @@ Spoil Write(const std::string& file, const std::string& text) {
   return [=](const fs::path& folder) { WriteAll(folder / file, text); };
 }
 
-// The first occurrence of `from`, which must be there.
+// Replaces the first occurrence of `from`, which must exist.
 Spoil Replace(const std::string& file, const std::string& from, const std::string& to) {
   return [=](const fs::path& folder) {
     std::string text = ReadAll(folder / file);
@@ -50,7 +50,7 @@ Spoil Replace(const std::string& file, const std::string& from, const std::strin
   };
 }
 
-// The first line that has `key`.
+// Replaces the first line that contains `key`.
 void ReplaceLine(const fs::path& file, const std::string& key, const std::string& line) {
   std::string text = ReadAll(file);
   const size_t at = text.find(key);
@@ -60,7 +60,7 @@ void ReplaceLine(const fs::path& file, const std::string& key, const std::string
   WriteAll(file, text.replace(begin, end - begin, line));
 }
 
-// Ten lists, each of ten times the one before.
+// Returns ten lists, each ten times as long as the one before.
 std::string AliasBomb() {
   std::string text = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
   for (int i = 1; i < 10; ++i) {
@@ -72,20 +72,20 @@ std::string AliasBomb() {
   return text;
 }
 
-// A PNG whose header says 100,000 x 100,000, with its end.
+// Returns a PNG whose header claims 100,000 x 100,000 pixels, with its end.
 std::string HugePng() {
   const std::string size = std::string("\x00\x01\x86\xa0", 4);
   return std::string("\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR", 16) + size + size +
          std::string("\x08\x00\x00\x00\x00", 5) + "abcd" + std::string("\x00\x00\x00\x00IEND\xae\x42\x60\x82", 12);
 }
 
-// The same of a TIFF.
+// Returns a TIFF that claims the same size.
 std::string HugeTiff() {
   return std::string("II*\0\x08\0\0\0\x02\0", 10) + std::string("\0\x01\x04\0\x01\0\0\0\xa0\x86\x01\0", 12) +
          std::string("\x01\x01\x04\0\x01\0\0\0\xa0\x86\x01\0", 12) + std::string(4, '\0');
 }
 
-// Field `column` of data row `row` (0 is the first after the header).
+// Sets field `column` of data row `row` (row 0 follows the header).
 Spoil SetPose(int row, int column, const std::string& value) {
   return [=](const fs::path& folder) {
     std::istringstream lines(ReadAll(folder / "poses.csv"));
@@ -107,7 +107,7 @@ Spoil SetPose(int row, int column, const std::string& value) {
   };
 }
 
-// A good data set, rendered once; each case spoils a copy.
+// A good data set, rendered once; each case spoils a copy of it.
 class BadInputTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -130,7 +130,7 @@ class BadInputTest : public testing::Test {
     fs::copy(*root_ / "good", folder_, fs::copy_options::recursive);
   }
 
-  // Runs the config and checks that the answer is one line with all of `parts`.
+  // Runs the config and checks that the error is one line that contains all `parts`.
   void ExpectError(int status, const std::vector<std::string>& parts) {
     const fs::path out = *root_ / "out";
     fs::remove_all(out);
@@ -141,7 +141,7 @@ class BadInputTest : public testing::Test {
     for (const std::string& part : parts) EXPECT_THAT(result.err, testing::HasSubstr(part));
     EXPECT_EQ(result.out, "");
     EXPECT_FALSE(fs::exists(out)) << "a failed run left a folder";
-    // Nothing half-written beside it either.
+    // No partial output is left next to the folder either.
     for (const fs::directory_entry& entry : fs::directory_iterator(*root_)) {
       EXPECT_THAT(entry.path().filename().string(), testing::Not(testing::HasSubstr(".part")));
     }
@@ -159,11 +159,11 @@ TEST_F(BadInputTest, TheGoodDataSetRuns) {
   EXPECT_TRUE(fs::exists(out / "result.json"));
 }
 
-// One thing wrong with an input file: exit status 2.
+// One error in an input file, which gives exit status 2.
 struct BadInput {
   std::string name;
   Spoil spoil;
-  std::vector<std::string> parts;  // Of the message.
+  std::vector<std::string> parts;  // Parts of the message.
 };
 
 std::vector<BadInput> BadInputs() {
@@ -255,7 +255,7 @@ std::vector<BadInput> BadInputs() {
       {"FoldsInWords",
        Replace("config.yaml", "evaluate:", "evaluate:\n  folds: five"),
        {"folds", "whole number", "five"}},
-      // Configs.
+      // Errors in configs.
       {"EmptyConfig", Write("config.yaml", ""), {"config.yaml", "mapping"}},
       {"ConfigThatIsAList", Write("config.yaml", "- a\n- b\n"), {"config.yaml:1", "mapping"}},
       {"ConfigThatIsNoText", Write("config.yaml", std::string("\x00\xff\xfe\x01", 4)), {"config.yaml"}},
@@ -269,7 +269,7 @@ std::vector<BadInput> BadInputs() {
        Replace("config.yaml", "setup:", "name: ../../etc\nsetup:"),
        {"config.yaml:1", "cannot name a folder"}},
       {"KeyWithANewline", Replace("config.yaml", "setup:", "\"a\\nb\": 1\nsetup:"), {"config.yaml:1", "unknown"}},
-      // Poses.
+      // Errors in poses.
       {"PosesWithoutAHeader", Write("poses.csv", "000.png,0,0,0,0,0,0,1\n"), {"poses.csv:1", "name the columns"}},
       {"PosesWithoutRows", Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n"), {"poses.csv", "no captures"}},
       {"EmptyPoses", Write("poses.csv", ""), {"poses.csv", "is empty"}},
@@ -301,7 +301,7 @@ std::vector<BadInput> BadInputs() {
       {"UrdfThatIsNone",
        Replace("config.yaml", "pose_format: ros", "pose_format: joints\n  robot: poses.csv.urdf"),
        {"poses.csv.urdf"}},
-      // Pictures.
+      // Errors in images.
       {"ImageThatClaimsToBeHuge", Write("images/002.png", HugePng()), {"002.png", "400 million pixels"}},
       {"GlobThatMatchesNothing",
        [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  images: \"images/*.tiff\""); },
@@ -315,7 +315,7 @@ std::vector<BadInput> BadInputs() {
        [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  images: []"); },
        {"captures.images", "empty"}},
       {"ImagesFromTwoPlaces", Replace("config.yaml", "  poses:", "  data: x\n  poses:"), {"captures.data", "'images'"}},
-      // Other projects' data, and what was found before.
+      // Errors in data of other projects and in given detections.
       {"DataOfNoKnownForm",
        [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  data: config.yaml"); },
        {"config.yaml", "no form that heba knows"}},
@@ -340,7 +340,7 @@ std::vector<BadInput> BadInputs() {
          ReplaceLine(folder / "config.yaml", "images:", "  detections: d.json");
        },
        {"d.json", "too large"}},
-      // Cameras.
+      // Errors in cameras.
       {"CameraOfNoKnownForm", Write("camera.yaml", "lens: good\n"), {"camera.yaml", "no camera"}},
       {"CameraWithANegativeFocalLength",
        Replace("camera.yaml", "fx: ", "fx: -"),
@@ -356,7 +356,7 @@ std::vector<BadInput> BadInputs() {
          fs::create_directory(folder / "camera.yaml");
        },
        {"camera.yaml", "folder"}},
-      // Targets.
+      // Errors in targets.
       {"TargetWithoutAType", Write("target.yaml", "rows: 5\ncolumns: 8\nsquare: 20 mm\n"), {"target.yaml", "type"}},
       {"TargetWithoutRows", Replace("target.yaml", "rows: 5", "rows: 0"), {"target.yaml:", "rows"}},
       {"TargetWithTooManyRows", Replace("target.yaml", "rows: 5", "rows: 2000000000"), {"target.yaml:", "rows"}},
@@ -364,7 +364,7 @@ std::vector<BadInput> BadInputs() {
        Write("target.yaml",
              "type: charuco\nrows: 20\ncolumns: 20\nsquare: 20 mm\nmarker: 15 mm\ndictionary: DICT_4X4_50\n"),
        {"target.yaml:", "dictionary", "200"}},
-      // Refinement.
+      // Errors in settings of the refinement.
       {"UnknownLoss",
        Replace("config.yaml", "evaluate:", "refine: {loss: hubber}\nevaluate:"),
        {"loss", "did you mean 'huber'?"}},
@@ -468,7 +468,7 @@ TEST_F(BadInputTest, FailedRunKeepsTheFormerResult) {
   EXPECT_EQ(ReadAll(out / "result.json"), before);
 }
 
-// Names that shells, YAML, CSV and HTML stumble over.
+// Names contain characters that are special in shells, YAML, CSV and HTML.
 TEST_F(BadInputTest, OddNamesAreNoObstacle) {
   const fs::path odd = *root_ / "a 'b' \"c\" \xc3\xa4\xe6\x9c\xba; $(touch x) <i>&amp;";
   fs::create_directories(odd.parent_path());
@@ -486,7 +486,7 @@ TEST_F(BadInputTest, OddNamesAreNoObstacle) {
   fs::remove_all(odd);
 }
 
-// A pipe that nobody writes into would be waited for.
+// Reading from a pipe without a writer would block.
 TEST_F(BadInputTest, PipesAreNoInputs) {
   ASSERT_EQ(mkfifo((folder_ / "pipe").c_str(), 0600), 0);
   const std::string pipe = (folder_ / "pipe").string();
@@ -503,23 +503,23 @@ TEST_F(BadInputTest, PipesAreNoInputs) {
   ExpectError(2, {"002.png"});
 }
 
-// Fill bytes before a marker are none of it: what follows says that the picture has 65535 x 65535 pixels.
+// Fill bytes before a JPEG marker are not part of it; the frame that follows claims 65535 x 65535 pixels.
 TEST_F(BadInputTest, FillBytesDoNotHideAHugeJpeg) {
   const std::string frame = std::string("\xff\xff\xff\xff\xff\xc0\x00\x0b\x08\xff\xff\xff\xff\x01\x01\x11\x00", 17);
   WriteAll(folder_ / "images/003.png", std::string("\xff\xd8", 2) + frame + "\xff\xd9");
   ExpectError(2, {"003.png", "400 million pixels"});
 }
 
-// A header is read before a picture is decoded: this one has another size, and nothing behind it.
+// The header is read before the image is decoded: this one states another size, and its pixel data is invalid.
 TEST_F(BadInputTest, AImageOfAnotherSizeIsNotDecoded) {
   std::string other = ReadAll(folder_ / "images/003.png");
-  other[18] = 0x4e;  // The width is that of a picture of 20,000 columns.
+  other[18] = 0x4e;  // The width becomes 20,000.
   other[19] = 0x20;
   WriteAll(folder_ / "images/003.png", other);
   ExpectError(2, {"003.png: is 20", "all pictures must come from one camera at one resolution"});
 }
 
-// libpng has warnings of its own, here of a checksum that does not matter.
+// libpng writes its own warnings to standard error, here about a checksum that does not matter.
 TEST_F(BadInputTest, LibrariesDoNotWriteToStandardError) {
   std::string picture = ReadAll(folder_ / "images/003.png");
   constexpr size_t kBehindHeader = 33;
@@ -542,7 +542,7 @@ TEST_F(BadInputTest, EnvironmentIsChecked) {
   }
 }
 
-// The detections that are kept can be seen, have a limit, and are all that goes.
+// Cached detections can be listed, their size is limited, and clearing the cache removes nothing else.
 TEST_F(BadInputTest, TheCacheHasALimitAndIsCleared) {
   const fs::path cache = *root_ / "kept";
   const std::string environment = "HEBA_CACHE=" + ShellQuoted(cache.string());
@@ -569,7 +569,7 @@ TEST_F(BadInputTest, TheCacheHasALimitAndIsCleared) {
   EXPECT_THAT(RunHeba({"cache", "show"}, "HEBA_CACHE=").out, testing::HasSubstr("no detections are kept"));
 }
 
-// Control characters in a file's name do not reach a terminal.
+// Control characters in a file name do not reach the terminal.
 TEST_F(BadInputTest, NamesDoNotMoveTheCursor) {
   const std::string hostile = "003\x1b[2Jx.png";
   fs::rename(folder_ / "images/003.png", folder_ / "images" / hostile);
@@ -583,7 +583,7 @@ TEST_F(BadInputTest, NamesDoNotMoveTheCursor) {
   EXPECT_EQ((result.out + result.err).find('\x1b'), std::string::npos);
 }
 
-// More values than any run has are counted before they are parsed, which would take gigabytes.
+// The values of a file are counted before it is parsed, because parsing too many would take gigabytes.
 TEST_F(BadInputTest, VeryManyValuesAreNotParsed) {
   std::string json = "{\"captures\": [";
   for (int i = 0; i < 21'000'000; ++i) json += "0,";
@@ -595,7 +595,7 @@ TEST_F(BadInputTest, VeryManyValuesAreNotParsed) {
   EXPECT_THAT(result.err, testing::HasSubstr("holds more than 20 million values"));
 }
 
-// Numbers in other words than gflags knows, and more threads than any machine has.
+// Numbers in notations that gflags does not accept, and more threads than any machine has.
 TEST_F(BadInputTest, NumbersOfThreads) {
   const std::string config = (folder_ / "config.yaml").string();
   for (const auto& [jobs, status] : std::map<std::string, int>{{"1e3", 0}, {"1.0", 0}, {"1e9", 2}, {"1.5", 2}}) {
@@ -634,7 +634,7 @@ TEST_F(BadInputTest, OnlyRegularFilesAreReplaced) {
       RunHeba({"export", out.string(), "--to", "ros1", "--parent", "tool0", "--child", "tool0"});
   EXPECT_EQ(itself.status, 2);
   EXPECT_THAT(itself.err, testing::HasSubstr("a frame has no pose in itself"));
-  // Its own detections as input, and one that lies outside of the image.
+  // The run's own detections are the input, one of them moved outside of the image.
   const std::string detections = ReadAll(out / "detections.json");
   WriteAll(folder_ / "detections.json", detections);
   const auto run = [&] {
@@ -668,7 +668,7 @@ TEST_F(BadInputTest, NothingOfTheUsersIsRemoved) {
   EXPECT_THAT(ReadAll(data / "config.yaml"), testing::HasSubstr("# mine"));
 }
 
-// Ctrl-C and a batch system's end: one line, and nothing half done.
+// Ctrl-C and the termination by a batch system give one line and leave no partial output.
 TEST_F(BadInputTest, AnInterruptionLeavesNothing) {
   for (const int signal : {SIGINT, SIGTERM}) {
     const fs::path place = *root_ / "interrupted";
@@ -684,7 +684,7 @@ TEST_F(BadInputTest, AnInterruptionLeavesNothing) {
       execl(HEBA_PROGRAM, HEBA_PROGRAM, "simulate", scene.c_str(), "--out", (place / "a").c_str(), "--quiet", nullptr);
       _exit(127);
     }
-    // Until it has begun to write.
+    // Waits until the program has begun to write.
     for (int i = 0; i < 2000 && fs::is_empty(place); ++i) usleep(1000);
     EXPECT_FALSE(fs::is_empty(place));
     kill(child, signal);
@@ -708,7 +708,8 @@ TEST_F(BadInputTest, OutputThatCannotBeMadeIsOneLine) {
   }
 }
 
-// Inputs may be read-only: nothing is written beside them. (Root may write anywhere; the folder's times tell.)
+// Inputs may be read-only, so nothing is written next to them. (Root may write anywhere; the modification times show
+// it.)
 TEST_F(BadInputTest, NothingIsWrittenBesideTheInputs) {
   std::map<std::string, fs::file_time_type> before;
   for (const auto& entry : fs::recursive_directory_iterator(folder_)) before[entry.path()] = entry.last_write_time();
@@ -721,7 +722,7 @@ TEST_F(BadInputTest, NothingIsWrittenBesideTheInputs) {
   EXPECT_EQ(before, after);
 }
 
-// A disk that is full, in a mount of the test's own.
+// The disk is full: a small tmpfs in a mount namespace of the test.
 TEST_F(BadInputTest, AFullDiskIsOneLineAndLeavesNothing) {
   const fs::path disk = *root_ / "disk";
   fs::create_directories(disk);

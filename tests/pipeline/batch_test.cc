@@ -1,4 +1,4 @@
-// Many runs: side by side, resumed, in shards, killed.
+// Batches of runs: in parallel, resumed, in shards, killed.
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/file.h>
@@ -32,7 +32,7 @@ constexpr const char* kScene =
     "motion: {captures: 8, distance: 420 mm, tilt: 35 deg, spin: 60 deg, spread: 0.3}\n"
     "image: {noise: 2 grey}\n";
 
-// A data set, one config that holds all that runs share, and configs over it: four good ones.
+// A data set and four good configs that share the config of the data set as their base.
 struct Cell {
   fs::path folder;
   std::vector<std::string> configs;
@@ -55,7 +55,7 @@ Cell MakeCell(const std::string& name) {
   return cell;
 }
 
-// One cache for what these tests see again and again.
+// The tests share one cache because they use the same images.
 CommandResult RunCached(const std::vector<std::string>& arguments) {
   static const fs::path cache = TestFolder("batch_detections");
   return RunHeba(arguments, "HEBA_CACHE=" + cache.string());
@@ -69,7 +69,7 @@ std::vector<std::string> RunArguments(const Cell& cell, const fs::path& out, con
   return arguments;
 }
 
-// Without what differs from run to run.
+// Returns the result without timings, which differ from run to run.
 std::string WithoutTimes(const fs::path& result_file) {
   Json json = Json::parse(ReadAll(result_file));
   json.erase("timing_s");
@@ -101,7 +101,7 @@ TEST(BatchTest, ARunThatFailsFailsAlone) {
   EXPECT_THAT(csv, HasSubstr("\nblind,false,"));
   const std::string page = ReadAll(cell.folder / "out" / "summary.html");
   EXPECT_THAT(page, HasSubstr("6 runs, 2 of them failed"));
-  // Each run opens its report; those that failed stand apart, with their reasons.
+  // Each run links to its report; failed runs are listed separately with their reasons.
   EXPECT_THAT(page, HasSubstr("<a href=\"plain/report.html\">plain</a>"));
   EXPECT_THAT(page, testing::ContainsRegex("Runs that failed.*blind"));
   fs::remove_all(cell.folder);
@@ -115,19 +115,19 @@ TEST(BatchTest, ResumeLeavesWhatIsCurrentAndRunsWhatChanged) {
   const auto time_of = [&](const char* name) { return fs::last_write_time(out / name / "result.json"); };
   const auto plain = time_of("plain");
   const auto held = time_of("held");
-  // Dates do not count.
+  // Modification times do not count.
   fs::last_write_time(cell.configs[0], fs::file_time_type::clock::now());
   CommandResult again = RunCached(RunArguments(cell, out, {"--resume"}));
   EXPECT_EQ(again.status, 0);
   EXPECT_THAT(again.err, HasSubstr("plain: unchanged"));
   EXPECT_EQ(time_of("plain"), plain);
   EXPECT_EQ(ReadAll(out / "summary.csv"), csv);
-  // A config that says something else.
+  // The content of a config changes.
   WriteAll(cell.configs[0], "base: data/config.yaml\nrefine: {loss: none}\nevaluate: {folds: 2}\n");
   again = RunCached(RunArguments(cell, out, {"--resume"}));
   EXPECT_NE(time_of("plain"), plain);
   EXPECT_EQ(time_of("held"), held);
-  // A picture.
+  // An image changes.
   fs::copy_file(cell.folder / "data" / "images" / "001.png", cell.folder / "data" / "images" / "000.png",
                 fs::copy_options::overwrite_existing);
   again = RunCached(RunArguments(cell, out, {"--resume"}));
@@ -152,7 +152,7 @@ TEST(BatchTest, ShardsTogetherGiveTheSameBytes) {
   fs::remove_all(cell.folder);
 }
 
-// The complete runs of a batch's folder, with what tells one writing of them from another.
+// Returns the complete runs in the folder of a batch, with a stamp that distinguishes two versions of the same run.
 std::map<std::string, std::string> FinishedRuns(const fs::path& out) {
   std::map<std::string, std::string> runs;
   std::error_code error;
@@ -166,8 +166,8 @@ std::map<std::string, std::string> FinishedRuns(const fs::path& out) {
   return runs;
 }
 
-// Ended as soon as each further run is finished, and at odd moments after it, and resumed each time: nothing is lost or
-// done again, nothing is left half written.
+// The batch is killed as soon as another run is finished or at odd moments after that, and resumed each time: no run
+// is lost or repeated, and no partial output remains.
 TEST(BatchTest, AKillAtAnyMomentLosesNoFinishedRun) {
   const Cell cell = MakeCell("batch_kill");
   const fs::path out = cell.folder / "out";
@@ -204,7 +204,7 @@ TEST(BatchTest, AKillAtAnyMomentLosesNoFinishedRun) {
     }
   }
   EXPECT_GE(num_kept, 3U);
-  // A spoiled result is none.
+  // A damaged result is not a result.
   WriteAll(out / FinishedRuns(out).begin()->first / "result.json", "");
   ASSERT_EQ(RunCached(RunArguments(cell, out, {"--resume"})).status, 0);
   EXPECT_EQ(ReadAll(out / "summary.csv"), ReadAll(cell.folder / "whole" / "summary.csv"));
@@ -248,7 +248,7 @@ TEST(BatchTest, CachedDetectionsGiveTheSameResult) {
     EXPECT_EQ(RunHeba(RunArguments(cell, cell.folder / out, {}), cache).status, 0);
   }
   ASSERT_EQ(RunHeba(RunArguments(cell, cell.folder / "none", {})).status, 0);
-  // A target of another size looks the same.
+  // A target of another size looks the same in images.
   WriteAll(cell.folder / "larger.yaml",
            "base: data/config.yaml\ntarget: {type: chessboard, rows: 5, columns: 7, square: 20.7 mm}\n");
   const std::string larger = (cell.folder / "larger.yaml").string();
@@ -257,7 +257,7 @@ TEST(BatchTest, CachedDetectionsGiveTheSameResult) {
   for (const auto& entry : fs::recursive_directory_iterator(cell.folder / "cache")) {
     num_kept += entry.is_regular_file() ? 1 : 0;
   }
-  EXPECT_EQ(num_kept, 8);  // One a picture, for all runs and sizes.
+  EXPECT_EQ(num_kept, 8);  // One entry for each image, for all runs and sizes.
   for (const char* out : {"warm", "none"}) {
     EXPECT_EQ(WithoutTimes(cell.folder / out / "plain" / "result.json"),
               WithoutTimes(cell.folder / "cold" / "plain" / "result.json"));
@@ -265,7 +265,7 @@ TEST(BatchTest, CachedDetectionsGiveTheSameResult) {
               ReadAll(cell.folder / "cold" / "plain" / "detections.json"));
   }
 
-  // An entry in which a digit fell over, or that is no file, is none.
+  // Entries with a changed digit and entries that are not regular files are ignored.
   std::vector<fs::path> entries;
   for (const auto& entry : fs::recursive_directory_iterator(cell.folder / "cache")) {
     if (entry.is_regular_file()) entries.push_back(entry.path());
@@ -285,7 +285,7 @@ TEST(BatchTest, CachedDetectionsGiveTheSameResult) {
   fs::remove_all(cell.folder);
 }
 
-// What --set says counts more than the file, and the run's own config.yaml says it too.
+// --set takes precedence over the file, and the config.yaml of the run contains the setting.
 TEST(BatchTest, SettingsAndBasesAreInTheConfigAsUsed) {
   const Cell cell = MakeCell("batch_set");
   ASSERT_EQ(
@@ -299,7 +299,7 @@ TEST(BatchTest, SettingsAndBasesAreInTheConfigAsUsed) {
   fs::remove_all(cell.folder);
 }
 
-// A study's shards, put together, are the study; what is there is not done again.
+// The shards of a study together give the same file as the whole study; finished cells are not repeated.
 TEST(StudyTest, ShardsTogetherGiveTheSameBytes) {
   const fs::path folder = TestFolder("study_shards");
   const std::string scene = (fs::path(HEBA_SOURCE_DIR) / "configs" / "scenes" / "ring4_eye_to_hand.yaml").string();
@@ -317,13 +317,13 @@ TEST(StudyTest, ShardsTogetherGiveTheSameBytes) {
   EXPECT_EQ(merged.status, 0);
   EXPECT_THAT(merged.err, HasSubstr("1 of 3 cells were there"));
   EXPECT_EQ(ReadAll(folder / "parts" / "study.csv"), ReadAll(folder / "whole" / "study.csv"));
-  // Other trials are another study.
+  // A different seed makes it another study.
   WriteAll(folder / "study.yaml", ReadAll(folder / "study.yaml") + "seed: 2\n");
   EXPECT_THAT(study("parts", {"--resume"}).err, testing::Not(HasSubstr("were there")));
   fs::remove_all(folder);
 }
 
-// What three runs have in common: the table, the findings, the files.
+// Compares four runs: the table, the findings and the files.
 TEST(CompareTest, SaysWhatRefiningGainsAndWhetherPosesAgree) {
   const Cell cell = MakeCell("compare");
   ASSERT_EQ(RunCached(RunArguments(cell, cell.folder / "out", {})).status, 0);
@@ -341,7 +341,7 @@ TEST(CompareTest, SaysWhatRefiningGainsAndWhetherPosesAgree) {
   fs::remove_all(cell.folder);
 }
 
-// A file's name never becomes markup.
+// Exports hold the result of the run, and files of the user are kept.
 TEST(ExportTest, WritesWhatTheRunFound) {
   const Cell cell = MakeCell("export");
   const fs::path run = cell.folder / "run";
@@ -351,13 +351,13 @@ TEST(ExportTest, WritesWhatTheRunFound) {
   const CommandResult written = RunHeba({"export", run.string(), "--to", "ur", "--out", cell.folder.string()});
   EXPECT_EQ(written.status, 0) << written.err;
   EXPECT_EQ(ReadAll(cell.folder / "camera_ur.csv"), printed.out);
-  // The closed form's is another.
+  // The pose of a closed form is different.
   const CommandResult park = RunHeba({"export", run.string(), "--to", "ur", "--method", "park"});
   EXPECT_EQ(park.status, 0) << park.err;
   EXPECT_NE(park.out, printed.out);
   const CommandResult named = RunHeba({"export", run.string(), "--to", "urdf", "--parent", "world", "--child", "eye"});
   EXPECT_THAT(named.out, HasSubstr("<joint name=\"world_to_eye\""));
-  // Every form at once, and what has no room for this result in words.
+  // Every format is exported at once; formats that cannot hold this result are reported.
   const fs::path all = cell.folder / "exports";
   const CommandResult everything = RunHeba({"export", run.string(), "--to", "all", "--out", all.string()});
   EXPECT_EQ(everything.status, 0) << everything.err;
@@ -366,14 +366,14 @@ TEST(ExportTest, WritesWhatTheRunFound) {
   EXPECT_GT(std::distance(fs::directory_iterator(all), {}), 15);
   const CommandResult inverse = RunHeba({"export", run.string(), "--to", "all", "--inverse", "--out", all.string()});
   EXPECT_THAT(inverse.out, HasSubstr("not opencv: this form holds the pose of the camera's optical frame"));
-  // The files of an earlier export go; a file of the user's stays.
+  // Files of an earlier export are removed; a file of the user is kept.
   EXPECT_FALSE(fs::exists(all / "camera.opencv.yaml"));
   WriteAll(all / "camera_info.yaml", "mine");
   const CommandResult over = RunHeba({"export", run.string(), "--to", "all", "--out", all.string()});
   EXPECT_EQ(over.status, 2);
   EXPECT_THAT(over.err, HasSubstr("camera_info.yaml: is no export of heba's"));
   EXPECT_EQ(ReadAll(all / "camera_info.yaml"), "mine");
-  // The poses of a pendant are in its own base, which is not base_link.
+  // Poses of a UR pendant are relative to the frame `base`, which is not base_link.
   WriteAll(run / "config.yaml", "captures: {pose_format: ur}\n");
   EXPECT_THAT(RunHeba({"export", run.string(), "--to", "ros2"}).out, HasSubstr("'--frame-id', \"base\""));
   EXPECT_THAT(RunHeba({"export", run.string(), "--to", "ros2", "--parent", "base_link"}).err, HasSubstr("180 deg"));
@@ -392,6 +392,7 @@ TEST(ExportTest, WritesWhatTheRunFound) {
   }
 }
 
+// The name of a run never becomes markup.
 TEST(SummaryPageTest, NamesAreText) {
   const Cell cell = MakeCell("summary_names");
   const std::string hostile = "<img src=x onerror=alert(1)>";
@@ -401,7 +402,7 @@ TEST(SummaryPageTest, NamesAreText) {
                        (cell.folder / "formula.yaml").string(), "--out", (cell.folder / "out").string()})
                 .status,
             0);
-  // No spreadsheet computes a name.
+  // Spreadsheets do not evaluate the name as a formula.
   EXPECT_THAT(ReadAll(cell.folder / "out" / "summary.csv"), HasSubstr("\n'=1+1,"));
   const std::string page = ReadAll(cell.folder / "out" / "summary.html");
   EXPECT_THAT(page, HasSubstr("&lt;img src=x onerror=alert(1)&gt;"));

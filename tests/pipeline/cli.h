@@ -1,4 +1,4 @@
-// Runs the program as a user does.
+// Runs the program from the command line.
 #pragma once
 
 #include <sys/wait.h>
@@ -28,7 +28,7 @@ inline void WriteAll(const std::filesystem::path& path, const std::string& conte
   stream << content;
 }
 
-// Text that the program has broken into lines of at most 160 characters, with what follows indented, whole again.
+// Joins lines that the program has wrapped at 160 characters and continued with indentation.
 inline std::string Unbroken(const std::string& text) {
   std::string whole;
   for (size_t i = 0; i < text.size(); ++i) {
@@ -54,7 +54,7 @@ inline std::string ShellQuoted(const std::string& word) {
   return quoted + "'";
 }
 
-// A folder of this test program's own, emptied when it starts.
+// Returns an empty folder for this test program, which is removed at its end.
 inline std::filesystem::path TestFolder(const std::string& name) {
   struct Folders {
     std::vector<std::filesystem::path> all;
@@ -72,7 +72,7 @@ inline std::filesystem::path TestFolder(const std::string& name) {
   return folder;
 }
 
-// `environment`: assignments for the shell; by default no detection is taken from or kept for another run.
+// `environment` holds assignments for the shell. By default no detections are read from or written to the cache.
 inline CommandResult RunHeba(const std::vector<std::string>& arguments,
                              const std::string& environment = "HEBA_CACHE=") {
   static std::atomic<int> calls = 0;
@@ -84,7 +84,7 @@ inline CommandResult RunHeba(const std::vector<std::string>& arguments,
   command += " > " + ShellQuoted(base + ".out") + " 2> " + ShellQuoted(base + ".err") + " < /dev/null";
   const int raw = std::system(command.c_str());
   CommandResult result;
-  // A shell reports a signal as 128 and its number.
+  // A shell reports a signal as 128 plus its number.
   if (WIFEXITED(raw) && WEXITSTATUS(raw) < 128) result.status = WEXITSTATUS(raw);
   result.out = ReadAll(base + ".out");
   result.err = ReadAll(base + ".err");

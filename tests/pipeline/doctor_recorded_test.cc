@@ -1,4 +1,4 @@
-// The doctor on recorded data sets, as they are and spoiled.
+// Runs the doctor on recorded data sets, both unspoiled and spoiled.
 #include <gtest/gtest.h>
 
 #include "heba/data/setup.h"
@@ -17,7 +17,8 @@ struct Recorded {
   int rows;
   int columns;
   Setup setup;
-  // A robot that is off by 5 mm against a target of 25.4 mm pitch and a nominal focal length: the run is bad, too.
+  // First code for the unspoiled set. It is target_scale for a robot that is off by 5 mm with a target of 25.4 mm
+  // pitch and a nominal focal length; the verdict of the run is bad too.
   std::string code_as_it_is = {};
 };
 
@@ -27,7 +28,7 @@ TEST_P(DoctorRecordedTest, NamesTheCauseFirst) {
   const Recorded& recorded = GetParam();
   HEBA_SKIP_WITHOUT(DataDir() / recorded.name);
   const fs::path folder = TestFolder("doctor_" + recorded.name);
-  // With the intrinsics as the config has them, and nothing of its truth.
+  // The intrinsics are those of the config; its truth is not used.
   GoodSet good{recorded.name,
                fs::path(HEBA_SOURCE_DIR) / "configs" / "recorded" / (recorded.name + ".yaml"),
                DataDir() / recorded.name / "poses.csv",
@@ -59,7 +60,7 @@ INSTANTIATE_TEST_SUITE_P(
                              Setup::kEyeToHand}),
     [](const testing::TestParamInfo<Recorded>& recorded) { return recorded.param.name; });
 
-// Poses of the target without pictures: A (the hand in the base) and B (the target in the camera) in columns.
+// Poses of the target without images. The columns hold A (the gripper in the base) and B (the target in the camera).
 class DoctorPairsTest : public testing::TestWithParam<std::string> {};
 
 TEST_P(DoctorPairsTest, FindsNothingWrongOrTheDirection) {

@@ -1,5 +1,5 @@
-// The doctor on data sets that were spoiled on purpose: it must name the cause first, and find nothing wrong with the
-// good ones.
+// Runs the doctor on data sets that were spoiled on purpose, for which it must name the cause first, and on good
+// ones, in which it must find nothing wrong.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@ constexpr double kMinShare = 0.95;
 struct Cell {
   std::string name;
   std::string setup;
-  std::string target;  // As YAML.
+  std::string target;  // YAML text.
   std::string length_key;
   double length_mm;
   int rows;
@@ -84,8 +84,8 @@ INSTANTIATE_TEST_SUITE_P(
              "{type: coded_board, rows: 3, columns: 4, spacing: 40 mm, dot_diameter: 10 mm}", "spacing", 40, 3, 4}),
     [](const testing::TestParamInfo<Cell>& cell) { return cell.param.name; });
 
-// Frontal pictures under turns about one axis tell no camera, so that what they say of scales and small turns is no
-// finding: the axis is the only one, and it is said once.
+// Frontal images under rotations about one axis do not constrain the intrinsics, so scales and small rotations that
+// they suggest are not findings: the axis is the only finding and is reported once.
 TEST(OneAxisTest, ARefusalNamesTheAxisAndNothingElse) {
   const fs::path folder = TestFolder("doctor_one_axis");
   const std::vector<std::string> targets = {

@@ -1,4 +1,4 @@
-// Captures whose image files are equal byte by byte count once, or not at all where their poses contradict each other.
+// Captures with byte-identical image files count once, or not at all if their poses contradict each other.
 #include <algorithm>
 #include <map>
 
@@ -25,7 +25,7 @@ size_t NumLinesWith(const std::string& text, const std::string& part) {
   return num_lines;
 }
 
-// One rendered data set of eight captures and its result, for all tests.
+// One rendered data set of eight captures and its result, shared by all tests.
 class DuplicateImagesTest : public testing::Test {
  protected:
   static constexpr size_t kNumCaptures = 8;
@@ -58,7 +58,8 @@ class DuplicateImagesTest : public testing::Test {
   }
   static std::string Path(const std::string& name) { return (*folder_ / name).string(); }
 
-  // A new data set with the rows' images, each a copy of the rendered image that `source` names, and poses.
+  // Writes a data set with the images and poses of `rows`; each image is a copy of the rendered image that `source`
+  // names.
   static void WriteSet(const std::string& name, const std::vector<PoseRow>& rows,
                        const std::map<std::string, std::string>& source) {
     fs::create_directories(*folder_ / name / "images");
@@ -104,7 +105,7 @@ TEST_F(DuplicateImagesTest, CopiesUnderOtherNamesChangeNothing) {
     for (size_t copy = 0; copy < kNumCopies; ++copy) {
       PoseRow another = row;
       if (copy > 0) another.image = fs::path(row.image).stem().string() + "_" + std::to_string(copy) + ".png";
-      // A robot that stands still is read a little differently each time.
+      // The pose of a robot that stands still is read slightly differently each time.
       another.pose.translation.x() += 2e-5 * static_cast<double>(copy % 2);
       source[another.image] = row.image;
       rows.push_back(another);
@@ -114,7 +115,7 @@ TEST_F(DuplicateImagesTest, CopiesUnderOtherNamesChangeNothing) {
   const CommandResult run = Run("copies");
   ASSERT_EQ(run.status, 0) << run.err;
   const Json result = Json::parse(ReadAll(Path("copies/run/result.json")));
-  // The first of the copies is the original: the same captures give the same numbers, to the last digit.
+  // The first of the copies is the original, so the same captures give the same numbers to the last digit.
   EXPECT_EQ(Bundle(result)["hand_eye"], Bundle(*result_)["hand_eye"]);
   EXPECT_EQ(Bundle(result)["covariance"], Bundle(*result_)["covariance"]);
   EXPECT_EQ(Bundle(result)["errors"], Bundle(*result_)["errors"]);

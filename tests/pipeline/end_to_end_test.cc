@@ -1,4 +1,4 @@
-// From a scene to pictures to a calibration, through the program.
+// Simulates a scene, renders its images and calibrates from them with the program.
 #include <cmath>
 #include <ostream>
 
@@ -44,7 +44,7 @@ std::string SceneText(const std::string& setup, const std::string& target, int n
          "}\nseed: 5\n";
 }
 
-// Simulates, changes the run's config by `extra` lines, runs; the result.
+// Simulates, appends the lines `extra` to the config of the run, runs, and returns the result.
 Json Calibrate(const fs::path& folder, const std::string& scene, const std::string& extra,
                const std::string& jobs = "0") {
   WriteAll(folder / "scene.yaml", scene);
@@ -77,7 +77,8 @@ void PrintTo(const SetupAndTarget& value, std::ostream* stream) { *stream << val
 
 class NoiseFreeTest : public testing::TestWithParam<SetupAndTarget> {};
 
-// No noise but the rounding of grey levels: hand-eye right to 0.02 mm and 0.002 deg in both set-ups.
+// Without noise except for the rounding of grey levels the hand-eye pose is accurate to 0.02 mm and 0.002 deg in both
+// setups.
 TEST_P(NoiseFreeTest, HandEyeIsRightToATwentiethOfAMillimetre) {
   const fs::path folder = TestFolder("noise_free_" + GetParam().name);
   const Json result = Calibrate(folder, SceneText(GetParam().setup, GetParam().target, 0, 15), kFixedCamera);
@@ -88,7 +89,7 @@ TEST_P(NoiseFreeTest, HandEyeIsRightToATwentiethOfAMillimetre) {
   EXPECT_LT(bundle["errors"]["truth"]["hand_eye_mm"].get<double>(), 0.02);
   EXPECT_LT(bundle["errors"]["truth"]["hand_eye_deg"].get<double>(), 0.002);
   EXPECT_LT(bundle["errors"]["truth"]["board_mm"].get<double>(), 0.02);
-  // Refined is at least as good as every closed form on captures that neither has seen.
+  // The refinement is at least as good as every closed form on held-out captures.
   for (const Json& estimate : result["estimates"]) {
     if (estimate["kind"] != "closed_form" || !estimate["ok"].get<bool>()) continue;
     EXPECT_LE(bundle["errors"]["holdout_rms_px"].get<double>(),
@@ -97,7 +98,7 @@ TEST_P(NoiseFreeTest, HandEyeIsRightToATwentiethOfAMillimetre) {
   fs::remove_all(folder);
 }
 
-// Every type of target, both set-ups.
+// Every type of target and both setups.
 const SetupAndTarget kSetupsAndTargets[] = {
     {"coded_board_to_hand", "eye_to_hand", kCodedBoard},
     {"coded_board_in_hand", "eye_in_hand", kCodedBoard},
@@ -116,8 +117,8 @@ INSTANTIATE_TEST_SUITE_P(SetupsAndTargets, NoiseFreeTest, testing::ValuesIn(kSet
 
 class NoisyTest : public testing::TestWithParam<SetupAndTarget> {};
 
-// With noise, blur, clutter and uneven light, the error lies within the stated covariance: e' C^-1 e of the hand-eye
-// pose below 32.1, which chi-square with 6 degrees of freedom passes once in 60,000.
+// Under noise, blur, clutter and uneven light the error is consistent with the stated covariance: e' C^-1 e of the
+// hand-eye pose is below 32.1, which chi-square with 6 degrees of freedom exceeds once in 60,000.
 TEST_P(NoisyTest, ErrorLiesWithinTheStatedCovariance) {
   const fs::path folder = TestFolder("noisy_" + GetParam().name);
   const Json result = Calibrate(folder, SceneText(GetParam().setup, GetParam().target, 3, 15), kFixedCamera);
@@ -147,7 +148,7 @@ TEST_P(NoisyTest, ErrorLiesWithinTheStatedCovariance) {
 INSTANTIATE_TEST_SUITE_P(SetupsAndTargets, NoisyTest, testing::ValuesIn(kSetupsAndTargets),
                          [](const auto& test) { return test.param.name; });
 
-// A sheet that the printer stretched by 0.1 % and that stands 0.5 mm off its backing in the middle.
+// A sheet that the printer stretched by 0.1 % and whose middle bends away from its backing by 0.5 mm.
 TEST(TargetShapeTest, PrintScaleAndBendAreFound) {
   const fs::path folder = TestFolder("target_shape");
   const std::string scene = SceneText("eye_to_hand", kAprilTags, 2, 15) +
@@ -158,7 +159,7 @@ TEST(TargetShapeTest, PrintScaleAndBendAreFound) {
   EXPECT_TRUE(Bundle(designed)["target_shape"].is_null());
   fs::remove_all(folder / "data");
   fs::remove_all(folder / "run");
-  // By default it is found without a word in the config.
+  // The shape is estimated by default, without any setting in the config.
   const Json result = Calibrate(folder, scene, "");
   ASSERT_FALSE(result.is_null());
   EXPECT_EQ(result["model"]["target_shape"].dump(), R"(["scale","bend"])");
@@ -173,7 +174,7 @@ TEST(TargetShapeTest, PrintScaleAndBendAreFound) {
   fs::remove_all(folder);
 }
 
-// The same robot poses and camera with another target: two configs that differ in `target` alone.
+// The same robot poses and camera with two targets; the configs differ in `target` only.
 TEST(SwapTest, AnotherTargetIsOneLine) {
   const fs::path folder = TestFolder("swap");
   Json results[2];
@@ -187,12 +188,13 @@ TEST(SwapTest, AnotherTargetIsOneLine) {
     configs[i] = ReadAll(sub / "data" / "config.yaml");
     ++i;
   }
-  EXPECT_EQ(configs[0], configs[1]);  // `target: target.yaml` in both: the file differs.
+  EXPECT_EQ(configs[0], configs[1]);  // Both contain `target: target.yaml`; the file differs.
   for (const Json& result : results) EXPECT_LT(Bundle(result)["errors"]["truth"]["hand_eye_mm"].get<double>(), 0.3);
   fs::remove_all(folder);
 }
 
-// Without a camera file the intrinsics come from the captures; the same bytes with 1 and 2 threads, timings aside.
+// Without a camera file the intrinsics are estimated from the captures. Except for timings, 1 and 2 threads give
+// identical bytes.
 TEST(DeterminismTest, SameBytesForAnyNumberOfThreadsAndWithoutACameraFile) {
   const fs::path folder = TestFolder("determinism");
   const std::string scene = SceneText("eye_in_hand", kChessboard, 2, 12) + "give_camera: false\n";

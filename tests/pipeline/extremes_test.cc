@@ -1,5 +1,5 @@
-// Every number of every kind of file, replaced by what no set-up has: the program does its work or says in one line
-// what is wrong. It neither ends by a signal nor hangs.
+// Replaces every number in every kind of file by extreme values. The program does its work or reports the error in
+// one line; it neither ends by a signal nor hangs.
 #include <algorithm>
 #include <cctype>
 #include <functional>
@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 
 const char* const kExtremes[] = {"1e300", "-1e300", "1e-308", "0", "-1", "nan", "1e9"};
 
-// A number in a text: where it begins and how long it is. Digits within names are none.
+// The position and length of a number in a text. Digits within names are not numbers.
 struct Number {
   size_t at = 0;
   size_t size = 0;
@@ -49,9 +49,9 @@ std::vector<Number> NumbersOf(const std::string& text) {
 struct Subject {
   std::string name;
   fs::path file;
-  std::vector<std::string> command;  // FILE stands for the spoiled file, FOLDER for where it is.
-  size_t stride = 1;                 // Only every so many spoilings: the rest are alike.
-  fs::path beside = {};              // A folder whose files the command needs beside the spoiled one.
+  std::vector<std::string> command;  // FILE stands for the spoiled file, FOLDER for its folder.
+  size_t stride = 1;                 // Every `stride`-th spoiling only, because the others are similar.
+  fs::path beside = {};              // A folder whose files the command needs next to the spoiled one.
 };
 
 struct Case {
@@ -71,7 +71,7 @@ class ExtremesTest : public testing::Test {
     ASSERT_EQ(
         RunHeba({"run", (*root_ / "good/config.yaml").string(), "--out", (*root_ / "run").string(), "--quiet"}).status,
         0);
-    // This study is as small as one can be.
+    // This study is as small as possible.
     WriteAll(*root_ / "study.yaml",
              "trials: 2\nseed: 1\nscenes: {a: " + (*root_ / "scene.yaml").string() +
                  "}\npixel_noise: [0.1 px]\nrobot_noise: [{translation: 0.1 mm, rotation: 0.01 deg}]\n"
@@ -82,7 +82,7 @@ class ExtremesTest : public testing::Test {
     delete root_;
   }
 
-  // Spoils the subject's numbers one by one.
+  // Spoils the numbers of the subject one by one.
   static void Try(const Subject& subject) {
     const std::string good = ReadAll(subject.file);
     std::vector<Case> cases;
@@ -133,7 +133,7 @@ class ExtremesTest : public testing::Test {
       const bool is_within = word.starts_with("FOLDER/");
       words.push_back(word == "FILE" ? file.string() : is_within ? (folder / word.substr(7)).string() : word);
     }
-    // A limit of time and of memory (in KiB).
+    // Time is limited to 60 s, memory to 8,000,000 KiB.
     CommandResult result = RunHeba(words, "ulimit -v 8000000; HEBA_CACHE= timeout -s KILL 60");
     fs::remove_all(folder);
     return result;
@@ -205,7 +205,7 @@ TEST_F(ExtremesTest, Results) {
        *root_ / "run"});
 }
 
-// All commands that read results refuse what no calibration can have as its result.
+// All commands that read results refuse results that no calibration can have.
 TEST_F(ExtremesTest, ResultsThatMeanNothing) {
   using Json = nlohmann::ordered_json;
   struct Spoiling {

@@ -1,4 +1,4 @@
-// Data sets without pictures: imported ones, poses of the target that others found, corners that were found before.
+// Data sets without images: imported ones, given poses of the target, and corners that were detected before.
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -24,7 +24,8 @@ class OtherDataTest : public testing::Test {
   }
   void TearDown() override { fs::remove_all(folder_); }
 
-  // Poses of the gripper and of the target in the camera, of an exact scene; `gripper_from` tells whose pose each has.
+  // Writes poses of the gripper, and of the target in the camera frame, of an exact scene; `gripper_from` selects the
+  // gripper pose of each capture.
   void WritePairs(const std::function<size_t(size_t)>& gripper_from) {
     const TestScene scene = MakeTestScene(7);
     std::vector<PoseRow> grippers;
@@ -58,7 +59,7 @@ TEST_F(OtherDataTest, PosesOfTheTargetGiveAHandEyePose) {
   EXPECT_EQ(result.status, 0) << result.err;
   EXPECT_THAT(ReadAll(folder_ / "run" / "result.json"), HasSubstr("bundle adjustment needs pictures or corners"));
   EXPECT_TRUE(fs::exists(folder_ / "run" / "report.html"));
-  // What needs no camera is exported, what holds one is refused in words.
+  // Formats without a camera can be exported; those with a camera are refused with a message.
   EXPECT_EQ(RunHeba({"export", Path("run"), "--to", "urdf", "--method", "chain"}).status, 0);
   for (const std::string form : {"opencv", "camera_info", "kalibr", "mrcal"}) {
     const CommandResult refused = RunHeba({"export", Path("run"), "--to", form, "--method", "chain"});
@@ -107,7 +108,7 @@ TEST_F(OtherDataTest, CamerasOfDataSetsAreChecked) {
   EXPECT_THAT(result.err, HasSubstr("fx and fy must be positive"));
 }
 
-// Corners that were found before, of a chessboard, each moved by `spoil` (view, pixel).
+// Writes detected corners of a chessboard, each displaced by `spoil` (view, pixel).
 using Spoil = std::function<Eigen::Vector2d(size_t, const Eigen::Vector2d&)>;
 void WriteCorners(const fs::path& folder, const Spoil& spoil) {
   TestSceneOptions options;
@@ -142,7 +143,7 @@ TEST_F(OtherDataTest, CornersAreEnoughForBundleAdjustment) {
   const CommandResult result = Run();
   EXPECT_EQ(result.status, 0) << result.err;
   EXPECT_THAT(ReadAll(folder_ / "run" / "result.json"), HasSubstr("\"method\": \"bundle\""));
-  // And what a run has found in its pictures is corners again.
+  // The detections that a run writes can be its input again.
   const std::string again = ReadAll(folder_ / "run" / "detections.json");
   WriteAll(folder_ / "detections.json", again);
   EXPECT_EQ(RunHeba({"run", Path("config.yaml"), "--out", Path("again"), "--quiet"}).status, 0);
@@ -152,7 +153,7 @@ TEST_F(OtherDataTest, CornersAreEnoughForBundleAdjustment) {
 }
 
 TEST_F(OtherDataTest, DoctorSeesALensThatTheModelDoesNotHave) {
-  // Half a pixel, to and fro across the picture.
+  // The displacement has an amplitude of half a pixel and oscillates across the image.
   WriteCorners(folder_, [](size_t, const Eigen::Vector2d& pixel) -> Eigen::Vector2d {
     return pixel + Eigen::Vector2d(0, 0.5 * std::sin(pixel.x() / 60));
   });

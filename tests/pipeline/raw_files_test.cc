@@ -1,4 +1,4 @@
-// The files that a user has after a session are read as they are: pictures, and poses that nobody has described.
+// Reads the files that a user has after a session without preparation: images, and poses in an undescribed format.
 #include <algorithm>
 #include <map>
 
@@ -27,7 +27,7 @@ constexpr const char* kScene =
     "motion: {captures: 10, distance: 420 mm, tilt: 35 deg, spin: 60 deg, spread: 0.3}\n"
     "image: {noise: 2 grey}\n";
 
-// Pictures of one data set, and its poses, in forms that the tests choose.
+// Images of one data set and its poses, in formats that the tests choose.
 class RawFilesTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -45,7 +45,7 @@ class RawFilesTest : public testing::Test {
     rows_ = ReadPoseFile(folder_ / "poses.csv", *FindPoseFormat("ros"));
   }
 
-  // The numbers of the captures' poses in a format, a line each.
+  // Returns the numbers of the captures' poses in a format, one line for each pose.
   std::string Lines(const std::string& format, const std::string& separator) const {
     std::string text;
     for (const PoseRow& row : rows_) {
@@ -106,7 +106,7 @@ TEST_F(RawFilesTest, PosesWithoutAHeaderAndInAFolderGiveTheSameResult) {
     if (i % 2 == 1) WriteAll(folder_ / "one_each" / (name + ".json"), "{\"pose\": [" + lines[i] + "]}");
   }
   EXPECT_EQ(Run({Setting("one_each")})["estimates"].back()["hand_eye"], wanted);
-  // The numbers pair files and pictures, also where one is gone.
+  // Files and images are paired by their numbers, even if one of them is missing.
   fs::remove(folder_ / "images" / "003.png");
   fs::remove(folder_ / "one_each" / "pose_4.txt");
   const Json result = Run({Setting("one_each")});
@@ -121,7 +121,7 @@ TEST_F(RawFilesTest, AImageThatWasRemovedIsSkippedWithANote) {
   EXPECT_THAT(ReadAll(folder_ / "run" / "log.txt"), HasSubstr("without 007.png: the picture is not among those"));
 }
 
-// A name that is spelt otherwise is a mistake, and only a picture without a pose may be meant.
+// A misspelt name is an error, and the suggestion is an image without a pose.
 TEST_F(RawFilesTest, AMisspeltImageIsAnError) {
   std::string poses = ReadAll(folder_ / "poses.csv");
   poses.replace(poses.find("003.png"), 7, "03.png");
@@ -141,7 +141,7 @@ TEST_F(RawFilesTest, ExcludedCapturesAreLeftOut) {
   EXPECT_THAT(wrong.err, HasSubstr("there is no capture '02.png'; did you mean"));
 }
 
-// The numbers are what the doctor says to set.
+// The doctor states the setting of the pose format that fits the images.
 TEST_F(RawFilesTest, TheDoctorGuessesPosesThatNobodyDescribed) {
   struct Case {
     std::string format;
@@ -159,14 +159,14 @@ TEST_F(RawFilesTest, TheDoctorGuessesPosesThatNobodyDescribed) {
     EXPECT_THAT(doctor.out,
                 AllOf(HasSubstr("wrong [pose_format]"), HasSubstr("fit the pictures"), HasSubstr(given.reading)))
         << given.format;
-    // The cure cures.
+    // The suggested setting removes the error.
     const size_t begin = doctor.out.find("captures.pose_format: ") + 22;
     const std::string cure = doctor.out.substr(begin, doctor.out.find('\n', begin) - begin);
     const CommandResult again = Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set",
                                       Setting("bare.txt"), "--set", "captures.pose_format=" + cure});
     EXPECT_THAT(again.out, HasSubstr("nothing is wrong")) << again.err << cure;
   }
-  // A fault that no reading mends stays one.
+  // An error that no pose format explains is still reported.
   WriteAll(folder_ / "bare.txt", "1 2 3\n4 5 6\n7 8 9\n");
   const CommandResult hopeless =
       Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set", Setting("bare.txt")});
@@ -174,7 +174,7 @@ TEST_F(RawFilesTest, TheDoctorGuessesPosesThatNobodyDescribed) {
   EXPECT_THAT(hopeless.err, HasSubstr("the first line must name the columns"));
 }
 
-// Captures of one file a pose are left out by either name, and a picture has one pose.
+// Captures with one file for each pose can be excluded by either name, and an image has one pose.
 TEST_F(RawFilesTest, FilesOfOnePoseAreExcludedAndSingle) {
   fs::create_directory(folder_ / "one_each");
   const std::vector<std::string> lines = Split(Lines("ros", " "), '\n');
@@ -183,7 +183,7 @@ TEST_F(RawFilesTest, FilesOfOnePoseAreExcludedAndSingle) {
   }
   EXPECT_THAT(UnusedOf(Run({Setting("one_each"), "captures.exclude=[\"003\", 004.png]"})),
               testing::ElementsAre("003.png: left out by captures.exclude", "004.png: left out by captures.exclude"));
-  // Two files of one number, where names alone do not pair.
+  // Two files have the same number, and the names alone do not pair them.
   for (size_t i = 0; i < rows_.size(); ++i) {
     fs::rename(folder_ / "one_each" / (fs::path(rows_[i].image).stem().string() + ".txt"),
                folder_ / "one_each" / ("p" + std::to_string(i) + ".txt"));
@@ -194,7 +194,7 @@ TEST_F(RawFilesTest, FilesOfOnePoseAreExcludedAndSingle) {
   EXPECT_EQ(twice.status, 2) << twice.out;
 }
 
-// A rotation before the place, a header of other words, a time in front: the doctor finds each.
+// The doctor recognises rotations before positions, headers in other words, and a leading time stamp.
 TEST_F(RawFilesTest, TheDoctorFindsOtherOrders) {
   std::string turns_first;
   std::string named = "stamp;file;Rz [deg];Ry [deg];Rx [deg];X [mm];Y [mm];Z [mm]\n";
@@ -224,7 +224,7 @@ TEST_F(RawFilesTest, TheDoctorFindsOtherOrders) {
                                       "--set", "captures.pose_format=" + cure});
     EXPECT_THAT(again.out, HasSubstr("nothing is wrong")) << name << again.err << cure;
   }
-  // One number that is misspelt is the fault, not a format.
+  // A single misspelt number is reported as such, not as another format.
   std::string poses = ReadAll(folder_ / "poses.csv");
   const size_t last = poses.find_last_of("0123456789");
   poses[last] = 'x';
@@ -233,7 +233,7 @@ TEST_F(RawFilesTest, TheDoctorFindsOtherOrders) {
               HasSubstr("misspelt.csv:11: column 'qw'"));
 }
 
-// The import writes a config that runs for poses that stand among other things.
+// Import writes a valid config for poses inside files with other content.
 TEST_F(RawFilesTest, ImportReadsPosesWithATime) {
   const fs::path bare = folder_ / "bare";
   fs::create_directories(bare / "poses");
@@ -254,7 +254,7 @@ TEST_F(RawFilesTest, ImportReadsPosesWithATime) {
   EXPECT_EQ(Heba({"run", (out / "config.yaml").string(), "--quiet"}).status, 0);
 }
 
-// Poses that do not belong to the pictures are not said to fit them.
+// Import does not claim that poses fit images that they do not belong to.
 TEST_F(RawFilesTest, ImportDoesNotClaimAFit) {
   const fs::path bare = folder_ / "bare";
   fs::create_directory(bare);
@@ -272,7 +272,7 @@ TEST_F(RawFilesTest, ImportDoesNotClaimAFit) {
   EXPECT_EQ(import.status, 0) << import.err;
   EXPECT_THAT(Unbroken(import.out), HasSubstr("no reading of them that was tried fits"));
   EXPECT_THAT(ReadAll(folder_ / "imported" / "config.yaml"), HasSubstr("# setup:"));
-  // A table with a row a picture is the one, not one of joints; a target that is not there is said.
+  // A table with one row for each image is preferred to one of joints; a missing target is reported.
   WriteAll(bare / "joints.csv", "j1,j2,j3,j4,j5,j6\n1,2,3,4,5,6\n1,2,3,4,5,6\n1,2,3,4,5,6\n");
   WriteAll(bare / "robot.txt", Lines("kuka", " "));
   EXPECT_THAT(Heba({"import", bare.string(), "--out", (folder_ / "imported").string()}).out, HasSubstr("robot.txt"));
@@ -282,7 +282,7 @@ TEST_F(RawFilesTest, ImportDoesNotClaimAFit) {
   EXPECT_THAT(nowhere.err, HasSubstr("no_such.yaml"));
 }
 
-// A run's results do not take the place of its own data.
+// The results of a run do not replace its own data.
 TEST_F(RawFilesTest, DataSetsAreNotReplaced) {
   fs::copy_file(*root_ / "data" / ".heba", folder_ / ".heba", fs::copy_options::overwrite_existing);
   for (const std::string command : {"run", "detect"}) {
@@ -299,7 +299,7 @@ TEST_F(RawFilesTest, ImportReadsABareFolder) {
   fs::rename(folder_ / "images", bare / "photos");
   WriteAll(bare / "robot.txt", Lines("staubli", ";"));
   const fs::path out = folder_ / "imported";
-  // Without a target the numbers' sizes are all that there is.
+  // Without a target the guess is based on the magnitudes of the numbers only.
   const CommandResult unknown = Heba({"import", bare.string(), "--out", out.string()});
   EXPECT_EQ(unknown.status, 0) << unknown.err;
   EXPECT_THAT(unknown.out, HasSubstr("by their sizes alone"));
@@ -312,7 +312,7 @@ TEST_F(RawFilesTest, ImportReadsABareFolder) {
       AllOf(HasSubstr("setup: eye_to_hand"), HasSubstr("rotation: euler_xyz, angle: deg}"), Not(HasSubstr("# setup"))));
   const CommandResult run = Heba({"run", (folder_ / "known" / "config.yaml").string(), "--quiet"});
   EXPECT_EQ(run.status, 0) << run.err;
-  // Nothing of a folder without poses.
+  // A folder without poses cannot be imported.
   fs::remove(bare / "robot.txt");
   const CommandResult nothing = Heba({"import", bare.string(), "--out", (folder_ / "nothing").string()});
   EXPECT_EQ(nothing.status, 2);

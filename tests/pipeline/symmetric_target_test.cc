@@ -1,4 +1,5 @@
-// A target that looks the same after half a turn: one image fits two poses, and the program does not choose by itself.
+// Targets that look the same after a rotation by 180 degrees: one image fits two poses, and the program does not
+// choose.
 #include <algorithm>
 #include <regex>
 #include <sstream>
@@ -26,7 +27,7 @@ Rigid3d PoseFromJson(const Json& json) {
   return Rigid3d(Eigen::Quaterniond(q[3], q[0], q[1], q[2]), Eigen::Vector3d(t[0], t[1], t[2]));
 }
 
-// The poses base_from_target that `heba locate` printed, in their order.
+// Returns the poses base_from_target that `heba locate` printed, in order.
 std::vector<Rigid3d> PrintedPoses(const std::string& out) {
   const std::regex pose(
       R"(base_from_target \[(\S+), (\S+), (\S+)\] mm, quaternion xyzw \[(\S+), (\S+), (\S+), (\S+)\])");
@@ -48,7 +49,7 @@ std::string Numbers(const Rigid3d& pose) {
   return text.str();
 }
 
-// One calibration with a chessboard of 5 x 7 inner corners, for all tests.
+// One calibration with a chessboard of 5 x 7 inner corners, shared by all tests.
 class SymmetricTargetTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -81,11 +82,12 @@ class SymmetricTargetTest : public testing::Test {
   static std::string Path(const std::string& name) { return (*folder_ / name).string(); }
   static std::string Image(size_t i) { return Path("data/images/" + names_[i]); }
 
-  // 1 mm and 0.3 deg: what images of 800 px tell of a pose with a calibration from ten of them, several times over.
+  // 1 mm and 0.3 deg are several times the uncertainty of a pose from one image of 800 px with a calibration from
+  // ten.
   static bool IsNear(const Rigid3d& pose, const Rigid3d& truth) {
     return DistanceM(pose, truth) < 1e-3 && AngleRad(pose, truth) < DegToRad(0.3);
   }
-  // The target after half a turn about the middle of its 5 x 7 corners.
+  // Returns the pose after a rotation by 180 degrees about the middle of the 5 x 7 corners.
   static Rigid3d HalfTurned(const Rigid3d& pose) {
     return pose * Rigid3d(Eigen::Quaterniond(0, 0, 0, 1), Eigen::Vector3d(0.12, 0.08, 0));
   }
@@ -199,7 +201,7 @@ TEST_F(SymmetricTargetTest, RunAndDoctorSayWhatTheSymmetryMeans) {
 
 struct SheetCase {
   std::string target;
-  std::string warning;  // After the file's name; empty: none.
+  std::string warning;  // Follows the file name; empty if there is no warning.
 };
 
 TEST(SheetOfSymmetricTargetTest, HebaTargetWarnsOfSymmetry) {

@@ -1,4 +1,4 @@
-// What a person sees who sits at a terminal of 80 columns.
+// Tests the output on a terminal of 80 columns.
 #include <fstream>
 #include <regex>
 #include <sstream>
@@ -13,7 +13,7 @@ namespace {
 
 constexpr const char* kBold = "\x1b[1m";
 
-// Standard output of the program on a terminal of its own, line by line.
+// Returns the lines of the program's standard output on a terminal of its own.
 std::vector<std::string> LinesOnTerminal(const std::string& arguments, const std::string& environment) {
   const std::filesystem::path file = TestFolder("terminal") / "typescript";
   const std::string inner =
@@ -27,7 +27,7 @@ std::vector<std::string> LinesOnTerminal(const std::string& arguments, const std
   std::ifstream stream(file);
   for (std::string line; std::getline(stream, line);) {
     if (!line.empty() && line.back() == '\r') line.pop_back();
-    if (line.rfind("Script ", 0) != 0) lines.push_back(line);  // script's own first and last.
+    if (line.rfind("Script ", 0) != 0) lines.push_back(line);  // Lines that script itself writes first and last.
   }
   return lines;
 }
@@ -60,7 +60,7 @@ TEST(TerminalTest, EveryLineFitsAndColourCanBeRefused) {
   EXPECT_THAT(Whole(coloured), testing::HasSubstr(kBold));
   EXPECT_THAT(Whole(coloured), testing::HasSubstr("verdict: "));
   EXPECT_THAT(Whole(LinesOnTerminal(run, "env NO_COLOR=1")), testing::Not(testing::HasSubstr("\x1b")));
-  // Nothing is broken where nobody looks; and a table needs no breaking.
+  // Piped output is not wrapped, and tables need no wrapping.
   const std::string piped = RunHeba({"run", config, "--out", (folder / "run").string()}).out;
   EXPECT_THAT(piped, testing::Not(testing::HasSubstr("\x1b")));
   EXPECT_FALSE(std::regex_search(piped, std::regex(R"([0-9]\.[0-9]+\.[0-9])"))) << "two columns run together:\n"
@@ -85,7 +85,7 @@ TEST(TerminalTest, EveryLineFitsAndColourCanBeRefused) {
   for (const std::vector<std::string>& lines : outputs) {
     EXPECT_GT(lines.size(), 6U);
     for (const std::string& line : lines) {
-      // A path stays whole.
+      // Paths are not wrapped.
       if (line.rfind("results: ", 0) == 0) continue;
       EXPECT_LE(VisibleLength(line), 80U) << line;
     }

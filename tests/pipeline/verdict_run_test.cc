@@ -1,4 +1,4 @@
-// The verdict as programs read it: result.json, summary.csv, exit status.
+// The verdict in the outputs that programs read: result.json, summary.csv and the exit status.
 #include <regex>
 
 #include <gmock/gmock.h>
@@ -66,12 +66,12 @@ TEST_F(VerdictRunTest, ARequirementThatIsNotMetFailsTheRunButKeepsItsResults) {
   ASSERT_FALSE(finding.is_null());
   EXPECT_EQ(finding["grade"], "bad");
   EXPECT_GT(finding["numbers"]["reached_mm"].get<double>(), 1e-5);
-  // Without the flag it is a result like any other.
+  // Without the flag the run succeeds.
   EXPECT_EQ(RunHeba({"run", Config("strict", require), "--out", (folder() / "strict").string()}).status, 0);
 }
 
 TEST_F(VerdictRunTest, ATargetOfAnotherSizeIsBadForRunAndDoctorAlike) {
-  // The sample's target, 10 % larger than it was rendered.
+  // The target of the sample scene, declared 10 % larger than it was rendered.
   std::string target = ReadAll(folder() / "data" / "target.yaml");
   const std::regex length(R"((spacing|dot_diameter): *([0-9.]+))");
   std::string larger;

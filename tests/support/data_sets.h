@@ -1,4 +1,4 @@
-// Recorded data sets that are not part of the project.
+// Locates recorded data sets that are not part of the repository.
 #pragma once
 
 #include <cstdlib>
@@ -6,8 +6,8 @@
 
 namespace heba {
 
-// The folder with the recorded sets: HEBA_DATA_DIR, or shared/data beside the checkout. It may not be there: a test
-// then skips and says so.
+// Returns the folder of the recorded sets: HEBA_DATA_DIR, or shared/data next to the checkout. If it does not exist,
+// a test is skipped with a message.
 inline std::filesystem::path DataDir() {
   const char* dir = std::getenv("HEBA_DATA_DIR");
   if (dir != nullptr) return dir;

@@ -1,4 +1,4 @@
-// What an action tells the user.
+// Captures the message of an InputError.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace heba {
 
-// The message of the InputError that `action` throws; "no error" if it throws none.
+// Returns the message of the InputError that `action` throws, or "no error" if it throws none.
 template <class Action>
 std::string InputErrorOf(const Action& action) {
   try {

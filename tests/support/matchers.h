@@ -1,4 +1,4 @@
-// gmock matchers for heba's types. Absolute tolerances, rotation and translation apart.
+// gmock matchers for heba's types, with separate absolute tolerances for rotation and translation.
 #pragma once
 
 #include <ostream>
@@ -10,7 +10,7 @@
 
 namespace heba {
 
-// For messages of failed tests.
+// Prints a pose in the messages of failed tests.
 inline void PrintTo(const Rigid3d& pose, std::ostream* stream) {
   *stream << "Rigid3d(rotation_xyzw=[" << pose.rotation.coeffs().transpose() << "], translation=["
           << pose.translation.transpose() << "])";

@@ -1,4 +1,4 @@
-// What a detector finds in a folder of pictures that one camera took of one target.
+// Runs a detector over a folder of images that one camera took of one target.
 #pragma once
 
 #include <algorithm>
@@ -17,13 +17,13 @@ namespace heba {
 
 struct RecordedBoards {
   size_t num_points = 0;
-  std::set<std::string> not_found;   // File names of pictures without any point.
-  std::set<std::string> incomplete;  // With some, but not all.
-  // Of cv::calibrateCamera over all pictures: shows wrong corners and poor ones.
+  std::set<std::string> not_found;   // File names of images without any point.
+  std::set<std::string> incomplete;  // File names of images with some, but not all points.
+  // RMS of cv::calibrateCamera over all images, which reveals wrong and inaccurate corners.
   double rms_px = 0;
 };
 
-// In every `step`-th picture, by name, and in those called `always`.
+// Detects in every `step`-th image by name, and in the images named in `always`.
 inline RecordedBoards DetectRecorded(const Target& target, const std::filesystem::path& folder, size_t step = 1,
                                      const std::set<std::string>& always = {}) {
   std::vector<std::filesystem::path> files;

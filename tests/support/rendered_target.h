@@ -1,4 +1,4 @@
-// Targets from text, and what a detector makes of their rendered drawings.
+// Creates targets from text, and compares detections in rendered images with the truth.
 #pragma once
 
 #include <algorithm>
@@ -27,11 +27,12 @@ inline std::unique_ptr<Target> MakeTarget(const std::string& yaml) {
   return CreateTarget(reader);
 }
 
-// A lens with some distortion: a target's own geometry must not rely on straight lines.
+// Returns a camera with some distortion, because a target's own geometry must not rely on straight lines.
 inline Camera ImageCamera() { return {"brown5", 1000, 800, {900, 905, 502.3, 398.6, -0.1, 0.03, 1e-3, -5e-4, 0}}; }
 
-// The middle of the sheet near the optical axis, its front to the camera, tilted by 0.3 to 1 of `max_tilt_rad` and
-// turned by up to `max_roll_rad`, so that the sheet takes about `share` of the picture's height.
+// Returns a pose with the middle of the sheet near the optical axis and its front towards the camera, tilted by 0.3
+// to 1 of `max_tilt_rad` and rolled by up to `max_roll_rad`, so that the sheet takes about `share` of the image
+// height.
 inline Rigid3d RandomView(const Drawing& drawing, double share, double max_tilt_rad, double max_roll_rad, Rng& rng) {
   const Camera camera = ImageCamera();
   const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
@@ -52,13 +53,13 @@ inline Rigid3d RandomView(const Drawing& drawing, double share, double max_tilt_
 
 struct DetectionErrors {
   size_t num_found = 0;
-  size_t num_unknown_ids = 0;  // Not of the target, or repeated.
+  size_t num_unknown_ids = 0;  // Ids that do not belong to the target, or are repeated.
   Eigen::Vector2d sum_px = Eigen::Vector2d::Zero();
   double sum_squares_px2 = 0;
   double max_px = 0;
 
   double BiasPx() const { return num_found == 0 ? 0 : (sum_px / static_cast<double>(num_found)).norm(); }
-  // Of the distances, per point.
+  // Returns the RMS of the distances.
   double RmsPx() const { return num_found == 0 ? 0 : std::sqrt(sum_squares_px2 / static_cast<double>(num_found)); }
   void Add(const DetectionErrors& other) {
     num_found += other.num_found;
@@ -69,8 +70,8 @@ struct DetectionErrors {
   }
 };
 
-// The differences of `detection` to where the camera model says that the points are; of a target that can be read in
-// several orders those of the best.
+// Returns the differences between `detection` and the projected points. If the target has symmetries, the best one is
+// used.
 inline DetectionErrors ErrorsOf(const Target& target, const Camera& camera, const Rigid3d& camera_from_target,
                                 const Detection& detection) {
   DetectionErrors best;
@@ -97,7 +98,7 @@ inline DetectionErrors ErrorsOf(const Target& target, const Camera& camera, cons
   return best;
 }
 
-// The errors in `num_views` rendered views with noise of 2 grey levels.
+// Returns the errors in `num_views` rendered views with noise of 2 grey levels.
 inline DetectionErrors DetectRendered(const Target& target, int num_views, double share, uint64_t seed) {
   const Camera camera = ImageCamera();
   const Drawing& drawing = target.Draw();

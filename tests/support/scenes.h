@@ -1,4 +1,4 @@
-// Simulated problems for tests: everything from a seed.
+// Simulated problems for tests, determined by a seed.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@
 
 namespace heba {
 
-// A grid of columns x rows points in the plane z = 0, centred.
+// Returns a centred grid of columns x rows points in the plane z = 0.
 inline Points3 GridPoints(int columns, int rows, double spacing_m) {
   Points3 points(3, columns * rows);
   for (int row = 0; row < rows; ++row) {
@@ -38,22 +38,22 @@ struct TestScene {
   Camera camera;
   HandEye hand_eye;
   std::vector<View> views;
-  std::vector<PosePair> pairs;  // Exact.
+  std::vector<PosePair> pairs;  // Free of noise.
 };
 
 struct TestSceneOptions {
   int num_captures = 15;
   double noise_px = 0;
-  Points3 points = GridPoints(8, 6, 0.03);                                   // As designed; the views have these.
-  std::array<double, TargetShape::kNumParams> shape = TargetShape().params;  // As made.
+  Points3 points = GridPoints(8, 6, 0.03);                                   // Design points, which the views hold.
+  std::array<double, TargetShape::kNumParams> shape = TargetShape().params;  // Shape as printed.
   Camera camera = TestCamera();
   Setup setup = Setup::kEyeToHand;
   double max_tilt_rad = 0.6;
   double distance_m = 0.7;
-  // One sigma of what the robot's poses, as the views have them, are wrong by along and about each axis of the gripper.
+  // One sigma of the error of the robot poses in the views, along and about each axis of the gripper.
   double robot_translation_m = 0;
   double robot_rotation_rad = 0;
-  // kTwoStep: home, two translations and num_captures - 3 turns, with their roles.
+  // kTwoStep: home, two translations and num_captures - 3 rotations, with their roles.
   enum class Motion { kFree, kTwoStep };
   Motion motion = Motion::kFree;
 };
@@ -62,7 +62,7 @@ inline TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options = 
   Rng rng(seed);
   TestScene scene;
   scene.camera = options.camera;
-  // A camera a metre from the base, or beside the flange; a board on the other mount.
+  // The camera is 0.7 m from the base or 0.1 m from the flange; the target is on the other mount.
   const Rigid3d far_pose(ExpRotation(rng.Uniform(0.5, 3.1) * rng.Direction3()), 0.7 * rng.Direction3());
   const Rigid3d near_pose(ExpRotation(rng.Uniform(0, 3.1) * rng.Direction3()), 0.1 * rng.Direction3());
   const bool to_hand = options.setup == Setup::kEyeToHand;

@@ -1,4 +1,4 @@
-// Tests that run with every instruction set of this processor.
+// Runs tests with every instruction set of this processor.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace heba {
 
-// Kernels run with the test's set; skipped where the processor does not have it.
+// Runs kernels with the instruction set of the test parameter; skipped if the processor does not support it.
 class EverySimdTest : public testing::TestWithParam<Simd> {
  protected:
   void SetUp() override {

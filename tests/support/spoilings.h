@@ -1,4 +1,4 @@
-// Ways to spoil a data set as people do: for each what the doctor must then call it.
+// Typical mistakes in data sets, each with the findings that the doctor must report for it.
 #pragma once
 
 #include <algorithm>
@@ -23,31 +23,31 @@
 
 namespace heba {
 
-// A good data set: its config, and what the spoilings change of it.
+// A good data set: its config and the parts that the spoilings change.
 struct GoodSet {
   std::string name;
   std::filesystem::path config;
-  std::filesystem::path poses;   // In format ros.
-  std::filesystem::path images;  // A folder.
+  std::filesystem::path poses;   // Pose file in format ros.
+  std::filesystem::path images;  // Folder of images.
   std::filesystem::path camera;
   std::string target_type;
-  std::string length_key;  // Of the target's size: scaling it alone scales the target.
+  std::string length_key;  // Key of the target's length; scaling it alone scales the target.
   double length_mm = 0;
   int rows = 0;
   int columns = 0;
   Setup setup = Setup::kEyeToHand;
-  // The code that the doctor gives first for the set as it is; empty if nothing is wrong with it.
+  // The first code that the doctor reports for the unspoiled set; empty if nothing is wrong with it.
   std::string code_as_it_is = {};
 };
 
 struct Spoiled {
-  std::vector<std::string> settings;  // For --set.
-  std::vector<std::string> codes;     // Any of these, named first, is right.
+  std::vector<std::string> settings;  // Arguments of --set.
+  std::vector<std::string> codes;     // The finding is right if the first code is one of these.
 };
 
 struct Spoiling {
   std::string name;
-  // Nothing if it does not apply. `folder` is for new files.
+  // Returns nothing if the spoiling does not apply. `folder` is for new files.
   std::function<std::optional<Spoiled>(const GoodSet& good, const std::filesystem::path& folder)> apply;
 };
 
@@ -64,7 +64,7 @@ inline std::string FormatSetting(const PoseFormat& format) {
          (format.angle_unit.empty() ? "" : ", angle: " + format.angle_unit) + "}";
 }
 
-// Poses changed by `change`, written in one form and declared as another.
+// Changes the poses by `change`, writes them in one format and declares them as another.
 inline Spoiling Poses(const std::string& name, const PoseFormat& written, const PoseFormat& declared,
                       const std::vector<std::string>& codes,
                       const std::function<void(std::vector<PoseRow>*)>& change = {}) {
@@ -77,7 +77,7 @@ inline Spoiling Poses(const std::string& name, const PoseFormat& written, const 
           }};
 }
 
-// The set's target with other settings, in a file of its own.
+// Writes the target of the set with other settings to a file of its own, and returns the setting that selects it.
 inline std::string TargetSetting(const GoodSet& good, const std::filesystem::path& folder,
                                  const std::vector<std::pair<std::string, std::string>>& changes) {
   const YAML::Node config = YAML::LoadFile(good.config.string());
@@ -95,7 +95,7 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
     return FormOfRotation(order, angle, unit);
   };
   std::vector<Spoiling> spoilings;
-  // Orders of angles.
+  // Euler angle orders.
   const std::vector<std::string> some = {"euler_xyz", "extrinsic_zyx", "euler_zyz", "extrinsic_yxz", "euler_xzy"};
   for (const std::string& rotation : PoseRotationNames()) {
     const bool is_order = rotation.starts_with("euler_") || rotation.starts_with("extrinsic_");
@@ -132,7 +132,7 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
                          const Setup other = good.setup == Setup::kEyeToHand ? Setup::kEyeInHand : Setup::kEyeToHand;
                          return Spoiled{{"setup=" + std::string(SetupName(other))}, {"pose_direction"}};
                        }});
-  // Rows.
+  // Order of the rows.
   const auto rotate_rows = [](std::ptrdiff_t by) {
     return [by](std::vector<PoseRow>* rows) {
       std::vector<Rigid3d> poses;
@@ -154,7 +154,7 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
   }));
   spoilings.push_back(Poses("pose_of_another", plain, plain, {"same_pose"},
                             [](std::vector<PoseRow>* rows) { (*rows)[2].pose = (*rows)[rows->size() / 2].pose; }));
-  // The target.
+  // Target.
   for (const double factor : {1.1, 0.9}) {
     spoilings.push_back(
         {factor > 1 ? "target_10_percent_larger" : "target_10_percent_smaller",
@@ -166,7 +166,7 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
   }
   spoilings.push_back({"rows_and_columns_swapped",
                        [](const GoodSet& good, const std::filesystem::path& folder) -> std::optional<Spoiled> {
-                         // A chessboard is the same board then, lying on its side.
+                         // A chessboard with rows and columns swapped is the same board on its side.
                          if (good.rows == good.columns || good.target_type == "chessboard") return std::nullopt;
                          return Spoiled{{TargetSetting(good, folder,
                                                        {{"rows", std::to_string(good.columns)},
@@ -200,11 +200,11 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
        }});
   spoilings.push_back(
       {"one_row_too_few", [](const GoodSet& good, const std::filesystem::path& folder) -> std::optional<Spoiled> {
-         // Of points that carry ids the others are still where they were.
+         // If points have ids, the remaining points are still correct.
          if (good.target_type != "chessboard" && good.target_type != "circle_grid") return std::nullopt;
          return Spoiled{{TargetSetting(good, folder, {{"rows", std::to_string(good.rows - 1)}})}, {"target"}};
        }});
-  // The camera.
+  // Camera.
   spoilings.push_back(
       {"half_resolution_intrinsics",
        [](const GoodSet& good, const std::filesystem::path& folder) -> std::optional<Spoiled> {
@@ -254,7 +254,7 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
   return spoilings;
 }
 
-// The code of the first thing that is wrong; empty if nothing is.
+// Returns the code of the first finding that is wrong; empty if there is none.
 inline std::string FirstWrongCode(const std::string& out) {
   const std::string mark = "wrong [";
   const size_t at = out.find(mark);
@@ -267,12 +267,13 @@ struct SpoilingScore {
   int num_all = 0;
 };
 
-// Each set is spoiled in every `stride`-th way, from another one on, so that all of them have their turn; in all ways
-// with HEBA_ALL_SPOILINGS in the environment, which takes half an hour for the recorded sets.
+// Returns the stride for ScoreDoctor. Each set is spoiled in every `stride`-th way, starting at different ones, so
+// that all spoilings are covered; HEBA_ALL_SPOILINGS in the environment selects all ways, which takes half an hour
+// for the recorded sets.
 inline size_t Stride(size_t stride) { return std::getenv("HEBA_ALL_SPOILINGS") != nullptr ? 1 : stride; }
 
-// Spoilings of the set, from `first` on every `stride`-th, and the table of what the doctor called it. `work` holds new
-// files and detections.
+// Applies every `stride`-th spoiling from `first` on to the set and prints a table of the doctor's findings. `work`
+// holds new files and detections.
 inline SpoilingScore ScoreDoctor(const GoodSet& good, const std::filesystem::path& work, bool all_orders, size_t first,
                                  size_t stride) {
   std::filesystem::create_directories(work / "cache");

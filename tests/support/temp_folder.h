@@ -1,4 +1,4 @@
-// A folder of a test's own, empty at the start.
+// A folder for one test, empty at its start and removed at its end.
 #pragma once
 
 #include <unistd.h>

@@ -1,4 +1,4 @@
-// The kernels of dots and rings: their derivatives against differences, with every instruction set.
+// Tests of the kernels of dots and rings: their derivatives against finite differences, with every instruction set.
 #include <cmath>
 #include <vector>
 
@@ -14,7 +14,7 @@ namespace {
 
 using EdgeKernelTest = EverySimdTest;
 
-// Of a cost of squares, whose slope is twice J'Wr.
+// Expects that twice `gradient` is the derivative of `cost`: the gradient of a sum of squares is 2 J'Wr.
 template <class Vector, class Cost>
 void ExpectGradient(const Vector& at, const Vector& gradient, int num_free, const Cost& cost) {
   constexpr double kStep = 1e-6;
@@ -33,7 +33,7 @@ TEST_P(EdgeKernelTest, BlurredEllipse) {
   x << 0.05, -0.03, 1.1, 0.15, 0.9, std::log(0.12), 0.9, 0.1, 0.05, -0.04, 0.02, 0.03;
   EdgePixels pixels;
   Rng rng(5, 0);
-  // A number that does not fill the lanes.
+  // The number of pixels does not fill the SIMD lanes.
   for (int i = 0; i < 301; ++i) pixels.Add(rng.Uniform(-1.4, 1.4), rng.Uniform(-1.4, 1.4), rng.Uniform(0, 1));
   pixels.Pad();
   pixels.SetWeight(7, 0);
@@ -51,7 +51,7 @@ TEST_P(EdgeKernelTest, BlurredEllipse) {
   ASSERT_EQ(residuals.size(), pixels.size());
   for (size_t i = 0; i < residuals.size(); ++i) squares += i == 7 ? 0 : residuals[i] * residuals[i];
   EXPECT_NEAR(SumEdge(pixels, x, kNumBlurredEllipseParameters, 1e9).cost, squares, 1e-9 * squares);
-  // Held ones stay.
+  // Parameters that are not free have no gradient and a unit row in the normal equations.
   constexpr int kFree = 10;
   const BlurredEllipseSums held = SumEdge(pixels, x, kFree, 1e9);
   EXPECT_EQ(held.gradient[kFree], 0);
@@ -80,7 +80,8 @@ TEST_P(EdgeKernelTest, Ring) {
   constexpr double kUnit = 100;
   for (const double bend : {0.2, 1e9}) {
     const RingSums sums = SumRing(pixels, map, x, kUnit, bend);
-    // What the map depends on is the caller's.
+    // Only parameters on which the map does not depend are tested; the caller supplies the derivatives of the map by
+    // the others.
     for (int k = kRingScale; k < kNumRingParameters; ++k) {
       const double step = 1e-6 * std::max(1.0, std::abs(x[k]));
       RingParameters high = x;

@@ -1,4 +1,4 @@
-// A target for tests of what is done with drawings: whatever drawing and points it is given; it finds nothing.
+// A target for tests that use only its drawing and points, which the test supplies. It detects nothing.
 #pragma once
 
 #include <vector>

@@ -7,7 +7,8 @@
 namespace heba {
 namespace {
 
-// Finds what the test says, if the picture is not the whole one.
+// A target that detects the given points in any image. If the image is a region of a larger one, the pixels are
+// relative to the region.
 class ScriptedTarget final : public Target {
  public:
   explicit ScriptedTarget(Detection in_whole_image) : found_(std::move(in_whole_image)) {
@@ -47,7 +48,8 @@ Detection MakeDetection(const std::vector<int>& ids, const std::vector<Eigen::Ve
 
 TEST(GuidedDetectionTest, AddsWhatIsThereAndKeepsWhatWas) {
   const cv::Mat picture(800, 1000, CV_8UC1, cv::Scalar(100));
-  // The second look sees point 0 too, a little elsewhere; point 1; and point 3 where nothing is expected.
+  // The second detection returns point 0 at a slightly different position, point 1, and point 3, for which no
+  // position is expected.
   const ScriptedTarget target(MakeDetection({0, 1, 3}, {{400.4, 300}, {450.5, 300.2}, {450, 350}}));
   const Detection first = MakeDetection({0}, {{400.1, 299.9}});
   const GuidedDetection guided = DetectGuided(target, picture, first, kExpected, 2);

@@ -24,7 +24,7 @@ constexpr const char* kLockName = ".heba.lock";
 
 struct Item {
   std::string config_path;
-  std::optional<RunConfig> config;  // Nothing: it is wrong, and run.reason says why.
+  std::optional<RunConfig> config;  // Not set if the config is wrong; run.reason then says why.
   std::filesystem::path output;
   BatchRun run;
   bool was_there = false;
@@ -59,7 +59,7 @@ void CheckNames(const std::vector<Item>& items) {
 void RunItem(const BatchOptions& options, int num_threads, Item* item) {
   if (!item->config) return;
   try {
-    // As it is now: the batch may have been at work for hours.
+    // The config is read again, because the batch may have run for hours.
     const RunConfig config = ReadRunConfig(item->config_path, options.settings);
     if (options.resume) {
       item->run.result = CurrentResult(item->output, config);
@@ -82,7 +82,7 @@ std::string TimeLeft(double seconds) {
   return seconds < 90 ? Fixed(seconds, 0) + " s" : Fixed(seconds / 60, 0) + " min";
 }
 
-// One line a run as it ends, with what is still to come.
+// Prints one line per run when it ends, with the estimated time left.
 class BatchProgress {
  public:
   BatchProgress(size_t total, Verbosity verbosity, std::optional<Grade> fail_on)
@@ -149,7 +149,7 @@ int RunBatch(const std::vector<std::string>& configs, const BatchOptions& option
     int num_threads = 1;
     {
       const std::lock_guard<std::mutex> lock(mutex);
-      // The last ones share what those before them no longer need.
+      // The last runs share the threads that earlier ones no longer need.
       const int num_beside = std::min(num_workers, num_mine - num_started++);
       num_threads = std::max(1, options.num_threads / num_beside);
     }

@@ -1,4 +1,4 @@
-// Many runs side by side, each for itself.
+// Runs many configs in parallel, independently of one another.
 #pragma once
 
 #include <filesystem>
@@ -18,18 +18,19 @@ struct Shard {
 };
 
 struct BatchOptions {
-  std::filesystem::path output;       // A folder for a folder a run, and the summary; empty: each config says where.
-  std::vector<std::string> settings;  // --set
-  int num_threads = 1;                // Of all runs together.
-  bool resume = false;                // Runs whose results are complete and whose inputs are the same are left alone.
+  std::filesystem::path output;       // Holds a folder per run, and the summary; empty: each config decides.
+  std::vector<std::string> settings;  // Values of --set.
+  int num_threads = 1;                // For all runs together.
+  bool resume = false;                // Skip runs whose results are complete and whose inputs are unchanged.
   Shard shard;
-  std::optional<Grade> fail_on;  // --fail-on
+  std::optional<Grade> fail_on;  // Value of --fail-on.
   Verbosity verbosity = Verbosity::kNormal;
 };
 
-// Runs the configs (of a shard, those that are its index modulo its count) and writes summary.csv and summary.html, of
-// a shard neither. A run that fails fails alone. The program's exit status. InputError if the batch as a whole cannot
-// be: names that stand twice, a folder that another program works in.
+// Runs the configs (those of the shard, if it is one of several) and, unless it is a shard, writes summary.csv and
+// summary.html if `output` is set. A run that fails does not affect the others. Returns the exit status of the
+// program. Throws InputError if the batch as a whole is impossible: two configs with the same results folder, or a
+// folder that another program is using.
 int RunBatch(const std::vector<std::string>& configs, const BatchOptions& options);
 
 }  // namespace heba

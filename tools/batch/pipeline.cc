@@ -38,24 +38,25 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-// Whether a calibration from more points explains them as well as the first its own: it must not be the worse for it.
+// Returns whether a calibration from more points is no worse: it uses at least as many views, and its residuals are at
+// most 5 % larger than those of the first.
 bool IsAtLeastAsGood(const Calibration& second, const Calibration& first) {
   constexpr double kMaxRise = 1.05;
   return second.views.size() >= first.views.size() &&
          second.refined->pixel_sigma_px <= kMaxRise * first.refined->pixel_sigma_px;
 }
 
-// Looks again, where the calibration says, for what the first look missed; true if anything changed.
+// Searches again for missing points at the positions that the calibration predicts. Returns whether anything changed.
 bool RedetectMissing(const RunConfig& config, const Calibration& calibration, int num_threads, Verbosity verbosity,
                      std::vector<CaptureDetection>* detections) {
-  // A board without ids is found whole or not at all.
+  // A target with symmetries has no ids and is detected completely or not at all.
   if (config.target->Symmetries().size() > 1 || !config.given_detections.empty()) return false;
   const Solution& solution = *calibration.refined;
   const std::optional<SquaredErrors> errors =
       ReprojectionErrors(solution.hand_eye, solution.camera, ApplyShape(calibration.views, solution.shape));
   if (!errors) return false;
   constexpr double kMinTolerancePx = 2;
-  constexpr double kToleranceRatio = 4;  // Of the captures' RMS, the robot's noise included.
+  constexpr double kToleranceRatio = 4;  // Relative to the captures' RMS, which includes the robot noise.
   const double tolerance_px = std::max(kMinTolerancePx, kToleranceRatio * errors->RmsPx().value_or(0));
   std::vector<size_t> incomplete;
   std::vector<std::vector<std::optional<Eigen::Vector2d>>> expected(config.captures.size());
@@ -91,7 +92,7 @@ bool RedetectMissing(const RunConfig& config, const Calibration& calibration, in
   return has_changed;
 }
 
-// What the report shows of the captures, by the refined estimate.
+// Returns the captures for the report, with residuals under the refined estimate.
 std::vector<ReportedCapture> CaptureViews(const RunConfig& config, const std::vector<CaptureDetection>& detections,
                                           const Calibration& calibration) {
   const Solution& solution = *calibration.refined;
@@ -135,8 +136,8 @@ ReportContext ContextOf(const RunConfig& config, const std::filesystem::path& ou
           std::filesystem::absolute(output).lexically_normal()};
 }
 
-// Why a run failed: what the doctor finds wrong first, for it is the cause, then how the calibration ended. What both
-// say is said once.
+// Explains why a run failed: the first fault that the doctor finds, because it is the cause, then how the calibration
+// ended. A text that both contain is given once.
 std::string WithDiagnosis(const std::string& reason, const RunConfig& config, int num_threads) {
   const Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
   if (diagnosis.NumWrong() == 0) return reason;
@@ -145,7 +146,7 @@ std::string WithDiagnosis(const std::string& reason, const RunConfig& config, in
   return "heba doctor: " + FirstWrong(diagnosis) + "; the calibration itself ended with: " + reason;
 }
 
-// Puts the doctor's first fault before the findings of a result that is bad.
+// Inserts the doctor's first fault before the findings of a result that is bad.
 void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result) {
   result->verdict = JudgeRun(*result);
   if (result->verdict.grade != Grade::kBad) return;
@@ -154,13 +155,13 @@ void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result
   const Symptom& first = diagnosis.symptoms.front();
   Finding cause{Grade::kBad, first.code, first.what, first.cure};
   cause.is_cause = true;
-  // The run may have found the same by itself.
+  // The run may have found the same fault itself.
   std::erase_if(result->observations, [&](const Finding& finding) { return finding.code == cause.code; });
   result->observations.insert(result->observations.begin(), std::move(cause));
   result->verdict = JudgeRun(*result);
 }
 
-// A data set of poses that others found of the target: what can be said without its pictures.
+// Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
 Outcome<RunResult> RunOnPoses(const RunConfig& config, const std::filesystem::path& output, int num_threads,
                               Console* console) {
   const Stopwatch total;
@@ -175,7 +176,7 @@ Outcome<RunResult> RunOnPoses(const RunConfig& config, const std::filesystem::pa
   }
   CalibratePoses(config.methods, config.seed, &calibration);
   if (!calibration.chain) return Failure{calibration.chain.reason()};
-  // As bundle adjustment refuses what it knows to 10 cm or 6 deg only.
+  // The same limits as for bundle adjustment, which rejects a result that is known to 10 cm or 6 deg only.
   constexpr double kWorthlessMm = 100;
   constexpr double kWorthlessDeg = 6;
   const std::optional<BoardScatter> scatter = ComputeBoardScatter(calibration.pairs, calibration.chain->hand_eye);
@@ -214,7 +215,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
                        Console* console) {
   const Stopwatch total;
   RunConfig config = config_in;
-  // Made first: a run that cannot be written should say so before the work.
+  // The folder is created first, so that a run that cannot be written fails before the work.
   StagedFolder folder(output, "the results of a run");
   const std::string inputs = RunInputsText(config);
   std::optional<Truth> truth;
@@ -259,7 +260,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   }
   for (const UnusedView& unused : calibration->unused) console->Note("not used: " + unused.name + ": " + unused.reason);
   if (!calibration->refined) {
-    // What there is to see of the failure.
+    // Notes on each method help to understand the failure.
     std::vector<MethodReason> outcomes;
     for (const MethodResult& method : calibration->methods) {
       outcomes.emplace_back(method.method, method.hand_eye

@@ -1,4 +1,4 @@
-// The main job: a config in, a run's folder out.
+// Runs the whole calibration of one config and writes a run's folder.
 #pragma once
 
 #include <filesystem>
@@ -11,9 +11,9 @@
 
 namespace heba {
 
-// Detects, calibrates, evaluates and writes the run's folder, whole or not at all. InputError for wrong input; a
-// Failure, and no folder, if the result cannot be trusted. What the doctor (doctor/doctor.h) finds wrong first is in
-// the Failure, and among the remarks of a result that is bad.
+// Detects, calibrates, evaluates and writes the run's folder completely or not at all. Throws InputError for wrong
+// input. Returns a Failure, and writes no folder, if the result cannot be trusted. The first fault that the doctor
+// (doctor/doctor.h) finds is part of the Failure, and of the findings of a result that is bad.
 Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
                                Console* console);
 

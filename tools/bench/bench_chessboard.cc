@@ -1,7 +1,7 @@
-// Measures chessboard corners by heba and by OpenCV's detectors: against the truth on rendered images, from razor-sharp
-// to blurred ones; and on folders of recorded images by the residuals of a camera calibration of each detector's
-// corners (cv::calibrateCamera) over the images in which all of them find the whole board. --sweep counts whole boards
-// that heba refuses.
+// Measures the chessboard corners of heba and of OpenCV's detectors: on rendered images, from point-sampled to
+// blurred ones, against the truth; on folders of recorded images by the residuals of a camera calibration
+// (cv::calibrateCamera) from the corners of each detector, over the images in which all detectors find the whole
+// board. --sweep counts whole boards that heba refuses.
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -49,7 +49,7 @@ namespace {
 
 int NumThreads() { return FLAGS_jobs > 0 ? FLAGS_jobs : NumProcessors(); }
 
-// All corners row by row in some order, or none.
+// All corners row by row, in any of the board's orders, or none.
 using Corners = std::vector<cv::Point2f>;
 
 struct BoardSize {
@@ -72,7 +72,7 @@ Corners BySubPix(const cv::Mat& grey, const BoardSize& size, int half_px) {
   return corners;
 }
 
-// By mrcal's detector, which is a program of its own (Debian's package mrgingham) and knows square boards only.
+// Calls mrcal's detector, which is a separate program (Debian's package mrgingham) and finds square boards only.
 Corners ByMrgingham(const cv::Mat& grey, const BoardSize& size) {
   static std::atomic<int> count{0};
   const std::filesystem::path file =
@@ -109,7 +109,7 @@ constexpr Method kMethods[] = {
     {"mrgingham", &ByMrgingham},
 };
 
-// Returns the methods that can be compared with heba's own here.
+// Returns the available methods that heba is compared with for a board of this size.
 std::vector<Method> MethodsFor(const BoardSize& size) {
   std::vector<Method> methods;
   if (!FLAGS_others) return methods;
@@ -121,7 +121,7 @@ std::vector<Method> MethodsFor(const BoardSize& size) {
   return methods;
 }
 
-// The corners by heba, by increasing id; incomplete ones count as none.
+// Returns heba's corners by increasing id, or none if the board is incomplete.
 Corners CornersOf(const Detection& detection, const BoardSize& size) {
   Corners corners;
   if (detection.ids.size() != size.NumCorners()) return corners;
@@ -138,7 +138,7 @@ struct Errors {
   int num = 0;
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   Eigen::Vector2d sum_square = Eigen::Vector2d::Zero();
-  double sum_normalised = 0;  // e' C^-1 e.
+  double sum_normalised = 0;  // Sum of e' C^-1 e.
 
   void Add(const Errors& other) {
     num_boards += other.num_boards;
@@ -153,7 +153,7 @@ struct Errors {
   Eigen::Vector2d BiasPx() const { return sum / std::max(num, 1); }
 };
 
-// Each corner against the true one next to it, so that the order does not matter.
+// Compares each corner with the nearest true one, so that the order does not matter.
 Errors Compare(const Corners& corners, const std::vector<Eigen::Vector2d>& truth_px,
                const std::vector<Eigen::MatrixXd>& covariances_px2) {
   Errors errors;
@@ -211,7 +211,7 @@ std::vector<Row> Rows() {
   return rows;
 }
 
-// A lens of a moderate distortion; the board fills about a third of the image.
+// Renders one view through a lens with moderate distortion, in which the board fills about a third of the image.
 std::vector<Errors> MeasureView(const Target& target, const BoardSize& size, const std::vector<Method>& methods,
                                 const Row& row, int view) {
   Rng rng(static_cast<uint64_t>(FLAGS_seed), static_cast<uint64_t>(view));
@@ -274,7 +274,7 @@ void ReportRendered(const Target& target, const BoardSize& size) {
   }
 }
 
-// The corners in the order in which they stand on heba's board, or none if they are others.
+// Returns the corners in the order of heba's board, or none if they do not match.
 Corners InOrderOf(const Corners& corners, const Corners& order) {
   Corners ordered;
   constexpr double kSamePx = 3;
@@ -339,8 +339,8 @@ void ReportRecorded(const Target& target, const BoardSize& size) {
   }
 }
 
-// A board of any size, seen whole and no steeper than 60 degrees, squares of 8 px or more.
-// The least distance between opposite sides of a square, from its corner, row by row.
+// Returns the smallest distance between opposite sides of a square, measured at its upper left corner. The corners
+// are given row by row.
 double LeastWidthPx(const std::vector<Eigen::Vector2d>& corners_px, int columns) {
   double least_px = std::numeric_limits<double>::infinity();
   const auto num_columns = static_cast<size_t>(columns);
@@ -354,6 +354,8 @@ double LeastWidthPx(const std::vector<Eigen::Vector2d>& corners_px, int columns)
   return least_px;
 }
 
+// Lists the boards that heba refuses or finds wrongly among rendered boards of any size that are entirely in the image,
+// tilted by up to 60 degrees, with squares of 10 to 80 px before the tilt.
 void ReportRefusals() {
   constexpr double kSquareM = 0.02;
   std::vector<std::string> refusals(static_cast<size_t>(FLAGS_sweep));
@@ -433,7 +435,7 @@ void ReportRefusals() {
 void Run() {
   if (FLAGS_sweep > 0) return ReportRefusals();
   const std::unique_ptr<Target> target = TargetOf("type: chessboard, square: 20 mm, " + FLAGS_board);
-  // Points go row by row.
+  // Points are ordered row by row.
   BoardSize size;
   for (const TargetPoint& point : target->points()) size.rows += point.in_target.x() == 0 ? 1 : 0;
   CHECK_GT(size.rows, 0);

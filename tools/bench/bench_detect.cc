@@ -1,6 +1,6 @@
-// Measures how long targets take to find, on rendered pictures that are in memory: CPU milliseconds a picture, what was
-// found and how exactly, beside libapriltag and OpenCV's aruco as their users call them; then how long the search takes
-// that ends without the target (--table misses). With `--target KEYS IMAGE...` it searches files instead.
+// Measures the detection of targets in rendered images in memory: CPU milliseconds per image, number of points and
+// their accuracy, compared with libapriltag and OpenCV's aruco as their users call them; then the duration of
+// searches that end without the target (--table misses). With `--target KEYS IMAGE...` it searches files instead.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -47,7 +47,7 @@ double CpuMs() {
 struct Measured {
   double cpu_ms = 0;
   double num_found = 0;
-  double rms_px = 0;  // Of a coordinate.
+  double rms_px = 0;  // RMS error of a coordinate.
 };
 
 Measured MiddleOf(std::vector<Measured> all) {
@@ -58,7 +58,7 @@ Measured MiddleOf(std::vector<Measured> all) {
   return {middle(&Measured::cpu_ms), middle(&Measured::num_found), middle(&Measured::rms_px)};
 }
 
-// Ids of the target's points and where they were found.
+// A detector that returns the ids and positions of the target's points.
 using Finder = std::function<Detection(const cv::Mat& grey)>;
 
 Measured Measure(const Target& target, const Camera& camera, const Rigid3d& camera_from_target, const cv::Mat& grey,
@@ -82,7 +82,7 @@ Measured Measure(const Target& target, const Camera& camera, const Rigid3d& came
   return measured;
 }
 
-// As its users keep it from picture to picture.
+// A libapriltag detector that is kept from image to image, as its users do.
 struct AprilTagDetector {
   apriltag_family_t* family = tag36h11_create();
   apriltag_detector_t* detector = apriltag_detector_create();
@@ -125,7 +125,8 @@ Detection FindWithAruco(const cv::Mat& grey) {
   cv::aruco::detectMarkers(grey, dictionary, corners, ids, parameters);
   Detection detection;
   for (size_t i = 0; i < ids.size(); ++i) {
-    // Its codes are those of the tag turned by half a turn; clockwise, and a tag's are counter-clockwise.
+    // OpenCV's codes are those of the tag rotated by 180 degrees; its corners run clockwise, those of a tag
+    // counter-clockwise.
     const int order[] = {1, 0, 3, 2};
     for (int corner = 0; corner < 4; ++corner) {
       const cv::Point2f& at = corners[i][static_cast<size_t>(order[corner])];
@@ -141,7 +142,7 @@ struct Row {
   std::string keys;
   int width_px;
   int height_px;
-  double distance_m;  // With a focal length of as many pixels as the picture is wide.
+  double distance_m;  // The focal length in pixels equals the image width.
   double blur_px;
 };
 
@@ -191,8 +192,8 @@ void Run(const Row& row) {
   }
 }
 
-// The target over two thirds of the picture's height, its middle `aside` of the picture's size away from the picture's
-// middle, turned by `turn_rad`.
+// Returns a pose in which the target spans up to two thirds of the image in height and width, its middle is offset
+// from the image centre by `aside` (in units of the image size), and it is rotated by `turn_rad` in its plane.
 Rigid3d PlacedPose(const Drawing& drawing, const Camera& camera, const Eigen::Vector2d& aside, double turn_rad) {
   constexpr double kShareOfHeight = 0.66;
   const Eigen::Vector2d size_m = drawing.max_m - drawing.min_m;
@@ -206,7 +207,7 @@ Rigid3d PlacedPose(const Drawing& drawing, const Camera& camera, const Eigen::Ve
   return {rotation, distance_m * place - rotation * Eigen::Vector3d(middle.x(), middle.y(), 0)};
 }
 
-// How far to the right the target's middle has to be for a third of its points to be outside.
+// Returns the offset to the right at which a third of the target's points are outside the image.
 double AsideOfCut(const Target& target, const Camera& camera, double turn_rad) {
   for (double aside = 0; aside < 1; aside += 0.005) {
     const Rigid3d camera_from_target = PlacedPose(target.Draw(), camera, {aside, 0}, turn_rad);
@@ -220,7 +221,7 @@ double AsideOfCut(const Target& target, const Camera& camera, double turn_rad) {
   return 1;
 }
 
-// A target of each kind.
+// The keys of one target of each kind.
 struct Kind {
   const char* name;
   const char* keys;
@@ -237,7 +238,7 @@ constexpr Kind kKinds[] = {
     {"circle_grid, asymmetric", "type: circle_grid, rows: 11, columns: 4, spacing: 15 mm, asymmetric: true"},
 };
 
-// Searches for one kind of target in pictures that show it, that do not, and that show two thirds of it.
+// Searches for one kind of target in images that show it, that do not, and that show two thirds of it.
 void RunMisses(const Kind& kind, int width_px, int height_px) {
   const std::string name = std::string(kind.name) + ", " + std::to_string(width_px) + " x " + std::to_string(height_px);
   if (name.find(FLAGS_only) == std::string::npos) return;
@@ -252,7 +253,7 @@ void RunMisses(const Kind& kind, int width_px, int height_px) {
   noisy.noise_sigma_grey = 12;
   RenderOptions cluttered = plain;
   cluttered.clutter = true;
-  // An image without a target: the camera sees nothing but the background.
+  // A camera with the target behind it sees only the background.
   const Rigid3d behind(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, -10));
   struct Scene {
     std::string what;
@@ -326,7 +327,7 @@ void RunFiles(const std::vector<std::string>& files) {
   std::printf("| file | megapixels | CPU ms | points |\n|---|---|---|---|\n");
   for (const std::string& file : files) {
     const cv::Mat grey = ReadGreyImage(file);
-    cv::theRNG() = cv::RNG(1);  // DetectCapture does the same.
+    cv::theRNG() = cv::RNG(1);  // DetectCapture sets the same seed.
     const double start_ms = CpuMs();
     const Detection detection = target->Detect(grey);
     std::printf("| %s | %.1f | %8.0f | %4zu of %4zu | %s\n", file.c_str(), 1e-6 * static_cast<double>(grey.total()),
@@ -344,7 +345,7 @@ void RunAll() {
   const std::string coded = "type: coded_board, rows: 4, columns: 5, spacing: 35 mm, dot_diameter: 10 mm";
   std::printf("| picture | program | CPU ms | points | rms px |\n|---|---|---|---|---|\n");
   constexpr double kBlurPx = 0.7;
-  constexpr double kSharpPx = 0.3;  // Or tags of 12 px could not be read by anything.
+  constexpr double kSharpPx = 0.3;  // Under more blur tags of 12 px are not readable at all.
   struct Size {
     const char* name;
     int width_px;
@@ -352,7 +353,7 @@ void RunAll() {
   };
   for (const Size& size : {Size{"1.3", 1280, 1024}, Size{"5", 2592, 1944}, Size{"12", 4000, 3000}}) {
     const std::string megapixels = std::string(size.name) + " megapixels, ";
-    // The board over two thirds of the picture's height; tags of 12 px.
+    // The board spans two thirds of the image height; tags are 12 px wide.
     const double near_m = 0.18 * size.width_px / (0.66 * size.height_px);
     const double far_m = 0.024 * size.width_px / 12.0;
     Run({megapixels + "near tags", plain, size.width_px, size.height_px, near_m, kBlurPx});

@@ -1,4 +1,4 @@
-// The inner loops by themselves, with every instruction set of this machine (Google Benchmark).
+// Benchmarks the inner loops with every instruction set of this machine (Google Benchmark).
 #include <string>
 #include <vector>
 
@@ -14,7 +14,7 @@
 namespace heba {
 namespace {
 
-// All points of a capture, projected, with derivatives.
+// Projects all points of a capture, optionally with derivatives.
 void BenchProject(benchmark::State& state, const std::string& name, bool with_derivatives) {
   LimitSimd(static_cast<Simd>(state.range(0)));
   const CameraModel& model = *FindCameraModel(name);
@@ -39,7 +39,7 @@ void BenchProject(benchmark::State& state, const std::string& name, bool with_de
   state.SetItemsProcessed(state.iterations() * batch.size);
 }
 
-// A capture's products: all of a refinement's work that grows with the points.
+// Accumulates the normal equations of a capture: all work of a refinement that grows with the number of points.
 void BenchMultiplyView(benchmark::State& state, const std::string& loss) {
   LimitSimd(static_cast<Simd>(state.range(0)));
   const BenchScene scene = MakeBenchScene(3, static_cast<int>(state.range(1)));

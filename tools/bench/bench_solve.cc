@@ -1,5 +1,6 @@
-// Measures the solver's whole workloads, beside what a textbook's program for Ceres or OpenCV takes for the same in the
-// same run, and prints the ratios. Each measurement has a process of its own, so that its memory is its own; medians.
+// Measures the solver's complete workloads together with a textbook program for Ceres or with OpenCV in the same run,
+// and prints the ratios. Each measurement has a process of its own, so that its memory can be measured; figures are
+// medians.
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -43,7 +44,7 @@ struct Workload {
 struct Measured {
   double seconds = 0;
   double iterations = 0;
-  double memory_mb = 0;  // Beyond what the scene takes.
+  double memory_mb = 0;  // Peak memory in addition to the scene.
   double error_mm = 0;
 };
 
@@ -79,7 +80,7 @@ Measured MiddleOf(std::vector<Measured> all) {
   return all[all.size() / 2];
 }
 
-// What takes a few milliseconds is timed again and again, a process's start aside.
+// Work that takes a few milliseconds is repeated within the process, so that the start of the process does not count.
 Measured Median(const std::function<Measured()>& work) {
   const auto in_one_process = [&] {
     constexpr double kShortS = 0.05;

@@ -1,6 +1,6 @@
-// Measures how well targets are found, on rendered pictures: precision and bias of points against their true places,
-// how true the stated covariances are, recall by size and tilt, false ids. Prints tables; the same flags give the same
-// figures.
+// Measures the detection of targets in rendered images: precision and bias of points against the true positions,
+// correctness of the stated covariances, recall by size and tilt, and false ids. It prints tables; the same flags
+// give the same figures.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -48,11 +48,11 @@ namespace {
 
 int NumThreads() { return FLAGS_jobs > 0 ? FLAGS_jobs : NumProcessors(); }
 
-// The middle of the drawing is seen `distance_m` away, in direction `aside` (x and y by z) of the camera; tilted about
-// any axis in the plane, turned by anything.
+// Returns a pose with the middle of the drawing at depth `distance_m` in direction `aside` (x/z and y/z in the camera
+// frame), tilted about a random axis parallel to the image plane, with a random roll.
 Rigid3d RandomPose(const Drawing& drawing, double distance_m, double tilt_rad, const Eigen::Vector2d& aside, Rng& rng) {
   const double direction = rng.Uniform(0, 2 * kPi);
-  // A drawing with y up is seen from its front when turned over.
+  // A drawing with y up faces the camera after a rotation by 180 degrees about x.
   const Eigen::Quaterniond front = drawing.y_up ? ExpRotation({kPi, 0, 0}) : Eigen::Quaterniond::Identity();
   const Eigen::Quaterniond rotation =
       ExpRotation(tilt_rad * Eigen::Vector3d(std::cos(direction), std::sin(direction), 0)) *
@@ -62,16 +62,16 @@ Rigid3d RandomPose(const Drawing& drawing, double distance_m, double tilt_rad, c
   return {rotation, place - rotation * Eigen::Vector3d(middle.x(), middle.y(), 0)};
 }
 
-// Errors of found points and what was stated about them.
+// Errors of the detected points, and their stated covariances.
 struct Errors {
   int num_expected = 0;
   int num_found = 0;
   int num_stated = 0;
-  int num_wild = 0;  // Not in the sums: more than half a pixel off.
+  int num_wild = 0;  // More than half a pixel off; not in the sums.
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   Eigen::Vector2d sum_square = Eigen::Vector2d::Zero();
-  double sum_normalised = 0;  // e' C^-1 e over all groups of points that were measured together.
-  double num_normalised = 0;  // Their coordinates.
+  double sum_normalised = 0;  // e' C^-1 e over all groups of points with a joint covariance.
+  double num_normalised = 0;  // Number of their coordinates.
 
   void Add(const Errors& other) {
     num_expected += other.num_expected;
@@ -118,7 +118,7 @@ Errors Compare(const Target& target, const Detection& detection, const Camera& c
   return errors;
 }
 
-// The order in which a target that can be read in several was read.
+// Returns the symmetry of the target under which the detection fits the true pose best.
 Rigid3d BestOrder(const Target& target, const Detection& detection, const Camera& camera,
                   const Rigid3d& camera_from_target) {
   Rigid3d best;
@@ -159,7 +159,7 @@ void PrintPrecision(const std::string& what, const Errors& errors) {
   std::fflush(stdout);
 }
 
-// What a plain library makes of points that were found: places to start from are rounded to whole pixels.
+// A conventional method that measures the detected points again. Initial positions are rounded to whole pixels.
 struct PlainMethod {
   const char* name;
   Detection (*measure)(const cv::Mat& grey, const Detection& found, double unit_px);
@@ -171,7 +171,8 @@ Detection SameIds(const Detection& found) {
   return plain;
 }
 
-// Weighted by darkness, over the dark area about the middle (below half of the contrast) and two pixels around it.
+// Returns centroids weighted by darkness, over the dark area around the middle (below half of the contrast), dilated
+// by two pixels.
 Detection GreyCentroids(const cv::Mat& grey, const Detection& found, double radius_px) {
   Detection plain = SameIds(found);
   for (const Eigen::Vector2d& pixel : found.pixels) {
@@ -200,7 +201,7 @@ Detection GreyCentroids(const cv::Mat& grey, const Detection& found, double radi
   return plain;
 }
 
-// cv::cornerSubPix with a window that nearly reaches the next edge, which is `free_px` away.
+// Refines with cv::cornerSubPix in a window that nearly reaches the next edge, which is `free_px` away.
 Detection SubPixCorners(const cv::Mat& grey, const Detection& found, double free_px) {
   Detection plain = SameIds(found);
   const int half_px = std::clamp(static_cast<int>(std::lround(0.7 * free_px)), 2, 11);
@@ -216,14 +217,14 @@ Detection SubPixCorners(const cv::Mat& grey, const Detection& found, double free
 }
 
 Detection ChessboardCorners(const cv::Mat& grey, const Detection& found, double square_px) {
-  return SubPixCorners(grey, found, 0.7 * square_px);  // Tilted to 45 degrees.
+  return SubPixCorners(grey, found, 0.7 * square_px);  // 0.7 = cos(45 deg) is the foreshortening at the largest tilt.
 }
-// The markers' corners, an eighth of a square away along and across, are nearer than the next square.
+// The corners of the markers, an eighth of a square away in both directions, are nearer than the next square.
 Detection CharucoCorners(const cv::Mat& grey, const Detection& found, double square_px) {
   return SubPixCorners(grey, found, 0.125 * square_px);
 }
 
-// libapriltag's own corners of the board's only tag, its first pixel's centre moved to (0, 0).
+// Returns libapriltag's own corners of the board's only tag, with the centre of the first pixel moved to (0, 0).
 Detection LibapriltagCorners(const cv::Mat& grey, const Detection& /*found*/, double /*unit_px*/) {
   Detection plain;
   apriltag_family_t* const family = tag36h11_create();
@@ -249,12 +250,12 @@ Detection LibapriltagCorners(const cv::Mat& grey, const Detection& /*found*/, do
 }
 
 struct Look {
-  double unit_px;  // How long the target's unit is in the middle of the picture.
+  double unit_px;  // Length of the target's unit in the middle of the image.
   double blur_px;
   double noise_grey;
 };
 
-// f = 2400 px; tilts to 45 degrees, any roll. By heba, and by the plain method.
+// Returns the errors of heba and of the plain method at f = 2400 px with tilts up to 45 degrees and any roll.
 std::array<Errors, 2> MeasurePrecision(const Target& target, double unit_m, const Look& look,
                                        const PlainMethod& plain) {
   const Drawing& drawing = target.Draw();
@@ -343,7 +344,7 @@ void ReportPrecision() {
   }
 }
 
-// A board amid dots, rings and coded rings that are not its own, all before the renderer's clutter.
+// Draws a board amid dots, rings and coded rings that do not belong to it, in front of the renderer's clutter.
 Drawing AmidRoundMarks(const Target& board, int count, const std::vector<uint32_t>& avoided_codes, double margin_m,
                        Rng& rng) {
   Drawing drawing = board.Draw();
@@ -360,13 +361,13 @@ Drawing AmidRoundMarks(const Target& board, int count, const std::vector<uint32_
   return drawing;
 }
 
-// Of the points whose rings are in the picture; ids that are not where they should be are counted as wild.
+// Measures the recall of points whose rings are entirely in the image; ids at wrong positions are counted as wild.
 Errors MeasureRecall(double diameter_px, double tilt_rad) {
   const bool large = diameter_px > 60;
   const std::unique_ptr<Target> board =
       TargetOf(large ? "type: coded_board, rows: 2, columns: 2, spacing: 32.5 mm, dot_diameter: 10 mm"
                      : "type: coded_board, rows: 4, columns: 5, spacing: 35 mm, dot_diameter: 10 mm");
-  // A ring that bears one of the board's own codes is another matter: then two of them are one too many.
+  // Codes of the board itself are avoided: a code that appears twice would be a different experiment.
   std::vector<uint32_t> own = RingCodes(12, RingCodeOrder::kSeparation);
   own.resize(board->points().size());
   const double radius_m = 0.005;
@@ -474,7 +475,7 @@ void ReportFalse() {
       } else {
         counted.num_found = counted.num_wild = static_cast<int>(detection.ids.size());
       }
-      // What is wrong should be looked at.
+      // Images with false ids are saved for inspection.
       if (counted.num_wild > 0) {
         const std::string path = "false_" + std::to_string(picture) + ".png";
         std::printf("  %d false of %d, see %s\n", counted.num_wild, counted.num_found, path.c_str());
@@ -491,7 +492,7 @@ void ReportFalse() {
   }
 }
 
-// A dot of 10 px, 24 times as large: outline and centre as they were fitted.
+// Writes a dot of 10 px radius, magnified 24 times, with its fitted outline and centre.
 void WriteCrop(const std::string& path) {
   const std::unique_ptr<Target> board =
       TargetOf("type: coded_board, rows: 2, columns: 2, spacing: 40 mm, dot_diameter: 10 mm");
@@ -521,7 +522,7 @@ void WriteCrop(const std::string& path) {
     return cv::Point(static_cast<int>(std::lround((pixel.x() - box.x + 0.5) * kScale * 16)),
                      static_cast<int>(std::lround((pixel.y() - box.y + 0.5) * kScale * 16)));
   };
-  const int shift = 4;  // Of the fixed-point coordinates.
+  const int shift = 4;  // Number of fractional bits of the coordinates.
   if (dot) {
     const Eigen::Matrix2d axes =
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(dot->ellipse.shape).operatorInverseSqrt();

@@ -1,5 +1,5 @@
-// Runs one workload of fixed size, for callgrind to count the instructions of (tests/bench/instructions.sh): unlike
-// time, they do not depend on how busy a machine is. Without a name it lists the workloads.
+// Runs one workload of fixed size, whose instructions callgrind counts (tests/bench/instructions.sh): unlike
+// durations, these counts do not depend on the load of the machine. Without a name it lists the workloads.
 #include <cstdio>
 #include <string>
 #include <vector>

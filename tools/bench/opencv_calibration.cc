@@ -31,8 +31,8 @@ Rigid3d PoseOf(const cv::Mat& rotation, const cv::Mat& translation) {
           Eigen::Vector3d(translation.at<double>(0), translation.at<double>(1), translation.at<double>(2))};
 }
 
-// cv::calibrateHandEye's "base" is the frame that the target stands in, its "gripper" the one that the camera is fixed
-// to. Its gripper_from_camera.
+// Returns gripper_from_camera of cv::calibrateHandEye. Its "base" is the frame that the target is fixed in, its
+// "gripper" the frame that the camera is fixed to.
 Rigid3d OpenCvHandEye(const std::vector<PosePair>& pairs, cv::HandEyeCalibrationMethod method) {
   std::vector<cv::Mat> rotations[2];
   std::vector<cv::Mat> translations[2];
@@ -49,8 +49,8 @@ Rigid3d OpenCvHandEye(const std::vector<PosePair>& pairs, cv::HandEyeCalibration
   return PoseOf(rotation, translation);
 }
 
-// cv::calibrateRobotWorldHandEye's "world" is our target, its "base" our target's mount, its "gripper" our camera's
-// mount: it finds base_from_world and gripper_from_camera, both the other way round.
+// The "world" of cv::calibrateRobotWorldHandEye is our target, its "base" our target mount, its "gripper" our camera
+// mount. It estimates base_from_world and gripper_from_camera, both as their inverses.
 Rigid3d OpenCvRobotWorld(const std::vector<PosePair>& pairs, cv::RobotWorldHandEyeCalibrationMethod method) {
   std::vector<cv::Mat> rotations[2];
   std::vector<cv::Mat> translations[2];

@@ -1,4 +1,4 @@
-// The same with OpenCV, to compare with: as its users call it.
+// The same computations with OpenCV, called as its users call it, for comparison.
 #pragma once
 
 #include <string>
@@ -8,11 +8,11 @@
 
 namespace heba {
 
-// Camera and poses of the views' boards (cv::calibrateCamera).
+// Returns the camera that cv::calibrateCamera estimates together with the board poses of the views.
 Camera CalibrateCameraWithOpenCv(const Problem& problem);
 
-// camera_mount_from_camera (cv::calibrateHandEye, cv::calibrateRobotWorldHandEye). `method`: tsai, park, horaud,
-// andreff, daniilidis, shah or li.
+// Returns camera_mount_from_camera as estimated by cv::calibrateHandEye or cv::calibrateRobotWorldHandEye. `method`
+// is tsai, park, horaud, andreff, daniilidis, shah or li.
 Rigid3d SolveHandEyeWithOpenCv(const std::string& method, const std::vector<PosePair>& pairs);
 
 }  // namespace heba

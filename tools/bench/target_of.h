@@ -1,4 +1,4 @@
-// A target from the keys of its mapping, as benches write them.
+// Creates a target from the keys of its YAML mapping, as benchmarks write them.
 #pragma once
 
 #include <memory>

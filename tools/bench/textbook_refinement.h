@@ -1,5 +1,5 @@
-// The refinement as a textbook writes it for Ceres: a residual block for every point of every picture, differentiated
-// automatically. What the library's own is measured against.
+// The refinement as a textbook writes it for Ceres: one residual block for each point of each image, with automatic
+// differentiation. The library's own refinement is measured against it.
 #pragma once
 
 #include "heba/data/problem.h"
@@ -10,11 +10,12 @@ struct TextbookResult {
   HandEye hand_eye;
   Camera camera;
   int iterations = 0;
-  double seconds = 0;  // Of ceres::Solve.
+  double seconds = 0;  // Duration of ceres::Solve.
   bool converged = false;
 };
 
-// brown5 only; hand-eye, board and all nine intrinsics are free. As the library's: dense normal equations, one thread.
+// Refines hand-eye pose, board pose and all nine intrinsics of a brown5 camera. Like the library, it uses dense
+// normal equations and one thread.
 TextbookResult RefineAsInTextbooks(const Problem& problem, const HandEye& start);
 
 }  // namespace heba

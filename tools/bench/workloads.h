@@ -1,4 +1,4 @@
-// What the benchmarks work on: simulated, the same in every run.
+// The simulated workloads of the benchmarks, identical in every run.
 #pragma once
 
 #include <vector>
@@ -10,26 +10,26 @@
 
 namespace heba {
 
-// One coordinate's noise in every scene, and the robot's where it has any.
+// One sigma of the noise of a pixel coordinate in every scene, and of the robot noise in scenes that have it.
 inline constexpr double kBenchNoisePx = 0.1;
 inline constexpr RobotNoise kBenchRobot = {1e-4, 3.5e-4};
 
 struct BenchScene {
   Problem problem;
   HandEye truth;
-  HandEye start;  // A few millimetres and milliradians off.
+  HandEye start;  // Differs from the truth by a few millimetres and milliradians.
 };
 
-// A board of points_a_side^2 points before a camera beside the robot.
+// Makes a scene with a board of points_a_side^2 points in front of a camera beside the robot.
 BenchScene MakeBenchScene(int num_captures, int points_a_side, bool has_robot_noise = false);
 
-// What closed forms get: poses with noise.
+// Returns the input of the closed forms: pose pairs with noise.
 std::vector<PosePair> NoisyPairsOf(const BenchScene& scene);
 
-// Every closed form for any motion, and a camera to be found.
+// Returns options with every closed form that accepts any motion, and with a camera to be estimated.
 CalibrationOptions BenchCalibrationOptions(const BenchScene& scene);
 
-// 15 captures of 4 points, the camera given; a robot's noise is estimated if it has any.
+// Makes a cell of 15 captures of 4 points with a given camera. If the robot has noise, it is estimated.
 StudyCell MakeBenchStudyCell(bool has_robot_noise);
 
 }  // namespace heba

@@ -47,7 +47,7 @@ const std::vector<Command>& Commands() {
   return commands;
 }
 
-// gflags' own name of a flag: a variable's, without hyphens.
+// Returns gflags' own name of a flag: that of a variable, without hyphens.
 std::string VariableOf(std::string name) {
   std::replace(name.begin(), name.end(), '-', '_');
   return name;
@@ -60,7 +60,7 @@ gflags::CommandLineFlagInfo FlagInfo(const std::string& name) {
   return info;
 }
 
-// "--name VALUE" and what it does, from a description "VALUE|what it does".
+// Splits a description "VALUE|what it does" into "--name VALUE" and the rest.
 std::pair<std::string, std::string> FlagHelp(const gflags::CommandLineFlagInfo& info) {
   const size_t end = info.description.find('|');
   CHECK(end != std::string::npos) << info.name;
@@ -86,8 +86,8 @@ void PrintCommandHelp(const Command& command) {
   }
 }
 
-// Sets the flags of `words` and returns the other words. gflags keeps one registry for the whole program, with glog's
-// flags in it, and ends the program on a fault: names and values are looked at here first.
+// Sets the flags in `words` and returns the other words. Names and values are checked here first, because gflags keeps
+// one registry for the whole program, with glog's flags in it, and ends the program on an error.
 std::vector<std::string> ParseFlags(const Command& command, const std::vector<std::string>& words) {
   std::vector<std::string> arguments;
   for (size_t i = 0; i < words.size(); ++i) {
@@ -126,7 +126,7 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
       throw InputError("--" + name + " needs a " + (info.type == "int32" ? "whole number" : "number") + ", not '" +
                        value + "'");
     }
-    // 1e3 is a whole number too, in other words than gflags knows.
+    // 1e3 is a whole number too, but gflags cannot parse it.
     if (info.type == "int32") value = std::to_string(std::llround(number));
     if (info.type == "bool" && value != "true" && value != "false") {
       throw InputError("--" + name + " is true or false, not '" + value + "'");
@@ -178,7 +178,7 @@ int RunCommandLine(int argc, char** argv) {
   try {
     if (const std::string fault = FaultOfSimdSetting(); !fault.empty()) throw InputError(fault);
     const int status = Dispatch(std::vector<std::string>(argv + 1, argv + argc));
-    // A result that could not be written was not delivered.
+    // A result that could not be written counts as a failure.
     std::cout.flush();
     if (std::cout && std::fflush(stdout) == 0) return status;
     PrintError("standard output cannot be written");
@@ -190,7 +190,7 @@ int RunCommandLine(int argc, char** argv) {
     PrintError(error.what());
     return kInputWrong;
   } catch (const std::filesystem::filesystem_error& error) {
-    // A path that cannot even be asked for.
+    // The file system rejects the path itself, for example because it is too long.
     PrintError(Quoted(error.path1().string()) + ": " + error.code().message());
     return kInputWrong;
   } catch (const std::bad_alloc&) {

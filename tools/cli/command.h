@@ -1,4 +1,4 @@
-// The command line: which command, which flags, and how a failure becomes one line and an exit status.
+// The command line: selects the command, parses its flags, and converts a failure into one line and an exit status.
 #pragma once
 
 #include <string>
@@ -6,7 +6,7 @@
 
 namespace heba {
 
-// Runs `heba COMMAND [ARGUMENTS] [--flags]`; the exit status of the program.
+// Runs `heba COMMAND [ARGUMENTS] [--flags]` and returns the exit status of the program.
 int RunCommandLine(int argc, char** argv);
 
 }  // namespace heba

@@ -8,7 +8,7 @@
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
 
-// A description begins with the kind of value that the flag takes, and |.
+// A description consists of the kind of value that the flag takes, a |, and the help text.
 DEFINE_string(out, "", "PATH|where the results go");
 DEFINE_int32(jobs, 0, "N|threads to use; 0 for one a processor");
 DEFINE_bool(quiet, false, "|no progress and no table");

@@ -1,4 +1,4 @@
-// Every flag of the program; commands.def says which command takes which.
+// Declares every flag of the program; commands.def lists the flags of each command.
 #pragma once
 
 #include <optional>
@@ -35,19 +35,21 @@ DECLARE_string(plane);
 
 namespace heba {
 
-// Between several values of a flag that may stand more than once.
+// Separates the values of a flag that may be given several times.
 inline constexpr char kSettingSeparator = '\n';
 
-// The number of threads that --jobs asks for.
+// Returns the number of threads that --jobs requests. Throws InputError if it is out of range.
 int NumThreads();
 
-// What every --set said, in order.
+// Returns the values of all --set flags, in order.
 std::vector<std::string> Settings();
 
-// The verdict from which on --fail-on makes a run end with status 1; nothing without it.
+// Returns the verdict from which on --fail-on makes a run end with exit status 1; nothing without the flag. Throws
+// InputError if the flag names no such verdict.
 std::optional<Grade> FailOn();
 
-// The part of the work that --shard asks for; all of it without the flag.
+// Returns the part of the work that --shard requests, or all of it without the flag. Throws InputError if it is
+// malformed.
 Shard ParseShard();
 
 }  // namespace heba

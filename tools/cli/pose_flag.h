@@ -1,4 +1,4 @@
-// A pose on the command line.
+// Reads a pose from the command line.
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace heba {
 
-// The pose that `text`, the value of the flag --`name`, gives: the numbers of `format` with commas between them.
-// InputError if they are not that.
+// Returns the pose that `text`, the value of the flag --`name`, gives: the numbers of `format`, separated by commas.
+// Throws InputError if they are malformed.
 Rigid3d PoseOfFlag(const std::string& name, const std::string& text, const PoseFormat& format);
 
 }  // namespace heba

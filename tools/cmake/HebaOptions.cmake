@@ -7,6 +7,8 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # g++ 12 sees null dereferences and overlaps inside Eigen's and the standard library's inlined code that are not there
   # (GCC bug 105651).
   target_compile_options(heba_options INTERFACE -Wno-null-dereference -Wno-restrict)
+  # With it ccache knows precompiled headers.
+  target_compile_options(heba_options INTERFACE -fpch-preprocess)
 endif()
 if(HEBA_WARNINGS_AS_ERRORS)
   target_compile_options(heba_options INTERFACE -Werror)

@@ -40,7 +40,7 @@ std::vector<fs::path> ExpandGlob(const ConfigValue& value, const fs::path& patte
   return images;
 }
 
-// A folder, a glob or a list, sorted by name unless it is a list.
+// Returns the images of a folder, a glob or a list, sorted by name unless it is a list.
 std::vector<fs::path> FindImages(const ConfigValue& value) {
   std::vector<fs::path> images;
   if (value.IsList()) {
@@ -66,10 +66,10 @@ std::vector<fs::path> FindImages(const ConfigValue& value) {
   return images;
 }
 
-// What there is of one capture but for the robot's pose.
+// The measurements of one capture, without the robot's pose.
 struct Seen {
   std::string name;
-  fs::path image;  // Empty: there is no picture.
+  fs::path image;  // Empty if there is no image.
   std::optional<Rigid3d> camera_from_target;
   std::optional<CaptureDetection> detection;
 };
@@ -106,7 +106,7 @@ std::vector<Seen> SeenBefore(MapReader* reader, RunConfig* config) {
   return seen;
 }
 
-// A data set of another project. Its pictures count more than what was found in them.
+// Reads a data set of another project. Its images take precedence over the corners that it contains.
 std::vector<Seen> SeenInDataSet(MapReader* reader, RunConfig* config) {
   const fs::path source = reader->Path("data");
   std::vector<std::string> formats = ImportFormatNames();
@@ -147,7 +147,7 @@ constexpr Source kSources[] = {
     {"detections", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenBefore(reader, config); }},
     {"data", [](const ConfigValue&, MapReader* reader, RunConfig* config) { return SeenInDataSet(reader, config); }}};
 
-// The poses as the data set has them, as rows of a file in the form `ros`.
+// Returns the data set's poses as rows of a file in the form `ros`.
 std::vector<PoseRow> RowsOf(const ConfigValue& data, const ImportedSet& set) {
   std::vector<PoseRow> rows;
   for (const ImportedCapture& capture : set.captures) {
@@ -160,7 +160,7 @@ std::vector<PoseRow> RowsOf(const ConfigValue& data, const ImportedSet& set) {
   return rows;
 }
 
-// The names of captures that are to be left out.
+// Reads the names of captures that are to be left out.
 std::set<std::string> ReadExcluded(MapReader* reader, const std::vector<Seen>& seen, const std::vector<PoseRow>& rows) {
   std::set<std::string> excluded;
   const std::optional<ConfigValue> list = reader->Find("exclude");
@@ -179,7 +179,7 @@ std::set<std::string> ReadExcluded(MapReader* reader, const std::vector<Seen>& s
   return excluded;
 }
 
-// The places of names that are alike after `part_of`; nothing if two of them are, or one has no such part.
+// Indexes the names by `part_of`. Returns nothing if two names have the same part, or if one has none.
 template <typename Part>
 std::optional<std::map<Part, size_t>> PlacesBy(const std::vector<std::string>& names,
                                                const std::function<std::optional<Part>(const std::string&)>& part_of) {
@@ -193,7 +193,7 @@ std::optional<std::map<Part, size_t>> PlacesBy(const std::vector<std::string>& n
 
 std::string StemOf(const std::string& name) { return fs::path(name).stem().string(); }
 
-// Pairs files of one pose each with pictures: by their names without suffix, or else by the numbers in them.
+// Pairs files of one pose each with images: by their names without suffix, or else by the numbers in them.
 std::vector<std::optional<size_t>> PairFiles(const std::vector<PoseRow>& rows, const std::vector<Seen>& seen,
                                              const fs::path& folder) {
   std::vector<std::string> pictures;
@@ -223,7 +223,7 @@ std::vector<std::optional<size_t>> PairFiles(const std::vector<PoseRow>& rows, c
   return pairs;
 }
 
-// A picture without a pose that the row may mean: near in its name and with the same number in it.
+// Suggests an image without a pose that the row may mean: one with a similar name and the same number in it.
 std::string ImageMeant(const std::string& name, const std::vector<std::string>& without_row) {
   std::vector<std::string> likely;
   for (const std::string& other : without_row) {
@@ -232,7 +232,7 @@ std::string ImageMeant(const std::string& name, const std::vector<std::string>& 
   return DidYouMean(name, likely);
 }
 
-// For each row the picture that it belongs to; nothing if there is none.
+// Returns the image that belongs to each row; nothing if there is none.
 std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, const std::vector<Seen>& seen,
                                             const std::set<std::string>& excluded, const ConfigValue& seen_value,
                                             const RunConfig& config) {
@@ -278,7 +278,7 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
   const bool any = std::any_of(pairs.begin(), pairs.end(), [](const auto& pair) { return pair.has_value(); });
   for (size_t i = 0; i < rows.size(); ++i) {
     if (pairs[i] || excluded.count(rows[i].image) > 0) continue;
-    // A picture that was taken away leaves its pose out; one that is spelt otherwise is a mistake.
+    // A row whose image was removed is left out; a row whose image has a similar name is a mistake.
     const std::string meant = ImageMeant(rows[i].image, without_row);
     if (any && meant.empty()) continue;
     const std::string where =
@@ -305,7 +305,8 @@ void AddCapture(const Seen& seen, const PoseRow& row, RunConfig* config) {
 
 namespace {
 
-// `robot`: an arm of the table, or a URDF with the links between which the joints are.
+// Reads the format of joint angles. `robot`: an arm of the built-in table, or a URDF with the links between which the
+// joints lie.
 PoseFormat ReadJointFormat(MapReader& reader) {
   const std::string robot = reader.Get("robot").AsText();
   const bool is_urdf = robot.ends_with(".urdf");
@@ -353,7 +354,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
     if (source != nullptr) reader.Get(known.key).Fail("only one of this and '" + std::string(source->key) + "' can be");
     source = &known;
   }
-  if (source == nullptr) source = &kSources[0];  // Its absence is the error.
+  if (source == nullptr) source = &kSources[0];  // No source is given: the missing key is reported as an error.
   const ConfigValue seen_value = reader.Get(source->key);
   const std::vector<Seen> seen = source->read(seen_value, &reader, config);
   std::vector<PoseRow> rows;
@@ -378,7 +379,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   std::vector<bool> is_excluded(seen.size(), false);
   for (size_t i = 0; i < seen.size(); ++i) is_excluded[i] = excluded.count(seen[i].name) > 0;
   for (size_t i = 0; i < rows.size(); ++i) {
-    // A capture is called by its picture's name, or by its row's where that is another.
+    // A capture is named after its image, or after its row if the row has another name.
     const bool is_row_excluded = excluded.count(rows[i].image) > 0;
     if (!image_of_row[i]) {
       if (is_row_excluded) continue;

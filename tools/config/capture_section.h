@@ -1,4 +1,4 @@
-// The section `captures` of a config: what was seen, and the robot's poses for it.
+// Reads the section `captures` of a config: the measurements and the robot's poses.
 #pragma once
 
 #include "heba/config/yaml_reader.h"
@@ -6,13 +6,13 @@
 
 namespace heba {
 
-// From the keys of `captures`: pose_format, robot, joint_angles, units, poses_are.
+// Reads the keys pose_format, robot, joint_angles, units and poses_are of `captures`.
 PoseReading ReadPoseReading(MapReader& captures);
 Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose);
 
-// Fills in what RunConfig has of the captures, from pictures (images), another project's data set (data, format), or
-// what was found in pictures before (detections, as in a run's folder, or target_poses: poses in the camera, in the
-// form `ros`). The section as used.
+// Fills in the captures of a RunConfig from images (`images`), another project's data set (`data`, `format`), or
+// earlier measurements (`detections`, as in a run's folder, or `target_poses`: poses of the target in the camera, in
+// the form `ros`). Returns the section as used.
 YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config);
 
 }  // namespace heba

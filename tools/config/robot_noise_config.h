@@ -1,4 +1,4 @@
-// The noise of a robot's poses, as configs of runs, studies and scenes state it.
+// Reads the noise of a robot's poses, as the configs of runs, studies and scenes state it.
 #pragma once
 
 #include "heba/config/yaml_reader.h"
@@ -6,9 +6,9 @@
 
 namespace heba {
 
-// Reads `translation` and `rotation`, one sigma along and about each axis, and finishes the mapping. `fallback` is what
-// a key that is left out stands for; without it both are needed. InputError for what no robot has: negative values,
-// more than 100 mm or 10 deg, or less than a millionth of a millimetre or of a degree that is not zero.
+// Reads `translation` and `rotation`, one sigma along and about each axis, and finishes the mapping. `fallback` is the
+// value of a key that is left out; without it both keys are required. Throws InputError for values that no robot has:
+// negative, more than 100 mm or 10 deg, or not zero but less than a millionth of a millimetre or of a degree.
 RobotNoise ReadRobotNoise(MapReader& reader, std::optional<double> fallback = std::nullopt);
 
 }  // namespace heba

@@ -16,7 +16,7 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// A data set may say what the config does not.
+// Reads the setup. An imported data set provides the default.
 void ReadSetup(MapReader& root, RunConfig* config) {
   std::optional<std::string> fallback;
   if (config->imported && config->imported->setup) fallback = SetupName(*config->imported->setup);
@@ -54,7 +54,7 @@ void ReadTargetSection(MapReader& root, RunConfig* config) {
   }
 }
 
-// The camera of a file, or of an imported data set, as `model`, if that is asked for.
+// Converts the camera of a file or of an imported data set to `model`, if one is requested.
 Camera AsModel(const Camera& camera, const std::optional<std::string>& model, const ConfigValue& asked) {
   if (!model) return camera;
   const std::optional<Camera> converted = ConvertCamera(camera, *model);
@@ -94,7 +94,7 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
   root.Record("camera", reader.used());
 }
 
-// "auto", "none" (or "exact"), or both sigmas.
+// Reads "auto", "none" (or "exact"), or both sigmas.
 void ReadRobotModel(MapReader* refine, RunConfig* config) {
   const std::optional<ConfigValue> value = refine->Find("robot_noise");
   if (!value || value->IsText()) {
@@ -109,7 +109,7 @@ void ReadRobotModel(MapReader* refine, RunConfig* config) {
   refine->Record("robot_noise", reader.used());
 }
 
-// `file`: what the camera file says of its own parameters' sigmas. By default where the file says it.
+// Reads the prior of the intrinsics. `file`: the sigmas in the camera file, the default if it has any.
 void ReadIntrinsicsPrior(MapReader* refine, RunConfig* config) {
   const bool has_file = config->camera && !config->bundle.free_intrinsics.empty() && !config->imported;
   std::optional<std::vector<double>> sigmas = has_file ? ReadCameraSigmas(config->camera_file) : std::nullopt;
@@ -128,7 +128,7 @@ void ReadIntrinsicsPrior(MapReader* refine, RunConfig* config) {
   config->bundle.camera_prior = CameraPrior{config->camera->params, *sigmas};
 }
 
-// "auto", "none" (or "exact"), or the list of what of the target's shape is unknown too.
+// Reads "auto", "none" (or "exact"), or the list of the unknown parts of the target's shape.
 void ReadFreeShape(MapReader* refine, RunConfig* config) {
   const std::vector<std::string> names(kTargetShapeGroupNames.begin(), kTargetShapeGroupNames.end());
   YAML::Node groups(YAML::NodeType::Sequence);
@@ -255,7 +255,7 @@ void ReadEvaluate(MapReader& root, RunConfig* config) {
 }  // namespace
 
 std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key) {
-  // A target that says what it is replaces the one below: another type has other keys.
+  // A target that states its type replaces the one of the base file, because another type has other keys.
   const ConfigValue value = reader.Get(key).DownTo({"type", "target_type"});
   MapReader target_reader(value.IsMap() ? value : ReadYamlFile(value.AsPath()));
   std::shared_ptr<const Target> target = CreateTarget(target_reader);
@@ -265,7 +265,7 @@ std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& k
 
 namespace {
 
-// Texts of the user's own, for the record.
+// Reads the user's own texts, for the record.
 void ReadAbout(MapReader& root, RunConfig* config) {
   const std::optional<ConfigValue> about = root.Find("about");
   if (!about) return;
@@ -286,7 +286,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
   MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
   config.name = reader.Text("name", path.stem().string());
-  constexpr size_t kLongestName = 200;  // File systems take 255 bytes, of which some are for what is staged.
+  constexpr size_t kLongestName = 200;  // File systems allow 255 bytes; the names of staged folders are longer.
   const bool has_control = std::any_of(config.name.begin(), config.name.end(),
                                        [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
   if (config.name.find('/') != std::string::npos || config.name == "." || config.name == ".." || has_control ||

@@ -30,7 +30,7 @@ SceneConfig ReadScene(const ConfigValue& value) {
   scene.setup = *FindSetup(reader.Choice("setup", {"eye_to_hand", "eye_in_hand"}));
   scene.target = ReadTarget(reader, "target");
   scene.target_used = reader.used()["target"];
-  // A camera that says what it is replaces the one below: another model has other coefficients.
+  // A camera that states its model replaces the one of the base file, because another model has other coefficients.
   const ConfigValue camera = reader.Get("camera").DownTo({"model"});
   scene.camera = camera.IsMap() ? ReadCamera(camera) : ReadCameraFile(camera.AsPath());
   if (scene.camera.width_px == 0) camera.Fail("the camera file has no image size; a simulated camera needs one");
@@ -80,7 +80,7 @@ SceneConfig ReadScene(const ConfigValue& value) {
     if (!(scale >= 1 / kMostTimes && scale <= kMostTimes)) print.Get(key).Fail("must be from 0.5 to 2");
   }
   for (const char* key : {"bend_x", "bend_y"}) {
-    // More than that is a roll.
+    // A larger bend would be a roll.
     constexpr double kMostOfSheet = 0.25;
     const Drawing& drawing = scene.target->Draw();
     const double most_m = kMostOfSheet * (drawing.max_m - drawing.min_m).minCoeff();

@@ -1,4 +1,4 @@
-// A scene to simulate.
+// Reads a scene to simulate.
 #pragma once
 
 #include <filesystem>
@@ -26,7 +26,7 @@ struct SceneConfig {
   Camera camera;
   HandEye hand_eye;
   MotionOptions motion;
-  std::optional<TwoStepMotionOptions> two_step;  // Comes before `motion`'s free captures.
+  std::optional<TwoStepMotionOptions> two_step;  // Precedes the free captures of `motion`.
   RenderOptions image;
   double robot_rotation_sigma_rad = 0;
   double robot_translation_sigma_m = 0;
@@ -35,12 +35,14 @@ struct SceneConfig {
   uint64_t seed = 1;
 };
 
-// The file over those that it is based on; `settings` (--set) count more. InputError on any fault.
+// Reads a scene from a file and the files that it is based on; `settings` (--set) take precedence. Throws InputError
+// on any error.
 SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
-// The same of a mapping within another file.
+// Reads a scene from a mapping within another file.
 SceneConfig ReadScene(const ConfigValue& value);
 
-// The two-step method's captures, if the scene has them, then the free ones. A Failure if they do not fit the image.
+// Simulates the captures of the two-step method, if the scene has them, then the free ones. Returns a Failure if they
+// do not fit into the image.
 Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene, Rng* rng);
 
 }  // namespace heba

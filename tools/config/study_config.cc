@@ -20,7 +20,7 @@ struct NamedScene {
   SceneConfig scene;
 };
 
-// A mapping from names to scenes, each a file or a mapping itself.
+// Reads a mapping from names to scenes, each a file or a mapping itself.
 std::vector<NamedScene> ReadScenes(MapReader& reader) {
   const ConfigValue value = reader.Get("scenes");
   if (!value.IsMap() || value.node().size() == 0) value.Fail("a mapping from names to scenes is needed");
@@ -35,7 +35,7 @@ std::vector<NamedScene> ReadScenes(MapReader& reader) {
   return result;
 }
 
-// A list to vary, or the one value of a study that does not.
+// Reads a list of values to vary, or a single value.
 template <class T, class Read>
 std::vector<T> ReadList(MapReader& reader, const std::string& key, const std::vector<T>& fallback, const Read& read) {
   const std::optional<ConfigValue> value = reader.Find(key);
@@ -59,7 +59,7 @@ RobotNoise ReadNoise(const ConfigValue& value) {
   return ReadRobotNoise(reader);
 }
 
-// How the target differs from its design, as a scene's `print` says it.
+// Reads the deviation of the target from its design, with the keys of a scene's `print`.
 TargetShape ReadTrueShape(const ConfigValue& value) {
   MapReader reader(value);
   TargetShape shape;
@@ -131,7 +131,7 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
   const std::vector<TargetShape> target_shapes =
       ReadList<TargetShape>(reader, "target_shape", {TargetShape()}, ReadTrueShape);
   const std::string shape_model = reader.Choice("shape_model", {"none", "auto"}, "auto");
-  // Left out, each scene says it.
+  // If left out, each scene decides.
   std::optional<bool> give_camera;
   if (reader.Has("give_camera")) give_camera = reader.Bool("give_camera", true);
   CalibrationOptions options;

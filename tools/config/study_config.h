@@ -1,4 +1,4 @@
-// A study's file: scenes, and lists of what to vary; the cells are all combinations.
+// Reads a study's file: scenes, and lists of values to vary. The cells of the study are all combinations.
 #pragma once
 
 #include <array>
@@ -10,7 +10,7 @@
 
 namespace heba {
 
-// What makes a cell, for tables and plots.
+// The values that define a cell, for tables and plots.
 struct StudyLabels {
   std::string scene;
   Setup setup = Setup::kEyeToHand;
@@ -21,20 +21,20 @@ struct StudyLabels {
   std::array<double, TargetShape::kNumParams> shape_params = TargetShape().params;
   double outlier_points = 0;
   double wrong_captures = 0;
-  std::string robot_model;  // exact | given | estimated | auto: what the refinement knows of the robot.
+  std::string robot_model;  // The refinement's model of the robot: exact | given | estimated | auto.
 };
 
 struct StudyConfig {
   std::string name;
   int num_trials = 0;
   uint64_t seed = 1;
-  std::vector<StudyLabels> labels;  // One a cell.
+  std::vector<StudyLabels> labels;  // One per cell.
   std::vector<StudyCell> cells;
   std::filesystem::path output;
   std::string used;  // YAML, with every default filled in.
 };
 
-// InputError on any fault, among them a scene whose target does not fit its image.
+// Reads a study. Throws InputError on any error, including a scene whose target does not fit into its image.
 StudyConfig ReadStudyConfig(const std::filesystem::path& path);
 
 }  // namespace heba

@@ -42,7 +42,7 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
   for (const Check& check : kChecks) {
     if (check.needs_images && !config.target_poses.empty()) continue;
     if (examine == Examine::kInputs && check.run == &Check_result) continue;
-    // Views are looked at as soon as there is a camera for it.
+    // The views are examined as soon as there is a camera.
     if (examination.camera && examination.views.empty()) {
       examination.views = ExamineViews(examination.config, examination.detections, *examination.camera);
       diagnosis.num_seen = static_cast<int>(examination.views.size());

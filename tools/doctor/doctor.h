@@ -1,4 +1,4 @@
-// What is wrong with a data set: every check of checks.def, each on what the ones before it left.
+// Diagnoses a data set: runs every check of checks.def on the data as corrected by the checks before.
 #pragma once
 
 #include <optional>
@@ -14,8 +14,8 @@ namespace heba {
 
 struct Diagnosis {
   int num_captures = 0;
-  int num_seen = 0;  // With a pose of the target.
-  // The wrong before the remarks; of the wrong, the one that hides others first.
+  int num_seen = 0;  // Number of captures with a pose of the target.
+  // Faults precede remarks; a fault that hides others precedes them.
   std::vector<Symptom> symptoms;
   std::optional<PoseFit> pose_fit;
   int NumWrong() const;
@@ -24,11 +24,11 @@ struct Diagnosis {
 // The scope of an examination: the inputs alone, or also the result that they lead to.
 enum class Examine { kInputs, kInputsAndResult };
 
-// InputError if the images cannot be read.
+// Diagnoses a data set. Throws InputError if the images cannot be read.
 Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity,
                    Examine examine = Examine::kInputsAndResult);
 
-// The first thing that is wrong, as a clause with its cure; empty if nothing is.
+// Returns the first fault as a clause with its cure; empty if there is none.
 std::string FirstWrong(const Diagnosis& diagnosis);
 
 }  // namespace heba

@@ -16,7 +16,7 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// The fields of some poses, a row each, and the names that the file gives to its columns, if it does.
+// The fields of some poses, one row each, and the file's names of its columns, if it has any.
 struct RawTable {
   std::vector<std::string> names;
   std::vector<std::vector<std::string>> rows;
@@ -29,7 +29,7 @@ bool IsNumber(const std::string& field) {
   return ParseDouble(field, &number);
 }
 
-// The fields of a line between tabs, semicolons or commas, where they may hold blanks, or else between blanks.
+// Splits a line at tabs, semicolons or commas, between which fields may contain blanks, or otherwise at blanks.
 std::vector<std::string> FieldsOf(std::string line) {
   line = WithoutBrackets(line);
   std::replace(line.begin(), line.end(), '"', ' ');
@@ -80,7 +80,7 @@ RawTable TableOfArray(const fs::path& file) {
   return table;
 }
 
-// The numbers of a file in their order, whatever stands around them.
+// Returns the numbers of a file in their order, regardless of the text between them.
 std::vector<std::string> NumbersIn(const fs::path& file) {
   std::vector<std::string> numbers;
   if (file.extension() == ".npy") {
@@ -93,7 +93,7 @@ std::vector<std::string> NumbersIn(const fs::path& file) {
       for (const double number : PoseNumbersOfYaml(file, *FindPoseFormat("ros"))) numbers.push_back(RoundTrip(number));
       return numbers;
     } catch (const InputError&) {
-      numbers.clear();  // Its keys tell nothing: then by their places.
+      numbers.clear();  // The keys are unknown, so the numbers are read in the order of the text.
     }
   }
   for (const TextLine& line : LinesOf(ReadTextFile(file))) {
@@ -108,7 +108,7 @@ std::vector<std::string> NumbersIn(const fs::path& file) {
   return numbers;
 }
 
-// One file a pose.
+// Reads a folder with one file per pose.
 RawTable TableOfFolder(const fs::path& folder) {
   RawTable table;
   for (const fs::path& file : PoseFilesOf(folder)) {
@@ -142,7 +142,7 @@ double LargestOf(const RawTable& table, const std::vector<size_t>& columns, size
   return largest;
 }
 
-// Whether the four columns from `first` on are of length 1 together.
+// Returns whether the four columns from `first` on form vectors of length 1.
 bool IsQuaternion(const RawTable& table, const std::vector<size_t>& columns, size_t first) {
   Eigen::Vector4d q;
   for (size_t i = 0; i < table.rows.size(); ++i) {
@@ -153,7 +153,7 @@ bool IsQuaternion(const RawTable& table, const std::vector<size_t>& columns, siz
   return true;
 }
 
-// Whether nine columns are a rotation, row by row.
+// Returns whether nine columns form a rotation matrix, stored by rows.
 bool IsRotation(const RawTable& table, const std::vector<size_t>& columns, const std::array<size_t, 9>& places) {
   for (const std::vector<std::string>& row : table.rows) {
     Eigen::Matrix3d matrix;
@@ -166,7 +166,8 @@ bool IsRotation(const RawTable& table, const std::vector<size_t>& columns, const
   return true;
 }
 
-// The columns in the order of a pose, x, y, z first: every order that the numbers may have, the likelier one first.
+// Returns the columns in the order of a pose, x, y, z first, for every order that the numbers allow, the most likely
+// first.
 std::vector<std::vector<size_t>> OrdersOf(const RawTable& table, const std::vector<size_t>& columns) {
   const auto picked = [&](const std::vector<size_t>& places) {
     std::vector<size_t> order;
@@ -182,7 +183,7 @@ std::vector<std::vector<size_t>> OrdersOf(const RawTable& table, const std::vect
       return {};
     case 12:
       if (IsRotation(table, columns, {3, 4, 5, 6, 7, 8, 9, 10, 11})) return {columns};
-      // The upper three rows of a 4 x 4 matrix.
+      // These are the upper three rows of a 4 x 4 matrix.
       if (IsRotation(table, columns, {0, 1, 2, 4, 5, 6, 8, 9, 10})) {
         return {picked({3, 7, 11, 0, 1, 2, 4, 5, 6, 8, 9, 10})};
       }
@@ -194,7 +195,7 @@ std::vector<std::vector<size_t>> OrdersOf(const RawTable& table, const std::vect
   }
 }
 
-// The columns that a header calls x, y and z come first; nothing if it does not.
+// Returns the columns with those that the header names x, y and z first; nothing if it does not name them.
 std::optional<std::vector<size_t>> OrderByNames(const RawTable& table, const std::vector<size_t>& columns) {
   if (table.names.empty() || columns.size() == 16) return std::nullopt;
   std::vector<size_t> order;
@@ -218,9 +219,9 @@ bool NamesJoints(const RawTable& table) {
   });
 }
 
-// `order`: the pose's columns of the table, x, y, z first.
+// Guesses units and rotation. `order`: the table's columns of the pose, x, y, z first.
 void GuessUnits(const RawTable& table, const std::vector<size_t>& order, PoseFormat* format) {
-  // No arm reaches 20 m, few places are within 20 mm of the base.
+  // No arm reaches 20 m, and hardly any position is within 20 mm of the base.
   constexpr double kLongestInMetres = 20;
   constexpr size_t kEuler = 6;
   const bool is_whole_matrix = order.size() == 16;
@@ -244,7 +245,7 @@ PoseFormat FormatOf(const RawTable& table, const std::vector<size_t>& order, con
     return number < 3 && order.size() != 16 ? std::string(1, "xyz"[number]) : "r" + std::to_string(number + 1);
   };
   for (size_t number = 0; number < order.size(); ++number) format.columns.push_back(name_of(number));
-  // In the file's order: x, y and z are found by their names (ReadPoseFormat).
+  // The columns are listed in the file's order; ReadPoseFormat finds x, y and z by their names.
   for (size_t column = 0; column < width; ++column) {
     const auto place = std::find(order.begin(), order.end(), column);
     format.file_columns.push_back(place != order.end() ? name_of(static_cast<size_t>(place - order.begin()))
@@ -254,7 +255,7 @@ PoseFormat FormatOf(const RawTable& table, const std::vector<size_t>& order, con
   return format;
 }
 
-// A pose file's own faults are the caller's to report.
+// Reads the config with `format`, or returns nothing if that fails; the caller reports faults of the pose file.
 std::optional<RunConfig> ReadWith(const fs::path& config, std::vector<std::string> settings, const PoseFormat& format) {
   settings.push_back(PoseFormatSetting(format));
   try {
@@ -288,12 +289,12 @@ GuessedTable GuessPoseFormats(const fs::path& poses) {
     };
     const size_t num_numbers = count_of(IsNumber);
     if (num_numbers == table.rows.size()) numeric.push_back(column);
-    // A number that is misspelt is a fault of its line.
+    // A column with mostly numbers has a misspelt one, which is a fault of its line.
     if (num_numbers < table.rows.size() && 2 * num_numbers > table.rows.size()) return {};
     const bool is_image = count_of([](const std::string& field) { return HasImageSuffix(field); }) == table.rows.size();
     if (!image && is_image) image = column;
   }
-  // An index or a time may stand before the pose.
+  // An index or a time may precede the pose.
   for (const size_t before : {0, 1}) {
     if (numeric.size() <= before) break;
     const std::vector<size_t> columns(numeric.begin() + static_cast<std::ptrdiff_t>(before), numeric.end());
@@ -325,7 +326,8 @@ std::optional<GuessedReading> GuessReading(const fs::path& config, const std::ve
   for (const PoseFormat& format : formats) {
     GuessedReading guessed;
     guessed.format = format;
-    // The pictures say what the numbers' sizes do not; with that, the other checks see the poses as they are.
+    // The images determine what the size of the numbers does not; the second round shows the other checks the correct
+    // poses.
     for (int round = 0; round < 2; ++round) {
       const std::optional<RunConfig> read = ReadWith(config, settings, guessed.format);
       if (!read) return first;

@@ -20,7 +20,7 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// The entries of a folder, by name.
+// Returns the entries of a folder, sorted by name.
 std::vector<fs::path> EntriesOf(const fs::path& folder) {
   std::vector<fs::path> entries;
   std::error_code error;
@@ -49,7 +49,7 @@ bool IsTarget(const fs::path& file) {
   });
 }
 
-// A config that leaves out what is not known.
+// Returns a config with comments in place of unknown values.
 std::string ConfigText(const RawFolder& raw, const std::optional<fs::path>& target, const PoseFormat& format,
                        const std::optional<Setup>& setup, const fs::path& config) {
   const auto path = [&](const fs::path& file) {
@@ -75,7 +75,7 @@ std::string TrialInWords(const Trial& trial) {
   return std::string(SetupName(trial.setup)) + ": robot and pictures differ by " + trial.misfit;
 }
 
-// Why neither set-up gave a reading that fits: the config's fault, if it has one.
+// Explains why no reading fits in either setup: by the config's fault, if it has one.
 std::string WhyNoReading(const fs::path& config) {
   try {
     ReadRunConfig(config);
@@ -103,7 +103,7 @@ std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
     }
   }
   if (raw.num_images == 0) return std::nullopt;
-  // A table counts more than files of one pose each.
+  // A table takes precedence over files of one pose each.
   std::vector<fs::path> sources;
   for (const fs::path& place : {folder, raw.pictures}) {
     for (const fs::path& entry : EntriesOf(place)) {
@@ -116,7 +116,7 @@ std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
   for (const fs::path& candidate : folders) {
     if (PoseFilesOf(candidate).size() > 2) sources.push_back(candidate);
   }
-  // A row a picture says more than an order of names.
+  // The source whose number of rows is closest to the number of images is chosen.
   size_t best_difference = std::numeric_limits<size_t>::max();
   for (const fs::path& source : sources) {
     if (source == raw.camera || source == raw.target) continue;
@@ -136,7 +136,7 @@ RawConfig ConfigOf(const RawFolder& raw, const std::optional<fs::path>& asked_ta
                    int num_threads) {
   const std::optional<fs::path> target = asked_target ? asked_target : raw.target;
   if (target) {
-    // A fault of the target's is no matter of the poses.
+    // A fault of the target is reported before the poses are tried.
     MapReader reader(ReadYamlFile(*target));
     CreateTarget(reader);
   }
@@ -151,7 +151,7 @@ RawConfig ConfigOf(const RawFolder& raw, const std::optional<fs::path>& asked_ta
     trials.push_back({setup, reading->format, fit.misfit_m, fit.misfit});
   }
   std::sort(trials.begin(), trials.end(), [](const Trial& a, const Trial& b) { return a.misfit_m < b.misfit_m; });
-  // Two set-ups that fit alike are not told apart.
+  // Two setups with similar misfits are not distinguished.
   constexpr double kDecidedly = 2.5;
   const bool is_decided =
       trials.size() == 1 || (trials.size() > 1 && trials[1].misfit_m > kDecidedly * trials[0].misfit_m);

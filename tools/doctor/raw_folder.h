@@ -1,4 +1,4 @@
-// A folder of pictures and robot poses in no form that anybody has described: what a user has after a session.
+// Finds images and robot poses in a folder of unknown form, such as a user has after recording.
 #pragma once
 
 #include <filesystem>
@@ -11,20 +11,21 @@
 namespace heba {
 
 struct RawFolder {
-  std::filesystem::path pictures;  // The folder that holds them: the folder itself or one in it.
+  std::filesystem::path pictures;  // The folder that contains them: the folder itself or one in it.
   size_t num_images = 0;
-  std::filesystem::path poses;  // A table, an array, or a folder with one file a pose.
-  PoseFormat format;            // By the numbers' sizes.
+  std::filesystem::path poses;  // A table, an array, or a folder with one file per pose.
+  PoseFormat format;            // Guessed from the size of the numbers.
   std::optional<std::filesystem::path> camera;
   std::optional<std::filesystem::path> target;
 };
 
-// Nothing if the folder has no pictures or no poses.
+// Examines a folder. Returns nothing if it has no images or no poses.
 std::optional<RawFolder> FindRawFolder(const std::filesystem::path& folder);
 
-// A config for it, to be written as `config` (paths in it are relative to that file), with the reading of the poses and
-// the set-up under which robot and pictures agree best, where there is a target to look for; and what a person should
-// know of that. `target` counts more than what lies in the folder.
+// A config for a raw folder, and remarks for the user. ConfigOf returns the text to be written as `config` (paths in
+// it are relative to that file), with the pose format and the setup under which robot and images agree best, if there
+// is a target to detect. `target` takes precedence over a target file in the folder. Trial configs are written to
+// `config` too.
 struct RawConfig {
   std::string text;
   std::vector<std::string> remarks;

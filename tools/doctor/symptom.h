@@ -1,4 +1,4 @@
-// What the doctor finds: one sentence of what is wrong with its evidence, one of what to change.
+// A symptom that the doctor finds: one sentence on the fault with its evidence, one on its cure.
 #pragma once
 
 #include <string>
@@ -9,10 +9,10 @@ enum class Severity { kRemark, kWrong };
 
 struct Symptom {
   Severity severity = Severity::kRemark;
-  // Short, and the same in every version: what programs ask for.
+  // Short, and the same in every version, because other programs search for it.
   std::string code;
-  std::string what;  // With the evidence.
-  std::string cure;  // What to change; may be empty.
+  std::string what;  // Includes the evidence.
+  std::string cure;  // The change to make; may be empty.
 };
 
 }  // namespace heba

@@ -29,7 +29,8 @@ std::filesystem::path CacheFolder() {
 
 namespace {
 
-// Entries of heba's alone, whatever else lies there: two hexadecimal digits, then a digest.
+// An entry of the cache, a file with the suffix .detection in a folder with a name of two characters. Other files are
+// ignored.
 struct CacheEntry {
   std::filesystem::path file;
   double bytes = 0;
@@ -143,7 +144,7 @@ std::optional<CaptureDetection> DetectionCache::Find(const std::string& image_di
   if (!std::filesystem::exists(file, error)) return std::nullopt;
   try {
     constexpr size_t kMaxBytes = size_t{64} << 20;
-    // The first line is the digest of what follows: a bit that fell over is no detection.
+    // The first line is the digest of the rest, which detects corrupted files.
     const std::string text = ReadTextFile(file, kMaxBytes);
     const size_t end = text.find('\n');
     if (end == std::string::npos || DigestOf(std::string_view(text).substr(end + 1)) != text.substr(0, end)) {
@@ -152,11 +153,11 @@ std::optional<CaptureDetection> DetectionCache::Find(const std::string& image_di
     const nlohmann::ordered_json json = nlohmann::ordered_json::parse(text.substr(end + 1), nullptr, false);
     if (json.is_discarded()) return std::nullopt;
     CaptureDetection detection = FromJson(JsonReader(json, file.string()));
-    // Used now: TrimCache goes by it.
+    // The time of last use, for TrimCache.
     std::filesystem::last_write_time(file, std::filesystem::file_time_type::clock::now(), error);
     return detection;
   } catch (const InputError&) {
-    return std::nullopt;  // Spoiled: as good as none.
+    return std::nullopt;  // A corrupted entry counts as missing.
   }
 }
 

@@ -1,4 +1,4 @@
-// What was found in pictures before, by the content of picture and target and by the program that found it.
+// Caches detections by the contents of image and target and by the program that made them.
 #pragma once
 
 #include <filesystem>
@@ -9,7 +9,7 @@
 
 namespace heba {
 
-// The folder of what is kept; empty if nothing is to be.
+// Returns the folder of the cache; empty if nothing is to be kept.
 std::filesystem::path CacheFolder();
 
 struct CacheSize {
@@ -17,26 +17,28 @@ struct CacheSize {
   double bytes = 0;
 };
 CacheSize SizeOfCache();
-// The most that is kept: HEBA_CACHE_MB in the environment, or 1024 MB.
+// Returns the largest size of the cache: HEBA_CACHE_MB in the environment, or 1024 MB. Throws InputError if
+// HEBA_CACHE_MB is no size.
 double LargestCacheBytes();
-// Removes the entries that were used longest ago until `most_bytes` are left; nothing but entries. What was removed.
+// Removes the least recently used entries until at most `most_bytes` are left, and no other files. Returns the number
+// and size of the removed entries.
 CacheSize TrimCache(double most_bytes);
 
 class DetectionCache {
  public:
-  // In the folder that HEBA_CACHE names (empty: none is kept), else in the user's cache folder (XDG_CACHE_HOME, or
-  // .cache at home). `target` is the target that is searched for, as used.
+  // Uses the folder that HEBA_CACHE names (empty: nothing is cached), otherwise the user's cache folder (`heba` in
+  // XDG_CACHE_HOME, or in .cache at home). `target` is the target that is detected, as used.
   explicit DetectionCache(const std::string& target);
 
-  // The detection of the picture's file; nothing if it is not known.
+  // Returns the detection in the image file with this digest; nothing if it is not cached.
   std::optional<CaptureDetection> Find(const std::string& image_digest) const;
-  // Keeps one. A cache that cannot be written is none: no error.
+  // Keeps a detection. A cache that cannot be written is not an error.
   void Keep(const std::string& image_digest, const CaptureDetection& detection) const;
 
  private:
   std::filesystem::path FileOf(const std::string& image_digest) const;
 
-  std::filesystem::path folder_;  // Empty: none.
+  std::filesystem::path folder_;  // Empty: nothing is cached.
   std::string context_;
 };
 

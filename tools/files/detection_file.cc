@@ -39,7 +39,7 @@ std::vector<std::pair<std::string, CaptureDetection>> ReadDetections(const std::
     for (const JsonReader& id : entry.Get("ids").List()) capture.detection.ids.push_back(id.Int(0, kMaxId));
     for (const JsonReader& pixel : entry.Get("pixels").List()) {
       const std::vector<double> uv = pixel.Numbers(2);
-      // The fit of a tag at the edge may put a corner a little outside.
+      // The fit of a tag at the edge may place a corner slightly outside.
       constexpr double kRoomPx = 5;
       const bool is_inside = uv[0] >= -kRoomPx && uv[1] >= -kRoomPx && uv[0] <= capture.width_px + kRoomPx &&
                              uv[1] <= capture.height_px + kRoomPx;

@@ -1,4 +1,4 @@
-// detections.json.
+// Reads and writes detections.json.
 #pragma once
 
 #include <filesystem>
@@ -11,11 +11,12 @@
 
 namespace heba {
 
-// {"schema": "heba/detections/1", "captures": [{"image", "image_size", "ids": [...], "pixels": [[u, v], ...],
-// "reason"}]}; pixel (0, 0) is the centre of the first pixel.
+// Writes detections as JSON: {"schema": "heba/detections/1", "captures": [{"image", "image_size", "ids": [...],
+// "pixels": [[u, v], ...], "reason"}]}. Pixel (0, 0) is the centre of the first pixel.
 std::string DetectionsToJson(const std::vector<Capture>& captures, const std::vector<CaptureDetection>& detections);
 
-// Reads such a file: the name and detection of each capture, without covariances. InputError on a fault.
+// Reads such a file: the name and detection of each capture, without covariances. Throws InputError if it is
+// malformed.
 std::vector<std::pair<std::string, CaptureDetection>> ReadDetections(const std::filesystem::path& path);
 
 }  // namespace heba

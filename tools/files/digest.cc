@@ -22,7 +22,7 @@ std::string Hex(const XXH128_hash_t& hash) {
   return text;
 }
 
-// The shared libraries that the program runs with: their files, versions in the names, and sizes.
+// Lists the shared libraries that the program runs with: their paths, which contain versions, and sizes.
 std::string LibrariesInUse() {
   std::set<std::string> libraries;
   std::ifstream maps("/proc/self/maps");

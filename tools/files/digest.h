@@ -1,5 +1,5 @@
-// Short names of contents: equal contents have equal digests, and different ones, but for one chance in 1e30, do not.
-// Against accidents, not against malice.
+// Computes digests of contents. Equal contents have equal digests; different contents have different ones, except with
+// a probability of 1e-30. Digests protect against accidents, not against malice.
 #pragma once
 
 #include <filesystem>
@@ -8,11 +8,12 @@
 
 namespace heba {
 
-// 32 hexadecimal digits.
+// Returns a digest of 32 hexadecimal digits.
 std::string DigestOf(std::string_view content);
-// InputError if the file cannot be read.
+// Throws InputError if the file cannot be read.
 std::string DigestOfFile(const std::filesystem::path& path);
-// Of this very program and the libraries that it runs with: what another build found is not taken over.
+// Returns the digest of this program and of the shared libraries that it runs with, so that the results of another
+// build are not reused.
 const std::string& DigestOfProgram();
 
 }  // namespace heba

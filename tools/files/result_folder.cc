@@ -35,7 +35,7 @@ constexpr std::string_view kKindHead = "kind ";
 // The digest of each file, by its path in the folder.
 using Record = std::map<std::string, std::string>;
 
-// Nothing for a folder that heba did not make.
+// Reads a folder's record; nothing for a folder that heba did not make.
 std::optional<Record> ReadRecord(const fs::path& folder) {
   std::error_code error;
   const fs::path file = folder / kRecordName;
@@ -56,7 +56,7 @@ std::optional<Record> ReadRecord(const fs::path& folder) {
   return record;
 }
 
-// Returns what the folder holds by its record; empty if that does not say it.
+// Returns the kind of content that a folder's record states; empty if it states none.
 std::string KindOf(const fs::path& folder) {
   std::istringstream lines(ReadTextFile(folder / kRecordName));
   std::string line;
@@ -65,7 +65,7 @@ std::string KindOf(const fs::path& folder) {
   return line.starts_with(kKindHead) ? line.substr(kKindHead.size()) : "";
 }
 
-// The paths in the folder of all that is in it but its record, folders before what they hold.
+// Returns the paths of everything in the folder except its record, folders before their contents.
 std::vector<fs::path> EntriesOf(const fs::path& folder) {
   std::vector<fs::path> entries;
   for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder)) {
@@ -86,7 +86,7 @@ bool IsThere(const fs::path& path) {
   return fs::exists(fs::symlink_status(path, error));
 }
 
-// A recorded file that is as it was written, is empty or is gone, may be replaced.
+// Throws InputError unless every recorded file may be replaced: it is as it was written, empty, or gone.
 void CheckUnchanged(const fs::path& folder, const Record& record) {
   for (const auto& [name, digest] : record) {
     const fs::path file = folder / name;
@@ -110,7 +110,7 @@ std::string RecordText(const fs::path& folder, const std::string& kind) {
   return text;
 }
 
-// Another name for a file that is not heba's, or a copy where the file system knows no second names.
+// Links a file that is not heba's, or copies it if the file system does not support links.
 void LinkOrCopy(const fs::path& from, const fs::path& to) {
   std::error_code error;
   if (fs::is_symlink(fs::symlink_status(from, error))) {
@@ -121,7 +121,7 @@ void LinkOrCopy(const fs::path& from, const fs::path& to) {
   fs::copy_file(from, to);
 }
 
-// Puts what is in `older` and not in its record into `newer` too.
+// Adds everything in `older` that is not in its record to `newer`.
 void KeepOthers(const fs::path& older, const Record& record, const fs::path& newer) {
   for (const fs::path& entry : EntriesOf(older)) {
     const bool is_folder = IsFolder(older / entry);
@@ -141,7 +141,7 @@ void KeepOthers(const fs::path& older, const Record& record, const fs::path& new
   }
 }
 
-// Removes a staging folder, its record last: whenever the program is killed, what is left is known as heba's.
+// Removes a staging folder, its record last: if the program is killed, the rest is still recognised as heba's.
 void RemoveStaging(const fs::path& folder) {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
@@ -159,7 +159,7 @@ bool HasName(int descriptor) {
   return status.st_nlink > 0;
 }
 
-// ".NAME.part-0123456789abcdef"
+// Returns whether `name` has the form ".NAME.part-0123456789abcdef".
 bool IsStagingName(const std::string& name) {
   const size_t suffix = name.rfind(kStagingSuffix);
   if (!name.starts_with(".") || suffix == std::string::npos) return false;
@@ -181,7 +181,7 @@ AllStaging& Staging() {
 }  // namespace
 
 StagedFolder::StagedFolder(const fs::path& final_path, const std::string& kind) {
-  // "runs/x/" and "runs/x" are the same folder, and a link is what it leads to.
+  // "runs/x/" and "runs/x" are the same folder, and a link stands for its target.
   kind_ = kind;
   final_path_ = fs::absolute(final_path).lexically_normal();
   if (final_path_.filename().empty()) final_path_ = final_path_.parent_path();
@@ -210,10 +210,10 @@ StagedFolder::StagedFolder(const fs::path& final_path, const std::string& kind) 
   }
   fs::create_directories(final_path_.parent_path(), error);
   RemoveStaleStaging(final_path_.parent_path());
-  // A program that is being ended knows of the folder as soon as it is there, and none comes after that.
+  // The lock ensures that AbandonStaging knows every folder that exists, and that none is created after it.
   const std::lock_guard<std::mutex> guard(Staging().mutex);
   if (Staging().is_abandoned) throw InputError("interrupted");
-  // Another thread or program may take a folder for stale, and remove it, until its record is locked and written.
+  // Until its record is locked and written, another thread or program may consider the folder stale and remove it.
   constexpr int kMostTrials = 100;
   bool is_marked = false;
   for (int trial = 0; trial < kMostTrials && !is_marked; ++trial) {
@@ -225,7 +225,7 @@ StagedFolder::StagedFolder(const fs::path& final_path, const std::string& kind) 
       }
       throw InputError(final_path_.string() + ": cannot be made (" + error.message() + ")");
     }
-    // It lives as long as the lock on its record, which network file systems know too.
+    // The folder is in use as long as its record is locked; network file systems support such locks too.
     lock_ = open((staging_ / kRecordName).c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
     is_marked = lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) == 0 && HasName(lock_) &&
                 write(lock_, kRecordHead.data(), kRecordHead.size()) == static_cast<ssize_t>(kRecordHead.size());
@@ -271,7 +271,8 @@ void StagedFolder::Commit() {
     throw InputError(final_path_.string() + ": cannot be replaced (" + fault.code().message() + ")");
   }
   if (renameat2(AT_FDCWD, staging_.c_str(), AT_FDCWD, final_path_.c_str(), RENAME_EXCHANGE) != 0) {
-    // A file system that cannot exchange: away with the older results, and at once the new ones in their place.
+    // The file system cannot exchange folders: the older results are moved away, and the new ones immediately take
+    // their place.
     const fs::path away = staging_.string() + "0";
     fs::rename(final_path_, away, error);
     if (!error) fs::rename(staging_, final_path_, error);
@@ -279,7 +280,7 @@ void StagedFolder::Commit() {
     fs::rename(away, staging_, error);
   }
   committed_ = true;
-  // The older results; what came to them in the meantime stays.
+  // The staging folder now holds the older results. Files that were added to them meanwhile are kept.
   for (const fs::path& entry : EntriesOf(staging_)) {
     if (IsFolder(staging_ / entry) || older.count(entry.string()) > 0 || IsThere(final_path_ / entry)) continue;
     fs::create_directories((final_path_ / entry).parent_path(), error);
@@ -293,7 +294,8 @@ void RemoveStaleStaging(const fs::path& parent) {
   for (const fs::directory_entry& entry : fs::directory_iterator(parent, error)) {
     if (!IsStagingName(entry.path().filename().string()) || !IsFolder(entry.path())) continue;
     if (!ReadRecord(entry.path())) {
-      // Without a record it holds nothing of heba's, and goes only if it holds nothing but one that is not written yet.
+      // Without a record the folder contains nothing of heba's. It is removed only if it is empty or contains an empty
+      // record.
       const fs::path unwritten = entry.path() / kRecordName;
       const int descriptor = open(unwritten.c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC);
       if (descriptor >= 0 && flock(descriptor, LOCK_EX | LOCK_NB) == 0 && fs::file_size(unwritten, error) == 0) {
@@ -315,7 +317,7 @@ void AbandonStaging() {
   Staging().is_abandoned = true;
   for (const fs::path& folder : Staging().folders) {
     std::error_code error;
-    // Under another name nobody writes into it.
+    // After renaming, nobody writes into it.
     const fs::path away = folder.string() + "0";
     fs::rename(folder, away, error);
     if (!error) RemoveStaging(away);

@@ -21,7 +21,7 @@ namespace {
 
 constexpr double kSignificant = 0.01;
 
-// Nothing unless both runs have a refined pose with a covariance, in one set-up's frames.
+// Returns nothing unless both runs have the same setup and a refined pose with a covariance.
 std::optional<PairDifference> DifferenceOf(const std::vector<ComparedRun>& runs, size_t first, size_t second) {
   const RunResult& a = runs[first].result;
   const RunResult& b = runs[second].result;
@@ -52,8 +52,8 @@ std::optional<PairDifference> DifferenceOf(const std::vector<ComparedRun>& runs,
   return pair;
 }
 
-// Of each run the closed form that does best on captures that it has not seen, which is chosen with these in view, and
-// what its error is against the refinement's.
+// Compares the error of the refinement with the best closed form of each run. The best closed form is selected by its
+// hold-out error, so the selection itself has seen the held-out captures.
 std::string GainFinding(const std::vector<ComparedRun>& runs, const std::string& what, FigureOf choice,
                         FigureOf figure) {
   std::vector<double> ratios;
@@ -140,7 +140,7 @@ std::vector<std::string> FindingsOf(const Comparison& comparison) {
   for (const std::string& finding : {across, same}) {
     if (!finding.empty()) findings.push_back(finding);
   }
-  // By type, what the targets are worth.
+  // The sigma of the hand-eye translation shows the value of each type of target.
   std::map<std::string, std::vector<double>> sigmas;
   for (const ComparedRun& run : comparison.runs) {
     const Estimate* refined = FindRefined(run.result);
@@ -157,7 +157,7 @@ std::vector<std::string> FindingsOf(const Comparison& comparison) {
 
 std::string Exact(const std::optional<double>& value) { return value ? RoundTrip(*value) : std::string(); }
 
-// One run's line in every form.
+// The figures of one run that the table, the CSV file and the page show.
 struct RunLine {
   std::string closed_form;
   std::optional<double> closed_px;
@@ -219,7 +219,7 @@ std::string ComparisonTable(const Comparison& comparison) {
              PadLeft(FigureText(line.sigma_mm), 9) + PadLeft(FigureText(line.board_mm), 9) +
              PadLeft(Significant(run.result.timing.total_s, 2), 8) + "\n";
   }
-  // The least likely first; the page and the csv have them all.
+  // The least likely pairs come first; the page and the CSV file list all of them.
   std::vector<PairDifference> pairs = comparison.pairs;
   std::stable_sort(pairs.begin(), pairs.end(),
                    [](const PairDifference& a, const PairDifference& b) { return a.p_value < b.p_value; });

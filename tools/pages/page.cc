@@ -12,7 +12,7 @@
 namespace heba {
 namespace {
 
-// JSON as it can stand in a script element: whatever a string holds, it cannot end the element.
+// Returns JSON that is safe inside a script element: no string in it can end the element.
 std::string EmbeddedJson(const nlohmann::ordered_json& data) {
   std::string text;
   for (const char c : data.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)) {
@@ -60,7 +60,7 @@ std::string HtmlPage(const std::string& title, const std::string& body, PageWidt
 }
 
 std::string Capitalised(std::string text) {
-  // A name of a file, or a key, stays as it is.
+  // File names and keys stay unchanged.
   const size_t word_end = std::min(text.find(' '), text.size());
   const bool is_word = std::all_of(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(word_end),
                                    [](char c) { return (c >= 'a' && c <= 'z') || c == '\'' || c == ','; });
@@ -90,7 +90,7 @@ std::string SharedViewFigure(const std::string& view, const std::string& caption
 }
 
 std::string CopyableText(const std::string& text) {
-  // A line end is no blank here.
+  // The text is split at line ends because EscapedForMarkup would replace them by blanks.
   std::vector<std::string> lines;
   for (const std::string& line : Split(text, '\n')) lines.push_back(EscapedForMarkup(line));
   return "<pre class=\"copyable\">" + Join(lines, "\n") + "</pre>\n";

@@ -1,4 +1,4 @@
-// What every page holds, built from tools/pages/web.
+// The style sheet and the script of every page, built from tools/pages/web.
 #pragma once
 
 #include <string_view>
@@ -6,9 +6,9 @@
 namespace heba {
 
 std::string_view PageStyle();
-// Empty if the program was built without Node.js.
+// Returns an empty text if the program was built without Node.js.
 std::string_view PageScript();
-// "sha256-...", by which a page allows that script and no other.
+// Returns "sha256-...", the hash by which a page's content security policy allows this script only.
 std::string_view PageScriptHash();
 
 }  // namespace heba

@@ -18,7 +18,7 @@ constexpr double kRight = 120;
 constexpr double kTop = 40;
 constexpr double kBottom = 55;
 
-// Distinct for most kinds of colour vision (after Okabe and Ito 2008, and Tol's muted ones).
+// Colours that are distinct for most kinds of colour vision (after Okabe and Ito 2008, and Tol's muted scheme).
 constexpr std::array<const char*, 12> kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9",
                                                   "#8a6d3b", "#6a3d9a", "#999933", "#882255", "#44aa99", "#dd5577"};
 
@@ -29,7 +29,7 @@ struct Range {
     low = std::min(low, value);
     high = std::max(high, value);
   }
-  // Of a logarithm: at least a third of a decade, and air at both ends.
+  // Widens a range of base-10 logarithms to at least a third of a decade, with a margin at both ends.
   Range Widened() const {
     const double extra = std::max(0.05 * (high - low), (0.3 - (high - low)) / 2);
     return {low - std::max(0.05, extra), high + std::max(0.05, extra)};
@@ -46,7 +46,7 @@ std::string Line(double x1, double y1, double x2, double y2, const std::string& 
          Fixed(y2, 1) + "\" class=\"" + style + "\"/>\n";
 }
 
-// 1, 2 and 5 of each decade; of many decades the ones alone.
+// Returns 1, 2 and 5 of each decade, or powers of ten only if the range spans many decades.
 std::vector<double> Ticks(const Range& log_range) {
   std::vector<double> ticks;
   const bool many = log_range.high - log_range.low > 4;
@@ -107,7 +107,7 @@ std::string LogLogSvg(const Plot& plot) {
               "text-anchor=\"middle\" transform=\"translate(18," + Fixed(kTop + plot_height / 2, 1) + ") rotate(-90)\"",
               plot.y_label);
 
-  // Names at the lines' ends, moved apart where they would meet.
+  // The names at the ends of the lines are moved apart where they would overlap.
   struct Label {
     double y;
     std::string colour;
@@ -137,7 +137,7 @@ std::string LogLogSvg(const Plot& plot) {
   std::sort(labels.begin(), labels.end(), [](const Label& a, const Label& b) { return a.y < b.y; });
   constexpr double kLineHeight = 14;
   for (size_t i = 1; i < labels.size(); ++i) labels[i].y = std::max(labels[i].y, labels[i - 1].y + kLineHeight);
-  // Back up from the bottom, if that pushed them out.
+  // Names that were pushed below the chart move up again.
   double lowest = kTop + plot_height;
   for (size_t i = labels.size(); i-- > 0;) {
     labels[i].y = std::min(labels[i].y, lowest);

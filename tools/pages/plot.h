@@ -1,4 +1,4 @@
-// Line plots as SVG text, both axes logarithmic.
+// Line plots as SVG text with two logarithmic axes.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@ namespace heba {
 
 struct PlotLine {
   std::string name;
-  std::vector<std::pair<double, double>> points;  // x ascending; values that are not positive are left out.
+  std::vector<std::pair<double, double>> points;  // x ascending; points with values <= 0 are omitted.
   bool is_reference = false;                      // Drawn dashed and grey.
   bool is_emphasised = false;
 };
@@ -21,7 +21,8 @@ struct Plot {
   std::vector<PlotLine> lines;
 };
 
-// A whole document, light and dark by the reader's preference; names beside the lines' ends.
+// Returns a whole SVG document in light or dark colours, as the reader prefers, with each line's name next to its
+// end.
 std::string LogLogSvg(const Plot& plot);
 
 }  // namespace heba

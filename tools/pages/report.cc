@@ -22,7 +22,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// With so many digits after the point: a page need not hold more than can be seen.
+// Rounds to `digits` decimals, which limits the size of the page.
 double Rounded(double value, int digits) {
   const double power = std::pow(10.0, digits);
   return std::round(value * power) / power;
@@ -45,12 +45,12 @@ std::string Section(const std::string& heading, const std::string& content) {
   return "<section>" + Heading(heading) + content + "</section>\n";
 }
 
-// From the upper left corner of the picture on, clockwise.
+// Returns the rays of the image corners in the camera frame, clockwise from the upper left.
 Json CornerRays(const Camera& camera) {
   Json rays = Json::array();
   for (const auto& [x, y] : {std::pair(0.0, 0.0), std::pair(1.0, 0.0), std::pair(1.0, 1.0), std::pair(0.0, 1.0)}) {
     const Eigen::Vector2d corner(x * camera.width_px - 0.5, y * camera.height_px - 0.5);
-    // A lens that bends the corner back has no ray there: then as if it bent nothing.
+    // If the distortion cannot be inverted at the corner, the undistorted pinhole ray is used.
     const Eigen::Vector3d straight((corner.x() - camera.params[2]) / camera.params[0],
                                    (corner.y() - camera.params[3]) / camera.params[1], 1);
     const Eigen::Vector3d ray = UnprojectPixel(camera, corner).value_or(straight.normalized());
@@ -59,7 +59,7 @@ Json CornerRays(const Camera& camera) {
   return rays;
 }
 
-// How far apart what hangs together is.
+// Describes the distances between camera, target and their mounts.
 std::string DistancesText(const RunResult& result, const Estimate& refined,
                           const std::vector<ReportedCapture>& captures, const Eigen::Vector3d& target_middle) {
   const HandEye& hand_eye = refined.hand_eye;
@@ -106,7 +106,7 @@ std::string SetUpSection(const RunResult& result, const Estimate& refined, const
 
 std::string UncertaintySection(const RunResult& result, const Estimate& refined) {
   const Solution& solution = *refined.solution;
-  // Of two coordinates together, with the degrees of freedom that the noise leaves.
+  // The 95 % ellipse of two coordinates from the F distribution with the degrees of freedom of the noise estimate.
   const double reach_95 = std::sqrt(2 * FisherQuantile(0.05, 2, solution.covariance_dof));
   Json ellipses = Json::array();
   std::string pictures;
@@ -199,7 +199,8 @@ std::string MethodsSection(const RunResult& result) {
                                 HtmlTable(head, rows) + without);
 }
 
-// Small pictures make a page large: of very many captures the worst have one.
+// Returns the captures whose images are embedded. Images make a page large, so at most 100 are embedded: unused
+// captures first, then those with the largest RMS.
 std::set<std::string> ImagesToShow(const RunResult& result) {
   constexpr size_t kMaxImages = 100;
   std::vector<const CaptureResult*> order;
@@ -214,7 +215,7 @@ std::set<std::string> ImagesToShow(const RunResult& result) {
   return images;
 }
 
-// Where points were seen and predicted minus seen; every point that `keep` says.
+// Returns x, y and the residual (predicted minus observed), px, of each point for which `keep` returns true.
 Json PointsJson(const Points2& pixels, const Points2& residuals, const std::function<bool()>& keep) {
   Json points = Json::array();
   for (Eigen::Index i = 0; i < pixels.cols(); ++i) {
@@ -227,7 +228,7 @@ Json PointsJson(const Points2& pixels, const Points2& residuals, const std::func
   return points;
 }
 
-// Beyond these a page would be too large: then it holds an even sample.
+// Pages with more points would be too large; they hold an evenly spaced sample.
 constexpr Eigen::Index kMaxPoints = 40'000;
 
 Eigen::Index NumPoints(const std::vector<ReportedCapture>& captures) {
@@ -238,7 +239,7 @@ Eigen::Index NumPoints(const std::vector<ReportedCapture>& captures) {
 
 std::string CapturesData(const RunResult& result, const Estimate& refined,
                          const std::vector<ReportedCapture>& captures) {
-  // Multiples of the golden ratio spread evenly, whatever the order of the points on the board.
+  // Multiples of the golden ratio modulo 1 sample evenly, whatever the order of the points on the target.
   const double share = std::min(1.0, static_cast<double>(kMaxPoints) / static_cast<double>(NumPoints(captures)));
   double place = 0;
   const auto keep = [&] {
@@ -330,7 +331,7 @@ std::string ReportPage(const RunResult& result, const std::vector<ReportedCaptur
                        const Points3& target_points, const ReportContext& context) {
   const Estimate* refined = FindRefined(result);
   std::string body = RecordSection(result, context);
-  // Without points only poses of the target were given: nothing was measured in pictures.
+  // Without a refined estimate only poses of the target were given, so there are no image measurements to show.
   if (refined == nullptr) {
     body += MethodsSection(result);
   } else {

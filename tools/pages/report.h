@@ -1,4 +1,4 @@
-// A run's report.html: the verdict first, then what it rests on. One page that needs no other file.
+// The report.html of a run: the verdict first, then the evidence for it. The page needs no other file.
 #pragma once
 
 #include <string>
@@ -10,20 +10,21 @@
 
 namespace heba {
 
-// What the report shows of a capture beside its CaptureResult.
+// The data of a capture that the report shows in addition to its CaptureResult.
 struct ReportedCapture {
-  std::string image;  // As in CaptureResult.
+  std::string image;  // Same as in CaptureResult.
   Rigid3d base_from_gripper;
-  // What the refined estimate leaves of its points: where they were seen, and predicted minus seen, px.
+  // Observed positions of the inliers of the refined estimate, and residuals (predicted minus observed), px.
   Points2 pixels;
   Points2 residuals;
-  // Likewise of the points that the estimate left out, all of them in a capture that was not used.
+  // The same for the points that the estimate left out; all points if the capture was not used.
   Points2 left_out_pixels;
   Points2 left_out_residuals;
   std::string small_jpeg;
 };
 
-// `target_points` are all of the target's, in its frame, m. A result without a refined estimate has no `captures`.
+// Returns the page. `target_points` are all points of the target in its frame, m. If `result` has no refined
+// estimate, `captures` is empty.
 std::string ReportPage(const RunResult& result, const std::vector<ReportedCapture>& captures,
                        const Points3& target_points, const ReportContext& context);
 

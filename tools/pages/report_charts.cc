@@ -39,9 +39,9 @@ std::vector<Residual> Thinned(const std::vector<Residual>& all) {
   return some;
 }
 
-// The picture's pixels, y downwards.
+// Returns an empty chart in pixel coordinates, y downwards.
 StaticChart OverImage(const Camera& camera) {
-  // True to scale: the plot has the picture's shape.
+  // The plot area has the aspect ratio of the image.
   constexpr double kLeft = 12;
   const double height = (kWidth - kLeft - kChartRight) * camera.height_px / camera.width_px;
   return {kWidth,

@@ -1,4 +1,4 @@
-// The report's charts as still pictures (static_chart.h). Each is markup, empty where there is nothing to draw.
+// The charts of the report as static SVG (static_chart.h). Each function returns markup, empty if there is no data.
 #pragma once
 
 #include <string>
@@ -15,10 +15,12 @@ std::string CoverageChart(const Camera& camera, const std::vector<ReportedCaptur
 std::string ResidualRadiusChart(const Camera& camera, const std::vector<ReportedCapture>& captures);
 std::string HistogramChart(double sigma_px, const std::vector<ReportedCapture>& captures);
 std::string CaptureBarsChart(const RunResult& result);
-// Seen from above, the base's x to the right and y upwards: where base, cameras and targets stand.
+// Returns a plan view in the base frame, x to the right and y upwards, with the positions of the base, cameras and
+// targets.
 std::string SetUpChart(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures,
                        const Eigen::Vector3d& target_middle);
-// A region of two coordinates: one sigma, and 95 %.
+// Returns a chart of the one-sigma ellipse and the 95 % ellipse of two coordinates. `reach_95` is the size of the
+// latter in sigmas.
 std::string EllipseChart(const std::string& x, const std::string& y, const Eigen::Matrix2d& covariance,
                          double reach_95);
 std::string CorrelationChart(const std::vector<std::string>& names, const Eigen::MatrixXd& correlation);

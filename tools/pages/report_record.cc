@@ -19,7 +19,7 @@ namespace {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-// With a capital at its beginning and a full stop at its end, unless it is a question.
+// Returns the text with a capital first letter, and with a full stop unless it already ends a sentence.
 std::string Sentence(const std::string& text) {
   const bool has_end = text.ends_with('.') || text.ends_with('?') || text.ends_with('!');
   return Capitalised(text) + (has_end ? "" : ".");
@@ -32,7 +32,7 @@ std::string FindingItem(const Finding& finding) {
   return item + "</li>\n";
 }
 
-// Causes, then what shows them, then what is in order, each finding once.
+// Lists the causes, then their symptoms, then the findings that are good, each finding once.
 std::string VerdictPart(const Verdict& verdict) {
   const std::string grade(GradeName(verdict.grade));
   std::string causes;
@@ -55,7 +55,7 @@ std::string VerdictPart(const Verdict& verdict) {
   return part;
 }
 
-// The figures that people ask for first.
+// Shows the figures that users need first.
 std::string TilesPart(const RunResult& result, const Estimate& refined) {
   std::string tiles = "<dl class=\"tiles\">\n";
   const auto add = [&](const std::string& name, const std::string& value) {
@@ -83,7 +83,8 @@ std::string TilesPart(const RunResult& result, const Estimate& refined) {
   return tiles + "</dl>\n";
 }
 
-// One sigma of each number of the pose in `format`, from the covariance of the tangent in the child's frame.
+// Returns one sigma of each number of the pose in `format`. `covariance` is in the tangent space of the pose, in the
+// child's frame; it is propagated by numeric differentiation.
 std::vector<double> SigmasOfNumbers(const PoseFormat& format, const Rigid3d& pose, const Matrix6& covariance) {
   const std::vector<double> numbers = NumbersFromPose(format, pose);
   constexpr double kStep = 1e-6;
@@ -92,7 +93,7 @@ std::vector<double> SigmasOfNumbers(const PoseFormat& format, const Rigid3d& pos
     const std::vector<double> near = NumbersFromPose(format, Retract(pose, kStep * Tangent6::Unit(i)));
     for (int k = 0; k < 6; ++k) {
       const double change = near[static_cast<size_t>(k)] - numbers[static_cast<size_t>(k)];
-      // An angle may pass half a turn.
+      // Angles may wrap around at 180 degrees.
       moved(k, i) = (k < 3 ? change : std::remainder(change, 360)) / kStep;
     }
   }
@@ -171,7 +172,7 @@ std::string CameraPart(const Estimate& estimate) {
          std::to_string(camera.height_px) + " px</h3>\n" + HtmlTable({"", "value", "one sigma"}, rows) + "</div>\n";
 }
 
-// The estimate that the run is for; the last one that there is without it.
+// Returns the refined estimate, or the last successful one if there is none.
 const Estimate* FinalEstimate(const RunResult& result) {
   if (const Estimate* refined = FindRefined(result)) return refined;
   for (size_t i = result.estimates.size(); i-- > 0;) {
@@ -194,7 +195,7 @@ std::string ResultPart(const RunResult& result) {
              "OpenCV's axes: x right, y down, z forward.");
 }
 
-// Quotes a path as one word of a shell's line.
+// Quotes a path as one word of a shell command.
 std::string ShellWord(const std::string& path) {
   const bool is_plain = std::all_of(path.begin(), path.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||

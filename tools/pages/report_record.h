@@ -1,5 +1,5 @@
-// The first page of a report, which serves as a record by itself: what was calibrated, from what, how good it is, the
-// result in the forms that people copy, and what to do next.
+// The first page of a report, which serves as a stand-alone record: the setup and its data, the quality of the
+// calibration, the result in the formats that users copy, and the recommended next steps.
 #pragma once
 
 #include <filesystem>
@@ -9,18 +9,18 @@
 
 namespace heba {
 
-// The facts about the run that a report has beside its result.
+// The facts about a run that a report shows in addition to its result.
 struct ReportContext {
-  std::string made;              // When, as text.
-  std::filesystem::path config;  // The file of the run's config.
-  std::string config_used;       // With every default, as YAML.
-  std::filesystem::path output;  // The run's folder.
+  std::string made;              // Date and time as text.
+  std::filesystem::path config;  // Config file of the run.
+  std::string config_used;       // Config as YAML, including every default.
+  std::filesystem::path output;  // Output folder of the run.
 };
 
-// The time now in UTC, to the minute; SOURCE_DATE_EPOCH in the environment counts more.
+// Returns the current time in UTC, to the minute. SOURCE_DATE_EPOCH in the environment takes precedence.
 std::string TimeNow();
 
-// Markup. A result without a refined estimate has the pose of its last one.
+// Returns markup. If the result has no refined estimate, the pose of the last successful estimate is shown.
 std::string RecordSection(const RunResult& result, const ReportContext& context);
 
 }  // namespace heba

@@ -19,7 +19,7 @@ double Share(const ChartAxis& axis, double value) {
   return (value - axis.low) / (axis.high - axis.low);
 }
 
-// Without the zeros that a fixed number of digits would have at the end.
+// Formats without trailing zeros.
 std::string TickText(double value) {
   char buffer[32];
   std::snprintf(buffer, sizeof(buffer), "%.6g", value);

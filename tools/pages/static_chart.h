@@ -1,4 +1,4 @@
-// Charts as pictures in a page: what its script draws, for a reader who has no script.
+// Charts as static SVG, for readers of a page whose script does not run.
 #pragma once
 
 #include <optional>
@@ -16,28 +16,29 @@ struct ChartAxis {
   bool has_ticks = true;
 };
 
-// One chart, its marks in the axes' units. Colours are names of the page's own: first, second, dim, ink, line, bad.
-// The margins of a chart but for that at the left, px: a chart that is to be true to scale counts them.
+// The margins of a chart except the left one, px. Charts that are to be true to scale account for them.
 inline constexpr double kChartTop = 8;
 inline constexpr double kChartRight = 12;
 inline constexpr double kChartBottom = 38;
 
+// A chart whose marks are in the units of its axes. Colours are names of the page's style sheet: first, second, dim,
+// ink, line, bad.
 class StaticChart {
  public:
-  // The size in px that it is drawn at where there is room; `left` is the margin beside the vertical axis. The vertical
-  // axis runs upwards, from low to high; low may be the larger one.
+  // `width` and `height` are the size in px where there is enough room; `left` is the margin for the labels of the
+  // vertical axis. The vertical axis runs upwards from `low` to `high`; `low` may be the larger one.
   StaticChart(double width, double height, ChartAxis x, ChartAxis y, double left = 56);
 
   void Dot(double x, double y, double radius_px, const std::string& colour);
   void Line(const std::vector<std::pair<double, double>>& points, const std::string& colour, double width_px,
             bool is_dashed = false);
   void Bar(double x1, double y1, double x2, double y2, const std::string& colour, double opacity = 1);
-  // Text at a place, `anchor` start, middle or end.
+  // Adds text at a position; `anchor` is "start", "middle" or "end".
   void Text(double x, double y, const std::string& text, const std::string& anchor);
-  // Text in the margin at the left of the height y.
+  // Adds text in the left margin at height y.
   void RowName(double y, const std::string& text);
 
-  // Markup.
+  // Returns the markup of the chart.
   std::string Svg() const;
 
  private:
@@ -52,8 +53,8 @@ class StaticChart {
   std::string marks_;
 };
 
-// A row an entry: two figures on a logarithmic axis, and the line between them. Figures that are not positive, and rows
-// without any, are left out. Empty if nothing is left.
+// One row of a dumbbell chart: two values on a logarithmic axis that are joined by a line. Values that are not
+// positive and rows without values are omitted; the chart is empty if no row remains.
 struct FigureRow {
   std::string label;
   std::optional<double> first;
@@ -61,7 +62,8 @@ struct FigureRow {
 };
 std::string DumbbellChart(const std::string& axis, const std::vector<FigureRow>& rows);
 
-// 1, 2 and 5 of each decade of a logarithmic axis; of many decades the ones alone; of a linear one some even steps.
+// Returns tick positions: 1, 2 and 5 of each decade of a logarithmic axis, or powers of ten only if it spans many
+// decades; on a linear axis, at most `most` even steps.
 std::vector<double> AxisTicks(const ChartAxis& axis, int most);
 
 }  // namespace heba

@@ -10,7 +10,7 @@
 namespace heba {
 namespace {
 
-// The figures of an estimate, with their names in the csv and on pages.
+// A figure of an estimate, with its names in the CSV file and on pages.
 struct Figure {
   const char* name;
   const char* title;

@@ -1,4 +1,4 @@
-// A batch in one table: for the terminal, as summary.csv and as summary.html.
+// Summarises a batch in one table: for the terminal, as summary.csv and as summary.html.
 #pragma once
 
 #include <optional>
@@ -9,18 +9,18 @@
 
 namespace heba {
 
-// One run of a batch: what came out of it, or why nothing did.
+// One run of a batch: its result, or the reason why it failed.
 struct BatchRun {
   std::string name;
   std::optional<RunResult> result;
   std::string reason;
 };
 
-// A header, then a line a run and method; a failed run has one line, without a method. Nothing in it depends on when or
-// how fast the runs were made.
+// Returns a header and one line for each run and method; a failed run has one line without a method. The output does
+// not depend on the time or duration of the runs.
 std::string SummaryCsv(const std::vector<BatchRun>& runs);
 std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& runs);
-// A line a run, at most 80 columns wide.
+// Returns one line for each run, at most 80 columns wide.
 std::string SummaryTable(const std::vector<BatchRun>& runs);
 
 }  // namespace heba

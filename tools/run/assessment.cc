@@ -28,7 +28,8 @@ Errors EvaluateEstimate(const HandEye& hand_eye, const Camera& camera, const std
   return errors;
 }
 
-// By the capture of middling distance; nothing if its points do not tell the target's pose.
+// Returns the working point: that of the capture with the median distance. Returns nothing if its points do not
+// determine the target's pose.
 std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Setup setup) {
   const Solution& solution = *calibration.refined;
   std::vector<std::pair<double, const View*>> by_distance;
@@ -70,7 +71,8 @@ ModelSummary SummariseModel(const Calibration& calibration) {
   return model;
 }
 
-// Points that are in view time and again, but are never found: a wrong id, marker size or pattern, not a bad image.
+// Finds points that are in view several times but are never detected. The cause is a wrong id, marker size or pattern,
+// not a bad image.
 std::optional<Finding> FindMissingIds(const RunConfig& config, const Calibration& calibration,
                                       const std::vector<CaptureDetection>& detections) {
   if (!config.given_detections.empty()) return std::nullopt;
@@ -107,8 +109,8 @@ std::optional<Finding> FindMissingIds(const RunConfig& config, const Calibration
                  {{"missing", num_missing}, {"points", static_cast<double>(points.size())}}};
 }
 
-// The radius around the middle that holds a Gaussian with this covariance with this confidence: of a weighted sum of
-// chi-squares by its first two moments (Satterthwaite 1946).
+// Returns the radius around the mean that contains a Gaussian with this covariance with probability `confidence`. The
+// squared distance is a weighted sum of chi-squares, approximated by its first two moments (Satterthwaite 1946).
 double RadiusM(const Eigen::Matrix3d& covariance_m2, double confidence) {
   const double trace = covariance_m2.trace();
   const double squares = covariance_m2.squaredNorm();
@@ -117,8 +119,8 @@ double RadiusM(const Eigen::Matrix3d& covariance_m2, double confidence) {
   return std::sqrt(squares / trace * ChiSquareQuantile(1 - confidence, dof));
 }
 
-// Returns the accuracy that the calibration reaches at each place for which the config requires one. A camera that the
-// robot carries sees a target at any place as it did at the working point.
+// Returns the accuracy that the calibration reaches at each position for which the config requires one. A camera that
+// the robot carries can see a target at any position as at the working point.
 std::vector<Requirement> ReachedRequirements(const RunConfig& config, const Calibration& calibration,
                                              const RunResult& result) {
   std::vector<Requirement> reached;
@@ -133,7 +135,7 @@ std::vector<Requirement> ReachedRequirements(const RunConfig& config, const Cali
           *std::max_element(calibration.views.begin(), calibration.views.end(),
                             [](const View& a, const View& b) { return a.observations.size() < b.observations.size(); });
       for (const Eigen::Vector3d& place : required.places_in_base_m) {
-        // The target as that capture showed it, moved to the place.
+        // The target as that capture showed it, moved to the position.
         Observations seen = fullest.observations;
         Rigid3d camera_from_target = CameraFromTarget(solution.hand_eye, fullest.camera_mount_from_target_mount);
         const Eigen::Vector3d middle = seen.points_in_target.rowwise().mean();
@@ -244,7 +246,7 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
   refined.solution = *calibration.refined;
   refined.hand_eye = refined.solution->hand_eye;
   refined.camera = refined.solution->camera;
-  // The refined camera sees the target elsewhere than the one that the closed forms had.
+  // The refined camera sees other target poses than the camera that the closed forms used.
   const std::vector<View> shaped = ApplyShape(calibration.views, refined.solution->shape);
   refined.errors = EvaluateEstimate(refined.hand_eye, refined.camera, shaped,
                                     PosePairsOf(refined.camera, refined.hand_eye, shaped), truth, symmetries);
@@ -271,7 +273,7 @@ std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target,
   for (const TargetPoint& point : target.points()) {
     const Eigen::Vector3d in_camera = camera_from_target * ApplyShape(point.in_target, solution.shape);
     std::optional<Eigen::Vector2d> pixel = ProjectPoint(solution.camera, in_camera);
-    // From behind there is nothing to see; and strong distortion folds far rays back into the picture.
+    // The back of the target shows no points, and strong distortion folds far rays back into the image.
     const bool is_visible = pixel && normal.dot(in_camera) > 0 && pixel->x() >= kRimPx && pixel->y() >= kRimPx &&
                             pixel->x() <= solution.camera.width_px - 1 - kRimPx &&
                             pixel->y() <= solution.camera.height_px - 1 - kRimPx &&
@@ -308,12 +310,12 @@ RunResult Assess(const RunConfig& config, const std::vector<CaptureDetection>& d
   result.num_target_points = static_cast<int>(config.target->points().size());
   result.observations = Advise(calibration, options);
 
-  // From here on the methods that were found to suit, in every fold.
+  // The folds run the methods that succeeded on all captures.
   options.methods.clear();
   for (const MethodResult& method : calibration.methods) {
     if (method.hand_eye) options.methods.push_back(method.method);
   }
-  options.bundle.num_threads = 1;  // The folds are side by side.
+  options.bundle.num_threads = 1;  // The folds run in parallel.
   std::vector<HoldOut> hold_outs;
   if (config.folds > 0) {
     const int num_folds = std::min(config.folds, static_cast<int>(calibration.views.size()));

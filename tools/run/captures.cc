@@ -14,7 +14,7 @@ std::string SizeText(int width_px, int height_px) {
   return std::to_string(width_px) + " x " + std::to_string(height_px);
 }
 
-// InputError unless all are of one size.
+// Throws InputError unless all detections have the same image size.
 void CheckSizes(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
   const int width_px = detections.front().width_px;
   const int height_px = detections.front().height_px;
@@ -27,7 +27,7 @@ void CheckSizes(const RunConfig& config, const std::vector<CaptureDetection>& de
   }
 }
 
-// Of the size of their pictures or, where that is not said, of the camera's.
+// Returns the given detections with the size of their images or, if that is not stated, of the camera's.
 std::vector<CaptureDetection> GivenDetections(const RunConfig& config) {
   std::vector<CaptureDetection> detections = config.given_detections;
   for (CaptureDetection& detection : detections) {
@@ -56,7 +56,8 @@ CaptureDetector::CaptureDetector(const std::string& target_used) {
   try {
     create(target_->UnitLengths());
   } catch (const InputError&) {
-    // One that is at the limit of what is possible, rounded: it is searched for as it is.
+    // Rounding makes a target at the limit of the possible dimensions invalid; it is searched for in its own
+    // dimensions.
   }
 }
 
@@ -66,7 +67,7 @@ CaptureDetection CaptureDetector::Detect(const std::filesystem::path& image,
   std::optional<CaptureDetection> detection = cache_->Find(digest);
   if (!detection) {
     detection = DetectCapture(*target_, image, expected);
-    // Unless it was another image meanwhile.
+    // It is not cached if the file was replaced meanwhile.
     if (DigestOfFile(image) == digest) {
       cache_->Keep(digest, *detection);
       has_kept_ = true;
@@ -82,7 +83,8 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
     CheckSizes(config, given);
     return given;
   }
-  // By the headers, before anything is decoded: a picture of another size may be one of gigabytes.
+  // The expected size is read from the header before anything is decoded, because an image of another size may need
+  // gigabytes.
   const std::optional<ImageSize> expected = ReadImageSize(config.captures.front().image);
   const double largest_cache_bytes = LargestCacheBytes();
   std::vector<CaptureDetection> detections(config.captures.size());
@@ -90,14 +92,14 @@ std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_th
     Progress progress("detect", static_cast<int>(detections.size()), verbosity);
     const CaptureDetector detector(config.target_used);
     std::mutex mutex;
-    // Pictures are read, searched and dropped: of each only a small copy stays.
+    // Each image is read, searched and released; only a small copy is kept.
     ParallelFor(static_cast<int>(detections.size()), num_threads, [&](int index) {
       const size_t i = static_cast<size_t>(index);
       detections[i] = detector.Detect(config.captures[i].image, expected);
       const std::lock_guard<std::mutex> lock(mutex);
       progress.Step();
     });
-    // The cache is walked through only where it has grown.
+    // The cache is only scanned if it has grown.
     if (detector.has_kept()) TrimCache(largest_cache_bytes);
   }
   CheckSizes(config, detections);

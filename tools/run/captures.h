@@ -1,4 +1,4 @@
-// From a run's config to what is calibrated: its pictures' detections, the views that they make, the options.
+// Prepares a run's captures for calibration: detections in its images, the views made from them, the options.
 #pragma once
 
 #include <atomic>
@@ -17,16 +17,17 @@
 
 namespace heba {
 
-// Searches images for a target, each one once, however large the target is said to be: what was found is kept
-// (DetectionCache).
+// Searches images for a target. Detections are cached (DetectionCache) independently of the target's dimensions, so an
+// image is searched once even if the dimensions in the config change.
 class CaptureDetector {
  public:
-  // The target as used, as YAML.
+  // `target_used`: the target as used, as YAML.
   explicit CaptureDetector(const std::string& target_used);
 
-  // InputError if the image cannot be read or is of another size than `expected`.
+  // Returns the detection in an image. Throws InputError if the image cannot be read or is of another size than
+  // `expected`.
   CaptureDetection Detect(const std::filesystem::path& image, const std::optional<ImageSize>& expected) const;
-  // Whether the cache has grown by a detection of this detector.
+  // Returns whether this detector has added a detection to the cache.
   bool has_kept() const { return has_kept_; }
 
  private:
@@ -35,21 +36,21 @@ class CaptureDetector {
   mutable std::atomic<bool> has_kept_ = false;
 };
 
-// Detects the target in all captures, with the digests of their images and progress on the terminal. InputError if
-// images cannot be read or differ in size.
+// Detects the target in all captures, with the digests of their images and progress on the terminal. Throws InputError
+// if images cannot be read or differ in size.
 std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_threads, Verbosity verbosity);
 
-// Throws the InputError of FitCameraToImages by the header of the first picture, before any is decoded.
+// Throws the InputError of FitCameraToImages by the header of the first image, before any is decoded.
 void CheckCameraByHeader(const RunConfig& config);
 
-// Gives the config's camera, if there is one, the size of the pictures where its file does not tell it. InputError if
-// the two disagree.
+// Sets the size of the config's camera, if there is one, to that of the images if its file does not state it. Throws
+// InputError if the sizes differ.
 void FitCameraToImages(const CaptureDetection& first, RunConfig* config);
 
-// One capture, numbered as in RunConfig::captures, with what its picture shows.
+// Returns the view of one capture, an index into RunConfig::captures, with the observations in its image.
 View ViewOf(const RunConfig& config, size_t capture, Observations observations);
 
-// Of the captures in which the target was seen.
+// Returns the views of the captures in which the target was seen.
 std::vector<View> ViewsOf(const RunConfig& config, const std::vector<CaptureDetection>& detections);
 
 CalibrationOptions OptionsOf(const RunConfig& config, int width_px, int height_px);

@@ -60,7 +60,7 @@ LeftOutCaptures LeaveOutSharedImages(RunConfig* config, std::vector<CaptureDetec
   int num_repeats = 0;
   int num_contradictory = 0;
   for (const SharedImage& shared : FindSharedImages(captures, *detections)) {
-    // There is nothing to leave out of images that show no target, such as black ones.
+    // Images that show no target, such as black ones, need not be left out.
     if ((*detections)[shared.captures.front()].detection.ids.empty()) continue;
     for (const size_t i : shared.captures) {
       if (shared.has_one_pose && i == shared.captures.front()) continue;

@@ -1,4 +1,4 @@
-// What a run was made from, by content: whether its results still are what it would give.
+// Records the inputs of a run by their contents, to tell whether its results are still current.
 #pragma once
 
 #include <filesystem>
@@ -10,11 +10,12 @@
 
 namespace heba {
 
-// The text of a run's inputs.json: digests of the program, of the config as used and of every file that it reads. Files
-// that cannot be read have none.
+// Returns the text of a run's inputs.json: digests of the program, of the config as used and of every file that it
+// reads. The digest of a file that cannot be read is empty.
 std::string RunInputsText(const RunConfig& config);
 
-// The complete result that `output` holds, if it was made from the same; nothing otherwise, or if it cannot be read.
+// Returns the complete result in `output` if it was made from the same inputs; nothing otherwise, or if it cannot be
+// read.
 std::optional<RunResult> CurrentResult(const std::filesystem::path& output, const RunConfig& config);
 
 }  // namespace heba

@@ -65,7 +65,7 @@ MethodSummary ReadMethod(const JsonReader& reader) {
   return method;
 }
 
-// All that a cell's result follows from.
+// Returns a digest of everything that the result of a cell depends on.
 std::string MadeFrom(const StudyConfig& study, int index) {
   const StudyCell& cell = study.cells[static_cast<size_t>(index)];
   const BundleOptions& bundle = cell.options.bundle;
@@ -112,7 +112,7 @@ StudyCells::StudyCells(const fs::path& folder, const StudyConfig& study) : folde
   std::error_code error;
   const bool is_study = fs::exists(folder / "study.csv", error) || fs::exists(folder_, error);
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    // Another shard may just have made the cells' folder.
+    // Another shard may just have created the folder of the cells.
     const std::string name = entry.path().filename().string();
     if (is_study || name.starts_with(".") || name == "cells") continue;
     throw InputError(folder.string() + ": holds other files (no study.csv); name a new or empty folder");
@@ -141,7 +141,7 @@ std::optional<CellResult> StudyCells::Find(int cell) const {
     for (const JsonReader& method : reader.Get("methods").List()) result.methods.push_back(ReadMethod(method));
     return result;
   } catch (const InputError&) {
-    return std::nullopt;  // Of another version, or spoiled.
+    return std::nullopt;  // The file was written by another version or is damaged.
   }
 }
 

@@ -1,4 +1,4 @@
-// A study's finished cells, each in a file of its own: what was done is not done again.
+// Stores each finished cell of a study in a file of its own, so that an interrupted study can continue.
 #pragma once
 
 #include <filesystem>
@@ -8,12 +8,14 @@
 
 namespace heba {
 
-// In a study's folder; made if needed. InputError if the folder holds other files than a study's.
+// Stores the cells in the folder of a study, which is created if needed. Throws InputError if the folder holds files
+// other than those of a study, or cannot be created.
 class StudyCells {
  public:
   StudyCells(const std::filesystem::path& folder, const StudyConfig& study);
 
-  // A cell that this very program has finished, of the same content and trials; nothing otherwise.
+  // Returns a cell that the same build of the program has finished with the same content, trials and seed; otherwise
+  // nothing.
   std::optional<CellResult> Find(int cell) const;
   void Keep(const CellResult& result) const;
 

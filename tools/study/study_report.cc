@@ -22,10 +22,11 @@ namespace {
 
 std::string Ratio(double value, double bound) { return bound > 0 ? Significant(value / bound, 3) : "-"; }
 
-// A quantity that a study varies and a chart can have as its horizontal axis. Robot noise is swept as a pair.
+// A quantity that a study varies and that can be the horizontal axis of a chart. Translation and rotation noise of
+// the robot are swept as a pair.
 struct SweptQuantity {
   const char* label;
-  bool has_zero;  // Then the axis is linear.
+  bool has_zero;  // True if the axis is linear, because zero is a possible value.
   double (*value)(const StudyLabels& labels);
 };
 constexpr SweptQuantity kQuantities[] = {
@@ -45,12 +46,12 @@ constexpr size_t kNoQuantity = std::size(kQuantities);
 
 bool IsRobotNoise(size_t quantity) { return std::string_view(kQuantities[quantity].label).starts_with("robot noise"); }
 
-// Whether a cell's line leaves this quantity out because it is what a chart varies.
+// Returns true if the description of a cell omits this quantity because the chart varies it.
 bool IsSwept(size_t quantity, size_t swept) {
   return quantity == swept || (swept < kNoQuantity && IsRobotNoise(swept) && IsRobotNoise(quantity));
 }
 
-// Describes a cell, without its pixel noise and without the quantity that is swept.
+// Describes a cell without its pixel noise and without the swept quantity.
 std::string SceneLine(const StudyLabels& labels, size_t swept = kPixelNoise) {
   const auto is_swept = [&](std::string_view label) {
     for (size_t i = 0; i < kNoQuantity; ++i) {
@@ -97,7 +98,7 @@ std::string StudyTable(const std::vector<CellResult>& results) {
       table += "  no bound: " + result.bound.reason() + "\n\n";
       continue;
     }
-    // 80 characters in all.
+    // The line is 80 characters wide.
     const auto figures = [](const StudyErrors& errors) {
       return PadLeft(Significant(1000 * errors.hand_eye_m, 3), 9) +
              PadLeft(Significant(RadToDeg(errors.hand_eye_rad), 3), 9) +
@@ -185,16 +186,16 @@ std::string StudyCsv(const std::vector<CellResult>& results) {
 
 namespace {
 
-// A chart of one swept quantity, everything else the same.
+// A chart of one swept quantity with everything else constant.
 struct StudyChart {
   size_t quantity = 0;
   Plot plot;
   bool has_linear_x = false;
   bool has_linear_y = false;
-  std::optional<std::pair<double, double>> band;  // The part of the vertical axis that is as it should be.
+  std::optional<std::pair<double, double>> band;  // Expected range of the values on the vertical axis.
 };
 
-// The cells that differ in a quantity only, by it; groups of one are none.
+// Returns the groups of cells that differ in this quantity only. Groups with a single value are omitted.
 std::vector<std::vector<const CellResult*>> SweepsOf(const std::vector<CellResult>& results, size_t quantity) {
   std::vector<std::string> order;
   std::map<std::string, std::vector<const CellResult*>> groups;
@@ -213,7 +214,7 @@ std::vector<std::vector<const CellResult*>> SweepsOf(const std::vector<CellResul
     std::vector<const CellResult*>& group = groups[key];
     std::set<double> values;
     for (const CellResult* result : group) values.insert(kQuantities[quantity].value(result->labels));
-    // The robot's deg have no charts of their own if its mm vary too.
+    // The rotation noise of the robot has no chart of its own if the translation noise varies too.
     const bool is_second_of_pair =
         IsRobotNoise(quantity) && IsRobotNoise(quantity - 1) &&
         std::any_of(group.begin(), group.end(), [&](const CellResult* result) {
@@ -244,13 +245,13 @@ std::vector<PlotLine> LinesOf(const std::vector<const CellResult*>& sweep, size_
   return lines;
 }
 
-// A cell without the quantity that is swept, but with its pixel noise.
+// Describes a cell without the swept quantity, but with its pixel noise.
 std::string TitleOf(const StudyLabels& labels, size_t swept) {
   return SceneLine(labels, swept) +
          (swept == kPixelNoise ? "" : ", pixel noise " + Significant(labels.pixel_sigma_px, 3) + " px");
 }
 
-// The hand-eye translation's error against the quantity, with the bound.
+// Plots the error of the hand-eye translation against the quantity, together with the bound.
 StudyChart ErrorChart(const std::vector<const CellResult*>& sweep, size_t quantity) {
   StudyChart chart{quantity,
                    {TitleOf(sweep.front()->labels, quantity),
@@ -273,7 +274,8 @@ StudyChart ErrorChart(const std::vector<const CellResult*>& sweep, size_t quanti
   return chart;
 }
 
-// How often the stated 95 % region holds the truth; the band is what that many trials leave to chance.
+// Plots the frequency with which the stated 95 % region holds the truth; the band is two sigma of a proportion of
+// 0.95 for this number of trials.
 std::optional<StudyChart> CoverageChart(const std::vector<const CellResult*>& sweep, size_t quantity) {
   StudyChart chart{quantity,
                    {TitleOf(sweep.front()->labels, quantity),
@@ -292,7 +294,7 @@ std::optional<StudyChart> CoverageChart(const std::vector<const CellResult*>& sw
   return chart;
 }
 
-// The charts of every quantity that is swept, errors before coverage.
+// Returns the charts of every swept quantity, for each quantity errors before coverage.
 std::vector<StudyChart> StudyCharts(const std::vector<CellResult>& results) {
   std::vector<StudyChart> charts;
   for (size_t quantity = 0; quantity < kNoQuantity; ++quantity) {
@@ -384,7 +386,7 @@ std::string StudyPage(const std::string& title, const std::vector<CellResult>& r
                      Paragraph(
                          "RMS errors against the truth, of every method, and the least that any unbiased method "
                          "can reach (bound).");
-  // Very many charts hide what they show: the file of figures has the rest.
+  // The number of charts is limited for readability; study.csv holds the remaining figures.
   constexpr size_t kMostCharts = 60;
   const std::vector<StudyChart> charts = StudyCharts(results);
   std::string section;
@@ -406,7 +408,7 @@ std::string StudyPage(const std::string& title, const std::vector<CellResult>& r
   const auto number = [](const std::optional<double>& value) {
     return PageCell{value ? Significant(*value, 3) : "", true};
   };
-  // A table a scene: what its cells share stands above it once.
+  // There is one table for each scene; the properties that its cells share are its heading.
   std::vector<std::string> order;
   std::map<std::string, std::vector<std::vector<PageCell>>> rows_of;
   for (const CellResult& result : results) {

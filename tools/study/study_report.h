@@ -1,4 +1,4 @@
-// A finished study for people and programs: the table on the terminal, study.csv, plots, study.html.
+// Reports a finished study for people and programs: a terminal table, study.csv, plots and study.html.
 #pragma once
 
 #include <filesystem>
@@ -10,7 +10,7 @@
 namespace heba {
 
 struct CellResult {
-  int cell = 0;  // Its number in the study.
+  int cell = 0;  // Index of the cell in the study.
   StudyLabels labels;
   Outcome<StudyErrors> bound = Failure{"not run"};
   std::vector<MethodSummary> methods;
@@ -18,15 +18,15 @@ struct CellResult {
 
 std::string StudyTable(const std::vector<CellResult>& results);
 
-// A header, then a line a cell and method. Lengths in mm, angles in deg, focal length in px; a figure that does not
-// exist is empty.
+// Returns a header and one line for each cell and method. Lengths are in mm, angles in deg, focal lengths in px; a
+// missing figure is empty.
 std::string StudyCsv(const std::vector<CellResult>& results);
 
-// One plot for each scene and everything else that varies but pixel noise: the hand-eye translation's error against
-// it. None if pixel noise does not vary.
+// Writes the RMS error of the hand-eye translation against the pixel noise, one SVG file for each combination of
+// scene and other varied quantities. Writes nothing if the pixel noise does not vary.
 void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesystem::path& folder);
 
-// The same plots, and a row a cell and method, as a page.
+// Returns a page with plots of every varied quantity and a table row for each cell and method.
 std::string StudyPage(const std::string& title, const std::vector<CellResult>& results);
 
 }  // namespace heba

@@ -12,8 +12,8 @@
 namespace heba {
 namespace {
 
-// Control characters in names of files and configs would move a terminal's cursor: question marks stand in their place.
-// Bold and plain are the program's own.
+// Replaces control characters by question marks: in names of files and configs they could move the terminal's cursor.
+// The program's own escape sequences for bold and plain are kept.
 std::string WithoutControls(const std::string& text) {
   std::string shown = text;
   for (size_t i = 0; i < shown.size(); ++i) {

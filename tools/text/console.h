@@ -1,4 +1,4 @@
-// What a person at the terminal sees while the program works, and the log of it.
+// Terminal output while the program works, and its log.
 #pragma once
 
 #include <chrono>
@@ -11,11 +11,11 @@ enum ExitStatus { kDone = 0, kWorkFailed = 1, kInputWrong = 2 };
 
 enum class Verbosity { kNormal, kQuiet };
 
-// Lines for standard error, kept for log.txt.
+// Prints lines on standard error and keeps them for log.txt.
 class Console {
  public:
   explicit Console(Verbosity verbosity) : verbosity_(verbosity) {}
-  // A line for the log and, unless quiet, for the terminal.
+  // Adds a line to the log and, unless quiet, prints it.
   void Note(const std::string& line);
   const std::string& log() const { return log_; }
   Verbosity verbosity() const { return verbosity_; }
@@ -25,8 +25,8 @@ class Console {
   std::string log_;
 };
 
-// Progress of `total` like steps: a bar on a terminal, a line for each quarter otherwise, nothing if quiet. Not to be
-// used from two threads at once.
+// Shows the progress of `total` equal steps: a bar on a terminal, otherwise a line for each quarter, nothing if quiet.
+// Not thread-safe.
 class Progress {
  public:
   Progress(std::string what, int total, Verbosity verbosity);
@@ -46,11 +46,11 @@ class Progress {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-// Whether standard output may be coloured: a terminal, and no NO_COLOR in the environment.
+// Returns whether standard output may be coloured: if it is a terminal, and NO_COLOR is not set in the environment.
 bool UseColour();
 
-// Text for standard output: long lines broken to a terminal's width, or to 160 characters where it is none, and
-// control characters as question marks.
+// Prepares text for standard output: breaks long lines at the terminal's width, or at 160 characters if it is no
+// terminal, and replaces control characters by question marks.
 std::string ForTerminal(const std::string& text);
 
 // Prints "heba: error: " and `message`, made one line, on standard error.

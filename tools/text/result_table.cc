@@ -12,7 +12,7 @@
 namespace heba {
 namespace {
 
-// With fewer digits where they do not fit into a column, which begins with a space.
+// Formats a figure for a column of `width`, which begins with a space. The number of digits is reduced until it fits.
 std::string Cell(const std::optional<double>& value, int digits, size_t width) {
   if (!value) return "-";
   constexpr double kRounding = 1e-9;
@@ -35,7 +35,7 @@ std::string Uncertainty(const Solution& solution) {
   return "one sigma " + Join(mm, ", ") + " mm; " + Join(deg, ", ") + " deg (camera's x, y, z)";
 }
 
-// Of the target, if its shape was an unknown.
+// Describes the target's shape; empty if it was not estimated.
 std::string ShapeLine(const Solution& solution) {
   std::vector<std::string> parts;
   for (size_t i = 0; i < solution.shape.params.size(); ++i) {
@@ -60,7 +60,7 @@ std::string NoiseLine(const Solution& solution, const std::optional<double>& hol
   return line + "\n";
 }
 
-// The grade, then what keeps it from being good, each with what would better it.
+// Returns the grade, then the findings that keep it from being good, each with its action.
 std::string VerdictLines(const Verdict& verdict, const std::string& bold, const std::string& plain) {
   std::string lines = bold + "verdict: " + std::string(GradeName(verdict.grade)) + plain + "\n";
   for (const Finding& finding : verdict.findings) {
@@ -85,7 +85,7 @@ std::string ResultTable(const RunResult& result, Colour colour) {
                       result.target_type + ", " + std::to_string(used) + " of " +
                       std::to_string(result.captures.size()) + " captures used\n" +
                       VerdictLines(result.verdict, bold, plain) + "\n";
-  // Title, unit and figure of each column; 80 characters in all.
+  // Title, unit and figure of each column; the table is 80 characters wide.
   struct Column {
     const char* title;
     const char* unit;
@@ -128,10 +128,10 @@ std::string ResultTable(const RunResult& result, Colour colour) {
     table += "\n";
   }
   for (const auto& [reason, methods] : MethodsWithoutResult(result)) table += methods + ": none, " + reason + "\n";
-  // The last of them is the refinement of the reprojection error.
+  // The refinement of the reprojection error.
   const Estimate* refined = FindRefined(result);
   if (refined == nullptr) {
-    // Of poses alone.
+    // There is none in a result from poses alone.
     for (const Estimate& estimate : result.estimates) {
       if (!estimate.ok || estimate.kind != "refined") continue;
       table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera (" + estimate.method + ")\n  " +

@@ -1,4 +1,4 @@
-// A run's result as a table for the terminal.
+// Formats a run's result as a table for the terminal.
 #pragma once
 
 #include <string>
@@ -9,7 +9,8 @@ namespace heba {
 
 enum class Colour { kPlain, kAnsi };
 
-// Method by method, closed forms and refined, with what the result is worth below. At most 80 columns wide.
+// Returns a table of the methods, closed-form and refined, below the verdict, followed by the refined pose and its
+// uncertainty. At most 80 columns wide, except for long texts.
 std::string ResultTable(const RunResult& result, Colour colour);
 
 }  // namespace heba

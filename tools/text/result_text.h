@@ -1,4 +1,4 @@
-// What tables of several runs say of each.
+// Texts and figures for tables and messages about results.
 #pragma once
 
 #include <optional>
@@ -10,30 +10,32 @@
 
 namespace heba {
 
-// One sigma of the hand-eye pose as a whole (root of the sum over the axes); nothing without a covariance.
+// Return the sigma of the hand-eye pose as a whole (the root of the sum of variances over the axes); nothing without a
+// covariance.
 std::optional<double> TranslationSigmaMm(const Estimate& estimate);
 std::optional<double> RotationSigmaDeg(const Estimate& estimate);
 
-// Each reason once, with the methods that give it and commas between them. `methods`: a method and its reason.
+// Returns each reason once, with the methods that give it, separated by commas. `methods`: each method and its reason.
 using MethodReason = std::pair<std::string, std::string>;
 std::vector<std::pair<std::string, std::string>> GroupedByReason(const std::vector<MethodReason>& methods);
-// The same of the methods that have no estimate.
+// Groups the methods of a result that have no estimate.
 std::vector<std::pair<std::string, std::string>> MethodsWithoutResult(const RunResult& result);
 
 int NumUsedCaptures(const RunResult& result);
 
-// "[x, y, z] mm, quaternion xyzw [...]", w not negative; to a micrometre, or with the digits that the largest sigmas
-// of place and turn deserve.
+// Formats a pose as "[x, y, z] mm, quaternion xyzw [...]" with w not negative. The sigmas of position and rotation
+// determine the number of decimals.
 std::string PoseText(const Rigid3d& pose, double sigma_mm = 0.01, double sigma_rad = 1e-5);
-// The same with the sigmas of an estimate's hand-eye pose.
+// Formats an estimate's hand-eye pose with the decimals that its sigmas determine.
 std::string HandEyePoseText(const Estimate& estimate);
-// Three digits, or "-".
+// Formats a figure with three significant digits, or "-".
 std::string FigureText(const std::optional<double>& value);
 
-// Why --fail-on fails a run, as an error line says it.
+// Returns the error message of a run that --fail-on fails.
 std::string VerdictFailure(const Verdict& verdict);
 
-// As RFC 4180 has it.
+// Quotes a field of a CSV file by RFC 4180. A text that a spreadsheet would read as a formula gets a leading
+// apostrophe.
 std::string CsvField(const std::string& text);
 
 }  // namespace heba

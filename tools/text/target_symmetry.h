@@ -1,4 +1,4 @@
-// The program's words on a target that looks the same after half a turn or a quarter of a turn.
+// Texts about a target that looks the same after a rotation by 180 or 90 deg.
 #pragma once
 
 #include <string>
@@ -7,12 +7,12 @@
 
 namespace heba {
 
-// "the target looks the same after half a turn"; empty for a target without symmetry.
+// Returns "the target looks the same after half a turn"; empty for a target without symmetry.
 std::string SymmetryText(const Target& target);
-// The same with what it means for the user: "..., so 'heba locate' finds 2 possible poses in an image unless --near
-// decides; the calibration itself is not affected".
+// Adds the consequence for the user to SymmetryText: "..., so 'heba locate' finds 2 possible poses in an image unless
+// --near decides; the calibration itself is not affected".
 std::string SymmetryRemark(const Target& target);
-// Which target would have no symmetry: "a chessboard with columns: 8, or a charuco, has one pose only".
+// Names a target without symmetry: "a chessboard with columns: 8, or a charuco, has one pose only".
 std::string SymmetryCure(const Target& target);
 
 }  // namespace heba

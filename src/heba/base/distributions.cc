@@ -12,8 +12,8 @@ constexpr double kTiny = 1e-300;
 constexpr double kPrecision = 1e-15;
 constexpr int kMaxTerms = 10000;
 
-// The regularised upper incomplete gamma function Q(a, x), by its series below a + 1 and by its continued fraction
-// above (Abramowitz and Stegun 6.5.29 and 6.5.31, the fraction by Lentz's method).
+// Returns the regularised upper incomplete gamma function Q(a, x): by its series for x < a + 1, otherwise by its
+// continued fraction (Abramowitz and Stegun 6.5.29 and 6.5.31; the fraction is evaluated by Lentz's method).
 double UpperGamma(double a, double x) {
   if (x <= 0) return 1;
   const double front = std::exp(-x + a * std::log(x) - std::lgamma(a));
@@ -43,11 +43,11 @@ double UpperGamma(double a, double x) {
   return front * h;
 }
 
-// The regularised incomplete beta function I_x(a, b), by its continued fraction (Abramowitz and Stegun 26.5.8).
+// Returns the regularised incomplete beta function I_x(a, b), by its continued fraction (Abramowitz and Stegun 26.5.8).
 double IncompleteBeta(double x, double a, double b) {
   if (x <= 0) return 0;
   if (x >= 1) return 1;
-  // The fraction converges fast on this side of the mean.
+  // The continued fraction converges fast only below the mean.
   if (x > (a + 1) / (a + b + 2)) return 1 - IncompleteBeta(1 - x, b, a);
   const double front =
       std::exp(std::lgamma(a + b) - std::lgamma(a) - std::lgamma(b) + a * std::log(x) + b * std::log1p(-x)) / a;
@@ -73,7 +73,7 @@ double IncompleteBeta(double x, double a, double b) {
   return front * h;
 }
 
-// The value at which a falling tail function reaches `tail`, by bisection of its logarithm.
+// Returns the value at which a decreasing tail function reaches `tail`, by bisection on a logarithmic scale.
 template <class Tail>
 double Quantile(const Tail& tail_at, double tail) {
   CHECK(tail > 0 && tail < 1) << tail;
@@ -96,7 +96,7 @@ double ChiSquareQuantile(double tail, double dof) {
 }
 
 double FisherTail(double value, double dof1, double dof2) {
-  // Beyond this the second sample's scatter cannot be told from none.
+  // Beyond this number of degrees of freedom, F cannot be distinguished from its limit, chi-square divided by dof1.
   constexpr double kManyDof = 1e7;
   if (dof2 > kManyDof) return ChiSquareTail(value * dof1, dof1);
   return IncompleteBeta(dof2 / (dof2 + dof1 * value), 0.5 * dof2, 0.5 * dof1);

@@ -1,5 +1,6 @@
-// How heba fails. A bug is a CHECK; bad input throws InputError, which is caught once, in the application; an expected
-// outcome of an algorithm (degenerate motion, no convergence, nothing found) is a value: Outcome.
+// Error handling of heba. A bug is caught by a CHECK. Bad input throws InputError, which is caught once, in the
+// application. An expected failure of an algorithm (degenerate motion, no convergence, an empty detection) is returned
+// as a value: Outcome.
 #pragma once
 
 #include <stdexcept>
@@ -11,9 +12,9 @@
 
 namespace heba {
 
-// The command line, a config or an input file is wrong. `what()` is one sentence for the user: the file (and line or
-// row), what is wrong, and what would be right. It is one line, whatever stands in the file: control characters become
-// question marks.
+// An error in the command line, in a config or in an input file. `what()` is one sentence for the user: the file (and
+// line or row), what is wrong, and what would be right. It is always one line, because control characters, which a file
+// may contain, are replaced by question marks.
 class InputError : public std::runtime_error {
  public:
   explicit InputError(std::string message) : std::runtime_error(OneLine(std::move(message))) {}
@@ -27,7 +28,7 @@ class InputError : public std::runtime_error {
   }
 };
 
-// Why an algorithm has no result: one clause in plain words, without a full stop.
+// The reason why an algorithm has no result: one clause in plain words, without a full stop.
 struct Failure {
   std::string reason;
 };
@@ -45,7 +46,7 @@ class [[nodiscard]] Outcome {
   T& operator*() & { return Value(); }
   const T* operator->() const { return &Value(); }
   T* operator->() { return &Value(); }
-  // Empty if there is a value.
+  // Returns the reason of the failure, or an empty string if there is a value.
   std::string reason() const { return ok() ? std::string() : std::get<Failure>(result_).reason; }
 
  private:

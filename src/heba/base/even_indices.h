@@ -1,4 +1,4 @@
-// Some of many.
+// Selection of evenly spread elements of a list.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 namespace heba {
 
-// At most `most` of the indices 0 .. count - 1, evenly spread, the first one among them.
+// Returns at most `most` of the indices 0 .. count - 1, evenly spread. The first index is always included.
 inline std::vector<size_t> EvenIndices(size_t count, size_t most) {
   std::vector<size_t> indices;
   const size_t num = std::min(count, most);

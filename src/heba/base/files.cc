@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// A descriptor that is closed at the end.
+// A file descriptor that is closed by its destructor.
 class Descriptor {
  public:
   explicit Descriptor(int number) : number_(number) {}
@@ -61,7 +61,7 @@ std::string ReadTextFile(const fs::path& path, size_t max_bytes) {
   const fs::file_status status = fs::status(path, error);
   if (!fs::exists(status)) throw InputError(path.string() + ": there is no such file");
   if (fs::is_directory(status)) throw InputError(path.string() + ": this is a folder; a file is needed");
-  // A pipe or a device may never end.
+  // Reading from a pipe or a device may never end.
   if (!fs::is_regular_file(status)) throw InputError(path.string() + ": is not a regular file");
   std::ifstream stream(path, std::ios::binary);
   if (!stream) throw InputError(path.string() + ": cannot be read (" + std::strerror(errno) + ")");
@@ -94,7 +94,7 @@ void WriteFileAtomically(const fs::path& path, std::string_view content) {
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
   const fs::path temporary = path.parent_path() / ("." + path.filename().string() + ".part-" + RandomName());
   constexpr mode_t kMode = 0666;
-  // A file without a name is gone with the program.
+  // An unnamed file disappears if the program is interrupted.
   const Descriptor unnamed(open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kMode));
   const bool is_unnamed = unnamed.number() >= 0;
   const Descriptor named(

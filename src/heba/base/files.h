@@ -1,4 +1,4 @@
-// Files, read within limits and written whole or not at all.
+// Reading of files up to a size limit, and writing that either completes or leaves nothing behind.
 #pragma once
 
 #include <cstddef>
@@ -10,26 +10,28 @@
 
 namespace heba {
 
-// A file that cannot be written for no fault of the command line's: a full disk, a quota, a broken device. The work
-// failed.
+// Thrown if a file cannot be written for a reason that is not the user's mistake: a full disk, a quota, a broken
+// device. The run itself has failed then, not its input.
 class OutputError : public InputError {
  public:
   using InputError::InputError;
 };
 
-// Whether a file name has the suffix of a picture, of a format that heba reads or of one that it refuses in words.
+// Returns whether the file name has the suffix of an image format. The list includes formats that heba does not read,
+// so that they can be refused with a clear message.
 bool HasImageSuffix(const std::filesystem::path& path);
 
-// The whole file. InputError if it is missing, no regular file (a folder, a pipe, a device), unreadable or larger than
-// `max_bytes`.
+// Returns the content of a file. Throws InputError if the file does not exist, is not a regular file (a folder, a pipe,
+// a device), cannot be read or is larger than `max_bytes`.
 std::string ReadTextFile(const std::filesystem::path& path, size_t max_bytes = size_t{64} << 20);
 
-// Writes `content` to a file without a name and then gives it `path`, so that `path` is never seen half written and
-// nothing is left behind. OutputError if the disk is full or broken, InputError if the folder does not exist or cannot
-// be written, or if a link, a device or another thing than a regular file stands at `path`.
+// Writes `content` to a temporary file, which has no name where the file system supports this, and then moves it to
+// `path`. `path` is never seen half written, and nothing is left behind. Throws OutputError if the disk is full or
+// broken. Throws InputError if the folder does not exist or cannot be written to, or if a link, a device or anything
+// else than a regular file exists at `path`.
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view content);
 
-// Returns 16 hexadecimal digits that nobody foretells, for the name of a temporary file or folder.
+// Returns 16 unpredictable hexadecimal digits, for the name of a temporary file or folder.
 std::string RandomName();
 
 }  // namespace heba

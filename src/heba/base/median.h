@@ -1,4 +1,4 @@
-// The middle of a list.
+// The median of a list of numbers.
 #pragma once
 
 #include <algorithm>
@@ -9,8 +9,8 @@
 
 namespace heba {
 
-// The element with half of the others below it; of an even number the upper one of the middle two. `values` must not be
-// empty.
+// Returns the median of `values`, which must not be empty. For an even number of values it is the larger one of the two
+// middle values.
 inline double Median(std::vector<double> values) {
   CHECK(!values.empty());
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);

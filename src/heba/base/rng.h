@@ -1,4 +1,5 @@
-// Random numbers that are the same on every machine and compiler: from a seed, never from a clock.
+// Random numbers that are the same on every machine and with every compiler. They depend on a seed only, never on a
+// clock.
 #pragma once
 
 #include <cmath>
@@ -12,15 +13,16 @@ namespace heba {
 class Rng {
  public:
   explicit Rng(uint64_t seed) : engine_(seed) {}
-  // A generator for part `index` of the work: the parts may then run in any order and on any thread.
+  // Creates the generator for part `index` of the work. Every part has its own stream, so that the parts can run in any
+  // order and on any thread.
   Rng(uint64_t seed, uint64_t index) : engine_(Mix(Mix(seed) + index)) {}
 
-  // In [0, 1).
+  // Returns a uniform number in [0, 1).
   double Uniform() { return static_cast<double>(engine_() >> 11) * 0x1.0p-53; }
   double Uniform(double low, double high) { return low + (high - low) * Uniform(); }
-  // In [0, count).
+  // Returns a uniform integer in [0, count).
   int Index(int count) { return static_cast<int>(Uniform() * count); }
-  // Mean 0, standard deviation 1 (Box and Muller 1958).
+  // Returns a normal deviate with mean 0 and standard deviation 1 (Box and Muller 1958).
   double Normal() {
     if (has_spare_) {
       has_spare_ = false;
@@ -38,7 +40,7 @@ class Rng {
     const double z = Normal();
     return {x, y, z};
   }
-  // Uniform on the unit sphere.
+  // Returns a vector that is uniform on the unit sphere.
   Eigen::Vector3d Direction3() {
     Eigen::Vector3d direction;
     do {
@@ -48,7 +50,7 @@ class Rng {
   }
 
  private:
-  // The finaliser of splitmix64: neighbouring seeds give unrelated streams.
+  // The finaliser of splitmix64, which gives unrelated streams for neighbouring seeds.
   static uint64_t Mix(uint64_t z) {
     z += 0x9e3779b97f4a7c15ULL;
     z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;

@@ -10,7 +10,7 @@
 namespace heba {
 namespace {
 
-// Levenshtein's distance, with a swap of neighbours as one step.
+// Returns the Levenshtein distance, where a swap of neighbouring characters counts as one edit.
 int EditDistance(std::string_view a, std::string_view b) {
   std::vector<std::vector<int>> d(a.size() + 1, std::vector<int>(b.size() + 1));
   for (size_t i = 0; i <= a.size(); ++i) d[i][0] = static_cast<int>(i);
@@ -68,7 +68,7 @@ std::string PadRight(const std::string& text, size_t width) {
 }
 
 std::string Wrapped(std::string_view text, size_t width) {
-  // Without ESC [ ... m.
+  // Escape sequences ESC [ ... m have no length.
   const auto length_of = [](std::string_view word) {
     size_t length = 0;
     for (size_t i = 0; i < word.size(); ++i) {
@@ -111,7 +111,7 @@ std::string Wrapped(std::string_view text, size_t width) {
 std::string Quoted(std::string_view text) {
   constexpr size_t kMaxLength = 60;
   size_t length = std::min(text.size(), kMaxLength);
-  // Not within a UTF-8 character.
+  // Do not cut within a UTF-8 character.
   while (length < text.size() && length > 0 && (static_cast<unsigned char>(text[length]) & 0xC0) == 0x80) --length;
   std::string shown(text.substr(0, length));
   for (char& c : shown) {
@@ -166,7 +166,7 @@ bool IsUtf8(std::string_view text) {
 std::string Fixed(double value, int decimals) {
   char buffer[512];
   std::snprintf(buffer, sizeof(buffer), "%.*f", decimals, value);
-  // What rounds to zero has no sign.
+  // A value that is rounded to zero has no sign.
   const bool is_zero = std::string_view(buffer).find_first_not_of("-0.") == std::string_view::npos;
   return is_zero && buffer[0] == '-' ? buffer + 1 : buffer;
 }
@@ -242,7 +242,8 @@ bool ParseDouble(std::string_view text, double* value) {
 }
 
 std::string DidYouMean(std::string_view unknown, const std::vector<std::string>& known) {
-  // Nobody mistypes a name that long, and the distance takes time and memory by the product of the lengths.
+  // Names that long are not typing errors, and the distance takes time and memory proportional to the product of the
+  // lengths.
   constexpr size_t kMaxLength = 64;
   if (unknown.size() > kMaxLength) return "";
   int best_distance = std::max(2, static_cast<int>(unknown.size()) / 3) + 1;

@@ -1,4 +1,4 @@
-// Small text helpers for messages and tables.
+// Text functions for messages, tables and files.
 #pragma once
 
 #include <string>
@@ -11,49 +11,52 @@ std::string Join(const std::vector<std::string>& parts, std::string_view separat
 std::vector<std::string> Split(std::string_view text, char separator);
 std::string Trim(std::string_view text);
 
-// With blanks on the left, or on the right, up to `width`.
+// Pads `text` with blanks on the left, or on the right, to `width` characters.
 std::string PadLeft(const std::string& text, size_t width);
 std::string PadRight(const std::string& text, size_t width);
 
-// `text` with every line that is longer than `width` broken at blanks, what follows indented two further than the line;
-// words that are longer stay whole. A terminal's colour codes have no length.
+// Breaks every line of `text` that is longer than `width` at blanks. The continuation lines are indented by two more
+// characters than the line. Words longer than `width` are not broken. The colour codes of terminals count as zero
+// characters.
 std::string Wrapped(std::string_view text, size_t width);
 
-// Text from a file or the command line as a message can show it: in quotes, on one line, cut off where it is long.
+// Returns text from a file or the command line in a form that is safe in a message: in quotes, on one line, truncated
+// if it is long.
 std::string Quoted(std::string_view text);
 
-// Text as it can stand in XML or HTML, within attributes too: nothing of it is markup. Control characters, line ends
-// among them, become blanks: XML has few of them.
+// Escapes text for XML or HTML, attributes included, so that no part of it is read as markup. Control characters and
+// line ends become blanks, because XML allows only a few of them.
 std::string EscapedForMarkup(std::string_view text);
 
-// Whether the bytes are UTF-8.
+// Returns whether the bytes are valid UTF-8.
 bool IsUtf8(std::string_view text);
 
-// `value` with `decimals` digits after the point.
+// Formats `value` with `decimals` digits after the decimal point.
 std::string Fixed(double value, int decimals);
-// `value` with `digits` significant digits, without an exponent where that is readable.
+// Formats `value` with `digits` significant digits, without an exponent unless the number is very large or very small.
 std::string Significant(double value, int digits);
-// A length in mm or an angle in deg, with so many significant digits; "< 1e-6" for less, which is rounding and says
-// nothing of the world.
+// Formats a length in mm or an angle in deg with `digits` significant digits. A non-zero amount below 1e-6 becomes "<
+// 1e-6", because it is only rounding error.
 std::string ShownAmount(double amount, int digits);
-// How many digits behind the point `sigma` deserves, so that its first two digits are seen; 0 to `most`.
+// Returns the number of decimals, 0 to `most`, at which the first two significant digits of `sigma` are visible.
 int DecimalsFor(double sigma, int most);
-// A chance as people read it: one digit, and "< 1e-6" for all that is less.
+// Formats a probability with one significant digit; everything below 1e-6 becomes "< 1e-6".
 std::string ShownChance(double chance);
-// The shortest text that reads back as the same double.
+// Returns the shortest text that reads back as the same double.
 std::string RoundTrip(double value);
 
-// RFC 4648's base64, and back; decoding stops at the first character that is none of it.
+// Encodes to base64 (RFC 4648) and decodes from it. Decoding stops at the first character that is not base64.
 std::string ToBase64(std::string_view bytes);
 std::string FromBase64(std::string_view text);
 
-// The whole of `text` as a finite or non-finite double, independent of the locale; false if it is not a number.
+// Parses the whole of `text` as a double, which may be infinite or NaN, independently of the locale. Returns false if
+// it is not a number.
 bool ParseDouble(std::string_view text, double* value);
 
-// Whether name `a` comes before `b`, with numbers in them by value: 9.png before 10.png.
+// Returns whether name `a` comes before `b` if numbers in the names are compared by value: 9.png before 10.png.
 bool NaturalLess(const std::string& a, const std::string& b);
 
-// "; did you mean 'x'?" for the known name nearest to `unknown`, or an empty string if none is near.
+// Returns "; did you mean 'x'?" with the known name nearest to `unknown`, or an empty string if none is similar.
 std::string DidYouMean(std::string_view unknown, const std::vector<std::string>& known);
 
 }  // namespace heba

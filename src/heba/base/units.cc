@@ -12,7 +12,7 @@ namespace {
 struct Unit {
   Quantity quantity;
   std::string_view name;
-  double factor;  // To the quantity's base unit.
+  double factor;  // Factor that converts to the base unit.
 };
 constexpr Unit kUnits[] = {
     {Quantity::kLength, "m", 1.0},        {Quantity::kLength, "cm", 1e-2},        {Quantity::kLength, "mm", 1e-3},

@@ -1,4 +1,4 @@
-// Quantities as users write them: a number and its unit, "40 mm".
+// Quantities as users write them: a number with its unit, "40 mm".
 #pragma once
 
 #include <optional>
@@ -7,24 +7,25 @@
 
 namespace heba {
 
-// A kind of quantity, with the units that it may be written in.
+// A kind of quantity. The kind determines which units are accepted.
 enum class Quantity { kLength, kAngle, kPixels, kGreyLevels };
 
-// "m", "rad", "px", "grey": the unit in which heba computes.
+// Returns the unit in which heba computes: "m", "rad", "px", "grey".
 std::string_view BaseUnit(Quantity quantity);
-// "a length such as '40 mm'": for messages.
+// Returns an example for messages: "a length such as '40 mm'".
 std::string_view Example(Quantity quantity);
 
-// The greatest absolute value that a file may state: 10 km, 100 turns, a million pixels or grey levels. More is a slip,
-// and would not fit into what is computed with it.
+// Returns the greatest absolute value that a file may contain: 10 km, 100 revolutions, a million pixels or grey levels.
+// A larger value is a mistake, and could overflow in the computations that use it.
 double MaxQuantity(Quantity quantity);
 
+// The result of ParseQuantity.
 struct ParsedQuantity {
-  double value = 0;   // In BaseUnit(quantity).
-  std::string fault;  // Empty if `text` is a quantity of this kind; else what is wrong with it, as a clause.
+  double value = 0;   // Value in BaseUnit(quantity).
+  std::string fault;  // Reason why `text` is not a quantity of this kind, as a clause; empty if it is one.
 };
-// Reads "40 mm", "0.1rad", "-3 deg". A number without a unit, an unknown unit and a value that is not finite are
-// faults.
+// Reads "40 mm", "0.1rad", "-3 deg". A missing unit, an unknown unit and a value that is not finite or exceeds
+// MaxQuantity are reported as faults.
 ParsedQuantity ParseQuantity(std::string_view text, Quantity quantity);
 
 constexpr double kPi = 3.14159265358979323846;

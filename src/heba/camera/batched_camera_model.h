@@ -1,7 +1,8 @@
-// A whole camera model from its image in the plane z = 1: what a file in camera/models writes. For every model
+// A complete camera model, built from its distortion function, which is all that a file in camera/models defines. Every
+// model has the form
 //   u = fx x' + cx,  v = fy y' + cy
-// with (x', y') the ray's distorted image, a function of the ray and the distortion coefficients. The inverse comes
-// from Gauss-Newton steps on the sphere of rays.
+// where (x', y') is the distorted image of the ray, a function of the ray and the distortion coefficients. The inverse
+// is computed by Gauss-Newton steps on the sphere of rays.
 #pragma once
 
 #include <cmath>
@@ -18,7 +19,7 @@
 
 namespace heba {
 
-// A point's distorted image (x', y') and its derivatives. V is double, or several lanes of it.
+// The distorted image (x', y') of a point and its derivatives. V is double, or a vector of lanes.
 template <class V, int kNumDistortion>
 struct DistortedImage {
   V x;
@@ -29,20 +30,20 @@ struct DistortedImage {
   V y_by_distortion[kNumDistortion > 0 ? kNumDistortion : 1];
 };
 
-// 1 / z of what is positive, NaN of anything else.
+// Returns 1 / z if z is positive, NaN otherwise.
 template <class V>
 HEBA_INLINE V ReciprocalOrNaN(const V& z) {
   const V none = AllLanes<V>(std::numeric_limits<double>::quiet_NaN());
   return z > 0.0 ? 1.0 / z : none;
 }
 
-// `Lens` has
+// The class `Lens` must define
 //   static constexpr int kNumDistortion;
 //   static std::vector<std::string> DistortionNames();
-//   // Where a point has no image, x or y is not finite. HEBA_INLINE.
+//   // HEBA_INLINE. If the point has no image, x or y is not finite.
 //   template <class V> static void Distort(const double* distortion, const V& x, const V& y, const V& z,
 //                                          DistortedImage<V, kNumDistortion>* image);
-//   // A first guess of the ray of a pixel, of any length.
+//   // Returns an initial guess for the ray of a pixel, of any length.
 //   static Eigen::Vector3d GuessRay(const double* params, const Eigen::Vector2d& pixel);
 template <class Lens>
 class BatchedCameraModel final : public CameraModel {
@@ -55,7 +56,7 @@ class BatchedCameraModel final : public CameraModel {
 
   bool ProjectBatch(const double* params, const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
                     bool with_derivatives, ProjectionBatch* batch) const override {
-    // Row by row, then the translation.
+    // The rotation matrix row by row, then the translation.
     double pose[12];
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) pose[3 * i + j] = rotation(i, j);
@@ -72,7 +73,8 @@ class BatchedCameraModel final : public CameraModel {
     if (const std::optional<Eigen::Vector3d> easy = UnprojectOnPlane(params, ray, pixel)) return easy;
     if (!ray.allFinite() || ray.norm() < 1e-12) return std::nullopt;
     ray.normalize();
-    // A guess from beyond the radius at which the distortion folds back is drawn towards the axis.
+    // The initial guess may lie beyond the radius at which the distortion folds back; it is then moved towards the
+    // axis.
     std::optional<Linearisation> here = Linearise(params, ray, pixel);
     for (int attempt = 0; attempt < 20 && !here; ++attempt) {
       ray = (ray + Eigen::Vector3d::UnitZ()).normalized();
@@ -83,7 +85,7 @@ class BatchedCameraModel final : public CameraModel {
       Eigen::Vector2d step = here->jacobian.inverse() * here->error_px;
       constexpr double kMaxStepRad = 0.3;
       if (step.norm() > kMaxStepRad) step *= kMaxStepRad / step.norm();
-      // Halve the step until it helps.
+      // Halve the step until the error decreases.
       std::optional<Linearisation> next;
       for (int halving = 0; halving < 12 && !next; ++halving, step *= 0.5) {
         next = Linearise(params, (here->ray - here->basis * step).normalized(), pixel);
@@ -103,7 +105,7 @@ class BatchedCameraModel final : public CameraModel {
   template <int kLanes, bool kWithDerivatives>
   HEBA_INLINE static bool Run(const double* params, const double* pose, ProjectionBatch* batch) {
     using V = Lanes<kLanes>;
-    // What is not finite makes it NaN.
+    // This sum becomes NaN if any pixel is not finite.
     V check = AllLanes<V>(0);
     for (int i = 0; i < batch->size; i += kLanes) {
       const V px = LoadLanes<V>(batch->points[0] + i);
@@ -116,7 +118,7 @@ class BatchedCameraModel final : public CameraModel {
       Lens::template Distort<V>(params + 4, x, y, z, &image);
       const V u = params[0] * image.x + params[2];
       const V v = params[1] * image.y + params[3];
-      check += (u - u) + (v - v);  // NOLINT(misc-redundant-expression): not 0 of what is not finite.
+      check += (u - u) + (v - v);  // NOLINT(misc-redundant-expression): not 0 if not finite.
       StoreLanes(u, batch->pixels[0] + i);
       StoreLanes(v, batch->pixels[1] + i);
       if constexpr (kWithDerivatives) {
@@ -127,7 +129,7 @@ class BatchedCameraModel final : public CameraModel {
     return SumOfLanes(check) == 0;
   }
 
-  // One axis of ProjectionBatch::rows.
+  // Writes the rows of one axis of ProjectionBatch::rows.
   template <class V>
   HEBA_INLINE static void StoreRows(double focal, const V& x, const V& y, const V& z, const V& image, const V* by_point,
                                     const V* by_distortion, int i, double (*rows)[ProjectionBatch::kCapacity]) {
@@ -165,12 +167,13 @@ class BatchedCameraModel final : public CameraModel {
     return Run<kLanesOf<Simd::kAvx512>, true>(params, pose, batch);
   }
 
-  static constexpr double kTolerancePx = 1e-9;  // Far below what any detector resolves; above round-off at 1e5 px.
+  // Far below the resolution of any detector; above the round-off at 1e5 px.
+  static constexpr double kTolerancePx = 1e-9;
 
-  // By Newton's steps in the plane z = 1, as long as they are all that it takes: nothing otherwise.
+  // Unprojects by Newton's method in the plane z = 1. Returns nothing unless every step at least halves the error.
   static std::optional<Eigen::Vector3d> UnprojectOnPlane(const double* params, const Eigen::Vector3d& guess,
                                                          const Eigen::Vector2d& pixel) {
-    constexpr double kLeastZ = 0.3;  // Of a unit ray.
+    constexpr double kLeastZ = 0.3;  // Smallest z of the unit ray.
     if (!(guess.z() > kLeastZ * guess.norm())) return std::nullopt;
     Eigen::Vector2d at = guess.head<2>() / guess.z();
     double last_px = std::numeric_limits<double>::infinity();
@@ -193,20 +196,20 @@ class BatchedCameraModel final : public CameraModel {
     return std::nullopt;
   }
 
-  // The image about a ray: of the ray moved along two directions at right angles to it.
+  // The projection, linearised at a ray: the ray moves along two directions at right angles to it.
   struct Linearisation {
     Eigen::Vector3d ray;
     Eigen::Matrix<double, 3, 2> basis;
     Eigen::Vector2d error_px;
     Eigen::Matrix2d jacobian;
   };
-  // Nothing if the ray has no image, or lies where the distortion folds back: there the image is turned over.
+  // Returns nothing if the ray has no image or lies where the distortion folds back, since the image is mirrored there.
   static std::optional<Linearisation> Linearise(const double* params, const Eigen::Vector3d& ray,
                                                 const Eigen::Vector2d& pixel) {
     Linearisation at;
     at.ray = ray;
     const Eigen::Vector3d helper = std::abs(ray.x()) < 0.7 ? Eigen::Vector3d::UnitX() : Eigen::Vector3d::UnitY();
-    // Right-handed about the ray, as u and v are about the optical axis.
+    // The basis is right-handed about the ray, as u and v are about the optical axis.
     at.basis.col(0) = ray.cross(helper).normalized();
     at.basis.col(1) = ray.cross(at.basis.col(0));
     DistortedImage<double, kNumDistortion> image;

@@ -49,8 +49,8 @@ std::optional<Camera> ConvertCamera(const Camera& camera, const std::string& mod
   if (to == nullptr) return std::nullopt;
   const std::vector<std::string>& from_names = camera.Model().param_names();
   const std::vector<std::string>& to_names = to->param_names();
-  // The parameters of the polynomial models are those of the larger one, in the same order, cut short. Fisheye
-  // coefficients have the same names and another meaning.
+  // The parameters of a polynomial model are the first ones of the next larger model, in the same order. Fisheye
+  // coefficients have the same names but a different meaning.
   if (camera.model != model && (camera.model == "kannala_brandt4" || model == "kannala_brandt4")) return std::nullopt;
   if (from_names.size() > to_names.size()) {
     for (size_t i = to_names.size(); i < from_names.size(); ++i) {

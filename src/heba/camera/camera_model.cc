@@ -38,7 +38,7 @@ bool CameraModel::Project(const double* params, const Points3& points_in_camera,
       const auto copy_out = [&](int from, Eigen::Index to) {
         std::copy_n(batch.rows[axis][from], batch.size, rows.row(to).data() + first);
       };
-      for (int k = 0; k < 3; ++k) copy_out(k, k);  // Of a shift of the point.
+      for (int k = 0; k < 3; ++k) copy_out(k, k);  // Derivatives by a shift of the point.
       for (int row = 6; row < 4 + num_params; ++row) copy_out(row, 3 + ParameterOfRow(row, axis));
     }
   }

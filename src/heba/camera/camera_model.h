@@ -1,7 +1,7 @@
-// What a camera model is. A model maps points in the camera frame (OpenCV's axes: x right, y down, z forward; metres)
-// to pixels, (0, 0) being the centre of the first pixel. Models are stateless; they are found by name in a table.
+// The interface of camera models. A model maps points in the camera frame (OpenCV's axes: x right, y down, z forward;
+// metres) to pixels; (0, 0) is the centre of the first pixel. Models are stateless; they are found by name in a table.
 //
-// For every model: the optical axis hits the principal point, (0, 0, -1) has no image, Unproject inverts Project, and
+// For every model, the optical axis hits the principal point, (0, 0, -1) has no image, Unproject inverts Project, and
 // the Jacobians are the derivatives of Project (tests/conformance/camera_model_test.cc).
 #pragma once
 
@@ -17,7 +17,7 @@ namespace heba {
 
 // Points as a structure of arrays: row 0 holds all x, row 1 all y, row 2 all z.
 using Points3 = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
-// Pixels in the same way: row 0 all u, row 1 all v.
+// Pixels in the same layout: row 0 holds all u, row 1 all v.
 using Points2 = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>;
 
 // Derivatives of a batch of n projections: row j of `u` holds d u / d q_j for all points, where q is
@@ -28,29 +28,30 @@ struct ProjectionJacobian {
   Rows v;
 };
 
-// Some points and their images, for kernels. Those after `size`, up to a
-// multiple of kMaxLanes (heba/kernels/simd.h), are calculated too: PadBatch.
+// Input and output of the projection kernels. Entries after `size`, up to a multiple of kMaxLanes
+// (heba/kernels/simd.h), are computed too and must be padded by PadBatch.
 struct ProjectionBatch {
   static constexpr int kCapacity = 64;
   static constexpr int kMaxDistortion = 16;
-  // Beyond those of a model there is room for the caller's own.
+  // The rows that a model does not need are free for the caller.
   static constexpr int kMaxRows = 8 + kMaxDistortion + 8;
   int size = 0;
-  alignas(64) double points[3][kCapacity];  // Before the pose, m.
+  alignas(64) double points[3][kCapacity];  // Before the pose is applied, m.
   alignas(64) double pixels[2][kCapacity];  // u and v.
-  // Derivatives of u, and of v: by a left perturbation of the pose (p' = p + v + w x p: v in m, then w in rad), by the
-  // axis's own focal length, its own part of the principal point (1), and the distortion coefficients. By the other
-  // axis's focal length and principal point they are 0.
+  // Derivatives of u and of v: first by a left perturbation of the pose (p' = p + v + w x p: v in m, then w in rad),
+  // then by the focal length of the same axis, by the principal point of the same axis (1), and by the distortion
+  // coefficients. The derivatives by the other axis's focal length and principal point are 0 and are not stored.
   alignas(64) double rows[2][kMaxRows][kCapacity];
 };
 
-// Which of a camera's parameters a row of ProjectionBatch::rows after the pose's six is of.
+// Returns the index of the camera parameter to which a row of ProjectionBatch::rows belongs. `row` must not be one of
+// the first six, which belong to the pose.
 constexpr int ParameterOfRow(int row, int axis) { return row < 8 ? 2 * (row - 6) + axis : row - 4; }
 
-// Fills up to a multiple of kMaxLanes; `size` stays.
+// Fills the entries up to a multiple of kMaxLanes with copies of the first point; `size` does not change.
 void PadBatch(ProjectionBatch* batch);
 
-// The parts of a model's parameters that a user can free or hold.
+// The groups of camera parameters that a user can free or hold fixed.
 enum class ParameterGroup { kFocal, kPrincipalPoint, kDistortion };
 inline constexpr std::string_view kParameterGroupNames[] = {"focal", "principal_point", "distortion"};
 
@@ -58,30 +59,33 @@ class CameraModel {
  public:
   virtual ~CameraModel() = default;
   virtual std::string_view name() const = 0;
-  // "fx", "fy", "cx", "cy", then the distortion coefficients in the field's usual names and order.
+  // Names of the parameters: "fx", "fy", "cx", "cy", then the distortion coefficients under their usual names and in
+  // their usual order.
   virtual const std::vector<std::string>& param_names() const = 0;
 
-  // Projects the points of a batch, moved by the pose; as ProjectionBatch says. False if a point has no image (behind
-  // the camera, not finite): the output is then unspecified.
+  // Transforms the points of a batch by the pose and projects them (see ProjectionBatch). Returns false if a point has
+  // no image (behind the camera, not finite); the output is then unspecified.
   virtual bool ProjectBatch(const double* params, const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
                             bool with_derivatives, ProjectionBatch* batch) const = 0;
 
-  // Projects `points_in_camera`; `pixels` and, if not null, `jacobian` are resized to fit. False as above.
+  // Projects `points_in_camera`. `pixels` and, if not null, `jacobian` are resized to fit. Returns false if a point has
+  // no image.
   bool Project(const double* params, const Points3& points_in_camera, Points2* pixels,
                ProjectionJacobian* jacobian) const;
 
-  // The unit ray that projects to `pixel`; nothing if there is none (beyond the image of every ray, or beyond the
-  // radius at which the distortion folds back).
+  // Returns the unit ray that projects to `pixel`; nothing if there is none (the pixel lies outside the image of all
+  // rays, or beyond the radius at which the distortion folds back).
   virtual std::optional<Eigen::Vector3d> Unproject(const double* params, const Eigen::Vector2d& pixel) const = 0;
 };
 
 inline int NumParams(const CameraModel& model) { return static_cast<int>(model.param_names().size()); }
-// Parameters 0 and 1 are the focal lengths, 2 and 3 the principal point, the others distortion: for every model.
+// Returns the group of a parameter. For every model, parameters 0 and 1 are the focal lengths, 2 and 3 the principal
+// point, and the others distortion coefficients.
 ParameterGroup GroupOf(int parameter_index);
 
-// Null if there is no model of that name.
+// Returns null if there is no model of that name.
 const CameraModel* FindCameraModel(std::string_view name);
-// All of them, in the order of models.def.
+// Returns all models, in the order of models.def.
 const std::vector<const CameraModel*>& CameraModels();
 std::vector<std::string> CameraModelNames();
 

@@ -1,11 +1,12 @@
-// What lenses with a radial factor and Brown's tangential terms p1, p2 (distortion coefficients 2 and 3) share.
+// Common parts of the lenses with a radial factor and Brown's tangential terms p1, p2 (distortion coefficients 2 and
+// 3).
 #pragma once
 
 #include "heba/camera/batched_camera_model.h"
 
 namespace heba {
 
-// A ray's undistorted image in the plane z = 1; not finite unless the ray points forward.
+// The undistorted image of a ray in the plane z = 1; not finite unless the ray points forward.
 template <class V>
 struct PlaneImage {
   V a;
@@ -23,7 +24,7 @@ HEBA_INLINE PlaneImage<V> PlaneImageOf(const V& x, const V& y, const V& z) {
   return plane;
 }
 
-// All but the derivatives by the radial coefficients.
+// Computes everything except the derivatives by the radial coefficients.
 template <class V, int kNumDistortion>
 HEBA_INLINE void DistortRadialTangential(const PlaneImage<V>& plane, const V& radial, const V& radial_by_r2, double p1,
                                          double p2, DistortedImage<V, kNumDistortion>* image) {
@@ -49,7 +50,7 @@ HEBA_INLINE void DistortRadialTangential(const PlaneImage<V>& plane, const V& ra
   image->y_by_point[2] = -(plane.a * image->y_by_point[0] + plane.b * image->y_by_point[1]);
 }
 
-// The derivative by coefficient `k`, of which the radial factor's is `by_k`.
+// Sets the derivatives by the radial coefficient `k`; `by_k` is the derivative of the radial factor by it.
 template <class V, int kNumDistortion>
 HEBA_INLINE void SetByRadial(const PlaneImage<V>& plane, const V& by_k, int k,
                              DistortedImage<V, kNumDistortion>* image) {

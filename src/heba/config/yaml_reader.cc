@@ -22,14 +22,15 @@ std::string Shown(const YAML::Node& node) {
   return "nothing";
 }
 
-// yaml-cpp's own messages may hold characters of the file.
+// The messages of yaml-cpp may contain control characters from the file.
 std::string OneLine(std::string text) {
   std::replace_if(
       text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
   return text;
 }
 
-// yaml-cpp shares the nodes of aliases; walking them all would take for ever on a bomb, and a config needs few.
+// Limits the number of values and the depth. Nodes of aliases are shared in yaml-cpp, so a file with nested aliases (an
+// alias bomb) could take forever to traverse; a config needs few values.
 void CheckSize(const YAML::Node& node, int depth, int* budget, const std::filesystem::path& name) {
   constexpr int kMaxDepth = 32;
   if (--*budget < 0) throw InputError(name.string() + ": more than 100000 values; a config has a few dozen");
@@ -41,7 +42,7 @@ void CheckSize(const YAML::Node& node, int depth, int* budget, const std::filesy
   }
 }
 
-// Sees where documents start and nothing else.
+// An event handler that records the positions at which documents start.
 class DocumentStarts final : public YAML::EventHandler {
  public:
   std::vector<YAML::Mark> marks;
@@ -56,7 +57,8 @@ class DocumentStarts final : public YAML::EventHandler {
   void OnMapEnd() override {}
 };
 
-// YAML::LoadAll never ends on text such as ", a: 1": the parser finds a document where it stands and does not move on.
+// YAML::LoadAll does not terminate on text such as ", a: 1", because the parser finds a document there without moving
+// on.
 void CheckOneDocument(const std::string& text, const std::filesystem::path& name) {
   std::istringstream stream(text);
   YAML::Parser parser(stream);
@@ -69,7 +71,7 @@ void CheckOneDocument(const std::string& text, const std::filesystem::path& name
                              : "not valid YAML (a key, a value or a list must stand here)"));
 }
 
-// Plain names, each once.
+// Throws InputError unless all keys are scalars and occur only once.
 void CheckKeys(const ConfigValue& mapping) {
   std::set<std::string> seen;
   for (const auto& entry : mapping.node()) {
@@ -85,7 +87,8 @@ void CheckKeys(const ConfigValue& mapping) {
 ConfigValue::ConfigValue(YAML::Node node, std::filesystem::path file, std::string key)
     : node_(node), file_(std::move(file)), key_(std::move(key)) {}
 
-// A YAML::Node is a reference: assigning one changes the file's own. Values are copied and appended, never assigned.
+// A YAML::Node is a reference: assigning to it would change the file's own node. Values are therefore copied and
+// appended, never assigned.
 ConfigValue ConfigValue::Stack(const std::vector<ConfigValue>& layers) {
   CHECK(!layers.empty());
   ConfigValue all = layers.front();
@@ -247,7 +250,7 @@ ConfigValue ParseSettings(const std::vector<std::string>& settings) {
       if (!inner.IsMap()) inner = YAML::Node(YAML::NodeType::Map);
       place.reset(inner);
     }
-    // A scalar of its own has no line that could be named.
+    // A scalar is recreated, so that it has no line number: the setting does not come from a file.
     place[keys.back()] = parsed.IsScalar() ? YAML::Node(parsed.Scalar()) : parsed;
   }
   return {root, "--set", ""};
@@ -276,7 +279,7 @@ std::optional<ConfigValue> MapReader::Find(const std::string& key) {
     if (!node.IsDefined()) continue;
     if (node.IsNull() && layers.size() > 1) break;
     found.emplace_back(node, layer.file(), full_key);
-    // Only mappings go on below.
+    // Only mappings are merged with the layers below.
     if (!node.IsMap()) {
       if (found.size() > 1) found.pop_back();
       break;

@@ -1,5 +1,6 @@
-// Strict YAML. Every key must be known, every quantity has its unit, and every fault is an InputError that starts with
-// "file:line: key: ". What is read, defaults included, is recorded, so that a run can write its config as used.
+// A strict YAML reader. Every key must be known, every quantity needs a unit, and every fault is an InputError that
+// starts with "file:line: key: ". All values that are read are recorded, defaults included, so that a run can save the
+// config that it used.
 //
 //   MapReader reader(value);                       // must be a mapping
 //   options.rows = reader.Int("rows", {1, 1000});  // required
@@ -27,26 +28,27 @@ struct IntRange {
   int max;
 };
 
-// A value at a place in a file, perhaps laid over others: of two mappings the upper one's keys count, and of keys that
-// both have again the upper one's value, mappings key by key. A key that is empty (`truth:` or `truth: ~`) in an upper
-// mapping takes away what lies below.
+// A value of a config file, with its file and line. It may be stacked over other values: keys of the upper mapping
+// replace those of the lower ones, and mappings are merged key by key. A key that is empty in an upper mapping
+// (`truth:` or `truth: ~`) removes the values below it.
 // NOLINTNEXTLINE(bugprone-exception-escape): a YAML::Node has no move assignment, and its copy assignment may throw.
 class ConfigValue {
  public:
   ConfigValue(YAML::Node node, std::filesystem::path file, std::string key);
-  // The first one laid over the second, that over the third ... `layers` must not be empty.
+  // Stacks the first layer over the second, the second over the third and so on. `layers` must not be empty.
   static ConfigValue Stack(const std::vector<ConfigValue>& layers);
-  // Without what lies below.
+  // Returns this value without the layers below it.
   ConfigValue Top() const;
-  // Without what lies below the first mapping that has one of `keys`: what says what it is replaces all below.
+  // Returns this value with the layers below it, down to the first layer that has one of `keys` and including it. A
+  // mapping that states its own `type`, for example, replaces everything below it.
   ConfigValue DownTo(const std::vector<std::string>& keys) const;
-  // This one and what lies below, each alone.
+  // Returns this value and each of the layers below it as separate values.
   std::vector<ConfigValue> Layers() const;
 
   const YAML::Node& node() const { return node_; }
   const std::filesystem::path& file() const { return file_; }
   const std::string& key() const { return key_; }
-  // "cell.yaml:12: target.rows: "
+  // Returns the beginning of messages: "cell.yaml:12: target.rows: ".
   std::string Where() const;
   // Throws InputError(Where() + fault).
   [[noreturn]] void Fail(const std::string& fault) const;
@@ -59,43 +61,46 @@ class ConfigValue {
   int AsInt(IntRange range) const;
   double AsNumber() const;  // Finite; without a unit.
   bool AsBool() const;
-  double AsQuantity(Quantity quantity) const;  // In BaseUnit(quantity).
-  // One of `choices`.
+  double AsQuantity(Quantity quantity) const;  // Value in BaseUnit(quantity).
+  // Returns the text, which must be one of `choices`.
   std::string AsChoice(const std::vector<std::string>& choices) const;
-  // Relative paths are relative to the file that names them. Whether it exists is not looked at.
+  // Returns a path. Relative paths are relative to the file that contains them. The path need not exist.
   std::filesystem::path AsPath() const;
   std::vector<ConfigValue> AsList() const;
-  Eigen::Vector3d AsVector3(Quantity quantity) const;  // A list of three quantities.
+  Eigen::Vector3d AsVector3(Quantity quantity) const;  // The value must be a list of three quantities.
 
  private:
   YAML::Node node_;
   std::filesystem::path file_;
   std::string key_;
-  std::vector<ConfigValue> below_;  // The next one first; they have nothing below themselves.
+  std::vector<ConfigValue> below_;  // The layers below, the next one first; they have no layers themselves.
 };
 
-// Reads a file of one YAML document. InputError on a syntax error, an alias bomb or a file over 1 MiB.
+// Reads a file that contains one YAML document. Throws InputError on a syntax error, more than 100000 values (aliases
+// are expanded), more than 32 levels or a file over 1 MiB.
 ConfigValue ReadYamlFile(const std::filesystem::path& path);
-// The same from text; `name` is what messages call it.
+// Parses text; `name` is the name of the file in messages.
 ConfigValue ParseYaml(const std::string& text, const std::filesystem::path& name);
 
-// Reads a file that may name another one, `base: other.yaml`, which it is laid over, and that one a third. What is
-// `own` to each file (keys at the top) is not taken from a base. InputError also if a file is its own base.
+// Reads a file that may name another one, `base: other.yaml`, over which it is stacked; the base may name a third one.
+// The top-level keys `own` are private to each file and are not taken from a base. Throws InputError also if a file is
+// its own base.
 ConfigValue ReadYamlFileOverBases(const std::filesystem::path& path, const std::vector<std::string>& own);
 
-// What `settings` such as "refine.loss=none" say, as a mapping to be laid over a file. Paths in it are relative to the
-// working folder. InputError for one without a key or that is not YAML.
+// Returns `settings` such as "refine.loss=none" as a mapping that can be stacked over a file. Paths in it are relative
+// to the working folder. Throws InputError for a setting without a key or with invalid YAML.
 ConfigValue ParseSettings(const std::vector<std::string>& settings);
 
-// NOLINTNEXTLINE(bugprone-exception-escape): as of ConfigValue.
+// NOLINTNEXTLINE(bugprone-exception-escape): see ConfigValue.
 class MapReader {
  public:
-  // InputError if `value` is not a mapping or has a key twice.
+  // Throws InputError if `value` is not a mapping or contains a key twice.
   explicit MapReader(const ConfigValue& value);
 
   const ConfigValue& value() const { return value_; }
   bool Has(const std::string& key);
-  // The value of a required or of an optional key, not recorded: what is read of it must be recorded by the caller.
+  // Returns the value of a required or of an optional key. The value is not recorded: the caller must record what it
+  // reads from it.
   ConfigValue Get(const std::string& key);
   std::optional<ConfigValue> Find(const std::string& key);
 
@@ -107,17 +112,17 @@ class MapReader {
   double Angle(const std::string& key, std::optional<double> fallback_rad = std::nullopt);
   double Pixels(const std::string& key, std::optional<double> fallback_px = std::nullopt);
   double QuantityOf(const std::string& key, Quantity quantity, std::optional<double> fallback = std::nullopt);
-  // Reads a length that must be at least a thousandth of a millimetre.
+  // Reads a length that must be at least 0.001 mm.
   double PositiveLength(const std::string& key, std::optional<double> fallback_m = std::nullopt);
   std::string Choice(const std::string& key, const std::vector<std::string>& choices,
                      const std::optional<std::string>& fallback = std::nullopt);
   std::filesystem::path Path(const std::string& key);
 
-  // Records what was used for `key`.
+  // Records the value that was used for `key`.
   void Record(const std::string& key, const YAML::Node& used);
-  // InputError for keys that were never asked for.
+  // Throws InputError for keys that were never asked for.
   void Finish() const;
-  // The mapping as used, in the order in which it was read.
+  // Returns the mapping as used, in the order in which it was read.
   const YAML::Node& used() const { return used_; }
 
  private:
@@ -126,12 +131,12 @@ class MapReader {
   YAML::Node used_;
 };
 
-// A pose in heba's own files: {translation: [x, y, z] with units, rotation: [x, y, z, w] quaternion or rpy: [r, p, y]
-// angles with units (R = Rz(y) Ry(p) Rx(r))}.
+// Reads a pose of heba's own files: {translation: [x, y, z] with units, rotation: [x, y, z, w] quaternion or rpy: [r,
+// p, y] angles with units (R = Rz(y) Ry(p) Rx(r))}. The rotation is the identity if neither is given.
 Rigid3d ReadPose(const ConfigValue& value);
 YAML::Node PoseNode(const Rigid3d& pose);
 
-// "40 mm" -> a node that reads back as the same value: "0.04 m".
+// Returns a node that reads back as the same value: "0.04 m".
 YAML::Node QuantityNode(double value, Quantity quantity);
 
 }  // namespace heba

@@ -1,4 +1,4 @@
-// What was recorded.
+// The recorded data.
 #pragma once
 
 #include <filesystem>
@@ -9,11 +9,11 @@
 
 namespace heba {
 
-// One picture and the robot's pose when it was taken.
+// One image and the robot pose at which it was taken.
 struct Capture {
-  std::string name;             // The image's file name: what messages and results call this capture.
-  std::filesystem::path image;  // Where it is.
-  std::string role;             // home, translate_x, translate_y, rotate, free; or empty.
+  std::string name;             // File name of the image, which identifies the capture in messages and results.
+  std::filesystem::path image;  // Path of the image.
+  std::string role;             // One of home, translate_x, translate_y, rotate, free; or empty.
   Rigid3d base_from_gripper;
 };
 

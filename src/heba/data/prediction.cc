@@ -7,11 +7,11 @@
 namespace heba {
 namespace {
 
-constexpr int kOutline = 8;  // Points on a disc's outline.
+constexpr int kOutline = 8;  // Number of points on a disc's outline.
 using OutlineVector = Eigen::Matrix<double, 1, kOutline>;
 
-// Derivatives of the trigonometric polynomial through equally spaced samples of one period, at the samples
-// (Trefethen 2000, Spectral Methods in MATLAB, chapter 3): antisymmetric.
+// Returns the matrix that differentiates, at equally spaced samples of one period, the trigonometric polynomial through
+// these samples (Trefethen 2000, Spectral Methods in MATLAB, chapter 3). The matrix is antisymmetric.
 Eigen::Matrix<double, kOutline, kOutline> DerivativeMatrix() {
   Eigen::Matrix<double, kOutline, kOutline> matrix;
   for (int i = 0; i < kOutline; ++i) {
@@ -32,7 +32,7 @@ Eigen::Matrix<double, 2, kOutline> UnitCircle() {
   return circle;
 }
 
-// The centroid of the area inside of an outline, and its derivatives by the outline's points.
+// The centroid of the area inside an outline, and its derivatives by the points of the outline.
 struct Centroid {
   Eigen::Vector2d at;
   Eigen::Matrix<double, 2, kOutline> by_u;
@@ -46,7 +46,7 @@ Centroid CentroidOf(const OutlineVector& u, const OutlineVector& v, bool with_de
   const OutlineVector y = v.array() - v0;
   const OutlineVector dx = x * kDerivative;
   const OutlineVector dy = y * kDerivative;
-  // Integrals over the angle, all by the same factor. area = 1/2 (x dy - y dx), moments 1/2 x^2 dy and -1/2 y^2 dx.
+  // Integrals over the angle, all up to the same factor: area = 1/2 (x dy - y dx), moments 1/2 x^2 dy and -1/2 y^2 dx.
   const double area = 0.5 * (x.dot(dy) - y.dot(dx));
   const OutlineVector xx = x.cwiseProduct(x);
   const OutlineVector yy = y.cwiseProduct(y);
@@ -57,8 +57,9 @@ Centroid CentroidOf(const OutlineVector& u, const OutlineVector& v, bool with_de
   const double cy = moment_y / area;
   centroid.at = {u0 + cx, v0 + cy};
   if (!with_derivatives) return centroid;
-  // By parts, with the antisymmetry of the derivative: d area = dy du - dx dv, and so on. A shift of the whole outline
-  // moves the centroid alike, so that the mean's part follows from the others.
+  // Integration by parts, with the antisymmetry of the derivative matrix, gives d area = dy du - dx dv, and similarly
+  // for the moments. A shift of the whole outline shifts the centroid equally, which determines the part due to the
+  // mean.
   const OutlineVector dxx = xx * kDerivative;
   const OutlineVector dyy = yy * kDerivative;
   const auto with_mean = [](OutlineVector by, double total) -> OutlineVector {
@@ -71,10 +72,10 @@ Centroid CentroidOf(const OutlineVector& u, const OutlineVector& v, bool with_de
   return centroid;
 }
 
-// Where a batch's rows (ProjectionBatch::rows) are among ProjectionJacobian's.
+// Returns the row of ProjectionJacobian that corresponds to a row of ProjectionBatch::rows.
 int RowOf(int batch_row, int axis) { return batch_row < 6 ? batch_row : 6 + ParameterOfRow(batch_row, axis); }
 
-// Derivatives of one image coordinate of `count` points.
+// Copies the derivatives of one image coordinate of `count` points.
 void CopyPoints(const ProjectionBatch& batch, int from, int count, int num_rows, int axis, Eigen::Index first,
                 ProjectionJacobian::Rows* rows) {
   for (int row = 0; row < num_rows; ++row) {
@@ -82,7 +83,8 @@ void CopyPoints(const ProjectionBatch& batch, int from, int count, int num_rows,
   }
 }
 
-// Derivatives of a centroid's coordinate, by those of the outline's points, which begin at `from`.
+// Adds the derivatives of one coordinate of a centroid, by the chain rule from those of the points of the outline,
+// which begin at `from`.
 void AddOutline(const ProjectionBatch& batch, int from, int num_rows, const OutlineVector& by_u,
                 const OutlineVector& by_v, Eigen::Index i, ProjectionJacobian::Rows* rows) {
   for (const int axis : {0, 1}) {
@@ -99,7 +101,7 @@ bool Predict(const CameraModel& model, const double* params, const Rigid3d& came
              const Observations& observations, Points2* pixels, ProjectionJacobian* jacobian) {
   static const Eigen::Matrix<double, 2, kOutline> kCircle = UnitCircle();
   const int n = observations.size();
-  const int num_rows = 8 + NumParams(model) - 4;  // Of a batch.
+  const int num_rows = 8 + NumParams(model) - 4;  // Number of rows in a batch.
   const Eigen::Matrix3d rotation = camera_from_target.RotationMatrix();
   pixels->resize(2, n);
   if (jacobian != nullptr) {

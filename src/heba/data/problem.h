@@ -1,4 +1,4 @@
-// What is solved. A Problem knows no image, no file and no robot brand.
+// The estimation problem. A Problem knows no image, no file and no robot brand.
 #pragma once
 
 #include <string>
@@ -11,40 +11,42 @@
 
 namespace heba {
 
-// Points of the target, found in one image. Column i of both matrices and ids[i] belong together.
+// Points of the target that were detected in one image. Column i of both matrices and ids[i] belong together.
 struct Observations {
-  std::vector<int> ids;      // The target's point ids.
-  Points3 points_in_target;  // m
-  Points2 pixels;            // px, (0, 0) is the centre of the first pixel
-  // Of the discs (TargetPoint::radius_m) around the points; empty if all are points.
+  std::vector<int> ids;      // Ids of the target's points.
+  Points3 points_in_target;  // Metres.
+  Points2 pixels;            // px; (0, 0) is the centre of the first pixel.
+  // Radii of the discs around the points (TargetPoint::radius_m), in metres; empty if all of them are points.
   Eigen::VectorXd radii_m;
-  // Detection::covariances_px2; empty if the detector did not say.
+  // Covariances of the detected pixels (Detection::covariances_px2); empty if the detector does not provide them.
   std::vector<Eigen::MatrixXd> covariances_px2;
-  // Lower triangular matrices, one for each of the covariances: residuals multiplied by them are uncorrelated and have
-  // one common sigma (solvers/residuals/noise_scale.h). Empty: all coordinates count alike.
+  // Lower triangular whitening matrices, one for each covariance: residuals multiplied by them are uncorrelated and
+  // have one common sigma (solvers/residuals/noise_scale.h). If empty, all coordinates have the same weight.
   std::vector<Eigen::MatrixXd> whitening;
 
   double RadiusM(Eigen::Index i) const { return radii_m.size() > 0 ? radii_m[i] : 0; }
   int size() const { return static_cast<int>(ids.size()); }
 };
 
+// The detections of one capture, with the robot's pose.
 struct View {
-  std::string name;  // The capture's.
+  std::string name;  // Name of the capture.
   Rigid3d camera_mount_from_target_mount;
   Observations observations;
-  std::string role = {};  // As PosePair::role.
+  std::string role = {};  // See PosePair::role.
 };
 
+// The views, and everything else that a refinement needs.
 struct Problem {
   Camera camera;
   std::vector<View> views;
-  // Where the gripper is in the chain: the robot's noise, if it is modelled, acts in its frame.
+  // Determines which frame of the chain is the gripper. Robot noise, if it is modelled, acts in the gripper's frame.
   Setup setup = Setup::kEyeToHand;
-  // Of which the views' points are as designed.
+  // The designed shape, to which the points of the views correspond.
   TargetShape shape = {};
 };
 
-// The unknowns. hand_eye in results is camera_mount_from_camera, board is target_mount_from_target.
+// The unknown poses. Results call camera_mount_from_camera `hand_eye` and target_mount_from_target `board`.
 struct HandEye {
   Rigid3d camera_mount_from_camera;
   Rigid3d target_mount_from_target;

@@ -5,7 +5,8 @@
 namespace heba {
 namespace {
 
-// 1 in the target's middle, 0 at its edges; a target without extent is not bent.
+// Returns 1 - a^2 and 1 - b^2, which are 1 in the middle of the target and 0 at its edges; 0 for a target without
+// extent, which cannot bend.
 Eigen::Array2d Arch(const Eigen::Vector2d& point, const TargetShape& shape) {
   Eigen::Array2d arch = Eigen::Array2d::Zero();
   for (Eigen::Index i = 0; i < 2; ++i) {

@@ -1,4 +1,4 @@
-// How a printed target differs from its design: stretched by the printer, bent by its backing.
+// The deviation of a printed target from its design: stretched by the printer, bent by its backing.
 #pragma once
 
 #include <array>
@@ -14,14 +14,15 @@ namespace heba {
 struct Observations;
 struct View;
 
-// A point designed at (x, y, z) of the target's frame is at
+// A point designed at (x, y, z) in the target's frame lies at
 //   (scale_x x, scale_y y, z + bend_x (1 - a^2) + bend_y (1 - b^2))
-// with a and b its place between the target's edges along x and y, -1 to 1: two parabolas, of which the bends are the
-// heights in the middle, as in mrcal's model of a warped board (Kogan, mrcal, "calibration object deformation").
+// where a and b, from -1 to 1, are its position between the target's edges along x and y. The bend is a sum of two
+// parabolas with the given heights in the middle, as in mrcal's model of a warped board (Kogan, mrcal, "calibration
+// object deformation").
 struct TargetShape {
   static constexpr int kNumParams = 4;
   std::array<double, kNumParams> params = {1, 1, 0, 0};  // scale_x, scale_y, bend_x in m, bend_y in m
-  // Of the rectangle that holds the designed points.
+  // Centre and half size of the rectangle that contains the designed points.
   Eigen::Vector2d middle_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d half_size_m = Eigen::Vector2d::Zero();
 };
@@ -35,16 +36,17 @@ constexpr TargetShapeGroup ShapeGroupOf(int param) {
   return param < 2 ? TargetShapeGroup::kScale : TargetShapeGroup::kBend;
 }
 
-// As designed.
+// Returns the shape of a target that is exactly as designed.
 TargetShape DesignedShape(const Points3& points_in_target);
 
-// Where a point designed at `point` is, m.
+// Returns the actual position, in m, of a point designed at `point`.
 Eigen::Vector3d ApplyShape(const Eigen::Vector3d& point, const TargetShape& shape);
-// Its derivatives by TargetShape::params.
+// Returns the derivatives of the actual position by TargetShape::params.
 Eigen::Matrix<double, 3, TargetShape::kNumParams> ShapedByParams(const Eigen::Vector3d& point,
                                                                  const TargetShape& shape);
 
-// With every point where the shape puts it. Discs keep their radius: what a shape changes of it moves no centroid.
+// Returns the observations with every point moved to its actual position. Discs keep their radius, because the change
+// of a disc's size does not move its centroid.
 Observations ApplyShape(const Observations& observations, const TargetShape& shape);
 std::vector<View> ApplyShape(const std::vector<View>& views, const TargetShape& shape);
 

@@ -1,4 +1,4 @@
-// How good every method is, on the captures that it was given and on captures that it has not seen.
+// The accuracy of every method, on the captures that it was given and on held-out captures.
 #pragma once
 
 #include <optional>
@@ -13,56 +13,63 @@
 
 namespace heba {
 
+// The error figures of one estimate. Figures that do not exist are empty.
 struct Errors {
   std::optional<double> reprojection_rms_px;
   std::optional<double> holdout_rms_px;
-  // How far the target was from where it was predicted on captures that were held out, by its pictures' own poses.
+  // Difference between the predicted pose of the target and its pose estimated from the image alone, root mean square
+  // over the held-out captures.
   std::optional<double> holdout_target_mm;
   std::optional<double> holdout_target_deg;
-  // Of a refinement: the held-out squares in the metric of all noise that it knows, per degree of freedom.
+  // For refinements: held-out chi-square per degree of freedom, in the metric of all modelled noise.
   std::optional<double> holdout_chi2;
-  // The held-out residuals of every method, on the same captures, in sigmas of the refinement's noise (pixels and
-  // robot), root mean square.
+  // Held-out residuals in sigmas of the refinement's noise (pixels and robot), root mean square. All methods are
+  // compared on the same captures with the same sigmas.
   std::optional<double> holdout_sigmas;
   std::optional<double> axxb_mean_mm;
   std::optional<BoardScatter> board_scatter;
   std::optional<TruthErrors> truth;
 };
 
-// The refinements' names: of the captures' poses (solvers/refine/pose_refinement.h), and of the reprojection error.
+// Names of the refinements: `chain` minimises the errors of the captures' poses (solvers/refine/pose_refinement.h),
+// `bundle` the reprojection error.
 inline constexpr const char* kChainMethod = "chain";
 inline constexpr const char* kBundleMethod = "bundle";
 
-// One row of a run's result.
+// The estimate of one method.
 struct Estimate {
   std::string method;
   std::string kind;  // closed_form | refined
   bool ok = false;
-  std::string reason;  // Why not, if not ok.
+  std::string reason;  // Reason of the failure, if not ok.
   HandEye hand_eye;    // Meaningful if ok.
   Camera camera;
   Errors errors;
-  std::optional<Solution> solution;  // Of a refinement.
+  std::optional<Solution> solution;  // Set for refinements.
 };
 
+// The outcome of a run for one capture.
 struct CaptureResult {
   std::string image;
   std::string role;
   int num_points = 0;
   bool used = false;
-  std::string reason;            // Why not used, or what is odd about it.
-  int num_second_pass = 0;       // Of the points, those found only where the first estimate said to look.
-  int num_rejected = 0;          // Of the points, those that the estimate left out.
-  std::optional<double> rms_px;  // With the refined estimate, from the robot's pose as it was given.
-  // The gripper as the pictures have it, in the gripper's frame as the robot had it; if the robot is noisy.
+  std::string reason;  // Reason why it was not used, or a remark on it.
+  // Number of points that were found only in the second pass, near their pixels predicted by the first estimate.
+  int num_second_pass = 0;
+  int num_rejected = 0;          // Number of points that the estimate rejected.
+  std::optional<double> rms_px;  // RMS with the refined estimate and the robot's pose as given.
+  // The pose of the gripper according to the image, in the gripper's frame according to the robot; set if robot noise
+  // is modelled.
   std::optional<Rigid3d> correction;
-  // What the refined hand-eye pose would move by without this capture (solvers/uncertainty/influence.h).
+  // Change of the refined hand-eye pose without this capture (solvers/uncertainty/influence.h).
   std::optional<CaptureMove> move_without;
-  // The capture of which this one is a copy, image and pose; empty for all others. Copies are not used.
+  // Name of the capture that this one duplicates, in image and pose; empty for all others. Duplicates are not used.
   std::string repeat_of = {};
-  // How far the target was from where a refinement that had not seen this capture predicted it.
+  // Distance between the target and its position predicted by a refinement that had not seen this capture.
   std::optional<double> holdout_target_mm = {};
-  bool was_searched = true;  // False for what belongs to no capture: a picture without a pose, one that is left out.
+  // False for entries that are not captures: an image without a pose, or one that was left out.
+  bool was_searched = true;
 };
 
 struct Timing {
@@ -72,16 +79,16 @@ struct Timing {
   double total_s = 0;
 };
 
-// What a grasp feels of the refined calibration: the target as the capture of middling distance saw it.
+// The effect of the refined calibration on a grasp, evaluated for the target at the capture of median distance.
 struct WorkingPoint {
-  Eigen::Vector3d in_camera_m = Eigen::Vector3d::Zero();  // The target's middle.
-  // How well the calibration knows the place of a target that is seen there, in the frame of the camera's mount, along
-  // the camera's axes. What is wrong of the hand-eye pose and of the intrinsics goes together, and in part cancels
-  // (solvers/calibration/target_location.h).
+  Eigen::Vector3d in_camera_m = Eigen::Vector3d::Zero();  // Middle of the target.
+  // Covariance of the position of a target that is seen there, by the calibration alone: in the frame of the camera's
+  // mount, along the camera's axes. The errors of the hand-eye pose and of the intrinsics are correlated and partly
+  // cancel (solvers/calibration/target_location.h).
   Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();
 };
 
-// A model of the errors that was compared with others (solvers/calibration/model_choice.h).
+// One of the error models that were compared (solvers/calibration/model_choice.h).
 struct ModelEntry {
   std::string name;
   double log_likelihood = 0;
@@ -89,26 +96,27 @@ struct ModelEntry {
   std::optional<double> p;
 };
 
-// The model of the errors that the refinement uses.
+// The error model that the refinement uses.
 struct ModelSummary {
-  std::string robot_noise;                // none | estimated | given
-  std::vector<std::string> target_shape;  // A list of scale, bend.
-  std::string camera;                     // The camera model.
-  std::vector<ModelEntry> alternatives;   // Empty if nothing was to be chosen.
+  std::string robot_noise;                // One of none, estimated, given.
+  std::vector<std::string> target_shape;  // Freed groups: scale, bend.
+  std::string camera;                     // Name of the camera model.
+  std::vector<ModelEntry> alternatives;   // Empty if there was no choice to make.
 };
 
-// That a target located there is known to `within_m` with this confidence.
+// The requirement that a target at a given position is located to `within_m` with a given confidence.
 struct Requirement {
   double within_m = 0;
   double confidence = 0.95;
-  std::string place;     // In words.
-  double reached_m = 0;  // The radius that holds a target's middle with this confidence, the largest of the place.
+  std::string place;  // Description of the position, for messages.
+  // Radius that contains the middle of the target with this confidence, the largest of all required positions.
+  double reached_m = 0;
 };
 
-// A finished run: what result.json holds.
+// A finished run, from which result.json is written.
 struct RunResult {
   std::string name;
-  // The config's own words about the cell, for the record: serial numbers, an operator's name.
+  // Remarks on the cell from the config, for the record: serial numbers, an operator's name.
   std::vector<std::pair<std::string, std::string>> about;
   Setup setup = Setup::kEyeToHand;
   std::string target_type;
@@ -120,18 +128,18 @@ struct RunResult {
   std::vector<Requirement> requirements;
   // Findings about the run that its figures do not show.
   std::vector<Finding> observations;
-  Verdict verdict;  // JudgeRun's.
+  Verdict verdict;  // Result of JudgeRun.
   Timing timing;
 };
 
-// The refinement that the other estimates lead up to, with its covariance; null if there is none.
+// Returns the final refinement of reprojection errors that has a covariance; null if there is none.
 const Estimate* FindRefined(const RunResult& result);
 
 using FigureOf = std::optional<double> (*)(const Errors&);
 inline std::optional<double> HoldOutPx(const Errors& errors) { return errors.holdout_rms_px; }
 inline std::optional<double> HoldOutMm(const Errors& errors) { return errors.holdout_target_mm; }
 inline std::optional<double> HoldOutSigmas(const Errors& errors) { return errors.holdout_sigmas; }
-// The closed form with the lowest of a figure; null if none has it.
+// Returns the closed-form estimate with the lowest value of a figure; null if none has the figure.
 const Estimate* FindBestClosedForm(const RunResult& result, FigureOf figure);
 
 }  // namespace heba

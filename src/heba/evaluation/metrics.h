@@ -1,4 +1,4 @@
-// The numbers that heba reports: each is defined here and nowhere else.
+// Definitions of the error figures that heba reports. Each is defined here and nowhere else.
 #pragma once
 
 #include <optional>
@@ -9,7 +9,7 @@
 
 namespace heba {
 
-// Squared distances between predicted and observed points, to be put together over views.
+// Squared distances between predicted and observed points, which can be summed over views.
 struct SquaredErrors {
   double sum_px2 = 0;
   int num_points = 0;
@@ -17,37 +17,38 @@ struct SquaredErrors {
     sum_px2 += other.sum_px2;
     num_points += other.num_points;
   }
-  // sqrt(sum(du^2 + dv^2) / points); nothing without points.
+  // Returns sqrt(sum(du^2 + dv^2) / points); nothing if there are no points.
   std::optional<double> RmsPx() const;
 };
 
-// predicted - observed, px. Nothing if a point has no image from that pose.
+// Returns predicted - observed, px; nothing if a point has no image from that pose.
 std::optional<Points2> Residuals(const Camera& camera, const Rigid3d& camera_from_target,
                                  const Observations& observations);
 
-// Nothing if a point has no image from that pose.
+// Returns nothing if a point has no image from that pose.
 std::optional<SquaredErrors> ViewErrors(const Camera& camera, const Rigid3d& camera_from_target,
                                         const Observations& observations);
-// Over all views, each predicted from the robot's pose. Nothing if a point of any view has no image.
+// Returns the errors over all views, each predicted from the robot's pose; nothing if a point of any view has no image.
 std::optional<SquaredErrors> ReprojectionErrors(const HandEye& hand_eye, const Camera& camera,
                                                 const std::vector<View>& views);
 
-// One capture as a pair of poses: what the robot says and what the camera sees.
+// A capture as a pair of poses: one according to the robot, one according to the camera.
 struct PosePair {
   Rigid3d camera_mount_from_target_mount;
   Rigid3d camera_from_target;
-  // What the capture is for, as in poses.csv: home, translate_x, translate_y, rotate, free; empty if nobody said.
+  // Purpose of the capture, as in poses.csv: home, translate_x, translate_y, rotate, free; empty if not stated.
   std::string role = {};
-  // How well the picture knows camera_from_target, of its left perturbation (in the camera's frame: m, then rad), for a
-  // pixel noise of 1 px. Nothing: nobody knows.
+  // Covariance of camera_from_target for a pixel noise of 1 px, as a left perturbation (in the camera's frame: m, then
+  // rad); nothing if it is unknown.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance_at_1px = std::nullopt;
 };
 
-// The mean over consecutive captures of the Frobenius norm of A X - X B (Fang et al. 2021, section 5), translations in
-// mm, with A = mount motion, B = camera motion, X = camera_mount_from_camera. Nothing for fewer than two captures.
+// Returns the mean over consecutive captures of the Frobenius norm of A X - X B (Fang et al. 2021, section 5), with
+// translations in mm. A is the motion of the target's mount in the camera's mount, B the motion of the target in the
+// camera frame, and X = camera_mount_from_camera. Returns nothing for fewer than two captures.
 std::optional<double> AxxbMeanMm(const std::vector<PosePair>& pairs, const Rigid3d& camera_mount_from_camera);
 
-// How far the target's pose, seen through each capture, scatters about its mean in the frame where it stands still
+// Scatter of the target's pose, as seen through each capture, about its mean in the frame in which the target is fixed
 // (the target's mount): root mean squares over captures.
 struct BoardScatter {
   double translation_rms_mm = 0;
@@ -69,8 +70,9 @@ struct Truth {
   std::optional<Camera> camera;
 };
 
-// `symmetries` are the motions (target_from_target) that map the target to itself, the identity among them: where a
-// board can be read in several orders, its pose is compared with the nearest.
+// Computes the differences from the truth. `symmetries` are the motions (target_from_target) that map the target to
+// itself, including the identity: if a board can be read in several orders, the nearest of the equivalent poses is
+// compared.
 TruthErrors CompareWithTruth(const HandEye& hand_eye, const Camera& camera, const Truth& truth,
                              const std::vector<Rigid3d>& symmetries);
 

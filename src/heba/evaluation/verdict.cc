@@ -11,13 +11,13 @@
 namespace heba {
 namespace {
 
-// A figure up to `doubtful` is good, up to `bad` doubtful.
+// A figure up to `doubtful` is graded good, up to `bad` doubtful, and above it bad.
 struct Limits {
   double doubtful;
   double bad;
 };
 
-// The needs of usual cells. A requirement of the config takes the place of the first five.
+// The limits suit usual cells. A requirement in the config replaces the first five.
 constexpr Limits kPositionMm = {1, 5};
 constexpr Limits kOrientationDeg = {0.1, 0.5};
 constexpr Limits kAtWorkMm = {1, 5};
@@ -25,9 +25,9 @@ constexpr Limits kHeldOutMm = {1.5, 5};
 constexpr Limits kHeldOutDeg = {0.3, 1};
 constexpr Limits kHeldOutChi2 = {1.5, 3};  // Per degree of freedom; 1 if the model is right.
 constexpr Limits kPixelSigmaPx = {1, 5};
-constexpr Limits kShareLeftOut = {0.25, 0.6};  // A share of the captures that show the target.
+constexpr Limits kShareLeftOut = {0.25, 0.6};  // Share of the captures that show the target.
 constexpr int kFewCaptures = 8;
-// A closed form predicts unseen captures better than the refinement if its errors are smaller by this factor.
+// A closed form predicts unseen captures better than the refinement if the ratio of their errors is below this factor.
 constexpr double kClosedFormBetter = 0.85;
 
 Grade GradeOf(double value, const Limits& limits) {
@@ -35,7 +35,7 @@ Grade GradeOf(double value, const Limits& limits) {
   return value <= limits.doubtful ? Grade::kGood : Grade::kDoubtful;
 }
 
-// The largest of three sigmas.
+// Returns the largest of three consecutive sigmas.
 double LargestSigma(const Covariance& covariance, Eigen::Index first) {
   return std::sqrt(covariance.matrix.diagonal().segment<3>(first).maxCoeff());
 }
@@ -64,7 +64,7 @@ Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   if (!HasFree(solution.covariance, "camera.") && !solution.camera.params.empty()) {
     finding.text += "; the intrinsics were held, and their error is not part of these figures";
     if (result.working_point) {
-      // A focal length that is wrong by a share moves what is seen along the ray by that share.
+      // A relative error of the focal length moves a target along its ray by the same relative amount.
       constexpr double kShare = 1e-3;
       finding.text += " (0.1 % of the focal length moves that target by " +
                       Significant(1000 * kShare * result.working_point->in_camera_m.norm(), 2) + " mm)";
@@ -76,7 +76,7 @@ Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   return finding;
 }
 
-// Each requirement, in the place of the built-in limits.
+// Judges each requirement; the requirements replace the built-in limits.
 std::vector<Finding> JudgeRequirements(const RunResult& result, const Errors& errors) {
   std::vector<Finding> findings;
   for (const Requirement& requirement : result.requirements) {
@@ -151,7 +151,7 @@ std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution
   return finding;
 }
 
-// Images without the target are no bad captures.
+// Images without the target do not count as captures that were left out.
 Finding JudgeCaptures(const RunResult& result) {
   int num_used = 0;
   int num_seen = 0;
@@ -198,8 +198,9 @@ Finding JudgePixels(const Solution& solution) {
   return finding;
 }
 
-// One capture that pulls harder than chance would have it, though all of them were asked. Where many do, they are not
-// wrong, but the assumed noise, which is judged by itself.
+// Reports a capture with more influence than chance explains, where the probability is multiplied by the number of
+// captures that were tested. If many captures are improbable, the assumed noise is wrong rather than the captures;
+// JudgeModel judges the noise.
 std::optional<Finding> JudgeInfluence(const RunResult& result) {
   constexpr double kUnlikely = 0.01;
   const CaptureResult* strongest = nullptr;
@@ -228,7 +229,7 @@ std::optional<Finding> JudgeInfluence(const RunResult& result) {
                  {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", chance}}};
 }
 
-// In the metric of all noise: where the robot's noise dominates, pixels say little about which estimate is better.
+// Compares in sigmas of all noise: if robot noise dominates, pixel errors say little about which estimate is better.
 std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refined) {
   if (!refined.errors.holdout_sigmas) return std::nullopt;
   const Estimate* best = FindBestClosedForm(result, &HoldOutSigmas);
@@ -249,7 +250,7 @@ std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refine
   return finding;
 }
 
-// A run on poses that others found of the target.
+// Judges a run on given poses of the target.
 Finding JudgePoses(const RunResult& result) {
   const auto chain = std::find_if(result.estimates.begin(), result.estimates.end(),
                                   [](const Estimate& estimate) { return estimate.ok && estimate.kind == "refined"; });
@@ -259,7 +260,7 @@ Finding JudgePoses(const RunResult& result) {
   constexpr Limits kScatterMm = {1.5, 5};
   constexpr Limits kScatterDeg = {0.3, 1};
   const BoardScatter& scatter = *chain->errors.board_scatter;
-  // Without images nobody knows how good the poses of the target are: never better than doubtful.
+  // The accuracy of the target's poses is unknown without images, so the grade is never better than doubtful.
   const Grade grade = std::max({Grade::kDoubtful, GradeOf(scatter.translation_rms_mm, kScatterMm),
                                 GradeOf(scatter.rotation_rms_deg, kScatterDeg)});
   return {grade,
@@ -270,7 +271,7 @@ Finding JudgePoses(const RunResult& result) {
           {{"scatter_mm", scatter.translation_rms_mm}, {"scatter_deg", scatter.rotation_rms_deg}}};
 }
 
-// Whether a finding shows that something is wrong, without saying what.
+// Returns whether a finding shows that something is wrong, without its cause.
 bool IsSymptom(const Finding& finding) {
   constexpr std::array<std::string_view, 9> kSymptoms = {
       "hold_out",    "unmodelled_error",    "closed_form_better", "captures_left_out", "captures_scatter",
@@ -278,7 +279,8 @@ bool IsSymptom(const Finding& finding) {
   return std::find(kSymptoms.begin(), kSymptoms.end(), finding.code) != kSymptoms.end();
 }
 
-// With a cause that makes a result bad, what it leads to is said with it, in one finding.
+// If a cause makes the result bad, its consequences are reported in the same finding: the first bad symptom is appended
+// to its text, and all symptoms that are not good are removed.
 void GatherUnderCause(std::vector<Finding>* findings) {
   const auto cause = std::find_if(findings->begin(), findings->end(), [](const Finding& finding) {
     return finding.is_cause && finding.grade == Grade::kBad;
@@ -324,7 +326,7 @@ Verdict JudgeRun(const RunResult& result) {
       }
       for (Finding& finding : JudgeRequirements(result, refined->errors)) findings.push_back(std::move(finding));
     }
-    // The directions that are known badly belong to the uncertainty, and say what would help.
+    // A finding on poorly determined directions is part of the uncertainty and contains its remedy.
     const auto weak = std::find_if(findings.begin(), findings.end(),
                                    [](const Finding& finding) { return finding.code == "weak_direction"; });
     if (weak != findings.end()) {

@@ -1,16 +1,16 @@
-// What a result is worth, in words.
+// The verdict on a result, in words.
 #pragma once
 
 #include "heba/evaluation/evaluation.h"
 
 namespace heba {
 
-// The refined estimate as a person who has to grasp with it would judge it: its own uncertainty, how far the target was
-// from where it was predicted on captures that it has not seen, whether its model explains these, how many captures it
-// rests on and how many it had to leave out, whether it hangs on one of them, whether closed forms do better, and
-// RunResult::observations. Where the result says what it is required to reach (RunResult::requirements), that takes the
-// place of the built-in limits on uncertainty and hold-out errors. One cause gives one finding: what follows from it is
-// said with it.
+// Judges the refined estimate from the point of view of a person who grasps with it: by its uncertainty, by the
+// distance between the target and its predicted position on held-out captures, by how well its noise model explains
+// these, by the number of captures that it uses and that it had to leave out, by its dependence on a single capture, by
+// a comparison with the closed forms, and by RunResult::observations. If the result states requirements
+// (RunResult::requirements), they replace the built-in limits on uncertainty and hold-out errors. Each cause gives one
+// finding, which also reports its consequences.
 Verdict JudgeRun(const RunResult& result);
 
 }  // namespace heba

@@ -3,7 +3,7 @@
 namespace heba {
 namespace {
 
-// d(q * [v, 1] / 2) / dv for a unit quaternion in x, y, z, w order: the derivative of a step on the right, times 2.
+// Returns d(q * [v, 1]) / dv for a unit quaternion in x, y, z, w order: twice the derivative of q * Exp(v) at v = 0.
 Eigen::Matrix<double, 4, 3> RightStep(const double* q) {
   Eigen::Matrix<double, 4, 3> step;
   step << q[3], -q[2], q[1],  //

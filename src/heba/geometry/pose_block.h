@@ -1,5 +1,5 @@
-// How a pose lies in an optimiser's memory, and what its tangent's coordinates are called: in one place, so that a name
-// cannot drift from the number that it names.
+// The memory layout of a pose in an optimiser, and the names of its tangent coordinates. Both are defined here and
+// nowhere else, so that names and numbers always agree.
 #pragma once
 
 #include <array>
@@ -11,16 +11,16 @@
 
 namespace heba {
 
-// [qx, qy, qz, qw, tx, ty, tz].
+// The layout is [qx, qy, qz, qw, tx, ty, tz], the translation in metres.
 using PoseBlock = std::array<double, 7>;
 PoseBlock ToBlock(const Rigid3d& pose);
 Rigid3d FromBlock(const double* block);
 
-// The tangent's coordinates in order, in the child frame (Tangent6), with their units.
+// Names of the tangent coordinates in order, with their units. The tangent is in the child frame (Tangent6).
 inline constexpr std::array<std::string_view, 6> kTangentNames = {"tx_m", "ty_m", "tz_m", "rx_rad", "ry_rad", "rz_rad"};
 
-// Steps of a pose block are Retract(pose, tangent), with full radians (Ceres' own quaternion manifolds step by half the
-// rotation vector, and on the other side).
+// The Ceres manifold of a pose block. Its steps are Retract(pose, tangent) with rotation vectors in radians. The
+// quaternion manifolds of Ceres step by half the rotation vector, and on the other side.
 class PoseManifold final : public ceres::Manifold {
  public:
   int AmbientSize() const override { return 7; }
@@ -31,8 +31,8 @@ class PoseManifold final : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
-// The 6 x 7 derivative of the tangent with respect to the block, at zero: a cost that knows its derivative J by the
-// tangent returns J * TangentFromBlock(x), and Ceres, multiplying by PlusJacobian, has J again.
+// Returns the 6 x 7 derivative of the tangent by the block, at zero. A cost function that knows its derivative J by the
+// tangent returns J * TangentFromBlock(x); Ceres multiplies it by PlusJacobian and obtains J again.
 Eigen::Matrix<double, 6, 7, Eigen::RowMajor> TangentFromBlock(const double* block);
 
 }  // namespace heba

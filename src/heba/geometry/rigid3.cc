@@ -33,7 +33,7 @@ Eigen::Matrix3d Skew(const Eigen::Vector3d& v) {
 Eigen::Quaterniond ExpRotation(const Eigen::Vector3d& rotation_vector) {
   const double angle = rotation_vector.norm();
   const double half = 0.5 * angle;
-  // sin(half) / angle, by its series where the quotient would lose digits.
+  // sin(half) / angle; for small angles by its series, since the quotient would lose digits.
   const double factor = angle < 1e-4 ? 0.5 - angle * angle / 48.0 : std::sin(half) / angle;
   const Eigen::Vector3d v = factor * rotation_vector;
   return Eigen::Quaterniond(std::cos(half), v.x(), v.y(), v.z()).normalized();

@@ -1,5 +1,5 @@
-// Rigid transforms, named by their frames: `a_from_b` maps coordinates of frame b into frame a; it is also the pose of
-// b in a. In a product the inner names meet: a_from_c = a_from_b * b_from_c.
+// Rigid transforms, named by their frames: `a_from_b` maps coordinates of frame b to frame a; it is also the pose of b
+// in a. In a product the inner names are equal: a_from_c = a_from_b * b_from_c.
 #pragma once
 
 #include <vector>
@@ -9,7 +9,7 @@
 
 namespace heba {
 
-// p_in_a = rotation * p_in_b + translation. Metres. The quaternion has unit length.
+// p_in_a = rotation * p_in_b + translation, in metres. The quaternion has unit length.
 struct Rigid3d {
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
@@ -25,48 +25,49 @@ struct Rigid3d {
   Eigen::Matrix4d Matrix() const;
 };
 
-// a_from_c = a_from_b * b_from_c.
+// Returns a_from_c = a_from_b * b_from_c.
 Rigid3d operator*(const Rigid3d& a_from_b, const Rigid3d& b_from_c);
-// point_in_a = a_from_b * point_in_b.
+// Returns point_in_a = a_from_b * point_in_b.
 inline Eigen::Vector3d operator*(const Rigid3d& a_from_b, const Eigen::Vector3d& point_in_b) {
   return a_from_b.rotation * point_in_b + a_from_b.translation;
 }
-// b_from_a.
+// Returns b_from_a.
 Rigid3d Inverse(const Rigid3d& a_from_b);
 
+// Returns the matrix of the cross product: Skew(v) * w = v x w.
 Eigen::Matrix3d Skew(const Eigen::Vector3d& v);
-// The rotation by |rotation_vector| radians about its direction.
+// Returns the rotation by |rotation_vector| radians about the direction of `rotation_vector`.
 Eigen::Quaterniond ExpRotation(const Eigen::Vector3d& rotation_vector);
-// The rotation vector, of length in [0, pi].
+// Returns the rotation vector, with a length in [0, pi].
 Eigen::Vector3d LogRotation(const Eigen::Quaterniond& rotation);
-// In [0, pi] rad.
+// Returns the angle of the rotation, in [0, pi] rad.
 double RotationAngle(const Eigen::Quaterniond& rotation);
-// The rotation matrix nearest to `matrix` in the Frobenius norm (by SVD; determinant +1).
+// Returns the rotation matrix that is nearest to `matrix` in the Frobenius norm (by SVD, with determinant +1).
 Eigen::Matrix3d NearestRotation(const Eigen::Matrix3d& matrix);
 
-// The 24 rotations that map a cube to itself: no rotation is farther than 63 deg from one of them.
+// Returns the 24 rotations that map a cube to itself. Every rotation is within 63 deg of one of them.
 std::vector<Eigen::Matrix3d> CubeRotations();
 
 // A 6-vector in the tangent space at a pose: translation (m) before rotation (rad), both in the child frame. The
-// retraction is a_from_b * [Exp(rotation), translation]: it agrees with SE(3)'s exponential to first order.
+// retraction is a_from_b * [Exp(rotation), translation], which agrees with the exponential map of SE(3) to first order.
 using Tangent6 = Eigen::Matrix<double, 6, 1>;
 Rigid3d Retract(const Rigid3d& a_from_b, const Tangent6& tangent);
-// The tangent with Retract(a_from_b, tangent) == a_from_b_2.
+// Returns the tangent for which Retract(a_from_b, tangent) == a_from_b_2.
 Tangent6 LocalCoordinates(const Rigid3d& a_from_b, const Rigid3d& a_from_b_2);
 
-// How a point moves with a small motion of the frame that it stands in (of T in T * point: T * [Exp(w), v]) or, alike,
-// with one that is applied to it from the left: v + w x point.
+// Returns the derivative of a point by a small motion (v, w) that is applied from the left: the point moves by v + w x
+// point. The same matrix is the derivative in the frame of the point if T in T * point is perturbed as T * [Exp(w), v].
 Eigen::Matrix<double, 3, 6> PointByMotion(const Eigen::Vector3d& point);
 
-// How left multiplication sees a right one: with T = a_from_b and small tangents,
-// T * [Exp(w), v] = [Exp(w'), v'] * T where (v', w') = Adjoint(T) * (v, w).
+// Returns the adjoint matrix of T = a_from_b, which converts a perturbation on the right into one on the left: for
+// small tangents, T * [Exp(w), v] = [Exp(w'), v'] * T with (v', w') = Adjoint(T) * (v, w).
 Eigen::Matrix<double, 6, 6> Adjoint(const Rigid3d& a_from_b);
 
-// The mean of poses of one frame pair: chordal mean of the rotations, arithmetic mean of the translations. `poses`
-// must not be empty.
+// Returns the mean of poses of one frame pair: the chordal mean of the rotations and the arithmetic mean of the
+// translations. `poses` must not be empty.
 Rigid3d MeanPose(const std::vector<Rigid3d>& poses);
 
-// Between two poses of one frame pair.
+// The distance and the angle between two poses of one frame pair.
 double DistanceM(const Rigid3d& a, const Rigid3d& b);
 double AngleRad(const Rigid3d& a, const Rigid3d& b);
 

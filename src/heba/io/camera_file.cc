@@ -42,7 +42,7 @@ Camera ReadCamera(const ConfigValue& value) {
   for (size_t i = 0; i < 4; ++i) camera.params.push_back(reader.Number(names[i]));
   const size_t num_distortion = names.size() - 4;
   std::optional<ConfigValue> distortion = reader.Find("distortion");
-  // A model without distortion needs no empty list.
+  // The list may be missing if the model has no distortion.
   if (!distortion && num_distortion > 0) distortion = reader.Get("distortion");
   if (distortion) {
     const std::vector<double> coefficients = ReadNumbers(*distortion);

@@ -1,4 +1,4 @@
-// Files that hold a camera's parameters: heba's own and those of other software (camera_formats.def).
+// Files that contain the parameters of a camera: heba's own format and those of other software (camera_formats.def).
 #pragma once
 
 #include <filesystem>
@@ -11,21 +11,22 @@
 
 namespace heba {
 
-// Reads a file of any form of camera_formats.def. The camera passes CheckCamera, but for one thing: OpenCV's files may
-// have no image size; width_px and height_px are then 0, and the caller takes them from the images. InputError names
-// the file and, where it is known, the line.
+// Reads a file in any format of camera_formats.def. The camera passes CheckCamera with one exception: OpenCV's files
+// may lack an image size; width_px and height_px are then 0, and the caller takes them from the images. Throws
+// InputError with the file and, if it is known, the line.
 Camera ReadCameraFile(const std::filesystem::path& path);
-// The same from text; `name` is what messages call it.
+// Parses text; `name` is the name of the file in messages.
 Camera ParseCameraFile(const std::string& text, const std::filesystem::path& name);
 
-// One sigma of each parameter, as a file of heba's own form may have them under `std` (null or left out: nothing is
-// known of it, infinite). Nothing if the file is of another form or has no `std`.
+// Returns one sigma of each parameter, as a file in heba's own format may contain them under `std`. A sigma that is
+// null or missing is infinite: the parameter is unknown. Returns nothing if the file has another format or no `std`.
 std::optional<std::vector<double>> ReadCameraSigmas(const std::filesystem::path& path);
 
-// heba's own form: {model: brown5, image_size: [w, h], fx, fy, cx, cy, distortion: [...]}, plain numbers in px; a
-// `std`, as result.json has it, is ReadCameraSigmas' to read. The camera passes CheckCamera.
+// Reads a camera in heba's own format: {model: brown5, image_size: [w, h], fx, fy, cx, cy, distortion: [...]}, plain
+// numbers in px. An entry `std`, as result.json has it, is accepted but ignored; ReadCameraSigmas reads it. The camera
+// passes CheckCamera.
 Camera ReadCamera(const ConfigValue& value);
-// The text of a file of that form. The camera must pass CheckCamera.
+// Returns the text of a file in this format. The camera must pass CheckCamera.
 std::string CameraToYaml(const Camera& camera);
 
 }  // namespace heba

@@ -1,4 +1,4 @@
-// What a form of camera file is, and what the forms share.
+// The interface of a camera file format, and common functions of the formats.
 #pragma once
 
 #include <filesystem>
@@ -12,11 +12,11 @@
 
 namespace heba {
 
-// What a file in camera_formats/ brings.
+// The functions that a file in camera_formats/ provides.
 struct CameraReader {
-  // Whether a file is meant to be of this form; it may still be faulty.
+  // Returns whether a file appears to have this format; it may still be faulty.
   bool (*matches)(const std::string& text);
-  // The camera; InputErrors call the file `name`. Values are not yet checked (CheckCamera).
+  // Returns the camera. InputErrors call the file `name`. The values are not yet checked (CheckCamera).
   Camera (*read)(const std::string& text, const std::filesystem::path& name);
 };
 
@@ -26,28 +26,30 @@ struct CameraFormat {
   CameraReader reader;
 };
 
-// In the order of camera_formats.def.
+// Returns all formats, in the order of camera_formats.def.
 const std::vector<CameraFormat>& CameraFormats();
 
-// Whether `key` stands anywhere in `text` as a key, quoted or not, before a colon.
+// Returns whether `key` occurs anywhere in `text` as a key, that is, quoted or not, before a colon.
 bool HasKey(std::string_view text, std::string_view key);
 
-// The numbers of a list.
+// Returns the numbers of a list.
 std::vector<double> ReadNumbers(const ConfigValue& list);
-// The numbers of a matrix {rows, cols, data: [...]}, row by row, or of a plain list.
+// Returns the numbers of a matrix {rows, cols, data: [...]}, row by row, or of a plain list.
 std::vector<double> ReadMatrix(const ConfigValue& value);
 
-// fx, fy, cx, cy from a camera matrix, row by row. A Failure if it is not [fx 0 cx; 0 fy cy; 0 0 1].
+// Returns fx, fy, cx, cy of a camera matrix that is given row by row. Returns a Failure if it is not [fx 0 cx; 0 fy cy;
+// 0 0 1].
 Outcome<std::vector<double>> PinholeFromMatrix(const std::vector<double>& matrix);
 
-// How a file names its distortion.
+// The kinds of lens that the distortion models of other software describe.
 enum class Lens { kPolynomial, kFisheye };
-// A camera without its image size from fx, fy, cx, cy and coefficients in OpenCV's order: none, 4, 5, 8, or 12 and 14
-// if those after the eighth are zero; for a fisheye lens 4. A Failure for another number of them.
+// Returns a camera without image size from fx, fy, cx, cy and coefficients in OpenCV's order. Their number may be 0, 4,
+// 5 or 8, or 12 or 14 if those after the eighth are zero; for a fisheye lens it must be 4. Returns a Failure for any
+// other number.
 Outcome<Camera> CameraFromCoefficients(const std::vector<double>& pinhole, const std::vector<double>& coefficients,
                                        Lens lens);
 
-// The lens of a ROS distortion model's name; a Failure that lists the names if it is unknown.
+// Returns the lens that a ROS distortion model describes; a Failure that lists the known names if it is unknown.
 Outcome<Lens> LensOfRosModel(const std::string& distortion_model);
 
 }  // namespace heba

@@ -46,14 +46,14 @@ std::string AnglesInWords(const PoseFormat& format) {
          (is_fixed ? "as it was at first" : "as already turned");
 }
 
-// Digits behind the point that tell a micrometre, or about a microradian.
+// Returns the number of decimals that resolve a micrometre or about a microradian.
 int ControllerDecimals(const PoseFormat& format, size_t number) {
   const std::string& unit = number < 3 ? format.translation_unit : format.angle_unit;
   if (unit == "mm") return 3;
   return unit == "deg" ? 4 : 6;
 }
 
-// The pose in the syntax of the robot's controller, such as {X 812.345, Y ...}.
+// Returns the pose in the syntax of the robot's controller, such as {X 812.345, Y ...}.
 std::string ControllerText(const PoseFormat& format, const ExportRequest& request) {
   const std::vector<double> numbers = NumbersFromPose(format, request.parent_from_child);
   std::string text;
@@ -75,7 +75,7 @@ std::string RobotPoseText(PoseFormat format, const ExportRequest& request) {
   if (format.rotation == "matrix") format.translation_unit = request.length_unit;
   std::vector<std::string> remarks = ExportRemarks(request);
   remarks.push_back(AnglesInWords(format));
-  // A controller has frames in its base or on its flange and no others.
+  // Controllers know only frames that are given in the robot's base or on its flange.
   const bool is_controllers = request.parent == ExportFrame::kBase || request.parent == ExportFrame::kGripper;
   if (!format.controller_form.empty() && is_controllers) {
     remarks.push_back("for the controller: " + ControllerText(format, request));
@@ -83,7 +83,7 @@ std::string RobotPoseText(PoseFormat format, const ExportRequest& request) {
   return CommentLines(remarks, "# ") + PoseFileText({{"", "", request.parent_from_child, 0}}, format);
 }
 
-// Why the form has no room for what is asked; empty if it has.
+// Returns why the format cannot represent the request; an empty text if it can.
 std::string WhyNot(ExportHolds holds, const ExportRequest& request) {
   if (holds == ExportHolds::kLens && request.camera.params.empty()) {
     return "an estimate from poses alone has no camera, which this form holds; use urdf, ros2 or a robot's form, such "
@@ -123,7 +123,7 @@ std::string SigmasText(const Eigen::Matrix<double, 6, 6>& covariance, Eigen::Ind
   return Join(sigmas, ", ");
 }
 
-// The covariance of the hand-eye pose; nothing if the estimate has none.
+// Returns the covariance of the hand-eye pose; nothing if the estimate has none.
 std::optional<Eigen::Matrix<double, 6, 6>> HandEyeCovariance(const Estimate& estimate) {
   if (!estimate.solution) return std::nullopt;
   const Covariance& all = estimate.solution->covariance;
@@ -153,7 +153,7 @@ ExportRequest MakeExportRequest(const RunResult& result, const Estimate& estimat
 }
 
 ExportRequest WithChild(ExportRequest request, ExportFrame child, const Rigid3d& optical_from_child) {
-  // T exp(xi) C = (T C) exp(Adjoint(C^-1) xi).
+  // The covariance is transformed by the adjoint: T exp(xi) C = (T C) exp(Adjoint(C^-1) xi).
   const Eigen::Matrix<double, 6, 6> child_by_optical = Adjoint(Inverse(optical_from_child));
   request.parent_from_child = request.parent_from_child * optical_from_child;
   if (request.covariance) {
@@ -165,7 +165,7 @@ ExportRequest WithChild(ExportRequest request, ExportFrame child, const Rigid3d&
 }
 
 ExportRequest Inverted(ExportRequest request) {
-  // (T exp(xi))^-1 = T^-1 exp(Adjoint(T) (-xi)).
+  // The covariance is transformed by the adjoint: (T exp(xi))^-1 = T^-1 exp(Adjoint(T) (-xi)).
   const Eigen::Matrix<double, 6, 6> parent_by_child = Adjoint(request.parent_from_child);
   if (request.covariance) request.covariance = parent_by_child * *request.covariance * parent_by_child.transpose();
   request.parent_from_child = Inverse(request.parent_from_child);

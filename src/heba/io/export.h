@@ -1,5 +1,5 @@
-// A result in the forms that other software reads: those of export_formats.def, and the camera's pose in every form of
-// robot pose (pose_formats.def).
+// Export of a result to the formats of other software: those of export_formats.def, and the camera's pose in every
+// robot pose format (pose_formats.def).
 #pragma once
 
 #include <optional>
@@ -13,86 +13,92 @@
 
 namespace heba {
 
-// The kind of a frame of an exported pose.
+// The frames between which an exported pose is given.
 enum class ExportFrame {
   kBase,     // The robot's base, as the robot reports its poses.
   kGripper,  // The flange or tool, as the robot reports it.
-  kOptical,  // The camera, x right, y down, z forward.
-  kBody,     // The camera's body, x forward, y left, z up, at the place of the optical frame.
-  kLink,     // A frame of the camera's own that the user has given by its pose.
+  kOptical,  // The camera's optical frame: x right, y down, z forward.
+  kBody,     // The camera's body frame: x forward, y left, z up, with the origin of the optical frame.
+  kLink,     // A frame of the camera whose pose was given by the user.
 };
 
-// What is exported, and the names that it has in the other software.
+// The data to export, with the names that they have in the other software.
 struct ExportRequest {
-  std::string name;    // The run's.
-  std::string method;  // The estimate's.
+  std::string name;    // Name of the run.
+  std::string method;  // Method of the estimate.
   Setup setup = Setup::kEyeToHand;
   Rigid3d parent_from_child;
   ExportFrame parent = ExportFrame::kBase;
   ExportFrame child = ExportFrame::kOptical;
-  std::string parent_frame;  // The frames' names.
+  std::string parent_frame;  // Name of the parent frame.
+  // Name of the child frame.
   std::string child_frame;
-  // One-sigma covariance of the pose, of the tangent in the child's frame (m, rad); nothing if it is not known.
+  // Covariance of the pose (one sigma), by the tangent in the child's frame (m, rad); nothing if it is unknown.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance;
-  // The poses are those of a Universal Robots controller, in its own base.
+  // True if the poses are those of a Universal Robots controller, in the controller's own base frame.
   bool is_ur_controller = false;
   Camera camera;
-  std::string length_unit = "m";  // Of the form `matrix`: m or mm.
+  std::string length_unit = "m";  // For the format `matrix`: m or mm.
 };
 
-// The pose of the camera's optical frame, from an estimate that is ok, with the usual names: base_link (`base` for a
-// Universal Robots controller) or tool0, and camera_optical_frame.
+// Returns the pose of the camera's optical frame for an estimate that is ok, with the usual frame names: base_link
+// (`base` for a Universal Robots controller) or tool0, and camera_optical_frame.
 ExportRequest MakeExportRequest(const RunResult& result, const Estimate& estimate, bool is_ur_controller = false);
-// The pose of another frame of the camera in its place: `optical_from_child` is that frame's pose in the optical one.
+// Replaces the optical frame by another frame of the camera; `optical_from_child` is the pose of that frame in the
+// optical frame.
 ExportRequest WithChild(ExportRequest request, ExportFrame child, const Rigid3d& optical_from_child);
-// The pose of the parent in the child: the two change places.
+// Exchanges parent and child: the result is the pose of the parent in the child.
 ExportRequest Inverted(ExportRequest request);
 
-// The room that a format has.
+// The poses that a format can represent.
 enum class ExportHolds {
-  kAnyPose,        // The pose of any frame in any other.
-  kOpticalCamera,  // The pose of the optical frame in the parent and nothing else.
-  kLens,           // The camera's intrinsics; of poses at most that of the optical frame.
+  kAnyPose,        // The pose of any frame in any other frame.
+  kOpticalCamera,  // The pose of the optical frame in the parent only.
+  kLens,           // The camera's intrinsics; at most the pose of the optical frame.
 };
 
 struct ExportFormat {
   std::string name;
   std::string description;
-  std::string file_name;  // What such a file is usually called.
+  std::string file_name;  // Usual name of such a file.
 };
-// Those of export_formats.def, then those of pose_formats.def.
+// Returns the formats of export_formats.def, then those of pose_formats.def.
 const std::vector<ExportFormat>& ExportFormats();
 
-// The text of a file. A Failure if the form cannot hold this camera or this pose. `format` is one of ExportFormats().
+// Returns the text of a file. `format` is one of ExportFormats(). Returns a Failure if the format cannot represent this
+// camera or this pose.
 Outcome<std::string> ExportText(const ExportFormat& format, const ExportRequest& request);
 
-// For the files in export_formats/.
+// Functions for the files in export_formats/.
 
-// The beginning of the comments of every file.
+// The beginning of the first comment of every exported file.
 inline constexpr std::string_view kExportMark = "heba, calibration ";
-// Returns the comments of every file: what it is, which frames are meant, and how well the pose is known. A line an
-// entry, without a comment's mark and free of what could end one.
+// Returns the comments of an exported file: its content, the meaning of the frames, and the uncertainty of the pose.
+// Each entry is one line without a comment mark and without characters that could end a comment.
 std::vector<std::string> ExportRemarks(const ExportRequest& request);
-// A name as it can stand in a comment: what is no plain letter could end one.
+// Returns a name that is safe in a comment: '-', '<', '>', control characters and non-ASCII characters, which could end
+// a comment, become underscores.
 std::string PlainText(std::string text);
-// Each behind `mark`, and at the end of a line.
+// Returns the lines, each preceded by `mark` and followed by a line end.
 std::string CommentLines(const std::vector<std::string>& lines, const std::string& mark);
 
-// The frame that cameras' drivers call the body: x forward, y left, z up; at the same place.
+// Returns the pose of the body frame that camera drivers use (x forward, y left, z up) in the optical frame. Both
+// frames have the same origin.
 Rigid3d OpticalFromBody();
 
-// A number that reads back as the same, everywhere as one that is not whole: YAML's readers take 1e-05 for a text and 0
-// for an integer.
+// Returns a decimal number that reads back as the same value and always has a decimal point, because YAML readers take
+// 1e-05 for a text and 0 for an integer.
 std::string DecimalText(double number);
 std::string JoinNumbers(const std::vector<double>& numbers, std::string_view separator);
-// x, y, z (m), and qx, qy, qz, qw, w not negative.
+// Returns x, y, z (m), qx, qy, qz, qw, with qw not negative.
 std::vector<double> TranslationAndQuaternion(const Rigid3d& pose);
 
-// OpenCV's coefficients of the camera's lens: k1 k2 p1 p2 k3 [k4 k5 k6], or four of a fisheye lens; none of a pinhole.
+// Returns the distortion coefficients in OpenCV's order: k1 k2 p1 p2 [k3 [k4 k5 k6]], or the four of a fisheye lens;
+// empty for a pinhole camera.
 std::vector<double> OpenCvDistortion(const Camera& camera);
 inline bool IsFisheye(const Camera& camera) { return camera.model == "kannala_brandt4"; }
 
-// Text within double quotes, of YAML and Python.
+// Returns text in double quotes that is valid in YAML and in Python.
 std::string QuotedForYaml(std::string_view text);
 
 }  // namespace heba

@@ -24,7 +24,8 @@ ConfigValue ParseFileStorage(const std::string& text, const std::filesystem::pat
     throw InputError(name.string() +
                      ": is XML, which heba does not read; save it as .yml (cv::FileStorage goes by the file's ending)");
   }
-  // The first line, %YAML:1.0, is not YAML; it stays as an empty line, for the lines' numbers.
+  // The first line, %YAML:1.0, is not valid YAML. Its text is removed, but its line end is kept, so that line numbers
+  // in messages stay correct.
   std::string document = text;
   const size_t directive = document.find("%YAML");
   if (directive != std::string::npos && Trim(document.substr(0, directive)).size() <= 3) {

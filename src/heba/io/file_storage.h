@@ -8,10 +8,10 @@
 
 namespace heba {
 
-// Whether a file looks as cv::FileStorage writes it, in XML too.
+// Returns whether a file looks like the output of cv::FileStorage; XML is recognised too.
 bool IsFileStorage(const std::string& text);
 
-// As ParseYaml, which chokes on the first line that OpenCV writes. InputError for XML.
+// Parses the text like ParseYaml, which does not accept the first line that OpenCV writes. Throws InputError for XML.
 ConfigValue ParseFileStorage(const std::string& text, const std::filesystem::path& name);
 
 }  // namespace heba

@@ -56,7 +56,7 @@ ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view 
   try {
     set = FindAndRead(source, name);
   } catch (const std::filesystem::filesystem_error& fault) {
-    // Files may name others that cannot even be asked for.
+    // A data set may name a file whose existence cannot even be checked.
     throw InputError(source.string() + ": " + Quoted(fault.path1().string()) + ": " + fault.code().message());
   }
   if (set.camera) {

@@ -1,5 +1,5 @@
-// Data sets as other projects keep them. A form of them is found by name in a table or by what the files look like; a
-// new one is one file in import_formats/ and one line of import_formats.def.
+// Data sets in the formats of other projects. A format is selected by name or recognised from the files. A new format
+// needs one file in import_formats/ and one line in import_formats.def.
 #pragma once
 
 #include <filesystem>
@@ -17,11 +17,13 @@
 
 namespace heba {
 
+// One image of a data set, with the data that the set contains for it.
 struct ImportedCapture {
-  std::string name;             // The picture's, or one that is made up from its number.
-  std::filesystem::path image;  // Empty if the set has no pictures.
+  std::string name;             // File name of the image, or a name made from its number.
+  std::filesystem::path image;  // Empty if the data set has no images.
   std::optional<Rigid3d> base_from_gripper;
-  // What others found in the picture: the target's pose, or its points (id and pixel, (0, 0) the centre of the first).
+  // Detections of the other project: the pose of the target, or its points (id and pixel; (0, 0) is the centre of the
+  // first pixel).
   std::optional<Rigid3d> camera_from_target;
   std::vector<int> ids;
   std::vector<Eigen::Vector2d> pixels;
@@ -29,19 +31,20 @@ struct ImportedCapture {
 
 struct ImportedSet {
   std::string format;
-  std::optional<Setup> setup;    // Nothing: the files do not say.
-  std::optional<Camera> camera;  // Its size is 0 x 0 if the files do not tell it.
-  std::string target;            // As a target file (YAML); empty if the files do not tell.
+  std::optional<Setup> setup;    // Empty if the files do not contain it.
+  std::optional<Camera> camera;  // Its image size is 0 x 0 if the files do not contain it.
+  std::string target;            // Target file (YAML); empty if the files do not describe the target.
   std::vector<ImportedCapture> captures;
-  std::vector<std::filesystem::path> files;  // All that was read, pictures excepted.
-  std::vector<std::string> remarks;          // What a person should know of how it was read.
+  std::vector<std::filesystem::path> files;  // All files that were read, except the images.
+  std::vector<std::string> remarks;          // Remarks for the user on how the data were interpreted.
 };
 
-// What a file in import_formats/ brings.
+// The functions that a file in import_formats/ provides.
 struct ImportReader {
-  // Whether a file or folder is meant to be of this form; it may still be faulty.
+  // Returns whether a file or folder appears to have this format; it may still be faulty.
   bool (*matches)(const std::filesystem::path& source);
-  // Poses become base_from_gripper and camera_from_target in metres. InputError on a fault.
+  // Reads the data set and converts its poses to base_from_gripper and camera_from_target, in metres. Throws InputError
+  // on a fault.
   ImportedSet (*read)(const std::filesystem::path& source);
 };
 
@@ -51,15 +54,15 @@ struct ImportFormat {
   ImportReader reader;
 };
 
-// In the order of import_formats.def.
+// Returns all formats, in the order of import_formats.def.
 const std::vector<ImportFormat>& ImportFormats();
 std::vector<std::string> ImportFormatNames();
 
-// The first format that takes a file or folder for its own; null if none does.
+// Returns the first format that recognises a file or folder; null if none does.
 const ImportFormat* FindImportFormat(const std::filesystem::path& source);
 
-// Reads a file or folder; `format` is a name of the table, or empty to find it out. InputError if it is of no known
-// form, is faulty, or holds no captures.
+// Reads a file or folder. `format` is the name of a format, or empty to recognise it. Throws InputError if the format
+// is unknown, or if the data set is faulty or contains no captures.
 ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view format);
 
 }  // namespace heba

@@ -133,7 +133,7 @@ Rigid3d PoseOfTransform(const ConfigValue& value) {
 
 std::map<std::string, std::vector<double>> FileStorageNumbers(const fs::path& path) {
   const ConfigValue root = ParseFileStorage(ReadTextFile(path), path);
-  const MapReader checked(root);  // That it is a mapping, without a key twice.
+  const MapReader checked(root);  // Checks that the file is a mapping without duplicate keys.
   std::map<std::string, std::vector<double>> found;
   for (const auto& entry : root.node()) {
     const std::string key = entry.first.Scalar();

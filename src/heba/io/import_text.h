@@ -1,4 +1,4 @@
-// What readers of other projects' data sets share.
+// Common functions of the readers of other projects' data sets.
 #pragma once
 
 #include <filesystem>
@@ -15,53 +15,59 @@
 
 namespace heba {
 
-// The numbers of a line, between blanks, commas, semicolons or tabs. InputError ("name:line: ...") for anything else.
+// Returns the numbers of a line, separated by blanks, tabs, commas or semicolons. Throws InputError ("name:line: ...")
+// if the line contains anything else.
 std::vector<double> NumbersOfLine(std::string_view text, const std::filesystem::path& name, int line);
 
-// A line that says something, without comments (#) and the blanks around it.
+// A non-empty line, without its comment (#) and the blanks around it.
 struct TextLine {
   std::string text;
   int number = 0;
 };
 std::vector<TextLine> LinesOf(const std::string& text);
-// The numbers of all lines of a file. InputError as NumbersOfLine.
+// Returns the numbers of all lines of a file. Throws InputError like NumbersOfLine.
 std::vector<double> NumbersOfFile(const std::filesystem::path& file);
-// How many numbers the first line of a file has; 0 if it has anything else, or cannot be read. Does not throw.
+// Returns how many numbers the first line of a file contains; 0 if it contains anything else or cannot be read. Does
+// not throw.
 size_t NumbersInFirstLine(const std::filesystem::path& file);
-// The numbers of a list, and of the lists in it.
+// Returns the numbers of a list, including those of the lists in it.
 std::vector<double> FlatNumbers(const ConfigValue& value);
 
-// A pose from numbers in one of the forms of pose_formats.def, or `where: ` and why it is none as an InputError.
+// Returns a pose from numbers in one of the formats of pose_formats.def. Throws an InputError that begins with `where`
+// if the numbers are not a pose.
 Rigid3d PoseOf(std::string_view format, std::span<const double> numbers, const std::string& where);
-// The same of a 4 x 4 matrix, row by row; `m_per_unit` for its translation.
+// Returns a pose from a 4 x 4 matrix, row by row. The translation is multiplied by `m_per_unit`.
 Rigid3d PoseOfMatrix(std::span<const double> numbers, double m_per_unit, const std::string& where);
-// {x, y, z, qx, qy, qz, qw} in metres. Other keys are passed over.
+// Reads {x, y, z, qx, qy, qz, qw}, in metres. Other keys are ignored.
 Rigid3d PoseOfMap(const ConfigValue& value);
-// {translation: {x, y, z}, rotation: {x, y, z, w}}.
+// Reads {translation: {x, y, z}, rotation: {x, y, z, w}}, in metres.
 Rigid3d PoseOfTransform(const ConfigValue& value);
 
-// The matrices of an OpenCV FileStorage file in YAML, by name: their numbers, row by row, and the plain numbers too.
+// Returns the matrices of an OpenCV FileStorage file in YAML, by name, as their numbers row by row. Scalar numbers are
+// returned as well.
 std::map<std::string, std::vector<double>> FileStorageNumbers(const std::filesystem::path& path);
 
-// The regular files of a folder whose names are one of `prefixes`, a whole number, one of `suffixes`, by that number.
-// Of two kinds of names with one number the kind listed first; InputError if two of one kind have one number.
+// Returns the regular files of a folder whose names consist of one of `prefixes`, a whole number and one of `suffixes`,
+// by this number. If names of several kinds have the same number, the kind listed first is used. Throws InputError if
+// two files of one kind have the same number.
 std::map<int, std::filesystem::path> NumberedFiles(const std::filesystem::path& folder,
                                                    std::initializer_list<std::string_view> prefixes,
                                                    std::initializer_list<std::string_view> suffixes);
-// The pictures of a folder, in the order of the numbers in their names; none if there is no such folder.
+// Returns the images of a folder, in the order of the numbers in their names; empty if there is no such folder.
 std::vector<std::filesystem::path> ImagesOf(const std::filesystem::path& folder);
-// The pictures of the first of `folders` that has any, one a pose. None, and a remark why, if there are not as many as
-// poses.
+// Returns the images of the first of `folders` that contains any, one per pose. If their number differs from the number
+// of poses, the result is empty and a remark is added.
 std::vector<std::filesystem::path> ImagesForPoses(const std::vector<std::filesystem::path>& folders, size_t num_poses,
                                                   std::vector<std::string>* remarks);
-// A capture with the name of its picture, or pose_N if it has none (an empty path, or none of that number).
+// Returns a capture with the name of its image, or pose_N if it has none (an empty path, or no image of that number).
 ImportedCapture CaptureOf(const std::filesystem::path& picture, size_t number);
 ImportedCapture CaptureOf(const std::map<int, std::filesystem::path>& pictures, int number);
 
-// The first characters of a file, to tell what it is; empty if it cannot be read. Does not throw.
+// Returns the first characters of a file, from which its format is recognised; empty if it cannot be read. Does not
+// throw.
 std::string BeginningOf(const std::filesystem::path& path);
 
-// "chessboard" with its inner corners, as a target file.
+// Returns the target file of a chessboard. `rows` and `columns` count the inner corners.
 std::string ChessboardYaml(int rows, int columns, double square_m);
 
 }  // namespace heba

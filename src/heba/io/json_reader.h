@@ -1,4 +1,4 @@
-// Reading JSON: every access says where it is in the file.
+// A JSON reader whose error messages name the position in the file.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 
 namespace heba {
 
-// A value with its place. Faults are InputErrors that start with it.
+// A JSON value with its position in the file. All faults are InputErrors that begin with the position.
 class JsonReader {
  public:
   JsonReader(const nlohmann::ordered_json& json, std::string where) : json_(json), where_(std::move(where)) {}
@@ -41,7 +41,7 @@ class JsonReader {
     for (size_t i = 0; i < json_.size(); ++i) items.emplace_back(json_[i], where_ + "[" + std::to_string(i) + "]");
     return items;
   }
-  // The members of an object; nothing for those that are null.
+  // Returns the members of an object. The value is empty for members that are null.
   std::vector<std::pair<std::string, std::optional<JsonReader>>> Members() const {
     if (!json_.is_object()) Fail("an object is needed");
     std::vector<std::pair<std::string, std::optional<JsonReader>>> members;
@@ -55,7 +55,7 @@ class JsonReader {
     if (!json_.is_number()) Fail("a number is needed");
     return json_.get<double>();
   }
-  // A whole number.
+  // Returns an integer in [min, max].
   int Int(int min, int max) const {
     const double number = Number();
     if (!(number >= min && number <= max) || number != std::floor(number)) {
@@ -81,7 +81,8 @@ class JsonReader {
   std::string where_;
 };
 
-// The whole file. InputError if it is not JSON, or holds more values than a run has, which would take gigabytes.
+// Reads a whole file. Throws InputError if it is not JSON, or if it contains more than 20 million values: a run has far
+// fewer, and parsing them would take gigabytes.
 inline nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path, size_t max_bytes) {
   const std::string text = ReadTextFile(path, max_bytes);
   constexpr std::ptrdiff_t kMostValues = 20'000'000;

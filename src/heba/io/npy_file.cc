@@ -24,7 +24,7 @@ struct NumberType {
   double (*read)(const char* bytes);
 };
 
-// By NumPy's names without the mark of the order of bytes.
+// Returns the number type for a name of NumPy without the byte order mark; null if it is unknown.
 const NumberType* FindNumberType(const std::string& name) {
   static const std::map<std::string, NumberType> types = {
       {"f4", {4, NumberAt<float>}},   {"f8", {8, NumberAt<double>}},   {"i1", {1, NumberAt<int8_t>}},
@@ -34,7 +34,7 @@ const NumberType* FindNumberType(const std::string& name) {
   return found == types.end() ? nullptr : &found->second;
 }
 
-// Returns the place of the number in an array whose first index runs first; `place` is that with the last one first.
+// Returns the index of an element in column-major (Fortran) order; `place` is its index in row-major order.
 size_t FortranPlace(size_t place, const std::vector<size_t>& shape) {
   size_t fortran = 0;
   size_t stride = 1;

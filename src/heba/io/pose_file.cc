@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kMaxRows = 1000000;
 
-// A line of the file, with what its messages start with.
+// A line of the file, with its position for error messages.
 struct Line {
   std::string_view text;
   int number = 0;
@@ -27,7 +27,7 @@ struct Line {
   }
 };
 
-// The lines that say something.
+// Iterates over the lines that are neither blank nor comments.
 class LineReader {
  public:
   LineReader(std::string_view text, const std::filesystem::path& file) : rest_(text), file_(file) {
@@ -55,14 +55,15 @@ class LineReader {
   int number_ = 0;
 };
 
-// The fields of a line without the spaces around them. "a field, in quotes" may hold separators, and "" for a quote.
+// Returns the fields of a line without surrounding blanks. A field in double quotes may contain separators; "" in it
+// stands for a quote.
 std::vector<std::string> Fields(const Line& line, char separator) {
   std::vector<std::string> fields;
   const std::string_view text = line.text;
   const auto is_blank = [](char c) { return c == ' ' || c == '\t'; };
   size_t i = 0;
   if (separator == ' ') {
-    // Any number of them is one separator.
+    // Several blanks in a row are one separator.
     while (i < text.size()) {
       while (i < text.size() && is_blank(text[i])) ++i;
       const size_t end = std::min(text.find_first_of(" \t", i), text.size());
@@ -103,7 +104,8 @@ std::vector<std::string> Fields(const Line& line, char separator) {
   }
 }
 
-// The one that the first line has most of; a blank if it has none, or tabs among blanks that make too few fields.
+// Returns the most frequent separator of the first line. The result is a blank if the line contains no separator, or if
+// tabs occur among blanks and separate too few fields.
 char FindSeparator(const Line& first, size_t num_numbers) {
   const std::string_view text = first.text;
   char best = ',';
@@ -124,7 +126,7 @@ bool HasHeader(const std::vector<std::string>& first) {
   return std::count_if(first.begin(), first.end(), is_number) < kNumbersOfAPlace;
 }
 
-// Which format of the table has exactly these columns, as a hint.
+// Returns a hint that names the formats of the table with exactly these columns; empty if there are none.
 std::string OtherFormat(const std::vector<std::string>& names) {
   std::vector<std::string> sorted;
   for (const std::string& name : names) {
@@ -140,15 +142,15 @@ std::string OtherFormat(const std::vector<std::string>& names) {
   return fitting.empty() ? "" : "; the columns here are those of pose format " + Join(fitting, " or ");
 }
 
-// Where the columns of interest stand.
+// The positions of the required columns.
 struct Header {
   std::vector<std::string> names;
-  std::vector<size_t> numbers;  // Of the format's columns, in the format's order.
+  std::vector<size_t> numbers;  // Positions of the format's columns, in the format's order.
   std::optional<size_t> image;
   std::optional<size_t> role;
 };
 
-// The columns of a file without a header.
+// Returns the columns of a file without a header.
 Header HeaderOf(const PoseFormat& format) {
   Header header;
   header.names = format.file_columns;
@@ -209,7 +211,7 @@ double ReadNumber(const Line& line, const std::string& column, const std::string
   return number;
 }
 
-// A field as the writer writes it: in quotes if it has to be.
+// Returns a field for writing, in quotes if necessary.
 std::string Field(const std::string& text) {
   if (text.find_first_of(",;\t\"# ") == std::string::npos) return text;
   std::string quoted = "\"";
@@ -224,7 +226,7 @@ std::string WithoutBrackets(std::string_view line) {
   constexpr std::string_view kBrackets = "[](){}";
   if (bare.starts_with("p[")) bare[0] = ' ';
   const size_t first = bare.find_first_not_of(' ');
-  // Brackets elsewhere belong to a picture's name, such as img (1).png.
+  // Brackets at other positions belong to an image name, such as img (1).png.
   const bool has_brackets = first != std::string::npos && kBrackets.find(bare[first]) != std::string_view::npos;
   if (has_brackets) {
     std::replace_if(

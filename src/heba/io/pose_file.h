@@ -1,4 +1,4 @@
-// poses.csv: what the robot said at every capture.
+// The file poses.csv: the pose that the robot reported at every capture.
 #pragma once
 
 #include <filesystem>
@@ -10,32 +10,37 @@
 
 namespace heba {
 
-// What a capture can be to the two-step method.
+// The roles of captures in the two-step method.
 inline constexpr std::string_view kCaptureRoles[] = {"home", "translate_x", "translate_y", "rotate", "free"};
 
 struct PoseRow {
   std::string image;                 // Empty if the file has no such column.
   std::string role;                  // One of kCaptureRoles; empty if there is none.
-  Rigid3d pose;                      // Between the frames that the file has: which way round is the caller's to know.
-  int line = 0;                      // In the file, from 1; 0 if the file has no lines.
-  std::vector<double> numbers = {};  // As the file has them, in the order of the format's columns.
+  Rigid3d pose;                      // Pose between the frames of the file; the caller must know its direction.
+  int line = 0;                      // Line of the file, from 1; 0 if the file has no lines.
+  std::vector<double> numbers = {};  // The numbers of the file, in the order of the format's columns.
 };
 
-// A header line that names the columns (those of `format`, and `image` and `role` if wanted, in any order), then a line
-// a capture. A file without a header is read where `format` is a user's own, whose file_columns say what its columns
-// are; brackets around its lines ([[1, 2, 3], [4, 5, 6]], p[...]) are passed over. A file with a header may call its
-// column of pictures otherwise: then it is the one where file_columns have image. Fields are separated by commas,
-// semicolons or tabs, whichever the first line has most of, or else by blanks, and may be quoted; blank lines and lines
-// that start with # are skipped. InputError on the first fault, with its line and column; for a file over 64 MiB or of
-// more than a million captures, and for one without any.
+// Reads a table: a header line that names the columns (those of `format` and optionally `image` and `role`, in any
+// order), then one line per capture.
+//
+// A file without a header is accepted if `format` is a user's own, whose file_columns name the columns. Brackets around
+// the lines of such a file ([[1, 2, 3], [4, 5, 6]], p[...]) are ignored. If a file with a header uses another name for
+// its image column, the position of `image` in file_columns identifies it. Other columns are errors, unless
+// file_columns contains `-`.
+//
+// Fields are separated by the most frequent one of commas, semicolons and tabs in the first line, or by blanks if it
+// has none of them, and may be quoted. Blank lines and lines that start with # are skipped. Throws InputError with the
+// line and column of the first fault, and also for a file over 64 MiB, for more than a million captures, and for none.
 std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseFormat& format);
-// The same from text; `name` is what messages call it.
+// Parses text; `name` is the name of the file in messages.
 std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format);
 
-// A line as [[1, 2, 3], [4, 5, 6]], or p[1, 2, 3, 4, 5, 6] writes it, without brackets, comments and what ends it.
+// Returns a line such as [[1, 2, 3], [4, 5, 6]] or p[1, 2, 3, 4, 5, 6] without brackets, comment and trailing
+// separators.
 std::string WithoutBrackets(std::string_view line);
 
-// The text of such a file, to full precision. Columns that no row fills are left out.
+// Returns the text of such a file, with full precision. Columns that are empty in all rows are left out.
 std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format);
 
 }  // namespace heba

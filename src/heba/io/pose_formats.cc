@@ -20,7 +20,7 @@ struct RotationForm {
   std::string name;
   RotationKind kind = RotationKind::kMatrix;
   int num_numbers = 0;
-  // Of kEuler and kExtrinsic, in the order of the name: 0, 1, 2 for x, y, z.
+  // Axes of kEuler and kExtrinsic, in the order of the name: 0, 1, 2 for x, y, z.
   std::array<int, 3> axes = {};
 };
 
@@ -69,7 +69,7 @@ bool HasAngles(const RotationForm& form) {
          form.kind == RotationKind::kExtrinsic;
 }
 
-// In the base unit.
+// Returns one `unit` in the base unit of the quantity.
 double UnitFactor(const std::string& unit, Quantity quantity) {
   const ParsedQuantity one = ParseQuantity("1 " + unit, quantity);
   CHECK(one.fault.empty()) << one.fault;
@@ -82,20 +82,20 @@ Eigen::Quaterniond Turn(int axis, double angle_rad) {
   return Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::Unit(axis)));
 }
 
-// The angles of R = Ri(first) Rj(second) Rk(third).
+// Returns the angles of R = Ri(first) Rj(second) Rk(third).
 Eigen::Vector3d EulerAngles(const Eigen::Matrix3d& rotation, const std::array<int, 3>& axes) {
   const int i = axes[0];
   const int j = axes[1];
   const int k = axes[2];
   const double parity = (i + 1) % 3 == j ? 1.0 : -1.0;
   const int l = 3 - i - j;
-  // In gimbal lock the first angle is free. Whatever it is, the others are then read from what it leaves of the
-  // rotation, so that the three together are exact.
+  // The first angle is undetermined in gimbal lock. The other two are computed from the rotation that remains after the
+  // first one, so that the three together always reproduce R exactly.
   constexpr double kLocked = 1e-15;
   const double sine = i == k ? rotation(j, i) : -parity * rotation(j, k);
   const double cosine = i == k ? -parity * rotation(l, i) : rotation(k, k);
   const double first = std::hypot(sine, cosine) < kLocked ? 0.0 : std::atan2(sine, cosine);
-  const Eigen::Matrix3d rest = Turn(i, -first).toRotationMatrix() * rotation;  // Rj(second) Rk(third)
+  const Eigen::Matrix3d rest = Turn(i, -first).toRotationMatrix() * rotation;  // Rj(second) Rk(third).
   if (i == k) {
     return {first, std::atan2(-parity * rest(l, i), rest(i, i)), std::atan2(-parity * rest(j, l), rest(j, j))};
   }
@@ -104,7 +104,8 @@ Eigen::Vector3d EulerAngles(const Eigen::Matrix3d& rotation, const std::array<in
 
 Outcome<Eigen::Quaterniond> UnitQuaternion(double x, double y, double z, double w) {
   const Eigen::Quaterniond quaternion(w, x, y, z);
-  // Three decimals move the length by 0.001 at most; numbers that are not a quaternion miss by more than this.
+  // Rounding to three decimals changes the length by at most 0.001; numbers that are not a quaternion deviate by more
+  // than this limit.
   constexpr double kMaxLengthError = 5e-3;
   const double length = quaternion.norm();
   if (!(std::abs(length - 1.0) <= kMaxLengthError)) {
@@ -114,7 +115,7 @@ Outcome<Eigen::Quaterniond> UnitQuaternion(double x, double y, double z, double 
 }
 
 Outcome<Eigen::Matrix3d> RotationFromMatrix(const Eigen::Matrix3d& matrix) {
-  // As for quaternions.
+  // The same limit as for quaternions.
   constexpr double kMaxError = 5e-3;
   const double error = (matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(error <= kMaxError)) {
@@ -146,7 +147,7 @@ Outcome<Rigid3d> PoseFromMatrix(std::span<const double> numbers, double m_per_un
 }
 
 std::string CheckRange(const PoseFormat& format, std::span<const double> numbers) {
-  // Far beyond any robot, far within what arithmetic bears.
+  // Far beyond any robot, and far below values that overflow.
   constexpr double kMaxNumber = 1e9;
   for (size_t i = 0; i < numbers.size(); ++i) {
     if (!std::isfinite(numbers[i])) return "'" + format.columns[i] + "' is not finite";
@@ -199,7 +200,8 @@ PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> a
 
 namespace {
 
-// Moves the columns of these names, if all of them are there, in this order to the places from `first` on.
+// Moves the columns with these names, in this order, to the positions from `first` on. Does nothing unless all of them
+// exist.
 void PutFirst(const std::vector<std::string>& names, size_t first, std::vector<std::string>* columns) {
   const auto place_of = [&](const std::string& name) {
     return std::find_if(columns->begin(), columns->end(),
@@ -240,7 +242,7 @@ PoseFormat ReadPoseFormat(const ConfigValue& value) {
     format.file_columns.push_back(name);
     if (name != kNoColumn && name != kImageColumn && name != kRoleColumn) format.columns.push_back(name);
   }
-  // Names say more than places: x, y and z are the position wherever they stand, qx, qy, qz and qw the quaternion.
+  // Names take precedence over positions: x, y and z are always the position, and qx, qy, qz and qw the quaternion.
   PutFirst({"x", "y", "z"}, 0, &format.columns);
   format.translation_unit = reader.Choice("translation", {"m", "cm", "mm", "in"});
   format.rotation = reader.Choice("rotation", PoseRotationNames());
@@ -330,7 +332,7 @@ std::string PoseFormatText(const PoseFormat& format) {
   }
   std::vector<std::string> columns;
   for (const std::string& column : format.file_columns.empty() ? format.columns : format.file_columns) {
-    // YAML takes brackets and the like for its own.
+    // Names with brackets or other YAML syntax must be quoted.
     const bool is_plain = std::all_of(column.begin(), column.end(),
                                       [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; });
     columns.push_back(is_plain ? column : "'" + column + "'");
@@ -406,7 +408,7 @@ std::vector<double> NumbersFromPose(const PoseFormat& format, const Rigid3d& pos
       append(Eigen::Vector3d(EulerAngles(pose.RotationMatrix(), form.axes) / RadPerUnit(format)));
       break;
     case RotationKind::kExtrinsic: {
-      // About fixed axes is about turned axes in the reverse order.
+      // Rotations about fixed axes equal rotations about rotated axes in the reverse order.
       const Eigen::Vector3d reversed = EulerAngles(pose.RotationMatrix(), {form.axes[2], form.axes[1], form.axes[0]});
       append(Eigen::Vector3d(reversed.reverse() / RadPerUnit(format)));
       break;

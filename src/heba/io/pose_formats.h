@@ -1,4 +1,4 @@
-// What the numbers of a robot's pose mean: the forms of pose_formats.def, or a user's own.
+// The meaning of the numbers of a robot pose: the formats of pose_formats.def, or a user's own.
 #pragma once
 
 #include <memory>
@@ -14,70 +14,75 @@
 
 namespace heba {
 
-// Columns of a poses file that are no numbers of the pose, and the mark of one that is passed over.
+// Names of the columns of a poses file that are not numbers of the pose, and the name of a column that is ignored.
 inline constexpr std::string_view kImageColumn = "image";
 inline constexpr std::string_view kRoleColumn = "role";
 inline constexpr std::string_view kNoColumn = "-";
 
+// A way to write a pose as a row of numbers.
 struct PoseFormat {
-  std::string name;  // Of pose_formats.def; empty for a user's own.
-  // The file's columns in the order of the numbers: x, y, z, then the rotation's. For the rotation `matrix` either
-  // x, y, z and the nine numbers of the rotation row by row (12), or the whole 4 x 4 matrix row by row (16).
+  std::string name;  // Name in pose_formats.def; empty for a user's own format.
+  // The columns in the order of the numbers: x, y, z, then the rotation. For the rotation `matrix`, either x, y, z and
+  // the nine numbers of the rotation matrix row by row (12 columns), or the 4 x 4 matrix row by row (16 columns).
   std::vector<std::string> columns;
-  std::string translation_unit;  // m, cm, mm, in
-  std::string rotation;          // A name of PoseRotationNames().
-  std::string angle_unit;        // rad, deg; empty if the rotation has no angles.
-  std::string robot = {};  // Not empty: the columns are this arm's joints (ur_robots.def or a URDF's), base first.
-  std::shared_ptr<const UrdfArm> arm = nullptr;  // Of a URDF.
-  std::string controller_form = {};              // How the controller writes a pose (pose_formats.def); may be empty.
-  // The columns of a file without a header, in its order: those of `columns`, image and role, and - for one that means
-  // nothing here. A format of the table has none.
+  std::string translation_unit;  // One of m, cm, mm, in.
+  std::string rotation;          // One of PoseRotationNames(), or `joints`.
+  std::string angle_unit;        // One of rad, deg; empty if the rotation has no angles.
+  // If not empty, the columns are the joints of this arm (of ur_robots.def or of a URDF), base first.
+  std::string robot = {};
+  std::shared_ptr<const UrdfArm> arm = nullptr;  // Set for an arm of a URDF.
+  std::string controller_form = {};              // The controller's syntax of a pose (pose_formats.def); may be empty.
+  // The columns of a file without a header, in file order: those of `columns`, image and role, and - for a column that
+  // is ignored. Empty for the formats of pose_formats.def.
   std::vector<std::string> file_columns = {};
 };
 
-// In the order of pose_formats.def.
+// Returns all formats, in the order of pose_formats.def.
 const std::vector<PoseFormat>& PoseFormats();
 std::vector<std::string> PoseFormatNames();
-// Null if there is none of that name.
+// Returns null if there is no format of that name.
 const PoseFormat* FindPoseFormat(std::string_view name);
 
-// quaternion_xyzw, quaternion_wxyz, rotation_vector, matrix, and for every order abc of axes
-//   euler_abc      R = Ra(first) Rb(second) Rc(third): each turn about the axes as already turned
-//   extrinsic_abc  R = Rc(third) Rb(second) Ra(first): each turn about the fixed axes
+// Returns quaternion_xyzw, quaternion_wxyz, rotation_vector, matrix, and for every order abc of axes
+//   euler_abc      R = Ra(first) Rb(second) Rc(third): each rotation about the already rotated axes
+//   extrinsic_abc  R = Rc(third) Rb(second) Ra(first): each rotation about the fixed axes
 std::vector<std::string> PoseRotationNames();
 
-// The joints of an arm of ur_robots.def, in columns j1 to j6: its own forward kinematics give the flange's pose,
-// without the calibration of the single arm.
+// Returns the format of joint angles of an arm of ur_robots.def, in columns j1 to j6. The nominal forward kinematics
+// give the flange's pose; the factory calibration of the single arm is not used.
 PoseFormat JointFormat(const std::string& robot, const std::string& angle_unit);
-// The same of an arm of a URDF, its joints in columns of their names; joints that slide are in m. `name` is what
-// messages and configs call it.
+// Returns the format of joint values of an arm of a URDF, in columns named like the joints; prismatic joints are in m.
+// `name` is the name of the arm in messages and configs.
 PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> arm, const std::string& angle_unit);
 
-// The letters and digits that a column's name begins with, in small letters: "X [mm]" is x.
+// Returns the letters and digits at the beginning of a column's name, in lower case: x for "X [mm]".
 std::string BareColumnName(const std::string& name);
 
-// A name, or a mapping {columns: [...], translation: mm, rotation: euler_zyx, angle: deg}. The columns may hold image
-// and role where they stand in a file without a header, and - for a column that means nothing. Columns called x, y, z
-// are the position, and qx, qy, qz, qw the quaternion, wherever they stand; all others are taken in their order.
+// Reads the name of a format, or a mapping {columns: [...], translation: mm, rotation: euler_zyx, angle: deg}. The
+// columns are listed in the order of a file without a header; they may include image, role, and - for a column that is
+// ignored. Columns called x, y, z are the position and qx, qy, qz, qw the quaternion, in any order; all others are
+// interpreted in the listed order.
 PoseFormat ReadPoseFormat(const ConfigValue& value);
-// `format` with the unit of translations that `units` names. InputError unless it is the format `matrix`, the only one
-// that robots write in either.
+// Returns `format` with the unit of translations that `units` names. Throws InputError unless the format is `matrix`,
+// the only one for which robots use different units.
 PoseFormat WithUnits(const PoseFormat& format, const ConfigValue& units);
-// Every other thing that the same columns could mean: the other forms of a rotation with as many numbers, each unit of
-// angles; for joints, the other arms of the table. `format` first. The unit of translations stays.
+// Returns every interpretation of the same columns, `format` first: all other rotations with the same number of
+// columns, each with all units of angles; for joints, all other arms of the table. The unit of translations is the
+// same.
 std::vector<PoseFormat> FormatsOfSameColumns(const PoseFormat& format);
-// Reads back as the same format (but for the units of `matrix`).
+// Returns a node that reads back as the same format, except for the units of `matrix`.
 YAML::Node PoseFormatNode(const PoseFormat& format);
-// Returns this format as a config says it, on one line: the name of one of the table, or else a mapping.
+// Returns the format as one line of a config: the name of a format of the table, or a mapping.
 std::string PoseFormatText(const PoseFormat& format);
 
-// The pose, of the frames that the file has. `numbers` are as many as the columns. A Failure if a number is not finite
-// or absurd, a quaternion is not of length 1, or a matrix is not a rotation; a quaternion or matrix that was rounded to
-// three decimals passes and is made exact.
+// Converts numbers, one per column, to a pose in the frames of the file. Returns a Failure if a number is not finite or
+// absurdly large, a quaternion is not of length 1, or a matrix is not a rotation. A quaternion or matrix that was
+// rounded to three decimals is accepted and normalised.
 Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const double> numbers);
-// The inverse; joints have none (robot/ur_kinematics.h has them all). Of the angles that give one rotation: rotation
-// vectors of at most half a turn; the second of three different axes within a quarter turn of 0, the second of two axes
-// from 0 to half a turn.
+// Returns the numbers of a pose, the inverse of PoseFromNumbers. `format` must not consist of joints, which are not
+// unique (robot/ur_kinematics.h computes all of them). Of the angles that describe one rotation, those are chosen with
+// a rotation vector of at most 180 deg; a second Euler angle within 90 deg of 0 if the three axes differ, and from 0 to
+// 180 deg if the first axis is used twice.
 std::vector<double> NumbersFromPose(const PoseFormat& format, const Rigid3d& pose);
 
 }  // namespace heba

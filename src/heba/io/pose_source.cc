@@ -27,9 +27,10 @@ std::string SuffixOf(const fs::path& file) {
 
 bool IsYaml(const std::string& suffix) { return suffix == ".yaml" || suffix == ".yml" || suffix == ".json"; }
 
-// The numbers of a row without a header in the order of the format's columns; as they are if their count is another.
+// Returns the numbers of a row without a header in the order of the format's columns. They are returned unchanged if
+// their number does not match.
 std::vector<double> InOrder(const PoseFormat& format, const std::vector<double>& numbers) {
-  // Files that hold one pose need not have the columns that mean nothing.
+  // Files with one pose may omit the columns that are ignored.
   std::vector<std::string> listed = format.file_columns;
   if (numbers.size() == format.columns.size()) {
     std::erase_if(listed, [&](const std::string& column) {
@@ -57,7 +58,8 @@ PoseRow RowOf(const PoseFormat& format, std::vector<double> numbers, const std::
   return row;
 }
 
-// The numbers of a mapping x, y, z, or x, y, z, w in the order of the format's quaternions; nothing if it is neither.
+// Returns the numbers of a mapping x, y, z, or of a mapping x, y, z, w in the order of the format's quaternion; nothing
+// if it is neither.
 std::optional<std::vector<double>> NumbersOfAxes(const ConfigValue& map, const PoseFormat& format) {
   MapReader reader(map);
   const bool has_w = reader.Has("w");
@@ -72,8 +74,8 @@ std::optional<std::vector<double>> NumbersOfAxes(const ConfigValue& map, const P
   return numbers;
 }
 
-// The numbers within, those of the place before those of the rotation. InputError for a mapping that does not say which
-// are which: the order of its keys means nothing.
+// Appends all numbers of a value, those of the position before those of the rotation. Throws InputError for a mapping
+// that does not identify them, because the order of its keys has no meaning.
 void AppendNumbers(const ConfigValue& value, const PoseFormat& format, std::vector<double>* numbers) {
   if (value.IsText()) {
     numbers->push_back(value.AsNumber());
@@ -84,7 +86,7 @@ void AppendNumbers(const ConfigValue& value, const PoseFormat& format, std::vect
       numbers->insert(numbers->end(), axes->begin(), axes->end());
       return;
     }
-    // Beside a pose there may be a time or a name.
+    // A file may contain a time or a name beside the pose.
     for (const char* const name : {"pose", "transform", "matrix", "base_from_gripper", "tcp", "T"}) {
       MapReader reader(value);
       if (value.node().size() > 1 && reader.Has(name)) {
@@ -105,7 +107,7 @@ void AppendNumbers(const ConfigValue& value, const PoseFormat& format, std::vect
       value.Fail("which of these numbers is which? Either the keys " + Join(format.columns, ", ") +
                  " are needed, or position and orientation, or a list");
     }
-    // The place first. (A YAML::Node must not be swapped: its copies are the same node.)
+    // The position comes first. (YAML::Nodes must not be swapped, because copies of a node share its data.)
     const size_t first = are_told && are_places[1] ? 1 : 0;
     for (size_t i = 0; i < entries.size(); ++i) {
       AppendNumbers(entries[(first + i) % entries.size()], format, numbers);
@@ -113,7 +115,7 @@ void AppendNumbers(const ConfigValue& value, const PoseFormat& format, std::vect
   }
 }
 
-// A table of one row, or nothing but numbers.
+// Reads a table of one row, or a text of numbers only.
 std::vector<double> NumbersOfText(const fs::path& file, const PoseFormat& format) {
   const std::string text = ReadTextFile(file);
   const std::vector<TextLine> lines = LinesOf(text);
@@ -145,7 +147,7 @@ PoseRow ReadOnePose(const fs::path& file, const PoseFormat& format) {
 
 std::vector<PoseRow> ReadPoseArray(const fs::path& file, const PoseFormat& format) {
   const NumberArray array = ReadNpyFile(file);
-  // An array may have the columns that mean nothing, or be without them.
+  // An array may contain the ignored columns or omit them.
   const bool has_all = array.shape.size() == 2 && array.shape[1] == format.file_columns.size();
   const size_t num_columns = has_all ? format.file_columns.size() : format.columns.size();
   const bool is_table = array.shape.size() == 2 && array.shape[1] == num_columns;
@@ -200,7 +202,8 @@ std::vector<fs::path> PoseFilesOf(const fs::path& folder) {
     const bool has_digit = entry.path().stem().string().find_first_of("0123456789") != std::string::npos;
     if (is_known && has_digit && entry.is_regular_file(error)) files.push_back(entry.path());
   }
-  // The files of the commonest suffix are the poses if one name has several, such as 007.json beside 007.txt.
+  // If several files have one name, such as 007.json and 007.txt, the files with the most frequent suffix are the
+  // poses.
   std::map<std::string, size_t> num_of_suffix;
   std::map<std::string, size_t> num_of_stem;
   for (const fs::path& file : files) {

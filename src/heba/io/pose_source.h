@@ -1,4 +1,4 @@
-// Robot poses from wherever a user keeps them.
+// Robot poses from the usual kinds of files and folders.
 #pragma once
 
 #include <filesystem>
@@ -10,25 +10,26 @@
 
 namespace heba {
 
-// Reads
-//   a table (pose_file.h),
-//   an array of NumPy, a pose a row (N x the format's columns, or N x 4 x 4 for matrices),
-//   a folder with one file a pose, by the numbers in their names: .txt and .csv with nothing but the numbers of one
-//   pose
-//     in the order of the format's columns, or a table of one row; .yaml and .json with the columns as keys, or with
-//     a list of the numbers, or with a position and an orientation that are lists or mappings of x, y, z (and w), or an
-//     OpenCV FileStorage with one matrix; .npy.
-// A row of a folder has the file's name without its suffix as its image. InputError on the first fault, with its file.
+// Reads robot poses from
+//   - a table (pose_file.h);
+//   - a NumPy array with one pose per row (N x the format's columns, or N x 4 x 4 for matrices);
+//   - a folder with one file per pose, in the order of the numbers in the file names:
+//       .txt and .csv: only the numbers of one pose in the order of the format's columns, or a table of one row;
+//       .yaml and .json: the columns as keys, a list of the numbers, a position and an orientation that are lists or
+//       mappings of x, y, z (and w), or an OpenCV FileStorage with one matrix;
+//       .npy: an array with the numbers of one pose.
+// The image of a row that was read from a folder is the file's name without its suffix. Throws InputError with the file
+// of the first fault.
 std::vector<PoseRow> ReadPoses(const std::filesystem::path& path, const PoseFormat& format);
 
-// The numbers of the one pose in a .yaml or .json file, by its keys. InputError as of ReadPoses.
+// Returns the numbers of the one pose in a .yaml or .json file, by its keys. Throws InputError like ReadPoses.
 std::vector<double> PoseNumbersOfYaml(const std::filesystem::path& file, const PoseFormat& format);
 
-// The files of a folder that hold one pose each, in the order of the numbers in their names.
+// Returns the files of a folder that contain one pose each, in the order of the numbers in their names.
 std::vector<std::filesystem::path> PoseFilesOf(const std::filesystem::path& folder);
 
-// The last run of digits in a file's name without its suffix, as a number, such as 7 of pose_0007; nothing if there is
-// none.
+// Returns the last group of digits in a file's name without its suffix as a number, such as 7 for pose_0007; nothing if
+// there is none.
 std::optional<long> NumberInName(const std::string& stem);
 
 }  // namespace heba

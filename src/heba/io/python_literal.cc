@@ -60,7 +60,7 @@ class Parser {
       ParseList(depth, &value);
     } else if (IsStringStart()) {
       value.kind = PythonValue::Kind::kText;
-      // Strings beside each other are one.
+      // Adjacent strings are concatenated.
       while (IsStringStart()) {
         value.text += ParseString();
         SkipSpace();

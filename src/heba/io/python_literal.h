@@ -1,4 +1,4 @@
-// Python literals as files hold them: what mrcal's .cameramodel is written in.
+// Python literals, the format of mrcal's .cameramodel files and of the headers of NumPy arrays.
 #pragma once
 
 #include <filesystem>
@@ -12,17 +12,18 @@ struct PythonValue {
   enum class Kind { kNumber, kText, kList, kDict, kName };
   Kind kind = Kind::kName;
   double number = 0;
-  std::string text;                // Of a kText, or the kName (None, True, False).
-  std::vector<PythonValue> items;  // Of a kList, which may be a tuple; of a kDict the values.
-  std::vector<std::string> keys;   // Of a kDict, in the order of the items.
+  std::string text;                // Content of a kText, or the name of a kName (None, True, False).
+  std::vector<PythonValue> items;  // Items of a kList, which may be a tuple; values of a kDict.
+  std::vector<std::string> keys;   // Keys of a kDict, in the order of the items.
   int line = 0;
 
-  // The value of a kDict's key; null if there is none.
+  // Returns the value of a key of a kDict; null if there is none.
   const PythonValue* Find(std::string_view key) const;
 };
 
-// Reads one literal: numbers, strings (b'' and r'' too), lists, tuples, dicts with text keys, None, True, False;
-// comments, trailing commas. Escapes in strings are kept as they stand. InputErrors start with "name:line: ".
+// Parses one literal: numbers, strings (b'' and r'' too), lists, tuples, dicts with text keys, None, True, False.
+// Comments and trailing commas are accepted. Escape sequences in strings are not interpreted. InputErrors start with
+// "name:line: ".
 PythonValue ParsePythonLiteral(const std::string& text, const std::filesystem::path& name);
 
 }  // namespace heba

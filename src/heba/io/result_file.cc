@@ -20,7 +20,7 @@ Json OrNull(const std::optional<T>& value) {
 Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json PoseJson(const Rigid3d& pose, std::string_view parent, std::string_view child) {
-  // The sign of a quaternion means nothing: w is kept positive so that files can be compared.
+  // q and -q are the same rotation; w is kept non-negative, so that files can be compared.
   const double sign = pose.rotation.w() < 0 ? -1.0 : 1.0;
   Json json;
   json["parent"] = parent;
@@ -43,7 +43,7 @@ Json CameraJson(const Camera& camera) {
   return json;
 }
 
-// One sigma of a parameter, or null if it was held.
+// Returns one sigma of a parameter, or null if it was held fixed.
 Json SigmaJson(const Covariance& covariance, const std::string& name) {
   const std::optional<double> sigma = SigmaOf(covariance, name);
   return sigma ? Finite(*sigma) : Json(nullptr);
@@ -58,7 +58,7 @@ Json CameraSigmaJson(const Camera& camera, const Covariance& covariance) {
   return json;
 }
 
-// What was found of the target's shape, or null if it was taken as designed.
+// Returns the estimated shape of the target, or null if no part of it was free.
 Json ShapeJson(const TargetShape& shape, const Covariance& covariance) {
   Json json;
   Json sigmas;
@@ -100,7 +100,7 @@ Json ErrorsJson(const Errors& errors) {
   return json;
 }
 
-// A small motion, as people read it.
+// Returns a small motion in mm and deg.
 Json TangentJson(const std::optional<Tangent6>& tangent) {
   if (!tangent) return nullptr;
   const Eigen::Vector3d t = 1000 * tangent->head<3>();
@@ -116,7 +116,7 @@ Json MoveJson(const std::optional<CaptureMove>& move) {
   return json;
 }
 
-// What the refinement moved the robot's pose by, in the gripper's frame.
+// Returns the correction of the robot's pose by the refinement, in the gripper's frame (m, rad).
 std::optional<Tangent6> CorrectionOf(const CaptureResult& capture) {
   if (!capture.correction) return std::nullopt;
   Tangent6 tangent;
@@ -149,7 +149,7 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
     }
     json["hand_eye"] = hand_eye;
     json["board"] = PoseJson(estimate.hand_eye.target_mount_from_target, TargetMountName(setup), "target");
-    json["camera"] = nullptr;  // Poses of the target need none.
+    json["camera"] = nullptr;  // Estimates from given poses of the target have no camera.
     if (!estimate.camera.params.empty()) {
       json["camera"] = CameraJson(estimate.camera);
       json["camera"]["std"] =
@@ -265,7 +265,7 @@ std::string ResultToJson(const RunResult& result) {
                           {"seed", result.timing.seed_s},
                           {"refine", result.timing.refine_s},
                           {"total", result.timing.total_s}};
-  // A file name need not be UTF-8; what is not is replaced.
+  // File names need not be UTF-8; invalid bytes are replaced.
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

@@ -1,4 +1,4 @@
-// result.json and truth.json.
+// The files result.json and truth.json.
 #pragma once
 
 #include <filesystem>
@@ -11,19 +11,19 @@ namespace heba {
 
 inline constexpr const char* kResultSchema = "heba/result/1";
 
-// The text of result.json. A figure that does not exist is null.
+// Returns the text of result.json. A figure that does not exist is null.
 std::string ResultToJson(const RunResult& result);
-// Reads result.json: all that is in it; of a Solution what the file does not hold (corrections, rejected points) stays
-// empty. InputError names the file and what is wrong.
+// Reads result.json. The parts of a Solution that the file does not contain (corrections, rejected points) stay empty.
+// Throws InputError with the file and the fault.
 RunResult ReadResult(const std::filesystem::path& path);
 
-// The text of truth.json.
+// Returns the text of truth.json.
 std::string TruthToJson(const Truth& truth, Setup setup);
-// Reads truth.json: `hand_eye` and, if it is there, `board` and `camera`, as in result.json. InputError names the file
-// and what is wrong, a pose between other frames than the set-up's included.
+// Reads truth.json: `hand_eye` and, if present, `board` and `camera`, in the format of result.json. Throws InputError
+// with the file and the fault; a pose between other frames than those of the setup is a fault.
 Truth ReadTruth(const std::filesystem::path& path, Setup setup);
 
-// The version that files and `heba --version` name.
+// Returns the version that files and `heba --version` state.
 std::string Version();
 
 }  // namespace heba

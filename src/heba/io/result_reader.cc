@@ -1,4 +1,4 @@
-// The reading half of result_file.h.
+// The reading functions of result_file.h.
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -24,10 +24,10 @@ Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::str
   return {rotation, Eigen::Vector3d(t[0], t[1], t[2])};
 }
 
-// The beginnings of all parameters' names.
+// The prefixes of all parameter names.
 constexpr const char* kBodies[] = {"hand_eye.", "board.", "camera.", "target."};
 
-// The most points, captures or iterations that a result counts.
+// The largest number of points, captures or iterations that is accepted.
 constexpr int kMostCounted = 1000000000;
 
 Camera ReadCameraJson(const JsonReader& reader) {
@@ -50,12 +50,12 @@ std::optional<double> ReadOptional(const JsonReader& reader, const char* key) {
   return reader.Get(key).Number();
 }
 
-// Null stands for what is not finite.
+// Reads a number for which null stands for a value that is not finite.
 double ReadFinite(const JsonReader& reader, const char* key, double otherwise) {
   return ReadOptional(reader, key).value_or(otherwise);
 }
 
-// A figure that cannot be negative: an rms, a sigma, a time.
+// Reads a figure that cannot be negative, such as an RMS, a sigma or a time.
 double ReadMagnitude(const JsonReader& reader, const char* key) {
   const double value = reader.Get(key).Number();
   constexpr double kMost = 1e15;
@@ -89,7 +89,7 @@ Errors ReadErrors(const JsonReader& reader) {
   return errors;
 }
 
-// InputError for a matrix that is no covariance, or of other parameters than those of a hand-eye calibration.
+// Throws InputError if the matrix is not a covariance, or if its parameters are not those of a hand-eye calibration.
 void CheckCovariance(const JsonReader& reader, const Covariance& covariance) {
   constexpr const char* kTangent[] = {"tx_m", "ty_m", "tz_m", "rx_rad", "ry_rad", "rz_rad"};
   for (const char* body : {"hand_eye.", "board."}) {
@@ -207,7 +207,7 @@ CaptureResult ReadCapture(const JsonReader& reader) {
   capture.reason = reader.Get("reason").Text();
   if (reader.Has("repeat_of")) capture.repeat_of = reader.Get("repeat_of").Text();
   capture.rms_px = ReadOptionalMagnitude(reader, "rms_px");
-  // Results of before have no such member.
+  // Results of earlier versions lack this member.
   if (reader.Has("holdout_target_mm")) capture.holdout_target_mm = ReadOptionalMagnitude(reader, "holdout_target_mm");
   const std::optional<Tangent6> correction = ReadTangent(reader, "robot_correction");
   if (correction) capture.correction = Rigid3d(ExpRotation(correction->tail<3>()), correction->head<3>());
@@ -285,7 +285,7 @@ RunResult ReadResult(const std::filesystem::path& path) {
     if (!(result.working_point->covariance_m2.diagonal().array() >= 0).all()) point.Fail("a variance is negative");
   }
   if (reader.Has("model")) result.model = ReadModel(reader.Get("model"));
-  // Results of versions before 0.2 had no verdict of their own.
+  // Results of versions before 0.2 contain no verdict.
   result.verdict = reader.Has("verdict") ? ReadVerdict(reader.Get("verdict")) : JudgeRun(result);
   const JsonReader timing = reader.Get("timing_s");
   result.timing = {ReadMagnitude(timing, "detect"), ReadMagnitude(timing, "seed"), ReadMagnitude(timing, "refine"),

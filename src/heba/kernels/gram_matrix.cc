@@ -9,10 +9,12 @@
 namespace heba {
 namespace {
 
-// Blocks of pairs of columns below the diagonal: so many columns by two, as many sums as registers hold.
+// The pairs of columns on and below the diagonal are processed in blocks of kBlock by two columns. The sums of one
+// block fit into the registers.
 constexpr int kBlock = 4;
 
-// Calls f(first column of the one side, of the other, sums before) for each block.
+// Calls `wide` or `narrow` for each block with its first column i on the one side, its first column j on the other
+// side, and the index of its first sum.
 template <class Wide, class Narrow>
 HEBA_INLINE void ForEachBlock(int num_columns, const Wide& wide, const Narrow& narrow) {
   int sum = 0;
@@ -71,7 +73,7 @@ HEBA_TARGET_AVX512 void AddRowsAvx512(const double* columns, Eigen::Index stride
   AddRows<kLanesOf<Simd::kAvx512>>(columns, stride, num_columns, num_rows, sums);
 }
 
-// Of each pair of columns the sum over its lanes.
+// Adds up the lanes of the sum of each pair of columns.
 template <int kLanes>
 HEBA_INLINE void SumLanes(const double* lanes, int num_sums, double* sums) {
   using V = Lanes<kLanes>;
@@ -108,7 +110,7 @@ int NumSums(int num_columns) {
 GramMatrix::GramMatrix(int num_columns, Eigen::Index stride, Eigen::Index most_rows)
     : num_columns_(num_columns), stride_(stride), set_(ActiveSimd()) {
   CHECK(num_columns <= kMaxColumns) << num_columns;
-  // A few rows do not fill many lanes, whose sums cost more than they.
+  // For very few rows, the horizontal sums of wide lanes cost more than the wide lanes save.
   if (set_ == Simd::kAvx512 && most_rows <= kLanesOf<Simd::kAvx2>) set_ = Simd::kAvx2;
   std::fill_n(lanes_, NumSums(Even(num_columns)) * NumLanes(set_), 0.0);
 }
@@ -127,7 +129,7 @@ void GramMatrix::AddTo(const int* places, double scale, Eigen::MatrixXd* matrix)
   const auto add_block = [&](int rows, int i, int j, int sum) {
     double* const first = to + places[j] * stride;
     for (int row = i; row < std::min(i + rows, num_columns_); ++row, sum += 2) {
-      // Blocks on the diagonal have some pairs twice.
+      // Blocks on the diagonal contain some pairs twice.
       if (j <= row) first[places[row]] += scale * sums[sum];
       if (j < row) to[places[j + 1] * stride + places[row]] += scale * sums[sum + 1];
     }

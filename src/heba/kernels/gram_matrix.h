@@ -1,4 +1,5 @@
-// J^T J of a tall matrix with few columns, in one pass over its rows: the inner loop of every refinement.
+// The Gram matrix J^T J of a tall matrix with few columns, computed in one pass over its rows. This is the inner loop
+// of every refinement.
 #pragma once
 
 #include <limits>
@@ -9,28 +10,29 @@
 
 namespace heba {
 
-// Sums of the products of all pairs of columns.
+// Accumulates the inner products of all pairs of columns.
 class GramMatrix {
  public:
   static constexpr int kMaxColumns = 40;
-  // `stride`: how far apart columns begin in what Add is given; `most_rows`: that it is given in all.
+  // `stride`: distance between the starts of two columns in the array that is passed to Add, in doubles. `most_rows`:
+  // the largest number of rows that will be added in total; for very few rows, narrower SIMD lanes are used.
   GramMatrix(int num_columns, Eigen::Index stride, Eigen::Index most_rows = std::numeric_limits<int>::max());
 
-  // Adds `num_rows` rows, which the caller pads with zeros to a multiple of kMaxLanes (heba/kernels/simd.h). Of an odd
-  // number of columns there must be one more, which may hold anything.
+  // Adds `num_rows` rows, which the caller pads with zeros to a multiple of kMaxLanes (heba/kernels/simd.h). If the
+  // number of columns is odd, one more column must exist in memory; its values do not matter.
   void Add(const double* columns, Eigen::Index num_rows);
 
-  // The sums, symmetric.
+  // Returns the sums as a symmetric matrix.
   Eigen::MatrixXd Matrix() const;
-  // Adds `scale` times them to `matrix`, a column being that of the matrix which `places` says, in ascending order;
-  // below its diagonal only.
+  // Adds `scale` times the sums to the lower triangle of `matrix`. Column i of the sums belongs to row and column
+  // `places[i]` of `matrix`; `places` must be ascending.
   void AddTo(const int* places, double scale, Eigen::MatrixXd* matrix) const;
 
  private:
   int num_columns_;
   Eigen::Index stride_;
   Simd set_;
-  // As the kernels lay them out: block by block, each pair's lanes together.
+  // The sums in the layout of the kernels: block by block, with the lanes of each pair of columns together.
   static constexpr int kMaxSums = kMaxColumns * (kMaxColumns + 4) / 2;
   alignas(64) double lanes_[kMaxSums * kMaxLanes];
 };

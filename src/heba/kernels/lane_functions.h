@@ -1,4 +1,5 @@
-// Functions of several numbers at once (heba/kernels/simd.h), as kernels need them. V is double or lanes of it.
+// Functions that are evaluated on several numbers at once (heba/kernels/simd.h), as the kernels need them. V is double
+// or a vector of lanes.
 #pragma once
 
 #include <cmath>
@@ -10,7 +11,7 @@
 
 namespace heba {
 
-// 64-bit integers beside the lanes of V.
+// The type of 64-bit integers that corresponds to the lanes of V.
 template <class V>
 struct LaneBits {
   typedef uint64_t Type __attribute__((vector_size(sizeof(V))));  // NOLINT(modernize-use-using): attributes need it.
@@ -42,7 +43,8 @@ HEBA_INLINE V AbsLanes(const V& x) {
   return x < 0.0 ? -x : x;
 }
 
-// Huber's cost of a residual: its square up to `huber_delta`, a line beyond; and what the square counts for there.
+// Huber's cost of a residual, which is the square up to `huber_delta` and linear beyond, and the weight of the squared
+// residual in the normal equations: 1 up to `huber_delta`, and huber_delta / |residual| beyond.
 template <class V>
 struct HuberLanes {
   V cost;
@@ -55,13 +57,14 @@ HEBA_INLINE HuberLanes<V> HuberOf(const V& residual, double huber_delta) {
           size <= huber_delta ? AllLanes<V>(1) : huber_delta / size};
 }
 
-// e^x to a relative 1e-11, for x <= 700; of what is below -700 or not a number, 1e-304.
+// Returns e^x with a relative error of 1e-11, for x <= 700. If x is below -700 or NaN, the result is 1e-304.
 template <class V>
 HEBA_INLINE V ExpLanes(const V& x) {
   using Bits = typename LaneBits<V>::Type;
   const V least = AllLanes<V>(-700.0);
   const V bounded = x > least ? x : least;
-  // x = k log 2 + r. Added to 3 * 2^51, an integer k stands in the low bits.
+  // Range reduction: x = k log 2 + r. After adding 3 * 2^51 to the integer k, it can be read from the low bits of the
+  // double.
   constexpr double kLog2E = 1.4426950408889634;
   constexpr double kShift = 6755399441055744.0;
   constexpr double kLog2High = 0.693145751953125;
@@ -69,7 +72,7 @@ HEBA_INLINE V ExpLanes(const V& x) {
   const V shifted = bounded * kLog2E + kShift;
   const V k = shifted - kShift;
   const V r = bounded - k * kLog2High - k * kLog2Low;
-  // Taylor's polynomial: |r| <= log(2) / 2.
+  // The Taylor polynomial of e^r, for |r| <= log(2) / 2.
   V power = AllLanes<V>(1.0 / 362880);
   power = power * r + 1.0 / 40320;
   power = power * r + 1.0 / 5040;
@@ -90,14 +93,14 @@ HEBA_INLINE V ExpLanes(const V& x) {
   return result;
 }
 
-// The standard normal distribution function and its density.
+// The distribution function and the density of the standard normal distribution.
 template <class V>
 struct NormalLanes {
   V cdf;
   V density;
 };
 
-// To 1e-11. Hart's rational function of the tail (Computer Approximations, 1968, no. 5666).
+// Evaluates both to 1e-11, by Hart's rational function for the tail (Computer Approximations, 1968, no. 5666).
 template <class V>
 HEBA_INLINE NormalLanes<V> NormalOf(const V& x) {
   constexpr double kFarthest = 37;

@@ -1,8 +1,8 @@
-// Arithmetic on several numbers at once, and the instruction sets that kernels are compiled for.
+// SIMD arithmetic and the instruction sets that kernels are compiled for.
 //
-// A kernel is written once, as a template over its number of lanes, all of it HEBA_INLINE, and called from functions
-// with a target attribute, one for each set (camera/batched_camera_model.h shows how). Which of them runs is decided
-// when the program starts. Results of different sets differ by rounding.
+// A kernel is written once, as a template over its number of lanes. All of it is HEBA_INLINE, and it is called from one
+// function with a target attribute for each instruction set (camera/batched_camera_model.h shows how). Which of these
+// functions runs is decided when the program starts. The results of different instruction sets differ by rounding.
 #pragma once
 
 #include <cmath>
@@ -20,34 +20,34 @@ namespace heba {
 #define HEBA_TARGET_AVX2 __attribute__((target("avx2,fma")))
 #define HEBA_TARGET_AVX512 __attribute__((target("avx512f,avx512dq,avx512vl,avx512bw,avx2,fma")))
 #else
-// One set only: the compiler's own.
+// Only the compiler's own instruction set is used on other processors.
 #define HEBA_TARGET_AVX2
 #define HEBA_TARGET_AVX512
 #endif
 
 enum class Simd { kBaseline, kAvx2, kAvx512 };
 
-// The best that this machine has, or less if the environment variable HEBA_SIMD says `baseline` or `avx2`: machines
-// of several kinds give the same digits then.
+// Returns the best instruction set of this machine, or a lesser one if the environment variable HEBA_SIMD is `baseline`
+// or `avx2`. The variable makes machines of different kinds produce identical digits.
 Simd ActiveSimd();
-// Returns what is wrong with the value of HEBA_SIMD; empty if nothing is.
+// Returns what is wrong with the value of HEBA_SIMD, or an empty string if it is valid.
 std::string FaultOfSimdSetting();
-// For benchmarks and tests: from now on at most `most`. Not while kernels run.
+// Limits the instruction set to `most` from now on, for benchmarks and tests. It must not be called while kernels run.
 void LimitSimd(Simd most);
 
-// One thing of three, by set.
+// Selects one of three values by the instruction set.
 template <class T>
 constexpr T SelectForIsa(Simd set, T baseline, T avx2, T avx512) {
   return set == Simd::kAvx512 ? avx512 : set == Simd::kAvx2 ? avx2 : baseline;
 }
 
-// Lanes of each set.
+// Number of lanes of each instruction set.
 constexpr int NumLanes(Simd set) { return SelectForIsa(set, 2, 4, 8); }
 template <Simd kSet>
 inline constexpr int kLanesOf = NumLanes(kSet);
 inline constexpr int kMaxLanes = 8;
 
-// The next multiple of the most lanes that kernels take at once: columns for them are that long.
+// Rounds `size` up to a multiple of the largest number of lanes. Arrays that kernels read have this length.
 template <class Size>
 constexpr Size PaddedToLanes(Size size) {
   constexpr Size kMost = kMaxLanes;
@@ -70,7 +70,7 @@ struct LanesType<8> {
 };
 template <int kLanes>
 using Lanes = typename LanesType<kLanes>::Type;
-// The other way round; 1 of a double.
+// Number of lanes of a vector type; 1 for double.
 template <class V>
 inline constexpr int kLanesIn = static_cast<int>(sizeof(V) / sizeof(double));
 template <>
@@ -86,7 +86,7 @@ template <class V>
 HEBA_INLINE void StoreLanes(const V& lanes, double* to) {
   std::memcpy(to, &lanes, sizeof lanes);
 }
-// All lanes the same.
+// Returns a vector with `value` in every lane.
 template <class V>
 HEBA_INLINE V AllLanes(double value) {
   return V{} + value;
@@ -101,7 +101,7 @@ HEBA_INLINE double SumOfLanes(const V& lanes) {
     return sum;
   }
 }
-// Of as many vectors as they have lanes, each one's sum.
+// Computes the horizontal sums of kLanes vectors and returns them as one vector.
 template <int kLanes>
 HEBA_INLINE Lanes<kLanes> SumsOfLanes(const Lanes<kLanes> (&of)[kLanes]);
 template <>
@@ -110,7 +110,7 @@ HEBA_INLINE Lanes<2> SumsOfLanes<2>(const Lanes<2> (&of)[2]) {
 }
 template <>
 HEBA_INLINE Lanes<4> SumsOfLanes<4>(const Lanes<4> (&of)[4]) {
-  // Pairs of neighbours, the vectors taking turns.
+  // Adds neighbouring lanes; the sums of `a` and `b` alternate in the result.
   const auto pairs = [](const Lanes<4>& a, const Lanes<4>& b) __attribute__((always_inline)) {
     return __builtin_shufflevector(a, b, 0, 4, 2, 6) + __builtin_shufflevector(a, b, 1, 5, 3, 7);
   };
@@ -135,7 +135,7 @@ HEBA_INLINE Lanes<8> SumsOfLanes<8>(const Lanes<8> (&of)[8]) {
   return __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11) +
          __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15);
 }
-// f of each lane (and of b's).
+// Applies `f` to each pair of corresponding lanes of `a` and `b`.
 template <class V, class F>
 HEBA_INLINE V EachLane(const V& a, const V& b, const F& f) {
   if constexpr (std::is_same_v<V, double>) {

@@ -1,4 +1,4 @@
-// Triangular systems so small that Eigen's blocked ways of solving them cost more than the sums.
+// Solvers for triangular systems that are so small that the blocked algorithms of Eigen cost more than the arithmetic.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,7 +7,7 @@ namespace heba {
 
 using RowMajorMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Replaces B by L^-1 B. L is the lower triangle of `lower`, whose diagonal has no zero.
+// Replaces B by L^-1 B. L is the lower triangle of `lower`, and its diagonal must not contain a zero.
 template <class Lower>
 void SolveLowerInPlace(const Lower& lower, RowMajorMatrix* b) {
   for (Eigen::Index r = 0; r < b->rows(); ++r) {
@@ -16,7 +16,7 @@ void SolveLowerInPlace(const Lower& lower, RowMajorMatrix* b) {
   }
 }
 
-// L^-1, where L is the lower triangle of `lower`.
+// Returns L^-1, where L is the lower triangle of `lower`.
 template <int kSize>
 Eigen::Matrix<double, kSize, kSize> InverseOfLower(const Eigen::Matrix<double, kSize, kSize>& lower) {
   Eigen::Matrix<double, kSize, kSize> inverse = Eigen::Matrix<double, kSize, kSize>::Zero();

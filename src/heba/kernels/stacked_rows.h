@@ -1,4 +1,5 @@
-// J^T J of rows that come a few at a time: they are gathered until there are enough for vectorised sums.
+// The Gram matrix J^T J of rows that arrive a few at a time. The rows are buffered until there are enough of them for
+// vectorised sums.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,33 +10,34 @@ namespace heba {
 
 class StackedRows {
  public:
-  static constexpr int kMaxRows = 128;  // That fit in at a time.
+  static constexpr int kMaxRows = 128;  // Capacity of the buffer.
   static constexpr int kMaxColumns = GramMatrix::kMaxColumns;
 
-  // At most kMaxColumns.
+  // `num_columns` is at most kMaxColumns.
   explicit StackedRows(int num_columns);
 
-  // Where the next rows go, all of which the caller writes before anything else is called.
+  // Returns the memory for the next `num_rows` rows, at most kMaxRows. The caller must write all of them before calling
+  // another function.
   template <int kRows>
   auto Next(Eigen::Index num_rows = kRows) {
     return Eigen::Map<Eigen::Matrix<double, kRows, Eigen::Dynamic>, 0, Eigen::OuterStride<kMaxRows>>(
         NextColumns(num_rows), num_rows, num_columns_);
   }
-  // The first column's; each further one's are kMaxRows on.
+  // Returns the memory of the first column of the next rows; each further column begins kMaxRows doubles later.
   double* NextColumns(Eigen::Index num_rows);
 
-  // Adds the products of all pairs of columns, below the diagonal only.
+  // Adds the inner products of all pairs of columns to `matrix`, to its lower triangle only.
   void AddTo(Eigen::MatrixXd* matrix);
-  // The products, symmetric.
+  // Returns the inner products as a symmetric matrix.
   Eigen::MatrixXd Products();
 
  private:
   void Multiply();
 
   int num_columns_;
-  Eigen::Index size_ = 0;  // Rows in `columns_`.
+  Eigen::Index size_ = 0;  // Number of rows in `columns_`.
   GramMatrix products_;
-  // One more pads an odd number.
+  // The extra column pads an odd number of columns (GramMatrix::Add).
   alignas(64) double columns_[kMaxColumns + 1][kMaxRows];
 };
 

@@ -20,7 +20,7 @@ Rigid3d DhLink(double angle_rad, double d_m, double a_m, double alpha_rad) {
 
 double Wrapped(double angle_rad) { return std::remainder(angle_rad, 2 * kPi); }
 
-// The cosine of an angle, if it is one: beyond 1 by rounding it is 1.
+// Returns whether `value` is the cosine of an angle. Values that exceed 1 only by rounding errors are clamped.
 bool IsCosine(double* value) {
   constexpr double kRounding = 1e-9;
   if (!(std::abs(*value) <= 1 + kRounding)) return false;
@@ -60,10 +60,11 @@ Rigid3d BaseFromFlange(const UrRobot& robot, const JointAngles& q) {
 }
 
 Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& base_from_flange) {
-  constexpr double kNearSingular = 1e-3;  // Of a sine.
+  constexpr double kNearSingular = 1e-3;  // Limit of the sine.
   const Eigen::Matrix3d r = base_from_flange.RotationMatrix();
   const Eigen::Vector3d& p = base_from_flange.translation;
-  // Frame 5's origin, the wrist: its distance from the plane of the arm is d4, which leaves two first joints.
+  // The origin of frame 5, the wrist, has the distance d4 from the plane of the arm, which leaves two solutions for the
+  // first joint.
   const Eigen::Vector3d wrist = p - robot.d6_m * r.col(2);
   const double from_axis_m = std::hypot(wrist.x(), wrist.y());
   double shoulder_cosine = from_axis_m > 0 ? robot.d4_m / from_axis_m : 2;
@@ -78,17 +79,17 @@ Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& 
     const double q1 = std::atan2(wrist.y(), wrist.x()) + shoulder * std::acos(shoulder_cosine) + kPi / 2;
     const double s1 = std::sin(q1);
     const double c1 = std::cos(q1);
-    // The arm's normal as the flange sees it: its angle with axis 6 is the fifth joint, its direction about that the
-    // sixth. Where it is along axis 6 there is no such direction.
+    // The normal of the arm in the flange's frame: its angle with axis 6 is the fifth joint, its direction about axis 6
+    // the sixth. If it is parallel to axis 6, the sixth joint is undetermined.
     const Eigen::Vector3d normal = r.transpose() * Eigen::Vector3d(s1, -c1, 0);
     const double sine = normal.head<2>().norm();
     constexpr double kNothing = 1e-9;
     const bool is_free = sine < kNothing;
     for (const double flip : {1.0, -1.0}) {
-      if (is_free && flip < 0) continue;  // The same posture again.
+      if (is_free && flip < 0) continue;  // It is the same posture.
       const double q5 = flip * std::atan2(sine, normal.z());
       const double q6 = is_free ? 0 : std::atan2(-flip * normal.y(), flip * normal.x());
-      // What is left is a plane arm of two links.
+      // The remaining problem is a planar arm with two links.
       const Rigid3d from_4 = Inverse(DhLink(q1, robot.d1_m, 0, kPi / 2)) * base_from_flange *
                              Inverse(DhLink(q5, robot.d5_m, 0, -kPi / 2) * DhLink(q6, robot.d6_m, 0, 0));
       const double u = from_4.translation.x();

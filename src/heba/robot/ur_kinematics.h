@@ -1,8 +1,9 @@
-// Universal Robots' arms: where the flange is for given joints, and the joints that bring it to a given place.
+// Kinematics of Universal Robots' arms: the pose of the flange for given joints, and the joints that reach a given
+// pose.
 //
-// By Denavit and Hartenberg's standard parameters (1955), A_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i) with alpha = pi/2,
-// 0, 0, pi/2, -pi/2, 0: base_from_flange = A_1 ... A_6, the base's and the flange's axes as the maker's controller has
-// them.
+// The standard parameters of Denavit and Hartenberg (1955) are used, A_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i) with
+// alpha = pi/2, 0, 0, pi/2, -pi/2, 0, so that base_from_flange = A_1 ... A_6. The axes of the base and of the flange
+// are those of the manufacturer's controller.
 #pragma once
 
 #include <array>
@@ -16,7 +17,7 @@
 namespace heba {
 
 struct UrRobot {
-  std::string name;  // Of ur_robots.def.
+  std::string name;  // Name in ur_robots.def.
   double d1_m = 0;
   double a2_m = 0;
   double a3_m = 0;
@@ -25,26 +26,26 @@ struct UrRobot {
   double d6_m = 0;
 };
 
-// In the order of ur_robots.def.
+// Returns all arms, in the order of ur_robots.def.
 const std::vector<UrRobot>& UrRobots();
 std::vector<std::string> UrRobotNames();
-// Null if there is none of that name.
+// Returns null if there is no arm of that name.
 const UrRobot* FindUrRobot(std::string_view name);
 
-using JointAngles = std::array<double, 6>;  // rad, from the base on.
+using JointAngles = std::array<double, 6>;  // rad, base first.
 
 Rigid3d BaseFromFlange(const UrRobot& robot, const JointAngles& joints_rad);
 
-// One way to reach a pose.
+// One of the postures that reach a pose.
 struct UrPosture {
-  JointAngles joints_rad = {};  // Each from -pi to pi.
-  // Where the arm is singular there: what of it is free or next to free, in words. Empty if nothing is.
+  JointAngles joints_rad = {};  // Each in [-pi, pi].
+  // Description of the singularities at this posture or close to it; empty if there are none.
   std::string singularity;
 };
 
-// All postures that reach the pose, at most 8: shoulder left or right, wrist one way up or the other, elbow up or down.
-// In the wrist's singularity (axes 4 and 6 parallel) joint 6 is free and stands at 0. A Failure that says why, and by
-// how many mm, if the pose is out of reach.
+// Returns all postures that reach the pose, at most 8: shoulder left or right, wrist flipped or not, elbow up or down.
+// In the singularity of the wrist (axes 4 and 6 parallel), joint 6 is free and is set to 0. Returns a Failure with the
+// reason and the distance in mm if the pose is out of reach.
 Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& base_from_flange);
 
 }  // namespace heba

@@ -25,7 +25,7 @@ KDL::Frame ToKdl(const urdf::Pose& pose) {
           ToKdl(pose.position)};
 }
 
-// A joint as KDL has it: the motion about an axis in the parent's frame, then the place of the child.
+// Converts a joint to KDL's convention: the motion about an axis in the parent's frame, then the pose of the child.
 KDL::Segment ToKdl(const urdf::Joint& joint) {
   const KDL::Frame origin = ToKdl(joint.parent_to_joint_origin_transform);
   const KDL::Vector axis = origin.M * ToKdl(joint.axis);
@@ -90,7 +90,7 @@ class KdlArm final : public UrdfArm {
       bool is_within = true;
       for (size_t i = 0; i < names_.size(); ++i) {
         double joint = to(static_cast<unsigned>(i));
-        // The same place of a joint that turns, nearest to the middle of its limits.
+        // A revolute joint is normalised by full revolutions to the value nearest to the middle of its limits.
         if (turns_[i]) {
           const double middle = 0.5 * (limits_[i].low + limits_[i].high);
           joint = middle + std::remainder(joint - middle, 2 * kPi);
@@ -131,7 +131,7 @@ std::string FindTip(const urdf::ModelInterface& model, const std::filesystem::pa
   return leaves.front();
 }
 
-// How deep the elements of an XML text lie in one another, at the most.
+// Returns the largest nesting depth of the elements of an XML text.
 int DepthOf(std::string_view text) {
   int depth = 0;
   int deepest = 0;
@@ -147,8 +147,8 @@ int DepthOf(std::string_view text) {
   return deepest;
 }
 
-// What the XML parser must not be given: it reads past the end of characters that are cut off, and goes as deep as the
-// file does.
+// Throws InputError for text on which the XML parser would fail: it reads beyond the end of truncated UTF-8 characters,
+// and its recursion is as deep as the elements are nested.
 void CheckXml(const std::filesystem::path& path, const std::string& text) {
   constexpr int kMaxDepth = 100;
   if (!IsUtf8(text) || text.find('\0') != std::string::npos)
@@ -164,7 +164,7 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
   constexpr size_t kMaxBytes = size_t{16} << 20;
   const std::string text = ReadTextFile(path, kMaxBytes);
   CheckXml(path, text);
-  // The parser would speak to the terminal.
+  // The parser would otherwise print messages to the terminal.
   console_bridge::noOutputHandler();
   urdf::ModelInterfaceSharedPtr model;
   try {

@@ -1,4 +1,5 @@
-// Any arm, from its URDF: where its tip is for given joints, and joints that bring it to a given place.
+// Kinematics of an arbitrary arm from its URDF: the pose of the tip for given joints, and joints that reach a given
+// pose.
 #pragma once
 
 #include <filesystem>
@@ -12,24 +13,25 @@
 
 namespace heba {
 
-// A serial chain of revolute, continuous, prismatic and fixed joints, by the Kinematics and Dynamics Library (KDL).
+// A serial chain of revolute, continuous, prismatic and fixed joints, evaluated by the Kinematics and Dynamics Library
+// (KDL).
 class UrdfArm {
  public:
-  // The chain between two links. Without names: from the root to the only link that has no child. InputError if the
-  // file is not a URDF, has no such links, branches without a tip being named, or a joint of the chain is of another
-  // kind or mimics one.
+  // Reads the chain between two links. By default, the chain begins at the root and ends at the only link that has no
+  // child. Throws InputError if the file is not a URDF, if it has no such links, if it has several branches and no tip
+  // is named, or if a joint of the chain is of another kind or mimics another joint.
   static std::shared_ptr<const UrdfArm> Read(const std::filesystem::path& path, const std::string& base_link = "",
                                              const std::string& tip_link = "");
   virtual ~UrdfArm() = default;
 
-  // Of the joints that move, from the base on.
+  // Returns the names of the moving joints, beginning at the base.
   virtual const std::vector<std::string>& joint_names() const = 0;
-  // Whether joint i turns (rad) or slides (m).
+  // Returns whether joint i rotates (rad) or slides (m).
   virtual bool IsTurning(size_t i) const = 0;
   virtual Rigid3d BaseFromTip(std::span<const double> joints) const = 0;
-  // Joints within their limits that reach the pose to 1e-6 m and rad, different postures if several starts find them:
-  // numerically, by Levenberg and Marquardt from fixed starts. A Failure if none is found, which does not prove that
-  // there is none.
+  // Returns postures within the joint limits that reach the pose to 1e-6 m and rad. They are found numerically, by
+  // Levenberg-Marquardt from fixed starting points; different starts may find several postures. Returns a Failure if
+  // none is found, which does not prove that there is none.
   virtual Outcome<std::vector<std::vector<double>>> PosturesOf(const Rigid3d& base_from_tip) const = 0;
 };
 

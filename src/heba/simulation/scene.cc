@@ -19,7 +19,8 @@ bool AllInside(const Camera& camera, const Rigid3d& camera_from_target, const Po
         pixels.row(1).minCoeff() >= margin_px && pixels.row(1).maxCoeff() <= camera.height_px - 1 - margin_px)) {
     return false;
   }
-  // Strong distortion folds far rays back into the image: what is seen must also look back along the same ray.
+  // Strong distortion can fold distant rays back into the image. A point is visible only if its pixel unprojects to the
+  // same ray.
   for (Eigen::Index i = 0; i < pixels.cols(); ++i) {
     const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, pixels.col(i));
     if (!ray || ray->cross(points.col(i).normalized()).norm() > 1e-6) return false;
@@ -44,7 +45,7 @@ Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3&
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
   const Eigen::Vector3d middle = points_in_target.rowwise().mean();
-  // Seen upright from straight ahead.
+  // The target appears upright from straight ahead.
   const Eigen::Quaterniond upright = ExpRotation(z_out ? Eigen::Vector3d(kPi, 0, 0) : Eigen::Vector3d::Zero());
   std::vector<Rigid3d> poses;
   constexpr int kMaxTrials = 2000;
@@ -97,7 +98,7 @@ Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Came
     const Outcome<std::vector<Rigid3d>> start = SimulatePoses(camera, points_in_target, z_out, near_axis, rng);
     if (!start) return Failure{start.reason()};
     const Rigid3d base_from_home = BaseFromGripper(setup, CameraMountFromTargetMount(hand_eye, start->front()));
-    // Moved in the tool's frame; nothing if the target leaves the image.
+    // Returns camera_from_target after a motion in the tool's frame; nothing if the target leaves the image.
     const auto moved = [&](const Rigid3d& home_from_gripper) -> std::optional<Rigid3d> {
       const Rigid3d camera_from_target =
           CameraFromTarget(hand_eye, CameraMountFromTargetMount(setup, base_from_home * home_from_gripper));

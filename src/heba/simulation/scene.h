@@ -1,5 +1,5 @@
-// Simulated captures: robot poses from which a camera sees a target, and what it would measure. Everything follows from
-// the seed.
+// Simulated captures: robot poses from which a camera sees a target, and the pixels that it measures. Everything is
+// determined by the seed.
 #pragma once
 
 #include <optional>
@@ -13,56 +13,59 @@
 
 namespace heba {
 
-// How the target moves before the camera (or the camera before the target).
+// The motion of the target in front of the camera (or of the camera in front of the target).
 struct MotionOptions {
   int num_captures = 20;
-  double distance_m = 0.6;     // Of the target's middle along the optical axis, on average.
-  double depth_ratio = 0.2;    // The distance varies by plus or minus this share.
-  double max_tilt_rad = 0.44;  // Of the target's normal against the line of sight; at least 0.3 of it is used.
-  double max_spin_rad = 1.05;  // About the normal, plus or minus.
-  double spread = 0.5;         // The target's middle falls into this share of the image's width and height.
-  double margin_px = 10;       // All points stay this far from the image's edge.
+  double distance_m = 0.6;   // Mean depth of the target's middle along the optical axis.
+  double depth_ratio = 0.2;  // Relative variation of the depth, plus or minus.
+  // Largest angle between the target's normal and the line of sight; tilts are at least 0.3 of it.
+  double max_tilt_rad = 0.44;
+  double max_spin_rad = 1.05;  // Largest rotation about the normal, plus or minus.
+  double spread = 0.5;         // Share of the image's width and height in which the target's middle lies.
+  double margin_px = 10;       // Smallest distance of all points from the image border.
 
-  // Every violated constraint, one a line; empty if the options are valid.
+  // Returns every violated constraint, one per line; an empty text if the options are valid.
   [[nodiscard]] std::string Check() const;
 };
 
-// The motion of the two-step method (Fang et al. 2021, section 3): a home pose, one translation along the tool's x and
-// one along its y, turns about the tool point.
+// The motion of the two-step method (Fang et al. 2021, section 3): a home pose, one translation along the tool's x axis
+// and one along its y axis, and rotations about the tool centre point.
 struct TwoStepMotionOptions {
   double translation_m = 0.1;
   int num_turns = 12;
-  double max_turn_rad = 0.44;  // About a random axis; at least 0.4 of it is used.
+  double max_turn_rad = 0.44;  // Largest angle about a random axis; angles are at least 0.4 of it.
 
   [[nodiscard]] std::string Check() const;
 };
 
 struct SimulatedPose {
-  std::string role;  // As in poses.csv.
+  std::string role;  // See kCaptureRoles in heba/io/pose_file.h.
   Rigid3d camera_from_target;
 };
 
-// From a home pose as SimulatePoses would choose it, with the target near the optical axis and facing the camera. The
-// tool is the gripper as the robot reports it. A Failure if the target does not stay in the image.
+// Simulates the captures of the two-step method. The home pose is chosen as by SimulatePoses, with the target near the
+// optical axis and facing the camera. The tool is the gripper as the robot reports it. Returns a Failure if the target
+// does not stay in the image.
 Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Camera& camera,
                                                          const Points3& points_in_target, bool z_out,
                                                          const HandEye& hand_eye, const MotionOptions& home,
                                                          const TwoStepMotionOptions& options, Rng* rng);
 
-// camera_from_target of each capture, all of `points_in_target` in the image. `z_out`: the target's z axis points out
-// of its front side (else into it). A Failure if the target does not fit into the image from such poses.
+// Returns camera_from_target of each capture, with all of `points_in_target` in the image. `z_out` is true if the
+// target's z axis points out of its front side, false if it points into it. Returns a Failure if the target does not
+// fit into the image from such poses.
 Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3& points_in_target, bool z_out,
                                             const MotionOptions& options, Rng* rng);
 
-// The robot pose that makes the camera see `camera_from_target`.
+// Returns the robot pose from which the camera sees `camera_from_target`.
 Rigid3d CameraMountFromTargetMount(const HandEye& hand_eye, const Rigid3d& camera_from_target);
 
-// A pose as a robot with random errors reports it: gripper_from_gripper noise on the right of base_from_gripper, sigma
-// per axis.
+// Returns the pose that a robot with random errors reports: gripper_from_gripper noise on the right of
+// base_from_gripper, with the given sigmas per axis.
 Rigid3d WithRobotNoise(const Rigid3d& base_from_gripper, double rotation_sigma_rad, double translation_sigma_m,
                        Rng* rng);
 
-// A view of all points with Gaussian noise per coordinate. Nothing if a point has no image.
+// Simulates a view of all points with Gaussian noise in each coordinate. Returns nothing if a point has no image.
 std::optional<View> SimulateView(const std::string& name, const Camera& camera, const HandEye& hand_eye,
                                  const Rigid3d& camera_mount_from_target_mount, const Points3& points_in_target,
                                  double noise_sigma_px, Rng* rng);

@@ -43,7 +43,7 @@ TEST(CalibrationTest, ViewsOfFewPointsJoinTheRefinement) {
   EXPECT_EQ(calibration->views.size(), scene.views.size());
   EXPECT_EQ(calibration->pairs.size(), scene.views.size() - 2);
   EXPECT_THAT(calibration->unused, testing::IsEmpty());
-  // More is known than without them.
+  // The views with few points add information: without them the variances are larger.
   std::vector<View> whole;
   for (const View& view : scene.views) {
     if (view.observations.size() == 4) whole.push_back(view);

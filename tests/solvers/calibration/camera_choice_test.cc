@@ -23,7 +23,8 @@ void PrintTo(const Lens& lens, std::ostream* stream) { *stream << lens.name; }
 
 class CameraChoiceTest : public testing::TestWithParam<Lens> {};
 
-// The right model is rejected once in 100: 2 and more of 8 are seen once in 400 runs.
+// The right model is rejected with a probability of 1 %: two or more rejections in eight seeds occur once in 400
+// runs.
 TEST_P(CameraChoiceTest, TheSmallestModelThatTheResidualsNeedIsChosen) {
   int num_right = 0;
   constexpr int kSeeds = 8;

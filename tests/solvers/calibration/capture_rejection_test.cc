@@ -23,7 +23,7 @@ std::set<std::string> LeftOut(const TestScene& scene, const TestSceneOptions& op
   return names;
 }
 
-// A target that is bent by 2 mm contradicts a flat one in every capture: none of them is wrong.
+// A target that is bent by 2 mm contradicts the flat model in every capture; no single capture is wrong.
 TEST(WrongCapturesTest, ABentTargetLosesNoCapture) {
   for (uint64_t seed = 1; seed <= 10; ++seed) {
     TestSceneOptions options;
@@ -35,8 +35,8 @@ TEST(WrongCapturesTest, ABentTargetLosesNoCapture) {
   }
 }
 
-// If the robot's errors have long tails, half of the captures agree too well with one another by choice; the others are
-// not wrong.
+// If the robot's errors have long tails, the half of the captures that agrees best underestimates the noise, because
+// it was selected for agreement. The other captures are not wrong.
 TEST(WrongCapturesTest, LongTailsLoseFewCaptures) {
   for (uint64_t seed = 1; seed <= 5; ++seed) {
     TestSceneOptions options;
@@ -45,7 +45,7 @@ TEST(WrongCapturesTest, LongTailsLoseFewCaptures) {
     TestScene scene = MakeTestScene(seed, options);
     Rng rng(seed + 100);
     for (View& view : scene.views) {
-      // A scale mixture: sigmas of 0.1 to 1 mm.
+      // The errors are a scale mixture with sigmas from 0.1 to 1 mm.
       const double sigma = 1e-4 * std::pow(10.0, rng.Uniform());
       Tangent6 error;
       error << sigma * rng.NormalVector3(), 3 * sigma * rng.NormalVector3();
@@ -55,7 +55,8 @@ TEST(WrongCapturesTest, LongTailsLoseFewCaptures) {
   }
 }
 
-// A third of the poses that are off by 10 mm are wrong poses, not noise: a better robot and wrong poses are likelier.
+// A third of the poses are off by 10 mm. These are wrong poses and not noise: an accurate robot with wrong poses is
+// more likely than a robot with so much noise.
 TEST(WrongCapturesTest, ManyWrongPosesAreStillFound) {
   TestSceneOptions options;
   options.noise_px = 0.05;
@@ -74,13 +75,13 @@ TEST(WrongCapturesTest, ManyWrongPosesAreStillFound) {
   EXPECT_EQ(LeftOut(scene, options), wrong);
 }
 
-// A capture whose points were all read wrongly is not used, though it has a pose.
+// A capture whose points are all outliers is not used, even if it has a pose.
 TEST(WrongCapturesTest, ACaptureOfWhichNoPointCountsIsNotUsed) {
   TestSceneOptions options;
   options.noise_px = 0.05;
   options.num_captures = 20;
   TestScene scene = MakeTestScene(6, options);
-  // Read wrongly: the points of another image, each moved by a different amount.
+  // The points belong to another image: each is moved by a different amount.
   Rng rng(2);
   Points2& pixels = scene.views[4].observations.pixels;
   for (Eigen::Index i = 0; i < pixels.size(); ++i) pixels.data()[i] += rng.Uniform(-60, 60);

@@ -19,7 +19,7 @@ std::optional<Finding> AdviceFor(const TestScene& scene, const std::vector<Param
   return DiagnoseWeakDirections(problem, *solution, FreeOf(scene.camera.Model(), free_groups));
 }
 
-// A scene's solution with a robot taken as exact and a camera that is held.
+// The solution of a scene in which the robot is assumed to be exact and the camera is held fixed.
 struct Solved {
   Problem problem;
   Solution solution;
@@ -40,7 +40,8 @@ TEST(AdviceTest, IsSilentWhereAllIsWellKnown) {
   EXPECT_FALSE(AdviceFor(MakeTestScene(3, options), {ParameterGroup::kFocal}).has_value());
 }
 
-// Rotations about the tool point at one distance do not tell the focal length: what tells it is depth.
+// Rotations about the tool point at one distance do not determine the focal length; captures at different depths
+// would.
 TEST(AdviceTest, NamesWhatIsKnownWorstAndWhatWouldImproveIt) {
   TestSceneOptions options;
   options.noise_px = 0.1;
@@ -76,9 +77,9 @@ void PrintTo(const HiddenErrors& hidden, std::ostream* stream) { *stream << hidd
 
 class FixedModelTest : public testing::TestWithParam<HiddenErrors> {};
 
-// Neither pixels nor a noisy robot pass for a bent or stretched target, nor the other way round. By chance one test in
-// a hundred rejects the right model: of ten seeds one is let off (more are seen less than once in 200 runs of the
-// test).
+// Neither pixel noise nor robot noise is mistaken for a bent or stretched target, nor the other way round. The right
+// model is rejected with a probability of 1 %, so one of ten seeds may fail (more fail less than once in 200 runs of
+// the test).
 TEST_P(FixedModelTest, SaysWhatTheFixedModelHides) {
   int num_wrong = 0;
   for (uint64_t seed = 1; seed <= 10; ++seed) {
@@ -114,7 +115,7 @@ TEST(AdviceTest, HeldIntrinsicsThatTheCapturesContradictAreNamed) {
   for (const double off_px : {0.0, 2.0, 5.0, 10.0}) {
     Camera held = scene.camera;
     held.params[2] += off_px;
-    // With the robot's noise to be estimated, the misfit would go into that.
+    // The robot noise is estimated here, so it can absorb the misfit of the intrinsics.
     BundleOptions bundle;
     bundle.free_intrinsics = {};
     bundle.robot = BundleOptions::Robot::kEstimatedNoise;
@@ -138,7 +139,7 @@ TEST(AdviceTest, ATargetOfAnotherSizeIsACause) {
   EXPECT_EQ(finding->grade, Grade::kBad);
   EXPECT_TRUE(finding->is_cause);
   EXPECT_THAT(finding->text, testing::HasSubstr("10 % larger than the config says"));
-  solution.shape.params = {1.002, 1.001, 0, 0};  // A printer does as much.
+  solution.shape.params = {1.002, 1.001, 0, 0};  // Printers have scale errors of this size.
   EXPECT_FALSE(DiagnoseScale(solution, scaled).has_value());
 }
 

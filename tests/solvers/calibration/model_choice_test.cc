@@ -36,7 +36,8 @@ class ModelChoiceTest : public testing::TestWithParam<TrueModel> {
   }
 };
 
-// The right model is rejected once in 100; 3 and more of 20 are seen once in 1,000 runs.
+// The right model is rejected with a probability of 1 %: three or more rejections in 20 seeds occur once in 1,000
+// runs.
 TEST_P(ModelChoiceTest, TheRightModelIsChosenAndTheTruthIsWithinItsSigmas) {
   int num_right = 0;
   constexpr int kSeeds = 20;
@@ -55,7 +56,7 @@ TEST_P(ModelChoiceTest, TheRightModelIsChosenAndTheTruthIsWithinItsSigmas) {
             : 0;
     const Tangent6 error = LocalCoordinates(scene.hand_eye.camera_mount_from_camera,
                                             calibration->refined->hand_eye.camera_mount_from_camera);
-    // Chi-square with 6 degrees of freedom exceeds 32.1 once in 60,000.
+    // Chi-square with 6 degrees of freedom exceeds 32.1 once in 60,000 draws.
     const Eigen::Matrix<double, 6, 6> covariance = calibration->refined->covariance.matrix.topLeftCorner<6, 6>();
     EXPECT_LT(error.dot(covariance.ldlt().solve(error)), 32.1) << seed;
   }
@@ -77,7 +78,7 @@ INSTANTIATE_TEST_SUITE_P(
                               {Robot::kEstimatedNoise, {Group::kScale, Group::kBend}}}),
     [](const auto& test) { return test.param.name; });
 
-// A robot that is off by more than the pixels are.
+// Returns the options of a scene in which the robot noise is larger than the pixel noise.
 TestSceneOptions NoisyRobot(int num_captures) {
   TestSceneOptions options;
   options.noise_px = 0.1;
@@ -114,7 +115,8 @@ TEST(ModelChoiceTest, EveryAlternativeIsReportedAndNoneContainsABetterOne) {
   EXPECT_LT(*choice->alternatives.front().p, 1e-10);
 }
 
-// Six poses do not carry two variances: the prior of industrial arms is part of the model, and says so.
+// Six poses do not determine two variances: a prior from industrial arms becomes part of the model, and a finding
+// reports it.
 TEST(ModelChoiceTest, FewPosesHaveAPrior) {
   const TestScene scene = MakeTestScene(2, NoisyRobot(6));
   const CalibrationOptions options = WithHeldCamera(scene);
@@ -129,7 +131,7 @@ TEST(ModelChoiceTest, FewPosesHaveAPrior) {
   EXPECT_TRUE(is_said);
 }
 
-// Eight images at each of twelve poses tell no more of the robot than twelve images do.
+// Eight images at each of twelve poses contain no more information about the robot than twelve images.
 TEST(ModelChoiceTest, RepeatsAreNotNewInformation) {
   const TestScene scene = MakeTestScene(7, NoisyRobot(12));
   std::vector<View> repeated;
@@ -149,7 +151,8 @@ TEST(ModelChoiceTest, RepeatsAreNotNewInformation) {
     EXPECT_EQ(calibration->bundle.robot, Robot::kEstimatedNoise);
     return std::sqrt(calibration->refined->covariance.matrix.topLeftCorner<3, 3>().trace());
   };
-  // The robot's noise is the larger part: eight times the images leave the sigma where it is, not a third of it.
+  // The robot noise dominates: with eight times as many images the sigma stays the same instead of falling to about a
+  // third.
   EXPECT_GT(sigma_m(repeated), 0.85 * sigma_m(scene.views));
 }
 

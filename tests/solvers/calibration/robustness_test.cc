@@ -1,5 +1,5 @@
-// Bad points, wrong captures, bad starts: found, named, and harmless. Errors are compared with those of the estimate
-// that is told which points and captures are good (the oracle) and starts at the truth.
+// Tests that bad points, wrong captures and bad initial guesses are found, named and harmless. Errors are compared
+// with those of the oracle: the estimate that is told which points and captures are good and starts at the truth.
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -53,7 +53,8 @@ std::set<std::string> NamesOfUnused(const Calibration& calibration) {
   return names;
 }
 
-// Root mean squares of the errors with the bad data and of the oracle's, over seeds.
+// Sums over the seeds of the squared errors of the calibration and of the oracle. Value() is the ratio of the RMS
+// errors.
 struct Ratio {
   double found_m2 = 0;
   double oracle_m2 = 0;
@@ -86,7 +87,7 @@ TEST_P(RobustnessTest, TwoSwappedCapturesAreNamedAndHarmless) {
     std::vector<View> good(scene.views.begin(), scene.views.end() - 2);
     std::swap(scene.views[18].observations, scene.views[19].observations);
     CalibrationOptions options = OptionsFor(scene, setup());
-    // With the oracle's model: which one is chosen otherwise has tests of its own.
+    // The model is that of the oracle; the choice of the model has tests of its own.
     options.choose = {};
     const Outcome<Calibration> calibration = Calibrate(scene.views, options);
     ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
@@ -115,7 +116,8 @@ TEST_P(RobustnessTest, CleanDataLoseNothing) {
   RecordProperty("ratio", std::to_string(ratio.Value()));
   RecordProperty("false_alarms", num_with_false_alarm);
   EXPECT_LT(ratio.Value(), 1.08);
-  // 1 % of the seeds are to have one: 2; 9 and more are seen less than once in 10^3 times.
+  // 1 % of the seeds, which is two, are expected to have a false alarm; nine or more occur less than once in 10^3
+  // runs.
   EXPECT_LT(num_with_false_alarm, 9);
 }
 
@@ -175,8 +177,8 @@ TEST_P(RobustnessTest, ATenthOfTheCapturesMayHaveAnyPose) {
   EXPECT_LT(ratio.Value(), 1.15);
 }
 
-// Hand-eye and board turned by 120 deg and moved by 300 mm: alone, the refinement finds its way in a third of the
-// cases.
+// The initial guesses of hand-eye pose and board pose are rotated by 120 deg and moved by 300 mm. The refinement
+// alone converges to the solution in a third of the cases.
 TEST_P(RobustnessTest, AStartFarOffIsPutRight) {
   constexpr int kSeeds = 100;
   int num_alone = 0;

@@ -1,5 +1,5 @@
-// Studies themselves: the bound is that of an independent formula, the refinement reaches it, trials follow from their
-// numbers.
+// Tests of the studies: the error bound equals that of an independent formula, the refinement reaches it, and a trial
+// is reproducible from its number.
 #include "solvers/calibration/study.h"
 
 #include <cmath>
@@ -33,7 +33,8 @@ StudyCell MakeCell(Setup setup, double pixel_sigma_px, const RobotNoise& robot) 
   return cell;
 }
 
-// All pixels as a function of hand-eye (6), board (6) and one capture's robot error (6), by differences.
+// Returns all pixels of a capture after a step of the hand-eye pose (6), the board pose (6) and the robot error of
+// this capture (6). It is differentiated numerically.
 Eigen::VectorXd PixelsOf(const StudyCell& cell, size_t capture, const Eigen::Matrix<double, 18, 1>& step) {
   const HandEye moved{Retract(cell.hand_eye.camera_mount_from_camera, step.head<6>()),
                       Retract(cell.hand_eye.target_mount_from_target, step.segment<6>(6))};
@@ -72,18 +73,19 @@ TEST_P(StudyTest, TheBoundIsThatOfTheDefinition) {
   const Eigen::Matrix<double, 12, 12> covariance = information.inverse();
   const Outcome<StudyErrors> bound = ErrorBound(cell);
   ASSERT_TRUE(bound.ok()) << bound.reason();
-  constexpr double kNumeric = 1e-4;  // Of the value: central differences.
+  constexpr double kNumeric = 1e-4;  // Relative error of the central differences.
   EXPECT_NEAR(bound->hand_eye_m / std::sqrt(covariance.diagonal().head<3>().sum()), 1, kNumeric);
   EXPECT_NEAR(bound->hand_eye_rad / std::sqrt(covariance.diagonal().segment<3>(3).sum()), 1, kNumeric);
   EXPECT_NEAR(bound->board_m / std::sqrt(covariance.diagonal().segment<3>(6).sum()), 1, kNumeric);
   EXPECT_NEAR(bound->board_rad / std::sqrt(covariance.diagonal().tail<3>().sum()), 1, kNumeric);
 }
 
-// 200 trials know a root mean square of three numbers to about 4 %, a coverage of 95 % to 1.5 %: three of these.
+// 200 trials determine an RMS of three numbers to about 4 % and a coverage of 95 % to 1.5 %; the tolerances are three
+// times these.
 TEST_P(StudyTest, TheRefinementReachesTheBoundAndItsRegionsHold) {
   constexpr int kTrials = 200;
   for (const bool is_noisy : {false, true}) {
-    // The harder of the two set-ups has the say.
+    // Robot noise is tested with the harder of the two setups only.
     if (is_noisy && GetParam() == heba::Setup::kEyeToHand) continue;
     SCOPED_TRACE(is_noisy);
     StudyCell cell = MakeCell(GetParam(), 0.3, is_noisy ? RobotNoise{2e-4, 4e-4} : RobotNoise{});

@@ -18,8 +18,9 @@ struct Case {
 
 class LocateTest : public testing::TestWithParam<Case> {};
 
-// Calibrate from all captures but the last, then locate the target in that one: the place of its middle is off by what
-// is stated. By chance the mean of 120 chi-squares of 3 degrees of freedom is within 4 of its sigmas (0.22) of 3.
+// The camera is calibrated from all captures but the last, in which the target is then located: the error of its
+// centre agrees with the stated covariance. The mean of 120 chi-squares with 3 degrees of freedom is within 4 sigmas
+// (of 0.22) of 3.
 TEST_P(LocateTest, IsOffByWhatItStates) {
   const Case& test = GetParam();
   const bool is_noisy = test.robot_translation_m > 0;
@@ -47,7 +48,7 @@ TEST_P(LocateTest, IsOffByWhatItStates) {
     }
     const Outcome<Solution> solution = RefineHandEye({scene.camera, views, test.setup}, scene.hand_eye, bundle);
     ASSERT_TRUE(solution.ok()) << solution.reason();
-    // Where the mount of a carried camera is, as the robot says; the target stands at the base then.
+    // The robot gives the pose of the mount of a carried camera; the target is then fixed to the base.
     const bool is_carried = test.setup == Setup::kEyeInHand;
     const Rigid3d base_from_mount = is_carried ? Inverse(unseen.camera_mount_from_target_mount) : Rigid3d();
     const Outcome<LocatedTarget> located = LocateTarget(test.setup, *solution, unseen.observations, base_from_mount);
@@ -60,7 +61,8 @@ TEST_P(LocateTest, IsOffByWhatItStates) {
     sum += off_m.dot(covariance.ldlt().solve(off_m));
     EXPECT_EQ(located->covariance.by_robot_m2.isZero(), !(is_carried && is_noisy));
 
-    // A corner of the target by its pixel, on the plane that the target lies in, given or seen.
+    // A corner of the target is located from its pixel, on the plane of the target, which is either given or seen in
+    // the image.
     const Eigen::Vector3d corner = unseen.observations.points_in_target.col(0);
     const Eigen::Vector2d pixel = unseen.observations.pixels.col(0);
     const Eigen::Vector3d normal = truth.rotation * Eigen::Vector3d::UnitZ();
@@ -75,7 +77,7 @@ TEST_P(LocateTest, IsOffByWhatItStates) {
       const Eigen::MatrixXd stated = directions.transpose() * point.covariance.TotalM2() * directions;
       return off.dot(stated.ldlt().solve(off));
     };
-    // On a known plane there are two directions to be wrong in.
+    // A point on a known plane has errors in two directions only.
     EXPECT_LT(std::abs(normal.dot(on_plane->in_base) - plane.distance_m), 1e-9);
     sum_on_plane += chi2(*on_plane, truth.RotationMatrix().leftCols<2>());
     sum_on_target += chi2(*on_target, Eigen::Matrix3d::Identity());
@@ -97,7 +99,7 @@ TEST(LocatePixelTest, ARayThatMissesThePlaneIsAFailure) {
   Solution solution;
   solution.hand_eye = scene.hand_eye;
   solution.camera = scene.camera;
-  // A plane that contains the camera's axis, and one behind the camera.
+  // One plane contains the optical axis of the camera, the other is behind the camera.
   const Rigid3d& camera = scene.hand_eye.camera_mount_from_camera;
   const Eigen::Vector3d side = camera.rotation * Eigen::Vector3d::UnitX();
   const Eigen::Vector3d ahead = camera.rotation * Eigen::Vector3d::UnitZ();
@@ -108,7 +110,7 @@ TEST(LocatePixelTest, ARayThatMissesThePlaneIsAFailure) {
   EXPECT_NE(LocatePixel(Setup::kEyeToHand, solution, middle, behind, Rigid3d()).reason(), "");
 }
 
-// A target of 8 x 6 points that is printed 1 % too large and 2 % too high: it looks the same after half a turn.
+// A target of 8 x 6 points that is printed 1 % too wide and 2 % too high looks the same after a rotation by 180 deg.
 TEST(LocateSymmetricTargetTest, AllPosesFitWhicheverWayTheTargetWasRead) {
   TestSceneOptions options;
   options.points.colwise() += Eigen::Vector3d(0.2, 0.1, 0);
@@ -140,7 +142,7 @@ TEST(LocateSymmetricTargetTest, AllPosesFitWhicheverWayTheTargetWasRead) {
     ASSERT_TRUE(again.ok()) << again.reason();
     ASSERT_EQ(possible->size(), 2U);
     const Rigid3d truth = scene.hand_eye.camera_mount_from_camera * scene.pairs[i].camera_from_target;
-    // The pixels are exact: what is left is where the iteration stops.
+    // The pixels are exact: the tolerance is that of the convergence of the iteration.
     constexpr double kToleranceM = 1e-6;
     const size_t right = AngleRad((*possible)[0].base_from_target, truth) < 1 ? 0 : 1;
     EXPECT_LT(DistanceM((*possible)[right].base_from_target, truth), kToleranceM);

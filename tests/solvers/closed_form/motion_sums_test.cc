@@ -14,7 +14,7 @@
 namespace heba {
 namespace {
 
-// One motion's numbers, in the order of MotionSums, pair by pair.
+// The terms of one motion in the order of MotionSums, computed one motion at a time.
 struct Numbers {
   Eigen::Matrix<double, MotionSums::kNumLinear, 1> linear;
   Eigen::Matrix<double, MotionSums::kNumScrew, 1> screws;
@@ -45,7 +45,7 @@ Numbers NumbersOf(const Rigid3d& a, const Rigid3d& b) {
 
 using MotionSumsTest = EverySimdTest;
 
-// Numbers of captures that fill lanes and batches and that do not.
+// The numbers of captures fill the SIMD lanes and batches exactly or in part.
 TEST_P(MotionSumsTest, AreSumsOverTheMotionsThatTurnEnough) {
   for (const int num_captures : {2, 3, 9, 20, 140}) {
     TestSceneOptions options;

@@ -1,7 +1,7 @@
-// heba's closed forms against OpenCV's, two implementations of the same papers.
+// Cross-check of the closed forms of heba and OpenCV, two implementations of the same papers.
 //
-// Compared only where Debian's OpenCV 4.6 is sound: no two captures may differ by a turn of 120 deg or more
-// (TsaiAndDaniilidisAreWrongOnExactData).
+// They are compared only where OpenCV 4.6 of Debian is correct: no two captures may differ by a rotation of 120 deg
+// or more (see TsaiAndDaniilidisAreWrongOnExactData).
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -16,7 +16,8 @@
 namespace heba {
 namespace {
 
-// Captures of which no two differ by a turn of more than `max_turn_rad`, the camera's poses with noise.
+// Returns a scene in which no two captures differ by a rotation of more than `max_turn_rad`. Gaussian noise is added
+// to the camera poses.
 TestScene SceneOfTurns(heba::Setup setup, uint64_t seed, double max_turn_rad, double rotation_sigma_rad,
                        double translation_sigma_m) {
   TestSceneOptions options;
@@ -59,8 +60,8 @@ TEST_P(OpenCvCrossCheck, AgreesOnExactData) {
   }
 }
 
-// A capture is off by 0.02 deg and 0.2 mm an axis. The two weigh their equations in different ways and so differ by as
-// much as their own errors: to 0.02 deg and 0.6 mm.
+// The camera poses have noise of 0.02 deg and 0.2 mm per axis. The two implementations weight their equations
+// differently, so they differ by about as much as their own errors: up to 0.02 deg and 0.6 mm.
 TEST_P(OpenCvCrossCheck, AgreesWithinTheErrorOnNoisyData) {
   for (const heba::Setup setup : {heba::Setup::kEyeInHand, heba::Setup::kEyeToHand}) {
     for (uint64_t seed = 1; seed <= 10; ++seed) {
@@ -74,14 +75,14 @@ INSTANTIATE_TEST_SUITE_P(Table, OpenCvCrossCheck,
                          testing::Values("tsai", "park", "horaud", "andreff", "daniilidis", "shah", "li"),
                          [](const auto& test) { return test.param; });
 
-// Two captures that differ by more than 120 deg: OpenCV's Tsai and Daniilidis take the quaternion of such a turn with
-// either sign, and so a turn the long way round against one the short way round. Exact data then give errors of
-// degrees, whichever the set-up is; heba's stay exact.
+// If two captures differ by a rotation of more than 120 deg, OpenCV's Tsai and Daniilidis choose the sign of its
+// quaternion arbitrarily. They then compare a rotation by more than 180 deg with one by less. Exact data give errors
+// of degrees in both setups; heba's methods stay exact.
 TEST(OpenCvLargeTurns, TsaiAndDaniilidisAreWrongOnExactData) {
   for (const std::string name : {"tsai", "daniilidis"}) {
     double worst_rad = 0;
     for (const heba::Setup setup : {heba::Setup::kEyeInHand, heba::Setup::kEyeToHand}) {
-      // The scenes are many enough that every compiler's order of random numbers has such turns.
+      // There are enough scenes for some to have such rotations with every compiler's order of random numbers.
       for (uint64_t seed = 1; seed <= 60; ++seed) {
         const TestScene scene = SceneOfTurns(setup, seed, kPi, 0, 0);
         const Rigid3d truth = scene.hand_eye.camera_mount_from_camera;

@@ -1,5 +1,5 @@
-// The two-step method and its weighted form: the paper's formulas on the paper's motion, roles from the motion itself,
-// and what is missing in words.
+// Tests of the two-step method and its weighted form: they equal the paper's formulas on the paper's motion, roles
+// are found from the motion itself, and missing captures are named.
 #include <cmath>
 
 #include <gmock/gmock.h>
@@ -26,7 +26,8 @@ TestScene PaperScene(uint64_t seed, Setup setup, double noise_px = 0) {
 
 class TwoStepTest : public testing::TestWithParam<Setup> {};
 
-// Section 1 of the paper, line by line, for a tool whose axes the robot moves along: an implementation of its own.
+// The reference is an independent implementation of Section 1 of the paper, line by line, for a robot that moves
+// along the axes of the tool.
 TEST_P(TwoStepTest, EqualsThePapersFormulas) {
   for (uint64_t seed = 1; seed <= 20; ++seed) {
     const TestScene scene = PaperScene(seed, GetParam());
@@ -38,7 +39,8 @@ TEST_P(TwoStepTest, EqualsThePapersFormulas) {
     EXPECT_THAT(found->target_mount_from_target,
                 IsNearPose(scene.hand_eye.target_mount_from_target, kRoundOff, kRoundOff));
     if (GetParam() != Setup::kEyeToHand) continue;
-    // Captures 0, 1, 2 are home and the translations along the tool's axes; the sign is the robot's.
+    // Captures 0, 1 and 2 are home and the translations along the axes of the tool; the sign is that of the robot's
+    // motion.
     const auto seen = [&](size_t i) { return scene.pairs[i].camera_from_target.translation; };
     const Rigid3d home_from_base = Inverse(scene.pairs[0].camera_mount_from_target_mount);
     const auto moved = [&](size_t i) {
@@ -49,7 +51,7 @@ TEST_P(TwoStepTest, EqualsThePapersFormulas) {
     camera_from_tool.col(1) = std::copysign(1.0, moved(2).y()) * (seen(2) - seen(0)).normalized();
     camera_from_tool.col(2) = camera_from_tool.col(0).cross(camera_from_tool.col(1));
     const Eigen::Matrix3d tool_from_camera = NearestRotation(camera_from_tool).transpose();
-    // (9) with the right side by (10), over all turns; then the translation.
+    // Equation (9), with its right-hand side from (10), is solved over all rotations; the translation follows.
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
     for (size_t i = 3; i < scene.pairs.size(); ++i) {
@@ -68,7 +70,7 @@ TEST_P(TwoStepTest, EqualsThePapersFormulas) {
 TEST_P(TwoStepTest, RolesAreFoundFromTheMotion) {
   for (uint64_t seed = 1; seed <= 10; ++seed) {
     TestScene scene = PaperScene(seed, GetParam());
-    // A free capture among them, and home not the first.
+    // A free capture is added, and home is not the first capture.
     const TestScene other = MakeTestScene(seed, {.setup = GetParam()});
     scene.views.push_back(other.views[4]);
     std::swap(scene.views[0], scene.views[5]);
@@ -101,8 +103,9 @@ TEST_P(TwoStepTest, SaysWhatIsMissing) {
   EXPECT_THAT(reason_without("rotate", 1), testing::HasSubstr("two or more about different axes"));
 }
 
-// Depth is what a small board knows worst. Weighted by covariance the positions give an estimate many times better than
-// the paper's formulas do, whatever the orientation of the board was taken for.
+// Depth is the least certain coordinate of a small target. Weighted by their covariances, the positions give a far
+// more accurate estimate than the paper's formulas, and the estimate does not depend on the estimated orientation of
+// the target.
 TEST_P(TwoStepTest, WeightsMakeTheDifferenceAndOrientationsDoNotMatter) {
   double paper_m2 = 0;
   double weighted_m2 = 0;
@@ -110,7 +113,7 @@ TEST_P(TwoStepTest, WeightsMakeTheDifferenceAndOrientationsDoNotMatter) {
     TestScene scene = PaperScene(seed, GetParam(), 0.1);
     std::vector<PosePair> pairs;
     for (const View& view : scene.views) {
-      // The other one of the two poses, where there are two.
+      // If the pose has two minima, the wrong one is used.
       const TargetPose pose = EstimateTargetPose(scene.camera, view.observations).back();
       pairs.push_back(
           {view.camera_mount_from_target_mount, pose.camera_from_target, view.role, pose.covariance_at_1px});

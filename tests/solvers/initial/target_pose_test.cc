@@ -20,7 +20,7 @@ TEST(TargetPoseTest, ExactForEveryCameraModel) {
     for (size_t i = 0; i < scene.views.size(); ++i) {
       const std::vector<TargetPose> poses = EstimateTargetPose(scene.camera, scene.views[i].observations);
       ASSERT_FALSE(poses.empty()) << model;
-      // 1e-6 rad and m: the fit stops when its cost, at 1e-9 px, no longer falls.
+      // 1e-6 rad and m: the fit stops when its cost, at 1e-9 px, no longer decreases.
       EXPECT_THAT(poses.front().camera_from_target, IsNearPose(scene.pairs[i].camera_from_target, 1e-6, 1e-6)) << model;
     }
   }
@@ -42,14 +42,14 @@ TEST(TargetPoseTest, KeepsBothMinimaOfASmallTarget) {
     for (const TargetPose& pose : poses) {
       best_deg = std::min(best_deg, RadToDeg(AngleRad(pose.camera_from_target, scene.pairs[i].camera_from_target)));
     }
-    right += best_deg < 10 ? 1 : 0;  // Noise of the tilt of a 60 px target.
+    right += best_deg < 10 ? 1 : 0;  // The tolerance allows for noise in the tilt of a 60 px target.
   }
   EXPECT_GT(both, 30);
   EXPECT_GE(right, 58);
 }
 
-// Of small targets, whose two minima are alike, and of large ones; with the right camera and with one of half the focal
-// length.
+// The test covers small targets, whose two minima are similar, and large ones, with the right camera and with one of
+// half the focal length.
 TEST(TargetPoseTest, TheRoughPoseIsTheBestOne) {
   for (const int size : {2, 7}) {
     TestSceneOptions options;
@@ -83,7 +83,8 @@ TEST(TargetPoseTest, NothingFromTooFewOrCollinearPoints) {
   EXPECT_TRUE(EstimateTargetPose(line.camera, line.views[0].observations).empty());
 }
 
-// A third of the views start in the wrong one of the two minima; the chain finds them all.
+// A third of the views begin with the wrong one of the two minima; the consistency of the chain identifies all of
+// them.
 TEST(ChoosePosesTest, RejectsTheWrongMinimum) {
   TestSceneOptions options;
   options.points = GridPoints(2, 2, 0.06);
@@ -99,7 +100,7 @@ TEST(ChoosePosesTest, RejectsTheWrongMinimum) {
   for (size_t i = 0; i < scene.views.size(); ++i) {
     EXPECT_LT(RadToDeg(AngleRad(chosen.pairs[i].camera_from_target, scene.pairs[i].camera_from_target)), 5.0) << i;
   }
-  // What it says of the methods is what they say of the pairs that it chose.
+  // The returned solutions of the methods are those for the chosen pairs.
   ASSERT_EQ(chosen.solutions.size(), HandEyeMethods().size());
   int num_known = 0;
   for (size_t m = 0; m < HandEyeMethods().size(); ++m) {
@@ -115,7 +116,7 @@ TEST(ChoosePosesTest, RejectsTheWrongMinimum) {
   EXPECT_GT(num_known, 0);
 }
 
-// A board that looks the same after half a turn, read upside down in every other view.
+// The target looks the same after a rotation by 180 deg and was read upside down in every second view.
 TEST(ChoosePosesTest, FindsTheOrderOfASymmetricBoard) {
   TestSceneOptions options;
   options.noise_px = 0.1;
@@ -133,7 +134,7 @@ TEST(ChoosePosesTest, FindsTheOrderOfASymmetricBoard) {
     poses.push_back(EstimateTargetPose(scene.camera, scene.views[i].observations));
   }
   const ChosenPoses chosen = ChoosePoses(scene.camera, scene.views, poses, {Rigid3d(), half_turn});
-  // All the same, or all the other way round: the board's own frame is a convention.
+  // All views may be consistently reversed, because the target's own frame is a convention.
   const int flip = chosen.symmetry[0] ^ expected[0];
   for (size_t i = 0; i < scene.views.size(); ++i) EXPECT_EQ(chosen.symmetry[i], expected[i] ^ flip) << i;
 }

@@ -55,10 +55,9 @@ TEST(BundleAdjustmentTest, ExactWithoutNoiseForEveryCameraModelSetupAndLoss) {
   }
 }
 
-// Every error, weighed by the inverse of the covariance that came with it, is chi-square distributed with as many
-// degrees of freedom as there are parameters. Summed over 60 seeds and 16 (with Huber's loss: the same) parameters the
-// sum has 960 degrees of freedom, a mean of 960 and a standard deviation of 44: [820, 1100] leaves 3.2 sigma to either
-// side.
+// Each error, whitened by its own covariance, is chi-square distributed with as many degrees of freedom as there are
+// parameters. Over 60 seeds with 16 parameters each (also with Huber's loss) the sum has 960 degrees of freedom, a
+// mean of 960 and a standard deviation of 44: the interval [820, 1100] is 3.2 sigma wide on either side.
 TEST(BundleAdjustmentTest, ErrorsAreAsLargeAsTheCovarianceSays) {
   for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
     for (const char* loss : {"none", "huber", "cauchy"}) {
@@ -83,7 +82,7 @@ TEST(BundleAdjustmentTest, ErrorsAreAsLargeAsTheCovarianceSays) {
           error[12 + static_cast<int>(i)] = solution->camera.params[i] - scene.camera.params[i];
         ASSERT_EQ(solution->covariance.names.size(), 16U);
         sum += error.dot(solution->covariance.matrix.ldlt().solve(error));
-        EXPECT_NEAR(solution->pixel_sigma_px, 0.3, 0.03);  // 4.5 sigma of 1440 coordinates, and more with Huber's loss
+        EXPECT_NEAR(solution->pixel_sigma_px, 0.3, 0.03);  // 4.5 sigma for 1440 coordinates; Huber's loss adds to it.
       }
       EXPECT_GT(sum, 820) << loss;
       EXPECT_LT(sum, 1100) << loss;
@@ -91,7 +90,8 @@ TEST(BundleAdjustmentTest, ErrorsAreAsLargeAsTheCovarianceSays) {
   }
 }
 
-// What has been multiplied before is not multiplied again; what comes out must be as if it were.
+// The refinement reuses products that it has already computed; the covariance must be the same as from a new
+// linearisation at the solution.
 TEST(BundleAdjustmentTest, CovarianceIsTheInformationsAtTheSolution) {
   for (const char* loss : {"none", "huber", "truncated"}) {
     TestSceneOptions scene_options;
@@ -123,7 +123,7 @@ TEST(BundleAdjustmentTest, CovarianceIsTheInformationsAtTheSolution) {
     const Eigen::MatrixXd product =
         scale.cwiseInverse().asDiagonal() * solution->covariance.matrix * information * scale.asDiagonal();
     EXPECT_LT((product - identity).cwiseAbs().maxCoeff(), 1e-6) << loss;
-    // And there is nothing left to gain.
+    // A second refinement from the solution has nothing left to improve.
     const Outcome<Solution> again = RefineHandEye({solution->camera, scene.views}, solution->hand_eye, options);
     ASSERT_TRUE(again.ok()) << again.reason();
     const Tangent6 moved =
@@ -134,8 +134,8 @@ TEST(BundleAdjustmentTest, CovarianceIsTheInformationsAtTheSolution) {
   }
 }
 
-// A name in the covariance names the number that it stands beside: moving the hand-eye pose along the tangent of name i
-// moves the estimate's error in coordinate i.
+// Each name in the covariance belongs to the parameter at its index: a step of parameter i changes the cost by the
+// diagonal element i of the information matrix.
 TEST(InformationTest, NamesBelongToTheirNumbers) {
   const TestScene scene = MakeTestScene(31);
   const Problem problem{scene.camera, scene.views};
@@ -148,7 +148,8 @@ TEST(InformationTest, NamesBelongToTheirNumbers) {
   const auto cost = [&](const HandEye& hand_eye, const Camera& camera) {
     return ReprojectionErrors(hand_eye, camera, scene.views)->sum_px2;
   };
-  // Exact data: the cost of a small step h along coordinate i is h^2 times the diagonal of the information.
+  // The data are exact, so a small step h of parameter i has a cost of h^2 times the diagonal element i of the
+  // information matrix.
   constexpr double kStep = 1e-6;
   HandEye moved = scene.hand_eye;
   moved.camera_mount_from_camera = Retract(moved.camera_mount_from_camera, kStep * Tangent6::Unit(2));
@@ -185,13 +186,13 @@ TEST(BundleAdjustmentTest, RefusesMotionThatCannotWork) {
   EXPECT_THAT(RefineHandEye(with_turns(0.0), scene.hand_eye, options).reason(), testing::HasSubstr("did not rotate"));
 }
 
-// Captures at one distance and without tilt: focal length cannot be told from distance.
+// The captures are at one distance and without tilt: the focal length cannot be separated from the distance.
 TEST(BundleAdjustmentTest, RefusesIntrinsicsThatTheDataCannotSee) {
   const TestScene scene = MakeTestScene(42);
   Rng rng(5);
   Problem problem{scene.camera, {}};
   for (int i = 0; i < 10; ++i) {
-    // Small turns about the board's own middle.
+    // Small rotations about the centre of the target.
     const Rigid3d camera_from_target(ExpRotation(0.06 * rng.Direction3()), Eigen::Vector3d(0, 0, 0.7));
     problem.views.push_back(*SimulateView("v", scene.camera, scene.hand_eye,
                                           CameraMountFromTargetMount(scene.hand_eye, camera_from_target),
@@ -216,8 +217,9 @@ TEST(BundleAdjustmentTest, NamesTheCaptureWhoseTargetIsBehindTheCamera) {
   EXPECT_THAT(solution.reason(), testing::HasSubstr("view_"));
 }
 
-// Turns about the tool point alone do not tell the focal length from the distance: with a prior the estimate keeps to
-// it, and the covariance knows; where the captures know better, they have the say.
+// Rotations about the tool point alone do not separate the focal length from the distance: the estimate stays close
+// to the prior, and the covariance shows the uncertainty. Captures that contain more information than the prior
+// override it.
 TEST(BundleAdjustmentTest, APriorHoldsWhatTheCapturesDoNotKnow) {
   for (const bool is_weak : {true, false}) {
     SCOPED_TRACE(is_weak);
@@ -236,7 +238,7 @@ TEST(BundleAdjustmentTest, APriorHoldsWhatTheCapturesDoNotKnow) {
       BundleOptions options;
       options.loss = "none";
       options.free_intrinsics = {ParameterGroup::kFocal};
-      // A calibration of the camera that was known to 3 px.
+      // The prior is a calibration of the camera with a sigma of 3 px.
       Rng rng(static_cast<uint64_t>(seed), 5);
       constexpr double kSigmaPx = 3;
       Camera camera = scene.camera;
@@ -255,7 +257,8 @@ TEST(BundleAdjustmentTest, APriorHoldsWhatTheCapturesDoNotKnow) {
       focal_squares += error[12] * error[12];
       sigma_squares += solution->covariance.matrix(12, 12);
     }
-    // 14 numbers a seed, four sigma of the sum to each side and 2 % for the estimated noise.
+    // The chi-square has 14 degrees of freedom per seed; the tolerance is four sigma of the sum, plus 2 % for the
+    // estimated noise.
     const double dof = 14.0 * kSeeds;
     EXPECT_NEAR(chi2, dof, 4 * std::sqrt(2 * dof) + 0.02 * dof);
     if (is_weak) {
@@ -275,7 +278,7 @@ TEST(IntrinsicsSeedTest, FindsTheCameraFromTheViewsAlone) {
     const TestScene scene = MakeTestScene(51, options);
     const Outcome<Camera> camera = EstimateIntrinsics(scene.views, model, 1600, 1200);
     ASSERT_TRUE(camera.ok()) << model << ": " << camera.reason();
-    // 0.05 px of noise leave about 1 px in the focal length and 2 px in the centre.
+    // Noise of 0.05 px causes errors of about 1 px in the focal length and 2 px in the principal point.
     EXPECT_NEAR(camera->params[0], scene.camera.params[0], 6) << model;
     EXPECT_NEAR(camera->params[2], scene.camera.params[2], 10) << model;
   }
@@ -296,7 +299,8 @@ TEST(IntrinsicsSeedTest, AStartLeadsToTheSameCamera) {
   }
 }
 
-// Too few points for distortion: what a start has of it came from other captures.
+// These views have too few points for distortion: the distortion of the initial guess was estimated from other
+// captures and is dropped.
 TEST(IntrinsicsSeedTest, AStartsDistortionIsNotKept) {
   TestSceneOptions options;
   options.noise_px = 0.02;
@@ -330,7 +334,7 @@ TEST(CalibrateTest, FromViewsToRefinedWithoutACameraFile) {
   ASSERT_TRUE(calibration.ok()) << calibration.reason();
   ASSERT_TRUE(calibration->refined.ok()) << calibration->refined.reason();
   EXPECT_EQ(calibration->methods.size(), HandEyeMethodNames().size());
-  // 4 sigma of its own covariance in every coordinate.
+  // The tolerance is 4 sigma of the stated covariance in each coordinate.
   const Tangent6 error = LocalCoordinates(scene.hand_eye.camera_mount_from_camera,
                                           calibration->refined->hand_eye.camera_mount_from_camera);
   for (int i = 0; i < 6; ++i) {
@@ -342,11 +346,11 @@ TEST(CalibrateTest, LeavesOutWhatWasReadWrongly) {
   TestSceneOptions scene_options;
   scene_options.noise_px = 0.1;
   TestScene scene = MakeTestScene(62, scene_options);
-  // Two points swapped.
+  // Two points are swapped.
   scene.views[4].observations.pixels.col(0).swap(scene.views[4].observations.pixels.col(20));
   CalibrationOptions options;
   options.camera = scene.camera;
-  // The two points alone.
+  // A robust loss rejects only these two points.
   const Outcome<Calibration> calibration = Calibrate(scene.views, options);
   ASSERT_TRUE(calibration.ok() && calibration->refined.ok());
   EXPECT_TRUE(calibration->unused.empty());
@@ -355,7 +359,7 @@ TEST(CalibrateTest, LeavesOutWhatWasReadWrongly) {
     EXPECT_EQ(calibration->refined->rejected_ids[i], has_swapped ? std::vector<int>({0, 20}) : std::vector<int>())
         << calibration->views[i].name;
   }
-  // Where every point of a capture is to count, the capture.
+  // Without a robust loss all points count, and the capture is rejected.
   options.bundle.loss = "none";
   const Outcome<Calibration> without_loss = Calibrate(scene.views, options);
   ASSERT_TRUE(without_loss.ok()) << without_loss.reason();
@@ -378,12 +382,13 @@ TEST(CrossValidateTest, HoldOutErrorIsThatOfTheNoiseAndTheSameForAnyNumberOfThre
   const std::vector<HoldOut> one = CrossValidate(*full, options, 5, 1, [&] { ++calls; });
   const std::vector<HoldOut> two = CrossValidate(*full, options, 5, 2, [] {});
   EXPECT_EQ(calls, 5);
-  ASSERT_EQ(one.size(), 4U);  // The two, chain and bundle.
+  ASSERT_EQ(one.size(), 4U);  // park, shah, chain and bundle.
   for (size_t i = 0; i < one.size(); ++i) {
     ASSERT_TRUE(one[i].rms_px.has_value()) << one[i].reason;
     EXPECT_EQ(*one[i].rms_px, *two[i].rms_px);
   }
-  // sqrt(2) x 0.2 px, with 2 % for the estimate's own error and 4 % (3 sigma) for the noise of 720 points.
+  // The expected error is sqrt(2) x 0.2 px, with 2 % for the estimate's own error and 4 % (3 sigma) for the noise of
+  // 720 points.
   EXPECT_NEAR(*one[3].rms_px, 0.283, 0.02);
   EXPECT_GT(*one[0].rms_px, *one[3].rms_px);
 }

@@ -15,7 +15,7 @@ namespace {
 constexpr double kSigmaPx = 0.3;
 constexpr RobotNoise kRobot = {2e-3, 3e-3};
 
-// The shared unknowns of a scene, a little off.
+// The shared unknowns of a scene, with a small error.
 struct Unknowns {
   PoseBlock hand_eye;
   PoseBlock board;
@@ -91,7 +91,7 @@ Evaluated Evaluate(const CapturesCost& cost, const Unknowns& unknowns) {
   return result;
 }
 
-// The sum of rho of a view's points.
+// Returns the cost of a view: the sum of rho over its points.
 double ViewCost(const CameraModel& model, const std::vector<double>& params, const Rigid3d& camera_from_target,
                 const Observations& observations, const std::string& loss) {
   const std::optional<std::vector<double>> squares =
@@ -140,14 +140,15 @@ TEST(CapturesCostTest, IsTheSumOfRhoWithItsGradient) {
 TEST(CapturesCostTest, OwnPosesAreTheBestForTheSharedUnknowns) {
   const TestScene scene = NoisyScene();
   const Unknowns here(scene);
-  // Each call a cost of its own: poses are found from the start.
+  // Each call creates a new cost, which solves for the eliminated poses from their initial guess.
   const auto cost_at = [&](const Unknowns& unknowns) {
     return Evaluate(*MakeCost(scene, "none", true), unknowns).cost;
   };
   const std::unique_ptr<CapturesCost> cost = MakeCost(scene, "none", true);
   const Evaluated evaluated = Evaluate(*cost, here);
   ExpectGradient(cost_at, here, evaluated.gradient);
-  // What the poses are, and the prior, by themselves.
+  // Each eliminated pose minimises the cost of its capture including the prior, and the minima add up to the
+  // evaluated cost.
   const std::vector<Rigid3d> corrections = cost->EliminatedPoses();
   ASSERT_EQ(corrections.size(), scene.views.size());
   const HandEye hand_eye{FromBlock(here.hand_eye.data()), FromBlock(here.board.data())};
@@ -167,13 +168,15 @@ TEST(CapturesCostTest, OwnPosesAreTheBestForTheSharedUnknowns) {
     }
   }
   EXPECT_NEAR(sum, evaluated.cost, 1e-6 * sum);
-  // From there a step goes along: what the linearisation says is nearly what settling from the start says.
+  // After a small step the eliminated poses are updated by the linearisation; the cost is nearly that of a solve from
+  // their initial guess.
   const Unknowns there = here.Moved(0, 1e-4).Moved(10, -1e-4).Moved(12, 0.5);
   EXPECT_NEAR(Evaluate(*cost, there).cost, cost_at(there), 1e-6 * cost_at(there));
 }
 
-// Where they begin changes how they are found, not what: one pose is far off, some so far that a first step of one
-// of them leads astray, and one capture's points lie on a line.
+// The initial guess of the eliminated poses affects the iterations but not the result. One pose is far off, some are
+// so far off that the first step of one of them leads away from the minimum, and the points of one capture are
+// collinear.
 TEST(CapturesCostTest, OwnPosesThatBeginRoughlyAreTheSame) {
   TestScene scene = NoisyScene();
   Rigid3d& far_off = scene.views[3].camera_mount_from_target_mount;
@@ -205,7 +208,8 @@ TEST(CapturesCostTest, OwnPosesThatBeginRoughlyAreTheSame) {
   }
 }
 
-// Views of few points and of many, on both sides of where they are treated alike.
+// Returns a scene whose views have 1 to 48 points, below and above the number of points at which the computation of a
+// view changes.
 TestScene MixedScene() {
   TestScene scene = NoisyScene([](TestSceneOptions* options) { options->num_captures = 40; });
   const std::vector<int> counts = {1, 4, 16, 17, 48};
@@ -218,7 +222,8 @@ TestScene MixedScene() {
   return scene;
 }
 
-// The captures' views, each multiplied by itself and chained as a whole.
+// Returns the sum of the views' normal equations, which are formed for each view and transformed by the chain rule as
+// a whole.
 NormalEquations ChainedProducts(const TestScene& scene, const std::string& loss, const Unknowns& at,
                                 const FreeParameters& free, const TargetShape* shape) {
   const std::vector<const double*> blocks = at.Blocks();
@@ -241,7 +246,7 @@ NormalEquations ChainedProducts(const TestScene& scene, const std::string& loss,
   return sum;
 }
 
-// Beside columns of ones.
+// Returns the largest element of a - b, scaled such that the diagonal of `b` is one.
 double LargestDifference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   const Eigen::VectorXd scale = b.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   return (scale.asDiagonal() * (a - b) * scale.asDiagonal()).cwiseAbs().maxCoeff();
@@ -300,7 +305,7 @@ TEST(CapturesCostTest, WhatIsKnownIsTakenWhereItIsKnownOnly) {
   EXPECT_EQ(cost->NormalEquationsAt(here.Blocks().data())->matrix, marked.matrix);
   EXPECT_EQ(cost->NormalEquationsAt(there.Blocks().data())->matrix,
             MakeCost(scene, "none", false)->NormalEquationsAt(there.Blocks().data())->matrix);
-  // As Ceres asks.
+  // Ceres evaluates the cost in this way.
   Evaluate(*cost, here);
   EXPECT_EQ(cost->Accepted().matrix, marked.matrix);
   Evaluate(*cost, there);
@@ -329,16 +334,16 @@ TEST(CapturesCostTest, PredictsWhatANewtonStepGains) {
       for (Eigen::Index k = 0; k < n; ++k) there = there.Moved(static_cast<int>(k), step[k]);
       const double after = Evaluate(*cost, there).cost;
       EXPECT_EQ(before, start);
-      // The start is so near that little beside the quadratic part is left.
+      // The start is so close to the minimum that the terms beyond the quadratic part are small.
       EXPECT_NEAR(predicted * before, before - after, 0.02 * (before - after)) << has_corrections << all_are_free;
       EXPECT_GT(predicted, 0.1);
-      EXPECT_LT(cost->PredictedDrop(), 0.05 * predicted);  // Of second order.
+      EXPECT_LT(cost->PredictedDrop(), 0.05 * predicted);  // Only terms of second order are left.
     }
   }
 }
 
 TEST(CapturesCostTest, HasTheSameBytesForAnyNumberOfThreads) {
-  // Many captures of few points, and fewer of many.
+  // There are either many captures with few points, or fewer captures with many points.
   for (const std::pair<int, int>& size : {std::pair{2600, 4}, std::pair{64, 160}}) {
     const int num_captures = size.first;
     const int columns = size.second;

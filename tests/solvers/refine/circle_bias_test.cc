@@ -1,5 +1,5 @@
-// Dots are large, tilted and seen through a strong lens: the image of a dot's centre and the centroid of its image are
-// tenths of a pixel apart. The estimate must not notice.
+// Test of the bias of circle centres: the dots are large, tilted and seen through a strongly distorting lens, so the
+// image of a dot's centre and the centroid of its image differ by tenths of a pixel. This must not bias the estimate.
 #include <cmath>
 #include <string>
 
@@ -20,7 +20,7 @@ constexpr double kRadiusM = 20 * kDistanceM / 600;  // 20 px at f = 600 px.
 
 Camera WideCamera() { return {"brown5", 1280, 960, {600, 600, 640, 480, -0.2, 0.05, 0, 0, 0}}; }
 
-// The centroid of a fine polygon on the disc's imaged rim, by the camera model alone.
+// Returns the centroid of a fine polygon on the imaged outline of the disc, computed from the camera model alone.
 Eigen::Vector2d ImagedCentroid(const Camera& camera, const Rigid3d& camera_from_target, const Eigen::Vector3d& centre) {
   constexpr int kNumSides = 1024;
   const Eigen::Vector2d middle_px = ProjectPoint(camera, camera_from_target * centre).value();
@@ -41,7 +41,8 @@ Eigen::Vector2d ImagedCentroid(const Camera& camera, const Rigid3d& camera_from_
   return middle_px + moment_px3 / twice_area_px2;
 }
 
-// Discs as detectors measure them, with noise.
+// Returns a scene of discs whose observations are the centroids of their images, as detectors measure them, with
+// noise.
 TestScene DiscScene(uint64_t seed, Setup setup) {
   TestSceneOptions options;
   options.setup = setup;
@@ -93,10 +94,10 @@ TEST_P(CircleBiasTest, TheEstimateLiesWithinItsCovariance) {
   RecordProperty("chi2_per_dof", std::to_string(chi2 / (6 * kSeeds)));
   RecordProperty("chi2_per_dof_of_plain_centres", std::to_string(chi2_of_plain_centres / (6 * kSeeds)));
   RecordProperty("rms_mm", std::to_string(1000 * std::sqrt(squares_m2 / kSeeds)));
-  // Six numbers a seed; four sigma of the sum to each side.
+  // The chi-square has six degrees of freedom per seed; the tolerance is four sigma of the sum.
   const double dof = 6.0 * kSeeds;
   EXPECT_NEAR(chi2, dof, 4 * std::sqrt(2 * dof));
-  // The same pictures, read as if the centroids were the centres.
+  // The same observations are far outside if the centroids are taken for the images of the centres.
   EXPECT_GT(chi2_of_plain_centres, 10 * dof);
 }
 

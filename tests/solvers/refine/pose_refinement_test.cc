@@ -29,8 +29,9 @@ TEST_P(ChainTest, RecoversExactDataFromARoughStart) {
               IsNearPose(scene.hand_eye.target_mount_from_target, kRoundOff, kRoundOff));
 }
 
-// Weighted by what each picture knows of its pose, the loop is as good as the pixels where these are many, and its
-// covariance holds: 12 numbers a seed, four sigma of the sum to each side, and 1.5 % for the estimated scale.
+// Each pose is weighted by its covariance from the image. The refinement of the chain is then far more accurate than
+// the closed form, and its covariance is right: the chi-square has 12 degrees of freedom per seed, and the tolerance
+// is four sigma of the sum plus 3 % for the estimated scale.
 TEST_P(ChainTest, IsWeightedByThePosesCovariances) {
   constexpr int kSeeds = 60;
   double chi2 = 0;

@@ -1,4 +1,5 @@
-// The target's shape as an unknown: found to what the pixels allow, and refused where they do not show it.
+// Tests of the target's shape as an unknown: it is estimated as accurately as the pixel noise allows, and refused if
+// the captures do not determine it.
 #include <array>
 #include <cmath>
 
@@ -56,13 +57,13 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
     const Information information{UnknownNames(scene.camera.Model(), free), MarginalInformation(linear, {}, 1.0)};
     bound_m2 += InvertInformation(information, 1.0).matrix.topLeftCorner<3, 3>().trace();
   }
-  // 60 trials of three coordinates scatter by some 7 %.
+  // The RMS of 60 trials of three coordinates scatters by about 7 %.
   EXPECT_LT(std::sqrt(error_m2 / bound_m2), 1.2);
   EXPECT_GT(std::sqrt(designed_error_m2 / bound_m2), 1.5);
   for (const double square : shape_squares) EXPECT_NEAR(std::sqrt(square / kNumSeeds), 1, 0.3);
 }
 
-// A badly made target, off by many pixels as designed: all that judges captures goes by the shape found.
+// The target is badly made and deviates from its design by many pixels: captures are judged by the estimated shape.
 TEST(TargetShapeRefinementTest, CapturesAreJudgedByTheShapeFound) {
   TestSceneOptions scene_options;
   scene_options.noise_px = kNoisePx;
@@ -99,7 +100,7 @@ TEST(TargetShapeRefinementTest, TurnsAboutTheToolPointShowNoScale) {
   TestSceneOptions scene_options;
   scene_options.motion = TestSceneOptions::Motion::kTwoStep;
   TestScene scene = MakeTestScene(8, scene_options);
-  scene.views.erase(scene.views.begin() + 1, scene.views.begin() + 3);  // The translations.
+  scene.views.erase(scene.views.begin() + 1, scene.views.begin() + 3);  // The translations are removed.
   BundleOptions options;
   options.free_intrinsics = {};
   options.free_shape = {TargetShapeGroup::kScale};

@@ -12,7 +12,7 @@
 namespace heba {
 namespace {
 
-// The rows that a view has without any reduction, by differences.
+// Returns the residuals of a view without any reduction; they are differentiated numerically.
 Eigen::VectorXd Residual(const TestScene& scene, const View& view, const Rigid3d& camera_from_target,
                          const std::vector<double>& params) {
   Camera camera = scene.camera;
@@ -57,7 +57,7 @@ TEST(ViewReductionTest, KeepsCostGradientAndGaussNewtonMatrix) {
     }
     const Eigen::MatrixXd f = reduction.factor.leftCols(n);
     const Eigen::VectorXd e = reduction.factor.rightCols<1>();
-    constexpr double kDifferences = 1e-6;  // Relative: central differences of smooth functions.
+    constexpr double kDifferences = 1e-6;  // Relative error of central differences of smooth functions.
     EXPECT_NEAR(e.squaredNorm(), r.squaredNorm(), 1e-10 * r.squaredNorm());
     EXPECT_LT((f.transpose() * f - j.transpose() * j).norm(), kDifferences * (j.transpose() * j).norm());
     EXPECT_LT((f.transpose() * e - j.transpose() * r).norm(), kDifferences * (j.transpose() * r).norm());
@@ -146,7 +146,7 @@ TEST(ViewReductionTest, HasColumnsOfWhatIsFreeOnly) {
       const FreeParameters all(static_cast<size_t>(num_camera + (has_shape ? TargetShape::kNumParams : 0)), true);
       const Eigen::MatrixXd whole = multiply(all);
       ASSERT_EQ(whole.cols(), 6 + static_cast<Eigen::Index>(all.size()) + 1);
-      // Every other, every third, none; and one axis's focal length or principal point alone.
+      // Every second, every third or no parameter is free, or the focal length or principal point of one axis only.
       for (const auto& is_free : std::vector<std::function<bool(size_t)>>{
                [](size_t i) { return i % 2 == 0; }, [](size_t i) { return i % 3 == 1; }, [](size_t) { return false; },
                [](size_t i) { return i == 1; }, [](size_t i) { return i == 3 || i == 6; }}) {
@@ -165,7 +165,7 @@ TEST(ViewReductionTest, HasColumnsOfWhatIsFreeOnly) {
 }
 
 TEST(ViewReductionTest, ARootHasTheProducts) {
-  // More columns than rank, and units far apart.
+  // The matrix has more columns than its rank, and columns of very different units.
   Eigen::MatrixXd rows = Eigen::MatrixXd::Random(5, 9);
   rows.col(3) *= 1e8;
   rows.col(6).setZero();
@@ -178,8 +178,8 @@ TEST(ViewReductionTest, ARootHasTheProducts) {
   EXPECT_TRUE(root.bottomRows<1>().leftCols(8).isZero());
 }
 
-// Of an ordinary board, and of points that are nearly on a line, which leave a turn of the pose all but open; with the
-// camera's columns, and without.
+// The points form an ordinary target or lie nearly on a line, which leaves one rotation of the pose almost
+// undetermined; the test covers both with and without the columns of the camera.
 TEST(ViewReductionTest, ThePosesColumnsStandInTheFirstSixRows) {
   for (const double height : {1.0, 1e-3, 1e-6, 0.0}) {
     for (const bool has_camera : {true, false}) {

@@ -19,7 +19,7 @@ struct Case {
   const char* loss = "none";
   Setup setup = Setup::kEyeToHand;
   bool has_prior = false;
-  // Of the move, and of the pose's own sigma.
+  // The tolerance is a fraction of the move plus a number of sigmas of the pose.
   double max_relative_error = 0.05;
   double max_sigmas = 0;
 };
@@ -31,8 +31,8 @@ Outcome<Solution> Solve(const TestScene& scene, const std::vector<View>& views, 
   return RefineHandEye({scene.camera, views, setup}, scene.hand_eye, options);
 }
 
-// Leaving a capture out for real is the truth. The prediction takes one step, with the noise held: it is exact but for
-// what is of second order in the noise, which is small here.
+// The truth is a new solve without the capture. The prediction is one Gauss-Newton step with the noise held fixed;
+// its error is of second order in the noise, which is small here.
 TEST_P(InfluenceTest, IsWhatLeavingTheCaptureOutDoes) {
   TestSceneOptions scene_options;
   scene_options.num_captures = 12;
@@ -41,12 +41,12 @@ TEST_P(InfluenceTest, IsWhatLeavingTheCaptureOutDoes) {
   scene_options.robot_rotation_rad = GetParam().robot_rotation_rad;
   scene_options.setup = GetParam().setup;
   TestScene scene = MakeTestScene(11, scene_options);
-  // One point that is off by 20 sigmas, unless all count in full.
+  // If the loss is robust, one point is off by 20 sigmas.
   if (std::string(GetParam().loss) != "none") scene.views[3].observations.pixels(0, 7) += 1.2;
   BundleOptions options;
   options.loss = GetParam().loss;
   if (GetParam().has_prior) {
-    // As sharp as the captures are themselves.
+    // The prior is as accurate as an estimate from the captures themselves.
     options.camera_prior = CameraPrior{scene.camera.params, {0.3, 0.3, 0.3, 0.3, 1e-3, 1e-2, 1e-4, 1e-4, 1e-2}};
   }
   options.pixel_noise_px = 0.06;
@@ -101,7 +101,8 @@ TEST(InfluenceOfFewTest, SaysNothingOfACaptureThatTheOthersCannotDoWithout) {
   }
 }
 
-// Under the noise that is assumed the chances are spread evenly; one capture whose pose is wrong has next to none.
+// Under the assumed noise the probabilities are uniformly distributed; a capture with a wrong pose has a probability
+// close to zero.
 TEST(ChanceOfAMoveTest, IsEvenUnlessTheCaptureIsWrong) {
   BundleOptions options;
   options.loss = "none";
@@ -132,7 +133,8 @@ TEST(ChanceOfAMoveTest, IsEvenUnlessTheCaptureIsWrong) {
       ++num_all;
     }
   }
-  // A tenth of 600; by chance within 4 of its sigmas (7.3), the captures of a scene being hardly dependent.
+  // A tenth of 600 is expected; the tolerance is four sigmas (of 7.3), since the captures of a scene are nearly
+  // independent.
   EXPECT_NEAR(num_low, 0.1 * num_all, 30);
 
   TestScene wrong = MakeTestScene(1, scene_options);

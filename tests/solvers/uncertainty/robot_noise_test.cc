@@ -37,7 +37,8 @@ double MedianOf(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-// Sum of e' C^-1 e over seeds (12 degrees of freedom each) and the RMS distance of the hand-eye poses.
+// Sums over the seeds: e' C^-1 e with 12 degrees of freedom per seed, and the squared position error of the hand-eye
+// pose. The estimated sigmas are kept per seed.
 struct Totals {
   double chi2 = 0;
   double squares_m2 = 0;
@@ -84,7 +85,7 @@ TEST_P(RobotNoiseTest, CorrectionsStandOnTheGrippersSide) {
   const Tangent6 small = 1e-3 * Tangent6(1, -2, 3, 2, 1, -1);
   const Rigid3d correction = Retract(Rigid3d(), small);
   const Rigid3d corrected = CameraFromTarget(setup, scene.hand_eye, mount, correction);
-  // The same, in the robot's words.
+  // The same pose is computed from the corrected pose of the robot.
   const Rigid3d base_from_gripper = BaseFromGripper(setup, mount) * correction;
   EXPECT_LT(
       DistanceM(corrected, CameraFromTarget(scene.hand_eye, CameraMountFromTargetMount(setup, base_from_gripper))),
@@ -101,8 +102,8 @@ TEST_P(RobotNoiseTest, CorrectionsStandOnTheGrippersSide) {
   }
 }
 
-// Pictures a million times more exact than the robot: the corrections then take up nearly all that they say, and what
-// is left must not drown in rounding.
+// The images are a million times more accurate than the robot: the corrections then absorb nearly all of their
+// information, and the remainder must not be lost to rounding.
 TEST_P(RobotNoiseTest, ExactImagesLeaveTheRobotsUncertainty) {
   TestSceneOptions options;
   options.setup = GetParam();
@@ -118,14 +119,15 @@ TEST_P(RobotNoiseTest, ExactImagesLeaveTheRobotsUncertainty) {
   EXPECT_NEAR(sigmas_m[0], sigmas_m[1], 0.01 * sigmas_m[1]);
 }
 
-// With the noise known, errors are as the covariance says: 12 numbers a seed, four sigma of the sum to each side.
+// If the noise is known, the errors agree with the covariance: the chi-square has 12 degrees of freedom per seed, and
+// the tolerance is four sigma of the sum.
 TEST_P(RobotNoiseTest, KnownNoiseGivesAnHonestCovarianceAndABetterEstimate) {
   constexpr int kSeeds = 60;
   const Totals given = RunSeeds(GetParam(), 1, OptionsOf(BundleOptions::Robot::kGivenNoise), kSeeds);
   const double dof = 12.0 * kSeeds;
   EXPECT_NEAR(given.chi2, dof, 4 * std::sqrt(2 * dof));
   EXPECT_NEAR(MedianOf(given.pixel_px), kPixelPx, 0.03 * kPixelPx);
-  // An exact robot assumed: worse, and blind to it.
+  // If the robot is assumed to be exact, the estimate is worse and its covariance does not show it.
   const Totals exact = RunSeeds(GetParam(), 1, OptionsOf(BundleOptions::Robot::kExact), kSeeds);
   EXPECT_GT(exact.squares_m2, 1.3 * given.squares_m2);
   EXPECT_GT(exact.chi2, 5 * dof);
@@ -139,7 +141,8 @@ TEST_P(RobotNoiseTest, NoiseIsFoundFromTheCapturesThemselves) {
   EXPECT_NEAR(MedianOf(found.rotation_rad), kRotationRad, 0.15 * kRotationRad);
   const Totals given = RunSeeds(GetParam(), 1, OptionsOf(BundleOptions::Robot::kGivenNoise), kSeeds);
   EXPECT_LT(found.squares_m2, 1.2 * given.squares_m2);
-  // Variances from twenty captures are uncertain themselves: errors are up to a third larger, squared, than they say.
+  // Variances that are estimated from twenty captures are uncertain themselves: the squared errors exceed the stated
+  // covariance by up to a third.
   EXPECT_LT(found.chi2, 12.0 * kSeeds * 1.4);
 }
 
@@ -166,7 +169,7 @@ TEST_P(RobotNoiseTest, AnExactRobotIsFoundToBeExact) {
 INSTANTIATE_TEST_SUITE_P(Setups, RobotNoiseTest, testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
                          [](const auto& test) { return std::string(SetupName(test.param)); });
 
-// Of views of many points a correction moves the first rows only; of views of few, all.
+// A correction affects only the first six rows of views with many points, and all rows of views with few points.
 TEST(LinearViewTest, WhitenedRowsHaveTheCovariancesInverse) {
   for (const int columns : {2, 8}) {
     TestSceneOptions options;
@@ -214,9 +217,9 @@ TEST(CorrectionPriorTest, JacobianIsTheDerivative) {
   }
 }
 
-#ifdef MAP_32BIT  // Not on every processor.
+#ifdef MAP_32BIT  // Not available on every processor.
 
-// Runs `work` in a thread whose stack lies below all of the heap, where the main thread's lies above.
+// Runs `work` in a thread whose stack lies below the heap; the stack of the main thread lies above it.
 void RunOnLowStack(const std::function<void()>& work) {
   constexpr size_t kStackBytes = size_t{64} << 20;
   void* const stack =
@@ -236,7 +239,7 @@ void RunOnLowStack(const std::function<void()>& work) {
   munmap(stack, kStackBytes);
 }
 
-// Ceres orders unknowns by their addresses. The same captures give the same digits in every thread all the same.
+// Ceres orders unknowns by their addresses. The result must nevertheless have the same digits in every thread.
 TEST(RefinementTest, TheDigitsDoNotDependOnTheThread) {
   TestSceneOptions options;
   options.noise_px = 0.2;

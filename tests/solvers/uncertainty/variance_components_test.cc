@@ -8,7 +8,8 @@
 namespace heba {
 namespace {
 
-// Views as their model has them: rows by unknowns and by a correction, with noise of known variances.
+// Returns linearised views that follow their model: rows by the unknowns and by a correction, with noise of known
+// variances. `pixel` is a variance; `translation_m` and `rotation_rad` are sigmas.
 std::vector<LinearisedView> MakeViews(unsigned seed, int num_views, double pixel, double translation_m,
                                       double rotation_rad, int num_rows = 16) {
   std::mt19937 random(seed);
@@ -43,13 +44,13 @@ TEST(VarianceComponentsTest, FindsWhatWasDrawn) {
     const std::vector<LinearisedView> views = MakeViews(seed, 60, 0.7, 2e-3, 5e-3);
     const VarianceComponents found = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
     ExpectEstimated(found, 0.7, 4e-6, 25e-6);
-    // Known to some 10 %: 60 views, 3 numbers each.
+    // 60 views with three numbers each determine the variances to about 10 %.
     EXPECT_LT(found.stddev[1], 0.2 * found.translation_m2);
     EXPECT_LT(found.stddev[2], 0.2 * found.rotation_rad2);
   }
 }
 
-// One that is not there is found to be zero half the time, and never large.
+// A variance of zero is estimated as zero in about half of the runs, and is never large.
 TEST(VarianceComponentsTest, AnExactRobotIsFoundExact) {
   int num_zeros = 0;
   for (unsigned seed = 1; seed <= 20; ++seed) {
@@ -64,7 +65,7 @@ TEST(VarianceComponentsTest, AnExactRobotIsFoundExact) {
   EXPECT_LT(num_zeros, 18);
 }
 
-// Wherever it starts, the result is the same, and its own start.
+// The result does not depend on the initial guess and is reproduced if it is the initial guess itself.
 TEST(VarianceComponentsTest, DoesNotDependOnItsStart) {
   const std::vector<LinearisedView> views = MakeViews(3, 30, 0.7, 2e-3, 5e-3);
   const VarianceComponents exact = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
@@ -91,7 +92,7 @@ TEST(VarianceComponentsTest, WhatIsNotFreeStays) {
   EXPECT_NE(given_robot.pixel, 0.5);
 }
 
-// Rows that no correction moves may be told from the others, or not.
+// The result does not depend on whether the rows that no correction affects are marked as such.
 TEST(VarianceComponentsTest, RowsThatAreNotMovedCountAlike) {
   std::vector<LinearisedView> views = MakeViews(7, 30, 0.7, 2e-3, 5e-3);
   constexpr Eigen::Index kUnmoved = 10;
@@ -104,7 +105,8 @@ TEST(VarianceComponentsTest, RowsThatAreNotMovedCountAlike) {
   EXPECT_NEAR(told.rotation_rad2, untold.rotation_rad2, 1e-9 * untold.rotation_rad2);
 }
 
-// Views of fewer rows than a correction has numbers, and rests that are counted beside the rows.
+// Views with fewer rows than the correction has parameters are handled, and so are residual sums of squares that are
+// given in addition to the rows.
 TEST(VarianceComponentsTest, CountsFewRowsAndRests) {
   const std::vector<LinearisedView> few = MakeViews(5, 200, 0.7, 2e-3, 5e-3, 4);
   ExpectEstimated(EstimateVariances(few, {1, 1e-6, 1e-6}, true, true), 0.7, 4e-6, 25e-6);

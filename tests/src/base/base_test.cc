@@ -28,8 +28,6 @@ namespace fs = std::filesystem;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-// Units.
-
 struct QuantityCase {
   const char* text;
   Quantity quantity;
@@ -47,7 +45,8 @@ TEST(Units, ReadsEveryUnitInBaseUnits) {
   for (const QuantityCase& c : cases) {
     const ParsedQuantity parsed = ParseQuantity(c.text, c.quantity);
     EXPECT_EQ(parsed.fault, "") << c.text;
-    EXPECT_NEAR(parsed.value, c.value, 1e-14) << c.text;  // Base units: a rounding of the product.
+    // The tolerance allows for the rounding of the conversion to base units.
+    EXPECT_NEAR(parsed.value, c.value, 1e-14) << c.text;
   }
 }
 
@@ -69,8 +68,6 @@ TEST(Units, EveryQuantityHasItsBaseUnit) {
   EXPECT_EQ(BaseUnit(Quantity::kGreyLevels), "grey");
 }
 
-// Text.
-
 TEST(Text, SplitsAndJoins) {
   EXPECT_THAT(Split("a,,b,", ','), ElementsAre("a", "", "b", ""));
   EXPECT_THAT(Split("", ','), ElementsAre(""));
@@ -84,7 +81,7 @@ TEST(Text, QuotesOnOneShortLine) {
   EXPECT_EQ(Quoted("a\nb\x1b[1m"), "'a?b?[1m'");
   EXPECT_EQ(Quoted(std::string(60, 'x')), "'" + std::string(60, 'x') + "'");
   EXPECT_EQ(Quoted(std::string(61, 'x')), "'" + std::string(60, 'x') + "...'");
-  // A character of two bytes is not cut in half.
+  // A two-byte UTF-8 character is not cut in half.
   EXPECT_EQ(Quoted(std::string(59, 'x') + "\xC3\xA4."), "'" + std::string(59, 'x') + "...'");
 }
 
@@ -142,7 +139,7 @@ TEST(Text, ParsesWholeNumbersOnly) {
   double value = 0;
   EXPECT_TRUE(ParseDouble("+1.5e-3", &value));
   EXPECT_EQ(value, 1.5e-3);
-  EXPECT_TRUE(ParseDouble("7.", &value));  // As OpenCV writes.
+  EXPECT_TRUE(ParseDouble("7.", &value));  // OpenCV writes numbers like this.
   EXPECT_EQ(value, 7);
   EXPECT_TRUE(ParseDouble("-inf", &value));
   for (const char* text : {"", " 1", "1 ", "1,5", "0x10", "+-1", "--1", "+", "1e", "one", "1e999"}) {
@@ -156,11 +153,9 @@ TEST(Text, SuggestsTheNearestName) {
   EXPECT_EQ(DidYouMean("rwos", known), "; did you mean 'rows'?");
   EXPECT_EQ(DidYouMean("something_else", known), "");
   EXPECT_EQ(DidYouMean("rows", {}), "");
-  // The distance's table would have 1e6 rows.
+  // The table of the edit distance would have 1e6 rows.
   EXPECT_EQ(DidYouMean(std::string(1000000, 'r'), known), "");
 }
-
-// Outcome.
 
 TEST(OutcomeTest, IsAValueOrAReason) {
   const Outcome<int> value = 3;
@@ -172,8 +167,6 @@ TEST(OutcomeTest, IsAValueOrAReason) {
   EXPECT_EQ(failure.reason(), "too few");
   EXPECT_DEATH(static_cast<void>(*failure), "too few");
 }
-
-// Files.
 
 void Write(const fs::path& path, const std::string& content) { std::ofstream(path, std::ios::binary) << content; }
 
@@ -200,7 +193,7 @@ TEST(Files, WritesWholeFiles) {
   Write(folder / "a.txt", "a longer older content");
   WriteFileAtomically(folder / "a.txt", "new");
   EXPECT_EQ(ReadTextFile(folder / "a.txt"), "new");
-  // Nothing else is left behind.
+  // No temporary file is left behind.
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 1);
 }
 
@@ -216,7 +209,7 @@ TEST(Files, WritesAPlainNameIntoTheWorkingFolder) {
 TEST(Files, WhatCannotBeWrittenLeavesNothing) {
   const TempFolder folder;
   EXPECT_THAT(InputErrorOf([&] { WriteFileAtomically(folder / "none/a.txt", "x"); }), HasSubstr("cannot be written"));
-  // A folder of that name cannot be replaced by a file.
+  // A folder cannot be replaced by a file of the same name.
   fs::create_directories(folder / "taken/inside");
   EXPECT_THAT(InputErrorOf([&] { WriteFileAtomically(folder / "taken", "x"); }), HasSubstr("is a folder"));
   EXPECT_TRUE(fs::exists(folder / "taken/inside"));
@@ -237,8 +230,6 @@ TEST(Files, ReadsAndReplacesRegularFilesOnly) {
   EXPECT_EQ(ReadTextFile(folder / "kept.txt"), "kept");
 }
 
-// Threads.
-
 TEST(Parallel, CallsEveryIndexOnce) {
   for (const int num_threads : {0, 1, 2, 7}) {
     std::vector<std::atomic<int>> calls(100);
@@ -254,7 +245,7 @@ TEST(Parallel, ThrowsTheErrorOfTheSmallestIndexAfterAllWorkIsDone) {
     std::string message;
     try {
       ParallelFor(50, num_threads, [&](int i) {
-        // The smaller index throws later.
+        // Index 3 throws later than index 4.
         if (i == 3) std::this_thread::sleep_for(std::chrono::milliseconds(20));
         if (i == 3 || i == 4 || i == 40) throw std::runtime_error("index " + std::to_string(i));
         ++done;
@@ -269,10 +260,9 @@ TEST(Parallel, ThrowsTheErrorOfTheSmallestIndexAfterAllWorkIsDone) {
 
 TEST(Parallel, KnowsAProcessor) { EXPECT_GE(NumProcessors(), 1); }
 
-// Random numbers.
-
 TEST(RngTest, IsTheSameOnEveryMachine) {
-  // mt19937_64's first output for its default seed is fixed by the standard's 10000th: pin our use of it.
+  // The C++ standard fixes the sequence of mt19937_64. This is its first output for the default seed, so the test
+  // pins how Rng uses the generator.
   Rng rng(5489);
   EXPECT_EQ(rng.Uniform(), static_cast<double>(14514284786278117030ULL >> 11) * 0x1.0p-53);
   Rng again(5489);
@@ -311,7 +301,7 @@ TEST(RngTest, MomentsAreThoseOfTheDistributions) {
     ASSERT_GE(index, 0);
     ASSERT_LT(index, 3);
   }
-  // Five standard errors: a false alarm in a million seeds, and the seed is fixed.
+  // The tolerances are five standard errors, which one seed in a million exceeds; the seed is fixed.
   const double root = std::sqrt(static_cast<double>(kCount));
   EXPECT_NEAR(uniform_sum / kCount, 1.0, 5 * (4 / std::sqrt(12.0)) / root);
   EXPECT_NEAR(sum / kCount, 0.0, 5 / root);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// From the closed forms: chi-square of 2 and 4 degrees of freedom, F of (2, n).
+// The tails have closed forms for chi-square with 2 and 4 degrees of freedom, and for F with (2, n).
 TEST(DistributionsTest, TailsHaveTheirClosedForms) {
   for (const double x : {0.01, 0.5, 1.0, 3.0, 10.0, 60.0}) {
     EXPECT_NEAR(ChiSquareTail(x, 2) / std::exp(-x / 2), 1, 1e-12) << x;
@@ -21,7 +21,7 @@ TEST(DistributionsTest, TailsHaveTheirClosedForms) {
   }
 }
 
-// Values of printed tables (95 % and 99.9 %), to their last digit.
+// The expected values are those of printed tables (95 % and 99.9 %), compared to their last digit.
 TEST(DistributionsTest, QuantilesAreThoseOfTheTables) {
   EXPECT_NEAR(ChiSquareQuantile(0.05, 6), 12.592, 5e-4);
   EXPECT_NEAR(ChiSquareQuantile(0.001, 12), 32.909, 5e-4);

@@ -65,7 +65,7 @@ TEST(MapReaderTest, WhatWasUsedReadsBackTheSame) {
   }
 }
 
-// The message of reading `text` by `read`.
+// Returns the message of the InputError that is thrown when `read` reads `text`.
 template <class Read>
 std::string ErrorOf(const std::string& text, const Read& read) {
   return InputErrorOf([&] {
@@ -151,7 +151,7 @@ TEST(YamlTest, SyntaxErrorsNameTheLine) {
   EXPECT_THAT(ErrorOf("a: \"x", [](MapReader*) {}), StartsWith("cell.yaml:1: not valid YAML"));
   EXPECT_THAT(ErrorOf("a: 1\n---\nb: 2\n", [](MapReader*) {}),
               StartsWith("cell.yaml:2: a second YAML document starts here"));
-  // yaml-cpp's own LoadAll never ends on these.
+  // The function LoadAll of yaml-cpp itself does not terminate on these inputs.
   EXPECT_THAT(ErrorOf(", a: 1\n", [](MapReader*) {}), StartsWith("cell.yaml:1: not valid YAML"));
   EXPECT_THAT(ErrorOf("}", [](MapReader*) {}), StartsWith("cell.yaml:1: not valid YAML"));
   EXPECT_THAT(ErrorOf("? [1, 2]\n: 3\n", [](MapReader*) {}), HasSubstr("keys must be plain names"));
@@ -188,7 +188,7 @@ TEST(YamlTest, FilesAreReadWithinALimit) {
   EXPECT_EQ(reader.Int("other", {0, 1}), 1);
 }
 
-// Whatever bytes come: a value or an InputError of one line, nothing else.
+// Any sequence of bytes gives either a value or an InputError whose message is one line.
 TEST(YamlTest, AnyTextGivesAValueOrAnInputError) {
   const std::string valid = "a: [1 mm, {b: 2, 'c': \"d\"}]\nkey: &x |\n  text\nlist:\n  - *x\n  - !!tag y\n? z\n: 1\n";
   Rng rng(3);
@@ -225,13 +225,14 @@ TEST(PoseYaml, RoundTrips) {
     const Rigid3d pose(ExpRotation(rotation_vector), rng.NormalVector3());
     const Rigid3d read = ReadPose(ParseYaml(Dumped(PoseNode(pose)), "a.yaml"));
     EXPECT_EQ(DistanceM(read, pose), 0);
-    EXPECT_NEAR(AngleRad(read, pose), 0, 1e-15);  // rad: the quaternion is normalised again.
+    // rad; the tolerance allows for the second normalisation of the quaternion.
+    EXPECT_NEAR(AngleRad(read, pose), 0, 1e-15);
   }
 }
 
 TEST(PoseYaml, ReadsRollPitchYaw) {
   const Rigid3d pose = ReadPose(ParseYaml("{translation: [1 mm, 0 m, 0 m], rpy: [90 deg, 0 deg, 90 deg]}", "a.yaml"));
-  // R = Rz(90) Rx(90) takes z first to -y, then to x.
+  // R = Rz(90) Rx(90) rotates z first to -y, then to x.
   EXPECT_LT((pose.rotation * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitX()).norm(), 1e-15);
   EXPECT_THAT(
       InputErrorOf([] { ReadPose(ParseYaml("{translation: [0 m, 0 m, 0 m], rotation: [1, 1, 0, 0]}", "a.yaml")); }),
@@ -247,7 +248,7 @@ TEST(LayersTest, UpperKeysCountAndMappingsGoOnBelow) {
   EXPECT_EQ(refine.Int("folds", {0, 9}), 3);
   refine.Finish();
   EXPECT_EQ(reader.Text("name"), "upper");
-  // Relative to the file that it stands in.
+  // The path is relative to the folder of the file that contains it.
   EXPECT_EQ(reader.Get("poses").AsPath(), "b/poses.csv");
   reader.Finish();
 }
@@ -260,7 +261,8 @@ TEST(LayersTest, AnEmptyKeyTakesAwayWhatLiesBelow) {
   EXPECT_FALSE(reader.Has("refine"));
 }
 
-// A charuco over a chessboard, and one number of it set: nothing of the chessboard is left.
+// The upper file replaces a chessboard by a ChArUco target and --set changes one of its keys: no key of the
+// chessboard remains.
 TEST(LayersTest, WhatSaysWhatItIsReplacesAllBelow) {
   const ConfigValue set = ParseYaml("{target: {square: 21 mm}}", "--set");
   const ConfigValue upper = ParseYaml("{target: {type: charuco, rows: 5}}", "upper.yaml");

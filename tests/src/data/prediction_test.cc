@@ -11,7 +11,7 @@
 namespace heba {
 namespace {
 
-// The centroid of the polygon of `corners` points on the disc's imaged outline.
+// Returns the centroid of the polygon with `corners` vertices on the imaged outline of the disc, px.
 Eigen::Vector2d PolygonCentroid(const Camera& camera, const Rigid3d& camera_from_target, const Eigen::Vector3d& centre,
                                 double radius_m, int corners) {
   std::vector<Eigen::Vector2d> outline;
@@ -46,13 +46,13 @@ struct DiscCase {
   double focal_px;
   double radius_px;
   double tilt_deg;
-  Eigen::Vector2d off_axis;  // x / z and y / z.
+  Eigen::Vector2d off_axis;  // x / z and y / z of the centre.
   double k1;
   double tolerance_px;
 };
 
-// Discs as large, as tilted and as far from the axis as cameras of robot cells see them, and larger. The bias that is
-// predicted is up to 0.9 px.
+// The size, the tilt and the distance from the optical axis of these discs cover those in robot cells and exceed
+// them. The predicted bias is up to 0.9 px.
 TEST(PredictionTest, DiscsByTheCentroidOfTheirImage) {
   const DiscCase cases[] = {
       {2400, 10, 30, {0.3, 0.2}, -0.10, 1e-5}, {2400, 20, 40, {0.4, 0.3}, -0.10, 1e-5},
@@ -71,7 +71,7 @@ TEST(PredictionTest, DiscsByTheCentroidOfTheirImage) {
     ASSERT_TRUE(Predict(camera.Model(), camera.params.data(), pose, OneDisc(centre, radius_m), &predicted, nullptr));
     const Eigen::Vector2d expected = PolygonCentroid(camera, pose, centre, radius_m, 4096);
     EXPECT_LT((predicted.col(0) - expected).norm(), disc.tolerance_px);
-    // What would be left out without it.
+    // The bias that is ignored if the centre of the disc is projected instead.
     EXPECT_GT((ProjectPoint(camera, pose * centre).value() - expected).norm(), 0.01);
   }
 }

@@ -26,7 +26,7 @@ TEST(TargetShapeTest, AsDesignedMovesNothing) {
 
 TEST(TargetShapeTest, BendsAreHeightsInTheMiddle) {
   const TargetShape shape = MakeShape();
-  // In the middle along both axes, both; at the edge of one, the other.
+  // The two bends add up at the centre of the target; in the middle of an edge only one of them acts.
   EXPECT_TRUE(ApplyShape({0.1, 0.05, 0}, shape).isApprox(Eigen::Vector3d(0.1002, 0.04995, 3e-4), 1e-12));
   EXPECT_TRUE(ApplyShape({0.2, 0.05, 0}, shape).isApprox(Eigen::Vector3d(0.2004, 0.04995, -2e-4), 1e-12));
   EXPECT_TRUE(ApplyShape({0.1, 0.1, 0}, shape).isApprox(Eigen::Vector3d(0.1002, 0.0999, 5e-4), 1e-12));

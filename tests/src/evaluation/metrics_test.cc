@@ -1,4 +1,4 @@
-// The numbers of a report, against examples that were worked out by hand.
+// Tests of the metrics of a report against examples that were worked out by hand.
 #include <cmath>
 #include <vector>
 
@@ -12,12 +12,13 @@
 namespace heba {
 namespace {
 
-// px, mm and deg: sums of a few products in double precision.
+// px, mm and deg: rounding of sums of a few products in double precision.
 constexpr double kRoundOff = 1e-9;
 
 Camera SimpleCamera() { return {"pinhole", 640, 480, {100, 200, 320, 240}}; }
 
-// Points at (0, 0, 2) and (1, 1, 2) m from the camera, whose images are (320, 240) and (370, 340) px.
+// Returns observations of two points that lie at (0, 0, 2) and (1, 1, 2) m in the camera frame under kTwoMetresAhead
+// and project to (320, 240) and (370, 340) px.
 Observations TwoPoints(const Eigen::Vector2d& first_offset_px, const Eigen::Vector2d& second_offset_px) {
   Observations observations;
   observations.ids = {0, 1};
@@ -44,14 +45,14 @@ TEST(ViewErrorsTest, SumSquaredDistances) {
   ASSERT_TRUE(errors.has_value());
   EXPECT_NEAR(errors->sum_px2, 26, kRoundOff);
   EXPECT_EQ(errors->num_points, 2);
-  // A distance a point, not a coordinate: sqrt(26 / 2).
+  // The RMS is over points, not over coordinates: sqrt(26 / 2).
   EXPECT_NEAR(*errors->RmsPx(), std::sqrt(13.0), kRoundOff);
 }
 
 TEST(ViewErrorsTest, PointsWithoutAnImageAreNotHidden) {
   const Rigid3d behind(Eigen::Quaterniond::Identity(), {0, 0, -2});
   EXPECT_FALSE(ViewErrors(SimpleCamera(), behind, TwoPoints({0, 0}, {0, 0})).has_value());
-  // One of two points is behind the camera.
+  // One of the two points is behind the camera.
   const Rigid3d across(ExpRotation({0, kPi / 2, 0}), {0, 0, 0.5});
   EXPECT_FALSE(ViewErrors(SimpleCamera(), across, TwoPoints({0, 0}, {0, 0})).has_value());
 }
@@ -59,7 +60,8 @@ TEST(ViewErrorsTest, PointsWithoutAnImageAreNotHidden) {
 TEST(SquaredErrorsTest, NothingWithoutPoints) { EXPECT_FALSE(SquaredErrors().RmsPx().has_value()); }
 
 TEST(ReprojectionErrorsTest, FollowTheRobotAndPoolPoints) {
-  // camera_from_target = Inverse(camera_mount_from_camera) * camera_mount_from_target_mount * target_mount_from_target.
+  // The chain is camera_from_target = Inverse(camera_mount_from_camera) * camera_mount_from_target_mount *
+  // target_mount_from_target.
   HandEye hand_eye;
   hand_eye.camera_mount_from_camera = Rigid3d(ExpRotation({0, 0, 0.3}), {0.1, 0.2, 0.3});
   hand_eye.target_mount_from_target = Rigid3d(ExpRotation({0.2, 0, 0}), {-0.1, 0, 0.05});
@@ -77,7 +79,7 @@ TEST(ReprojectionErrorsTest, FollowTheRobotAndPoolPoints) {
   EXPECT_FALSE(ReprojectionErrors(hand_eye, SimpleCamera(), views).has_value());
 }
 
-// Pairs that fit X = camera_mount_from_camera and Z = target_mount_from_target exactly.
+// Returns pose pairs that fit X = camera_mount_from_camera and Z = target_mount_from_target exactly.
 std::vector<PosePair> ExactPairs(const HandEye& hand_eye, int count) {
   Rng rng(1);
   std::vector<PosePair> pairs;
@@ -97,8 +99,8 @@ TEST(AxxbMeanMmTest, IsZeroForTheTruth) {
 }
 
 TEST(AxxbMeanMmTest, IsTheMeanOverConsecutivePairsInMm) {
-  // The mounts stand still and the camera sees the target move by 3, then by 4 mm: |A X - X B| is that of the
-  // translations, and their mean 3.5 mm. The third pair (1, 3) does not count.
+  // The robot stands still while the target moves by 3 mm and then by 4 mm in the camera frame. |A X - X B| is then
+  // the norm of these translations, and its mean is 3.5 mm. The pair (1, 3) is not consecutive and does not count.
   std::vector<PosePair> pairs(3);
   pairs[1].camera_from_target.translation.x() = 0.003;
   pairs[2].camera_from_target.translation.x() = 0.007;
@@ -106,7 +108,8 @@ TEST(AxxbMeanMmTest, IsTheMeanOverConsecutivePairsInMm) {
 }
 
 TEST(AxxbMeanMmTest, CountsRotationsToo) {
-  // B is a turn of angle t about z, A = X = 1: |1 - R| = sqrt(2 (1 - cos t)) sqrt(2) = 2 sqrt(2) sin(t / 2).
+  // B is a rotation by the angle t about z, and A = X = 1: |1 - R| = sqrt(2 (1 - cos t)) sqrt(2) = 2 sqrt(2) sin(t /
+  // 2).
   std::vector<PosePair> pairs(2);
   pairs[1].camera_from_target.rotation = ExpRotation({0, 0, 0.2});
   EXPECT_NEAR(*AxxbMeanMm(pairs, Rigid3d()), 2 * std::sqrt(2.0) * std::sin(0.1), kRoundOff);
@@ -124,12 +127,12 @@ TEST(BoardScatterTest, IsZeroForTheTruth) {
   const std::optional<BoardScatter> scatter = ComputeBoardScatter(ExactPairs(hand_eye, 5), hand_eye);
   ASSERT_TRUE(scatter.has_value());
   EXPECT_NEAR(scatter->translation_rms_mm, 0, kRoundOff);
-  // deg: angles from matrices that are good to 1e-16.
+  // deg; the angles are computed from matrices that are accurate to 1e-16.
   EXPECT_NEAR(scatter->rotation_rms_deg, 0, 1e-7);
 }
 
 TEST(BoardScatterTest, IsTheRootMeanSquareAboutTheMean) {
-  // Boards at +-3 mm and turned by +-2 deg about the same axis.
+  // The two target poses are at +-3 mm and rotated by +-2 deg about the same axis.
   std::vector<PosePair> pairs(2);
   pairs[0].camera_from_target = Rigid3d(ExpRotation({0, 0, DegToRad(2)}), {0.103, 0, 0});
   pairs[1].camera_from_target = Rigid3d(ExpRotation({0, 0, DegToRad(-2)}), {0.097, 0, 0});
@@ -167,7 +170,7 @@ TEST(CompareWithTruthTest, WhatTheTruthDoesNotSayIsNotCompared) {
 }
 
 TEST(CompareWithTruthTest, ASymmetricBoardIsComparedWithItsNearestReading) {
-  // The board was read upside down: turned by half a turn about its middle at (0.1, 0.05, 0).
+  // The target was detected upside down, which rotates its frame by 180 deg about the centre at (0.1, 0.05, 0) m.
   const Rigid3d half_turn(ExpRotation({0, 0, kPi}), {0.2, 0.1, 0});
   Truth truth;
   truth.target_mount_from_target = Rigid3d(ExpRotation({0.3, 0, 0}), {0, 0, 1});
@@ -178,7 +181,7 @@ TEST(CompareWithTruthTest, ASymmetricBoardIsComparedWithItsNearestReading) {
   EXPECT_NEAR(*one.board_deg, 179, kRoundOff);
   const TruthErrors both = CompareWithTruth(hand_eye, SimpleCamera(), truth, {Rigid3d(), half_turn});
   EXPECT_NEAR(*both.board_deg, 1, kRoundOff);
-  // The middle's distance from the origin, turned by a degree.
+  // The residual is the distance of the centre from the origin times the chord of 1 deg.
   EXPECT_NEAR(*both.board_mm, 1000 * 2 * std::sin(DegToRad(0.5)) * std::hypot(0.2, 0.1), kRoundOff);
 }
 

@@ -8,7 +8,8 @@
 namespace heba {
 namespace {
 
-// 20 captures, 0.1 mm, 0.01 deg, all as it should be.
+// Returns a result that deserves the grade kGood: 20 captures, sigmas of the hand-eye pose near 0.1 mm and 0.01 deg,
+// and residuals that agree with the noise model.
 RunResult GoodResult() {
   RunResult result;
   for (int i = 0; i < 20; ++i) result.captures.push_back({std::to_string(i), "", 48, true, "", 0, 0, 0.1, {}, {}});
@@ -53,7 +54,7 @@ TEST(VerdictTest, AGoodResultIsGood) {
   for (const Finding& finding : verdict.findings) EXPECT_EQ(finding.action, "") << finding.text;
 }
 
-// Each of them alone, its finding first and with a cure.
+// Each fault alone decides the grade. Its finding comes first and recommends an action.
 TEST(VerdictTest, OneFaultDecides) {
   struct Case {
     Grade grade;
@@ -98,7 +99,7 @@ TEST(VerdictTest, OneFaultDecides) {
   }
 }
 
-// Copies of captures are no captures that could not be used.
+// Repeated captures do not count as captures that could not be used.
 TEST(VerdictTest, CopiesOfCapturesDoNotCount) {
   RunResult result = GoodResult();
   for (size_t i = 0; i < 60; ++i) {
@@ -109,14 +110,16 @@ TEST(VerdictTest, CopiesOfCapturesDoNotCount) {
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
 }
 
-// Where all pull harder than the noise that is assumed allows, it is that noise which is wrong, and no capture.
+// If every capture has a larger influence than the assumed noise allows, the noise model is wrong and no single
+// capture is blamed.
 TEST(VerdictTest, BlamesNoCaptureForWhatAllDo) {
   RunResult result = GoodResult();
   for (CaptureResult& capture : result.captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 1e-9};
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
 }
 
-// A closed form that fits pixels better is no reason for doubt where the robot's noise moves the points.
+// A closed form with smaller pixel residuals is no reason for doubt, because robot noise adds to these residuals; the
+// comparison uses the error that is whitened by all noise.
 TEST(VerdictTest, ClosedFormsAreComparedInTheMetricOfAllNoise) {
   RunResult result = GoodResult();
   result.estimates[0].errors.holdout_rms_px = 0.1;
@@ -131,7 +134,7 @@ TEST(VerdictTest, ImagesWithoutTheTargetAreNoBadCaptures) {
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
 }
 
-// The consequences of a cause are said with it, in one finding.
+// A cause and its consequences are reported in one finding.
 TEST(VerdictTest, OneCauseGivesOneFinding) {
   RunResult result = GoodResult();
   result.estimates[1].errors.holdout_target_mm = 50;
@@ -149,10 +152,10 @@ TEST(VerdictTest, OneCauseGivesOneFinding) {
   }
 }
 
-// A requirement takes the place of the built-in limits: stricter or more lenient.
+// A requirement replaces the built-in limits, whether it is stricter or more lenient.
 TEST(VerdictTest, RequirementsDecide) {
   RunResult result = GoodResult();
-  result.estimates[1].errors.holdout_target_mm = 3;  // Doubtful by itself.
+  result.estimates[1].errors.holdout_target_mm = 3;  // The built-in limits alone would grade this as doubtful.
   result.requirements = {{10e-3, 0.95, "the working point", 2e-3}};
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
   result.requirements = {{1e-3, 0.95, "the working point", 0.5e-3}};

@@ -13,7 +13,7 @@
 namespace heba {
 namespace {
 
-// rad and m, for poses within a few metres and double precision: some ten operations of 1e-16 relative.
+// rad and m: about ten operations with a relative error of 1e-16 on poses within a few metres.
 constexpr double kRoundOff = 1e-13;
 
 Rigid3d RandomPose(Rng* rng) {
@@ -54,7 +54,7 @@ TEST(Rotation, LogInvertsExpUpToHalfATurn) {
       const Eigen::Vector3d rotation_vector = angle_rad * rng.Direction3();
       const Eigen::Quaterniond rotation = ExpRotation(rotation_vector);
       EXPECT_LT((LogRotation(rotation) - rotation_vector).norm(), kRoundOff) << angle_rad;
-      // q and -q are the same rotation.
+      // q and -q represent the same rotation.
       const Eigen::Quaterniond negative(-rotation.coeffs());
       EXPECT_LT((LogRotation(negative) - rotation_vector).norm(), kRoundOff) << angle_rad;
       EXPECT_NEAR(RotationAngle(rotation), angle_rad, kRoundOff);
@@ -102,7 +102,7 @@ TEST(Rotation, NearestRotationIsARotationAndNearest) {
       EXPECT_GE((other - noisy).norm(), distance);
     }
   }
-  // A mirror image still gives a rotation.
+  // A reflection still gives a rotation.
   EXPECT_NEAR(NearestRotation(-Eigen::Matrix3d::Identity()).determinant(), 1.0, kRoundOff);
 }
 
@@ -134,7 +134,7 @@ TEST(Tangent, AdjointMovesATangentAcrossAPose) {
     const Tangent6 right = RandomTangent(&rng, kStep);
     const Tangent6 left = Adjoint(a_from_b) * right;
     const Rigid3d moved_left = Retract(Rigid3d(), left) * a_from_b;
-    // Equal to first order: the rest is of the square of the step, with lengths of a few metres.
+    // The two agree to first order; the difference is quadratic in the step, with lengths of a few metres.
     EXPECT_LT((LocalCoordinates(a_from_b, moved_left) - right).norm(), 100 * kStep * kStep);
   }
 }
@@ -161,8 +161,6 @@ TEST(Distance, IsThatOfTheOrigins) {
   EXPECT_NEAR(AngleRad(a, b), 0.3, kRoundOff);
 }
 
-// Pose blocks.
-
 TEST(PoseBlockTest, HoldsThePoseInTheStatedOrder) {
   Rng rng(8);
   const Rigid3d pose = RandomPose(&rng);
@@ -180,19 +178,21 @@ TEST(PoseManifoldTest, KeepsCeresInvariants) {
   for (int i = 0; i < 20; ++i) {
     const PoseBlock from = ToBlock(RandomPose(&rng));
     PoseBlock to = ToBlock(RandomPose(&rng));
-    // q and -q are one pose: Ceres compares blocks, so take the block that a step of less than half a turn reaches.
+    // q and -q represent the same pose but are different blocks, and Ceres compares blocks. The sign is chosen such
+    // that the step between the two blocks is less than 180 deg.
     const double cosine = Eigen::Map<Eigen::Vector4d>(to.data()).dot(Eigen::Map<const Eigen::Vector4d>(from.data()));
     if (cosine < 0) Eigen::Map<Eigen::Vector4d>(to.data()) *= -1.0;
     const ceres::Vector x = Eigen::Map<const ceres::Vector>(from.data(), 7);
     const ceres::Vector y = Eigen::Map<const ceres::Vector>(to.data(), 7);
     const ceres::Vector delta = RandomTangent(&rng, 0.3);
-    // Of ceres' numeric differences.
+    // Accuracy of the numeric derivatives of Ceres.
     constexpr double kTolerance = 1e-9;
     EXPECT_THAT_MANIFOLD_INVARIANTS_HOLD(manifold, x, delta, y, kTolerance);
   }
 }
 
-// What costs rely on: the derivative of a function of the block, times PlusJacobian, is its derivative by the tangent.
+// Cost functions rely on this: the derivative of a function by the block, times PlusJacobian, is its derivative in
+// the tangent space.
 TEST(PoseManifoldTest, TangentFromBlockIsALeftInverseOfPlusJacobian) {
   Rng rng(10);
   const PoseManifold manifold;

@@ -23,14 +23,14 @@ Camera Parse(const std::string& text) { return ParseCameraFile(text, "camera"); 
 std::string ErrorOf(const std::string& text) {
   return InputErrorOf([&] { Parse(text); });
 }
-// `text` with the first `from` replaced.
+// Returns `text` with the first occurrence of `from` replaced by `to`.
 std::string With(std::string text, const std::string& from, const std::string& to) {
   const size_t at = text.find(from);
   CHECK(at != std::string::npos) << from;
   return text.replace(at, from.size(), to);
 }
 
-// heba's own form.
+// Camera files in heba's own form.
 
 const std::string kOwn =
     "# calibrated\n"
@@ -60,7 +60,7 @@ TEST(OwnCameraFile, ReadsTheCameraOfAResult) {
                       "distortion": [], "std": null})")
                 .params[0],
             500);
-  // Without distortion the empty list may be left out.
+  // The empty list of distortion coefficients may be omitted.
   EXPECT_EQ(Parse("{model: pinhole, image_size: [640, 480], fx: 500, fy: 500, cx: 320, cy: 240}").params.size(), 4u);
 }
 
@@ -94,7 +94,7 @@ TEST(OwnCameraFile, SaysWhatIsWrong) {
   EXPECT_THAT(ErrorOf(""), HasSubstr("holds no camera"));
 }
 
-// ROS.
+// Camera files of ROS (camera_info).
 
 const std::string kRos =
     "image_width: 640\n"
@@ -119,7 +119,7 @@ const std::string kRos =
     "  rows: 3\n"
     "  cols: 4\n"
     "  data: [510, 0, 320, 0, 0, 511, 240, 0, 0, 0, 1, 0]\n";
-// The same with other coefficients.
+// Returns the same file with another distortion model and other coefficients.
 std::string Ros(const std::string& model, int num_coefficients, const std::string& coefficients) {
   std::string text = With(kRos, "plumb_bob", model);
   text = With(text, "cols: 5", "cols: " + std::to_string(num_coefficients));
@@ -145,7 +145,7 @@ TEST(RosCameraFile, ReadsEveryDistortionModel) {
   const Camera fisheye = Parse(Ros("equidistant", 4, "0.1, 0.2, 0.3, 0.4"));
   EXPECT_EQ(fisheye.model, "kannala_brandt4");
   EXPECT_THAT(fisheye.params, ElementsAre(500.5, 501, 320.25, 240.75, 0.1, 0.2, 0.3, 0.4));
-  // As ROS itself takes it.
+  // A missing distortion_model means plumb_bob, as in ROS.
   EXPECT_EQ(Parse(With(kRos, "distortion_model: plumb_bob\n", "")).model, "brown5");
 }
 
@@ -182,7 +182,7 @@ TEST(RosCameraFile, SaysWhatIsWrong) {
               HasSubstr("camera:7: camera_matrix.data[0]: a number is needed, not '.nan'"));
 }
 
-// OpenCV.
+// Camera files of OpenCV.
 
 const std::string kOpenCv =
     "%YAML:1.0\n"
@@ -273,7 +273,7 @@ TEST(OpenCvCameraFile, SaysWhatIsWrong) {
               HasSubstr("is XML, which heba does not read; save it as .yml"));
 }
 
-// mrcal.
+// Camera models of mrcal.
 
 const std::string kMrcal =
     "# generated on 2020-11-17 with /usr/bin/mrcal-calibrate-cameras\n"
@@ -334,7 +334,7 @@ TEST(MrcalCameraFile, SaysWhatIsWrong) {
   EXPECT_THAT(ErrorOf(With(kMrcal, "1761.25", "-1")), HasSubstr("fx and fy must be positive"));
 }
 
-// Python literals.
+// The reader of Python literals, which camera models of mrcal are.
 
 TEST(PythonLiteral, ReadsEveryKind) {
   const PythonValue value = ParsePythonLiteral(
@@ -365,7 +365,7 @@ TEST(PythonLiteral, FaultsNameTheLine) {
   EXPECT_EQ(error(std::string(100000, '[')), "f:1: nested deeper than 32 levels");
 }
 
-// All forms.
+// Files of any form.
 
 TEST(CameraFile, HasKeyFindsKeysOnly) {
   EXPECT_TRUE(HasKey("a: 1\nmodel: x", "model"));
@@ -385,7 +385,7 @@ TEST(CameraFile, ReadsFiles) {
   EXPECT_THAT(InputErrorOf([&] { ReadCameraFile(folder.path()); }), HasSubstr("this is a folder"));
 }
 
-// Whatever bytes come: a camera or an InputError of one line, nothing else.
+// Any sequence of bytes gives either a camera or an InputError whose message is one line.
 TEST(CameraFile, AnyTextGivesACameraOrAnInputError) {
   Rng rng(2);
   int num_valid = 0;
@@ -416,7 +416,7 @@ TEST(CameraFile, AnyTextGivesACameraOrAnInputError) {
       EXPECT_THAT(error.what(), testing::Not(HasSubstr("\n"))) << text;
     }
   }
-  // Comments and skipped keys take many changes, brackets none.
+  // Changes in comments and in skipped keys keep a file valid; changes of brackets do not.
   EXPECT_GT(num_valid, kCount / 20);
   EXPECT_LT(num_valid, kCount * 19 / 20);
 }

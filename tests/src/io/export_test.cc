@@ -38,7 +38,7 @@ std::string Exported(const std::string& format, const ExportRequest& request) {
   return "";
 }
 
-// Poses of every kind: small numbers, half a turn, gimbal lock.
+// Returns poses of every kind: the identity, small numbers, gimbal lock, rotations by 180 deg, and random poses.
 std::vector<Rigid3d> Poses() {
   Rng rng(3);
   std::vector<Rigid3d> poses = {
@@ -79,7 +79,7 @@ void ExpectSame(const Rigid3d& found, const Rigid3d& wanted, const std::string& 
   EXPECT_LT(LocalCoordinates(wanted, found).norm(), 1e-14 * (1 + wanted.translation.norm()) + 3e-15) << what;
 }
 
-// The pose stands where that software looks for it, and is the one that went in.
+// The exported pose is read from where the other software looks for it, and equals the original.
 TEST(ExportTest, PosesComeBack) {
   const PoseFormat& ros = *FindPoseFormat("ros");
   const PoseFormat rpy{"", {"x", "y", "z", "r", "p", "w"}, "m", "extrinsic_xyz", "rad"};
@@ -100,7 +100,7 @@ TEST(ExportTest, PosesComeBack) {
   }
 }
 
-// By the reader of poses.csv.
+// The export is read back by the reader of poses.csv.
 TEST(ExportTest, EveryFormOfRobotPoseComesBack) {
   for (const Rigid3d& pose : Poses()) {
     for (const PoseFormat& format : PoseFormats()) {
@@ -115,7 +115,7 @@ TEST(ExportTest, EveryFormOfRobotPoseComesBack) {
   }
 }
 
-// By the reader of camera files.
+// The export is read back by the reader of camera files.
 TEST(ExportTest, CamerasComeBack) {
   for (const CameraModel* model : CameraModels()) {
     const ExportRequest request = TestRequest(Rigid3d(), std::string(model->name()));
@@ -126,14 +126,14 @@ TEST(ExportTest, CamerasComeBack) {
       EXPECT_EQ(camera.width_px, request.camera.width_px) << format;
       EXPECT_EQ(camera.height_px, request.camera.height_px) << format;
       std::vector<double> wanted = request.camera.params;
-      // A smaller model may come back as a larger one whose further coefficients are zero.
+      // A smaller model may be read back as a larger one whose additional coefficients are zero.
       if (camera.model == "brown5") wanted.resize(camera.params.size(), 0);
       EXPECT_EQ(camera.params, wanted) << format << " " << model->name();
     }
   }
 }
 
-// Kalibr's polynomial lens has no k3.
+// The polynomial lens model of Kalibr has no k3.
 TEST(ExportTest, CamerasComeBackFromKalibr) {
   for (const std::string model : {"pinhole", "brown4", "brown5", "kannala_brandt4"}) {
     ExportRequest request = TestRequest(Rigid3d(), model);
@@ -171,7 +171,8 @@ Eigen::Matrix<double, 6, 6> TestCovariance() {
   return root * root.transpose();
 }
 
-// How the pose of `change(request)` moves with the pose of the optical frame, by finite differences.
+// Returns the Jacobian of the pose of `change(request)` with respect to the pose of the optical frame, both in their
+// tangent spaces, by finite differences.
 template <typename Change>
 Eigen::Matrix<double, 6, 6> MovedBy(const ExportRequest& request, const Change& change) {
   const Rigid3d changed = change(request).parent_from_child;
@@ -185,7 +186,8 @@ Eigen::Matrix<double, 6, 6> MovedBy(const ExportRequest& request, const Change& 
   return moved;
 }
 
-// The covariance follows the frames: what a small motion of the optical frame does to the exported pose is measured.
+// The exported covariance is that of the exported frame: it is compared with the covariance propagated through the
+// numeric Jacobian.
 TEST(ExportTest, CovarianceFollowsTheFrames) {
   const Rigid3d optical_from_child(ExpRotation({0.3, -0.2, 0.9}), {0.02, -0.05, 0.01});
   const auto link = [&](const ExportRequest& request) {
@@ -204,7 +206,7 @@ TEST(ExportTest, CovarianceFollowsTheFrames) {
   }
 }
 
-// ROS' covariance is that of the place and of turns about the parent's fixed axes.
+// The covariance of ROS is that of the position and of rotations about the fixed axes of the parent frame.
 TEST(ExportTest, PoseWithCovarianceIsInTheParentsAxes) {
   for (const Rigid3d& pose : Poses()) {
     ExportRequest request = TestRequest(pose);
@@ -236,7 +238,7 @@ TEST(ExportTest, TheInverseIsThePoseOfTheParentInTheChild) {
     for (const ExportFormat& format : ExportFormats()) {
       const Outcome<std::string> text = ExportText(format, request);
       const bool has_room = text.ok();
-      // A form that fixes the frames would have the inverse taken for the pose.
+      // These forms fix the direction of the pose, so a reader would take the inverse for the pose itself.
       EXPECT_EQ(has_room, format.name != "easy_handeye2" && format.name != "opencv" && format.name != "camera_info" &&
                               format.name != "kalibr" && format.name != "mrcal" &&
                               format.name != "pose_with_covariance")
@@ -254,7 +256,7 @@ TEST(ExportTest, TheBodyFrameStandsAtThePlaceOfTheOpticalOne) {
   }
 }
 
-// The numbers stand in the controller's own syntax, to the last of the digits that it has.
+// The numbers are written in the controller's own syntax, with as many digits as it accepts.
 TEST(ExportTest, ControllersReadTheirOwnSyntax) {
   const std::map<std::string, std::string> forms = {
       {"kuka", R"(\{X %, Y %, Z %, A %, B %, C %\})"},
@@ -277,12 +279,12 @@ TEST(ExportTest, ControllersReadTheirOwnSyntax) {
   }
 }
 
-// A controller has no frame in a camera.
+// The inverse is a frame in the camera, which the controller cannot store.
 TEST(ExportTest, TheInverseIsNoFrameOfTheController) {
   EXPECT_THAT(Exported("fanuc", Inverted(TestRequest(Rigid3d()))), testing::Not(HasSubstr("for the controller")));
 }
 
-// The pendant's base is not base_link.
+// The base frame of the teach pendant is `base`, which is rotated by 180 deg about z from base_link.
 TEST(ExportTest, PosesOfAUniversalRobotsControllerAreInItsBase) {
   RunResult result;
   Estimate estimate;
@@ -293,7 +295,7 @@ TEST(ExportTest, PosesOfAUniversalRobotsControllerAreInItsBase) {
   EXPECT_THAT(Exported("ros2", TestRequest(Rigid3d())), testing::Not(HasSubstr("180 deg")));
 }
 
-// A line that is to be copied names the frames.
+// Command lines that are meant to be copied name both frames.
 TEST(ExportTest, LinesToCopyNameTheFrames) {
   ExportRequest request = TestRequest(Rigid3d());
   request.parent_frame = "world";
@@ -302,7 +304,7 @@ TEST(ExportTest, LinesToCopyNameTheFrames) {
   EXPECT_THAT(Exported("ros1", request), HasSubstr(" world cam/optical\n"));
 }
 
-// Each says whose axes these are; and a name is no markup, no comment's end, no code.
+// Every form states which frame's axes it uses. A malicious name cannot inject markup, end a comment or add code.
 TEST(ExportTest, NamesAreHarmless) {
   ExportRequest request = TestRequest(Rigid3d());
   request.name = "a--><evil/>\"\nimport os\n#";

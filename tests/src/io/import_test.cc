@@ -1,4 +1,4 @@
-// Data sets as other projects write them.
+// Tests of the import of data sets in the formats of other projects.
 #include "heba/io/import.h"
 
 #include <functional>
@@ -19,7 +19,7 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// The pose that is written in every set, and the target's.
+// The base_from_gripper that every set contains, and the camera_from_target that some contain.
 const Rigid3d kGripper(ExpRotation({0.3, -0.5, 1.1}), {0.25, -0.5, 0.75});
 const Rigid3d kTarget(ExpRotation({-2.0, 0.4, 0.2}), {0.05, -0.125, 0.5});
 
@@ -40,7 +40,7 @@ Rigid3d InMm(Rigid3d pose) {
   pose.translation *= 1000;
   return pose;
 }
-// Four lines of four.
+// Returns the homogeneous matrix as four lines of four numbers.
 std::string MatrixLines(const Rigid3d& pose, const std::string& between) {
   const std::vector<std::string> n = Texts(*FindPoseFormat("matrix"), pose);
   std::string text;
@@ -66,15 +66,16 @@ std::string OpenCvMatrix(const Rigid3d& pose) {
 
 struct Peer {
   std::string format;
-  std::function<fs::path(const fs::path& folder)> write;  // What is to be read.
+  std::function<fs::path(const fs::path& folder)> write;  // Writes the set and returns the path to import.
   bool has_target_pose = false;
   std::optional<Setup> setup = {};
-  std::string image = {};       // Of the first capture; empty: none.
-  double fx = 0;                // 0: no camera.
-  std::string target_has = {};  // A part of the target.
+  std::string image = {};       // File name of the first image; empty if the set has no images.
+  double fx = 0;                // Focal length in px; 0 if the set has no camera.
+  std::string target_has = {};  // Part of the text of the target.
 };
 
-// Readers without a recorded set are shown files as their projects' programs write them.
+// Returns a set for each reader that no recorded set covers. The files are those that the programs of the projects
+// write.
 std::vector<Peer> Peers() {
   return {
       {"industrial_calibration",
@@ -224,11 +225,12 @@ TEST_P(ImportTest, ReadsWhatTheProjectWrites) {
   EXPECT_EQ(set.camera ? set.camera->params[0] : 0, peer.fx);
   EXPECT_THAT(set.target, testing::HasSubstr(peer.target_has));
   EXPECT_FALSE(set.files.empty());
-  // By name too; and what is none is said to be none.
+  // The format is also accepted by its name.
   EXPECT_EQ(ImportDataSet(source, peer.format).captures.size(), 1U);
 }
 
-// Cut off anywhere, a file is an InputError or what is left of it; never anything else.
+// A file that is truncated at any position gives either the captures that remain or an InputError whose message is
+// one line.
 TEST_P(ImportTest, FilesThatAreCutOffAreFaults) {
   const fs::path source = GetParam().write(folder_.path());
   const ImportedSet set = ImportDataSet(source, "");
@@ -272,7 +274,7 @@ TEST(ImportFaultsTest, SayWhatIsWrong) {
               testing::HasSubstr("8 numbers are needed"));
 }
 
-// Sets that others recorded, as their projects keep them.
+// Data sets recorded by others, in the layout of their projects.
 TEST(ImportRecordedTest, IndustrialCalibration) {
   const fs::path source = DataDir() / "ic_charuco_eye_to_hand" / "original";
   HEBA_SKIP_WITHOUT(source);
@@ -295,7 +297,7 @@ TEST(ImportRecordedTest, Tabb) {
   const ImportedSet set = ImportDataSet(source, "");
   EXPECT_EQ(set.format, "tabb");
   EXPECT_EQ(set.captures.size(), 100U);
-  // The file has its inverse.
+  // The file contains the inverse of base_from_gripper.
   EXPECT_NEAR(1000 * Inverse(*set.captures[0].base_from_gripper).translation.x(), 44.00490855529249, 1e-9);
 }
 

@@ -23,7 +23,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::StartsWith;
 
-// rad and m, for poses within a few metres.
+// rad and m: rounding for poses within a few metres.
 constexpr double kRoundOff = 1e-13;
 
 Eigen::Matrix3d Rx(double angle_deg) {
@@ -40,7 +40,7 @@ PoseFormat Format(const std::string& name) { return *FindPoseFormat(name); }
 PoseFormat FormatOf(const std::string& yaml) {
   return ReadPoseFormat(MapReader(ParseYaml("pose_format: " + yaml, "cell.yaml")).Get("pose_format"));
 }
-// A user's own format of the rotation `name`.
+// Returns a user-defined format with the rotation `name`.
 PoseFormat FormatOfRotation(const std::string& name) {
   PoseFormat format = {"", {"x", "y", "z"}, "mm", name, ""};
   const bool quaternion = name.starts_with("quaternion");
@@ -50,7 +50,8 @@ PoseFormat FormatOfRotation(const std::string& name) {
   return format;
 }
 
-// The numbers 100, 200, 300 (mm) or 0.1, 0.2, 0.3 (m), then those of the rotation.
+// Expects that `numbers` are a pose with the translation (0.1, 0.2, 0.3) m, given as 100, 200, 300 mm or 0.1, 0.2,
+// 0.3 m, and with the given rotation.
 void ExpectPose(const std::string& format, const std::vector<double>& numbers, const Eigen::Matrix3d& rotation) {
   const Outcome<Rigid3d> pose = PoseFromNumbers(Format(format), numbers);
   ASSERT_TRUE(pose.ok()) << format << ": " << pose.reason();
@@ -58,7 +59,7 @@ void ExpectPose(const std::string& format, const std::vector<double>& numbers, c
   EXPECT_LT((pose->RotationMatrix() - rotation).norm(), kRoundOff) << format;
 }
 
-// Pins of the robots' conventions.
+// These examples pin the conventions of the robots' controllers.
 TEST(PoseFormatTest, EveryRobotsConvention) {
   const double s = std::sqrt(0.5);
   ExpectPose("ros", {0.1, 0.2, 0.3, s, 0, 0, s}, Rx(90));
@@ -79,7 +80,7 @@ TEST(PoseFormatTest, TheTableIsThatOfTheManual) {
   EXPECT_EQ(Format("matrix").columns.size(), 16u);
   EXPECT_EQ(Format("matrix").columns[4], "m10");
   EXPECT_EQ(FindPoseFormat("kuka2"), nullptr);
-  // 4, 3 x 2 x 2 x 2 orders of axes.
+  // Four representations without an order of axes, and 3 x 2 x 2 x 2 Euler conventions.
   EXPECT_EQ(PoseRotationNames().size(), 4u + 24u);
 }
 
@@ -99,7 +100,8 @@ TEST_P(RotationTest, NumbersAndPosesRoundTrip) {
   }
 }
 
-// Quarter and half turns, and turns that miss them by little: where Euler angles lock.
+// Euler angles are singular at some of the multiples of 90 deg; the rotations are exactly there or miss them by a
+// small angle.
 TEST_P(RotationTest, LockedAndNearlyLockedRotationsRoundTrip) {
   Rng rng(2);
   const PoseFormat format = FormatOfRotation(GetParam());
@@ -142,7 +144,7 @@ TEST_P(OrderOfAxesTest, IsTheOrderOfTheProduct) {
   const bool turning_axes = name.starts_with("euler_");
   const Eigen::Matrix3d expected = turning_axes ? Eigen::Matrix3d(first * second * third) : third * second * first;
   EXPECT_LT((pose->RotationMatrix() - expected).norm(), kRoundOff);
-  // Away from the lock the angles themselves come back.
+  // Far from gimbal lock the angles themselves are recovered.
   const std::vector<double> numbers = NumbersFromPose(FormatOfRotation(name), *pose);
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(numbers[static_cast<size_t>(3 + i)], 10 * (i + 1), 1e-10);  // deg
 }
@@ -152,7 +154,7 @@ INSTANTIATE_TEST_SUITE_P(Names, RotationTest, testing::ValuesIn(PoseRotationName
 INSTANTIATE_TEST_SUITE_P(Names, OrderOfAxesTest, testing::ValuesIn(NamesWithAnOrder()), NameOf);
 
 TEST(PoseFromNumbersTest, RoundedFilesPassAndAreMadeExact) {
-  // Three decimals: the length is off by up to 0.001.
+  // Three decimals change the norm by up to 0.001.
   const Outcome<Rigid3d> pose =
       PoseFromNumbers(Format("ros"), std::vector<double>{0, 0, 0, 0.183, -0.365, 0.548, 0.730});
   ASSERT_TRUE(pose.ok());
@@ -161,7 +163,7 @@ TEST(PoseFromNumbersTest, RoundedFilesPassAndAreMadeExact) {
       Format("matrix"), std::vector<double>{0.866, -0.5, 0, 1, 0.5, 0.866, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1});
   ASSERT_TRUE(matrix.ok());
   EXPECT_NEAR(matrix->rotation.norm(), 1, 1e-15);
-  EXPECT_LT((matrix->RotationMatrix() - Rz(30)).norm(), 1e-4);  // The rounding of 0.866.
+  EXPECT_LT((matrix->RotationMatrix() - Rz(30)).norm(), 1e-4);  // Rounding of cos(30 deg) to 0.866.
 }
 
 TEST(PoseFromNumbersTest, WhatIsNoPoseIsAFailure) {
@@ -174,11 +176,11 @@ TEST(PoseFromNumbersTest, WhatIsNoPoseIsAFailure) {
   EXPECT_THAT(reason("ur", {0, 0, 0, 0, 1e300, 0}), HasSubstr("'ry' is larger than any robot's"));
   EXPECT_THAT(reason("matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}), HasSubstr("mirror"));
   EXPECT_THAT(reason("matrix", {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1}), HasSubstr("not a rotation"));
-  // A matrix that stands column by column.
+  // The matrix is written column by column.
   EXPECT_THAT(reason("matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.1, 0.2, 0.3, 1}), HasSubstr("row by row"));
 }
 
-// A user's own format.
+// User-defined formats.
 
 TEST(ReadPoseFormatTest, ReadsNamesAndMappings) {
   EXPECT_EQ(FormatOf("kuka").rotation, "euler_zyx");
@@ -276,7 +278,7 @@ TEST(PoseFileTest, ColumnsStandInAnyOrderAndTheImageMayBeAbsent) {
   EXPECT_EQ(rows[0].pose.translation, Eigen::Vector3d(1, 2, 3));
 }
 
-// One content, as different programs write it.
+// The same content in the variants that different programs write.
 TEST(PoseFileTest, ReadsWhatProgramsWrite) {
   const std::vector<std::string> texts = {
       "image,x,y,z,qx,qy,qz,qw\na b.png,1,-2.5e-1,3,0,0,0,1\n",
@@ -336,7 +338,7 @@ TEST(PoseFileTest, FaultsOfRowsNameLineAndColumn) {
       ErrorOf("role,x,y,z,qx,qy,qz,qw\nhoem,1,2,3,0,0,0,1\n"),
       StartsWith("poses.csv:2: column 'role': 'hoem' is unknown; one of: home, translate_x, translate_y, rotate, free; "
                  "did you mean 'home'?"));
-  // A decimal comma.
+  // The decimal separator is a comma.
   EXPECT_THAT(ErrorOf("x;y;z;qx;qy;qz;qw\n0,5;0;0;0;0;0;1\n"),
               HasSubstr("'0,5' is not a number; decimals stand behind a point"));
 }
@@ -396,14 +398,14 @@ TEST(PoseFileTest, ReadsFiles) {
               HasSubstr("none.csv: there is no such file"));
 }
 
-// Files that others recorded.
+// Files recorded by others.
 TEST(PoseFileTest, ReadsRecordedFiles) {
   HEBA_SKIP_WITHOUT(DataDir());
   EXPECT_EQ(ReadPoseFile(DataDir() / "chjohnkim_ur5_chess" / "poses.csv", Format("ros")).size(), 20u);
   EXPECT_EQ(ReadPoseFile(DataDir() / "metric_workcell_camera2" / "poses.csv", Format("ros")).size(), 121u);
 }
 
-// Whatever bytes come: rows or an InputError, nothing else.
+// Any sequence of bytes gives either rows or an InputError whose message is one line.
 TEST(PoseFileTest, AnyTextGivesRowsOrAnInputError) {
   const std::string valid = kHeader + "\"a.png\",1,2,3,0,0,0,1\nb.png,1,2e3,-3,0,0.6,0,0.8\n";
   Rng rng(5);
@@ -426,7 +428,7 @@ TEST(PoseFileTest, AnyTextGivesRowsOrAnInputError) {
       EXPECT_THAT(error.what(), testing::Not(HasSubstr("\n")));
     }
   }
-  // The changes are small enough for some files to stay valid, and large enough for most not to.
+  // The changes are small enough to leave some files valid and large enough to make most invalid.
   EXPECT_GT(num_valid, 1000);
   EXPECT_LT(num_valid, 19000);
 }

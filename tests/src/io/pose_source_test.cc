@@ -1,4 +1,5 @@
-// Robot poses in the files that users have: tables without a header, arrays of NumPy, one file a pose.
+// Tests of robot poses in the files that users have: tables without a header, NumPy arrays, and folders with one file
+// per pose.
 #include "heba/io/pose_source.h"
 
 #include <algorithm>
@@ -27,7 +28,7 @@ const char* const kPlain = "{columns: [x, y, z, a, b, c], translation: mm, rotat
 const std::vector<double> kFirst = {100, -200, 300, 10, 20, 30};
 const std::vector<double> kSecond = {110, -210, 310, -15, 25, 35};
 
-// However the fields are parted, the rows are the same.
+// The rows do not depend on how the fields are separated.
 TEST(HeaderlessTest, ReadsEverySeparatorAndBrackets) {
   for (const std::string text :
        {"100,-200,300,10,20,30\n110,-210,310,-15,25,35\n", "100;-200;300;10;20;30\n110;-210;310;-15;25;35\n",
@@ -52,13 +53,13 @@ TEST(HeaderlessTest, ColumnsMayBeImagesOrNothing) {
   EXPECT_EQ(rows[1].image, "b.png");
   EXPECT_EQ(rows[1].numbers, kSecond);
   EXPECT_EQ(rows[1].line, 2);
-  // A header with more columns than the format names.
+  // A header may name more columns than the format.
   EXPECT_EQ(
       ParsePoses("x,y,z,a,b,c,image,time\n100,-200,300,10,20,30,a.png,5\n", "poses.csv", FormatOf(kOwn))[0].numbers,
       kFirst);
 }
 
-// Names say which number is which, wherever it stands.
+// Column names decide which number is which, wherever the column is.
 TEST(HeaderlessTest, NamesCountMoreThanPlaces) {
   const PoseFormat turns_first =
       FormatOf("{columns: [a, b, c, x, y, z], translation: mm, rotation: euler_zyx, angle: deg}");
@@ -69,7 +70,7 @@ TEST(HeaderlessTest, NamesCountMoreThanPlaces) {
   EXPECT_EQ(ParsePoses("0 1 0 0 3 2 1\n", "poses.txt", w_first)[0].numbers, (std::vector<double>{1, 2, 3, 1, 0, 0, 0}));
 }
 
-// Brackets in the name of a picture are its own; a header may call the column of pictures as it likes.
+// Brackets are part of an image name. The header may give the image column any name.
 TEST(HeaderlessTest, ImagesKeepTheirNames) {
   EXPECT_EQ(ParsePoses("img (1).png,7,100,-200,300,10,20,30\n", "poses.txt", FormatOf(kOwn))[0].image, "img (1).png");
   EXPECT_EQ(ParsePoses("file,n,x,y,z,a,b,c\nb.png,7,100,-200,300,10,20,30\n", "poses.txt", FormatOf(kOwn))[0].image,
@@ -92,7 +93,7 @@ TEST(HeaderlessTest, FaultsNameTheLine) {
               HasSubstr("poses.txt:2: 5 fields, but pose_format has 6 columns"));
   EXPECT_THAT(error("1 2 3 4 5 6\n1 2 3 4 5 six\n", kPlain),
               HasSubstr("poses.txt:2: column 'c': 'six' is not a number"));
-  // A format of the table says its columns by their names only.
+  // Built-in formats define their columns by name only, so a header is needed.
   EXPECT_THAT(error("1 2 3 4 5 6\n", "kuka"), HasSubstr("poses.txt:1: the first line must name the columns"));
 }
 
@@ -127,7 +128,7 @@ TEST(NpyTest, ReadsTypesAndOrders) {
     EXPECT_EQ(array.shape, (std::vector<size_t>{2, 3})) << descr;
     EXPECT_EQ(array.numbers, numbers) << descr;
   }
-  // By columns: 1 3 5 / 2 4 6.
+  // The array is stored in column-major order: 1 3 5 / 2 4 6.
   EXPECT_EQ(ParseNpy(Npy("<f8", true, "(2, 3)", Bytes<double>(numbers)), "a.npy").numbers,
             (std::vector<double>{1, 3, 5, 2, 4, 6}));
   EXPECT_EQ(ParseNpy(Npy("<f8", false, "(6,)", Bytes<double>(numbers)), "a.npy").numbers, numbers);
@@ -144,11 +145,11 @@ TEST(NpyTest, SaysWhatIsWrong) {
   EXPECT_THAT(error(Npy(">f8", false, "(2, 3)", data)), HasSubstr("'>f8'"));
   EXPECT_THAT(error(Npy("<U8", false, "(2, 3)", data)), HasSubstr("'<U8'"));
   EXPECT_THAT(error(Npy("<f8", false, "(2, 3)", data).substr(0, 60)), HasSubstr("cut off"));
-  // So many axes would take hours to count through.
+  // Iterating over this many axes would take hours.
   std::string axes;
   for (int i = 0; i < 33; ++i) axes += "1,";
   EXPECT_THAT(error(Npy("<f8", true, "(" + axes + ")", data)), HasSubstr("more than 32 axes"));
-  // Whatever is cut off, an error comes, or an array that is whole.
+  // A truncated file gives an InputError, or an array if that is complete; it never causes a crash.
   const std::string whole = Npy("<f8", false, "(2, 3)", data);
   for (size_t size = 0; size < whole.size(); ++size) EXPECT_NE(error(whole.substr(0, size)), "") << size;
 }
@@ -171,7 +172,8 @@ TEST_F(PoseSourceTest, ReadsArraysARowAPose) {
               HasSubstr("array of 1 x 4 x 4; N x 6 is needed"));
 }
 
-// One file a pose, in every kind of file, in the order of their numbers.
+// A folder may contain one file per pose, in any supported file type; the files are sorted by the number in their
+// names.
 TEST_F(PoseSourceTest, ReadsFoldersWithOneFileAPose) {
   Write(folder_.path() / "pose_2.txt", "100 -200 300\n10 20 30\n");
   Write(folder_.path() / "pose_10.json", "{\"x\": 100, \"y\": -200, \"z\": 300, \"c\": 30, \"b\": 20, \"a\": 10}");
@@ -193,7 +195,8 @@ TEST_F(PoseSourceTest, ReadsFoldersWithOneFileAPose) {
   EXPECT_EQ(names, (std::vector<std::string>{"pose_2", "pose_9", "pose_10", "pose_11", "pose_12", "pose_13"}));
 }
 
-// The order of keys means nothing: what is told by name is taken by it, and all else is refused.
+// The order of the keys of a mapping has no meaning: keys with known names are read by name, and any other mapping is
+// refused.
 TEST_F(PoseSourceTest, MappingsAreReadByTheirKeys) {
   const fs::path file = folder_.path() / "pose_1.json";
   const auto numbers_of = [&](const std::string& json, const PoseFormat& format) {
@@ -217,7 +220,7 @@ TEST_F(PoseSourceTest, MappingsAreReadByTheirKeys) {
   }
 }
 
-// Names of nanoseconds, and files of another kind beside the poses.
+// File names may be time stamps in nanoseconds, and files of another type may lie beside the poses.
 TEST_F(PoseSourceTest, FoldersAsProgramsLeaveThem) {
   Write(folder_.path() / "1690000000123456789.txt", "100 -200 300 10 20 30");
   Write(folder_.path() / "1690000000223456789.txt", "110 -210 310 -15 25 35");

@@ -14,7 +14,7 @@ TEST_P(StackedRowsTest, AddUpToTheProductsOfAllRows) {
   for (int num_columns = 1; num_columns <= StackedRows::kMaxColumns; ++num_columns) {
     StackedRows stacked(num_columns);
     Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(num_columns, num_columns);
-    // Of several sizes, which do not fill what there is room for.
+    // Blocks of several sizes do not fill the buffer exactly.
     for (int i = 0; i < 60; ++i) {
       const Eigen::MatrixXd rows = Eigen::MatrixXd::Random(i % 7, num_columns);
       stacked.Next<Eigen::Dynamic>(rows.rows()) = rows;
@@ -34,7 +34,7 @@ TEST(SmallMatrixTest, SolvesAndInvertsLowerTriangles) {
     const Eigen::MatrixXd lower = full.triangularView<Eigen::Lower>();
     const RowMajorMatrix right = RowMajorMatrix::Random(size, 5);
     RowMajorMatrix solved = right;
-    SolveLowerInPlace(full, &solved);  // What stands above the diagonal is not looked at.
+    SolveLowerInPlace(full, &solved);  // Only the lower triangle is read.
     EXPECT_LT((lower * solved - right).cwiseAbs().maxCoeff(), 1e-12) << size;
   }
   using Matrix6 = Eigen::Matrix<double, 6, 6>;

@@ -27,7 +27,8 @@ double Distance(const JointAngles& a, const JointAngles& b) {
   return distance;
 }
 
-// By hand, from the maker's table: stretched out along -x, and upright.
+// The expected positions were computed by hand from the manufacturer's table: the arm stretched out along -x, and
+// upright.
 TEST(UrKinematicsTest, TheFlangeIsWhereTheTableSays) {
   const UrRobot& ur5e = *FindUrRobot("ur5e");
   const Rigid3d stretched = BaseFromFlange(ur5e, {0, 0, 0, 0, 0, 0});
@@ -55,12 +56,12 @@ TEST_P(UrRobotTest, EveryPostureReachesThePoseAndTheOneItCameFromIsAmongThem) {
       ASSERT_LT(LocalCoordinates(pose, reached).norm(), 1e-9) << i;
       nearest = std::min(nearest, Distance(joints, posture.joints_rad));
     }
-    // Near a singularity much movement of a joint is little of the flange.
+    // Near a singularity a large rotation of a joint moves the flange only little.
     ASSERT_LT(nearest, 1e-4) << i;
     ASSERT_LE(postures->size(), 8U);
     num_postures += static_cast<int>(postures->size());
   }
-  // Most poses have all eight or four.
+  // Most poses have four or eight postures.
   EXPECT_GT(num_postures, 4 * kPoses);
 }
 

@@ -12,13 +12,14 @@
 namespace heba {
 namespace {
 
-// An arm of the table as a URDF: each of its joints turns about z of a frame that the one before it ends in.
+// Returns the URDF of a UR arm with the given Denavit-Hartenberg table. Each joint rotates about the z axis of the
+// frame at the end of the previous joint.
 std::string UrdfOf(const UrRobot& robot, const std::string& extra = "") {
   const double alphas[] = {kPi / 2, 0, 0, kPi / 2, -kPi / 2, 0};
   const double as[] = {0, robot.a2_m, robot.a3_m, 0, 0, 0};
   const double ds[] = {robot.d1_m, 0, 0, robot.d4_m, robot.d5_m, robot.d6_m};
   std::string text = "<robot name=\"arm\"><link name=\"base\"/>\n";
-  // Tz(d) Tx(a) Rx(alpha) of one joint is the origin of the next.
+  // The transform Tz(d) Tx(a) Rx(alpha) of one joint is the origin of the next.
   std::string origin = "0 0 0\" rpy=\"0 0 0";
   std::string parent = "base";
   for (int i = 0; i < 6; ++i) {

@@ -17,7 +17,8 @@
 namespace heba {
 namespace {
 
-// Squares of 10 mm in the chessboard's colours around the origin, and a small square in a corner's white one.
+// Returns a chessboard with squares of 10 mm around the origin and a small square inside a white square next to the
+// origin.
 Drawing TestDrawing() {
   Drawing drawing;
   drawing.min_m = {-0.04, -0.04};
@@ -38,12 +39,12 @@ TEST(CellPatternTest, HasTheDrawingsColours) {
   ASSERT_EQ(pattern.y_m, (std::vector<double>{-0.007, -0.003, 0}));
   EXPECT_EQ(pattern.albedo(0, 0), 0);    // Upper left.
   EXPECT_EQ(pattern.albedo(1, 2), 0.2);  // The small square.
-  EXPECT_EQ(pattern.albedo(2, 2), 1);    // Below it.
+  EXPECT_EQ(pattern.albedo(2, 2), 1);    // Below the small square.
   EXPECT_EQ(pattern.albedo(3, 1), 0);    // Lower right.
   EXPECT_EQ(pattern.albedo(3, 0), 1);    // Lower left.
 }
 
-// The closed form against sums over a fine grid, for maps with shear and perspective's foreshortening.
+// The closed form is compared with sums over a fine grid, for maps with shear and perspective foreshortening.
 TEST(BlurredTest, IsTheGaussianMeanOfTheCells) {
   const CellPattern pattern = CellsOf(TestDrawing(), {-0.02, -0.02}, {0.02, 0.02});
   Eigen::Matrix2d image_by_pattern;
@@ -58,7 +59,7 @@ TEST(BlurredTest, IsTheGaussianMeanOfTheCells) {
       constexpr int kSteps = 300;
       for (int i = -kSteps; i <= kSteps; ++i) {
         for (int j = -kSteps; j <= kSteps; ++j) {
-          const Eigen::Vector2d q(6.0 * i / kSteps, 6.0 * j / kSteps);  // In sigmas.
+          const Eigen::Vector2d q(6.0 * i / kSteps, 6.0 * j / kSteps);  // Unit: sigmas.
           const Eigen::Vector2d p = centre_m + pattern_by_image * (blur_px * q);
           Eigen::Index x = 0;
           Eigen::Index y = 0;
@@ -72,7 +73,7 @@ TEST(BlurredTest, IsTheGaussianMeanOfTheCells) {
       return sum / weights;
     };
     const BlurredAlbedo blurred = Blurred(pattern, at_m, image_by_pattern, kBlurPx);
-    constexpr double kGridError = 2e-3;  // Of the sums: cells end between steps.
+    constexpr double kGridError = 2e-3;  // Error of the sums, because cells end between grid points.
     EXPECT_NEAR(blurred.value, mean(at_m, kBlurPx), kGridError);
     constexpr double kStepM = 2e-7;
     for (int axis = 0; axis < 2; ++axis) {
@@ -97,7 +98,8 @@ struct FitTotals {
   int count = 0;
 };
 
-// Rendered views of the corner at the origin, tilted and turned, from a start that is wrong by up to half a pixel.
+// Fits rendered views of the corner at the origin, which are tilted and rotated, from initial guesses with errors of
+// up to half a pixel.
 FitTotals FitViews(const RenderOptions& options_in, int num_views, double squares_sigma_px = 0) {
   const Drawing drawing = TestDrawing();
   const Camera camera{"pinhole", 120, 100, {900, 900, 59.5, 49.5}};
@@ -161,7 +163,7 @@ TEST(FitPatternTest, FindsACornerWithinItsCovariance) {
   RecordProperty("chi2_per_dof", std::to_string(totals.chi2 / (2 * kViews)));
   EXPECT_LT(std::sqrt(totals.squares_px2 / (2 * kViews)), 0.015);
   EXPECT_LT((totals.sum_px / kViews).norm(), 0.003);
-  // Of 400 numbers: three sigma are 0.21; the rest is for what the model leaves out.
+  // The mean is over 400 numbers: three sigma are 0.21, and the rest allows for errors of the model.
   EXPECT_NEAR(totals.chi2 / (2 * kViews), 1, 0.25);
 }
 
@@ -171,7 +173,7 @@ TEST(FitPatternTest, WithoutNoiseIsRightToThousandths) {
   EXPECT_LT(std::sqrt(totals.squares_px2 / 80), 0.003);
 }
 
-// Whose pixels are black or white, but for the noise: the steps along the edges are the larger error.
+// Apart from the noise the pixels are black or white; the steps along the edges are the larger error.
 TEST(FitPatternTest, StatesTheErrorOfImagesWithoutAntiAliasing) {
   RenderOptions options;
   options.is_point_sampled = true;
@@ -180,12 +182,14 @@ TEST(FitPatternTest, StatesTheErrorOfImagesWithoutAntiAliasing) {
   const FitTotals totals = FitViews(options, kViews);
   EXPECT_EQ(totals.count, kViews);
   EXPECT_LT(std::sqrt(totals.squares_px2 / (2 * kViews)), 0.12);
-  // The steps alternate along an edge, so that their errors are not independent: a factor of two of sigma either way.
+  // The steps alternate along an edge, so their errors are not independent: the stated sigma may be too large by a
+  // factor of 2 or too small by a factor of 1.4.
   EXPECT_GT(totals.chi2 / (2 * kViews), 0.25);
   EXPECT_LT(totals.chi2 / (2 * kViews), 2);
 }
 
-// An edge that cannot bend is placed by all of its pixels: 9/4 of the information on a line's place.
+// If an edge is known to be straight, all of its pixels determine its position: 9/4 of the information on the
+// position of a line.
 TEST(FitPatternTest, GainsByWhatIsKnownOfTheBend) {
   RenderOptions options;
   options.noise_sigma_grey = 2;
@@ -211,7 +215,7 @@ TEST(FitPatternTest, RefusesWhatIsNotThere) {
   cv::theRNG() = cv::RNG(5);
   cv::randu(noise, 0, 256);
   EXPECT_FALSE(FitPattern(noise, pattern, start, {Eigen::Vector2d::Zero()}, options).has_value());
-  // Half out of the picture.
+  // Half of the corner lies outside the image.
   start(0, 2) = 0;
   EXPECT_FALSE(FitPattern(blank, pattern, start, {Eigen::Vector2d::Zero()}, options).has_value());
 }

@@ -1,5 +1,5 @@
-// The kernel of patterns: its columns against differences, for every form of the map and every instruction set, and
-// what it keeps from one place to the next.
+// Tests of the kernel of pattern fits: its Jacobian columns against finite differences, for every form of the map and
+// every instruction set, and the state that it keeps from one evaluation to the next.
 #include "targets/corners/pattern_rows.h"
 
 #include <algorithm>
@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kLeastSquares = std::numeric_limits<double>::infinity();
 
-// Eight by eight cells over the unit square, 15 px each.
+// A pattern of eight by eight cells over the unit square, with 15 px per cell.
 struct Scene {
   CellPattern pattern;
   PatternMap map;
@@ -76,8 +76,8 @@ constexpr MapForm kForms[] = {MapForm::kAffine, MapForm::kQuadratic, MapForm::kL
 
 using PatternRowsTest = EverySimdTest;
 
-// By differences of the residuals, pixel by pixel. The map's terms are taken where the pixel is, not where the line is
-// that blurs into it: per cents of a column.
+// The residuals are differentiated numerically, pixel by pixel. The kernel evaluates the terms of the map at the
+// pixel and not at the line whose blur reaches it, which changes a column by a few per cent.
 TEST_P(PatternRowsTest, ColumnsAreDerivativesOfTheResiduals) {
   for (const MapForm form : kForms) {
     const Scene scene(form);
@@ -106,7 +106,7 @@ TEST_P(PatternRowsTest, ColumnsAreDerivativesOfTheResiduals) {
     const Eigen::VectorXd scale = expected.diagonal().cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd difference = scale.asDiagonal() * (sums.products - expected) * scale.asDiagonal();
     EXPECT_LT(difference.cwiseAbs().maxCoeff(), 0.03) << "form " << static_cast<int>(form);
-    // Of shifts, levels, blur and light they are exact.
+    // The columns of shifts, levels, blur and light are exact.
     for (Eigen::Index k = 0; k < n; ++k) {
       const int param = sought[static_cast<size_t>(k)];
       if (param != 0 && param != 3 && param < kBlack) continue;
@@ -136,7 +136,7 @@ TEST_P(PatternRowsTest, WhatDeviatesCountsLess) {
   EXPECT_NEAR(robust.products(residual, residual), weighted_squares, 1e-9 * weighted_squares);
 }
 
-// The polynomial's columns are those of the map that has it.
+// The additional columns equal those of the map that contains the polynomial.
 TEST_P(PatternRowsTest, AddsThePolynomialsColumns) {
   Scene scene(MapForm::kLens);
   const PatternSums both = scene.SumAt(scene.params, kLeastSquares, true);
@@ -152,7 +152,8 @@ TEST_P(PatternRowsTest, AddsThePolynomialsColumns) {
   }
 }
 
-// What is within reach is looked for again only now and then: the sums are what they would be at first.
+// The lines within reach of a pixel are searched for again only occasionally; the sums must equal those of a new
+// kernel.
 TEST_P(PatternRowsTest, SumsDoNotDependOnWhereTheyWereBefore) {
   for (const MapForm form : kForms) {
     const Scene scene(form);
@@ -167,7 +168,7 @@ TEST_P(PatternRowsTest, SumsDoNotDependOnWhereTheyWereBefore) {
       ASSERT_TRUE(sums.has_value());
       rows.Keep();
       const PatternSums fresh = scene.SumAt(at, kLeastSquares);
-      // A line out of reach has a weight of 6e-5 at most.
+      // A line out of reach has a weight of at most 6e-5.
       EXPECT_NEAR(sums->cost, fresh.cost, 1e-4 * fresh.cost);
       const Eigen::VectorXd scale = fresh.products.diagonal().cwiseSqrt().cwiseInverse();
       const Eigen::MatrixXd difference = scale.asDiagonal() * (sums->products - fresh.products) * scale.asDiagonal();

@@ -1,4 +1,4 @@
-// Grids of saddles: found where boards are, and nothing to go on with where no whole board can be.
+// Tests of grids of saddle points: targets are found, and images that cannot contain a whole target are given up.
 #include "targets/corners/saddle_grid.h"
 
 #include <algorithm>
@@ -22,7 +22,8 @@ const cv::Size kSize(kColumns, kRows);
 
 std::unique_ptr<Target> Board() { return MakeTarget("{type: chessboard, rows: 6, columns: 9, square: 20 mm}"); }
 
-// From the front, turned by `turn_rad`, its middle `aside_px` to the right of the image's.
+// Returns the pose of a slightly tilted target that is rotated by `turn_rad` and whose centre is `aside_px` to the
+// right of the centre of the image.
 Rigid3d BoardPose(double aside_px, double turn_rad) {
   constexpr double kDistanceM = 0.35;
   const Eigen::Quaterniond rotation = ExpRotation({0.3, -0.2, 0}) * ExpRotation({0, 0, turn_rad});
@@ -79,7 +80,7 @@ TEST(SaddleGrid, FindsBoardsHoweverTheyAreTurned) {
   }
 }
 
-// OpenCV's finders take a second for such an image, or minutes: they are not to be asked.
+// OpenCV's finders take a second or even minutes for such an image, so they must not be called.
 TEST(SaddleGrid, GivesUpBoardsThatAreCutOff) {
   const std::unique_ptr<Target> board = Board();
   for (int step = 0; step < 12; ++step) {
@@ -105,7 +106,7 @@ TEST(SaddleGrid, GivesUpImagesOfOtherThings) {
   }
 }
 
-// Spots hide the corners of the last columns: the squares around them tell that the board goes on.
+// Spots hide the corners of the last columns; the squares around them show that the target continues there.
 TEST(SaddleGrid, SaysWhereAnIncompleteBoardGoesOn) {
   const std::unique_ptr<Target> board = Board();
   cv::Mat grey = Render(*board, BoardPose(0, 0));
@@ -127,7 +128,7 @@ TEST(SaddleGrid, SaysWhereAnIncompleteBoardGoesOn) {
   EXPECT_TRUE(grid.may_be_in.contains(pixel_of(kRows - 1, kColumns - 1)));
 }
 
-// The cost of the search grows with the number of saddles; noise, however strong, makes few.
+// The cost of the search grows with the number of saddle points; noise of any strength causes only few.
 TEST(SaddleGrid, NoiseMakesFewSaddles) {
   cv::Mat noise(1000, 1000, CV_8UC1);
   cv::RNG random(27);

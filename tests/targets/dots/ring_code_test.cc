@@ -1,4 +1,4 @@
-// Codes of rings: their numbers, as an independent count has them, and what makes them codes.
+// Tests of ring codes: their numbers against an independent count, and the properties that make them codes.
 #include "targets/dots/ring_code.h"
 
 #include <algorithm>
@@ -13,18 +13,20 @@ namespace {
 
 struct Counts {
   int bits;
-  size_t all;  // Plain rings left out.
-  // Sets made greedily by increasing value, each from nothing.
+  size_t all;  // Number of all codes without plain rings.
+  // Sizes of sets that are built greedily by increasing value, each from the empty set.
   size_t distance_2;
   size_t distance_3;
   size_t distance_4;
-  // Of the list by separation: codes up to the last at distance 4, 3 and 2.
+  // Numbers of leading codes in the list by separation that are at least 4 and at least 3 apart, the size of that
+  // list, and the size of the list by value.
   size_t first_4;
   size_t first_3;
   size_t separation;
   size_t value;
 };
-// The sizes of the greedy sets and of the list by value are known: Petroff's sheets (2018) have 516 codes of 14 bits.
+// The sizes of the greedy sets and of the list by value are published: Petroff's sheets (2018) have 516 codes of 14
+// bits.
 constexpr Counts kCounts[] = {{8, 34, 16, 5, 2, 2, 4, 9, 13},
                               {10, 106, 52, 8, 6, 6, 8, 33, 42},
                               {12, 350, 172, 18, 10, 10, 19, 89, 147},
@@ -77,7 +79,8 @@ TEST(RingCode, IsTheSmallestRotationAndUnique) {
   }
 }
 
-// Even parity and opposite sectors, by increasing value: the first code of 14 bits is 0b10000001.
+// The codes have even parity and at least one pair of opposite sectors, and are sorted by value. The first code of 14
+// bits is 0b10000001.
 TEST(RingCode, ByValueIsThePatentsList) {
   for (const Counts& counts : kCounts) {
     const std::vector<uint32_t> codes = RingCodes(counts.bits, RingCodeOrder::kValue);

@@ -22,7 +22,7 @@ double LargestDifference(const cv::Mat& a, const cv::Mat& b) {
   return a.size() == b.size() && a.type() == b.type() ? cv::norm(a, b, cv::NORM_INF) : 1e9;
 }
 
-// First: the library is loaded by whichever of the threads comes first.
+// This test runs first, so that the library is loaded by whichever thread is the first.
 TEST(ImageCodecsTest, ServesSeveralThreadsFromTheStart) {
   std::vector<std::future<double>> differences;
   for (int i = 0; i < 8; ++i) {

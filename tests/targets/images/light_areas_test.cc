@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kThreshold = 128;
 
-// Blots of all sizes, with holes, and specks.
+// Returns an image with blots of all sizes, with holes, and with specks.
 cv::Mat Blots(uint64_t seed, int width, int height) {
   Rng rng(seed, 0);
   cv::Mat grey(height, width, CV_8UC1, cv::Scalar(40));
@@ -28,12 +28,12 @@ cv::Mat Blots(uint64_t seed, int width, int height) {
   return grey;
 }
 
-using Area = std::tuple<int, int, int, int, int>;  // Box and number of pixels.
+using Area = std::tuple<int, int, int, int, int>;  // Bounding box and number of pixels.
 
 TEST(LightAreasTest, AreTheConnectedComponents) {
   constexpr int kMinSide = 2;
   constexpr int kMaxSide = 40;
-  // Widths that fill words of 64 pixels and that do not.
+  // The widths fill words of 64 pixels exactly or in part.
   for (const int width : {64, 127, 128, 200}) {
     const cv::Mat grey = Blots(static_cast<uint64_t>(width), width, 400);
     cv::Mat labels;

@@ -20,7 +20,7 @@ namespace {
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-constexpr double kUnitsPerGrey = 257;  // Of 16 bit pictures.
+constexpr double kUnitsPerGrey = 257;  // Units of a 16-bit image per grey level.
 
 Eigen::Matrix3d Rotation(double x_rad, double y_rad, double z_rad) {
   return (Eigen::AngleAxisd(x_rad, Eigen::Vector3d::UnitX()) * Eigen::AngleAxisd(y_rad, Eigen::Vector3d::UnitY()) *
@@ -28,7 +28,7 @@ Eigen::Matrix3d Rotation(double x_rad, double y_rad, double z_rad) {
       .toRotationMatrix();
 }
 
-// 1 mm of the target at 1 m is 1 px; the optical axis is pixel (100, 75).
+// Returns a camera in which 1 mm at a distance of 1 m is 1 px, with the principal point (100, 75).
 Camera PinholeCamera() { return {"pinhole", 200, 150, {1000, 1000, 100, 75}}; }
 
 Drawing WhiteSheet(double half_width_m, double half_height_m) {
@@ -51,13 +51,15 @@ bool SameBytes(const cv::Mat& a, const cv::Mat& b) {
   return a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0;
 }
 
-// The integral of the Gaussian's distribution function.
+// Returns the integral from minus infinity to `s` of the cumulative distribution function of a Gaussian with standard
+// deviation `sigma`.
 double SecondIntegral(double s, double sigma) {
   if (sigma == 0) return std::max(0.0, s);
   const double z = s / sigma;
   return s * 0.5 * std::erfc(-z / std::sqrt(2.0)) + sigma * std::exp(-0.5 * z * z) / std::sqrt(2 * kPi);
 }
-// The share of a pixel's kernel (box and Gaussian) to the left of a straight upright edge `s` right of its centre.
+// Returns the share of a pixel's kernel (box and Gaussian) to the left of a straight vertical edge that is `s` px to
+// the right of the centre of the pixel.
 double KernelShare(double s, double sigma) { return SecondIntegral(s + 0.5, sigma) - SecondIntegral(s - 0.5, sigma); }
 
 TEST(RenderView, DiscsCentroidAndAreaAreExact) {
@@ -75,7 +77,8 @@ TEST(RenderView, DiscsCentroidAndAreaAreExact) {
         }
       }
       const Eigen::Vector2d error_px = sum.head<2>() / sum.z() - Eigen::Vector2d(100, 75) - offset_mm;
-      // 8e-5 px from a blur of 0.3 px on; no blur counts as 0.02 px, at which quadrature leaves 5e-4 px.
+      // The error is 8e-5 px for a blur of 0.3 px or more. Zero blur is rendered as 0.02 px, for which the quadrature
+      // has an error of 5e-4 px.
       constexpr double kTolerancePx = 0.001;
       EXPECT_LT(error_px.norm(), kTolerancePx) << "blur of " << sigma_px << " px";
       const double radius_px = std::sqrt(sum.z() / kPi);
@@ -84,7 +87,7 @@ TEST(RenderView, DiscsCentroidAndAreaAreExact) {
   }
 }
 
-// Edges along rows and columns, where a picture made from samples is at its worst.
+// Edges along rows and columns are the worst case for images that are made from samples.
 TEST(RenderView, StraightEdgeHasTheProfileOfBoxAndBlur) {
   const Camera camera = PinholeCamera();
   for (const double sigma_px : {0.02, 0.1, 0.4, 0.7, 1.5, 6.0}) {
@@ -98,7 +101,7 @@ TEST(RenderView, StraightEdgeHasTheProfileOfBoxAndBlur) {
       const cv::Mat level = RenderView(turned, camera, camera_from_target, Deep(sigma_px));
       for (int i = -40; i <= 40; ++i) {
         const double expected = 220 - 190 * KernelShare(edge_px - 100 - i, sigma_px);
-        constexpr double kToleranceGrey = 0.02;  // A hundredth of a percent of the contrast, and rounding.
+        constexpr double kToleranceGrey = 0.02;  // 0.01 % of the contrast, and rounding.
         EXPECT_NEAR(Grey(upright, 100 + i, 60), expected, kToleranceGrey) << edge_px << " " << sigma_px << " " << i;
         EXPECT_NEAR(Grey(level, 60, 75 + i), expected, kToleranceGrey) << edge_px << " " << sigma_px << " " << i;
       }
@@ -111,13 +114,13 @@ TEST(RenderView, NoBlurIsTheShareOfThePixelsBox) {
   drawing.AddRectangle(-0.3, -0.3, 0.00025, 0.3, 0);
   const cv::Mat picture =
       RenderView(drawing, PinholeCamera(), Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 1}), Deep(0));
-  constexpr double kToleranceGrey = 1.0;  // No blur counts as 0.02 px.
+  constexpr double kToleranceGrey = 1.0;  // Zero blur is rendered as 0.02 px.
   EXPECT_NEAR(Grey(picture, 99, 60), 30, kToleranceGrey);
   EXPECT_NEAR(Grey(picture, 100, 60), 220 - 190 * 0.75, kToleranceGrey);
   EXPECT_NEAR(Grey(picture, 101, 60), 220, kToleranceGrey);
 }
 
-// What the scene of `drawing` (rectangles and discs) shows along a ray: painted in order.
+// Returns the albedo that `drawing` (rectangles and discs, painted in order) shows along a ray.
 double AlbedoOfRay(const Drawing& drawing, const Rigid3d& camera_from_target, const Eigen::Vector3d& ray_in_camera,
                    double background) {
   const Rigid3d target_from_camera = Inverse(camera_from_target);
@@ -138,14 +141,14 @@ double AlbedoOfRay(const Drawing& drawing, const Rigid3d& camera_from_target, co
   return albedo;
 }
 
-// Many rays a pixel, each weighed with the Gaussian.
+// Renders the reference image from many rays per pixel, each weighted by the Gaussian.
 cv::Mat BruteForce(const Drawing& drawing, const Camera& camera, const Rigid3d& camera_from_target,
                    const RenderOptions& options) {
-  constexpr int kRays = 64;  // A pixel's side.
+  constexpr int kRays = 64;  // Per side of a pixel.
   const int margin_px = static_cast<int>(std::ceil(4 * options.blur_sigma_px + 0.5));
   const int columns = (camera.width_px + 2 * margin_px) * kRays;
   const int rows = (camera.height_px + 2 * margin_px) * kRays;
-  // Looked up on a lattice and interpolated in between: that is off by less than 1e-3 px.
+  // Rays are computed on a lattice and interpolated in between, which causes errors of less than 1e-3 px.
   constexpr int kRaysAStep = 8;
   const int lattice_columns = columns / kRaysAStep + 1;
   std::vector<Eigen::Vector3d> lattice;
@@ -164,7 +167,7 @@ cv::Mat BruteForce(const Drawing& drawing, const Camera& camera, const Rigid3d& 
     return (1 - y) * ((1 - x) * upper[0] + x * upper[1]) + y * ((1 - x) * lower[0] + x * lower[1]);
   };
   const auto place_px = [&](int ray) { return (ray + 0.5) / kRays - 0.5 - margin_px; };
-  // The kernel of pixel i, at all rays of a row: box and Gaussian.
+  // Returns the kernel of pixel i (box and Gaussian) at all rays of a row.
   const auto weights = [&](int i, int num_rays) {
     std::vector<double> of_rays(num_rays);
     const double root = options.blur_sigma_px * std::sqrt(2.0);
@@ -194,14 +197,14 @@ cv::Mat BruteForce(const Drawing& drawing, const Camera& camera, const Rigid3d& 
   return options.black_grey + (options.white_grey - options.black_grey) * picture;
 }
 
-// Shapes that cover each other, share outlines and cross the sheet's edge.
+// Returns shapes that cover each other, share outlines and cross the border of the sheet.
 Drawing Tangle(bool y_up) {
   Drawing drawing = WhiteSheet(0.05, 0.04);
   drawing.y_up = y_up;
   drawing.AddRectangle(-0.03, -0.03, 0.01, 0.01, 0);
   drawing.AddRectangle(-0.025, -0.025, -0.015, -0.015, 1);
   drawing.AddRectangle(-0.015, -0.025, -0.005, -0.015, 1);
-  drawing.AddRectangle(-0.005, -0.015, 0.01, 0.005, 1);  // Shares an outline with the first.
+  drawing.AddRectangle(-0.005, -0.015, 0.01, 0.005, 1);  // Shares an outline with the first rectangle.
   drawing.AddRectangle(0.01, -0.03, 0.02, 0.01, 0);
   drawing.AddDisc({0.02, 0.015}, 0.015, 0);
   drawing.AddDisc({0.02, 0.015}, 0.01, 1);
@@ -259,14 +262,15 @@ TEST_P(RenderAccuracyTest, AgreesWithManyWeighedRaysAPixel) {
     }
   }
   RecordProperty("worst_grey", std::to_string(worst));
-  // What 64 x 64 rays a pixel leave open, of a contrast of 190 (0.05 with four times as many).
+  // The error of the reference with 64 x 64 rays per pixel at a contrast of 190 (0.05 with four times as many).
   constexpr double kToleranceGrey = 0.15;
   EXPECT_LT(worst, kToleranceGrey);
 }
 INSTANTIATE_TEST_SUITE_P(RenderView, RenderAccuracyTest, testing::Range(size_t{0}, Scenes().size()),
                          [](const auto& param_info) { return std::string(Scenes()[param_info.param].name); });
 
-// One picture in 49: the rows' sums run over all edges at their left, in and out of the picture.
+// An image is rendered as a whole and in 49 parts: the running sum along a row includes all edges to its left, inside
+// and outside the part.
 TEST(RenderView, PartsOfAImageAreTheImagesOfItsParts) {
   const Drawing drawing = Tangle(false);
   const Rigid3d camera_from_target(Rotation(0.3, -0.4, 0.2), {0.001, 0.002, 0.12});
@@ -280,7 +284,7 @@ TEST(RenderView, PartsOfAImageAreTheImagesOfItsParts) {
       part.params[2] -= 20 * column;
       part.params[3] -= 15 * row;
       const cv::Mat picture = RenderView(drawing, part, camera_from_target, Deep(0.7));
-      // One unit of rounding, and another for other steps along the edges.
+      // One unit of rounding, and one for different steps along the edges.
       EXPECT_LE(cv::norm(picture, whole(cv::Rect(20 * column, 15 * row, 20, 15)), cv::NORM_INF), 2);
     }
   }
@@ -288,7 +292,7 @@ TEST(RenderView, PartsOfAImageAreTheImagesOfItsParts) {
 
 TEST(RenderView, SharedOutlinesLeaveNoSeam) {
   Drawing drawing = WhiteSheet(0.05, 0.05);
-  // A checker of one ink, in sums that do not round alike.
+  // The squares of a checker pattern have the same albedo, and the sums that define their edges round differently.
   for (int i = 0; i < 10; ++i) {
     for (int j = 0; j < 10; ++j) {
       drawing.AddRectangle(-0.04 + i * 0.008, -0.04 + j * 0.008, -0.04 + (i + 1) * 0.008, 0.04 - (9 - j) * 0.008, 0);
@@ -300,8 +304,8 @@ TEST(RenderView, SharedOutlinesLeaveNoSeam) {
   }
 }
 
-// Shapes across the sheet's border, whose numbers no binary fraction meets: each piece of the border has on either side
-// what it says.
+// Shapes cross the border of the sheet at coordinates that are not binary fractions. The albedo on either side of
+// each piece of the border is the stated one.
 TEST(DrawingEdgesTest, TheSheetsBorderIsCutByWhatCrossesIt) {
   for (int count = 1; count <= 24; ++count) {
     Drawing drawing;
@@ -334,7 +338,7 @@ TEST(RenderView, BoardBehindTheCameraOrBesideTheImageIsNotSeen) {
   RenderOptions options;
   options.background_albedo = 0.4;
   constexpr int kBackgroundGrey = 106;  // 30 + 0.4 * 190.
-  // The last one stands where a distortion that folds back would show it.
+  // A distortion that folds back would show the last position in the image.
   for (const Eigen::Vector3d& at :
        {Eigen::Vector3d(0, 0, -0.1), Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0.4, 0, 0.1),
         Eigen::Vector3d(0, -0.5, 0.1), Eigen::Vector3d(0.6, 0, 0.25)}) {
@@ -359,7 +363,8 @@ TEST(RenderView, BackOfTheBoardIsPlainGrey) {
 }
 
 TEST(RenderView, BeyondTheFoldOfADistortionIsBackground) {
-  // x (1 - 0.3 x^2) turns back at x = 1.054, 422 px from the middle of a picture that goes on to 640.
+  // The distorted radius x (1 - 0.3 x^2) has its maximum at x = 1.054, which is 422 px from the centre of an image
+  // that extends to 640 px.
   const Camera camera{"brown5", 1280, 400, {600, 600, 640, 200, -0.3, 0, 0, 0, 0}};
   const cv::Mat picture =
       RenderView(WhiteSheet(1, 1), camera, Rigid3d(Rotation(0.1, 0.1, 0), {0, 0, 0.2}), RenderOptions());
@@ -400,7 +405,8 @@ TEST(RenderView, NoiseHasTheLevelAskedFor) {
     cv::Scalar mean;
     cv::Scalar stddev;
     cv::meanStdDev(picture, mean, stddev);
-    // Rounding adds a twelfth of a grey level squared. 30000 pixels: five standard deviations (1 false alarm in 10^6).
+    // Rounding adds a variance of 1/12 grey level squared. The tolerance is five standard deviations for 30000 pixels
+    // (one false alarm in 10^6).
     const double expected = std::sqrt(sigma_grey * sigma_grey + 1.0 / 12);
     EXPECT_NEAR(stddev[0], expected, 5 * expected / std::sqrt(2 * 30000.0));
     EXPECT_NEAR(mean[0], 220, 5 * expected / std::sqrt(30000.0));

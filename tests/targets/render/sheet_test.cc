@@ -22,7 +22,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::StartsWith;
 
-// Two discs on a sheet of 60.5 x 41 mm, whose points are their centres.
+// Returns a target with two discs on a sheet of 60.5 x 41 mm, whose points are the centres of the discs.
 FakeTarget TwoDiscs() {
   FakeTarget target;
   target.drawing.min_m = {-0.0102, -0.0101};
@@ -33,7 +33,7 @@ FakeTarget TwoDiscs() {
   return target;
 }
 
-// The centroid of the ink (or of the paper, on a black ground) around a pixel.
+// Returns the centroid, px, of the ink around a pixel (or of the paper on a black ground).
 Eigen::Vector2d Centroid(const cv::Mat& picture, const Eigen::Vector2d& around_px, int reach_px) {
   const int x0 = static_cast<int>(std::lround(around_px.x()));
   const int y0 = static_cast<int>(std::lround(around_px.y()));
@@ -49,7 +49,7 @@ Eigen::Vector2d Centroid(const cv::Mat& picture, const Eigen::Vector2d& around_p
 
 class SheetPngTest : public testing::TestWithParam<bool> {};
 
-// Both senses of y: the page is measured down from the top in both.
+// The target's y axis points down or up; on the page y is measured down from the top in both cases.
 TEST_P(SheetPngTest, DiscsAreWhereTheJsonSaysAtAnyResolution) {
   const TempFolder folder;
   FakeTarget target = TwoDiscs();
@@ -69,7 +69,7 @@ TEST_P(SheetPngTest, DiscsAreWhereTheJsonSaysAtAnyResolution) {
       const Eigen::Vector2d expected_px = (page_mm * dpi / 25.4).array() - 0.5;
       const int reach_px = static_cast<int>(4.5 * dpi / 25.4);
       const Eigen::Vector2d found_px = Centroid(picture, expected_px, reach_px);
-      constexpr double kTolerancePx = 0.02;  // 1.7 um at 300 dpi: Cairo's anti-aliasing.
+      constexpr double kTolerancePx = 0.02;  // 1.7 um at 300 dpi, due to Cairo's anti-aliasing.
       EXPECT_LT((found_px - expected_px).norm(), kTolerancePx) << found_px.transpose() << " at " << dpi << " dpi";
     }
   }
@@ -85,7 +85,7 @@ TEST(Sheet, YUpDrawingsAreTurnedOver) {
   EXPECT_LT(down.points[0].page_mm.y(), down.points[1].page_mm.y());
   EXPECT_GT(up.points[0].page_mm.y(), up.points[1].page_mm.y());
   EXPECT_DOUBLE_EQ(down.points[0].page_mm.x(), up.points[0].page_mm.x());
-  // 5 mm of margin, and 10.1 mm or 30.9 mm above the origin.
+  // The margin is 5 mm, and the sheet extends 10.1 mm or 30.9 mm above the origin.
   EXPECT_NEAR(down.points[0].page_mm.y(), 15.1, 1e-9);
   EXPECT_NEAR(up.points[0].page_mm.y(), 35.9, 1e-9);
 }
@@ -111,7 +111,7 @@ TEST(Sheet, NeighboursOfOneAlbedoShowNoSeam) {
   const TempFolder folder;
   FakeTarget target = TwoDiscs();
   target.drawing.shapes.clear();
-  // Edges off the pixel lattice, in both senses.
+  // The edges are off the pixel grid, and the corners are given in either order.
   target.drawing.AddRectangle(0.0012345, 0, 0.0112345, 0.01, 0);
   target.drawing.AddRectangle(0.0212345, 0, 0.0112345, 0.01, 0);
   const Sheet sheet = MakeSheet(target);
@@ -124,7 +124,7 @@ TEST(Sheet, NeighboursOfOneAlbedoShowNoSeam) {
   }
 }
 
-// A short one would not tell a print at 99 %.
+// A short ruler would not reveal a print at 99 % of its size.
 TEST(Sheet, RulerIsLongOnSmallSheetsToo) {
   FakeTarget target;
   for (const double width_m : {0.2, 0.03}) {
@@ -141,7 +141,7 @@ TEST(Sheet, RulerOfThePngIsTrueToScale) {
   ASSERT_EQ(sheet.ruler_mm, 100);
   WriteSheet(sheet, folder / "sheet.png");
   const cv::Mat picture = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
-  // The longest ticks are those of full centimetres: look at a row that only they reach.
+  // The longest ticks are those of full centimetres: this row is reached only by them.
   const int row = static_cast<int>((sheet.page_mm.y() - sheet.strip_mm + 4.7) * 300 / 25.4);
   std::vector<double> ticks_px;
   double weight = 0;
@@ -156,7 +156,7 @@ TEST(Sheet, RulerOfThePngIsTrueToScale) {
     sum += ink * x;
   }
   ASSERT_EQ(ticks_px.size(), 11U);
-  constexpr double kTolerancePx = 0.05;  // Of thin lines, anti-aliased in 8 bits.
+  constexpr double kTolerancePx = 0.05;  // Accuracy of thin lines, anti-aliased with 8 bits.
   EXPECT_NEAR(ticks_px.back() - ticks_px.front(), 100 * 300 / 25.4, kTolerancePx);
 }
 
@@ -166,7 +166,7 @@ TEST(Sheet, PngSaysItsResolution) {
   const std::string bytes = ReadTextFile(folder / "sheet.png");
   const size_t found = bytes.find("pHYs");
   ASSERT_NE(found, std::string::npos);
-  // 300 dpi are 11811 (0x2e23) pixels a metre; then the unit, and the check sum as libpng computes it.
+  // 300 dpi are 11811 (0x2e23) pixels per metre; the unit and the checksum as computed by libpng follow.
   EXPECT_EQ(bytes.substr(found - 4, 21), std::string("\0\0\0\x09pHYs\0\0\x2e\x23\0\0\x2e\x23\x01\x78\xa5\x3f\x76", 21));
 }
 
@@ -175,7 +175,8 @@ TEST(Sheet, SvgHasThePagesSizeInMillimetres) {
   WriteSheet(MakeSheet(TwoDiscs()), folder / "sheet.svg");
   const std::string svg = ReadTextFile(folder / "sheet.svg");
   EXPECT_THAT(svg, StartsWith("<?xml"));
-  // 60.5 mm + 2 * 5 mm; 41 mm + 2 * 5 mm + 14 mm.
+  // The size is 60.5 mm + 2 * 5 mm by 41 mm + 2 * 5 mm + 14 mm; the width is that of the ruler with its margins, 110
+  // mm.
   EXPECT_THAT(svg, HasSubstr("width=\"110mm\" height=\"65mm\" viewBox=\"0 0 11000 6500\""));
   EXPECT_THAT(svg, HasSubstr("</svg>"));
 }
@@ -192,7 +193,7 @@ TEST(Sheet, PdfHasThePagesSizeInPoints) {
   ASSERT_EQ(std::sscanf(pdf.c_str() + found, "/MediaBox [ %lf %lf %lf %lf ]", &box[0], &box[1], &box[2], &box[3]), 4);
   EXPECT_EQ(box[0], 0);
   EXPECT_EQ(box[1], 0);
-  constexpr double kTolerancePt = 0.001;  // Digits that Cairo prints.
+  constexpr double kTolerancePt = 0.001;  // Resolution of the digits that Cairo prints.
   EXPECT_NEAR(box[2], sheet.page_mm.x() * 72 / 25.4, kTolerancePt);
   EXPECT_NEAR(box[3], sheet.page_mm.y() * 72 / 25.4, kTolerancePt);
 }

@@ -18,7 +18,7 @@ constexpr int kWidthPx = 1200;
 constexpr int kHeightPx = 900;
 const Camera kCamera{"pinhole", kWidthPx, kHeightPx, {1200, 1200, 599.5, 449.5}};
 
-// The middle of the sheet on the optical axis.
+// Returns the pose of a sheet whose centre lies on the optical axis.
 Rigid3d PoseOf(const Drawing& drawing, double distance_m, double tilt_rad) {
   const Eigen::Quaterniond turn(Eigen::AngleAxisd(tilt_rad, Eigen::Vector3d(0.6, 0.8, 0)) *
                                 Eigen::AngleAxisd(kPi, Eigen::Vector3d::UnitX()));
@@ -46,7 +46,7 @@ TagPlaceOptions OptionsOf(int decimate) {
   return options;
 }
 
-// All points of a board of tags, however small, tilted and noisy, are in the places.
+// All points of a target with tags lie in the returned regions, even if the tags are small, tilted and noisy.
 TEST(TagPlacesTest, HoldEveryTag) {
   const std::unique_ptr<Target> target = MakeTarget(
       "{type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 24 mm, tag_spacing: 0.3, "
@@ -82,12 +82,12 @@ TEST(TagPlacesTest, LeaveNoiseAndSolidShapesOut) {
           << noise_grey << " grey levels, every " << decimate << "th pixel";
     }
   }
-  // A square without cells, and a ring, which is no quadrilateral.
+  // Neither a square without cells nor a ring, which is not a quad, is returned.
   cv::Mat shapes(kHeightPx, kWidthPx, CV_8UC1, cv::Scalar(200));
   cv::rectangle(shapes, {100, 100, 150, 150}, cv::Scalar(40), cv::FILLED);
   cv::circle(shapes, {600, 300}, 90, cv::Scalar(40), 20);
   EXPECT_TRUE(FindTagPlaces(shapes, OptionsOf(1), nullptr).empty());
-  // With cells it is a place, and again one for light regions if it is light.
+  // A square with cells is returned, and so is its negative if light regions are searched for.
   cv::rectangle(shapes, {150, 150, 40, 50}, cv::Scalar(200), cv::FILLED);
   EXPECT_EQ(FindTagPlaces(shapes, OptionsOf(1), nullptr).size(), 1U);
   TagPlaceOptions light = OptionsOf(1);
@@ -103,7 +103,7 @@ TEST(TagPlacesTest, LargeRegionsAreSearchedOnce) {
   EXPECT_EQ(FindTagPlaces(grey, OptionsOf(4), &searched).size(), 1U);
   ASSERT_FALSE(searched.empty());
   EXPECT_GT(searched.front().width, 200);
-  // Only cells within the tag are left.
+  // Only cells within the tag remain.
   const double share = AreaShare(FindTagPlaces(grey, OptionsOf(2), nullptr), grey);
   EXPECT_GT(share, 0.05);
   EXPECT_LT(AreaShare(FindTagPlaces(grey, OptionsOf(2), &searched), grey), 0.5 * share);

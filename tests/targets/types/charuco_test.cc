@@ -1,4 +1,4 @@
-// ChArUco boards: their frame, drawn boards and pictures that others took.
+// Tests of ChArUco targets: their frame, rendered images and images recorded by others.
 #include <cmath>
 #include <filesystem>
 
@@ -26,14 +26,14 @@ std::unique_ptr<Target> MakeBoard(int rows, int columns, const std::string& more
 
 class CharucoTest : public testing::TestWithParam<std::string> {};
 
-// Both layouts, markers that leave room for a saddle and markers that do not.
+// Both layouts are tested, with markers that leave room for a saddle point and with markers that do not.
 TEST_P(CharucoTest, DrawnBoardsAreFoundWhereTheyAre) {
   const std::unique_ptr<Target> target = MakeBoard(6, 8, GetParam());
   const int num_views = 3;
   const DetectionErrors errors = DetectRendered(*target, num_views, 0.9, /*seed=*/31);
   EXPECT_EQ(errors.num_found, num_views * target->points().size());
   EXPECT_EQ(errors.num_unknown_ids, 0U);
-  // Noise of 2 grey levels gives about 0.01 px; the rest is the lens between neighbouring corners.
+  // Noise of 2 grey levels causes about 0.01 px; the rest is lens distortion between neighbouring corners.
   EXPECT_LT(errors.BiasPx(), 0.02);
   EXPECT_LT(errors.RmsPx(), 0.05);
 }
@@ -45,7 +45,8 @@ INSTANTIATE_TEST_SUITE_P(All, CharucoTest,
                                          "marker: 30 mm, dictionary: DICT_APRILTAG_36h11, first_marker: 40",
                                          "marker: 36 mm, dictionary: DICT_ARUCO_ORIGINAL, legacy_pattern: true"));
 
-// OpenCV's from 4.7 on: from the top left, the first inner corner one square in.
+// The frame is that of OpenCV since 4.7: the origin is at the top left, and the first inner corner is one square
+// inside.
 TEST(Charuco, CornersCountFromTheTopLeft) {
   const std::unique_ptr<Target> target = MakeBoard(4, 5, "marker: 30 mm, dictionary: DICT_4X4_50");
   ASSERT_EQ(target->points().size(), 12U);
@@ -68,21 +69,23 @@ TEST(Charuco, RejectsWhatCannotBe) {
               HasSubstr("smaller than the square"));
 }
 
-// The bounds of the number and of the RMS, which shows wrong and poor corners, lie a fifth above what was measured.
+// The number of corners and the RMS, which reveals wrong and inaccurate corners, are bounded with a margin; that of
+// the RMS is a fifth of the measured value.
 TEST(Charuco, FindsRecordedBoardsWithRoomAroundMarkers) {
   const std::filesystem::path folder = DataDir() / "ic_charuco_eye_to_hand" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const std::unique_ptr<Target> target = MakeTarget(
       "{type: charuco, rows: 7, columns: 5, square: 36.195 mm, marker: 18.256 mm, dictionary: DICT_6X6_250}");
   const RecordedBoards found = DetectRecorded(*target, folder);
-  EXPECT_GE(found.num_points, 360U);  // Of 384.
-  EXPECT_LT(found.rms_px, 0.6);       // The pictures are interlaced.
+  EXPECT_GE(found.num_points, 360U);  // 384 corners in total.
+  EXPECT_LT(found.rms_px, 0.6);       // The images are interlaced.
 }
 
 TEST(Charuco, FindsRecordedBoardsWithoutRoomAroundMarkers) {
   const std::filesystem::path folder = DataDir() / "ardootala_ur_charuco" / "images";
   HEBA_SKIP_WITHOUT(folder);
-  // Its README has legacy_pattern: the pictures show a black square in the board's first corner.
+  // The README of the set states legacy_pattern, but the images show a black square in the first corner of the
+  // target.
   const std::unique_ptr<Target> target =
       MakeTarget("{type: charuco, rows: 6, columns: 9, square: 40 mm, marker: 35 mm, dictionary: DICT_4X4_250}");
   const RecordedBoards found = DetectRecorded(*target, folder);
@@ -90,8 +93,8 @@ TEST(Charuco, FindsRecordedBoardsWithoutRoomAroundMarkers) {
   EXPECT_LT(found.rms_px, 0.16);
 }
 
-// Read with the wrong layout markers agree, a square aside; but what lies outside of the board does not pass for its
-// corners.
+// If the wrong layout is assumed, the markers are consistent but shifted by one square. Positions outside the target
+// are not accepted as corners.
 TEST(Charuco, WrongLayoutLeavesOutWhatIsNotOnTheBoard) {
   const std::string markers = "marker: 35 mm, dictionary: DICT_4X4_50";
   const std::unique_ptr<Target> printed = MakeBoard(6, 9, markers);
@@ -104,7 +107,7 @@ TEST(Charuco, WrongLayoutLeavesOutWhatIsNotOnTheBoard) {
   EXPECT_THAT(detection.reason, HasSubstr("5 of 40 corners not seen"));
 }
 
-// A hand hides corners: those that it leaves are found.
+// A hand hides some corners; the visible ones are found.
 TEST(Charuco, FindsWhatAHandLeaves) {
   const std::filesystem::path folder = DataDir() / "detect_misc_targets" / "images";
   HEBA_SKIP_WITHOUT(folder);
@@ -117,13 +120,13 @@ TEST(Charuco, FindsWhatAHandLeaves) {
   for (const int visible : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 18, 19}) {
     EXPECT_THAT(part.ids, testing::Contains(visible));
   }
-  // None is reported on the hand.
+  // No corner is reported on the hand.
   for (const int hidden : {16, 20, 22}) EXPECT_THAT(part.ids, testing::Not(testing::Contains(hidden)));
   EXPECT_THAT(part.reason, HasSubstr("not seen"));
   EXPECT_THAT(target->Detect(ReadGreyImage(folder / "ic_charuco_one_corner.jpg")).ids, testing::ElementsAre(20));
 }
 
-// A camera of 640 x 480; a homography fits up to its lens.
+// The image has 640 x 480 px; a homography fits up to the lens distortion.
 TEST(Charuco, FindsARecordedSmallBoard) {
   const std::filesystem::path picture =
       DataDir() / "detect_misc_targets" / "images" / "moveit_test_charuco_board_detection.jpg";
@@ -142,13 +145,13 @@ TEST(Charuco, FindsARecordedSmallBoard) {
   std::vector<cv::Point2d> fitted;
   cv::perspectiveTransform(board, fitted, cv::findHomography(board, found));
   EXPECT_LT(cv::norm(fitted, found, cv::NORM_L2) / std::sqrt(24.0), 0.3);  // px
-  // Its markers are 13 mm. With another size the message says where to look.
+  // The markers are 13 mm wide. If the size is wrong, the message says that they do not look as drawn.
   const std::unique_ptr<Target> wrong =
       MakeTarget("{type: charuco, rows: 7, columns: 5, square: 20 mm, marker: 15 mm, dictionary: DICT_5X5_250}");
   EXPECT_THAT(wrong->Detect(ReadGreyImage(picture)).reason, HasSubstr("do not look as drawn"));
 }
 
-// Other boards and single markers, of other families and dictionaries.
+// The images show other targets and single markers, of other families and dictionaries.
 TEST(Charuco, FindsNothingOnOtherTargets) {
   const std::filesystem::path folder = DataDir() / "detect_misc_targets" / "images";
   HEBA_SKIP_WITHOUT(folder);

@@ -1,4 +1,4 @@
-// Chessboards: the orders they can be read in, drawn boards and pictures that others took.
+// Tests of chessboards: the orders in which they can be read, rendered images and images recorded by others.
 #include <algorithm>
 #include <set>
 
@@ -30,7 +30,7 @@ std::unique_ptr<Target> MakeBoard(int rows, int columns) {
 struct BoardSize {
   int rows;
   int columns;
-  size_t num_orders;  // In which it can be read without a change of colours.
+  size_t num_orders;  // Number of orders that leave the colours unchanged.
 };
 const std::vector<BoardSize> kBoards = {{5, 8, 1}, {6, 8, 2}, {5, 7, 2}, {6, 6, 4}, {5, 5, 2}, {3, 4, 1}};
 
@@ -40,7 +40,7 @@ TEST(Chessboard, SymmetriesKeepColours) {
     const std::vector<Rigid3d> symmetries = target->Symmetries();
     EXPECT_EQ(symmetries.size(), size.num_orders) << size.rows << " x " << size.columns;
     EXPECT_THAT(symmetries.front(), IsNearPose(Rigid3d(), 0.0, 0.0));
-    // A black square stays black: its middle moves to the middle of one on the same diagonals.
+    // A black square stays black: its centre moves to the centre of a square on the same diagonals.
     for (const Rigid3d& symmetry : symmetries) {
       const Eigen::Vector3d moved = symmetry * Eigen::Vector3d(-0.01, -0.01, 0) / 0.02;
       EXPECT_EQ((std::lround(moved.x() - 0.5) + std::lround(moved.y() - 0.5)) % 2, 0);
@@ -55,14 +55,15 @@ TEST(Chessboard, DrawnBoardsAreFoundWhereTheyAre) {
     const DetectionErrors errors = DetectRendered(*target, num_views, 0.8, /*seed=*/21);
     EXPECT_EQ(errors.num_found, num_views * target->points().size()) << size.rows << " x " << size.columns;
     EXPECT_EQ(errors.num_unknown_ids, 0U);
-    // Noise of 2 grey levels gives about 0.02 px; the rest is the lens within the window.
+    // Noise of 2 grey levels causes about 0.02 px; the rest is lens distortion within the window.
     EXPECT_LT(errors.BiasPx(), 0.02) << size.rows << " x " << size.columns;
     EXPECT_LT(errors.RmsPx(), 0.05) << size.rows << " x " << size.columns;
   }
 }
 
-// Pixels that are black or white alone: more precise than OpenCV's finder with its option for accuracy. The stated
-// covariance is not too small; it is too large, since steps that alternate along an edge cancel each other.
+// The pixels are purely black or white. The corners are more accurate than those of OpenCV's finder with its accuracy
+// option. The stated covariance is not too small but too large, because the steps that alternate along an edge cancel
+// each other.
 TEST(Chessboard, ImagesWithoutAntiAliasing) {
   constexpr int kRows = 5;
   constexpr int kColumns = 8;
@@ -99,7 +100,7 @@ TEST(Chessboard, ImagesWithoutAntiAliasing) {
   EXPECT_GT(chi2 / (2.0 * static_cast<double>(own.num_found)), 0.08);
 }
 
-// A board with one order is read in it, however it is turned.
+// A target with only one possible order is read in this order, however it is rotated.
 TEST(Chessboard, ColoursTellTheOrder) {
   const std::unique_ptr<Target> target = MakeBoard(5, 8);
   const Camera camera = ImageCamera();
@@ -115,12 +116,12 @@ TEST(Chessboard, ColoursTellTheOrder) {
   }
 }
 
-// A dark thing behind a rim narrower than a square makes the rim look like one more row of squares.
+// A dark object behind a rim that is narrower than a square makes the rim look like an additional row of squares.
 TEST(Chessboard, RimIsNoRow) {
   const std::unique_ptr<Target> target = MakeBoard(4, 3);
   const Camera camera = ImageCamera();
   Drawing drawing = target->Draw();
-  drawing.min_m += Eigen::Vector2d(0.014, 0.014);  // 6 mm of the rim of 20 mm remain.
+  drawing.min_m += Eigen::Vector2d(0.014, 0.014);  // 6 mm of the 20 mm rim remain.
   drawing.max_m -= Eigen::Vector2d(0.014, 0.014);
   for (int view = 0; view < 4; ++view) {
     Rng rng(23, static_cast<uint64_t>(view));
@@ -144,8 +145,8 @@ TEST(Chessboard, FindsNothingWithoutABoard) {
   EXPECT_THAT(detection.reason, HasSubstr("no board of 5 x 8"));
 }
 
-// Noise of a blank wall is not searched for quads, which would take minutes.
-// The finders would search its noise for minutes: the test's own time limit would end it.
+// The noise of a blank wall is not searched for quads. The finders would take minutes, and the time limit of the test
+// would end it.
 TEST(Chessboard, ABlankWallIsNotSearched) {
   const std::unique_ptr<Target> target = MakeBoard(5, 8);
   cv::Mat wall(1080, 1920, CV_8UC1);
@@ -154,12 +155,12 @@ TEST(Chessboard, ABlankWallIsNotSearched) {
   EXPECT_THAT(target->Detect(wall).reason, HasSubstr("no board of 5 x 8"));
 }
 
-// An image of a board with something drawn over it, and the truth about it.
+// An image of a target with something drawn over it, and its ground truth.
 struct CoveredView {
   Camera camera = ImageCamera();
   Rigid3d camera_from_target;
   cv::Mat grey;
-  cv::Mat cover;  // Nonzero at covered pixels.
+  cv::Mat cover;  // Non-zero at covered pixels.
 
   CoveredView(const Target& target, int view) {
     Rng rng(27, static_cast<uint64_t>(view));
@@ -184,9 +185,9 @@ struct CoveredView {
 };
 
 struct CoveredCorners {
-  int num_wrong = 0;     // Found elsewhere than they are.
-  int num_unseen = 0;    // Found though covered.
-  int num_missed = 0;    // Not found though what is covered is farther than 0.8 squares away.
+  int num_wrong = 0;     // Found at a wrong position.
+  int num_unseen = 0;    // Found although covered.
+  int num_missed = 0;    // Not found although the cover is more than 0.8 squares away.
   int num_left_out = 0;  // Not found.
   double largest_error_px = 0;
 };
@@ -244,7 +245,7 @@ TEST(Chessboard, FingersOverAnEdgeLeaveTheOtherCorners) {
   }
 }
 
-// Rows and columns cannot be counted then, whichever side is covered.
+// Rows and columns cannot be counted if an outer row or column is covered, on any side.
 TEST(Chessboard, ACoveredOuterRowIsRefused) {
   const std::unique_ptr<Target> target = MakeBoard(7, 10);
   for (int side = 0; side < 4; ++side) {
@@ -264,14 +265,14 @@ TEST(Chessboard, RejectsTooFewCorners) {
   EXPECT_THAT(InputErrorOf([] { MakeBoard(2, 5); }), HasSubstr("rows"));
 }
 
-// The RMS of the pictures' own calibration shows wrong corners and poor ones; bounds lie a fifth above what was
-// measured.
+// The RMS of a calibration from the images themselves reveals wrong and inaccurate corners; the bounds are a fifth
+// above the measured values.
 TEST(Chessboard, FindsRecordedSmallBoardsAndNothingElse) {
   const std::filesystem::path folder = DataDir() / "metric_workcell_camera2" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const std::set<std::string> without_board = {"0001.png", "0089.png", "0177.png"};
   std::set<std::string> always = without_board;
-  // The smallest and the steepest, and those whose rim has been taken for a row.
+  // These images show the target at its smallest and steepest, or have a rim that was once taken for a row.
   always.insert({"0040.png", "0042.png", "0076.png", "0091.png", "0098.png", "0116.png", "0221.png", "0246.png"});
   const RecordedBoards found = DetectRecorded(*MakeBoard(4, 3), folder, /*step=*/15, always);
   EXPECT_EQ(found.not_found, without_board);

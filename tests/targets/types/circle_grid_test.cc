@@ -1,4 +1,4 @@
-// Dots, lattices and circle grids, in pictures drawn here by area sampling and in recorded ones.
+// Tests of dots, lattices and circle grids, in images that are rendered here by area sampling and in recorded ones.
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -26,20 +26,20 @@
 namespace heba {
 namespace {
 
-// ---------------------------------------------------------------------------------------------------------- pictures
+// Rendering of test images.
 
 struct ImageOptions {
   int width_px = 640;
   int height_px = 480;
-  int samples = 3;  // A side of a pixel.
+  int samples = 3;  // Per side of a pixel.
   double blur_sigma_px = 0.7;
   double noise_grey = 2;
   double black_grey = 30;
   double white_grey = 200;
-  double light_slope = 0;  // Relative change of the light across the picture, in x.
+  double light_slope = 0;  // Relative change of the light across the image, in x.
 };
 
-// The picture of a scene given by its albedo at a pixel.
+// Renders an image of the scene that has the given albedo at each pixel.
 cv::Mat Render(const std::function<double(const Eigen::Vector2d& pixel)>& albedo, const ImageOptions& options,
                Rng rng) {
   const int samples = options.samples;
@@ -66,7 +66,7 @@ cv::Mat Render(const std::function<double(const Eigen::Vector2d& pixel)>& albedo
   return grey;
 }
 
-// A single dark dot.
+// Renders a single dark dot.
 cv::Mat RenderDot(const Ellipse& dot, const ImageOptions& options, const Rng& rng) {
   return Render(
       [&](const Eigen::Vector2d& pixel) {
@@ -76,14 +76,15 @@ cv::Mat RenderDot(const Ellipse& dot, const ImageOptions& options, const Rng& rn
       options, rng);
 }
 
-// How a camera sees the target's plane: a homography, then a lens that moves pixels towards the centre (`bend`, by the
-// half width squared).
+// The mapping from the target's plane to the image: a homography followed by a lens that moves pixels towards the
+// centre. `bend` is the relative amount per half image width squared.
 struct FindEdgesWithin {
   Eigen::Matrix3d pixel_from_plane = Eigen::Matrix3d::Identity();
   Eigen::Vector2d lens_centre_px = Eigen::Vector2d(319.5, 239.5);
   double bend = 0;
 
-  // `plane_from_pixel` is the inverse of pixel_from_plane.
+  // Returns the point of the plane, m, that is seen at `pixel`. `plane_from_pixel` is the inverse of
+  // pixel_from_plane.
   Eigen::Vector2d PlaneOf(const Eigen::Vector2d& pixel, const Eigen::Matrix3d& plane_from_pixel) const {
     const Eigen::Vector2d r = (pixel - lens_centre_px) / 320;
     const Eigen::Vector2d straight = lens_centre_px + 320 * (1 + bend * r.squaredNorm()) * r;
@@ -96,7 +97,7 @@ struct FindEdgesWithin {
     for (int i = 0; i < 50; ++i) r = target / (1 + bend * r.squaredNorm());
     return lens_centre_px + 320 * r;
   }
-  // The centre of a circle's image, which is not the image of its centre. Without a lens.
+  // Returns the centre of the image of a circle, which is not the image of its centre; the lens is ignored.
   Eigen::Vector2d EllipseCentre(const Eigen::Vector2d& centre_m, double radius_m) const {
     Eigen::Matrix3d circle = Eigen::Matrix3d::Identity();  // Dual conic.
     circle.diagonal() << radius_m * radius_m, radius_m * radius_m, -1;
@@ -108,7 +109,8 @@ struct FindEdgesWithin {
   }
 };
 
-// A camera of f = 800 px that looks at the middle of a drawing, tilted about an axis in the plane.
+// Returns the view of a camera with f = 800 px that looks at the centre of a drawing, tilted about an axis in the
+// plane.
 FindEdgesWithin RandomLook(const Drawing& drawing, double max_tilt_rad, double max_roll_rad, Rng& rng) {
   const double tilt = rng.Uniform(0, max_tilt_rad);
   const double direction = rng.Uniform(0, 2 * kPi);
@@ -129,10 +131,10 @@ FindEdgesWithin RandomLook(const Drawing& drawing, double max_tilt_rad, double m
   return look;
 }
 
-// A drawing of discs, on its sheet before grey.
+// Renders a drawing of discs; beyond its sheet the background is grey.
 cv::Mat RenderDrawing(const Drawing& drawing, const FindEdgesWithin& look, const ImageOptions& options,
                       const Rng& rng) {
-  // Which discs reach into each of the sheet's cells: there are millions of samples.
+  // The discs that reach into each cell of the sheet are looked up, because there are millions of samples.
   constexpr int kCells = 64;
   const Eigen::Vector2d cell_m = (drawing.max_m - drawing.min_m) / kCells;
   const auto cell_of = [&](const Eigen::Vector2d& plane_m) -> Eigen::Vector2i {
@@ -169,8 +171,8 @@ std::unique_ptr<Target> MakeGrid(const std::string& keys) {
   return CreateTarget(reader);
 }
 
-// The largest distance, px, of the detected points from where `expected` says they are, the best of the target's
-// orders.
+// Returns the largest distance, px, of the detected points from their positions according to `expected`, for the best
+// of the target's symmetric orders.
 double WorstError(const Target& target, const Detection& detection,
                   const std::function<Eigen::Vector2d(const Eigen::Vector2d& plane_m)>& expected) {
   double best = 1e9;
@@ -185,7 +187,7 @@ double WorstError(const Target& target, const Detection& detection,
   return best;
 }
 
-// -------------------------------------------------------------------------------------------------------------- dots
+// Dots.
 
 struct Precision {
   double radius_px;
@@ -218,8 +220,8 @@ void ExpectPrecision(const Precision& precision) {
     EXPECT_LT(found[0].contrast_grey, 0);
     const std::optional<RefinedEllipse> refined = RefineEllipse(grey, found[0].ellipse);
     ASSERT_TRUE(refined.has_value()) << "dot " << k;
-    // The contour of middle grey of a blurred disc lies inside of its edge: by half the curvature times the variance of
-    // blur and pixel.
+    // The contour at the middle grey level of a blurred disc lies inside the edge, by half the curvature times the
+    // variance of blur and pixel.
     const double variance_px2 = precision.blur_sigma_px * precision.blur_sigma_px + 1.0 / 12;
     EXPECT_NEAR(refined->ellipse.RadiusPx(), dot.RadiusPx() - 0.5 * variance_px2 / dot.RadiusPx(), 0.05);
     EXPECT_EQ(refined->visible_ratio, 1);
@@ -228,13 +230,13 @@ void ExpectPrecision(const Precision& precision) {
     sum_normalised += square / (0.5 * refined->centre_covariance_px2.trace());
   }
   EXPECT_LT(std::sqrt(sum_square / num_dots), precision.max_rms_px) << "radius " << precision.radius_px;
-  // The stated uncertainty is the true one: the model's edge is not exactly the picture's, hence up to 1.4.
+  // The stated sigma is right; the edge of the model differs slightly from that of the image, so the limit is 1.4.
   EXPECT_GT(std::sqrt(sum_normalised / num_dots), 0.8);
   EXPECT_LT(std::sqrt(sum_normalised / num_dots), 1.4);
 }
 
-// The bound for a dot at noise / contrast = 2 / 170, blur 0.7 px and tilts to 45 degrees is 0.005, 0.0036 and 0.0026 px
-// for radii of 5, 10 and 20 px. The limits are 1.5 times what is attained (0.0064, 0.0044, 0.0030).
+// For noise / contrast = 2 / 170, a blur of 0.7 px and tilts up to 45 deg the bound is 0.005, 0.0036 and 0.0026 px
+// for radii of 5, 10 and 20 px. The limits are 1.5 times the attained values (0.0064, 0.0044, 0.0030).
 TEST(RefineEllipse, ReachesTheNoiseLimit) {
   ExpectPrecision({5, 0.7, 2, 0, 0.0096});
   ExpectPrecision({10, 0.7, 2, 0, 0.0066});
@@ -242,7 +244,7 @@ TEST(RefineEllipse, ReachesTheNoiseLimit) {
   ExpectPrecision({10, 1.2, 4, 0, 0.015});
 }
 
-// Slopes of brightness cost a third: attained are 0.0057 and 0.0037 px.
+// Brightness gradients increase the error by a third: 0.0057 and 0.0037 px are attained.
 TEST(RefineEllipse, IsNotMovedByUnevenLight) {
   ExpectPrecision({10, 0.7, 2, 0.4, 0.0085});
   ExpectPrecision({20, 0.7, 2, 0.4, 0.0056});
@@ -268,7 +270,7 @@ TEST(RefineEllipse, LeavesOutAHiddenPart) {
     ASSERT_TRUE(refined.has_value());
     EXPECT_LT(refined->visible_ratio, 1);
     EXPECT_GT(refined->visible_ratio, 0.6);
-    // A fit of all pixels is off by 0.2 px and more.
+    // A fit to all pixels has an error of 0.2 px or more.
     EXPECT_LT((refined->ellipse.centre_px - dot.centre_px).norm(), 0.03) << "picture " << k;
   }
 }
@@ -276,10 +278,10 @@ TEST(RefineEllipse, LeavesOutAHiddenPart) {
 TEST(RefineEllipse, RefusesWhatIsNotThere) {
   ImageOptions options;
   options.width_px = options.height_px = 80;
-  // Half outside the picture.
+  // Half of the dot is outside the image.
   const Ellipse cut = Ellipse::FromAxes({2, 40}, 10, 10, 0);
   EXPECT_FALSE(RefineEllipse(RenderDot(cut, options, Rng(5)), cut).has_value());
-  // An empty sheet: if anything, then something that nobody can take for a dot.
+  // On an empty sheet nothing is found, or only an ellipse that cannot be taken for a dot.
   const Ellipse nothing = Ellipse::FromAxes({40, 40}, 10, 10, 0);
   const cv::Mat empty = Render([](const Eigen::Vector2d&) { return 1.0; }, options, Rng(6));
   const std::optional<RefinedEllipse> refined = RefineEllipse(empty, nothing);
@@ -306,7 +308,7 @@ TEST(FindEllipses, FindsDotsOfAllSizesOnce) {
       ASSERT_EQ(found.size(), 1u) << "radius " << radius << (light ? ", light" : ", dark");
       EXPECT_NEAR(found[0].ellipse.RadiusPx(), radius, 1);
       EXPECT_EQ(found[0].contrast_grey > 0, light);
-      // The other polarity: nothing.
+      // A finder for the other polarity finds nothing.
       finder_options.polarity = light ? DotPolarity::kDarkOnLight : DotPolarity::kLightOnDark;
       EXPECT_TRUE(FindEllipses(RenderDot(dot, options, Rng(8)), finder_options).empty());
     }
@@ -326,7 +328,7 @@ TEST(FindEllipses, LeavesOutSquaresAndWhatTouchesTheBorder) {
   EXPECT_TRUE(FindEllipses(grey, {}).empty());
 }
 
-// ----------------------------------------------------------------------------------------------------------- lattices
+// Lattices.
 
 TEST(PlacePattern, CountsEachSetOfDotsOnce) {
   Lattice lattice;
@@ -339,13 +341,13 @@ TEST(PlacePattern, CountsEachSetOfDotsOnce) {
   }
   const std::vector<LatticePlacement> whole = PlacePattern(lattice, pattern);
   ASSERT_EQ(whole.size(), 1u);
-  EXPECT_EQ(whole[0].orders.size(), 2u);  // As it is and turned by a half.
+  EXPECT_EQ(whole[0].orders.size(), 2u);  // The identity and the rotation by 180 deg.
   EXPECT_EQ(PlacePattern(lattice, {{0, 0}, {1, 0}, {0, 1}, {1, 1}}).size(), 6u);
   lattice.erase({2, 1});
   EXPECT_TRUE(PlacePattern(lattice, pattern).empty());
 }
 
-// -------------------------------------------------------------------------------------------------------------- grids
+// Grids.
 
 struct GridCase {
   std::string keys;
@@ -400,8 +402,9 @@ TEST(CircleGrid, DrawsDiscsInsideTheSheet) {
   }
 }
 
-// Any roll, tilts to 45 degrees. Dots of about 7 px: 0.0075 px is attained (the slope of the light costs a third), the
-// worst of some hundred points is 4 times that, and area sampling has its own part.
+// The views have any roll and tilts up to 45 deg. For dots of about 7 px an error of 0.0075 px is attained (the
+// gradient of the light costs a third). The largest error of some hundred points is four times as large, and area
+// sampling adds its own error.
 TEST(CircleGrid, IsFoundInAnyAttitude) {
   uint64_t seed = 0;
   for (const GridCase& grid : kGridCases) {
@@ -428,8 +431,8 @@ TEST(CircleGrid, IsFoundInAnyAttitude) {
   }
 }
 
-// A barrel of 15 % at the sides, tilts to 40 degrees: lines of dots are bent by tens of pixels. The limit allows for
-// what the lens makes of an ellipse.
+// The lens has a barrel distortion of 15 % at the sides and the tilts are up to 40 deg, so lines of dots are bent by
+// tens of pixels. The limit allows for the effect of the lens on an ellipse.
 TEST(CircleGrid, IsFoundThroughAWideLens) {
   uint64_t seed = 0;
   for (const GridCase& grid : kGridCases) {
@@ -459,7 +462,7 @@ TEST(CircleGrid, IsFoundAmongStrayDots) {
     while (num_strays < 40) {
       const Eigen::Vector2d place(rng.Uniform(drawing.min_m.x(), drawing.max_m.x()),
                                   rng.Uniform(drawing.min_m.y(), drawing.max_m.y()));
-      // Around the quiet zone.
+      // The quiet zone stays free.
       if (place.x() > -0.02 && place.x() < 0.12 && place.y() > -0.02 && place.y() < 0.10) continue;
       drawing.AddDisc(place, rng.Uniform(0.002, 0.007), 0);
       ++num_strays;
@@ -486,7 +489,7 @@ TEST(CircleGrid, SaysWhatIsMissing) {
   EXPECT_TRUE(target->Detect(cv::Mat(3, 5, CV_8UC1, cv::Scalar(128))).ids.empty());
 }
 
-// A larger grid is another target, and where in it ours would be cannot be known.
+// A larger grid is a different target, and the position of the smaller grid in it is ambiguous.
 TEST(CircleGrid, IsNotFoundInALargerOne) {
   Rng rng(14);
   const auto larger = MakeGrid("rows: 6, columns: 8, spacing: 20 mm");
@@ -503,8 +506,8 @@ TEST(CircleGrid, IsNotFoundInALargerOne) {
   EXPECT_TRUE(asymmetric.ids.empty());
 }
 
-// Wallpaper behind the sheet: the larger lattice is not ours, and hides it no more than stray dots do. The same
-// wallpaper without the sheet is refused.
+// A larger lattice behind the sheet, such as wallpaper, is not the target and disturbs it no more than stray dots do.
+// The same lattice without the sheet is refused.
 TEST(CircleGrid, IsFoundBeforeALargerLattice) {
   for (const std::string keys :
        {"rows: 5, columns: 6, spacing: 20 mm", "rows: 6, columns: 4, spacing: 14 mm, asymmetric: true",
@@ -541,8 +544,8 @@ TEST(CircleGrid, IsFoundBeforeALargerLattice) {
   }
 }
 
-// Its rows alternate: an asymmetric grid with an even number of them is told from its mirror image. With an odd number
-// they are the same, as are those of a symmetric grid.
+// The rows alternate, so an asymmetric grid with an even number of rows differs from its mirror image. With an odd
+// number of rows it equals its mirror image, as does a symmetric grid.
 TEST(CircleGrid, AsymmetricGridIsNotReadInAMirror) {
   for (const std::string keys : {"rows: 6, columns: 4, asymmetric: true, spacing: 14 mm",
                                  "rows: 4, columns: 7, asymmetric: true, spacing: 14 mm"}) {
@@ -561,7 +564,7 @@ TEST(CircleGrid, NeedsTheLargerDotAndOnTheRightSide) {
   const auto target = MakeGrid("rows: 4, columns: 6, spacing: 20 mm, marker_dot: true");
   Drawing drawing = target->Draw();
   const FindEdgesWithin look = RandomLook(drawing, 0.4, kPi, rng);
-  // A mirror has it at the bottom right.
+  // A mirror moves the larger dot to the bottom right.
   Drawing mirrored = drawing;
   for (Shape& disc : mirrored.shapes) disc.centre_m.x() = 0.1 - disc.centre_m.x();
   const Detection in_mirror = target->Detect(RenderDrawing(mirrored, look, {}, rng));
@@ -573,7 +576,7 @@ TEST(CircleGrid, NeedsTheLargerDotAndOnTheRightSide) {
   EXPECT_FALSE(plain.reason.empty());
 }
 
-// Without a mark the order is the one whose rows run to the right of the picture.
+// Without a marker dot the order is chosen in which the rows run to the right of the image.
 TEST(CircleGrid, IsReadUprightWhereItCannotKnow) {
   Rng rng(16);
   const auto target = MakeGrid("rows: 5, columns: 7, spacing: 20 mm");
@@ -599,8 +602,7 @@ TEST(CircleGrid, RefusesWhatCannotBe) {
             std::string::npos);
 }
 
-// ----------------------------------------------------------------------------------------------------- recorded
-// pictures
+// Recorded images.
 
 std::vector<std::filesystem::path> ImagesIn(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> pictures;
@@ -611,10 +613,10 @@ std::vector<std::filesystem::path> ImagesIn(const std::filesystem::path& folder)
   return pictures;
 }
 
-// RMS distance, px per coordinate, from the homography that fits best. Lens distortion is in it.
+// Returns the RMS distance, px per coordinate, from the homography that fits best. It includes lens distortion.
 double HomographyRms(const Target& target, const Detection& detection) {
   const Eigen::Index n = static_cast<Eigen::Index>(detection.ids.size());
-  // Direct linear transform on centred coordinates.
+  // The homography is estimated by a direct linear transform on centred coordinates.
   Eigen::MatrixXd plane(n, 2);
   Eigen::MatrixXd image(n, 2);
   for (Eigen::Index i = 0; i < n; ++i) {
@@ -644,7 +646,7 @@ double HomographyRms(const Target& target, const Detection& detection) {
   return image_scale * std::sqrt(sum_square / static_cast<double>(2 * n));
 }
 
-// Where the larger dot is, the picture is dark all around the point.
+// Returns whether the image is dark all around the point, which holds for the larger dot.
 bool IsLargeDot(const cv::Mat& grey, const Eigen::Vector2d& pixel, double reach_px) {
   int num_dark = 0;
   for (int i = 0; i < 16; ++i) {
@@ -656,8 +658,8 @@ bool IsLargeDot(const cv::Mat& grey, const Eigen::Vector2d& pixel, double reach_
   return num_dark >= 12;
 }
 
-// All 15 pictures and one of the same board elsewhere; the board in one of them touches the picture's border. Every fit
-// is within 0.45 px, most within 0.17 (the board's picture bends at the camera's corners).
+// The test uses all 15 images and one of the same target in another set; in one image the target touches the border.
+// Every fit is within 0.45 px, most within 0.17 px (the lens bends the target near the corners of the image).
 TEST(CircleGrid, IsFoundInRecordedImagesWithALargerDot) {
   const std::filesystem::path folder = DataDir() / "ic_circlegrid_eye_in_hand" / "images";
   HEBA_SKIP_WITHOUT(folder);
@@ -682,8 +684,8 @@ TEST(CircleGrid, IsFoundInRecordedImagesWithALargerDot) {
   EXPECT_LT(std::sqrt(sum_square / static_cast<double>(pictures.size())), 0.22);
 }
 
-// Dots of 230 to 260 px, cut out of their pictures with a ragged edge. In one picture of the 20 the edge of two dots is
-// gone. Every seventh is looked at.
+// The dots are 230 to 260 px large and cut out of their images with a ragged edge. In one of the 20 images the edge
+// of two dots is missing. Every seventh image is tested.
 TEST(CircleGrid, IsFoundInRecordedImagesOfAnAsymmetricGrid) {
   const std::filesystem::path folder = DataDir() / "zhangnatha_asym_circles_eye_to_hand" / "images";
   HEBA_SKIP_WITHOUT(folder);
@@ -706,7 +708,8 @@ TEST(CircleGrid, IsFoundInRecordedImagesOfAnAsymmetricGrid) {
   EXPECT_GE(num_found, num_images - 1);
 }
 
-// Every 24th picture of every set without such a grid, those of more than 4 megapixels at half their size.
+// The test uses every 24th image of every set without such a grid; images of more than 4 megapixels are halved in
+// size.
 TEST(CircleGrid, IsNotFoundWhereThereIsNone) {
   HEBA_SKIP_WITHOUT(DataDir());
   const auto symmetric = MakeGrid("rows: 4, columns: 4, spacing: 10 mm");

@@ -1,4 +1,4 @@
-// Boards of ring-coded dots in rendered pictures, exact in geometry, and in recorded ones.
+// Tests of targets with ring-coded dots in geometrically exact rendered images and in recorded ones.
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -37,12 +37,13 @@ std::unique_ptr<Target> MakeBoard(const std::string& keys) {
   return CreateTarget(reader);
 }
 
-// A pinhole camera whose optical axis meets its middle.
+// Returns a pinhole camera whose optical axis meets the centre of the image.
 Camera MakeCamera(int width_px, int height_px, double focal_px) {
   return {"pinhole", width_px, height_px, {focal_px, focal_px, 0.5 * (width_px - 1), 0.5 * (height_px - 1)}};
 }
 
-// The point `middle_m` of the plane is seen in the picture's middle, `distance_m` away.
+// Returns a pose in which the point `middle_m` of the plane is seen at the centre of the image, `distance_m` away.
+// The direction of the tilt and the roll are random.
 Rigid3d PoseAt(const Eigen::Vector2d& middle_m, double distance_m, double tilt_rad, Rng& rng) {
   const double direction = rng.Uniform(0, 2 * kPi);
   const Eigen::Quaterniond rotation =
@@ -55,7 +56,7 @@ Eigen::Vector2d MiddleOf(const Target& target) {
   return 0.5 * (target.points().front().in_target + target.points().back().in_target).head<2>();
 }
 
-// By point id: found minus true, px.
+// Returns the errors by point id: detected minus true position, px.
 std::map<int, Eigen::Vector2d> ErrorsOf(const Target& target, const Detection& detection, const Camera& camera,
                                         const Rigid3d& camera_from_target) {
   std::map<int, Eigen::Vector2d> errors;
@@ -88,7 +89,7 @@ RenderOptions Cluttered(uint64_t seed) {
   return options;
 }
 
-// ----------------------------------------------------------------------------------------------------------- geometry
+// Geometry.
 
 TEST(CodedBoard, HasItsPointsWhereTheFrameSays) {
   const auto board = MakeBoard("rows: 3, columns: 4, spacing: 40 mm, dot_diameter: 10 mm, first_id: 5");
@@ -108,7 +109,7 @@ TEST(CodedBoard, HasItsPointsWhereTheFrameSays) {
   EXPECT_EQ(drawing.labels.size(), 12u);
 }
 
-// What the drawing shows at a place: the last shape that holds it.
+// Returns the albedo of the drawing at a point: that of the last shape that contains it.
 double AlbedoAt(const Drawing& drawing, const Eigen::Vector2d& place_m) {
   double albedo = drawing.ground;
   for (const Shape& shape : drawing.shapes) {
@@ -129,7 +130,7 @@ double AlbedoAt(const Drawing& drawing, const Eigen::Vector2d& place_m) {
   return albedo;
 }
 
-// Highest bit first from the right, clockwise with y down; labels outside all quiet zones.
+// The highest bit is the first sector clockwise from the right, with y down. Labels lie outside all quiet zones.
 TEST(CodedBoard, DrawsItsCodes) {
   for (const bool light : {false, true}) {
     for (const int bits : {8, 10, 12, 14}) {
@@ -157,7 +158,7 @@ TEST(CodedBoard, DrawsItsCodes) {
           }
         }
         for (const Label& label : drawing.labels) {
-          // A letter is no wider than high.
+          // No letter is wider than high.
           const double width_m = static_cast<double>(label.text.size()) * label.height_m;
           const Eigen::AlignedBox2d box(label.at_m - Eigen::Vector2d(0, label.height_m),
                                         label.at_m + Eigen::Vector2d(width_m, 0));
@@ -184,15 +185,15 @@ TEST(CodedBoard, RefusesWhatCannotBe) {
   EXPECT_NE(error_of("rows: 2, columns: 2, spacing: 40 mm, code_order: best").find("separation"), std::string::npos);
 }
 
-// ---------------------------------------------------------------------------------------------------------- precision
+// Precision.
 
 struct Precision {
   double radius_px;
   double max_rms_px;  // Per coordinate.
 };
 
-// Blur 0.7 px, noise / contrast 2 / 170, tilts to 45 degrees, uneven light; 160 points each. Attained are 0.0063 and
-// 0.0043 px; bounds of what is possible are 0.0051 and 0.0036 px.
+// The blur is 0.7 px, noise / contrast is 2 / 170, tilts are up to 45 deg, the light is uneven, and each case has 160
+// points. 0.0063 and 0.0043 px are attained; the lower bounds are 0.0051 and 0.0036 px.
 TEST(CodedBoard, CentresAreAsPreciseAsStated) {
   const auto board = MakeBoard(kPaperBoard);
   const Drawing& drawing = board->Draw();
@@ -223,15 +224,15 @@ TEST(CodedBoard, CentresAreAsPreciseAsStated) {
     }
     constexpr double kNumCoordinates = 2.0 * 4 * kNumViews;
     EXPECT_LT(std::sqrt(sum_square / kNumCoordinates), precision.max_rms_px) << precision.radius_px;
-    // The root of chi-square of 320 has a standard deviation of 0.04: 4.5 of them, which chance exceeds once in
-    // 150,000.
+    // The square root of chi-square over its 320 degrees of freedom has a standard deviation of 0.04; the tolerance
+    // is 4.5 of these, which is exceeded once in 150,000.
     EXPECT_NEAR(std::sqrt(sum_normalised / kNumCoordinates), 1, 0.18) << precision.radius_px;
-    // 4.5 standard deviations of the mean of 160.
+    // 4.5 standard deviations of the mean of 160 points.
     EXPECT_LT((sum / (kNumCoordinates / 2)).cwiseAbs().maxCoeff(), 4.5 * precision.max_rms_px / std::sqrt(160.0));
   }
 }
 
-// ------------------------------------------------------------------------------------------------------------- recall
+// Recall.
 
 struct Size {
   double diameter_px;
@@ -252,13 +253,13 @@ TEST(CodedBoard, IsFoundInAllSizesAndAttitudes) {
       const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, Cluttered(seed)));
       EXPECT_EQ(detection.ids.size(), 12u)
           << size.diameter_px << " px, " << size.tilt_deg << " deg: " << detection.reason;
-      // A dot of 8 px at 40 degrees: five of its standard deviations of 0.02 px.
+      // A dot of 8 px at 40 deg has a standard deviation of 0.02 px; the tolerance is five of these.
       EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1) << size.diameter_px;
     }
   }
 }
 
-// Dots of 300 px: those whose rings are whole in the picture are found.
+// The dots are 300 px large; those whose rings are completely in the image are found.
 TEST(CodedBoard, IsFoundWhereItFillsTheImage) {
   const auto board = MakeBoard("rows: 2, columns: 2, spacing: 32.5 mm, dot_diameter: 10 mm");
   for (const double tilt_deg : {0.0, 40.0}) {
@@ -285,7 +286,7 @@ TEST(CodedBoard, IsFoundWhereItFillsTheImage) {
   }
 }
 
-// Nearly all codes there are, in two pictures.
+// Each target has nearly all of the existing codes.
 TEST(CodedBoard, EveryIdIsRead) {
   for (const std::string keys : {"rows: 11, columns: 8, bits: 12", "rows: 17, columns: 18, bits: 14",
                                  "rows: 12, columns: 12, bits: 12, code_order: value"}) {
@@ -301,7 +302,7 @@ TEST(CodedBoard, EveryIdIsRead) {
   }
 }
 
-// Half of the board out of the picture, a lens that bends it by tens of pixels.
+// Half of the target is outside the image, and the lens bends it by tens of pixels.
 TEST(CodedBoard, IsFoundInPartAndThroughAWideLens) {
   const auto board = MakeBoard("rows: 6, columns: 8, spacing: 40 mm, dot_diameter: 10 mm");
   const Camera camera{"brown5", 800, 600, {600, 600, 399.5, 299.5, -0.25, 0.06, 0, 0, 0}};
@@ -321,9 +322,9 @@ TEST(CodedBoard, IsFoundInPartAndThroughAWideLens) {
   }
 }
 
-// -------------------------------------------------------------------------------------------------------- not wrongly
+// False detections.
 
-// Stains on rings take their points away and no others; a stain on a dot's edge does not move it.
+// Stains on rings remove the points of these rings and no others; a stain at the edge of a dot does not move the dot.
 TEST(CodedBoard, LeavesOutStainedRings) {
   const auto board = MakeBoard("rows: 3, columns: 3, spacing: 40 mm, dot_diameter: 10 mm");
   Drawing drawing = board->Draw();
@@ -343,8 +344,8 @@ TEST(CodedBoard, LeavesOutStainedRings) {
   EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1);
 }
 
-// A dot with a single arc or blot beside it, as clutter has them, is not taken for a point of the board; a ring with
-// more to it is.
+// A dot with a single arc or blot beside it, which is common in clutter, is not accepted as a point of the target on
+// its own; a ring with more structure is.
 TEST(CodedBoard, AloneOnlyRingsThatNothingElseLooksLikeAreBelieved) {
   const std::unique_ptr<Target> board = MakeBoard(kPaperBoard);
   const Camera camera = MakeCamera(400, 400, 1200);
@@ -362,7 +363,7 @@ TEST(CodedBoard, AloneOnlyRingsThatNothingElseLooksLikeAreBelieved) {
                        alone.shapes.end());
     const cv::Mat grey =
         RenderView(alone, camera, PoseAt(centre_m, 0.4, 0.4, rng), Cluttered(static_cast<uint64_t>(point.id)));
-    // 000000000001 and 000000011111 are not; 000001100111 and 000010101011 are.
+    // 000000000001 and 000000011111 are not accepted; 000001100111 and 000010101011 are.
     EXPECT_EQ(board->Detect(grey).ids, point.id < 2 ? std::vector<int>() : std::vector<int>({point.id}));
   }
 }
@@ -404,11 +405,12 @@ TEST(CodedBoard, IsToldFromAnotherOneBesideIt) {
   EXPECT_LT(WorstPx(ErrorsOf(*second, second->Detect(grey), camera, camera_from_second)), 0.1);
 }
 
-// A second print of point 3 elsewhere: the one that belongs to the board is kept. Two whole boards: neither.
+// If point 3 is printed a second time elsewhere, the one that fits the target is kept. If there are two whole
+// targets, both are refused.
 TEST(CodedBoard, RefusesDoubles) {
   const auto board = MakeBoard(kPaperBoard);
   const Drawing single = board->Draw();
-  const size_t num_of_three = 5;  // At most: ring, wedges, gap, dot.
+  const size_t num_of_three = 5;  // Upper bound: ring, wedges, gap and dot.
   for (const bool whole : {false, true}) {
     Drawing drawing = single;
     const Eigen::Vector2d shift_m(0.1, 0.013);
@@ -434,7 +436,8 @@ TEST(CodedBoard, RefusesDoubles) {
   }
 }
 
-// Once a board is known, little else is looked at: but a second one must not go unseen, of whatever size.
+// Once a target is found, the rest of the image is hardly searched; but a second target of any size must not be
+// overlooked.
 TEST(CodedBoard, RefusesASecondOneOfAnotherSize) {
   const auto board = MakeBoard("rows: 4, columns: 5, spacing: 40 mm, dot_diameter: 10 mm");
   for (const double scale : {1.0, 0.6, 0.45, 0.35}) {
@@ -457,7 +460,7 @@ TEST(CodedBoard, RefusesASecondOneOfAnotherSize) {
   }
 }
 
-// A row is covered, and others are small in the distance.
+// One row is covered, and other rows are small in the distance.
 TEST(CodedBoard, IsFoundBeyondAGapAndInTheDistance) {
   const auto board = MakeBoard("rows: 6, columns: 5, spacing: 40 mm, dot_diameter: 10 mm");
   Drawing drawing = board->Draw();
@@ -466,7 +469,7 @@ TEST(CodedBoard, IsFoundBeyondAGapAndInTheDistance) {
   cover.points_m = {{-0.02, 0.065}, {0.18, 0.065}, {0.18, 0.095}, {-0.02, 0.095}};
   drawing.shapes.push_back(cover);
   const Camera camera = MakeCamera(1600, 1200, 700);
-  // Steeply from one end.
+  // The target is seen at a steep angle from one end.
   const Eigen::Quaterniond rotation = ExpRotation({1.0, 0, 0});
   const Rigid3d camera_from_target(rotation, Eigen::Vector3d(0, 0, 0.2) - rotation * Eigen::Vector3d(0.08, 0.08, 0));
   const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, Cluttered(40)));
@@ -474,7 +477,8 @@ TEST(CodedBoard, IsFoundBeyondAGapAndInTheDistance) {
   EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.2);
 }
 
-// Dots, rings and rings of other codes, without a board and around one. (tools/bench_targets counts in thousands.)
+// The images contain dots, rings and rings of other codes, with and without a target among them. (tools/bench_targets
+// tests thousands of such images.)
 TEST(CodedBoard, IsNotSeenInClutter) {
   const auto board = MakeBoard(kPaperBoard);
   std::vector<uint32_t> own = RingCodes(12, RingCodeOrder::kSeparation);
@@ -499,8 +503,9 @@ TEST(CodedBoard, IsNotSeenInClutter) {
   }
 }
 
-// A drawn sheet of targets 1 to 8 and 17 to 20 of 14 bits, by value and numbered from 1, among plain dots; and rendered
-// boards of two-ring codes and of plain rings, which are not ours: of those nothing can be believed.
+// One image is a drawn sheet with the targets 1 to 8 and 17 to 20 of the list of 14-bit codes by value, numbered from
+// 1, among plain dots. The others are rendered targets with two-ring codes and plain rings, which heba does not use:
+// nothing in them may be accepted.
 TEST(RingDecoder, ReadsTheSheetsOfOthersAndNotTheirOtherCodes) {
   const std::filesystem::path folder = DataDir() / "detect_ring_coded_targets" / "images";
   HEBA_SKIP_WITHOUT(folder);

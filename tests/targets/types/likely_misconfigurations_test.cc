@@ -28,7 +28,7 @@ TEST(OtherFirstIdsTest, OfAWholeBoardThereIsOneStart) {
 TEST(OtherFirstIdsTest, WhereTheEndsAreNotReadAllStartsThatMayBeAreGiven) {
   EXPECT_THAT(Starts(OtherFirstIds("first_id", Range(25, 34), 0, 36)), testing::ElementsAre("25", "24", "23"));
   EXPECT_THAT(Starts(OtherFirstIds("first_id", Range(2, 30), 0, 36)), testing::ElementsAre("2", "1"));
-  // Of many, the ends.
+  // If there are many candidates, only the first and last are given.
   EXPECT_THAT(Starts(OtherFirstIds("first_id", Range(50, 6), 0, 36)), testing::ElementsAre("50", "20"));
 }
 

@@ -1,4 +1,4 @@
-// AprilTag grids: their frame, their drawings, and pictures that others took.
+// Tests of AprilTag grids: their frame, their drawings, and images recorded by others.
 #include <algorithm>
 #include <fstream>
 #include <map>
@@ -39,7 +39,7 @@ std::set<int> TagsOf(const Detection& detection) {
 
 class FamilyTest : public testing::TestWithParam<std::string> {};
 
-// What Draw() prints is what Detect() finds, bits, orientation, order and half pixels included.
+// Detect() finds the tags that Draw() prints. The test covers bits, orientation, order and half-pixel offsets.
 TEST_P(FamilyTest, DrawnTagsAreFoundWhereTheyAre) {
   const bool has_outer_cells = GetParam().size() > 9;  // tagCircle..., tagCustom..., tagStandard...
   const std::unique_ptr<Target> target = MakeGrid(GetParam(), 2, 3, has_outer_cells ? ", tag_spacing: 2" : "");
@@ -47,7 +47,8 @@ TEST_P(FamilyTest, DrawnTagsAreFoundWhereTheyAre) {
   const DetectionErrors errors = DetectRendered(*target, num_views, 0.8, /*seed=*/11);
   EXPECT_EQ(errors.num_found, num_views * target->points().size());
   EXPECT_EQ(errors.num_unknown_ids, 0U);
-  // Saddles where there are corner squares, else libapriltag's edges: those are worse, more so inside of the tag.
+  // Points are saddle points if there are corner squares. Otherwise they come from libapriltag's edges, which are
+  // less accurate, particularly inside the tag.
   EXPECT_LT(errors.BiasPx(), 0.05);
   EXPECT_LT(errors.RmsPx(), has_outer_cells ? 0.25 : 0.1);
 }
@@ -74,7 +75,7 @@ TEST(AprilTagGrid, PlainTagsAreFoundByTheirEdges) {
   EXPECT_LT(errors.RmsPx(), 0.2);
 }
 
-// Root of e' C^-1 e over its expectation, of the `index`-th of the found tags.
+// Returns the square root of the ratio of e' C^-1 e to its expectation, for the `index`-th of the detected tags.
 double NormalisedError(const Target& target, const Camera& camera, const Rigid3d& camera_from_target,
                        const Detection& detection, size_t index) {
   Eigen::VectorXd error_px(8);
@@ -86,9 +87,9 @@ double NormalisedError(const Target& target, const Camera& camera, const Rigid3d
   return std::sqrt(error_px.dot(detection.covariances_px2[index].ldlt().solve(error_px)) / 8);
 }
 
-// A lens of f = 600 px that bends the edges of a tag which the picture's side cuts off its corner square: libapriltag's
-// corners are 5 to 32 px off. The tags around it know better: where it is, so that it is fitted from there, or that it
-// is not where it was seen.
+// A lens with f = 600 px bends the edges of a tag whose corner square is cut off by the side of the image, so the
+// corners of libapriltag are off by 5 to 32 px. The tags around it either predict its corners, from which it is
+// fitted, or show that it is not where it was detected.
 TEST(AprilTagGrid, NeighboursCorrectWhatTheLensBends) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 4, 4, "");
   const Eigen::Vector2d middle_m = 0.5 * (target->Draw().min_m + target->Draw().max_m);
@@ -119,13 +120,13 @@ TEST(AprilTagGrid, NeighboursCorrectWhatTheLensBends) {
               lens.is_dropped)
         << detection.reason;
     EXPECT_EQ(TagsOf(detection).size(), lens.num_tags) << detection.reason;
-    // What such a lens leaves within tags of 140 px.
+    // Error that such a lens leaves within tags of 140 px.
     EXPECT_LT(ErrorsOf(*target, camera, camera_from_target, detection).max_px, 0.3) << lens.k1;
   }
 }
 
-// Specks between the cells leave a tag readable but unlike what is drawn: its corners are those of its edges, and are
-// said to be no better than those are straight.
+// Specks between the cells leave a tag readable but different from its drawing: its corners are then those of its
+// edges, and their covariance allows for edges that are not straight.
 TEST(AprilTagGrid, StainedTagsSayHowPoorTheyAre) {
   const Camera camera = ImageCamera();
   for (const int side : {1, 3}) {
@@ -150,14 +151,14 @@ TEST(AprilTagGrid, StainedTagsSayHowPoorTheyAre) {
       const Eigen::MatrixXd& stained_px2 = detection.covariances_px2[static_cast<size_t>(stained)];
       EXPECT_GE(std::sqrt(stained_px2(0, 0)), 0.1);
       EXPECT_TRUE(stained_px2.isDiagonal());
-      // Of 8 coordinates chance exceeds 2.1 once in 100,000.
+      // For 8 coordinates a value of 2.1 is exceeded once in 100,000.
       EXPECT_LT(NormalisedError(*target, camera, camera_from_target, detection, static_cast<size_t>(stained)), 2.1)
           << side << " " << view;
     }
   }
 }
 
-// Kalibr's order: counter-clockwise from the bottom left, y up.
+// The order is that of Kalibr: counter-clockwise from the bottom left, with y up.
 TEST(AprilTagGrid, CornersCountFromTheBottomLeft) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 1, 1, ", first_id: 7");
   const std::vector<TargetPoint>& points = target->points();
@@ -194,7 +195,7 @@ TEST(AprilTagGrid, ReadsKalibrsTargetFile) {
   EXPECT_NEAR(point.in_target.y(), 0.18, 1e-12);
 }
 
-// Two copies of one board in a picture: no id twice, and all of one of the boards.
+// The image shows two copies of a target: no id is returned twice, and all points belong to one of the copies.
 TEST(AprilTagGrid, SecondBoardWithTheSameTagsIsLeftOut) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 2, 2, "");
   Rng rng(14);
@@ -210,7 +211,7 @@ TEST(AprilTagGrid, SecondBoardWithTheSameTagsIsLeftOut) {
   EXPECT_THAT(detection.reason, HasSubstr("tags left out"));
 }
 
-// A few large tags of a copy that the picture's corner cuts, and the whole board farther off.
+// A few large tags belong to a copy that is cut off by the corner of the image; the whole target is farther away.
 TEST(AprilTagGrid, TheBoardOfWhichMoreIsSeenIsFound) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 6, 6, ", corner_squares: false");
   const Camera camera{"pinhole", 4000, 3000, {4000, 4000, 1999.5, 1499.5}};
@@ -223,7 +224,7 @@ TEST(AprilTagGrid, TheBoardOfWhichMoreIsSeenIsFound) {
   };
   RenderOptions options;
   options.noise_sigma_grey = 2;
-  // Tags of 150 and of 30 px.
+  // The tags are 150 px and 30 px large.
   const double tag_m = (target->points()[1].in_target - target->points()[0].in_target).norm();
   const Rigid3d far = pose(tag_m * 4000 / 30, 500, 300);
   cv::Mat picture = RenderView(drawing, camera, far, options);
@@ -272,8 +273,8 @@ TEST(AprilTagGrid, RejectsWhatCannotBe) {
   EXPECT_THAT(InputErrorOf([] { MakeGrid("tag36h11", 1, 1, ", tag_spacing: 0"); }), HasSubstr("at least 0.01"));
 }
 
-// How far a found tag lies from where the tags around it say, as a share of its side: the worst of all tags. A misread
-// tag is a whole tag off.
+// Returns the largest distance, over all tags, of a detected tag from the position that its neighbours predict,
+// relative to the side of the tag. A misread tag is off by a whole tag.
 double WorstMisfit(const Target& target, const Detection& detection) {
   const size_t num_tags = detection.ids.size() / 4;
   if (num_tags < 5) return 0;
@@ -310,8 +311,8 @@ double WorstMisfit(const Target& target, const Detection& detection) {
   return worst;
 }
 
-// In phones' pictures, fisheyes and a scanned sheet: every tag that another detector (cv::aruco with markerBorderBits)
-// reads, and no tag where it cannot be.
+// The images are from phones and fisheye lenses, and one is a scanned sheet: every tag that another detector
+// (cv::aruco with markerBorderBits) reads is found, and no tag where it cannot be.
 TEST(AprilTagGrid, ReadsRecordedKalibrSheets) {
   const std::filesystem::path folder = DataDir() / "detect_kalibr_aprilgrid";
   HEBA_SKIP_WITHOUT(folder);
@@ -331,10 +332,10 @@ TEST(AprilTagGrid, ReadsRecordedKalibrSheets) {
     const Sheet sheet = other == others.end() ? Sheet() : other->second;
     const int num_tags = sheet.rows * sheet.columns;
     cv::Mat grey = ReadGreyImage(folder / "images" / name);
-    // The scan has 87 megapixels; its tags are large at a quarter of its size, too.
+    // The scan has 87 megapixels; its tags are large enough at a quarter of its size.
     if (grey.total() > 20e6) cv::resize(grey, grey, {}, 0.25, 0.25, cv::INTER_AREA);
     const std::set<int> listed = picture.at("ids").get<std::set<int>>();
-    // rs_two_boards.png shows a second board, whose ids go on from those of the first.
+    // rs_two_boards.png shows a second target, whose ids continue those of the first.
     for (int first_id = 0; first_id <= *listed.rbegin(); first_id += num_tags) {
       const std::unique_ptr<Target> target =
           MakeGrid("tag36h11", sheet.rows, sheet.columns,
@@ -354,8 +355,8 @@ TEST(AprilTagGrid, ReadsRecordedKalibrSheets) {
   EXPECT_EQ(num_images, 16);
 }
 
-// The pictures show many copies of tag 0: one of them is found, where libapriltag's own test expects it. That test runs
-// without its refinement of edges, hence a pixel.
+// The images show many copies of tag 0: one of them is found, at a position listed by libapriltag's own test. That
+// test runs without refinement of the edges, so the tolerance is one pixel.
 TEST(AprilTagGrid, AgreesWithLibapriltagsReference) {
   const std::filesystem::path folder = DataDir() / "detect_apriltag_reference" / "images";
   HEBA_SKIP_WITHOUT(folder);
@@ -380,7 +381,7 @@ TEST(AprilTagGrid, AgreesWithLibapriltagsReference) {
       for (const Eigen::Vector2d& found_px : detection.pixels) {
         Eigen::Vector2d listed_px;
         ASSERT_TRUE(numbers >> listed_px.x() >> listed_px.y()) << line;
-        // Its first pixel has its centre at (0.5, 0.5).
+        // libapriltag has the centre of the first pixel at (0.5, 0.5).
         farthest_px = std::max(farthest_px, (found_px - (listed_px - Eigen::Vector2d(0.5, 0.5))).norm());
       }
       nearest_px = std::min(nearest_px, farthest_px);

@@ -27,7 +27,7 @@ std::ptrdiff_t NumEntries(const fs::path& folder) {
   return std::distance(fs::directory_iterator(folder), fs::directory_iterator());
 }
 
-// Results of one file and of one in a folder.
+// Writes results that consist of one file and one file in a subfolder.
 void WriteResults(const fs::path& folder, const std::string& text) {
   StagedFolder staged(folder);
   Write(staged.staging() / "result.json", text);
@@ -49,7 +49,7 @@ TEST(StagedFolderTest, AppearsOnCommitOnly) {
   EXPECT_EQ(NumEntries(folder / "runs"), 1);
 }
 
-// Every new folder looks for stale ones beside it; one that another thread is just making is not stale.
+// Every new folder looks for stale ones next to it; a folder that another thread is creating is not stale.
 TEST(StagedFolderTest, ThreadsDoNotTakeEachOthersFoldersForStale) {
   const TempFolder folder;
   constexpr int kNumThreads = 4;
@@ -107,7 +107,7 @@ TEST(StagedFolderTest, KeepsWhatOthersPutThere) {
   EXPECT_TRUE(fs::is_symlink(folder / "a/link"));
   EXPECT_EQ(NumEntries(folder / "a/overlays"), 2);
   EXPECT_EQ(NumEntries(folder.path()), 1);
-  // Once more: they have not become heba's.
+  // A second commit does not treat them as heba's files.
   WriteResults(folder / "a", "newer");
   EXPECT_EQ(ReadTextFile(folder / "a/notes.txt"), "mine");
 }
@@ -119,13 +119,13 @@ TEST(StagedFolderTest, RefusesWhereAFileWasEdited) {
   EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder / "a"); }),
               HasSubstr("result.json: was changed since heba wrote it"));
   EXPECT_EQ(ReadTextFile(folder / "a/result.json"), "edited");
-  // One that was deleted, or that a full disk left empty, is made anew.
+  // A file that was deleted, or that a full disk left empty, is written again.
   Write(folder / "a/result.json", "");
   WriteResults(folder / "a", "newer");
   fs::remove(folder / "a/result.json");
   WriteResults(folder / "a", "new");
   EXPECT_EQ(ReadTextFile(folder / "a/result.json"), "new");
-  // Edited while the work was going on.
+  // The file is edited while the work is in progress.
   StagedFolder staged(folder / "a");
   Write(staged.staging() / "result.json", "newer");
   Write(folder / "a/result.json", "edited");
@@ -133,7 +133,7 @@ TEST(StagedFolderTest, RefusesWhereAFileWasEdited) {
   EXPECT_EQ(ReadTextFile(folder / "a/result.json"), "edited");
 }
 
-// The results of a run do not take the place of the data set that they are made from.
+// The results of a run do not replace the data set that they are made from.
 TEST(StagedFolderTest, RefusesToReplaceAnotherKind) {
   const TempFolder temp;
   const fs::path folder = temp.path() / "set";
@@ -170,7 +170,7 @@ TEST(StagedFolderTest, NeverReplacesOtherThings) {
   EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder / "file/below"); }), HasSubstr("cannot be made"));
   EXPECT_EQ(ReadTextFile(folder / "photos/holiday.jpg"), "x");
   EXPECT_EQ(ReadTextFile(folder / "file"), "x");
-  // A link is what it leads to, and stays.
+  // A link is followed and stays.
   fs::create_directory(folder / "elsewhere");
   fs::create_symlink("elsewhere", folder / "link");
   WriteResults(folder / "link", "new");

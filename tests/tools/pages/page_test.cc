@@ -16,7 +16,7 @@ using testing::Not;
 
 bool has_script = true;
 
-// Names that would do harm as markup, in a script, or as no UTF-8.
+// Names that would do harm as markup or in a script, or that are not UTF-8.
 const std::vector<std::string> kHostile = {"<!--<script>", "</script><img src=x onerror=alert(1)>", "\"' onload='x' \"",
                                            "&lt;b&gt;", "\xff\xfe <b>"};
 
@@ -59,7 +59,8 @@ TEST_P(PageTest, HasNoChartsWithoutTheScriptAndSaysSo) {
   }
 }
 
-// A chart has a picture for whoever has no script: beside the script where there is one, alone where there is none.
+// A chart has a static version for readers without scripts: in addition to the script, or alone if there is no
+// script.
 TEST_P(PageTest, ChartsHaveImagesWithoutTheScript) {
   const std::string picture = "<svg class=\"picture\"></svg>";
   for (const std::string& figure :
@@ -82,7 +83,7 @@ TEST(StaticChartTest, MarksStandWhereTheirNumbersAre) {
   chart.Text(5, 10, "<b>", "end");
   chart.Bar(10, 100, 5, 10, "first", 0.5);
   const std::string svg = chart.Svg();
-  // The plot is 100 px a side: 88 px from the left, 8 from the top.
+  // The plot is 100 px wide and high, 88 px from the left and 8 px from the top.
   EXPECT_THAT(svg, HasSubstr("<circle cx=\"88.0\" cy=\"108.0\""));
   EXPECT_THAT(svg, HasSubstr("<circle cx=\"188.0\" cy=\"8.0\""));
   EXPECT_THAT(svg, HasSubstr("<circle cx=\"138.0\" cy=\"58.0\""));
@@ -111,7 +112,7 @@ TEST_P(PageTest, NothingGivenBecomesMarkup) {
       EXPECT_EQ(found, ends) << markup;
     }
   }
-  // And it is the same text when it is read again.
+  // The text is unchanged when it is parsed again.
   if (!GetParam()) return;
   const std::string embedded = SharedData("d", {{"name", kHostile[1]}});
   const size_t begin = embedded.find('>') + 1;
@@ -128,7 +129,7 @@ TEST_P(PageTest, WhatIsNoNumberIsNull) {
 TEST(PageTableTest, CellsLinkWhateverTheirNames) {
   const std::string table =
       HtmlTable({"run", "mm", "<i>"}, {{{"a <b>", false, LinkTo("a <b>: c/report.html")}, {"1", true}, {""}}});
-  // In a narrow window a cell says whose it is.
+  // Each cell names its column, for narrow windows.
   EXPECT_THAT(table, HasSubstr("<td class=\"number\" data-head=\"mm\">1</td><td data-empty></td>"));
   EXPECT_THAT(table, HasSubstr("<a href=\"a%20%3Cb%3E%3A%20c/report.html\">a &lt;b&gt;</a>"));
 }

@@ -14,7 +14,7 @@
 namespace heba {
 namespace {
 
-// The folder itself, or the runs of a batch's folder, by name.
+// Returns the folder itself if it is a run, or the runs in a batch's folder, sorted by name.
 std::vector<std::filesystem::path> RunsIn(const std::filesystem::path& folder) {
   namespace fs = std::filesystem;
   std::error_code error;

@@ -23,7 +23,7 @@
 namespace heba {
 namespace {
 
-// The camera of the config, or the one that these pictures themselves give; nothing if they are too few for that.
+// Returns the camera of the config, or one that is estimated from these images; nothing if there are too few of them.
 std::optional<Camera> FittedCamera(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
   if (config.camera) return config.camera;
   const std::vector<View> views = ViewsOf(config, detections);
@@ -38,8 +38,8 @@ std::optional<Camera> FittedCamera(const RunConfig& config, const std::vector<Ca
   return camera ? std::optional(*camera) : std::nullopt;
 }
 
-// How far the points are from the target that fits them best: through the camera if there is one, else through a
-// homography of the plane, which lens distortion does not follow.
+// Returns the distances of the points from the best-fitting target: under the camera if there is one, otherwise under
+// a homography of the plane, which does not model lens distortion.
 std::optional<Points2> FitResiduals(const std::optional<Camera>& camera, const Observations& observations) {
   if (observations.size() < 4) return std::nullopt;
   if (camera) {
@@ -93,7 +93,8 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
     OverlayOptions options;
     options.caption = line;
     if (residuals) {
-      // Arrows of 30 px at the most on average: what a lens bends away from a plane would cover the picture.
+      // The RMS length of the arrows is at most 30 px: the distortion, which a homography does not explain, would
+      // otherwise cover the image.
       const double rms_px = *SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx();
       options.magnification = std::min(options.magnification, 30.0 / std::max(rms_px, 1e-9));
     }

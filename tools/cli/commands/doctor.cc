@@ -21,7 +21,7 @@ std::string DiagnosisText(const std::string& name, const Diagnosis& diagnosis) {
                      std::to_string(diagnosis.num_seen) + " of them show a pose of the target; " +
                      (num_wrong == 0 ? "nothing is wrong" : std::to_string(num_wrong) + " wrong") + ", " +
                      std::to_string(num_remarks) + (num_remarks == 1 ? " remark\n" : " remarks\n");
-  // The first ones of many alike are told, with their cure once.
+  // Only the first of many similar symptoms are printed, with their cure once.
   constexpr size_t kMostAlike = 4;
   size_t alike = 0;
   for (size_t i = 0; i < diagnosis.symptoms.size(); ++i) {
@@ -71,7 +71,7 @@ int RunCommand_doctor(const std::vector<std::string>& arguments) {
     std::cout << ForTerminal(DiagnosisText(config->name, diagnosis)) << std::flush;
     return kDone;
   }
-  // Poses that cannot be read as the config says may be read otherwise.
+  // Poses that cannot be read as the config says may have another format.
   std::optional<GuessedReading> guessed = GuessReading(arguments[0], Settings(), NumThreads(), verbosity);
   if (!guessed) throw InputError(fault);
   guessed->diagnosis.symptoms.insert(guessed->diagnosis.symptoms.begin(), UnreadablePoses(fault, *guessed));

@@ -29,7 +29,7 @@ const ExportFormat& FormatAskedFor() {
                    DidYouMean(FLAGS_to, names));
 }
 
-// The refined one, or the one that --method names.
+// Returns the refined estimate, or the one that --method names.
 const Estimate& EstimateAskedFor(const RunResult& result, const std::string& where) {
   std::vector<std::string> names;
   for (const Estimate& estimate : result.estimates) {
@@ -45,7 +45,7 @@ const Estimate& EstimateAskedFor(const RunResult& result, const std::string& whe
                    "; it has: " + Join(names, ", "));
 }
 
-// Names of frames go into files of many languages: those that ROS allows are safe in all of them.
+// Sets the name of a frame. The names go into files of many languages; the characters that ROS allows are safe in all.
 void ReadFrame(const char* flag, const std::string& given, std::string* frame) {
   if (given.empty()) return;
   const bool is_plain = std::all_of(given.begin(), given.end(), [](char c) {
@@ -58,7 +58,8 @@ void ReadFrame(const char* flag, const std::string& given, std::string* frame) {
   *frame = given;
 }
 
-// Whether the run's poses are those of a Universal Robots controller, by the config that stands beside the result.
+// Returns whether the run's poses are those of a Universal Robots controller, according to the config next to the
+// result.
 bool PosesAreOfUrController(const fs::path& run) {
   const fs::path file = run / "config.yaml";
   std::error_code error;
@@ -75,7 +76,7 @@ bool PosesAreOfUrController(const fs::path& run) {
   return format == "ur" || (format == "joints" && FindUrRobot(text_of("robot")) != nullptr);
 }
 
-// The request with the frame that --child-is asks for in place of the optical one.
+// Returns the request with the child frame that --child-is names instead of the optical one.
 ExportRequest WithChildAskedFor(const ExportRequest& request) {
   if (FLAGS_child_is.empty() || FLAGS_child_is == "optical") return request;
   if (FLAGS_child_is == "body") return WithChild(request, ExportFrame::kBody, OpticalFromBody());
@@ -114,7 +115,7 @@ ExportRequest RequestAskedFor(const fs::path& run) {
   return FLAGS_inverse ? Inverted(request) : request;
 }
 
-// Every form that has room for this result, into the folder --out.
+// Writes every format that can hold this result into the folder --out.
 int ExportAll(const ExportRequest& request) {
   if (FLAGS_out.empty()) throw InputError("--to all needs --out FOLDER");
   const fs::path folder = FLAGS_out;
@@ -122,7 +123,7 @@ int ExportAll(const ExportRequest& request) {
   if (fs::exists(folder, error) && !fs::is_directory(folder, error)) {
     throw InputError("--out: " + folder.string() + " is a file; --to all needs a folder");
   }
-  // Only an earlier export is replaced: the names are not the user's choice.
+  // Only an earlier export is replaced, because the user did not choose the file names.
   for (const ExportFormat& format : ExportFormats()) {
     const fs::path file = folder / format.file_name;
     if (fs::exists(file, error) && ReadTextFile(file).find(kExportMark) == std::string::npos) {
@@ -135,7 +136,7 @@ int ExportAll(const ExportRequest& request) {
     if (text) {
       WriteFileAtomically(folder / format.file_name, *text);
     } else {
-      fs::remove(folder / format.file_name, error);  // An earlier export, of something else.
+      fs::remove(folder / format.file_name, error);  // It would be an earlier export of another result.
     }
     if (FLAGS_quiet) continue;
     std::cout << (text ? (folder / format.file_name).string() + ": " + format.description +

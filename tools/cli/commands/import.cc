@@ -22,7 +22,7 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// What `import` writes, file by file: all of it, before any is written.
+// The contents of all files that `import` writes, complete before the first is written.
 struct ImportedFiles {
   std::vector<std::pair<std::string, std::string>> files;
   std::string config;
@@ -105,7 +105,7 @@ ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
   return made;
 }
 
-// What is replaced by `output` must not hold what is imported.
+// Throws InputError if the folder that `output` replaces contains a file that is imported.
 void RefuseToSwallow(const ImportedSet& set, const fs::path& source, const fs::path& output) {
   std::vector<fs::path> kept = set.files;
   kept.push_back(source);
@@ -122,7 +122,7 @@ void RefuseToSwallow(const ImportedSet& set, const fs::path& source, const fs::p
   }
 }
 
-// Pictures and poses that no program has described.
+// Imports images and poses that no program has described.
 int ImportRawFolder(const fs::path& source, const fs::path& output) {
   const std::optional<RawFolder> raw = FindRawFolder(source);
   if (!raw) {
@@ -163,7 +163,7 @@ int RunCommand_import(const std::vector<std::string>& arguments) {
   const ImportedSet set = ImportDataSet(source, FLAGS_format);
   const ImportedFiles made = FilesOf(set, output);
   RefuseToSwallow(set, source, output);
-  // Its own mark: any folder may have a config.yaml.
+  // The folder has its own marker, because any folder may contain a config.yaml.
   StagedFolder folder(output, "an imported data set");
   for (const auto& [name, text] : made.files) WriteFileAtomically(folder.staging() / name, text);
   WriteFileAtomically(folder.staging() / "config.yaml", made.config);

@@ -23,7 +23,7 @@
 namespace heba {
 namespace {
 
-// What a finished run's folder says of itself.
+// The contents of a finished run's folder.
 struct FinishedRun {
   RunResult result;
   std::shared_ptr<const Target> target;
@@ -47,12 +47,12 @@ Rigid3d PoseAskedFor(const PoseReading& reading) {
   return BaseFromGripper(reading, PoseOfFlag("pose", FLAGS_pose, reading.format));
 }
 
-// The format of --near: that of the run's poses, or `ros` where these are joints.
+// Returns the format of --near: that of the run's poses, or `ros` if those are joints.
 const PoseFormat& FormatOfNear(const PoseReading& reading) {
   return reading.format.robot.empty() ? reading.format : *FindPoseFormat("ros");
 }
 
-// The pose that --near expects, base_from_target; nothing without the flag.
+// Returns the pose that --near expects, base_from_target; nothing without the flag.
 std::optional<Rigid3d> NearAskedFor(const FinishedRun& run) {
   if (FLAGS_near.empty()) return std::nullopt;
   if (!FLAGS_pixels.empty()) {
@@ -70,14 +70,14 @@ std::string SigmasMm(const Eigen::Matrix3d& covariance_m2) {
   return Join(parts, ", ");
 }
 
-// "sx, sy, sz mm (calibration ...; picture ...)".
+// Formats a covariance as "sx, sy, sz mm (calibration ...; picture ...)".
 std::string SigmasText(const PositionCovariance& covariance) {
   return SigmasMm(covariance.TotalM2()) + " mm (calibration " + SigmasMm(covariance.by_calibration_m2) + "; picture " +
          SigmasMm(covariance.by_image_m2) +
          (covariance.by_robot_m2.isZero() ? "" : "; robot " + SigmasMm(covariance.by_robot_m2)) + ")";
 }
 
-// Whether figures of a place can be shown: what a result says of its own uncertainty may be no covariance.
+// Returns whether the figures of a position can be shown. The covariance in a result file may be invalid.
 bool IsKnown(const Eigen::Vector3d& place_m, const PositionCovariance& covariance) {
   const Eigen::Vector3d variances = covariance.TotalM2().diagonal();
   return place_m.allFinite() && variances.allFinite() && variances.minCoeff() >= 0;
@@ -92,7 +92,7 @@ std::string DescribeSigma(const LocatedTarget& located) {
   return "  one sigma of its middle, along the base's x, y, z: " + SigmasText(located.covariance) + "\n";
 }
 
-// The arm of --robot: one of the table, or a URDF's from its root to its only tip; neither without the flag.
+// The arm of --robot: one of the built-in table, or a URDF's from its root to its only tip. Neither without the flag.
 struct Arm {
   const UrRobot* ur = nullptr;
   std::shared_ptr<const UrdfArm> urdf = nullptr;
@@ -143,7 +143,7 @@ std::string DescribePostures(const Arm& arm, const Rigid3d& base_from_target) {
   return arm.urdf ? DescribePostures(*arm.urdf, base_from_target) : "";
 }
 
-// All poses that fit an image of a target with symmetries.
+// Describes all poses that fit an image of a target with symmetries.
 std::string DescribePossible(const std::vector<LocatedTarget>& possible, const Arm& arm) {
   std::string text;
   for (size_t i = 0; i < possible.size(); ++i) {
@@ -154,7 +154,8 @@ std::string DescribePossible(const std::vector<LocatedTarget>& possible, const A
   return text + DescribeSigma(possible.front());
 }
 
-// "3.1 deg, 178 deg": how far the possible poses are turned from `rough`, in the order of `possible`.
+// Lists the rotation angles between `rough` and the possible poses, such as "3.1 deg, 178 deg", in the order of
+// `possible`.
 std::string AnglesText(const std::vector<LocatedTarget>& possible, const Rigid3d& rough) {
   std::vector<std::string> angles;
   for (const LocatedTarget& located : possible) {
@@ -163,7 +164,7 @@ std::string AnglesText(const std::vector<LocatedTarget>& possible, const Rigid3d
   return Join(angles, ", ");
 }
 
-// "u,v; u,v": px.
+// Parses --pixels, "u,v; u,v", in px.
 std::vector<Eigen::Vector2d> PixelsAskedFor() {
   std::vector<Eigen::Vector2d> pixels;
   for (const std::string& pair : Split(FLAGS_pixels, ';')) {
@@ -179,7 +180,7 @@ std::vector<Eigen::Vector2d> PixelsAskedFor() {
   return pixels;
 }
 
-// "nx, ny, nz, 120 mm"; nothing for the plane of the target.
+// Parses --plane, "nx, ny, nz, 120 mm"; nothing for the plane of the target.
 std::optional<Plane> PlaneAskedFor() {
   if (FLAGS_plane == "target") return std::nullopt;
   const std::vector<std::string> fields = Split(FLAGS_plane, ',');
@@ -202,7 +203,8 @@ std::optional<Plane> PlaneAskedFor() {
   return plane;
 }
 
-// The flange's pose that points at a plane there: its z against the normal, its x as much along the base's as can be.
+// Returns the flange pose that points at a plane: its z axis opposes the normal, its x axis is as close to the base's
+// x axis as possible (to the base's y axis if the normal is nearly along x).
 Rigid3d PointingAt(const Eigen::Vector3d& point, const Eigen::Vector3d& normal) {
   const Eigen::Vector3d z = -normal;
   const bool is_along_x = std::abs(z.x()) > 0.9;
@@ -220,10 +222,10 @@ std::string DescribePoint(const Eigen::Vector2d& pixel, const LocatedPoint& loca
          "\n";
 }
 
-// What --pixels and --plane ask for.
+// The values of --pixels and --plane.
 struct PixelsAsked {
   std::vector<Eigen::Vector2d> pixels;
-  std::optional<Plane> plane;  // Nothing: the target's.
+  std::optional<Plane> plane;  // The target's plane if not set.
 };
 
 PixelsAsked ReadPixelsAsked(const Camera& camera) {
@@ -244,7 +246,7 @@ PixelsAsked ReadPixelsAsked(const Camera& camera) {
   return asked;
 }
 
-// What --pixels asks of one picture.
+// Describes the points that --pixels requests in one image.
 Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solution, const CaptureDetection& seen,
                                     const Rigid3d& base_from_mount, const PixelsAsked& asked, const Arm& arm) {
   const std::optional<Plane>& plane = asked.plane;
@@ -253,7 +255,7 @@ Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solu
   if (!plane) {
     const Outcome<LocatedTarget> target = LocateTarget(run.result.setup, solution, observations, base_from_mount);
     if (!target) return Failure{seen.detection.reason.empty() ? target.reason() : seen.detection.reason};
-    // The side that the camera sees.
+    // The normal on the side that the camera sees.
     normal = target->base_from_target.rotation * Eigen::Vector3d::UnitZ();
   }
   const Rigid3d base_from_camera = base_from_mount * solution.hand_eye.camera_mount_from_camera;
@@ -275,9 +277,9 @@ Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solu
 
 // The text about the target in one image.
 struct TargetDescription {
-  std::string text;         // For standard output; lists all possible poses where none is chosen.
-  bool is_located = false;  // One pose was chosen.
-  std::string fault;        // Why not; empty if only --near is missing.
+  std::string text;         // For standard output; lists all possible poses if none is chosen.
+  bool is_located = false;  // Whether one pose was chosen.
+  std::string fault;        // Reason why none was chosen; empty if only --near is missing.
 };
 
 TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solution, const std::string& image,

@@ -41,7 +41,7 @@ int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
 int RunCommand_run(const std::vector<std::string>& arguments) {
   const Shard shard = ParseShard();
   const std::optional<Grade> fail_on = FailOn();
-  // Named shards are a batch's, whatever their number: 0/1 is a batch of one.
+  // An explicit --shard requests a batch, even a shard 0/1 of a single config.
   if (arguments.size() == 1 && FLAGS_shard.empty()) return RunOne(arguments[0], fail_on);
   BatchOptions options;
   if (!FLAGS_out.empty()) options.output = std::filesystem::absolute(FLAGS_out).lexically_normal();

@@ -26,7 +26,7 @@ std::string ImageName(int index) {
   return name;
 }
 
-// A run config for the data set, ready for `heba run`.
+// Returns a run config for the data set, ready for `heba run`.
 std::string RunConfigText(const SceneConfig& scene) {
   YAML::Node config;
   config["setup"] = std::string(SetupName(scene.setup));

@@ -54,11 +54,12 @@ int RunCommand_study(const std::vector<std::string>& arguments) {
                     FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
   for (const int index : to_do) {
     const StudyCell& cell = study.cells[static_cast<size_t>(index)];
-    // Every trial by itself: the result does not depend on which thread did it.
+    // Every trial is independent, so the result does not depend on the threads.
     std::vector<std::vector<TrialEstimate>> trials(static_cast<size_t>(study.num_trials));
     std::mutex mutex;
     ParallelFor(study.num_trials, NumThreads(), [&](int trial) {
-      // Cells share their noise, trial by trial: what differs between them is not chance.
+      // All cells use the same random numbers in the same trial, so that differences between them are not due to
+      // chance.
       trials[static_cast<size_t>(trial)] = RunTrial(cell, study.seed, trial);
       const std::lock_guard<std::mutex> guard(mutex);
       progress.Step();

@@ -1,5 +1,5 @@
-// Are the intrinsics those of these pictures? Judged by how well views of the target fit with them, against the
-// intrinsics that the pictures themselves tell, and by the robot's poses.
+// Checks whether the intrinsics belong to these images. They are judged by how well they fit the views of the target,
+// compared with the intrinsics estimated from the images themselves, and by the robot's poses.
 #include <algorithm>
 #include <cmath>
 
@@ -18,7 +18,7 @@ std::string SizeText(int width_px, int height_px) {
   return std::to_string(width_px) + " x " + std::to_string(height_px) + " px";
 }
 
-// Of a picture enlarged by `factor`: pixel (0, 0) is the centre of the first pixel.
+// Returns the camera of an image enlarged by `factor`; pixel (0, 0) is the centre of the first pixel.
 Camera Scaled(const Camera& camera, double factor) {
   Camera scaled = camera;
   for (const size_t i : {0, 1}) scaled.params[i] *= factor;
@@ -32,7 +32,8 @@ Camera OfSize(Camera camera, const CaptureDetection& picture) {
   return camera;
 }
 
-// Root mean square misfit of the middle view to its own best pose; infinite if hardly any view has one.
+// Returns the median over views of the RMS residual under the view's own best pose; infinite if fewer than half of the
+// views have a pose.
 double FitPx(const Examination& examination, const Camera& camera) {
   const std::vector<ExaminedView> views = ExamineViews(examination.config, examination.detections, camera);
   if (2 * views.size() < NumSeen(examination.detections)) return std::numeric_limits<double>::infinity();
@@ -48,7 +49,8 @@ std::optional<PoseConsistency> ByRobot(const Examination& examination, const Cam
 
 std::string FocalText(const Camera& camera) { return Fixed(camera.params[0], 0) + " px"; }
 
-// Estimates the camera that a run would estimate; a lens for which a pinhole is given may distort all the same.
+// Estimates the camera that a run would estimate. If a pinhole is given, brown5 is estimated, because the lens may
+// distort.
 Outcome<Camera> EstimateCamera(const RunConfig& config, const std::vector<View>& views,
                                const CaptureDetection& picture) {
   if (config.choose_camera_model) {
@@ -59,7 +61,7 @@ Outcome<Camera> EstimateCamera(const RunConfig& config, const std::vector<View>&
                             picture.width_px, picture.height_px);
 }
 
-// The file's camera is for pictures of another size.
+// Reports that the camera in the file is for images of another size.
 Symptom OtherSize(Examination* examination, const Camera& given, const std::optional<Camera>& estimated) {
   const CaptureDetection& picture = examination->detections.front();
   const double wider = static_cast<double>(picture.width_px) / given.width_px;
@@ -70,7 +72,7 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
                   ""};
   constexpr double kSame = 0.01;
   const Camera scaled = OfSize(Scaled(given, wider), picture);
-  // A window in the middle of the picture.
+  // The image may be a window in the middle of the larger one.
   Camera cropped = OfSize(given, picture);
   cropped.params[2] -= 0.5 * (given.width_px - picture.width_px);
   cropped.params[3] -= 0.5 * (given.height_px - picture.height_px);
@@ -121,7 +123,7 @@ std::vector<Symptom> Check_camera(Examination* examination) {
 
   const double fit_px = FitPx(*examination, camera);
   const std::optional<PoseConsistency> by_robot = ByRobot(*examination, camera);
-  // Of another resolution under the same name; only where both the views and the robot's poses say so.
+  // Intrinsics of another resolution are only reported if both the views and the robot's poses support it.
   constexpr double kDecidedly = 2.5;
   for (const double factor : {2.0, 0.5}) {
     const Camera scaled = Scaled(camera, factor);
@@ -147,7 +149,7 @@ std::vector<Symptom> Check_camera(Examination* examination) {
   if (!std::isfinite(estimated_fit_px) || fit_px < kPoorPx || fit_px < kPoorRatio * estimated_fit_px) return {};
   constexpr double kOther = 0.08;
   const bool is_other_lens = std::abs(ratio - 1) > kOther;
-  // A little more than noise is a remark: nominal intrinsics often serve.
+  // Slightly more than noise is a remark, because nominal intrinsics are often good enough.
   const bool is_wrong = fit_px > 4 * kPoorPx || is_other_lens;
   Symptom symptom{is_wrong ? Severity::kWrong : Severity::kRemark, is_other_lens ? "camera" : "distortion",
                   is_other_lens ? "the intrinsics are of another camera or resolution: " + fits + "; focal length " +

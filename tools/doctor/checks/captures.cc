@@ -1,4 +1,4 @@
-// Do single captures contradict the others, and do they perhaps belong to one another's poses?
+// Checks whether single captures contradict the others, and whether they fit the poses of other captures.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -19,7 +19,8 @@ std::string ApartText(const Capture& a, const Capture& b) {
          Significant(RadToDeg(AngleRad(a.base_from_gripper, b.base_from_gripper)), 2) + " deg";
 }
 
-// Images with several poses are wrong. Copies of a capture are not, but the checks that follow do not see them.
+// Reports images that occur with several poses (wrong) and copies of a capture (a remark). Copies are hidden from the
+// checks that follow.
 std::vector<Symptom> SharedImages(Examination* examination) {
   const std::vector<Capture>& captures = examination->config.captures;
   std::vector<Symptom> symptoms;
@@ -52,14 +53,15 @@ std::vector<Symptom> SharedImages(Examination* examination) {
   return symptoms;
 }
 
-// How far two poses of a target are apart, in the unit of PoseConsistency::misfit_m: a turn as a distance at the
-// target.
+// Returns the distance between two poses of a target in the unit of PoseConsistency::misfit_m: a rotation counts as
+// the displacement that it causes at the target.
 double ApartM(const Rigid3d& camera_from_target, const Rigid3d& other) {
   return std::hypot(DistanceM(camera_from_target, other),
                     camera_from_target.translation.norm() * AngleRad(camera_from_target, other));
 }
 
-// Captures with one pose, to the last digit, whose pictures show the target in different places.
+// Reports captures whose robot poses are equal to the last digit, but whose images show the target at different
+// positions.
 std::vector<Symptom> SamePoses(const std::vector<ExaminedView>& views, double limit_m) {
   std::vector<Symptom> symptoms;
   std::map<std::vector<double>, size_t> first_of;
@@ -87,7 +89,7 @@ std::vector<Symptom> SamePoses(const std::vector<ExaminedView>& views, double li
   return symptoms;
 }
 
-// How far the view is from where `mount` would have it.
+// Returns the difference between the view and the pose that `mount` predicts.
 double MisfitM(const PoseConsistency& consistency, const ExaminedView& view, const Rigid3d& mount) {
   const Rigid3d camera_from_target = CameraFromTarget(consistency.hand_eye, mount);
   double best = std::numeric_limits<double>::infinity();
@@ -108,19 +110,19 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   constexpr double kLeastShare = 0.01;
   constexpr double kInside = 3;
   const double distance_m = WorkingDistanceM(views);
-  // Where nothing fits, nothing sticks out.
+  // If nothing fits, there are no outliers.
   if (consistency->typical_misfit_m > kPoorShare * distance_m) return symptoms;
   const double limit_m = std::max(kOutside * consistency->typical_misfit_m, kLeastShare * distance_m);
   const double fits_m = std::max(kInside * consistency->typical_misfit_m, 0.25 * kLeastShare * distance_m);
   for (Symptom& symptom : SamePoses(views, limit_m)) symptoms.push_back(std::move(symptom));
 
   std::vector<size_t> outside;
-  // Of more than these nobody wants to read one by one.
+  // Nobody would read more than this number one by one.
   constexpr size_t kMostOutside = 100;
   for (size_t i = 0; i < views.size() && outside.size() < kMostOutside; ++i) {
     if (consistency->misfit_m[i] > limit_m) outside.push_back(i);
   }
-  // Of another capture's pose that this picture would fit: that of one which does not fit its own sooner than of any.
+  // Returns the other capture whose pose this image would fit, preferably one that does not fit its own pose.
   const auto pose_for = [&](size_t i) -> std::optional<size_t> {
     std::optional<size_t> best;
     double best_share = 1;
@@ -153,7 +155,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
     const size_t j = found->second;
     const auto back = belongs.find(j);
     const bool is_swapped = back != belongs.end() && back->second == i;
-    if (is_swapped && j < i) continue;  // Said already.
+    if (is_swapped && j < i) continue;  // Reported with the other one.
     const std::string& other = views[j].view.name;
     symptoms.push_back(
         is_swapped

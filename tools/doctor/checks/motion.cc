@@ -1,4 +1,4 @@
-// Does the motion show the hand-eye pose?
+// Checks whether the motion determines the hand-eye pose.
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/closed_form/motion_analysis.h"
@@ -12,7 +12,7 @@ std::vector<Symptom> Check_motion(Examination* examination) {
   for (const ExaminedView& view : examination->views) poses.push_back(view.view.camera_mount_from_target_mount);
   const MotionAnalysis motion = AnalyseMotion(poses);
   const std::string why = WhyNotObservable(motion);
-  // Too few captures with a target is what was wrong already.
+  // A previous check has already reported why too few captures show the target.
   if (poses.size() < 3 && examination->found_wrong) return {};
   if (!why.empty()) {
     return {{Severity::kWrong, poses.size() < 3 ? "few_captures" : "motion", why,

@@ -1,11 +1,11 @@
-// Do the robot's poses mean what the config says, and do they belong to these pictures? Every other meaning of the same
-// numbers, every likely slip of the rows, is tried on what the pictures show; one that explains it decidedly better is
-// what the data are.
+// Checks whether the robot's poses mean what the config says, and whether they belong to these images. Every other
+// meaning of the same numbers and every likely shift of the rows is compared with the images; one that explains them
+// decidedly better is reported.
 //
-// Of two captures the turn that the robot made and the turn that the camera saw have one angle, and their shifts along
-// the axis are alike: that tells orders of angles and units apart. It is the same for poses and their inverses, which
-// only a solve tells apart (solvers/initial/pose_consistency.h), and eye-to-hand with poses is eye-in-hand with their
-// inverses, which nothing in the data does.
+// Between two captures, the robot's motion and the camera's motion have the same rotation angle and the same
+// translation along the rotation axis: this distinguishes angle conventions and units. Both are also the same for
+// poses and their inverses, which only a solve can distinguish (solvers/initial/pose_consistency.h). Eye-to-hand with
+// poses is equivalent to eye-in-hand with their inverses; no data can distinguish these two.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -21,7 +21,8 @@
 namespace heba {
 namespace {
 
-// Better by this factor is another reading, not chance or noise; within the other one, two readings are alike.
+// A reading that is better by the first factor is another one, not chance or noise. Two readings within the second
+// factor are equally good.
 constexpr double kDecidedly = 2.5;
 constexpr double kAlike = 1.5;
 
@@ -31,25 +32,25 @@ enum class Direction { kAsRead, kInverse, kInverseRotation };
 struct Reading {
   PoseFormat format;
   Direction direction = Direction::kAsRead;
-  std::string pairing;                         // What is wrong with the rows, as a clause; empty: nothing.
-  std::vector<std::optional<Rigid3d>> mounts;  // Of each view; nothing where the pairing has none.
-  double oddness = 0;                          // How many mistakes it takes to come from here to the config's.
+  std::string pairing;                         // The fault of the rows, as a clause; empty if there is none.
+  std::vector<std::optional<Rigid3d>> mounts;  // Per view; not set if the pairing has none.
+  double oddness = 0;  // Weighted number of mistakes that lead from this reading to the config's.
   RobotScale scale = RobotScale::kOne;
 };
 
 struct JudgedReading {
   Reading reading;
   PoseConsistency consistency;
-  std::string unit;  // Of the positions, that explains the scale.
+  std::string unit;  // Unit of the positions that explains the scale.
   double oddness = 0;
-  bool has_other_scale = false;  // Beyond the unit, and surely.
+  bool has_other_scale = false;  // Beyond the unit, and significantly.
 };
 
 constexpr std::string_view kUnits[] = {"m", "cm", "mm", "in"};
 
 double MetresOf(std::string_view unit) { return ParseQuantity("1 " + std::string(unit), Quantity::kLength).value; }
 
-// The unit of positions by which the scale is explained: what is left of it is the target's.
+// Returns the unit of positions that explains the scale, if one does; the remaining scale is that of the target.
 std::string UnitFor(const PoseFormat& format, const PoseConsistency& consistency) {
   if (!format.robot.empty()) return format.translation_unit;
   constexpr double kNear = 0.08;
@@ -60,10 +61,11 @@ std::string UnitFor(const PoseFormat& format, const PoseConsistency& consistency
   return format.translation_unit;
 }
 
-// Of a target that was measured wrongly. Anything else is a unit, or a fit to nothing.
+// Returns whether a target that was measured wrongly may have this scale. Any other scale is due to a unit, or to a
+// fit of unrelated data.
 bool IsPlausibleScale(double scale) { return scale > 0.2 && scale < 5; }
 
-// The scale that the unit leaves.
+// Returns the scale that the unit does not explain.
 double RestScale(const JudgedReading& judged) {
   return judged.consistency.robot_scale * MetresOf(judged.reading.format.translation_unit) / MetresOf(judged.unit);
 }
@@ -101,7 +103,7 @@ std::vector<Reading> ReadingsOfNumbers(const Examination& examination) {
   return readings;
 }
 
-// Capture i with the pose of capture `other(i)`, if there is one.
+// Pairs capture i with the pose of capture `other(i)`, if there is one.
 template <class Other>
 Reading Repaired(const Examination& examination, const std::string& pairing, double oddness, const Other& other) {
   const RunConfig& config = examination.config;
@@ -118,8 +120,8 @@ Reading Repaired(const Examination& examination, const std::string& pairing, dou
   return reading;
 }
 
-// Where names 1, 2, ..., 10 and 1, 10, ..., 2 were taken for the same order: for each capture in the one order its
-// place in the other.
+// Returns, for each capture in one order, its index in the other, for data in which names sorted as 1, 2, ..., 10 were
+// paired with names sorted as 1, 10, ..., 2.
 std::vector<size_t> PlaceInOtherOrder(const RunConfig& config, bool by_letters_first) {
   std::vector<size_t> by_letters(config.captures.size());
   for (size_t i = 0; i < by_letters.size(); ++i) by_letters[i] = i;
@@ -164,7 +166,7 @@ std::vector<Reading> Pairings(const Examination& examination) {
 }
 
 std::optional<JudgedReading> Judge(const Examination& examination, const Reading& reading) {
-  // Enough to tell readings apart.
+  // This number is enough to distinguish readings.
   constexpr size_t kMostViews = 40;
   std::vector<PoseCandidates> captures;
   for (size_t i = 0; i < reading.mounts.size(); ++i) {
@@ -177,7 +179,7 @@ std::optional<JudgedReading> Judge(const Examination& examination, const Reading
   JudgedReading judged{reading, std::move(*consistency), reading.format.translation_unit, reading.oddness};
   if (reading.scale == RobotScale::kFree) {
     judged.unit = UnitFor(reading.format, judged.consistency);
-    // How far a motion leaves the scale open is no finding.
+    // A scale that the motion does not determine is not reported.
     constexpr double kSameScale = 0.02;
     constexpr double kSigmas = 5;
     judged.has_other_scale =
@@ -195,7 +197,7 @@ std::string RotationText(const PoseFormat& format) {
   return format.rotation + (format.angle_unit.empty() ? "" : " in " + format.angle_unit);
 }
 
-// Both readings of poses that are the inverse of what the config says.
+// Describes both explanations of poses that are the inverse of what the config says.
 std::string EitherSetUp(const RunConfig& config, const Rigid3d& camera_mount_from_camera) {
   const Setup other = config.setup == Setup::kEyeToHand ? Setup::kEyeInHand : Setup::kEyeToHand;
   const auto where = [](Setup setup) {
@@ -208,7 +210,7 @@ std::string EitherSetUp(const RunConfig& config, const Rigid3d& camera_mount_fro
          "); the data cannot tell these two apart, you can see it";
 }
 
-// Nothing if the reading is the config's but for a scale within what is not told.
+// Describes the best reading. Returns nothing if it differs from the config's only by an insignificant scale.
 std::optional<Symptom> Describe(const Examination& examination, const JudgedReading& best, const PoseConsistency& now,
                                 const std::vector<std::string>& alike) {
   const RunConfig& config = examination.config;
@@ -301,16 +303,16 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   const std::vector<PoseCandidates> captures = CandidatesOf(examination->views);
   const std::optional<PoseConsistency> now = FindPoseConsistency(captures, RobotScale::kOne);
   if (!now) return {};
-  // Where the pictures themselves show no turns, or one axis only, one reading of the rotations is as good as another
-  // by chance.
+  // If the images themselves show no rotation, or rotations about one axis only, any reading of the rotations may fit
+  // as well as another by chance.
   std::vector<Rigid3d> seen;
   for (const PoseCandidates& capture : captures) seen.push_back(capture.camera_from_target.front());
   const MotionAnalysis seen_motion = AnalyseMotion(seen);
   constexpr double kNoTurnDeg = 1;
   if (RadToDeg(seen_motion.rotation_rms_rad[0]) < kNoTurnDeg) return {};
   const bool is_scale_only = !WhyNotObservable(seen_motion).empty();
-  // A robot that turned about one axis leaves pictures that do not tell an estimated camera: its focal length, and with
-  // it every scale and small turn that they show, may be anything.
+  // If the robot rotated about one axis only, the images do not determine an estimated camera: its focal length, and
+  // thus every scale and small rotation that the images show, is arbitrary.
   std::vector<Rigid3d> robot;
   for (const PoseCandidates& capture : captures) robot.push_back(capture.camera_mount_from_target_mount);
   constexpr double kClearTurnDeg = 6;
@@ -369,7 +371,7 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   const double scale = scaled ? scaled->robot_scale : 1;
   constexpr double kSurely = 5;
   constexpr double kOther = 0.04;
-  // Where the poses fit but for it: of poses that belong to nothing any scale may come out.
+  // The scale is only reported if the poses fit otherwise: unrelated poses may result in any scale.
   const bool fits_scaled = scaled && IsPlausibleScale(scale) && scaled->typical_misfit_m < kPoorShare * distance_m;
   if (fits_scaled && std::abs(scale - 1) > std::max(kOther, kSurely * scaled->robot_scale_stddev) &&
       scaled->typical_translation_m < 0.87 * now->typical_translation_m) {

@@ -1,4 +1,4 @@
-// What the residuals of single views say of the camera, each view by its own best pose: the robot is not asked.
+// Checks the camera model by the residuals of single views, each under its own best pose, independently of the robot.
 #include <algorithm>
 #include <cmath>
 
@@ -12,13 +12,13 @@ namespace {
 
 struct ViewResiduals {
   Points2 pixels;
-  Points2 residuals;  // px, predicted - observed.
+  Points2 residuals;  // Predicted minus observed, px.
 };
 
 std::vector<ViewResiduals> ResidualsOf(const Camera& camera, const std::vector<ExaminedView>& views) {
   std::vector<ViewResiduals> all;
   for (const ExaminedView& view : views) {
-    // With fewer points a pose explains nearly all of them.
+    // The pose alone explains nearly all residuals of fewer points.
     constexpr int kMinPoints = 8;
     const Observations& observations = view.view.observations;
     if (observations.size() < kMinPoints) continue;
@@ -28,7 +28,7 @@ std::vector<ViewResiduals> ResidualsOf(const Camera& camera, const std::vector<E
   return all;
 }
 
-// One coordinate's, by the points of all views less what their poses take up.
+// Returns the sigma of one coordinate over all views, with six degrees of freedom per view deducted for its pose.
 double SigmaPx(const std::vector<ViewResiduals>& views) {
   double sum = 0;
   double dof = 0;
@@ -39,7 +39,8 @@ double SigmaPx(const std::vector<ViewResiduals>& views) {
   return std::sqrt(sum / dof);
 }
 
-// Residuals that go one way in one part of the picture, view after view, are the lens's.
+// Reports residuals that have the same direction in the same part of the image in many views: they are due to the
+// lens.
 std::vector<Symptom> LensStructure(const Camera& camera, const std::vector<ViewResiduals>& views, double sigma_px) {
   constexpr int kColumns = 6;
   constexpr int kRows = 4;

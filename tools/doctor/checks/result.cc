@@ -1,4 +1,4 @@
-// The findings of `heba run`, with their codes, for a data set in which the other checks found nothing wrong.
+// Reports the findings of `heba run`, with their codes, for a data set in which the other checks found nothing wrong.
 #include "heba/evaluation/verdict.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
@@ -10,7 +10,7 @@ namespace heba {
 
 std::vector<Symptom> Check_result(Examination* examination) {
   if (examination->found_wrong) return {};
-  // Copies of a capture do not count, in a run neither.
+  // Copies of a capture are left out, as in a run.
   RunConfig config = examination->config;
   std::vector<CaptureDetection> detections = examination->detections;
   LeaveOutSharedImages(&config, &detections);

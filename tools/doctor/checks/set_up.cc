@@ -1,4 +1,4 @@
-// What the data cannot tell: where the camera is.
+// Reports the setup in the config and the other one that fits equally well, because no data can distinguish them.
 #include "solvers/initial/pose_consistency.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"

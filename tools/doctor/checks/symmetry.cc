@@ -1,5 +1,5 @@
-// Does the target look the same after half a turn? The captures together tell its orientations apart, one image does
-// not.
+// Checks whether the target looks the same after a rotation by 180 deg. All captures together determine its
+// orientation, one image does not.
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 #include "tools/text/target_symmetry.h"

@@ -1,5 +1,5 @@
-// Is it the target that the config names? Judged by how much of it is seen, against what is seen of those that it is
-// often confused with.
+// Checks whether the images show the target that the config names: compares how much of it is detected with how much
+// is detected of targets that it is often confused with.
 #include <algorithm>
 
 #include "heba/base/even_indices.h"
@@ -18,11 +18,11 @@ namespace {
 struct OtherTarget {
   TargetSettings settings;
   std::shared_ptr<const Target> target;
-  std::string used;  // As YAML.
+  std::string used;  // The settings as used, as YAML.
   size_t num_points = 0;
 };
 
-// The config's target with other settings; nothing if they do not make one.
+// Returns the config's target with other settings; nothing if they are invalid.
 std::optional<OtherTarget> WithSettings(const RunConfig& config, const TargetSettings& settings) {
   try {
     YAML::Node node = YAML::Load(config.target_used);
@@ -44,7 +44,7 @@ std::string SettingsText(const TargetSettings& settings) {
   return Join(parts, ", ");
 }
 
-// A few captures of the data set.
+// Returns the data set with `num_images` evenly spaced captures only.
 RunConfig Sample(const RunConfig& config, size_t num_images) {
   RunConfig sample = config;
   sample.captures.clear();
@@ -60,7 +60,7 @@ size_t NumPoints(const std::vector<CaptureDetection>& detections) {
   return num_points;
 }
 
-// The targets that this one may have been confused with, those that more of the pictures speak for first.
+// Returns the targets that this one may have been confused with, those that more of the images indicate first.
 std::vector<OtherTarget> OtherTargets(const RunConfig& config) {
   std::vector<std::pair<int, TargetSettings>> counted;
   for (const Capture& capture : config.captures) {
@@ -82,8 +82,8 @@ std::vector<OtherTarget> OtherTargets(const RunConfig& config) {
   return others;
 }
 
-// Of the targets that this one is confused with, the one of which the sample's pictures show most; nothing if that is
-// not decidedly more than `num_now` points.
+// Returns, among the targets that this one may be confused with, the one with the most points in the sample's images;
+// nothing if these are not decidedly more than `num_now` points.
 std::optional<OtherTarget> FindOther(const RunConfig& sample, size_t num_now, int num_threads) {
   std::vector<OtherTarget> others = OtherTargets(sample);
   for (size_t i = 0; i < sample.captures.size() && !others.empty(); ++i) {
@@ -91,7 +91,7 @@ std::optional<OtherTarget> FindOther(const RunConfig& sample, size_t num_now, in
       OtherTarget& other = others[static_cast<size_t>(k)];
       other.num_points += DetectCapture(*other.target, sample.captures[i].image).detection.ids.size();
     });
-    // Most do not suit: once one is seen, those that are not are looked for no longer.
+    // Most candidates do not fit: once one is detected, those that are not are dropped.
     std::vector<OtherTarget> seen;
     for (const OtherTarget& other : others) {
       if (other.num_points > 0) seen.push_back(other);
@@ -109,7 +109,7 @@ std::optional<OtherTarget> FindOther(const RunConfig& sample, size_t num_now, in
   return *best;
 }
 
-// The middle share of the target's points, of the pictures that show it.
+// Returns the median share of the target's points over the images that show it.
 double MiddleShare(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
   std::vector<double> shares;
   for (const CaptureDetection& capture : detections) {
@@ -122,10 +122,10 @@ double MiddleShare(const RunConfig& config, const std::vector<CaptureDetection>&
 
 constexpr double kMostImages = 0.7;
 
-// Whether the pictures show enough of the target for it to be the right one.
+// Returns whether the images show enough of the target for it to be the right one.
 bool IsSeenWell(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
   constexpr double kMostOfIt =
-      0.85;  // Less is a reason to look, not a fault: a target may well be half in the picture.
+      0.85;  // A smaller share is a reason to search, not a fault: the target may well be half outside the image.
   return static_cast<double>(NumSeen(detections)) >= kMostImages * static_cast<double>(detections.size()) &&
          MiddleShare(config, detections) >= kMostOfIt;
 }
@@ -146,7 +146,7 @@ std::vector<Symptom> Check_target(Examination* examination) {
     examination->detections = DetectCaptures(config, examination->num_threads, examination->verbosity);
     return {};
   }
-  // A few pictures first: to look for the wrong target in all of them may take long.
+  // A few images come first, because searching all of them for the wrong target may take long.
   constexpr size_t kFew = 2;
   constexpr size_t kSome = 4;
   const RunConfig sample = Sample(config, kSome);

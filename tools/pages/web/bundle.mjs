@@ -1,4 +1,5 @@
-// src/main.ts and all that it needs in one script, and the hash by which a page allows that script and no other:
+// Bundles src/main.ts and its dependencies into one script, and writes the hash by which a page allows this script
+// only:
 //   node bundle.mjs SCRIPT_OUT HASH_OUT
 import {build} from 'esbuild';
 import {createHash} from 'node:crypto';
@@ -8,7 +9,7 @@ import {fileURLToPath} from 'node:url';
 const [scriptFile, hashFile] = process.argv.slice(2);
 const here = fileURLToPath(new URL('.', import.meta.url));
 
-// What the bundled packages' licences ask to be kept with every copy.
+// Returns the licence texts of the bundled packages, which have to accompany every copy.
 function licences(inputs) {
   const packages = new Map();
   for (const input of Object.keys(inputs)) {
@@ -36,9 +37,9 @@ const result = await build({
   metafile: true,
   write: false,
 });
-// ASCII, so that the page's bytes are the hashed ones whatever they are read as.
+// The script is pure ASCII, so that the bytes of the page match the hash whatever encoding a reader assumes.
 const script = (licences(result.metafile.inputs) + result.outputFiles[0].text).replace(/[^\x00-\x7f]/g, '?');
-// Within a page these would end the script, or begin what does not end.
+// Inside a page these marks would end the script element or open a comment.
 for (const mark of ['</script', '<!--']) {
   if (script.toLowerCase().includes(mark)) throw new Error(`the bundle contains '${mark}'`);
 }

@@ -1,4 +1,4 @@
-// Brown 1966 without the sixth-order term: brown5 with k3 = 0. With x, y = X / Z, Y / Z and r^2 = x^2 + y^2:
+// The model of Brown 1966 without the sixth-order term: brown5 with k3 = 0. If x, y = X / Z, Y / Z and r^2 = x^2 + y^2,
 //   x' = x (1 + k1 r^2 + k2 r^4) + 2 p1 x y + p2 (r^2 + 2 x^2)
 //   y' = y (1 + k1 r^2 + k2 r^4) + p1 (r^2 + 2 y^2) + 2 p2 x y
 #include "heba/camera/radial_tangential.h"

@@ -1,4 +1,4 @@
-// Brown 1966 as OpenCV and ROS (plumb_bob) write it. With x, y = X / Z, Y / Z and r^2 = x^2 + y^2:
+// The model of Brown 1966 in the notation of OpenCV and ROS (plumb_bob). If x, y = X / Z, Y / Z and r^2 = x^2 + y^2,
 //   x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
 //   y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
 #include "heba/camera/radial_tangential.h"

@@ -1,7 +1,7 @@
-// Kannala and Brandt 2006 with four coefficients, as OpenCV's fisheye module and ROS (equidistant) write it. With
-// theta the angle between the ray and the optical axis and phi its azimuth:
+// The model of Kannala and Brandt 2006 with four coefficients, in the notation of OpenCV's fisheye module and of ROS
+// (equidistant). If theta is the angle between the ray and the optical axis and phi its azimuth,
 //   r = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8),  u = fx r cos(phi) + cx,  v = fy r sin(phi) + cy
-// The projection goes on behind the image plane; only the ray straight back has no image.
+// Rays that point backwards are projected too; only the ray straight backwards has no image.
 #include <algorithm>
 
 #include "heba/camera/batched_camera_model.h"
@@ -13,7 +13,7 @@ struct KannalaBrandt4 {
   static constexpr int kNumDistortion = 4;
   static std::vector<std::string> DistortionNames() { return {"k1", "k2", "k3", "k4"}; }
 
-  // x' = x s with s = r / rho, rho being the distance from the optical axis.
+  // Computes x' = x s, y' = y s with s = r / rho, where rho is the distance from the optical axis.
   template <class V>
   HEBA_INLINE static void Distort(const double* distortion, const V& x, const V& y, const V& z,
                                   DistortedImage<V, kNumDistortion>* image) {
@@ -26,7 +26,7 @@ struct KannalaBrandt4 {
     const auto is_on_axis = rho2 <= zz * 1e-16;
     const V rho = EachLane<V>(rho2, rho2, [](double a, double) { return std::sqrt(a); });
     const V theta = EachLane<V>(rho, z, [](double a, double b) { return std::atan2(a, b); });
-    const V on_axis = ReciprocalOrNaN<V>(z);  // theta / rho there.
+    const V on_axis = ReciprocalOrNaN<V>(z);  // theta / rho on the optical axis.
     const V one = AllLanes<V>(1);
     const V theta_by_rho = is_on_axis ? on_axis : theta / (is_on_axis ? one : rho);
     const V theta2 = theta * theta;
@@ -35,10 +35,10 @@ struct KannalaBrandt4 {
     const V s = theta_by_rho * polynomial;
     image->x = x * s;
     image->y = y * s;
-    // theta moves by z / (rho^2 + z^2) with rho, by -rho / (rho^2 + z^2) with z.
+    // The derivative of theta is z / (rho^2 + z^2) by rho and -rho / (rho^2 + z^2) by z.
     const V inverse_range2 = 1.0 / (rho2 + zz);
     const V s_by_z = -r_by_theta * inverse_range2;
-    // (d s / d rho) / rho; x and y are too small for it to count on the axis.
+    // (d s / d rho) / rho. On the axis, x and y are so small that it does not matter.
     const V zero = AllLanes<V>(0);
     const V s_by_rho = is_on_axis ? zero : (r_by_theta * z * inverse_range2 - s) / (is_on_axis ? one : rho2);
     image->x_by_point[0] = s + x * x * s_by_rho;

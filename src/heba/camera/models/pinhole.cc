@@ -1,4 +1,4 @@
-// u = fx x / z + cx, v = fy y / z + cy.
+// The pinhole model: u = fx x / z + cx, v = fy y / z + cy.
 #include "heba/camera/batched_camera_model.h"
 
 namespace heba {

@@ -1,4 +1,4 @@
-// OpenCV's rational model, ROS rational_polynomial: as brown5, with the radial factor
+// OpenCV's rational model (rational_polynomial in ROS): brown5 with the radial factor
 //   (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
 #include "heba/camera/radial_tangential.h"
 
@@ -21,7 +21,7 @@ struct Rational8 {
     const auto ray = PlaneImageOf<V>(x, y, z);
     const V r2 = ray.r2;
     const V numerator = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-    // Beyond a pole of the radial factor there is no image.
+    // Points beyond a pole of the radial factor have no image.
     const V inverse = ReciprocalOrNaN<V>(1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)));
     const V radial = numerator * inverse;
     const V numerator_by_r2 = k1 + r2 * (2.0 * k2 + r2 * (3.0 * k3));

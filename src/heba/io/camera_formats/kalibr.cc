@@ -1,5 +1,5 @@
-// Kalibr's camchain: camera_model pinhole with distortion_model none, radtan (k1 k2 p1 p2) or equidistant, its first
-// camera. More than one camera is an error: which of them is meant, the file does not say.
+// Kalibr's camchain of one camera: camera_model pinhole with distortion_model none, radtan (k1 k2 p1 p2) or
+// equidistant. More than one camera is an error, because the file does not state which one is meant.
 #include "heba/base/text.h"
 #include "heba/io/camera_format.h"
 
@@ -15,7 +15,7 @@ Camera Read(const std::string& text, const std::filesystem::path& name) {
   if (only && chain.Has("cam1")) {
     only->Fail("a second camera, cam1, is in the file; write the one that is meant to a file of its own");
   }
-  // The camera alone, without its name, is what people cut out.
+  // Users often extract the camera alone, without its name.
   MapReader reader(only ? *only : root);
   reader.Choice("camera_model", {"pinhole"}, "pinhole");
   const std::string lens = reader.Choice("distortion_model", {"none", "radtan", "equidistant"});

@@ -1,4 +1,4 @@
-// mrcal's .cameramodel: a Python dictionary. Its pixel (0, 0) is the centre of the first pixel, as heba's.
+// mrcal's .cameramodel, a Python dictionary. Pixel (0, 0) is the centre of the first pixel, as in heba.
 #include <cmath>
 
 #include "heba/base/text.h"
@@ -23,7 +23,7 @@ const std::vector<LensModel>& LensModels() {
   return models;
 }
 
-// The dictionary of a file, with what its messages start with.
+// The dictionary of a file, with the file's name for error messages.
 class Dictionary {
  public:
   Dictionary(const std::string& text, const std::filesystem::path& name)
@@ -33,7 +33,7 @@ class Dictionary {
   [[noreturn]] void Fail(const PythonValue& at, const std::string& fault) const {
     throw InputError(name_.string() + ":" + std::to_string(at.line) + ": " + fault);
   }
-  // `what` is needed, for messages.
+  // `what` describes the required value in messages.
   const PythonValue& Get(const std::string& key, PythonValue::Kind kind, const std::string& what) const {
     const PythonValue* found = root_.Find(key);
     if (found == nullptr) Fail(root_, "'" + key + "' is missing");

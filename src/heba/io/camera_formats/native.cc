@@ -1,4 +1,4 @@
-// heba's own form, in YAML or JSON: see ReadCamera.
+// heba's own format, in YAML or JSON; see ReadCamera.
 #include "heba/io/camera_file.h"
 #include "heba/io/camera_format.h"
 

@@ -1,6 +1,6 @@
-// OpenCV's cv::FileStorage in YAML or JSON. The names of the values are whatever a program chose: those of OpenCV's own
-// samples and the usual others are known. A file does not tell a fisheye lens, except that of OpenCV's sample
-// (fisheye_model) and those that carry ROS's distortion_model.
+// OpenCV's cv::FileStorage in YAML or JSON. Each program chooses its own names for the values; those of OpenCV's
+// samples and other usual names are known. A file does not state whether the lens is a fisheye lens, except for files
+// of OpenCV's sample (fisheye_model) and files with ROS's distortion_model.
 #include <array>
 
 #include "heba/base/text.h"
@@ -46,7 +46,7 @@ const std::vector<std::string>& DistortionNames() {
   return names;
 }
 
-// The only one of `names` that is there.
+// Returns the value of the one key of `names` that exists. Throws InputError if there is none, or more than one.
 ConfigValue FindOnly(MapReader* reader, const std::vector<std::string>& names, const std::string& what) {
   std::optional<ConfigValue> only;
   for (const std::string& name : names) {
@@ -61,7 +61,7 @@ ConfigValue FindOnly(MapReader* reader, const std::vector<std::string>& names, c
   return *only;
 }
 
-// Leaves it alone if the file does not tell.
+// Leaves the size unchanged if the file does not contain it.
 void ReadImageSize(MapReader* reader, Camera* camera) {
   constexpr IntRange kSizes = {1, 100000};
   for (const auto& [width, height] : {std::array{"image_width", "image_height"},

@@ -1,5 +1,5 @@
-// ROS camera_info: the files of camera_calibration and camera_info_manager, and the message as `ros2 topic echo` and
-// `rostopic echo` print it (width, height, k, d or K, D).
+// ROS camera_info: the files of camera_calibration and camera_info_manager, and the message as printed by `ros2 topic
+// echo` and `rostopic echo` (width, height, k, d or K, D).
 #include <initializer_list>
 
 #include "heba/io/camera_format.h"
@@ -12,7 +12,7 @@ bool Matches(const std::string& text) {
          (HasKey(text, "distortion_model") && (HasKey(text, "K") || HasKey(text, "k")));
 }
 
-// The first of `keys` that is there; InputError for the first if none is.
+// Returns the value of the first of `keys` that exists. Throws InputError for the first key if none exists.
 ConfigValue GetOneOf(MapReader* reader, std::initializer_list<const char*> keys) {
   for (const char* key : keys) {
     if (const std::optional<ConfigValue> found = reader->Find(key)) return *found;
@@ -22,7 +22,7 @@ ConfigValue GetOneOf(MapReader* reader, std::initializer_list<const char*> keys)
 
 Camera Read(const std::string& text, const std::filesystem::path& name) {
   std::string document = text.substr(0, text.find_last_not_of(" \t\r\n") + 1);
-  // What `topic echo` prints after each message.
+  // `topic echo` prints this line after each message.
   if (document.ends_with("\n---")) document.resize(document.size() - 4);
   const ConfigValue root = ParseYaml(document, name);
   MapReader reader(root);
@@ -36,7 +36,7 @@ Camera Read(const std::string& text, const std::filesystem::path& name) {
   const Outcome<std::vector<double>> pinhole = PinholeFromMatrix(ReadMatrix(matrix));
   if (!pinhole) matrix.Fail(pinhole.reason());
   const std::vector<double> coefficients = ReadMatrix(distortion);
-  // ROS itself takes a file that does not say for plumb_bob; a camera without distortion may say nothing.
+  // ROS assumes plumb_bob for a file without a model; a camera without distortion may omit the model.
   std::string model_name = "plumb_bob";
   const std::optional<ConfigValue> model = reader.Find("distortion_model");
   if (model && !(coefficients.empty() && model->IsText() && model->node().Scalar().empty())) {

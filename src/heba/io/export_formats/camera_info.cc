@@ -1,4 +1,4 @@
-// ROS camera_info, as camera_calibration and camera_info_manager write it.
+// ROS camera_info, in the format of camera_calibration and camera_info_manager.
 #include "heba/base/text.h"
 #include "heba/io/export.h"
 
@@ -15,7 +15,7 @@ std::string Matrix(const std::string& name, size_t rows, const std::vector<doubl
 Outcome<std::string> ExportFormat_camera_info(const ExportRequest& request) {
   const Camera& camera = request.camera;
   std::vector<double> distortion = OpenCvDistortion(camera);
-  // plumb_bob has five coefficients.
+  // The model plumb_bob has five coefficients.
   if (!IsFisheye(camera) && distortion.size() < 5) distortion.resize(5, 0);
   const std::string model =
       IsFisheye(camera) ? "equidistant" : (distortion.size() > 5 ? "rational_polynomial" : "plumb_bob");

@@ -1,4 +1,4 @@
-// Kalibr's camchain: one camera. Its polynomial lens (radtan) has four coefficients, without k3.
+// Kalibr's camchain of one camera. Its polynomial lens (radtan) has four coefficients, without k3.
 #include "heba/base/text.h"
 #include "heba/io/export.h"
 

@@ -1,5 +1,5 @@
-// The launch file that MoveIt's hand-eye calibration saves: the same publisher as ROS 1's, its arguments on lines of
-// their own.
+// The launch file that MoveIt's hand-eye calibration saves. It starts the same publisher as the format ros1, with the
+// arguments on separate lines.
 #include "heba/base/text.h"
 #include "heba/io/export.h"
 

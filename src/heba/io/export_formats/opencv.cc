@@ -1,5 +1,5 @@
-// OpenCV's FileStorage. `hand_eye` is the 4 x 4 matrix of parent_from_child, which takes points of the camera to the
-// parent, lengths in m: R_cam2gripper and t_cam2gripper of cv::calibrateHandEye together.
+// OpenCV's FileStorage. `hand_eye` is the 4 x 4 matrix of parent_from_child, which maps points from the camera frame to
+// the parent frame, lengths in m: R_cam2gripper and t_cam2gripper of cv::calibrateHandEye in one matrix.
 #include "heba/io/export.h"
 
 namespace heba {

@@ -1,5 +1,5 @@
-// geometry_msgs/PoseWithCovarianceStamped as YAML, as `ros2 topic pub` and `rostopic pub` take it. Its covariance is
-// that of x, y, z (m) and of the turns about the fixed axes X, Y, Z of the parent (rad), row by row.
+// geometry_msgs/PoseWithCovarianceStamped in YAML, the format that `ros2 topic pub` and `rostopic pub` accept. The
+// covariance is that of x, y, z (m) and of the rotations about the fixed axes X, Y, Z of the parent (rad), row by row.
 #include "heba/base/text.h"
 #include "heba/io/export.h"
 
@@ -9,7 +9,7 @@ Outcome<std::string> ExportFormat_pose_with_covariance(const ExportRequest& requ
   if (!request.covariance) {
     return Failure{"the estimate of " + request.method + " has no covariance; the refined one has"};
   }
-  // The tangent of the child's frame, turned into the parent's axes: R exp(w) = exp(R w) R.
+  // The tangent is rotated from the child's axes into the parent's: R exp(w) = exp(R w) R.
   Eigen::Matrix<double, 6, 6> parent_by_child = Eigen::Matrix<double, 6, 6>::Zero();
   parent_by_child.topLeftCorner<3, 3>() = request.parent_from_child.RotationMatrix();
   parent_by_child.bottomRightCorner<3, 3>() = request.parent_from_child.RotationMatrix();

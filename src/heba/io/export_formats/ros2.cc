@@ -1,4 +1,4 @@
-// ROS 2: tf2_ros static_transform_publisher with named arguments, from a launch file in Python.
+// ROS 2: a Python launch file that starts tf2_ros static_transform_publisher with named arguments.
 #include <array>
 
 #include "heba/base/text.h"
@@ -18,7 +18,7 @@ Outcome<std::string> ExportFormat_ros2(const ExportRequest& request) {
   std::vector<std::string> remarks = ExportRemarks(request);
   remarks.push_back("by hand: ros2 run tf2_ros static_transform_publisher " + Join(words, " ") + " --frame-id " +
                     PlainText(request.parent_frame) + " --child-frame-id " + PlainText(request.child_frame));
-  // Python reads YAML's quoted text, too.
+  // Text quoted for YAML is also valid in Python.
   return CommentLines(remarks, "# ") +
          "from launch import LaunchDescription\nfrom launch_ros.actions import Node\n\n\n"
          "def generate_launch_description():\n"

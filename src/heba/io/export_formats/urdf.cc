@@ -1,4 +1,4 @@
-// URDF's joint origin: xyz in m, rpy in rad about fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll).
+// URDF with a joint origin: xyz in m, rpy in rad about fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll).
 #include "heba/base/text.h"
 #include "heba/io/export.h"
 
@@ -22,7 +22,7 @@ Outcome<std::string> ExportFormat_urdf(const ExportRequest& request) {
     remarks.push_back("of a body frame at the same place: " +
                       Origin(request.parent_from_child * OpticalFromBody()).substr(1));
   }
-  // Two hyphens would end the comment: numbers have one at most.
+  // Two hyphens would end the XML comment; numbers contain at most one in a row.
   return "<?xml version=\"1.0\"?>\n<!--\n" + CommentLines(remarks, "  ") + "-->\n<robot name=\"" +
          EscapedForMarkup(request.name) + "\">\n  <link name=\"" + parent + "\"/>\n  <link name=\"" + camera +
          "\"/>\n  <joint name=\"" + parent + "_to_" + camera + "\" type=\"fixed\">\n    <parent link=\"" + parent +

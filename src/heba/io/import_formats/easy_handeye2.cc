@@ -1,5 +1,6 @@
-// easy_handeye2's .samples: `parameters` with calibration_type, and `samples` of transforms robot and tracking.
-// tracking is camera_from_target; robot is base_from_effector for eye_in_hand, and its inverse for eye_on_base.
+// easy_handeye2's .samples: `parameters` with calibration_type, and `samples` of transforms robot and tracking. The
+// transform tracking is camera_from_target; robot is base_from_effector for eye_in_hand, and its inverse for
+// eye_on_base.
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"
 

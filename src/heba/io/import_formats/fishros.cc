@@ -1,5 +1,5 @@
-// fishros' handeye-calib: lines hand,x,y,z,rx,ry,rz and eye,x,y,z,rx,ry,rz in turn (m, degrees; R = Rz Ry Rx): the
-// hand in the base, the marker in the camera.
+// handeye-calib of fishros: alternating lines hand,x,y,z,rx,ry,rz and eye,x,y,z,rx,ry,rz (m, degrees; R = Rz Ry Rx).
+// The poses are those of the hand in the base and of the marker in the camera.
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"

@@ -1,7 +1,7 @@
-// ROS-Industrial's industrial_calibration: cal_data.yaml lists pictures and poses (x y z qx qy qz qw, m: the moving
-// mount in the base). The set-up, camera and target stand in the config of the program, which is read too if it lies
-// beside the data (config.yaml) and has a key static_camera or target_finder. Its circle grid's frame has its origin at
-// the larger dot, as heba's has; ids need no order.
+// ROS-Industrial's industrial_calibration: cal_data.yaml lists images and poses (x y z qx qy qz qw, m: the moving mount
+// in the base). The setup, camera and target are defined in the config of the program. It is read too if it lies beside
+// the data (config.yaml) and has a key static_camera or target_finder. The origin of a circle grid's frame is the
+// larger dot, as in heba; the order of the ids does not matter.
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/import.h"
@@ -23,7 +23,7 @@ bool Matches(const fs::path& source) {
 
 std::string Metres(MapReader* reader, const std::string& key) { return RoundTrip(reader->Number(key)) + " m"; }
 
-// Of OpenCV's enumeration of dictionaries.
+// Returns the name of a dictionary from its number in OpenCV's enumeration.
 std::string DictionaryName(const ConfigValue& value) {
   const int number = value.AsInt({0, 16});
   const char* const sizes[] = {"4X4", "5X5", "6X6", "7X7"};

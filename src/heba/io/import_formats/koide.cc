@@ -1,5 +1,5 @@
 // K. Koide's st_handeye_graph: NNN_image.jpg with NNN_pose.csv (4 x 4, m, the gripper in the base), camera_matrix.csv
-// and distortion.csv. The camera is carried. Pictures that have no pose are passed over.
+// and distortion.csv. The setup is eye-in-hand. Images without a pose are ignored.
 #include "heba/io/camera_format.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"

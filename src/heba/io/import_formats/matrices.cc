@@ -1,5 +1,6 @@
-// Robot poses as 4 x 4 matrices in a text file, 16 numbers a line or 4 lines of 4 (calibration-rs' RobotPosesVec.txt),
-// the gripper in the base, m. Pictures in a folder `images` beside it, if there are as many.
+// Robot poses as 4 x 4 matrices in a text file, 16 numbers per line or four lines of four (calibration-rs'
+// RobotPosesVec.txt), the gripper in the base, m. The images of a folder `images` beside the file are used if there is
+// one per pose.
 #include "heba/base/error.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"

@@ -1,6 +1,6 @@
 // Multi-Camera-Hand-Eye-Calibration: CalibrationInfo.yaml and cameraN/{image/0000.png, pose/0000.csv,
-// intrinsic_pars_file.yaml}. SOURCE is the folder, of which the first camera is taken, or the folder of one camera in
-// it. Poses are 4 x 4 (m), the gripper in the base. calibration_setup 0: the cameras are carried.
+// intrinsic_pars_file.yaml}. The source is either this folder, whose first camera is read, or the folder of one camera
+// in it. Poses are 4 x 4 (m), the gripper in the base. calibration_setup 0 is eye-in-hand.
 #include "heba/base/text.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"
@@ -9,7 +9,7 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// The folder with CalibrationInfo.yaml: this one or the one above.
+// Returns the folder with CalibrationInfo.yaml, which is this one or its parent; empty if neither contains it.
 fs::path RootOf(const fs::path& source) {
   std::error_code error;
   const fs::path here = fs::absolute(source, error).lexically_normal();

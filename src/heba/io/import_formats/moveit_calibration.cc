@@ -1,5 +1,5 @@
 // moveit_calibration's samples: a list of {effector_wrt_world, object_wrt_sensor} of 16 numbers each, row by row (m),
-// or of pairs of 4 x 4 matrices in that order (the JSON of its own tests).
+// or of pairs of 4 x 4 matrices in this order (the JSON of its own tests).
 #include "heba/base/text.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"

@@ -1,6 +1,6 @@
-// mrcal's corners.vnl: lines `filename x y level` (or weight), one a corner of the chessboard row by row; `-` where a
-// corner, or a whole picture, was not found. Pixel (0, 0) is the centre of the first one. The robot's poses come from
-// elsewhere.
+// mrcal's corners.vnl: one line `filename x y level` (or weight) per corner of the chessboard, row by row; `-` stands
+// for a corner, or a whole image, that was not detected. Pixel (0, 0) is the centre of the first pixel. The file
+// contains no robot poses.
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/import.h"
@@ -34,7 +34,7 @@ ImportedSet Read(const fs::path& source) {
     const int id = num_lines[name]++;
     std::string rest = Trim(line.text.substr(name_end));
     if (rest.starts_with('-') && (rest.size() == 1 || rest[1] == ' ' || rest[1] == '\t')) continue;
-    // A level of `-` says that the corner was not found, whatever stands before it.
+    // The level `-` marks a corner that was not detected, regardless of its coordinates.
     const bool is_missing = rest.ends_with(" -") || rest.ends_with("\t-");
     if (is_missing) continue;
     const std::vector<double> numbers = NumbersOfLine(rest, source, line.number);

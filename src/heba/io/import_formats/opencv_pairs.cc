@@ -1,5 +1,5 @@
-// handeye_calib_camodocal's pairs: an OpenCV FileStorage file with frameCount, T1_0, T2_0, T1_1, ...: T1 the arm's tip
-// in the base, T2 what the camera sees, 4 x 4 (m).
+// handeye_calib_camodocal's pairs: an OpenCV FileStorage file with frameCount, T1_0, T2_0, T1_1, ... T1 is the pose of
+// the arm's tip in the base, and T2 the pose of the target in the camera, both 4 x 4 (m).
 #include <cmath>
 
 #include "heba/base/text.h"

@@ -1,7 +1,7 @@
 // A. Tabb's RWHEC: robot_cali.txt (a count, then 4 x 4 matrices), calibration_object.txt (chess_mm_height,
-// chess_mm_width, chess_height, chess_width: squares' sides and inner corners; in later sets a line such as "tile size:
-// 28.5 mm" only) and images/camera0, images or pictures beside the poses. The matrices are the
-// inverse of the usual: gripper_from_base, in the object's unit (mm).
+// chess_mm_width, chess_height, chess_width: the sides of a square and the numbers of inner corners; later data sets
+// contain only a line such as "tile size: 28.5 mm"), and images in images/camera0, in images or beside the poses. The
+// matrices are the inverse of the usual ones, gripper_from_base, in the unit of the object (mm).
 #include <cmath>
 #include <map>
 
@@ -19,7 +19,7 @@ bool Matches(const fs::path& source) {
   return fs::is_directory(source, error) && fs::exists(source / "robot_cali.txt", error);
 }
 
-// Empty, and a remark, where the file says how large the squares are and no more.
+// Returns the target file. It is empty, and a remark is added, if the file states only the size of the squares.
 std::string TargetOf(const fs::path& file, std::vector<std::string>* remarks) {
   std::map<std::string, double> values;
   for (const TextLine& line : LinesOf(ReadTextFile(file))) {

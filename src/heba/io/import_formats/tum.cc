@@ -1,6 +1,6 @@
-// A trajectory as TUM's RGB-D benchmark writes it: lines of time x y z qx qy qz qw (m, Hamilton), here the gripper's
-// pose in the base. Pictures are those of a folder `images` or `rgb` beside it, in order, if there are as many as
-// lines.
+// A trajectory in the format of TUM's RGB-D benchmark: lines of time x y z qx qy qz qw (m, Hamilton), here the
+// gripper's pose in the base. The images of a folder `images` or `rgb` beside the file are used, in order, if there is
+// one per line.
 #include "heba/base/files.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"

@@ -1,6 +1,6 @@
 // ViSP's hand-eye tools: pose_rPe_N.yaml (the effector in the robot's frame) with pose_cPo_N.yaml (the object in the
-// camera's) or pictures image-N.*, all with the same word before, as in franka_pose_rPe_1.yaml, or with none; poses are
-// 6 x 1: tx ty tz (m) and theta u (rad). camera.xml is ViSP's own and is not read.
+// camera's frame) or images image-N.*. All names may begin with the same word, as in franka_pose_rPe_1.yaml. Poses are
+// 6 x 1: tx ty tz (m) and theta u (rad). camera.xml, in ViSP's own format, is not read.
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kEffector = "pose_rPe_";
 
-// Returns what the names of the set's files begin with; nothing if there are none.
+// Returns the common prefix of the data set's file names; nothing if there are no such files.
 std::optional<std::string> PrefixOf(const fs::path& source) {
   std::optional<std::string> prefix;
   std::error_code error;
@@ -23,7 +23,7 @@ std::optional<std::string> PrefixOf(const fs::path& source) {
     const std::string name = entry.path().filename().string();
     const size_t at = name.find(kEffector);
     if (at == std::string::npos || entry.path().extension() != ".yaml") continue;
-    // The first by the alphabet, whatever order the folder has.
+    // The first prefix in alphabetical order is used, so that the result does not depend on the order of the folder.
     if (!prefix || name.substr(0, at) < *prefix) prefix = name.substr(0, at);
   }
   return prefix;
@@ -34,7 +34,7 @@ bool Matches(const fs::path& source) {
   return prefix && !NumberedFiles(source, {*prefix + std::string(kEffector)}, {".yaml"}).empty();
 }
 
-// `rows: 6`, `cols: 1` and `data:`, a list whose items may stand in lists of their own.
+// Reads a file with `rows: 6`, `cols: 1` and `data:`, a list whose items may be lists.
 Rigid3d ReadPose(const fs::path& file) {
   MapReader reader(ReadYamlFile(file));
   return PoseOf("ur", FlatNumbers(reader.Get("data")), file.string());

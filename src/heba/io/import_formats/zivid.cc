@@ -1,5 +1,5 @@
 // Zivid's robot poses: posN.yaml, each an OpenCV FileStorage file with a 4 x 4 matrix PoseState (mm), the gripper in
-// the base. Pictures imgN of the same numbers are taken along; Zivid's own point clouds (.zdf) are not read.
+// the base. Images imgN with the same numbers are used; Zivid's own point clouds (.zdf) are not read.
 #include "heba/base/error.h"
 #include "heba/io/import.h"
 #include "heba/io/import_text.h"

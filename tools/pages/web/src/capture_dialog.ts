@@ -1,4 +1,4 @@
-// One capture: its picture, what was seen in it, and by how much the calibration misses that, magnified.
+// Shows one capture: its image, the observed points, and their residuals, magnified.
 import type {Captures} from './data';
 import {element, magnification, magnifier, median, significant} from './figure';
 
@@ -10,7 +10,7 @@ function shape(name: string, attributes: Record<string, string | number>): SVGEl
   return made;
 }
 
-// The picture with the points over it. Pixel centres are whole numbers: the picture begins at -0.5.
+// Draws the points over the image. Pixel centres are at integer coordinates, so the image begins at -0.5.
 function overlay(data: Captures, index: number): HTMLElement {
   const [width, height] = data.image_size;
   const capture = data.captures[index]!;
@@ -21,7 +21,7 @@ function overlay(data: Captures, index: number): HTMLElement {
     svg.append(shape('image', {
       x: -0.5, y: -0.5, width, height, href: `data:image/jpeg;base64,${capture.picture}`, preserveAspectRatio: 'none'}));
   }
-  const unit = width / 400; // What is drawn thin and small, in the picture's pixels.
+  const unit = width / 400; // Size of thin lines and small marks, in image pixels.
   const arrows: {line: SVGElement; x: number; y: number; dx: number; dy: number}[] = [];
   const draw = (points: number[], kind: string) => {
     for (let i = 0; i + 3 < points.length; i += 4) {
@@ -89,7 +89,7 @@ function makeDialog(): HTMLDialogElement {
   const close = button('close', 'close', () => made.close());
   close.autofocus = true;
   const buttons = element('div', 'buttons');
-  // These stay while the content changes, and with them what has the focus.
+  // The buttons persist while the content changes, so that they keep the keyboard focus.
   buttons.append(button('\u2190 before', '', () => move(-1)), button('next \u2192', '', () => move(1)), close);
   made.append(content, buttons);
   made.addEventListener('keydown', (event) => {

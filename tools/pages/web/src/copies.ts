@@ -1,7 +1,7 @@
-// Text that is to be copied gets a button for it.
+// Adds a copy button to text that is meant to be copied.
 import {element} from './figure';
 
-// The text is selected where the clipboard is not to be had, as in some mail programs.
+// Selects the text if the clipboard is not available, e.g. in some mail programs.
 async function copy(source: HTMLElement): Promise<string> {
   try {
     await navigator.clipboard.writeText(source.textContent ?? '');

@@ -1,10 +1,11 @@
-// What the pages hold for the views: written by tools/pages/report.cc, tools/pages/summary.cc, tools/pages/comparison.cc and
-// tools/study/study_report.cc. Lengths in m unless a name says otherwise; a figure that does not exist is null.
+// The data that pages hold for the views. It is written by tools/pages/report.cc, tools/pages/summary.cc,
+// tools/pages/comparison.cc and tools/study/study_report.cc. Lengths are in m unless a name says otherwise; a missing
+// figure is null.
 
-// b_from_a.
+// A transform b_from_a.
 export interface Pose {
   t: [number, number, number];
-  q: [number, number, number, number]; // x y z w
+  q: [number, number, number, number]; // Quaternion x y z w.
 }
 
 export interface Capture {
@@ -12,18 +13,19 @@ export interface Capture {
   used: boolean;
   reason: string;
   rms_px: number | null;
-  // x, y, predicted minus seen in x and in y; px, point after point: of those that count, and of the others.
+  // Four numbers for each point: x, y, residual (predicted minus observed) in x and in y, px; of the inliers and of
+  // the points that were left out.
   points: number[];
   left_out: number[];
-  // A small copy, JPEG as base64.
+  // Downscaled image, JPEG as base64.
   picture: string | null;
 }
 
 export interface Captures {
   image_size: [number, number];
   centre: [number, number]; // The principal point.
-  rms_px: number | null; // Of all points that count.
-  sigma_px: number; // The noise of a coordinate.
+  rms_px: number | null; // RMS over all inliers.
+  sigma_px: number; // Pixel noise, one sigma of a coordinate.
   captures: Capture[];
 }
 
@@ -31,8 +33,8 @@ export interface SetUp {
   setup: 'eye_to_hand' | 'eye_in_hand';
   mount_from_camera: Pose;
   mount_from_target: Pose;
-  corners: [number, number, number][]; // The rays of the picture's corners, from the upper left on clockwise, in the camera.
-  target_size: [number, number, number, number]; // x and y from, x and y to.
+  corners: [number, number, number][]; // Rays of the image corners in the camera frame, clockwise from the upper left.
+  target_size: [number, number, number, number]; // Minimum x and y, maximum x and y.
   captures: {image: string; number: number; used: boolean; base_from_gripper: Pose}[];
 }
 
@@ -46,12 +48,13 @@ export interface Lines {
   x_label: string;
   y_label: string;
   linear?: ('x' | 'y')[]; // The axes that are not logarithmic.
-  band?: [number, number]; // The part of the vertical axis that is as it should be.
+  band?: [number, number]; // Expected range of the values on the vertical axis.
   lines: {name: string; reference: boolean; strong: boolean; points: [number, number][]}[];
 }
 
 export interface Ellipses {
-  // covariance: xx, xy, yy. reach_95: the axes of the region that holds the truth with 95 %, in sigmas.
+  // `covariance` is xx, xy, yy. `reach_95` is the size of the region that holds the truth with probability 95 %, in
+  // sigmas.
   ellipses: {x_label: string; y_label: string; unit: string; covariance: [number, number, number]; reach_95: number}[];
 }
 

@@ -1,4 +1,4 @@
-// What every view shares: drawing to the width that there is, colours, numbers as text.
+// Functions that all views share: drawing at the available width, colours, numbers as text.
 
 export const colours = {
   first: 'var(--first)',
@@ -9,7 +9,7 @@ export const colours = {
   bad: 'var(--bad)',
 };
 
-// Distinct for most kinds of colour vision (after Okabe and Ito 2008, and Tol's muted ones).
+// Colours that are distinct for most kinds of colour vision (after Okabe and Ito 2008, and Tol's muted scheme).
 export const palette = [
   '#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#8a6d3b', '#6a3d9a', '#999933', '#882255',
   '#44aa99', '#dd5577',
@@ -19,7 +19,7 @@ export function significant(value: number | null | undefined, digits = 3): strin
   return value === null || value === undefined ? '-' : String(Number(value.toPrecision(digits)));
 }
 
-// A place for a drawing at the end of the figure; `draw` is called with its width, and again when that changes.
+// Appends a drawing to the figure. `draw` is called with the available width, and again when the width changes.
 export function responsive(figure: HTMLElement, draw: (width: number) => Element, maxWidth = 760): {redraw: () => void} {
   const place = document.createElement('div');
   place.className = 'drawing';
@@ -58,15 +58,15 @@ export function legend(entries: {name: string; colour: string}[]): HTMLElement {
   return list;
 }
 
-// How many times as long as they are arrows of this length are drawn, so that they can be seen in `size`: 1, 2 or 5
-// times a power of ten.
+// Returns the factor that magnifies arrows of `typical` length for an image of `size`: 1, 2 or 5 times a power of
+// ten.
 export function magnification(typical: number, size: number): number {
   const wanted = size / 40 / Math.max(typical, 1e-9);
   const power = 10 ** Math.floor(Math.log10(wanted));
   return Math.max(1, power * ([5, 2, 1].find((step) => step * power <= wanted) ?? 1));
 }
 
-// A slider of magnifications about the first one.
+// Returns a slider of magnifications around the first one.
 export function magnifier(first: number, change: (times: number) => void): HTMLElement {
   const label = element('label', 'magnifier');
   const slider = element('input');

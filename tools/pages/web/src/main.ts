@@ -1,9 +1,10 @@
-// Charts are Observable Plot's: SVG, which prints sharp and follows the page's colours; marks for vectors, cells and
-// dumbbells, logarithmic axes and tips; a quarter of a megabyte in every page, where Plotly takes three and a half, and
-// uPlot, the smallest, has neither vector fields nor squares of cells. 3-D is three.js, drawn as SVG too.
+// Charts are drawn with Observable Plot: its SVG prints sharp and follows the colours of the page, and it has marks
+// for vectors, cells and dumbbells, logarithmic axes and tooltips. It adds a quarter of a megabyte to every page;
+// Plotly would add three and a half, and uPlot, the smallest, has neither vector fields nor cell matrices. 3-D scenes
+// are drawn with three.js, also as SVG.
 //
-// Finds the page's figures and draws each by its view: <figure data-view="NAME"> with its data as JSON in a script of
-// its own, or in the one that data-from names.
+// This script finds the figures of the page and draws each with its view: <figure data-view="NAME"> has its data as
+// JSON in a script element of its own, or in the one that data-from names.
 import {dataIn} from './page_data';
 import {prepareCopies} from './copies';
 import {prepareTables} from './tables';

@@ -1,4 +1,4 @@
-// The page's data, each parsed once: JSON in the scripts that hold no program.
+// The data of the page, JSON in script elements without code; each element is parsed once.
 const parsed = new Map<Element, unknown>();
 
 export function dataIn(script: Element): unknown {

@@ -1,9 +1,10 @@
-// Tables sort by the head that is clicked: numbers as numbers, what is empty last. A row of a capture opens it.
+// Sorts a table by the column whose heading is clicked: numbers by value, empty cells last. A click on the row of a
+// capture opens the capture.
 import type {Captures} from './data';
 import {openCapture} from './capture_dialog';
 import {dataIn} from './page_data';
 
-// The number in a cell such as "0.8 mm" or "< 1e-6".
+// Returns the number in a cell such as "0.8 mm" or "< 1e-6".
 const numberOf = (text: string) => Number.parseFloat(text.replace('< ', ''));
 
 function sortBy(head: HTMLTableCellElement): void {
@@ -36,7 +37,7 @@ export function prepareTables(): void {
   const data = dataIn(script) as Captures;
   for (const row of document.querySelectorAll<HTMLTableRowElement>('tr[data-capture]')) {
     const index = Number(row.dataset['capture']);
-    const cell = row.cells[1]; // Beside its number.
+    const cell = row.cells[1]; // Name of the capture, in the cell after its number.
     if (!cell || !data.captures[index]) continue;
     const button = document.createElement('button');
     button.className = 'open';

@@ -1,4 +1,4 @@
-// The rms residual of each capture, in their order; a click opens the capture.
+// Draws the RMS residual of each capture in their order; a click opens the capture.
 import {barY, plot, ruleY} from '@observablehq/plot';
 import type {Captures} from '../data';
 import {openCapture} from '../capture_dialog';
@@ -29,7 +29,7 @@ export function captureBars(figure: HTMLElement, data: Captures): void {
         ruleY([0], {stroke: colours.dim}),
       ],
     });
-    // The chart's value is the datum that the pointer is at.
+    // The value of the chart is the datum under the pointer.
     chart.addEventListener('click', () => {
       const at = (chart as unknown as {value: {index: number} | null}).value;
       if (at) openCapture(data, at.index);

@@ -1,4 +1,4 @@
-// Which parameters cannot be told apart: a square of cells from -1 to 1.
+// Draws the correlation matrix of the parameters as cells, from -1 to 1.
 import {axisX, axisY, cell, plot} from '@observablehq/plot';
 import type {Correlation} from '../data';
 import {colours, legend, responsive, significant} from '../figure';

@@ -1,4 +1,4 @@
-// How many points fell into each part of the picture: what the captures say of the lens, and where nothing.
+// Draws the share of points in each cell of the image, which shows where the captures constrain the lens model.
 import {frame, plot, rect, text} from '@observablehq/plot';
 import type {Captures} from '../data';
 import {colours, responsive, significant} from '../figure';

@@ -1,4 +1,5 @@
-// A row an entry and a dot a series, on a logarithmic axis: the farther right the worse, the line is what lies between.
+// Draws one row for each entry with one dot for each series on a logarithmic axis, joined by a line. Larger values
+// are worse.
 import {axisX, dot, gridX, link, plot, text} from '@observablehq/plot';
 import type {Dumbbells} from '../data';
 import {colours, legend, responsive, significant} from '../figure';

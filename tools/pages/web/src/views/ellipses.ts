@@ -1,11 +1,11 @@
-// One sigma, and the region that holds the truth with 95 %: a small chart a pair of axes; those of one unit have one
-// scale.
+// Draws the one-sigma ellipse and the 95 % region, one small chart for each pair of axes; charts of the same unit
+// have the same scale.
 import {dot, line, plot} from '@observablehq/plot';
 import type {Ellipses} from '../data';
 import {colours, element, responsive, significant} from '../figure';
 
 function outline([xx, xy, yy]: [number, number, number], sigmas: number): [number, number][] {
-  // By Cholesky: the unit circle through the covariance's root.
+  // The outline is the unit circle mapped by the Cholesky factor of the covariance.
   const a = Math.sqrt(Math.max(xx, 0));
   const b = a > 0 ? xy / a : 0;
   const c = Math.sqrt(Math.max(yy - b * b, 0));

@@ -1,4 +1,4 @@
-// How often residuals of each size are, in x and in y together, and what noise of the stated sigma would give.
+// Draws a histogram of the residuals in x and y together, and the normal distribution of the stated sigma.
 import {line, plot, rectY, ruleY} from '@observablehq/plot';
 import type {Captures} from '../data';
 import {colours, legend, responsive} from '../figure';
@@ -13,7 +13,7 @@ export function histogram(figure: HTMLElement, data: Captures): void {
     figure.append('No points to show.');
     return;
   }
-  // Residuals that lie farther out are counted in the last bins.
+  // Residuals beyond this range are counted in the outermost bins.
   const reach = 5 * sigma;
   const width = (2 * reach) / kBins;
   const counts = Array.from({length: kBins}, (_, i) => ({x1: -reach + i * width, x2: -reach + (i + 1) * width, count: 0}));

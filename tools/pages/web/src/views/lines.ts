@@ -1,9 +1,9 @@
-// Curves against each other, the names in a legend: a study's errors, or how often its regions hold the truth.
+// Draws curves with their names in a legend: the errors of a study, or the coverage of its regions.
 import {dot, line, plot, rectY} from '@observablehq/plot';
 import type {Lines} from '../data';
 import {colours, legend, palette, responsive, significant} from '../figure';
 
-// A name has one colour in all charts of a page.
+// A name has the same colour in all charts of a page.
 const known = new Map<string, string>();
 function colourOf(name: string): string {
   if (!known.has(name)) known.set(name, palette[known.size % palette.length]!);

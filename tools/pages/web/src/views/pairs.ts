@@ -1,5 +1,4 @@
-// Runs against each other: how far their hand-eye poses are apart, and whether that is more than their uncertainties
-// explain.
+// Compares runs pairwise: the distance between their hand-eye poses, and whether their uncertainties explain it.
 import {axisX, axisY, cell, plot, text} from '@observablehq/plot';
 import type {Pairs} from '../data';
 import {colours, legend, responsive, significant} from '../figure';

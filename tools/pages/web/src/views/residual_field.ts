@@ -1,5 +1,5 @@
-// Predicted minus seen over the picture, of all captures together, magnified. What the lens model cannot do shows as
-// arrows that go one way in one place.
+// Draws the residuals (predicted minus observed) of all captures over the image, magnified. An error of the lens
+// model shows as arrows that point the same way in one part of the image.
 import {dot, frame, link, plot} from '@observablehq/plot';
 import type {Captures} from '../data';
 import {openCapture} from '../capture_dialog';
@@ -25,7 +25,7 @@ export function residualsOf(data: Captures): Residual[] {
   return all;
 }
 
-// Evenly, no more than `most`.
+// Returns an evenly spaced subset of at most `most` elements.
 export function thinned<T>(all: T[], most: number): T[] {
   const step = Math.ceil(all.length / most);
   return step <= 1 ? all : all.filter((_, i) => i % step === 0);

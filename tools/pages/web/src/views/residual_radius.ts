@@ -1,5 +1,5 @@
-// The residuals' part away from the principal point, against the distance from it, and their mean in ten rings of
-// equally many points: a mean that leaves zero is a lens that the model cannot follow.
+// Draws the radial component of the residuals against the distance from the principal point, and its mean in ten
+// rings with equal numbers of points. A mean that deviates from zero indicates an error of the lens model.
 import {dot, line, plot, ruleY} from '@observablehq/plot';
 import type {Captures} from '../data';
 import {colours, legend, responsive} from '../figure';

@@ -1,5 +1,5 @@
-// The set-up in 3-D, turnable. As SVG: a few hundred lines need no graphics card, print sharp and follow the page's
-// colours, in a mail program's or a remote desktop's window too.
+// Draws the setup in 3-D. A few hundred lines of SVG need no graphics card, print sharp and follow the colours of the
+// page, and also work in a mail program or on a remote desktop.
 import {
   BufferGeometry, Color, Float32BufferAttribute, Group, LineBasicMaterial, LineSegments, Matrix4, PerspectiveCamera,
   Quaternion, Scene, Vector3,
@@ -15,7 +15,7 @@ const kAxes = ['#d1242f', '#2e8b57', '#3b7dd8'];
 const matrixOf = ({t, q}: Pose) => new Matrix4().compose(new Vector3(...t), new Quaternion(...q), new Vector3(1, 1, 1));
 
 interface Style {
-  colour: string; // A custom property of the page, or a colour.
+  colour: string; // Custom property of the page, or a colour.
   opacity: number;
   width: number;
 }
@@ -38,7 +38,7 @@ class Drawing {
     ends.forEach((end, i) => this.segments([at(0, 0, 0), end], {...style, colour: kAxes[i]!}));
   }
 
-  // From one place to another, dashed.
+  // Draws a dashed line between two positions.
   link(from: Vector3, to: Vector3, style: Style): void {
     const count = 9;
     const points: Vector3[] = [];
@@ -58,7 +58,7 @@ class Drawing {
     this.scene.add(object as unknown as Group);
   }
 
-  // The page's colours as they are now: light or dark.
+  // Applies the current colours of the page, light or dark.
   colour(): void {
     const style = getComputedStyle(document.documentElement);
     for (const {material, colour} of this.styled) {
@@ -68,10 +68,10 @@ class Drawing {
 }
 
 function frustum(corners: SetUp['corners'], frame: Matrix4, depth: number): Vector3[] {
-  // To one depth, but for rays that look far to the side.
+  // The rays end at the same depth, except for those at a large angle to the optical axis.
   const ends = corners.map(([x, y, z]) => new Vector3(x, y, z).multiplyScalar(depth / Math.max(z, 0.3)));
   const [leftTop, rightTop, rightBottom] = ends as [Vector3, Vector3, Vector3];
-  // The upper side has a roof, so that it is known.
+  // A roof marks the upper side of the image.
   const up = rightTop.clone().sub(rightBottom).multiplyScalar(0.15);
   const roof = leftTop.clone().add(rightTop).multiplyScalar(0.5).add(up);
   const eye = new Vector3();
@@ -85,7 +85,7 @@ function board([x1, y1, x2, y2]: SetUp['target_size'], frame: Matrix4): Vector3[
   const corners = [at(x1, y1), at(x2, y1), at(x2, y2), at(x1, y2)];
   const segments: Vector3[] = [];
   corners.forEach((corner, i) => segments.push(corner, corners[(i + 1) % 4]!));
-  // A stroke from the origin's corner to the middle tells the board's turn.
+  // A line from the corner at the origin to the middle shows the orientation of the target.
   return [...segments, corners[0]!, at((x1 + x2) / 2, (y1 + y2) / 2)];
 }
 
@@ -99,7 +99,7 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   const camerasAt = isFixed ? [handEye] : grippers.map((gripper) => gripper.clone().multiply(handEye));
   const boardsAt = isFixed ? grippers.map((gripper) => gripper.clone().multiply(boardPose)) : [boardPose];
 
-  // The scene's middle and size, from where everything stands.
+  // The middle and size of the scene follow from all positions.
   const places = [new Vector3(), ...[...grippers, ...camerasAt, ...boardsAt].map((m) => new Vector3().setFromMatrixPosition(m))];
   const low = places.reduce((a, b) => a.clone().min(b), places[0]!);
   const high = places.reduce((a, b) => a.clone().max(b), places[0]!);
@@ -132,7 +132,7 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
     extent.push(...lines);
     drawing.segments(lines, {colour: '--first', opacity: isFixed ? many(boardsAt.length) : 1, width: isFixed ? 1.5 : 2});
   }
-  // The gripper carries the target or the camera; the other one stands in the base.
+  // The gripper carries the target or the camera; the other one is fixed in the base frame.
   const place = (matrix: Matrix4) => new Vector3().setFromMatrixPosition(matrix);
   grippers.forEach((gripper, i) => {
     const carried = isFixed ? boardsAt[i]! : camerasAt[i]!;
@@ -145,7 +145,8 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   figure.append(legend([
     {name: isFixed ? 'camera' : 'camera at each capture', colour: 'var(--second)'},
     {name: isFixed ? 'target at each capture' : 'target', colour: 'var(--first)'},
-    {name: 'x', colour: kAxes[0]!}, {name: 'y', colour: kAxes[1]!}, {name: 'z', colour: kAxes[2]!}, // Of base and gripper.
+    // Axes of the base and of the gripper.
+    {name: 'x', colour: kAxes[0]!}, {name: 'y', colour: kAxes[1]!}, {name: 'z', colour: kAxes[2]!},
   ]));
 
   const renderer = new SVGRenderer();
@@ -169,7 +170,8 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
 
   const eye = new PerspectiveCamera(40, 1.6, 0.01 * size, 100 * size);
   eye.up.set(0, 0, 1);
-  // From beside the line between the base and where the work is, a little above: neither hides the other.
+  // The initial viewpoint is beside the line between the base and the targets, slightly above, so that neither hides
+  // the other.
   const work = boardsAt.reduce((sum, at) => sum.add(new Vector3().setFromMatrixPosition(at)), new Vector3());
   const away = new Vector3(work.y, -work.x, 0);
   if (away.lengthSq() < 1e-12) away.set(1, 0, 0);
@@ -179,7 +181,8 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   const controls = new OrbitControls(eye, svg as unknown as HTMLElement);
   controls.target.copy(middle);
   controls.update();
-  // The page scrolls past: the wheel, and a finger up and down, are the page's until the view is asked for.
+  // The page scrolls as usual over the view: the wheel zooms only while the view has the focus, and vertical swipes
+  // always scroll the page.
   controls.enableZoom = false;
   svg.addEventListener('focus', () => { controls.enableZoom = true; });
   svg.addEventListener('blur', () => { controls.enableZoom = false; });
@@ -200,14 +203,14 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
     controls.update();
   });
 
-  // As near as all of it is in view, along the direction that the eye looks in.
+  // Moves the viewpoint along its viewing direction until the whole scene just fits.
   let isUntouched = true;
   let drawnHeight = 300;
   const comeNear = () => {
     const forward = controls.target.clone().sub(eye.position).normalize();
     const right = new Vector3().crossVectors(forward, eye.up).normalize();
     const up = new Vector3().crossVectors(right, forward);
-    // Names stand beside their places: they need room too.
+    // Labels are beside their positions and need a margin.
     const [nameWidth, nameHeight] = [56, 18];
     const half = Math.tan((0.5 * eye.fov * Math.PI) / 180);
     const slope = half * (1 - (2 * nameHeight) / drawnHeight);
