@@ -35,7 +35,7 @@ void FromCheckerboard(MapReader& reader, YAML::Node* target) {
   (*target)["columns"] = reader.Get("targetCols").AsInt(kCounts);
   const ConfigValue rows = reader.Get("rowSpacingMeters");
   if (rows.AsNumber() != reader.Get("colSpacingMeters").AsNumber()) {
-    rows.Fail("differs from colSpacingMeters; a chessboard of squares is needed");
+    rows.Fail("differs from colSpacingMeters; the squares of a chessboard must be square");
   }
   (*target)["square"] = Metres(reader, "rowSpacingMeters");
 }

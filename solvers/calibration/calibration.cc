@@ -53,7 +53,7 @@ void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& 
       joined.push_back(*view);
     } else {
       unused.push_back({entry.name, std::to_string(num_points) + " points, too few for a pose, and not where the "
-                                                                 "other captures say"});
+                                                                 "other captures predict them"});
     }
   }
   if (joined.size() == calibration->views.size()) {
@@ -139,15 +139,15 @@ std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup
   constexpr double kMisfitRatio = 8;
   if (!own || *own->RmsPx() > kMisfitRatio * solution.pixel_sigma_px) {
     return "its points do not fit the target" + (own ? " (" + Significant(*own->RmsPx(), 2) + " px rms)" : "") +
-           " and are not where the other captures say: probably read wrongly";
+           " and are not where the other captures predict them: probably misread";
   }
   const Rigid3d correction =
       CorrectionFor(setup, solution.hand_eye, entry.camera_mount_from_target_mount, seen.front().camera_from_target);
-  return "contradicts the other captures: by its picture the gripper was " +
+  return "contradicts the other captures: according to its image, the gripper was " +
          Significant(1000 * correction.translation.norm(), 2) + " mm and " +
          Significant(RadToDeg(AngleRad(Rigid3d(), correction)), 2) +
-         " deg from the robot's pose (chance of that: " + ShownChance(p_value) +
-         "); wrong pose for the picture, robot not settled, or target read wrongly";
+         " deg from the stated robot pose (probability by chance: " + ShownChance(p_value) +
+         "); wrong pose for the image, robot not settled, or target misread";
 }
 
 // Returns the design of a target, from the views' points if nothing else is known.
@@ -200,7 +200,7 @@ void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions
   if (2 * static_cast<size_t>(num_wrong) > judged.verdicts.size()) {
     calibration->refined =
         Failure{std::to_string(num_wrong) + " of " + std::to_string(judged.verdicts.size()) +
-                " captures contradict any one calibration; do images and poses belong together, and do the poses "
+                " captures contradict every calibration; do images and poses belong together, and do the poses "
                 "mean what the config says (pose_format, poses_are, setup)?"};
     return;
   }
@@ -301,10 +301,11 @@ bool LeaveOutRejected(Calibration* calibration) {
   // A capture without any point is not used.
   while (!cleaned.views.empty() && cleaned.views.back().observations.ids.empty()) {
     const size_t num_points = cleaned.refined->rejected_ids.back().size();
-    cleaned.unused.push_back({cleaned.views.back().name,
-                              "none of its " + std::to_string(num_points) +
-                                  " points is where the estimate from the other captures says: the target was probably "
-                                  "read wrongly, or the robot's pose is not this image's"});
+    cleaned.unused.push_back(
+        {cleaned.views.back().name,
+         "none of its " + std::to_string(num_points) +
+             " points is where the estimate from the other captures predicts it: the target was probably "
+             "misread, or the robot pose belongs to another image"});
     cleaned.views.pop_back();
     cleaned.refined->rejected_ids.pop_back();
     if (!cleaned.refined->corrections.empty()) cleaned.refined->corrections.pop_back();
@@ -363,7 +364,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
       const bool suits = FindHandEyeMethod(result.method)->motion == MethodMotion::kAny;
       if (reason.empty() && suits) reason = result.hand_eye.reason();
     }
-    if (reason.empty()) reason = "every closed form puts the target behind the camera; check set-up and pose direction";
+    if (reason.empty()) reason = "every closed form puts the target behind the camera; check setup and pose direction";
     for (size_t i = 0; i < sorted.misfits.size(); ++i) {
       calibration.unused.push_back({sorted.misfits[i].name, sorted.misfit_reasons[i]});
     }
@@ -424,7 +425,7 @@ void CalibratePoses(const std::vector<std::string>& methods, const std::string& 
   const std::vector<MethodResult> results = RunMethods(*calibration);
   calibration->methods = Reported(results, methods);
   calibration->refined =
-      Failure{"poses of the target are given, not its points: bundle adjustment needs pictures or corners"};
+      Failure{"poses of the target are given, not its points: bundle adjustment needs images or corners"};
   // The best method has the smallest scatter of the target in the frame in which it is fixed, because there are no
   // pixels to compare.
   const MethodResult* best = nullptr;
@@ -470,15 +471,15 @@ std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOpt
     add(Finding{Grade::kDoubtful,
                 "captures_scatter",
                 count + " of " + std::to_string(calibration.views.size()) +
-                    " captures contradict the others, but a larger noise of the robot explains all of them better than "
+                    " captures contradict the others, but larger robot noise explains all of them better than "
                     "so many wrong captures: the model is incomplete, and all were kept",
                 "check the robot's own calibration, the target's dimensions and the camera model",
                 {{"captures", calibration.num_kept_against_test}}});
   }
   if (bundle.robot_noise_prior && bundle.robot == BundleOptions::Robot::kEstimatedNoise) {
     add(Finding{Grade::kDoubtful, "few_captures_prior",
-                "the captures show fewer than " + std::to_string(kMinPosesForVariances) +
-                    " poses of the robot, too few to tell its noise: it was assumed to be an industrial arm's (0.05 to "
+                "the captures contain fewer than " + std::to_string(kMinPosesForVariances) +
+                    " robot poses, too few to estimate the robot noise: that of an industrial arm was assumed (0.05 to "
                     "1 mm, 0.005 to 0.1 deg)",
                 "take 15 to 25 captures"});
   }

@@ -68,8 +68,8 @@ std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solu
   std::vector<WeakDirection> weak_directions = {
       WorstOf(covariance, 0, "the camera's position along ", r_x, camera_mount, "camera"),
       WorstOf(covariance, 3, "the camera's orientation about ", r_x, camera_mount, "camera"),
-      WorstOf(covariance, 6, "the board's position along ", r_z, target_mount, "target"),
-      WorstOf(covariance, 9, "the board's orientation about ", r_z, target_mount, "target")};
+      WorstOf(covariance, 6, "the target's position along ", r_z, target_mount, "target"),
+      WorstOf(covariance, 9, "the target's orientation about ", r_z, target_mount, "target")};
   for (size_t i = 0; i < weak_directions.size(); ++i) {
     const bool is_position = i % 2 == 0;
     weak_directions[i].wanted = is_position ? kWantedM : wanted_rad;
@@ -147,8 +147,8 @@ std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, con
   const double depth_m = (mean * middle).z();
   const double side_m = 0.25 * depth_m * problem.camera.width_px / solution.camera.params[0];
   const bool carries_board = problem.setup == Setup::kEyeToHand;
-  const std::string tilt = carries_board ? "with the board tilted" : "with the camera tilted against the board";
-  const std::string turn = carries_board ? "with the board turned" : "with the camera turned";
+  const std::string tilt = carries_board ? "with the target tilted" : "with the camera tilted relative to the target";
+  const std::string turn = carries_board ? "with the target rotated" : "with the camera rotated";
   struct Motion {
     std::string words;
     std::function<Rigid3d(double)> pose;  // The pose for +1 or -1.
@@ -156,19 +156,19 @@ std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, con
   const double tilt_rad = DegToRad(25.0);
   const double turn_rad = DegToRad(45.0);
   const std::vector<Motion> motions = {
-      {"two captures " + tilt + " by 25 deg to and fro about the board's x",
+      {"two captures " + tilt + " by +25 and -25 deg about the target's x axis",
        [&](double side) { return turned(Eigen::Vector3d::UnitX(), side * tilt_rad); }},
-      {"two captures " + tilt + " by 25 deg to and fro about the board's y",
+      {"two captures " + tilt + " by +25 and -25 deg about the target's y axis",
        [&](double side) { return turned(Eigen::Vector3d::UnitY(), side * tilt_rad); }},
-      {"two captures " + turn + " by 45 deg to and fro in the board's plane",
+      {"two captures " + turn + " by +45 and -45 deg in the target's plane",
        [&](double side) { return turned(Eigen::Vector3d::UnitZ(), side * turn_rad); }},
-      {"two captures from " + Fixed(250 * depth_m, 0) + " mm nearer and farther",
+      {"two captures " + Fixed(250 * depth_m, 0) + " mm nearer and farther",
        [&](double side) { return moved(0.25 * side * depth_m * (mean * middle).normalized()); }},
-      {"two captures with the board at the left and right of the picture",
+      {"two captures with the target at the left and right of the image",
        [&](double side) {
          return moved({side * side_m, 0, 0});
        }},
-      {"two captures with the board at the top and bottom of the picture",
+      {"two captures with the target at the top and bottom of the image",
        [&](double side) {
          return moved({0, side * side_m, 0});
        }},
@@ -212,7 +212,7 @@ std::string ShapeText(const TargetShape& shape, const std::vector<TargetShapeGro
                     " along y");
   }
   if (HasGroup(groups, TargetShapeGroup::kBend)) {
-    words.push_back("its middle stands " + Fixed(1000 * shape.params[2], 2) + " mm (along x) and " +
+    words.push_back("its centre is " + Fixed(1000 * shape.params[2], 2) + " mm (along x) and " +
                     Fixed(1000 * shape.params[3], 2) + " mm (along y) above its edges");
   }
   return Join(words, ", ");
@@ -266,22 +266,22 @@ std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solu
   std::vector<std::string> parts;
   for (const WeakDirection& weakness : weak_directions) {
     const double sigma = weakness.sigma / weakness.unit_size;
-    parts.push_back(weakness.name + " is known to " + Significant(sigma, 2) + " " + weakness.unit);
+    parts.push_back(weakness.name + " is determined to only " + Significant(sigma, 2) + " " + weakness.unit);
     finding.numbers.emplace_back(weakness.name + ", " + weakness.unit, sigma);
   }
-  finding.text = Join(parts, ", ") + " only (one sigma)";
+  finding.text = Join(parts, ", ") + " (one sigma)";
   constexpr double kHelps = 0.85;
   finding.action = best_sigma < kHelps * worst.sigma
-                       ? best_words + " would improve " + worst.name + " to " +
+                       ? best_words + " would reduce the sigma of " + worst.name + " to " +
                              Significant(best_sigma / worst.unit_size, 2) + " " + worst.unit
-                       : "take many more captures: no pair of additional captures improves it much";
+                       : "take many more captures: no pair of additional captures reduces this sigma much";
   return finding;
 }
 
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
                       const Solution& solution) {
   Finding finding{Grade::kGood, "model", "", ""};
-  finding.text = "the captures were explained by: " + NameOf(chosen);
+  finding.text = "chosen error model: " + NameOf(chosen);
   if (solution.robot_noise && chosen.robot != BundleOptions::Robot::kExact) {
     finding.text += " (" + NoiseText(*solution.robot_noise) + ")";
     finding.numbers = {{"robot_mm", 1000 * solution.robot_noise->translation_m},
@@ -303,7 +303,7 @@ Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternati
                     Significant(self->log_likelihood - simplest.log_likelihood, 3) + ", " +
                     ChanceText(simplest.p.value_or(0)) + ")";
   } else {
-    finding.text += "; " + NameOf(largest.model) + " is no better than chance (log-likelihood higher by " +
+    finding.text += "; " + NameOf(largest.model) + " is not significantly better (log-likelihood higher by " +
                     Significant(largest.log_likelihood - self->log_likelihood, 2) + ", " +
                     ChanceText(self->p.value_or(1)) + ")";
   }
@@ -352,7 +352,7 @@ std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solut
     findings.push_back({Grade::kDoubtful,
                         "robot_noise_ignored",
                         "the captures indicate that the robot's poses are off by " + NoiseText(noise) +
-                            " (one sigma an axis), but they were taken as exact: the stated uncertainty is too small",
+                            " (one sigma per axis), but they were taken as exact: the reported covariance is too small",
                         "use refine.robot_noise: auto",
                         {{"robot_mm", 1000 * noise.translation_m}, {"robot_deg", RadToDeg(noise.rotation_rad)}}});
   }
@@ -369,7 +369,7 @@ std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel&
   const bool is_focal_held = !SigmaOf(solution.covariance, "camera.fx");
   Finding finding{off > kWrong ? Grade::kBad : Grade::kDoubtful,
                   "target_scale",
-                  "against the robot's poses the target is " + Percent(std::abs(mean - 1), 2) +
+                  "compared with the robot's poses, the target is " + Percent(std::abs(mean - 1), 2) +
                       (mean > 1 ? " larger" : " smaller") + " than the config says" +
                       (is_focal_held ? " (a focal length that is held at a wrong value looks the same)" : ""),
                   "measure the target and correct its dimensions in the config; if they are right, check the units of "
@@ -411,10 +411,10 @@ std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solu
   constexpr double kBadM = 5e-3;
   const double bad_rad = DegToRad(0.5);
   Finding finding{move_m > kBadM || move_rad > bad_rad ? Grade::kBad : Grade::kDoubtful, "held_intrinsics", "",
-                  "free them (leave refine.intrinsics out), or calibrate the camera anew"};
+                  "free them (leave refine.intrinsics out), or recalibrate the camera"};
   finding.text = "the intrinsics were held, but the captures say " + LargestMove(solution.camera, freed, &finding) +
                  " (" + ChanceText(p) + "); with free intrinsics the camera would be " + Significant(1000 * move_m, 2) +
-                 " mm and " + Significant(RadToDeg(move_rad), 2) + " deg elsewhere";
+                 " mm and " + Significant(RadToDeg(move_rad), 2) + " deg away";
   finding.numbers.emplace_back("move_mm", 1000 * move_m);
   finding.numbers.emplace_back("move_deg", RadToDeg(move_rad));
   finding.is_cause = true;
@@ -428,8 +428,9 @@ Finding DescribeCameraUse(const Camera& given, const Solution& solution, const B
     return finding;
   }
   const std::string moved = LargestMove(given, solution, &finding);
-  finding.text = std::string("the given intrinsics were used as ") + (options.camera_prior ? "a prior" : "the start") +
-                 (moved.empty() ? "" : "; the refinement moved them by at most " + moved);
+  finding.text = std::string("the given intrinsics were used as ") +
+                 (options.camera_prior ? "a prior" : "the initial guess") +
+                 (moved.empty() ? "" : "; the refinement changed them by at most " + moved);
   return finding;
 }
 

@@ -111,7 +111,7 @@ std::vector<InitialGuess> RandomSubsetStarts(const Problem& part, const std::vec
   std::sort(scored.begin(), scored.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<InitialGuess> seeds;
   for (size_t i = 0; i < std::min(kMaxSeeds, scored.size()); ++i) {
-    seeds.push_back({"a handful of captures", scored[i].second});
+    seeds.push_back({"a subset of captures", scored[i].second});
   }
   return seeds;
 }
@@ -124,7 +124,7 @@ std::vector<InitialGuess> RotatedStarts(const std::vector<PosePair>& pairs, cons
     const Eigen::Matrix3d rotation = start.camera_mount_from_camera.RotationMatrix() * turn;
     const HandEye board = WithAverageBoardPose(pairs, Rigid3d(rotation, Eigen::Vector3d::Zero()));
     seeds.push_back(
-        {"a turned start", SolveTranslations(pairs, rotation, board.target_mount_from_target.RotationMatrix())});
+        {"a rotated start", SolveTranslations(pairs, rotation, board.target_mount_from_target.RotationMatrix())});
   }
   return seeds;
 }

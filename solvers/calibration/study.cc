@@ -43,7 +43,7 @@ View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
     is_seen = Predict(cell.camera.Model(), cell.camera.params.data(), camera_from_target, true_target,
                       &view.observations.pixels, nullptr);
   }
-  if (!is_seen) throw InputError("the robot's noise hides the target from the camera in every draw");
+  if (!is_seen) throw InputError("the robot noise puts the target behind the camera in every draw");
   for (Eigen::Index i = 0; i < view.observations.size(); ++i) {
     const double u = cell.pixel_sigma_px * rng->Normal();
     const double v = cell.pixel_sigma_px * rng->Normal();

@@ -22,13 +22,13 @@ struct SeenPose {
 Outcome<SeenPose> LocatePose(const Solution& solution, const Observations& shaped) {
   const std::vector<TargetPose> poses = EstimateTargetPose(solution.camera, shaped);
   if (poses.empty() || !poses.front().covariance_at_1px) {
-    return Failure{"the " + std::to_string(shaped.size()) + " points that were seen do not tell the target's pose"};
+    return Failure{"the " + std::to_string(shaped.size()) + " visible points do not determine the target's pose"};
   }
   Points2 pixels;
   ProjectionJacobian jacobian;
   if (!Predict(solution.camera.Model(), solution.camera.params.data(), poses.front().camera_from_target, shaped,
                &pixels, &jacobian)) {
-    return Failure{"the target has no image where it was found"};
+    return Failure{"the target cannot be projected at its estimated pose"};
   }
   const Eigen::MatrixXd all_u = jacobian.u.transpose();
   const Eigen::MatrixXd all_v = jacobian.v.transpose();
@@ -107,7 +107,7 @@ struct RayPlaneIntersection {
 Outcome<RayPlaneIntersection> IntersectRayPlane(const Camera& camera, const Eigen::Vector2d& pixel,
                                                 const Eigen::Vector3d& normal, double distance_m) {
   const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, pixel);
-  if (!ray) return Failure{"no ray has its image there"};
+  if (!ray) return Failure{"no ray belongs to this pixel"};
   constexpr double kGrazing = 1e-3;
   const double slope = normal.dot(*ray);
   const double range_m = distance_m / slope;

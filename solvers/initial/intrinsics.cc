@@ -207,7 +207,7 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
   }
   if (usable.size() < 3) {
     return Failure{"the camera cannot be calibrated from " + std::to_string(usable.size()) +
-                   " captures; 3 or more are needed, or a camera file (camera.intrinsics)"};
+                   " captures; use 3 or more, or a camera file (camera.intrinsics)"};
   }
   // A point has two coordinates, a view has six unknowns; the distortion is estimated if at least three times the
   // number of camera parameters remains. Otherwise the distortion of `start` would remain, whatever these views show.
@@ -250,7 +250,7 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
       return Failure{"the camera's intrinsics could not be estimated; give a camera file (camera.intrinsics)"};
     }
     const std::string faults = CheckCamera(*camera);
-    if (!faults.empty()) return Failure{"the estimated camera makes no sense (" + faults + "); give a camera file"};
+    if (!faults.empty()) return Failure{"the estimated camera is implausible (" + faults + "); give a camera file"};
   }
   return *camera;
 }

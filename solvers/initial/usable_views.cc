@@ -14,8 +14,7 @@ SortedViews SortViews(const std::vector<View>& views, const Camera& camera) {
   std::vector<double> rms_px;
   for (const View& view : views) {
     if (view.observations.size() < kMinPosePoints) {
-      sorted.too_small.push_back(
-          {view.name, std::to_string(view.observations.size()) + " points, 4 are needed for a pose"});
+      sorted.too_small.push_back({view.name, std::to_string(view.observations.size()) + " points; a pose requires 4"});
       continue;
     }
     std::vector<TargetPose> found = EstimateTargetPose(camera, view.observations);
@@ -37,8 +36,8 @@ SortedViews SortViews(const std::vector<View>& views, const Camera& camera) {
     if (rms_px.size() >= kFewViews && rms_px[i] > limit_px) {
       sorted.misfits.push_back(std::move(posed[i]));
       sorted.misfit_reasons.push_back("its points do not fit the target (" + Significant(rms_px[i], 2) +
-                                      " px rms, half of the captures are below " + Significant(median_px, 2) +
-                                      "): probably read wrongly");
+                                      " px rms, the median of the captures is " + Significant(median_px, 2) +
+                                      "): probably misread");
       continue;
     }
     sorted.posed.push_back(std::move(posed[i]));

@@ -42,7 +42,8 @@ std::optional<Failure> CheckObservable(const Information& information) {
   constexpr double kMinEigenvalue = 1e-9;
   const Eigen::VectorXd scale = ScaleOf(information.matrix);
   for (Eigen::Index i = 0; i < scale.size(); ++i) {
-    if (scale[i] == 0) return Failure{"the data do not see " + PlainName(information.names[static_cast<size_t>(i)])};
+    if (scale[i] == 0)
+      return Failure{"the data do not determine " + PlainName(information.names[static_cast<size_t>(i)])};
   }
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information.matrix * scale.asDiagonal();
   // A lower bound of the smallest eigenvalue usually suffices: one divided by the norm of the inverse.
@@ -71,11 +72,10 @@ std::optional<Failure> CheckObservable(const Information& information) {
     constexpr size_t kMaxParts = 3;
     if (parts.size() < kMaxParts) parts.push_back(PlainName(name));
   }
-  std::vector<std::string> cures = {"moving the target through more depth and tilt"};
-  if (has_camera) cures.emplace_back("holding intrinsics (refine.intrinsics)");
-  if (has_shape) cures.emplace_back("holding the target's shape (refine.target_shape)");
-  return Failure{"the captures do not determine " + Join(parts, " together with ") + ": " + Join(cures, ", or ") +
-                 ", would"};
+  std::vector<std::string> cures = {"move the target through more depth and tilt"};
+  if (has_camera) cures.emplace_back("hold intrinsics (refine.intrinsics)");
+  if (has_shape) cures.emplace_back("hold the target's shape (refine.target_shape)");
+  return Failure{"the captures do not determine " + Join(parts, " together with ") + "; " + Join(cures, ", or ") + ""};
 }
 
 Covariance InvertInformation(const Information& information, double factor) {

@@ -51,8 +51,7 @@ CondensedViews Condensed(const std::vector<LinearisedView>& views) {
     corrected.rows.setZero(kNumCorrectedRows, n + 1);
     const Eigen::Index num_rows_with_correction = std::min(rows, kNumCorrectedRows);
     if (rows - view.num_rows_without_correction <= kNumCorrectedRows) {
-      corrected.by_correction.topRows(num_rows_with_correction) =
-          view.by_correction.topRows(num_rows_with_correction);
+      corrected.by_correction.topRows(num_rows_with_correction) = view.by_correction.topRows(num_rows_with_correction);
     } else {
       const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_correction);
       turned.applyOnTheLeft(qr.householderQ().adjoint());

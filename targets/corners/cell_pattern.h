@@ -14,7 +14,7 @@ namespace heba {
 struct CellPattern {
   static constexpr size_t kMaxLines = 64;  // Along either axis.
   std::vector<double> x_m;                 // Positions of the lines x = const, increasing.
-  std::vector<double> y_m;  // Positions of the lines y = const, increasing.
+  std::vector<double> y_m;                 // Positions of the lines y = const, increasing.
   // albedo(j, i) is the albedo between x_m[i - 1] and x_m[i] along x, and between y_m[j - 1] and y_m[j] along y.
   Eigen::MatrixXd albedo;
 };

@@ -14,8 +14,8 @@ namespace heba {
 
 // Selects the terms by which the map from the pattern to the image may differ from its initial guess.
 enum class MapFreedom {
-  kAffine,      // 6 terms, for patterns too small to show perspective or lens distortion.
-  kQuadratic,   // 12 terms: perspective and lens distortion to second order.
+  kAffine,     // 6 terms, for patterns too small to show perspective or lens distortion.
+  kQuadratic,  // 12 terms: perspective and lens distortion to second order.
   // 10 terms: perspective and a lens that is radial about the image centre; 20 terms (squares and cubes) if the grey
   // values require them. For large patterns.
   kStrongLens,
@@ -42,7 +42,7 @@ struct PatternFit {
   double blur_sigma_px = 0;             // Blur sigma of the edges, including a pixel's own width.
   double contrast_grey = 0;             // White minus black.
   double residual_ratio = 0;            // Ratio of the residuals' RMS to the contrast: noise and misfit.
-  double outlier_share = 0;  // Share of the used pixels that deviate by more than a third of the contrast.
+  double outlier_share = 0;             // Share of the used pixels that deviate by more than a third of the contrast.
 };
 
 // Estimates the maximum likelihood position of a pattern in an image (CV_8UC1). The model is the pattern's albedo,

@@ -38,43 +38,42 @@ std::optional<ImageSize> ReadImageSize(const std::filesystem::path& path) {
 
 cv::Mat ReadGreyImage(const std::filesystem::path& path, const std::optional<ImageSize>& expected) {
   const std::string bytes = ReadTextFile(path, kMaxImageBytes);
-  if (bytes.empty()) throw InputError(path.string() + ": is empty; a picture is needed");
+  if (bytes.empty()) throw InputError(path.string() + ": is empty; an image is needed");
   const std::optional<ImageHeader> header = ReadImageHeader(bytes);
   if (!header) {
-    throw InputError(path.string() + ": is not a picture of a format that heba reads: " + ImageFormatNames());
+    throw InputError(path.string() + ": is not an image of a format that heba reads: " + ImageFormatNames());
   }
-  if (header->is_cut_short) throw InputError(path.string() + ": the picture is cut short; copy it again");
+  if (header->is_cut_short) throw InputError(path.string() + ": the image is truncated; copy it again");
   constexpr double kMaxPixels = 4e8;
   if (!(header->width_px >= 1 && header->height_px >= 1)) {
-    throw InputError(path.string() + ": is not a picture that can be read: its header does not say how large it is");
+    throw InputError(path.string() + ": cannot be read as an image: its header does not give its size");
   }
   if (header->width_px * header->height_px > kMaxPixels) {
-    throw InputError(path.string() +
-                     ": claims to have more than 400 million pixels; no camera that heba knows of does");
+    throw InputError(path.string() + ": claims to have more than 400 million pixels, which is the limit of heba");
   }
   if (expected && (header->width_px != expected->width_px || header->height_px != expected->height_px)) {
     throw InputError(path.string() + ": is " + SizeText(header->width_px, header->height_px) + " px, not " +
                      SizeText(expected->width_px, expected->height_px) +
-                     " px as the first picture; all pictures must come from one camera at one resolution");
+                     " px like the first image; all images must come from one camera at one resolution");
   }
   cv::Mat image;
   try {
     const cv::Mat buffer(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));  // NOLINT
     image = DecodeImage(buffer);
   } catch (const cv::Exception& error) {
-    throw InputError(path.string() + ": is not a picture that can be read (" + error.err + ")");
+    throw InputError(path.string() + ": cannot be read as an image (" + error.err + ")");
   }
-  if (image.empty()) throw InputError(path.string() + ": is not a picture that can be read, or is cut short");
+  if (image.empty()) throw InputError(path.string() + ": cannot be read as an image, or is truncated");
   if (image.depth() == CV_16U) {
     double brightest = 0;
     cv::minMaxLoc(image.reshape(1), nullptr, &brightest);
     image.convertTo(image, CV_8U, brightest > 0 ? 255.0 / brightest : 1.0);
   } else if (image.depth() != CV_8U) {
-    throw InputError(path.string() + ": has neither 8 nor 16 bits a channel; save it as one of these");
+    throw InputError(path.string() + ": has neither 8 nor 16 bits per channel; save it with 8 or 16");
   }
   if (image.channels() == 3) cv::cvtColor(image, image, cv::COLOR_BGR2GRAY);
   if (image.channels() == 4) cv::cvtColor(image, image, cv::COLOR_BGRA2GRAY);
-  if (image.channels() != 1) throw InputError(path.string() + ": has 2 channels; grey or colour is needed");
+  if (image.channels() != 1) throw InputError(path.string() + ": has 2 channels; a grey or colour image is needed");
   return image;
 }
 

@@ -32,8 +32,8 @@ constexpr const char* kEncodeSymbol =
 void* Found(void* address) {
   if (address != nullptr) return address;
   const char* const reason = dlerror();
-  throw std::runtime_error(std::string("OpenCV's library for pictures cannot be used (") +
-                           (reason != nullptr ? reason : "") + "); install the OpenCV that heba was built with");
+  throw std::runtime_error(std::string("OpenCV's image library cannot be used (") + (reason != nullptr ? reason : "") +
+                           "); install the OpenCV that heba was built with");
 }
 
 Codecs LoadCodecs() {

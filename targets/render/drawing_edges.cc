@@ -120,7 +120,7 @@ Eigen::Vector2d AlbedoEdge::At(double t) const {
 DrawingEdges::DrawingEdges(const Drawing& drawing) : drawing_(drawing) {
   const Eigen::Vector2d& low = drawing_.min_m;
   const Eigen::Vector2d& high = drawing_.max_m;
-  CHECK((high - low).minCoeff() > 0) << "a drawing without a sheet";
+  CHECK((high - low).minCoeff() > 0) << "the drawing has no sheet";
   nearness_m_ = 1e-9 * (high - low).maxCoeff();
 
   const auto add_polygon = [this](const std::vector<Eigen::Vector2d>& points_m) {

@@ -349,13 +349,13 @@ void WriteSheet(const Sheet& sheet, const std::filesystem::path& path) {
   constexpr double kMostMm = 20000;
   if (!(drawn_mm >= kLeastMm && max_mm <= kMostMm)) {
     throw InputError(path.string() + ": a target of " + Significant(drawn_mm, 3) + " mm on a sheet of " +
-                     Significant(max_mm, 3) + " mm cannot be printed; from 1 mm to 20 m can");
+                     Significant(max_mm, 3) + " mm cannot be printed; the limits are 1 mm and 20 m");
   }
   if (format.has_dpi && max_mm * sheet.options.dpi / kMmPerInch > kMaxPixels) {
     throw InputError(path.string() + ": a sheet of " + Fixed(max_mm, 0) + " mm at " +
                      Significant(sheet.options.dpi, 6) + " dpi has more than " + std::to_string(kMaxPixels) +
-                     " pixels a side; at most " + Fixed(std::floor(kMaxPixels * kMmPerInch / max_mm), 0) +
-                     " dpi, or .pdf, would do");
+                     " pixels per side; use at most " + Fixed(std::floor(kMaxPixels * kMmPerInch / max_mm), 0) +
+                     " dpi, or .pdf");
   }
   WriteFileAtomically(path, format.encode(sheet));
 }

@@ -113,7 +113,7 @@ class CodedBoard final : public Target {
   // Reads large dots first. Once half the target is known, reads the dots at the predicted positions of its points
   // and then those that look like a ring, so that a second copy of the target does not go unnoticed.
   std::vector<FoundPoint> ReadDots(const cv::Mat& grey, const std::vector<FoundEllipse>& dots) const {
-    std::vector<std::pair<double, size_t>> unread;  // By radius.
+    std::vector<std::pair<double, size_t>> unread;  // Radius in px and index.
     for (size_t i = 0; i < dots.size(); ++i) unread.emplace_back(dots[i].ellipse.RadiusPx(), i);
     std::sort(unread.begin(), unread.end(), [](const auto& a, const auto& b) {
       return a.first != b.first ? a.first > b.first : a.second < b.second;

@@ -12,7 +12,7 @@ inline void CheckImported(const ImportedSet& set) {
       Require(!pose || pose->Matrix().allFinite(), "a pose is finite");
     }
     for (const Eigen::Vector2d& pixel : capture.pixels) Require(pixel.allFinite(), "a pixel is finite");
-    Require(capture.ids.size() == capture.pixels.size(), "an id a pixel");
+    Require(capture.ids.size() == capture.pixels.size(), "one id for each pixel");
   }
 }
 

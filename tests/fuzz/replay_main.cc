@@ -72,6 +72,6 @@ int main(int argc, char** argv) {
   for (int i = 0; i < count; ++i) {
     Run(Spoiled(seeds[static_cast<size_t>(rng.Index(static_cast<int>(seeds.size())))], seeds, &rng));
   }
-  std::cout << seeds.size() << " seeds and " << count << " spoiled ones\n";
+  std::cout << seeds.size() << " seeds and " << count << " spoiled copies\n";
   return 0;
 }

@@ -28,7 +28,7 @@ void Expect(const Parse& parse) {
 // Ends the program unless a property of the parsed data holds.
 inline void Require(bool condition, const char* what) {
   if (condition) return;
-  std::cerr << "not so: " << what << std::endl;
+  std::cerr << "violated: " << what << std::endl;
   std::abort();
 }
 

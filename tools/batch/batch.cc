@@ -50,8 +50,8 @@ void CheckNames(const std::vector<Item>& items) {
     if (!item.config) continue;
     const auto [other, is_new] = seen.emplace(item.output.lexically_normal(), &item);
     if (!is_new) {
-      throw InputError(item.config_path + ": its results would go where those of " + other->second->config_path +
-                       " go (" + item.output.string() + "); give one of them another name");
+      throw InputError(item.config_path + ": its results would overwrite those of " + other->second->config_path +
+                       " (" + item.output.string() + "); give one of them another name");
     }
   }
 }

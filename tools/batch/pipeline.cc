@@ -68,7 +68,7 @@ bool RedetectMissing(const RunConfig& config, const Calibration& calibration, in
     if (static_cast<size_t>(num_expected) > (*detections)[i].detection.ids.size()) incomplete.push_back(i);
   }
   if (incomplete.empty()) return false;
-  Progress progress("look again", static_cast<int>(incomplete.size()), verbosity);
+  Progress progress("detect again", static_cast<int>(incomplete.size()), verbosity);
   std::mutex mutex;
   bool has_changed = false;
   ParallelFor(static_cast<int>(incomplete.size()), num_threads, [&](int k) {
@@ -82,7 +82,7 @@ bool RedetectMissing(const RunConfig& config, const Calibration& calibration, in
       if (guided.num_dropped > 0) {
         guided.detection.reason += std::string(guided.detection.reason.empty() ? "" : "; ") +
                                    std::to_string(guided.num_dropped) +
-                                   " points left out that are not where the other captures say";
+                                   " points rejected that are not where the other captures predict them";
       }
       (*detections)[i].detection = std::move(guided.detection);
       (*detections)[i].num_second_pass = guided.num_added;
@@ -182,7 +182,7 @@ Outcome<RunResult> RunOnPoses(const RunConfig& config, const std::filesystem::pa
   const std::optional<BoardScatter> scatter = ComputeBoardScatter(calibration.pairs, calibration.chain->hand_eye);
   if (scatter && (scatter->translation_rms_mm > kWorthlessMm || scatter->rotation_rms_deg > kWorthlessDeg)) {
     return Failure{"the target scatters by " + Significant(scatter->translation_rms_mm, 2) + " mm and " +
-                   Significant(scatter->rotation_rms_deg, 2) + " deg where it should stand still"};
+                   Significant(scatter->rotation_rms_deg, 2) + " deg, but should be stationary"};
   }
   console->Note(config.name + ": " + calibration.refined.reason());
   RunResult result;
@@ -233,12 +233,12 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
   const std::vector<View> views = ViewsOf(config, detections);
   if (views.empty()) {
     const std::string first = detections.front().detection.reason;
-    return Failure{"the target was not seen in any of the " + std::to_string(detections.size()) + " pictures" +
+    return Failure{"the target was not detected in any of the " + std::to_string(detections.size()) + " images" +
                    (first.empty() ? "" : " (" + config.captures[0].name + ": " + first + ")") +
                    "; is it the target that the config names?"};
   }
-  console->Note(config.name + ": the target was seen in " + std::to_string(views.size()) + " of " +
-                std::to_string(detections.size()) + " pictures");
+  console->Note(config.name + ": the target was detected in " + std::to_string(views.size()) + " of " +
+                std::to_string(detections.size()) + " images");
   for (const LeftOut& entry : config.left_out)
     console->Note(config.name + ": without " + entry.name + ": " + entry.reason);
   if (config.target->Symmetries().size() > 1) console->Note(config.name + ": " + SymmetryRemark(*config.target));
@@ -289,7 +289,7 @@ Outcome<RunResult> Run(const RunConfig& config_in, const std::filesystem::path& 
                       ReportPage(result, CaptureViews(config, detections, *calibration),
                                  AllPoints(*config.target).points_in_target, ContextOf(config, output)));
   if (RunInputsText(config_in) != inputs) {
-    return Failure{"pictures or other input files were changed while the run was at work; run it again"};
+    return Failure{"images or other input files were changed during the run; run it again"};
   }
   WriteFileAtomically(folder.staging() / "inputs.json", inputs);
   WriteFileAtomically(folder.staging() / "result.json", ResultToJson(result));

@@ -36,13 +36,13 @@
 #include "tools/bench/target_of.h"
 
 DEFINE_int32(views, 60, "views for each row of the table");
-DEFINE_int32(jobs, 0, "threads; 0 for one a processor");
-DEFINE_int32(seed, 1, "of all random numbers");
+DEFINE_int32(jobs, 0, "threads; 0 for one per processor");
+DEFINE_int32(seed, 1, "seed of all random numbers");
 DEFINE_string(row, "", "only the rows whose names contain this");
 DEFINE_bool(others, true, "measures OpenCV's detectors too");
-DEFINE_string(images, "", "a folder of recorded images, in place of the rendered ones");
-DEFINE_int32(sweep, 0, "renders so many whole boards in any pose and light amid clutter, and lists those refused");
-DEFINE_string(board, "rows: 6, columns: 8", "its inner corners");
+DEFINE_string(images, "", "a folder of recorded images to use instead of rendered ones");
+DEFINE_int32(sweep, 0, "number of whole boards to render in any pose and light amid clutter; lists those refused");
+DEFINE_string(board, "rows: 6, columns: 8", "inner corners of the board");
 
 namespace heba {
 namespace {
@@ -250,7 +250,7 @@ std::vector<Errors> MeasureView(const Target& target, const BoardSize& size, con
 }
 
 void ReportRendered(const Target& target, const BoardSize& size) {
-  std::printf("contrast 170 grey, %d views a row; rms and bias in px along x and y; chi2: the mean of e' C^-1 e by 2\n",
+  std::printf("contrast 170 grey, %d views per row; rms and bias in px along x and y; chi2: the mean of e' C^-1 e divided by 2\n",
               FLAGS_views);
   std::printf("%-38s %-12s %6s %5s %8s %8s %8s %8s %6s\n", "", "", "found", ">.5px", "rms x", "rms y", "bias x",
               "bias y", "chi2");

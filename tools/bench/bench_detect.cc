@@ -30,10 +30,10 @@ extern "C" {
 #include "targets/target.h"
 #include "tools/bench/target_of.h"
 
-DEFINE_int32(pictures, 5, "pictures of each row; the figures are their medians");
+DEFINE_int32(pictures, 5, "images of each row; the figures are their medians");
 DEFINE_string(only, "", "only the rows whose names contain this");
 DEFINE_string(table, "", "one table: times or misses");
-DEFINE_string(target, "", "keys of a target that is searched for in the files that follow, a line for each");
+DEFINE_string(target, "", "keys of a target to search for in the files that follow, one line for each file");
 
 namespace heba {
 namespace {
@@ -277,7 +277,7 @@ void RunMisses(const Kind& kind, int width_px, int height_px) {
          const double aside = AsideOfCut(*target, camera, 0);
          return render(*target, PlacedPose(target->Draw(), camera, {aside, 0}, 0), cluttered, seed);
        }},
-      {"cut off, turned",
+      {"cut off, rotated",
        [&](uint64_t seed) {
          const double turn_rad = 0.6 + 0.3 * static_cast<double>(seed);
          const double aside = AsideOfCut(*target, camera, turn_rad);
@@ -315,7 +315,7 @@ void RunMisses(const Kind& kind, int width_px, int height_px) {
 }
 
 void RunAllMisses() {
-  std::printf("| target | picture | CPU ms, middle | most | by shown | points |\n|---|---|---|---|---|---|\n");
+  std::printf("| target | image | CPU ms, median | maximum | ratio to shown | points |\n|---|---|---|---|---|---|\n");
   for (const Kind& kind : kKinds) {
     RunMisses(kind, 1632, 1224);
     RunMisses(kind, 2592, 1944);
@@ -343,7 +343,7 @@ void RunAll() {
   const std::string kalibr =
       "type: apriltag_grid, family: tag36h11, rows: 6, columns: 6, tag_size: 24 mm, tag_spacing: 0.3";
   const std::string coded = "type: coded_board, rows: 4, columns: 5, spacing: 35 mm, dot_diameter: 10 mm";
-  std::printf("| picture | program | CPU ms | points | rms px |\n|---|---|---|---|---|\n");
+  std::printf("| image | program | CPU ms | points | rms px |\n|---|---|---|---|---|\n");
   constexpr double kBlurPx = 0.7;
   constexpr double kSharpPx = 0.3;  // Under more blur tags of 12 px are not readable at all.
   struct Size {
@@ -367,7 +367,7 @@ void RunAll() {
 }  // namespace heba
 
 int main(int argc, char** argv) {
-  gflags::SetUsageMessage("Measures how long targets take to find.");
+  gflags::SetUsageMessage("Measures the duration of target detection.");
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   if (!FLAGS_target.empty()) {
     heba::RunFiles({argv + 1, argv + argc});

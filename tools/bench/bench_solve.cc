@@ -28,9 +28,9 @@
 #include "tools/bench/textbook_refinement.h"
 #include "tools/bench/workloads.h"
 
-DEFINE_int32(repeats, 5, "measurements of each, of which the middle one counts");
+DEFINE_int32(repeats, 5, "measurements of each workload; the median is printed");
 DEFINE_string(part, "", "one part: refine, intrinsics, closed, holdout or study");
-DEFINE_string(only, "", "of the refinements only those whose names contain this");
+DEFINE_string(only, "", "only the refinements whose names contain this");
 
 namespace heba {
 namespace {
@@ -142,7 +142,7 @@ void Print(const Workload& workload, const char* program, const Measured& measur
 }
 
 void BenchRefinement() {
-  std::printf("hand-eye pose, board and nine intrinsics, from the start's check to the covariance\n\n");
+  std::printf("hand-eye pose, board pose and nine intrinsics, from the check of the initial guess to the covariance\n\n");
   std::printf(
       "| captures x pts | program                        |         ms | its |   ns/o/i |       MB | x textb | "
       "off mm |\n|---|---|---|---|---|---|---|---|\n");
@@ -277,7 +277,7 @@ void Run() {
 }  // namespace heba
 
 int main(int argc, char** argv) {
-  gflags::SetUsageMessage("Measures the solver's workloads beside a textbook's program and OpenCV.");
+  gflags::SetUsageMessage("Measures the solver's workloads against a textbook program and OpenCV.");
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   heba::Run();
   return 0;

@@ -34,14 +34,14 @@ extern "C" {
 #include "tools/bench/target_of.h"
 
 DEFINE_int32(views, 300, "views for each row of the precision table");
-DEFINE_int32(pictures, 40, "pictures for each size and tilt of the recall table");
-DEFINE_int32(cluttered, 1000, "cluttered pictures with and without a board, to count false ids in");
-DEFINE_int32(jobs, 0, "threads; 0 for one a processor");
-DEFINE_int32(seed, 1, "of all random numbers");
+DEFINE_int32(pictures, 40, "images for each size and tilt of the recall table");
+DEFINE_int32(cluttered, 1000, "cluttered images with and without a board for the count of false ids");
+DEFINE_int32(jobs, 0, "threads; 0 for one per processor");
+DEFINE_int32(seed, 1, "seed of all random numbers");
 DEFINE_double(light, 0.3, "uneven light of the precision table, as a share of the brightest");
 DEFINE_string(only, "", "one part: precision, recall or false");
-DEFINE_string(row, "", "of the precision and recall tables only the rows whose names contain this");
-DEFINE_string(crop, "", "writes a magnified picture (.png) of a fitted dot with its outline and centre, and ends");
+DEFINE_string(row, "", "only the rows of the precision and recall tables whose names contain this");
+DEFINE_string(crop, "", "writes a magnified image (.png) of a fitted dot with its outline and centre, and exits");
 
 namespace heba {
 namespace {
@@ -301,11 +301,11 @@ struct PrecisionRow {
 
 void ReportPrecision() {
   std::printf(
-      "precision: f 2400 px, tilt 0 to 45 deg, contrast 170 grey, uneven light %.2f, %d views a row; below each row "
+      "precision: f 2400 px, tilt 0 to 45 deg, contrast 170 grey, uneven light %.2f, %d views per row; below each row "
       "the plain library's\n",
       FLAGS_light, FLAGS_views);
   std::printf(
-      "rms: a coordinate; chi: root of e' C^-1 e over its expectation, points measured together taken together\n");
+      "rms: of a coordinate; chi: root of e' C^-1 e divided by its expectation, with joint covariances\n");
   std::printf("%-34s %7s %8s %5s %9s %9s %9s %8s %6s\n", "", "points", "recall %", ">.5px", "rms px", "bias x",
               "bias y", "+-", "chi");
   const PrecisionRow rows[] = {
@@ -410,7 +410,7 @@ Errors MeasureRecall(double diameter_px, double tilt_rad) {
 }
 
 void ReportRecall() {
-  std::printf("\nrecall, %%, among dots, rings and coded rings of others; blur 0.7 px, noise 2, uneven light 0.4\n");
+  std::printf("\nrecall, %%, among dots, rings and foreign coded rings; blur 0.7 px, noise 2, uneven light 0.4\n");
   std::printf("%-14s", "dot, tilt:");
   constexpr double kTiltsDeg[] = {0, 20, 40, 50, 60, 65};
   for (const double tilt_deg : kTiltsDeg) std::printf(" %14.0f deg", tilt_deg);
@@ -429,7 +429,7 @@ void ReportRecall() {
     }
     std::printf("\n");
   }
-  std::printf("all to 60 deg: %.3f %% of %d; %d wrong places; chi %.3f\n",
+  std::printf("all to 60 deg: %.3f %% of %d; %d wrong positions; chi %.3f\n",
               100.0 * all.num_found / std::max(all.num_expected, 1), all.num_expected, all.num_wild, all.Chi());
 }
 
@@ -449,10 +449,10 @@ void ReportFalse() {
     const Target* sought;
     std::vector<uint32_t> avoided;
   };
-  const Case cases[] = {{"2x2 board, not there (another one is)", other.get(), board.get(), own},
-                        {"2x2 board, there", board.get(), board.get(), {}},
-                        {"12x12 board of 14 bits, not there", other.get(), large.get(), {}}};
-  std::printf("\nfalse ids in %d pictures a row, full of dots, rings and coded rings of others\n", FLAGS_cluttered);
+  const Case cases[] = {{"2x2 board, absent (another one is shown)", other.get(), board.get(), own},
+                        {"2x2 board, shown", board.get(), board.get(), {}},
+                        {"12x12 board of 14 bits, absent", other.get(), large.get(), {}}};
+  std::printf("\nfalse ids in %d images per row, full of dots, rings and foreign coded rings\n", FLAGS_cluttered);
   std::printf("%-40s %9s %9s %9s\n", "", "found", "true", "false");
   for (const Case& test : cases) {
     const Errors errors = Sum(FLAGS_cluttered, [&](int picture) {
@@ -548,7 +548,7 @@ void WriteCrop(const std::string& path) {
 }  // namespace heba
 
 int main(int argc, char** argv) {
-  gflags::SetUsageMessage("Measures how well targets are found, on rendered pictures.");
+  gflags::SetUsageMessage("Measures the accuracy and recall of target detection on rendered images.");
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   if (!FLAGS_crop.empty()) {
     heba::WriteCrop(FLAGS_crop);

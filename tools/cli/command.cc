@@ -74,7 +74,7 @@ void PrintUsage(std::ostream& stream) {
     const std::string call = command.name + " " + command.arguments;
     stream << "  " << call << std::string(call.size() < 24 ? 24 - call.size() : 1, ' ') << command.summary << "\n";
   }
-  stream << "\n'heba COMMAND --help' tells more of one.\n";
+  stream << "\n'heba COMMAND --help' describes a command and its flags.\n";
 }
 
 void PrintCommandHelp(const Command& command) {
@@ -129,7 +129,7 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
     // 1e3 is a whole number too, but gflags cannot parse it.
     if (info.type == "int32") value = std::to_string(std::llround(number));
     if (info.type == "bool" && value != "true" && value != "false") {
-      throw InputError("--" + name + " is true or false, not '" + value + "'");
+      throw InputError("--" + name + " must be true or false, not '" + value + "'");
     }
     constexpr std::string_view kRepeatable = "set";
     if (name == kRepeatable && !info.current_value.empty()) value = info.current_value + kSettingSeparator + value;

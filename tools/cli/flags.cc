@@ -9,36 +9,33 @@
 #include "heba/base/text.h"
 
 // A description consists of the kind of value that the flag takes, a |, and the help text.
-DEFINE_string(out, "", "PATH|where the results go");
-DEFINE_int32(jobs, 0, "N|threads to use; 0 for one a processor");
+DEFINE_string(out, "", "PATH|file or folder for the results");
+DEFINE_int32(jobs, 0, "N|number of threads; 0 for one per processor");
 DEFINE_bool(quiet, false, "|no progress and no table");
-DEFINE_string(shard, "", "I/N|the part I, from 0 to N - 1, of N");
-DEFINE_string(set, "", "KEY=VALUE|counts more than the config, such as refine.loss=none; may stand several times");
+DEFINE_string(shard, "", "I/N|run part I, from 0 to N - 1, of N parts");
+DEFINE_string(set, "", "KEY=VALUE|overrides the config, such as refine.loss=none; may be given several times");
 DEFINE_bool(resume, false, "|skip runs that are complete and whose inputs have not changed");
-DEFINE_string(fail_on, "", "GRADE|bad or doubtful: a run with such a verdict, or a worse one, ends with status 1");
-DEFINE_string(to, "", "FORM|urdf, ros1, ros2, opencv, kuka, ...; all for every one, into the folder --out");
-DEFINE_string(method, "", "METHOD|whose estimate to export; the refined one without it");
-DEFINE_string(parent, "",
-              "FRAME|what the camera is posed in; base_link (base for Universal Robots) or tool0 without it");
-DEFINE_string(child, "", "FRAME|the camera's frame; camera_optical_frame without it, camera_link with --child-is");
-DEFINE_string(
-    child_is, "",
-    "FRAME|optical (z forward), body (x forward, at the same place), or the optical frame's pose in the child, "
-    "x,y,z,qx,qy,qz,qw in m");
-DEFINE_bool(inverse, false, "|the pose of the parent in the child");
-DEFINE_string(units, "m", "UNIT|of the form matrix: m or mm");
-DEFINE_string(pose, "", "NUMBERS|the robot's pose at the picture, as in the run's poses file, commas between them");
+DEFINE_string(fail_on, "", "GRADE|bad or doubtful: a run with this verdict, or a worse one, ends with exit status 1");
+DEFINE_string(to, "", "FORM|urdf, ros1, ros2, opencv, kuka, ...; all writes every format into the folder --out");
+DEFINE_string(method, "", "METHOD|method whose estimate is exported; default: the refined one");
+DEFINE_string(parent, "", "FRAME|parent frame of the pose; default: base_link (base for Universal Robots) or tool0");
+DEFINE_string(child, "", "FRAME|the camera's frame; default: camera_optical_frame, or camera_link with --child-is");
+DEFINE_string(child_is, "",
+              "FRAME|optical (z forward), body (x forward, same origin), or the optical frame's pose in the child, "
+              "x,y,z,qx,qy,qz,qw in m");
+DEFINE_bool(inverse, false, "|export the pose of the parent in the child");
+DEFINE_string(units, "m", "UNIT|length unit of the format matrix: m or mm");
+DEFINE_string(pose, "", "NUMBERS|the robot pose of the image, as in the run's poses file, separated by commas");
 DEFINE_string(
     near, "",
-    "NUMBERS|roughly where the target is, base_from_target, as in the run's poses file (x,y,z,qx,qy,qz,qw in m "
-    "if that holds joints): decides between the poses of a target that looks the same after half a turn");
-DEFINE_string(robot, "", "ARM|the arm whose joints reach the target: ur3 to ur30, or a .urdf file");
-DEFINE_string(format, "",
-              "FORM|what the data set is: industrial_calibration, easy_handeye2, ...; found out without it");
-DEFINE_string(target, "", "TARGET.yaml|what is in the pictures of a folder that no program has described");
-DEFINE_string(pixels, "", "U,V;U,V|pixels of the picture to locate instead of the target");
+    "NUMBERS|approximate pose of the target, base_from_target, as in the run's poses file (x,y,z,qx,qy,qz,qw in m "
+    "if that contains joints): decides between the poses of a target with a symmetry");
+DEFINE_string(robot, "", "ARM|arm for which joints that reach the target are computed: ur3 to ur30, or a .urdf file");
+DEFINE_string(format, "", "FORM|format of the data set: industrial_calibration, easy_handeye2, ...; default: detected");
+DEFINE_string(target, "", "TARGET.yaml|the target in the images of a folder without a known format");
+DEFINE_string(pixels, "", "U,V;U,V|pixels of the image to locate instead of the target");
 DEFINE_string(plane, "target",
-              "PLANE|where the pixels lie: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
+              "PLANE|plane of the points: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
 DEFINE_double(dpi, 300, "N|resolution of a .png sheet");
 
 namespace heba {

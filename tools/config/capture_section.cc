@@ -25,7 +25,7 @@ std::vector<fs::path> ListFolder(const ConfigValue& value, const fs::path& folde
     if (!entry.is_regular_file()) value.Fail(entry.path().string() + " is not a regular file");
     images.push_back(entry.path());
   }
-  if (images.empty()) value.Fail("the folder " + folder.string() + " holds no pictures");
+  if (images.empty()) value.Fail("the folder " + folder.string() + " contains no images");
   return images;
 }
 
@@ -46,10 +46,10 @@ std::vector<fs::path> FindImages(const ConfigValue& value) {
   if (value.IsList()) {
     for (const ConfigValue& item : value.AsList()) {
       const fs::path path = item.AsPath();
-      if (!fs::is_regular_file(path)) item.Fail("there is no picture " + path.string());
+      if (!fs::is_regular_file(path)) item.Fail("there is no image " + path.string());
       images.push_back(path);
     }
-    if (images.empty()) value.Fail("the list is empty; pictures are needed");
+    if (images.empty()) value.Fail("the list is empty; images are needed");
     return images;
   }
   const fs::path path = value.AsPath();
@@ -152,7 +152,7 @@ std::vector<PoseRow> RowsOf(const ConfigValue& data, const ImportedSet& set) {
   std::vector<PoseRow> rows;
   for (const ImportedCapture& capture : set.captures) {
     if (!capture.base_from_gripper) {
-      data.Fail("a data set in the form " + set.format + " has no poses of the robot; give them (poses)");
+      data.Fail("a data set in the form " + set.format + " has no robot poses; provide them (poses)");
     }
     rows.push_back({capture.name, "", *capture.base_from_gripper, 0,
                     NumbersFromPose(*FindPoseFormat("ros"), *capture.base_from_gripper)});
@@ -213,8 +213,8 @@ std::vector<std::optional<size_t>> PairFiles(const std::vector<PoseRow>& rows, c
   }
   if (!places || numbers.size() != rows.size()) {
     throw InputError(folder.string() +
-                     ": its files and the pictures have no names or single numbers in common by which they belong "
-                     "together; name them alike, such as 007.txt and 007.png");
+                     ": its files and the images cannot be paired by their names or by single numbers in them; name "
+                     "them alike, such as 007.txt and 007.png");
   }
   for (size_t i = 0; i < rows.size(); ++i) {
     const auto found = places->find(*NumberInName(rows[i].image));
@@ -239,8 +239,7 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
   std::map<std::string, size_t> place_of;
   for (size_t i = 0; i < seen.size(); ++i) {
     if (!place_of.emplace(seen[i].name, i).second) {
-      seen_value.Fail("two pictures are called " + seen[i].name +
-                      "; poses are found by file name, so names must differ");
+      seen_value.Fail("two images are named " + seen[i].name + "; poses are found by file name, so names must differ");
     }
   }
   std::vector<std::optional<size_t>> pairs(rows.size());
@@ -248,7 +247,7 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
     if (rows.size() != seen.size()) {
       throw InputError(config.poses_file.string() + ": has " + std::to_string(rows.size()) +
                        " rows without an image column for " + std::to_string(seen.size()) +
-                       " pictures; the counts must agree, or name the pictures");
+                       " images; the counts must agree, or name the image of each row");
     }
     for (size_t i = 0; i < rows.size(); ++i) pairs[i] = i;
     return pairs;
@@ -268,7 +267,7 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
     const auto [other, is_new] = row_of.emplace(*pairs[i], i);
     if (!is_new) {
       throw InputError(config.poses_file.string() + ": " + rows[other->second].image + " and " + rows[i].image +
-                       " both belong to the picture " + seen[*pairs[i]].name);
+                       " both belong to the image " + seen[*pairs[i]].name);
     }
   }
   std::vector<std::string> without_row;
@@ -283,7 +282,7 @@ std::vector<std::optional<size_t>> PairRows(const std::vector<PoseRow>& rows, co
     if (any && meant.empty()) continue;
     const std::string where =
         rows[i].line > 0 ? config.poses_file.string() + ":" + std::to_string(rows[i].line) : config.poses_file.string();
-    throw InputError(where + ": the picture " + rows[i].image + " is not among those of " + seen_value.key() +
+    throw InputError(where + ": the image " + rows[i].image + " is not among those of " + seen_value.key() +
                      (meant.empty() ? "; nor is that of any other row" : meant));
   }
   return pairs;
@@ -351,7 +350,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   const Source* source = nullptr;
   for (const Source& known : kSources) {
     if (!reader.Has(known.key)) continue;
-    if (source != nullptr) reader.Get(known.key).Fail("only one of this and '" + std::string(source->key) + "' can be");
+    if (source != nullptr) reader.Get(known.key).Fail("cannot be combined with '" + std::string(source->key) + "'");
     source = &known;
   }
   if (source == nullptr) source = &kSources[0];  // No source is given: the missing key is reported as an error.
@@ -383,7 +382,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
     const bool is_row_excluded = excluded.count(rows[i].image) > 0;
     if (!image_of_row[i]) {
       if (is_row_excluded) continue;
-      config->left_out.push_back({rows[i].image, "the picture is not among those of " + seen_value.key()});
+      config->left_out.push_back({rows[i].image, "the image is not among those of " + seen_value.key()});
       continue;
     }
     const size_t picture = *image_of_row[i];
@@ -403,7 +402,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
                                       [](const Capture& capture) { return !capture.image.empty(); });
   if (!has_images && config->given_detections.empty() && config->target_poses.size() != config->captures.size()) {
     seen_value.Fail(
-        "neither pictures nor corners nor poses of the target belong to these poses; name the pictures "
+        "neither images nor corners nor poses of the target belong to these poses; name the images "
         "(images)");
   }
   return reader.used();

@@ -42,13 +42,13 @@ void ReadTargetSection(MapReader& root, RunConfig* config) {
     for (const int id : config->given_detections[i].detection.ids) {
       const std::string where = config->data_files.front().string() + ": " + config->captures[i].name + ": ";
       if (known.count(id) == 0) throw InputError(where + "the target has no point " + std::to_string(id));
-      if (!seen.insert(id).second) throw InputError(where + "point " + std::to_string(id) + " stands there twice");
+      if (!seen.insert(id).second) throw InputError(where + "point " + std::to_string(id) + " is listed twice");
     }
     for (const Eigen::Vector2d& pixel : config->given_detections[i].detection.pixels) {
       constexpr double kFarthestPx = 1e6;
       if (!(pixel.cwiseAbs().maxCoeff() <= kFarthestPx)) {
         throw InputError(config->data_files.front().string() + ": " + config->captures[i].name +
-                         ": a point is farther away than any picture reaches");
+                         ": a point lies outside any possible image");
       }
     }
   }
@@ -59,7 +59,7 @@ Camera AsModel(const Camera& camera, const std::optional<std::string>& model, co
   if (!model) return camera;
   const std::optional<Camera> converted = ConvertCamera(camera, *model);
   if (!converted) {
-    asked.Fail("holds a " + camera.model + " camera, which cannot be written as " + *model +
+    asked.Fail("contains a " + camera.model + " camera, which cannot be converted to " + *model +
                "; leave camera.model out or estimate the intrinsics");
   }
   return *converted;
@@ -159,7 +159,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
       const std::string name = item.AsChoice(names);
       const auto group = static_cast<ParameterGroup>(std::find(names.begin(), names.end(), name) - names.begin());
       const std::vector<ParameterGroup>& known = config->bundle.free_intrinsics;
-      if (std::find(known.begin(), known.end(), group) != known.end()) item.Fail("stands twice");
+      if (std::find(known.begin(), known.end(), group) != known.end()) item.Fail("is listed twice");
       config->bundle.free_intrinsics.push_back(group);
     }
   }
@@ -245,7 +245,7 @@ void ReadEvaluate(MapReader& root, RunConfig* config) {
   const std::optional<ConfigValue> value = root.Find("evaluate");
   MapReader reader(value ? *value : ConfigValue(empty, config->file, "evaluate"));
   config->folds = reader.Int("folds", {0, 1000000}, 5);
-  if (config->folds == 1) reader.Get("folds").Fail("one fold leaves nothing to learn from; 0 for none, or 2 and more");
+  if (config->folds == 1) reader.Get("folds").Fail("one fold leaves no training data; use 0 for none, or at least 2");
   if (reader.Has("truth")) config->truth = reader.Path("truth");
   ReadRequirements(&reader, config);
   reader.Finish();
@@ -307,7 +307,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
     for (const ConfigValue& item : methods->AsList()) {
       const std::string name = item.AsChoice(HandEyeMethodNames());
       if (std::find(config.methods.begin(), config.methods.end(), name) != config.methods.end()) {
-        item.Fail("'" + name + "' stands here twice");
+        item.Fail("'" + name + "' is listed twice");
       }
       config.methods.push_back(name);
     }

@@ -169,8 +169,7 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
       SceneConfig scene = named.scene;
       const int num_two_step = scene.two_step ? 3 + scene.two_step->num_turns : 0;
       if (num_captures > 0) {
-        if (num_captures < num_two_step)
-          named.place.Fail("has more captures in its two-step motion than are asked for");
+        if (num_captures < num_two_step) named.place.Fail("has more captures in its two-step motion than requested");
         scene.motion.num_captures = num_captures - num_two_step;
       }
       Rng rng(scene.seed);

@@ -344,7 +344,7 @@ std::optional<GuessedReading> GuessReading(const fs::path& config, const std::ve
 }
 
 std::string ReadingInWords(const PoseFormat& format) {
-  return std::to_string(format.columns.size()) + " numbers a pose: " +
+  return std::to_string(format.columns.size()) + " numbers per pose: " +
          (format.columns.size() == 16 ? "a 4 x 4 matrix row by row, in " + format.translation_unit
                                       : "x, y, z in " + format.translation_unit + " and " + format.rotation +
                                             (format.angle_unit.empty() ? "" : " in " + format.angle_unit));

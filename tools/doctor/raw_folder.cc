@@ -58,7 +58,7 @@ std::string ConfigText(const RawFolder& raw, const std::optional<fs::path>& targ
   };
   std::string text = setup ? "setup: " + std::string(SetupName(*setup)) + "\n"
                            : "# setup: eye_to_hand (camera fixed) or eye_in_hand (camera on the gripper)\n";
-  text += target ? "target: " + path(*target) + "\n" : "# target: ...: what is in the pictures\n";
+  text += target ? "target: " + path(*target) + "\n" : "# target: ...: the target in the images\n";
   if (raw.camera) text += "camera:\n  intrinsics: " + path(*raw.camera) + "\n";
   return text + "captures:\n  images: " + path(raw.pictures) + "\n  poses: " + path(raw.poses) +
          "\n  pose_format: " + PoseFormatText(format) + "\n";
@@ -72,7 +72,7 @@ struct Trial {
 };
 
 std::string TrialInWords(const Trial& trial) {
-  return std::string(SetupName(trial.setup)) + ": robot and pictures differ by " + trial.misfit;
+  return std::string(SetupName(trial.setup)) + ": robot and images differ by " + trial.misfit;
 }
 
 // Explains why no reading fits in either setup: by the config's fault, if it has one.
@@ -82,7 +82,7 @@ std::string WhyNoReading(const fs::path& config) {
   } catch (const InputError& fault) {
     return std::string("the data set cannot be read: ") + fault.what();
   }
-  return "no reading of them that was tried fits the pictures; set setup in the config, and 'heba doctor' on it says "
+  return "no format that was tried fits the images; set setup in the config and run 'heba doctor' on it to learn "
          "more";
 }
 
@@ -159,19 +159,20 @@ RawConfig ConfigOf(const RawFolder& raw, const std::optional<fs::path>& asked_ta
   PoseFormat format = raw.format;
   if (trials.empty()) {
     made.remarks.push_back(
-        "the poses hold " + ReadingInWords(raw.format) + ", by their sizes alone: " +
+        "the poses contain " + ReadingInWords(raw.format) + ", guessed from the size of the numbers: " +
         (target ? WhyNoReading(config)
-                : "name the target and the set-up in the config, and 'heba doctor' on it tries every reading on "
-                  "the pictures; or import with --target FILE"));
+                : "name the target and the setup in the config, and 'heba doctor' compares every reading with "
+                  "the images; or import with --target FILE"));
   } else {
     if (is_decided) setup = trials.front().setup;
     format = trials.front().format;
-    made.remarks.push_back("the poses hold " + ReadingInWords(format) + ", which fit the pictures; " +
+    made.remarks.push_back("the poses contain " + ReadingInWords(format) + ", which fit the images; " +
                            TrialInWords(trials.front()) +
                            (trials.size() > 1 ? ", and " + TrialInWords(trials.back()) : ""));
-    if (!is_decided) made.remarks.emplace_back("the two set-ups fit alike: set setup in the config, you can see it");
+    if (!is_decided) made.remarks.emplace_back("both setups fit equally well: set setup in the config");
     made.remarks.emplace_back(
-        "poses are taken for those of the gripper in the base; if they are the inverse, the set-up is the other one");
+        "poses are assumed to be those of the gripper in the base; if they are the inverse, the setup is the other "
+        "one");
   }
   made.text = ConfigText(raw, target, format, setup, config);
   return made;

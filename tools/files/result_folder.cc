@@ -134,7 +134,7 @@ void KeepOthers(const fs::path& older, const Record& record, const fs::path& new
     }
     if (IsThere(newer / entry)) {
       throw InputError((older / entry).string() +
-                       ": is not heba's, and would be replaced; move it away, or name another folder");
+                       ": was not written by heba, and would be replaced; move it away, or name another folder");
     }
     fs::create_directories((newer / entry).parent_path());
     LinkOrCopy(older / entry, newer / entry);
@@ -188,7 +188,7 @@ StagedFolder::StagedFolder(const fs::path& final_path, const std::string& kind) 
   std::error_code error;
   if (fs::is_symlink(fs::symlink_status(final_path_, error))) {
     const fs::path real = fs::canonical(final_path_, error);
-    if (error) throw InputError(final_path_.string() + ": is a link to nothing; name a folder");
+    if (error) throw InputError(final_path_.string() + ": is a broken link; name a folder");
     final_path_ = real;
   }
   if (fs::exists(final_path_, error) && !fs::is_directory(final_path_, error)) {
@@ -199,11 +199,11 @@ StagedFolder::StagedFolder(const fs::path& final_path, const std::string& kind) 
     if (!record) {
       throw InputError(
           final_path_.string() +
-          ": holds other files and was not made by heba, so it is not replaced; name a new or empty folder");
+          ": contains other files and was not created by heba, so it is not replaced; name a new or empty folder");
     }
     const std::string older_kind = KindOf(final_path_);
     if (!older_kind.empty() && older_kind != kind_) {
-      throw InputError(final_path_.string() + ": holds " + older_kind + ", which " + kind_ +
+      throw InputError(final_path_.string() + ": contains " + older_kind + ", which " + kind_ +
                        " would replace; name another folder");
     }
     CheckUnchanged(final_path_, *record);
@@ -221,9 +221,9 @@ StagedFolder::StagedFolder(const fs::path& final_path, const std::string& kind) 
                ("." + final_path_.filename().string() + std::string(kStagingSuffix) + RandomName());
     if (!fs::create_directory(staging_, error) || error) {
       if (error == std::errc::no_space_on_device) {
-        throw OutputError(final_path_.string() + ": cannot be made (no space)");
+        throw OutputError(final_path_.string() + ": cannot be created (no space)");
       }
-      throw InputError(final_path_.string() + ": cannot be made (" + error.message() + ")");
+      throw InputError(final_path_.string() + ": cannot be created (" + error.message() + ")");
     }
     // The folder is in use as long as its record is locked; network file systems support such locks too.
     lock_ = open((staging_ / kRecordName).c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
@@ -329,14 +329,14 @@ FolderLock::FolderLock(const fs::path& folder, const std::string& name, Kind kin
   fs::create_directories(folder, error);
   const fs::path file = folder / name;
   descriptor_ = open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
-  if (descriptor_ < 0) throw InputError(file.string() + ": cannot be made (" + std::strerror(errno) + ")");
+  if (descriptor_ < 0) throw InputError(file.string() + ": cannot be created (" + std::strerror(errno) + ")");
   if (flock(descriptor_, (kind == Kind::kAlone ? LOCK_EX : LOCK_SH) | LOCK_NB) != 0) {
     const bool is_taken = errno == EWOULDBLOCK;
     const std::string reason = std::strerror(errno);
     close(descriptor_);
-    throw InputError(folder.string() + (is_taken
-                                            ? ": another heba works in this folder; wait for it, or name another one"
-                                            : ": cannot be locked (" + reason + ")"));
+    throw InputError(folder.string() +
+                     (is_taken ? ": another heba process is using this folder; wait for it, or name another one"
+                               : ": cannot be locked (" + reason + ")"));
   }
 }
 

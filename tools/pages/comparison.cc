@@ -108,9 +108,9 @@ std::string AgreementFinding(const Comparison& comparison, const std::string& wh
 std::vector<std::string> FindingsOf(const Comparison& comparison) {
   std::vector<std::string> findings;
   const std::string gain_px =
-      GainFinding(comparison.runs, "in px, on captures that neither has seen", &HoldOutPx, &HoldOutPx);
+      GainFinding(comparison.runs, "hold-out error in px", &HoldOutPx, &HoldOutPx);
   const std::string gain_mm =
-      GainFinding(comparison.runs, "in mm at the target, on captures that neither has seen", &HoldOutMm, &HoldOutMm);
+      GainFinding(comparison.runs, "hold-out error at the target in mm", &HoldOutMm, &HoldOutMm);
   const bool is_robot_noisy = std::any_of(comparison.runs.begin(), comparison.runs.end(), [](const ComparedRun& run) {
     const Estimate* refined = FindRefined(run.result);
     return refined != nullptr && refined->solution->robot_noise.has_value();
@@ -118,15 +118,15 @@ std::vector<std::string> FindingsOf(const Comparison& comparison) {
   for (const std::string& gain : {gain_px, gain_mm}) {
     if (!gain.empty()) findings.push_back(gain);
   }
-  if (findings.empty()) findings.emplace_back("no run has hold-out figures to compare methods by (evaluate.folds)");
+  if (findings.empty()) findings.emplace_back("no run has hold-out figures for comparing methods (evaluate.folds)");
   if (is_robot_noisy) {
     findings.emplace_back(
-        "where the robot's noise is modelled, captures that were held out scatter by it whatever the method: the true "
-        "gain is larger than these figures (the chi-square of the hold-out, and sigma, say more)");
+        "if robot noise is modelled, it contributes to the hold-out error of every method: the true "
+        "gain is larger than these figures (see the hold-out chi-square and sigma)");
   }
   const std::string true_mm =
-      GainFinding(comparison.runs, "in true error, mm, with the closed form that does best in px", &HoldOutPx, &TrueMm);
-  const std::string true_deg = GainFinding(comparison.runs, "in true error, deg, likewise", &HoldOutPx, &TrueDeg);
+      GainFinding(comparison.runs, "true error in mm of the closed form with the smallest hold-out RMS", &HoldOutPx, &TrueMm);
+  const std::string true_deg = GainFinding(comparison.runs, "true error in deg of the same closed form", &HoldOutPx, &TrueDeg);
   for (const std::string& gain : {true_mm, true_deg}) {
     if (!gain.empty()) findings.push_back(gain);
   }
@@ -225,7 +225,7 @@ std::string ComparisonTable(const Comparison& comparison) {
                    [](const PairDifference& a, const PairDifference& b) { return a.p_value < b.p_value; });
   constexpr size_t kMaxPairs = 10;
   if (!pairs.empty()) {
-    table += "\n" + PadRight("hand-eye apart", 2 * kNameWidth + 2) + PadLeft("mm", 9) + PadLeft("deg", 9) +
+    table += "\n" + PadRight("hand-eye difference", 2 * kNameWidth + 2) + PadLeft("mm", 9) + PadLeft("deg", 9) +
              PadLeft("chance", 10) + "\n";
   }
   for (size_t i = 0; i < std::min(pairs.size(), kMaxPairs); ++i) {
@@ -234,7 +234,7 @@ std::string ComparisonTable(const Comparison& comparison) {
              PadLeft(Significant(pairs[i].distance_mm, 2), 9) + PadLeft(Significant(pairs[i].angle_deg, 2), 9) +
              PadLeft(ShownChance(pairs[i].p_value), 10) + "  " + Agreement(pairs[i]) + "\n";
   }
-  if (pairs.size() > kMaxPairs) table += "and " + std::to_string(pairs.size() - kMaxPairs) + " likelier pairs\n";
+  if (pairs.size() > kMaxPairs) table += "and " + std::to_string(pairs.size() - kMaxPairs) + " more pairs\n";
   table += "\n";
   for (const std::string& finding : comparison.findings) table += "- " + finding + "\n";
   return table;
@@ -293,10 +293,10 @@ std::string ComparisonPage(const Comparison& comparison) {
                     {Significant(run.result.timing.total_s, 3), true}});
   }
   body +=
-      ViewFigure("dumbbells", "How far points are from where they are predicted on captures that were not seen (rms).",
+      ViewFigure("dumbbells", "RMS reprojection error on held-out captures.",
                  Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
-                 DumbbellChart("px rms: refined (first colour), best closed form (second)", pictured));
-  body += HtmlTable({"run", "verdict", "set-up", "target", "best closed form", "its hold-out, px",
+                 DumbbellChart("RMS in px: refined (first colour), best closed form (second)", pictured));
+  body += HtmlTable({"run", "verdict", "setup", "target", "best closed form", "closed form hold-out, px",
                      "refined hold-out, px", "sigma, mm", "sigma, deg", "board, mm", "board, deg", "time, s"},
                     rows);
   rows.clear();
@@ -318,15 +318,15 @@ std::string ComparisonPage(const Comparison& comparison) {
                     {ShownChance(pair.p_value), true},
                     {Agreement(pair)}});
   }
-  body += Heading("Hand-eye poses apart");
+  body += Heading("Differences between hand-eye poses");
   if (!comparison.pairs.empty()) {
-    body += ViewFigure("pairs", "mm between the runs' cameras.", Json{{"runs", labels}, {"pairs", pairs}});
+    body += ViewFigure("pairs", "Distance between the camera positions of the runs, mm.", Json{{"runs", labels}, {"pairs", pairs}});
   }
   body += Paragraph(
-      "The chance is that of a difference as large between runs that measure the same, if they share no captures; "
+      "The chance is the probability of a difference at least as large between runs that measure the same pose and share no captures; "
       "below "
-      "1 % they differ.");
-  const std::string table = HtmlTable({"run", "and", "mm", "sigma, mm", "deg", "sigma, deg", "chance", ""}, rows);
+      "1 % the poses are said to differ.");
+  const std::string table = HtmlTable({"run", "other run", "mm", "sigma, mm", "deg", "sigma, deg", "chance", ""}, rows);
   constexpr size_t kManyPairs = 30;
   body += rows.size() <= kManyPairs
               ? table

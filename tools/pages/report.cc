@@ -74,7 +74,7 @@ std::string DistancesText(const RunResult& result, const Estimate& refined,
   }
   return "From the " + std::string(CameraMountName(result.setup)) + " to the camera " +
          mm(hand_eye.camera_mount_from_camera.translation.norm()) + " mm, from the " +
-         std::string(TargetMountName(result.setup)) + " to the target's middle " +
+         std::string(TargetMountName(result.setup)) + " to the centre of the target " +
          mm((hand_eye.target_mount_from_target * target_middle).norm()) + " mm, from the camera to the target " +
          mm(nearest_m) + " to " + mm(farthest_m) + " mm.";
 }
@@ -100,7 +100,7 @@ std::string SetUpSection(const RunResult& result, const Estimate& refined, const
                                     {"base_from_gripper", PoseJson(view->base_from_gripper)}});
   }
   const Eigen::Vector3d middle = 0.5 * (low + high);
-  return Section("Set-up", ViewFigure("set-up", "", data, SetUpChart(result, refined, captures, middle)) +
+  return Section("Setup", ViewFigure("set-up", "", data, SetUpChart(result, refined, captures, middle)) +
                                Paragraph(DistancesText(result, refined, captures, middle)));
 }
 
@@ -131,11 +131,11 @@ std::string UncertaintySection(const RunResult& result, const Estimate& refined)
   add("about x", "about z", "deg", rotation, 0, 2);
   const std::string figure =
       ViewFigure("ellipses",
-                 "A target that is seen where it was, in mm, and the camera's orientation, in deg: one "
+                 "Uncertainty of a target at the working point, in mm, and of the camera's orientation, in deg: one "
                  "sigma (filled) and 95 % (dashed), along and about the camera's axes; z is its "
                  "optical axis.",
                  Json{{"ellipses", ellipses}}, "<div class=\"charts\">" + pictures + "</div>");
-  return figure.empty() ? "" : Section("Uncertainty where the work is", figure);
+  return figure.empty() ? "" : Section("Uncertainty at the working point", figure);
 }
 
 std::string CorrelationSection(const Estimate& refined) {
@@ -149,9 +149,9 @@ std::string CorrelationSection(const Estimate& refined) {
     rows.push_back(row);
   }
   const std::string figure =
-      ViewFigure("correlation", "Parameters that the captures cannot tell apart have strong colours off the diagonal.",
+      ViewFigure("correlation", "Strong colours off the diagonal mark parameters that the captures cannot separate.",
                  Json{{"names", covariance.names}, {"matrix", rows}}, CorrelationChart(covariance.names, correlation));
-  return figure.empty() ? "" : Section("How the parameters hang together", figure);
+  return figure.empty() ? "" : Section("Parameter correlation", figure);
 }
 
 std::string MethodsSection(const RunResult& result) {
@@ -189,10 +189,10 @@ std::string MethodsSection(const RunResult& result) {
   if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
   std::string without;
   for (const auto& [reason, methods] : MethodsWithoutResult(result)) {
-    without += Paragraph(methods + ": none, " + reason);
+    without += Paragraph(methods + ": no result, " + reason);
   }
-  return Section("Methods", Paragraph("How far predicted and observed points are apart (rms): on the captures that the "
-                                      "estimate was made from, and on captures that it has not seen.") +
+  return Section("Methods", Paragraph("RMS reprojection error: on the captures that the "
+                                      "estimate was computed from, and on captures that it has not seen.") +
                                 ViewFigure("dumbbells", "",
                                            Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}},
                                            MethodsChart(result)) +
@@ -272,24 +272,24 @@ std::string CapturesData(const RunResult& result, const Estimate& refined,
 std::string ResidualSections(const RunResult& result, const Estimate& refined,
                              const std::vector<ReportedCapture>& captures) {
   const Camera& camera = refined.camera;
-  const std::string sample = NumPoints(captures) > kMaxPoints ? " An even sample of the points." : "";
+  const std::string sample = NumPoints(captures) > kMaxPoints ? " An evenly spaced sample of the points is shown." : "";
   const std::string field = SharedViewFigure(
-      "residual-field", "Predicted minus seen, of the points that count. Click for the capture." + sample, "captures",
+      "residual-field", "Residuals (predicted minus observed) of the inliers. Click to open the capture." + sample, "captures",
       ResidualFieldChart(camera, captures));
   if (field.empty()) return "";
   const std::string cells = SharedViewFigure(
       "coverage",
-      "Per cent of the points that count. Where there are none, no capture says anything of the lens." + sample,
+      "Percentage of the inliers. Cells without points do not constrain the lens model." + sample,
       "captures", CoverageChart(camera, captures));
   const std::string radius = SharedViewFigure("residual-radius", "", "captures", ResidualRadiusChart(camera, captures));
   const std::string histogram = SharedViewFigure(
-      "histogram", "Coordinates of the points that count, and what noise of the stated sigma would give.", "captures",
+      "histogram", "Residual coordinates of the inliers, and the normal distribution of the stated sigma.", "captures",
       HistogramChart(refined.solution->pixel_sigma_px, captures));
-  const std::string bars = SharedViewFigure("capture-bars", "The dashed line is the rms of all. Click for the picture.",
+  const std::string bars = SharedViewFigure("capture-bars", "The dashed line is the RMS of all points. Click to open the capture.",
                                             "captures", CaptureBarsChart(result));
-  return "<div class=\"columns\">\n" + Section("Residuals over the picture", field) +
-         Section("Coverage of the picture", cells) + Section("Residuals from the middle outwards", radius) +
-         Section("Residuals by their size", histogram) + Section("Residuals capture by capture", bars) + "</div>\n";
+  return "<div class=\"columns\">\n" + Section("Residuals over the image", field) +
+         Section("Image coverage", cells) + Section("Residuals by radius", radius) +
+         Section("Residual histogram", histogram) + Section("Residuals by capture", bars) + "</div>\n";
 }
 
 std::string CaptureSection(const RunResult& result) {
@@ -318,9 +318,9 @@ std::string CaptureSection(const RunResult& result) {
     rows.push_back(std::move(row));
   }
   std::vector<std::string> head = {
-      "no.", "capture", "", "points", "left out", "rms, px", "hold-out, mm", "result moves without it, mm",
+      "no.", "capture", "", "points", "left out", "rms, px", "hold-out, mm", "result changes without it, mm",
       "deg", "chance"};
-  if (has_corrections) head.insert(head.end(), {"robot off by, mm", "deg"});
+  if (has_corrections) head.insert(head.end(), {"robot correction, mm", "deg"});
   head.emplace_back("remark");
   return Heading("Captures") + HtmlTable(head, rows, true);
 }
@@ -340,7 +340,7 @@ std::string ReportPage(const RunResult& result, const std::vector<ReportedCaptur
             UncertaintySection(result, *refined) + CorrelationSection(*refined);
   }
   return HtmlPage(result.name,
-                  body + CaptureSection(result) + Details("The config as used", CopyableText(context.config_used)));
+                  body + CaptureSection(result) + Details("Config as used", CopyableText(context.config_used)));
 }
 
 }  // namespace heba

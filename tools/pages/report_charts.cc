@@ -59,7 +59,7 @@ std::string MethodsChart(const RunResult& result) {
     if (!estimate.ok) continue;
     rows.push_back({estimate.method, estimate.errors.reprojection_rms_px, estimate.errors.holdout_rms_px});
   }
-  return DumbbellChart("px rms: in-sample (first colour), hold-out (second)", rows);
+  return DumbbellChart("RMS in px: in-sample (first colour), hold-out (second)", rows);
 }
 
 std::string ResidualFieldChart(const Camera& camera, const std::vector<ReportedCapture>& captures) {
@@ -121,7 +121,7 @@ std::string ResidualRadiusChart(const Camera& camera, const std::vector<Reported
   }
   if (dots.empty()) return "";
   StaticChart chart(kWidth, 240, {"distance from the principal point, px", 0, farthest},
-                    {"outward, px", -largest, largest});
+                    {"radial residual, px", -largest, largest});
   for (const auto& [radius, outward] : dots) chart.Dot(radius, outward, 1.3, "first");
   return chart.Svg();
 }
@@ -140,8 +140,8 @@ std::string HistogramChart(double sigma_px, const std::vector<ReportedCapture>& 
   }
   const double top = 2.0 * static_cast<double>(all.size()) * width / (sigma_px * std::sqrt(2 * M_PI));
   StaticChart chart(
-      kWidth, 240, {"predicted minus seen, px", -reach, reach},
-      {"coordinates", 0, 1.05 * std::max(top, static_cast<double>(*std::max_element(counts.begin(), counts.end())))});
+      kWidth, 240, {"predicted minus observed, px", -reach, reach},
+      {"number of coordinates", 0, 1.05 * std::max(top, static_cast<double>(*std::max_element(counts.begin(), counts.end())))});
   for (size_t i = 0; i < counts.size(); ++i) {
     const double x = -reach + width * static_cast<double>(i);
     chart.Bar(x, 0, x + 0.93 * width, counts[i], "first", 0.7);
@@ -160,7 +160,7 @@ std::string CaptureBarsChart(const RunResult& result) {
   for (const CaptureResult& capture : result.captures) largest = std::max(largest, capture.rms_px.value_or(0));
   if (!(largest > 0)) return "";
   const auto count = static_cast<double>(result.captures.size());
-  StaticChart chart(kWidth, 200, {"number of the capture", 0.5, count + 0.5}, {"rms, px", 0, 1.05 * largest});
+  StaticChart chart(kWidth, 200, {"capture number", 0.5, count + 0.5}, {"rms, px", 0, 1.05 * largest});
   for (size_t i = 0; i < result.captures.size(); ++i) {
     const double x = static_cast<double>(i) + 1;
     chart.Bar(x - 0.4, 0, x + 0.4, result.captures[i].rms_px.value_or(0), "first");
@@ -196,8 +196,8 @@ std::string SetUpChart(const RunResult& result, const Estimate& refined, const s
   const double reach = std::max(650 * (high - low).head<2>().maxCoeff(), 1.0);
   constexpr double kLeft = 56;
   const double height = kWidth - kLeft - kChartRight + kChartTop + kChartBottom;
-  StaticChart chart(kWidth, height, {"x of the base, mm", middle.x() - reach, middle.x() + reach},
-                    {"y of the base, mm (seen from above)", middle.y() - reach, middle.y() + reach});
+  StaticChart chart(kWidth, height, {"base x, mm", middle.x() - reach, middle.x() + reach},
+                    {"base y, mm (plan view)", middle.y() - reach, middle.y() + reach});
   for (const Eigen::Vector3d& target : targets) chart.Dot(1000 * target.x(), 1000 * target.y(), 4, "first");
   for (const Eigen::Vector3d& camera : cameras) chart.Dot(1000 * camera.x(), 1000 * camera.y(), 4, "second");
   chart.Dot(0, 0, 4, "ink");
@@ -234,7 +234,7 @@ std::string CorrelationChart(const std::vector<std::string>& names, const Eigen:
   constexpr double kCell = 20;
   constexpr double kNames = 110;
   StaticChart chart(kNames + kCell * count + 12, kCell * count + 46,
-                    {"in the same order from left to right", 0, count, false, false}, {"", count, 0, false, false},
+                    {"same order from left to right", 0, count, false, false}, {"", count, 0, false, false},
                     kNames);
   for (size_t i = 0; i < names.size(); ++i) {
     chart.RowName(static_cast<double>(i) + 0.5, names[i]);

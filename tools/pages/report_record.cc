@@ -46,11 +46,11 @@ std::string VerdictPart(const Verdict& verdict) {
   }
   const auto list = [](const std::string& items) { return "<ul class=\"findings\">\n" + items + "</ul>\n"; };
   std::string part = "<p class=\"verdict " + grade + "\">This calibration is <strong>" + grade + "</strong>.</p>\n";
-  if (!causes.empty()) part += "<h3>The cause</h3>\n" + list(causes);
-  if (!signs.empty()) part += (causes.empty() ? "<h3>What to look at</h3>\n" : "<h3>How it shows</h3>\n") + list(signs);
+  if (!causes.empty()) part += "<h3>Cause</h3>\n" + list(causes);
+  if (!signs.empty()) part += (causes.empty() ? "<h3>Points to check</h3>\n" : "<h3>Symptoms</h3>\n") + list(signs);
   if (!good.empty()) {
     part += verdict.grade == Grade::kGood ? list(good)
-                                          : Details("What is in order (" + std::to_string(num_good) + ")", list(good));
+                                          : Details("Checks that passed (" + std::to_string(num_good) + ")", list(good));
   }
   return part;
 }
@@ -69,12 +69,12 @@ std::string TilesPart(const RunResult& result, const Estimate& refined) {
   add("camera orientation, one sigma (worst axis)",
       ShownAmount(RadToDeg(largest(covariance.block<3, 3>(3, 3))), 3) + " deg");
   if (result.working_point) {
-    add("a target " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) +
-            " mm away, one sigma (worst axis)",
+    add("target at " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) +
+            " mm, one sigma (worst axis)",
         ShownAmount(1000 * largest(result.working_point->covariance_m2), 3) + " mm");
   }
-  if (errors.holdout_target_mm) add("unseen captures, target off by", FigureText(errors.holdout_target_mm) + " mm");
-  if (errors.holdout_rms_px) add("unseen captures, points off by", FigureText(errors.holdout_rms_px) + " px");
+  if (errors.holdout_target_mm) add("hold-out error at the target", FigureText(errors.holdout_target_mm) + " mm");
+  if (errors.holdout_rms_px) add("hold-out RMS", FigureText(errors.holdout_rms_px) + " px");
   add("pixel noise", Significant(solution.pixel_sigma_px, 3) + " px");
   if (solution.robot_noise) {
     add("robot noise", ShownAmount(1000 * solution.robot_noise->translation_m, 2) + " mm, " +
@@ -135,10 +135,10 @@ std::string PosePart(const std::string& name, const Rigid3d& pose, const std::op
     const int decimals = covariance ? DecimalsFor(sigmas[i], kMostDecimals) : kWithoutSigma;
     rows.push_back({{rpy.columns[i]},
                     {Fixed(numbers[i], decimals) + unit, true},
-                    {covariance ? ShownAmount(sigmas[i], 2) + unit : "not known", true}});
+                    {covariance ? ShownAmount(sigmas[i], 2) + unit : "unknown", true}});
   }
   return "<div>\n<h3><code>" + EscapedForMarkup(name) + "</code></h3>\n" + HtmlTable({"", "value", "one sigma"}, rows) +
-         Paragraph("As a 4 x 4 matrix, in m:") + CopyableText(MatrixText(pose)) +
+         Paragraph("4 x 4 matrix, translation in m:") + CopyableText(MatrixText(pose)) +
          Paragraph("x y z in m, quaternion x y z w:") +
          CopyableText(Fixed(pose.translation.x(), 9) + " " + Fixed(pose.translation.y(), 9) + " " +
                       Fixed(pose.translation.z(), 9) + " " + QuaternionText(pose)) +
@@ -166,7 +166,7 @@ std::string CameraPart(const Estimate& estimate) {
     rows.push_back(
         {{names[i]},
          {sigma ? Fixed(camera.params[i], DecimalsFor(*sigma, kMostDecimals)) : Significant(camera.params[i], 7), true},
-         {sigma ? ShownAmount(*sigma, 2) : "held", true}});
+         {sigma ? ShownAmount(*sigma, 2) : "known", true}});
   }
   return "<div>\n<h3>Camera: " + EscapedForMarkup(camera.model) + ", " + std::to_string(camera.width_px) + " x " +
          std::to_string(camera.height_px) + " px</h3>\n" + HtmlTable({"", "value", "one sigma"}, rows) + "</div>\n";
@@ -191,7 +191,7 @@ std::string ResultPart(const RunResult& result) {
                   estimate->hand_eye.target_mount_from_target, PoseCovariance(*estimate, "board.tx_m")) +
          CameraPart(*estimate) + "</div>\n" +
          Paragraph(
-             "Roll, pitch and yaw are turns about the fixed axes x, y and z, in this order. The camera has "
+             "Roll, pitch and yaw are rotations about the fixed axes x, y and z, in this order. The camera has "
              "OpenCV's axes: x right, y down, z forward.");
 }
 
@@ -208,7 +208,7 @@ std::string ShellWord(const std::string& path) {
 }
 
 std::string NextPart(const RunResult& result, const ReportContext& context) {
-  std::string part = Heading("What to do next");
+  std::string part = Heading("Next steps");
   std::set<std::string> told;
   std::string actions;
   for (const Finding& finding : result.verdict.findings) {
@@ -220,10 +220,10 @@ std::string NextPart(const RunResult& result, const ReportContext& context) {
   const std::string run = ShellWord(context.output.string());
   const std::string pose = result.setup == Setup::kEyeInHand ? " --pose NUMBERS" : "";
   part += Paragraph(
-              "The result for other software (ros2, urdf, opencv, kuka, ...; all for every form), and the place "
-              "of a target in a new picture:") +
+              "Export for other software (ros2, urdf, opencv, kuka, ...; all for every format), and location "
+              "of a target in a new image:") +
           CopyableText("heba export " + run + " --to ros2");
-  return FindRefined(result) == nullptr ? part : part + CopyableText("heba locate " + run + " PICTURE" + pose);
+  return FindRefined(result) == nullptr ? part : part + CopyableText("heba locate " + run + " IMAGE" + pose);
 }
 
 std::string RecordPart(const RunResult& result, const ReportContext& context) {
@@ -231,13 +231,13 @@ std::string RecordPart(const RunResult& result, const ReportContext& context) {
   const auto add = [&](const std::string& name, const std::string& value) {
     part += "<dt>" + EscapedForMarkup(name) + "</dt><dd>" + EscapedForMarkup(value) + "</dd>\n";
   };
-  add("set-up",
-      std::string(SetupName(result.setup)) + (result.setup == Setup::kEyeToHand ? ": the camera stands beside the robot"
+  add("setup",
+      std::string(SetupName(result.setup)) + (result.setup == Setup::kEyeToHand ? ": the camera is fixed beside the robot"
                                                                                 : ": the robot carries the camera"));
   add("target", result.target_type + ", " + std::to_string(result.num_target_points) + " points");
   add("captures", std::to_string(NumUsedCaptures(result)) + " of " + std::to_string(result.captures.size()) + " used");
   for (const auto& [name, value] : result.about) add(name, value);
-  add("made", context.made + " by heba " + std::string(Version()));
+  add("created", context.made + " by heba " + std::string(Version()));
   add("config", context.config.string());
   add("folder", context.output.string());
   return part + "</dl>\n";

@@ -80,7 +80,7 @@ std::string SummaryCsv(const std::vector<BatchRun>& runs) {
 }
 
 std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& runs) {
-  std::vector<std::string> head = {"run", "verdict", "set-up", "target", "captures", "method"};
+  std::vector<std::string> head = {"run", "verdict", "setup", "target", "captures", "method"};
   for (const Figure& figure : Figures()) head.emplace_back(figure.title);
   head.emplace_back("remark");
   std::vector<std::vector<PageCell>> rows;
@@ -109,7 +109,7 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
   const size_t num_failed = failed.size();
   const std::string counts = std::to_string(runs.size()) + " runs" +
                              (num_failed > 0 ? ", " + std::to_string(num_failed) + " of them failed" : "") +
-                             ". In-sample: on the captures that the estimate was made from; hold-out: on captures that "
+                             ". In-sample: on the captures that the estimate was computed from; hold-out: on captures that "
                              "it has not seen.";
   using Json = nlohmann::ordered_json;
   Json bars = Json::array();
@@ -125,10 +125,10 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
   }
   return HtmlPage(title,
                   "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
-                      ViewFigure("dumbbells", "Hold-out of every run.",
+                      ViewFigure("dumbbells", "Hold-out RMS of every run.",
                                  Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
-                                 DumbbellChart("px rms: refined (first colour), best closed form (second)", pictured)) +
-                      (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "why"}, failed)) +
+                                 DumbbellChart("RMS in px: refined (first colour), best closed form (second)", pictured)) +
+                      (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "reason"}, failed)) +
                       Heading("Runs and methods") + HtmlTable(head, rows));
 }
 

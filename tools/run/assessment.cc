@@ -103,7 +103,7 @@ std::optional<Finding> FindMissingIds(const RunConfig& config, const Calibration
   return Finding{Grade::kDoubtful,
                  "missing_ids",
                  std::to_string(num_missing) + " of the target's " + std::to_string(points.size()) +
-                     " points are never found, though each is in view in " + std::to_string(least_expected) +
+                     " points are never detected, although each is in view in " + std::to_string(least_expected) +
                      " images or more",
                  "check the target's first id, its rows and columns, the marker size and legacy_pattern",
                  {{"missing", num_missing}, {"points", static_cast<double>(points.size())}}};
@@ -183,7 +183,7 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
       if (result.num_rejected > 0) {
         result.reason += std::string(result.reason.empty() ? "" : "; ") + std::to_string(result.num_rejected) +
                          (result.num_rejected == 1 ? " point is" : " points are") +
-                         " not where the estimate from the others says, and left out";
+                         " not where the estimate from the others predicts, and rejected";
       }
       if (!solution.corrections.empty()) result.correction = solution.corrections[index];
       result.move_without = moves[index];

@@ -22,7 +22,7 @@ void CheckSizes(const RunConfig& config, const std::vector<CaptureDetection>& de
     if (detections[i].width_px != width_px || detections[i].height_px != height_px) {
       throw InputError(config.captures[i].name + ": is " + SizeText(detections[i].width_px, detections[i].height_px) +
                        " px, but " + config.captures[0].name + " is " + SizeText(width_px, height_px) +
-                       " px; all pictures must come from one camera at one resolution");
+                       " px; all images must come from one camera at one resolution");
     }
   }
 }
@@ -34,7 +34,7 @@ std::vector<CaptureDetection> GivenDetections(const RunConfig& config) {
     if (detection.width_px > 0 && detection.height_px > 0) continue;
     if (!config.camera || config.camera->width_px == 0) {
       throw InputError(config.data_files.front().string() +
-                       ": does not say how large the pictures are; give a camera file that does (camera.intrinsics)");
+                       ": does not state the image size; provide a camera file that does (camera.intrinsics)");
     }
     detection.width_px = config.camera->width_px;
     detection.height_px = config.camera->height_px;
@@ -126,9 +126,9 @@ void FitCameraToImages(const CaptureDetection& first, RunConfig* config) {
     camera.height_px = first.height_px;
   }
   if (camera.width_px != first.width_px || camera.height_px != first.height_px) {
-    throw InputError(config->camera_file + ": is for pictures of " + SizeText(camera.width_px, camera.height_px) +
+    throw InputError(config->camera_file + ": is for images of " + SizeText(camera.width_px, camera.height_px) +
                      " px, but " + config->captures[0].name + " is " + SizeText(first.width_px, first.height_px) +
-                     " px; give the intrinsics of that resolution");
+                     " px; provide the intrinsics of that resolution");
   }
 }
 

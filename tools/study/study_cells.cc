@@ -118,7 +118,7 @@ StudyCells::StudyCells(const fs::path& folder, const StudyConfig& study) : folde
     throw InputError(folder.string() + ": holds other files (no study.csv); name a new or empty folder");
   }
   fs::create_directories(folder_, error);
-  if (error) throw InputError(folder_.string() + ": cannot be made (" + error.message() + ")");
+  if (error) throw InputError(folder_.string() + ": cannot be created (" + error.message() + ")");
 }
 
 fs::path StudyCells::FileOf(int cell) const { return folder_ / (std::to_string(cell) + ".json"); }

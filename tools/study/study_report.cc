@@ -39,7 +39,7 @@ constexpr SweptQuantity kQuantities[] = {
     {"scale in y", true, [](const StudyLabels& l) { return l.shape_params[1]; }},
     {"bend in x, mm", true, [](const StudyLabels& l) { return 1000 * l.shape_params[2]; }},
     {"bend in y, mm", true, [](const StudyLabels& l) { return 1000 * l.shape_params[3]; }},
-    {"points anywhere, %", true, [](const StudyLabels& l) { return 100 * l.outlier_points; }},
+    {"outlier points, %", true, [](const StudyLabels& l) { return 100 * l.outlier_points; }},
     {"wrong poses, %", true, [](const StudyLabels& l) { return 100 * l.wrong_captures; }}};
 constexpr size_t kPixelNoise = 0;
 constexpr size_t kNoQuantity = std::size(kQuantities);
@@ -77,11 +77,11 @@ std::string SceneLine(const StudyLabels& labels, size_t swept = kPixelNoise) {
                    : "bend " + Significant(1000 * labels.shape_params[i], 3) + " mm");
   }
   line += ", refined with robot " + labels.robot_model;
-  if (labels.outlier_points > 0 && !is_swept("points anywhere, %")) {
-    line += ", " + Significant(100 * labels.outlier_points, 3) + " % of points anywhere";
+  if (labels.outlier_points > 0 && !is_swept("outlier points, %")) {
+    line += ", " + Significant(100 * labels.outlier_points, 3) + " % outlier points";
   }
   if (labels.wrong_captures > 0 && !is_swept("wrong poses, %")) {
-    line += ", " + Significant(100 * labels.wrong_captures, 3) + " % of poses wrong";
+    line += ", " + Significant(100 * labels.wrong_captures, 3) + " % wrong poses";
   }
   return line;
 }
@@ -104,7 +104,7 @@ std::string StudyTable(const std::vector<CellResult>& results) {
              PadLeft(Significant(RadToDeg(errors.hand_eye_rad), 3), 9) +
              PadLeft(Significant(1000 * errors.board_m, 3), 9) + PadLeft(Significant(RadToDeg(errors.board_rad), 3), 9);
     };
-    table += PadRight("", 13) + PadLeft("hand-eye", 18) + PadLeft("board", 18) + PadLeft("over the bound", 18) +
+    table += PadRight("", 13) + PadLeft("hand-eye", 18) + PadLeft("board", 18) + PadLeft("error / bound", 18) +
              PadLeft("95 %", 6) + PadLeft("AX-XB", 7) + "\n" + PadRight("", 13) + PadLeft("mm", 9) + PadLeft("deg", 9) +
              PadLeft("mm", 9) + PadLeft("deg", 9) + PadLeft("mm", 6) + PadLeft("deg", 6) + PadLeft("focal", 6) +
              PadLeft("holds", 6) + PadLeft("mm", 7) + "\n";
@@ -127,10 +127,10 @@ std::string StudyTable(const std::vector<CellResult>& results) {
       }
       if (method.right_model) {
         table +=
-            PadRight("", 13) + "  right model of the errors: " + Significant(100 * *method.right_model, 3) + " %\n";
+            PadRight("", 13) + "  correct error model chosen: " + Significant(100 * *method.right_model, 3) + " %\n";
       }
       if (method.robot_noise) {
-        table += PadRight("", 13) + "  found (median): pixels " + Significant(method.pixel_sigma_px.value_or(0), 3) +
+        table += PadRight("", 13) + "  estimated (median): pixel noise " + Significant(method.pixel_sigma_px.value_or(0), 3) +
                  " px, robot " + Significant(1000 * method.robot_noise->translation_m, 3) + " mm " +
                  Significant(RadToDeg(method.robot_noise->rotation_rad), 3) + " deg\n";
       }
@@ -280,7 +280,7 @@ std::optional<StudyChart> CoverageChart(const std::vector<const CellResult*>& sw
   StudyChart chart{quantity,
                    {TitleOf(sweep.front()->labels, quantity),
                     kQuantities[quantity].label,
-                    "share of trials whose 95 % region holds the truth",
+                    "share of trials whose 95 % region contains the truth",
                     {}},
                    kQuantities[quantity].has_zero,
                    true,
@@ -384,7 +384,7 @@ void WriteStudyPlots(const std::vector<CellResult>& results, const std::filesyst
 std::string StudyPage(const std::string& title, const std::vector<CellResult>& results) {
   std::string body = "<h1>" + EscapedForMarkup(title) + "</h1>\n" +
                      Paragraph(
-                         "RMS errors against the truth, of every method, and the least that any unbiased method "
+                         "RMS errors of every method, and the smallest error that any unbiased method "
                          "can reach (bound).");
   // The number of charts is limited for readability; study.csv holds the remaining figures.
   constexpr size_t kMostCharts = 60;
@@ -438,8 +438,8 @@ std::string StudyPage(const std::string& title, const std::vector<CellResult>& r
   constexpr size_t kFewScenes = 2;
   for (const std::string& scene : order) {
     const std::string table =
-        HtmlTable({"pixel noise, px", "method", "hand-eye, mm", "deg", "mm over the bound", "deg over the bound",
-                   "board, mm", "95 % holds", "AX-XB, mm", "failed", "trials"},
+        HtmlTable({"pixel noise, px", "method", "hand-eye, mm", "deg", "mm / bound", "deg / bound",
+                   "board, mm", "95 % coverage", "AX-XB, mm", "failed", "trials"},
                   rows_of[scene]);
     body += order.size() <= kFewScenes ? "<h3>" + EscapedForMarkup(scene) + "</h3>\n" + table : Details(scene, table);
   }

@@ -51,9 +51,9 @@ std::string ShapeLine(const Solution& solution) {
 }
 
 std::string NoiseLine(const Solution& solution, const std::optional<double>& holdout_chi2) {
-  std::string line = "pixel noise " + Significant(solution.pixel_sigma_px, 3) + " px a coordinate";
+  std::string line = "pixel noise " + Significant(solution.pixel_sigma_px, 3) + " px per coordinate";
   if (solution.robot_noise) {
-    line += ", the robot's " + ShownAmount(1000 * solution.robot_noise->translation_m, 2) + " mm and " +
+    line += ", robot noise " + ShownAmount(1000 * solution.robot_noise->translation_m, 2) + " mm and " +
             ShownAmount(RadToDeg(solution.robot_noise->rotation_rad), 2) + " deg";
   }
   if (holdout_chi2) line += "; hold-out chi-square " + Significant(*holdout_chi2, 3) + " per degree of freedom";
@@ -127,7 +127,7 @@ std::string ResultTable(const RunResult& result, Colour colour) {
     if (is_last) table += plain;
     table += "\n";
   }
-  for (const auto& [reason, methods] : MethodsWithoutResult(result)) table += methods + ": none, " + reason + "\n";
+  for (const auto& [reason, methods] : MethodsWithoutResult(result)) table += methods + ": no result, " + reason + "\n";
   // The refinement of the reprojection error.
   const Estimate* refined = FindRefined(result);
   if (refined == nullptr) {

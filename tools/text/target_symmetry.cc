@@ -10,7 +10,7 @@ std::string SymmetryText(const Target& target) {
   const size_t num_symmetries = target.Symmetries().size();
   if (num_symmetries == 1) return "";
   return std::string("the target looks the same after ") +
-         (num_symmetries == 2 ? "half a turn" : "a quarter of a turn");
+         (num_symmetries == 2 ? "a rotation by 180 deg" : "a rotation by 90 deg");
 }
 
 std::string SymmetryRemark(const Target& target) {

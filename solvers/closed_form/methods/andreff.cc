@@ -45,7 +45,7 @@ Outcome<HandEye> SolveHandEye_andreff(const HandEyeInput& input) {
   if (!solution.allFinite()) return Failure{"the linear equations have no solution"};
   const Eigen::Matrix3d linear = Eigen::Map<const Eigen::Matrix3d>(solution.data());
   if (!(linear.determinant() > 1e-6)) {
-    return Failure{"the linear solution is no rotation (the translations say too little of the scale)"};
+    return Failure{"the linear solution is not a rotation (the translations hardly determine the scale)"};
   }
   return WithAverageBoardPose(input.pairs(), {NearestRotation(linear), solution.tail<3>()});
 }

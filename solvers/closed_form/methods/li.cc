@@ -37,7 +37,7 @@ Outcome<HandEye> SolveHandEye_li(const HandEyeInput& input) {
   const Eigen::Matrix3d linear_z = Eigen::Map<const Eigen::Matrix3d>(solution.data());
   const Eigen::Matrix3d linear_x = Eigen::Map<const Eigen::Matrix3d>(solution.data() + 9);
   if (!(linear_x.determinant() > 1e-6) || !(linear_z.determinant() > 1e-6)) {
-    return Failure{"the linear solution is no rotation (the translations say too little of the scale)"};
+    return Failure{"the linear solution is not a rotation (the translations hardly determine the scale)"};
   }
   return HandEye{Rigid3d(NearestRotation(linear_x), solution.tail<3>()),
                  Rigid3d(NearestRotation(linear_z), solution.segment<3>(18))};

@@ -49,7 +49,8 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
   const std::vector<size_t> turns = WithRole(pairs, "rotate");
   if (homes.empty()) {
     return Failure{
-        "no capture is the home pose of the two-step motion (role home), and none was found from the robot's poses"};
+        "no capture has the role home (home pose of the two-step motion), and none can be identified from the robot "
+        "poses"};
   }
   const size_t home = homes.front();
   const auto mount_position = [&](size_t i) { return pairs[i].camera_mount_from_target_mount.translation; };
@@ -60,7 +61,7 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
     const std::vector<size_t> candidates = WithRole(pairs, "translate_" + axis);
     if (candidates.empty()) {
       return Failure{"no capture moves the tool along its " + axis + " alone (role translate_" + axis +
-                     "): add one, 50 mm or more from home without turning"};
+                     "): add one, 50 mm or more from home without rotation"};
     }
     translations.push_back(*std::max_element(candidates.begin(), candidates.end(), [&](size_t a, size_t b) {
       return (mount_position(a) - mount_position(home)).norm() < (mount_position(b) - mount_position(home)).norm();
@@ -88,10 +89,10 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
       std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(normal).eigenvalues()[0]));
   const double needed_rad = DegToRad(2.0);
   if (least_rad < needed_rad) {
-    return Failure{std::to_string(turns.size()) + (turns.size() == 1 ? " turn" : " turns") +
-                   " about the tool point (role rotate) turn the weakest direction by " +
+    return Failure{std::to_string(turns.size()) + (turns.size() == 1 ? " rotation" : " rotations") +
+                   " about the tool point (role rotate) rotate the least observable direction by " +
                    Fixed(RadToDeg(least_rad), 2) +
-                   " deg in all: two or more about different axes, by 10 deg or more, are needed"};
+                   " deg in total: two or more about different axes, by 10 deg or more, are needed"};
   }
   const Eigen::Vector3d point_in_mount = normal.ldlt().solve(right);
   const Eigen::Vector3d translation =

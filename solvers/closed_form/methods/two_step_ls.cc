@@ -129,7 +129,7 @@ Outcome<HandEye> SolveHandEye_two_step_ls(const HandEyeInput& input) {
   std::vector<Measured> captures;
   for (size_t i = 0; i < pairs.size(); ++i) {
     const Eigen::LLT<Eigen::Matrix3d> factor(positions.captures[i].covariance_at_1px);
-    if (factor.info() != Eigen::Success) return Failure{"the position of the target has no covariance"};
+    if (factor.info() != Eigen::Success) return Failure{"the covariance of a target position is not positive definite"};
     captures.push_back({pairs[i].camera_mount_from_target_mount.RotationMatrix(),
                         pairs[i].camera_mount_from_target_mount.translation - mean_position,
                         positions.captures[i].in_camera, factor.solve(Eigen::Matrix3d::Identity())});

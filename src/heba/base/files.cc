@@ -87,7 +87,7 @@ void WriteFileAtomically(const fs::path& path, std::string_view content) {
   };
   std::error_code status_error;
   const fs::file_status status = fs::symlink_status(path, status_error);
-  if (fs::is_directory(status)) throw InputError(path.string() + ": is a folder; a file's name is needed");
+  if (fs::is_directory(status)) throw InputError(path.string() + ": is a folder; a file name is needed");
   if (fs::exists(status) && !fs::is_regular_file(status)) {
     throw InputError(path.string() + ": is not a regular file, and is not replaced");
   }
@@ -115,7 +115,7 @@ void WriteFileAtomically(const fs::path& path, std::string_view content) {
 
 std::string RandomName() {
   unsigned long long number = 0;
-  if (getentropy(&number, sizeof(number)) != 0) throw InputError("the system has no random numbers");
+  if (getentropy(&number, sizeof(number)) != 0) throw InputError("the system provides no random numbers");
   char text[20];
   std::snprintf(text, sizeof(text), "%016llx", number);
   return text;

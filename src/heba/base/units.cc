@@ -76,7 +76,7 @@ ParsedQuantity ParseQuantity(std::string_view text, Quantity quantity) {
       const double most = MaxQuantity(quantity);
       if (std::abs(value) > most) {
         return {0, Quoted(trimmed) + " is out of range; at most " + Significant(most / unit.factor, 6) + " " +
-                       std::string(unit.name) + " can be meant"};
+                       std::string(unit.name) + " is possible"};
       }
       return {value, ""};
     }

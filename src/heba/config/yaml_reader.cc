@@ -33,7 +33,7 @@ std::string OneLine(std::string text) {
 // alias bomb) could take forever to traverse; a config needs few values.
 void CheckSize(const YAML::Node& node, int depth, int* budget, const std::filesystem::path& name) {
   constexpr int kMaxDepth = 32;
-  if (--*budget < 0) throw InputError(name.string() + ": more than 100000 values; a config has a few dozen");
+  if (--*budget < 0) throw InputError(name.string() + ": more than 100000 values; a config needs a few dozen");
   if (depth > kMaxDepth) throw InputError(name.string() + ": nested deeper than 32 levels");
   if (node.IsMap()) {
     for (const auto& entry : node) CheckSize(entry.second, depth + 1, budget, name);
@@ -68,7 +68,7 @@ void CheckOneDocument(const std::string& text, const std::filesystem::path& name
   const bool moved_on = second.pos != starts.marks.front().pos;
   throw InputError(name.string() + ":" + std::to_string(second.line + 1) + ": " +
                    (moved_on ? "a second YAML document starts here; one is needed"
-                             : "not valid YAML (a key, a value or a list must stand here)"));
+                             : "not valid YAML (a key, a value or a list is needed here)"));
 }
 
 // Throws InputError unless all keys are scalars and occur only once.
@@ -77,7 +77,7 @@ void CheckKeys(const ConfigValue& mapping) {
   for (const auto& entry : mapping.node()) {
     if (!entry.first.IsScalar()) mapping.Fail("keys must be plain names");
     if (!seen.insert(entry.first.Scalar()).second) {
-      ConfigValue(entry.first, mapping.file(), mapping.key()).Fail(Shown(entry.first) + " stands here twice");
+      ConfigValue(entry.first, mapping.file(), mapping.key()).Fail(Shown(entry.first) + " occurs twice");
     }
   }
 }
@@ -192,7 +192,7 @@ Eigen::Vector3d ConfigValue::AsVector3(Quantity quantity) const {
 
 ConfigValue ParseYaml(const std::string& text, const std::filesystem::path& name) {
   if (text.find('\0') != std::string::npos) {
-    throw InputError(name.string() + ": has NUL characters, as text in UTF-16 has; save it as UTF-8");
+    throw InputError(name.string() + ": contains NUL characters (UTF-16?); save it as UTF-8");
   }
   try {
     CheckOneDocument(text, name);

@@ -52,13 +52,13 @@ Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   finding.code = "uncertainty";
   finding.grade = std::max(GradeOf(mm, kPositionMm), GradeOf(deg, kOrientationDeg));
   finding.text = "the camera's pose is known to " + ShownAmount(mm, 2) + " mm and " + ShownAmount(deg, 2) +
-                 " deg (one sigma, along and about the axis that is known worst)";
+                 " deg (one sigma, along and about the least certain axis)";
   finding.numbers = {{"position_mm", mm}, {"orientation_deg", deg}};
   if (result.working_point) {
     const double at_work_mm = 1000 * std::sqrt(result.working_point->covariance_m2.diagonal().maxCoeff());
     finding.grade = std::max(finding.grade, GradeOf(at_work_mm, kAtWorkMm));
     finding.text += "; a target seen " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) +
-                    " mm away is known to " + ShownAmount(at_work_mm, 2) + " mm";
+                    " mm away is located to " + ShownAmount(at_work_mm, 2) + " mm";
     finding.numbers.emplace_back("at_work_mm", at_work_mm);
   }
   if (!HasFree(solution.covariance, "camera.") && !solution.camera.params.empty()) {
@@ -66,12 +66,13 @@ Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
     if (result.working_point) {
       // A relative error of the focal length moves a target along its ray by the same relative amount.
       constexpr double kShare = 1e-3;
-      finding.text += " (0.1 % of the focal length moves that target by " +
+      finding.text += " (an error of 0.1 % in the focal length moves that target by " +
                       Significant(1000 * kShare * result.working_point->in_camera_m.norm(), 2) + " mm)";
     }
   }
   if (finding.grade != Grade::kGood) {
-    finding.action = "take more captures, with larger rotations of the gripper about different axes and more depth";
+    finding.action =
+        "take more captures, with larger rotations of the gripper about different axes and a larger range of distances";
   }
   return finding;
 }
@@ -86,17 +87,17 @@ std::vector<Finding> JudgeRequirements(const RunResult& result, const Errors& er
     Finding finding;
     finding.code = "required";
     finding.grade = reached_mm <= within_mm && held_out_mm <= within_mm ? Grade::kGood : Grade::kBad;
-    finding.text = "a target located at " + requirement.place + " is known to " + ShownAmount(reached_mm, 2) +
+    finding.text = "a target located at " + requirement.place + " has an error of up to " + ShownAmount(reached_mm, 2) +
                    " mm with a confidence of " + Significant(100 * requirement.confidence, 3) + " %; " +
                    Significant(within_mm, 3) + " mm are required";
     if (errors.holdout_target_mm) {
-      finding.text += ", and unseen captures were predicted to " + ShownAmount(held_out_mm, 2) + " mm (rms)";
+      finding.text += ", and on held-out captures the target is off by " + ShownAmount(held_out_mm, 2) + " mm (RMS)";
     }
     finding.numbers = {{"required_mm", within_mm}, {"reached_mm", reached_mm}, {"held_out_mm", held_out_mm}};
     if (finding.grade != Grade::kGood) {
       finding.action = reached_mm > within_mm
-                           ? "take more captures, with larger rotations of the gripper and more depth"
-                           : "look at the captures with the largest errors; calibrate the robot";
+                           ? "take more captures, with larger rotations of the gripper and a larger range of distances"
+                           : "check the captures with the largest errors; calibrate the robot";
     }
     findings.push_back(std::move(finding));
   }
@@ -109,26 +110,25 @@ Finding JudgeHoldOut(const RunResult& result, const Errors& errors) {
     return estimate.errors.holdout_rms_px.has_value();
   });
   if (is_missing && have_others) {
-    return {
-        Grade::kDoubtful, "no_hold_out",
-        "the refinement has no result without the captures that were held out: how well unseen captures are predicted "
-        "is not known",
-        "take more captures: too few are left to determine the camera and its pose when some are held out"};
+    return {Grade::kDoubtful, "no_hold_out",
+            "the refinement failed without the held-out captures: the accuracy on unseen captures "
+            "is not known",
+            "take more captures: too few are left to determine the camera and its pose when some are held out"};
   }
   if (is_missing) {
-    return {Grade::kDoubtful, "no_hold_out",
-            "nothing was held out: how well unseen captures are predicted is not known", "set evaluate.folds to 5"};
+    return {Grade::kDoubtful, "no_hold_out", "no captures were held out: the accuracy on unseen captures is not known",
+            "set evaluate.folds to 5"};
   }
   Finding finding;
   finding.code = "hold_out";
   finding.grade =
       std::max(GradeOf(*errors.holdout_target_mm, kHeldOutMm), GradeOf(*errors.holdout_target_deg, kHeldOutDeg));
-  finding.text = "on captures that it has not seen the target was " + ShownAmount(*errors.holdout_target_mm, 2) +
-                 " mm and " + ShownAmount(*errors.holdout_target_deg, 2) + " deg from where it was predicted (rms)";
+  finding.text = "on held-out captures the target is off by " + ShownAmount(*errors.holdout_target_mm, 2) + " mm and " +
+                 ShownAmount(*errors.holdout_target_deg, 2) + " deg from its predicted pose (RMS)";
   finding.numbers = {{"target_mm", *errors.holdout_target_mm}, {"target_deg", *errors.holdout_target_deg}};
   if (finding.grade != Grade::kGood) {
     finding.action =
-        "look at the captures with the largest residuals; let the robot settle before each image; check its own "
+        "check the captures with the largest residuals; let the robot settle before each image; check its own "
         "calibration, the pose format and the target's dimensions";
   }
   return finding;
@@ -140,7 +140,7 @@ std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution
   finding.code = "unmodelled_error";
   finding.grade = GradeOf(*errors.holdout_chi2, kHeldOutChi2);
   finding.text = "unseen captures scatter " + Significant(std::sqrt(*errors.holdout_chi2), 2) +
-                 " times as much as the assumed noise allows";
+                 " times as much as the assumed noise explains";
   finding.numbers = {{"chi2_per_dof", *errors.holdout_chi2}};
   if (finding.grade != Grade::kGood) {
     finding.action = solution.robot_noise
@@ -189,7 +189,7 @@ Finding JudgePixels(const Solution& solution) {
   Finding finding;
   finding.code = "pixel_noise";
   finding.grade = GradeOf(solution.pixel_sigma_px, kPixelSigmaPx);
-  finding.text = "the points are off by " + Significant(solution.pixel_sigma_px, 2) + " px a coordinate (one sigma)";
+  finding.text = "the pixel noise is " + Significant(solution.pixel_sigma_px, 2) + " px per coordinate (one sigma)";
   finding.numbers = {{"pixel_sigma_px", solution.pixel_sigma_px}};
   if (finding.grade != Grade::kGood) {
     finding.action =
@@ -222,10 +222,10 @@ std::optional<Finding> JudgeInfluence(const RunResult& result) {
   if (chance > kUnlikely || (move_m < kMattersM && move_rad < kMattersRad)) return std::nullopt;
   return Finding{Grade::kDoubtful,
                  "influential_capture",
-                 "without " + strongest->image + " the camera would be " + ShownAmount(1000 * move_m, 2) + " mm and " +
-                     ShownAmount(RadToDeg(move_rad), 2) +
-                     " deg elsewhere, more than the assumed noise explains (chance " + ShownChance(chance) + ")",
-                 "look at that image and at the robot's pose for it; leave it out if one of them is wrong",
+                 "without " + strongest->image + " the camera pose would move by " + ShownAmount(1000 * move_m, 2) +
+                     " mm and " + ShownAmount(RadToDeg(move_rad), 2) +
+                     " deg, more than the assumed noise explains (probability " + ShownChance(chance) + ")",
+                 "check this image and its robot pose; leave the capture out if one of them is wrong",
                  {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", chance}}};
 }
 
@@ -244,7 +244,7 @@ std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refine
   finding.numbers = {{"ratio", ratio}};
   if (finding.grade != Grade::kGood) {
     finding.action = "the residuals contain a systematic error that the model does not describe: ";
-    finding.action += refined.solution->robot_noise ? "try fewer refine.intrinsics, or a camera file"
+    finding.action += refined.solution->robot_noise ? "free fewer refine.intrinsics, or give a camera file"
                                                     : "use refine.robot_noise: auto";
   }
   return finding;
@@ -255,7 +255,7 @@ Finding JudgePoses(const RunResult& result) {
   const auto chain = std::find_if(result.estimates.begin(), result.estimates.end(),
                                   [](const Estimate& estimate) { return estimate.ok && estimate.kind == "refined"; });
   if (chain == result.estimates.end() || !chain->errors.board_scatter) {
-    return {Grade::kBad, "no_estimate", "there is no refined estimate", "see the methods' reasons"};
+    return {Grade::kBad, "no_estimate", "there is no refined estimate", "see the reasons of the methods"};
   }
   constexpr Limits kScatterMm = {1.5, 5};
   constexpr Limits kScatterDeg = {0.3, 1};
@@ -265,9 +265,10 @@ Finding JudgePoses(const RunResult& result) {
                                 GradeOf(scatter.rotation_rms_deg, kScatterDeg)});
   return {grade,
           "poses_only",
-          "poses of the target were given, not images: it scatters by " + ShownAmount(scatter.translation_rms_mm, 2) +
-              " mm and " + ShownAmount(scatter.rotation_rms_deg, 2) + " deg where it should stand still",
-          "give the images or the corners: what is refined from them is better, and says how good it is",
+          "only poses of the target were given, no images: they scatter by " +
+              ShownAmount(scatter.translation_rms_mm, 2) + " mm and " + ShownAmount(scatter.rotation_rms_deg, 2) +
+              " deg in the frame where the target is fixed",
+          "give the images or the corners: a refinement from them is more accurate and reports its uncertainty",
           {{"scatter_mm", scatter.translation_rms_mm}, {"scatter_deg", scatter.rotation_rms_deg}}};
 }
 

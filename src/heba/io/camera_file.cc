@@ -23,7 +23,8 @@ Camera ParseCameraFile(const std::string& text, const std::filesystem::path& nam
     if (!faults.empty()) throw InputError(name.string() + ": " + faults);
     return camera;
   }
-  throw InputError(name.string() + ": holds no camera in a form that heba reads; one of: " + Join(descriptions, "; "));
+  throw InputError(name.string() +
+                   ": contains no camera in a format that heba reads; one of: " + Join(descriptions, "; "));
 }
 
 Camera ReadCameraFile(const std::filesystem::path& path) { return ParseCameraFile(ReadTextFile(path), path); }

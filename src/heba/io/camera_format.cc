@@ -83,7 +83,7 @@ Outcome<Camera> CameraFromCoefficients(const std::vector<double>& pinhole, const
     camera.params.resize(9, 0.0);
   } else if (count == 8 || count == 12 || count == 14) {
     if (std::any_of(coefficients.begin() + 8, coefficients.end(), [](double c) { return c != 0; })) {
-      return Failure{"the coefficients after the eighth (thin prism, tilt) are not zero; heba has none of those"};
+      return Failure{"the coefficients after the eighth (thin prism, tilt) are not zero; heba does not support them"};
     }
     camera.model = "rational8";
     camera.params.resize(12);

@@ -41,9 +41,9 @@ std::string AnglesInWords(const PoseFormat& format) {
     return lengths + ", then the rotation vector (axis times angle) in " + format.angle_unit;
   }
   const bool is_fixed = format.rotation.starts_with("extrinsic_");
-  return lengths + ", then turns in " + format.angle_unit + " about the axes " +
-         format.rotation.substr(format.rotation.find('_') + 1) + ", in this order, each about the axis " +
-         (is_fixed ? "as it was at first" : "as already turned");
+  return lengths + ", then rotations in " + format.angle_unit + " about the axes " +
+         format.rotation.substr(format.rotation.find('_') + 1) + ", in this order, each about the " +
+         (is_fixed ? "fixed axis" : "already rotated axis");
 }
 
 // Returns the number of decimals that resolve a micrometre or about a microradian.
@@ -86,13 +86,14 @@ std::string RobotPoseText(PoseFormat format, const ExportRequest& request) {
 // Returns why the format cannot represent the request; an empty text if it can.
 std::string WhyNot(ExportHolds holds, const ExportRequest& request) {
   if (holds == ExportHolds::kLens && request.camera.params.empty()) {
-    return "an estimate from poses alone has no camera, which this form holds; use urdf, ros2 or a robot's form, such "
+    return "an estimate from poses alone has no camera, which this format needs; use urdf, ros2 or a robot's format, "
+           "such "
            "as matrix";
   }
   if (holds != ExportHolds::kAnyPose && request.child != ExportFrame::kOptical) {
-    return "this form holds the pose of the camera's optical frame in " +
+    return "this format holds the pose of the camera's optical frame in " +
            std::string(request.setup == Setup::kEyeToHand ? "the base" : "the gripper") +
-           " only; leave out --child-is and --inverse, or use urdf, ros2 or a robot's form";
+           " only; leave out --child-is and --inverse, or use urdf, ros2 or a robot's format";
   }
   return "";
 }
@@ -106,7 +107,8 @@ std::string FrameInWords(ExportFrame frame) {
     case ExportFrame::kOptical:
       return "the camera's OPTICAL frame (x right, y down, z forward), not a body frame (x forward, y left, z up)";
     case ExportFrame::kBody:
-      return "the camera's BODY frame (x forward, y left, z up) at the place of the optical frame (x right, y down, z "
+      return "the camera's BODY frame (x forward, y left, z up) with the origin of the optical frame (x right, y down, "
+             "z "
              "forward)";
     case ExportFrame::kLink:
       return "a LINK of the camera, in which the optical frame (x right, y down, z forward) has the pose that was "
@@ -180,7 +182,7 @@ const std::vector<ExportFormat>& ExportFormats() {
     for (const Entry& entry : Entries()) all.push_back(entry.format);
     for (const PoseFormat& format : PoseFormats()) {
       all.push_back({format.name,
-                     "the camera's pose as pose format " + format.name + " has it (" + Join(format.columns, " ") + ")",
+                     "the camera's pose in pose format " + format.name + " (" + Join(format.columns, " ") + ")",
                      "camera_" + format.name + ".csv"});
     }
     return all;
@@ -223,7 +225,7 @@ std::vector<std::string> ExportRemarks(const ExportRequest& request) {
   if (request.is_ur_controller && request.setup == Setup::kEyeToHand) {
     remarks.emplace_back(
         "the base is that of the Universal Robots controller and pendant, the frame `base` of ROS; base_link of ROS is "
-        "turned by 180 deg about z against it");
+        "rotated by 180 deg about z relative to it");
   }
   return remarks;
 }

@@ -21,8 +21,9 @@ bool IsFileStorage(const std::string& text) {
 
 ConfigValue ParseFileStorage(const std::string& text, const std::filesystem::path& name) {
   if (IsXml(text)) {
-    throw InputError(name.string() +
-                     ": is XML, which heba does not read; save it as .yml (cv::FileStorage goes by the file's ending)");
+    throw InputError(
+        name.string() +
+        ": is XML, which heba does not read; save it as .yml (cv::FileStorage chooses the format by the suffix)");
   }
   // The first line, %YAML:1.0, is not valid YAML. Its text is removed, but its line end is kept, so that line numbers
   // in messages stay correct.

@@ -42,7 +42,7 @@ ImportedSet FindAndRead(const std::filesystem::path& source, std::string_view na
   }
   if (format == nullptr) {
     throw InputError(source.string() +
-                     ": is a data set of no form that heba knows; one of: " + Join(ImportFormatNames(), ", "));
+                     ": is not a data set in a known format; one of: " + Join(ImportFormatNames(), ", "));
   }
   ImportedSet set = format->reader.read(source);
   set.format = format->name;
@@ -65,12 +65,12 @@ ImportedSet ImportDataSet(const std::filesystem::path& source, std::string_view 
     const std::string faults = CheckCamera(checked);
     if (!faults.empty()) throw InputError(source.string() + ": the camera: " + faults);
   }
-  if (set.captures.empty()) throw InputError(source.string() + ": holds no captures");
+  if (set.captures.empty()) throw InputError(source.string() + ": contains no captures");
   std::vector<std::string> names;
   for (const ImportedCapture& capture : set.captures) names.push_back(capture.name);
   std::sort(names.begin(), names.end());
   const auto twice = std::adjacent_find(names.begin(), names.end());
-  if (twice != names.end()) throw InputError(source.string() + ": two captures are called " + Quoted(*twice));
+  if (twice != names.end()) throw InputError(source.string() + ": two captures have the name " + Quoted(*twice));
   return set;
 }
 

@@ -175,8 +175,8 @@ std::vector<fs::path> ImagesForPoses(const std::vector<fs::path>& folders, size_
     std::vector<fs::path> pictures = ImagesOf(folder);
     if (pictures.size() == num_poses) return pictures;
     if (pictures.empty()) continue;
-    remarks->push_back(std::to_string(pictures.size()) + " pictures lie beside the " + std::to_string(num_poses) +
-                       " poses; which belongs to which, the file does not say");
+    remarks->push_back(std::to_string(pictures.size()) + " images are beside the " + std::to_string(num_poses) +
+                       " poses; the file does not state which belong together");
     break;
   }
   return {};

@@ -87,7 +87,7 @@ inline nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path, si
   const std::string text = ReadTextFile(path, max_bytes);
   constexpr std::ptrdiff_t kMostValues = 20'000'000;
   if (std::count_if(text.begin(), text.end(), [](char c) { return c == ',' || c == '[' || c == '{'; }) > kMostValues) {
-    throw InputError(path.string() + ": holds more than 20 million values");
+    throw InputError(path.string() + ": contains more than 20 million values");
   }
   try {
     return nlohmann::ordered_json::parse(text);

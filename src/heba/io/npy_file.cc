@@ -57,12 +57,12 @@ NumberArray ParseNpy(const std::string& bytes, const std::filesystem::path& name
   constexpr std::string_view kMagic = "\x93NUMPY";
   constexpr size_t kVersionAt = 6;
   constexpr size_t kLengthAt = 8;
-  if (!bytes.starts_with(kMagic) || bytes.size() < kLengthAt + 4) fail("is no array of NumPy (.npy)");
+  if (!bytes.starts_with(kMagic) || bytes.size() < kLengthAt + 4) fail("is not a NumPy array (.npy)");
   const bool is_first_version = bytes[kVersionAt] == 1;
   const size_t header_at = kLengthAt + (is_first_version ? 2 : 4);
   size_t header_size = 0;
   for (size_t i = header_at; i-- > kLengthAt;) header_size = 256 * header_size + static_cast<unsigned char>(bytes[i]);
-  if (header_size > bytes.size() - header_at) fail("is cut off");
+  if (header_size > bytes.size() - header_at) fail("is truncated");
   constexpr size_t kLargestHeader = 65536;
   if (header_size > kLargestHeader) fail("has a huge header");
   const PythonValue header = ParsePythonLiteral(bytes.substr(header_at, header_size), name);
@@ -75,7 +75,7 @@ NumberArray ParseNpy(const std::string& bytes, const std::filesystem::path& name
   const std::string& descr = type_name->text;
   const NumberType* type = descr.empty() ? nullptr : FindNumberType(descr.substr(1));
   if (type == nullptr || descr[0] == '>') {
-    fail("holds " + Quoted(descr) + "; an array of floats or integers is needed, lowest byte first");
+    fail("holds " + Quoted(descr) + "; an array of little-endian floats or integers is needed");
   }
   constexpr size_t kMostAxes = 32;  // NumPy has the same limit.
   if (shape->items.size() > kMostAxes) fail("has more than 32 axes");
@@ -87,9 +87,9 @@ NumberArray ParseNpy(const std::string& bytes, const std::filesystem::path& name
     if (!(size.number >= 1 && size.number <= kMostEntries)) fail("has an empty or a huge shape");
     array.shape.push_back(static_cast<size_t>(size.number));
     count *= array.shape.back();
-    if (count > num_bytes) fail("is cut off");
+    if (count > num_bytes) fail("is truncated");
   }
-  if (count * type->size > num_bytes) fail("is cut off");
+  if (count * type->size > num_bytes) fail("is truncated");
   const char* data = bytes.data() + header_at + header_size;
   const bool is_fortran = order->text == "True";
   for (size_t i = 0; i < count; ++i) {

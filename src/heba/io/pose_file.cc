@@ -90,7 +90,7 @@ std::vector<std::string> Fields(const Line& line, char separator) {
       if (!closed) line.Fail(name + ": the quote is not closed");
       const size_t end = std::min(text.find(separator, i), text.size());
       if (!Trim(text.substr(i, end - i)).empty()) {
-        line.Fail(name + ": " + Quoted(Trim(text.substr(i, end - i))) + " stands behind the closing quote");
+        line.Fail(name + ": " + Quoted(Trim(text.substr(i, end - i))) + " follows the closing quote");
       }
       fields.push_back(Trim(field));
       i = end;
@@ -185,7 +185,7 @@ Header ReadHeader(const Line& line, char separator, const PoseFormat& format) {
       line.Fail("unknown column " + Quoted(name) + (other.empty() ? DidYouMean(name, known) : other) +
                 "; needed: " + Join(format.columns, ", ") + "; possible: image, role");
     }
-    if (!places.emplace(name, i).second) line.Fail("column " + Quoted(name) + " stands here twice");
+    if (!places.emplace(name, i).second) line.Fail("column " + Quoted(name) + " occurs twice");
   }
   for (const std::string& column : format.columns) {
     const auto place = places.find(column);
@@ -205,7 +205,7 @@ double ReadNumber(const Line& line, const std::string& column, const std::string
   double number = 0;
   if (!ParseDouble(field, &number)) {
     line.FailColumn(column, Quoted(field) + " is not a number" +
-                                (field.find(',') == std::string::npos ? "" : "; decimals stand behind a point"));
+                                (field.find(',') == std::string::npos ? "" : "; use a decimal point"));
   }
   if (!std::isfinite(number)) line.FailColumn(column, Quoted(field) + " is not finite");
   return number;
@@ -244,14 +244,14 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
   LineReader lines(text, name);
   std::optional<Line> first = lines.Next();
   while (first && WithoutBrackets(first->text).empty()) first = lines.Next();
-  if (!first) throw InputError(name.string() + ": is empty; a header line and a line a capture are needed");
+  if (!first) throw InputError(name.string() + ": is empty; a header line and one line per capture are needed");
   std::string bare = WithoutBrackets(first->text);
   const Line bare_first{bare, first->number, &name};
   const char bare_separator = FindSeparator(bare_first, format.columns.size());
   const bool has_header = HasHeader(Fields(bare_first, bare_separator));
   if (!has_header && format.file_columns.empty()) {
     first->Fail("the first line must name the columns: image, " + Join(format.columns, ", ") +
-                "; for a file without such a line say what they are (pose_format: {columns: [...], ...})");
+                "; for a file without such a line name them in the config (pose_format: {columns: [...], ...})");
   }
   const char separator = has_header ? FindSeparator(*first, format.columns.size()) : bare_separator;
   const Header header = has_header ? ReadHeader(*first, separator, format) : HeaderOf(format);
@@ -277,10 +277,10 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
     row.line = line->number;
     if (header.image) {
       row.image = fields[*header.image];
-      if (row.image.empty()) line->FailColumn("image", "the name of a file is missing");
+      if (row.image.empty()) line->FailColumn("image", "the file name is missing");
       const auto [earlier, is_new] = line_of_image.emplace(row.image, row.line);
       if (!is_new) {
-        line->FailColumn("image", Quoted(row.image) + " already stands in line " + std::to_string(earlier->second));
+        line->FailColumn("image", Quoted(row.image) + " already occurs in line " + std::to_string(earlier->second));
       }
     }
     if (header.role) {

@@ -122,7 +122,7 @@ Outcome<Eigen::Matrix3d> RotationFromMatrix(const Eigen::Matrix3d& matrix) {
     return Failure{"the matrix is not a rotation: its columns are not of length 1 and at right angles (off by " +
                    Significant(error, 2) + ")"};
   }
-  if (matrix.determinant() < 0) return Failure{"the matrix is a mirror image, not a rotation: its determinant is -1"};
+  if (matrix.determinant() < 0) return Failure{"the matrix is a reflection, not a rotation: its determinant is -1"};
   return NearestRotation(matrix);
 }
 
@@ -133,7 +133,7 @@ Outcome<Rigid3d> PoseFromMatrix(std::span<const double> numbers, double m_per_un
     const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> matrix(numbers.data());
     constexpr double kPrinted = 1e-6;
     if ((matrix.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() > kPrinted) {
-      return Failure{"the matrix's last row is not 0 0 0 1; it must stand row by row"};
+      return Failure{"the matrix's last row is not 0 0 0 1; it must be given row by row"};
     }
     rotation = matrix.topLeftCorner<3, 3>();
     translation = matrix.topRightCorner<3, 1>();
@@ -237,7 +237,7 @@ PoseFormat ReadPoseFormat(const ConfigValue& value) {
     const std::string name = column.AsText();
     const std::vector<std::string>& known = format.file_columns;
     if (name != kNoColumn && std::find(known.begin(), known.end(), name) != known.end()) {
-      column.Fail("'" + name + "' stands here twice");
+      column.Fail("'" + name + "' occurs twice");
     }
     format.file_columns.push_back(name);
     if (name != kNoColumn && name != kImageColumn && name != kRoleColumn) format.columns.push_back(name);
@@ -266,7 +266,7 @@ PoseFormat ReadPoseFormat(const ConfigValue& value) {
 
 PoseFormat WithUnits(const PoseFormat& format, const ConfigValue& units) {
   if (format.name != "matrix") {
-    units.Fail(format.name.empty() ? "a pose format of your own names its units itself; leave this out"
+    units.Fail(format.name.empty() ? "a pose format of your own contains its units; leave this out"
                                    : "pose format '" + format.name + "' is always in " + format.translation_unit +
                                          "; leave this out, or describe the columns by a mapping");
   }
@@ -351,7 +351,7 @@ Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const doubl
     const Rigid3d pose = format.arm->BaseFromTip(joints);
     constexpr double kFarthestM = 1e6;
     if (!(pose.translation.norm() < kFarthestM) || !pose.rotation.coeffs().allFinite()) {
-      return Failure{"the arm's tip is nowhere near for these joints"};
+      return Failure{"the arm's tip is absurdly far away for these joints"};
     }
     return pose;
   }

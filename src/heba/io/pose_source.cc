@@ -104,7 +104,7 @@ void AppendNumbers(const ConfigValue& value, const PoseFormat& format, std::vect
     }
     const bool are_told = entries.size() == 2 && are_places[0] != are_places[1];
     if (entries.size() != 1 && !are_told) {
-      value.Fail("which of these numbers is which? Either the keys " + Join(format.columns, ", ") +
+      value.Fail("these numbers cannot be identified; either the keys " + Join(format.columns, ", ") +
                  " are needed, or position and orientation, or a list");
     }
     // The position comes first. (YAML::Nodes must not be swapped, because copies of a node share its data.)
@@ -126,7 +126,8 @@ std::vector<double> NumbersOfText(const fs::path& file, const PoseFormat& format
       });
   if (!names_columns) return InOrder(format, NumbersOfFile(file));
   const std::vector<PoseRow> rows = ParsePoses(text, file, format);
-  if (rows.size() != 1) throw InputError(file.string() + ": holds " + std::to_string(rows.size()) + " poses, not one");
+  if (rows.size() != 1)
+    throw InputError(file.string() + ": contains " + std::to_string(rows.size()) + " poses, not one");
   return rows.front().numbers;
 }
 
@@ -176,7 +177,7 @@ std::vector<double> PoseNumbersOfYaml(const fs::path& file, const PoseFormat& fo
     for (auto& [name, numbers] : FileStorageNumbers(file)) {
       if (numbers.size() == format.columns.size()) return numbers;
     }
-    throw InputError(file.string() + ": holds no matrix of " + std::to_string(format.columns.size()) + " numbers");
+    throw InputError(file.string() + ": contains no matrix of " + std::to_string(format.columns.size()) + " numbers");
   }
   const ConfigValue value = ParseYaml(text, file);
   std::vector<double> numbers;
@@ -241,7 +242,7 @@ std::vector<PoseRow> ReadPoses(const fs::path& path, const PoseFormat& format) {
   for (const fs::path& file : PoseFilesOf(path)) rows.push_back(ReadOnePose(file, format));
   if (rows.empty()) {
     throw InputError(path.string() +
-                     ": the folder holds no poses; files are needed whose names have a number, .txt, .csv, .yaml, "
+                     ": the folder contains no poses; it needs files with a number in their names, .txt, .csv, .yaml, "
                      ".json or .npy");
   }
   return rows;

@@ -15,7 +15,7 @@ class Parser {
   PythonValue ParseAll() {
     PythonValue value = ParseValue(0);
     SkipSpace();
-    if (at_ < text_.size()) Fail("more stands behind the closing bracket");
+    if (at_ < text_.size()) Fail("unexpected text after the closing bracket");
     return value;
   }
 
@@ -117,8 +117,8 @@ class Parser {
       if (key.kind != PythonValue::Kind::kText) Fail("a key in quotes is needed");
       constexpr size_t kMaxEntries = 1000;
       if (value->keys.size() == kMaxEntries) Fail("more than 1000 keys");
-      if (value->Find(key.text) != nullptr) Fail(Quoted(key.text) + " stands here twice");
-      if (!Accept(':')) Fail("':' is needed behind a key");
+      if (value->Find(key.text) != nullptr) Fail(Quoted(key.text) + " occurs twice");
+      if (!Accept(':')) Fail("':' is needed after a key");
       value->items.push_back(ParseValue(depth + 1));
       value->keys.push_back(key.text);
       if (!Accept(',')) {

@@ -15,7 +15,7 @@ namespace {
 Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::string_view child) {
   if (reader.Get("parent").Text() != parent || reader.Get("child").Text() != child) {
     reader.Fail("is the pose of '" + reader.Get("child").Text() + "' in '" + reader.Get("parent").Text() +
-                "'; that of '" + std::string(child) + "' in '" + std::string(parent) + "' is needed for this set-up");
+                "'; that of '" + std::string(child) + "' in '" + std::string(parent) + "' is needed for this setup");
   }
   const std::vector<double> t = reader.Get("translation_m").Numbers(3);
   const std::vector<double> q = reader.Get("quaternion_xyzw").Numbers(4);
@@ -59,7 +59,7 @@ double ReadFinite(const JsonReader& reader, const char* key, double otherwise) {
 double ReadMagnitude(const JsonReader& reader, const char* key) {
   const double value = reader.Get(key).Number();
   constexpr double kMost = 1e15;
-  if (!(value >= 0 && value <= kMost)) reader.Get(key).Fail("must not be negative, nor above 1e15");
+  if (!(value >= 0 && value <= kMost)) reader.Get(key).Fail("must be from 0 to 1e15");
   return value;
 }
 std::optional<double> ReadOptionalMagnitude(const JsonReader& reader, const char* key) {
@@ -95,14 +95,14 @@ void CheckCovariance(const JsonReader& reader, const Covariance& covariance) {
   for (const char* body : {"hand_eye.", "board."}) {
     for (const char* part : kTangent) {
       const auto count = std::count(covariance.names.begin(), covariance.names.end(), std::string(body) + part);
-      if (count != 1) reader.Fail("the names must have " + std::string(body) + part + " once");
+      if (count != 1) reader.Fail("the names must contain " + std::string(body) + part + " once");
     }
   }
   for (const std::string& name : covariance.names) {
     const bool is_known =
         std::any_of(std::begin(kBodies), std::end(kBodies), [&](const char* body) { return name.starts_with(body); });
     if (!is_known || std::count(covariance.names.begin(), covariance.names.end(), name) != 1) {
-      reader.Fail("'" + name + "' is no parameter, or stands twice");
+      reader.Fail("'" + name + "' is not a parameter, or occurs twice");
     }
   }
   const Eigen::MatrixXd& matrix = covariance.matrix;
@@ -120,7 +120,7 @@ void CheckCovariance(const JsonReader& reader, const Covariance& covariance) {
           std::abs(matrix(i, j)) <= (1 + kRounding) * most) {
         continue;
       }
-      reader.Fail("the matrix is no covariance: see " + covariance.names[static_cast<size_t>(i)] + " and " +
+      reader.Fail("the matrix is not a covariance: see " + covariance.names[static_cast<size_t>(i)] + " and " +
                   covariance.names[static_cast<size_t>(j)]);
     }
   }
@@ -131,7 +131,7 @@ Covariance ReadCovariance(const JsonReader& reader) {
   for (const JsonReader& name : reader.Get("order").List()) covariance.names.push_back(name.Text());
   const std::vector<JsonReader> rows = reader.Get("matrix").List();
   const size_t size = covariance.names.size();
-  if (rows.size() != size) reader.Fail("the matrix does not have a row a name");
+  if (rows.size() != size) reader.Fail("the matrix does not have one row per name");
   covariance.matrix.resize(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(size));
   for (size_t i = 0; i < size; ++i) {
     const std::vector<double> row = rows[i].Numbers(size);
@@ -259,11 +259,11 @@ RunResult ReadResult(const std::filesystem::path& path) {
   const nlohmann::ordered_json json = ReadJsonFile(path, kMaxBytes);
   const JsonReader reader(json, path.string());
   const std::string schema = reader.Get("schema").Text();
-  if (schema != kResultSchema) reader.Fail("is of schema '" + schema + "', not '" + kResultSchema + "'");
+  if (schema != kResultSchema) reader.Fail("has the schema '" + schema + "', not '" + kResultSchema + "'");
   RunResult result;
   result.name = reader.Get("name").Text();
   const std::optional<Setup> setup = FindSetup(reader.Get("setup").Text());
-  if (!setup) reader.Fail("the set-up is unknown");
+  if (!setup) reader.Fail("the setup is unknown");
   result.setup = *setup;
   result.target_type = reader.Get("target").Get("type").Text();
   result.num_target_points = reader.Get("target").Get("points").Int(0, kMostCounted);

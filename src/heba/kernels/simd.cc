@@ -38,7 +38,7 @@ std::string FaultOfSimdSetting() {
   const char* const asked = std::getenv("HEBA_SIMD");
   const std::string_view name = asked == nullptr ? "" : asked;
   if (name.empty() || name == "baseline" || name == "avx2" || name == "avx512") return "";
-  return "HEBA_SIMD: " + Quoted(name) + " is none of baseline, avx2, avx512";
+  return "HEBA_SIMD: " + Quoted(name) + " is not one of baseline, avx2, avx512";
 }
 
 Simd ActiveSimd() { return Active(); }

@@ -70,7 +70,7 @@ Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& 
   double shoulder_cosine = from_axis_m > 0 ? robot.d4_m / from_axis_m : 2;
   if (!IsCosine(&shoulder_cosine)) {
     return Failure{"out of reach: the wrist would be " + Mm(from_axis_m) + " from the axis of the base, " +
-                   Mm(robot.d4_m) + " is the least"};
+                   Mm(robot.d4_m) + " is the minimum"};
   }
   std::vector<UrPosture> postures;
   double too_far_m = 0;
@@ -117,13 +117,13 @@ Outcome<std::vector<UrPosture>> PosturesOf(const UrRobot& robot, const Rigid3d& 
         posture.joints_rad = {Wrapped(q1), Wrapped(q2), Wrapped(q3), Wrapped(q4), Wrapped(q5), Wrapped(q6)};
         std::vector<std::string> words;
         if (is_free) {
-          words.emplace_back("wrist: axes 4 and 6 are parallel, joint 6 is free and stands at 0");
+          words.emplace_back("wrist: axes 4 and 6 are parallel, joint 6 is free and set to 0");
         } else if (sine < kNearSingular) {
-          words.emplace_back("wrist: axes 4 and 6 are next to parallel");
+          words.emplace_back("wrist: axes 4 and 6 are nearly parallel");
         }
         if (std::abs(std::sin(q3)) < kNearSingular) words.emplace_back("elbow: the arm is stretched or folded");
         if (std::abs(std::sin(std::acos(shoulder_cosine))) < kNearSingular) {
-          words.emplace_back("shoulder: the wrist is next to the base's axis");
+          words.emplace_back("shoulder: the wrist is close to the axis of the base");
         }
         posture.singularity = Join(words, "; ");
         postures.push_back(std::move(posture));

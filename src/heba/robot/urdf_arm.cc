@@ -107,7 +107,7 @@ class KdlArm final : public UrdfArm {
       });
       if (!is_known) postures.push_back(std::move(joints));
     }
-    if (postures.empty()) return Failure{"no posture was found that reaches it within the joints' limits"};
+    if (postures.empty()) return Failure{"no posture within the joint limits was found"};
     std::sort(postures.begin(), postures.end());
     return postures;
   }
@@ -126,7 +126,7 @@ std::string FindTip(const urdf::ModelInterface& model, const std::filesystem::pa
   }
   if (leaves.size() != 1) {
     throw InputError(path.string() + ": has " + std::to_string(leaves.size()) +
-                     " links that end a branch; name the flange's (tip_link), one of: " + Join(leaves, ", "));
+                     " links without a child; name the flange (tip_link), one of: " + Join(leaves, ", "));
   }
   return leaves.front();
 }
@@ -153,8 +153,7 @@ void CheckXml(const std::filesystem::path& path, const std::string& text) {
   constexpr int kMaxDepth = 100;
   if (!IsUtf8(text) || text.find('\0') != std::string::npos)
     throw InputError(path.string() + ": is not a URDF: not UTF-8");
-  if (DepthOf(text) > kMaxDepth)
-    throw InputError(path.string() + ": is not a URDF: elements lie too deep in one another");
+  if (DepthOf(text) > kMaxDepth) throw InputError(path.string() + ": is not a URDF: elements are nested too deeply");
 }
 
 }  // namespace
@@ -185,7 +184,10 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
   std::vector<urdf::JointConstSharedPtr> joints;
   for (urdf::LinkConstSharedPtr link = model->getLink(tip); link->name != base; link = link->getParent()) {
     if (!link->parent_joint) {
-      throw InputError(path.string() + ": link " + Quoted(tip) + " does not hang on " + Quoted(base));
+      throw InputError(path.string() + ": link " + Quoted(tip) + " is not connected to " + Quoted(base));
+    }
+    if (joints.size() == model->joints_.size()) {
+      throw InputError(path.string() + ": the joints that lead to link " + Quoted(tip) + " form a loop");
     }
     joints.push_back(link->parent_joint);
   }
@@ -199,10 +201,12 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
     const bool is_turning = joint->type == urdf::Joint::REVOLUTE || joint->type == urdf::Joint::CONTINUOUS;
     const bool is_sliding = joint->type == urdf::Joint::PRISMATIC;
     if (!is_turning && !is_sliding && joint->type != urdf::Joint::FIXED) {
-      throw InputError(path.string() + ": joint " + Quoted(joint->name) + " is neither turning, sliding nor fixed");
+      throw InputError(path.string() + ": joint " + Quoted(joint->name) +
+                       " is neither revolute, continuous, prismatic nor fixed");
     }
     if (joint->mimic)
-      throw InputError(path.string() + ": joint " + Quoted(joint->name) + " mimics another; no arm is read with such");
+      throw InputError(path.string() + ": joint " + Quoted(joint->name) +
+                       " mimics another joint, which is not supported");
     const urdf::Vector3& axis = joint->axis;
     const urdf::Vector3& origin = joint->parent_to_joint_origin_transform.position;
     const double axis_length = std::hypot(axis.x, axis.y, axis.z);
@@ -211,7 +215,7 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
     if (!(distance_m < kFarthestM) ||
         (joint->type != urdf::Joint::FIXED && !(axis_length > 1e-6 && axis_length < 1e6))) {
       throw InputError(path.string() + ": joint " + Quoted(joint->name) +
-                       " has no axis, or its origin is absurdly far");
+                       " has no axis, or its origin is absurdly far away");
     }
     chain.addSegment(ToKdl(*joint));
     if (!is_turning && !is_sliding) continue;

@@ -124,7 +124,8 @@ Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Came
     if (static_cast<int>(poses.size()) == 3 + options.num_turns) return poses;
   }
   return Failure{
-      "the target does not stay in the image during the two translations and the turns about the tool point; shorter "
+      "the target does not stay in the image during the two translations and the rotations about the tool point; "
+      "shorter "
       "or smaller ones, or a larger distance, are needed"};
 }
 

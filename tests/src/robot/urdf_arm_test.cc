@@ -96,6 +96,11 @@ TEST_F(UrdfArmTest, FaultsSayWhatIsWrong) {
   EXPECT_NE(ErrorOf(UrdfOf(*FindUrRobot("ur5"), branch)).find("name the flange's (tip_link), one of: camera, flange"),
             std::string::npos);
   EXPECT_EQ(ErrorOf(UrdfOf(*FindUrRobot("ur5"), branch), "", "flange"), "no error");
+  const std::string loop =
+      "<link name=\"a\"/><link name=\"b\"/>"
+      "<joint name=\"ab\" type=\"fixed\"><parent link=\"a\"/><child link=\"b\"/></joint>"
+      "<joint name=\"ba\" type=\"fixed\"><parent link=\"b\"/><child link=\"a\"/></joint>";
+  EXPECT_NE(ErrorOf(UrdfOf(*FindUrRobot("ur5"), loop), "", "b").find("form a loop"), std::string::npos);
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ int RunCommand_cache(const std::vector<std::string>& arguments) {
   }
   std::cout << ForTerminal(folder.string() + ": " + SizeText(SizeOfCache()) + "; at most " +
                            Fixed(LargestCacheBytes() / 1e6, 0) +
-                           " MB are kept (HEBA_CACHE_MB), those that were used last")
+                           " MB are kept (HEBA_CACHE_MB), the most recently used ones")
             << std::endl;
   return kDone;
 }

@@ -24,7 +24,7 @@ std::vector<std::filesystem::path> RunsIn(const std::filesystem::path& folder) {
     const bool is_hidden = entry.path().filename().string().starts_with(".");
     if (!is_hidden && fs::exists(entry.path() / "result.json", error)) runs.push_back(entry.path());
   }
-  if (runs.empty()) throw InputError(folder.string() + ": holds no run (no result.json)");
+  if (runs.empty()) throw InputError(folder.string() + ": contains no run (no result.json)");
   std::sort(runs.begin(), runs.end());
   return runs;
 }

@@ -64,8 +64,7 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   namespace fs = std::filesystem;
   RunConfig config = ReadRunConfig(arguments[0], Settings());
   for (const Capture& capture : config.captures) {
-    if (capture.image.empty())
-      throw InputError(arguments[0] + ": capture " + capture.name + " has no picture to be searched");
+    if (capture.image.empty()) throw InputError(arguments[0] + ": capture " + capture.name + " has no image");
   }
   const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
   const fs::path output =
@@ -75,9 +74,9 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   const std::vector<CaptureDetection> detections = DetectCaptures(config, NumThreads(), verbosity);
   FitCameraToImages(detections.front(), &config);
   const std::optional<Camera> camera = FittedCamera(config, detections);
-  const std::string through = camera
-                                  ? (config.camera ? "the given camera" : "a " + camera->model + " lens fitted to them")
-                                  : "a plane without a lens, for these pictures do not give one";
+  const std::string through =
+      camera ? (config.camera ? "the given camera" : "a " + camera->model + " camera estimated from them")
+             : "a homography, because these images do not determine a camera";
   fs::create_directory(folder.staging() / "overlays");
   std::vector<std::string> lines(config.captures.size());
   ParallelFor(static_cast<int>(config.captures.size()), NumThreads(), [&](int index) {
@@ -107,14 +106,14 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   int seen = 0;
   for (const CaptureDetection& detection : detections) seen += detection.detection.ids.empty() ? 0 : 1;
   if (!FLAGS_quiet) {
-    std::string text = "the target was seen in " + std::to_string(seen) + " of " + std::to_string(detections.size()) +
-                       " pictures; residuals are through " + through +
-                       ", and drawn up to 100 times as long as they are\n";
+    std::string text = "the target was detected in " + std::to_string(seen) + " of " +
+                       std::to_string(detections.size()) + " images; residuals are under " + through +
+                       ", drawn magnified by up to 100\n";
     for (const std::string& line : lines) text += line + "\n";
-    std::cout << ForTerminal(text) << "pictures: " << (output / "overlays").string() << std::endl;
+    std::cout << ForTerminal(text) << "images: " << (output / "overlays").string() << std::endl;
   }
   if (seen > 0) return kDone;
-  PrintError(arguments[0] + ": the target was not seen in any picture");
+  PrintError(arguments[0] + ": the target was not detected in any image");
   return kWorkFailed;
 }
 

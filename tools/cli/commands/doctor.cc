@@ -18,7 +18,7 @@ std::string DiagnosisText(const std::string& name, const Diagnosis& diagnosis) {
   const auto num_wrong = static_cast<size_t>(diagnosis.NumWrong());
   const size_t num_remarks = diagnosis.symptoms.size() - num_wrong;
   std::string text = name + ": " + std::to_string(diagnosis.num_captures) + " captures, " +
-                     std::to_string(diagnosis.num_seen) + " of them show a pose of the target; " +
+                     std::to_string(diagnosis.num_seen) + " of them determine a pose of the target; " +
                      (num_wrong == 0 ? "nothing is wrong" : std::to_string(num_wrong) + " wrong") + ", " +
                      std::to_string(num_remarks) + (num_remarks == 1 ? " remark\n" : " remarks\n");
   // Only the first of many similar symptoms are printed, with their cure once.
@@ -45,14 +45,14 @@ std::string DiagnosisText(const std::string& name, const Diagnosis& diagnosis) {
 
 Symptom UnreadablePoses(const std::string& fault, const GuessedReading& guessed) {
   const std::optional<PoseFit>& fit = guessed.diagnosis.pose_fit;
-  std::string why = "; by their sizes alone, for the pictures cannot tell";
-  if (guessed.fits) why = " fit the pictures (robot and pictures differ by " + fit->misfit + ")";
-  if (fit && !guessed.fits) why = "; but no reading of them that was tried fits the pictures";
-  return {
-      Severity::kWrong, "pose_format",
-      "the poses cannot be read as the config says: " + fault + "; there are " + ReadingInWords(guessed.format) + why,
-      fit && !guessed.fits ? "say what the columns are (captures.pose_format: {columns: [...], ...})"
-                           : "set captures.pose_format: " + PoseFormatText(guessed.format)};
+  std::string why = "; this is a guess from the size of the numbers, because the images cannot determine it";
+  if (guessed.fits) why = ", which fits the images (robot and images differ by " + fit->misfit + ")";
+  if (fit && !guessed.fits) why = "; but no format that was tried fits the images";
+  return {Severity::kWrong, "pose_format",
+          "the poses cannot be read as the config says: " + fault + "; they seem to be " +
+              ReadingInWords(guessed.format) + why,
+          fit && !guessed.fits ? "state the meaning of the columns (captures.pose_format: {columns: [...], ...})"
+                               : "set captures.pose_format: " + PoseFormatText(guessed.format)};
 }
 
 }  // namespace

@@ -53,7 +53,7 @@ void ReadFrame(const char* flag, const std::string& given, std::string* frame) {
   });
   if (!is_plain) {
     throw InputError(std::string("--") + flag + ": " + Quoted(given) +
-                     " is no name of a frame; letters, digits, _ and / are possible");
+                     " is not a valid frame name; letters, digits, _ and / are allowed");
   }
   *frame = given;
 }
@@ -101,12 +101,12 @@ ExportRequest RequestAskedFor(const fs::path& run) {
   }
   if (request.is_ur_controller && request.parent_frame == "base_link" && request.setup == Setup::kEyeToHand) {
     std::cerr << "heba: warning: the run's poses are those of a Universal Robots controller, in its frame base; "
-                 "base_link of ROS is turned by 180 deg about z against it, so name the parent base"
+                 "base_link of ROS is rotated by 180 deg about z relative to it, so name the parent base"
               << std::endl;
   }
   if (result.verdict.grade == Grade::kBad && !FLAGS_quiet) {
     std::cerr << "heba: warning: the verdict of this run is bad: " << file.parent_path().string()
-              << "/report.html says why" << std::endl;
+              << "/report.html gives the reasons" << std::endl;
   }
   if (FLAGS_units != "m" && FLAGS_units != "mm") {
     throw InputError("--units: " + Quoted(FLAGS_units) + "; m or mm");
@@ -127,7 +127,7 @@ int ExportAll(const ExportRequest& request) {
   for (const ExportFormat& format : ExportFormats()) {
     const fs::path file = folder / format.file_name;
     if (fs::exists(file, error) && ReadTextFile(file).find(kExportMark) == std::string::npos) {
-      throw InputError(file.string() + ": is no export of heba's and is not replaced; name another folder");
+      throw InputError(file.string() + ": was not exported by heba and is not replaced; name another folder");
     }
   }
   fs::create_directories(folder, error);
@@ -157,7 +157,7 @@ int RunCommand_export(const std::vector<std::string>& arguments) {
   const ExportRequest request = RequestAskedFor(run);
   if (all) return ExportAll(request);
   if (FLAGS_units != "m" && format->name != "matrix") {
-    throw InputError("--units: format " + format->name + " has its own; only matrix is written in either");
+    throw InputError("--units: format " + format->name + " has a fixed unit; only matrix can be written in both");
   }
   const Outcome<std::string> text = ExportText(*format, request);
   if (!text) {

@@ -48,7 +48,7 @@ ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
     add("target.yaml", set.target);
     config += "target: target.yaml\n";
   } else if (has_images || has_corners) {
-    config += "# target: ...: the data set does not say what it is\n";
+    config += "# target: ...: the data set does not describe it\n";
   }
   if (set.camera) {
     Camera camera = *set.camera;
@@ -61,7 +61,7 @@ ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
       add("camera.yaml", CameraToYaml(camera));
       config += "camera:\n  intrinsics: camera.yaml\n";
     } else {
-      config += "# camera: the data set has one, but does not say how large its pictures are\n";
+      config += "# camera: the data set has one, but does not state the size of its images\n";
     }
   }
   config += "captures:\n";
@@ -116,7 +116,7 @@ void RefuseToSwallow(const ImportedSet& set, const fs::path& source, const fs::p
   for (const fs::path& path : kept) {
     const fs::path inside = fs::weakly_canonical(path).lexically_relative(target);
     if (!inside.empty() && *inside.begin() != "..") {
-      throw InputError(output.string() + ": holds " + path.string() +
+      throw InputError(output.string() + ": contains " + path.string() +
                        ", which is imported; name another folder (--out)");
     }
   }
@@ -127,8 +127,8 @@ int ImportRawFolder(const fs::path& source, const fs::path& output) {
   const std::optional<RawFolder> raw = FindRawFolder(source);
   if (!raw) {
     throw InputError(source.string() +
-                     ": is a data set of no form that heba knows, nor a folder of pictures with a table "
-                     "of poses (or one file a pose); one of: " +
+                     ": is neither a data set in a known format nor a folder of images with a table "
+                     "of poses (or one file per pose); known formats: " +
                      Join(ImportFormatNames(), ", "));
   }
   RefuseToSwallow({}, source, output);
@@ -141,7 +141,7 @@ int ImportRawFolder(const fs::path& source, const fs::path& output) {
   WriteFileAtomically(folder.staging() / "config.yaml", text + made.text);
   folder.Commit();
   if (FLAGS_quiet) return kDone;
-  std::string report = source.string() + ": " + std::to_string(raw->num_images) + " pictures in " +
+  std::string report = source.string() + ": " + std::to_string(raw->num_images) + " images in " +
                        raw->pictures.string() + ", poses in " + raw->poses.string() + "\n";
   for (const std::string& remark : made.remarks) report += "remark: " + remark + "\n";
   std::cout << ForTerminal(report) << "written: " << (output / "config.yaml").string() << std::endl;
@@ -159,7 +159,7 @@ int RunCommand_import(const std::vector<std::string>& arguments) {
   if (FLAGS_format.empty() && fs::is_directory(source, error) && FindImportFormat(source) == nullptr) {
     return ImportRawFolder(source, output);
   }
-  if (!FLAGS_target.empty()) throw InputError("--target: a data set of a known form says itself what its target is");
+  if (!FLAGS_target.empty()) throw InputError("--target: a data set in a known format describes its own target");
   const ImportedSet set = ImportDataSet(source, FLAGS_format);
   const ImportedFiles made = FilesOf(set, output);
   RefuseToSwallow(set, source, output);

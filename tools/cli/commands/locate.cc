@@ -34,7 +34,8 @@ FinishedRun ReadFinishedRun(const std::filesystem::path& folder) {
   FinishedRun run;
   run.result = ReadResult(folder / "result.json");
   if (FindRefined(run.result) == nullptr) {
-    throw InputError(folder.string() + ": holds no refined estimate; a calibration from pictures or corners is needed");
+    throw InputError(folder.string() +
+                     ": contains no refined estimate; a calibration from images or corners is needed");
   }
   MapReader config(ReadYamlFile(folder / "config.yaml"));
   run.target = ReadTarget(config, "target");
@@ -72,7 +73,7 @@ std::string SigmasMm(const Eigen::Matrix3d& covariance_m2) {
 
 // Formats a covariance as "sx, sy, sz mm (calibration ...; picture ...)".
 std::string SigmasText(const PositionCovariance& covariance) {
-  return SigmasMm(covariance.TotalM2()) + " mm (calibration " + SigmasMm(covariance.by_calibration_m2) + "; picture " +
+  return SigmasMm(covariance.TotalM2()) + " mm (calibration " + SigmasMm(covariance.by_calibration_m2) + "; image " +
          SigmasMm(covariance.by_image_m2) +
          (covariance.by_robot_m2.isZero() ? "" : "; robot " + SigmasMm(covariance.by_robot_m2)) + ")";
 }
@@ -82,14 +83,14 @@ bool IsKnown(const Eigen::Vector3d& place_m, const PositionCovariance& covarianc
   const Eigen::Vector3d variances = covariance.TotalM2().diagonal();
   return place_m.allFinite() && variances.allFinite() && variances.minCoeff() >= 0;
 }
-constexpr const char* kNotKnown = "the place and its uncertainty are no finite numbers; the result is not to be used";
+constexpr const char* kNotKnown = "the position or its uncertainty is not a finite number; do not use this result";
 
 double LargestSigmaMm(const PositionCovariance& covariance) {
   return 1000 * std::sqrt(covariance.TotalM2().diagonal().maxCoeff());
 }
 
 std::string DescribeSigma(const LocatedTarget& located) {
-  return "  one sigma of its middle, along the base's x, y, z: " + SigmasText(located.covariance) + "\n";
+  return "  one sigma of its centre, along the base's x, y, z: " + SigmasText(located.covariance) + "\n";
 }
 
 // The arm of --robot: one of the built-in table, or a URDF's from its root to its only tip. Neither without the flag.
@@ -113,7 +114,7 @@ std::string DescribePostures(const UrdfArm& arm, const Rigid3d& base_from_target
   const Outcome<std::vector<std::vector<double>>> postures = arm.PosturesOf(base_from_target);
   if (!postures) return "  " + FLAGS_robot + ": " + postures.reason() + "\n";
   std::string text = "  " + FLAGS_robot + ": " + std::to_string(postures->size()) +
-                     " postures found that bring the tip's frame onto the target's; " + Join(arm.joint_names(), ", ") +
+                     " postures found that align the tip's frame with the target's; " + Join(arm.joint_names(), ", ") +
                      " in deg or m:\n";
   for (const std::vector<double>& posture : *postures) {
     text += "   ";
@@ -129,7 +130,7 @@ std::string DescribePostures(const UrRobot& robot, const Rigid3d& base_from_targ
   const Outcome<std::vector<UrPosture>> postures = PosturesOf(robot, base_from_target);
   if (!postures) return "  " + robot.name + ": " + postures.reason() + "\n";
   std::string text = "  " + robot.name + ": " + std::to_string(postures->size()) +
-                     " postures bring the flange's frame onto the target's; joints in deg:\n";
+                     " postures align the flange's frame with the target's; joints in deg:\n";
   for (const UrPosture& posture : *postures) {
     text += "   ";
     for (const double joint_rad : posture.joints_rad) text += PadLeft(Fixed(RadToDeg(joint_rad), 3), 10);
@@ -173,7 +174,7 @@ std::vector<Eigen::Vector2d> PixelsAskedFor() {
     if (fields.size() != 2 || !ParseDouble(Trim(fields[0]), &pixel.x()) || !ParseDouble(Trim(fields[1]), &pixel.y()) ||
         !pixel.allFinite()) {
       throw InputError("--pixels: " + Quoted(Trim(pair)) +
-                       " is no pixel; u,v is needed, more of them after semicolons");
+                       " is no pixel; u,v is needed, several separated by semicolons");
     }
     pixels.push_back(pixel);
   }
@@ -239,7 +240,7 @@ PixelsAsked ReadPixelsAsked(const Camera& camera) {
   for (const Eigen::Vector2d& pixel : asked.pixels) {
     if (pixel.minCoeff() < -0.5 || pixel.x() > camera.width_px - 0.5 || pixel.y() > camera.height_px - 0.5) {
       throw InputError("--pixels: " + Significant(pixel.x(), 6) + "," + Significant(pixel.y(), 6) +
-                       " is outside of the pictures of " + std::to_string(camera.width_px) + " x " +
+                       " is outside the image of " + std::to_string(camera.width_px) + " x " +
                        std::to_string(camera.height_px) + " px");
     }
   }
@@ -322,9 +323,9 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
   const bool is_carried = run.result.setup == Setup::kEyeInHand;
   if (is_carried && (FLAGS_pose.empty() || arguments.size() > 2)) {
     throw InputError("the robot carries the camera: one IMAGE, with --pose " +
-                     Join(run.pose_reading.format.columns, ",") + " as the robot had it");
+                     Join(run.pose_reading.format.columns, ",") + ", the robot pose of that image, is needed");
   }
-  if (!is_carried && !FLAGS_pose.empty()) throw InputError("--pose: the camera stands still; leave this out");
+  if (!is_carried && !FLAGS_pose.empty()) throw InputError("--pose: the camera is stationary; leave this out");
   const Rigid3d base_from_mount = is_carried ? PoseAskedFor(run.pose_reading) : Rigid3d();
   const PixelsAsked asked = ReadPixelsAsked(refined->camera);
   const std::optional<Rigid3d> near = NearAskedFor(run);

@@ -18,7 +18,7 @@ int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
   const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
   const std::optional<RunResult> current = FLAGS_resume ? CurrentResult(output, config) : std::nullopt;
-  if (current) console.Note(config.name + ": nothing has changed since these results");
+  if (current) console.Note(config.name + ": the inputs have not changed since these results");
   const Outcome<RunResult> result =
       current ? Outcome<RunResult>(*current) : RunPipeline(config, output, NumThreads(), &console);
   if (!result) {

@@ -92,7 +92,7 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
                   scene.setup));
   folder.Commit();
   if (!FLAGS_quiet) {
-    std::cout << rows.size() << " pictures with truth in " << FLAGS_out << "; next: heba run "
+    std::cout << rows.size() << " images with ground truth in " << FLAGS_out << "; next: heba run "
               << (fs::path(FLAGS_out) / "config.yaml").string() << std::endl;
   }
   return kDone;

@@ -43,11 +43,12 @@ int RunCommand_study(const std::vector<std::string>& arguments) {
     }
   }
   if (!results.empty() && !FLAGS_quiet) {
-    std::cerr << results.size() << " of " << results.size() + to_do.size() << " cells were there" << std::endl;
+    std::cerr << results.size() << " of " << results.size() + to_do.size() << " cells were already complete"
+              << std::endl;
   }
   // The first trial of a large cell may take a while.
   if (!FLAGS_quiet) {
-    std::cerr << to_do.size() << (to_do.size() == 1 ? " cell, " : " cells, ") << study.num_trials << " trials of each"
+    std::cerr << to_do.size() << (to_do.size() == 1 ? " cell, " : " cells, ") << study.num_trials << " trials each"
               << std::endl;
   }
   Progress progress("trial", static_cast<int>(to_do.size()) * study.num_trials,

@@ -27,7 +27,7 @@ int RunCommand_target(const std::vector<std::string>& arguments) {
   WriteFileAtomically(json, SheetJson(sheet, path));
   std::cout << path.string() << ": " << sheet.page_mm.x() << " x " << sheet.page_mm.y() << " mm, "
             << sheet.points.size() << " points; print at 100 % and check the ruler\n"
-            << json.string() << ": where the points are" << std::endl;
+            << json.string() << ": the positions of the points" << std::endl;
   if (target->Symmetries().size() > 1) {
     std::cerr << "heba: warning: " << arguments[0] << ": " << SymmetryRemark(*target) << "; " << SymmetryCure(*target)
               << std::endl;

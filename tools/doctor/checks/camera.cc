@@ -67,7 +67,7 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
   const double wider = static_cast<double>(picture.width_px) / given.width_px;
   const double higher = static_cast<double>(picture.height_px) / given.height_px;
   Symptom symptom{Severity::kWrong, "camera_size",
-                  examination->config.camera_file + " is for pictures of " + SizeText(given.width_px, given.height_px) +
+                  examination->config.camera_file + " is for images of " + SizeText(given.width_px, given.height_px) +
                       ", but these are " + SizeText(picture.width_px, picture.height_px),
                   ""};
   constexpr double kSame = 0.01;
@@ -83,11 +83,11 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
     symptom.cure = "multiply fx and fy by " + Significant(wider, 4) +
                    ", and cx + 0.5 and cy + 0.5, or calibrate at this resolution";
   } else {
-    symptom.what += ": " + std::string(wider <= 1 && higher <= 1 ? "cut out of it (cropped)" : "of another shape");
-    symptom.cure = "take the window's left and top from cx and cy, or calibrate at this resolution";
+    symptom.what += ": " + std::string(wider <= 1 && higher <= 1 ? "cropped" : "another aspect ratio");
+    symptom.cure = "subtract the window's left and top from cx and cy, or calibrate at this resolution";
   }
-  symptom.cure += "; or leave camera.intrinsics out, and they are estimated from these pictures";
-  if (estimated) symptom.what += "; by the pictures themselves the focal length is " + FocalText(*estimated);
+  symptom.cure += "; or leave camera.intrinsics out to estimate them from these images";
+  if (estimated) symptom.what += "; estimated from the images, the focal length is " + FocalText(*estimated);
   examination->camera = estimated ? *estimated : is_scaled ? scaled : cropped;
   return symptom;
 }
@@ -104,9 +104,8 @@ std::vector<Symptom> Check_camera(Examination* examination) {
     if (found) {
       estimated = *found;
     } else if (!config.camera) {
-      return {{Severity::kWrong, "no_camera",
-               "the intrinsics cannot be estimated from these pictures: " + found.reason(),
-               "give them (camera.intrinsics), or take more captures with the target tilted"}};
+      return {{Severity::kWrong, "no_camera", "the intrinsics cannot be estimated from these images: " + found.reason(),
+               "provide them (camera.intrinsics), or take more captures with the target tilted"}};
     }
   }
   if (!config.camera) {
@@ -132,32 +131,32 @@ std::vector<Symptom> Check_camera(Examination* examination) {
     if (kDecidedly * then->typical_misfit_m >= by_robot->typical_misfit_m) continue;
     examination->camera = scaled;
     return {{Severity::kWrong, "camera_scale",
-             "the intrinsics of " + config.camera_file + " are for pictures " + (factor > 1 ? "half" : "twice") +
+             "the intrinsics of " + config.camera_file + " are for images " + (factor > 1 ? "half" : "twice") +
                  " as large: with " + Fixed(factor, 1) +
-                 " times the focal length and principal point robot and pictures differ by " + MisfitText(*then) +
-                 ", as they are by " + MisfitText(*by_robot),
-             "give the intrinsics of this resolution, or leave camera.intrinsics out, and they are estimated"}};
+                 " times the focal length and principal point, robot and images differ by " + MisfitText(*then) +
+                 ", with the given ones by " + MisfitText(*by_robot),
+             "provide the intrinsics of this resolution, or leave camera.intrinsics out to estimate them"}};
   }
   if (!estimated) return {};
   const double estimated_fit_px = FitPx(*examination, *estimated);
   const double ratio = estimated->params[0] / camera.params[0];
   constexpr double kPoorPx = 0.5;
   constexpr double kPoorRatio = 2.5;
-  const std::string fits = "views of the target fit to " + Significant(fit_px, 2) +
-                           " px with the given intrinsics, to " + Significant(estimated_fit_px, 2) +
-                           " px with those that the pictures tell";
+  const std::string fits = "single views fit to " + Significant(fit_px, 2) + " px with the given intrinsics, to " +
+                           Significant(estimated_fit_px, 2) + " px with those estimated from the images";
   if (!std::isfinite(estimated_fit_px) || fit_px < kPoorPx || fit_px < kPoorRatio * estimated_fit_px) return {};
   constexpr double kOther = 0.08;
   const bool is_other_lens = std::abs(ratio - 1) > kOther;
   // Slightly more than noise is a remark, because nominal intrinsics are often good enough.
   const bool is_wrong = fit_px > 4 * kPoorPx || is_other_lens;
-  Symptom symptom{is_wrong ? Severity::kWrong : Severity::kRemark, is_other_lens ? "camera" : "distortion",
-                  is_other_lens ? "the intrinsics are of another camera or resolution: " + fits + "; focal length " +
-                                      FocalText(camera) + " given, " + FocalText(*estimated) + " by the pictures"
-                                : "the lens distorts otherwise than the intrinsics say: " + fits,
-                  "give the intrinsics of this camera at this resolution, or leave camera.intrinsics out, and they are "
-                  "estimated (camera.model: " +
-                      estimated->model + ")"};
+  Symptom symptom{
+      is_wrong ? Severity::kWrong : Severity::kRemark, is_other_lens ? "camera" : "distortion",
+      is_other_lens ? "the intrinsics are of another camera or resolution: " + fits + "; focal length " +
+                          FocalText(camera) + " given, " + FocalText(*estimated) + " estimated from the images"
+                    : "the distortion of the lens differs from that of the intrinsics: " + fits,
+      "provide the intrinsics of this camera at this resolution, or leave camera.intrinsics out to have them "
+      "estimated (camera.model: " +
+          estimated->model + ")"};
   examination->camera = estimated;
   return {symptom};
 }

@@ -40,14 +40,14 @@ std::vector<Symptom> SharedImages(Examination* examination) {
                           capture.name + " is the same image as " + other.name +
                               ", byte by byte, but has another pose of the robot, " + ApartText(capture, other) +
                               " away",
-                          "leave one of them out, the one whose pose does not belong to it"});
+                          "leave out the one whose pose does not belong to the image"});
     }
   }
   if (!copies.empty()) {
     symptoms.push_back({Severity::kRemark, "repeated_image",
                         std::to_string(copies.size()) + " of " + std::to_string(captures.size()) +
                             " captures repeat the image of another one, byte by byte, and its pose, such as " + example,
-                        "they do not count: take more captures in the place of copies"});
+                        "copies are not used: take more captures instead"});
   }
   std::erase_if(examination->views, [&](const ExaminedView& view) { return copies.count(view.capture) > 0; });
   return symptoms;
@@ -82,7 +82,7 @@ std::vector<Symptom> SamePoses(const std::vector<ExaminedView>& views, double li
     if (apart_m <= limit_m) continue;
     symptoms.push_back({Severity::kWrong, "same_pose",
                         other.view.name + " and " + views[i].view.name +
-                            " have the same pose of the robot, to the last digit, but their pictures show the target " +
+                            " have the same robot pose, to the last digit, but their images show the target " +
                             Significant(1000 * apart_m, 2) + " mm apart",
                         "the pose of one of them belongs to another moment; leave that one out"});
   }
@@ -164,7 +164,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
                       "swap their names in the poses file"}
             : Symptom{
                   Severity::kWrong, "wrong_pose", name + " fits the pose of " + other + "; " + evidence,
-                  "look at the two pictures and at the poses file's lines for them; leave out the one that has not its "
+                  "look at the two images and at the poses file's lines for them; leave out the one that has not its "
                   "own pose"});
   }
   if (!alone.empty()) {
@@ -173,7 +173,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
          std::to_string(alone.size()) + (alone.size() == 1 ? " capture contradicts" : " captures contradict") +
              " the others, which differ from the robot by " + Significant(1000 * consistency->typical_misfit_m, 2) +
              " mm at the target: " + Join(alone, ", "),
-         "the pose is of another moment, the robot had not settled, or the target was read wrongly: leave "
+         "the pose belongs to another moment, the robot had not settled, or the target was misread: leave "
          "them out or take them again"});
   }
   return symptoms;

@@ -16,7 +16,7 @@ std::vector<Symptom> Check_motion(Examination* examination) {
   if (poses.size() < 3 && examination->found_wrong) return {};
   if (!why.empty()) {
     return {{Severity::kWrong, poses.size() < 3 ? "few_captures" : "motion", why,
-             "take 15 to 25 captures, with turns of 20 deg and more about two axes or three"}};
+             "take 15 to 25 captures, with rotations of at least 20 deg about two or three axes"}};
   }
   std::vector<Symptom> symptoms;
   constexpr size_t kFew = 8;
@@ -28,10 +28,10 @@ std::vector<Symptom> Check_motion(Examination* examination) {
   constexpr double kLittleDeg = 6;
   if (second_deg < kLittleDeg) {
     symptoms.push_back({Severity::kRemark, "little_rotation",
-                        "the gripper turned by " + Significant(RadToDeg(motion.rotation_rms_rad[0]), 2) +
+                        "the gripper rotated by " + Significant(RadToDeg(motion.rotation_rms_rad[0]), 2) +
                             " deg rms about one axis and by " + Significant(second_deg, 2) +
-                            " deg about a second: what small turns leave open is known badly",
-                        "turn it by 20 deg and more about two axes or three"});
+                            " deg about a second one: small rotations determine parts of the result poorly",
+                        "rotate it by at least 20 deg about two or three axes"});
   }
   return symptoms;
 }

@@ -147,18 +147,18 @@ std::vector<Reading> Pairings(const Examination& examination) {
   for (const std::ptrdiff_t step : {1, -1, 2, -2, 3, -3}) {
     const std::string rows = std::to_string(std::abs(step)) + (std::abs(step) == 1 ? " row" : " rows");
     readings.push_back(
-        Repaired(examination, "each picture belongs to the pose " + rows + (step > 0 ? " further down" : " further up"),
+        Repaired(examination, "each image belongs to the pose " + rows + (step > 0 ? " further down" : " further up"),
                  1.4 + 0.1 * static_cast<double>(std::abs(step)), [&](size_t i) -> std::optional<size_t> {
                    const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + step;
                    return j < 0 || j >= num ? std::nullopt : std::optional(static_cast<size_t>(j));
                  }));
   }
-  readings.push_back(Repaired(examination, "the pictures are in the reverse order of the poses", 1.5,
+  readings.push_back(Repaired(examination, "the images are in the reverse order of the poses", 1.5,
                               [&](size_t i) { return std::optional(config.captures.size() - 1 - i); }));
   for (const bool by_letters_first : {true, false}) {
     const std::vector<size_t> place = PlaceInOtherOrder(config, by_letters_first);
     readings.push_back(Repaired(examination,
-                                "pictures and poses were put in order differently (1, 10, 11, ..., 2 against 1, 2, "
+                                "images and poses were sorted differently (1, 10, 11, ..., 2 against 1, 2, "
                                 "..., 10)",
                                 1.5, [&](size_t i) { return std::optional(place[i]); }));
   }
@@ -201,13 +201,13 @@ std::string RotationText(const PoseFormat& format) {
 std::string EitherSetUp(const RunConfig& config, const Rigid3d& camera_mount_from_camera) {
   const Setup other = config.setup == Setup::kEyeToHand ? Setup::kEyeInHand : Setup::kEyeToHand;
   const auto where = [](Setup setup) {
-    return setup == Setup::kEyeToHand ? "if the camera stands beside the robot" : "if the robot carries the camera";
+    return setup == Setup::kEyeToHand ? "if the camera is fixed beside the robot" : "if the robot carries the camera";
   };
   return std::string(where(config.setup)) + ", set captures.poses_are: " +
          (config.pose_reading.is_base_from_gripper ? "gripper_from_base" : "base_from_gripper") + " (" +
          HandEyeText(config.setup, camera_mount_from_camera) + "); " + where(other) +
          ", set setup: " + std::string(SetupName(other)) + " (" + HandEyeText(other, camera_mount_from_camera) +
-         "); the data cannot tell these two apart, you can see it";
+         "); the data cannot distinguish these two, but you can see which one applies";
 }
 
 // Describes the best reading. Returns nothing if it differs from the config's only by an insignificant scale.
@@ -218,12 +218,12 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
   Symptom symptom;
   symptom.severity = Severity::kWrong;
   const Reading& reading = best.reading;
-  const std::string evidence = "; read so, robot and pictures differ by " + MisfitText(best.consistency) +
-                               ", as the config reads them by " + MisfitText(now) + " (7 of 10 captures by less)";
+  const std::string evidence = "; with this reading, robot and images differ by " + MisfitText(best.consistency) +
+                               ", with the config's by " + MisfitText(now) + " (7 of 10 captures by less)";
   if (!reading.pairing.empty()) {
     symptom.code = "pairing";
-    symptom.what = "pictures and poses are out of step: " + reading.pairing + evidence;
-    symptom.cure = "put the rows of the poses file right, and name each one's picture in a column image";
+    symptom.what = "images and poses are paired wrongly: " + reading.pairing + evidence;
+    symptom.cure = "correct the rows of the poses file, and name the image of each in a column image";
     return symptom;
   }
   std::vector<std::string> codes;
@@ -236,8 +236,9 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
   const bool other_unit = best.unit != format_now.translation_unit;
   if (other_rotation) {
     codes.emplace_back("rotation_format");
-    faults.push_back("the rotations are " + RotationText(format) + ", not " + RotationText(format_now) +
-                     (alike.empty() ? "" : " (or " + Join(alike, ", or ") + ": these captures cannot tell)"));
+    faults.push_back(
+        "the rotations are " + RotationText(format) + ", not " + RotationText(format_now) +
+        (alike.empty() ? "" : " (or " + Join(alike, ", or ") + ": these captures cannot distinguish them)"));
   } else if (other_angle) {
     codes.emplace_back("angle_unit");
     faults.push_back("the angles are in " + format.angle_unit + ", not in " + format_now.angle_unit);
@@ -272,7 +273,7 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
   }
   if (config.imported && config.poses_file.empty()) {
     cures.emplace_back(
-        "a data set's own poses are read in one way only: write them as heba's files first (heba import), "
+        "the poses of a data set have a fixed format: convert it to heba's files first (heba import), "
         "and change it there");
   }
   if (codes.empty()) return std::nullopt;
@@ -379,10 +380,10 @@ std::vector<Symptom> Check_poses(Examination* examination) {
     return {{Severity::kWrong, "target_scale",
              "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +
                  Significant(scaled->robot_scale_stddev / (scale * scale), 1) +
-                 ", one sigma): with that robot and pictures differ by " + MisfitText(*scaled) + ", without by " +
+                 ", one sigma): with this scale, robot and images differ by " + MisfitText(*scaled) + ", without by " +
                  MisfitText(*now),
              "measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 3) +
-                 " (or, if it is right, the focal length is wrong by that)"}};
+                 " (or, if it is right, the focal length is wrong by this factor)"}};
   }
 
   if (now->typical_misfit_m > kPoorShare * distance_m) {
@@ -390,13 +391,12 @@ std::vector<Symptom> Check_poses(Examination* examination) {
     for (const PoseCandidates& capture : captures) mounts.push_back(capture.camera_mount_from_target_mount);
     const MotionAnalysis motion = AnalyseMotion(mounts);
     const std::string why = WhyNotObservable(motion);
-    return {
-        {Severity::kWrong, "poses_unexplained",
-         "robot and pictures differ by " + MisfitText(*now) +
-             " (7 of 10 captures by less), and no other reading of the poses file explains it" +
-             (why.empty() ? "" : "; by the poses " + why + ", but the pictures show turns"),
-         "do the poses belong to these pictures, all of them of one frame on the arm, and did camera and target stay "
-         "where they are fixed?"}};
+    return {{Severity::kWrong, "poses_unexplained",
+             "robot and images differ by " + MisfitText(*now) +
+                 " (7 of 10 captures by less), and no other reading of the poses file explains it" +
+                 (why.empty() ? "" : "; according to the poses, " + why + ", but the images show rotations"),
+             "do all poses belong to these images and to one frame on the arm, and did camera and target stay "
+             "where they are fixed?"}};
   }
   return {};
 }

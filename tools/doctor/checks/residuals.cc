@@ -72,9 +72,9 @@ std::vector<Symptom> LensStructure(const Camera& camera, const std::vector<ViewR
   constexpr double kMattersPx = 0.1;
   if (chi2 < kBeyondChance * 2 * num_cells || mean_px < kMattersPx) return {};
   return {{Severity::kRemark, "lens",
-           "the residuals of single views have a pattern over the picture (" + Significant(mean_px, 2) +
-               " px rms of the means of its parts): the camera model, " + camera.model +
-               ", or its distortion is not that of the lens",
+           "the residuals of single views have a pattern over the image (" + Significant(mean_px, 2) +
+               " px rms of the means over its parts): the camera model, " + camera.model +
+               ", or its distortion does not fit the lens",
            "free or estimate the distortion, or try another camera.model (brown5, rational8, kannala_brandt4)"}};
 }
 

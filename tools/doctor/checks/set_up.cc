@@ -19,8 +19,8 @@ std::vector<Symptom> Check_set_up(Examination* examination) {
                (is_carried ? "carried by the robot" : "fixed beside the robot") + ", roughly " +
                HandEyeText(config.setup, hand_eye) + "; the same numbers fit a camera that is " +
                (is_carried ? "fixed beside the robot" : "carried by the robot") +
-               ", with poses that are the inverse, as well: " + HandEyeText(other, hand_eye),
-           "no data can tell the two apart: look which of them it is"}};
+               ", with inverted poses, equally well: " + HandEyeText(other, hand_eye),
+           "no data can distinguish the two: check which one applies"}};
 }
 
 }  // namespace heba

@@ -132,10 +132,10 @@ bool IsSeenWell(const RunConfig& config, const std::vector<CaptureDetection>& de
 
 std::string SeenText(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
   const size_t num_seen = NumSeen(detections);
-  return "in " + std::to_string(num_seen) + " of " + std::to_string(detections.size()) + " pictures" +
+  return "in " + std::to_string(num_seen) + " of " + std::to_string(detections.size()) + " images" +
          (num_seen == 0
               ? ""
-              : " (" + Fixed(100 * MiddleShare(config, detections), 0) + " % of its points in the middle one)");
+              : " (" + Fixed(100 * MiddleShare(config, detections), 0) + " % of its points in the median image)");
 }
 
 }  // namespace
@@ -167,12 +167,12 @@ std::vector<Symptom> Check_target(Examination* examination) {
     config.target_used = other->used;
     detect_all();
     return Symptom{Severity::kWrong, "target",
-                   "the pictures show another target than the config names, which is seen " + seen + "; with " +
-                       SettingsText(other->settings) + " it is seen " + SeenText(config, examination->detections),
+                   "the images show another target than the config names, which is detected " + seen + "; with " +
+                       SettingsText(other->settings) + " it is detected " + SeenText(config, examination->detections),
                    "set in the target: " + SettingsText(other->settings)};
   };
   if (NumSeen(few) == 0) {
-    if (const std::optional<Symptom> symptom = look_for_other(SeenText(config, few) + " that were looked at")) {
+    if (const std::optional<Symptom> symptom = look_for_other(SeenText(config, few) + " that were searched")) {
       return {*symptom};
     }
   }
@@ -192,12 +192,12 @@ std::vector<Symptom> Check_target(Examination* examination) {
   const double share = static_cast<double>(NumSeen(all)) / static_cast<double>(all.size());
   constexpr double kHardly = 0.3;
   if (share < kHardly || NumSeen(all) < 3) {
-    return {{Severity::kWrong, "target_not_seen", "the target is seen " + seen + why,
-             "look at heba detect's pictures: is it the target that the config names, whole, sharp and lit?"}};
+    return {{Severity::kWrong, "target_not_seen", "the target is detected " + seen + why,
+             "look at the images of 'heba detect': is it the target that the config names, complete, sharp and lit?"}};
   }
   if (share >= kMostImages) return {};
-  return {{Severity::kRemark, "target_often_missed", "the target is seen " + seen + " only" + why,
-           "look at heba detect's pictures of the others"}};
+  return {{Severity::kRemark, "target_often_missed", "the target is detected only " + seen + why,
+           "look at the other images of 'heba detect'"}};
 }
 
 }  // namespace heba

@@ -13,7 +13,7 @@ Camera Read(const std::string& text, const std::filesystem::path& name) {
   MapReader chain(root);
   std::optional<ConfigValue> only = chain.Find("cam0");
   if (only && chain.Has("cam1")) {
-    only->Fail("a second camera, cam1, is in the file; write the one that is meant to a file of its own");
+    only->Fail("the file contains a second camera, cam1; write the intended one to a separate file");
   }
   // Users often extract the camera alone, without its name.
   MapReader reader(only ? *only : root);

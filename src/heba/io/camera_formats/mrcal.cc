@@ -62,8 +62,8 @@ const LensModel& ReadLensModel(const Dictionary& dictionary) {
     if (model.name == lens_model.text) return model;
     names.push_back(model.name);
   }
-  dictionary.Fail(lens_model, "lensmodel " + Quoted(lens_model.text) + " is not one that heba has; one of: " +
-                                  Join(names, ", ") + " (mrcal-convert-lensmodel makes one)");
+  dictionary.Fail(lens_model, "lensmodel " + Quoted(lens_model.text) + " is not supported; one of: " +
+                                  Join(names, ", ") + " (mrcal-convert-lensmodel converts to one)");
 }
 
 Camera Read(const std::string& text, const std::filesystem::path& name) {

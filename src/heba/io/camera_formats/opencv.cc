@@ -53,11 +53,11 @@ ConfigValue FindOnly(MapReader* reader, const std::vector<std::string>& names, c
     const std::optional<ConfigValue> found = reader->Find(name);
     if (!found) continue;
     if (only) {
-      found->Fail("a second " + what + ", beside '" + only->key() + "'; write the camera's own to a file of its own");
+      found->Fail("a second " + what + ", besides '" + only->key() + "'; write the intended one to a separate file");
     }
     only = found;
   }
-  if (!only) reader->value().Fail("has no " + what + "; it is looked for as: " + Join(names, ", "));
+  if (!only) reader->value().Fail("has no " + what + "; it may be called: " + Join(names, ", "));
   return *only;
 }
 

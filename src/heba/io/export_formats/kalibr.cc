@@ -21,7 +21,7 @@ Outcome<std::string> ExportFormat_kalibr(const ExportRequest& request) {
     distortion.resize(4);
   }
   std::vector<std::string> remarks = ExportRemarks(request);
-  remarks.push_back("camera in parent, x y z qx qy qz qw (a camchain has no place for it): " +
+  remarks.push_back("camera in parent, x y z qx qy qz qw (a camchain cannot hold it): " +
                     JoinNumbers(TranslationAndQuaternion(request.parent_from_child), " "));
   const std::vector<double>& p = camera.params;
   return CommentLines(remarks, "# ") + "cam0:\n  camera_model: pinhole\n  intrinsics: [" +

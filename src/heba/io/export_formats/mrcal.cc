@@ -7,7 +7,8 @@ namespace heba {
 
 Outcome<std::string> ExportFormat_mrcal(const ExportRequest& request) {
   const Camera& camera = request.camera;
-  if (IsFisheye(camera)) return Failure{"mrcal has no lens of the model " + camera.model + "; export as opencv"};
+  if (IsFisheye(camera))
+    return Failure{"mrcal has no equivalent of the camera model " + camera.model + "; export as opencv"};
   const size_t num_distortion = camera.params.size() - 4;
   const std::string lens =
       num_distortion == 0 ? "LENSMODEL_PINHOLE" : "LENSMODEL_OPENCV" + std::to_string(num_distortion);

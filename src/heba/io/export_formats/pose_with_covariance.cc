@@ -7,7 +7,7 @@ namespace heba {
 
 Outcome<std::string> ExportFormat_pose_with_covariance(const ExportRequest& request) {
   if (!request.covariance) {
-    return Failure{"the estimate of " + request.method + " has no covariance; the refined one has"};
+    return Failure{"the estimate of " + request.method + " has no covariance; use the refined one"};
   }
   // The tangent is rotated from the child's axes into the parent's: R exp(w) = exp(R w) R.
   Eigen::Matrix<double, 6, 6> parent_by_child = Eigen::Matrix<double, 6, 6>::Zero();

@@ -19,7 +19,7 @@ Outcome<std::string> ExportFormat_urdf(const ExportRequest& request) {
   const std::string camera = EscapedForMarkup(request.child_frame);
   std::vector<std::string> remarks = ExportRemarks(request);
   if (request.child == ExportFrame::kOptical) {
-    remarks.push_back("of a body frame at the same place: " +
+    remarks.push_back("of a body frame with the same origin: " +
                       Origin(request.parent_from_child * OpticalFromBody()).substr(1));
   }
   // Two hyphens would end the XML comment; numbers contain at most one in a row.

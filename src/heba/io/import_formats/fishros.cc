@@ -34,7 +34,7 @@ ImportedSet Read(const fs::path& source) {
   set.files.push_back(source);
   const std::vector<TextLine> lines = LinesOf(ReadTextFile(source));
   if (lines.size() % 2 != 0) {
-    throw InputError(source.string() + ": the last line has no partner; hand and eye take turns");
+    throw InputError(source.string() + ": the last line has no partner; lines hand and eye must alternate");
   }
   for (size_t i = 0; i < lines.size(); i += 2) {
     ImportedCapture capture;

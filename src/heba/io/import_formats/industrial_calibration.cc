@@ -49,7 +49,7 @@ std::string TargetOf(const ConfigValue& value, std::vector<std::string>* remarks
   if (type == "ModifiedCircleGridTargetFinder") {
     return "type: circle_grid\n" + grid + "spacing: " + Metres(&reader, "spacing") + "\nmarker_dot: true\n";
   }
-  remarks->push_back("the target, " + Quoted(type) + ", is none of heba's; name one in the config");
+  remarks->push_back("the target, " + Quoted(type) + ", is not supported; name a target in the config");
   return "";
 }
 

@@ -21,7 +21,8 @@ ImportedSet Read(const fs::path& source) {
   set.files.push_back(source);
   const std::vector<double> numbers = NumbersOfFile(source);
   if (numbers.size() % kMatrix != 0) {
-    throw InputError(source.string() + ": " + std::to_string(numbers.size()) + " numbers are no 4 x 4 matrices");
+    throw InputError(source.string() + ": " + std::to_string(numbers.size()) +
+                     " numbers are not a whole number of 4 x 4 matrices");
   }
   const size_t count = numbers.size() / kMatrix;
   const std::vector<fs::path> pictures = ImagesForPoses({source.parent_path() / "images"}, count, &set.remarks);

@@ -43,7 +43,7 @@ ImportedSet Read(const fs::path& source) {
   ImportedSet set;
   const fs::path root = RootOf(source);
   if (root.empty()) {
-    throw InputError(source.string() + ": holds no CalibrationInfo.yaml, and neither does the folder above");
+    throw InputError(source.string() + ": contains no CalibrationInfo.yaml, and neither does its parent folder");
   }
   const fs::path info = root / "CalibrationInfo.yaml";
   set.files.push_back(info);
@@ -55,7 +55,7 @@ ImportedSet Read(const fs::path& source) {
     set.target = ChessboardYaml(reader.Int("number_of_rows", kCounts), reader.Int("number_of_columns", kCounts),
                                 reader.Number("size"));
   } else {
-    set.remarks.push_back("the pattern, " + Quoted(pattern) + ", is none that is known; name the target in the config");
+    set.remarks.push_back("the pattern, " + Quoted(pattern) + ", is unknown; name the target in the config");
   }
   const int num_cameras = reader.Int("number_of_cameras", {1, 1000}, 1);
   const bool is_root = fs::equivalent(root, source);

@@ -43,7 +43,7 @@ ImportedSet Read(const fs::path& source) {
     capture.ids.push_back(id);
     capture.pixels.emplace_back(numbers[0], numbers[1]);
   }
-  set.remarks.emplace_back("corners come without the robot's poses: give them (captures.poses)");
+  set.remarks.emplace_back("the file has no robot poses: give them (captures.poses)");
   return set;
 }
 

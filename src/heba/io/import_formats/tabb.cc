@@ -24,7 +24,8 @@ std::string TargetOf(const fs::path& file, std::vector<std::string>* remarks) {
   std::map<std::string, double> values;
   for (const TextLine& line : LinesOf(ReadTextFile(file))) {
     if (line.text.starts_with("tile size:")) {
-      remarks->push_back("calibration_object.txt says '" + line.text + "', not how many corners the chessboard has");
+      remarks->push_back("calibration_object.txt states '" + line.text +
+                         "', not the number of the chessboard's corners");
       return "";
     }
     const size_t blank = line.text.find_first_of(" \t");
@@ -72,7 +73,7 @@ ImportedSet Read(const fs::path& source) {
   const size_t num_poses = (numbers.size() - 1) / kMatrix;
   if (!pictures.empty() && pictures.size() != num_poses) {
     throw InputError(robot.string() + ": has " + std::to_string(num_poses) + " poses for " +
-                     std::to_string(pictures.size()) + " pictures");
+                     std::to_string(pictures.size()) + " images");
   }
   for (size_t i = 0; i < num_poses; ++i) {
     const std::span<const double> matrix(numbers.data() + 1 + kMatrix * i, kMatrix);

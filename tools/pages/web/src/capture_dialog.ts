@@ -66,7 +66,7 @@ function show(): void {
   dialog.setAttribute('aria-label', capture.image);
   const parts: Node[] = [element('h3', '', `${index + 1}: ${capture.image}`), element('p', '', say)];
   if (capture.picture || capture.points.length > 0) parts.push(overlay(data, index));
-  if (!capture.picture) parts.push(element('p', '', 'The page holds no picture of this capture.'));
+  if (!capture.picture) parts.push(element('p', '', 'The page holds no image of this capture.'));
   content.replaceChildren(...parts);
 }
 
@@ -90,7 +90,7 @@ function makeDialog(): HTMLDialogElement {
   close.autofocus = true;
   const buttons = element('div', 'buttons');
   // The buttons persist while the content changes, so that they keep the keyboard focus.
-  buttons.append(button('\u2190 before', '', () => move(-1)), button('next \u2192', '', () => move(1)), close);
+  buttons.append(button('\u2190 previous', '', () => move(-1)), button('next \u2192', '', () => move(1)), close);
   made.append(content, buttons);
   made.addEventListener('keydown', (event) => {
     if (event.target instanceof HTMLInputElement) return;

@@ -83,7 +83,7 @@ export function magnifier(first: number, change: (times: number) => void): HTMLE
     change(times());
   });
   say();
-  label.append('arrows ', slider, said);
+  label.append('magnification ', slider, said);
   return label;
 }
 

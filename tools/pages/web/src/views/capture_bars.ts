@@ -15,7 +15,7 @@ export function captureBars(figure: HTMLElement, data: Captures): void {
   responsive(figure, (width) => {
     const chart = plot({
       width, height: 200, marginLeft: 50, marginBottom: 30,
-      x: {type: 'band', domain: bars.map(({index}) => index), label: 'number of the capture', padding: 0.15,
+      x: {type: 'band', domain: bars.map(({index}) => index), label: 'capture number', padding: 0.15,
           ticks: bars.filter(({index}) => index % Math.ceil((bars.length * 26) / width) === 0).map(({index}) => index),
           tickFormat: (index: number) => String(index + 1)},
       y: {label: 'rms, px', grid: true, ticks: 4},

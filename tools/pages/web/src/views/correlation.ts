@@ -6,7 +6,7 @@ import {colours, legend, responsive, significant} from '../figure';
 export function correlation(figure: HTMLElement, data: Correlation): void {
   const cells = data.matrix.flatMap((row, i) => row.map((value, j) => ({i, j, value})));
   const longest = Math.max(...data.names.map((name) => name.length));
-  figure.append(legend([{name: 'together', colour: colours.second}, {name: 'against each other', colour: colours.first}]));
+  figure.append(legend([{name: 'positive', colour: colours.second}, {name: 'negative', colour: colours.first}]));
   responsive(figure, (width) => {
     const margin = 12 + 6 * longest;
     const size = Math.min(26, (width - margin - 4) / data.names.length);

@@ -22,11 +22,11 @@ export function histogram(figure: HTMLElement, data: Captures): void {
     const x = -reach + (2 * reach * i) / 200;
     return [x, (all.length * width * Math.exp(-0.5 * (x / sigma) ** 2)) / (sigma * Math.sqrt(2 * Math.PI))];
   });
-  figure.append(legend([{name: 'residuals', colour: colours.first}, {name: 'noise of one sigma', colour: colours.second}]));
+  figure.append(legend([{name: 'residuals', colour: colours.first}, {name: 'normal distribution', colour: colours.second}]));
   responsive(figure, (wide) => plot({
     width: wide, height: 240, marginLeft: 50, marginBottom: 34,
-    x: {label: 'predicted minus seen, px', ticks: Math.max(2, wide / 90)},
-    y: {label: 'coordinates', grid: true, ticks: 4},
+    x: {label: 'predicted minus observed, px', ticks: Math.max(2, wide / 90)},
+    y: {label: 'number of coordinates', grid: true, ticks: 4},
     marks: [
       rectY(counts, {x1: 'x1', x2: 'x2', y: 'count', fill: colours.first, fillOpacity: 0.7, inset: 0.5}),
       line(normal, {x: '0', y: '1', stroke: colours.second, strokeWidth: 2}),

@@ -9,8 +9,8 @@ export function pairs(figure: HTMLElement, data: Pairs): void {
   const cells = data.pairs.flatMap((pair) => [{...pair, i: pair.first, j: pair.second}, {...pair, i: pair.second, j: pair.first}]);
   const longest = Math.max(...data.runs.map((run) => run.length));
   figure.append(legend([
-    {name: 'apart as their uncertainties allow: the stronger the less likely', colour: colours.first},
-    {name: `more (chance below ${kSignificant})`, colour: colours.second},
+    {name: 'within their uncertainties (stronger: less likely)', colour: colours.first},
+    {name: `beyond their uncertainties (chance below ${kSignificant})`, colour: colours.second},
   ]));
   responsive(figure, (width) => {
     const margin = Math.min(12 + 6.2 * longest, 0.45 * width);

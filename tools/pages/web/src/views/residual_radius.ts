@@ -25,11 +25,11 @@ export function residualRadius(figure: HTMLElement, data: Captures): void {
       all.slice(Math.floor((all.length * i) / kRings), Math.floor((all.length * (i + 1)) / kRings)))
       .filter((ring) => ring.length > 0)
       .map((ring) => ({radius: mean(ring.map((r) => r.radius)), outward: mean(ring.map((r) => r.outward))}));
-  figure.append(legend([{name: 'a point', colour: colours.first}, {name: 'mean', colour: colours.second}]));
+  figure.append(legend([{name: 'point', colour: colours.first}, {name: 'mean', colour: colours.second}]));
   responsive(figure, (width) => plot({
     width, height: 240, marginLeft: 50, marginBottom: 34, grid: true,
     x: {label: 'distance from the principal point, px', ticks: Math.max(2, width / 90)},
-    y: {label: 'outward, px', ticks: 5},
+    y: {label: 'radial residual, px', ticks: 5},
     marks: [
       dot(thinned(all, kMaxDots), {x: 'radius', y: 'outward', r: 1.3, fill: colours.first, fillOpacity: 0.6}),
       ruleY([0], {stroke: colours.dim}),

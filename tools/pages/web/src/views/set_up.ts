@@ -154,7 +154,7 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   const svg = renderer.domElement as unknown as SVGSVGElement;
   svg.setAttribute('tabindex', '0');
   svg.setAttribute('role', 'img');
-  svg.setAttribute('aria-label', 'the set-up in 3-D; drag, or use the arrow keys, to turn it');
+  svg.setAttribute('aria-label', 'the setup in 3-D; drag or use the arrow keys to rotate it');
   svg.classList.add('scene');
   const frame = element('div', 'drawing');
   frame.append(svg);
@@ -165,8 +165,8 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   buttons.append(reset);
   figure.append(buttons);
   figure.append(element('p', 'hint', 
-      'The small axes are the gripper\u2019s at each capture. Drag to turn; after a click the wheel zooms and the arrow keys turn. ' +
-      'Two fingers zoom and move.' + (step > 1 ? ` Of ${data.captures.length} captures ${captures.length} are drawn.` : '')));
+      'The small axes show the gripper at each capture. Drag to rotate; after a click the wheel zooms and the arrow keys rotate. ' +
+      'Two fingers zoom and move.' + (step > 1 ? ` ${captures.length} of ${data.captures.length} captures are drawn.` : '')));
 
   const eye = new PerspectiveCamera(40, 1.6, 0.01 * size, 100 * size);
   eye.up.set(0, 0, 1);
