@@ -52,7 +52,7 @@ CellPattern CellsOf(const Drawing& drawing, const Eigen::Vector2d& min_m, const 
   std::vector<double> x_m;
   std::vector<double> y_m;
   for (const Shape& shape : drawing.shapes) {
-    CHECK_EQ(shape.points_m.size(), 4U) << "a pattern of cells is drawn in rectangles";
+    CHECK_EQ(shape.points_m.size(), 4U) << "a cell pattern must consist of rectangles";
     const Bounds bounds = BoundsOf(shape);
     if ((bounds.high.array() <= min_m.array()).any() || (bounds.low.array() >= max_m.array()).any()) continue;
     near.push_back({bounds, shape.albedo});
@@ -62,7 +62,7 @@ CellPattern CellsOf(const Drawing& drawing, const Eigen::Vector2d& min_m, const 
   CellPattern pattern;
   pattern.x_m = Lines(std::move(x_m), min_m.x(), max_m.x());
   pattern.y_m = Lines(std::move(y_m), min_m.y(), max_m.y());
-  CHECK(std::max(pattern.x_m.size(), pattern.y_m.size()) <= CellPattern::kMaxLines) << "a pattern of too many cells";
+  CHECK(std::max(pattern.x_m.size(), pattern.y_m.size()) <= CellPattern::kMaxLines) << "the pattern has too many cells";
   pattern.albedo.setConstant(static_cast<Eigen::Index>(pattern.y_m.size()) + 1,
                              static_cast<Eigen::Index>(pattern.x_m.size()) + 1, drawing.ground);
   for (Eigen::Index j = 0; j < pattern.albedo.rows(); ++j) {

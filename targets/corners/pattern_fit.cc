@@ -262,7 +262,8 @@ class Fitter {
     // A pattern near the image centre neither determines nor needs the lens. The two lens terms are displacements at
     // a distance of lens_radius_px from the centre; their sigma is that distance.
     if (map_.form == MapForm::kLens) expect(PatternMap::kLens, PatternMap::kPolynomial, map_.lens_radius_px);
-    // If few edges are visible, most terms other than shifts move pixels only along these edges.
+    // If few edges are visible, most terms other than shifts move pixels only along these edges. A weak expectation
+    // keeps such terms determined.
     constexpr double kLargeStretch = 0.1;
     if (map_.form == MapForm::kAffine || map_.form == MapForm::kQuadratic) {
       expect(1, 3, kLargeStretch * map_.size_px);

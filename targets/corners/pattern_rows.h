@@ -35,8 +35,7 @@ class UnitCells {
     size_t x[CellPattern::kMaxLines];
     size_t y[CellPattern::kMaxLines];
   };
-  // Finds the lines within the support radii of (x, y). The search begins at the point that `window` describes
-  // before.
+  // Finds the lines within the support radii of (x, y). The search begins at the previous contents of `window`.
   void FindEdgesWithin(double x, double y, double support_radius_x, double support_radius_y, Window* window) const;
   // Returns the albedo at a point without lines within support_radius.
   double AlbedoAt(const Window& window) const { return albedo_(window.first_y, window.first_x); }

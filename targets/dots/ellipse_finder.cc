@@ -463,8 +463,8 @@ std::vector<FoundEllipse> FindEllipses(const cv::Mat& grey, const EllipseFinderO
   for (int scale = 1; !level.empty(); scale *= 2) {
     const cv::Mat half = Halved(level);
     const bool is_last = half.cols < 24 || half.rows < 24 || 2 * scale * 10 > options.max_diameter_px;
-    const auto add = [&](const cv::Mat& picture, int threshold) {
-      AddCandidates(light_dots, picture, threshold, scale, is_last, options, &candidates);
+    const auto add = [&](const cv::Mat& image, int threshold) {
+      AddCandidates(light_dots, image, threshold, scale, is_last, options, &candidates);
     };
     // Smoothing keeps noise out of the outlines, which would take long to trace.
     cv::GaussianBlur(level, smooth, cv::Size(3, 3), 0, 0, cv::BORDER_REPLICATE);

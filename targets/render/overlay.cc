@@ -23,12 +23,12 @@ cv::Point SubPixel(const Eigen::Vector2d& pixel) {
 
 cv::Mat DrawOverlay(const cv::Mat& grey, const Observations& observations, const std::optional<Points2>& residuals,
                     const OverlayOptions& options) {
-  cv::Mat picture;
-  cv::cvtColor(grey, picture, cv::COLOR_GRAY2BGR);
+  cv::Mat image;
+  cv::cvtColor(grey, image, cv::COLOR_GRAY2BGR);
   // Small images are enlarged so that the ids are legible.
   const double zoom = std::max(1.0, std::ceil(1200.0 / std::max(1, grey.cols)));
-  if (zoom > 1) cv::resize(picture, picture, {}, zoom, zoom, cv::INTER_NEAREST);
-  const double size = std::max(1.0, picture.cols / 1600.0);
+  if (zoom > 1) cv::resize(image, image, {}, zoom, zoom, cv::INTER_NEAREST);
+  const double size = std::max(1.0, image.cols / 1600.0);
   const int thickness = std::max(1, static_cast<int>(std::lround(size)));
   // The centre of pixel (0, 0) lies in the middle of its zoom x zoom block.
   const auto place = [&](const Eigen::Vector2d& pixel) -> Eigen::Vector2d {
@@ -38,23 +38,22 @@ cv::Mat DrawOverlay(const cv::Mat& grey, const Observations& observations, const
     const Eigen::Vector2d at = place(observations.pixels.col(i));
     const double arm = 6 * size;
     for (const Eigen::Vector2d& direction : {Eigen::Vector2d(arm, 0), Eigen::Vector2d(0, arm)}) {
-      cv::line(picture, SubPixel(at - direction), SubPixel(at + direction), kPointColour, thickness, cv::LINE_AA,
-               kShift);
+      cv::line(image, SubPixel(at - direction), SubPixel(at + direction), kPointColour, thickness, cv::LINE_AA, kShift);
     }
     if (residuals) {
       const Eigen::Vector2d end = at + zoom * options.magnification * residuals->col(i);
-      cv::arrowedLine(picture, SubPixel(at), SubPixel(end), kResidualColour, thickness, cv::LINE_AA, kShift, 0.2);
+      cv::arrowedLine(image, SubPixel(at), SubPixel(end), kResidualColour, thickness, cv::LINE_AA, kShift, 0.2);
     }
     const cv::Point label(static_cast<int>(at.x() + 4 * size), static_cast<int>(at.y() - 4 * size));
-    cv::putText(picture, std::to_string(observations.ids[static_cast<size_t>(i)]), label, cv::FONT_HERSHEY_SIMPLEX,
+    cv::putText(image, std::to_string(observations.ids[static_cast<size_t>(i)]), label, cv::FONT_HERSHEY_SIMPLEX,
                 0.42 * size, kIdColour, thickness, cv::LINE_AA);
   }
   const cv::Point origin(static_cast<int>(10 * size), static_cast<int>(24 * size));
-  cv::putText(picture, options.caption, origin, cv::FONT_HERSHEY_SIMPLEX, 0.6 * size, cv::Scalar(0, 0, 0),
-              4 * thickness, cv::LINE_AA);
-  cv::putText(picture, options.caption, origin, cv::FONT_HERSHEY_SIMPLEX, 0.6 * size, cv::Scalar(255, 255, 255),
+  cv::putText(image, options.caption, origin, cv::FONT_HERSHEY_SIMPLEX, 0.6 * size, cv::Scalar(0, 0, 0), 4 * thickness,
+              cv::LINE_AA);
+  cv::putText(image, options.caption, origin, cv::FONT_HERSHEY_SIMPLEX, 0.6 * size, cv::Scalar(255, 255, 255),
               thickness, cv::LINE_AA);
-  return picture;
+  return image;
 }
 
 }  // namespace heba

@@ -515,13 +515,13 @@ class Light {
 };
 
 template <class Grey>
-void Expose(const cv::Mat& albedo, const RenderOptions& options, cv::Mat* picture) {
+void Expose(const cv::Mat& albedo, const RenderOptions& options, cv::Mat* image) {
   constexpr double kUnitsPerGrey = sizeof(Grey) == 1 ? 1 : 257;
   const Light light(albedo.cols, albedo.rows, options);
   for (int y = 0; y < albedo.rows; ++y) {
     Rng rng(options.seed, kFirstRow + static_cast<uint64_t>(y));
     const float* const albedo_row = albedo.ptr<float>(y);
-    Grey* const row = picture->ptr<Grey>(y);
+    Grey* const row = image->ptr<Grey>(y);
     for (int x = 0; x < albedo.cols; ++x) {
       double grey = options.black_grey + (options.white_grey - options.black_grey) * albedo_row[x];
       if (options.light_gradient > 0) grey *= light.At(x, y);
@@ -581,9 +581,9 @@ cv::Mat RenderView(const Drawing& drawing, const Camera& camera, const Rigid3d& 
   }
 
   const bool deep = options.depth == GreyDepth::k16Bit;
-  cv::Mat picture(albedo.size(), deep ? CV_16UC1 : CV_8UC1);
-  deep ? Expose<uint16_t>(albedo, options, &picture) : Expose<uint8_t>(albedo, options, &picture);
-  return picture;
+  cv::Mat image(albedo.size(), deep ? CV_16UC1 : CV_8UC1);
+  deep ? Expose<uint16_t>(albedo, options, &image) : Expose<uint8_t>(albedo, options, &image);
+  return image;
 }
 
 }  // namespace heba

@@ -153,7 +153,7 @@ class BoardFamily {
   }
 
   // Returns all tags of the target that libapriltag decodes, with corners in this program's pixels. A tag may occur
-  // twice. Regions in `searched` are left out, see FindTagPlaces.
+  // twice. Regions in `searched` are left out, and large regions are added to it (see FindTagPlaces).
   std::vector<SeenTag> Detect(const cv::Mat& grey, double decimate, std::vector<cv::Rect>* searched = nullptr) const {
     // libapriltag's tiles of 4 px do not fit into smaller images.
     constexpr int kMinDecimatedPx = 8;
@@ -234,7 +234,7 @@ class AprilTagGrid final : public Target {
   Detection Detect(const cv::Mat& grey) const override {
     Detection detection;
     if (IsTooSmall(grey)) {
-      detection.reason = "the picture is too small";
+      detection.reason = "the image is too small";
       return detection;
     }
     Search search(layout_.corners_m.size());
@@ -365,7 +365,7 @@ class AprilTagGrid final : public Target {
 
   int PointId(int index, size_t corner) const { return 4 * (geometry_.first_id + index) + static_cast<int>(corner); }
 
-  // An image of this many pixels shows most of what there is.
+  // The number of pixels with which an image shows most of what there is.
   static constexpr double kSeenWellPx = 1e6;
   // Returns the factor by which the image must be reduced to this many pixels.
   static double DecimationTo(const cv::Mat& grey, double num_px) {
@@ -456,8 +456,8 @@ class AprilTagGrid final : public Target {
   }
 
   // Returns the parts of the image in which the tags that are not settled must lie; none if there is nothing left to
-  // search for. Returns the whole image as long as too few tags are known to predict the others, or as long as only a
-  // closer look (`was_seen_well`) can tell whether most of them belong to another target.
+  // search for. Returns the whole image as long as too few tags are known to predict the others, or as long as fewer
+  // than half are known and a closer look (`was_seen_well`) may show another target with more of them.
   std::vector<cv::Rect> WhereMissing(const cv::Rect& whole, const Search& search, bool was_seen_well) const {
     const std::vector<SeenTag> fitted = Fitted(search);
     const size_t num_tags = layout_.corners_m.size();
@@ -838,17 +838,17 @@ class AprilTagGrid final : public Target {
     const size_t num_tags = layout_.corners_m.size();
     std::string reason;
     if (board.tags.empty()) {
-      reason = "no tag of the board found";
+      reason = "no tag of the target found";
     } else if (board.tags.size() < num_tags) {
       reason = std::to_string(board.tags.size()) + " of " + std::to_string(num_tags) + " tags seen";
     }
     if (board.num_dropped > 0) {
       reason += std::string(reason.empty() ? "" : "; ") + std::to_string(board.num_dropped) +
-                " tags left out that do not fit the board (another board in view?)";
+                " tags left out that do not fit the target (another target in view?)";
     }
     if (num_unfit > 0) {
       reason += std::string(reason.empty() ? "" : "; ") + std::to_string(num_unfit) +
-                " tags left out that do not look as drawn and are not where their edges or the tags around them say";
+                " tags left out that do not look as drawn and contradict their edges or the tags around them";
     }
     return reason;
   }
@@ -911,7 +911,7 @@ std::unique_ptr<Target> CreateTarget_apriltag_grid(MapReader& reader) {
   geometry.first_id = reader.Int("first_id", {0, 100000}, 0);
   const int num_needed = geometry.first_id + geometry.rows * geometry.columns;
   if (num_needed > static_cast<int>(family->ncodes)) {
-    reader.Get("family").Fail(name + " has " + std::to_string(family->ncodes) + " tags; the board's last id is " +
+    reader.Get("family").Fail(name + " has " + std::to_string(family->ncodes) + " tags; the target's last id is " +
                               std::to_string(num_needed - 1));
   }
   geometry.corner_squares = reader.Bool("corner_squares", !has_outer_cells);

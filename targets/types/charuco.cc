@@ -106,7 +106,7 @@ class Charuco final : public Target {
     Detection detection;
     const ConsistentTags markers = KeepConsistent(FindMarkers(grey), layout_, 0);
     if (markers.tags.empty()) {
-      detection.reason = "no marker of the board found";
+      detection.reason = "no marker of the target found";
       return detection;
     }
     std::vector<bool> seen(layout_.corners_m.size(), false);
@@ -125,7 +125,7 @@ class Charuco final : public Target {
     constexpr int kEnoughToTell = 6;
     if (missed >= kEnoughToTell && missed > static_cast<int>(detection.ids.size()) &&
         2 * markers.tags.size() > layout_.corners_m.size()) {
-      detection.reason = std::to_string(markers.tags.size()) + " markers of the board, but " + std::to_string(missed) +
+      detection.reason = std::to_string(markers.tags.size()) + " markers of the target, but " + std::to_string(missed) +
                          " of " + std::to_string(points_.size()) +
                          " corners do not look as drawn: are rows, columns, square, marker and legacy_pattern right?";
     } else if (detection.ids.empty()) {
@@ -289,7 +289,7 @@ std::unique_ptr<Target> CreateTarget_charuco(MapReader& reader) {
   if (geometry.first_marker + num_markers > dictionary->bytesList.rows) {
     reader.Get("dictionary")
         .Fail(std::string(entry.name) + " has " + std::to_string(dictionary->bytesList.rows) +
-              " markers; the board needs " + std::to_string(geometry.first_marker + num_markers));
+              " markers; the target needs " + std::to_string(geometry.first_marker + num_markers));
   }
   return std::make_unique<Charuco>(geometry, std::move(dictionary));
 }

@@ -83,13 +83,13 @@ struct SeenGrid {
 // Returns the grids of any size that the first two finders see in a part of the image.
 std::vector<SeenGrid> GridsSeen(const cv::Mat& grey, const cv::Rect& part) {
   const double scale = std::min(1.0, kFinders[0].max_side_px / std::max(grey.cols, grey.rows));
-  cv::Mat picture;
-  cv::resize(grey(part), picture, {}, scale, scale, cv::INTER_AREA);
+  cv::Mat image;
+  cv::resize(grey(part), image, {}, scale, scale, cv::INTER_AREA);
   std::vector<SeenGrid> grids;
   for (const int flags : {0, static_cast<int>(cv::CALIB_CB_NORMALIZE_IMAGE)}) {
     std::vector<cv::Point2f> found;
     cv::Mat meta;
-    const bool is_seen = cv::findChessboardCornersSB(picture, {kMinSide, kMinSide}, found,
+    const bool is_seen = cv::findChessboardCornersSB(image, {kMinSide, kMinSide}, found,
                                                      flags | static_cast<int>(cv::CALIB_CB_LARGER), meta);
     if (!is_seen) continue;
     grids.push_back({meta.size(), FromOpenCv(found, scale)});
@@ -126,7 +126,7 @@ class Chessboard final : public Target {
     Detection detection;
     constexpr int kMinSidePx = 16;  // OpenCV's finders throw on smaller images.
     if (std::min(grey.cols, grey.rows) < kMinSidePx) {
-      detection.reason = "the picture is too small";
+      detection.reason = "the image is too small";
       return detection;
     }
     cv::Rect may_be_in;
@@ -144,8 +144,8 @@ class Chessboard final : public Target {
     }
     if (!may_be_in.empty()) detection = DetectPartly(grey, may_be_in);
     if (!detection.ids.empty()) return detection;
-    detection.reason = "no board of " + std::to_string(rows_) + " x " + std::to_string(columns_) +
-                       " inner corners found; it must be seen with a light rim" + detection.reason;
+    detection.reason = "no chessboard of " + std::to_string(rows_) + " x " + std::to_string(columns_) +
+                       " inner corners found; it must be visible with a light rim" + detection.reason;
     return detection;
   }
 
@@ -233,13 +233,13 @@ class Chessboard final : public Target {
       const std::optional<Corners> corners = Complete(grey, lattice);
       if (!corners) {
         const LatticeExtent extent = ExtentOf(lattice);
-        none.reason = "; of " + std::to_string(extent.rows) + " x " + std::to_string(extent.columns) +
-                      " corners that are seen rows and columns cannot be told";
+        none.reason = "; the rows and columns of the " + std::to_string(extent.rows) + " x " +
+                      std::to_string(extent.columns) + " visible corners are ambiguous";
         continue;
       }
       Detection visible = MeasureVisible(grey, *corners);
       if (!ReachesAllSides(visible.ids)) {
-        none.reason = "; too many of the outer corners are covered to tell rows and columns";
+        none.reason = "; too many outer corners are covered to identify rows and columns";
         continue;
       }
       if (visible.ids.size() < points_.size()) {
@@ -369,9 +369,9 @@ class Chessboard final : public Target {
   }
   static cv::Mat Resized(const cv::Mat& grey, double scale) {
     if (scale == 1) return grey;
-    cv::Mat picture;
-    cv::resize(grey, picture, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
-    return picture;
+    cv::Mat image;
+    cv::resize(grey, image, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
+    return image;
   }
 
   // Returns the corners that were found in a resized part of the image, in the target's order and refined, if they

@@ -118,7 +118,7 @@ class CircleGrid final : public Target {
       if (placements.empty()) continue;
       if (placements.size() > 1 || GoesOn(lattice, dots, placements.front())) {
         if (beyond.empty()) {
-          beyond = "the dots go on beyond " + std::to_string(options_.rows) + " rows of " +
+          beyond = "the dots continue beyond " + std::to_string(options_.rows) + " rows of " +
                    std::to_string(options_.columns) + ": " + Count(lattice.size(), "dot") + " in a grid";
         }
         for (const auto& [cell, dot] : lattice) others.push_back({dots[dot]});
@@ -146,11 +146,11 @@ class CircleGrid final : public Target {
       if (fault.empty()) fault = beyond;
       if (fault.empty() && num_seen >= points_.size()) {
         fault = Count(num_seen, "dot") + " seen in a grid, but not in " + std::to_string(options_.rows) + " rows of " +
-                std::to_string(options_.columns) + (options_.asymmetric ? ", or in a mirror" : "");
+                std::to_string(options_.columns) + (options_.asymmetric ? ", or mirrored" : "");
       }
       detection.reason = !fault.empty() ? fault
                                         : std::to_string(num_seen) + needed + " seen in a grid (" +
-                                              Count(dots.size(), "dot") + " in the picture)";
+                                              Count(dots.size(), "dot") + " in the image)";
       return detection;
     }
     const Outcome<Dots> ordered = options_.marker_dot ? OrderByMarker(orders) : OrderByImage(orders);
@@ -217,7 +217,7 @@ class CircleGrid final : public Target {
       refine_options.max_margin_px = 0.6 * GapPx(dots, first, dot);
       const std::optional<RefinedEllipse> refined = RefineEllipse(grey, start, refine_options);
       const double sign = options_.polarity == DotPolarity::kLightOnDark ? 1 : -1;
-      // A ragged outline is a reason only if it makes the centre uncertain.
+      // A ragged outline is a reason for rejection only if it makes the centre uncertain.
       if (!refined || sign * refined->contrast_grey < 4 || refined->residual_ratio > 0.35 ||
           (refined->residual_ratio > 0.2 && refined->CentreStddevPx() > 0.02) || refined->visible_ratio < 0.7 ||
           refined->CentreStddevPx() > 0.25 ||
@@ -229,10 +229,10 @@ class CircleGrid final : public Target {
       contrasts.push_back(std::abs(refined->contrast_grey));
     }
     if (num_bad > 0) {
-      return Failure{Count(num_bad, "dot") + " of " + std::to_string(first.size()) + " not clear or not whole"};
+      return Failure{Count(num_bad, "dot") + " of " + std::to_string(first.size()) + " unclear or incomplete"};
     }
     if (*std::min_element(contrasts.begin(), contrasts.end()) < 0.15 * Median(contrasts)) {
-      return Failure{"the dots are too unlike in brightness to be one grid"};
+      return Failure{"the dots differ too much in brightness to be one grid"};
     }
     std::vector<Dots> orders;
     for (const std::vector<int>& order : placement.orders) {
@@ -367,7 +367,7 @@ std::unique_ptr<Target> CreateTarget_circle_grid(MapReader& reader) {
   options.asymmetric = reader.Bool("asymmetric", false);
   options.marker_dot = reader.Bool("marker_dot", false);
   if (options.asymmetric && options.marker_dot) {
-    reader.Get("marker_dot").Fail("only a symmetric grid can have it");
+    reader.Get("marker_dot").Fail("requires a symmetric grid");
   }
   // The distance between neighbouring dots.
   const double pitch_m = options.asymmetric ? std::sqrt(2.0) * options.spacing_m : options.spacing_m;

@@ -94,7 +94,7 @@ class CodedBoard final : public Target {
     }
     if (detection.reason.empty() && board.size() < points_.size()) {
       detection.reason = std::to_string(board.size()) + " of the " + std::to_string(points_.size()) + " points seen (" +
-                         std::to_string(dots.size()) + (dots.size() == 1 ? " dot" : " dots") + " in the picture)";
+                         std::to_string(dots.size()) + (dots.size() == 1 ? " dot" : " dots") + " in the image)";
     }
     return detection;
   }
@@ -348,7 +348,7 @@ class CodedBoard final : public Target {
     std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
     if (sorted.empty()) return {};
     if (sorted.size() > 1 && sorted[1].size() == sorted[0].size()) {
-      *reason = "the points seen do not lie as on the board, or the board is there twice";
+      *reason = "the points seen do not match the target, or two copies of it are in view";
       return {};
     }
     std::vector<FoundPoint> board;
@@ -435,7 +435,7 @@ std::unique_ptr<Target> CreateTarget_coded_board(MapReader& reader) {
   if (options.spacing_m < least_spacing_m * (1 - 1e-9)) {
     const std::optional<ConfigValue> given = reader.Find("dot_diameter");
     (given ? *given : reader.Get("spacing"))
-        .Fail("the rings, of three times the dot's diameter, come too close to each other: at most spacing / 3.25");
+        .Fail("the rings, of three times the dot's diameter, are too close to each other: use at most spacing / 3.25");
   }
   options.bits = reader.Int("bits", {8, 14}, 12);
   if (!IsRingSize(options.bits)) reader.Get("bits").Fail("must be 8, 10, 12 or 14");
@@ -449,7 +449,7 @@ std::unique_ptr<Target> CreateTarget_coded_board(MapReader& reader) {
     (given ? *given : reader.Get("rows"))
         .Fail(std::to_string(num_points) + " points from id " + std::to_string(options.first_id) +
               " on need more than the " + std::to_string(num_codes) + " codes of " + std::to_string(options.bits) +
-              " bits" + (options.bits < 14 ? "; more bits have more" : ""));
+              " bits" + (options.bits < 14 ? "; use more bits" : ""));
   }
   return std::make_unique<CodedBoard>(options);
 }

@@ -77,7 +77,7 @@ class CameraModelTest : public testing::TestWithParam<std::string> {
   const CameraModel& model() const { return *FindCameraModel(GetParam()); }
 };
 
-TEST_P(CameraModelTest, IsFoundByItsNameAndStartsWithTheFourPinholeParameters) {
+TEST_P(CameraModelTest, HasANameAndTheFourPinholeParameters) {
   ASSERT_NE(FindCameraModel(GetParam()), nullptr);
   const std::vector<std::string>& names = model().param_names();
   ASSERT_GE(names.size(), 4u);
@@ -111,7 +111,7 @@ TEST_P(CameraModelTest, AxesPointRightAndDown) {
   }
 }
 
-TEST_P(CameraModelTest, NothingBehindTheCameraOrNotFiniteHasAnImage) {
+TEST_P(CameraModelTest, DoesNotProjectInvalidPoints) {
   const double nan = std::nan("");
   for (const Camera& camera : CamerasOf(model())) {
     EXPECT_FALSE(ProjectPoint(camera, {0, 0, -1}).has_value());
@@ -160,7 +160,7 @@ TEST_P(CameraModelTest, UnprojectInvertsProject) {
 }
 
 // Tests that the original ray is found, and not just a ray with the same projection.
-TEST_P(CameraModelTest, UnprojectFindsTheRayItself) {
+TEST_P(CameraModelTest, UnprojectRecoversTheRayOfThePoint) {
   Rng rng(2);
   for (const Camera& camera : CamerasOf(model())) {
     const Points3 points = RandomPoints(&rng, 200);
@@ -175,7 +175,7 @@ TEST_P(CameraModelTest, UnprojectFindsTheRayItself) {
   }
 }
 
-TEST_P(CameraModelTest, UnprojectRefusesWhatIsNotAPixel) {
+TEST_P(CameraModelTest, UnprojectRefusesInvalidPixels) {
   const double nan = std::nan("");
   const double infinity = std::numeric_limits<double>::infinity();
   for (const Camera& camera : CamerasOf(model())) {
@@ -184,7 +184,7 @@ TEST_P(CameraModelTest, UnprojectRefusesWhatIsNotAPixel) {
   }
 }
 
-TEST_P(CameraModelTest, JacobiansAreTheDerivatives) {
+TEST_P(CameraModelTest, JacobiansMatchFiniteDifferences) {
   Rng rng(3);
   const int num_params = NumParams(model());
   for (const Camera& camera : CamerasOf(model())) {
@@ -225,7 +225,7 @@ TEST_P(CameraModelTest, JacobiansAreTheDerivatives) {
   }
 }
 
-TEST_P(CameraModelTest, ABatchIsItsPoints) {
+TEST_P(CameraModelTest, BatchesEqualSinglePoints) {
   Rng rng(4);
   for (const Camera& camera : CamerasOf(model())) {
     const Points3 points = RandomPoints(&rng, 37);
@@ -280,7 +280,7 @@ TEST(FoldedDistortion, RaysWithinTheFoldAreFoundFromAGuessBeyondIt) {
 }
 
 // These tests pin the conventions of OpenCV and ROS with values that were derived by hand from their documentation.
-TEST(CameraModelPins, Brown5) {
+TEST(CameraModelPins, Brown5MatchesTheReference) {
   // a = 0.5, b = 0.25, r2 = 0.3125; radial = 1 + 0.1 r2 - 0.2 r2^2 + 0.3 r2^3 = 1.020874023...
   const double r2 = 0.3125;
   const double radial = 1 + 0.1 * r2 - 0.2 * r2 * r2 + 0.3 * r2 * r2 * r2;

@@ -54,7 +54,7 @@ TEST_P(HandEyeMethodTest, RecoversExactDataOfBothSetups) {
 
 // A camera that is rotated by exactly 180 degrees relative to its mount is common, and a singularity of several
 // parametrisations.
-TEST_P(HandEyeMethodTest, RecoversHalfTurns) {
+TEST_P(HandEyeMethodTest, RecoversRotationsBy180Degrees) {
   TestScene scene = SceneFor(GetParam(), 3);
   for (const Eigen::Vector3d& axis : {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)}) {
     HandEye truth = scene.hand_eye;
@@ -69,7 +69,7 @@ TEST_P(HandEyeMethodTest, RecoversHalfTurns) {
   }
 }
 
-TEST_P(HandEyeMethodTest, FollowsAChangeOfTheWorld) {
+TEST_P(HandEyeMethodTest, IsEquivariantToAChangeOfTheMountFrame) {
   const TestScene scene = SceneFor(GetParam(), 5);
   const Rigid3d new_mount_from_mount(ExpRotation({0.4, -1.1, 0.7}), Eigen::Vector3d(1.0, -2.0, 0.5));
   std::vector<PosePair> moved = scene.pairs;
@@ -110,7 +110,7 @@ TEST_P(HandEyeMethodTest, RefusesParallelAxesAndNoRotation) {
 
 // Nine times as many captures with the same noise reduce the error to a third. The median ratio of errors over the
 // seeds has a spread of about 15 % here; the range [1/6, 1/1.5] is missed by chance far less than once in 10^4.
-TEST_P(HandEyeMethodTest, ErrorFallsWithTheRootOfTheCaptures) {
+TEST_P(HandEyeMethodTest, ErrorFallsWithTheSquareRootOfTheNumberOfCaptures) {
   if (FindHandEyeMethod(GetParam())->motion == MethodMotion::kTwoStep) {
     GTEST_SKIP() << "its rotation comes from two translations, however many captures there are";
   }

@@ -142,7 +142,7 @@ TEST_P(TargetTest, DrawingCoversItsPoints) {
 }
 
 // Tilts up to 40 degrees, a lens with distortion, and noise of 2 grey levels.
-TEST_P(TargetTest, PointsAreFoundWhereTheCameraModelSays) {
+TEST_P(TargetTest, DetectionsMatchTheCameraModel) {
   for (size_t i = 0; i < targets_.size(); ++i) {
     constexpr int kNumViews = 4;
     const DetectionErrors errors = DetectRendered(*targets_[i], kNumViews, /*share=*/0.7, /*seed=*/41);
@@ -154,7 +154,7 @@ TEST_P(TargetTest, PointsAreFoundWhereTheCameraModelSays) {
 }
 
 // Detections do not depend on the stated size of the target, so an image is searched once for all sizes.
-TEST_P(TargetTest, TheUnitTargetIsFoundWhereTheTargetIs) {
+TEST_P(TargetTest, DetectionsDoNotDependOnTheStatedSize) {
   for (size_t i = 0; i < targets_.size(); ++i) {
     const TargetSettings lengths = targets_[i]->UnitLengths();
     ASSERT_FALSE(lengths.empty());
@@ -181,7 +181,7 @@ TEST_P(TargetTest, TheUnitTargetIsFoundWhereTheTargetIs) {
 
 // The first symmetry is the identity, all are different, and each is a rotation that maps points to points and the
 // drawing's grey values to themselves. A target in any orientation is detected in one of these orders.
-TEST_P(TargetTest, SymmetriesAreTheOrdersOfReading) {
+TEST_P(TargetTest, SymmetriesMatchTheDetectedOrders) {
   for (size_t i = 0; i < targets_.size(); ++i) {
     const Target& target = *targets_[i];
     const Drawing& drawing = target.Draw();
@@ -218,7 +218,7 @@ TEST_P(TargetTest, SymmetriesAreTheOrdersOfReading) {
 }
 
 // A target with symmetries states the settings of a similar target without symmetries; otherwise the list is empty.
-TEST_P(TargetTest, SettingsWithoutSymmetryGiveATargetWithoutSymmetry) {
+TEST_P(TargetTest, SuggestedSettingsRemoveTheSymmetry) {
   for (size_t i = 0; i < targets_.size(); ++i) {
     const TargetSettings settings = targets_[i]->WithoutSymmetry();
     EXPECT_EQ(settings.empty(), targets_[i]->Symmetries().size() == 1) << examples_[i].yaml;
@@ -254,16 +254,16 @@ TEST_P(TargetTest, DetectionsAreWellFormed) {
   }
 }
 
-TEST_P(TargetTest, NothingIsFoundWhereThereIsNothing) {
+TEST_P(TargetTest, FindsNothingInImagesWithoutTarget) {
   cv::Mat noise(30, 40, CV_8UC1);
   cv::RNG random(44);
   random.fill(noise, cv::RNG::UNIFORM, 0, 256);
-  std::vector<cv::Mat> pictures = {noise, cv::Mat(30, 40, CV_8UC1, cv::Scalar(255))};
+  std::vector<cv::Mat> images = {noise, cv::Mat(30, 40, CV_8UC1, cv::Scalar(255))};
   for (const cv::Size size : {cv::Size(1, 1), cv::Size(3, 2), cv::Size(40, 2), cv::Size(2, 30)}) {
-    pictures.push_back(noise(cv::Rect(cv::Point(0, 0), size)).clone());
+    images.push_back(noise(cv::Rect(cv::Point(0, 0), size)).clone());
   }
   for (size_t i = 0; i < targets_.size(); ++i) {
-    for (const cv::Mat& picture : pictures) {
+    for (const cv::Mat& picture : images) {
       const Detection detection = targets_[i]->Detect(picture);
       EXPECT_THAT(detection.ids, IsEmpty()) << examples_[i].yaml << ", " << picture.size();
       EXPECT_THAT(detection.pixels, IsEmpty());
@@ -291,7 +291,7 @@ cv::Mat Magnified(const cv::Mat& cells) {
 
 // libapriltag's first pixel has its centre at (0.5, 0.5), and the corners of an upright tag are bottom left, bottom
 // right, top right, top left. On upright tags its edge refinement is off by up to 0.15 px, less than half a pixel.
-TEST(ForeignConventions, LibapriltagsCorners) {
+TEST(ForeignConventions, LibapriltagCornersMatch) {
   apriltag_family_t* family = tag36h11_create();
   image_u8_t* tag = apriltag_to_image(family, 5);
   ASSERT_EQ(tag->width, 10);  // Cells: one of paper, one of border, six of data, one of border, one of paper.
@@ -331,7 +331,7 @@ TEST(ForeignConventions, LibapriltagsCorners) {
 
 // cv::aruco gives the corners of the outer black edge, clockwise from the top left of an upright marker, with pixel
 // centres at integers. The marker is drawn by cv::aruco itself.
-TEST(ForeignConventions, ArucoCorners) {
+TEST(ForeignConventions, ArucoCornersMatch) {
   const cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_100);
   cv::Mat marker;
   cv::aruco::drawMarker(dictionary, 17, 7, marker, 1);
@@ -359,7 +359,7 @@ TEST(ForeignConventions, ArucoCorners) {
 
 // OpenCV's pixel (x, y) has its centre at (x, y): the corner between four quadrants, two of them dark, is half a
 // pixel before the first pixel of the last quadrant.
-TEST(ForeignConventions, OpenCvsPixelCentre) {
+TEST(ForeignConventions, OpenCvPixelCentreMatches) {
   cv::Mat picture(80, 100, CV_8UC1, cv::Scalar(220));
   picture(cv::Rect(0, 0, 50, 40)).setTo(30);
   picture(cv::Rect(50, 40, 50, 40)).setTo(30);

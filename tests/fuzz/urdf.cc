@@ -3,7 +3,7 @@
 #include "tests/fuzz/target.h"
 
 // liburdfdom holds parents and children by shared pointers, so a model whose joints form a loop is never freed.
-extern "C" const char* __lsan_default_suppressions();  // NOLINT(bugprone-reserved-identifier)
+extern "C" const char* __lsan_default_suppressions();   // NOLINT(bugprone-reserved-identifier)
 extern "C" const char* __lsan_default_suppressions() {  // NOLINT(bugprone-reserved-identifier)
   return "leak:liburdfdom_model";
 }

@@ -152,7 +152,7 @@ class BadInputTest : public testing::Test {
 };
 fs::path* BadInputTest::root_ = nullptr;
 
-TEST_F(BadInputTest, TheGoodDataSetRuns) {
+TEST_F(BadInputTest, GoodDataSetRuns) {
   const fs::path out = *root_ / "good_run";
   const CommandResult result = RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"});
   EXPECT_EQ(result.status, 0) << result.err;
@@ -393,17 +393,17 @@ TEST_P(BadInputTableTest, IsNamed) {
 INSTANTIATE_TEST_SUITE_P(All, BadInputTableTest, testing::ValuesIn(BadInputs()),
                          [](const auto& test) { return test.param.name; });
 
-TEST_F(BadInputTest, EmptyImagesFolder) {
+TEST_F(BadInputTest, ReportsAnEmptyImagesFolder) {
   fs::remove_all(folder_ / "images");
   fs::create_directory(folder_ / "images");
   ExpectError(2, {"captures.images", "no pictures"});
 }
-TEST_F(BadInputTest, TruncatedPng) {
+TEST_F(BadInputTest, ReportsATruncatedPng) {
   const std::string bytes = ReadAll(folder_ / "images" / "002.png");
   WriteAll(folder_ / "images" / "002.png", bytes.substr(0, bytes.size() / 2));
   ExpectError(2, {"002.png", "cut short"});
 }
-TEST_F(BadInputTest, ImagesOfDifferentSizes) {
+TEST_F(BadInputTest, ReportsImagesOfDifferentSizes) {
   const fs::path scene = *root_ / "other_scene.yaml";
   std::string text = kScene;
   text.replace(text.find("[640, 480]"), 10, "[644, 484]");
@@ -414,12 +414,12 @@ TEST_F(BadInputTest, ImagesOfDifferentSizes) {
   ExpectError(2, {"003.png", "644 x 484", "640 x 480"});
 }
 
-TEST_F(BadInputTest, TargetThatIsNeverSeen) {
+TEST_F(BadInputTest, ReportsATargetThatIsNeverSeen) {
   WriteAll(folder_ / "target.yaml",
            "type: charuco\nrows: 5\ncolumns: 7\nsquare: 20 mm\nmarker: 15 mm\ndictionary: DICT_4X4_50\n");
   ExpectError(1, {"config.yaml", "not seen in any of the 6 pictures"});
 }
-TEST_F(BadInputTest, TooFewCaptures) {
+TEST_F(BadInputTest, ReportsTooFewCaptures) {
   std::istringstream lines(ReadAll(folder_ / "poses.csv"));
   std::string text;
   std::string line;
@@ -427,7 +427,7 @@ TEST_F(BadInputTest, TooFewCaptures) {
   WriteAll(folder_ / "poses.csv", text);
   ExpectError(1, {"config.yaml", "at least 3 captures"});
 }
-TEST_F(BadInputTest, RobotThatDidNotMove) {
+TEST_F(BadInputTest, ReportsARobotThatDidNotMove) {
   std::istringstream lines(ReadAll(folder_ / "poses.csv"));
   std::string line;
   std::getline(lines, line);
@@ -436,7 +436,7 @@ TEST_F(BadInputTest, RobotThatDidNotMove) {
   WriteAll(folder_ / "poses.csv", text);
   ExpectError(1, {"config.yaml", "did not rotate"});
 }
-TEST_F(BadInputTest, RobotThatTurnedAboutOneAxis) {
+TEST_F(BadInputTest, ReportsRotationsAboutASingleAxis) {
   std::istringstream lines(ReadAll(folder_ / "poses.csv"));
   std::string line;
   std::getline(lines, line);
@@ -450,7 +450,7 @@ TEST_F(BadInputTest, RobotThatTurnedAboutOneAxis) {
   ExpectError(1, {"config.yaml", "one axis only", "second axis"});
 }
 
-TEST_F(BadInputTest, OutputThatHoldsOtherFilesIsLeftAlone) {
+TEST_F(BadInputTest, KeepsAnOutputFolderWithOtherFiles) {
   const fs::path out = *root_ / "precious";
   fs::create_directory(out);
   WriteAll(out / "thesis.txt", "ten years of work");
@@ -459,7 +459,7 @@ TEST_F(BadInputTest, OutputThatHoldsOtherFilesIsLeftAlone) {
   EXPECT_THAT(result.err, testing::HasSubstr("was not made by heba"));
   EXPECT_EQ(ReadAll(out / "thesis.txt"), "ten years of work");
 }
-TEST_F(BadInputTest, FailedRunKeepsTheFormerResult) {
+TEST_F(BadInputTest, FailedRunKeepsThePreviousResult) {
   const fs::path out = *root_ / "former";
   ASSERT_EQ(RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"}).status, 0);
   const std::string before = ReadAll(out / "result.json");
@@ -469,7 +469,7 @@ TEST_F(BadInputTest, FailedRunKeepsTheFormerResult) {
 }
 
 // Names contain characters that are special in shells, YAML, CSV and HTML.
-TEST_F(BadInputTest, OddNamesAreNoObstacle) {
+TEST_F(BadInputTest, AcceptsUnusualFileNames) {
   const fs::path odd = *root_ / "a 'b' \"c\" \xc3\xa4\xe6\x9c\xba; $(touch x) <i>&amp;";
   fs::create_directories(odd.parent_path());
   fs::copy(folder_, odd, fs::copy_options::recursive);
@@ -487,7 +487,7 @@ TEST_F(BadInputTest, OddNamesAreNoObstacle) {
 }
 
 // Reading from a pipe without a writer would block.
-TEST_F(BadInputTest, PipesAreNoInputs) {
+TEST_F(BadInputTest, RefusesPipesAsInputs) {
   ASSERT_EQ(mkfifo((folder_ / "pipe").c_str(), 0600), 0);
   const std::string pipe = (folder_ / "pipe").string();
   for (const char* key :
@@ -511,7 +511,7 @@ TEST_F(BadInputTest, FillBytesDoNotHideAHugeJpeg) {
 }
 
 // The header is read before the image is decoded: this one states another size, and its pixel data is invalid.
-TEST_F(BadInputTest, AImageOfAnotherSizeIsNotDecoded) {
+TEST_F(BadInputTest, DoesNotDecodeAnImageOfAnotherSize) {
   std::string other = ReadAll(folder_ / "images/003.png");
   other[18] = 0x4e;  // The width becomes 20,000.
   other[19] = 0x20;
@@ -521,10 +521,10 @@ TEST_F(BadInputTest, AImageOfAnotherSizeIsNotDecoded) {
 
 // libpng writes its own warnings to standard error, here about a checksum that does not matter.
 TEST_F(BadInputTest, LibrariesDoNotWriteToStandardError) {
-  std::string picture = ReadAll(folder_ / "images/003.png");
+  std::string image = ReadAll(folder_ / "images/003.png");
   constexpr size_t kBehindHeader = 33;
-  picture.insert(kBehindHeader, std::string("\x00\x00\x00\x04gAMA\x00\x00\xb1\x8f....", 16));
-  WriteAll(folder_ / "images/003.png", picture);
+  image.insert(kBehindHeader, std::string("\x00\x00\x00\x04gAMA\x00\x00\xb1\x8f....", 16));
+  WriteAll(folder_ / "images/003.png", image);
   const CommandResult result =
       RunHeba({"detect", (folder_ / "config.yaml").string(), "--out", (*root_ / "warned").string(), "--quiet"});
   EXPECT_EQ(result.status, 0);
@@ -543,7 +543,7 @@ TEST_F(BadInputTest, EnvironmentIsChecked) {
 }
 
 // Cached detections can be listed, their size is limited, and clearing the cache removes nothing else.
-TEST_F(BadInputTest, TheCacheHasALimitAndIsCleared) {
+TEST_F(BadInputTest, CacheIsLimitedAndCanBeCleared) {
   const fs::path cache = *root_ / "kept";
   const std::string environment = "HEBA_CACHE=" + ShellQuoted(cache.string());
   const auto detect = [&](const std::string& limit) {
@@ -570,7 +570,7 @@ TEST_F(BadInputTest, TheCacheHasALimitAndIsCleared) {
 }
 
 // Control characters in a file name do not reach the terminal.
-TEST_F(BadInputTest, NamesDoNotMoveTheCursor) {
+TEST_F(BadInputTest, EscapesControlCharactersInNames) {
   const std::string hostile = "003\x1b[2Jx.png";
   fs::rename(folder_ / "images/003.png", folder_ / "images" / hostile);
   std::string poses = ReadAll(folder_ / "poses.csv");
@@ -584,7 +584,7 @@ TEST_F(BadInputTest, NamesDoNotMoveTheCursor) {
 }
 
 // The values of a file are counted before it is parsed, because parsing too many would take gigabytes.
-TEST_F(BadInputTest, VeryManyValuesAreNotParsed) {
+TEST_F(BadInputTest, DoesNotParseFilesWithTooManyValues) {
   std::string json = "{\"captures\": [";
   for (int i = 0; i < 21'000'000; ++i) json += "0,";
   WriteAll(folder_ / "detections.json", json + "0]}");
@@ -596,7 +596,7 @@ TEST_F(BadInputTest, VeryManyValuesAreNotParsed) {
 }
 
 // Numbers in notations that gflags does not accept, and more threads than any machine has.
-TEST_F(BadInputTest, NumbersOfThreads) {
+TEST_F(BadInputTest, ChecksTheNumberOfThreads) {
   const std::string config = (folder_ / "config.yaml").string();
   for (const auto& [jobs, status] : std::map<std::string, int>{{"1e3", 0}, {"1.0", 0}, {"1e9", 2}, {"1.5", 2}}) {
     const CommandResult result =
@@ -605,7 +605,7 @@ TEST_F(BadInputTest, NumbersOfThreads) {
   }
 }
 
-TEST_F(BadInputTest, AFullOutputIsAFailure) {
+TEST_F(BadInputTest, FailsIfStandardOutputIsFull) {
   const fs::path out = *root_ / "full_output";
   ASSERT_EQ(RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"}).status, 0);
   const std::string program = ShellQuoted(HEBA_PROGRAM);
@@ -650,7 +650,7 @@ TEST_F(BadInputTest, OnlyRegularFilesAreReplaced) {
 }
 
 // A second import or simulation keeps runs and notes, and refuses to replace a config that was edited.
-TEST_F(BadInputTest, NothingOfTheUsersIsRemoved) {
+TEST_F(BadInputTest, KeepsFilesOfTheUser) {
   const fs::path data = *root_ / "kept_data";
   const std::vector<std::string> simulate = {"simulate", (*root_ / "scene.yaml").string(), "--out", data.string(),
                                              "--quiet"};
@@ -669,7 +669,7 @@ TEST_F(BadInputTest, NothingOfTheUsersIsRemoved) {
 }
 
 // Ctrl-C and the termination by a batch system give one line and leave no partial output.
-TEST_F(BadInputTest, AnInterruptionLeavesNothing) {
+TEST_F(BadInputTest, InterruptionLeavesNoFiles) {
   for (const int signal : {SIGINT, SIGTERM}) {
     const fs::path place = *root_ / "interrupted";
     fs::remove_all(place);
@@ -697,7 +697,7 @@ TEST_F(BadInputTest, AnInterruptionLeavesNothing) {
   }
 }
 
-TEST_F(BadInputTest, OutputThatCannotBeMadeIsOneLine) {
+TEST_F(BadInputTest, ReportsUnwritableOutputInOneLine) {
   for (const std::string& out :
        {std::string("/proc/heba_results"), (folder_ / "poses.csv").string(), (folder_ / "poses.csv" / "below").string(),
         (folder_ / std::string(300, 'x')).string()}) {
@@ -710,7 +710,7 @@ TEST_F(BadInputTest, OutputThatCannotBeMadeIsOneLine) {
 
 // Inputs may be read-only, so nothing is written next to them. (Root may write anywhere; the modification times show
 // it.)
-TEST_F(BadInputTest, NothingIsWrittenBesideTheInputs) {
+TEST_F(BadInputTest, WritesNothingBesideTheInputs) {
   std::map<std::string, fs::file_time_type> before;
   for (const auto& entry : fs::recursive_directory_iterator(folder_)) before[entry.path()] = entry.last_write_time();
   EXPECT_EQ(
@@ -723,7 +723,7 @@ TEST_F(BadInputTest, NothingIsWrittenBesideTheInputs) {
 }
 
 // The disk is full: a small tmpfs in a mount namespace of the test.
-TEST_F(BadInputTest, AFullDiskIsOneLineAndLeavesNothing) {
+TEST_F(BadInputTest, ReportsAFullDiskInOneLineAndLeavesNoFiles) {
   const fs::path disk = *root_ / "disk";
   fs::create_directories(disk);
   const std::string mount = "mount -t tmpfs -o size=64k tmpfs " + ShellQuoted(disk.string());
@@ -751,7 +751,7 @@ struct WrongCall {
   std::string part;
 };
 
-TEST(CommandLineTest, WrongCallsAreOneLineAndStatus2) {
+TEST(CommandLineTest, WrongCallsPrintOneLineAndExitWithStatus2) {
   const std::vector<WrongCall> calls = {
       {"unknown command", {"rnu"}, "did you mean 'run'?"},
       {"no config", {"run"}, "takes CONFIG"},
@@ -784,7 +784,7 @@ TEST(CommandLineTest, WrongCallsAreOneLineAndStatus2) {
   }
 }
 
-TEST(CommandLineTest, HelpAndVersionAnswer) {
+TEST(CommandLineTest, HelpAndVersionSucceed) {
   for (const std::vector<std::string>& arguments : {std::vector<std::string>{},
                                                     {"help"},
                                                     {"--help"},

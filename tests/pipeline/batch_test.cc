@@ -79,7 +79,7 @@ std::string WithoutTimes(const fs::path& result_file) {
   return json.dump();
 }
 
-TEST(BatchTest, ARunThatFailsFailsAlone) {
+TEST(BatchTest, AFailedRunDoesNotAffectOthers) {
   Cell cell = MakeCell("batch_fails");
   WriteAll(cell.folder / "wrong.yaml", "base: data/config.yaml\nrefine: {los: none}\n");
   WriteAll(cell.folder / "blind.yaml",
@@ -90,7 +90,7 @@ TEST(BatchTest, ARunThatFailsFailsAlone) {
   const CommandResult run = RunCached(RunArguments(cell, cell.folder / "out", {}));
   EXPECT_EQ(run.status, 1);
   EXPECT_THAT(run.err, HasSubstr("heba: error: " + (cell.folder / "wrong.yaml").string() + ":2: refine: unknown key"));
-  EXPECT_THAT(run.err, HasSubstr("the target was not seen in any of the 8 pictures"));
+  EXPECT_THAT(run.err, HasSubstr("the target was not detected in any of the 8 pictures"));
   EXPECT_THAT(run.err, HasSubstr("[6/6]"));
   for (const char* name : {"plain", "held", "focal", "cauchy"}) {
     EXPECT_TRUE(fs::exists(cell.folder / "out" / name / "result.json")) << name;
@@ -107,7 +107,7 @@ TEST(BatchTest, ARunThatFailsFailsAlone) {
   fs::remove_all(cell.folder);
 }
 
-TEST(BatchTest, ResumeLeavesWhatIsCurrentAndRunsWhatChanged) {
+TEST(BatchTest, ResumeRunsOnlyWhatChanged) {
   const Cell cell = MakeCell("batch_resume");
   const fs::path out = cell.folder / "out";
   ASSERT_EQ(RunCached(RunArguments(cell, out, {})).status, 0);
@@ -168,7 +168,7 @@ std::map<std::string, std::string> FinishedRuns(const fs::path& out) {
 
 // The batch is killed as soon as another run is finished or at odd moments after that, and resumed each time: no run
 // is lost or repeated, and no partial output remains.
-TEST(BatchTest, AKillAtAnyMomentLosesNoFinishedRun) {
+TEST(BatchTest, KillingLosesNoFinishedRun) {
   const Cell cell = MakeCell("batch_kill");
   const fs::path out = cell.folder / "out";
   ASSERT_EQ(RunCached(RunArguments(cell, cell.folder / "whole", {})).status, 0);
@@ -217,7 +217,7 @@ TEST(BatchTest, AKillAtAnyMomentLosesNoFinishedRun) {
   fs::remove_all(cell.folder);
 }
 
-TEST(BatchTest, ASecondProgramInTheFolderIsRefused) {
+TEST(BatchTest, RefusesASecondProcessInTheFolder) {
   const Cell cell = MakeCell("batch_lock");
   const fs::path out = cell.folder / "out";
   fs::create_directories(out);
@@ -231,7 +231,7 @@ TEST(BatchTest, ASecondProgramInTheFolderIsRefused) {
   fs::remove_all(cell.folder);
 }
 
-TEST(BatchTest, NamesThatStandTwiceAreRefusedBeforeAnyWork) {
+TEST(BatchTest, RefusesDuplicateNamesBeforeAnyWork) {
   Cell cell = MakeCell("batch_names");
   cell.configs.push_back(cell.configs.front());
   const CommandResult run = RunCached(RunArguments(cell, cell.folder / "out", {}));
@@ -286,7 +286,7 @@ TEST(BatchTest, CachedDetectionsGiveTheSameResult) {
 }
 
 // --set takes precedence over the file, and the config.yaml of the run contains the setting.
-TEST(BatchTest, SettingsAndBasesAreInTheConfigAsUsed) {
+TEST(BatchTest, UsedConfigContainsSettingsAndBases) {
   const Cell cell = MakeCell("batch_set");
   ASSERT_EQ(
       RunCached(RunArguments(cell, cell.folder / "out", {"--set", "refine.loss=huber", "--set", "evaluate.folds=0"}))
@@ -315,7 +315,7 @@ TEST(StudyTest, ShardsTogetherGiveTheSameBytes) {
   EXPECT_FALSE(fs::exists(folder / "parts" / "study.csv"));
   const CommandResult merged = study("parts", {"--resume"});
   EXPECT_EQ(merged.status, 0);
-  EXPECT_THAT(merged.err, HasSubstr("1 of 3 cells were there"));
+  EXPECT_THAT(merged.err, HasSubstr("1 of 3 cells were already complete"));
   EXPECT_EQ(ReadAll(folder / "parts" / "study.csv"), ReadAll(folder / "whole" / "study.csv"));
   // A different seed makes it another study.
   WriteAll(folder / "study.yaml", ReadAll(folder / "study.yaml") + "seed: 2\n");
@@ -324,13 +324,13 @@ TEST(StudyTest, ShardsTogetherGiveTheSameBytes) {
 }
 
 // Compares four runs: the table, the findings and the files.
-TEST(CompareTest, SaysWhatRefiningGainsAndWhetherPosesAgree) {
+TEST(CompareTest, ReportsTheGainOfRefinementAndTheAgreementOfPoses) {
   const Cell cell = MakeCell("compare");
   ASSERT_EQ(RunCached(RunArguments(cell, cell.folder / "out", {})).status, 0);
   const CommandResult compared =
       RunHeba({"compare", (cell.folder / "out").string(), "--out", (cell.folder / "compared").string()});
   EXPECT_EQ(compared.status, 0) << compared.err;
-  EXPECT_THAT(compared.out, HasSubstr("in px, on captures that neither has seen: the refinement is better than"));
+  EXPECT_THAT(compared.out, HasSubstr("hold-out error in px: the refinement is better than"));
   EXPECT_THAT(compared.out, HasSubstr("hand-eye poses from targets of one type agree within their uncertainties"));
   const std::string pairs = ReadAll(cell.folder / "compared" / "pairs.csv");
   EXPECT_EQ(std::count(pairs.begin(), pairs.end(), '\n'), 1 + 6);
@@ -342,7 +342,7 @@ TEST(CompareTest, SaysWhatRefiningGainsAndWhetherPosesAgree) {
 }
 
 // Exports hold the result of the run, and files of the user are kept.
-TEST(ExportTest, WritesWhatTheRunFound) {
+TEST(ExportTest, WritesTheResultOfTheRun) {
   const Cell cell = MakeCell("export");
   const fs::path run = cell.folder / "run";
   ASSERT_EQ(RunCached({"run", cell.configs[0], "--out", run.string(), "--quiet"}).status, 0);
@@ -393,7 +393,7 @@ TEST(ExportTest, WritesWhatTheRunFound) {
 }
 
 // The name of a run never becomes markup.
-TEST(SummaryPageTest, NamesAreText) {
+TEST(SummaryPageTest, EscapesNames) {
   const Cell cell = MakeCell("summary_names");
   const std::string hostile = "<img src=x onerror=alert(1)>";
   WriteAll(cell.folder / "hostile.yaml", "base: data/config.yaml\nname: \"" + hostile + "\"\n");

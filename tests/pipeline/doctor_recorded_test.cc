@@ -63,7 +63,7 @@ INSTANTIATE_TEST_SUITE_P(
 // Poses of the target without images. The columns hold A (the gripper in the base) and B (the target in the camera).
 class DoctorPairsTest : public testing::TestWithParam<std::string> {};
 
-TEST_P(DoctorPairsTest, FindsNothingWrongOrTheDirection) {
+TEST_P(DoctorPairsTest, FindsNoFaultOrTheWrongDirection) {
   const fs::path pairs = DataDir() / GetParam() / "pairs.csv";
   HEBA_SKIP_WITHOUT(pairs);
   const fs::path folder = TestFolder("doctor_" + GetParam());

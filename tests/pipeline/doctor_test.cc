@@ -86,7 +86,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // Frontal images under rotations about one axis do not constrain the intrinsics, so scales and small rotations that
 // they suggest are not findings: the axis is the only finding and is reported once.
-TEST(OneAxisTest, ARefusalNamesTheAxisAndNothingElse) {
+TEST(OneAxisTest, RefusalNamesOnlyTheAxis) {
   const fs::path folder = TestFolder("doctor_one_axis");
   const std::vector<std::string> targets = {
       "{type: chessboard, rows: 6, columns: 9, square: 20 mm}",
@@ -121,7 +121,7 @@ struct Motion {
 };
 class DoctorMotionTest : public testing::TestWithParam<Motion> {};
 
-TEST_P(DoctorMotionTest, SaysThatItShowsTooLittle) {
+TEST_P(DoctorMotionTest, ReportsInsufficientMotion) {
   const fs::path folder = TestFolder("doctor_motion_" + GetParam().name);
   const std::string target = "{type: chessboard, rows: 6, columns: 9, square: 20 mm}";
   WriteAll(folder / "scene.yaml", SceneText("eye_to_hand", target, GetParam().motion));

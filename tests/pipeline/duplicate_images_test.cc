@@ -97,7 +97,7 @@ const Json& Bundle(const Json& result) {
   return result;
 }
 
-TEST_F(DuplicateImagesTest, CopiesUnderOtherNamesChangeNothing) {
+TEST_F(DuplicateImagesTest, CopiesUnderOtherNamesDoNotChangeTheResult) {
   std::vector<PoseRow> rows;
   std::map<std::string, std::string> source;
   constexpr size_t kNumCopies = 8;
@@ -145,7 +145,7 @@ TEST_F(DuplicateImagesTest, CopiesUnderOtherNamesChangeNothing) {
   EXPECT_THAT(doctor.out, HasSubstr("remark [repeated_image]: 56 of 64 captures repeat the image"));
 }
 
-TEST_F(DuplicateImagesTest, OneImageWithTwoPosesIsNotUsedAtAll) {
+TEST_F(DuplicateImagesTest, IgnoresAnImageWithTwoPoses) {
   std::map<std::string, std::string> source;
   for (const PoseRow& row : rows_) source[row.image] = row.image;
   source[rows_[3].image] = rows_[1].image;
@@ -173,7 +173,7 @@ TEST_F(DuplicateImagesTest, OneImageWithTwoPosesIsNotUsedAtAll) {
   EXPECT_THAT(doctor.out, Not(HasSubstr("repeated_image")));
 }
 
-TEST_F(DuplicateImagesTest, OneImageForAllPosesIsAFailure) {
+TEST_F(DuplicateImagesTest, FailsIfAllPosesHaveTheSameImage) {
   std::map<std::string, std::string> source;
   for (const PoseRow& row : rows_) source[row.image] = rows_[0].image;
   WriteSet("frozen", rows_, source);

@@ -79,7 +79,7 @@ class NoiseFreeTest : public testing::TestWithParam<SetupAndTarget> {};
 
 // Without noise except for the rounding of grey levels the hand-eye pose is accurate to 0.02 mm and 0.002 deg in both
 // setups.
-TEST_P(NoiseFreeTest, HandEyeIsRightToATwentiethOfAMillimetre) {
+TEST_P(NoiseFreeTest, HandEyeErrorIsBelowATwentiethOfAMillimetre) {
   const fs::path folder = TestFolder("noise_free_" + GetParam().name);
   const Json result = Calibrate(folder, SceneText(GetParam().setup, GetParam().target, 0, 15), kFixedCamera);
   ASSERT_FALSE(result.is_null());
@@ -119,7 +119,7 @@ class NoisyTest : public testing::TestWithParam<SetupAndTarget> {};
 
 // Under noise, blur, clutter and uneven light the error is consistent with the stated covariance: e' C^-1 e of the
 // hand-eye pose is below 32.1, which chi-square with 6 degrees of freedom exceeds once in 60,000.
-TEST_P(NoisyTest, ErrorLiesWithinTheStatedCovariance) {
+TEST_P(NoisyTest, ErrorAgreesWithTheStatedCovariance) {
   const fs::path folder = TestFolder("noisy_" + GetParam().name);
   const Json result = Calibrate(folder, SceneText(GetParam().setup, GetParam().target, 3, 15), kFixedCamera);
   ASSERT_FALSE(result.is_null());
@@ -149,7 +149,7 @@ INSTANTIATE_TEST_SUITE_P(SetupsAndTargets, NoisyTest, testing::ValuesIn(kSetupsA
                          [](const auto& test) { return test.param.name; });
 
 // A sheet that the printer stretched by 0.1 % and whose middle bends away from its backing by 0.5 mm.
-TEST(TargetShapeTest, PrintScaleAndBendAreFound) {
+TEST(TargetShapeTest, EstimatesPrintScaleAndBend) {
   const fs::path folder = TestFolder("target_shape");
   const std::string scene = SceneText("eye_to_hand", kAprilTags, 2, 15) +
                             "print: {scale_x: 1.001, scale_y: 1.001, bend_x: 0.5 mm}\ngive_camera: false\n";
@@ -175,7 +175,7 @@ TEST(TargetShapeTest, PrintScaleAndBendAreFound) {
 }
 
 // The same robot poses and camera with two targets; the configs differ in `target` only.
-TEST(SwapTest, AnotherTargetIsOneLine) {
+TEST(SwapTest, ChangingTheTargetNeedsOneConfigEntry) {
   const fs::path folder = TestFolder("swap");
   Json results[2];
   std::string configs[2];
@@ -195,7 +195,7 @@ TEST(SwapTest, AnotherTargetIsOneLine) {
 
 // Without a camera file the intrinsics are estimated from the captures. Except for timings, 1 and 2 threads give
 // identical bytes.
-TEST(DeterminismTest, SameBytesForAnyNumberOfThreadsAndWithoutACameraFile) {
+TEST(DeterminismTest, IsBitIdenticalForAnyNumberOfThreads) {
   const fs::path folder = TestFolder("determinism");
   const std::string scene = SceneText("eye_in_hand", kChessboard, 2, 12) + "give_camera: false\n";
   Json one = Calibrate(folder, scene, "", "1");

@@ -155,15 +155,15 @@ class ExtremesTest : public testing::Test {
 };
 fs::path* ExtremesTest::root_ = nullptr;
 
-TEST_F(ExtremesTest, Scenes) {
+TEST_F(ExtremesTest, SurvivesExtremeScenes) {
   Try({"scene", *root_ / "scene.yaml", {"simulate", "FILE", "--out", "FOLDER/out", "--quiet"}});
 }
 
-TEST_F(ExtremesTest, Studies) {
+TEST_F(ExtremesTest, SurvivesExtremeStudies) {
   Try({"study", *root_ / "study.yaml", {"study", "FILE", "--out", "FOLDER/out", "--quiet"}});
 }
 
-TEST_F(ExtremesTest, Targets) {
+TEST_F(ExtremesTest, SurvivesExtremeTargets) {
   const char* const targets[] = {
       "type: coded_board\nrows: 4\ncolumns: 5\nspacing: 35 mm\ndot_diameter: 10 mm\nbits: 12\nfirst_id: 3\n",
       "type: apriltag_grid\nfamily: tag36h11\nrows: 3\ncolumns: 4\ntag_size: 30 mm\nborder_bits: 1\ntag_spacing: "
@@ -180,7 +180,7 @@ TEST_F(ExtremesTest, Targets) {
   }
 }
 
-TEST_F(ExtremesTest, RunsOfSpoiledDataSets) {
+TEST_F(ExtremesTest, SurvivesRunsOfSpoiledDataSets) {
   const fs::path good = *root_ / "good";
   const std::vector<std::string> run = {"run", "FOLDER/config.yaml", "--out", "FOLDER/out", "--quiet"};
   Try({"camera", good / "camera.yaml", run, 1, good});
@@ -192,7 +192,7 @@ TEST_F(ExtremesTest, RunsOfSpoiledDataSets) {
   Try({"config", *root_ / "given.yaml", {"run", "FILE", "--out", "FOLDER/out", "--quiet"}});
 }
 
-TEST_F(ExtremesTest, Results) {
+TEST_F(ExtremesTest, SurvivesExtremeResults) {
   Try({"result", *root_ / "run/result.json", {"export", "FOLDER", "--to", "ros2"}, 23});
   Try({"compared",
        *root_ / "run/result.json",
@@ -206,7 +206,7 @@ TEST_F(ExtremesTest, Results) {
 }
 
 // All commands that read results refuse results that no calibration can have.
-TEST_F(ExtremesTest, ResultsThatMeanNothing) {
+TEST_F(ExtremesTest, RefusesMeaninglessResults) {
   using Json = nlohmann::ordered_json;
   struct Spoiling {
     const char* what;

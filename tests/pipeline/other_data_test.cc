@@ -70,17 +70,17 @@ TEST_F(OtherDataTest, PosesOfTheTargetGiveAHandEyePose) {
   EXPECT_THAT(RunHeba({"detect", Path("config.yaml")}).err, HasSubstr("has no picture"));
 }
 
-TEST_F(OtherDataTest, PosesThatBelongToNothingAreAFailureThatSaysSo) {
+TEST_F(OtherDataTest, FailsForUnrelatedPoses) {
   WritePairs([](size_t i) { return (7 * i + 3) % 15; });
   const CommandResult result = Run();
   EXPECT_EQ(result.status, 1);
   EXPECT_THAT(result.err, HasSubstr("where it should stand still"));
-  EXPECT_THAT(result.err, HasSubstr("heba doctor: robot and pictures differ by"));
+  EXPECT_THAT(result.err, HasSubstr("heba doctor: robot and images differ by"));
   EXPECT_FALSE(fs::exists(folder_ / "run"));
   EXPECT_THAT(RunHeba({"doctor", Path("config.yaml"), "--quiet"}).out, HasSubstr("wrong [poses_unexplained]"));
 }
 
-TEST_F(OtherDataTest, ImportKeepsWhatIsThere) {
+TEST_F(OtherDataTest, ImportKeepsExistingFiles) {
   WritePairs([](size_t i) { return i; });
   for (const char* made : {"set", "mine"}) fs::create_directory(folder_ / made);
   WriteAll(folder_ / "set" / "poses.txt", "1 0 0 0 0 0 0 1\n2 0.1 0 0 0 0 0 1\n");
@@ -99,7 +99,7 @@ TEST_F(OtherDataTest, ImportKeepsWhatIsThere) {
   EXPECT_THAT(ReadAll(folder_ / "new" / "poses.csv"), HasSubstr("0.1,0,0"));
 }
 
-TEST_F(OtherDataTest, CamerasOfDataSetsAreChecked) {
+TEST_F(OtherDataTest, ChecksCamerasOfDataSets) {
   WriteAll(folder_ / "cal_data.yaml", "data:\n  - {image: 0.png, pose: 0.yaml}\n");
   WriteAll(folder_ / "0.yaml", "{x: 0, y: 0, z: 0, qx: 0, qy: 0, qz: 0, qw: 1}\n");
   WriteAll(folder_ / "config.yaml", "static_camera: true\nintrinsics: {fx: 0, fy: 1, cx: 2, cy: 3}\n");
@@ -138,7 +138,7 @@ void WriteCorners(const fs::path& folder, const Spoil& spoil) {
            "camera.yaml}\ncaptures: {detections: detections.json, poses: poses.csv}\n");
 }
 
-TEST_F(OtherDataTest, CornersAreEnoughForBundleAdjustment) {
+TEST_F(OtherDataTest, RunsBundleAdjustmentFromCornersAlone) {
   WriteCorners(folder_, [](size_t, const Eigen::Vector2d& pixel) { return pixel; });
   const CommandResult result = Run();
   EXPECT_EQ(result.status, 0) << result.err;
@@ -152,7 +152,7 @@ TEST_F(OtherDataTest, CornersAreEnoughForBundleAdjustment) {
   EXPECT_THAT(doctor.out, testing::Not(HasSubstr("[lens]")));
 }
 
-TEST_F(OtherDataTest, DoctorSeesALensThatTheModelDoesNotHave) {
+TEST_F(OtherDataTest, DoctorReportsUnmodelledDistortion) {
   // The displacement has an amplitude of half a pixel and oscillates across the image.
   WriteCorners(folder_, [](size_t, const Eigen::Vector2d& pixel) -> Eigen::Vector2d {
     return pixel + Eigen::Vector2d(0, 0.5 * std::sin(pixel.x() / 60));

@@ -89,7 +89,7 @@ std::vector<std::string> UnusedOf(const Json& result) {
   return unused;
 }
 
-TEST_F(RawFilesTest, PosesWithoutAHeaderAndInAFolderGiveTheSameResult) {
+TEST_F(RawFilesTest, HeaderlessAndSeparatePoseFilesGiveTheSameResult) {
   const Json wanted = Run({})["estimates"].back()["hand_eye"];
   WriteAll(folder_ / "bare.txt", Lines("ros", "  "));
   EXPECT_EQ(
@@ -110,19 +110,18 @@ TEST_F(RawFilesTest, PosesWithoutAHeaderAndInAFolderGiveTheSameResult) {
   fs::remove(folder_ / "images" / "003.png");
   fs::remove(folder_ / "one_each" / "pose_4.txt");
   const Json result = Run({Setting("one_each")});
-  EXPECT_THAT(UnusedOf(result),
-              testing::UnorderedElementsAre("pose_3: the picture is not among those of captures.images",
-                                            "004.png: the robot's pose is not in the poses file"));
+  EXPECT_THAT(UnusedOf(result), testing::UnorderedElementsAre("pose_3: the image is not among those of captures.images",
+                                                              "004.png: the robot's pose is not in the poses file"));
 }
 
-TEST_F(RawFilesTest, AImageThatWasRemovedIsSkippedWithANote) {
+TEST_F(RawFilesTest, SkipsARemovedImageWithANote) {
   fs::remove(folder_ / "images" / "007.png");
-  EXPECT_THAT(UnusedOf(Run({})), testing::ElementsAre("007.png: the picture is not among those of captures.images"));
+  EXPECT_THAT(UnusedOf(Run({})), testing::ElementsAre("007.png: the image is not among those of captures.images"));
   EXPECT_THAT(ReadAll(folder_ / "run" / "log.txt"), HasSubstr("without 007.png: the picture is not among those"));
 }
 
 // A misspelt name is an error, and the suggestion is an image without a pose.
-TEST_F(RawFilesTest, AMisspeltImageIsAnError) {
+TEST_F(RawFilesTest, RefusesAMisspeltImageName) {
   std::string poses = ReadAll(folder_ / "poses.csv");
   poses.replace(poses.find("003.png"), 7, "03.png");
   WriteAll(folder_ / "poses.csv", poses);
@@ -132,7 +131,7 @@ TEST_F(RawFilesTest, AMisspeltImageIsAnError) {
               AllOf(HasSubstr("poses.csv:5: the picture 03.png is not among"), HasSubstr("did you mean '003.png'?")));
 }
 
-TEST_F(RawFilesTest, ExcludedCapturesAreLeftOut) {
+TEST_F(RawFilesTest, OmitsExcludedCaptures) {
   EXPECT_THAT(UnusedOf(Run({"captures.exclude=[002.png, 005.png]"})),
               testing::ElementsAre("002.png: left out by captures.exclude", "005.png: left out by captures.exclude"));
   EXPECT_THAT(ReadAll(folder_ / "run" / "config.yaml"), HasSubstr("exclude"));
@@ -142,7 +141,7 @@ TEST_F(RawFilesTest, ExcludedCapturesAreLeftOut) {
 }
 
 // The doctor states the setting of the pose format that fits the images.
-TEST_F(RawFilesTest, TheDoctorGuessesPosesThatNobodyDescribed) {
+TEST_F(RawFilesTest, DoctorGuessesTheFormatOfUndescribedPoses) {
   struct Case {
     std::string format;
     std::string reading;
@@ -175,7 +174,7 @@ TEST_F(RawFilesTest, TheDoctorGuessesPosesThatNobodyDescribed) {
 }
 
 // Captures with one file for each pose can be excluded by either name, and an image has one pose.
-TEST_F(RawFilesTest, FilesOfOnePoseAreExcludedAndSingle) {
+TEST_F(RawFilesTest, ExcludesSeparatePoseFilesAndRefusesAmbiguousOnes) {
   fs::create_directory(folder_ / "one_each");
   const std::vector<std::string> lines = Split(Lines("ros", " "), '\n');
   for (size_t i = 0; i < rows_.size(); ++i) {
@@ -195,7 +194,7 @@ TEST_F(RawFilesTest, FilesOfOnePoseAreExcludedAndSingle) {
 }
 
 // The doctor recognises rotations before positions, headers in other words, and a leading time stamp.
-TEST_F(RawFilesTest, TheDoctorFindsOtherOrders) {
+TEST_F(RawFilesTest, DoctorFindsOtherPoseOrders) {
   std::string turns_first;
   std::string named = "stamp;file;Rz [deg];Ry [deg];Rx [deg];X [mm];Y [mm];Z [mm]\n";
   std::string upper_rows;
@@ -255,7 +254,7 @@ TEST_F(RawFilesTest, ImportReadsPosesWithATime) {
 }
 
 // Import does not claim that poses fit images that they do not belong to.
-TEST_F(RawFilesTest, ImportDoesNotClaimAFit) {
+TEST_F(RawFilesTest, ImportDoesNotPairUnrelatedPoses) {
   const fs::path bare = folder_ / "bare";
   fs::create_directory(bare);
   fs::rename(folder_ / "images", bare / "photos");
@@ -283,7 +282,7 @@ TEST_F(RawFilesTest, ImportDoesNotClaimAFit) {
 }
 
 // The results of a run do not replace its own data.
-TEST_F(RawFilesTest, DataSetsAreNotReplaced) {
+TEST_F(RawFilesTest, DoesNotReplaceDataSets) {
   fs::copy_file(*root_ / "data" / ".heba", folder_ / ".heba", fs::copy_options::overwrite_existing);
   for (const std::string command : {"run", "detect"}) {
     const CommandResult result = Heba({command, (folder_ / "config.yaml").string(), "--out", folder_.string()});

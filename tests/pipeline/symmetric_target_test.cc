@@ -105,7 +105,7 @@ CommandResult* SymmetricTargetTest::run_ = nullptr;
 std::vector<std::string> SymmetricTargetTest::names_;
 std::vector<Rigid3d> SymmetricTargetTest::truth_;
 
-TEST_F(SymmetricTargetTest, LocateGivesBothPosesAndDoesNotChoose) {
+TEST_F(SymmetricTargetTest, LocateReturnsBothPoses) {
   for (size_t i = 0; i < names_.size(); ++i) {
     const CommandResult located = RunHeba({"locate", Path("run"), Image(i)});
     EXPECT_EQ(located.status, 1);
@@ -124,7 +124,7 @@ TEST_F(SymmetricTargetTest, LocateGivesBothPosesAndDoesNotChoose) {
   }
 }
 
-TEST_F(SymmetricTargetTest, ManyImagesWithoutNearAreOneErrorLine) {
+TEST_F(SymmetricTargetTest, RequiresNearForManyImages) {
   const CommandResult located = RunHeba({"locate", Path("run"), Image(0), Image(1), Image(2)});
   EXPECT_EQ(located.status, 1);
   EXPECT_THAT(located.err, StartsWith("heba: error: 3 images: the target looks the same after half a turn"));
@@ -149,7 +149,7 @@ TEST_F(SymmetricTargetTest, NearDecidesBetweenThePoses) {
   }
 }
 
-TEST_F(SymmetricTargetTest, NearThatIsAboutEquallyFarFromBothPosesDoesNotDecide) {
+TEST_F(SymmetricTargetTest, AmbiguousNearDoesNotDecide) {
   // A rotation by 80 deg about the normal of the target is 80 deg from one pose and 100 deg from the other.
   const std::string rough = Numbers(Rotated(truth_[0], Eigen::Vector3d::UnitZ(), 80));
   const CommandResult located = RunHeba({"locate", Path("run"), Image(0), "--near", rough});
@@ -160,13 +160,13 @@ TEST_F(SymmetricTargetTest, NearThatIsAboutEquallyFarFromBothPosesDoesNotDecide)
   EXPECT_EQ(PrintedPoses(located.out).size(), 2U);
 }
 
-TEST_F(SymmetricTargetTest, PixelsOnTheTargetNeedNoChoice) {
+TEST_F(SymmetricTargetTest, PixelsOnTheTargetAreUnambiguous) {
   const CommandResult located = RunHeba({"locate", Path("run"), Image(0), "--pixels", "400,300"});
   EXPECT_EQ(located.status, 0) << located.err;
   EXPECT_THAT(located.out, HasSubstr("mm in the base"));
 }
 
-TEST_F(SymmetricTargetTest, NearThatCannotBeReadOrHasNoUseIsAWrongCall) {
+TEST_F(SymmetricTargetTest, RefusesInvalidOrUselessNear) {
   struct Call {
     std::vector<std::string> flags;
     std::string part;
@@ -186,7 +186,7 @@ TEST_F(SymmetricTargetTest, NearThatCannotBeReadOrHasNoUseIsAWrongCall) {
   EXPECT_THAT(RunHeba({"locate", "--help"}).out, HasSubstr("--near"));
 }
 
-TEST_F(SymmetricTargetTest, RunAndDoctorSayWhatTheSymmetryMeans) {
+TEST_F(SymmetricTargetTest, RunAndDoctorExplainTheSymmetry) {
   const std::string remark =
       "the target looks the same after half a turn, so 'heba locate' finds 2 possible poses in an image unless --near "
       "decides; the calibration itself is not affected";
@@ -208,7 +208,7 @@ TEST(SheetOfSymmetricTargetTest, HebaTargetWarnsOfSymmetry) {
   const fs::path folder = TestFolder("symmetric_sheet");
   const std::string half = "the target looks the same after half a turn, so 'heba locate' finds 2 possible poses";
   const std::string quarter =
-      "the target looks the same after a quarter of a turn, so 'heba locate' finds 4 possible poses";
+      "the target looks the same after a rotation by 90 deg, so 'heba locate' finds 4 possible poses";
   const SheetCase cases[] = {
       {"{type: chessboard, rows: 5, columns: 7, square: 20 mm}", half},
       {"{type: chessboard, rows: 6, columns: 6, square: 20 mm}", quarter},

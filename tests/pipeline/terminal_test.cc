@@ -45,7 +45,7 @@ std::string Whole(const std::vector<std::string>& lines) {
   return whole;
 }
 
-TEST(TerminalTest, EveryLineFitsAndColourCanBeRefused) {
+TEST(TerminalTest, LinesFitTheTerminalAndColourIsOptional) {
   const std::filesystem::path folder = TestFolder("terminal_data");
   const std::string source = HEBA_SOURCE_DIR;
   ASSERT_EQ(RunHeba({"simulate", source + "/configs/sample_scene.yaml", "--set", "motion.captures=8", "--out",

@@ -42,7 +42,7 @@ Json FindingOf(const Json& result, const std::string& code) {
   return nullptr;
 }
 
-TEST_F(VerdictRunTest, GoodResultsAreGoodAndSayWhichModelWasChosen) {
+TEST_F(VerdictRunTest, GoodResultsNameTheChosenModel) {
   const CommandResult run = RunHeba({"run", Config("good", "evaluate: {folds: 5}\n"), "--out",
                                      (folder() / "good").string(), "--fail-on", "doubtful"});
   EXPECT_EQ(run.status, 0) << run.err;
@@ -54,7 +54,7 @@ TEST_F(VerdictRunTest, GoodResultsAreGoodAndSayWhichModelWasChosen) {
   for (const Json& capture : result["captures"]) EXPECT_TRUE(capture["used"].get<bool>()) << capture["reason"];
 }
 
-TEST_F(VerdictRunTest, ARequirementThatIsNotMetFailsTheRunButKeepsItsResults) {
+TEST_F(VerdictRunTest, UnmetRequirementFailsTheRunButKeepsItsResults) {
   const std::string require =
       "evaluate: {folds: 0, require: [{within: 0.00001 mm, at: [400 mm, 0 mm, 50 mm], confidence: 0.9}]}\n";
   const CommandResult run =
@@ -70,7 +70,7 @@ TEST_F(VerdictRunTest, ARequirementThatIsNotMetFailsTheRunButKeepsItsResults) {
   EXPECT_EQ(RunHeba({"run", Config("strict", require), "--out", (folder() / "strict").string()}).status, 0);
 }
 
-TEST_F(VerdictRunTest, ATargetOfAnotherSizeIsBadForRunAndDoctorAlike) {
+TEST_F(VerdictRunTest, RunAndDoctorReportAWrongTargetSize) {
   // The target of the sample scene, declared 10 % larger than it was rendered.
   std::string target = ReadAll(folder() / "data" / "target.yaml");
   const std::regex length(R"((spacing|dot_diameter): *([0-9.]+))");
@@ -92,7 +92,7 @@ TEST_F(VerdictRunTest, ATargetOfAnotherSizeIsBadForRunAndDoctorAlike) {
   EXPECT_EQ(num_bad, 1) << result["verdict"].dump(1);
 }
 
-TEST_F(VerdictRunTest, TheSummaryHasTheVerdict) {
+TEST_F(VerdictRunTest, SummaryContainsTheVerdict) {
   const CommandResult run =
       RunHeba({"run", Config("one", ""), Config("two", ""), "--out", (folder() / "batch").string(), "--quiet"});
   EXPECT_EQ(run.status, 0) << run.err;

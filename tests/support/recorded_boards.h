@@ -31,7 +31,7 @@ inline RecordedBoards DetectRecorded(const Target& target, const std::filesystem
   std::sort(files.begin(), files.end());
   RecordedBoards result;
   std::vector<std::vector<cv::Point3f>> board;
-  std::vector<std::vector<cv::Point2f>> pictures;
+  std::vector<std::vector<cv::Point2f>> images;
   cv::Size size;
   for (size_t i = 0; i < files.size(); ++i) {
     const std::string name = files[i].filename().string();
@@ -45,17 +45,17 @@ inline RecordedBoards DetectRecorded(const Target& target, const std::filesystem
     }
     if (detection.ids.empty()) continue;
     board.emplace_back();
-    pictures.emplace_back();
+    images.emplace_back();
     for (size_t k = 0; k < detection.ids.size(); ++k) {
       const Eigen::Vector3d& place_m = target.points()[static_cast<size_t>(detection.ids[k])].in_target;
       board.back().emplace_back(static_cast<float>(place_m.x()), static_cast<float>(place_m.y()), 0.0F);
-      pictures.back().emplace_back(static_cast<float>(detection.pixels[k].x()),
-                                   static_cast<float>(detection.pixels[k].y()));
+      images.back().emplace_back(static_cast<float>(detection.pixels[k].x()),
+                                 static_cast<float>(detection.pixels[k].y()));
     }
   }
   cv::Mat matrix;
   cv::Mat distortion;
-  result.rms_px = cv::calibrateCamera(board, pictures, size, matrix, distortion, cv::noArray(), cv::noArray());
+  result.rms_px = cv::calibrateCamera(board, images, size, matrix, distortion, cv::noArray(), cv::noArray());
   return result;
 }
 

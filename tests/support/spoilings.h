@@ -231,12 +231,12 @@ inline std::vector<Spoiling> AllSpoilings(bool all_orders) {
          if (!std::filesystem::exists(good.camera)) return std::nullopt;
          std::filesystem::create_directories(folder / "images");
          for (const auto& entry : std::filesystem::directory_iterator(good.images)) {
-           const cv::Mat picture = cv::imread(entry.path().string(), cv::IMREAD_GRAYSCALE);
-           if (picture.empty()) continue;
-           const cv::Rect window(picture.cols / 32, picture.rows / 24, picture.cols - picture.cols / 16,
-                                 picture.rows - picture.rows / 24);
+           const cv::Mat image = cv::imread(entry.path().string(), cv::IMREAD_GRAYSCALE);
+           if (image.empty()) continue;
+           const cv::Rect window(image.cols / 32, image.rows / 24, image.cols - image.cols / 16,
+                                 image.rows - image.rows / 24);
            cv::imwrite((folder / "images" / entry.path().filename()).string(),
-                       picture(window & cv::Rect(0, 0, picture.cols, picture.rows)));
+                       image(window & cv::Rect(0, 0, image.cols, image.rows)));
          }
          return Spoiled{{"captures.images=" + (folder / "images").string()}, {"camera_size"}};
        }});

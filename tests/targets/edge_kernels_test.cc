@@ -28,7 +28,7 @@ void ExpectGradient(const Vector& at, const Vector& gradient, int num_free, cons
   }
 }
 
-TEST_P(EdgeKernelTest, BlurredEllipse) {
+TEST_P(EdgeKernelTest, BlurredEllipseGradientMatchesDifferences) {
   BlurredEllipseParameters x;
   x << 0.05, -0.03, 1.1, 0.15, 0.9, std::log(0.12), 0.9, 0.1, 0.05, -0.04, 0.02, 0.03;
   EdgePixels pixels;
@@ -59,7 +59,7 @@ TEST_P(EdgeKernelTest, BlurredEllipse) {
   EXPECT_EQ(held.normal(kFree, 0), 0);
 }
 
-TEST_P(EdgeKernelTest, Ring) {
+TEST_P(EdgeKernelTest, RingGradientMatchesDifferences) {
   const RingWord word = {0b001011010110, 12};
   RingMap map;
   map.ring_from_place = Eigen::Matrix3d::Identity();

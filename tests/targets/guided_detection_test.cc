@@ -46,13 +46,13 @@ Detection MakeDetection(const std::vector<int>& ids, const std::vector<Eigen::Ve
   return detection;
 }
 
-TEST(GuidedDetectionTest, AddsWhatIsThereAndKeepsWhatWas) {
-  const cv::Mat picture(800, 1000, CV_8UC1, cv::Scalar(100));
+TEST(GuidedDetectionTest, AddsNewPointsAndKeepsDetectedOnes) {
+  const cv::Mat image(800, 1000, CV_8UC1, cv::Scalar(100));
   // The second detection returns point 0 at a slightly different position, point 1, and point 3, for which no
   // position is expected.
   const ScriptedTarget target(MakeDetection({0, 1, 3}, {{400.4, 300}, {450.5, 300.2}, {450, 350}}));
   const Detection first = MakeDetection({0}, {{400.1, 299.9}});
-  const GuidedDetection guided = DetectGuided(target, picture, first, kExpected, 2);
+  const GuidedDetection guided = DetectGuided(target, image, first, kExpected, 2);
   EXPECT_EQ(guided.num_added, 1);
   EXPECT_EQ(guided.num_dropped, 0);
   EXPECT_THAT(guided.detection.ids, testing::ElementsAre(0, 1));
@@ -61,21 +61,21 @@ TEST(GuidedDetectionTest, AddsWhatIsThereAndKeepsWhatWas) {
   EXPECT_EQ(guided.detection.covariances_px2.size(), 2U);
 }
 
-TEST(GuidedDetectionTest, DropsWhatLiesElsewhere) {
-  const cv::Mat picture(800, 1000, CV_8UC1, cv::Scalar(100));
+TEST(GuidedDetectionTest, DropsPointsFarFromTheirExpectedPosition) {
+  const cv::Mat image(800, 1000, CV_8UC1, cv::Scalar(100));
   const ScriptedTarget target(MakeDetection({}, {}));
   const Detection first = MakeDetection({0, 1, 3}, {{400, 300}, {480, 300}, {10, 10}});
-  const GuidedDetection guided = DetectGuided(target, picture, first, kExpected, 2);
+  const GuidedDetection guided = DetectGuided(target, image, first, kExpected, 2);
   EXPECT_EQ(guided.num_dropped, 2);
   EXPECT_THAT(guided.detection.ids, testing::ElementsAre(0));
 }
 
-TEST(GuidedDetectionTest, PointsMeasuredTogetherStayOrGoTogether) {
-  const cv::Mat picture(800, 1000, CV_8UC1, cv::Scalar(100));
+TEST(GuidedDetectionTest, CorrelatedPointsAreKeptOrDroppedTogether) {
+  const cv::Mat image(800, 1000, CV_8UC1, cv::Scalar(100));
   const ScriptedTarget target(MakeDetection({}, {}));
   Detection first = MakeDetection({0, 1, 2}, {{400, 300}, {480, 300}, {400, 350}});
   first.covariances_px2 = {Eigen::MatrixXd::Identity(4, 4), Eigen::MatrixXd::Identity(2, 2)};
-  const GuidedDetection guided = DetectGuided(target, picture, first, kExpected, 2);
+  const GuidedDetection guided = DetectGuided(target, image, first, kExpected, 2);
   EXPECT_THAT(guided.detection.ids, testing::ElementsAre(2));
   ASSERT_EQ(guided.detection.covariances_px2.size(), 1U);
   EXPECT_EQ(guided.detection.covariances_px2[0].rows(), 2);

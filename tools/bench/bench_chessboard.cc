@@ -250,8 +250,10 @@ std::vector<Errors> MeasureView(const Target& target, const BoardSize& size, con
 }
 
 void ReportRendered(const Target& target, const BoardSize& size) {
-  std::printf("contrast 170 grey, %d views per row; rms and bias in px along x and y; chi2: the mean of e' C^-1 e divided by 2\n",
-              FLAGS_views);
+  std::printf(
+      "contrast 170 grey, %d views per row; rms and bias in px along x and y; chi2: the mean of e' C^-1 e divided by "
+      "2\n",
+      FLAGS_views);
   std::printf("%-38s %-12s %6s %5s %8s %8s %8s %8s %6s\n", "", "", "found", ">.5px", "rms x", "rms y", "bias x",
               "bias y", "chi2");
   const std::vector<Method> methods = MethodsFor(size);

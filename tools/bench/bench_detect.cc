@@ -30,7 +30,7 @@ extern "C" {
 #include "targets/target.h"
 #include "tools/bench/target_of.h"
 
-DEFINE_int32(pictures, 5, "images of each row; the figures are their medians");
+DEFINE_int32(images, 5, "images of each row; the figures are their medians");
 DEFINE_string(only, "", "only the rows whose names contain this");
 DEFINE_string(table, "", "one table: times or misses");
 DEFINE_string(target, "", "keys of a target to search for in the files that follow, one line for each file");

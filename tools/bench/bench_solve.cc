@@ -142,7 +142,8 @@ void Print(const Workload& workload, const char* program, const Measured& measur
 }
 
 void BenchRefinement() {
-  std::printf("hand-eye pose, board pose and nine intrinsics, from the check of the initial guess to the covariance\n\n");
+  std::printf(
+      "hand-eye pose, board pose and nine intrinsics, from the check of the initial guess to the covariance\n\n");
   std::printf(
       "| captures x pts | program                        |         ms | its |   ns/o/i |       MB | x textb | "
       "off mm |\n|---|---|---|---|---|---|---|---|\n");

@@ -34,7 +34,7 @@ extern "C" {
 #include "tools/bench/target_of.h"
 
 DEFINE_int32(views, 300, "views for each row of the precision table");
-DEFINE_int32(pictures, 40, "images for each size and tilt of the recall table");
+DEFINE_int32(images, 40, "images for each size and tilt of the recall table");
 DEFINE_int32(cluttered, 1000, "cluttered images with and without a board for the count of false ids");
 DEFINE_int32(jobs, 0, "threads; 0 for one per processor");
 DEFINE_int32(seed, 1, "seed of all random numbers");
@@ -304,8 +304,7 @@ void ReportPrecision() {
       "precision: f 2400 px, tilt 0 to 45 deg, contrast 170 grey, uneven light %.2f, %d views per row; below each row "
       "the plain library's\n",
       FLAGS_light, FLAGS_views);
-  std::printf(
-      "rms: of a coordinate; chi: root of e' C^-1 e divided by its expectation, with joint covariances\n");
+  std::printf("rms: of a coordinate; chi: root of e' C^-1 e divided by its expectation, with joint covariances\n");
   std::printf("%-34s %7s %8s %5s %9s %9s %9s %8s %6s\n", "", "points", "recall %", ">.5px", "rms px", "bias x",
               "bias y", "+-", "chi");
   const PrecisionRow rows[] = {

@@ -60,7 +60,7 @@ std::string ConfigText(const RawFolder& raw, const std::optional<fs::path>& targ
                            : "# setup: eye_to_hand (camera fixed) or eye_in_hand (camera on the gripper)\n";
   text += target ? "target: " + path(*target) + "\n" : "# target: ...: the target in the images\n";
   if (raw.camera) text += "camera:\n  intrinsics: " + path(*raw.camera) + "\n";
-  return text + "captures:\n  images: " + path(raw.pictures) + "\n  poses: " + path(raw.poses) +
+  return text + "captures:\n  images: " + path(raw.images) + "\n  poses: " + path(raw.poses) +
          "\n  pose_format: " + PoseFormatText(format) + "\n";
 }
 
@@ -98,14 +98,14 @@ std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
   for (const fs::path& candidate : folders) {
     const size_t count = ImagesOf(candidate).size();
     if (count > raw.num_images) {
-      raw.pictures = candidate;
+      raw.images = candidate;
       raw.num_images = count;
     }
   }
   if (raw.num_images == 0) return std::nullopt;
   // A table takes precedence over files of one pose each.
   std::vector<fs::path> sources;
-  for (const fs::path& place : {folder, raw.pictures}) {
+  for (const fs::path& place : {folder, raw.images}) {
     for (const fs::path& entry : EntriesOf(place)) {
       if (!fs::is_regular_file(entry, error) || HasImageSuffix(entry)) continue;
       sources.push_back(entry);

@@ -11,7 +11,7 @@
 namespace heba {
 
 struct RawFolder {
-  std::filesystem::path pictures;  // The folder that contains them: the folder itself or one in it.
+  std::filesystem::path images;  // The folder that contains them: the folder itself or one in it.
   size_t num_images = 0;
   std::filesystem::path poses;  // A table, an array, or a folder with one file per pose.
   PoseFormat format;            // Guessed from the size of the numbers.

@@ -107,8 +107,7 @@ std::string AgreementFinding(const Comparison& comparison, const std::string& wh
 
 std::vector<std::string> FindingsOf(const Comparison& comparison) {
   std::vector<std::string> findings;
-  const std::string gain_px =
-      GainFinding(comparison.runs, "hold-out error in px", &HoldOutPx, &HoldOutPx);
+  const std::string gain_px = GainFinding(comparison.runs, "hold-out error in px", &HoldOutPx, &HoldOutPx);
   const std::string gain_mm =
       GainFinding(comparison.runs, "hold-out error at the target in mm", &HoldOutMm, &HoldOutMm);
   const bool is_robot_noisy = std::any_of(comparison.runs.begin(), comparison.runs.end(), [](const ComparedRun& run) {
@@ -124,9 +123,10 @@ std::vector<std::string> FindingsOf(const Comparison& comparison) {
         "if robot noise is modelled, it contributes to the hold-out error of every method: the true "
         "gain is larger than these figures (see the hold-out chi-square and sigma)");
   }
-  const std::string true_mm =
-      GainFinding(comparison.runs, "true error in mm of the closed form with the smallest hold-out RMS", &HoldOutPx, &TrueMm);
-  const std::string true_deg = GainFinding(comparison.runs, "true error in deg of the same closed form", &HoldOutPx, &TrueDeg);
+  const std::string true_mm = GainFinding(
+      comparison.runs, "true error in mm of the closed form with the smallest hold-out RMS", &HoldOutPx, &TrueMm);
+  const std::string true_deg =
+      GainFinding(comparison.runs, "true error in deg of the same closed form", &HoldOutPx, &TrueDeg);
   for (const std::string& gain : {true_mm, true_deg}) {
     if (!gain.empty()) findings.push_back(gain);
   }
@@ -292,10 +292,9 @@ std::string ComparisonPage(const Comparison& comparison) {
                     {FigureText(line.board_deg), true},
                     {Significant(run.result.timing.total_s, 3), true}});
   }
-  body +=
-      ViewFigure("dumbbells", "RMS reprojection error on held-out captures.",
-                 Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
-                 DumbbellChart("RMS in px: refined (first colour), best closed form (second)", pictured));
+  body += ViewFigure("dumbbells", "RMS reprojection error on held-out captures.",
+                     Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
+                     DumbbellChart("RMS in px: refined (first colour), best closed form (second)", pictured));
   body += HtmlTable({"run", "verdict", "setup", "target", "best closed form", "closed form hold-out, px",
                      "refined hold-out, px", "sigma, mm", "sigma, deg", "board, mm", "board, deg", "time, s"},
                     rows);
@@ -320,10 +319,12 @@ std::string ComparisonPage(const Comparison& comparison) {
   }
   body += Heading("Differences between hand-eye poses");
   if (!comparison.pairs.empty()) {
-    body += ViewFigure("pairs", "Distance between the camera positions of the runs, mm.", Json{{"runs", labels}, {"pairs", pairs}});
+    body += ViewFigure("pairs", "Distance between the camera positions of the runs, mm.",
+                       Json{{"runs", labels}, {"pairs", pairs}});
   }
   body += Paragraph(
-      "The chance is the probability of a difference at least as large between runs that measure the same pose and share no captures; "
+      "The chance is the probability of a difference at least as large between runs that measure the same pose and "
+      "share no captures; "
       "below "
       "1 % the poses are said to differ.");
   const std::string table = HtmlTable({"run", "other run", "mm", "sigma, mm", "deg", "sigma, deg", "chance", ""}, rows);

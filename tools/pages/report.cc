@@ -101,7 +101,7 @@ std::string SetUpSection(const RunResult& result, const Estimate& refined, const
   }
   const Eigen::Vector3d middle = 0.5 * (low + high);
   return Section("Setup", ViewFigure("set-up", "", data, SetUpChart(result, refined, captures, middle)) +
-                               Paragraph(DistancesText(result, refined, captures, middle)));
+                              Paragraph(DistancesText(result, refined, captures, middle)));
 }
 
 std::string UncertaintySection(const RunResult& result, const Estimate& refined) {
@@ -274,22 +274,22 @@ std::string ResidualSections(const RunResult& result, const Estimate& refined,
   const Camera& camera = refined.camera;
   const std::string sample = NumPoints(captures) > kMaxPoints ? " An evenly spaced sample of the points is shown." : "";
   const std::string field = SharedViewFigure(
-      "residual-field", "Residuals (predicted minus observed) of the inliers. Click to open the capture." + sample, "captures",
-      ResidualFieldChart(camera, captures));
+      "residual-field", "Residuals (predicted minus observed) of the inliers. Click to open the capture." + sample,
+      "captures", ResidualFieldChart(camera, captures));
   if (field.empty()) return "";
   const std::string cells = SharedViewFigure(
-      "coverage",
-      "Percentage of the inliers. Cells without points do not constrain the lens model." + sample,
+      "coverage", "Percentage of the inliers. Cells without points do not constrain the lens model." + sample,
       "captures", CoverageChart(camera, captures));
   const std::string radius = SharedViewFigure("residual-radius", "", "captures", ResidualRadiusChart(camera, captures));
   const std::string histogram = SharedViewFigure(
       "histogram", "Residual coordinates of the inliers, and the normal distribution of the stated sigma.", "captures",
       HistogramChart(refined.solution->pixel_sigma_px, captures));
-  const std::string bars = SharedViewFigure("capture-bars", "The dashed line is the RMS of all points. Click to open the capture.",
-                                            "captures", CaptureBarsChart(result));
-  return "<div class=\"columns\">\n" + Section("Residuals over the image", field) +
-         Section("Image coverage", cells) + Section("Residuals by radius", radius) +
-         Section("Residual histogram", histogram) + Section("Residuals by capture", bars) + "</div>\n";
+  const std::string bars =
+      SharedViewFigure("capture-bars", "The dashed line is the RMS of all points. Click to open the capture.",
+                       "captures", CaptureBarsChart(result));
+  return "<div class=\"columns\">\n" + Section("Residuals over the image", field) + Section("Image coverage", cells) +
+         Section("Residuals by radius", radius) + Section("Residual histogram", histogram) +
+         Section("Residuals by capture", bars) + "</div>\n";
 }
 
 std::string CaptureSection(const RunResult& result) {

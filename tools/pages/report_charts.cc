@@ -139,9 +139,9 @@ std::string HistogramChart(double sigma_px, const std::vector<ReportedCapture>& 
     }
   }
   const double top = 2.0 * static_cast<double>(all.size()) * width / (sigma_px * std::sqrt(2 * M_PI));
-  StaticChart chart(
-      kWidth, 240, {"predicted minus observed, px", -reach, reach},
-      {"number of coordinates", 0, 1.05 * std::max(top, static_cast<double>(*std::max_element(counts.begin(), counts.end())))});
+  StaticChart chart(kWidth, 240, {"predicted minus observed, px", -reach, reach},
+                    {"number of coordinates", 0,
+                     1.05 * std::max(top, static_cast<double>(*std::max_element(counts.begin(), counts.end())))});
   for (size_t i = 0; i < counts.size(); ++i) {
     const double x = -reach + width * static_cast<double>(i);
     chart.Bar(x, 0, x + 0.93 * width, counts[i], "first", 0.7);
@@ -234,8 +234,7 @@ std::string CorrelationChart(const std::vector<std::string>& names, const Eigen:
   constexpr double kCell = 20;
   constexpr double kNames = 110;
   StaticChart chart(kNames + kCell * count + 12, kCell * count + 46,
-                    {"same order from left to right", 0, count, false, false}, {"", count, 0, false, false},
-                    kNames);
+                    {"same order from left to right", 0, count, false, false}, {"", count, 0, false, false}, kNames);
   for (size_t i = 0; i < names.size(); ++i) {
     chart.RowName(static_cast<double>(i) + 0.5, names[i]);
     for (size_t j = 0; j < names.size(); ++j) {

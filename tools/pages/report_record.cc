@@ -49,8 +49,9 @@ std::string VerdictPart(const Verdict& verdict) {
   if (!causes.empty()) part += "<h3>Cause</h3>\n" + list(causes);
   if (!signs.empty()) part += (causes.empty() ? "<h3>Points to check</h3>\n" : "<h3>Symptoms</h3>\n") + list(signs);
   if (!good.empty()) {
-    part += verdict.grade == Grade::kGood ? list(good)
-                                          : Details("Checks that passed (" + std::to_string(num_good) + ")", list(good));
+    part += verdict.grade == Grade::kGood
+                ? list(good)
+                : Details("Checks that passed (" + std::to_string(num_good) + ")", list(good));
   }
   return part;
 }
@@ -69,8 +70,7 @@ std::string TilesPart(const RunResult& result, const Estimate& refined) {
   add("camera orientation, one sigma (worst axis)",
       ShownAmount(RadToDeg(largest(covariance.block<3, 3>(3, 3))), 3) + " deg");
   if (result.working_point) {
-    add("target at " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) +
-            " mm, one sigma (worst axis)",
+    add("target at " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) + " mm, one sigma (worst axis)",
         ShownAmount(1000 * largest(result.working_point->covariance_m2), 3) + " mm");
   }
   if (errors.holdout_target_mm) add("hold-out error at the target", FigureText(errors.holdout_target_mm) + " mm");
@@ -231,9 +231,9 @@ std::string RecordPart(const RunResult& result, const ReportContext& context) {
   const auto add = [&](const std::string& name, const std::string& value) {
     part += "<dt>" + EscapedForMarkup(name) + "</dt><dd>" + EscapedForMarkup(value) + "</dd>\n";
   };
-  add("setup",
-      std::string(SetupName(result.setup)) + (result.setup == Setup::kEyeToHand ? ": the camera is fixed beside the robot"
-                                                                                : ": the robot carries the camera"));
+  add("setup", std::string(SetupName(result.setup)) + (result.setup == Setup::kEyeToHand
+                                                           ? ": the camera is fixed beside the robot"
+                                                           : ": the robot carries the camera"));
   add("target", result.target_type + ", " + std::to_string(result.num_target_points) + " points");
   add("captures", std::to_string(NumUsedCaptures(result)) + " of " + std::to_string(result.captures.size()) + " used");
   for (const auto& [name, value] : result.about) add(name, value);

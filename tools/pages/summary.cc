@@ -107,10 +107,11 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
     }
   }
   const size_t num_failed = failed.size();
-  const std::string counts = std::to_string(runs.size()) + " runs" +
-                             (num_failed > 0 ? ", " + std::to_string(num_failed) + " of them failed" : "") +
-                             ". In-sample: on the captures that the estimate was computed from; hold-out: on captures that "
-                             "it has not seen.";
+  const std::string counts =
+      std::to_string(runs.size()) + " runs" +
+      (num_failed > 0 ? ", " + std::to_string(num_failed) + " of them failed" : "") +
+      ". In-sample: on the captures that the estimate was computed from; hold-out: on captures that "
+      "it has not seen.";
   using Json = nlohmann::ordered_json;
   Json bars = Json::array();
   std::vector<FigureRow> pictured;
@@ -123,13 +124,13 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
     bars.push_back(Json{{"label", row.label}, {"values", {OrNull(row.first), OrNull(row.second)}}});
     pictured.push_back(row);
   }
-  return HtmlPage(title,
-                  "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
-                      ViewFigure("dumbbells", "Hold-out RMS of every run.",
-                                 Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
-                                 DumbbellChart("RMS in px: refined (first colour), best closed form (second)", pictured)) +
-                      (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "reason"}, failed)) +
-                      Heading("Runs and methods") + HtmlTable(head, rows));
+  return HtmlPage(
+      title, "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
+                 ViewFigure("dumbbells", "Hold-out RMS of every run.",
+                            Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
+                            DumbbellChart("RMS in px: refined (first colour), best closed form (second)", pictured)) +
+                 (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "reason"}, failed)) +
+                 Heading("Runs and methods") + HtmlTable(head, rows));
 }
 
 std::string SummaryTable(const std::vector<BatchRun>& runs) {

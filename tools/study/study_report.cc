@@ -130,8 +130,9 @@ std::string StudyTable(const std::vector<CellResult>& results) {
             PadRight("", 13) + "  correct error model chosen: " + Significant(100 * *method.right_model, 3) + " %\n";
       }
       if (method.robot_noise) {
-        table += PadRight("", 13) + "  estimated (median): pixel noise " + Significant(method.pixel_sigma_px.value_or(0), 3) +
-                 " px, robot " + Significant(1000 * method.robot_noise->translation_m, 3) + " mm " +
+        table += PadRight("", 13) + "  estimated (median): pixel noise " +
+                 Significant(method.pixel_sigma_px.value_or(0), 3) + " px, robot " +
+                 Significant(1000 * method.robot_noise->translation_m, 3) + " mm " +
                  Significant(RadToDeg(method.robot_noise->rotation_rad), 3) + " deg\n";
       }
     }
@@ -336,17 +337,17 @@ std::string StaticChartOf(const StudyChart& chart) {
     y.low -= room;
     y.high += room;
   }
-  StaticChart picture(560, 340, x, y);
-  if (chart.band) picture.Bar(x.low, chart.band->first, x.high, chart.band->second, "dim", 0.15);
+  StaticChart image(560, 340, x, y);
+  if (chart.band) image.Bar(x.low, chart.band->first, x.high, chart.band->second, "dim", 0.15);
   for (const PlotLine& line : lines) {
     if (line.points.empty()) continue;
-    picture.Line(line.points, line.is_reference ? "dim" : (line.is_emphasised ? "second" : "first"),
-                 line.is_emphasised ? 3 : 1.2, line.is_reference);
+    image.Line(line.points, line.is_reference ? "dim" : (line.is_emphasised ? "second" : "first"),
+               line.is_emphasised ? 3 : 1.2, line.is_reference);
     if (line.is_reference || line.is_emphasised) {
-      picture.Text(line.points.back().first, line.points.back().second, line.name, "end");
+      image.Text(line.points.back().first, line.points.back().second, line.name, "end");
     }
   }
-  return picture.Svg();
+  return image.Svg();
 }
 
 std::string ChartFigure(const StudyChart& chart) {
@@ -437,10 +438,9 @@ std::string StudyPage(const std::string& title, const std::vector<CellResult>& r
   body += Heading("All figures");
   constexpr size_t kFewScenes = 2;
   for (const std::string& scene : order) {
-    const std::string table =
-        HtmlTable({"pixel noise, px", "method", "hand-eye, mm", "deg", "mm / bound", "deg / bound",
-                   "board, mm", "95 % coverage", "AX-XB, mm", "failed", "trials"},
-                  rows_of[scene]);
+    const std::string table = HtmlTable({"pixel noise, px", "method", "hand-eye, mm", "deg", "mm / bound",
+                                         "deg / bound", "board, mm", "95 % coverage", "AX-XB, mm", "failed", "trials"},
+                                        rows_of[scene]);
     body += order.size() <= kFewScenes ? "<h3>" + EscapedForMarkup(scene) + "</h3>\n" + table : Details(scene, table);
   }
   return HtmlPage(title, body, PageWidth::kWide);

@@ -158,24 +158,24 @@ std::map<int, fs::path> NumberedFiles(const fs::path& folder, std::initializer_l
 }
 
 std::vector<fs::path> ImagesOf(const fs::path& folder) {
-  std::vector<fs::path> pictures;
+  std::vector<fs::path> images;
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    if (entry.is_regular_file(error) && HasImageSuffix(entry.path())) pictures.push_back(entry.path());
+    if (entry.is_regular_file(error) && HasImageSuffix(entry.path())) images.push_back(entry.path());
   }
-  std::sort(pictures.begin(), pictures.end(), [](const fs::path& a, const fs::path& b) {
+  std::sort(images.begin(), images.end(), [](const fs::path& a, const fs::path& b) {
     return NaturalLess(a.filename().string(), b.filename().string());
   });
-  return pictures;
+  return images;
 }
 
 std::vector<fs::path> ImagesForPoses(const std::vector<fs::path>& folders, size_t num_poses,
                                      std::vector<std::string>* remarks) {
   for (const fs::path& folder : folders) {
-    std::vector<fs::path> pictures = ImagesOf(folder);
-    if (pictures.size() == num_poses) return pictures;
-    if (pictures.empty()) continue;
-    remarks->push_back(std::to_string(pictures.size()) + " images are beside the " + std::to_string(num_poses) +
+    std::vector<fs::path> images = ImagesOf(folder);
+    if (images.size() == num_poses) return images;
+    if (images.empty()) continue;
+    remarks->push_back(std::to_string(images.size()) + " images are beside the " + std::to_string(num_poses) +
                        " poses; the file does not state which belong together");
     break;
   }
@@ -189,9 +189,9 @@ ImportedCapture CaptureOf(const fs::path& picture, size_t number) {
   return capture;
 }
 
-ImportedCapture CaptureOf(const std::map<int, fs::path>& pictures, int number) {
-  const auto found = pictures.find(number);
-  return CaptureOf(found == pictures.end() ? fs::path() : found->second, static_cast<size_t>(number));
+ImportedCapture CaptureOf(const std::map<int, fs::path>& images, int number) {
+  const auto found = images.find(number);
+  return CaptureOf(found == images.end() ? fs::path() : found->second, static_cast<size_t>(number));
 }
 
 std::string BeginningOf(const fs::path& path) {

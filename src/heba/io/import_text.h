@@ -60,8 +60,8 @@ std::vector<std::filesystem::path> ImagesOf(const std::filesystem::path& folder)
 std::vector<std::filesystem::path> ImagesForPoses(const std::vector<std::filesystem::path>& folders, size_t num_poses,
                                                   std::vector<std::string>* remarks);
 // Returns a capture with the name of its image, or pose_N if it has none (an empty path, or no image of that number).
-ImportedCapture CaptureOf(const std::filesystem::path& picture, size_t number);
-ImportedCapture CaptureOf(const std::map<int, std::filesystem::path>& pictures, int number);
+ImportedCapture CaptureOf(const std::filesystem::path& image, size_t number);
+ImportedCapture CaptureOf(const std::map<int, std::filesystem::path>& images, int number);
 
 // Returns the first characters of a file, from which its format is recognised; empty if it cannot be read. Does not
 // throw.

@@ -33,7 +33,7 @@ void KeepPoints(int count, Observations* observations) {
   observations->pixels = observations->pixels.leftCols(count).eval();
 }
 
-TEST(CalibrationTest, ViewsOfFewPointsJoinTheRefinement) {
+TEST(CalibrationTest, UsesViewsWithTooFewPointsForAPoseInTheRefinement) {
   TestScene scene = SmallBoardScene(0.05);
   KeepPoints(3, &scene.views[2].observations);
   KeepPoints(1, &scene.views[7].observations);
@@ -58,7 +58,7 @@ TEST(CalibrationTest, ViewsOfFewPointsJoinTheRefinement) {
   EXPECT_LT(sum_of_variances(*calibration), sum_of_variances(*without));
 }
 
-TEST(CalibrationTest, AViewOfFewPointsElsewhereIsLeftOutWithItsReason) {
+TEST(CalibrationTest, RejectsAViewOfFewPointsThatContradictsTheOthers) {
   TestScene scene = SmallBoardScene(0.05);
   KeepPoints(2, &scene.views[4].observations);
   scene.views[4].observations.pixels.array() += 40;
@@ -67,7 +67,7 @@ TEST(CalibrationTest, AViewOfFewPointsElsewhereIsLeftOutWithItsReason) {
   EXPECT_EQ(calibration->views.size(), scene.views.size() - 1);
   ASSERT_EQ(calibration->unused.size(), 1U);
   EXPECT_EQ(calibration->unused[0].name, scene.views[4].name);
-  EXPECT_THAT(calibration->unused[0].reason, testing::HasSubstr("not where the other captures say"));
+  EXPECT_THAT(calibration->unused[0].reason, testing::HasSubstr("not where the other captures predict them"));
 }
 
 }  // namespace

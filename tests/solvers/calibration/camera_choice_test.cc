@@ -25,7 +25,7 @@ class CameraChoiceTest : public testing::TestWithParam<Lens> {};
 
 // The right model is rejected with a probability of 1 %: two or more rejections in eight seeds occur once in 400
 // runs.
-TEST_P(CameraChoiceTest, TheSmallestModelThatTheResidualsNeedIsChosen) {
+TEST_P(CameraChoiceTest, ChoosesTheSmallestModelThatFitsTheResiduals) {
   int num_right = 0;
   constexpr int kSeeds = 8;
   for (uint64_t seed = 1; seed <= kSeeds; ++seed) {

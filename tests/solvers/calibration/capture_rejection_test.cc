@@ -24,7 +24,7 @@ std::set<std::string> LeftOut(const TestScene& scene, const TestSceneOptions& op
 }
 
 // A target that is bent by 2 mm contradicts the flat model in every capture; no single capture is wrong.
-TEST(WrongCapturesTest, ABentTargetLosesNoCapture) {
+TEST(WrongCapturesTest, RejectsAlmostNoCaptureForABentTarget) {
   for (uint64_t seed = 1; seed <= 10; ++seed) {
     TestSceneOptions options;
     options.noise_px = 0.05;
@@ -37,7 +37,7 @@ TEST(WrongCapturesTest, ABentTargetLosesNoCapture) {
 
 // If the robot's errors have long tails, the half of the captures that agrees best underestimates the noise, because
 // it was selected for agreement. The other captures are not wrong.
-TEST(WrongCapturesTest, LongTailsLoseFewCaptures) {
+TEST(WrongCapturesTest, RejectsFewCapturesForLongTailedRobotNoise) {
   for (uint64_t seed = 1; seed <= 5; ++seed) {
     TestSceneOptions options;
     options.noise_px = 0.05;
@@ -57,7 +57,7 @@ TEST(WrongCapturesTest, LongTailsLoseFewCaptures) {
 
 // A third of the poses are off by 10 mm. These are wrong poses and not noise: an accurate robot with wrong poses is
 // more likely than a robot with so much noise.
-TEST(WrongCapturesTest, ManyWrongPosesAreStillFound) {
+TEST(WrongCapturesTest, FindsWrongPosesInAThirdOfTheCaptures) {
   TestSceneOptions options;
   options.noise_px = 0.05;
   options.num_captures = 45;
@@ -76,7 +76,7 @@ TEST(WrongCapturesTest, ManyWrongPosesAreStillFound) {
 }
 
 // A capture whose points are all outliers is not used, even if it has a pose.
-TEST(WrongCapturesTest, ACaptureOfWhichNoPointCountsIsNotUsed) {
+TEST(WrongCapturesTest, RejectsACaptureWithoutInliers) {
   TestSceneOptions options;
   options.noise_px = 0.05;
   options.num_captures = 20;

@@ -34,7 +34,7 @@ Solved SolveWithHeldCamera(const TestScene& scene, const TestSceneOptions& optio
   return {problem, solution.ok() ? *solution : Solution(), bundle};
 }
 
-TEST(AdviceTest, IsSilentWhereAllIsWellKnown) {
+TEST(AdviceTest, GivesNoAdviceIfAllParametersAreWellDetermined) {
   TestSceneOptions options;
   options.noise_px = 0.1;
   EXPECT_FALSE(AdviceFor(MakeTestScene(3, options), {ParameterGroup::kFocal}).has_value());
@@ -42,7 +42,7 @@ TEST(AdviceTest, IsSilentWhereAllIsWellKnown) {
 
 // Rotations about the tool point at one distance do not determine the focal length; captures at different depths
 // would.
-TEST(AdviceTest, NamesWhatIsKnownWorstAndWhatWouldImproveIt) {
+TEST(AdviceTest, NamesTheWeakestDirectionAndTheMotionThatImprovesIt) {
   TestSceneOptions options;
   options.noise_px = 0.1;
   options.motion = TestSceneOptions::Motion::kTwoStep;
@@ -54,7 +54,7 @@ TEST(AdviceTest, NamesWhatIsKnownWorstAndWhatWouldImproveIt) {
   EXPECT_THAT(finding->action, testing::HasSubstr("nearer and farther would improve "));
 }
 
-TEST(AdviceTest, ManyTiltedCapturesNeedLess) {
+TEST(AdviceTest, GivesLessAdviceForManyTiltedCaptures) {
   TestSceneOptions options;
   options.noise_px = 0.3;
   options.points = GridPoints(2, 2, 0.04);
@@ -80,7 +80,7 @@ class FixedModelTest : public testing::TestWithParam<HiddenErrors> {};
 // Neither pixel noise nor robot noise is mistaken for a bent or stretched target, nor the other way round. The right
 // model is rejected with a probability of 1 %, so one of ten seeds may fail (more fail less than once in 200 runs of
 // the test).
-TEST_P(FixedModelTest, SaysWhatTheFixedModelHides) {
+TEST_P(FixedModelTest, ReportsRobotNoiseAndTargetShapeThatTheModelIgnores) {
   int num_wrong = 0;
   for (uint64_t seed = 1; seed <= 10; ++seed) {
     TestSceneOptions options;
@@ -107,7 +107,7 @@ INSTANTIATE_TEST_SUITE_P(HiddenErrors, FixedModelTest,
                                          HiddenErrors{"shape", false, false}, HiddenErrors{"both", true, false}),
                          [](const auto& test) { return test.param.name; });
 
-TEST(AdviceTest, HeldIntrinsicsThatTheCapturesContradictAreNamed) {
+TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
   TestSceneOptions options;
   options.noise_px = 0.1;
   options.num_captures = 20;
@@ -130,7 +130,7 @@ TEST(AdviceTest, HeldIntrinsicsThatTheCapturesContradictAreNamed) {
   }
 }
 
-TEST(AdviceTest, ATargetOfAnotherSizeIsACause) {
+TEST(AdviceTest, ReportsAWrongTargetSizeAsACause) {
   Solution solution;
   const ErrorModel scaled{BundleOptions::Robot::kExact, {TargetShapeGroup::kScale}};
   solution.shape.params = {1.1, 1.1, 0, 0};

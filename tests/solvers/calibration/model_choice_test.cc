@@ -38,7 +38,7 @@ class ModelChoiceTest : public testing::TestWithParam<TrueModel> {
 
 // The right model is rejected with a probability of 1 %: three or more rejections in 20 seeds occur once in 1,000
 // runs.
-TEST_P(ModelChoiceTest, TheRightModelIsChosenAndTheTruthIsWithinItsSigmas) {
+TEST_P(ModelChoiceTest, ChoosesTheRightModelAndCoversTheTruth) {
   int num_right = 0;
   constexpr int kSeeds = 20;
   for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
@@ -95,7 +95,7 @@ CalibrationOptions WithHeldCamera(const TestScene& scene) {
   return options;
 }
 
-TEST(ModelChoiceTest, EveryAlternativeIsReportedAndNoneContainsABetterOne) {
+TEST(ModelChoiceTest, ReportsAllAlternativesAndTheLargestFitsBest) {
   TestSceneOptions scene_options;
   scene_options.noise_px = 0.1;
   scene_options.shape = {1, 1, 2e-3, 0};
@@ -117,7 +117,7 @@ TEST(ModelChoiceTest, EveryAlternativeIsReportedAndNoneContainsABetterOne) {
 
 // Six poses do not determine two variances: a prior from industrial arms becomes part of the model, and a finding
 // reports it.
-TEST(ModelChoiceTest, FewPosesHaveAPrior) {
+TEST(ModelChoiceTest, UsesANoisePriorForFewPoses) {
   const TestScene scene = MakeTestScene(2, NoisyRobot(6));
   const CalibrationOptions options = WithHeldCamera(scene);
   const Outcome<Calibration> calibration = Calibrate(scene.views, options);
@@ -132,7 +132,7 @@ TEST(ModelChoiceTest, FewPosesHaveAPrior) {
 }
 
 // Eight images at each of twelve poses contain no more information about the robot than twelve images.
-TEST(ModelChoiceTest, RepeatsAreNotNewInformation) {
+TEST(ModelChoiceTest, RepeatedPosesDoNotReduceSigma) {
   const TestScene scene = MakeTestScene(7, NoisyRobot(12));
   std::vector<View> repeated;
   Rng rng(1);

@@ -79,7 +79,7 @@ class RobustnessTest : public testing::TestWithParam<Case> {
   }
 };
 
-TEST_P(RobustnessTest, TwoSwappedCapturesAreNamedAndHarmless) {
+TEST_P(RobustnessTest, RejectsTwoSwappedCaptures) {
   constexpr int kSeeds = 200;
   for (int seed = 1; seed <= kSeeds; ++seed) {
     SCOPED_TRACE(seed);
@@ -101,7 +101,7 @@ TEST_P(RobustnessTest, TwoSwappedCapturesAreNamedAndHarmless) {
   }
 }
 
-TEST_P(RobustnessTest, CleanDataLoseNothing) {
+TEST_P(RobustnessTest, RejectsAlmostNothingFromCleanData) {
   constexpr int kSeeds = 200;
   Ratio ratio;
   int num_with_false_alarm = 0;
@@ -121,7 +121,7 @@ TEST_P(RobustnessTest, CleanDataLoseNothing) {
   EXPECT_LT(num_with_false_alarm, 9);
 }
 
-TEST_P(RobustnessTest, AQuarterOfThePointsMayBeAnything) {
+TEST_P(RobustnessTest, ToleratesAQuarterOfOutlierPoints) {
   constexpr int kSeeds = 60;
   Ratio ratio;
   for (int seed = 1; seed <= kSeeds; ++seed) {
@@ -148,7 +148,7 @@ TEST_P(RobustnessTest, AQuarterOfThePointsMayBeAnything) {
   EXPECT_LT(ratio.Value(), 1.25);
 }
 
-TEST_P(RobustnessTest, ATenthOfTheCapturesMayHaveAnyPose) {
+TEST_P(RobustnessTest, ToleratesATenthOfWrongPoses) {
   constexpr int kSeeds = 60;
   Ratio ratio;
   for (int seed = 1; seed <= kSeeds; ++seed) {
@@ -179,7 +179,7 @@ TEST_P(RobustnessTest, ATenthOfTheCapturesMayHaveAnyPose) {
 
 // The initial guesses of hand-eye pose and board pose are rotated by 120 deg and moved by 300 mm. The refinement
 // alone converges to the solution in a third of the cases.
-TEST_P(RobustnessTest, AStartFarOffIsPutRight) {
+TEST_P(RobustnessTest, ConvergesFromADistantInitialGuess) {
   constexpr int kSeeds = 100;
   int num_alone = 0;
   for (int seed = 1; seed <= kSeeds; ++seed) {

@@ -52,7 +52,7 @@ Eigen::VectorXd PixelsOf(const StudyCell& cell, size_t capture, const Eigen::Mat
 
 class StudyTest : public testing::TestWithParam<Setup> {};
 
-TEST_P(StudyTest, TheBoundIsThatOfTheDefinition) {
+TEST_P(StudyTest, ErrorBoundEqualsItsDefinition) {
   const RobotNoise robot{2e-4, 4e-4};
   const StudyCell cell = MakeCell(GetParam(), 0.3, robot);
   Eigen::Matrix<double, 12, 12> information = Eigen::Matrix<double, 12, 12>::Zero();
@@ -82,7 +82,7 @@ TEST_P(StudyTest, TheBoundIsThatOfTheDefinition) {
 
 // 200 trials determine an RMS of three numbers to about 4 % and a coverage of 95 % to 1.5 %; the tolerances are three
 // times these.
-TEST_P(StudyTest, TheRefinementReachesTheBoundAndItsRegionsHold) {
+TEST_P(StudyTest, RefinementReachesTheBoundWithCorrectCoverage) {
   constexpr int kTrials = 200;
   for (const bool is_noisy : {false, true}) {
     // Robot noise is tested with the harder of the two setups only.
@@ -103,7 +103,7 @@ TEST_P(StudyTest, TheRefinementReachesTheBoundAndItsRegionsHold) {
   }
 }
 
-TEST_P(StudyTest, ATrialFollowsFromItsNumber) {
+TEST_P(StudyTest, TrialsAreReproducible) {
   const StudyCell cell = MakeCell(GetParam(), 0.3, {});
   const std::vector<TrialEstimate> once = RunTrial(cell, 1, 7);
   const std::vector<TrialEstimate> again = RunTrial(cell, 1, 7);
@@ -115,7 +115,7 @@ TEST_P(StudyTest, ATrialFollowsFromItsNumber) {
 INSTANTIATE_TEST_SUITE_P(Setups, StudyTest, testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
                          [](const auto& test) { return std::string(SetupName(test.param)); });
 
-TEST(StudyIntrinsicsTest, ErrorsAreThoseOfWhatEachMethodEstimates) {
+TEST(StudyIntrinsicsTest, ErrorsCoverTheParametersThatEachMethodEstimates) {
   StudyCell cell = MakeCell(Setup::kEyeToHand, 0.1, {});
   cell.options.bundle.free_intrinsics = {ParameterGroup::kFocal};
   cell.options.camera.reset();

@@ -21,7 +21,7 @@ class LocateTest : public testing::TestWithParam<Case> {};
 // The camera is calibrated from all captures but the last, in which the target is then located: the error of its
 // centre agrees with the stated covariance. The mean of 120 chi-squares with 3 degrees of freedom is within 4 sigmas
 // (of 0.22) of 3.
-TEST_P(LocateTest, IsOffByWhatItStates) {
+TEST_P(LocateTest, ErrorsAgreeWithTheStatedCovariance) {
   const Case& test = GetParam();
   const bool is_noisy = test.robot_translation_m > 0;
   double sum = 0;
@@ -94,7 +94,7 @@ INSTANTIATE_TEST_SUITE_P(, LocateTest,
                                          Case{"EyeToHandNoisyRobot", Setup::kEyeToHand, 2e-4, 4e-4}),
                          [](const auto& test) { return test.param.name; });
 
-TEST(LocatePixelTest, ARayThatMissesThePlaneIsAFailure) {
+TEST(LocatePixelTest, FailsIfTheRayMissesThePlane) {
   const TestScene scene = MakeTestScene(1);
   Solution solution;
   solution.hand_eye = scene.hand_eye;
@@ -111,7 +111,7 @@ TEST(LocatePixelTest, ARayThatMissesThePlaneIsAFailure) {
 }
 
 // A target of 8 x 6 points that is printed 1 % too wide and 2 % too high looks the same after a rotation by 180 deg.
-TEST(LocateSymmetricTargetTest, AllPosesFitWhicheverWayTheTargetWasRead) {
+TEST(LocateSymmetricTargetTest, ReturnsAllPosesForEitherReadingOfTheTarget) {
   TestSceneOptions options;
   options.points.colwise() += Eigen::Vector3d(0.2, 0.1, 0);
   options.shape = {1.01, 1.02, 0, 0};
@@ -159,7 +159,7 @@ TEST(LocateSymmetricTargetTest, AllPosesFitWhicheverWayTheTargetWasRead) {
   }
 }
 
-TEST(FindMeantPoseTest, ARotationThatIsAboutEquallyFarFromTwoPosesMeansNone) {
+TEST(FindMeantPoseTest, ReturnsNothingForAnAmbiguousRotation) {
   std::vector<LocatedTarget> possible(2);
   possible[1].base_from_target = Rigid3d(ExpRotation({0, 0, kPi}), Eigen::Vector3d::Zero());
   const auto meant = [&](double angle_deg) {
@@ -175,7 +175,7 @@ TEST(FindMeantPoseTest, ARotationThatIsAboutEquallyFarFromTwoPosesMeansNone) {
   EXPECT_EQ(meant(170), 0U);
 }
 
-TEST(LocateFewPointsTest, TooFewPointsAreAFailure) {
+TEST(LocateFewPointsTest, FailsForTooFewPoints) {
   const TestScene scene = MakeTestScene(1);
   Solution solution;
   solution.hand_eye = scene.hand_eye;

@@ -46,7 +46,7 @@ Numbers NumbersOf(const Rigid3d& a, const Rigid3d& b) {
 using MotionSumsTest = EverySimdTest;
 
 // The numbers of captures fill the SIMD lanes and batches exactly or in part.
-TEST_P(MotionSumsTest, AreSumsOverTheMotionsThatTurnEnough) {
+TEST_P(MotionSumsTest, SumOverMotionsWithEnoughRotation) {
   for (const int num_captures : {2, 3, 9, 20, 140}) {
     TestSceneOptions options;
     options.num_captures = num_captures;
@@ -86,7 +86,7 @@ TEST_P(MotionSumsTest, AreSumsOverTheMotionsThatTurnEnough) {
   }
 }
 
-TEST_P(MotionSumsTest, OfVeryManyCapturesTakeAnEvenChoice) {
+TEST_P(MotionSumsTest, LimitTheNumberOfPairsForManyCaptures) {
   TestSceneOptions options;
   options.num_captures = 3000;
   options.points = GridPoints(2, 2, 0.04);

@@ -67,7 +67,7 @@ Scatter ClosureOf(const std::string& method, const std::vector<PosePair>& pairs)
 // Independent figures (numpy and OpenCV on the same file): 1.55 to 1.9 mm and 0.42 deg for the accurate methods, and
 // 1.47 mm after a refinement of the poses. In OpenCV, Tsai differs from the others by 2.2 deg and Daniilidis by 0.87
 // deg.
-TEST(RecordedPairsTest, DoosanEyeInHand) {
+TEST(RecordedPairsTest, AreConsistentOnTheDoosanEyeInHandSet) {
   const std::filesystem::path path = DataDir() / "doosan_charuco_pose_pairs" / "pairs.csv";
   HEBA_SKIP_WITHOUT(path);
   const std::vector<PosePair> pairs = ReadPairs(path, heba::Setup::kEyeInHand);
@@ -87,7 +87,7 @@ TEST(RecordedPairsTest, DoosanEyeInHand) {
 
 // The errors of tsai, horaud and daniilidis in OpenCV 4.6 are 97 to 101 deg on this set; the accurate methods have
 // 4.6 mm and 0.09 deg. All methods of heba must be accurate.
-TEST(RecordedPairsTest, MoveitEyeToHand) {
+TEST(RecordedPairsTest, AreAccurateOnTheMoveitEyeToHandSet) {
   const std::filesystem::path path = DataDir() / "moveit_pose_pairs" / "pairs.csv";
   HEBA_SKIP_WITHOUT(path);
   const std::vector<PosePair> pairs = ReadPairs(path, heba::Setup::kEyeToHand);

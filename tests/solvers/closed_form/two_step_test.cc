@@ -67,7 +67,7 @@ TEST_P(TwoStepTest, EqualsThePapersFormulas) {
   }
 }
 
-TEST_P(TwoStepTest, RolesAreFoundFromTheMotion) {
+TEST_P(TwoStepTest, FindsRolesFromTheMotion) {
   for (uint64_t seed = 1; seed <= 10; ++seed) {
     TestScene scene = PaperScene(seed, GetParam());
     // A free capture is added, and home is not the first capture.
@@ -84,7 +84,7 @@ TEST_P(TwoStepTest, RolesAreFoundFromTheMotion) {
   }
 }
 
-TEST_P(TwoStepTest, SaysWhatIsMissing) {
+TEST_P(TwoStepTest, NamesMissingCaptures) {
   const TestScene scene = PaperScene(1, GetParam());
   const auto reason_without = [&](const std::string& role, size_t keep) {
     std::vector<PosePair> pairs;
@@ -106,7 +106,7 @@ TEST_P(TwoStepTest, SaysWhatIsMissing) {
 // Depth is the least certain coordinate of a small target. Weighted by their covariances, the positions give a far
 // more accurate estimate than the paper's formulas, and the estimate does not depend on the estimated orientation of
 // the target.
-TEST_P(TwoStepTest, WeightsMakeTheDifferenceAndOrientationsDoNotMatter) {
+TEST_P(TwoStepTest, WeightsImproveTheEstimateRegardlessOfOrientations) {
   double paper_m2 = 0;
   double weighted_m2 = 0;
   for (uint64_t seed = 1; seed <= 40; ++seed) {

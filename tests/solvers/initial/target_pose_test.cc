@@ -12,7 +12,7 @@
 namespace heba {
 namespace {
 
-TEST(TargetPoseTest, ExactForEveryCameraModel) {
+TEST(TargetPoseTest, IsExactForEveryCameraModel) {
   for (const std::string& model : CameraModelNames()) {
     TestSceneOptions options;
     options.camera = TestCamera(model);
@@ -50,7 +50,7 @@ TEST(TargetPoseTest, KeepsBothMinimaOfASmallTarget) {
 
 // The test covers small targets, whose two minima are similar, and large ones, with the right camera and with one of
 // half the focal length.
-TEST(TargetPoseTest, TheRoughPoseIsTheBestOne) {
+TEST(TargetPoseTest, RoughPoseIsNearTheBestMinimum) {
   for (const int size : {2, 7}) {
     TestSceneOptions options;
     options.points = GridPoints(size, size, 0.04);
@@ -72,7 +72,7 @@ TEST(TargetPoseTest, TheRoughPoseIsTheBestOne) {
   }
 }
 
-TEST(TargetPoseTest, NothingFromTooFewOrCollinearPoints) {
+TEST(TargetPoseTest, ReturnsNothingForTooFewOrCollinearPoints) {
   TestSceneOptions options;
   options.points = GridPoints(3, 1, 0.04);
   const TestScene three = MakeTestScene(1, options);
@@ -117,7 +117,7 @@ TEST(ChoosePosesTest, RejectsTheWrongMinimum) {
 }
 
 // The target looks the same after a rotation by 180 deg and was read upside down in every second view.
-TEST(ChoosePosesTest, FindsTheOrderOfASymmetricBoard) {
+TEST(ChoosePosesTest, FindsTheOrderOfASymmetricTarget) {
   TestSceneOptions options;
   options.noise_px = 0.1;
   TestScene scene = MakeTestScene(14, options);

@@ -25,7 +25,7 @@ HandEye Disturbed(const HandEye& hand_eye, double rotation_rad, double translati
   return {disturb(hand_eye.camera_mount_from_camera), disturb(hand_eye.target_mount_from_target)};
 }
 
-TEST(BundleAdjustmentTest, ExactWithoutNoiseForEveryCameraModelSetupAndLoss) {
+TEST(BundleAdjustmentTest, RecoversExactDataForEveryCameraModelSetupAndLoss) {
   for (const std::string& model : CameraModelNames()) {
     for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
       for (const char* loss : {"none", "huber", "cauchy"}) {
@@ -58,7 +58,7 @@ TEST(BundleAdjustmentTest, ExactWithoutNoiseForEveryCameraModelSetupAndLoss) {
 // Each error, whitened by its own covariance, is chi-square distributed with as many degrees of freedom as there are
 // parameters. Over 60 seeds with 16 parameters each (also with Huber's loss) the sum has 960 degrees of freedom, a
 // mean of 960 and a standard deviation of 44: the interval [820, 1100] is 3.2 sigma wide on either side.
-TEST(BundleAdjustmentTest, ErrorsAreAsLargeAsTheCovarianceSays) {
+TEST(BundleAdjustmentTest, ErrorsAgreeWithTheCovariance) {
   for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
     for (const char* loss : {"none", "huber", "cauchy"}) {
       double sum = 0;
@@ -92,7 +92,7 @@ TEST(BundleAdjustmentTest, ErrorsAreAsLargeAsTheCovarianceSays) {
 
 // The refinement reuses products that it has already computed; the covariance must be the same as from a new
 // linearisation at the solution.
-TEST(BundleAdjustmentTest, CovarianceIsTheInformationsAtTheSolution) {
+TEST(BundleAdjustmentTest, CovarianceIsTheInverseInformationAtTheSolution) {
   for (const char* loss : {"none", "huber", "truncated"}) {
     TestSceneOptions scene_options;
     scene_options.noise_px = 0.3;
@@ -136,7 +136,7 @@ TEST(BundleAdjustmentTest, CovarianceIsTheInformationsAtTheSolution) {
 
 // Each name in the covariance belongs to the parameter at its index: a step of parameter i changes the cost by the
 // diagonal element i of the information matrix.
-TEST(InformationTest, NamesBelongToTheirNumbers) {
+TEST(InformationTest, NamesMatchTheParameters) {
   const TestScene scene = MakeTestScene(31);
   const Problem problem{scene.camera, scene.views};
   const FreeParameters free = FreeOf(scene.camera.Model(), {ParameterGroup::kFocal});
@@ -162,7 +162,7 @@ TEST(InformationTest, NamesBelongToTheirNumbers) {
   EXPECT_NEAR(cost(scene.hand_eye, camera) / 1e-6 / information.matrix(13, 13), 1.0, 1e-3);
 }
 
-TEST(BundleAdjustmentTest, RefusesMotionThatCannotWork) {
+TEST(BundleAdjustmentTest, RefusesDegenerateMotion) {
   const TestScene scene = MakeTestScene(41);
   BundleOptions options;
   options.free_intrinsics = {};
@@ -187,7 +187,7 @@ TEST(BundleAdjustmentTest, RefusesMotionThatCannotWork) {
 }
 
 // The captures are at one distance and without tilt: the focal length cannot be separated from the distance.
-TEST(BundleAdjustmentTest, RefusesIntrinsicsThatTheDataCannotSee) {
+TEST(BundleAdjustmentTest, RefusesUnobservableIntrinsics) {
   const TestScene scene = MakeTestScene(42);
   Rng rng(5);
   Problem problem{scene.camera, {}};
@@ -207,7 +207,7 @@ TEST(BundleAdjustmentTest, RefusesIntrinsicsThatTheDataCannotSee) {
                              testing::HasSubstr("is known to")));
 }
 
-TEST(BundleAdjustmentTest, NamesTheCaptureWhoseTargetIsBehindTheCamera) {
+TEST(BundleAdjustmentTest, NamesTheCaptureWithATargetBehindTheCamera) {
   const TestScene scene = MakeTestScene(43);
   HandEye wrong = scene.hand_eye;
   wrong.camera_mount_from_camera.rotation = wrong.camera_mount_from_camera.rotation * ExpRotation({kPi, 0, 0});
@@ -220,7 +220,7 @@ TEST(BundleAdjustmentTest, NamesTheCaptureWhoseTargetIsBehindTheCamera) {
 // Rotations about the tool point alone do not separate the focal length from the distance: the estimate stays close
 // to the prior, and the covariance shows the uncertainty. Captures that contain more information than the prior
 // override it.
-TEST(BundleAdjustmentTest, APriorHoldsWhatTheCapturesDoNotKnow) {
+TEST(BundleAdjustmentTest, PriorDeterminesWhatTheCapturesDoNot) {
   for (const bool is_weak : {true, false}) {
     SCOPED_TRACE(is_weak);
     double chi2 = 0;
@@ -269,7 +269,7 @@ TEST(BundleAdjustmentTest, APriorHoldsWhatTheCapturesDoNotKnow) {
   }
 }
 
-TEST(IntrinsicsSeedTest, FindsTheCameraFromTheViewsAlone) {
+TEST(IntrinsicsSeedTest, EstimatesTheCameraFromViewsAlone) {
   for (const std::string& model : CameraModelNames()) {
     TestSceneOptions options;
     options.camera = TestCamera(model);
@@ -284,7 +284,7 @@ TEST(IntrinsicsSeedTest, FindsTheCameraFromTheViewsAlone) {
   }
 }
 
-TEST(IntrinsicsSeedTest, AStartLeadsToTheSameCamera) {
+TEST(IntrinsicsSeedTest, ConvergesToTheSameCameraFromAnInitialGuess) {
   TestSceneOptions options;
   options.noise_px = 0.1;
   const TestScene scene = MakeTestScene(53, options);
@@ -301,7 +301,7 @@ TEST(IntrinsicsSeedTest, AStartLeadsToTheSameCamera) {
 
 // These views have too few points for distortion: the distortion of the initial guess was estimated from other
 // captures and is dropped.
-TEST(IntrinsicsSeedTest, AStartsDistortionIsNotKept) {
+TEST(IntrinsicsSeedTest, DropsTheDistortionOfTheInitialGuess) {
   TestSceneOptions options;
   options.noise_px = 0.02;
   options.num_captures = 10;
@@ -321,7 +321,7 @@ TEST(IntrinsicsSeedTest, RefusesTwoViews) {
   EXPECT_THAT(camera.reason(), testing::HasSubstr("3 or more"));
 }
 
-TEST(CalibrateTest, FromViewsToRefinedWithoutACameraFile) {
+TEST(CalibrateTest, CalibratesWithoutACameraFile) {
   TestSceneOptions scene_options;
   scene_options.noise_px = 0.1;
   scene_options.num_captures = 20;
@@ -342,7 +342,7 @@ TEST(CalibrateTest, FromViewsToRefinedWithoutACameraFile) {
   }
 }
 
-TEST(CalibrateTest, LeavesOutWhatWasReadWrongly) {
+TEST(CalibrateTest, RejectsSwappedPoints) {
   TestSceneOptions scene_options;
   scene_options.noise_px = 0.1;
   TestScene scene = MakeTestScene(62, scene_options);
@@ -368,7 +368,7 @@ TEST(CalibrateTest, LeavesOutWhatWasReadWrongly) {
   EXPECT_THAT(without_loss->unused[0].reason, testing::HasSubstr("read wrongly"));
 }
 
-TEST(CrossValidateTest, HoldOutErrorIsThatOfTheNoiseAndTheSameForAnyNumberOfThreads) {
+TEST(CrossValidateTest, HoldOutErrorMatchesTheNoiseForAnyNumberOfThreads) {
   TestSceneOptions scene_options;
   scene_options.noise_px = 0.2;
   const TestScene scene = MakeTestScene(63, scene_options);

@@ -137,7 +137,7 @@ TEST(CapturesCostTest, IsTheSumOfRhoWithItsGradient) {
   }
 }
 
-TEST(CapturesCostTest, OwnPosesAreTheBestForTheSharedUnknowns) {
+TEST(CapturesCostTest, EliminatedPosesMinimiseTheCost) {
   const TestScene scene = NoisyScene();
   const Unknowns here(scene);
   // Each call creates a new cost, which solves for the eliminated poses from their initial guess.
@@ -177,7 +177,7 @@ TEST(CapturesCostTest, OwnPosesAreTheBestForTheSharedUnknowns) {
 // The initial guess of the eliminated poses affects the iterations but not the result. One pose is far off, some are
 // so far off that the first step of one of them leads away from the minimum, and the points of one capture are
 // collinear.
-TEST(CapturesCostTest, OwnPosesThatBeginRoughlyAreTheSame) {
+TEST(CapturesCostTest, EliminatedPosesDoNotDependOnRoughInitialGuesses) {
   TestScene scene = NoisyScene();
   Rigid3d& far_off = scene.views[3].camera_mount_from_target_mount;
   far_off = Retract(far_off, Tangent6(0.02, -0.03, 0.01, 0.1, -0.05, 0.08));
@@ -252,7 +252,7 @@ double LargestDifference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   return (scale.asDiagonal() * (a - b) * scale.asDiagonal()).cwiseAbs().maxCoeff();
 }
 
-TEST(CapturesCostTest, SumsViewsOfFewPointsAndOfMany) {
+TEST(CapturesCostTest, SumsViewsWithFewAndManyPoints) {
   const TestScene plain = MixedScene();
   TestScene correlated = plain;
   TestScene discs = plain;
@@ -293,7 +293,7 @@ TEST(CapturesCostTest, SumsViewsOfFewPointsAndOfMany) {
   }
 }
 
-TEST(CapturesCostTest, WhatIsKnownIsTakenWhereItIsKnownOnly) {
+TEST(CapturesCostTest, UsesKnownNormalEquationsOnlyAtTheirParameters) {
   const TestScene scene = MixedScene();
   const Unknowns here(scene);
   const Unknowns there = here.Moved(3, 1e-3);
@@ -312,7 +312,7 @@ TEST(CapturesCostTest, WhatIsKnownIsTakenWhereItIsKnownOnly) {
   EXPECT_EQ(cost->Accepted().matrix, MakeCost(scene, "none", false)->NormalEquationsAt(there.Blocks().data())->matrix);
 }
 
-TEST(CapturesCostTest, PredictsWhatANewtonStepGains) {
+TEST(CapturesCostTest, PredictsTheCostReductionOfANewtonStep) {
   const TestScene scene = MixedScene();
   const Unknowns here(scene);
   for (const bool has_corrections : {false, true}) {
@@ -342,7 +342,7 @@ TEST(CapturesCostTest, PredictsWhatANewtonStepGains) {
   }
 }
 
-TEST(CapturesCostTest, HasTheSameBytesForAnyNumberOfThreads) {
+TEST(CapturesCostTest, IsBitIdenticalForAnyNumberOfThreads) {
   // There are either many captures with few points, or fewer captures with many points.
   for (const std::pair<int, int>& size : {std::pair{2600, 4}, std::pair{64, 160}}) {
     const int num_captures = size.first;

@@ -67,7 +67,7 @@ TestScene DiscScene(uint64_t seed, Setup setup) {
 
 class CircleBiasTest : public testing::TestWithParam<Setup> {};
 
-TEST_P(CircleBiasTest, TheEstimateLiesWithinItsCovariance) {
+TEST_P(CircleBiasTest, EstimateAgreesWithItsCovariance) {
   constexpr int kSeeds = 100;
   double chi2 = 0;
   double chi2_of_plain_centres = 0;

@@ -16,7 +16,7 @@ namespace {
 
 class ChainTest : public testing::TestWithParam<Setup> {};
 
-TEST_P(ChainTest, RecoversExactDataFromARoughStart) {
+TEST_P(ChainTest, RecoversExactDataFromARoughInitialGuess) {
   const TestScene scene = MakeTestScene(4, {.setup = GetParam()});
   HandEye start = scene.hand_eye;
   start.camera_mount_from_camera = Retract(start.camera_mount_from_camera, 0.2 * Tangent6(1, -1, 0.5, 1, 1, -1));
@@ -32,7 +32,7 @@ TEST_P(ChainTest, RecoversExactDataFromARoughStart) {
 // Each pose is weighted by its covariance from the image. The refinement of the chain is then far more accurate than
 // the closed form, and its covariance is right: the chi-square has 12 degrees of freedom per seed, and the tolerance
 // is four sigma of the sum plus 3 % for the estimated scale.
-TEST_P(ChainTest, IsWeightedByThePosesCovariances) {
+TEST_P(ChainTest, WeightsPosesByTheirCovariance) {
   constexpr int kSeeds = 60;
   double chi2 = 0;
   double chain_m2 = 0;

@@ -64,7 +64,7 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
 }
 
 // The target is badly made and deviates from its design by many pixels: captures are judged by the estimated shape.
-TEST(TargetShapeRefinementTest, CapturesAreJudgedByTheShapeFound) {
+TEST(TargetShapeRefinementTest, JudgesCapturesByTheEstimatedShape) {
   TestSceneOptions scene_options;
   scene_options.noise_px = kNoisePx;
   scene_options.shape = {1.02, 1.02, 3e-3, 0};
@@ -84,7 +84,7 @@ TEST(TargetShapeRefinementTest, CapturesAreJudgedByTheShapeFound) {
             3e-4);
 }
 
-TEST(TargetShapeRefinementTest, FourPointsShowNoBend) {
+TEST(TargetShapeRefinementTest, RefusesBendForFourPoints) {
   TestSceneOptions scene_options;
   scene_options.points = GridPoints(2, 2, 0.1);
   const TestScene scene = MakeTestScene(7, scene_options);
@@ -96,7 +96,7 @@ TEST(TargetShapeRefinementTest, FourPointsShowNoBend) {
   EXPECT_THAT(solution.reason(), testing::HasSubstr("the target's bend along x"));
 }
 
-TEST(TargetShapeRefinementTest, TurnsAboutTheToolPointShowNoScale) {
+TEST(TargetShapeRefinementTest, RefusesScaleForRotationsAboutTheToolPoint) {
   TestSceneOptions scene_options;
   scene_options.motion = TestSceneOptions::Motion::kTwoStep;
   TestScene scene = MakeTestScene(8, scene_options);

@@ -81,7 +81,7 @@ TEST(ViewReductionTest, CostWithALossIsTheSumOfRho) {
   EXPECT_NEAR(reduction.factor.rightCols<1>().squaredNorm() + reduction.loss_remainder, direct, 1e-9 * direct);
 }
 
-TEST(ViewReductionTest, RowsHaveTheProducts) {
+TEST(ViewReductionTest, WrittenRowsHaveTheSameNormalEquations) {
   TestSceneOptions options;
   options.noise_px = 3;
   options.points = GridPoints(13, 5, 0.02);
@@ -123,7 +123,7 @@ TEST(ViewReductionTest, RowsHaveTheProducts) {
   }
 }
 
-TEST(ViewReductionTest, HasColumnsOfWhatIsFreeOnly) {
+TEST(ViewReductionTest, HasColumnsForFreeParametersOnly) {
   TestSceneOptions options;
   options.noise_px = 0.5;
   const TestScene scene = MakeTestScene(7, options);
@@ -164,7 +164,7 @@ TEST(ViewReductionTest, HasColumnsOfWhatIsFreeOnly) {
   }
 }
 
-TEST(ViewReductionTest, ARootHasTheProducts) {
+TEST(ViewReductionTest, PivotedCholeskyReproducesTheProducts) {
   // The matrix has more columns than its rank, and columns of very different units.
   Eigen::MatrixXd rows = Eigen::MatrixXd::Random(5, 9);
   rows.col(3) *= 1e8;
@@ -180,7 +180,7 @@ TEST(ViewReductionTest, ARootHasTheProducts) {
 
 // The points form an ordinary target or lie nearly on a line, which leaves one rotation of the pose almost
 // undetermined; the test covers both with and without the columns of the camera.
-TEST(ViewReductionTest, ThePosesColumnsStandInTheFirstSixRows) {
+TEST(ViewReductionTest, PoseColumnsAreZeroBelowTheSixthRow) {
   for (const double height : {1.0, 1e-3, 1e-6, 0.0}) {
     for (const bool has_camera : {true, false}) {
       TestSceneOptions options;

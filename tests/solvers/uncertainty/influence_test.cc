@@ -33,7 +33,7 @@ Outcome<Solution> Solve(const TestScene& scene, const std::vector<View>& views, 
 
 // The truth is a new solve without the capture. The prediction is one Gauss-Newton step with the noise held fixed;
 // its error is of second order in the noise, which is small here.
-TEST_P(InfluenceTest, IsWhatLeavingTheCaptureOutDoes) {
+TEST_P(InfluenceTest, PredictsTheMoveWithoutACapture) {
   TestSceneOptions scene_options;
   scene_options.num_captures = 12;
   scene_options.noise_px = 0.06;
@@ -85,7 +85,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"Prior", BundleOptions::Robot::kExact, 0, 0, "none", Setup::kEyeToHand, true}),
     [](const auto& test) { return test.param.name; });
 
-TEST(InfluenceOfFewTest, SaysNothingOfACaptureThatTheOthersCannotDoWithout) {
+TEST(InfluenceOfFewTest, ReturnsNothingForAnIndispensableCapture) {
   TestSceneOptions scene_options;
   scene_options.num_captures = 3;
   scene_options.noise_px = 0.1;
@@ -103,7 +103,7 @@ TEST(InfluenceOfFewTest, SaysNothingOfACaptureThatTheOthersCannotDoWithout) {
 
 // Under the assumed noise the probabilities are uniformly distributed; a capture with a wrong pose has a probability
 // close to zero.
-TEST(ChanceOfAMoveTest, IsEvenUnlessTheCaptureIsWrong) {
+TEST(ChanceOfAMoveTest, IsUniformUnlessTheCaptureIsWrong) {
   BundleOptions options;
   options.loss = "none";
   options.robot = BundleOptions::Robot::kGivenNoise;

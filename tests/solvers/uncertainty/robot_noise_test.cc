@@ -78,7 +78,7 @@ BundleOptions OptionsOf(BundleOptions::Robot robot) {
 
 class RobotNoiseTest : public testing::TestWithParam<Setup> {};
 
-TEST_P(RobotNoiseTest, CorrectionsStandOnTheGrippersSide) {
+TEST_P(RobotNoiseTest, CorrectionsApplyOnTheGripperSide) {
   const heba::Setup setup = GetParam();
   const TestScene scene = NoisyScene(3, setup);
   const Rigid3d& mount = scene.views[0].camera_mount_from_target_mount;
@@ -104,7 +104,7 @@ TEST_P(RobotNoiseTest, CorrectionsStandOnTheGrippersSide) {
 
 // The images are a million times more accurate than the robot: the corrections then absorb nearly all of their
 // information, and the remainder must not be lost to rounding.
-TEST_P(RobotNoiseTest, ExactImagesLeaveTheRobotsUncertainty) {
+TEST_P(RobotNoiseTest, ExactImagesLeaveTheRobotUncertainty) {
   TestSceneOptions options;
   options.setup = GetParam();
   const TestScene scene = MakeTestScene(9, options);
@@ -121,7 +121,7 @@ TEST_P(RobotNoiseTest, ExactImagesLeaveTheRobotsUncertainty) {
 
 // If the noise is known, the errors agree with the covariance: the chi-square has 12 degrees of freedom per seed, and
 // the tolerance is four sigma of the sum.
-TEST_P(RobotNoiseTest, KnownNoiseGivesAnHonestCovarianceAndABetterEstimate) {
+TEST_P(RobotNoiseTest, KnownNoiseGivesACorrectCovarianceAndABetterEstimate) {
   constexpr int kSeeds = 60;
   const Totals given = RunSeeds(GetParam(), 1, OptionsOf(BundleOptions::Robot::kGivenNoise), kSeeds);
   const double dof = 12.0 * kSeeds;
@@ -133,7 +133,7 @@ TEST_P(RobotNoiseTest, KnownNoiseGivesAnHonestCovarianceAndABetterEstimate) {
   EXPECT_GT(exact.chi2, 5 * dof);
 }
 
-TEST_P(RobotNoiseTest, NoiseIsFoundFromTheCapturesThemselves) {
+TEST_P(RobotNoiseTest, EstimatesNoiseFromTheCaptures) {
   constexpr int kSeeds = 60;
   const Totals found = RunSeeds(GetParam(), 1, OptionsOf(BundleOptions::Robot::kEstimatedNoise), kSeeds);
   EXPECT_NEAR(MedianOf(found.pixel_px), kPixelPx, 0.03 * kPixelPx);
@@ -146,7 +146,7 @@ TEST_P(RobotNoiseTest, NoiseIsFoundFromTheCapturesThemselves) {
   EXPECT_LT(found.chi2, 12.0 * kSeeds * 1.4);
 }
 
-TEST_P(RobotNoiseTest, AnExactRobotIsFoundToBeExact) {
+TEST_P(RobotNoiseTest, FindsAnExactRobotToBeExact) {
   constexpr int kSeeds = 40;
   for (const bool camera_is_free : {false, true}) {
     BundleOptions estimated = OptionsOf(BundleOptions::Robot::kEstimatedNoise);
@@ -170,7 +170,7 @@ INSTANTIATE_TEST_SUITE_P(Setups, RobotNoiseTest, testing::Values(Setup::kEyeToHa
                          [](const auto& test) { return std::string(SetupName(test.param)); });
 
 // A correction affects only the first six rows of views with many points, and all rows of views with few points.
-TEST(LinearViewTest, WhitenedRowsHaveTheCovariancesInverse) {
+TEST(LinearViewTest, WhitenedRowsReproduceTheInverseCovariance) {
   for (const int columns : {2, 8}) {
     TestSceneOptions options;
     options.points = GridPoints(columns, 2, 0.04);
@@ -240,7 +240,7 @@ void RunOnLowStack(const std::function<void()>& work) {
 }
 
 // Ceres orders unknowns by their addresses. The result must nevertheless have the same digits in every thread.
-TEST(RefinementTest, TheDigitsDoNotDependOnTheThread) {
+TEST(RefinementTest, IsBitIdenticalInEveryThread) {
   TestSceneOptions options;
   options.noise_px = 0.2;
   options.robot_translation_m = 5e-4;

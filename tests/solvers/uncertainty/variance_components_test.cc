@@ -39,7 +39,7 @@ void ExpectEstimated(const VarianceComponents& found, double pixel, double trans
   EXPECT_NEAR(found.rotation_rad2, rotation_rad2, kSigmas * found.stddev[2]);
 }
 
-TEST(VarianceComponentsTest, FindsWhatWasDrawn) {
+TEST(VarianceComponentsTest, EstimatesTheDrawnVariances) {
   for (unsigned seed = 1; seed <= 10; ++seed) {
     const std::vector<LinearisedView> views = MakeViews(seed, 60, 0.7, 2e-3, 5e-3);
     const VarianceComponents found = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
@@ -51,7 +51,7 @@ TEST(VarianceComponentsTest, FindsWhatWasDrawn) {
 }
 
 // A variance of zero is estimated as zero in about half of the runs, and is never large.
-TEST(VarianceComponentsTest, AnExactRobotIsFoundExact) {
+TEST(VarianceComponentsTest, EstimatesNoVarianceForAnExactRobot) {
   int num_zeros = 0;
   for (unsigned seed = 1; seed <= 20; ++seed) {
     const std::vector<LinearisedView> views = MakeViews(seed, 20, 0.7, 0, 0);
@@ -66,7 +66,7 @@ TEST(VarianceComponentsTest, AnExactRobotIsFoundExact) {
 }
 
 // The result does not depend on the initial guess and is reproduced if it is the initial guess itself.
-TEST(VarianceComponentsTest, DoesNotDependOnItsStart) {
+TEST(VarianceComponentsTest, DoesNotDependOnTheInitialGuess) {
   const std::vector<LinearisedView> views = MakeViews(3, 30, 0.7, 2e-3, 5e-3);
   const VarianceComponents exact = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
   const auto expect_near = [&](const VarianceComponents& other, double share_of_stddev) {
@@ -80,7 +80,7 @@ TEST(VarianceComponentsTest, DoesNotDependOnItsStart) {
   expect_near(EstimateVariances(views, {1e-2, 1, 1}, true, true, kRoughVariances), kRoughVariances);
 }
 
-TEST(VarianceComponentsTest, WhatIsNotFreeStays) {
+TEST(VarianceComponentsTest, KeepsFixedVariances) {
   const std::vector<LinearisedView> views = MakeViews(4, 30, 0.7, 2e-3, 5e-3);
   const VarianceComponents given_pixel = EstimateVariances(views, {0.5, 1e-6, 1e-6}, false, true);
   EXPECT_EQ(given_pixel.pixel, 0.5);
@@ -93,7 +93,7 @@ TEST(VarianceComponentsTest, WhatIsNotFreeStays) {
 }
 
 // The result does not depend on whether the rows that no correction affects are marked as such.
-TEST(VarianceComponentsTest, RowsThatAreNotMovedCountAlike) {
+TEST(VarianceComponentsTest, MarkingUnaffectedRowsChangesNothing) {
   std::vector<LinearisedView> views = MakeViews(7, 30, 0.7, 2e-3, 5e-3);
   constexpr Eigen::Index kUnmoved = 10;
   for (LinearisedView& view : views) view.by_correction.bottomRows(kUnmoved).setZero();
@@ -107,7 +107,7 @@ TEST(VarianceComponentsTest, RowsThatAreNotMovedCountAlike) {
 
 // Views with fewer rows than the correction has parameters are handled, and so are residual sums of squares that are
 // given in addition to the rows.
-TEST(VarianceComponentsTest, CountsFewRowsAndRests) {
+TEST(VarianceComponentsTest, AcceptsFewRowsAndResidualSums) {
   const std::vector<LinearisedView> few = MakeViews(5, 200, 0.7, 2e-3, 5e-3, 4);
   ExpectEstimated(EstimateVariances(few, {1, 1e-6, 1e-6}, true, true), 0.7, 4e-6, 25e-6);
   std::vector<LinearisedView> views = MakeViews(6, 30, 0.7, 2e-3, 5e-3);

@@ -50,7 +50,7 @@ TEST(Units, ReadsEveryUnitInBaseUnits) {
   }
 }
 
-TEST(Units, SaysWhatIsWrong) {
+TEST(Units, ReportsFaults) {
   EXPECT_THAT(ParseQuantity("40", Quantity::kLength).fault, HasSubstr("no unit; write a length such as '40 mm'"));
   EXPECT_THAT(ParseQuantity("40 deg", Quantity::kLength).fault, HasSubstr("one of m, cm, mm, um, in is needed"));
   EXPECT_THAT(ParseQuantity("mm", Quantity::kLength).fault, HasSubstr("is not a length"));
@@ -108,7 +108,7 @@ TEST(Text, WrapsLongLinesAtBlanks) {
   EXPECT_EQ(Wrapped("", 10), "");
 }
 
-TEST(Text, Base64AsInRfc4648) {
+TEST(Text, Base64FollowsRfc4648) {
   const std::pair<std::string, std::string> vectors[] = {{"", ""},
                                                          {"f", "Zg=="},
                                                          {"fo", "Zm8="},
@@ -157,7 +157,7 @@ TEST(Text, SuggestsTheNearestName) {
   EXPECT_EQ(DidYouMean(std::string(1000000, 'r'), known), "");
 }
 
-TEST(OutcomeTest, IsAValueOrAReason) {
+TEST(OutcomeTest, HoldsAValueOrAReason) {
   const Outcome<int> value = 3;
   EXPECT_TRUE(value.ok());
   EXPECT_EQ(*value, 3);
@@ -170,7 +170,7 @@ TEST(OutcomeTest, IsAValueOrAReason) {
 
 void Write(const fs::path& path, const std::string& content) { std::ofstream(path, std::ios::binary) << content; }
 
-TEST(Files, ReadsWhatIsThere) {
+TEST(Files, ReadsContentsUnchanged) {
   const TempFolder folder;
   const std::string content("a\r\n\0b", 5);
   Write(folder / "a.txt", content);
@@ -179,7 +179,7 @@ TEST(Files, ReadsWhatIsThere) {
   EXPECT_EQ(ReadTextFile(folder / "empty.txt"), "");
 }
 
-TEST(Files, RefusesToRead) {
+TEST(Files, RefusesMissingFoldersAndLargeFiles) {
   const TempFolder folder;
   Write(folder / "large.txt", std::string((1 << 20) + 1, 'x'));
   EXPECT_THAT(InputErrorOf([&] { ReadTextFile(folder / "none.txt"); }), HasSubstr("none.txt: there is no such file"));
@@ -206,7 +206,7 @@ TEST(Files, WritesAPlainNameIntoTheWorkingFolder) {
   EXPECT_EQ(ReadTextFile(folder / "plain.txt"), "x");
 }
 
-TEST(Files, WhatCannotBeWrittenLeavesNothing) {
+TEST(Files, LeavesNoFileIfWritingFails) {
   const TempFolder folder;
   EXPECT_THAT(InputErrorOf([&] { WriteFileAtomically(folder / "none/a.txt", "x"); }), HasSubstr("cannot be written"));
   // A folder cannot be replaced by a file of the same name.
@@ -258,7 +258,7 @@ TEST(Parallel, ThrowsTheErrorOfTheSmallestIndexAfterAllWorkIsDone) {
   }
 }
 
-TEST(Parallel, KnowsAProcessor) { EXPECT_GE(NumProcessors(), 1); }
+TEST(Parallel, FindsAtLeastOneProcessor) { EXPECT_GE(NumProcessors(), 1); }
 
 TEST(RngTest, IsTheSameOnEveryMachine) {
   // The C++ standard fixes the sequence of mt19937_64. This is its first output for the default seed, so the test
@@ -270,7 +270,7 @@ TEST(RngTest, IsTheSameOnEveryMachine) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(again.Normal(), same.Normal());
 }
 
-TEST(RngTest, PartsAreUnrelated) {
+TEST(RngTest, StreamsAreIndependent) {
   std::set<double> firsts;
   for (uint64_t seed = 0; seed < 30; ++seed) {
     for (uint64_t index = 0; index < 30; ++index) firsts.insert(Rng(seed, index).Uniform());
@@ -279,7 +279,7 @@ TEST(RngTest, PartsAreUnrelated) {
   EXPECT_EQ(Rng(1, 2).Uniform(), Rng(1, 2).Uniform());
 }
 
-TEST(RngTest, MomentsAreThoseOfTheDistributions) {
+TEST(RngTest, MomentsMatchTheDistributions) {
   Rng rng(11);
   constexpr int kCount = 100000;
   double uniform_sum = 0;
@@ -309,7 +309,7 @@ TEST(RngTest, MomentsAreThoseOfTheDistributions) {
   EXPECT_LT((directions / kCount).cwiseAbs().maxCoeff(), 5 / std::sqrt(3.0) / root);
 }
 
-TEST(TextTest, KnowsUtf8) {
+TEST(TextTest, RecognisesUtf8) {
   EXPECT_TRUE(IsUtf8(""));
   EXPECT_TRUE(IsUtf8("a\xc3\xa4\xe6\x9c\xba\xf0\x9f\xa4\x96"));
   for (const char* text : {"\xff", "\x80", "\xc3", "\xc3(", "\xe6\x9c", "\xf0\x9f\xa4", "\xc0\xaf", "a\x99"}) {

@@ -51,7 +51,7 @@ TEST(MapReaderTest, UsesDefaultsAndRecordsThem) {
   EXPECT_EQ(Dumped(reader.used()), "count: 3\nlength: 0.04 m\ngap: 0.01 m\nloss: huber\nflag: false");
 }
 
-TEST(MapReaderTest, WhatWasUsedReadsBackTheSame) {
+TEST(MapReaderTest, UsedValuesReadBackUnchanged) {
   Rng rng(1);
   for (int i = 0; i < 100; ++i) {
     const double angle_rad = rng.Normal();
@@ -75,7 +75,7 @@ std::string ErrorOf(const std::string& text, const Read& read) {
   });
 }
 
-TEST(MapReaderTest, UnknownKeysAreErrorsWithTheNearestKnownOne) {
+TEST(MapReaderTest, SuggestsTheNearestKeyForUnknownKeys) {
   const std::string error = ErrorOf("rows: 2\ncolums: 3\n", [](MapReader* reader) {
     reader->Int("rows", {1, 9});
     reader->Int("columns", {1, 9}, 2);
@@ -96,12 +96,12 @@ TEST(MapReaderTest, MissingKeysAreErrors) {
               HasSubstr("cell.yaml:2: a: 'columns' is missing"));
 }
 
-TEST(MapReaderTest, AKeyMayStandOnce) {
+TEST(MapReaderTest, RefusesDuplicateKeys) {
   EXPECT_THAT(ErrorOf("rows: 2\nother: 1\nrows: 3\n",
                       [](MapReader* reader) {
                         reader->Int("rows", {1, 9});
                       }),
-              StartsWith("cell.yaml:3: 'rows' stands here twice"));
+              StartsWith("cell.yaml:3: 'rows' occurs twice"));
 }
 
 TEST(MapReaderTest, QuantitiesNeedUnits) {
@@ -239,7 +239,7 @@ TEST(PoseYaml, ReadsRollPitchYaw) {
       HasSubstr("a.yaml:1: rotation: the quaternion's length is not 1"));
 }
 
-TEST(LayersTest, UpperKeysCountAndMappingsGoOnBelow) {
+TEST(LayersTest, UpperLayersOverrideKeysAndMergeMappings) {
   const ConfigValue upper = ParseYaml("{refine: {loss: none}, name: upper}", "a/upper.yaml");
   const ConfigValue lower = ParseYaml("{refine: {loss: huber, folds: 3}, poses: poses.csv}", "b/lower.yaml");
   MapReader reader(ConfigValue::Stack({upper, lower}));
@@ -253,7 +253,7 @@ TEST(LayersTest, UpperKeysCountAndMappingsGoOnBelow) {
   reader.Finish();
 }
 
-TEST(LayersTest, AnEmptyKeyTakesAwayWhatLiesBelow) {
+TEST(LayersTest, EmptyKeysRemoveLowerValues) {
   const ConfigValue upper = ParseYaml("{truth: ~, refine: ~}", "upper.yaml");
   const ConfigValue lower = ParseYaml("{truth: truth.json, refine: {loss: huber}}", "lower.yaml");
   MapReader reader(ConfigValue::Stack({upper, lower}));
@@ -263,7 +263,7 @@ TEST(LayersTest, AnEmptyKeyTakesAwayWhatLiesBelow) {
 
 // The upper file replaces a chessboard by a ChArUco target and --set changes one of its keys: no key of the
 // chessboard remains.
-TEST(LayersTest, WhatSaysWhatItIsReplacesAllBelow) {
+TEST(LayersTest, AMappingWithATypeReplacesLowerLayers) {
   const ConfigValue set = ParseYaml("{target: {square: 21 mm}}", "--set");
   const ConfigValue upper = ParseYaml("{target: {type: charuco, rows: 5}}", "upper.yaml");
   const ConfigValue lower = ParseYaml("{target: {type: chessboard, square: 20 mm, columns: 9}}", "lower.yaml");
@@ -275,7 +275,7 @@ TEST(LayersTest, WhatSaysWhatItIsReplacesAllBelow) {
   EXPECT_FALSE(target.Has("columns"));
 }
 
-TEST(LayersTest, FaultsNameTheFileThatTheyStandIn) {
+TEST(LayersTest, FaultsNameTheirFile) {
   const ConfigValue upper = ParseYaml("{a: 1}", "upper.yaml");
   const ConfigValue lower = ParseYaml("{a: 2,\n b: x,\n c: 3}", "lower.yaml");
   MapReader reader(ConfigValue::Stack({upper, lower}));
@@ -284,7 +284,7 @@ TEST(LayersTest, FaultsNameTheFileThatTheyStandIn) {
   EXPECT_THAT(InputErrorOf([&] { reader.Finish(); }), StartsWith("lower.yaml:3: unknown key 'c'"));
 }
 
-TEST(LayersTest, BasesAreReadAndWhatIsOwnIsNotTaken) {
+TEST(LayersTest, ReadsBasesWithoutTheirOwnKeys) {
   const TempFolder folder;
   std::ofstream(folder / "one.yaml") << "{base: two.yaml, a: 1}";
   std::ofstream(folder / "two.yaml") << "{base: three.yaml, a: 2, b: 2, name: two}";

@@ -53,7 +53,7 @@ struct DiscCase {
 
 // The size, the tilt and the distance from the optical axis of these discs cover those in robot cells and exceed
 // them. The predicted bias is up to 0.9 px.
-TEST(PredictionTest, DiscsByTheCentroidOfTheirImage) {
+TEST(PredictionTest, PredictsTheCentroidOfADiscsImage) {
   const DiscCase cases[] = {
       {2400, 10, 30, {0.3, 0.2}, -0.10, 1e-5}, {2400, 20, 40, {0.4, 0.3}, -0.10, 1e-5},
       {1200, 20, 40, {0.5, 0.4}, -0.20, 1e-5}, {600, 20, 40, {0.7, 0.5}, -0.28, 1e-4},
@@ -76,7 +76,7 @@ TEST(PredictionTest, DiscsByTheCentroidOfTheirImage) {
   }
 }
 
-TEST(PredictionTest, JacobiansOfDiscsAndPointsAreTheDerivatives) {
+TEST(PredictionTest, JacobiansMatchFiniteDifferences) {
   for (const std::string& model : CameraModelNames()) {
     SCOPED_TRACE(model);
     const Camera camera = TestCamera(model);

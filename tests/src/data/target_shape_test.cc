@@ -17,14 +17,14 @@ TargetShape MakeShape() {
   return shape;
 }
 
-TEST(TargetShapeTest, AsDesignedMovesNothing) {
+TEST(TargetShapeTest, DesignedShapeMovesNoPoint) {
   TargetShape shape = MakeShape();
   shape.params = TargetShape().params;
   const Eigen::Vector3d point(0.03, 0.04, 0.001);
   EXPECT_EQ(ApplyShape(point, shape), point);
 }
 
-TEST(TargetShapeTest, BendsAreHeightsInTheMiddle) {
+TEST(TargetShapeTest, BendsAreHeightsAtTheCentre) {
   const TargetShape shape = MakeShape();
   // The two bends add up at the centre of the target; in the middle of an edge only one of them acts.
   EXPECT_TRUE(ApplyShape({0.1, 0.05, 0}, shape).isApprox(Eigen::Vector3d(0.1002, 0.04995, 3e-4), 1e-12));
@@ -32,7 +32,7 @@ TEST(TargetShapeTest, BendsAreHeightsInTheMiddle) {
   EXPECT_TRUE(ApplyShape({0.1, 0.1, 0}, shape).isApprox(Eigen::Vector3d(0.1002, 0.0999, 5e-4), 1e-12));
 }
 
-TEST(TargetShapeTest, DerivativesAreThoseOfDifferences) {
+TEST(TargetShapeTest, DerivativesMatchFiniteDifferences) {
   const TargetShape shape = MakeShape();
   const Eigen::Vector3d point(0.03, 0.08, 0);
   const Eigen::Matrix<double, 3, TargetShape::kNumParams> by_params = ShapedByParams(point, shape);
@@ -45,7 +45,7 @@ TEST(TargetShapeTest, DerivativesAreThoseOfDifferences) {
   }
 }
 
-TEST(TargetShapeTest, ALineIsNotBentAcross) {
+TEST(TargetShapeTest, DoesNotBendALineAcrossItsDirection) {
   Points3 points(3, 2);
   points << 0.0, 0.2, 0.0, 0.0, 0.0, 0.0;
   TargetShape shape = DesignedShape(points);

@@ -49,7 +49,7 @@ TEST(ViewErrorsTest, SumSquaredDistances) {
   EXPECT_NEAR(*errors->RmsPx(), std::sqrt(13.0), kRoundOff);
 }
 
-TEST(ViewErrorsTest, PointsWithoutAnImageAreNotHidden) {
+TEST(ViewErrorsTest, ReturnsNothingIfAPointHasNoImage) {
   const Rigid3d behind(Eigen::Quaterniond::Identity(), {0, 0, -2});
   EXPECT_FALSE(ViewErrors(SimpleCamera(), behind, TwoPoints({0, 0}, {0, 0})).has_value());
   // One of the two points is behind the camera.
@@ -57,7 +57,7 @@ TEST(ViewErrorsTest, PointsWithoutAnImageAreNotHidden) {
   EXPECT_FALSE(ViewErrors(SimpleCamera(), across, TwoPoints({0, 0}, {0, 0})).has_value());
 }
 
-TEST(SquaredErrorsTest, NothingWithoutPoints) { EXPECT_FALSE(SquaredErrors().RmsPx().has_value()); }
+TEST(SquaredErrorsTest, ReturnNothingWithoutPoints) { EXPECT_FALSE(SquaredErrors().RmsPx().has_value()); }
 
 TEST(ReprojectionErrorsTest, FollowTheRobotAndPoolPoints) {
   // The chain is camera_from_target = Inverse(camera_mount_from_camera) * camera_mount_from_target_mount *
@@ -161,7 +161,7 @@ TEST(CompareWithTruthTest, GivesDistancesAndAngles) {
   EXPECT_NEAR(*errors.focal_px, std::sqrt(5.0), kRoundOff);  // sqrt((9 + 1) / 2)
 }
 
-TEST(CompareWithTruthTest, WhatTheTruthDoesNotSayIsNotCompared) {
+TEST(CompareWithTruthTest, ComparesOnlyWhatTheTruthContains) {
   const TruthErrors errors = CompareWithTruth(HandEye(), SimpleCamera(), Truth(), {Rigid3d()});
   EXPECT_EQ(errors.hand_eye_mm, 0);
   EXPECT_FALSE(errors.board_mm.has_value());
@@ -169,7 +169,7 @@ TEST(CompareWithTruthTest, WhatTheTruthDoesNotSayIsNotCompared) {
   EXPECT_FALSE(errors.focal_px.has_value());
 }
 
-TEST(CompareWithTruthTest, ASymmetricBoardIsComparedWithItsNearestReading) {
+TEST(CompareWithTruthTest, ComparesASymmetricTargetWithItsNearestReading) {
   // The target was detected upside down, which rotates its frame by 180 deg about the centre at (0.1, 0.05, 0) m.
   const Rigid3d half_turn(ExpRotation({0, 0, kPi}), {0.2, 0.1, 0});
   Truth truth;

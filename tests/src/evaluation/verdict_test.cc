@@ -38,14 +38,14 @@ RunResult GoodResult() {
   return result;
 }
 
-TEST(VerdictTest, JudgesWhereTheWorkIs) {
+TEST(VerdictTest, JudgesUncertaintyAtTheWorkingPoint) {
   RunResult result = GoodResult();
   result.working_point = WorkingPoint{Eigen::Vector3d(0, 0, 3), 1e-8 * Eigen::Matrix3d::Identity()};
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
   result.working_point->covariance_m2(1, 1) = std::pow(4.5e-3, 2);
   EXPECT_EQ(JudgeRun(result).grade, Grade::kDoubtful);
   EXPECT_THAT(JudgeRun(result).findings.front().text,
-              testing::HasSubstr("a target seen 3000 mm away is known to 4.5 mm"));
+              testing::HasSubstr("a target seen 3000 mm away is located to 4.5 mm"));
 }
 
 TEST(VerdictTest, AGoodResultIsGood) {
@@ -81,7 +81,7 @@ TEST(VerdictTest, OneFaultDecides) {
          for (size_t i = 0; i < 10; ++i) r->captures[i].used = false;
        }},
       {Grade::kBad, "off by 8.0 px", "pixel_noise", [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
-      {Grade::kDoubtful, "without 7 the camera would be 0.90 mm and 0 deg elsewhere", "influential_capture",
+      {Grade::kDoubtful, "without 7 the camera pose would move by 0.90 mm and 0 deg elsewhere", "influential_capture",
        [](RunResult* r) {
          for (CaptureResult& capture : r->captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 0.02};
          r->captures[7].move_without = CaptureMove{9e-4 * Tangent6::Unit(1), 1e-4};
@@ -112,7 +112,7 @@ TEST(VerdictTest, CopiesOfCapturesDoNotCount) {
 
 // If every capture has a larger influence than the assumed noise allows, the noise model is wrong and no single
 // capture is blamed.
-TEST(VerdictTest, BlamesNoCaptureForWhatAllDo) {
+TEST(VerdictTest, BlamesNoCaptureIfAllAreInfluential) {
   RunResult result = GoodResult();
   for (CaptureResult& capture : result.captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 1e-9};
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
@@ -120,7 +120,7 @@ TEST(VerdictTest, BlamesNoCaptureForWhatAllDo) {
 
 // A closed form with smaller pixel residuals is no reason for doubt, because robot noise adds to these residuals; the
 // comparison uses the error that is whitened by all noise.
-TEST(VerdictTest, ClosedFormsAreComparedInTheMetricOfAllNoise) {
+TEST(VerdictTest, ComparesClosedFormsByWhitenedErrors) {
   RunResult result = GoodResult();
   result.estimates[0].errors.holdout_rms_px = 0.1;
   result.estimates[1].errors.holdout_rms_px = 0.5;
@@ -128,7 +128,7 @@ TEST(VerdictTest, ClosedFormsAreComparedInTheMetricOfAllNoise) {
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
 }
 
-TEST(VerdictTest, ImagesWithoutTheTargetAreNoBadCaptures) {
+TEST(VerdictTest, ImagesWithoutTheTargetDoNotCount) {
   RunResult result = GoodResult();
   for (int i = 0; i < 60; ++i) result.captures.push_back({"away", "", 0, false, "no target", 0, 0, {}, {}, {}});
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
@@ -153,7 +153,7 @@ TEST(VerdictTest, OneCauseGivesOneFinding) {
 }
 
 // A requirement replaces the built-in limits, whether it is stricter or more lenient.
-TEST(VerdictTest, RequirementsDecide) {
+TEST(VerdictTest, RequirementsReplaceBuiltInLimits) {
   RunResult result = GoodResult();
   result.estimates[1].errors.holdout_target_mm = 3;  // The built-in limits alone would grade this as doubtful.
   result.requirements = {{10e-3, 0.95, "the working point", 2e-3}};

@@ -42,12 +42,12 @@ TEST(Rigid3, ProductChainsFramesAndInverseUndoes) {
   }
 }
 
-TEST(Rigid3, AQuarterTurnAboutZTakesXToY) {
+TEST(Rigid3, RotationBy90DegreesAboutZTakesXToY) {
   const Rigid3d a_from_b(ExpRotation({0, 0, kPi / 2}), {1, 2, 3});
   EXPECT_LT((a_from_b * Eigen::Vector3d(1, 0, 0) - Eigen::Vector3d(1, 3, 3)).norm(), kRoundOff);
 }
 
-TEST(Rotation, LogInvertsExpUpToHalfATurn) {
+TEST(Rotation, LogInvertsExpUpTo180Degrees) {
   Rng rng(2);
   for (const double angle_rad : {0.0, 1e-300, 1e-12, 1e-8, 9.9e-5, 1.01e-4, 0.1, 1.0, 3.0, kPi - 1e-6}) {
     for (int i = 0; i < 20; ++i) {
@@ -115,7 +115,7 @@ TEST(Tangent, LocalCoordinatesInvertRetract) {
   }
 }
 
-TEST(Tangent, TranslationStandsBeforeRotationInTheChildFrame) {
+TEST(Tangent, TranslationPrecedesRotationInTheChildFrame) {
   const Rigid3d a_from_b(ExpRotation({0, 0, kPi / 2}), {1, 0, 0});
   Tangent6 along_x = Tangent6::Zero();
   along_x[0] = 0.5;
@@ -126,7 +126,7 @@ TEST(Tangent, TranslationStandsBeforeRotationInTheChildFrame) {
   EXPECT_NEAR(AngleRad(Retract(a_from_b, about_z), Rigid3d(ExpRotation({0, 0, kPi}), {1, 0, 0})), 0, kRoundOff);
 }
 
-TEST(Tangent, AdjointMovesATangentAcrossAPose) {
+TEST(Tangent, AdjointTransformsTangents) {
   Rng rng(6);
   for (int i = 0; i < 50; ++i) {
     const Rigid3d a_from_b = RandomPose(&rng);
@@ -154,7 +154,7 @@ TEST(MeanPoseTest, IsTheMiddle) {
   EXPECT_NEAR(AngleRad(mean, a_from_b), 0, kRoundOff);
 }
 
-TEST(Distance, IsThatOfTheOrigins) {
+TEST(Distance, IsBetweenTheOrigins) {
   const Rigid3d a(ExpRotation({0.1, 0, 0}), {1, 2, 3});
   const Rigid3d b(ExpRotation({0.4, 0, 0}), {1, 2, 5});
   EXPECT_NEAR(DistanceM(a, b), 2, kRoundOff);

@@ -250,7 +250,7 @@ TEST(OpenCvCameraFile, ReadsJson) {
   EXPECT_THAT(camera.params, ElementsAre(500.5, 501, 320.25, 240.75, 1, 2, 3, 4, 0));
 }
 
-TEST(OpenCvCameraFile, WithoutAnImageSizeItIsZero) {
+TEST(OpenCvCameraFile, ImageSizeIsZeroIfMissing) {
   const Camera camera = Parse(With(With(kOpenCv, "image_width: 640\n", ""), "image_height: 480\n", ""));
   EXPECT_EQ(camera.width_px, 0);
   EXPECT_EQ(camera.height_px, 0);
@@ -259,7 +259,7 @@ TEST(OpenCvCameraFile, WithoutAnImageSizeItIsZero) {
 
 TEST(OpenCvCameraFile, SaysWhatIsWrong) {
   EXPECT_THAT(ErrorOf(With(kOpenCv, "camera_matrix", "matrix")),
-              HasSubstr("has no camera matrix; it is looked for as: camera_matrix"));
+              HasSubstr("has no camera matrix; it may be called: camera_matrix"));
   EXPECT_THAT(ErrorOf(With(kOpenCv, "distortion_coefficients", "lens")),
               HasSubstr("has no list of distortion coefficients"));
   EXPECT_THAT(ErrorOf(kOpenCv + "K: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n"),
@@ -304,7 +304,7 @@ TEST(MrcalCameraFile, Reads) {
               ElementsAre(1761.181055, 1761.25, 1965.5, 1087.5, -0.01, 0.03, -3e-4, 2e-4, 0.01, 0.2, 0.1, 0.02));
 }
 
-TEST(MrcalCameraFile, ReadsTheModelsThatHebaHas) {
+TEST(MrcalCameraFile, ReadsSupportedModels) {
   EXPECT_EQ(Parse(Mrcal("LENSMODEL_PINHOLE", "")).model, "pinhole");
   EXPECT_THAT(Parse(Mrcal("LENSMODEL_OPENCV4", "1, 2, 3, 4")).params,
               ElementsAre(1761.181055, 1761.25, 1965.5, 1087.5, 1, 2, 3, 4, 0));
@@ -351,17 +351,17 @@ TEST(PythonLiteral, ReadsEveryKind) {
 
 TEST(PythonLiteral, FaultsNameTheLine) {
   const auto error = [](const std::string& text) { return InputErrorOf([&] { ParsePythonLiteral(text, "f"); }); };
-  EXPECT_EQ(error("{'a': 1,\n 'b' 2}"), "f:2: ':' is needed behind a key");
+  EXPECT_EQ(error("{'a': 1,\n 'b' 2}"), "f:2: ':' is needed after a key");
   EXPECT_EQ(error("{'a': 1 'b': 2}"), "f:1: ',' or '}' is needed");
   EXPECT_EQ(error("[1 2]"), "f:1: ',' or ']' is needed");
-  EXPECT_EQ(error("{'a': 1,\n'a': 2}"), "f:2: 'a' stands here twice");
+  EXPECT_EQ(error("{'a': 1,\n'a': 2}"), "f:2: 'a' occurs twice");
   EXPECT_EQ(error("{1: 2}"), "f:1: a key in quotes is needed");
   EXPECT_EQ(error("{'a': \n"), "f:2: the file ends too early");
   EXPECT_EQ(error("'abc"), "f:1: a quote is not closed");
   EXPECT_EQ(error("'abc\n'"), "f:1: a quote is not closed");
   EXPECT_EQ(error("'abc\\"), "f:1: a quote is not closed");
   EXPECT_EQ(error("array([1])"), "f:1: 'array' is not a value");
-  EXPECT_EQ(error("{} {}"), "f:1: more stands behind the closing bracket");
+  EXPECT_EQ(error("{} {}"), "f:1: unexpected text after the closing bracket");
   EXPECT_EQ(error(std::string(100000, '[')), "f:1: nested deeper than 32 levels");
 }
 

@@ -80,7 +80,7 @@ void ExpectSame(const Rigid3d& found, const Rigid3d& wanted, const std::string& 
 }
 
 // The exported pose is read from where the other software looks for it, and equals the original.
-TEST(ExportTest, PosesComeBack) {
+TEST(ExportTest, PosesRoundTrip) {
   const PoseFormat& ros = *FindPoseFormat("ros");
   const PoseFormat rpy{"", {"x", "y", "z", "r", "p", "w"}, "m", "extrinsic_xyz", "rad"};
   for (const Rigid3d& pose : Poses()) {
@@ -101,7 +101,7 @@ TEST(ExportTest, PosesComeBack) {
 }
 
 // The export is read back by the reader of poses.csv.
-TEST(ExportTest, EveryFormOfRobotPoseComesBack) {
+TEST(ExportTest, RobotPosesRoundTripInEveryFormat) {
   for (const Rigid3d& pose : Poses()) {
     for (const PoseFormat& format : PoseFormats()) {
       const std::string text = Exported(format.name, TestRequest(pose));
@@ -116,7 +116,7 @@ TEST(ExportTest, EveryFormOfRobotPoseComesBack) {
 }
 
 // The export is read back by the reader of camera files.
-TEST(ExportTest, CamerasComeBack) {
+TEST(ExportTest, CamerasRoundTrip) {
   for (const CameraModel* model : CameraModels()) {
     const ExportRequest request = TestRequest(Rigid3d(), std::string(model->name()));
     for (const char* format : {"opencv", "camera_info", "mrcal"}) {
@@ -134,7 +134,7 @@ TEST(ExportTest, CamerasComeBack) {
 }
 
 // The polynomial lens model of Kalibr has no k3.
-TEST(ExportTest, CamerasComeBackFromKalibr) {
+TEST(ExportTest, CamerasRoundTripThroughKalibr) {
   for (const std::string model : {"pinhole", "brown4", "brown5", "kannala_brandt4"}) {
     ExportRequest request = TestRequest(Rigid3d(), model);
     if (model == "brown5") request.camera.params[8] = 0;
@@ -146,7 +146,7 @@ TEST(ExportTest, CamerasComeBackFromKalibr) {
   }
 }
 
-TEST(ExportTest, WhatAFormCannotHoldIsRefusedInWords) {
+TEST(ExportTest, RefusesWhatAFormatCannotHold) {
   const auto refusal = [](const std::string& name, const ExportRequest& request) {
     for (const ExportFormat& format : ExportFormats()) {
       if (format.name == name) return ExportText(format, request).reason();
@@ -188,7 +188,7 @@ Eigen::Matrix<double, 6, 6> MovedBy(const ExportRequest& request, const Change& 
 
 // The exported covariance is that of the exported frame: it is compared with the covariance propagated through the
 // numeric Jacobian.
-TEST(ExportTest, CovarianceFollowsTheFrames) {
+TEST(ExportTest, CovarianceIsTransformedWithTheFrames) {
   const Rigid3d optical_from_child(ExpRotation({0.3, -0.2, 0.9}), {0.02, -0.05, 0.01});
   const auto link = [&](const ExportRequest& request) {
     return WithChild(request, ExportFrame::kLink, optical_from_child);
@@ -247,7 +247,7 @@ TEST(ExportTest, TheInverseIsThePoseOfTheParentInTheChild) {
   }
 }
 
-TEST(ExportTest, TheBodyFrameStandsAtThePlaceOfTheOpticalOne) {
+TEST(ExportTest, BodyFrameHasTheOriginOfTheOpticalFrame) {
   for (const Rigid3d& pose : Poses()) {
     const ExportRequest request = WithChild(TestRequest(pose), ExportFrame::kBody, OpticalFromBody());
     EXPECT_EQ(request.child_frame, "camera_link");
@@ -280,12 +280,12 @@ TEST(ExportTest, ControllersReadTheirOwnSyntax) {
 }
 
 // The inverse is a frame in the camera, which the controller cannot store.
-TEST(ExportTest, TheInverseIsNoFrameOfTheController) {
+TEST(ExportTest, InverseIsNotOfferedToTheController) {
   EXPECT_THAT(Exported("fanuc", Inverted(TestRequest(Rigid3d()))), testing::Not(HasSubstr("for the controller")));
 }
 
 // The base frame of the teach pendant is `base`, which is rotated by 180 deg about z from base_link.
-TEST(ExportTest, PosesOfAUniversalRobotsControllerAreInItsBase) {
+TEST(ExportTest, UniversalRobotsPosesAreInTheControllersBase) {
   RunResult result;
   Estimate estimate;
   estimate.camera = TestCamera("brown5");
@@ -296,7 +296,7 @@ TEST(ExportTest, PosesOfAUniversalRobotsControllerAreInItsBase) {
 }
 
 // Command lines that are meant to be copied name both frames.
-TEST(ExportTest, LinesToCopyNameTheFrames) {
+TEST(ExportTest, CommandLinesNameTheFrames) {
   ExportRequest request = TestRequest(Rigid3d());
   request.parent_frame = "world";
   request.child_frame = "cam/optical";

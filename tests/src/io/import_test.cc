@@ -231,7 +231,7 @@ TEST_P(ImportTest, ReadsWhatTheProjectWrites) {
 
 // A file that is truncated at any position gives either the captures that remain or an InputError whose message is
 // one line.
-TEST_P(ImportTest, FilesThatAreCutOffAreFaults) {
+TEST_P(ImportTest, TruncatedFilesAreInputErrors) {
   const fs::path source = GetParam().write(folder_.path());
   const ImportedSet set = ImportDataSet(source, "");
   for (const fs::path& file : set.files) {
@@ -248,7 +248,7 @@ TEST_P(ImportTest, FilesThatAreCutOffAreFaults) {
 INSTANTIATE_TEST_SUITE_P(, ImportTest, testing::ValuesIn(Peers()),
                          [](const auto& peer) { return peer.param.format + "_" + std::to_string(peer.index); });
 
-TEST(ImportCornersTest, MrcalsCornersKeepTheirPlaces) {
+TEST(ImportCornersTest, MrcalCornersKeepTheirIds) {
   const TempFolder folder;
   Write(folder / "corners.vnl",
         "# filename x y level\na.png 10.5 20.25 0\na.png 11 21 -\na.png 12 22 1\nb.png - - -\n");
@@ -275,7 +275,7 @@ TEST(ImportFaultsTest, SayWhatIsWrong) {
 }
 
 // Data sets recorded by others, in the layout of their projects.
-TEST(ImportRecordedTest, IndustrialCalibration) {
+TEST(ImportRecordedTest, ReadsIndustrialCalibration) {
   const fs::path source = DataDir() / "ic_charuco_eye_to_hand" / "original";
   HEBA_SKIP_WITHOUT(source);
   const ImportedSet set = ImportDataSet(source, "");
@@ -283,7 +283,7 @@ TEST(ImportRecordedTest, IndustrialCalibration) {
   EXPECT_EQ(set.captures.size(), 16U);
   EXPECT_NEAR(set.captures[0].base_from_gripper->translation.x(), 0.113074204220918, 1e-15);
 }
-TEST(ImportRecordedTest, MoveitCalibration) {
+TEST(ImportRecordedTest, ReadsMoveitCalibration) {
   const fs::path source = DataDir() / "moveit_pose_pairs" / "original" / "pose_samples.json";
   HEBA_SKIP_WITHOUT(source);
   const ImportedSet set = ImportDataSet(source, "");
@@ -291,7 +291,7 @@ TEST(ImportRecordedTest, MoveitCalibration) {
   EXPECT_EQ(set.captures.size(), 50U);
   EXPECT_NEAR(set.captures[0].camera_from_target->translation.z(), 0.9215995861113058, 1e-12);
 }
-TEST(ImportRecordedTest, Tabb) {
+TEST(ImportRecordedTest, ReadsTabb) {
   const fs::path source = DataDir() / "caliban_no_curv" / "original";
   HEBA_SKIP_WITHOUT(source);
   const ImportedSet set = ImportDataSet(source, "");

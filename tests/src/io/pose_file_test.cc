@@ -60,7 +60,7 @@ void ExpectPose(const std::string& format, const std::vector<double>& numbers, c
 }
 
 // These examples pin the conventions of the robots' controllers.
-TEST(PoseFormatTest, EveryRobotsConvention) {
+TEST(PoseFormatTest, FollowsEveryRobotsConvention) {
   const double s = std::sqrt(0.5);
   ExpectPose("ros", {0.1, 0.2, 0.3, s, 0, 0, s}, Rx(90));
   ExpectPose("abb", {100, 200, 300, s, 0, 0, s}, Rz(90));
@@ -73,7 +73,7 @@ TEST(PoseFormatTest, EveryRobotsConvention) {
   ExpectPose("matrix", {0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1}, Rz(90));
 }
 
-TEST(PoseFormatTest, TheTableIsThatOfTheManual) {
+TEST(PoseFormatTest, BuiltInFormatsMatchTheManual) {
   EXPECT_THAT(PoseFormatNames(),
               ElementsAre("ros", "ur", "kuka", "fanuc", "yaskawa", "abb", "staubli", "kawasaki", "matrix"));
   EXPECT_THAT(Format("abb").columns, ElementsAre("x", "y", "z", "q1", "q2", "q3", "q4"));
@@ -153,7 +153,7 @@ std::string NameOf(const testing::TestParamInfo<std::string>& parameter) { retur
 INSTANTIATE_TEST_SUITE_P(Names, RotationTest, testing::ValuesIn(PoseRotationNames()), NameOf);
 INSTANTIATE_TEST_SUITE_P(Names, OrderOfAxesTest, testing::ValuesIn(NamesWithAnOrder()), NameOf);
 
-TEST(PoseFromNumbersTest, RoundedFilesPassAndAreMadeExact) {
+TEST(PoseFromNumbersTest, NormalisesRoundedRotations) {
   // Three decimals change the norm by up to 0.001.
   const Outcome<Rigid3d> pose =
       PoseFromNumbers(Format("ros"), std::vector<double>{0, 0, 0, 0.183, -0.365, 0.548, 0.730});
@@ -166,7 +166,7 @@ TEST(PoseFromNumbersTest, RoundedFilesPassAndAreMadeExact) {
   EXPECT_LT((matrix->RotationMatrix() - Rz(30)).norm(), 1e-4);  // Rounding of cos(30 deg) to 0.866.
 }
 
-TEST(PoseFromNumbersTest, WhatIsNoPoseIsAFailure) {
+TEST(PoseFromNumbersTest, RefusesInvalidPoses) {
   const auto reason = [](const std::string& format, const std::vector<double>& numbers) {
     return PoseFromNumbers(Format(format), numbers).reason();
   };
@@ -199,7 +199,7 @@ TEST(ReadPoseFormatTest, ReadsNamesAndMappings) {
   EXPECT_LT((turned->RotationMatrix() - Rz(90)).norm(), kRoundOff);
 }
 
-TEST(ReadPoseFormatTest, NodesReadBack) {
+TEST(ReadPoseFormatTest, NodesRoundTrip) {
   for (const std::string& rotation : PoseRotationNames()) {
     const PoseFormat format = FormatOfRotation(rotation);
     std::stringstream text;
@@ -236,7 +236,7 @@ TEST(ReadPoseFormatTest, SaysWhatIsWrong) {
               HasSubstr("unknown key 'unit'"));
 }
 
-TEST(WithUnitsTest, OnlyMatricesComeInEither) {
+TEST(WithUnitsTest, OnlyMatricesAcceptOtherUnits) {
   const ConfigValue mm = MapReader(ParseYaml("units: mm", "cell.yaml")).Get("units");
   const PoseFormat format = WithUnits(Format("matrix"), mm);
   const Outcome<Rigid3d> pose =
@@ -271,7 +271,7 @@ TEST(PoseFileTest, ReadsRowsInTheFilesOrder) {
   EXPECT_NEAR(RotationAngle(rows[1].pose.rotation), kPi, kRoundOff);
 }
 
-TEST(PoseFileTest, ColumnsStandInAnyOrderAndTheImageMayBeAbsent) {
+TEST(PoseFileTest, AcceptsColumnsInAnyOrderWithoutImages) {
   const std::vector<PoseRow> rows = Parse("qw,qx,qy,qz,z,y,x\n1,0,0,0,3,2,1\n");
   ASSERT_EQ(rows.size(), 1u);
   EXPECT_EQ(rows[0].image, "");
@@ -279,7 +279,7 @@ TEST(PoseFileTest, ColumnsStandInAnyOrderAndTheImageMayBeAbsent) {
 }
 
 // The same content in the variants that different programs write.
-TEST(PoseFileTest, ReadsWhatProgramsWrite) {
+TEST(PoseFileTest, ReadsVariantsOfOtherPrograms) {
   const std::vector<std::string> texts = {
       "image,x,y,z,qx,qy,qz,qw\na b.png,1,-2.5e-1,3,0,0,0,1\n",
       "image,x,y,z,qx,qy,qz,qw\na b.png,1,-2.5e-1,3,0,0,0,1",
@@ -305,22 +305,22 @@ TEST(PoseFileTest, QuotesProtectSeparators) {
   EXPECT_EQ(rows[0].image, "a, \"b\".png");
 }
 
-TEST(PoseFileTest, FaultsOfTheHeader) {
-  EXPECT_EQ(ErrorOf(""), "poses.csv: is empty; a header line and a line a capture are needed");
-  EXPECT_EQ(ErrorOf("\n# only this\n"), "poses.csv: is empty; a header line and a line a capture are needed");
+TEST(PoseFileTest, ReportsFaultsOfTheHeader) {
+  EXPECT_EQ(ErrorOf(""), "poses.csv: is empty; a header line and one line per capture are needed");
+  EXPECT_EQ(ErrorOf("\n# only this\n"), "poses.csv: is empty; a header line and one line per capture are needed");
   EXPECT_EQ(ErrorOf(kHeader), "poses.csv: has a header but no captures");
   EXPECT_THAT(ErrorOf("# c\nimage,x,y,z,qx,qy,qz\n"),
               StartsWith("poses.csv:2: column 'qw' is missing; needed: x, y, z, qx"));
   EXPECT_THAT(ErrorOf("imgae,x,y,z,qx,qy,qz,qw\n"),
               StartsWith("poses.csv:1: unknown column 'imgae'; did you mean 'image'?"));
   EXPECT_THAT(ErrorOf("image,x,y,z,qx,qy,qz,qw,\n"), StartsWith("poses.csv:1: column 9 has no name"));
-  EXPECT_THAT(ErrorOf("x,x,y,z,qx,qy,qz,qw\n"), StartsWith("poses.csv:1: column 'x' stands here twice"));
+  EXPECT_THAT(ErrorOf("x,x,y,z,qx,qy,qz,qw\n"), StartsWith("poses.csv:1: column 'x' occurs twice"));
   EXPECT_THAT(ErrorOf("1,2,3,0,0,0,1\n"), StartsWith("poses.csv:1: the first line must name the columns: image, x, y"));
   EXPECT_THAT(ErrorOf("image,x,y,z,rx,ry,rz\n"), HasSubstr("the columns here are those of pose format ur or staubli"));
   EXPECT_THAT(ErrorOf("image,x,y,z\n", "kuka"), StartsWith("poses.csv:1: column 'a' is missing"));
 }
 
-TEST(PoseFileTest, FaultsOfRowsNameLineAndColumn) {
+TEST(PoseFileTest, RowFaultsNameLineAndColumn) {
   EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3,0,0,0,1\nb.png,1,2,,0,0,0,1\n"),
             "poses.csv:3: column 'z': a number is missing");
   EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3 mm,0,0,0,1\n"), "poses.csv:2: column 'z': '3 mm' is not a number");
@@ -329,18 +329,17 @@ TEST(PoseFileTest, FaultsOfRowsNameLineAndColumn) {
   EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3,0,0,0\n"), "poses.csv:2: 7 fields, but the header names 8 columns");
   EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3,0,0,0,1,\n"), "poses.csv:2: 9 fields, but the header names 8 columns");
   EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3,0.5,0,0,0\n"), "poses.csv:2: the quaternion's length is 0.5000, not 1");
-  EXPECT_EQ(ErrorOf(kHeader + ",1,2,3,0,0,0,1\n"), "poses.csv:2: column 'image': the name of a file is missing");
+  EXPECT_EQ(ErrorOf(kHeader + ",1,2,3,0,0,0,1\n"), "poses.csv:2: column 'image': the file name is missing");
   EXPECT_EQ(ErrorOf(kHeader + "a.png,1,2,3,0,0,0,1\n\na.png,1,2,3,0,0,0,1\n"),
-            "poses.csv:4: column 'image': 'a.png' already stands in line 2");
+            "poses.csv:4: column 'image': 'a.png' already occurs in line 2");
   EXPECT_EQ(ErrorOf(kHeader + "\"a.png,1,2,3,0,0,0,1\n"), "poses.csv:2: field 1: the quote is not closed");
-  EXPECT_EQ(ErrorOf(kHeader + "\"a\" b,1,2,3,0,0,0,1\n"), "poses.csv:2: field 1: 'b' stands behind the closing quote");
+  EXPECT_EQ(ErrorOf(kHeader + "\"a\" b,1,2,3,0,0,0,1\n"), "poses.csv:2: field 1: 'b' follows the closing quote");
   EXPECT_THAT(
       ErrorOf("role,x,y,z,qx,qy,qz,qw\nhoem,1,2,3,0,0,0,1\n"),
       StartsWith("poses.csv:2: column 'role': 'hoem' is unknown; one of: home, translate_x, translate_y, rotate, free; "
                  "did you mean 'home'?"));
   // The decimal separator is a comma.
-  EXPECT_THAT(ErrorOf("x;y;z;qx;qy;qz;qw\n0,5;0;0;0;0;0;1\n"),
-              HasSubstr("'0,5' is not a number; decimals stand behind a point"));
+  EXPECT_THAT(ErrorOf("x;y;z;qx;qy;qz;qw\n0,5;0;0;0;0;0;1\n"), HasSubstr("'0,5' is not a number; use a decimal point"));
 }
 
 TEST(PoseFileTest, MessagesAreOneShortLine) {

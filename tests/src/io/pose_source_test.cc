@@ -46,7 +46,7 @@ TEST(HeaderlessTest, ReadsEverySeparatorAndBrackets) {
   }
 }
 
-TEST(HeaderlessTest, ColumnsMayBeImagesOrNothing) {
+TEST(HeaderlessTest, ColumnsMayBeImagesOrIgnored) {
   const std::vector<PoseRow> rows =
       ParsePoses("a.png 17.5 100 -200 300 10 20 30\nb.png 18.5 110 -210 310 -15 25 35\n", "poses.txt", FormatOf(kOwn));
   ASSERT_EQ(rows.size(), 2U);
@@ -60,7 +60,7 @@ TEST(HeaderlessTest, ColumnsMayBeImagesOrNothing) {
 }
 
 // Column names decide which number is which, wherever the column is.
-TEST(HeaderlessTest, NamesCountMoreThanPlaces) {
+TEST(HeaderlessTest, ColumnNamesOverrideTheirPositions) {
   const PoseFormat turns_first =
       FormatOf("{columns: [a, b, c, x, y, z], translation: mm, rotation: euler_zyx, angle: deg}");
   EXPECT_EQ(ParsePoses("10 20 30 100 -200 300\n", "poses.txt", turns_first)[0].numbers, kFirst);
@@ -77,7 +77,7 @@ TEST(HeaderlessTest, ImagesKeepTheirNames) {
             "b.png");
 }
 
-TEST(HeaderlessTest, ListsOfOtherProgramsAreRead) {
+TEST(HeaderlessTest, ReadsBracketedLists) {
   const std::vector<PoseRow> rows =
       ParsePoses("[\n  [100, -200, 300, 10, 20, 30],\n  [110, -210, 310, -15, 25, 35]  # the last one\n]\n",
                  "poses.txt", FormatOf(kPlain));
@@ -159,7 +159,7 @@ class PoseSourceTest : public testing::Test {
   TempFolder folder_;
 };
 
-TEST_F(PoseSourceTest, ReadsArraysARowAPose) {
+TEST_F(PoseSourceTest, ReadsArraysWithOnePosePerRow) {
   const fs::path file = folder_.path() / "poses.npy";
   Write(file, Npy("<f8", false, "(2, 6)", Bytes<double>({100, -200, 300, 10, 20, 30, 110, -210, 310, -15, 25, 35})));
   const std::vector<PoseRow> rows = ReadPoses(file, FormatOf(kPlain));
@@ -174,7 +174,7 @@ TEST_F(PoseSourceTest, ReadsArraysARowAPose) {
 
 // A folder may contain one file per pose, in any supported file type; the files are sorted by the number in their
 // names.
-TEST_F(PoseSourceTest, ReadsFoldersWithOneFileAPose) {
+TEST_F(PoseSourceTest, ReadsFoldersWithOneFilePerPose) {
   Write(folder_.path() / "pose_2.txt", "100 -200 300\n10 20 30\n");
   Write(folder_.path() / "pose_10.json", "{\"x\": 100, \"y\": -200, \"z\": 300, \"c\": 30, \"b\": 20, \"a\": 10}");
   Write(folder_.path() / "pose_9.yaml", "place: [100, -200, 300]\nangles: [10, 20, 30]\n");
@@ -221,7 +221,7 @@ TEST_F(PoseSourceTest, MappingsAreReadByTheirKeys) {
 }
 
 // File names may be time stamps in nanoseconds, and files of another type may lie beside the poses.
-TEST_F(PoseSourceTest, FoldersAsProgramsLeaveThem) {
+TEST_F(PoseSourceTest, IgnoresOtherFilesInFolders) {
   Write(folder_.path() / "1690000000123456789.txt", "100 -200 300 10 20 30");
   Write(folder_.path() / "1690000000223456789.txt", "110 -210 310 -15 25 35");
   Write(folder_.path() / "1690000000223456789.json", "{\"exposure\": 10}");

@@ -9,7 +9,7 @@ namespace {
 
 using ColumnProductsTest = EverySimdTest;
 
-TEST_P(ColumnProductsTest, AreTheProductsOfAllPairs) {
+TEST_P(ColumnProductsTest, MatchTheProductsOfAllColumnPairs) {
   for (int num_columns = 1; num_columns <= GramMatrix::kMaxColumns; ++num_columns) {
     for (const Eigen::Index num_rows : {8, 40}) {
       const Eigen::Index stride = num_rows + 8;

@@ -9,7 +9,7 @@ namespace {
 
 using Pair = Lanes<2>;
 
-TEST(LaneFunctionsTest, ExpIsRight) {
+TEST(LaneFunctionsTest, ExpMatchesTheStandardLibrary) {
   for (double x = -699; x < 700; x += 0.37) {
     EXPECT_NEAR(ExpLanes(x) / std::exp(x), 1, 1e-11) << x;
     const Pair pair = ExpLanes(Pair{x, -x});
@@ -19,7 +19,7 @@ TEST(LaneFunctionsTest, ExpIsRight) {
   EXPECT_LT(ExpLanes(-1e9), 1e-300);
 }
 
-TEST(LaneFunctionsTest, NormalIsRight) {
+TEST(LaneFunctionsTest, NormalMatchesErfc) {
   for (double x = -12; x < 12; x += 0.0137) {
     const NormalLanes<double> normal = NormalOf(x);
     EXPECT_NEAR(normal.cdf, 0.5 * std::erfc(-x * M_SQRT1_2), 1e-11) << x;
@@ -30,7 +30,7 @@ TEST(LaneFunctionsTest, NormalIsRight) {
   EXPECT_EQ(NormalOf(1e300).cdf, 1);
 }
 
-TEST(LaneFunctionsTest, OthersAreRight) {
+TEST(LaneFunctionsTest, MaximumAbsAndSqrtAreCorrect) {
   EXPECT_EQ(LargestLane(Pair{3, 7}), 7);
   EXPECT_EQ(LargestLane(-2.0), -2);
   EXPECT_EQ(AbsLanes(Pair{-3, 7})[0], 3);

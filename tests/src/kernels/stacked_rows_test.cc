@@ -10,7 +10,7 @@ namespace {
 
 using StackedRowsTest = EverySimdTest;
 
-TEST_P(StackedRowsTest, AddUpToTheProductsOfAllRows) {
+TEST_P(StackedRowsTest, SumTheProductsOfAllRows) {
   for (int num_columns = 1; num_columns <= StackedRows::kMaxColumns; ++num_columns) {
     StackedRows stacked(num_columns);
     Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(num_columns, num_columns);

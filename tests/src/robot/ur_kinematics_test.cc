@@ -29,7 +29,7 @@ double Distance(const JointAngles& a, const JointAngles& b) {
 
 // The expected positions were computed by hand from the manufacturer's table: the arm stretched out along -x, and
 // upright.
-TEST(UrKinematicsTest, TheFlangeIsWhereTheTableSays) {
+TEST(UrKinematicsTest, FlangePoseMatchesTheTable) {
   const UrRobot& ur5e = *FindUrRobot("ur5e");
   const Rigid3d stretched = BaseFromFlange(ur5e, {0, 0, 0, 0, 0, 0});
   EXPECT_LT((stretched.translation - Eigen::Vector3d(-0.8172, -0.2329, 0.0628)).norm(), 1e-12);
@@ -41,7 +41,7 @@ class UrRobotTest : public testing::TestWithParam<UrRobot> {};
 INSTANTIATE_TEST_SUITE_P(, UrRobotTest, testing::ValuesIn(UrRobots()),
                          [](const auto& test) { return test.param.name; });
 
-TEST_P(UrRobotTest, EveryPostureReachesThePoseAndTheOneItCameFromIsAmongThem) {
+TEST_P(UrRobotTest, PosturesReachThePoseAndIncludeTheOriginal) {
   Rng rng(17);
   int num_postures = 0;
   constexpr int kPoses = 10'000;
@@ -85,7 +85,7 @@ TEST_P(UrRobotTest, SingularPosturesAreNamed) {
   }
 }
 
-TEST_P(UrRobotTest, OutOfReachIsAnsweredInWords) {
+TEST_P(UrRobotTest, ExplainsUnreachablePoses) {
   const UrRobot& robot = GetParam();
   const Eigen::Quaterniond down(0, 1, 0, 0);
   const double reach_m = std::abs(robot.a2_m) + std::abs(robot.a3_m) + robot.d5_m;

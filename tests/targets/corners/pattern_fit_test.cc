@@ -33,7 +33,7 @@ Drawing TestDrawing() {
   return drawing;
 }
 
-TEST(CellPatternTest, HasTheDrawingsColours) {
+TEST(CellPatternTest, MatchesTheDrawing) {
   const CellPattern pattern = CellsOf(TestDrawing(), {-0.008, -0.008}, {0.008, 0.008});
   ASSERT_EQ(pattern.x_m, (std::vector<double>{0, 0.003, 0.007}));
   ASSERT_EQ(pattern.y_m, (std::vector<double>{-0.007, -0.003, 0}));
@@ -112,7 +112,7 @@ FitTotals FitViews(const RenderOptions& options_in, int num_views, double square
                        {rng.Uniform(-0.001, 0.001), rng.Uniform(-0.001, 0.001), 0.6});
     RenderOptions options = options_in;
     options.seed = static_cast<uint64_t>(i) + 1;
-    const cv::Mat picture = RenderView(drawing, camera, pose, options);
+    const cv::Mat image = RenderView(drawing, camera, pose, options);
     Eigen::Matrix3d intrinsics;
     intrinsics << 900, 0, 59.5, 0, 900, 49.5, 0, 0, 1;
     Eigen::Matrix3d plane;
@@ -125,7 +125,7 @@ FitTotals FitViews(const RenderOptions& options_in, int num_views, double square
     fit_options.min_m = {-0.008, -0.008};
     fit_options.max_m = {0.008, 0.008};
     fit_options.squares_sigma_px = squares_sigma_px;
-    const std::optional<PatternFit> fit = FitPattern(picture, CellsOf(drawing, {-0.016, -0.016}, {0.016, 0.016}),
+    const std::optional<PatternFit> fit = FitPattern(image, CellsOf(drawing, {-0.016, -0.016}, {0.016, 0.016}),
                                                      shift * truth, {Eigen::Vector2d::Zero()}, fit_options);
     if (!fit) continue;
     const Eigen::Vector2d error_px = fit->pixels[0] - ApplyHomography(truth, Eigen::Vector2d::Zero());
@@ -139,7 +139,7 @@ FitTotals FitViews(const RenderOptions& options_in, int num_views, double square
 
 using PatternKernelTest = EverySimdTest;
 
-TEST_P(PatternKernelTest, FindsTheSameAsTheBaseline) {
+TEST_P(PatternKernelTest, AgreesWithTheBaseline) {
   RenderOptions options;
   options.noise_sigma_grey = 2;
   const FitTotals here = FitViews(options, 10);
@@ -167,7 +167,7 @@ TEST(FitPatternTest, FindsACornerWithinItsCovariance) {
   EXPECT_NEAR(totals.chi2 / (2 * kViews), 1, 0.25);
 }
 
-TEST(FitPatternTest, WithoutNoiseIsRightToThousandths) {
+TEST(FitPatternTest, IsAccurateToThousandthsWithoutNoise) {
   const FitTotals totals = FitViews({}, 40);
   EXPECT_EQ(totals.count, 40);
   EXPECT_LT(std::sqrt(totals.squares_px2 / 80), 0.003);
@@ -190,7 +190,7 @@ TEST(FitPatternTest, StatesTheErrorOfImagesWithoutAntiAliasing) {
 
 // If an edge is known to be straight, all of its pixels determine its position: 9/4 of the information on the
 // position of a line.
-TEST(FitPatternTest, GainsByWhatIsKnownOfTheBend) {
+TEST(FitPatternTest, IsMoreAccurateIfEdgesAreStraight) {
   RenderOptions options;
   options.noise_sigma_grey = 2;
   constexpr int kViews = 200;
@@ -201,7 +201,7 @@ TEST(FitPatternTest, GainsByWhatIsKnownOfTheBend) {
   EXPECT_NEAR(known.chi2 / (2 * kViews), 1, 0.25);
 }
 
-TEST(FitPatternTest, RefusesWhatIsNotThere) {
+TEST(FitPatternTest, RefusesImagesWithoutThePattern) {
   const Drawing drawing = TestDrawing();
   PatternFitOptions options;
   options.min_m = {-0.008, -0.008};

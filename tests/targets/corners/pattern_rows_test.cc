@@ -115,7 +115,7 @@ TEST_P(PatternRowsTest, ColumnsAreDerivativesOfTheResiduals) {
   }
 }
 
-TEST_P(PatternRowsTest, WhatDeviatesCountsLess) {
+TEST_P(PatternRowsTest, AppliesTheHuberThreshold) {
   const Scene scene(MapForm::kLens);
   const PatternSums plain = scene.SumAt(scene.params, kLeastSquares);
   constexpr double kHuberGrey = 50;
@@ -154,7 +154,7 @@ TEST_P(PatternRowsTest, AddsThePolynomialsColumns) {
 
 // The lines within reach of a pixel are searched for again only occasionally; the sums must equal those of a new
 // kernel.
-TEST_P(PatternRowsTest, SumsDoNotDependOnWhereTheyWereBefore) {
+TEST_P(PatternRowsTest, SumsDoNotDependOnEarlierEvaluations) {
   for (const MapForm form : kForms) {
     const Scene scene(form);
     PatternRows rows = scene.Rows();

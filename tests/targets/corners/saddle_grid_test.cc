@@ -63,7 +63,7 @@ TEST(SaddleGrid, SaddlesHaveTheDarkSectorBetweenTheirEdges) {
   EXPECT_EQ(num_corners, board->points().size());
 }
 
-TEST(SaddleGrid, FindsBoardsHoweverTheyAreTurned) {
+TEST(SaddleGrid, FindsTargetsInAnyRotation) {
   const std::unique_ptr<Target> board = Board();
   for (int step = 0; step < 12; ++step) {
     const Rigid3d pose = BoardPose(0, step * kPi / 6);
@@ -81,7 +81,7 @@ TEST(SaddleGrid, FindsBoardsHoweverTheyAreTurned) {
 }
 
 // OpenCV's finders take a second or even minutes for such an image, so they must not be called.
-TEST(SaddleGrid, GivesUpBoardsThatAreCutOff) {
+TEST(SaddleGrid, GivesUpTruncatedTargets) {
   const std::unique_ptr<Target> board = Board();
   for (int step = 0; step < 12; ++step) {
     for (const double aside_px : {390.0, 440.0}) {
@@ -93,7 +93,7 @@ TEST(SaddleGrid, GivesUpBoardsThatAreCutOff) {
   }
 }
 
-TEST(SaddleGrid, GivesUpImagesOfOtherThings) {
+TEST(SaddleGrid, GivesUpImagesWithoutTarget) {
   const char* const others[] = {"{type: chessboard, rows: 9, columns: 13, square: 13 mm}",
                                 "{type: chessboard, rows: 4, columns: 5, square: 30 mm}",
                                 "{type: circle_grid, rows: 6, columns: 9, spacing: 20 mm}",
@@ -107,7 +107,7 @@ TEST(SaddleGrid, GivesUpImagesOfOtherThings) {
 }
 
 // Spots hide the corners of the last columns; the squares around them show that the target continues there.
-TEST(SaddleGrid, SaysWhereAnIncompleteBoardGoesOn) {
+TEST(SaddleGrid, ReportsWhereAnIncompleteTargetContinues) {
   const std::unique_ptr<Target> board = Board();
   cv::Mat grey = Render(*board, BoardPose(0, 0));
   const auto pixel_of = [&](int row, int column) {
@@ -129,7 +129,7 @@ TEST(SaddleGrid, SaysWhereAnIncompleteBoardGoesOn) {
 }
 
 // The cost of the search grows with the number of saddle points; noise of any strength causes only few.
-TEST(SaddleGrid, NoiseMakesFewSaddles) {
+TEST(SaddleGrid, NoiseCausesFewSaddles) {
   cv::Mat noise(1000, 1000, CV_8UC1);
   cv::RNG random(27);
   for (const double sigma_grey : {2.0, 5.0, 12.0, 30.0}) {

@@ -40,7 +40,7 @@ int LeastDistance(const std::vector<uint32_t>& codes, size_t count, int bits) {
   return least;
 }
 
-TEST(RingCode, ThereAreAsManyAsOthersCount) {
+TEST(RingCode, NumbersMatchIndependentCounts) {
   for (const Counts& counts : kCounts) {
     EXPECT_TRUE(IsRingSize(counts.bits));
     EXPECT_EQ(ExtendRingCodes({}, 1, counts.bits).size(), counts.all) << counts.bits;
@@ -54,7 +54,7 @@ TEST(RingCode, ThereAreAsManyAsOthersCount) {
   EXPECT_FALSE(IsRingSize(16));
 }
 
-TEST(RingCode, FirstIdsAreFarthestApart) {
+TEST(RingCode, FirstCodesHaveTheLargestDistances) {
   for (const Counts& counts : kCounts) {
     const std::vector<uint32_t> codes = RingCodes(counts.bits, RingCodeOrder::kSeparation);
     EXPECT_EQ(LeastDistance(codes, counts.first_4, counts.bits), 4) << counts.bits;
@@ -81,7 +81,7 @@ TEST(RingCode, IsTheSmallestRotationAndUnique) {
 
 // The codes have even parity and at least one pair of opposite sectors, and are sorted by value. The first code of 14
 // bits is 0b10000001.
-TEST(RingCode, ByValueIsThePatentsList) {
+TEST(RingCode, ListByValueMatchesThePatent) {
   for (const Counts& counts : kCounts) {
     const std::vector<uint32_t> codes = RingCodes(counts.bits, RingCodeOrder::kValue);
     EXPECT_TRUE(std::is_sorted(codes.begin(), codes.end()));
@@ -93,7 +93,7 @@ TEST(RingCode, ByValueIsThePatentsList) {
   EXPECT_EQ(RingCodes(14, RingCodeOrder::kValue).front(), 129U);
 }
 
-TEST(RingCode, DistanceIsTheLeastOverRotations) {
+TEST(RingCode, DistanceIsTheMinimumOverRotations) {
   EXPECT_EQ(RingDistance(0b00000001, 0b00000001, 8), 0);
   EXPECT_EQ(RingDistance(0b00000001, 0b00010000, 8), 0);
   EXPECT_EQ(RingDistance(0b00000011, 0b00000101, 8), 2);

@@ -49,7 +49,7 @@ TEST(ImageCodecsTest, JpegIsSmallerForLessQuality) {
   EXPECT_LT(LargestDifference(DecodeImage(AsRow(good)), image), 30);
 }
 
-TEST(ImageCodecsTest, WhatIsNoImageIsEmptyAndUnknownSuffixesThrow) {
+TEST(ImageCodecsTest, InvalidImagesAreEmptyAndUnknownSuffixesThrow) {
   EXPECT_TRUE(DecodeImage(AsRow({'n', 'o', ' ', 'p', 'i', 'c', 't', 'u', 'r', 'e'})).empty());
   EXPECT_THROW(EncodeImage(".unheard-of", Ramp()), cv::Exception);
 }

@@ -30,7 +30,7 @@ cv::Mat Blots(uint64_t seed, int width, int height) {
 
 using Area = std::tuple<int, int, int, int, int>;  // Bounding box and number of pixels.
 
-TEST(LightAreasTest, AreTheConnectedComponents) {
+TEST(LightAreasTest, MatchTheConnectedComponents) {
   constexpr int kMinSide = 2;
   constexpr int kMaxSide = 40;
   // The widths fill words of 64 pixels exactly or in part.
@@ -58,7 +58,7 @@ TEST(LightAreasTest, AreTheConnectedComponents) {
   }
 }
 
-TEST(LightAreasTest, OutlinesAreTheOuterContours) {
+TEST(LightAreasTest, OutlinesMatchTheOuterContours) {
   const cv::Mat grey = Blots(9, 300, 200);
   std::vector<std::vector<cv::Point>> contours;
   cv::findContours(grey > kThreshold, contours, cv::RETR_LIST, cv::CHAIN_APPROX_NONE);

@@ -45,7 +45,7 @@ RenderOptions Deep(double blur_sigma_px) {
   return options;
 }
 
-double Grey(const cv::Mat& picture, int x, int y) { return picture.at<uint16_t>(y, x) / kUnitsPerGrey; }
+double Grey(const cv::Mat& image, int x, int y) { return image.at<uint16_t>(y, x) / kUnitsPerGrey; }
 
 bool SameBytes(const cv::Mat& a, const cv::Mat& b) {
   return a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0;
@@ -68,12 +68,12 @@ TEST(RenderView, DiscsCentroidAndAreaAreExact) {
     for (const Eigen::Vector2d& offset_mm : {Eigen::Vector2d(0, 0), Eigen::Vector2d(3.21, -7.77)}) {
       Drawing drawing = WhiteSheet(0.2, 0.2);
       drawing.AddDisc(1e-3 * offset_mm, 0.0203, 0);
-      const cv::Mat picture =
+      const cv::Mat image =
           RenderView(drawing, camera, Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 1}), Deep(sigma_px));
       Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-      for (int y = 0; y < picture.rows; ++y) {
-        for (int x = 0; x < picture.cols; ++x) {
-          sum += (220 - Grey(picture, x, y)) / 190 * Eigen::Vector3d(x, y, 1);
+      for (int y = 0; y < image.rows; ++y) {
+        for (int x = 0; x < image.cols; ++x) {
+          sum += (220 - Grey(image, x, y)) / 190 * Eigen::Vector3d(x, y, 1);
         }
       }
       const Eigen::Vector2d error_px = sum.head<2>() / sum.z() - Eigen::Vector2d(100, 75) - offset_mm;
@@ -109,15 +109,15 @@ TEST(RenderView, StraightEdgeHasTheProfileOfBoxAndBlur) {
   }
 }
 
-TEST(RenderView, NoBlurIsTheShareOfThePixelsBox) {
+TEST(RenderView, PixelsWithoutBlurAreAreaSamples) {
   Drawing drawing = WhiteSheet(0.2, 0.2);
   drawing.AddRectangle(-0.3, -0.3, 0.00025, 0.3, 0);
-  const cv::Mat picture =
+  const cv::Mat image =
       RenderView(drawing, PinholeCamera(), Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 1}), Deep(0));
   constexpr double kToleranceGrey = 1.0;  // Zero blur is rendered as 0.02 px.
-  EXPECT_NEAR(Grey(picture, 99, 60), 30, kToleranceGrey);
-  EXPECT_NEAR(Grey(picture, 100, 60), 220 - 190 * 0.75, kToleranceGrey);
-  EXPECT_NEAR(Grey(picture, 101, 60), 220, kToleranceGrey);
+  EXPECT_NEAR(Grey(image, 99, 60), 30, kToleranceGrey);
+  EXPECT_NEAR(Grey(image, 100, 60), 220 - 190 * 0.75, kToleranceGrey);
+  EXPECT_NEAR(Grey(image, 101, 60), 220, kToleranceGrey);
 }
 
 // Returns the albedo that `drawing` (rectangles and discs, painted in order) shows along a ray.
@@ -182,7 +182,7 @@ cv::Mat BruteForce(const Drawing& drawing, const Camera& camera, const Rigid3d& 
   std::vector<std::vector<double>> row_weights(camera.height_px);
   for (int y = 0; y < camera.height_px; ++y) row_weights[y] = weights(y, rows);
 
-  cv::Mat picture = cv::Mat::zeros(camera.height_px, camera.width_px, CV_64FC1);
+  cv::Mat image = cv::Mat::zeros(camera.height_px, camera.width_px, CV_64FC1);
   for (int row = 0; row < rows; ++row) {
     std::vector<double> albedos(columns);
     for (int column = 0; column < columns; ++column) {
@@ -191,10 +191,10 @@ cv::Mat BruteForce(const Drawing& drawing, const Camera& camera, const Rigid3d& 
     for (int x = 0; x < camera.width_px; ++x) {
       double sum = 0;
       for (int column = 0; column < columns; ++column) sum += column_weights[x][column] * albedos[column];
-      for (int y = 0; y < camera.height_px; ++y) picture.at<double>(y, x) += row_weights[y][row] * sum;
+      for (int y = 0; y < camera.height_px; ++y) image.at<double>(y, x) += row_weights[y][row] * sum;
     }
   }
-  return options.black_grey + (options.white_grey - options.black_grey) * picture;
+  return options.black_grey + (options.white_grey - options.black_grey) * image;
 }
 
 // Returns shapes that cover each other, share outlines and cross the border of the sheet.
@@ -245,20 +245,20 @@ std::vector<Scene> Scenes() {
 
 class RenderAccuracyTest : public testing::TestWithParam<size_t> {};
 
-TEST_P(RenderAccuracyTest, AgreesWithManyWeighedRaysAPixel) {
+TEST_P(RenderAccuracyTest, AgreesWithManyWeightedRaysPerPixel) {
   const Scene scene = Scenes()[GetParam()];
   const Drawing drawing = Tangle(scene.y_up);
   RenderOptions options = Deep(0.7);
   const cv::Mat expected = BruteForce(drawing, scene.camera, scene.camera_from_target, options);
-  const cv::Mat picture = RenderView(drawing, scene.camera, scene.camera_from_target, options);
+  const cv::Mat image = RenderView(drawing, scene.camera, scene.camera_from_target, options);
   double least = 0;
   double most = 0;
   cv::minMaxLoc(expected, &least, &most);
   EXPECT_GT(most - least, 100) << "an empty scene";
   double worst = 0;
-  for (int y = 0; y < picture.rows; ++y) {
-    for (int x = 0; x < picture.cols; ++x) {
-      worst = std::max(worst, std::abs(Grey(picture, x, y) - expected.at<double>(y, x)));
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      worst = std::max(worst, std::abs(Grey(image, x, y) - expected.at<double>(y, x)));
     }
   }
   RecordProperty("worst_grey", std::to_string(worst));
@@ -271,7 +271,7 @@ INSTANTIATE_TEST_SUITE_P(RenderView, RenderAccuracyTest, testing::Range(size_t{0
 
 // An image is rendered as a whole and in 49 parts: the running sum along a row includes all edges to its left, inside
 // and outside the part.
-TEST(RenderView, PartsOfAImageAreTheImagesOfItsParts) {
+TEST(RenderView, PartsOfAnImageMatchTheWholeImage) {
   const Drawing drawing = Tangle(false);
   const Rigid3d camera_from_target(Rotation(0.3, -0.4, 0.2), {0.001, 0.002, 0.12});
   const Camera camera{"brown5", 140, 105, {180, 181, 70, 51, -0.2, 0.05, 0.001, 0, 0}};
@@ -283,9 +283,9 @@ TEST(RenderView, PartsOfAImageAreTheImagesOfItsParts) {
       part.height_px = 15;
       part.params[2] -= 20 * column;
       part.params[3] -= 15 * row;
-      const cv::Mat picture = RenderView(drawing, part, camera_from_target, Deep(0.7));
+      const cv::Mat image = RenderView(drawing, part, camera_from_target, Deep(0.7));
       // One unit of rounding, and one for different steps along the edges.
-      EXPECT_LE(cv::norm(picture, whole(cv::Rect(20 * column, 15 * row, 20, 15)), cv::NORM_INF), 2);
+      EXPECT_LE(cv::norm(image, whole(cv::Rect(20 * column, 15 * row, 20, 15)), cv::NORM_INF), 2);
     }
   }
 }
@@ -298,15 +298,15 @@ TEST(RenderView, SharedOutlinesLeaveNoSeam) {
       drawing.AddRectangle(-0.04 + i * 0.008, -0.04 + j * 0.008, -0.04 + (i + 1) * 0.008, 0.04 - (9 - j) * 0.008, 0);
     }
   }
-  const cv::Mat picture = RenderView(drawing, PinholeCamera(), Rigid3d(Rotation(0.2, 0.3, 0.4), {0, 0, 1}), Deep(0.7));
+  const cv::Mat image = RenderView(drawing, PinholeCamera(), Rigid3d(Rotation(0.2, 0.3, 0.4), {0, 0, 1}), Deep(0.7));
   for (int y = 75 - 20; y <= 75 + 20; ++y) {
-    for (int x = 100 - 20; x <= 100 + 20; ++x) EXPECT_NEAR(Grey(picture, x, y), 30, 0.01);
+    for (int x = 100 - 20; x <= 100 + 20; ++x) EXPECT_NEAR(Grey(image, x, y), 30, 0.01);
   }
 }
 
 // Shapes cross the border of the sheet at coordinates that are not binary fractions. The albedo on either side of
 // each piece of the border is the stated one.
-TEST(DrawingEdgesTest, TheSheetsBorderIsCutByWhatCrossesIt) {
+TEST(DrawingEdgesTest, SplitsTheBorderAtCrossingShapes) {
   for (int count = 1; count <= 24; ++count) {
     Drawing drawing;
     drawing.min_m = {-0.0525, -0.0525};
@@ -332,7 +332,7 @@ TEST(DrawingEdgesTest, TheSheetsBorderIsCutByWhatCrossesIt) {
   }
 }
 
-TEST(RenderView, BoardBehindTheCameraOrBesideTheImageIsNotSeen) {
+TEST(RenderView, TargetsBehindTheCameraOrOutsideTheImageAreNotSeen) {
   const Drawing drawing = Tangle(false);
   const Camera camera{"brown5", 60, 40, {60, 60, 30, 20, -0.3, 0.1, 0, 0, 0}};
   RenderOptions options;
@@ -342,12 +342,12 @@ TEST(RenderView, BoardBehindTheCameraOrBesideTheImageIsNotSeen) {
   for (const Eigen::Vector3d& at :
        {Eigen::Vector3d(0, 0, -0.1), Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0.4, 0, 0.1),
         Eigen::Vector3d(0, -0.5, 0.1), Eigen::Vector3d(0.6, 0, 0.25)}) {
-    const cv::Mat picture = RenderView(drawing, camera, Rigid3d(Rotation(0.1, 0.2, 0), at), options);
-    EXPECT_EQ(cv::countNonZero(picture != kBackgroundGrey), 0) << at.transpose();
+    const cv::Mat image = RenderView(drawing, camera, Rigid3d(Rotation(0.1, 0.2, 0), at), options);
+    EXPECT_EQ(cv::countNonZero(image != kBackgroundGrey), 0) << at.transpose();
   }
 }
 
-TEST(RenderView, BackOfTheBoardIsPlainGrey) {
+TEST(RenderView, BackOfTheTargetIsPlainGrey) {
   for (const bool y_up : {false, true}) {
     const Drawing drawing = Tangle(y_up);
     const Rigid3d front(Rotation(y_up ? kPi : 0, 0, 0), {0, 0, 0.5});
@@ -366,19 +366,19 @@ TEST(RenderView, BeyondTheFoldOfADistortionIsBackground) {
   // The distorted radius x (1 - 0.3 x^2) has its maximum at x = 1.054, which is 422 px from the centre of an image
   // that extends to 640 px.
   const Camera camera{"brown5", 1280, 400, {600, 600, 640, 200, -0.3, 0, 0, 0, 0}};
-  const cv::Mat picture =
+  const cv::Mat image =
       RenderView(WhiteSheet(1, 1), camera, Rigid3d(Rotation(0.1, 0.1, 0), {0, 0, 0.2}), RenderOptions());
   const int background = static_cast<int>(std::lround(30 + 190 * RenderOptions().background_albedo));
-  for (int y = 0; y < picture.rows; ++y) {
-    for (int x = 0; x < picture.cols; ++x) {
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
       const double radius_px = std::hypot(x - 640, y - 200);
       if (radius_px > 405 && radius_px < 430) continue;
-      EXPECT_NEAR(picture.at<uint8_t>(y, x), radius_px < 415 ? 220 : background, 1) << x << " " << y;
+      EXPECT_NEAR(image.at<uint8_t>(y, x), radius_px < 415 ? 220 : background, 1) << x << " " << y;
     }
   }
 }
 
-TEST(RenderView, SameInputsGiveTheSameBytesOnAnyThread) {
+TEST(RenderView, IsBitIdenticalOnAnyThread) {
   const Drawing drawing = Tangle(false);
   const Rigid3d camera_from_target(Rotation(0.2, 0.1, 0.3), {0, 0, 0.6});
   RenderOptions options;
@@ -387,24 +387,24 @@ TEST(RenderView, SameInputsGiveTheSameBytesOnAnyThread) {
   options.clutter = true;
   options.seed = 7;
   const cv::Mat alone = RenderView(drawing, PinholeCamera(), camera_from_target, options);
-  std::vector<cv::Mat> pictures(8);
-  ParallelFor(8, 4, [&](int i) { pictures[i] = RenderView(drawing, PinholeCamera(), camera_from_target, options); });
-  for (const cv::Mat& picture : pictures) EXPECT_TRUE(SameBytes(picture, alone));
+  std::vector<cv::Mat> images(8);
+  ParallelFor(8, 4, [&](int i) { images[i] = RenderView(drawing, PinholeCamera(), camera_from_target, options); });
+  for (const cv::Mat& image : images) EXPECT_TRUE(SameBytes(image, alone));
   options.seed = 8;
   EXPECT_FALSE(SameBytes(RenderView(drawing, PinholeCamera(), camera_from_target, options), alone));
 }
 
-TEST(RenderView, NoiseHasTheLevelAskedFor) {
+TEST(RenderView, NoiseHasTheRequestedLevel) {
   const Camera camera = PinholeCamera();
   const Rigid3d camera_from_target(Eigen::Quaterniond::Identity(), {0, 0, 1});
   RenderOptions options;
   options.seed = 3;
   for (const double sigma_grey : {1.0, 3.0, 8.0}) {
     options.noise_sigma_grey = sigma_grey;
-    const cv::Mat picture = RenderView(WhiteSheet(0.2, 0.2), camera, camera_from_target, options);
+    const cv::Mat image = RenderView(WhiteSheet(0.2, 0.2), camera, camera_from_target, options);
     cv::Scalar mean;
     cv::Scalar stddev;
-    cv::meanStdDev(picture, mean, stddev);
+    cv::meanStdDev(image, mean, stddev);
     // Rounding adds a variance of 1/12 grey level squared. The tolerance is five standard deviations for 30000 pixels
     // (one false alarm in 10^6).
     const double expected = std::sqrt(sigma_grey * sigma_grey + 1.0 / 12);
@@ -448,7 +448,7 @@ TEST(RenderView, ClutterStaysBehindTheSheet) {
   EXPECT_GT(stddev[0], 5);
 }
 
-TEST(RenderView, OptionsSayWhatIsWrong) {
+TEST(RenderView, ReportsInvalidOptions) {
   RenderOptions options;
   EXPECT_THAT(options.Check(), IsEmpty());
   options.blur_sigma_px = std::nan("");

@@ -34,14 +34,14 @@ FakeTarget TwoDiscs() {
 }
 
 // Returns the centroid, px, of the ink around a pixel (or of the paper on a black ground).
-Eigen::Vector2d Centroid(const cv::Mat& picture, const Eigen::Vector2d& around_px, int reach_px) {
+Eigen::Vector2d Centroid(const cv::Mat& image, const Eigen::Vector2d& around_px, int reach_px) {
   const int x0 = static_cast<int>(std::lround(around_px.x()));
   const int y0 = static_cast<int>(std::lround(around_px.y()));
-  const double ground = picture.at<uint8_t>(y0 - reach_px, x0 - reach_px);
+  const double ground = image.at<uint8_t>(y0 - reach_px, x0 - reach_px);
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (int y = y0 - reach_px; y <= y0 + reach_px; ++y) {
     for (int x = x0 - reach_px; x <= x0 + reach_px; ++x) {
-      sum += std::abs(picture.at<uint8_t>(y, x) - ground) * Eigen::Vector3d(x, y, 1);
+      sum += std::abs(image.at<uint8_t>(y, x) - ground) * Eigen::Vector3d(x, y, 1);
     }
   }
   return sum.head<2>() / sum.z();
@@ -50,7 +50,7 @@ Eigen::Vector2d Centroid(const cv::Mat& picture, const Eigen::Vector2d& around_p
 class SheetPngTest : public testing::TestWithParam<bool> {};
 
 // The target's y axis points down or up; on the page y is measured down from the top in both cases.
-TEST_P(SheetPngTest, DiscsAreWhereTheJsonSaysAtAnyResolution) {
+TEST_P(SheetPngTest, DiscsMatchTheJsonAtAnyResolution) {
   const TempFolder folder;
   FakeTarget target = TwoDiscs();
   target.drawing.y_up = GetParam();
@@ -59,16 +59,16 @@ TEST_P(SheetPngTest, DiscsAreWhereTheJsonSaysAtAnyResolution) {
     options.dpi = dpi;
     const Sheet sheet = MakeSheet(target, options);
     WriteSheet(sheet, folder / "sheet.png");
-    const cv::Mat picture = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
-    ASSERT_EQ(picture.type(), CV_8UC1);
-    EXPECT_EQ(picture.cols, std::ceil(sheet.page_mm.x() * dpi / 25.4));
-    EXPECT_EQ(picture.rows, std::ceil(sheet.page_mm.y() * dpi / 25.4));
+    const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
+    ASSERT_EQ(image.type(), CV_8UC1);
+    EXPECT_EQ(image.cols, std::ceil(sheet.page_mm.x() * dpi / 25.4));
+    EXPECT_EQ(image.rows, std::ceil(sheet.page_mm.y() * dpi / 25.4));
     const nlohmann::json json = nlohmann::json::parse(SheetJson(sheet, folder / "sheet.png"));
     for (const nlohmann::json& point : json["points"]) {
       const Eigen::Vector2d page_mm(point["page_mm"][0].get<double>(), point["page_mm"][1].get<double>());
       const Eigen::Vector2d expected_px = (page_mm * dpi / 25.4).array() - 0.5;
       const int reach_px = static_cast<int>(4.5 * dpi / 25.4);
-      const Eigen::Vector2d found_px = Centroid(picture, expected_px, reach_px);
+      const Eigen::Vector2d found_px = Centroid(image, expected_px, reach_px);
       constexpr double kTolerancePx = 0.02;  // 1.7 um at 300 dpi, due to Cairo's anti-aliasing.
       EXPECT_LT((found_px - expected_px).norm(), kTolerancePx) << found_px.transpose() << " at " << dpi << " dpi";
     }
@@ -77,7 +77,7 @@ TEST_P(SheetPngTest, DiscsAreWhereTheJsonSaysAtAnyResolution) {
 INSTANTIATE_TEST_SUITE_P(Sheet, SheetPngTest, testing::Values(false, true),
                          [](const auto& param_info) { return param_info.param ? "YUp" : "YDown"; });
 
-TEST(Sheet, YUpDrawingsAreTurnedOver) {
+TEST(Sheet, FlipsDrawingsWithYUp) {
   FakeTarget target = TwoDiscs();
   const Sheet down = MakeSheet(target);
   target.drawing.y_up = true;
@@ -97,17 +97,17 @@ TEST(Sheet, LightOnDarkIsBlackAboveAWhiteStrip) {
   for (Shape& shape : target.drawing.shapes) shape.albedo = 1;
   const Sheet sheet = MakeSheet(target);
   WriteSheet(sheet, folder / "sheet.png");
-  const cv::Mat picture = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
+  const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
   const int strip_px = static_cast<int>((sheet.page_mm.y() - sheet.strip_mm) * 300 / 25.4);
-  EXPECT_EQ(picture.at<uint8_t>(0, 0), 0);
-  EXPECT_EQ(picture.at<uint8_t>(strip_px - 2, picture.cols - 1), 0);
-  EXPECT_EQ(picture.at<uint8_t>(strip_px + 2, picture.cols - 1), 255);
-  EXPECT_EQ(picture.at<uint8_t>(picture.rows - 1, 0), 255);
+  EXPECT_EQ(image.at<uint8_t>(0, 0), 0);
+  EXPECT_EQ(image.at<uint8_t>(strip_px - 2, image.cols - 1), 0);
+  EXPECT_EQ(image.at<uint8_t>(strip_px + 2, image.cols - 1), 255);
+  EXPECT_EQ(image.at<uint8_t>(image.rows - 1, 0), 255);
   const Eigen::Vector2d disc_px = sheet.points[0].page_mm * 300 / 25.4;
-  EXPECT_EQ(picture.at<uint8_t>(static_cast<int>(disc_px.y()), static_cast<int>(disc_px.x())), 255);
+  EXPECT_EQ(image.at<uint8_t>(static_cast<int>(disc_px.y()), static_cast<int>(disc_px.x())), 255);
 }
 
-TEST(Sheet, NeighboursOfOneAlbedoShowNoSeam) {
+TEST(Sheet, AdjacentShapesShowNoSeam) {
   const TempFolder folder;
   FakeTarget target = TwoDiscs();
   target.drawing.shapes.clear();
@@ -116,11 +116,11 @@ TEST(Sheet, NeighboursOfOneAlbedoShowNoSeam) {
   target.drawing.AddRectangle(0.0212345, 0, 0.0112345, 0.01, 0);
   const Sheet sheet = MakeSheet(target);
   WriteSheet(sheet, folder / "sheet.png");
-  const cv::Mat picture = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
+  const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
   const Eigen::Vector2d begin_px = sheet.PageFromTarget({0.002, 0.005}) * 300 / 25.4;
   const Eigen::Vector2d end_px = sheet.PageFromTarget({0.020, 0.005}) * 300 / 25.4;
   for (int x = static_cast<int>(begin_px.x()); x < end_px.x(); ++x) {
-    EXPECT_EQ(picture.at<uint8_t>(static_cast<int>(begin_px.y()), x), 0) << x;
+    EXPECT_EQ(image.at<uint8_t>(static_cast<int>(begin_px.y()), x), 0) << x;
   }
 }
 
@@ -140,14 +140,14 @@ TEST(Sheet, RulerOfThePngIsTrueToScale) {
   const Sheet sheet = MakeSheet(TwoDiscs());
   ASSERT_EQ(sheet.ruler_mm, 100);
   WriteSheet(sheet, folder / "sheet.png");
-  const cv::Mat picture = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
+  const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
   // The longest ticks are those of full centimetres: this row is reached only by them.
   const int row = static_cast<int>((sheet.page_mm.y() - sheet.strip_mm + 4.7) * 300 / 25.4);
   std::vector<double> ticks_px;
   double weight = 0;
   double sum = 0;
-  for (int x = 0; x < picture.cols; ++x) {
-    const double ink = 255 - picture.at<uint8_t>(row, x);
+  for (int x = 0; x < image.cols; ++x) {
+    const double ink = 255 - image.at<uint8_t>(row, x);
     if (ink == 0 && weight > 0) {
       ticks_px.push_back(sum / weight);
       weight = sum = 0;
@@ -160,7 +160,7 @@ TEST(Sheet, RulerOfThePngIsTrueToScale) {
   EXPECT_NEAR(ticks_px.back() - ticks_px.front(), 100 * 300 / 25.4, kTolerancePx);
 }
 
-TEST(Sheet, PngSaysItsResolution) {
+TEST(Sheet, PngStatesItsResolution) {
   const TempFolder folder;
   WriteSheet(MakeSheet(TwoDiscs()), folder / "sheet.png");
   const std::string bytes = ReadTextFile(folder / "sheet.png");
@@ -210,7 +210,7 @@ TEST(Sheet, SameSheetGivesSameBytes) {
   }
 }
 
-TEST(Sheet, JsonHasTheFormOfTheInterfaces) {
+TEST(Sheet, JsonFollowsTheDocumentedFormat) {
   const Sheet sheet = MakeSheet(TwoDiscs());
   const std::string expected = R"({"page_mm":[110.0,65.0],"dpi":300.0,"points":[)"
                                R"({"id":5,"target_m":[0.0,0.0,0.0],"page_mm":[15.2,15.1]},)"
@@ -220,7 +220,7 @@ TEST(Sheet, JsonHasTheFormOfTheInterfaces) {
   EXPECT_TRUE(nlohmann::json::parse(SheetJson(sheet, "sheet.pdf"))["dpi"].is_null());
 }
 
-TEST(Sheet, OtherSuffixesAndHugeImagesAreInputErrors) {
+TEST(Sheet, RefusesUnknownSuffixesAndHugeImages) {
   const TempFolder folder;
   Sheet sheet = MakeSheet(TwoDiscs());
   EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / "sheet.jpg"); }), HasSubstr(".svg, .pdf or .png"));
@@ -232,7 +232,7 @@ TEST(Sheet, OtherSuffixesAndHugeImagesAreInputErrors) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
-TEST(Sheet, OptionsSayWhatIsWrong) {
+TEST(Sheet, ReportsInvalidOptions) {
   SheetOptions options;
   EXPECT_THAT(options.Check(), IsEmpty());
   options.dpi = std::nan("");

@@ -47,7 +47,7 @@ TagPlaceOptions OptionsOf(int decimate) {
 }
 
 // All points of a target with tags lie in the returned regions, even if the tags are small, tilted and noisy.
-TEST(TagPlacesTest, HoldEveryTag) {
+TEST(TagPlacesTest, ContainEveryTag) {
   const std::unique_ptr<Target> target = MakeTarget(
       "{type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 24 mm, tag_spacing: 0.3, "
       "corner_squares: false}");
@@ -71,7 +71,7 @@ TEST(TagPlacesTest, HoldEveryTag) {
   }
 }
 
-TEST(TagPlacesTest, LeaveNoiseAndSolidShapesOut) {
+TEST(TagPlacesTest, ExcludeNoiseAndSolidShapes) {
   Drawing drawing;
   drawing.min_m = {-1, -1};
   drawing.max_m = {1, 1};
@@ -109,7 +109,7 @@ TEST(TagPlacesTest, LargeRegionsAreSearchedOnce) {
   EXPECT_LT(AreaShare(FindTagPlaces(grey, OptionsOf(2), &searched), grey), 0.5 * share);
 }
 
-TEST(TagPlacesTest, TakeAnyImage) {
+TEST(TagPlacesTest, AcceptAnyImageSize) {
   for (const cv::Size& size : {cv::Size(1, 1), cv::Size(7, 900), cv::Size(9, 9), cv::Size(33, 17)}) {
     cv::Mat grey(size, CV_8UC1);
     cv::randu(grey, 0, 255);

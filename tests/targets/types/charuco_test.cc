@@ -27,7 +27,7 @@ std::unique_ptr<Target> MakeBoard(int rows, int columns, const std::string& more
 class CharucoTest : public testing::TestWithParam<std::string> {};
 
 // Both layouts are tested, with markers that leave room for a saddle point and with markers that do not.
-TEST_P(CharucoTest, DrawnBoardsAreFoundWhereTheyAre) {
+TEST_P(CharucoTest, FindsRenderedTargetsAccurately) {
   const std::unique_ptr<Target> target = MakeBoard(6, 8, GetParam());
   const int num_views = 3;
   const DetectionErrors errors = DetectRendered(*target, num_views, 0.9, /*seed=*/31);
@@ -55,14 +55,14 @@ TEST(Charuco, CornersCountFromTheTopLeft) {
   EXPECT_EQ(target->points()[4].in_target, Eigen::Vector3d(0.04, 0.08, 0));
 }
 
-TEST(Charuco, FindsNothingWithoutABoard) {
+TEST(Charuco, FindsNothingWithoutTarget) {
   const std::unique_ptr<Target> target = MakeBoard(6, 8, "marker: 30 mm, dictionary: DICT_5X5_250");
   const Detection detection = target->Detect(cv::Mat(480, 640, CV_8UC1, cv::Scalar(128)));
   EXPECT_THAT(detection.ids, IsEmpty());
   EXPECT_THAT(detection.reason, HasSubstr("no marker"));
 }
 
-TEST(Charuco, RejectsWhatCannotBe) {
+TEST(Charuco, RejectsInvalidSettings) {
   EXPECT_THAT(InputErrorOf([] { MakeBoard(20, 20, "marker: 30 mm, dictionary: DICT_4X4_50"); }),
               HasSubstr("DICT_4X4_50 has 50 markers"));
   EXPECT_THAT(InputErrorOf([] { MakeBoard(5, 5, "marker: 40 mm, dictionary: DICT_4X4_50"); }),
@@ -71,7 +71,7 @@ TEST(Charuco, RejectsWhatCannotBe) {
 
 // The number of corners and the RMS, which reveals wrong and inaccurate corners, are bounded with a margin; that of
 // the RMS is a fifth of the measured value.
-TEST(Charuco, FindsRecordedBoardsWithRoomAroundMarkers) {
+TEST(Charuco, FindsRecordedTargetsWithMarginAroundMarkers) {
   const std::filesystem::path folder = DataDir() / "ic_charuco_eye_to_hand" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const std::unique_ptr<Target> target = MakeTarget(
@@ -81,7 +81,7 @@ TEST(Charuco, FindsRecordedBoardsWithRoomAroundMarkers) {
   EXPECT_LT(found.rms_px, 0.6);       // The images are interlaced.
 }
 
-TEST(Charuco, FindsRecordedBoardsWithoutRoomAroundMarkers) {
+TEST(Charuco, FindsRecordedTargetsWithoutMarginAroundMarkers) {
   const std::filesystem::path folder = DataDir() / "ardootala_ur_charuco" / "images";
   HEBA_SKIP_WITHOUT(folder);
   // The README of the set states legacy_pattern, but the images show a black square in the first corner of the
@@ -95,7 +95,7 @@ TEST(Charuco, FindsRecordedBoardsWithoutRoomAroundMarkers) {
 
 // If the wrong layout is assumed, the markers are consistent but shifted by one square. Positions outside the target
 // are not accepted as corners.
-TEST(Charuco, WrongLayoutLeavesOutWhatIsNotOnTheBoard) {
+TEST(Charuco, WrongLayoutOmitsCornersOutsideTheTarget) {
   const std::string markers = "marker: 35 mm, dictionary: DICT_4X4_50";
   const std::unique_ptr<Target> printed = MakeBoard(6, 9, markers);
   const std::unique_ptr<Target> assumed = MakeBoard(6, 9, markers + ", legacy_pattern: true");
@@ -108,7 +108,7 @@ TEST(Charuco, WrongLayoutLeavesOutWhatIsNotOnTheBoard) {
 }
 
 // A hand hides some corners; the visible ones are found.
-TEST(Charuco, FindsWhatAHandLeaves) {
+TEST(Charuco, FindsCornersThatAHandLeavesVisible) {
   const std::filesystem::path folder = DataDir() / "detect_misc_targets" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const std::unique_ptr<Target> target = MakeTarget(
@@ -127,13 +127,13 @@ TEST(Charuco, FindsWhatAHandLeaves) {
 }
 
 // The image has 640 x 480 px; a homography fits up to the lens distortion.
-TEST(Charuco, FindsARecordedSmallBoard) {
-  const std::filesystem::path picture =
+TEST(Charuco, FindsARecordedSmallTarget) {
+  const std::filesystem::path image =
       DataDir() / "detect_misc_targets" / "images" / "moveit_test_charuco_board_detection.jpg";
-  HEBA_SKIP_WITHOUT(picture);
+  HEBA_SKIP_WITHOUT(image);
   const std::unique_ptr<Target> target =
       MakeTarget("{type: charuco, rows: 7, columns: 5, square: 20 mm, marker: 13 mm, dictionary: DICT_5X5_250}");
-  const Detection detection = target->Detect(ReadGreyImage(picture));
+  const Detection detection = target->Detect(ReadGreyImage(image));
   ASSERT_EQ(detection.ids.size(), 24U) << detection.reason;
   std::vector<cv::Point2d> board;
   std::vector<cv::Point2d> found;
@@ -148,7 +148,7 @@ TEST(Charuco, FindsARecordedSmallBoard) {
   // The markers are 13 mm wide. If the size is wrong, the message says that they do not look as drawn.
   const std::unique_ptr<Target> wrong =
       MakeTarget("{type: charuco, rows: 7, columns: 5, square: 20 mm, marker: 15 mm, dictionary: DICT_5X5_250}");
-  EXPECT_THAT(wrong->Detect(ReadGreyImage(picture)).reason, HasSubstr("do not look as drawn"));
+  EXPECT_THAT(wrong->Detect(ReadGreyImage(image)).reason, HasSubstr("do not look as drawn"));
 }
 
 // The images show other targets and single markers, of other families and dictionaries.

@@ -48,7 +48,7 @@ TEST(Chessboard, SymmetriesKeepColours) {
   }
 }
 
-TEST(Chessboard, DrawnBoardsAreFoundWhereTheyAre) {
+TEST(Chessboard, FindsRenderedTargetsAccurately) {
   for (const BoardSize& size : kBoards) {
     const std::unique_ptr<Target> target = MakeBoard(size.rows, size.columns);
     const int num_views = 3;
@@ -64,7 +64,7 @@ TEST(Chessboard, DrawnBoardsAreFoundWhereTheyAre) {
 // The pixels are purely black or white. The corners are more accurate than those of OpenCV's finder with its accuracy
 // option. The stated covariance is not too small but too large, because the steps that alternate along an edge cancel
 // each other.
-TEST(Chessboard, ImagesWithoutAntiAliasing) {
+TEST(Chessboard, IsAccurateWithoutAntiAliasing) {
   constexpr int kRows = 5;
   constexpr int kColumns = 8;
   const std::unique_ptr<Target> target = MakeBoard(kRows, kColumns);
@@ -101,7 +101,7 @@ TEST(Chessboard, ImagesWithoutAntiAliasing) {
 }
 
 // A target with only one possible order is read in this order, however it is rotated.
-TEST(Chessboard, ColoursTellTheOrder) {
+TEST(Chessboard, ColoursDetermineTheOrder) {
   const std::unique_ptr<Target> target = MakeBoard(5, 8);
   const Camera camera = ImageCamera();
   for (int quarter = 0; quarter < 4; ++quarter) {
@@ -117,7 +117,7 @@ TEST(Chessboard, ColoursTellTheOrder) {
 }
 
 // A dark object behind a rim that is narrower than a square makes the rim look like an additional row of squares.
-TEST(Chessboard, RimIsNoRow) {
+TEST(Chessboard, RimIsNotTakenForARow) {
   const std::unique_ptr<Target> target = MakeBoard(4, 3);
   const Camera camera = ImageCamera();
   Drawing drawing = target->Draw();
@@ -135,7 +135,7 @@ TEST(Chessboard, RimIsNoRow) {
   }
 }
 
-TEST(Chessboard, FindsNothingWithoutABoard) {
+TEST(Chessboard, FindsNothingWithoutTarget) {
   const std::unique_ptr<Target> target = MakeBoard(5, 8);
   const std::unique_ptr<Target> other = MakeBoard(3, 4);
   Rng rng(24);
@@ -147,7 +147,7 @@ TEST(Chessboard, FindsNothingWithoutABoard) {
 
 // The noise of a blank wall is not searched for quads. The finders would take minutes, and the time limit of the test
 // would end it.
-TEST(Chessboard, ABlankWallIsNotSearched) {
+TEST(Chessboard, DoesNotSearchABlankWall) {
   const std::unique_ptr<Target> target = MakeBoard(5, 8);
   cv::Mat wall(1080, 1920, CV_8UC1);
   cv::RNG random(25);
@@ -214,7 +214,7 @@ CoveredCorners Judge(const Target& target, const CoveredView& view, const Detect
   return result;
 }
 
-TEST(Chessboard, ACableLeavesTheCornersBesideIt) {
+TEST(Chessboard, FindsTheCornersBesideACable) {
   const std::unique_ptr<Target> target = MakeBoard(7, 10);
   for (const int level : {10, 120, 240}) {
     for (int i = 0; i < 2; ++i) {
@@ -231,7 +231,7 @@ TEST(Chessboard, ACableLeavesTheCornersBesideIt) {
   }
 }
 
-TEST(Chessboard, FingersOverAnEdgeLeaveTheOtherCorners) {
+TEST(Chessboard, FindsTheCornersBesideFingers) {
   const std::unique_ptr<Target> target = MakeBoard(7, 10);
   for (int i = 0; i < 3; ++i) {
     CoveredView view(*target, i);
@@ -246,7 +246,7 @@ TEST(Chessboard, FingersOverAnEdgeLeaveTheOtherCorners) {
 }
 
 // Rows and columns cannot be counted if an outer row or column is covered, on any side.
-TEST(Chessboard, ACoveredOuterRowIsRefused) {
+TEST(Chessboard, RefusesACoveredOuterRow) {
   const std::unique_ptr<Target> target = MakeBoard(7, 10);
   for (int side = 0; side < 4; ++side) {
     CoveredView view(*target, side);
@@ -267,7 +267,7 @@ TEST(Chessboard, RejectsTooFewCorners) {
 
 // The RMS of a calibration from the images themselves reveals wrong and inaccurate corners; the bounds are a fifth
 // above the measured values.
-TEST(Chessboard, FindsRecordedSmallBoardsAndNothingElse) {
+TEST(Chessboard, FindsRecordedSmallTargetsOnly) {
   const std::filesystem::path folder = DataDir() / "metric_workcell_camera2" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const std::set<std::string> without_board = {"0001.png", "0089.png", "0177.png"};
@@ -280,7 +280,7 @@ TEST(Chessboard, FindsRecordedSmallBoardsAndNothingElse) {
   EXPECT_LT(found.rms_px, 0.12);
 }
 
-TEST(Chessboard, FindsRecordedBoardsWithDots) {
+TEST(Chessboard, FindsRecordedTargetsWithDots) {
   const std::filesystem::path folder = DataDir() / "caliban_no_curv" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const RecordedBoards found = DetectRecorded(*MakeBoard(9, 14), folder, /*step=*/5);
@@ -289,7 +289,7 @@ TEST(Chessboard, FindsRecordedBoardsWithDots) {
   EXPECT_LT(found.rms_px, 0.06);
 }
 
-TEST(Chessboard, FindsRecordedBoardsInTheDark) {
+TEST(Chessboard, FindsRecordedTargetsInTheDark) {
   const std::filesystem::path folder = DataDir() / "chjohnkim_ur5_chess" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const RecordedBoards found = DetectRecorded(*MakeBoard(9, 11), folder, /*step=*/2);

@@ -78,7 +78,7 @@ cv::Mat RenderDot(const Ellipse& dot, const ImageOptions& options, const Rng& rn
 
 // The mapping from the target's plane to the image: a homography followed by a lens that moves pixels towards the
 // centre. `bend` is the relative amount per half image width squared.
-struct FindEdgesWithin {
+struct PlaneView {
   Eigen::Matrix3d pixel_from_plane = Eigen::Matrix3d::Identity();
   Eigen::Vector2d lens_centre_px = Eigen::Vector2d(319.5, 239.5);
   double bend = 0;
@@ -111,7 +111,7 @@ struct FindEdgesWithin {
 
 // Returns the view of a camera with f = 800 px that looks at the centre of a drawing, tilted about an axis in the
 // plane.
-FindEdgesWithin RandomLook(const Drawing& drawing, double max_tilt_rad, double max_roll_rad, Rng& rng) {
+PlaneView RandomLook(const Drawing& drawing, double max_tilt_rad, double max_roll_rad, Rng& rng) {
   const double tilt = rng.Uniform(0, max_tilt_rad);
   const double direction = rng.Uniform(0, 2 * kPi);
   const double roll = rng.Uniform(-max_roll_rad, max_roll_rad);
@@ -126,14 +126,13 @@ FindEdgesWithin RandomLook(const Drawing& drawing, double max_tilt_rad, double m
       translation - rotation * Eigen::Vector3d(middle.x(), middle.y(), 0);
   Eigen::Matrix3d intrinsics;
   intrinsics << 800, 0, 319.5, 0, 800, 239.5, 0, 0, 1;
-  FindEdgesWithin look;
+  PlaneView look;
   look.pixel_from_plane = intrinsics * camera_from_plane;
   return look;
 }
 
 // Renders a drawing of discs; beyond its sheet the background is grey.
-cv::Mat RenderDrawing(const Drawing& drawing, const FindEdgesWithin& look, const ImageOptions& options,
-                      const Rng& rng) {
+cv::Mat RenderDrawing(const Drawing& drawing, const PlaneView& look, const ImageOptions& options, const Rng& rng) {
   // The discs that reach into each cell of the sheet are looked up, because there are millions of samples.
   constexpr int kCells = 64;
   const Eigen::Vector2d cell_m = (drawing.max_m - drawing.min_m) / kCells;
@@ -245,12 +244,12 @@ TEST(RefineEllipse, ReachesTheNoiseLimit) {
 }
 
 // Brightness gradients increase the error by a third: 0.0057 and 0.0037 px are attained.
-TEST(RefineEllipse, IsNotMovedByUnevenLight) {
+TEST(RefineEllipse, ToleratesUnevenLight) {
   ExpectPrecision({10, 0.7, 2, 0.4, 0.0085});
   ExpectPrecision({20, 0.7, 2, 0.4, 0.0056});
 }
 
-TEST(RefineEllipse, LeavesOutAHiddenPart) {
+TEST(RefineEllipse, ExcludesAHiddenPart) {
   Rng rng(3);
   for (int k = 0; k < 20; ++k) {
     const Ellipse dot = Ellipse::FromAxes({50 + rng.Uniform(-0.5, 0.5), 50 + rng.Uniform(-0.5, 0.5)}, 25, 20, 0.4);
@@ -275,7 +274,7 @@ TEST(RefineEllipse, LeavesOutAHiddenPart) {
   }
 }
 
-TEST(RefineEllipse, RefusesWhatIsNotThere) {
+TEST(RefineEllipse, RefusesTruncatedDotsAndEmptySheets) {
   ImageOptions options;
   options.width_px = options.height_px = 80;
   // Half of the dot is outside the image.
@@ -315,7 +314,7 @@ TEST(FindEllipses, FindsDotsOfAllSizesOnce) {
   }
 }
 
-TEST(FindEllipses, LeavesOutSquaresAndWhatTouchesTheBorder) {
+TEST(FindEllipses, IgnoresSquaresAndDotsAtTheBorder) {
   ImageOptions options{.width_px = 200, .height_px = 200};
   const cv::Mat grey = Render(
       [](const Eigen::Vector2d& pixel) {
@@ -367,7 +366,7 @@ TEST(CircleGrid, KnowsItsSymmetries) {
     EXPECT_EQ(MakeGrid(grid.keys)->Symmetries().size(), grid.num_symmetries) << grid.keys;
 }
 
-TEST(CircleGrid, HasItsPointsWhereTheFrameSays) {
+TEST(CircleGrid, PointsFollowTheFrame) {
   const auto symmetric = MakeGrid("rows: 3, columns: 4, spacing: 10 mm");
   EXPECT_EQ(symmetric->points().size(), 12u);
   EXPECT_TRUE(symmetric->points()[7].in_target.isApprox(Eigen::Vector3d(0.03, 0.01, 0)));
@@ -405,14 +404,14 @@ TEST(CircleGrid, DrawsDiscsInsideTheSheet) {
 // The views have any roll and tilts up to 45 deg. For dots of about 7 px an error of 0.0075 px is attained (the
 // gradient of the light costs a third). The largest error of some hundred points is four times as large, and area
 // sampling adds its own error.
-TEST(CircleGrid, IsFoundInAnyAttitude) {
+TEST(CircleGrid, IsFoundInAnyOrientation) {
   uint64_t seed = 0;
   for (const GridCase& grid : kGridCases) {
     const auto target = MakeGrid(grid.keys);
     const Drawing& drawing = target->Draw();
     for (int k = 0; k < 3; ++k) {
       Rng rng(10, ++seed);
-      const FindEdgesWithin look = RandomLook(drawing, kPi / 4, kPi, rng);
+      const PlaneView look = RandomLook(drawing, kPi / 4, kPi, rng);
       const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
       ASSERT_EQ(detection.ids.size(), target->points().size()) << grid.keys << ": " << detection.reason;
       EXPECT_EQ(detection.reason, "");
@@ -440,7 +439,7 @@ TEST(CircleGrid, IsFoundThroughAWideLens) {
     const Drawing& drawing = target->Draw();
     for (int k = 0; k < 2; ++k) {
       Rng rng(11, ++seed);
-      FindEdgesWithin look = RandomLook(drawing, 0.7, kPi, rng);
+      PlaneView look = RandomLook(drawing, 0.7, kPi, rng);
       look.bend = 0.15;
       const Detection detection = target->Detect(RenderDrawing(drawing, look, {.light_slope = 0.5}, rng));
       ASSERT_EQ(detection.ids.size(), target->points().size()) << grid.keys << ": " << detection.reason;
@@ -457,7 +456,7 @@ TEST(CircleGrid, IsFoundAmongStrayDots) {
     Drawing drawing = target->Draw();
     drawing.min_m.array() -= 0.06;
     drawing.max_m.array() += 0.06;
-    const FindEdgesWithin look = RandomLook(drawing, 0.5, kPi, rng);
+    const PlaneView look = RandomLook(drawing, 0.5, kPi, rng);
     int num_strays = 0;
     while (num_strays < 40) {
       const Eigen::Vector2d place(rng.Uniform(drawing.min_m.x(), drawing.max_m.x()),
@@ -474,11 +473,11 @@ TEST(CircleGrid, IsFoundAmongStrayDots) {
   }
 }
 
-TEST(CircleGrid, SaysWhatIsMissing) {
+TEST(CircleGrid, ReportsMissingDots) {
   Rng rng(13);
   const auto target = MakeGrid("rows: 5, columns: 4, spacing: 10 mm, asymmetric: true");
   Drawing drawing = target->Draw();
-  const FindEdgesWithin look = RandomLook(drawing, 0.3, 1, rng);
+  const PlaneView look = RandomLook(drawing, 0.3, 1, rng);
   drawing.shapes.erase(drawing.shapes.begin() + 7);
   const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
   EXPECT_TRUE(detection.ids.empty());
@@ -490,11 +489,11 @@ TEST(CircleGrid, SaysWhatIsMissing) {
 }
 
 // A larger grid is a different target, and the position of the smaller grid in it is ambiguous.
-TEST(CircleGrid, IsNotFoundInALargerOne) {
+TEST(CircleGrid, IsNotFoundInALargerGrid) {
   Rng rng(14);
   const auto larger = MakeGrid("rows: 6, columns: 8, spacing: 20 mm");
   const Drawing& drawing = larger->Draw();
-  const FindEdgesWithin look = RandomLook(drawing, 0.5, kPi, rng);
+  const PlaneView look = RandomLook(drawing, 0.5, kPi, rng);
   const cv::Mat grey = RenderDrawing(drawing, look, {}, rng);
   for (const std::string keys :
        {"rows: 5, columns: 8", "rows: 6, columns: 7", "rows: 3, columns: 3", "rows: 4, columns: 6"}) {
@@ -508,7 +507,7 @@ TEST(CircleGrid, IsNotFoundInALargerOne) {
 
 // A larger lattice behind the sheet, such as wallpaper, is not the target and disturbs it no more than stray dots do.
 // The same lattice without the sheet is refused.
-TEST(CircleGrid, IsFoundBeforeALargerLattice) {
+TEST(CircleGrid, IsFoundInFrontOfALargerLattice) {
   for (const std::string keys :
        {"rows: 5, columns: 6, spacing: 20 mm", "rows: 6, columns: 4, spacing: 14 mm, asymmetric: true",
         "rows: 4, columns: 6, spacing: 20 mm, marker_dot: true"}) {
@@ -529,7 +528,7 @@ TEST(CircleGrid, IsFoundBeforeALargerLattice) {
           }
         }
       }
-      const FindEdgesWithin look = RandomLook(drawing, 0.5, kPi, rng);
+      const PlaneView look = RandomLook(drawing, 0.5, kPi, rng);
       const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
       if (!is_there) {
         EXPECT_TRUE(detection.ids.empty()) << keys;
@@ -559,11 +558,11 @@ TEST(CircleGrid, AsymmetricGridIsNotReadInAMirror) {
   }
 }
 
-TEST(CircleGrid, NeedsTheLargerDotAndOnTheRightSide) {
+TEST(CircleGrid, RequiresTheLargerDotOnTheRightSide) {
   Rng rng(15);
   const auto target = MakeGrid("rows: 4, columns: 6, spacing: 20 mm, marker_dot: true");
   Drawing drawing = target->Draw();
-  const FindEdgesWithin look = RandomLook(drawing, 0.4, kPi, rng);
+  const PlaneView look = RandomLook(drawing, 0.4, kPi, rng);
   // A mirror moves the larger dot to the bottom right.
   Drawing mirrored = drawing;
   for (Shape& disc : mirrored.shapes) disc.centre_m.x() = 0.1 - disc.centre_m.x();
@@ -577,17 +576,17 @@ TEST(CircleGrid, NeedsTheLargerDotAndOnTheRightSide) {
 }
 
 // Without a marker dot the order is chosen in which the rows run to the right of the image.
-TEST(CircleGrid, IsReadUprightWhereItCannotKnow) {
+TEST(CircleGrid, IsReadUprightIfTheOrderIsAmbiguous) {
   Rng rng(16);
   const auto target = MakeGrid("rows: 5, columns: 7, spacing: 20 mm");
   const Drawing& drawing = target->Draw();
-  const FindEdgesWithin look = RandomLook(drawing, 0.4, 0.5, rng);
+  const PlaneView look = RandomLook(drawing, 0.4, 0.5, rng);
   const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
   ASSERT_EQ(detection.ids.size(), 35u) << detection.reason;
   EXPECT_LT((detection.pixels[0] - look.PixelOf({0, 0})).norm(), 0.2);
 }
 
-TEST(CircleGrid, RefusesWhatCannotBe) {
+TEST(CircleGrid, RefusesInvalidSettings) {
   const auto error_of = [](const std::string& keys) { return InputErrorOf([&] { MakeGrid(keys); }); };
   EXPECT_NE(error_of("columns: 4, spacing: 10 mm").find("rows"), std::string::npos);
   EXPECT_NE(error_of("rows: 1, columns: 4, spacing: 10 mm").find("grid.yaml:1: "), std::string::npos);
@@ -605,12 +604,12 @@ TEST(CircleGrid, RefusesWhatCannotBe) {
 // Recorded images.
 
 std::vector<std::filesystem::path> ImagesIn(const std::filesystem::path& folder) {
-  std::vector<std::filesystem::path> pictures;
+  std::vector<std::filesystem::path> images;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    if (HasImageSuffix(entry.path())) pictures.push_back(entry.path());
+    if (HasImageSuffix(entry.path())) images.push_back(entry.path());
   }
-  std::sort(pictures.begin(), pictures.end());
-  return pictures;
+  std::sort(images.begin(), images.end());
+  return images;
 }
 
 // Returns the RMS distance, px per coordinate, from the homography that fits best. It includes lens distortion.
@@ -664,13 +663,13 @@ TEST(CircleGrid, IsFoundInRecordedImagesWithALargerDot) {
   const std::filesystem::path folder = DataDir() / "ic_circlegrid_eye_in_hand" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const auto target = MakeGrid("rows: 10, columns: 10, spacing: 25.4 mm, marker_dot: true");
-  std::vector<std::filesystem::path> pictures = ImagesIn(folder);
-  EXPECT_EQ(pictures.size(), 15u);
+  std::vector<std::filesystem::path> images = ImagesIn(folder);
+  EXPECT_EQ(images.size(), 15u);
   const std::filesystem::path other =
       DataDir() / "detect_misc_targets" / "images" / "ic_modified_circle_grid_10x10_0.025.png";
-  if (std::filesystem::exists(other)) pictures.push_back(other);
+  if (std::filesystem::exists(other)) images.push_back(other);
   double sum_square = 0;
-  for (const std::filesystem::path& picture : pictures) {
+  for (const std::filesystem::path& picture : images) {
     const cv::Mat grey = ReadGreyImage(picture);
     const Detection detection = target->Detect(grey);
     ASSERT_EQ(detection.ids.size(), 100u) << picture.filename() << ": " << detection.reason;
@@ -681,7 +680,7 @@ TEST(CircleGrid, IsFoundInRecordedImagesWithALargerDot) {
     EXPECT_LT(rms_px, 0.5) << picture.filename();
     sum_square += rms_px * rms_px;
   }
-  EXPECT_LT(std::sqrt(sum_square / static_cast<double>(pictures.size())), 0.22);
+  EXPECT_LT(std::sqrt(sum_square / static_cast<double>(images.size())), 0.22);
 }
 
 // The dots are 230 to 260 px large and cut out of their images with a ragged edge. In one of the 20 images the edge
@@ -690,11 +689,11 @@ TEST(CircleGrid, IsFoundInRecordedImagesOfAnAsymmetricGrid) {
   const std::filesystem::path folder = DataDir() / "zhangnatha_asym_circles_eye_to_hand" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const auto target = MakeGrid("rows: 5, columns: 4, spacing: 10 mm, asymmetric: true, light_on_dark: true");
-  const std::vector<std::filesystem::path> pictures = ImagesIn(folder);
+  const std::vector<std::filesystem::path> images = ImagesIn(folder);
   int num_found = 0;
   int num_images = 0;
-  for (size_t n = 0; n < pictures.size(); n += 7) {
-    const std::filesystem::path& picture = pictures[n];
+  for (size_t n = 0; n < images.size(); n += 7) {
+    const std::filesystem::path& picture = images[n];
     const Detection detection = target->Detect(ReadGreyImage(picture));
     ++num_images;
     if (detection.ids.empty()) {
@@ -710,7 +709,7 @@ TEST(CircleGrid, IsFoundInRecordedImagesOfAnAsymmetricGrid) {
 
 // The test uses every 24th image of every set without such a grid; images of more than 4 megapixels are halved in
 // size.
-TEST(CircleGrid, IsNotFoundWhereThereIsNone) {
+TEST(CircleGrid, IsNotFoundInImagesWithoutGrid) {
   HEBA_SKIP_WITHOUT(DataDir());
   const auto symmetric = MakeGrid("rows: 4, columns: 4, spacing: 10 mm");
   const auto asymmetric = MakeGrid("rows: 5, columns: 4, spacing: 10 mm, asymmetric: true");
@@ -719,14 +718,14 @@ TEST(CircleGrid, IsNotFoundWhereThereIsNone) {
   for (const auto& set : std::filesystem::directory_iterator(DataDir())) {
     const std::string name = set.path().filename().string();
     if (name.find("circle") != std::string::npos || !std::filesystem::exists(set.path() / "images")) continue;
-    const std::vector<std::filesystem::path> pictures = ImagesIn(set.path() / "images");
-    for (size_t n = 0; n < pictures.size(); n += 24) {
-      if (pictures[n].filename().string().find("circle") != std::string::npos) continue;
-      cv::Mat grey = ReadGreyImage(pictures[n]);
+    const std::vector<std::filesystem::path> images = ImagesIn(set.path() / "images");
+    for (size_t n = 0; n < images.size(); n += 24) {
+      if (images[n].filename().string().find("circle") != std::string::npos) continue;
+      cv::Mat grey = ReadGreyImage(images[n]);
       if (grey.total() > 4000000) cv::resize(grey, grey, cv::Size(), 0.5, 0.5, cv::INTER_AREA);
       for (const Target* target : {symmetric.get(), asymmetric.get(), light.get()}) {
         const Detection detection = target->Detect(grey);
-        EXPECT_TRUE(detection.ids.empty()) << pictures[n];
+        EXPECT_TRUE(detection.ids.empty()) << images[n];
         EXPECT_FALSE(detection.reason.empty());
       }
       ++num_images;

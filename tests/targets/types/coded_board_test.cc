@@ -91,7 +91,7 @@ RenderOptions Cluttered(uint64_t seed) {
 
 // Geometry.
 
-TEST(CodedBoard, HasItsPointsWhereTheFrameSays) {
+TEST(CodedBoard, PointsFollowTheFrame) {
   const auto board = MakeBoard("rows: 3, columns: 4, spacing: 40 mm, dot_diameter: 10 mm, first_id: 5");
   ASSERT_EQ(board->points().size(), 12u);
   EXPECT_EQ(board->type(), "coded_board");
@@ -169,7 +169,7 @@ TEST(CodedBoard, DrawsItsCodes) {
   }
 }
 
-TEST(CodedBoard, RefusesWhatCannotBe) {
+TEST(CodedBoard, RefusesInvalidSettings) {
   const auto error_of = [](const std::string& keys) { return InputErrorOf([&] { MakeBoard(keys); }); };
   EXPECT_EQ(error_of(kPaperBoard), "no error");
   EXPECT_NE(error_of("columns: 4, spacing: 10 mm").find("rows"), std::string::npos);
@@ -194,7 +194,7 @@ struct Precision {
 
 // The blur is 0.7 px, noise / contrast is 2 / 170, tilts are up to 45 deg, the light is uneven, and each case has 160
 // points. 0.0063 and 0.0043 px are attained; the lower bounds are 0.0051 and 0.0036 px.
-TEST(CodedBoard, CentresAreAsPreciseAsStated) {
+TEST(CodedBoard, CentresAgreeWithTheirCovariance) {
   const auto board = MakeBoard(kPaperBoard);
   const Drawing& drawing = board->Draw();
   for (const Precision& precision : {Precision{5, 0.0075}, Precision{10, 0.0052}}) {
@@ -239,7 +239,7 @@ struct Size {
   double tilt_deg;
 };
 
-TEST(CodedBoard, IsFoundInAllSizesAndAttitudes) {
+TEST(CodedBoard, IsFoundInAllSizesAndOrientations) {
   for (const bool light : {false, true}) {
     const auto board = MakeBoard(std::string("rows: 3, columns: 4, spacing: 35 mm, dot_diameter: 10 mm") +
                                  (light ? ", light_on_dark: true" : ""));
@@ -260,7 +260,7 @@ TEST(CodedBoard, IsFoundInAllSizesAndAttitudes) {
 }
 
 // The dots are 300 px large; those whose rings are completely in the image are found.
-TEST(CodedBoard, IsFoundWhereItFillsTheImage) {
+TEST(CodedBoard, IsFoundIfItFillsTheImage) {
   const auto board = MakeBoard("rows: 2, columns: 2, spacing: 32.5 mm, dot_diameter: 10 mm");
   for (const double tilt_deg : {0.0, 40.0}) {
     Rng rng(38, static_cast<uint64_t>(tilt_deg));
@@ -325,7 +325,7 @@ TEST(CodedBoard, IsFoundInPartAndThroughAWideLens) {
 // False detections.
 
 // Stains on rings remove the points of these rings and no others; a stain at the edge of a dot does not move the dot.
-TEST(CodedBoard, LeavesOutStainedRings) {
+TEST(CodedBoard, OmitsStainedRings) {
   const auto board = MakeBoard("rows: 3, columns: 3, spacing: 40 mm, dot_diameter: 10 mm");
   Drawing drawing = board->Draw();
   drawing.AddDisc({0.0125, 0.001}, 0.004, 0.2);   // Point 0: in a sector.
@@ -346,7 +346,7 @@ TEST(CodedBoard, LeavesOutStainedRings) {
 
 // A dot with a single arc or blot beside it, which is common in clutter, is not accepted as a point of the target on
 // its own; a ring with more structure is.
-TEST(CodedBoard, AloneOnlyRingsThatNothingElseLooksLikeAreBelieved) {
+TEST(CodedBoard, AcceptsOnlyDistinctiveCodesAlone) {
   const std::unique_ptr<Target> board = MakeBoard(kPaperBoard);
   const Camera camera = MakeCamera(400, 400, 1200);
   Rng rng(21);
@@ -383,7 +383,7 @@ TEST(CodedBoard, IsNotReadInAMirror) {
   EXPECT_FALSE(detection.reason.empty());
 }
 
-TEST(CodedBoard, IsToldFromAnotherOneBesideIt) {
+TEST(CodedBoard, IsDistinguishedFromAnotherTarget) {
   const auto first = MakeBoard(kPaperBoard);
   const auto second = MakeBoard(std::string(kPaperBoard) + ", first_id: 4");
   Drawing drawing = first->Draw();
@@ -407,7 +407,7 @@ TEST(CodedBoard, IsToldFromAnotherOneBesideIt) {
 
 // If point 3 is printed a second time elsewhere, the one that fits the target is kept. If there are two whole
 // targets, both are refused.
-TEST(CodedBoard, RefusesDoubles) {
+TEST(CodedBoard, RefusesDuplicateTargets) {
   const auto board = MakeBoard(kPaperBoard);
   const Drawing single = board->Draw();
   const size_t num_of_three = 5;  // Upper bound: ring, wedges, gap and dot.
@@ -438,7 +438,7 @@ TEST(CodedBoard, RefusesDoubles) {
 
 // Once a target is found, the rest of the image is hardly searched; but a second target of any size must not be
 // overlooked.
-TEST(CodedBoard, RefusesASecondOneOfAnotherSize) {
+TEST(CodedBoard, RefusesASecondTargetOfAnotherSize) {
   const auto board = MakeBoard("rows: 4, columns: 5, spacing: 40 mm, dot_diameter: 10 mm");
   for (const double scale : {1.0, 0.6, 0.45, 0.35}) {
     const Drawing single = board->Draw();
@@ -483,9 +483,9 @@ TEST(CodedBoard, IsNotSeenInClutter) {
   const auto board = MakeBoard(kPaperBoard);
   std::vector<uint32_t> own = RingCodes(12, RingCodeOrder::kSeparation);
   own.resize(4);
-  for (uint64_t picture = 0; picture < 16; ++picture) {
-    Rng rng(37, picture);
-    const bool is_there = picture % 2 == 1;
+  for (uint64_t image = 0; image < 16; ++image) {
+    Rng rng(37, image);
+    const bool is_there = image % 2 == 1;
     Drawing drawing;
     if (is_there) drawing = board->Draw();
     const Eigen::AlignedBox2d kept =
@@ -497,8 +497,8 @@ TEST(CodedBoard, IsNotSeenInClutter) {
     AddRoundMarks(marks, kept, rng, &drawing);
     const Camera camera = MakeCamera(640, 480, 800);
     const Rigid3d camera_from_target = PoseAt(MiddleOf(*board), rng.Uniform(0.25, 0.5), rng.Uniform(0, 0.9), rng);
-    const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, Cluttered(picture)));
-    EXPECT_EQ(detection.ids.size(), is_there ? 4u : 0u) << picture << " " << detection.reason;
+    const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, Cluttered(image)));
+    EXPECT_EQ(detection.ids.size(), is_there ? 4u : 0u) << image << " " << detection.reason;
     EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1);
   }
 }
@@ -506,7 +506,7 @@ TEST(CodedBoard, IsNotSeenInClutter) {
 // One image is a drawn sheet with the targets 1 to 8 and 17 to 20 of the list of 14-bit codes by value, numbered from
 // 1, among plain dots. The others are rendered targets with two-ring codes and plain rings, which heba does not use:
 // nothing in them may be accepted.
-TEST(RingDecoder, ReadsTheSheetsOfOthersAndNotTheirOtherCodes) {
+TEST(RingDecoder, ReadsSheetsOfOthersButNotForeignCodes) {
   const std::filesystem::path folder = DataDir() / "detect_ring_coded_targets" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const std::vector<uint32_t> codes = RingCodes(14, RingCodeOrder::kValue);
@@ -530,7 +530,7 @@ TEST(RingDecoder, ReadsTheSheetsOfOthersAndNotTheirOtherCodes) {
   }
 }
 
-TEST(CodedBoard, SaysWhatIsMissing) {
+TEST(CodedBoard, ReportsMissingPoints) {
   const auto board = MakeBoard(kPaperBoard);
   const Detection nothing = board->Detect(cv::Mat(480, 640, CV_8UC1, cv::Scalar(128)));
   EXPECT_TRUE(nothing.ids.empty());

@@ -19,20 +19,20 @@ std::vector<std::string> Starts(const std::vector<TargetSettings>& confusions) {
   return starts;
 }
 
-TEST(OtherFirstIdsTest, OfAWholeBoardThereIsOneStart) {
+TEST(OtherFirstIdsTest, AWholeTargetHasOneFirstId) {
   EXPECT_THAT(Starts(OtherFirstIds("first_id", Range(24, 36), 0, 36)), testing::ElementsAre("24"));
   EXPECT_THAT(Starts(OtherFirstIds("first_id", Range(0, 36), 1, 36)), testing::ElementsAre("0"));
   EXPECT_THAT(Starts(OtherFirstIds("first_id", Range(24, 36), 24, 36)), testing::IsEmpty());
 }
 
-TEST(OtherFirstIdsTest, WhereTheEndsAreNotReadAllStartsThatMayBeAreGiven) {
+TEST(OtherFirstIdsTest, ListsAllPossibleFirstIdsIfTheEndsAreNotSeen) {
   EXPECT_THAT(Starts(OtherFirstIds("first_id", Range(25, 34), 0, 36)), testing::ElementsAre("25", "24", "23"));
   EXPECT_THAT(Starts(OtherFirstIds("first_id", Range(2, 30), 0, 36)), testing::ElementsAre("2", "1"));
   // If there are many candidates, only the first and last are given.
   EXPECT_THAT(Starts(OtherFirstIds("first_id", Range(50, 6), 0, 36)), testing::ElementsAre("50", "20"));
 }
 
-TEST(OtherFirstIdsTest, StrayIdsCountLess) {
+TEST(OtherFirstIdsTest, IgnoresStrayIds) {
   std::vector<int> seen = Range(100, 12);
   seen.push_back(7);
   seen.push_back(3);

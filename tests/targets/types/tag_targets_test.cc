@@ -40,7 +40,7 @@ std::set<int> TagsOf(const Detection& detection) {
 class FamilyTest : public testing::TestWithParam<std::string> {};
 
 // Detect() finds the tags that Draw() prints. The test covers bits, orientation, order and half-pixel offsets.
-TEST_P(FamilyTest, DrawnTagsAreFoundWhereTheyAre) {
+TEST_P(FamilyTest, FindsRenderedTagsAccurately) {
   const bool has_outer_cells = GetParam().size() > 9;  // tagCircle..., tagCustom..., tagStandard...
   const std::unique_ptr<Target> target = MakeGrid(GetParam(), 2, 3, has_outer_cells ? ", tag_spacing: 2" : "");
   const int num_views = 3;
@@ -57,7 +57,7 @@ INSTANTIATE_TEST_SUITE_P(All, FamilyTest,
                          testing::Values("tag16h5", "tag25h9", "tag36h10", "tag36h11", "tagCircle21h7",
                                          "tagCircle49h12", "tagCustom48h12", "tagStandard41h12", "tagStandard52h13"));
 
-TEST(AprilTagGrid, KalibrsSheetIsFoundWhole) {
+TEST(AprilTagGrid, FindsAllTagsOfKalibrsSheet) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 6, 6, ", border_bits: 2");
   const int num_views = 4;
   const DetectionErrors errors = DetectRendered(*target, num_views, 0.7, /*seed=*/12);
@@ -90,7 +90,7 @@ double NormalisedError(const Target& target, const Camera& camera, const Rigid3d
 // A lens with f = 600 px bends the edges of a tag whose corner square is cut off by the side of the image, so the
 // corners of libapriltag are off by 5 to 32 px. The tags around it either predict its corners, from which it is
 // fitted, or show that it is not where it was detected.
-TEST(AprilTagGrid, NeighboursCorrectWhatTheLensBends) {
+TEST(AprilTagGrid, NeighboursCorrectTagsBentByTheLens) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 4, 4, "");
   const Eigen::Vector2d middle_m = 0.5 * (target->Draw().min_m + target->Draw().max_m);
   struct Lens {
@@ -127,7 +127,7 @@ TEST(AprilTagGrid, NeighboursCorrectWhatTheLensBends) {
 
 // Specks between the cells leave a tag readable but different from its drawing: its corners are then those of its
 // edges, and their covariance allows for edges that are not straight.
-TEST(AprilTagGrid, StainedTagsSayHowPoorTheyAre) {
+TEST(AprilTagGrid, StainedTagsHaveALargerCovariance) {
   const Camera camera = ImageCamera();
   for (const int side : {1, 3}) {
     const std::unique_ptr<Target> target = MakeGrid("tag36h11", side, side, ", corner_squares: false");
@@ -196,7 +196,7 @@ TEST(AprilTagGrid, ReadsKalibrsTargetFile) {
 }
 
 // The image shows two copies of a target: no id is returned twice, and all points belong to one of the copies.
-TEST(AprilTagGrid, SecondBoardWithTheSameTagsIsLeftOut) {
+TEST(AprilTagGrid, IgnoresASecondTargetWithTheSameTags) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 2, 2, "");
   Rng rng(14);
   const Rigid3d camera_from_target = RandomView(target->Draw(), 0.6, 0.3, 0.2, rng);
@@ -212,7 +212,7 @@ TEST(AprilTagGrid, SecondBoardWithTheSameTagsIsLeftOut) {
 }
 
 // A few large tags belong to a copy that is cut off by the corner of the image; the whole target is farther away.
-TEST(AprilTagGrid, TheBoardOfWhichMoreIsSeenIsFound) {
+TEST(AprilTagGrid, FindsTheTargetWithMoreVisibleTags) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 6, 6, ", corner_squares: false");
   const Camera camera{"pinhole", 4000, 3000, {4000, 4000, 1999.5, 1499.5}};
   const Drawing& drawing = target->Draw();
@@ -227,15 +227,15 @@ TEST(AprilTagGrid, TheBoardOfWhichMoreIsSeenIsFound) {
   // The tags are 150 px and 30 px large.
   const double tag_m = (target->points()[1].in_target - target->points()[0].in_target).norm();
   const Rigid3d far = pose(tag_m * 4000 / 30, 500, 300);
-  cv::Mat picture = RenderView(drawing, camera, far, options);
+  cv::Mat image = RenderView(drawing, camera, far, options);
   const cv::Rect corner(0, 0, 440, 440);
-  RenderView(drawing, camera, pose(tag_m * 4000 / 150, -2180, -1680), options)(corner).copyTo(picture(corner));
-  const Detection detection = target->Detect(picture);
+  RenderView(drawing, camera, pose(tag_m * 4000 / 150, -2180, -1680), options)(corner).copyTo(image(corner));
+  const Detection detection = target->Detect(image);
   EXPECT_EQ(TagsOf(detection).size(), 36U) << detection.reason;
   EXPECT_LT(ErrorsOf(*target, camera, far, detection).max_px, 0.3);
 }
 
-TEST(AprilTagGrid, ImagesOfAnyShapeAreSearched) {
+TEST(AprilTagGrid, SearchesImagesOfAnyShape) {
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 2, 2, "");
   cv::RNG random(6);
   for (const cv::Size& size : {cv::Size(16, 20000), cv::Size(20000, 17), cv::Size(320, 16)}) {
@@ -261,7 +261,7 @@ TEST(AprilTagGrid, ThreadsShareOneTarget) {
   }
 }
 
-TEST(AprilTagGrid, RejectsWhatCannotBe) {
+TEST(AprilTagGrid, RejectsInvalidSettings) {
   EXPECT_THAT(InputErrorOf([] { MakeGrid("tag25h9", 6, 6, ""); }), HasSubstr("tag25h9 has 35 tags"));
   EXPECT_THAT(InputErrorOf([] { MakeGrid("tag36h11", 2, 2, ", first_id: 584"); }), HasSubstr("last id is 587"));
   EXPECT_THAT(InputErrorOf([] { MakeGrid("tagStandard41h12", 1, 1, ", border_bits: 2"); }), HasSubstr("border_bits"));
@@ -291,14 +291,14 @@ double WorstMisfit(const Target& target, const Detection& detection) {
     }
     std::sort(others.begin(), others.end());
     std::vector<cv::Point2d> board;
-    std::vector<cv::Point2d> picture;
+    std::vector<cv::Point2d> image;
     for (size_t k = 0; k < 4; ++k) {
       for (size_t i = 4 * others[k].second; i < 4 * others[k].second + 4; ++i) {
         board.push_back(place_of(detection.ids[i]));
-        picture.emplace_back(detection.pixels[i].x(), detection.pixels[i].y());
+        image.emplace_back(detection.pixels[i].x(), detection.pixels[i].y());
       }
     }
-    const cv::Mat image_from_board = cv::findHomography(board, picture);
+    const cv::Mat image_from_board = cv::findHomography(board, image);
     std::vector<cv::Point2d> corners;
     for (size_t i = 4 * tag; i < 4 * tag + 4; ++i) corners.push_back(place_of(detection.ids[i]));
     cv::perspectiveTransform(corners, corners, image_from_board);
@@ -326,15 +326,15 @@ TEST(AprilTagGrid, ReadsRecordedKalibrSheets) {
   const std::map<std::string, Sheet> others = {{"rs_iphone.png", {6, 11, 2}},
                                                {"py_t36h11_1bit_margin.png", {11, 14, 1}}};
   int num_images = 0;
-  for (const nlohmann::json& picture : data.at("images")) {
-    const std::string name = picture.at("image");
+  for (const nlohmann::json& image : data.at("images")) {
+    const std::string name = image.at("image");
     const auto other = others.find(name);
     const Sheet sheet = other == others.end() ? Sheet() : other->second;
     const int num_tags = sheet.rows * sheet.columns;
     cv::Mat grey = ReadGreyImage(folder / "images" / name);
     // The scan has 87 megapixels; its tags are large enough at a quarter of its size.
     if (grey.total() > 20e6) cv::resize(grey, grey, {}, 0.25, 0.25, cv::INTER_AREA);
-    const std::set<int> listed = picture.at("ids").get<std::set<int>>();
+    const std::set<int> listed = image.at("ids").get<std::set<int>>();
     // rs_two_boards.png shows a second target, whose ids continue those of the first.
     for (int first_id = 0; first_id <= *listed.rbegin(); first_id += num_tags) {
       const std::unique_ptr<Target> target =

@@ -50,7 +50,7 @@ TEST(StagedFolderTest, AppearsOnCommitOnly) {
 }
 
 // Every new folder looks for stale ones next to it; a folder that another thread is creating is not stale.
-TEST(StagedFolderTest, ThreadsDoNotTakeEachOthersFoldersForStale) {
+TEST(StagedFolderTest, DoesNotRemoveStagingFoldersOfOtherThreads) {
   const TempFolder folder;
   constexpr int kNumThreads = 4;
   constexpr int kNumFolders = 200;
@@ -91,7 +91,7 @@ TEST(StagedFolderTest, ReplacesItsOwnAndEmptyFolders) {
   EXPECT_EQ(NumEntries(folder.path()), 2);
 }
 
-TEST(StagedFolderTest, KeepsWhatOthersPutThere) {
+TEST(StagedFolderTest, KeepsFilesOfOthers) {
   const TempFolder folder;
   WriteResults(folder / "a", "old");
   Write(folder / "a/notes.txt", "mine");
@@ -112,7 +112,7 @@ TEST(StagedFolderTest, KeepsWhatOthersPutThere) {
   EXPECT_EQ(ReadTextFile(folder / "a/notes.txt"), "mine");
 }
 
-TEST(StagedFolderTest, RefusesWhereAFileWasEdited) {
+TEST(StagedFolderTest, RefusesToReplaceEditedFiles) {
   const TempFolder folder;
   WriteResults(folder / "a", "old");
   Write(folder / "a/result.json", "edited");
@@ -205,7 +205,7 @@ TEST(StagedFolderTest, StaleFoldersOfItsOwnAreRemovedAndNoOthers) {
   EXPECT_EQ(NumEntries(folder.path()), 4);
 }
 
-TEST(StagedFolderTest, TwoOfOneNameDoNotMeet) {
+TEST(StagedFolderTest, TwoWithOneNameStageSeparately) {
   const TempFolder folder;
   StagedFolder first(folder / "a");
   StagedFolder second(folder / "a");
@@ -217,7 +217,7 @@ TEST(StagedFolderTest, TwoOfOneNameDoNotMeet) {
   EXPECT_EQ(ReadTextFile(folder / "a/result.json"), "second");
 }
 
-TEST(StagedFolderTest, AbandonedFoldersAreGone) {
+TEST(StagedFolderTest, RemovesAbandonedStagingFolders) {
   const TempFolder folder;
   const StagedFolder staged(folder / "a");
   Write(staged.staging() / "result.json", "1");

@@ -35,7 +35,7 @@ class PageTest : public testing::TestWithParam<bool> {
 INSTANTIATE_TEST_SUITE_P(, PageTest, testing::Bool(),
                          [](const auto& test) { return test.param ? "WithScript" : "Plain"; });
 
-TEST_P(PageTest, HoldsTheScriptThatItAllowsAndNoOther) {
+TEST_P(PageTest, ContainsOnlyTheScriptThatItAllows) {
   const std::string page = HtmlPage("a <title>", "<p>body</p>");
   EXPECT_THAT(page, HasSubstr("<title>a &lt;title&gt;</title>"));
   EXPECT_THAT(page, HasSubstr("default-src 'none'"));
@@ -62,20 +62,20 @@ TEST_P(PageTest, HasNoChartsWithoutTheScriptAndSaysSo) {
 // A chart has a static version for readers without scripts: in addition to the script, or alone if there is no
 // script.
 TEST_P(PageTest, ChartsHaveImagesWithoutTheScript) {
-  const std::string picture = "<svg class=\"picture\"></svg>";
+  const std::string image = "<svg class=\"picture\"></svg>";
   for (const std::string& figure :
-       {ViewFigure("lines", "caption", {{"x", 1}}, picture), SharedViewFigure("lines", "caption", "d", picture)}) {
+       {ViewFigure("lines", "caption", {{"x", 1}}, image), SharedViewFigure("lines", "caption", "d", image)}) {
     EXPECT_THAT(figure, HasSubstr("<figcaption>caption</figcaption>"));
     if (GetParam()) {
-      EXPECT_THAT(figure, HasSubstr("<noscript>" + picture + "</noscript>"));
+      EXPECT_THAT(figure, HasSubstr("<noscript>" + image + "</noscript>"));
     } else {
-      EXPECT_THAT(figure, HasSubstr(picture));
+      EXPECT_THAT(figure, HasSubstr(image));
       EXPECT_THAT(figure, Not(HasSubstr("noscript")));
     }
   }
 }
 
-TEST(StaticChartTest, MarksStandWhereTheirNumbersAre) {
+TEST(StaticChartTest, MarksArePlacedAtTheirValues) {
   StaticChart chart(200, 146, {"x", 0, 10}, {"y", 1, 100, true}, 88);
   chart.Dot(0, 1, 2, "first");
   chart.Dot(10, 100, 2, "first");
@@ -99,7 +99,7 @@ TEST(StaticChartTest, TicksAreRoundAndWithin) {
   EXPECT_EQ(AxisTicks({"", 0.01, 1000, true}, 6).size(), 6U);
 }
 
-TEST_P(PageTest, NothingGivenBecomesMarkup) {
+TEST_P(PageTest, EscapesAllInput) {
   for (const std::string& name : kHostile) {
     const nlohmann::ordered_json data = {{"name", name}, {name, 1}};
     for (const std::string& markup : {ViewFigure("v", name, data), SharedData("d", data),
@@ -120,13 +120,13 @@ TEST_P(PageTest, NothingGivenBecomesMarkup) {
   EXPECT_EQ(read["name"], kHostile[1]);
 }
 
-TEST_P(PageTest, WhatIsNoNumberIsNull) {
+TEST_P(PageTest, NonFiniteNumbersAreNull) {
   if (!GetParam()) return;
   EXPECT_THAT(SharedData("d", {{"x", std::nan("")}}), HasSubstr("{\"x\":null}"));
   EXPECT_EQ(OrNull(std::nullopt), nullptr);
 }
 
-TEST(PageTableTest, CellsLinkWhateverTheirNames) {
+TEST(PageTableTest, CellsLinkToAnyName) {
   const std::string table =
       HtmlTable({"run", "mm", "<i>"}, {{{"a <b>", false, LinkTo("a <b>: c/report.html")}, {"1", true}, {""}}});
   // Each cell names its column, for narrow windows.

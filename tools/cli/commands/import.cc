@@ -141,8 +141,8 @@ int ImportRawFolder(const fs::path& source, const fs::path& output) {
   WriteFileAtomically(folder.staging() / "config.yaml", text + made.text);
   folder.Commit();
   if (FLAGS_quiet) return kDone;
-  std::string report = source.string() + ": " + std::to_string(raw->num_images) + " images in " +
-                       raw->pictures.string() + ", poses in " + raw->poses.string() + "\n";
+  std::string report = source.string() + ": " + std::to_string(raw->num_images) + " images in " + raw->images.string() +
+                       ", poses in " + raw->poses.string() + "\n";
   for (const std::string& remark : made.remarks) report += "remark: " + remark + "\n";
   std::cout << ForTerminal(report) << "written: " << (output / "config.yaml").string() << std::endl;
   return kDone;

@@ -26,9 +26,9 @@ Camera Scaled(const Camera& camera, double factor) {
   return scaled;
 }
 
-Camera OfSize(Camera camera, const CaptureDetection& picture) {
-  camera.width_px = picture.width_px;
-  camera.height_px = picture.height_px;
+Camera OfSize(Camera camera, const CaptureDetection& image) {
+  camera.width_px = image.width_px;
+  camera.height_px = image.height_px;
   return camera;
 }
 
@@ -51,31 +51,30 @@ std::string FocalText(const Camera& camera) { return Fixed(camera.params[0], 0) 
 
 // Estimates the camera that a run would estimate. If a pinhole is given, brown5 is estimated, because the lens may
 // distort.
-Outcome<Camera> EstimateCamera(const RunConfig& config, const std::vector<View>& views,
-                               const CaptureDetection& picture) {
+Outcome<Camera> EstimateCamera(const RunConfig& config, const std::vector<View>& views, const CaptureDetection& image) {
   if (config.choose_camera_model) {
-    const Outcome<CameraChoice> choice = ChooseCameraModel(views, picture.width_px, picture.height_px);
+    const Outcome<CameraChoice> choice = ChooseCameraModel(views, image.width_px, image.height_px);
     return choice ? Outcome<Camera>(choice->camera) : Failure{choice.reason()};
   }
   return EstimateIntrinsics(views, config.camera && config.camera_model == "pinhole" ? "brown5" : config.camera_model,
-                            picture.width_px, picture.height_px);
+                            image.width_px, image.height_px);
 }
 
 // Reports that the camera in the file is for images of another size.
 Symptom OtherSize(Examination* examination, const Camera& given, const std::optional<Camera>& estimated) {
-  const CaptureDetection& picture = examination->detections.front();
-  const double wider = static_cast<double>(picture.width_px) / given.width_px;
-  const double higher = static_cast<double>(picture.height_px) / given.height_px;
+  const CaptureDetection& image = examination->detections.front();
+  const double wider = static_cast<double>(image.width_px) / given.width_px;
+  const double higher = static_cast<double>(image.height_px) / given.height_px;
   Symptom symptom{Severity::kWrong, "camera_size",
                   examination->config.camera_file + " is for images of " + SizeText(given.width_px, given.height_px) +
-                      ", but these are " + SizeText(picture.width_px, picture.height_px),
+                      ", but these are " + SizeText(image.width_px, image.height_px),
                   ""};
   constexpr double kSame = 0.01;
-  const Camera scaled = OfSize(Scaled(given, wider), picture);
+  const Camera scaled = OfSize(Scaled(given, wider), image);
   // The image may be a window in the middle of the larger one.
-  Camera cropped = OfSize(given, picture);
-  cropped.params[2] -= 0.5 * (given.width_px - picture.width_px);
-  cropped.params[3] -= 0.5 * (given.height_px - picture.height_px);
+  Camera cropped = OfSize(given, image);
+  cropped.params[2] -= 0.5 * (given.width_px - image.width_px);
+  cropped.params[3] -= 0.5 * (given.height_px - image.height_px);
   const bool can_be_scaled = std::abs(wider / higher - 1) < kSame;
   const bool is_scaled = can_be_scaled && FitPx(*examination, scaled) <= FitPx(*examination, cropped);
   if (is_scaled) {
@@ -96,11 +95,11 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
 
 std::vector<Symptom> Check_camera(Examination* examination) {
   const RunConfig& config = examination->config;
-  const CaptureDetection& picture = examination->detections.front();
+  const CaptureDetection& image = examination->detections.front();
   const std::vector<View> views = ViewsOf(config, examination->detections);
   std::optional<Camera> estimated;
   if (!views.empty()) {
-    const Outcome<Camera> found = EstimateCamera(config, views, picture);
+    const Outcome<Camera> found = EstimateCamera(config, views, image);
     if (found) {
       estimated = *found;
     } else if (!config.camera) {
@@ -113,10 +112,10 @@ std::vector<Symptom> Check_camera(Examination* examination) {
     return {};
   }
   const Camera& given = *config.camera;
-  if (given.width_px != 0 && (given.width_px != picture.width_px || given.height_px != picture.height_px)) {
+  if (given.width_px != 0 && (given.width_px != image.width_px || given.height_px != image.height_px)) {
     return {OtherSize(examination, given, estimated)};
   }
-  const Camera camera = OfSize(given, picture);
+  const Camera camera = OfSize(given, image);
   examination->camera = camera;
   if (views.empty()) return {};
 

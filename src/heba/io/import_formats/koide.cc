@@ -13,10 +13,10 @@ bool Matches(const fs::path& source) { return !NumberedFiles(source, {""}, {"_po
 ImportedSet Read(const fs::path& source) {
   ImportedSet set;
   set.setup = Setup::kEyeInHand;
-  const std::map<int, fs::path> pictures = NumberedFiles(source, {""}, {"_image.jpg", "_image.png"});
+  const std::map<int, fs::path> images = NumberedFiles(source, {""}, {"_image.jpg", "_image.png"});
   for (const auto& [number, file] : NumberedFiles(source, {""}, {"_pose.csv"})) {
     set.files.push_back(file);
-    ImportedCapture capture = CaptureOf(pictures, number);
+    ImportedCapture capture = CaptureOf(images, number);
     capture.base_from_gripper = PoseOfMatrix(NumbersOfFile(file), 1, file.string());
     set.captures.push_back(std::move(capture));
   }

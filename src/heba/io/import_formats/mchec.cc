@@ -69,11 +69,11 @@ ImportedSet Read(const fs::path& source) {
     set.camera = ReadCamera(intrinsics);
     set.files.push_back(intrinsics);
   }
-  for (const fs::path& picture : ImagesOf(camera / "image")) {
-    const fs::path pose = camera / "pose" / (picture.stem().string() + ".csv");
+  for (const fs::path& image : ImagesOf(camera / "image")) {
+    const fs::path pose = camera / "pose" / (image.stem().string() + ".csv");
     if (!fs::exists(pose)) continue;
     set.files.push_back(pose);
-    ImportedCapture capture = CaptureOf(picture, 0);
+    ImportedCapture capture = CaptureOf(image, 0);
     capture.base_from_gripper = PoseOfMatrix(NumbersOfFile(pose), 1, pose.string());
     set.captures.push_back(std::move(capture));
   }

@@ -67,17 +67,17 @@ ImportedSet Read(const fs::path& source) {
     set.target = TargetOf(object, &set.remarks);
     set.files.push_back(object);
   }
-  std::vector<fs::path> pictures = ImagesOf(source / "images" / "camera0");
-  if (pictures.empty()) pictures = ImagesOf(source / "images");
-  if (pictures.empty()) pictures = ImagesOf(source);
+  std::vector<fs::path> images = ImagesOf(source / "images" / "camera0");
+  if (images.empty()) images = ImagesOf(source / "images");
+  if (images.empty()) images = ImagesOf(source);
   const size_t num_poses = (numbers.size() - 1) / kMatrix;
-  if (!pictures.empty() && pictures.size() != num_poses) {
+  if (!images.empty() && images.size() != num_poses) {
     throw InputError(robot.string() + ": has " + std::to_string(num_poses) + " poses for " +
-                     std::to_string(pictures.size()) + " images");
+                     std::to_string(images.size()) + " images");
   }
   for (size_t i = 0; i < num_poses; ++i) {
     const std::span<const double> matrix(numbers.data() + 1 + kMatrix * i, kMatrix);
-    ImportedCapture capture = CaptureOf(pictures.empty() ? fs::path() : pictures[i], i);
+    ImportedCapture capture = CaptureOf(images.empty() ? fs::path() : images[i], i);
     capture.base_from_gripper =
         Inverse(PoseOfMatrix(matrix, 1e-3, robot.string() + ": matrix " + std::to_string(i + 1)));
     set.captures.push_back(std::move(capture));

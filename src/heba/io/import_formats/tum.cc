@@ -18,13 +18,12 @@ ImportedSet Read(const fs::path& source) {
   set.files.push_back(source);
   const std::vector<TextLine> lines = LinesOf(ReadTextFile(source));
   const fs::path folder = source.parent_path();
-  const std::vector<fs::path> pictures =
-      ImagesForPoses({folder / "images", folder / "rgb"}, lines.size(), &set.remarks);
+  const std::vector<fs::path> images = ImagesForPoses({folder / "images", folder / "rgb"}, lines.size(), &set.remarks);
   for (size_t i = 0; i < lines.size(); ++i) {
     const std::string where = source.string() + ":" + std::to_string(lines[i].number);
     const std::vector<double> numbers = NumbersOfLine(lines[i].text, source, lines[i].number);
     if (numbers.size() != kNumbers) throw InputError(where + ": 8 numbers are needed: time, x, y, z, qx, qy, qz, qw");
-    ImportedCapture capture = CaptureOf(pictures.empty() ? fs::path() : pictures[i], i);
+    ImportedCapture capture = CaptureOf(images.empty() ? fs::path() : images[i], i);
     capture.base_from_gripper = PoseOf("ros", std::span(numbers).subspan(1), where);
     set.captures.push_back(std::move(capture));
   }

@@ -44,10 +44,10 @@ ImportedSet Read(const fs::path& source) {
   ImportedSet set;
   const std::string prefix = PrefixOf(source).value_or("");
   const std::map<int, fs::path> seen = NumberedFiles(source, {prefix + "pose_cPo_"}, {".yaml"});
-  const std::map<int, fs::path> pictures =
+  const std::map<int, fs::path> images =
       NumberedFiles(source, {prefix + "image-"}, {".png", ".jpg", ".jpeg", ".pgm", ".ppm"});
   for (const auto& [number, file] : NumberedFiles(source, {prefix + std::string(kEffector)}, {".yaml"})) {
-    ImportedCapture capture = CaptureOf(pictures, number);
+    ImportedCapture capture = CaptureOf(images, number);
     capture.base_from_gripper = ReadPose(file);
     set.files.push_back(file);
     if (const auto found = seen.find(number); found != seen.end()) {

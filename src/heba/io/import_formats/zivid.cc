@@ -19,13 +19,13 @@ bool Matches(const fs::path& source) {
 
 ImportedSet Read(const fs::path& source) {
   ImportedSet set;
-  const std::map<int, fs::path> pictures = NumberedFiles(source, {"img", "image", "image_"}, {".png", ".jpg"});
+  const std::map<int, fs::path> images = NumberedFiles(source, {"img", "image", "image_"}, {".png", ".jpg"});
   for (const auto& [number, file] : PoseFiles(source)) {
     const std::map<std::string, std::vector<double>> values = FileStorageNumbers(file);
     const auto matrix = values.find("PoseState");
     if (matrix == values.end()) throw InputError(file.string() + ": 'PoseState' is missing");
     set.files.push_back(file);
-    ImportedCapture capture = CaptureOf(pictures, number);
+    ImportedCapture capture = CaptureOf(images, number);
     capture.base_from_gripper = PoseOfMatrix(matrix->second, 1e-3, file.string() + ": PoseState");
     set.captures.push_back(std::move(capture));
   }
