@@ -1,0 +1,614 @@
+#include "targets/tags/tag_search.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include <Eigen/Geometry>
+#include <opencv2/imgproc.hpp>
+
+#include "targets/corners/corner_refinement.h"
+#include "targets/corners/pattern_fit.h"
+#include "targets/images/homography.h"
+#include "targets/images/image.h"
+#include "targets/name_table.h"
+
+namespace heba {
+namespace {
+
+// The search for the tags of one grid.
+class GridSearch {
+ public:
+  explicit GridSearch(const TagGrid& grid)
+      : geometry_(grid.geometry),
+        max_bit_errors_(grid.max_bit_errors),
+        family_(grid.codes),
+        layout_(grid.layout),
+        drawing_(grid.drawing) {}
+
+  Detection Detect(const cv::Mat& grey) const {
+    Detection detection;
+    if (IsTooSmall(grey)) {
+      detection.reason = "the image is too small";
+      return detection;
+    }
+    Search search(layout_.corners_m.size());
+    cv::Rect whole(0, 0, grey.cols, grey.rows);
+    std::vector<cv::Rect> parts = {whole};
+    const std::vector<double> decimations = Decimations(grey);
+    // The finest pass is repeated as long as it finds tags that predict the positions of others.
+    for (size_t pass = 0; !parts.empty(); ++pass) {
+      const double decimate = decimations[std::min(pass, decimations.size() - 1)];
+      const size_t num_before = search.NumKnown();
+      for (const cv::Rect& part : parts) AddSeen(grey, part, decimate, &search);
+      UpdateBoard(grey, &search);
+      if (geometry_.corner_squares && search.board.tags.size() < layout_.corners_m.size()) {
+        for (const cv::Rect& part : parts) AddParted(grey, part, decimate, &search);
+        UpdateBoard(grey, &search);
+      }
+      const bool is_new = search.NumKnown() > num_before;
+      const bool was_seen_well = decimate <= DecimationTo(grey, kSeenWellPx);
+      const bool was_whole = parts.front() == whole;
+      parts = WhereMissing(whole, search, was_seen_well);
+      const bool is_whole = !parts.empty() && parts.front() == whole;
+      // The whole image is searched again only as long as finer passes find something.
+      if (is_whole && was_seen_well && num_before > 0 && !is_new) break;
+      if (pass + 1 >= decimations.size() && (!is_new || (is_whole && was_whole))) break;
+    }
+    const int num_unfit = MeasureAll(grey, search, &detection);
+    detection.reason = Reason(search.board, num_unfit);
+    return detection;
+  }
+
+  // No tag can be decoded in a smaller image, and libapriltag's tiles do not fit into it.
+  static constexpr int kMinSidePx = 16;
+  static bool IsTooSmall(const cv::Mat& grey) { return std::min(grey.cols, grey.rows) < kMinSidePx; }
+
+  // The number of pixels with which an image shows most of what there is.
+  static constexpr double kSeenWellPx = 1e6;
+  // Returns the factor by which the image must be reduced to this many pixels.
+  static double DecimationTo(const cv::Mat& grey, double num_px) {
+    return std::ceil(std::sqrt(static_cast<double>(grey.total()) / num_px));
+  }
+  // Returns by how much white grows to separate black regions that touch: one pixel of the decimated image.
+  static int GrownPx(double decimate) { return static_cast<int>(decimate); }
+  static cv::Mat SeparateTouching(const cv::Mat& grey, double decimate) {
+    const int side_px = 2 * GrownPx(decimate) + 1;
+    cv::Mat parted;
+    cv::dilate(grey, parted, cv::Mat::ones(side_px, side_px, CV_8U));
+    return parted;
+  }
+
+ private:
+  // The state of the search in an image, pass by pass.
+  struct Search {
+    explicit Search(size_t num_tags) : fits(num_tags) {}
+    std::vector<SeenTag> candidates;
+    ConsistentTags board;  // Candidates that are consistent.
+    // The fit of each of the target's tags to all its grey values: the last start and its result.
+    struct Fit {
+      std::optional<TagCorners> start_px;
+      std::optional<PatternFit> fit;
+    };
+    std::vector<Fit> fits;
+    // Large regions in which libapriltag has searched for tags, in the image and in the image with separated regions.
+    std::vector<cv::Rect> searched;
+    std::vector<cv::Rect> searched_parted;
+
+    bool IsSettled(int index) const { return fits[static_cast<size_t>(index)].fit.has_value(); }
+    // Returns the number of tags plus the number of settled ones.
+    size_t NumKnown() const {
+      const auto num_settled =
+          std::count_if(board.tags.begin(), board.tags.end(), [&](const SeenTag& tag) { return IsSettled(tag.index); });
+      return board.tags.size() + static_cast<size_t>(num_settled);
+    }
+  };
+
+  // Returns libapriltag's quad_decimate for every pass: the first pass takes some milliseconds, the next ones are
+  // finer. Tags are decoded and edges refined at full resolution in any case.
+  static std::vector<double> Decimations(const cv::Mat& grey) {
+    constexpr double kFirstPx = 1e5;
+    constexpr double kSlowPx = 14e6;
+    // Blurred tags are found better in a coarser image.
+    std::vector<double> decimations = {std::max(2.0, DecimationTo(grey, kFirstPx))};
+    const double finest = DecimationTo(grey, kSlowPx);
+    while (decimations.back() > finest) decimations.push_back(std::max(finest, std::ceil(decimations.back() / 2)));
+    return decimations;
+  }
+
+  // Returns `searched` if the part is the whole image, else null: all of a smaller part is searched, since tags are
+  // expected there.
+  static std::vector<cv::Rect>* SearchedOf(const cv::Mat& grey, const cv::Rect& part, std::vector<cv::Rect>* searched) {
+    return part == cv::Rect(0, 0, grey.cols, grey.rows) ? searched : nullptr;
+  }
+
+  // Adds the tags that libapriltag detects in a part of the image, with their corners refined.
+  void AddSeen(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
+    for (const SeenTag& found : family_.Detect(grey(part), decimate, SearchedOf(grey, part, &search->searched))) {
+      SeenTag tag = Shifted(found, part);
+      RefineOnSquares(grey, &tag);
+      AddCandidate(tag, search);
+    }
+  }
+  // Adds the tags that libapriltag detects after separating black regions.
+  void AddParted(const cv::Mat& grey, const cv::Rect& part, double decimate, Search* search) const {
+    for (const SeenTag& found : family_.Detect(SeparateTouching(grey(part), decimate), decimate,
+                                               SearchedOf(grey, part, &search->searched_parted))) {
+      SeenTag tag = Shifted(found, part);
+      OffsetQuad(GrownPx(decimate), &tag.corners_px);
+      // The offset of the edges is a guess, not a measurement: it only gives the start for the saddles.
+      if (RefineOnSquares(grey, &tag)) AddCandidate(tag, search);
+    }
+  }
+
+  static SeenTag Shifted(SeenTag tag, const cv::Rect& part) {
+    for (Eigen::Vector2d& corner_px : tag.corners_px) corner_px += Eigen::Vector2d(part.x, part.y);
+    return tag;
+  }
+
+  // Finds the same tag at the same position.
+  static std::vector<SeenTag>::iterator FindCandidate(const SeenTag& tag, Search* search) {
+    return std::find_if(search->candidates.begin(), search->candidates.end(), [&](const SeenTag& other) {
+      return other.index == tag.index &&
+             (CentreOf(other.corners_px) - CentreOf(tag.corners_px)).norm() < 0.5 * MeanSide(tag.corners_px);
+    });
+  }
+  // Adds a candidate, or replaces a known one that is not settled: a finer pass is more accurate.
+  static void AddCandidate(const SeenTag& tag, Search* search) {
+    const auto known = FindCandidate(tag, search);
+    if (known == search->candidates.end()) {
+      search->candidates.push_back(tag);
+    } else if (!search->IsSettled(tag.index) && tag.num_bit_errors <= known->num_bit_errors) {
+      *known = tag;
+    }
+  }
+
+  // Selects the target's tags from the candidates and fits those that are new.
+  void UpdateBoard(const cv::Mat& grey, Search* search) const {
+    search->board = KeepConsistent(search->candidates, layout_, std::max(0, max_bit_errors_ - 1));
+    FillIn(grey, &search->board.tags);
+    FitAll(grey, search);
+    // A settled tag is a candidate from now on, however it was found.
+    for (const SeenTag& tag : Fitted(*search)) {
+      const auto known = FindCandidate(tag, search);
+      if (known == search->candidates.end()) {
+        search->candidates.push_back(tag);
+      } else {
+        *known = tag;
+      }
+    }
+  }
+
+  // Returns the parts of the image in which the tags that are not settled must lie; none if there is nothing left to
+  // search for. Returns the whole image as long as too few tags are known to predict the others, or as long as fewer
+  // than half are known and a closer look (`was_seen_well`) may show another target with more of them.
+  std::vector<cv::Rect> WhereMissing(const cv::Rect& whole, const Search& search, bool was_seen_well) const {
+    const std::vector<SeenTag> fitted = Fitted(search);
+    const size_t num_tags = layout_.corners_m.size();
+    if (fitted.size() == num_tags) return {};
+    constexpr size_t kMinTags = 4;
+    if (fitted.size() < std::min(kMinTags, num_tags) || (!was_seen_well && 2 * fitted.size() < num_tags)) {
+      return {whole};
+    }
+    std::vector<cv::Rect> parts;
+    for (int index = 0; index < static_cast<int>(layout_.corners_m.size()); ++index) {
+      if (search.IsSettled(index)) continue;
+      const std::optional<TagCorners> expected_px = Expected(fitted, index);
+      if (!expected_px) continue;
+      // The prediction is less accurate farther away from known tags.
+      const SeenTag nearest = NearestTo(fitted, index, 1).front();
+      const double num_away = (layout_.Centre(nearest.index) - layout_.Centre(index)).norm() / layout_.pitch_m;
+      const double room_px = (0.75 + 0.25 * num_away) * MeanSide(*expected_px);
+      Eigen::Vector2d low = (*expected_px)[0];
+      Eigen::Vector2d high = low;
+      for (const Eigen::Vector2d& corner_px : *expected_px) {
+        low = low.cwiseMin(corner_px);
+        high = high.cwiseMax(corner_px);
+      }
+      const double farthest_px = 2.0 * (whole.width + whole.height);
+      if (!(low.cwiseAbs().maxCoeff() < farthest_px && high.cwiseAbs().maxCoeff() < farthest_px)) continue;
+      const cv::Point first(static_cast<int>(std::floor(low.x() - room_px)),
+                            static_cast<int>(std::floor(low.y() - room_px)));
+      const cv::Point last(static_cast<int>(std::ceil(high.x() + room_px)),
+                           static_cast<int>(std::ceil(high.y() + room_px)));
+      cv::Rect part = cv::Rect(first, last) & whole;
+      if (part.empty()) continue;
+      // Parts that overlap are merged.
+      for (bool is_grown = true; is_grown;) {
+        is_grown = false;
+        for (size_t k = 0; k < parts.size() && !is_grown; ++k) {
+          if ((parts[k] & part).empty()) continue;
+          part |= parts[k];
+          parts.erase(parts.begin() + static_cast<std::ptrdiff_t>(k));
+          is_grown = true;
+        }
+      }
+      parts.push_back(part);
+    }
+    parts.erase(std::remove_if(parts.begin(), parts.end(),
+                               [](const cv::Rect& part) { return std::min(part.width, part.height) < kMinSidePx; }),
+                parts.end());
+    return parts;
+  }
+
+  // Moves every edge of a quad outwards by `distance_px`.
+  static void OffsetQuad(double distance_px, TagCorners* corners) {
+    const TagCorners before = *corners;
+    for (size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector2d from_next = (before[k] - before[(k + 1) % 4]).normalized();
+      const Eigen::Vector2d from_last = (before[k] - before[(k + 3) % 4]).normalized();
+      const double sine = std::abs(from_next.x() * from_last.y() - from_next.y() * from_last.x());
+      if (sine > 0.1) (*corners)[k] += distance_px / sine * (from_next + from_last);
+    }
+  }
+
+  // Moves the corners to the saddles between the tag and the corner squares. Returns false if one could not be
+  // refined and stays at its position. Does nothing without corner squares: the corners are not saddles then, and
+  // libapriltag's edges are better.
+  bool RefineOnSquares(const cv::Mat& grey, SeenTag* tag) const {
+    if (!geometry_.corner_squares) return true;
+    const TagCorners start_px = tag->corners_px;
+    const TagCorners& board_m = layout_.corners_m[static_cast<size_t>(tag->index)];
+    const std::optional<Eigen::Matrix3d> image_from_board =
+        FitHomography({board_m.begin(), board_m.end()}, {start_px.begin(), start_px.end()});
+    if (!image_from_board) return false;
+    // The next edges are the far sides of the corner squares and the inner side of the tag's border.
+    const double free_m = geometry_.tag_size_m * std::min(geometry_.tag_spacing_ratio,
+                                                          static_cast<double>(geometry_.border_bits) / family_.width());
+    const std::array<Eigen::Vector2d, 4> steps_m = {Eigen::Vector2d(free_m, 0), Eigen::Vector2d(-free_m, 0),
+                                                    Eigen::Vector2d(0, free_m), Eigen::Vector2d(0, -free_m)};
+    bool are_all_refined = true;
+    for (size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector2d at_px = ApplyHomography(*image_from_board, board_m[k]);
+      double reach_px = std::numeric_limits<double>::infinity();
+      for (const Eigen::Vector2d& step_m : steps_m) {
+        reach_px = std::min(reach_px, (ApplyHomography(*image_from_board, board_m[k] + step_m) - at_px).norm());
+      }
+      const std::optional<Eigen::Vector2d> refined_px =
+          RefineCorner(grey, start_px[k], reach_px, std::max(1.5, 0.5 * reach_px));
+      are_all_refined = are_all_refined && refined_px.has_value();
+      tag->corners_px[k] = refined_px.value_or(start_px[k]);
+    }
+    return are_all_refined;
+  }
+
+  // Decodes missing tags at the positions that their neighbours predict, until no more are found.
+  void FillIn(const cv::Mat& grey, std::vector<SeenTag>* tags) const {
+    if (!geometry_.corner_squares || tags->empty()) return;
+    for (;;) {
+      std::vector<bool> is_seen(layout_.corners_m.size(), false);
+      for (const SeenTag& tag : *tags) is_seen[static_cast<size_t>(tag.index)] = true;
+      std::vector<SeenTag> additional;
+      for (int index = 0; index < static_cast<int>(is_seen.size()); ++index) {
+        if (is_seen[static_cast<size_t>(index)] || !HasSeenNeighbour(is_seen, index)) continue;
+        const std::optional<SeenTag> tag = ReadWhereExpected(grey, *tags, index);
+        if (tag) additional.push_back(*tag);
+      }
+      if (additional.empty()) return;
+      tags->insert(tags->end(), additional.begin(), additional.end());
+      std::sort(tags->begin(), tags->end(), [](const SeenTag& a, const SeenTag& b) { return a.index < b.index; });
+    }
+  }
+
+  bool HasSeenNeighbour(const std::vector<bool>& is_seen, int index) const {
+    const int row = index / geometry_.columns;
+    const int column = index % geometry_.columns;
+    for (int r = std::max(0, row - 1); r <= std::min(geometry_.rows - 1, row + 1); ++r) {
+      for (int c = std::max(0, column - 1); c <= std::min(geometry_.columns - 1, column + 1); ++c) {
+        if (is_seen[static_cast<size_t>(r * geometry_.columns + c)]) return true;
+      }
+    }
+    return false;
+  }
+
+  std::optional<SeenTag> ReadWhereExpected(const cv::Mat& grey, const std::vector<SeenTag>& tags, int index) const {
+    const std::optional<TagCorners> expected_px = Expected(tags, index);
+    if (!expected_px) return std::nullopt;
+    for (const Eigen::Vector2d& corner_px : *expected_px) {
+      if (!IsInImage(grey, corner_px)) return std::nullopt;
+    }
+    SeenTag tag;
+    tag.index = index;
+    tag.corners_px = *expected_px;
+    // Two passes are necessary because lens distortion may put a saddle beyond the first window.
+    for (int pass = 0; pass < 2; ++pass) {
+      if (!RefineOnSquares(grey, &tag)) return std::nullopt;
+    }
+    constexpr double kMaxMoveRatio = 0.15;  // Ratio to the tag's side.
+    for (size_t k = 0; k < 4; ++k) {
+      if ((tag.corners_px[k] - (*expected_px)[k]).norm() > kMaxMoveRatio * MeanSide(*expected_px)) return std::nullopt;
+    }
+    const std::optional<int> num_bit_errors = CountBitErrors(grey, tag);
+    if (!num_bit_errors || *num_bit_errors > max_bit_errors_) return std::nullopt;
+    tag.num_bit_errors = *num_bit_errors;
+    return tag;
+  }
+
+  // Reads the data between the corners and returns the number of bits that differ from the tag's code. Returns
+  // nothing if the border does not contrast with the paper around it, or if a bit lies outside the image.
+  std::optional<int> CountBitErrors(const cv::Mat& grey, const SeenTag& tag) const {
+    const double width = family_.width();
+    const std::optional<Eigen::Matrix3d> image_from_cells =
+        FitHomography({{0, width}, {width, width}, {width, 0}, {0, 0}}, {tag.corners_px.begin(), tag.corners_px.end()});
+    if (!image_from_cells) return std::nullopt;
+    const auto level = [&](double x, double y) -> std::optional<double> {
+      const Eigen::Vector2d at_px = ApplyHomography(*image_from_cells, {x, y});
+      if (!IsInImage(grey, at_px)) return std::nullopt;
+      return GreyAt(grey, at_px);
+    };
+    const auto mean_at = [&](double from_edge) {  // Mean along the four edges, `from_edge` cells inside them.
+      double sum = 0;
+      int count = 0;
+      for (int i = 0; i < family_.width(); ++i) {
+        const std::array<Eigen::Vector2d, 4> cells = {
+            Eigen::Vector2d(i + 0.5, from_edge), Eigen::Vector2d(i + 0.5, width - from_edge),
+            Eigen::Vector2d(from_edge, i + 0.5), Eigen::Vector2d(width - from_edge, i + 0.5)};
+        for (const Eigen::Vector2d& cell : cells) {
+          const std::optional<double> value = level(cell.x(), cell.y());
+          if (!value) continue;
+          sum += *value;
+          ++count;
+        }
+      }
+      return count > 0 ? sum / count : 0.0;
+    };
+    const double black = mean_at(0.5);
+    const double white = mean_at(-0.5);
+    constexpr double kMinContrast = 12;  // Grey values.
+    if (white - black < kMinContrast) return std::nullopt;
+    int num_errors = 0;
+    for (uint32_t bit = 0; bit < family_.num_bits(); ++bit) {
+      const std::optional<double> value = level(family_.BitX(bit) + 0.5, family_.BitY(bit) + 0.5);
+      if (!value) return std::nullopt;
+      num_errors += (*value > 0.5 * (black + white)) != family_.IsWhite(tag.index, bit) ? 1 : 0;
+    }
+    return num_errors;
+  }
+
+  // Fits the tags of the target that are not settled, each to all its grey values together. A lens that bends edges
+  // misleads libapriltag by pixels: if the fit fails from its corners, it is repeated from the position that the tags
+  // around it predict.
+  void FitAll(const cv::Mat& grey, Search* search) const {
+    // A tag that is no longer on the target, or was another target's tag of the same number, is not settled.
+    std::vector<Search::Fit> fits(search->fits.size());
+    for (const SeenTag& tag : search->board.tags) {
+      Search::Fit& known = search->fits[static_cast<size_t>(tag.index)];
+      const bool is_there = known.start_px && (CentreOf(*known.start_px) - CentreOf(tag.corners_px)).norm() <
+                                                  0.5 * MeanSide(tag.corners_px);
+      if (is_there) fits[static_cast<size_t>(tag.index)] = std::move(known);
+    }
+    search->fits = std::move(fits);
+    const auto fit_from = [&](int index, const TagCorners& start_px) {
+      Search::Fit& known = search->fits[static_cast<size_t>(index)];
+      if (known.fit || known.start_px == start_px) return false;
+      known.start_px = start_px;
+      known.fit = FitTag(grey, index, start_px);
+      return known.fit.has_value();
+    };
+    for (const SeenTag& tag : search->board.tags) fit_from(tag.index, tag.corners_px);
+    for (bool is_new = true; is_new;) {
+      is_new = false;
+      const std::vector<SeenTag> fitted = Fitted(*search);
+      if (fitted.size() == search->board.tags.size()) break;
+      for (const SeenTag& tag : search->board.tags) {
+        if (search->IsSettled(tag.index)) continue;
+        const std::optional<TagCorners> expected_px = Expected(fitted, tag.index);
+        if (expected_px) is_new = fit_from(tag.index, *expected_px) || is_new;
+      }
+    }
+  }
+
+  // Adds the corners of all tags. A tag that could not be fitted (stained, partly hidden) keeps its detected corners
+  // unless the tags around it or its edges contradict them. Returns how many tags were left out.
+  int MeasureAll(const cv::Mat& grey, const Search& search, Detection* detection) const {
+    const std::vector<SeenTag> fitted = Fitted(search);
+    int num_dropped = 0;
+    for (const SeenTag& tag : search.board.tags) {
+      const std::optional<PatternFit>& fit = search.fits[static_cast<size_t>(tag.index)].fit;
+      const std::optional<double> sigma_px = fit ? 0.0 : UnfittedSigmaPx(grey, fitted, tag);
+      if (!sigma_px) {
+        ++num_dropped;
+        continue;
+      }
+      for (size_t corner = 0; corner < 4; ++corner) {
+        detection->ids.push_back(geometry_.PointId(tag.index, corner));
+        detection->pixels.push_back(fit ? fit->pixels[corner] : tag.corners_px[corner]);
+      }
+      detection->covariances_px2.emplace_back(fit ? fit->covariance_px2
+                                                  : *sigma_px * *sigma_px * Eigen::MatrixXd::Identity(8, 8));
+    }
+    return num_dropped;
+  }
+
+  // Returns the fitted tags of the target, with the corners of the fit.
+  static std::vector<SeenTag> Fitted(const Search& search) {
+    std::vector<SeenTag> fitted;
+    for (const SeenTag& tag : search.board.tags) {
+      const std::optional<PatternFit>& fit = search.fits[static_cast<size_t>(tag.index)].fit;
+      if (!fit) continue;
+      fitted.push_back(tag);
+      std::copy(fit->pixels.begin(), fit->pixels.end(), fitted.back().corners_px.begin());
+    }
+    return fitted;
+  }
+
+  // Predicts the corners of a tag from the tags nearest to it; nothing if there are none.
+  std::optional<TagCorners> Expected(const std::vector<SeenTag>& tags, int index) const {
+    constexpr size_t kNumNearest = 3;
+    const std::optional<Eigen::Matrix3d> image_from_board =
+        LocalHomography(tags, layout_, layout_.Centre(index), kNumNearest);
+    if (!image_from_board) return std::nullopt;
+    TagCorners expected_px;
+    for (size_t k = 0; k < 4; ++k) {
+      expected_px[k] = ApplyHomography(*image_from_board, layout_.corners_m[static_cast<size_t>(index)][k]);
+      if (!expected_px[k].allFinite()) return std::nullopt;
+    }
+    return expected_px;
+  }
+
+  // Returns the approximate smallest distance between opposite sides.
+  static double MinWidth(const TagCorners& corners) {
+    const Eigen::Vector2d first = corners[2] - corners[0];
+    const Eigen::Vector2d second = corners[3] - corners[1];
+    const double area = 0.5 * std::abs(first.x() * second.y() - first.y() * second.x());
+    double longest = 0;
+    for (size_t k = 0; k < 4; ++k) longest = std::max(longest, (corners[(k + 1) % 4] - corners[k]).norm());
+    return area / longest;
+  }
+
+  // Fits a tag to all its grey values, from corners that are correct to about a cell.
+  std::optional<PatternFit> FitTag(const cv::Mat& grey, int index, const TagCorners& start_px) const {
+    const TagCorners& corners_m = layout_.corners_m[static_cast<size_t>(index)];
+    const double cell_m = geometry_.tag_size_m / family_.width();
+    const double gap_m = layout_.corners_m.size() > 1 || geometry_.corner_squares
+                             ? geometry_.tag_size_m * geometry_.tag_spacing_ratio
+                             : std::numeric_limits<double>::infinity();
+    // The margin reaches at most half way to the next tag, which uses the other half. It also ends before the edge of
+    // the paper around the tag, one cell away, becomes visible: the paper may lie on anything.
+    constexpr double kEdgePx = 3.5;
+    const double side_px = MeanSide(start_px);
+    const double paper_cells = std::clamp(1 - kEdgePx * family_.width() / MinWidth(start_px), 0.3, 0.9);
+    const double margin_m = std::min((family_.NumOuterCells() + paper_cells) * cell_m, 0.5 * gap_m);
+    const Eigen::Vector2d margin = Eigen::Vector2d::Constant(margin_m);
+    PatternFitOptions options;
+    options.min_m = corners_m[0] - margin;
+    options.max_m = corners_m[2] + margin;
+    constexpr double kMinLensPx = 16;
+    options.freedom = side_px < kMinLensPx ? MapFreedom::kAffine : MapFreedom::kStrongLens;
+    options.max_move_px = std::max(2.0, 0.1 * side_px);
+    const std::optional<Eigen::Matrix3d> image_from_board =
+        FitHomography({corners_m.begin(), corners_m.end()}, {start_px.begin(), start_px.end()});
+    if (!image_from_board) return std::nullopt;
+    return FitPattern(grey, CellsOf(drawing_, options.min_m - margin, options.max_m + margin), *image_from_board,
+                      {corners_m.begin(), corners_m.end()}, options);
+  }
+
+  // Returns the sigma of the corners of a tag that could not be fitted; nothing if the tags around it or its own
+  // edges contradict the corners.
+  std::optional<double> UnfittedSigmaPx(const cv::Mat& grey, const std::vector<SeenTag>& fitted,
+                                        const SeenTag& tag) const {
+    const std::optional<double> off_px = OffNeighboursPx(fitted, tag);
+    if (off_px) {
+      // The fitted tags show the error that perspective and lens distortion cause in such predictions.
+      constexpr size_t kNumJudged = 4;
+      double usual_px = 0;
+      for (const SeenTag& other : NearestTo(fitted, tag.index, kNumJudged)) {
+        usual_px = std::max(usual_px, OffNeighboursPx(fitted, other).value_or(0.05 * MeanSide(other.corners_px)));
+      }
+      if (*off_px > 2 * usual_px + 1) return std::nullopt;
+    }
+    // A wrong corner displaces two edges.
+    const double off_edges_px = OffEdgesPx(grey, tag.corners_px);
+    if (off_edges_px > std::max(1.0, 0.1 * MeanSide(tag.corners_px) / family_.width())) return std::nullopt;
+    // libapriltag's edges scatter by 0.04 px under good conditions.
+    constexpr double kMinSigmaPx = 0.1;
+    return std::max(kMinSigmaPx, 2 * off_edges_px);
+  }
+
+  std::vector<SeenTag> NearestTo(std::vector<SeenTag> tags, int index, size_t count) const {
+    const auto distance_m = [&](const SeenTag& tag) {
+      return (layout_.Centre(tag.index) - layout_.Centre(index)).norm();
+    };
+    std::stable_sort(tags.begin(), tags.end(),
+                     [&](const SeenTag& a, const SeenTag& b) { return distance_m(a) < distance_m(b); });
+    if (tags.size() > count) tags.resize(count);
+    return tags;
+  }
+
+  // Returns the largest distance of a tag's corners from those that the other tags predict; nothing without others.
+  std::optional<double> OffNeighboursPx(std::vector<SeenTag> others, const SeenTag& tag) const {
+    others.erase(
+        std::remove_if(others.begin(), others.end(), [&](const SeenTag& other) { return other.index == tag.index; }),
+        others.end());
+    const std::optional<TagCorners> expected_px = Expected(others, tag.index);
+    if (!expected_px) return std::nullopt;
+    double farthest_px = 0;
+    for (size_t k = 0; k < 4; ++k) {
+      farthest_px = std::max(farthest_px, (tag.corners_px[k] - (*expected_px)[k]).norm());
+    }
+    return farthest_px;
+  }
+
+  // Returns the RMS distance from the straight lines between the corners to the steepest change of grey across them.
+  double OffEdgesPx(const cv::Mat& grey, const TagCorners& corners_px) const {
+    constexpr double kStepPx = 0.25;
+    const double reach_px = 0.8 * MeanSide(corners_px) / family_.width();
+    double sum_px2 = 0;
+    int count = 0;
+    for (size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector2d& from_px = corners_px[k];
+      const Eigen::Vector2d along_px = corners_px[(k + 1) % 4] - from_px;
+      const Eigen::Vector2d across = Eigen::Vector2d(-along_px.y(), along_px.x()).normalized();
+      for (double share = 0.1; share < 0.95; share += 0.1) {
+        double steepest = 0;
+        double steepest_px = 0;
+        for (double at_px = -reach_px; at_px <= reach_px; at_px += kStepPx) {
+          const Eigen::Vector2d before_px = from_px + share * along_px + (at_px - 0.5) * across;
+          const Eigen::Vector2d behind_px = before_px + across;
+          if (!IsInImage(grey, before_px) || !IsInImage(grey, behind_px)) continue;
+          const double slope = std::abs(GreyAt(grey, behind_px) - GreyAt(grey, before_px));
+          if (slope <= steepest) continue;
+          steepest = slope;
+          steepest_px = at_px;
+        }
+        sum_px2 += steepest_px * steepest_px;
+        ++count;
+      }
+    }
+    return std::sqrt(sum_px2 / count);
+  }
+
+  std::string Reason(const ConsistentTags& board, int num_unfit) const {
+    const size_t num_tags = layout_.corners_m.size();
+    std::string reason;
+    if (board.tags.empty()) {
+      reason = "no tag of the target found";
+    } else if (board.tags.size() < num_tags) {
+      reason = std::to_string(board.tags.size()) + " of " + std::to_string(num_tags) + " tags seen";
+    }
+    if (board.num_dropped > 0) {
+      reason += std::string(reason.empty() ? "" : "; ") + std::to_string(board.num_dropped) +
+                " tags left out that do not fit the target (another target in view?)";
+    }
+    if (num_unfit > 0) {
+      reason += std::string(reason.empty() ? "" : "; ") + std::to_string(num_unfit) +
+                " tags left out that do not look as drawn and contradict their edges or the tags around them";
+    }
+    return reason;
+  }
+
+  const TagGridGeometry& geometry_;
+  const int max_bit_errors_;
+  const TagCodes& family_;
+  const TagLayout& layout_;
+  const Drawing& drawing_;
+};
+
+}  // namespace
+
+Detection DetectTagGrid(const cv::Mat& grey, const TagGrid& grid) { return GridSearch(grid).Detect(grey); }
+
+std::vector<int> SeenTagIds(const cv::Mat& grey, const TagGrid& grid) {
+  if (GridSearch::IsTooSmall(grey)) return {};
+  TagFamily family(EntryNamed(kTagFamilies, grid.geometry.family));
+  TagGridGeometry all = grid.geometry;
+  all.first_id = 0;
+  all.rows = 1;
+  all.columns = static_cast<int>(family->ncodes);
+  std::vector<int> ids;
+  const TagCodes every(std::move(family), all, 0);
+  constexpr double kEnoughPx = 3e6;
+  const double decimate = GridSearch::DecimationTo(grey, kEnoughPx);
+  for (const SeenTag& tag : every.Detect(grey, decimate)) ids.push_back(tag.index);
+  if (grid.geometry.corner_squares) {
+    for (const SeenTag& tag : every.Detect(GridSearch::SeparateTouching(grey, decimate), decimate))
+      ids.push_back(tag.index);
+  }
+  return ids;
+}
+
+}  // namespace heba
