@@ -68,11 +68,26 @@ struct Seed {
   double spread;     // Sum of their distances from the prediction, relative to the spacing.
 };
 
+// The limits of the search for the two directions of the lattice at a dot. Lengths in units of the dot's outline make
+// the limits independent of tilt; perspective and lens distortion account for the tolerances.
+struct LatticeSeedLimits {
+  double reach = 9;               // Neighbours are looked for up to this many major semi-axes away.
+  double min_distance = 1.5;      // Ring marks and reflections are closer to the dot than another dot can be.
+  size_t num_neighbours = 12;     // More than the eight around a dot, because marks of other objects may be among them.
+  size_t num_first = 4;           // The first direction leads to one of this many nearest neighbours.
+  double min_length_ratio = 0.7;  // Lengths of the two directions, in units of the outline.
+  double max_length_ratio = 1.45;
+  double min_sine = 0.8;    // Sine of the angle between them.
+  double agreement = 0.25;  // Distance from an expected dot within which one agrees, in spacings.
+  double centre = 0.2;      // Distance from the centre of a mesh within which a dot shows that it has one.
+};
+constexpr LatticeSeedLimits kSeedLimits;
+
 // Finds the two directions of the lattice at a dot. The dot's own shape undoes the tilt: in units of its outline, the
 // two are approximately equally long and orthogonal.
 bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double max_size_ratio, int dot, Seed* seed) {
   const Ellipse& ellipse = dots[dot];
-  const double reach_px = 9 * ellipse.SemiAxesPx().x();
+  const double reach_px = kSeedLimits.reach * ellipse.SemiAxesPx().x();
   struct Neighbour {
     int dot;
     double distance;
@@ -84,22 +99,21 @@ bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double ma
     if (other == dot) continue;
     if (!AreAlike(ellipse, dots[other], max_size_ratio)) continue;
     const Eigen::Vector2d offset = units_from_px * (dots[other].centre_px - ellipse.centre_px);
-    if (offset.norm() < 1.5) continue;
+    if (offset.norm() < kSeedLimits.min_distance) continue;
     neighbours.push_back({other, offset.norm(), offset});
   }
   std::sort(neighbours.begin(), neighbours.end(),
             [](const Neighbour& a, const Neighbour& b) { return a.distance < b.distance; });
-  constexpr size_t kMaxNeighbours = 12;
-  if (neighbours.size() > kMaxNeighbours) neighbours.resize(kMaxNeighbours);
+  if (neighbours.size() > kSeedLimits.num_neighbours) neighbours.resize(kSeedLimits.num_neighbours);
   bool found = false;
-  for (size_t a = 0; a < std::min<size_t>(neighbours.size(), 4); ++a) {
+  for (size_t a = 0; a < std::min(neighbours.size(), kSeedLimits.num_first); ++a) {
     for (size_t b = 0; b < neighbours.size(); ++b) {
       const Eigen::Vector2d& offset_i = neighbours[a].offset;
       const Eigen::Vector2d& offset_j = neighbours[b].offset;
       const double length_ratio = offset_j.norm() / offset_i.norm();
-      if (length_ratio < 0.7 || length_ratio > 1.45) continue;
+      if (length_ratio < kSeedLimits.min_length_ratio || length_ratio > kSeedLimits.max_length_ratio) continue;
       const double sine = Cross(offset_i, offset_j) / (offset_i.norm() * offset_j.norm());
-      if (sine < 0.8) continue;
+      if (sine < kSeedLimits.min_sine) continue;
       Seed candidate{dot, dots[neighbours[a].dot].centre_px - ellipse.centre_px,
                      dots[neighbours[b].dot].centre_px - ellipse.centre_px, 0, 0};
       const double spacing_px = std::min(candidate.i_px.norm(), candidate.j_px.norm());
@@ -108,12 +122,12 @@ bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double ma
         for (int j = -1; j <= 1; ++j) {
           if (i == 0 && j == 0) continue;
           const Eigen::Vector2d expected = i * candidate.i_px + j * candidate.j_px;
-          double nearest = 0.25 * spacing_px;
+          double nearest = kSeedLimits.agreement * spacing_px;
           for (const Neighbour& neighbour : neighbours) {
             const double off = (dots[neighbour.dot].centre_px - ellipse.centre_px - expected).norm();
             nearest = std::min(nearest, off);
           }
-          candidate.num_agreeing += nearest < 0.25 * spacing_px ? 1 : 0;
+          candidate.num_agreeing += nearest < kSeedLimits.agreement * spacing_px ? 1 : 0;
           candidate.spread += nearest / spacing_px;
         }
       }
@@ -122,7 +136,8 @@ bool FindSeed(const std::vector<Ellipse>& dots, const DotIndex& index, double ma
         const Eigen::Vector2d offset = dots[neighbour.dot].centre_px - ellipse.centre_px;
         for (const double si : {-0.5, 0.5}) {
           for (const double sj : {-0.5, 0.5}) {
-            if ((offset - si * candidate.i_px - sj * candidate.j_px).norm() < 0.2 * spacing_px) has_closer = true;
+            if ((offset - si * candidate.i_px - sj * candidate.j_px).norm() < kSeedLimits.centre * spacing_px)
+              has_closer = true;
           }
         }
       }

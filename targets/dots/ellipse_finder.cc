@@ -262,30 +262,49 @@ std::optional<OutlineFit> FitMost(const std::vector<cv::Point>& points, const El
   }
 }
 
+// The limits on an area of light pixels that may be a dot, in pixels of its level.
+struct CandidateLimits {
+  // A level covers the dots that neither the previous nor the next one shows better, with a wide overlap.
+  double min_size_px = 10;
+  double max_size_px = 64;
+  // Share of the bounding box: an ellipse fills 0.79. Holes caused by glare or dirt are not counted in the area, and
+  // are filled for its outline.
+  double min_box_share = 0.15;
+  double min_outline_share = 0.3;
+  double max_outline_ratio = 2.6;  // Points of the outline by the box's width + height; a smooth outline has 1.6 to 2.
+  size_t min_outline_points = 6;   // A conic has five parameters.
+  // The area of the pixels agrees with that of the ellipse up to a share, and a rim of this width.
+  double area_share = 0.08;
+  double area_rim_px = 0.7;
+  // The step between dot and paper must be present all around: at this share of the rays, by this share of its median.
+  double min_step_ratio = 0.25;
+  double min_rays_ratio = 0.8;
+  double roughness_weight = 5;  // How much a rough outline reduces the weight of a candidate against its copies.
+};
+constexpr CandidateLimits kCandidate;
+
 // Adds the areas of the pixels of `level` above `threshold` as candidates, in pixels of the full image `grey` (light
 // dots). `level` is that image reduced by the factor `scale`; `is_last` tells that there is no further reduction.
 void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int scale, bool is_last,
                    const EllipseFinderOptions& options, std::vector<Candidate>* candidates) {
-  // A level of the pyramid covers the dots that neither the previous nor the next one shows better, with a wide
-  // overlap.
-  const double min_px = scale == 1 ? options.min_diameter_px : 10.0 * scale;
-  const double max_px = std::min(options.max_diameter_px + 2, is_last ? 1e9 : 64.0 * scale);
+  const double min_px = scale == 1 ? options.min_diameter_px : kCandidate.min_size_px * scale;
+  const double max_px = std::min(options.max_diameter_px + 2, is_last ? 1e9 : kCandidate.max_size_px * scale);
   const std::vector<LightArea> areas = FindLightAreas(level, threshold, static_cast<int>(std::ceil(min_px / scale)),
                                                       static_cast<int>(std::floor(max_px / scale)));
   std::vector<cv::Point> outline;
   for (const LightArea& area : areas) {
     const double box_area = area.box.width * area.box.height;
-    // The threshold is low because the number of pixels excludes holes caused by glare or dirt.
-    if (area.num_pixels < 0.15 * box_area) continue;
+    if (area.num_pixels < kCandidate.min_box_share * box_area) continue;
     const double long_side = std::max(area.box.width, area.box.height);
     const double short_side = std::min(area.box.width, area.box.height);
     if (long_side > options.max_axis_ratio * (short_side + 1.5)) continue;
-    const auto most_points = static_cast<size_t>(2.6 * (area.box.width + area.box.height));
-    if (!TraceOutline(level, threshold, area.first, most_points, &outline) || outline.size() < 6) continue;
+    const auto most_points = static_cast<size_t>(kCandidate.max_outline_ratio * (area.box.width + area.box.height));
+    if (!TraceOutline(level, threshold, area.first, most_points, &outline)) continue;
+    if (outline.size() < kCandidate.min_outline_points) continue;
     const std::optional<MomentEllipse> moments = FitMoments(outline);
     if (!moments) continue;
     const double num_pixels = moments->area_px2 + 0.5 * static_cast<double>(outline.size()) + 1;  // Pick's theorem.
-    if (num_pixels < 0.3 * box_area) continue;
+    if (num_pixels < kCandidate.min_outline_share * box_area) continue;
     const size_t num_points = outline.size();
     const bool has_spare_points = num_points >= kMinPointsToSpare;
     // Noise or glare may have removed a part of the dot, and a line may lead to it.
@@ -313,7 +332,7 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
     const Eigen::Vector2d axes = fit.ellipse.SemiAxesPx();
     if (2 * axes.y() * scale < options.min_diameter_px || 2 * axes.x() * scale > options.max_diameter_px) continue;
     if (axes.x() > options.max_axis_ratio * axes.y()) continue;
-    const double area_tolerance = 0.08 + 0.7 / axes.y();
+    const double area_tolerance = kCandidate.area_share + kCandidate.area_rim_px / axes.y();
     if (std::abs(num_pixels / (kPi * axes.x() * axes.y()) - 1) > area_tolerance) continue;
     Ellipse ellipse = fit.ellipse;
 
@@ -328,12 +347,13 @@ void AddCandidates(const cv::Mat& grey, const cv::Mat& level, int threshold, int
     const Rays rays = SampleRays(grey, ellipse);
     const double contrast = MiddleOf(rays.inside) - MiddleOf(rays.outside);
     if (contrast < options.min_contrast_grey) continue;
-    // The step must be present all around.
     int num_steps = 0;
-    for (int i = 0; i < Rays::kNumRays; ++i) num_steps += rays.inside[i] - rays.outside[i] > 0.25 * contrast ? 1 : 0;
-    if (num_steps < 0.8 * Rays::kNumRays) continue;
+    for (int i = 0; i < Rays::kNumRays; ++i) {
+      num_steps += rays.inside[i] - rays.outside[i] > kCandidate.min_step_ratio * contrast ? 1 : 0;
+    }
+    if (num_steps < kCandidate.min_rays_ratio * Rays::kNumRays) continue;
     const double relative_roughness = fit.roughness_px / radius;
-    candidates->push_back({{ellipse, contrast}, contrast / (1 + 5 * relative_roughness)});
+    candidates->push_back({{ellipse, contrast}, contrast / (1 + kCandidate.roughness_weight * relative_roughness)});
   }
 }
 

@@ -558,6 +558,45 @@ std::optional<RingReading> RingDecoder::ReadWord(const cv::Mat& grey, const Refi
   return best;
 }
 
+namespace {
+
+// The limits on the fit of a ring. Residuals are ratios to the contrast of the dot. Blur hides the shape of small
+// rings, so that each limit grows with the inverse of the dot's minor semi-axis, in 1 / px.
+struct RingLimits {
+  double rms;  // RMS of all residuals; the second number multiplies the inverse, the third the residual of the dot.
+  double rms_per_inverse_px;
+  double rms_per_dot_residual;
+  double sector;  // Mean residual over the worst sector, or over the worst eighth of the gap or the quiet zone.
+  double sector_per_inverse_px;
+  double scale_error;  // Difference between the sizes of the ring and of the design, as a ratio.
+  double scale_error_per_inverse_px;
+
+  bool Holds(const RingFit::Residuals& residuals, double ring_scale_error, double inverse_px,
+             double dot_residual) const {
+    const double sector_limit = sector + sector_per_inverse_px * inverse_px;
+    return residuals.rms <= rms + rms_per_inverse_px * inverse_px + rms_per_dot_residual * dot_residual &&
+           residuals.worst_sector <= sector_limit && residuals.worst_blank <= sector_limit &&
+           ring_scale_error <= scale_error + scale_error_per_inverse_px * inverse_px;
+  }
+};
+
+// A ring beyond these limits is another object: stains, letters and other programs' codes stay outside of them.
+constexpr RingLimits kAcceptedRing = {0.15, 0, 0, 0.25, 0, 0.05, 0.3};
+// Clear rings are trusted without neighbours. The limits are about three times the values of true rings in rendered
+// images.
+constexpr RingLimits kClearRing = {0.015, 0.1, 1.5, 0.06, 0.2, 0.01, 0.1};
+// The dots of clear rings have a minor semi-axis of more than 4 px.
+constexpr double kMaxClearInversePx = 0.25;
+// The boost of the ring's homography may exceed the largest boost that the pose allows by noise.
+constexpr double kMaxBoostRatio = 1.5;
+constexpr double kMaxBoostExcess = 0.02;
+constexpr double kMaxBoostExcessPx = 0.05;
+// Ring and dot are printed with the same ink, so their contrasts agree up to uneven light and blur.
+constexpr double kMinStepRatio = 0.6;
+constexpr double kMaxStepRatio = 1.6;
+
+}  // namespace
+
 std::optional<RingReading> RingDecoder::ReadAs(const cv::Mat& grey, const RefinedEllipse& dot, const Guess& guess,
                                                double max_boost, bool is_small) const {
   RingReading reading;
@@ -578,20 +617,19 @@ std::optional<RingReading> RingDecoder::ReadAs(const cv::Mat& grey, const Refine
     if (!fit.Fit()) return std::nullopt;
   }
   const RingFit::Residuals residuals = fit.Judge();
-  const double small_px = 1 / reading.dot.ellipse.SemiAxesPx().y();
+  const double inverse_px = 1 / reading.dot.ellipse.SemiAxesPx().y();
   const RingFit::Parameters& x = fit.x();
   const double step_ratio = x[kRingStep] / reading.dot.contrast_grey;
-  if (!residuals.is_complete || residuals.rms > 0.15 || residuals.worst_sector > 0.25 || residuals.worst_blank > 0.25 ||
-      std::abs(x[kRingScale] - 1) > 0.05 + 0.3 * small_px ||
-      x.head<2>().norm() > 1.5 * max_boost + 0.02 + 0.05 * small_px || step_ratio < 0.6 || step_ratio > 1.6) {
+  const double scale_error = std::abs(x[kRingScale] - 1);
+  const double boost_limit = kMaxBoostRatio * max_boost + kMaxBoostExcess + kMaxBoostExcessPx * inverse_px;
+  if (!residuals.is_complete || !kAcceptedRing.Holds(residuals, scale_error, inverse_px, reading.dot.residual_ratio) ||
+      !(x.head<2>().norm() <= boost_limit) || !(step_ratio >= kMinStepRatio && step_ratio <= kMaxStepRatio)) {
     return std::nullopt;
   }
   reading.pixel_from_ring = fit.PixelFromRing(x) * Turn(2 * kPi * rotations_[guess.word] / bits_);
   reading.residual_ratio = residuals.rms;
-  // The limits are about three times the values of true rings in rendered images.
-  reading.is_clear = small_px < 0.25 && residuals.rms < 1.5 * reading.dot.residual_ratio + 0.015 + 0.1 * small_px &&
-                     residuals.worst_sector < 0.06 + 0.2 * small_px && residuals.worst_blank < 0.06 + 0.2 * small_px &&
-                     std::abs(x[kRingScale] - 1) < 0.01 + 0.1 * small_px;
+  reading.is_clear = inverse_px < kMaxClearInversePx &&
+                     kClearRing.Holds(residuals, scale_error, inverse_px, reading.dot.residual_ratio);
   return reading;
 }
 

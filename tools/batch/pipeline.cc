@@ -49,7 +49,7 @@ bool IsAtLeastAsGood(const Calibration& second, const Calibration& first) {
 // Searches again for missing points at the positions that the calibration predicts. Returns whether anything changed.
 bool RedetectMissing(const RunConfig& config, const Calibration& calibration, int num_threads, Verbosity verbosity,
                      std::vector<CaptureDetection>* detections) {
-  // A target with symmetries has no ids and is detected completely or not at all.
+  // A target with symmetries has no ids that a second pass could complete.
   if (config.target->Symmetries().size() > 1 || !config.given_detections.empty()) return false;
   const Solution& solution = *calibration.refined;
   const std::optional<SquaredErrors> errors =

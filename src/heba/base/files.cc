@@ -92,7 +92,8 @@ void WriteFileAtomically(const fs::path& path, std::string_view content) {
     throw InputError(path.string() + ": is not a regular file, and is not replaced");
   }
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
-  const fs::path temporary = path.parent_path() / fs::path(".").concat(path.filename().string() + ".part-" + RandomName());
+  const fs::path temporary =
+      path.parent_path() / fs::path(".").concat(path.filename().string() + ".part-" + RandomName());
   constexpr mode_t kMode = 0666;
   // An unnamed file disappears if the program is interrupted.
   const Descriptor unnamed(open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kMode));
