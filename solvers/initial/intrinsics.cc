@@ -126,7 +126,7 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
   options.has_eliminated_pose = true;
   std::vector<CaptureTerm> captures;
   for (const PosedView& entry : *posed) {
-    captures.push_back({&entry.view->observations, MakeFreePoseChain(), entry.camera_from_target});
+    captures.push_back({&entry.view->observations, MakeFreePoseLoop(), entry.camera_from_target});
   }
   CapturesCost cost(model, std::move(captures), options);
   ceres::Problem::Options problem_options;

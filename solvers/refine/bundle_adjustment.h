@@ -1,5 +1,5 @@
 // Bundle adjustment: refines hand-eye pose, board pose and camera intrinsics jointly, by minimising the whitened
-// reprojection error of every point in every view.
+// reprojection error of every point in every view. docs/estimation.md derives the cost and the covariance.
 #pragma once
 
 #include <optional>

@@ -9,7 +9,7 @@
 // A capture may have a pose of its own (the robot's correction, or the pose of the target). It is eliminated from the
 // normal equations before they are summed (Schur complement), so that cost and memory grow linearly with the number
 // of captures, and Ceres does not see it. When Ceres evaluates other values of the shared unknowns, the eliminated
-// pose follows according to its linearisation.
+// pose follows according to its linearisation. Equations (6) to (9) of docs/estimation.md.
 #pragma once
 
 #include <memory>

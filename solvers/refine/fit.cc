@@ -83,7 +83,7 @@ std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const PoseGroups&
   if (options.has_eliminated_pose) {
     for (const std::vector<size_t>& group : groups) {
       const auto chain_of = [&](size_t i) {
-        return MakeCorrectedChain(problem.setup, problem.views[i].camera_mount_from_target_mount);
+        return MakeCorrectedLoop(problem.setup, problem.views[i].camera_mount_from_target_mount);
       };
       const size_t first = group.front();
       CaptureTerm& term = captures.emplace_back(&problem.views[first].observations, chain_of(first),
@@ -94,7 +94,7 @@ std::unique_ptr<CapturesCost> MakeCost(const Problem& problem, const PoseGroups&
     }
   } else {
     for (const View& view : problem.views) {
-      captures.emplace_back(&view.observations, MakeHandEyeChain(view.camera_mount_from_target_mount));
+      captures.emplace_back(&view.observations, MakeHandEyeLoop(view.camera_mount_from_target_mount));
     }
   }
   return std::make_unique<CapturesCost>(model, std::move(captures), std::move(options));

@@ -56,14 +56,14 @@ class FreePoseChain final : public KinematicLoop {
 
 }  // namespace
 
-std::unique_ptr<KinematicLoop> MakeHandEyeChain(const Rigid3d& camera_mount_from_target_mount) {
+std::unique_ptr<KinematicLoop> MakeHandEyeLoop(const Rigid3d& camera_mount_from_target_mount) {
   return std::make_unique<HandEyeChain>(camera_mount_from_target_mount);
 }
 
-std::unique_ptr<KinematicLoop> MakeCorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount) {
+std::unique_ptr<KinematicLoop> MakeCorrectedLoop(Setup setup, const Rigid3d& camera_mount_from_target_mount) {
   return std::make_unique<CorrectedChain>(setup, camera_mount_from_target_mount);
 }
 
-std::unique_ptr<KinematicLoop> MakeFreePoseChain() { return std::make_unique<FreePoseChain>(); }
+std::unique_ptr<KinematicLoop> MakeFreePoseLoop() { return std::make_unique<FreePoseChain>(); }
 
 }  // namespace heba

@@ -1,4 +1,5 @@
-// Kinematic loops: from the unknown poses of a refinement to the pose of the target in a capture's camera.
+// Kinematic loops: from the unknown poses of a refinement to the pose of the target in a capture's camera: equations
+// (1) and (2) of docs/estimation.md.
 #pragma once
 
 #include <memory>
@@ -19,11 +20,11 @@ struct KinematicLoop {
 };
 
 // Blocks: camera_mount_from_camera, target_mount_from_target.
-std::unique_ptr<KinematicLoop> MakeHandEyeChain(const Rigid3d& camera_mount_from_target_mount);
+std::unique_ptr<KinematicLoop> MakeHandEyeLoop(const Rigid3d& camera_mount_from_target_mount);
 // Blocks: camera_mount_from_camera, target_mount_from_target, the capture's correction
 // (solvers/uncertainty/robot_noise.h).
-std::unique_ptr<KinematicLoop> MakeCorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount);
+std::unique_ptr<KinematicLoop> MakeCorrectedLoop(Setup setup, const Rigid3d& camera_mount_from_target_mount);
 // Block: camera_from_target.
-std::unique_ptr<KinematicLoop> MakeFreePoseChain();
+std::unique_ptr<KinematicLoop> MakeFreePoseLoop();
 
 }  // namespace heba

@@ -38,7 +38,7 @@ Tangent6 Misclosure(const Rigid3d& predicted, const Rigid3d& seen, Matrix6* by_l
 class ChainCost final : public ceres::SizedCostFunction<6, 7, 7> {
  public:
   ChainCost(const PosePair& pair, const Matrix6& whitening)
-      : chain_(MakeHandEyeChain(pair.camera_mount_from_target_mount)),
+      : chain_(MakeHandEyeLoop(pair.camera_mount_from_target_mount)),
         camera_from_target_(pair.camera_from_target),
         whitening_(whitening) {}
 

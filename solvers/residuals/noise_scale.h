@@ -1,4 +1,5 @@
-// Estimation of the pixel noise from residuals, and weighting of points by their covariances.
+// Estimation of the pixel noise from residuals, and weighting of points by their covariances: equation (5)
+// of docs/estimation.md.
 #pragma once
 
 #include <optional>

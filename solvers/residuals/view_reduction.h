@@ -4,7 +4,7 @@
 // and target shape. With J = [d r / d pose, d r / d camera, d r / d shape, r], any R with R^T R = J^T J has the same
 // cost, gradient and Gauss-Newton matrix as all rows of the view. R is a Cholesky factor of J^T J and has at most one
 // row more than there are unknowns. J^T J is accumulated in one pass over the points, several points at once
-// (heba/kernels/gram_matrix.h).
+// (heba/kernels/gram_matrix.h). Equation (7) of docs/estimation.md.
 #pragma once
 
 #include <optional>

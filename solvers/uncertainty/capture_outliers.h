@@ -1,5 +1,5 @@
 // Detection of captures that contradict the others: an image paired with the wrong pose, a mistyped pose, a robot
-// that had not settled, a target that was read wrongly.
+// that had not settled, a target that was read wrongly. Equation (13) of docs/estimation.md.
 #pragma once
 
 #include <vector>

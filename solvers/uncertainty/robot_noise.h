@@ -4,7 +4,7 @@
 //   camera_from_target = camera_from_camera_mount * M_i * Exp(xi_i) * target_mount_from_target   (eye-to-hand)
 //   camera_from_target = camera_from_camera_mount * Exp(-xi_i) * M_i * target_mount_from_target  (eye-in-hand)
 // with M_i = camera_mount_from_target_mount as reported by the robot and xi_i its error, expressed in the gripper's
-// frame.
+// frame. Equations (1) to (3), (10) and (12) of docs/estimation.md.
 #pragma once
 
 #include <vector>

@@ -1,4 +1,4 @@
-// Estimation of the variances of pixels and robot from the residuals.
+// Estimation of the variances of pixels and robot from the residuals: equation (11) of docs/estimation.md.
 #pragma once
 
 #include <vector>

@@ -55,7 +55,7 @@ std::unique_ptr<CapturesCost> MakeCost(const TestScene& scene, const std::string
   for (const View& view : scene.views) {
     const Rigid3d& mount = view.camera_mount_from_target_mount;
     captures.push_back({&view.observations,
-                        has_corrections ? MakeCorrectedChain(Setup::kEyeToHand, mount) : MakeHandEyeChain(mount),
+                        has_corrections ? MakeCorrectedLoop(Setup::kEyeToHand, mount) : MakeHandEyeLoop(mount),
                         Rigid3d()});
   }
   return std::make_unique<CapturesCost>(scene.camera.Model(), std::move(captures), options);
@@ -233,7 +233,7 @@ NormalEquations ChainedProducts(const TestScene& scene, const std::string& loss,
   for (const View& view : scene.views) {
     std::vector<Matrix6> chains;
     const Rigid3d camera_from_target =
-        MakeHandEyeChain(view.camera_mount_from_target_mount)->Evaluate(blocks.data(), &chains);
+        MakeHandEyeLoop(view.camera_mount_from_target_mount)->Evaluate(blocks.data(), &chains);
     ViewNormalEquations products;
     EXPECT_TRUE(reducer.Multiply(at.params.data(), camera_from_target, view.observations, shape, &products));
     Eigen::MatrixXd chain = Eigen::MatrixXd::Zero(products.matrix.cols(), sum.matrix.cols());
