@@ -1,0 +1,89 @@
+#include "tools/config/run_config.h"
+
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/input_error.h"
+#include "tests/support/temp_folder.h"
+
+namespace heba {
+namespace {
+using ::testing::HasSubstr;
+
+// A data set of two poses, whose images are never opened here.
+class RunConfigTest : public testing::Test {
+ protected:
+  RunConfigTest() {
+    std::filesystem::create_directory(folder_ / "images");
+    Write("images/a.png", "x");
+    Write("images/b.png", "x");
+    Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\na.png,0,0,1,0,0,0,1\nb.png,0.1,0,1,0,0,0,1\n");
+    Write("cell.yaml", kCell);
+  }
+  void Write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
+  RunConfig Read(const std::string& name, const std::vector<std::string>& settings = {}) const {
+    return ReadRunConfig(folder_ / name, settings);
+  }
+  std::string ErrorOf(const std::string& text) const {
+    Write("wrong.yaml", text);
+    return InputErrorOf([&] { Read("wrong.yaml"); });
+  }
+
+  static constexpr const char* kCell =
+      "setup: eye_in_hand\n"
+      "target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}\n"
+      "captures: {images: images, poses: poses.csv, pose_format: ros}\n";
+  TempFolder folder_;
+};
+
+TEST_F(RunConfigTest, FillsInDefaults) {
+  const RunConfig config = Read("cell.yaml");
+  EXPECT_EQ(config.name, "cell");
+  EXPECT_EQ(config.setup, Setup::kEyeInHand);
+  EXPECT_EQ(config.captures.size(), 2u);
+  EXPECT_EQ(config.bundle.loss, "truncated");
+  EXPECT_TRUE(config.choose.robot_noise);
+  EXPECT_TRUE(config.choose.target_shape);
+  EXPECT_TRUE(config.choose_camera_model);
+  EXPECT_EQ(config.folds, 5);
+  EXPECT_FALSE(config.camera.has_value());
+}
+
+// The config as used states every default: reading it again gives the same config.
+TEST_F(RunConfigTest, ConfigAsUsedIsAFixedPoint) {
+  const RunConfig config = Read("cell.yaml");
+  Write("used.yaml", config.used);
+  EXPECT_EQ(Read("used.yaml").used, config.used);
+}
+
+TEST_F(RunConfigTest, SettingsCountMoreThanTheFileAndItsBase) {
+  Write("next.yaml", "base: cell.yaml\nrefine: {loss: huber}\nevaluate: {folds: 3}\n");
+  EXPECT_EQ(Read("next.yaml").bundle.loss, "huber");
+  const RunConfig config = Read("next.yaml", {"refine.loss=cauchy", "refine.robot_noise=none"});
+  EXPECT_EQ(config.bundle.loss, "cauchy");
+  EXPECT_EQ(config.folds, 3);
+  EXPECT_FALSE(config.choose.robot_noise);
+}
+
+TEST_F(RunConfigTest, LeavesExcludedAndMissingImagesOut) {
+  Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\na.png,0,0,1,0,0,0,1\nb.png,0.1,0,1,0,0,0,1\ngone.png,0,0,1,0,0,0,1\n");
+  Write("some.yaml", "base: cell.yaml\ncaptures: {exclude: [b.png]}\n");
+  const RunConfig config = Read("some.yaml");
+  ASSERT_EQ(config.captures.size(), 1u);
+  EXPECT_EQ(config.captures[0].name, "a.png");
+  EXPECT_EQ(config.left_out.size(), 2u);
+}
+
+TEST_F(RunConfigTest, FaultsNameTheLineAndTheKey) {
+  const std::string unknown = ErrorOf(std::string(kCell) + "refne: {}\n");
+  EXPECT_THAT(unknown, HasSubstr("wrong.yaml:4: refne"));
+  EXPECT_THAT(unknown, HasSubstr("did you mean 'refine'"));
+  EXPECT_THAT(ErrorOf(std::string(kCell) + "seed: tsay\n"), HasSubstr("did you mean 'tsai'"));
+  EXPECT_THAT(ErrorOf(std::string(kCell) + "evaluate: {folds: 1}\n"), HasSubstr("evaluate.folds"));
+  EXPECT_THAT(ErrorOf("target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}\n"), HasSubstr("setup"));
+}
+
+}  // namespace
+}  // namespace heba
