@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # From a fresh Debian 12 machine to a calibration: installs what is missing, builds heba, renders the sample data set and
-# calibrates from its pictures. Needs root or sudo for the packages.
+# calibrates from its images. Needs root or sudo for the packages.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -14,5 +14,5 @@ heba=build/release/heba
 "$heba" detect sample/data/config.yaml --out sample/detections --quiet
 
 echo
-echo "The pictures are in sample/data/images, the result is sample/run/result.json,"
-echo "what was found in each picture is drawn in sample/detections/overlays."
+echo "The images are in sample/data/images, the result is sample/run/result.json,"
+echo "the detections are drawn into the images in sample/detections/overlays."

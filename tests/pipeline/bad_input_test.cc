@@ -178,7 +178,7 @@ std::vector<BadInput> BadInputs() {
        Write("images/002.png", std::string(128, '\0') + "DICM" + std::string(60, '\2')),
        {"002.png", "PNG, JPEG"}},
       {"TiffThatClaimsToBeHuge", Write("images/002.png", HugeTiff()), {"002.png", "400 million pixels"}},
-      {"NotAnImage", Write("images/002.png", "this is no picture"), {"002.png", "not a picture"}},
+      {"NotAnImage", Write("images/002.png", "this is no image"), {"002.png", "not a image"}},
       {"PoseRowWithAMissingNumber", SetPose(2, 3, ""), {"poses.csv:4", "z"}},
       {"PoseRowWithTooFewFields", Replace("poses.csv", "003.png,", "003.png\n#"), {"poses.csv:5"}},
       {"PoseRowWithText", SetPose(1, 2, "abc"), {"poses.csv:3", "abc"}},
@@ -199,7 +199,7 @@ std::vector<BadInput> BadInputs() {
       {"UnknownPoseColumn", Replace("poses.csv", "qw", "qv"), {"poses.csv:1", "qv", "qw"}},
       {"CountsThatDisagreeWithoutImageColumn",
        Write("poses.csv", "x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0,0,0,0,0,0,1\n"),
-       {"poses.csv", "2 rows", "6 pictures"}},
+       {"poses.csv", "2 rows", "6 images"}},
       {"TextInUtf16", Write("config.yaml", std::string("s\0e\0t\0u\0p\0:\0", 12)), {"config.yaml", "UTF-8"}},
       {"NameOfTwoLines", Replace("config.yaml", "setup:", "name: \"a\\nb\"\nsetup:"), {"name", "cannot name a folder"}},
       {"NameThatIsTooLong",
@@ -396,7 +396,7 @@ INSTANTIATE_TEST_SUITE_P(All, BadInputTableTest, testing::ValuesIn(BadInputs()),
 TEST_F(BadInputTest, ReportsAnEmptyImagesFolder) {
   fs::remove_all(folder_ / "images");
   fs::create_directory(folder_ / "images");
-  ExpectError(2, {"captures.images", "no pictures"});
+  ExpectError(2, {"captures.images", "no images"});
 }
 TEST_F(BadInputTest, ReportsATruncatedPng) {
   const std::string bytes = ReadAll(folder_ / "images" / "002.png");
@@ -417,7 +417,7 @@ TEST_F(BadInputTest, ReportsImagesOfDifferentSizes) {
 TEST_F(BadInputTest, ReportsATargetThatIsNeverSeen) {
   WriteAll(folder_ / "target.yaml",
            "type: charuco\nrows: 5\ncolumns: 7\nsquare: 20 mm\nmarker: 15 mm\ndictionary: DICT_4X4_50\n");
-  ExpectError(1, {"config.yaml", "not seen in any of the 6 pictures"});
+  ExpectError(1, {"config.yaml", "not seen in any of the 6 images"});
 }
 TEST_F(BadInputTest, ReportsTooFewCaptures) {
   std::istringstream lines(ReadAll(folder_ / "poses.csv"));
@@ -516,7 +516,7 @@ TEST_F(BadInputTest, DoesNotDecodeAnImageOfAnotherSize) {
   other[18] = 0x4e;  // The width becomes 20,000.
   other[19] = 0x20;
   WriteAll(folder_ / "images/003.png", other);
-  ExpectError(2, {"003.png: is 20", "all pictures must come from one camera at one resolution"});
+  ExpectError(2, {"003.png: is 20", "all images must come from one camera at one resolution"});
 }
 
 // libpng writes its own warnings to standard error, here about a checksum that does not matter.
@@ -771,7 +771,7 @@ TEST(CommandLineTest, WrongCallsPrintOneLineAndExitWithStatus2) {
       {"export to an unknown form", {"export", "no/such", "--to", "kuke"}, "did you mean 'kuka'?"},
       {"export of all forms to nowhere", {"export", "no/such", "--to", "all"}, "no such file"},
       {"cache without a word", {"cache"}, "takes show|clear"},
-      {"locate without a picture", {"locate", "no/such"}, "takes RUN_DIR IMAGE..."},
+      {"locate without a image", {"locate", "no/such"}, "takes RUN_DIR IMAGE..."},
       {"locate in nothing", {"locate", "no/such", "a.png"}, "no such file"},
       {"sheet without --out", {"target", "x.yaml"}, "needs --out"},
   };

@@ -57,7 +57,7 @@ TEST_F(OtherDataTest, PosesOfTheTargetGiveAHandEyePose) {
   WritePairs([](size_t i) { return i; });
   const CommandResult result = Run();
   EXPECT_EQ(result.status, 0) << result.err;
-  EXPECT_THAT(ReadAll(folder_ / "run" / "result.json"), HasSubstr("bundle adjustment needs pictures or corners"));
+  EXPECT_THAT(ReadAll(folder_ / "run" / "result.json"), HasSubstr("bundle adjustment needs images or corners"));
   EXPECT_TRUE(fs::exists(folder_ / "run" / "report.html"));
   // Formats without a camera can be exported; those with a camera are refused with a message.
   EXPECT_EQ(RunHeba({"export", Path("run"), "--to", "urdf", "--method", "chain"}).status, 0);
@@ -67,7 +67,7 @@ TEST_F(OtherDataTest, PosesOfTheTargetGiveAHandEyePose) {
     EXPECT_THAT(refused.err, HasSubstr("has no camera")) << form;
   }
   EXPECT_THAT(RunHeba({"locate", Path("run"), "a.png"}).err, HasSubstr("no refined estimate"));
-  EXPECT_THAT(RunHeba({"detect", Path("config.yaml")}).err, HasSubstr("has no picture"));
+  EXPECT_THAT(RunHeba({"detect", Path("config.yaml")}).err, HasSubstr("has no image"));
 }
 
 TEST_F(OtherDataTest, FailsForUnrelatedPoses) {

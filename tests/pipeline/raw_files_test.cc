@@ -117,7 +117,7 @@ TEST_F(RawFilesTest, HeaderlessAndSeparatePoseFilesGiveTheSameResult) {
 TEST_F(RawFilesTest, SkipsARemovedImageWithANote) {
   fs::remove(folder_ / "images" / "007.png");
   EXPECT_THAT(UnusedOf(Run({})), testing::ElementsAre("007.png: the image is not among those of captures.images"));
-  EXPECT_THAT(ReadAll(folder_ / "run" / "log.txt"), HasSubstr("without 007.png: the picture is not among those"));
+  EXPECT_THAT(ReadAll(folder_ / "run" / "log.txt"), HasSubstr("without 007.png: the image is not among those"));
 }
 
 // A misspelt name is an error, and the suggestion is an image without a pose.
@@ -128,7 +128,7 @@ TEST_F(RawFilesTest, RefusesAMisspeltImageName) {
   const CommandResult run = Heba({"run", (folder_ / "config.yaml").string(), "--out", (folder_ / "run").string()});
   EXPECT_EQ(run.status, 2);
   EXPECT_THAT(run.err,
-              AllOf(HasSubstr("poses.csv:5: the picture 03.png is not among"), HasSubstr("did you mean '003.png'?")));
+              AllOf(HasSubstr("poses.csv:5: the image 03.png is not among"), HasSubstr("did you mean '003.png'?")));
 }
 
 TEST_F(RawFilesTest, OmitsExcludedCaptures) {
@@ -156,7 +156,7 @@ TEST_F(RawFilesTest, DoctorGuessesTheFormatOfUndescribedPoses) {
         Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set", Setting("bare.txt")});
     EXPECT_EQ(doctor.status, 0) << doctor.err;
     EXPECT_THAT(doctor.out,
-                AllOf(HasSubstr("wrong [pose_format]"), HasSubstr("fit the pictures"), HasSubstr(given.reading)))
+                AllOf(HasSubstr("wrong [pose_format]"), HasSubstr("fit the images"), HasSubstr(given.reading)))
         << given.format;
     // The suggested setting removes the error.
     const size_t begin = doctor.out.find("captures.pose_format: ") + 22;
@@ -215,7 +215,7 @@ TEST_F(RawFilesTest, DoctorFindsOtherPoseOrders) {
     WriteAll(folder_ / name, content);
     const CommandResult doctor =
         Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set", Setting(name)});
-    EXPECT_THAT(doctor.out, HasSubstr("fit the pictures")) << name << doctor.err;
+    EXPECT_THAT(doctor.out, HasSubstr("fit the images")) << name << doctor.err;
     const std::string out = Unbroken(doctor.out);
     const size_t begin = out.find("captures.pose_format: ") + 22;
     const std::string cure = out.substr(begin, out.find('}', begin) + 1 - begin);
@@ -249,7 +249,7 @@ TEST_F(RawFilesTest, ImportReadsPosesWithATime) {
   const CommandResult import =
       Heba({"import", bare.string(), "--target", (folder_ / "target.yaml").string(), "--out", out.string()});
   EXPECT_EQ(import.status, 0) << import.err;
-  EXPECT_THAT(Unbroken(import.out), HasSubstr("which fit the pictures"));
+  EXPECT_THAT(Unbroken(import.out), HasSubstr("which fit the images"));
   EXPECT_EQ(Heba({"run", (out / "config.yaml").string(), "--quiet"}).status, 0);
 }
 
@@ -315,7 +315,7 @@ TEST_F(RawFilesTest, ImportReadsABareFolder) {
   fs::remove(bare / "robot.txt");
   const CommandResult nothing = Heba({"import", bare.string(), "--out", (folder_ / "nothing").string()});
   EXPECT_EQ(nothing.status, 2);
-  EXPECT_THAT(nothing.err, HasSubstr("nor a folder of pictures with a table of poses"));
+  EXPECT_THAT(nothing.err, HasSubstr("nor a folder of images with a table of poses"));
 }
 
 }  // namespace

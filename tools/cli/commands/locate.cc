@@ -71,7 +71,7 @@ std::string SigmasMm(const Eigen::Matrix3d& covariance_m2) {
   return Join(parts, ", ");
 }
 
-// Formats a covariance as "sx, sy, sz mm (calibration ...; picture ...)".
+// Formats a covariance as "sx, sy, sz mm (calibration ...; image ...)".
 std::string SigmasText(const PositionCovariance& covariance) {
   return SigmasMm(covariance.TotalM2()) + " mm (calibration " + SigmasMm(covariance.by_calibration_m2) + "; image " +
          SigmasMm(covariance.by_image_m2) +
