@@ -5,7 +5,7 @@
 #   tools/slurm/submit.sh [--tasks N] [--heba PROGRAM] [SBATCH-OPTION...] -- study STUDY.yaml --out DIR [FLAG...]
 #
 # Task I does the part I of N (`--shard I/N`) with as many threads as the task has processors. All tasks write into DIR,
-# which every node must see under the same path, as it must the program, the configs and the pictures. Tasks that a node
+# which every node must see under the same path, as it must the program, the configs and the images. Tasks that a node
 # takes down with it are queued again by Slurm, and leave alone what was finished (`--resume`); so does everything when
 # the same command is submitted again: only what failed or is missing is done. Logs go to DIR.slurm.
 #
