@@ -189,7 +189,7 @@ async function checkCaptures(page) {
 const kReportViews = ['set-up', 'dumbbells', 'residual-field', 'coverage', 'residual-radius', 'histogram', 'capture-bars', 'ellipses', 'correlation'];
 const kPages = [
   {file: 'runs/exact/report.html', views: kReportViews, column: 'rms, px', isReport: true},
-  {file: 'runs/noisy/report.html', views: kReportViews, column: 'robot off by, mm', isReport: true},
+  {file: 'runs/noisy/report.html', views: kReportViews, column: 'robot correction, mm', isReport: true},
   {file: 'runs/summary.html', views: ['dumbbells'], column: 'hold-out, px'},
   {file: 'comparison/compare.html', views: ['dumbbells', 'pairs'], column: 'sigma, mm'},
   {file: 'study/study.html', views: ['lines'], column: 'hand-eye, mm'},

@@ -178,7 +178,7 @@ std::vector<BadInput> BadInputs() {
        Write("images/002.png", std::string(128, '\0') + "DICM" + std::string(60, '\2')),
        {"002.png", "PNG, JPEG"}},
       {"TiffThatClaimsToBeHuge", Write("images/002.png", HugeTiff()), {"002.png", "400 million pixels"}},
-      {"NotAnImage", Write("images/002.png", "this is no image"), {"002.png", "not a image"}},
+      {"NotAnImage", Write("images/002.png", "this is no image"), {"002.png", "not an image"}},
       {"PoseRowWithAMissingNumber", SetPose(2, 3, ""), {"poses.csv:4", "z"}},
       {"PoseRowWithTooFewFields", Replace("poses.csv", "003.png,", "003.png\n#"), {"poses.csv:5"}},
       {"PoseRowWithText", SetPose(1, 2, "abc"), {"poses.csv:3", "abc"}},
@@ -207,7 +207,7 @@ std::vector<BadInput> BadInputs() {
        {"name", "cannot name a folder"}},
       {"IntrinsicsThatStandTwice",
        Replace("config.yaml", "setup:", "refine: {intrinsics: [focal, focal]}\nsetup:"),
-       {"intrinsics", "stands twice"}},
+       {"intrinsics", "twice"}},
       {"LengthsBeyondTheWorld",
        Replace("config.yaml", "setup:", "refine: {robot_noise: {rotation: 0.1 deg, translation: 1e300 m}}\nsetup:"),
        {"translation", "out of range"}},
@@ -275,7 +275,7 @@ std::vector<BadInput> BadInputs() {
       {"EmptyPoses", Write("poses.csv", ""), {"poses.csv", "is empty"}},
       {"PosesThatAreNoText", Write("poses.csv", std::string("x,y\0z", 5)), {"poses.csv", "UTF-8"}},
       {"PosesWithAnOpenQuote", SetPose(1, 0, "\"001.png"), {"poses.csv:3", "quote is not closed"}},
-      {"PosesWithADecimalComma", SetPose(1, 1, "\"0,25\""), {"poses.csv:3", "behind a point"}},
+      {"PosesWithADecimalComma", SetPose(1, 1, "\"0,25\""), {"poses.csv:3", "use a decimal point"}},
       {"PoseThatIsFartherThanAnyRobot", SetPose(1, 1, "1e12"), {"poses.csv:3", "larger than any robot's"}},
       {"PosesWithAColumnTwice", Replace("poses.csv", "qx,qy", "qx,qx"), {"poses.csv:1", "qx", "twice"}},
       {"PosesWithoutAColumn", Replace("poses.csv", "qx,qy", "role,qy"), {"poses.csv:1", "qx", "missing"}},
@@ -318,7 +318,7 @@ std::vector<BadInput> BadInputs() {
       // Errors in data of other projects and in given detections.
       {"DataOfNoKnownForm",
        [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  data: config.yaml"); },
-       {"config.yaml", "no form that heba knows"}},
+       {"config.yaml", "not a data set in a known format"}},
       {"DataOfAFormThatIsNone",
        [](const fs::path& folder) { ReplaceLine(folder / "config.yaml", "images:", "  data: .\n  format: vips"); },
        {"format", "did you mean 'visp'?"}},
@@ -401,7 +401,7 @@ TEST_F(BadInputTest, ReportsAnEmptyImagesFolder) {
 TEST_F(BadInputTest, ReportsATruncatedPng) {
   const std::string bytes = ReadAll(folder_ / "images" / "002.png");
   WriteAll(folder_ / "images" / "002.png", bytes.substr(0, bytes.size() / 2));
-  ExpectError(2, {"002.png", "cut short"});
+  ExpectError(2, {"002.png", "is truncated"});
 }
 TEST_F(BadInputTest, ReportsImagesOfDifferentSizes) {
   const fs::path scene = *root_ / "other_scene.yaml";
@@ -417,7 +417,7 @@ TEST_F(BadInputTest, ReportsImagesOfDifferentSizes) {
 TEST_F(BadInputTest, ReportsATargetThatIsNeverSeen) {
   WriteAll(folder_ / "target.yaml",
            "type: charuco\nrows: 5\ncolumns: 7\nsquare: 20 mm\nmarker: 15 mm\ndictionary: DICT_4X4_50\n");
-  ExpectError(1, {"config.yaml", "not seen in any of the 6 images"});
+  ExpectError(1, {"config.yaml", "not detected in any of the 6 images"});
 }
 TEST_F(BadInputTest, ReportsTooFewCaptures) {
   std::istringstream lines(ReadAll(folder_ / "poses.csv"));
@@ -456,7 +456,7 @@ TEST_F(BadInputTest, KeepsAnOutputFolderWithOtherFiles) {
   WriteAll(out / "thesis.txt", "ten years of work");
   const CommandResult result = RunHeba({"run", (folder_ / "config.yaml").string(), "--out", out.string(), "--quiet"});
   EXPECT_EQ(result.status, 2);
-  EXPECT_THAT(result.err, testing::HasSubstr("was not made by heba"));
+  EXPECT_THAT(result.err, testing::HasSubstr("was not created by heba"));
   EXPECT_EQ(ReadAll(out / "thesis.txt"), "ten years of work");
 }
 TEST_F(BadInputTest, FailedRunKeepsThePreviousResult) {
@@ -592,7 +592,7 @@ TEST_F(BadInputTest, DoesNotParseFilesWithTooManyValues) {
       RunHeba({"run", (folder_ / "config.yaml").string(), "--set", "captures.images=", "--set",
                "captures.detections=" + (folder_ / "detections.json").string(), "--out", (*root_ / "many").string()});
   EXPECT_EQ(result.status, 2);
-  EXPECT_THAT(result.err, testing::HasSubstr("holds more than 20 million values"));
+  EXPECT_THAT(result.err, testing::HasSubstr("contains more than 20 million values"));
 }
 
 // Numbers in notations that gflags does not accept, and more threads than any machine has.

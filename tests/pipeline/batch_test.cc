@@ -226,7 +226,7 @@ TEST(BatchTest, RefusesASecondProcessInTheFolder) {
   ASSERT_EQ(flock(descriptor, LOCK_EX), 0);
   const CommandResult run = RunCached(RunArguments(cell, out, {}));
   EXPECT_EQ(run.status, 2);
-  EXPECT_THAT(run.err, HasSubstr("another heba works in this folder"));
+  EXPECT_THAT(run.err, HasSubstr("another heba process is using this folder"));
   close(descriptor);
   fs::remove_all(cell.folder);
 }
@@ -337,7 +337,7 @@ TEST(CompareTest, ReportsTheGainOfRefinementAndTheAgreementOfPoses) {
   EXPECT_THAT(ReadAll(cell.folder / "compared" / "compare.html"), HasSubstr("Comparison of 4 runs"));
   const CommandResult nothing = RunHeba({"compare", cell.folder.string()});
   EXPECT_EQ(nothing.status, 2);
-  EXPECT_THAT(nothing.err, HasSubstr("holds no run"));
+  EXPECT_THAT(nothing.err, HasSubstr("contains no run"));
   fs::remove_all(cell.folder);
 }
 
@@ -365,13 +365,13 @@ TEST(ExportTest, WritesTheResultOfTheRun) {
   EXPECT_THAT(ReadAll(all / "camera_pose.yaml"), HasSubstr("covariance: ["));
   EXPECT_GT(std::distance(fs::directory_iterator(all), {}), 15);
   const CommandResult inverse = RunHeba({"export", run.string(), "--to", "all", "--inverse", "--out", all.string()});
-  EXPECT_THAT(inverse.out, HasSubstr("not opencv: this form holds the pose of the camera's optical frame"));
+  EXPECT_THAT(inverse.out, HasSubstr("not opencv: this format holds the pose of the camera's optical frame"));
   // Files of an earlier export are removed; a file of the user is kept.
   EXPECT_FALSE(fs::exists(all / "camera.opencv.yaml"));
   WriteAll(all / "camera_info.yaml", "mine");
   const CommandResult over = RunHeba({"export", run.string(), "--to", "all", "--out", all.string()});
   EXPECT_EQ(over.status, 2);
-  EXPECT_THAT(over.err, HasSubstr("camera_info.yaml: is no export of heba's"));
+  EXPECT_THAT(over.err, HasSubstr("camera_info.yaml: was not exported by heba"));
   EXPECT_EQ(ReadAll(all / "camera_info.yaml"), "mine");
   // Poses of a UR pendant are relative to the frame `base`, which is not base_link.
   WriteAll(run / "config.yaml", "captures: {pose_format: ur}\n");

@@ -74,7 +74,7 @@ TEST_F(OtherDataTest, FailsForUnrelatedPoses) {
   WritePairs([](size_t i) { return (7 * i + 3) % 15; });
   const CommandResult result = Run();
   EXPECT_EQ(result.status, 1);
-  EXPECT_THAT(result.err, HasSubstr("where it should stand still"));
+  EXPECT_THAT(result.err, HasSubstr("but should be stationary"));
   EXPECT_THAT(result.err, HasSubstr("heba doctor: robot and images differ by"));
   EXPECT_FALSE(fs::exists(folder_ / "run"));
   EXPECT_THAT(RunHeba({"doctor", Path("config.yaml"), "--quiet"}).out, HasSubstr("wrong [poses_unexplained]"));

@@ -156,7 +156,7 @@ TEST_F(RawFilesTest, DoctorGuessesTheFormatOfUndescribedPoses) {
         Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set", Setting("bare.txt")});
     EXPECT_EQ(doctor.status, 0) << doctor.err;
     EXPECT_THAT(doctor.out,
-                AllOf(HasSubstr("wrong [pose_format]"), HasSubstr("fit the images"), HasSubstr(given.reading)))
+                AllOf(HasSubstr("wrong [pose_format]"), HasSubstr("fits the images"), HasSubstr(given.reading)))
         << given.format;
     // The suggested setting removes the error.
     const size_t begin = doctor.out.find("captures.pose_format: ") + 22;
@@ -215,7 +215,7 @@ TEST_F(RawFilesTest, DoctorFindsOtherPoseOrders) {
     WriteAll(folder_ / name, content);
     const CommandResult doctor =
         Heba({"doctor", (folder_ / "config.yaml").string(), "--quiet", "--set", Setting(name)});
-    EXPECT_THAT(doctor.out, HasSubstr("fit the images")) << name << doctor.err;
+    EXPECT_THAT(doctor.out, HasSubstr("fits the images")) << name << doctor.err;
     const std::string out = Unbroken(doctor.out);
     const size_t begin = out.find("captures.pose_format: ") + 22;
     const std::string cure = out.substr(begin, out.find('}', begin) + 1 - begin);
@@ -249,7 +249,7 @@ TEST_F(RawFilesTest, ImportReadsPosesWithATime) {
   const CommandResult import =
       Heba({"import", bare.string(), "--target", (folder_ / "target.yaml").string(), "--out", out.string()});
   EXPECT_EQ(import.status, 0) << import.err;
-  EXPECT_THAT(Unbroken(import.out), HasSubstr("which fit the images"));
+  EXPECT_THAT(Unbroken(import.out), HasSubstr("which fits the images"));
   EXPECT_EQ(Heba({"run", (out / "config.yaml").string(), "--quiet"}).status, 0);
 }
 
@@ -269,7 +269,7 @@ TEST_F(RawFilesTest, ImportDoesNotPairUnrelatedPoses) {
   const CommandResult import = Heba({"import", bare.string(), "--target", (folder_ / "target.yaml").string(), "--out",
                                      (folder_ / "imported").string()});
   EXPECT_EQ(import.status, 0) << import.err;
-  EXPECT_THAT(Unbroken(import.out), HasSubstr("no reading of them that was tried fits"));
+  EXPECT_THAT(Unbroken(import.out), HasSubstr("no format that was tried fits"));
   EXPECT_THAT(ReadAll(folder_ / "imported" / "config.yaml"), HasSubstr("# setup:"));
   // A table with one row for each image is preferred to one of joints; a missing target is reported.
   WriteAll(bare / "joints.csv", "j1,j2,j3,j4,j5,j6\n1,2,3,4,5,6\n1,2,3,4,5,6\n1,2,3,4,5,6\n");
@@ -287,7 +287,7 @@ TEST_F(RawFilesTest, DoesNotReplaceDataSets) {
   for (const std::string command : {"run", "detect"}) {
     const CommandResult result = Heba({command, (folder_ / "config.yaml").string(), "--out", folder_.string()});
     EXPECT_EQ(result.status, 2) << command;
-    EXPECT_THAT(result.err, HasSubstr("holds a data set, which")) << command;
+    EXPECT_THAT(result.err, HasSubstr("contains a data set, which")) << command;
   }
   EXPECT_TRUE(fs::exists(folder_ / "images" / "000.png"));
 }
@@ -301,7 +301,7 @@ TEST_F(RawFilesTest, ImportReadsABareFolder) {
   // Without a target the guess is based on the magnitudes of the numbers only.
   const CommandResult unknown = Heba({"import", bare.string(), "--out", out.string()});
   EXPECT_EQ(unknown.status, 0) << unknown.err;
-  EXPECT_THAT(unknown.out, HasSubstr("by their sizes alone"));
+  EXPECT_THAT(unknown.out, HasSubstr("guessed from the size of the numbers"));
   EXPECT_THAT(ReadAll(out / "config.yaml"), AllOf(HasSubstr("# setup:"), HasSubstr("# target:")));
   const CommandResult known = Heba(
       {"import", bare.string(), "--target", (folder_ / "target.yaml").string(), "--out", (folder_ / "known").string()});

@@ -109,9 +109,10 @@ TEST_F(SymmetricTargetTest, LocateReturnsBothPoses) {
   for (size_t i = 0; i < names_.size(); ++i) {
     const CommandResult located = RunHeba({"locate", Path("run"), Image(i)});
     EXPECT_EQ(located.status, 1);
-    EXPECT_EQ(located.err, "heba: error: " + Image(i) +
-                               ": the target looks the same after half a turn, so 2 poses fit an image equally well; "
-                               "--near x,y,z,qx,qy,qz,qw, a rough base_from_target, decides between them\n");
+    EXPECT_EQ(located.err,
+              "heba: error: " + Image(i) +
+                  ": the target looks the same after a rotation by 180 deg, so 2 poses fit an image equally well; "
+                  "--near x,y,z,qx,qy,qz,qw, a rough base_from_target, decides between them\n");
     EXPECT_THAT(located.out, HasSubstr("possible pose 1 of 2: base_from_target ["));
     EXPECT_THAT(located.out, HasSubstr("possible pose 2 of 2: base_from_target ["));
     EXPECT_THAT(located.out, Not(HasSubstr("\n  base_from_target")));
@@ -127,7 +128,7 @@ TEST_F(SymmetricTargetTest, LocateReturnsBothPoses) {
 TEST_F(SymmetricTargetTest, RequiresNearForManyImages) {
   const CommandResult located = RunHeba({"locate", Path("run"), Image(0), Image(1), Image(2)});
   EXPECT_EQ(located.status, 1);
-  EXPECT_THAT(located.err, StartsWith("heba: error: 3 images: the target looks the same after half a turn"));
+  EXPECT_THAT(located.err, StartsWith("heba: error: 3 images: the target looks the same after a rotation by 180 deg"));
   EXPECT_EQ(std::count(located.err.begin(), located.err.end(), '\n'), 1) << located.err;
   EXPECT_EQ(PrintedPoses(located.out).size(), 6U);
 }
@@ -188,7 +189,8 @@ TEST_F(SymmetricTargetTest, RefusesInvalidOrUselessNear) {
 
 TEST_F(SymmetricTargetTest, RunAndDoctorExplainTheSymmetry) {
   const std::string remark =
-      "the target looks the same after half a turn, so 'heba locate' finds 2 possible poses in an image unless --near "
+      "the target looks the same after a rotation by 180 deg, so 'heba locate' finds 2 possible poses in an image "
+      "unless --near "
       "decides; the calibration itself is not affected";
   EXPECT_THAT(Unbroken(run_->err), HasSubstr(remark));
   EXPECT_THAT(ReadAll(Path("run/log.txt")), HasSubstr(remark));
@@ -206,7 +208,8 @@ struct SheetCase {
 
 TEST(SheetOfSymmetricTargetTest, HebaTargetWarnsOfSymmetry) {
   const fs::path folder = TestFolder("symmetric_sheet");
-  const std::string half = "the target looks the same after half a turn, so 'heba locate' finds 2 possible poses";
+  const std::string half =
+      "the target looks the same after a rotation by 180 deg, so 'heba locate' finds 2 possible poses";
   const std::string quarter =
       "the target looks the same after a rotation by 90 deg, so 'heba locate' finds 4 possible poses";
   const SheetCase cases[] = {

@@ -166,7 +166,7 @@ RawConfig ConfigOf(const RawFolder& raw, const std::optional<fs::path>& asked_ta
   } else {
     if (is_decided) setup = trials.front().setup;
     format = trials.front().format;
-    made.remarks.push_back("the poses contain " + ReadingInWords(format) + ", which fit the images; " +
+    made.remarks.push_back("the poses contain " + ReadingInWords(format) + ", which fits the images; " +
                            TrialInWords(trials.front()) +
                            (trials.size() > 1 ? ", and " + TrialInWords(trials.back()) : ""));
     if (!is_decided) made.remarks.emplace_back("both setups fit equally well: set setup in the config");

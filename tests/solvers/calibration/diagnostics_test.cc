@@ -50,8 +50,8 @@ TEST(AdviceTest, NamesTheWeakestDirectionAndTheMotionThatImprovesIt) {
   const std::optional<Finding> finding = AdviceFor(MakeTestScene(3, options), {ParameterGroup::kFocal});
   ASSERT_TRUE(finding.has_value());
   EXPECT_EQ(finding->code, "weak_direction");
-  EXPECT_THAT(finding->text, testing::HasSubstr("the camera's fx is known to "));
-  EXPECT_THAT(finding->action, testing::HasSubstr("nearer and farther would improve "));
+  EXPECT_THAT(finding->text, testing::HasSubstr("the camera's fx is determined to only "));
+  EXPECT_THAT(finding->action, testing::HasSubstr("nearer and farther would reduce the sigma of "));
 }
 
 TEST(AdviceTest, GivesLessAdviceForManyTiltedCaptures) {

@@ -97,7 +97,7 @@ TEST_P(TwoStepTest, NamesMissingCaptures) {
     const Outcome<HandEye> found = FindHandEyeMethod("two_step")->solve(pairs);
     return found ? std::string("no failure") : found.reason();
   };
-  EXPECT_THAT(reason_without("home", 0), testing::HasSubstr("no capture is the home pose"));
+  EXPECT_THAT(reason_without("home", 0), testing::HasSubstr("no capture has the role home"));
   EXPECT_THAT(reason_without("translate_x", 0), testing::HasSubstr("along its x alone"));
   EXPECT_THAT(reason_without("translate_y", 0), testing::HasSubstr("along its y alone"));
   EXPECT_THAT(reason_without("rotate", 1), testing::HasSubstr("two or more about different axes"));

@@ -365,7 +365,7 @@ TEST(CalibrateTest, RejectsSwappedPoints) {
   ASSERT_TRUE(without_loss.ok()) << without_loss.reason();
   ASSERT_EQ(without_loss->unused.size(), 1U);
   EXPECT_EQ(without_loss->unused[0].name, "view_4");
-  EXPECT_THAT(without_loss->unused[0].reason, testing::HasSubstr("read wrongly"));
+  EXPECT_THAT(without_loss->unused[0].reason, testing::HasSubstr("misread"));
 }
 
 TEST(CrossValidateTest, HoldOutErrorMatchesTheNoiseForAnyNumberOfThreads) {

@@ -67,9 +67,9 @@ TEST(VerdictTest, OneFaultDecides) {
        [](RunResult* r) { r->estimates[1].solution->covariance.matrix(2, 2) = 4e-6; }},
       {Grade::kBad, "the camera's pose is known to 0.10 mm and 1.00 deg", "uncertainty",
        [](RunResult* r) { r->estimates[1].solution->covariance.matrix(4, 4) = 3.046e-4; }},
-      {Grade::kBad, "the target was 16 mm", "hold_out",
+      {Grade::kBad, "the target is off by 16 mm", "hold_out",
        [](RunResult* r) { r->estimates[1].errors.holdout_target_mm = 16; }},
-      {Grade::kDoubtful, "nothing was held out", "no_hold_out",
+      {Grade::kDoubtful, "no captures were held out", "no_hold_out",
        [](RunResult* r) { r->estimates[1].errors.holdout_target_mm.reset(); }},
       {Grade::kDoubtful, "scatter 1.4 times", "unmodelled_error",
        [](RunResult* r) { r->estimates[1].errors.holdout_chi2 = 2; }},
@@ -80,8 +80,8 @@ TEST(VerdictTest, OneFaultDecides) {
        [](RunResult* r) {
          for (size_t i = 0; i < 10; ++i) r->captures[i].used = false;
        }},
-      {Grade::kBad, "off by 8.0 px", "pixel_noise", [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
-      {Grade::kDoubtful, "without 7 the camera pose would move by 0.90 mm and 0 deg elsewhere", "influential_capture",
+      {Grade::kBad, "pixel noise is 8.0 px", "pixel_noise", [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
+      {Grade::kDoubtful, "without 7 the camera pose would move by 0.90 mm and 0 deg, more", "influential_capture",
        [](RunResult* r) {
          for (CaptureResult& capture : r->captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 0.02};
          r->captures[7].move_without = CaptureMove{9e-4 * Tangent6::Unit(1), 1e-4};
@@ -146,7 +146,7 @@ TEST(VerdictTest, OneCauseGivesOneFinding) {
   const Verdict verdict = JudgeRun(result);
   EXPECT_EQ(verdict.grade, Grade::kBad);
   EXPECT_EQ(verdict.findings.front().code, "target_size");
-  EXPECT_THAT(verdict.findings.front().text, testing::HasSubstr("as a consequence, on captures that it has not seen"));
+  EXPECT_THAT(verdict.findings.front().text, testing::HasSubstr("as a consequence, on held-out captures"));
   for (size_t i = 1; i < verdict.findings.size(); ++i) {
     EXPECT_EQ(verdict.findings[i].grade, Grade::kGood) << verdict.findings[i].text;
   }

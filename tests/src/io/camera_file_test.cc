@@ -90,8 +90,8 @@ TEST(OwnCameraFile, SaysWhatIsWrong) {
               HasSubstr("camera:8: distortion: 4 coefficients; brown5 has 5: k1, k2, p1, p2, k3"));
   EXPECT_THAT(ErrorOf(With(kOwn, "[1280, 960]", "[1280]")), HasSubstr("camera:3: image_size: two whole numbers"));
   EXPECT_THAT(ErrorOf(With(kOwn, "960", "0")), HasSubstr("0 is out of range"));
-  EXPECT_THAT(ErrorOf("width: 3\n"), HasSubstr("holds no camera in a form that heba reads; one of: OpenCV"));
-  EXPECT_THAT(ErrorOf(""), HasSubstr("holds no camera"));
+  EXPECT_THAT(ErrorOf("width: 3\n"), HasSubstr("contains no camera in a format that heba reads; one of: OpenCV"));
+  EXPECT_THAT(ErrorOf(""), HasSubstr("contains no camera"));
 }
 
 // Camera files of ROS (camera_info).
@@ -263,7 +263,7 @@ TEST(OpenCvCameraFile, SaysWhatIsWrong) {
   EXPECT_THAT(ErrorOf(With(kOpenCv, "distortion_coefficients", "lens")),
               HasSubstr("has no list of distortion coefficients"));
   EXPECT_THAT(ErrorOf(kOpenCv + "K: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n"),
-              HasSubstr("camera:18: K: a second camera matrix, beside 'camera_matrix'"));
+              HasSubstr("camera:18: K: a second camera matrix, besides 'camera_matrix'"));
   EXPECT_THAT(ErrorOf(With(kOpenCv, "5.005e+02, 0.,", "5.005e+02, 1.5,")), HasSubstr("skew of 1.5"));
   EXPECT_THAT(ErrorOf(With(kOpenCv, "5.005e+02", ".Nan")),
               HasSubstr("camera:11: camera_matrix.data[0]: a number is needed"));
@@ -320,8 +320,8 @@ TEST(MrcalCameraFile, SkipsLongBinaryStrings) {
 
 TEST(MrcalCameraFile, SaysWhatIsWrong) {
   EXPECT_THAT(ErrorOf(Mrcal("LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=18_fov_x_deg=150", "1")),
-              HasSubstr("camera:4: lensmodel 'LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=18_fov_x_de...' is "
-                        "not one that heba has; "
+              HasSubstr("camera:4: lensmodel 'LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=18_fov_x_de...' "
+                        "is not supported; "
                         "one of: LENSMODEL_PINHOLE, LENSMODEL_OPENCV4"));
   EXPECT_THAT(ErrorOf(Mrcal("LENSMODEL_OPENCV8", "1, 2")),
               HasSubstr("camera:7: intrinsics: 6 numbers; LENSMODEL_OPENCV8 has 12"));

@@ -291,7 +291,7 @@ TEST(ExportTest, UniversalRobotsPosesAreInTheControllersBase) {
   estimate.camera = TestCamera("brown5");
   const ExportRequest request = MakeExportRequest(result, estimate, true);
   EXPECT_EQ(request.parent_frame, "base");
-  EXPECT_THAT(Exported("ros2", request), HasSubstr("turned by 180 deg about z"));
+  EXPECT_THAT(Exported("ros2", request), HasSubstr("rotated by 180 deg about z"));
   EXPECT_THAT(Exported("ros2", TestRequest(Rigid3d())), testing::Not(HasSubstr("180 deg")));
 }
 

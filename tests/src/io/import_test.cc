@@ -266,7 +266,7 @@ TEST(ImportFaultsTest, SayWhatIsWrong) {
   const TempFolder folder;
   Write(folder / "notes.txt", "nothing of the kind\n");
   EXPECT_THAT(InputErrorOf([&] { ImportDataSet(folder / "notes.txt", ""); }),
-              testing::HasSubstr("of no form that heba knows"));
+              testing::HasSubstr("is not a data set in a known format"));
   EXPECT_THAT(InputErrorOf([&] { ImportDataSet(folder / "absent", ""); }),
               testing::HasSubstr("no such file or folder"));
   Write(folder / "twice.txt", "1 2 3 4 5 6 7\n");

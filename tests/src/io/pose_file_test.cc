@@ -174,7 +174,7 @@ TEST(PoseFromNumbersTest, RefusesInvalidPoses) {
   EXPECT_THAT(reason("abb", {0, 0, 0, 0.9, 0, 0, 0.4}), HasSubstr("length is 0.9849, not 1"));
   EXPECT_THAT(reason("ros", {0, std::nan(""), 0, 0, 0, 0, 1}), HasSubstr("'y' is not finite"));
   EXPECT_THAT(reason("ur", {0, 0, 0, 0, 1e300, 0}), HasSubstr("'ry' is larger than any robot's"));
-  EXPECT_THAT(reason("matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}), HasSubstr("mirror"));
+  EXPECT_THAT(reason("matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}), HasSubstr("reflection"));
   EXPECT_THAT(reason("matrix", {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1}), HasSubstr("not a rotation"));
   // The matrix is written column by column.
   EXPECT_THAT(reason("matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.1, 0.2, 0.3, 1}), HasSubstr("row by row"));

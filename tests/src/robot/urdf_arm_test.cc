@@ -93,7 +93,7 @@ TEST_F(UrdfArmTest, FaultsSayWhatIsWrong) {
   EXPECT_NE(ErrorOf(good, "", "flang").find("did you mean 'flange'"), std::string::npos);
   EXPECT_NE(ErrorOf(good, "link4", "link2").find("is not connected to"), std::string::npos);
   EXPECT_NE(ErrorOf(good, "link6", "flange").find("no joint moves"), std::string::npos);
-  EXPECT_NE(ErrorOf(UrdfOf(*FindUrRobot("ur5"), branch)).find("name the flange's (tip_link), one of: camera, flange"),
+  EXPECT_NE(ErrorOf(UrdfOf(*FindUrRobot("ur5"), branch)).find("name the flange (tip_link), one of: camera, flange"),
             std::string::npos);
   EXPECT_EQ(ErrorOf(UrdfOf(*FindUrRobot("ur5"), branch), "", "flange"), "no error");
   const std::string loop =

@@ -142,7 +142,7 @@ TEST(Chessboard, FindsNothingWithoutTarget) {
   const Detection detection =
       target->Detect(RenderView(other->Draw(), ImageCamera(), RandomView(other->Draw(), 0.7, 0.4, 0.4, rng)));
   EXPECT_THAT(detection.ids, IsEmpty());
-  EXPECT_THAT(detection.reason, HasSubstr("no board of 5 x 8"));
+  EXPECT_THAT(detection.reason, HasSubstr("no chessboard of 5 x 8"));
 }
 
 // The noise of a blank wall is not searched for quads. The finders would take minutes, and the time limit of the test
@@ -152,7 +152,7 @@ TEST(Chessboard, DoesNotSearchABlankWall) {
   cv::Mat wall(1080, 1920, CV_8UC1);
   cv::RNG random(25);
   random.fill(wall, cv::RNG::NORMAL, 120, 5);
-  EXPECT_THAT(target->Detect(wall).reason, HasSubstr("no board of 5 x 8"));
+  EXPECT_THAT(target->Detect(wall).reason, HasSubstr("no chessboard of 5 x 8"));
 }
 
 // An image of a target with something drawn over it, and its ground truth.
@@ -257,7 +257,7 @@ TEST(Chessboard, RefusesACoveredOuterRow) {
     view.Line(line, 30, 150);
     const Detection detection = target->Detect(view.grey);
     EXPECT_THAT(detection.ids, IsEmpty()) << "side " << side;
-    EXPECT_THAT(detection.reason, HasSubstr("rows and columns cannot be told")) << "side " << side;
+    EXPECT_THAT(detection.reason, HasSubstr("visible corners are ambiguous")) << "side " << side;
   }
 }
 

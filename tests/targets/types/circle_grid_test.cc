@@ -481,10 +481,10 @@ TEST(CircleGrid, ReportsMissingDots) {
   drawing.shapes.erase(drawing.shapes.begin() + 7);
   const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
   EXPECT_TRUE(detection.ids.empty());
-  EXPECT_EQ(detection.reason, "19 of the 20 dots seen in a grid (19 dots in the picture)");
+  EXPECT_EQ(detection.reason, "19 of the 20 dots seen in a grid (19 dots in the image)");
   const Detection nothing = target->Detect(cv::Mat(480, 640, CV_8UC1, cv::Scalar(128)));
   EXPECT_TRUE(nothing.ids.empty());
-  EXPECT_EQ(nothing.reason, "0 of the 20 dots seen in a grid (0 dots in the picture)");
+  EXPECT_EQ(nothing.reason, "0 of the 20 dots seen in a grid (0 dots in the image)");
   EXPECT_TRUE(target->Detect(cv::Mat(3, 5, CV_8UC1, cv::Scalar(128))).ids.empty());
 }
 
@@ -499,7 +499,7 @@ TEST(CircleGrid, IsNotFoundInALargerGrid) {
        {"rows: 5, columns: 8", "rows: 6, columns: 7", "rows: 3, columns: 3", "rows: 4, columns: 6"}) {
     const Detection detection = MakeGrid(keys + ", spacing: 20 mm")->Detect(grey);
     EXPECT_TRUE(detection.ids.empty()) << keys;
-    EXPECT_NE(detection.reason.find("the dots go on beyond"), std::string::npos) << keys << ": " << detection.reason;
+    EXPECT_NE(detection.reason.find("the dots continue beyond"), std::string::npos) << keys << ": " << detection.reason;
   }
   const Detection asymmetric = MakeGrid("rows: 5, columns: 4, asymmetric: true, spacing: 20 mm")->Detect(grey);
   EXPECT_TRUE(asymmetric.ids.empty());
@@ -532,7 +532,7 @@ TEST(CircleGrid, IsFoundInFrontOfALargerLattice) {
       const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
       if (!is_there) {
         EXPECT_TRUE(detection.ids.empty()) << keys;
-        EXPECT_NE(detection.reason.find("go on beyond"), std::string::npos) << keys << ": " << detection.reason;
+        EXPECT_NE(detection.reason.find("continue beyond"), std::string::npos) << keys << ": " << detection.reason;
         continue;
       }
       ASSERT_EQ(detection.ids.size(), target->points().size()) << keys << ": " << detection.reason;

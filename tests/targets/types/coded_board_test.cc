@@ -428,7 +428,7 @@ TEST(CodedBoard, RefusesDuplicateTargets) {
     const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, {}));
     if (whole) {
       EXPECT_TRUE(detection.ids.empty());
-      EXPECT_NE(detection.reason.find("twice"), std::string::npos) << detection.reason;
+      EXPECT_NE(detection.reason.find("two copies"), std::string::npos) << detection.reason;
     } else {
       EXPECT_EQ(detection.ids.size(), 4u) << detection.reason;
       EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1);
@@ -456,7 +456,7 @@ TEST(CodedBoard, RefusesASecondTargetOfAnotherSize) {
     const Rigid3d camera_from_target = PoseAt(0.5 * (drawing.min_m + drawing.max_m), 0.48, 0, rng);
     const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, Cluttered(39)));
     EXPECT_TRUE(detection.ids.empty()) << scale;
-    EXPECT_NE(detection.reason.find("twice"), std::string::npos) << scale << detection.reason;
+    EXPECT_NE(detection.reason.find("two copies"), std::string::npos) << scale << detection.reason;
   }
 }
 
@@ -534,7 +534,7 @@ TEST(CodedBoard, ReportsMissingPoints) {
   const auto board = MakeBoard(kPaperBoard);
   const Detection nothing = board->Detect(cv::Mat(480, 640, CV_8UC1, cv::Scalar(128)));
   EXPECT_TRUE(nothing.ids.empty());
-  EXPECT_EQ(nothing.reason, "0 of the 4 points seen (0 dots in the picture)");
+  EXPECT_EQ(nothing.reason, "0 of the 4 points seen (0 dots in the image)");
   EXPECT_TRUE(board->Detect(cv::Mat(3, 5, CV_8UC1, cv::Scalar(128))).ids.empty());
 }
 

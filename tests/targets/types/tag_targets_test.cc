@@ -116,7 +116,7 @@ TEST(AprilTagGrid, NeighboursCorrectTagsBentByTheLens) {
     options.noise_sigma_grey = 2;
     options.seed = 4;
     const Detection detection = target->Detect(RenderView(target->Draw(), camera, camera_from_target, options));
-    EXPECT_EQ(detection.reason.find("not where their edges or the tags around them say") != std::string::npos,
+    EXPECT_EQ(detection.reason.find("contradict their edges or the tags around them") != std::string::npos,
               lens.is_dropped)
         << detection.reason;
     EXPECT_EQ(TagsOf(detection).size(), lens.num_tags) << detection.reason;

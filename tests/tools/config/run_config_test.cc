@@ -78,11 +78,12 @@ TEST_F(RunConfigTest, LeavesExcludedAndMissingImagesOut) {
 
 TEST_F(RunConfigTest, FaultsNameTheLineAndTheKey) {
   const std::string unknown = ErrorOf(std::string(kCell) + "refne: {}\n");
-  EXPECT_THAT(unknown, HasSubstr("wrong.yaml:4: refne"));
+  EXPECT_THAT(unknown, HasSubstr("wrong.yaml:4: unknown key 'refne'"));
   EXPECT_THAT(unknown, HasSubstr("did you mean 'refine'"));
   EXPECT_THAT(ErrorOf(std::string(kCell) + "seed: tsay\n"), HasSubstr("did you mean 'tsai'"));
   EXPECT_THAT(ErrorOf(std::string(kCell) + "evaluate: {folds: 1}\n"), HasSubstr("evaluate.folds"));
-  EXPECT_THAT(ErrorOf("target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}\n"), HasSubstr("setup"));
+  EXPECT_THAT(ErrorOf("target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}\n"),
+              HasSubstr("'captures' is missing"));
 }
 
 }  // namespace

@@ -143,7 +143,7 @@ TEST(StagedFolderTest, RefusesToReplaceAnotherKind) {
     staged.Commit();
   }
   EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder, "the results of a run"); }),
-              HasSubstr("holds a data set, which the results of a run would replace; name another folder"));
+              HasSubstr("contains a data set, which the results of a run would replace; name another folder"));
   StagedFolder(folder, "a data set").Commit();
   EXPECT_FALSE(fs::exists(folder / "picture.png"));
 }
@@ -154,7 +154,7 @@ TEST(StagedFolderTest, RefusesAFileOfTheSameNameThatIsNotItsOwn) {
   Write(folder / "a/more.txt", "mine");
   StagedFolder staged(folder / "a");
   Write(staged.staging() / "more.txt", "new");
-  EXPECT_THAT(InputErrorOf([&] { staged.Commit(); }), HasSubstr("more.txt: is not heba's"));
+  EXPECT_THAT(InputErrorOf([&] { staged.Commit(); }), HasSubstr("more.txt: was not written by heba"));
   EXPECT_EQ(ReadTextFile(folder / "a/more.txt"), "mine");
   EXPECT_EQ(ReadTextFile(folder / "a/result.json"), "old");
 }
@@ -165,9 +165,9 @@ TEST(StagedFolderTest, NeverReplacesOtherThings) {
   Write(folder / "photos/holiday.jpg", "x");
   Write(folder / "photos/result.json", "x");
   Write(folder / "file", "x");
-  EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder / "photos"); }), HasSubstr("was not made by heba"));
+  EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder / "photos"); }), HasSubstr("was not created by heba"));
   EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder / "file"); }), HasSubstr("is a file"));
-  EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder / "file/below"); }), HasSubstr("cannot be made"));
+  EXPECT_THAT(InputErrorOf([&] { StagedFolder(folder / "file/below"); }), HasSubstr("cannot be created"));
   EXPECT_EQ(ReadTextFile(folder / "photos/holiday.jpg"), "x");
   EXPECT_EQ(ReadTextFile(folder / "file"), "x");
   // A link is followed and stays.
