@@ -80,7 +80,8 @@ TEST(VerdictTest, OneFaultDecides) {
        [](RunResult* r) {
          for (size_t i = 0; i < 10; ++i) r->captures[i].used = false;
        }},
-      {Grade::kBad, "pixel noise is 8.0 px", "pixel_noise", [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
+      {Grade::kBad, "pixel noise is 8.0 px", "pixel_noise",
+       [](RunResult* r) { r->estimates[1].solution->pixel_sigma_px = 8; }},
       {Grade::kDoubtful, "without 7 the camera pose would move by 0.90 mm and 0 deg, more", "influential_capture",
        [](RunResult* r) {
          for (CaptureResult& capture : r->captures) capture.move_without = CaptureMove{9e-4 * Tangent6::Unit(0), 0.02};
