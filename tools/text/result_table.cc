@@ -144,8 +144,8 @@ std::string ResultTable(const RunResult& result, Colour colour) {
   table += NoiseLine(*refined->solution, refined->errors.holdout_chi2);
   table += ShapeLine(*refined->solution);
   for (const Finding& finding : result.verdict.findings) {
-    const bool is_told = finding.code == "model" || finding.code == "camera";
-    if (is_told) table += finding.code + ": " + finding.text + "\n";
+    if (finding.code == "model") table += finding.text + "\n";
+    if (finding.code == "camera") table += "camera: " + finding.text + "\n";
   }
   return table;
 }
