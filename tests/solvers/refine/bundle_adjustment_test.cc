@@ -1,5 +1,8 @@
 #include "solvers/refine/bundle_adjustment.h"
 
+#include <string>
+#include <tuple>
+
 #include <gtest/gtest.h>
 
 #include "solvers/calibration/calibration.h"
@@ -25,114 +28,130 @@ HandEye Disturbed(const HandEye& hand_eye, double rotation_rad, double translati
   return {disturb(hand_eye.camera_mount_from_camera), disturb(hand_eye.target_mount_from_target)};
 }
 
-TEST(BundleAdjustmentTest, RecoversExactDataForEveryCameraModelSetupAndLoss) {
-  for (const std::string& model : CameraModelNames()) {
-    for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
-      for (const char* loss : {"none", "huber", "cauchy"}) {
-        TestSceneOptions scene_options;
-        scene_options.camera = TestCamera(model);
-        scene_options.setup = setup;
-        const TestScene scene = MakeTestScene(21, scene_options);
-        BundleOptions options;
-        options.loss = loss;
-        options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
-        Camera start_camera = scene.camera;
-        start_camera.params[0] *= 1.01;
-        start_camera.params[3] += 5;
-        const Outcome<Solution> solution =
-            RefineHandEye({start_camera, scene.views}, Disturbed(scene.hand_eye, 0.05, 0.02, 1), options);
-        ASSERT_TRUE(solution.ok()) << model << " " << loss << ": " << solution.reason();
-        constexpr double kRoundOff = 1e-8;  // rad and m
-        EXPECT_THAT(solution->hand_eye.camera_mount_from_camera,
-                    IsNearPose(scene.hand_eye.camera_mount_from_camera, kRoundOff, kRoundOff))
-            << model << " " << loss;
-        EXPECT_THAT(solution->hand_eye.target_mount_from_target,
-                    IsNearPose(scene.hand_eye.target_mount_from_target, kRoundOff, kRoundOff))
-            << model << " " << loss;
-        EXPECT_NEAR(solution->camera.params[0], scene.camera.params[0], 1e-4);
-      }
-    }
-  }
+// All camera models, setups and smooth losses.
+class ExactDataTest : public testing::TestWithParam<std::tuple<std::string, Setup, std::string>> {};
+
+TEST_P(ExactDataTest, IsRecovered) {
+  const auto& [model, setup, loss] = GetParam();
+  TestSceneOptions scene_options;
+  scene_options.camera = TestCamera(model);
+  scene_options.setup = setup;
+  const TestScene scene = MakeTestScene(21, scene_options);
+  BundleOptions options;
+  options.loss = loss;
+  options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
+  Camera start_camera = scene.camera;
+  start_camera.params[0] *= 1.01;
+  start_camera.params[3] += 5;
+  const Outcome<Solution> solution =
+      RefineHandEye({start_camera, scene.views}, Disturbed(scene.hand_eye, 0.05, 0.02, 1), options);
+  ASSERT_TRUE(solution.ok()) << solution.reason();
+  constexpr double kRoundOff = 1e-8;  // rad and m
+  EXPECT_THAT(solution->hand_eye.camera_mount_from_camera,
+              IsNearPose(scene.hand_eye.camera_mount_from_camera, kRoundOff, kRoundOff));
+  EXPECT_THAT(solution->hand_eye.target_mount_from_target,
+              IsNearPose(scene.hand_eye.target_mount_from_target, kRoundOff, kRoundOff));
+  EXPECT_NEAR(solution->camera.params[0], scene.camera.params[0], 1e-4);
 }
+
+INSTANTIATE_TEST_SUITE_P(, ExactDataTest,
+                         testing::Combine(testing::ValuesIn(CameraModelNames()),
+                                          testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
+                                          testing::Values("none", "huber", "cauchy")),
+                         [](const auto& test) {
+                           return std::get<0>(test.param) + "_" + std::string(SetupName(std::get<1>(test.param))) +
+                                  "_" + std::get<2>(test.param);
+                         });
+
+// All setups and smooth losses.
+class NoisyDataTest : public testing::TestWithParam<std::tuple<Setup, std::string>> {};
 
 // Each error, whitened by its own covariance, is chi-square distributed with as many degrees of freedom as there are
 // parameters. Over 60 seeds with 16 parameters each (also with Huber's loss) the sum has 960 degrees of freedom, a
 // mean of 960 and a standard deviation of 44: the interval [820, 1100] is 3.2 sigma wide on either side.
-TEST(BundleAdjustmentTest, ErrorsAgreeWithTheCovariance) {
-  for (const heba::Setup setup : {heba::Setup::kEyeToHand, heba::Setup::kEyeInHand}) {
-    for (const char* loss : {"none", "huber", "cauchy"}) {
-      double sum = 0;
-      constexpr int kSeeds = 60;
-      for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
-        TestSceneOptions scene_options;
-        scene_options.setup = setup;
-        scene_options.noise_px = 0.3;
-        const TestScene scene = MakeTestScene(seed, scene_options);
-        BundleOptions options;
-        options.loss = loss;
-        options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
-        const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views}, scene.hand_eye, options);
-        ASSERT_TRUE(solution.ok()) << solution.reason();
-        Eigen::VectorXd error(16);
-        error.head<6>() =
-            LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera);
-        error.segment<6>(6) =
-            LocalCoordinates(scene.hand_eye.target_mount_from_target, solution->hand_eye.target_mount_from_target);
-        for (size_t i = 0; i < 4; ++i)
-          error[12 + static_cast<int>(i)] = solution->camera.params[i] - scene.camera.params[i];
-        ASSERT_EQ(solution->covariance.names.size(), 16U);
-        sum += error.dot(solution->covariance.matrix.ldlt().solve(error));
-        EXPECT_NEAR(solution->pixel_sigma_px, 0.3, 0.03);  // 4.5 sigma for 1440 coordinates; Huber's loss adds to it.
-      }
-      EXPECT_GT(sum, 820) << loss;
-      EXPECT_LT(sum, 1100) << loss;
-    }
+TEST_P(NoisyDataTest, ErrorsAgreeWithTheCovariance) {
+  const auto& [setup, loss] = GetParam();
+  double sum = 0;
+  constexpr int kSeeds = 60;
+  for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    TestSceneOptions scene_options;
+    scene_options.setup = setup;
+    scene_options.noise_px = 0.3;
+    const TestScene scene = MakeTestScene(seed, scene_options);
+    BundleOptions options;
+    options.loss = loss;
+    options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
+    const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views}, scene.hand_eye, options);
+    ASSERT_TRUE(solution.ok()) << solution.reason();
+    Eigen::VectorXd error(16);
+    error.head<6>() =
+        LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera);
+    error.segment<6>(6) =
+        LocalCoordinates(scene.hand_eye.target_mount_from_target, solution->hand_eye.target_mount_from_target);
+    for (size_t i = 0; i < 4; ++i)
+      error[12 + static_cast<int>(i)] = solution->camera.params[i] - scene.camera.params[i];
+    ASSERT_EQ(solution->covariance.names.size(), 16U);
+    sum += error.dot(solution->covariance.matrix.ldlt().solve(error));
+    EXPECT_NEAR(solution->pixel_sigma_px, 0.3, 0.03);  // 4.5 sigma for 1440 coordinates; Huber's loss adds to it.
   }
+  EXPECT_GT(sum, 820);
+  EXPECT_LT(sum, 1100);
 }
+
+INSTANTIATE_TEST_SUITE_P(, NoisyDataTest,
+                         testing::Combine(testing::Values(Setup::kEyeToHand, Setup::kEyeInHand),
+                                          testing::Values("none", "huber", "cauchy")),
+                         [](const auto& test) {
+                           return std::string(SetupName(std::get<0>(test.param))) + "_" + std::get<1>(test.param);
+                         });
+
+class LossTest : public testing::TestWithParam<std::string> {};
 
 // The refinement reuses products that it has already computed; the covariance must be the same as from a new
 // linearisation at the solution.
-TEST(BundleAdjustmentTest, CovarianceIsTheInverseInformationAtTheSolution) {
-  for (const char* loss : {"none", "huber", "truncated"}) {
-    TestSceneOptions scene_options;
-    scene_options.noise_px = 0.3;
-    scene_options.points = GridPoints(4, 3, 0.05);
-    const TestScene scene = MakeTestScene(8, scene_options);
-    BundleOptions options;
-    options.loss = loss;
-    options.free_intrinsics = {ParameterGroup::kFocal};
-    const Problem problem{scene.camera, scene.views};
-    const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
-    ASSERT_TRUE(solution.ok()) << solution.reason();
-    const FreeParameters free = FreeOf(scene.camera.Model(), options);
-    Problem kept = problem;
-    for (size_t i = 0; i < kept.views.size(); ++i) {
-      const std::vector<int>& rejected = solution->rejected_ids[i];
-      std::vector<bool> keep;
-      for (const int id : kept.views[i].observations.ids) {
-        keep.push_back(std::find(rejected.begin(), rejected.end(), id) == rejected.end());
-      }
-      kept.views[i].observations = KeepPoints(kept.views[i].observations, keep);
+TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
+  const std::string& loss = GetParam();
+  TestSceneOptions scene_options;
+  scene_options.noise_px = 0.3;
+  scene_options.points = GridPoints(4, 3, 0.05);
+  const TestScene scene = MakeTestScene(8, scene_options);
+  BundleOptions options;
+  options.loss = loss;
+  options.free_intrinsics = {ParameterGroup::kFocal};
+  const Problem problem{scene.camera, scene.views};
+  const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
+  ASSERT_TRUE(solution.ok()) << solution.reason();
+  const FreeParameters free = FreeOf(scene.camera.Model(), options);
+  Problem kept = problem;
+  for (size_t i = 0; i < kept.views.size(); ++i) {
+    const std::vector<int>& rejected = solution->rejected_ids[i];
+    std::vector<bool> keep;
+    for (const int id : kept.views[i].observations.ids) {
+      keep.push_back(std::find(rejected.begin(), rejected.end(), id) == rejected.end());
     }
-    const std::optional<std::vector<LinearisedView>> views =
-        LineariseViewsAt(kept, *solution, {}, free, InlierLoss(options));
-    ASSERT_TRUE(views.has_value());
-    const Eigen::MatrixXd information = MarginalInformation(*views, {}, InlierLoss(options).covariance_factor());
-    const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
-    const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(information.rows(), information.cols());
-    const Eigen::MatrixXd product =
-        scale.cwiseInverse().asDiagonal() * solution->covariance.matrix * information * scale.asDiagonal();
-    EXPECT_LT((product - identity).cwiseAbs().maxCoeff(), 1e-6) << loss;
-    // A second refinement from the solution has nothing left to improve.
-    const Outcome<Solution> again = RefineHandEye({solution->camera, scene.views}, solution->hand_eye, options);
-    ASSERT_TRUE(again.ok()) << again.reason();
-    const Tangent6 moved =
-        LocalCoordinates(solution->hand_eye.camera_mount_from_camera, again->hand_eye.camera_mount_from_camera);
-    EXPECT_LT(moved.cwiseQuotient(scale.head<6>()).cwiseAbs().maxCoeff(), 1e-3) << loss;
-    const bool is_plain = loss == std::string("none");
-    EXPECT_LE(again->convergence.iterations, is_plain ? 0 : 30) << loss;
+    kept.views[i].observations = KeepPoints(kept.views[i].observations, keep);
   }
+  const std::optional<std::vector<LinearisedView>> views =
+      LineariseViewsAt(kept, *solution, {}, free, InlierLoss(options));
+  ASSERT_TRUE(views.has_value());
+  const Eigen::MatrixXd information = MarginalInformation(*views, {}, InlierLoss(options).covariance_factor());
+  const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(information.rows(), information.cols());
+  const Eigen::MatrixXd product =
+      scale.cwiseInverse().asDiagonal() * solution->covariance.matrix * information * scale.asDiagonal();
+  EXPECT_LT((product - identity).cwiseAbs().maxCoeff(), 1e-6);
+  // A second refinement from the solution has nothing left to improve.
+  const Outcome<Solution> again = RefineHandEye({solution->camera, scene.views}, solution->hand_eye, options);
+  ASSERT_TRUE(again.ok()) << again.reason();
+  const Tangent6 moved =
+      LocalCoordinates(solution->hand_eye.camera_mount_from_camera, again->hand_eye.camera_mount_from_camera);
+  EXPECT_LT(moved.cwiseQuotient(scale.head<6>()).cwiseAbs().maxCoeff(), 1e-3);
+  const bool is_plain = loss == "none";
+  EXPECT_LE(again->convergence.iterations, is_plain ? 0 : 30);
 }
+
+INSTANTIATE_TEST_SUITE_P(, LossTest, testing::Values("none", "huber", "truncated"),
+                         [](const auto& test) { return test.param; });
 
 // Each name in the covariance belongs to the parameter at its index: a step of parameter i changes the cost by the
 // diagonal element i of the information matrix.

@@ -1,6 +1,8 @@
 #include "solvers/residuals/view_reduction.h"
 
 #include <functional>
+#include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -81,47 +83,52 @@ TEST(ViewReductionTest, CostWithALossIsTheSumOfRho) {
   EXPECT_NEAR(reduction.factor.rightCols<1>().squaredNorm() + reduction.loss_remainder, direct, 1e-9 * direct);
 }
 
-TEST(ViewReductionTest, WrittenRowsHaveTheSameNormalEquations) {
+// The kinds of observations and unknowns for which a view has different code: how many points, whether with
+// correlated points or discs, whether the shape is unknown, and the loss.
+using ViewCase = std::tuple<int, std::string, bool, std::string>;
+class ViewKindsTest : public testing::TestWithParam<ViewCase> {};
+
+TEST_P(ViewKindsTest, WrittenRowsHaveTheSameNormalEquations) {
+  const auto& [num_points, kind, has_shape, loss] = GetParam();
   TestSceneOptions options;
   options.noise_px = 3;
   options.points = GridPoints(13, 5, 0.02);
   const TestScene scene = MakeTestScene(5, options);
   const Observations& all = scene.views[0].observations;
-  for (const int num_points : {1, 4, 63, 64, 65}) {
-    std::vector<bool> keep(static_cast<size_t>(all.size()), false);
-    std::fill_n(keep.begin(), num_points, true);
-    const Observations plain = KeepPoints(all, keep);
-    Observations correlated = plain;
-    Observations discs = plain;
-    for (int i = 0; i < plain.size(); ++i) {
-      correlated.whitening.emplace_back((Eigen::Matrix2d() << 1.1, 0, 0.1 * i, 0.9).finished());
-    }
-    discs.radii_m = Eigen::VectorXd::Constant(plain.size(), 0.008);
-    const TargetShape designed = DesignedShape(all.points_in_target);
-    for (const Observations* observations : {&plain, &std::as_const(correlated), &std::as_const(discs)}) {
-      for (const TargetShape* shape : {static_cast<const TargetShape*>(nullptr), &designed}) {
-        for (const char* loss : {"none", "huber"}) {
-          FreeParameters free(scene.camera.params.size() + (shape == nullptr ? 0 : TargetShape::kNumParams), true);
-          free[2] = false;
-          const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss(loss));
-          const Rigid3d& pose = scene.pairs[0].camera_from_target;
-          ViewNormalEquations products;
-          ViewRows rows;
-          ASSERT_TRUE(reducer.Multiply(scene.camera.params.data(), pose, *observations, shape, &products));
-          ASSERT_TRUE(reducer.Write(scene.camera.params.data(), pose, *observations, shape, &rows));
-          ASSERT_EQ(products.matrix.cols(), reducer.num_columns());
-          const auto columns = rows.columns.leftCols(reducer.num_columns());
-          const Eigen::MatrixXd from_rows = columns.transpose() * columns;
-          const Eigen::VectorXd scale = products.matrix.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-          EXPECT_LT((scale.asDiagonal() * (from_rows - products.matrix) * scale.asDiagonal()).cwiseAbs().maxCoeff(),
-                    1e-12)
-              << num_points << loss;
-          EXPECT_NEAR(rows.loss_remainder, products.loss_remainder, 1e-12 * (1 + products.loss_remainder));
-        }
-      }
-    }
+  std::vector<bool> keep(static_cast<size_t>(all.size()), false);
+  std::fill_n(keep.begin(), num_points, true);
+  Observations observations = KeepPoints(all, keep);
+  for (int i = 0; kind == "correlated" && i < observations.size(); ++i) {
+    observations.whitening.emplace_back((Eigen::Matrix2d() << 1.1, 0, 0.1 * i, 0.9).finished());
   }
+  if (kind == "discs") observations.radii_m = Eigen::VectorXd::Constant(observations.size(), 0.008);
+  const TargetShape designed = DesignedShape(all.points_in_target);
+  const TargetShape* const shape = has_shape ? &designed : nullptr;
+
+  FreeParameters free(scene.camera.params.size() + (shape == nullptr ? 0 : TargetShape::kNumParams), true);
+  free[2] = false;
+  const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss(loss));
+  const Rigid3d& pose = scene.pairs[0].camera_from_target;
+  ViewNormalEquations products;
+  ViewRows rows;
+  ASSERT_TRUE(reducer.Multiply(scene.camera.params.data(), pose, observations, shape, &products));
+  ASSERT_TRUE(reducer.Write(scene.camera.params.data(), pose, observations, shape, &rows));
+  ASSERT_EQ(products.matrix.cols(), reducer.num_columns());
+  const auto columns = rows.columns.leftCols(reducer.num_columns());
+  const Eigen::MatrixXd from_rows = columns.transpose() * columns;
+  const Eigen::VectorXd scale = products.matrix.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  EXPECT_LT((scale.asDiagonal() * (from_rows - products.matrix) * scale.asDiagonal()).cwiseAbs().maxCoeff(), 1e-12);
+  EXPECT_NEAR(rows.loss_remainder, products.loss_remainder, 1e-12 * (1 + products.loss_remainder));
 }
+
+INSTANTIATE_TEST_SUITE_P(, ViewKindsTest,
+                         testing::Combine(testing::Values(1, 4, 63, 64, 65),
+                                          testing::Values("plain", "correlated", "discs"), testing::Bool(),
+                                          testing::Values("none", "huber")),
+                         [](const auto& test) {
+                           return std::to_string(std::get<0>(test.param)) + "_" + std::get<1>(test.param) +
+                                  (std::get<2>(test.param) ? "_shape_" : "_") + std::get<3>(test.param);
+                         });
 
 TEST(ViewReductionTest, HasColumnsForFreeParametersOnly) {
   TestSceneOptions options;
