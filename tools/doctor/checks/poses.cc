@@ -21,10 +21,39 @@
 namespace heba {
 namespace {
 
-// A reading that is better by the first factor is another one, not chance or noise. Two readings within the second
-// factor are equally good.
-constexpr double kDecidedly = 2.5;
-constexpr double kAlike = 1.5;
+// The limits of the comparison of readings. Misfits are those of PoseConsistency.
+struct ReadingLimits {
+  double better = 2.5;       // A reading whose misfit is smaller by this factor is another one, not chance or noise.
+  double alike = 1.5;        // Readings within this factor are equally good.
+  double good_share = 1e-3;  // Poses that fit to this share of the working distance are read correctly.
+  // A remaining scale of the positions is reported beyond `scale`, as a ratio, and beyond so many of its sigmas, if it
+  // reduces the misfit of the positions to less than `scale_gain`. Prints and intrinsics are rarely wrong by less.
+  double scale = 0.04;
+  double scale_sigmas = 5;
+  double scale_gain = 0.87;
+  // Scales outside of this range belong to a unit, or to the fit of unrelated data.
+  double min_scale = 0.2;
+  double max_scale = 5;
+  // RMS rotations that the images show, deg: below the first, any reading fits; beyond the second, a second axis is
+  // clear.
+  double no_rotation_deg = 1;
+  double clear_rotation_deg = 6;
+};
+constexpr ReadingLimits kLimits;
+
+// The weights of the mistakes that lead from a reading to the config's: of readings that fit equally well, the one with
+// the smallest sum is reported. A wrong name, unit or direction is the likeliest mistake.
+struct MistakeWeights {
+  double name = 1;
+  double unit = 1;
+  double inverse = 1;
+  double inverse_rotation = 2;
+  double scale = 1.2;
+  double other_order = 1.5;
+  double shift = 1.4;  // Rows that are shifted; each row adds shift_per_row.
+  double shift_per_row = 0.1;
+};
+constexpr MistakeWeights kMistakes;
 
 enum class Direction { kAsRead, kInverse, kInverseRotation };
 
@@ -63,7 +92,7 @@ std::string UnitFor(const PoseFormat& format, const PoseConsistency& consistency
 
 // Returns whether a target that was measured wrongly may have this scale. Any other scale is due to a unit, or to a
 // fit of unrelated data.
-bool IsPlausibleScale(double scale) { return scale > 0.2 && scale < 5; }
+bool IsPlausibleScale(double scale) { return scale > kLimits.min_scale && scale < kLimits.max_scale; }
 
 // Returns the scale that the unit does not explain.
 double RestScale(const JudgedReading& judged) {
@@ -89,9 +118,11 @@ std::vector<Reading> ReadingsOfNumbers(const Examination& examination) {
       reading.direction = direction;
       reading.scale = RobotScale::kFree;
       reading.oddness =
-          (format.rotation != now.rotation || format.robot != now.robot ? 1 : 0) +
-          (format.angle_unit != now.angle_unit && !now.angle_unit.empty() && !format.angle_unit.empty() ? 1 : 0) +
-          (direction == Direction::kInverse ? 1 : 0) + (direction == Direction::kInverseRotation ? 2 : 0);
+          (format.rotation != now.rotation || format.robot != now.robot ? kMistakes.name : 0) +
+          (format.angle_unit != now.angle_unit && !now.angle_unit.empty() && !format.angle_unit.empty() ? kMistakes.unit
+                                                                                                        : 0) +
+          (direction == Direction::kInverse ? kMistakes.inverse : 0) +
+          (direction == Direction::kInverseRotation ? kMistakes.inverse_rotation : 0);
       for (const ExaminedView& view : examination.views) {
         const Outcome<Rigid3d> pose = PoseFromNumbers(format, config.pose_numbers[view.capture]);
         if (!pose) break;
@@ -146,21 +177,22 @@ std::vector<Reading> Pairings(const Examination& examination) {
   std::vector<Reading> readings;
   for (const std::ptrdiff_t step : {1, -1, 2, -2, 3, -3}) {
     const std::string rows = std::to_string(std::abs(step)) + (std::abs(step) == 1 ? " row" : " rows");
-    readings.push_back(
-        Repaired(examination, "each image belongs to the pose " + rows + (step > 0 ? " further down" : " further up"),
-                 1.4 + 0.1 * static_cast<double>(std::abs(step)), [&](size_t i) -> std::optional<size_t> {
-                   const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + step;
-                   return j < 0 || j >= num ? std::nullopt : std::optional(static_cast<size_t>(j));
-                 }));
+    readings.push_back(Repaired(examination,
+                                "each image belongs to the pose " + rows + (step > 0 ? " further down" : " further up"),
+                                kMistakes.shift + kMistakes.shift_per_row * static_cast<double>(std::abs(step)),
+                                [&](size_t i) -> std::optional<size_t> {
+                                  const std::ptrdiff_t j = static_cast<std::ptrdiff_t>(i) + step;
+                                  return j < 0 || j >= num ? std::nullopt : std::optional(static_cast<size_t>(j));
+                                }));
   }
-  readings.push_back(Repaired(examination, "the images are in the reverse order of the poses", 1.5,
+  readings.push_back(Repaired(examination, "the images are in the reverse order of the poses", kMistakes.other_order,
                               [&](size_t i) { return std::optional(config.captures.size() - 1 - i); }));
   for (const bool by_letters_first : {true, false}) {
     const std::vector<size_t> place = PlaceInOtherOrder(config, by_letters_first);
     readings.push_back(Repaired(examination,
                                 "images and poses were sorted differently (1, 10, 11, ..., 2 against 1, 2, "
                                 "..., 10)",
-                                1.5, [&](size_t i) { return std::optional(place[i]); }));
+                                kMistakes.other_order, [&](size_t i) { return std::optional(place[i]); }));
   }
   return readings;
 }
@@ -186,8 +218,8 @@ std::optional<JudgedReading> Judge(const Examination& examination, const Reading
         std::abs(RestScale(judged) - 1) > std::max(kSameScale, kSigmas * judged.consistency.robot_scale_stddev /
                                                                    std::abs(judged.consistency.robot_scale));
     if (judged.has_other_scale && !IsPlausibleScale(RestScale(judged))) return std::nullopt;
-    if (judged.unit != reading.format.translation_unit) judged.oddness += 1;
-    if (judged.has_other_scale) judged.oddness += 1.2;
+    if (judged.unit != reading.format.translation_unit) judged.oddness += kMistakes.unit;
+    if (judged.has_other_scale) judged.oddness += kMistakes.scale;
   }
   return judged;
 }
@@ -264,9 +296,8 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
         "conjugate quaternions");
     cures.emplace_back("transpose the matrices (or change the signs of the quaternions' x, y, z) in the poses file");
   }
-  constexpr double kOther = 0.04;
   const double rest = RestScale(best);
-  if (best.has_other_scale && std::abs(rest - 1) > kOther) {
+  if (best.has_other_scale && std::abs(rest - 1) > kLimits.scale) {
     codes.emplace_back("target_scale");
     faults.push_back("the target is " + Significant(1 / rest, 4) + " times as large as the config says");
     cures.push_back("measure the target and multiply its lengths in the config by about " + Significant(1 / rest, 4));
@@ -309,15 +340,13 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   std::vector<Rigid3d> seen;
   for (const PoseCandidates& capture : captures) seen.push_back(capture.camera_from_target.front());
   const MotionAnalysis seen_motion = AnalyseMotion(seen);
-  constexpr double kNoTurnDeg = 1;
-  if (RadToDeg(seen_motion.rotation_rms_rad[0]) < kNoTurnDeg) return {};
+  if (RadToDeg(seen_motion.rotation_rms_rad[0]) < kLimits.no_rotation_deg) return {};
   const bool is_scale_only = !WhyNotObservable(seen_motion).empty();
   // If the robot rotated about one axis only, the images do not determine an estimated camera: its focal length, and
   // thus every scale and small rotation that the images show, is arbitrary.
   std::vector<Rigid3d> robot;
   for (const PoseCandidates& capture : captures) robot.push_back(capture.camera_mount_from_target_mount);
-  constexpr double kClearTurnDeg = 6;
-  const bool has_clear_turns = RadToDeg(seen_motion.rotation_rms_rad[1]) > kClearTurnDeg;
+  const bool has_clear_turns = RadToDeg(seen_motion.rotation_rms_rad[1]) > kLimits.clear_rotation_deg;
   if (!examination->config.camera && !has_clear_turns && !WhyNotObservable(AnalyseMotion(robot)).empty()) return {};
   const PoseFormat& format_now = examination->config.pose_reading.format;
   examination->pose_fit = PoseFit{format_now, now->typical_misfit_m, MisfitText(*now),
@@ -340,9 +369,8 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   for (const JudgedReading& one : judged) least_m = std::min(least_m, misfit_m(one));
   const double distance_m = WorkingDistanceM(examination->views);
 
-  constexpr double kGoodShare = 1e-3;
-  if (kDecidedly * least_m < now->typical_misfit_m && now->typical_misfit_m > kGoodShare * distance_m) {
-    const double alike_m = std::max(kAlike * least_m, 0.5 * kGoodShare * distance_m);
+  if (kLimits.better * least_m < now->typical_misfit_m && now->typical_misfit_m > kLimits.good_share * distance_m) {
+    const double alike_m = std::max(kLimits.alike * least_m, 0.5 * kLimits.good_share * distance_m);
     const JudgedReading* best = nullptr;
     for (const JudgedReading& one : judged) {
       if (misfit_m(one) > alike_m) continue;
@@ -370,12 +398,10 @@ std::vector<Symptom> Check_poses(Examination* examination) {
 
   const std::optional<PoseConsistency> scaled = FindPoseConsistency(captures, RobotScale::kFree);
   const double scale = scaled ? scaled->robot_scale : 1;
-  constexpr double kSurely = 5;
-  constexpr double kOther = 0.04;
   // The scale is only reported if the poses fit otherwise: unrelated poses may result in any scale.
   const bool fits_scaled = scaled && IsPlausibleScale(scale) && scaled->typical_misfit_m < kPoorShare * distance_m;
-  if (fits_scaled && std::abs(scale - 1) > std::max(kOther, kSurely * scaled->robot_scale_stddev) &&
-      scaled->typical_translation_m < 0.87 * now->typical_translation_m) {
+  if (fits_scaled && std::abs(scale - 1) > std::max(kLimits.scale, kLimits.scale_sigmas * scaled->robot_scale_stddev) &&
+      scaled->typical_translation_m < kLimits.scale_gain * now->typical_translation_m) {
     for (ExaminedView& view : examination->views) view.view.camera_mount_from_target_mount.translation *= scale;
     return {{Severity::kWrong, "target_scale",
              "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +
