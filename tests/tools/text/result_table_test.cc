@@ -1,0 +1,87 @@
+#include "tools/text/result_table.h"
+
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace heba {
+namespace {
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+Estimate EstimateOf(const std::string& method, double rms_px) {
+  Estimate estimate;
+  estimate.method = method;
+  estimate.kind = "closed_form";
+  estimate.ok = true;
+  estimate.errors.reprojection_rms_px = rms_px;
+  estimate.errors.holdout_rms_px = 1.1 * rms_px;
+  return estimate;
+}
+
+RunResult ResultOf(std::vector<Estimate> estimates) {
+  RunResult result;
+  result.name = "cell";
+  result.target_type = "chessboard";
+  result.estimates = std::move(estimates);
+  return result;
+}
+
+std::vector<std::string> LinesOf(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) lines.push_back(line);
+  return lines;
+}
+
+TEST(ResultTableTest, HasALineForEachMethodWithAResult) {
+  const std::string table = ResultTable(ResultOf({EstimateOf("tsai", 0.5), EstimateOf("park", 0.25)}), Colour::kPlain);
+  EXPECT_THAT(table, HasSubstr("\ntsai           0.500"));
+  EXPECT_THAT(table, HasSubstr("\npark           0.250"));
+}
+
+// Neighbouring figures never run together, however small or large they are.
+TEST(ResultTableTest, FiguresHaveABlankBetweenThem) {
+  for (const double rms_px : {1e-9, 0.000123456, 0.99999, 12345.678, 9.9e9}) {
+    const std::string table = ResultTable(ResultOf({EstimateOf("daniilidis", rms_px)}), Colour::kPlain);
+    std::string row;
+    for (const std::string& line : LinesOf(table)) {
+      if (line.starts_with("daniilidis")) row = line;
+    }
+    std::istringstream words(row);
+    std::vector<std::string> cells;
+    for (std::string word; words >> word;) cells.push_back(word);
+    ASSERT_EQ(cells.size(), 7U) << row;
+    EXPECT_NEAR(std::stod(cells[1]) / rms_px, 1, 0.06) << row;
+    EXPECT_NEAR(std::stod(cells[2]) / (1.1 * rms_px), 1, 0.06) << row;
+  }
+}
+
+TEST(ResultTableTest, MethodsWithoutAResultSayWhyOnceForAReason) {
+  Estimate tsai = EstimateOf("tsai", 0.5);
+  tsai.ok = false;
+  tsai.reason = "one axis only";
+  Estimate park = tsai;
+  park.method = "park";
+  const std::string table = ResultTable(ResultOf({tsai, park, EstimateOf("shah", 1)}), Colour::kPlain);
+  EXPECT_THAT(table, HasSubstr("\ntsai, park: no result, one axis only\n"));
+}
+
+TEST(ResultTableTest, TrueErrorsAreThereOnlyWithATruth) {
+  Estimate estimate = EstimateOf("shah", 1);
+  EXPECT_THAT(ResultTable(ResultOf({estimate}), Colour::kPlain), Not(HasSubstr("true err")));
+  estimate.errors.truth = TruthErrors{};
+  EXPECT_THAT(ResultTable(ResultOf({estimate}), Colour::kPlain), HasSubstr("true err"));
+}
+
+TEST(ResultTableTest, PlainTextHasNoEscapeSequences) {
+  const RunResult result = ResultOf({EstimateOf("shah", 1)});
+  EXPECT_THAT(ResultTable(result, Colour::kPlain), Not(HasSubstr("\x1b")));
+  EXPECT_THAT(ResultTable(result, Colour::kAnsi), HasSubstr("\x1b[1mshah"));
+}
+
+}  // namespace
+}  // namespace heba
