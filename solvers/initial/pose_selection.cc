@@ -98,7 +98,7 @@ std::vector<PosePair> Pairs(const std::vector<View>& views, const Candidates& ca
   return pairs;
 }
 
-// Returns the squared reprojection error of a view, px^2, for one reading order and the pose predicted by the chain.
+// Returns the squared reprojection error of a view, px^2, for one reading order and the pose predicted by the loop.
 // The error is capped; it is the cap if a point cannot be projected.
 double PredictionError(const Camera& camera, const View& view, const Rigid3d& camera_from_target,
                        const Rigid3d& symmetry) {

@@ -1,4 +1,4 @@
-// Selects the correct one of a view's possible target poses: the kinematic chain of all captures resolves the
+// Selects the correct one of a view's possible target poses: the kinematic loop of all captures resolves the
 // ambiguity of a single view.
 //
 // A planar target has up to two poses that explain a view about equally well, and a target that looks the same after
@@ -34,7 +34,7 @@ ChosenPoses ChoosePoses(const Camera& camera, const std::vector<View>& views,
 // Returns the pose with the smallest rotation relative to `camera_from_target`, or null if `poses` is empty.
 const TargetPose* NearestPose(const std::vector<TargetPose>& poses, const Rigid3d& camera_from_target);
 
-// Returns the pose pairs of the views: the target pose of each view that is nearest to the prediction of the chain.
+// Returns the pose pairs of the views: the target pose of each view that is nearest to the prediction of the loop.
 // Views from which no target pose can be estimated have no pair.
 std::vector<PosePair> PosePairsOf(const Camera& camera, const HandEye& hand_eye, const std::vector<View>& views);
 

@@ -63,9 +63,10 @@ const Loss& InlierLoss(const BundleOptions& options);
 // more than half of the views), if the refinement does not converge, or if the sigma of a result is too large for it
 // to be useful.
 //
-// The covariance is sigma^2 times the inverse of the normal matrix of all free parameters, multiplied by the factor
-// of the loss (solvers/residuals/loss.h). With a noisy robot, its corrections (solvers/uncertainty/robot_noise.h) are
-// unknowns too, six per robot pose with the robot noise as their prior, and the covariance is marginalised over them.
+// Without a prior, the covariance is sigma^2 times the inverse of the normal matrix of all free parameters, multiplied
+// by the factor of the loss (solvers/residuals/loss.h). With a noisy robot, its corrections
+// (solvers/uncertainty/robot_noise.h) are unknowns too, six per robot pose with the robot noise as their prior, and the
+// covariance is marginalised over them.
 Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options);
 
 // Returns the restricted log-likelihood (solvers/uncertainty/variance_components.h) of the problem's points at a

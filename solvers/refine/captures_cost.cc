@@ -26,7 +26,7 @@ constexpr int kPoseSize = 7;
 
 using PoseRows = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
-// Returns whether a chain is -I, as that of the hand-eye pose, whose tangent is in the camera frame.
+// Returns whether a derivative of the chain rule is -I, as for the hand-eye pose, whose tangent is in the camera frame.
 bool IsMirror(const Matrix6& chain) { return chain == -Matrix6::Identity(); }
 
 // Rows of views with at most this many points are chained individually, which is cheaper than chaining their

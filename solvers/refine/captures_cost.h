@@ -68,7 +68,7 @@ struct CapturesCostOptions {
   int num_threads = 1;  // Upper bound; the result does not depend on it.
 };
 
-// Parameter blocks: the shared poses of the chains (heba/geometry/pose_block.h), then the camera parameters, followed
+// Parameter blocks: the shared poses of the loops (heba/geometry/pose_block.h), then the camera parameters, followed
 // by those of the target's shape if there is a shape. Evaluation fails, and Ceres rejects the step, if a point cannot
 // be projected. With own poses, only for use with ceres::Solve: their values depend on the point at which the
 // Jacobians were evaluated last.

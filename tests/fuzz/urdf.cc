@@ -2,7 +2,7 @@
 #include "heba/robot/urdf_arm.h"
 #include "tests/fuzz/target.h"
 
-// liburdfdom holds parents and children by shared pointers, so a model whose joints form a loop is never freed.
+// liburdfdom does not free a model that it refuses if its joints form a loop: links own their children.
 extern "C" const char* __lsan_default_suppressions();   // NOLINT(bugprone-reserved-identifier)
 extern "C" const char* __lsan_default_suppressions() {  // NOLINT(bugprone-reserved-identifier)
   return "leak:liburdfdom_model";

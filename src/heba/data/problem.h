@@ -40,7 +40,7 @@ struct View {
 struct Problem {
   Camera camera;
   std::vector<View> views;
-  // Determines which frame of the chain is the gripper. Robot noise, if it is modelled, acts in the gripper's frame.
+  // Determines which frame of the loop is the gripper. Robot noise, if it is modelled, acts in the gripper's frame.
   Setup setup = Setup::kEyeToHand;
   // The designed shape, to which the points of the views correspond.
   TargetShape shape = {};

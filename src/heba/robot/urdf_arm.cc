@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include <console_bridge/console.h>
 #include <urdf_parser/urdf_parser.h>
@@ -147,6 +148,19 @@ int DepthOf(std::string_view text) {
   return deepest;
 }
 
+// Frees a model at the end of a scope, also if its joints form a loop: links own their children, so that a loop of them
+// would never be freed.
+struct LinkRings {
+  urdf::ModelInterfaceSharedPtr model;
+  explicit LinkRings(urdf::ModelInterfaceSharedPtr model_in) : model(std::move(model_in)) {}
+  LinkRings(const LinkRings&) = delete;
+  LinkRings& operator=(const LinkRings&) = delete;
+  ~LinkRings() {
+    if (!model) return;
+    for (const auto& entry : model->links_) entry.second->child_links.clear();
+  }
+};
+
 // Throws InputError for text on which the XML parser would fail: it reads beyond the end of truncated UTF-8 characters,
 // and its recursion is as deep as the elements are nested.
 void CheckXml(const std::filesystem::path& path, const std::string& text) {
@@ -171,6 +185,7 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
   } catch (const std::exception& error) {
     throw InputError(path.string() + ": is not a URDF: " + Quoted(error.what()));
   }
+  const LinkRings rings{model};
   if (!model || !model->getRoot()) throw InputError(path.string() + ": is not a URDF; xacro must be expanded first");
   const std::string base = base_link.empty() ? model->getRoot()->name : base_link;
   const std::string tip = tip_link.empty() ? FindTip(*model, path) : tip_link;

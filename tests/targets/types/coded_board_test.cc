@@ -477,8 +477,8 @@ TEST(CodedBoard, IsFoundBeyondAGapAndInTheDistance) {
   EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.2);
 }
 
-// The images contain dots, rings and rings of other codes, with and without a target among them. (tools/bench_targets
-// tests thousands of such images.)
+// The images contain dots, rings and rings of other codes, with and without a target among them.
+// (tools/bench/bench_targets.cc tests thousands of such images.)
 TEST(CodedBoard, IsNotSeenInClutter) {
   const auto board = MakeBoard(kPaperBoard);
   std::vector<uint32_t> own = RingCodes(12, RingCodeOrder::kSeparation);
