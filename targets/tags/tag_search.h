@@ -12,7 +12,7 @@
 
 namespace heba {
 
-// What the search needs of a grid. The referenced objects must outlive it.
+// A grid of tags to search for. The referenced objects must outlive the search.
 struct TagGrid {
   const TagGridGeometry& geometry;
   const TagCodes& codes;

@@ -1,8 +1,8 @@
 // A complete camera model, built from its distortion function, which is all that a file in camera/models defines. Every
 // model has the form
 //   u = fx x' + cx,  v = fy y' + cy
-// where (x', y') is the distorted image of the ray, a function of the ray and the distortion coefficients. The inverse
-// is computed by Gauss-Newton steps on the sphere of rays.
+// The point (x', y') is the distorted image of the ray, a function of the ray and the distortion coefficients. The
+// inverse is computed by Gauss-Newton steps on the sphere of rays.
 #pragma once
 
 #include <cmath>

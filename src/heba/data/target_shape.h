@@ -16,8 +16,8 @@ struct View;
 
 // A point designed at (x, y, z) in the target's frame lies at
 //   (scale_x x, scale_y y, z + bend_x (1 - a^2) + bend_y (1 - b^2))
-// where a and b, from -1 to 1, are its position between the target's edges along x and y. The bend is a sum of two
-// parabolas with the given heights in the middle, as in mrcal's model of a warped board (Kogan, mrcal, "calibration
+// The numbers a and b, from -1 to 1, are its position between the target's edges along x and y. The bend is a sum of
+// two parabolas with the given heights in the middle, as in mrcal's model of a warped board (Kogan, mrcal, "calibration
 // object deformation").
 struct TargetShape {
   static constexpr int kNumParams = 4;

@@ -1,6 +1,6 @@
 // Cross-check of the closed forms of heba and OpenCV, two implementations of the same papers.
 //
-// They are compared only where OpenCV 4.6 of Debian is correct: no two captures may differ by a rotation of 120 deg
+// Both are compared only where OpenCV 4.6 of Debian is correct: no two captures may differ by a rotation of 120 deg
 // or more (see TsaiAndDaniilidisAreWrongOnExactData).
 #include <algorithm>
 #include <string>
