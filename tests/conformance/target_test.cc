@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -34,26 +33,40 @@ namespace {
 using testing::IsEmpty;
 
 struct Example {
+  const char* name;
+  std::string type;
   std::string yaml;
   double max_rms_px;   // RMS distance of the detected points, from pixel noise and the detector's own errors.
   double max_bias_px;  // Norm of the mean difference over all views.
 };
+void PrintTo(const Example& example, std::ostream* stream) { *stream << example.name << ": " << example.yaml; }
 
-// Each type has at least one example; an entry of targets.def without an example fails the test.
-const std::multimap<std::string, Example> kExamples = {
-    {"apriltag_grid", {"{type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 30 mm}", 0.1, 0.02}},
-    {"apriltag_grid",
-     {"{type: apriltag_grid, family: tag25h9, rows: 2, columns: 3, tag_size: 30 mm, corner_squares: false}", 0.2,
-      0.05}},
-    {"chessboard", {"{type: chessboard, rows: 5, columns: 8, square: 20 mm}", 0.1, 0.02}},
-    {"chessboard", {"{type: chessboard, rows: 6, columns: 6, square: 20 mm}", 0.1, 0.02}},
-    {"charuco",
-     {"{type: charuco, rows: 5, columns: 7, square: 30 mm, marker: 22 mm, dictionary: DICT_5X5_100}", 0.1, 0.02}},
-    {"coded_board", {"{type: coded_board, rows: 3, columns: 4, spacing: 40 mm, dot_diameter: 10 mm}", 0.03, 0.01}},
-    {"circle_grid", {"{type: circle_grid, rows: 5, columns: 7, spacing: 20 mm}", 0.05, 0.01}},
-    {"circle_grid", {"{type: circle_grid, rows: 6, columns: 4, spacing: 15 mm, asymmetric: true}", 0.05, 0.01}},
-    {"circle_grid", {"{type: circle_grid, rows: 5, columns: 7, spacing: 20 mm, marker_dot: true}", 0.05, 0.01}},
+// Each type has at least one example; an entry of targets.def without an example fails a test.
+const std::vector<Example> kExamples = {
+    {"apriltag_grid", "apriltag_grid", "{type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 30 mm}",
+     0.1, 0.02},
+    {"apriltag_grid_without_corner_squares", "apriltag_grid",
+     "{type: apriltag_grid, family: tag25h9, rows: 2, columns: 3, tag_size: 30 mm, corner_squares: false}", 0.2, 0.05},
+    {"chessboard", "chessboard", "{type: chessboard, rows: 5, columns: 8, square: 20 mm}", 0.1, 0.02},
+    {"chessboard_square", "chessboard", "{type: chessboard, rows: 6, columns: 6, square: 20 mm}", 0.1, 0.02},
+    {"charuco", "charuco",
+     "{type: charuco, rows: 5, columns: 7, square: 30 mm, marker: 22 mm, dictionary: DICT_5X5_100}", 0.1, 0.02},
+    {"coded_board", "coded_board", "{type: coded_board, rows: 3, columns: 4, spacing: 40 mm, dot_diameter: 10 mm}",
+     0.03, 0.01},
+    {"circle_grid", "circle_grid", "{type: circle_grid, rows: 5, columns: 7, spacing: 20 mm}", 0.05, 0.01},
+    {"circle_grid_asymmetric", "circle_grid",
+     "{type: circle_grid, rows: 6, columns: 4, spacing: 15 mm, asymmetric: true}", 0.05, 0.01},
+    {"circle_grid_with_marker_dot", "circle_grid",
+     "{type: circle_grid, rows: 5, columns: 7, spacing: 20 mm, marker_dot: true}", 0.05, 0.01},
 };
+
+TEST(TargetExamplesTest, CoverEveryType) {
+  for (const std::string& type : TargetTypeNames()) {
+    const bool has_example =
+        std::any_of(kExamples.begin(), kExamples.end(), [&](const Example& example) { return example.type == type; });
+    EXPECT_TRUE(has_example) << "targets.def has " << type << ": give it an example here";
+  }
+}
 
 bool IsInside(const Eigen::Vector2d& at_m, const Shape& shape) {
   if (shape.points_m.empty()) return (at_m - shape.centre_m).norm() < shape.radius_m;
@@ -75,183 +88,176 @@ double AlbedoAt(const Drawing& drawing, const Eigen::Vector2d& at_m) {
   return albedo;
 }
 
-class TargetTest : public testing::TestWithParam<std::string> {
- protected:
-  void SetUp() override {
-    ASSERT_GT(kExamples.count(GetParam()), 0U) << "targets.def has " << GetParam() << ": give it an example here";
-    const auto range = kExamples.equal_range(GetParam());
-    for (auto example = range.first; example != range.second; ++example) {
-      examples_.push_back(example->second);
-      targets_.push_back(MakeTarget(example->second.yaml));
-      ASSERT_EQ(targets_.back()->type(), GetParam());
+// Returns the smallest distance between two of the points.
+double SmallestDistanceM(const std::vector<TargetPoint>& points) {
+  double smallest_m = INFINITY;
+  for (const TargetPoint& a : points) {
+    for (const TargetPoint& b : points) {
+      if (a.id < b.id) smallest_m = std::min(smallest_m, (a.in_target - b.in_target).norm());
     }
   }
+  return smallest_m;
+}
 
-  std::vector<Example> examples_;
-  std::vector<std::unique_ptr<Target>> targets_;
+// Returns the distance from `position_m` to the nearest of the points.
+double DistanceToNearestM(const std::vector<TargetPoint>& points, const Eigen::Vector3d& position_m) {
+  double nearest_m = INFINITY;
+  for (const TargetPoint& point : points) nearest_m = std::min(nearest_m, (position_m - point.in_target).norm());
+  return nearest_m;
+}
+
+// Returns true if both black and white occur on the circles with these radii around `at_m`.
+bool HasBlackAndWhiteAround(const Drawing& drawing, const Eigen::Vector2d& at_m, const std::vector<double>& radii_m) {
+  bool has_black = false;
+  bool has_white = false;
+  for (const double radius_m : radii_m) {
+    for (int k = 0; k < 16; ++k) {
+      const double angle_rad = (k + 0.3) * kPi / 8;
+      const Eigen::Vector2d step_m = radius_m * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad));
+      (AlbedoAt(drawing, at_m + step_m) < 0.5 ? has_black : has_white) = true;
+    }
+  }
+  return has_black && has_white;
+}
+
+class TargetTest : public testing::TestWithParam<Example> {
+ protected:
+  void SetUp() override {
+    target_ = MakeTarget(GetParam().yaml);
+    ASSERT_EQ(target_->type(), GetParam().type);
+  }
+
+  std::unique_ptr<Target> target_;
 };
 
 TEST_P(TargetTest, IdsIncreaseAndPointsSpanAPlane) {
-  for (const std::unique_ptr<Target>& target : targets_) {
-    const std::vector<TargetPoint>& points = target->points();
-    ASSERT_GE(points.size(), 4U);
-    Eigen::Vector3d mean_m = Eigen::Vector3d::Zero();
-    for (size_t i = 0; i < points.size(); ++i) {
-      if (i > 0) {
-        EXPECT_GT(points[i].id, points[i - 1].id);
-      }
-      EXPECT_GE(points[i].id, 0);
-      EXPECT_GE(points[i].radius_m, 0);
-      mean_m += points[i].in_target / static_cast<double>(points.size());
+  const std::vector<TargetPoint>& points = target_->points();
+  ASSERT_GE(points.size(), 4U);
+  Eigen::Vector3d mean_m = Eigen::Vector3d::Zero();
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (i > 0) {
+      EXPECT_GT(points[i].id, points[i - 1].id);
     }
-    Eigen::Matrix3d scatter_m2 = Eigen::Matrix3d::Zero();
-    for (const TargetPoint& point : points) {
-      scatter_m2 += (point.in_target - mean_m) * (point.in_target - mean_m).transpose();
-    }
-    const Eigen::Vector3d spread_m2 = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter_m2).eigenvalues();
-    EXPECT_GT(spread_m2[1], 0.01 * spread_m2[2]);  // Sorted ascending: the second is 0 if all points are on one line.
+    EXPECT_GE(points[i].id, 0);
+    EXPECT_GE(points[i].radius_m, 0);
+    mean_m += points[i].in_target / static_cast<double>(points.size());
   }
+  Eigen::Matrix3d scatter_m2 = Eigen::Matrix3d::Zero();
+  for (const TargetPoint& point : points) {
+    scatter_m2 += (point.in_target - mean_m) * (point.in_target - mean_m).transpose();
+  }
+  const Eigen::Vector3d spread_m2 = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter_m2).eigenvalues();
+  EXPECT_GT(spread_m2[1], 0.01 * spread_m2[2]);  // Sorted ascending: the second is 0 if all points are on one line.
 }
 
 // Every point is on the sheet, at an edge between black and white: both occur in its neighbourhood.
 TEST_P(TargetTest, DrawingCoversItsPoints) {
-  for (const std::unique_ptr<Target>& target : targets_) {
-    const Drawing& drawing = target->Draw();
-    double nearest_m = INFINITY;  // Smallest distance between two points.
-    for (const TargetPoint& a : target->points()) {
-      for (const TargetPoint& b : target->points()) {
-        if (a.id < b.id) nearest_m = std::min(nearest_m, (a.in_target - b.in_target).norm());
-      }
-    }
-    for (const TargetPoint& point : target->points()) {
-      const Eigen::Vector2d at_m = point.in_target.head<2>();
-      EXPECT_EQ(point.in_target.z(), 0);
-      EXPECT_TRUE((at_m.array() > drawing.min_m.array()).all() && (at_m.array() < drawing.max_m.array()).all());
-      bool has_black = false;
-      bool has_white = false;
-      for (const double reach : {0.02, 0.5}) {
-        for (int k = 0; k < 16; ++k) {
-          const double angle_rad = (k + 0.3) * kPi / 8;
-          const Eigen::Vector2d step_m = reach * nearest_m * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad));
-          (AlbedoAt(drawing, at_m + step_m) < 0.5 ? has_black : has_white) = true;
-        }
-      }
-      EXPECT_TRUE(has_black && has_white) << "point " << point.id;
-    }
+  const Drawing& drawing = target_->Draw();
+  const double nearest_m = SmallestDistanceM(target_->points());
+  for (const TargetPoint& point : target_->points()) {
+    const Eigen::Vector2d at_m = point.in_target.head<2>();
+    EXPECT_EQ(point.in_target.z(), 0);
+    EXPECT_TRUE((at_m.array() > drawing.min_m.array()).all() && (at_m.array() < drawing.max_m.array()).all());
+    EXPECT_TRUE(HasBlackAndWhiteAround(drawing, at_m, {0.02 * nearest_m, 0.5 * nearest_m})) << "point " << point.id;
   }
 }
 
 // Tilts up to 40 degrees, a lens with distortion, and noise of 2 grey levels.
 TEST_P(TargetTest, DetectionsMatchTheCameraModel) {
-  for (size_t i = 0; i < targets_.size(); ++i) {
-    constexpr int kNumViews = 4;
-    const DetectionErrors errors = DetectRendered(*targets_[i], kNumViews, /*share=*/0.7, /*seed=*/41);
-    EXPECT_EQ(errors.num_found, kNumViews * targets_[i]->points().size()) << examples_[i].yaml;
-    EXPECT_EQ(errors.num_unknown_ids, 0U) << examples_[i].yaml;
-    EXPECT_LT(errors.RmsPx(), examples_[i].max_rms_px) << examples_[i].yaml;
-    EXPECT_LT(errors.BiasPx(), examples_[i].max_bias_px) << examples_[i].yaml;
-  }
+  constexpr int kNumViews = 4;
+  const DetectionErrors errors = DetectRendered(*target_, kNumViews, /*share=*/0.7, /*seed=*/41);
+  EXPECT_EQ(errors.num_found, kNumViews * target_->points().size());
+  EXPECT_EQ(errors.num_unknown_ids, 0U);
+  EXPECT_LT(errors.RmsPx(), GetParam().max_rms_px);
+  EXPECT_LT(errors.BiasPx(), GetParam().max_bias_px);
 }
 
 // Detections do not depend on the stated size of the target, so an image is searched once for all sizes.
 TEST_P(TargetTest, DetectionsDoNotDependOnTheStatedSize) {
-  for (size_t i = 0; i < targets_.size(); ++i) {
-    const TargetSettings lengths = targets_[i]->UnitLengths();
-    ASSERT_FALSE(lengths.empty());
-    const auto with_lengths = [&](double times) {
-      YAML::Node node = YAML::Load(examples_[i].yaml);
-      for (const auto& [key, value] : lengths) node[key] = Significant(times * std::stod(value), 17) + " m";
-      return MakeTarget(YAML::Dump(node));
-    };
-    EXPECT_EQ(with_lengths(0.3)->UnitLengths(), lengths) << examples_[i].yaml;
-    Rng rng(44);
-    RenderOptions options;
-    options.noise_sigma_grey = 2;
-    const Rigid3d camera_from_target = RandomView(targets_[i]->Draw(), 0.7, 0.6, 0.6, rng);
-    const cv::Mat grey = RenderView(targets_[i]->Draw(), ImageCamera(), camera_from_target, options);
-    const Detection expected = targets_[i]->Detect(grey);
-    const Detection found = with_lengths(1)->Detect(grey);
-    ASSERT_EQ(found.ids, expected.ids) << examples_[i].yaml;
-    for (size_t n = 0; n < found.ids.size(); ++n) {
-      // OpenCV's cornerSubPix ends with a step of less than 0.001 px; rounding errors may change the number of steps.
-      EXPECT_LT((found.pixels[n] - expected.pixels[n]).norm(), 3e-3) << examples_[i].yaml;
-    }
+  const TargetSettings lengths = target_->UnitLengths();
+  ASSERT_FALSE(lengths.empty());
+  const auto with_lengths = [&](double times) {
+    YAML::Node node = YAML::Load(GetParam().yaml);
+    for (const auto& [key, value] : lengths) node[key] = Significant(times * std::stod(value), 17) + " m";
+    return MakeTarget(YAML::Dump(node));
+  };
+  EXPECT_EQ(with_lengths(0.3)->UnitLengths(), lengths);
+  Rng rng(44);
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  const Rigid3d camera_from_target = RandomView(target_->Draw(), 0.7, 0.6, 0.6, rng);
+  const cv::Mat grey = RenderView(target_->Draw(), ImageCamera(), camera_from_target, options);
+  const Detection expected = target_->Detect(grey);
+  const Detection found = with_lengths(1)->Detect(grey);
+  ASSERT_EQ(found.ids, expected.ids);
+  for (size_t n = 0; n < found.ids.size(); ++n) {
+    // OpenCV's cornerSubPix ends with a step of less than 0.001 px; rounding errors may change the number of steps.
+    EXPECT_LT((found.pixels[n] - expected.pixels[n]).norm(), 3e-3);
   }
 }
 
 // The first symmetry is the identity, all are different, and each is a rotation that maps points to points and the
 // drawing's grey values to themselves. A target in any orientation is detected in one of these orders.
 TEST_P(TargetTest, SymmetriesMatchTheDetectedOrders) {
-  for (size_t i = 0; i < targets_.size(); ++i) {
-    const Target& target = *targets_[i];
-    const Drawing& drawing = target.Draw();
-    const std::vector<Rigid3d> symmetries = target.Symmetries();
-    ASSERT_FALSE(symmetries.empty());
-    EXPECT_THAT(symmetries[0], IsNearPose(Rigid3d(), 0, 0));
-    Rng rng(42);
-    for (size_t k = 0; k < symmetries.size(); ++k) {
-      for (size_t other = 0; other < k; ++other) EXPECT_GT(AngleRad(symmetries[k], symmetries[other]), 0.1);
-      for (const TargetPoint& point : target.points()) {
-        double nearest_m = INFINITY;
-        for (const TargetPoint& to : target.points()) {
-          nearest_m = std::min(nearest_m, (symmetries[k] * point.in_target - to.in_target).norm());
-        }
-        EXPECT_LT(nearest_m, 1e-9);
-      }
-      for (int sample = 0; sample < 300; ++sample) {
-        const Eigen::Vector2d at_m(rng.Uniform(drawing.min_m.x(), drawing.max_m.x()),
-                                   rng.Uniform(drawing.min_m.y(), drawing.max_m.y()));
-        const Eigen::Vector3d moved_m = symmetries[k] * Eigen::Vector3d(at_m.x(), at_m.y(), 0);
-        EXPECT_EQ(AlbedoAt(drawing, moved_m.head<2>()), AlbedoAt(drawing, at_m)) << examples_[i].yaml;
-      }
+  const Drawing& drawing = target_->Draw();
+  const std::vector<Rigid3d> symmetries = target_->Symmetries();
+  ASSERT_FALSE(symmetries.empty());
+  EXPECT_THAT(symmetries[0], IsNearPose(Rigid3d(), 0, 0));
+  Rng rng(42);
+  for (size_t k = 0; k < symmetries.size(); ++k) {
+    for (size_t other = 0; other < k; ++other) EXPECT_GT(AngleRad(symmetries[k], symmetries[other]), 0.1);
+    for (const TargetPoint& point : target_->points()) {
+      EXPECT_LT(DistanceToNearestM(target_->points(), symmetries[k] * point.in_target), 1e-9);
     }
-    const Camera camera = ImageCamera();
-    for (int quarter = 0; quarter < 4; ++quarter) {
-      const Rigid3d upright = RandomView(drawing, /*share=*/0.6, /*max_tilt_rad=*/0.3, /*max_roll_rad=*/0.3, rng);
-      const Rigid3d camera_from_target = Rigid3d(ExpRotation({0, 0, quarter * kPi / 2}), {0, 0, 0}) * upright;
-      const Detection detection = target.Detect(RenderView(drawing, camera, camera_from_target));
-      const DetectionErrors errors = ErrorsOf(target, camera, camera_from_target, detection);
-      EXPECT_EQ(errors.num_found, target.points().size()) << examples_[i].yaml << " turned by " << quarter;
-      EXPECT_LT(errors.max_px, 1) << examples_[i].yaml << " turned by " << quarter;
+    for (int sample = 0; sample < 300; ++sample) {
+      const Eigen::Vector2d at_m(rng.Uniform(drawing.min_m.x(), drawing.max_m.x()),
+                                 rng.Uniform(drawing.min_m.y(), drawing.max_m.y()));
+      const Eigen::Vector3d moved_m = symmetries[k] * Eigen::Vector3d(at_m.x(), at_m.y(), 0);
+      EXPECT_EQ(AlbedoAt(drawing, moved_m.head<2>()), AlbedoAt(drawing, at_m));
     }
+  }
+  const Camera camera = ImageCamera();
+  for (int quarter = 0; quarter < 4; ++quarter) {
+    const Rigid3d upright = RandomView(drawing, /*share=*/0.6, /*max_tilt_rad=*/0.3, /*max_roll_rad=*/0.3, rng);
+    const Rigid3d camera_from_target = Rigid3d(ExpRotation({0, 0, quarter * kPi / 2}), {0, 0, 0}) * upright;
+    const Detection detection = target_->Detect(RenderView(drawing, camera, camera_from_target));
+    const DetectionErrors errors = ErrorsOf(*target_, camera, camera_from_target, detection);
+    EXPECT_EQ(errors.num_found, target_->points().size()) << "rotated by " << 90 * quarter << " deg";
+    EXPECT_LT(errors.max_px, 1) << "rotated by " << 90 * quarter << " deg";
   }
 }
 
 // A target with symmetries states the settings of a similar target without symmetries; otherwise the list is empty.
 TEST_P(TargetTest, SuggestedSettingsRemoveTheSymmetry) {
-  for (size_t i = 0; i < targets_.size(); ++i) {
-    const TargetSettings settings = targets_[i]->WithoutSymmetry();
-    EXPECT_EQ(settings.empty(), targets_[i]->Symmetries().size() == 1) << examples_[i].yaml;
-    YAML::Node changed = YAML::Load(examples_[i].yaml);
-    for (const auto& [key, value] : settings) changed[key] = value;
-    EXPECT_EQ(MakeTarget(YAML::Dump(changed))->Symmetries().size(), 1U) << examples_[i].yaml;
-  }
+  const TargetSettings settings = target_->WithoutSymmetry();
+  EXPECT_EQ(settings.empty(), target_->Symmetries().size() == 1);
+  YAML::Node changed = YAML::Load(GetParam().yaml);
+  for (const auto& [key, value] : settings) changed[key] = value;
+  EXPECT_EQ(MakeTarget(YAML::Dump(changed))->Symmetries().size(), 1U);
 }
 
 // Each point occurs at most once, by increasing id, with its pixel, and the image is unchanged; covariances, if there
 // are any, cover all points.
 TEST_P(TargetTest, DetectionsAreWellFormed) {
-  for (const std::unique_ptr<Target>& target : targets_) {
-    const Drawing& drawing = target->Draw();
-    Rng rng(43);
-    const cv::Mat grey = RenderView(drawing, ImageCamera(), RandomView(drawing, 0.7, 0.5, 0.5, rng));
-    const cv::Mat before = grey.clone();
-    const Detection detection = target->Detect(grey);
-    EXPECT_EQ(cv::norm(grey, before, cv::NORM_INF), 0);
-    ASSERT_EQ(detection.ids.size(), target->points().size()) << detection.reason;
-    ASSERT_EQ(detection.pixels.size(), detection.ids.size());
-    EXPECT_TRUE(std::is_sorted(detection.ids.begin(), detection.ids.end()));
-    EXPECT_EQ(detection.reason, "");
-    if (detection.covariances_px2.empty()) continue;
-    Eigen::Index num_rows = 0;
-    for (const Eigen::MatrixXd& covariance_px2 : detection.covariances_px2) {
-      EXPECT_EQ(covariance_px2.rows() % 2, 0);
-      EXPECT_EQ(covariance_px2.rows(), covariance_px2.cols());
-      EXPECT_EQ(covariance_px2.llt().info(), Eigen::Success);  // The covariance is positive definite.
-      num_rows += covariance_px2.rows();
-    }
-    EXPECT_EQ(num_rows, 2 * static_cast<Eigen::Index>(detection.ids.size()));
+  const Drawing& drawing = target_->Draw();
+  Rng rng(43);
+  const cv::Mat grey = RenderView(drawing, ImageCamera(), RandomView(drawing, 0.7, 0.5, 0.5, rng));
+  const cv::Mat before = grey.clone();
+  const Detection detection = target_->Detect(grey);
+  EXPECT_EQ(cv::norm(grey, before, cv::NORM_INF), 0);
+  ASSERT_EQ(detection.ids.size(), target_->points().size()) << detection.reason;
+  ASSERT_EQ(detection.pixels.size(), detection.ids.size());
+  EXPECT_TRUE(std::is_sorted(detection.ids.begin(), detection.ids.end()));
+  EXPECT_EQ(detection.reason, "");
+  if (detection.covariances_px2.empty()) return;
+  Eigen::Index num_rows = 0;
+  for (const Eigen::MatrixXd& covariance_px2 : detection.covariances_px2) {
+    EXPECT_EQ(covariance_px2.rows() % 2, 0);
+    EXPECT_EQ(covariance_px2.rows(), covariance_px2.cols());
+    EXPECT_EQ(covariance_px2.llt().info(), Eigen::Success);  // The covariance is positive definite.
+    num_rows += covariance_px2.rows();
   }
+  EXPECT_EQ(num_rows, 2 * static_cast<Eigen::Index>(detection.ids.size()));
 }
 
 TEST_P(TargetTest, FindsNothingInImagesWithoutTarget) {
@@ -262,18 +268,16 @@ TEST_P(TargetTest, FindsNothingInImagesWithoutTarget) {
   for (const cv::Size size : {cv::Size(1, 1), cv::Size(3, 2), cv::Size(40, 2), cv::Size(2, 30)}) {
     images.push_back(noise(cv::Rect(cv::Point(0, 0), size)).clone());
   }
-  for (size_t i = 0; i < targets_.size(); ++i) {
-    for (const cv::Mat& picture : images) {
-      const Detection detection = targets_[i]->Detect(picture);
-      EXPECT_THAT(detection.ids, IsEmpty()) << examples_[i].yaml << ", " << picture.size();
-      EXPECT_THAT(detection.pixels, IsEmpty());
-      EXPECT_NE(detection.reason, "") << examples_[i].yaml << ", " << picture.size();
-    }
+  for (const cv::Mat& image : images) {
+    const Detection detection = target_->Detect(image);
+    EXPECT_THAT(detection.ids, IsEmpty()) << image.size();
+    EXPECT_THAT(detection.pixels, IsEmpty());
+    EXPECT_NE(detection.reason, "") << image.size();
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Table, TargetTest, testing::ValuesIn(TargetTypeNames()),
-                         [](const auto& test) { return test.param; });
+INSTANTIATE_TEST_SUITE_P(Examples, TargetTest, testing::ValuesIn(kExamples),
+                         [](const auto& test) { return test.param.name; });
 
 // --------------------------------------------------------------------------------- conventions of other libraries
 

@@ -131,6 +131,10 @@ TEST(ModelChoiceTest, UsesANoisePriorForFewPoses) {
   EXPECT_TRUE(is_said);
 }
 
+void AddNoise(double sigma_px, Rng* rng, Points2* pixels) {
+  for (Eigen::Index i = 0; i < pixels->size(); ++i) pixels->data()[i] += sigma_px * rng->Normal();
+}
+
 // Eight images at each of twelve poses contain no more information about the robot than twelve images.
 TEST(ModelChoiceTest, RepeatedPosesDoNotReduceSigma) {
   const TestScene scene = MakeTestScene(7, NoisyRobot(12));
@@ -140,8 +144,7 @@ TEST(ModelChoiceTest, RepeatedPosesDoNotReduceSigma) {
     for (const View& view : scene.views) {
       repeated.push_back(view);
       repeated.back().name += "_" + std::to_string(repeat);
-      Points2& pixels = repeated.back().observations.pixels;
-      for (Eigen::Index i = 0; i < pixels.size(); ++i) pixels.data()[i] += 0.1 * rng.Normal();
+      AddNoise(0.1, &rng, &repeated.back().observations.pixels);
     }
   }
   const CalibrationOptions options = WithHeldCamera(scene);

@@ -61,6 +61,20 @@ struct Ratio {
   double Value() const { return std::sqrt(found_m2 / oracle_m2); }
 };
 
+// Displaces each point with a probability of 0.25, by up to 40 px along each axis. Returns the view with only the other
+// points.
+View DisplaceAQuarterOfPoints(View* view, Rng* rng) {
+  std::vector<bool> keep;
+  for (Eigen::Index i = 0; i < view->observations.size(); ++i) {
+    keep.push_back(rng->Uniform() >= 0.25);
+    if (keep.back()) continue;
+    view->observations.pixels.col(i) += Eigen::Vector2d(rng->Uniform(-40, 40), rng->Uniform(-40, 40));
+  }
+  View good = *view;
+  good.observations = KeepPoints(view->observations, keep);
+  return good;
+}
+
 struct Case {
   const char* name;
   heba::Setup setup;
@@ -128,16 +142,7 @@ TEST_P(RobustnessTest, ToleratesAQuarterOfOutlierPoints) {
     TestScene scene = Scene(seed);
     Rng rng(static_cast<uint64_t>(seed), 7);
     std::vector<View> good;
-    for (View& view : scene.views) {
-      std::vector<bool> keep;
-      for (Eigen::Index i = 0; i < view.observations.size(); ++i) {
-        keep.push_back(rng.Uniform() >= 0.25);
-        if (keep.back()) continue;
-        view.observations.pixels.col(i) += Eigen::Vector2d(rng.Uniform(-40, 40), rng.Uniform(-40, 40));
-      }
-      good.push_back(view);
-      good.back().observations = KeepPoints(view.observations, keep);
-    }
+    for (View& view : scene.views) good.push_back(DisplaceAQuarterOfPoints(&view, &rng));
     const Outcome<Calibration> calibration = Calibrate(scene.views, OptionsFor(scene, setup()));
     ASSERT_TRUE(calibration.ok()) << seed << calibration.reason();
     ASSERT_TRUE(calibration->refined.ok()) << seed << calibration->refined.reason();

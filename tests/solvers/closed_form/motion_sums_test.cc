@@ -1,8 +1,10 @@
 #include "solvers/closed_form/motion_sums.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -43,48 +45,76 @@ Numbers NumbersOf(const Rigid3d& a, const Rigid3d& b) {
   return numbers;
 }
 
-using MotionSumsTest = EverySimdTest;
+// The sums over the motions between all captures, computed one motion at a time.
+struct ReferenceSums {
+  Eigen::MatrixXd linear = Eigen::MatrixXd::Zero(MotionSums::kNumLinear, MotionSums::kNumLinear);
+  Eigen::MatrixXd screws = Eigen::MatrixXd::Zero(MotionSums::kNumScrew, MotionSums::kNumScrew);
+  Eigen::MatrixXd axes = Eigen::MatrixXd::Zero(MotionSums::kNumAxes, MotionSums::kNumAxes);
+  int num_used = 0;
+};
 
-// The numbers of captures fill the SIMD lanes and batches exactly or in part.
-TEST_P(MotionSumsTest, SumOverMotionsWithEnoughRotation) {
-  for (const int num_captures : {2, 3, 9, 20, 140}) {
-    TestSceneOptions options;
-    options.num_captures = num_captures;
-    const TestScene scene = MakeTestScene(3, options);
-    Eigen::MatrixXd linear = Eigen::MatrixXd::Zero(MotionSums::kNumLinear, MotionSums::kNumLinear);
-    Eigen::MatrixXd screws = Eigen::MatrixXd::Zero(MotionSums::kNumScrew, MotionSums::kNumScrew);
-    Eigen::MatrixXd axes = Eigen::MatrixXd::Zero(MotionSums::kNumAxes, MotionSums::kNumAxes);
-    double largest_rad = 0;
-    for (const PosePair& one : scene.pairs) {
-      for (const PosePair& other : scene.pairs) {
-        largest_rad =
-            std::max(largest_rad, AngleRad(one.camera_mount_from_target_mount, other.camera_mount_from_target_mount));
-      }
+double LargestRotationRad(const std::vector<PosePair>& pairs) {
+  double largest_rad = 0;
+  for (const PosePair& one : pairs) {
+    for (const PosePair& other : pairs) {
+      largest_rad =
+          std::max(largest_rad, AngleRad(one.camera_mount_from_target_mount, other.camera_mount_from_target_mount));
     }
-    const double least_rad = std::min(DegToRad(5.0), 0.25 * largest_rad);
-    int num_used = 0;
-    for (size_t i = 0; i < scene.pairs.size(); ++i) {
-      for (size_t j = i + 1; j < scene.pairs.size(); ++j) {
-        const Rigid3d a =
-            scene.pairs[j].camera_mount_from_target_mount * Inverse(scene.pairs[i].camera_mount_from_target_mount);
-        const Rigid3d b = scene.pairs[j].camera_from_target * Inverse(scene.pairs[i].camera_from_target);
-        const double angle_rad = RotationAngle(a.rotation);
-        if (angle_rad < least_rad || angle_rad > DegToRad(170.0)) continue;
-        ++num_used;
-        const Numbers numbers = NumbersOf(a, b);
-        linear += numbers.linear * numbers.linear.transpose();
-        screws += numbers.screws * numbers.screws.transpose();
-        axes += numbers.axes * numbers.axes.transpose();
-      }
-    }
-    const MotionSums sums = SumMotions(scene.pairs);
-    EXPECT_EQ(sums.Count(), num_used);
-    const double tolerance = 1e-12 * std::max(1, num_used);
-    EXPECT_LT((sums.linear - linear).cwiseAbs().maxCoeff(), tolerance) << num_captures;
-    EXPECT_LT((sums.screws - screws).cwiseAbs().maxCoeff(), tolerance) << num_captures;
-    EXPECT_LT((sums.axes - axes).cwiseAbs().maxCoeff(), tolerance) << num_captures;
   }
+  return largest_rad;
 }
+
+ReferenceSums SumMotionsOneByOne(const std::vector<PosePair>& pairs) {
+  const double least_rad = std::min(DegToRad(5.0), 0.25 * LargestRotationRad(pairs));
+  ReferenceSums sums;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    for (size_t j = i + 1; j < pairs.size(); ++j) {
+      const Rigid3d a = pairs[j].camera_mount_from_target_mount * Inverse(pairs[i].camera_mount_from_target_mount);
+      const Rigid3d b = pairs[j].camera_from_target * Inverse(pairs[i].camera_from_target);
+      const double angle_rad = RotationAngle(a.rotation);
+      if (angle_rad < least_rad || angle_rad > DegToRad(170.0)) continue;
+      ++sums.num_used;
+      const Numbers numbers = NumbersOf(a, b);
+      sums.linear += numbers.linear * numbers.linear.transpose();
+      sums.screws += numbers.screws * numbers.screws.transpose();
+      sums.axes += numbers.axes * numbers.axes.transpose();
+    }
+  }
+  return sums;
+}
+
+// The parameters are the instruction set and the number of captures, which fill the SIMD lanes and batches exactly or
+// in part.
+class MotionSumsSizeTest : public testing::TestWithParam<std::tuple<Simd, int>> {
+ protected:
+  void SetUp() override {
+    const Simd simd = std::get<Simd>(GetParam());
+    LimitSimd(simd);
+    if (ActiveSimd() != simd) GTEST_SKIP() << "this processor does not have the instruction set";
+  }
+  void TearDown() override { LimitSimd(Simd::kAvx512); }
+};
+
+TEST_P(MotionSumsSizeTest, SumsOverMotionsWithEnoughRotation) {
+  TestSceneOptions options;
+  options.num_captures = std::get<int>(GetParam());
+  const TestScene scene = MakeTestScene(3, options);
+  const ReferenceSums expected = SumMotionsOneByOne(scene.pairs);
+  const MotionSums sums = SumMotions(scene.pairs);
+  EXPECT_EQ(sums.Count(), expected.num_used);
+  const double tolerance = 1e-12 * std::max(1, expected.num_used);
+  EXPECT_LT((sums.linear - expected.linear).cwiseAbs().maxCoeff(), tolerance);
+  EXPECT_LT((sums.screws - expected.screws).cwiseAbs().maxCoeff(), tolerance);
+  EXPECT_LT((sums.axes - expected.axes).cwiseAbs().maxCoeff(), tolerance);
+}
+
+INSTANTIATE_TEST_SUITE_P(SetsAndSizes, MotionSumsSizeTest,
+                         testing::Combine(EverySimd(), testing::Values(2, 3, 9, 20, 140)), [](const auto& test) {
+                           return SimdName({std::get<Simd>(test.param), test.index}) + "_" +
+                                  std::to_string(std::get<int>(test.param)) + "_captures";
+                         });
+
+using MotionSumsTest = EverySimdTest;
 
 TEST_P(MotionSumsTest, LimitTheNumberOfPairsForManyCaptures) {
   TestSceneOptions options;

@@ -1,5 +1,8 @@
 #include "solvers/initial/target_pose.h"
 
+#include <string>
+#include <tuple>
+
 #include <gtest/gtest.h>
 
 #include "heba/camera/camera_model.h"
@@ -48,29 +51,34 @@ TEST(TargetPoseTest, KeepsBothMinimaOfASmallTarget) {
   EXPECT_GE(right, 58);
 }
 
-// The test covers small targets, whose two minima are similar, and large ones, with the right camera and with one of
-// half the focal length.
-TEST(TargetPoseTest, RoughPoseIsNearTheBestMinimum) {
-  for (const int size : {2, 7}) {
-    TestSceneOptions options;
-    options.points = GridPoints(size, size, 0.04);
-    options.noise_px = 0.3;
-    options.num_captures = 60;
-    const TestScene scene = MakeTestScene(14, options);
-    Camera wrong = scene.camera;
-    wrong.params[0] *= 0.5;
-    wrong.params[1] *= 0.5;
-    for (const Camera& camera : {scene.camera, wrong}) {
-      for (const View& view : scene.views) {
-        const std::vector<TargetPose> poses = EstimateTargetPose(camera, view.observations);
-        const std::optional<TargetPose> rough = EstimateRoughPose(camera, view.observations);
-        ASSERT_FALSE(poses.empty());
-        ASSERT_TRUE(rough.has_value());
-        EXPECT_LT(rough->rms_px, 1.01 * poses.front().rms_px + 1e-3);
-      }
-    }
+// The parameters are the number of points per side of the target and the ratio of the camera's focal length to the true
+// one. Small targets have two similar minima.
+class RoughPoseTest : public testing::TestWithParam<std::tuple<int, double>> {};
+
+TEST_P(RoughPoseTest, IsNearTheBestMinimum) {
+  const auto& [points_per_side, focal_factor] = GetParam();
+  TestSceneOptions options;
+  options.points = GridPoints(points_per_side, points_per_side, 0.04);
+  options.noise_px = 0.3;
+  options.num_captures = 60;
+  const TestScene scene = MakeTestScene(14, options);
+  Camera camera = scene.camera;
+  camera.params[0] *= focal_factor;
+  camera.params[1] *= focal_factor;
+  for (const View& view : scene.views) {
+    const std::vector<TargetPose> poses = EstimateTargetPose(camera, view.observations);
+    const std::optional<TargetPose> rough = EstimateRoughPose(camera, view.observations);
+    ASSERT_FALSE(poses.empty());
+    ASSERT_TRUE(rough.has_value());
+    EXPECT_LT(rough->rms_px, 1.01 * poses.front().rms_px + 1e-3);
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(, RoughPoseTest, testing::Combine(testing::Values(2, 7), testing::Values(1.0, 0.5)),
+                         [](const auto& test) {
+                           return std::to_string(std::get<int>(test.param)) + "_points_per_side_" +
+                                  (std::get<double>(test.param) == 1 ? "right" : "half_the") + "_focal_length";
+                         });
 
 TEST(TargetPoseTest, ReturnsNothingForTooFewOrCollinearPoints) {
   TestSceneOptions options;

@@ -236,57 +236,61 @@ TEST(BundleAdjustmentTest, NamesTheCaptureWithATargetBehindTheCamera) {
   EXPECT_THAT(solution.reason(), testing::HasSubstr("view_"));
 }
 
-// Rotations about the tool point alone do not separate the focal length from the distance: the estimate stays close
-// to the prior, and the covariance shows the uncertainty. Captures that contain more information than the prior
-// override it.
-TEST(BundleAdjustmentTest, PriorDeterminesWhatTheCapturesDoNot) {
-  for (const bool is_weak : {true, false}) {
-    SCOPED_TRACE(is_weak);
-    double chi2 = 0;
-    constexpr int kSeeds = 40;
-    double focal_squares = 0;
-    double sigma_squares = 0;
-    for (int seed = 1; seed <= kSeeds; ++seed) {
-      TestSceneOptions scene_options;
-      scene_options.noise_px = 0.1;
-      if (is_weak) {
-        scene_options.motion = TestSceneOptions::Motion::kTwoStep;
-        scene_options.points = GridPoints(2, 2, 0.04);
-      }
-      const TestScene scene = MakeTestScene(static_cast<uint64_t>(seed), scene_options);
-      BundleOptions options;
-      options.loss = "none";
-      options.free_intrinsics = {ParameterGroup::kFocal};
-      // The prior is a calibration of the camera with a sigma of 3 px.
-      Rng rng(static_cast<uint64_t>(seed), 5);
-      constexpr double kSigmaPx = 3;
-      Camera camera = scene.camera;
-      for (const size_t i : {0, 1}) camera.params[i] += kSigmaPx * rng.Normal();
-      options.camera_prior = CameraPrior{
-          camera.params, std::vector<double>(camera.params.size(), std::numeric_limits<double>::infinity())};
-      options.camera_prior->sigmas[0] = kSigmaPx;
-      options.camera_prior->sigmas[1] = kSigmaPx;
-      const Outcome<Solution> solution = RefineHandEye({camera, scene.views}, scene.hand_eye, options);
-      ASSERT_TRUE(solution.ok()) << solution.reason();
-      Eigen::Matrix<double, 14, 1> error;
-      error << LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera),
-          LocalCoordinates(scene.hand_eye.target_mount_from_target, solution->hand_eye.target_mount_from_target),
-          solution->camera.params[0] - scene.camera.params[0], solution->camera.params[1] - scene.camera.params[1];
-      chi2 += error.dot(solution->covariance.matrix.ldlt().solve(error));
-      focal_squares += error[12] * error[12];
-      sigma_squares += solution->covariance.matrix(12, 12);
-    }
-    // The chi-square has 14 degrees of freedom per seed; the tolerance is four sigma of the sum, plus 2 % for the
-    // estimated noise.
-    const double dof = 14.0 * kSeeds;
-    EXPECT_NEAR(chi2, dof, 4 * std::sqrt(2 * dof) + 0.02 * dof);
+// The parameter says if the captures contain little information about the focal length: rotations about the tool point
+// alone do not separate it from the distance.
+class CameraPriorTest : public testing::TestWithParam<bool> {};
+
+// The estimate stays close to the prior if the captures do not determine it, and the covariance shows the uncertainty.
+// Captures that contain more information than the prior override it.
+TEST_P(CameraPriorTest, DeterminesWhatTheCapturesDoNot) {
+  const bool is_weak = GetParam();
+  double chi2 = 0;
+  constexpr int kSeeds = 40;
+  double focal_squares = 0;
+  double sigma_squares = 0;
+  for (int seed = 1; seed <= kSeeds; ++seed) {
+    TestSceneOptions scene_options;
+    scene_options.noise_px = 0.1;
     if (is_weak) {
-      EXPECT_GT(std::sqrt(sigma_squares / kSeeds), 1.5);
-    } else {
-      EXPECT_LT(std::sqrt(focal_squares / kSeeds), 1.5);
+      scene_options.motion = TestSceneOptions::Motion::kTwoStep;
+      scene_options.points = GridPoints(2, 2, 0.04);
     }
+    const TestScene scene = MakeTestScene(static_cast<uint64_t>(seed), scene_options);
+    BundleOptions options;
+    options.loss = "none";
+    options.free_intrinsics = {ParameterGroup::kFocal};
+    // The prior is a calibration of the camera with a sigma of 3 px.
+    Rng rng(static_cast<uint64_t>(seed), 5);
+    constexpr double kSigmaPx = 3;
+    Camera camera = scene.camera;
+    for (const size_t i : {0, 1}) camera.params[i] += kSigmaPx * rng.Normal();
+    options.camera_prior =
+        CameraPrior{camera.params, std::vector<double>(camera.params.size(), std::numeric_limits<double>::infinity())};
+    options.camera_prior->sigmas[0] = kSigmaPx;
+    options.camera_prior->sigmas[1] = kSigmaPx;
+    const Outcome<Solution> solution = RefineHandEye({camera, scene.views}, scene.hand_eye, options);
+    ASSERT_TRUE(solution.ok()) << solution.reason();
+    Eigen::Matrix<double, 14, 1> error;
+    error << LocalCoordinates(scene.hand_eye.camera_mount_from_camera, solution->hand_eye.camera_mount_from_camera),
+        LocalCoordinates(scene.hand_eye.target_mount_from_target, solution->hand_eye.target_mount_from_target),
+        solution->camera.params[0] - scene.camera.params[0], solution->camera.params[1] - scene.camera.params[1];
+    chi2 += error.dot(solution->covariance.matrix.ldlt().solve(error));
+    focal_squares += error[12] * error[12];
+    sigma_squares += solution->covariance.matrix(12, 12);
+  }
+  // The chi-square has 14 degrees of freedom per seed; the tolerance is four sigma of the sum, plus 2 % for the
+  // estimated noise.
+  const double dof = 14.0 * kSeeds;
+  EXPECT_NEAR(chi2, dof, 4 * std::sqrt(2 * dof) + 0.02 * dof);
+  if (is_weak) {
+    EXPECT_GT(std::sqrt(sigma_squares / kSeeds), 1.5);
+  } else {
+    EXPECT_LT(std::sqrt(focal_squares / kSeeds), 1.5);
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(, CameraPriorTest, testing::Bool(),
+                         [](const auto& test) { return test.param ? "weak_captures" : "informative_captures"; });
 
 TEST(IntrinsicsSeedTest, EstimatesTheCameraFromViewsAlone) {
   for (const std::string& model : CameraModelNames()) {

@@ -1,6 +1,9 @@
 #include "solvers/refine/captures_cost.h"
 
 #include <functional>
+#include <string>
+#include <tuple>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -137,6 +140,16 @@ TEST(CapturesCostTest, IsTheSumOfRhoWithItsGradient) {
   }
 }
 
+// Expects that steps of 1e-4 m and rad along each coordinate increase the cost.
+void ExpectMinimum(const std::function<double(const Rigid3d&)>& cost_at, const Rigid3d& pose) {
+  const double least = cost_at(pose);
+  for (int k = 0; k < 6; ++k) {
+    for (const double step : {-1e-4, 1e-4}) {
+      EXPECT_GT(cost_at(Retract(pose, step * Tangent6::Unit(k))), least) << "coordinate " << k << ", step " << step;
+    }
+  }
+}
+
 TEST(CapturesCostTest, EliminatedPosesMinimiseTheCost) {
   const TestScene scene = NoisyScene();
   const Unknowns here(scene);
@@ -160,12 +173,9 @@ TEST(CapturesCostTest, EliminatedPosesMinimiseTheCost) {
   };
   double sum = 0;
   for (size_t i = 0; i < corrections.size(); ++i) {
+    SCOPED_TRACE(i);
     sum += cost_of(i, corrections[i]);
-    for (int k = 0; k < 6; ++k) {
-      for (const double step : {-1e-4, 1e-4}) {
-        EXPECT_GT(cost_of(i, Retract(corrections[i], step * Tangent6::Unit(k))), cost_of(i, corrections[i]));
-      }
-    }
+    ExpectMinimum([&](const Rigid3d& correction) { return cost_of(i, correction); }, corrections[i]);
   }
   EXPECT_NEAR(sum, evaluated.cost, 1e-6 * sum);
   // After a small step the eliminated poses are updated by the linearisation; the cost is nearly that of a solve from
@@ -252,46 +262,54 @@ double LargestDifference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   return (scale.asDiagonal() * (a - b) * scale.asDiagonal()).cwiseAbs().maxCoeff();
 }
 
-TEST(CapturesCostTest, SumsViewsWithFewAndManyPoints) {
-  const TestScene plain = MixedScene();
-  TestScene correlated = plain;
-  TestScene discs = plain;
-  for (View& view : correlated.views) {
-    for (int i = 0; i < view.observations.size(); ++i) {
-      view.observations.whitening.emplace_back((Eigen::Matrix2d() << 1.1, 0, 0.1 * i, 0.9).finished());
+// Returns MixedScene() with points of this kind: plain, correlated or discs.
+TestScene MixedSceneOf(const std::string& kind) {
+  TestScene scene = MixedScene();
+  for (View& view : scene.views) {
+    Observations& observations = view.observations;
+    for (int i = 0; kind == "correlated" && i < observations.size(); ++i) {
+      observations.whitening.emplace_back((Eigen::Matrix2d() << 1.1, 0, 0.1 * i, 0.9).finished());
     }
+    if (kind == "discs") observations.radii_m = Eigen::VectorXd::Constant(observations.size(), 0.01);
   }
-  for (View& view : discs.views) view.observations.radii_m = Eigen::VectorXd::Constant(view.observations.size(), 0.01);
-  const size_t num_camera = plain.camera.params.size();
-  FreeParameters every_other(num_camera);
-  for (size_t i = 0; i < num_camera; ++i) every_other[i] = i % 2 == 1;
-  FreeParameters with_shape(num_camera + TargetShape::kNumParams, true);
-  const std::vector<FreeParameters> frees = {FreeParameters(num_camera, true), FreeParameters(num_camera, false),
-                                             every_other, with_shape};
-  for (const TestScene* scene : {&plain, &std::as_const(correlated), &std::as_const(discs)}) {
-    for (const char* loss : {"none", "huber"}) {
-      for (const FreeParameters& free : frees) {
-        CapturesCostOptions options;
-        options.free = free;
-        Unknowns here(*scene);
-        if (free.size() > num_camera) {
-          options.shape = DesignedShape(scene->views.back().observations.points_in_target);
-          here.params.insert(here.params.end(), options.shape->params.begin(), options.shape->params.end());
-        }
-        const std::optional<NormalEquations> products =
-            MakeCost(*scene, loss, false, 1, options)->NormalEquationsAt(here.Blocks().data());
-        ASSERT_TRUE(products.has_value());
-        const NormalEquations expected =
-            ChainedProducts(*scene, loss, here, free, options.shape ? &*options.shape : nullptr);
-        ASSERT_EQ(products->matrix.cols(), expected.matrix.cols());
-        EXPECT_LT(LargestDifference(products->matrix, expected.matrix), 1e-12);
-        EXPECT_NEAR(products->loss_remainder, expected.loss_remainder,
-                    1e-12 * expected.matrix.rightCols<1>().maxCoeff());
-        EXPECT_EQ(products->loss_remainder > 0, loss == std::string("huber"));
-      }
-    }
-  }
+  return scene;
 }
+
+// The parameters are the kind of points, the loss, and what is free besides the poses.
+class SumOfViewsTest : public testing::TestWithParam<std::tuple<std::string, std::string, std::string>> {};
+
+TEST_P(SumOfViewsTest, IncludesViewsWithFewAndManyPoints) {
+  const auto& [kind, loss, what_is_free] = GetParam();
+  const TestScene scene = MixedSceneOf(kind);
+  CapturesCostOptions options;
+  for (size_t i = 0; i < scene.camera.params.size(); ++i) {
+    options.free.push_back(what_is_free == "every_other" ? i % 2 == 1 : what_is_free != "nothing");
+  }
+  Unknowns here(scene);
+  if (what_is_free == "camera_and_shape") {
+    options.free.resize(options.free.size() + TargetShape::kNumParams, true);
+    options.shape = DesignedShape(scene.views.back().observations.points_in_target);
+    here.params.insert(here.params.end(), options.shape->params.begin(), options.shape->params.end());
+  }
+  const std::optional<NormalEquations> products =
+      MakeCost(scene, loss, false, 1, options)->NormalEquationsAt(here.Blocks().data());
+  ASSERT_TRUE(products.has_value());
+  const NormalEquations expected =
+      ChainedProducts(scene, loss, here, options.free, options.shape ? &*options.shape : nullptr);
+  ASSERT_EQ(products->matrix.cols(), expected.matrix.cols());
+  EXPECT_LT(LargestDifference(products->matrix, expected.matrix), 1e-12);
+  EXPECT_NEAR(products->loss_remainder, expected.loss_remainder, 1e-12 * expected.matrix.rightCols<1>().maxCoeff());
+  EXPECT_EQ(products->loss_remainder > 0, loss == "huber");
+}
+
+INSTANTIATE_TEST_SUITE_P(, SumOfViewsTest,
+                         testing::Combine(testing::Values("plain", "correlated", "discs"),
+                                          testing::Values("none", "huber"),
+                                          testing::Values("camera", "nothing", "every_other", "camera_and_shape")),
+                         [](const auto& test) {
+                           return std::get<0>(test.param) + "_loss_" + std::get<1>(test.param) + "_free_" +
+                                  std::get<2>(test.param);
+                         });
 
 TEST(CapturesCostTest, UsesKnownNormalEquationsOnlyAtTheirParameters) {
   const TestScene scene = MixedScene();
@@ -312,35 +330,40 @@ TEST(CapturesCostTest, UsesKnownNormalEquationsOnlyAtTheirParameters) {
   EXPECT_EQ(cost->Accepted().matrix, MakeCost(scene, "none", false)->NormalEquationsAt(there.Blocks().data())->matrix);
 }
 
-TEST(CapturesCostTest, PredictsTheCostReductionOfANewtonStep) {
+// The parameters say if the captures have corrections and if the camera is free.
+class NewtonStepTest : public testing::TestWithParam<std::tuple<bool, bool>> {};
+
+TEST_P(NewtonStepTest, ReducesTheCostAsPredicted) {
+  const auto& [has_corrections, all_are_free] = GetParam();
   const TestScene scene = MixedScene();
   const Unknowns here(scene);
-  for (const bool has_corrections : {false, true}) {
-    for (const bool all_are_free : {false, true}) {
-      CapturesCostOptions options;
-      options.free.assign(scene.camera.params.size(), all_are_free);
-      const std::unique_ptr<CapturesCost> cost = MakeCost(scene, "none", has_corrections, 1, options);
-      const NormalEquations products = *cost->NormalEquationsAt(here.Blocks().data());
-      const double start = Evaluate(*MakeCost(scene, "none", has_corrections, 1, options), here).cost;
-      const Eigen::Index n = products.matrix.cols() - 1;
-      const Eigen::VectorXd scale = products.matrix.diagonal().head(n).cwiseSqrt().cwiseInverse();
-      const Eigen::VectorXd step =
-          -(scale.asDiagonal() * (scale.asDiagonal() * products.matrix.topLeftCorner(n, n) * scale.asDiagonal())
-                                     .ldlt()
-                                     .solve(scale.cwiseProduct(products.matrix.col(n).head(n))));
-      const double before = Evaluate(*cost, here).cost;
-      const double predicted = cost->PredictedDrop();
-      Unknowns there = here;
-      for (Eigen::Index k = 0; k < n; ++k) there = there.Moved(static_cast<int>(k), step[k]);
-      const double after = Evaluate(*cost, there).cost;
-      EXPECT_EQ(before, start);
-      // The start is so close to the minimum that the terms beyond the quadratic part are small.
-      EXPECT_NEAR(predicted * before, before - after, 0.02 * (before - after)) << has_corrections << all_are_free;
-      EXPECT_GT(predicted, 0.1);
-      EXPECT_LT(cost->PredictedDrop(), 0.05 * predicted);  // Only terms of second order are left.
-    }
-  }
+  CapturesCostOptions options;
+  options.free.assign(scene.camera.params.size(), all_are_free);
+  const std::unique_ptr<CapturesCost> cost = MakeCost(scene, "none", has_corrections, 1, options);
+  const NormalEquations products = *cost->NormalEquationsAt(here.Blocks().data());
+  const double start = Evaluate(*MakeCost(scene, "none", has_corrections, 1, options), here).cost;
+  const Eigen::Index n = products.matrix.cols() - 1;
+  const Eigen::VectorXd scale = products.matrix.diagonal().head(n).cwiseSqrt().cwiseInverse();
+  const Eigen::VectorXd step =
+      -(scale.asDiagonal() * (scale.asDiagonal() * products.matrix.topLeftCorner(n, n) * scale.asDiagonal())
+                                 .ldlt()
+                                 .solve(scale.cwiseProduct(products.matrix.col(n).head(n))));
+  const double before = Evaluate(*cost, here).cost;
+  const double predicted = cost->PredictedDrop();
+  Unknowns there = here;
+  for (Eigen::Index k = 0; k < n; ++k) there = there.Moved(static_cast<int>(k), step[k]);
+  const double after = Evaluate(*cost, there).cost;
+  EXPECT_EQ(before, start);
+  // The start is so close to the minimum that the terms beyond the quadratic part are small.
+  EXPECT_NEAR(predicted * before, before - after, 0.02 * (before - after));
+  EXPECT_GT(predicted, 0.1);
+  EXPECT_LT(cost->PredictedDrop(), 0.05 * predicted);  // Only terms of second order are left.
 }
+
+INSTANTIATE_TEST_SUITE_P(, NewtonStepTest, testing::Combine(testing::Bool(), testing::Bool()), [](const auto& test) {
+  return std::string(std::get<0>(test.param) ? "with_corrections" : "without_corrections") +
+         (std::get<1>(test.param) ? "_free_camera" : "_known_camera");
+});
 
 TEST(CapturesCostTest, IsBitIdenticalForAnyNumberOfThreads) {
   // There are either many captures with few points, or fewer captures with many points.

@@ -1,9 +1,7 @@
 #include "solvers/residuals/view_reduction.h"
 
-#include <functional>
 #include <string>
 #include <tuple>
-#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -25,48 +23,59 @@ Eigen::VectorXd Residual(const TestScene& scene, const View& view, const Rigid3d
 
 FreeParameters AllFree(const TestScene& scene) { return FreeParameters(scene.camera.params.size(), true); }
 
-TEST(ViewReductionTest, KeepsCostGradientAndGaussNewtonMatrix) {
-  for (const int columns : {2, 8}) {  // Fewer rows than columns, and more.
-    TestSceneOptions options;
-    options.points = GridPoints(columns, 2, 0.04);
-    options.noise_px = 0.5;
-    const TestScene scene = MakeTestScene(2, options);
-    const View& view = scene.views[0];
-    const Rigid3d pose = scene.pairs[0].camera_from_target;
-    const CameraModel& model = scene.camera.Model();
-    SquareRootInformation reduction;
-    constexpr double kSigmaPx = 0.5;
-    const ViewReducer reducer(model, AllFree(scene), kSigmaPx, *FindLoss("none"));
-    ASSERT_TRUE(reducer.Reduce(scene.camera.params.data(), pose, view.observations, nullptr, &reduction));
-    const Eigen::VectorXd r = Residual(scene, view, pose, scene.camera.params) / kSigmaPx;
-    const int n = 6 + NumParams(model);
-    Eigen::MatrixXd j(r.size(), n);
-    for (int k = 0; k < n; ++k) {
-      const double step =
-          k < 6 ? 1e-6 : 1e-6 * std::max(1.0, std::abs(scene.camera.params[static_cast<size_t>(k - 6)]));
-      Eigen::VectorXd ends[2];
-      for (const int side : {0, 1}) {
-        const double h = side == 0 ? -step : step;
-        std::vector<double> params = scene.camera.params;
-        Rigid3d moved = pose;
-        if (k < 3) moved = Rigid3d(Eigen::Quaterniond::Identity(), h * Eigen::Vector3d::Unit(k)) * pose;
-        if (k >= 3 && k < 6)
-          moved = Rigid3d(ExpRotation(h * Eigen::Vector3d::Unit(k - 3)), Eigen::Vector3d::Zero()) * pose;
-        if (k >= 6) params[static_cast<size_t>(k - 6)] += h;
-        ends[side] = Residual(scene, view, moved, params) / kSigmaPx;
-      }
-      j.col(k) = (ends[1] - ends[0]) / (2 * step);
+// Returns the derivatives of the residuals by the pose (translation, rotation) and by the camera's parameters, from
+// central differences.
+Eigen::MatrixXd NumericJacobian(const TestScene& scene, const View& view, const Rigid3d& camera_from_target) {
+  const int n = 6 + NumParams(scene.camera.Model());
+  Eigen::MatrixXd jacobian(2 * view.observations.size(), n);
+  for (int k = 0; k < n; ++k) {
+    const double step = k < 6 ? 1e-6 : 1e-6 * std::max(1.0, std::abs(scene.camera.params[static_cast<size_t>(k - 6)]));
+    Eigen::VectorXd ends[2];
+    for (const int side : {0, 1}) {
+      const double h = side == 0 ? -step : step;
+      std::vector<double> params = scene.camera.params;
+      Rigid3d moved = camera_from_target;
+      if (k < 3) moved = Rigid3d(Eigen::Quaterniond::Identity(), h * Eigen::Vector3d::Unit(k)) * moved;
+      if (k >= 3 && k < 6) moved = Rigid3d(ExpRotation(h * Eigen::Vector3d::Unit(k - 3)), {0, 0, 0}) * moved;
+      if (k >= 6) params[static_cast<size_t>(k - 6)] += h;
+      ends[side] = Residual(scene, view, moved, params);
     }
-    const Eigen::MatrixXd f = reduction.factor.leftCols(n);
-    const Eigen::VectorXd e = reduction.factor.rightCols<1>();
-    constexpr double kDifferences = 1e-6;  // Relative error of central differences of smooth functions.
-    EXPECT_NEAR(e.squaredNorm(), r.squaredNorm(), 1e-10 * r.squaredNorm());
-    EXPECT_LT((f.transpose() * f - j.transpose() * j).norm(), kDifferences * (j.transpose() * j).norm());
-    EXPECT_LT((f.transpose() * e - j.transpose() * r).norm(), kDifferences * (j.transpose() * r).norm());
-    EXPECT_LE(reduction.factor.rows(), n + 1);
-    EXPECT_EQ(reduction.loss_remainder, 0);
+    jacobian.col(k) = (ends[1] - ends[0]) / (2 * step);
   }
+  return jacobian;
 }
+
+// The parameter is the number of columns of the target, which has two rows.
+class ReducedViewTest : public testing::TestWithParam<int> {};
+
+TEST_P(ReducedViewTest, KeepsCostGradientAndGaussNewtonMatrix) {
+  TestSceneOptions options;
+  options.points = GridPoints(GetParam(), 2, 0.04);
+  options.noise_px = 0.5;
+  const TestScene scene = MakeTestScene(2, options);
+  const View& view = scene.views[0];
+  const Rigid3d pose = scene.pairs[0].camera_from_target;
+  const CameraModel& model = scene.camera.Model();
+  SquareRootInformation reduction;
+  constexpr double kSigmaPx = 0.5;
+  const ViewReducer reducer(model, AllFree(scene), kSigmaPx, *FindLoss("none"));
+  ASSERT_TRUE(reducer.Reduce(scene.camera.params.data(), pose, view.observations, nullptr, &reduction));
+  const Eigen::VectorXd r = Residual(scene, view, pose, scene.camera.params) / kSigmaPx;
+  const Eigen::MatrixXd j = NumericJacobian(scene, view, pose) / kSigmaPx;
+  const Eigen::Index n = j.cols();
+  const Eigen::MatrixXd f = reduction.factor.leftCols(n);
+  const Eigen::VectorXd e = reduction.factor.rightCols<1>();
+  constexpr double kDifferences = 1e-6;  // Relative error of central differences of smooth functions.
+  EXPECT_NEAR(e.squaredNorm(), r.squaredNorm(), 1e-10 * r.squaredNorm());
+  EXPECT_LT((f.transpose() * f - j.transpose() * j).norm(), kDifferences * (j.transpose() * j).norm());
+  EXPECT_LT((f.transpose() * e - j.transpose() * r).norm(), kDifferences * (j.transpose() * r).norm());
+  EXPECT_LE(reduction.factor.rows(), n + 1);
+  EXPECT_EQ(reduction.loss_remainder, 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(, ReducedViewTest, testing::Values(2, 8), [](const auto& test) {
+  return test.param == 2 ? "fewer_residuals_than_unknowns" : "more_residuals_than_unknowns";
+});
 
 TEST(ViewReductionTest, CostWithALossIsTheSumOfRho) {
   TestSceneOptions options;
@@ -130,46 +139,60 @@ INSTANTIATE_TEST_SUITE_P(, ViewKindsTest,
                                   (std::get<2>(test.param) ? "_shape_" : "_") + std::get<3>(test.param);
                          });
 
-TEST(ViewReductionTest, HasColumnsForFreeParametersOnly) {
+struct FreePattern {
+  const char* name;
+  bool (*is_free)(size_t parameter);
+};
+void PrintTo(const FreePattern& pattern, std::ostream* stream) { *stream << pattern.name; }
+
+// The parameters say if the points are correlated, if the shape is unknown, and which parameters are free.
+class FreeParametersTest : public testing::TestWithParam<std::tuple<bool, bool, FreePattern>> {};
+
+TEST_P(FreeParametersTest, AloneHaveColumns) {
+  const auto& [is_correlated, has_shape, pattern] = GetParam();
   TestSceneOptions options;
   options.noise_px = 0.5;
   const TestScene scene = MakeTestScene(7, options);
+  Observations observations = scene.views[0].observations;
+  for (int i = 0; is_correlated && i < observations.size(); ++i) {
+    observations.whitening.emplace_back((Eigen::Matrix2d() << 1.1, 0, 0.1 * i, 0.9).finished());
+  }
+  const TargetShape designed = DesignedShape(observations.points_in_target);
+  const TargetShape* const shape = has_shape ? &designed : nullptr;
+  const auto multiply = [&](const FreeParameters& free) {
+    ViewNormalEquations products;
+    const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss("huber"));
+    EXPECT_TRUE(reducer.Multiply(scene.camera.params.data(), scene.pairs[0].camera_from_target, observations, shape,
+                                 &products));
+    return products.matrix;
+  };
   const int num_camera = NumParams(scene.camera.Model());
-  Observations correlated = scene.views[0].observations;
-  for (int i = 0; i < correlated.size(); ++i) {
-    correlated.whitening.emplace_back((Eigen::Matrix2d() << 1.1, 0, 0.1 * i, 0.9).finished());
+  const FreeParameters all(static_cast<size_t>(num_camera + (has_shape ? TargetShape::kNumParams : 0)), true);
+  const Eigen::MatrixXd whole = multiply(all);
+  ASSERT_EQ(whole.cols(), 6 + static_cast<Eigen::Index>(all.size()) + 1);
+  FreeParameters free;
+  std::vector<Eigen::Index> kept = {0, 1, 2, 3, 4, 5};
+  for (size_t i = 0; i < all.size(); ++i) {
+    free.push_back(pattern.is_free(i));
+    if (pattern.is_free(i)) kept.push_back(6 + static_cast<Eigen::Index>(i));
   }
-  for (const Observations* observations : {&scene.views[0].observations, &std::as_const(correlated)}) {
-    for (const bool has_shape : {false, true}) {
-      const TargetShape designed = DesignedShape(observations->points_in_target);
-      const TargetShape* const shape = has_shape ? &designed : nullptr;
-      const auto multiply = [&](const FreeParameters& free) {
-        ViewNormalEquations products;
-        const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss("huber"));
-        EXPECT_TRUE(reducer.Multiply(scene.camera.params.data(), scene.pairs[0].camera_from_target, *observations,
-                                     shape, &products));
-        return products.matrix;
-      };
-      const FreeParameters all(static_cast<size_t>(num_camera + (has_shape ? TargetShape::kNumParams : 0)), true);
-      const Eigen::MatrixXd whole = multiply(all);
-      ASSERT_EQ(whole.cols(), 6 + static_cast<Eigen::Index>(all.size()) + 1);
-      // Every second, every third or no parameter is free, or the focal length or principal point of one axis only.
-      for (const auto& is_free : std::vector<std::function<bool(size_t)>>{
-               [](size_t i) { return i % 2 == 0; }, [](size_t i) { return i % 3 == 1; }, [](size_t) { return false; },
-               [](size_t i) { return i == 1; }, [](size_t i) { return i == 3 || i == 6; }}) {
-        FreeParameters free;
-        std::vector<Eigen::Index> kept = {0, 1, 2, 3, 4, 5};
-        for (size_t i = 0; i < all.size(); ++i) {
-          free.push_back(is_free(i));
-          if (is_free(i)) kept.push_back(6 + static_cast<Eigen::Index>(i));
-        }
-        kept.push_back(whole.cols() - 1);
-        const Eigen::MatrixXd expected = whole(kept, kept);
-        EXPECT_LT((multiply(free) - expected).norm(), 1e-12 * expected.norm());
-      }
-    }
-  }
+  kept.push_back(whole.cols() - 1);
+  const Eigen::MatrixXd expected = whole(kept, kept);
+  EXPECT_LT((multiply(free) - expected).norm(), 1e-12 * expected.norm());
 }
+
+INSTANTIATE_TEST_SUITE_P(
+    , FreeParametersTest,
+    testing::Combine(testing::Bool(), testing::Bool(),
+                     testing::Values(FreePattern{"every_second", [](size_t i) { return i % 2 == 0; }},
+                                     FreePattern{"every_third", [](size_t i) { return i % 3 == 1; }},
+                                     FreePattern{"none", [](size_t) { return false; }},
+                                     FreePattern{"fy", [](size_t i) { return i == 1; }},
+                                     FreePattern{"cy_and_p1", [](size_t i) { return i == 3 || i == 6; }})),
+    [](const auto& test) {
+      return std::string(std::get<0>(test.param) ? "correlated" : "plain") +
+             (std::get<1>(test.param) ? "_shape_" : "_") + std::get<2>(test.param).name;
+    });
 
 TEST(ViewReductionTest, PivotedCholeskyReproducesTheProducts) {
   // The matrix has more columns than its rank, and columns of very different units.

@@ -76,42 +76,44 @@ TEST(PredictionTest, PredictsTheCentroidOfADiscsImage) {
   }
 }
 
-TEST(PredictionTest, JacobiansMatchFiniteDifferences) {
-  for (const std::string& model : CameraModelNames()) {
-    SCOPED_TRACE(model);
-    const Camera camera = TestCamera(model);
-    Observations observations;
-    observations.ids = {0, 1, 2};
-    observations.points_in_target.resize(3, 3);
-    observations.points_in_target << 0, 0.05, -0.04, 0, -0.03, 0.06, 0, 0, 0;
-    observations.pixels = Points2::Zero(2, 3);
-    observations.radii_m.resize(3);
-    observations.radii_m << 0.015, 0, 0.008;
-    const Rigid3d pose(ExpRotation({0.4, -0.5, 0.9}), {0.08, -0.05, 0.5});
-    Points2 pixels;
-    ProjectionJacobian jacobian;
-    ASSERT_TRUE(Predict(camera.Model(), camera.params.data(), pose, observations, &pixels, &jacobian));
-    for (int k = 0; k < 6 + NumParams(camera.Model()); ++k) {
-      const double step = k < 6 ? 1e-6 : 1e-6 * std::max(1.0, std::abs(camera.params[static_cast<size_t>(k - 6)]));
-      Points2 ends[2];
-      for (const int side : {0, 1}) {
-        const double h = side == 0 ? -step : step;
-        std::vector<double> params = camera.params;
-        Rigid3d moved = pose;
-        if (k < 3) moved = Rigid3d(Eigen::Quaterniond::Identity(), h * Eigen::Vector3d::Unit(k)) * pose;
-        if (k >= 3 && k < 6) {
-          moved = Rigid3d(ExpRotation(h * Eigen::Vector3d::Unit(k - 3)), Eigen::Vector3d::Zero()) * pose;
-        }
-        if (k >= 6) params[static_cast<size_t>(k - 6)] += h;
-        ASSERT_TRUE(Predict(camera.Model(), params.data(), moved, observations, &ends[side], nullptr));
+class PredictionJacobianTest : public testing::TestWithParam<std::string> {};
+
+TEST_P(PredictionJacobianTest, MatchesFiniteDifferences) {
+  const Camera camera = TestCamera(GetParam());
+  Observations observations;
+  observations.ids = {0, 1, 2};
+  observations.points_in_target.resize(3, 3);
+  observations.points_in_target << 0, 0.05, -0.04, 0, -0.03, 0.06, 0, 0, 0;
+  observations.pixels = Points2::Zero(2, 3);
+  observations.radii_m.resize(3);
+  observations.radii_m << 0.015, 0, 0.008;
+  const Rigid3d pose(ExpRotation({0.4, -0.5, 0.9}), {0.08, -0.05, 0.5});
+  Points2 pixels;
+  ProjectionJacobian jacobian;
+  ASSERT_TRUE(Predict(camera.Model(), camera.params.data(), pose, observations, &pixels, &jacobian));
+  for (int k = 0; k < 6 + NumParams(camera.Model()); ++k) {
+    const double step = k < 6 ? 1e-6 : 1e-6 * std::max(1.0, std::abs(camera.params[static_cast<size_t>(k - 6)]));
+    Points2 ends[2];
+    for (const int side : {0, 1}) {
+      const double h = side == 0 ? -step : step;
+      std::vector<double> params = camera.params;
+      Rigid3d moved = pose;
+      if (k < 3) moved = Rigid3d(Eigen::Quaterniond::Identity(), h * Eigen::Vector3d::Unit(k)) * pose;
+      if (k >= 3 && k < 6) {
+        moved = Rigid3d(ExpRotation(h * Eigen::Vector3d::Unit(k - 3)), Eigen::Vector3d::Zero()) * pose;
       }
-      const Points2 numeric = (ends[1] - ends[0]) / (2 * step);
-      const double size = 1e-6 * (1 + numeric.norm());
-      EXPECT_LT((jacobian.u.row(k) - numeric.row(0)).norm(), size) << "column " << k;
-      EXPECT_LT((jacobian.v.row(k) - numeric.row(1)).norm(), size) << "column " << k;
+      if (k >= 6) params[static_cast<size_t>(k - 6)] += h;
+      ASSERT_TRUE(Predict(camera.Model(), params.data(), moved, observations, &ends[side], nullptr));
     }
+    const Points2 numeric = (ends[1] - ends[0]) / (2 * step);
+    const double size = 1e-6 * (1 + numeric.norm());
+    EXPECT_LT((jacobian.u.row(k) - numeric.row(0)).norm(), size) << "column " << k;
+    EXPECT_LT((jacobian.v.row(k) - numeric.row(1)).norm(), size) << "column " << k;
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Models, PredictionJacobianTest, testing::ValuesIn(CameraModelNames()),
+                         [](const auto& test) { return test.param; });
 
 TEST(PredictionTest, ADiscThatReachesBehindTheCameraHasNoImage) {
   const Camera camera = TestCamera();

@@ -2,6 +2,7 @@
 #include <fstream>
 #include <limits>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -34,6 +35,17 @@ Eigen::Matrix3d Ry(double angle_deg) {
 }
 Eigen::Matrix3d Rz(double angle_deg) {
   return Eigen::AngleAxisd(DegToRad(angle_deg), Eigen::Vector3d::UnitZ()).toRotationMatrix();
+}
+
+// Returns the rotations by multiples of 90 deg about z, y and x in turn, up to half a turn either way.
+std::vector<Eigen::Matrix3d> QuarterRotations() {
+  std::vector<Eigen::Matrix3d> rotations;
+  for (int a = -2; a <= 2; ++a) {
+    for (int b = -2; b <= 2; ++b) {
+      for (int c = -2; c <= 2; ++c) rotations.push_back(Rz(90 * a) * Ry(90 * b) * Rx(90 * c));
+    }
+  }
+  return rotations;
 }
 
 PoseFormat Format(const std::string& name) { return *FindPoseFormat(name); }
@@ -100,24 +112,27 @@ TEST_P(RotationTest, NumbersAndPosesRoundTrip) {
   }
 }
 
+// Angle between a rotation and the multiple of 90 deg next to it.
+struct Miss {
+  const char* name;
+  double angle_rad;
+};
+void PrintTo(const Miss& miss, std::ostream* stream) { *stream << miss.name; }
+
+class NearlyLockedRotationTest : public testing::TestWithParam<std::tuple<std::string, Miss>> {};
+
 // Euler angles are singular at some of the multiples of 90 deg; the rotations are exactly there or miss them by a
 // small angle.
-TEST_P(RotationTest, LockedAndNearlyLockedRotationsRoundTrip) {
+TEST_P(NearlyLockedRotationTest, RoundTrips) {
   Rng rng(2);
-  const PoseFormat format = FormatOfRotation(GetParam());
-  for (const double miss_rad : {0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3}) {
-    for (int a = -2; a <= 2; ++a) {
-      for (int b = -2; b <= 2; ++b) {
-        for (int c = -2; c <= 2; ++c) {
-          const Eigen::Matrix3d turn = Rz(90 * a) * Ry(90 * b) * Rx(90 * c);
-          const Eigen::Vector3d axis = rng.Direction3();
-          const Rigid3d pose(Eigen::Quaterniond(turn) * ExpRotation(miss_rad * axis), {1, 2, 3});
-          const Outcome<Rigid3d> read = PoseFromNumbers(format, NumbersFromPose(format, pose));
-          ASSERT_TRUE(read.ok()) << read.reason();
-          EXPECT_NEAR(AngleRad(*read, pose), 0, kRoundOff) << miss_rad << " " << a << " " << b << " " << c;
-        }
-      }
-    }
+  const PoseFormat format = FormatOfRotation(std::get<std::string>(GetParam()));
+  const double miss_rad = std::get<Miss>(GetParam()).angle_rad;
+  for (const Eigen::Matrix3d& locked : QuarterRotations()) {
+    const Eigen::Vector3d axis = rng.Direction3();
+    const Rigid3d pose(Eigen::Quaterniond(locked) * ExpRotation(miss_rad * axis), {1, 2, 3});
+    const Outcome<Rigid3d> read = PoseFromNumbers(format, NumbersFromPose(format, pose));
+    ASSERT_TRUE(read.ok()) << read.reason();
+    EXPECT_NEAR(AngleRad(*read, pose), 0, kRoundOff) << "near\n" << locked.array().round();
   }
 }
 
@@ -152,6 +167,12 @@ TEST_P(OrderOfAxesTest, IsTheOrderOfTheProduct) {
 std::string NameOf(const testing::TestParamInfo<std::string>& parameter) { return parameter.param; }
 INSTANTIATE_TEST_SUITE_P(Names, RotationTest, testing::ValuesIn(PoseRotationNames()), NameOf);
 INSTANTIATE_TEST_SUITE_P(Names, OrderOfAxesTest, testing::ValuesIn(NamesWithAnOrder()), NameOf);
+INSTANTIATE_TEST_SUITE_P(
+    NamesAndMisses, NearlyLockedRotationTest,
+    testing::Combine(testing::ValuesIn(PoseRotationNames()),
+                     testing::Values(Miss{"exact", 0}, Miss{"femtoradian", 1e-15}, Miss{"picoradian", 1e-12},
+                                     Miss{"nanoradian", 1e-9}, Miss{"microradian", 1e-6}, Miss{"milliradian", 1e-3})),
+    [](const auto& test) { return std::get<std::string>(test.param) + "_" + std::get<Miss>(test.param).name; });
 
 TEST(PoseFromNumbersTest, NormalisesRoundedRotations) {
   // Three decimals change the norm by up to 0.001.

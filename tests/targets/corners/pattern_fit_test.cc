@@ -1,6 +1,9 @@
 #include "targets/corners/pattern_fit.h"
 
+#include <algorithm>
 #include <cmath>
+#include <ostream>
+#include <string>
 
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
@@ -44,52 +47,68 @@ TEST(CellPatternTest, MatchesTheDrawing) {
   EXPECT_EQ(pattern.albedo(3, 0), 1);    // Lower left.
 }
 
+double AlbedoAt(const CellPattern& pattern, const Eigen::Vector2d& point_m) {
+  const auto x = std::lower_bound(pattern.x_m.begin(), pattern.x_m.end(), point_m.x()) - pattern.x_m.begin();
+  const auto y = std::lower_bound(pattern.y_m.begin(), pattern.y_m.end(), point_m.y()) - pattern.y_m.begin();
+  return pattern.albedo(y, x);
+}
+
+// Returns the mean albedo around a point, weighted by the Gaussian of the blur, as a sum over a fine grid.
+double GaussianMean(const CellPattern& pattern, const Eigen::Vector2d& centre_m,
+                    const Eigen::Matrix2d& pattern_by_image, double blur_px) {
+  constexpr int kSteps = 300;
+  double sum = 0;
+  double weights = 0;
+  for (int i = -kSteps; i <= kSteps; ++i) {
+    for (int j = -kSteps; j <= kSteps; ++j) {
+      const Eigen::Vector2d q(6.0 * i / kSteps, 6.0 * j / kSteps);  // Unit: sigmas.
+      const double weight = std::exp(-0.5 * q.squaredNorm());
+      sum += weight * AlbedoAt(pattern, centre_m + pattern_by_image * (blur_px * q));
+      weights += weight;
+    }
+  }
+  return sum / weights;
+}
+
+struct PatternPoint {
+  const char* name;
+  Eigen::Vector2d at_m;
+};
+void PrintTo(const PatternPoint& point, std::ostream* stream) { *stream << point.name; }
+
+class BlurredTest : public testing::TestWithParam<PatternPoint> {};
+
 // The closed form is compared with sums over a fine grid, for maps with shear and perspective foreshortening.
-TEST(BlurredTest, IsTheGaussianMeanOfTheCells) {
+TEST_P(BlurredTest, IsTheGaussianMeanOfTheCells) {
+  const Eigen::Vector2d at_m = GetParam().at_m;
   const CellPattern pattern = CellsOf(TestDrawing(), {-0.02, -0.02}, {0.02, 0.02});
   Eigen::Matrix2d image_by_pattern;
   image_by_pattern << 900, 500, -200, 400;
   constexpr double kBlurPx = 1.3;
-  const Eigen::Matrix2d pattern_by_image = image_by_pattern.inverse();
-  for (const Eigen::Vector2d& at_m : {Eigen::Vector2d(0.0005, -0.0007), Eigen::Vector2d(0.0031, -0.0036),
-                                      Eigen::Vector2d(-0.0004, 0.006), Eigen::Vector2d(0.0068, -0.0031)}) {
-    const auto mean = [&](const Eigen::Vector2d& centre_m, double blur_px) {
-      double sum = 0;
-      double weights = 0;
-      constexpr int kSteps = 300;
-      for (int i = -kSteps; i <= kSteps; ++i) {
-        for (int j = -kSteps; j <= kSteps; ++j) {
-          const Eigen::Vector2d q(6.0 * i / kSteps, 6.0 * j / kSteps);  // Unit: sigmas.
-          const Eigen::Vector2d p = centre_m + pattern_by_image * (blur_px * q);
-          Eigen::Index x = 0;
-          Eigen::Index y = 0;
-          while (x < static_cast<Eigen::Index>(pattern.x_m.size()) && p.x() > pattern.x_m[static_cast<size_t>(x)]) ++x;
-          while (y < static_cast<Eigen::Index>(pattern.y_m.size()) && p.y() > pattern.y_m[static_cast<size_t>(y)]) ++y;
-          const double weight = std::exp(-0.5 * q.squaredNorm());
-          sum += weight * pattern.albedo(y, x);
-          weights += weight;
-        }
-      }
-      return sum / weights;
-    };
-    const BlurredAlbedo blurred = Blurred(pattern, at_m, image_by_pattern, kBlurPx);
-    constexpr double kGridError = 2e-3;  // Error of the sums, because cells end between grid points.
-    EXPECT_NEAR(blurred.value, mean(at_m, kBlurPx), kGridError);
-    constexpr double kStepM = 2e-7;
-    for (int axis = 0; axis < 2; ++axis) {
-      const Eigen::Vector2d step_m = kStepM * Eigen::Vector2d::Unit(axis);
-      const double numeric = (Blurred(pattern, at_m + step_m, image_by_pattern, kBlurPx).value -
-                              Blurred(pattern, at_m - step_m, image_by_pattern, kBlurPx).value) /
-                             (2 * kStepM);
-      EXPECT_NEAR(blurred.by_at[axis], numeric, 1e-3 * (1 + std::abs(numeric)) + 0.1);
-    }
-    constexpr double kStepPx = 1e-4;
-    const double by_blur = (Blurred(pattern, at_m, image_by_pattern, kBlurPx + kStepPx).value -
-                            Blurred(pattern, at_m, image_by_pattern, kBlurPx - kStepPx).value) /
-                           (2 * kStepPx);
-    EXPECT_NEAR(blurred.by_blur, by_blur, 1e-3);
+  const BlurredAlbedo blurred = Blurred(pattern, at_m, image_by_pattern, kBlurPx);
+  constexpr double kGridError = 2e-3;  // Error of the sums, because cells end between grid points.
+  EXPECT_NEAR(blurred.value, GaussianMean(pattern, at_m, image_by_pattern.inverse(), kBlurPx), kGridError);
+  constexpr double kStepM = 2e-7;
+  for (int axis = 0; axis < 2; ++axis) {
+    const Eigen::Vector2d step_m = kStepM * Eigen::Vector2d::Unit(axis);
+    const double numeric = (Blurred(pattern, at_m + step_m, image_by_pattern, kBlurPx).value -
+                            Blurred(pattern, at_m - step_m, image_by_pattern, kBlurPx).value) /
+                           (2 * kStepM);
+    EXPECT_NEAR(blurred.by_at[axis], numeric, 1e-3 * (1 + std::abs(numeric)) + 0.1);
   }
+  constexpr double kStepPx = 1e-4;
+  const double by_blur = (Blurred(pattern, at_m, image_by_pattern, kBlurPx + kStepPx).value -
+                          Blurred(pattern, at_m, image_by_pattern, kBlurPx - kStepPx).value) /
+                         (2 * kStepPx);
+  EXPECT_NEAR(blurred.by_blur, by_blur, 1e-3);
 }
+
+INSTANTIATE_TEST_SUITE_P(, BlurredTest,
+                         testing::Values(PatternPoint{"corner_of_squares", {0.0005, -0.0007}},
+                                         PatternPoint{"left_corner_of_small_square", {0.0031, -0.0036}},
+                                         PatternPoint{"edge_of_squares", {-0.0004, 0.006}},
+                                         PatternPoint{"right_corner_of_small_square", {0.0068, -0.0031}}),
+                         [](const auto& test) { return test.param.name; });
 
 struct FitTotals {
   Eigen::Vector2d sum_px = Eigen::Vector2d::Zero();

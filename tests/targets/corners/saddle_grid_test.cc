@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -39,6 +41,21 @@ cv::Mat Render(const Target& target, const Rigid3d& camera_from_target, double n
   return RenderView(target.Draw(), ImageCamera(), camera_from_target, options);
 }
 
+int GreyAt(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
+  return grey.at<uchar>(static_cast<int>(std::lround(pixel.y())), static_cast<int>(std::lround(pixel.x())));
+}
+
+// Expects that the sector between the edges of a saddle and the opposite one are darker than the two others.
+void ExpectDarkSectorsBetweenEdges(const cv::Mat& grey, const Saddle& saddle) {
+  constexpr double kStepPx = 5;
+  constexpr int kMinContrastGrey = 50;
+  for (const double sign : {-1.0, 1.0}) {
+    const Eigen::Vector2d dark_px = saddle.pixel + sign * kStepPx * (saddle.edges[0] + saddle.edges[1]);
+    const Eigen::Vector2d light_px = saddle.pixel + sign * kStepPx * (saddle.edges[0] - saddle.edges[1]);
+    EXPECT_LT(GreyAt(grey, dark_px) + kMinContrastGrey, GreyAt(grey, light_px)) << saddle.pixel.transpose();
+  }
+}
+
 TEST(SaddleGrid, SaddlesHaveTheDarkSectorBetweenTheirEdges) {
   const std::unique_ptr<Target> board = Board();
   const cv::Mat grey = Render(*board, BoardPose(0, 0.4));
@@ -49,49 +66,50 @@ TEST(SaddleGrid, SaddlesHaveTheDarkSectorBetweenTheirEdges) {
     for (const Saddle& saddle : saddles) {
       if ((saddle.pixel - pixel).norm() > 0.5) continue;
       ++num_corners;
-      const auto level = [&](const Eigen::Vector2d& offset) {
-        const Eigen::Vector2d at = saddle.pixel + offset;
-        return static_cast<int>(
-            grey.at<uchar>(static_cast<int>(std::lround(at.y())), static_cast<int>(std::lround(at.x()))));
-      };
-      for (const double sign : {-1.0, 1.0}) {
-        EXPECT_LT(level(sign * 5 * (saddle.edges[0] + saddle.edges[1])) + 50,
-                  level(sign * 5 * (saddle.edges[0] - saddle.edges[1])));
-      }
+      ExpectDarkSectorsBetweenEdges(grey, saddle);
     }
   }
   EXPECT_EQ(num_corners, board->points().size());
 }
 
-TEST(SaddleGrid, FindsTargetsInAnyRotation) {
+double DistanceToNearestPx(const std::vector<cv::Point2f>& corners, const Eigen::Vector2d& pixel) {
+  double nearest_px = 1e9;
+  for (const cv::Point2f& corner : corners) {
+    nearest_px = std::min(nearest_px, (Eigen::Vector2d(corner.x, corner.y) - pixel).norm());
+  }
+  return nearest_px;
+}
+
+// The parameter is the rotation of the target in the image, in degrees.
+class RotatedSaddleGridTest : public testing::TestWithParam<int> {
+ protected:
+  static double RotationRad() { return GetParam() * kPi / 180; }
+};
+
+TEST_P(RotatedSaddleGridTest, IsFound) {
   const std::unique_ptr<Target> board = Board();
-  for (int step = 0; step < 12; ++step) {
-    const Rigid3d pose = BoardPose(0, step * kPi / 6);
-    const SaddleGrid grid = FindSaddleGrid(Render(*board, pose, /*noise_grey=*/6), kSize);
-    ASSERT_EQ(grid.corners.size(), board->points().size()) << step;
-    for (const TargetPoint& point : board->points()) {
-      const Eigen::Vector2d pixel = PixelOf(point, ImageCamera(), pose).value();
-      double nearest_px = 1e9;
-      for (const cv::Point2f& corner : grid.corners) {
-        nearest_px = std::min(nearest_px, (Eigen::Vector2d(corner.x, corner.y) - pixel).norm());
-      }
-      EXPECT_LT(nearest_px, 1) << step << ": " << pixel.transpose();
-    }
+  const Rigid3d pose = BoardPose(0, RotationRad());
+  const SaddleGrid grid = FindSaddleGrid(Render(*board, pose, /*noise_grey=*/6), kSize);
+  ASSERT_EQ(grid.corners.size(), board->points().size());
+  for (const TargetPoint& point : board->points()) {
+    const Eigen::Vector2d pixel = PixelOf(point, ImageCamera(), pose).value();
+    EXPECT_LT(DistanceToNearestPx(grid.corners, pixel), 1) << pixel.transpose();
   }
 }
 
 // OpenCV's finders take a second or even minutes for such an image, so they must not be called.
-TEST(SaddleGrid, GivesUpTruncatedTargets) {
+TEST_P(RotatedSaddleGridTest, IsGivenUpIfTruncated) {
   const std::unique_ptr<Target> board = Board();
-  for (int step = 0; step < 12; ++step) {
-    for (const double aside_px : {390.0, 440.0}) {
-      const cv::Mat grey = Render(*board, BoardPose(aside_px, step * kPi / 6));
-      const SaddleGrid grid = FindSaddleGrid(grey, kSize);
-      EXPECT_THAT(grid.corners, IsEmpty()) << step << ", " << aside_px;
-      EXPECT_TRUE(grid.may_be_in.empty()) << step << ", " << aside_px;
-    }
+  for (const double aside_px : {390.0, 440.0}) {
+    const cv::Mat grey = Render(*board, BoardPose(aside_px, RotationRad()));
+    const SaddleGrid grid = FindSaddleGrid(grey, kSize);
+    EXPECT_THAT(grid.corners, IsEmpty()) << aside_px;
+    EXPECT_TRUE(grid.may_be_in.empty()) << aside_px;
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(, RotatedSaddleGridTest, testing::Range(0, 360, 30),
+                         [](const auto& test) { return std::to_string(test.param) + "_deg"; });
 
 TEST(SaddleGrid, GivesUpImagesWithoutTarget) {
   const char* const others[] = {"{type: chessboard, rows: 9, columns: 13, square: 13 mm}",

@@ -1,7 +1,11 @@
 #include "targets/tags/tag_places.h"
 
+#include <algorithm>
 #include <memory>
 #include <optional>
+#include <sstream>
+#include <string>
+#include <tuple>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -46,30 +50,45 @@ TagPlaceOptions OptionsOf(int decimate) {
   return options;
 }
 
+// Returns a number as a part of a test name, with an underscore as the decimal point.
+std::string NameOf(double number) {
+  std::ostringstream text;
+  text << number;
+  std::string name = text.str();
+  std::replace(name.begin(), name.end(), '.', '_');
+  return name;
+}
+
+bool Contain(const std::vector<cv::Rect>& places, const cv::Point& pixel) {
+  return std::any_of(places.begin(), places.end(), [&](const cv::Rect& place) { return place.contains(pixel); });
+}
+
+// The distance of the sheet in metres, its tilt in radians and the noise in grey levels.
+class TagPlacesOfViewTest : public testing::TestWithParam<std::tuple<double, double, double>> {};
+
 // All points of a target with tags lie in the returned regions, even if the tags are small, tilted and noisy.
-TEST(TagPlacesTest, ContainEveryTag) {
+TEST_P(TagPlacesOfViewTest, ContainEveryTag) {
+  const auto& [distance_m, tilt_rad, noise_grey] = GetParam();
   const std::unique_ptr<Target> target = MakeTarget(
       "{type: apriltag_grid, family: tag36h11, rows: 3, columns: 4, tag_size: 24 mm, tag_spacing: 0.3, "
       "corner_squares: false}");
-  for (const double distance_m : {0.2, 0.6, 1.8}) {
-    for (const double tilt_rad : {0.0, 0.9}) {
-      for (const double noise_grey : {0.0, 4.0}) {
-        SCOPED_TRACE(::testing::Message() << distance_m << " m, " << tilt_rad << " rad, " << noise_grey);
-        const cv::Mat grey = Rendered(target->Draw(), distance_m, tilt_rad, noise_grey);
-        const std::vector<cv::Rect> places = FindTagPlaces(grey, OptionsOf(1), nullptr);
-        for (const TargetPoint& point : target->points()) {
-          const std::optional<Eigen::Vector2d> pixel =
-              PixelOf(point, kCamera, PoseOf(target->Draw(), distance_m, tilt_rad));
-          ASSERT_TRUE(pixel);
-          const cv::Point at(static_cast<int>(pixel->x()), static_cast<int>(pixel->y()));
-          bool is_held = false;
-          for (const cv::Rect& place : places) is_held = is_held || place.contains(at);
-          EXPECT_TRUE(is_held) << at;
-        }
-      }
-    }
+  const cv::Mat grey = Rendered(target->Draw(), distance_m, tilt_rad, noise_grey);
+  const std::vector<cv::Rect> places = FindTagPlaces(grey, OptionsOf(1), nullptr);
+  for (const TargetPoint& point : target->points()) {
+    const std::optional<Eigen::Vector2d> pixel = PixelOf(point, kCamera, PoseOf(target->Draw(), distance_m, tilt_rad));
+    ASSERT_TRUE(pixel);
+    const cv::Point at(static_cast<int>(pixel->x()), static_cast<int>(pixel->y()));
+    EXPECT_TRUE(Contain(places, at)) << at;
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(, TagPlacesOfViewTest,
+                         testing::Combine(testing::Values(0.2, 0.6, 1.8), testing::Values(0.0, 0.9),
+                                          testing::Values(0.0, 4.0)),
+                         [](const auto& test) {
+                           return NameOf(std::get<0>(test.param)) + "_m_" + NameOf(std::get<1>(test.param)) + "_rad_" +
+                                  NameOf(std::get<2>(test.param)) + "_grey";
+                         });
 
 TEST(TagPlacesTest, ExcludeNoiseAndSolidShapes) {
   Drawing drawing;
@@ -109,17 +128,28 @@ TEST(TagPlacesTest, LargeRegionsAreSearchedOnce) {
   EXPECT_LT(AreaShare(FindTagPlaces(grey, OptionsOf(2), &searched), grey), 0.5 * share);
 }
 
-TEST(TagPlacesTest, AcceptAnyImageSize) {
-  for (const cv::Size& size : {cv::Size(1, 1), cv::Size(7, 900), cv::Size(9, 9), cv::Size(33, 17)}) {
-    cv::Mat grey(size, CV_8UC1);
-    cv::randu(grey, 0, 255);
-    for (const int decimate : {1, 3}) {
-      for (const cv::Rect& place : FindTagPlaces(grey, OptionsOf(decimate), nullptr)) {
-        EXPECT_EQ((place & cv::Rect({}, size)), place);
-      }
-    }
+// The size of the image and the decimation.
+class TagPlacesOfSizeTest : public testing::TestWithParam<std::tuple<cv::Size, int>> {};
+
+TEST_P(TagPlacesOfSizeTest, LieInTheImage) {
+  const auto& [size, decimate] = GetParam();
+  cv::Mat grey(size, CV_8UC1);
+  cv::RNG random;
+  random.fill(grey, cv::RNG::UNIFORM, 0, 255);
+  for (const cv::Rect& place : FindTagPlaces(grey, OptionsOf(decimate), nullptr)) {
+    EXPECT_EQ((place & cv::Rect({}, size)), place);
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(, TagPlacesOfSizeTest,
+                         testing::Combine(testing::Values(cv::Size(1, 1), cv::Size(7, 900), cv::Size(9, 9),
+                                                          cv::Size(33, 17)),
+                                          testing::Values(1, 3)),
+                         [](const auto& test) {
+                           const cv::Size& size = std::get<0>(test.param);
+                           return std::to_string(size.width) + "x" + std::to_string(size.height) + "_decimated_by_" +
+                                  std::to_string(std::get<1>(test.param));
+                         });
 
 }  // namespace
 }  // namespace heba

@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <ostream>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -349,16 +351,18 @@ TEST(PlacePattern, CountsEachSetOfDotsOnce) {
 // Grids.
 
 struct GridCase {
+  const char* name;
   std::string keys;
   size_t num_symmetries;
 };
 const GridCase kGridCases[] = {
-    {"rows: 6, columns: 8, spacing: 20 mm", 2},
-    {"rows: 5, columns: 5, spacing: 20 mm", 4},
-    {"rows: 5, columns: 4, spacing: 10 mm, asymmetric: true, light_on_dark: true", 1},
-    {"rows: 6, columns: 4, spacing: 10 mm, asymmetric: true, dot_diameter: 10 mm", 2},
-    {"rows: 6, columns: 8, spacing: 20 mm, marker_dot: true", 1},
-    {"rows: 7, columns: 7, spacing: 20 mm, marker_dot: true, light_on_dark: true, marker_diameter: 17 mm", 1},
+    {"symmetric_6x8", "rows: 6, columns: 8, spacing: 20 mm", 2},
+    {"symmetric_5x5", "rows: 5, columns: 5, spacing: 20 mm", 4},
+    {"asymmetric_light_5x4", "rows: 5, columns: 4, spacing: 10 mm, asymmetric: true, light_on_dark: true", 1},
+    {"asymmetric_large_dots_6x4", "rows: 6, columns: 4, spacing: 10 mm, asymmetric: true, dot_diameter: 10 mm", 2},
+    {"marker_6x8", "rows: 6, columns: 8, spacing: 20 mm, marker_dot: true", 1},
+    {"marker_light_7x7",
+     "rows: 7, columns: 7, spacing: 20 mm, marker_dot: true, light_on_dark: true, marker_diameter: 17 mm", 1},
 };
 
 TEST(CircleGrid, KnowsItsSymmetries) {
@@ -401,53 +405,67 @@ TEST(CircleGrid, DrawsDiscsInsideTheSheet) {
   }
 }
 
+// The index of a grid in kGridCases, and the index of a random view of it.
+using GridView = std::tuple<size_t, int>;
+std::string GridViewName(const testing::TestParamInfo<GridView>& test) {
+  return std::string(kGridCases[std::get<0>(test.param)].name) + "_view_" + std::to_string(std::get<1>(test.param));
+}
+
+class CircleGridOrientationTest : public testing::TestWithParam<GridView> {};
+
+constexpr int kOrientationViews = 3;  // Per grid.
+
 // The views have any roll and tilts up to 45 deg. For dots of about 7 px an error of 0.0075 px is attained (the
 // gradient of the light costs a third). The largest error of some hundred points is four times as large, and area
 // sampling adds its own error.
-TEST(CircleGrid, IsFoundInAnyOrientation) {
-  uint64_t seed = 0;
-  for (const GridCase& grid : kGridCases) {
-    const auto target = MakeGrid(grid.keys);
-    const Drawing& drawing = target->Draw();
-    for (int k = 0; k < 3; ++k) {
-      Rng rng(10, ++seed);
-      const PlaneView look = RandomLook(drawing, kPi / 4, kPi, rng);
-      const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
-      ASSERT_EQ(detection.ids.size(), target->points().size()) << grid.keys << ": " << detection.reason;
-      EXPECT_EQ(detection.reason, "");
-      const double worst_px = WorstError(*target, detection, [&](const Eigen::Vector2d& plane_m) {
-        const auto disc =
-            std::min_element(drawing.shapes.begin(), drawing.shapes.end(), [&](const Shape& a, const Shape& b) {
-              return (a.centre_m - plane_m).norm() < (b.centre_m - plane_m).norm();
-            });
-        return look.EllipseCentre(plane_m, disc->radius_m);
-      });
-      EXPECT_LT(worst_px, 0.05) << grid.keys << " picture " << k;
-      std::vector<Eigen::Vector2d> points_m;
-      for (const TargetPoint& point : target->points()) points_m.emplace_back(point.in_target.head<2>());
-      EXPECT_TRUE(SeenFromFront(points_m, detection.pixels, drawing.y_up));
-    }
-  }
+TEST_P(CircleGridOrientationTest, IsFound) {
+  const auto& [grid, view] = GetParam();
+  const auto target = MakeGrid(kGridCases[grid].keys);
+  const Drawing& drawing = target->Draw();
+  Rng rng(10, kOrientationViews * grid + static_cast<uint64_t>(view) + 1);
+  const PlaneView look = RandomLook(drawing, kPi / 4, kPi, rng);
+  const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
+  ASSERT_EQ(detection.ids.size(), target->points().size()) << detection.reason;
+  EXPECT_EQ(detection.reason, "");
+  const double worst_px = WorstError(*target, detection, [&](const Eigen::Vector2d& plane_m) {
+    const auto disc = std::min_element(
+        drawing.shapes.begin(), drawing.shapes.end(),
+        [&](const Shape& a, const Shape& b) { return (a.centre_m - plane_m).norm() < (b.centre_m - plane_m).norm(); });
+    return look.EllipseCentre(plane_m, disc->radius_m);
+  });
+  EXPECT_LT(worst_px, 0.05);
+  std::vector<Eigen::Vector2d> points_m;
+  for (const TargetPoint& point : target->points()) points_m.emplace_back(point.in_target.head<2>());
+  EXPECT_TRUE(SeenFromFront(points_m, detection.pixels, drawing.y_up));
 }
+
+INSTANTIATE_TEST_SUITE_P(, CircleGridOrientationTest,
+                         testing::Combine(testing::Range(size_t{0}, std::size(kGridCases)),
+                                          testing::Range(0, kOrientationViews)),
+                         GridViewName);
+
+class CircleGridLensTest : public testing::TestWithParam<GridView> {};
+
+constexpr int kLensViews = 2;  // Per grid.
 
 // The lens has a barrel distortion of 15 % at the sides and the tilts are up to 40 deg, so lines of dots are bent by
 // tens of pixels. The limit allows for the effect of the lens on an ellipse.
-TEST(CircleGrid, IsFoundThroughAWideLens) {
-  uint64_t seed = 0;
-  for (const GridCase& grid : kGridCases) {
-    const auto target = MakeGrid(grid.keys);
-    const Drawing& drawing = target->Draw();
-    for (int k = 0; k < 2; ++k) {
-      Rng rng(11, ++seed);
-      PlaneView look = RandomLook(drawing, 0.7, kPi, rng);
-      look.bend = 0.15;
-      const Detection detection = target->Detect(RenderDrawing(drawing, look, {.light_slope = 0.5}, rng));
-      ASSERT_EQ(detection.ids.size(), target->points().size()) << grid.keys << ": " << detection.reason;
-      EXPECT_LT(WorstError(*target, detection, [&](const Eigen::Vector2d& plane_m) { return look.PixelOf(plane_m); }),
-                0.5);
-    }
-  }
+TEST_P(CircleGridLensTest, IsFoundThroughAWideLens) {
+  const auto& [grid, view] = GetParam();
+  const auto target = MakeGrid(kGridCases[grid].keys);
+  const Drawing& drawing = target->Draw();
+  Rng rng(11, kLensViews * grid + static_cast<uint64_t>(view) + 1);
+  PlaneView look = RandomLook(drawing, 0.7, kPi, rng);
+  look.bend = 0.15;
+  const Detection detection = target->Detect(RenderDrawing(drawing, look, {.light_slope = 0.5}, rng));
+  ASSERT_EQ(detection.ids.size(), target->points().size()) << detection.reason;
+  EXPECT_LT(WorstError(*target, detection, [&](const Eigen::Vector2d& plane_m) { return look.PixelOf(plane_m); }), 0.5);
 }
+
+INSTANTIATE_TEST_SUITE_P(, CircleGridLensTest,
+                         testing::Combine(testing::Range(size_t{0}, std::size(kGridCases)),
+                                          testing::Range(0, kLensViews)),
+                         GridViewName);
 
 TEST(CircleGrid, IsFoundAmongStrayDots) {
   const auto target = MakeGrid("rows: 5, columns: 6, spacing: 20 mm");
@@ -505,43 +523,62 @@ TEST(CircleGrid, IsNotFoundInALargerGrid) {
   EXPECT_TRUE(asymmetric.ids.empty());
 }
 
+struct SheetCase {
+  const char* name;
+  const char* keys;
+};
+void PrintTo(const SheetCase& sheet, std::ostream* stream) { *stream << sheet.name; }
+
 // A larger lattice behind the sheet, such as wallpaper, is not the target and disturbs it no more than stray dots do.
 // The same lattice without the sheet is refused.
-TEST(CircleGrid, IsFoundInFrontOfALargerLattice) {
-  for (const std::string keys :
-       {"rows: 5, columns: 6, spacing: 20 mm", "rows: 6, columns: 4, spacing: 14 mm, asymmetric: true",
-        "rows: 4, columns: 6, spacing: 20 mm, marker_dot: true"}) {
-    const auto target = MakeGrid(keys);
-    const Drawing& sheet = target->Draw();
-    for (const bool is_there : {true, false}) {
-      Rng rng(19, is_there ? 1 : 0);
-      Drawing drawing = sheet;
-      if (!is_there) drawing.shapes.clear();
-      drawing.min_m.array() -= 0.09;
-      drawing.max_m.array() += 0.09;
-      constexpr double kStepM = 0.013;
-      const Eigen::AlignedBox2d kept(sheet.min_m, sheet.max_m);
-      for (double x_m = drawing.min_m.x() + kStepM; x_m < drawing.max_m.x() - 0.5 * kStepM; x_m += kStepM) {
-        for (double y_m = drawing.min_m.y() + kStepM; y_m < drawing.max_m.y() - 0.5 * kStepM; y_m += kStepM) {
-          if (!is_there || kept.exteriorDistance(Eigen::Vector2d(x_m, y_m)) > 0.004) {
-            drawing.AddDisc({x_m, y_m}, 0.0035, 0);
-          }
+class WallpaperTest : public testing::TestWithParam<SheetCase> {
+ protected:
+  // Enlarges a drawing by 90 mm on each side, and adds dots wherever they do not touch `kept`.
+  static void AddLattice(const Eigen::AlignedBox2d& kept, Drawing* drawing) {
+    drawing->min_m.array() -= 0.09;
+    drawing->max_m.array() += 0.09;
+    constexpr double kStepM = 0.013;
+    const Eigen::Vector2d end_m = drawing->max_m.array() - 0.5 * kStepM;
+    for (double x_m = drawing->min_m.x() + kStepM; x_m < end_m.x(); x_m += kStepM) {
+      for (double y_m = drawing->min_m.y() + kStepM; y_m < end_m.y(); y_m += kStepM) {
+        if (kept.isEmpty() || kept.exteriorDistance(Eigen::Vector2d(x_m, y_m)) > 0.004) {
+          drawing->AddDisc({x_m, y_m}, 0.0035, 0);
         }
       }
-      const PlaneView look = RandomLook(drawing, 0.5, kPi, rng);
-      const Detection detection = target->Detect(RenderDrawing(drawing, look, {}, rng));
-      if (!is_there) {
-        EXPECT_TRUE(detection.ids.empty()) << keys;
-        EXPECT_NE(detection.reason.find("continue beyond"), std::string::npos) << keys << ": " << detection.reason;
-        continue;
-      }
-      ASSERT_EQ(detection.ids.size(), target->points().size()) << keys << ": " << detection.reason;
-      EXPECT_LT(WorstError(*target, detection, [&](const Eigen::Vector2d& plane_m) { return look.PixelOf(plane_m); }),
-                0.2)
-          << keys;
     }
   }
+
+  const std::unique_ptr<Target> target_ = MakeGrid(GetParam().keys);
+};
+
+TEST_P(WallpaperTest, GridInFrontIsFound) {
+  Drawing drawing = target_->Draw();
+  AddLattice(Eigen::AlignedBox2d(drawing.min_m, drawing.max_m), &drawing);
+  Rng rng(19, 1);
+  const PlaneView look = RandomLook(drawing, 0.5, kPi, rng);
+  const Detection detection = target_->Detect(RenderDrawing(drawing, look, {}, rng));
+  ASSERT_EQ(detection.ids.size(), target_->points().size()) << detection.reason;
+  EXPECT_LT(WorstError(*target_, detection, [&](const Eigen::Vector2d& plane_m) { return look.PixelOf(plane_m); }),
+            0.2);
 }
+
+TEST_P(WallpaperTest, LatticeAloneIsRefused) {
+  Drawing drawing = target_->Draw();
+  drawing.shapes.clear();
+  AddLattice(Eigen::AlignedBox2d(), &drawing);
+  Rng rng(19, 0);
+  const PlaneView look = RandomLook(drawing, 0.5, kPi, rng);
+  const Detection detection = target_->Detect(RenderDrawing(drawing, look, {}, rng));
+  EXPECT_TRUE(detection.ids.empty());
+  EXPECT_NE(detection.reason.find("continue beyond"), std::string::npos) << detection.reason;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    , WallpaperTest,
+    testing::Values(SheetCase{"symmetric", "rows: 5, columns: 6, spacing: 20 mm"},
+                    SheetCase{"asymmetric", "rows: 6, columns: 4, spacing: 14 mm, asymmetric: true"},
+                    SheetCase{"with_marker_dot", "rows: 4, columns: 6, spacing: 20 mm, marker_dot: true"}),
+    [](const auto& test) { return test.param.name; });
 
 // The rows alternate, so an asymmetric grid with an even number of rows differs from its mirror image. With an odd
 // number of rows it equals its mirror image, as does a symmetric grid.
@@ -707,31 +744,41 @@ TEST(CircleGrid, IsFoundInRecordedImagesOfAnAsymmetricGrid) {
   EXPECT_GE(num_found, num_images - 1);
 }
 
-// The test uses every 24th image of every set without such a grid; images of more than 4 megapixels are halved in
-// size.
+bool MentionsCircles(const std::filesystem::path& path) {
+  return path.filename().string().find("circle") != std::string::npos;
+}
+
+// Returns every 24th image of every recorded set without a circle grid.
+std::vector<std::filesystem::path> ImagesWithoutGrid() {
+  std::vector<std::filesystem::path> chosen;
+  for (const auto& set : std::filesystem::directory_iterator(DataDir())) {
+    if (MentionsCircles(set.path()) || !std::filesystem::exists(set.path() / "images")) continue;
+    const std::vector<std::filesystem::path> images = ImagesIn(set.path() / "images");
+    for (size_t n = 0; n < images.size(); n += 24) {
+      if (!MentionsCircles(images[n])) chosen.push_back(images[n]);
+    }
+  }
+  return chosen;
+}
+
+// Images of more than 4 megapixels are halved in size.
 TEST(CircleGrid, IsNotFoundInImagesWithoutGrid) {
   HEBA_SKIP_WITHOUT(DataDir());
   const auto symmetric = MakeGrid("rows: 4, columns: 4, spacing: 10 mm");
   const auto asymmetric = MakeGrid("rows: 5, columns: 4, spacing: 10 mm, asymmetric: true");
   const auto light = MakeGrid("rows: 3, columns: 4, spacing: 10 mm, light_on_dark: true");
-  int num_images = 0;
-  for (const auto& set : std::filesystem::directory_iterator(DataDir())) {
-    const std::string name = set.path().filename().string();
-    if (name.find("circle") != std::string::npos || !std::filesystem::exists(set.path() / "images")) continue;
-    const std::vector<std::filesystem::path> images = ImagesIn(set.path() / "images");
-    for (size_t n = 0; n < images.size(); n += 24) {
-      if (images[n].filename().string().find("circle") != std::string::npos) continue;
-      cv::Mat grey = ReadGreyImage(images[n]);
-      if (grey.total() > 4000000) cv::resize(grey, grey, cv::Size(), 0.5, 0.5, cv::INTER_AREA);
-      for (const Target* target : {symmetric.get(), asymmetric.get(), light.get()}) {
-        const Detection detection = target->Detect(grey);
-        EXPECT_TRUE(detection.ids.empty()) << images[n];
-        EXPECT_FALSE(detection.reason.empty());
-      }
-      ++num_images;
+  const std::vector<std::filesystem::path> images = ImagesWithoutGrid();
+  EXPECT_FALSE(images.empty());
+  for (const std::filesystem::path& image : images) {
+    SCOPED_TRACE(image);
+    cv::Mat grey = ReadGreyImage(image);
+    if (grey.total() > 4000000) cv::resize(grey, grey, cv::Size(), 0.5, 0.5, cv::INTER_AREA);
+    for (const Target* target : {symmetric.get(), asymmetric.get(), light.get()}) {
+      const Detection detection = target->Detect(grey);
+      EXPECT_TRUE(detection.ids.empty());
+      EXPECT_FALSE(detection.reason.empty());
     }
   }
-  EXPECT_GT(num_images, 0);
 }
 
 }  // namespace

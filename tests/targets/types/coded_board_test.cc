@@ -5,8 +5,10 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <ostream>
 #include <set>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -130,44 +132,61 @@ double AlbedoAt(const Drawing& drawing, const Eigen::Vector2d& place_m) {
   return albedo;
 }
 
-// The highest bit is the first sector clockwise from the right, with y down. Labels lie outside all quiet zones.
-TEST(CodedBoard, DrawsItsCodes) {
-  for (const bool light : {false, true}) {
-    for (const int bits : {8, 10, 12, 14}) {
-      const auto board =
-          MakeBoard("rows: 2, columns: 4, spacing: 32.5 mm, dot_diameter: 10 mm, bits: " + std::to_string(bits) +
-                    (light ? ", light_on_dark: true" : ""));
-      const Drawing& drawing = board->Draw();
-      const double ink = light ? 1 : 0;
-      const std::vector<uint32_t> codes = RingCodes(bits, RingCodeOrder::kSeparation);
-      for (const TargetPoint& point : board->points()) {
-        const auto albedo = [&](double radii, double turn) {
-          const double angle = 2 * kPi * turn;
-          return AlbedoAt(
-              drawing, point.in_target.head<2>() + radii * 0.005 * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
-        };
-        for (int sector = 0; sector < bits; ++sector) {
-          const bool is_set = ((codes[static_cast<size_t>(point.id)] >> (bits - 1 - sector)) & 1U) != 0;
-          for (const double part : {0.02, 0.5, 0.98}) {
-            const double turn = (sector + part) / bits;
-            EXPECT_EQ(albedo(0.98, turn), ink);
-            EXPECT_EQ(albedo(1.02, turn), 1 - ink);
-            EXPECT_EQ(albedo(1.98, turn), 1 - ink);
-            for (const double radii : {2.02, 2.98}) EXPECT_EQ(albedo(radii, turn), is_set ? ink : 1 - ink);
-            for (const double radii : {3.02, 3.48}) EXPECT_EQ(albedo(radii, turn), 1 - ink);
-          }
-        }
-        for (const Label& label : drawing.labels) {
-          // No letter is wider than high.
-          const double width_m = static_cast<double>(label.text.size()) * label.height_m;
-          const Eigen::AlignedBox2d box(label.at_m - Eigen::Vector2d(0, label.height_m),
-                                        label.at_m + Eigen::Vector2d(width_m, 0));
-          EXPECT_GT(box.exteriorDistance(point.in_target.head<2>()), 3.5 * 0.005);
-        }
-      }
+// Expects that a point is drawn as a dot with the ring of `code`, at every angle: in ink are the dot and the sectors
+// whose bit is set. The highest bit is the first sector clockwise from the right, with y down.
+void ExpectRing(const Drawing& drawing, const TargetPoint& point, uint32_t code, int bits, double ink) {
+  const auto albedo = [&](double radii, double angle_rad) {
+    const Eigen::Vector2d direction(std::cos(angle_rad), std::sin(angle_rad));
+    return AlbedoAt(drawing, point.in_target.head<2>() + radii * 0.005 * direction);
+  };
+  for (int sector = 0; sector < bits; ++sector) {
+    const bool is_set = ((code >> (bits - 1 - sector)) & 1U) != 0;
+    const double sector_albedo = is_set ? ink : 1 - ink;
+    for (const double part : {0.02, 0.5, 0.98}) {
+      const double angle_rad = 2 * kPi * ((sector + part) / bits);
+      EXPECT_EQ(albedo(0.98, angle_rad), ink);
+      EXPECT_EQ(albedo(1.02, angle_rad), 1 - ink);
+      EXPECT_EQ(albedo(1.98, angle_rad), 1 - ink);
+      EXPECT_EQ(albedo(2.02, angle_rad), sector_albedo);
+      EXPECT_EQ(albedo(2.98, angle_rad), sector_albedo);
+      EXPECT_EQ(albedo(3.02, angle_rad), 1 - ink);
+      EXPECT_EQ(albedo(3.48, angle_rad), 1 - ink);
     }
   }
 }
+
+void ExpectLabelsOutsideTheQuietZone(const Drawing& drawing, const TargetPoint& point) {
+  for (const Label& label : drawing.labels) {
+    // No letter is wider than high.
+    const double width_m = static_cast<double>(label.text.size()) * label.height_m;
+    const Eigen::AlignedBox2d box(label.at_m - Eigen::Vector2d(0, label.height_m),
+                                  label.at_m + Eigen::Vector2d(width_m, 0));
+    EXPECT_GT(box.exteriorDistance(point.in_target.head<2>()), 3.5 * 0.005);
+  }
+}
+
+// Whether the dots are light on a dark ground, and the number of bits.
+class CodedBoardDrawingTest : public testing::TestWithParam<std::tuple<bool, int>> {};
+
+TEST_P(CodedBoardDrawingTest, ShowsItsCodesAndKeepsLabelsOutsideQuietZones) {
+  const auto& [light, bits] = GetParam();
+  const auto board =
+      MakeBoard("rows: 2, columns: 4, spacing: 32.5 mm, dot_diameter: 10 mm, bits: " + std::to_string(bits) +
+                (light ? ", light_on_dark: true" : ""));
+  const Drawing& drawing = board->Draw();
+  const std::vector<uint32_t> codes = RingCodes(bits, RingCodeOrder::kSeparation);
+  for (const TargetPoint& point : board->points()) {
+    SCOPED_TRACE(point.id);
+    ExpectRing(drawing, point, codes[static_cast<size_t>(point.id)], bits, light ? 1 : 0);
+    ExpectLabelsOutsideTheQuietZone(drawing, point);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(, CodedBoardDrawingTest, testing::Combine(testing::Bool(), testing::Values(8, 10, 12, 14)),
+                         [](const auto& test) {
+                           return std::string(std::get<0>(test.param) ? "light_on_dark_" : "dark_on_light_") +
+                                  std::to_string(std::get<1>(test.param)) + "_bits";
+                         });
 
 TEST(CodedBoard, RefusesInvalidSettings) {
   const auto error_of = [](const std::string& keys) { return InputErrorOf([&] { MakeBoard(keys); }); };
@@ -188,49 +207,56 @@ TEST(CodedBoard, RefusesInvalidSettings) {
 // Precision.
 
 struct Precision {
+  const char* name;
   double radius_px;
   double max_rms_px;  // Per coordinate.
 };
+void PrintTo(const Precision& precision, std::ostream* stream) { *stream << precision.name; }
+
+class CodedBoardPrecisionTest : public testing::TestWithParam<Precision> {};
 
 // The blur is 0.7 px, noise / contrast is 2 / 170, tilts are up to 45 deg, the light is uneven, and each case has 160
 // points. 0.0063 and 0.0043 px are attained; the lower bounds are 0.0051 and 0.0036 px.
-TEST(CodedBoard, CentresAgreeWithTheirCovariance) {
+TEST_P(CodedBoardPrecisionTest, CentresAgreeWithTheirCovariance) {
+  const Precision& precision = GetParam();
   const auto board = MakeBoard(kPaperBoard);
   const Drawing& drawing = board->Draw();
-  for (const Precision& precision : {Precision{5, 0.0075}, Precision{10, 0.0052}}) {
-    constexpr int kNumViews = 40;
-    const Camera camera =
-        MakeCamera(static_cast<int>(30 * precision.radius_px), static_cast<int>(30 * precision.radius_px), 2400);
-    double sum_square = 0;
-    double sum_normalised = 0;
-    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-    for (int view = 0; view < kNumViews; ++view) {
-      Rng rng(20, static_cast<uint64_t>(view));
-      const Rigid3d camera_from_target =
-          PoseAt(MiddleOf(*board), 2400 * 0.005 / precision.radius_px, rng.Uniform(0, kPi / 4), rng);
-      RenderOptions options;
-      options.noise_sigma_grey = 2;
-      options.white_grey = 200;
-      options.light_gradient = 0.3;
-      options.seed = static_cast<uint64_t>(view);
-      const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, options));
-      ASSERT_EQ(detection.ids.size(), 4u) << detection.reason;
-      for (const auto& [id, error] : ErrorsOf(*board, detection, camera, camera_from_target)) {
-        sum += error;
-        sum_square += error.squaredNorm();
-        const Eigen::MatrixXd& covariance = detection.covariances_px2[static_cast<size_t>(id)];
-        sum_normalised += error.dot(covariance.ldlt().solve(error));
-      }
+  constexpr int kNumViews = 40;
+  const Camera camera =
+      MakeCamera(static_cast<int>(30 * precision.radius_px), static_cast<int>(30 * precision.radius_px), 2400);
+  double sum_square = 0;
+  double sum_normalised = 0;
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (int view = 0; view < kNumViews; ++view) {
+    Rng rng(20, static_cast<uint64_t>(view));
+    const Rigid3d camera_from_target =
+        PoseAt(MiddleOf(*board), 2400 * 0.005 / precision.radius_px, rng.Uniform(0, kPi / 4), rng);
+    RenderOptions options;
+    options.noise_sigma_grey = 2;
+    options.white_grey = 200;
+    options.light_gradient = 0.3;
+    options.seed = static_cast<uint64_t>(view);
+    const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, options));
+    ASSERT_EQ(detection.ids.size(), 4u) << detection.reason;
+    for (const auto& [id, error] : ErrorsOf(*board, detection, camera, camera_from_target)) {
+      sum += error;
+      sum_square += error.squaredNorm();
+      const Eigen::MatrixXd& covariance = detection.covariances_px2[static_cast<size_t>(id)];
+      sum_normalised += error.dot(covariance.ldlt().solve(error));
     }
-    constexpr double kNumCoordinates = 2.0 * 4 * kNumViews;
-    EXPECT_LT(std::sqrt(sum_square / kNumCoordinates), precision.max_rms_px) << precision.radius_px;
-    // The square root of chi-square over its 320 degrees of freedom has a standard deviation of 0.04; the tolerance
-    // is 4.5 of these, which is exceeded once in 150,000.
-    EXPECT_NEAR(std::sqrt(sum_normalised / kNumCoordinates), 1, 0.18) << precision.radius_px;
-    // 4.5 standard deviations of the mean of 160 points.
-    EXPECT_LT((sum / (kNumCoordinates / 2)).cwiseAbs().maxCoeff(), 4.5 * precision.max_rms_px / std::sqrt(160.0));
   }
+  constexpr double kNumCoordinates = 2.0 * 4 * kNumViews;
+  EXPECT_LT(std::sqrt(sum_square / kNumCoordinates), precision.max_rms_px);
+  // The square root of chi-square over its 320 degrees of freedom has a standard deviation of 0.04; the tolerance is
+  // 4.5 of these, which is exceeded once in 150,000.
+  EXPECT_NEAR(std::sqrt(sum_normalised / kNumCoordinates), 1, 0.18);
+  // 4.5 standard deviations of the mean of 160 points.
+  EXPECT_LT((sum / (kNumCoordinates / 2)).cwiseAbs().maxCoeff(), 4.5 * precision.max_rms_px / std::sqrt(160.0));
 }
+
+INSTANTIATE_TEST_SUITE_P(, CodedBoardPrecisionTest,
+                         testing::Values(Precision{"radius_5_px", 5, 0.0075}, Precision{"radius_10_px", 10, 0.0052}),
+                         [](const auto& test) { return test.param.name; });
 
 // Recall.
 
@@ -259,32 +285,43 @@ TEST(CodedBoard, IsFoundInAllSizesAndOrientations) {
   }
 }
 
-// The dots are 300 px large; those whose rings are completely in the image are found.
-TEST(CodedBoard, IsFoundIfItFillsTheImage) {
-  const auto board = MakeBoard("rows: 2, columns: 2, spacing: 32.5 mm, dot_diameter: 10 mm");
-  for (const double tilt_deg : {0.0, 40.0}) {
-    Rng rng(38, static_cast<uint64_t>(tilt_deg));
-    const Camera camera = MakeCamera(2300, 2300, 2400);
-    const Rigid3d camera_from_target = PoseAt(MiddleOf(*board), 2400 * 0.01 / 300, tilt_deg * kPi / 180, rng);
-    RenderOptions options;
-    options.noise_sigma_grey = 2;
-    options.light_gradient = 0.3;
-    const Detection detection = board->Detect(RenderView(board->Draw(), camera, camera_from_target, options));
-    size_t num_whole = 0;
-    for (const TargetPoint& point : board->points()) {
-      double least_px = 1e9;
-      for (int i = 0; i < 48; ++i) {
-        const Eigen::Vector3d rim_m(0.0155 * std::cos(i * kPi / 24), 0.0155 * std::sin(i * kPi / 24), 0);
-        const Eigen::Vector2d pixel = ProjectPoint(camera, camera_from_target * (point.in_target + rim_m)).value();
-        least_px = std::min({least_px, pixel.minCoeff(), 2299 - pixel.maxCoeff()});
-      }
-      num_whole += least_px > 0 ? 1 : 0;
-    }
-    EXPECT_GE(num_whole, 1u) << tilt_deg;
-    EXPECT_GE(detection.ids.size(), num_whole) << tilt_deg << ": " << detection.reason;
-    EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1) << tilt_deg;
+// Returns the distance of a point's ring from the border of the image, px; negative if the ring is not whole.
+double RingMarginPx(const Camera& camera, const Rigid3d& camera_from_target, const TargetPoint& point) {
+  double least_px = 1e9;
+  for (int i = 0; i < 48; ++i) {
+    const Eigen::Vector3d rim_m(0.0155 * std::cos(i * kPi / 24), 0.0155 * std::sin(i * kPi / 24), 0);
+    const Eigen::Vector2d pixel = ProjectPoint(camera, camera_from_target * (point.in_target + rim_m)).value();
+    least_px =
+        std::min({least_px, pixel.x(), pixel.y(), camera.width_px - 1 - pixel.x(), camera.height_px - 1 - pixel.y()});
   }
+  return least_px;
 }
+
+// The parameter is the tilt in degrees.
+class LargeCodedBoardTest : public testing::TestWithParam<int> {};
+
+// The dots are 300 px large; those whose rings are completely in the image are found.
+TEST_P(LargeCodedBoardTest, IsFoundIfItFillsTheImage) {
+  const int tilt_deg = GetParam();
+  const auto board = MakeBoard("rows: 2, columns: 2, spacing: 32.5 mm, dot_diameter: 10 mm");
+  Rng rng(38, static_cast<uint64_t>(tilt_deg));
+  const Camera camera = MakeCamera(2300, 2300, 2400);
+  const Rigid3d camera_from_target = PoseAt(MiddleOf(*board), 2400 * 0.01 / 300, tilt_deg * kPi / 180, rng);
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  options.light_gradient = 0.3;
+  const Detection detection = board->Detect(RenderView(board->Draw(), camera, camera_from_target, options));
+  size_t num_whole = 0;
+  for (const TargetPoint& point : board->points()) {
+    num_whole += RingMarginPx(camera, camera_from_target, point) > 0 ? 1 : 0;
+  }
+  EXPECT_GE(num_whole, 1u);
+  EXPECT_GE(detection.ids.size(), num_whole) << detection.reason;
+  EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1);
+}
+
+INSTANTIATE_TEST_SUITE_P(, LargeCodedBoardTest, testing::Values(0, 40),
+                         [](const auto& test) { return "tilted_by_" + std::to_string(test.param) + "_deg"; });
 
 // Each target has nearly all of the existing codes.
 TEST(CodedBoard, EveryIdIsRead) {
@@ -383,16 +420,22 @@ TEST(CodedBoard, IsNotReadInAMirror) {
   EXPECT_FALSE(detection.reason.empty());
 }
 
+// Adds shapes to a drawing, scaled about the origin and then shifted.
+void AddShapes(const std::vector<Shape>& shapes, double scale, const Eigen::Vector2d& shift_m, Drawing* drawing) {
+  for (Shape shape : shapes) {
+    shape.centre_m = scale * shape.centre_m + shift_m;
+    shape.radius_m *= scale;
+    for (Eigen::Vector2d& point : shape.points_m) point = scale * point + shift_m;
+    drawing->shapes.push_back(shape);
+  }
+}
+
 TEST(CodedBoard, IsDistinguishedFromAnotherTarget) {
   const auto first = MakeBoard(kPaperBoard);
   const auto second = MakeBoard(std::string(kPaperBoard) + ", first_id: 4");
   Drawing drawing = first->Draw();
   const double shift_m = 0.1;
-  for (Shape shape : second->Draw().shapes) {
-    shape.centre_m.x() += shift_m;
-    for (Eigen::Vector2d& point : shape.points_m) point.x() += shift_m;
-    drawing.shapes.push_back(shape);
-  }
+  AddShapes(second->Draw().shapes, 1, {shift_m, 0}, &drawing);
   drawing.max_m.x() += shift_m;
   Rng rng(35);
   const Camera camera = MakeCamera(800, 600, 1200);
@@ -405,60 +448,59 @@ TEST(CodedBoard, IsDistinguishedFromAnotherTarget) {
   EXPECT_LT(WorstPx(ErrorsOf(*second, second->Detect(grey), camera, camera_from_second)), 0.1);
 }
 
-// If point 3 is printed a second time elsewhere, the one that fits the target is kept. If there are two whole
-// targets, both are refused.
-TEST(CodedBoard, RefusesDuplicateTargets) {
-  const auto board = MakeBoard(kPaperBoard);
-  const Drawing single = board->Draw();
-  const size_t num_of_three = 5;  // Upper bound: ring, wedges, gap and dot.
-  for (const bool whole : {false, true}) {
-    Drawing drawing = single;
+// Adds shapes of the target to its drawing a second time, and detects the target in an image of the result.
+class RepeatedShapesTest : public testing::Test {
+ protected:
+  Detection DetectWith(const std::vector<Shape>& repeated) const {
     const Eigen::Vector2d shift_m(0.1, 0.013);
-    const size_t first = whole ? 0 : drawing.shapes.size() - num_of_three;
-    for (size_t i = first; i < single.shapes.size(); ++i) {
-      Shape shape = single.shapes[i];
-      shape.centre_m += shift_m;
-      for (Eigen::Vector2d& point : shape.points_m) point += shift_m;
-      drawing.shapes.push_back(shape);
-    }
+    Drawing drawing = board_->Draw();
+    AddShapes(repeated, 1, shift_m, &drawing);
     drawing.max_m += shift_m;
-    Rng rng(36);
-    const Camera camera = MakeCamera(800, 600, 1200);
-    const Rigid3d camera_from_target = PoseAt({0.07, 0.02}, 0.5, 0.3, rng);
-    const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, {}));
-    if (whole) {
-      EXPECT_TRUE(detection.ids.empty());
-      EXPECT_NE(detection.reason.find("two copies"), std::string::npos) << detection.reason;
-    } else {
-      EXPECT_EQ(detection.ids.size(), 4u) << detection.reason;
-      EXPECT_LT(WorstPx(ErrorsOf(*board, detection, camera, camera_from_target)), 0.1);
-    }
+    return board_->Detect(RenderView(drawing, camera_, camera_from_target_, {}));
   }
+
+  const std::unique_ptr<Target> board_ = MakeBoard(kPaperBoard);
+  const Camera camera_ = MakeCamera(800, 600, 1200);
+  Rng rng_{36};
+  const Rigid3d camera_from_target_ = PoseAt({0.07, 0.02}, 0.5, 0.3, rng_);
+};
+
+TEST_F(RepeatedShapesTest, PointThatFitsTheTargetIsKept) {
+  const std::vector<Shape>& shapes = board_->Draw().shapes;
+  const int num_of_point_3 = 5;  // Upper bound: ring, wedges, gap and dot.
+  const Detection detection = DetectWith({shapes.end() - num_of_point_3, shapes.end()});
+  EXPECT_EQ(detection.ids.size(), 4u) << detection.reason;
+  EXPECT_LT(WorstPx(ErrorsOf(*board_, detection, camera_, camera_from_target_)), 0.1);
 }
+
+TEST_F(RepeatedShapesTest, TwoWholeTargetsAreRefused) {
+  const Detection detection = DetectWith(board_->Draw().shapes);
+  EXPECT_TRUE(detection.ids.empty());
+  EXPECT_NE(detection.reason.find("two copies"), std::string::npos) << detection.reason;
+}
+
+// The parameter is the size of the second target in percent of that of the first.
+class SecondCodedBoardTest : public testing::TestWithParam<int> {};
 
 // Once a target is found, the rest of the image is hardly searched; but a second target of any size must not be
 // overlooked.
-TEST(CodedBoard, RefusesASecondTargetOfAnotherSize) {
+TEST_P(SecondCodedBoardTest, IsNotOverlookedInAnySize) {
+  const double scale = GetParam() / 100.0;
   const auto board = MakeBoard("rows: 4, columns: 5, spacing: 40 mm, dot_diameter: 10 mm");
-  for (const double scale : {1.0, 0.6, 0.45, 0.35}) {
-    const Drawing single = board->Draw();
-    Drawing drawing = single;
-    const Eigen::Vector2d shift_m(0, single.max_m.y() - scale * single.min_m.y());
-    for (Shape shape : single.shapes) {
-      shape.centre_m = scale * shape.centre_m + shift_m;
-      shape.radius_m *= scale;
-      for (Eigen::Vector2d& point : shape.points_m) point = scale * point + shift_m;
-      drawing.shapes.push_back(shape);
-    }
-    drawing.max_m.y() += scale * (single.max_m - single.min_m).y();
-    Rng rng(38);
-    const Camera camera = MakeCamera(1600, 1600, 1500);
-    const Rigid3d camera_from_target = PoseAt(0.5 * (drawing.min_m + drawing.max_m), 0.48, 0, rng);
-    const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, Cluttered(39)));
-    EXPECT_TRUE(detection.ids.empty()) << scale;
-    EXPECT_NE(detection.reason.find("two copies"), std::string::npos) << scale << detection.reason;
-  }
+  const Drawing& single = board->Draw();
+  Drawing drawing = single;
+  AddShapes(single.shapes, scale, {0, single.max_m.y() - scale * single.min_m.y()}, &drawing);
+  drawing.max_m.y() += scale * (single.max_m - single.min_m).y();
+  Rng rng(38);
+  const Camera camera = MakeCamera(1600, 1600, 1500);
+  const Rigid3d camera_from_target = PoseAt(0.5 * (drawing.min_m + drawing.max_m), 0.48, 0, rng);
+  const Detection detection = board->Detect(RenderView(drawing, camera, camera_from_target, Cluttered(39)));
+  EXPECT_TRUE(detection.ids.empty());
+  EXPECT_NE(detection.reason.find("two copies"), std::string::npos) << detection.reason;
 }
+
+INSTANTIATE_TEST_SUITE_P(, SecondCodedBoardTest, testing::Values(100, 60, 45, 35),
+                         [](const auto& test) { return std::to_string(test.param) + "_percent"; });
 
 // One row is covered, and other rows are small in the distance.
 TEST(CodedBoard, IsFoundBeyondAGapAndInTheDistance) {
@@ -503,6 +545,22 @@ TEST(CodedBoard, IsNotSeenInClutter) {
   }
 }
 
+// Returns the indices of the codes that are clearly read in an image, as dark and as light rings.
+std::set<int> ClearCodesIn(const cv::Mat& grey, const std::vector<uint32_t>& codes) {
+  std::set<int> ids;
+  for (const DotPolarity polarity : {DotPolarity::kDarkOnLight, DotPolarity::kLightOnDark}) {
+    const RingDecoder decoder(14, polarity, codes);
+    EllipseFinderOptions options;
+    options.polarity = polarity;
+    for (const FoundEllipse& dot : FindEllipses(grey, options)) {
+      const std::optional<RingReading> reading = decoder.Read(grey, dot.ellipse);
+      if (!reading || !reading->is_clear) continue;
+      ids.insert(static_cast<int>(std::find(codes.begin(), codes.end(), reading->code) - codes.begin()));
+    }
+  }
+  return ids;
+}
+
 // One image is a drawn sheet with the targets 1 to 8 and 17 to 20 of the list of 14-bit codes by value, numbered from
 // 1, among plain dots. The others are rendered targets with two-ring codes and plain rings, which heba does not use:
 // nothing in them may be accepted.
@@ -512,21 +570,9 @@ TEST(RingDecoder, ReadsSheetsOfOthersButNotForeignCodes) {
   const std::vector<uint32_t> codes = RingCodes(14, RingCodeOrder::kValue);
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (!HasImageSuffix(entry.path())) continue;
-    const cv::Mat grey = ReadGreyImage(entry.path());
-    std::set<int> ids;
-    for (const DotPolarity polarity : {DotPolarity::kDarkOnLight, DotPolarity::kLightOnDark}) {
-      const RingDecoder decoder(14, polarity, codes);
-      EllipseFinderOptions options;
-      options.polarity = polarity;
-      for (const FoundEllipse& dot : FindEllipses(grey, options)) {
-        const std::optional<RingReading> reading = decoder.Read(grey, dot.ellipse);
-        if (!reading || !reading->is_clear) continue;
-        ids.insert(static_cast<int>(std::find(codes.begin(), codes.end(), reading->code) - codes.begin()));
-      }
-    }
     const bool is_sheet = entry.path().filename().string().find("14bit") != std::string::npos;
     const std::set<int> expected = {0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19};
-    EXPECT_EQ(ids, is_sheet ? expected : std::set<int>()) << entry.path();
+    EXPECT_EQ(ClearCodesIn(ReadGreyImage(entry.path()), codes), is_sheet ? expected : std::set<int>()) << entry.path();
   }
 }
 

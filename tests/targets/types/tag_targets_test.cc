@@ -1,10 +1,16 @@
 // Tests of AprilTag grids: their frame, their drawings, and images recorded by others.
 #include <algorithm>
+#include <array>
+#include <filesystem>
 #include <fstream>
 #include <map>
+#include <ostream>
 #include <set>
 #include <sstream>
+#include <string>
 #include <thread>
+#include <tuple>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -125,38 +131,48 @@ TEST(AprilTagGrid, NeighboursCorrectTagsBentByTheLens) {
   }
 }
 
-// Specks between the cells leave a tag readable but different from its drawing: its corners are then those of its
-// edges, and their covariance allows for edges that are not straight.
-TEST(AprilTagGrid, StainedTagsHaveALargerCovariance) {
-  const Camera camera = ImageCamera();
-  for (const int side : {1, 3}) {
-    const std::unique_ptr<Target> target = MakeGrid("tag36h11", side, side, ", corner_squares: false");
-    Drawing drawing = target->Draw();
-    const int stained = side * side / 2;
-    const Eigen::Vector2d first_m = target->points()[static_cast<size_t>(4 * stained)].in_target.head<2>();
-    for (int row = 2; row < 7; ++row) {
-      for (int column = 2; column < 7; ++column) {
-        constexpr double kCellM = 0.03 / 8;
-        drawing.AddDisc(first_m + kCellM * Eigen::Vector2d(column, row), 0.4 * kCellM, (row + column) % 2);
-      }
-    }
-    for (uint64_t view = 0; view < 3; ++view) {
-      Rng rng(16, view);
-      const Rigid3d camera_from_target = RandomView(drawing, 0.2 + 0.2 * side, 0.5, 0.5, rng);
-      RenderOptions options;
-      options.noise_sigma_grey = 2;
-      options.seed = view;
-      const Detection detection = target->Detect(RenderView(drawing, camera, camera_from_target, options));
-      ASSERT_EQ(detection.ids.size(), target->points().size()) << detection.reason;
-      const Eigen::MatrixXd& stained_px2 = detection.covariances_px2[static_cast<size_t>(stained)];
-      EXPECT_GE(std::sqrt(stained_px2(0, 0)), 0.1);
-      EXPECT_TRUE(stained_px2.isDiagonal());
-      // For 8 coordinates a value of 2.1 is exceeded once in 100,000.
-      EXPECT_LT(NormalisedError(*target, camera, camera_from_target, detection, static_cast<size_t>(stained)), 2.1)
-          << side << " " << view;
+// Adds specks between the cells of the tag whose bottom left corner is `first_m`; it stays readable.
+void AddSpecks(const Eigen::Vector2d& first_m, Drawing* drawing) {
+  constexpr double kCellM = 0.03 / 8;
+  for (int row = 2; row < 7; ++row) {
+    for (int column = 2; column < 7; ++column) {
+      drawing->AddDisc(first_m + kCellM * Eigen::Vector2d(column, row), 0.4 * kCellM, (row + column) % 2);
     }
   }
 }
+
+// The number of tags on each side of the grid, and the index of a random view.
+class StainedTagTest : public testing::TestWithParam<std::tuple<int, uint64_t>> {};
+
+// Specks between the cells leave a tag readable but different from its drawing: its corners are then those of its
+// edges, and their covariance allows for edges that are not straight.
+TEST_P(StainedTagTest, HasALargerCovariance) {
+  const auto& [side, view] = GetParam();
+  const Camera camera = ImageCamera();
+  const std::unique_ptr<Target> target = MakeGrid("tag36h11", side, side, ", corner_squares: false");
+  Drawing drawing = target->Draw();
+  const auto stained = static_cast<size_t>(side * side / 2);
+  AddSpecks(target->points()[4 * stained].in_target.head<2>(), &drawing);
+  Rng rng(16, view);
+  const Rigid3d camera_from_target = RandomView(drawing, 0.2 + 0.2 * side, 0.5, 0.5, rng);
+  RenderOptions options;
+  options.noise_sigma_grey = 2;
+  options.seed = view;
+  const Detection detection = target->Detect(RenderView(drawing, camera, camera_from_target, options));
+  ASSERT_EQ(detection.ids.size(), target->points().size()) << detection.reason;
+  const Eigen::MatrixXd& stained_px2 = detection.covariances_px2[stained];
+  EXPECT_GE(std::sqrt(stained_px2(0, 0)), 0.1);
+  EXPECT_TRUE(stained_px2.isDiagonal());
+  // For 8 coordinates a value of 2.1 is exceeded once in 100,000.
+  EXPECT_LT(NormalisedError(*target, camera, camera_from_target, detection, stained), 2.1);
+}
+
+INSTANTIATE_TEST_SUITE_P(, StainedTagTest,
+                         testing::Combine(testing::Values(1, 3), testing::Range(uint64_t{0}, uint64_t{3})),
+                         [](const auto& test) {
+                           const std::string side = std::to_string(std::get<0>(test.param));
+                           return side + "x" + side + "_view_" + std::to_string(std::get<1>(test.param));
+                         });
 
 // The order is that of Kalibr: counter-clockwise from the bottom left, with y up.
 TEST(AprilTagGrid, CornersCountFromTheBottomLeft) {
@@ -273,122 +289,195 @@ TEST(AprilTagGrid, RejectsInvalidSettings) {
   EXPECT_THAT(InputErrorOf([] { MakeGrid("tag36h11", 1, 1, ", tag_spacing: 0"); }), HasSubstr("at least 0.01"));
 }
 
-// Returns the largest distance, over all tags, of a detected tag from the position that its neighbours predict,
-// relative to the side of the tag. A misread tag is off by a whole tag.
-double WorstMisfit(const Target& target, const Detection& detection) {
-  const size_t num_tags = detection.ids.size() / 4;
-  if (num_tags < 5) return 0;
-  const auto place_of = [&](int id) {
-    const Eigen::Vector3d& place_m = target.points()[static_cast<size_t>(id - target.points()[0].id)].in_target;
-    return cv::Point2d(place_m.x(), place_m.y());
-  };
+cv::Point2d PositionOf(const Target& target, int id) {
+  const Eigen::Vector3d& point_m = target.points()[static_cast<size_t>(id - target.points()[0].id)].in_target;
+  return {point_m.x(), point_m.y()};
+}
+
+// Returns the indices of the four detected tags that are nearest to a detected tag on the target.
+std::vector<size_t> NearestTags(const Target& target, const Detection& detection, size_t tag) {
+  const cv::Point2d here_m = PositionOf(target, detection.ids[4 * tag]);
+  std::vector<std::pair<double, size_t>> others;
+  for (size_t other = 0; other < detection.ids.size() / 4; ++other) {
+    if (other != tag) others.emplace_back(cv::norm(PositionOf(target, detection.ids[4 * other]) - here_m), other);
+  }
+  std::sort(others.begin(), others.end());
+  std::vector<size_t> nearest;
+  for (size_t k = 0; k < 4; ++k) nearest.push_back(others[k].second);
+  return nearest;
+}
+
+// Returns the largest distance of a corner of a detected tag from the position that the four nearest tags predict,
+// relative to the side of the tag.
+double MisfitOf(const Target& target, const Detection& detection, size_t tag) {
+  std::vector<cv::Point2d> board;
+  std::vector<cv::Point2d> image;
+  for (const size_t other : NearestTags(target, detection, tag)) {
+    for (size_t i = 4 * other; i < 4 * other + 4; ++i) {
+      board.push_back(PositionOf(target, detection.ids[i]));
+      image.emplace_back(detection.pixels[i].x(), detection.pixels[i].y());
+    }
+  }
+  const cv::Mat image_from_board = cv::findHomography(board, image);
+  std::vector<cv::Point2d> corners;
+  for (size_t i = 4 * tag; i < 4 * tag + 4; ++i) corners.push_back(PositionOf(target, detection.ids[i]));
+  cv::perspectiveTransform(corners, corners, image_from_board);
   double worst = 0;
-  for (size_t tag = 0; tag < num_tags; ++tag) {
-    const cv::Point2d here_m = place_of(detection.ids[4 * tag]);
-    std::vector<std::pair<double, size_t>> others;
-    for (size_t other = 0; other < num_tags; ++other) {
-      if (other != tag) others.emplace_back(cv::norm(place_of(detection.ids[4 * other]) - here_m), other);
-    }
-    std::sort(others.begin(), others.end());
-    std::vector<cv::Point2d> board;
-    std::vector<cv::Point2d> image;
-    for (size_t k = 0; k < 4; ++k) {
-      for (size_t i = 4 * others[k].second; i < 4 * others[k].second + 4; ++i) {
-        board.push_back(place_of(detection.ids[i]));
-        image.emplace_back(detection.pixels[i].x(), detection.pixels[i].y());
-      }
-    }
-    const cv::Mat image_from_board = cv::findHomography(board, image);
-    std::vector<cv::Point2d> corners;
-    for (size_t i = 4 * tag; i < 4 * tag + 4; ++i) corners.push_back(place_of(detection.ids[i]));
-    cv::perspectiveTransform(corners, corners, image_from_board);
-    for (size_t k = 0; k < 4; ++k) {
-      const Eigen::Vector2d& found_px = detection.pixels[4 * tag + k];
-      const double side_px = (detection.pixels[4 * tag + (k + 1) % 4] - found_px).norm();
-      worst = std::max(worst, (Eigen::Vector2d(corners[k].x, corners[k].y) - found_px).norm() / side_px);
-    }
+  for (size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector2d& found_px = detection.pixels[4 * tag + k];
+    const double side_px = (detection.pixels[4 * tag + (k + 1) % 4] - found_px).norm();
+    worst = std::max(worst, (Eigen::Vector2d(corners[k].x, corners[k].y) - found_px).norm() / side_px);
   }
   return worst;
 }
 
-// The images are from phones and fisheye lenses, and one is a scanned sheet: every tag that another detector
-// (cv::aruco with markerBorderBits) reads is found, and no tag where it cannot be.
-TEST(AprilTagGrid, ReadsRecordedKalibrSheets) {
-  const std::filesystem::path folder = DataDir() / "detect_kalibr_aprilgrid";
-  HEBA_SKIP_WITHOUT(folder);
-  std::ifstream file(folder / "dataset.json");
-  const nlohmann::json data = nlohmann::json::parse(file);
-  struct Sheet {
-    int rows = 6;
-    int columns = 6;
-    int border_bits = 2;
-  };
-  const std::map<std::string, Sheet> others = {{"rs_iphone.png", {6, 11, 2}},
-                                               {"py_t36h11_1bit_margin.png", {11, 14, 1}}};
-  int num_images = 0;
-  for (const nlohmann::json& image : data.at("images")) {
-    const std::string name = image.at("image");
-    const auto other = others.find(name);
-    const Sheet sheet = other == others.end() ? Sheet() : other->second;
-    const int num_tags = sheet.rows * sheet.columns;
-    cv::Mat grey = ReadGreyImage(folder / "images" / name);
-    // The scan has 87 megapixels; its tags are large enough at a quarter of its size.
-    if (grey.total() > 20e6) cv::resize(grey, grey, {}, 0.25, 0.25, cv::INTER_AREA);
-    const std::set<int> listed = image.at("ids").get<std::set<int>>();
-    // rs_two_boards.png shows a second target, whose ids continue those of the first.
-    for (int first_id = 0; first_id <= *listed.rbegin(); first_id += num_tags) {
-      const std::unique_ptr<Target> target =
-          MakeGrid("tag36h11", sheet.rows, sheet.columns,
-                   ", border_bits: " + std::to_string(sheet.border_bits) + ", first_id: " + std::to_string(first_id));
-      const Detection detection = target->Detect(grey);
-      const std::set<int> found = TagsOf(detection);
-      EXPECT_EQ(detection.ids.size(), 4 * found.size()) << name << ": a point twice";
-      for (const int id : listed) {
-        if (id >= first_id && id < first_id + num_tags) {
-          EXPECT_EQ(found.count(id), 1U) << name << ", tag " << id;
-        }
-      }
-      EXPECT_LT(WorstMisfit(*target, detection), 0.25) << name;
-    }
-    ++num_images;
-  }
-  EXPECT_EQ(num_images, 16);
+// Returns the largest misfit of all detected tags, or 0 if there are fewer than five. A misread tag is off by a whole
+// tag.
+double WorstMisfit(const Target& target, const Detection& detection) {
+  const size_t num_tags = detection.ids.size() / 4;
+  if (num_tags < 5) return 0;
+  double worst = 0;
+  for (size_t tag = 0; tag < num_tags; ++tag) worst = std::max(worst, MisfitOf(target, detection, tag));
+  return worst;
 }
+
+struct RecordedSheet {
+  const char* image;
+  int rows = 6;
+  int columns = 6;
+  int border_bits = 2;
+};
+void PrintTo(const RecordedSheet& sheet, std::ostream* stream) { *stream << sheet.image; }
+
+const RecordedSheet kRecordedSheets[] = {{"rs_tumvi_1520525725372653511.png"},
+                                         {"rs_EuRoC.png"},
+                                         {"rs_TUM_VI.png"},
+                                         {"rs_iphone.png", 6, 11},
+                                         {"rs_r45.png"},
+                                         {"rs_right.png"},
+                                         {"rs_top.png"},
+                                         {"rs_top_right.png"},
+                                         {"rs_two_boards.png"},
+                                         {"py_000.jpg"},
+                                         {"py_001.jpg"},
+                                         {"py_002.jpg"},
+                                         {"py_003.jpg"},
+                                         {"py_004.jpg"},
+                                         {"py_t36h11_2bit_margin.jpg"},
+                                         {"py_t36h11_1bit_margin.png", 11, 14, 1}};
+
+std::filesystem::path SheetsFolder() { return DataDir() / "detect_kalibr_aprilgrid"; }
+
+// Returns the tags listed for each recorded image, which another detector (cv::aruco with markerBorderBits) reads.
+std::map<std::string, std::set<int>> ListedTags() {
+  std::ifstream file(SheetsFolder() / "dataset.json");
+  const nlohmann::json data = nlohmann::json::parse(file);
+  std::map<std::string, std::set<int>> tags;
+  for (const nlohmann::json& image : data.at("images")) tags[image.at("image")] = image.at("ids").get<std::set<int>>();
+  return tags;
+}
+
+class RecordedSheetTest : public testing::TestWithParam<RecordedSheet> {};
+
+// The images are from phones and fisheye lenses, and one is a scanned sheet: every listed tag is found, and no tag
+// where it cannot be.
+TEST_P(RecordedSheetTest, EveryListedTagIsRead) {
+  HEBA_SKIP_WITHOUT(SheetsFolder());
+  const RecordedSheet& sheet = GetParam();
+  const int num_tags = sheet.rows * sheet.columns;
+  cv::Mat grey = ReadGreyImage(SheetsFolder() / "images" / sheet.image);
+  // The scan has 87 megapixels; its tags are large enough at a quarter of its size.
+  if (grey.total() > 20e6) cv::resize(grey, grey, {}, 0.25, 0.25, cv::INTER_AREA);
+  const std::set<int> listed = ListedTags().at(sheet.image);
+  // rs_two_boards.png shows a second target, whose ids continue those of the first.
+  for (int first_id = 0; first_id <= *listed.rbegin(); first_id += num_tags) {
+    const std::unique_ptr<Target> target =
+        MakeGrid("tag36h11", sheet.rows, sheet.columns,
+                 ", border_bits: " + std::to_string(sheet.border_bits) + ", first_id: " + std::to_string(first_id));
+    const Detection detection = target->Detect(grey);
+    const std::set<int> found = TagsOf(detection);
+    EXPECT_EQ(detection.ids.size(), 4 * found.size()) << "a point twice";
+    for (const int id : listed) {
+      if (id >= first_id && id < first_id + num_tags) {
+        EXPECT_EQ(found.count(id), 1U) << "tag " << id;
+      }
+    }
+    EXPECT_LT(WorstMisfit(*target, detection), 0.25) << "first id " << first_id;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(, RecordedSheetTest, testing::ValuesIn(kRecordedSheets),
+                         [](const auto& test) { return std::filesystem::path(test.param.image).stem().string(); });
+
+TEST(AprilTagGrid, EveryRecordedSheetIsTested) {
+  HEBA_SKIP_WITHOUT(SheetsFolder());
+  std::set<std::string> tested;
+  for (const RecordedSheet& sheet : kRecordedSheets) tested.insert(sheet.image);
+  EXPECT_EQ(tested.size(), 16U);
+  std::set<std::string> listed;
+  for (const auto& [image, tags] : ListedTags()) listed.insert(image);
+  EXPECT_EQ(listed, tested);
+}
+
+using TagCornersPx = std::array<Eigen::Vector2d, 4>;
+
+// Returns the corners of all tags that a file of libapriltag's own test lists; all of them are copies of tag 0.
+std::vector<TagCornersPx> ListedCorners(const std::filesystem::path& path) {
+  std::vector<TagCornersPx> tags;
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) {
+    // "0, (277.9 327.4), (250.3 329.7), (251.6 357.3), (279.4 354.6)"
+    std::replace_if(
+        line.begin(), line.end(), [](char c) { return c == '(' || c == ')' || c == ','; }, ' ');
+    std::istringstream numbers(line);
+    int id = -1;
+    if (!(numbers >> id)) continue;
+    EXPECT_EQ(id, 0);
+    TagCornersPx corners_px;
+    for (Eigen::Vector2d& corner_px : corners_px) {
+      EXPECT_TRUE(numbers >> corner_px.x() >> corner_px.y()) << line;
+      // libapriltag has the centre of the first pixel at (0.5, 0.5).
+      corner_px -= Eigen::Vector2d(0.5, 0.5);
+    }
+    tags.push_back(corners_px);
+  }
+  return tags;
+}
+
+// Returns the largest distance of a listed corner from the detected one.
+double FarthestPx(const TagCornersPx& listed_px, const std::vector<Eigen::Vector2d>& found_px) {
+  double farthest_px = 0;
+  for (size_t k = 0; k < listed_px.size(); ++k) {
+    farthest_px = std::max(farthest_px, (found_px[k] - listed_px[k]).norm());
+  }
+  return farthest_px;
+}
+
+// The parameter is the name of an image of libapriltag's own test.
+class LibapriltagReferenceTest : public testing::TestWithParam<std::string> {};
 
 // The images show many copies of tag 0: one of them is found, at a position listed by libapriltag's own test. That
 // test runs without refinement of the edges, so the tolerance is one pixel.
-TEST(AprilTagGrid, AgreesWithLibapriltagsReference) {
+TEST_P(LibapriltagReferenceTest, AgreesWithTheFoundTag) {
   const std::filesystem::path folder = DataDir() / "detect_apriltag_reference" / "images";
   HEBA_SKIP_WITHOUT(folder);
   const std::unique_ptr<Target> target = MakeGrid("tag36h11", 1, 1, ", corner_squares: false");
   const std::unique_ptr<Target> absent = MakeGrid("tag36h11", 4, 4, ", corner_squares: false, first_id: 1");
-  for (const std::string name : {"33369213973_9d9bb4cc96_c", "34085369442_304b6bafd9_c", "34139872896_defdb2f8d9_c"}) {
-    const cv::Mat grey = ReadGreyImage(folder / (name + ".jpg"));
-    EXPECT_THAT(absent->Detect(grey).ids, IsEmpty()) << name;
-    const Detection detection = target->Detect(grey);
-    ASSERT_EQ(detection.ids.size(), 4U) << name;
-    double nearest_px = INFINITY;
-    std::ifstream file(folder / (name + ".txt"));
-    for (std::string line; std::getline(file, line);) {
-      // "0, (277.9 327.4), (250.3 329.7), (251.6 357.3), (279.4 354.6)"
-      std::replace_if(
-          line.begin(), line.end(), [](char c) { return c == '(' || c == ')' || c == ','; }, ' ');
-      std::istringstream numbers(line);
-      int id = -1;
-      if (!(numbers >> id)) continue;
-      EXPECT_EQ(id, 0);
-      double farthest_px = 0;
-      for (const Eigen::Vector2d& found_px : detection.pixels) {
-        Eigen::Vector2d listed_px;
-        ASSERT_TRUE(numbers >> listed_px.x() >> listed_px.y()) << line;
-        // libapriltag has the centre of the first pixel at (0.5, 0.5).
-        farthest_px = std::max(farthest_px, (found_px - (listed_px - Eigen::Vector2d(0.5, 0.5))).norm());
-      }
-      nearest_px = std::min(nearest_px, farthest_px);
-    }
-    EXPECT_LT(nearest_px, 1) << name;
+  const cv::Mat grey = ReadGreyImage(folder / (GetParam() + ".jpg"));
+  EXPECT_THAT(absent->Detect(grey).ids, IsEmpty());
+  const Detection detection = target->Detect(grey);
+  ASSERT_EQ(detection.ids.size(), 4U);
+  double nearest_px = INFINITY;
+  for (const TagCornersPx& listed_px : ListedCorners(folder / (GetParam() + ".txt"))) {
+    nearest_px = std::min(nearest_px, FarthestPx(listed_px, detection.pixels));
   }
+  EXPECT_LT(nearest_px, 1);
 }
+
+INSTANTIATE_TEST_SUITE_P(, LibapriltagReferenceTest,
+                         testing::Values("33369213973_9d9bb4cc96_c", "34085369442_304b6bafd9_c",
+                                         "34139872896_defdb2f8d9_c"),
+                         [](const auto& test) { return test.param; });
 
 }  // namespace
 }  // namespace heba

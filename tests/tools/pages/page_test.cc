@@ -1,6 +1,9 @@
 #include "tools/pages/page.h"
 
 #include <cmath>
+#include <string>
+#include <tuple>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,9 +19,18 @@ using testing::Not;
 
 bool has_script = true;
 
-// Names that would do harm as markup or in a script, or that are not UTF-8.
-const std::vector<std::string> kHostile = {"<!--<script>", "</script><img src=x onerror=alert(1)>", "\"' onload='x' \"",
-                                           "&lt;b&gt;", "\xff\xfe <b>"};
+// Texts that would do harm as markup or in a script, or that are not UTF-8.
+struct HostileText {
+  const char* name;
+  std::string text;
+};
+void PrintTo(const HostileText& hostile, std::ostream* stream) { *stream << hostile.name; }
+const HostileText kScriptEnd = {"script_end", "</script><img src=x onerror=alert(1)>"};
+const std::vector<HostileText> kHostileTexts = {{"comment", "<!--<script>"},
+                                                kScriptEnd,
+                                                {"quotes", "\"' onload='x' \""},
+                                                {"entities", "&lt;b&gt;"},
+                                                {"not_utf8", "\xff\xfe <b>"}};
 
 }  // namespace
 
@@ -99,25 +111,41 @@ TEST(StaticChartTest, TicksAreRoundAndWithin) {
   EXPECT_EQ(AxisTicks({"", 0.01, 1000, true}, 6).size(), 6U);
 }
 
-TEST_P(PageTest, EscapesAllInput) {
-  for (const std::string& name : kHostile) {
-    const nlohmann::ordered_json data = {{"name", name}, {name, 1}};
-    for (const std::string& markup : {ViewFigure("v", name, data), SharedData("d", data),
-                                      HtmlTable({name}, {{{name}}}, true), Heading(name), Paragraph(name)}) {
-      // The only tags are those that these functions write.
-      for (const char* tag : {"<!--", "<script>", "<img", "<b>"}) EXPECT_THAT(markup, Not(HasSubstr(tag))) << name;
-      const size_t ends = GetParam() && markup.find("application/json") != std::string::npos ? 1 : 0;
-      size_t found = 0;
-      for (size_t at = markup.find("</script"); at != std::string::npos; at = markup.find("</script", at + 1)) ++found;
-      EXPECT_EQ(found, ends) << markup;
-    }
+int CountOf(const std::string& part, const std::string& text) {
+  int count = 0;
+  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
+  return count;
+}
+
+class HostileTextTest : public testing::TestWithParam<std::tuple<bool, HostileText>> {
+ protected:
+  HostileTextTest() { has_script = std::get<bool>(GetParam()); }
+};
+
+TEST_P(HostileTextTest, IsEscaped) {
+  const std::string& text = std::get<HostileText>(GetParam()).text;
+  const nlohmann::ordered_json data = {{"name", text}, {text, 1}};
+  for (const std::string& markup : {ViewFigure("v", text, data), SharedData("d", data),
+                                    HtmlTable({text}, {{{text}}}, true), Heading(text), Paragraph(text)}) {
+    // The only tags are those that these functions write.
+    for (const char* tag : {"<!--", "<script>", "<img", "<b>"}) EXPECT_THAT(markup, Not(HasSubstr(tag)));
+    const bool is_script = has_script && markup.find("application/json") != std::string::npos;
+    EXPECT_EQ(CountOf("</script", markup), is_script ? 1 : 0) << markup;
   }
-  // The text is unchanged when it is parsed again.
+}
+
+INSTANTIATE_TEST_SUITE_P(, HostileTextTest, testing::Combine(testing::Bool(), testing::ValuesIn(kHostileTexts)),
+                         [](const auto& test) {
+                           return std::string(std::get<bool>(test.param) ? "WithScript_" : "Plain_") +
+                                  std::get<HostileText>(test.param).name;
+                         });
+
+TEST_P(PageTest, EmbeddedTextIsUnchangedWhenItIsParsedAgain) {
   if (!GetParam()) return;
-  const std::string embedded = SharedData("d", {{"name", kHostile[1]}});
+  const std::string embedded = SharedData("d", {{"name", kScriptEnd.text}});
   const size_t begin = embedded.find('>') + 1;
   const auto read = nlohmann::json::parse(embedded.substr(begin, embedded.rfind("</script>") - begin));
-  EXPECT_EQ(read["name"], kHostile[1]);
+  EXPECT_EQ(read["name"], kScriptEnd.text);
 }
 
 TEST_P(PageTest, NonFiniteNumbersAreNull) {
