@@ -217,12 +217,12 @@ std::vector<PoseInView> StartPoses(const PoseReducer& reducer, const Camera& cam
   }
   const Eigen::Vector3d mean_ray = rays.rowwise().mean();
   if (mean_ray.norm() < 1e-3) return {};
-  const Eigen::Matrix3d camera_from_turned = RotationFromZ(mean_ray.normalized());
-  const Eigen::Matrix3Xd turned = camera_from_turned.transpose() * rays;
-  if ((turned.row(2).array() < 0.05).any()) return {};
+  const Eigen::Matrix3d camera_from_rotated = RotationFromZ(mean_ray.normalized());
+  const Eigen::Matrix3Xd rotated = camera_from_rotated.transpose() * rays;
+  if ((rotated.row(2).array() < 0.05).any()) return {};
   Points2 normalised(2, n);
-  normalised.row(0) = turned.row(0).cwiseQuotient(turned.row(2));
-  normalised.row(1) = turned.row(1).cwiseQuotient(turned.row(2));
+  normalised.row(0) = rotated.row(0).cwiseQuotient(rotated.row(2));
+  normalised.row(1) = rotated.row(1).cwiseQuotient(rotated.row(2));
 
   // The origin of the plane is moved to the centre of the points, where the homography is most accurate.
   const Eigen::Vector3d centre = observations.points_in_target.rowwise().mean();
@@ -233,8 +233,8 @@ std::vector<PoseInView> StartPoses(const PoseReducer& reducer, const Camera& cam
 
   std::vector<PoseInView> poses;
   for (const Eigen::Matrix3d& rotation : PlaneRotations(*homography)) {
-    const Rigid3d turned_from_centred(rotation, TranslationOnRays(rotation, centred, normalised));
-    const Rigid3d pose = Rigid3d(camera_from_turned, Eigen::Vector3d::Zero()) * turned_from_centred *
+    const Rigid3d rotated_from_centred(rotation, TranslationOnRays(rotation, centred, normalised));
+    const Rigid3d pose = Rigid3d(camera_from_rotated, Eigen::Vector3d::Zero()) * rotated_from_centred *
                          Rigid3d(Eigen::Quaterniond::Identity(), -centre);
     if (!pose.translation.allFinite() || !pose.rotation.coeffs().allFinite()) continue;
     std::optional<PoseInView> in_view = reducer.At(pose);

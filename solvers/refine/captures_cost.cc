@@ -163,9 +163,9 @@ struct CapturesCost::SharedStep {
   Eigen::VectorXd params;  // Free parameters only.
 };
 
-CaptureTerm::CaptureTerm(const Observations* observations, std::unique_ptr<KinematicLoop> chain, const Rigid3d& start)
+CaptureTerm::CaptureTerm(const Observations* observations, std::unique_ptr<KinematicLoop> loop, const Rigid3d& start)
     : eliminated_pose(start) {
-  views.push_back({observations, std::move(chain)});
+  views.push_back({observations, std::move(loop)});
 }
 
 CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> captures, CapturesCostOptions options)
@@ -185,7 +185,7 @@ CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> ca
     for (const CaptureView& view : capture.views) num_points += view.observations->size();
   }
   options_.num_threads = ThreadsFor(num_points, options_.num_threads);
-  num_shared_poses_ = captures_.front().views.front().chain->num_blocks() - (options_.has_eliminated_pose ? 1 : 0);
+  num_shared_poses_ = captures_.front().views.front().loop->num_blocks() - (options_.has_eliminated_pose ? 1 : 0);
   CHECK_LE(num_shared_poses_, 2);
   if (options_.known) {
     CHECK(!options_.has_eliminated_pose);
@@ -373,7 +373,7 @@ Rigid3d CapturesCost::CameraFromTargetOf(const CaptureView& view, const std::vec
   for (size_t i = 0; i < num_shared; ++i) blocks[i] = &parameters[kPoseSize * i];
   const PoseBlock own_block = ToBlock(eliminated_pose);
   if (options_.has_eliminated_pose) blocks[num_shared] = own_block.data();
-  return view.chain->Evaluate(blocks.data(), left_from_tangent);
+  return view.loop->Evaluate(blocks.data(), left_from_tangent);
 }
 
 std::optional<TargetShape> CapturesCost::ShapeAt(const std::vector<double>& parameters) const {

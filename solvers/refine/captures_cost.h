@@ -31,7 +31,7 @@ namespace heba {
 struct CaptureView {
   const Observations* observations = nullptr;
   // Its last pose block is the capture's own pose, if there is one (CapturesCostOptions::has_eliminated_pose).
-  std::unique_ptr<KinematicLoop> chain;
+  std::unique_ptr<KinematicLoop> loop;
 };
 
 // One capture: a robot pose and the images taken there.
@@ -42,7 +42,7 @@ struct CaptureTerm {
   std::vector<CaptureView> views;
   Rigid3d eliminated_pose;  // Initial guess of the own pose.
 
-  CaptureTerm(const Observations* observations, std::unique_ptr<KinematicLoop> chain, const Rigid3d& start = Rigid3d());
+  CaptureTerm(const Observations* observations, std::unique_ptr<KinematicLoop> loop, const Rigid3d& start = Rigid3d());
 };
 
 // The normal equations of all captures at one value of the unknowns.

@@ -7,9 +7,9 @@ namespace {
 
 // camera_from_target = (camera_mount_from_camera Exp(xi))^-1 M target_mount_from_target Exp(eta): to first order this
 // is a left perturbation by -xi and by Adjoint(camera_from_target) eta.
-class HandEyeChain final : public KinematicLoop {
+class HandEyeLoop final : public KinematicLoop {
  public:
-  explicit HandEyeChain(const Rigid3d& camera_mount_from_target_mount)
+  explicit HandEyeLoop(const Rigid3d& camera_mount_from_target_mount)
       : camera_mount_from_target_mount_(camera_mount_from_target_mount) {}
   int num_blocks() const override { return 2; }
   Rigid3d Evaluate(const double* const* pose_blocks, std::vector<Matrix6>* left_from_tangent) const override {
@@ -23,9 +23,9 @@ class HandEyeChain final : public KinematicLoop {
   Rigid3d camera_mount_from_target_mount_;
 };
 
-class CorrectedChain final : public KinematicLoop {
+class CorrectedLoop final : public KinematicLoop {
  public:
-  CorrectedChain(Setup setup, const Rigid3d& camera_mount_from_target_mount)
+  CorrectedLoop(Setup setup, const Rigid3d& camera_mount_from_target_mount)
       : setup_(setup), camera_mount_from_target_mount_(camera_mount_from_target_mount) {}
   int num_blocks() const override { return 3; }
   Rigid3d Evaluate(const double* const* pose_blocks, std::vector<Matrix6>* left_from_tangent) const override {
@@ -44,7 +44,7 @@ class CorrectedChain final : public KinematicLoop {
   Rigid3d camera_mount_from_target_mount_;
 };
 
-class FreePoseChain final : public KinematicLoop {
+class FreePoseLoop final : public KinematicLoop {
  public:
   int num_blocks() const override { return 1; }
   Rigid3d Evaluate(const double* const* pose_blocks, std::vector<Matrix6>* left_from_tangent) const override {
@@ -57,13 +57,13 @@ class FreePoseChain final : public KinematicLoop {
 }  // namespace
 
 std::unique_ptr<KinematicLoop> MakeHandEyeLoop(const Rigid3d& camera_mount_from_target_mount) {
-  return std::make_unique<HandEyeChain>(camera_mount_from_target_mount);
+  return std::make_unique<HandEyeLoop>(camera_mount_from_target_mount);
 }
 
 std::unique_ptr<KinematicLoop> MakeCorrectedLoop(Setup setup, const Rigid3d& camera_mount_from_target_mount) {
-  return std::make_unique<CorrectedChain>(setup, camera_mount_from_target_mount);
+  return std::make_unique<CorrectedLoop>(setup, camera_mount_from_target_mount);
 }
 
-std::unique_ptr<KinematicLoop> MakeFreePoseLoop() { return std::make_unique<FreePoseChain>(); }
+std::unique_ptr<KinematicLoop> MakeFreePoseLoop() { return std::make_unique<FreePoseLoop>(); }
 
 }  // namespace heba

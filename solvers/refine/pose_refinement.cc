@@ -38,13 +38,13 @@ Tangent6 Misclosure(const Rigid3d& predicted, const Rigid3d& seen, Matrix6* by_l
 class ChainCost final : public ceres::SizedCostFunction<6, 7, 7> {
  public:
   ChainCost(const PosePair& pair, const Matrix6& whitening)
-      : chain_(MakeHandEyeLoop(pair.camera_mount_from_target_mount)),
+      : loop_(MakeHandEyeLoop(pair.camera_mount_from_target_mount)),
         camera_from_target_(pair.camera_from_target),
         whitening_(whitening) {}
 
   bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override {
     std::vector<Matrix6> left_from_tangent;
-    const Rigid3d predicted = chain_->Evaluate(parameters, jacobians == nullptr ? nullptr : &left_from_tangent);
+    const Rigid3d predicted = loop_->Evaluate(parameters, jacobians == nullptr ? nullptr : &left_from_tangent);
     Matrix6 by_left;
     Eigen::Map<Tangent6> residual(residuals);
     residual = whitening_ * Misclosure(predicted, camera_from_target_, jacobians == nullptr ? nullptr : &by_left);
@@ -57,7 +57,7 @@ class ChainCost final : public ceres::SizedCostFunction<6, 7, 7> {
   }
 
  private:
-  std::unique_ptr<KinematicLoop> chain_;
+  std::unique_ptr<KinematicLoop> loop_;
   Rigid3d camera_from_target_;
   Matrix6 whitening_;
 };

@@ -316,11 +316,11 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
     if (!Multiply(params, camera_from_target, observations, shape, &products)) return false;
     reduction->factor = PivotedCholesky(products.matrix);
     // All rows but the last are rotated such that the pose columns are zero below row six.
-    auto turned = reduction->factor.topRows(num_columns_ - 1);
-    const Eigen::HouseholderQR<Eigen::Matrix<double, Eigen::Dynamic, 6>> qr(turned.leftCols<6>());
-    turned.rightCols(num_columns_ - 6).applyOnTheLeft(qr.householderQ().adjoint());
-    turned.topLeftCorner<6, 6>() = qr.matrixQR().topRows<6>().triangularView<Eigen::Upper>();
-    turned.bottomLeftCorner(num_columns_ - 7, 6).setZero();
+    auto rotated = reduction->factor.topRows(num_columns_ - 1);
+    const Eigen::HouseholderQR<Eigen::Matrix<double, Eigen::Dynamic, 6>> qr(rotated.leftCols<6>());
+    rotated.rightCols(num_columns_ - 6).applyOnTheLeft(qr.householderQ().adjoint());
+    rotated.topLeftCorner<6, 6>() = qr.matrixQR().topRows<6>().triangularView<Eigen::Upper>();
+    rotated.bottomLeftCorner(num_columns_ - 7, 6).setZero();
     reduction->loss_remainder = products.loss_remainder;
     return true;
   }

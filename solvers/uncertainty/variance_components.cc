@@ -45,8 +45,8 @@ CondensedViews Condensed(const std::vector<LinearisedView>& views) {
     condensed.correction_independent(n, n) += view.residual_sum_of_squares;
     // Padding with rows of zeros is not counted.
     condensed.num_independent += view.num_residual_dof + static_cast<double>(rows - kNumCorrectedRows);
-    Eigen::MatrixXd turned(rows, n + 1);
-    turned << view.by_unknowns, view.offset;
+    Eigen::MatrixXd rotated(rows, n + 1);
+    rotated << view.by_unknowns, view.offset;
     CorrectedView& corrected = condensed.correction_dependent.emplace_back();
     corrected.rows.setZero(kNumCorrectedRows, n + 1);
     const Eigen::Index num_rows_with_correction = std::min(rows, kNumCorrectedRows);
@@ -54,11 +54,11 @@ CondensedViews Condensed(const std::vector<LinearisedView>& views) {
       corrected.by_correction.topRows(num_rows_with_correction) = view.by_correction.topRows(num_rows_with_correction);
     } else {
       const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_correction);
-      turned.applyOnTheLeft(qr.householderQ().adjoint());
+      rotated.applyOnTheLeft(qr.householderQ().adjoint());
       corrected.by_correction = qr.matrixQR().topRows<kNumCorrectedRows>().triangularView<Eigen::Upper>();
     }
-    corrected.rows.topRows(num_rows_with_correction) = turned.topRows(num_rows_with_correction);
-    const auto tail = turned.bottomRows(rows - num_rows_with_correction);
+    corrected.rows.topRows(num_rows_with_correction) = rotated.topRows(num_rows_with_correction);
+    const auto tail = rotated.bottomRows(rows - num_rows_with_correction);
     condensed.correction_independent.noalias() += tail.transpose() * tail;
   }
   return condensed;

@@ -196,17 +196,17 @@ std::string StemOf(const std::string& name) { return fs::path(name).stem().strin
 // Pairs files of one pose each with images: by their names without suffix, or else by the numbers in them.
 std::vector<std::optional<size_t>> PairFiles(const std::vector<PoseRow>& rows, const std::vector<Seen>& seen,
                                              const fs::path& folder) {
-  std::vector<std::string> pictures;
-  for (const Seen& entry : seen) pictures.push_back(StemOf(entry.name));
+  std::vector<std::string> image_stems;
+  for (const Seen& entry : seen) image_stems.push_back(StemOf(entry.name));
   std::vector<std::optional<size_t>> pairs(rows.size());
   bool any = false;
   for (size_t i = 0; i < rows.size(); ++i) {
-    const auto found = std::find(pictures.begin(), pictures.end(), rows[i].image);
-    if (found != pictures.end()) pairs[i] = found - pictures.begin();
+    const auto found = std::find(image_stems.begin(), image_stems.end(), rows[i].image);
+    if (found != image_stems.end()) pairs[i] = found - image_stems.begin();
     any = any || pairs[i];
   }
   if (any) return pairs;
-  const auto places = PlacesBy<long>(pictures, NumberInName);
+  const auto places = PlacesBy<long>(image_stems, NumberInName);
   std::set<long> numbers;
   for (const PoseRow& row : rows) {
     if (const std::optional<long> number = NumberInName(row.image)) numbers.insert(*number);
@@ -385,10 +385,10 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
       config->left_out.push_back({rows[i].image, "the image is not among those of " + seen_value.key()});
       continue;
     }
-    const size_t picture = *image_of_row[i];
-    has_row[picture] = true;
-    if (is_row_excluded) is_excluded[picture] = true;
-    if (!is_excluded[picture]) AddCapture(seen[picture], rows[i], config);
+    const size_t image = *image_of_row[i];
+    has_row[image] = true;
+    if (is_row_excluded) is_excluded[image] = true;
+    if (!is_excluded[image]) AddCapture(seen[image], rows[i], config);
   }
   for (size_t i = 0; i < seen.size(); ++i) {
     if (is_excluded[i]) {

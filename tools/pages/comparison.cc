@@ -272,12 +272,12 @@ std::string ComparisonPage(const Comparison& comparison) {
   using Json = nlohmann::ordered_json;
   Json bars = Json::array();
   Json labels = Json::array();
-  std::vector<FigureRow> pictured;
+  std::vector<FigureRow> charted;
   std::vector<std::vector<PageCell>> rows;
   for (const ComparedRun& run : comparison.runs) {
     const RunLine line = LineOf(run.result);
     labels.push_back(run.label);
-    pictured.push_back({run.label, line.refined_px, line.closed_px});
+    charted.push_back({run.label, line.refined_px, line.closed_px});
     bars.push_back(Json{{"label", run.label}, {"values", {OrNull(line.refined_px), OrNull(line.closed_px)}}});
     rows.push_back({{run.label},
                     {std::string(GradeName(run.result.verdict.grade))},
@@ -294,7 +294,7 @@ std::string ComparisonPage(const Comparison& comparison) {
   }
   body += ViewFigure("dumbbells", "RMS reprojection error on held-out captures.",
                      Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
-                     DumbbellChart("RMS in px: refined (first colour), best closed form (second)", pictured));
+                     DumbbellChart("RMS in px: refined (first colour), best closed form (second)", charted));
   body += HtmlTable({"run", "verdict", "setup", "target", "best closed form", "closed form hold-out, px",
                      "refined hold-out, px", "sigma, mm", "sigma, deg", "board, mm", "board, deg", "time, s"},
                     rows);

@@ -34,11 +34,11 @@ std::string EmbeddedJson(const nlohmann::ordered_json& data) {
 }
 
 std::string Figure(const std::string& attributes, const std::string& caption, const std::string& content,
-                   const std::string& picture) {
+                   const std::string& static_chart) {
   const std::string head = caption.empty() ? "" : "<figcaption>" + EscapedForMarkup(caption) + "</figcaption>";
-  if (PageScript().empty()) return picture.empty() ? "" : "<figure>" + head + picture + "</figure>\n";
-  const std::string still = picture.empty() ? "" : "<noscript>" + picture + "</noscript>";
-  return "<figure " + attributes + ">" + head + content + still + "</figure>\n";
+  if (PageScript().empty()) return static_chart.empty() ? "" : "<figure>" + head + static_chart + "</figure>\n";
+  const std::string fallback = static_chart.empty() ? "" : "<noscript>" + static_chart + "</noscript>";
+  return "<figure " + attributes + ">" + head + content + fallback + "</figure>\n";
 }
 
 }  // namespace
@@ -78,15 +78,15 @@ std::string SharedData(const std::string& name, const nlohmann::ordered_json& da
 }
 
 std::string ViewFigure(const std::string& view, const std::string& caption, const nlohmann::ordered_json& data,
-                       const std::string& picture) {
+                       const std::string& static_chart) {
   return Figure("data-view=\"" + EscapedForMarkup(view) + "\"", caption,
-                "<script type=\"application/json\">" + EmbeddedJson(data) + "</script>", picture);
+                "<script type=\"application/json\">" + EmbeddedJson(data) + "</script>", static_chart);
 }
 
 std::string SharedViewFigure(const std::string& view, const std::string& caption, const std::string& shared_data,
-                             const std::string& picture) {
+                             const std::string& static_chart) {
   return Figure("data-view=\"" + EscapedForMarkup(view) + "\" data-from=\"" + EscapedForMarkup(shared_data) + "\"",
-                caption, "", picture);
+                caption, "", static_chart);
 }
 
 std::string CopyableText(const std::string& text) {

@@ -145,13 +145,8 @@ std::string PosePart(const std::string& name, const Rigid3d& pose, const std::op
          "</div>\n";
 }
 
-std::optional<Matrix6> PoseCovariance(const Estimate& estimate, const std::string& first) {
-  if (!estimate.solution) return std::nullopt;
-  const Covariance& covariance = estimate.solution->covariance;
-  const auto found = std::find(covariance.names.begin(), covariance.names.end(), first);
-  if (found == covariance.names.end() || covariance.names.end() - found < 6) return std::nullopt;
-  const Eigen::Index at = found - covariance.names.begin();
-  return covariance.matrix.block<6, 6>(at, at);
+std::optional<Matrix6> PoseCovariance(const Estimate& estimate, const std::string& pose) {
+  return estimate.solution ? PoseCovarianceOf(estimate.solution->covariance, pose) : std::nullopt;
 }
 
 std::string CameraPart(const Estimate& estimate) {
@@ -186,9 +181,9 @@ std::string ResultPart(const RunResult& result) {
   if (estimate == nullptr) return "";
   return Heading("Result (" + estimate->method + ")") + "<div class=\"columns\">\n" +
          PosePart(std::string(CameraMountName(result.setup)) + "_from_camera",
-                  estimate->hand_eye.camera_mount_from_camera, PoseCovariance(*estimate, "hand_eye.tx_m")) +
+                  estimate->hand_eye.camera_mount_from_camera, PoseCovariance(*estimate, "hand_eye")) +
          PosePart(std::string(TargetMountName(result.setup)) + "_from_target",
-                  estimate->hand_eye.target_mount_from_target, PoseCovariance(*estimate, "board.tx_m")) +
+                  estimate->hand_eye.target_mount_from_target, PoseCovariance(*estimate, "board")) +
          CameraPart(*estimate) + "</div>\n" +
          Paragraph(
              "Roll, pitch and yaw are rotations about the fixed axes x, y and z, in this order. The camera has "

@@ -114,7 +114,7 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
       "it has not seen.";
   using Json = nlohmann::ordered_json;
   Json bars = Json::array();
-  std::vector<FigureRow> pictured;
+  std::vector<FigureRow> charted;
   for (const BatchRun& run : runs) {
     if (!run.result) continue;
     const Estimate* refined = FindRefined(*run.result);
@@ -122,13 +122,13 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
     const FigureRow row{run.name, refined != nullptr ? refined->errors.holdout_rms_px : std::nullopt,
                         closed != nullptr ? closed->errors.holdout_rms_px : std::nullopt};
     bars.push_back(Json{{"label", row.label}, {"values", {OrNull(row.first), OrNull(row.second)}}});
-    pictured.push_back(row);
+    charted.push_back(row);
   }
   return HtmlPage(
       title, "<h1>" + EscapedForMarkup(title) + "</h1>\n" + Paragraph(counts) +
                  ViewFigure("dumbbells", "Hold-out RMS of every run.",
                             Json{{"unit", "px"}, {"series", {"refined", "best closed form"}}, {"rows", bars}},
-                            DumbbellChart("RMS in px: refined (first colour), best closed form (second)", pictured)) +
+                            DumbbellChart("RMS in px: refined (first colour), best closed form (second)", charted)) +
                  (failed.empty() ? "" : Heading("Runs that failed") + HtmlTable({"run", "reason"}, failed)) +
                  Heading("Runs and methods") + HtmlTable(head, rows));
 }

@@ -202,55 +202,51 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
   return results;
 }
 
+template <typename T>
+Estimate EstimateOf(const std::string& method, const std::string& kind, const Outcome<T>& outcome) {
+  Estimate estimate;
+  estimate.method = method;
+  estimate.kind = kind;
+  estimate.ok = outcome.ok();
+  estimate.reason = outcome.reason();
+  return estimate;
+}
+
+Estimate RefinedEstimateOf(const std::string& method, const Outcome<Solution>& solution) {
+  Estimate estimate = EstimateOf(method, "refined", solution);
+  if (!solution) return estimate;
+  estimate.solution = *solution;
+  estimate.hand_eye = solution->hand_eye;
+  return estimate;
+}
+
 }  // namespace
 
 std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
                                     const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries) {
   std::vector<Estimate> estimates;
+  const auto evaluate = [&](const Estimate& estimate) {
+    return EvaluateEstimate(estimate.hand_eye, estimate.camera, calibration.views, calibration.pairs, truth,
+                            symmetries);
+  };
   for (const MethodResult& method : calibration.methods) {
-    Estimate estimate;
-    estimate.method = method.method;
-    estimate.kind = "closed_form";
-    estimate.ok = method.hand_eye.ok();
-    estimate.reason = method.hand_eye.reason();
+    Estimate& estimate = estimates.emplace_back(EstimateOf(method.method, "closed_form", method.hand_eye));
     estimate.camera = calibration.camera;
-    if (estimate.ok) {
-      estimate.hand_eye = *method.hand_eye;
-      estimate.errors =
-          EvaluateEstimate(estimate.hand_eye, estimate.camera, calibration.views, calibration.pairs, truth, symmetries);
-    }
-    estimates.push_back(std::move(estimate));
+    if (!estimate.ok) continue;
+    estimate.hand_eye = *method.hand_eye;
+    estimate.errors = evaluate(estimate);
   }
-  Estimate chain;
-  chain.method = kChainMethod;
-  chain.kind = "refined";
-  chain.ok = calibration.chain.ok();
-  chain.reason = calibration.chain.reason();
+  Estimate& chain = estimates.emplace_back(RefinedEstimateOf(kChainMethod, calibration.chain));
   chain.camera = calibration.camera;
-  if (chain.ok) {
-    chain.solution = *calibration.chain;
-    chain.hand_eye = chain.solution->hand_eye;
-    chain.errors =
-        EvaluateEstimate(chain.hand_eye, chain.camera, calibration.views, calibration.pairs, truth, symmetries);
+  if (chain.ok) chain.errors = evaluate(chain);
+  Estimate& refined = estimates.emplace_back(RefinedEstimateOf(kBundleMethod, calibration.refined));
+  if (refined.ok) {
+    refined.camera = refined.solution->camera;
+    // The refined camera sees other target poses than the camera that the closed forms used.
+    const std::vector<View> shaped = ApplyShape(calibration.views, refined.solution->shape);
+    refined.errors = EvaluateEstimate(refined.hand_eye, refined.camera, shaped,
+                                      PosePairsOf(refined.camera, refined.hand_eye, shaped), truth, symmetries);
   }
-  estimates.push_back(std::move(chain));
-  Estimate refined;
-  refined.method = kBundleMethod;
-  refined.kind = "refined";
-  refined.ok = calibration.refined.ok();
-  refined.reason = calibration.refined.reason();
-  if (!refined.ok) {
-    estimates.push_back(std::move(refined));
-    return estimates;
-  }
-  refined.solution = *calibration.refined;
-  refined.hand_eye = refined.solution->hand_eye;
-  refined.camera = refined.solution->camera;
-  // The refined camera sees other target poses than the camera that the closed forms used.
-  const std::vector<View> shaped = ApplyShape(calibration.views, refined.solution->shape);
-  refined.errors = EvaluateEstimate(refined.hand_eye, refined.camera, shaped,
-                                    PosePairsOf(refined.camera, refined.hand_eye, shaped), truth, symmetries);
-  estimates.push_back(std::move(refined));
   for (Estimate& estimate : estimates) {
     for (const HoldOut& hold_out : hold_outs) {
       if (hold_out.method != estimate.method) continue;

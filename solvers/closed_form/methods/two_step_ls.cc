@@ -77,18 +77,18 @@ State Refined(const std::vector<Measured>& captures, State state, int max_iterat
     Vector9 gradient = Vector9::Zero();
     for (const Measured& m : captures) {
       const Eigen::Matrix3d by_point = state.rotation * m.mount_rotation;
-      const Eigen::Vector3d turned = by_point * state.point_in_mount + state.rotation * m.mount_position;
-      const Eigen::Matrix3d cross = Skew(turned);  // The residual changes by -cross * (rotation step).
+      const Eigen::Vector3d rotated = by_point * state.point_in_mount + state.rotation * m.mount_position;
+      const Eigen::Matrix3d cross = Skew(rotated);  // The residual changes by -cross * (rotation step).
       const Eigen::Matrix3d weighted_point = m.information * by_point;
       const Eigen::Matrix3d weighted_cross = m.information * cross;
-      const Eigen::Vector3d pull = m.information * (turned + state.translation - m.in_camera);
+      const Eigen::Vector3d pull = m.information * (rotated + state.translation - m.in_camera);
       normal.topLeftCorner<3, 3>() -= cross * weighted_cross;
       normal.block<3, 3>(3, 0) -= weighted_point.transpose() * cross;
       normal.block<3, 3>(3, 3) += by_point.transpose() * weighted_point;
       normal.block<3, 3>(6, 0) -= weighted_cross;
       normal.block<3, 3>(6, 3) += weighted_point;
       normal.block<3, 3>(6, 6) += m.information;
-      gradient.head<3>() += turned.cross(pull);
+      gradient.head<3>() += rotated.cross(pull);
       gradient.segment<3>(3) += by_point.transpose() * pull;
       gradient.tail<3>() += pull;
     }

@@ -31,6 +31,17 @@ inline std::optional<double> SigmaOf(const Covariance& covariance, const std::st
   return std::sqrt(covariance.matrix(i, i));
 }
 
+// Returns the covariance of a pose's tangent (m, rad), for example of `hand_eye` or `board`; nothing if the pose was
+// held fixed.
+inline std::optional<Eigen::Matrix<double, 6, 6>> PoseCovarianceOf(const Covariance& covariance,
+                                                                   const std::string& pose) {
+  const auto first = std::find(covariance.names.begin(), covariance.names.end(), pose + ".tx_m");
+  const auto last = std::find(covariance.names.begin(), covariance.names.end(), pose + ".rz_rad");
+  if (first == covariance.names.end() || last - first != 5) return std::nullopt;
+  const Eigen::Index at = first - covariance.names.begin();
+  return covariance.matrix.block<6, 6>(at, at);
+}
+
 // Robot noise: one sigma along and about each axis of the gripper's frame.
 struct RobotNoise {
   double translation_m = 0;

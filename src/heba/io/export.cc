@@ -125,17 +125,6 @@ std::string SigmasText(const Eigen::Matrix<double, 6, 6>& covariance, Eigen::Ind
   return Join(sigmas, ", ");
 }
 
-// Returns the covariance of the hand-eye pose; nothing if the estimate has none.
-std::optional<Eigen::Matrix<double, 6, 6>> HandEyeCovariance(const Estimate& estimate) {
-  if (!estimate.solution) return std::nullopt;
-  const Covariance& all = estimate.solution->covariance;
-  const auto first = std::find(all.names.begin(), all.names.end(), "hand_eye.tx_m");
-  const auto last = std::find(all.names.begin(), all.names.end(), "hand_eye.rz_rad");
-  if (first == all.names.end() || last - first != 5) return std::nullopt;
-  const Eigen::Index at = first - all.names.begin();
-  return all.matrix.block<6, 6>(at, at);
-}
-
 }  // namespace
 
 ExportRequest MakeExportRequest(const RunResult& result, const Estimate& estimate, bool is_ur_controller) {
@@ -148,7 +137,7 @@ ExportRequest MakeExportRequest(const RunResult& result, const Estimate& estimat
   request.parent = is_fixed ? ExportFrame::kBase : ExportFrame::kGripper;
   request.parent_frame = is_fixed ? (is_ur_controller ? "base" : "base_link") : "tool0";
   request.child_frame = "camera_optical_frame";
-  request.covariance = HandEyeCovariance(estimate);
+  if (estimate.solution) request.covariance = PoseCovarianceOf(estimate.solution->covariance, "hand_eye");
   request.is_ur_controller = is_ur_controller;
   request.camera = estimate.camera;
   return request;

@@ -182,10 +182,10 @@ std::vector<fs::path> ImagesForPoses(const std::vector<fs::path>& folders, size_
   return {};
 }
 
-ImportedCapture CaptureOf(const fs::path& picture, size_t number) {
+ImportedCapture CaptureOf(const fs::path& image, size_t number) {
   ImportedCapture capture;
-  capture.image = picture;
-  capture.name = picture.empty() ? "pose_" + std::to_string(number) : picture.filename().string();
+  capture.image = image;
+  capture.name = image.empty() ? "pose_" + std::to_string(number) : image.filename().string();
   return capture;
 }
 

@@ -97,8 +97,8 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
       const double rms_px = *SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx();
       options.magnification = std::min(options.magnification, 30.0 / std::max(rms_px, 1e-9));
     }
-    const cv::Mat picture = DrawOverlay(ReadGreyImage(config.captures[i].image), observations, residuals, options);
-    WriteImage(folder.staging() / "overlays" / (config.captures[i].name + ".png"), picture);
+    const cv::Mat overlay = DrawOverlay(ReadGreyImage(config.captures[i].image), observations, residuals, options);
+    WriteImage(folder.staging() / "overlays" / (config.captures[i].name + ".png"), overlay);
     lines[i] = line;
   });
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));

@@ -53,9 +53,9 @@ ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
   if (set.camera) {
     Camera camera = *set.camera;
     if (camera.width_px == 0 && has_images) {
-      const cv::Mat picture = ReadGreyImage(set.captures.front().image);
-      camera.width_px = picture.cols;
-      camera.height_px = picture.rows;
+      const cv::Mat image = ReadGreyImage(set.captures.front().image);
+      camera.width_px = image.cols;
+      camera.height_px = image.rows;
     }
     if (camera.width_px > 0) {
       add("camera.yaml", CameraToYaml(camera));
