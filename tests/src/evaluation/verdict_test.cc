@@ -73,7 +73,7 @@ TEST(VerdictTest, OneFaultDecides) {
        [](RunResult* r) { r->estimates[1].errors.holdout_target_mm.reset(); }},
       {Grade::kDoubtful, "scatter 1.4 times", "unmodelled_error",
        [](RunResult* r) { r->estimates[1].errors.holdout_chi2 = 2; }},
-      {Grade::kDoubtful, "(park) predicts unseen captures 1.5 times better", "closed_form_better",
+      {Grade::kDoubtful, "(park) predicts held-out captures 1.5 times better", "closed_form_better",
        [](RunResult* r) { r->estimates[0].errors.holdout_sigmas = 0.667; }},
       {Grade::kDoubtful, "6 of 6 captures", "few_captures", [](RunResult* r) { r->captures.resize(6); }},
       {Grade::kDoubtful, "10 of 20 captures", "captures_left_out",

@@ -1,0 +1,289 @@
+#include "tools/config/capture_section.h"
+
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/units.h"
+#include "tests/support/input_error.h"
+#include "tests/support/matchers.h"
+#include "tests/support/temp_folder.h"
+
+namespace heba {
+namespace {
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+PoseReading ReadReading(const std::string& yaml) {
+  MapReader reader(ParseYaml(yaml, "cell.yaml"));
+  return ReadPoseReading(reader);
+}
+
+TEST(PoseReadingTest, PosesAreThoseOfTheGripperInTheBaseInRosFormByDefault) {
+  const PoseReading reading = ReadReading("{}");
+  EXPECT_EQ(reading.format.name, "ros");
+  EXPECT_TRUE(reading.is_base_from_gripper);
+}
+
+TEST(PoseReadingTest, ReadsFormatDirectionAndUnits) {
+  const PoseReading reading = ReadReading("{pose_format: matrix, units: mm, poses_are: gripper_from_base}");
+  EXPECT_EQ(reading.format.rotation, "matrix");
+  EXPECT_EQ(reading.format.translation_unit, "mm");
+  EXPECT_FALSE(reading.is_base_from_gripper);
+}
+
+TEST(PoseReadingTest, ReadsJointsOfAnArm) {
+  const PoseReading reading = ReadReading("{pose_format: joints, robot: ur5e, joint_angles: deg}");
+  EXPECT_EQ(reading.format.robot, "ur5e");
+  EXPECT_EQ(reading.format.angle_unit, "deg");
+  EXPECT_THAT(reading.format.columns, ElementsAre("j1", "j2", "j3", "j4", "j5", "j6"));
+  EXPECT_EQ(ReadReading("{pose_format: joints, robot: ur5e}").format.angle_unit, "rad");
+}
+
+TEST(PoseReadingTest, RefusesWrongValuesWithTheirKey) {
+  const auto error_of = [](const std::string& yaml) { return InputErrorOf([&] { ReadReading(yaml); }); };
+  EXPECT_THAT(error_of("{pose_format: kuke}"), HasSubstr("cell.yaml:1: pose_format: 'kuke' is unknown"));
+  EXPECT_THAT(error_of("{pose_format: kuka, units: mm}"), HasSubstr("cell.yaml:1: units: pose format 'kuka'"));
+  EXPECT_THAT(error_of("{poses_are: base_from_griper}"), HasSubstr("cell.yaml:1: poses_are: 'base_from_griper'"));
+  EXPECT_THAT(error_of("{pose_format: joints}"), HasSubstr("'robot' is missing"));
+  EXPECT_THAT(error_of("{pose_format: joints, robot: ur6}"), HasSubstr("robot: 'ur6' is unknown"));
+  EXPECT_THAT(error_of("{pose_format: joints, robot: ur5, joint_angles: grad}"),
+              HasSubstr("joint_angles: 'grad' is unknown; one of: rad, deg"));
+}
+
+TEST(PoseReadingTest, GripperFromBaseIsInverted) {
+  const Rigid3d pose(ExpRotation({0.1, 0.2, 0.3}), {1, 2, 3});
+  PoseReading reading;
+  EXPECT_THAT(BaseFromGripper(reading, pose), IsNearPose(pose, 1e-12, 1e-12));
+  reading.is_base_from_gripper = false;
+  EXPECT_THAT(BaseFromGripper(reading, pose), IsNearPose(Inverse(pose), 1e-12, 1e-12));
+}
+
+// A folder of three images, which are never opened here, with poses that differ in x.
+class CaptureSectionTest : public testing::Test {
+ protected:
+  CaptureSectionTest() {
+    for (const char* name : {"2.png", "10.png", "1.png"}) Write(std::string("images/") + name, "x");
+    Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n1.png,1,0,0,0,0,0,1\n2.png,2,0,0,0,0,0,1\n10.png,10,0,0,0,0,0,1\n");
+  }
+  void Write(const std::string& name, const std::string& text) const {
+    std::filesystem::create_directories((folder_ / name).parent_path());
+    std::ofstream(folder_ / name) << text;
+  }
+  // Reads a section from a file in the folder.
+  RunConfig Read(const std::string& section) const {
+    RunConfig config;
+    const ConfigValue value = ParseYaml(section, folder_ / "cell.yaml");
+    ReadCaptures(ConfigValue(value.node(), value.file(), "captures"), &config);
+    return config;
+  }
+  std::string ErrorOf(const std::string& section) const {
+    return InputErrorOf([&] { Read(section); });
+  }
+  static std::vector<std::string> NamesOf(const RunConfig& config) {
+    std::vector<std::string> names;
+    for (const Capture& capture : config.captures) names.push_back(capture.name);
+    return names;
+  }
+  static std::vector<double> XsOf(const RunConfig& config) {
+    std::vector<double> xs;
+    for (const Capture& capture : config.captures) xs.push_back(capture.base_from_gripper.translation.x());
+    return xs;
+  }
+  static std::vector<std::string> LeftOutOf(const RunConfig& config) {
+    std::vector<std::string> entries;
+    for (const LeftOut& left_out : config.left_out) entries.push_back(left_out.name + ": " + left_out.reason);
+    return entries;
+  }
+
+  TempFolder folder_;
+};
+
+TEST_F(CaptureSectionTest, RowsNameTheirImages) {
+  Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n10.png,10,0,0,0,0,0,1\n1.png,1,0,0,0,0,0,1\n2.png,2,0,0,0,0,0,1\n");
+  const RunConfig config = Read("{images: images, poses: poses.csv}");
+  EXPECT_THAT(NamesOf(config), ElementsAre("10.png", "1.png", "2.png"));
+  EXPECT_THAT(XsOf(config), ElementsAre(10, 1, 2));
+  EXPECT_EQ(config.captures[1].image, folder_ / "images/1.png");
+  EXPECT_EQ(config.poses_file, folder_ / "poses.csv");
+  ASSERT_THAT(config.pose_numbers, SizeIs(3));
+  EXPECT_THAT(config.pose_numbers[0], ElementsAre(10, 0, 0, 0, 0, 0, 1));
+}
+
+// Numbers in names are compared by value, so 10.png is the last image.
+TEST_F(CaptureSectionTest, RowsWithoutNamesFollowTheImagesInTheirOrder) {
+  Write("poses.csv", "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n10,0,0,0,0,0,1\n");
+  for (const char* images : {"images", "images/*.png"}) {
+    const RunConfig config = Read(std::string("{images: '") + images + "', poses: poses.csv}");
+    EXPECT_THAT(NamesOf(config), ElementsAre("1.png", "2.png", "10.png")) << images;
+    EXPECT_THAT(XsOf(config), ElementsAre(1, 2, 10)) << images;
+  }
+}
+
+TEST_F(CaptureSectionTest, AListKeepsItsOrder) {
+  Write("poses.csv", "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n");
+  const RunConfig config = Read("{images: [images/10.png, images/1.png], poses: poses.csv}");
+  EXPECT_THAT(NamesOf(config), ElementsAre("10.png", "1.png"));
+  EXPECT_THAT(XsOf(config), ElementsAre(1, 2));
+}
+
+TEST_F(CaptureSectionTest, RolesAndDirectionsAreRead) {
+  Write("poses.csv", "image,x,y,z,qx,qy,qz,qw,role\n1.png,1,0,0,0,0,0,1,home\n2.png,2,0,0,0,0,0,1,rotate\n");
+  const RunConfig config = Read("{images: images, poses: poses.csv, poses_are: gripper_from_base}");
+  EXPECT_THAT(XsOf(config), ElementsAre(-1, -2));
+  EXPECT_EQ(config.captures[0].role, "home");
+  EXPECT_EQ(config.captures[1].role, "rotate");
+}
+
+TEST_F(CaptureSectionTest, SaysWhyImagesAndRowsAreLeftOut) {
+  Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n1.png,1,0,0,0,0,0,1\n10.png,2,0,0,0,0,0,1\ngone.png,3,0,0,0,0,0,1\n");
+  const RunConfig config = Read("{images: images, poses: poses.csv, exclude: [10.png]}");
+  EXPECT_THAT(NamesOf(config), ElementsAre("1.png"));
+  EXPECT_THAT(LeftOutOf(config),
+              ElementsAre("gone.png: the image is not among those of captures.images",
+                          "2.png: the robot's pose is not in the poses file", "10.png: left out by captures.exclude"));
+}
+
+// A row whose image has a similar name is a typing error, not a removed image.
+TEST_F(CaptureSectionTest, ARowWithASimilarImageNameIsAnError) {
+  Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n1.png,1,0,0,0,0,0,1\n2.pgn,2,0,0,0,0,0,1\n");
+  EXPECT_THAT(ErrorOf("{images: images, poses: poses.csv}"),
+              HasSubstr("poses.csv:3: the image 2.pgn is not among those of captures.images; did you mean '2.png'?"));
+}
+
+TEST_F(CaptureSectionTest, RefusesRowsThatAllNameOtherImages) {
+  Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\nleft.jpg,1,0,0,0,0,0,1\nright.jpg,2,0,0,0,0,0,1\n");
+  EXPECT_THAT(ErrorOf("{images: images, poses: poses.csv}"),
+              HasSubstr("poses.csv:2: the image left.jpg is not among those of captures.images; nor is that of any "
+                        "other row"));
+}
+
+TEST_F(CaptureSectionTest, RefusesAnImageWithTwoPoses) {
+  for (const char* name : {"1.txt", "1.TXT", "2.txt"}) Write(std::string("poses/") + name, "1 0 0 0 0 0 1\n");
+  EXPECT_THAT(ErrorOf("{images: images, poses: poses}"), HasSubstr("poses: 1 and 1 both belong to the image 1.png"));
+}
+
+TEST_F(CaptureSectionTest, RefusesTwoImagesOfOneName) {
+  Write("more/1.png", "x");
+  EXPECT_THAT(ErrorOf("{images: [images/1.png, more/1.png], poses: poses.csv}"),
+              HasSubstr("captures.images: two images are named 1.png"));
+}
+
+TEST_F(CaptureSectionTest, CountsOfRowsWithoutNamesMustAgree) {
+  Write("poses.csv", "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n");
+  EXPECT_THAT(ErrorOf("{images: images, poses: poses.csv}"),
+              HasSubstr("poses.csv: has 2 rows without an image column for 3 images; the counts must agree"));
+}
+
+TEST_F(CaptureSectionTest, FilesOfOnePoseArePairedByTheirNamesWithoutSuffix) {
+  for (const char* number : {"1", "2", "10"}) {
+    Write(std::string("poses/") + number + ".txt", std::string(number) + " 0 0 0 0 0 1\n");
+  }
+  const RunConfig config = Read("{images: images, poses: poses}");
+  EXPECT_THAT(NamesOf(config), ElementsAre("1.png", "2.png", "10.png"));
+  EXPECT_THAT(XsOf(config), ElementsAre(1, 2, 10));
+  EXPECT_THAT(config.data_files, SizeIs(3));
+}
+
+TEST_F(CaptureSectionTest, FilesOfOnePoseArePairedByNumbersIfTheirNamesDiffer) {
+  for (const char* number : {"01", "02", "10"}) {
+    Write(std::string("poses/pose_") + number + ".txt", std::string(number) + " 0 0 0 0 0 1\n");
+  }
+  EXPECT_THAT(XsOf(Read("{images: images, poses: poses}")), ElementsAre(1, 2, 10));
+  Write("images/left.png", "x");
+  EXPECT_THAT(ErrorOf("{images: images, poses: poses}"),
+              HasSubstr("its files and the images cannot be paired by their names or by single numbers in them"));
+}
+
+TEST_F(CaptureSectionTest, TargetPosesReplaceImages) {
+  Write("seen.csv", "x,y,z,qx,qy,qz,qw\n0,0,0.5,0,0,0,1\n0,0,0.6,0,0,0,1\n");
+  Write("robot.csv", "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n2,0,0,0,0,0,1\n");
+  const RunConfig config = Read("{target_poses: seen.csv, poses: robot.csv}");
+  EXPECT_THAT(NamesOf(config), ElementsAre("sample_0", "sample_1"));
+  EXPECT_THAT(XsOf(config), ElementsAre(1, 2));
+  ASSERT_THAT(config.target_poses, SizeIs(2));
+  EXPECT_DOUBLE_EQ(config.target_poses[1].translation.z(), 0.6);
+  EXPECT_TRUE(config.captures[0].image.empty());
+  EXPECT_THAT(config.data_files, ElementsAre(folder_ / "seen.csv"));
+}
+
+TEST_F(CaptureSectionTest, DetectionsReplaceImages) {
+  Write("detections.json",
+        R"({"captures": [{"image": "2.png", "image_size": [640, 480], "ids": [0, 3], "pixels": [[1, 2], [3, 4]]}]})");
+  Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n2.png,2,0,0,0,0,0,1\n");
+  const RunConfig config = Read("{detections: detections.json, poses: poses.csv}");
+  EXPECT_THAT(NamesOf(config), ElementsAre("2.png"));
+  ASSERT_THAT(config.given_detections, SizeIs(1));
+  EXPECT_THAT(config.given_detections[0].detection.ids, ElementsAre(0, 3));
+}
+
+// The poses of another project's data set are in the form of `ros` once they are imported.
+TEST_F(CaptureSectionTest, DataSetsBringTheirPoses) {
+  Write("set/poses.txt", "1305031102.1 1 0 0 0 0 0 1\n1305031102.2 2 0 0 0 0 0 1\n");
+  Write("set/images/a.png", "x");
+  Write("set/images/b.png", "x");
+  const RunConfig config = Read("{data: set/poses.txt}");
+  ASSERT_TRUE(config.imported.has_value());
+  EXPECT_EQ(config.imported->format, "tum");
+  EXPECT_THAT(NamesOf(config), ElementsAre("a.png", "b.png"));
+  EXPECT_THAT(XsOf(config), ElementsAre(1, 2));
+  EXPECT_TRUE(config.poses_file.empty());
+  EXPECT_EQ(config.pose_reading.format.name, "ros");
+}
+
+TEST_F(CaptureSectionTest, ADataSetWithoutImagesOrDetectionsIsRefused) {
+  Write("set/poses.txt", "1305031102.1 1 0 0 0 0 0 1\n");
+  EXPECT_THAT(ErrorOf("{data: set/poses.txt}"),
+              HasSubstr("captures.data: neither images nor corners nor poses of the target belong to these poses"));
+}
+
+TEST_F(CaptureSectionTest, StatesTheSectionAsUsed) {
+  RunConfig config;
+  const YAML::Node used =
+      ReadCaptures(ParseYaml("{images: images, poses: poses.csv, exclude: [2.png]}", folder_ / "cell.yaml"), &config);
+  EXPECT_EQ(used["images"].as<std::string>(), (folder_ / "images").string());
+  EXPECT_EQ(used["poses"].as<std::string>(), (folder_ / "poses.csv").string());
+  EXPECT_EQ(used["pose_format"].as<std::string>(), "ros");
+  EXPECT_EQ(used["poses_are"].as<std::string>(), "base_from_gripper");
+  EXPECT_EQ(used["exclude"][0].as<std::string>(), "2.png");
+}
+
+struct WrongSection {
+  std::string name;
+  std::string section;
+  std::string message;
+};
+
+class WrongSectionTest : public CaptureSectionTest, public testing::WithParamInterface<WrongSection> {};
+
+TEST_P(WrongSectionTest, IsRefusedWithItsKey) {
+  Write("empty/notes.txt", "x");
+  EXPECT_THAT(ErrorOf(GetParam().section), HasSubstr("cell.yaml:1: captures" + GetParam().message));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    , WrongSectionTest,
+    testing::Values(
+        WrongSection{"UnknownKey", "{images: images, poses: poses.csv, pose_fromat: ros}",
+                     ": unknown key 'pose_fromat'; did you mean 'pose_format'?"},
+        WrongSection{"NoImages", "{poses: poses.csv}", ": 'images' is missing"},
+        WrongSection{"NoPoses", "{images: images}", ": 'poses' is missing"},
+        WrongSection{"TwoSources", "{images: images, detections: detections.json, poses: poses.csv}",
+                     ".detections: cannot be combined with 'images'"},
+        WrongSection{"MissingFolder", "{images: imges, poses: poses.csv}", ".images: there is no folder "},
+        WrongSection{"FolderWithoutImages", "{images: empty, poses: poses.csv}", ".images: the folder "},
+        WrongSection{"GlobWithoutMatch", "{images: 'images/*.jpg', poses: poses.csv}", ".images: no file matches "},
+        WrongSection{"MissingImage", "{images: [images/3.png], poses: poses.csv}", ".images[0]: there is no image "},
+        WrongSection{"EmptyList", "{images: [], poses: poses.csv}", ".images: the list is empty; images are needed"},
+        WrongSection{"UnknownExcluded", "{images: images, poses: poses.csv, exclude: [12.png]}",
+                     ".exclude[0]: there is no capture '12.png'; did you mean "},
+        WrongSection{"AllExcluded", "{images: images, poses: poses.csv, exclude: [1.png, 2.png, 10.png]}",
+                     ".images: no capture is left: captures.exclude leaves all of them out"}),
+    [](const auto& wrong) { return wrong.param.name; });
+
+}  // namespace
+}  // namespace heba

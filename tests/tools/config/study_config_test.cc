@@ -1,0 +1,238 @@
+#include "tools/config/study_config.h"
+
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/units.h"
+#include "tests/support/input_error.h"
+#include "tests/support/temp_folder.h"
+
+namespace heba {
+namespace {
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+constexpr const char* kScene =
+    "{setup: eye_to_hand, target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}, camera: {model: pinhole, "
+    "image_size: [640, 480], fx: 600, fy: 601, cx: 320, cy: 240}, hand_eye: {translation: [500 mm, 0 mm, 600 mm]}, "
+    "board: {translation: [0 mm, 0 mm, 50 mm]}, motion: {captures: 6}}\n";
+
+class StudyConfigTest : public testing::Test {
+ protected:
+  void Write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
+  // Reads a study of the scene `plain`, and of whatever `more` states.
+  StudyConfig Read(const std::string& more = "") const {
+    Write("noise.yaml", std::string("scenes:\n  plain: ") + kScene + more);
+    return ReadStudyConfig(folder_ / "noise.yaml");
+  }
+  std::string ErrorOf(const std::string& more) const {
+    return InputErrorOf([&] { Read(more); });
+  }
+
+  TempFolder folder_;
+};
+
+TEST_F(StudyConfigTest, FillsInDefaults) {
+  const StudyConfig study = Read();
+  EXPECT_EQ(study.name, "noise");
+  EXPECT_EQ(study.num_trials, 300);
+  EXPECT_EQ(study.seed, 1u);
+  EXPECT_EQ(study.output, folder_ / "studies" / "noise");
+  ASSERT_THAT(study.cells, SizeIs(1));
+  ASSERT_THAT(study.labels, SizeIs(1));
+  const StudyLabels& labels = study.labels[0];
+  EXPECT_EQ(labels.scene, "plain");
+  EXPECT_EQ(labels.setup, Setup::kEyeToHand);
+  EXPECT_EQ(labels.num_captures, 6);
+  EXPECT_EQ(labels.num_points, 40);
+  EXPECT_EQ(labels.pixel_sigma_px, 0.1);
+  EXPECT_EQ(labels.robot_noise.translation_m, 0);
+  EXPECT_THAT(labels.shape_params, ElementsAre(1, 1, 0, 0));
+  EXPECT_EQ(labels.robot_model, "auto");
+  const StudyCell& cell = study.cells[0];
+  EXPECT_THAT(cell.poses, SizeIs(6));
+  EXPECT_EQ(cell.pixel_sigma_px, 0.1);
+  EXPECT_EQ(cell.outlier_points, 0);
+  EXPECT_EQ(cell.wrong_captures, 0);
+  EXPECT_THAT(cell.options.methods, IsEmpty());
+  EXPECT_EQ(cell.options.seed, "best");
+  EXPECT_EQ(cell.options.bundle.loss, "truncated");
+  EXPECT_THAT(cell.options.bundle.free_intrinsics, IsEmpty());
+  EXPECT_TRUE(cell.options.choose.robot_noise);
+  EXPECT_TRUE(cell.options.choose.target_shape);
+  EXPECT_EQ(cell.options.width_px, 640);
+  EXPECT_TRUE(cell.options.camera.has_value());
+}
+
+TEST_F(StudyConfigTest, ReadsTheOptionsOfTheEstimators) {
+  const StudyConfig study = Read(
+      "name: sweep\ntrials: 20\nseed: 9\nmethods: [tsai, park]\nstart: park\nloss: huber\n"
+      "intrinsics: [focal, distortion]\nshape_model: none\ngive_camera: false\noutput: results/sweep\n");
+  EXPECT_EQ(study.name, "sweep");
+  EXPECT_EQ(study.num_trials, 20);
+  EXPECT_EQ(study.seed, 9u);
+  EXPECT_EQ(study.output, folder_ / "results" / "sweep");
+  const CalibrationOptions& options = study.cells.at(0).options;
+  EXPECT_THAT(options.methods, ElementsAre("tsai", "park"));
+  EXPECT_EQ(options.seed, "park");
+  EXPECT_EQ(options.bundle.loss, "huber");
+  EXPECT_THAT(options.bundle.free_intrinsics, ElementsAre(ParameterGroup::kFocal, ParameterGroup::kDistortion));
+  EXPECT_FALSE(options.choose.target_shape);
+  EXPECT_FALSE(options.camera.has_value());
+}
+
+TEST_F(StudyConfigTest, ReadsTheNoiseOfACell) {
+  const StudyConfig study = Read(
+      "pixel_noise: 0.3 px\nrobot_noise: {translation: 0.2 mm, rotation: 0.1 deg}\noutlier_points: 0.05\n"
+      "wrong_captures: 0.1\ntarget_shape: {scale_x: 1.01, bend_y: 2 mm}\nrobot_model: given\n");
+  ASSERT_THAT(study.cells, SizeIs(1));
+  const StudyCell& cell = study.cells[0];
+  const StudyLabels& labels = study.labels[0];
+  EXPECT_DOUBLE_EQ(cell.pixel_sigma_px, 0.3);
+  EXPECT_DOUBLE_EQ(labels.pixel_sigma_px, 0.3);
+  EXPECT_DOUBLE_EQ(cell.robot_noise.translation_m, 0.2e-3);
+  EXPECT_DOUBLE_EQ(cell.robot_noise.rotation_rad, DegToRad(0.1));
+  EXPECT_DOUBLE_EQ(labels.robot_noise.translation_m, 0.2e-3);
+  EXPECT_DOUBLE_EQ(cell.options.bundle.robot_noise.translation_m, 0.2e-3);
+  EXPECT_DOUBLE_EQ(cell.outlier_points, 0.05);
+  EXPECT_DOUBLE_EQ(labels.outlier_points, 0.05);
+  EXPECT_DOUBLE_EQ(cell.wrong_captures, 0.1);
+  EXPECT_DOUBLE_EQ(labels.wrong_captures, 0.1);
+  EXPECT_THAT(cell.shape.params, ElementsAre(1.01, 1, 0, 2e-3));
+  EXPECT_THAT(labels.shape_params, ElementsAre(1.01, 1, 0, 2e-3));
+  // The estimators know the design only.
+  EXPECT_THAT(cell.options.shape.params, ElementsAre(1, 1, 0, 0));
+  EXPECT_EQ(cell.options.bundle.robot, BundleOptions::Robot::kGivenNoise);
+  EXPECT_FALSE(cell.options.choose.robot_noise);
+}
+
+TEST_F(StudyConfigTest, RobotModelsSetTheRefinement) {
+  const StudyConfig study = Read("robot_model: [exact, given, estimated, auto]\n");
+  ASSERT_THAT(study.cells, SizeIs(4));
+  EXPECT_EQ(study.cells[0].options.bundle.robot, BundleOptions::Robot::kExact);
+  EXPECT_EQ(study.cells[1].options.bundle.robot, BundleOptions::Robot::kGivenNoise);
+  EXPECT_EQ(study.cells[2].options.bundle.robot, BundleOptions::Robot::kEstimatedNoise);
+  for (size_t i = 0; i < 3; ++i) EXPECT_FALSE(study.cells[i].options.choose.robot_noise) << i;
+  EXPECT_TRUE(study.cells[3].options.choose.robot_noise);
+}
+
+TEST_F(StudyConfigTest, CellsAreAllCombinationsOfTheLists) {
+  Write("second.yaml", kScene);
+  Write("noise.yaml", std::string("scenes:\n  plain: ") + kScene +
+                          "  second: second.yaml\ncaptures: [4, 5]\npixel_noise: [0.1 px, 0.2 px]\n");
+  const StudyConfig study = ReadStudyConfig(folder_ / "noise.yaml");
+  std::vector<std::string> cells;
+  for (size_t i = 0; i < study.cells.size(); ++i) {
+    const StudyLabels& labels = study.labels[i];
+    EXPECT_EQ(study.cells[i].poses.size(), static_cast<size_t>(labels.num_captures));
+    EXPECT_EQ(study.cells[i].pixel_sigma_px, labels.pixel_sigma_px);
+    cells.push_back(labels.scene + " " + std::to_string(labels.num_captures) + " " +
+                    (labels.pixel_sigma_px < 0.15 ? "0.1" : "0.2"));
+  }
+  EXPECT_THAT(cells, ElementsAre("plain 4 0.1", "plain 4 0.2", "plain 5 0.1", "plain 5 0.2", "second 4 0.1",
+                                 "second 4 0.2", "second 5 0.1", "second 5 0.2"));
+}
+
+// The requested number includes the captures of the two-step motion, of which the scene has five here.
+TEST_F(StudyConfigTest, CapturesIncludeTheTwoStepMotion) {
+  std::string scene = kScene;
+  const std::string motion = "motion: {captures: 6}";
+  scene.replace(scene.find(motion), motion.size(),
+                "motion: {captures: 6, tilt: 10 deg, spread: 0.1, two_step: {translation: 20 mm, turns: 2, angle: 8 "
+                "deg}}");
+  Write("noise.yaml", "scenes:\n  steps: " + scene + "captures: [5, 8]\n");
+  const StudyConfig study = ReadStudyConfig(folder_ / "noise.yaml");
+  ASSERT_THAT(study.cells, SizeIs(2));
+  EXPECT_THAT(study.cells[0].poses, SizeIs(5));
+  EXPECT_THAT(study.cells[1].poses, SizeIs(8));
+  EXPECT_EQ(study.cells[1].poses[4].role, "rotate");
+  EXPECT_EQ(study.cells[1].poses[5].role, "free");
+  Write("noise.yaml", "scenes:\n  steps: " + scene + "captures: 4\n");
+  EXPECT_THAT(InputErrorOf([&] { ReadStudyConfig(folder_ / "noise.yaml"); }),
+              HasSubstr("scenes.steps: has more captures in its two-step motion than requested"));
+}
+
+// A scene without its camera stays without it unless the study decides otherwise.
+TEST_F(StudyConfigTest, TheSceneDecidesOnTheCameraUnlessTheStudyDoes) {
+  std::string scene = kScene;
+  scene.replace(scene.find("motion:"), 0, "give_camera: false, ");
+  Write("noise.yaml", "scenes:\n  plain: " + scene);
+  EXPECT_FALSE(ReadStudyConfig(folder_ / "noise.yaml").cells.at(0).options.camera.has_value());
+  Write("noise.yaml", "scenes:\n  plain: " + scene + "give_camera: true\n");
+  EXPECT_TRUE(ReadStudyConfig(folder_ / "noise.yaml").cells.at(0).options.camera.has_value());
+}
+
+TEST_F(StudyConfigTest, StudyAsUsedReadsBackAsTheSameCells) {
+  const StudyConfig study = Read("captures: [4, 5]\npixel_noise: [0.1 px, 0.2 px]\ntrials: 20\n");
+  Write("used.yaml", study.used);
+  const StudyConfig again = ReadStudyConfig(folder_ / "used.yaml");
+  EXPECT_EQ(again.name, "noise");
+  EXPECT_EQ(again.num_trials, 20);
+  ASSERT_EQ(again.cells.size(), 4u);
+  for (size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(again.labels[i].num_captures, study.labels[i].num_captures);
+    EXPECT_EQ(again.labels[i].pixel_sigma_px, study.labels[i].pixel_sigma_px);
+  }
+  EXPECT_EQ(again.used, study.used);
+}
+
+struct WrongStudy {
+  std::string name;
+  std::string more;     // Lines after the scene, so the first is line 3 of the file.
+  std::string message;  // The text after "noise.yaml:3: ".
+};
+
+class WrongStudyTest : public StudyConfigTest, public testing::WithParamInterface<WrongStudy> {};
+
+TEST_P(WrongStudyTest, IsRefusedWithItsLineAndKey) {
+  EXPECT_THAT(ErrorOf(GetParam().more), HasSubstr("noise.yaml:3: " + GetParam().message));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    , WrongStudyTest,
+    testing::Values(
+        WrongStudy{"UnknownKey", "trails: 3\n", "unknown key 'trails'; did you mean 'trials'?"},
+        WrongStudy{"NoTrials", "trials: 0\n", "trials: 0 is out of range"},
+        WrongStudy{"PathAsName", "name: a/b\n", "name: 'a/b' cannot name a folder"},
+        WrongStudy{"ZeroPixelNoise", "pixel_noise: [0.1 px, 0 px]\n", "pixel_noise[1]: must be greater than zero"},
+        WrongStudy{"PixelNoiseWithoutUnit", "pixel_noise: 0.1\n", "pixel_noise: '0.1' has no unit"},
+        WrongStudy{"EmptyList", "pixel_noise: []\n", "pixel_noise: the list is empty"},
+        WrongStudy{"FewCaptures", "captures: 2\n", "captures: 2 is out of range; from 3 to 10000 is possible"},
+        WrongStudy{"Share", "outlier_points: 1.5\n", "outlier_points: a share from 0 to 1 is needed"},
+        WrongStudy{"WrongCaptures", "wrong_captures: [-0.1]\n", "wrong_captures[0]: a share from 0 to 1 is needed"},
+        WrongStudy{"RobotNoiseKey", "robot_noise: {translation: 1 mm, rotaton: 1 deg}\n",
+                   "robot_noise: 'rotation' is missing"},
+        WrongStudy{"RobotModel", "robot_model: exakt\n", "robot_model: 'exakt' is unknown"},
+        WrongStudy{"Scale", "target_shape: {scale_x: 3}\n", "target_shape.scale_x: must be from 0.5 to 2"},
+        WrongStudy{"Bend", "target_shape: {bend_y: 101 mm}\n", "target_shape.bend_y: must be at most 100 mm"},
+        WrongStudy{"ShapeKey", "target_shape: {bend_z: 1 mm}\n", "target_shape: unknown key 'bend_z'"},
+        WrongStudy{"ShapeModel", "shape_model: bend\n", "shape_model: 'bend' is unknown; one of: none, auto"},
+        WrongStudy{"Method", "methods: [tsay]\n", "methods[0]: 'tsay' is unknown"},
+        WrongStudy{"Loss", "loss: hubber\n", "loss: 'hubber' is unknown"},
+        WrongStudy{"Intrinsics", "intrinsics: [focus]\n", "intrinsics[0]: 'focus' is unknown"}),
+    [](const auto& wrong) { return wrong.param.name; });
+
+TEST_F(StudyConfigTest, NamesTheSceneThatDoesNotFit) {
+  std::string scene = kScene;
+  scene.replace(scene.find("motion: {"), 9, "motion: {distance: 100 mm, ");
+  Write("noise.yaml", "scenes:\n  near: " + scene);
+  EXPECT_THAT(InputErrorOf([&] { ReadStudyConfig(folder_ / "noise.yaml"); }),
+              HasSubstr("noise.yaml:2: scenes.near: the target does not fit into the image"));
+}
+
+TEST_F(StudyConfigTest, NeedsAScene) {
+  Write("noise.yaml", "scenes: {}\n");
+  EXPECT_THAT(InputErrorOf([&] { ReadStudyConfig(folder_ / "noise.yaml"); }),
+              HasSubstr("scenes: a mapping from names to scenes is needed"));
+  Write("noise.yaml", "trials: 3\n");
+  EXPECT_THAT(InputErrorOf([&] { ReadStudyConfig(folder_ / "noise.yaml"); }), HasSubstr("'scenes' is missing"));
+}
+
+}  // namespace
+}  // namespace heba

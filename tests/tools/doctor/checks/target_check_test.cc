@@ -1,0 +1,102 @@
+// Tests of the check whether the images show the target that the config names: tools/doctor/checks/target.cc.
+#include <cstdlib>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <opencv2/imgcodecs.hpp>
+
+#include "heba/base/units.h"
+#include "targets/render/rendering.h"
+#include "tests/support/temp_folder.h"
+#include "tests/tools/doctor/examinations.h"
+
+namespace heba {
+namespace {
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+constexpr const char* kCharuco =
+    "{type: charuco, rows: 4, columns: 5, square: 30 mm, marker: 22 mm, dictionary: DICT_4X4_50}";
+
+// Returns an image of the whole target, or of an empty wall.
+cv::Mat ImageOf(const std::string& target_yaml) {
+  const std::shared_ptr<const Target> target = TargetOfYaml(target_yaml);
+  const Camera camera{"pinhole", 360, 300, {375, 375, 180, 150}};
+  const Rigid3d camera_from_target(ExpRotation({0.2, -0.1, 0.1}), {-0.075, -0.06, 0.3});
+  return RenderView(target->Draw(), camera, camera_from_target);
+}
+
+class TargetCheckTest : public testing::Test {
+ protected:
+  // Detections are not cached, so that every test searches its images.
+  TargetCheckTest() { setenv("HEBA_CACHE", "", 1); }
+
+  // Returns an examination of images that all show the same.
+  Examination ExaminationOfImages(const cv::Mat& image, int num_images, const std::string& configured) const {
+    Examination examination;
+    examination.config.target = TargetOfYaml(configured);
+    examination.config.target_used = configured;
+    examination.verbosity = Verbosity::kQuiet;
+    for (int i = 0; i < num_images; ++i) AddImage(image, &examination);
+    return examination;
+  }
+  void AddImage(const cv::Mat& image, Examination* examination) const {
+    const std::string name = std::to_string(examination->config.captures.size()) + ".png";
+    cv::imwrite((folder_ / name).string(), image);
+    examination->config.captures.push_back({name, folder_ / name, "", Rigid3d()});
+  }
+
+  TempFolder folder_;
+};
+
+TEST_F(TargetCheckTest, TheRightTargetHasNoSymptom) {
+  Examination examination = ExaminationOfImages(ImageOf(kCharuco), 3, kCharuco);
+  EXPECT_THAT(CodesOf(Check_target(&examination)), IsEmpty());
+  ASSERT_THAT(examination.detections, SizeIs(3));
+  EXPECT_THAT(examination.detections[0].detection.ids, SizeIs(12));
+}
+
+TEST_F(TargetCheckTest, FindsTheDictionaryOfTheImagesAndContinuesWithIt) {
+  std::string other = kCharuco;
+  other.replace(other.find("DICT_4X4_50"), 11, "DICT_5X5_50");
+  Examination examination = ExaminationOfImages(ImageOf(kCharuco), 2, other);
+  const std::vector<Symptom> symptoms = Check_target(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target"));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("the images show another target than the config names: that one is detected "
+                                          "in 0 of 2 images that were searched"));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("set in the target: dictionary: DICT_4X4_"));
+  ASSERT_THAT(examination.detections, SizeIs(2));
+  EXPECT_THAT(examination.detections[0].detection.ids, SizeIs(12));
+  EXPECT_THAT(examination.config.target_used, HasSubstr("DICT_4X4_"));
+}
+
+TEST_F(TargetCheckTest, SaysThatTheTargetIsNotSeen) {
+  Examination examination = ExaminationOfImages(cv::Mat(200, 240, CV_8UC1, cv::Scalar(128)), 3, kCharuco);
+  const std::vector<Symptom> symptoms = Check_target(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target_not_seen"));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("the target is detected in 0 of 3 images"));
+}
+
+TEST_F(TargetCheckTest, RemarksOnATargetThatIsOftenMissed) {
+  const cv::Mat seen = ImageOf(kCharuco);
+  Examination examination = ExaminationOfImages(seen, 3, kCharuco);
+  for (int i = 0; i < 2; ++i) AddImage(cv::Mat(seen.size(), CV_8UC1, cv::Scalar(128)), &examination);
+  const std::vector<Symptom> symptoms = Check_target(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark target_often_missed"));
+  EXPECT_THAT(symptoms[0].what,
+              HasSubstr("the target is detected only in 3 of 5 images (100 % of its points in the median image)"));
+}
+
+// Detections of an earlier run replace the images, so there is nothing to search.
+TEST_F(TargetCheckTest, GivenDetectionsAreTakenAsTheyAre) {
+  Examination examination = CleanExamination();
+  examination.detections.clear();
+  EXPECT_THAT(CodesOf(Check_target(&examination)), IsEmpty());
+  EXPECT_THAT(examination.detections, SizeIs(12));
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,88 @@
+#include "tools/doctor/doctor.h"
+
+#include <algorithm>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/units.h"
+#include "tests/tools/doctor/examinations.h"
+
+namespace heba {
+namespace {
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+// Returns a data set that consists of the robot's and the target's poses, without images.
+RunConfig PosesOnly(const SimulatedSetOptions& options = {}) {
+  const TestScene scene = MakeChessboardScene(options);
+  RunConfig config = ExaminationOf(scene, options.setup).config;
+  config.given_detections.clear();
+  config.camera.reset();
+  for (const PosePair& pair : scene.pairs) config.target_poses.push_back(pair.camera_from_target);
+  return config;
+}
+
+TEST(DiagnosisTest, GoodPosesHaveOnlyTheRemarkOnTheSetup) {
+  const Diagnosis diagnosis = Diagnose(PosesOnly(), 1, Verbosity::kQuiet);
+  EXPECT_EQ(diagnosis.num_captures, 12);
+  EXPECT_EQ(diagnosis.num_seen, 12);
+  EXPECT_THAT(CodesOf(diagnosis.symptoms), ElementsAre("remark either_set_up"));
+  EXPECT_EQ(diagnosis.NumWrong(), 0);
+  EXPECT_EQ(FirstWrong(diagnosis), "");
+  ASSERT_TRUE(diagnosis.pose_fit.has_value());
+  EXPECT_TRUE(diagnosis.pose_fit->fits);
+}
+
+TEST(DiagnosisTest, GoodDetectionsHaveNoFault) {
+  const Diagnosis diagnosis = Diagnose(CleanExamination().config, 1, Verbosity::kQuiet, Examine::kInputs);
+  EXPECT_EQ(diagnosis.num_captures, 12);
+  EXPECT_EQ(diagnosis.num_seen, 12);
+  EXPECT_THAT(CodesOf(diagnosis.symptoms), ElementsAre("remark either_set_up"));
+}
+
+TEST(DiagnosisTest, CapturesWithoutATargetAreNotSeen) {
+  RunConfig config = CleanExamination().config;
+  config.given_detections[5].detection = Detection();
+  const Diagnosis diagnosis = Diagnose(config, 1, Verbosity::kQuiet, Examine::kInputs);
+  EXPECT_EQ(diagnosis.num_captures, 12);
+  EXPECT_EQ(diagnosis.num_seen, 11);
+}
+
+// The fault of the poses is corrected before the captures are checked, which then fit.
+TEST(DiagnosisTest, AFaultDoesNotCauseOthers) {
+  RunConfig config = PosesOnly();
+  for (Capture& capture : config.captures) capture.base_from_gripper = Inverse(capture.base_from_gripper);
+  for (size_t i = 0; i < config.captures.size(); ++i) {
+    config.pose_numbers[i] = NumbersFromPose(config.pose_reading.format, config.captures[i].base_from_gripper);
+  }
+  const Diagnosis diagnosis = Diagnose(config, 1, Verbosity::kQuiet);
+  EXPECT_THAT(CodesOf(diagnosis.symptoms), ElementsAre("wrong pose_direction"));
+  EXPECT_EQ(diagnosis.NumWrong(), 1);
+  EXPECT_EQ(FirstWrong(diagnosis), diagnosis.symptoms[0].what + "; " + diagnosis.symptoms[0].cure);
+}
+
+TEST(DiagnosisTest, FaultsPrecedeRemarks) {
+  SimulatedSetOptions options;
+  options.num_captures = 7;
+  RunConfig config = PosesOnly(options);
+  std::swap(config.captures[1].base_from_gripper, config.captures[4].base_from_gripper);
+  std::swap(config.pose_numbers[1], config.pose_numbers[4]);
+  const Diagnosis diagnosis = Diagnose(config, 1, Verbosity::kQuiet);
+  EXPECT_THAT(CodesOf(diagnosis.symptoms), ElementsAre("wrong swapped", "remark few_captures"));
+}
+
+TEST(FirstWrongTest, ACureIsAppendedIfThereIsOne) {
+  Diagnosis diagnosis;
+  EXPECT_EQ(FirstWrong(diagnosis), "");
+  diagnosis.symptoms = {{Severity::kWrong, "no_result", "no convergence", ""}};
+  EXPECT_EQ(FirstWrong(diagnosis), "no convergence");
+  diagnosis.symptoms[0].cure = "take more captures";
+  EXPECT_EQ(FirstWrong(diagnosis), "no convergence; take more captures");
+  diagnosis.symptoms[0].severity = Severity::kRemark;
+  EXPECT_EQ(FirstWrong(diagnosis), "");
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,133 @@
+// Examinations of simulated data sets for tests of the doctor's checks. The images are never rendered: the detections
+// are the projected corners of a chessboard.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "heba/config/yaml_reader.h"
+#include "heba/io/pose_formats.h"
+#include "targets/detection.h"
+#include "targets/target.h"
+#include "tests/support/scenes.h"
+#include "tools/doctor/examination.h"
+#include "tools/doctor/symptom.h"
+
+namespace heba {
+
+#define HEBA_CHECK(name, needs_images, what) std::vector<Symptom> Check_##name(Examination* examination);
+#include "tools/doctor/checks.def"
+#undef HEBA_CHECK
+
+// A chessboard without symmetry.
+inline constexpr const char* kChessboardYaml = "{type: chessboard, rows: 5, columns: 8, square: 25 mm}";
+
+inline std::shared_ptr<const Target> TargetOfYaml(const std::string& yaml) {
+  MapReader reader(ParseYaml(yaml, "target.yaml"));
+  return CreateTarget(reader);
+}
+
+struct SimulatedSetOptions {
+  int num_captures = 12;
+  double noise_px = 0.1;
+  double max_tilt_rad = 0.6;
+  Setup setup = Setup::kEyeToHand;
+  Camera camera = TestCamera();
+  uint64_t seed = 1;
+};
+
+inline TestScene MakeChessboardScene(const SimulatedSetOptions& options = {}) {
+  TestSceneOptions scene;
+  scene.num_captures = options.num_captures;
+  scene.noise_px = options.noise_px;
+  scene.max_tilt_rad = options.max_tilt_rad;
+  scene.points = AllPoints(*TargetOfYaml(kChessboardYaml)).points_in_target;
+  scene.setup = options.setup;
+  scene.camera = options.camera;
+  return MakeTestScene(options.seed, scene);
+}
+
+// Examines the views once more, after the config, the detections or the camera have been changed.
+inline void ExamineAgain(Examination* examination) {
+  examination->views = ExamineViews(examination->config, examination->detections, *examination->camera);
+}
+
+// Returns an examination as the checks see it after those before have found nothing wrong. The config names the
+// camera of the scene.
+inline Examination ExaminationOf(const TestScene& scene, Setup setup) {
+  Examination examination;
+  RunConfig& config = examination.config;
+  config.file = "cell.yaml";
+  config.name = "cell";
+  config.setup = setup;
+  config.target = TargetOfYaml(kChessboardYaml);
+  config.target_used = kChessboardYaml;
+  config.camera = scene.camera;
+  config.camera_model = scene.camera.model;
+  config.camera_file = "camera.yaml";
+  config.poses_file = "poses.csv";
+  config.pose_reading.format = *FindPoseFormat("ros");
+  config.seed = kBestSeed;
+  config.data_files = {"detections.json"};
+  for (const View& view : scene.views) {
+    const Rigid3d base_from_gripper = BaseFromGripper(setup, view.camera_mount_from_target_mount);
+    config.captures.push_back({view.name, "", "", base_from_gripper});
+    config.pose_numbers.push_back(NumbersFromPose(config.pose_reading.format, base_from_gripper));
+    CaptureDetection capture;
+    capture.width_px = scene.camera.width_px;
+    capture.height_px = scene.camera.height_px;
+    capture.detection.ids = view.observations.ids;
+    for (Eigen::Index i = 0; i < view.observations.pixels.cols(); ++i) {
+      capture.detection.pixels.emplace_back(view.observations.pixels.col(i));
+    }
+    examination.detections.push_back(capture);
+  }
+  config.given_detections = examination.detections;
+  examination.camera = scene.camera;
+  examination.verbosity = Verbosity::kQuiet;
+  ExamineAgain(&examination);
+  return examination;
+}
+
+inline Examination CleanExamination(const SimulatedSetOptions& options = {}) {
+  return ExaminationOf(MakeChessboardScene(options), options.setup);
+}
+
+// Replaces the robot's poses, base_from_gripper, of all captures.
+inline void SetPoses(const std::vector<Rigid3d>& poses, Examination* examination) {
+  RunConfig& config = examination->config;
+  for (size_t i = 0; i < poses.size(); ++i) {
+    config.captures[i].base_from_gripper = poses[i];
+    config.pose_numbers[i] = NumbersFromPose(config.pose_reading.format, poses[i]);
+  }
+  ExamineAgain(examination);
+}
+
+inline std::vector<Rigid3d> PosesOf(const Examination& examination) {
+  std::vector<Rigid3d> poses;
+  for (const Capture& capture : examination.config.captures) poses.push_back(capture.base_from_gripper);
+  return poses;
+}
+
+// Writes the numbers of all poses in one format and reads them in another, as a config does that names the wrong one.
+inline void MisreadPoses(const PoseFormat& written, const PoseFormat& read, Examination* examination) {
+  RunConfig& config = examination->config;
+  config.pose_reading.format = read;
+  for (size_t i = 0; i < config.captures.size(); ++i) {
+    config.pose_numbers[i] = NumbersFromPose(written, config.captures[i].base_from_gripper);
+    config.captures[i].base_from_gripper = *PoseFromNumbers(read, config.pose_numbers[i]);
+  }
+  ExamineAgain(examination);
+}
+
+inline std::vector<std::string> CodesOf(const std::vector<Symptom>& symptoms) {
+  std::vector<std::string> codes;
+  for (const Symptom& symptom : symptoms) {
+    codes.push_back((symptom.severity == Severity::kWrong ? "wrong " : "remark ") + symptom.code);
+  }
+  return codes;
+}
+
+}  // namespace heba

@@ -1,0 +1,157 @@
+#include "tools/doctor/raw_folder.h"
+
+#include <fstream>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/config/yaml_reader.h"
+#include "tests/support/input_error.h"
+#include "tests/support/temp_folder.h"
+
+namespace heba {
+namespace {
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+// A folder as a user has it after recording. Images are empty files, because they are counted and not opened.
+class RawFolderTest : public testing::Test {
+ protected:
+  void Write(const std::string& name, const std::string& text) const {
+    std::filesystem::create_directories((folder_ / name).parent_path());
+    std::ofstream(folder_ / name) << text;
+  }
+  void WriteImages(const std::string& folder, int num_images) const {
+    for (int i = 0; i < num_images; ++i) Write(folder + std::to_string(i) + ".png", "");
+  }
+
+  static constexpr const char* kKukaPoses =
+      "100,200,300,10,20,30\n110,200,300,20,20,30\n120,200,300,30,20,10\n130,200,300,30,20,50\n";
+  static constexpr const char* kCamera =
+      "{model: pinhole, image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240}\n";
+  static constexpr const char* kTarget = "{type: chessboard, rows: 5, columns: 8, square: 20 mm}\n";
+  TempFolder folder_;
+};
+
+TEST_F(RawFolderTest, FindsImagesAndATableBesideOneAnother) {
+  WriteImages("", 4);
+  Write("robot.txt", kKukaPoses);
+  const std::optional<RawFolder> raw = FindRawFolder(folder_.path());
+  ASSERT_TRUE(raw.has_value());
+  EXPECT_EQ(raw->images, folder_.path());
+  EXPECT_EQ(raw->num_images, 4u);
+  EXPECT_EQ(raw->poses, folder_ / "robot.txt");
+  EXPECT_EQ(raw->format.translation_unit, "mm");
+  EXPECT_EQ(raw->format.angle_unit, "deg");
+  EXPECT_FALSE(raw->camera.has_value());
+  EXPECT_FALSE(raw->target.has_value());
+}
+
+TEST_F(RawFolderTest, TheFolderWithTheMostImagesIsChosen) {
+  WriteImages("thumbnails/", 2);
+  WriteImages("camera/", 4);
+  Write("robot.txt", kKukaPoses);
+  const std::optional<RawFolder> raw = FindRawFolder(folder_.path());
+  ASSERT_TRUE(raw.has_value());
+  EXPECT_EQ(raw->images, folder_ / "camera");
+}
+
+TEST_F(RawFolderTest, ATableBesideTheImagesIsFound) {
+  WriteImages("camera/", 4);
+  Write("camera/robot.txt", kKukaPoses);
+  const std::optional<RawFolder> raw = FindRawFolder(folder_.path());
+  ASSERT_TRUE(raw.has_value());
+  EXPECT_EQ(raw->poses, folder_ / "camera/robot.txt");
+}
+
+TEST_F(RawFolderTest, RecognisesCameraAndTargetFiles) {
+  WriteImages("", 4);
+  Write("robot.txt", kKukaPoses);
+  Write("lens.yaml", kCamera);
+  Write("sheet.yaml", kTarget);
+  const std::optional<RawFolder> raw = FindRawFolder(folder_.path());
+  ASSERT_TRUE(raw.has_value());
+  EXPECT_EQ(raw->camera, folder_ / "lens.yaml");
+  EXPECT_EQ(raw->target, folder_ / "sheet.yaml");
+  EXPECT_EQ(raw->poses, folder_ / "robot.txt");
+}
+
+TEST_F(RawFolderTest, TheTableWithAsManyRowsAsImagesIsChosen) {
+  WriteImages("", 4);
+  Write("a.txt", std::string(kKukaPoses) + kKukaPoses);
+  Write("b.txt", kKukaPoses);
+  const std::optional<RawFolder> raw = FindRawFolder(folder_.path());
+  ASSERT_TRUE(raw.has_value());
+  EXPECT_EQ(raw->poses, folder_ / "b.txt");
+}
+
+TEST_F(RawFolderTest, ATableTakesPrecedenceOverFilesOfOnePose) {
+  WriteImages("", 4);
+  for (int i = 0; i < 4; ++i) Write("poses/" + std::to_string(i) + ".txt", "100 200 300 10 20 30\n");
+  ASSERT_TRUE(FindRawFolder(folder_.path()).has_value());
+  EXPECT_EQ(FindRawFolder(folder_.path())->poses, folder_ / "poses");
+  Write("robot.txt", kKukaPoses);
+  EXPECT_EQ(FindRawFolder(folder_.path())->poses, folder_ / "robot.txt");
+}
+
+TEST_F(RawFolderTest, ImagesAndPosesAreBothNeeded) {
+  EXPECT_FALSE(FindRawFolder(folder_.path()).has_value());
+  Write("robot.txt", kKukaPoses);
+  EXPECT_FALSE(FindRawFolder(folder_.path()).has_value());
+  WriteImages("", 4);
+  Write("robot.txt", "notes on the recording\n");
+  EXPECT_FALSE(FindRawFolder(folder_.path()).has_value());
+  EXPECT_FALSE(FindRawFolder(folder_ / "absent").has_value());
+}
+
+TEST_F(RawFolderTest, ConfigLeavesOpenWhatIsUnknown) {
+  WriteImages("camera/", 4);
+  Write("robot.txt", kKukaPoses);
+  const RawConfig made = ConfigOf(*FindRawFolder(folder_.path()), std::nullopt, folder_ / "cell.yaml", 1);
+  EXPECT_EQ(made.text,
+            "# setup: eye_to_hand (camera fixed) or eye_in_hand (camera on the gripper)\n"
+            "# target: ...: the target in the images\n"
+            "captures:\n  images: \"camera\"\n  poses: \"robot.txt\"\n"
+            "  pose_format: {columns: [x, y, z, r4, r5, r6], translation: mm, rotation: euler_zyx, angle: deg}\n");
+  ASSERT_THAT(made.remarks, SizeIs(1));
+  EXPECT_THAT(made.remarks[0], HasSubstr("the poses contain 6 numbers per pose: x, y, z in mm and euler_zyx in deg, "
+                                         "guessed from the size of the numbers: name the target and the setup"));
+}
+
+// The paths are those from the config, wherever it is.
+TEST_F(RawFolderTest, PathsAreRelativeToTheConfig) {
+  WriteImages("set/", 4);
+  Write("set/robot.txt", kKukaPoses);
+  Write("set/lens.yaml", kCamera);
+  std::filesystem::create_directories(folder_ / "configs");
+  const RawConfig made = ConfigOf(*FindRawFolder(folder_ / "set"), std::nullopt, folder_ / "configs/cell.yaml", 1);
+  const ConfigValue config = ParseYaml(made.text, folder_ / "configs/cell.yaml");
+  EXPECT_EQ(config.node()["camera"]["intrinsics"].as<std::string>(), "../set/lens.yaml");
+  EXPECT_EQ(config.node()["captures"]["images"].as<std::string>(), "../set");
+  EXPECT_EQ(config.node()["captures"]["poses"].as<std::string>(), "../set/robot.txt");
+}
+
+TEST_F(RawFolderTest, SaysWhyTheDataSetCannotBeRead) {
+  WriteImages("", 3);
+  Write("robot.txt", kKukaPoses);
+  Write("sheet.yaml", kTarget);
+  const RawConfig made = ConfigOf(*FindRawFolder(folder_.path()), std::nullopt, folder_ / "cell.yaml", 1);
+  EXPECT_THAT(made.text, HasSubstr("target: \"sheet.yaml\"\n"));
+  ASSERT_THAT(made.remarks, SizeIs(1));
+  EXPECT_THAT(made.remarks[0], HasSubstr("the data set cannot be read: "));
+  EXPECT_THAT(made.remarks[0], HasSubstr("has 4 rows without an image column for 3 images"));
+}
+
+TEST_F(RawFolderTest, AFaultOfTheTargetIsReportedFirst) {
+  WriteImages("", 4);
+  Write("robot.txt", kKukaPoses);
+  Write("sheet.yaml", "{type: chessboard, rows: 5, columns: 8}\n");
+  const RawFolder raw = *FindRawFolder(folder_.path());
+  EXPECT_FALSE(raw.target.has_value());
+  EXPECT_THAT(InputErrorOf([&] { ConfigOf(raw, folder_ / "sheet.yaml", folder_ / "cell.yaml", 1); }),
+              HasSubstr("'square' is missing"));
+}
+
+}  // namespace
+}  // namespace heba

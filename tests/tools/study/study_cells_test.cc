@@ -1,0 +1,188 @@
+#include "tools/study/study_cells.h"
+
+#include <fstream>
+#include <functional>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/input_error.h"
+#include "tests/support/temp_folder.h"
+
+namespace heba {
+namespace {
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+StudyConfig SmallStudy() {
+  StudyConfig study;
+  study.num_trials = 20;
+  study.seed = 1;
+  for (int i = 0; i < 2; ++i) {
+    StudyCell cell;
+    cell.camera = Camera{"pinhole", 640, 480, {600, 600, 320, 240}};
+    cell.target.ids = {0};
+    cell.target.points_in_target = Points3::Zero(3, 1);
+    cell.poses = {{"home", Rigid3d()}};
+    cell.pixel_sigma_px = 0.1 * (i + 1);
+    study.cells.push_back(cell);
+    study.labels.emplace_back();
+    study.labels.back().scene = "scene" + std::to_string(i);
+  }
+  return study;
+}
+
+CellResult ResultOf(int cell) {
+  CellResult result;
+  result.cell = cell;
+  result.bound = StudyErrors{1e-3, 2e-3, 3e-3, 4e-3, 0.5};
+  MethodSummary method;
+  method.method = "park";
+  method.num_trials = 20;
+  method.num_failed = 3;
+  method.rms = StudyErrors{1.0 / 3, 0.2, 0.3, 0.4, std::nullopt};
+  method.axxb_mean_mm = 0.7;
+  result.methods.push_back(method);
+  method.method = "bundle";
+  method.coverage = 0.95;
+  method.right_model = 0.9;
+  method.pixel_sigma_px = 0.11;
+  method.robot_noise = RobotNoise{1e-4, 2e-4};
+  result.methods.push_back(method);
+  return result;
+}
+
+class StudyCellsTest : public testing::Test {
+ protected:
+  TempFolder folder_;
+  StudyConfig study_ = SmallStudy();
+};
+
+TEST_F(StudyCellsTest, FindsWhatItKept) {
+  const StudyCells cells(folder_ / "study", study_);
+  EXPECT_FALSE(cells.Find(1).has_value());
+  cells.Keep(ResultOf(1));
+  const std::optional<CellResult> found = cells.Find(1);
+  ASSERT_TRUE(found.has_value());
+  EXPECT_FALSE(cells.Find(0).has_value());
+  EXPECT_EQ(found->cell, 1);
+  EXPECT_EQ(found->labels.scene, "scene1");
+  ASSERT_TRUE(found->bound) << found->bound.reason();
+  EXPECT_EQ(found->bound->hand_eye_m, 1e-3);
+  EXPECT_EQ(found->bound->hand_eye_rad, 2e-3);
+  EXPECT_EQ(found->bound->board_m, 3e-3);
+  EXPECT_EQ(found->bound->board_rad, 4e-3);
+  EXPECT_EQ(found->bound->focal_px, 0.5);
+  ASSERT_THAT(found->methods, SizeIs(2));
+  const MethodSummary& park = found->methods[0];
+  EXPECT_EQ(park.method, "park");
+  EXPECT_EQ(park.num_trials, 20);
+  EXPECT_EQ(park.num_failed, 3);
+  // Figures keep every digit, so that a study that is continued does not change.
+  EXPECT_EQ(park.rms.hand_eye_m, 1.0 / 3);
+  EXPECT_FALSE(park.rms.focal_px.has_value());
+  EXPECT_EQ(park.axxb_mean_mm, 0.7);
+  EXPECT_FALSE(park.coverage.has_value());
+  EXPECT_FALSE(park.robot_noise.has_value());
+  const MethodSummary& bundle = found->methods[1];
+  EXPECT_EQ(bundle.coverage, 0.95);
+  EXPECT_EQ(bundle.right_model, 0.9);
+  EXPECT_EQ(bundle.pixel_sigma_px, 0.11);
+  ASSERT_TRUE(bundle.robot_noise.has_value());
+  EXPECT_EQ(bundle.robot_noise->translation_m, 1e-4);
+  EXPECT_EQ(bundle.robot_noise->rotation_rad, 2e-4);
+}
+
+TEST_F(StudyCellsTest, KeepsWhyThereIsNoBound) {
+  const StudyCells cells(folder_ / "study", study_);
+  CellResult result = ResultOf(0);
+  result.bound = Failure{"the captures do not determine the unknowns"};
+  cells.Keep(result);
+  ASSERT_TRUE(cells.Find(0).has_value());
+  EXPECT_EQ(cells.Find(0)->bound.reason(), "the captures do not determine the unknowns");
+}
+
+TEST_F(StudyCellsTest, AnotherObjectFindsThemInTheSameFolder) {
+  StudyCells(folder_ / "study", study_).Keep(ResultOf(0));
+  EXPECT_TRUE(StudyCells(folder_ / "study", study_).Find(0).has_value());
+}
+
+struct Change {
+  std::string name;
+  std::function<void(StudyConfig* study)> apply;
+};
+
+class ChangedStudyTest : public StudyCellsTest, public testing::WithParamInterface<Change> {};
+
+TEST_P(ChangedStudyTest, DoesNotReuseTheCell) {
+  StudyCells(folder_ / "study", study_).Keep(ResultOf(0));
+  GetParam().apply(&study_);
+  EXPECT_FALSE(StudyCells(folder_ / "study", study_).Find(0).has_value());
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    , ChangedStudyTest,
+    testing::Values(
+        Change{"Trials", [](StudyConfig* study) { study->num_trials = 21; }},
+        Change{"Seed", [](StudyConfig* study) { study->seed = 2; }},
+        Change{"PixelNoise", [](StudyConfig* study) { study->cells[0].pixel_sigma_px = 0.11; }},
+        Change{"RobotNoise", [](StudyConfig* study) { study->cells[0].robot_noise.rotation_rad = 1e-9; }},
+        Change{"Outliers", [](StudyConfig* study) { study->cells[0].outlier_points = 0.01; }},
+        Change{"WrongCaptures", [](StudyConfig* study) { study->cells[0].wrong_captures = 0.01; }},
+        Change{"Camera", [](StudyConfig* study) { study->cells[0].camera.params[0] += 1e-6; }},
+        Change{"CameraModel", [](StudyConfig* study) { study->cells[0].options.camera_model = "rational8"; }},
+        Change{"HandEye",
+               [](StudyConfig* study) { study->cells[0].hand_eye.camera_mount_from_camera.translation.x() = 1; }},
+        Change{"Pose", [](StudyConfig* study) { study->cells[0].poses[0].camera_from_target.translation.x() = 1; }},
+        Change{"Role", [](StudyConfig* study) { study->cells[0].poses[0].role = ""; }},
+        Change{"Points", [](StudyConfig* study) { study->cells[0].target.points_in_target(0, 0) = 1; }},
+        Change{"Radii", [](StudyConfig* study) { study->cells[0].target.radii_m = Eigen::VectorXd::Ones(1); }},
+        Change{"Shape", [](StudyConfig* study) { study->cells[0].shape.params[0] = 1.01; }},
+        Change{"Methods", [](StudyConfig* study) { study->cells[0].options.methods = {"park"}; }},
+        Change{"Loss", [](StudyConfig* study) { study->cells[0].options.bundle.loss = "huber"; }},
+        Change{"Setup", [](StudyConfig* study) { study->cells[0].options.setup = Setup::kEyeInHand; }},
+        Change{"RobotModel",
+               [](StudyConfig* study) {
+                 study->cells[0].options.choose.robot_noise = !study->cells[0].options.choose.robot_noise;
+               }},
+        Change{"Intrinsics",
+               [](StudyConfig* study) { study->cells[0].options.bundle.free_intrinsics = {ParameterGroup::kFocal}; }},
+        Change{"GivenCamera", [](StudyConfig* study) { study->cells[0].options.camera = study->cells[0].camera; }}),
+    [](const auto& change) { return change.param.name; });
+
+// The content of a cell decides, not its neighbours.
+TEST_F(StudyCellsTest, AChangeOfAnotherCellDoesNotMatter) {
+  StudyCells(folder_ / "study", study_).Keep(ResultOf(0));
+  study_.cells[1].pixel_sigma_px = 5;
+  study_.cells.push_back(study_.cells[1]);
+  study_.labels.push_back(study_.labels[1]);
+  EXPECT_TRUE(StudyCells(folder_ / "study", study_).Find(0).has_value());
+}
+
+TEST_F(StudyCellsTest, ADamagedFileIsNoResult) {
+  const StudyCells cells(folder_ / "study", study_);
+  cells.Keep(ResultOf(0));
+  const std::filesystem::path file = folder_ / "study/cells/0.json";
+  ASSERT_TRUE(std::filesystem::exists(file));
+  std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
+  EXPECT_FALSE(cells.Find(0).has_value());
+}
+
+TEST_F(StudyCellsTest, RefusesAFolderWithOtherFiles) {
+  std::filesystem::create_directory(folder_ / "photos");
+  std::ofstream(folder_ / "photos/holiday.jpg") << "x";
+  EXPECT_THAT(InputErrorOf([&] { StudyCells(folder_ / "photos", study_); }),
+              HasSubstr("photos: holds other files (no study.csv); name a new or empty folder"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "photos/cells"));
+  std::ofstream(folder_ / "photos/study.csv") << "x";
+  EXPECT_EQ(InputErrorOf([&] { StudyCells(folder_ / "photos", study_); }), "no error");
+}
+
+TEST_F(StudyCellsTest, RefusesAPathThatIsAFile) {
+  std::ofstream(folder_ / "file") << "x";
+  EXPECT_THAT(InputErrorOf([&] { StudyCells(folder_ / "file", study_); }), HasSubstr("cannot be created"));
+}
+
+}  // namespace
+}  // namespace heba
