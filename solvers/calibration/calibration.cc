@@ -200,8 +200,8 @@ void LeaveOutWrongCaptures(const BundleOptions& bundle, const CalibrationOptions
   if (2 * static_cast<size_t>(num_wrong) > judged.verdicts.size()) {
     calibration->refined =
         Failure{std::to_string(num_wrong) + " of " + std::to_string(judged.verdicts.size()) +
-                " captures contradict every calibration; do images and poses belong together, and do the poses "
-                "mean what the config says (pose_format, poses_are, setup)?"};
+                " captures contradict every calibration; check that images and poses belong together, and that the "
+                "poses mean what the config says (pose_format, poses_are, setup)"};
     return;
   }
   std::vector<View> views;

@@ -31,7 +31,7 @@ struct CalibrationOptions {
   bool choose_camera_model = false;
   Setup setup = Setup::kEyeToHand;
   std::optional<Camera> camera;  // Estimated from the views if not given.
-  // The initial guess of that estimation, nearly right. If not given, it starts from scratch.
+  // An initial guess for that estimation, close to the solution. Without it the estimation starts from a closed form.
   std::optional<Camera> camera_start;
   std::string camera_model = "brown5";
   int width_px = 0;
@@ -71,9 +71,9 @@ struct Calibration {
 };
 
 // Calibrates from views. Captures that contradict the others (solvers/calibration/capture_rejection.h) are listed in
-// Calibration::unused and used by no method, unless the loss is `none`, which rejects nothing; so are captures without
-// any point that agrees with the estimate. The error model is chosen on the remaining captures and points
-// (solvers/calibration/model_choice.h). Points and captures are then judged again under the chosen model, and a
+// Calibration::unused and used by no method, unless the loss is `none`, which rejects nothing. Captures without any
+// point that agrees with the estimate are listed there too. The error model is chosen on the remaining captures and
+// points (solvers/calibration/model_choice.h). Points and captures are then judged again under the chosen model, and a
 // capture that it explains is taken back. Returns a Failure if no camera can be estimated; the Failure of a refinement
 // is in Calibration::refined.
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);

@@ -80,12 +80,12 @@ std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solu
     const std::string part = names[i].substr(names[i].find('.') + 1);
     const bool is_focal = part == "fx" || part == "fy";
     if (!is_focal && part != "cx" && part != "cy") continue;
-    const Eigen::Index k = static_cast<Eigen::Index>(i);
     WeakDirection weakness;
     weakness.name = std::string("the camera's ") + part;
-    weakness.direction = Eigen::VectorXd::Unit(covariance.rows(), k);
-    weakness.sigma = std::sqrt(covariance(k, k));
-    weakness.wanted = kWantedRatio * (is_focal ? solution.camera.params[0] : solution.camera.width_px);
+    weakness.direction = is_focal ? AxialFocalLengthByUnknowns(solution.camera, part == "fx" ? 0 : 1, names)
+                                  : Eigen::VectorXd::Unit(covariance.rows(), static_cast<Eigen::Index>(i));
+    weakness.sigma = std::sqrt(weakness.direction.dot(covariance * weakness.direction));
+    weakness.wanted = kWantedRatio * (is_focal ? AxialFocalLength(solution.camera, 0) : solution.camera.width_px);
     weakness.unit = "px";
     weak_directions.push_back(std::move(weakness));
   }
@@ -204,7 +204,7 @@ bool HasGroup(const std::vector<TargetShapeGroup>& shape, TargetShapeGroup group
   return std::find(shape.begin(), shape.end(), group) != shape.end();
 }
 
-// Describes a shape: "its scale is 1.00400 along x and 1.00200 along y, its middle stands ..."
+// Describes a shape: "its scale is 1.00400 along x and 1.00200 along y, its centre is ..."
 std::string ShapeText(const TargetShape& shape, const std::vector<TargetShapeGroup>& groups) {
   std::vector<std::string> words;
   if (HasGroup(groups, TargetShapeGroup::kScale)) {
@@ -412,9 +412,10 @@ std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solu
   const double bad_rad = DegToRad(0.5);
   Finding finding{move_m > kBadM || move_rad > bad_rad ? Grade::kBad : Grade::kDoubtful, "held_intrinsics", "",
                   "free them (leave refine.intrinsics out), or recalibrate the camera"};
-  finding.text = "the intrinsics were held, but the captures say " + LargestMove(solution.camera, freed, &finding) +
-                 " (" + ChanceText(p) + "); with free intrinsics the camera would be " + Significant(1000 * move_m, 2) +
-                 " mm and " + Significant(RadToDeg(move_rad), 2) + " deg away";
+  finding.text = "the intrinsics were held, but the captures indicate " +
+                 LargestMove(solution.camera, freed, &finding) + " (" + ChanceText(p) +
+                 "); with free intrinsics the camera would be " + Significant(1000 * move_m, 2) + " mm and " +
+                 Significant(RadToDeg(move_rad), 2) + " deg away";
   finding.numbers.emplace_back("move_mm", 1000 * move_m);
   finding.numbers.emplace_back("move_deg", RadToDeg(move_rad));
   finding.is_cause = true;

@@ -11,37 +11,38 @@
 
 namespace heba {
 
-// `weak_direction`: the parts of the result whose sigma exceeds what a robot cell usually needs (1 mm, 0.1 deg, 0.2 %
-// of the focal length, 0.2 % of the image width for the principal point), the worst first. The finding names the worst
-// direction (by a frame's axis if it is close to one), its sigma, and the motion that would reduce the worst sigma
-// most, with the sigma expected then. Candidate motions are pairs of captures: target tilted about its axes, rotated
-// in its plane, nearer and farther, towards the sides of the image, all relative to the mean pose of the captures.
-// Each pair is rated by the information that its points would add. Returns nothing if no sigma is too large.
+// Returns the finding `weak_direction`: the parts of the result whose sigma exceeds what a robot cell usually needs (1
+// mm, 0.1 deg, 0.2 % of the focal length, 0.2 % of the image width for the principal point), the worst first. The
+// finding names the worst direction (by a frame's axis if it is close to one), its sigma, and the motion that would
+// reduce the worst sigma most, with the sigma expected then. Candidate motions are pairs of captures: target tilted
+// about its axes, rotated in its plane, nearer and farther, towards the sides of the image, all relative to the mean
+// pose of the captures. Each pair is rated by the information that its points would add. Returns nothing if no sigma is
+// too large.
 std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
                                               const FreeParameters& free);
 
-// `model`: which error model was chosen, and against which alternative, with figures.
+// Returns the finding `model`: the error model that was chosen, and the alternative that it was preferred to, with
+// figures.
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
                       const Solution& solution);
 
-// Returns findings about the parts of the model that the options hold fixed, from ChooseModel at the solution with all
-// parts free to be chosen: `robot_noise_ignored` if the robot was taken as exact, but its errors exceed what the pixel
-// noise explains; `target_shape_ignored` if the target was taken as designed, but is scaled or bent by enough to
-// matter.
+// Returns findings about the parts of the model that the options hold, from ChooseModel at the solution with all parts
+// free to be chosen: `robot_noise_ignored` if the robot was taken as exact, but its errors exceed what the pixel noise
+// explains; `target_shape_ignored` if the target was taken as designed, but is scaled or bent by enough to matter.
 std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solution, const BundleOptions& options,
                                    const AutoModel& chosen);
 
-// `target_scale`: the estimated scale of the target differs from its design by more than printing explains. The grade
-// is bad beyond 2 %: the dimensions in the config or the units of the robot's poses are then wrong.
+// Returns the finding `target_scale` if the estimated scale of the target differs from its design by more than printing
+// explains. The grade is bad beyond 2 %: the dimensions in the config or the units of the robot's poses are then wrong.
 std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel& model);
 
-// `held_intrinsics`: fixed intrinsics contradict the images and the robot's poses, by a joint F-test of the changes in
-// a refinement that frees them. Returns nothing if they agree, or if they cannot be freed.
+// Returns the finding `held_intrinsics` if the held intrinsics contradict the images and the robot's poses, by a joint
+// F-test of the changes in a refinement that frees them. Returns nothing if they agree, or if they cannot be freed.
 std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solution& solution,
                                               const BundleOptions& options, const AutoModel& choose);
 
-// `camera`: how a given camera was used (held, as initial guess, as prior), and how far the refinement moved it, in
-// sigmas.
+// Returns the finding `camera`: how a given camera was used (held, as initial guess, as prior), and by how many sigmas
+// the refinement changed it.
 Finding DescribeCameraUse(const Camera& given, const Solution& solution, const BundleOptions& options);
 
 }  // namespace heba

@@ -1,4 +1,4 @@
-// Uses a calibration: locates a target that an image shows in the robot's base.
+// Locates a target that an image shows, or a pixel on a plane, in the robot's base.
 #pragma once
 
 #include <optional>

@@ -42,7 +42,7 @@ std::string WhyNotObservable(const MotionAnalysis& motion) {
   const double second_deg = RadToDeg(motion.rotation_rms_rad[1]);
   if (motion.rotation_rms_rad[0] < min_rotation_rad) {
     return "the robot did not rotate between the captures (" + Fixed(first_deg, 2) +
-           " deg rms), so the hand-eye pose is undetermined; rotate the tool about two different axes by 20 deg or "
+           " deg rms), so the hand-eye pose is undetermined; rotate the gripper about two different axes by 20 deg or "
            "more";
   }
   if (motion.rotation_rms_rad[1] < min_rotation_rad) {
@@ -50,7 +50,7 @@ std::string WhyNotObservable(const MotionAnalysis& motion) {
     return "the robot rotated about one axis only (" + Fixed(first_deg, 1) + " deg rms about [" + Fixed(axis.x(), 2) +
            ", " + Fixed(axis.y(), 2) + ", " + Fixed(axis.z(), 2) + "], " + Fixed(second_deg, 2) +
            " deg about any other), so the translation of the hand-eye pose along that axis is undetermined; rotate the "
-           "tool about a second axis by 20 deg or more";
+           "gripper about a second axis by 20 deg or more";
   }
   return "";
 }

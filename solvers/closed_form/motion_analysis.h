@@ -1,4 +1,4 @@
-// Analyses the robot's motion alone: is a hand-eye calibration possible with it?
+// Analyses the robot's motion, without images, to decide whether a hand-eye calibration is possible.
 #pragma once
 
 #include <string>

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include <ceres/ceres.h>
@@ -22,24 +23,35 @@
 namespace heba {
 namespace {
 
-Camera MakeCamera(const std::string& model, int width_px, int height_px, double fx, double fy, double cx, double cy) {
-  Camera camera{model, width_px, height_px, {}};
-  camera.params.assign(static_cast<size_t>(NumParams(camera.Model())), 0.0);
-  camera.params[0] = fx;
-  camera.params[1] = fy;
-  camera.params[2] = cx;
-  camera.params[3] = cy;
+constexpr std::string_view kNotDetermined =
+    "the captures do not determine a camera; give a camera file (camera.intrinsics)";
+
+// A camera without focal length and principal point, at which the estimation starts.
+struct InitialLens {
+  std::string model;
+  int width_px;
+  int height_px;
+  std::vector<double> distortion;
+};
+
+// Returns the camera that near its optical axis images as a pinhole camera with these parameters does.
+Camera MakeCamera(const InitialLens& lens, double fx, double fy, double cx, double cy) {
+  Camera camera{lens.model, lens.width_px, lens.height_px, {fx, fy, cx, cy}};
+  camera.params.insert(camera.params.end(), lens.distortion.begin(), lens.distortion.end());
+  const double magnification = AxialFocalLength(camera, 0) / fx;
+  camera.params[0] = fx / magnification;
+  camera.params[1] = fy / magnification;
   return camera;
 }
 
 // Solves Zhang's linear equations h_1^T B h_2 = 0, h_1^T B h_1 = h_2^T B h_2 for B = K^-T K^-1 without skew, on
 // pixels relative to the image centre and divided by half the image width. With `centred` the principal point is held
 // at the image centre.
-std::optional<Camera> ZhangClosedForm(const std::vector<Eigen::Matrix3d>& homographies, const std::string& model,
-                                      int width_px, int height_px, bool centred) {
-  const double scale = 0.5 * width_px;
-  const double centre_x = 0.5 * (width_px - 1);
-  const double centre_y = 0.5 * (height_px - 1);
+std::optional<Camera> ZhangClosedForm(const std::vector<Eigen::Matrix3d>& homographies, const InitialLens& lens,
+                                      bool centred) {
+  const double scale = 0.5 * lens.width_px;
+  const double centre_x = 0.5 * (lens.width_px - 1);
+  const double centre_y = 0.5 * (lens.height_px - 1);
   Eigen::Matrix3d normalisation;
   normalisation << 1 / scale, 0, -centre_x / scale, 0, 1 / scale, -centre_y / scale, 0, 0, 1;
   // The unknowns are B11, B22, B13, B23, B33.
@@ -78,7 +90,7 @@ std::optional<Camera> ZhangClosedForm(const std::vector<Eigen::Matrix3d>& homogr
   const double fx = std::sqrt(lambda / b[0]) * scale;
   const double fy = std::sqrt(lambda / b[1]) * scale;
   if (!std::isfinite(fx) || !std::isfinite(fy) || std::abs(cx) > 1 || std::abs(cy) > 1) return std::nullopt;
-  return MakeCamera(model, width_px, height_px, fx, fy, cx * scale + centre_x, cy * scale + centre_y);
+  return MakeCamera(lens, fx, fy, cx * scale + centre_x, cy * scale + centre_y);
 }
 
 struct PosedView {
@@ -145,16 +157,15 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
 // Returns the best of the closed-form solutions and the guesses of the focal length: with it most views have a pose,
 // and their median RMS error is smallest.
 std::optional<Camera> FirstGuess(const std::vector<const View*>& usable,
-                                 const std::vector<Eigen::Matrix3d>& homographies, const std::string& model_name,
-                                 int width_px, int height_px) {
+                                 const std::vector<Eigen::Matrix3d>& homographies, const InitialLens& lens) {
   std::vector<Camera> candidates;
   for (const bool centred : {false, true}) {
-    const std::optional<Camera> zhang = ZhangClosedForm(homographies, model_name, width_px, height_px, centred);
+    const std::optional<Camera> zhang = ZhangClosedForm(homographies, lens, centred);
     if (zhang) candidates.push_back(*zhang);
   }
   for (const double ratio : {0.35, 0.6, 1.0, 1.6, 3.0}) {
-    candidates.push_back(MakeCamera(model_name, width_px, height_px, ratio * width_px, ratio * width_px,
-                                    0.5 * (width_px - 1), 0.5 * (height_px - 1)));
+    candidates.push_back(MakeCamera(lens, ratio * lens.width_px, ratio * lens.width_px, 0.5 * (lens.width_px - 1),
+                                    0.5 * (lens.height_px - 1)));
   }
   // Some of the views suffice. They are selected over all degrees of perspective, which distinguishes focal lengths.
   constexpr size_t kMaxTelling = 12;
@@ -189,6 +200,33 @@ std::optional<Camera> FirstGuess(const std::vector<const View*>& usable,
   return camera;
 }
 
+// An estimated camera, with the scale of its residuals.
+struct EstimatedCamera {
+  Camera camera;
+  double sigma_px = 0;  // From the median.
+};
+
+// Refines camera and poses in stages, each with more free parameters than the one before.
+Outcome<EstimatedCamera> RefineInStages(Camera camera, const std::vector<const View*>& usable,
+                                        const std::vector<FreeParameters>& stages) {
+  std::vector<PosedView> posed;
+  double rms_px = 0;
+  if (!PoseViews(camera, usable, &posed, &rms_px)) return Failure{std::string(kNotDetermined)};
+  const Loss& loss = *FindLoss("huber");
+  // Errors that an intermediate stage leaves are corrected by the next one.
+  constexpr double kPassing = 1e-3;
+  constexpr double kLast = 1e-10;
+  for (size_t i = 0; i < stages.size(); ++i) {
+    if (!RefineTogether(stages[i], loss, i + 1 < stages.size() ? kPassing : kLast, &camera, &posed)) {
+      return Failure{"the camera's intrinsics could not be estimated; give a camera file (camera.intrinsics)"};
+    }
+    const std::string faults = CheckCamera(camera);
+    if (!faults.empty()) return Failure{"the estimated camera is implausible (" + faults + "); give a camera file"};
+  }
+  const double sigma_px = SigmaFromMedian(SquaredDistances(camera, posed));
+  return EstimatedCamera{std::move(camera), sigma_px};
+}
+
 }  // namespace
 
 Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::string& model_name, int width_px,
@@ -211,27 +249,27 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
   }
   // A point has two coordinates, a view has six unknowns; the distortion is estimated if at least three times the
   // number of camera parameters remains. Otherwise the distortion of `start` would remain, whatever these views show.
-  const int num_params = NumParams(*FindCameraModel(model_name));
+  const CameraModel& model = *FindCameraModel(model_name);
+  const int num_params = NumParams(model);
   const bool has_distortion = 2 * num_points - 6 * static_cast<int>(usable.size()) >= 3 * num_params;
+  std::vector<Camera> starts;
   const bool has_start = start && has_distortion;
-  std::optional<Camera> camera;
   if (has_start) {
-    camera = start;
+    starts.push_back(*start);
   } else {
-    camera = FirstGuess(usable, homographies, model_name, width_px, height_px);
-  }
-  std::vector<PosedView> posed;
-  double rms_px = 0;
-  if (!camera || !PoseViews(*camera, usable, &posed, &rms_px)) {
-    return Failure{"the captures do not determine a camera; give a camera file (camera.intrinsics)"};
+    std::vector<std::vector<double>> distortions = model.facts().initial_distortions;
+    if (distortions.empty()) distortions.emplace_back(model.facts().distortion_names.size(), 0.0);
+    for (std::vector<double>& distortion : distortions) {
+      const std::optional<Camera> guess =
+          FirstGuess(usable, homographies, {model_name, width_px, height_px, std::move(distortion)});
+      if (guess) starts.push_back(*guess);
+    }
   }
 
   // The parameters that every view determines come first, then all: distortion from a few points would diverge from a
   // rough initial guess.
-  const CameraModel& model = camera->Model();
-  const Loss& loss = *FindLoss("huber");
   const FreeParameters linear = FreeOf(model, {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint});
-  FreeParameters all(static_cast<size_t>(NumParams(model)), true);
+  FreeParameters all(static_cast<size_t>(num_params), true);
   std::vector<FreeParameters> stages;
   if (!has_start) stages = {FreeOf(model, {ParameterGroup::kFocal}), linear};
   if (has_distortion) {
@@ -242,17 +280,13 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
     stages.push_back(all);
     stages.push_back(all);
   }
-  // Errors that an intermediate stage leaves are corrected by the next one.
-  constexpr double kPassing = 1e-3;
-  constexpr double kLast = 1e-10;
-  for (size_t i = 0; i < stages.size(); ++i) {
-    if (!RefineTogether(stages[i], loss, i + 1 < stages.size() ? kPassing : kLast, &*camera, &posed)) {
-      return Failure{"the camera's intrinsics could not be estimated; give a camera file (camera.intrinsics)"};
-    }
-    const std::string faults = CheckCamera(*camera);
-    if (!faults.empty()) return Failure{"the estimated camera is implausible (" + faults + "); give a camera file"};
+  Outcome<EstimatedCamera> best = Failure{std::string(kNotDetermined)};
+  for (const Camera& camera : starts) {
+    Outcome<EstimatedCamera> estimated = RefineInStages(camera, usable, stages);
+    if (!best || (estimated && estimated->sigma_px < best->sigma_px)) best = std::move(estimated);
   }
-  return *camera;
+  if (!best) return Failure{best.reason()};
+  return best->camera;
 }
 
 }  // namespace heba

@@ -121,12 +121,12 @@ void AddChained(const Eigen::MatrixXd& products, const std::vector<Matrix6>& lef
 
 }  // namespace
 
-// A capture, evaluated at one value of its own pose.
+// A capture, evaluated at one value of its eliminated pose.
 struct CapturesCost::Evaluation {
   Rigid3d eliminated_pose;
-  std::vector<Matrix6> left_from_tangent;  // Shared poses, then the own pose.
+  std::vector<Matrix6> left_from_tangent;  // Shared poses, then the eliminated pose.
   ViewNormalEquations products;
-  // The own pose: the 6 x 6 matrix of its normal equations, and its 6 rows with all columns of the products.
+  // The eliminated pose: the 6 x 6 matrix of its normal equations, and its 6 rows with all columns of the products.
   Matrix6 own;
   PoseRows with_others;
   double prior_squares = 0;
@@ -137,7 +137,7 @@ struct CapturesCost::Evaluation {
   }
 };
 
-// The state of a capture's own pose where the cost was evaluated.
+// The state of a capture's eliminated pose where the cost was evaluated.
 struct CapturesCost::EliminatedPoseState {
   Rigid3d pose;
   std::vector<Matrix6> left_from_tangent;
@@ -157,7 +157,7 @@ struct CapturesCost::State {
   }
 };
 
-// The step of the shared unknowns since the own poses were linearised; empty if they have not been.
+// The step of the shared unknowns since the eliminated poses were linearised; empty if they have not been.
 struct CapturesCost::SharedStep {
   std::vector<Tangent6> poses;
   Eigen::VectorXd params;  // Free parameters only.
@@ -423,7 +423,7 @@ bool CapturesCost::EvaluateCapture(const ViewReducer& reducer, const CaptureTerm
   return true;
 }
 
-// Refines the own pose by damped Gauss-Newton steps with all other unknowns held.
+// Refines the eliminated pose by damped Gauss-Newton steps with all other unknowns held.
 bool CapturesCost::SolveEliminatedPose(const CaptureTerm& capture, const std::vector<double>& parameters,
                                        Evaluation* evaluation) const {
   constexpr int kMaxSteps = 30;

@@ -6,10 +6,10 @@
 // views at once. A square root of the sum has the same cost, gradient and Gauss-Newton matrix as all rows of all
 // captures.
 //
-// A capture may have a pose of its own (the robot's correction, or the pose of the target). It is eliminated from the
-// normal equations before they are summed (Schur complement), so that cost and memory grow linearly with the number
-// of captures, and Ceres does not see it. When Ceres evaluates other values of the shared unknowns, the eliminated
-// pose follows according to its linearisation. Equations (6) to (9) of docs/estimation.md.
+// A capture may have a pose of its own (the robot's correction, or the pose of the target). This pose is eliminated
+// from the normal equations before they are summed (Schur complement), so that cost and memory grow linearly with the
+// number of captures, and Ceres does not see it. When Ceres evaluates other values of the shared unknowns, the
+// eliminated pose follows according to its linearisation. Equations (6) to (9) of docs/estimation.md.
 #pragma once
 
 #include <memory>
@@ -30,17 +30,17 @@ namespace heba {
 // One image of a capture.
 struct CaptureView {
   const Observations* observations = nullptr;
-  // Its last pose block is the capture's own pose, if there is one (CapturesCostOptions::has_eliminated_pose).
+  // Its last pose block is the capture's eliminated pose, if there is one (CapturesCostOptions::has_eliminated_pose).
   std::unique_ptr<KinematicLoop> loop;
 };
 
 // One capture: a robot pose and the images taken there.
 struct CaptureTerm {
-  // One view or more; several views require an own pose, which they share. Each view has its own residuals, but the
-  // derivatives of camera_from_target are those of the first view for all of them, so their robot poses must agree
+  // One view or more; several views require an eliminated pose, which they share. Each view has its own residuals, but
+  // the derivatives of camera_from_target are those of the first view for all of them, so their robot poses must agree
   // within the robot's repeatability.
   std::vector<CaptureView> views;
-  Rigid3d eliminated_pose;  // Initial guess of the own pose.
+  Rigid3d eliminated_pose;  // Initial guess.
 
   CaptureTerm(const Observations* observations, std::unique_ptr<KinematicLoop> loop, const Rigid3d& start = Rigid3d());
 };
@@ -48,7 +48,7 @@ struct CaptureTerm {
 // The normal equations of all captures at one value of the unknowns.
 struct NormalEquations {
   std::vector<double> parameters;  // Blocks of the shared poses, camera parameters, shape parameters.
-  // J^T J of the shared poses' tangents, the free parameters and the residual, with own poses eliminated.
+  // J^T J of the shared poses' tangents, the free parameters and the residual, with one pose per capture eliminated.
   Eigen::MatrixXd matrix;
   double loss_remainder = 0;  // See ViewNormalEquations, solvers/residuals/view_reduction.h.
 };
@@ -59,19 +59,19 @@ struct CapturesCostOptions {
   FreeParameters free;               // The Jacobians of the other parameters are 0.
   std::optional<TargetShape> shape;  // Set if `free` has entries for it; its params are not used.
   bool has_eliminated_pose = false;
-  std::optional<RobotNoise> eliminated_pose_prior;  // Prior that the own pose is the identity, with this noise.
-  // Cached normal equations of the same captures, loss, sigma and free parameters. Only without own poses.
+  std::optional<RobotNoise> eliminated_pose_prior;  // The identity, with this noise.
+  // Cached normal equations of the same captures, loss, sigma and free parameters. Only without eliminated poses.
   std::optional<NormalEquations> known;
-  // The own poses have not been estimated before. In either case they are refined at the first value of the shared
-  // unknowns.
+  // True if the eliminated poses have not been estimated before. In either case they are refined at the first value of
+  // the shared unknowns.
   bool eliminated_poses_are_rough = false;
   int num_threads = 1;  // Upper bound; the result does not depend on it.
 };
 
 // Parameter blocks: the shared poses of the loops (heba/geometry/pose_block.h), then the camera parameters, followed
 // by those of the target's shape if there is a shape. Evaluation fails, and Ceres rejects the step, if a point cannot
-// be projected. With own poses, only for use with ceres::Solve: their values depend on the point at which the
-// Jacobians were evaluated last.
+// be projected. With eliminated poses, only for use with ceres::Solve: their values depend on the point at
+// which the Jacobians were evaluated last.
 class CapturesCost final : public ceres::CostFunction {
  public:
   // `model`, the observations and the loss must outlive the cost; there must be at least one capture.
@@ -92,7 +92,7 @@ class CapturesCost final : public ceres::CostFunction {
   // linearisation, relative to the cost.
   double PredictedDrop() const;
 
-  // Returns the captures' own poses, optimal for the shared unknowns at which the Jacobians were evaluated last:
+  // Returns the captures' eliminated poses, optimal for the shared unknowns at which the Jacobians were evaluated last:
   // after ceres::Solve, the solution. Empty if there are none.
   std::vector<Rigid3d> EliminatedPoses() const;
 
@@ -105,9 +105,9 @@ class CapturesCost final : public ceres::CostFunction {
 
   // Evaluates all captures. Returns false if a point cannot be projected.
   bool EvaluateAll(std::vector<double> parameters, State* state) const;
-  // Sums the normal equations of captures [first, last), each at its own pose.
+  // Sums the normal equations of captures [first, last), each at its eliminated pose.
   bool EvaluateGroup(size_t first, size_t last, const SharedStep& step, State* state, NormalEquations* sum) const;
-  // Returns a capture's own pose as predicted by its linearisation, or its initial guess before the first
+  // Returns a capture's eliminated pose as predicted by its linearisation, or its initial guess before the first
   // linearisation.
   Rigid3d EliminatedPoseAfter(const SharedStep& step, size_t capture) const;
   // Evaluates a capture at Evaluation::eliminated_pose, which is also where SolveEliminatedPose starts.

@@ -1,5 +1,5 @@
-// Kinematic loops: from the unknown poses of a refinement to the pose of the target in a capture's camera: equations
-// (1) and (2) of docs/estimation.md.
+// Kinematic loops compute the pose of the target in a capture's camera from the unknown poses of a refinement:
+// equations (1) and (2) of docs/estimation.md.
 #pragma once
 
 #include <memory>

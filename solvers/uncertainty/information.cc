@@ -91,6 +91,17 @@ Covariance InvertInformation(const Information& information, double factor) {
   return {information.names, factor * half * half.transpose()};
 }
 
+Eigen::VectorXd AxialFocalLengthByUnknowns(const Camera& camera, int axis, const std::vector<std::string>& names) {
+  const Eigen::VectorXd by_params = AxialFocalLengthByParams(camera, axis);
+  const std::vector<std::string>& params = camera.Model().param_names();
+  Eigen::VectorXd by_unknowns = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(names.size()));
+  for (size_t i = 0; i < params.size(); ++i) {
+    const auto found = std::find(names.begin(), names.end(), "camera." + params[i]);
+    if (found != names.end()) by_unknowns[found - names.begin()] = by_params[static_cast<Eigen::Index>(i)];
+  }
+  return by_unknowns;
+}
+
 std::string PlainName(const std::string& name) {
   const size_t dot = name.find('.');
   const std::string owner = name.substr(0, dot);

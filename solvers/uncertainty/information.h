@@ -28,6 +28,11 @@ std::optional<Failure> CheckObservable(const Information& information);
 // Returns factor * matrix^-1. `information` must have passed CheckObservable.
 Covariance InvertInformation(const Information& information, double factor);
 
+// Returns the derivatives of AxialFocalLength (heba/camera/camera.h) by the unknowns with these names. Its variance is
+// the uncertainty of the focal length that matters: some models can exchange fx and fy for coefficients of their
+// distortion, so that these are not determined although the lens is.
+Eigen::VectorXd AxialFocalLengthByUnknowns(const Camera& camera, int axis, const std::vector<std::string>& names);
+
 // Returns the plain name of an entry of Covariance::names, e.g. "the hand-eye translation along the camera's z".
 std::string PlainName(const std::string& name);
 

@@ -538,14 +538,14 @@ std::string RenderOptions::Check() const {
   const auto check = [&faults](bool good, const std::string& fault) {
     if (!good) faults.push_back(fault);
   };
-  check(blur_sigma_px >= 0 && blur_sigma_px <= 50, "blur_sigma_px must be from 0 to 50");
-  check(noise_sigma_grey >= 0 && noise_sigma_grey <= 255, "noise_sigma_grey must be from 0 to 255");
-  check(black_grey >= 0 && black_grey <= 255, "black_grey must be from 0 to 255");
-  check(white_grey >= 0 && white_grey <= 255, "white_grey must be from 0 to 255");
-  check(light_gradient >= 0 && light_gradient < 1, "light_gradient must be at least 0 and less than 1");
-  check(shape.params[0] > 0 && shape.params[1] > 0, "the scales of shape must be greater than zero");
-  check(background_albedo >= 0 && background_albedo <= 1, "background_albedo must be from 0 to 1");
-  return Join(faults, "\n");
+  check(blur_sigma_px >= 0 && blur_sigma_px <= 50, "the blur must be from 0 to 50 px");
+  check(noise_sigma_grey >= 0 && noise_sigma_grey <= 255, "the noise must be from 0 to 255 grey");
+  check(black_grey >= 0 && black_grey <= 255, "black must be from 0 to 255 grey");
+  check(white_grey >= 0 && white_grey <= 255, "white must be from 0 to 255 grey");
+  check(light_gradient >= 0 && light_gradient < 1, "the uneven light must be at least 0 and less than 1");
+  check(shape.params[0] > 0 && shape.params[1] > 0, "the scales of the shape must be greater than zero");
+  check(background_albedo >= 0 && background_albedo <= 1, "the background albedo must be from 0 to 1");
+  return Join(faults, "; ");
 }
 
 cv::Mat RenderView(const Drawing& drawing, const Camera& camera, const Rigid3d& camera_from_target,

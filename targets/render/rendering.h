@@ -32,7 +32,8 @@ struct RenderOptions {
   TargetShape shape;                // Shape of the sheet in space.
   GreyDepth depth = GreyDepth::k8Bit;
   uint64_t seed = 0;  // Seed of noise, light and clutter.
-  // Returns the violated constraints, one per line; empty if the options are valid.
+  // Returns the violated constraints, separated by semicolons, in the words of a scene's keys; empty if the options are
+  // valid.
   [[nodiscard]] std::string Check() const;
 };
 

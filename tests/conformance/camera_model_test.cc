@@ -1,5 +1,6 @@
 // Requirements for every camera model (heba/camera/camera_model.h). The tests iterate over the table of models, so
 // that a new model is tested automatically.
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -10,6 +11,7 @@
 #include <Eigen/LU>
 
 #include "heba/base/rng.h"
+#include "heba/base/units.h"
 #include "heba/camera/camera.h"
 
 namespace heba {
@@ -18,55 +20,6 @@ namespace {
 constexpr int kWidthPx = 1280;
 constexpr int kHeightPx = 960;
 
-struct Lens {
-  const char* name;
-  double focal_px;
-  double k1, k2, k3, k4;
-  double p1, p2;
-};
-
-bool IsFisheye(const CameraModel& model) { return model.name() == "kannala_brandt4"; }
-
-// Returns lenses for a model: without distortion, with typical distortion, and with strong distortion of either sign.
-// The projection is invertible up to the image corners.
-std::vector<Lens> LensesFor(const CameraModel& model) {
-  if (IsFisheye(model)) {
-    return {{"undistorted", 500, 0, 0, 0, 0, 0, 0},
-            {"typical", 520, -0.02, 0.004, -0.002, 0.0003, 0, 0},
-            // The field of view is 180 degrees or more.
-            {"strong_positive", 420, 0.04, -0.01, 0.002, -0.0002, 0, 0},
-            {"strong_negative", 450, -0.05, 0.01, -0.0015, 0.0001, 0, 0}};
-  }
-  return {{"undistorted", 1000, 0, 0, 0, 0, 0, 0},
-          {"typical", 1100, -0.12, 0.08, -0.01, 0.001, 0.0007, -0.0005},
-          // The corners, at 0.85 focal lengths without distortion, move inwards by 17 %.
-          {"barrel", 940, -0.28, 0.09, -0.01, 0, 0.002, -0.001},
-          // The corners move outwards by a third.
-          {"pincushion", 800, 0.35, 0.1, 0.01, 0.002, -0.001, 0.002}};
-}
-
-// Returns the camera of a model with this lens. Coefficients are set by name, so that a new model with the usual names
-// has them too.
-Camera CameraWith(const Lens& lens, const CameraModel& model) {
-  Camera camera = {std::string(model.name()), kWidthPx, kHeightPx, {}};
-  for (const std::string& name : model.param_names()) {
-    double value = 0;
-    if (name == "fx") value = lens.focal_px;
-    if (name == "fy") value = 1.02 * lens.focal_px;
-    if (name == "cx") value = 652.3;
-    if (name == "cy") value = 470.9;
-    if (name == "k1") value = lens.k1;
-    if (name == "k2") value = lens.k2;
-    if (name == "k3") value = lens.k3;
-    if (name == "p1") value = lens.p1;
-    if (name == "p2") value = lens.p2;
-    // These coefficients of the rational model are in the denominator.
-    if (name == "k4" || name == "k5" || name == "k6") value = IsFisheye(model) ? lens.k4 : 0.1 * lens.k4;
-    camera.params.push_back(value);
-  }
-  return camera;
-}
-
 struct CameraCase {
   std::string name;
   Camera camera;
@@ -74,16 +27,24 @@ struct CameraCase {
 };
 void PrintTo(const CameraCase& tested, std::ostream* stream) { *stream << tested.name; }
 
-// Returns every camera model with each of its lenses.
+// Returns every camera model with each of its examples.
 std::vector<CameraCase> CameraCases() {
   std::vector<CameraCase> cases;
   for (const CameraModel* model : CameraModels()) {
     int lens_index = 0;
-    for (const Lens& lens : LensesFor(*model)) {
-      cases.push_back({std::string(model->name()) + "_" + lens.name, CameraWith(lens, *model), lens_index++});
+    for (const CameraExample& example : model->facts().examples) {
+      const std::string name(model->name());
+      cases.push_back({name + "_" + example.name, {name, kWidthPx, kHeightPx, example.params}, lens_index++});
     }
   }
   return cases;
+}
+
+// Returns whether the camera projects rays at 90 deg from the optical axis: the largest angle is that of the last
+// projected ray.
+bool SeesPerpendicularRays(const Camera& camera) {
+  const double below_rad = DegToRad(89.999);
+  return ProjectPoint(camera, {std::sin(below_rad), 0, std::cos(below_rad)}).has_value();
 }
 
 // Returns points in front of the camera whose projections cover the image.
@@ -123,6 +84,55 @@ TEST_P(CameraModelTest, HasANameAndTheFourPinholeParameters) {
   EXPECT_EQ(CheckCamera(camera()), "");
 }
 
+// A model whose examples leave a coefficient at 0 would leave its derivatives untested.
+TEST_P(CameraModelTest, HasAnExampleWithoutZeros) {
+  const std::vector<CameraExample>& examples = model().facts().examples;
+  EXPECT_TRUE(std::any_of(examples.begin(), examples.end(), [](const CameraExample& example) {
+    return std::find(example.params.begin(), example.params.end(), 0.0) == example.params.end();
+  }));
+}
+
+TEST_P(CameraModelTest, StartsWithADistortionThatProjectsPointsInFrontOfTheCamera) {
+  const CameraModelFacts& facts = model().facts();
+  std::vector<std::vector<double>> distortions = facts.initial_distortions;
+  if (distortions.empty()) distortions.emplace_back(facts.distortion_names.size(), 0.0);
+  for (const std::vector<double>& distortion : distortions) {
+    ASSERT_EQ(distortion.size(), facts.distortion_names.size());
+    Camera start = camera();
+    std::copy(distortion.begin(), distortion.end(), start.params.begin() + 4);
+    for (const double angle_deg : {0.0, 30.0, 60.0, 89.0}) {
+      const double angle_rad = DegToRad(angle_deg);
+      EXPECT_TRUE(ProjectPoint(start, {std::sin(angle_rad), 0, std::cos(angle_rad)}).has_value()) << angle_deg;
+    }
+  }
+}
+
+TEST_P(CameraModelTest, SeesPointsBesideItIfAndOnlyIfItIsAFisheye) {
+  // The ray is perpendicular to the optical axis.
+  const bool is_fisheye = model().facts().kind == LensKind::kFisheye;
+  EXPECT_EQ(ProjectPoint(camera(), {1, 0, -1e-9}).has_value(), is_fisheye && SeesPerpendicularRays(camera()));
+}
+
+// Two cameras that are the same lens for OpenCV project every point to the same pixel.
+TEST_P(CameraModelTest, ConversionKeepsThePixels) {
+  const Points3 points = RandomPointsOfLens(5, 50);
+  int num_conversions = 0;
+  for (const CameraModel* to : CameraModels()) {
+    const std::optional<Camera> converted = ConvertCamera(camera(), std::string(to->name()));
+    if (!converted) continue;
+    ++num_conversions;
+    ASSERT_EQ(CheckCamera(*converted), "") << to->name();
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+      EXPECT_LT((*ProjectPoint(*converted, points.col(i)) - *ProjectPoint(camera(), points.col(i))).norm(), 1e-9)
+          << to->name();
+    }
+    const std::optional<Camera> back = ConvertCamera(*converted, camera().model);
+    ASSERT_TRUE(back.has_value()) << to->name();
+    EXPECT_EQ(back->params, camera().params) << to->name();
+  }
+  EXPECT_GE(num_conversions, 1);  // The model itself.
+}
+
 TEST_P(CameraModelTest, OpticalAxisHitsThePrincipalPoint) {
   for (const double z : {1e-3, 1.0, 50.0}) {
     const std::optional<Eigen::Vector2d> pixel = ProjectPoint(camera(), {0, 0, z});
@@ -135,8 +145,8 @@ TEST_P(CameraModelTest, AxesPointRightAndDown) {
   const std::optional<Eigen::Vector2d> right = ProjectPoint(camera(), {0.1, 0, 1});
   const std::optional<Eigen::Vector2d> down = ProjectPoint(camera(), {0, 0.1, 1});
   ASSERT_TRUE(right.has_value() && down.has_value());
-  EXPECT_GT(right->x(), camera().params[2] + 0.05 * camera().params[0]);
-  EXPECT_GT(down->y(), camera().params[3] + 0.05 * camera().params[1]);
+  EXPECT_GT(right->x(), camera().params[2] + 0.03 * camera().params[0]);
+  EXPECT_GT(down->y(), camera().params[3] + 0.03 * camera().params[1]);
 }
 
 TEST_P(CameraModelTest, DoesNotProjectInvalidPoints) {
@@ -201,6 +211,9 @@ TEST_P(CameraModelTest, JacobiansMatchFiniteDifferences) {
   Points3 points = RandomPointsOfLens(3, 30);
   points.col(0) << 0, 0, 1.5;         // A point on the optical axis.
   points.col(1) << 1e-10, -2e-10, 1;  // The formula of the fisheye changes near the axis.
+  // The corners of the image, which fisheye lenses see at 90 deg from the axis and beyond.
+  points.col(2) = *UnprojectPixel(camera(), {0, 0});
+  points.col(3) = *UnprojectPixel(camera(), {kWidthPx - 1, kHeightPx - 1});
   Points2 pixels;
   ProjectionJacobian jacobian;
   ASSERT_TRUE(model().Project(camera().params.data(), points, &pixels, &jacobian));
@@ -322,6 +335,51 @@ TEST(CameraModelPins, KannalaBrandt4SeesBehindTheImagePlane) {
   const std::optional<Eigen::Vector3d> ray = UnprojectPixel(camera, *ProjectPoint(camera, behind));
   ASSERT_TRUE(ray.has_value());
   EXPECT_LT((*ray - behind.normalized()).norm(), 1e-9);
+}
+
+// The values follow from the formulas of the papers: with xi = alpha = 0.5 and the point (3, 0, 4), d1 = 5, w = 6.5,
+// d2 = sqrt(9 + 42.25), D = 0.5 d2 + 3.25.
+TEST(CameraModelPins, DoubleSphereMatchesThePaper) {
+  const Camera camera = {"double_sphere", kWidthPx, kHeightPx, {100, 200, 10, 20, 0.5, 0.5}};
+  EXPECT_NEAR(ProjectPoint(camera, {3, 0, 4})->x(), 100 * 3 / (0.5 * std::sqrt(51.25) + 3.25) + 10, 1e-12);
+}
+
+TEST(CameraModelPins, EucmMatchesThePaper) {
+  // d = sqrt(4 * 9 + 16).
+  const Camera camera = {"eucm", kWidthPx, kHeightPx, {100, 200, 10, 20, 0.25, 4}};
+  EXPECT_NEAR(ProjectPoint(camera, {3, 0, 4})->x(), 100 * 3 / (0.25 * std::sqrt(52.0) + 3) + 10, 1e-12);
+}
+
+TEST(CameraModelPins, OmniMatchesThePaper) {
+  // a = 3 / (4 + 0.4 * 5) = 0.5; r^2 = 0.25.
+  const Camera camera = {"omni", kWidthPx, kHeightPx, {100, 200, 10, 20, 0.4, 0.1, -0.2, 0.01, 0.02}};
+  const double x = 0.5 * (1 + 0.1 * 0.25 - 0.2 * 0.0625) + 0.02 * (0.25 + 2 * 0.25);
+  EXPECT_NEAR(ProjectPoint(camera, {3, 0, 4})->x(), 100 * x + 10, 1e-12);
+  EXPECT_NEAR(ProjectPoint(camera, {3, 0, 4})->y(), 200 * 0.01 * 0.25 + 20, 1e-12);
+}
+
+// With xi = 0 the double sphere is the unified model, and so is eucm with beta = 1.
+TEST(CameraModelPins, TheUnifiedModelsAgree) {
+  const Camera sphere = {"double_sphere", kWidthPx, kHeightPx, {300, 310, 640, 480, 0, 0.6}};
+  const Camera enhanced = {"eucm", kWidthPx, kHeightPx, {300, 310, 640, 480, 0.6, 1}};
+  // alpha d + (1 - alpha) z = (1 - alpha) (z + xi d) with xi = alpha / (1 - alpha).
+  const Camera omni = {"omni", kWidthPx, kHeightPx, {300 / 0.4, 310 / 0.4, 640, 480, 1.5, 0, 0, 0, 0}};
+  for (const Eigen::Vector3d& point :
+       {Eigen::Vector3d(0.3, -0.2, 1), Eigen::Vector3d(1, 0.5, 0.1), Eigen::Vector3d(1, -2, -0.4)}) {
+    EXPECT_LT((*ProjectPoint(sphere, point) - *ProjectPoint(enhanced, point)).norm(), 1e-11);
+    EXPECT_LT((*ProjectPoint(sphere, point) - *ProjectPoint(omni, point)).norm(), 1e-11);
+  }
+}
+
+TEST(CameraModelPins, TheUnifiedModelsContainThePinhole) {
+  const Camera pinhole = {"pinhole", kWidthPx, kHeightPx, {300, 310, 640, 480}};
+  const Camera brown = {"brown4", kWidthPx, kHeightPx, {300, 310, 640, 480, 0.1, -0.2, 0.01, 0.02}};
+  for (const std::string model : {"double_sphere", "eucm", "omni"}) {
+    EXPECT_TRUE(ConvertCamera(pinhole, model).has_value()) << model;
+    EXPECT_EQ(ConvertCamera(brown, model).has_value(), model == "omni") << model;
+  }
+  EXPECT_FALSE(ConvertCamera({"double_sphere", kWidthPx, kHeightPx, {300, 310, 640, 480, 0, 0.6}}, "pinhole"));
+  EXPECT_FALSE(ConvertCamera({"omni", kWidthPx, kHeightPx, {300, 310, 640, 480, 0.1, 0, 0, 0, 0}}, "brown4"));
 }
 
 }  // namespace

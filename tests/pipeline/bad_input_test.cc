@@ -213,7 +213,7 @@ std::vector<BadInput> BadInputs() {
        {"translation", "out of range"}},
       {"NoiseThatNoRobotHas",
        Replace("config.yaml", "setup:", "refine: {robot_noise: {rotation: 90 deg, translation: 1 mm}}\nsetup:"),
-       {"rotation", "at most 10.0000 deg"}},
+       {"rotation", "at most 10 deg"}},
       {"UnknownKey",
        Replace("config.yaml", "setup:", "setpu: x\nsetup:"),
        {"config.yaml:1", "setpu", "did you mean 'setup'?"}},

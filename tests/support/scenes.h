@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -25,12 +26,24 @@ inline Points3 GridPoints(int columns, int rows, double spacing_m) {
 }
 
 inline Camera TestCamera(const std::string& model = "brown5") {
+  static const std::map<std::string, std::vector<double>> kDistortion = {
+      {"pinhole", {}},
+      {"brown4", {-0.08, 0.05, 0.0005, -0.0003}},
+      {"brown5", {-0.08, 0.05, 0.0005, -0.0003, 0.0}},
+      {"rational8", {-0.08, 0.05, 0.0005, -0.0003, 0.0, 0.01, 0.0, 0.0}},
+      {"kannala_brandt4", {0.02, -0.01, 0.003, -0.001}}};
   Camera camera{model, 1600, 1200, {1500, 1502, 805, 595}};
-  if (model == "brown4") camera.params.insert(camera.params.end(), {-0.08, 0.05, 0.0005, -0.0003});
-  if (model == "brown5") camera.params.insert(camera.params.end(), {-0.08, 0.05, 0.0005, -0.0003, 0.0});
-  if (model == "rational8")
-    camera.params.insert(camera.params.end(), {-0.08, 0.05, 0.0005, -0.0003, 0.0, 0.01, 0.0, 0.0});
-  if (model == "kannala_brandt4") camera.params.insert(camera.params.end(), {0.02, -0.01, 0.003, -0.001});
+  const auto known = kDistortion.find(model);
+  // Other models take the distortion of their last example, with a focal length for which the field of view is about as
+  // large.
+  const std::vector<double>& example = camera.Model().facts().examples.back().params;
+  const std::vector<double> distortion =
+      known == kDistortion.end() ? std::vector<double>(example.begin() + 4, example.end()) : known->second;
+  camera.params.insert(camera.params.end(), distortion.begin(), distortion.end());
+  if (known != kDistortion.end()) return camera;
+  const double magnification = AxialFocalLength(camera, 0) / camera.params[0];
+  camera.params[0] /= magnification;
+  camera.params[1] /= magnification;
   return camera;
 }
 

@@ -6,7 +6,7 @@
 
 namespace heba {
 
-// Reads the keys pose_format, robot, joint_angles, units and poses_are of `captures`.
+// Reads the keys pose_format, robot, base_link, tip_link, joint_angles, units and poses_are of `captures`.
 PoseReading ReadPoseReading(MapReader& captures);
 Rigid3d BaseFromGripper(const PoseReading& reading, const Rigid3d& pose);
 

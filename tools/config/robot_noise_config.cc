@@ -9,7 +9,7 @@ namespace {
 void CheckRange(MapReader& reader, const char* key, double value, double unit, const char* name, double most) {
   constexpr double kLeast = 1e-6;
   if (value < 0) reader.Get(key).Fail("must not be negative");
-  if (value > most * unit) reader.Get(key).Fail("must be at most " + Significant(most, 6) + " " + name);
+  if (value > most * unit) reader.Get(key).Fail("must be at most " + RoundTrip(most) + " " + name);
   if (value > 0 && value < kLeast * unit) {
     reader.Get(key).Fail("must be 0 or at least " + Significant(kLeast, 1) + " " + name);
   }

@@ -152,22 +152,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   YAML::Node empty(YAML::NodeType::Map);
   const std::optional<ConfigValue> value = root.Find("refine");
   MapReader reader(value ? *value : ConfigValue(empty, config->file, "refine"));
-  if (const std::optional<ConfigValue> free = reader.Find("intrinsics")) {
-    config->bundle.free_intrinsics.clear();
-    const std::vector<std::string> names(std::begin(kParameterGroupNames), std::end(kParameterGroupNames));
-    for (const ConfigValue& item : free->AsList()) {
-      const std::string name = item.AsChoice(names);
-      const auto group = static_cast<ParameterGroup>(std::find(names.begin(), names.end(), name) - names.begin());
-      const std::vector<ParameterGroup>& known = config->bundle.free_intrinsics;
-      if (std::find(known.begin(), known.end(), group) != known.end()) item.Fail("is listed twice");
-      config->bundle.free_intrinsics.push_back(group);
-    }
-  }
-  YAML::Node groups(YAML::NodeType::Sequence);
-  for (const ParameterGroup group : config->bundle.free_intrinsics) {
-    groups.push_back(std::string(kParameterGroupNames[static_cast<size_t>(group)]));
-  }
-  reader.Record("intrinsics", groups);
+  config->bundle.free_intrinsics = ReadFreeIntrinsics(reader, config->bundle.free_intrinsics);
   ReadFreeShape(&reader, config);
   ReadRobotModel(&reader, config);
   const std::optional<ConfigValue> pixel_noise = reader.Find("pixel_noise");
@@ -263,6 +248,54 @@ std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& k
   return target;
 }
 
+std::string ReadFolderName(MapReader& reader, const std::string& fallback) {
+  const std::string name = reader.Text("name", fallback);
+  constexpr size_t kLongestName = 200;  // File systems allow 255 bytes; the names of staged folders are longer.
+  const bool has_control =
+      std::any_of(name.begin(), name.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+  if (name.find('/') != std::string::npos || name == "." || name == ".." || has_control || name.size() > kLongestName) {
+    reader.Get("name").Fail("'" + name + "' cannot name a folder");
+  }
+  return name;
+}
+
+std::vector<std::string> ReadMethods(MapReader& reader) {
+  const std::optional<ConfigValue> methods = reader.Find("methods");
+  if (!methods || (methods->IsText() && methods->AsText() == "all")) {
+    reader.Record("methods", YAML::Node("all"));
+    return {};
+  }
+  if (methods->AsList().empty()) methods->Fail("the list is empty; name a method, or leave the key out for all");
+  std::vector<std::string> names;
+  for (const ConfigValue& item : methods->AsList()) {
+    const std::string name = item.AsChoice(HandEyeMethodNames());
+    if (std::find(names.begin(), names.end(), name) != names.end()) item.Fail("'" + name + "' is listed twice");
+    names.push_back(name);
+  }
+  reader.Record("methods", YAML::Node(names));
+  return names;
+}
+
+std::vector<ParameterGroup> ReadFreeIntrinsics(MapReader& reader, const std::vector<ParameterGroup>& fallback) {
+  std::vector<ParameterGroup> groups = fallback;
+  if (const std::optional<ConfigValue> free = reader.Find("intrinsics")) {
+    groups.clear();
+    const std::vector<std::string> names(std::begin(kParameterGroupNames), std::end(kParameterGroupNames));
+    for (const ConfigValue& item : free->AsList()) {
+      const std::string name = item.AsChoice(names);
+      const auto group = static_cast<ParameterGroup>(std::find(names.begin(), names.end(), name) - names.begin());
+      if (std::find(groups.begin(), groups.end(), group) != groups.end()) item.Fail("is listed twice");
+      groups.push_back(group);
+    }
+  }
+  YAML::Node used(YAML::NodeType::Sequence);
+  for (const ParameterGroup group : groups) {
+    used.push_back(std::string(kParameterGroupNames[static_cast<size_t>(group)]));
+  }
+  reader.Record("intrinsics", used);
+  return groups;
+}
+
 namespace {
 
 // Reads the user's own texts, for the record.
@@ -285,14 +318,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   config.file = path;
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
   MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
-  config.name = reader.Text("name", path.stem().string());
-  constexpr size_t kLongestName = 200;  // File systems allow 255 bytes; the names of staged folders are longer.
-  const bool has_control = std::any_of(config.name.begin(), config.name.end(),
-                                       [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
-  if (config.name.find('/') != std::string::npos || config.name == "." || config.name == ".." || has_control ||
-      config.name.size() > kLongestName) {
-    reader.Get("name").Fail("'" + config.name + "' cannot name a folder");
-  }
+  config.name = ReadFolderName(reader, path.stem().string());
   ReadAbout(reader, &config);
   const YAML::Node captures_used = ReadCaptures(reader.Get("captures"), &config);
   ReadSetup(reader, &config);
@@ -302,17 +328,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   std::vector<std::string> seeds = HandEyeMethodNames();
   seeds.emplace_back(kBestSeed);
   config.seed = reader.Choice("seed", seeds, kBestSeed);
-  if (const std::optional<ConfigValue> methods = reader.Find("methods")) {
-    if (methods->AsList().empty()) methods->Fail("the list is empty; name a method, or leave the key out for all");
-    for (const ConfigValue& item : methods->AsList()) {
-      const std::string name = item.AsChoice(HandEyeMethodNames());
-      if (std::find(config.methods.begin(), config.methods.end(), name) != config.methods.end()) {
-        item.Fail("'" + name + "' is listed twice");
-      }
-      config.methods.push_back(name);
-    }
-  }
-  if (!config.methods.empty()) reader.Record("methods", YAML::Node(config.methods));
+  config.methods = ReadMethods(reader);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
   if (reader.Has("output")) {

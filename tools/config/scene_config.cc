@@ -34,8 +34,11 @@ SceneConfig ReadScene(const ConfigValue& value) {
   const ConfigValue camera = reader.Get("camera").DownTo({"model"});
   scene.camera = camera.IsMap() ? ReadCamera(camera) : ReadCameraFile(camera.AsPath());
   if (scene.camera.width_px == 0) camera.Fail("the camera file has no image size; a simulated camera needs one");
+  reader.Record("camera", YAML::Load(CameraToYaml(scene.camera)));
   scene.hand_eye.camera_mount_from_camera = ReadPose(reader.Get("hand_eye"));
+  reader.Record("hand_eye", PoseNode(scene.hand_eye.camera_mount_from_camera));
   scene.hand_eye.target_mount_from_target = ReadPose(reader.Get("board"));
+  reader.Record("board", PoseNode(scene.hand_eye.target_mount_from_target));
 
   MapReader motion = SubReader(reader, "motion");
   scene.motion.num_captures = motion.Int("captures", {0, 10000}, scene.motion.num_captures);
@@ -51,6 +54,7 @@ SceneConfig ReadScene(const ConfigValue& value) {
     scene.two_step->num_turns = two_step.Int("turns", {2, 10000}, scene.two_step->num_turns);
     scene.two_step->max_turn_rad = two_step.Angle("angle", scene.two_step->max_turn_rad);
     two_step.Finish();
+    motion.Record("two_step", two_step.used());
     const std::string faults = scene.two_step->Check();
     if (!faults.empty()) two_step_value->Fail(faults);
   }
@@ -58,6 +62,7 @@ SceneConfig ReadScene(const ConfigValue& value) {
     motion.Get("captures").Fail("must be at least 1 without two_step");
   }
   motion.Finish();
+  reader.Record("motion", motion.used());
   const std::string motion_faults = scene.motion.Check();
   if (!motion_faults.empty()) motion.value().Fail(motion_faults);
 
@@ -68,8 +73,9 @@ SceneConfig ReadScene(const ConfigValue& value) {
   scene.image.white_grey = image.QuantityOf("white", Quantity::kGreyLevels, scene.image.white_grey);
   scene.image.light_gradient = image.Number("uneven_light", scene.image.light_gradient);
   scene.image.clutter = image.Bool("clutter", scene.image.clutter);
-  scene.image.depth = image.Int("bits", {8, 16}, 8) == 16 ? GreyDepth::k16Bit : GreyDepth::k8Bit;
+  scene.image.depth = image.Choice("bits", {"8", "16"}, "8") == "16" ? GreyDepth::k16Bit : GreyDepth::k8Bit;
   image.Finish();
+  reader.Record("image", image.used());
   MapReader print = SubReader(reader, "print");
   scene.image.shape = DesignedShape(AllPoints(*scene.target).points_in_target);
   scene.image.shape.params = {print.Number("scale_x", 1.0), print.Number("scale_y", 1.0), print.Length("bend_x", 0.0),
@@ -90,18 +96,22 @@ SceneConfig ReadScene(const ConfigValue& value) {
     }
   }
   print.Finish();
+  reader.Record("print", print.used());
   const std::string image_faults = scene.image.Check();
   if (!image_faults.empty()) image.value().Fail(image_faults);
 
   MapReader robot = SubReader(reader, "robot_noise");
   const RobotNoise noise = ReadRobotNoise(robot, 0.0);
+  reader.Record("robot_noise", robot.used());
   scene.robot_rotation_sigma_rad = noise.rotation_rad;
   scene.robot_translation_sigma_m = noise.translation_m;
   scene.pose_format = *FindPoseFormat("ros");
   if (const std::optional<ConfigValue> format = reader.Find("pose_format")) scene.pose_format = ReadPoseFormat(*format);
+  reader.Record("pose_format", PoseFormatNode(scene.pose_format));
   scene.give_camera = reader.Bool("give_camera", true);
   scene.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
   reader.Finish();
+  scene.used = reader.used();
   return scene;
 }
 

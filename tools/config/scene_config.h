@@ -33,6 +33,7 @@ struct SceneConfig {
   PoseFormat pose_format;
   bool give_camera = true;  // Whether the data set's config names the true camera, or leaves it to be estimated.
   uint64_t seed = 1;
+  YAML::Node used;  // The scene with every default filled in, without the names of files.
 };
 
 // Reads a scene from a file and the files that it is based on; `settings` (--set) take precedence. Throws InputError

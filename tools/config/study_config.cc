@@ -4,11 +4,13 @@
 #include <limits>
 
 #include "heba/base/error.h"
+#include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/loss.h"
 #include "targets/detection.h"
 #include "tools/config/robot_noise_config.h"
+#include "tools/config/run_config.h"
 #include "tools/config/scene_config.h"
 
 namespace heba {
@@ -26,25 +28,32 @@ std::vector<NamedScene> ReadScenes(MapReader& reader) {
   if (!value.IsMap() || value.node().size() == 0) value.Fail("a mapping from names to scenes is needed");
   MapReader scenes(value);
   std::vector<NamedScene> result;
+  YAML::Node used(YAML::NodeType::Map);
   for (const auto& entry : value.node()) {
     const std::string name = entry.first.as<std::string>();
     const ConfigValue scene = scenes.Get(name);
     result.push_back({name, scene, scene.IsMap() ? ReadScene(scene) : ReadSceneConfig(scene.AsPath())});
+    used[name] = result.back().scene.used;
   }
-  reader.Record("scenes", value.node());
+  reader.Record("scenes", used);
   return result;
 }
 
-// Reads a list of values to vary, or a single value.
-template <class T, class Read>
-std::vector<T> ReadList(MapReader& reader, const std::string& key, const std::vector<T>& fallback, const Read& read) {
-  const std::optional<ConfigValue> value = reader.Find(key);
-  if (!value) return fallback;
-  reader.Record(key, value->node());
-  if (!value->IsList()) return {read(*value)};
-  std::vector<T> list;
-  for (const ConfigValue& item : value->AsList()) list.push_back(read(item));
-  if (list.empty()) value->Fail("the list is empty");
+// Reads a list of values to vary, or a single value. `node_of` converts a value to its node in the config as used.
+template <class T, class Read, class NodeOf>
+std::vector<T> ReadList(MapReader& reader, const std::string& key, const std::vector<T>& fallback, const Read& read,
+                        const NodeOf& node_of) {
+  std::vector<T> list = fallback;
+  if (const std::optional<ConfigValue> value = reader.Find(key)) {
+    list.clear();
+    const std::vector<ConfigValue> items = value->IsList() ? value->AsList() : std::vector<ConfigValue>{*value};
+    for (const ConfigValue& item : items) list.push_back(read(item));
+    if (list.empty()) value->Fail("the list is empty");
+  }
+  if (list.empty()) return list;
+  YAML::Node used(YAML::NodeType::Sequence);
+  for (const T& value : list) used.push_back(node_of(value));
+  reader.Record(key, used);
   return list;
 }
 
@@ -54,26 +63,45 @@ double ReadShare(const ConfigValue& value) {
   return share;
 }
 
+YAML::Node ShareNode(double share) { return YAML::Node(RoundTrip(share)); }
+YAML::Node PixelsNode(double value_px) { return QuantityNode(value_px, Quantity::kPixels); }
+
 RobotNoise ReadNoise(const ConfigValue& value) {
   MapReader reader(value);
   return ReadRobotNoise(reader);
 }
 
+YAML::Node NoiseNode(const RobotNoise& noise) {
+  YAML::Node node;
+  node["translation"] = QuantityNode(noise.translation_m, Quantity::kLength);
+  node["rotation"] = QuantityNode(noise.rotation_rad, Quantity::kAngle);
+  return node;
+}
+
+constexpr std::array<const char*, TargetShape::kNumParams> kShapeKeys = {"scale_x", "scale_y", "bend_x", "bend_y"};
+
 // Reads the deviation of the target from its design, with the keys of a scene's `print`.
 TargetShape ReadTrueShape(const ConfigValue& value) {
   MapReader reader(value);
   TargetShape shape;
-  constexpr const char* kKeys[] = {"scale_x", "scale_y", "bend_x", "bend_y"};
   for (size_t i = 0; i < shape.params.size(); ++i) {
-    const std::optional<ConfigValue> param = reader.Find(kKeys[i]);
+    const std::optional<ConfigValue> param = reader.Find(kShapeKeys[i]);
     if (!param) continue;
     shape.params[i] = i < 2 ? param->AsNumber() : param->AsQuantity(Quantity::kLength);
     if (i < 2 && !(shape.params[i] >= 0.5 && shape.params[i] <= 2)) param->Fail("must be from 0.5 to 2");
     if (i >= 2 && std::abs(shape.params[i]) > 0.1) param->Fail("must be at most 100 mm");
-    reader.Record(kKeys[i], param->node());
   }
   reader.Finish();
   return shape;
+}
+
+YAML::Node ShapeNode(const TargetShape& shape) {
+  YAML::Node node;
+  for (size_t i = 0; i < shape.params.size(); ++i) {
+    node[kShapeKeys[i]] =
+        i < 2 ? YAML::Node(RoundTrip(shape.params[i])) : QuantityNode(shape.params[i], Quantity::kLength);
+  }
+  return node;
 }
 
 BundleOptions::Robot RobotModel(const std::string& name) {
@@ -105,57 +133,51 @@ void Vary(const std::vector<T>& values, std::vector<Variant>* variants, const Se
 StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
   StudyConfig study;
   MapReader reader(ReadYamlFile(path));
-  study.name = reader.Text("name", path.stem().string());
-  if (study.name.find('/') != std::string::npos || study.name == "." || study.name == "..") {
-    reader.Get("name").Fail("'" + study.name + "' cannot name a folder");
-  }
+  study.name = ReadFolderName(reader, path.stem().string());
   study.num_trials = reader.Int("trials", {1, 100000000}, 300);
   study.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
   const std::vector<NamedScene> scenes = ReadScenes(reader);
-  const std::vector<double> pixel_sigmas = ReadList<double>(reader, "pixel_noise", {0.1}, [](const ConfigValue& value) {
+  const auto read_pixel_sigma = [](const ConfigValue& value) {
     const double sigma_px = value.AsQuantity(Quantity::kPixels);
     if (!(sigma_px > 0)) value.Fail("must be greater than zero");
     return sigma_px;
-  });
-  const std::vector<RobotNoise> robot_noises = ReadList<RobotNoise>(reader, "robot_noise", {RobotNoise{}}, ReadNoise);
-  // 0: as many as the scene has.
-  const std::vector<int> captures = ReadList<int>(reader, "captures", {0}, [](const ConfigValue& value) {
-    return value.AsInt({3, 10000});
-  });
-  const std::vector<double> outliers = ReadList<double>(reader, "outlier_points", {0.0}, ReadShare);
-  const std::vector<double> wrongs = ReadList<double>(reader, "wrong_captures", {0.0}, ReadShare);
-  const std::vector<std::string> robot_models =
-      ReadList<std::string>(reader, "robot_model", {"auto"}, [](const ConfigValue& value) {
+  };
+  const std::vector<double> pixel_sigmas = ReadList<double>(reader, "pixel_noise", {0.1}, read_pixel_sigma, PixelsNode);
+  const std::vector<RobotNoise> robot_noises =
+      ReadList<RobotNoise>(reader, "robot_noise", {RobotNoise{}}, ReadNoise, NoiseNode);
+  std::vector<int> captures = ReadList<int>(
+      reader, "captures", {},
+      [](const ConfigValue& value) {
+        return value.AsInt({3, 10000});
+      },
+      [](int num_captures) { return YAML::Node(num_captures); });
+  if (captures.empty()) captures = {0};  // Each scene has as many as its motion states.
+  const std::vector<double> outliers = ReadList<double>(reader, "outlier_points", {0.0}, ReadShare, ShareNode);
+  const std::vector<double> wrongs = ReadList<double>(reader, "wrong_captures", {0.0}, ReadShare, ShareNode);
+  const std::vector<std::string> robot_models = ReadList<std::string>(
+      reader, "robot_model", {"auto"},
+      [](const ConfigValue& value) {
         return value.AsChoice({"exact", "given", "estimated", "auto"});
-      });
+      },
+      [](const std::string& model) { return YAML::Node(model); });
   const std::vector<TargetShape> target_shapes =
-      ReadList<TargetShape>(reader, "target_shape", {TargetShape()}, ReadTrueShape);
+      ReadList<TargetShape>(reader, "target_shape", {TargetShape()}, ReadTrueShape, ShapeNode);
   const std::string shape_model = reader.Choice("shape_model", {"none", "auto"}, "auto");
   // If left out, each scene decides.
   std::optional<bool> give_camera;
   if (reader.Has("give_camera")) give_camera = reader.Bool("give_camera", true);
   CalibrationOptions options;
-  if (const std::optional<ConfigValue> methods = reader.Find("methods")) {
-    for (const ConfigValue& item : methods->AsList()) options.methods.push_back(item.AsChoice(HandEyeMethodNames()));
-    reader.Record("methods", methods->node());
-  }
+  options.methods = ReadMethods(reader);
   std::vector<std::string> seeds = HandEyeMethodNames();
   seeds.emplace_back(kBestSeed);
   options.seed = reader.Choice("start", seeds, kBestSeed);
   options.bundle.loss = reader.Choice("loss", LossNames(), "truncated");
-  options.bundle.free_intrinsics = {};
-  if (const std::optional<ConfigValue> free = reader.Find("intrinsics")) {
-    const std::vector<std::string> names(std::begin(kParameterGroupNames), std::end(kParameterGroupNames));
-    for (const ConfigValue& item : free->AsList()) {
-      const auto found = std::find(names.begin(), names.end(), item.AsChoice(names));
-      options.bundle.free_intrinsics.push_back(static_cast<ParameterGroup>(found - names.begin()));
-    }
-    reader.Record("intrinsics", free->node());
-  }
+  options.bundle.free_intrinsics = ReadFreeIntrinsics(reader, {});
   if (reader.Has("output")) {
     study.output = reader.Path("output");
   } else {
     study.output = std::filesystem::absolute(path).parent_path() / "studies" / study.name;
+    reader.Record("output", YAML::Node(study.output.string()));
   }
   reader.Finish();
   study.used = [&] {

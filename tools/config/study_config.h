@@ -31,7 +31,9 @@ struct StudyConfig {
   std::vector<StudyLabels> labels;  // One per cell.
   std::vector<StudyCell> cells;
   std::filesystem::path output;
-  std::string used;  // YAML, with every default filled in.
+  // The study as used, as YAML that can be read from any folder. Every default is filled in: `captures` and
+  // `give_camera` in the scenes if the study leaves them out.
+  std::string used;
 };
 
 // Reads a study. Throws InputError on any error, including a scene whose target does not fit into its image.

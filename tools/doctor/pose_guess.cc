@@ -226,7 +226,9 @@ void GuessUnits(const RawTable& table, const std::vector<size_t>& order, PoseFor
   constexpr size_t kEuler = 6;
   const bool is_whole_matrix = order.size() == 16;
   double longest = LargestOf(table, order, 0, 3);
-  if (is_whole_matrix) longest = std::max({LargestOf(table, order, 3, 4), LargestOf(table, order, 7, 8)});
+  if (is_whole_matrix) {
+    longest = std::max({LargestOf(table, order, 3, 4), LargestOf(table, order, 7, 8), LargestOf(table, order, 11, 12)});
+  }
   format->translation_unit = longest > kLongestInMetres ? "mm" : "m";
   if (order.size() == kEuler) {
     const bool is_deg = LargestOf(table, order, 3, kEuler) > 2 * M_PI + 0.01;

@@ -40,7 +40,7 @@ std::optional<GuessedReading> GuessReading(const std::filesystem::path& config,
                                            const std::vector<std::string>& settings, int num_threads,
                                            Verbosity verbosity);
 
-// Describes a format in words: "6 numbers a pose: x, y, z in mm and euler_zyx in deg".
+// Describes a format in words: "6 numbers per pose: x, y, z in mm and euler_zyx in deg".
 std::string ReadingInWords(const PoseFormat& format);
 
 }  // namespace heba

@@ -2,14 +2,20 @@
 
 #include <nlohmann/json.hpp>
 
+#include "heba/base/text.h"
 #include "heba/io/json_reader.h"
 
 namespace heba {
+namespace {
+
+constexpr const char* kDetectionSchema = "heba/detections/1";
+
+}  // namespace
 
 std::string DetectionsToJson(const std::vector<Capture>& captures, const std::vector<CaptureDetection>& detections) {
   using Json = nlohmann::ordered_json;
   Json json;
-  json["schema"] = "heba/detections/1";
+  json["schema"] = kDetectionSchema;
   json["captures"] = Json::array();
   for (size_t i = 0; i < captures.size(); ++i) {
     Json pixels = Json::array();
@@ -27,6 +33,8 @@ std::vector<std::pair<std::string, CaptureDetection>> ReadDetections(const std::
   constexpr size_t kMaxBytes = size_t{128} << 20;
   const nlohmann::ordered_json json = ReadJsonFile(path, kMaxBytes);
   const JsonReader root(json, path.string());
+  const std::string schema = root.Has("schema") ? root.Get("schema").Text() : kDetectionSchema;
+  if (schema != kDetectionSchema) root.Fail("has the schema " + Quoted(schema) + ", not '" + kDetectionSchema + "'");
   std::vector<std::pair<std::string, CaptureDetection>> captures;
   for (const JsonReader& entry : root.Get("captures").List()) {
     CaptureDetection capture;
@@ -50,6 +58,7 @@ std::vector<std::pair<std::string, CaptureDetection>> ReadDetections(const std::
       entry.Fail(std::to_string(capture.detection.ids.size()) + " ids, but " +
                  std::to_string(capture.detection.pixels.size()) + " pixels");
     }
+    if (entry.Has("reason")) capture.detection.reason = entry.Get("reason").Text();
     captures.emplace_back(entry.Get("image").Text(), std::move(capture));
   }
   return captures;

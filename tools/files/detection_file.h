@@ -15,8 +15,8 @@ namespace heba {
 // "pixels": [[u, v], ...], "reason"}]}. Pixel (0, 0) is the centre of the first pixel.
 std::string DetectionsToJson(const std::vector<Capture>& captures, const std::vector<CaptureDetection>& detections);
 
-// Reads such a file: the name and detection of each capture, without covariances. Throws InputError if it is
-// malformed.
+// Reads such a file: the name and detection of each capture, without covariances. `schema` and `reason` may be missing.
+// Throws InputError if the file is malformed or has another schema.
 std::vector<std::pair<std::string, CaptureDetection>> ReadDetections(const std::filesystem::path& path);
 
 }  // namespace heba

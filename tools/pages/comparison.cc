@@ -98,7 +98,7 @@ std::string AgreementFinding(const Comparison& comparison, const std::string& wh
                               Significant(worst->sigma_mm, 2) + " mm, " + Significant(worst->sigma_deg, 2) +
                               " deg; chance " + ShownChance(worst->p_value) + ")";
   if (num_different == 0) {
-    return what + " agree within their uncertainties, all " + std::to_string(num_pairs) +
+    return what + " agree within their uncertainties in all " + std::to_string(num_pairs) +
            " pairs; the least likely: " + extreme;
   }
   return what + " differ by more than their uncertainties in " + std::to_string(num_different) + " of " +
@@ -205,9 +205,7 @@ Comparison CompareRuns(std::vector<ComparedRun> runs) {
 
 std::string ComparisonTable(const Comparison& comparison) {
   constexpr size_t kNameWidth = 20;
-  const auto shortened = [](const std::string& label) {
-    return label.size() <= kNameWidth ? label : ".." + label.substr(label.size() - kNameWidth + 2);
-  };
+  const auto shortened = [](const std::string& label) { return ShortenedAtStart(label, kNameWidth); };
   std::string table = PadRight("run", kNameWidth) + PadRight(" target", 15) + PadLeft("hold-out px", 19) +
                       PadLeft("sigma", 9) + PadLeft("board", 9) + PadLeft("time", 8) + "\n" +
                       PadRight("", kNameWidth + 15) + PadLeft("closed", 10) + PadLeft("refined", 9) + PadLeft("mm", 9) +

@@ -53,8 +53,8 @@ std::string HtmlPage(const std::string& title, const std::string& body, PageWidt
          allowed + "\">\n<title>" + EscapedForMarkup(title) + "</title>\n<style>" + std::string(PageStyle()) +
          "</style>\n</head>\n<body" + (width == PageWidth::kWide ? " class=\"whole\"" : "") + ">\n" + body +
          (script.empty()
-              ? Paragraph("The charts of this page are static and its tables cannot be sorted: the heba that "
-                          "made it was built without Node.js.")
+              ? Paragraph("The charts of this page are static and its tables cannot be sorted, because heba was "
+                          "built without Node.js.")
               : "<script>" + script + "</script>") +
          "\n</body>\n</html>\n";
 }

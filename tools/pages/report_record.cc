@@ -161,7 +161,7 @@ std::string CameraPart(const Estimate& estimate) {
     rows.push_back(
         {{names[i]},
          {sigma ? Fixed(camera.params[i], DecimalsFor(*sigma, kMostDecimals)) : Significant(camera.params[i], 7), true},
-         {sigma ? ShownAmount(*sigma, 2) : "known", true}});
+         {sigma ? ShownAmount(*sigma, 2) : "held", true}});
   }
   return "<div>\n<h3>Camera: " + EscapedForMarkup(camera.model) + ", " + std::to_string(camera.width_px) + " x " +
          std::to_string(camera.height_px) + " px</h3>\n" + HtmlTable({"", "value", "one sigma"}, rows) + "</div>\n";
@@ -215,8 +215,8 @@ std::string NextPart(const RunResult& result, const ReportContext& context) {
   const std::string run = ShellWord(context.output.string());
   const std::string pose = result.setup == Setup::kEyeInHand ? " --pose NUMBERS" : "";
   part += Paragraph(
-              "Export for other software (ros2, urdf, opencv, kuka, ...; all for every format), and location "
-              "of a target in a new image:") +
+              "These commands export the result for other software (ros2, urdf, opencv, kuka, ...; all writes every "
+              "format) and locate the target in a new image:") +
           CopyableText("heba export " + run + " --to ros2");
   return FindRefined(result) == nullptr ? part : part + CopyableText("heba locate " + run + " IMAGE" + pose);
 }

@@ -142,8 +142,8 @@ std::string DumbbellChart(const std::string& axis, const std::vector<FigureRow>&
   constexpr size_t kLongest = 28;
   size_t longest = 0;
   for (FigureRow& row : shown) {
-    if (row.label.size() > kLongest) row.label = ".." + row.label.substr(row.label.size() - kLongest + 2);
-    longest = std::max(longest, row.label.size());
+    row.label = ShortenedAtStart(row.label, kLongest);
+    longest = std::max(longest, NumCharacters(row.label));
   }
   constexpr double kWidth = 620;
   constexpr double kPxPerLetter = 7;

@@ -183,7 +183,7 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
       if (result.num_rejected > 0) {
         result.reason += std::string(result.reason.empty() ? "" : "; ") + std::to_string(result.num_rejected) +
                          (result.num_rejected == 1 ? " point is" : " points are") +
-                         " not where the estimate from the others predicts, and rejected";
+                         " rejected as inconsistent with the estimate from the others";
       }
       if (!solution.corrections.empty()) result.correction = solution.corrections[index];
       result.move_without = moves[index];

@@ -41,7 +41,14 @@ void Console::Note(const std::string& line) {
   if (verbosity_ == Verbosity::kNormal) std::cerr << Fitted(line, STDERR_FILENO) << std::endl;
 }
 
-Progress::Progress(std::string what, int total, Verbosity verbosity)
+std::string ProgressBar(const std::string& what, int64_t done, int64_t total) {
+  constexpr int64_t kWidth = 30;
+  const auto filled = static_cast<size_t>(kWidth * done / total);
+  return what + " [" + std::string(filled, '#') + std::string(static_cast<size_t>(kWidth) - filled, '.') + "] " +
+         std::to_string(done) + "/" + std::to_string(total);
+}
+
+Progress::Progress(std::string what, int64_t total, Verbosity verbosity)
     : what_(std::move(what)),
       total_(total),
       quiet_(verbosity == Verbosity::kQuiet || total <= 0),
@@ -64,14 +71,13 @@ void Progress::Step() {
 }
 
 void Progress::Draw() const {
-  constexpr int kWidth = 30;
-  const int filled = kWidth * done_ / total_;
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
   std::string left;
-  if (done_ > 0 && done_ < total_) left = "  " + Fixed(seconds / done_ * (total_ - done_), 0) + " s left";
-  std::cerr << "\r\x1b[K" << what_ << " [" << std::string(static_cast<size_t>(filled), '#')
-            << std::string(static_cast<size_t>(kWidth - filled), '.') << "] " << done_ << "/" << total_ << left
-            << std::flush;
+  if (done_ > 0 && done_ < total_) {
+    const double steps_left_per_done = static_cast<double>(total_ - done_) / static_cast<double>(done_);
+    left = "  " + Fixed(seconds * steps_left_per_done, 0) + " s left";
+  }
+  std::cerr << "\r\x1b[K" << ProgressBar(what_, done_, total_) << left << std::flush;
 }
 
 bool UseColour() { return isatty(STDOUT_FILENO) != 0 && std::getenv("NO_COLOR") == nullptr; }

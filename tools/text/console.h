@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <string>
 
 namespace heba {
@@ -25,11 +26,14 @@ class Console {
   std::string log_;
 };
 
+// Returns the bar that a terminal shows: "detect [######......] 2/4", 30 characters wide. `total` must be positive.
+std::string ProgressBar(const std::string& what, int64_t done, int64_t total);
+
 // Shows the progress of `total` equal steps: a bar on a terminal, otherwise a line for each quarter, nothing if quiet.
 // Not thread-safe.
 class Progress {
  public:
-  Progress(std::string what, int total, Verbosity verbosity);
+  Progress(std::string what, int64_t total, Verbosity verbosity);
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
@@ -39,8 +43,8 @@ class Progress {
   void Draw() const;
 
   std::string what_;
-  int total_;
-  int done_ = 0;
+  int64_t total_;
+  int64_t done_ = 0;
   bool quiet_;
   bool terminal_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();

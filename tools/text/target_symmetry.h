@@ -7,7 +7,7 @@
 
 namespace heba {
 
-// Returns "the target looks the same after half a turn"; empty for a target without symmetry.
+// Returns "the target looks the same after a rotation by 180 deg"; empty for a target without symmetry.
 std::string SymmetryText(const Target& target);
 // Adds the consequence for the user to SymmetryText: "..., so 'heba locate' finds 2 possible poses in an image unless
 // --near decides; the calibration itself is not affected".

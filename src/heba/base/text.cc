@@ -27,6 +27,9 @@ int EditDistance(std::string_view a, std::string_view b) {
   return d[a.size()][b.size()];
 }
 
+// Returns whether a byte of a UTF-8 text is not the first one of its character.
+bool ContinuesCharacter(char byte) { return (static_cast<unsigned char>(byte) & 0xC0) == 0x80; }
+
 }  // namespace
 
 std::string Join(const std::vector<std::string>& parts, std::string_view separator) {
@@ -59,12 +62,26 @@ std::string Trim(std::string_view text) {
   return std::string(text.substr(first, text.find_last_not_of(kSpace) - first + 1));
 }
 
+size_t NumCharacters(std::string_view text) {
+  return text.size() - static_cast<size_t>(std::count_if(text.begin(), text.end(), ContinuesCharacter));
+}
+
+std::string ShortenedAtStart(std::string_view text, size_t width) {
+  constexpr std::string_view kDots = "..";
+  if (NumCharacters(text) <= width) return std::string(text);
+  size_t begin = text.size();
+  for (size_t length = kDots.size(); length < width;) length += ContinuesCharacter(text[--begin]) ? 0 : 1;
+  return std::string(kDots) + std::string(text.substr(begin));
+}
+
 std::string PadLeft(const std::string& text, size_t width) {
-  return text.size() < width ? std::string(width - text.size(), ' ') + text : text;
+  const size_t length = NumCharacters(text);
+  return length < width ? std::string(width - length, ' ') + text : text;
 }
 
 std::string PadRight(const std::string& text, size_t width) {
-  return text.size() < width ? text + std::string(width - text.size(), ' ') : text;
+  const size_t length = NumCharacters(text);
+  return length < width ? text + std::string(width - length, ' ') : text;
 }
 
 std::string Wrapped(std::string_view text, size_t width) {
@@ -112,7 +129,7 @@ std::string Quoted(std::string_view text) {
   constexpr size_t kMaxLength = 60;
   size_t length = std::min(text.size(), kMaxLength);
   // Do not cut within a UTF-8 character.
-  while (length < text.size() && length > 0 && (static_cast<unsigned char>(text[length]) & 0xC0) == 0x80) --length;
+  while (length < text.size() && length > 0 && ContinuesCharacter(text[length])) --length;
   std::string shown(text.substr(0, length));
   for (char& c : shown) {
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';

@@ -11,6 +11,12 @@ std::string Join(const std::vector<std::string>& parts, std::string_view separat
 std::vector<std::string> Split(std::string_view text, char separator);
 std::string Trim(std::string_view text);
 
+// Returns the number of characters of a UTF-8 text.
+size_t NumCharacters(std::string_view text);
+// Returns `text` if it has at most `width` characters, otherwise ".." and its last characters, `width` in all. UTF-8
+// characters are not cut.
+std::string ShortenedAtStart(std::string_view text, size_t width);
+
 // Pads `text` with blanks on the left, or on the right, to `width` characters.
 std::string PadLeft(const std::string& text, size_t width);
 std::string PadRight(const std::string& text, size_t width);

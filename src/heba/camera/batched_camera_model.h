@@ -14,6 +14,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "heba/base/error.h"
 #include "heba/camera/camera_model.h"
 #include "heba/kernels/simd.h"
 
@@ -39,7 +40,10 @@ HEBA_INLINE V ReciprocalOrNaN(const V& z) {
 
 // The class `Lens` must define
 //   static constexpr int kNumDistortion;
-//   static std::vector<std::string> DistortionNames();
+//   static CameraModelFacts Facts();
+//   // See CameraModel::ToOpenCv and FromOpenCv; heba/camera/opencv_lens.h has those of the usual lenses.
+//   static std::optional<OpenCvLens> ToOpenCv(const std::vector<double>& distortion);
+//   static std::optional<std::vector<double>> FromOpenCv(const OpenCvLens& lens);
 //   // HEBA_INLINE. If the point has no image, x or y is not finite.
 //   template <class V> static void Distort(const double* distortion, const V& x, const V& y, const V& z,
 //                                          DistortedImage<V, kNumDistortion>* image);
@@ -48,10 +52,20 @@ HEBA_INLINE V ReciprocalOrNaN(const V& z) {
 template <class Lens>
 class BatchedCameraModel final : public CameraModel {
  public:
-  explicit BatchedCameraModel(std::string name) : name_(std::move(name)), param_names_({"fx", "fy", "cx", "cy"}) {
-    for (std::string& distortion : Lens::DistortionNames()) param_names_.push_back(std::move(distortion));
+  explicit BatchedCameraModel(std::string name)
+      : name_(std::move(name)), facts_(Lens::Facts()), param_names_({"fx", "fy", "cx", "cy"}) {
+    CHECK_EQ(facts_.distortion_names.size(), static_cast<size_t>(kNumDistortion));
+    param_names_.insert(param_names_.end(), facts_.distortion_names.begin(), facts_.distortion_names.end());
   }
   std::string_view name() const override { return name_; }
+  const CameraModelFacts& facts() const override { return facts_; }
+  std::optional<OpenCvLens> ToOpenCv(const std::vector<double>& distortion) const override {
+    CHECK_EQ(distortion.size(), static_cast<size_t>(kNumDistortion));
+    return Lens::ToOpenCv(distortion);
+  }
+  std::optional<std::vector<double>> FromOpenCv(const OpenCvLens& lens) const override {
+    return Lens::FromOpenCv(lens);
+  }
   const std::vector<std::string>& param_names() const override { return param_names_; }
 
   bool ProjectBatch(const double* params, const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
@@ -222,6 +236,7 @@ class BatchedCameraModel final : public CameraModel {
   }
 
   std::string name_;
+  CameraModelFacts facts_;
   std::vector<std::string> param_names_;
 };
 

@@ -34,6 +34,28 @@ std::string CheckCamera(const Camera& camera) {
   return Join(faults, "\n");
 }
 
+namespace {
+// A ray so close to the optical axis that a distortion of second order is below round-off.
+constexpr double kAxialAngle = 1e-8;
+}  // namespace
+
+double AxialFocalLength(const Camera& camera, int axis) {
+  return AxialFocalLengthByParams(camera, axis)[axis] * camera.params[static_cast<size_t>(axis)];
+}
+
+Eigen::VectorXd AxialFocalLengthByParams(const Camera& camera, int axis) {
+  Eigen::Vector3d ray = Eigen::Vector3d::UnitZ();
+  ray[axis] = kAxialAngle;
+  Points2 pixel;
+  ProjectionJacobian jacobian;
+  CHECK(camera.Model().Project(camera.params.data(), ray, &pixel, &jacobian)) << camera.model;
+  const ProjectionJacobian::Rows& rows = axis == 0 ? jacobian.u : jacobian.v;
+  Eigen::VectorXd by_params = rows.bottomRows(NumParams(camera.Model())) / kAxialAngle;
+  // The principal point displaces the image without scaling it.
+  by_params.segment<2>(2).setZero();
+  return by_params;
+}
+
 std::optional<Eigen::Vector2d> ProjectPoint(const Camera& camera, const Eigen::Vector3d& point_in_camera) {
   Points2 pixels;
   if (!camera.Model().Project(camera.params.data(), point_in_camera, &pixels, nullptr)) return std::nullopt;
@@ -44,22 +66,21 @@ std::optional<Eigen::Vector3d> UnprojectPixel(const Camera& camera, const Eigen:
   return camera.Model().Unproject(camera.params.data(), pixel);
 }
 
+std::vector<double> DistortionOf(const Camera& camera) { return {camera.params.begin() + 4, camera.params.end()}; }
+
+std::optional<OpenCvLens> OpenCvLensOf(const Camera& camera) { return camera.Model().ToOpenCv(DistortionOf(camera)); }
+
 std::optional<Camera> ConvertCamera(const Camera& camera, const std::string& model) {
+  if (camera.model == model) return camera;
   const CameraModel* to = FindCameraModel(model);
-  if (to == nullptr) return std::nullopt;
-  const std::vector<std::string>& from_names = camera.Model().param_names();
-  const std::vector<std::string>& to_names = to->param_names();
-  // The parameters of a polynomial model are the first ones of the next larger model, in the same order. Fisheye
-  // coefficients have the same names but a different meaning.
-  if (camera.model != model && (camera.model == "kannala_brandt4" || model == "kannala_brandt4")) return std::nullopt;
-  if (from_names.size() > to_names.size()) {
-    for (size_t i = to_names.size(); i < from_names.size(); ++i) {
-      if (camera.params[i] != 0.0) return std::nullopt;
-    }
-  }
+  const std::optional<OpenCvLens> lens = OpenCvLensOf(camera);
+  if (to == nullptr || !lens) return std::nullopt;
+  const std::optional<std::vector<double>> distortion = to->FromOpenCv(*lens);
+  if (!distortion) return std::nullopt;
   Camera converted = camera;
   converted.model = model;
-  converted.params.resize(to_names.size(), 0.0);
+  converted.params.resize(4);
+  converted.params.insert(converted.params.end(), distortion->begin(), distortion->end());
   return converted;
 }
 

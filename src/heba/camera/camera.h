@@ -24,14 +24,27 @@ struct Camera {
 // focal length that is not positive, values that are not finite. The text is empty if the camera is valid.
 std::string CheckCamera(const Camera& camera);
 
+// Returns the distortion coefficients: the parameters after the principal point.
+std::vector<double> DistortionOf(const Camera& camera);
+// Returns OpenCV's lens that projects as the camera does; nothing if there is none.
+std::optional<OpenCvLens> OpenCvLensOf(const Camera& camera);
+
+// Returns the focal length with which a pinhole camera images the neighbourhood of the optical axis along u (axis 0) or
+// v (axis 1) as this camera does, px: fx or fy, unless the model's distortion changes the scale there, as that of the
+// unified models does.
+double AxialFocalLength(const Camera& camera, int axis);
+// Returns the derivatives of AxialFocalLength by the camera's parameters.
+Eigen::VectorXd AxialFocalLengthByParams(const Camera& camera, int axis);
+
 // Returns the pixel of a point; nothing if it has no image.
 std::optional<Eigen::Vector2d> ProjectPoint(const Camera& camera, const Eigen::Vector3d& point_in_camera);
 // Returns the unit ray of a pixel; nothing if there is none.
 std::optional<Eigen::Vector3d> UnprojectPixel(const Camera& camera, const Eigen::Vector2d& pixel);
 
-// Converts the camera to a model that contains its own (brown5 contains pinhole, rational8 contains brown5): the added
-// coefficients are zero. The converse conversion is possible if the dropped coefficients are zero. Returns nothing if
-// the camera cannot be represented exactly in `model`.
+// Converts the camera to a model that projects every point to the same pixel, by way of OpenCV's lenses
+// (CameraModel::ToOpenCv and FromOpenCv): rational8 contains brown5, and brown5 contains the rational8 whose last three
+// coefficients are 0. Returns nothing if the camera cannot be represented exactly in `model`, or if there is no such
+// model.
 std::optional<Camera> ConvertCamera(const Camera& camera, const std::string& model);
 
 }  // namespace heba

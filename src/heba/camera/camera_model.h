@@ -55,13 +55,57 @@ void PadBatch(ProjectionBatch* batch);
 enum class ParameterGroup { kFocal, kPrincipalPoint, kDistortion };
 inline constexpr std::string_view kParameterGroupNames[] = {"focal", "principal_point", "distortion"};
 
+// The kinds of lens. A perspective model projects points in front of the camera only; a fisheye model also projects
+// points at 90 deg from the optical axis and beyond.
+enum class LensKind { kPerspective, kFisheye };
+
+// A lens in OpenCV's terms: k1 k2 p1 p2 [k3 [k4 k5 k6]] of the module calib3d (empty: no distortion), or k1 k2 k3 k4 of
+// the module fisheye.
+struct OpenCvLens {
+  LensKind kind = LensKind::kPerspective;
+  std::vector<double> coefficients;
+};
+
+// The names of a model in Kalibr's camchain files. Kalibr divides the distortion coefficients of a model into those of
+// the projection, which stand before the focal lengths, and those of the distortion.
+struct KalibrNames {
+  std::string camera_model;      // Empty if Kalibr has no such model.
+  std::string distortion_model;  // One of none, radtan, equidistant.
+  int num_projection = 0;        // Number of the first coefficients that belong to the projection.
+};
+
+// A camera with an image of 1280 x 960 px, every pixel of which has a ray.
+struct CameraExample {
+  std::string name;
+  std::vector<double> params;
+};
+
+// The facts about a model that do not depend on a camera.
+struct CameraModelFacts {
+  LensKind kind = LensKind::kPerspective;
+  // The distortion coefficients under their usual names and in their usual order.
+  std::vector<std::string> distortion_names;
+  // The coefficients from which the estimation of the intrinsics starts, one entry for each minimum that the residuals
+  // of the model are known to have; empty if it starts from 0. They must project all points in front of the camera.
+  std::vector<std::vector<double>> initial_distortions;
+  KalibrNames kalibr;
+  // In at least one of them, no coefficient is 0.
+  std::vector<CameraExample> examples;
+};
+
 class CameraModel {
  public:
   virtual ~CameraModel() = default;
   virtual std::string_view name() const = 0;
-  // Names of the parameters: "fx", "fy", "cx", "cy", then the distortion coefficients under their usual names and in
-  // their usual order.
+  virtual const CameraModelFacts& facts() const = 0;
+  // Names of the parameters: "fx", "fy", "cx", "cy", then CameraModelFacts::distortion_names.
   virtual const std::vector<std::string>& param_names() const = 0;
+
+  // Returns OpenCV's lens that projects every point as the distortion coefficients (those after cy) do; nothing if
+  // OpenCV has none.
+  virtual std::optional<OpenCvLens> ToOpenCv(const std::vector<double>& distortion) const = 0;
+  // Returns the distortion coefficients with which the model is OpenCV's lens; nothing if there are none.
+  virtual std::optional<std::vector<double>> FromOpenCv(const OpenCvLens& lens) const = 0;
 
   // Transforms the points of a batch by the pose and projects them (see ProjectionBatch). Returns false if a point has
   // no image (behind the camera, not finite); the output is then unspecified.

@@ -1,4 +1,4 @@
-// The estimation problem. A Problem knows no image, no file and no robot brand.
+// The estimation problem. A Problem is independent of images, files and robot brands.
 #pragma once
 
 #include <string>

@@ -23,7 +23,7 @@ struct Covariance {
   Eigen::MatrixXd matrix;
 };
 
-// Returns one sigma of a parameter; nothing if the parameter was held fixed.
+// Returns one sigma of a parameter; nothing if the parameter was held.
 inline std::optional<double> SigmaOf(const Covariance& covariance, const std::string& name) {
   const auto found = std::find(covariance.names.begin(), covariance.names.end(), name);
   if (found == covariance.names.end()) return std::nullopt;
@@ -32,7 +32,7 @@ inline std::optional<double> SigmaOf(const Covariance& covariance, const std::st
 }
 
 // Returns the covariance of a pose's tangent (m, rad), for example of `hand_eye` or `board`; nothing if the pose was
-// held fixed.
+// held.
 inline std::optional<Eigen::Matrix<double, 6, 6>> PoseCovarianceOf(const Covariance& covariance,
                                                                    const std::string& pose) {
   const auto first = std::find(covariance.names.begin(), covariance.names.end(), pose + ".tx_m");

@@ -27,7 +27,8 @@ constexpr Limits kHeldOutChi2 = {1.5, 3};  // Per degree of freedom; 1 if the mo
 constexpr Limits kPixelSigmaPx = {1, 5};
 constexpr Limits kShareLeftOut = {0.25, 0.6};  // Share of the captures that show the target.
 constexpr int kFewCaptures = 8;
-// A closed form predicts unseen captures better than the refinement if the ratio of their errors is below this factor.
+// A closed form predicts held-out captures better than the refinement if the ratio of their errors is below this
+// factor.
 constexpr double kClosedFormBetter = 0.85;
 
 Grade GradeOf(double value, const Limits& limits) {
@@ -111,12 +112,11 @@ Finding JudgeHoldOut(const RunResult& result, const Errors& errors) {
   });
   if (is_missing && have_others) {
     return {Grade::kDoubtful, "no_hold_out",
-            "the refinement failed without the held-out captures: the accuracy on unseen captures "
-            "is not known",
+            "the refinement failed without the held-out captures: the hold-out error is not known",
             "take more captures: too few are left to determine the camera and its pose when some are held out"};
   }
   if (is_missing) {
-    return {Grade::kDoubtful, "no_hold_out", "no captures were held out: the accuracy on unseen captures is not known",
+    return {Grade::kDoubtful, "no_hold_out", "no captures were held out: the hold-out error is not known",
             "set evaluate.folds to 5"};
   }
   Finding finding;
@@ -128,8 +128,8 @@ Finding JudgeHoldOut(const RunResult& result, const Errors& errors) {
   finding.numbers = {{"target_mm", *errors.holdout_target_mm}, {"target_deg", *errors.holdout_target_deg}};
   if (finding.grade != Grade::kGood) {
     finding.action =
-        "check the captures with the largest residuals; let the robot settle before each image; check its own "
-        "calibration, the pose format and the target's dimensions";
+        "check the captures with the largest residuals; let the robot settle before each image; check the "
+        "robot's own calibration, the pose format and the target's dimensions";
   }
   return finding;
 }
@@ -139,7 +139,7 @@ std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution
   Finding finding;
   finding.code = "unmodelled_error";
   finding.grade = GradeOf(*errors.holdout_chi2, kHeldOutChi2);
-  finding.text = "unseen captures scatter " + Significant(std::sqrt(*errors.holdout_chi2), 2) +
+  finding.text = "held-out captures scatter " + Significant(std::sqrt(*errors.holdout_chi2), 2) +
                  " times as much as the assumed noise explains";
   finding.numbers = {{"chi2_per_dof", *errors.holdout_chi2}};
   if (finding.grade != Grade::kGood) {
@@ -238,13 +238,13 @@ std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refine
   Finding finding;
   finding.code = "closed_form_better";
   finding.grade = ratio < kClosedFormBetter ? Grade::kDoubtful : Grade::kGood;
-  finding.text = "the best closed form (" + best->method + ") predicts unseen captures " +
+  finding.text = "the best closed form (" + best->method + ") predicts held-out captures " +
                  (ratio >= 1 ? Significant(ratio, 2) + " times worse" : Significant(1 / ratio, 2) + " times better") +
                  ", in sigmas of pixel and robot noise";
   finding.numbers = {{"ratio", ratio}};
   if (finding.grade != Grade::kGood) {
     finding.action = "the residuals contain a systematic error that the model does not describe: ";
-    finding.action += refined.solution->robot_noise ? "free fewer refine.intrinsics, or give a camera file"
+    finding.action += refined.solution->robot_noise ? "free fewer groups of refine.intrinsics, or give a camera file"
                                                     : "use refine.robot_noise: auto";
   }
   return finding;

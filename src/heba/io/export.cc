@@ -250,7 +250,10 @@ std::vector<double> TranslationAndQuaternion(const Rigid3d& pose) {
   return {t.x(), t.y(), t.z(), q[0], q[1], q[2], q[3]};
 }
 
-std::vector<double> OpenCvDistortion(const Camera& camera) { return {camera.params.begin() + 4, camera.params.end()}; }
+Outcome<OpenCvLens> NeedOpenCvLens(const Camera& camera, const std::string& software) {
+  if (std::optional<OpenCvLens> lens = OpenCvLensOf(camera)) return *std::move(lens);
+  return Failure{software + " has no equivalent of the camera model " + camera.model + "; export as kalibr"};
+}
 
 std::string QuotedForYaml(std::string_view text) {
   std::string quoted = "\"";

@@ -93,10 +93,8 @@ std::string JoinNumbers(const std::vector<double>& numbers, std::string_view sep
 // Returns x, y, z (m), qx, qy, qz, qw, with qw not negative.
 std::vector<double> TranslationAndQuaternion(const Rigid3d& pose);
 
-// Returns the distortion coefficients in OpenCV's order: k1 k2 p1 p2 [k3 [k4 k5 k6]], or the four of a fisheye lens;
-// empty for a pinhole camera.
-std::vector<double> OpenCvDistortion(const Camera& camera);
-inline bool IsFisheye(const Camera& camera) { return camera.model == "kannala_brandt4"; }
+// Returns OpenCV's lens of the camera; a Failure that names the camera model if `software` needs one and there is none.
+Outcome<OpenCvLens> NeedOpenCvLens(const Camera& camera, const std::string& software);
 
 // Returns text in double quotes that is valid in YAML and in Python.
 std::string QuotedForYaml(std::string_view text);

@@ -322,6 +322,17 @@ YAML::Node PoseFormatNode(const PoseFormat& format) {
   return node;
 }
 
+namespace {
+
+// Quotes a name that contains YAML syntax, such as brackets.
+std::string YamlText(const std::string& name) {
+  const bool is_plain = std::all_of(name.begin(), name.end(),
+                                    [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; });
+  return is_plain ? name : "'" + Join(Split(name, '\''), "''") + "'";
+}
+
+}  // namespace
+
 std::string PoseFormatText(const PoseFormat& format) {
   for (const PoseFormat& known : PoseFormats()) {
     if (format.file_columns.empty() && known.columns == format.columns &&
@@ -332,10 +343,7 @@ std::string PoseFormatText(const PoseFormat& format) {
   }
   std::vector<std::string> columns;
   for (const std::string& column : format.file_columns.empty() ? format.columns : format.file_columns) {
-    // Names with brackets or other YAML syntax must be quoted.
-    const bool is_plain = std::all_of(column.begin(), column.end(),
-                                      [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; });
-    columns.push_back(is_plain ? column : "'" + column + "'");
+    columns.push_back(YamlText(column));
   }
   return "{columns: [" + Join(columns, ", ") + "], translation: " + format.translation_unit +
          ", rotation: " + format.rotation + (format.angle_unit.empty() ? "" : ", angle: " + format.angle_unit) + "}";

@@ -43,7 +43,7 @@ Json CameraJson(const Camera& camera) {
   return json;
 }
 
-// Returns one sigma of a parameter, or null if it was held fixed.
+// Returns one sigma of a parameter, or null if it was held.
 Json SigmaJson(const Covariance& covariance, const std::string& name) {
   const std::optional<double> sigma = SigmaOf(covariance, name);
   return sigma ? Finite(*sigma) : Json(nullptr);

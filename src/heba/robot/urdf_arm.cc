@@ -219,9 +219,10 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
       throw InputError(path.string() + ": joint " + Quoted(joint->name) +
                        " is neither revolute, continuous, prismatic nor fixed");
     }
-    if (joint->mimic)
+    if (joint->mimic) {
       throw InputError(path.string() + ": joint " + Quoted(joint->name) +
                        " mimics another joint, which is not supported");
+    }
     const urdf::Vector3& axis = joint->axis;
     const urdf::Vector3& origin = joint->parent_to_joint_origin_transform.position;
     const double axis_length = std::hypot(axis.x, axis.y, axis.z);

@@ -37,7 +37,7 @@ std::string MotionOptions::Check() const {
   if (!(depth_ratio >= 0 && depth_ratio < 1)) faults.emplace_back("the depth ratio must be in [0, 1)");
   if (!(max_tilt_rad >= 0 && max_tilt_rad < DegToRad(85))) faults.emplace_back("the tilt must be in [0, 85) deg");
   if (!(spread >= 0 && spread <= 1)) faults.emplace_back("the spread must be in [0, 1]");
-  return Join(faults, "\n");
+  return Join(faults, "; ");
 }
 
 Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3& points_in_target, bool z_out,
@@ -79,7 +79,7 @@ std::string TwoStepMotionOptions::Check() const {
   if (!(translation_m > 0)) faults.emplace_back("the translation must be greater than zero");
   if (num_turns < 2) faults.emplace_back("at least two turns are needed");
   if (!(max_turn_rad > 0 && max_turn_rad < DegToRad(85))) faults.emplace_back("turns must be in (0, 85) deg");
-  return Join(faults, "\n");
+  return Join(faults, "; ");
 }
 
 Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Camera& camera,

@@ -24,7 +24,7 @@ struct MotionOptions {
   double spread = 0.5;         // Share of the image's width and height in which the target's middle lies.
   double margin_px = 10;       // Smallest distance of all points from the image border.
 
-  // Returns every violated constraint, one per line; an empty text if the options are valid.
+  // Returns the violated constraints, separated by semicolons; empty if the options are valid.
   [[nodiscard]] std::string Check() const;
 };
 

@@ -126,7 +126,7 @@ TEST(AdviceTest, ReportsFixedIntrinsicsThatContradictTheCaptures) {
     ASSERT_EQ(finding.has_value(), off_px > 0) << off_px;
     if (!finding) continue;
     EXPECT_EQ(finding->code, "held_intrinsics");
-    EXPECT_THAT(finding->text, testing::HasSubstr("the captures say cx -"));
+    EXPECT_THAT(finding->text, testing::HasSubstr("the captures indicate cx -"));
   }
 }
 

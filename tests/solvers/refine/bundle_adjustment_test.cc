@@ -223,7 +223,7 @@ TEST(BundleAdjustmentTest, RefusesUnobservableIntrinsics) {
   ASSERT_FALSE(solution.ok());
   EXPECT_THAT(solution.reason(),
               testing::AnyOf(testing::HasSubstr("the camera's f"), testing::HasSubstr("the camera's c"),
-                             testing::HasSubstr("is known to")));
+                             testing::HasSubstr("is known only to")));
 }
 
 TEST(BundleAdjustmentTest, NamesTheCaptureWithATargetBehindTheCamera) {
@@ -302,7 +302,7 @@ TEST(IntrinsicsSeedTest, EstimatesTheCameraFromViewsAlone) {
     const Outcome<Camera> camera = EstimateIntrinsics(scene.views, model, 1600, 1200);
     ASSERT_TRUE(camera.ok()) << model << ": " << camera.reason();
     // Noise of 0.05 px causes errors of about 1 px in the focal length and 2 px in the principal point.
-    EXPECT_NEAR(camera->params[0], scene.camera.params[0], 6) << model;
+    EXPECT_NEAR(AxialFocalLength(*camera, 0), AxialFocalLength(scene.camera, 0), 6) << model;
     EXPECT_NEAR(camera->params[2], scene.camera.params[2], 10) << model;
   }
 }

@@ -76,6 +76,22 @@ TEST(Text, SplitsAndJoins) {
   EXPECT_EQ(Trim(" \n"), "");
 }
 
+TEST(Text, ShortensAtTheStart) {
+  EXPECT_EQ(ShortenedAtStart("run_12", 6), "run_12");
+  EXPECT_EQ(ShortenedAtStart("long_run_12", 6), "..n_12");
+  // Characters of two and three bytes are counted as one and are not cut.
+  EXPECT_EQ(NumCharacters("M\xC3\xA4\xE2\x82\xAC"), 3u);
+  EXPECT_EQ(ShortenedAtStart("\xC3\xA4\xC3\xA4\xC3\xA4", 3), "\xC3\xA4\xC3\xA4\xC3\xA4");
+  EXPECT_EQ(ShortenedAtStart("abc\xC3\xA4\xE2\x82\xAC", 4), "..\xC3\xA4\xE2\x82\xAC");
+  EXPECT_EQ(ShortenedAtStart("abc", 2), "..");
+}
+
+TEST(Text, PadsToAWidthInCharacters) {
+  EXPECT_EQ(PadLeft("\xC3\xA4", 3), "  \xC3\xA4");
+  EXPECT_EQ(PadRight("\xC3\xA4", 3), "\xC3\xA4  ");
+  EXPECT_EQ(PadRight("abcd", 3), "abcd");
+}
+
 TEST(Text, QuotesOnOneShortLine) {
   EXPECT_EQ(Quoted("a b"), "'a b'");
   EXPECT_EQ(Quoted("a\nb\x1b[1m"), "'a?b?[1m'");

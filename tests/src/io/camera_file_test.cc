@@ -421,5 +421,39 @@ TEST(CameraFile, AnyTextGivesACameraOrAnInputError) {
   EXPECT_LT(num_valid, kCount * 19 / 20);
 }
 
+// Kalibr's camchain.
+
+std::string Kalibr(const std::string& camera_model, const std::string& intrinsics,
+                   const std::string& distortion_model = "none", const std::string& coefficients = "") {
+  return "cam0:\n  camera_model: " + camera_model + "\n  intrinsics: [" + intrinsics +
+         "]\n  distortion_model: " + distortion_model + "\n  distortion_coeffs: [" + coefficients +
+         "]\n  resolution: [640, 480]\n";
+}
+
+// Kalibr writes the coefficients of the projection before the focal lengths.
+TEST(KalibrCameraFile, ReadsTheUnifiedModels) {
+  const Camera sphere = Parse(Kalibr("ds", "-0.2, 0.6, 300, 301, 320, 240"));
+  EXPECT_EQ(sphere.model, "double_sphere");
+  EXPECT_EQ(sphere.width_px, 640);
+  EXPECT_THAT(sphere.params, ElementsAre(300, 301, 320, 240, -0.2, 0.6));
+  const Camera enhanced = Parse(Kalibr("eucm", "0.6, 1.1, 300, 301, 320, 240"));
+  EXPECT_EQ(enhanced.model, "eucm");
+  EXPECT_THAT(enhanced.params, ElementsAre(300, 301, 320, 240, 0.6, 1.1));
+  const Camera omni = Parse(Kalibr("omni", "1.1, 300, 301, 320, 240", "radtan", "0.1, 0.2, 0.3, 0.4"));
+  EXPECT_EQ(omni.model, "omni");
+  EXPECT_THAT(omni.params, ElementsAre(300, 301, 320, 240, 1.1, 0.1, 0.2, 0.3, 0.4));
+  EXPECT_THAT(Parse(Kalibr("omni", "1.1, 300, 301, 320, 240")).params,
+              ElementsAre(300, 301, 320, 240, 1.1, 0, 0, 0, 0));
+}
+
+TEST(KalibrCameraFile, SaysWhatIsWrong) {
+  EXPECT_THAT(ErrorOf(Kalibr("ds", "300, 301, 320, 240")), HasSubstr("6 numbers are needed: [xi, alpha, fu, fv"));
+  EXPECT_THAT(ErrorOf(Kalibr("omni", "1.1, 300, 301, 320, 240", "radtan", "0.1")),
+              HasSubstr("1 coefficients; omni with radtan has 4"));
+  EXPECT_THAT(ErrorOf(Kalibr("eucm", "0.6, 1.1, 300, 301, 320, 240", "radtan", "0, 0, 0, 0")),
+              HasSubstr("eucm with distortion_model radtan is not supported"));
+  EXPECT_THAT(ErrorOf(Kalibr("scaramuzza", "300, 301, 320, 240")), HasSubstr("one of: pinhole, ds, eucm, omni"));
+}
+
 }  // namespace
 }  // namespace heba

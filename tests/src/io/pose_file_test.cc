@@ -234,6 +234,14 @@ TEST(ReadPoseFormatTest, NodesRoundTrip) {
   EXPECT_EQ(PoseFormatNode(Format("fanuc")).Scalar(), "fanuc");
 }
 
+TEST(ReadPoseFormatTest, TextsRoundTrip) {
+  PoseFormat format = {"", {"x'", "y [mm]", "z: '", "a", "b,c", "#d"}, "mm", "euler_zyx", "deg"};
+  EXPECT_EQ(FormatOf(PoseFormatText(format)).columns, format.columns);
+  format.columns = {"X", "Y", "Z", "rot_z", "rot-y", "r1"};
+  EXPECT_EQ(PoseFormatText(format),
+            "{columns: [X, Y, Z, rot_z, rot-y, r1], translation: mm, rotation: euler_zyx, angle: deg}");
+}
+
 TEST(ReadPoseFormatTest, SaysWhatIsWrong) {
   const auto error = [](const std::string& yaml) { return InputErrorOf([&] { FormatOf(yaml); }); };
   EXPECT_THAT(error("kuke"), HasSubstr("cell.yaml:1: pose_format: 'kuke' is unknown; one of: ros, ur, kuka"));

@@ -51,6 +51,13 @@ TEST_F(RunConfigTest, FillsInDefaults) {
   EXPECT_FALSE(config.camera.has_value());
 }
 
+TEST_F(RunConfigTest, MethodsAreAllOrAList) {
+  EXPECT_TRUE(Read("cell.yaml").methods.empty());
+  EXPECT_THAT(Read("cell.yaml").used, HasSubstr("methods: all\n"));
+  EXPECT_TRUE(Read("cell.yaml", {"methods=all"}).methods.empty());
+  EXPECT_EQ(Read("cell.yaml", {"methods=[tsai, park]"}).methods, (std::vector<std::string>{"tsai", "park"}));
+}
+
 // The config as used states every default: reading it again gives the same config.
 TEST_F(RunConfigTest, ConfigAsUsedIsAFixedPoint) {
   const RunConfig config = Read("cell.yaml");

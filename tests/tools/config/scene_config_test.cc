@@ -118,6 +118,29 @@ TEST(SceneConfigTest, ReadsSeedAndGiveCamera) {
   EXPECT_FALSE(scene.give_camera);
 }
 
+// The scene as used states every default and names no files: reading it again gives the same scene.
+TEST(SceneConfigTest, SceneAsUsedIsAFixedPoint) {
+  const std::string motion = "motion: {captures: 1, tilt: 10 deg, two_step: {turns: 5}}\n";
+  const std::string rest =
+      "image: {bits: 16, noise: 2 grey}\nprint: {bend_x: 1 mm}\nrobot_noise: {translation: 0.1 mm}\n"
+      "pose_format: kuka\ngive_camera: false\nseed: 7\n";
+  for (const std::string& more : {std::string(), motion + rest}) {
+    const SceneConfig scene = Read(more);
+    const std::string used = YAML::Dump(scene.used);
+    const SceneConfig again = ReadScene(ParseYaml(used, "used.yaml"));
+    EXPECT_EQ(YAML::Dump(again.used), used);
+    EXPECT_EQ(again.setup, scene.setup);
+    EXPECT_EQ(again.camera.params, scene.camera.params);
+    EXPECT_THAT(again.hand_eye.target_mount_from_target,
+                IsNearPose(scene.hand_eye.target_mount_from_target, 1e-12, 1e-12));
+    EXPECT_EQ(again.two_step.has_value(), scene.two_step.has_value());
+    EXPECT_EQ(again.image.depth, scene.image.depth);
+    EXPECT_EQ(again.pose_format.name, scene.pose_format.name);
+    EXPECT_EQ(again.give_camera, scene.give_camera);
+    EXPECT_EQ(again.seed, scene.seed);
+  }
+}
+
 struct WrongScene {
   std::string name;
   std::string more;     // Lines after those of kScene, so the first is line 6 of the file.
@@ -157,12 +180,21 @@ INSTANTIATE_TEST_SUITE_P(
         WrongScene{"OneTurn", "motion: {two_step: {turns: 1}}\n", "motion.two_step.turns: 1 is out of range"},
         WrongScene{"NegativeTwoStepTranslation", "motion: {two_step: {translation: -60 mm}}\n",
                    "motion.two_step.translation: must be greater than zero"},
-        WrongScene{"Blur", "image: {blur: 51 px}\n", "image: blur_sigma_px must be from 0 to 50"},
+        WrongScene{"Blur", "image: {blur: 51 px}\n", "image: the blur must be from 0 to 50 px"},
+        WrongScene{"Noise", "image: {noise: 300 grey}\n", "image: the noise must be from 0 to 255 grey"},
+        WrongScene{"Black", "image: {black: -1 grey}\n", "image: black must be from 0 to 255 grey"},
+        WrongScene{"UnevenLight", "image: {uneven_light: 1}\n",
+                   "image: the uneven light must be at least 0 and less than 1"},
+        WrongScene{"SeveralFaultsOfTheImage", "image: {noise: 300 grey, white: 256 grey}\n",
+                   "image: the noise must be from 0 to 255 grey; white must be from 0 to 255 grey"},
+        WrongScene{"SeveralFaultsOfTheMotion", "motion: {depth: 1, spread: 2}\n",
+                   "motion: the depth ratio must be in [0, 1); the spread must be in [0, 1]"},
         WrongScene{"Clutter", "image: {clutter: yes}\n", "image.clutter: true or false is needed, not 'yes'"},
-        WrongScene{"Bits", "image: {bits: 32}\n", "image.bits: 32 is out of range"},
+        WrongScene{"Bits", "image: {bits: 12}\n", "image.bits: '12' is unknown; one of: 8, 16"},
+        WrongScene{"ManyBits", "image: {bits: 32}\n", "image.bits: '32' is unknown; one of: 8, 16"},
         WrongScene{"Scale", "print: {scale_y: 2.1}\n", "print.scale_y: must be from 0.5 to 2"},
         WrongScene{"RobotNoise", "robot_noise: {translation: 200 mm}\n",
-                   "robot_noise.translation: must be at most 100"},
+                   "robot_noise.translation: must be at most 100 mm"},
         WrongScene{"PoseFormat", "pose_format: kuke\n", "pose_format: 'kuke' is unknown"},
         WrongScene{"Seed", "seed: -1\n", "seed: -1 is out of range"}),
     [](const auto& wrong) { return wrong.param.name; });

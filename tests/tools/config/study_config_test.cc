@@ -6,6 +6,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
 
 #include "heba/base/units.h"
 #include "tests/support/input_error.h"
@@ -182,6 +183,70 @@ TEST_F(StudyConfigTest, StudyAsUsedReadsBackAsTheSameCells) {
   EXPECT_EQ(again.used, study.used);
 }
 
+TEST_F(StudyConfigTest, StudyAsUsedStatesEveryDefault) {
+  const YAML::Node used = YAML::Load(Read().used);
+  const auto text_of = [&](const char* key) {
+    YAML::Emitter emitter;
+    emitter << YAML::Flow << used[key];
+    return std::string(emitter.c_str());
+  };
+  EXPECT_EQ(text_of("name"), "noise");
+  EXPECT_EQ(text_of("trials"), "300");
+  EXPECT_EQ(text_of("seed"), "1");
+  EXPECT_EQ(text_of("pixel_noise"), "[0.1 px]");
+  EXPECT_EQ(text_of("robot_noise"), "[{translation: 0 m, rotation: 0 rad}]");
+  EXPECT_EQ(text_of("outlier_points"), "[0]");
+  EXPECT_EQ(text_of("wrong_captures"), "[0]");
+  EXPECT_EQ(text_of("robot_model"), "[auto]");
+  EXPECT_EQ(text_of("target_shape"), "[{scale_x: 1, scale_y: 1, bend_x: 0 m, bend_y: 0 m}]");
+  EXPECT_EQ(text_of("shape_model"), "auto");
+  EXPECT_EQ(text_of("methods"), "all");
+  EXPECT_EQ(text_of("start"), "best");
+  EXPECT_EQ(text_of("loss"), "truncated");
+  EXPECT_EQ(text_of("intrinsics"), "[]");
+  EXPECT_EQ(text_of("output"), (folder_ / "studies" / "noise").string());
+  // The scene states its number of captures and whether its camera is known.
+  EXPECT_EQ(used["scenes"]["plain"]["motion"]["captures"].as<int>(), 6);
+  EXPECT_TRUE(used["scenes"]["plain"]["give_camera"].as<bool>());
+}
+
+// The study is written into its output folder, beside which there are no scenes, targets and cameras.
+TEST_F(StudyConfigTest, StudyAsUsedCanBeReadFromItsOutputFolder) {
+  std::string scene = kScene;
+  const size_t target = scene.find("{type");
+  scene.replace(target, scene.find('}') + 1 - target, "board.yaml");
+  const size_t camera = scene.find("{model");
+  scene.replace(camera, scene.find('}', camera) + 1 - camera, "camera.yaml");
+  Write("board.yaml", "{type: chessboard, rows: 5, columns: 8, square: 20 mm}\n");
+  Write("camera.yaml", "{model: pinhole, image_size: [640, 480], fx: 600, fy: 601, cx: 320, cy: 240}\n");
+  Write("second.yaml", scene);
+  Write("noise.yaml", "scenes:\n  first: " + scene + "  second: second.yaml\n" +
+                          "robot_noise: {translation: 0.2 mm, rotation: 0.1 deg}\nmethods: [tsai]\ngive_camera: false\n"
+                          "target_shape: [{}, {bend_y: 2 mm}]\nintrinsics: [focal]\noutlier_points: 0.05\n");
+  const StudyConfig study = ReadStudyConfig(folder_ / "noise.yaml");
+  std::filesystem::create_directories(study.output);
+  Write("studies/noise/config.yaml", study.used);
+  const StudyConfig again = ReadStudyConfig(study.output / "config.yaml");
+  EXPECT_EQ(again.used, study.used);
+  EXPECT_EQ(again.name, study.name);
+  EXPECT_EQ(again.output, study.output);
+  ASSERT_THAT(again.cells, SizeIs(4));
+  for (size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(again.labels[i].scene, study.labels[i].scene);
+    EXPECT_EQ(again.labels[i].shape_params, study.labels[i].shape_params);
+    EXPECT_EQ(again.labels[i].outlier_points, 0.05);
+    EXPECT_EQ(again.cells[i].robot_noise.rotation_rad, study.cells[i].robot_noise.rotation_rad);
+    EXPECT_EQ(again.cells[i].camera.params, study.cells[i].camera.params);
+    EXPECT_EQ(again.cells[i].target.points_in_target, study.cells[i].target.points_in_target);
+    EXPECT_THAT(again.cells[i].options.methods, ElementsAre("tsai"));
+    EXPECT_THAT(again.cells[i].options.bundle.free_intrinsics, ElementsAre(ParameterGroup::kFocal));
+    EXPECT_FALSE(again.cells[i].options.camera.has_value());
+    ASSERT_EQ(again.cells[i].poses.size(), study.cells[i].poses.size());
+    EXPECT_EQ(again.cells[i].poses[0].camera_from_target.translation,
+              study.cells[i].poses[0].camera_from_target.translation);
+  }
+}
+
 struct WrongStudy {
   std::string name;
   std::string more;     // Lines after the scene, so the first is line 3 of the file.
@@ -200,6 +265,7 @@ INSTANTIATE_TEST_SUITE_P(
         WrongStudy{"UnknownKey", "trails: 3\n", "unknown key 'trails'; did you mean 'trials'?"},
         WrongStudy{"NoTrials", "trials: 0\n", "trials: 0 is out of range"},
         WrongStudy{"PathAsName", "name: a/b\n", "name: 'a/b' cannot name a folder"},
+        WrongStudy{"ControlCharacterInTheName", "name: \"a\\nb\"\n", "name: 'a?b' cannot name a folder"},
         WrongStudy{"ZeroPixelNoise", "pixel_noise: [0.1 px, 0 px]\n", "pixel_noise[1]: must be greater than zero"},
         WrongStudy{"PixelNoiseWithoutUnit", "pixel_noise: 0.1\n", "pixel_noise: '0.1' has no unit"},
         WrongStudy{"EmptyList", "pixel_noise: []\n", "pixel_noise: the list is empty"},
@@ -214,6 +280,9 @@ INSTANTIATE_TEST_SUITE_P(
         WrongStudy{"ShapeKey", "target_shape: {bend_z: 1 mm}\n", "target_shape: unknown key 'bend_z'"},
         WrongStudy{"ShapeModel", "shape_model: bend\n", "shape_model: 'bend' is unknown; one of: none, auto"},
         WrongStudy{"Method", "methods: [tsay]\n", "methods[0]: 'tsay' is unknown"},
+        WrongStudy{"RepeatedMethod", "methods: [tsai, park, tsai]\n", "methods[2]: 'tsai' is listed twice"},
+        WrongStudy{"NoMethod", "methods: []\n", "methods: the list is empty"},
+        WrongStudy{"RepeatedIntrinsics", "intrinsics: [focal, focal]\n", "intrinsics[1]: is listed twice"},
         WrongStudy{"Loss", "loss: hubber\n", "loss: 'hubber' is unknown"},
         WrongStudy{"Intrinsics", "intrinsics: [focus]\n", "intrinsics[0]: 'focus' is unknown"}),
     [](const auto& wrong) { return wrong.param.name; });

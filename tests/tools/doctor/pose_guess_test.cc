@@ -104,6 +104,15 @@ TEST_F(PoseGuessTest, AWholeMatrixMayBeInMillimetres) {
   EXPECT_EQ(guessed.formats[0].columns.size(), 16u);
 }
 
+TEST_F(PoseGuessTest, TheHeightOfAWholeMatrixDeterminesItsUnitToo) {
+  std::string text;
+  for (const char* z_mm : {"600", "650", "700"})
+    text += std::string("1 0 0 5  0 1 0 -8  0 0 1 ") + z_mm + "  0 0 0 1\n";
+  const GuessedTable guessed = GuessPoseFormats(Write("poses.txt", text));
+  ASSERT_THAT(guessed.formats, SizeIs(1));
+  EXPECT_EQ(guessed.formats[0].translation_unit, "mm");
+}
+
 TEST_F(PoseGuessTest, TwelveNumbersMayBeTheUpperRowsOfAMatrix) {
   std::string text;
   for (const Rigid3d& pose : SomePoses()) {
@@ -154,6 +163,15 @@ TEST_F(PoseGuessTest, TheHeaderIsAFormatThatAConfigReads) {
   const GuessedTable guessed = GuessPoseFormats(file);
   ASSERT_THAT(guessed.formats, SizeIs(1));
   const PoseFormat read = ReadPoseFormat(ParseYaml(PoseFormatText(guessed.formats[0]), "cell.yaml"));
+  EXPECT_THAT(ReadPoses(file, read)[0].pose, IsNearPose(SomePoses()[0], 1e-6, 1e-9));
+}
+
+TEST_F(PoseGuessTest, QuotationMarksInTheHeaderAreEscaped) {
+  const std::filesystem::path file = WriteTable(FormatOf("euler_zyx", "deg", "mm"), "x',y',z',a,b,c\n");
+  const GuessedTable guessed = GuessPoseFormats(file);
+  ASSERT_THAT(guessed.formats, SizeIs(1));
+  const PoseFormat read = ReadPoseFormat(ParseYaml(PoseFormatText(guessed.formats[0]), "cell.yaml"));
+  EXPECT_THAT(read.columns, ElementsAre("x'", "y'", "z'", "a", "b", "c"));
   EXPECT_THAT(ReadPoses(file, read)[0].pose, IsNearPose(SomePoses()[0], 1e-6, 1e-9));
 }
 

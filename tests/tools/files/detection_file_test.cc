@@ -52,6 +52,8 @@ TEST_F(DetectionFileTest, ReadsWhatItWrites) {
               ElementsAre(Eigen::Vector2d(1.0 / 3, 2.5), Eigen::Vector2d(639.25, 479)));
   EXPECT_EQ(captures[1].first, "b.png");
   EXPECT_THAT(captures[1].second.detection.ids, IsEmpty());
+  EXPECT_EQ(captures[0].second.detection.reason, "");
+  EXPECT_EQ(captures[1].second.detection.reason, "no tag was found");
 }
 
 TEST_F(DetectionFileTest, WritesTheSchema) {
@@ -83,6 +85,12 @@ TEST_F(DetectionFileTest, PixelsMayBeSlightlyOutside) {
               HasSubstr("detections.json: captures[0]: pixels[0]: lies outside of the image"));
 }
 
+TEST_F(DetectionFileTest, SchemaAndReasonMayBeMissing) {
+  const auto captures =
+      ReadDetections(Write(R"({"captures": [{"image": "a.png", "image_size": [9, 9], "ids": [], "pixels": []}]})"));
+  EXPECT_EQ(captures.at(0).second.detection.reason, "");
+}
+
 TEST_F(DetectionFileTest, AnImageOfUnknownSizeHasNoOutside) {
   const auto captures = ReadDetections(
       Write(R"({"captures": [{"image": "a.png", "image_size": [0, 0], "ids": [0], "pixels": [[5000, 1]]}]})"));
@@ -110,6 +118,9 @@ std::string OneCapture(const std::string& size, const std::string& ids, const st
 INSTANTIATE_TEST_SUITE_P(
     , WrongDetectionFileTest,
     testing::Values(WrongFile{"NotJson", "captures: []", "not valid JSON at byte 1"},
+                    WrongFile{"OtherSchema", R"({"schema": "heba/detections/2", "captures": []})",
+                              "has the schema 'heba/detections/2', not 'heba/detections/1'"},
+                    WrongFile{"SchemaIsNoText", R"({"schema": 1, "captures": []})", "schema: a text is needed"},
                     WrongFile{"NoCaptures", "{}", "'captures' is missing"},
                     WrongFile{"CapturesAreNoList", R"({"captures": 1})", "captures: a list is needed"},
                     WrongFile{"NoIds", R"({"captures": [{"image": "a.png", "image_size": [1, 1], "pixels": []}]})",

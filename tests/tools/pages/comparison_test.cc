@@ -183,6 +183,12 @@ TEST(ComparisonTableTest, HasALineForEachRunAndPair) {
   EXPECT_THAT(table, HasSubstr("  differ\n"));
 }
 
+TEST(ComparisonTableTest, CutsLongNamesBetweenCharacters) {
+  std::string umlauts;
+  for (int i = 0; i < 18; ++i) umlauts += "\xC3\xA4";
+  EXPECT_THAT(ComparisonTable(Compare({RunOf("abc" + umlauts, {})})), HasSubstr("\n.." + umlauts + " chessboard  "));
+}
+
 TEST(ComparisonTableTest, NamesTheTenLeastLikelyPairs) {
   std::vector<ComparedRun> runs;
   for (int i = 0; i < 6; ++i) runs.push_back(RunOf("r" + std::to_string(i), {.hand_eye = Shifted(1e-3 * i * i)}));

@@ -126,5 +126,14 @@ TEST(DumbbellChartTest, LongNamesKeepTheirEnd) {
   EXPECT_THAT(svg, HasSubstr(">.." + std::string(20, 'a') + "_run_7<"));
 }
 
+TEST(DumbbellChartTest, LongNamesAreCutBetweenCharacters) {
+  std::string umlauts;
+  for (int i = 0; i < 26; ++i) umlauts += "\xC3\xA4";
+  const std::string svg = DumbbellChart("px", {{"abc" + umlauts, 0.1, 0.2}});
+  EXPECT_THAT(svg, HasSubstr(">.." + umlauts + "<"));
+  // The left margin is that of 28 letters.
+  EXPECT_THAT(svg, HasSubstr("<text x=\"204.0\""));
+}
+
 }  // namespace
 }  // namespace heba

@@ -78,6 +78,18 @@ TEST(PrintErrorTest, IsOneLineWithTheProgramsName) {
             "heba: error: cell.yaml:3: name: is missing\n");
 }
 
+TEST(ProgressBarTest, ShowsTheShareOfTheSteps) {
+  EXPECT_EQ(ProgressBar("detect", 0, 3), "detect [" + std::string(30, '.') + "] 0/3");
+  EXPECT_EQ(ProgressBar("detect", 1, 3), "detect [" + std::string(10, '#') + std::string(20, '.') + "] 1/3");
+  EXPECT_EQ(ProgressBar("detect", 3, 3), "detect [" + std::string(30, '#') + "] 3/3");
+}
+
+// A study may have more trials than an int can count.
+TEST(ProgressBarTest, CountsBillionsOfSteps) {
+  EXPECT_EQ(ProgressBar("trial", 4'000'000'000, 6'000'000'000),
+            "trial [" + std::string(20, '#') + std::string(10, '.') + "] 4000000000/6000000000");
+}
+
 TEST(ProgressTest, PrintsALineForEachQuarterIfThereIsNoTerminal) {
   EXPECT_EQ(ErrorOutputOf([] {
               Progress progress("detect", 10, Verbosity::kNormal);

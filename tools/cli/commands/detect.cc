@@ -107,7 +107,7 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   for (const CaptureDetection& detection : detections) seen += detection.detection.ids.empty() ? 0 : 1;
   if (!FLAGS_quiet) {
     std::string text = "the target was detected in " + std::to_string(seen) + " of " +
-                       std::to_string(detections.size()) + " images; residuals are under " + through +
+                       std::to_string(detections.size()) + " images; residuals are relative to " + through +
                        ", drawn magnified by up to 100\n";
     for (const std::string& line : lines) text += line + "\n";
     std::cout << ForTerminal(text) << "images: " << (output / "overlays").string() << std::endl;

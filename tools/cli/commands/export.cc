@@ -109,7 +109,7 @@ ExportRequest RequestAskedFor(const fs::path& run) {
               << "/report.html gives the reasons" << std::endl;
   }
   if (FLAGS_units != "m" && FLAGS_units != "mm") {
-    throw InputError("--units: " + Quoted(FLAGS_units) + "; m or mm");
+    throw InputError("--units: " + Quoted(FLAGS_units) + " is not m or mm");
   }
   request.length_unit = FLAGS_units;
   return FLAGS_inverse ? Inverted(request) : request;

@@ -57,10 +57,10 @@ const PoseFormat& FormatOfNear(const PoseReading& reading) {
 std::optional<Rigid3d> NearAskedFor(const FinishedRun& run) {
   if (FLAGS_near.empty()) return std::nullopt;
   if (!FLAGS_pixels.empty()) {
-    throw InputError("--near: the target's plane is the same for all of its possible poses; leave this out");
+    throw InputError("--near: the target's plane is the same for all of its possible poses; leave this flag out");
   }
   if (run.target->Symmetries().size() == 1) {
-    throw InputError("--near: the target has no symmetry, so its pose needs no choice; leave this out");
+    throw InputError("--near: the target has no symmetry and only one possible pose; leave this flag out");
   }
   return PoseOfFlag("near", FLAGS_near, FormatOfNear(run.pose_reading));
 }
@@ -174,7 +174,7 @@ std::vector<Eigen::Vector2d> PixelsAskedFor() {
     if (fields.size() != 2 || !ParseDouble(Trim(fields[0]), &pixel.x()) || !ParseDouble(Trim(fields[1]), &pixel.y()) ||
         !pixel.allFinite()) {
       throw InputError("--pixels: " + Quoted(Trim(pair)) +
-                       " is no pixel; u,v is needed, several separated by semicolons");
+                       " is not a pixel; u,v is needed, several separated by semicolons");
     }
     pixels.push_back(pixel);
   }
@@ -194,7 +194,7 @@ std::optional<Plane> PlaneAskedFor() {
   if (!is_direction) {
     throw InputError(
         "--plane: " + Quoted(FLAGS_plane) +
-        " is no plane; a normal in the base and the distance along it are needed, such as 0,0,1,120 mm, or "
+        " is not a plane; a normal in the base and the distance along it are needed, such as 0,0,1,120 mm, or "
         "target");
   }
   plane.normal.normalize();
@@ -232,7 +232,7 @@ struct PixelsAsked {
 PixelsAsked ReadPixelsAsked(const Camera& camera) {
   if (FLAGS_pixels.empty()) {
     if (FLAGS_plane != "target") {
-      throw InputError("--plane: goes with --pixels; without them the target itself is located");
+      throw InputError("--plane: requires --pixels; without that flag the target itself is located");
     }
     return {};
   }
@@ -325,7 +325,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
     throw InputError("the robot carries the camera: one IMAGE, with --pose " +
                      Join(run.pose_reading.format.columns, ",") + ", the robot pose of that image, is needed");
   }
-  if (!is_carried && !FLAGS_pose.empty()) throw InputError("--pose: the camera is stationary; leave this out");
+  if (!is_carried && !FLAGS_pose.empty()) throw InputError("--pose: the camera is stationary; leave this flag out");
   const Rigid3d base_from_mount = is_carried ? PoseAskedFor(run.pose_reading) : Rigid3d();
   const PixelsAsked asked = ReadPixelsAsked(refined->camera);
   const std::optional<Rigid3d> near = NearAskedFor(run);

@@ -51,7 +51,7 @@ int RunCommand_study(const std::vector<std::string>& arguments) {
     std::cerr << to_do.size() << (to_do.size() == 1 ? " cell, " : " cells, ") << study.num_trials << " trials each"
               << std::endl;
   }
-  Progress progress("trial", static_cast<int>(to_do.size()) * study.num_trials,
+  Progress progress("trial", static_cast<int64_t>(to_do.size()) * study.num_trials,
                     FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
   for (const int index : to_do) {
     const StudyCell& cell = study.cells[static_cast<size_t>(index)];

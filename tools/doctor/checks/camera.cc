@@ -150,7 +150,7 @@ std::vector<Symptom> Check_camera(Examination* examination) {
   const bool is_wrong = fit_px > 4 * kPoorPx || is_other_lens;
   Symptom symptom{
       is_wrong ? Severity::kWrong : Severity::kRemark, is_other_lens ? "camera" : "distortion",
-      is_other_lens ? "the intrinsics are of another camera or resolution: " + fits + "; focal length " +
+      is_other_lens ? "the intrinsics belong to another camera or resolution: " + fits + "; focal length " +
                           FocalText(camera) + " given, " + FocalText(*estimated) + " estimated from the images"
                     : "the distortion of the lens differs from that of the intrinsics: " + fits,
       "provide the intrinsics of this camera at this resolution, or leave camera.intrinsics out to have them "

@@ -29,7 +29,7 @@ std::vector<Symptom> SharedImages(Examination* examination) {
   for (const SharedImage& shared : FindSharedImages(captures, examination->detections)) {
     if (shared.has_one_pose) {
       if (example.empty())
-        example = captures[shared.captures[1]].name + " that of " + captures[shared.captures[0]].name;
+        example = captures[shared.captures[1]].name + " repeats " + captures[shared.captures[0]].name;
       copies.insert(shared.captures.begin() + 1, shared.captures.end());
       continue;
     }
@@ -46,7 +46,8 @@ std::vector<Symptom> SharedImages(Examination* examination) {
   if (!copies.empty()) {
     symptoms.push_back({Severity::kRemark, "repeated_image",
                         std::to_string(copies.size()) + " of " + std::to_string(captures.size()) +
-                            " captures repeat the image of another one, byte by byte, and its pose, such as " + example,
+                            " captures repeat the image of another one, byte by byte, and its pose; for example, " +
+                            example,
                         "copies are not used: take more captures instead"});
   }
   std::erase_if(examination->views, [&](const ExaminedView& view) { return copies.count(view.capture) > 0; });
@@ -117,7 +118,7 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   for (Symptom& symptom : SamePoses(views, limit_m)) symptoms.push_back(std::move(symptom));
 
   std::vector<size_t> outside;
-  // Nobody would read more than this number one by one.
+  // A list of more captures would not be read.
   constexpr size_t kMostOutside = 100;
   for (size_t i = 0; i < views.size() && outside.size() < kMostOutside; ++i) {
     if (consistency->misfit_m[i] > limit_m) outside.push_back(i);
@@ -164,8 +165,8 @@ std::vector<Symptom> Check_captures(Examination* examination) {
                       "swap their names in the poses file"}
             : Symptom{
                   Severity::kWrong, "wrong_pose", name + " fits the pose of " + other + "; " + evidence,
-                  "look at the two images and at the poses file's lines for them; leave out the one that has not its "
-                  "own pose"});
+                  "look at the two images and at the poses file's lines for them; leave out the one that does not have "
+                  "its own pose"});
   }
   if (!alone.empty()) {
     symptoms.push_back(

@@ -406,8 +406,8 @@ std::vector<Symptom> Check_poses(Examination* examination) {
     return {{Severity::kWrong, "target_scale",
              "the target is " + Significant(1 / scale, 3) + " times as large as the config says (+- " +
                  Significant(scaled->robot_scale_stddev / (scale * scale), 1) +
-                 ", one sigma): with this scale, robot and images differ by " + MisfitText(*scaled) + ", without by " +
-                 MisfitText(*now),
+                 ", one sigma): with this scale, robot and images differ by " + MisfitText(*scaled) +
+                 ", without it by " + MisfitText(*now),
              "measure the target and multiply its lengths in the config by about " + Significant(1 / scale, 3) +
                  " (or, if it is right, the focal length is wrong by this factor)"}};
   }
@@ -420,9 +420,9 @@ std::vector<Symptom> Check_poses(Examination* examination) {
     return {{Severity::kWrong, "poses_unexplained",
              "robot and images differ by " + MisfitText(*now) +
                  " (7 of 10 captures by less), and no other reading of the poses file explains it" +
-                 (why.empty() ? "" : "; according to the poses, " + why + ", but the images show rotations"),
-             "do all poses belong to these images and to one frame on the arm, and did camera and target stay "
-             "where they are fixed?"}};
+                 (why.empty() ? "" : "; the images show rotations that the poses do not (" + why + ")"),
+             "check that all poses belong to these images and to one frame on the arm, and that neither the camera nor "
+             "the target moved on its mount"}};
   }
   return {};
 }

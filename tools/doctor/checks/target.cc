@@ -167,7 +167,7 @@ std::vector<Symptom> Check_target(Examination* examination) {
     config.target_used = other->used;
     detect_all();
     return Symptom{Severity::kWrong, "target",
-                   "the images show another target than the config names, which is detected " + seen + "; with " +
+                   "the images show another target than the config names: that one is detected " + seen + "; with " +
                        SettingsText(other->settings) + " it is detected " + SeenText(config, examination->detections),
                    "set in the target: " + SettingsText(other->settings)};
   };
@@ -193,7 +193,7 @@ std::vector<Symptom> Check_target(Examination* examination) {
   constexpr double kHardly = 0.3;
   if (share < kHardly || NumSeen(all) < 3) {
     return {{Severity::kWrong, "target_not_seen", "the target is detected " + seen + why,
-             "look at the images of 'heba detect': is it the target that the config names, complete, sharp and lit?"}};
+             "look at the images of 'heba detect': the target that the config names must be complete, sharp and lit"}};
   }
   if (share >= kMostImages) return {};
   return {{Severity::kRemark, "target_often_missed", "the target is detected only " + seen + why,

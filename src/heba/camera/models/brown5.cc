@@ -1,14 +1,25 @@
 // The model of Brown 1966 in the notation of OpenCV and ROS (plumb_bob). If x, y = X / Z, Y / Z and r^2 = x^2 + y^2,
 //   x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
 //   y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
+#include "heba/camera/opencv_lens.h"
 #include "heba/camera/radial_tangential.h"
 
 namespace heba {
 namespace {
 
-struct Brown5 {
+struct Brown5 : OpenCvPolynomial<5> {
   static constexpr int kNumDistortion = 5;
-  static std::vector<std::string> DistortionNames() { return {"k1", "k2", "p1", "p2", "k3"}; }
+  static CameraModelFacts Facts() {
+    CameraModelFacts facts;
+    facts.distortion_names = {"k1", "k2", "p1", "p2", "k3"};
+    facts.examples = {{"undistorted", {1000, 1020, 652.3, 470.9, 0, 0, 0, 0, 0}},
+                      {"typical", {1100, 1122, 652.3, 470.9, -0.12, 0.08, 0.0007, -0.0005, -0.01}},
+                      // The corners, at 0.85 focal lengths without distortion, move inwards by 17 %.
+                      {"barrel", {940, 958.8, 652.3, 470.9, -0.28, 0.09, 0.002, -0.001, -0.01}},
+                      // The corners move outwards by a third.
+                      {"pincushion", {800, 816, 652.3, 470.9, 0.35, 0.1, -0.001, 0.002, 0.01}}};
+    return facts;
+  }
 
   template <class V>
   HEBA_INLINE static void Distort(const double* distortion, const V& x, const V& y, const V& z,

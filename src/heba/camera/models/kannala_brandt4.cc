@@ -5,13 +5,25 @@
 #include <algorithm>
 
 #include "heba/camera/batched_camera_model.h"
+#include "heba/camera/opencv_lens.h"
 
 namespace heba {
 namespace {
 
-struct KannalaBrandt4 {
+struct KannalaBrandt4 : OpenCvFisheye {
   static constexpr int kNumDistortion = 4;
-  static std::vector<std::string> DistortionNames() { return {"k1", "k2", "k3", "k4"}; }
+  static CameraModelFacts Facts() {
+    CameraModelFacts facts;
+    facts.kind = LensKind::kFisheye;
+    facts.distortion_names = {"k1", "k2", "k3", "k4"};
+    facts.kalibr = {"pinhole", "equidistant"};
+    facts.examples = {{"undistorted", {500, 510, 652.3, 470.9, 0, 0, 0, 0}},
+                      {"typical", {520, 530.4, 652.3, 470.9, -0.02, 0.004, -0.002, 0.0003}},
+                      // The field of view is 180 degrees or more.
+                      {"strong_positive", {420, 428.4, 652.3, 470.9, 0.04, -0.01, 0.002, -0.0002}},
+                      {"strong_negative", {450, 459, 652.3, 470.9, -0.05, 0.01, -0.0015, 0.0001}}};
+    return facts;
+  }
 
   // Computes x' = x s, y' = y s with s = r / rho, where rho is the distance from the optical axis.
   template <class V>

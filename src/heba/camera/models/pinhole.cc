@@ -1,12 +1,17 @@
 // The pinhole model: u = fx x / z + cx, v = fy y / z + cy.
 #include "heba/camera/batched_camera_model.h"
+#include "heba/camera/opencv_lens.h"
 
 namespace heba {
 namespace {
 
-struct Pinhole {
+struct Pinhole : OpenCvPolynomial<0> {
   static constexpr int kNumDistortion = 0;
-  static std::vector<std::string> DistortionNames() { return {}; }
+  static CameraModelFacts Facts() {
+    CameraModelFacts facts;
+    facts.examples = {{"wide", {1000, 1020, 652.3, 470.9}}, {"narrow", {1100, 1122, 652.3, 470.9}}};
+    return facts;
+  }
 
   template <class V>
   HEBA_INLINE static void Distort(const double* /*distortion*/, const V& x, const V& y, const V& z,

@@ -1,13 +1,25 @@
 // OpenCV's rational model (rational_polynomial in ROS): brown5 with the radial factor
 //   (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
+#include "heba/camera/opencv_lens.h"
 #include "heba/camera/radial_tangential.h"
 
 namespace heba {
 namespace {
 
-struct Rational8 {
+struct Rational8 : OpenCvPolynomial<8> {
   static constexpr int kNumDistortion = 8;
-  static std::vector<std::string> DistortionNames() { return {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}; }
+  static CameraModelFacts Facts() {
+    CameraModelFacts facts;
+    facts.distortion_names = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
+    facts.examples = {
+        {"undistorted", {1000, 1020, 652.3, 470.9, 0, 0, 0, 0, 0, 0, 0, 0}},
+        {"typical", {1100, 1122, 652.3, 470.9, -0.12, 0.08, 0.0007, -0.0005, -0.01, 0.0001, 0.0001, 0.0001}},
+        // The corners, at 0.85 focal lengths without distortion, move inwards by 17 %.
+        {"barrel", {940, 958.8, 652.3, 470.9, -0.28, 0.09, 0.002, -0.001, -0.01, 0, 0, 0}},
+        // The corners move outwards by a third.
+        {"pincushion", {800, 816, 652.3, 470.9, 0.35, 0.1, -0.001, 0.002, 0.01, 0.0002, 0.0002, 0.0002}}};
+    return facts;
+  }
 
   template <class V>
   HEBA_INLINE static void Distort(const double* distortion, const V& x, const V& y, const V& z,

@@ -14,11 +14,13 @@ std::string Matrix(const std::string& name, size_t rows, const std::vector<doubl
 
 Outcome<std::string> ExportFormat_camera_info(const ExportRequest& request) {
   const Camera& camera = request.camera;
-  std::vector<double> distortion = OpenCvDistortion(camera);
+  const Outcome<OpenCvLens> lens = NeedOpenCvLens(camera, "ROS");
+  if (!lens) return Failure{lens.reason()};
+  const bool is_fisheye = lens->kind == LensKind::kFisheye;
+  std::vector<double> distortion = lens->coefficients;
   // The model plumb_bob has five coefficients.
-  if (!IsFisheye(camera) && distortion.size() < 5) distortion.resize(5, 0);
-  const std::string model =
-      IsFisheye(camera) ? "equidistant" : (distortion.size() > 5 ? "rational_polynomial" : "plumb_bob");
+  if (!is_fisheye && distortion.size() < 5) distortion.resize(5, 0);
+  const std::string model = is_fisheye ? "equidistant" : (distortion.size() > 5 ? "rational_polynomial" : "plumb_bob");
   const std::vector<double>& p = camera.params;
   return CommentLines(ExportRemarks(request), "# ") + "image_width: " + std::to_string(camera.width_px) +
          "\nimage_height: " + std::to_string(camera.height_px) + "\ncamera_name: " + QuotedForYaml(request.name) +

@@ -15,13 +15,15 @@ std::string Matrix(const std::string& name, size_t rows, const std::vector<doubl
 
 Outcome<std::string> ExportFormat_opencv(const ExportRequest& request) {
   const Camera& camera = request.camera;
-  std::vector<double> distortion = OpenCvDistortion(camera);
+  const Outcome<OpenCvLens> lens = NeedOpenCvLens(camera, "OpenCV");
+  if (!lens) return Failure{lens.reason()};
+  std::vector<double> distortion = lens->coefficients;
   if (distortion.empty()) distortion.assign(5, 0);
   const std::vector<double> pose = NumbersFromPose(*FindPoseFormat("matrix"), request.parent_from_child);
   const std::vector<double>& p = camera.params;
   return "%YAML:1.0\n---\n" + CommentLines(ExportRemarks(request), "# ") +
          "image_width: " + std::to_string(camera.width_px) + "\nimage_height: " + std::to_string(camera.height_px) +
-         "\n" + (IsFisheye(camera) ? "fisheye_model: 1\n" : "") +
+         "\n" + (lens->kind == LensKind::kFisheye ? "fisheye_model: 1\n" : "") +
          Matrix("camera_matrix", 3, {p[0], 0, p[2], 0, p[1], p[3], 0, 0, 1}) +
          Matrix("distortion_coefficients", distortion.size(), distortion) + Matrix("hand_eye", 4, pose);
 }

@@ -1,4 +1,4 @@
-// Tests of the remarks on what no data can determine: tools/doctor/checks/set_up.cc and symmetry.cc.
+// Tests of the remarks on what no data can determine: tools/doctor/checks/setup.cc and symmetry.cc.
 #include <string>
 
 #include <gmock/gmock.h>
@@ -14,7 +14,7 @@ using ::testing::IsEmpty;
 
 TEST(SetupCheckTest, StatesBothSetupsForEyeToHand) {
   Examination examination = CleanExamination();
-  const std::vector<Symptom> symptoms = Check_set_up(&examination);
+  const std::vector<Symptom> symptoms = Check_setup(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark either_set_up"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the camera is fixed beside the robot, roughly base_from_camera ["));
   EXPECT_THAT(symptoms[0].what, HasSubstr("a camera that is carried by the robot, with inverted poses, equally well: "
@@ -25,7 +25,7 @@ TEST(SetupCheckTest, StatesBothSetupsForEyeInHand) {
   SimulatedSetOptions options;
   options.setup = Setup::kEyeInHand;
   Examination examination = CleanExamination(options);
-  const std::vector<Symptom> symptoms = Check_set_up(&examination);
+  const std::vector<Symptom> symptoms = Check_setup(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark either_set_up"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the camera is carried by the robot, roughly gripper_from_camera ["));
   EXPECT_THAT(symptoms[0].what, HasSubstr("base_from_camera ["));
@@ -34,11 +34,11 @@ TEST(SetupCheckTest, StatesBothSetupsForEyeInHand) {
 TEST(SetupCheckTest, IsSilentAfterAFaultAndWithTooFewCaptures) {
   Examination examination = CleanExamination();
   examination.found_wrong = true;
-  EXPECT_THAT(CodesOf(Check_set_up(&examination)), IsEmpty());
+  EXPECT_THAT(CodesOf(Check_setup(&examination)), IsEmpty());
   SimulatedSetOptions options;
   options.num_captures = 4;
   Examination few = CleanExamination(options);
-  EXPECT_THAT(CodesOf(Check_set_up(&few)), IsEmpty());
+  EXPECT_THAT(CodesOf(Check_setup(&few)), IsEmpty());
 }
 
 TEST(SymmetryCheckTest, RemarksOnATargetThatLooksTheSameAfterARotation) {

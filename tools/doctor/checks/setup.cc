@@ -5,7 +5,7 @@
 
 namespace heba {
 
-std::vector<Symptom> Check_set_up(Examination* examination) {
+std::vector<Symptom> Check_setup(Examination* examination) {
   if (examination->found_wrong) return {};
   const RunConfig& config = examination->config;
   const std::optional<PoseConsistency> consistency =
@@ -15,7 +15,7 @@ std::vector<Symptom> Check_set_up(Examination* examination) {
   const bool is_carried = config.setup == Setup::kEyeInHand;
   const Setup other = is_carried ? Setup::kEyeToHand : Setup::kEyeInHand;
   return {{Severity::kRemark, "either_set_up",
-           std::string("read as the config says, the camera is ") +
+           std::string("according to the config, the camera is ") +
                (is_carried ? "carried by the robot" : "fixed beside the robot") + ", roughly " +
                HandEyeText(config.setup, hand_eye) + "; the same numbers fit a camera that is " +
                (is_carried ? "fixed beside the robot" : "carried by the robot") +
