@@ -187,7 +187,9 @@ TEST_F(StudyConfigTest, StudyAsUsedStatesEveryDefault) {
   const YAML::Node used = YAML::Load(Read().used);
   const auto text_of = [&](const char* key) {
     YAML::Emitter emitter;
-    emitter << YAML::Flow << used[key];
+    emitter.SetSeqFormat(YAML::Flow);
+    emitter.SetMapFormat(YAML::Flow);
+    emitter << used[key];
     return std::string(emitter.c_str());
   };
   EXPECT_EQ(text_of("name"), "noise");
