@@ -81,18 +81,16 @@ Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std:
     mixture.ratio = std::max(translations, rotations);
     for (size_t i = 0; i < verdicts.size(); ++i) {
       if (!verdicts[i].is_wrong) continue;
-      (*views)[i].by_correction.leftCols<3>() *= translations;
-      (*views)[i].by_correction.rightCols<3>() *= rotations;
+      (*views)[i].by_effects.leftCols<3>() *= translations;
+      (*views)[i].by_effects.rightCols<3>() *= rotations;
     }
     // Penalty for choosing the wrong captures after the fact: the logarithm of the number of choices.
     const double share = num_wrong / static_cast<double>(verdicts.size());
     choice = -static_cast<double>(verdicts.size()) * (share * std::log(share) + (1 - share) * std::log(1 - share));
   }
-  VarianceComponents variances;
-  variances.translation_m2 = robot.translation_m * robot.translation_m;
-  variances.rotation_rad2 = robot.rotation_rad * robot.rotation_rad;
-  mixture.log_likelihood =
-      RestrictedLogLikelihood(*views, at.pixel_sigma_px, variances, views->front().by_unknowns.cols()) - choice;
+  mixture.log_likelihood = RestrictedLogLikelihood(*views, at.pixel_sigma_px, CorrectionGroups(1, robot, true, true),
+                                                   views->front().by_unknowns.cols()) -
+                           choice;
   return mixture;
 }
 

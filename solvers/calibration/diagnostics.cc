@@ -55,35 +55,38 @@ WeakDirection WorstOf(const Eigen::MatrixXd& covariance, Eigen::Index first, con
   return weakness;
 }
 
-std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solution& solution,
-                                              const std::vector<std::string>& names,
-                                              const Eigen::MatrixXd& covariance) {
+std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solution& solution) {
+  const UnknownLayout& layout = solution.covariance.layout;
+  const Eigen::MatrixXd& covariance = solution.covariance.matrix;
   constexpr double kWantedM = 1e-3;
   const double wanted_rad = DegToRad(0.1);
   constexpr double kWantedRatio = 0.002;
   const std::string camera_mount(CameraMountName(problem.setup));
   const std::string target_mount(TargetMountName(problem.setup));
+  const Eigen::Index hand_eye = layout.Block(kHandEyeBlock).first;
+  const Eigen::Index board = layout.Block(kBoardBlock).first;
   const Eigen::Matrix3d r_x = solution.hand_eye.camera_mount_from_camera.RotationMatrix();
   const Eigen::Matrix3d r_z = solution.hand_eye.target_mount_from_target.RotationMatrix();
   std::vector<WeakDirection> weak_directions = {
-      WorstOf(covariance, 0, "the camera's position along ", r_x, camera_mount, "camera"),
-      WorstOf(covariance, 3, "the camera's orientation about ", r_x, camera_mount, "camera"),
-      WorstOf(covariance, 6, "the target's position along ", r_z, target_mount, "target"),
-      WorstOf(covariance, 9, "the target's orientation about ", r_z, target_mount, "target")};
+      WorstOf(covariance, hand_eye, "the camera's position along ", r_x, camera_mount, "camera"),
+      WorstOf(covariance, hand_eye + 3, "the camera's orientation about ", r_x, camera_mount, "camera"),
+      WorstOf(covariance, board, "the target's position along ", r_z, target_mount, "target"),
+      WorstOf(covariance, board + 3, "the target's orientation about ", r_z, target_mount, "target")};
   for (size_t i = 0; i < weak_directions.size(); ++i) {
     const bool is_position = i % 2 == 0;
     weak_directions[i].wanted = is_position ? kWantedM : wanted_rad;
     weak_directions[i].unit = is_position ? "mm" : "deg";
     weak_directions[i].unit_size = is_position ? 1e-3 : DegToRad(1.0);
   }
-  for (size_t i = 12; i < names.size(); ++i) {
-    const std::string part = names[i].substr(names[i].find('.') + 1);
-    const bool is_focal = part == "fx" || part == "fy";
-    if (!is_focal && part != "cx" && part != "cy") continue;
+  const UnknownBlock camera = layout.Block(kCameraBlock);
+  for (Eigen::Index i = camera.first; i < camera.end(); ++i) {
+    const Unknown& unknown = layout[i];
+    const bool is_focal = unknown.group == UnknownGroup::kFocal;
+    if (!is_focal && unknown.group != UnknownGroup::kPrincipalPoint) continue;
     WeakDirection weakness;
-    weakness.name = std::string("the camera's ") + part;
-    weakness.direction = is_focal ? AxialFocalLengthByUnknowns(solution.camera, part == "fx" ? 0 : 1, names)
-                                  : Eigen::VectorXd::Unit(covariance.rows(), static_cast<Eigen::Index>(i));
+    weakness.name = unknown.plain_name;
+    weakness.direction = is_focal ? AxialFocalLengthByUnknowns(solution.camera, unknown.index, layout, camera)
+                                  : Eigen::VectorXd::Unit(covariance.rows(), i);
     weakness.sigma = std::sqrt(weakness.direction.dot(covariance * weakness.direction));
     weakness.wanted = kWantedRatio * (is_focal ? AxialFocalLength(solution.camera, 0) : solution.camera.width_px);
     weakness.unit = "px";
@@ -243,19 +246,18 @@ std::string LargestMove(const Camera& given, const Solution& solution, Finding* 
 
 std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
                                               const FreeParameters& free) {
-  const std::vector<std::string> names = UnknownNames(solution.camera.Model(), free);
-  const std::vector<WeakDirection> weak_directions =
-      FindWeakDirections(problem, solution, names, solution.covariance.matrix);
+  const UnknownLayout& layout = solution.covariance.layout;
+  const std::vector<WeakDirection> weak_directions = FindWeakDirections(problem, solution);
   if (weak_directions.empty()) return std::nullopt;
   const std::vector<SuggestedCaptures> cures = FindSuggestedCaptures(problem, solution, free);
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   const Eigen::MatrixXd information =
-      InvertInformation({names, solution.covariance.matrix}, 1.0).matrix;  // The inverse of the covariance.
+      InvertInformation({layout, solution.covariance.matrix}, 1.0).matrix;  // The inverse of the covariance.
   const WeakDirection& worst = weak_directions.front();
   double best_sigma = std::numeric_limits<double>::infinity();
   std::string best_words;
   for (const SuggestedCaptures& cure : cures) {
-    const Information with{names, information + MarginalInformation(cure.views, robot, 1.0)};
+    const Information with{layout, information + MarginalInformation(cure.views, CorrectionVariances(robot), 1.0)};
     const Eigen::MatrixXd covariance = InvertInformation(with, 1.0).matrix;
     const double sigma = std::sqrt(worst.direction.dot(covariance * worst.direction));
     if (sigma >= best_sigma) continue;
@@ -392,8 +394,11 @@ std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solu
   const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, options, choose);
   if (!choice) return std::nullopt;
   const Solution& freed = choice->solution;
-  const Eigen::Index num_intrinsics = NumParams(solution.camera.Model());
-  const Eigen::MatrixXd covariance = freed.covariance.matrix.block(12, 12, num_intrinsics, num_intrinsics);
+  const UnknownBlock camera = freed.covariance.layout.Block(kCameraBlock);
+  const Eigen::Index num_intrinsics = camera.size;
+  CHECK_EQ(num_intrinsics, NumParams(solution.camera.Model()));
+  const Eigen::MatrixXd covariance =
+      freed.covariance.matrix.block(camera.first, camera.first, num_intrinsics, num_intrinsics);
   Eigen::VectorXd difference(num_intrinsics);
   for (Eigen::Index i = 0; i < num_intrinsics; ++i) {
     const auto k = static_cast<size_t>(i);

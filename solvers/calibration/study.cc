@@ -85,29 +85,21 @@ bool IsModelOf(const StudyCell& cell, const BundleOptions& bundle) {
   return (bundle.robot != BundleOptions::Robot::kExact) == is_noisy && bundle.free_shape == ShapeGroupsOf(cell);
 }
 
-// Returns the errors of the shape parameters that the covariance names, in its order.
-Eigen::VectorXd ShapeErrors(const StudyCell& cell, const Solution& solution) {
-  std::vector<double> errors;
-  for (const std::string& name : solution.covariance.names) {
-    for (size_t i = 0; i < kTargetShapeParamNames.size(); ++i) {
-      if (name == "target." + std::string(kTargetShapeParamNames[i])) {
-        errors.push_back(solution.shape.params[i] - cell.shape.params[i]);
-      }
+// Returns the errors of the unknowns in a layout of this cell.
+Eigen::VectorXd ErrorOf(const StudyCell& cell, const UnknownLayout& layout, const Solution& solution) {
+  const Tangent6 hand_eye =
+      LocalCoordinates(cell.hand_eye.camera_mount_from_camera, solution.hand_eye.camera_mount_from_camera);
+  const Tangent6 board =
+      LocalCoordinates(cell.hand_eye.target_mount_from_target, solution.hand_eye.target_mount_from_target);
+  Eigen::VectorXd error = Eigen::VectorXd::Zero(layout.size());
+  for (const UnknownBlock& block : layout.blocks()) {
+    for (Eigen::Index i = block.first; i < block.end(); ++i) {
+      const auto k = static_cast<size_t>(layout[i].index);
+      if (block.owner == UnknownOwner::kCamera) error[i] = solution.camera.params[k] - cell.camera.params[k];
+      if (block.owner == UnknownOwner::kTarget) error[i] = solution.shape.params[k] - cell.shape.params[k];
+      if (block.owner == UnknownOwner::kPose)
+        error[i] = block.name == kHandEyeBlock ? hand_eye[i - block.first] : board[i - block.first];
     }
-  }
-  return Eigen::Map<const Eigen::VectorXd>(errors.data(), static_cast<Eigen::Index>(errors.size()));
-}
-
-// Returns the errors of the free unknowns, in the order of UnknownNames.
-Eigen::VectorXd ErrorOf(const StudyCell& cell, const HandEye& hand_eye, const Camera* camera) {
-  const FreeParameters free = FreeOf(cell);
-  const Eigen::Index num_free = camera == nullptr ? 0 : std::count(free.begin(), free.end(), true);
-  Eigen::VectorXd error(12 + num_free);
-  error.head<6>() = LocalCoordinates(cell.hand_eye.camera_mount_from_camera, hand_eye.camera_mount_from_camera);
-  error.segment<6>(6) = LocalCoordinates(cell.hand_eye.target_mount_from_target, hand_eye.target_mount_from_target);
-  Eigen::Index row = 12;
-  for (size_t i = 0; i < free.size() && num_free > 0; ++i) {
-    if (free[i]) error[row++] = camera->params[i] - cell.camera.params[i];
   }
   return error;
 }
@@ -118,7 +110,9 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
   estimate.method = method;
   estimate.ok = hand_eye.ok();
   if (!hand_eye) return estimate;
-  estimate.error = ErrorOf(cell, *hand_eye, nullptr);
+  Solution poses;
+  poses.hand_eye = *hand_eye;
+  estimate.error = ErrorOf(cell, HandEyePoses(), poses);
   estimate.axxb_mean_mm = AxxbMeanMm(pairs, hand_eye->camera_mount_from_camera).value_or(0);
   return estimate;
 }
@@ -128,15 +122,11 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
   if (!solution) return {method, false, {}, 0, {}, {}, {}, {}};
   TrialEstimate estimate = EstimateOf(cell, method, Outcome<HandEye>(solution->hand_eye), pairs);
   const Eigen::MatrixXd& covariance = solution->covariance.matrix;
-  // The chain does not estimate intrinsics.
-  constexpr Eigen::Index kNumPoseUnknowns = 12;
-  estimate.error =
-      ErrorOf(cell, solution->hand_eye, covariance.rows() > kNumPoseUnknowns ? &solution->camera : nullptr);
   const double dof = static_cast<double>(covariance.rows());
   const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::VectorXd shape_errors = ShapeErrors(cell, *solution);
-  Eigen::VectorXd error(covariance.rows());
-  error << estimate.error, shape_errors;
+  // The chain does not estimate intrinsics.
+  const Eigen::VectorXd error = ErrorOf(cell, solution->covariance.layout, *solution);
+  estimate.error = error.head(solution->covariance.layout.Block(kTargetBlock).first);
   const Eigen::VectorXd scaled_error = scale.cwiseProduct(error);
   const double squares =
       scaled_error.dot((scale.asDiagonal() * covariance * scale.asDiagonal()).ldlt().solve(scaled_error));
@@ -149,13 +139,20 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
 
 // Computes RMS errors from the mean squared error of each unknown.
 StudyErrors FromMeanSquares(const StudyCell& cell, const Eigen::VectorXd& squares) {
-  StudyErrors errors;
-  errors.hand_eye_m = std::sqrt(squares.segment<3>(0).sum());
-  errors.hand_eye_rad = std::sqrt(squares.segment<3>(3).sum());
-  errors.board_m = std::sqrt(squares.segment<3>(6).sum());
-  errors.board_rad = std::sqrt(squares.segment<3>(9).sum());
   const FreeParameters free = FreeOf(cell);
-  if (free[0] && free[1] && squares.size() >= 14) errors.focal_px = std::sqrt(0.5 * squares.segment<2>(12).sum());
+  const UnknownLayout layout = HandEyeUnknowns(cell.camera.Model(), free);
+  const auto length_of = [&](std::string_view pose, Eigen::Index at) {
+    return std::sqrt(squares.segment<3>(layout.Block(pose).first + at).sum());
+  };
+  StudyErrors errors;
+  errors.hand_eye_m = length_of(kHandEyeBlock, 0);
+  errors.hand_eye_rad = length_of(kHandEyeBlock, 3);
+  errors.board_m = length_of(kBoardBlock, 0);
+  errors.board_rad = length_of(kBoardBlock, 3);
+  const Eigen::Index focal = layout.Block(kCameraBlock).first;
+  if (free[0] && free[1] && squares.size() >= focal + 2) {
+    errors.focal_px = std::sqrt(0.5 * squares.segment<2>(focal).sum());
+  }
   return errors;
 }
 
@@ -199,8 +196,8 @@ Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
   const std::optional<std::vector<LinearisedView>> views =
       LineariseViews(problem, cell.hand_eye, {}, free, cell.pixel_sigma_px, *FindLoss("none"));
   CHECK(views.has_value());
-  const Information information{UnknownNames(cell.camera.Model(), free),
-                                MarginalInformation(*views, cell.robot_noise, 1.0)};
+  const Information information{HandEyeUnknowns(cell.camera.Model(), free),
+                                MarginalInformation(*views, CorrectionVariances(cell.robot_noise), 1.0)};
   if (const std::optional<Failure> failure = CheckObservable(information)) return *failure;
   return FromMeanSquares(cell, InvertInformation(information, 1.0).matrix.diagonal());
 }

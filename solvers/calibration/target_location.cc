@@ -45,12 +45,10 @@ Eigen::MatrixXd ByUnknowns(const Solution& solution, const Eigen::Matrix<double,
                            const Eigen::MatrixXd& by_params) {
   const Covariance& covariance = solution.covariance;
   Eigen::MatrixXd by_unknowns = Eigen::MatrixXd::Zero(3, covariance.matrix.cols());
-  by_unknowns.leftCols<6>() = by_motion;
-  const std::vector<std::string>& names = solution.camera.Model().param_names();
-  for (size_t k = 0; k < names.size(); ++k) {
-    const auto found = std::find(covariance.names.begin(), covariance.names.end(), "camera." + names[k]);
-    if (found == covariance.names.end()) continue;
-    by_unknowns.col(found - covariance.names.begin()) = by_params.col(static_cast<Eigen::Index>(k));
+  by_unknowns.middleCols<6>(covariance.layout.Block(kHandEyeBlock).first) = by_motion;
+  const UnknownBlock camera = covariance.layout.Block(kCameraBlock);
+  for (Eigen::Index i = camera.first; i < camera.end(); ++i) {
+    by_unknowns.col(i) = by_params.col(covariance.layout[i].index);
   }
   return by_unknowns;
 }

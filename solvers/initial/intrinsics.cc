@@ -134,23 +134,28 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
   CapturesCostOptions options;
   options.pixel_sigma_px = sigma_px;
   options.loss = &loss;
-  options.free = free;
-  options.has_eliminated_pose = true;
-  std::vector<CaptureTerm> captures;
+  LoopProblem loops;
+  loops.layout.AddCamera(kCameraBlock, model, free);
+  loops.layout.AddTarget(kTargetBlock, {});
+  loops.cameras = {&model};
+  loops.targets = {TargetShape()};
   for (const PosedView& entry : *posed) {
-    captures.push_back({&entry.view->observations, MakeFreePoseLoop(), entry.camera_from_target});
+    loops.captures.push_back(
+        {{{&entry.view->observations, KinematicLoop({OwnFactor(0)})}}, {{entry.camera_from_target, std::nullopt}}});
   }
-  CapturesCost cost(model, std::move(captures), options);
+  LoopUnknowns unknowns(loops, {{}, {}, {camera->params}, loops.targets});
+  CapturesCost cost(std::move(loops), options);
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(problem_options);
-  AddCameraBlock(free, camera->params.data(), &problem);
-  problem.AddResidualBlock(&cost, nullptr, camera->params.data());
+  unknowns.AddTo(&problem);
+  problem.AddResidualBlock(&cost, nullptr, unknowns.blocks());
   ceres::Solver::Options solver_options = ReprojectionSolverOptions(100);
   solver_options.function_tolerance = tolerance;
   const ceres::Solver::Summary summary = SolveCaptures(cost, solver_options, &problem);
-  const std::vector<Rigid3d> poses = cost.EliminatedPoses();
-  for (size_t i = 0; i < poses.size(); ++i) (*posed)[i].camera_from_target = poses[i];
+  camera->params = unknowns.Values().cameras.front();
+  const std::vector<std::vector<Rigid3d>> poses = cost.EliminatedPoses();
+  for (size_t i = 0; i < poses.size(); ++i) (*posed)[i].camera_from_target = poses[i].front();
   return summary.IsSolutionUsable();
 }
 

@@ -84,8 +84,6 @@ Eigen::Vector3d TranslationOnRays(const Eigen::Matrix3d& rotation, const Points3
   return normal.ldlt().solve(right);
 }
 
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
-
 // Returns the inverse, or nothing if the information is singular up to round-off.
 std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
   if ((information.diagonal().array() <= 0).any()) return std::nullopt;

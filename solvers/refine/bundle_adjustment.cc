@@ -58,7 +58,9 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   }
   const SharedProblem visible = KeepFlaggedPoints(problem_in, keep);
   const Problem& problem = *visible;
-  if (const std::optional<Failure> failure = CheckNumPoints(CountFlags(keep), free)) return *failure;
+  if (const std::optional<Failure> failure =
+          CheckNumPoints(CountFlags(keep), HandEyeUnknowns(problem.camera.Model(), free)))
+    return *failure;
   // Observability is checked at sigma = 0.05 px: a direction that is unobservable even then cannot be solved for.
   constexpr double kLittleNoisePx = 0.05;
   Fit fit;
@@ -131,15 +133,11 @@ double LogLikelihoodOf(const Problem& problem, const Solution& solution, const B
       LineariseFit(problem, state, GroupByRobotPose(problem.setup, problem.views), free, noise, loss, loss.consistency,
                    options.camera_prior);
   if (!views) return -std::numeric_limits<double>::infinity();
-  VarianceComponents variances;
-  variances.pixel = loss.consistency;
-  const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
-  variances.translation_m2 = robot.translation_m * robot.translation_m;
-  variances.rotation_rad2 = robot.rotation_rad * robot.rotation_rad;
-  const Eigen::Index num_shape =
-      HasShape(free, solution.camera.Model()) ? std::count(free.end() - TargetShape::kNumParams, free.end(), true) : 0;
-  return RestrictedLogLikelihood(*views, solution.pixel_sigma_px, variances, 12 + NumFree(free) - num_shape,
-                                 options.robot_noise_prior ? &*options.robot_noise_prior : nullptr);
+  const std::vector<VarianceGroup> groups =
+      CorrectionGroups(loss.consistency, solution.robot_noise.value_or(RobotNoise{}), true, true,
+                       options.robot_noise_prior ? &*options.robot_noise_prior : nullptr);
+  const Eigen::Index num_common = HandEyeUnknowns(solution.camera.Model(), free).Block(kTargetBlock).first;
+  return RestrictedLogLikelihood(*views, solution.pixel_sigma_px, groups, num_common);
 }
 
 }  // namespace heba

@@ -8,8 +8,9 @@
 
 #include "heba/base/error.h"
 #include "heba/data/solution.h"
-#include "solvers/uncertainty/information.h"
-#include "solvers/uncertainty/variance_components.h"
+#include "solvers/residuals/free_parameters.h"
+#include "solvers/residuals/loss.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 

@@ -1,19 +1,19 @@
 #include "solvers/refine/captures_cost.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 
 #include <Eigen/Cholesky>
 
 #include "heba/base/error.h"
+#include "heba/base/levenberg_marquardt.h"
 #include "heba/base/parallel.h"
 #include "heba/geometry/pose_block.h"
 #include "heba/kernels/simd.h"
 #include "heba/kernels/small_matrix.h"
 #include "heba/kernels/stacked_rows.h"
-#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -24,180 +24,331 @@ constexpr int kCapturesPerGroup = 16;
 
 constexpr int kPoseSize = 7;
 
-using PoseRows = Eigen::Matrix<double, 6, Eigen::Dynamic>;
-
-// Returns whether a derivative of the chain rule is -I, as for the hand-eye pose, whose tangent is in the camera frame.
-bool IsMirror(const Matrix6& chain) { return chain == -Matrix6::Identity(); }
-
 // Rows of views with at most this many points are chained individually, which is cheaper than chaining their
 // products.
 constexpr int kFewPoints = 16;
 
-// Accumulates the products of the rows of views with few points, chained to the shared poses.
-class ApplyChainRule {
- public:
-  ApplyChainRule(int num_shared_poses, int num_others)
-      : num_shared_poses_(num_shared_poses), num_others_(num_others), stacked_(6 * num_shared_poses + num_others) {}
+// Returns whether a derivative of the chain rule is -I, as for the hand-eye pose, whose tangent is in the camera frame.
+bool IsMirror(const Matrix6& chain) { return chain == -Matrix6::Identity(); }
 
-  // Adds the rows of a view with at most kFewPoints points.
-  void Add(const ViewRows& rows, const std::vector<Matrix6>& left_from_tangent) {
-    const Eigen::Index num_rows = rows.columns.rows();
-    double* const columns = stacked_.NextColumns(num_rows);
-    const auto from = [&](int c) { return rows.columns.data() + c * rows.columns.outerStride(); };
-    const double* const by_left[] = {from(0), from(1), from(2), from(3), from(4), from(5)};
-    for (int pose = 0; pose < num_shared_poses_; ++pose) {
-      const Matrix6& chain = left_from_tangent[static_cast<size_t>(pose)];
-      const bool is_mirror = IsMirror(chain);
-      for (int c = 0; c < 6; ++c) {
-        double* const to = columns + (6 * pose + c) * StackedRows::kMaxRows;
-        if (is_mirror) {
-          for (Eigen::Index i = 0; i < num_rows; ++i) to[i] = -by_left[c][i];
-        } else {
-          for (Eigen::Index i = 0; i < num_rows; i += kMaxLanes) ChainRows(by_left, chain, c, i, to + i);
-        }
-      }
-    }
-    for (int c = 0; c < num_others_; ++c) {
-      std::copy_n(from(6 + c), num_rows, columns + (6 * num_shared_poses_ + c) * StackedRows::kMaxRows);
-    }
+// Returns own^-1 right. `own` is positive definite: if the views do not determine a pose, a prior does.
+Eigen::MatrixXd SolveOwn(const Eigen::MatrixXd& own, const Eigen::MatrixXd& right) {
+  if (own.rows() == 6) {
+    const Eigen::LLT<Matrix6> root{Matrix6(own)};
+    if (root.info() != Eigen::Success) return own.ldlt().solve(right);
+    const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
+    return inverse_root.transpose().lazyProduct(Matrix6X(inverse_root.lazyProduct(Eigen::Ref<const Matrix6X>(right))));
   }
-
-  // Adds the sums to the lower triangle of `matrix`.
-  void AddTo(Eigen::MatrixXd* matrix) { stacked_.AddTo(matrix); }
-
- private:
-  static_assert(PaddedToLanes(2 * kFewPoints) <= StackedRows::kMaxRows);
-  // Columns for two poses, the camera, the target's shape and the residual.
-  static_assert(12 + 4 + ProjectionBatch::kMaxDistortion + TargetShape::kNumParams + 1 <= StackedRows::kMaxColumns);
-
-  // Applies the chain rule to kMaxLanes rows of one column.
-  static void ChainRows(const double* const (&by_left)[6], const Matrix6& chain, int c, Eigen::Index first,
-                        double* to) {
-    double sums[kMaxLanes] = {};
-    for (int k = 0; k < 6; ++k) {
-      for (int i = 0; i < kMaxLanes; ++i) sums[i] += by_left[k][first + i] * chain(k, c);
-    }
-    std::copy_n(sums, kMaxLanes, to);
-  }
-
-  int num_shared_poses_;
-  int num_others_;
-  StackedRows stacked_;
-};
-
-// Returns own^-1 right. `own` is positive definite: if a view does not determine its pose, a prior does.
-PoseRows SolveOwn(const Matrix6& own, const PoseRows& right) {
-  const Eigen::LLT<Matrix6> root(own);
+  const Eigen::LLT<Eigen::MatrixXd> root(own);
   if (root.info() != Eigen::Success) return own.ldlt().solve(right);
-  const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
-  return inverse_root.transpose().lazyProduct(PoseRows(inverse_root.lazyProduct(right)));
-}
-
-// Adds the products of a view, for a left perturbation of its pose and the other columns, to those for the tangents
-// of the shared poses (chain rule). Only the lower triangle is used.
-void AddChained(const Eigen::MatrixXd& products, const std::vector<Matrix6>& left_from_tangent, int num_shared_poses,
-                Eigen::MatrixXd* sum) {
-  const Eigen::Index num_others = products.cols() - 6;
-  const Eigen::Index num_shared = 6 * num_shared_poses;
-  const Matrix6 by_pose = products.topLeftCorner<6, 6>();
-  const Eigen::Ref<const Eigen::MatrixXd> others_by_pose = products.block(6, 0, num_others, 6);
-  for (int k = 0; k < num_shared_poses; ++k) {
-    const Matrix6& chain = left_from_tangent[static_cast<size_t>(k)];
-    const bool is_mirror = IsMirror(chain);
-    const Matrix6 half = is_mirror ? Matrix6(-by_pose) : Matrix6(chain.transpose() * by_pose);
-    for (int l = 0; l < k; ++l) {
-      sum->block<6, 6>(6 * k, 6 * l).noalias() += half * left_from_tangent[static_cast<size_t>(l)];
-    }
-    if (is_mirror) {
-      sum->block<6, 6>(6 * k, 6 * k) += by_pose;
-      sum->block(num_shared, 6 * k, num_others, 6) -= others_by_pose;
-      continue;
-    }
-    sum->block<6, 6>(6 * k, 6 * k).noalias() += half * chain;
-    sum->block(num_shared, 6 * k, num_others, 6).noalias() += others_by_pose.lazyProduct(chain);
-  }
-  sum->bottomRightCorner(num_others, num_others) += products.bottomRightCorner(num_others, num_others);
+  return root.solve(right);
 }
 
 }  // namespace
 
-// A capture, evaluated at one value of its eliminated pose.
-struct CapturesCost::Evaluation {
-  Rigid3d eliminated_pose;
-  std::vector<Matrix6> left_from_tangent;  // Shared poses, then the eliminated pose.
-  ViewNormalEquations products;
-  // The eliminated pose: the 6 x 6 matrix of its normal equations, and its 6 rows with all columns of the products.
-  Matrix6 own;
-  PoseRows with_others;
-  double prior_squares = 0;
+// The shared unknowns at which captures are evaluated.
+struct CapturesCost::Point {
+  LoopValues values;
+};
 
-  double Cost() const {
-    return products.matrix(products.matrix.rows() - 1, products.matrix.rows() - 1) + products.loss_remainder +
-           prior_squares;
+// The views of one camera and one target: how they are reduced, and the place of each column of the reduction, from the
+// seventh on, among those of the sum.
+struct CapturesCost::ColumnMap {
+  struct Segment {
+    Eigen::Index from = 0;  // Counted from the seventh column of the reduction.
+    Eigen::Index to = 0;
+    Eigen::Index size = 0;
+  };
+  ViewReducer reducer;
+  ViewReducer pose_reducer;  // Has columns for the pose only.
+  bool has_shape = false;
+  std::vector<Segment> segments;  // Camera, target, residual; joined where they are consecutive.
+
+  void Append(Eigen::Index to, Eigen::Index size) {
+    if (size == 0) return;
+    const Eigen::Index from = segments.empty() ? 0 : segments.back().from + segments.back().size;
+    if (!segments.empty() && segments.back().to + segments.back().size == to) {
+      segments.back().size += size;
+    } else {
+      segments.push_back({from, to, size});
+    }
   }
 };
 
-// The state of a capture's eliminated pose where the cost was evaluated.
-struct CapturesCost::EliminatedPoseState {
-  Rigid3d pose;
-  std::vector<Matrix6> left_from_tangent;
-  double cost = 0;            // Cost of the capture at this pose.
-  double predicted_drop = 0;  // Predicted decrease of that cost by the own step alone.
-  // The best step is -step * [left perturbation by the shared poses' steps, step of the free parameters, 1].
-  PoseRows step;
+// One view at one value of all unknowns.
+struct CapturesCost::ViewTerms {
+  LoopDerivatives derivatives;
+  ViewNormalEquations products;
+};
+
+// One capture at one value of all unknowns.
+struct CapturesCost::CaptureTerms {
+  std::vector<Rigid3d> own_poses;
+  std::vector<ViewTerms> views;
+  bool has_all_columns = false;
+  // The normal equations of the own poses, with their priors.
+  Eigen::MatrixXd normal;
+  Eigen::VectorXd gradient;
+  Eigen::VectorXd prior_gradient;
+  double prior_squares = 0;
+  double cost = 0;
+};
+
+// A capture's eliminated poses where the cost was evaluated.
+struct CapturesCost::EliminatedState {
+  std::vector<Rigid3d> poses;
+  double cost = 0;            // Cost of the capture at these poses.
+  double predicted_drop = 0;  // Predicted decrease of that cost by a step of these poses alone.
+  // The best step of the poses is -step * [step of the shared unknowns, 1].
+  Eigen::MatrixXd step;
 };
 
 // All captures, evaluated at one value of the shared unknowns.
 struct CapturesCost::State {
   NormalEquations shared;
-  std::vector<EliminatedPoseState> own_poses;  // Empty if the captures have none.
+  std::vector<EliminatedState> eliminated;  // Empty if the captures have no own poses.
 
   double Cost() const {
     return std::max(0.0, shared.matrix(shared.matrix.rows() - 1, shared.matrix.cols() - 1)) + shared.loss_remainder;
   }
 };
 
-// The step of the shared unknowns since the eliminated poses were linearised; empty if they have not been.
-struct CapturesCost::SharedStep {
-  std::vector<Tangent6> poses;
-  Eigen::VectorXd params;  // Free parameters only.
+// Sums views, chained to the shared unknowns. Only lower triangles are used.
+class CapturesCost::GroupSum {
+ public:
+  GroupSum(const LoopProblem& problem, Eigen::Index num_columns)
+      : poses_(BlocksOf(problem.layout, UnknownOwner::kPose)),
+        effects_(BlocksOf(problem.layout, UnknownOwner::kEffects)),
+        num_columns_(num_columns) {
+    matrix_.setZero(num_columns, num_columns);
+  }
+
+  // Adds the rows of a view with at most kFewPoints points.
+  void AddRows(const ViewRows& rows, const KinematicLoop& loop, const LoopDerivatives& derivatives,
+               const ColumnMap& map) {
+    if (!stacked_) stacked_.emplace(static_cast<int>(num_columns_));
+    const Eigen::Index num_rows = rows.columns.rows();
+    double* const columns = stacked_->NextColumns(num_rows);
+    const auto from = [&](Eigen::Index c) { return rows.columns.data() + c * rows.columns.outerStride(); };
+    const auto to = [&](Eigen::Index c) { return columns + c * StackedRows::kMaxRows; };
+    Eigen::Index num_written = 0;
+    for (size_t k = 0; k < loop.shared().size(); ++k) {
+      const Matrix6& chain = derivatives.shared[k];
+      const Eigen::Index first = PoseColumn(loop.shared()[k]);
+      const bool is_mirror = IsMirror(chain);
+      for (int c = 0; c < 6; ++c) {
+        if (is_mirror) {
+          for (Eigen::Index i = 0; i < num_rows; ++i) to(first + c)[i] = -from(c)[i];
+        } else {
+          ChainColumn(rows, chain.col(c), to(first + c));
+        }
+      }
+      num_written += 6;
+    }
+    for (size_t e = 0; e < loop.effects().size(); ++e) {
+      const Matrix6X& chain = derivatives.effects[e];
+      for (Eigen::Index c = 0; c < chain.cols(); ++c) {
+        ChainColumn(rows, chain.col(c), to(EffectColumn(loop.effects()[e]) + c));
+      }
+      num_written += chain.cols();
+    }
+    for (const ColumnMap::Segment& segment : map.segments) {
+      for (Eigen::Index c = 0; c < segment.size; ++c) {
+        std::copy_n(from(6 + segment.from + c), num_rows, to(segment.to + c));
+      }
+      num_written += segment.size;
+    }
+    // Other cameras, targets and poses have no part in this view.
+    if (num_written == num_columns_) return;
+    std::vector<char> is_written(static_cast<size_t>(num_columns_), 0);
+    const auto mark = [&](Eigen::Index first, Eigen::Index size) { std::fill_n(is_written.begin() + first, size, 1); };
+    for (const int pose : loop.shared()) mark(PoseColumn(pose), 6);
+    for (const int effect : loop.effects()) mark(EffectColumn(effect), effects_[static_cast<size_t>(effect)].size);
+    for (const ColumnMap::Segment& segment : map.segments) mark(segment.to, segment.size);
+    for (Eigen::Index c = 0; c < num_columns_; ++c) {
+      if (!is_written[static_cast<size_t>(c)]) std::fill_n(to(c), num_rows, 0.0);
+    }
+  }
+
+  // Adds the products of a view.
+  void AddProducts(const Eigen::MatrixXd& products, const KinematicLoop& loop, const LoopDerivatives& derivatives,
+                   const ColumnMap& map) {
+    const Matrix6 by_pose = products.topLeftCorner<6, 6>();
+    const Eigen::Index num_others = products.cols() - 6;
+    const Eigen::Ref<const Eigen::MatrixXd> others_by_pose = products.block(6, 0, num_others, 6);
+    for (size_t k = 0; k < loop.shared().size(); ++k) {
+      const Matrix6& chain = derivatives.shared[k];
+      const Eigen::Index first = PoseColumn(loop.shared()[k]);
+      const bool is_mirror = IsMirror(chain);
+      const Matrix6 half = is_mirror ? Matrix6(-by_pose) : Matrix6(chain.transpose() * by_pose);
+      for (size_t l = 0; l < k; ++l) {
+        matrix_.block<6, 6>(first, PoseColumn(loop.shared()[l])).noalias() += half * derivatives.shared[l];
+      }
+      if (is_mirror) {
+        matrix_.block<6, 6>(first, first) += by_pose;
+      } else {
+        matrix_.block<6, 6>(first, first).noalias() += half * chain;
+      }
+      for (const ColumnMap::Segment& segment : map.segments) {
+        const auto others = others_by_pose.middleRows(segment.from, segment.size);
+        auto sum = matrix_.block(segment.to, first, segment.size, 6);
+        if (is_mirror) {
+          sum -= others;
+        } else {
+          sum.noalias() += others.lazyProduct(chain);
+        }
+      }
+    }
+    for (size_t e = 0; e < loop.effects().size(); ++e) {
+      const Matrix6X& chain = derivatives.effects[e];
+      const Eigen::Index first = EffectColumn(loop.effects()[e]);
+      const Eigen::MatrixXd half = chain.transpose().lazyProduct(by_pose);
+      for (size_t l = 0; l < loop.shared().size(); ++l) {
+        matrix_.block(first, PoseColumn(loop.shared()[l]), chain.cols(), 6) += half.lazyProduct(derivatives.shared[l]);
+      }
+      for (size_t l = 0; l <= e; ++l) {
+        const Matrix6X& other = derivatives.effects[l];
+        matrix_.block(first, EffectColumn(loop.effects()[l]), chain.cols(), other.cols()) += half.lazyProduct(other);
+      }
+      for (const ColumnMap::Segment& segment : map.segments) {
+        matrix_.block(segment.to, first, segment.size, chain.cols()) +=
+            others_by_pose.middleRows(segment.from, segment.size).lazyProduct(chain);
+      }
+    }
+    for (const ColumnMap::Segment& right : map.segments) {
+      for (const ColumnMap::Segment& left : map.segments) {
+        if (left.to > right.to) continue;
+        matrix_.block(right.to, left.to, right.size, left.size) +=
+            products.block(6 + right.from, 6 + left.from, right.size, left.size);
+      }
+    }
+  }
+
+  // Adds the rows of a capture's own poses, J_own^T J, to `own_rows`.
+  void AddOwnRows(const Eigen::MatrixXd& products, const KinematicLoop& loop, const LoopDerivatives& derivatives,
+                  const ColumnMap& map, Eigen::MatrixXd* own_rows) const {
+    const Matrix6 by_pose = products.topLeftCorner<6, 6>();
+    const Eigen::Ref<const Matrix6X> others_by_pose = products.topRightCorner(6, products.cols() - 6);
+    for (size_t j = 0; j < loop.own().size(); ++j) {
+      const Eigen::Index row = 6 * loop.own()[j];
+      const Matrix6 left = derivatives.own[j].transpose();
+      const Matrix6 half = left * by_pose;
+      for (size_t k = 0; k < loop.shared().size(); ++k) {
+        const Matrix6& chain = derivatives.shared[k];
+        auto sum = own_rows->block<6, 6>(row, PoseColumn(loop.shared()[k]));
+        if (IsMirror(chain)) {
+          sum -= half;
+        } else {
+          sum.noalias() += half * chain;
+        }
+      }
+      for (size_t e = 0; e < loop.effects().size(); ++e) {
+        const Matrix6X& chain = derivatives.effects[e];
+        own_rows->block(row, EffectColumn(loop.effects()[e]), 6, chain.cols()) += half.lazyProduct(chain);
+      }
+      for (const ColumnMap::Segment& segment : map.segments) {
+        own_rows->block(row, segment.to, 6, segment.size).noalias() +=
+            left.lazyProduct(others_by_pose.middleCols(segment.from, segment.size));
+      }
+    }
+  }
+
+  // Adds a prior's squared residuals, and subtracts what the own poses explain: own_rows^T step.
+  void Eliminate(const Eigen::MatrixXd& own_rows, const Eigen::MatrixXd& step, double prior_squares) {
+    matrix_(num_columns_ - 1, num_columns_ - 1) += prior_squares;
+    matrix_.noalias() -= own_rows.transpose().lazyProduct(step);
+  }
+
+  void AddLossRemainder(double loss_remainder) { loss_remainder_ += loss_remainder; }
+
+  // Moves the sums to `sum`.
+  void Finish(NormalEquations* sum) {
+    if (stacked_) stacked_->AddTo(&matrix_);
+    sum->matrix = std::move(matrix_);
+    sum->loss_remainder = loss_remainder_;
+  }
+
+ private:
+  static_assert(PaddedToLanes(2 * kFewPoints) <= StackedRows::kMaxRows);
+
+  Eigen::Index PoseColumn(int pose) const { return poses_[static_cast<size_t>(pose)].first; }
+  Eigen::Index EffectColumn(int effect) const { return effects_[static_cast<size_t>(effect)].first; }
+
+  // Applies the chain rule to one column of all rows.
+  static void ChainColumn(const ViewRows& rows, const Tangent6& chain, double* to) {
+    const Eigen::Index stride = rows.columns.outerStride();
+    for (Eigen::Index first = 0; first < rows.columns.rows(); first += kMaxLanes) {
+      double sums[kMaxLanes] = {};
+      for (int k = 0; k < 6; ++k) {
+        const double* const by_left = rows.columns.data() + k * stride + first;
+        for (int i = 0; i < kMaxLanes; ++i) sums[i] += by_left[i] * chain[k];
+      }
+      std::copy_n(sums, kMaxLanes, to + first);
+    }
+  }
+
+  std::vector<UnknownBlock> poses_;
+  std::vector<UnknownBlock> effects_;
+  Eigen::Index num_columns_;
+  Eigen::MatrixXd matrix_;
+  double loss_remainder_ = 0;
+  std::optional<StackedRows> stacked_;
 };
 
-CaptureTerm::CaptureTerm(const Observations* observations, std::unique_ptr<KinematicLoop> loop, const Rigid3d& start)
-    : eliminated_pose(start) {
-  views.push_back({observations, std::move(loop)});
-}
-
-CapturesCost::CapturesCost(const CameraModel& model, std::vector<CaptureTerm> captures, CapturesCostOptions options)
-    : model_(model),
-      captures_(std::move(captures)),
-      options_(std::move(options)),
-      reducer_(model, options_.free, options_.pixel_sigma_px, *options_.loss),
-      pose_reducer_(model, FreeParameters(options_.free.size(), false), options_.pixel_sigma_px, *options_.loss),
-      num_params_(NumParams(model) + (options_.shape ? TargetShape::kNumParams : 0)) {
-  CHECK(!captures_.empty());
-  for (int i = 0; i < num_params_; ++i) {
-    if (options_.free[static_cast<size_t>(i)]) free_.push_back(i);
+CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
+    : problem_(std::move(problem)), options_(std::move(options)), num_columns_(problem_.layout.size() + 1) {
+  CHECK(!problem_.captures.empty());
+  const std::vector<UnknownBlock> cameras = BlocksOf(problem_.layout, UnknownOwner::kCamera);
+  const std::vector<UnknownBlock> targets = BlocksOf(problem_.layout, UnknownOwner::kTarget);
+  CHECK_EQ(cameras.size(), problem_.cameras.size());
+  CHECK_EQ(targets.size(), problem_.targets.size());
+  size_t at = 0;
+  size_t camera = 0;
+  CHECK(std::is_sorted(problem_.layout.blocks().begin(), problem_.layout.blocks().end(),
+                       [](const UnknownBlock& a, const UnknownBlock& b) { return a.owner < b.owner; }));
+  for (const UnknownBlock& block : problem_.layout.blocks()) {
+    int size = static_cast<int>(block.size);
+    if (block.owner == UnknownOwner::kPose) size = kPoseSize;
+    if (block.owner == UnknownOwner::kCamera) size = NumParams(*problem_.cameras[camera++]);
+    if (block.owner == UnknownOwner::kTarget) size = block.size > 0 ? TargetShape::kNumParams : 0;
+    if (size == 0) continue;
+    blocks_.push_back({block, at, size});
+    mutable_parameter_block_sizes()->push_back(size);
+    at += static_cast<size_t>(size);
+  }
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    for (size_t t = 0; t < targets.size(); ++t) {
+      const FreeParameters free = FreeOf(problem_, static_cast<int>(c), static_cast<int>(t));
+      const CameraModel& model = *problem_.cameras[c];
+      maps_.push_back({ViewReducer(model, free, options_.pixel_sigma_px, *options_.loss),
+                       ViewReducer(model, FreeParameters(free.size(), false), options_.pixel_sigma_px, *options_.loss),
+                       targets[t].size > 0,
+                       {}});
+      maps_.back().Append(cameras[c].first, cameras[c].size);
+      maps_.back().Append(targets[t].first, targets[t].size);
+      maps_.back().Append(problem_.layout.size(), 1);
+    }
   }
   int num_points = 0;
-  for (const CaptureTerm& capture : captures_) {
-    CHECK(capture.views.size() == 1 || (options_.has_eliminated_pose && !capture.views.empty()));
-    for (const CaptureView& view : capture.views) num_points += view.observations->size();
+  for (const LoopCapture& capture : problem_.captures) {
+    CHECK(!capture.views.empty());
+    has_eliminated_poses_ = has_eliminated_poses_ || !capture.own_poses.empty();
+    for (const LoopView& view : capture.views) num_points += view.observations->size();
   }
   options_.num_threads = ThreadsFor(num_points, options_.num_threads);
-  num_shared_poses_ = captures_.front().views.front().loop->num_blocks() - (options_.has_eliminated_pose ? 1 : 0);
-  CHECK_LE(num_shared_poses_, 2);
   if (options_.known) {
-    CHECK(!options_.has_eliminated_pose);
-    CHECK_EQ(options_.known->matrix.cols(), 6 * num_shared_poses_ + static_cast<Eigen::Index>(free_.size()) + 1);
+    CHECK(!has_eliminated_poses_);
+    CHECK_EQ(options_.known->matrix.cols(), num_columns_);
   }
-  for (int i = 0; i < num_shared_poses_; ++i) mutable_parameter_block_sizes()->push_back(kPoseSize);
-  mutable_parameter_block_sizes()->push_back(num_params_);
   // One more row holds the difference between the sum of rho and the weighted sum of squares.
-  set_num_residuals(6 * num_shared_poses_ + static_cast<int>(free_.size()) + 2);
+  set_num_residuals(static_cast<int>(num_columns_) + 1);
 }
 
 CapturesCost::~CapturesCost() = default;
+
+const CapturesCost::ColumnMap& CapturesCost::MapOf(const LoopView& view) const {
+  return maps_[static_cast<size_t>(view.camera) * problem_.targets.size() + static_cast<size_t>(view.target)];
+}
 
 bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, double** jacobians) const {
   std::vector<double> at = Joined(parameters);
@@ -216,24 +367,24 @@ bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, 
   const Eigen::MatrixXd root = PivotedCholesky(candidate_->shared.matrix);
   residual.head(root.rows()) = root.rightCols<1>();
   residual[root.rows()] = std::sqrt(candidate_->shared.loss_remainder);
-  for (int i = 0; i <= num_shared_poses_; ++i) {
-    if (jacobians[i] == nullptr) continue;
-    const bool is_pose = i < num_shared_poses_;
+  for (size_t b = 0; b < blocks_.size(); ++b) {
+    if (jacobians[b] == nullptr) continue;
+    const UnknownBlock& unknowns = blocks_[b].unknowns;
     Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> jacobian(
-        jacobians[i], num_residuals(), is_pose ? kPoseSize : num_params_);
-    jacobian.bottomRows<1>().setZero();
-    if (is_pose) {
-      jacobian.topRows(root.rows()) = root.middleCols<6>(6 * i) * TangentFromBlock(parameters[i]);
-    } else {
-      jacobian.topRows(root.rows()).setZero();
-      Eigen::Index column = 6 * num_shared_poses_;
-      for (const int param : free_) jacobian.col(param).head(root.rows()) = root.col(column++);
+        jacobians[b], num_residuals(), blocks_[b].size);
+    jacobian.setZero();
+    if (unknowns.owner == UnknownOwner::kPose) {
+      jacobian.topRows(root.rows()) = root.middleCols<6>(unknowns.first) * TangentFromBlock(parameters[b]);
+      continue;
+    }
+    for (Eigen::Index i = unknowns.first; i < unknowns.end(); ++i) {
+      jacobian.col(problem_.layout[i].index).head(root.rows()) = root.col(i);
     }
   }
   // Ceres evaluates Jacobians only where it stays.
   accepted_ = candidate_;
   predicted_drop_ = root.col(root.cols() - 1).head(root.rows() - 1).squaredNorm();
-  for (const EliminatedPoseState& own : accepted_->own_poses) predicted_drop_ += own.predicted_drop;
+  for (const EliminatedState& own : accepted_->eliminated) predicted_drop_ += own.predicted_drop;
   return true;
 }
 
@@ -249,9 +400,54 @@ double CapturesCost::PredictedDrop() const {
 
 std::vector<double> CapturesCost::Joined(const double* const* parameters) const {
   std::vector<double> joined;
-  for (int i = 0; i < num_shared_poses_; ++i) joined.insert(joined.end(), parameters[i], parameters[i] + kPoseSize);
-  joined.insert(joined.end(), parameters[num_shared_poses_], parameters[num_shared_poses_] + num_params_);
+  for (size_t b = 0; b < blocks_.size(); ++b) {
+    joined.insert(joined.end(), parameters[b], parameters[b] + blocks_[b].size);
+  }
   return joined;
+}
+
+CapturesCost::Point CapturesCost::PointAt(const std::vector<double>& parameters) const {
+  Point point;
+  point.values.targets = problem_.targets;
+  size_t target = 0;
+  for (const UnknownBlock& block : problem_.layout.blocks()) {
+    const auto found = std::find_if(blocks_.begin(), blocks_.end(), [&](const ParameterBlock& other) {
+      return other.unknowns.owner == block.owner && other.unknowns.name == block.name;
+    });
+    const double* const from = found == blocks_.end() ? nullptr : &parameters[found->first];
+    switch (block.owner) {
+      case UnknownOwner::kPose:
+        point.values.poses.push_back(FromBlock(from));
+        break;
+      case UnknownOwner::kEffects:
+        point.values.effects.emplace_back(Eigen::Map<const Eigen::VectorXd>(from, block.size));
+        break;
+      case UnknownOwner::kCamera:
+        point.values.cameras.emplace_back(from, from + found->size);
+        break;
+      case UnknownOwner::kTarget:
+        if (from != nullptr) std::copy_n(from, TargetShape::kNumParams, point.values.targets[target].params.begin());
+        ++target;
+        break;
+    }
+  }
+  return point;
+}
+
+Eigen::VectorXd CapturesCost::Step(const std::vector<double>& from, const std::vector<double>& to) const {
+  Eigen::VectorXd step(problem_.layout.size());
+  for (const ParameterBlock& block : blocks_) {
+    const UnknownBlock& unknowns = block.unknowns;
+    if (unknowns.owner == UnknownOwner::kPose) {
+      step.segment<6>(unknowns.first) = LocalCoordinates(FromBlock(&from[block.first]), FromBlock(&to[block.first]));
+      continue;
+    }
+    for (Eigen::Index i = unknowns.first; i < unknowns.end(); ++i) {
+      const size_t param = block.first + static_cast<size_t>(problem_.layout[i].index);
+      step[i] = to[param] - from[param];
+    }
+  }
+  return step;
 }
 
 std::optional<NormalEquations> CapturesCost::NormalEquationsAt(const double* const* parameters) const {
@@ -266,24 +462,14 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
     return true;
   }
   state->shared.parameters = std::move(parameters);
-  const std::vector<double>& at = state->shared.parameters;
-  const auto num_free = static_cast<Eigen::Index>(free_.size());
-  if (options_.has_eliminated_pose) state->own_poses.resize(captures_.size());
-  SharedStep step;
-  if (options_.has_eliminated_pose && accepted_ != nullptr) {
-    const std::vector<double>& from = accepted_->shared.parameters;
-    for (int i = 0; i < num_shared_poses_; ++i) {
-      step.poses.push_back(LocalCoordinates(FromBlock(&from[static_cast<size_t>(kPoseSize * i)]),
-                                            FromBlock(&at[static_cast<size_t>(kPoseSize * i)])));
-    }
-    step.params.resize(num_free);
-    for (Eigen::Index i = 0; i < num_free; ++i) {
-      const auto param = static_cast<size_t>(kPoseSize * num_shared_poses_ + free_[static_cast<size_t>(i)]);
-      step.params[i] = at[param] - from[param];
-    }
+  const Point at = PointAt(state->shared.parameters);
+  Eigen::VectorXd step;
+  if (has_eliminated_poses_) {
+    state->eliminated.resize(problem_.captures.size());
+    if (accepted_ != nullptr) step = Step(accepted_->shared.parameters, state->shared.parameters);
   }
 
-  const int num_captures = static_cast<int>(captures_.size());
+  const int num_captures = static_cast<int>(problem_.captures.size());
   const int num_groups = std::clamp(num_captures / kCapturesPerGroup, 1, kMaxGroups);
   std::vector<NormalEquations> sums(static_cast<size_t>(num_groups));
   std::vector<char> has_failed(static_cast<size_t>(num_groups), 0);
@@ -292,7 +478,7 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
       return static_cast<size_t>(static_cast<int64_t>(num_captures) * g / num_groups);
     };
     const auto group = static_cast<size_t>(index);
-    has_failed[group] = !EvaluateGroup(first_of(index), first_of(index + 1), step, state, &sums[group]);
+    has_failed[group] = !EvaluateGroup(first_of(index), first_of(index + 1), at, step, state, &sums[group]);
   });
   if (std::find(has_failed.begin(), has_failed.end(), 1) != has_failed.end()) return false;
   for (size_t group = 1; group < sums.size(); ++group) {
@@ -305,166 +491,169 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
   return true;
 }
 
-Rigid3d CapturesCost::EliminatedPoseAfter(const SharedStep& step, size_t capture) const {
-  if (accepted_ == nullptr) return captures_[capture].eliminated_pose;
-  const EliminatedPoseState& before = accepted_->own_poses[capture];
-  Tangent6 left = Tangent6::Zero();
-  for (size_t k = 0; k < step.poses.size(); ++k) left += before.left_from_tangent[k] * step.poses[k];
-  return Retract(before.pose,
-                 -(before.step.leftCols<6>() * left + before.step.middleCols(6, step.params.size()) * step.params +
-                   before.step.rightCols<1>()));
+std::vector<Rigid3d> CapturesCost::EliminatedPosesAfter(const Eigen::VectorXd& step, size_t capture) const {
+  std::vector<Rigid3d> poses;
+  if (accepted_ == nullptr) {
+    for (const OwnPose& own : problem_.captures[capture].own_poses) poses.push_back(own.pose);
+    return poses;
+  }
+  const EliminatedState& before = accepted_->eliminated[capture];
+  for (size_t j = 0; j < before.poses.size(); ++j) {
+    const auto rows = before.step.middleRows<6>(6 * static_cast<Eigen::Index>(j));
+    poses.push_back(Retract(before.poses[j], -(rows.leftCols(step.size()) * step + rows.rightCols<1>())));
+  }
+  return poses;
 }
 
-bool CapturesCost::EvaluateGroup(size_t first, size_t last, const SharedStep& step, State* state,
+bool CapturesCost::EvaluateGroup(size_t first, size_t last, const Point& at, const Eigen::VectorXd& step, State* state,
                                  NormalEquations* sum) const {
-  const std::vector<double>& at = state->shared.parameters;
-  const int num_others = static_cast<int>(free_.size()) + 1;
-  const Eigen::Index num_columns = 6 * num_shared_poses_ + num_others;
-  sum->matrix.setZero(num_columns, num_columns);
+  GroupSum group(problem_, num_columns_);
   const bool settles = accepted_ == nullptr;
-  std::optional<ApplyChainRule> rows_of_few;
   ViewRows rows;
-  Evaluation evaluation;
+  CaptureTerms terms;
+  LoopDerivatives derivatives;
+  Eigen::MatrixXd own_rows;
   for (size_t i = first; i < last; ++i) {
-    if (!options_.has_eliminated_pose && captures_[i].views.front().observations->size() <= kFewPoints) {
-      if (!WriteCapture(captures_[i], at, &evaluation.left_from_tangent, &rows)) return false;
-      if (!rows_of_few) rows_of_few.emplace(num_shared_poses_, num_others);
-      rows_of_few->Add(rows, evaluation.left_from_tangent);
-      sum->loss_remainder += rows.loss_remainder;
+    const LoopCapture& capture = problem_.captures[i];
+    if (capture.own_poses.empty()) {
+      for (const LoopView& view : capture.views) {
+        const ColumnMap& map = MapOf(view);
+        const std::vector<double>& params = at.values.cameras[static_cast<size_t>(view.camera)];
+        const TargetShape* const shape = map.has_shape ? &at.values.targets[static_cast<size_t>(view.target)] : nullptr;
+        const Rigid3d camera_from_target = view.loop.Evaluate({at.values.poses, at.values.effects, {}}, &derivatives);
+        if (view.observations->size() <= kFewPoints) {
+          if (!map.reducer.Write(params.data(), camera_from_target, *view.observations, shape, &rows)) return false;
+          group.AddRows(rows, view.loop, derivatives, map);
+          group.AddLossRemainder(rows.loss_remainder);
+          continue;
+        }
+        ViewNormalEquations products;
+        if (!map.reducer.Multiply(params.data(), camera_from_target, *view.observations, shape, &products)) {
+          return false;
+        }
+        group.AddProducts(products.matrix, view.loop, derivatives, map);
+        group.AddLossRemainder(products.loss_remainder);
+      }
       continue;
     }
-    if (!options_.has_eliminated_pose) {
-      if (!EvaluateCapture(reducer_, captures_[i], at, &evaluation)) return false;
-      AddChained(evaluation.products.matrix, evaluation.left_from_tangent, num_shared_poses_, &sum->matrix);
-      sum->loss_remainder += evaluation.products.loss_remainder;
-      continue;
-    }
-    evaluation.eliminated_pose = EliminatedPoseAfter(step, i);
-    bool is_evaluated = settles ? SolveEliminatedPose(captures_[i], at, &evaluation)
-                                : EvaluateCapture(reducer_, captures_[i], at, &evaluation);
-    if (!is_evaluated && accepted_ != nullptr) {
-      // A point cannot be projected from the predicted pose: refine from the accepted pose instead.
-      evaluation.eliminated_pose = accepted_->own_poses[i].pose;
-      is_evaluated = SolveEliminatedPose(captures_[i], at, &evaluation);
+    std::vector<Rigid3d> start = EliminatedPosesAfter(step, i);
+    bool is_evaluated = settles ? SolveEliminatedPoses(capture, at, std::move(start), &terms)
+                                : EvaluateCapture(capture, at, std::move(start), true, &terms);
+    if (!is_evaluated && !settles) {
+      // A point cannot be projected from the predicted poses: refine from the accepted poses instead.
+      is_evaluated = SolveEliminatedPoses(capture, at, accepted_->eliminated[i].poses, &terms);
     }
     if (!is_evaluated) return false;
-    EliminatedPoseState& own = state->own_poses[i];
-    own.pose = evaluation.eliminated_pose;
-    own.cost = evaluation.Cost();
-    own.step = SolveOwn(evaluation.own, evaluation.with_others);
-    own.predicted_drop = evaluation.with_others.rightCols<1>().dot(own.step.rightCols<1>());
-    Eigen::MatrixXd& products = evaluation.products.matrix;
-    products(num_others + 5, num_others + 5) += evaluation.prior_squares;
-    products.noalias() -= evaluation.with_others.transpose().lazyProduct(own.step);
-    AddChained(products, evaluation.left_from_tangent, num_shared_poses_, &sum->matrix);
-    sum->loss_remainder += evaluation.products.loss_remainder;
-    own.left_from_tangent = std::move(evaluation.left_from_tangent);
+    own_rows.setZero(terms.normal.rows(), num_columns_);
+    own_rows.rightCols<1>() = terms.prior_gradient;
+    for (size_t v = 0; v < capture.views.size(); ++v) {
+      const LoopView& view = capture.views[v];
+      const ViewTerms& of_view = terms.views[v];
+      group.AddProducts(of_view.products.matrix, view.loop, of_view.derivatives, MapOf(view));
+      group.AddOwnRows(of_view.products.matrix, view.loop, of_view.derivatives, MapOf(view), &own_rows);
+      group.AddLossRemainder(of_view.products.loss_remainder);
+    }
+    EliminatedState& own = state->eliminated[i];
+    own.poses = std::move(terms.own_poses);
+    own.cost = terms.cost;
+    own.step = SolveOwn(terms.normal, own_rows);
+    own.predicted_drop = own_rows.rightCols<1>().dot(own.step.rightCols<1>());
+    group.Eliminate(own_rows, own.step, terms.prior_squares);
   }
-  if (rows_of_few) rows_of_few->AddTo(&sum->matrix);
+  group.Finish(sum);
   return true;
 }
 
-Rigid3d CapturesCost::CameraFromTargetOf(const CaptureView& view, const std::vector<double>& parameters,
-                                         const Rigid3d& eliminated_pose,
-                                         std::vector<Matrix6>* left_from_tangent) const {
-  std::array<const double*, 4> blocks{};
-  CHECK_LT(static_cast<size_t>(num_shared_poses_), blocks.size());
-  const auto num_shared = static_cast<size_t>(num_shared_poses_);
-  for (size_t i = 0; i < num_shared; ++i) blocks[i] = &parameters[kPoseSize * i];
-  const PoseBlock own_block = ToBlock(eliminated_pose);
-  if (options_.has_eliminated_pose) blocks[num_shared] = own_block.data();
-  return view.loop->Evaluate(blocks.data(), left_from_tangent);
-}
-
-std::optional<TargetShape> CapturesCost::ShapeAt(const std::vector<double>& parameters) const {
-  std::optional<TargetShape> shape = options_.shape;
-  if (shape) std::copy_n(ParamsAt(parameters) + NumParams(model_), TargetShape::kNumParams, shape->params.begin());
-  return shape;
-}
-
-const double* CapturesCost::ParamsAt(const std::vector<double>& parameters) const {
-  return &parameters[static_cast<size_t>(kPoseSize * num_shared_poses_)];
-}
-
-bool CapturesCost::WriteCapture(const CaptureTerm& capture, const std::vector<double>& parameters,
-                                std::vector<Matrix6>* left_from_tangent, ViewRows* rows) const {
-  const CaptureView& view = capture.views.front();
-  const Rigid3d camera_from_target = CameraFromTargetOf(view, parameters, {}, left_from_tangent);
-  const std::optional<TargetShape> shape = ShapeAt(parameters);
-  return reducer_.Write(ParamsAt(parameters), camera_from_target, *view.observations, shape ? &*shape : nullptr, rows);
-}
-
-bool CapturesCost::EvaluateCapture(const ViewReducer& reducer, const CaptureTerm& capture,
-                                   const std::vector<double>& parameters, Evaluation* evaluation) const {
-  const std::optional<TargetShape> shape = ShapeAt(parameters);
-  for (const CaptureView& view : capture.views) {
-    const bool is_first = &view == &capture.views.front();
-    const Rigid3d camera_from_target = CameraFromTargetOf(view, parameters, evaluation->eliminated_pose,
-                                                          is_first ? &evaluation->left_from_tangent : nullptr);
-    ViewNormalEquations further;
-    if (!reducer.Multiply(ParamsAt(parameters), camera_from_target, *view.observations, shape ? &*shape : nullptr,
-                          is_first ? &evaluation->products : &further)) {
+bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const Point& at, std::vector<Rigid3d> own_poses,
+                                   bool has_all_columns, CaptureTerms* terms) const {
+  terms->own_poses = std::move(own_poses);
+  terms->has_all_columns = has_all_columns;
+  terms->views.resize(capture.views.size());
+  const Eigen::Index size = 6 * static_cast<Eigen::Index>(capture.own_poses.size());
+  terms->normal.setZero(size, size);
+  terms->gradient.setZero(size);
+  terms->prior_gradient.setZero(size);
+  terms->prior_squares = 0;
+  terms->cost = 0;
+  for (size_t v = 0; v < capture.views.size(); ++v) {
+    const LoopView& view = capture.views[v];
+    ViewTerms& of_view = terms->views[v];
+    const ColumnMap& map = MapOf(view);
+    const Rigid3d camera_from_target =
+        view.loop.Evaluate({at.values.poses, at.values.effects, terms->own_poses}, &of_view.derivatives);
+    const ViewReducer& reducer = has_all_columns ? map.reducer : map.pose_reducer;
+    if (!reducer.Multiply(
+            at.values.cameras[static_cast<size_t>(view.camera)].data(), camera_from_target, *view.observations,
+            map.has_shape ? &at.values.targets[static_cast<size_t>(view.target)] : nullptr, &of_view.products)) {
       return false;
     }
-    if (is_first) continue;
-    evaluation->products.matrix += further.matrix;
-    evaluation->products.loss_remainder += further.loss_remainder;
+    const Eigen::MatrixXd& products = of_view.products.matrix;
+    const Eigen::Index residual = products.cols() - 1;
+    const Matrix6 by_pose = products.topLeftCorner<6, 6>();
+    const Tangent6 pull = products.col(residual).head<6>();
+    for (size_t j = 0; j < view.loop.own().size(); ++j) {
+      const Eigen::Index row = 6 * view.loop.own()[j];
+      const Matrix6 half = of_view.derivatives.own[j].transpose() * by_pose;
+      for (size_t k = 0; k < view.loop.own().size(); ++k) {
+        terms->normal.block<6, 6>(row, 6 * view.loop.own()[k]).noalias() += half * of_view.derivatives.own[k];
+      }
+      terms->gradient.segment<6>(row).noalias() += of_view.derivatives.own[j].transpose() * pull;
+    }
+    terms->cost += products(residual, residual) + of_view.products.loss_remainder;
   }
-  if (!options_.has_eliminated_pose) return true;
-  const Matrix6& left_from_own = evaluation->left_from_tangent.back();
-  evaluation->with_others = left_from_own.transpose().lazyProduct(evaluation->products.matrix.topRows<6>());
-  evaluation->own = evaluation->with_others.leftCols<6>() * left_from_own;
-  if (options_.eliminated_pose_prior) {
-    const CorrectionPrior prior = CorrectionPriorAt(evaluation->eliminated_pose, *options_.eliminated_pose_prior);
-    evaluation->own += prior.by_tangent.transpose() * prior.by_tangent;
-    evaluation->with_others.rightCols<1>() += prior.by_tangent.transpose() * prior.residual;
-    evaluation->prior_squares = prior.residual.squaredNorm();
+  for (size_t j = 0; j < capture.own_poses.size(); ++j) {
+    if (!capture.own_poses[j].prior) continue;
+    const Eigen::Index row = 6 * static_cast<Eigen::Index>(j);
+    const OwnPoseResidual prior = OwnPoseResidualAt(terms->own_poses[j], problem_.priors[*capture.own_poses[j].prior]);
+    terms->normal.block<6, 6>(row, row).noalias() += prior.by_tangent.transpose() * prior.by_tangent;
+    terms->prior_gradient.segment<6>(row).noalias() = prior.by_tangent.transpose() * prior.residual;
+    terms->prior_squares += prior.residual.squaredNorm();
   }
+  terms->gradient += terms->prior_gradient;
+  terms->cost += terms->prior_squares;
   return true;
 }
 
-// Refines the eliminated pose by damped Gauss-Newton steps with all other unknowns held.
-bool CapturesCost::SolveEliminatedPose(const CaptureTerm& capture, const std::vector<double>& parameters,
-                                       Evaluation* evaluation) const {
-  constexpr int kMaxSteps = 30;
-  constexpr double kSettled = 1e-2;  // Relative to the cost; the joint solve does the rest.
-  constexpr double kLeastDamping = 1e-6;
-  double damping = kLeastDamping;
+bool CapturesCost::SolveEliminatedPoses(const LoopCapture& capture, const Point& at, std::vector<Rigid3d> own_poses,
+                                        CaptureTerms* terms) const {
+  LevenbergMarquardtOptions options;
+  options.max_iterations = 30;
+  options.initial_damping = 1e-6;
+  options.least_damping = 1e-6;
+  options.small_drop = 1e-2;  // The joint solve does the rest.
   // A rough pose will hardly be kept, so the columns of the other parameters are not needed there.
-  bool has_all_columns = !(options_.eliminated_poses_are_rough && accepted_ == nullptr);
-  if (!EvaluateCapture(has_all_columns ? reducer_ : pose_reducer_, capture, parameters, evaluation)) return false;
-  for (int i = 0; i < kMaxSteps; ++i) {
-    const auto gradient = evaluation->with_others.rightCols<1>();
-    Matrix6 damped = evaluation->own;
-    damped.diagonal() *= 1 + damping;
-    const Tangent6 step = -damped.ldlt().solve(gradient);
-    if (!(-step.dot(gradient) > kSettled * evaluation->Cost())) break;
-    Evaluation moved;
-    moved.eliminated_pose = Retract(evaluation->eliminated_pose, step);
-    if (EvaluateCapture(reducer_, capture, parameters, &moved) && moved.Cost() < evaluation->Cost()) {
-      *evaluation = std::move(moved);
-      has_all_columns = true;
-      damping = std::max(kLeastDamping, 0.1 * damping);
-    } else {
-      damping *= 10;
+  const bool is_rough = options_.eliminated_poses_are_rough && accepted_ == nullptr;
+  if (!EvaluateCapture(capture, at, std::move(own_poses), !is_rough, terms)) return false;
+  const auto try_step = [&](const CaptureTerms& here, const Eigen::VectorXd& step) {
+    std::optional<CaptureTerms> next(std::in_place);
+    std::vector<Rigid3d> moved;
+    for (size_t j = 0; j < here.own_poses.size(); ++j) {
+      moved.push_back(Retract(here.own_poses[j], step.segment<6>(6 * static_cast<Eigen::Index>(j))));
     }
-  }
-  return has_all_columns || EvaluateCapture(reducer_, capture, parameters, evaluation);
+    if (!EvaluateCapture(capture, at, std::move(moved), true, &*next)) next.reset();
+    return next;
+  };
+  MinimiseSquares(options, try_step, terms);
+  return terms->has_all_columns || EvaluateCapture(capture, at, std::move(terms->own_poses), true, terms);
 }
 
-std::vector<Rigid3d> CapturesCost::EliminatedPoses() const {
-  std::vector<Rigid3d> poses;
+std::vector<std::vector<Rigid3d>> CapturesCost::EliminatedPoses() const {
+  std::vector<std::vector<Rigid3d>> poses;
   if (accepted_ == nullptr) return poses;
-  Evaluation moved;
-  for (size_t i = 0; i < accepted_->own_poses.size(); ++i) {
-    const EliminatedPoseState& own = accepted_->own_poses[i];
-    moved.eliminated_pose = Retract(own.pose, -Tangent6(own.step.rightCols<1>()));
+  const Point at = PointAt(accepted_->shared.parameters);
+  CaptureTerms terms;
+  for (size_t i = 0; i < accepted_->eliminated.size(); ++i) {
+    const EliminatedState& own = accepted_->eliminated[i];
+    std::vector<Rigid3d> moved;
+    for (size_t j = 0; j < own.poses.size(); ++j) {
+      moved.push_back(Retract(own.poses[j],
+                              -Tangent6(own.step.col(num_columns_ - 1).segment<6>(6 * static_cast<Eigen::Index>(j)))));
+    }
     // Takes the remaining step to the optimum if it is a small fraction of the noise or does not increase the cost.
     constexpr double kSmallDrop = 1e-3;
     const bool is_better = own.predicted_drop < kSmallDrop * std::min(own.cost, 1.0) ||
-                           (EvaluateCapture(pose_reducer_, captures_[i], accepted_->shared.parameters, &moved) &&
-                            moved.Cost() <= own.cost);
-    poses.push_back(is_better ? moved.eliminated_pose : own.pose);
+                           (EvaluateCapture(problem_.captures[i], at, moved, false, &terms) && terms.cost <= own.cost);
+    poses.push_back(is_better ? std::move(moved) : own.poses);
   }
   return poses;
 }

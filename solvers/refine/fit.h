@@ -14,8 +14,8 @@
 #include "solvers/refine/captures_cost.h"
 #include "solvers/residuals/loss.h"
 #include "solvers/uncertainty/information.h"
+#include "solvers/uncertainty/linearisation.h"
 #include "solvers/uncertainty/repeated_poses.h"
-#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 

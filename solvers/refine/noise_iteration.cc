@@ -6,7 +6,7 @@
 
 #include "solvers/refine/uncertainty_limits.h"
 #include "solvers/residuals/noise_scale.h"
-#include "solvers/uncertainty/variance_components.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -30,19 +30,18 @@ EstimatedNoise EstimateNoise(const Fit& fit, const FreeParameters& free, const L
   const std::optional<std::vector<LinearisedView>> views =
       LineariseFit(*fit.problem, fit.state, *fit.groups, free, noise, loss, loss.consistency, options.camera_prior);
   CHECK(views.has_value()) << "Ceres accepted a step that hides a point";
-  VarianceComponents start;
-  start.pixel = loss.consistency;
-  start.translation_m2 = noise.robot->translation_m * noise.robot->translation_m;
-  start.rotation_rad2 = noise.robot->rotation_rad * noise.robot->rotation_rad;
-  const VarianceComponents found = EstimateVariances(*views, start, pixel_is_free, robot_is_free, kExactVariances,
-                                                     options.robot_noise_prior ? &*options.robot_noise_prior : nullptr);
+  const std::vector<VarianceGroup> groups =
+      CorrectionGroups(loss.consistency, *noise.robot, pixel_is_free, robot_is_free,
+                       options.robot_noise_prior ? &*options.robot_noise_prior : nullptr);
+  const VarianceComponents found = EstimateVariances(*views, groups);
   EstimatedNoise result;
-  result.noise.pixel_px = std::max(kMinSigmaPx, noise.pixel_px * std::sqrt(found.pixel / loss.consistency));
-  result.noise.robot = AtLeastExact({std::sqrt(found.translation_m2), std::sqrt(found.rotation_rad2)});
+  result.noise.pixel_px =
+      std::max(kMinSigmaPx, noise.pixel_px * std::sqrt(found.variances[kPixelGroup] / loss.consistency));
+  result.noise.robot = AtLeastExact(RobotNoiseOf(found));
   // Converts the standard deviation of a variance to that of a sigma.
-  result.robot_stddev = {0.5 * found.stddev[1] / result.noise.robot->translation_m,
-                         0.5 * found.stddev[2] / result.noise.robot->rotation_rad};
-  result.dof = DegreesOfFreedom(*views, found);
+  result.robot_stddev = {0.5 * found.stddev[kTranslationGroup] / result.noise.robot->translation_m,
+                         0.5 * found.stddev[kRotationGroup] / result.noise.robot->rotation_rad};
+  result.dof = DegreesOfFreedom(*views, groups, found);
   return result;
 }
 
@@ -80,7 +79,7 @@ double UnmodelledSigmaPx(double pixel_sigma_px, double detector_px) {
 
 Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeParameters& free, const Loss& loss, NoiseScale scale,
                                 const BundleOptions& options) {
-  const int num_unknowns = 12 + static_cast<int>(std::count(free.begin(), free.end(), true));
+  const int num_unknowns = static_cast<int>(HandEyeUnknowns(fit.state.camera.Model(), free).size());
   const bool has_robot_noise = options.robot != BundleOptions::Robot::kExact;
   const bool estimates_robot = options.robot == BundleOptions::Robot::kEstimatedNoise;
   const double detector_px = TypicalDetectorSigma(fit.problem->views).value_or(0);

@@ -45,9 +45,9 @@ int CountFlags(const PointFlags& flags) {
   return count;
 }
 
-std::optional<Failure> CheckNumPoints(int num_points, const FreeParameters& free) {
+std::optional<Failure> CheckNumPoints(int num_points, const UnknownLayout& unknowns) {
   // If there were as many unknowns as measurements, no noise would be averaged.
-  const int num_unknowns = 12 + static_cast<int>(std::count(free.begin(), free.end(), true));
+  const auto num_unknowns = static_cast<int>(unknowns.size());
   if (2 * num_points > num_unknowns) return std::nullopt;
   return Failure{std::to_string(2 * num_points) + " measured coordinates for " + std::to_string(num_unknowns) +
                  " unknowns are too few; take more captures or hold the intrinsics"};
@@ -63,7 +63,8 @@ Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const FreePara
     if (round > 0 && inliers == *keep) break;
     *keep = std::move(inliers);
     const int num_kept = CountFlags(*keep);
-    if (const std::optional<Failure> failure = CheckNumPoints(num_kept, free)) return *failure;
+    if (const std::optional<Failure> failure = CheckNumPoints(num_kept, HandEyeUnknowns(problem.camera.Model(), free)))
+      return *failure;
     Fit next = *settled;
     next.problem = KeepFlaggedPoints(problem, *keep);
     settled = IterateNoiseAndFit(std::move(next), free, *FindLoss("none"), NoiseScale::kOfFit, options);

@@ -17,7 +17,7 @@ SharedProblem KeepFlaggedPoints(const Problem& problem, const PointFlags& keep);
 int CountFlags(const PointFlags& flags);
 
 // Returns a Failure unless there are more measured coordinates than unknowns.
-std::optional<Failure> CheckNumPoints(int num_points, const FreeParameters& free);
+std::optional<Failure> CheckNumPoints(int num_points, const UnknownLayout& unknowns);
 
 // Least squares over the points that pass their test at the resulting estimate. The initial estimate uses the Cauchy
 // loss, whose scale shrinks with the residuals, so outliers have little influence on it.

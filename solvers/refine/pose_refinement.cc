@@ -2,15 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 
 #include <ceres/ceres.h>
 #include <Eigen/Cholesky>
 
 #include "heba/geometry/pose_block.h"
 #include "solvers/closed_form/hand_eye_method.h"
-#include "solvers/refine/kinematic_loop.h"
 #include "solvers/refine/reprojection_problem.h"
+#include "solvers/residuals/kinematic_loop.h"
 #include "solvers/uncertainty/information.h"
 
 namespace heba {
@@ -38,26 +37,27 @@ Tangent6 Misclosure(const Rigid3d& predicted, const Rigid3d& seen, Matrix6* by_l
 class ChainCost final : public ceres::SizedCostFunction<6, 7, 7> {
  public:
   ChainCost(const PosePair& pair, const Matrix6& whitening)
-      : loop_(MakeHandEyeLoop(pair.camera_mount_from_target_mount)),
+      : loop_({Inverse(SharedFactor(0)), KnownFactor(pair.camera_mount_from_target_mount), SharedFactor(1)}),
         camera_from_target_(pair.camera_from_target),
         whitening_(whitening) {}
 
   bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override {
-    std::vector<Matrix6> left_from_tangent;
-    const Rigid3d predicted = loop_->Evaluate(parameters, jacobians == nullptr ? nullptr : &left_from_tangent);
+    const std::vector<Rigid3d> poses = {FromBlock(parameters[0]), FromBlock(parameters[1])};
+    LoopDerivatives derivatives;
+    const Rigid3d predicted = loop_.Evaluate({poses, {}, {}}, jacobians == nullptr ? nullptr : &derivatives);
     Matrix6 by_left;
     Eigen::Map<Tangent6> residual(residuals);
     residual = whitening_ * Misclosure(predicted, camera_from_target_, jacobians == nullptr ? nullptr : &by_left);
     for (int i = 0; jacobians != nullptr && i < 2; ++i) {
       if (jacobians[i] == nullptr) continue;
       Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>> jacobian(jacobians[i]);
-      jacobian = whitening_ * by_left * left_from_tangent[static_cast<size_t>(i)] * TangentFromBlock(parameters[i]);
+      jacobian = whitening_ * by_left * derivatives.shared[static_cast<size_t>(i)] * TangentFromBlock(parameters[i]);
     }
     return true;
   }
 
  private:
-  std::unique_ptr<KinematicLoop> loop_;
+  KinematicLoop loop_;
   Rigid3d camera_from_target_;
   Matrix6 whitening_;
 };
@@ -108,22 +108,23 @@ Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye&
                           summary.final_cost,
                           summary.total_time_in_seconds,
                           summary.message};
-  Information information;
-  for (const char* pose : {"hand_eye.", "board."}) {
-    for (const std::string_view tangent : kTangentNames) information.names.push_back(pose + std::string(tangent));
-  }
-  information.matrix = Eigen::MatrixXd::Zero(12, 12);
+  Information information{HandEyePoses(), {}};
+  const Eigen::Index num_unknowns = information.layout.size();
+  const Eigen::Index hand_eye_first = information.layout.Block(kHandEyeBlock).first;
+  const Eigen::Index board_first = information.layout.Block(kBoardBlock).first;
+  information.matrix = Eigen::MatrixXd::Zero(num_unknowns, num_unknowns);
   for (size_t i = 0; i < pairs.size(); ++i) {
     const Rigid3d predicted = CameraFromTarget(solution.hand_eye, pairs[i].camera_mount_from_target_mount);
     Matrix6 by_left;
     Misclosure(predicted, pairs[i].camera_from_target, &by_left);
-    Eigen::Matrix<double, 6, 12> j;
-    j << -Matrix6::Identity(), Adjoint(predicted);
+    Matrix6X j(6, num_unknowns);
+    j.middleCols<6>(hand_eye_first) = -Matrix6::Identity();
+    j.middleCols<6>(board_first) = Adjoint(predicted);
     j = (whitenings[i] * by_left * j).eval();
     information.matrix += j.transpose() * j;
   }
   if (const std::optional<Failure> failure = CheckObservable(information)) return *failure;
-  const double dof = 6.0 * static_cast<double>(pairs.size()) - 12;
+  const double dof = 6.0 * static_cast<double>(pairs.size()) - static_cast<double>(num_unknowns);
   solution.pixel_sigma_px = std::sqrt(2 * summary.final_cost / dof);
   solution.covariance_dof = dof;
   solution.covariance = InvertInformation(information, solution.pixel_sigma_px * solution.pixel_sigma_px);

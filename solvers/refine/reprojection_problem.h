@@ -1,11 +1,13 @@
 // Common parts of all Ceres problems over views.
 #pragma once
 
+#include <vector>
+
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
 #include "solvers/refine/captures_cost.h"
-#include "solvers/uncertainty/information.h"
+#include "solvers/residuals/loop_problem.h"
 
 namespace heba {
 
@@ -13,8 +15,35 @@ namespace heba {
 // does not depend on the number of threads.
 ceres::Solver::Options ReprojectionSolverOptions(int max_iterations);
 
-// Adds the camera parameters to `problem` and holds those that are not free constant.
-void AddCameraBlock(const FreeParameters& free, double* params, ceres::Problem* problem);
+// The shared unknowns of a problem in one array, in the order of the parameter blocks of CapturesCost. Ceres orders
+// blocks by their addresses; contiguous storage fixes the order of summation, so the result is identical to the last
+// digit in every thread.
+class LoopUnknowns {
+ public:
+  LoopUnknowns(const LoopProblem& problem, const LoopValues& values);
+
+  // Adds the blocks to a Ceres problem and holds what is not free. This object must outlive the Ceres problem.
+  void AddTo(ceres::Problem* ceres_problem);
+  const std::vector<double*>& blocks() const { return blocks_; }
+  // Returns the first block of an owner.
+  double* Block(UnknownOwner owner) const;
+  const std::vector<double>& all() const { return all_; }
+  // Returns the values, with unit quaternions.
+  LoopValues Values() const;
+
+ private:
+  struct Place {
+    UnknownBlock unknowns;
+    size_t first = 0;
+    int size = 0;
+  };
+
+  UnknownLayout layout_;
+  LoopValues values_;  // The held parts.
+  std::vector<double> all_;
+  std::vector<Place> places_;
+  std::vector<double*> blocks_;
+};
 
 // Calls ceres::Solve for a problem whose only cost is `cost`. Convergence is also reached if the predicted relative
 // decrease of the cost in the next step is below options.function_tolerance; Ceres alone detects that only after the

@@ -1,5 +1,6 @@
 #include "solvers/refine/uncertainty_limits.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -8,52 +9,61 @@
 #include "solvers/uncertainty/information.h"
 
 namespace heba {
+namespace {
+
+// The largest sigma at which the unknowns of a group are of use, and the message about a larger one.
+struct Limit {
+  UnknownGroup group;
+  double most;  // In the unit of Covariance; relative to the focal length or to the image's width for the camera.
+  double unit;  // The unit of the message.
+  const char* unit_name;
+  const char* cure;
+};
+
+constexpr const char* kMoreMotion = "; more captures with larger rotations about different axes are needed";
+const Limit kLimits[] = {
+    {UnknownGroup::kTranslation, 0.1, 1e-3, " mm", kMoreMotion},
+    {UnknownGroup::kRotation, 0.1, DegToRad(1.0), " deg", kMoreMotion},
+    {UnknownGroup::kFocal, 0.01, 1, " px",
+     ": the captures cannot distinguish focal length from distance; move the target through more depth and tilt, or "
+     "hold the focal length with a camera file and refine.intrinsics"},
+    {UnknownGroup::kPrincipalPoint, 0.02, 1, " px",
+     ": the captures cannot distinguish it from the camera's orientation; tilt the target more, or hold it with a "
+     "camera file and refine.intrinsics"},
+    {UnknownGroup::kScale, 0.01, 0.01, " %",
+     ": the captures cannot distinguish it from distance; move the target through more depth, or measure the print "
+     "and set refine.target_shape: none"},
+    {UnknownGroup::kBend, 5e-3, 1e-3, " mm", "; tilt the target more, or remove the bend from refine.target_shape"},
+};
+
+// One sigma of an unknown, and the size that the limit of its group refers to.
+struct SigmaOfSize {
+  double sigma;
+  double size = 1;
+};
+
+SigmaOfSize SigmaAt(const Covariance& covariance, Eigen::Index i, const Camera& camera) {
+  const Unknown& unknown = covariance.layout[i];
+  const double sigma = std::sqrt(covariance.matrix(i, i));
+  if (unknown.group == UnknownGroup::kPrincipalPoint) return {sigma, static_cast<double>(camera.width_px)};
+  if (unknown.group != UnknownGroup::kFocal) return {sigma};
+  const Eigen::VectorXd by_unknowns =
+      AxialFocalLengthByUnknowns(camera, unknown.index, covariance.layout, covariance.layout.BlockAt(i));
+  return {std::sqrt(by_unknowns.dot(covariance.matrix * by_unknowns)), AxialFocalLength(camera, unknown.index)};
+}
+
+}  // namespace
+
 std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Camera& camera) {
-  constexpr double kMaxTranslationM = 0.1;
-  constexpr double kMaxRotationRad = 0.1;
-  constexpr double kMaxFocalRatio = 0.01;
-  constexpr double kMaxCentreRatio = 0.02;  // Relative to the image width.
-  constexpr double kMaxScale = 0.01;
-  constexpr double kMaxBendM = 5e-3;
-  for (size_t i = 0; i < covariance.names.size(); ++i) {
-    const std::string& name = covariance.names[i];
-    const double sigma = std::sqrt(covariance.matrix(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)));
-    const std::string part = name.substr(name.find('.') + 1);
-    const bool is_pose = !name.starts_with("camera.") && !name.starts_with("target.");
-    if (is_pose && part[0] == 't' && !(sigma < kMaxTranslationM)) {
-      return Failure{PlainName(name) + " is known only to " + Significant(1000 * sigma, 2) +
-                     " mm; more captures with larger rotations about different axes are needed"};
-    }
-    if (is_pose && part[0] == 'r' && !(sigma < kMaxRotationRad)) {
-      return Failure{PlainName(name) + " is known only to " + Significant(RadToDeg(sigma), 2) +
-                     " deg; more captures with larger rotations about different axes are needed"};
-    }
-    if (part == "fx" || part == "fy") {
-      const int axis = part == "fx" ? 0 : 1;
-      const double focal_px = AxialFocalLength(camera, axis);
-      const Eigen::VectorXd by_unknowns = AxialFocalLengthByUnknowns(camera, axis, covariance.names);
-      const double focal_sigma_px = std::sqrt(by_unknowns.dot(covariance.matrix * by_unknowns));
-      if (!(focal_sigma_px < kMaxFocalRatio * focal_px)) {
-        return Failure{PlainName(name) + " is known only to " + Significant(focal_sigma_px, 2) +
-                       " px: the captures cannot distinguish focal length from distance; move the target through more "
-                       "depth and tilt, or hold the focal length with a camera file and refine.intrinsics"};
-      }
-    }
-    if (part.starts_with("scale_") && !(sigma < kMaxScale)) {
-      return Failure{
-          PlainName(name) + " is known only to " + Significant(100 * sigma, 2) +
-          " %: the captures cannot distinguish it from distance; move the target through more depth, or measure "
-          "the print and set refine.target_shape: none"};
-    }
-    if (part.starts_with("bend_") && !(sigma < kMaxBendM)) {
-      return Failure{PlainName(name) + " is known only to " + Significant(1000 * sigma, 2) +
-                     " mm; tilt the target more, or remove the bend from refine.target_shape"};
-    }
-    if ((part == "cx" || part == "cy") && !(sigma < kMaxCentreRatio * camera.width_px)) {
-      return Failure{PlainName(name) + " is known only to " + Significant(sigma, 2) +
-                     " px: the captures cannot distinguish it from the camera's orientation; tilt the target "
-                     "more, or hold it with a camera file and refine.intrinsics"};
-    }
+  for (Eigen::Index i = 0; i < covariance.layout.size(); ++i) {
+    const Unknown& unknown = covariance.layout[i];
+    const Limit* const limit = std::find_if(std::begin(kLimits), std::end(kLimits),
+                                            [&](const Limit& entry) { return entry.group == unknown.group; });
+    if (limit == std::end(kLimits)) continue;
+    const SigmaOfSize known = SigmaAt(covariance, i, camera);
+    if (known.sigma < limit->most * known.size) continue;
+    return Failure{unknown.plain_name + " is known only to " + Significant(known.sigma / limit->unit, 2) +
+                   limit->unit_name + limit->cure};
   }
   return std::nullopt;
 }

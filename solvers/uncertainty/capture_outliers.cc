@@ -17,7 +17,6 @@
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/uncertainty/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
-#include "solvers/uncertainty/variance_components.h"
 
 namespace heba {
 namespace {
@@ -26,6 +25,28 @@ constexpr size_t kMinCaptures = 6;
 
 // Variance of a robot that is exact except for rounding, m^2 and rad^2.
 constexpr double kExact2 = 1e-18;
+
+// The variances with which captures are tested.
+struct Variances {
+  double pixel = 1;  // In the views' unit.
+  double translation_m2 = kExact2;
+  double rotation_rad2 = kExact2;
+
+  Tangent6 Corrections() const {
+    Tangent6 variances;
+    variances << Eigen::Vector3d::Constant(translation_m2), Eigen::Vector3d::Constant(rotation_rad2);
+    return variances;
+  }
+};
+
+// Estimates the variances from these captures.
+Variances EstimateFrom(const std::vector<LinearisedView>& views, const Variances& start) {
+  std::vector<VarianceGroup> groups = CorrectionGroups(start.pixel, {}, true, true);
+  groups[kTranslationGroup].variance = start.translation_m2;
+  groups[kRotationGroup].variance = start.rotation_rad2;
+  const Eigen::VectorXd found = EstimateVariances(views, groups, kRoughVariances).variances;
+  return {found[kPixelGroup], found[kTranslationGroup], found[kRotationGroup]};
+}
 
 // Returns the points by which a view is tested: its inliers, or all points if most of them were rejected.
 Observations JudgedPoints(const Observations& observations, const std::vector<int>& rejected_ids) {
@@ -38,15 +59,15 @@ Observations JudgedPoints(const Observations& observations, const std::vector<in
 Tangent6 RoughCorrection(const LinearisedView& view) {
   constexpr double kPossibleM = 0.05;
   constexpr double kPossibleRad = 0.1;
-  Matrix6 normal = view.by_correction.transpose() * view.by_correction;
+  Matrix6 normal = view.by_effects.transpose() * view.by_effects;
   normal.diagonal().head<3>().array() += 1 / (kPossibleM * kPossibleM);
   normal.diagonal().tail<3>().array() += 1 / (kPossibleRad * kPossibleRad);
-  return normal.ldlt().solve(view.by_correction.transpose() * view.offset);
+  return normal.ldlt().solve(view.by_effects.transpose() * view.offset);
 }
 
 // Returns flags for the half of the captures with the smallest corrections, and the variances of the robot from the
 // median corrections.
-std::vector<bool> BestHalf(const std::vector<LinearisedView>& views, VarianceComponents* start) {
+std::vector<bool> BestHalf(const std::vector<LinearisedView>& views, Variances* start) {
   const double median_of_3_dof = ChiSquareQuantile(0.5, 3);
   std::vector<double> translations;
   std::vector<double> rotations;
@@ -76,10 +97,9 @@ double ShareOfBestHalf() {
 }
 
 // Returns the normal equations of a view: their matrix and, in the last column, their right-hand side.
-Eigen::MatrixXd NormalOf(const LinearisedView& view, const VarianceComponents& variances) {
+Eigen::MatrixXd NormalOf(const LinearisedView& view, const Variances& variances) {
   const Eigen::Index n = view.by_unknowns.cols();
-  const RowMajorMatrix whitened =
-      WhitenedRows(view, variances.pixel, variances.translation_m2, variances.rotation_rad2);
+  const RowMajorMatrix whitened = WhitenedRows(view, variances.pixel, variances.Corrections());
   return whitened.leftCols(n).transpose().lazyProduct(whitened);
 }
 
@@ -93,7 +113,7 @@ double VarianceWithUnmodelled(const LinearisedView& view, double pixel_variance,
 }
 
 // Returns the tail probability of a view's correction, given the prediction from the normal equations of the others.
-double PValue(const LinearisedView& view, const Eigen::MatrixXd& others, const VarianceComponents& variances,
+double PValue(const LinearisedView& view, const Eigen::MatrixXd& others, const Variances& variances,
               double pixel_sigma_px, double dof) {
   // Y, with Y^T Y the covariance of the prediction, and in the last column the vector that Y^T maps to the
   // prediction.
@@ -109,22 +129,20 @@ double PValue(const LinearisedView& view, const Eigen::MatrixXd& others, const V
   SolveLowerInPlace(root.matrixLLT(), &predicted);
   const auto y = predicted.leftCols(rows);
   Eigen::MatrixXd covariance = y.transpose().lazyProduct(y);
-  const Eigen::Index num_rows_with_correction = rows - view.num_rows_without_correction;
+  const Eigen::Index num_dependent = rows - view.num_rows_without_effects;
   covariance.diagonal().array() += variances.pixel;
-  covariance.diagonal().head(num_rows_with_correction).array() +=
+  covariance.diagonal().head(num_dependent).array() +=
       VarianceWithUnmodelled(view, variances.pixel, pixel_sigma_px) - variances.pixel;
   const Eigen::LLT<Eigen::MatrixXd> b(covariance);
   if (b.info() != Eigen::Success) return 1;
   // g = G^T B^-1 e has the covariance M + M Q M, M = G^T B^-1 G. It is scaled because it mixes metres and radians.
   RowMajorMatrix whitened(rows, 7);
-  whitened << view.by_correction, view.offset - y.transpose() * predicted.col(rows);
+  whitened << view.by_effects, view.offset - y.transpose() * predicted.col(rows);
   SolveLowerInPlace(b.matrixLLT(), &whitened);
   const auto by_correction = whitened.leftCols<6>();
   const Matrix6 m = by_correction.transpose().lazyProduct(by_correction);
   const Tangent6 g = by_correction.transpose() * whitened.col(6);
-  Tangent6 q;
-  q << Eigen::Vector3d::Constant(variances.translation_m2), Eigen::Vector3d::Constant(variances.rotation_rad2);
-  const Matrix6 total = m + m * q.asDiagonal() * m;
+  const Matrix6 total = m + m * variances.Corrections().asDiagonal() * m;
   const Tangent6 unit = total.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
   constexpr double kNothing = 1e-10;
   return ChanceOf(unit.cwiseProduct(g), unit.asDiagonal() * total * unit.asDiagonal(), kNothing, dof);
@@ -187,8 +205,7 @@ Members MembersOf(const JudgedViews& judged, const std::vector<bool>& is_member)
 }
 
 // Returns the tail probability of each tested view, given the estimate from the members at other robot poses.
-std::vector<double> PValues(const JudgedViews& judged, const Members& members, const VarianceComponents& variances,
-                            double dof) {
+std::vector<double> PValues(const JudgedViews& judged, const Members& members, const Variances& variances, double dof) {
   const Eigen::Index num_unknowns = judged.views.front().by_unknowns.cols();
   Eigen::MatrixXd all = Eigen::MatrixXd::Zero(num_unknowns, num_unknowns + 1);
   std::vector<Eigen::MatrixXd> normal_of_group(judged.groups.size());
@@ -224,7 +241,7 @@ std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const So
   const JudgedViews judged = Judge(problem, solution, free);
   for (const size_t i : judged.hidden) verdicts[i] = {problem.views.size() >= kMinCaptures, 0};
   if (judged.views.size() < kMinCaptures) return verdicts;
-  VarianceComponents variances;
+  Variances variances;
   std::vector<bool> is_member = BestHalf(judged.views, &variances);
   const double limit = kCaptureFalseAlarm / static_cast<double>(judged.views.size());
   std::vector<double> p_values;
@@ -233,8 +250,8 @@ std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const So
     const Members members = MembersOf(judged, is_member);
     const double dof = members.views.empty() ? 0 : DofOf(members);
     if (dof < kLeastDof) return std::vector<CaptureVerdict>(problem.views.size());
-    variances = EstimateVariances(members.views, variances, true, true, kRoughVariances);
-    VarianceComponents used = variances;
+    variances = EstimateFrom(members.views, variances);
+    Variances used = variances;
     if (round == 0) {
       used.translation_m2 /= ShareOfBestHalf();
       used.rotation_rad2 /= ShareOfBestHalf();
@@ -266,8 +283,7 @@ std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem_of_member
   const Members members = MembersOf(judged, is_member);
   const double dof = members.views.empty() ? 0 : DofOf(members);
   if (dof < kLeastDof) return verdicts;
-  const VarianceComponents variances =
-      EstimateVariances(members.views, {1, kExact2, kExact2}, true, true, kRoughVariances);
+  const Variances variances = EstimateFrom(members.views, {});
   const std::vector<double> p_values = PValues(judged, members, variances, dof);
   const double limit = kCaptureFalseAlarm / static_cast<double>(problem.views.size());
   for (size_t i = 0; i < judged.views.size(); ++i) {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -26,25 +27,23 @@ std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& probl
       LineariseViewsAt(problem, solution, solution.corrections, free, loss);
   if (!views) return moves;
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
-  const std::vector<std::string> names = UnknownNames(solution.camera.Model(), free);
+  const UnknownLayout& layout = solution.covariance.layout;
+  const Eigen::Index pose = layout.Block(kHandEyeBlock).first;
   // The information of all data: at the minimum, the right-hand sides of the views and of everything else cancel.
   const Eigen::MatrixXd& covariance = solution.covariance.matrix;
-  const Eigen::MatrixXd information = InvertInformation({names, covariance}, 1.0).matrix;
+  const Eigen::MatrixXd information = InvertInformation({layout, covariance}, 1.0).matrix;
   // Ratio of the weighted normal matrix to the mean of the second derivatives of rho, which are smaller.
   const double newton = loss.mean_weight / loss.consistency;
   for (size_t i = 0; i < views->size(); ++i) {
     const LinearisedView& view = (*views)[i];
     const Eigen::MatrixXd whitened =
-        MarginalCovariance(view, loss.covariance_factor(), robot.translation_m * robot.translation_m,
-                           robot.rotation_rad * robot.rotation_rad)
-            .ldlt()
-            .solve(view.by_unknowns);
-    const Information without{names, information - view.by_unknowns.transpose() * whitened};
+        MarginalCovariance(view, loss.covariance_factor(), CorrectionVariances(robot)).ldlt().solve(view.by_unknowns);
+    const Information without{layout, information - view.by_unknowns.transpose() * whitened};
     if (CheckObservable(without)) continue;
     const Eigen::MatrixXd covariance_without = InvertInformation(without, 1.0).matrix;
-    const Tangent6 move = (-newton * covariance_without * (whitened.transpose() * view.offset)).head<6>();
-    moves[i] = CaptureMove{move, ChanceOfMove(move, covariance_without.topLeftCorner<6, 6>(),
-                                              covariance.topLeftCorner<6, 6>(), solution.covariance_dof)};
+    const Tangent6 move = (-newton * covariance_without * (whitened.transpose() * view.offset)).segment<6>(pose);
+    moves[i] = CaptureMove{move, ChanceOfMove(move, covariance_without.block<6, 6>(pose, pose),
+                                              covariance.block<6, 6>(pose, pose), solution.covariance_dof)};
   }
   return moves;
 }

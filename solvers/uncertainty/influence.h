@@ -5,7 +5,8 @@
 #include <vector>
 
 #include "heba/data/solution.h"
-#include "solvers/uncertainty/information.h"
+#include "solvers/residuals/free_parameters.h"
+#include "solvers/residuals/loss.h"
 
 namespace heba {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "heba/data/problem.h"
-#include "solvers/uncertainty/robot_noise.h"
+#include "solvers/residuals/loop_problem.h"
 
 namespace heba {
 
@@ -12,14 +12,8 @@ namespace heba {
 inline constexpr double kSamePoseM = 0.05e-3;
 inline constexpr double kSamePoseRad = 1e-4;
 
-// Indices of views, grouped by robot pose. Each view is in exactly one group, the groups are in the order of their
-// first views, and a view belongs to the first group whose first view has the same pose.
-using PoseGroups = std::vector<std::vector<size_t>>;
+// Groups views by robot pose. Each view is in exactly one group, the groups are in the order of their first views, and
+// a view belongs to the first group whose first view has the same pose.
 PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views);
-
-// Returns one LinearisedView per group: the rows of the group's views, reduced to at most as many rows as columns,
-// with one correction that they share. Views that belong to no group (those of a prior) must come last; they are
-// appended unchanged.
-std::vector<LinearisedView> StackGroups(const std::vector<LinearisedView>& views, const PoseGroups& groups);
 
 }  // namespace heba

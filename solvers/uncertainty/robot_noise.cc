@@ -7,20 +7,17 @@
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "heba/base/units.h"
 #include "heba/kernels/small_matrix.h"
 #include "heba/kernels/stacked_rows.h"
-#include "solvers/residuals/noise_scale.h"
-#include "solvers/residuals/view_reduction.h"
 
 namespace heba {
 namespace {
 
-// Returns p I + G Q G^T, where G is the first `rows` rows of the view's by_correction.
+// Returns p I + G Q G^T, where G is the first `rows` rows of the view's by_effects.
 Eigen::MatrixXd CovarianceOfRows(const LinearisedView& view, Eigen::Index rows, double pixel_variance,
-                                 double translation_m2, double rotation_rad2) {
-  Tangent6 sigmas;
-  sigmas << Eigen::Vector3d::Constant(std::sqrt(translation_m2)), Eigen::Vector3d::Constant(std::sqrt(rotation_rad2));
-  const RowMajorMatrix by_sigmas = view.by_correction.topRows(rows) * sigmas.asDiagonal();
+                                 const Eigen::VectorXd& effect_variances) {
+  const RowMajorMatrix by_sigmas = view.by_effects.topRows(rows) * effect_variances.cwiseSqrt().asDiagonal();
   Eigen::MatrixXd covariance = by_sigmas.lazyProduct(by_sigmas.transpose());
   covariance.diagonal().array() += pixel_variance;
   return covariance;
@@ -42,104 +39,59 @@ Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camer
   return Inverse(BaseFromGripper(setup, camera_mount_from_target_mount)) * BaseFromGripper(setup, corrected);
 }
 
-Matrix6 LeftFromCorrection(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
-                           const Rigid3d& correction) {
-  const Rigid3d camera_from_camera_mount = Inverse(hand_eye.camera_mount_from_camera);
-  if (setup == Setup::kEyeInHand) return -Adjoint(camera_from_camera_mount);
-  return Adjoint(camera_from_camera_mount * camera_mount_from_target_mount * correction);
+Tangent6 CorrectionVariances(const RobotNoise& noise) {
+  Tangent6 variances;
+  variances << Eigen::Vector3d::Constant(noise.translation_m * noise.translation_m),
+      Eigen::Vector3d::Constant(noise.rotation_rad * noise.rotation_rad);
+  return variances;
 }
 
-CorrectionPrior CorrectionPriorAt(const Rigid3d& correction, const RobotNoise& noise) {
-  CorrectionPrior prior;
-  const Tangent6 tangent = LocalCoordinates(Rigid3d(), correction);
-  prior.residual.head<3>() = tangent.head<3>() / noise.translation_m;
-  prior.residual.tail<3>() = tangent.tail<3>() / noise.rotation_rad;
-  prior.by_tangent.topLeftCorner<3, 3>() = correction.RotationMatrix() / noise.translation_m;
-  // The inverse right Jacobian of the rotation vector to second order; corrections are small.
-  const Eigen::Matrix3d skew = Skew(tangent.tail<3>());
-  prior.by_tangent.bottomRightCorner<3, 3>() =
-      (Eigen::Matrix3d::Identity() + 0.5 * skew + skew * skew / 12) / noise.rotation_rad;
-  return prior;
+RobotNoisePrior IndustrialArmPrior() {
+  // The 95 % interval of the logarithm is 2 x 1.96 sigmas wide, and its bounds differ by a factor of 20.
+  const double log_sigma = std::log(20.0) / (2 * 1.96);
+  return {{std::sqrt(0.05e-3 * 1e-3), DegToRad(std::sqrt(0.005 * 0.1))}, log_sigma};
 }
 
-std::optional<std::vector<LinearisedView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
-                                                          const std::vector<Rigid3d>& corrections,
-                                                          const FreeParameters& free, double pixel_sigma_px,
-                                                          const Loss& loss) {
-  const CameraModel& model = problem.camera.Model();
-  const Eigen::Index num_unknowns = 12 + NumFree(free);
-  const ViewReducer reducer(model, free, pixel_sigma_px, loss);
-  std::vector<LinearisedView> result;
-  for (size_t v = 0; v < problem.views.size(); ++v) {
-    const View& view = problem.views[v];
-    const Rigid3d correction = corrections.empty() ? Rigid3d() : corrections[v];
-    const Rigid3d& mount = view.camera_mount_from_target_mount;
-    const Rigid3d camera_from_target = CameraFromTarget(problem.setup, hand_eye, mount, correction);
-    SquareRootInformation reduction;
-    if (!reducer.Reduce(problem.camera.params.data(), camera_from_target, view.observations,
-                        HasShape(free, model) ? &problem.shape : nullptr, &reduction)) {
-      return std::nullopt;
-    }
-    LinearisedView linear;
-    const Eigen::Index columns = reduction.factor.cols() - 1;
-    Eigen::Index rows = reduction.factor.rows();
-    Eigen::Index num_rows_with_correction = rows;
-    if (2 * view.observations.size() > rows) {
-      // The factor is square: its last row contains only the residual that no unknown can explain.
-      rows = columns;
-      num_rows_with_correction = 6;
-      linear.residual_sum_of_squares = reduction.factor(columns, columns) * reduction.factor(columns, columns);
-      linear.num_residual_dof = 2 * view.observations.size() - static_cast<int>(columns);
-    }
-    linear.num_rows_without_correction = rows - num_rows_with_correction;
-    const auto by_pose = reduction.factor.topLeftCorner(num_rows_with_correction, 6);
-    linear.by_unknowns.setZero(rows, num_unknowns);
-    // by_unknowns is the negated derivative of the residual, which is -by_pose with respect to the hand-eye pose.
-    linear.by_unknowns.topLeftCorner(num_rows_with_correction, 6) = by_pose;
-    linear.by_unknowns.block(0, 6, num_rows_with_correction, 6) = -by_pose.lazyProduct(Adjoint(camera_from_target));
-    linear.by_unknowns.rightCols(num_unknowns - 12) = -reduction.factor.block(0, 6, rows, num_unknowns - 12);
-    linear.by_correction.setZero(rows, 6);
-    linear.by_correction.topRows(num_rows_with_correction) =
-        -by_pose.lazyProduct(LeftFromCorrection(problem.setup, hand_eye, mount, correction));
-    // The residual as it would be without the correction.
-    linear.offset = reduction.factor.col(columns).head(rows) +
-                    linear.by_correction.lazyProduct(LocalCoordinates(Rigid3d(), correction));
-    result.push_back(std::move(linear));
+std::vector<VarianceGroup> CorrectionGroups(double pixel_variance, const RobotNoise& robot, bool pixel_is_free,
+                                            bool robot_is_free, const RobotNoisePrior* prior) {
+  const Tangent6 variances = CorrectionVariances(robot);
+  std::vector<VarianceGroup> groups = {
+      {VarianceGroup::Kind::kPixels, {}, pixel_variance, pixel_is_free},
+      {VarianceGroup::Kind::kEffects, {0, 1, 2}, variances[0], robot_is_free},
+      {VarianceGroup::Kind::kEffects, {3, 4, 5}, variances[3], robot_is_free},
+  };
+  if (prior != nullptr) {
+    groups[kTranslationGroup].prior = SigmaPrior{prior->median.translation_m, prior->log_sigma};
+    groups[kRotationGroup].prior = SigmaPrior{prior->median.rotation_rad, prior->log_sigma};
   }
-  return result;
+  return groups;
 }
 
-std::optional<std::vector<LinearisedView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
-                                                            const std::vector<Rigid3d>& corrections,
-                                                            const FreeParameters& free, const Loss& loss) {
-  Problem weighted{solution.camera, problem.views, problem.setup, solution.shape};
-  if (solution.unmodelled_sigma_px) WeightByCovariance(*solution.unmodelled_sigma_px, &weighted.views);
-  return LineariseViews(weighted, solution.hand_eye, corrections, free, solution.pixel_sigma_px, loss);
+RobotNoise RobotNoiseOf(const VarianceComponents& variances) {
+  return {std::sqrt(variances.variances[kTranslationGroup]), std::sqrt(variances.variances[kRotationGroup])};
 }
 
-Eigen::MatrixXd MarginalCovariance(const LinearisedView& view, double pixel_variance, double translation_m2,
-                                   double rotation_rad2) {
-  return CovarianceOfRows(view, view.offset.size(), pixel_variance, translation_m2, rotation_rad2);
+Eigen::MatrixXd MarginalCovariance(const LinearisedView& view, double pixel_variance,
+                                   const Eigen::VectorXd& effect_variances) {
+  return CovarianceOfRows(view, view.offset.size(), pixel_variance, effect_variances);
 }
 
-RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance, double translation_m2,
-                            double rotation_rad2) {
+RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance,
+                            const Eigen::VectorXd& effect_variances) {
   const Eigen::Index n = view.by_unknowns.cols();
-  const Eigen::Index num_rows_with_correction = view.offset.size() - view.num_rows_without_correction;
-  RowMajorMatrix correction_dependent(num_rows_with_correction, n + 1);
-  correction_dependent << view.by_unknowns.topRows(num_rows_with_correction),
-      view.offset.head(num_rows_with_correction);
-  const Eigen::LLT<Eigen::MatrixXd> root(
-      CovarianceOfRows(view, num_rows_with_correction, pixel_variance, translation_m2, rotation_rad2));
+  const Eigen::Index num_dependent = view.offset.size() - view.num_rows_without_effects;
+  RowMajorMatrix dependent(num_dependent, n + 1);
+  dependent << view.by_unknowns.topRows(num_dependent), view.offset.head(num_dependent);
+  const Eigen::LLT<Eigen::MatrixXd> root(CovarianceOfRows(view, num_dependent, pixel_variance, effect_variances));
   CHECK(root.info() == Eigen::Success);
-  SolveLowerInPlace(root.matrixLLT(), &correction_dependent);
+  SolveLowerInPlace(root.matrixLLT(), &dependent);
   const double root_weight = 1 / std::sqrt(pixel_variance);
   RowMajorMatrix whitened(view.offset.size(), n + 1);
-  whitened.topRows(num_rows_with_correction) = correction_dependent;
-  whitened.bottomLeftCorner(view.num_rows_without_correction, n) =
-      root_weight * view.by_unknowns.bottomRows(view.num_rows_without_correction);
-  whitened.bottomRightCorner(view.num_rows_without_correction, 1) =
-      root_weight * view.offset.tail(view.num_rows_without_correction);
+  whitened.topRows(num_dependent) = dependent;
+  whitened.bottomLeftCorner(view.num_rows_without_effects, n) =
+      root_weight * view.by_unknowns.bottomRows(view.num_rows_without_effects);
+  whitened.bottomRightCorner(view.num_rows_without_effects, 1) =
+      root_weight * view.offset.tail(view.num_rows_without_effects);
   return whitened;
 }
 
@@ -156,15 +108,12 @@ double ChanceOf(const Tangent6& vector, const Matrix6& covariance, double nothin
   return rank == 0 ? 1 : FisherTail(statistic / rank, rank, dof);
 }
 
-Eigen::MatrixXd MarginalInformation(const std::vector<LinearisedView>& views, const RobotNoise& noise,
+Eigen::MatrixXd MarginalInformation(const std::vector<LinearisedView>& views, const Eigen::VectorXd& effect_variances,
                                     double pixel_variance) {
   const Eigen::Index n = views.front().by_unknowns.cols();
   StackedRows stacked(static_cast<int>(n));
   for (const LinearisedView& view : views) {
-    stacked.Next<Eigen::Dynamic>(view.offset.size()) =
-        WhitenedRows(view, pixel_variance, noise.translation_m * noise.translation_m,
-                     noise.rotation_rad * noise.rotation_rad)
-            .leftCols(n);
+    stacked.Next<Eigen::Dynamic>(view.offset.size()) = WhitenedRows(view, pixel_variance, effect_variances).leftCols(n);
   }
   return stacked.Products();
 }

@@ -1,4 +1,4 @@
-// The robot poses as observations: how their noise enters the model, and linearised views to estimate it.
+// The robot poses as observations: how their noise enters the model, and what it leaves of the information.
 //
 // Capture i sees the target from
 //   camera_from_target = camera_from_camera_mount * M_i * Exp(xi_i) * target_mount_from_target   (eye-to-hand)
@@ -13,11 +13,10 @@
 
 #include "heba/data/solution.h"
 #include "heba/kernels/small_matrix.h"
-#include "solvers/uncertainty/information.h"
+#include "solvers/uncertainty/linearisation.h"
+#include "solvers/uncertainty/variance_components.h"
 
 namespace heba {
-
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 // Returns camera_from_target with a capture's correction, gripper_from_corrected_gripper.
 Rigid3d CameraFromTarget(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
@@ -27,54 +26,36 @@ Rigid3d CameraFromTarget(Setup setup, const HandEye& hand_eye, const Rigid3d& ca
 Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
                       const Rigid3d& camera_from_target);
 
-// Returns the derivative of the left perturbation of camera_from_target with respect to the tangent of the
-// correction.
-Matrix6 LeftFromCorrection(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
-                           const Rigid3d& correction);
+// Returns the variances of the columns of LinearisedView::by_effects that are a robot's correction, m^2 and rad^2.
+Tangent6 CorrectionVariances(const RobotNoise& noise);
 
-// The prior that a capture's correction is zero within `noise`: six whitened residuals and their derivatives with
-// respect to the tangent of the correction.
-struct CorrectionPrior {
-  Tangent6 residual = Tangent6::Zero();
-  Matrix6 by_tangent = Matrix6::Zero();
+// Prior knowledge of a robot's noise: log-normal densities of its two sigmas.
+struct RobotNoisePrior {
+  RobotNoise median;
+  double log_sigma = 1;  // Standard deviation of the logarithm of either sigma.
 };
-CorrectionPrior CorrectionPriorAt(const Rigid3d& correction, const RobotNoise& noise);
+// Returns the prior for industrial arms: 95 % of the sigmas lie between 0.05 and 1 mm and between 0.005 and 0.1 deg.
+RobotNoisePrior IndustrialArmPrior();
 
-// One capture, linearised: offset = by_unknowns * step + by_correction * xi + noise, where the noise has unit
-// variance (pixel sigma and loss applied).
-struct LinearisedView {
-  Eigen::MatrixXd by_unknowns;                             // For the columns see Information::names.
-  Eigen::Matrix<double, Eigen::Dynamic, 6> by_correction;  // Derivatives w.r.t. xi: m, rad.
-  Eigen::VectorXd offset;
-  // Number of rows at the end that do not depend on the correction.
-  Eigen::Index num_rows_without_correction = 0;
-  // Pixel residuals that are independent of the rows above: their sum of squares and their number.
-  double residual_sum_of_squares = 0;
-  int num_residual_dof = 0;
-};
+// The groups of the variances of pixels and corrections, in this order.
+enum CorrectionGroup : int { kPixelGroup, kTranslationGroup, kRotationGroup };
+// Returns these groups: the variance of the pixels in the views' unit, those of the robot, which of them are free, and
+// the robot's prior (null if there is none).
+std::vector<VarianceGroup> CorrectionGroups(double pixel_variance, const RobotNoise& robot, bool pixel_is_free,
+                                            bool robot_is_free, const RobotNoisePrior* prior = nullptr);
+// Returns the robot's sigmas among the variances of these groups.
+RobotNoise RobotNoiseOf(const VarianceComponents& variances);
 
-// Linearises all views. `corrections` may be empty if there are none. Returns nothing if a point cannot be projected.
-std::optional<std::vector<LinearisedView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
-                                                          const std::vector<Rigid3d>& corrections,
-                                                          const FreeParameters& free, double pixel_sigma_px,
-                                                          const Loss& loss);
-
-// Likewise for the problem's views at a solution, which provides the camera, the target's shape and the weights of
-// the points.
-std::optional<std::vector<LinearisedView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
-                                                            const std::vector<Rigid3d>& corrections,
-                                                            const FreeParameters& free, const Loss& loss);
-
-// Returns the covariance of a view's rows, marginalised over its correction: p I + G Q G^T, p in the views' unit.
-Eigen::MatrixXd MarginalCovariance(const LinearisedView& view, double pixel_variance, double translation_m2,
-                                   double rotation_rad2);
+// Returns the covariance of a view's rows, marginalised over its effects: p I + G Q G^T, where p is in the views' unit
+// and Q is diagonal.
+Eigen::MatrixXd MarginalCovariance(const LinearisedView& view, double pixel_variance,
+                                   const Eigen::VectorXd& effect_variances);
 // Returns by_unknowns and, as the last column, the offset, both whitened with this covariance.
-RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance, double translation_m2,
-                            double rotation_rad2);
+RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance, const Eigen::VectorXd& effect_variances);
 
-// Returns the normal matrix of the unknowns, marginalised over the corrections: sum J^T (p I + G Q G^T)^-1 J, where p
-// is `pixel_variance` in the views' unit.
-Eigen::MatrixXd MarginalInformation(const std::vector<LinearisedView>& views, const RobotNoise& noise,
+// Returns the normal matrix of the unknowns, marginalised over the effects: sum J^T (p I + G Q G^T)^-1 J, where p is
+// `pixel_variance` in the views' unit.
+Eigen::MatrixXd MarginalInformation(const std::vector<LinearisedView>& views, const Eigen::VectorXd& effect_variances,
                                     double pixel_variance);
 
 // Returns the probability that a vector with this covariance, estimated with `dof` degrees of freedom, is at least as

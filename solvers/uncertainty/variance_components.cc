@@ -1,9 +1,11 @@
 #include "solvers/uncertainty/variance_components.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <numeric>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -11,243 +13,420 @@
 #include <Eigen/QR>
 
 #include "heba/base/error.h"
-#include "heba/base/units.h"
 #include "heba/kernels/small_matrix.h"
 #include "heba/kernels/stacked_rows.h"
 
 namespace heba {
 namespace {
 
-constexpr Eigen::Index kNumCorrectedRows = 6;
-using CorrectedRows = Eigen::Matrix<double, kNumCorrectedRows, Eigen::Dynamic>;
+using Kind = VarianceGroup::Kind;
 
-// The rows of a view that depend on its correction, rotated such that there are six; padded with zeros if there are
-// fewer.
-struct CorrectedView {
-  CorrectedRows rows;  // by_unknowns, and the offset as the last column.
-  Matrix6 by_correction = Matrix6::Zero();
-};
+// The effects in the order of their groups: one range of columns for each group of them.
+struct EffectColumns {
+  struct Range {
+    Eigen::Index group = 0;
+    Eigen::Index first = 0;
+    Eigen::Index size = 0;
+  };
+  std::vector<Eigen::Index> order;  // Columns of LinearisedView::by_effects.
+  std::vector<Range> ranges;
 
-// The same measurements in fewer rows: the likelihood of variances and unknowns does not change.
-struct CondensedViews {
-  std::vector<CorrectedView> correction_dependent;
-  // All rows that depend on no correction: the products of unknowns and offset, and the number of rows.
-  Eigen::MatrixXd correction_independent;
-  double num_independent = 0;
-};
-
-CondensedViews Condensed(const std::vector<LinearisedView>& views) {
-  const Eigen::Index n = views.front().by_unknowns.cols();
-  CondensedViews condensed;
-  condensed.correction_independent.setZero(n + 1, n + 1);
-  for (const LinearisedView& view : views) {
-    const Eigen::Index rows = view.offset.size();
-    condensed.correction_independent(n, n) += view.residual_sum_of_squares;
-    // Padding with rows of zeros is not counted.
-    condensed.num_independent += view.num_residual_dof + static_cast<double>(rows - kNumCorrectedRows);
-    Eigen::MatrixXd rotated(rows, n + 1);
-    rotated << view.by_unknowns, view.offset;
-    CorrectedView& corrected = condensed.correction_dependent.emplace_back();
-    corrected.rows.setZero(kNumCorrectedRows, n + 1);
-    const Eigen::Index num_rows_with_correction = std::min(rows, kNumCorrectedRows);
-    if (rows - view.num_rows_without_correction <= kNumCorrectedRows) {
-      corrected.by_correction.topRows(num_rows_with_correction) = view.by_correction.topRows(num_rows_with_correction);
-    } else {
-      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_correction);
-      rotated.applyOnTheLeft(qr.householderQ().adjoint());
-      corrected.by_correction = qr.matrixQR().topRows<kNumCorrectedRows>().triangularView<Eigen::Upper>();
+  explicit EffectColumns(const std::vector<VarianceGroup>& groups) {
+    for (size_t k = 0; k < groups.size(); ++k) {
+      if (groups[k].kind != Kind::kEffects) continue;
+      ranges.push_back({static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(order.size()),
+                        static_cast<Eigen::Index>(groups[k].columns.size())});
+      order.insert(order.end(), groups[k].columns.begin(), groups[k].columns.end());
     }
-    corrected.rows.topRows(num_rows_with_correction) = rotated.topRows(num_rows_with_correction);
-    const auto tail = rotated.bottomRows(rows - num_rows_with_correction);
-    condensed.correction_independent.noalias() += tail.transpose() * tail;
   }
-  return condensed;
-}
-
-// Whitens the views' rows with their covariance S = p I + t A A^T + r B B^T, where by_correction is [A, B].
-class Whitening {
- public:
-  Whitening(const CondensedViews& views, const Eigen::Vector3d& variances)
-      : num_columns_(views.correction_independent.cols()) {
-    StackedRows stacked(static_cast<int>(num_columns_));
-    Tangent6 corrections;
-    corrections << Eigen::Vector3d::Constant(variances[1]), Eigen::Vector3d::Constant(variances[2]);
-    inverses_.reserve(views.correction_dependent.size());
-    weighted_.resize(kNumCorrectedRows, num_columns_ * static_cast<Eigen::Index>(views.correction_dependent.size()));
-    for (const CorrectedView& view : views.correction_dependent) {
-      const Matrix6 by_sigma = view.by_correction * corrections.cwiseSqrt().asDiagonal();
-      Matrix6 covariance = by_sigma * by_sigma.transpose();
-      covariance.diagonal().array() += variances[0];
-      const Eigen::LLT<Matrix6> root(covariance);
-      is_regular_ &= root.info() == Eigen::Success;
-      if (!is_regular_) return;
-      log_determinants_ += 2 * root.matrixLLT().diagonal().array().log().sum();
-      const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
-      auto whitened = stacked.Next<kNumCorrectedRows>();
-      whitened = inverse_root.lazyProduct(view.rows);
-      const auto v = static_cast<Eigen::Index>(inverses_.size());
-      weighted_.middleCols(v * num_columns_, num_columns_) = inverse_root.transpose().lazyProduct(whitened);
-      inverses_.push_back(inverse_root.transpose() * inverse_root);
-    }
-    products_ = stacked.Products();
-  }
-
-  // Returns whether all covariances are invertible; if not, the other functions must not be called.
-  bool is_regular() const { return is_regular_; }
-  double log_determinants() const { return log_determinants_; }
-  // Returns [J, y]^T S^-1 [J, y], summed over the views.
-  const Eigen::MatrixXd& products() const { return products_; }
-  const Matrix6& Inverse(size_t view) const { return inverses_[view]; }  // S^-1 of one view.
-  // S^-1 [J, y] of one view.
-  auto Weighted(size_t view) const {
-    return weighted_.middleCols(static_cast<Eigen::Index>(view) * num_columns_, num_columns_);
-  }
-
- private:
-  Eigen::Index num_columns_;
-  bool is_regular_ = true;
-  double log_determinants_ = 0;
-  std::vector<Matrix6> inverses_;
-  CorrectedRows weighted_;
-  Eigen::MatrixXd products_;
+  Eigen::Index size() const { return static_cast<Eigen::Index>(order.size()); }
 };
 
-// Returns the negated derivatives of the information with respect to each variance: J^T S^-1 V_k S^-1 J, where V_k is
-// the matrix that variance k multiplies in S.
-std::array<Eigen::MatrixXd, 3> InformationDerivatives(const CondensedViews& views, const Whitening& whitening,
-                                                      double pixel_variance) {
-  const Eigen::Index n = views.correction_independent.cols() - 1;
-  StackedRows pixels(static_cast<int>(n));
-  StackedRows translations(static_cast<int>(n));
-  StackedRows rotations(static_cast<int>(n));
-  for (size_t v = 0; v < views.correction_dependent.size(); ++v) {
-    const auto weighted = whitening.Weighted(v).leftCols(n);
-    const Matrix6& by_correction = views.correction_dependent[v].by_correction;
-    pixels.Next<kNumCorrectedRows>() = weighted;
-    translations.Next<3>() = by_correction.leftCols<3>().transpose().lazyProduct(weighted);
-    rotations.Next<3>() = by_correction.rightCols<3>().transpose().lazyProduct(weighted);
-  }
-  return {views.correction_independent.topLeftCorner(n, n) / (pixel_variance * pixel_variance) + pixels.Products(),
-          translations.Products(), rotations.Products()};
-}
+// The unknowns with a variance, in the order of their groups.
+struct SharedColumns {
+  std::vector<Eigen::Index> columns;  // Columns of LinearisedView::by_unknowns.
+  std::vector<Eigen::Index> groups;   // The group of each.
 
-// The restricted likelihood and its derivatives with respect to the three variances.
+  explicit SharedColumns(const std::vector<VarianceGroup>& all) {
+    for (size_t k = 0; k < all.size(); ++k) {
+      if (all[k].kind != Kind::kUnknowns) continue;
+      columns.insert(columns.end(), all[k].columns.begin(), all[k].columns.end());
+      groups.insert(groups.end(), all[k].columns.size(), static_cast<Eigen::Index>(k));
+    }
+  }
+};
+
+// The restricted likelihood and its derivatives with respect to the variances.
 struct Likelihood {
   double minus_log = std::numeric_limits<double>::infinity();
-  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  // Gradient of the log-likelihood.
-  Eigen::Matrix3d fisher = Eigen::Matrix3d::Zero();
+  Eigen::VectorXd gradient;  // Gradient of the log-likelihood.
+  Eigen::MatrixXd fisher;
 };
 
-Likelihood Evaluate(const CondensedViews& views, const Eigen::Vector3d& variances) {
-  const Eigen::Index n = views.correction_independent.cols() - 1;
+// The information about the unknowns, and its negated derivatives by the variances.
+struct InformationAndDerivatives {
+  Eigen::MatrixXd information;
+  std::vector<Eigen::MatrixXd> derivatives;
+};
+
+class RestrictedLikelihood {
+ public:
+  virtual ~RestrictedLikelihood() = default;
+  virtual Likelihood At(const Eigen::VectorXd& variances) const = 0;
+  // Returns nothing if the variances make a covariance singular. Unknowns whose variance is zero are left out.
+  virtual std::optional<InformationAndDerivatives> InformationAt(const Eigen::VectorXd& variances) const = 0;
+};
+
+// kRows: the number of effects of a capture, if it is known at compile time.
+template <int kRows>
+class LikelihoodOfRows final : public RestrictedLikelihood {
+ public:
+  LikelihoodOfRows(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups)
+      : num_groups_(static_cast<Eigen::Index>(groups.size())),
+        num_unknowns_(views.front().by_unknowns.cols()),
+        effects_(groups),
+        shared_(groups),
+        num_rows_(effects_.size()) {
+    independent_.setZero(num_unknowns_ + 1, num_unknowns_ + 1);
+    for (const LinearisedView& view : views) Add(view);
+  }
+
+  Likelihood At(const Eigen::VectorXd& variances) const override;
+  std::optional<InformationAndDerivatives> InformationAt(const Eigen::VectorXd& variances) const override;
+
+ private:
+  using Square = Eigen::Matrix<double, kRows, kRows>;
+  using Rows = Eigen::Matrix<double, kRows, Eigen::Dynamic>;
+  using Vector = Eigen::Matrix<double, kRows, 1>;
+
+  // The rows of a capture that depend on its effects, rotated such that there are as many as effects; padded with zeros
+  // if there are fewer.
+  struct DependentRows {
+    Rows rows;  // by_unknowns, and the offset as the last column.
+    Square by_effects;
+  };
+
+  // Whitens the captures' rows with their covariance S = p I + sum of v_k A_k A_k^T, where A_k are the columns of
+  // by_effects of group k.
+  class Whitening {
+   public:
+    Whitening(const LikelihoodOfRows& of, const Eigen::VectorXd& variances) : num_columns_(of.num_unknowns_ + 1) {
+      StackedRows stacked(static_cast<int>(num_columns_));
+      Vector sigmas(of.num_rows_);
+      for (const EffectColumns::Range& range : of.effects_.ranges) {
+        sigmas.segment(range.first, range.size).setConstant(std::sqrt(variances[range.group]));
+      }
+      inverses_.reserve(of.dependent_.size());
+      weighted_.resize(of.num_rows_, num_columns_ * static_cast<Eigen::Index>(of.dependent_.size()));
+      for (const DependentRows& capture : of.dependent_) {
+        const Square by_sigma = capture.by_effects * sigmas.asDiagonal();
+        Square covariance = by_sigma * by_sigma.transpose();
+        covariance.diagonal().array() += variances[0];
+        const Eigen::LLT<Square> root(covariance);
+        is_regular_ &= root.info() == Eigen::Success;
+        if (!is_regular_) return;
+        log_determinants_ += 2 * root.matrixLLT().diagonal().array().log().sum();
+        const Square inverse_root = InverseOfLower(Square(root.matrixLLT()));
+        auto whitened = stacked.Next<kRows>(of.num_rows_);
+        whitened = inverse_root.lazyProduct(capture.rows);
+        const auto v = static_cast<Eigen::Index>(inverses_.size());
+        weighted_.middleCols(v * num_columns_, num_columns_) = inverse_root.transpose().lazyProduct(whitened);
+        inverses_.push_back(inverse_root.transpose() * inverse_root);
+      }
+      products_ = stacked.Products();
+    }
+
+    // Returns whether all covariances are invertible; if not, the other functions must not be called.
+    bool is_regular() const { return is_regular_; }
+    double log_determinants() const { return log_determinants_; }
+    // Returns [J, y]^T S^-1 [J, y], summed over the captures.
+    const Eigen::MatrixXd& products() const { return products_; }
+    const Square& Inverse(size_t capture) const { return inverses_[capture]; }  // S^-1 of one capture.
+    // S^-1 [J, y] of one capture.
+    auto Weighted(size_t capture) const {
+      return weighted_.middleCols(static_cast<Eigen::Index>(capture) * num_columns_, num_columns_);
+    }
+
+   private:
+    Eigen::Index num_columns_;
+    bool is_regular_ = true;
+    double log_determinants_ = 0;
+    std::vector<Square> inverses_;
+    Rows weighted_;
+    Eigen::MatrixXd products_;
+  };
+
+  // Adds the same measurements in fewer rows: the likelihood of variances and unknowns does not change.
+  void Add(const LinearisedView& view) {
+    const Eigen::Index n = num_unknowns_;
+    const Eigen::Index num_rows = view.offset.size();
+    independent_(n, n) += view.residual_sum_of_squares;
+    // Padding with rows of zeros is not counted.
+    num_independent_ += view.num_residual_dof + static_cast<double>(num_rows - num_rows_);
+    Eigen::MatrixXd rotated(num_rows, n + 1);
+    rotated << view.by_unknowns, view.offset;
+    const Eigen::Index num_dependent = std::min(num_rows, num_rows_);
+    if (num_rows_ > 0) {
+      const Eigen::MatrixXd by_effects = view.by_effects(Eigen::all, effects_.order);
+      DependentRows& capture = dependent_.emplace_back();
+      capture.rows.setZero(num_rows_, n + 1);
+      capture.by_effects.setZero(num_rows_, num_rows_);
+      if (num_rows - view.num_rows_without_effects <= num_rows_) {
+        capture.by_effects.topRows(num_dependent) = by_effects.topRows(num_dependent);
+      } else {
+        const Eigen::HouseholderQR<Eigen::MatrixXd> qr(by_effects);
+        rotated.applyOnTheLeft(qr.householderQ().adjoint());
+        capture.by_effects = qr.matrixQR().topRows(num_rows_).template triangularView<Eigen::Upper>();
+      }
+      capture.rows.topRows(num_dependent) = rotated.topRows(num_dependent);
+    }
+    const auto tail = rotated.bottomRows(num_rows - num_dependent);
+    independent_.noalias() += tail.transpose() * tail;
+  }
+
+  // Returns the negated derivatives of the information with respect to each variance: J^T S^-1 V_k S^-1 J, where V_k is
+  // the matrix that variance k multiplies in S. Those of groups of unknowns are empty.
+  std::vector<Eigen::MatrixXd> DerivativesOf(const Whitening& whitening, double pixel_variance) const {
+    const Eigen::Index n = num_unknowns_;
+    StackedRows pixels(static_cast<int>(n));
+    std::vector<StackedRows> of_effects(effects_.ranges.size(), StackedRows(static_cast<int>(n)));
+    for (size_t v = 0; v < dependent_.size(); ++v) {
+      const auto weighted = whitening.Weighted(v).leftCols(n);
+      pixels.Next<kRows>(num_rows_) = weighted;
+      for (size_t k = 0; k < of_effects.size(); ++k) {
+        const EffectColumns::Range& range = effects_.ranges[k];
+        of_effects[k].template Next<Eigen::Dynamic>(range.size) =
+            dependent_[v].by_effects.middleCols(range.first, range.size).transpose().lazyProduct(weighted);
+      }
+    }
+    std::vector<Eigen::MatrixXd> derivatives(static_cast<size_t>(num_groups_));
+    derivatives[0] = independent_.topLeftCorner(n, n) / (pixel_variance * pixel_variance) + pixels.Products();
+    for (size_t k = 0; k < of_effects.size(); ++k) {
+      derivatives[static_cast<size_t>(effects_.ranges[k].group)] = of_effects[k].Products();
+    }
+    return derivatives;
+  }
+
+  Eigen::Index num_groups_;
+  Eigen::Index num_unknowns_;
+  EffectColumns effects_;
+  SharedColumns shared_;
+  Eigen::Index num_rows_;
+  std::vector<DependentRows> dependent_;
+  // All rows that depend on no effect: the products of unknowns and offset, and the number of rows.
+  Eigen::MatrixXd independent_;
+  double num_independent_ = 0;
+};
+
+// With the unknowns' columns J, the covariance S of the captures' rows and D, the prior variances of unknowns that have
+// one, the covariance of all rows is S + J D J^T. Its projection P = S^-1 - S^-1 J C J^T S^-1, where C is the inverse
+// of J^T S^-1 J + D^-1 (no row for a prior that does not exist, and the limit for a variance of zero), gives
+// likelihood, scores and Fisher information of every variance (Harville 1977, equations 3.3 to 3.6).
+template <int kRows>
+Likelihood LikelihoodOfRows<kRows>::At(const Eigen::VectorXd& variances) const {
+  const Eigen::Index n = num_unknowns_;
   const double p = variances[0];
-  const auto correction_independent = views.correction_independent.topLeftCorner(n, n);
-  const auto independent_right = views.correction_independent.col(n).head(n);
+  const auto independent = independent_.topLeftCorner(n, n);
+  const auto independent_right = independent_.col(n).head(n);
   Likelihood result;
-  const Whitening whitening(views, variances);
+  result.gradient.setZero(num_groups_);
+  result.fisher.setZero(num_groups_, num_groups_);
+  const Whitening whitening(*this, variances);
   if (!whitening.is_regular()) return result;
-  double log_determinants = views.num_independent * std::log(p) + whitening.log_determinants();
-  const Eigen::MatrixXd products = views.correction_independent / p + whitening.products();
-  const auto information = products.topLeftCorner(n, n);
+  double log_determinants = num_independent_ * std::log(p) + whitening.log_determinants();
+  const Eigen::MatrixXd products = independent_ / p + whitening.products();
+  // The unknowns in units of their prior's sigma, so that a sigma of zero is allowed.
+  Eigen::VectorXd units = Eigen::VectorXd::Ones(n);
+  for (size_t i = 0; i < shared_.columns.size(); ++i) {
+    units[shared_.columns[i]] = std::sqrt(variances[shared_.groups[i]]);
+  }
+  Eigen::MatrixXd information = units.asDiagonal() * products.topLeftCorner(n, n) * units.asDiagonal();
+  for (const Eigen::Index column : shared_.columns) information(column, column) += 1;
   // Scaled before factorisation because metres, radians and pixels are mixed.
   const Eigen::VectorXd scale =
       information.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 1.0; });
   const Eigen::LLT<Eigen::MatrixXd> factor(scale.asDiagonal() * information * scale.asDiagonal());
   if (factor.info() != Eigen::Success) return result;
   log_determinants += 2 * factor.matrixLLT().diagonal().array().log().sum() - 2 * scale.array().log().sum();
+  const Eigen::VectorXd all_units = units.cwiseProduct(scale);
   const Eigen::MatrixXd covariance =
-      scale.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * scale.asDiagonal();
+      all_units.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * all_units.asDiagonal();
   const Eigen::VectorXd step = covariance * products.col(n).head(n);
 
   const double independent_squares =
-      views.correction_independent(n, n) - 2 * step.dot(independent_right) + step.dot(correction_independent * step);
-  const double independent_seen = covariance.cwiseProduct(correction_independent).sum();
+      independent_(n, n) - 2 * step.dot(independent_right) + step.dot(independent * step);
+  const double independent_seen = covariance.cwiseProduct(independent).sum();
   double squares = independent_squares / p;
-  result.gradient[0] = 0.5 * ((independent_squares + independent_seen) / (p * p) - views.num_independent / p);
-  result.fisher(0, 0) = 0.5 * views.num_independent / (p * p) - independent_seen / (p * p * p);
+  for (size_t i = 0; i < shared_.columns.size(); ++i) {
+    const double variance = variances[shared_.groups[i]];
+    if (variance > 0) squares += step[shared_.columns[i]] * step[shared_.columns[i]] / variance;
+  }
+  result.gradient[0] = 0.5 * ((independent_squares + independent_seen) / (p * p) - num_independent_ / p);
+  result.fisher(0, 0) = 0.5 * num_independent_ / (p * p) - independent_seen / (p * p * p);
   // Returns the element of the Fisher information for two variances, given S^-1 and S^-1 J C J^T S^-1, both
   // multiplied by the factors of V_k and V_l.
   const auto fisher_of = [](const auto& inverse, const auto& seen) {
     return 0.5 * inverse.squaredNorm() - inverse.cwiseProduct(seen).sum();
   };
-  CorrectedRows by_covariance(kNumCorrectedRows, n);
-  for (size_t v = 0; v < views.correction_dependent.size(); ++v) {
-    const CorrectedView& view = views.correction_dependent[v];
-    const Matrix6& inverse = whitening.Inverse(v);
+  Rows by_covariance(num_rows_, n);
+  for (size_t v = 0; v < dependent_.size(); ++v) {
+    const DependentRows& capture = dependent_[v];
+    const Square& inverse = whitening.Inverse(v);
     const auto by_unknowns = whitening.Weighted(v).leftCols(n);
-    const Tangent6 residual = view.rows.col(n) - view.rows.leftCols(n).lazyProduct(step);
-    const Tangent6 weighted = inverse * residual;
+    const Vector residual = capture.rows.col(n) - capture.rows.leftCols(n).lazyProduct(step);
+    const Vector weighted = inverse * residual;
     squares += residual.dot(weighted);
     by_covariance = by_unknowns.lazyProduct(covariance);
-    const Matrix6 seen = by_covariance.lazyProduct(by_unknowns.transpose());
-    const Matrix6& g = view.by_correction;
-    const Matrix6 inverse_g = inverse * g;
-    const Matrix6 seen_g = seen * g;
-    const Matrix6 g_inverse_g = g.transpose() * inverse_g;
-    const Matrix6 g_seen_g = g.transpose() * seen_g;
-    const Tangent6 g_weighted = g.transpose() * weighted;
+    const Square seen = by_covariance.lazyProduct(by_unknowns.transpose());
+    const Square& g = capture.by_effects;
+    const Square inverse_g = inverse * g;
+    const Square seen_g = seen * g;
+    const Square g_inverse_g = g.transpose() * inverse_g;
+    const Square g_seen_g = g.transpose() * seen_g;
+    const Vector g_weighted = g.transpose() * weighted;
     result.gradient[0] += 0.5 * (weighted.squaredNorm() - inverse.trace() + seen.trace());
     result.fisher(0, 0) += fisher_of(inverse, seen);
-    for (int k = 1; k < 3; ++k) {
-      const Eigen::Index at = 3 * (k - 1);
-      result.gradient[k] +=
-          0.5 * (g_weighted.segment<3>(at).squaredNorm() - g_inverse_g.diagonal().segment<3>(at).sum() +
-                 g_seen_g.diagonal().segment<3>(at).sum());
-      result.fisher(k, 0) += fisher_of(inverse_g.middleCols<3>(at), seen_g.middleCols<3>(at));
-      for (int l = 1; l <= k; ++l) {
-        result.fisher(k, l) +=
-            fisher_of(g_inverse_g.block<3, 3>(at, 3 * (l - 1)), g_seen_g.block<3, 3>(at, 3 * (l - 1)));
+    for (const EffectColumns::Range& a : effects_.ranges) {
+      result.gradient[a.group] += 0.5 * (g_weighted.segment(a.first, a.size).squaredNorm() -
+                                         g_inverse_g.diagonal().segment(a.first, a.size).sum() +
+                                         g_seen_g.diagonal().segment(a.first, a.size).sum());
+      result.fisher(a.group, 0) += fisher_of(inverse_g.middleCols(a.first, a.size), seen_g.middleCols(a.first, a.size));
+      for (const EffectColumns::Range& b : effects_.ranges) {
+        if (b.group > a.group) break;
+        result.fisher(a.group, b.group) += fisher_of(g_inverse_g.block(a.first, b.first, a.size, b.size),
+                                                     g_seen_g.block(a.first, b.first, a.size, b.size));
       }
     }
   }
-  std::array<Eigen::MatrixXd, 3> derivatives = InformationDerivatives(views, whitening, p);
-  for (Eigen::MatrixXd& fall : derivatives) fall = (covariance * fall).eval();
-  for (int k = 0; k < 3; ++k) {
-    for (int l = 0; l <= k; ++l) {
-      result.fisher(k, l) +=
-          0.5 * derivatives[static_cast<size_t>(k)].cwiseProduct(derivatives[static_cast<size_t>(l)].transpose()).sum();
-      result.fisher(l, k) = result.fisher(k, l);
+  const std::vector<Eigen::MatrixXd> derivatives = DerivativesOf(whitening, p);
+  std::vector<Eigen::MatrixXd> falls(derivatives.size());
+  for (size_t k = 0; k < derivatives.size(); ++k) {
+    if (derivatives[k].size() > 0) falls[k] = covariance * derivatives[k];
+  }
+  for (size_t k = 0; k < falls.size(); ++k) {
+    for (size_t l = 0; l <= k; ++l) {
+      if (falls[k].size() == 0 || falls[l].size() == 0) continue;
+      result.fisher(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) +=
+          0.5 * falls[k].cwiseProduct(falls[l].transpose()).sum();
     }
   }
+  if (!shared_.columns.empty()) {
+    // J_g^T P y and J_g^T P J_h for the unknowns with a variance; J_g^T P V_k P J_g for the other groups.
+    const Eigen::MatrixXd by_shared = products.topLeftCorner(n, n)(Eigen::all, shared_.columns);
+    const Eigen::MatrixXd covariance_by_shared = covariance * by_shared;
+    const Eigen::VectorXd pulls = products.col(n)(shared_.columns) - by_shared.transpose() * step;
+    const Eigen::MatrixXd seen =
+        Eigen::MatrixXd(by_shared(shared_.columns, Eigen::all)) - by_shared.transpose() * covariance_by_shared;
+    Eigen::MatrixXd left = -covariance_by_shared;  // The columns of I - C J^T S^-1 J.
+    for (size_t i = 0; i < shared_.columns.size(); ++i) left(shared_.columns[i], static_cast<Eigen::Index>(i)) += 1;
+    for (size_t i = 0; i < shared_.columns.size(); ++i) {
+      const auto a = static_cast<Eigen::Index>(i);
+      const Eigen::Index group = shared_.groups[i];
+      result.gradient[group] += 0.5 * (pulls[a] * pulls[a] - seen(a, a));
+      for (size_t j = 0; j < shared_.columns.size(); ++j) {
+        const auto b = static_cast<Eigen::Index>(j);
+        if (shared_.groups[j] <= group) result.fisher(group, shared_.groups[j]) += 0.5 * seen(a, b) * seen(a, b);
+      }
+      for (size_t k = 0; k < derivatives.size(); ++k) {
+        if (derivatives[k].size() == 0) continue;
+        const double element = 0.5 * left.col(a).dot(derivatives[k] * left.col(a));
+        const auto other = static_cast<Eigen::Index>(k);
+        result.fisher(std::max(group, other), std::min(group, other)) += element;
+      }
+    }
+  }
+  result.fisher = Eigen::MatrixXd(result.fisher.selfadjointView<Eigen::Lower>());
   result.minus_log = 0.5 * (log_determinants + squares);
   return result;
 }
 
-// Adds a log-normal density of sigma_k = sqrt(variances[k]), k = 1, 2, expressed in the logarithm of the variance.
-void AddPrior(const RobotNoisePrior& prior, const Eigen::Vector3d& variances, Likelihood* likelihood) {
-  const double medians[] = {0, prior.median.translation_m, prior.median.rotation_rad};
-  const double log_variance_sigma = 2 * prior.log_sigma;
-  for (int k = 1; k < 3; ++k) {
+template <int kRows>
+std::optional<InformationAndDerivatives> LikelihoodOfRows<kRows>::InformationAt(
+    const Eigen::VectorXd& variances) const {
+  const Eigen::Index n = num_unknowns_;
+  const Whitening whitening(*this, variances);
+  if (!whitening.is_regular()) return std::nullopt;
+  InformationAndDerivatives result;
+  result.information = (independent_ / variances[0] + whitening.products()).topLeftCorner(n, n);
+  result.derivatives = DerivativesOf(whitening, variances[0]);
+  for (Eigen::MatrixXd& derivative : result.derivatives) {
+    if (derivative.size() == 0) derivative.setZero(n, n);
+  }
+  std::vector<bool> is_zero(static_cast<size_t>(n), false);
+  for (size_t i = 0; i < shared_.columns.size(); ++i) {
+    const Eigen::Index column = shared_.columns[i];
+    const double variance = variances[shared_.groups[i]];
+    is_zero[static_cast<size_t>(column)] = !(variance > 0);
+    if (!(variance > 0)) continue;
+    result.information(column, column) += 1 / variance;
+    result.derivatives[static_cast<size_t>(shared_.groups[i])](column, column) = 1 / (variance * variance);
+  }
+  std::vector<Eigen::Index> active;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (!is_zero[static_cast<size_t>(i)]) active.push_back(i);
+  }
+  if (static_cast<Eigen::Index>(active.size()) < n) {
+    result.information = Eigen::MatrixXd(result.information(active, active));
+    for (Eigen::MatrixXd& derivative : result.derivatives) derivative = Eigen::MatrixXd(derivative(active, active));
+  }
+  return result;
+}
+
+std::unique_ptr<RestrictedLikelihood> MakeLikelihood(const std::vector<LinearisedView>& views,
+                                                     const std::vector<VarianceGroup>& groups) {
+  CHECK(!views.empty());
+  CHECK(!groups.empty() && groups.front().kind == Kind::kPixels);
+  constexpr int kOnePose = 6;
+  if (EffectColumns(groups).size() == kOnePose) return std::make_unique<LikelihoodOfRows<kOnePose>>(views, groups);
+  return std::make_unique<LikelihoodOfRows<Eigen::Dynamic>>(views, groups);
+}
+
+// Adds the log-normal densities of the square roots of the variances, expressed in the logarithm of the variance.
+void AddPriors(const std::vector<VarianceGroup>& groups, const Eigen::VectorXd& variances, Likelihood* likelihood) {
+  for (size_t i = 0; i < groups.size(); ++i) {
+    if (!groups[i].prior) continue;
+    const auto k = static_cast<Eigen::Index>(i);
     const double v = variances[k];
     if (!(v > 0)) {
       likelihood->minus_log = std::numeric_limits<double>::infinity();
       return;
     }
-    const double distance = (std::log(v) - 2 * std::log(medians[k])) / log_variance_sigma;
+    const double log_variance_sigma = 2 * groups[i].prior->log_sigma;
+    const double distance = (std::log(v) - 2 * std::log(groups[i].prior->median)) / log_variance_sigma;
     likelihood->minus_log += 0.5 * distance * distance;
     likelihood->gradient[k] -= distance / (log_variance_sigma * v);
     likelihood->fisher(k, k) += 1 / std::pow(log_variance_sigma * v, 2);
   }
 }
 
-Likelihood EvaluateWithPrior(const CondensedViews& views, const Eigen::Vector3d& variances,
-                             const RobotNoisePrior* prior) {
-  Likelihood likelihood = Evaluate(views, variances);
-  if (prior != nullptr) AddPrior(*prior, variances, &likelihood);
+Likelihood EvaluateWithPriors(const RestrictedLikelihood& restricted, const std::vector<VarianceGroup>& groups,
+                              const Eigen::VectorXd& variances) {
+  Likelihood likelihood = restricted.At(variances);
+  AddPriors(groups, variances, &likelihood);
   return likelihood;
+}
+
+Eigen::VectorXd VariancesOf(const std::vector<VarianceGroup>& groups) {
+  Eigen::VectorXd variances(static_cast<Eigen::Index>(groups.size()));
+  for (size_t k = 0; k < groups.size(); ++k) variances[static_cast<Eigen::Index>(k)] = groups[k].variance;
+  return variances;
+}
+
+// Returns the step of Fisher scoring for the variances `free`.
+Eigen::VectorXd ScoringStep(const Likelihood& here, const std::vector<Eigen::Index>& free) {
+  const Eigen::MatrixXd fisher = here.fisher(free, free);
+  const Eigen::VectorXd gradient = here.gradient(free);
+  const Eigen::VectorXd scale = fisher.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * fisher * scale.asDiagonal();
+  const auto size = static_cast<Eigen::Index>(free.size());
+  return scale.asDiagonal() *
+         (scaled + 1e-9 * Eigen::MatrixXd::Identity(size, size)).ldlt().solve(scale.cwiseProduct(gradient));
 }
 
 }  // namespace
 
-RobotNoisePrior IndustrialArmPrior() {
-  // The 95 % interval of the logarithm is 2 x 1.96 sigmas wide, and its bounds differ by a factor of 20.
-  const double log_sigma = std::log(20.0) / (2 * 1.96);
-  return {{std::sqrt(0.05e-3 * 1e-3), DegToRad(std::sqrt(0.005 * 0.1))}, log_sigma};
-}
-
 double RestrictedLogLikelihood(const std::vector<LinearisedView>& all_views, double unit_px,
-                               const VarianceComponents& variances, Eigen::Index num_common,
-                               const RobotNoisePrior* prior) {
+                               const std::vector<VarianceGroup>& groups, Eigen::Index num_common) {
   CHECK(!all_views.empty());
   std::vector<LinearisedView> views = all_views;
   double num_rows = 0;
@@ -255,55 +434,47 @@ double RestrictedLogLikelihood(const std::vector<LinearisedView>& all_views, dou
     view.by_unknowns.conservativeResize(Eigen::NoChange, num_common);
     num_rows += static_cast<double>(view.offset.size() + view.num_residual_dof);
   }
-  const Eigen::Vector3d at(variances.pixel, variances.translation_m2, variances.rotation_rad2);
-  return -EvaluateWithPrior(Condensed(views), at, prior).minus_log - num_rows * std::log(unit_px);
+  const Likelihood likelihood = EvaluateWithPriors(*MakeLikelihood(views, groups), groups, VariancesOf(groups));
+  return -likelihood.minus_log - num_rows * std::log(unit_px);
 }
 
-VarianceComponents EstimateVariances(const std::vector<LinearisedView>& all_views, const VarianceComponents& start,
-                                     bool pixel_is_free, bool robot_is_free, double small_change,
-                                     const RobotNoisePrior* prior) {
-  CHECK(!all_views.empty());
-  const CondensedViews views = Condensed(all_views);
-  Eigen::Vector3d variances(start.pixel, start.translation_m2, start.rotation_rad2);
-  const std::array<bool, 3> may_move = {pixel_is_free, robot_is_free, robot_is_free};
-  Likelihood here = EvaluateWithPrior(views, variances, prior);
+std::optional<LikelihoodScores> ScoresOf(const std::vector<LinearisedView>& views,
+                                         const std::vector<VarianceGroup>& groups) {
+  Likelihood likelihood = EvaluateWithPriors(*MakeLikelihood(views, groups), groups, VariancesOf(groups));
+  if (!std::isfinite(likelihood.minus_log)) return std::nullopt;
+  return LikelihoodScores{-likelihood.minus_log, std::move(likelihood.gradient), std::move(likelihood.fisher)};
+}
+
+VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups,
+                                     double small_change) {
+  const std::unique_ptr<RestrictedLikelihood> restricted = MakeLikelihood(views, groups);
+  Eigen::VectorXd variances = VariancesOf(groups);
+  Likelihood here = EvaluateWithPriors(*restricted, groups, variances);
   constexpr int kMaxIterations = 100;
   constexpr double kMinPixelVariance = 1e-12;
   constexpr double kMostFall = 0.1;  // Largest decrease per step, towards a zero that a prior excludes.
   for (int iteration = 0; iteration < kMaxIterations && std::isfinite(here.minus_log); ++iteration) {
     // A variance at zero stays there unless its gradient is positive.
-    std::vector<int> free;
-    for (int k = 0; k < 3; ++k) {
-      if (may_move[static_cast<size_t>(k)] && (variances[k] > 0 || here.gradient[k] > 0)) free.push_back(k);
+    std::vector<Eigen::Index> free;
+    for (Eigen::Index k = 0; k < variances.size(); ++k) {
+      if (groups[static_cast<size_t>(k)].is_free && (variances[k] > 0 || here.gradient[k] > 0)) free.push_back(k);
     }
     if (free.empty()) break;
-    const Eigen::Index size = static_cast<Eigen::Index>(free.size());
-    Eigen::MatrixXd fisher(size, size);
-    Eigen::VectorXd gradient(size);
-    for (Eigen::Index a = 0; a < size; ++a) {
-      gradient[a] = here.gradient[free[static_cast<size_t>(a)]];
-      for (Eigen::Index b = 0; b < size; ++b) {
-        fisher(a, b) = here.fisher(free[static_cast<size_t>(a)], free[static_cast<size_t>(b)]);
-      }
-    }
-    const Eigen::VectorXd scale = fisher.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
-    const Eigen::MatrixXd scaled = scale.asDiagonal() * fisher * scale.asDiagonal();
-    const Eigen::VectorXd direction =
-        scale.asDiagonal() *
-        (scaled + 1e-9 * Eigen::MatrixXd::Identity(size, size)).ldlt().solve(scale.cwiseProduct(gradient));
+    const Eigen::VectorXd direction = ScoringStep(here, free);
     if (!direction.allFinite()) break;
     const auto moved_by = [&](double length) {
-      Eigen::Vector3d next = variances;
-      for (Eigen::Index a = 0; a < size; ++a) {
-        const int k = free[static_cast<size_t>(a)];
-        const double least = k == 0 ? kMinPixelVariance : prior != nullptr ? kMostFall * variances[k] : 0.0;
-        next[k] = std::max(least, variances[k] + length * direction[a]);
+      Eigen::VectorXd next = variances;
+      for (size_t a = 0; a < free.size(); ++a) {
+        const Eigen::Index k = free[a];
+        const bool has_prior = groups[static_cast<size_t>(k)].prior.has_value();
+        const double least = k == 0 ? kMinPixelVariance : has_prior ? kMostFall * variances[k] : 0.0;
+        next[k] = std::max(least, variances[k] + length * direction[static_cast<Eigen::Index>(a)]);
       }
       return next;
     };
     // The change is measured in units of the variances' standard deviations.
-    const Eigen::Vector3d unit = here.fisher.diagonal().cwiseMax(0).cwiseSqrt();
-    const Eigen::Vector3d last = moved_by(1);
+    const Eigen::VectorXd unit = here.fisher.diagonal().cwiseMax(0).cwiseSqrt();
+    const Eigen::VectorXd last = moved_by(1);
     if ((last - variances).cwiseAbs().cwiseProduct(unit).maxCoeff() < small_change) {
       // The curvature at the previous point is used for the uncertainties.
       variances = last;
@@ -312,31 +483,31 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& all_view
     bool has_moved = false;
     double length = 1;
     for (int halving = 0; halving < 30 && !has_moved; ++halving, length *= 0.5) {
-      const Eigen::Vector3d next = moved_by(length);
-      Likelihood there = EvaluateWithPrior(views, next, prior);
+      const Eigen::VectorXd next = moved_by(length);
+      Likelihood there = EvaluateWithPriors(*restricted, groups, next);
       if (!(there.minus_log <= here.minus_log)) continue;
       has_moved = true;
       variances = next;
-      here = there;
+      here = std::move(there);
     }
     if (!has_moved) break;
   }
   VarianceComponents result;
-  result.pixel = variances[0];
-  result.translation_m2 = variances[1];
-  result.rotation_rad2 = variances[2];
-  std::vector<int> uncertain;
-  for (int k = 0; k < 3; ++k) {
-    if (!may_move[static_cast<size_t>(k)] || !(here.fisher(k, k) > 0)) continue;
+  result.variances = variances;
+  result.stddev.setZero(variances.size());
+  result.covariance.setZero(variances.size(), variances.size());
+  std::vector<Eigen::Index> uncertain;
+  for (Eigen::Index k = 0; k < variances.size(); ++k) {
+    if (!groups[static_cast<size_t>(k)].is_free || !(here.fisher(k, k) > 0)) continue;
     result.stddev[k] = 1 / std::sqrt(here.fisher(k, k));
     // A variance that is zero is taken as certain, and so is one that cannot be told from zero: it is more likely too
     // large than too small, so the covariance is wide enough without further degrees of freedom.
     constexpr double kToldFromZero = 0.75;
     if (result.stddev[k] < kToldFromZero * variances[k]) uncertain.push_back(k);
   }
-  const Eigen::Index size = static_cast<Eigen::Index>(uncertain.size());
-  if (size > 0) {
-    Eigen::MatrixXd fisher = here.fisher(uncertain, uncertain);
+  if (!uncertain.empty()) {
+    const auto size = static_cast<Eigen::Index>(uncertain.size());
+    const Eigen::MatrixXd fisher = here.fisher(uncertain, uncertain);
     const Eigen::VectorXd scale = fisher.diagonal().cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd inverse =
         (scale.asDiagonal() * fisher * scale.asDiagonal()).ldlt().solve(Eigen::MatrixXd::Identity(size, size));
@@ -345,37 +516,35 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& all_view
   return result;
 }
 
-double DegreesOfFreedom(const std::vector<LinearisedView>& all_views, const VarianceComponents& variances) {
-  CHECK(!all_views.empty());
+double DegreesOfFreedom(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups,
+                        const VarianceComponents& variances) {
   constexpr double kCertain = std::numeric_limits<double>::infinity();
   constexpr double kLeast = 4;
   if (variances.covariance.isZero(0)) return kCertain;
-  const CondensedViews views = Condensed(all_views);
-  const Eigen::Index n = views.correction_independent.cols() - 1;
-  const Whitening whitening(views, {variances.pixel, variances.translation_m2, variances.rotation_rad2});
-  if (!whitening.is_regular()) return kLeast;
-  const Eigen::MatrixXd information =
-      (views.correction_independent / variances.pixel + whitening.products()).topLeftCorner(n, n);
-  std::array<Eigen::MatrixXd, 3> derivatives = InformationDerivatives(views, whitening, variances.pixel);
+  std::optional<InformationAndDerivatives> at = MakeLikelihood(views, groups)->InformationAt(variances.variances);
+  if (!at) return kLeast;
+  const Eigen::Index n = at->information.cols();
   // Coordinates in which the covariance is the identity, and in which the effects of the variances are decoupled as
   // far as possible.
-  const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * information * scale.asDiagonal());
+  const Eigen::VectorXd scale = at->information.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::LLT<Eigen::MatrixXd> root(scale.asDiagonal() * at->information * scale.asDiagonal());
   if (root.info() != Eigen::Success) return kLeast;
   Eigen::MatrixXd total = Eigen::MatrixXd::Zero(n, n);
-  for (int k = 0; k < 3; ++k) {
-    Eigen::MatrixXd& fall = derivatives[static_cast<size_t>(k)];
+  for (size_t k = 0; k < at->derivatives.size(); ++k) {
+    Eigen::MatrixXd& fall = at->derivatives[k];
     fall = (scale.asDiagonal() * fall * scale.asDiagonal()).eval();
     fall = root.matrixL().solve(fall).eval();
     fall = root.matrixL().solve(fall.transpose()).eval();
-    total += std::sqrt(variances.covariance(k, k)) * fall;
+    const auto i = static_cast<Eigen::Index>(k);
+    total += std::sqrt(variances.covariance(i, i)) * fall;
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(total);
   double sum = 0;
+  Eigen::VectorXd slope(variances.variances.size());
   for (Eigen::Index m = 0; m < n; ++m) {
-    Eigen::Vector3d slope;
-    for (int k = 0; k < 3; ++k) {
-      slope[k] = eigen.eigenvectors().col(m).dot(derivatives[static_cast<size_t>(k)] * eigen.eigenvectors().col(m));
+    for (size_t k = 0; k < at->derivatives.size(); ++k) {
+      slope[static_cast<Eigen::Index>(k)] =
+          eigen.eigenvectors().col(m).dot(at->derivatives[k] * eigen.eigenvectors().col(m));
     }
     const double dof = 2 / slope.dot(variances.covariance * slope);
     if (dof <= 2) return kLeast;

@@ -1,58 +1,80 @@
-// Estimation of the variances of pixels and robot from the residuals: equation (11) of docs/estimation.md.
+// Estimation of variances from the residuals: of the pixels, of effects that each capture draws anew (the robot's
+// corrections), and of effects that captures share (the offsets of an arm's joints). Equation (11) of
+// docs/estimation.md.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "solvers/uncertainty/robot_noise.h"
+#include "solvers/uncertainty/linearisation.h"
 
 namespace heba {
 
-// Prior knowledge of a robot's noise: log-normal densities of its two sigmas.
-struct RobotNoisePrior {
-  RobotNoise median;
-  double log_sigma = 1;  // Standard deviation of the logarithm of either sigma.
+// Prior knowledge of a standard deviation: a log-normal density.
+struct SigmaPrior {
+  double median = 1;
+  double log_sigma = 1;  // Standard deviation of the logarithm.
 };
-// Returns the prior for industrial arms: 95 % of the sigmas lie between 0.05 and 1 mm and between 0.005 and 0.1 deg.
-RobotNoisePrior IndustrialArmPrior();
 
-// The variances of pixel noise and robot noise, with their uncertainty.
-struct VarianceComponents {
-  double pixel = 1;  // Relative to the views' unit.
-  double translation_m2 = 0;
-  double rotation_rad2 = 0;
-  // Standard deviations of pixel, translation and rotation variance from the curvature of the likelihood; 0 if not
-  // free.
-  Eigen::Vector3d stddev = Eigen::Vector3d::Zero();
-  // Their covariance; rows and columns of a variance that is not free or cannot be told from zero are 0.
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+// Random numbers with one variance.
+struct VarianceGroup {
+  enum class Kind {
+    kPixels,    // The pixel noise. The variance is relative to the views' unit.
+    kEffects,   // `columns` of LinearisedView::by_effects: drawn anew for each capture.
+    kUnknowns,  // `columns` of LinearisedView::by_unknowns: unknowns with the prior N(0, variance).
+  };
+  Kind kind = Kind::kPixels;
+  std::vector<Eigen::Index> columns;
+  double variance = 1;  // The value, or the initial guess.
+  bool is_free = true;
+  std::optional<SigmaPrior> prior = {};  // Prior of the square root of the variance.
 };
+
+// Estimated variances, in the order of their groups.
+struct VarianceComponents {
+  Eigen::VectorXd variances;
+  // Their standard deviations from the curvature of the likelihood; 0 if not free.
+  Eigen::VectorXd stddev;
+  // Their covariance; rows and columns of a variance that is not free or cannot be told from zero are 0.
+  Eigen::MatrixXd covariance;
+};
+
 // Values for `small_change`.
 constexpr double kExactVariances = 1e-4;
 constexpr double kRoughVariances = 1e-2;
-// Estimates the three variances of the linearised views by restricted maximum likelihood (Patterson and Thompson 1971)
-// with Fisher scoring. No variance can become negative, and each becomes zero if the data require it. Variances that
-// are not free keep their start values. Iteration ends with the first step that changes no variance by more than
-// `small_change` of its own standard deviation. With a prior of the robot noise, the estimate is the mode of likelihood
-// times prior, and neither of the robot's variances becomes zero.
-VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, const VarianceComponents& start,
-                                     bool pixel_is_free, bool robot_is_free, double small_change = kExactVariances,
-                                     const RobotNoisePrior* prior = nullptr);
+// Estimates the variances of the linearised captures by restricted maximum likelihood (Patterson and Thompson 1971)
+// with Fisher scoring. The first group must be that of the pixels, and a column belongs to at most one group; effects
+// without a group are zero. No variance can become negative, and each becomes zero if the data require it, unless it
+// has a prior. Iteration ends with the first step that changes no variance by more than `small_change` of its own
+// standard deviation. With priors, the estimate is the mode of likelihood times prior.
+VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups,
+                                     double small_change = kExactVariances);
 
-// Returns the restricted log-likelihood of the views' measurements in px, up to a constant that all models of the
-// same rows share: the log-density of the contrasts that the first `num_common` unknowns leave open. `unit_px` is the
-// views' unit, px. The remaining unknowns count as fixed at the linearisation point, so that models that differ in
-// them can be compared (Welham and Thompson, "Likelihood ratio tests for fixed model terms using residual maximum
-// likelihood", 1997, section 2.2). With a prior its log-density is added. Returns minus infinity if the variances
-// make a covariance singular.
+// Returns the restricted log-likelihood of the views' measurements in px at the groups' variances, up to a constant
+// that all models of the same rows share: the log-density of the contrasts that the first `num_common` unknowns leave
+// open. `unit_px` is the views' unit, px. The remaining unknowns count as fixed at the linearisation point, so that
+// models that differ in them can be compared (Welham and Thompson, "Likelihood ratio tests for fixed model terms using
+// residual maximum likelihood", 1997, section 2.2). The log-densities of the groups' priors are added. Returns minus
+// infinity if the variances make a covariance singular.
 double RestrictedLogLikelihood(const std::vector<LinearisedView>& views, double unit_px,
-                               const VarianceComponents& variances, Eigen::Index num_common,
-                               const RobotNoisePrior* prior = nullptr);
+                               const std::vector<VarianceGroup>& groups, Eigen::Index num_common);
+
+// The restricted log-likelihood, up to a constant, and its derivatives by the variances: the scores of Fisher scoring.
+struct LikelihoodScores {
+  double log_likelihood = 0;
+  Eigen::VectorXd scores;
+  Eigen::MatrixXd fisher;  // The expected information about the variances.
+};
+// Returns nothing if the variances make a covariance singular.
+std::optional<LikelihoodScores> ScoresOf(const std::vector<LinearisedView>& views,
+                                         const std::vector<VarianceGroup>& groups);
 
 // Returns the degrees of freedom of the unknowns' covariance as a whole, given the uncertainty
 // VarianceComponents::covariance of the variances: Satterthwaite's for each direction, combined as by Fai and
 // Cornelius (1996). Infinite if the variances are certain, at least 4.
-double DegreesOfFreedom(const std::vector<LinearisedView>& views, const VarianceComponents& variances);
+double DegreesOfFreedom(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups,
+                        const VarianceComponents& variances);
 
 }  // namespace heba

@@ -17,8 +17,10 @@ BenchScene MakeBenchScene(int num_captures, int points_a_side, bool has_robot_no
   constexpr double kBoardM = 0.2;
   Points3 points(3, side * side);
   for (int i = 0; i < side * side; ++i) {
-    points.col(i) << kBoardM * (static_cast<double>(i % side) / (side - 1) - 0.5),
-        kBoardM * (static_cast<double>(i / side) / (side - 1) - 0.5), 0;
+    const int row = i / side;
+    const int column = i % side;
+    points.col(i) << kBoardM * (static_cast<double>(column) / (side - 1) - 0.5),
+        kBoardM * (static_cast<double>(row) / (side - 1) - 0.5), 0;
   }
   MotionOptions motion;
   motion.num_captures = num_captures;

@@ -142,6 +142,7 @@ std::string CorrelationSection(const Estimate& refined) {
   const Covariance& covariance = refined.solution->covariance;
   const Eigen::VectorXd scale = covariance.matrix.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd correlation = scale.asDiagonal() * covariance.matrix * scale.asDiagonal();
+  const std::vector<std::string> names = covariance.layout.Names();
   Json rows = Json::array();
   for (Eigen::Index i = 0; i < correlation.rows(); ++i) {
     Json row = Json::array();
@@ -150,7 +151,7 @@ std::string CorrelationSection(const Estimate& refined) {
   }
   const std::string figure =
       ViewFigure("correlation", "Strong colours off the diagonal mark parameters that the captures cannot separate.",
-                 Json{{"names", covariance.names}, {"matrix", rows}}, CorrelationChart(covariance.names, correlation));
+                 Json{{"names", names}, {"matrix", rows}}, CorrelationChart(names, correlation));
   return figure.empty() ? "" : Section("Parameter correlation", figure);
 }
 

@@ -9,9 +9,12 @@
 namespace heba {
 namespace {
 
+// Returns the length of the sigmas along three coordinates of the hand-eye pose, from `first` on.
 std::optional<double> SigmaOf(const Estimate& estimate, Eigen::Index first) {
-  if (!estimate.solution || estimate.solution->covariance.matrix.rows() < 6) return std::nullopt;
-  return std::sqrt(estimate.solution->covariance.matrix.diagonal().segment<3>(first).sum());
+  if (!estimate.solution) return std::nullopt;
+  const auto covariance = PoseCovarianceOf(estimate.solution->covariance, kHandEyeBlock);
+  if (!covariance) return std::nullopt;
+  return std::sqrt(covariance->diagonal().segment<3>(first).sum());
 }
 
 }  // namespace
@@ -68,9 +71,8 @@ std::string PoseText(const Rigid3d& pose, double sigma_mm, double sigma_rad) {
   std::vector<std::string> t;
   std::vector<std::string> q;
   for (int i = 0; i < 3; ++i) t.push_back(Fixed(1000 * pose.translation[i], DecimalsFor(sigma_mm, kMostDecimals)));
-  for (int i = 0; i < 4; ++i)
-    q.push_back(
-        Fixed(sign * pose.rotation.coeffs()[i], std::max(kFewestDecimals, DecimalsFor(sigma_rad, kMostDecimals))));
+  const int decimals = std::max(kFewestDecimals, DecimalsFor(sigma_rad, kMostDecimals));
+  for (int i = 0; i < 4; ++i) q.push_back(Fixed(sign * pose.rotation.coeffs()[i], decimals));
   return "[" + Join(t, ", ") + "] mm, quaternion xyzw [" + Join(q, ", ") + "]";
 }
 

@@ -1,45 +1,41 @@
 // The result of a refinement and its uncertainty.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "heba/data/problem.h"
+#include "heba/data/unknowns.h"
 
 namespace heba {
 
-// Covariance of the free parameters (one sigma), in the order of `names`: "hand_eye.tx_m" ... "hand_eye.rz_rad",
-// "board.tx_m" ... "board.rz_rad", then "camera.fx" ... The tangents are those of camera_mount_from_camera and of
-// target_mount_from_target, translation before rotation, in the child frame: T * exp(xi). If the target's shape was
-// free, its parameters come last: "target.scale_x", "target.scale_y", "target.bend_x_m", "target.bend_y_m".
+// Covariance of the free unknowns (one sigma). The tangents of the poses are those of camera_mount_from_camera and of
+// target_mount_from_target, translation before rotation, in the child frame: T * exp(xi).
 struct Covariance {
-  std::vector<std::string> names;
+  UnknownLayout layout;
   Eigen::MatrixXd matrix;
 };
 
 // Returns one sigma of a parameter; nothing if the parameter was held.
-inline std::optional<double> SigmaOf(const Covariance& covariance, const std::string& name) {
-  const auto found = std::find(covariance.names.begin(), covariance.names.end(), name);
-  if (found == covariance.names.end()) return std::nullopt;
-  const Eigen::Index i = found - covariance.names.begin();
-  return std::sqrt(covariance.matrix(i, i));
+inline std::optional<double> SigmaOf(const Covariance& covariance, std::string_view name) {
+  const std::optional<Eigen::Index> place = covariance.layout.Place(name);
+  if (!place) return std::nullopt;
+  return std::sqrt(covariance.matrix(*place, *place));
 }
 
 // Returns the covariance of a pose's tangent (m, rad), for example of `hand_eye` or `board`; nothing if the pose was
 // held.
 inline std::optional<Eigen::Matrix<double, 6, 6>> PoseCovarianceOf(const Covariance& covariance,
-                                                                   const std::string& pose) {
-  const auto first = std::find(covariance.names.begin(), covariance.names.end(), pose + ".tx_m");
-  const auto last = std::find(covariance.names.begin(), covariance.names.end(), pose + ".rz_rad");
-  if (first == covariance.names.end() || last - first != 5) return std::nullopt;
-  const Eigen::Index at = first - covariance.names.begin();
-  return covariance.matrix.block<6, 6>(at, at);
+                                                                   std::string_view pose) {
+  const UnknownBlock block = covariance.layout.Block(pose);
+  if (block.size != 6) return std::nullopt;
+  return covariance.matrix.block<6, 6>(block.first, block.first);
 }
 
 // Robot noise: one sigma along and about each axis of the gripper's frame.

@@ -36,19 +36,19 @@ Grade GradeOf(double value, const Limits& limits) {
   return value <= limits.doubtful ? Grade::kGood : Grade::kDoubtful;
 }
 
-// Returns the largest of three consecutive sigmas.
-double LargestSigma(const Covariance& covariance, Eigen::Index first) {
-  return std::sqrt(covariance.matrix.diagonal().segment<3>(first).maxCoeff());
-}
-
-bool HasFree(const Covariance& covariance, const std::string& prefix) {
-  return std::any_of(covariance.names.begin(), covariance.names.end(),
-                     [&](const std::string& name) { return name.starts_with(prefix); });
+// Returns the largest sigma among the unknowns of a group in a block.
+double LargestSigma(const Covariance& covariance, std::string_view block_name, UnknownGroup group) {
+  const UnknownBlock block = covariance.layout.Block(block_name);
+  double largest = 0;
+  for (Eigen::Index i = block.first; i < block.end(); ++i) {
+    if (covariance.layout[i].group == group) largest = std::max(largest, covariance.matrix(i, i));
+  }
+  return std::sqrt(largest);
 }
 
 Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
-  const double mm = 1000 * LargestSigma(solution.covariance, 0);
-  const double deg = RadToDeg(LargestSigma(solution.covariance, 3));
+  const double mm = 1000 * LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kTranslation);
+  const double deg = RadToDeg(LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kRotation));
   Finding finding;
   finding.code = "uncertainty";
   finding.grade = std::max(GradeOf(mm, kPositionMm), GradeOf(deg, kOrientationDeg));
@@ -62,7 +62,7 @@ Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
                     " mm away is located to " + ShownAmount(at_work_mm, 2) + " mm";
     finding.numbers.emplace_back("at_work_mm", at_work_mm);
   }
-  if (!HasFree(solution.covariance, "camera.") && !solution.camera.params.empty()) {
+  if (solution.covariance.layout.Block(kCameraBlock).size == 0 && !solution.camera.params.empty()) {
     finding.text += "; the intrinsics were held, and their error is not part of these figures";
     if (result.working_point) {
       // A relative error of the focal length moves a target along its ray by the same relative amount.

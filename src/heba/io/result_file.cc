@@ -169,7 +169,7 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
       }
       rows.push_back(row);
     }
-    json["covariance"] = Json{{"order", solution->covariance.names}, {"matrix", rows}};
+    json["covariance"] = Json{{"order", solution->covariance.layout.Names()}, {"matrix", rows}};
     const Convergence& convergence = solution->convergence;
     const std::optional<RobotNoise>& noise = solution->robot_noise;
     json["solve"] = Json{{"iterations", convergence.iterations},

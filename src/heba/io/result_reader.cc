@@ -25,7 +25,6 @@ Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::str
 }
 
 // The prefixes of all parameter names.
-constexpr const char* kBodies[] = {"hand_eye.", "board.", "camera.", "target."};
 
 // The largest number of points, captures or iterations that is accepted.
 constexpr int kMostCounted = 1000000000;
@@ -89,28 +88,14 @@ Errors ReadErrors(const JsonReader& reader) {
   return errors;
 }
 
-// Throws InputError if the matrix is not a covariance, or if its parameters are not those of a hand-eye calibration.
+// Throws InputError if the matrix is not a covariance.
 void CheckCovariance(const JsonReader& reader, const Covariance& covariance) {
-  constexpr const char* kTangent[] = {"tx_m", "ty_m", "tz_m", "rx_rad", "ry_rad", "rz_rad"};
-  for (const char* body : {"hand_eye.", "board."}) {
-    for (const char* part : kTangent) {
-      const auto count = std::count(covariance.names.begin(), covariance.names.end(), std::string(body) + part);
-      if (count != 1) reader.Fail("the names must contain " + std::string(body) + part + " once");
-    }
-  }
-  for (const std::string& name : covariance.names) {
-    const bool is_known =
-        std::any_of(std::begin(kBodies), std::end(kBodies), [&](const char* body) { return name.starts_with(body); });
-    if (!is_known || std::count(covariance.names.begin(), covariance.names.end(), name) != 1) {
-      reader.Fail("'" + name + "' is not a parameter, or occurs twice");
-    }
-  }
   const Eigen::MatrixXd& matrix = covariance.matrix;
   constexpr double kMost = 1e15;
   constexpr double kRounding = 1e-6;
   for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
     if (!(matrix(i, i) >= 0 && matrix(i, i) <= kMost)) {
-      reader.Fail("a variance is negative or above 1e15: " + covariance.names[static_cast<size_t>(i)]);
+      reader.Fail("a variance is negative or above 1e15: " + covariance.layout[i].name);
     }
   }
   for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
@@ -120,17 +105,40 @@ void CheckCovariance(const JsonReader& reader, const Covariance& covariance) {
           std::abs(matrix(i, j)) <= (1 + kRounding) * most) {
         continue;
       }
-      reader.Fail("the matrix is not a covariance: see " + covariance.names[static_cast<size_t>(i)] + " and " +
-                  covariance.names[static_cast<size_t>(j)]);
+      reader.Fail("the matrix is not a covariance: see " + covariance.layout[i].name + " and " +
+                  covariance.layout[j].name);
     }
   }
 }
 
-Covariance ReadCovariance(const JsonReader& reader) {
+// Returns the layout of a calibration with the free parameters that are among `names`. Throws InputError if it has
+// other names than these, or has them in another order.
+UnknownLayout LayoutOf(const JsonReader& reader, const CameraModel* model, const std::vector<std::string>& names) {
+  const auto has = [&](const std::string& name) { return std::find(names.begin(), names.end(), name) != names.end(); };
+  std::vector<bool> free;
+  for (size_t i = 0; model != nullptr && i < model->param_names().size(); ++i) {
+    free.push_back(has(std::string(kCameraBlock) + "." + model->param_names()[i]));
+  }
+  for (const std::string_view param : kTargetShapeParamNames) {
+    free.push_back(has(std::string(kTargetBlock) + "." + std::string(param)));
+  }
+  UnknownLayout layout = model == nullptr ? HandEyePoses() : HandEyeUnknowns(*model, free);
+  const std::vector<std::string> expected = layout.Names();
+  if (names == expected) return layout;
+  const auto [name, other] = std::mismatch(names.begin(), names.end(), expected.begin(), expected.end());
+  reader.Fail(other == expected.end()
+                  ? "'" + *name + "' is not a parameter, or occurs twice"
+                  : "the names must contain " + *other + " once" + (name == names.end() ? "" : ", before " + *name));
+}
+
+// `model` is null if the estimate has no camera.
+Covariance ReadCovariance(const JsonReader& reader, const CameraModel* model) {
   Covariance covariance;
-  for (const JsonReader& name : reader.Get("order").List()) covariance.names.push_back(name.Text());
+  std::vector<std::string> names;
+  for (const JsonReader& name : reader.Get("order").List()) names.push_back(name.Text());
+  covariance.layout = LayoutOf(reader.Get("order"), model, names);
   const std::vector<JsonReader> rows = reader.Get("matrix").List();
-  const size_t size = covariance.names.size();
+  const size_t size = names.size();
   if (rows.size() != size) reader.Fail("the matrix does not have one row per name");
   covariance.matrix.resize(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(size));
   for (size_t i = 0; i < size; ++i) {
@@ -146,7 +154,8 @@ Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
   Solution solution;
   solution.hand_eye = estimate.hand_eye;
   solution.camera = estimate.camera;
-  if (reader.Has("covariance")) solution.covariance = ReadCovariance(reader.Get("covariance"));
+  const CameraModel* const model = estimate.camera.params.empty() ? nullptr : &estimate.camera.Model();
+  if (reader.Has("covariance")) solution.covariance = ReadCovariance(reader.Get("covariance"), model);
   if (reader.Has("target_shape")) {
     const JsonReader shape = reader.Get("target_shape");
     for (size_t i = 0; i < solution.shape.params.size(); ++i) {

@@ -10,21 +10,31 @@ namespace heba {
 
 static_assert(PaddedToLanes(StackedRows::kMaxRows) == StackedRows::kMaxRows);
 
-StackedRows::StackedRows(int num_columns) : num_columns_(num_columns), products_(num_columns, kMaxRows) {
-  std::fill_n(columns_[num_columns], kMaxRows, 0.0);
+StackedRows::StackedRows(int num_columns)
+    : num_columns_(num_columns), products_(std::min(num_columns, kFewColumns), kMaxRows) {
+  if (IsWide()) {
+    wide_columns_.resize(kMaxRows, num_columns);
+    wide_products_.setZero(num_columns, num_columns);
+  } else {
+    std::fill_n(columns_[num_columns], kMaxRows, 0.0);
+  }
 }
 
 double* StackedRows::NextColumns(Eigen::Index num_rows) {
   CHECK_LE(num_rows, kMaxRows);
   if (size_ + num_rows > kMaxRows) Multiply();
-  double* const next = columns_[0] + size_;
+  double* const next = Columns() + size_;
   size_ += num_rows;
   return next;
 }
 
 void StackedRows::AddTo(Eigen::MatrixXd* matrix) {
   Multiply();
-  int places[kMaxColumns];
+  if (IsWide()) {
+    matrix->triangularView<Eigen::Lower>() += wide_products_;
+    return;
+  }
+  int places[kFewColumns];
   std::iota(places, places + num_columns_, 0);
   products_.AddTo(places, 1.0, matrix);
 }
@@ -36,6 +46,11 @@ Eigen::MatrixXd StackedRows::Products() {
 }
 
 void StackedRows::Multiply() {
+  if (IsWide()) {
+    wide_products_.selfadjointView<Eigen::Lower>().rankUpdate(wide_columns_.topRows(size_).transpose());
+    size_ = 0;
+    return;
+  }
   const Eigen::Index padded = PaddedToLanes(size_);
   for (int c = 0; c < num_columns_; ++c) std::fill(columns_[c] + size_, columns_[c] + padded, 0.0);
   products_.Add(columns_[0], padded);

@@ -11,9 +11,9 @@ namespace heba {
 class StackedRows {
  public:
   static constexpr int kMaxRows = 128;  // Capacity of the buffer.
-  static constexpr int kMaxColumns = GramMatrix::kMaxColumns;
+  // Up to this number of columns, the products are vectorised for few columns.
+  static constexpr int kFewColumns = GramMatrix::kMaxColumns;
 
-  // `num_columns` is at most kMaxColumns.
   explicit StackedRows(int num_columns);
 
   // Returns the memory for the next `num_rows` rows, at most kMaxRows. The caller must write all of them before calling
@@ -33,12 +33,17 @@ class StackedRows {
 
  private:
   void Multiply();
+  bool IsWide() const { return num_columns_ > kFewColumns; }
+  double* Columns() { return IsWide() ? wide_columns_.data() : columns_[0]; }
 
   int num_columns_;
   Eigen::Index size_ = 0;  // Number of rows in `columns_`.
   GramMatrix products_;
   // The extra column pads an odd number of columns (GramMatrix::Add).
-  alignas(64) double columns_[kMaxColumns + 1][kMaxRows];
+  alignas(64) double columns_[kFewColumns + 1][kMaxRows];
+  // With many columns, these are used instead.
+  Eigen::MatrixXd wide_columns_;
+  Eigen::MatrixXd wide_products_;
 };
 
 }  // namespace heba

@@ -122,7 +122,7 @@ TEST(LocateSymmetricTargetTest, ReturnsAllPosesForEitherReadingOfTheTarget) {
   solution.shape = DesignedShape(options.points);
   solution.shape.params = options.shape;
   solution.pixel_sigma_px = 0.1;
-  solution.covariance.names.resize(6);
+  solution.covariance.layout.AddPose(kHandEyeBlock, "the hand-eye", "the camera's");
   solution.covariance.matrix = Eigen::MatrixXd::Identity(6, 6);
   const std::vector<Rigid3d> symmetries = {
       Rigid3d(), Rigid3d(Eigen::Quaterniond(0, 0, 0, 1), Eigen::Vector3d(2 * 0.2, 2 * 0.1, 0))};

@@ -90,7 +90,7 @@ TEST_P(NoisyDataTest, ErrorsAgreeWithTheCovariance) {
         LocalCoordinates(scene.hand_eye.target_mount_from_target, solution->hand_eye.target_mount_from_target);
     for (size_t i = 0; i < 4; ++i)
       error[12 + static_cast<int>(i)] = solution->camera.params[i] - scene.camera.params[i];
-    ASSERT_EQ(solution->covariance.names.size(), 16U);
+    ASSERT_EQ(solution->covariance.layout.size(), 16);
     sum += error.dot(solution->covariance.matrix.ldlt().solve(error));
     EXPECT_NEAR(solution->pixel_sigma_px, 0.3, 0.03);  // 4.5 sigma for 1440 coordinates; Huber's loss adds to it.
   }
@@ -134,7 +134,8 @@ TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
   const std::optional<std::vector<LinearisedView>> views =
       LineariseViewsAt(kept, *solution, {}, free, InlierLoss(options));
   ASSERT_TRUE(views.has_value());
-  const Eigen::MatrixXd information = MarginalInformation(*views, {}, InlierLoss(options).covariance_factor());
+  const Eigen::MatrixXd information =
+      MarginalInformation(*views, CorrectionVariances({}), InlierLoss(options).covariance_factor());
   const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(information.rows(), information.cols());
   const Eigen::MatrixXd product =
@@ -160,10 +161,11 @@ TEST(InformationTest, NamesMatchTheParameters) {
   const Problem problem{scene.camera, scene.views};
   const FreeParameters free = FreeOf(scene.camera.Model(), {ParameterGroup::kFocal});
   const std::vector<LinearisedView> views = *LineariseViews(problem, scene.hand_eye, {}, free, 1.0, *FindLoss("none"));
-  const Information information{UnknownNames(scene.camera.Model(), free), MarginalInformation(views, {}, 1.0)};
-  ASSERT_EQ(information.names[2], "hand_eye.tz_m");
-  ASSERT_EQ(information.names[9], "board.rx_rad");
-  ASSERT_EQ(information.names[13], "camera.fy");
+  const Information information{HandEyeUnknowns(scene.camera.Model(), free),
+                                MarginalInformation(views, CorrectionVariances({}), 1.0)};
+  ASSERT_EQ(information.layout[2].name, "hand_eye.tz_m");
+  ASSERT_EQ(information.layout[9].name, "board.rx_rad");
+  ASSERT_EQ(information.layout[13].name, "camera.fy");
   const auto cost = [&](const HandEye& hand_eye, const Camera& camera) {
     return ReprojectionErrors(hand_eye, camera, scene.views)->sum_px2;
   };

@@ -10,6 +10,7 @@
 #include "heba/geometry/pose_block.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/view_reduction.h"
+#include "solvers/uncertainty/robot_noise.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -23,13 +24,18 @@ struct Unknowns {
   PoseBlock hand_eye;
   PoseBlock board;
   std::vector<double> params;
+  std::vector<double> shape;  // Empty if the target's shape is known.
 
   explicit Unknowns(const TestScene& scene)
       : hand_eye(ToBlock(Retract(scene.hand_eye.camera_mount_from_camera, 1e-3 * Tangent6(1, -2, 1, 2, 1, -1)))),
         board(ToBlock(Retract(scene.hand_eye.target_mount_from_target, 1e-3 * Tangent6(-1, 1, 2, 1, -2, 1)))),
         params(scene.camera.params) {}
 
-  std::vector<const double*> Blocks() const { return {hand_eye.data(), board.data(), params.data()}; }
+  std::vector<const double*> Blocks() const {
+    std::vector<const double*> blocks = {hand_eye.data(), board.data(), params.data()};
+    if (!shape.empty()) blocks.push_back(shape.data());
+    return blocks;
+  }
   Unknowns Moved(int k, double step) const {
     Unknowns moved = *this;
     const auto retract = [&](PoseBlock* block, int i) {
@@ -46,22 +52,37 @@ struct Unknowns {
   }
 };
 
+// Selects what is free besides the poses, and sets the options of the cost.
+struct CostOptions {
+  FreeParameters free;  // All camera parameters if empty.
+  TargetShape shape;
+  CapturesCostOptions cost;
+};
+
 std::unique_ptr<CapturesCost> MakeCost(const TestScene& scene, const std::string& loss, bool has_corrections,
-                                       int num_threads = 1, CapturesCostOptions options = {}) {
-  options.pixel_sigma_px = kSigmaPx;
-  options.loss = FindLoss(loss);
+                                       int num_threads = 1, CostOptions options = {}) {
+  options.cost.pixel_sigma_px = kSigmaPx;
+  options.cost.loss = FindLoss(loss);
+  options.cost.num_threads = num_threads;
   if (options.free.empty()) options.free.assign(scene.camera.params.size(), true);
-  options.has_eliminated_pose = has_corrections;
-  if (has_corrections) options.eliminated_pose_prior = kRobot;
-  options.num_threads = num_threads;
-  std::vector<CaptureTerm> captures;
-  for (const View& view : scene.views) {
-    const Rigid3d& mount = view.camera_mount_from_target_mount;
-    captures.push_back({&view.observations,
-                        has_corrections ? MakeCorrectedLoop(Setup::kEyeToHand, mount) : MakeHandEyeLoop(mount),
-                        Rigid3d()});
+  const Problem problem{scene.camera, scene.views, Setup::kEyeToHand, options.shape};
+  PoseGroups each;
+  for (size_t i = 0; i < scene.views.size(); ++i) each.push_back({i});
+  const std::vector<Rigid3d> none(scene.views.size());
+  LoopProblem loops =
+      has_corrections ? HandEyeLoops(problem, options.free, each, none, kRobot) : HandEyeLoops(problem, options.free);
+  // The observations must outlive the cost.
+  for (size_t i = 0; i < scene.views.size(); ++i) {
+    loops.captures[i].views.front().observations = &scene.views[i].observations;
   }
-  return std::make_unique<CapturesCost>(scene.camera.Model(), std::move(captures), options);
+  return std::make_unique<CapturesCost>(std::move(loops), options.cost);
+}
+
+// Returns the eliminated poses of captures that have one each.
+std::vector<Rigid3d> PosesOf(const CapturesCost& cost) {
+  std::vector<Rigid3d> poses;
+  for (const std::vector<Rigid3d>& own : cost.EliminatedPoses()) poses.push_back(own.front());
+  return poses;
 }
 
 struct Evaluated {
@@ -162,14 +183,14 @@ TEST(CapturesCostTest, EliminatedPosesMinimiseTheCost) {
   ExpectGradient(cost_at, here, evaluated.gradient);
   // Each eliminated pose minimises the cost of its capture including the prior, and the minima add up to the
   // evaluated cost.
-  const std::vector<Rigid3d> corrections = cost->EliminatedPoses();
+  const std::vector<Rigid3d> corrections = PosesOf(*cost);
   ASSERT_EQ(corrections.size(), scene.views.size());
   const HandEye hand_eye{FromBlock(here.hand_eye.data()), FromBlock(here.board.data())};
   const auto cost_of = [&](size_t i, const Rigid3d& correction) {
     const Rigid3d camera_from_target =
         CameraFromTarget(Setup::kEyeToHand, hand_eye, scene.views[i].camera_mount_from_target_mount, correction);
     return ViewCost(scene.camera.Model(), here.params, camera_from_target, scene.views[i].observations, "none") +
-           CorrectionPriorAt(correction, kRobot).residual.squaredNorm();
+           OwnPoseResidualAt(correction, CorrectionPrior(kRobot)).residual.squaredNorm();
   };
   double sum = 0;
   for (size_t i = 0; i < corrections.size(); ++i) {
@@ -202,15 +223,15 @@ TEST(CapturesCostTest, EliminatedPosesDoNotDependOnRoughInitialGuesses) {
   const Unknowns here(scene);
   for (const char* loss : {"none", "huber"}) {
     const std::unique_ptr<CapturesCost> near = MakeCost(scene, loss, true);
-    CapturesCostOptions options;
-    options.eliminated_poses_are_rough = true;
+    CostOptions options;
+    options.cost.eliminated_poses_are_rough = true;
     const std::unique_ptr<CapturesCost> rough = MakeCost(scene, loss, true, 1, options);
     const Evaluated expected = Evaluate(*near, here);
     const Evaluated found = Evaluate(*rough, here);
     EXPECT_NEAR(found.cost, expected.cost, 1e-9 * expected.cost);
     EXPECT_LT((found.gradient - expected.gradient).norm(), 1e-9 * expected.gradient.norm());
-    const std::vector<Rigid3d> poses = near->EliminatedPoses();
-    const std::vector<Rigid3d> rough_poses = rough->EliminatedPoses();
+    const std::vector<Rigid3d> poses = PosesOf(*near);
+    const std::vector<Rigid3d> rough_poses = PosesOf(*rough);
     ASSERT_EQ(rough_poses.size(), poses.size());
     for (size_t i = 0; i < poses.size(); ++i) {
       EXPECT_LT(LocalCoordinates(poses[i], rough_poses[i]).norm(), 1e-9) << loss << " " << i;
@@ -236,19 +257,20 @@ TestScene MixedScene() {
 // a whole.
 NormalEquations ChainedProducts(const TestScene& scene, const std::string& loss, const Unknowns& at,
                                 const FreeParameters& free, const TargetShape* shape) {
-  const std::vector<const double*> blocks = at.Blocks();
   const ViewReducer reducer(scene.camera.Model(), free, kSigmaPx, *FindLoss(loss));
   NormalEquations sum;
   sum.matrix = Eigen::MatrixXd::Zero(6 + reducer.num_columns(), 6 + reducer.num_columns());
   for (const View& view : scene.views) {
-    std::vector<Matrix6> chains;
+    const KinematicLoop loop(
+        {Inverse(SharedFactor(0)), KnownFactor(view.camera_mount_from_target_mount), SharedFactor(1)});
+    LoopDerivatives derivatives;
     const Rigid3d camera_from_target =
-        MakeHandEyeLoop(view.camera_mount_from_target_mount)->Evaluate(blocks.data(), &chains);
+        loop.Evaluate({{FromBlock(at.hand_eye.data()), FromBlock(at.board.data())}, {}, {}}, &derivatives);
     ViewNormalEquations products;
     EXPECT_TRUE(reducer.Multiply(at.params.data(), camera_from_target, view.observations, shape, &products));
     Eigen::MatrixXd chain = Eigen::MatrixXd::Zero(products.matrix.cols(), sum.matrix.cols());
-    chain.topLeftCorner<6, 6>() = chains[0];
-    chain.block<6, 6>(0, 6) = chains[1];
+    chain.topLeftCorner<6, 6>() = derivatives.shared[0];
+    chain.block<6, 6>(0, 6) = derivatives.shared[1];
     chain.bottomRightCorner(products.matrix.cols() - 6, products.matrix.cols() - 6).setIdentity();
     sum.matrix += chain.transpose() * products.matrix * chain;
     sum.loss_remainder += products.loss_remainder;
@@ -281,7 +303,7 @@ class SumOfViewsTest : public testing::TestWithParam<std::tuple<std::string, std
 TEST_P(SumOfViewsTest, IncludesViewsWithFewAndManyPoints) {
   const auto& [kind, loss, what_is_free] = GetParam();
   const TestScene scene = MixedSceneOf(kind);
-  CapturesCostOptions options;
+  CostOptions options;
   for (size_t i = 0; i < scene.camera.params.size(); ++i) {
     options.free.push_back(what_is_free == "every_other" ? i % 2 == 1 : what_is_free != "nothing");
   }
@@ -289,13 +311,13 @@ TEST_P(SumOfViewsTest, IncludesViewsWithFewAndManyPoints) {
   if (what_is_free == "camera_and_shape") {
     options.free.resize(options.free.size() + TargetShape::kNumParams, true);
     options.shape = DesignedShape(scene.views.back().observations.points_in_target);
-    here.params.insert(here.params.end(), options.shape->params.begin(), options.shape->params.end());
+    here.shape.assign(options.shape.params.begin(), options.shape.params.end());
   }
   const std::optional<NormalEquations> products =
       MakeCost(scene, loss, false, 1, options)->NormalEquationsAt(here.Blocks().data());
   ASSERT_TRUE(products.has_value());
   const NormalEquations expected =
-      ChainedProducts(scene, loss, here, options.free, options.shape ? &*options.shape : nullptr);
+      ChainedProducts(scene, loss, here, options.free, here.shape.empty() ? nullptr : &options.shape);
   ASSERT_EQ(products->matrix.cols(), expected.matrix.cols());
   EXPECT_LT(LargestDifference(products->matrix, expected.matrix), 1e-12);
   EXPECT_NEAR(products->loss_remainder, expected.loss_remainder, 1e-12 * expected.matrix.rightCols<1>().maxCoeff());
@@ -317,8 +339,8 @@ TEST(CapturesCostTest, UsesKnownNormalEquationsOnlyAtTheirParameters) {
   const Unknowns there = here.Moved(3, 1e-3);
   NormalEquations marked = *MakeCost(scene, "none", false)->NormalEquationsAt(here.Blocks().data());
   marked.matrix *= 2;
-  CapturesCostOptions options;
-  options.known = marked;
+  CostOptions options;
+  options.cost.known = marked;
   const std::unique_ptr<CapturesCost> cost = MakeCost(scene, "none", false, 1, options);
   EXPECT_EQ(cost->NormalEquationsAt(here.Blocks().data())->matrix, marked.matrix);
   EXPECT_EQ(cost->NormalEquationsAt(there.Blocks().data())->matrix,
@@ -337,7 +359,7 @@ TEST_P(NewtonStepTest, ReducesTheCostAsPredicted) {
   const auto& [has_corrections, all_are_free] = GetParam();
   const TestScene scene = MixedScene();
   const Unknowns here(scene);
-  CapturesCostOptions options;
+  CostOptions options;
   options.free.assign(scene.camera.params.size(), all_are_free);
   const std::unique_ptr<CapturesCost> cost = MakeCost(scene, "none", has_corrections, 1, options);
   const NormalEquations products = *cost->NormalEquationsAt(here.Blocks().data());

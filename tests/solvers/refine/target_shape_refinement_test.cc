@@ -8,6 +8,7 @@
 
 #include "solvers/calibration/calibration.h"
 #include "solvers/refine/bundle_adjustment.h"
+#include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
 #include "tests/support/matchers.h"
 #include "tests/support/scenes.h"
@@ -45,7 +46,7 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
     const Rigid3d& truth = scene.hand_eye.camera_mount_from_camera;
     error_m2 += std::pow(DistanceM(solution->hand_eye.camera_mount_from_camera, truth), 2);
     designed_error_m2 += std::pow(DistanceM(as_designed->hand_eye.camera_mount_from_camera, truth), 2);
-    EXPECT_EQ(solution->covariance.names.back(), "target.bend_y_m");
+    EXPECT_EQ(solution->covariance.layout.Names().back(), "target.bend_y_m");
     for (Eigen::Index i = 0; i < 4; ++i) {
       const size_t k = static_cast<size_t>(i);
       const Eigen::Index row = solution->covariance.matrix.rows() - 4 + i;
@@ -54,7 +55,8 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
     const FreeParameters free = FreeOf(scene.camera.Model(), options);
     const std::vector<LinearisedView> linear = *LineariseViews({scene.camera, scene.views, scene_options.setup, made},
                                                                scene.hand_eye, {}, free, kNoisePx, *FindLoss("none"));
-    const Information information{UnknownNames(scene.camera.Model(), free), MarginalInformation(linear, {}, 1.0)};
+    const Information information{HandEyeUnknowns(scene.camera.Model(), free),
+                                  MarginalInformation(linear, CorrectionVariances({}), 1.0)};
     bound_m2 += InvertInformation(information, 1.0).matrix.topLeftCorner<3, 3>().trace();
   }
   // The RMS of 60 trials of three coordinates scatters by about 7 %.

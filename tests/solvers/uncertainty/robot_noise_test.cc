@@ -90,7 +90,16 @@ TEST_P(RobotNoiseTest, CorrectionsApplyOnTheGripperSide) {
   EXPECT_LT(
       DistanceM(corrected, CameraFromTarget(scene.hand_eye, CameraMountFromTargetMount(setup, base_from_gripper))),
       1e-12);
-  const Matrix6 left = LeftFromCorrection(setup, scene.hand_eye, mount, correction);
+  const Problem problem{scene.camera, {scene.views.front()}, setup};
+  const FreeParameters held(scene.camera.params.size(), false);
+  const LoopProblem loops = HandEyeLoops(problem, held, {{0}}, {correction}, {1, 1});
+  const LoopValues values = HandEyeValues(scene.hand_eye, scene.camera, {});
+  LoopDerivatives derivatives;
+  const Rigid3d by_loop =
+      loops.captures[0].views[0].loop.Evaluate({values.poses, values.effects, {correction}}, &derivatives);
+  EXPECT_LT(DistanceM(corrected, by_loop), 1e-12);
+  EXPECT_LT(AngleRad(corrected, by_loop), 1e-12);
+  const Matrix6 left = derivatives.own.front();
   for (int k = 0; k < 6; ++k) {
     constexpr double kStep = 1e-6;
     const Rigid3d moved =
@@ -180,21 +189,22 @@ TEST(LinearViewTest, WhitenedRowsReproduceTheInverseCovariance) {
     const std::vector<LinearisedView> views = *LineariseViews({scene.camera, scene.views, options.setup},
                                                               scene.hand_eye, {}, free, kPixelPx, *FindLoss("none"));
     for (const LinearisedView& view : views) {
-      EXPECT_EQ(view.num_rows_without_correction, columns == 8 ? view.offset.size() - 6 : 0);
-      EXPECT_TRUE(view.by_correction.bottomRows(view.num_rows_without_correction).isZero(0));
+      EXPECT_EQ(view.num_rows_without_effects, columns == 8 ? view.offset.size() - 6 : 0);
+      EXPECT_TRUE(view.by_effects.bottomRows(view.num_rows_without_effects).isZero(0));
       constexpr double kPixelVariance = 1.3;
       const double translation_m2 = kTranslationM * kTranslationM;
       const double rotation_rad2 = kRotationRad * kRotationRad;
-      const auto by_translation = view.by_correction.leftCols<3>();
-      const auto by_rotation = view.by_correction.rightCols<3>();
+      const Tangent6 variances = CorrectionVariances({kTranslationM, kRotationRad});
+      const auto by_translation = view.by_effects.leftCols<3>();
+      const auto by_rotation = view.by_effects.rightCols<3>();
       Eigen::MatrixXd covariance = translation_m2 * by_translation * by_translation.transpose() +
                                    rotation_rad2 * by_rotation * by_rotation.transpose();
       covariance.diagonal().array() += kPixelVariance;
-      EXPECT_TRUE(MarginalCovariance(view, kPixelVariance, translation_m2, rotation_rad2).isApprox(covariance, 1e-12));
+      EXPECT_TRUE(MarginalCovariance(view, kPixelVariance, variances).isApprox(covariance, 1e-12));
       Eigen::MatrixXd rows(view.offset.size(), view.by_unknowns.cols() + 1);
       rows << view.by_unknowns, view.offset;
       const Eigen::MatrixXd expected = rows.transpose() * covariance.ldlt().solve(rows);
-      const RowMajorMatrix whitened = WhitenedRows(view, kPixelVariance, translation_m2, rotation_rad2);
+      const RowMajorMatrix whitened = WhitenedRows(view, kPixelVariance, variances);
       const Eigen::VectorXd scale = expected.diagonal().cwiseSqrt().cwiseInverse();
       const Eigen::MatrixXd difference =
           scale.asDiagonal() * (whitened.transpose() * whitened - expected) * scale.asDiagonal();
@@ -206,11 +216,11 @@ TEST(LinearViewTest, WhitenedRowsReproduceTheInverseCovariance) {
 TEST(CorrectionPriorTest, JacobianIsTheDerivative) {
   constexpr RobotNoise kNoise = {1e-3, 2e-3};
   const Rigid3d correction = Retract(Rigid3d(), Tangent6(1e-3, 2e-3, -1e-3, 0.02, -0.03, 0.01));
-  const CorrectionPrior prior = CorrectionPriorAt(correction, kNoise);
+  const OwnPoseResidual prior = OwnPoseResidualAt(correction, CorrectionPrior(kNoise));
   for (int k = 0; k < 6; ++k) {
     constexpr double kStep = 1e-6;
     const auto residual_at = [&](double step) {
-      return CorrectionPriorAt(Retract(correction, step * Tangent6::Unit(k)), kNoise).residual;
+      return OwnPoseResidualAt(Retract(correction, step * Tangent6::Unit(k)), CorrectionPrior(kNoise)).residual;
     };
     const Tangent6 numeric = (residual_at(kStep) - residual_at(-kStep)) / (2 * kStep);
     EXPECT_LT((numeric - prior.by_tangent.col(k)).norm(), 1e-5 * numeric.norm()) << k;

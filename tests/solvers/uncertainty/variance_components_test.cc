@@ -1,9 +1,12 @@
 #include "solvers/uncertainty/variance_components.h"
 
+#include <algorithm>
 #include <cmath>
 #include <random>
+#include <string>
 
 #include <gtest/gtest.h>
+#include <Eigen/Cholesky>
 
 namespace heba {
 namespace {
@@ -23,16 +26,35 @@ std::vector<LinearisedView> MakeViews(unsigned seed, int num_views, double pixel
   for (int v = 0; v < num_views; ++v) {
     LinearisedView view;
     view.by_unknowns = draw(num_rows, kUnknowns);
-    view.by_correction = 1000 * draw(num_rows, 6);
+    view.by_effects = 1000 * draw(num_rows, 6);
     Tangent6 correction;
     correction << translation_m * draw(3, 1), rotation_rad * draw(3, 1);
-    view.offset = view.by_unknowns * step + view.by_correction * correction + std::sqrt(pixel) * draw(num_rows, 1);
+    view.offset = view.by_unknowns * step + view.by_effects * correction + std::sqrt(pixel) * draw(num_rows, 1);
     views.push_back(std::move(view));
   }
   return views;
 }
 
-void ExpectEstimated(const VarianceComponents& found, double pixel, double translation_m2, double rotation_rad2) {
+// The variances of pixels and corrections.
+struct Variances {
+  double pixel = 1;
+  double translation_m2 = 0;
+  double rotation_rad2 = 0;
+  Eigen::VectorXd stddev = {};
+};
+
+Variances Estimate(const std::vector<LinearisedView>& views, const Variances& start, bool pixel_is_free,
+                   bool robot_is_free, double small_change = kExactVariances) {
+  using Kind = VarianceGroup::Kind;
+  const VarianceComponents found = EstimateVariances(views,
+                                                     {{Kind::kPixels, {}, start.pixel, pixel_is_free},
+                                                      {Kind::kEffects, {0, 1, 2}, start.translation_m2, robot_is_free},
+                                                      {Kind::kEffects, {3, 4, 5}, start.rotation_rad2, robot_is_free}},
+                                                     small_change);
+  return {found.variances[0], found.variances[1], found.variances[2], found.stddev};
+}
+
+void ExpectEstimated(const Variances& found, double pixel, double translation_m2, double rotation_rad2) {
   constexpr double kSigmas = 4;
   EXPECT_NEAR(found.pixel, pixel, kSigmas * found.stddev[0]);
   EXPECT_NEAR(found.translation_m2, translation_m2, kSigmas * found.stddev[1]);
@@ -42,7 +64,7 @@ void ExpectEstimated(const VarianceComponents& found, double pixel, double trans
 TEST(VarianceComponentsTest, EstimatesTheDrawnVariances) {
   for (unsigned seed = 1; seed <= 10; ++seed) {
     const std::vector<LinearisedView> views = MakeViews(seed, 60, 0.7, 2e-3, 5e-3);
-    const VarianceComponents found = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
+    const Variances found = Estimate(views, {1, 1e-6, 1e-6}, true, true);
     ExpectEstimated(found, 0.7, 4e-6, 25e-6);
     // 60 views with three numbers each determine the variances to about 10 %.
     EXPECT_LT(found.stddev[1], 0.2 * found.translation_m2);
@@ -55,7 +77,7 @@ TEST(VarianceComponentsTest, EstimatesNoVarianceForAnExactRobot) {
   int num_zeros = 0;
   for (unsigned seed = 1; seed <= 20; ++seed) {
     const std::vector<LinearisedView> views = MakeViews(seed, 20, 0.7, 0, 0);
-    const VarianceComponents found = EstimateVariances(views, {1, 1e-4, 1e-4}, true, true);
+    const Variances found = Estimate(views, {1, 1e-4, 1e-4}, true, true);
     ExpectEstimated(found, 0.7, 0, 0);
     EXPECT_GE(found.translation_m2, 0);
     EXPECT_GE(found.rotation_rad2, 0);
@@ -68,25 +90,25 @@ TEST(VarianceComponentsTest, EstimatesNoVarianceForAnExactRobot) {
 // The result does not depend on the initial guess and is reproduced if it is the initial guess itself.
 TEST(VarianceComponentsTest, DoesNotDependOnTheInitialGuess) {
   const std::vector<LinearisedView> views = MakeViews(3, 30, 0.7, 2e-3, 5e-3);
-  const VarianceComponents exact = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
-  const auto expect_near = [&](const VarianceComponents& other, double share_of_stddev) {
+  const Variances exact = Estimate(views, {1, 1e-6, 1e-6}, true, true);
+  const auto expect_near = [&](const Variances& other, double share_of_stddev) {
     EXPECT_NEAR(other.pixel, exact.pixel, share_of_stddev * exact.stddev[0]);
     EXPECT_NEAR(other.translation_m2, exact.translation_m2, share_of_stddev * exact.stddev[1]);
     EXPECT_NEAR(other.rotation_rad2, exact.rotation_rad2, share_of_stddev * exact.stddev[2]);
   };
-  expect_near(EstimateVariances(views, exact, true, true), kExactVariances);
-  expect_near(EstimateVariances(views, {100, 0, 0}, true, true), kExactVariances);
-  expect_near(EstimateVariances(views, {1e-2, 1, 1}, true, true), kExactVariances);
-  expect_near(EstimateVariances(views, {1e-2, 1, 1}, true, true, kRoughVariances), kRoughVariances);
+  expect_near(Estimate(views, exact, true, true), kExactVariances);
+  expect_near(Estimate(views, {100, 0, 0}, true, true), kExactVariances);
+  expect_near(Estimate(views, {1e-2, 1, 1}, true, true), kExactVariances);
+  expect_near(Estimate(views, {1e-2, 1, 1}, true, true, kRoughVariances), kRoughVariances);
 }
 
 TEST(VarianceComponentsTest, KeepsFixedVariances) {
   const std::vector<LinearisedView> views = MakeViews(4, 30, 0.7, 2e-3, 5e-3);
-  const VarianceComponents given_pixel = EstimateVariances(views, {0.5, 1e-6, 1e-6}, false, true);
+  const Variances given_pixel = Estimate(views, {0.5, 1e-6, 1e-6}, false, true);
   EXPECT_EQ(given_pixel.pixel, 0.5);
   EXPECT_EQ(given_pixel.stddev[0], 0);
   EXPECT_GT(given_pixel.translation_m2, 1e-6);
-  const VarianceComponents given_robot = EstimateVariances(views, {0.5, 1e-6, 3e-6}, true, false);
+  const Variances given_robot = Estimate(views, {0.5, 1e-6, 3e-6}, true, false);
   EXPECT_EQ(given_robot.translation_m2, 1e-6);
   EXPECT_EQ(given_robot.rotation_rad2, 3e-6);
   EXPECT_NE(given_robot.pixel, 0.5);
@@ -96,10 +118,10 @@ TEST(VarianceComponentsTest, KeepsFixedVariances) {
 TEST(VarianceComponentsTest, MarkingUnaffectedRowsChangesNothing) {
   std::vector<LinearisedView> views = MakeViews(7, 30, 0.7, 2e-3, 5e-3);
   constexpr Eigen::Index kUnmoved = 10;
-  for (LinearisedView& view : views) view.by_correction.bottomRows(kUnmoved).setZero();
-  const VarianceComponents untold = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
-  for (LinearisedView& view : views) view.num_rows_without_correction = kUnmoved;
-  const VarianceComponents told = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
+  for (LinearisedView& view : views) view.by_effects.bottomRows(kUnmoved).setZero();
+  const Variances untold = Estimate(views, {1, 1e-6, 1e-6}, true, true);
+  for (LinearisedView& view : views) view.num_rows_without_effects = kUnmoved;
+  const Variances told = Estimate(views, {1, 1e-6, 1e-6}, true, true);
   EXPECT_NEAR(told.pixel, untold.pixel, 1e-9 * untold.pixel);
   EXPECT_NEAR(told.translation_m2, untold.translation_m2, 1e-9 * untold.translation_m2);
   EXPECT_NEAR(told.rotation_rad2, untold.rotation_rad2, 1e-9 * untold.rotation_rad2);
@@ -109,15 +131,192 @@ TEST(VarianceComponentsTest, MarkingUnaffectedRowsChangesNothing) {
 // given in addition to the rows.
 TEST(VarianceComponentsTest, AcceptsFewRowsAndResidualSums) {
   const std::vector<LinearisedView> few = MakeViews(5, 200, 0.7, 2e-3, 5e-3, 4);
-  ExpectEstimated(EstimateVariances(few, {1, 1e-6, 1e-6}, true, true), 0.7, 4e-6, 25e-6);
+  ExpectEstimated(Estimate(few, {1, 1e-6, 1e-6}, true, true), 0.7, 4e-6, 25e-6);
   std::vector<LinearisedView> views = MakeViews(6, 30, 0.7, 2e-3, 5e-3);
   for (LinearisedView& view : views) {
     view.num_residual_dof = 1000;
     view.residual_sum_of_squares = 1000 * 0.7;
   }
-  const VarianceComponents found = EstimateVariances(views, {1, 1e-6, 1e-6}, true, true);
+  const Variances found = Estimate(views, {1, 1e-6, 1e-6}, true, true);
   ExpectEstimated(found, 0.7, 4e-6, 25e-6);
   EXPECT_NEAR(found.stddev[0], 0.7 * std::sqrt(2.0 / 30e3), 1e-4);
+}
+
+// Captures with two independent groups of effects of their own, and with unknowns that have a variance.
+struct GeneralViews {
+  std::vector<LinearisedView> views;
+  std::vector<VarianceGroup> groups;  // With the variances from which the views were drawn.
+};
+
+// `shared`: one sigma of the last unknowns, which are random effects in two groups.
+GeneralViews MakeGeneralViews(unsigned seed, int num_views, const std::vector<double>& own,
+                              const std::vector<double>& shared) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  const auto draw = [&](Eigen::Index rows, Eigen::Index columns) {
+    return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(rows, columns, [&] { return normal(random); }));
+  };
+  constexpr Eigen::Index kFixed = 5;
+  constexpr Eigen::Index kShared = 12;
+  const auto num_unknowns = kFixed + kShared * static_cast<Eigen::Index>(shared.size());
+  const auto num_effects = 2 * static_cast<Eigen::Index>(own.size());
+  GeneralViews general;
+  using Kind = VarianceGroup::Kind;
+  general.groups.push_back({Kind::kPixels, {}, 0.7, true});
+  Eigen::VectorXd step = draw(num_unknowns, 1);
+  for (size_t k = 0; k < own.size(); ++k) {
+    // The groups alternate, so that their columns are not consecutive.
+    const auto n = static_cast<Eigen::Index>(own.size());
+    const auto i = static_cast<Eigen::Index>(k);
+    general.groups.push_back({Kind::kEffects, {i, i + n}, own[k] * own[k], true});
+  }
+  for (size_t k = 0; k < shared.size(); ++k) {
+    VarianceGroup group{Kind::kUnknowns, {}, shared[k] * shared[k], true};
+    for (Eigen::Index i = 0; i < kShared; ++i) {
+      group.columns.push_back(kFixed + kShared * static_cast<Eigen::Index>(k) + i);
+      step[group.columns.back()] = shared[k] * normal(random);
+    }
+    general.groups.push_back(group);
+  }
+  for (int v = 0; v < num_views; ++v) {
+    constexpr Eigen::Index kRows = 20;
+    LinearisedView view;
+    view.by_unknowns = draw(kRows, num_unknowns);
+    view.by_effects = draw(kRows, num_effects);
+    Eigen::VectorXd effects(num_effects);
+    for (Eigen::Index i = 0; i < num_effects; ++i)
+      effects[i] = own[static_cast<size_t>(i) % own.size()] * normal(random);
+    view.offset = view.by_unknowns * step + view.by_effects * effects + std::sqrt(0.7) * draw(kRows, 1);
+    general.views.push_back(std::move(view));
+  }
+  return general;
+}
+
+// Returns the restricted log-likelihood by its definition: the density of the contrasts of all rows that the fixed
+// unknowns leave open, with their dense covariance.
+double DenseLogLikelihood(const GeneralViews& general) {
+  const Eigen::Index n = general.views.front().by_unknowns.cols();
+  Eigen::Index num_rows = 0;
+  for (const LinearisedView& view : general.views) num_rows += view.offset.size();
+  Eigen::MatrixXd covariance = general.groups[0].variance * Eigen::MatrixXd::Identity(num_rows, num_rows);
+  Eigen::MatrixXd all(num_rows, n);
+  Eigen::VectorXd offset(num_rows);
+  Eigen::Index first = 0;
+  for (const LinearisedView& view : general.views) {
+    const Eigen::Index rows = view.offset.size();
+    all.middleRows(first, rows) = view.by_unknowns;
+    offset.segment(first, rows) = view.offset;
+    for (const VarianceGroup& group : general.groups) {
+      if (group.kind != VarianceGroup::Kind::kEffects) continue;
+      const Eigen::MatrixXd g = view.by_effects(Eigen::all, group.columns);
+      covariance.block(first, first, rows, rows) += group.variance * g * g.transpose();
+    }
+    first += rows;
+  }
+  std::vector<Eigen::Index> fixed;
+  for (Eigen::Index i = 0; i < n; ++i) fixed.push_back(i);
+  for (const VarianceGroup& group : general.groups) {
+    if (group.kind != VarianceGroup::Kind::kUnknowns) continue;
+    const Eigen::MatrixXd shared = all(Eigen::all, group.columns);
+    covariance += group.variance * shared * shared.transpose();
+    for (const Eigen::Index column : group.columns) fixed.erase(std::find(fixed.begin(), fixed.end(), column));
+  }
+  const Eigen::MatrixXd x = all(Eigen::all, fixed);
+  const Eigen::LDLT<Eigen::MatrixXd> root(covariance);
+  const Eigen::MatrixXd information = x.transpose() * root.solve(x);
+  const Eigen::VectorXd residual = offset - x * information.ldlt().solve(x.transpose() * root.solve(offset));
+  return -0.5 * (root.vectorD().array().log().sum() + information.ldlt().vectorD().array().log().sum() +
+                 residual.dot(root.solve(residual)));
+}
+
+// The likelihood of any set of groups is that of the definition, and its scores are its derivatives, also at zero.
+TEST(GeneralVariancesTest, LikelihoodAndScoresAreThoseOfTheDefinition) {
+  for (const double own : {0.3, 0.0}) {
+    for (const double shared : {0.4, 0.0}) {
+      SCOPED_TRACE(std::to_string(own) + " " + std::to_string(shared));
+      GeneralViews general = MakeGeneralViews(3, 8, {0.5, own}, {0.2, shared});
+      const std::optional<LikelihoodScores> here = ScoresOf(general.views, general.groups);
+      ASSERT_TRUE(here.has_value());
+      EXPECT_NEAR(here->log_likelihood, DenseLogLikelihood(general), 1e-9 * std::abs(here->log_likelihood));
+      for (size_t k = 0; k < general.groups.size(); ++k) {
+        GeneralViews moved = general;
+        const double variance = general.groups[k].variance;
+        // The derivative to second order, one-sided because a variance may be zero.
+        constexpr double kStep = 2e-6;
+        const auto at = [&](double step) {
+          moved.groups[k].variance = variance + step;
+          return DenseLogLikelihood(moved);
+        };
+        const double numeric = (4 * at(kStep) - 3 * at(0) - at(2 * kStep)) / (2 * kStep);
+        EXPECT_NEAR(here->scores[static_cast<Eigen::Index>(k)], numeric, 1e-4 * std::abs(numeric) + 1e-3) << k;
+      }
+    }
+  }
+}
+
+// The Fisher information is the covariance of the scores at the true variances.
+TEST(GeneralVariancesTest, FisherInformationIsTheCovarianceOfTheScores) {
+  constexpr int kSeeds = 1500;
+  Eigen::MatrixXd scores(5, kSeeds);
+  Eigen::MatrixXd fisher = Eigen::MatrixXd::Zero(5, 5);
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    const GeneralViews general = MakeGeneralViews(static_cast<unsigned>(seed), 6, {0.5, 0.3}, {0.2, 0.4});
+    const LikelihoodScores at = *ScoresOf(general.views, general.groups);
+    scores.col(seed) = at.scores;
+    fisher += at.fisher / kSeeds;
+  }
+  const Eigen::VectorXd unit = fisher.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = unit.asDiagonal() * fisher * unit.asDiagonal();
+  const Eigen::MatrixXd seen = unit.asDiagonal() * (scores * scores.transpose() / kSeeds) * unit.asDiagonal();
+  // Four sigmas of an element of a sample covariance; the variances of few effects are skewed.
+  EXPECT_LT((seen - scaled).cwiseAbs().maxCoeff(), 4 * std::sqrt(2.0 / kSeeds) * 1.5);
+  EXPECT_LT((unit.asDiagonal() * scores.rowwise().mean()).cwiseAbs().maxCoeff(), 4 / std::sqrt(kSeeds));
+}
+
+// All variances are found together, and a group that is not there is estimated as zero in about half of the runs, and
+// as small in all of them.
+TEST(GeneralVariancesTest, FindsTheGroupsThatAreThere) {
+  int num_own_zeros = 0;
+  int num_shared_zeros = 0;
+  constexpr int kSeeds = 40;
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(5);
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+    GeneralViews general = MakeGeneralViews(seed, 30, {0.5, 0.0}, {0.2, 0.0});
+    for (VarianceGroup& group : general.groups) group.variance = 0.1;
+    const VarianceComponents found = EstimateVariances(general.views, general.groups);
+    mean += found.variances / kSeeds;
+    num_own_zeros += found.variances[2] == 0 ? 1 : 0;
+    num_shared_zeros += found.variances[4] == 0 ? 1 : 0;
+    EXPECT_LT(found.variances[2], 4 * found.stddev[2]);
+    EXPECT_LT(found.variances[4], 4 * found.stddev[4]);
+  }
+  EXPECT_NEAR(mean[0], 0.7, 0.02);
+  EXPECT_NEAR(mean[1], 0.25, 0.03);
+  EXPECT_NEAR(mean[3], 0.04, 0.01);
+  EXPECT_GT(num_own_zeros, 8);
+  EXPECT_LT(num_own_zeros, 34);
+  EXPECT_GT(num_shared_zeros, 8);
+  EXPECT_LT(num_shared_zeros, 36);
+}
+
+// The degrees of freedom of one group of effects agree with those of Student's t: the mean of N captures, each with an
+// effect of unknown variance, has N - 1.
+TEST(GeneralVariancesTest, DegreesOfFreedomAreThoseOfAMean) {
+  constexpr int kCaptures = 12;
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  std::vector<LinearisedView> views;
+  for (int i = 0; i < kCaptures; ++i) {
+    LinearisedView view;
+    view.by_unknowns = Eigen::MatrixXd::Ones(1, 1);
+    view.by_effects = Eigen::MatrixXd::Ones(1, 1);
+    view.offset = Eigen::VectorXd::Constant(1, normal(random));
+    views.push_back(view);
+  }
+  using Kind = VarianceGroup::Kind;
+  const std::vector<VarianceGroup> groups = {{Kind::kPixels, {}, 1e-9, false}, {Kind::kEffects, {0}, 1, true}};
+  const VarianceComponents found = EstimateVariances(views, groups);
+  EXPECT_NEAR(DegreesOfFreedom(views, groups, found), kCaptures - 1, 1e-3);
 }
 
 }  // namespace

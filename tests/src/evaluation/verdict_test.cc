@@ -33,7 +33,7 @@ RunResult GoodResult() {
   Eigen::VectorXd variances(12);
   variances << Eigen::VectorXd::Constant(3, 1e-8), Eigen::VectorXd::Constant(3, 3e-8),
       Eigen::VectorXd::Constant(6, 1e-8);
-  refined.solution->covariance = {std::vector<std::string>(12, "hand_eye.tx_m"), variances.asDiagonal()};
+  refined.solution->covariance = {HandEyePoses(), variances.asDiagonal()};
   result.estimates.push_back(refined);
   return result;
 }

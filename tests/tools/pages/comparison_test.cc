@@ -54,11 +54,7 @@ ComparedRun RunOf(const std::string& label, const RunOptions& options) {
   refined.errors.board_scatter = BoardScatter{0.4, 0.05};
   refined.solution.emplace();
   Covariance& covariance = refined.solution->covariance;
-  for (const char* pose : {"hand_eye", "board"}) {
-    for (const char* name : {".tx_m", ".ty_m", ".tz_m", ".rx_rad", ".ry_rad", ".rz_rad"}) {
-      covariance.names.push_back(std::string(pose) + name);
-    }
-  }
+  covariance.layout = HandEyePoses();
   covariance.matrix = Eigen::MatrixXd::Identity(12, 12);
   covariance.matrix.diagonal().head<3>().setConstant(kSigmaM * kSigmaM);
   covariance.matrix.diagonal().segment<3>(3).setConstant(kSigmaRad * kSigmaRad);

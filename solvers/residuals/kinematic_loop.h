@@ -1,0 +1,85 @@
+// Kinematic loops: the pose of a target in a camera as a product of known and unknown poses. Equations (1) to (3) of
+// docs/estimation.md.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heba/geometry/rigid3.h"
+#include "heba/kernels/small_matrix.h"
+
+namespace heba {
+
+// A pose near the identity that is a function of effects which captures share, such as the offsets of a robot's joints:
+// the error of the pose that the robot reports for one capture.
+struct PoseEffect {
+  virtual ~PoseEffect() = default;
+  // Returns the pose. `tangent_from_effects`, which may be null, becomes the 6 x n derivative of its tangent (m, rad,
+  // in the child frame) by the n effects.
+  virtual Rigid3d Evaluate(const Eigen::VectorXd& effects, Matrix6X* tangent_from_effects) const = 0;
+};
+// Returns the pose [Exp(w), v] with (v, w) = G * effects.
+std::shared_ptr<const PoseEffect> MakeLinearEffect(Matrix6X g);
+
+// One factor of a loop.
+struct LoopFactor {
+  enum class Kind {
+    kKnown,   // `known`, for example a pose that the robot reports.
+    kShared,  // The unknown pose `index`, which captures share.
+    kEffect,  // `effect` of the effects `index`.
+    kOwn,     // The unknown pose `index` of the capture.
+  };
+  Kind kind = Kind::kKnown;
+  int index = 0;
+  Rigid3d known = {};
+  std::shared_ptr<const PoseEffect> effect = {};
+  bool is_inverted = false;  // The factor is the inverse of this pose.
+};
+LoopFactor KnownFactor(const Rigid3d& pose);
+LoopFactor SharedFactor(int index);
+LoopFactor EffectFactor(int index, std::shared_ptr<const PoseEffect> effect);
+LoopFactor OwnFactor(int index);
+// Returns the factor of the inverse pose.
+LoopFactor Inverse(LoopFactor factor);
+
+// The poses and effects at which a loop is evaluated.
+struct LoopPoses {
+  const std::vector<Rigid3d>& shared;
+  const std::vector<Eigen::VectorXd>& effects;
+  const std::vector<Rigid3d>& own;
+};
+
+// The derivatives of the left perturbation of camera_from_target (m, rad, in the camera's frame) by the tangents of the
+// unknown poses, in the child frame, and by the effects; in the order of KinematicLoop::shared, effects and own.
+struct LoopDerivatives {
+  std::vector<Matrix6> shared;
+  std::vector<Matrix6X> effects;
+  std::vector<Matrix6> own;
+};
+
+// camera_from_target as the product of factors. An unknown may occur in several of them.
+class KinematicLoop {
+ public:
+  explicit KinematicLoop(std::vector<LoopFactor> factors);
+
+  // Returns camera_from_target. `derivatives` may be null.
+  Rigid3d Evaluate(const LoopPoses& poses, LoopDerivatives* derivatives) const;
+
+  // The factors; those of inverted known poses are replaced by known poses.
+  const std::vector<LoopFactor>& factors() const { return factors_; }
+  // The indices of the unknowns on which the loop depends, in ascending order.
+  const std::vector<int>& shared() const { return shared_; }
+  const std::vector<int>& effects() const { return effects_; }
+  const std::vector<int>& own() const { return own_; }
+
+ private:
+  std::vector<LoopFactor> factors_;
+  std::vector<size_t> slots_;  // For each factor, its place among `shared_`, `effects_` or `own_`.
+  std::vector<int> shared_;
+  std::vector<int> effects_;
+  std::vector<int> own_;
+};
+
+}  // namespace heba

@@ -1,0 +1,102 @@
+#include "solvers/residuals/loop_problem.h"
+
+#include <numeric>
+
+namespace heba {
+namespace {
+
+enum HandEyePose : int { kHandEye, kBoard };
+
+LoopProblem WithoutCaptures(const Problem& problem, const FreeParameters& free) {
+  LoopProblem loops;
+  loops.layout = HandEyeUnknowns(problem.camera.Model(), free);
+  loops.cameras = {&problem.camera.Model()};
+  loops.targets = {problem.shape};
+  return loops;
+}
+
+// Returns the loop of a view with the correction xi of its robot pose: X^-1 M Exp(xi) Z if the target is on the
+// gripper, X^-1 Exp(-xi) M Z if the camera is.
+KinematicLoop CorrectedLoop(Setup setup, const Rigid3d& camera_mount_from_target_mount) {
+  const LoopFactor measured = KnownFactor(camera_mount_from_target_mount);
+  const LoopFactor correction = OwnFactor(0);
+  if (setup == Setup::kEyeToHand) {
+    return KinematicLoop({Inverse(SharedFactor(kHandEye)), measured, correction, SharedFactor(kBoard)});
+  }
+  return KinematicLoop({Inverse(SharedFactor(kHandEye)), Inverse(correction), measured, SharedFactor(kBoard)});
+}
+
+}  // namespace
+
+std::vector<UnknownBlock> BlocksOf(const UnknownLayout& layout, UnknownOwner owner) {
+  std::vector<UnknownBlock> blocks;
+  for (const UnknownBlock& block : layout.blocks()) {
+    if (block.owner == owner) blocks.push_back(block);
+  }
+  return blocks;
+}
+
+FreeParameters FreeOf(const LoopProblem& problem, int camera, int target) {
+  const auto camera_index = static_cast<size_t>(camera);
+  const UnknownBlock of_camera = BlocksOf(problem.layout, UnknownOwner::kCamera)[camera_index];
+  const UnknownBlock of_target = BlocksOf(problem.layout, UnknownOwner::kTarget)[static_cast<size_t>(target)];
+  FreeParameters free(static_cast<size_t>(NumParams(*problem.cameras[camera_index])), false);
+  const size_t num_params = free.size();
+  if (of_target.size > 0) free.resize(num_params + TargetShape::kNumParams, false);
+  for (Eigen::Index i = of_camera.first; i < of_camera.end(); ++i) {
+    free[static_cast<size_t>(problem.layout[i].index)] = true;
+  }
+  for (Eigen::Index i = of_target.first; i < of_target.end(); ++i) {
+    free[num_params + static_cast<size_t>(problem.layout[i].index)] = true;
+  }
+  return free;
+}
+
+Matrix6 CorrectionPrior(const RobotNoise& noise) {
+  Tangent6 inverse_sigmas;
+  inverse_sigmas << Eigen::Vector3d::Constant(1 / noise.translation_m),
+      Eigen::Vector3d::Constant(1 / noise.rotation_rad);
+  return inverse_sigmas.asDiagonal();
+}
+
+OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior) {
+  const Tangent6 tangent = LocalCoordinates(Rigid3d(), pose);
+  // The inverse right Jacobian of the rotation vector to second order; corrections are small.
+  const Eigen::Matrix3d skew = Skew(tangent.tail<3>());
+  Matrix6 local_from_tangent = Matrix6::Zero();
+  local_from_tangent.topLeftCorner<3, 3>() = pose.RotationMatrix();
+  local_from_tangent.bottomRightCorner<3, 3>() = Eigen::Matrix3d::Identity() + 0.5 * skew + skew * skew / 12;
+  return {prior * tangent, prior * local_from_tangent};
+}
+
+LoopProblem HandEyeLoops(const Problem& problem, const FreeParameters& free) {
+  LoopProblem loops = WithoutCaptures(problem, free);
+  for (const View& view : problem.views) {
+    LoopCapture& capture = loops.captures.emplace_back();
+    capture.views.push_back(
+        {&view.observations, KinematicLoop({Inverse(SharedFactor(kHandEye)),
+                                            KnownFactor(view.camera_mount_from_target_mount), SharedFactor(kBoard)})});
+  }
+  return loops;
+}
+
+LoopProblem HandEyeLoops(const Problem& problem, const FreeParameters& free, const PoseGroups& groups,
+                         const std::vector<Rigid3d>& corrections, const RobotNoise& noise) {
+  LoopProblem loops = WithoutCaptures(problem, free);
+  loops.priors = {CorrectionPrior(noise)};
+  for (const std::vector<size_t>& group : groups) {
+    LoopCapture& capture = loops.captures.emplace_back();
+    capture.own_poses = {{corrections[group.front()], 0}};
+    for (const size_t i : group) {
+      const View& view = problem.views[i];
+      capture.views.push_back({&view.observations, CorrectedLoop(problem.setup, view.camera_mount_from_target_mount)});
+    }
+  }
+  return loops;
+}
+
+LoopValues HandEyeValues(const HandEye& hand_eye, const Camera& camera, const TargetShape& shape) {
+  return {{hand_eye.camera_mount_from_camera, hand_eye.target_mount_from_target}, {}, {camera.params}, {shape}};
+}
+
+}  // namespace heba

@@ -1,0 +1,87 @@
+// Adjustments of kinematic loops: captures whose images are explained by unknown poses, effects, cameras and targets
+// that they share, and by poses of their own. The calibration of one camera with one target is an instance
+// (HandEyeLoops); several cameras, targets and arms are others.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "heba/data/problem.h"
+#include "heba/data/solution.h"
+#include "heba/data/unknowns.h"
+#include "solvers/residuals/free_parameters.h"
+#include "solvers/residuals/kinematic_loop.h"
+
+namespace heba {
+
+// One image of a capture: the points of one target in one camera.
+struct LoopView {
+  const Observations* observations = nullptr;
+  KinematicLoop loop;  // Of camera_from_target.
+  int camera = 0;
+  int target = 0;
+};
+
+// An unknown pose of one capture: the correction of a robot pose, or the pose of a target that nothing else determines.
+struct OwnPose {
+  Rigid3d pose;  // The initial guess, or the point of linearisation.
+  // Index of its prior in LoopProblem::priors; nothing if no prior is known.
+  std::optional<size_t> prior;
+};
+
+struct LoopCapture {
+  std::vector<LoopView> views;
+  std::vector<OwnPose> own_poses;
+};
+
+struct LoopProblem {
+  // The shared unknowns in this order: all poses, all effects, all cameras, all targets. The index of a pose, effect,
+  // camera or target counts the blocks of its owner.
+  UnknownLayout layout;
+  std::vector<const CameraModel*> cameras;
+  std::vector<TargetShape> targets;  // The designed shapes; the points of the observations are the designed ones.
+  // Priors of own poses: W, such that W * LocalCoordinates(identity, pose) has unit covariance and mean zero.
+  std::vector<Matrix6> priors;
+  std::vector<LoopCapture> captures;
+};
+
+// Values of the shared unknowns, with the parameters that are held.
+struct LoopValues {
+  std::vector<Rigid3d> poses;
+  std::vector<Eigen::VectorXd> effects;
+  std::vector<std::vector<double>> cameras;  // All parameters of each camera.
+  std::vector<TargetShape> targets;
+};
+
+// The blocks of a problem's layout that belong to one kind of owner, in their order.
+std::vector<UnknownBlock> BlocksOf(const UnknownLayout& layout, UnknownOwner owner);
+// Returns the flags with which the points of a target in a camera are reduced (ViewReducer).
+FreeParameters FreeOf(const LoopProblem& problem, int camera, int target);
+
+// The square root of the information about own poses that are robot corrections of this noise.
+Matrix6 CorrectionPrior(const RobotNoise& noise);
+
+// Six whitened residuals of an own pose with its prior, and their derivatives by the tangent of the pose.
+struct OwnPoseResidual {
+  Tangent6 residual;
+  Matrix6 by_tangent;
+};
+OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior);
+
+// The indices of views that are one capture because they were taken at one robot pose.
+using PoseGroups = std::vector<std::vector<size_t>>;
+
+// Returns the loops of a hand-eye calibration with the unknowns HandEyeUnknowns(problem.camera.Model(), free). The
+// views of the problem must outlive the result.
+//
+// Without noise, every view is a capture, and camera_from_target = X^-1 M Z. With noise, every group is a capture whose
+// own pose is the correction of its robot pose, from those of `corrections` (one per view): equations (1) to (3) of
+// docs/estimation.md.
+LoopProblem HandEyeLoops(const Problem& problem, const FreeParameters& free);
+LoopProblem HandEyeLoops(const Problem& problem, const FreeParameters& free, const PoseGroups& groups,
+                         const std::vector<Rigid3d>& corrections, const RobotNoise& noise);
+
+// Returns the values of these unknowns.
+LoopValues HandEyeValues(const HandEye& hand_eye, const Camera& camera, const TargetShape& shape);
+
+}  // namespace heba

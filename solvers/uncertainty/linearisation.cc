@@ -1,0 +1,206 @@
+#include "solvers/uncertainty/linearisation.h"
+
+#include <numeric>
+#include <utility>
+
+#include <Eigen/QR>
+
+#include "heba/base/error.h"
+#include "solvers/residuals/noise_scale.h"
+#include "solvers/residuals/view_reduction.h"
+
+namespace heba {
+namespace {
+
+// Returns the same measurements in no more rows than columns, from the triangular factor of [effects, unknowns,
+// offset]: its last row depends on the offset alone and is independent of the others.
+LinearisedView Condensed(const LinearisedView& view) {
+  const Eigen::Index n = view.by_unknowns.cols();
+  const Eigen::Index num_effects = view.by_effects.cols();
+  const Eigen::Index rows = num_effects + n;
+  if (view.offset.size() <= rows + 1) return view;
+  Eigen::MatrixXd all(view.offset.size(), rows + 1);
+  all << view.by_effects, view.by_unknowns, view.offset;
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(all);
+  const Eigen::MatrixXd factor = qr.matrixQR().topRows(rows + 1).triangularView<Eigen::Upper>();
+  LinearisedView condensed;
+  condensed.by_effects = factor.topLeftCorner(rows, num_effects);
+  condensed.by_unknowns = factor.block(0, num_effects, rows, n);
+  condensed.offset = factor.col(rows).head(rows);
+  condensed.num_rows_without_effects = n;
+  condensed.residual_sum_of_squares = view.residual_sum_of_squares + factor(rows, rows) * factor(rows, rows);
+  condensed.num_residual_dof = view.num_residual_dof + static_cast<int>(view.offset.size() - rows);
+  return condensed;
+}
+
+// Stacks the rows of views that share their effects.
+LinearisedView Stack(const std::vector<LinearisedView>& views, const std::vector<size_t>& group) {
+  LinearisedView stacked;
+  Eigen::Index num_rows = 0;
+  for (const size_t i : group) {
+    num_rows += views[i].offset.size();
+    stacked.num_rows_without_effects += views[i].num_rows_without_effects;
+    stacked.residual_sum_of_squares += views[i].residual_sum_of_squares;
+    stacked.num_residual_dof += views[i].num_residual_dof;
+  }
+  stacked.by_unknowns.resize(num_rows, views[group.front()].by_unknowns.cols());
+  stacked.by_effects.resize(num_rows, views[group.front()].by_effects.cols());
+  stacked.offset.resize(num_rows);
+  // Rows that depend on the effects come before those that do not.
+  Eigen::Index dependent = 0;
+  Eigen::Index independent = num_rows - stacked.num_rows_without_effects;
+  for (const size_t i : group) {
+    const LinearisedView& view = views[i];
+    const Eigen::Index num_dependent = view.offset.size() - view.num_rows_without_effects;
+    const Eigen::Index num_independent = view.num_rows_without_effects;
+    stacked.by_unknowns.middleRows(dependent, num_dependent) = view.by_unknowns.topRows(num_dependent);
+    stacked.by_effects.middleRows(dependent, num_dependent) = view.by_effects.topRows(num_dependent);
+    stacked.offset.segment(dependent, num_dependent) = view.offset.head(num_dependent);
+    stacked.by_unknowns.middleRows(independent, num_independent) = view.by_unknowns.bottomRows(num_independent);
+    stacked.by_effects.middleRows(independent, num_independent) = view.by_effects.bottomRows(num_independent);
+    stacked.offset.segment(independent, num_independent) = view.offset.tail(num_independent);
+    dependent += num_dependent;
+    independent += num_independent;
+  }
+  return Condensed(stacked);
+}
+
+// Linearises one view. by_unknowns and by_effects are the negated derivatives of the residuals.
+class ViewLinearisation {
+ public:
+  ViewLinearisation(const LoopProblem& problem, const LoopValues& values, double pixel_sigma_px, const Loss& loss)
+      : problem_(problem),
+        values_(values),
+        poses_(BlocksOf(problem.layout, UnknownOwner::kPose)),
+        effects_(BlocksOf(problem.layout, UnknownOwner::kEffects)),
+        cameras_(BlocksOf(problem.layout, UnknownOwner::kCamera)),
+        targets_(BlocksOf(problem.layout, UnknownOwner::kTarget)) {
+    for (size_t c = 0; c < cameras_.size(); ++c) {
+      for (size_t t = 0; t < targets_.size(); ++t) {
+        reducers_.emplace_back(*problem.cameras[c], FreeOf(problem, static_cast<int>(c), static_cast<int>(t)),
+                               pixel_sigma_px, loss);
+      }
+    }
+  }
+
+  std::optional<LinearisedView> At(const LoopView& view, const std::vector<Rigid3d>& own_poses) const {
+    const auto camera = static_cast<size_t>(view.camera);
+    const auto target = static_cast<size_t>(view.target);
+    LoopDerivatives derivatives;
+    const Rigid3d camera_from_target = view.loop.Evaluate({values_.poses, values_.effects, own_poses}, &derivatives);
+    SquareRootInformation reduction;
+    if (!reducers_[camera * targets_.size() + target].Reduce(
+            values_.cameras[camera].data(), camera_from_target, *view.observations,
+            targets_[target].size > 0 ? &values_.targets[target] : nullptr, &reduction)) {
+      return std::nullopt;
+    }
+    LinearisedView linear;
+    const Eigen::Index columns = reduction.factor.cols() - 1;
+    Eigen::Index rows = reduction.factor.rows();
+    Eigen::Index num_moved = rows;  // Rows that depend on the pose.
+    if (2 * view.observations->size() > rows) {
+      // The factor is square: its last row contains only the residual that no unknown can explain.
+      rows = columns;
+      num_moved = 6;
+      linear.residual_sum_of_squares = reduction.factor(columns, columns) * reduction.factor(columns, columns);
+      linear.num_residual_dof = 2 * view.observations->size() - static_cast<int>(columns);
+    }
+    linear.num_rows_without_effects = rows - num_moved;
+    const auto by_pose = reduction.factor.topLeftCorner(num_moved, 6);
+    linear.by_unknowns.setZero(rows, problem_.layout.size());
+    linear.by_effects.setZero(rows, 6 * static_cast<Eigen::Index>(own_poses.size()));
+    linear.offset = reduction.factor.col(columns).head(rows);
+    for (size_t k = 0; k < view.loop.shared().size(); ++k) {
+      const Eigen::Index first = poses_[static_cast<size_t>(view.loop.shared()[k])].first;
+      linear.by_unknowns.block(0, first, num_moved, 6) = -by_pose.lazyProduct(derivatives.shared[k]);
+    }
+    for (size_t e = 0; e < view.loop.effects().size(); ++e) {
+      const auto index = static_cast<size_t>(view.loop.effects()[e]);
+      auto by_effects = linear.by_unknowns.block(0, effects_[index].first, num_moved, effects_[index].size);
+      by_effects = -by_pose.lazyProduct(derivatives.effects[e]);
+      linear.offset.head(num_moved) += by_effects * values_.effects[index];
+    }
+    const UnknownBlock& of_camera = cameras_[camera];
+    const UnknownBlock& of_target = targets_[target];
+    linear.by_unknowns.middleCols(of_camera.first, of_camera.size) =
+        -reduction.factor.block(0, 6, rows, of_camera.size);
+    linear.by_unknowns.middleCols(of_target.first, of_target.size) =
+        -reduction.factor.block(0, 6 + of_camera.size, rows, of_target.size);
+    for (size_t j = 0; j < view.loop.own().size(); ++j) {
+      const int own = view.loop.own()[j];
+      auto by_own = linear.by_effects.block(0, 6 * own, num_moved, 6);
+      by_own = -by_pose.lazyProduct(derivatives.own[j]);
+      linear.offset.head(num_moved) +=
+          by_own.lazyProduct(LocalCoordinates(Rigid3d(), own_poses[static_cast<size_t>(own)]));
+    }
+    return linear;
+  }
+
+ private:
+  const LoopProblem& problem_;
+  const LoopValues& values_;
+  std::vector<UnknownBlock> poses_;
+  std::vector<UnknownBlock> effects_;
+  std::vector<UnknownBlock> cameras_;
+  std::vector<UnknownBlock> targets_;
+  std::vector<ViewReducer> reducers_;  // One for each pair of camera and target.
+};
+
+}  // namespace
+
+std::optional<std::vector<LinearisedView>> LineariseCaptures(const LoopProblem& problem, const LoopValues& values,
+                                                             double pixel_sigma_px, const Loss& loss) {
+  const ViewLinearisation linearisation(problem, values, pixel_sigma_px, loss);
+  std::vector<LinearisedView> result;
+  for (const LoopCapture& capture : problem.captures) {
+    std::vector<Rigid3d> own_poses;
+    for (const OwnPose& own : capture.own_poses) own_poses.push_back(own.pose);
+    std::vector<LinearisedView> views;
+    for (const LoopView& view : capture.views) {
+      std::optional<LinearisedView> linear = linearisation.At(view, own_poses);
+      if (!linear) return std::nullopt;
+      views.push_back(std::move(*linear));
+    }
+    if (views.size() == 1) {
+      result.push_back(std::move(views.front()));
+      continue;
+    }
+    std::vector<size_t> all(views.size());
+    std::iota(all.begin(), all.end(), size_t{0});
+    result.push_back(Stack(views, all));
+  }
+  return result;
+}
+
+std::optional<std::vector<LinearisedView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
+                                                          const std::vector<Rigid3d>& corrections,
+                                                          const FreeParameters& free, double pixel_sigma_px,
+                                                          const Loss& loss) {
+  PoseGroups each;
+  for (size_t i = 0; i < problem.views.size(); ++i) each.push_back({i});
+  const std::vector<Rigid3d> none(problem.views.size());
+  // The prior of the corrections is not part of the linearised views.
+  return LineariseCaptures(HandEyeLoops(problem, free, each, corrections.empty() ? none : corrections, {1, 1}),
+                           HandEyeValues(hand_eye, problem.camera, problem.shape), pixel_sigma_px, loss);
+}
+
+std::optional<std::vector<LinearisedView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
+                                                            const std::vector<Rigid3d>& corrections,
+                                                            const FreeParameters& free, const Loss& loss) {
+  Problem weighted{solution.camera, problem.views, problem.setup, solution.shape};
+  if (solution.unmodelled_sigma_px) WeightByCovariance(*solution.unmodelled_sigma_px, &weighted.views);
+  return LineariseViews(weighted, solution.hand_eye, corrections, free, solution.pixel_sigma_px, loss);
+}
+
+std::vector<LinearisedView> StackGroups(const std::vector<LinearisedView>& views, const PoseGroups& groups) {
+  std::vector<LinearisedView> stacked;
+  size_t num_grouped = 0;
+  for (const std::vector<size_t>& group : groups) {
+    num_grouped += group.size();
+    stacked.push_back(group.size() == 1 ? views[group.front()] : Stack(views, group));
+  }
+  stacked.insert(stacked.end(), views.begin() + static_cast<std::ptrdiff_t>(num_grouped), views.end());
+  return stacked;
+}
+
+}  // namespace heba

@@ -1,0 +1,55 @@
+// Linearised captures: what all images of a capture say about the unknowns and about the effects of the capture alone,
+// in a few rows. They are the input of the variances, the covariance and the tests. Equations (10) and (12) of
+// docs/estimation.md.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heba/data/solution.h"
+#include "heba/kernels/small_matrix.h"
+#include "solvers/residuals/loop_problem.h"
+#include "solvers/residuals/loss.h"
+
+namespace heba {
+
+// One capture, linearised: offset = by_unknowns * step + by_effects * xi + noise, where the noise has unit variance
+// (pixel sigma and loss applied).
+struct LinearisedView {
+  Eigen::MatrixXd by_unknowns;  // For the columns see Information::layout.
+  // Derivatives by the tangents xi of the capture's own poses (m, rad), six columns each.
+  Eigen::MatrixXd by_effects;
+  Eigen::VectorXd offset;
+  // Number of rows at the end that do not depend on the effects.
+  Eigen::Index num_rows_without_effects = 0;
+  // Pixel residuals that are independent of the rows above: their sum of squares and their number.
+  double residual_sum_of_squares = 0;
+  int num_residual_dof = 0;
+};
+
+// Linearises the captures of a problem at these values and at the own poses of the captures. The images of a capture
+// are joined. The offsets are those without the own poses and without the shared effects: a step is a step of the other
+// unknowns, but the value of effects. Returns nothing if a point cannot be projected.
+std::optional<std::vector<LinearisedView>> LineariseCaptures(const LoopProblem& problem, const LoopValues& values,
+                                                             double pixel_sigma_px, const Loss& loss);
+
+// Linearises all views of a hand-eye calibration, each as a capture with one correction of its robot pose
+// (HandEyeLoops). `corrections` may be empty if there are none. Returns nothing if a point cannot be projected.
+std::optional<std::vector<LinearisedView>> LineariseViews(const Problem& problem, const HandEye& hand_eye,
+                                                          const std::vector<Rigid3d>& corrections,
+                                                          const FreeParameters& free, double pixel_sigma_px,
+                                                          const Loss& loss);
+
+// Likewise for the problem's views at a solution, which provides the camera, the target's shape and the weights of
+// the points.
+std::optional<std::vector<LinearisedView>> LineariseViewsAt(const Problem& problem, const Solution& solution,
+                                                            const std::vector<Rigid3d>& corrections,
+                                                            const FreeParameters& free, const Loss& loss);
+
+// Returns one view per group, with the rows of its views, which share their effects, in no more rows than columns.
+// Views after those of the groups, such as a prior of the camera, are kept at the end.
+std::vector<LinearisedView> StackGroups(const std::vector<LinearisedView>& views, const PoseGroups& groups);
+
+}  // namespace heba
