@@ -84,7 +84,7 @@ std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solu
     const bool is_focal = unknown.group == UnknownGroup::kFocal;
     if (!is_focal && unknown.group != UnknownGroup::kPrincipalPoint) continue;
     WeakDirection weakness;
-    weakness.name = unknown.plain_name;
+    weakness.name = layout.PlainName(i);
     weakness.direction = is_focal ? AxialFocalLengthByUnknowns(solution.camera, unknown.index, layout, camera)
                                   : Eigen::VectorXd::Unit(covariance.rows(), i);
     weakness.sigma = std::sqrt(weakness.direction.dot(covariance * weakness.direction));

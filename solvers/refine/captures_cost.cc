@@ -31,19 +31,6 @@ constexpr int kFewPoints = 16;
 // Returns whether a derivative of the chain rule is -I, as for the hand-eye pose, whose tangent is in the camera frame.
 bool IsMirror(const Matrix6& chain) { return chain == -Matrix6::Identity(); }
 
-// Returns own^-1 right. `own` is positive definite: if the views do not determine a pose, a prior does.
-Eigen::MatrixXd SolveOwn(const Eigen::MatrixXd& own, const Eigen::MatrixXd& right) {
-  if (own.rows() == 6) {
-    const Eigen::LLT<Matrix6> root{Matrix6(own)};
-    if (root.info() != Eigen::Success) return own.ldlt().solve(right);
-    const Matrix6 inverse_root = InverseOfLower(root.matrixLLT());
-    return inverse_root.transpose().lazyProduct(Matrix6X(inverse_root.lazyProduct(Eigen::Ref<const Matrix6X>(right))));
-  }
-  const Eigen::LLT<Eigen::MatrixXd> root(own);
-  if (root.info() != Eigen::Success) return own.ldlt().solve(right);
-  return root.solve(right);
-}
-
 }  // namespace
 
 // The shared unknowns at which captures are evaluated.
@@ -116,10 +103,9 @@ struct CapturesCost::State {
 // Sums views, chained to the shared unknowns. Only lower triangles are used.
 class CapturesCost::GroupSum {
  public:
-  GroupSum(const LoopProblem& problem, Eigen::Index num_columns)
-      : poses_(BlocksOf(problem.layout, UnknownOwner::kPose)),
-        effects_(BlocksOf(problem.layout, UnknownOwner::kEffects)),
-        num_columns_(num_columns) {
+  // `poses` and `effects` must outlive this object.
+  GroupSum(const std::vector<UnknownBlock>& poses, const std::vector<UnknownBlock>& effects, Eigen::Index num_columns)
+      : poses_(poses), effects_(effects), num_columns_(num_columns) {
     matrix_.setZero(num_columns, num_columns);
   }
 
@@ -253,17 +239,35 @@ class CapturesCost::GroupSum {
     }
   }
 
-  // Adds a prior's squared residuals, and subtracts what the own poses explain: own_rows^T step.
-  void Eliminate(const Eigen::MatrixXd& own_rows, const Eigen::MatrixXd& step, double prior_squares) {
-    matrix_(num_columns_ - 1, num_columns_ - 1) += prior_squares;
-    matrix_.noalias() -= own_rows.transpose().lazyProduct(step);
+  // Eliminates a capture's own poses: subtracts own_rows^T normal^-1 own_rows, and returns normal^-1 own_rows.
+  // kRows: the number of rows, if it is known at compile time.
+  template <int kRows>
+  Eigen::MatrixXd Eliminate(const Eigen::MatrixXd& normal, const Eigen::MatrixXd& own_rows) {
+    using Square = Eigen::Matrix<double, kRows, kRows>;
+    using Rows = Eigen::Matrix<double, kRows, Eigen::Dynamic>;
+    const Eigen::LLT<Square> root{Square(normal)};
+    if (root.info() != Eigen::Success) {
+      // The views do not determine a pose, and there is no prior.
+      Eigen::MatrixXd step = normal.ldlt().solve(own_rows);
+      matrix_.noalias() -= own_rows.transpose() * step;
+      return step;
+    }
+    const Square inverse_root = InverseOfLower(Square(root.matrixLLT()));
+    if (!eliminated_) eliminated_.emplace(static_cast<int>(num_columns_));
+    auto whitened = eliminated_->Next<kRows>(own_rows.rows());
+    whitened = inverse_root.lazyProduct(Eigen::Map<const Rows>(own_rows.data(), own_rows.rows(), own_rows.cols()));
+    return inverse_root.transpose().lazyProduct(whitened);
   }
+
+  // Adds the squared residuals of priors.
+  void AddSquares(double squares) { matrix_(num_columns_ - 1, num_columns_ - 1) += squares; }
 
   void AddLossRemainder(double loss_remainder) { loss_remainder_ += loss_remainder; }
 
   // Moves the sums to `sum`.
   void Finish(NormalEquations* sum) {
     if (stacked_) stacked_->AddTo(&matrix_);
+    if (eliminated_) matrix_ -= eliminated_->Products();
     sum->matrix = std::move(matrix_);
     sum->loss_remainder = loss_remainder_;
   }
@@ -287,19 +291,24 @@ class CapturesCost::GroupSum {
     }
   }
 
-  std::vector<UnknownBlock> poses_;
-  std::vector<UnknownBlock> effects_;
+  const std::vector<UnknownBlock>& poses_;
+  const std::vector<UnknownBlock>& effects_;
   Eigen::Index num_columns_;
   Eigen::MatrixXd matrix_;
   double loss_remainder_ = 0;
   std::optional<StackedRows> stacked_;
+  std::optional<StackedRows> eliminated_;
 };
 
 CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
-    : problem_(std::move(problem)), options_(std::move(options)), num_columns_(problem_.layout.size() + 1) {
+    : problem_(std::move(problem)),
+      options_(std::move(options)),
+      pose_blocks_(problem_.layout.BlocksOf(UnknownOwner::kPose)),
+      effect_blocks_(problem_.layout.BlocksOf(UnknownOwner::kEffects)),
+      num_columns_(problem_.layout.size() + 1) {
   CHECK(!problem_.captures.empty());
-  const std::vector<UnknownBlock> cameras = BlocksOf(problem_.layout, UnknownOwner::kCamera);
-  const std::vector<UnknownBlock> targets = BlocksOf(problem_.layout, UnknownOwner::kTarget);
+  const std::vector<UnknownBlock> cameras = problem_.layout.BlocksOf(UnknownOwner::kCamera);
+  const std::vector<UnknownBlock> targets = problem_.layout.BlocksOf(UnknownOwner::kTarget);
   CHECK_EQ(cameras.size(), problem_.cameras.size());
   CHECK_EQ(targets.size(), problem_.targets.size());
   size_t at = 0;
@@ -507,7 +516,7 @@ std::vector<Rigid3d> CapturesCost::EliminatedPosesAfter(const Eigen::VectorXd& s
 
 bool CapturesCost::EvaluateGroup(size_t first, size_t last, const Point& at, const Eigen::VectorXd& step, State* state,
                                  NormalEquations* sum) const {
-  GroupSum group(problem_, num_columns_);
+  GroupSum group(pose_blocks_, effect_blocks_, num_columns_);
   const bool settles = accepted_ == nullptr;
   ViewRows rows;
   CaptureTerms terms;
@@ -556,9 +565,11 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const Point& at, con
     EliminatedState& own = state->eliminated[i];
     own.poses = std::move(terms.own_poses);
     own.cost = terms.cost;
-    own.step = SolveOwn(terms.normal, own_rows);
+    constexpr int kOnePose = 6;
+    own.step = terms.normal.rows() == kOnePose ? group.Eliminate<kOnePose>(terms.normal, own_rows)
+                                               : group.Eliminate<Eigen::Dynamic>(terms.normal, own_rows);
     own.predicted_drop = own_rows.rightCols<1>().dot(own.step.rightCols<1>());
-    group.Eliminate(own_rows, own.step, terms.prior_squares);
+    group.AddSquares(terms.prior_squares);
   }
   group.Finish(sum);
   return true;

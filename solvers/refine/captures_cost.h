@@ -111,6 +111,8 @@ class CapturesCost final : public ceres::CostFunction {
     int size = 0;
   };
   std::vector<ParameterBlock> blocks_;
+  std::vector<UnknownBlock> pose_blocks_;
+  std::vector<UnknownBlock> effect_blocks_;
   // One for each pair of camera and target.
   std::vector<ColumnMap> maps_;
   Eigen::Index num_columns_;  // Number of unknowns, and one for the residual.

@@ -70,6 +70,7 @@ std::optional<NormalEquations> ProductsOf(const std::optional<KnownProducts>& kn
 
 ViewDistances SquaredDistances(const Problem& problem, const FitState& state, int num_threads) {
   ViewDistances distances(problem.views.size());
+  const CameraModel& model = state.camera.Model();
   const TargetShape* const shape = state.shape.params == TargetShape().params ? nullptr : &state.shape;
   int num_points = 0;
   for (const View& view : problem.views) num_points += view.observations.size();
@@ -80,7 +81,7 @@ ViewDistances SquaredDistances(const Problem& problem, const FitState& state, in
         CameraFromTarget(problem.setup, state.hand_eye, view.camera_mount_from_target_mount,
                          state.corrections.empty() ? Rigid3d() : state.corrections[i]);
     distances[i] =
-        WhitenedSquares(state.camera.Model(), state.camera.params.data(), camera_from_target, view.observations, shape);
+        WhitenedSquares(model, state.camera.params.data(), camera_from_target, view.observations, shape);
   });
   return distances;
 }

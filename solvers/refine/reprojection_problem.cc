@@ -97,7 +97,7 @@ LoopValues LoopUnknowns::Values() const {
   values.effects.clear();
   values.cameras.clear();
   size_t target = 0;
-  const std::vector<UnknownBlock> targets = BlocksOf(layout_, UnknownOwner::kTarget);
+  const std::vector<UnknownBlock> targets = layout_.BlocksOf(UnknownOwner::kTarget);
   for (size_t b = 0; b < places_.size(); ++b) {
     const double* const from = blocks_[b];
     switch (places_[b].unknowns.owner) {

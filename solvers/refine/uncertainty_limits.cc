@@ -62,7 +62,7 @@ std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Came
     if (limit == std::end(kLimits)) continue;
     const SigmaOfSize known = SigmaAt(covariance, i, camera);
     if (known.sigma < limit->most * known.size) continue;
-    return Failure{unknown.plain_name + " is known only to " + Significant(known.sigma / limit->unit, 2) +
+    return Failure{covariance.layout.PlainName(i) + " is known only to " + Significant(known.sigma / limit->unit, 2) +
                    limit->unit_name + limit->cure};
   }
   return std::nullopt;

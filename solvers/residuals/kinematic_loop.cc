@@ -71,31 +71,60 @@ LoopFactor Inverse(LoopFactor factor) {
   return factor;
 }
 
-KinematicLoop::KinematicLoop(std::vector<LoopFactor> factors) : factors_(std::move(factors)) {
-  const auto places_of = [&](LoopFactor::Kind kind) -> std::vector<int>* {
-    if (kind == LoopFactor::Kind::kShared) return &shared_;
-    if (kind == LoopFactor::Kind::kEffect) return &effects_;
-    return kind == LoopFactor::Kind::kOwn ? &own_ : nullptr;
+KinematicLoop::KinematicLoop(std::vector<LoopFactor> factors) {
+  const auto pattern = std::make_shared<Pattern>();
+  pattern->factors = std::move(factors);
+  const auto indices_of = [&](LoopFactor::Kind kind) -> std::vector<int>* {
+    if (kind == LoopFactor::Kind::kShared) return &pattern->shared;
+    if (kind == LoopFactor::Kind::kEffect) return &pattern->effects;
+    return kind == LoopFactor::Kind::kOwn ? &pattern->own : nullptr;
   };
-  for (LoopFactor& factor : factors_) {
-    if (std::vector<int>* const places = places_of(factor.kind)) {
-      places->push_back(factor.index);
-    } else if (factor.is_inverted) {
-      factor.known = Inverse(factor.known);
-      factor.is_inverted = false;
+  for (LoopFactor& factor : pattern->factors) {
+    if (std::vector<int>* const indices = indices_of(factor.kind)) {
+      indices->push_back(factor.index);
+      continue;
     }
+    known_.push_back(factor.is_inverted ? Inverse(factor.known) : factor.known);
+    factor.known = Rigid3d();
   }
-  for (std::vector<int>* const places : {&shared_, &effects_, &own_}) {
-    std::sort(places->begin(), places->end());
-    places->erase(std::unique(places->begin(), places->end()), places->end());
+  for (std::vector<int>* const indices : {&pattern->shared, &pattern->effects, &pattern->own}) {
+    std::sort(indices->begin(), indices->end());
+    indices->erase(std::unique(indices->begin(), indices->end()), indices->end());
   }
-  for (const LoopFactor& factor : factors_) {
-    const std::vector<int>* const places = places_of(factor.kind);
-    slots_.push_back(
-        places == nullptr
-            ? 0
-            : static_cast<size_t>(std::lower_bound(places->begin(), places->end(), factor.index) - places->begin()));
+  size_t num_known = 0;
+  for (const LoopFactor& factor : pattern->factors) {
+    const std::vector<int>* const indices = indices_of(factor.kind);
+    if (indices == nullptr) {
+      pattern->slots.push_back(num_known++);
+      continue;
+    }
+    const auto found = std::lower_bound(indices->begin(), indices->end(), factor.index);
+    pattern->slots.push_back(static_cast<size_t>(found - indices->begin()));
   }
+  pattern_ = pattern;
+}
+
+KinematicLoop KinematicLoop::WithKnown(std::vector<Rigid3d> known) const {
+  CHECK_EQ(known.size(), known_.size());
+  KinematicLoop loop = *this;
+  loop.known_ = std::move(known);
+  for (size_t j = 0; j < pattern_->factors.size(); ++j) {
+    const LoopFactor& factor = pattern_->factors[j];
+    if (factor.kind != LoopFactor::Kind::kKnown || !factor.is_inverted) continue;
+    Rigid3d& pose = loop.known_[pattern_->slots[j]];
+    pose = Inverse(pose);
+  }
+  return loop;
+}
+
+std::vector<LoopFactor> KinematicLoop::Factors() const {
+  std::vector<LoopFactor> factors = pattern_->factors;
+  for (size_t j = 0; j < factors.size(); ++j) {
+    if (factors[j].kind != LoopFactor::Kind::kKnown) continue;
+    factors[j].known = known_[pattern_->slots[j]];
+    if (factors[j].is_inverted) factors[j].known = Inverse(factors[j].known);
+  }
+  return factors;
 }
 
 // A tangent of the factor F_j in the child frame is a perturbation on the left of camera_from_target by the adjoint of
@@ -103,18 +132,19 @@ KinematicLoop::KinematicLoop(std::vector<LoopFactor> factors) : factors_(std::mo
 Rigid3d KinematicLoop::Evaluate(const LoopPoses& poses, LoopDerivatives* derivatives) const {
   Rigid3d left;
   if (derivatives != nullptr) {
-    derivatives->shared.assign(shared_.size(), Matrix6::Zero());
-    derivatives->effects.assign(effects_.size(), Matrix6X());
-    derivatives->own.assign(own_.size(), Matrix6::Zero());
+    derivatives->shared.assign(pattern_->shared.size(), Matrix6::Zero());
+    derivatives->effects.assign(pattern_->effects.size(), Matrix6X());
+    derivatives->own.assign(pattern_->own.size(), Matrix6::Zero());
   }
   Matrix6X tangent_from_effects;
-  for (size_t j = 0; j < factors_.size(); ++j) {
-    const LoopFactor& factor = factors_[j];
+  for (size_t j = 0; j < pattern_->factors.size(); ++j) {
+    const LoopFactor& factor = pattern_->factors[j];
+    const size_t slot = pattern_->slots[j];
     const auto index = static_cast<size_t>(factor.index);
     Rigid3d pose;
     switch (factor.kind) {
       case LoopFactor::Kind::kKnown:
-        left = j == 0 ? factor.known : left * factor.known;
+        left = j == 0 ? known_[slot] : left * known_[slot];
         continue;
       case LoopFactor::Kind::kShared:
         pose = poses.shared[index];
@@ -138,13 +168,13 @@ Rigid3d KinematicLoop::Evaluate(const LoopPoses& poses, LoopDerivatives* derivat
       case LoopFactor::Kind::kKnown:
         break;
       case LoopFactor::Kind::kShared:
-        derivatives->shared[slots_[j]] += left_from_tangent;
+        derivatives->shared[slot] += left_from_tangent;
         break;
       case LoopFactor::Kind::kOwn:
-        derivatives->own[slots_[j]] += left_from_tangent;
+        derivatives->own[slot] += left_from_tangent;
         break;
       case LoopFactor::Kind::kEffect: {
-        Matrix6X& by_effects = derivatives->effects[slots_[j]];
+        Matrix6X& by_effects = derivatives->effects[slot];
         if (by_effects.size() == 0) by_effects.setZero(6, tangent_from_effects.cols());
         by_effects += left_from_tangent * tangent_from_effects;
         break;

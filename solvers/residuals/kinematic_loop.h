@@ -64,22 +64,32 @@ class KinematicLoop {
  public:
   explicit KinematicLoop(std::vector<LoopFactor> factors);
 
+  // Returns the same loop with other known poses, given in the order of the known factors. Loops that are made from one
+  // another share what they have in common.
+  KinematicLoop WithKnown(std::vector<Rigid3d> known) const;
+
   // Returns camera_from_target. `derivatives` may be null.
   Rigid3d Evaluate(const LoopPoses& poses, LoopDerivatives* derivatives) const;
 
-  // The factors; those of inverted known poses are replaced by known poses.
-  const std::vector<LoopFactor>& factors() const { return factors_; }
+  // Returns the factors.
+  std::vector<LoopFactor> Factors() const;
   // The indices of the unknowns on which the loop depends, in ascending order.
-  const std::vector<int>& shared() const { return shared_; }
-  const std::vector<int>& effects() const { return effects_; }
-  const std::vector<int>& own() const { return own_; }
+  const std::vector<int>& shared() const { return pattern_->shared; }
+  const std::vector<int>& effects() const { return pattern_->effects; }
+  const std::vector<int>& own() const { return pattern_->own; }
 
  private:
-  std::vector<LoopFactor> factors_;
-  std::vector<size_t> slots_;  // For each factor, its place among `shared_`, `effects_` or `own_`.
-  std::vector<int> shared_;
-  std::vector<int> effects_;
-  std::vector<int> own_;
+  // All about a loop but the known poses.
+  struct Pattern {
+    std::vector<LoopFactor> factors;  // Without their known poses.
+    std::vector<size_t> slots;  // For each factor, its place among the known poses, or `shared`, `effects` or `own`.
+    std::vector<int> shared;
+    std::vector<int> effects;
+    std::vector<int> own;
+  };
+
+  std::shared_ptr<const Pattern> pattern_;
+  std::vector<Rigid3d> known_;  // Those of inverted factors are inverted.
 };
 
 }  // namespace heba

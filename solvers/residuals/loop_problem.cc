@@ -15,31 +15,27 @@ LoopProblem WithoutCaptures(const Problem& problem, const FreeParameters& free) 
   return loops;
 }
 
+// Returns the loop of a view without correction: X^-1 M Z.
+KinematicLoop ExactLoop() {
+  return KinematicLoop({Inverse(SharedFactor(kHandEye)), KnownFactor({}), SharedFactor(kBoard)});
+}
+
 // Returns the loop of a view with the correction xi of its robot pose: X^-1 M Exp(xi) Z if the target is on the
 // gripper, X^-1 Exp(-xi) M Z if the camera is.
-KinematicLoop CorrectedLoop(Setup setup, const Rigid3d& camera_mount_from_target_mount) {
-  const LoopFactor measured = KnownFactor(camera_mount_from_target_mount);
+KinematicLoop CorrectedLoop(Setup setup) {
   const LoopFactor correction = OwnFactor(0);
   if (setup == Setup::kEyeToHand) {
-    return KinematicLoop({Inverse(SharedFactor(kHandEye)), measured, correction, SharedFactor(kBoard)});
+    return KinematicLoop({Inverse(SharedFactor(kHandEye)), KnownFactor({}), correction, SharedFactor(kBoard)});
   }
-  return KinematicLoop({Inverse(SharedFactor(kHandEye)), Inverse(correction), measured, SharedFactor(kBoard)});
+  return KinematicLoop({Inverse(SharedFactor(kHandEye)), Inverse(correction), KnownFactor({}), SharedFactor(kBoard)});
 }
 
 }  // namespace
 
-std::vector<UnknownBlock> BlocksOf(const UnknownLayout& layout, UnknownOwner owner) {
-  std::vector<UnknownBlock> blocks;
-  for (const UnknownBlock& block : layout.blocks()) {
-    if (block.owner == owner) blocks.push_back(block);
-  }
-  return blocks;
-}
-
 FreeParameters FreeOf(const LoopProblem& problem, int camera, int target) {
   const auto camera_index = static_cast<size_t>(camera);
-  const UnknownBlock of_camera = BlocksOf(problem.layout, UnknownOwner::kCamera)[camera_index];
-  const UnknownBlock of_target = BlocksOf(problem.layout, UnknownOwner::kTarget)[static_cast<size_t>(target)];
+  const UnknownBlock of_camera = problem.layout.BlocksOf(UnknownOwner::kCamera)[camera_index];
+  const UnknownBlock of_target = problem.layout.BlocksOf(UnknownOwner::kTarget)[static_cast<size_t>(target)];
   FreeParameters free(static_cast<size_t>(NumParams(*problem.cameras[camera_index])), false);
   const size_t num_params = free.size();
   if (of_target.size > 0) free.resize(num_params + TargetShape::kNumParams, false);
@@ -71,11 +67,11 @@ OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior) {
 
 LoopProblem HandEyeLoops(const Problem& problem, const FreeParameters& free) {
   LoopProblem loops = WithoutCaptures(problem, free);
+  const KinematicLoop loop = ExactLoop();
+  loops.captures.reserve(problem.views.size());
   for (const View& view : problem.views) {
     LoopCapture& capture = loops.captures.emplace_back();
-    capture.views.push_back(
-        {&view.observations, KinematicLoop({Inverse(SharedFactor(kHandEye)),
-                                            KnownFactor(view.camera_mount_from_target_mount), SharedFactor(kBoard)})});
+    capture.views.push_back({&view.observations, loop.WithKnown({view.camera_mount_from_target_mount})});
   }
   return loops;
 }
@@ -84,12 +80,14 @@ LoopProblem HandEyeLoops(const Problem& problem, const FreeParameters& free, con
                          const std::vector<Rigid3d>& corrections, const RobotNoise& noise) {
   LoopProblem loops = WithoutCaptures(problem, free);
   loops.priors = {CorrectionPrior(noise)};
+  const KinematicLoop loop = CorrectedLoop(problem.setup);
+  loops.captures.reserve(groups.size());
   for (const std::vector<size_t>& group : groups) {
     LoopCapture& capture = loops.captures.emplace_back();
     capture.own_poses = {{corrections[group.front()], 0}};
     for (const size_t i : group) {
       const View& view = problem.views[i];
-      capture.views.push_back({&view.observations, CorrectedLoop(problem.setup, view.camera_mount_from_target_mount)});
+      capture.views.push_back({&view.observations, loop.WithKnown({view.camera_mount_from_target_mount})});
     }
   }
   return loops;

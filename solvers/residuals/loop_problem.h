@@ -53,8 +53,6 @@ struct LoopValues {
   std::vector<TargetShape> targets;
 };
 
-// The blocks of a problem's layout that belong to one kind of owner, in their order.
-std::vector<UnknownBlock> BlocksOf(const UnknownLayout& layout, UnknownOwner owner);
 // Returns the flags with which the points of a target in a camera are reduced (ViewReducer).
 FreeParameters FreeOf(const LoopProblem& problem, int camera, int target);
 

@@ -28,7 +28,7 @@ std::optional<Failure> CheckObservable(const Information& information) {
   constexpr double kMinEigenvalue = 1e-9;
   const Eigen::VectorXd scale = ScaleOf(information.matrix);
   for (Eigen::Index i = 0; i < scale.size(); ++i) {
-    if (scale[i] == 0) return Failure{"the data do not determine " + information.layout[i].plain_name};
+    if (scale[i] == 0) return Failure{"the data do not determine " + information.layout.PlainName(i)};
   }
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information.matrix * scale.asDiagonal();
   // A lower bound of the smallest eigenvalue usually suffices: one divided by the norm of the inverse.
@@ -54,7 +54,7 @@ std::optional<Failure> CheckObservable(const Information& information) {
     has_camera = has_camera || owner_of(i) == UnknownOwner::kCamera;
     has_shape = has_shape || owner_of(i) == UnknownOwner::kTarget;
     constexpr size_t kMaxParts = 3;
-    if (parts.size() < kMaxParts) parts.push_back(information.layout[i].plain_name);
+    if (parts.size() < kMaxParts) parts.push_back(information.layout.PlainName(i));
   }
   std::vector<std::string> cures = {"move the target through more depth and tilt"};
   if (has_camera) cures.emplace_back("hold intrinsics (refine.intrinsics)");

@@ -71,10 +71,10 @@ class ViewLinearisation {
   ViewLinearisation(const LoopProblem& problem, const LoopValues& values, double pixel_sigma_px, const Loss& loss)
       : problem_(problem),
         values_(values),
-        poses_(BlocksOf(problem.layout, UnknownOwner::kPose)),
-        effects_(BlocksOf(problem.layout, UnknownOwner::kEffects)),
-        cameras_(BlocksOf(problem.layout, UnknownOwner::kCamera)),
-        targets_(BlocksOf(problem.layout, UnknownOwner::kTarget)) {
+        poses_(problem.layout.BlocksOf(UnknownOwner::kPose)),
+        effects_(problem.layout.BlocksOf(UnknownOwner::kEffects)),
+        cameras_(problem.layout.BlocksOf(UnknownOwner::kCamera)),
+        targets_(problem.layout.BlocksOf(UnknownOwner::kTarget)) {
     for (size_t c = 0; c < cameras_.size(); ++c) {
       for (size_t t = 0; t < targets_.size(); ++t) {
         reducers_.emplace_back(*problem.cameras[c], FreeOf(problem, static_cast<int>(c), static_cast<int>(t)),

@@ -189,14 +189,17 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
   std::vector<Eigen::MatrixXd> DerivativesOf(const Whitening& whitening, double pixel_variance) const {
     const Eigen::Index n = num_unknowns_;
     StackedRows pixels(static_cast<int>(n));
-    std::vector<StackedRows> of_effects(effects_.ranges.size(), StackedRows(static_cast<int>(n)));
+    std::vector<StackedRows> of_effects;
+    of_effects.reserve(effects_.ranges.size());
+    for (size_t k = 0; k < effects_.ranges.size(); ++k) of_effects.emplace_back(static_cast<int>(n));
+    Rows by_effects(num_rows_, n);
     for (size_t v = 0; v < dependent_.size(); ++v) {
       const auto weighted = whitening.Weighted(v).leftCols(n);
       pixels.Next<kRows>(num_rows_) = weighted;
+      by_effects = dependent_[v].by_effects.transpose().lazyProduct(weighted);
       for (size_t k = 0; k < of_effects.size(); ++k) {
         const EffectColumns::Range& range = effects_.ranges[k];
-        of_effects[k].template Next<Eigen::Dynamic>(range.size) =
-            dependent_[v].by_effects.middleCols(range.first, range.size).transpose().lazyProduct(weighted);
+        of_effects[k].template Next<Eigen::Dynamic>(range.size) = by_effects.middleRows(range.first, range.size);
       }
     }
     std::vector<Eigen::MatrixXd> derivatives(static_cast<size_t>(num_groups_));

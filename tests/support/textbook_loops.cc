@@ -145,7 +145,7 @@ class Textbook {
     for (const std::vector<Rigid3d>& own : values.own_poses) {
       own_.emplace_back(own.size(), std::vector<double>(6, 0.0));
     }
-    const std::vector<UnknownBlock> target_blocks = BlocksOf(problem.layout, UnknownOwner::kTarget);
+    const std::vector<UnknownBlock> target_blocks = problem.layout.BlocksOf(UnknownOwner::kTarget);
     std::vector<Eigen::Index> effect_sizes;
     for (const std::vector<double>& effects : effects_) {
       effect_sizes.push_back(static_cast<Eigen::Index>(effects.size()));
@@ -167,7 +167,7 @@ class Textbook {
             return static_cast<int>(blocks.size()) - 1;
           };
           BlockPlaces places;
-          for (const LoopFactor& factor : view.loop.factors()) {
+          for (const LoopFactor& factor : view.loop.Factors()) {
             const auto index = static_cast<size_t>(factor.index);
             places.references.emplace_back();
             switch (factor.kind) {
@@ -190,7 +190,7 @@ class Textbook {
           places.camera = place_of(&cameras_[camera]);
           if (has_shape) places.shape = place_of(&shapes_[target]);
           auto* const residual = new ceres::DynamicAutoDiffCostFunction<PointResidual, 4>(new PointResidual{
-              view.loop.factors(), places, values.shared.targets[target], view.observations->points_in_target.col(k),
+              view.loop.Factors(), places, values.shared.targets[target], view.observations->points_in_target.col(k),
               view.observations->pixels.col(k), 1 / options.pixel_sigma_px,
               problem.cameras[camera]->name() == "kannala_brandt4", effect_sizes});
           for (const int size : sizes) residual->AddParameterBlock(size);

@@ -26,67 +26,110 @@ UnknownGroup GroupOfCameraParam(int param) {
 }  // namespace
 
 UnknownBlock& UnknownLayout::AddBlock(UnknownOwner owner, std::string_view name) {
-  return blocks_.emplace_back(UnknownBlock{owner, std::string(name), size(), 0});
+  UnknownBlock& block = blocks_.emplace_back();
+  block.owner = owner;
+  block.name = name;
+  block.first = size();
+  return block;
 }
 
 void UnknownLayout::AddPose(std::string_view name, std::string_view plain_name, std::string_view plain_frame) {
-  AddBlock(UnknownOwner::kPose, name).size = kPoseSize;
-  for (size_t i = 0; i < kTangentNames.size(); ++i) {
-    const bool is_translation = i < 3;
-    constexpr std::string_view kAxes = "xyz";
-    unknowns_.push_back({std::string(name) + "." + std::string(kTangentNames[i]),
-                         std::string(plain_name) + (is_translation ? " translation along " : " rotation about ") +
-                             std::string(plain_frame) + " " + kAxes[i % 3],
-                         is_translation ? UnknownGroup::kTranslation : UnknownGroup::kRotation, static_cast<int>(i)});
+  UnknownBlock& block = AddBlock(UnknownOwner::kPose, name);
+  block.plain_name = plain_name;
+  block.plain_frame = plain_frame;
+  block.size = kPoseSize;
+  for (int i = 0; i < kPoseSize; ++i) {
+    unknowns_.push_back({i < 3 ? UnknownGroup::kTranslation : UnknownGroup::kRotation, i});
   }
 }
 
 void UnknownLayout::AddEffects(std::string_view name, std::string_view plain_name, int size) {
-  AddBlock(UnknownOwner::kEffects, name).size = size;
-  for (int i = 0; i < size; ++i) {
-    unknowns_.push_back({std::string(name) + "." + std::to_string(i), std::string(plain_name) + " " + std::to_string(i),
-                         UnknownGroup::kEffect, i});
-  }
+  UnknownBlock& block = AddBlock(UnknownOwner::kEffects, name);
+  block.plain_name = plain_name;
+  block.size = size;
+  for (int i = 0; i < size; ++i) unknowns_.push_back({UnknownGroup::kEffect, i});
 }
 
 void UnknownLayout::AddCamera(std::string_view name, const CameraModel& model, const std::vector<bool>& free) {
   CHECK_EQ(free.size(), static_cast<size_t>(NumParams(model)));
   UnknownBlock& block = AddBlock(UnknownOwner::kCamera, name);
-  for (size_t i = 0; i < free.size(); ++i) {
-    if (!free[i]) continue;
-    const std::string& param = model.param_names()[i];
-    unknowns_.push_back({std::string(name) + "." + param, "the " + std::string(name) + "'s " + param,
-                         GroupOfCameraParam(static_cast<int>(i)), static_cast<int>(i)});
-    ++block.size;
+  block.model = &model;
+  for (int i = 0; i < NumParams(model); ++i) {
+    if (free[static_cast<size_t>(i)]) unknowns_.push_back({GroupOfCameraParam(i), i});
   }
+  block.size = size() - block.first;
 }
 
 void UnknownLayout::AddTarget(std::string_view name, const std::vector<bool>& free) {
-  constexpr std::string_view kPlainNames[] = {"scale along x", "scale along y", "bend along x", "bend along y"};
-  static_assert(std::size(kPlainNames) == TargetShape::kNumParams);
   CHECK(free.empty() || free.size() == TargetShape::kNumParams);
   UnknownBlock& block = AddBlock(UnknownOwner::kTarget, name);
   for (size_t i = 0; i < free.size(); ++i) {
-    if (!free[i]) continue;
-    unknowns_.push_back(
-        {std::string(name) + "." + std::string(kTargetShapeParamNames[i]),
-         "the " + std::string(name) + "'s " + std::string(kPlainNames[i]),
-         ShapeGroupOf(static_cast<int>(i)) == TargetShapeGroup::kScale ? UnknownGroup::kScale : UnknownGroup::kBend,
-         static_cast<int>(i)});
-    ++block.size;
+    const auto param = static_cast<int>(i);
+    const bool is_scale = ShapeGroupOf(param) == TargetShapeGroup::kScale;
+    if (free[i]) unknowns_.push_back({is_scale ? UnknownGroup::kScale : UnknownGroup::kBend, param});
   }
+  block.size = size() - block.first;
+}
+
+std::string UnknownLayout::Name(Eigen::Index place) const {
+  const UnknownBlock& block = BlockAt(place);
+  const auto index = static_cast<size_t>((*this)[place].index);
+  const std::string owner = block.name + ".";
+  switch (block.owner) {
+    case UnknownOwner::kPose:
+      return owner + std::string(kTangentNames[index]);
+    case UnknownOwner::kEffects:
+      return owner + std::to_string(index);
+    case UnknownOwner::kCamera:
+      return owner + block.model->param_names()[index];
+    case UnknownOwner::kTarget:
+      break;
+  }
+  return owner + std::string(kTargetShapeParamNames[index]);
+}
+
+std::string UnknownLayout::PlainName(Eigen::Index place) const {
+  const UnknownBlock& block = BlockAt(place);
+  const auto index = static_cast<size_t>((*this)[place].index);
+  constexpr std::string_view kAxes = "xyz";
+  constexpr std::string_view kShapeNames[] = {"scale along x", "scale along y", "bend along x", "bend along y"};
+  static_assert(std::size(kShapeNames) == TargetShape::kNumParams);
+  switch (block.owner) {
+    case UnknownOwner::kPose:
+      return block.plain_name + (index < 3 ? " translation along " : " rotation about ") + block.plain_frame + " " +
+             kAxes[index % 3];
+    case UnknownOwner::kEffects:
+      return block.plain_name + " " + std::to_string(index);
+    case UnknownOwner::kCamera:
+      return "the " + block.name + "'s " + block.model->param_names()[index];
+    case UnknownOwner::kTarget:
+      break;
+  }
+  return "the " + block.name + "'s " + std::string(kShapeNames[index]);
 }
 
 std::vector<std::string> UnknownLayout::Names() const {
   std::vector<std::string> names;
-  for (const Unknown& unknown : unknowns_) names.push_back(unknown.name);
+  for (Eigen::Index i = 0; i < size(); ++i) names.push_back(Name(i));
   return names;
+}
+
+std::vector<UnknownBlock> UnknownLayout::BlocksOf(UnknownOwner owner) const {
+  std::vector<UnknownBlock> blocks;
+  for (const UnknownBlock& block : blocks_) {
+    if (block.owner == owner) blocks.push_back(block);
+  }
+  return blocks;
 }
 
 UnknownBlock UnknownLayout::Block(std::string_view name) const {
   const auto found =
       std::find_if(blocks_.begin(), blocks_.end(), [&](const UnknownBlock& block) { return block.name == name; });
-  return found == blocks_.end() ? UnknownBlock{UnknownOwner::kPose, std::string(name), size(), 0} : *found;
+  if (found != blocks_.end()) return *found;
+  UnknownBlock none;
+  none.name = name;
+  none.first = size();
+  return none;
 }
 
 const UnknownBlock& UnknownLayout::BlockAt(Eigen::Index place) const {
@@ -98,10 +141,10 @@ const UnknownBlock& UnknownLayout::BlockAt(Eigen::Index place) const {
 }
 
 std::optional<Eigen::Index> UnknownLayout::Place(std::string_view name) const {
-  const auto found =
-      std::find_if(unknowns_.begin(), unknowns_.end(), [&](const Unknown& unknown) { return unknown.name == name; });
-  if (found == unknowns_.end()) return std::nullopt;
-  return found - unknowns_.begin();
+  for (Eigen::Index i = 0; i < size(); ++i) {
+    if (Name(i) == name) return i;
+  }
+  return std::nullopt;
 }
 
 UnknownLayout HandEyePoses() {

@@ -28,19 +28,20 @@ enum class UnknownGroup {
 
 // One unknown number.
 struct Unknown {
-  std::string name;        // In files: "hand_eye.tx_m".
-  std::string plain_name;  // In messages: "the hand-eye translation along the camera's x".
   UnknownGroup group = UnknownGroup::kTranslation;
   int index = 0;  // Index among all parameters of its owner, free or not; for a pose, of the tangent.
 };
 
-// What the unknowns of a block belong to.
+// The kind of object that a block of unknowns belongs to.
 enum class UnknownOwner { kPose, kEffects, kCamera, kTarget };
 
 // The unknowns of one owner, at consecutive places.
 struct UnknownBlock {
   UnknownOwner owner = UnknownOwner::kPose;
-  std::string name;  // The part of the names before the dot.
+  std::string name;        // In files: the part of the names before the dot.
+  std::string plain_name;  // In messages: "the hand-eye", "the camera's".
+  std::string plain_frame;             // A pose's axes, in messages: "the camera's".
+  const CameraModel* model = nullptr;  // A camera's.
   Eigen::Index first = 0;
   Eigen::Index size = 0;
 
@@ -61,19 +62,24 @@ class UnknownLayout {
   void AddPose(std::string_view name, std::string_view plain_name, std::string_view plain_frame);
   // Adds `size` effects, called "<name>.0" and so on.
   void AddEffects(std::string_view name, std::string_view plain_name, int size);
-  // Adds the camera's parameters whose flag is set.
+  // Adds the camera's parameters whose flag is set. The model must outlive the layout.
   void AddCamera(std::string_view name, const CameraModel& model, const std::vector<bool>& free);
   // Adds the shape parameters whose flag is set (TargetShape::params); `free` may be empty.
   void AddTarget(std::string_view name, const std::vector<bool>& free);
 
   Eigen::Index size() const { return static_cast<Eigen::Index>(unknowns_.size()); }
-  const std::vector<Unknown>& unknowns() const { return unknowns_; }
   const Unknown& operator[](Eigen::Index place) const { return unknowns_[static_cast<size_t>(place)]; }
   const std::vector<UnknownBlock>& blocks() const { return blocks_; }
+  // Returns the name of an unknown in files: "hand_eye.tx_m".
+  std::string Name(Eigen::Index place) const;
+  // Returns the name of an unknown in messages: "the hand-eye translation along the camera's x".
+  std::string PlainName(Eigen::Index place) const;
   std::vector<std::string> Names() const;
 
   // Returns the block of that name; its size is 0 if there is none.
   UnknownBlock Block(std::string_view name) const;
+  // Returns the blocks of a kind of owner, in their order.
+  std::vector<UnknownBlock> BlocksOf(UnknownOwner owner) const;
   // Returns the owner of an unknown.
   const UnknownBlock& BlockAt(Eigen::Index place) const;
   // Returns the place of the unknown of that name, or nothing.

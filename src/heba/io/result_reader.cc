@@ -95,7 +95,7 @@ void CheckCovariance(const JsonReader& reader, const Covariance& covariance) {
   constexpr double kRounding = 1e-6;
   for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
     if (!(matrix(i, i) >= 0 && matrix(i, i) <= kMost)) {
-      reader.Fail("a variance is negative or above 1e15: " + covariance.layout[i].name);
+      reader.Fail("a variance is negative or above 1e15: " + covariance.layout.Name(i));
     }
   }
   for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
@@ -105,8 +105,8 @@ void CheckCovariance(const JsonReader& reader, const Covariance& covariance) {
           std::abs(matrix(i, j)) <= (1 + kRounding) * most) {
         continue;
       }
-      reader.Fail("the matrix is not a covariance: see " + covariance.layout[i].name + " and " +
-                  covariance.layout[j].name);
+      reader.Fail("the matrix is not a covariance: see " + covariance.layout.Name(i) + " and " +
+                  covariance.layout.Name(j));
     }
   }
 }

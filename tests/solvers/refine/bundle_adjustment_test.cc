@@ -163,9 +163,9 @@ TEST(InformationTest, NamesMatchTheParameters) {
   const std::vector<LinearisedView> views = *LineariseViews(problem, scene.hand_eye, {}, free, 1.0, *FindLoss("none"));
   const Information information{HandEyeUnknowns(scene.camera.Model(), free),
                                 MarginalInformation(views, CorrectionVariances({}), 1.0)};
-  ASSERT_EQ(information.layout[2].name, "hand_eye.tz_m");
-  ASSERT_EQ(information.layout[9].name, "board.rx_rad");
-  ASSERT_EQ(information.layout[13].name, "camera.fy");
+  ASSERT_EQ(information.layout.Name(2), "hand_eye.tz_m");
+  ASSERT_EQ(information.layout.Name(9), "board.rx_rad");
+  ASSERT_EQ(information.layout.Name(13), "camera.fy");
   const auto cost = [&](const HandEye& hand_eye, const Camera& camera) {
     return ReprojectionErrors(hand_eye, camera, scene.views)->sum_px2;
   };

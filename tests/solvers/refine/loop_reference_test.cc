@@ -177,7 +177,7 @@ LoopValues Disturbed(const LoopProblem& loops, LoopValues values, uint64_t seed)
     for (double& effect : effects) effect += 1e-3 * rng.Normal();
   }
   size_t camera = 0;
-  for (const UnknownBlock& block : BlocksOf(loops.layout, UnknownOwner::kCamera)) {
+  for (const UnknownBlock& block : loops.layout.BlocksOf(UnknownOwner::kCamera)) {
     for (Eigen::Index i = block.first; i < block.end(); ++i) {
       const bool is_linear = loops.layout[i].index < 4;
       values.cameras[camera][static_cast<size_t>(loops.layout[i].index)] += (is_linear ? 1.0 : 1e-3) * rng.Normal();
