@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <utility>
 
 #include <Eigen/Cholesky>
@@ -79,6 +80,7 @@ struct CapturesCost::CaptureTerms {
   Eigen::VectorXd prior_gradient;
   double prior_squares = 0;
   double cost = 0;
+  double elimination_loss = 0;  // See NormalEquations.
 };
 
 // A capture's eliminated poses where the cost was evaluated.
@@ -263,6 +265,7 @@ class CapturesCost::GroupSum {
   void AddSquares(double squares) { matrix_(num_columns_ - 1, num_columns_ - 1) += squares; }
 
   void AddLossRemainder(double loss_remainder) { loss_remainder_ += loss_remainder; }
+  void NoteEliminationLoss(double loss) { elimination_loss_ = std::max(elimination_loss_, loss); }
 
   // Moves the sums to `sum`.
   void Finish(NormalEquations* sum) {
@@ -270,6 +273,7 @@ class CapturesCost::GroupSum {
     if (eliminated_) matrix_ -= eliminated_->Products();
     sum->matrix = std::move(matrix_);
     sum->loss_remainder = loss_remainder_;
+    sum->elimination_loss = elimination_loss_;
   }
 
  private:
@@ -296,6 +300,7 @@ class CapturesCost::GroupSum {
   Eigen::Index num_columns_;
   Eigen::MatrixXd matrix_;
   double loss_remainder_ = 0;
+  double elimination_loss_ = 0;
   std::optional<StackedRows> stacked_;
   std::optional<StackedRows> eliminated_;
 };
@@ -493,10 +498,12 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
   for (size_t group = 1; group < sums.size(); ++group) {
     sums[0].matrix += sums[group].matrix;
     sums[0].loss_remainder += sums[group].loss_remainder;
+    sums[0].elimination_loss = std::max(sums[0].elimination_loss, sums[group].elimination_loss);
   }
   // Only the lower triangles were summed.
   state->shared.matrix = sums[0].matrix.selfadjointView<Eigen::Lower>();
   state->shared.loss_remainder = sums[0].loss_remainder;
+  state->shared.elimination_loss = sums[0].elimination_loss;
   return true;
 }
 
@@ -570,6 +577,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const Point& at, con
                                                : group.Eliminate<Eigen::Dynamic>(terms.normal, own_rows);
     own.predicted_drop = own_rows.rightCols<1>().dot(own.step.rightCols<1>());
     group.AddSquares(terms.prior_squares);
+    group.NoteEliminationLoss(terms.elimination_loss);
   }
   group.Finish(sum);
   return true;
@@ -586,6 +594,7 @@ bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const Point& at, 
   terms->prior_gradient.setZero(size);
   terms->prior_squares = 0;
   terms->cost = 0;
+  terms->elimination_loss = 0;
   for (size_t v = 0; v < capture.views.size(); ++v) {
     const LoopView& view = capture.views[v];
     ViewTerms& of_view = terms->views[v];
@@ -613,10 +622,16 @@ bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const Point& at, 
     terms->cost += products(residual, residual) + of_view.products.loss_remainder;
   }
   for (size_t j = 0; j < capture.own_poses.size(); ++j) {
-    if (!capture.own_poses[j].prior) continue;
+    if (!capture.own_poses[j].prior) {
+      terms->elimination_loss = std::numeric_limits<double>::infinity();
+      continue;
+    }
     const Eigen::Index row = 6 * static_cast<Eigen::Index>(j);
     const OwnPoseResidual prior = OwnPoseResidualAt(terms->own_poses[j], problem_.priors[*capture.own_poses[j].prior]);
-    terms->normal.block<6, 6>(row, row).noalias() += prior.by_tangent.transpose() * prior.by_tangent;
+    const Matrix6 of_prior = prior.by_tangent.transpose() * prior.by_tangent;
+    const double loss = terms->normal.diagonal().segment<6>(row).cwiseQuotient(of_prior.diagonal()).maxCoeff();
+    terms->elimination_loss = std::max(terms->elimination_loss, loss);
+    terms->normal.block<6, 6>(row, row) += of_prior;
     terms->prior_gradient.segment<6>(row).noalias() = prior.by_tangent.transpose() * prior.residual;
     terms->prior_squares += prior.residual.squaredNorm();
   }

@@ -54,15 +54,45 @@ LoopProblem LoopsOf(const Problem& problem, const PoseGroups& groups, const Free
 
 LoopValues ValuesOf(const FitState& state) { return HandEyeValues(state.hand_eye, state.camera, state.shape); }
 
+// Returns the parameter blocks of a state, joined.
+std::vector<double> ParametersOf(const FitState& state, const FreeParameters& free) {
+  LoopProblem loops;
+  loops.layout = HandEyeUnknowns(state.camera.Model(), free);
+  return LoopUnknowns(loops, ValuesOf(state)).all();
+}
+
+// Returns whether the cached normal equations are those of this fit with corrections, and have lost so few digits in
+// their elimination that they give its covariance.
+bool HasMarginalProducts(const Fit& fit, const Loss& loss, const FreeParameters& free) {
+  constexpr double kMostLoss = 1e6;     // Of 1e16.
+  constexpr double kQuadrature = 1e-6;  // Precision of the factors of a loss.
+  if (!fit.known || !fit.known->noise.robot || std::abs(loss.covariance_factor() - 1) > kQuadrature) return false;
+  const KnownProducts& known = *fit.known;
+  return known.problem == fit.problem && known.loss == &loss && known.noise.pixel_px == fit.noise.pixel_px &&
+         known.noise.robot->translation_m == fit.noise.robot->translation_m &&
+         known.noise.robot->rotation_rad == fit.noise.robot->rotation_rad &&
+         known.products.elimination_loss < kMostLoss && known.products.parameters == ParametersOf(fit.state, free);
+}
+
+// Adds the information of a prior of the camera.
+void AddPrior(const CameraPrior& prior, const FreeParameters& free, Information* information) {
+  const Eigen::VectorXd weights = PriorWeights(prior, free);
+  const UnknownBlock camera = information->layout.Block(kCameraBlock);
+  for (Eigen::Index i = camera.first; i < camera.end(); ++i) {
+    const double weight = weights[information->layout[i].index];
+    information->matrix(i, i) += weight * weight;
+  }
+}
+
 // Returns the cached normal equations if they belong to this problem, loss and pixel sigma; otherwise nothing.
 std::optional<NormalEquations> ProductsOf(const std::optional<KnownProducts>& known, const SharedProblem& problem,
                                           const Loss& loss, double pixel_px) {
-  if (!known || known->problem != problem || known->loss != &loss) return std::nullopt;
-  if (known->pixel_px == pixel_px) return known->products;
+  if (!known || known->problem != problem || known->loss != &loss || known->noise.robot) return std::nullopt;
+  if (known->noise.pixel_px == pixel_px) return known->products;
   if (loss.name != "none") return std::nullopt;
   // Without a robust loss the pixel sigma is only a scale factor.
   NormalEquations products = known->products;
-  products.matrix *= known->pixel_px * known->pixel_px / (pixel_px * pixel_px);
+  products.matrix *= std::pow(known->noise.pixel_px / pixel_px, 2);
   return products;
 }
 
@@ -80,8 +110,7 @@ ViewDistances SquaredDistances(const Problem& problem, const FitState& state, in
     const Rigid3d camera_from_target =
         CameraFromTarget(problem.setup, state.hand_eye, view.camera_mount_from_target_mount,
                          state.corrections.empty() ? Rigid3d() : state.corrections[i]);
-    distances[i] =
-        WhitenedSquares(model, state.camera.params.data(), camera_from_target, view.observations, shape);
+    distances[i] = WhitenedSquares(model, state.camera.params.data(), camera_from_target, view.observations, shape);
   });
   return distances;
 }
@@ -181,11 +210,11 @@ ceres::Solver::Summary MinimiseOnce(const FreeParameters& free, const Loss& loss
     for (const size_t i : (*fit->groups)[g]) state->corrections[i] = corrections[g].front();
   }
   const bool is_accepted = cost.Accepted().parameters == unknowns.all();
-  if (summary.termination_type == ceres::CONVERGENCE && !has_corrections && is_accepted) {
-    fit->known = KnownProducts{fit->problem, &loss, noise.pixel_px, cost.Accepted()};
+  if (summary.termination_type == ceres::CONVERGENCE && is_accepted) {
+    fit->known = KnownProducts{
+        fit->problem, &loss, {noise.pixel_px, has_corrections ? noise.robot : std::nullopt}, cost.Accepted()};
     // Identical up to the normalisation of the poses.
-    fit->known->products.parameters =
-        LoopUnknowns(LoopsOf(*fit->problem, *fit->groups, free, *state, std::nullopt), values).all();
+    fit->known->products.parameters = ParametersOf(*state, free);
   }
   return summary;
 }
@@ -197,9 +226,16 @@ std::optional<Information> FitInformation(const FreeParameters& free, const Loss
   const FitNoise& noise = fit->noise;
   // The information of the pixels' rows is 1 / factor of their weighted normal matrix (Loss::covariance_factor).
   const double factor = loss.covariance_factor();
+  if (noise.robot && HasMarginalProducts(*fit, loss, free)) {
+    Information information{HandEyeUnknowns(state.camera.Model(), free), {}};
+    const Eigen::Index size = information.layout.size();
+    information.matrix = fit->known->products.matrix.topLeftCorner(size, size);
+    if (bundle_options.camera_prior) AddPrior(*bundle_options.camera_prior, free, &information);
+    return information;
+  }
   if (noise.robot) {
-    // Marginalised over the corrections. The Schur complement of the normal equations would be equivalent, but
-    // cancellation leaves no significant digits if the images are far more exact than the robot.
+    // Marginalised over the corrections. The Schur complement of the normal equations is equivalent, but cancellation
+    // leaves no significant digits if the images are far more exact than the robot.
     const std::optional<std::vector<LinearisedView>> views =
         LineariseFit(problem, state, *fit->groups, free, noise, loss, factor, bundle_options.camera_prior);
     if (!views) return std::nullopt;
@@ -219,15 +255,8 @@ std::optional<Information> FitInformation(const FreeParameters& free, const Loss
   if (!products) return std::nullopt;
   const Eigen::Index num_unknowns = information.layout.size();
   information.matrix = products->matrix.topLeftCorner(num_unknowns, num_unknowns) / factor;
-  fit->known = KnownProducts{fit->problem, &loss, noise.pixel_px, std::move(*products)};
-  if (bundle_options.camera_prior) {
-    const Eigen::VectorXd weights = PriorWeights(*bundle_options.camera_prior, free);
-    const UnknownBlock camera = information.layout.Block(kCameraBlock);
-    for (Eigen::Index i = camera.first; i < camera.end(); ++i) {
-      const double weight = weights[information.layout[i].index];
-      information.matrix(i, i) += weight * weight;
-    }
-  }
+  fit->known = KnownProducts{fit->problem, &loss, {noise.pixel_px, std::nullopt}, std::move(*products)};
+  if (bundle_options.camera_prior) AddPrior(*bundle_options.camera_prior, free, &information);
   return information;
 }
 

@@ -40,11 +40,11 @@ using SharedProblem = std::shared_ptr<const Problem>;
 // Wraps a problem that the caller owns.
 inline SharedProblem Borrowed(const Problem& problem) { return {SharedProblem(), &problem}; }
 
-// Cached normal equations of the captures, with the problem, loss and pixel sigma for which they were computed.
+// Cached normal equations of the captures, with the problem, loss and noise for which they were computed.
 struct KnownProducts {
   SharedProblem problem;
   const Loss* loss;
-  double pixel_px;
+  FitNoise noise;
   NormalEquations products;
 };
 

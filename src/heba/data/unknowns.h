@@ -38,8 +38,8 @@ enum class UnknownOwner { kPose, kEffects, kCamera, kTarget };
 // The unknowns of one owner, at consecutive places.
 struct UnknownBlock {
   UnknownOwner owner = UnknownOwner::kPose;
-  std::string name;        // In files: the part of the names before the dot.
-  std::string plain_name;  // In messages: "the hand-eye", "the camera's".
+  std::string name;                    // In files: the part of the names before the dot.
+  std::string plain_name;              // In messages: "the hand-eye", "the camera's".
   std::string plain_frame;             // A pose's axes, in messages: "the camera's".
   const CameraModel* model = nullptr;  // A camera's.
   Eigen::Index first = 0;
