@@ -25,6 +25,11 @@ constexpr int kCapturesPerGroup = 16;
 
 constexpr int kPoseSize = 7;
 
+// The numbers that belong to one capture's own poses; their memory needs no allocation.
+constexpr int kMaxOwnPoses = 4;
+using OwnMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6 * kMaxOwnPoses, 6 * kMaxOwnPoses>;
+using OwnVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6 * kMaxOwnPoses, 1>;
+
 // Rows of views with at most this many points are chained individually, which is cheaper than chaining their
 // products.
 constexpr int kFewPoints = 16;
@@ -75,9 +80,9 @@ struct CapturesCost::CaptureTerms {
   std::vector<ViewTerms> views;
   bool has_all_columns = false;
   // The normal equations of the own poses, with their priors.
-  Eigen::MatrixXd normal;
-  Eigen::VectorXd gradient;
-  Eigen::VectorXd prior_gradient;
+  OwnMatrix normal;
+  OwnVector gradient;
+  OwnVector prior_gradient;
   double prior_squares = 0;
   double cost = 0;
   double elimination_loss = 0;  // See NormalEquations.
@@ -244,7 +249,7 @@ class CapturesCost::GroupSum {
   // Eliminates a capture's own poses: subtracts own_rows^T normal^-1 own_rows, and returns normal^-1 own_rows.
   // kRows: the number of rows, if it is known at compile time.
   template <int kRows>
-  Eigen::MatrixXd Eliminate(const Eigen::MatrixXd& normal, const Eigen::MatrixXd& own_rows) {
+  Eigen::MatrixXd Eliminate(const OwnMatrix& normal, const Eigen::MatrixXd& own_rows) {
     using Square = Eigen::Matrix<double, kRows, kRows>;
     using Rows = Eigen::Matrix<double, kRows, Eigen::Dynamic>;
     const Eigen::LLT<Square> root{Square(normal)};
@@ -346,6 +351,7 @@ CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
   int num_points = 0;
   for (const LoopCapture& capture : problem_.captures) {
     CHECK(!capture.views.empty());
+    CHECK_LE(capture.own_poses.size(), static_cast<size_t>(kMaxOwnPoses));
     has_eliminated_poses_ = has_eliminated_poses_ || !capture.own_poses.empty();
     for (const LoopView& view : capture.views) num_points += view.observations->size();
   }
@@ -650,7 +656,7 @@ bool CapturesCost::SolveEliminatedPoses(const LoopCapture& capture, const Point&
   // A rough pose will hardly be kept, so the columns of the other parameters are not needed there.
   const bool is_rough = options_.eliminated_poses_are_rough && accepted_ == nullptr;
   if (!EvaluateCapture(capture, at, std::move(own_poses), !is_rough, terms)) return false;
-  const auto try_step = [&](const CaptureTerms& here, const Eigen::VectorXd& step) {
+  const auto try_step = [&](const CaptureTerms& here, const OwnVector& step) {
     std::optional<CaptureTerms> next(std::in_place);
     std::vector<Rigid3d> moved;
     for (size_t j = 0; j < here.own_poses.size(); ++j) {

@@ -53,7 +53,8 @@ struct CapturesCostOptions {
 // with ceres::Solve: their values depend on the point at which the Jacobians were evaluated last.
 class CapturesCost final : public ceres::CostFunction {
  public:
-  // The observations and the loss must outlive the cost; there must be at least one capture with a view.
+  // The observations and the loss must outlive the cost; there must be at least one capture, and every capture must
+  // have a view and at most four own poses.
   CapturesCost(LoopProblem problem, CapturesCostOptions options);
   ~CapturesCost() override;
   CapturesCost(const CapturesCost&) = delete;

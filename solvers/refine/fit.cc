@@ -209,8 +209,8 @@ ceres::Solver::Summary MinimiseOnce(const FreeParameters& free, const Loss& loss
   for (size_t g = 0; g < corrections.size(); ++g) {
     for (const size_t i : (*fit->groups)[g]) state->corrections[i] = corrections[g].front();
   }
-  const bool is_accepted = cost.Accepted().parameters == unknowns.all();
-  if (summary.termination_type == ceres::CONVERGENCE && is_accepted) {
+  if (summary.termination_type == ceres::CONVERGENCE) {
+    CHECK(cost.Accepted().parameters == unknowns.all()) << "Ceres did not evaluate the Jacobians at its solution last";
     fit->known = KnownProducts{
         fit->problem, &loss, {noise.pixel_px, has_corrections ? noise.robot : std::nullopt}, cost.Accepted()};
     // Identical up to the normalisation of the poses.

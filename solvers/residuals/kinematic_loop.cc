@@ -92,7 +92,11 @@ KinematicLoop::KinematicLoop(std::vector<LoopFactor> factors) {
     indices->erase(std::unique(indices->begin(), indices->end()), indices->end());
   }
   size_t num_known = 0;
-  for (const LoopFactor& factor : pattern->factors) {
+  for (size_t j = 0; j < pattern->factors.size(); ++j) {
+    const LoopFactor& factor = pattern->factors[j];
+    pattern->is_first.push_back(std::none_of(
+        pattern->factors.begin(), pattern->factors.begin() + static_cast<std::ptrdiff_t>(j),
+        [&](const LoopFactor& before) { return before.kind == factor.kind && before.index == factor.index; }));
     const std::vector<int>* const indices = indices_of(factor.kind);
     if (indices == nullptr) {
       pattern->slots.push_back(num_known++);
@@ -132,53 +136,54 @@ std::vector<LoopFactor> KinematicLoop::Factors() const {
 Rigid3d KinematicLoop::Evaluate(const LoopPoses& poses, LoopDerivatives* derivatives) const {
   Rigid3d left;
   if (derivatives != nullptr) {
-    derivatives->shared.assign(pattern_->shared.size(), Matrix6::Zero());
-    derivatives->effects.assign(pattern_->effects.size(), Matrix6X());
-    derivatives->own.assign(pattern_->own.size(), Matrix6::Zero());
+    derivatives->shared.resize(pattern_->shared.size());
+    derivatives->effects.resize(pattern_->effects.size());
+    derivatives->own.resize(pattern_->own.size());
   }
+  Rigid3d of_effects;
   Matrix6X tangent_from_effects;
   for (size_t j = 0; j < pattern_->factors.size(); ++j) {
     const LoopFactor& factor = pattern_->factors[j];
     const size_t slot = pattern_->slots[j];
     const auto index = static_cast<size_t>(factor.index);
-    Rigid3d pose;
+    const Rigid3d* pose = &of_effects;
     switch (factor.kind) {
       case LoopFactor::Kind::kKnown:
         left = j == 0 ? known_[slot] : left * known_[slot];
         continue;
       case LoopFactor::Kind::kShared:
-        pose = poses.shared[index];
+        pose = &poses.shared[index];
         break;
       case LoopFactor::Kind::kEffect:
-        pose = factor.effect->Evaluate(poses.effects[index], derivatives == nullptr ? nullptr : &tangent_from_effects);
+        of_effects =
+            factor.effect->Evaluate(poses.effects[index], derivatives == nullptr ? nullptr : &tangent_from_effects);
         break;
       case LoopFactor::Kind::kOwn:
-        pose = poses.own[index];
+        pose = &poses.own[index];
         break;
     }
-    // -I holds exactly for the first factor, which is usually the inverse of a camera's pose.
     Matrix6 left_from_tangent;
-    const bool is_needed = derivatives != nullptr;
-    if (is_needed && factor.is_inverted) left_from_tangent = j == 0 ? Matrix6(-Matrix6::Identity()) : -Adjoint(left);
-    const Rigid3d next = factor.is_inverted ? Inverse(pose) : pose;
-    left = j == 0 ? next : left * next;
-    if (!is_needed) continue;
-    if (!factor.is_inverted) left_from_tangent = Adjoint(left);
-    switch (factor.kind) {
-      case LoopFactor::Kind::kKnown:
-        break;
-      case LoopFactor::Kind::kShared:
-        derivatives->shared[slot] += left_from_tangent;
-        break;
-      case LoopFactor::Kind::kOwn:
-        derivatives->own[slot] += left_from_tangent;
-        break;
-      case LoopFactor::Kind::kEffect: {
-        Matrix6X& by_effects = derivatives->effects[slot];
-        if (by_effects.size() == 0) by_effects.setZero(6, tangent_from_effects.cols());
-        by_effects += left_from_tangent * tangent_from_effects;
-        break;
+    if (factor.is_inverted) {
+      // -I holds exactly for the first factor, which is usually the inverse of a camera's pose.
+      if (derivatives != nullptr) left_from_tangent = j == 0 ? Matrix6(-Matrix6::Identity()) : Matrix6(-Adjoint(left));
+      left = j == 0 ? Inverse(*pose) : left * Inverse(*pose);
+    } else {
+      left = j == 0 ? *pose : left * *pose;
+      if (derivatives != nullptr) left_from_tangent = Adjoint(left);
+    }
+    if (derivatives == nullptr) continue;
+    const auto add_to = [&](auto* sum, const auto& derivative) {
+      if (pattern_->is_first[j]) {
+        *sum = derivative;
+      } else {
+        *sum += derivative;
       }
+    };
+    if (factor.kind == LoopFactor::Kind::kEffect) {
+      add_to(&derivatives->effects[slot], Matrix6X(left_from_tangent * tangent_from_effects));
+    } else {
+      add_to(factor.kind == LoopFactor::Kind::kShared ? &derivatives->shared[slot] : &derivatives->own[slot],
+             left_from_tangent);
     }
   }
   return left;

@@ -82,7 +82,8 @@ class KinematicLoop {
   // All about a loop but the known poses.
   struct Pattern {
     std::vector<LoopFactor> factors;  // Without their known poses.
-    std::vector<size_t> slots;  // For each factor, its place among the known poses, or `shared`, `effects` or `own`.
+    std::vector<size_t> slots;   // For each factor, its place among the known poses, or `shared`, `effects` or `own`.
+    std::vector<bool> is_first;  // For each factor, whether its unknown does not occur before.
     std::vector<int> shared;
     std::vector<int> effects;
     std::vector<int> own;

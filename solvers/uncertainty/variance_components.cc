@@ -5,6 +5,7 @@
 #include <limits>
 #include <memory>
 #include <numeric>
+#include <type_traits>
 #include <utility>
 
 #include <Eigen/Cholesky>
@@ -41,6 +42,17 @@ struct EffectColumns {
   }
   Eigen::Index size() const { return static_cast<Eigen::Index>(order.size()); }
 };
+
+// Calls f with the size as a constant, which is quicker for the common one: three coordinates.
+template <class F>
+void WithSize(Eigen::Index size, const F& f) {
+  constexpr int kAxes = 3;
+  if (size == kAxes) {
+    f(std::integral_constant<int, kAxes>());
+  } else {
+    f(std::integral_constant<int, Eigen::Dynamic>());
+  }
+}
 
 // The unknowns with a variance, in the order of their groups.
 struct SharedColumns {
@@ -192,14 +204,18 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
     std::vector<StackedRows> of_effects;
     of_effects.reserve(effects_.ranges.size());
     for (size_t k = 0; k < effects_.ranges.size(); ++k) of_effects.emplace_back(static_cast<int>(n));
-    Rows by_effects(num_rows_, n);
     for (size_t v = 0; v < dependent_.size(); ++v) {
       const auto weighted = whitening.Weighted(v).leftCols(n);
       pixels.Next<kRows>(num_rows_) = weighted;
-      by_effects = dependent_[v].by_effects.transpose().lazyProduct(weighted);
       for (size_t k = 0; k < of_effects.size(); ++k) {
         const EffectColumns::Range& range = effects_.ranges[k];
-        of_effects[k].template Next<Eigen::Dynamic>(range.size) = by_effects.middleRows(range.first, range.size);
+        WithSize(range.size, [&](auto size) {
+          of_effects[k].template Next<size()>(range.size) =
+              dependent_[v]
+                  .by_effects.template middleCols<size()>(range.first, range.size)
+                  .transpose()
+                  .lazyProduct(weighted);
+        });
       }
     }
     std::vector<Eigen::MatrixXd> derivatives(static_cast<size_t>(num_groups_));
@@ -290,15 +306,23 @@ Likelihood LikelihoodOfRows<kRows>::At(const Eigen::VectorXd& variances) const {
     result.gradient[0] += 0.5 * (weighted.squaredNorm() - inverse.trace() + seen.trace());
     result.fisher(0, 0) += fisher_of(inverse, seen);
     for (const EffectColumns::Range& a : effects_.ranges) {
-      result.gradient[a.group] += 0.5 * (g_weighted.segment(a.first, a.size).squaredNorm() -
-                                         g_inverse_g.diagonal().segment(a.first, a.size).sum() +
-                                         g_seen_g.diagonal().segment(a.first, a.size).sum());
-      result.fisher(a.group, 0) += fisher_of(inverse_g.middleCols(a.first, a.size), seen_g.middleCols(a.first, a.size));
-      for (const EffectColumns::Range& b : effects_.ranges) {
-        if (b.group > a.group) break;
-        result.fisher(a.group, b.group) += fisher_of(g_inverse_g.block(a.first, b.first, a.size, b.size),
-                                                     g_seen_g.block(a.first, b.first, a.size, b.size));
-      }
+      WithSize(a.size, [&](auto a_size) {
+        constexpr int kA = a_size();
+        result.gradient[a.group] += 0.5 * (g_weighted.template segment<kA>(a.first, a.size).squaredNorm() -
+                                           g_inverse_g.diagonal().template segment<kA>(a.first, a.size).sum() +
+                                           g_seen_g.diagonal().template segment<kA>(a.first, a.size).sum());
+        result.fisher(a.group, 0) += fisher_of(inverse_g.template middleCols<kA>(a.first, a.size),
+                                               seen_g.template middleCols<kA>(a.first, a.size));
+        for (const EffectColumns::Range& b : effects_.ranges) {
+          if (b.group > a.group) break;
+          WithSize(b.size, [&](auto b_size) {
+            constexpr int kB = b_size();
+            result.fisher(a.group, b.group) +=
+                fisher_of(g_inverse_g.template block<kA, kB>(a.first, b.first, a.size, b.size),
+                          g_seen_g.template block<kA, kB>(a.first, b.first, a.size, b.size));
+          });
+        }
+      });
     }
   }
   const std::vector<Eigen::MatrixXd> derivatives = DerivativesOf(whitening, p);
