@@ -64,7 +64,7 @@ std::vector<double> ParametersOf(const FitState& state, const FreeParameters& fr
 // Returns whether the cached normal equations are those of this fit with corrections, and have lost so few digits in
 // their elimination that they give its covariance.
 bool HasMarginalProducts(const Fit& fit, const Loss& loss, const FreeParameters& free) {
-  constexpr double kMostLoss = 1e6;     // Of 1e16.
+  constexpr double kMostLoss = 1e6;     // The numbers have a precision of 1e-16.
   constexpr double kQuadrature = 1e-6;  // Precision of the factors of a loss.
   if (!fit.known || !fit.known->noise.robot || std::abs(loss.covariance_factor() - 1) > kQuadrature) return false;
   const KnownProducts& known = *fit.known;

@@ -90,7 +90,7 @@ class KinematicLoop {
   };
 
   std::shared_ptr<const Pattern> pattern_;
-  std::vector<Rigid3d> known_;  // Those of inverted factors are inverted.
+  std::vector<Rigid3d> known_;  // The poses of inverted factors are stored inverted.
 };
 
 }  // namespace heba

@@ -17,7 +17,7 @@ namespace heba {
 // One image of a capture: the points of one target in one camera.
 struct LoopView {
   const Observations* observations = nullptr;
-  KinematicLoop loop;  // Of camera_from_target.
+  KinematicLoop loop;  // Gives camera_from_target.
   int camera = 0;
   int target = 0;
 };

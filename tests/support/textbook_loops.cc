@@ -55,8 +55,8 @@ Eigen::Matrix<T, 2, 1> Project(bool is_fisheye, const T* c, const Eigen::Matrix<
   return {c[0] * u + c[2], c[1] * v + c[3]};
 }
 
-// Where the parameters of a residual stand among its blocks: a block of six for each pose, which is the tangent at its
-// reference; effects; camera; shape.
+// The places of the parameters of a residual among its blocks: a block of six for each pose, which is the tangent at
+// its reference; effects; camera; shape.
 struct BlockPlaces {
   std::vector<int> of_factor;  // One for each factor of the loop; -1 if it is known.
   std::vector<Rigid3d> references;

@@ -31,7 +31,7 @@ struct TextbookEvaluation {
   double cost = 0;               // The sum of all squared residuals.
   Eigen::VectorXd gradient;      // Half the gradient with respect to LoopProblem::layout.
   Eigen::VectorXd own_gradient;  // Half the gradient with respect to the tangents of all own poses.
-  Eigen::MatrixXd covariance;    // Of the unknowns of the layout, marginalised over the own poses.
+  Eigen::MatrixXd covariance;    // Covariance of the unknowns of the layout, marginalised over the own poses.
 };
 
 // The lenses are brown5 and kannala_brandt4. `with_covariance`: the problem must determine all unknowns.
