@@ -12,9 +12,7 @@
 #include "heba/base/levenberg_marquardt.h"
 #include "heba/base/parallel.h"
 #include "heba/geometry/pose_block.h"
-#include "heba/kernels/simd.h"
 #include "heba/kernels/small_matrix.h"
-#include "heba/kernels/stacked_rows.h"
 
 namespace heba {
 namespace {
@@ -25,18 +23,6 @@ constexpr int kCapturesPerGroup = 16;
 
 constexpr int kPoseSize = 7;
 
-// The numbers that belong to one capture's own poses; their memory needs no allocation.
-constexpr int kMaxOwnPoses = 4;
-using OwnMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6 * kMaxOwnPoses, 6 * kMaxOwnPoses>;
-using OwnVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6 * kMaxOwnPoses, 1>;
-
-// Rows of views with at most this many points are chained individually, which is cheaper than chaining their
-// products.
-constexpr int kFewPoints = 16;
-
-// Returns whether a derivative of the chain rule is -I, as for the hand-eye pose, whose tangent is in the camera frame.
-bool IsMirror(const Matrix6& chain) { return chain == -Matrix6::Identity(); }
-
 }  // namespace
 
 // The shared unknowns at which captures are evaluated.
@@ -44,28 +30,12 @@ struct CapturesCost::Point {
   LoopValues values;
 };
 
-// The views of one camera and one target: how they are reduced, and the place of each column of the reduction, from the
-// seventh on, among those of the sum.
-struct CapturesCost::ColumnMap {
-  struct Segment {
-    Eigen::Index from = 0;  // Counted from the seventh column of the reduction.
-    Eigen::Index to = 0;
-    Eigen::Index size = 0;
-  };
+// The views of one camera and one target.
+struct CapturesCost::ViewKind {
   ViewReducer reducer;
   ViewReducer pose_reducer;  // Has columns for the pose only.
   bool has_shape = false;
-  std::vector<Segment> segments;  // Camera, target, residual; joined where they are consecutive.
-
-  void Append(Eigen::Index to, Eigen::Index size) {
-    if (size == 0) return;
-    const Eigen::Index from = segments.empty() ? 0 : segments.back().from + segments.back().size;
-    if (!segments.empty() && segments.back().to + segments.back().size == to) {
-      segments.back().size += size;
-    } else {
-      segments.push_back({from, to, size});
-    }
-  }
+  ColumnPlaces places;
 };
 
 // One view at one value of all unknowns.
@@ -107,209 +77,6 @@ struct CapturesCost::State {
   }
 };
 
-// Sums views, chained to the shared unknowns. Only lower triangles are used.
-class CapturesCost::GroupSum {
- public:
-  // `poses` and `effects` must outlive this object.
-  GroupSum(const std::vector<UnknownBlock>& poses, const std::vector<UnknownBlock>& effects, Eigen::Index num_columns)
-      : poses_(poses), effects_(effects), num_columns_(num_columns) {
-    matrix_.setZero(num_columns, num_columns);
-  }
-
-  // Adds the rows of a view with at most kFewPoints points.
-  void AddRows(const ViewRows& rows, const KinematicLoop& loop, const LoopDerivatives& derivatives,
-               const ColumnMap& map) {
-    if (!stacked_) stacked_.emplace(static_cast<int>(num_columns_));
-    const Eigen::Index num_rows = rows.columns.rows();
-    double* const columns = stacked_->NextColumns(num_rows);
-    const auto from = [&](Eigen::Index c) { return rows.columns.data() + c * rows.columns.outerStride(); };
-    const auto to = [&](Eigen::Index c) { return columns + c * StackedRows::kMaxRows; };
-    Eigen::Index num_written = 0;
-    for (size_t k = 0; k < loop.shared().size(); ++k) {
-      const Matrix6& chain = derivatives.shared[k];
-      const Eigen::Index first = PoseColumn(loop.shared()[k]);
-      const bool is_mirror = IsMirror(chain);
-      for (int c = 0; c < 6; ++c) {
-        if (is_mirror) {
-          for (Eigen::Index i = 0; i < num_rows; ++i) to(first + c)[i] = -from(c)[i];
-        } else {
-          ChainColumn(rows, chain.col(c), to(first + c));
-        }
-      }
-      num_written += 6;
-    }
-    for (size_t e = 0; e < loop.effects().size(); ++e) {
-      const Matrix6X& chain = derivatives.effects[e];
-      for (Eigen::Index c = 0; c < chain.cols(); ++c) {
-        ChainColumn(rows, chain.col(c), to(EffectColumn(loop.effects()[e]) + c));
-      }
-      num_written += chain.cols();
-    }
-    for (const ColumnMap::Segment& segment : map.segments) {
-      for (Eigen::Index c = 0; c < segment.size; ++c) {
-        std::copy_n(from(6 + segment.from + c), num_rows, to(segment.to + c));
-      }
-      num_written += segment.size;
-    }
-    // Other cameras, targets and poses have no part in this view.
-    if (num_written == num_columns_) return;
-    std::vector<char> is_written(static_cast<size_t>(num_columns_), 0);
-    const auto mark = [&](Eigen::Index first, Eigen::Index size) { std::fill_n(is_written.begin() + first, size, 1); };
-    for (const int pose : loop.shared()) mark(PoseColumn(pose), 6);
-    for (const int effect : loop.effects()) mark(EffectColumn(effect), effects_[static_cast<size_t>(effect)].size);
-    for (const ColumnMap::Segment& segment : map.segments) mark(segment.to, segment.size);
-    for (Eigen::Index c = 0; c < num_columns_; ++c) {
-      if (!is_written[static_cast<size_t>(c)]) std::fill_n(to(c), num_rows, 0.0);
-    }
-  }
-
-  // Adds the products of a view.
-  void AddProducts(const Eigen::MatrixXd& products, const KinematicLoop& loop, const LoopDerivatives& derivatives,
-                   const ColumnMap& map) {
-    const Matrix6 by_pose = products.topLeftCorner<6, 6>();
-    const Eigen::Index num_others = products.cols() - 6;
-    const Eigen::Ref<const Eigen::MatrixXd> others_by_pose = products.block(6, 0, num_others, 6);
-    for (size_t k = 0; k < loop.shared().size(); ++k) {
-      const Matrix6& chain = derivatives.shared[k];
-      const Eigen::Index first = PoseColumn(loop.shared()[k]);
-      const bool is_mirror = IsMirror(chain);
-      const Matrix6 half = is_mirror ? Matrix6(-by_pose) : Matrix6(chain.transpose() * by_pose);
-      for (size_t l = 0; l < k; ++l) {
-        matrix_.block<6, 6>(first, PoseColumn(loop.shared()[l])).noalias() += half * derivatives.shared[l];
-      }
-      if (is_mirror) {
-        matrix_.block<6, 6>(first, first) += by_pose;
-      } else {
-        matrix_.block<6, 6>(first, first).noalias() += half * chain;
-      }
-      for (const ColumnMap::Segment& segment : map.segments) {
-        const auto others = others_by_pose.middleRows(segment.from, segment.size);
-        auto sum = matrix_.block(segment.to, first, segment.size, 6);
-        if (is_mirror) {
-          sum -= others;
-        } else {
-          sum.noalias() += others.lazyProduct(chain);
-        }
-      }
-    }
-    for (size_t e = 0; e < loop.effects().size(); ++e) {
-      const Matrix6X& chain = derivatives.effects[e];
-      const Eigen::Index first = EffectColumn(loop.effects()[e]);
-      const Eigen::MatrixXd half = chain.transpose().lazyProduct(by_pose);
-      for (size_t l = 0; l < loop.shared().size(); ++l) {
-        matrix_.block(first, PoseColumn(loop.shared()[l]), chain.cols(), 6) += half.lazyProduct(derivatives.shared[l]);
-      }
-      for (size_t l = 0; l <= e; ++l) {
-        const Matrix6X& other = derivatives.effects[l];
-        matrix_.block(first, EffectColumn(loop.effects()[l]), chain.cols(), other.cols()) += half.lazyProduct(other);
-      }
-      for (const ColumnMap::Segment& segment : map.segments) {
-        matrix_.block(segment.to, first, segment.size, chain.cols()) +=
-            others_by_pose.middleRows(segment.from, segment.size).lazyProduct(chain);
-      }
-    }
-    for (const ColumnMap::Segment& right : map.segments) {
-      for (const ColumnMap::Segment& left : map.segments) {
-        if (left.to > right.to) continue;
-        matrix_.block(right.to, left.to, right.size, left.size) +=
-            products.block(6 + right.from, 6 + left.from, right.size, left.size);
-      }
-    }
-  }
-
-  // Adds the rows of a capture's own poses, J_own^T J, to `own_rows`.
-  void AddOwnRows(const Eigen::MatrixXd& products, const KinematicLoop& loop, const LoopDerivatives& derivatives,
-                  const ColumnMap& map, Eigen::MatrixXd* own_rows) const {
-    const Matrix6 by_pose = products.topLeftCorner<6, 6>();
-    const Eigen::Ref<const Matrix6X> others_by_pose = products.topRightCorner(6, products.cols() - 6);
-    for (size_t j = 0; j < loop.own().size(); ++j) {
-      const Eigen::Index row = 6 * loop.own()[j];
-      const Matrix6 left = derivatives.own[j].transpose();
-      const Matrix6 half = left * by_pose;
-      for (size_t k = 0; k < loop.shared().size(); ++k) {
-        const Matrix6& chain = derivatives.shared[k];
-        auto sum = own_rows->block<6, 6>(row, PoseColumn(loop.shared()[k]));
-        if (IsMirror(chain)) {
-          sum -= half;
-        } else {
-          sum.noalias() += half * chain;
-        }
-      }
-      for (size_t e = 0; e < loop.effects().size(); ++e) {
-        const Matrix6X& chain = derivatives.effects[e];
-        own_rows->block(row, EffectColumn(loop.effects()[e]), 6, chain.cols()) += half.lazyProduct(chain);
-      }
-      for (const ColumnMap::Segment& segment : map.segments) {
-        own_rows->block(row, segment.to, 6, segment.size).noalias() +=
-            left.lazyProduct(others_by_pose.middleCols(segment.from, segment.size));
-      }
-    }
-  }
-
-  // Eliminates a capture's own poses: subtracts own_rows^T normal^-1 own_rows, and returns normal^-1 own_rows.
-  // kRows: the number of rows, if it is known at compile time.
-  template <int kRows>
-  Eigen::MatrixXd Eliminate(const OwnMatrix& normal, const Eigen::MatrixXd& own_rows) {
-    using Square = Eigen::Matrix<double, kRows, kRows>;
-    using Rows = Eigen::Matrix<double, kRows, Eigen::Dynamic>;
-    const Eigen::LLT<Square> root{Square(normal)};
-    if (root.info() != Eigen::Success) {
-      // The views do not determine a pose, and there is no prior.
-      Eigen::MatrixXd step = normal.ldlt().solve(own_rows);
-      matrix_.noalias() -= own_rows.transpose() * step;
-      return step;
-    }
-    const Square inverse_root = InverseOfLower(Square(root.matrixLLT()));
-    if (!eliminated_) eliminated_.emplace(static_cast<int>(num_columns_));
-    auto whitened = eliminated_->Next<kRows>(own_rows.rows());
-    whitened = inverse_root.lazyProduct(Eigen::Map<const Rows>(own_rows.data(), own_rows.rows(), own_rows.cols()));
-    return inverse_root.transpose().lazyProduct(whitened);
-  }
-
-  // Adds the squared residuals of priors.
-  void AddSquares(double squares) { matrix_(num_columns_ - 1, num_columns_ - 1) += squares; }
-
-  void AddLossRemainder(double loss_remainder) { loss_remainder_ += loss_remainder; }
-  void NoteEliminationLoss(double loss) { elimination_loss_ = std::max(elimination_loss_, loss); }
-
-  // Moves the sums to `sum`.
-  void Finish(NormalEquations* sum) {
-    if (stacked_) stacked_->AddTo(&matrix_);
-    if (eliminated_) matrix_ -= eliminated_->Products();
-    sum->matrix = std::move(matrix_);
-    sum->loss_remainder = loss_remainder_;
-    sum->elimination_loss = elimination_loss_;
-  }
-
- private:
-  static_assert(PaddedToLanes(2 * kFewPoints) <= StackedRows::kMaxRows);
-
-  Eigen::Index PoseColumn(int pose) const { return poses_[static_cast<size_t>(pose)].first; }
-  Eigen::Index EffectColumn(int effect) const { return effects_[static_cast<size_t>(effect)].first; }
-
-  // Applies the chain rule to one column of all rows.
-  static void ChainColumn(const ViewRows& rows, const Tangent6& chain, double* to) {
-    const Eigen::Index stride = rows.columns.outerStride();
-    for (Eigen::Index first = 0; first < rows.columns.rows(); first += kMaxLanes) {
-      double sums[kMaxLanes] = {};
-      for (int k = 0; k < 6; ++k) {
-        const double* const by_left = rows.columns.data() + k * stride + first;
-        for (int i = 0; i < kMaxLanes; ++i) sums[i] += by_left[i] * chain[k];
-      }
-      std::copy_n(sums, kMaxLanes, to + first);
-    }
-  }
-
-  const std::vector<UnknownBlock>& poses_;
-  const std::vector<UnknownBlock>& effects_;
-  Eigen::Index num_columns_;
-  Eigen::MatrixXd matrix_;
-  double loss_remainder_ = 0;
-  double elimination_loss_ = 0;
-  std::optional<StackedRows> stacked_;
-  std::optional<StackedRows> eliminated_;
-};
-
 CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
     : problem_(std::move(problem)),
       options_(std::move(options)),
@@ -339,13 +106,13 @@ CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
     for (size_t t = 0; t < targets.size(); ++t) {
       const FreeParameters free = FreeOf(problem_, static_cast<int>(c), static_cast<int>(t));
       const CameraModel& model = *problem_.cameras[c];
-      maps_.push_back({ViewReducer(model, free, options_.pixel_sigma_px, *options_.loss),
-                       ViewReducer(model, FreeParameters(free.size(), false), options_.pixel_sigma_px, *options_.loss),
-                       targets[t].size > 0,
-                       {}});
-      maps_.back().Append(cameras[c].first, cameras[c].size);
-      maps_.back().Append(targets[t].first, targets[t].size);
-      maps_.back().Append(problem_.layout.size(), 1);
+      kinds_.push_back({ViewReducer(model, free, options_.pixel_sigma_px, *options_.loss),
+                        ViewReducer(model, FreeParameters(free.size(), false), options_.pixel_sigma_px, *options_.loss),
+                        targets[t].size > 0,
+                        {}});
+      kinds_.back().places.Append(cameras[c].first, cameras[c].size);
+      kinds_.back().places.Append(targets[t].first, targets[t].size);
+      kinds_.back().places.Append(problem_.layout.size(), 1);
     }
   }
   int num_points = 0;
@@ -366,8 +133,8 @@ CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
 
 CapturesCost::~CapturesCost() = default;
 
-const CapturesCost::ColumnMap& CapturesCost::MapOf(const LoopView& view) const {
-  return maps_[static_cast<size_t>(view.camera) * problem_.targets.size() + static_cast<size_t>(view.target)];
+const CapturesCost::ViewKind& CapturesCost::KindOf(const LoopView& view) const {
+  return kinds_[static_cast<size_t>(view.camera) * problem_.targets.size() + static_cast<size_t>(view.target)];
 }
 
 bool CapturesCost::Evaluate(const double* const* parameters, double* residuals, double** jacobians) const {
@@ -529,7 +296,7 @@ std::vector<Rigid3d> CapturesCost::EliminatedPosesAfter(const Eigen::VectorXd& s
 
 bool CapturesCost::EvaluateGroup(size_t first, size_t last, const Point& at, const Eigen::VectorXd& step, State* state,
                                  NormalEquations* sum) const {
-  GroupSum group(pose_blocks_, effect_blocks_, num_columns_);
+  ChainedSum group(pose_blocks_, effect_blocks_, num_columns_);
   const bool settles = accepted_ == nullptr;
   ViewRows rows;
   CaptureTerms terms;
@@ -539,21 +306,22 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const Point& at, con
     const LoopCapture& capture = problem_.captures[i];
     if (capture.own_poses.empty()) {
       for (const LoopView& view : capture.views) {
-        const ColumnMap& map = MapOf(view);
+        const ViewKind& kind = KindOf(view);
         const std::vector<double>& params = at.values.cameras[static_cast<size_t>(view.camera)];
-        const TargetShape* const shape = map.has_shape ? &at.values.targets[static_cast<size_t>(view.target)] : nullptr;
+        const TargetShape* const shape =
+            kind.has_shape ? &at.values.targets[static_cast<size_t>(view.target)] : nullptr;
         const Rigid3d camera_from_target = view.loop.Evaluate({at.values.poses, at.values.effects, {}}, &derivatives);
-        if (view.observations->size() <= kFewPoints) {
-          if (!map.reducer.Write(params.data(), camera_from_target, *view.observations, shape, &rows)) return false;
-          group.AddRows(rows, view.loop, derivatives, map);
+        if (view.observations->size() <= ChainedSum::kFewPoints) {
+          if (!kind.reducer.Write(params.data(), camera_from_target, *view.observations, shape, &rows)) return false;
+          group.AddRows(rows, view.loop, derivatives, kind.places);
           group.AddLossRemainder(rows.loss_remainder);
           continue;
         }
         ViewNormalEquations products;
-        if (!map.reducer.Multiply(params.data(), camera_from_target, *view.observations, shape, &products)) {
+        if (!kind.reducer.Multiply(params.data(), camera_from_target, *view.observations, shape, &products)) {
           return false;
         }
-        group.AddProducts(products.matrix, view.loop, derivatives, map);
+        group.AddProducts(products.matrix, view.loop, derivatives, kind.places);
         group.AddLossRemainder(products.loss_remainder);
       }
       continue;
@@ -571,21 +339,22 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const Point& at, con
     for (size_t v = 0; v < capture.views.size(); ++v) {
       const LoopView& view = capture.views[v];
       const ViewTerms& of_view = terms.views[v];
-      group.AddProducts(of_view.products.matrix, view.loop, of_view.derivatives, MapOf(view));
-      group.AddOwnRows(of_view.products.matrix, view.loop, of_view.derivatives, MapOf(view), &own_rows);
+      group.AddProducts(of_view.products.matrix, view.loop, of_view.derivatives, KindOf(view).places);
+      group.AddOwnRows(of_view.products.matrix, view.loop, of_view.derivatives, KindOf(view).places, &own_rows);
       group.AddLossRemainder(of_view.products.loss_remainder);
     }
     EliminatedState& own = state->eliminated[i];
     own.poses = std::move(terms.own_poses);
     own.cost = terms.cost;
-    constexpr int kOnePose = 6;
-    own.step = terms.normal.rows() == kOnePose ? group.Eliminate<kOnePose>(terms.normal, own_rows)
-                                               : group.Eliminate<Eigen::Dynamic>(terms.normal, own_rows);
+    own.step = group.Eliminate(terms.normal, own_rows);
     own.predicted_drop = own_rows.rightCols<1>().dot(own.step.rightCols<1>());
     group.AddSquares(terms.prior_squares);
     group.NoteEliminationLoss(terms.elimination_loss);
   }
-  group.Finish(sum);
+  ChainedSum::Result result = group.Finish();
+  sum->matrix = std::move(result.matrix);
+  sum->loss_remainder = result.loss_remainder;
+  sum->elimination_loss = result.elimination_loss;
   return true;
 }
 
@@ -604,13 +373,13 @@ bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const Point& at, 
   for (size_t v = 0; v < capture.views.size(); ++v) {
     const LoopView& view = capture.views[v];
     ViewTerms& of_view = terms->views[v];
-    const ColumnMap& map = MapOf(view);
+    const ViewKind& kind = KindOf(view);
     const Rigid3d camera_from_target =
         view.loop.Evaluate({at.values.poses, at.values.effects, terms->own_poses}, &of_view.derivatives);
-    const ViewReducer& reducer = has_all_columns ? map.reducer : map.pose_reducer;
+    const ViewReducer& reducer = has_all_columns ? kind.reducer : kind.pose_reducer;
     if (!reducer.Multiply(
             at.values.cameras[static_cast<size_t>(view.camera)].data(), camera_from_target, *view.observations,
-            map.has_shape ? &at.values.targets[static_cast<size_t>(view.target)] : nullptr, &of_view.products)) {
+            kind.has_shape ? &at.values.targets[static_cast<size_t>(view.target)] : nullptr, &of_view.products)) {
       return false;
     }
     const Eigen::MatrixXd& products = of_view.products.matrix;

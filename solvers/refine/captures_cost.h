@@ -19,6 +19,7 @@
 
 #include <ceres/cost_function.h>
 
+#include "solvers/refine/chained_sum.h"
 #include "solvers/residuals/loop_problem.h"
 #include "solvers/residuals/loss.h"
 #include "solvers/residuals/view_reduction.h"
@@ -80,12 +81,11 @@ class CapturesCost final : public ceres::CostFunction {
   struct Point;
   struct ViewTerms;
   struct CaptureTerms;
-  struct ColumnMap;
+  struct ViewKind;
   struct EliminatedState;
   struct State;
-  class GroupSum;
 
-  const ColumnMap& MapOf(const LoopView& view) const;
+  const ViewKind& KindOf(const LoopView& view) const;
   // Evaluates all captures. Returns false if a point cannot be projected.
   bool EvaluateAll(std::vector<double> parameters, State* state) const;
   // Sums the normal equations of captures [first, last), each at its eliminated poses. `step` is that of the shared
@@ -118,7 +118,7 @@ class CapturesCost final : public ceres::CostFunction {
   std::vector<UnknownBlock> pose_blocks_;
   std::vector<UnknownBlock> effect_blocks_;
   // One for each pair of camera and target.
-  std::vector<ColumnMap> maps_;
+  std::vector<ViewKind> kinds_;
   Eigen::Index num_columns_;  // Number of unknowns, and one for the residual.
   bool has_eliminated_poses_ = false;
   // The states where the Jacobians and the cost were evaluated last: Ceres usually asks for the Jacobians at the
