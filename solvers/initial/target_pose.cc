@@ -9,6 +9,7 @@
 #include <Eigen/SVD>
 
 #include "heba/base/error.h"
+#include "heba/base/levenberg_marquardt.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/kernels/small_matrix.h"
@@ -103,9 +104,9 @@ std::optional<Matrix6> PoseCovariance(const Matrix6& information) {
 // A pose and the normal equations of the view there.
 struct PoseInView {
   Rigid3d camera_from_target;
-  ViewNormalEquations products;
-
-  double Cost() const { return products.matrix(6, 6); }
+  Matrix6 normal;
+  Tangent6 gradient;
+  double cost = 0;
 };
 
 // Computes the normal equations of a view for its pose only.
@@ -117,11 +118,12 @@ class PoseReducer {
         reducer_(camera.Model(), FreeParameters(camera.params.size(), false), 1.0, *FindLoss("none")) {}
 
   std::optional<PoseInView> At(const Rigid3d& camera_from_target) const {
-    PoseInView there{camera_from_target, {}};
-    if (!reducer_.Multiply(camera_.params.data(), camera_from_target, observations_, nullptr, &there.products)) {
+    ViewNormalEquations products;
+    if (!reducer_.Multiply(camera_.params.data(), camera_from_target, observations_, nullptr, &products)) {
       return std::nullopt;
     }
-    return there;
+    return PoseInView{camera_from_target, products.matrix.topLeftCorner<6, 6>(), products.matrix.col(6).head<6>(),
+                      products.matrix(6, 6)};
   }
 
  private:
@@ -130,36 +132,16 @@ class PoseReducer {
   ViewReducer reducer_;
 };
 
-// Refines the six parameters of the pose by Levenberg-Marquardt until a step decreases the cost by less than the
-// fraction `small_drop`.
+// Refines the six parameters of the pose until a step decreases the cost by less than the fraction `small_drop`.
 PoseInView Refined(const PoseReducer& reducer, PoseInView here, double small_drop) {
-  double damping = 1e-6;
-  for (int iteration = 0; iteration < 50; ++iteration) {
-    const Tangent6 gradient = here.products.matrix.col(6).head<6>();
-    bool improved = false;
-    double drop = 0;
-    for (int attempt = 0; attempt < 10 && !improved; ++attempt) {
-      Matrix6 damped = here.products.matrix.topLeftCorner<6, 6>();
-      damped.diagonal() *= 1.0 + damping;
-      const Tangent6 step = -damped.ldlt().solve(gradient);
-      // Steps that promise less than this are not tried: at the minimum, rounding would decide whether the cost
-      // decreases.
-      if (-step.dot(gradient) < small_drop * here.Cost()) break;
-      std::optional<PoseInView> there;
-      if (step.allFinite()) {
-        there = reducer.At(Rigid3d(ExpRotation(step.tail<3>()), step.head<3>()) * here.camera_from_target);
-      }
-      if (there && there->Cost() <= here.Cost()) {
-        improved = true;
-        drop = here.Cost() - there->Cost();
-        here = std::move(*there);
-        damping = std::max(1e-12, damping * 0.1);
-      } else {
-        damping = std::max(1e-6, damping * 10);
-      }
-    }
-    if (!improved || drop < small_drop * here.Cost()) break;
-  }
+  LevenbergMarquardtOptions options;
+  options.initial_damping = 1e-6;
+  options.most_damping = 1e4;
+  options.small_drop = small_drop;
+  const auto try_step = [&](const PoseInView& from, const Tangent6& step) {
+    return reducer.At(Rigid3d(ExpRotation(step.tail<3>()), step.head<3>()) * from.camera_from_target);
+  };
+  MinimiseSquares(options, try_step, &here);
   return here;
 }
 
@@ -254,8 +236,7 @@ std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observati
       return AngleRad(other.camera_from_target, pose) < DegToRad(0.05);
     });
     if (known) continue;
-    poses.push_back(
-        {pose, RmsPxOf(camera, observations, pose), PoseCovariance(refined.products.matrix.topLeftCorner<6, 6>())});
+    poses.push_back({pose, RmsPxOf(camera, observations, pose), PoseCovariance(refined.normal)});
   }
   std::sort(poses.begin(), poses.end(), [](const TargetPose& a, const TargetPose& b) { return a.rms_px < b.rms_px; });
   return poses;
@@ -266,11 +247,11 @@ std::optional<TargetPose> EstimateRoughPose(const Camera& camera, const Observat
   const PoseReducer reducer(camera, observations);
   std::vector<PoseInView> poses = StartPoses(reducer, camera, observations);
   if (poses.empty()) return std::nullopt;
-  const auto by_cost = [](const PoseInView& a, const PoseInView& b) { return a.Cost() < b.Cost(); };
+  const auto by_cost = [](const PoseInView& a, const PoseInView& b) { return a.cost < b.cost; };
   std::sort(poses.begin(), poses.end(), by_cost);
   // An initial guess whose cost is this factor larger will not lead to the better minimum.
   constexpr double kFarWorse = 10;
-  if (poses.size() > 1 && poses[1].Cost() > kFarWorse * poses[0].Cost()) poses.resize(1);
+  if (poses.size() > 1 && poses[1].cost > kFarWorse * poses[0].cost) poses.resize(1);
   for (PoseInView& pose : poses) pose = Refined(reducer, std::move(pose), kRough);
   const Rigid3d& best = std::min_element(poses.begin(), poses.end(), by_cost)->camera_from_target;
   return TargetPose{best, RmsPxOf(camera, observations, best)};

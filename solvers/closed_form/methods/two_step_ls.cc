@@ -13,6 +13,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "heba/base/levenberg_marquardt.h"
 #include "solvers/closed_form/known_rotation.h"
 #include "solvers/closed_form/target_position.h"
 
@@ -34,17 +35,6 @@ struct State {
   double cost = std::numeric_limits<double>::infinity();
 };
 
-double CostOf(const std::vector<Measured>& captures, const State& state) {
-  double cost = 0;
-  for (const Measured& m : captures) {
-    const Eigen::Vector3d in_camera =
-        state.rotation * (m.mount_rotation * state.point_in_mount + m.mount_position) + state.translation;
-    const Eigen::Vector3d residual = in_camera - m.in_camera;
-    cost += residual.dot(m.information * residual);
-  }
-  return cost;
-}
-
 // Solves for the best translation and point, given a rotation.
 State WithRotation(const std::vector<Measured>& captures, const Eigen::Matrix3d& rotation) {
   Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
@@ -61,60 +51,63 @@ State WithRotation(const std::vector<Measured>& captures, const Eigen::Matrix3d&
   }
   // LDLT reads the lower triangle only.
   const Eigen::Matrix<double, 6, 1> solution = normal.ldlt().solve(right);
-  State state{rotation, solution.tail<3>(), solution.head<3>()};
-  state.cost = CostOf(captures, state);
-  return state;
+  return {rotation, solution.tail<3>(), solution.head<3>()};
 }
 
-// Refines rotation (left perturbation), point and translation by Levenberg-Marquardt. Stops early near `known`, a
-// minimum that need not be found again.
-State Refined(const std::vector<Measured>& captures, State state, int max_iterations, double small_drop,
-              const State* known = nullptr) {
-  using Vector9 = Eigen::Matrix<double, 9, 1>;
-  double damping = 1e-4;
-  for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
-    Vector9 gradient = Vector9::Zero();
-    for (const Measured& m : captures) {
-      const Eigen::Matrix3d by_point = state.rotation * m.mount_rotation;
-      const Eigen::Vector3d rotated = by_point * state.point_in_mount + state.rotation * m.mount_position;
-      const Eigen::Matrix3d cross = Skew(rotated);  // The residual changes by -cross * (rotation step).
-      const Eigen::Matrix3d weighted_point = m.information * by_point;
-      const Eigen::Matrix3d weighted_cross = m.information * cross;
-      const Eigen::Vector3d pull = m.information * (rotated + state.translation - m.in_camera);
-      normal.topLeftCorner<3, 3>() -= cross * weighted_cross;
-      normal.block<3, 3>(3, 0) -= weighted_point.transpose() * cross;
-      normal.block<3, 3>(3, 3) += by_point.transpose() * weighted_point;
-      normal.block<3, 3>(6, 0) -= weighted_cross;
-      normal.block<3, 3>(6, 3) += weighted_point;
-      normal.block<3, 3>(6, 6) += m.information;
-      gradient.head<3>() += rotated.cross(pull);
-      gradient.segment<3>(3) += by_point.transpose() * pull;
-      gradient.tail<3>() += pull;
-    }
-    bool improved = false;
-    double relative_drop = 0;
-    for (int attempt = 0; attempt < 8 && !improved; ++attempt) {
-      Eigen::Matrix<double, 9, 9> damped = normal;  // Only the lower triangle is used.
-      damped.diagonal() *= 1 + damping;
-      const Vector9 step = -damped.ldlt().solve(gradient);
-      // Steps that promise less than this are not tried: at the minimum, rounding would decide whether the cost
-      // decreases.
-      if (-step.dot(gradient) < small_drop * state.cost) break;
-      State next{ExpRotation(step.head<3>()).toRotationMatrix() * state.rotation, state.translation + step.tail<3>(),
-                 state.point_in_mount + step.segment<3>(3)};
-      next.cost = step.allFinite() ? CostOf(captures, next) : std::numeric_limits<double>::infinity();
-      improved = next.cost <= state.cost;
-      damping = improved ? std::max(1e-12, 0.1 * damping) : std::max(1e-6, 10 * damping);
-      if (!improved) continue;
-      relative_drop = state.cost > 0 ? (state.cost - next.cost) / state.cost : 0;
-      state = next;
-    }
-    constexpr double kNear2 = 0.01;  // Squared Frobenius distance of two rotations, 8 sin^2(angle / 2): 4 deg.
-    if (known != nullptr && (state.rotation - known->rotation).squaredNorm() < kNear2) break;
-    if (!improved || relative_drop < small_drop) break;
+// A state and the normal equations of its rotation (left perturbation), point and translation.
+struct Equations {
+  State state;
+  Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();  // Only the lower triangle is used.
+  Eigen::Matrix<double, 9, 1> gradient = Eigen::Matrix<double, 9, 1>::Zero();
+  double cost = 0;
+};
+
+Equations EquationsAt(const std::vector<Measured>& captures, const State& state) {
+  Equations at;
+  at.state = state;
+  for (const Measured& m : captures) {
+    const Eigen::Matrix3d by_point = state.rotation * m.mount_rotation;
+    const Eigen::Vector3d rotated = by_point * state.point_in_mount + state.rotation * m.mount_position;
+    const Eigen::Matrix3d cross = Skew(rotated);  // The residual changes by -cross * (rotation step).
+    const Eigen::Matrix3d weighted_point = m.information * by_point;
+    const Eigen::Matrix3d weighted_cross = m.information * cross;
+    const Eigen::Vector3d residual = rotated + state.translation - m.in_camera;
+    const Eigen::Vector3d pull = m.information * residual;
+    at.cost += residual.dot(pull);
+    at.normal.topLeftCorner<3, 3>() -= cross * weighted_cross;
+    at.normal.block<3, 3>(3, 0) -= weighted_point.transpose() * cross;
+    at.normal.block<3, 3>(3, 3) += by_point.transpose() * weighted_point;
+    at.normal.block<3, 3>(6, 0) -= weighted_cross;
+    at.normal.block<3, 3>(6, 3) += weighted_point;
+    at.normal.block<3, 3>(6, 6) += m.information;
+    at.gradient.head<3>() += rotated.cross(pull);
+    at.gradient.segment<3>(3) += by_point.transpose() * pull;
+    at.gradient.tail<3>() += pull;
   }
-  return state;
+  at.state.cost = at.cost;
+  return at;
+}
+
+// Refines a state. Stops early near `known`, a minimum that need not be found again.
+State Refined(const std::vector<Measured>& captures, const State& start, int max_iterations, double small_drop,
+              const State* known = nullptr) {
+  LevenbergMarquardtOptions options;
+  options.max_iterations = max_iterations;
+  options.most_damping = 1e4;
+  options.small_drop = small_drop;
+  const auto try_step = [&](const Equations& from, const Eigen::Matrix<double, 9, 1>& step) {
+    const State& state = from.state;
+    return std::optional<Equations>(
+        EquationsAt(captures, {ExpRotation(step.head<3>()).toRotationMatrix() * state.rotation,
+                               state.translation + step.tail<3>(), state.point_in_mount + step.segment<3>(3)}));
+  };
+  const auto is_known = [&](const Equations& at) {
+    constexpr double kNear2 = 0.01;  // Squared Frobenius distance of two rotations, 8 sin^2(angle / 2): 4 deg.
+    return known != nullptr && (at.state.rotation - known->rotation).squaredNorm() < kNear2;
+  };
+  Equations here = EquationsAt(captures, start);
+  MinimiseSquares(options, try_step, &here, is_known);
+  return here.state;
 }
 
 }  // namespace

@@ -35,14 +35,22 @@ struct LevenbergMarquardtEnd {
   std::optional<Step> remaining_step;
 };
 
+// Ends an iteration only when it has converged.
+struct NeverStop {
+  template <class Point>
+  bool operator()(const Point& /*point*/) const {
+    return false;
+  }
+};
+
 // Minimises a cost from *point on, which becomes the best point that was found.
 //
 // A Point has the members `cost` (the sum of squares), `normal` (J^T J, of which the lower triangle is used) and
 // `gradient` (J^T r). try_step(point, step) returns the point after a step, or nothing if it is not allowed or cannot
-// be evaluated; the step is then shortened.
-template <class Point, class TryStep>
-auto MinimiseSquares(const LevenbergMarquardtOptions& options, const TryStep& try_step, Point* point)
-    -> LevenbergMarquardtEnd<std::decay_t<decltype(point->gradient)>> {
+// be evaluated; the step is then shortened. stops_at(point) ends the iteration after a step that decreases the cost.
+template <class Point, class TryStep, class StopsAt = NeverStop>
+auto MinimiseSquares(const LevenbergMarquardtOptions& options, const TryStep& try_step, Point* point,
+                     const StopsAt& stops_at = {}) -> LevenbergMarquardtEnd<std::decay_t<decltype(point->gradient)>> {
   using Step = std::decay_t<decltype(point->gradient)>;
   double damping = options.initial_damping;
   for (int iteration = 0; iteration < options.max_iterations;) {
@@ -58,7 +66,7 @@ auto MinimiseSquares(const LevenbergMarquardtOptions& options, const TryStep& tr
       *point = std::move(*next);
       damping = std::max(options.least_damping, 0.1 * damping);
       ++iteration;
-      if (drop < least_drop) break;
+      if (drop < least_drop || stops_at(*point)) break;
     } else {
       damping = std::max(options.least_raised_damping, 10 * damping);
       if (damping > options.most_damping) break;
