@@ -226,6 +226,12 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
     return derivatives;
   }
 
+  // Adds the scores and the Fisher information of the variances of unknowns: J^T S^-1 [J, y] in `products`, C in
+  // `covariance`, and the other variances' derivatives.
+  void AddScoresOfUnknowns(const Eigen::MatrixXd& products, const Eigen::MatrixXd& covariance,
+                           const Eigen::VectorXd& step, const std::vector<Eigen::MatrixXd>& derivatives,
+                           Likelihood* likelihood) const;
+
   Eigen::Index num_groups_;
   Eigen::Index num_unknowns_;
   EffectColumns effects_;
@@ -337,34 +343,41 @@ Likelihood LikelihoodOfRows<kRows>::At(const Eigen::VectorXd& variances) const {
           0.5 * falls[k].cwiseProduct(falls[l].transpose()).sum();
     }
   }
-  if (!shared_.columns.empty()) {
-    // J_g^T P y and J_g^T P J_h for the unknowns with a variance; J_g^T P V_k P J_g for the other groups.
-    const Eigen::MatrixXd by_shared = products.topLeftCorner(n, n)(Eigen::all, shared_.columns);
-    const Eigen::MatrixXd covariance_by_shared = covariance * by_shared;
-    const Eigen::VectorXd pulls = products.col(n)(shared_.columns) - by_shared.transpose() * step;
-    const Eigen::MatrixXd seen =
-        Eigen::MatrixXd(by_shared(shared_.columns, Eigen::all)) - by_shared.transpose() * covariance_by_shared;
-    Eigen::MatrixXd left = -covariance_by_shared;  // The columns of I - C J^T S^-1 J.
-    for (size_t i = 0; i < shared_.columns.size(); ++i) left(shared_.columns[i], static_cast<Eigen::Index>(i)) += 1;
-    for (size_t i = 0; i < shared_.columns.size(); ++i) {
-      const auto a = static_cast<Eigen::Index>(i);
-      const Eigen::Index group = shared_.groups[i];
-      result.gradient[group] += 0.5 * (pulls[a] * pulls[a] - seen(a, a));
-      for (size_t j = 0; j < shared_.columns.size(); ++j) {
-        const auto b = static_cast<Eigen::Index>(j);
-        if (shared_.groups[j] <= group) result.fisher(group, shared_.groups[j]) += 0.5 * seen(a, b) * seen(a, b);
-      }
-      for (size_t k = 0; k < derivatives.size(); ++k) {
-        if (derivatives[k].size() == 0) continue;
-        const double element = 0.5 * left.col(a).dot(derivatives[k] * left.col(a));
-        const auto other = static_cast<Eigen::Index>(k);
-        result.fisher(std::max(group, other), std::min(group, other)) += element;
-      }
-    }
-  }
+  if (!shared_.columns.empty()) AddScoresOfUnknowns(products, covariance, step, derivatives, &result);
   result.fisher = Eigen::MatrixXd(result.fisher.selfadjointView<Eigen::Lower>());
   result.minus_log = 0.5 * (log_determinants + squares);
   return result;
+}
+
+template <int kRows>
+void LikelihoodOfRows<kRows>::AddScoresOfUnknowns(const Eigen::MatrixXd& products, const Eigen::MatrixXd& covariance,
+                                                  const Eigen::VectorXd& step,
+                                                  const std::vector<Eigen::MatrixXd>& derivatives,
+                                                  Likelihood* likelihood) const {
+  const Eigen::Index n = num_unknowns_;
+  // J_g^T P y and J_g^T P J_h for the unknowns with a variance; J_g^T P V_k P J_g for the other groups.
+  const Eigen::MatrixXd by_shared = products.topLeftCorner(n, n)(Eigen::all, shared_.columns);
+  const Eigen::MatrixXd covariance_by_shared = covariance * by_shared;
+  const Eigen::VectorXd pulls = products.col(n)(shared_.columns) - by_shared.transpose() * step;
+  const Eigen::MatrixXd seen =
+      Eigen::MatrixXd(by_shared(shared_.columns, Eigen::all)) - by_shared.transpose() * covariance_by_shared;
+  Eigen::MatrixXd left = -covariance_by_shared;  // The columns of I - C J^T S^-1 J.
+  for (size_t i = 0; i < shared_.columns.size(); ++i) left(shared_.columns[i], static_cast<Eigen::Index>(i)) += 1;
+  for (size_t i = 0; i < shared_.columns.size(); ++i) {
+    const auto a = static_cast<Eigen::Index>(i);
+    const Eigen::Index group = shared_.groups[i];
+    likelihood->gradient[group] += 0.5 * (pulls[a] * pulls[a] - seen(a, a));
+    for (size_t j = 0; j < shared_.columns.size(); ++j) {
+      const auto b = static_cast<Eigen::Index>(j);
+      if (shared_.groups[j] <= group) likelihood->fisher(group, shared_.groups[j]) += 0.5 * seen(a, b) * seen(a, b);
+    }
+    for (size_t k = 0; k < derivatives.size(); ++k) {
+      if (derivatives[k].size() == 0) continue;
+      const auto other = static_cast<Eigen::Index>(k);
+      likelihood->fisher(std::max(group, other), std::min(group, other)) +=
+          0.5 * left.col(a).dot(derivatives[k] * left.col(a));
+    }
+  }
 }
 
 template <int kRows>
