@@ -454,7 +454,7 @@ std::vector<std::vector<Rigid3d>> CapturesCost::EliminatedPoses() const {
     constexpr double kSmallDrop = 1e-3;
     const bool is_better = own.predicted_drop < kSmallDrop * std::min(own.cost, 1.0) ||
                            (EvaluateCapture(problem_.captures[i], at, moved, false, &terms) && terms.cost <= own.cost);
-    poses.push_back(is_better ? std::move(moved) : own.poses);
+    poses.push_back(is_better ? moved : own.poses);
   }
   return poses;
 }
