@@ -143,7 +143,7 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
     loops.captures.push_back(
         {{{&entry.view->observations, KinematicLoop({OwnFactor(0)})}}, {{entry.camera_from_target, std::nullopt}}});
   }
-  LoopUnknowns unknowns(loops, {{}, {}, {camera->params}, loops.targets});
+  LoopUnknowns unknowns(loops.layout, {{}, {}, {camera->params}, loops.targets});
   CapturesCost cost(std::move(loops), options);
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;

@@ -21,14 +21,7 @@ namespace {
 constexpr int kMaxGroups = 32;
 constexpr int kCapturesPerGroup = 16;
 
-constexpr int kPoseSize = 7;
-
 }  // namespace
-
-// The shared unknowns at which captures are evaluated.
-struct CapturesCost::Point {
-  LoopValues values;
-};
 
 // The views of one camera and one target.
 struct CapturesCost::ViewKind {
@@ -80,6 +73,7 @@ struct CapturesCost::State {
 CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
     : problem_(std::move(problem)),
       options_(std::move(options)),
+      blocks_(ParameterBlocksOf(problem_.layout)),
       pose_blocks_(problem_.layout.BlocksOf(UnknownOwner::kPose)),
       effect_blocks_(problem_.layout.BlocksOf(UnknownOwner::kEffects)),
       num_columns_(problem_.layout.size() + 1) {
@@ -88,20 +82,9 @@ CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
   const std::vector<UnknownBlock> targets = problem_.layout.BlocksOf(UnknownOwner::kTarget);
   CHECK_EQ(cameras.size(), problem_.cameras.size());
   CHECK_EQ(targets.size(), problem_.targets.size());
-  size_t at = 0;
-  size_t camera = 0;
   CHECK(std::is_sorted(problem_.layout.blocks().begin(), problem_.layout.blocks().end(),
                        [](const UnknownBlock& a, const UnknownBlock& b) { return a.owner < b.owner; }));
-  for (const UnknownBlock& block : problem_.layout.blocks()) {
-    int size = static_cast<int>(block.size);
-    if (block.owner == UnknownOwner::kPose) size = kPoseSize;
-    if (block.owner == UnknownOwner::kCamera) size = NumParams(*problem_.cameras[camera++]);
-    if (block.owner == UnknownOwner::kTarget) size = block.size > 0 ? TargetShape::kNumParams : 0;
-    if (size == 0) continue;
-    blocks_.push_back({block, at, size});
-    mutable_parameter_block_sizes()->push_back(size);
-    at += static_cast<size_t>(size);
-  }
+  for (const ParameterBlock& block : blocks_) mutable_parameter_block_sizes()->push_back(block.size);
   for (size_t c = 0; c < cameras.size(); ++c) {
     for (size_t t = 0; t < targets.size(); ++t) {
       const FreeParameters free = FreeOf(problem_, static_cast<int>(c), static_cast<int>(t));
@@ -193,34 +176,6 @@ std::vector<double> CapturesCost::Joined(const double* const* parameters) const 
   return joined;
 }
 
-CapturesCost::Point CapturesCost::PointAt(const std::vector<double>& parameters) const {
-  Point point;
-  point.values.targets = problem_.targets;
-  size_t target = 0;
-  for (const UnknownBlock& block : problem_.layout.blocks()) {
-    const auto found = std::find_if(blocks_.begin(), blocks_.end(), [&](const ParameterBlock& other) {
-      return other.unknowns.owner == block.owner && other.unknowns.name == block.name;
-    });
-    const double* const from = found == blocks_.end() ? nullptr : &parameters[found->first];
-    switch (block.owner) {
-      case UnknownOwner::kPose:
-        point.values.poses.push_back(FromBlock(from));
-        break;
-      case UnknownOwner::kEffects:
-        point.values.effects.emplace_back(Eigen::Map<const Eigen::VectorXd>(from, block.size));
-        break;
-      case UnknownOwner::kCamera:
-        point.values.cameras.emplace_back(from, from + found->size);
-        break;
-      case UnknownOwner::kTarget:
-        if (from != nullptr) std::copy_n(from, TargetShape::kNumParams, point.values.targets[target].params.begin());
-        ++target;
-        break;
-    }
-  }
-  return point;
-}
-
 Eigen::VectorXd CapturesCost::Step(const std::vector<double>& from, const std::vector<double>& to) const {
   Eigen::VectorXd step(problem_.layout.size());
   for (const ParameterBlock& block : blocks_) {
@@ -249,7 +204,7 @@ bool CapturesCost::EvaluateAll(std::vector<double> parameters, State* state) con
     return true;
   }
   state->shared.parameters = std::move(parameters);
-  const Point at = PointAt(state->shared.parameters);
+  const LoopValues at = ValuesIn(blocks_, state->shared.parameters, problem_.targets);
   Eigen::VectorXd step;
   if (has_eliminated_poses_) {
     state->eliminated.resize(problem_.captures.size());
@@ -294,8 +249,8 @@ std::vector<Rigid3d> CapturesCost::EliminatedPosesAfter(const Eigen::VectorXd& s
   return poses;
 }
 
-bool CapturesCost::EvaluateGroup(size_t first, size_t last, const Point& at, const Eigen::VectorXd& step, State* state,
-                                 NormalEquations* sum) const {
+bool CapturesCost::EvaluateGroup(size_t first, size_t last, const LoopValues& at, const Eigen::VectorXd& step,
+                                 State* state, NormalEquations* sum) const {
   ChainedSum group(pose_blocks_, effect_blocks_, num_columns_);
   const bool settles = accepted_ == nullptr;
   ViewRows rows;
@@ -307,10 +262,9 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const Point& at, con
     if (capture.own_poses.empty()) {
       for (const LoopView& view : capture.views) {
         const ViewKind& kind = KindOf(view);
-        const std::vector<double>& params = at.values.cameras[static_cast<size_t>(view.camera)];
-        const TargetShape* const shape =
-            kind.has_shape ? &at.values.targets[static_cast<size_t>(view.target)] : nullptr;
-        const Rigid3d camera_from_target = view.loop.Evaluate({at.values.poses, at.values.effects, {}}, &derivatives);
+        const std::vector<double>& params = at.cameras[static_cast<size_t>(view.camera)];
+        const TargetShape* const shape = kind.has_shape ? &at.targets[static_cast<size_t>(view.target)] : nullptr;
+        const Rigid3d camera_from_target = view.loop.Evaluate({at.poses, at.effects, {}}, &derivatives);
         if (view.observations->size() <= ChainedSum::kFewPoints) {
           if (!kind.reducer.Write(params.data(), camera_from_target, *view.observations, shape, &rows)) return false;
           group.AddRows(rows, view.loop, derivatives, kind.places);
@@ -358,7 +312,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const Point& at, con
   return true;
 }
 
-bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const Point& at, std::vector<Rigid3d> own_poses,
+bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const LoopValues& at, std::vector<Rigid3d> own_poses,
                                    bool has_all_columns, CaptureTerms* terms) const {
   terms->own_poses = std::move(own_poses);
   terms->has_all_columns = has_all_columns;
@@ -375,11 +329,11 @@ bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const Point& at, 
     ViewTerms& of_view = terms->views[v];
     const ViewKind& kind = KindOf(view);
     const Rigid3d camera_from_target =
-        view.loop.Evaluate({at.values.poses, at.values.effects, terms->own_poses}, &of_view.derivatives);
+        view.loop.Evaluate({at.poses, at.effects, terms->own_poses}, &of_view.derivatives);
     const ViewReducer& reducer = has_all_columns ? kind.reducer : kind.pose_reducer;
-    if (!reducer.Multiply(
-            at.values.cameras[static_cast<size_t>(view.camera)].data(), camera_from_target, *view.observations,
-            kind.has_shape ? &at.values.targets[static_cast<size_t>(view.target)] : nullptr, &of_view.products)) {
+    if (!reducer.Multiply(at.cameras[static_cast<size_t>(view.camera)].data(), camera_from_target, *view.observations,
+                          kind.has_shape ? &at.targets[static_cast<size_t>(view.target)] : nullptr,
+                          &of_view.products)) {
       return false;
     }
     const Eigen::MatrixXd& products = of_view.products.matrix;
@@ -415,8 +369,8 @@ bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const Point& at, 
   return true;
 }
 
-bool CapturesCost::SolveEliminatedPoses(const LoopCapture& capture, const Point& at, std::vector<Rigid3d> own_poses,
-                                        CaptureTerms* terms) const {
+bool CapturesCost::SolveEliminatedPoses(const LoopCapture& capture, const LoopValues& at,
+                                        std::vector<Rigid3d> own_poses, CaptureTerms* terms) const {
   LevenbergMarquardtOptions options;
   options.max_iterations = 30;
   options.initial_damping = 1e-6;
@@ -441,7 +395,7 @@ bool CapturesCost::SolveEliminatedPoses(const LoopCapture& capture, const Point&
 std::vector<std::vector<Rigid3d>> CapturesCost::EliminatedPoses() const {
   std::vector<std::vector<Rigid3d>> poses;
   if (accepted_ == nullptr) return poses;
-  const Point at = PointAt(accepted_->shared.parameters);
+  const LoopValues at = ValuesIn(blocks_, accepted_->shared.parameters, problem_.targets);
   CaptureTerms terms;
   for (size_t i = 0; i < accepted_->eliminated.size(); ++i) {
     const EliminatedState& own = accepted_->eliminated[i];

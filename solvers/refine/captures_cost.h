@@ -78,7 +78,6 @@ class CapturesCost final : public ceres::CostFunction {
   std::vector<std::vector<Rigid3d>> EliminatedPoses() const;
 
  private:
-  struct Point;
   struct ViewTerms;
   struct CaptureTerms;
   struct ViewKind;
@@ -90,30 +89,23 @@ class CapturesCost final : public ceres::CostFunction {
   bool EvaluateAll(std::vector<double> parameters, State* state) const;
   // Sums the normal equations of captures [first, last), each at its eliminated poses. `step` is that of the shared
   // unknowns since the poses were linearised; empty if they have not been.
-  bool EvaluateGroup(size_t first, size_t last, const Point& at, const Eigen::VectorXd& step, State* state,
+  bool EvaluateGroup(size_t first, size_t last, const LoopValues& at, const Eigen::VectorXd& step, State* state,
                      NormalEquations* sum) const;
   // Returns a capture's eliminated poses as predicted by their linearisation, or their initial guesses before the first
   // linearisation.
   std::vector<Rigid3d> EliminatedPosesAfter(const Eigen::VectorXd& step, size_t capture) const;
   // Evaluates a capture at these poses. Without `has_all_columns`, for its own poses only.
-  bool EvaluateCapture(const LoopCapture& capture, const Point& at, std::vector<Rigid3d> own_poses,
+  bool EvaluateCapture(const LoopCapture& capture, const LoopValues& at, std::vector<Rigid3d> own_poses,
                        bool has_all_columns, CaptureTerms* terms) const;
   // Likewise, and refines the poses with all other unknowns held.
-  bool SolveEliminatedPoses(const LoopCapture& capture, const Point& at, std::vector<Rigid3d> own_poses,
+  bool SolveEliminatedPoses(const LoopCapture& capture, const LoopValues& at, std::vector<Rigid3d> own_poses,
                             CaptureTerms* terms) const;
-  Point PointAt(const std::vector<double>& parameters) const;
   // Returns the tangent from one value of the parameter blocks to another, in the order of the layout.
   Eigen::VectorXd Step(const std::vector<double>& from, const std::vector<double>& to) const;
   std::vector<double> Joined(const double* const* parameters) const;
 
   LoopProblem problem_;
   CapturesCostOptions options_;
-  // One parameter block for Ceres: its unknowns and, unless it is a pose, their indices in the block.
-  struct ParameterBlock {
-    UnknownBlock unknowns;
-    size_t first = 0;  // In the joined blocks.
-    int size = 0;
-  };
   std::vector<ParameterBlock> blocks_;
   std::vector<UnknownBlock> pose_blocks_;
   std::vector<UnknownBlock> effect_blocks_;

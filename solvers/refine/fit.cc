@@ -56,9 +56,7 @@ LoopValues ValuesOf(const FitState& state) { return HandEyeValues(state.hand_eye
 
 // Returns the parameter blocks of a state, joined.
 std::vector<double> ParametersOf(const FitState& state, const FreeParameters& free) {
-  LoopProblem loops;
-  loops.layout = HandEyeUnknowns(state.camera.Model(), free);
-  return LoopUnknowns(loops, ValuesOf(state)).all();
+  return JoinedBlocks(ParameterBlocksOf(HandEyeUnknowns(state.camera.Model(), free)), ValuesOf(state));
 }
 
 // Returns whether the cached normal equations are those of this fit with corrections, and have lost so few digits in
@@ -180,7 +178,7 @@ ceres::Solver::Summary MinimiseOnce(const FreeParameters& free, const Loss& loss
         return correction.translation.isZero(0) && correction.rotation.vec().isZero(0);
       });
   LoopProblem loops = LoopsOf(*fit->problem, *fit->groups, free, *state, has_corrections ? noise.robot : std::nullopt);
-  LoopUnknowns unknowns(loops, ValuesOf(*state));
+  LoopUnknowns unknowns(loops.layout, ValuesOf(*state));
   CapturesCost cost(std::move(loops), options);
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -249,7 +247,7 @@ std::optional<Information> FitInformation(const FreeParameters& free, const Loss
   options.known = ProductsOf(fit->known, fit->problem, loss, noise.pixel_px);
   LoopProblem loops = LoopsOf(problem, *fit->groups, free, state, std::nullopt);
   Information information{loops.layout, {}};
-  const LoopUnknowns unknowns(loops, ValuesOf(state));
+  const LoopUnknowns unknowns(loops.layout, ValuesOf(state));
   std::optional<NormalEquations> products =
       CapturesCost(std::move(loops), options).NormalEquationsAt(unknowns.blocks().data());
   if (!products) return std::nullopt;

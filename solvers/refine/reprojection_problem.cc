@@ -28,36 +28,9 @@ ceres::Solver::Options ReprojectionSolverOptions(int max_iterations) {
   return options;
 }
 
-LoopUnknowns::LoopUnknowns(const LoopProblem& problem, const LoopValues& values)
-    : layout_(problem.layout), values_(values) {
-  size_t pose = 0;
-  size_t effect = 0;
-  size_t camera = 0;
-  size_t target = 0;
-  const auto append = [&](const UnknownBlock& block, const auto& numbers) {
-    places_.push_back({block, all_.size(), static_cast<int>(numbers.size())});
-    all_.insert(all_.end(), numbers.begin(), numbers.end());
-  };
-  for (const UnknownBlock& block : layout_.blocks()) {
-    switch (block.owner) {
-      case UnknownOwner::kPose:
-        append(block, ToBlock(values.poses[pose++]));
-        break;
-      case UnknownOwner::kEffects: {
-        const Eigen::VectorXd& effects = values.effects[effect++];
-        append(block, std::vector<double>(effects.begin(), effects.end()));
-        break;
-      }
-      case UnknownOwner::kCamera:
-        append(block, values.cameras[camera++]);
-        break;
-      case UnknownOwner::kTarget:
-        if (block.size > 0) append(block, values.targets[target].params);
-        ++target;
-        break;
-    }
-  }
-  for (const Place& place : places_) blocks_.push_back(&all_[place.first]);
+LoopUnknowns::LoopUnknowns(const UnknownLayout& layout, const LoopValues& values)
+    : layout_(layout), held_(values.targets), places_(ParameterBlocksOf(layout)), all_(JoinedBlocks(places_, values)) {
+  for (const ParameterBlock& place : places_) blocks_.push_back(&all_[place.first]);
 }
 
 void LoopUnknowns::AddTo(ceres::Problem* ceres_problem) {
@@ -85,38 +58,10 @@ void LoopUnknowns::AddTo(ceres::Problem* ceres_problem) {
 }
 
 double* LoopUnknowns::Block(UnknownOwner owner) const {
-  const auto found =
-      std::find_if(places_.begin(), places_.end(), [&](const Place& place) { return place.unknowns.owner == owner; });
+  const auto found = std::find_if(places_.begin(), places_.end(),
+                                  [&](const ParameterBlock& place) { return place.unknowns.owner == owner; });
   CHECK(found != places_.end());
   return blocks_[static_cast<size_t>(found - places_.begin())];
-}
-
-LoopValues LoopUnknowns::Values() const {
-  LoopValues values = values_;
-  values.poses.clear();
-  values.effects.clear();
-  values.cameras.clear();
-  size_t target = 0;
-  const std::vector<UnknownBlock> targets = layout_.BlocksOf(UnknownOwner::kTarget);
-  for (size_t b = 0; b < places_.size(); ++b) {
-    const double* const from = blocks_[b];
-    switch (places_[b].unknowns.owner) {
-      case UnknownOwner::kPose:
-        values.poses.push_back(FromBlock(from));
-        break;
-      case UnknownOwner::kEffects:
-        values.effects.emplace_back(Eigen::Map<const Eigen::VectorXd>(from, places_[b].size));
-        break;
-      case UnknownOwner::kCamera:
-        values.cameras.emplace_back(from, from + places_[b].size);
-        break;
-      case UnknownOwner::kTarget:
-        while (targets[target].size == 0) ++target;  // Held targets have no block.
-        std::copy_n(from, places_[b].size, values.targets[target++].params.begin());
-        break;
-    }
-  }
-  return values;
 }
 
 namespace {

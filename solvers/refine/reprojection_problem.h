@@ -20,7 +20,7 @@ ceres::Solver::Options ReprojectionSolverOptions(int max_iterations);
 // digit in every thread.
 class LoopUnknowns {
  public:
-  LoopUnknowns(const LoopProblem& problem, const LoopValues& values);
+  LoopUnknowns(const UnknownLayout& layout, const LoopValues& values);
 
   // Adds the blocks to a Ceres problem and holds what is not free. This object must outlive the Ceres problem.
   void AddTo(ceres::Problem* ceres_problem);
@@ -29,19 +29,13 @@ class LoopUnknowns {
   double* Block(UnknownOwner owner) const;
   const std::vector<double>& all() const { return all_; }
   // Returns the values, with unit quaternions.
-  LoopValues Values() const;
+  LoopValues Values() const { return ValuesIn(places_, all_, held_); }
 
  private:
-  struct Place {
-    UnknownBlock unknowns;
-    size_t first = 0;
-    int size = 0;
-  };
-
   UnknownLayout layout_;
-  LoopValues values_;  // The held parts.
+  std::vector<TargetShape> held_;
+  std::vector<ParameterBlock> places_;
   std::vector<double> all_;
-  std::vector<Place> places_;
   std::vector<double*> blocks_;
 };
 

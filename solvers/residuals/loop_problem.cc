@@ -1,6 +1,10 @@
 #include "solvers/residuals/loop_problem.h"
 
-#include <numeric>
+#include <algorithm>
+#include <array>
+#include <tuple>
+
+#include "heba/geometry/pose_block.h"
 
 namespace heba {
 namespace {
@@ -31,6 +35,69 @@ KinematicLoop CorrectedLoop(Setup setup) {
 }
 
 }  // namespace
+
+std::vector<ParameterBlock> ParameterBlocksOf(const UnknownLayout& layout) {
+  std::vector<ParameterBlock> blocks;
+  std::array<size_t, 4> num_of_owner{};
+  size_t first = 0;
+  for (const UnknownBlock& unknowns : layout.blocks()) {
+    auto size = static_cast<int>(unknowns.size);
+    if (unknowns.owner == UnknownOwner::kPose) size = static_cast<int>(std::tuple_size_v<PoseBlock>);
+    if (unknowns.owner == UnknownOwner::kCamera) size = NumParams(*unknowns.model);
+    if (unknowns.owner == UnknownOwner::kTarget && size > 0) size = TargetShape::kNumParams;
+    const size_t index = num_of_owner[static_cast<size_t>(unknowns.owner)]++;
+    if (size == 0) continue;
+    blocks.push_back({unknowns, index, first, size});
+    first += static_cast<size_t>(size);
+  }
+  return blocks;
+}
+
+std::vector<double> JoinedBlocks(const std::vector<ParameterBlock>& blocks, const LoopValues& values) {
+  std::vector<double> joined;
+  const auto append = [&](const auto& numbers) { joined.insert(joined.end(), numbers.begin(), numbers.end()); };
+  for (const ParameterBlock& block : blocks) {
+    switch (block.unknowns.owner) {
+      case UnknownOwner::kPose:
+        append(ToBlock(values.poses[block.index]));
+        break;
+      case UnknownOwner::kEffects:
+        append(values.effects[block.index]);
+        break;
+      case UnknownOwner::kCamera:
+        append(values.cameras[block.index]);
+        break;
+      case UnknownOwner::kTarget:
+        append(values.targets[block.index].params);
+        break;
+    }
+  }
+  return joined;
+}
+
+LoopValues ValuesIn(const std::vector<ParameterBlock>& blocks, const std::vector<double>& joined,
+                    const std::vector<TargetShape>& held) {
+  LoopValues values;
+  values.targets = held;
+  for (const ParameterBlock& block : blocks) {
+    const double* const from = &joined[block.first];
+    switch (block.unknowns.owner) {
+      case UnknownOwner::kPose:
+        values.poses.push_back(FromBlock(from));
+        break;
+      case UnknownOwner::kEffects:
+        values.effects.emplace_back(Eigen::Map<const Eigen::VectorXd>(from, block.size));
+        break;
+      case UnknownOwner::kCamera:
+        values.cameras.emplace_back(from, from + block.size);
+        break;
+      case UnknownOwner::kTarget:
+        std::copy_n(from, block.size, values.targets[block.index].params.begin());
+        break;
+    }
+  }
+  return values;
+}
 
 FreeParameters FreeOf(const LoopProblem& problem, int camera, int target) {
   const auto camera_index = static_cast<size_t>(camera);

@@ -129,7 +129,7 @@ TEST(CapturesCostTest, AreAcceptedAtTheSolution) {
       const std::vector<Rigid3d> none(scene.views.size());
       LoopProblem loops =
           has_corrections ? HandEyeLoops(problem, free, each, none, {5e-4, 5e-4}) : HandEyeLoops(problem, free);
-      LoopUnknowns unknowns(loops, HandEyeValues(start, scene.camera, {}));
+      LoopUnknowns unknowns(loops.layout, HandEyeValues(start, scene.camera, {}));
       CapturesCostOptions cost_options;
       cost_options.pixel_sigma_px = 0.3;
       cost_options.loss = FindLoss("none");

@@ -373,7 +373,7 @@ TEST_P(LoopReferenceTest, CostAndGradientAgree) {
   const RandomProblem random = MakeProblem(GetParam(), 1);
   const LoopValues at = Disturbed(random.loops, random.truth.shared, 2);
   const CapturesCost cost(random.loops, CostOptions());
-  LoopUnknowns unknowns(random.loops, at);
+  LoopUnknowns unknowns(random.loops.layout, at);
   // The Jacobians are evaluated as Ceres does, so that the eliminated poses are known; they are then fully settled.
   std::vector<double> residuals(static_cast<size_t>(cost.num_residuals()));
   std::vector<std::vector<double>> storage;
@@ -418,7 +418,7 @@ TEST_P(LoopReferenceTest, SolutionAndCovarianceAgree) {
   const TextbookValues expected = SolveTextbook(loops, start, random.textbook);
 
   CapturesCost cost(loops, CostOptions());
-  LoopUnknowns unknowns(loops, start.shared);
+  LoopUnknowns unknowns(loops.layout, start.shared);
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(problem_options);
