@@ -6,7 +6,7 @@
 #include <string_view>
 #include <utility>
 
-#include <ceres/ceres.h>
+#include <ceres/solver.h>
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -145,14 +145,9 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
   }
   LoopUnknowns unknowns(loops.layout, {{}, {}, {camera->params}, loops.targets});
   CapturesCost cost(std::move(loops), options);
-  ceres::Problem::Options problem_options;
-  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  ceres::Problem problem(problem_options);
-  unknowns.AddTo(&problem);
-  problem.AddResidualBlock(&cost, nullptr, unknowns.blocks());
   ceres::Solver::Options solver_options = ReprojectionSolverOptions(100);
   solver_options.function_tolerance = tolerance;
-  const ceres::Solver::Summary summary = SolveCaptures(cost, solver_options, &problem);
+  const ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns);
   camera->params = unknowns.Values().cameras.front();
   const std::vector<std::vector<Rigid3d>> poses = cost.EliminatedPoses();
   for (size_t i = 0; i < poses.size(); ++i) (*posed)[i].camera_from_target = poses[i].front();

@@ -58,9 +58,8 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   }
   const SharedProblem visible = KeepFlaggedPoints(problem_in, keep);
   const Problem& problem = *visible;
-  if (const std::optional<Failure> failure =
-          CheckNumPoints(CountFlags(keep), HandEyeUnknowns(problem.camera.Model(), free)))
-    return *failure;
+  const UnknownLayout layout = HandEyeUnknowns(problem.camera.Model(), free);
+  if (const std::optional<Failure> failure = CheckNumPoints(CountFlags(keep), layout)) return *failure;
   // Observability is checked at sigma = 0.05 px: a direction that is unobservable even then cannot be solved for.
   constexpr double kLittleNoisePx = 0.05;
   Fit fit;

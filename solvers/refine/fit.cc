@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <ceres/ceres.h>
-#include <ceres/normal_prior.h>
+#include <ceres/solver.h>
 
 #include "heba/base/parallel.h"
 #include "solvers/refine/reprojection_problem.h"
@@ -180,25 +179,17 @@ ceres::Solver::Summary MinimiseOnce(const FreeParameters& free, const Loss& loss
   LoopProblem loops = LoopsOf(*fit->problem, *fit->groups, free, *state, has_corrections ? noise.robot : std::nullopt);
   LoopUnknowns unknowns(loops.layout, ValuesOf(*state));
   CapturesCost cost(std::move(loops), options);
-  ceres::Problem::Options problem_options;
-  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  std::optional<ceres::NormalPrior> prior_cost;  // The Ceres problem does not own its costs.
-  ceres::Problem ceres_problem(problem_options);
-  unknowns.AddTo(&ceres_problem);
-  ceres_problem.AddResidualBlock(&cost, nullptr, unknowns.blocks());
   ceres::Solver::Options solver_options = ReprojectionSolverOptions(bundle_options.max_iterations);
   constexpr double kRough = 1e-6;
   if (scale == NoiseScale::kMedian) solver_options.function_tolerance = kRough;
-  ceres::Solver::Summary summary;
+  std::vector<BlockPrior> priors;
   if (bundle_options.camera_prior) {
     const CameraPrior& prior = *bundle_options.camera_prior;
-    const Eigen::MatrixXd rows = PriorWeights(prior, free).asDiagonal();
-    prior_cost.emplace(rows, Eigen::Map<const Eigen::VectorXd>(prior.params.data(), rows.cols()));
-    ceres_problem.AddResidualBlock(&*prior_cost, nullptr, unknowns.Block(UnknownOwner::kCamera));
-    ceres::Solve(solver_options, &ceres_problem, &summary);
-  } else {
-    summary = SolveCaptures(cost, solver_options, &ceres_problem);
+    const Eigen::VectorXd weights = PriorWeights(prior, free);
+    priors.push_back(
+        {UnknownOwner::kCamera, weights, Eigen::Map<const Eigen::VectorXd>(prior.params.data(), weights.size())});
   }
+  ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns, priors);
   const LoopValues values = unknowns.Values();
   state->hand_eye = {values.poses[0], values.poses[1]};
   state->camera.params = values.cameras.front();

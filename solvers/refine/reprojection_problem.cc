@@ -1,9 +1,11 @@
 #include "solvers/refine/reprojection_problem.h"
 
 #include <algorithm>
+#include <deque>
 #include <sstream>
 
 #include <ceres/manifold.h>
+#include <ceres/normal_prior.h>
 
 #include "heba/base/error.h"
 #include "heba/geometry/pose_block.h"
@@ -81,16 +83,30 @@ class StopAtMinimum final : public ceres::IterationCallback {
 
 }  // namespace
 
-ceres::Solver::Summary SolveCaptures(const CapturesCost& cost, ceres::Solver::Options options,
-                                     ceres::Problem* problem) {
-  StopAtMinimum stop(cost, options.function_tolerance);
-  options.callbacks.push_back(&stop);
+ceres::Solver::Summary SolveCaptures(ceres::Solver::Options options, CapturesCost* cost, LoopUnknowns* unknowns,
+                                     const std::vector<BlockPrior>& priors) {
+  ceres::Problem::Options problem_options;
+  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  std::deque<ceres::NormalPrior> prior_costs;  // Does not move its elements.
+  ceres::Problem problem(problem_options);
+  unknowns->AddTo(&problem);
+  problem.AddResidualBlock(cost, nullptr, unknowns->blocks());
+  for (const BlockPrior& prior : priors) {
+    const Eigen::MatrixXd rows = prior.weights.asDiagonal();
+    problem.AddResidualBlock(&prior_costs.emplace_back(rows, prior.mean), nullptr, unknowns->Block(prior.owner));
+  }
   ceres::Solver::Summary summary;
-  ceres::Solve(options, problem, &summary);
+  if (!priors.empty()) {
+    ceres::Solve(options, &problem, &summary);
+    return summary;
+  }
+  StopAtMinimum stop(*cost, options.function_tolerance);
+  options.callbacks.push_back(&stop);
+  ceres::Solve(options, &problem, &summary);
   if (summary.termination_type == ceres::USER_SUCCESS) {
     summary.termination_type = ceres::CONVERGENCE;
     std::ostringstream message;
-    message << "Function tolerance reached. The next step's |cost_change|/cost: " << cost.PredictedDrop()
+    message << "Function tolerance reached. The next step's |cost_change|/cost: " << cost->PredictedDrop()
             << " <= " << options.function_tolerance;
     summary.message = message.str();
   }

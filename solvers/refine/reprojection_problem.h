@@ -39,9 +39,17 @@ class LoopUnknowns {
   std::vector<double*> blocks_;
 };
 
-// Calls ceres::Solve for a problem whose only cost is `cost`. Convergence is also reached if the predicted relative
-// decrease of the cost in the next step is below options.function_tolerance; Ceres alone detects that only after the
-// step.
-ceres::Solver::Summary SolveCaptures(const CapturesCost& cost, ceres::Solver::Options options, ceres::Problem* problem);
+// Prior knowledge of the numbers in the first block of an owner: residuals weights * (x - mean).
+struct BlockPrior {
+  UnknownOwner owner = UnknownOwner::kCamera;
+  Eigen::VectorXd weights;
+  Eigen::VectorXd mean;
+};
+
+// Calls ceres::Solve for a problem of `cost` and these priors, from the values of the unknowns, which become those of
+// the solution. Without priors, convergence is also reached if the predicted relative decrease of the cost in the next
+// step is below options.function_tolerance; Ceres alone detects that only after the step.
+ceres::Solver::Summary SolveCaptures(ceres::Solver::Options options, CapturesCost* cost, LoopUnknowns* unknowns,
+                                     const std::vector<BlockPrior>& priors = {});
 
 }  // namespace heba

@@ -38,33 +38,15 @@ class LinearEffect final : public PoseEffect {
 
 std::shared_ptr<const PoseEffect> MakeLinearEffect(Matrix6X g) { return std::make_shared<LinearEffect>(std::move(g)); }
 
-LoopFactor KnownFactor(const Rigid3d& pose) {
-  LoopFactor factor;
-  factor.known = pose;
-  return factor;
-}
+LoopFactor KnownFactor(const Rigid3d& pose) { return {.known = pose}; }
 
-LoopFactor SharedFactor(int index) {
-  LoopFactor factor;
-  factor.kind = LoopFactor::Kind::kShared;
-  factor.index = index;
-  return factor;
-}
+LoopFactor SharedFactor(int index) { return {.kind = LoopFactor::Kind::kShared, .index = index}; }
 
 LoopFactor EffectFactor(int index, std::shared_ptr<const PoseEffect> effect) {
-  LoopFactor factor;
-  factor.kind = LoopFactor::Kind::kEffect;
-  factor.index = index;
-  factor.effect = std::move(effect);
-  return factor;
+  return {.kind = LoopFactor::Kind::kEffect, .index = index, .effect = std::move(effect)};
 }
 
-LoopFactor OwnFactor(int index) {
-  LoopFactor factor;
-  factor.kind = LoopFactor::Kind::kOwn;
-  factor.index = index;
-  return factor;
-}
+LoopFactor OwnFactor(int index) { return {.kind = LoopFactor::Kind::kOwn, .index = index}; }
 
 LoopFactor Inverse(LoopFactor factor) {
   factor.is_inverted = !factor.is_inverted;

@@ -32,11 +32,7 @@ struct Variances {
   double translation_m2 = kExact2;
   double rotation_rad2 = kExact2;
 
-  Tangent6 Corrections() const {
-    Tangent6 variances;
-    variances << Eigen::Vector3d::Constant(translation_m2), Eigen::Vector3d::Constant(rotation_rad2);
-    return variances;
-  }
+  Tangent6 Corrections() const { return CorrectionVariances(translation_m2, rotation_rad2); }
 };
 
 // Estimates the variances from these captures.

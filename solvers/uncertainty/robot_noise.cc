@@ -39,11 +39,14 @@ Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camer
   return Inverse(BaseFromGripper(setup, camera_mount_from_target_mount)) * BaseFromGripper(setup, corrected);
 }
 
-Tangent6 CorrectionVariances(const RobotNoise& noise) {
+Tangent6 CorrectionVariances(double translation_m2, double rotation_rad2) {
   Tangent6 variances;
-  variances << Eigen::Vector3d::Constant(noise.translation_m * noise.translation_m),
-      Eigen::Vector3d::Constant(noise.rotation_rad * noise.rotation_rad);
+  variances << Eigen::Vector3d::Constant(translation_m2), Eigen::Vector3d::Constant(rotation_rad2);
   return variances;
+}
+
+Tangent6 CorrectionVariances(const RobotNoise& noise) {
+  return CorrectionVariances(noise.translation_m * noise.translation_m, noise.rotation_rad * noise.rotation_rad);
 }
 
 RobotNoisePrior IndustrialArmPrior() {

@@ -27,6 +27,7 @@ Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camer
                       const Rigid3d& camera_from_target);
 
 // Returns the variances of the columns of LinearisedView::by_effects that are a robot's correction, m^2 and rad^2.
+Tangent6 CorrectionVariances(double translation_m2, double rotation_rad2);
 Tangent6 CorrectionVariances(const RobotNoise& noise);
 
 // Prior knowledge of a robot's noise: log-normal densities of its two sigmas.

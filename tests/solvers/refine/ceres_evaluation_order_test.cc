@@ -46,6 +46,23 @@ class RecordedValley final : public ceres::SizedCostFunction<2, 2> {
   mutable std::vector<double> last_jacobian;
 };
 
+ceres::Solver::Options OptionsWithRadius(double radius) {
+  ceres::Solver::Options options = ReprojectionSolverOptions(200);
+  options.initial_trust_region_radius = radius;
+  return options;
+}
+
+ceres::Solver::Summary SolveValley(const ceres::Solver::Options& options, RecordedValley* valley,
+                                   std::vector<double>* x) {
+  ceres::Problem::Options problem_options;
+  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem problem(problem_options);
+  problem.AddResidualBlock(valley, nullptr, x->data());
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  return summary;
+}
+
 struct End {
   std::string name;
   std::function<void(ceres::Solver::Options*)> set;
@@ -57,15 +74,9 @@ TEST_P(CeresEvaluationOrderTest, JacobiansAreEvaluatedLastAtTheSolution) {
   for (const double radius : {1e-2, 1e2, 1e6}) {
     RecordedValley valley;
     std::vector<double> x = {-1.2, 1.0};
-    ceres::Problem::Options problem_options;
-    problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-    ceres::Problem problem(problem_options);
-    problem.AddResidualBlock(&valley, nullptr, x.data());
-    ceres::Solver::Options options = ReprojectionSolverOptions(200);
-    options.initial_trust_region_radius = radius;
+    ceres::Solver::Options options = OptionsWithRadius(radius);
     GetParam().set(&options);
-    ceres::Solver::Summary summary;
-    ceres::Solve(options, &problem, &summary);
+    const ceres::Solver::Summary summary = SolveValley(options, &valley, &x);
     ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
     EXPECT_EQ(valley.last_jacobian, x) << radius << ": " << summary.message;
     EXPECT_GT(valley.num_jacobians, 1);
@@ -100,14 +111,7 @@ INSTANTIATE_TEST_SUITE_P(, CeresEvaluationOrderTest, testing::ValuesIn(Ends()),
 TEST(RecordedValleyTest, TheValleyRejectsSteps) {
   RecordedValley valley;
   std::vector<double> x = {-1.2, 1.0};
-  ceres::Problem::Options problem_options;
-  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  ceres::Problem problem(problem_options);
-  problem.AddResidualBlock(&valley, nullptr, x.data());
-  ceres::Solver::Options options = ReprojectionSolverOptions(200);
-  options.initial_trust_region_radius = 1e2;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
+  const ceres::Solver::Summary summary = SolveValley(OptionsWithRadius(1e2), &valley, &x);
   EXPECT_GT(summary.num_unsuccessful_steps, 0);
 }
 
@@ -134,13 +138,7 @@ TEST(CapturesCostTest, AreAcceptedAtTheSolution) {
       cost_options.pixel_sigma_px = 0.3;
       cost_options.loss = FindLoss("none");
       CapturesCost cost(std::move(loops), cost_options);
-      ceres::Problem::Options problem_options;
-      problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-      ceres::Problem ceres_problem(problem_options);
-      unknowns.AddTo(&ceres_problem);
-      ceres_problem.AddResidualBlock(&cost, nullptr, unknowns.blocks());
-      const ceres::Solver::Summary summary =
-          SolveCaptures(cost, ReprojectionSolverOptions(max_iterations), &ceres_problem);
+      const ceres::Solver::Summary summary = SolveCaptures(ReprojectionSolverOptions(max_iterations), &cost, &unknowns);
       ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
       EXPECT_EQ(cost.Accepted().parameters, unknowns.all()) << has_corrections << " " << summary.message;
     }

@@ -6,8 +6,6 @@
 #include <string>
 #include <vector>
 
-#include <ceres/ceres.h>
-#include <ceres/normal_prior.h>
 #include <gtest/gtest.h>
 
 #include "heba/base/rng.h"
@@ -419,28 +417,19 @@ TEST_P(LoopReferenceTest, SolutionAndCovarianceAgree) {
 
   CapturesCost cost(loops, CostOptions());
   LoopUnknowns unknowns(loops.layout, start.shared);
-  ceres::Problem::Options problem_options;
-  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  ceres::Problem problem(problem_options);
-  unknowns.AddTo(&problem);
-  problem.AddResidualBlock(&cost, nullptr, unknowns.blocks());
-  std::optional<ceres::NormalPrior> prior;
+  std::vector<BlockPrior> priors;
   if (GetParam().num_effects > 0) {
     const Eigen::Index size = GetParam().num_effects;
-    prior.emplace(Eigen::MatrixXd(Eigen::MatrixXd::Identity(size, size) / kEffectSigma), Eigen::VectorXd::Zero(size));
-    problem.AddResidualBlock(&*prior, nullptr, unknowns.Block(UnknownOwner::kEffects));
+    priors.push_back(
+        {UnknownOwner::kEffects, Eigen::VectorXd::Constant(size, 1 / kEffectSigma), Eigen::VectorXd::Zero(size)});
   }
   if (GetParam().has_camera_prior) {
     const auto size = static_cast<Eigen::Index>(random.textbook.camera_prior.size());
-    const Eigen::VectorXd weights =
-        Eigen::Map<const Eigen::VectorXd>(random.textbook.camera_prior_weights.data(), size);
-    prior.emplace(Eigen::MatrixXd(weights.asDiagonal()),
-                  Eigen::Map<const Eigen::VectorXd>(random.textbook.camera_prior.data(), size));
-    problem.AddResidualBlock(&*prior, nullptr, unknowns.Block(UnknownOwner::kCamera));
+    priors.push_back({UnknownOwner::kCamera,
+                      Eigen::Map<const Eigen::VectorXd>(random.textbook.camera_prior_weights.data(), size),
+                      Eigen::Map<const Eigen::VectorXd>(random.textbook.camera_prior.data(), size)});
   }
-  ceres::Solver::Options options = ReprojectionSolverOptions(100);
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
+  const ceres::Solver::Summary summary = SolveCaptures(ReprojectionSolverOptions(100), &cost, &unknowns, priors);
   ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;
   const LoopValues found = unknowns.Values();
   TextbookValues at{found, cost.EliminatedPoses()};
@@ -455,7 +444,7 @@ TEST_P(LoopReferenceTest, SolutionAndCovarianceAgree) {
 
   // The covariance by elimination, and by marginalisation of the linearised captures.
   const Eigen::Index n = loops.layout.size();
-  const Eigen::MatrixXd priors = PriorsOf(random, found).first;
+  const Eigen::MatrixXd prior_information = PriorsOf(random, found).first;
   const auto difference_of = [&](const Eigen::MatrixXd& information) {
     const Eigen::VectorXd scale = sigmas;
     const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
@@ -464,7 +453,7 @@ TEST_P(LoopReferenceTest, SolutionAndCovarianceAgree) {
         sigmas.cwiseInverse().asDiagonal() * there.covariance * sigmas.cwiseInverse().asDiagonal();
     return (correlation - expected_correlation).cwiseAbs().maxCoeff();
   };
-  EXPECT_LT(difference_of(cost.Accepted().matrix.topLeftCorner(n, n) + priors), 1e-3);
+  EXPECT_LT(difference_of(cost.Accepted().matrix.topLeftCorner(n, n) + prior_information), 1e-3);
   if (!has_priors) return;
   for (size_t i = 0; i < loops.captures.size(); ++i) {
     for (size_t j = 0; j < loops.captures[i].own_poses.size(); ++j) {
@@ -475,7 +464,7 @@ TEST_P(LoopReferenceTest, SolutionAndCovarianceAgree) {
   ASSERT_TRUE(views.has_value());
   Eigen::VectorXd variances(6 * GetParam().num_own_poses);
   for (int j = 0; j < GetParam().num_own_poses; ++j) variances.segment<6>(6 * j) = CorrectionVariances(kRobot);
-  EXPECT_LT(difference_of(MarginalInformation(*views, variances, 1.0) + priors), 1e-3);
+  EXPECT_LT(difference_of(MarginalInformation(*views, variances, 1.0) + prior_information), 1e-3);
 }
 
 INSTANTIATE_TEST_SUITE_P(, LoopReferenceTest, testing::ValuesIn(Kinds()),
