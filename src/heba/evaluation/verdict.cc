@@ -139,7 +139,7 @@ std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution
   Finding finding;
   finding.code = "unmodelled_error";
   finding.grade = GradeOf(*errors.holdout_chi2, kHeldOutChi2);
-  finding.text = "held-out captures scatter " + Significant(std::sqrt(*errors.holdout_chi2), 2) +
+  finding.text = "the held-out captures scatter " + Significant(std::sqrt(*errors.holdout_chi2), 2) +
                  " times as much as the assumed noise explains";
   finding.numbers = {{"chi2_per_dof", *errors.holdout_chi2}};
   if (finding.grade != Grade::kGood) {
