@@ -43,7 +43,7 @@ rooms() {
 rooms src/heba heba/ base kernels geometry camera data config robot evaluation io simulation
 rooms solvers solvers/ closed_form residuals uncertainty refine initial calibration
 rooms targets targets/ images . dots render corners tags types
-rooms tools tools/ text files config run pages doctor batch study cli .
+rooms tools tools/ run text files config pages doctor batch study cli .
 
 # Libraries print nothing and read no flags.
 if grep -rnE --include='*.h' --include='*.cc' 'std::(cout|cerr)|[^sn]printf\(|FLAGS_' src solvers targets | grep -v snprintf; then

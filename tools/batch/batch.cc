@@ -12,9 +12,9 @@
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
 #include "tools/batch/pipeline.h"
+#include "tools/batch/run_inputs.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/summary.h"
-#include "tools/run/run_inputs.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -36,8 +36,8 @@ Item MakeItem(const std::string& path, const BatchOptions& options) {
   item.run.name = std::filesystem::path(path).stem().string();
   try {
     item.config = ReadRunConfig(path, options.settings);
-    item.run.name = item.config->name;
-    item.output = options.output.empty() ? item.config->output : options.output / item.config->name;
+    item.run.name = item.config->data.name;
+    item.output = options.output.empty() ? item.config->output : options.output / item.config->data.name;
   } catch (const std::exception& error) {
     item.run.reason = error.what();
   }

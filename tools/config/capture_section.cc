@@ -294,10 +294,10 @@ void AddCapture(const Seen& seen, const PoseRow& row, RunConfig* config) {
   capture.image = seen.image;
   capture.role = row.role;
   capture.base_from_gripper = BaseFromGripper(config->pose_reading, row.pose);
-  config->captures.push_back(capture);
+  config->data.captures.push_back(capture);
   config->pose_numbers.push_back(row.numbers);
-  if (seen.camera_from_target) config->target_poses.push_back(*seen.camera_from_target);
-  if (seen.detection) config->given_detections.push_back(*seen.detection);
+  if (seen.camera_from_target) config->data.target_poses.push_back(*seen.camera_from_target);
+  if (seen.detection) config->data.given_detections.push_back(*seen.detection);
 }
 
 }  // namespace
@@ -382,7 +382,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
     const bool is_row_excluded = excluded.count(rows[i].image) > 0;
     if (!image_of_row[i]) {
       if (is_row_excluded) continue;
-      config->left_out.push_back({rows[i].image, "the image is not among those of " + seen_value.key()});
+      config->data.left_out.push_back({rows[i].image, "the image is not among those of " + seen_value.key()});
       continue;
     }
     const size_t image = *image_of_row[i];
@@ -392,15 +392,16 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
   }
   for (size_t i = 0; i < seen.size(); ++i) {
     if (is_excluded[i]) {
-      config->left_out.push_back({seen[i].name, "left out by captures.exclude"});
+      config->data.left_out.push_back({seen[i].name, "left out by captures.exclude"});
     } else if (!has_row[i]) {
-      config->left_out.push_back({seen[i].name, "the robot's pose is not in the poses file"});
+      config->data.left_out.push_back({seen[i].name, "the robot's pose is not in the poses file"});
     }
   }
-  if (config->captures.empty()) seen_value.Fail("no capture is left: captures.exclude leaves all of them out");
-  const bool has_images = std::all_of(config->captures.begin(), config->captures.end(),
+  if (config->data.captures.empty()) seen_value.Fail("no capture is left: captures.exclude leaves all of them out");
+  const bool has_images = std::all_of(config->data.captures.begin(), config->data.captures.end(),
                                       [](const Capture& capture) { return !capture.image.empty(); });
-  if (!has_images && config->given_detections.empty() && config->target_poses.size() != config->captures.size()) {
+  if (!has_images && config->data.given_detections.empty() &&
+      config->data.target_poses.size() != config->data.captures.size()) {
     seen_value.Fail(
         "neither images nor corners nor poses of the target belong to these poses; name the images "
         "(images)");

@@ -20,34 +20,34 @@ namespace fs = std::filesystem;
 void ReadSetup(MapReader& root, RunConfig* config) {
   std::optional<std::string> fallback;
   if (config->imported && config->imported->setup) fallback = SetupName(*config->imported->setup);
-  config->setup = *FindSetup(root.Choice("setup", {"eye_to_hand", "eye_in_hand"}, fallback));
+  config->data.setup = *FindSetup(root.Choice("setup", {"eye_to_hand", "eye_in_hand"}, fallback));
 }
 
 void ReadTargetSection(MapReader& root, RunConfig* config) {
   if (!root.Has("target")) {
     if (config->imported && !config->imported->target.empty()) {
       MapReader target(ParseYaml(config->imported->target, config->imported->files.front()));
-      config->target = CreateTarget(target);
+      config->data.target = CreateTarget(target);
       root.Record("target", target.used());
-    } else if (!config->target_poses.empty()) {
+    } else if (!config->data.target_poses.empty()) {
       return;
     }
   }
-  if (!config->target) config->target = ReadTarget(root, "target");
+  if (!config->data.target) config->data.target = ReadTarget(root, "target");
   config->target_used = YAML::Dump(root.used()["target"]);
   std::set<int> known;
-  for (const TargetPoint& point : config->target->points()) known.insert(point.id);
-  for (size_t i = 0; i < config->given_detections.size(); ++i) {
+  for (const TargetPoint& point : config->data.target->points()) known.insert(point.id);
+  for (size_t i = 0; i < config->data.given_detections.size(); ++i) {
     std::set<int> seen;
-    for (const int id : config->given_detections[i].detection.ids) {
-      const std::string where = config->data_files.front().string() + ": " + config->captures[i].name + ": ";
+    for (const int id : config->data.given_detections[i].detection.ids) {
+      const std::string where = config->data_files.front().string() + ": " + config->data.captures[i].name + ": ";
       if (known.count(id) == 0) throw InputError(where + "the target has no point " + std::to_string(id));
       if (!seen.insert(id).second) throw InputError(where + "point " + std::to_string(id) + " is listed twice");
     }
-    for (const Eigen::Vector2d& pixel : config->given_detections[i].detection.pixels) {
+    for (const Eigen::Vector2d& pixel : config->data.given_detections[i].detection.pixels) {
       constexpr double kFarthestPx = 1e6;
       if (!(pixel.cwiseAbs().maxCoeff() <= kFarthestPx)) {
-        throw InputError(config->data_files.front().string() + ": " + config->captures[i].name +
+        throw InputError(config->data_files.front().string() + ": " + config->data.captures[i].name +
                          ": a point lies outside any possible image");
       }
     }
@@ -79,19 +79,32 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
   if (const std::optional<ConfigValue> file = reader.Find("intrinsics")) {
     const fs::path path = reader.Path("intrinsics");
     config->camera_file = path.string();
-    config->camera = AsModel(ReadCameraFile(path), model, *file);
-    config->camera_model = config->camera->model;
+    config->data.camera_source = config->camera_file;
+    config->data.camera = AsModel(ReadCameraFile(path), model, *file);
+    config->options.camera_model = config->data.camera->model;
   } else if (config->imported && config->imported->camera) {
     config->camera_file = config->imported->files.front().string();
-    config->camera = AsModel(*config->imported->camera, model, root.Get("captures"));
-    config->camera_model = config->camera->model;
+    config->data.camera_source = config->camera_file;
+    config->data.camera = AsModel(*config->imported->camera, model, root.Get("captures"));
+    config->options.camera_model = config->data.camera->model;
   } else {
-    config->choose_camera_model = !model;
-    config->camera_model = model.value_or("auto");
+    config->options.choose_camera_model = !model;
+    config->options.camera_model = model.value_or("auto");
   }
-  reader.Record("model", YAML::Node(config->camera_model));
+  reader.Record("model", YAML::Node(config->options.camera_model));
   reader.Finish();
   root.Record("camera", reader.used());
+}
+
+// Throws InputError if detections are given whose image size is not known.
+void CheckImageSize(const RunConfig& config) {
+  const Dataset& data = config.data;
+  if (data.camera && data.camera->width_px > 0) return;
+  for (const CaptureDetection& detection : data.given_detections) {
+    if (detection.width_px > 0 && detection.height_px > 0) continue;
+    throw InputError(data.detections_source +
+                     ": does not state the image size; provide a camera file that does (camera.intrinsics)");
+  }
 }
 
 // Reads "auto", "none" (or "exact"), or both sigmas.
@@ -99,33 +112,34 @@ void ReadRobotModel(MapReader* refine, RunConfig* config) {
   const std::optional<ConfigValue> value = refine->Find("robot_noise");
   if (!value || value->IsText()) {
     const std::string name = value ? value->AsChoice({"auto", "none", "exact"}) : "auto";
-    config->choose.robot_noise = name == "auto";
+    config->options.choose.robot_noise = name == "auto";
     refine->Record("robot_noise", YAML::Node(name));
     return;
   }
   MapReader reader(*value);
-  config->bundle.robot = BundleOptions::Robot::kGivenNoise;
-  config->bundle.robot_noise = ReadRobotNoise(reader);
+  config->options.bundle.robot = BundleOptions::Robot::kGivenNoise;
+  config->options.bundle.robot_noise = ReadRobotNoise(reader);
   refine->Record("robot_noise", reader.used());
 }
 
 // Reads the prior of the intrinsics. `file`: the sigmas in the camera file, the default if it has any.
 void ReadIntrinsicsPrior(MapReader* refine, RunConfig* config) {
-  const bool has_file = config->camera && !config->bundle.free_intrinsics.empty() && !config->imported;
+  const bool has_file = config->data.camera && !config->options.bundle.free_intrinsics.empty() && !config->imported;
   std::optional<std::vector<double>> sigmas = has_file ? ReadCameraSigmas(config->camera_file) : std::nullopt;
   const std::string fallback = sigmas ? "file" : "none";
   if (refine->Choice("intrinsics_prior", {"none", "file"}, fallback) == "none") return;
   if (!sigmas) {
     const ConfigValue value = refine->Get("intrinsics_prior");
-    if (!config->camera) value.Fail("needs a camera file (camera.intrinsics)");
-    if (config->bundle.free_intrinsics.empty()) value.Fail("needs intrinsics that are free (refine.intrinsics)");
+    if (!config->data.camera) value.Fail("needs a camera file (camera.intrinsics)");
+    if (config->options.bundle.free_intrinsics.empty())
+      value.Fail("needs intrinsics that are free (refine.intrinsics)");
 
     value.Fail("needs sigmas, which " + config->camera_file +
                " does not have (in heba's own form: std, as in the camera of a result.json)");
   }
   // Coefficients that the file's model does not have are unknown.
-  sigmas->resize(config->camera->params.size(), std::numeric_limits<double>::infinity());
-  config->bundle.camera_prior = CameraPrior{config->camera->params, *sigmas};
+  sigmas->resize(config->data.camera->params.size(), std::numeric_limits<double>::infinity());
+  config->options.bundle.camera_prior = CameraPrior{config->data.camera->params, *sigmas};
 }
 
 // Reads "auto", "none" (or "exact"), or the list of the unknown parts of the target's shape.
@@ -135,14 +149,14 @@ void ReadFreeShape(MapReader* refine, RunConfig* config) {
   const std::optional<ConfigValue> free = refine->Find("target_shape");
   if (!free || free->IsText()) {
     const std::string name = free ? free->AsChoice({"auto", "none", "exact"}) : "auto";
-    config->choose.target_shape = name == "auto";
+    config->options.choose.target_shape = name == "auto";
     refine->Record("target_shape", YAML::Node(name));
     return;
   }
   for (const ConfigValue& item : free->AsList()) {
     const std::string name = item.AsChoice(names);
     const auto index = std::find(names.begin(), names.end(), name) - names.begin();
-    config->bundle.free_shape.push_back(static_cast<TargetShapeGroup>(index));
+    config->options.bundle.free_shape.push_back(static_cast<TargetShapeGroup>(index));
     groups.push_back(name);
   }
   refine->Record("target_shape", groups);
@@ -152,19 +166,19 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   YAML::Node empty(YAML::NodeType::Map);
   const std::optional<ConfigValue> value = root.Find("refine");
   MapReader reader(value ? *value : ConfigValue(empty, config->file, "refine"));
-  config->bundle.free_intrinsics = ReadFreeIntrinsics(reader, config->bundle.free_intrinsics);
+  config->options.bundle.free_intrinsics = ReadFreeIntrinsics(reader, config->options.bundle.free_intrinsics);
   ReadFreeShape(&reader, config);
   ReadRobotModel(&reader, config);
   const std::optional<ConfigValue> pixel_noise = reader.Find("pixel_noise");
   if (pixel_noise && !(pixel_noise->IsText() && pixel_noise->node().Scalar() == "auto")) {
-    config->bundle.pixel_noise_px = pixel_noise->AsQuantity(Quantity::kPixels);
-    if (!(*config->bundle.pixel_noise_px > 0)) pixel_noise->Fail("must be greater than zero");
-    reader.Record("pixel_noise", QuantityNode(*config->bundle.pixel_noise_px, Quantity::kPixels));
+    config->options.bundle.pixel_noise_px = pixel_noise->AsQuantity(Quantity::kPixels);
+    if (!(*config->options.bundle.pixel_noise_px > 0)) pixel_noise->Fail("must be greater than zero");
+    reader.Record("pixel_noise", QuantityNode(*config->options.bundle.pixel_noise_px, Quantity::kPixels));
   } else {
     reader.Record("pixel_noise", YAML::Node("auto"));
   }
   ReadIntrinsicsPrior(&reader, config);
-  config->bundle.loss = reader.Choice("loss", LossNames(), "truncated");
+  config->options.bundle.loss = reader.Choice("loss", LossNames(), "truncated");
   reader.Finish();
   root.Record("refine", reader.used());
 }
@@ -220,7 +234,7 @@ void ReadRequirements(MapReader* evaluate, RunConfig* config) {
     }
     reader.Finish();
     used.push_back(reader.used());
-    config->requirements.push_back(std::move(requirement));
+    config->options.requirements.push_back(std::move(requirement));
   }
   evaluate->Record("require", used);
 }
@@ -229,8 +243,9 @@ void ReadEvaluate(MapReader& root, RunConfig* config) {
   YAML::Node empty(YAML::NodeType::Map);
   const std::optional<ConfigValue> value = root.Find("evaluate");
   MapReader reader(value ? *value : ConfigValue(empty, config->file, "evaluate"));
-  config->folds = reader.Int("folds", {0, 1000000}, 5);
-  if (config->folds == 1) reader.Get("folds").Fail("one fold leaves no training data; use 0 for none, or at least 2");
+  config->options.folds = reader.Int("folds", {0, 1000000}, 5);
+  if (config->options.folds == 1)
+    reader.Get("folds").Fail("one fold leaves no training data; use 0 for none, or at least 2");
   if (reader.Has("truth")) config->truth = reader.Path("truth");
   ReadRequirements(&reader, config);
   reader.Finish();
@@ -306,7 +321,7 @@ void ReadAbout(MapReader& root, RunConfig* config) {
   MapReader reader(*about);
   for (const auto& entry : about->node()) {
     const std::string key = entry.first.Scalar();
-    config->about.emplace_back(key, reader.Text(key));
+    config->data.about.emplace_back(key, reader.Text(key));
   }
   root.Record("about", reader.used());
 }
@@ -316,25 +331,29 @@ void ReadAbout(MapReader& root, RunConfig* config) {
 RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& settings) {
   RunConfig config;
   config.file = path;
+  config.options.choose = {};
+  config.options.choose_camera_model = false;
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
   MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
-  config.name = ReadFolderName(reader, path.stem().string());
+  config.data.name = ReadFolderName(reader, path.stem().string());
   ReadAbout(reader, &config);
   const YAML::Node captures_used = ReadCaptures(reader.Get("captures"), &config);
+  if (!config.data_files.empty()) config.data.detections_source = config.data_files.front().string();
   ReadSetup(reader, &config);
   ReadTargetSection(reader, &config);
   ReadCameraSection(reader, &config);
+  CheckImageSize(config);
   reader.Record("captures", captures_used);
   std::vector<std::string> seeds = HandEyeMethodNames();
   seeds.emplace_back(kBestSeed);
-  config.seed = reader.Choice("seed", seeds, kBestSeed);
-  config.methods = ReadMethods(reader);
+  config.options.seed = reader.Choice("seed", seeds, kBestSeed);
+  config.options.methods = ReadMethods(reader);
   ReadRefine(reader, &config);
   ReadEvaluate(reader, &config);
   if (reader.Has("output")) {
     config.output = reader.Path("output");
   } else {
-    config.output = fs::absolute(path).parent_path() / "runs" / config.name;
+    config.output = fs::absolute(path).parent_path() / "runs" / config.data.name;
     reader.Record("output", YAML::Node(config.output.string()));
   }
   reader.Finish();

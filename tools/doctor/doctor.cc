@@ -34,17 +34,17 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
   examination.num_threads = num_threads;
   examination.verbosity = verbosity;
   Diagnosis diagnosis;
-  diagnosis.num_captures = static_cast<int>(config.captures.size());
-  if (!config.target_poses.empty()) {
-    examination.views = ViewsOfPoses(config);
+  diagnosis.num_captures = static_cast<int>(config.data.captures.size());
+  if (!config.data.target_poses.empty()) {
+    examination.views = ViewsOfPoses(config.data);
     diagnosis.num_seen = diagnosis.num_captures;
   }
   for (const Check& check : kChecks) {
-    if (check.needs_images && !config.target_poses.empty()) continue;
+    if (check.needs_images && !config.data.target_poses.empty()) continue;
     if (examine == Examine::kInputs && check.run == &Check_result) continue;
     // The views are examined as soon as there is a camera.
     if (examination.camera && examination.views.empty()) {
-      examination.views = ExamineViews(examination.config, examination.detections, *examination.camera);
+      examination.views = ExamineViews(examination.config.data, examination.detections, *examination.camera);
       diagnosis.num_seen = static_cast<int>(examination.views.size());
     }
     for (Symptom& symptom : check.run(&examination)) diagnosis.symptoms.push_back(std::move(symptom));

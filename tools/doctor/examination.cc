@@ -5,10 +5,17 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/initial/target_pose.h"
+#include "tools/files/cached_detector.h"
 #include "tools/run/captures.h"
 #include "tools/text/result_text.h"
+#include "tools/text/run_console.h"
 
 namespace heba {
+
+std::vector<CaptureDetection> Detections(const RunConfig& config, int num_threads, Verbosity verbosity) {
+  ProgressObserver observer(verbosity);
+  return DetectWithCache(config.data, config.target_used, num_threads, &observer);
+}
 
 size_t NumSeen(const std::vector<CaptureDetection>& detections) {
   return static_cast<size_t>(std::count_if(detections.begin(), detections.end(), [](const CaptureDetection& capture) {
@@ -16,14 +23,14 @@ size_t NumSeen(const std::vector<CaptureDetection>& detections) {
   }));
 }
 
-std::vector<ExaminedView> ExamineViews(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+std::vector<ExaminedView> ExamineViews(const Dataset& dataset, const std::vector<CaptureDetection>& detections,
                                        const Camera& camera) {
-  const std::vector<Rigid3d> symmetries = config.target->Symmetries();
+  const std::vector<Rigid3d> symmetries = dataset.target->Symmetries();
   std::vector<ExaminedView> views;
-  for (size_t i = 0; i < config.captures.size(); ++i) {
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
     ExaminedView examined;
     examined.capture = i;
-    examined.view = ViewOf(config, i, ObservationsOf(*config.target, detections[i].detection));
+    examined.view = ViewOf(dataset, i, ObservationsOf(*dataset.target, detections[i].detection));
     if (examined.view.observations.size() < kMinPosePoints) continue;
     const std::vector<TargetPose> poses = EstimateTargetPose(camera, examined.view.observations);
     if (poses.empty()) continue;
@@ -38,10 +45,10 @@ std::vector<ExaminedView> ExamineViews(const RunConfig& config, const std::vecto
   return views;
 }
 
-std::vector<ExaminedView> ViewsOfPoses(const RunConfig& config) {
+std::vector<ExaminedView> ViewsOfPoses(const Dataset& dataset) {
   std::vector<ExaminedView> views;
-  for (size_t i = 0; i < config.captures.size(); ++i) {
-    views.push_back({i, ViewOf(config, i, {}), {config.target_poses[i]}, 0});
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    views.push_back({i, ViewOf(dataset, i, {}), {dataset.target_poses[i]}, 0});
   }
   return views;
 }

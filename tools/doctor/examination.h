@@ -14,7 +14,7 @@ namespace heba {
 
 // A capture whose image determines a pose of the target.
 struct ExaminedView {
-  size_t capture = 0;  // Index into RunConfig::captures.
+  size_t capture = 0;  // Index into Dataset::captures.
   View view;           // Has the robot pose as corrected by the checks before.
   // All poses that the image allows (PoseCandidates), as seen by Examination::camera.
   std::vector<Rigid3d> camera_from_target;
@@ -41,16 +41,19 @@ struct Examination {
   Verbosity verbosity = Verbosity::kNormal;
 };
 
+// Returns the detections in the captures of the config, from the cache if they are there.
+std::vector<CaptureDetection> Detections(const RunConfig& config, int num_threads, Verbosity verbosity);
+
 // Returns the number of images in which the target shows enough points for a pose.
 size_t NumSeen(const std::vector<CaptureDetection>& detections);
 
 // Returns the views of the captures with enough points, with the target's poses as seen by `camera`. Views that no
 // pose explains are left out.
-std::vector<ExaminedView> ExamineViews(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+std::vector<ExaminedView> ExamineViews(const Dataset& dataset, const std::vector<CaptureDetection>& detections,
                                        const Camera& camera);
 
 // Returns the views of captures whose target poses are given.
-std::vector<ExaminedView> ViewsOfPoses(const RunConfig& config);
+std::vector<ExaminedView> ViewsOfPoses(const Dataset& dataset);
 
 // Returns `views` as pairs of poses.
 std::vector<PoseCandidates> CandidatesOf(const std::vector<ExaminedView>& views);

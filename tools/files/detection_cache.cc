@@ -12,7 +12,8 @@
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/json_reader.h"
-#include "tools/files/digest.h"
+#include "tools/files/program_digest.h"
+#include "tools/run/digest.h"
 
 namespace heba {
 

@@ -19,7 +19,7 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/text.h"
-#include "tools/files/digest.h"
+#include "tools/run/digest.h"
 
 namespace heba {
 namespace fs = std::filesystem;

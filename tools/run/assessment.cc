@@ -11,6 +11,7 @@
 #include "solvers/calibration/target_location.h"
 #include "solvers/initial/pose_selection.h"
 #include "tools/run/captures.h"
+#include "tools/run/second_detection.h"
 
 namespace heba {
 namespace {
@@ -73,20 +74,20 @@ ModelSummary SummariseModel(const Calibration& calibration) {
 
 // Finds points that are in view several times but are never detected. The cause is a wrong id, marker size or pattern,
 // not a bad image.
-std::optional<Finding> FindMissingIds(const RunConfig& config, const Calibration& calibration,
+std::optional<Finding> FindMissingIds(const Dataset& dataset, const Calibration& calibration,
                                       const std::vector<CaptureDetection>& detections) {
-  if (!config.given_detections.empty()) return std::nullopt;
+  if (!dataset.given_detections.empty()) return std::nullopt;
   constexpr int kOften = 5;
   constexpr double kShare = 0.1;
-  const std::vector<TargetPoint>& points = config.target->points();
+  const std::vector<TargetPoint>& points = dataset.target->points();
   std::vector<int> num_expected(points.size(), 0);
   std::vector<int> num_found(points.size(), 0);
-  for (size_t i = 0; i < config.captures.size(); ++i) {
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
     const std::vector<int>& ids = detections[i].detection.ids;
     if (ids.empty()) continue;
-    const Rigid3d mount = CameraMountFromTargetMount(config.setup, config.captures[i].base_from_gripper);
+    const Rigid3d mount = CameraMountFromTargetMount(dataset.setup, dataset.captures[i].base_from_gripper);
     const std::vector<std::optional<Eigen::Vector2d>> expected =
-        ExpectedPixels(*config.target, *calibration.refined, CameraFromTarget(calibration.refined->hand_eye, mount));
+        ExpectedPixels(*dataset.target, *calibration.refined, CameraFromTarget(calibration.refined->hand_eye, mount));
     for (size_t k = 0; k < points.size(); ++k) {
       num_expected[k] += expected[k] ? 1 : 0;
       num_found[k] += std::count(ids.begin(), ids.end(), points[k].id) > 0 ? 1 : 0;
@@ -121,14 +122,14 @@ double RadiusM(const Eigen::Matrix3d& covariance_m2, double confidence) {
 
 // Returns the accuracy that the calibration reaches at each position for which the config requires one. A camera that
 // the robot carries can see a target at any position as at the working point.
-std::vector<Requirement> ReachedRequirements(const RunConfig& config, const Calibration& calibration,
-                                             const RunResult& result) {
+std::vector<Requirement> ReachedRequirements(const Dataset& dataset, const std::vector<PlacedRequirement>& requirements,
+                                             const Calibration& calibration, const RunResult& result) {
   std::vector<Requirement> reached;
   const Solution& solution = *calibration.refined;
-  for (const PlacedRequirement& required : config.requirements) {
+  for (const PlacedRequirement& required : requirements) {
     Requirement entry{required.within_m, required.confidence, "the working point", 0};
     if (result.working_point) entry.reached_m = RadiusM(result.working_point->covariance_m2, required.confidence);
-    if (!required.places_in_base_m.empty() && config.setup == Setup::kEyeToHand) {
+    if (!required.places_in_base_m.empty() && dataset.setup == Setup::kEyeToHand) {
       entry.place = required.text;
       entry.reached_m = 0;
       const View& fullest =
@@ -144,7 +145,7 @@ std::vector<Requirement> ReachedRequirements(const RunConfig& config, const Cali
         const bool is_visible = Predict(solution.camera.Model(), solution.camera.params.data(), camera_from_target,
                                         ApplyShape(seen, solution.shape), &seen.pixels, nullptr);
         const Outcome<LocatedTarget> located =
-            is_visible ? LocateTarget(config.setup, solution, seen, Rigid3d())
+            is_visible ? LocateTarget(dataset.setup, solution, seen, Rigid3d())
                        : Outcome<LocatedTarget>(Failure{"the place lies behind the camera"});
         entry.reached_m =
             std::max(entry.reached_m, located ? RadiusM(located->covariance.by_calibration_m2, required.confidence)
@@ -156,15 +157,15 @@ std::vector<Requirement> ReachedRequirements(const RunConfig& config, const Cali
   return reached;
 }
 
-std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::vector<CaptureDetection>& detections,
+std::vector<CaptureResult> DescribeCaptures(const Dataset& dataset, const std::vector<CaptureDetection>& detections,
                                             const Calibration& calibration,
                                             const std::vector<std::optional<CaptureMove>>& moves) {
   const Solution& solution = *calibration.refined;
   std::vector<CaptureResult> results;
-  for (size_t i = 0; i < config.captures.size(); ++i) {
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
     CaptureResult result;
-    result.image = config.captures[i].name;
-    result.role = config.captures[i].role;
+    result.image = dataset.captures[i].name;
+    result.role = dataset.captures[i].role;
     result.num_points = static_cast<int>(detections[i].detection.ids.size());
     result.num_second_pass = detections[i].num_second_pass;
     result.reason = detections[i].detection.reason;
@@ -192,7 +193,7 @@ std::vector<CaptureResult> DescribeCaptures(const RunConfig& config, const std::
     }
     results.push_back(std::move(result));
   }
-  for (const LeftOut& entry : config.left_out) {
+  for (const LeftOut& entry : dataset.left_out) {
     CaptureResult result;
     result.image = entry.name;
     result.reason = entry.reason;
@@ -260,26 +261,6 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
   return estimates;
 }
 
-std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target, const Solution& solution,
-                                                           const Rigid3d& camera_from_target) {
-  constexpr double kRimPx = 3;
-  std::vector<std::optional<Eigen::Vector2d>> expected;
-  const bool z_out = target.Draw().y_up;
-  const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d(0, 0, z_out ? -1 : 1);
-  for (const TargetPoint& point : target.points()) {
-    const Eigen::Vector3d in_camera = camera_from_target * ApplyShape(point.in_target, solution.shape);
-    std::optional<Eigen::Vector2d> pixel = ProjectPoint(solution.camera, in_camera);
-    // The back of the target shows no points, and strong distortion folds far rays back into the image.
-    const bool is_visible = pixel && normal.dot(in_camera) > 0 && pixel->x() >= kRimPx && pixel->y() >= kRimPx &&
-                            pixel->x() <= solution.camera.width_px - 1 - kRimPx &&
-                            pixel->y() <= solution.camera.height_px - 1 - kRimPx &&
-                            UnprojectPixel(solution.camera, *pixel).value_or(Eigen::Vector3d::Zero()).dot(in_camera) >
-                                0.999 * in_camera.norm();
-    expected.push_back(is_visible ? pixel : std::nullopt);
-  }
-  return expected;
-}
-
 namespace {
 
 void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::vector<CaptureResult>* captures) {
@@ -293,17 +274,22 @@ void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::vector<CaptureResul
   }
 }
 
+// Returns the result of a data set without estimates and captures.
+RunResult ResultOf(const Dataset& dataset) {
+  RunResult result;
+  result.name = dataset.name;
+  result.about = dataset.about;
+  result.setup = dataset.setup;
+  result.target_type = dataset.target ? dataset.target->type() : "";
+  result.num_target_points = dataset.target ? static_cast<int>(dataset.target->points().size()) : 0;
+  return result;
+}
+
 }  // namespace
 
-RunResult Assess(const RunConfig& config, const std::vector<CaptureDetection>& detections,
-                 const Calibration& calibration, CalibrationOptions options, const std::optional<Truth>& truth,
-                 int num_threads, Console* console) {
-  RunResult result;
-  result.name = config.name;
-  result.about = config.about;
-  result.setup = config.setup;
-  result.target_type = config.target->type();
-  result.num_target_points = static_cast<int>(config.target->points().size());
+RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vector<CaptureDetection>& detections,
+                 const Calibration& calibration, CalibrationOptions options, RunObserver* observer) {
+  RunResult result = ResultOf(dataset);
   result.observations = Advise(calibration, options);
 
   // The folds run the methods that succeeded on all captures.
@@ -313,23 +299,34 @@ RunResult Assess(const RunConfig& config, const std::vector<CaptureDetection>& d
   }
   options.bundle.num_threads = 1;  // The folds run in parallel.
   std::vector<HoldOut> hold_outs;
-  if (config.folds > 0) {
-    const int num_folds = std::min(config.folds, static_cast<int>(calibration.views.size()));
-    Progress progress("hold-out", num_folds, console->verbosity());
-    hold_outs = CrossValidate(calibration, options, num_folds, num_threads, [&] { progress.Step(); });
+  if (run.folds > 0) {
+    const int num_folds = std::min(run.folds, static_cast<int>(calibration.views.size()));
+    StageReport report(RunStage::kHoldOut, num_folds, observer);
+    hold_outs = CrossValidate(calibration, options, num_folds, run.num_threads, [&] { report.Step(); });
   }
-  for (const HoldOut& hold_out : hold_outs) {
-    if (!hold_out.reason.empty()) console->Note("no hold-out figure for " + hold_out.method + ": " + hold_out.reason);
-  }
-  result.estimates = MakeEstimates(calibration, hold_outs, truth, options.symmetries);
-  result.captures = DescribeCaptures(config, detections, calibration, MoveWithoutEachView(calibration, options));
+  if (observer != nullptr) observer->OnHoldOuts(hold_outs);
+  result.estimates = MakeEstimates(calibration, hold_outs, dataset.truth, options.symmetries);
+  result.captures = DescribeCaptures(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
   AddHoldOuts(hold_outs, &result.captures);
-  result.working_point = FindWorkingPoint(calibration, config.setup);
+  result.working_point = FindWorkingPoint(calibration, dataset.setup);
   result.model = SummariseModel(calibration);
-  if (std::optional<Finding> missing = FindMissingIds(config, calibration, detections)) {
+  if (std::optional<Finding> missing = FindMissingIds(dataset, calibration, detections)) {
     result.observations.push_back(std::move(*missing));
   }
-  result.requirements = ReachedRequirements(config, calibration, result);
+  result.requirements = ReachedRequirements(dataset, run.requirements, calibration, result);
+  return result;
+}
+
+RunResult AssessPoses(const Dataset& dataset, const Calibration& calibration) {
+  RunResult result = ResultOf(dataset);
+  result.estimates = MakeEstimates(calibration, {}, dataset.truth, {Rigid3d()});
+  for (const Capture& capture : dataset.captures) {
+    CaptureResult described;
+    described.image = capture.name;
+    described.role = capture.role;
+    described.used = true;
+    result.captures.push_back(std::move(described));
+  }
   return result;
 }
 

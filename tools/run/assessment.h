@@ -4,12 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "heba/evaluation/evaluation.h"
-#include "solvers/calibration/calibration.h"
-#include "solvers/calibration/cross_validation.h"
-#include "targets/detection.h"
-#include "tools/config/run_config.h"
-#include "tools/text/console.h"
+#include "heba/run.h"
 
 namespace heba {
 
@@ -18,14 +13,13 @@ namespace heba {
 std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
                                     const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries);
 
-// Predicts the target's points in a capture, px, from the calibration; nothing for points out of view.
-std::vector<std::optional<Eigen::Vector2d>> ExpectedPixels(const Target& target, const Solution& solution,
-                                                           const Rigid3d& camera_from_target);
-
 // Assesses a calibration whose refinement succeeded, including cross-validation. The verdict is left to the caller
 // (heba/evaluation/verdict.h). `options` are those of the calibration, `detections` those that it used.
-RunResult Assess(const RunConfig& config, const std::vector<CaptureDetection>& detections,
-                 const Calibration& calibration, CalibrationOptions options, const std::optional<Truth>& truth,
-                 int num_threads, Console* console);
+RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vector<CaptureDetection>& detections,
+                 const Calibration& calibration, CalibrationOptions options, RunObserver* observer);
+
+// Assesses a calibration from the data set's poses of the target (CalibratePoses) in the same way, as far as this is
+// possible without images.
+RunResult AssessPoses(const Dataset& dataset, const Calibration& calibration);
 
 }  // namespace heba

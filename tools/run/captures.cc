@@ -4,8 +4,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
-#include "heba/config/yaml_reader.h"
-#include "tools/files/digest.h"
+#include "targets/images/image.h"
 
 namespace heba {
 namespace {
@@ -15,152 +14,134 @@ std::string SizeText(int width_px, int height_px) {
 }
 
 // Throws InputError unless all detections have the same image size.
-void CheckSizes(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+void CheckSizes(const Dataset& dataset, const std::vector<CaptureDetection>& detections) {
   const int width_px = detections.front().width_px;
   const int height_px = detections.front().height_px;
   for (size_t i = 1; i < detections.size(); ++i) {
     if (detections[i].width_px != width_px || detections[i].height_px != height_px) {
-      throw InputError(config.captures[i].name + ": is " + SizeText(detections[i].width_px, detections[i].height_px) +
-                       " px, but " + config.captures[0].name + " is " + SizeText(width_px, height_px) +
+      throw InputError(dataset.captures[i].name + ": is " + SizeText(detections[i].width_px, detections[i].height_px) +
+                       " px, but " + dataset.captures[0].name + " is " + SizeText(width_px, height_px) +
                        " px; all images must come from one camera at one resolution");
     }
   }
 }
 
 // Returns the given detections with the size of their images or, if that is not stated, of the camera's.
-std::vector<CaptureDetection> GivenDetections(const RunConfig& config) {
-  std::vector<CaptureDetection> detections = config.given_detections;
+std::vector<CaptureDetection> GivenDetections(const Dataset& dataset) {
+  std::vector<CaptureDetection> detections = dataset.given_detections;
   for (CaptureDetection& detection : detections) {
     if (detection.width_px > 0 && detection.height_px > 0) continue;
-    if (!config.camera || config.camera->width_px == 0) {
-      throw InputError(config.data_files.front().string() +
-                       ": does not state the image size; provide a camera file that does (camera.intrinsics)");
+    if (!dataset.camera || dataset.camera->width_px == 0) {
+      throw InputError(dataset.detections_source + ": does not state the image size; provide a camera that does");
     }
-    detection.width_px = config.camera->width_px;
-    detection.height_px = config.camera->height_px;
+    detection.width_px = dataset.camera->width_px;
+    detection.height_px = dataset.camera->height_px;
   }
   return detections;
 }
 
 }  // namespace
 
-CaptureDetector::CaptureDetector(const std::string& target_used) {
-  const auto create = [&](const TargetSettings& settings) {
-    YAML::Node node = YAML::Load(target_used);
-    for (const auto& [key, value] : settings) node[key] = value;
-    MapReader reader(ConfigValue(node, "target", "target"));
-    target_ = CreateTarget(reader);
-    cache_.emplace(YAML::Dump(reader.used()));
-  };
-  create({});
-  try {
-    create(target_->UnitLengths());
-  } catch (const InputError&) {
-    // Rounding makes a target at the limit of the possible dimensions invalid; it is searched for in its own
-    // dimensions.
-  }
+StageReport::StageReport(RunStage stage, int num_steps, RunObserver* observer) : stage_(stage), observer_(observer) {
+  EndIfCancelled(observer);
+  if (observer != nullptr) observer->OnStage(stage, num_steps);
 }
 
-CaptureDetection CaptureDetector::Detect(const std::filesystem::path& image,
-                                         const std::optional<ImageSize>& expected) const {
-  const std::string digest = DigestOfFile(image);
-  std::optional<CaptureDetection> detection = cache_->Find(digest);
-  if (!detection) {
-    detection = DetectCapture(*target_, image, expected);
-    // It is not cached if the file was replaced meanwhile.
-    if (DigestOfFile(image) == digest) {
-      cache_->Keep(digest, *detection);
-      has_kept_ = true;
-    }
-  }
-  detection->image_digest = digest;
-  return std::move(*detection);
+StageReport::~StageReport() {
+  if (observer_ != nullptr) observer_->OnStageEnd(stage_);
 }
 
-std::vector<CaptureDetection> DetectCaptures(const RunConfig& config, int num_threads, Verbosity verbosity) {
-  if (!config.given_detections.empty()) {
-    std::vector<CaptureDetection> given = GivenDetections(config);
-    CheckSizes(config, given);
+void StageReport::Step() {
+  if (observer_ != nullptr) observer_->OnStep(stage_);
+  EndIfCancelled(observer_);
+}
+
+void EndIfCancelled(RunObserver* observer) {
+  if (observer != nullptr && observer->IsCancelled()) throw Cancelled();
+}
+
+std::vector<CaptureDetection> DetectCaptures(const Dataset& dataset, const DetectFunction& detect, int num_threads,
+                                             RunObserver* observer) {
+  if (!dataset.given_detections.empty()) {
+    std::vector<CaptureDetection> given = GivenDetections(dataset);
+    CheckSizes(dataset, given);
     return given;
   }
   // The expected size is read from the header before anything is decoded, because an image of another size may need
   // gigabytes.
-  const std::optional<ImageSize> expected = ReadImageSize(config.captures.front().image);
-  const double largest_cache_bytes = LargestCacheBytes();
-  std::vector<CaptureDetection> detections(config.captures.size());
+  const std::optional<ImageSize> expected = ReadImageSize(dataset.captures.front().image);
+  std::vector<CaptureDetection> detections(dataset.captures.size());
   {
-    Progress progress("detect", static_cast<int>(detections.size()), verbosity);
-    const CaptureDetector detector(config.target_used);
+    StageReport report(RunStage::kDetection, static_cast<int>(detections.size()), observer);
     std::mutex mutex;
     // Each image is read, searched and released; only a small copy is kept.
     ParallelFor(static_cast<int>(detections.size()), num_threads, [&](int index) {
       const size_t i = static_cast<size_t>(index);
-      detections[i] = detector.Detect(config.captures[i].image, expected);
+      detections[i] = detect(dataset.captures[i].image, expected);
       const std::lock_guard<std::mutex> lock(mutex);
-      progress.Step();
+      report.Step();
     });
-    // The cache is only scanned if it has grown.
-    if (detector.has_kept()) TrimCache(largest_cache_bytes);
   }
-  CheckSizes(config, detections);
+  CheckSizes(dataset, detections);
   return detections;
 }
 
-void CheckCameraByHeader(const RunConfig& config) {
-  const std::filesystem::path& image = config.captures.front().image;
-  if (!config.camera || image.empty()) return;
+void CheckCameraByHeader(const Dataset& dataset) {
+  const std::filesystem::path& image = dataset.captures.front().image;
+  if (!dataset.camera || image.empty()) return;
   const std::optional<ImageSize> size = ReadImageSize(image);
   if (!size) return;
-  RunConfig copy = config;
+  Dataset copy = dataset;
   CaptureDetection first;
   first.width_px = size->width_px;
   first.height_px = size->height_px;
   FitCameraToImages(first, &copy);
 }
 
-void FitCameraToImages(const CaptureDetection& first, RunConfig* config) {
-  if (!config->camera) return;
-  Camera& camera = *config->camera;
+void FitCameraToImages(const CaptureDetection& first, Dataset* dataset) {
+  if (!dataset->camera) return;
+  Camera& camera = *dataset->camera;
   if (camera.width_px == 0) {
     camera.width_px = first.width_px;
     camera.height_px = first.height_px;
   }
   if (camera.width_px != first.width_px || camera.height_px != first.height_px) {
-    throw InputError(config->camera_file + ": is for images of " + SizeText(camera.width_px, camera.height_px) +
-                     " px, but " + config->captures[0].name + " is " + SizeText(first.width_px, first.height_px) +
+    throw InputError(dataset->camera_source + ": is for images of " + SizeText(camera.width_px, camera.height_px) +
+                     " px, but " + dataset->captures[0].name + " is " + SizeText(first.width_px, first.height_px) +
                      " px; provide the intrinsics of that resolution");
   }
 }
 
-View ViewOf(const RunConfig& config, size_t capture, Observations observations) {
-  const Capture& from = config.captures[capture];
-  return {from.name, CameraMountFromTargetMount(config.setup, from.base_from_gripper), std::move(observations),
+View ViewOf(const Dataset& dataset, size_t capture, Observations observations) {
+  const Capture& from = dataset.captures[capture];
+  return {from.name, CameraMountFromTargetMount(dataset.setup, from.base_from_gripper), std::move(observations),
           from.role};
 }
 
-std::vector<View> ViewsOf(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
+std::vector<View> ViewsOf(const Dataset& dataset, const std::vector<CaptureDetection>& detections) {
   std::vector<View> views;
-  for (size_t i = 0; i < config.captures.size(); ++i) {
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
     if (detections[i].detection.ids.empty()) continue;
-    views.push_back(ViewOf(config, i, ObservationsOf(*config.target, detections[i].detection)));
+    views.push_back(ViewOf(dataset, i, ObservationsOf(*dataset.target, detections[i].detection)));
   }
   return views;
 }
 
-CalibrationOptions OptionsOf(const RunConfig& config, int width_px, int height_px) {
+CalibrationOptions OptionsOf(const Dataset& dataset, const RunOptions& run, int width_px, int height_px) {
   CalibrationOptions options;
-  options.methods = config.methods;
-  options.seed = config.seed;
-  options.bundle = config.bundle;
-  options.choose = config.choose;
-  options.choose_camera_model = config.choose_camera_model;
-  options.setup = config.setup;
-  options.camera = config.camera;
-  options.camera_model = config.camera_model;
+  options.methods = run.methods;
+  options.seed = run.seed;
+  options.bundle = run.bundle;
+  options.choose = run.choose;
+  options.choose_camera_model = run.choose_camera_model;
+  options.setup = dataset.setup;
+  options.camera = dataset.camera;
+  options.camera_model = run.camera_model;
+  options.bundle.num_threads = run.num_threads;
   options.width_px = width_px;
   options.height_px = height_px;
-  options.symmetries = config.target->Symmetries();
-  options.shape = DesignedShape(AllPoints(*config.target).points_in_target);
+  options.symmetries = dataset.target->Symmetries();
+  options.shape = DesignedShape(AllPoints(*dataset.target).points_in_target);
   return options;
 }
 

@@ -54,8 +54,8 @@ size_t FindOtherPose(const std::vector<Capture>& captures, const SharedImage& sh
   return other == shared.captures.end() ? shared.captures.front() : *other;
 }
 
-LeftOutCaptures LeaveOutSharedImages(RunConfig* config, std::vector<CaptureDetection>* detections) {
-  const std::vector<Capture>& captures = config->captures;
+LeftOutCaptures LeaveOutSharedImages(Dataset* dataset, std::vector<CaptureDetection>* detections) {
+  const std::vector<Capture>& captures = dataset->captures;
   std::map<size_t, CaptureResult> results;
   int num_repeats = 0;
   int num_contradictory = 0;
@@ -96,8 +96,7 @@ LeftOutCaptures LeaveOutSharedImages(RunConfig* config, std::vector<CaptureDetec
                              "of them is used");
   }
   RemoveAt(left_out.indices, detections);
-  RemoveAt(left_out.indices, &config->captures);
-  if (!config->pose_numbers.empty()) RemoveAt(left_out.indices, &config->pose_numbers);
+  RemoveAt(left_out.indices, &dataset->captures);
   return left_out;
 }
 

@@ -6,16 +6,13 @@
 // differ, at most one of them belongs to the image, and it is unknown which one: none of the captures is used.
 #pragma once
 
-#include <string>
 #include <vector>
 
-#include "heba/evaluation/evaluation.h"
-#include "targets/detection.h"
-#include "tools/config/run_config.h"
+#include "heba/run.h"
 
 namespace heba {
 
-// Captures of RunConfig::captures that share one image, two or more, in their order.
+// Captures of Dataset::captures that share one image, two or more, in their order.
 struct SharedImage {
   std::vector<size_t> captures;
   // Whether all robot poses are equal within 0.1 mm and 0.01 deg: the readings of a robot that stands still differ a
@@ -32,15 +29,8 @@ std::vector<SharedImage> FindSharedImages(const std::vector<Capture>& captures,
 // but not the pose.
 size_t FindOtherPose(const std::vector<Capture>& captures, const SharedImage& shared, size_t capture);
 
-// The captures that were left out, and one sentence on them for each cause.
-struct LeftOutCaptures {
-  std::vector<size_t> indices;         // Sorted in increasing order.
-  std::vector<CaptureResult> results;  // Marked as not used, with the reason.
-  std::vector<std::string> notes;
-};
-
-// Removes the captures that must not be used from `config` and `detections`.
-LeftOutCaptures LeaveOutSharedImages(RunConfig* config, std::vector<CaptureDetection>* detections);
+// Removes the captures that must not be used from `dataset` and `detections`.
+LeftOutCaptures LeaveOutSharedImages(Dataset* dataset, std::vector<CaptureDetection>* detections);
 
 // Inserts the captures that were left out at their indices among the results of the others.
 void InsertLeftOut(const LeftOutCaptures& left_out, std::vector<CaptureResult>* results);

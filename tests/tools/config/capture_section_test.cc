@@ -86,17 +86,17 @@ class CaptureSectionTest : public testing::Test {
   }
   static std::vector<std::string> NamesOf(const RunConfig& config) {
     std::vector<std::string> names;
-    for (const Capture& capture : config.captures) names.push_back(capture.name);
+    for (const Capture& capture : config.data.captures) names.push_back(capture.name);
     return names;
   }
   static std::vector<double> XsOf(const RunConfig& config) {
     std::vector<double> xs;
-    for (const Capture& capture : config.captures) xs.push_back(capture.base_from_gripper.translation.x());
+    for (const Capture& capture : config.data.captures) xs.push_back(capture.base_from_gripper.translation.x());
     return xs;
   }
   static std::vector<std::string> LeftOutOf(const RunConfig& config) {
     std::vector<std::string> entries;
-    for (const LeftOut& left_out : config.left_out) entries.push_back(left_out.name + ": " + left_out.reason);
+    for (const LeftOut& left_out : config.data.left_out) entries.push_back(left_out.name + ": " + left_out.reason);
     return entries;
   }
 
@@ -108,7 +108,7 @@ TEST_F(CaptureSectionTest, RowsNameTheirImages) {
   const RunConfig config = Read("{images: images, poses: poses.csv}");
   EXPECT_THAT(NamesOf(config), ElementsAre("10.png", "1.png", "2.png"));
   EXPECT_THAT(XsOf(config), ElementsAre(10, 1, 2));
-  EXPECT_EQ(config.captures[1].image, folder_ / "images/1.png");
+  EXPECT_EQ(config.data.captures[1].image, folder_ / "images/1.png");
   EXPECT_EQ(config.poses_file, folder_ / "poses.csv");
   ASSERT_THAT(config.pose_numbers, SizeIs(3));
   EXPECT_THAT(config.pose_numbers[0], ElementsAre(10, 0, 0, 0, 0, 0, 1));
@@ -135,8 +135,8 @@ TEST_F(CaptureSectionTest, RolesAndDirectionsAreRead) {
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw,role\n1.png,1,0,0,0,0,0,1,home\n2.png,2,0,0,0,0,0,1,rotate\n");
   const RunConfig config = Read("{images: images, poses: poses.csv, poses_are: gripper_from_base}");
   EXPECT_THAT(XsOf(config), ElementsAre(-1, -2));
-  EXPECT_EQ(config.captures[0].role, "home");
-  EXPECT_EQ(config.captures[1].role, "rotate");
+  EXPECT_EQ(config.data.captures[0].role, "home");
+  EXPECT_EQ(config.data.captures[1].role, "rotate");
 }
 
 TEST_F(CaptureSectionTest, SaysWhyImagesAndRowsAreLeftOut) {
@@ -205,9 +205,9 @@ TEST_F(CaptureSectionTest, TargetPosesReplaceImages) {
   const RunConfig config = Read("{target_poses: seen.csv, poses: robot.csv}");
   EXPECT_THAT(NamesOf(config), ElementsAre("sample_0", "sample_1"));
   EXPECT_THAT(XsOf(config), ElementsAre(1, 2));
-  ASSERT_THAT(config.target_poses, SizeIs(2));
-  EXPECT_DOUBLE_EQ(config.target_poses[1].translation.z(), 0.6);
-  EXPECT_TRUE(config.captures[0].image.empty());
+  ASSERT_THAT(config.data.target_poses, SizeIs(2));
+  EXPECT_DOUBLE_EQ(config.data.target_poses[1].translation.z(), 0.6);
+  EXPECT_TRUE(config.data.captures[0].image.empty());
   EXPECT_THAT(config.data_files, ElementsAre(folder_ / "seen.csv"));
 }
 
@@ -217,8 +217,8 @@ TEST_F(CaptureSectionTest, DetectionsReplaceImages) {
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\n2.png,2,0,0,0,0,0,1\n");
   const RunConfig config = Read("{detections: detections.json, poses: poses.csv}");
   EXPECT_THAT(NamesOf(config), ElementsAre("2.png"));
-  ASSERT_THAT(config.given_detections, SizeIs(1));
-  EXPECT_THAT(config.given_detections[0].detection.ids, ElementsAre(0, 3));
+  ASSERT_THAT(config.data.given_detections, SizeIs(1));
+  EXPECT_THAT(config.data.given_detections[0].detection.ids, ElementsAre(0, 3));
 }
 
 // The poses of another project's data set are in the form of `ros` once they are imported.

@@ -40,22 +40,22 @@ class RunConfigTest : public testing::Test {
 
 TEST_F(RunConfigTest, FillsInDefaults) {
   const RunConfig config = Read("cell.yaml");
-  EXPECT_EQ(config.name, "cell");
-  EXPECT_EQ(config.setup, Setup::kEyeInHand);
-  EXPECT_EQ(config.captures.size(), 2u);
-  EXPECT_EQ(config.bundle.loss, "truncated");
-  EXPECT_TRUE(config.choose.robot_noise);
-  EXPECT_TRUE(config.choose.target_shape);
-  EXPECT_TRUE(config.choose_camera_model);
-  EXPECT_EQ(config.folds, 5);
-  EXPECT_FALSE(config.camera.has_value());
+  EXPECT_EQ(config.data.name, "cell");
+  EXPECT_EQ(config.data.setup, Setup::kEyeInHand);
+  EXPECT_EQ(config.data.captures.size(), 2u);
+  EXPECT_EQ(config.options.bundle.loss, "truncated");
+  EXPECT_TRUE(config.options.choose.robot_noise);
+  EXPECT_TRUE(config.options.choose.target_shape);
+  EXPECT_TRUE(config.options.choose_camera_model);
+  EXPECT_EQ(config.options.folds, 5);
+  EXPECT_FALSE(config.data.camera.has_value());
 }
 
 TEST_F(RunConfigTest, MethodsAreAllOrAList) {
-  EXPECT_TRUE(Read("cell.yaml").methods.empty());
+  EXPECT_TRUE(Read("cell.yaml").options.methods.empty());
   EXPECT_THAT(Read("cell.yaml").used, HasSubstr("methods: all\n"));
-  EXPECT_TRUE(Read("cell.yaml", {"methods=all"}).methods.empty());
-  EXPECT_EQ(Read("cell.yaml", {"methods=[tsai, park]"}).methods, (std::vector<std::string>{"tsai", "park"}));
+  EXPECT_TRUE(Read("cell.yaml", {"methods=all"}).options.methods.empty());
+  EXPECT_EQ(Read("cell.yaml", {"methods=[tsai, park]"}).options.methods, (std::vector<std::string>{"tsai", "park"}));
 }
 
 // The config as used states every default: reading it again gives the same config.
@@ -67,20 +67,20 @@ TEST_F(RunConfigTest, ConfigAsUsedIsAFixedPoint) {
 
 TEST_F(RunConfigTest, SettingsCountMoreThanTheFileAndItsBase) {
   Write("next.yaml", "base: cell.yaml\nrefine: {loss: huber}\nevaluate: {folds: 3}\n");
-  EXPECT_EQ(Read("next.yaml").bundle.loss, "huber");
+  EXPECT_EQ(Read("next.yaml").options.bundle.loss, "huber");
   const RunConfig config = Read("next.yaml", {"refine.loss=cauchy", "refine.robot_noise=none"});
-  EXPECT_EQ(config.bundle.loss, "cauchy");
-  EXPECT_EQ(config.folds, 3);
-  EXPECT_FALSE(config.choose.robot_noise);
+  EXPECT_EQ(config.options.bundle.loss, "cauchy");
+  EXPECT_EQ(config.options.folds, 3);
+  EXPECT_FALSE(config.options.choose.robot_noise);
 }
 
 TEST_F(RunConfigTest, LeavesExcludedAndMissingImagesOut) {
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\na.png,0,0,1,0,0,0,1\nb.png,0.1,0,1,0,0,0,1\ngone.png,0,0,1,0,0,0,1\n");
   Write("some.yaml", "base: cell.yaml\ncaptures: {exclude: [b.png]}\n");
   const RunConfig config = Read("some.yaml");
-  ASSERT_EQ(config.captures.size(), 1u);
-  EXPECT_EQ(config.captures[0].name, "a.png");
-  EXPECT_EQ(config.left_out.size(), 2u);
+  ASSERT_EQ(config.data.captures.size(), 1u);
+  EXPECT_EQ(config.data.captures[0].name, "a.png");
+  EXPECT_EQ(config.data.left_out.size(), 2u);
 }
 
 TEST_F(RunConfigTest, FaultsNameTheLineAndTheKey) {

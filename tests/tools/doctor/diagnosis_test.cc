@@ -18,9 +18,9 @@ using ::testing::IsEmpty;
 RunConfig PosesOnly(const SimulatedSetOptions& options = {}) {
   const TestScene scene = MakeChessboardScene(options);
   RunConfig config = ExaminationOf(scene, options.setup).config;
-  config.given_detections.clear();
-  config.camera.reset();
-  for (const PosePair& pair : scene.pairs) config.target_poses.push_back(pair.camera_from_target);
+  config.data.given_detections.clear();
+  config.data.camera.reset();
+  for (const PosePair& pair : scene.pairs) config.data.target_poses.push_back(pair.camera_from_target);
   return config;
 }
 
@@ -44,7 +44,7 @@ TEST(DiagnosisTest, GoodDetectionsHaveNoFault) {
 
 TEST(DiagnosisTest, CapturesWithoutATargetAreNotSeen) {
   RunConfig config = CleanExamination().config;
-  config.given_detections[5].detection = Detection();
+  config.data.given_detections[5].detection = Detection();
   const Diagnosis diagnosis = Diagnose(config, 1, Verbosity::kQuiet, Examine::kInputs);
   EXPECT_EQ(diagnosis.num_captures, 12);
   EXPECT_EQ(diagnosis.num_seen, 11);
@@ -53,9 +53,9 @@ TEST(DiagnosisTest, CapturesWithoutATargetAreNotSeen) {
 // The fault of the poses is corrected before the captures are checked, which then fit.
 TEST(DiagnosisTest, AFaultDoesNotCauseOthers) {
   RunConfig config = PosesOnly();
-  for (Capture& capture : config.captures) capture.base_from_gripper = Inverse(capture.base_from_gripper);
-  for (size_t i = 0; i < config.captures.size(); ++i) {
-    config.pose_numbers[i] = NumbersFromPose(config.pose_reading.format, config.captures[i].base_from_gripper);
+  for (Capture& capture : config.data.captures) capture.base_from_gripper = Inverse(capture.base_from_gripper);
+  for (size_t i = 0; i < config.data.captures.size(); ++i) {
+    config.pose_numbers[i] = NumbersFromPose(config.pose_reading.format, config.data.captures[i].base_from_gripper);
   }
   const Diagnosis diagnosis = Diagnose(config, 1, Verbosity::kQuiet);
   EXPECT_THAT(CodesOf(diagnosis.symptoms), ElementsAre("wrong pose_direction"));
@@ -67,7 +67,7 @@ TEST(DiagnosisTest, FaultsPrecedeRemarks) {
   SimulatedSetOptions options;
   options.num_captures = 7;
   RunConfig config = PosesOnly(options);
-  std::swap(config.captures[1].base_from_gripper, config.captures[4].base_from_gripper);
+  std::swap(config.data.captures[1].base_from_gripper, config.data.captures[4].base_from_gripper);
   std::swap(config.pose_numbers[1], config.pose_numbers[4]);
   const Diagnosis diagnosis = Diagnose(config, 1, Verbosity::kQuiet);
   EXPECT_THAT(CodesOf(diagnosis.symptoms), ElementsAre("wrong swapped", "remark few_captures"));

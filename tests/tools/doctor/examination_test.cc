@@ -50,7 +50,7 @@ TEST(ExamineViewsTest, MountsFollowTheSetup) {
   const Examination examination = CleanExamination(options);
   const ExaminedView& view = examination.views[3];
   EXPECT_THAT(view.view.camera_mount_from_target_mount,
-              IsNearPose(Inverse(examination.config.captures[3].base_from_gripper), 1e-9, 1e-9));
+              IsNearPose(Inverse(examination.config.data.captures[3].base_from_gripper), 1e-9, 1e-9));
 }
 
 TEST(ExamineViewsTest, LeavesOutCapturesWithTooFewPoints) {
@@ -68,8 +68,8 @@ TEST(ExamineViewsTest, ASymmetricTargetHasTwiceAsManyCandidates) {
   Examination examination = CleanExamination();
   const size_t num_candidates = examination.views[0].camera_from_target.size();
   // The circles lie where the chessboard's corners are.
-  examination.config.target = TargetOfYaml("{type: circle_grid, rows: 5, columns: 8, spacing: 25 mm}");
-  const std::vector<Rigid3d> symmetries = examination.config.target->Symmetries();
+  examination.config.data.target = TargetOfYaml("{type: circle_grid, rows: 5, columns: 8, spacing: 25 mm}");
+  const std::vector<Rigid3d> symmetries = examination.config.data.target->Symmetries();
   ASSERT_THAT(symmetries, SizeIs(2));
   ExamineAgain(&examination);
   const std::vector<Rigid3d>& candidates = examination.views[0].camera_from_target;
@@ -79,12 +79,12 @@ TEST(ExamineViewsTest, ASymmetricTargetHasTwiceAsManyCandidates) {
 
 TEST(ViewsOfPosesTest, GivenPosesAreTheOnlyCandidates) {
   RunConfig config;
-  config.setup = Setup::kEyeToHand;
+  config.data.setup = Setup::kEyeToHand;
   const Rigid3d base_from_gripper(ExpRotation({0.1, 0, 0}), {1, 0, 0});
   const Rigid3d camera_from_target(ExpRotation({0, 0.2, 0}), {0, 0, 0.5});
-  config.captures = {{"sample_0", "", "rotate", base_from_gripper}};
-  config.target_poses = {camera_from_target};
-  const std::vector<ExaminedView> views = ViewsOfPoses(config);
+  config.data.captures = {{"sample_0", "", "rotate", base_from_gripper}};
+  config.data.target_poses = {camera_from_target};
+  const std::vector<ExaminedView> views = ViewsOfPoses(config.data);
   ASSERT_THAT(views, SizeIs(1));
   EXPECT_EQ(views[0].view.name, "sample_0");
   EXPECT_EQ(views[0].view.role, "rotate");

@@ -51,7 +51,7 @@ inline TestScene MakeChessboardScene(const SimulatedSetOptions& options = {}) {
 
 // Examines the views once more, after the config, the detections or the camera have been changed.
 inline void ExamineAgain(Examination* examination) {
-  examination->views = ExamineViews(examination->config, examination->detections, *examination->camera);
+  examination->views = ExamineViews(examination->config.data, examination->detections, *examination->camera);
 }
 
 // Returns an examination as the checks see it after those before have found nothing wrong. The config names the
@@ -60,20 +60,22 @@ inline Examination ExaminationOf(const TestScene& scene, Setup setup) {
   Examination examination;
   RunConfig& config = examination.config;
   config.file = "cell.yaml";
-  config.name = "cell";
-  config.setup = setup;
-  config.target = TargetOfYaml(kChessboardYaml);
+  config.data.name = "cell";
+  config.data.setup = setup;
+  config.data.target = TargetOfYaml(kChessboardYaml);
   config.target_used = kChessboardYaml;
-  config.camera = scene.camera;
-  config.camera_model = scene.camera.model;
-  config.camera_file = "camera.yaml";
+  config.data.camera = scene.camera;
+  config.options.camera_model = scene.camera.model;
+  config.camera_file = config.data.camera_source = "camera.yaml";
   config.poses_file = "poses.csv";
   config.pose_reading.format = *FindPoseFormat("ros");
-  config.seed = kBestSeed;
+  config.options.choose = {};
+  config.options.choose_camera_model = false;
+  config.options.folds = 0;
   config.data_files = {"detections.json"};
   for (const View& view : scene.views) {
     const Rigid3d base_from_gripper = BaseFromGripper(setup, view.camera_mount_from_target_mount);
-    config.captures.push_back({view.name, "", "", base_from_gripper});
+    config.data.captures.push_back({view.name, "", "", base_from_gripper});
     config.pose_numbers.push_back(NumbersFromPose(config.pose_reading.format, base_from_gripper));
     CaptureDetection capture;
     capture.width_px = scene.camera.width_px;
@@ -84,7 +86,7 @@ inline Examination ExaminationOf(const TestScene& scene, Setup setup) {
     }
     examination.detections.push_back(capture);
   }
-  config.given_detections = examination.detections;
+  config.data.given_detections = examination.detections;
   examination.camera = scene.camera;
   examination.verbosity = Verbosity::kQuiet;
   ExamineAgain(&examination);
@@ -99,7 +101,7 @@ inline Examination CleanExamination(const SimulatedSetOptions& options = {}) {
 inline void SetPoses(const std::vector<Rigid3d>& poses, Examination* examination) {
   RunConfig& config = examination->config;
   for (size_t i = 0; i < poses.size(); ++i) {
-    config.captures[i].base_from_gripper = poses[i];
+    config.data.captures[i].base_from_gripper = poses[i];
     config.pose_numbers[i] = NumbersFromPose(config.pose_reading.format, poses[i]);
   }
   ExamineAgain(examination);
@@ -107,7 +109,7 @@ inline void SetPoses(const std::vector<Rigid3d>& poses, Examination* examination
 
 inline std::vector<Rigid3d> PosesOf(const Examination& examination) {
   std::vector<Rigid3d> poses;
-  for (const Capture& capture : examination.config.captures) poses.push_back(capture.base_from_gripper);
+  for (const Capture& capture : examination.config.data.captures) poses.push_back(capture.base_from_gripper);
   return poses;
 }
 
@@ -115,9 +117,9 @@ inline std::vector<Rigid3d> PosesOf(const Examination& examination) {
 inline void MisreadPoses(const PoseFormat& written, const PoseFormat& read, Examination* examination) {
   RunConfig& config = examination->config;
   config.pose_reading.format = read;
-  for (size_t i = 0; i < config.captures.size(); ++i) {
-    config.pose_numbers[i] = NumbersFromPose(written, config.captures[i].base_from_gripper);
-    config.captures[i].base_from_gripper = *PoseFromNumbers(read, config.pose_numbers[i]);
+  for (size_t i = 0; i < config.data.captures.size(); ++i) {
+    config.pose_numbers[i] = NumbersFromPose(written, config.data.captures[i].base_from_gripper);
+    config.data.captures[i].base_from_gripper = *PoseFromNumbers(read, config.pose_numbers[i]);
   }
   ExamineAgain(examination);
 }

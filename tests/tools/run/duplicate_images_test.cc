@@ -17,7 +17,7 @@ using ::testing::SizeIs;
 
 // Captures with the given digests. Captures of one digest have the same pose, all others stand 100 mm apart.
 struct Set {
-  RunConfig config;
+  Dataset dataset;
   std::vector<CaptureDetection> detections;
 
   explicit Set(const std::vector<std::string>& digests) {
@@ -25,20 +25,19 @@ struct Set {
       size_t first = 0;
       while (digests[first] != digests[i]) ++first;
       const Rigid3d pose(Eigen::Quaterniond::Identity(), {0.1 * static_cast<double>(first), 0, 0});
-      config.captures.push_back({std::to_string(i) + ".png", "", "", pose});
-      config.pose_numbers.push_back({static_cast<double>(i)});
+      dataset.captures.push_back({std::to_string(i) + ".png", "", "", pose});
       CaptureDetection detection;
       detection.image_digest = digests[i];
       detection.detection.ids = {0, 1, 2};
       detections.push_back(detection);
     }
   }
-  Rigid3d& Pose(size_t capture) { return config.captures[capture].base_from_gripper; }
-  std::vector<SharedImage> Find() const { return FindSharedImages(config.captures, detections); }
-  LeftOutCaptures LeaveOut() { return LeaveOutSharedImages(&config, &detections); }
+  Rigid3d& Pose(size_t capture) { return dataset.captures[capture].base_from_gripper; }
+  std::vector<SharedImage> Find() const { return FindSharedImages(dataset.captures, detections); }
+  LeftOutCaptures LeaveOut() { return LeaveOutSharedImages(&dataset, &detections); }
   std::vector<std::string> Names() const {
     std::vector<std::string> names;
-    for (const Capture& capture : config.captures) names.push_back(capture.name);
+    for (const Capture& capture : dataset.captures) names.push_back(capture.name);
     return names;
   }
 };
@@ -47,7 +46,7 @@ TEST(FindSharedImagesTest, DifferentImagesAreNotShared) { EXPECT_THAT(Set({"a", 
 
 TEST(FindSharedImagesTest, UnknownDigestsAreNotEqual) {
   EXPECT_THAT(Set({"", "", "c"}).Find(), IsEmpty());
-  EXPECT_THAT(FindSharedImages(Set({"a", "a"}).config.captures, {}), IsEmpty());
+  EXPECT_THAT(FindSharedImages(Set({"a", "a"}).dataset.captures, {}), IsEmpty());
 }
 
 TEST(FindSharedImagesTest, ListsSharedImagesInTheOrderOfTheirFirstCaptures) {
@@ -75,18 +74,17 @@ TEST(FindOtherPoseTest, IsTheFirstCaptureWithAnotherPose) {
   Set set({"a", "a", "a"});
   set.Pose(2).translation.x() = 1;
   const SharedImage shared = set.Find().at(0);
-  EXPECT_EQ(FindOtherPose(set.config.captures, shared, 0), 2u);
-  EXPECT_EQ(FindOtherPose(set.config.captures, shared, 2), 0u);
+  EXPECT_EQ(FindOtherPose(set.dataset.captures, shared, 0), 2u);
+  EXPECT_EQ(FindOtherPose(set.dataset.captures, shared, 2), 0u);
 }
 
 TEST(LeaveOutSharedImagesTest, CopiesAreLeftOutButForTheFirst) {
   Set set({"a", "b", "a", "c", "a"});
-  set.config.captures[2].role = "rotate";
+  set.dataset.captures[2].role = "rotate";
   const LeftOutCaptures left_out = set.LeaveOut();
   EXPECT_THAT(set.Names(), ElementsAre("0.png", "1.png", "3.png"));
   EXPECT_THAT(set.detections, SizeIs(3));
   EXPECT_EQ(set.detections[2].image_digest, "c");
-  EXPECT_THAT(set.config.pose_numbers, ElementsAre(ElementsAre(0), ElementsAre(1), ElementsAre(3)));
   EXPECT_THAT(left_out.indices, ElementsAre(2, 4));
   ASSERT_THAT(left_out.results, SizeIs(2));
   EXPECT_EQ(left_out.results[0].image, "2.png");

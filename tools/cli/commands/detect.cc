@@ -15,26 +15,28 @@
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/config/run_config.h"
+#include "tools/files/cached_detector.h"
 #include "tools/files/detection_file.h"
 #include "tools/files/result_folder.h"
 #include "tools/run/captures.h"
 #include "tools/text/console.h"
+#include "tools/text/run_console.h"
 
 namespace heba {
 namespace {
 
 // Returns the camera of the config, or one that is estimated from these images; nothing if there are too few of them.
 std::optional<Camera> FittedCamera(const RunConfig& config, const std::vector<CaptureDetection>& detections) {
-  if (config.camera) return config.camera;
-  const std::vector<View> views = ViewsOf(config, detections);
+  if (config.data.camera) return config.data.camera;
+  const std::vector<View> views = ViewsOf(config.data, detections);
   if (views.empty()) return std::nullopt;
   const int width_px = detections.front().width_px;
   const int height_px = detections.front().height_px;
-  if (config.choose_camera_model) {
+  if (config.options.choose_camera_model) {
     const Outcome<CameraChoice> choice = ChooseCameraModel(views, width_px, height_px);
     return choice ? std::optional(choice->camera) : std::nullopt;
   }
-  const Outcome<Camera> camera = EstimateIntrinsics(views, config.camera_model, width_px, height_px);
+  const Outcome<Camera> camera = EstimateIntrinsics(views, config.options.camera_model, width_px, height_px);
   return camera ? std::optional(*camera) : std::nullopt;
 }
 
@@ -63,28 +65,30 @@ std::optional<Points2> FitResiduals(const std::optional<Camera>& camera, const O
 int RunCommand_detect(const std::vector<std::string>& arguments) {
   namespace fs = std::filesystem;
   RunConfig config = ReadRunConfig(arguments[0], Settings());
-  for (const Capture& capture : config.captures) {
+  for (const Capture& capture : config.data.captures) {
     if (capture.image.empty()) throw InputError(arguments[0] + ": capture " + capture.name + " has no image");
   }
   const Verbosity verbosity = FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal;
-  const fs::path output =
-      FLAGS_out.empty() ? fs::absolute(arguments[0]).parent_path() / "detections" / config.name : fs::path(FLAGS_out);
+  const fs::path output = FLAGS_out.empty() ? fs::absolute(arguments[0]).parent_path() / "detections" / config.data.name
+                                            : fs::path(FLAGS_out);
   StagedFolder folder(output, "detections");
-  CheckCameraByHeader(config);
-  const std::vector<CaptureDetection> detections = DetectCaptures(config, NumThreads(), verbosity);
-  FitCameraToImages(detections.front(), &config);
+  CheckCameraByHeader(config.data);
+  ProgressObserver observer(verbosity);
+  const std::vector<CaptureDetection> detections =
+      DetectWithCache(config.data, config.target_used, NumThreads(), &observer);
+  FitCameraToImages(detections.front(), &config.data);
   const std::optional<Camera> camera = FittedCamera(config, detections);
   const std::string through =
-      camera ? (config.camera ? "the given camera" : "a " + camera->model + " camera estimated from them")
+      camera ? (config.data.camera ? "the given camera" : "a " + camera->model + " camera estimated from them")
              : "a homography, because these images do not determine a camera";
   fs::create_directory(folder.staging() / "overlays");
-  std::vector<std::string> lines(config.captures.size());
-  ParallelFor(static_cast<int>(config.captures.size()), NumThreads(), [&](int index) {
+  std::vector<std::string> lines(config.data.captures.size());
+  ParallelFor(static_cast<int>(config.data.captures.size()), NumThreads(), [&](int index) {
     const size_t i = static_cast<size_t>(index);
-    const Observations observations = ObservationsOf(*config.target, detections[i].detection);
+    const Observations observations = ObservationsOf(*config.data.target, detections[i].detection);
     const std::optional<Points2> residuals = FitResiduals(camera, observations);
-    std::string line = config.captures[i].name + ": " + std::to_string(observations.size()) + " of " +
-                       std::to_string(config.target->points().size()) + " points";
+    std::string line = config.data.captures[i].name + ": " + std::to_string(observations.size()) + " of " +
+                       std::to_string(config.data.target->points().size()) + " points";
     if (residuals) {
       line += ", " + Significant(*SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx(), 3) + " px rms";
     }
@@ -97,11 +101,11 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
       const double rms_px = *SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx();
       options.magnification = std::min(options.magnification, 30.0 / std::max(rms_px, 1e-9));
     }
-    const cv::Mat overlay = DrawOverlay(ReadGreyImage(config.captures[i].image), observations, residuals, options);
-    WriteImage(folder.staging() / "overlays" / (config.captures[i].name + ".png"), overlay);
+    const cv::Mat overlay = DrawOverlay(ReadGreyImage(config.data.captures[i].image), observations, residuals, options);
+    WriteImage(folder.staging() / "overlays" / (config.data.captures[i].name + ".png"), overlay);
     lines[i] = line;
   });
-  WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.captures, detections));
+  WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.data.captures, detections));
   folder.Commit();
   int seen = 0;
   for (const CaptureDetection& detection : detections) seen += detection.detection.ids.empty() ? 0 : 1;

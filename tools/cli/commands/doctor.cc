@@ -68,7 +68,7 @@ int RunCommand_doctor(const std::vector<std::string>& arguments) {
   }
   if (config) {
     const Diagnosis diagnosis = Diagnose(*config, NumThreads(), verbosity);
-    std::cout << ForTerminal(DiagnosisText(config->name, diagnosis)) << std::flush;
+    std::cout << ForTerminal(DiagnosisText(config->data.name, diagnosis)) << std::flush;
     return kDone;
   }
   // Poses that cannot be read as the config says may have another format.

@@ -3,9 +3,9 @@
 #include "heba/base/error.h"
 #include "tools/batch/batch.h"
 #include "tools/batch/pipeline.h"
+#include "tools/batch/run_inputs.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
-#include "tools/run/run_inputs.h"
 #include "tools/text/console.h"
 #include "tools/text/result_table.h"
 #include "tools/text/result_text.h"
@@ -18,7 +18,7 @@ int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
   const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
   const std::optional<RunResult> current = FLAGS_resume ? CurrentResult(output, config) : std::nullopt;
-  if (current) console.Note(config.name + ": the inputs have not changed since these results");
+  if (current) console.Note(config.data.name + ": the inputs have not changed since these results");
   const Outcome<RunResult> result =
       current ? Outcome<RunResult>(*current) : RunPipeline(config, output, NumThreads(), &console);
   if (!result) {

@@ -35,7 +35,7 @@ Camera OfSize(Camera camera, const CaptureDetection& image) {
 // Returns the median over views of the RMS residual under the view's own best pose; infinite if fewer than half of the
 // views have a pose.
 double FitPx(const Examination& examination, const Camera& camera) {
-  const std::vector<ExaminedView> views = ExamineViews(examination.config, examination.detections, camera);
+  const std::vector<ExaminedView> views = ExamineViews(examination.config.data, examination.detections, camera);
   if (2 * views.size() < NumSeen(examination.detections)) return std::numeric_limits<double>::infinity();
   std::vector<double> rms;
   for (const ExaminedView& view : views) rms.push_back(view.rms_px);
@@ -43,7 +43,7 @@ double FitPx(const Examination& examination, const Camera& camera) {
 }
 
 std::optional<PoseConsistency> ByRobot(const Examination& examination, const Camera& camera) {
-  return FindPoseConsistency(CandidatesOf(ExamineViews(examination.config, examination.detections, camera)),
+  return FindPoseConsistency(CandidatesOf(ExamineViews(examination.config.data, examination.detections, camera)),
                              RobotScale::kOne);
 }
 
@@ -52,12 +52,13 @@ std::string FocalText(const Camera& camera) { return Fixed(camera.params[0], 0) 
 // Estimates the camera that a run would estimate. If a pinhole is given, brown5 is estimated, because the lens may
 // distort.
 Outcome<Camera> EstimateCamera(const RunConfig& config, const std::vector<View>& views, const CaptureDetection& image) {
-  if (config.choose_camera_model) {
+  if (config.options.choose_camera_model) {
     const Outcome<CameraChoice> choice = ChooseCameraModel(views, image.width_px, image.height_px);
     return choice ? Outcome<Camera>(choice->camera) : Failure{choice.reason()};
   }
-  return EstimateIntrinsics(views, config.camera && config.camera_model == "pinhole" ? "brown5" : config.camera_model,
-                            image.width_px, image.height_px);
+  return EstimateIntrinsics(
+      views, config.data.camera && config.options.camera_model == "pinhole" ? "brown5" : config.options.camera_model,
+      image.width_px, image.height_px);
 }
 
 // Reports that the camera in the file is for images of another size.
@@ -96,22 +97,22 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
 std::vector<Symptom> Check_camera(Examination* examination) {
   const RunConfig& config = examination->config;
   const CaptureDetection& image = examination->detections.front();
-  const std::vector<View> views = ViewsOf(config, examination->detections);
+  const std::vector<View> views = ViewsOf(config.data, examination->detections);
   std::optional<Camera> estimated;
   if (!views.empty()) {
     const Outcome<Camera> found = EstimateCamera(config, views, image);
     if (found) {
       estimated = *found;
-    } else if (!config.camera) {
+    } else if (!config.data.camera) {
       return {{Severity::kWrong, "no_camera", "the intrinsics cannot be estimated from these images: " + found.reason(),
                "provide them (camera.intrinsics), or take more captures with the target tilted"}};
     }
   }
-  if (!config.camera) {
+  if (!config.data.camera) {
     examination->camera = estimated;
     return {};
   }
-  const Camera& given = *config.camera;
+  const Camera& given = *config.data.camera;
   if (given.width_px != 0 && (given.width_px != image.width_px || given.height_px != image.height_px)) {
     return {OtherSize(examination, given, estimated)};
   }

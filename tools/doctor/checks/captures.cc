@@ -22,7 +22,7 @@ std::string ApartText(const Capture& a, const Capture& b) {
 // Reports images that occur with several poses (wrong) and copies of a capture (a remark). Copies are hidden from the
 // checks that follow.
 std::vector<Symptom> SharedImages(Examination* examination) {
-  const std::vector<Capture>& captures = examination->config.captures;
+  const std::vector<Capture>& captures = examination->config.data.captures;
   std::vector<Symptom> symptoms;
   std::set<size_t> copies;
   std::string example;

@@ -103,7 +103,7 @@ Rigid3d MountOf(const RunConfig& config, const Rigid3d& pose, Direction directio
   const Rigid3d read =
       direction == Direction::kInverseRotation ? Rigid3d(pose.rotation.conjugate(), pose.translation) : pose;
   const Rigid3d base_from_gripper = BaseFromGripper(config.pose_reading, read);
-  return CameraMountFromTargetMount(config.setup,
+  return CameraMountFromTargetMount(config.data.setup,
                                     direction == Direction::kInverse ? Inverse(base_from_gripper) : base_from_gripper);
 }
 
@@ -144,9 +144,9 @@ Reading Repaired(const Examination& examination, const std::string& pairing, dou
   reading.oddness = oddness;
   for (const ExaminedView& view : examination.views) {
     const std::optional<size_t> from = other(view.capture);
-    reading.mounts.push_back(
-        from ? std::optional(CameraMountFromTargetMount(config.setup, config.captures[*from].base_from_gripper))
-             : std::nullopt);
+    reading.mounts.push_back(from ? std::optional(CameraMountFromTargetMount(
+                                        config.data.setup, config.data.captures[*from].base_from_gripper))
+                                  : std::nullopt);
   }
   return reading;
 }
@@ -154,13 +154,13 @@ Reading Repaired(const Examination& examination, const std::string& pairing, dou
 // Returns, for each capture in one order, its index in the other, for data in which names sorted as 1, 2, ..., 10 were
 // paired with names sorted as 1, 10, ..., 2.
 std::vector<size_t> PlaceInOtherOrder(const RunConfig& config, bool by_letters_first) {
-  std::vector<size_t> by_letters(config.captures.size());
+  std::vector<size_t> by_letters(config.data.captures.size());
   for (size_t i = 0; i < by_letters.size(); ++i) by_letters[i] = i;
   std::vector<size_t> by_number = by_letters;
-  const auto name = [&](size_t i) -> const std::string& { return config.captures[i].name; };
+  const auto name = [&](size_t i) -> const std::string& { return config.data.captures[i].name; };
   std::sort(by_letters.begin(), by_letters.end(), [&](size_t a, size_t b) { return name(a) < name(b); });
   std::sort(by_number.begin(), by_number.end(), [&](size_t a, size_t b) { return NaturalLess(name(a), name(b)); });
-  std::vector<size_t> place(config.captures.size());
+  std::vector<size_t> place(config.data.captures.size());
   for (size_t i = 0; i < place.size(); ++i) {
     if (by_letters_first) {
       place[by_letters[i]] = by_number[i];
@@ -173,7 +173,7 @@ std::vector<size_t> PlaceInOtherOrder(const RunConfig& config, bool by_letters_f
 
 std::vector<Reading> Pairings(const Examination& examination) {
   const RunConfig& config = examination.config;
-  const auto num = static_cast<std::ptrdiff_t>(config.captures.size());
+  const auto num = static_cast<std::ptrdiff_t>(config.data.captures.size());
   std::vector<Reading> readings;
   for (const std::ptrdiff_t step : {1, -1, 2, -2, 3, -3}) {
     const std::string rows = std::to_string(std::abs(step)) + (std::abs(step) == 1 ? " row" : " rows");
@@ -186,7 +186,7 @@ std::vector<Reading> Pairings(const Examination& examination) {
                                 }));
   }
   readings.push_back(Repaired(examination, "the images are in the reverse order of the poses", kMistakes.other_order,
-                              [&](size_t i) { return std::optional(config.captures.size() - 1 - i); }));
+                              [&](size_t i) { return std::optional(config.data.captures.size() - 1 - i); }));
   for (const bool by_letters_first : {true, false}) {
     const std::vector<size_t> place = PlaceInOtherOrder(config, by_letters_first);
     readings.push_back(Repaired(examination,
@@ -231,13 +231,13 @@ std::string RotationText(const PoseFormat& format) {
 
 // Describes both explanations of poses that are the inverse of what the config says.
 std::string EitherSetUp(const RunConfig& config, const Rigid3d& camera_mount_from_camera) {
-  const Setup other = config.setup == Setup::kEyeToHand ? Setup::kEyeInHand : Setup::kEyeToHand;
+  const Setup other = config.data.setup == Setup::kEyeToHand ? Setup::kEyeInHand : Setup::kEyeToHand;
   const auto where = [](Setup setup) {
     return setup == Setup::kEyeToHand ? "if the camera is fixed beside the robot" : "if the robot carries the camera";
   };
-  return std::string(where(config.setup)) + ", set captures.poses_are: " +
+  return std::string(where(config.data.setup)) + ", set captures.poses_are: " +
          (config.pose_reading.is_base_from_gripper ? "gripper_from_base" : "base_from_gripper") + " (" +
-         HandEyeText(config.setup, camera_mount_from_camera) + "); " + where(other) +
+         HandEyeText(config.data.setup, camera_mount_from_camera) + "); " + where(other) +
          ", set setup: " + std::string(SetupName(other)) + " (" + HandEyeText(other, camera_mount_from_camera) +
          "); the data cannot distinguish these two, but you can see which one applies";
 }
@@ -347,7 +347,8 @@ std::vector<Symptom> Check_poses(Examination* examination) {
   std::vector<Rigid3d> robot;
   for (const PoseCandidates& capture : captures) robot.push_back(capture.camera_mount_from_target_mount);
   const bool has_clear_turns = RadToDeg(seen_motion.rotation_rms_rad[1]) > kLimits.clear_rotation_deg;
-  if (!examination->config.camera && !has_clear_turns && !WhyNotObservable(AnalyseMotion(robot)).empty()) return {};
+  if (!examination->config.data.camera && !has_clear_turns && !WhyNotObservable(AnalyseMotion(robot)).empty())
+    return {};
   const PoseFormat& format_now = examination->config.pose_reading.format;
   examination->pose_fit = PoseFit{format_now, now->typical_misfit_m, MisfitText(*now),
                                   now->typical_misfit_m <= kPoorShare * WorkingDistanceM(examination->views)};

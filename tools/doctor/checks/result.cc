@@ -1,32 +1,28 @@
 // Reports the findings of `heba run`, with their codes, for a data set in which the other checks found nothing wrong.
-#include "heba/evaluation/verdict.h"
+#include "heba/run.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
-#include "tools/run/assessment.h"
-#include "tools/run/captures.h"
-#include "tools/run/duplicate_images.h"
 
 namespace heba {
 
 std::vector<Symptom> Check_result(Examination* examination) {
   if (examination->found_wrong) return {};
-  // Copies of a capture are left out, as in a run.
-  RunConfig config = examination->config;
-  std::vector<CaptureDetection> detections = examination->detections;
-  LeaveOutSharedImages(&config, &detections);
-  if (detections.empty()) return {};
-  const CaptureDetection& image = detections.front();
-  CalibrationOptions options = OptionsOf(config, image.width_px, image.height_px);
-  if (options.camera) options.camera = examination->camera;
-  options.bundle.num_threads = examination->num_threads;
-  const Outcome<Calibration> calibration = Calibrate(ViewsOf(config, detections), options);
-  const std::string reason = !calibration ? calibration.reason() : calibration->refined.reason();
-  if (!reason.empty()) return {{Severity::kWrong, "no_result", reason, ""}};
-  Console console(Verbosity::kQuiet);
-  const RunResult result =
-      Assess(config, detections, *calibration, options, std::nullopt, examination->num_threads, &console);
+  Dataset data = examination->config.data;
+  if (data.camera) data.camera = examination->camera;
+  // The images have been searched.
+  const std::vector<CaptureDetection>& detections = examination->detections;
+  if (!data.given_detections.empty()) data.given_detections = detections;
+  RunOptions options = examination->config.options;
+  options.num_threads = examination->num_threads;
+  options.detect = [&](const std::filesystem::path& image, const std::optional<ImageSize>& /*expected*/) {
+    size_t i = 0;
+    while (data.captures[i].image != image) ++i;
+    return detections[i];
+  };
+  const Outcome<RunOutput> run = Run(data, options);
+  if (!run) return {{Severity::kWrong, "no_result", run.reason(), ""}};
   std::vector<Symptom> symptoms;
-  for (const Finding& finding : JudgeRun(result).findings) {
+  for (const Finding& finding : run->result.verdict.findings) {
     if (finding.grade == Grade::kGood) continue;
     const Severity severity = finding.grade == Grade::kBad ? Severity::kWrong : Severity::kRemark;
     symptoms.push_back({severity, finding.code, finding.text, finding.action});

@@ -10,7 +10,6 @@
 #include "targets/target.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
-#include "tools/run/captures.h"
 
 namespace heba {
 namespace {
@@ -47,9 +46,9 @@ std::string SettingsText(const TargetSettings& settings) {
 // Returns the data set with `num_images` evenly spaced captures only.
 RunConfig Sample(const RunConfig& config, size_t num_images) {
   RunConfig sample = config;
-  sample.captures.clear();
-  for (const size_t i : EvenIndices(config.captures.size(), num_images)) {
-    sample.captures.push_back(config.captures[i]);
+  sample.data.captures.clear();
+  for (const size_t i : EvenIndices(config.data.captures.size(), num_images)) {
+    sample.data.captures.push_back(config.data.captures[i]);
   }
   return sample;
 }
@@ -63,8 +62,8 @@ size_t NumPoints(const std::vector<CaptureDetection>& detections) {
 // Returns the targets that this one may have been confused with, those that more of the images indicate first.
 std::vector<OtherTarget> OtherTargets(const RunConfig& config) {
   std::vector<std::pair<int, TargetSettings>> counted;
-  for (const Capture& capture : config.captures) {
-    for (const TargetSettings& settings : config.target->LikelyMisconfigurations(ReadGreyImage(capture.image))) {
+  for (const Capture& capture : config.data.captures) {
+    for (const TargetSettings& settings : config.data.target->LikelyMisconfigurations(ReadGreyImage(capture.image))) {
       const auto known =
           std::find_if(counted.begin(), counted.end(), [&](const auto& entry) { return entry.second == settings; });
       if (known == counted.end()) {
@@ -86,10 +85,10 @@ std::vector<OtherTarget> OtherTargets(const RunConfig& config) {
 // nothing if these are not decidedly more than `num_now` points.
 std::optional<OtherTarget> FindOther(const RunConfig& sample, size_t num_now, int num_threads) {
   std::vector<OtherTarget> others = OtherTargets(sample);
-  for (size_t i = 0; i < sample.captures.size() && !others.empty(); ++i) {
+  for (size_t i = 0; i < sample.data.captures.size() && !others.empty(); ++i) {
     ParallelFor(static_cast<int>(others.size()), num_threads, [&](int k) {
       OtherTarget& other = others[static_cast<size_t>(k)];
-      other.num_points += DetectCapture(*other.target, sample.captures[i].image).detection.ids.size();
+      other.num_points += DetectCapture(*other.target, sample.data.captures[i].image).detection.ids.size();
     });
     // Most candidates do not fit: once one is detected, those that are not are dropped.
     std::vector<OtherTarget> seen;
@@ -115,7 +114,7 @@ double MiddleShare(const RunConfig& config, const std::vector<CaptureDetection>&
   for (const CaptureDetection& capture : detections) {
     const size_t num_points = capture.detection.ids.size();
     if (num_points < kMinPosePoints) continue;
-    shares.push_back(static_cast<double>(num_points) / static_cast<double>(config.target->points().size()));
+    shares.push_back(static_cast<double>(num_points) / static_cast<double>(config.data.target->points().size()));
   }
   return shares.empty() ? 0 : Median(shares);
 }
@@ -142,8 +141,8 @@ std::string SeenText(const RunConfig& config, const std::vector<CaptureDetection
 
 std::vector<Symptom> Check_target(Examination* examination) {
   RunConfig& config = examination->config;
-  if (!config.given_detections.empty()) {
-    examination->detections = DetectCaptures(config, examination->num_threads, examination->verbosity);
+  if (!config.data.given_detections.empty()) {
+    examination->detections = Detections(config, examination->num_threads, examination->verbosity);
     return {};
   }
   // A few images come first, because searching all of them for the wrong target may take long.
@@ -151,19 +150,19 @@ std::vector<Symptom> Check_target(Examination* examination) {
   constexpr size_t kSome = 4;
   const RunConfig sample = Sample(config, kSome);
   const std::vector<CaptureDetection> few =
-      DetectCaptures(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
+      Detections(Sample(config, kFew), examination->num_threads, Verbosity::kQuiet);
   const auto detect_all = [&] {
-    examination->detections = DetectCaptures(config, examination->num_threads, examination->verbosity);
+    examination->detections = Detections(config, examination->num_threads, examination->verbosity);
   };
   bool is_looked_for = false;
   const auto look_for_other = [&](const std::string& seen) -> std::optional<Symptom> {
     is_looked_for = true;
     const size_t num_now = examination->detections.empty()
                                ? NumPoints(few)
-                               : NumPoints(DetectCaptures(sample, examination->num_threads, Verbosity::kQuiet));
+                               : NumPoints(Detections(sample, examination->num_threads, Verbosity::kQuiet));
     const std::optional<OtherTarget> other = FindOther(sample, num_now, examination->num_threads);
     if (!other) return std::nullopt;
-    config.target = other->target;
+    config.data.target = other->target;
     config.target_used = other->used;
     detect_all();
     return Symptom{Severity::kWrong, "target",
@@ -187,7 +186,7 @@ std::vector<Symptom> Check_target(Examination* examination) {
   std::string why;
   for (size_t i = 0; i < all.size() && why.empty(); ++i) {
     if (all[i].detection.ids.size() >= kMinPosePoints || all[i].detection.reason.empty()) continue;
-    why = " (" + config.captures[i].name + ": " + all[i].detection.reason + ")";
+    why = " (" + config.data.captures[i].name + ": " + all[i].detection.reason + ")";
   }
   const double share = static_cast<double>(NumSeen(all)) / static_cast<double>(all.size());
   constexpr double kHardly = 0.3;

@@ -15,9 +15,9 @@ using ::testing::IsEmpty;
 // Returns an examination before this check: the config names `given`, and no camera is chosen yet.
 Examination ExaminationWith(const std::optional<Camera>& given, const SimulatedSetOptions& options = {}) {
   Examination examination = CleanExamination(options);
-  examination.config.camera = given;
-  examination.config.camera_model = given ? given->model : "auto";
-  examination.config.choose_camera_model = !given;
+  examination.config.data.camera = given;
+  examination.config.options.camera_model = given ? given->model : "auto";
+  examination.config.options.choose_camera_model = !given;
   examination.camera.reset();
   examination.views.clear();
   return examination;

@@ -193,7 +193,7 @@ TEST(PosesCheckTest, SaysThatNothingExplainsUnrelatedPoses) {
   Examination examination = CleanExamination();
   Rng rng(3);
   std::vector<Rigid3d> poses;
-  for (size_t i = 0; i < examination.config.captures.size(); ++i) {
+  for (size_t i = 0; i < examination.config.data.captures.size(); ++i) {
     poses.emplace_back(ExpRotation(rng.Uniform(0, 3) * rng.Direction3()), 0.5 * rng.Direction3());
   }
   SetPoses(poses, &examination);

@@ -17,7 +17,7 @@ using ::testing::StartsWith;
 // The intrinsics are held, so that a calibration is fast.
 Examination CalibratedExamination(const SimulatedSetOptions& options = {}) {
   Examination examination = CleanExamination(options);
-  examination.config.bundle.free_intrinsics = {};
+  examination.config.options.bundle.free_intrinsics = {};
   return examination;
 }
 
@@ -30,7 +30,7 @@ TEST(ResultCheckTest, CleanDataHaveNoFault) {
 
 TEST(ResultCheckTest, SaysWhyThereIsNoResult) {
   Examination examination = CalibratedExamination();
-  const std::vector<Rigid3d> poses(examination.config.captures.size(), Rigid3d());
+  const std::vector<Rigid3d> poses(examination.config.data.captures.size(), Rigid3d());
   SetPoses(poses, &examination);
   const std::vector<Symptom> symptoms = Check_result(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong no_result"));
@@ -39,7 +39,7 @@ TEST(ResultCheckTest, SaysWhyThereIsNoResult) {
 
 TEST(ResultCheckTest, IsSilentAfterAnotherFault) {
   Examination examination = CalibratedExamination();
-  SetPoses(std::vector<Rigid3d>(examination.config.captures.size()), &examination);
+  SetPoses(std::vector<Rigid3d>(examination.config.data.captures.size()), &examination);
   examination.found_wrong = true;
   EXPECT_THAT(CodesOf(Check_result(&examination)), IsEmpty());
 }
@@ -50,7 +50,7 @@ TEST(ResultCheckTest, DoesNotChangeTheExamination) {
   examination.detections[7] = examination.detections[3];
   examination.detections[3].image_digest = examination.detections[7].image_digest = "digest";
   Check_result(&examination);
-  EXPECT_EQ(examination.config.captures.size(), 12u);
+  EXPECT_EQ(examination.config.data.captures.size(), 12u);
   EXPECT_EQ(examination.detections.size(), 12u);
 }
 

@@ -37,16 +37,16 @@ class TargetCheckTest : public testing::Test {
   // Returns an examination of images that all show the same.
   Examination ExaminationOfImages(const cv::Mat& image, int num_images, const std::string& configured) const {
     Examination examination;
-    examination.config.target = TargetOfYaml(configured);
+    examination.config.data.target = TargetOfYaml(configured);
     examination.config.target_used = configured;
     examination.verbosity = Verbosity::kQuiet;
     for (int i = 0; i < num_images; ++i) AddImage(image, &examination);
     return examination;
   }
   void AddImage(const cv::Mat& image, Examination* examination) const {
-    const std::string name = std::to_string(examination->config.captures.size()) + ".png";
+    const std::string name = std::to_string(examination->config.data.captures.size()) + ".png";
     cv::imwrite((folder_ / name).string(), image);
-    examination->config.captures.push_back({name, folder_ / name, "", Rigid3d()});
+    examination->config.data.captures.push_back({name, folder_ / name, "", Rigid3d()});
   }
 
   TempFolder folder_;

@@ -1,4 +1,4 @@
-#include "tools/files/digest.h"
+#include "tools/run/digest.h"
 
 #include <fstream>
 #include <set>
@@ -52,12 +52,6 @@ TEST(DigestOfFileTest, RefusesWhatIsNoFile) {
   EXPECT_THAT(InputErrorOf([&] { DigestOfFile(folder.path()); }), HasSubstr("is not a regular file"));
   EXPECT_THAT(InputErrorOf([&] { DigestOfFile(folder / "absent"); }),
               HasSubstr("absent: cannot be read (No such file"));
-}
-
-TEST(DigestOfProgramTest, IsTheSameInOneProcess) {
-  EXPECT_THAT(DigestOfProgram(), MatchesRegex("[0-9a-f]{32}"));
-  EXPECT_EQ(DigestOfProgram(), DigestOfProgram());
-  EXPECT_NE(DigestOfProgram(), DigestOfFile("/proc/self/exe"));
 }
 
 }  // namespace

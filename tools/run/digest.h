@@ -12,8 +12,4 @@ namespace heba {
 std::string DigestOf(std::string_view content);
 // Throws InputError if the file cannot be read.
 std::string DigestOfFile(const std::filesystem::path& path);
-// Returns the digest of this program and of the shared libraries that it runs with, so that the results of another
-// build are not reused.
-const std::string& DigestOfProgram();
-
 }  // namespace heba

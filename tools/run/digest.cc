@@ -1,4 +1,4 @@
-#include "tools/files/digest.h"
+#include "tools/run/digest.h"
 
 #include <xxhash.h>
 
@@ -7,7 +7,6 @@
 #include <cstring>
 #include <fstream>
 #include <memory>
-#include <set>
 #include <system_error>
 
 #include "heba/base/error.h"
@@ -19,22 +18,6 @@ std::string Hex(const XXH128_hash_t& hash) {
   char text[40];
   std::snprintf(text, sizeof(text), "%016llx%016llx", static_cast<unsigned long long>(hash.high64),
                 static_cast<unsigned long long>(hash.low64));
-  return text;
-}
-
-// Lists the shared libraries that the program runs with: their paths, which contain versions, and sizes.
-std::string LibrariesInUse() {
-  std::set<std::string> libraries;
-  std::ifstream maps("/proc/self/maps");
-  for (std::string line; std::getline(maps, line);) {
-    const size_t path = line.find('/');
-    if (path == std::string::npos || line.find(".so", path) == std::string::npos) continue;
-    std::error_code error;
-    const std::uintmax_t size = std::filesystem::file_size(line.substr(path), error);
-    libraries.insert(line.substr(path) + " " + std::to_string(error ? 0 : size) + "\n");
-  }
-  std::string text;
-  for (const std::string& library : libraries) text += library;
   return text;
 }
 
@@ -58,11 +41,6 @@ std::string DigestOfFile(const std::filesystem::path& path) {
   }
   if (stream.bad()) throw InputError(path.string() + ": cannot be read (" + std::strerror(errno) + ")");
   return Hex(XXH3_128bits_digest(state.get()));
-}
-
-const std::string& DigestOfProgram() {
-  static const std::string digest = DigestOf(DigestOfFile("/proc/self/exe") + LibrariesInUse());
-  return digest;
 }
 
 }  // namespace heba

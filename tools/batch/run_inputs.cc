@@ -1,11 +1,12 @@
-#include "tools/run/run_inputs.h"
+#include "tools/batch/run_inputs.h"
 
 #include <nlohmann/json.hpp>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/io/result_file.h"
-#include "tools/files/digest.h"
+#include "tools/files/program_digest.h"
+#include "tools/run/digest.h"
 
 namespace heba {
 namespace {
@@ -33,11 +34,11 @@ std::string RunInputsText(const RunConfig& config) {
   if (config.truth) files["truth"] = DigestOrNothing(*config.truth);
   json["files"] = files;
   json["images"] = nlohmann::ordered_json::array();
-  for (const Capture& capture : config.captures) {
+  for (const Capture& capture : config.data.captures) {
     json["images"].push_back({capture.name, DigestOrNothing(capture.image)});
   }
   json["left_out"] = nlohmann::ordered_json::array();
-  for (const LeftOut& entry : config.left_out) json["left_out"].push_back(entry.name);
+  for (const LeftOut& entry : config.data.left_out) json["left_out"].push_back(entry.name);
   return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 

@@ -1,0 +1,140 @@
+// Runs a whole calibration: from a data set (images or detections, and the robot's poses) to a result with its errors,
+// uncertainties and findings. This is all that `heba run` does between its config and its files.
+//
+//   heba::Dataset dataset;
+//   dataset.setup = heba::Setup::kEyeInHand;
+//   dataset.target = heba::ParseTarget("{type: chessboard, rows: 8, columns: 11, square: 15 mm}");
+//   for (const auto& [image, base_from_gripper] : recorded) {
+//     dataset.captures.push_back({image.filename(), image, {}, base_from_gripper});
+//   }
+//   const heba::Outcome<heba::RunOutput> output = heba::Run(dataset, heba::RunOptions());
+//   if (!output) throw std::runtime_error(output.reason());
+//   const heba::Estimate& refined = *heba::FindRefined(output->result);
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "heba/base/error.h"
+#include "heba/data/dataset.h"
+#include "heba/data/setup.h"
+#include "heba/evaluation/evaluation.h"
+#include "solvers/calibration/calibration.h"
+#include "solvers/calibration/cross_validation.h"
+#include "targets/detection.h"
+#include "targets/target.h"
+
+namespace heba {
+
+// An image or a row of poses that belongs to no capture.
+struct LeftOut {
+  std::string name;    // Name of the image, or of the row of poses without one.
+  std::string reason;  // One clause.
+};
+
+// What was recorded. Each capture has an image, or a detection that was made before, or a pose of the target that
+// others estimated.
+struct Dataset {
+  std::string name;                                        // Is copied to the result.
+  std::vector<std::pair<std::string, std::string>> about;  // RunResult::about.
+  Setup setup = Setup::kEyeToHand;
+  std::shared_ptr<const Target> target;  // May be null if `target_poses` are given.
+  // Is estimated from the captures if it is not set. A size of 0 x 0 stands for that of the images.
+  std::optional<Camera> camera;
+  std::vector<Capture> captures;
+  // Detections that replace the images: one per capture, or empty. A size of 0 x 0 stands for that of the camera.
+  std::vector<CaptureDetection> given_detections;
+  // camera_from_target of each capture, instead of images and detections; or empty.
+  std::vector<Rigid3d> target_poses;
+  std::optional<Truth> truth;     // The exact result, if it is known.
+  std::vector<LeftOut> left_out;  // Is listed in the result.
+  // The sources of the camera and of the given detections, which start the messages of an InputError.
+  std::string camera_source = "camera";
+  std::string detections_source = "detections";
+};
+
+// The accuracy with which a target must be located at given positions.
+struct PlacedRequirement {
+  double within_m = 0;
+  double confidence = 0.95;
+  std::vector<Eigen::Vector3d> places_in_base_m;  // A point, or a box's corners; empty: the working point.
+  std::string text;                               // The positions in words.
+};
+
+// Returns the detection in an image. Throws InputError if the image cannot be read or is of another size than
+// `expected`. It is called by several threads at once.
+using DetectFunction =
+    std::function<CaptureDetection(const std::filesystem::path& image, const std::optional<ImageSize>& expected)>;
+
+struct RunOptions {
+  std::vector<std::string> methods;  // Closed forms to report, by name; empty: all.
+  std::string seed = kBestSeed;      // See CalibrationOptions::seed.
+  BundleOptions bundle;
+  AutoModel choose = {true, true};  // The parts of `bundle` that are chosen from the captures.
+  std::string camera_model;         // The model of an estimated camera.
+  bool choose_camera_model = true;  // Whether that model is chosen from the captures instead.
+  int folds = 5;                    // Number of folds of the cross-validation; 0: none.
+  std::vector<PlacedRequirement> requirements;
+  int num_threads = 1;  // The result does not depend on it.
+  // Replaces DetectWithDigest, for example by a function that keeps detections.
+  DetectFunction detect;
+};
+
+// The stages of a run whose steps are counted.
+enum class RunStage { kDetection, kSecondDetection, kHoldOut };
+
+// Captures that are not used because their image is that of another capture (tools/run/duplicate_images.h).
+struct LeftOutCaptures {
+  std::vector<size_t> indices;         // Sorted in increasing order.
+  std::vector<CaptureResult> results;  // Marked as not used, with the reason.
+  std::vector<std::string> notes;      // One sentence for each cause.
+};
+
+// Is told what a run does. Its functions are called by one thread at a time.
+class RunObserver {
+ public:
+  virtual ~RunObserver() = default;
+  // A stage begins, a step of it has been completed, and it has ended.
+  virtual void OnStage(RunStage /*stage*/, int /*num_steps*/) {}
+  virtual void OnStep(RunStage /*stage*/) {}
+  virtual void OnStageEnd(RunStage /*stage*/) {}
+  // The images have been searched: the target was detected in `num_seen` of `num_images`, not counting those left out.
+  virtual void OnDetected(const LeftOutCaptures& /*left_out*/, int /*num_seen*/, int /*num_images*/) {}
+  // The calibration has ended, with or without a refined estimate.
+  virtual void OnCalibrated(const Calibration& /*calibration*/) {}
+  virtual void OnHoldOuts(const std::vector<HoldOut>& /*hold_outs*/) {}
+  // Returns whether the run is to end. It is asked before each stage and each step; a calibration that has begun is
+  // completed first.
+  virtual bool IsCancelled() { return false; }
+};
+
+struct RunOutput {
+  // All figures and findings. `timing.total_s` covers the call of Run.
+  RunResult result;
+  // The data set without the captures that were left out, with the size of its camera filled in, and the detection in
+  // each capture; no detections if the target's poses were given.
+  Dataset dataset;
+  std::vector<CaptureDetection> detections;
+  Calibration calibration;
+};
+
+// The reason of the Failure of a run that was cancelled.
+inline constexpr const char* kCancelled = "the run was cancelled";
+
+// Detects the target in the images, calibrates, searches the images again for points that were missed, and assesses
+// the result on held-out captures (docs/estimation.md). With `target_poses`, it calibrates from these poses. `observer`
+// may be null. Returns a Failure if the result cannot be trusted, or if the run was cancelled. Throws InputError if an
+// image cannot be read, if images differ in size, or if the camera is not for images of that size.
+Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObserver* observer = nullptr);
+
+// Detects a target in an image (DetectCapture) and computes the digest of the image, by which Run recognises captures
+// with one image.
+CaptureDetection DetectWithDigest(const Target& target, const std::filesystem::path& image,
+                                  const std::optional<ImageSize>& expected);
+
+}  // namespace heba

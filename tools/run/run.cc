@@ -1,0 +1,143 @@
+#include "heba/run.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "heba/base/text.h"
+#include "heba/evaluation/verdict.h"
+#include "tools/run/assessment.h"
+#include "tools/run/captures.h"
+#include "tools/run/digest.h"
+#include "tools/run/duplicate_images.h"
+#include "tools/run/second_detection.h"
+
+namespace heba {
+namespace {
+
+class Stopwatch {
+ public:
+  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+// Returns whether a calibration from more points is no worse: it uses at least as many views, and its residuals are at
+// most 5 % larger than those of the first.
+bool IsAtLeastAsGood(const Calibration& second, const Calibration& first) {
+  constexpr double kMaxRise = 1.05;
+  return second.views.size() >= first.views.size() &&
+         second.refined->pixel_sigma_px <= kMaxRise * first.refined->pixel_sigma_px;
+}
+
+// Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
+Outcome<RunOutput> RunOnPoses(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
+  RunOutput output;
+  output.dataset = dataset;
+  Calibration& calibration = output.calibration;
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    const Rigid3d mount = CameraMountFromTargetMount(dataset.setup, dataset.captures[i].base_from_gripper);
+    calibration.pairs.push_back({mount, dataset.target_poses[i], dataset.captures[i].role, std::nullopt});
+  }
+  CalibratePoses(options.methods, options.seed, &calibration);
+  if (!calibration.chain) return Failure{calibration.chain.reason()};
+  // The same limits as for bundle adjustment, which rejects a result that is known to 10 cm or 6 deg only.
+  constexpr double kWorthlessMm = 100;
+  constexpr double kWorthlessDeg = 6;
+  const std::optional<BoardScatter> scatter = ComputeBoardScatter(calibration.pairs, calibration.chain->hand_eye);
+  if (scatter && (scatter->translation_rms_mm > kWorthlessMm || scatter->rotation_rms_deg > kWorthlessDeg)) {
+    return Failure{"the target scatters by " + Significant(scatter->translation_rms_mm, 2) + " mm and " +
+                   Significant(scatter->rotation_rms_deg, 2) + " deg, but should be stationary"};
+  }
+  if (observer != nullptr) observer->OnCalibrated(calibration);
+  output.result = AssessPoses(dataset, calibration);
+  return output;
+}
+
+// Returns the reason why the target was detected in no image.
+std::string NothingDetected(const Dataset& dataset, const std::vector<CaptureDetection>& detections) {
+  const std::string first = detections.front().detection.reason;
+  return "the target was not detected in any of the " + std::to_string(detections.size()) + " images" +
+         (first.empty() ? "" : " (" + dataset.captures[0].name + ": " + first + ")") +
+         "; is it the target that the config names?";
+}
+
+Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& options, RunObserver* observer) {
+  RunOutput output;
+  Dataset& dataset = output.dataset;
+  dataset = dataset_in;
+  std::vector<CaptureDetection>& detections = output.detections;
+
+  const Stopwatch detect_watch;
+  CheckCameraByHeader(dataset);
+  const DetectFunction detect =
+      options.detect ? options.detect
+                     : [&](const std::filesystem::path& image, const std::optional<ImageSize>& expected) {
+                         return DetectWithDigest(*dataset.target, image, expected);
+                       };
+  detections = DetectCaptures(dataset, detect, options.num_threads, observer);
+  FitCameraToImages(detections.front(), &dataset);
+  Timing timing;
+  timing.detect_s = detect_watch.Seconds();
+  const LeftOutCaptures left_out = LeaveOutSharedImages(&dataset, &detections);
+  const std::vector<View> views = ViewsOf(dataset, detections);
+  if (observer != nullptr) {
+    observer->OnDetected(left_out, static_cast<int>(views.size()), static_cast<int>(detections.size()));
+  }
+  if (detections.empty()) return Failure{Join(left_out.notes, "; ")};
+  if (views.empty()) return Failure{NothingDetected(dataset, detections)};
+
+  EndIfCancelled(observer);
+  const Stopwatch solve_watch;
+  const CalibrationOptions calibration_options =
+      OptionsOf(dataset, options, detections.front().width_px, detections.front().height_px);
+  Outcome<Calibration> calibration = Calibrate(views, calibration_options);
+  if (!calibration) return Failure{calibration.reason()};
+  if (calibration->refined) {
+    std::optional<std::vector<CaptureDetection>> again =
+        DetectAgain(dataset, detections, *calibration, options.num_threads, observer);
+    if (again) {
+      EndIfCancelled(observer);
+      Outcome<Calibration> second = Calibrate(ViewsOf(dataset, *again), calibration_options);
+      if (second && second->refined && IsAtLeastAsGood(*second, *calibration)) {
+        calibration = std::move(second);
+        detections = std::move(*again);
+      }
+    }
+  }
+  if (observer != nullptr) observer->OnCalibrated(*calibration);
+  if (!calibration->refined) return Failure{calibration->refined.reason()};
+  timing.refine_s = calibration->refined->convergence.seconds;
+  timing.seed_s = solve_watch.Seconds() - timing.refine_s;
+  output.calibration = std::move(*calibration);
+  output.result = Assess(dataset, options, detections, output.calibration, calibration_options, observer);
+  output.result.timing = timing;
+  InsertLeftOut(left_out, &output.result.captures);
+  return output;
+}
+
+}  // namespace
+
+Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
+  const Stopwatch total;
+  try {
+    Outcome<RunOutput> output =
+        dataset.target_poses.empty() ? RunOnImages(dataset, options, observer) : RunOnPoses(dataset, options, observer);
+    if (!output) return output;
+    output->result.verdict = JudgeRun(output->result);
+    output->result.timing.total_s = total.Seconds();
+    return output;
+  } catch (const Cancelled&) {
+    return Failure{kCancelled};
+  }
+}
+
+CaptureDetection DetectWithDigest(const Target& target, const std::filesystem::path& image,
+                                  const std::optional<ImageSize>& expected) {
+  const std::string digest = DigestOfFile(image);
+  CaptureDetection detection = DetectCapture(target, image, expected);
+  detection.image_digest = digest;
+  return detection;
+}
+
+}  // namespace heba

@@ -1,0 +1,72 @@
+#include "tools/text/run_console.h"
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "heba/base/text.h"
+#include "tools/text/result_text.h"
+#include "tools/text/target_symmetry.h"
+
+namespace heba {
+namespace {
+
+std::string StageName(RunStage stage) {
+  switch (stage) {
+    case RunStage::kDetection:
+      return "detect";
+    case RunStage::kSecondDetection:
+      return "detect again";
+    case RunStage::kHoldOut:
+      return "hold-out";
+  }
+  return "";
+}
+
+}  // namespace
+
+void ProgressObserver::OnStage(RunStage stage, int num_steps) {
+  progress_.emplace(StageName(stage), num_steps, verbosity_);
+}
+
+void ProgressObserver::OnStep(RunStage /*stage*/) { progress_->Step(); }
+
+void ProgressObserver::OnStageEnd(RunStage /*stage*/) { progress_.reset(); }
+
+void ConsoleObserver::OnDetected(const LeftOutCaptures& left_out, int num_seen, int num_images) {
+  for (const std::string& note : left_out.notes) Note(note);
+  if (num_seen == 0) return;  // The run fails with a reason that says so.
+  Note("the target was detected in " + std::to_string(num_seen) + " of " + std::to_string(num_images) + " images");
+  for (const LeftOut& entry : dataset_.left_out) Note("without " + entry.name + ": " + entry.reason);
+  if (dataset_.target->Symmetries().size() > 1) Note(SymmetryRemark(*dataset_.target));
+}
+
+void ConsoleObserver::OnCalibrated(const Calibration& calibration) {
+  if (!dataset_.target_poses.empty()) {
+    Note(calibration.refined.reason());
+    return;
+  }
+  for (const UnusedView& unused : calibration.unused) {
+    console_->Note("not used: " + unused.name + ": " + unused.reason);
+  }
+  if (calibration.refined) {
+    console_->Note("seed: " + calibration.seed);
+    return;
+  }
+  // Notes on each method help to understand the failure.
+  std::vector<MethodReason> outcomes;
+  for (const MethodResult& method : calibration.methods) {
+    outcomes.emplace_back(method.method, method.hand_eye
+                                             ? Significant(method.reprojection_rms_px.value_or(NAN), 3) + " px"
+                                             : method.hand_eye.reason());
+  }
+  for (const auto& [reason, methods] : GroupedByReason(outcomes)) console_->Note(methods + ": " + reason);
+}
+
+void ConsoleObserver::OnHoldOuts(const std::vector<HoldOut>& hold_outs) {
+  for (const HoldOut& hold_out : hold_outs) {
+    if (!hold_out.reason.empty()) console_->Note("no hold-out figure for " + hold_out.method + ": " + hold_out.reason);
+  }
+}
+
+}  // namespace heba

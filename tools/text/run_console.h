@@ -1,0 +1,41 @@
+// Shows on the console what a run does.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "heba/run.h"
+#include "tools/text/console.h"
+
+namespace heba {
+
+// Shows the progress of the stages.
+class ProgressObserver : public RunObserver {
+ public:
+  explicit ProgressObserver(Verbosity verbosity) : verbosity_(verbosity) {}
+  void OnStage(RunStage stage, int num_steps) override;
+  void OnStep(RunStage stage) override;
+  void OnStageEnd(RunStage stage) override;
+
+ private:
+  Verbosity verbosity_;
+  std::optional<Progress> progress_;
+};
+
+// Adds notes on the run to the console. `dataset` and `console` must outlive it.
+class ConsoleObserver : public ProgressObserver {
+ public:
+  ConsoleObserver(const Dataset& dataset, Console* console)
+      : ProgressObserver(console->verbosity()), dataset_(dataset), console_(console) {}
+  void OnDetected(const LeftOutCaptures& left_out, int num_seen, int num_images) override;
+  void OnCalibrated(const Calibration& calibration) override;
+  void OnHoldOuts(const std::vector<HoldOut>& hold_outs) override;
+
+ private:
+  void Note(const std::string& text) { console_->Note(dataset_.name + ": " + text); }
+
+  const Dataset& dataset_;
+  Console* console_;
+};
+
+}  // namespace heba
