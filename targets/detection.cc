@@ -1,4 +1,4 @@
-#include "targets/detection.h"
+#include "heba/detection.h"
 
 #include <algorithm>
 

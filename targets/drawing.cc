@@ -1,4 +1,4 @@
-#include "targets/drawing.h"
+#include "heba/drawing.h"
 
 namespace heba {
 

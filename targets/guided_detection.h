@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
-#include "targets/target.h"
+#include "heba/target.h"
 
 namespace heba {
 

@@ -1,4 +1,4 @@
-#include "targets/target.h"
+#include "heba/target.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,6 +6,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
+#include "heba/config/yaml_reader.h"
 #include "targets/kalibr_target.h"
 #include "targets/name_table.h"
 
@@ -36,6 +37,11 @@ std::unique_ptr<Target> CreateTarget(MapReader& reader) {
   std::unique_ptr<Target> target = ReadChoice(reader, "type", kTargetTypes).create(reader);
   reader.Finish();
   return target;
+}
+
+std::unique_ptr<Target> ParseTarget(const std::string& yaml) {
+  MapReader reader(ParseYaml(yaml, "target"));
+  return CreateTarget(reader);
 }
 
 std::string UnitLength(double length_m, double unit_m) {

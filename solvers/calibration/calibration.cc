@@ -1,4 +1,4 @@
-#include "solvers/calibration/calibration.h"
+#include "heba/calibration.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +8,7 @@
 #include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
+#include "solvers/calibration/camera_choice.h"
 #include "solvers/calibration/capture_rejection.h"
 #include "solvers/calibration/diagnostics.h"
 #include "solvers/calibration/multi_start.h"
@@ -17,10 +18,12 @@
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/initial/usable_views.h"
+#include "solvers/refine/bundle_model.h"
 #include "solvers/refine/pose_refinement.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/uncertainty/capture_outliers.h"
 #include "solvers/uncertainty/influence.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {

@@ -6,18 +6,9 @@
 #include <vector>
 
 #include "heba/base/error.h"
-#include "heba/data/problem.h"
+#include "heba/calibration.h"
 
 namespace heba {
-
-struct CameraAlternative {
-  std::string model;
-  double log_likelihood = 0;  // Every view has its own pose; up to a constant common to all models.
-  int dof = 0;                // Number of camera parameters.
-  // The probability, if this model is right, of the gain in likelihood of a larger model: the smallest over the larger
-  // polynomial models. Not set for the largest of these, and for kannala_brandt4.
-  std::optional<double> p;
-};
 
 struct CameraChoice {
   Camera camera;

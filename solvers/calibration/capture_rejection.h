@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "solvers/refine/bundle_adjustment.h"
+#include "heba/bundle_adjustment.h"
 #include "solvers/uncertainty/capture_outliers.h"
 
 namespace heba {

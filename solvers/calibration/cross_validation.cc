@@ -1,4 +1,4 @@
-#include "solvers/calibration/cross_validation.h"
+#include "heba/cross_validation.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +9,7 @@
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
 #include "solvers/initial/pose_selection.h"
+#include "solvers/refine/bundle_model.h"
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/uncertainty/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"

@@ -11,6 +11,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
+#include "solvers/refine/bundle_model.h"
 #include "solvers/uncertainty/robot_noise.h"
 #include "solvers/uncertainty/variance_components.h"
 

@@ -5,9 +5,11 @@
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
+#include "solvers/refine/bundle_model.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/noise_scale.h"
 #include "solvers/uncertainty/repeated_poses.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {

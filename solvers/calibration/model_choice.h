@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "solvers/refine/bundle_adjustment.h"
+#include "heba/calibration.h"
 
 namespace heba {
 
@@ -16,32 +16,8 @@ inline constexpr size_t kMinPosesForVariances = 8;
 // Significance level: a model is rejected if data that deviate from it as much would be rarer than this.
 inline constexpr double kModelRejected = 0.01;
 
-struct ErrorModel {
-  BundleOptions::Robot robot = BundleOptions::Robot::kExact;
-  std::vector<TargetShapeGroup> shape;  // Ordered as TargetShapeGroup.
-};
-
 // Returns the combinations of shape parameters that can be unknown: none, the scale, the bend, both, in this order.
 std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations();
-
-// Returns the name of a model, such as "exact robot, target as designed" or "robot noise, target scaled and bent".
-std::string NameOf(const ErrorModel& model);
-
-struct ModelAlternative {
-  ErrorModel model;
-  // LogLikelihoodOf at the model's own optimum, up to a constant common to all alternatives.
-  double log_likelihood = 0;
-  int dof = 0;  // Number of variances and shape parameters of the model.
-  // The probability, if this model is right, of a likelihood ratio at least as large against the largest model that
-  // contains it. Not set for the largest model.
-  std::optional<double> p;
-};
-
-// The parts of the model that are to be chosen; the others are given by the options.
-struct AutoModel {
-  bool robot_noise = false;
-  bool target_shape = false;
-};
 
 struct ModelChoice {
   BundleOptions options;                       // The given options with the chosen model.

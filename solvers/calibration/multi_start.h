@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "heba/bundle_adjustment.h"
 #include "heba/evaluation/metrics.h"
-#include "solvers/refine/bundle_adjustment.h"
 
 namespace heba {
 

@@ -11,6 +11,7 @@
 #include "heba/base/rng.h"
 #include "heba/data/prediction.h"
 #include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/refine/bundle_model.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "heba/calibration.h"
 #include "heba/simulation/scene.h"
-#include "solvers/calibration/calibration.h"
 
 namespace heba {
 

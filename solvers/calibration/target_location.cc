@@ -1,4 +1,4 @@
-#include "solvers/calibration/target_location.h"
+#include "heba/target_location.h"
 
 #include <algorithm>
 #include <cmath>

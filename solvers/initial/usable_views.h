@@ -12,11 +12,6 @@ namespace heba {
 // Minimum number of points of a planar target that determine its pose.
 inline constexpr int kMinPosePoints = 4;
 
-struct UnusedView {
-  std::string name;
-  std::string reason;
-};
-
 struct SortedViews {
   std::vector<View> posed;                     // Views from which the target pose can be estimated.
   std::vector<std::vector<TargetPose>> poses;  // The possible poses of each of these views.

@@ -1,4 +1,4 @@
-#include "solvers/refine/bundle_adjustment.h"
+#include "heba/bundle_adjustment.h"
 
 #include <algorithm>
 #include <limits>
@@ -6,10 +6,12 @@
 
 #include "heba/base/text.h"
 #include "solvers/closed_form/motion_analysis.h"
+#include "solvers/refine/bundle_model.h"
 #include "solvers/refine/noise_iteration.h"
 #include "solvers/refine/point_rejection.h"
 #include "solvers/refine/uncertainty_limits.h"
 #include "solvers/residuals/noise_scale.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 

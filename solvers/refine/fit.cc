@@ -8,6 +8,7 @@
 #include "heba/base/parallel.h"
 #include "solvers/refine/reprojection_problem.h"
 #include "solvers/residuals/view_reduction.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {

@@ -9,8 +9,8 @@
 
 #include <ceres/solver.h>
 
+#include "heba/bundle_adjustment.h"
 #include "heba/data/solution.h"
-#include "solvers/refine/bundle_adjustment.h"
 #include "solvers/refine/captures_cost.h"
 #include "solvers/residuals/loss.h"
 #include "solvers/uncertainty/information.h"

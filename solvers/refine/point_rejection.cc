@@ -6,6 +6,7 @@
 #include "solvers/refine/noise_iteration.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/residuals/noise_scale.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {

@@ -30,11 +30,6 @@ Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camer
 Tangent6 CorrectionVariances(double translation_m2, double rotation_rad2);
 Tangent6 CorrectionVariances(const RobotNoise& noise);
 
-// Prior knowledge of a robot's noise: log-normal densities of its two sigmas.
-struct RobotNoisePrior {
-  RobotNoise median;
-  double log_sigma = 1;  // Standard deviation of the logarithm of either sigma.
-};
 // Returns the prior for industrial arms: 95 % of the sigmas lie between 0.05 and 1 mm and between 0.005 and 0.1 deg.
 RobotNoisePrior IndustrialArmPrior();
 

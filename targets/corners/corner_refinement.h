@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
-#include "targets/drawing.h"
+#include "heba/drawing.h"
 
 namespace heba {
 

@@ -1,4 +1,5 @@
 #include "targets/dots/dot_grid.h"
+#include "heba/config/yaml_reader.h"
 
 namespace heba {
 

@@ -9,13 +9,10 @@
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
+#include "heba/data/dataset.h"
+
 namespace heba {
 
-struct ImageSize {
-  int width_px = 0;
-  int height_px = 0;
-  bool operator==(const ImageSize& other) const = default;
-};
 // Reads an image as CV_8UC1. Its format is one of targets/images/image_format.h, grey or colour, with 8 or 16 bits
 // per channel; 16-bit values are scaled so that the brightest is 255. Pixels are returned as stored: a rotation in
 // the metadata is not applied, since a camera model belongs to the sensor. The size is checked before the image is

@@ -9,7 +9,7 @@
 #include <opencv2/core/mat.hpp>
 
 #include "heba/base/rng.h"
-#include "targets/drawing.h"
+#include "heba/drawing.h"
 
 namespace heba {
 

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "targets/drawing.h"
+#include "heba/drawing.h"
 
 namespace heba {
 

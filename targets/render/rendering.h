@@ -8,8 +8,8 @@
 
 #include "heba/camera/camera.h"
 #include "heba/data/target_shape.h"
+#include "heba/drawing.h"
 #include "heba/geometry/rigid3.h"
-#include "targets/drawing.h"
 
 namespace heba {
 

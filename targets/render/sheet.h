@@ -8,8 +8,8 @@
 
 #include <Eigen/Core>
 
-#include "targets/drawing.h"
-#include "targets/target.h"
+#include "heba/drawing.h"
+#include "heba/target.h"
 
 namespace heba {
 

@@ -5,8 +5,8 @@
 
 #include <opencv2/core.hpp>
 
-#include "targets/detection.h"
-#include "targets/drawing.h"
+#include "heba/detection.h"
+#include "heba/drawing.h"
 #include "targets/tags/tag_codes.h"
 #include "targets/tags/tag_layout.h"
 

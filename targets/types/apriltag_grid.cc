@@ -11,11 +11,12 @@
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/target.h"
 #include "targets/name_table.h"
 #include "targets/tags/tag_codes.h"
 #include "targets/tags/tag_layout.h"
 #include "targets/tags/tag_search.h"
-#include "targets/target.h"
 #include "targets/types/likely_misconfigurations.h"
 
 namespace heba {

@@ -18,12 +18,13 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/target.h"
 #include "targets/corners/corner_refinement.h"
 #include "targets/images/homography.h"
 #include "targets/images/image.h"
 #include "targets/name_table.h"
 #include "targets/tags/tag_layout.h"
-#include "targets/target.h"
 #include "targets/types/likely_misconfigurations.h"
 
 namespace heba {

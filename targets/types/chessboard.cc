@@ -16,11 +16,12 @@
 #include <opencv2/imgproc.hpp>
 
 #include "heba/base/error.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/target.h"
 #include "targets/corners/corner_lattice.h"
 #include "targets/corners/corner_refinement.h"
 #include "targets/corners/saddle_grid.h"
 #include "targets/images/homography.h"
-#include "targets/target.h"
 #include "targets/types/likely_misconfigurations.h"
 
 namespace heba {

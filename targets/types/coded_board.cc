@@ -14,11 +14,12 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/target.h"
 #include "targets/dots/dot_grid.h"
 #include "targets/dots/ellipse_finder.h"
 #include "targets/dots/ring_code.h"
 #include "targets/dots/ring_decoder.h"
-#include "targets/target.h"
 #include "targets/types/likely_misconfigurations.h"
 
 namespace heba {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "targets/target.h"
+#include "heba/target.h"
 
 namespace heba {
 

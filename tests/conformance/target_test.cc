@@ -22,8 +22,8 @@ extern "C" {
 
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
+#include "heba/target.h"
 #include "targets/render/rendering.h"
-#include "targets/target.h"
 #include "tests/support/matchers.h"
 #include "tests/support/rendered_target.h"
 

@@ -1,5 +1,6 @@
 // Fuzzes target files, heba's and Kalibr's.
-#include "targets/target.h"
+#include "heba/target.h"
+#include "heba/config/yaml_reader.h"
 #include "tests/fuzz/target.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

@@ -1,12 +1,24 @@
 #!/usr/bin/env bash
-# Installs the build tree $1 into a folder of its own, builds the consumer project against it and runs it.
+# Installs the build tree $1 into a folder of its own, builds the consumer projects against the package and runs them.
 set -euo pipefail
 build=$1
-source=$(cd "$(dirname "$0")/consumer" && pwd)
+source=$(cd "$(dirname "$0")" && pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cmake --install "$build" --prefix "$work/prefix" >/dev/null
-cmake -S "$source" -B "$work/build" -DCMAKE_PREFIX_PATH="$work/prefix" -DCMAKE_BUILD_TYPE=Release >/dev/null
-cmake --build "$work/build" >/dev/null
-"$work/build/consumer"
+# All headers are named heba/..., and each includes installed headers only.
+if find "$work/prefix/include" -type f | grep -v "^$work/prefix/include/heba/"; then
+  echo "^ headers outside of include/heba"
+  exit 1
+fi
+for name in closed_form calibration all_components; do
+  cmake -S "$source/$name" -B "$work/$name" -DCMAKE_PREFIX_PATH="$work/prefix" -DCMAKE_BUILD_TYPE=Release >/dev/null
+  cmake --build "$work/$name" >/dev/null
+done
+"$work/closed_form/consumer"
+mkdir "$work/images"
+"$work/all_components/consumer" "$work/images"
+"$work/calibration/consumer" <"$source/calibration/captures.txt" | tee "$work/calibrated.txt"
+# The captures were simulated with the camera at 0.05 -0.02 0.1 m in the gripper and a noise of 0.1 px.
+awk 'NR == 1 { if (($1 - 0.05)^2 + ($2 + 0.02)^2 + ($3 - 0.1)^2 > 0.002^2) exit 1 }' "$work/calibrated.txt"
 "$work/prefix/bin/heba" --version

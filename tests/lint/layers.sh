@@ -15,6 +15,17 @@ forbid src 'opencv2|apriltag|cairo|gflags|solvers/|targets/|tools/|tests/' 'the 
 forbid solvers 'opencv2|apriltag|cairo|gflags|targets/|tools/|tests/' 'solvers include the core only'
 forbid targets 'gflags|solvers/|tools/|tests/' 'targets include the core only'
 forbid tools 'tests/' 'the application does not include its tests'
+# public FOLDER: the public headers of a folder above the core, which are named heba/x.h.
+public() { (cd "$1" && printf '%s|' heba/*.h | sed 's/[|]$//'); }
+forbid src "($(public solvers/include)|$(public targets/include)|$(public tools/run/include))" 'the core includes nothing above it'
+forbid solvers "($(public targets/include)|$(public tools/run/include))" 'solvers include the core only'
+forbid targets "($(public solvers/include)|$(public tools/run/include))" 'targets include the core only'
+for room in closed_form residuals uncertainty; do
+  forbid solvers/$room 'heba/(bundle_adjustment|calibration|cross_validation|target_location)\.h' 'that room stands above it'
+done
+for room in refine initial; do
+  forbid solvers/$room 'heba/(calibration|cross_validation|target_location)\.h' 'that room stands above it'
+done
 
 # rooms FOLDER PREFIX ROOM...: the rooms of a folder, each of which may include those before it. The room '.' is the
 # files directly in the folder.
@@ -34,7 +45,7 @@ rooms() {
     done
   done
   for file in "$folder"/*/; do
-    case " ${rooms[*]} bench cmake slurm " in
+    case " ${rooms[*]} bench cmake include slurm " in
       *" $(basename "$file") "*) ;;
       *) echo "$file is not in the list of rooms"; status=1 ;;
     esac

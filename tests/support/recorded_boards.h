@@ -10,8 +10,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "heba/target.h"
 #include "targets/images/image.h"
-#include "targets/target.h"
 
 namespace heba {
 

@@ -15,10 +15,10 @@
 #include "heba/base/units.h"
 #include "heba/camera/camera.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/detection.h"
 #include "heba/geometry/rigid3.h"
-#include "targets/detection.h"
+#include "heba/target.h"
 #include "targets/render/rendering.h"
-#include "targets/target.h"
 
 namespace heba {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "targets/target.h"
+#include "heba/target.h"
 
 namespace heba {
 

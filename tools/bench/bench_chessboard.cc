@@ -29,10 +29,10 @@
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
 #include "heba/camera/camera.h"
-#include "targets/detection.h"
+#include "heba/detection.h"
+#include "heba/target.h"
 #include "targets/images/image.h"
 #include "targets/render/rendering.h"
-#include "targets/target.h"
 #include "tools/bench/target_of.h"
 
 DEFINE_int32(views, 60, "views for each row of the table");

@@ -23,11 +23,11 @@ extern "C" {
 #include "heba/base/error.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
-#include "targets/detection.h"
+#include "heba/detection.h"
+#include "heba/target.h"
 #include "targets/images/image.h"
 #include "targets/render/clutter.h"
 #include "targets/render/rendering.h"
-#include "targets/target.h"
 #include "tools/bench/target_of.h"
 
 DEFINE_int32(images, 5, "images of each row; the figures are their medians");

@@ -25,12 +25,12 @@ extern "C" {
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
 #include "heba/camera/camera.h"
-#include "targets/detection.h"
+#include "heba/detection.h"
+#include "heba/target.h"
 #include "targets/dots/ellipse_refinement.h"
 #include "targets/dots/ring_code.h"
 #include "targets/render/clutter.h"
 #include "targets/render/rendering.h"
-#include "targets/target.h"
 #include "tools/bench/target_of.h"
 
 DEFINE_int32(views, 300, "views for each row of the precision table");

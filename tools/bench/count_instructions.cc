@@ -6,11 +6,11 @@
 
 #include "heba/base/error.h"
 #include "heba/base/units.h"
+#include "heba/bundle_adjustment.h"
+#include "heba/cross_validation.h"
 #include "heba/geometry/rigid3.h"
-#include "solvers/calibration/cross_validation.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/initial/intrinsics.h"
-#include "solvers/refine/bundle_adjustment.h"
 #include "targets/render/rendering.h"
 #include "tools/bench/target_of.h"
 #include "tools/bench/workloads.h"

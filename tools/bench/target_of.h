@@ -5,7 +5,7 @@
 #include <string>
 
 #include "heba/config/yaml_reader.h"
-#include "targets/target.h"
+#include "heba/target.h"
 
 namespace heba {
 

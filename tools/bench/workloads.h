@@ -3,9 +3,9 @@
 
 #include <vector>
 
+#include "heba/calibration.h"
 #include "heba/data/problem.h"
 #include "heba/evaluation/metrics.h"
-#include "solvers/calibration/calibration.h"
 #include "solvers/calibration/study.h"
 
 namespace heba {

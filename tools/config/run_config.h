@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "heba/config/yaml_reader.h"
 #include "heba/io/import.h"
 #include "heba/io/pose_formats.h"
 #include "heba/run.h"

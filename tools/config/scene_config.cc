@@ -4,8 +4,8 @@
 
 #include "heba/base/error.h"
 #include "heba/base/text.h"
+#include "heba/detection.h"
 #include "heba/io/camera_file.h"
-#include "targets/detection.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/run_config.h"
 

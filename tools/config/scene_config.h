@@ -14,8 +14,8 @@
 #include "heba/data/setup.h"
 #include "heba/io/pose_formats.h"
 #include "heba/simulation/scene.h"
+#include "heba/target.h"
 #include "targets/render/rendering.h"
-#include "targets/target.h"
 
 namespace heba {
 

@@ -4,9 +4,9 @@
 #include <optional>
 #include <vector>
 
+#include "heba/detection.h"
 #include "solvers/initial/pose_consistency.h"
 #include "solvers/initial/usable_views.h"
-#include "targets/detection.h"
 #include "tools/config/run_config.h"
 #include "tools/text/console.h"
 

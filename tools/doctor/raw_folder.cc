@@ -9,10 +9,10 @@
 #include "heba/config/yaml_reader.h"
 #include "heba/data/setup.h"
 #include "heba/io/camera_file.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
 #include "heba/io/import_text.h"
 #include "heba/io/pose_source.h"
-#include "targets/target.h"
+#include "heba/target.h"
 #include "tools/config/run_config.h"
 #include "tools/doctor/pose_guess.h"
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "targets/detection.h"
+#include "heba/detection.h"
 
 namespace heba {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "heba/data/dataset.h"
-#include "targets/detection.h"
+#include "heba/detection.h"
 
 namespace heba {
 

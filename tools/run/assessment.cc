@@ -8,8 +8,9 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
-#include "solvers/calibration/target_location.h"
+#include "heba/target_location.h"
 #include "solvers/initial/pose_selection.h"
+#include "solvers/initial/usable_views.h"
 #include "tools/run/captures.h"
 #include "tools/run/second_detection.h"
 

@@ -1,4 +1,7 @@
 // A camera: a camera model with its parameters.
+//
+//   const heba::Camera camera{"brown5", 1280, 960, {1000, 1000, 640, 480, -0.1, 0.02, 0, 0, 0}};
+//   const std::optional<Eigen::Vector2d> pixel = heba::ProjectPoint(camera, {0.1, 0.2, 1.0});
 #pragma once
 
 #include <optional>

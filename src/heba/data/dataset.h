@@ -17,4 +17,10 @@ struct Capture {
   Rigid3d base_from_gripper;
 };
 
+struct ImageSize {
+  int width_px = 0;
+  int height_px = 0;
+  bool operator==(const ImageSize& other) const = default;
+};
+
 }  // namespace heba

@@ -36,6 +36,11 @@ struct View {
   std::string role = {};  // See PosePair::role.
 };
 
+struct UnusedView {
+  std::string name;
+  std::string reason;
+};
+
 // The views, and everything else that a refinement needs.
 struct Problem {
   Camera camera;

@@ -44,6 +44,12 @@ struct RobotNoise {
   double rotation_rad = 0;
 };
 
+// Prior knowledge of a robot's noise: log-normal densities of its two sigmas.
+struct RobotNoisePrior {
+  RobotNoise median;
+  double log_sigma = 1;  // Standard deviation of the logarithm of either sigma.
+};
+
 // The change of a result if one of its captures is left out.
 struct CaptureMove {
   Tangent6 tangent = Tangent6::Zero();  // Change of camera_mount_from_camera: m and rad, in the camera's frame.

@@ -84,7 +84,7 @@ struct WorkingPoint {
   Eigen::Vector3d in_camera_m = Eigen::Vector3d::Zero();  // Middle of the target.
   // Covariance of the position of a target that is seen there, by the calibration alone: in the frame of the camera's
   // mount, along the camera's axes. The errors of the hand-eye pose and of the intrinsics are correlated and partly
-  // cancel (solvers/calibration/target_location.h).
+  // cancel (heba/target_location.h).
   Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();
 };
 

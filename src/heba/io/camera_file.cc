@@ -6,6 +6,7 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/text.h"
+#include "heba/config/yaml_reader.h"
 #include "heba/io/camera_format.h"
 
 namespace heba {

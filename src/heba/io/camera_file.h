@@ -1,4 +1,6 @@
 // Files that contain the parameters of a camera: heba's own format and those of other software (camera_formats.def).
+//
+//   const heba::Camera camera = heba::ReadCameraFile("camera_info.yaml");
 #pragma once
 
 #include <filesystem>
@@ -7,9 +9,10 @@
 #include <vector>
 
 #include "heba/camera/camera.h"
-#include "heba/config/yaml_reader.h"
 
 namespace heba {
+
+class ConfigValue;
 
 // Reads a file in any format of camera_formats.def. The camera passes CheckCamera with one exception: OpenCV's files
 // may lack an image size; width_px and height_px are then 0, and the caller takes them from the images. Throws

@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include "heba/base/text.h"
+#include "heba/io/export_format.h"
 #include "heba/io/pose_file.h"
+#include "heba/io/pose_formats.h"
 
 namespace heba {
 

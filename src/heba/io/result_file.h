@@ -1,4 +1,7 @@
 // The files result.json and truth.json.
+//
+//   const heba::RunResult result = heba::ReadResult("runs/cell/result.json");
+//   const heba::Estimate* const refined = heba::FindRefined(result);
 #pragma once
 
 #include <filesystem>

@@ -4,6 +4,9 @@
 // The standard parameters of Denavit and Hartenberg (1955) are used, A_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i) with
 // alpha = pi/2, 0, 0, pi/2, -pi/2, 0, so that base_from_flange = A_1 ... A_6. The axes of the base and of the flange
 // are those of the manufacturer's controller.
+//
+//   const heba::UrRobot& robot = *heba::FindUrRobot("ur5e");
+//   const heba::Rigid3d base_from_flange = heba::BaseFromFlange(robot, {0, -1.57, 1.57, -1.57, -1.57, 0});
 #pragma once
 
 #include <array>

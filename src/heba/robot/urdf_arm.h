@@ -1,5 +1,8 @@
 // Kinematics of an arbitrary arm from its URDF: the pose of the tip for given joints, and joints that reach a given
 // pose.
+//
+//   const std::shared_ptr<const heba::UrdfArm> arm = heba::UrdfArm::Read("arm.urdf", "base_link", "tool0");
+//   const heba::Rigid3d base_from_tip = arm->BaseFromTip(std::vector<double>(arm->joint_names().size(), 0.0));
 #pragma once
 
 #include <filesystem>

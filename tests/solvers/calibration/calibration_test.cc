@@ -1,4 +1,4 @@
-#include "solvers/calibration/calibration.h"
+#include "heba/calibration.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -3,7 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "solvers/refine/bundle_adjustment.h"
+#include "heba/bundle_adjustment.h"
+#include "solvers/refine/bundle_model.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

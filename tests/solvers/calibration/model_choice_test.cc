@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "solvers/calibration/calibration.h"
+#include "heba/calibration.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

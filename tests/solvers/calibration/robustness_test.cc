@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "solvers/calibration/calibration.h"
+#include "heba/calibration.h"
 #include "solvers/calibration/multi_start.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/inliers.h"

@@ -1,9 +1,9 @@
-#include "solvers/calibration/target_location.h"
+#include "heba/target_location.h"
 
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
 
-#include "solvers/refine/bundle_adjustment.h"
+#include "heba/bundle_adjustment.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

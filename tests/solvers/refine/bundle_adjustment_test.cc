@@ -1,14 +1,15 @@
-#include "solvers/refine/bundle_adjustment.h"
+#include "heba/bundle_adjustment.h"
 
 #include <string>
 #include <tuple>
 
 #include <gtest/gtest.h>
 
-#include "solvers/calibration/calibration.h"
-#include "solvers/calibration/cross_validation.h"
+#include "heba/calibration.h"
+#include "heba/cross_validation.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/initial/intrinsics.h"
+#include "solvers/refine/bundle_model.h"
 #include "solvers/residuals/inliers.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"

@@ -8,8 +8,8 @@
 #include <Eigen/Cholesky>
 
 #include "heba/base/rng.h"
+#include "heba/bundle_adjustment.h"
 #include "heba/evaluation/metrics.h"
-#include "solvers/refine/bundle_adjustment.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

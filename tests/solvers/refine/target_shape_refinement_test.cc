@@ -6,8 +6,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "solvers/calibration/calibration.h"
-#include "solvers/refine/bundle_adjustment.h"
+#include "heba/bundle_adjustment.h"
+#include "heba/calibration.h"
+#include "solvers/refine/bundle_model.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
 #include "tests/support/matchers.h"

@@ -5,7 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include "solvers/refine/bundle_adjustment.h"
+#include "heba/bundle_adjustment.h"
+#include "solvers/refine/bundle_model.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

@@ -11,8 +11,8 @@
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
 
+#include "heba/bundle_adjustment.h"
 #include "heba/geometry/pose_block.h"
-#include "solvers/refine/bundle_adjustment.h"
 #include "tests/support/scenes.h"
 
 namespace heba {

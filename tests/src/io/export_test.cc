@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/io/camera_file.h"
+#include "heba/io/export_format.h"
 #include "heba/io/pose_file.h"
 #include "tests/support/scenes.h"
 

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/base/rng.h"
+#include "heba/base/units.h"
 
 namespace heba {
 namespace {

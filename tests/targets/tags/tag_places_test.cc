@@ -11,8 +11,8 @@
 #include <gtest/gtest.h>
 #include <opencv2/imgproc.hpp>
 
+#include "heba/target.h"
 #include "targets/render/rendering.h"
-#include "targets/target.h"
 #include "tests/support/rendered_target.h"
 
 namespace heba {

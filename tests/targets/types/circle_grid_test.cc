@@ -17,11 +17,12 @@
 #include "heba/base/files.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/target.h"
 #include "targets/dots/circle_lattice.h"
 #include "targets/dots/ellipse_finder.h"
 #include "targets/dots/ellipse_refinement.h"
 #include "targets/images/image.h"
-#include "targets/target.h"
 #include "tests/support/data_sets.h"
 #include "tests/support/input_error.h"
 

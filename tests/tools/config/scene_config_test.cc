@@ -201,7 +201,8 @@ INSTANTIATE_TEST_SUITE_P(
 
 // A larger bend would be a roll.
 TEST(SceneConfigTest, ABendIsAtMostAQuarterOfTheSheetsShorterSide) {
-  const Drawing& sheet = Read().target->Draw();
+  const SceneConfig scene = Read();
+  const Drawing& sheet = scene.target->Draw();
   const double most_mm = 250 * (sheet.max_m - sheet.min_m).minCoeff();
   const auto bend = [](const std::string& key, double bend_mm) {
     return "print: {" + key + ": " + Fixed(bend_mm, 3) + " mm}\n";

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "heba/config/yaml_reader.h"
+#include "heba/detection.h"
 #include "heba/io/pose_formats.h"
-#include "targets/detection.h"
-#include "targets/target.h"
+#include "heba/target.h"
 #include "tests/support/scenes.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"

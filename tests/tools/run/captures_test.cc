@@ -8,6 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "heba/base/units.h"
+#include "heba/config/yaml_reader.h"
 #include "tests/support/input_error.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temp_folder.h"

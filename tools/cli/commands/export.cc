@@ -6,7 +6,7 @@
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
 #include "heba/io/result_file.h"
 #include "heba/robot/ur_kinematics.h"
 #include "tools/cli/command.h"

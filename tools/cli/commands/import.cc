@@ -8,7 +8,7 @@
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/camera_file.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
 #include "heba/io/pose_file.h"
 #include "targets/images/image.h"
 #include "tools/cli/command.h"

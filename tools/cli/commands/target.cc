@@ -3,8 +3,9 @@
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/target.h"
 #include "targets/render/sheet.h"
-#include "targets/target.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/text/target_symmetry.h"

@@ -6,8 +6,9 @@
 #include "heba/base/median.h"
 #include "heba/base/parallel.h"
 #include "heba/base/text.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/target.h"
 #include "targets/images/image.h"
-#include "targets/target.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
 

@@ -1,6 +1,6 @@
 // ROS camera_info, in the format of camera_calibration and camera_info_manager.
 #include "heba/base/text.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
 
 namespace heba {
 namespace {

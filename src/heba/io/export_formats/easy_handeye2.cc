@@ -1,6 +1,6 @@
 // easy_handeye2's .calib: the pose of the tracking camera in the effector (eye_in_hand) or in the base (eye_on_base).
 #include "heba/base/text.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
 
 namespace heba {
 

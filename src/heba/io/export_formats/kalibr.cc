@@ -1,6 +1,6 @@
 // Kalibr's camchain of one camera.
 #include "heba/base/text.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
 
 namespace heba {
 namespace {

@@ -1,7 +1,7 @@
 // The launch file that MoveIt's hand-eye calibration saves. It starts the same publisher as the format ros1, with the
 // arguments on separate lines.
 #include "heba/base/text.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
 
 namespace heba {
 

@@ -1,7 +1,7 @@
 // mrcal's .cameramodel. Its extrinsics are rt_cam_ref, the rotation vector and translation that map points from the
 // reference frame, here the parent, to the camera frame.
 #include "heba/base/text.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
 
 namespace heba {
 

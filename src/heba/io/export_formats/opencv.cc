@@ -1,6 +1,7 @@
 // OpenCV's FileStorage. `hand_eye` is the 4 x 4 matrix of parent_from_child, which maps points from the camera frame to
 // the parent frame, lengths in m: R_cam2gripper and t_cam2gripper of cv::calibrateHandEye in one matrix.
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
+#include "heba/io/pose_formats.h"
 
 namespace heba {
 namespace {

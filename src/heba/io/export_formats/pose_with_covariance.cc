@@ -1,7 +1,7 @@
 // geometry_msgs/PoseWithCovarianceStamped in YAML, the format that `ros2 topic pub` and `rostopic pub` accept. The
 // covariance is that of x, y, z (m) and of the rotations about the fixed axes X, Y, Z of the parent (rad), row by row.
 #include "heba/base/text.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
 
 namespace heba {
 

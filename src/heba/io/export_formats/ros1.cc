@@ -1,6 +1,6 @@
 // ROS 1: tf2_ros static_transform_publisher x y z qx qy qz qw parent child.
 #include "heba/base/text.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
 
 namespace heba {
 

@@ -2,7 +2,7 @@
 #include <array>
 
 #include "heba/base/text.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
 
 namespace heba {
 

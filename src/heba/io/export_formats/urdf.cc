@@ -1,6 +1,7 @@
 // URDF with a joint origin: xyz in m, rpy in rad about fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll).
 #include "heba/base/text.h"
-#include "heba/io/export.h"
+#include "heba/io/export_format.h"
+#include "heba/io/pose_formats.h"
 
 namespace heba {
 namespace {

@@ -21,13 +21,13 @@
 #include <vector>
 
 #include "heba/base/error.h"
+#include "heba/calibration.h"
+#include "heba/cross_validation.h"
 #include "heba/data/dataset.h"
 #include "heba/data/setup.h"
+#include "heba/detection.h"
 #include "heba/evaluation/evaluation.h"
-#include "solvers/calibration/calibration.h"
-#include "solvers/calibration/cross_validation.h"
-#include "targets/detection.h"
-#include "targets/target.h"
+#include "heba/target.h"
 
 namespace heba {
 

@@ -1,4 +1,9 @@
 // Locates a target that an image shows, or a pixel on a plane, in the robot's base.
+//
+//   const heba::RunResult result = heba::ReadResult("runs/cell/result.json");
+//   const heba::Solution& solution = *heba::FindRefined(result)->solution;
+//   const heba::Observations seen = heba::ObservationsOf(*target, target->Detect(grey));
+//   const auto located = heba::LocateTarget(result.setup, solution, seen, base_from_gripper);
 #pragma once
 
 #include <optional>

@@ -1,4 +1,8 @@
 // Cross-validation: the errors of every method on captures that it was not estimated from.
+//
+//   for (const heba::HoldOut& error : heba::CrossValidate(calibration, options, 5, num_threads, [] {})) {
+//     if (error.rms_px) Show(error.method, *error.rms_px);
+//   }
 #pragma once
 
 #include <functional>
@@ -7,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "solvers/calibration/calibration.h"
+#include "heba/calibration.h"
 
 namespace heba {
 

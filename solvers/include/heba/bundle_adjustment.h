@@ -1,5 +1,11 @@
 // Bundle adjustment: refines hand-eye pose, board pose and camera intrinsics jointly, by minimising the whitened
 // reprojection error of every point in every view. docs/estimation.md derives the cost and the covariance.
+//
+//   heba::BundleOptions options;
+//   options.robot = heba::BundleOptions::Robot::kEstimatedNoise;
+//   const heba::Outcome<heba::Solution> solution =
+//       heba::RefineHandEye({camera, views, setup}, start, options);
+//   if (solution) Use(solution->hand_eye, solution->covariance);
 #pragma once
 
 #include <optional>
@@ -8,9 +14,6 @@
 
 #include "heba/base/error.h"
 #include "heba/data/solution.h"
-#include "solvers/residuals/free_parameters.h"
-#include "solvers/residuals/loss.h"
-#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 
@@ -46,11 +49,6 @@ struct BundleOptions {
   // Returns every violated constraint, one per line; empty if the options are valid.
   [[nodiscard]] std::string Check() const;
 };
-
-FreeParameters FreeOf(const CameraModel& model, const BundleOptions& options);
-
-// Returns the loss that applies to the inliers: `none` for `truncated`, because its outliers are removed.
-const Loss& InlierLoss(const BundleOptions& options);
 
 // Minimises the sum over all points of rho(|projection - observation|^2 / sigma^2) with Ceres, from `start` and
 // problem.camera. `options` must be valid.

@@ -1,5 +1,12 @@
 // Runs the whole calibration, from views to a refined result: camera (if none is given), target poses, closed-form
 // methods, seed, bundle adjustment.
+//
+//   heba::CalibrationOptions options;
+//   options.setup = heba::Setup::kEyeInHand;
+//   options.width_px = 1280;
+//   options.height_px = 960;
+//   const heba::Outcome<heba::Calibration> calibration = heba::Calibrate(views, options);
+//   if (calibration && calibration->refined) Use(calibration->refined->hand_eye, calibration->refined->covariance);
 #pragma once
 
 #include <optional>
@@ -7,16 +14,49 @@
 #include <vector>
 
 #include "heba/base/error.h"
+#include "heba/bundle_adjustment.h"
 #include "heba/data/solution.h"
 #include "heba/evaluation/evaluation.h"
 #include "heba/evaluation/finding.h"
 #include "heba/evaluation/metrics.h"
-#include "solvers/calibration/camera_choice.h"
-#include "solvers/calibration/model_choice.h"
-#include "solvers/initial/usable_views.h"
-#include "solvers/refine/bundle_adjustment.h"
 
 namespace heba {
+
+// The sources of error that are modelled besides the pixel noise.
+struct ErrorModel {
+  BundleOptions::Robot robot = BundleOptions::Robot::kExact;
+  std::vector<TargetShapeGroup> shape;  // Ordered as TargetShapeGroup.
+};
+
+// Returns the name of a model, such as "exact robot, target as designed" or "robot noise, target scaled and bent".
+std::string NameOf(const ErrorModel& model);
+
+// One of the error models that were compared (solvers/calibration/model_choice.h).
+struct ModelAlternative {
+  ErrorModel model;
+  // LogLikelihoodOf at the model's own optimum, up to a constant common to all alternatives.
+  double log_likelihood = 0;
+  int dof = 0;  // Number of variances and shape parameters of the model.
+  // The probability, if this model is right, of a likelihood ratio at least as large against the largest model that
+  // contains it. Not set for the largest model.
+  std::optional<double> p;
+};
+
+// The parts of the model that are to be chosen; the others are given by the options.
+struct AutoModel {
+  bool robot_noise = false;
+  bool target_shape = false;
+};
+
+// One of the camera models that were compared (solvers/calibration/camera_choice.h).
+struct CameraAlternative {
+  std::string model;
+  double log_likelihood = 0;  // Every view has its own pose; up to a constant common to all models.
+  int dof = 0;                // Number of camera parameters.
+  // The probability, if this model is right, of the gain in likelihood of a larger model: the smallest over the larger
+  // polynomial models. Not set for the largest of these, and for kannala_brandt4.
+  std::optional<double> p;
+};
 
 // The seed that stands for the closed form with the lowest reprojection RMS over all captures.
 inline constexpr const char* kBestSeed = "best";

@@ -1,4 +1,7 @@
 // Detects the target in the images of a data set.
+//
+//   const heba::CaptureDetection capture = heba::DetectCapture(*target, "images/007.png");
+//   const heba::Observations observations = heba::ObservationsOf(*target, capture.detection);
 #pragma once
 
 #include <filesystem>
@@ -9,9 +12,9 @@
 #include <Eigen/Core>
 
 #include "heba/camera/camera.h"
+#include "heba/data/dataset.h"
 #include "heba/data/problem.h"
-#include "targets/images/image.h"
-#include "targets/target.h"
+#include "heba/target.h"
 
 namespace heba {
 

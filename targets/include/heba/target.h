@@ -1,6 +1,9 @@
 // A calibration target: it lists its points, detects them in an image and draws itself. Types of targets are selected
 // by name from a table; a new one takes one file in types/ and one line in targets.def.
 //
+//   const std::unique_ptr<heba::Target> target = heba::ParseTarget("{type: chessboard, rows: 8, columns: 11, square: 15
+//   mm}"); const heba::Detection detection = target->Detect(grey);  // A cv::Mat of CV_8UC1.
+//
 // Every target guarantees that ids are unique, that its points do not all lie on one line, and that the points
 // detected in an image rendered with a known pose are where the camera model predicts them
 // (tests/conformance/target_test.cc).
@@ -15,11 +18,12 @@
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
-#include "heba/config/yaml_reader.h"
+#include "heba/drawing.h"
 #include "heba/geometry/rigid3.h"
-#include "targets/drawing.h"
 
 namespace heba {
+
+class MapReader;
 
 struct TargetPoint {
   int id = 0;
@@ -75,6 +79,8 @@ class Target {
 // Reads a target from its whole mapping, in heba's or Kalibr's format. Afterwards the reader holds the target as it
 // is used, with heba's keys and all defaults. Throws InputError with file and line if the mapping is invalid.
 std::unique_ptr<Target> CreateTarget(MapReader& reader);
+// Parses a target from YAML text. Throws InputError, which begins with "target", if the text is invalid.
+std::unique_ptr<Target> ParseTarget(const std::string& yaml);
 std::vector<std::string> TargetTypeNames();
 
 // Formats a length as a value of Target::UnitLengths, where `unit_m` counts as 1 m. The number is rounded so that it

@@ -1,0 +1,15 @@
+// The parts of a refinement's model that follow from its options.
+#pragma once
+
+#include "heba/bundle_adjustment.h"
+#include "solvers/residuals/free_parameters.h"
+#include "solvers/residuals/loss.h"
+
+namespace heba {
+
+FreeParameters FreeOf(const CameraModel& model, const BundleOptions& options);
+
+// Returns the loss that applies to the inliers: `none` for `truncated`, because its outliers are removed.
+const Loss& InlierLoss(const BundleOptions& options);
+
+}  // namespace heba

@@ -1,0 +1,48 @@
+// Functions for the files in export_formats/.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "heba/base/error.h"
+#include "heba/io/export.h"
+
+namespace heba {
+
+// The poses that a format can represent.
+enum class ExportHolds {
+  kAnyPose,        // The pose of any frame in any other frame.
+  kOpticalCamera,  // The pose of the optical frame in the parent only.
+  kLens,           // The camera's intrinsics; at most the pose of the optical frame.
+};
+
+// The beginning of the first comment of every exported file.
+inline constexpr std::string_view kExportMark = "heba, calibration ";
+// Returns the comments of an exported file: its content, the meaning of the frames, and the uncertainty of the pose.
+// Each entry is one line without a comment mark and without characters that could end a comment.
+std::vector<std::string> ExportRemarks(const ExportRequest& request);
+// Returns a name that is safe in a comment: '-', '<', '>', control characters and non-ASCII characters, which could end
+// a comment, become underscores.
+std::string PlainText(std::string text);
+// Returns the lines, each preceded by `mark` and followed by a line end.
+std::string CommentLines(const std::vector<std::string>& lines, const std::string& mark);
+
+// Returns the pose of the body frame that camera drivers use (x forward, y left, z up) in the optical frame. Both
+// frames have the same origin.
+Rigid3d OpticalFromBody();
+
+// Returns a decimal number that reads back as the same value and always has a decimal point, because YAML readers take
+// 1e-05 for a text and 0 for an integer.
+std::string DecimalText(double number);
+std::string JoinNumbers(const std::vector<double>& numbers, std::string_view separator);
+// Returns x, y, z (m), qx, qy, qz, qw, with qw not negative.
+std::vector<double> TranslationAndQuaternion(const Rigid3d& pose);
+
+// Returns OpenCV's lens of the camera; a Failure that names the camera model if `software` needs one and there is none.
+Outcome<OpenCvLens> NeedOpenCvLens(const Camera& camera, const std::string& software);
+
+// Returns text in double quotes that is valid in YAML and in Python.
+std::string QuotedForYaml(std::string_view text);
+
+}  // namespace heba
