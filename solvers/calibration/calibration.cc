@@ -377,9 +377,9 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   }
   // Wrong captures are searched for with an exact robot first, because robot noise could absorb their errors.
   BundleOptions first = options.bundle;
-  const bool drops_wrong = options.bundle.loss != "none";
+  const bool drops_wrong = options.bundle.loss != LossKind::kNone;
   first.robot = BundleOptions::Robot::kExact;
-  if (drops_wrong) first.loss = "truncated";
+  if (drops_wrong) first.loss = LossKind::kTruncated;
   // A view with some wrong points has other points, which the truncated loss separates.
   for (size_t i = 0; i < sorted.misfits.size(); ++i) {
     if (drops_wrong && options.symmetries.size() == 1) {

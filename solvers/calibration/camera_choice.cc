@@ -40,7 +40,7 @@ FittedCamera Measure(const Camera& camera, const std::vector<View>& views) {
 // Returns half of the sum of the Huber loss over a view's points. The points of a view that a camera does not explain
 // count as 20 sigmas off.
 double MinusLogLikelihood(const std::vector<double>& squares_px2, size_t num_points, double sigma_px) {
-  const Loss& huber = *FindLoss("huber");
+  const Loss& huber = LossOf(LossKind::kHuber);
   constexpr double kHiddenSigmas = 20;
   double sum = 0;
   for (size_t i = 0; i < num_points; ++i) {

@@ -71,7 +71,7 @@ Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std:
   }
   const FreeParameters free = FreeOf(at.camera.Model(), options);
   std::optional<std::vector<LinearisedView>> views =
-      LineariseViewsAt(problem, at, corrections, free, *FindLoss("none"));
+      LineariseViewsAt(problem, at, corrections, free, LossOf(LossKind::kNone));
   if (!views) return {};
   Mixture mixture;
   double choice = 0;
@@ -107,7 +107,7 @@ bool IsNoiseOfAll(const Problem& problem, const JudgedCaptures& judged, const Bu
   if (!of_all) return false;
   // Both fits use the same points with the same weights.
   Problem kept = WithoutRejected(start, *of_all);
-  options.loss = "none";
+  options.loss = LossKind::kNone;
   const Outcome<Solution> of_members =
       RefineHandEye(PartOf(kept, MembersOf(judged.verdicts)), judged.solution.hand_eye, options);
   if (!of_members) return true;

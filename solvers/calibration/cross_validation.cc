@@ -81,7 +81,7 @@ void AddChi2(const Solution& solution, const BundleOptions& bundle, heba::Setup 
              const std::vector<View>& held_out, HeldOutErrors* errors) {
   const FreeParameters free = FreeOf(solution.camera.Model(), bundle);
   std::optional<std::vector<LinearisedView>> views =
-      LineariseViewsAt({solution.camera, held_out, setup}, solution, {}, free, *FindLoss("none"));
+      LineariseViewsAt({solution.camera, held_out, setup}, solution, {}, free, LossOf(LossKind::kNone));
   if (!views) return;
   views = StackGroups(*views, GroupByRobotPose(setup, held_out));
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
@@ -103,7 +103,7 @@ void AddNoiseSquares(const HandEye& hand_eye, const Camera& camera, const Soluti
   at.camera = camera;
   const FreeParameters held(static_cast<size_t>(NumParams(camera.Model())), false);
   std::optional<std::vector<LinearisedView>> views =
-      LineariseViewsAt({camera, held_out, setup}, at, {}, held, *FindLoss("none"));
+      LineariseViewsAt({camera, held_out, setup}, at, {}, held, LossOf(LossKind::kNone));
   if (!views) return;
   views = StackGroups(*views, GroupByRobotPose(setup, held_out));
   const RobotNoise robot = noise.robot_noise.value_or(RobotNoise{});

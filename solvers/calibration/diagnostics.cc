@@ -186,7 +186,7 @@ std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, con
     }
     if (imagined.views.size() < 2) continue;
     std::optional<std::vector<LinearisedView>> views =
-        LineariseViews(imagined, solution.hand_eye, {}, free, solution.pixel_sigma_px, *FindLoss("none"));
+        LineariseViews(imagined, solution.hand_eye, {}, free, solution.pixel_sigma_px, LossOf(LossKind::kNone));
     if (views) cures.push_back({motion.words, std::move(*views)});
   }
   return cures;
@@ -322,7 +322,7 @@ std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solut
   Problem at = problem;
   at.camera = solution.camera;
   BundleOptions kept = options;
-  kept.loss = InlierLoss(options).name;
+  kept.loss = InlierLoss(options).kind;
   const Outcome<ModelChoice> choice = ChooseModel(at, solution.hand_eye, kept, {true, asks_shape});
   if (!choice || choice->alternatives.empty()) return {};
   const ErrorModel& model = choice->alternatives[choice->chosen].model;
@@ -387,7 +387,7 @@ std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solu
   if (!options_in.free_intrinsics.empty()) return std::nullopt;
   BundleOptions options = options_in;
   options.free_intrinsics = BundleOptions().free_intrinsics;
-  options.loss = InlierLoss(options).name;
+  options.loss = InlierLoss(options).kind;
   Problem at = problem;
   at.camera = solution.camera;
   at.shape = solution.shape;

@@ -168,7 +168,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
     break;
   }
   if (!problem) return Failure{reason};
-  options.loss = InlierLoss(options_in).name;
+  options.loss = InlierLoss(options_in).kind;
   std::vector<FittedModel> fitted;
   for (const ErrorModel& model : candidates) {
     std::optional<FittedModel> fit = FitModel(*problem, start, model, options, fitted);

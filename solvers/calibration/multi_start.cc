@@ -68,7 +68,7 @@ double SigmaOfBestPx(std::vector<double> sigmas, const Problem& problem) {
 // Returns Cauchy's cost of all points at a common scale. The residual of a point without an image counts as the image
 // width.
 double RobustCost(const Problem& problem, const HandEye& hand_eye, double sigma_px) {
-  const Loss& cauchy = *FindLoss("cauchy");
+  const Loss& cauchy = LossOf(LossKind::kCauchy);
   double cost = 0;
   for (const View& view : problem.views) {
     const std::optional<Points2> residuals =
@@ -191,7 +191,7 @@ MultiStartSolution RefineFromMultipleStarts(const Problem& problem, const std::v
     for (InitialGuess& seed : RotatedStarts(pairs, seeds.front().hand_eye)) others.push_back(std::move(seed));
   }
   BundleOptions trial_options;
-  trial_options.loss = "truncated";
+  trial_options.loss = LossKind::kTruncated;
   trial_options.free_intrinsics = {};
   const double scale_px = std::max(own_sigma_px, kMinSigmaPx);
   const InitialGuess* promising = nullptr;

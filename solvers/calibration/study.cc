@@ -195,7 +195,7 @@ Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
   for (size_t i = 0; i < cell.poses.size(); ++i) problem.views.push_back(MakeView(exact, i, &rng));
   const FreeParameters free = FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics, ShapeGroupsOf(cell));
   const std::optional<std::vector<LinearisedView>> views =
-      LineariseViews(problem, cell.hand_eye, {}, free, cell.pixel_sigma_px, *FindLoss("none"));
+      LineariseViews(problem, cell.hand_eye, {}, free, cell.pixel_sigma_px, LossOf(LossKind::kNone));
   CHECK(views.has_value());
   const Information information{HandEyeUnknowns(cell.camera.Model(), free),
                                 MarginalInformation(*views, CorrectionVariances(cell.robot_noise), 1.0)};

@@ -212,7 +212,7 @@ Outcome<EstimatedCamera> RefineInStages(Camera camera, const std::vector<const V
   std::vector<PosedView> posed;
   double rms_px = 0;
   if (!PoseViews(camera, usable, &posed, &rms_px)) return Failure{std::string(kNotDetermined)};
-  const Loss& loss = *FindLoss("huber");
+  const Loss& loss = LossOf(LossKind::kHuber);
   // Errors that an intermediate stage leaves are corrected by the next one.
   constexpr double kPassing = 1e-3;
   constexpr double kLast = 1e-10;

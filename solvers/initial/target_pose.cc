@@ -115,7 +115,7 @@ class PoseReducer {
   PoseReducer(const Camera& camera, const Observations& observations)
       : camera_(camera),
         observations_(observations),
-        reducer_(camera.Model(), FreeParameters(camera.params.size(), false), 1.0, *FindLoss("none")) {}
+        reducer_(camera.Model(), FreeParameters(camera.params.size(), false), 1.0, LossOf(LossKind::kNone)) {}
 
   std::optional<PoseInView> At(const Rigid3d& camera_from_target) const {
     ViewNormalEquations products;

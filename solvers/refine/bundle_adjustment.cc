@@ -17,7 +17,6 @@ namespace heba {
 
 std::string BundleOptions::Check() const {
   std::vector<std::string> faults;
-  if (FindLoss(loss) == nullptr) faults.push_back("loss '" + loss + "' is unknown; one of: " + Join(LossNames(), ", "));
   if (pixel_noise_px && !(*pixel_noise_px > 0)) faults.emplace_back("pixel_noise_px must be greater than zero");
   if (robot == Robot::kGivenNoise && !(robot_noise.translation_m >= 0 && robot_noise.rotation_rad >= 0)) {
     faults.emplace_back("robot_noise must not be negative");
@@ -31,13 +30,13 @@ FreeParameters FreeOf(const CameraModel& model, const BundleOptions& options) {
 }
 
 const Loss& InlierLoss(const BundleOptions& options) {
-  return *FindLoss(options.loss == "truncated" ? "none" : options.loss);
+  return LossOf(options.loss == LossKind::kTruncated ? LossKind::kNone : options.loss);
 }
 
 Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start, const BundleOptions& options) {
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
-  const bool is_truncated = options.loss == "truncated";
+  const bool is_truncated = options.loss == LossKind::kTruncated;
   const FreeParameters free = FreeOf(problem_in.camera.Model(), options);
 
   std::vector<Rigid3d> poses;
@@ -69,7 +68,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   fit.groups = std::make_shared<const PoseGroups>(GroupByRobotPose(problem.setup, problem.views));
   fit.state = start_state;
   fit.noise.pixel_px = options.pixel_noise_px.value_or(kLittleNoisePx);
-  const std::optional<Information> start_information = FitInformation(free, *FindLoss("none"), options, &fit);
+  const std::optional<Information> start_information = FitInformation(free, LossOf(LossKind::kNone), options, &fit);
   CHECK(start_information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
   if (const std::optional<Failure> failure =

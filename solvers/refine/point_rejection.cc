@@ -56,7 +56,8 @@ std::optional<Failure> CheckNumPoints(int num_points, const UnknownLayout& unkno
 
 Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const FreeParameters& free,
                                  const BundleOptions& options, PointFlags* keep) {
-  Outcome<Fit> settled = IterateNoiseAndFit(std::move(fit), free, *FindLoss("cauchy"), NoiseScale::kMedian, options);
+  Outcome<Fit> settled =
+      IterateNoiseAndFit(std::move(fit), free, LossOf(LossKind::kCauchy), NoiseScale::kMedian, options);
   if (!settled) return settled;
   constexpr int kMaxRounds = 20;
   for (int round = 0; round < kMaxRounds; ++round) {
@@ -68,7 +69,7 @@ Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const FreePara
       return *failure;
     Fit next = *settled;
     next.problem = KeepFlaggedPoints(problem, *keep);
-    settled = IterateNoiseAndFit(std::move(next), free, *FindLoss("none"), NoiseScale::kOfFit, options);
+    settled = IterateNoiseAndFit(std::move(next), free, LossOf(LossKind::kNone), NoiseScale::kOfFit, options);
     if (!settled) return settled;
   }
   return settled;

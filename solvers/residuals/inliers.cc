@@ -27,7 +27,7 @@ std::vector<bool> FindInliers(const Camera& camera, const Rigid3d& camera_from_t
   const std::optional<std::vector<double>> squares =
       WhitenedSquares(camera.Model(), camera.params.data(), camera_from_target, observations, nullptr);
   if (!squares) return passes;
-  const Loss& truncated = *FindLoss("truncated");
+  const Loss& truncated = LossOf(LossKind::kTruncated);
   for (size_t i = 0; i < n; ++i) {
     passes[i] = truncated.weight((*squares)[i] / (pixel_sigma_px * pixel_sigma_px)) > 0;
   }

@@ -60,9 +60,10 @@ double Mean(const F& f, double knee) {
 
 // `knee`: the distance, in sigma, at which the weight is not smooth.
 template <double (*kRho)(double), double (*kWeight)(double)>
-Loss MakeLoss(std::string_view name, double knee) {
+Loss MakeLoss(LossKind kind, std::string_view name, double knee) {
   const auto mean = [&](const auto& f) { return Mean(f, knee); };
-  return {name,
+  return {kind,
+          name,
           kRho,
           kWeight,
           &Evaluate<kRho, kWeight>,
@@ -71,29 +72,32 @@ Loss MakeLoss(std::string_view name, double knee) {
           0.5 * mean([](double s) { return kWeight(s) * kWeight(s) * s; })};
 }
 
+// The losses in the order of LossKind.
 const std::vector<Loss>& Losses() {
   static const std::vector<Loss> losses = {
-      MakeLoss<&RhoNone, &WeightNone>("none", 1.0),
-      MakeLoss<&RhoHuber, &WeightHuber>("huber", kHuber),
-      MakeLoss<&RhoCauchy, &WeightCauchy>("cauchy", 1.0),
-      MakeLoss<&RhoTruncated, &WeightTruncated>("truncated", std::sqrt(kTruncated2)),
+      MakeLoss<&RhoNone, &WeightNone>(LossKind::kNone, "none", 1.0),
+      MakeLoss<&RhoHuber, &WeightHuber>(LossKind::kHuber, "huber", kHuber),
+      MakeLoss<&RhoCauchy, &WeightCauchy>(LossKind::kCauchy, "cauchy", 1.0),
+      MakeLoss<&RhoTruncated, &WeightTruncated>(LossKind::kTruncated, "truncated", std::sqrt(kTruncated2)),
   };
   return losses;
 }
 
 }  // namespace
 
-const Loss* FindLoss(std::string_view name) {
-  for (const Loss& loss : Losses()) {
-    if (loss.name == name) return &loss;
-  }
-  return nullptr;
-}
+const Loss& LossOf(LossKind kind) { return Losses()[static_cast<size_t>(kind)]; }
 
 std::vector<std::string> LossNames() {
   std::vector<std::string> names;
   for (const Loss& loss : Losses()) names.emplace_back(loss.name);
   return names;
+}
+
+std::optional<LossKind> FindLossKind(std::string_view name) {
+  for (const Loss& loss : Losses()) {
+    if (loss.name == name) return loss.kind;
+  }
+  return std::nullopt;
 }
 
 }  // namespace heba

@@ -2,13 +2,17 @@
 // estimates when the noise is Gaussian.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "heba/data/loss_kind.h"
+
 namespace heba {
 
 struct Loss {
+  LossKind kind;
   std::string_view name;
   double (*rho)(double s);
   double (*weight)(double s);  // d rho / d s
@@ -27,10 +31,14 @@ struct Loss {
 // Probability that `truncated` rejects a point whose noise is Gaussian with the assumed sigma.
 inline constexpr double kTruncatedFalseAlarm = 1e-4;
 
-// Returns the loss of this name, or null if there is none: `none`; `huber` (1.345) and `cauchy` (2.385), with the
-// constants that have 95 % efficiency in one dimension; `truncated`: least squares over the points that pass a test
-// with the false-alarm rate above; the others have no weight.
-const Loss* FindLoss(std::string_view name);
+// Returns the loss `none`; `huber` (1.345) and `cauchy` (2.385), with the constants that have 95 % efficiency in one
+// dimension; or `truncated`: least squares over the points that pass a test with the false-alarm rate above; the others
+// have no weight.
+const Loss& LossOf(LossKind kind);
+
+// The names of the losses in configs, in the order of LossKind.
 std::vector<std::string> LossNames();
+// Returns nothing if there is no loss of this name.
+std::optional<LossKind> FindLossKind(std::string_view name);
 
 }  // namespace heba

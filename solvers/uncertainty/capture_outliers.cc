@@ -169,7 +169,8 @@ JudgedViews Judge(const Problem& problem, const Solution& solution, const FreePa
     judged.index.push_back(i);
   }
   if (visible.views.empty()) return judged;
-  std::optional<std::vector<LinearisedView>> views = LineariseViewsAt(visible, solution, {}, free, *FindLoss("none"));
+  std::optional<std::vector<LinearisedView>> views =
+      LineariseViewsAt(visible, solution, {}, free, LossOf(LossKind::kNone));
   CHECK(views.has_value());
   judged.views = std::move(*views);
   judged.groups = GroupByRobotPose(problem.setup, visible.views);

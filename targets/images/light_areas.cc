@@ -8,6 +8,7 @@
 #include <opencv2/core/hal/intrin.hpp>
 
 #include "heba/base/error.h"
+#include "heba/base/union_find.h"
 
 namespace heba {
 namespace {
@@ -67,41 +68,38 @@ class RowReader {
   std::vector<uint64_t> words_;
 };
 
-// Areas that grow from row to row, as a union-find forest: an area is identified by the root of its runs' labels.
-class AreaForest {
+// Areas that grow from row to row: sets of labels of runs. An area is identified by its smallest label, that of the run
+// that comes first in reading order.
+class Areas {
  public:
   int Add(int row, int begin, int end) {
-    nodes_.push_back({static_cast<int>(nodes_.size()), begin, end, row, row, begin, end - begin});
-    return static_cast<int>(nodes_.size()) - 1;
+    nodes_.push_back({begin, end, row, row, begin, end - begin});
+    return labels_.Add();
   }
-  int Root(int label) {
-    while (nodes_[label].parent != label) label = nodes_[label].parent = nodes_[nodes_[label].parent].parent;
-    return label;
-  }
+  int Root(int label) { return labels_.Root(label); }
   void Extend(int root, int row, int begin, int end) {
-    Node& node = nodes_[root];
+    Node& node = NodeOf(root);
     node.begin = std::min(node.begin, begin);
     node.end = std::max(node.end, end);
     node.last_row = row;
     node.num_pixels += end - begin;
   }
-  // Merges two areas; the one that began first in reading order remains the root.
+  // Merges two areas, which are identified by their roots.
   int Unite(int a, int b) {
-    if (b < a) std::swap(a, b);
-    Node& node = nodes_[a];
-    const Node& other = nodes_[b];
+    const int root = labels_.Unite(a, b);
+    Node& node = NodeOf(root);
+    const Node& other = NodeOf(root == a ? b : a);
     node.begin = std::min(node.begin, other.begin);
     node.end = std::max(node.end, other.end);
     node.last_row = std::max(node.last_row, other.last_row);
     node.num_pixels += other.num_pixels;
-    nodes_[b].parent = a;
-    return a;
+    return root;
   }
   template <class F>
   void ForEach(const F& f) const {
-    for (size_t i = 0; i < nodes_.size(); ++i) {
-      const Node& node = nodes_[i];
-      if (node.parent != static_cast<int>(i)) continue;
+    for (int i = 0; i < labels_.size(); ++i) {
+      if (!labels_.IsRoot(i)) continue;
+      const Node& node = nodes_[static_cast<size_t>(i)];
       f(LightArea{cv::Rect(node.begin, node.first_row, node.end - node.begin, node.last_row - node.first_row + 1),
                   cv::Point(node.first_column, node.first_row), node.num_pixels});
     }
@@ -109,7 +107,6 @@ class AreaForest {
 
  private:
   struct Node {
-    int parent;
     int begin;  // Columns of the bounding box: [begin, end).
     int end;
     int first_row;
@@ -117,11 +114,14 @@ class AreaForest {
     int first_column;  // First column in the first row.
     int num_pixels;
   };
+  Node& NodeOf(int root) { return nodes_[static_cast<size_t>(root)]; }
+
+  UnionFind<int> labels_;
   std::vector<Node> nodes_;
 };
 
 // Assigns to each run of `row` the area of the runs above that it touches, or a new area.
-void Join(const Row& above, int row_number, Row* row, AreaForest* forest) {
+void Join(const Row& above, int row_number, Row* row, Areas* areas) {
   size_t first_above = 0;
   for (size_t i = 0; i < row->num_runs; ++i) {
     const int begin = row->edges[2 * i];
@@ -129,15 +129,15 @@ void Join(const Row& above, int row_number, Row* row, AreaForest* forest) {
     while (first_above < above.num_runs && above.edges[2 * first_above + 1] < begin) ++first_above;
     int root = -1;
     for (size_t k = first_above; k < above.num_runs && above.edges[2 * k] <= end; ++k) {
-      const int other = forest->Root(above.labels[k]);
+      const int other = areas->Root(above.labels[k]);
       if (root < 0) {
-        forest->Extend(other, row_number, begin, end);
+        areas->Extend(other, row_number, begin, end);
         root = other;
       } else if (other != root) {
-        root = forest->Unite(root, other);
+        root = areas->Unite(root, other);
       }
     }
-    row->labels[i] = root >= 0 ? root : forest->Add(row_number, begin, end);
+    row->labels[i] = root >= 0 ? root : areas->Add(row_number, begin, end);
   }
 }
 
@@ -150,14 +150,14 @@ std::vector<LightArea> FindLightAreas(const cv::Mat& grey, int threshold, int mi
   Row above{std::vector<int>(most_edges), std::vector<int>(most_edges), 0};
   Row row = above;
   RowReader reader(grey.cols);
-  AreaForest forest;
+  Areas found;
   for (int y = 0; y < grey.rows; ++y) {
     reader.Read(grey.ptr<uchar>(y), threshold, &row);
-    Join(above, y, &row, &forest);
+    Join(above, y, &row, &found);
     std::swap(above, row);
   }
   std::vector<LightArea> areas;
-  forest.ForEach([&](const LightArea& area) {
+  found.ForEach([&](const LightArea& area) {
     const cv::Rect& box = area.box;
     const int side_px = std::max(box.width, box.height);
     if (side_px < min_side_px || side_px > max_side_px) return;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "heba/base/union_find.h"
 #include "targets/images/homography.h"
 
 namespace heba {
@@ -28,20 +29,6 @@ bool Agree(const SeenTag& a, const SeenTag& b, const TagLayout& layout, double m
   return true;
 }
 
-// Groups of tags that agree with one another (union-find). A group is identified by the index of its first tag.
-class Groups {
- public:
-  explicit Groups(size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), size_t{0}); }
-  size_t Find(size_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void Join(size_t i, size_t j) { parent_[std::max(Find(i), Find(j))] = std::min(Find(i), Find(j)); }
-
- private:
-  std::vector<size_t> parent_;
-};
-
 }  // namespace
 
 Eigen::Vector2d TagLayout::Centre(int index) const { return CentreOf(corners_m[static_cast<size_t>(index)]); }
@@ -65,24 +52,24 @@ ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout&
   constexpr double kReachOfNeighbours = 2.9;  // Multiple of the pitch: two steps along each axis.
   constexpr double kMaxResidualRatio = 0.12;
   constexpr double kMaxResidualRatioFarther = 0.3;
-  Groups groups(seen.size());
+  UnionFind<size_t> groups(seen.size());  // Tags that agree with one another.
   for (size_t i = 0; i < seen.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
       if (seen[i].index == seen[j].index) continue;
       const double distance_m = (layout.Centre(seen[i].index) - layout.Centre(seen[j].index)).norm();
       if (distance_m > kReachOfNeighbours * layout.pitch_m) continue;
-      if (groups.Find(i) == groups.Find(j)) continue;
-      if (Agree(seen[i], seen[j], layout, kMaxResidualRatio)) groups.Join(i, j);
+      if (groups.Root(i) == groups.Root(j)) continue;
+      if (Agree(seen[i], seen[j], layout, kMaxResidualRatio)) groups.Unite(i, j);
     }
   }
   std::vector<size_t> group_size(seen.size(), 0);
-  for (size_t i = 0; i < seen.size(); ++i) ++group_size[groups.Find(i)];
+  for (size_t i = 0; i < seen.size(); ++i) ++group_size[groups.Root(i)];
   // The largest groups come first; among single tags, those with the fewest bit errors.
   std::vector<size_t> order(seen.size());
   std::iota(order.begin(), order.end(), size_t{0});
   std::sort(order.begin(), order.end(), [&](size_t i, size_t j) {
-    const size_t group_i = groups.Find(i);
-    const size_t group_j = groups.Find(j);
+    const size_t group_i = groups.Root(i);
+    const size_t group_j = groups.Root(j);
     if (group_size[group_i] != group_size[group_j]) return group_size[group_i] > group_size[group_j];
     if (group_i != group_j && seen[group_i].num_bit_errors != seen[group_j].num_bit_errors) {
       return seen[group_i].num_bit_errors < seen[group_j].num_bit_errors;
@@ -92,8 +79,8 @@ ConsistentTags KeepConsistent(const std::vector<SeenTag>& seen, const TagLayout&
   ConsistentTags kept;
   size_t end = 0;
   for (size_t begin = 0; begin < order.size(); begin = end) {
-    const size_t group = groups.Find(order[begin]);
-    while (end < order.size() && groups.Find(order[end]) == group) ++end;
+    const size_t group = groups.Root(order[begin]);
+    while (end < order.size() && groups.Root(order[end]) == group) ++end;
     // A group separated from the largest one (a hand may divide a target) belongs to the same target if it fits
     // loosely: over larger distances the lens bends more.
     bool belongs =

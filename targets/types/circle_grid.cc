@@ -12,7 +12,6 @@
 #include <set>
 
 #include <Eigen/Dense>
-#include <opencv2/calib3d.hpp>
 
 #include "heba/base/error.h"
 #include "heba/base/median.h"
@@ -22,6 +21,7 @@
 #include "targets/dots/dot_grid.h"
 #include "targets/dots/ellipse_finder.h"
 #include "targets/dots/ellipse_refinement.h"
+#include "targets/images/homography.h"
 #include "targets/types/likely_misconfigurations.h"
 
 namespace heba {
@@ -307,23 +307,19 @@ class CircleGrid final : public Target {
 
   // Returns the dots' radii with the perspective removed, m; empty if no homography fits.
   std::vector<double> EvenSizes(const Dots& dots) const {
-    std::vector<cv::Point2d> plane;
-    std::vector<cv::Point2d> image;
+    std::vector<Eigen::Vector2d> plane;
+    std::vector<Eigen::Vector2d> image;
     for (size_t n = 0; n < dots.size(); ++n) {
-      plane.emplace_back(points_[n].in_target.x(), points_[n].in_target.y());
-      image.emplace_back(dots[n].centre_px.x(), dots[n].centre_px.y());
+      plane.emplace_back(points_[n].in_target.head<2>());
+      image.push_back(dots[n].centre_px);
     }
-    const cv::Mat fitted = cv::findHomography(plane, image, 0);
-    if (fitted.empty()) return {};
-    Eigen::Matrix3d pixel_from_plane;
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) pixel_from_plane(row, column) = fitted.at<double>(row, column);
-    }
+    const std::optional<Eigen::Matrix3d> pixel_from_plane = FitHomography(plane, image);
+    if (!pixel_from_plane) return {};
     std::vector<double> sizes;
     for (size_t n = 0; n < dots.size(); ++n) {
-      const double depth = pixel_from_plane.row(2).dot(Eigen::Vector3d(plane[n].x, plane[n].y, 1));
+      const double depth = pixel_from_plane->row(2).dot(plane[n].homogeneous());
       // The scale of areas under a homography at a point.
-      const double scale = pixel_from_plane.determinant() / (depth * depth * depth);
+      const double scale = pixel_from_plane->determinant() / (depth * depth * depth);
       if (!(scale > 0)) return {};
       sizes.push_back(dots[n].RadiusPx() / std::sqrt(scale));
     }

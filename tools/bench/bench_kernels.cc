@@ -40,13 +40,13 @@ void BenchProject(benchmark::State& state, const std::string& name, bool with_de
 }
 
 // Accumulates the normal equations of a capture: all work of a refinement that grows with the number of points.
-void BenchMultiplyView(benchmark::State& state, const std::string& loss) {
+void BenchMultiplyView(benchmark::State& state, LossKind loss) {
   LimitSimd(static_cast<Simd>(state.range(0)));
   const BenchScene scene = MakeBenchScene(3, static_cast<int>(state.range(1)));
   const View& view = scene.problem.views.front();
   const Rigid3d camera_from_target = CameraFromTarget(scene.truth, view.camera_mount_from_target_mount);
   const Camera& camera = scene.problem.camera;
-  const ViewReducer reducer(camera.Model(), FreeParameters(camera.params.size(), true), kBenchNoisePx, *FindLoss(loss));
+  const ViewReducer reducer(camera.Model(), FreeParameters(camera.params.size(), true), kBenchNoisePx, LossOf(loss));
   ViewNormalEquations products;
   for (const auto _ : state) {
     CHECK(reducer.Multiply(camera.params.data(), camera_from_target, view.observations, nullptr, &products));
@@ -77,10 +77,10 @@ BENCHMARK_CAPTURE(BenchProject, rational8_derivatives, "rational8", true)->Dense
 BENCHMARK_CAPTURE(BenchProject, kannala_brandt4_derivatives, "kannala_brandt4", true)
     ->DenseRange(kBaseline, kBest)
     ->ArgName("set");
-BENCHMARK_CAPTURE(BenchMultiplyView, none, "none")
+BENCHMARK_CAPTURE(BenchMultiplyView, none, LossKind::kNone)
     ->ArgsProduct({{kBaseline, kBaseline + 1, kBest}, {2, 12}})
     ->ArgNames({"set", "side"});
-BENCHMARK_CAPTURE(BenchMultiplyView, cauchy, "cauchy")
+BENCHMARK_CAPTURE(BenchMultiplyView, cauchy, LossKind::kCauchy)
     ->ArgsProduct({{kBaseline, kBaseline + 1, kBest}, {2, 12}})
     ->ArgNames({"set", "side"});
 BENCHMARK(BenchRootOfProducts)->Arg(13)->Arg(22);

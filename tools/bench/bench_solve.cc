@@ -105,7 +105,7 @@ double SecondsOf(const std::function<void()>& work) {
 Measured RunLibrary(const BenchScene& scene, Simd simd, int num_threads, bool has_robot_noise) {
   LimitSimd(simd);
   BundleOptions options;
-  options.loss = "none";
+  options.loss = LossKind::kNone;
   options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint, ParameterGroup::kDistortion};
   options.pixel_noise_px = kBenchNoisePx;
   options.num_threads = num_threads;

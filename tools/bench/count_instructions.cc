@@ -20,7 +20,7 @@ namespace {
 
 BundleOptions Refinement(BundleOptions::Robot robot) {
   BundleOptions options;
-  options.loss = "none";
+  options.loss = LossKind::kNone;
   options.pixel_noise_px = kBenchNoisePx;
   options.robot = robot;
   options.robot_noise = kBenchRobot;

@@ -178,7 +178,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
     reader.Record("pixel_noise", YAML::Node("auto"));
   }
   ReadIntrinsicsPrior(&reader, config);
-  config->options.bundle.loss = reader.Choice("loss", LossNames(), "truncated");
+  config->options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
   reader.Finish();
   root.Record("refine", reader.used());
 }

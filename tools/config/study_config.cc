@@ -171,7 +171,7 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
   std::vector<std::string> seeds = HandEyeMethodNames();
   seeds.emplace_back(kBestSeed);
   options.seed = reader.Choice("start", seeds, kBestSeed);
-  options.bundle.loss = reader.Choice("loss", LossNames(), "truncated");
+  options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
   options.bundle.free_intrinsics = ReadFreeIntrinsics(reader, {});
   if (reader.Has("output")) {
     study.output = reader.Path("output");

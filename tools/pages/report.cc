@@ -168,7 +168,7 @@ std::string MethodsSection(const RunResult& result) {
     if (!estimate.ok) continue;
     lines.push_back(Json{{"label", estimate.method},
                          {"values", {OrNull(errors.reprojection_rms_px), OrNull(errors.holdout_rms_px)}},
-                         {"strong", estimate.kind == "refined"}});
+                         {"strong", estimate.kind == EstimateKind::kRefined}});
     rows.push_back(
         {{estimate.method + (&estimate == FindRefined(result) ? " (the result)" : ""),
           false,

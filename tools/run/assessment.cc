@@ -205,7 +205,7 @@ std::vector<CaptureResult> DescribeCaptures(const Dataset& dataset, const std::v
 }
 
 template <typename T>
-Estimate EstimateOf(const std::string& method, const std::string& kind, const Outcome<T>& outcome) {
+Estimate EstimateOf(const std::string& method, EstimateKind kind, const Outcome<T>& outcome) {
   Estimate estimate;
   estimate.method = method;
   estimate.kind = kind;
@@ -215,7 +215,7 @@ Estimate EstimateOf(const std::string& method, const std::string& kind, const Ou
 }
 
 Estimate RefinedEstimateOf(const std::string& method, const Outcome<Solution>& solution) {
-  Estimate estimate = EstimateOf(method, "refined", solution);
+  Estimate estimate = EstimateOf(method, EstimateKind::kRefined, solution);
   if (!solution) return estimate;
   estimate.solution = *solution;
   estimate.hand_eye = solution->hand_eye;
@@ -232,7 +232,7 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
                             symmetries);
   };
   for (const MethodResult& method : calibration.methods) {
-    Estimate& estimate = estimates.emplace_back(EstimateOf(method.method, "closed_form", method.hand_eye));
+    Estimate& estimate = estimates.emplace_back(EstimateOf(method.method, EstimateKind::kClosedForm, method.hand_eye));
     estimate.camera = calibration.camera;
     if (!estimate.ok) continue;
     estimate.hand_eye = *method.hand_eye;

@@ -8,6 +8,7 @@
 #include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/io/json_reader.h"
+#include "solvers/residuals/loss.h"
 #include "tools/files/program_digest.h"
 #include "tools/run/digest.h"
 
@@ -94,8 +95,9 @@ std::string MadeFrom(const StudyConfig& study, int index) {
                              cell.outlier_points, cell.wrong_captures}) {
     add(value);
   }
-  text += " " + Join(cell.options.methods, ",") + " " + cell.options.seed + " " + bundle.loss + " " +
-          std::string(SetupName(cell.options.setup)) + " " + cell.options.camera_model;
+  text += " " + Join(cell.options.methods, ",") + " " + cell.options.seed + " " +
+          std::string(LossOf(bundle.loss).name) + " " + std::string(SetupName(cell.options.setup)) + " " +
+          cell.options.camera_model;
   add(cell.options.camera ? 1 : 0);
   for (const double param : cell.shape.params) add(param);
   add(cell.options.choose.robot_noise ? 1 : 0);

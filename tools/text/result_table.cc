@@ -133,7 +133,7 @@ std::string ResultTable(const RunResult& result, Colour colour) {
   if (refined == nullptr) {
     // There is none in a result from poses alone.
     for (const Estimate& estimate : result.estimates) {
-      if (!estimate.ok || estimate.kind != "refined") continue;
+      if (!estimate.ok || estimate.kind != EstimateKind::kRefined) continue;
       table += "\n" + std::string(CameraMountName(result.setup)) + "_from_camera (" + estimate.method + ")\n  " +
                HandEyePoseText(estimate) + "\n";
     }

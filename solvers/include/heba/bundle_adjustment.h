@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "heba/base/error.h"
+#include "heba/data/loss_kind.h"
 #include "heba/data/solution.h"
 
 namespace heba {
@@ -29,7 +30,7 @@ struct BundleOptions {
                                                  ParameterGroup::kDistortion};
   // The unknown parts of the target's shape; Problem::shape is the initial guess.
   std::vector<TargetShapeGroup> free_shape;
-  std::string loss = "truncated";
+  LossKind loss = LossKind::kTruncated;
   // Sigma of one coordinate, px. Nothing: estimated from the residuals.
   std::optional<double> pixel_noise_px;
   // Treats the robot poses as exact, as observations with the given noise, or as observations with a noise that is

@@ -15,7 +15,7 @@ const Estimate* FindRefined(const RunResult& result) {
 const Estimate* FindBestClosedForm(const RunResult& result, FigureOf figure) {
   const Estimate* best = nullptr;
   for (const Estimate& estimate : result.estimates) {
-    if (estimate.kind != "closed_form" || !figure(estimate.errors)) continue;
+    if (estimate.kind != EstimateKind::kClosedForm || !figure(estimate.errors)) continue;
     if (best == nullptr || *figure(estimate.errors) < *figure(best->errors)) best = &estimate;
   }
   return best;

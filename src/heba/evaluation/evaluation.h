@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -36,10 +37,13 @@ struct Errors {
 inline constexpr const char* kChainMethod = "chain";
 inline constexpr const char* kBundleMethod = "bundle";
 
+enum class EstimateKind { kClosedForm, kRefined };
+inline constexpr std::string_view kEstimateKindNames[] = {"closed_form", "refined"};
+
 // The estimate of one method.
 struct Estimate {
   std::string method;
-  std::string kind;  // closed_form | refined
+  EstimateKind kind = EstimateKind::kClosedForm;
   bool ok = false;
   std::string reason;  // Reason of the failure, if not ok.
   HandEye hand_eye;    // Meaningful if ok.

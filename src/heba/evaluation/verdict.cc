@@ -252,8 +252,9 @@ std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refine
 
 // Judges a run on given poses of the target.
 Finding JudgePoses(const RunResult& result) {
-  const auto chain = std::find_if(result.estimates.begin(), result.estimates.end(),
-                                  [](const Estimate& estimate) { return estimate.ok && estimate.kind == "refined"; });
+  const auto chain = std::find_if(result.estimates.begin(), result.estimates.end(), [](const Estimate& estimate) {
+    return estimate.ok && estimate.kind == EstimateKind::kRefined;
+  });
   if (chain == result.estimates.end() || !chain->errors.board_scatter) {
     return {Grade::kBad, "no_estimate", "there is no refined estimate", "see the reasons of the methods"};
   }

@@ -180,10 +180,18 @@ Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
   return solution;
 }
 
+EstimateKind ReadKind(const JsonReader& reader) {
+  const std::string name = reader.Text();
+  for (const EstimateKind kind : {EstimateKind::kClosedForm, EstimateKind::kRefined}) {
+    if (kEstimateKindNames[static_cast<size_t>(kind)] == name) return kind;
+  }
+  reader.Fail("the kind is unknown; one of: closed_form, refined");
+}
+
 Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
   Estimate estimate;
   estimate.method = reader.Get("method").Text();
-  estimate.kind = reader.Get("kind").Text();
+  estimate.kind = ReadKind(reader.Get("kind"));
   estimate.ok = reader.Get("ok").Bool();
   estimate.reason = reader.Get("reason").Text();
   estimate.errors = ReadErrors(reader.Get("errors"));

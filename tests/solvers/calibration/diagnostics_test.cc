@@ -12,7 +12,7 @@ namespace {
 
 std::optional<Finding> AdviceFor(const TestScene& scene, const std::vector<ParameterGroup>& free_groups) {
   BundleOptions options;
-  options.loss = "none";
+  options.loss = LossKind::kNone;
   options.free_intrinsics = free_groups;
   const Problem problem{scene.camera, scene.views};
   const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);

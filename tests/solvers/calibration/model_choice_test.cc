@@ -101,7 +101,7 @@ TEST(ModelChoiceTest, ReportsAllAlternativesAndTheLargestFitsBest) {
   scene_options.shape = {1, 1, 2e-3, 0};
   const TestScene scene = MakeTestScene(4, scene_options);
   BundleOptions options;
-  options.loss = "none";
+  options.loss = LossKind::kNone;
   const Outcome<ModelChoice> choice =
       ChooseModel({scene.camera, scene.views, scene_options.setup, DesignedShape(scene_options.points)}, scene.hand_eye,
                   options, {true, true});

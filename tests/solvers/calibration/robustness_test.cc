@@ -42,7 +42,7 @@ double ErrorM(const TestScene& scene, const HandEye& hand_eye) {
 
 HandEye OracleFit(const TestScene& scene, Setup setup, const std::vector<View>& good) {
   BundleOptions options;
-  options.loss = "none";
+  options.loss = LossKind::kNone;
   options.free_intrinsics = {};
   return RefineHandEye({scene.camera, good, setup}, scene.hand_eye, options)->hand_eye;
 }

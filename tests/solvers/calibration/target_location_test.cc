@@ -40,7 +40,7 @@ TEST_P(LocateTest, ErrorsAgreeWithTheStatedCovariance) {
     const View unseen = views.back();
     views.pop_back();
     BundleOptions bundle;
-    bundle.loss = "none";
+    bundle.loss = LossKind::kNone;
     bundle.pixel_noise_px = 0.3;
     if (is_noisy) {
       bundle.robot = BundleOptions::Robot::kGivenNoise;

@@ -39,7 +39,7 @@ TEST_P(ExactDataTest, IsRecovered) {
   scene_options.setup = setup;
   const TestScene scene = MakeTestScene(21, scene_options);
   BundleOptions options;
-  options.loss = loss;
+  options.loss = *FindLossKind(loss);
   options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
   Camera start_camera = scene.camera;
   start_camera.params[0] *= 1.01;
@@ -80,7 +80,7 @@ TEST_P(NoisyDataTest, ErrorsAgreeWithTheCovariance) {
     scene_options.noise_px = 0.3;
     const TestScene scene = MakeTestScene(seed, scene_options);
     BundleOptions options;
-    options.loss = loss;
+    options.loss = *FindLossKind(loss);
     options.free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint};
     const Outcome<Solution> solution = RefineHandEye({scene.camera, scene.views}, scene.hand_eye, options);
     ASSERT_TRUE(solution.ok()) << solution.reason();
@@ -117,7 +117,7 @@ TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
   scene_options.points = GridPoints(4, 3, 0.05);
   const TestScene scene = MakeTestScene(8, scene_options);
   BundleOptions options;
-  options.loss = loss;
+  options.loss = *FindLossKind(loss);
   options.free_intrinsics = {ParameterGroup::kFocal};
   const Problem problem{scene.camera, scene.views};
   const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
@@ -148,7 +148,7 @@ TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
   const Tangent6 moved =
       LocalCoordinates(solution->hand_eye.camera_mount_from_camera, again->hand_eye.camera_mount_from_camera);
   EXPECT_LT(moved.cwiseQuotient(scale.head<6>()).cwiseAbs().maxCoeff(), 1e-3);
-  const bool is_plain = loss == "none";
+  const bool is_plain = options.loss == LossKind::kNone;
   EXPECT_LE(again->convergence.iterations, is_plain ? 0 : 30);
 }
 
@@ -161,7 +161,8 @@ TEST(InformationTest, NamesMatchTheParameters) {
   const TestScene scene = MakeTestScene(31);
   const Problem problem{scene.camera, scene.views};
   const FreeParameters free = FreeOf(scene.camera.Model(), {ParameterGroup::kFocal});
-  const std::vector<LinearisedView> views = *LineariseViews(problem, scene.hand_eye, {}, free, 1.0, *FindLoss("none"));
+  const std::vector<LinearisedView> views =
+      *LineariseViews(problem, scene.hand_eye, {}, free, 1.0, LossOf(LossKind::kNone));
   const Information information{HandEyeUnknowns(scene.camera.Model(), free),
                                 MarginalInformation(views, CorrectionVariances({}), 1.0)};
   ASSERT_EQ(information.layout.Name(2), "hand_eye.tz_m");
@@ -260,7 +261,7 @@ TEST_P(CameraPriorTest, DeterminesWhatTheCapturesDoNot) {
     }
     const TestScene scene = MakeTestScene(static_cast<uint64_t>(seed), scene_options);
     BundleOptions options;
-    options.loss = "none";
+    options.loss = LossKind::kNone;
     options.free_intrinsics = {ParameterGroup::kFocal};
     // The prior is a calibration of the camera with a sigma of 3 px.
     Rng rng(static_cast<uint64_t>(seed), 5);
@@ -386,7 +387,7 @@ TEST(CalibrateTest, RejectsSwappedPoints) {
         << calibration->views[i].name;
   }
   // Without a robust loss all points count, and the capture is rejected.
-  options.bundle.loss = "none";
+  options.bundle.loss = LossKind::kNone;
   const Outcome<Calibration> without_loss = Calibrate(scene.views, options);
   ASSERT_TRUE(without_loss.ok()) << without_loss.reason();
   ASSERT_EQ(without_loss->unused.size(), 1U);

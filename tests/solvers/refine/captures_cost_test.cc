@@ -62,7 +62,7 @@ struct CostOptions {
 std::unique_ptr<CapturesCost> MakeCost(const TestScene& scene, const std::string& loss, bool has_corrections,
                                        int num_threads = 1, CostOptions options = {}) {
   options.cost.pixel_sigma_px = kSigmaPx;
-  options.cost.loss = FindLoss(loss);
+  options.cost.loss = &LossOf(*FindLossKind(loss));
   options.cost.num_threads = num_threads;
   if (options.free.empty()) options.free.assign(scene.camera.params.size(), true);
   const Problem problem{scene.camera, scene.views, Setup::kEyeToHand, options.shape};
@@ -122,7 +122,8 @@ double ViewCost(const CameraModel& model, const std::vector<double>& params, con
       WhitenedSquares(model, params.data(), camera_from_target, observations, nullptr);
   EXPECT_TRUE(squares.has_value());
   double sum = 0;
-  for (const double s : squares.value_or(std::vector<double>())) sum += FindLoss(loss)->rho(s / (kSigmaPx * kSigmaPx));
+  for (const double s : squares.value_or(std::vector<double>()))
+    sum += LossOf(*FindLossKind(loss)).rho(s / (kSigmaPx * kSigmaPx));
   return sum;
 }
 
@@ -257,7 +258,7 @@ TestScene MixedScene() {
 // a whole.
 NormalEquations ChainedProducts(const TestScene& scene, const std::string& loss, const Unknowns& at,
                                 const FreeParameters& free, const TargetShape* shape) {
-  const ViewReducer reducer(scene.camera.Model(), free, kSigmaPx, *FindLoss(loss));
+  const ViewReducer reducer(scene.camera.Model(), free, kSigmaPx, LossOf(*FindLossKind(loss)));
   NormalEquations sum;
   sum.matrix = Eigen::MatrixXd::Zero(6 + reducer.num_columns(), 6 + reducer.num_columns());
   for (const View& view : scene.views) {

@@ -136,7 +136,7 @@ TEST(CapturesCostTest, AreAcceptedAtTheSolution) {
       LoopUnknowns unknowns(loops.layout, HandEyeValues(start, scene.camera, {}));
       CapturesCostOptions cost_options;
       cost_options.pixel_sigma_px = 0.3;
-      cost_options.loss = FindLoss("none");
+      cost_options.loss = &LossOf(LossKind::kNone);
       CapturesCost cost(std::move(loops), cost_options);
       const ceres::Solver::Summary summary = SolveCaptures(ReprojectionSolverOptions(max_iterations), &cost, &unknowns);
       ASSERT_TRUE(summary.IsSolutionUsable()) << summary.message;

@@ -93,7 +93,7 @@ TEST_P(CircleBiasTest, EstimateAgreesWithItsCovariance) {
   for (int seed = 1; seed <= kSeeds; ++seed) {
     const TestScene scene = DiscScene(static_cast<uint64_t>(seed), GetParam());
     BundleOptions options;
-    options.loss = "none";
+    options.loss = LossKind::kNone;
     options.pixel_noise_px = kNoisePx;
     const Outcome<Solution> with_discs =
         RefineHandEye({scene.camera, scene.views, GetParam()}, scene.hand_eye, options);

@@ -301,7 +301,7 @@ class LoopReferenceTest : public testing::TestWithParam<Kind> {};
 CapturesCostOptions CostOptions() {
   CapturesCostOptions options;
   options.pixel_sigma_px = kPixelPx;
-  options.loss = FindLoss("none");
+  options.loss = &LossOf(LossKind::kNone);
   return options;
 }
 
@@ -460,7 +460,8 @@ TEST_P(LoopReferenceTest, SolutionAndCovarianceAgree) {
       loops.captures[i].own_poses[j].pose = at.own_poses[i][j];
     }
   }
-  const std::optional<std::vector<LinearisedView>> views = LineariseCaptures(loops, found, kPixelPx, *FindLoss("none"));
+  const std::optional<std::vector<LinearisedView>> views =
+      LineariseCaptures(loops, found, kPixelPx, LossOf(LossKind::kNone));
   ASSERT_TRUE(views.has_value());
   Eigen::VectorXd variances(6 * GetParam().num_own_poses);
   for (int j = 0; j < GetParam().num_own_poses; ++j) variances.segment<6>(6 * j) = CorrectionVariances(kRobot);

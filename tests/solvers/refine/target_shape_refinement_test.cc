@@ -54,8 +54,9 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
       shape_squares[i] += std::pow(solution->shape.params[k] - kMade[k], 2) / solution->covariance.matrix(row, row);
     }
     const FreeParameters free = FreeOf(scene.camera.Model(), options);
-    const std::vector<LinearisedView> linear = *LineariseViews({scene.camera, scene.views, scene_options.setup, made},
-                                                               scene.hand_eye, {}, free, kNoisePx, *FindLoss("none"));
+    const std::vector<LinearisedView> linear =
+        *LineariseViews({scene.camera, scene.views, scene_options.setup, made}, scene.hand_eye, {}, free, kNoisePx,
+                        LossOf(LossKind::kNone));
     const Information information{HandEyeUnknowns(scene.camera.Model(), free),
                                   MarginalInformation(linear, CorrectionVariances({}), 1.0)};
     bound_m2 += InvertInformation(information, 1.0).matrix.topLeftCorner<3, 3>().trace();

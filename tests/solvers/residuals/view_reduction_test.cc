@@ -58,7 +58,7 @@ TEST_P(ReducedViewTest, KeepsCostGradientAndGaussNewtonMatrix) {
   const CameraModel& model = scene.camera.Model();
   SquareRootInformation reduction;
   constexpr double kSigmaPx = 0.5;
-  const ViewReducer reducer(model, AllFree(scene), kSigmaPx, *FindLoss("none"));
+  const ViewReducer reducer(model, AllFree(scene), kSigmaPx, LossOf(LossKind::kNone));
   ASSERT_TRUE(reducer.Reduce(scene.camera.params.data(), pose, view.observations, nullptr, &reduction));
   const Eigen::VectorXd r = Residual(scene, view, pose, scene.camera.params) / kSigmaPx;
   const Eigen::MatrixXd j = NumericJacobian(scene, view, pose) / kSigmaPx;
@@ -81,7 +81,7 @@ TEST(ViewReductionTest, CostWithALossIsTheSumOfRho) {
   TestSceneOptions options;
   options.noise_px = 3;
   const TestScene scene = MakeTestScene(4, options);
-  const Loss& loss = *FindLoss("huber");
+  const Loss& loss = LossOf(LossKind::kHuber);
   double direct = 0;
   const Points2 residuals = *Residuals(scene.camera, scene.pairs[0].camera_from_target, scene.views[0].observations);
   for (Eigen::Index i = 0; i < residuals.cols(); ++i) direct += loss.rho(residuals.col(i).squaredNorm());
@@ -116,7 +116,7 @@ TEST_P(ViewKindsTest, WrittenRowsHaveTheSameNormalEquations) {
 
   FreeParameters free(scene.camera.params.size() + (shape == nullptr ? 0 : TargetShape::kNumParams), true);
   free[2] = false;
-  const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss(loss));
+  const ViewReducer reducer(scene.camera.Model(), free, 0.5, LossOf(*FindLossKind(loss)));
   const Rigid3d& pose = scene.pairs[0].camera_from_target;
   ViewNormalEquations products;
   ViewRows rows;
@@ -161,7 +161,7 @@ TEST_P(FreeParametersTest, AloneHaveColumns) {
   const TargetShape* const shape = has_shape ? &designed : nullptr;
   const auto multiply = [&](const FreeParameters& free) {
     ViewNormalEquations products;
-    const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss("huber"));
+    const ViewReducer reducer(scene.camera.Model(), free, 0.5, LossOf(LossKind::kHuber));
     EXPECT_TRUE(reducer.Multiply(scene.camera.params.data(), scene.pairs[0].camera_from_target, observations, shape,
                                  &products));
     return products.matrix;
@@ -221,7 +221,7 @@ TEST(ViewReductionTest, PoseColumnsAreZeroBelowTheSixthRow) {
       const View& view = scene.views[0];
       const Rigid3d pose = scene.pairs[0].camera_from_target;
       const FreeParameters free(scene.camera.params.size(), has_camera);
-      const ViewReducer reducer(scene.camera.Model(), free, 0.5, *FindLoss("none"));
+      const ViewReducer reducer(scene.camera.Model(), free, 0.5, LossOf(LossKind::kNone));
       ViewNormalEquations products;
       SquareRootInformation reduction;
       ASSERT_TRUE(reducer.Multiply(scene.camera.params.data(), pose, view.observations, nullptr, &products));

@@ -45,7 +45,7 @@ TEST_P(InfluenceTest, PredictsTheMoveWithoutACapture) {
   // If the loss is robust, one point is off by 20 sigmas.
   if (std::string(GetParam().loss) != "none") scene.views[3].observations.pixels(0, 7) += 1.2;
   BundleOptions options;
-  options.loss = GetParam().loss;
+  options.loss = *FindLossKind(GetParam().loss);
   if (GetParam().has_prior) {
     // The prior is as accurate as an estimate from the captures themselves.
     options.camera_prior = CameraPrior{scene.camera.params, {0.3, 0.3, 0.3, 0.3, 1e-3, 1e-2, 1e-4, 1e-4, 1e-2}};
@@ -57,7 +57,7 @@ TEST_P(InfluenceTest, PredictsTheMoveWithoutACapture) {
   ASSERT_TRUE(all.ok()) << all.reason();
   const std::vector<std::optional<CaptureMove>> moves =
       MoveWithoutEachView({scene.camera, scene.views, GetParam().setup}, *all, FreeOf(scene.camera.Model(), options),
-                          *FindLoss(GetParam().loss));
+                          LossOf(*FindLossKind(GetParam().loss)));
   ASSERT_EQ(moves.size(), scene.views.size());
   for (size_t i = 0; i < scene.views.size(); ++i) {
     std::vector<View> others = scene.views;
@@ -92,12 +92,12 @@ TEST(InfluenceOfFewTest, ReturnsNothingForAnIndispensableCapture) {
   scene_options.noise_px = 0.1;
   const TestScene scene = MakeTestScene(5, scene_options);
   BundleOptions options;
-  options.loss = "none";
+  options.loss = LossKind::kNone;
   options.free_intrinsics = {};
   const Outcome<Solution> all = Solve(scene, scene.views, options);
   ASSERT_TRUE(all.ok()) << all.reason();
   for (const std::optional<CaptureMove>& move : MoveWithoutEachView(
-           {scene.camera, scene.views}, *all, FreeOf(scene.camera.Model(), options), *FindLoss("none"))) {
+           {scene.camera, scene.views}, *all, FreeOf(scene.camera.Model(), options), LossOf(LossKind::kNone))) {
     EXPECT_FALSE(move);
   }
 }
@@ -106,7 +106,7 @@ TEST(InfluenceOfFewTest, ReturnsNothingForAnIndispensableCapture) {
 // close to zero.
 TEST(ChanceOfAMoveTest, IsUniformUnlessTheCaptureIsWrong) {
   BundleOptions options;
-  options.loss = "none";
+  options.loss = LossKind::kNone;
   options.robot = BundleOptions::Robot::kGivenNoise;
   options.robot_noise = {1e-4, 2e-4};
   TestSceneOptions scene_options;
@@ -119,7 +119,7 @@ TEST(ChanceOfAMoveTest, IsUniformUnlessTheCaptureIsWrong) {
     EXPECT_TRUE(solution.ok()) << solution.reason();
     std::vector<double> all;
     for (const std::optional<CaptureMove>& move : MoveWithoutEachView(
-             {scene.camera, scene.views}, *solution, FreeOf(scene.camera.Model(), options), *FindLoss("none"))) {
+             {scene.camera, scene.views}, *solution, FreeOf(scene.camera.Model(), options), LossOf(LossKind::kNone))) {
       all.push_back(move ? move->chance : -1);
     }
     return all;

@@ -69,7 +69,7 @@ Totals RunSeeds(Setup setup, double share, const BundleOptions& options, int num
 
 BundleOptions OptionsOf(BundleOptions::Robot robot) {
   BundleOptions options;
-  options.loss = "none";
+  options.loss = LossKind::kNone;
   options.free_intrinsics = {};
   options.robot = robot;
   options.robot_noise = {kTranslationM, kRotationRad};
@@ -186,8 +186,8 @@ TEST(LinearViewTest, WhitenedRowsReproduceTheInverseCovariance) {
     options.noise_px = kPixelPx;
     const TestScene scene = MakeTestScene(5, options);
     const FreeParameters free(scene.camera.params.size(), true);
-    const std::vector<LinearisedView> views = *LineariseViews({scene.camera, scene.views, options.setup},
-                                                              scene.hand_eye, {}, free, kPixelPx, *FindLoss("none"));
+    const std::vector<LinearisedView> views = *LineariseViews(
+        {scene.camera, scene.views, options.setup}, scene.hand_eye, {}, free, kPixelPx, LossOf(LossKind::kNone));
     for (const LinearisedView& view : views) {
       EXPECT_EQ(view.num_rows_without_effects, columns == 8 ? view.offset.size() - 6 : 0);
       EXPECT_TRUE(view.by_effects.bottomRows(view.num_rows_without_effects).isZero(0));

@@ -15,14 +15,14 @@ RunResult GoodResult() {
   for (int i = 0; i < 20; ++i) result.captures.push_back({std::to_string(i), "", 48, true, "", 0, 0, 0.1, {}, {}});
   Estimate closed;
   closed.method = "park";
-  closed.kind = "closed_form";
+  closed.kind = EstimateKind::kClosedForm;
   closed.ok = true;
   closed.errors.holdout_target_mm = 1.0;
   closed.errors.holdout_sigmas = 2.0;
   result.estimates.push_back(closed);
   Estimate refined;
   refined.method = "bundle";
-  refined.kind = "refined";
+  refined.kind = EstimateKind::kRefined;
   refined.ok = true;
   refined.errors.holdout_target_mm = 0.3;
   refined.errors.holdout_target_deg = 0.02;

@@ -43,7 +43,7 @@ TEST_F(RunConfigTest, FillsInDefaults) {
   EXPECT_EQ(config.data.name, "cell");
   EXPECT_EQ(config.data.setup, Setup::kEyeInHand);
   EXPECT_EQ(config.data.captures.size(), 2u);
-  EXPECT_EQ(config.options.bundle.loss, "truncated");
+  EXPECT_EQ(config.options.bundle.loss, LossKind::kTruncated);
   EXPECT_TRUE(config.options.choose.robot_noise);
   EXPECT_TRUE(config.options.choose.target_shape);
   EXPECT_TRUE(config.options.choose_camera_model);
@@ -67,9 +67,9 @@ TEST_F(RunConfigTest, ConfigAsUsedIsAFixedPoint) {
 
 TEST_F(RunConfigTest, SettingsCountMoreThanTheFileAndItsBase) {
   Write("next.yaml", "base: cell.yaml\nrefine: {loss: huber}\nevaluate: {folds: 3}\n");
-  EXPECT_EQ(Read("next.yaml").options.bundle.loss, "huber");
+  EXPECT_EQ(Read("next.yaml").options.bundle.loss, LossKind::kHuber);
   const RunConfig config = Read("next.yaml", {"refine.loss=cauchy", "refine.robot_noise=none"});
-  EXPECT_EQ(config.options.bundle.loss, "cauchy");
+  EXPECT_EQ(config.options.bundle.loss, LossKind::kCauchy);
   EXPECT_EQ(config.options.folds, 3);
   EXPECT_FALSE(config.options.choose.robot_noise);
 }

@@ -63,7 +63,7 @@ TEST_F(StudyConfigTest, FillsInDefaults) {
   EXPECT_EQ(cell.wrong_captures, 0);
   EXPECT_THAT(cell.options.methods, IsEmpty());
   EXPECT_EQ(cell.options.seed, "best");
-  EXPECT_EQ(cell.options.bundle.loss, "truncated");
+  EXPECT_EQ(cell.options.bundle.loss, LossKind::kTruncated);
   EXPECT_THAT(cell.options.bundle.free_intrinsics, IsEmpty());
   EXPECT_TRUE(cell.options.choose.robot_noise);
   EXPECT_TRUE(cell.options.choose.target_shape);
@@ -82,7 +82,7 @@ TEST_F(StudyConfigTest, ReadsTheOptionsOfTheEstimators) {
   const CalibrationOptions& options = study.cells.at(0).options;
   EXPECT_THAT(options.methods, ElementsAre("tsai", "park"));
   EXPECT_EQ(options.seed, "park");
-  EXPECT_EQ(options.bundle.loss, "huber");
+  EXPECT_EQ(options.bundle.loss, LossKind::kHuber);
   EXPECT_THAT(options.bundle.free_intrinsics, ElementsAre(ParameterGroup::kFocal, ParameterGroup::kDistortion));
   EXPECT_FALSE(options.choose.target_shape);
   EXPECT_FALSE(options.camera.has_value());

@@ -39,7 +39,7 @@ ComparedRun RunOf(const std::string& label, const RunOptions& options) {
   run.result.timing.total_s = 1.5;
   Estimate closed;
   closed.method = "park";
-  closed.kind = "closed_form";
+  closed.kind = EstimateKind::kClosedForm;
   closed.ok = true;
   closed.errors.holdout_rms_px = options.closed_px;
   Estimate worse = closed;
@@ -47,7 +47,7 @@ ComparedRun RunOf(const std::string& label, const RunOptions& options) {
   worse.errors.holdout_rms_px = 2 * options.closed_px;
   Estimate refined;
   refined.method = kBundleMethod;
-  refined.kind = "refined";
+  refined.kind = EstimateKind::kRefined;
   refined.ok = true;
   refined.hand_eye.camera_mount_from_camera = options.hand_eye;
   refined.errors.holdout_rms_px = options.refined_px;

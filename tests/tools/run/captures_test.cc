@@ -126,14 +126,14 @@ TEST(OptionsOfTest, OptionsAreThoseOfTheRun) {
   dataset.setup = Setup::kEyeInHand;
   run.methods = {"park"};
   run.seed = "park";
-  run.bundle.loss = "huber";
+  run.bundle.loss = LossKind::kHuber;
   run.choose.robot_noise = true;
   run.camera_model = "brown5";
   const CalibrationOptions options = OptionsOf(dataset, run, 640, 480);
   EXPECT_EQ(options.setup, Setup::kEyeInHand);
   EXPECT_THAT(options.methods, ElementsAre("park"));
   EXPECT_EQ(options.seed, "park");
-  EXPECT_EQ(options.bundle.loss, "huber");
+  EXPECT_EQ(options.bundle.loss, LossKind::kHuber);
   EXPECT_TRUE(options.choose.robot_noise);
   EXPECT_EQ(options.camera_model, "brown5");
   EXPECT_EQ(options.width_px, 640);

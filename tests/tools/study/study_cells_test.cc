@@ -140,7 +140,7 @@ INSTANTIATE_TEST_SUITE_P(
         Change{"Radii", [](StudyConfig* study) { study->cells[0].target.radii_m = Eigen::VectorXd::Ones(1); }},
         Change{"Shape", [](StudyConfig* study) { study->cells[0].shape.params[0] = 1.01; }},
         Change{"Methods", [](StudyConfig* study) { study->cells[0].options.methods = {"park"}; }},
-        Change{"Loss", [](StudyConfig* study) { study->cells[0].options.bundle.loss = "huber"; }},
+        Change{"Loss", [](StudyConfig* study) { study->cells[0].options.bundle.loss = LossKind::kHuber; }},
         Change{"Setup", [](StudyConfig* study) { study->cells[0].options.setup = Setup::kEyeInHand; }},
         Change{"RobotModel",
                [](StudyConfig* study) {

@@ -15,7 +15,7 @@ using ::testing::Not;
 Estimate EstimateOf(const std::string& method, double rms_px) {
   Estimate estimate;
   estimate.method = method;
-  estimate.kind = "closed_form";
+  estimate.kind = EstimateKind::kClosedForm;
   estimate.ok = true;
   estimate.errors.reprojection_rms_px = rms_px;
   estimate.errors.holdout_rms_px = 1.1 * rms_px;
