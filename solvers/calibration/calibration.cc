@@ -341,9 +341,10 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   SortedViews sorted = SortViews(views, calibration.camera);
   calibration.views = std::move(sorted.posed);
   calibration.unused = std::move(sorted.too_small);
-  const bool has_roles = std::any_of(views.begin(), views.end(), [](const View& view) { return !view.role.empty(); });
+  const bool has_roles =
+      std::any_of(views.begin(), views.end(), [](const View& view) { return view.role != CaptureRole::kNone; });
   if (!has_roles) {
-    const std::vector<std::string> roles = FindTwoStepRoles(options.setup, calibration.views);
+    const std::vector<CaptureRole> roles = FindTwoStepRoles(options.setup, calibration.views);
     for (size_t i = 0; i < roles.size(); ++i) calibration.views[i].role = roles[i];
   }
   const ChosenPoses chosen = ChoosePoses(calibration.camera, calibration.views, sorted.poses, options.symmetries);

@@ -139,8 +139,8 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
   for (const std::vector<size_t>& group : GroupByRobotPose(options.setup, full.views)) {
     // The two-step method needs these captures, so every fold is trained on them.
     const bool is_needed = std::any_of(group.begin(), group.end(), [&](size_t i) {
-      const std::string& role = full.views[i].role;
-      return role == "home" || role.starts_with("translate_");
+      const CaptureRole role = full.views[i].role;
+      return role == CaptureRole::kHome || role == CaptureRole::kTranslateX || role == CaptureRole::kTranslateY;
     });
     if (is_needed) continue;
     for (const size_t i : group) fold_of[i] = num_held_out % num_folds;

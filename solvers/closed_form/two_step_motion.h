@@ -11,7 +11,7 @@ namespace heba {
 
 // Returns the role of each view in such a motion, found from the robot poses alone. Home is the pose from which most
 // other poses are pure translations along the tool's axes or pure rotations about the tool point; views that are
-// neither are "free". All roles are empty if no pose is a home with both translations and two rotations.
-std::vector<std::string> FindTwoStepRoles(Setup setup, const std::vector<View>& views);
+// neither have the role kFree. All roles are kNone if no pose is a home with both translations and two rotations.
+std::vector<CaptureRole> FindTwoStepRoles(Setup setup, const std::vector<View>& views);
 
 }  // namespace heba

@@ -32,8 +32,9 @@ class OtherDataTest : public testing::Test {
     std::vector<PoseRow> targets;
     for (size_t i = 0; i < scene.pairs.size(); ++i) {
       const std::string name = "s" + std::to_string(i);
-      grippers.push_back({name, "", scene.pairs[gripper_from(i)].camera_mount_from_target_mount, 0, {}});
-      targets.push_back({name, "", scene.pairs[i].camera_from_target, 0, {}});
+      grippers.push_back(
+          {name, CaptureRole::kNone, scene.pairs[gripper_from(i)].camera_mount_from_target_mount, 0, {}});
+      targets.push_back({name, CaptureRole::kNone, scene.pairs[i].camera_from_target, 0, {}});
     }
     const PoseFormat& ros = *FindPoseFormat("ros");
     WriteAll(folder_ / "poses.csv", PoseFileText(grippers, ros));
@@ -128,7 +129,7 @@ void WriteCorners(const fs::path& folder, const Spoil& spoil) {
                                       {"ids", view.observations.ids},
                                       {"pixels", pixels},
                                       {"reason", ""}});
-    rows.push_back({view.name, "", view.camera_mount_from_target_mount, 0, {}});
+    rows.push_back({view.name, CaptureRole::kNone, view.camera_mount_from_target_mount, 0, {}});
   }
   WriteAll(folder / "detections.json", detections.dump());
   WriteAll(folder / "poses.csv", PoseFileText(rows, *FindPoseFormat("ros")));

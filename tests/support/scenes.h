@@ -92,7 +92,7 @@ inline TestScene MakeTestScene(uint64_t seed, const TestSceneOptions& options = 
                                   &rng);
   } else {
     const Outcome<std::vector<Rigid3d>> free = SimulatePoses(scene.camera, options.points, false, motion, &rng);
-    for (const Rigid3d& camera_from_target : *free) poses.push_back({"", camera_from_target});
+    for (const Rigid3d& camera_from_target : *free) poses.push_back({CaptureRole::kNone, camera_from_target});
   }
   TargetShape made = DesignedShape(options.points);
   made.params = options.shape;

@@ -71,7 +71,7 @@ inline Spoiling Poses(const std::string& name, const PoseFormat& written, const 
   return {name, [=](const GoodSet& good, const std::filesystem::path& folder) -> std::optional<Spoiled> {
             std::vector<PoseRow> rows = ReadPoseFile(good.poses, *FindPoseFormat("ros"));
             if (change) change(&rows);
-            for (PoseRow& row : rows) row.role.clear();
+            for (PoseRow& row : rows) row.role = CaptureRole::kNone;
             WriteAll(folder / "poses.csv", PoseFileText(rows, written));
             return Spoiled{{"captures.poses=" + (folder / "poses.csv").string(), FormatSetting(declared)}, codes};
           }};

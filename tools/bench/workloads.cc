@@ -74,7 +74,7 @@ StudyCell MakeBenchStudyCell(bool has_robot_noise) {
   cell.hand_eye = scene.truth;
   cell.target = scene.problem.views.front().observations;
   for (const View& view : scene.problem.views) {
-    cell.poses.push_back({"", CameraFromTarget(scene.truth, view.camera_mount_from_target_mount)});
+    cell.poses.push_back({CaptureRole::kNone, CameraFromTarget(scene.truth, view.camera_mount_from_target_mount)});
   }
   cell.pixel_sigma_px = kBenchNoisePx;
   cell.options = BenchCalibrationOptions(scene);

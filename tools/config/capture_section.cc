@@ -154,7 +154,7 @@ std::vector<PoseRow> RowsOf(const ConfigValue& data, const ImportedSet& set) {
     if (!capture.base_from_gripper) {
       data.Fail("a data set in the form " + set.format + " has no robot poses; provide them (poses)");
     }
-    rows.push_back({capture.name, "", *capture.base_from_gripper, 0,
+    rows.push_back({capture.name, CaptureRole::kNone, *capture.base_from_gripper, 0,
                     NumbersFromPose(*FindPoseFormat("ros"), *capture.base_from_gripper)});
   }
   return rows;

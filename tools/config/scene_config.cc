@@ -128,7 +128,7 @@ Outcome<std::vector<SimulatedPose>> SimulateScenePoses(const SceneConfig& scene,
   if (scene.motion.num_captures == 0) return poses;
   const Outcome<std::vector<Rigid3d>> free = SimulatePoses(scene.camera, points, z_out, scene.motion, rng);
   if (!free) return Failure{free.reason()};
-  for (const Rigid3d& pose : *free) poses.push_back({scene.two_step ? "free" : "", pose});
+  for (const Rigid3d& pose : *free) poses.push_back({scene.two_step ? CaptureRole::kFree : CaptureRole::kNone, pose});
   return poses;
 }
 

@@ -88,7 +88,7 @@ std::string MadeFrom(const StudyConfig& study, int index) {
     add(cell.target.RadiusM(i));
   }
   for (const SimulatedPose& pose : cell.poses) {
-    text += " " + pose.role;
+    text += " " + std::string(RoleName(pose.role));
     add_pose(pose.camera_from_target);
   }
   for (const double value : {cell.pixel_sigma_px, cell.robot_noise.translation_m, cell.robot_noise.rotation_rad,

@@ -24,7 +24,7 @@ namespace heba {
 namespace {
 
 // Returns the indices of the captures that have this role.
-std::vector<size_t> WithRole(const std::vector<PosePair>& pairs, const std::string& role) {
+std::vector<size_t> WithRole(const std::vector<PosePair>& pairs, CaptureRole role) {
   std::vector<size_t> found;
   for (size_t i = 0; i < pairs.size(); ++i) {
     if (pairs[i].role == role) found.push_back(i);
@@ -45,8 +45,8 @@ Eigen::Matrix3d Frame(const Eigen::Vector3d& along_x, const Eigen::Vector3d& alo
 
 Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
   const std::vector<PosePair>& pairs = input.pairs();
-  const std::vector<size_t> homes = WithRole(pairs, "home");
-  const std::vector<size_t> turns = WithRole(pairs, "rotate");
+  const std::vector<size_t> homes = WithRole(pairs, CaptureRole::kHome);
+  const std::vector<size_t> turns = WithRole(pairs, CaptureRole::kRotate);
   if (homes.empty()) {
     return Failure{
         "no capture has the role home (home pose of the two-step motion), and none can be identified from the robot "
@@ -58,7 +58,8 @@ Outcome<HandEye> SolveHandEye_two_step(const HandEyeInput& input) {
   // For each axis only the longest translation is used, because the paper has one.
   std::vector<size_t> translations;
   for (const std::string axis : {"x", "y"}) {
-    const std::vector<size_t> candidates = WithRole(pairs, "translate_" + axis);
+    const std::vector<size_t> candidates =
+        WithRole(pairs, axis == "x" ? CaptureRole::kTranslateX : CaptureRole::kTranslateY);
     if (candidates.empty()) {
       return Failure{"no capture moves the tool along its " + axis + " alone (role translate_" + axis +
                      "): add one, 50 mm or more from home without rotation"};

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "heba/data/capture_role.h"
 #include "heba/geometry/rigid3.h"
 
 namespace heba {
@@ -13,7 +14,7 @@ namespace heba {
 struct Capture {
   std::string name;             // File name of the image, which identifies the capture in messages and results.
   std::filesystem::path image;  // Path of the image.
-  std::string role;             // One of home, translate_x, translate_y, rotate, free; or empty.
+  CaptureRole role = CaptureRole::kNone;
   Rigid3d base_from_gripper;
 };
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "heba/camera/camera.h"
+#include "heba/data/capture_role.h"
 #include "heba/data/setup.h"
 #include "heba/data/target_shape.h"
 #include "heba/geometry/rigid3.h"
@@ -33,7 +34,7 @@ struct View {
   std::string name;  // Name of the capture.
   Rigid3d camera_mount_from_target_mount;
   Observations observations;
-  std::string role = {};  // See PosePair::role.
+  CaptureRole role = CaptureRole::kNone;
 };
 
 struct UnusedView {

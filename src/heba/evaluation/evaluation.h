@@ -55,7 +55,7 @@ struct Estimate {
 // The outcome of a run for one capture.
 struct CaptureResult {
   std::string image;
-  std::string role;
+  CaptureRole role = CaptureRole::kNone;
   int num_points = 0;
   bool used = false;
   std::string reason;  // Reason why it was not used, or a remark on it.

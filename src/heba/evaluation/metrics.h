@@ -36,8 +36,7 @@ std::optional<SquaredErrors> ReprojectionErrors(const HandEye& hand_eye, const C
 struct PosePair {
   Rigid3d camera_mount_from_target_mount;
   Rigid3d camera_from_target;
-  // Purpose of the capture, as in poses.csv: home, translate_x, translate_y, rotate, free; empty if not stated.
-  std::string role = {};
+  CaptureRole role = CaptureRole::kNone;
   // Covariance of camera_from_target for a pixel noise of 1 px, as a left perturbation (in the camera's frame: m, then
   // rad); nothing if it is unknown.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance_at_1px = std::nullopt;

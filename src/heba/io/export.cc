@@ -82,7 +82,7 @@ std::string RobotPoseText(PoseFormat format, const ExportRequest& request) {
   if (!format.controller_form.empty() && is_controllers) {
     remarks.push_back("for the controller: " + ControllerText(format, request));
   }
-  return CommentLines(remarks, "# ") + PoseFileText({{"", "", request.parent_from_child, 0}}, format);
+  return CommentLines(remarks, "# ") + PoseFileText({{"", CaptureRole::kNone, request.parent_from_child, 0}}, format);
 }
 
 // Returns why the format cannot represent the request; an empty text if it can.

@@ -259,7 +259,7 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
   std::vector<PoseRow> rows;
   std::map<std::string, int> line_of_image;
   std::vector<double> numbers(format.columns.size());
-  const std::vector<std::string> roles(std::begin(kCaptureRoles), std::end(kCaptureRoles));
+  const std::vector<std::string> roles(kCaptureRoleNames.begin() + 1, kCaptureRoleNames.end());
   for (std::optional<Line> line = has_header ? lines.Next() : first; line; line = lines.Next()) {
     if (!has_header) {
       bare = WithoutBrackets(line->text);
@@ -284,11 +284,13 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
       }
     }
     if (header.role) {
-      row.role = fields[*header.role];
-      if (!row.role.empty() && std::find(roles.begin(), roles.end(), row.role) == roles.end()) {
-        line->FailColumn("role", Quoted(row.role) + " is unknown; one of: " + Join(roles, ", ") +
-                                     DidYouMean(row.role.substr(0, 40), roles));
+      const std::string& role_name = fields[*header.role];
+      const std::optional<CaptureRole> role = FindCaptureRole(role_name);
+      if (!role) {
+        line->FailColumn("role", Quoted(role_name) + " is unknown; one of: " + Join(roles, ", ") +
+                                     DidYouMean(role_name.substr(0, 40), roles));
       }
+      row.role = *role;
     }
     for (size_t i = 0; i < numbers.size(); ++i) {
       numbers[i] = ReadNumber(*line, format.columns[i], fields[header.numbers[i]]);
@@ -309,7 +311,8 @@ std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseF
 
 std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format) {
   const bool with_images = std::any_of(rows.begin(), rows.end(), [](const PoseRow& row) { return !row.image.empty(); });
-  const bool with_roles = std::any_of(rows.begin(), rows.end(), [](const PoseRow& row) { return !row.role.empty(); });
+  const bool with_roles =
+      std::any_of(rows.begin(), rows.end(), [](const PoseRow& row) { return row.role != CaptureRole::kNone; });
   std::vector<std::string> names;
   if (with_images) names.emplace_back("image");
   if (with_roles) names.emplace_back("role");
@@ -318,7 +321,7 @@ std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& for
   for (const PoseRow& row : rows) {
     std::vector<std::string> fields;
     if (with_images) fields.push_back(Field(row.image));
-    if (with_roles) fields.push_back(row.role);
+    if (with_roles) fields.emplace_back(RoleName(row.role));
     for (const double number : NumbersFromPose(format, row.pose)) fields.push_back(RoundTrip(number));
     text += Join(fields, ",") + "\n";
   }

@@ -6,16 +6,14 @@
 #include <string_view>
 #include <vector>
 
+#include "heba/data/capture_role.h"
 #include "heba/io/pose_formats.h"
 
 namespace heba {
 
-// The roles of captures in the two-step method.
-inline constexpr std::string_view kCaptureRoles[] = {"home", "translate_x", "translate_y", "rotate", "free"};
-
 struct PoseRow {
-  std::string image;                 // Empty if the file has no such column.
-  std::string role;                  // One of kCaptureRoles; empty if there is none.
+  std::string image;  // Empty if the file has no such column.
+  CaptureRole role = CaptureRole::kNone;
   Rigid3d pose;                      // Pose between the frames of the file; the caller must know its direction.
   int line = 0;                      // Line of the file, from 1; 0 if the file has no lines.
   std::vector<double> numbers = {};  // The numbers of the file, in the order of the format's columns.

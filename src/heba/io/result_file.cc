@@ -244,7 +244,7 @@ std::string ResultToJson(const RunResult& result) {
   json["captures"] = Json::array();
   for (const CaptureResult& capture : result.captures) {
     json["captures"].push_back(Json{{"image", capture.image},
-                                    {"role", capture.role},
+                                    {"role", RoleName(capture.role)},
                                     {"points", capture.num_points},
                                     {"points_second_pass", capture.num_second_pass},
                                     {"points_rejected", capture.num_rejected},

@@ -216,7 +216,9 @@ std::optional<Tangent6> ReadTangent(const JsonReader& reader, const char* key) {
 CaptureResult ReadCapture(const JsonReader& reader) {
   CaptureResult capture;
   capture.image = reader.Get("image").Text();
-  capture.role = reader.Get("role").Text();
+  const std::optional<CaptureRole> role = FindCaptureRole(reader.Get("role").Text());
+  if (!role) reader.Get("role").Fail("the role is unknown");
+  capture.role = *role;
   capture.num_points = reader.Get("points").Int(0, kMostCounted);
   capture.num_second_pass = reader.Get("points_second_pass").Int(0, kMostCounted);
   capture.num_rejected = reader.Get("points_rejected").Int(0, kMostCounted);

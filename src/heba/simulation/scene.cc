@@ -105,13 +105,13 @@ Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Came
       if (!AllInside(camera, camera_from_target, points_in_target, home.margin_px)) return std::nullopt;
       return camera_from_target;
     };
-    std::vector<SimulatedPose> poses = {{"home", start->front()}};
+    std::vector<SimulatedPose> poses = {{CaptureRole::kHome, start->front()}};
     for (const int axis : {0, 1}) {
       for (const double sign : {1.0, -1.0}) {
         const std::optional<Rigid3d> pose =
             moved({Eigen::Quaterniond::Identity(), sign * options.translation_m * Eigen::Vector3d::Unit(axis)});
         if (!pose) continue;
-        poses.push_back({axis == 0 ? "translate_x" : "translate_y", *pose});
+        poses.push_back({axis == 0 ? CaptureRole::kTranslateX : CaptureRole::kTranslateY, *pose});
         break;
       }
     }
@@ -119,7 +119,7 @@ Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Came
     for (int attempt = 0; attempt < kMaxTrials && static_cast<int>(poses.size()) < 3 + options.num_turns; ++attempt) {
       const double angle = options.max_turn_rad * rng->Uniform(0.4, 1);
       const std::optional<Rigid3d> pose = moved({ExpRotation(angle * rng->Direction3()), Eigen::Vector3d::Zero()});
-      if (pose) poses.push_back({"rotate", *pose});
+      if (pose) poses.push_back({CaptureRole::kRotate, *pose});
     }
     if (static_cast<int>(poses.size()) == 3 + options.num_turns) return poses;
   }

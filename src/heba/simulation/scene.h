@@ -39,7 +39,7 @@ struct TwoStepMotionOptions {
 };
 
 struct SimulatedPose {
-  std::string role;  // See kCaptureRoles in heba/io/pose_file.h.
+  CaptureRole role = CaptureRole::kNone;
   Rigid3d camera_from_target;
 };
 

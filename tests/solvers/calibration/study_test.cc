@@ -24,7 +24,7 @@ StudyCell MakeCell(Setup setup, double pixel_sigma_px, const RobotNoise& robot) 
   cell.camera = scene.camera;
   cell.hand_eye = scene.hand_eye;
   cell.target = scene.views.front().observations;
-  for (const PosePair& pair : scene.pairs) cell.poses.push_back({"", pair.camera_from_target});
+  for (const PosePair& pair : scene.pairs) cell.poses.push_back({CaptureRole::kNone, pair.camera_from_target});
   cell.pixel_sigma_px = pixel_sigma_px;
   cell.robot_noise = robot;
   cell.options.setup = setup;

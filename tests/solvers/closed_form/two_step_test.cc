@@ -74,33 +74,33 @@ TEST_P(TwoStepTest, FindsRolesFromTheMotion) {
     const TestScene other = MakeTestScene(seed, {.setup = GetParam()});
     scene.views.push_back(other.views[4]);
     std::swap(scene.views[0], scene.views[5]);
-    std::vector<std::string> expected;
+    std::vector<CaptureRole> expected;
     for (View& view : scene.views) {
-      expected.push_back(view.role.empty() ? "free" : view.role);
-      view.role.clear();
+      expected.push_back(view.role == CaptureRole::kNone ? CaptureRole::kFree : view.role);
+      view.role = CaptureRole::kNone;
     }
     EXPECT_EQ(FindTwoStepRoles(GetParam(), scene.views), expected) << "seed " << seed;
-    EXPECT_THAT(FindTwoStepRoles(GetParam(), other.views), testing::Each(std::string()));
+    EXPECT_THAT(FindTwoStepRoles(GetParam(), other.views), testing::Each(CaptureRole::kNone));
   }
 }
 
 TEST_P(TwoStepTest, NamesMissingCaptures) {
   const TestScene scene = PaperScene(1, GetParam());
-  const auto reason_without = [&](const std::string& role, size_t keep) {
+  const auto reason_without = [&](CaptureRole role, size_t keep) {
     std::vector<PosePair> pairs;
     for (const PosePair& pair : scene.pairs) {
       const bool is_it = pair.role == role;
       pairs.push_back(pair);
-      if (is_it && keep == 0) pairs.back().role = "free";
+      if (is_it && keep == 0) pairs.back().role = CaptureRole::kFree;
       if (is_it && keep > 0) --keep;
     }
     const Outcome<HandEye> found = FindHandEyeMethod("two_step")->solve(pairs);
     return found ? std::string("no failure") : found.reason();
   };
-  EXPECT_THAT(reason_without("home", 0), testing::HasSubstr("no capture has the role home"));
-  EXPECT_THAT(reason_without("translate_x", 0), testing::HasSubstr("along its x alone"));
-  EXPECT_THAT(reason_without("translate_y", 0), testing::HasSubstr("along its y alone"));
-  EXPECT_THAT(reason_without("rotate", 1), testing::HasSubstr("two or more about different axes"));
+  EXPECT_THAT(reason_without(CaptureRole::kHome, 0), testing::HasSubstr("no capture has the role home"));
+  EXPECT_THAT(reason_without(CaptureRole::kTranslateX, 0), testing::HasSubstr("along its x alone"));
+  EXPECT_THAT(reason_without(CaptureRole::kTranslateY, 0), testing::HasSubstr("along its y alone"));
+  EXPECT_THAT(reason_without(CaptureRole::kRotate, 1), testing::HasSubstr("two or more about different axes"));
 }
 
 // Depth is the least certain coordinate of a small target. Weighted by their covariances, the positions give a far

@@ -12,7 +12,8 @@ namespace {
 // and residuals that agree with the noise model.
 RunResult GoodResult() {
   RunResult result;
-  for (int i = 0; i < 20; ++i) result.captures.push_back({std::to_string(i), "", 48, true, "", 0, 0, 0.1, {}, {}});
+  for (int i = 0; i < 20; ++i)
+    result.captures.push_back({std::to_string(i), CaptureRole::kNone, 48, true, "", 0, 0, 0.1, {}, {}});
   Estimate closed;
   closed.method = "park";
   closed.kind = EstimateKind::kClosedForm;
@@ -131,7 +132,8 @@ TEST(VerdictTest, ComparesClosedFormsByWhitenedErrors) {
 
 TEST(VerdictTest, ImagesWithoutTheTargetDoNotCount) {
   RunResult result = GoodResult();
-  for (int i = 0; i < 60; ++i) result.captures.push_back({"away", "", 0, false, "no target", 0, 0, {}, {}, {}});
+  for (int i = 0; i < 60; ++i)
+    result.captures.push_back({"away", CaptureRole::kNone, 0, false, "no target", 0, 0, {}, {}, {}});
   EXPECT_EQ(JudgeRun(result).grade, Grade::kGood);
 }
 

@@ -292,11 +292,11 @@ TEST(PoseFileTest, ReadsRowsInTheFilesOrder) {
       "a.png,,4,5,6,1,0,0,0\n");
   ASSERT_EQ(rows.size(), 2u);
   EXPECT_EQ(rows[0].image, "b.png");
-  EXPECT_EQ(rows[0].role, "home");
+  EXPECT_EQ(rows[0].role, CaptureRole::kHome);
   EXPECT_EQ(rows[0].line, 2);
   EXPECT_EQ(rows[0].pose.translation, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(rows[1].image, "a.png");
-  EXPECT_EQ(rows[1].role, "");
+  EXPECT_EQ(rows[1].role, CaptureRole::kNone);
   EXPECT_NEAR(RotationAngle(rows[1].pose.rotation), kPi, kRoundOff);
 }
 
@@ -402,7 +402,7 @@ TEST(PoseFileTest, WritesWhatItReads) {
     for (int i = 0; i < 10; ++i) {
       PoseRow row;
       row.image = i == 0 ? "#odd, \"name\".png" : "image_" + std::to_string(i) + ".png";
-      row.role = i == 0 ? "home" : "";
+      row.role = i == 0 ? CaptureRole::kHome : CaptureRole::kNone;
       const Eigen::Vector3d rotation_vector = rng.NormalVector3();
       row.pose = Rigid3d(ExpRotation(rotation_vector), rng.NormalVector3());
       rows.push_back(row);

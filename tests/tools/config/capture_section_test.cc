@@ -135,8 +135,8 @@ TEST_F(CaptureSectionTest, RolesAndDirectionsAreRead) {
   Write("poses.csv", "image,x,y,z,qx,qy,qz,qw,role\n1.png,1,0,0,0,0,0,1,home\n2.png,2,0,0,0,0,0,1,rotate\n");
   const RunConfig config = Read("{images: images, poses: poses.csv, poses_are: gripper_from_base}");
   EXPECT_THAT(XsOf(config), ElementsAre(-1, -2));
-  EXPECT_EQ(config.data.captures[0].role, "home");
-  EXPECT_EQ(config.data.captures[1].role, "rotate");
+  EXPECT_EQ(config.data.captures[0].role, CaptureRole::kHome);
+  EXPECT_EQ(config.data.captures[1].role, CaptureRole::kRotate);
 }
 
 TEST_F(CaptureSectionTest, SaysWhyImagesAndRowsAreLeftOut) {

@@ -272,7 +272,7 @@ TEST_F(SceneFileTest, RefusesACameraFileWithoutAnImageSize) {
 
 std::vector<std::string> RolesOf(const std::vector<SimulatedPose>& poses) {
   std::vector<std::string> roles;
-  for (const SimulatedPose& pose : poses) roles.push_back(pose.role);
+  for (const SimulatedPose& pose : poses) roles.emplace_back(RoleName(pose.role));
   return roles;
 }
 

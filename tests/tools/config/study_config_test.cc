@@ -152,8 +152,8 @@ TEST_F(StudyConfigTest, CapturesIncludeTheTwoStepMotion) {
   ASSERT_THAT(study.cells, SizeIs(2));
   EXPECT_THAT(study.cells[0].poses, SizeIs(5));
   EXPECT_THAT(study.cells[1].poses, SizeIs(8));
-  EXPECT_EQ(study.cells[1].poses[4].role, "rotate");
-  EXPECT_EQ(study.cells[1].poses[5].role, "free");
+  EXPECT_EQ(study.cells[1].poses[4].role, CaptureRole::kRotate);
+  EXPECT_EQ(study.cells[1].poses[5].role, CaptureRole::kFree);
   Write("noise.yaml", "scenes:\n  steps: " + scene + "captures: 4\n");
   EXPECT_THAT(InputErrorOf([&] { ReadStudyConfig(folder_ / "noise.yaml"); }),
               HasSubstr("scenes.steps: has more captures in its two-step motion than requested"));

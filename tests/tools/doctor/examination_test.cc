@@ -82,12 +82,12 @@ TEST(ViewsOfPosesTest, GivenPosesAreTheOnlyCandidates) {
   config.data.setup = Setup::kEyeToHand;
   const Rigid3d base_from_gripper(ExpRotation({0.1, 0, 0}), {1, 0, 0});
   const Rigid3d camera_from_target(ExpRotation({0, 0.2, 0}), {0, 0, 0.5});
-  config.data.captures = {{"sample_0", "", "rotate", base_from_gripper}};
+  config.data.captures = {{"sample_0", "", CaptureRole::kRotate, base_from_gripper}};
   config.data.target_poses = {camera_from_target};
   const std::vector<ExaminedView> views = ViewsOfPoses(config.data);
   ASSERT_THAT(views, SizeIs(1));
   EXPECT_EQ(views[0].view.name, "sample_0");
-  EXPECT_EQ(views[0].view.role, "rotate");
+  EXPECT_EQ(views[0].view.role, CaptureRole::kRotate);
   EXPECT_THAT(views[0].camera_from_target, ElementsAre(IsNearPose(camera_from_target, 1e-12, 1e-12)));
   EXPECT_THAT(views[0].view.camera_mount_from_target_mount, IsNearPose(base_from_gripper, 1e-12, 1e-12));
   const std::vector<PoseCandidates> candidates = CandidatesOf(views);

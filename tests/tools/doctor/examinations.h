@@ -75,7 +75,7 @@ inline Examination ExaminationOf(const TestScene& scene, Setup setup) {
   config.data_files = {"detections.json"};
   for (const View& view : scene.views) {
     const Rigid3d base_from_gripper = BaseFromGripper(setup, view.camera_mount_from_target_mount);
-    config.data.captures.push_back({view.name, "", "", base_from_gripper});
+    config.data.captures.push_back({view.name, "", CaptureRole::kNone, base_from_gripper});
     config.pose_numbers.push_back(NumbersFromPose(config.pose_reading.format, base_from_gripper));
     CaptureDetection capture;
     capture.width_px = scene.camera.width_px;

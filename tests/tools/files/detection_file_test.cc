@@ -16,7 +16,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-Capture CaptureOf(const std::string& name) { return {name, "images/" + name, "", Rigid3d()}; }
+Capture CaptureOf(const std::string& name) { return {name, "images/" + name, CaptureRole::kNone, Rigid3d()}; }
 
 CaptureDetection DetectionOf(const std::vector<int>& ids, const std::vector<Eigen::Vector2d>& pixels) {
   CaptureDetection capture;

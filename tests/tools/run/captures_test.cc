@@ -40,7 +40,8 @@ Dataset DatasetOf(const std::vector<CaptureDetection>& detections) {
   dataset.camera_source = "camera.yaml";
   for (size_t i = 0; i < detections.size(); ++i) {
     const Rigid3d base_from_gripper(ExpRotation({0.1, 0, 0}), {static_cast<double>(i), 0, 1});
-    dataset.captures.push_back({std::to_string(i) + ".png", "", i == 0 ? "home" : "rotate", base_from_gripper});
+    dataset.captures.push_back(
+        {std::to_string(i) + ".png", "", i == 0 ? CaptureRole::kHome : CaptureRole::kRotate, base_from_gripper});
   }
   return dataset;
 }
@@ -105,7 +106,7 @@ TEST(ViewsTest, ViewsAreThoseOfTheCapturesInWhichTheTargetWasSeen) {
   const std::vector<View> views = ViewsOf(dataset, dataset.given_detections);
   ASSERT_THAT(views, SizeIs(1));
   EXPECT_EQ(views[0].name, "1.png");
-  EXPECT_EQ(views[0].role, "rotate");
+  EXPECT_EQ(views[0].role, CaptureRole::kRotate);
   EXPECT_THAT(views[0].camera_mount_from_target_mount, IsNearPose(dataset.captures[1].base_from_gripper, 1e-12, 1e-12));
   EXPECT_THAT(views[0].observations.ids, ElementsAre(0, 5));
   // Point 5 is the second one of the second row.

@@ -25,7 +25,7 @@ struct Set {
       size_t first = 0;
       while (digests[first] != digests[i]) ++first;
       const Rigid3d pose(Eigen::Quaterniond::Identity(), {0.1 * static_cast<double>(first), 0, 0});
-      dataset.captures.push_back({std::to_string(i) + ".png", "", "", pose});
+      dataset.captures.push_back({std::to_string(i) + ".png", "", CaptureRole::kNone, pose});
       CaptureDetection detection;
       detection.image_digest = digests[i];
       detection.detection.ids = {0, 1, 2};
@@ -80,7 +80,7 @@ TEST(FindOtherPoseTest, IsTheFirstCaptureWithAnotherPose) {
 
 TEST(LeaveOutSharedImagesTest, CopiesAreLeftOutButForTheFirst) {
   Set set({"a", "b", "a", "c", "a"});
-  set.dataset.captures[2].role = "rotate";
+  set.dataset.captures[2].role = CaptureRole::kRotate;
   const LeftOutCaptures left_out = set.LeaveOut();
   EXPECT_THAT(set.Names(), ElementsAre("0.png", "1.png", "3.png"));
   EXPECT_THAT(set.detections, SizeIs(3));
@@ -88,7 +88,7 @@ TEST(LeaveOutSharedImagesTest, CopiesAreLeftOutButForTheFirst) {
   EXPECT_THAT(left_out.indices, ElementsAre(2, 4));
   ASSERT_THAT(left_out.results, SizeIs(2));
   EXPECT_EQ(left_out.results[0].image, "2.png");
-  EXPECT_EQ(left_out.results[0].role, "rotate");
+  EXPECT_EQ(left_out.results[0].role, CaptureRole::kRotate);
   EXPECT_EQ(left_out.results[0].num_points, 3);
   EXPECT_FALSE(left_out.results[0].used);
   EXPECT_EQ(left_out.results[0].reason, "the same image as 0.png, byte by byte");

@@ -24,7 +24,7 @@ StudyConfig SmallStudy() {
     cell.camera = Camera{"pinhole", 640, 480, {600, 600, 320, 240}};
     cell.target.ids = {0};
     cell.target.points_in_target = Points3::Zero(3, 1);
-    cell.poses = {{"home", Rigid3d()}};
+    cell.poses = {{CaptureRole::kHome, Rigid3d()}};
     cell.pixel_sigma_px = 0.1 * (i + 1);
     study.cells.push_back(cell);
     study.labels.emplace_back();
@@ -135,7 +135,7 @@ INSTANTIATE_TEST_SUITE_P(
         Change{"HandEye",
                [](StudyConfig* study) { study->cells[0].hand_eye.camera_mount_from_camera.translation.x() = 1; }},
         Change{"Pose", [](StudyConfig* study) { study->cells[0].poses[0].camera_from_target.translation.x() = 1; }},
-        Change{"Role", [](StudyConfig* study) { study->cells[0].poses[0].role = ""; }},
+        Change{"Role", [](StudyConfig* study) { study->cells[0].poses[0].role = CaptureRole::kNone; }},
         Change{"Points", [](StudyConfig* study) { study->cells[0].target.points_in_target(0, 0) = 1; }},
         Change{"Radii", [](StudyConfig* study) { study->cells[0].target.radii_m = Eigen::VectorXd::Ones(1); }},
         Change{"Shape", [](StudyConfig* study) { study->cells[0].shape.params[0] = 1.01; }},

@@ -76,7 +76,7 @@ ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
     std::vector<Capture> captures;
     std::vector<CaptureDetection> detections;
     for (const ImportedCapture& capture : set.captures) {
-      captures.push_back({capture.name, capture.image, "", Rigid3d()});
+      captures.push_back({capture.name, capture.image, CaptureRole::kNone, Rigid3d()});
       CaptureDetection detection;
       detection.detection.ids = capture.ids;
       detection.detection.pixels = capture.pixels;
@@ -86,7 +86,8 @@ ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
     config += "  detections: detections.json\n";
   } else if (has_target_poses) {
     std::vector<PoseRow> rows;
-    for (const ImportedCapture& c : set.captures) rows.push_back({c.name, "", *c.camera_from_target, 0, {}});
+    for (const ImportedCapture& c : set.captures)
+      rows.push_back({c.name, CaptureRole::kNone, *c.camera_from_target, 0, {}});
     add("target_poses.csv", PoseFileText(rows, ros));
     config += "  target_poses: target_poses.csv\n";
   } else {
@@ -95,7 +96,11 @@ ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
   if (All(set, [](const ImportedCapture& capture) { return capture.base_from_gripper.has_value(); })) {
     std::vector<PoseRow> rows;
     for (const ImportedCapture& c : set.captures) {
-      rows.push_back({has_images || has_corners || has_target_poses ? c.name : "", "", *c.base_from_gripper, 0, {}});
+      rows.push_back({has_images || has_corners || has_target_poses ? c.name : "",
+                      CaptureRole::kNone,
+                      *c.base_from_gripper,
+                      0,
+                      {}});
     }
     add("poses.csv", PoseFileText(rows, ros));
     config += "  poses: poses.csv\n  pose_format: ros\n";

@@ -323,7 +323,7 @@ void Apply(const JudgedReading& best, Examination* examination) {
     view.view.camera_mount_from_target_mount.translation *=
         best.has_other_scale ? best.consistency.robot_scale
                              : MetresOf(best.unit) / MetresOf(best.reading.format.translation_unit);
-    view.view.role.clear();
+    view.view.role = CaptureRole::kNone;
     views.push_back(std::move(view));
   }
   examination->views = std::move(views);

@@ -46,7 +46,7 @@ class TargetCheckTest : public testing::Test {
   void AddImage(const cv::Mat& image, Examination* examination) const {
     const std::string name = std::to_string(examination->config.data.captures.size()) + ".png";
     cv::imwrite((folder_ / name).string(), image);
-    examination->config.data.captures.push_back({name, folder_ / name, "", Rigid3d()});
+    examination->config.data.captures.push_back({name, folder_ / name, CaptureRole::kNone, Rigid3d()});
   }
 
   TempFolder folder_;
