@@ -27,7 +27,7 @@ TEST(UnionFindTest, TheSmallestElementIdentifiesASet) {
   EXPECT_EQ(sets.Unite(4, 2), 2);
   EXPECT_EQ(sets.Unite(4, 3), 2);
   EXPECT_EQ(sets.Unite(3, 1), 1);
-  EXPECT_EQ(sets.Unite(3, 4), 1);  // They are united already.
+  EXPECT_EQ(sets.Unite(3, 4), 1);  // 3 and 4 are united already.
   EXPECT_EQ(sets.Root(4), 1);
   EXPECT_EQ(sets.Root(0), 0);
   EXPECT_FALSE(sets.IsRoot(2));

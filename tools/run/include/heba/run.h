@@ -37,7 +37,7 @@ struct LeftOut {
   std::string reason;  // One clause.
 };
 
-// What was recorded. Each capture has an image, or a detection that was made before, or a pose of the target that
+// The recorded data. Each capture has an image, or a detection that was made before, or a pose of the target that
 // others estimated.
 struct Dataset {
   std::string name;                                        // Is copied to the result.
