@@ -27,8 +27,9 @@ CaptureRole RoleFrom(const Rigid3d& base_from_home, const Rigid3d& base_from_gri
     for (const int axis : {0, 1}) {
       Eigen::Vector3d across = home_from_gripper.translation;
       across[axis] = 0;
-      if (across.norm() <= kStillM + kOffAxisRatio * distance_m)
+      if (across.norm() <= kStillM + kOffAxisRatio * distance_m) {
         return axis == 0 ? CaptureRole::kTranslateX : CaptureRole::kTranslateY;
+      }
     }
   }
   return CaptureRole::kFree;
@@ -45,8 +46,10 @@ std::vector<CaptureRole> FindTwoStepRoles(Setup setup, const std::vector<View>& 
     std::vector<CaptureRole> roles;
     for (const Rigid3d& pose : poses) roles.push_back(RoleFrom(home, pose));
     const auto count = [&](CaptureRole role) { return std::count(roles.begin(), roles.end(), role); };
-    if (count(CaptureRole::kTranslateX) == 0 || count(CaptureRole::kTranslateY) == 0 || count(CaptureRole::kRotate) < 2)
+    if (count(CaptureRole::kTranslateX) == 0 || count(CaptureRole::kTranslateY) == 0 ||
+        count(CaptureRole::kRotate) < 2) {
       continue;
+    }
     const std::ptrdiff_t in_motion = static_cast<std::ptrdiff_t>(roles.size()) - count(CaptureRole::kFree);
     if (in_motion <= most) continue;
     most = in_motion;

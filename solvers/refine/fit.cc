@@ -87,7 +87,7 @@ std::optional<NormalEquations> ProductsOf(const std::optional<KnownProducts>& kn
                                           const Loss& loss, double pixel_px) {
   if (!known || known->problem != problem || known->loss != &loss || known->noise.robot) return std::nullopt;
   if (known->noise.pixel_px == pixel_px) return known->products;
-  if (loss.name != "none") return std::nullopt;
+  if (loss.kind != LossKind::kNone) return std::nullopt;
   // Without a robust loss the pixel sigma is only a scale factor.
   NormalEquations products = known->products;
   products.matrix *= std::pow(known->noise.pixel_px / pixel_px, 2);

@@ -85,7 +85,7 @@ Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeParameters& free, const Loss&
   const double detector_px = TypicalDetectorSigma(fit.problem->views).value_or(0);
   if (fit.unmodelled_sigma_px) fit.problem = WeightedByCovariance(*fit.problem, *fit.unmodelled_sigma_px);
   // The estimate of plain least squares does not depend on the noise.
-  const bool is_least_squares = loss.name == "none" && !has_robot_noise && !options.camera_prior;
+  const bool is_least_squares = loss.kind == LossKind::kNone && !has_robot_noise && !options.camera_prior;
   constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {
     const ceres::Solver::Summary summary = MinimiseOnce(free, loss, scale, options, &fit);

@@ -66,7 +66,7 @@ void Whiten(const Observations& observations, Eigen::Index v_offset, Eigen::Matr
 }
 
 // Returns whether the points are weighted depending on their residuals.
-bool IsWeighted(const Loss& loss) { return loss.name != "none"; }
+bool IsWeighted(const Loss& loss) { return loss.kind != LossKind::kNone; }
 
 // Returns whether the rows of the points are those of the camera model: no discs, no whitening.
 bool IsPlain(const Observations& observations) {

@@ -22,6 +22,7 @@ extern "C" {
 
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
+#include "heba/config/yaml_reader.h"
 #include "heba/target.h"
 #include "targets/render/rendering.h"
 #include "tests/support/matchers.h"

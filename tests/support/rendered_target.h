@@ -14,7 +14,6 @@
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
 #include "heba/camera/camera.h"
-#include "heba/config/yaml_reader.h"
 #include "heba/detection.h"
 #include "heba/geometry/rigid3.h"
 #include "heba/target.h"
@@ -22,10 +21,7 @@
 
 namespace heba {
 
-inline std::unique_ptr<Target> MakeTarget(const std::string& yaml) {
-  MapReader reader(ParseYaml(yaml, "target.yaml"));
-  return CreateTarget(reader);
-}
+inline std::unique_ptr<Target> MakeTarget(const std::string& yaml) { return ParseTarget(yaml); }
 
 // Returns a camera with some distortion, because a target's own geometry must not rely on straight lines.
 inline Camera ImageCamera() { return {"brown5", 1000, 800, {900, 905, 502.3, 398.6, -0.1, 0.03, 1e-3, -5e-4, 0}}; }

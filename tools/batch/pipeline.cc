@@ -104,13 +104,7 @@ Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::p
   if (config.truth) data.truth = ReadTruth(*config.truth, data.setup);
   RunOptions options = config.options;
   options.num_threads = num_threads;
-  std::optional<CachedDetector> detector;
-  if (data.given_detections.empty() && data.target_poses.empty()) {
-    detector.emplace(config.target_used);
-    options.detect = [&](const std::filesystem::path& image, const std::optional<ImageSize>& expected) {
-      return detector->Detect(image, expected);
-    };
-  }
+  options.detect = CachedDetection(data, config.target_used);
   ConsoleObserver observer(data, console);
   const Outcome<RunOutput> run = Run(data, options, &observer);
   if (!run) return Failure{run.reason()};

@@ -30,7 +30,7 @@ std::string RunInputsText(const RunConfig& config) {
   nlohmann::ordered_json files;
   if (!config.poses_file.empty()) files["poses"] = DigestOrNothing(config.poses_file);
   for (const std::filesystem::path& file : config.data_files) files["data"].push_back(DigestOrNothing(file));
-  if (!config.camera_file.empty()) files["camera"] = DigestOrNothing(config.camera_file);
+  if (config.data.camera) files["camera"] = DigestOrNothing(config.data.camera_source);
   if (config.truth) files["truth"] = DigestOrNothing(*config.truth);
   json["files"] = files;
   json["images"] = nlohmann::ordered_json::array();

@@ -3,7 +3,10 @@
 include(CMakePackageConfigHelpers)
 set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/heba)
 get_property(components GLOBAL PROPERTY HEBA_LIBRARIES)
+set(builds_on "")
 foreach(component IN LISTS components)
+  get_property(others GLOBAL PROPERTY HEBA_${component}_BUILDS_ON)
+  string(APPEND builds_on "set(heba_${component}_builds_on ${others})\n")
   install(TARGETS heba_${component} EXPORT heba_${component}_export
           ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
           FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})

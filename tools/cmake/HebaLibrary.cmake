@@ -18,7 +18,11 @@ function(heba_add_library name)
   target_compile_features(${target} PUBLIC cxx_std_20)
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${name} POSITION_INDEPENDENT_CODE ON
                                              VERIFY_INTERFACE_HEADER_SETS ON)
+  # For the package: the libraries, each after those that it builds on.
   set_property(GLOBAL APPEND PROPERTY HEBA_LIBRARIES ${name})
+  list(FILTER ARG_DEPENDS INCLUDE REGEX "^heba::")
+  list(TRANSFORM ARG_DEPENDS REPLACE "^heba::" "")
+  set_property(GLOBAL PROPERTY HEBA_${name}_BUILDS_ON ${ARG_DEPENDS})
   # The private headers are checked as the public ones of a target that nothing links.
   add_library(${target}_private_headers INTERFACE)
   target_sources(${target}_private_headers INTERFACE FILE_SET HEADERS BASE_DIRS ${CMAKE_CURRENT_SOURCE_DIR}

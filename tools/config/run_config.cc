@@ -11,6 +11,7 @@
 #include "solvers/residuals/loss.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/robot_noise_config.h"
+#include "tools/run/captures.h"
 
 namespace heba {
 namespace {
@@ -40,14 +41,14 @@ void ReadTargetSection(MapReader& root, RunConfig* config) {
   for (size_t i = 0; i < config->data.given_detections.size(); ++i) {
     std::set<int> seen;
     for (const int id : config->data.given_detections[i].detection.ids) {
-      const std::string where = config->data_files.front().string() + ": " + config->data.captures[i].name + ": ";
+      const std::string where = config->data.detections_source + ": " + config->data.captures[i].name + ": ";
       if (known.count(id) == 0) throw InputError(where + "the target has no point " + std::to_string(id));
       if (!seen.insert(id).second) throw InputError(where + "point " + std::to_string(id) + " is listed twice");
     }
     for (const Eigen::Vector2d& pixel : config->data.given_detections[i].detection.pixels) {
       constexpr double kFarthestPx = 1e6;
       if (!(pixel.cwiseAbs().maxCoeff() <= kFarthestPx)) {
-        throw InputError(config->data_files.front().string() + ": " + config->data.captures[i].name +
+        throw InputError(config->data.detections_source + ": " + config->data.captures[i].name +
                          ": a point lies outside any possible image");
       }
     }
@@ -78,13 +79,11 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
   }
   if (const std::optional<ConfigValue> file = reader.Find("intrinsics")) {
     const fs::path path = reader.Path("intrinsics");
-    config->camera_file = path.string();
-    config->data.camera_source = config->camera_file;
+    config->data.camera_source = path.string();
     config->data.camera = AsModel(ReadCameraFile(path), model, *file);
     config->options.camera_model = config->data.camera->model;
   } else if (config->imported && config->imported->camera) {
-    config->camera_file = config->imported->files.front().string();
-    config->data.camera_source = config->camera_file;
+    config->data.camera_source = config->imported->files.front().string();
     config->data.camera = AsModel(*config->imported->camera, model, root.Get("captures"));
     config->options.camera_model = config->data.camera->model;
   } else {
@@ -94,17 +93,6 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
   reader.Record("model", YAML::Node(config->options.camera_model));
   reader.Finish();
   root.Record("camera", reader.used());
-}
-
-// Throws InputError if detections are given whose image size is not known.
-void CheckImageSize(const RunConfig& config) {
-  const Dataset& data = config.data;
-  if (data.camera && data.camera->width_px > 0) return;
-  for (const CaptureDetection& detection : data.given_detections) {
-    if (detection.width_px > 0 && detection.height_px > 0) continue;
-    throw InputError(data.detections_source +
-                     ": does not state the image size; provide a camera file that does (camera.intrinsics)");
-  }
 }
 
 // Reads "auto", "none" (or "exact"), or both sigmas.
@@ -125,16 +113,17 @@ void ReadRobotModel(MapReader* refine, RunConfig* config) {
 // Reads the prior of the intrinsics. `file`: the sigmas in the camera file, the default if it has any.
 void ReadIntrinsicsPrior(MapReader* refine, RunConfig* config) {
   const bool has_file = config->data.camera && !config->options.bundle.free_intrinsics.empty() && !config->imported;
-  std::optional<std::vector<double>> sigmas = has_file ? ReadCameraSigmas(config->camera_file) : std::nullopt;
+  std::optional<std::vector<double>> sigmas = has_file ? ReadCameraSigmas(config->data.camera_source) : std::nullopt;
   const std::string fallback = sigmas ? "file" : "none";
   if (refine->Choice("intrinsics_prior", {"none", "file"}, fallback) == "none") return;
   if (!sigmas) {
     const ConfigValue value = refine->Get("intrinsics_prior");
     if (!config->data.camera) value.Fail("needs a camera file (camera.intrinsics)");
-    if (config->options.bundle.free_intrinsics.empty())
+    if (config->options.bundle.free_intrinsics.empty()) {
       value.Fail("needs intrinsics that are free (refine.intrinsics)");
+    }
 
-    value.Fail("needs sigmas, which " + config->camera_file +
+    value.Fail("needs sigmas, which " + config->data.camera_source +
                " does not have (in heba's own form: std, as in the camera of a result.json)");
   }
   // Coefficients that the file's model does not have are unknown.
@@ -244,8 +233,9 @@ void ReadEvaluate(MapReader& root, RunConfig* config) {
   const std::optional<ConfigValue> value = root.Find("evaluate");
   MapReader reader(value ? *value : ConfigValue(empty, config->file, "evaluate"));
   config->options.folds = reader.Int("folds", {0, 1000000}, 5);
-  if (config->options.folds == 1)
+  if (config->options.folds == 1) {
     reader.Get("folds").Fail("one fold leaves no training data; use 0 for none, or at least 2");
+  }
   if (reader.Has("truth")) config->truth = reader.Path("truth");
   ReadRequirements(&reader, config);
   reader.Finish();
@@ -342,7 +332,10 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   ReadSetup(reader, &config);
   ReadTargetSection(reader, &config);
   ReadCameraSection(reader, &config);
-  CheckImageSize(config);
+  if (!config.data.given_detections.empty() && !IsImageSizeKnown(config.data)) {
+    throw InputError(config.data.detections_source +
+                     ": does not state the image size; provide a camera file that does (camera.intrinsics)");
+  }
   reader.Record("captures", captures_used);
   std::vector<std::string> seeds = HandEyeMethodNames();
   seeds.emplace_back(kBestSeed);

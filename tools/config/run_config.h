@@ -23,10 +23,10 @@ struct PoseReading {
 // The data set, the options of the run, and how the config states them.
 struct RunConfig {
   std::filesystem::path file;
-  Dataset data;  // Without Dataset::truth, which is read when the run begins.
+  // Without Dataset::truth, which is read when the run begins. The sources of camera and detections are files.
+  Dataset data;
   RunOptions options;
   std::string target_used;  // The target with every default filled in, as YAML.
-  std::string camera_file;  // Empty if the camera is estimated.
   std::filesystem::path poses_file;
   PoseReading pose_reading;
   std::vector<std::vector<double>> pose_numbers;  // Per capture, as in the poses file.

@@ -14,7 +14,7 @@ namespace heba {
 
 std::vector<CaptureDetection> Detections(const RunConfig& config, int num_threads, Verbosity verbosity) {
   ProgressObserver observer(verbosity);
-  return DetectWithCache(config.data, config.target_used, num_threads, &observer);
+  return DetectCaptures(config.data, CachedDetection(config.data, config.target_used), num_threads, &observer);
 }
 
 size_t NumSeen(const std::vector<CaptureDetection>& detections) {

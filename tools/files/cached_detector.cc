@@ -2,7 +2,6 @@
 
 #include "heba/base/error.h"
 #include "heba/config/yaml_reader.h"
-#include "tools/run/captures.h"
 #include "tools/run/digest.h"
 
 namespace heba {
@@ -45,16 +44,12 @@ CaptureDetection CachedDetector::Detect(const std::filesystem::path& image,
   return std::move(*detection);
 }
 
-std::vector<CaptureDetection> DetectWithCache(const Dataset& dataset, const std::string& target_used, int num_threads,
-                                              RunObserver* observer) {
-  std::optional<CachedDetector> detector;
-  if (dataset.given_detections.empty()) detector.emplace(target_used);
-  return DetectCaptures(
-      dataset,
-      [&](const std::filesystem::path& image, const std::optional<ImageSize>& expected) {
-        return detector->Detect(image, expected);
-      },
-      num_threads, observer);
+DetectFunction CachedDetection(const Dataset& dataset, const std::string& target_used) {
+  if (!dataset.given_detections.empty() || !dataset.target_poses.empty()) return {};
+  const auto detector = std::make_shared<const CachedDetector>(target_used);
+  return [detector](const std::filesystem::path& image, const std::optional<ImageSize>& expected) {
+    return detector->Detect(image, expected);
+  };
 }
 
 }  // namespace heba

@@ -6,7 +6,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "heba/run.h"
 #include "tools/files/detection_cache.h"
@@ -37,9 +36,8 @@ class CachedDetector {
   mutable std::atomic<bool> has_kept_ = false;
 };
 
-// Returns DetectCaptures (tools/run/captures.h) of a data set by a CachedDetector, which is created if there are images
-// to search.
-std::vector<CaptureDetection> DetectWithCache(const Dataset& dataset, const std::string& target_used, int num_threads,
-                                              RunObserver* observer);
+// Returns a function that detects by a CachedDetector, for RunOptions::detect and DetectCaptures; an empty one if the
+// data set has no images to search.
+DetectFunction CachedDetection(const Dataset& dataset, const std::string& target_used);
 
 }  // namespace heba

@@ -67,7 +67,7 @@ std::string SummaryCsv(const std::vector<BatchRun>& runs) {
       csv += CsvField(run.name) + ",true," + CsvField(estimate.reason) + "," + std::string(SetupName(result.setup)) +
              "," + result.target_type + "," + std::to_string(result.num_target_points) + "," +
              std::to_string(result.captures.size()) + "," + std::to_string(NumUsedCaptures(result)) + "," +
-             estimate.method + "," + std::string(kEstimateKindNames[static_cast<size_t>(estimate.kind)]) + "," +
+             estimate.method + "," + std::string(EstimateKindName(estimate.kind)) + "," +
              (estimate.ok ? "true" : "false") + "," + std::string(GradeName(result.verdict.grade));
       for (const Figure& figure : Figures()) {
         const std::optional<double> value = estimate.ok ? figure.value(estimate) : std::nullopt;

@@ -1,5 +1,6 @@
 #include "tools/run/captures.h"
 
+#include <algorithm>
 #include <mutex>
 
 #include "heba/base/error.h"
@@ -12,6 +13,8 @@ namespace {
 std::string SizeText(int width_px, int height_px) {
   return std::to_string(width_px) + " x " + std::to_string(height_px);
 }
+
+bool StatesSize(const CaptureDetection& detection) { return detection.width_px > 0 && detection.height_px > 0; }
 
 // Throws InputError unless all detections have the same image size.
 void CheckSizes(const Dataset& dataset, const std::vector<CaptureDetection>& detections) {
@@ -28,12 +31,12 @@ void CheckSizes(const Dataset& dataset, const std::vector<CaptureDetection>& det
 
 // Returns the given detections with the size of their images or, if that is not stated, of the camera's.
 std::vector<CaptureDetection> GivenDetections(const Dataset& dataset) {
+  if (!IsImageSizeKnown(dataset)) {
+    throw InputError(dataset.detections_source + ": does not state the image size; provide a camera that does");
+  }
   std::vector<CaptureDetection> detections = dataset.given_detections;
   for (CaptureDetection& detection : detections) {
-    if (detection.width_px > 0 && detection.height_px > 0) continue;
-    if (!dataset.camera || dataset.camera->width_px == 0) {
-      throw InputError(dataset.detections_source + ": does not state the image size; provide a camera that does");
-    }
+    if (StatesSize(detection)) continue;
     detection.width_px = dataset.camera->width_px;
     detection.height_px = dataset.camera->height_px;
   }
@@ -58,6 +61,11 @@ void StageReport::Step() {
 
 void EndIfCancelled(RunObserver* observer) {
   if (observer != nullptr && observer->IsCancelled()) throw Cancelled();
+}
+
+bool IsImageSizeKnown(const Dataset& dataset) {
+  return (dataset.camera && dataset.camera->width_px > 0) ||
+         std::all_of(dataset.given_detections.begin(), dataset.given_detections.end(), StatesSize);
 }
 
 std::vector<CaptureDetection> DetectCaptures(const Dataset& dataset, const DetectFunction& detect, int num_threads,

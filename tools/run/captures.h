@@ -29,6 +29,9 @@ class StageReport {
 // Throws Cancelled if the run is to end.
 void EndIfCancelled(RunObserver* observer);
 
+// Returns whether the size of the images is known without any: whether each given detection states it, or the camera.
+bool IsImageSizeKnown(const Dataset& dataset);
+
 // Detects the target in all captures by `detect`, or returns the given detections. Throws InputError if images cannot
 // be read or differ in size.
 std::vector<CaptureDetection> DetectCaptures(const Dataset& dataset, const DetectFunction& detect, int num_threads,

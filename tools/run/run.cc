@@ -30,6 +30,19 @@ bool IsAtLeastAsGood(const Calibration& second, const Calibration& first) {
          second.refined->pixel_sigma_px <= kMaxRise * first.refined->pixel_sigma_px;
 }
 
+// Throws InputError if the data set is incomplete.
+void CheckDataset(const Dataset& dataset) {
+  const auto check_count = [&](size_t count, const std::string& what) {
+    if (count == 0 || count == dataset.captures.size()) return;
+    throw InputError("the data set has " + std::to_string(dataset.captures.size()) + " captures, but " +
+                     std::to_string(count) + " " + what);
+  };
+  if (dataset.captures.empty()) throw InputError("the data set has no captures");
+  check_count(dataset.given_detections.size(), "detections");
+  check_count(dataset.target_poses.size(), "poses of the target");
+  if (!dataset.target && dataset.target_poses.empty()) throw InputError("the data set has no target");
+}
+
 // Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
 Outcome<RunOutput> RunOnPoses(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
   RunOutput output;
@@ -120,6 +133,7 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& opti
 
 Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObserver* observer) {
   const Stopwatch total;
+  CheckDataset(dataset);
   try {
     Outcome<RunOutput> output =
         dataset.target_poses.empty() ? RunOnImages(dataset, options, observer) : RunOnPoses(dataset, options, observer);

@@ -38,7 +38,9 @@ inline constexpr const char* kChainMethod = "chain";
 inline constexpr const char* kBundleMethod = "bundle";
 
 enum class EstimateKind { kClosedForm, kRefined };
-inline constexpr std::string_view kEstimateKindNames[] = {"closed_form", "refined"};
+inline std::string_view EstimateKindName(EstimateKind kind) {
+  return kind == EstimateKind::kClosedForm ? "closed_form" : "refined";
+}
 
 // The estimate of one method.
 struct Estimate {

@@ -127,7 +127,7 @@ std::optional<Tangent6> CorrectionOf(const CaptureResult& capture) {
 Json EstimateJson(const Estimate& estimate, Setup setup) {
   Json json;
   json["method"] = estimate.method;
-  json["kind"] = kEstimateKindNames[static_cast<size_t>(estimate.kind)];
+  json["kind"] = EstimateKindName(estimate.kind);
   json["ok"] = estimate.ok;
   json["reason"] = estimate.reason;
   const Solution* solution = estimate.solution ? &*estimate.solution : nullptr;

@@ -183,7 +183,7 @@ Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
 EstimateKind ReadKind(const JsonReader& reader) {
   const std::string name = reader.Text();
   for (const EstimateKind kind : {EstimateKind::kClosedForm, EstimateKind::kRefined}) {
-    if (kEstimateKindNames[static_cast<size_t>(kind)] == name) return kind;
+    if (EstimateKindName(kind) == name) return kind;
   }
   reader.Fail("the kind is unknown; one of: closed_form, refined");
 }
@@ -217,7 +217,8 @@ CaptureResult ReadCapture(const JsonReader& reader) {
   CaptureResult capture;
   capture.image = reader.Get("image").Text();
   const std::optional<CaptureRole> role = FindCaptureRole(reader.Get("role").Text());
-  if (!role) reader.Get("role").Fail("the role is unknown");
+  if (!role)
+    reader.Get("role").Fail("the role is unknown; one of: home, translate_x, translate_y, rotate, free; or empty");
   capture.role = *role;
   capture.num_points = reader.Get("points").Int(0, kMostCounted);
   capture.num_second_pass = reader.Get("points_second_pass").Int(0, kMostCounted);

@@ -7,10 +7,10 @@
 #include <utility>
 #include <vector>
 
-#include "heba/config/yaml_reader.h"
 #include "heba/detection.h"
 #include "heba/io/pose_formats.h"
 #include "heba/target.h"
+#include "tests/support/datasets.h"
 #include "tests/support/scenes.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
@@ -24,10 +24,7 @@ namespace heba {
 // A chessboard without symmetry.
 inline constexpr const char* kChessboardYaml = "{type: chessboard, rows: 5, columns: 8, square: 25 mm}";
 
-inline std::shared_ptr<const Target> TargetOfYaml(const std::string& yaml) {
-  MapReader reader(ParseYaml(yaml, "target.yaml"));
-  return CreateTarget(reader);
-}
+inline std::shared_ptr<const Target> TargetOfYaml(const std::string& yaml) { return ParseTarget(yaml); }
 
 struct SimulatedSetOptions {
   int num_captures = 12;
@@ -60,33 +57,20 @@ inline Examination ExaminationOf(const TestScene& scene, Setup setup) {
   Examination examination;
   RunConfig& config = examination.config;
   config.file = "cell.yaml";
-  config.data.name = "cell";
-  config.data.setup = setup;
-  config.data.target = TargetOfYaml(kChessboardYaml);
+  config.data = DatasetOf(scene, setup, TargetOfYaml(kChessboardYaml));
   config.target_used = kChessboardYaml;
-  config.data.camera = scene.camera;
   config.options.camera_model = scene.camera.model;
-  config.camera_file = config.data.camera_source = "camera.yaml";
+  config.data.camera_source = "camera.yaml";
   config.poses_file = "poses.csv";
   config.pose_reading.format = *FindPoseFormat("ros");
   config.options.choose = {};
   config.options.choose_camera_model = false;
   config.options.folds = 0;
   config.data_files = {"detections.json"};
-  for (const View& view : scene.views) {
-    const Rigid3d base_from_gripper = BaseFromGripper(setup, view.camera_mount_from_target_mount);
-    config.data.captures.push_back({view.name, "", CaptureRole::kNone, base_from_gripper});
-    config.pose_numbers.push_back(NumbersFromPose(config.pose_reading.format, base_from_gripper));
-    CaptureDetection capture;
-    capture.width_px = scene.camera.width_px;
-    capture.height_px = scene.camera.height_px;
-    capture.detection.ids = view.observations.ids;
-    for (Eigen::Index i = 0; i < view.observations.pixels.cols(); ++i) {
-      capture.detection.pixels.emplace_back(view.observations.pixels.col(i));
-    }
-    examination.detections.push_back(capture);
+  for (const Capture& capture : config.data.captures) {
+    config.pose_numbers.push_back(NumbersFromPose(config.pose_reading.format, capture.base_from_gripper));
   }
-  config.data.given_detections = examination.detections;
+  examination.detections = config.data.given_detections;
   examination.camera = scene.camera;
   examination.verbosity = Verbosity::kQuiet;
   ExamineAgain(&examination);

@@ -8,7 +8,6 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "heba/base/units.h"
-#include "heba/config/yaml_reader.h"
 #include "tests/support/input_error.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temp_folder.h"
@@ -33,8 +32,7 @@ CaptureDetection DetectionOf(int width_px, int height_px, const std::vector<int>
 // Returns a data set of captures whose detections are given.
 Dataset DatasetOf(const std::vector<CaptureDetection>& detections) {
   Dataset dataset;
-  MapReader reader(ParseYaml(kTarget, "target.yaml"));
-  dataset.target = CreateTarget(reader);
+  dataset.target = ParseTarget(kTarget);
   dataset.given_detections = detections;
   dataset.detections_source = "detections.json";
   dataset.camera_source = "camera.yaml";

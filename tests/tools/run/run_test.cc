@@ -1,16 +1,14 @@
 // Tests of heba/run.h.
 #include "heba/run.h"
 
+#include <memory>
 #include <string>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "heba/base/rng.h"
-#include "heba/base/units.h"
-#include "heba/config/yaml_reader.h"
-#include "heba/data/prediction.h"
+#include "tests/support/datasets.h"
 #include "tests/support/input_error.h"
 #include "tests/support/matchers.h"
 
@@ -21,42 +19,32 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::SizeIs;
 
-const HandEye kHandEye = {Rigid3d(ExpRotation({0.1, -0.2, 0.3}), {0.05, -0.02, 0.1}),
-                          Rigid3d(ExpRotation({0.2, 0.1, -0.3}), {0.6, 0.1, 0.02})};
+// A carried camera, with a noise of 0.1 px.
+TestScene SimulatedScene(const Target& target) {
+  TestSceneOptions options;
+  options.setup = Setup::kEyeInHand;
+  options.camera = {"pinhole", 1280, 960, {1000, 1000, 640, 480}};
+  options.num_captures = 14;
+  options.noise_px = 0.1;
+  options.points = AllPoints(target).points_in_target;
+  return MakeTestScene(5, options);
+}
 
-// Returns the captures of a carried camera with their detections, with a noise of 0.1 px.
+std::shared_ptr<const Target> Chessboard() {
+  return ParseTarget("{type: chessboard, rows: 6, columns: 9, square: 20 mm}");
+}
+
+// Returns the data set of the scene, with images named 0.png, 1.png, ... that have different digests.
 Dataset SimulatedDataset() {
-  Dataset dataset;
-  dataset.name = "cell";
-  dataset.setup = Setup::kEyeInHand;
-  MapReader reader(ParseYaml("{type: chessboard, rows: 6, columns: 9, square: 20 mm}", "target.yaml"));
-  dataset.target = CreateTarget(reader);
-  dataset.camera = Camera{"pinhole", 1280, 960, {1000, 1000, 640, 480}};
-  const Observations points = AllPoints(*dataset.target);
-  Rng rng(5);
-  for (int i = 0; i < 14; ++i) {
-    const auto uniform = [&] { return 2 * rng.Uniform() - 1; };
-    const Rigid3d camera_from_target(ExpRotation({0.4 * uniform(), 0.4 * uniform(), uniform()}),
-                                     {-0.08 + 0.03 * uniform(), -0.05 + 0.03 * uniform(), 0.5 + 0.1 * uniform()});
-    // M of an eye-in-hand camera is gripper_from_base.
-    const Rigid3d gripper_from_base =
-        kHandEye.camera_mount_from_camera * camera_from_target * Inverse(kHandEye.target_mount_from_target);
-    const std::string name = std::to_string(i) + ".png";
-    dataset.captures.push_back({name, "", {}, Inverse(gripper_from_base)});
-    CaptureDetection detection;
-    detection.width_px = 1280;
-    detection.height_px = 960;
-    for (Eigen::Index k = 0; k < points.size(); ++k) {
-      const Eigen::Vector3d in_camera = camera_from_target * Eigen::Vector3d(points.points_in_target.col(k));
-      const std::optional<Eigen::Vector2d> pixel = ProjectPoint(*dataset.camera, in_camera);
-      detection.detection.ids.push_back(points.ids[static_cast<size_t>(k)]);
-      detection.detection.pixels.push_back(*pixel + 0.1 * Eigen::Vector2d(rng.Normal(), rng.Normal()));
-    }
-    detection.image_digest = name;
-    dataset.given_detections.push_back(std::move(detection));
+  const std::shared_ptr<const Target> target = Chessboard();
+  Dataset dataset = DatasetOf(SimulatedScene(*target), Setup::kEyeInHand, target);
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    dataset.captures[i].name = dataset.given_detections[i].image_digest = std::to_string(i) + ".png";
   }
   return dataset;
 }
+
+HandEye TrueHandEye() { return SimulatedScene(*Chessboard()).hand_eye; }
 
 RunOptions FixedCamera() {
   RunOptions options;
@@ -91,12 +79,13 @@ class Recorder : public RunObserver {
 
 TEST(RunTest, FindsTheHandEyePoseAndItsErrors) {
   Dataset dataset = SimulatedDataset();
-  dataset.truth = Truth{kHandEye.camera_mount_from_camera, kHandEye.target_mount_from_target, dataset.camera};
+  dataset.truth = Truth{TrueHandEye().camera_mount_from_camera, TrueHandEye().target_mount_from_target, dataset.camera};
   const Outcome<RunOutput> run = heba::Run(dataset, FixedCamera());
   ASSERT_TRUE(run.ok()) << run.reason();
   const Estimate* const refined = FindRefined(run->result);
   ASSERT_NE(refined, nullptr);
-  EXPECT_THAT(refined->hand_eye.camera_mount_from_camera, IsNearPose(kHandEye.camera_mount_from_camera, 5e-4, 1e-3));
+  EXPECT_THAT(refined->hand_eye.camera_mount_from_camera,
+              IsNearPose(TrueHandEye().camera_mount_from_camera, 5e-4, 1e-3));
   ASSERT_TRUE(refined->errors.truth.has_value());
   EXPECT_LT(refined->errors.truth->hand_eye_mm, 0.5);
   EXPECT_GT(refined->errors.truth->hand_eye_mm, 0);
@@ -150,7 +139,7 @@ TEST(RunTest, CalibratesFromPosesOfTheTarget) {
   Dataset dataset = SimulatedDataset();
   for (const Capture& capture : dataset.captures) {
     dataset.target_poses.push_back(
-        CameraFromTarget(kHandEye, CameraMountFromTargetMount(dataset.setup, capture.base_from_gripper)));
+        CameraFromTarget(TrueHandEye(), CameraMountFromTargetMount(dataset.setup, capture.base_from_gripper)));
   }
   dataset.given_detections.clear();
   dataset.camera.reset();
@@ -159,7 +148,7 @@ TEST(RunTest, CalibratesFromPosesOfTheTarget) {
   ASSERT_TRUE(run.ok()) << run.reason();
   ASSERT_TRUE(run->calibration.chain.ok());
   EXPECT_THAT(run->calibration.chain->hand_eye.camera_mount_from_camera,
-              IsNearPose(kHandEye.camera_mount_from_camera, 1e-7, 1e-7));
+              IsNearPose(TrueHandEye().camera_mount_from_camera, 1e-7, 1e-7));
   EXPECT_THAT(run->detections, SizeIs(0));
 }
 
@@ -167,6 +156,20 @@ TEST(RunTest, FailsWhereNothingWasDetected) {
   Dataset dataset = SimulatedDataset();
   for (CaptureDetection& capture : dataset.given_detections) capture.detection = {};
   EXPECT_THAT(heba::Run(dataset, FixedCamera()).reason(), HasSubstr("not detected in any of the 14 images"));
+}
+
+TEST(RunTest, RefusesAnIncompleteDataset) {
+  const auto error_of = [](const auto& spoil) {
+    Dataset dataset = SimulatedDataset();
+    spoil(&dataset);
+    return InputErrorOf([&] { (void)heba::Run(dataset, FixedCamera()); });
+  };
+  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->captures.clear(); }), "the data set has no captures");
+  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->target.reset(); }), "the data set has no target");
+  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->given_detections.pop_back(); }),
+            "the data set has 14 captures, but 13 detections");
+  EXPECT_EQ(error_of([](Dataset* dataset) { dataset->target_poses.resize(3); }),
+            "the data set has 14 captures, but 3 poses of the target");
 }
 
 TEST(RunTest, RefusesACameraOfAnotherSize) {

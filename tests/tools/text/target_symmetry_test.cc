@@ -5,15 +5,10 @@
 
 #include <gtest/gtest.h>
 
-#include "heba/config/yaml_reader.h"
-
 namespace heba {
 namespace {
 
-std::unique_ptr<Target> TargetOf(const std::string& yaml) {
-  MapReader reader(ParseYaml(yaml, "target.yaml"));
-  return CreateTarget(reader);
-}
+std::unique_ptr<Target> TargetOf(const std::string& yaml) { return ParseTarget(yaml); }
 
 TEST(TargetSymmetryTest, ATargetWithOneOrientationHasNoText) {
   for (const char* yaml :

@@ -75,7 +75,7 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
   CheckCameraByHeader(config.data);
   ProgressObserver observer(verbosity);
   const std::vector<CaptureDetection> detections =
-      DetectWithCache(config.data, config.target_used, NumThreads(), &observer);
+      DetectCaptures(config.data, CachedDetection(config.data, config.target_used), NumThreads(), &observer);
   FitCameraToImages(detections.front(), &config.data);
   const std::optional<Camera> camera = FittedCamera(config, detections);
   const std::string through =

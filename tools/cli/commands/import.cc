@@ -86,8 +86,9 @@ ImportedFiles FilesOf(const ImportedSet& set, const fs::path& output) {
     config += "  detections: detections.json\n";
   } else if (has_target_poses) {
     std::vector<PoseRow> rows;
-    for (const ImportedCapture& c : set.captures)
+    for (const ImportedCapture& c : set.captures) {
       rows.push_back({c.name, CaptureRole::kNone, *c.camera_from_target, 0, {}});
+    }
     add("target_poses.csv", PoseFileText(rows, ros));
     config += "  target_poses: target_poses.csv\n";
   } else {

@@ -67,8 +67,9 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
   const double wider = static_cast<double>(image.width_px) / given.width_px;
   const double higher = static_cast<double>(image.height_px) / given.height_px;
   Symptom symptom{Severity::kWrong, "camera_size",
-                  examination->config.camera_file + " is for images of " + SizeText(given.width_px, given.height_px) +
-                      ", but these are " + SizeText(image.width_px, image.height_px),
+                  examination->config.data.camera_source + " is for images of " +
+                      SizeText(given.width_px, given.height_px) + ", but these are " +
+                      SizeText(image.width_px, image.height_px),
                   ""};
   constexpr double kSame = 0.01;
   const Camera scaled = OfSize(Scaled(given, wider), image);
@@ -131,7 +132,7 @@ std::vector<Symptom> Check_camera(Examination* examination) {
     if (kDecidedly * then->typical_misfit_m >= by_robot->typical_misfit_m) continue;
     examination->camera = scaled;
     return {{Severity::kWrong, "camera_scale",
-             "the intrinsics of " + config.camera_file + " are for images " + (factor > 1 ? "half" : "twice") +
+             "the intrinsics of " + config.data.camera_source + " are for images " + (factor > 1 ? "half" : "twice") +
                  " as large: with " + Fixed(factor, 1) +
                  " times the focal length and principal point, robot and images differ by " + MisfitText(*then) +
                  ", with the given ones by " + MisfitText(*by_robot),

@@ -128,8 +128,9 @@ inline constexpr const char* kCancelled = "the run was cancelled";
 
 // Detects the target in the images, calibrates, searches the images again for points that were missed, and assesses
 // the result on held-out captures (docs/estimation.md). With `target_poses`, it calibrates from these poses. `observer`
-// may be null. Returns a Failure if the result cannot be trusted, or if the run was cancelled. Throws InputError if an
-// image cannot be read, if images differ in size, or if the camera is not for images of that size.
+// may be null. Returns a Failure if the result cannot be trusted, or if the run was cancelled. Throws InputError if the
+// data set is incomplete, if an image cannot be read, if images differ in size, or if the camera is not for images of
+// that size.
 Outcome<RunOutput> Run(const Dataset& dataset, const RunOptions& options, RunObserver* observer = nullptr);
 
 // Detects a target in an image (DetectCapture) and computes the digest of the image, by which Run recognises captures
