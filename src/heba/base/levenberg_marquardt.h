@@ -14,6 +14,8 @@ namespace heba {
 
 struct LevenbergMarquardtOptions {
   int max_iterations = 50;  // Number of steps that decrease the cost.
+  // Number of steps that are tried, which bounds the time where many steps do not decrease the cost.
+  int max_tries = std::numeric_limits<int>::max();
   // The damping is relative to the diagonal of the normal matrix (Marquardt 1963). It is divided by 10 after a step
   // that decreases the cost, and multiplied by 10 otherwise.
   double initial_damping = 1e-4;
@@ -25,6 +27,9 @@ struct LevenbergMarquardtOptions {
   double small_drop = 1e-12;
   // The promise of a step is trusted at lower damping only: strong damping shortens every step.
   double trusted_damping = std::numeric_limits<double>::infinity();
+  // False if only a small promise ends the iteration. A caller that then takes the remaining step needs this: its error
+  // is quadratic in that step, which is unknown after a step that decreased the cost by little.
+  bool ends_after_small_drop = true;
 };
 
 // The end of an iteration.
@@ -53,7 +58,8 @@ auto MinimiseSquares(const LevenbergMarquardtOptions& options, const TryStep& tr
                      const StopsAt& stops_at = {}) -> LevenbergMarquardtEnd<std::decay_t<decltype(point->gradient)>> {
   using Step = std::decay_t<decltype(point->gradient)>;
   double damping = options.initial_damping;
-  for (int iteration = 0; iteration < options.max_iterations;) {
+  int num_iterations = 0;
+  for (int num_tries = 0; num_iterations < options.max_iterations && num_tries < options.max_tries; ++num_tries) {
     auto damped = point->normal;
     damped.diagonal() *= 1 + damping;
     const Step step = -damped.ldlt().solve(point->gradient);
@@ -65,8 +71,8 @@ auto MinimiseSquares(const LevenbergMarquardtOptions& options, const TryStep& tr
       const double drop = point->cost - next->cost;
       *point = std::move(*next);
       damping = std::max(options.least_damping, 0.1 * damping);
-      ++iteration;
-      if (drop < least_drop || stops_at(*point)) break;
+      ++num_iterations;
+      if ((options.ends_after_small_drop && drop < least_drop) || stops_at(*point)) break;
     } else {
       damping = std::max(options.least_raised_damping, 10 * damping);
       if (damping > options.most_damping) break;

@@ -85,6 +85,51 @@ TEST(LevenbergMarquardtTest, StopsWhereItIsTold) {
   EXPECT_GT(point.cost, 1e-3);
 }
 
+TEST(LevenbergMarquardtTest, CountsTheStepsThatAreTried) {
+  LevenbergMarquardtOptions options;
+  options.max_tries = 3;
+  int num_tries = 0;
+  ValleyPoint point = At({-1.2, 1});
+  const auto refuse = [&](const ValleyPoint&, const Eigen::Vector2d&) {
+    ++num_tries;
+    return std::optional<ValleyPoint>();
+  };
+  const auto end = MinimiseSquares(options, refuse, &point);
+  EXPECT_EQ(num_tries, 3);
+  EXPECT_EQ(point.at, Eigen::Vector2d(-1.2, 1));
+  EXPECT_TRUE(end.is_finite);
+  EXPECT_FALSE(end.remaining_step.has_value());
+}
+
+// Strong damping makes the first steps short: they decrease the cost by little although the minimum is far.
+TEST(LevenbergMarquardtTest, GoesOnAfterASmallDropIfOnlyThePromiseCounts) {
+  // The cost at the minimum is 1, so that a share of it can be small.
+  const auto at = [](const Eigen::Vector2d& position) {
+    ValleyPoint point = At(position);
+    point.cost += 1;
+    return point;
+  };
+  const auto try_step = [&](const ValleyPoint& from, const Eigen::Vector2d& step) {
+    return std::optional<ValleyPoint>(at(from.at + step));
+  };
+  LevenbergMarquardtOptions options;
+  options.initial_damping = 1e4;
+  options.small_drop = 1e-2;
+  options.trusted_damping = 1e-6;
+  const ValleyPoint start = at({-1.2, 1});
+  ValleyPoint point = start;
+  const auto early = MinimiseSquares(options, try_step, &point);
+  EXPECT_GT(point.cost, 0.9 * start.cost);
+  EXPECT_FALSE(early.remaining_step.has_value());
+
+  options.ends_after_small_drop = false;
+  point = start;
+  const auto late = MinimiseSquares(options, try_step, &point);
+  EXPECT_LT(point.cost, 1 + 2 * options.small_drop);
+  ASSERT_TRUE(late.remaining_step.has_value());
+  EXPECT_LE(-late.remaining_step->dot(point.gradient), options.small_drop * point.cost);
+}
+
 TEST(LevenbergMarquardtTest, ReportsAStepThatIsNotFinite) {
   ValleyPoint point = At({-1.2, 1});
   point.gradient.x() = std::numeric_limits<double>::quiet_NaN();
