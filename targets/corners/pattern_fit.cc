@@ -8,6 +8,7 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "heba/base/levenberg_marquardt.h"
 #include "heba/base/median.h"
 #include "targets/corners/pattern_map.h"
 #include "targets/corners/pattern_rows.h"
@@ -139,8 +140,9 @@ class Fitter {
   }
 
  private:
-  // The normal equations of the free parameters.
+  // The normal equations of the free parameters at `params`.
   struct Equations {
+    PatternParams params;
     Eigen::MatrixXd normal;
     Eigen::VectorXd gradient;
     double cost = 0;  // Half the sum of Huber's rho.
@@ -159,54 +161,55 @@ class Fitter {
     double sigmas;  // Mahalanobis length of the step, given the noise.
   };
 
-  // Minimises the cost by Levenberg-Marquardt until the steps are negligible. Returns false if a step is not finite.
+  // Minimises the cost until the steps are negligible. Returns false if a step is not finite.
   bool Descend(Equations here, double huber_grey, const SmallStep& small) {
-    constexpr int kMaxIterations = 30;
-    constexpr double kMaxDamping = 1e4;
-    double damping = 1e-4;
-    result_ = std::move(here);
-    for (int iteration = 0; iteration < kMaxIterations && damping < kMaxDamping; ++iteration) {
-      const PatternParams before = params_;
-      const auto move = [&](const Eigen::VectorXd& step) {
-        for (size_t k = 0; k < sought_.size(); ++k) params_[sought_[k]] += step[static_cast<Eigen::Index>(k)];
-        params_[kBlur] = std::max(params_[kBlur], kMinBlurPx);
-      };
-      // Convergence is judged by the undamped step: damping shortens steps along poorly determined directions.
-      if (params_[kBlur] <= kMinBlurPx) HoldBlur(&result_);
-      const Eigen::VectorXd whole = result_.normal.ldlt().solve(-result_.gradient);
-      if (!whole.allFinite()) return false;
-      const double variance = 2 * result_.cost / Dof();
+    LevenbergMarquardtOptions options;
+    options.max_tries = 30;
+    options.least_damping = 1e-7;
+    options.most_damping = 3e3;
+    options.small_drop = 0;
+    const auto moved = [&](PatternParams params, const Eigen::VectorXd& step) {
+      for (size_t k = 0; k < sought_.size(); ++k) params[sought_[k]] += step[static_cast<Eigen::Index>(k)];
+      params[kBlur] = std::max(params[kBlur], kMinBlurPx);
+      return params;
+    };
+    const auto try_step = [&](const Equations& from, const Eigen::VectorXd& step) {
+      params_ = moved(from.params, step);
+      std::optional<Equations> there = IsPossible() ? Linearise(huber_grey) : std::nullopt;
+      if (there) HoldBlur(&*there);
+      if (there && there->cost <= from.cost) rows_.Keep();  // The step is taken; the next maps are near this one.
+      return there;
+    };
+    // Convergence is judged by the undamped step: damping shortens steps along poorly determined directions.
+    Eigen::VectorXd whole;
+    bool has_converged = false;
+    const auto stops_at = [&](const Equations& at) {
+      whole = at.normal.ldlt().solve(-at.gradient);
+      if (!whole.allFinite()) return true;
+      const double variance = 2 * at.cost / Dof();
       const double move_px = LargestMovePx(whole);
       // A move larger than this must be evaluated, however uncertain it is.
       constexpr double kMostUnseenPx = 0.3;
       const bool is_in_noise =
-          move_px < kMostUnseenPx && -result_.gradient.dot(whole) < small.sigmas * small.sigmas * variance;
-      if (move_px < small.move_px || is_in_noise) {
-        // The error that remains is quadratic in the step.
-        move(whole);
-        if (!IsPossible()) params_ = before;
-        return true;
-      }
-      Eigen::MatrixXd normal = result_.normal;
-      normal.diagonal() *= 1 + damping;
-      const Eigen::VectorXd step = normal.ldlt().solve(-result_.gradient);
-      if (!step.allFinite()) return false;
-      move(step);
-      std::optional<Equations> there = IsPossible() ? Linearise(huber_grey) : std::nullopt;
-      if (there && there->cost <= result_.cost) {
-        damping = std::max(1e-7, 0.1 * damping);
-        result_ = std::move(*there);
-        rows_.Keep();
-      } else {
-        params_ = before;
-        damping *= 10;
-      }
+          move_px < kMostUnseenPx && -at.gradient.dot(whole) < small.sigmas * small.sigmas * variance;
+      has_converged = move_px < small.move_px || is_in_noise;
+      return has_converged;
+    };
+    HoldBlur(&here);
+    result_ = std::move(here);
+    const bool is_finite = stops_at(result_) || MinimiseSquares(options, try_step, &result_, stops_at).is_finite;
+    params_ = result_.params;
+    if (has_converged) {
+      // The error that remains is quadratic in the step.
+      params_ = moved(result_.params, whole);
+      if (!IsPossible()) params_ = result_.params;
     }
-    return true;
+    return is_finite && whole.allFinite();
   }
 
   // Removes the blur from the equations if it is at its lower bound and would decrease further.
   void HoldBlur(Equations* equations) const {
+    if (equations->params[kBlur] > kMinBlurPx) return;
     const Eigen::Index blur = std::find(sought_.begin(), sought_.end(), kBlur) - sought_.begin();
     if (equations->gradient[blur] <= 0) return;
     equations->gradient[blur] = 0;
@@ -247,8 +250,9 @@ class Fitter {
 
   Equations EquationsOf(const PatternSums& sums) const {
     const Eigen::Index n = NumSought();
-    Equations equations{sums.products.topLeftCorner(n, n), sums.products.col(n).head(n), sums.cost, sums.residuals,
-                        sums.at_edges};
+    Equations equations{
+        params_,      sums.products.topLeftCorner(n, n), sums.products.col(n).head(n), sums.cost, sums.residuals,
+        sums.at_edges};
     const auto expect = [&](Eigen::Index first, Eigen::Index end, double sigma_px) {
       const double weight = std::pow(noise_grey_ / sigma_px, 2);
       for (Eigen::Index k = first; k < end; ++k) {

@@ -4,11 +4,13 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "heba/base/levenberg_marquardt.h"
 #include "heba/base/median.h"
 #include "heba/base/units.h"
 #include "targets/dots/blurred_ellipse.h"
@@ -254,55 +256,58 @@ class BlurredEllipse {
     for (size_t i = 0; i < pixels_.size(); ++i) pixels_.SetWeight(i, hidden_[sectors_[i]] ? 0 : 1);
   }
 
-  // Minimises the cost by Levenberg-Marquardt, until the predicted gain of a step is less than `tolerance` of the
-  // cost. Returns false if a step cannot be computed.
-  bool Minimise(int num_free, double tolerance, Parameters* x, BlurredEllipseSums* sums) const {
-    // The width of a pixel is that of a Gaussian with a sigma of 0.29 px.
-    const double min_log_sigma = std::log(0.29 / radius_px_);
-    *sums = SumEdge(pixels_, *x, num_free, bend_);
-    double damping = 1e-3;
-    constexpr int kMaxIterations = 30;
-    for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-      Parameters gradient = sums->gradient;
-      Normal normal = sums->normal;
-      if ((*x)[kLogSigma] <= min_log_sigma && gradient[kLogSigma] > 0) Hold(kLogSigma, &normal, &gradient);
-      bool improved = false;
-      while (!improved && damping < 1e8) {
-        Normal damped = normal;
-        damped.diagonal() *= 1 + damping;
-        const Eigen::LLT<Normal> cholesky(damped);
-        if (cholesky.info() != Eigen::Success) {
-          damping *= 10;
-          continue;
-        }
-        const Parameters step = -cholesky.solve(gradient);
-        if (!step.allFinite()) return false;
-        Parameters next = *x + step;
-        next[kLogSigma] = std::max(next[kLogSigma], min_log_sigma);
-        const bool is_ellipse = next[kShapeXX] > 0.05 &&
-                                next[kShapeXX] * next[kShapeYY] - next[kShapeXY] * next[kShapeXY] > 0.05 &&
-                                next.head<2>().norm() < 0.7 && next[kLogSigma] < 1;
-        if (is_ellipse && damping < 1 && -gradient.dot(step) <= tolerance * sums->cost) {
-          *x = next;
-          return true;
-        }
-        if (!is_ellipse) {
-          damping *= 10;
-          continue;
-        }
-        const BlurredEllipseSums next_sums = SumEdge(pixels_, next, num_free, bend_);
-        if (next_sums.cost <= sums->cost) {
-          improved = true;
-          *x = next;
-          *sums = next_sums;
-          damping = std::max(damping * 0.1, 1e-9);
-        } else {
-          damping *= 10;
-        }
-      }
-      if (!improved) return true;
+  // The width of a pixel is that of a Gaussian with a sigma of 0.29 px.
+  double MinLogSigma() const { return std::log(0.29 / radius_px_); }
+
+  // A point of the minimisation. In its normal equations, the blur is held if it is at its lower bound and would
+  // decrease further; in its sums it is free.
+  struct FitPoint {
+    Parameters x;
+    BlurredEllipseSums sums;
+    Normal normal;
+    Parameters gradient;
+    double cost = 0;
+  };
+
+  FitPoint PointAt(const Parameters& x, int num_free) const {
+    const BlurredEllipseSums sums = SumEdge(pixels_, x, num_free, bend_);
+    FitPoint point{x, sums, sums.normal, sums.gradient, sums.cost};
+    if (x[kLogSigma] <= MinLogSigma() && sums.gradient[kLogSigma] > 0) {
+      Hold(kLogSigma, &point.normal, &point.gradient);
     }
-    return true;
+    return point;
+  }
+
+  // Returns the parameters after a step, or nothing if they do not describe an ellipse near the start.
+  std::optional<Parameters> Moved(const Parameters& x, const Parameters& step) const {
+    Parameters next = x + step;
+    next[kLogSigma] = std::max(next[kLogSigma], MinLogSigma());
+    const bool is_ellipse = next[kShapeXX] > 0.05 &&
+                            next[kShapeXX] * next[kShapeYY] - next[kShapeXY] * next[kShapeXY] > 0.05 &&
+                            next.head<2>().norm() < 0.7 && next[kLogSigma] < 1;
+    return is_ellipse ? std::optional<Parameters>(next) : std::nullopt;
+  }
+
+  // Minimises the cost until the predicted gain of a step is less than `tolerance` of the cost, and takes that step;
+  // `sums` are those before it. Returns false if a step cannot be computed.
+  bool Minimise(int num_free, double tolerance, Parameters* x, BlurredEllipseSums* sums) const {
+    LevenbergMarquardtOptions options;
+    options.max_iterations = 30;
+    options.initial_damping = 1e-3;
+    options.least_damping = 1e-9;
+    options.small_drop = tolerance;
+    options.trusted_damping = 1;
+    options.ends_after_small_drop = false;
+    const auto try_step = [&](const FitPoint& from, const Parameters& step) {
+      const std::optional<Parameters> next = Moved(from.x, step);
+      return next ? std::optional<FitPoint>(PointAt(*next, num_free)) : std::nullopt;
+    };
+    FitPoint point = PointAt(*x, num_free);
+    const auto end = MinimiseSquares(options, try_step, &point);
+    *x = point.x;
+    *sums = point.sums;
+    if (end.remaining_step) *x = Moved(point.x, *end.remaining_step).value_or(point.x);
+    return end.is_finite;
   }
 
   const cv::Mat& grey_;

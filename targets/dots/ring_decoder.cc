@@ -8,6 +8,7 @@
 #include <Eigen/Dense>
 
 #include "heba/base/error.h"
+#include "heba/base/levenberg_marquardt.h"
 #include "heba/base/median.h"
 #include "heba/base/units.h"
 #include "targets/dots/ring_code.h"
@@ -395,44 +396,39 @@ class RingFit {
     return sums;
   }
 
-  // Runs Levenberg-Marquardt over every `stride`-th pixel, until the predicted gain of a step is less than
-  // `tolerance` of the cost. Returns false if a step is not finite.
+  // A point of the minimisation.
+  struct FitPoint : RingSums {
+    Parameters x;
+  };
+
+  // Returns the parameters after a step, or nothing if they do not describe a ring around the dot.
+  static std::optional<Parameters> Moved(const Parameters& x, const Parameters& step) {
+    const Parameters next = x + step;
+    const bool is_ring = next.head<2>().norm() < 0.25 && std::abs(next[kRingScale] - 1) < 0.3;
+    return is_ring ? std::optional<Parameters>(next) : std::nullopt;
+  }
+
+  // Minimises the cost over every `stride`-th pixel until the predicted gain of a step is less than `tolerance` of the
+  // cost, and takes that step. Returns false if a step is not finite.
   bool Minimise(size_t stride, double tolerance) {
     const double unit = std::abs(x_[kRingStep]);
     const RingPixels pixels(pixels_, stride, MapOf(x_).ring_from_place, word_);
-    RingSums sums = SumsOf(pixels, x_, unit);
-    double damping = 1e-4;
-    constexpr int kMaxIterations = 12;
-    for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-      bool improved = false;
-      while (!improved && damping < 1e3) {
-        auto damped = sums.normal;
-        damped.diagonal() *= 1 + damping;
-        const Parameters step = -damped.ldlt().solve(sums.gradient);
-        const Parameters next = x_ + step;
-        if (!next.allFinite()) return false;
-        const bool is_ring = next.head<2>().norm() < 0.25 && std::abs(next[kRingScale] - 1) < 0.3;
-        if (is_ring && damping < 0.1 && -sums.gradient.dot(step) <= tolerance * sums.cost) {
-          x_ = next;
-          return true;
-        }
-        if (!is_ring) {
-          damping *= 10;
-          continue;
-        }
-        const RingSums next_sums = SumsOf(pixels, next, unit);
-        if (next_sums.cost < sums.cost) {
-          improved = true;
-          x_ = next;
-          sums = next_sums;
-          damping *= 0.1;
-        } else {
-          damping *= 10;
-        }
-      }
-      if (!improved) break;
-    }
-    return true;
+    LevenbergMarquardtOptions options;
+    options.max_iterations = 12;
+    options.most_damping = 1e3;
+    options.small_drop = tolerance;
+    options.trusted_damping = 0.1;
+    options.ends_after_small_drop = false;
+    const auto point_at = [&](const Parameters& x) { return FitPoint{SumsOf(pixels, x, unit), x}; };
+    const auto try_step = [&](const FitPoint& from, const Parameters& step) {
+      const std::optional<Parameters> next = Moved(from.x, step);
+      return next ? std::optional<FitPoint>(point_at(*next)) : std::nullopt;
+    };
+    FitPoint point = point_at(x_);
+    const auto end = MinimiseSquares(options, try_step, &point);
+    x_ = point.x;
+    if (end.remaining_step) x_ = Moved(point.x, *end.remaining_step).value_or(point.x);
+    return end.is_finite;
   }
 
   Eigen::Matrix3d pixel_from_unit_;
