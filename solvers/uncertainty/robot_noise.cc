@@ -52,7 +52,9 @@ Tangent6 CorrectionVariances(const RobotNoise& noise) {
 RobotNoisePrior IndustrialArmPrior() {
   // The 95 % interval of the logarithm is 2 x 1.96 sigmas wide, and its bounds differ by a factor of 20.
   const double log_sigma = std::log(20.0) / (2 * 1.96);
-  return {{std::sqrt(0.05e-3 * 1e-3), DegToRad(std::sqrt(0.005 * 0.1))}, log_sigma};
+  return {{std::sqrt(kIndustrialArmM[0] * kIndustrialArmM[1]),
+           DegToRad(std::sqrt(kIndustrialArmDeg[0] * kIndustrialArmDeg[1]))},
+          log_sigma};
 }
 
 std::vector<VarianceGroup> CorrectionGroups(double pixel_variance, const RobotNoise& robot, bool pixel_is_free,

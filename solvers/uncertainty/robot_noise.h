@@ -30,7 +30,10 @@ Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camer
 Tangent6 CorrectionVariances(double translation_m2, double rotation_rad2);
 Tangent6 CorrectionVariances(const RobotNoise& noise);
 
-// Returns the prior for industrial arms: 95 % of the sigmas lie between 0.05 and 1 mm and between 0.005 and 0.1 deg.
+// The sigmas of industrial arms: 95 % of them lie between these bounds.
+inline constexpr double kIndustrialArmM[] = {0.05e-3, 1e-3};
+inline constexpr double kIndustrialArmDeg[] = {0.005, 0.1};
+// Returns the prior for industrial arms, which has these bounds.
 RobotNoisePrior IndustrialArmPrior();
 
 // The groups of the variances of pixels and corrections, in this order.

@@ -6,16 +6,19 @@
 
 namespace heba {
 
-std::string SymmetryText(const Target& target) {
-  const size_t num_symmetries = target.Symmetries().size();
+std::string SymmetryText(const Target& target) { return SymmetryText(target.Symmetries().size()); }
+
+std::string SymmetryText(size_t num_symmetries) {
   if (num_symmetries == 1) return "";
   return std::string("the target looks the same after ") +
          (num_symmetries == 2 ? "a rotation by 180 deg" : "a rotation by 90 deg");
 }
 
-std::string SymmetryRemark(const Target& target) {
-  if (target.Symmetries().size() == 1) return "";
-  return SymmetryText(target) + ", so 'heba locate' finds " + std::to_string(target.Symmetries().size()) +
+std::string SymmetryRemark(const Target& target) { return SymmetryRemark(target.Symmetries().size()); }
+
+std::string SymmetryRemark(size_t num_symmetries) {
+  if (num_symmetries == 1) return "";
+  return SymmetryText(num_symmetries) + ", so 'heba locate' finds " + std::to_string(num_symmetries) +
          " possible poses in an image unless --near decides; the calibration itself is not affected";
 }
 
