@@ -471,21 +471,19 @@ std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOpt
   }
   for (Finding& finding : DiagnoseModel(solved, solution, bundle, options.choose)) add(std::move(finding));
   if (calibration.num_kept_against_test > 0) {
-    const std::string count = std::to_string(calibration.num_kept_against_test);
     add(Finding{Grade::kDoubtful,
-                "captures_scatter",
-                count + " of " + std::to_string(calibration.views.size()) +
-                    " captures contradict the others, but larger robot noise explains all of them better than "
-                    "so many wrong captures: the model is incomplete, and all were kept",
-                "check the robot's own calibration, the target's dimensions and the camera model",
-                {{"captures", calibration.num_kept_against_test}}});
+                FindingCode("captures_scatter"),
+                {{"captures", calibration.num_kept_against_test},
+                 {"of_captures", static_cast<double>(calibration.views.size())}}});
   }
   if (bundle.robot_noise_prior && bundle.robot == BundleOptions::Robot::kEstimatedNoise) {
-    add(Finding{Grade::kDoubtful, "few_captures_prior",
-                "the captures contain fewer than " + std::to_string(kMinPosesForVariances) +
-                    " robot poses, too few to estimate the robot noise: that of an industrial arm was assumed (0.05 to "
-                    "1 mm, 0.005 to 0.1 deg)",
-                "take 15 to 25 captures"});
+    add(Finding{Grade::kDoubtful,
+                FindingCode("few_captures_prior"),
+                {{"fewer_than", static_cast<double>(kMinPosesForVariances)},
+                 {"least_robot_mm", 1000 * kIndustrialArmM[0]},
+                 {"most_robot_mm", 1000 * kIndustrialArmM[1]},
+                 {"least_robot_deg", kIndustrialArmDeg[0]},
+                 {"most_robot_deg", kIndustrialArmDeg[1]}}});
   }
   add(DiagnoseWeakDirections(solved, solution, FreeOf(calibration.camera.Model(), bundle)));
   add(DescribeModel(model, calibration.alternatives, solution));

@@ -101,9 +101,10 @@ std::vector<WeakDirection> FindWeakDirections(const Problem& problem, const Solu
   return weak_directions;
 }
 
-// Two additional captures, in words and as linearised views.
+// Two additional captures, by their motion and as linearised views.
 struct SuggestedCaptures {
-  std::string words;
+  std::string motion;
+  std::vector<std::pair<std::string, double>> numbers;  // The size of the motion.
   std::vector<LinearisedView> views;
 };
 
@@ -150,29 +151,35 @@ std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, con
   const auto moved = [&](const Eigen::Vector3d& by_m) { return Rigid3d(mean.rotation, mean.translation + by_m); };
   const double depth_m = (mean * middle).z();
   const double side_m = 0.25 * depth_m * problem.camera.width_px / solution.camera.params[0];
-  const bool carries_board = problem.setup == Setup::kEyeToHand;
-  const std::string tilt = carries_board ? "with the target tilted" : "with the camera tilted relative to the target";
-  const std::string turn = carries_board ? "with the target rotated" : "with the camera rotated";
   struct Motion {
-    std::string words;
+    std::string name;
+    std::vector<std::pair<std::string, double>> numbers;
     std::function<Rigid3d(double)> pose;  // The pose for +1 or -1.
   };
-  const double tilt_rad = DegToRad(25.0);
-  const double turn_rad = DegToRad(45.0);
+  constexpr double kTiltDeg = 25;
+  constexpr double kTurnDeg = 45;
+  const double tilt_rad = DegToRad(kTiltDeg);
+  const double turn_rad = DegToRad(kTurnDeg);
   const std::vector<Motion> motions = {
-      {"two captures " + tilt + " by +25 and -25 deg about the target's x axis",
+      {"tilt_about_x",
+       {{"angle_deg", kTiltDeg}},
        [&](double side) { return turned(Eigen::Vector3d::UnitX(), side * tilt_rad); }},
-      {"two captures " + tilt + " by +25 and -25 deg about the target's y axis",
+      {"tilt_about_y",
+       {{"angle_deg", kTiltDeg}},
        [&](double side) { return turned(Eigen::Vector3d::UnitY(), side * tilt_rad); }},
-      {"two captures " + turn + " by +45 and -45 deg in the target's plane",
+      {"rotate_in_plane",
+       {{"angle_deg", kTurnDeg}},
        [&](double side) { return turned(Eigen::Vector3d::UnitZ(), side * turn_rad); }},
-      {"two captures " + Fixed(250 * depth_m, 0) + " mm nearer and farther",
+      {"nearer_and_farther",
+       {{"distance_mm", 250 * depth_m}},
        [&](double side) { return moved(0.25 * side * depth_m * (mean * middle).normalized()); }},
-      {"two captures with the target at the left and right of the image",
+      {"left_and_right",
+       {},
        [&](double side) {
          return moved({side * side_m, 0, 0});
        }},
-      {"two captures with the target at the top and bottom of the image",
+      {"top_and_bottom",
+       {},
        [&](double side) {
          return moved({0, side * side_m, 0});
        }},
@@ -187,43 +194,33 @@ std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, con
     if (imagined.views.size() < 2) continue;
     std::optional<std::vector<LinearisedView>> views =
         LineariseViews(imagined, solution.hand_eye, {}, free, solution.pixel_sigma_px, LossOf(LossKind::kNone));
-    if (views) cures.push_back({motion.words, std::move(*views)});
+    if (views) cures.push_back({motion.name, motion.numbers, std::move(*views)});
   }
   return cures;
-}
-
-std::string Percent(double ratio, int digits) { return Significant(100 * ratio, digits) + " %"; }
-
-std::string ChanceText(double p) {
-  constexpr double kNever = 1e-15;
-  return p < kNever ? "p < 1e-15" : "p = " + Significant(p, 2);
-}
-
-std::string NoiseText(const RobotNoise& noise) {
-  return Significant(1000 * noise.translation_m, 2) + " mm and " + Significant(RadToDeg(noise.rotation_rad), 2) +
-         " deg";
 }
 
 bool HasGroup(const std::vector<TargetShapeGroup>& shape, TargetShapeGroup group) {
   return std::find(shape.begin(), shape.end(), group) != shape.end();
 }
 
-// Describes a shape: "its scale is 1.00400 along x and 1.00200 along y, its centre is ..."
-std::string ShapeText(const TargetShape& shape, const std::vector<TargetShapeGroup>& groups) {
-  std::vector<std::string> words;
+// Returns a part for each group of a shape's parameters: `shape_scale`, `shape_bend`.
+std::vector<Finding> ShapeParts(const TargetShape& shape, const std::vector<TargetShapeGroup>& groups) {
+  std::vector<Finding> parts;
   if (HasGroup(groups, TargetShapeGroup::kScale)) {
-    words.push_back("its scale is " + Fixed(shape.params[0], 5) + " along x and " + Fixed(shape.params[1], 5) +
-                    " along y");
+    parts.push_back(
+        {Grade::kGood, FindingCode("shape_scale"), {{"scale_x", shape.params[0]}, {"scale_y", shape.params[1]}}});
   }
   if (HasGroup(groups, TargetShapeGroup::kBend)) {
-    words.push_back("its centre is " + Fixed(1000 * shape.params[2], 2) + " mm (along x) and " +
-                    Fixed(1000 * shape.params[3], 2) + " mm (along y) above its edges");
+    parts.push_back({Grade::kGood,
+                     FindingCode("shape_bend"),
+                     {{"bend_x_mm", 1000 * shape.params[2]}, {"bend_y_mm", 1000 * shape.params[3]}}});
   }
-  return Join(words, ", ");
+  return parts;
 }
 
-// Returns the largest change in sigmas among focal lengths and principal point, such as "fx +38 px (9.1 sigma)".
-std::string LargestMove(const Camera& given, const Solution& solution, Finding* finding) {
+// Adds the largest change in sigmas among focal lengths and principal point: the name `intrinsic`, such as fx, and the
+// numbers fx_px and fx_sigmas. Adds nothing if no sigma of these is known.
+void AddLargestMove(const Camera& given, const Solution& solution, Finding* finding) {
   std::string largest;
   double by_px = 0;
   double sigmas = 0;
@@ -236,11 +233,10 @@ std::string LargestMove(const Camera& given, const Solution& solution, Finding* 
     by_px = move_px;
     sigmas = move_px / *sigma;
   }
-  if (largest.empty()) return "";
+  if (largest.empty()) return;
+  finding->names.emplace_back("intrinsic", largest);
   finding->numbers.emplace_back(largest + "_px", by_px);
   finding->numbers.emplace_back(largest + "_sigmas", sigmas);
-  return largest + (by_px < 0 ? " -" : " +") + Significant(std::abs(by_px), 2) + " px (" +
-         Significant(std::abs(sigmas), 2) + " sigma)";
 }
 
 }  // namespace
@@ -256,41 +252,45 @@ std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solu
       InvertInformation({layout, solution.covariance.matrix}, 1.0).matrix;  // The inverse of the covariance.
   const WeakDirection& worst = weak_directions.front();
   double best_sigma = std::numeric_limits<double>::infinity();
-  std::string best_words;
+  const SuggestedCaptures* best = nullptr;
   for (const SuggestedCaptures& cure : cures) {
     const Information with{layout, information + MarginalInformation(cure.views, CorrectionVariances(robot), 1.0)};
     const Eigen::MatrixXd covariance = InvertInformation(with, 1.0).matrix;
     const double sigma = std::sqrt(worst.direction.dot(covariance * worst.direction));
     if (sigma >= best_sigma) continue;
     best_sigma = sigma;
-    best_words = cure.words;
+    best = &cure;
   }
-  Finding finding{Grade::kDoubtful, "weak_direction", "", ""};
-  std::vector<std::string> parts;
+  Finding finding{Grade::kDoubtful, FindingCode("weak_direction")};
   for (const WeakDirection& weakness : weak_directions) {
     const double sigma = weakness.sigma / weakness.unit_size;
-    parts.push_back(weakness.name + " is determined to only " + Significant(sigma, 2) + " " + weakness.unit);
     finding.numbers.emplace_back(weakness.name + ", " + weakness.unit, sigma);
+    finding.parts.push_back({Grade::kDoubtful,
+                             FindingCode("weak_direction_of"),
+                             {{"sigma", sigma}},
+                             {{"direction", weakness.name}, {"unit", weakness.unit}}});
   }
-  finding.text = Join(parts, ", ") + " (one sigma)";
   constexpr double kHelps = 0.85;
-  finding.action = best_sigma < kHelps * worst.sigma
-                       ? best_words + " would reduce the sigma of " + worst.name + " to " +
-                             Significant(best_sigma / worst.unit_size, 2) + " " + worst.unit
-                       : "take many more captures: no pair of additional captures reduces this sigma much";
+  if (best != nullptr && best_sigma < kHelps * worst.sigma) {
+    Finding suggested{Grade::kGood, FindingCode("suggested_captures"), best->numbers};
+    suggested.numbers.emplace_back("sigma", best_sigma / worst.unit_size);
+    suggested.names = {{"motion", best->motion},
+                       {"moved", problem.setup == Setup::kEyeToHand ? "target" : "camera"},
+                       {"direction", worst.name},
+                       {"unit", worst.unit}};
+    finding.parts.push_back(std::move(suggested));
+  }
   return finding;
 }
 
 Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternative>& alternatives,
                       const Solution& solution) {
-  Finding finding{Grade::kGood, "model", "", ""};
-  finding.text = "chosen error model: " + NameOf(chosen);
+  Finding finding{Grade::kGood, FindingCode("model"), {}, {{"model", NameOf(chosen)}}};
   if (solution.robot_noise && chosen.robot != BundleOptions::Robot::kExact) {
-    finding.text += " (" + NoiseText(*solution.robot_noise) + ")";
     finding.numbers = {{"robot_mm", 1000 * solution.robot_noise->translation_m},
                        {"robot_deg", RadToDeg(solution.robot_noise->rotation_rad)}};
   }
-  if (!chosen.shape.empty()) finding.text += "; " + ShapeText(solution.shape, chosen.shape);
+  if (!chosen.shape.empty()) finding.parts = ShapeParts(solution.shape, chosen.shape);
   if (alternatives.size() < 2) return finding;
   const ModelAlternative* self = nullptr;
   for (const ModelAlternative& alternative : alternatives) {
@@ -302,13 +302,17 @@ Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternati
   const ModelAlternative& simplest = alternatives.front();
   const ModelAlternative& largest = alternatives.back();
   if (&simplest != self) {
-    finding.text += "; " + NameOf(simplest.model) + " is rejected (log-likelihood lower by " +
-                    Significant(self->log_likelihood - simplest.log_likelihood, 3) + ", " +
-                    ChanceText(simplest.p.value_or(0)) + ")";
+    finding.parts.push_back(
+        {Grade::kGood,
+         FindingCode("rejected_model"),
+         {{"log_likelihood_lower_by", self->log_likelihood - simplest.log_likelihood}, {"p", simplest.p.value_or(0)}},
+         {{"model", NameOf(simplest.model)}}});
   } else {
-    finding.text += "; " + NameOf(largest.model) + " is not significantly better (log-likelihood higher by " +
-                    Significant(largest.log_likelihood - self->log_likelihood, 2) + ", " +
-                    ChanceText(self->p.value_or(1)) + ")";
+    finding.parts.push_back(
+        {Grade::kGood,
+         FindingCode("no_better_model"),
+         {{"log_likelihood_higher_by", largest.log_likelihood - self->log_likelihood}, {"p", self->p.value_or(1)}},
+         {{"model", NameOf(largest.model)}}});
   }
   return finding;
 }
@@ -336,27 +340,19 @@ std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solut
     if (scale > kScaleMatters || bend_m > kBendMattersM) {
       const bool is_held = std::find(options.free_intrinsics.begin(), options.free_intrinsics.end(),
                                      ParameterGroup::kFocal) == options.free_intrinsics.end();
-      findings.push_back(
-          {Grade::kDoubtful,
-           "target_shape_ignored",
-           "the captures indicate that the target differs from its design: " + ShapeText(shape, model.shape) +
-               (is_held && HasGroup(model.shape, TargetShapeGroup::kScale)
-                    ? " (a focal length that is held at a wrong value looks like a wrong scale)"
-                    : ""),
-           "measure the target, or use refine.target_shape: auto",
-           {{"scale_x", shape.params[0]},
-            {"scale_y", shape.params[1]},
-            {"bend_x_mm", 1000 * shape.params[2]},
-            {"bend_y_mm", 1000 * shape.params[3]}}});
+      Finding& ignored = findings.emplace_back(Finding{Grade::kDoubtful, FindingCode("target_shape_ignored")});
+      ignored.numbers = {{"scale_x", shape.params[0]},
+                         {"scale_y", shape.params[1]},
+                         {"bend_x_mm", 1000 * shape.params[2]},
+                         {"bend_y_mm", 1000 * shape.params[3]}};
+      ignored.names = {{"focal_length", is_held ? "held" : "free"}};
+      ignored.parts = ShapeParts(shape, model.shape);
     }
   }
   if (asks_robot && choice->solution.robot_noise && model.robot != BundleOptions::Robot::kExact) {
     const RobotNoise& noise = *choice->solution.robot_noise;
     findings.push_back({Grade::kDoubtful,
-                        "robot_noise_ignored",
-                        "the captures indicate that the robot's poses are off by " + NoiseText(noise) +
-                            " (one sigma per axis), but they were taken as exact: the reported covariance is too small",
-                        "use refine.robot_noise: auto",
+                        FindingCode("robot_noise_ignored"),
                         {{"robot_mm", 1000 * noise.translation_m}, {"robot_deg", RadToDeg(noise.rotation_rad)}}});
   }
   return findings;
@@ -366,18 +362,13 @@ std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel&
   if (!HasGroup(model.shape, TargetShapeGroup::kScale)) return std::nullopt;
   constexpr double kOfPrint = 5e-3;
   constexpr double kWrong = 0.02;
-  const double mean = 0.5 * (solution.shape.params[0] + solution.shape.params[1]);
   const double off = std::max(std::abs(solution.shape.params[0] - 1), std::abs(solution.shape.params[1] - 1));
   if (off <= kOfPrint) return std::nullopt;
   const bool is_focal_held = !SigmaOf(solution.covariance, "camera.fx");
   Finding finding{off > kWrong ? Grade::kBad : Grade::kDoubtful,
-                  "target_scale",
-                  "compared with the robot's poses, the target is " + Percent(std::abs(mean - 1), 2) +
-                      (mean > 1 ? " larger" : " smaller") + " than the config says" +
-                      (is_focal_held ? " (a focal length that is held at a wrong value looks the same)" : ""),
-                  "measure the target and correct its dimensions in the config; if they are right, check the units of "
-                  "the robot's poses and its own calibration",
-                  {{"scale_x", solution.shape.params[0]}, {"scale_y", solution.shape.params[1]}}};
+                  FindingCode("target_scale"),
+                  {{"scale_x", solution.shape.params[0]}, {"scale_y", solution.shape.params[1]}},
+                  {{"focal_length", is_focal_held ? "held" : "free"}}};
   finding.is_cause = true;
   return finding;
 }
@@ -416,28 +407,24 @@ std::optional<Finding> DiagnoseHeldIntrinsics(const Problem& problem, const Solu
   const double move_rad = AngleRad(solution.hand_eye.camera_mount_from_camera, freed.hand_eye.camera_mount_from_camera);
   constexpr double kBadM = 5e-3;
   const double bad_rad = DegToRad(0.5);
-  Finding finding{move_m > kBadM || move_rad > bad_rad ? Grade::kBad : Grade::kDoubtful, "held_intrinsics", "",
-                  "free them (leave refine.intrinsics out), or recalibrate the camera"};
-  finding.text = "the intrinsics were held, but the captures indicate " +
-                 LargestMove(solution.camera, freed, &finding) + " (" + ChanceText(p) +
-                 "); with free intrinsics the camera would be " + Significant(1000 * move_m, 2) + " mm and " +
-                 Significant(RadToDeg(move_rad), 2) + " deg away";
+  Finding finding{move_m > kBadM || move_rad > bad_rad ? Grade::kBad : Grade::kDoubtful,
+                  FindingCode("held_intrinsics")};
+  AddLargestMove(solution.camera, freed, &finding);
   finding.numbers.emplace_back("move_mm", 1000 * move_m);
   finding.numbers.emplace_back("move_deg", RadToDeg(move_rad));
+  finding.numbers.emplace_back("p", p);
   finding.is_cause = true;
   return finding;
 }
 
 Finding DescribeCameraUse(const Camera& given, const Solution& solution, const BundleOptions& options) {
-  Finding finding{Grade::kGood, "camera", "", ""};
+  Finding finding{Grade::kGood, FindingCode("camera")};
   if (options.free_intrinsics.empty()) {
-    finding.text = "the given intrinsics were held";
+    finding.names = {{"use", "held"}};
     return finding;
   }
-  const std::string moved = LargestMove(given, solution, &finding);
-  finding.text = std::string("the given intrinsics were used as ") +
-                 (options.camera_prior ? "a prior" : "the initial guess") +
-                 (moved.empty() ? "" : "; the refinement changed them by at most " + moved);
+  finding.names = {{"use", options.camera_prior ? "prior" : "initial_guess"}};
+  AddLargestMove(given, solution, &finding);
   return finding;
 }
 

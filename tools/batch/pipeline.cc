@@ -17,8 +17,8 @@
 #include "tools/files/detection_file.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/report.h"
+#include "tools/text/finding_text.h"
 #include "tools/text/run_console.h"
-#include "tools/text/target_symmetry.h"
 
 namespace heba {
 namespace {
@@ -86,8 +86,10 @@ void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result
   const Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
   if (diagnosis.NumWrong() == 0) return;
   const Symptom& first = diagnosis.symptoms.front();
-  Finding cause{Grade::kBad, first.code, first.what, first.cure};
+  Finding cause{Grade::kBad, first.code};
   cause.is_cause = true;
+  cause.text = first.what;
+  cause.action = first.cure;
   // The run may have found the same fault itself.
   std::erase_if(result->observations, [&](const Finding& finding) { return finding.code == cause.code; });
   result->observations.insert(result->observations.begin(), std::move(cause));
@@ -111,9 +113,11 @@ Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::p
   const bool has_images = data.target_poses.empty();
   RunResult result = run->result;
   if (has_images && data.target->Symmetries().size() > 1) {
-    result.observations.push_back({Grade::kGood, "symmetric_target", SymmetryRemark(*data.target), ""});
+    const auto num_symmetries = static_cast<double>(data.target->Symmetries().size());
+    result.observations.push_back({Grade::kGood, FindingCode("symmetric_target"), {{"symmetries", num_symmetries}}});
   }
   AppendDiagnosis(config, num_threads, &result);
+  DescribeAll(&result.verdict.findings);
   result.timing.total_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   WriteFileAtomically(folder.staging() / "config.yaml", config.used);
   if (has_images) {

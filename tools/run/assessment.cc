@@ -102,13 +102,10 @@ std::optional<Finding> FindMissingIds(const Dataset& dataset, const Calibration&
     least_expected = std::min(least_expected, num_expected[k]);
   }
   if (num_missing < kShare * static_cast<double>(points.size()) || num_missing == 0) return std::nullopt;
-  return Finding{Grade::kDoubtful,
-                 "missing_ids",
-                 std::to_string(num_missing) + " of the target's " + std::to_string(points.size()) +
-                     " points are never detected, although each is in view in " + std::to_string(least_expected) +
-                     " images or more",
-                 "check the target's first id, its rows and columns, the marker size and legacy_pattern",
-                 {{"missing", num_missing}, {"points", static_cast<double>(points.size())}}};
+  return Finding{
+      Grade::kDoubtful,
+      FindingCode("missing_ids"),
+      {{"missing", num_missing}, {"points", static_cast<double>(points.size())}, {"images", least_expected}}};
 }
 
 // Returns the radius around the mean that contains a Gaussian with this covariance with probability `confidence`. The

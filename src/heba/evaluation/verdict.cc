@@ -5,7 +5,6 @@
 #include <cmath>
 #include <optional>
 
-#include "heba/base/text.h"
 #include "heba/base/units.h"
 
 namespace heba {
@@ -17,7 +16,7 @@ struct Limits {
   double bad;
 };
 
-// The limits suit usual cells. A requirement in the config replaces the first five.
+// The limits suit usual cells. A requirement replaces the first five.
 constexpr Limits kPositionMm = {1, 5};
 constexpr Limits kOrientationDeg = {0.1, 0.5};
 constexpr Limits kAtWorkMm = {1, 5};
@@ -46,34 +45,33 @@ double LargestSigma(const Covariance& covariance, std::string_view block_name, U
   return std::sqrt(largest);
 }
 
+// Says how the noise of the robot was modelled, on which the remedy of a systematic error depends.
+std::pair<std::string, std::string> RobotNoiseName(const Solution& solution) {
+  return {"robot_noise", solution.robot_noise ? "modelled" : "none"};
+}
+
 Finding JudgeUncertainty(const RunResult& result, const Solution& solution) {
   const double mm = 1000 * LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kTranslation);
   const double deg = RadToDeg(LargestSigma(solution.covariance, kHandEyeBlock, UnknownGroup::kRotation));
   Finding finding;
-  finding.code = "uncertainty";
+  finding.code = FindingCode("uncertainty");
   finding.grade = std::max(GradeOf(mm, kPositionMm), GradeOf(deg, kOrientationDeg));
-  finding.text = "the camera's pose is known to " + ShownAmount(mm, 2) + " mm and " + ShownAmount(deg, 2) +
-                 " deg (one sigma, along and about the least certain axis)";
   finding.numbers = {{"position_mm", mm}, {"orientation_deg", deg}};
   if (result.working_point) {
     const double at_work_mm = 1000 * std::sqrt(result.working_point->covariance_m2.diagonal().maxCoeff());
     finding.grade = std::max(finding.grade, GradeOf(at_work_mm, kAtWorkMm));
-    finding.text += "; a target seen " + Significant(1000 * result.working_point->in_camera_m.norm(), 3) +
-                    " mm away is located to " + ShownAmount(at_work_mm, 2) + " mm";
     finding.numbers.emplace_back("at_work_mm", at_work_mm);
+    Finding& at_work = finding.parts.emplace_back(Finding{Grade::kGood, FindingCode("at_working_point")});
+    at_work.numbers = {{"distance_mm", 1000 * result.working_point->in_camera_m.norm()}, {"at_work_mm", at_work_mm}};
   }
   if (solution.covariance.layout.Block(kCameraBlock).size == 0 && !solution.camera.params.empty()) {
-    finding.text += "; the intrinsics were held, and their error is not part of these figures";
+    Finding& held = finding.parts.emplace_back(Finding{Grade::kGood, FindingCode("intrinsics_not_included")});
     if (result.working_point) {
       // A relative error of the focal length moves a target along its ray by the same relative amount.
       constexpr double kShare = 1e-3;
-      finding.text += " (an error of 0.1 % in the focal length moves that target by " +
-                      Significant(1000 * kShare * result.working_point->in_camera_m.norm(), 2) + " mm)";
+      held.numbers = {{"focal_error_percent", 100 * kShare},
+                      {"moves_target_mm", 1000 * kShare * result.working_point->in_camera_m.norm()}};
     }
-  }
-  if (finding.grade != Grade::kGood) {
-    finding.action =
-        "take more captures, with larger rotations of the gripper about different axes and a larger range of distances";
   }
   return finding;
 }
@@ -86,20 +84,13 @@ std::vector<Finding> JudgeRequirements(const RunResult& result, const Errors& er
     const double reached_mm = 1000 * requirement.reached_m;
     const double held_out_mm = errors.holdout_target_mm.value_or(0);
     Finding finding;
-    finding.code = "required";
+    finding.code = FindingCode("required");
     finding.grade = reached_mm <= within_mm && held_out_mm <= within_mm ? Grade::kGood : Grade::kBad;
-    finding.text = "a target located at " + requirement.place + " has an error of up to " + ShownAmount(reached_mm, 2) +
-                   " mm with a confidence of " + Significant(100 * requirement.confidence, 3) + " %; " +
-                   Significant(within_mm, 3) + " mm are required";
-    if (errors.holdout_target_mm) {
-      finding.text += ", and on held-out captures the target is off by " + ShownAmount(held_out_mm, 2) + " mm (RMS)";
-    }
-    finding.numbers = {{"required_mm", within_mm}, {"reached_mm", reached_mm}, {"held_out_mm", held_out_mm}};
-    if (finding.grade != Grade::kGood) {
-      finding.action = reached_mm > within_mm
-                           ? "take more captures, with larger rotations of the gripper and a larger range of distances"
-                           : "check the captures with the largest errors; calibrate the robot";
-    }
+    finding.numbers = {{"required_mm", within_mm},
+                       {"reached_mm", reached_mm},
+                       {"held_out_mm", held_out_mm},
+                       {"confidence", requirement.confidence}};
+    finding.names = {{"place", requirement.place}, {"hold_out", errors.holdout_target_mm ? "known" : "unknown"}};
     findings.push_back(std::move(finding));
   }
   return findings;
@@ -110,44 +101,27 @@ Finding JudgeHoldOut(const RunResult& result, const Errors& errors) {
   const bool have_others = std::any_of(result.estimates.begin(), result.estimates.end(), [](const Estimate& estimate) {
     return estimate.errors.holdout_rms_px.has_value();
   });
-  if (is_missing && have_others) {
-    return {Grade::kDoubtful, "no_hold_out",
-            "the refinement failed without the held-out captures: the hold-out error is not known",
-            "take more captures: too few are left to determine the camera and its pose when some are held out"};
-  }
   if (is_missing) {
-    return {Grade::kDoubtful, "no_hold_out", "no captures were held out: the hold-out error is not known",
-            "set evaluate.folds to 5"};
+    return {Grade::kDoubtful,
+            FindingCode("no_hold_out"),
+            {},
+            {{"reason", have_others ? "refinement_failed" : "none_held_out"}}};
   }
   Finding finding;
-  finding.code = "hold_out";
+  finding.code = FindingCode("hold_out");
   finding.grade =
       std::max(GradeOf(*errors.holdout_target_mm, kHeldOutMm), GradeOf(*errors.holdout_target_deg, kHeldOutDeg));
-  finding.text = "on held-out captures the target is off by " + ShownAmount(*errors.holdout_target_mm, 2) + " mm and " +
-                 ShownAmount(*errors.holdout_target_deg, 2) + " deg from its predicted pose (RMS)";
   finding.numbers = {{"target_mm", *errors.holdout_target_mm}, {"target_deg", *errors.holdout_target_deg}};
-  if (finding.grade != Grade::kGood) {
-    finding.action =
-        "check the captures with the largest residuals; let the robot settle before each image; check the "
-        "robot's own calibration, the pose format and the target's dimensions";
-  }
   return finding;
 }
 
 std::optional<Finding> JudgeModel(const Errors& errors, const Solution& solution) {
   if (!errors.holdout_chi2) return std::nullopt;
   Finding finding;
-  finding.code = "unmodelled_error";
+  finding.code = FindingCode("unmodelled_error");
   finding.grade = GradeOf(*errors.holdout_chi2, kHeldOutChi2);
-  finding.text = "the held-out captures scatter " + Significant(std::sqrt(*errors.holdout_chi2), 2) +
-                 " times as much as the assumed noise explains";
   finding.numbers = {{"chi2_per_dof", *errors.holdout_chi2}};
-  if (finding.grade != Grade::kGood) {
-    finding.action = solution.robot_noise
-                         ? "the error is neither pixel noise nor white robot noise: check the target's dimensions, the "
-                           "camera model and the captures with the largest corrections"
-                         : "the robot is not exact: use refine.robot_noise: auto";
-  }
+  finding.names = {RobotNoiseName(solution)};
   return finding;
 }
 
@@ -168,34 +142,16 @@ Finding JudgeCaptures(const RunResult& result) {
   const int num_captures = num_listed - num_copies;
   const double left_out = num_seen > 0 ? 1 - static_cast<double>(num_used) / num_seen : 1;
   Finding finding;
-  finding.code = num_used < kFewCaptures ? "few_captures" : "captures_left_out";
+  finding.code = num_used < kFewCaptures ? FindingCode("few_captures") : FindingCode("captures_left_out");
   finding.grade = std::max(GradeOf(left_out, kShareLeftOut), num_used < kFewCaptures ? Grade::kDoubtful : Grade::kGood);
-  finding.text =
-      std::to_string(num_used) + " of " + std::to_string(num_seen) + " captures that show the target were used";
-  if (num_seen < num_captures) {
-    finding.text += "; " + std::to_string(num_captures - num_seen) + " images show no target";
-  }
-  if (num_copies > 0) finding.text += " (" + std::to_string(num_copies) + " are copies of others)";
   finding.numbers = {{"used", num_used}, {"seen", num_seen}, {"captures", num_captures}, {"copies", num_copies}};
-  if (num_used < kFewCaptures) {
-    finding.action = "take 15 to 25 captures";
-  } else if (finding.grade != Grade::kGood) {
-    finding.action = "see the reasons in the table of captures";
-  }
   return finding;
 }
 
 Finding JudgePixels(const Solution& solution) {
-  Finding finding;
-  finding.code = "pixel_noise";
-  finding.grade = GradeOf(solution.pixel_sigma_px, kPixelSigmaPx);
-  finding.text = "the pixel noise is " + Significant(solution.pixel_sigma_px, 2) + " px per coordinate (one sigma)";
-  finding.numbers = {{"pixel_sigma_px", solution.pixel_sigma_px}};
-  if (finding.grade != Grade::kGood) {
-    finding.action =
-        "good images give 0.02 to 0.3 px: check focus, motion blur, the camera model and the robot's poses";
-  }
-  return finding;
+  return {GradeOf(solution.pixel_sigma_px, kPixelSigmaPx),
+          FindingCode("pixel_noise"),
+          {{"pixel_sigma_px", solution.pixel_sigma_px}}};
 }
 
 // Reports a capture with more influence than chance explains, where the probability is multiplied by the number of
@@ -221,12 +177,9 @@ std::optional<Finding> JudgeInfluence(const RunResult& result) {
   const double chance = std::min(1.0, num_asked * strongest->move_without->chance);
   if (chance > kUnlikely || (move_m < kMattersM && move_rad < kMattersRad)) return std::nullopt;
   return Finding{Grade::kDoubtful,
-                 "influential_capture",
-                 "without " + strongest->image + " the camera pose would move by " + ShownAmount(1000 * move_m, 2) +
-                     " mm and " + ShownAmount(RadToDeg(move_rad), 2) +
-                     " deg, more than the assumed noise explains (probability " + ShownChance(chance) + ")",
-                 "check this image and its robot pose; leave the capture out if one of them is wrong",
-                 {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", chance}}};
+                 FindingCode("influential_capture"),
+                 {{"move_mm", 1000 * move_m}, {"move_deg", RadToDeg(move_rad)}, {"chance", chance}},
+                 {{"image", strongest->image}}};
 }
 
 // Compares in sigmas of all noise: if robot noise dominates, pixel errors say little about which estimate is better.
@@ -235,19 +188,10 @@ std::optional<Finding> JudgeGain(const RunResult& result, const Estimate& refine
   const Estimate* best = FindBestClosedForm(result, &HoldOutSigmas);
   if (best == nullptr) return std::nullopt;
   const double ratio = *best->errors.holdout_sigmas / *refined.errors.holdout_sigmas;
-  Finding finding;
-  finding.code = "closed_form_better";
-  finding.grade = ratio < kClosedFormBetter ? Grade::kDoubtful : Grade::kGood;
-  finding.text = "the best closed form (" + best->method + ") predicts held-out captures " +
-                 (ratio >= 1 ? Significant(ratio, 2) + " times worse" : Significant(1 / ratio, 2) + " times better") +
-                 ", in sigmas of pixel and robot noise";
-  finding.numbers = {{"ratio", ratio}};
-  if (finding.grade != Grade::kGood) {
-    finding.action = "the residuals contain a systematic error that the model does not describe: ";
-    finding.action += refined.solution->robot_noise ? "free fewer groups of refine.intrinsics, or give a camera file"
-                                                    : "use refine.robot_noise: auto";
-  }
-  return finding;
+  return Finding{ratio < kClosedFormBetter ? Grade::kDoubtful : Grade::kGood,
+                 FindingCode("closed_form_better"),
+                 {{"ratio", ratio}},
+                 {{"method", best->method}, RobotNoiseName(*refined.solution)}};
 }
 
 // Judges a run on given poses of the target.
@@ -256,7 +200,7 @@ Finding JudgePoses(const RunResult& result) {
     return estimate.ok && estimate.kind == EstimateKind::kRefined;
   });
   if (chain == result.estimates.end() || !chain->errors.board_scatter) {
-    return {Grade::kBad, "no_estimate", "there is no refined estimate", "see the reasons of the methods"};
+    return {Grade::kBad, FindingCode("no_estimate")};
   }
   constexpr Limits kScatterMm = {1.5, 5};
   constexpr Limits kScatterDeg = {0.3, 1};
@@ -265,24 +209,26 @@ Finding JudgePoses(const RunResult& result) {
   const Grade grade = std::max({Grade::kDoubtful, GradeOf(scatter.translation_rms_mm, kScatterMm),
                                 GradeOf(scatter.rotation_rms_deg, kScatterDeg)});
   return {grade,
-          "poses_only",
-          "only poses of the target were given, no images: they scatter by " +
-              ShownAmount(scatter.translation_rms_mm, 2) + " mm and " + ShownAmount(scatter.rotation_rms_deg, 2) +
-              " deg in the frame where the target is fixed",
-          "give the images or the corners: a refinement from them is more accurate and reports its uncertainty",
+          FindingCode("poses_only"),
           {{"scatter_mm", scatter.translation_rms_mm}, {"scatter_deg", scatter.rotation_rms_deg}}};
 }
 
 // Returns whether a finding shows that something is wrong, without its cause.
 bool IsSymptom(const Finding& finding) {
-  constexpr std::array<std::string_view, 9> kSymptoms = {
-      "hold_out",    "unmodelled_error",    "closed_form_better", "captures_left_out", "captures_scatter",
-      "pixel_noise", "influential_capture", "uncertainty",        "required"};
+  constexpr std::array<std::string_view, 9> kSymptoms = {FindingCode("hold_out"),
+                                                         FindingCode("unmodelled_error"),
+                                                         FindingCode("closed_form_better"),
+                                                         FindingCode("captures_left_out"),
+                                                         FindingCode("captures_scatter"),
+                                                         FindingCode("pixel_noise"),
+                                                         FindingCode("influential_capture"),
+                                                         FindingCode("uncertainty"),
+                                                         FindingCode("required")};
   return std::find(kSymptoms.begin(), kSymptoms.end(), finding.code) != kSymptoms.end();
 }
 
-// If a cause makes the result bad, its consequences are reported in the same finding: the first bad symptom is appended
-// to its text, and all symptoms that are not good are removed.
+// If a cause makes the result bad, its consequences are reported in the same finding: the first bad symptom becomes its
+// part, and all symptoms that are not good are removed.
 void GatherUnderCause(std::vector<Finding>* findings) {
   const auto cause = std::find_if(findings->begin(), findings->end(), [](const Finding& finding) {
     return finding.is_cause && finding.grade == Grade::kBad;
@@ -290,7 +236,7 @@ void GatherUnderCause(std::vector<Finding>* findings) {
   if (cause == findings->end()) return;
   for (const Finding& finding : *findings) {
     if (finding.grade != Grade::kBad || !IsSymptom(finding)) continue;
-    cause->text += "; as a consequence, " + finding.text;
+    cause->parts.push_back(finding);
     cause->numbers.insert(cause->numbers.end(), finding.numbers.begin(), finding.numbers.end());
     break;
   }
@@ -302,11 +248,6 @@ void GatherUnderCause(std::vector<Finding>* findings) {
 }
 
 }  // namespace
-
-std::string_view GradeName(Grade grade) {
-  constexpr std::string_view kNames[] = {"good", "doubtful", "bad"};
-  return kNames[static_cast<size_t>(grade)];
-}
 
 Verdict JudgeRun(const RunResult& result) {
   Verdict verdict;
@@ -321,21 +262,17 @@ Verdict JudgeRun(const RunResult& result) {
     Finding hold_out = JudgeHoldOut(result, refined->errors);
     if (!result.requirements.empty()) {
       uncertainty.grade = Grade::kGood;
-      uncertainty.action.clear();
-      if (refined->errors.holdout_target_mm) {
-        hold_out.grade = Grade::kGood;
-        hold_out.action.clear();
-      }
+      if (refined->errors.holdout_target_mm) hold_out.grade = Grade::kGood;
       for (Finding& finding : JudgeRequirements(result, refined->errors)) findings.push_back(std::move(finding));
     }
     // A finding on poorly determined directions is part of the uncertainty and contains its remedy.
-    const auto weak = std::find_if(findings.begin(), findings.end(),
-                                   [](const Finding& finding) { return finding.code == "weak_direction"; });
+    const auto weak = std::find_if(findings.begin(), findings.end(), [](const Finding& finding) {
+      return finding.code == FindingCode("weak_direction");
+    });
     if (weak != findings.end()) {
       if (uncertainty.grade != Grade::kGood) {
-        uncertainty.text += "; " + weak->text;
-        if (!weak->action.empty()) uncertainty.action = weak->action;
         uncertainty.numbers.insert(uncertainty.numbers.end(), weak->numbers.begin(), weak->numbers.end());
+        uncertainty.parts.push_back(std::move(*weak));
         findings.erase(weak);
       } else if (!result.requirements.empty()) {
         findings.erase(weak);

@@ -1,4 +1,4 @@
-// The verdict on a result, in words.
+// The verdict on a result: findings with their grades, as codes and figures.
 #pragma once
 
 #include "heba/evaluation/evaluation.h"
@@ -10,7 +10,7 @@ namespace heba {
 // these, by the number of captures that it uses and that it had to leave out, by its dependence on a single capture, by
 // a comparison with the closed forms, and by RunResult::observations. If the result states requirements
 // (RunResult::requirements), they replace the built-in limits on uncertainty and hold-out errors. Each cause gives one
-// finding, which also reports its consequences.
+// finding, whose first part is its worst consequence. The texts of findings are neither set nor read.
 Verdict JudgeRun(const RunResult& result);
 
 }  // namespace heba

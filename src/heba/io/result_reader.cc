@@ -249,8 +249,9 @@ Verdict ReadVerdict(const JsonReader& reader) {
   Verdict verdict;
   verdict.grade = ReadGrade(reader.Get("grade"));
   for (const JsonReader& entry : reader.Get("findings").List()) {
-    Finding finding{ReadGrade(entry.Get("grade")), entry.Get("code").Text(), entry.Get("text").Text(),
-                    entry.Get("action").Text()};
+    Finding finding{ReadGrade(entry.Get("grade")), entry.Get("code").Text()};
+    finding.text = entry.Get("text").Text();
+    finding.action = entry.Get("action").Text();
     for (const auto& [name, value] : entry.Get("numbers").Members()) {
       finding.numbers.emplace_back(name, value ? value->Number() : std::numeric_limits<double>::infinity());
     }

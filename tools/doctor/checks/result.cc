@@ -2,6 +2,7 @@
 #include "heba/run.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
+#include "tools/text/finding_text.h"
 
 namespace heba {
 
@@ -22,7 +23,9 @@ std::vector<Symptom> Check_result(Examination* examination) {
   const Outcome<RunOutput> run = Run(data, options);
   if (!run) return {{Severity::kWrong, "no_result", run.reason(), ""}};
   std::vector<Symptom> symptoms;
-  for (const Finding& finding : run->result.verdict.findings) {
+  std::vector<Finding> findings = run->result.verdict.findings;
+  DescribeAll(&findings);
+  for (const Finding& finding : findings) {
     if (finding.grade == Grade::kGood) continue;
     const Severity severity = finding.grade == Grade::kBad ? Severity::kWrong : Severity::kRemark;
     symptoms.push_back({severity, finding.code, finding.text, finding.action});

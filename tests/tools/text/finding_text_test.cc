@@ -1,0 +1,197 @@
+#include "tools/text/finding_text.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace heba {
+namespace {
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+Finding FindingOf(const char* code, std::vector<std::pair<std::string, double>> numbers,
+                  std::vector<std::pair<std::string, std::string>> names = {}, std::vector<Finding> parts = {}) {
+  return {Grade::kDoubtful, code, std::move(numbers), std::move(names), false, std::move(parts)};
+}
+
+std::string TextOf(const Finding& finding) { return FindingWords(finding).text; }
+std::string ActionOf(const Finding& finding) { return FindingWords(finding).action; }
+
+Finding WeakFocalLength() {
+  return FindingOf(
+      "weak_direction", {{"the camera's fx, px", 12}}, {},
+      {FindingOf("weak_direction_of", {{"sigma", 12}}, {{"direction", "the camera's fx"}, {"unit", "px"}}),
+       FindingOf("weak_direction_of", {{"sigma", 1.5}},
+                 {{"direction", "the target's position along the gripper's z"}, {"unit", "mm"}}),
+       FindingOf(
+           "suggested_captures", {{"distance_mm", 250}, {"sigma", 3}},
+           {{"motion", "nearer_and_farther"}, {"moved", "target"}, {"direction", "the camera's fx"}, {"unit", "px"}})});
+}
+
+TEST(FindingTextTest, EachCodeHasWords) {
+  for (const std::string_view code : kFindingCodes) {
+    const std::string text = TextOf({Grade::kDoubtful, std::string(code)});
+    EXPECT_NE(text, "") << code;
+    EXPECT_NE(text, code);
+  }
+}
+
+// A number that is missing is seen in the text, so this shows that a text uses the keys of the libraries' numbers.
+TEST(FindingTextTest, TextsHaveTheFigures) {
+  struct Case {
+    Finding finding;
+    const char* text;
+    const char* action;
+  };
+  const Case cases[] = {
+      {FindingOf("required", {{"required_mm", 1}, {"reached_mm", 2}, {"held_out_mm", 0.3}, {"confidence", 0.95}},
+                 {{"place", "the working point"}, {"hold_out", "known"}}),
+       "a target located at the working point has an error of up to 2.0 mm with a confidence of 95.0 %; 1.00 mm are "
+       "required, and on held-out captures the target is off by 0.30 mm (RMS)",
+       "take more captures, with larger rotations of the gripper and a larger range of distances"},
+      {FindingOf("required", {{"required_mm", 1}, {"reached_mm", 0.5}, {"held_out_mm", 0}, {"confidence", 0.95}},
+                 {{"place", "the working point"}, {"hold_out", "unknown"}}),
+       "a target located at the working point has an error of up to 0.50 mm with a confidence of 95.0 %; 1.00 mm are "
+       "required",
+       "check the captures with the largest errors; calibrate the robot"},
+      {FindingOf("no_hold_out", {}, {{"reason", "none_held_out"}}),
+       "no captures were held out: the hold-out error is not known", "set evaluate.folds to 5"},
+      {FindingOf("no_hold_out", {}, {{"reason", "refinement_failed"}}),
+       "the refinement failed without the held-out captures: the hold-out error is not known",
+       "take more captures: too few are left to determine the camera and its pose when some are held out"},
+      {FindingOf("unmodelled_error", {{"chi2_per_dof", 2}}, {{"robot_noise", "none"}}),
+       "the held-out captures scatter 1.4 times as much as the assumed noise explains",
+       "the robot is not exact: use refine.robot_noise: auto"},
+      {FindingOf("captures_left_out", {{"used", 10}, {"seen", 20}, {"captures", 23}, {"copies", 2}}),
+       "10 of 20 captures that show the target were used; 3 images show no target (2 are copies of others)",
+       "see the reasons in the table of captures"},
+      {FindingOf("influential_capture", {{"move_mm", 0.9}, {"move_deg", 0}, {"chance", 0.002}}, {{"image", "7.png"}}),
+       "without 7.png the camera pose would move by 0.90 mm and 0 deg, more than the assumed noise explains "
+       "(probability 0.002)",
+       "check this image and its robot pose; leave the capture out if one of them is wrong"},
+      {FindingOf("closed_form_better", {{"ratio", 0.667}}, {{"method", "park"}, {"robot_noise", "modelled"}}),
+       "the best closed form (park) predicts held-out captures 1.5 times better, in sigmas of pixel and robot noise",
+       "the residuals contain a systematic error that the model does not describe: free fewer groups of "
+       "refine.intrinsics, or give a camera file"},
+      {FindingOf("held_intrinsics", {{"cx_px", -5}, {"cx_sigmas", -9.1}, {"move_mm", 2}, {"move_deg", 0.1}, {"p", 0}},
+                 {{"intrinsic", "cx"}}),
+       "the intrinsics were held, but the captures indicate cx -5.0 px (9.1 sigma) (p < 1e-15); with free intrinsics "
+       "the camera would be 2.0 mm and 0.10 deg away",
+       "free them (leave refine.intrinsics out), or recalibrate the camera"},
+      {FindingOf("target_scale", {{"scale_x", 1.1}, {"scale_y", 1.1}}, {{"focal_length", "held"}}),
+       "compared with the robot's poses, the target is 10 % larger than the config says (a focal length that is held "
+       "at a wrong value looks the same)",
+       "measure the target and correct its dimensions in the config; if they are right, check the units of the robot's "
+       "poses and its own calibration"},
+      {FindingOf("target_shape_ignored", {}, {{"focal_length", "held"}},
+                 {FindingOf("shape_bend", {{"bend_x_mm", 0.5}, {"bend_y_mm", 0}})}),
+       "the captures indicate that the target differs from its design: its centre is 0.50 mm (along x) and 0.00 mm "
+       "(along y) above its edges",
+       "measure the target, or use refine.target_shape: auto"},
+      {FindingOf("few_captures_prior", {{"fewer_than", 8},
+                                        {"least_robot_mm", 0.05},
+                                        {"most_robot_mm", 1},
+                                        {"least_robot_deg", 0.005},
+                                        {"most_robot_deg", 0.1}}),
+       "the captures contain fewer than 8 robot poses, too few to estimate the robot noise: that of an industrial arm "
+       "was assumed (0.05 to 1 mm, 0.005 to 0.1 deg)",
+       "take 15 to 25 captures"},
+      {FindingOf("missing_ids", {{"missing", 12}, {"points", 48}, {"images", 6}}),
+       "12 of the target's 48 points are never detected, although each is in view in 6 images or more",
+       "check the target's first id, its rows and columns, the marker size and legacy_pattern"},
+  };
+  for (const Case& test : cases) {
+    EXPECT_EQ(TextOf(test.finding), test.text);
+    EXPECT_EQ(ActionOf(test.finding), test.action);
+  }
+}
+
+TEST(FindingTextTest, TheModelIsDescribedByItsParts) {
+  Finding finding = FindingOf(
+      "model", {{"robot_mm", 0.2}, {"robot_deg", 0.03}}, {{"model", "robot noise, scaled target"}},
+      {FindingOf("shape_scale", {{"scale_x", 1.004}, {"scale_y", 1.002}}),
+       FindingOf("rejected_model", {{"log_likelihood_lower_by", 123.4}, {"p", 0.0012}}, {{"model", "exact robot"}})});
+  finding.grade = Grade::kGood;
+  EXPECT_EQ(TextOf(finding),
+            "chosen error model: robot noise, scaled target (0.20 mm and 0.030 deg); its scale is 1.00400 along x and "
+            "1.00200 along y; exact robot is rejected (log-likelihood lower by 123, p = 0.0012)");
+  EXPECT_EQ(ActionOf(finding), "");
+}
+
+TEST(FindingTextTest, SuggestedCapturesAreTheRemedyOfAWeakDirection) {
+  Finding weak = WeakFocalLength();
+  EXPECT_EQ(TextOf(weak),
+            "the camera's fx is determined to only 12 px, the target's position along the gripper's z is determined to "
+            "only 1.5 mm (one sigma)");
+  EXPECT_EQ(ActionOf(weak),
+            "two captures 250 mm nearer and farther would reduce the sigma of the camera's fx to 3.0 px");
+  weak.parts.back().names[0].second = "tilt_about_x";
+  weak.parts.back().numbers[0] = {"angle_deg", 25};
+  EXPECT_THAT(ActionOf(weak),
+              StartsWith("two captures with the target tilted by +25 and -25 deg about the target's x axis would"));
+  weak.parts.back().names[1].second = "camera";
+  EXPECT_THAT(ActionOf(weak), StartsWith("two captures with the camera tilted relative to the target by +25 and -25"));
+  weak.parts.pop_back();
+  EXPECT_THAT(ActionOf(weak), StartsWith("take many more captures: no pair"));
+}
+
+TEST(FindingTextTest, TheUncertaintyIncludesItsPartsAndTheRemedyOfAWeakDirection) {
+  Finding finding = FindingOf(
+      "uncertainty", {{"position_mm", 2}, {"orientation_deg", 0.05}}, {},
+      {FindingOf("at_working_point", {{"distance_mm", 812.3}, {"at_work_mm", 4.5}}),
+       FindingOf("intrinsics_not_included", {{"focal_error_percent", 100 * 1e-3}, {"moves_target_mm", 0.81}})});
+  const std::string text =
+      "the camera's pose is known to 2.0 mm and 0.050 deg (one sigma, along and about the least certain axis); a "
+      "target seen 812 mm away is located to 4.5 mm; the intrinsics were held, and their error is not part of these "
+      "figures (an error of 0.1 % in the focal length moves that target by 0.81 mm)";
+  EXPECT_EQ(TextOf(finding), text);
+  EXPECT_THAT(ActionOf(finding), StartsWith("take more captures, with larger rotations of the gripper about"));
+  finding.parts.push_back(WeakFocalLength());
+  EXPECT_EQ(TextOf(finding), text + "; " + TextOf(WeakFocalLength()));
+  EXPECT_EQ(ActionOf(finding), ActionOf(WeakFocalLength()));
+  finding.grade = Grade::kGood;
+  EXPECT_EQ(ActionOf(finding), "");
+}
+
+// The texts of the doctor and of files are kept, also if their code has words. A cause still gets its consequences.
+TEST(FindingTextTest, KeepsATextThatIsSet) {
+  Finding cause = FindingOf("target_scale", {});
+  cause.is_cause = true;
+  cause.text = "the target is 10 % larger";
+  cause.action = "measure it";
+  Describe(&cause);
+  EXPECT_EQ(cause.text, "the target is 10 % larger");
+  cause.parts = {FindingOf("hold_out", {{"target_mm", 16}, {"target_deg", 1}})};
+  Describe(&cause);
+  EXPECT_EQ(cause.text,
+            "the target is 10 % larger; as a consequence, on held-out captures the target is off by 16 mm and 1.0 deg "
+            "from its predicted pose (RMS)");
+  EXPECT_EQ(cause.action, "measure it");
+}
+
+TEST(FindingTextTest, DescribingTwiceChangesNothing) {
+  Finding cause =
+      FindingOf("target_scale", {{"scale_x", 1.1}, {"scale_y", 1.1}}, {},
+                {FindingOf("uncertainty", {{"position_mm", 9}, {"orientation_deg", 1}}, {}, {WeakFocalLength()})});
+  cause.is_cause = true;
+  std::vector<Finding> findings = {cause, WeakFocalLength()};
+  DescribeAll(&findings);
+  const std::vector<Finding> once = findings;
+  DescribeAll(&findings);
+  for (size_t i = 0; i < findings.size(); ++i) {
+    EXPECT_EQ(findings[i].text, once[i].text);
+    EXPECT_EQ(findings[i].action, once[i].action);
+  }
+  EXPECT_THAT(once[0].text, HasSubstr("; as a consequence, the camera's pose is known to 9.0 mm and 1.0 deg"));
+  EXPECT_THAT(once[0].text, HasSubstr("; the camera's fx is determined to only 12 px"));
+  EXPECT_THAT(once[0].parts[0].text, Not(HasSubstr("as a consequence")));
+}
+
+TEST(FindingTextTest, AnUnknownCodeIsShownWithItsNumbers) {
+  EXPECT_EQ(TextOf(FindingOf("of_a_newer_version", {{"by_mm", 1.5}, {"captures", 3}})),
+            "of_a_newer_version (by_mm 1.50, captures 3.00)");
+  EXPECT_EQ(TextOf(FindingOf("of_a_newer_version", {})), "of_a_newer_version");
+}
+
+}  // namespace
+}  // namespace heba

@@ -1,0 +1,411 @@
+#include "tools/text/finding_text.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <string_view>
+#include <utility>
+
+#include "heba/base/text.h"
+#include "tools/text/target_symmetry.h"
+
+namespace heba {
+namespace {
+
+double Number(const Finding& finding, std::string_view key) {
+  return finding.Number(key).value_or(std::numeric_limits<double>::quiet_NaN());
+}
+
+std::string Name(const Finding& finding, std::string_view key) { return finding.Name(key).value_or(""); }
+
+bool Is(const Finding& finding, std::string_view key, std::string_view name) { return finding.Name(key) == name; }
+
+const Finding* PartOf(const Finding& finding, std::string_view code) {
+  const auto part = std::find_if(finding.parts.begin(), finding.parts.end(),
+                                 [&](const Finding& candidate) { return candidate.code == code; });
+  return part == finding.parts.end() ? nullptr : &*part;
+}
+
+std::string Count(const Finding& finding, std::string_view key) { return Fixed(Number(finding, key), 0); }
+
+std::string Amount(const Finding& finding, std::string_view key) { return ShownAmount(Number(finding, key), 2); }
+
+std::string ChanceText(double p) {
+  constexpr double kNever = 1e-15;
+  return p < kNever ? "p < 1e-15" : "p = " + Significant(p, 2);
+}
+
+std::string RobotNoiseText(const Finding& finding) {
+  return Significant(Number(finding, "robot_mm"), 2) + " mm and " + Significant(Number(finding, "robot_deg"), 2) +
+         " deg";
+}
+
+// Describes the shape that the parts state: "its scale is 1.00400 along x and 1.00200 along y, its centre is ..."
+std::string ShapeText(const Finding& finding) {
+  std::vector<std::string> texts;
+  for (const std::string_view code : {"shape_scale", "shape_bend"}) {
+    if (const Finding* part = PartOf(finding, code)) texts.push_back(FindingWords(*part).text);
+  }
+  return Join(texts, ", ");
+}
+
+// Returns the largest change of an intrinsic parameter, such as "fx +38 px (9.1 sigma)"; empty if there is none.
+std::string LargestMoveText(const Finding& finding) {
+  const std::string intrinsic = Name(finding, "intrinsic");
+  if (intrinsic.empty()) return "";
+  const double by_px = Number(finding, intrinsic + "_px");
+  return intrinsic + (by_px < 0 ? " -" : " +") + Significant(std::abs(by_px), 2) + " px (" +
+         Significant(std::abs(Number(finding, intrinsic + "_sigmas")), 2) + " sigma)";
+}
+
+FindingText Uncertainty(const Finding& finding) {
+  FindingText words = {"the camera's pose is known to " + Amount(finding, "position_mm") + " mm and " +
+                           Amount(finding, "orientation_deg") +
+                           " deg (one sigma, along and about the least certain axis)",
+                       "take more captures, with larger rotations of the gripper about different axes and a larger "
+                       "range of distances"};
+  for (const Finding& part : finding.parts) {
+    const FindingText of_part = FindingWords(part);
+    words.text += "; " + of_part.text;
+    // The remedy of a weak direction is more specific.
+    if (!of_part.action.empty()) words.action = of_part.action;
+  }
+  return words;
+}
+
+FindingText AtWorkingPoint(const Finding& finding) {
+  return {"a target seen " + Significant(Number(finding, "distance_mm"), 3) + " mm away is located to " +
+              Amount(finding, "at_work_mm") + " mm",
+          ""};
+}
+
+FindingText IntrinsicsNotIncluded(const Finding& finding) {
+  std::string text = "the intrinsics were held, and their error is not part of these figures";
+  if (finding.Number("moves_target_mm")) {
+    text += " (an error of " + Significant(Number(finding, "focal_error_percent"), 1) +
+            " % in the focal length moves that target by " + Significant(Number(finding, "moves_target_mm"), 2) +
+            " mm)";
+  }
+  return {text, ""};
+}
+
+FindingText Required(const Finding& finding) {
+  const double within_mm = Number(finding, "required_mm");
+  std::string text = "a target located at " + Name(finding, "place") + " has an error of up to " +
+                     Amount(finding, "reached_mm") + " mm with a confidence of " +
+                     Significant(100 * Number(finding, "confidence"), 3) + " %; " + Significant(within_mm, 3) +
+                     " mm are required";
+  if (Is(finding, "hold_out", "known")) {
+    text += ", and on held-out captures the target is off by " + Amount(finding, "held_out_mm") + " mm (RMS)";
+  }
+  return {text, Number(finding, "reached_mm") > within_mm
+                    ? "take more captures, with larger rotations of the gripper and a larger range of distances"
+                    : "check the captures with the largest errors; calibrate the robot"};
+}
+
+FindingText HoldOutErrors(const Finding& finding) {
+  return {"on held-out captures the target is off by " + Amount(finding, "target_mm") + " mm and " +
+              Amount(finding, "target_deg") + " deg from its predicted pose (RMS)",
+          "check the captures with the largest residuals; let the robot settle before each image; check the robot's "
+          "own calibration, the pose format and the target's dimensions"};
+}
+
+FindingText NoHoldOut(const Finding& finding) {
+  if (Is(finding, "reason", "refinement_failed")) {
+    return {"the refinement failed without the held-out captures: the hold-out error is not known",
+            "take more captures: too few are left to determine the camera and its pose when some are held out"};
+  }
+  return {"no captures were held out: the hold-out error is not known", "set evaluate.folds to 5"};
+}
+
+FindingText UnmodelledError(const Finding& finding) {
+  return {"the held-out captures scatter " + Significant(std::sqrt(Number(finding, "chi2_per_dof")), 2) +
+              " times as much as the assumed noise explains",
+          Is(finding, "robot_noise", "modelled")
+              ? "the error is neither pixel noise nor white robot noise: check the target's dimensions, the camera "
+                "model and the captures with the largest corrections"
+              : "the robot is not exact: use refine.robot_noise: auto"};
+}
+
+std::string UsedCaptures(const Finding& finding) {
+  std::string text =
+      Count(finding, "used") + " of " + Count(finding, "seen") + " captures that show the target were used";
+  const double num_without = Number(finding, "captures") - Number(finding, "seen");
+  if (num_without > 0) text += "; " + Fixed(num_without, 0) + " images show no target";
+  if (Number(finding, "copies") > 0) text += " (" + Count(finding, "copies") + " are copies of others)";
+  return text;
+}
+
+FindingText FewCaptures(const Finding& finding) { return {UsedCaptures(finding), "take 15 to 25 captures"}; }
+
+FindingText CapturesLeftOut(const Finding& finding) {
+  return {UsedCaptures(finding), "see the reasons in the table of captures"};
+}
+
+FindingText PixelNoise(const Finding& finding) {
+  return {"the pixel noise is " + Significant(Number(finding, "pixel_sigma_px"), 2) + " px per coordinate (one sigma)",
+          "good images give 0.02 to 0.3 px: check focus, motion blur, the camera model and the robot's poses"};
+}
+
+FindingText InfluentialCapture(const Finding& finding) {
+  return {"without " + Name(finding, "image") + " the camera pose would move by " + Amount(finding, "move_mm") +
+              " mm and " + Amount(finding, "move_deg") + " deg, more than the assumed noise explains (probability " +
+              ShownChance(Number(finding, "chance")) + ")",
+          "check this image and its robot pose; leave the capture out if one of them is wrong"};
+}
+
+FindingText ClosedFormBetter(const Finding& finding) {
+  const double ratio = Number(finding, "ratio");
+  return {"the best closed form (" + Name(finding, "method") + ") predicts held-out captures " +
+              (ratio >= 1 ? Significant(ratio, 2) + " times worse" : Significant(1 / ratio, 2) + " times better") +
+              ", in sigmas of pixel and robot noise",
+          std::string("the residuals contain a systematic error that the model does not describe: ") +
+              (Is(finding, "robot_noise", "modelled") ? "free fewer groups of refine.intrinsics, or give a camera file"
+                                                      : "use refine.robot_noise: auto")};
+}
+
+FindingText NoEstimate(const Finding& /*finding*/) {
+  return {"there is no refined estimate", "see the reasons of the methods"};
+}
+
+FindingText PosesOnly(const Finding& finding) {
+  return {"only poses of the target were given, no images: they scatter by " + Amount(finding, "scatter_mm") +
+              " mm and " + Amount(finding, "scatter_deg") + " deg in the frame where the target is fixed",
+          "give the images or the corners: a refinement from them is more accurate and reports its uncertainty"};
+}
+
+FindingText WeakDirections(const Finding& finding) {
+  std::vector<std::string> texts;
+  for (const Finding& part : finding.parts) {
+    if (part.code == "weak_direction_of") texts.push_back(FindingWords(part).text);
+  }
+  const Finding* suggested = PartOf(finding, "suggested_captures");
+  return {Join(texts, ", ") + " (one sigma)",
+          suggested != nullptr ? FindingWords(*suggested).text
+                               : "take many more captures: no pair of additional captures reduces this sigma much"};
+}
+
+FindingText WeakDirectionOf(const Finding& finding) {
+  return {Name(finding, "direction") + " is determined to only " + Significant(Number(finding, "sigma"), 2) + " " +
+              Name(finding, "unit"),
+          ""};
+}
+
+// Returns the motion of two captures: "two captures 250 mm nearer and farther".
+std::string MotionText(const Finding& finding) {
+  const std::string motion = Name(finding, "motion");
+  const bool moves_target = Is(finding, "moved", "target");
+  const std::string tilted = moves_target ? "with the target tilted" : "with the camera tilted relative to the target";
+  const std::string rotated = moves_target ? "with the target rotated" : "with the camera rotated";
+  const std::string angle = Count(finding, "angle_deg");
+  const std::string by_angles = " by +" + angle + " and -" + angle + " deg ";
+  if (motion == "tilt_about_x") return "two captures " + tilted + by_angles + "about the target's x axis";
+  if (motion == "tilt_about_y") return "two captures " + tilted + by_angles + "about the target's y axis";
+  if (motion == "rotate_in_plane") return "two captures " + rotated + by_angles + "in the target's plane";
+  if (motion == "nearer_and_farther") return "two captures " + Count(finding, "distance_mm") + " mm nearer and farther";
+  if (motion == "left_and_right") return "two captures with the target at the left and right of the image";
+  return "two captures with the target at the top and bottom of the image";
+}
+
+FindingText SuggestedCapturesText(const Finding& finding) {
+  return {MotionText(finding) + " would reduce the sigma of " + Name(finding, "direction") + " to " +
+              Significant(Number(finding, "sigma"), 2) + " " + Name(finding, "unit"),
+          ""};
+}
+
+FindingText Model(const Finding& finding) {
+  std::string text = "chosen error model: " + Name(finding, "model");
+  if (finding.Number("robot_mm")) text += " (" + RobotNoiseText(finding) + ")";
+  const std::string shape = ShapeText(finding);
+  if (!shape.empty()) text += "; " + shape;
+  for (const std::string_view code : {"rejected_model", "no_better_model"}) {
+    if (const Finding* other = PartOf(finding, code)) text += "; " + FindingWords(*other).text;
+  }
+  return {text, ""};
+}
+
+FindingText ShapeScale(const Finding& finding) {
+  return {"its scale is " + Fixed(Number(finding, "scale_x"), 5) + " along x and " +
+              Fixed(Number(finding, "scale_y"), 5) + " along y",
+          ""};
+}
+
+FindingText ShapeBend(const Finding& finding) {
+  return {"its centre is " + Fixed(Number(finding, "bend_x_mm"), 2) + " mm (along x) and " +
+              Fixed(Number(finding, "bend_y_mm"), 2) + " mm (along y) above its edges",
+          ""};
+}
+
+FindingText RejectedModel(const Finding& finding) {
+  return {Name(finding, "model") + " is rejected (log-likelihood lower by " +
+              Significant(Number(finding, "log_likelihood_lower_by"), 3) + ", " + ChanceText(Number(finding, "p")) +
+              ")",
+          ""};
+}
+
+FindingText NoBetterModel(const Finding& finding) {
+  return {Name(finding, "model") + " is not significantly better (log-likelihood higher by " +
+              Significant(Number(finding, "log_likelihood_higher_by"), 2) + ", " + ChanceText(Number(finding, "p")) +
+              ")",
+          ""};
+}
+
+FindingText TargetShapeIgnored(const Finding& finding) {
+  const bool may_be_focal_length = Is(finding, "focal_length", "held") && PartOf(finding, "shape_scale") != nullptr;
+  return {"the captures indicate that the target differs from its design: " + ShapeText(finding) +
+              (may_be_focal_length ? " (a focal length that is held at a wrong value looks like a wrong scale)" : ""),
+          "measure the target, or use refine.target_shape: auto"};
+}
+
+FindingText RobotNoiseIgnored(const Finding& finding) {
+  return {"the captures indicate that the robot's poses are off by " + RobotNoiseText(finding) +
+              " (one sigma per axis), but they were taken as exact: the reported covariance is too small",
+          "use refine.robot_noise: auto"};
+}
+
+FindingText TargetScale(const Finding& finding) {
+  const double mean = 0.5 * (Number(finding, "scale_x") + Number(finding, "scale_y"));
+  return {
+      "compared with the robot's poses, the target is " + Significant(100 * std::abs(mean - 1), 2) + " %" +
+          (mean > 1 ? " larger" : " smaller") + " than the config says" +
+          (Is(finding, "focal_length", "held") ? " (a focal length that is held at a wrong value looks the same)" : ""),
+      "measure the target and correct its dimensions in the config; if they are right, check the units of the "
+      "robot's poses and its own calibration"};
+}
+
+FindingText HeldIntrinsics(const Finding& finding) {
+  return {"the intrinsics were held, but the captures indicate " + LargestMoveText(finding) + " (" +
+              ChanceText(Number(finding, "p")) + "); with free intrinsics the camera would be " +
+              Significant(Number(finding, "move_mm"), 2) + " mm and " + Significant(Number(finding, "move_deg"), 2) +
+              " deg away",
+          "free them (leave refine.intrinsics out), or recalibrate the camera"};
+}
+
+FindingText CameraUse(const Finding& finding) {
+  if (Is(finding, "use", "held")) return {"the given intrinsics were held", ""};
+  const std::string moved = LargestMoveText(finding);
+  return {std::string("the given intrinsics were used as ") +
+              (Is(finding, "use", "prior") ? "a prior" : "the initial guess") +
+              (moved.empty() ? "" : "; the refinement changed them by at most " + moved),
+          ""};
+}
+
+FindingText CapturesScatter(const Finding& finding) {
+  return {Count(finding, "captures") + " of " + Count(finding, "of_captures") +
+              " captures contradict the others, but larger robot noise explains all of them better than so many wrong "
+              "captures: the model is incomplete, and all were kept",
+          "check the robot's own calibration, the target's dimensions and the camera model"};
+}
+
+FindingText FewCapturesPrior(const Finding& finding) {
+  const auto bound = [&](std::string_view key) { return Significant(Number(finding, key), 1); };
+  return {"the captures contain fewer than " + Count(finding, "fewer_than") +
+              " robot poses, too few to estimate the robot noise: that of an industrial arm was assumed (" +
+              bound("least_robot_mm") + " to " + bound("most_robot_mm") + " mm, " + bound("least_robot_deg") + " to " +
+              bound("most_robot_deg") + " deg)",
+          "take 15 to 25 captures"};
+}
+
+FindingText MissingIds(const Finding& finding) {
+  return {Count(finding, "missing") + " of the target's " + Count(finding, "points") +
+              " points are never detected, although each is in view in " + Count(finding, "images") + " images or more",
+          "check the target's first id, its rows and columns, the marker size and legacy_pattern"};
+}
+
+FindingText SymmetricTarget(const Finding& finding) {
+  return {SymmetryRemark(static_cast<size_t>(finding.Number("symmetries").value_or(2))), ""};
+}
+
+struct CodeWords {
+  std::string_view code;
+  FindingText (*words)(const Finding& finding);
+};
+
+constexpr CodeWords kWords[] = {
+    {"uncertainty", &Uncertainty},
+    {"at_working_point", &AtWorkingPoint},
+    {"intrinsics_not_included", &IntrinsicsNotIncluded},
+    {"required", &Required},
+    {"hold_out", &HoldOutErrors},
+    {"no_hold_out", &NoHoldOut},
+    {"unmodelled_error", &UnmodelledError},
+    {"few_captures", &FewCaptures},
+    {"captures_left_out", &CapturesLeftOut},
+    {"pixel_noise", &PixelNoise},
+    {"influential_capture", &InfluentialCapture},
+    {"closed_form_better", &ClosedFormBetter},
+    {"no_estimate", &NoEstimate},
+    {"poses_only", &PosesOnly},
+    {"weak_direction", &WeakDirections},
+    {"weak_direction_of", &WeakDirectionOf},
+    {"suggested_captures", &SuggestedCapturesText},
+    {"model", &Model},
+    {"shape_scale", &ShapeScale},
+    {"shape_bend", &ShapeBend},
+    {"rejected_model", &RejectedModel},
+    {"no_better_model", &NoBetterModel},
+    {"target_shape_ignored", &TargetShapeIgnored},
+    {"robot_noise_ignored", &RobotNoiseIgnored},
+    {"target_scale", &TargetScale},
+    {"held_intrinsics", &HeldIntrinsics},
+    {"camera", &CameraUse},
+    {"captures_scatter", &CapturesScatter},
+    {"few_captures_prior", &FewCapturesPrior},
+    {"missing_ids", &MissingIds},
+    {"symmetric_target", &SymmetricTarget},
+};
+
+constexpr const CodeWords* WordsOf(std::string_view code) {
+  for (const CodeWords& entry : kWords) {
+    if (entry.code == code) return &entry;
+  }
+  return nullptr;
+}
+
+constexpr bool EachCodeHasWords() {
+  for (const std::string_view code : kFindingCodes) {
+    if (WordsOf(code) == nullptr) return false;
+  }
+  return true;
+}
+static_assert(EachCodeHasWords() && std::size(kWords) == std::size(kFindingCodes));
+
+// Returns the words of the code, without those of a cause's consequences.
+FindingText OwnWords(const Finding& finding) {
+  if (!finding.text.empty()) return {finding.text, finding.action};
+  if (const CodeWords* entry = WordsOf(finding.code)) {
+    FindingText words = entry->words(finding);
+    if (finding.grade == Grade::kGood) words.action.clear();
+    return words;
+  }
+  std::vector<std::string> figures;
+  for (const auto& [name, value] : finding.numbers) figures.push_back(name + " " + Significant(value, 3));
+  return {finding.code + (figures.empty() ? "" : " (" + Join(figures, ", ") + ")"), finding.action};
+}
+
+}  // namespace
+
+FindingText FindingWords(const Finding& finding) {
+  FindingText words = OwnWords(finding);
+  if (!finding.is_cause) return words;
+  for (const Finding& consequence : finding.parts) {
+    // A finding whose parts have texts was described before: its text contains them.
+    if (!finding.text.empty() && !consequence.text.empty()) continue;
+    words.text += "; as a consequence, " + FindingWords(consequence).text;
+  }
+  return words;
+}
+
+void Describe(Finding* finding) {
+  FindingText words = FindingWords(*finding);
+  DescribeAll(&finding->parts);
+  finding->text = std::move(words.text);
+  finding->action = std::move(words.action);
+}
+
+void DescribeAll(std::vector<Finding>* findings) {
+  for (Finding& finding : *findings) Describe(&finding);
+}
+
+}  // namespace heba

@@ -1,0 +1,28 @@
+// The words of findings for users of the program, which name the keys of configs: one place for the reports,
+// result.json, the terminal and the doctor.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "heba/evaluation/finding.h"
+
+namespace heba {
+
+struct FindingText {
+  std::string text;    // The observation, with its figures and with those of the parts that it mentions.
+  std::string action;  // The remedy; empty if nothing needs to be done, which is the case if the grade is good.
+};
+
+// Returns the words of a finding: its own text and action if it has a text (the findings of a file and of the doctor
+// have one), otherwise those of its code. Those of an unknown code are the code and the numbers. The text of a cause
+// continues with its consequences, the parts, unless it has them already. A number that the code needs and the finding
+// does not have is shown as "nan".
+FindingText FindingWords(const Finding& finding);
+
+// Sets the text and the action of a finding, and of its parts, to their words. A finding that was described before does
+// not change.
+void Describe(Finding* finding);
+void DescribeAll(std::vector<Finding>* findings);
+
+}  // namespace heba
