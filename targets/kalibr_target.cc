@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "heba/base/error.h"
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
-#include "targets/name_table.h"
 
 namespace heba {
 namespace {
@@ -64,9 +64,7 @@ bool IsKalibrTarget(MapReader& reader) { return reader.Has("target_type"); }
 ConfigValue FromKalibrTarget(MapReader& reader) {
   const std::string name = reader.Get("target_type").AsChoice(NamesOf(kTypes));
   YAML::Node target(YAML::NodeType::Map);
-  for (const KalibrType& type : kTypes) {
-    if (type.name == name) type.convert(reader, &target);
-  }
+  FindEntry(kTypes, name)->convert(reader, &target);
   reader.Finish();
   return {target, reader.value().file(), reader.value().key()};
 }

@@ -8,7 +8,7 @@
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "targets/kalibr_target.h"
-#include "targets/name_table.h"
+#include "targets/table_choice.h"
 
 namespace heba {
 

@@ -279,14 +279,14 @@ void NameLeftOut(const std::vector<View>& left_out, const CalibrationOptions& op
 // whether there were any.
 bool LeaveOutRejected(Calibration* calibration) {
   const Solution& solution = *calibration->refined;
-  const bool has_rejected = std::any_of(solution.rejected_ids.begin(), solution.rejected_ids.end(),
-                                        [](const std::vector<int>& ids) { return !ids.empty(); });
+  const bool has_rejected = std::any_of(solution.views.begin(), solution.views.end(),
+                                        [](const ViewOutcome& view) { return !view.rejected_ids.empty(); });
   if (!has_rejected) return false;
   // Views that keep enough points for a pose come first; the order within both groups is kept.
   std::vector<size_t> order;
   std::vector<Observations> kept;
   for (size_t i = 0; i < calibration->views.size(); ++i) {
-    kept.push_back(WithoutPoints(calibration->views[i].observations, solution.rejected_ids[i]));
+    kept.push_back(WithoutPoints(calibration->views[i].observations, solution.views[i].rejected_ids));
     order.push_back(i);
   }
   std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
@@ -298,20 +298,18 @@ bool LeaveOutRejected(Calibration* calibration) {
     const size_t i = order[k];
     cleaned.views[k] = calibration->views[i];
     cleaned.views[k].observations = kept[i];
-    cleaned.refined->rejected_ids[k] = solution.rejected_ids[i];
-    if (!solution.corrections.empty()) cleaned.refined->corrections[k] = solution.corrections[i];
+    cleaned.refined->views[k] = solution.views[i];
   }
   // A capture without any point is not used.
   while (!cleaned.views.empty() && cleaned.views.back().observations.ids.empty()) {
-    const size_t num_points = cleaned.refined->rejected_ids.back().size();
+    const size_t num_points = cleaned.refined->views.back().rejected_ids.size();
     cleaned.unused.push_back(
         {cleaned.views.back().name,
          "none of its " + std::to_string(num_points) +
              " points is where the estimate from the other captures predicts it: the target was probably "
              "misread, or the robot pose belongs to another image"});
     cleaned.views.pop_back();
-    cleaned.refined->rejected_ids.pop_back();
-    if (!cleaned.refined->corrections.empty()) cleaned.refined->corrections.pop_back();
+    cleaned.refined->views.pop_back();
   }
   cleaned.pairs = PosePairsOf(cleaned.camera, solution.hand_eye, cleaned.views);
   *calibration = std::move(cleaned);

@@ -55,7 +55,7 @@ Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std:
   double num_wrong = 0;
   for (size_t i = 0; i < verdicts.size(); ++i) {
     if (!verdicts[i].is_wrong) {
-      corrections.push_back(at.corrections[member++]);
+      corrections.push_back(*at.views[member++].correction);
       continue;
     }
     View view = problem.views[i];
@@ -130,12 +130,13 @@ JudgedCaptures JudgeCaptures(const Problem& problem, const Solution& solution, c
   JudgedCaptures judged;
   judged.verdicts.resize(problem.views.size());
   judged.solution = solution;
-  judged.rejected_ids = solution.rejected_ids;
+  // Each view has the outcome of the last solution that used it.
+  std::vector<ViewOutcome> outcomes = solution.views;
   std::vector<size_t> members = MembersOf(judged.verdicts);
   constexpr int kMaxRounds = 8;
   for (int round = 0; round < kMaxRounds; ++round) {
     Solution at = judged.solution;
-    at.rejected_ids = judged.rejected_ids;
+    at.views = outcomes;
     std::vector<CaptureVerdict> verdicts = FindOutlierCaptures(problem, at, free);
     const std::vector<size_t> next = MembersOf(verdicts);
     judged.verdicts = std::move(verdicts);
@@ -147,7 +148,7 @@ JudgedCaptures JudgeCaptures(const Problem& problem, const Solution& solution, c
     const Outcome<Solution> refined = RefineHandEye(part, judged.solution.hand_eye, options);
     if (!refined) break;
     judged.solution = *refined;
-    for (size_t k = 0; k < members.size(); ++k) judged.rejected_ids[members[k]] = refined->rejected_ids[k];
+    for (size_t k = 0; k < members.size(); ++k) outcomes[members[k]] = refined->views[k];
   }
   const int num_wrong = judged.NumWrong();
   if (num_wrong > kMostWrong * static_cast<double>(problem.views.size()) && IsNoiseOfAll(problem, judged, options)) {
@@ -159,7 +160,6 @@ JudgedCaptures JudgeCaptures(const Problem& problem, const Solution& solution, c
     // Starts from the solution of the better captures; with all of them the first solution may be far off.
     const Outcome<Solution> refined = RefineHandEye(all, judged.solution.hand_eye, options);
     judged.solution = refined ? *refined : solution;
-    judged.rejected_ids = judged.solution.rejected_ids;
   }
   return judged;
 }

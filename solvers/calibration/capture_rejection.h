@@ -14,9 +14,8 @@ inline constexpr double kMostWrong = 0.25;
 inline constexpr double kDistinct = 5;
 
 struct JudgedCaptures {
-  std::vector<CaptureVerdict> verdicts;        // One per view.
-  Solution solution;                           // The solution of the views that are not wrong.
-  std::vector<std::vector<int>> rejected_ids;  // One per view of the problem, wrong ones included.
+  std::vector<CaptureVerdict> verdicts;  // One per view.
+  Solution solution;                     // The solution of the views that are not wrong.
   // Number of captures that failed the test, but were kept: one larger robot noise for all captures explains them
   // better than a smaller noise with this many wrong poses. 0 if there was no doubt.
   int num_kept_against_test = 0;

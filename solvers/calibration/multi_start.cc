@@ -132,7 +132,7 @@ std::vector<InitialGuess> RotatedStarts(const std::vector<PosePair>& pairs, cons
 double RejectedRatio(const Problem& problem, const Solution& solution) {
   size_t num_rejected = 0;
   size_t num_points = 0;
-  for (const std::vector<int>& ids : solution.rejected_ids) num_rejected += ids.size();
+  for (const ViewOutcome& view : solution.views) num_rejected += view.rejected_ids.size();
   for (const View& view : problem.views) num_points += view.observations.ids.size();
   return static_cast<double>(num_rejected) / static_cast<double>(num_points);
 }

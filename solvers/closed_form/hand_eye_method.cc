@@ -1,5 +1,6 @@
 #include "solvers/closed_form/hand_eye_method.h"
 
+#include "heba/base/registry.h"
 #include "solvers/closed_form/motion_analysis.h"
 
 namespace heba {
@@ -36,17 +37,8 @@ const std::vector<HandEyeMethod>& HandEyeMethods() {
   return methods;
 }
 
-const HandEyeMethod* FindHandEyeMethod(std::string_view name) {
-  for (const HandEyeMethod& method : HandEyeMethods()) {
-    if (method.name == name) return &method;
-  }
-  return nullptr;
-}
+const HandEyeMethod* FindHandEyeMethod(std::string_view name) { return FindEntry(HandEyeMethods(), name); }
 
-std::vector<std::string> HandEyeMethodNames() {
-  std::vector<std::string> names;
-  for (const HandEyeMethod& method : HandEyeMethods()) names.emplace_back(method.name);
-  return names;
-}
+std::vector<std::string> HandEyeMethodNames() { return NamesOf(HandEyeMethods()); }
 
 }  // namespace heba

@@ -14,6 +14,7 @@
 #include "heba/base/median.h"
 #include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
+#include "heba/geometry/homography.h"
 #include "heba/geometry/pose_block.h"
 #include "solvers/initial/target_pose.h"
 #include "solvers/refine/captures_cost.h"
@@ -237,7 +238,7 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
   for (const View& view : views) {
     if (view.observations.size() < 4) continue;
     const std::optional<Eigen::Matrix3d> homography =
-        EstimateHomography(view.observations.points_in_target.topRows<2>(), view.observations.pixels);
+        FitHomographyOfColumns(view.observations.points_in_target.topRows<2>(), view.observations.pixels);
     if (!homography) continue;
     usable.push_back(&view);
     homographies.push_back(*homography);

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/SVD>
 
@@ -12,29 +11,12 @@
 #include "heba/base/levenberg_marquardt.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/metrics.h"
+#include "heba/geometry/homography.h"
 #include "heba/kernels/small_matrix.h"
 #include "solvers/residuals/view_reduction.h"
 
 namespace heba {
 namespace {
-
-// Returns the similarity that maps the points to mean 0 and mean distance sqrt(2).
-Eigen::Matrix3d Normalisation(const Points2& points) {
-  const Eigen::Vector2d mean = points.rowwise().mean();
-  const double distance = (points.colwise() - mean).colwise().norm().mean();
-  const double scale = distance > 0 ? std::sqrt(2.0) / distance : 1.0;
-  Eigen::Matrix3d transform;
-  transform << scale, 0, -scale * mean.x(), 0, scale, -scale * mean.y(), 0, 0, 1;
-  return transform;
-}
-
-// Returns the ratio of the second to the first singular value of the centred points: 0 for collinear points.
-double Flatness(const Points2& points) {
-  const Eigen::Vector2d mean = points.rowwise().mean();
-  const Points2 centred = points.colwise() - mean;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(centred * centred.transpose());
-  return std::sqrt(std::max(0.0, eigen.eigenvalues()[0]) / eigen.eigenvalues()[1]);
-}
 
 // Returns the rotation by the smallest angle that maps z to `direction`.
 Eigen::Matrix3d RotationFromZ(const Eigen::Vector3d& direction) {
@@ -151,38 +133,6 @@ double RmsPxOf(const Camera& camera, const Observations& observations, const Rig
   return *errors->RmsPx();
 }
 
-}  // namespace
-
-std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Points2& to) {
-  CHECK_EQ(from.cols(), to.cols());
-  constexpr double kOnALine = 1e-6;
-  if (from.cols() < 4 || Flatness(from) < kOnALine || Flatness(to) < kOnALine) return std::nullopt;
-  const Eigen::Matrix3d from_normalisation = Normalisation(from);
-  const Eigen::Matrix3d to_normalisation = Normalisation(to);
-  // The normal equations of [p, 0, -q_x p] h = 0 and [0, p, -q_y p] h = 0.
-  using Matrix9 = Eigen::Matrix<double, 9, 9>;
-  Matrix9 products = Matrix9::Zero();
-  for (Eigen::Index i = 0; i < from.cols(); ++i) {
-    const Eigen::Vector3d p = from_normalisation * from.col(i).homogeneous();
-    const Eigen::Vector3d q = to_normalisation * to.col(i).homogeneous();
-    const Eigen::Matrix3d pp = p * p.transpose();
-    products.topLeftCorner<3, 3>() += pp;
-    products.block<3, 3>(6, 0) -= q.x() * pp;
-    products.block<3, 3>(6, 3) -= q.y() * pp;
-    products.bottomRightCorner<3, 3>() += q.head<2>().squaredNorm() * pp;
-  }
-  products.block<3, 3>(3, 3) = products.topLeftCorner<3, 3>();
-  const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(products);  // Reads the lower triangle only.
-  // A second null direction means that the points do not determine the homography.
-  constexpr double kNull = 1e-14;  // Round-off of the products: 1e-7 in the equations themselves.
-  if (eigen.eigenvalues()[1] < kNull * eigen.eigenvalues()[8]) return std::nullopt;
-  const Eigen::Matrix<double, 9, 1> h = eigen.eigenvectors().col(0);
-  const Eigen::Matrix3d normalised = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.data());
-  return Eigen::Matrix3d(to_normalisation.inverse() * normalised * from_normalisation);
-}
-
-namespace {
-
 // Returns the two solutions for a plane, or none in the cases listed at EstimateTargetPose.
 std::vector<PoseInView> StartPoses(const PoseReducer& reducer, const Camera& camera, const Observations& observations) {
   const int n = observations.size();
@@ -208,7 +158,7 @@ std::vector<PoseInView> StartPoses(const PoseReducer& reducer, const Camera& cam
   const Eigen::Vector3d centre = observations.points_in_target.rowwise().mean();
   const Points3 centred = observations.points_in_target.colwise() - centre;
   if (!(centred.row(2).cwiseAbs().maxCoeff() <= 0.1 * centred.topRows<2>().cwiseAbs().maxCoeff())) return {};
-  const std::optional<Eigen::Matrix3d> homography = EstimateHomography(centred.topRows<2>(), normalised);
+  const std::optional<Eigen::Matrix3d> homography = FitHomographyOfColumns(centred.topRows<2>(), normalised);
   if (!homography || std::abs((*homography)(2, 2)) < 1e-12) return {};
 
   std::vector<PoseInView> poses;

@@ -26,9 +26,4 @@ std::vector<TargetPose> EstimateTargetPose(const Camera& camera, const Observati
 // thousandth: an initial guess for a joint refinement. Returns nothing if there is no pose.
 std::optional<TargetPose> EstimateRoughPose(const Camera& camera, const Observations& observations);
 
-// Returns the homography H, up to scale, that maps (x, y, 1) of the columns of `from` to those of `to`: least squares
-// in normalised coordinates (Hartley's direct linear transform). Returns nothing for fewer than 4 points, for
-// collinear points and for points that do not determine the homography.
-std::optional<Eigen::Matrix3d> EstimateHomography(const Points2& from, const Points2& to);
-
 }  // namespace heba

@@ -100,11 +100,11 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   solution.covariance_dof = settled->dof;
   solution.robot_noise = settled->noise.robot;
   if (options.robot == BundleOptions::Robot::kEstimatedNoise) solution.robot_noise_stddev = settled->robot_stddev;
-  solution.corrections = settled->state.corrections;
   for (size_t i = 0; i < keep.size(); ++i) {
-    solution.rejected_ids.emplace_back();
+    ViewOutcome& outcome = solution.views.emplace_back();
+    if (!settled->state.corrections.empty()) outcome.correction = settled->state.corrections[i];
     for (size_t k = 0; k < keep[i].size(); ++k) {
-      if (!keep[i][k]) solution.rejected_ids.back().push_back(problem_in.views[i].observations.ids[k]);
+      if (!keep[i][k]) outcome.rejected_ids.push_back(problem_in.views[i].observations.ids[k]);
     }
   }
   solution.convergence = settled->convergence;
@@ -127,7 +127,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
 double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options) {
   const FreeParameters free = FreeOf(solution.camera.Model(), options);
   const Loss& loss = InlierLoss(options);
-  const FitState state{solution.hand_eye, solution.camera, solution.shape, solution.corrections};
+  const FitState state{solution.hand_eye, solution.camera, solution.shape, CorrectionsOf(solution)};
   const FitNoise noise{solution.pixel_sigma_px, solution.robot_noise};
   const std::optional<std::vector<LinearisedView>> views =
       LineariseFit(problem, state, GroupByRobotPose(problem.setup, problem.views), free, noise, loss, loss.consistency,

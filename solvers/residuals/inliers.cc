@@ -70,11 +70,11 @@ Observations WithoutPoints(const Observations& observations, const std::vector<i
 }
 
 Problem WithoutRejected(const Problem& problem, const Solution& solution) {
-  CHECK_EQ(solution.rejected_ids.size(), problem.views.size());
+  CHECK_EQ(solution.views.size(), problem.views.size());
   Problem kept = problem;
   for (size_t i = 0; i < kept.views.size(); ++i) {
     Observations& observations = kept.views[i].observations;
-    observations = WithoutPoints(observations, solution.rejected_ids[i]);
+    observations = WithoutPoints(observations, solution.views[i].rejected_ids);
   }
   return kept;
 }

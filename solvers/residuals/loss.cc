@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "heba/base/registry.h"
+
 namespace heba {
 namespace {
 
@@ -87,17 +89,11 @@ const std::vector<Loss>& Losses() {
 
 const Loss& LossOf(LossKind kind) { return Losses()[static_cast<size_t>(kind)]; }
 
-std::vector<std::string> LossNames() {
-  std::vector<std::string> names;
-  for (const Loss& loss : Losses()) names.emplace_back(loss.name);
-  return names;
-}
+std::vector<std::string> LossNames() { return NamesOf(Losses()); }
 
 std::optional<LossKind> FindLossKind(std::string_view name) {
-  for (const Loss& loss : Losses()) {
-    if (loss.name == name) return loss.kind;
-  }
-  return std::nullopt;
+  const Loss* loss = FindEntry(Losses(), name);
+  return loss == nullptr ? std::nullopt : std::optional<LossKind>(loss->kind);
 }
 
 }  // namespace heba

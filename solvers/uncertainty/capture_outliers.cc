@@ -159,7 +159,7 @@ JudgedViews Judge(const Problem& problem, const Solution& solution, const FreePa
   Problem visible{solution.camera, {}, problem.setup, solution.shape};
   for (size_t i = 0; i < problem.views.size(); ++i) {
     View view = problem.views[i];
-    view.observations = JudgedPoints(view.observations, solution.rejected_ids[i]);
+    view.observations = JudgedPoints(view.observations, solution.views[i].rejected_ids);
     const Rigid3d camera_from_target = CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount);
     if (!Residuals(solution.camera, camera_from_target, ApplyShape(view.observations, solution.shape))) {
       judged.hidden.push_back(i);
@@ -269,7 +269,7 @@ std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem_of_member
   Problem problem = problem_of_members;
   problem.views.insert(problem.views.end(), others.begin(), others.end());
   Solution at = solution;
-  at.rejected_ids.resize(problem.views.size());
+  at.views.resize(problem.views.size());
   std::vector<CaptureVerdict> verdicts(others.size());
   const JudgedViews judged = Judge(problem, at, free);
   for (const size_t i : judged.hidden) {

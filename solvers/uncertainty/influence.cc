@@ -24,7 +24,7 @@ std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& probl
                                                             const FreeParameters& free, const Loss& loss) {
   std::vector<std::optional<CaptureMove>> moves(problem.views.size());
   const std::optional<std::vector<LinearisedView>> views =
-      LineariseViewsAt(problem, solution, solution.corrections, free, loss);
+      LineariseViewsAt(problem, solution, CorrectionsOf(solution), free, loss);
   if (!views) return moves;
   const RobotNoise robot = solution.robot_noise.value_or(RobotNoise{});
   const UnknownLayout& layout = solution.covariance.layout;

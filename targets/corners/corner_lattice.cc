@@ -5,7 +5,7 @@
 #include <set>
 #include <vector>
 
-#include "targets/images/homography.h"
+#include "heba/geometry/homography.h"
 
 namespace heba {
 namespace {

@@ -6,8 +6,8 @@
 #include <Eigen/LU>
 #include <opencv2/imgproc.hpp>
 
+#include "heba/geometry/homography.h"
 #include "targets/corners/pattern_fit.h"
-#include "targets/images/homography.h"
 
 namespace heba {
 

@@ -10,9 +10,9 @@
 #include "heba/base/error.h"
 #include "heba/base/levenberg_marquardt.h"
 #include "heba/base/median.h"
+#include "heba/geometry/homography.h"
 #include "targets/corners/pattern_map.h"
 #include "targets/corners/pattern_rows.h"
-#include "targets/images/homography.h"
 
 namespace heba {
 namespace {

@@ -13,7 +13,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/units.h"
-#include "targets/images/homography.h"
+#include "heba/geometry/homography.h"
 #include "targets/images/image.h"
 
 namespace heba {

@@ -4,7 +4,7 @@
 #include <numeric>
 
 #include "heba/base/union_find.h"
-#include "targets/images/homography.h"
+#include "heba/geometry/homography.h"
 
 namespace heba {
 namespace {

@@ -11,11 +11,11 @@
 #include <Eigen/Geometry>
 #include <opencv2/imgproc.hpp>
 
+#include "heba/base/registry.h"
+#include "heba/geometry/homography.h"
 #include "targets/corners/corner_refinement.h"
 #include "targets/corners/pattern_fit.h"
-#include "targets/images/homography.h"
 #include "targets/images/image.h"
-#include "targets/name_table.h"
 
 namespace heba {
 namespace {
@@ -594,7 +594,7 @@ Detection DetectTagGrid(const cv::Mat& grey, const TagGrid& grid) { return GridS
 
 std::vector<int> SeenTagIds(const cv::Mat& grey, const TagGrid& grid) {
   if (GridSearch::IsTooSmall(grey)) return {};
-  TagFamily family(EntryNamed(kTagFamilies, grid.geometry.family));
+  TagFamily family(*FindEntry(kTagFamilies, grid.geometry.family));
   TagGridGeometry all = grid.geometry;
   all.first_id = 0;
   all.rows = 1;

@@ -13,7 +13,7 @@
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/target.h"
-#include "targets/name_table.h"
+#include "targets/table_choice.h"
 #include "targets/tags/tag_codes.h"
 #include "targets/tags/tag_layout.h"
 #include "targets/tags/tag_search.h"

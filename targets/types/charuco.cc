@@ -19,11 +19,11 @@
 
 #include "heba/base/error.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/geometry/homography.h"
 #include "heba/target.h"
 #include "targets/corners/corner_refinement.h"
-#include "targets/images/homography.h"
 #include "targets/images/image.h"
-#include "targets/name_table.h"
+#include "targets/table_choice.h"
 #include "targets/tags/tag_layout.h"
 #include "targets/types/likely_misconfigurations.h"
 

@@ -17,11 +17,11 @@
 
 #include "heba/base/error.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/geometry/homography.h"
 #include "heba/target.h"
 #include "targets/corners/corner_lattice.h"
 #include "targets/corners/corner_refinement.h"
 #include "targets/corners/saddle_grid.h"
-#include "targets/images/homography.h"
 #include "targets/types/likely_misconfigurations.h"
 
 namespace heba {

@@ -16,12 +16,12 @@
 #include "heba/base/error.h"
 #include "heba/base/median.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/geometry/homography.h"
 #include "heba/target.h"
 #include "targets/dots/circle_lattice.h"
 #include "targets/dots/dot_grid.h"
 #include "targets/dots/ellipse_finder.h"
 #include "targets/dots/ellipse_refinement.h"
-#include "targets/images/homography.h"
 #include "targets/types/likely_misconfigurations.h"
 
 namespace heba {

@@ -12,6 +12,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
 #include "heba/kernels/simd.h"
@@ -149,11 +150,9 @@ int Dispatch(const std::vector<std::string>& words) {
     std::cout << "heba " << Version() << "\n";
     return kDone;
   }
-  const auto command =
-      std::find_if(Commands().begin(), Commands().end(), [&](const Command& entry) { return entry.name == words[0]; });
-  if (command == Commands().end()) {
-    std::vector<std::string> names;
-    for (const Command& entry : Commands()) names.push_back(entry.name);
+  const Command* command = FindEntry(Commands(), words[0]);
+  if (command == nullptr) {
+    const std::vector<std::string> names = NamesOf(Commands());
     throw InputError("'" + words[0] + "' is not a command" + DidYouMean(words[0], names) +
                      "; one of: " + Join(names, ", "));
   }

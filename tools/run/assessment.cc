@@ -178,13 +178,14 @@ std::vector<CaptureResult> DescribeCaptures(const Dataset& dataset, const std::v
                      ApplyShape(view->observations, solution.shape));
       if (errors) result.rms_px = errors->RmsPx();
       const auto index = static_cast<size_t>(view - calibration.views.begin());
-      result.num_rejected = static_cast<int>(solution.rejected_ids[index].size());
+      const ViewOutcome& outcome = solution.views[index];
+      result.num_rejected = static_cast<int>(outcome.rejected_ids.size());
       if (result.num_rejected > 0) {
         result.reason += std::string(result.reason.empty() ? "" : "; ") + std::to_string(result.num_rejected) +
                          (result.num_rejected == 1 ? " point is" : " points are") +
                          " rejected as inconsistent with the estimate from the others";
       }
-      if (!solution.corrections.empty()) result.correction = solution.corrections[index];
+      result.correction = outcome.correction;
       result.move_without = moves[index];
     } else if (unused != calibration.unused.end()) {
       result.reason = unused->reason;

@@ -55,8 +55,8 @@ struct BundleOptions {
 // problem.camera. `options` must be valid.
 //
 // The loss `truncated` means least squares over the points that pass their test at the resulting estimate; it starts
-// from an estimate with the Cauchy loss. The other points are listed in Solution::rejected_ids and have no influence,
-// even if they cannot be projected.
+// from an estimate with the Cauchy loss. The other points are listed in ViewOutcome::rejected_ids and have no
+// influence, even if they cannot be projected.
 //
 // Before the solve, the motion and the normal matrix at the start are examined: an unobservable direction is a
 // Failure that names it. It is also a Failure if a target is behind the camera at the start (with `truncated`: in

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "heba/base/registry.h"
 #include "heba/kernels/simd.h"
 
 namespace heba {
@@ -64,16 +65,10 @@ const std::vector<const CameraModel*>& CameraModels() {
 }
 
 const CameraModel* FindCameraModel(std::string_view name) {
-  for (const CameraModel* model : CameraModels()) {
-    if (model->name() == name) return model;
-  }
-  return nullptr;
+  const CameraModel* const* found = FindEntry(CameraModels(), name);
+  return found == nullptr ? nullptr : *found;
 }
 
-std::vector<std::string> CameraModelNames() {
-  std::vector<std::string> names;
-  for (const CameraModel* model : CameraModels()) names.emplace_back(model->name());
-  return names;
-}
+std::vector<std::string> CameraModelNames() { return NamesOf(CameraModels()); }
 
 }  // namespace heba

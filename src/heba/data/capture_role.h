@@ -18,11 +18,6 @@ inline constexpr std::array<std::string_view, 6> kCaptureRoleNames = {"",       
 inline std::string_view RoleName(CaptureRole role) { return kCaptureRoleNames[static_cast<size_t>(role)]; }
 
 // Returns nothing if there is no role of this name.
-inline std::optional<CaptureRole> FindCaptureRole(std::string_view name) {
-  for (size_t i = 0; i < kCaptureRoleNames.size(); ++i) {
-    if (kCaptureRoleNames[i] == name) return static_cast<CaptureRole>(i);
-  }
-  return std::nullopt;
-}
+std::optional<CaptureRole> FindCaptureRole(std::string_view name);
 
 }  // namespace heba

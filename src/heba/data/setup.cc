@@ -1,15 +1,21 @@
 #include "heba/data/setup.h"
 
+#include <array>
+#include <cstddef>
+
+#include "heba/base/registry.h"
+
 namespace heba {
 
-std::string_view SetupName(Setup setup) { return setup == Setup::kEyeToHand ? "eye_to_hand" : "eye_in_hand"; }
+namespace {
 
-std::optional<Setup> FindSetup(std::string_view name) {
-  for (const Setup setup : {Setup::kEyeToHand, Setup::kEyeInHand}) {
-    if (SetupName(setup) == name) return setup;
-  }
-  return std::nullopt;
-}
+constexpr std::array<std::string_view, 2> kSetupNames = {"eye_to_hand", "eye_in_hand"};  // In the order of Setup.
+
+}  // namespace
+
+std::string_view SetupName(Setup setup) { return kSetupNames[static_cast<size_t>(setup)]; }
+
+std::optional<Setup> FindSetup(std::string_view name) { return FindValue<Setup>(kSetupNames, name); }
 
 std::string_view CameraMountName(Setup setup) { return setup == Setup::kEyeToHand ? "base" : "gripper"; }
 std::string_view TargetMountName(Setup setup) { return setup == Setup::kEyeToHand ? "gripper" : "base"; }

@@ -56,6 +56,15 @@ struct CaptureMove {
   double chance = 1;  // Probability of a change at least this large if the capture is consistent with the others.
 };
 
+// The outcome of a solution for one view.
+struct ViewOutcome {
+  // Set if the robot's poses were observations: the pose of the gripper according to the image, in the gripper's frame
+  // according to the robot.
+  std::optional<Rigid3d> correction;
+  // The ids of the points that were rejected because they contradict the others.
+  std::vector<int> rejected_ids;
+};
+
 struct Convergence {
   bool converged = false;
   int iterations = 0;
@@ -81,16 +90,21 @@ struct Solution {
   // each of its sigmas.
   std::optional<RobotNoise> robot_noise;
   std::optional<RobotNoise> robot_noise_stddev;
-  // Set in the same case: for each view, the pose of the gripper according to the image, in the gripper's frame
-  // according to the robot.
-  std::vector<Rigid3d> corrections;
-  // For each view, the ids of the points that were rejected because they contradict the others.
-  std::vector<std::vector<int>> rejected_ids;
+  std::vector<ViewOutcome> views;  // One per view of the problem.
   Covariance covariance;
   // Degrees of freedom of the noise estimate on which the covariance is based. A confidence region is a region of
   // Fisher's F with this number of degrees of freedom in the denominator. Infinite if the noise was given.
   double covariance_dof = std::numeric_limits<double>::infinity();
   Convergence convergence;
 };
+
+// Returns the corrections of all views; an empty list if the robot was exact.
+inline std::vector<Rigid3d> CorrectionsOf(const Solution& solution) {
+  std::vector<Rigid3d> corrections;
+  for (const ViewOutcome& view : solution.views) {
+    if (view.correction) corrections.push_back(*view.correction);
+  }
+  return corrections;
+}
 
 }  // namespace heba

@@ -1,6 +1,8 @@
 // The accuracy of every method, on the captures that it was given and on held-out captures.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -38,9 +40,8 @@ inline constexpr const char* kChainMethod = "chain";
 inline constexpr const char* kBundleMethod = "bundle";
 
 enum class EstimateKind { kClosedForm, kRefined };
-inline std::string_view EstimateKindName(EstimateKind kind) {
-  return kind == EstimateKind::kClosedForm ? "closed_form" : "refined";
-}
+inline constexpr std::array<std::string_view, 2> kEstimateKindNames = {"closed_form", "refined"};
+inline std::string_view EstimateKindName(EstimateKind kind) { return kEstimateKindNames[static_cast<size_t>(kind)]; }
 
 // The estimate of one method.
 struct Estimate {

@@ -14,11 +14,6 @@ std::optional<T> FirstUnder(std::string_view key, const std::vector<std::pair<st
 
 }  // namespace
 
-std::string_view GradeName(Grade grade) {
-  constexpr std::string_view kNames[] = {"good", "doubtful", "bad"};
-  return kNames[static_cast<size_t>(grade)];
-}
-
 std::optional<double> Finding::Number(std::string_view key) const { return FirstUnder(key, numbers); }
 
 std::optional<std::string> Finding::Name(std::string_view key) const { return FirstUnder(key, names); }

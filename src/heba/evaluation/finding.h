@@ -1,6 +1,8 @@
 // A finding about a result: a code with figures and names, for programs and for whoever words it for people.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,7 +12,8 @@
 namespace heba {
 
 enum class Grade { kGood, kDoubtful, kBad };
-std::string_view GradeName(Grade grade);  // "good", "doubtful", "bad"
+inline constexpr std::array<std::string_view, 3> kGradeNames = {"good", "doubtful", "bad"};
+inline std::string_view GradeName(Grade grade) { return kGradeNames[static_cast<size_t>(grade)]; }
 
 // The codes of all findings about a run, then those of the findings that are only part of others. A code is stable over
 // versions.

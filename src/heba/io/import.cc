@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 
 namespace heba {
@@ -19,11 +20,7 @@ const std::vector<ImportFormat>& ImportFormats() {
   return formats;
 }
 
-std::vector<std::string> ImportFormatNames() {
-  std::vector<std::string> names;
-  for (const ImportFormat& format : ImportFormats()) names.emplace_back(format.name);
-  return names;
-}
+std::vector<std::string> ImportFormatNames() { return NamesOf(ImportFormats()); }
 
 const ImportFormat* FindImportFormat(const std::filesystem::path& source) {
   const auto found = std::find_if(ImportFormats().begin(), ImportFormats().end(),
@@ -36,10 +33,7 @@ namespace {
 ImportedSet FindAndRead(const std::filesystem::path& source, std::string_view name) {
   std::error_code error;
   if (!std::filesystem::exists(source, error)) throw InputError(source.string() + ": no such file or folder");
-  const ImportFormat* format = name.empty() ? FindImportFormat(source) : nullptr;
-  for (const ImportFormat& known : ImportFormats()) {
-    if (known.name == name) format = &known;
-  }
+  const ImportFormat* format = name.empty() ? FindImportFormat(source) : FindEntry(ImportFormats(), name);
   if (format == nullptr) {
     throw InputError(source.string() +
                      ": is not a data set in a known format; one of: " + Join(ImportFormatNames(), ", "));

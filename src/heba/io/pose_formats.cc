@@ -7,6 +7,7 @@
 
 #include <Eigen/LU>
 
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/robot/ur_kinematics.h"
@@ -51,12 +52,7 @@ const std::vector<RotationForm>& RotationForms() {
   return forms;
 }
 
-const RotationForm* FindRotationForm(std::string_view name) {
-  for (const RotationForm& form : RotationForms()) {
-    if (form.name == name) return &form;
-  }
-  return nullptr;
-}
+const RotationForm* FindRotationForm(std::string_view name) { return FindEntry(RotationForms(), name); }
 
 const RotationForm& FormOf(const PoseFormat& format) {
   const RotationForm* form = FindRotationForm(format.rotation);
@@ -168,24 +164,11 @@ const std::vector<PoseFormat>& PoseFormats() {
   return formats;
 }
 
-std::vector<std::string> PoseFormatNames() {
-  std::vector<std::string> names;
-  for (const PoseFormat& format : PoseFormats()) names.push_back(format.name);
-  return names;
-}
+std::vector<std::string> PoseFormatNames() { return NamesOf(PoseFormats()); }
 
-const PoseFormat* FindPoseFormat(std::string_view name) {
-  for (const PoseFormat& format : PoseFormats()) {
-    if (format.name == name) return &format;
-  }
-  return nullptr;
-}
+const PoseFormat* FindPoseFormat(std::string_view name) { return FindEntry(PoseFormats(), name); }
 
-std::vector<std::string> PoseRotationNames() {
-  std::vector<std::string> names;
-  for (const RotationForm& form : RotationForms()) names.push_back(form.name);
-  return names;
-}
+std::vector<std::string> PoseRotationNames() { return NamesOf(RotationForms()); }
 
 PoseFormat JointFormat(const std::string& robot, const std::string& angle_unit) {
   CHECK(FindUrRobot(robot) != nullptr) << "robot " << robot;

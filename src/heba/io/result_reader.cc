@@ -1,9 +1,15 @@
 // The reading functions of result_file.h.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <string>
+#include <string_view>
+#include <vector>
 
+#include "heba/base/registry.h"
+#include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/json_reader.h"
@@ -180,18 +186,21 @@ Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
   return solution;
 }
 
-EstimateKind ReadKind(const JsonReader& reader) {
-  const std::string name = reader.Text();
-  for (const EstimateKind kind : {EstimateKind::kClosedForm, EstimateKind::kRefined}) {
-    if (EstimateKindName(kind) == name) return kind;
+// Reads a value of an enum by its name, given the names of all values in their order.
+template <class Enum, size_t kNumNames>
+Enum ReadEnum(const JsonReader& reader, const std::string& what, const std::array<std::string_view, kNumNames>& names) {
+  const std::optional<Enum> value = FindValue<Enum>(names, reader.Text());
+  if (!value) {
+    reader.Fail("the " + what +
+                " is unknown; one of: " + Join(std::vector<std::string>(names.begin(), names.end()), ", "));
   }
-  reader.Fail("the kind is unknown; one of: closed_form, refined");
+  return *value;
 }
 
 Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
   Estimate estimate;
   estimate.method = reader.Get("method").Text();
-  estimate.kind = ReadKind(reader.Get("kind"));
+  estimate.kind = ReadEnum<EstimateKind>(reader.Get("kind"), "kind", kEstimateKindNames);
   estimate.ok = reader.Get("ok").Bool();
   estimate.reason = reader.Get("reason").Text();
   estimate.errors = ReadErrors(reader.Get("errors"));
@@ -237,13 +246,7 @@ CaptureResult ReadCapture(const JsonReader& reader) {
   return capture;
 }
 
-Grade ReadGrade(const JsonReader& reader) {
-  const std::string name = reader.Text();
-  for (const Grade grade : {Grade::kGood, Grade::kDoubtful, Grade::kBad}) {
-    if (GradeName(grade) == name) return grade;
-  }
-  reader.Fail("the grade is unknown; one of: good, doubtful, bad");
-}
+Grade ReadGrade(const JsonReader& reader) { return ReadEnum<Grade>(reader, "grade", kGradeNames); }
 
 Verdict ReadVerdict(const JsonReader& reader) {
   Verdict verdict;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 
 namespace heba {
@@ -41,18 +42,9 @@ const std::vector<UrRobot>& UrRobots() {
   return robots;
 }
 
-std::vector<std::string> UrRobotNames() {
-  std::vector<std::string> names;
-  for (const UrRobot& robot : UrRobots()) names.push_back(robot.name);
-  return names;
-}
+std::vector<std::string> UrRobotNames() { return NamesOf(UrRobots()); }
 
-const UrRobot* FindUrRobot(std::string_view name) {
-  for (const UrRobot& robot : UrRobots()) {
-    if (robot.name == name) return &robot;
-  }
-  return nullptr;
-}
+const UrRobot* FindUrRobot(std::string_view name) { return FindEntry(UrRobots(), name); }
 
 Rigid3d BaseFromFlange(const UrRobot& robot, const JointAngles& q) {
   return DhLink(q[0], robot.d1_m, 0, kPi / 2) * DhLink(q[1], 0, robot.a2_m, 0) * DhLink(q[2], 0, robot.a3_m, 0) *

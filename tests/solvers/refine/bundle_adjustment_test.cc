@@ -125,7 +125,7 @@ TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
   const FreeParameters free = FreeOf(scene.camera.Model(), options);
   Problem kept = problem;
   for (size_t i = 0; i < kept.views.size(); ++i) {
-    const std::vector<int>& rejected = solution->rejected_ids[i];
+    const std::vector<int>& rejected = solution->views[i].rejected_ids;
     std::vector<bool> keep;
     for (const int id : kept.views[i].observations.ids) {
       keep.push_back(std::find(rejected.begin(), rejected.end(), id) == rejected.end());
@@ -383,7 +383,7 @@ TEST(CalibrateTest, RejectsSwappedPoints) {
   EXPECT_TRUE(calibration->unused.empty());
   for (size_t i = 0; i < calibration->views.size(); ++i) {
     const bool has_swapped = calibration->views[i].name == "view_4";
-    EXPECT_EQ(calibration->refined->rejected_ids[i], has_swapped ? std::vector<int>({0, 20}) : std::vector<int>())
+    EXPECT_EQ(calibration->refined->views[i].rejected_ids, has_swapped ? std::vector<int>({0, 20}) : std::vector<int>())
         << calibration->views[i].name;
   }
   // Without a robust loss all points count, and the capture is rejected.

@@ -11,9 +11,9 @@
 #include <opencv2/core.hpp>
 
 #include "heba/base/rng.h"
+#include "heba/geometry/homography.h"
 #include "targets/corners/cell_pattern.h"
 #include "targets/corners/pattern_rows.h"
-#include "targets/images/homography.h"
 #include "targets/render/rendering.h"
 #include "tests/support/simd_sets.h"
 
