@@ -238,7 +238,7 @@ Outcome<Camera> EstimateIntrinsics(const std::vector<View>& views, const std::st
   for (const View& view : views) {
     if (view.observations.size() < 4) continue;
     const std::optional<Eigen::Matrix3d> homography =
-        FitHomographyOfColumns(view.observations.points_in_target.topRows<2>(), view.observations.pixels);
+        LinearHomography(view.observations.points_in_target.topRows<2>(), view.observations.pixels);
     if (!homography) continue;
     usable.push_back(&view);
     homographies.push_back(*homography);

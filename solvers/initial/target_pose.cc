@@ -158,7 +158,7 @@ std::vector<PoseInView> StartPoses(const PoseReducer& reducer, const Camera& cam
   const Eigen::Vector3d centre = observations.points_in_target.rowwise().mean();
   const Points3 centred = observations.points_in_target.colwise() - centre;
   if (!(centred.row(2).cwiseAbs().maxCoeff() <= 0.1 * centred.topRows<2>().cwiseAbs().maxCoeff())) return {};
-  const std::optional<Eigen::Matrix3d> homography = FitHomographyOfColumns(centred.topRows<2>(), normalised);
+  const std::optional<Eigen::Matrix3d> homography = LinearHomography(centred.topRows<2>(), normalised);
   if (!homography || std::abs((*homography)(2, 2)) < 1e-12) return {};
 
   std::vector<PoseInView> poses;

@@ -8,6 +8,7 @@
 #include <Eigen/LU>
 
 #include "heba/base/error.h"
+#include "heba/base/levenberg_marquardt.h"
 
 namespace heba {
 namespace {
@@ -32,7 +33,7 @@ double Flatness(const Eigen::Matrix2Xd& points) {
 
 }  // namespace
 
-std::optional<Eigen::Matrix3d> FitHomographyOfColumns(const Eigen::Matrix2Xd& from, const Eigen::Matrix2Xd& to) {
+std::optional<Eigen::Matrix3d> LinearHomography(const Eigen::Matrix2Xd& from, const Eigen::Matrix2Xd& to) {
   CHECK_EQ(from.cols(), to.cols());
   constexpr double kOnALine = 1e-6;
   if (from.cols() < 4 || !from.allFinite() || !to.allFinite()) return std::nullopt;
@@ -61,6 +62,43 @@ std::optional<Eigen::Matrix3d> FitHomographyOfColumns(const Eigen::Matrix2Xd& fr
   return Eigen::Matrix3d(to_normalisation.inverse() * normalised * from_normalisation);
 }
 
+namespace {
+
+using Vector8 = Eigen::Matrix<double, 8, 1>;
+using Matrix8 = Eigen::Matrix<double, 8, 8>;
+
+// A homography in normalised coordinates, whose last element is 1, and the normal equations of the distances there.
+struct HomographyPoint {
+  Eigen::Matrix3d homography;
+  Matrix8 normal = Matrix8::Zero();
+  Vector8 gradient = Vector8::Zero();
+  double cost = 0;
+};
+
+// Returns nothing if a point is mapped to infinity or beyond.
+std::optional<HomographyPoint> PointAt(const Eigen::Matrix3d& homography, const Eigen::Matrix2Xd& from,
+                                       const Eigen::Matrix2Xd& to) {
+  HomographyPoint point{homography};
+  for (Eigen::Index i = 0; i < from.cols(); ++i) {
+    const Eigen::Vector3d p = from.col(i).homogeneous();
+    const Eigen::Vector3d mapped = homography * p;
+    constexpr double kInfinity = 1e-9;
+    if (!(mapped.z() > kInfinity)) return std::nullopt;
+    const Eigen::Vector2d at = mapped.hnormalized();
+    const Eigen::Vector2d residual = at - to.col(i);
+    Eigen::Matrix<double, 2, 8> jacobian;
+    jacobian << p.transpose(), 0, 0, 0, -at.x() * p.head<2>().transpose(), 0, 0, 0, p.transpose(),
+        -at.y() * p.head<2>().transpose();
+    jacobian /= mapped.z();
+    point.normal += jacobian.transpose() * jacobian;
+    point.gradient += jacobian.transpose() * residual;
+    point.cost += residual.squaredNorm();
+  }
+  return point;
+}
+
+}  // namespace
+
 std::optional<Eigen::Matrix3d> FitHomography(const std::vector<Eigen::Vector2d>& from,
                                              const std::vector<Eigen::Vector2d>& to) {
   const auto columns = [](const std::vector<Eigen::Vector2d>& points) {
@@ -68,7 +106,30 @@ std::optional<Eigen::Matrix3d> FitHomography(const std::vector<Eigen::Vector2d>&
     for (size_t i = 0; i < points.size(); ++i) matrix.col(static_cast<Eigen::Index>(i)) = points[i];
     return matrix;
   };
-  return FitHomographyOfColumns(columns(from), columns(to));
+  const Eigen::Matrix2Xd from_columns = columns(from);
+  const Eigen::Matrix2Xd to_columns = columns(to);
+  const std::optional<Eigen::Matrix3d> linear = LinearHomography(from_columns, to_columns);
+  constexpr size_t kExact = 4;
+  if (!linear || from.size() == kExact) return linear;
+  // The normalisation of `to` is a similarity, so that distances keep their ratios. That of `from` moves the mean to
+  // the origin: the last element is the mean's depth, which is not zero.
+  const Eigen::Matrix3d from_normalisation = Normalisation(from_columns);
+  const Eigen::Matrix3d to_normalisation = Normalisation(to_columns);
+  const Eigen::Matrix2Xd from_normalised = (from_normalisation * from_columns.colwise().homogeneous()).topRows<2>();
+  const Eigen::Matrix2Xd to_normalised = (to_normalisation * to_columns.colwise().homogeneous()).topRows<2>();
+  Eigen::Matrix3d start = to_normalisation * *linear * from_normalisation.inverse();
+  start /= start(2, 2);
+  std::optional<HomographyPoint> point = PointAt(start, from_normalised, to_normalised);
+  if (!point) return linear;
+  const auto try_step = [&](const HomographyPoint& at, const Vector8& step) {
+    Eigen::Matrix3d next = at.homography;
+    next.row(0) += step.head<3>().transpose();
+    next.row(1) += step.segment<3>(3).transpose();
+    next.row(2).head<2>() += step.tail<2>().transpose();
+    return PointAt(next, from_normalised, to_normalised);
+  };
+  MinimiseSquares({}, try_step, &*point);
+  return Eigen::Matrix3d(to_normalisation.inverse() * point->homography * from_normalisation);
 }
 
 Eigen::Vector2d ApplyHomography(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point) {

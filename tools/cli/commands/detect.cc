@@ -51,7 +51,7 @@ std::optional<Points2> FitResiduals(const std::optional<Camera>& camera, const O
     return Residuals(*camera, poses.front().camera_from_target, observations);
   }
   const Points2 on_target = observations.points_in_target.topRows<2>();
-  const std::optional<Eigen::Matrix3d> homography = FitHomographyOfColumns(on_target, observations.pixels);
+  const std::optional<Eigen::Matrix3d> homography = LinearHomography(on_target, observations.pixels);
   if (!homography) return std::nullopt;
   Points2 residuals(2, observations.size());
   for (Eigen::Index i = 0; i < residuals.cols(); ++i) {
