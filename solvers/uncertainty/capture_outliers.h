@@ -33,8 +33,8 @@ struct CaptureVerdict {
 // Rousseeuw and Van Driessen (1999). A capture passes if its p-value is at least kCaptureFalseAlarm divided by the
 // number of captures. Captures at one robot pose share its error and do not confirm one another. A view with a point
 // that cannot be projected at the estimate is wrong, with p-value 0. With fewer than six captures, or fewer than six
-// degrees of freedom, it cannot be decided which one is wrong: all pass. Solution::views must have
-// an entry for every view.
+// degrees of freedom, it cannot be decided which one is wrong: all pass. Solution::views must have an entry for every
+// view.
 std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const Solution& solution,
                                                 const FreeParameters& free);
 

@@ -4,6 +4,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/io/export_format.h"
@@ -18,11 +19,8 @@ namespace {
 namespace fs = std::filesystem;
 
 const ExportFormat& FormatAskedFor() {
-  std::vector<std::string> names;
-  for (const ExportFormat& format : ExportFormats()) {
-    if (format.name == FLAGS_to) return format;
-    names.push_back(format.name);
-  }
+  if (const ExportFormat* format = FindEntry(ExportFormats(), FLAGS_to)) return *format;
+  std::vector<std::string> names = NamesOf(ExportFormats());
   names.emplace_back("all");
   if (FLAGS_to.empty()) throw InputError("'heba export' needs --to FORMAT, one of: " + Join(names, ", "));
   throw InputError("--to: format " + Quoted(FLAGS_to) + " is unknown; one of: " + Join(names, ", ") +

@@ -1,6 +1,7 @@
 // mrcal's .cameramodel, a Python dictionary. Pixel (0, 0) is the centre of the first pixel, as in heba.
 #include <cmath>
 
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/io/camera_format.h"
 #include "heba/io/python_literal.h"
@@ -57,13 +58,9 @@ class Dictionary {
 
 const LensModel& ReadLensModel(const Dictionary& dictionary) {
   const PythonValue& lens_model = dictionary.Get("lensmodel", PythonValue::Kind::kText, "a name in quotes");
-  std::vector<std::string> names;
-  for (const LensModel& model : LensModels()) {
-    if (model.name == lens_model.text) return model;
-    names.push_back(model.name);
-  }
+  if (const LensModel* model = FindEntry(LensModels(), lens_model.text)) return *model;
   dictionary.Fail(lens_model, "lensmodel " + Quoted(lens_model.text) + " is not supported; one of: " +
-                                  Join(names, ", ") + " (mrcal-convert-lensmodel converts to one)");
+                                  Join(NamesOf(LensModels()), ", ") + " (mrcal-convert-lensmodel converts to one)");
 }
 
 Camera Read(const std::string& text, const std::filesystem::path& name) {
