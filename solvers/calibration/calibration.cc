@@ -28,47 +28,53 @@
 namespace heba {
 namespace {
 
-// Adds views with too few points for a pose of their own: in the bundle adjustment they still contribute. Views that
-// agree with the refined solution are added, and the solution is kept as it was if the refinement with them fails.
-void AddFewPointViews(const std::vector<View>& views, const CalibrationOptions& options, Calibration* calibration) {
-  // The reading order of a target with symmetries can only be determined from a pose.
-  if (options.symmetries.size() > 1) return;
-  const Solution& solution = *calibration->refined;
-  const std::optional<SquaredErrors> used =
-      ReprojectionErrors(solution.hand_eye, solution.camera, ApplyShape(calibration->views, solution.shape));
-  if (!used || !used->RmsPx()) return;
-  constexpr double kMaxRatio = 3;
-  std::vector<View> joined = calibration->views;
+// Adds the views with too few points for a pose of their own that agree with the refined solution, because they still
+// contribute to the bundle adjustment, and lists the others as unused. The solution is kept as it was if the refinement
+// with them fails.
+void AddFewPointViews(const std::vector<View>& few, const CalibrationOptions& options, Calibration* calibration) {
+  const auto unused_view = [](const View& view, const std::string& reason) -> UnusedView {
+    return {view.name, view.capture, std::to_string(view.observations.size()) + " points" + reason};
+  };
+  std::vector<View> joined;
   std::vector<UnusedView> unused;
-  for (const UnusedView& entry : calibration->unused) {
-    const auto view =
-        std::find_if(views.begin(), views.end(), [&](const View& candidate) { return candidate.name == entry.name; });
-    CHECK(view != views.end());
-    const int num_points = view->observations.size();
-    if (num_points == 0 || num_points >= kMinPosePoints) {
-      unused.push_back(entry);
+  std::optional<double> used_rms_px;
+  // The reading order of a target with symmetries can only be determined from a pose.
+  if (calibration->refined && options.symmetries.size() == 1) {
+    const Solution& solution = *calibration->refined;
+    const std::optional<SquaredErrors> used =
+        ReprojectionErrors(solution.hand_eye, solution.camera, ApplyShape(calibration->views, solution.shape));
+    if (used) used_rms_px = used->RmsPx();
+    joined = calibration->views;
+  }
+  for (const View& view : few) {
+    if (!used_rms_px || view.observations.size() == 0) {
+      unused.push_back(unused_view(view, "; a pose requires 4"));
       continue;
     }
+    constexpr double kMaxRatio = 3;
+    const Solution& solution = *calibration->refined;
     const std::optional<SquaredErrors> errors =
-        ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
-                   ApplyShape(view->observations, solution.shape));
-    if (errors && *errors->RmsPx() <= kMaxRatio * *used->RmsPx()) {
-      joined.push_back(*view);
+        ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount),
+                   ApplyShape(view.observations, solution.shape));
+    if (errors && *errors->RmsPx() <= kMaxRatio * *used_rms_px) {
+      joined.push_back(view);
     } else {
-      unused.push_back({entry.name, std::to_string(num_points) + " points, too few for a pose, and not where the "
-                                                                 "other captures predict them"});
+      unused.push_back(unused_view(view, ", too few for a pose, and not where the other captures predict them"));
     }
   }
-  if (joined.size() == calibration->views.size()) {
-    calibration->unused = std::move(unused);
-    return;
+  if (used_rms_px && joined.size() > calibration->views.size()) {
+    const Solution& solution = *calibration->refined;
+    Outcome<Solution> refined =
+        RefineHandEye({solution.camera, joined, options.setup, solution.shape}, solution.hand_eye, calibration->bundle);
+    if (refined) {
+      calibration->refined = std::move(refined);
+      calibration->views = std::move(joined);
+    } else {
+      unused.clear();
+      for (const View& view : few) unused.push_back(unused_view(view, "; a pose requires 4"));
+    }
   }
-  Outcome<Solution> refined =
-      RefineHandEye({solution.camera, joined, options.setup, solution.shape}, solution.hand_eye, calibration->bundle);
-  if (!refined) return;
-  calibration->refined = std::move(refined);
-  calibration->views = std::move(joined);
-  calibration->unused = std::move(unused);
+  calibration->unused.insert(calibration->unused.begin(), unused.begin(), unused.end());
 }
 
 MethodResult ResultOf(const HandEyeMethod& method, Outcome<HandEye> hand_eye, const Calibration& calibration) {
@@ -270,8 +276,8 @@ void NameLeftOut(const std::vector<View>& left_out, const CalibrationOptions& op
   if (left_out.empty()) return;
   const std::vector<CaptureVerdict> verdicts = TestLeftOut(left_out, options, *calibration);
   for (size_t k = 0; k < left_out.size(); ++k) {
-    calibration->unused.push_back(
-        {left_out[k].name, WhyWrong(left_out[k], verdicts[k].p_value, *calibration->refined, options.setup)});
+    calibration->unused.push_back({left_out[k].name, left_out[k].capture,
+                                   WhyWrong(left_out[k], verdicts[k].p_value, *calibration->refined, options.setup)});
   }
 }
 
@@ -304,7 +310,7 @@ bool LeaveOutRejected(Calibration* calibration) {
   while (!cleaned.views.empty() && cleaned.views.back().observations.ids.empty()) {
     const size_t num_points = cleaned.refined->views.back().rejected_ids.size();
     cleaned.unused.push_back(
-        {cleaned.views.back().name,
+        {cleaned.views.back().name, cleaned.views.back().capture,
          "none of its " + std::to_string(num_points) +
              " points is where the estimate from the other captures predicts it: the target was probably "
              "misread, or the robot pose belongs to another image"});
@@ -338,7 +344,6 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   }
   SortedViews sorted = SortViews(views, calibration.camera);
   calibration.views = std::move(sorted.posed);
-  calibration.unused = std::move(sorted.too_small);
   const bool has_roles =
       std::any_of(views.begin(), views.end(), [](const View& view) { return view.role != CaptureRole::kNone; });
   if (!has_roles) {
@@ -368,9 +373,10 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     }
     if (reason.empty()) reason = "every closed form puts the target behind the camera; check setup and pose direction";
     for (size_t i = 0; i < sorted.misfits.size(); ++i) {
-      calibration.unused.push_back({sorted.misfits[i].name, sorted.misfit_reasons[i]});
+      calibration.unused.push_back({sorted.misfits[i].name, sorted.misfits[i].capture, sorted.misfit_reasons[i]});
     }
     calibration.refined = Failure{reason};
+    AddFewPointViews(sorted.too_small, options, &calibration);
     calibration.methods = Reported(results, options.methods);
     return calibration;
   }
@@ -384,7 +390,7 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
     if (drops_wrong && options.symmetries.size() == 1) {
       calibration.views.push_back(std::move(sorted.misfits[i]));
     } else {
-      calibration.unused.push_back({sorted.misfits[i].name, sorted.misfit_reasons[i]});
+      calibration.unused.push_back({sorted.misfits[i].name, sorted.misfits[i].capture, sorted.misfit_reasons[i]});
     }
   }
   MultiStartSolution started =
@@ -416,10 +422,8 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   const bool has_other_views = calibration.views.size() != num_views || calibration.pairs.size() != num_pairs;
   if (has_fewer_points || has_other_views) results = RunMethods(calibration);
   calibration.methods = Reported(results, options.methods);
-  if (calibration.refined) {
-    calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
-    AddFewPointViews(views, options, &calibration);
-  }
+  if (calibration.refined) calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
+  AddFewPointViews(sorted.too_small, options, &calibration);
   return calibration;
 }
 

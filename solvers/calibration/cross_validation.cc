@@ -30,7 +30,7 @@ struct HeldOutErrors {
   double dof = 0;
   double noise_squares = 0;  // Unit: sigmas of pixel and robot noise.
   double num_noise = 0;
-  std::vector<std::pair<std::string, double>> distance_m_of_view;
+  std::vector<std::pair<size_t, double>> distance_m_of_capture;
   void Add(const HeldOutErrors& other) {
     pixels.Add(other.pixels);
     sum_m2 += other.sum_m2;
@@ -40,8 +40,8 @@ struct HeldOutErrors {
     dof += other.dof;
     noise_squares += other.noise_squares;
     num_noise += other.num_noise;
-    distance_m_of_view.insert(distance_m_of_view.end(), other.distance_m_of_view.begin(),
-                              other.distance_m_of_view.end());
+    distance_m_of_capture.insert(distance_m_of_capture.end(), other.distance_m_of_capture.begin(),
+                                 other.distance_m_of_capture.end());
   }
 };
 
@@ -70,7 +70,7 @@ Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& 
     const Eigen::Vector3d middle = view.observations.points_in_target.rowwise().mean();
     const double distance_m = (predicted * middle - seen->camera_from_target * middle).norm();
     errors.sum_m2 += distance_m * distance_m;
-    errors.distance_m_of_view.emplace_back(view.name, distance_m);
+    errors.distance_m_of_capture.emplace_back(view.capture, distance_m);
     errors.sum_rad2 += std::pow(AngleRad(predicted, seen->camera_from_target), 2);
     ++errors.num_poses;
   }
@@ -199,7 +199,7 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
       if (total.num_poses > 0) {
         result.target_m = std::sqrt(total.sum_m2 / total.num_poses);
         result.target_rad = std::sqrt(total.sum_rad2 / total.num_poses);
-        result.target_m_of_view = std::move(total.distance_m_of_view);
+        result.target_m_of_capture = std::move(total.distance_m_of_capture);
       }
       if (total.dof > 0) result.chi2_per_dof = total.chi2 / total.dof;
       if (total.num_noise > 0) result.sigmas = std::sqrt(total.noise_squares / total.num_noise);

@@ -14,7 +14,7 @@ SortedViews SortViews(const std::vector<View>& views, const Camera& camera) {
   std::vector<double> rms_px;
   for (const View& view : views) {
     if (view.observations.size() < kMinPosePoints) {
-      sorted.too_small.push_back({view.name, std::to_string(view.observations.size()) + " points; a pose requires 4"});
+      sorted.too_small.push_back(view);
       continue;
     }
     std::vector<TargetPose> found = EstimateTargetPose(camera, view.observations);

@@ -19,7 +19,7 @@ struct SortedViews {
   // or all points are wrong.
   std::vector<View> misfits;
   std::vector<std::string> misfit_reasons;
-  std::vector<UnusedView> too_small;  // Views with fewer than kMinPosePoints points.
+  std::vector<View> too_small;  // Views with fewer than kMinPosePoints points.
 };
 
 // Classifies the views with the given camera; the robot poses are not used.

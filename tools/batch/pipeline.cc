@@ -29,6 +29,8 @@ std::vector<ReportedCapture> ReportedCaptures(const RunOutput& run) {
   const std::vector<CaptureDetection>& detections = run.detections;
   const Calibration& calibration = run.calibration;
   const Solution& solution = *calibration.refined;
+  std::vector<const View*> view_of(data.captures.size(), nullptr);
+  for (const View& view : calibration.views) view_of[view.capture] = &view;
   std::vector<ReportedCapture> all;
   for (size_t i = 0; i < data.captures.size(); ++i) {
     const Capture& capture = data.captures[i];
@@ -45,9 +47,8 @@ std::vector<ReportedCapture> ReportedCaptures(const RunOutput& run) {
       *pixels = observations.pixels;
       *residuals = *found;
     };
-    const auto view = std::find_if(calibration.views.begin(), calibration.views.end(),
-                                   [&](const View& entry) { return entry.name == capture.name; });
-    const bool is_used = view != calibration.views.end();
+    const View* const view = view_of[i];
+    const bool is_used = view != nullptr;
     if (is_used) measure(view->observations, &shown.pixels, &shown.residuals);
     Detection left_out;
     for (size_t k = 0; k < detections[i].detection.ids.size(); ++k) {

@@ -167,31 +167,27 @@ std::vector<CaptureResult> DescribeCaptures(const Dataset& dataset, const std::v
     result.num_points = static_cast<int>(detections[i].detection.ids.size());
     result.num_second_pass = detections[i].num_second_pass;
     result.reason = detections[i].detection.reason;
-    const auto view = std::find_if(calibration.views.begin(), calibration.views.end(),
-                                   [&](const View& entry) { return entry.name == result.image; });
-    const auto unused = std::find_if(calibration.unused.begin(), calibration.unused.end(),
-                                     [&](const UnusedView& entry) { return entry.name == result.image; });
-    if (view != calibration.views.end()) {
-      result.used = true;
-      const std::optional<SquaredErrors> errors =
-          ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view->camera_mount_from_target_mount),
-                     ApplyShape(view->observations, solution.shape));
-      if (errors) result.rms_px = errors->RmsPx();
-      const auto index = static_cast<size_t>(view - calibration.views.begin());
-      const ViewOutcome& outcome = solution.views[index];
-      result.num_rejected = static_cast<int>(outcome.rejected_ids.size());
-      if (result.num_rejected > 0) {
-        result.reason += std::string(result.reason.empty() ? "" : "; ") + std::to_string(result.num_rejected) +
-                         (result.num_rejected == 1 ? " point is" : " points are") +
-                         " rejected as inconsistent with the estimate from the others";
-      }
-      result.correction = outcome.correction;
-      result.move_without = moves[index];
-    } else if (unused != calibration.unused.end()) {
-      result.reason = unused->reason;
-    }
     results.push_back(std::move(result));
   }
+  for (size_t v = 0; v < calibration.views.size(); ++v) {
+    const View& view = calibration.views[v];
+    CaptureResult& result = results[view.capture];
+    result.used = true;
+    const std::optional<SquaredErrors> errors =
+        ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount),
+                   ApplyShape(view.observations, solution.shape));
+    if (errors) result.rms_px = errors->RmsPx();
+    const ViewOutcome& outcome = solution.views[v];
+    result.num_rejected = static_cast<int>(outcome.rejected_ids.size());
+    if (result.num_rejected > 0) {
+      result.reason += std::string(result.reason.empty() ? "" : "; ") + std::to_string(result.num_rejected) +
+                       (result.num_rejected == 1 ? " point is" : " points are") +
+                       " rejected as inconsistent with the estimate from the others";
+    }
+    result.correction = outcome.correction;
+    result.move_without = moves[v];
+  }
+  for (const UnusedView& unused : calibration.unused) results[unused.capture].reason = unused.reason;
   for (const LeftOut& entry : dataset.left_out) {
     CaptureResult result;
     result.image = entry.name;
@@ -265,10 +261,8 @@ namespace {
 void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::vector<CaptureResult>* captures) {
   for (const HoldOut& hold_out : hold_outs) {
     if (hold_out.method != kBundleMethod) continue;
-    for (const auto& entry_of : hold_out.target_m_of_view) {
-      const auto capture = std::find_if(captures->begin(), captures->end(),
-                                        [&](const CaptureResult& entry) { return entry.image == entry_of.first; });
-      if (capture != captures->end()) capture->holdout_target_mm = 1000 * entry_of.second;
+    for (const auto& distance_of : hold_out.target_m_of_capture) {
+      (*captures)[distance_of.first].holdout_target_mm = 1000 * distance_of.second;
     }
   }
 }

@@ -123,7 +123,7 @@ void FitCameraToImages(const CaptureDetection& first, Dataset* dataset) {
 View ViewOf(const Dataset& dataset, size_t capture, Observations observations) {
   const Capture& from = dataset.captures[capture];
   return {from.name, CameraMountFromTargetMount(dataset.setup, from.base_from_gripper), std::move(observations),
-          from.role};
+          from.role, capture};
 }
 
 std::vector<View> ViewsOf(const Dataset& dataset, const std::vector<CaptureDetection>& detections) {

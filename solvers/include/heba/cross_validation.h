@@ -22,8 +22,8 @@ struct HoldOut {
   // The distance between the predicted pose of the target and the pose that its own image shows: RMS over captures.
   std::optional<double> target_m;
   std::optional<double> target_rad;
-  // The same distance for each held-out capture, by the name of its view.
-  std::vector<std::pair<std::string, double>> target_m_of_view;
+  // The same distance for each held-out capture, with the capture's index (View::capture).
+  std::vector<std::pair<size_t, double>> target_m_of_capture;
   // For a refinement of reprojection errors: the squared held-out residuals, whitened by all sources of error (pixel
   // noise, the robot noise if it is modelled, the covariance of the estimate), per degree of freedom. About 1 if the
   // model is right. If robot noise is modelled, this figure and not `rms_px` tells which model predicts better.

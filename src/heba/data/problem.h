@@ -35,10 +35,12 @@ struct View {
   Rigid3d camera_mount_from_target_mount;
   Observations observations;
   CaptureRole role = CaptureRole::kNone;
+  size_t capture = 0;  // Index of the capture in the caller's list. The solvers hand it on and do not use it.
 };
 
 struct UnusedView {
   std::string name;
+  size_t capture = 0;  // View::capture.
   std::string reason;
 };
 
