@@ -1,0 +1,198 @@
+#include "heba/robot/arm_postures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include <Eigen/SVD>
+
+#include "heba/base/levenberg_marquardt.h"
+#include "heba/base/rng.h"
+#include "heba/base/text.h"
+
+namespace heba {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+struct PosturePoint {
+  Eigen::VectorXd joints;
+  double cost = 0;
+  Eigen::MatrixXd normal;
+  Eigen::VectorXd gradient;
+};
+
+PosturePoint PointAt(const Arm& arm, const Rigid3d& base_from_tip, Eigen::VectorXd joints) {
+  Matrix6X by_joints;
+  const Rigid3d reached = BaseFromTip(arm, joints, &by_joints);
+  // The pose of the goal in the reached tip's frame. Its tangent decreases by the motion of the tip.
+  const Tangent6 missing = LocalCoordinates(reached, base_from_tip);
+  PosturePoint point;
+  point.joints = std::move(joints);
+  point.cost = missing.squaredNorm();
+  point.normal = by_joints.transpose() * by_joints;
+  // Without it, the damping of a joint that does not move the tip would be zero.
+  point.normal.diagonal().array() += 1e-12;
+  point.gradient = -by_joints.transpose() * missing;
+  return point;
+}
+
+// Returns whether two postures are the same but for full turns.
+bool AreSame(const Arm& arm, const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+  constexpr double kSame = 1e-4;
+  for (Eigen::Index j = 0; j < a.size(); ++j) {
+    const double difference = a[j] - b[j];
+    const bool is_turning = arm.joints[static_cast<size_t>(j)].is_turning;
+    if (std::abs(is_turning ? std::remainder(difference, 2 * kPi) : difference) > kSame) return false;
+  }
+  return true;
+}
+
+Eigen::VectorXd Wrapped(const Arm& arm, Eigen::VectorXd joints) {
+  for (Eigen::Index j = 0; j < joints.size(); ++j) {
+    if (arm.joints[static_cast<size_t>(j)].is_turning) joints[j] = std::remainder(joints[j], 2 * kPi);
+  }
+  return joints;
+}
+
+// Returns postures from which the other solutions for a posture's pose are near: those with the wrist, the elbow or the
+// shoulder flipped, of an arm with a spherical wrist and parallel axes 2 and 3.
+std::vector<Eigen::VectorXd> FlipsOf(const Arm& arm, const Eigen::VectorXd& joints) {
+  std::vector<Eigen::VectorXd> flips;
+  if (joints.size() != 6) return flips;
+  const auto theta = [&](int j) { return joints[j] + arm.joints[static_cast<size_t>(j)].theta_rad; };
+  Eigen::VectorXd wrist = joints;
+  wrist[3] += kPi;
+  wrist[4] -= 2 * theta(4);
+  wrist[5] += kPi;
+  flips.push_back(wrist);
+  Eigen::VectorXd elbow = joints;
+  elbow[1] += joints[2];
+  elbow[2] -= 2 * theta(2);
+  flips.push_back(elbow);
+  Eigen::VectorXd shoulder = joints;
+  shoulder[0] += kPi;
+  shoulder[1] = -joints[1];
+  flips.push_back(shoulder);
+  return flips;
+}
+
+// The point of axis `a` next to axis `b`.
+Eigen::Vector3d FootOn(const ArmAxis& a, const ArmAxis& b) {
+  const Eigen::Vector3d normal = a.direction.cross(b.direction);
+  const Eigen::Vector3d between = b.point - a.point;
+  return a.point + a.direction * (between.cross(b.direction).dot(normal) / normal.squaredNorm());
+}
+
+double DistanceM(const ArmAxis& a, const ArmAxis& b) { return (FootOn(a, b) - FootOn(b, a)).norm(); }
+
+}  // namespace
+
+Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_tip, const Eigen::VectorXd& start) {
+  LevenbergMarquardtOptions options;
+  options.max_iterations = 100;
+  options.max_tries = 200;
+  options.small_drop = 0;
+  PosturePoint point = PointAt(arm, base_from_tip, start);
+  constexpr double kLargestTurn = 0.5;  // rad or m in one step: a larger one would leave the branch.
+  MinimiseSquares(
+      options,
+      [&](const PosturePoint& at, const Eigen::VectorXd& step) -> std::optional<PosturePoint> {
+        const double largest = step.cwiseAbs().maxCoeff();
+        return PointAt(arm, base_from_tip, at.joints + std::min(1.0, kLargestTurn / largest) * step);
+      },
+      &point, [](const PosturePoint& at) { return at.cost < 1e-24; });
+  const double distance = std::sqrt(point.cost);
+  if (distance > kReached) {
+    const Tangent6 missing = LocalCoordinates(BaseFromTip(arm, point.joints), base_from_tip);
+    return Failure{"out of reach: the nearest posture that was found is " +
+                   Significant(1000 * missing.head<3>().norm(), 3) + " mm and " +
+                   Significant(missing.tail<3>().norm() * 180 / kPi, 3) + " deg away"};
+  }
+  return point.joints;
+}
+
+Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& base_from_tip) {
+  if (arm.num_joints() > 6) {
+    return Failure{"the arm has " + std::to_string(arm.num_joints()) +
+                   " joints, so that a pose does not determine their positions"};
+  }
+  constexpr int kNumStarts = 80;
+  constexpr double kReachM = 1;  // The range of sliding joints that is searched.
+  std::vector<Eigen::VectorXd> postures;
+  std::string reason;
+  const auto search = [&](const Eigen::VectorXd& start) {
+    Outcome<Eigen::VectorXd> found = PostureNear(arm, base_from_tip, start);
+    if (!found) {
+      if (reason.empty()) reason = found.reason();
+      return;
+    }
+    const bool is_known = std::any_of(postures.begin(), postures.end(),
+                                      [&](const Eigen::VectorXd& other) { return AreSame(arm, *found, other); });
+    if (!is_known) postures.push_back(Wrapped(arm, *found));
+  };
+  Rng rng(1);
+  size_t num_flipped = 0;
+  for (int k = 0; k < kNumStarts; ++k) {
+    Eigen::VectorXd start(arm.num_joints());
+    for (int j = 0; j < arm.num_joints(); ++j) {
+      start[j] =
+          arm.joints[static_cast<size_t>(j)].is_turning ? rng.Uniform(-kPi, kPi) : rng.Uniform(-kReachM, kReachM);
+    }
+    search(start);
+    for (; num_flipped < postures.size(); ++num_flipped) {
+      for (const Eigen::VectorXd& flip : FlipsOf(arm, Eigen::VectorXd(postures[num_flipped]))) search(flip);
+    }
+  }
+  if (postures.empty()) return Failure{reason};
+  std::sort(postures.begin(), postures.end(), [](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+    return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
+  });
+  return postures;
+}
+
+std::optional<Configuration> ConfigurationOf(const Arm& arm, const Eigen::VectorXd& joints) {
+  const bool all_turn =
+      std::all_of(arm.joints.begin(), arm.joints.end(), [](const ArmJoint& joint) { return joint.is_turning; });
+  if (arm.num_joints() != 6 || !all_turn || !IsParallelToNext(arm, 1)) return std::nullopt;
+  const std::vector<ArmAxis> axes = AxesOf(arm, joints);
+  constexpr double kMeetM = 0.02;
+  if (DistanceM(axes[3], axes[4]) > kMeetM || DistanceM(axes[4], axes[5]) > kMeetM) return std::nullopt;
+  const Eigen::Vector3d wrist = FootOn(axes[3], axes[4]);
+  // In the singularity of the shoulder, the point where axes 5 and 6 meet lies in the plane of axes 1 and 2. It is that
+  // of axes 4 and 5 if the wrist is spherical, but not for Universal Robots' arms.
+  const Eigen::Vector3d hand = FootOn(axes[4], axes[5]);
+  const Eigen::Vector3d forward = axes[1].direction.cross(axes[0].direction);
+  const Eigen::Vector3d upper_arm = axes[2].point - axes[1].point;
+  return Configuration{(hand - axes[0].point).dot(forward) > 0,
+                       upper_arm.cross(wrist - axes[2].point).dot(axes[1].direction) > 0,
+                       axes[3].direction.cross(axes[5].direction).dot(axes[4].direction) > 0};
+}
+
+std::string NameOf(const Configuration& configuration) {
+  const auto sign = [&](size_t i) { return configuration[i] ? "+" : "-"; };
+  return std::string("shoulder ") + sign(0) + ", elbow " + sign(1) + ", wrist " + sign(2);
+}
+
+std::string SingularityAt(const Arm& arm, const Eigen::VectorXd& joints) {
+  constexpr double kNearSingular = 2e-3;
+  constexpr double kMoves = 0.2;
+  Matrix6X by_joints;
+  BaseFromTip(arm, joints, &by_joints);
+  if (arm.num_joints() > 6) {
+    // A redundant arm is singular if its tip cannot move in some direction.
+    by_joints = Matrix6X(by_joints * by_joints.transpose());
+  }
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(by_joints, Eigen::ComputeThinV);
+  if (svd.singularValues().tail<1>()[0] > kNearSingular) return {};
+  if (arm.num_joints() > 6) return "the tip cannot move in some direction";
+  const Eigen::VectorXd motion = svd.matrixV().col(svd.matrixV().cols() - 1);
+  std::vector<std::string> names;
+  for (Eigen::Index j = 0; j < motion.size(); ++j) {
+    if (std::abs(motion[j]) > kMoves) names.push_back(std::to_string(j + 1));
+  }
+  return "a common motion of joints " + Join(names, ", ") + " hardly moves the tip";
+}
+
+}  // namespace heba

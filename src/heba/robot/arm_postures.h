@@ -1,0 +1,42 @@
+// The postures of an arm: which positions of its joints reach a pose, in which configuration, and where it is singular.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heba/base/error.h"
+#include "heba/robot/arm.h"
+
+namespace heba {
+
+// The largest distance (m, rad) between a pose and the posture that counts as reaching it.
+inline constexpr double kReached = 1e-7;
+
+// Returns the posture nearest to `start` that reaches the pose: the Levenberg-Marquardt method, from `start`. Turning
+// joints are not wrapped. Returns a Failure with the distance that remains if it does not converge to the pose.
+Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_tip, const Eigen::VectorXd& start);
+
+// Returns the postures that reach the pose, at most 16 for six joints, with angles in [-pi, pi]. They are found
+// numerically from fixed starting points and from the flips of those that were found, so that one may be missed.
+// Returns a Failure if none is found, or if the arm has more than six joints, which reach a pose in infinitely many
+// ways.
+Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& base_from_tip);
+
+// The configuration of a posture, as controllers name it: the signs of shoulder, elbow and wrist. Two postures of
+// different configurations are separated by a singularity.
+using Configuration = std::array<bool, 3>;
+// Returns nothing unless the arm has six turning joints, its axes 2 and 3 are parallel, and its axis 5 meets axes 4 and
+// 6: only then do three signs name every posture.
+std::optional<Configuration> ConfigurationOf(const Arm& arm, const Eigen::VectorXd& joints);
+// Returns a configuration in words: "shoulder +, elbow -, wrist +".
+std::string NameOf(const Configuration& configuration);
+
+// Returns a description of the singularity at or close to a posture, or an empty string: the joints whose combined
+// motion hardly moves the tip.
+std::string SingularityAt(const Arm& arm, const Eigen::VectorXd& joints);
+
+}  // namespace heba

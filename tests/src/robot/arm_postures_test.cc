@@ -1,0 +1,130 @@
+#include "heba/robot/arm_postures.h"
+
+#include <numbers>
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/rng.h"
+#include "heba/robot/arm_table.h"
+#include "heba/robot/ur_kinematics.h"
+
+namespace heba {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+Eigen::VectorXd RandomJoints(const Arm& arm, Rng* rng) {
+  Eigen::VectorXd joints(arm.num_joints());
+  for (double& joint : joints) joint = rng->Uniform(-kPi, kPi);
+  return joints;
+}
+
+double Distance(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+  double distance = 0;
+  for (Eigen::Index j = 0; j < a.size(); ++j) {
+    distance = std::max(distance, std::abs(std::remainder(a[j] - b[j], 2 * kPi)));
+  }
+  return distance;
+}
+
+std::vector<std::string> SixJointArms() {
+  std::vector<std::string> arms;
+  for (const Arm& arm : Arms()) {
+    if (arm.num_joints() == 6) arms.push_back(arm.name);
+  }
+  return arms;
+}
+
+class SixJointArmTest : public testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(, SixJointArmTest, testing::ValuesIn(SixJointArms()),
+                         [](const auto& test) { return test.param; });
+
+TEST_P(SixJointArmTest, ReachThePoseInDifferentConfigurations) {
+  Rng rng(6);
+  const Arm& arm = *FindArm(GetParam());
+  constexpr int kPoses = 20;
+  int num_without_original = 0;
+  for (int i = 0; i < kPoses; ++i) {
+    const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+    const Rigid3d pose = BaseFromTip(arm, joints);
+    const auto postures = PosturesOf(arm, pose);
+    ASSERT_TRUE(postures.ok()) << postures.reason();
+    double nearest = 10;
+    for (const Eigen::VectorXd& posture : *postures) {
+      EXPECT_LT(LocalCoordinates(pose, BaseFromTip(arm, posture)).norm(), 1e-9);
+      nearest = std::min(nearest, Distance(joints, posture));
+    }
+    num_without_original += nearest > 1e-4;
+    // An arm with an offset wrist reaches a pose in up to 16 postures, which three signs cannot name.
+    if (arm.name == "xarm6") continue;
+    std::set<Configuration> configurations;
+    for (const Eigen::VectorXd& posture : *postures) configurations.insert(*ConfigurationOf(arm, posture));
+    EXPECT_EQ(configurations.size(), postures->size());
+  }
+  EXPECT_EQ(num_without_original, 0);
+}
+
+class UrPosturesTest : public testing::TestWithParam<UrRobot> {};
+INSTANTIATE_TEST_SUITE_P(, UrPosturesTest, testing::ValuesIn(UrRobots()),
+                         [](const auto& test) { return test.param.name; });
+
+TEST_P(UrPosturesTest, AreThoseOfTheClosedForm) {
+  Rng rng(7);
+  const Arm& arm = *FindArm(GetParam().name);
+  int num_missed = 0;
+  for (int i = 0; i < 30; ++i) {
+    const Rigid3d pose = BaseFromTip(arm, RandomJoints(arm, &rng));
+    const auto numeric = PosturesOf(arm, pose);
+    const auto closed = PosturesOf(GetParam(), pose);
+    ASSERT_TRUE(numeric.ok());
+    ASSERT_TRUE(closed.ok());
+    EXPECT_LE(numeric->size(), closed->size());
+    num_missed += static_cast<int>(closed->size() - numeric->size());
+  }
+  EXPECT_EQ(num_missed, 0);
+}
+
+TEST(ArmPosturesTest, RedundantArmsNeedAStart) {
+  const Arm& arm = *FindArm("franka_fr3");
+  Eigen::VectorXd joints(7);
+  joints << 0.1, -0.7, 0.2, -2.3, 0.1, 1.6, 0.8;
+  const Rigid3d pose = BaseFromTip(arm, joints);
+  EXPECT_THAT(PosturesOf(arm, pose).reason(), testing::HasSubstr("7 joints"));
+  const auto found = PostureNear(arm, pose, joints + Eigen::VectorXd::Constant(7, 0.05));
+  ASSERT_TRUE(found.ok()) << found.reason();
+  EXPECT_LT(LocalCoordinates(pose, BaseFromTip(arm, *found)).norm(), 1e-9);
+  EXPECT_LT(Distance(joints, *found), 0.1);
+}
+
+TEST(ArmPosturesTest, PosesOutOfReachAreRefusedWithTheDistance) {
+  const Arm& arm = *FindArm("ur5e");
+  const auto postures = PosturesOf(arm, Rigid3d(Eigen::Quaterniond::Identity(), {3, 0, 0}));
+  EXPECT_THAT(postures.reason(), testing::HasSubstr("out of reach"));
+}
+
+TEST(ArmPosturesTest, SingularitiesNameTheirJoints) {
+  const Arm& arm = *FindArm("ur5e");
+  Eigen::VectorXd joints(6);
+  joints << 0.3, -1.2, 1.4, -1.1, 0, 0.5;
+  EXPECT_THAT(SingularityAt(arm, joints), testing::HasSubstr("6"));
+  joints[4] = 1.2;
+  EXPECT_EQ(SingularityAt(arm, joints), "");
+}
+
+TEST(ArmPosturesTest, FlipsChangeOneSignOfTheConfiguration) {
+  const Arm& arm = *FindArm("abb_irb120");
+  Eigen::VectorXd joints(6);
+  joints << 0.3, 0.2, 0.1, 0.4, 0.9, 0.5;
+  const Configuration before = *ConfigurationOf(arm, joints);
+  joints[4] = -0.9;
+  Configuration wrist = before;
+  wrist[2] = !wrist[2];
+  EXPECT_EQ(*ConfigurationOf(arm, joints), wrist);
+  EXPECT_EQ(ConfigurationOf(*FindArm("xarm6"), joints), std::nullopt);
+  EXPECT_EQ(ConfigurationOf(*FindArm("franka_fr3"), Eigen::VectorXd::Zero(7)), std::nullopt);
+}
+
+}  // namespace
+}  // namespace heba
