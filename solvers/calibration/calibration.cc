@@ -42,7 +42,8 @@ void AddFewPointViews(const std::vector<View>& few, const CalibrationOptions& op
   if (calibration->refined && options.symmetries.size() == 1) {
     const Solution& solution = *calibration->refined;
     const std::optional<SquaredErrors> used =
-        ReprojectionErrors(solution.hand_eye, solution.camera, ApplyShape(calibration->views, solution.shape));
+        ReprojectionErrors(solution.hand_eye, solution.camera,
+                           ApplyShape(CorrectedViews(options.setup, calibration->views, solution), solution.shape));
     if (used) used_rms_px = used->RmsPx();
     joined = calibration->views;
   }
@@ -54,7 +55,7 @@ void AddFewPointViews(const std::vector<View>& few, const CalibrationOptions& op
     constexpr double kMaxRatio = 3;
     const Solution& solution = *calibration->refined;
     const std::optional<SquaredErrors> errors =
-        ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount),
+        ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, CorrectedMount(options.setup, view, solution)),
                    ApplyShape(view.observations, solution.shape));
     if (errors && *errors->RmsPx() <= kMaxRatio * *used_rms_px) {
       joined.push_back(view);
@@ -141,6 +142,7 @@ std::vector<MethodResult> Reported(const std::vector<MethodResult>& results, con
 
 // Describes how a capture's image contradicts its pose.
 std::string WhyWrong(View entry, double p_value, const Solution& solution, Setup setup) {
+  entry = CorrectedViews(setup, {entry}, solution).front();
   entry.observations = ApplyShape(entry.observations, solution.shape);
   const std::vector<PosePair> seen = PosePairsOf(solution.camera, solution.hand_eye, {entry});
   const std::optional<SquaredErrors> own =
@@ -461,7 +463,7 @@ std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOpt
   const Solution& solution = *calibration.refined;
   const BundleOptions& bundle = calibration.bundle;
   const Problem solved = ProblemOf(calibration, options);
-  const ErrorModel model{bundle.robot, bundle.free_shape};
+  const ErrorModel model{bundle.robot, bundle.free_shape, bundle.effects};
   std::vector<Finding> findings;
   const auto add = [&](std::optional<Finding> finding) {
     if (finding) findings.push_back(std::move(*finding));

@@ -69,7 +69,7 @@ Mixture MixtureOf(const Problem& problem, const Solution& of_members, const std:
     sum_rad2 += correction.tail<3>().squaredNorm();
     ++num_wrong;
   }
-  const FreeParameters free = FreeOf(at.camera.Model(), options);
+  const FreeUnknowns free = FreeOf(at.camera.Model(), options);
   std::optional<std::vector<LinearisedView>> views =
       LineariseViewsAt(problem, at, corrections, free, LossOf(LossKind::kNone));
   if (!views) return {};
@@ -126,7 +126,7 @@ int JudgedCaptures::NumWrong() const {
 }
 
 JudgedCaptures JudgeCaptures(const Problem& problem, const Solution& solution, const BundleOptions& options) {
-  const FreeParameters free = FreeOf(problem.camera.Model(), options);
+  const FreeUnknowns free = FreeOf(problem.camera.Model(), options);
   JudgedCaptures judged;
   judged.verdicts.resize(problem.views.size());
   judged.solution = solution;

@@ -79,7 +79,7 @@ Outcome<HeldOutErrors> PredictHeldOut(const HandEye& hand_eye, const SeenViews& 
 
 void AddChi2(const Solution& solution, const BundleOptions& bundle, heba::Setup setup,
              const std::vector<View>& held_out, HeldOutErrors* errors) {
-  const FreeParameters free = FreeOf(solution.camera.Model(), bundle);
+  const FreeUnknowns free = FreeOf(solution.camera.Model(), bundle);
   std::optional<std::vector<LinearisedView>> views =
       LineariseViewsAt({solution.camera, held_out, setup}, solution, {}, free, LossOf(LossKind::kNone));
   if (!views) return;
@@ -101,6 +101,7 @@ void AddNoiseSquares(const HandEye& hand_eye, const Camera& camera, const Soluti
   Solution at = noise;
   at.hand_eye = hand_eye;
   at.camera = camera;
+  at.shared_effects = nullptr;  // A closed form knows nothing of them; the views of the refinement are corrected.
   const FreeParameters held(static_cast<size_t>(NumParams(camera.Model())), false);
   std::optional<std::vector<LinearisedView>> views =
       LineariseViewsAt({camera, held_out, setup}, at, {}, held, LossOf(LossKind::kNone));
@@ -170,12 +171,15 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
       row[names.size() - 2] = chain ? PredictHeldOut(chain->hand_eye, seen) : Failure{chain.reason()};
       const Outcome<Solution>& refined = calibration->refined;
       row[names.size() - 1] =
-          refined ? PredictHeldOut(refined->hand_eye, SeenViews(refined->camera, ApplyShape(held_out, refined->shape)))
-                  : Failure{refined.reason()};
+          refined
+              ? PredictHeldOut(refined->hand_eye,
+                               SeenViews(refined->camera,
+                                         ApplyShape(CorrectedViews(options.setup, held_out, *refined), refined->shape)))
+              : Failure{refined.reason()};
       if (refined && row.back()) {
         AddChi2(*refined, calibration->bundle, options.setup, held_out, &*row.back());
         AddNoiseSquares(refined->hand_eye, refined->camera, *refined, options.setup,
-                        ApplyShape(held_out, refined->shape), &*row.back());
+                        ApplyShape(CorrectedViews(options.setup, held_out, *refined), refined->shape), &*row.back());
       }
     }
     const std::lock_guard<std::mutex> lock(mutex);

@@ -131,14 +131,14 @@ std::optional<View> ImaginedView(const Problem& problem, const Solution& solutio
 }
 
 std::vector<SuggestedCaptures> FindSuggestedCaptures(const Problem& problem, const Solution& solution,
-                                                     const FreeParameters& free) {
+                                                     const FreeUnknowns& free) {
   const View& fullest = *std::max_element(problem.views.begin(), problem.views.end(), [](const View& a, const View& b) {
     return a.observations.size() < b.observations.size();
   });
   const Observations& points = fullest.observations;
   std::vector<Rigid3d> poses;
   for (const View& view : problem.views) {
-    poses.push_back(CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount));
+    poses.push_back(CameraFromTarget(solution.hand_eye, CorrectedMount(problem.setup, view, solution)));
   }
   const Rigid3d mean = MeanPose(poses);
   const Eigen::Vector3d middle = points.points_in_target.rowwise().mean();
@@ -242,7 +242,7 @@ void AddLargestMove(const Camera& given, const Solution& solution, Finding* find
 }  // namespace
 
 std::optional<Finding> DiagnoseWeakDirections(const Problem& problem, const Solution& solution,
-                                              const FreeParameters& free) {
+                                              const FreeUnknowns& free) {
   const UnknownLayout& layout = solution.covariance.layout;
   const std::vector<WeakDirection> weak_directions = FindWeakDirections(problem, solution);
   if (weak_directions.empty()) return std::nullopt;
@@ -294,7 +294,8 @@ Finding DescribeModel(const ErrorModel& chosen, const std::vector<ModelAlternati
   if (alternatives.size() < 2) return finding;
   const ModelAlternative* self = nullptr;
   for (const ModelAlternative& alternative : alternatives) {
-    const bool is_chosen = alternative.model.robot == chosen.robot && alternative.model.shape == chosen.shape;
+    const bool is_chosen = alternative.model.robot == chosen.robot && alternative.model.shape == chosen.shape &&
+                           alternative.model.effects == chosen.effects;
     if (is_chosen) self = &alternative;
   }
   if (self == nullptr) return finding;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
@@ -23,12 +24,25 @@ struct FittedModel {
   double log_likelihood = 0;
 };
 
-int NumVariances(const ErrorModel& model) { return model.robot == Robot::kEstimatedNoise ? 2 : 0; }
+int NumVariances(const ErrorModel& model) {
+  const int num_of_noise = model.robot == Robot::kEstimatedNoise ? 2 : 0;
+  return num_of_noise + (model.effects == nullptr ? 0 : static_cast<int>(model.effects->groups.size()));
+}
 int NumShapeParams(const ErrorModel& model) { return 2 * static_cast<int>(model.shape.size()); }
 int DofOf(const ErrorModel& model) { return NumVariances(model) + NumShapeParams(model); }
 
+// Returns whether all of `smaller` are among `larger`; null stands for no effects.
+bool Contains(const SharedEffects* larger, const SharedEffects* smaller) {
+  if (smaller == nullptr) return true;
+  return larger != nullptr && larger->num_all == smaller->num_all &&
+         std::all_of(smaller->effects.begin(), smaller->effects.end(), [&](const SharedEffect& effect) {
+           return std::any_of(larger->effects.begin(), larger->effects.end(),
+                              [&](const SharedEffect& other) { return other.index == effect.index; });
+         });
+}
+
 bool Contains(const ErrorModel& larger, const ErrorModel& smaller) {
-  return NumVariances(larger) >= NumVariances(smaller) &&
+  return NumVariances(larger) >= NumVariances(smaller) && Contains(larger.effects.get(), smaller.effects.get()) &&
          std::all_of(smaller.shape.begin(), smaller.shape.end(), [&](TargetShapeGroup group) {
            return std::find(larger.shape.begin(), larger.shape.end(), group) != larger.shape.end();
          });
@@ -44,9 +58,17 @@ std::vector<ErrorModel> Candidates(const BundleOptions& options, const AutoModel
     shapes = {
         {}, {TargetShapeGroup::kScale}, {TargetShapeGroup::kBend}, {TargetShapeGroup::kScale, TargetShapeGroup::kBend}};
   }
+  // Systematic errors are modelled beside the random ones, never instead of them.
+  std::vector<std::shared_ptr<const SharedEffects>> effects = {choose.effects.empty() ? options.effects : nullptr};
+  if (!has_few_poses) effects.insert(effects.end(), choose.effects.begin(), choose.effects.end());
   std::vector<ErrorModel> candidates;
   for (const Robot robot : robots) {
-    for (const std::vector<TargetShapeGroup>& shape : shapes) candidates.push_back({robot, shape});
+    for (const std::vector<TargetShapeGroup>& shape : shapes) {
+      for (const auto& of_robot : effects) {
+        const bool is_random_only = of_robot == nullptr || choose.effects.empty();
+        if (is_random_only || robot != Robot::kExact) candidates.push_back({robot, shape, of_robot});
+      }
+    }
   }
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const ErrorModel& a, const ErrorModel& b) { return DofOf(a) < DofOf(b); });
@@ -81,6 +103,7 @@ std::optional<FittedModel> FitModel(const Problem& problem, const HandEye& start
                                     BundleOptions options, const std::vector<FittedModel>& fitted) {
   options.robot = model.robot;
   options.free_shape = model.shape;
+  options.effects = model.effects;
   const FittedModel* best_within = nullptr;
   const FittedModel* nearest = nullptr;
   for (const FittedModel& other : fitted) {
@@ -107,8 +130,12 @@ std::optional<FittedModel> FitModel(const Problem& problem, const HandEye& start
 double ChanceOfRatio(const FittedModel& smaller, const FittedModel& larger) {
   const double statistic = std::max(0.0, 2 * (larger.log_likelihood - smaller.log_likelihood));
   const double num_shape = NumShapeParams(larger.model) - NumShapeParams(smaller.model);
-  if (NumVariances(larger.model) > NumVariances(smaller.model)) {
-    return 0.5 * (ChiSquareTail(statistic, num_shape + 1) + ChiSquareTail(statistic, num_shape + 2));
+  const double num_variances = NumVariances(larger.model) - NumVariances(smaller.model);
+  if (num_variances > 0) {
+    // A variance at its bound of zero counts for half of the data sets; the other half has one more parameter.
+    const double num_params = num_shape + num_variances;
+    const double tail_of_fewer = num_params > 1 ? ChiSquareTail(statistic, num_params - 1) : statistic > 0 ? 0.0 : 1.0;
+    return 0.5 * (tail_of_fewer + ChiSquareTail(statistic, num_params));
   }
   const double dof = larger.solution.covariance_dof;
   if (!std::isfinite(dof)) return ChiSquareTail(statistic, num_shape);
@@ -137,7 +164,31 @@ std::string NameOf(const ErrorModel& model) {
                              : is_scaled          ? "target scaled"
                              : is_bent            ? "target bent"
                                                   : "target as designed";
-  return (model.robot == Robot::kExact ? "exact robot, " : "robot noise, ") + target;
+  return (model.robot == Robot::kExact ? "exact robot" : "robot noise") +
+         (model.effects == nullptr ? std::string() : " and " + model.effects->name) + ", " + target;
+}
+
+std::optional<size_t> MostLikelyEffects(
+    const Problem& problem_in, const Solution& start, const BundleOptions& options_in,
+    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures) {
+  BundleOptions options = options_in;
+  options.robot = Robot::kEstimatedNoise;
+  options.loss = InlierLoss(options_in).kind;
+  Problem problem = WithFixedWeights(WithoutRejected(problem_in, start), start.unmodelled_sigma_px);
+  problem.camera = start.camera;
+  problem.shape = start.shape;
+  std::optional<size_t> best;
+  double best_log_likelihood = -std::numeric_limits<double>::infinity();
+  for (size_t k = 0; k < effects_of_captures.size(); ++k) {
+    for (View& view : problem.views) view.effect = effects_of_captures[k][view.capture];
+    const Outcome<Solution> solution = RefineHandEye(problem, start.hand_eye, options);
+    if (!solution) continue;
+    const double log_likelihood = LogLikelihoodOf(problem, *solution, options);
+    if (!(log_likelihood > best_log_likelihood)) continue;
+    best_log_likelihood = log_likelihood;
+    best = k;
+  }
+  return best;
 }
 
 Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start, const BundleOptions& options_in,
@@ -157,6 +208,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
     BundleOptions largest = options;
     largest.robot = model->robot;
     largest.free_shape = model->shape;
+    largest.effects = model->effects;
     const Outcome<Solution> solution = RefineHandEye(problem_in, start, largest);
     if (!solution) {
       reason = solution.reason();
@@ -179,7 +231,8 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
   ModelChoice choice;
   const FittedModel* best = nullptr;
   for (const FittedModel& smaller : fitted) {
-    ModelAlternative alternative{smaller.model, smaller.log_likelihood, DofOf(smaller.model), std::nullopt};
+    ModelAlternative alternative{smaller.model, smaller.log_likelihood, smaller.solution.robot_noise,
+                                 DofOf(smaller.model), std::nullopt};
     // The largest of the models that contain `smaller`.
     const FittedModel* largest = nullptr;
     for (const FittedModel& other : fitted) {

@@ -1,7 +1,8 @@
-// Chooses which sources of error to model besides the pixel noise: robot noise, and a target that differs from its
-// design.
+// Chooses which sources of error to model besides the pixel noise: random and systematic errors of the robot, and a
+// target that differs from its design.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -26,20 +27,28 @@ struct ModelChoice {
   size_t chosen = 0;                           // Index of the chosen alternative.
 };
 
-// Fits every combination of {exact robot, robot noise} and {as designed, scale, bend, scale and bend} that is to be
-// chosen from and that the captures determine. Chooses the one with the fewest parameters that is not rejected; among
-// equally many parameters, the most likely.
+// Fits every combination of {exact robot, robot noise, robot noise and systematic errors} and {as designed, scale,
+// bend, scale and bend} that is to be chosen from and that the captures determine. Chooses the one with the fewest
+// parameters that is not rejected; among equally many parameters, the most likely.
 //
 // Each model is fitted to its own optimum: one that is less likely than a model that it contains is refined again from
 // that model's solution. Models that differ in the shape alone are compared by an F-test (restricted likelihood ratio,
-// with the degrees of freedom of the largest model). Models that differ in the robot noise are compared by the mixture
-// of chi-squares for variances at their bound (Self and Liang 1987; its upper bound is used). All models use the same
-// points with the same weights; with the loss `truncated`, the inliers of the largest model.
+// with the degrees of freedom of the largest model). Models that differ in the robot's errors are compared by the
+// mixture of chi-squares for variances at their bound (Self and Liang 1987; its upper bound is used). All models use
+// the same points with the same weights; with the loss `truncated`, the inliers of the largest model.
 //
-// With fewer robot poses than kMinPosesForVariances, every model has robot noise, with IndustrialArmPrior as its
-// prior. If there is only one model, it is fitted as RefineHandEye does, and `alternatives` is empty. Returns a
-// Failure if no model could be fitted.
+// With fewer robot poses than kMinPosesForVariances, every model has robot noise, with IndustrialArmPrior as its prior,
+// and none has systematic errors. If there is only one model, it is fitted as RefineHandEye does, and `alternatives` is
+// empty. Returns a Failure if no model could be fitted.
 Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, const BundleOptions& options,
                                  const AutoModel& choose);
+
+// Returns which of several possible effects of the captures (View::effect, by the index View::capture), such as those
+// of the configurations of an arm, explains the problem best with the effects of `options` free: the index of the
+// largest restricted likelihood. `start` is a solution of the problem without effects. Returns nothing if none can be
+// fitted.
+std::optional<size_t> MostLikelyEffects(
+    const Problem& problem, const Solution& start, const BundleOptions& options,
+    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures);
 
 }  // namespace heba

@@ -25,8 +25,8 @@ std::string BundleOptions::Check() const {
   return Join(faults, "\n");
 }
 
-FreeParameters FreeOf(const CameraModel& model, const BundleOptions& options) {
-  return FreeOf(model, options.free_intrinsics, options.free_shape);
+FreeUnknowns FreeOf(const CameraModel& model, const BundleOptions& options) {
+  return {FreeOf(model, options.free_intrinsics, options.free_shape), options.effects};
 }
 
 const Loss& InlierLoss(const BundleOptions& options) {
@@ -37,14 +37,15 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   const std::string faults = options.Check();
   CHECK(faults.empty()) << faults;
   const bool is_truncated = options.loss == LossKind::kTruncated;
-  const FreeParameters free = FreeOf(problem_in.camera.Model(), options);
+  const FreeUnknowns free = FreeOf(problem_in.camera.Model(), options);
 
   std::vector<Rigid3d> poses;
   for (const View& view : problem_in.views) poses.push_back(view.camera_mount_from_target_mount);
   const std::string why_not = WhyNotObservable(AnalyseMotion(poses));
   if (!why_not.empty()) return Failure{why_not};
-  const FitState start_state{start, problem_in.camera, problem_in.shape, {}};
-  const ViewDistances start_distances = SquaredDistances(problem_in, start_state, options.num_threads);
+  FitState start_state{start, problem_in.camera, problem_in.shape, {}, {}};
+  if (options.effects != nullptr) start_state.effects.setZero(options.effects->size());
+  const ViewDistances start_distances = SquaredDistances(problem_in, free, start_state, options.num_threads);
   PointFlags keep;
   std::vector<std::string> hidden;
   for (size_t i = 0; i < problem_in.views.size(); ++i) {
@@ -68,6 +69,9 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   fit.groups = std::make_shared<const PoseGroups>(GroupByRobotPose(problem.setup, problem.views));
   fit.state = start_state;
   fit.noise.pixel_px = options.pixel_noise_px.value_or(kLittleNoisePx);
+  for (size_t g = 0; options.effects != nullptr && g < options.effects->groups.size(); ++g) {
+    fit.noise.effect_sigmas.push_back(options.effects->groups[g].sigma);
+  }
   const std::optional<Information> start_information = FitInformation(free, LossOf(LossKind::kNone), options, &fit);
   CHECK(start_information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
@@ -95,6 +99,9 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   solution.hand_eye = settled->state.hand_eye;
   solution.camera = settled->state.camera;
   solution.shape = settled->state.shape;
+  solution.shared_effects = options.effects;
+  solution.effects = settled->state.effects;
+  solution.effect_sigmas = settled->noise.effect_sigmas;
   solution.pixel_sigma_px = settled->noise.pixel_px;
   solution.unmodelled_sigma_px = settled->unmodelled_sigma_px;
   solution.covariance_dof = settled->dof;
@@ -109,9 +116,9 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   }
   solution.convergence = settled->convergence;
   const PoseGroups& groups = *settled->groups;
-  solution.convergence.initial_cost = FitCost(start_distances, start_state, groups, settled->noise, loss);
-  solution.convergence.final_cost = FitCost(DistancesAt(*settled->problem, settled->state, options.num_threads),
-                                            settled->state, groups, settled->noise, loss);
+  solution.convergence.initial_cost = FitCost(start_distances, start_state, groups, free, settled->noise, loss);
+  solution.convergence.final_cost = FitCost(DistancesAt(*settled->problem, free, settled->state, options.num_threads),
+                                            settled->state, groups, free, settled->noise, loss);
   const std::optional<Information> information = FitInformation(free, loss, options, &*settled);
   CHECK(information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
@@ -125,18 +132,20 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
 }
 
 double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options) {
-  const FreeParameters free = FreeOf(solution.camera.Model(), options);
+  const FreeUnknowns free = FreeOf(solution.camera.Model(), options);
   const Loss& loss = InlierLoss(options);
-  const FitState state{solution.hand_eye, solution.camera, solution.shape, CorrectionsOf(solution)};
-  const FitNoise noise{solution.pixel_sigma_px, solution.robot_noise};
+  const FitState state{solution.hand_eye, solution.camera, solution.shape, solution.effects, CorrectionsOf(solution)};
+  const FitNoise noise{solution.pixel_sigma_px, solution.robot_noise, solution.effect_sigmas};
   const std::optional<std::vector<LinearisedView>> views =
       LineariseFit(problem, state, GroupByRobotPose(problem.setup, problem.views), free, noise, loss, loss.consistency,
                    options.camera_prior);
   if (!views) return -std::numeric_limits<double>::infinity();
+  const UnknownLayout layout = HandEyeUnknowns(solution.camera.Model(), free);
   const std::vector<VarianceGroup> groups =
-      CorrectionGroups(loss.consistency, solution.robot_noise.value_or(RobotNoise{}), true, true,
-                       options.robot_noise_prior ? &*options.robot_noise_prior : nullptr);
-  const Eigen::Index num_common = HandEyeUnknowns(solution.camera.Model(), free).Block(kTargetBlock).first;
+      WithEffectGroups(CorrectionGroups(loss.consistency, solution.robot_noise.value_or(RobotNoise{}), true, true,
+                                        options.robot_noise_prior ? &*options.robot_noise_prior : nullptr),
+                       layout, options.effects.get(), solution.effect_sigmas, true);
+  const Eigen::Index num_common = layout.Block(kTargetBlock).first;
   return RestrictedLogLikelihood(*views, solution.pixel_sigma_px, groups, num_common);
 }
 

@@ -7,7 +7,7 @@
 
 namespace heba {
 
-FreeParameters FreeOf(const CameraModel& model, const BundleOptions& options);
+FreeUnknowns FreeOf(const CameraModel& model, const BundleOptions& options);
 
 // Returns the loss that applies to the inliers: `none` for `truncated`, because its outliers are removed.
 const Loss& InlierLoss(const BundleOptions& options);

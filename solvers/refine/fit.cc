@@ -26,10 +26,10 @@ Eigen::VectorXd PriorWeights(const CameraPrior& prior, const FreeParameters& fre
 
 // Returns the prior as the rows of a view that do not depend on effects, scaled to noise of variance
 // `row_variance`.
-LinearisedView PriorView(const CameraPrior& prior, const Camera& camera, const FreeParameters& free,
-                         double row_variance, Eigen::Index num_effects) {
+LinearisedView PriorView(const CameraPrior& prior, const Camera& camera, const FreeUnknowns& free, double row_variance,
+                         Eigen::Index num_effects) {
   const UnknownLayout layout = HandEyeUnknowns(camera.Model(), free);
-  const Eigen::VectorXd weights = std::sqrt(row_variance) * PriorWeights(prior, free);
+  const Eigen::VectorXd weights = std::sqrt(row_variance) * PriorWeights(prior, free.params);
   const UnknownBlock block = layout.Block(kCameraBlock);
   LinearisedView view;
   view.by_unknowns = Eigen::MatrixXd::Zero(block.size, layout.size());
@@ -46,22 +46,24 @@ LinearisedView PriorView(const CameraPrior& prior, const Camera& camera, const F
 }
 
 // Returns the loops of the problem's captures, with corrections of the robot poses if there are any.
-LoopProblem LoopsOf(const Problem& problem, const PoseGroups& groups, const FreeParameters& free, const FitState& state,
+LoopProblem LoopsOf(const Problem& problem, const PoseGroups& groups, const FreeUnknowns& free, const FitState& state,
                     const std::optional<RobotNoise>& correction_noise) {
   if (!correction_noise) return HandEyeLoops(problem, free);
   return HandEyeLoops(problem, free, groups, state.corrections, *correction_noise);
 }
 
-LoopValues ValuesOf(const FitState& state) { return HandEyeValues(state.hand_eye, state.camera, state.shape); }
+LoopValues ValuesOf(const FitState& state) {
+  return HandEyeValues(state.hand_eye, state.camera, state.shape, state.effects);
+}
 
 // Returns the parameter blocks of a state, joined.
-std::vector<double> ParametersOf(const FitState& state, const FreeParameters& free) {
+std::vector<double> ParametersOf(const FitState& state, const FreeUnknowns& free) {
   return JoinedBlocks(ParameterBlocksOf(HandEyeUnknowns(state.camera.Model(), free)), ValuesOf(state));
 }
 
 // Returns whether the cached normal equations are those of this fit with corrections, and have lost so few digits in
 // their elimination that they give its covariance.
-bool HasMarginalProducts(const Fit& fit, const Loss& loss, const FreeParameters& free) {
+bool HasMarginalProducts(const Fit& fit, const Loss& loss, const FreeUnknowns& free) {
   constexpr double kMostLoss = 1e6;     // The numbers have a precision of 1e-16.
   constexpr double kQuadrature = 1e-6;  // Precision of the factors of a loss.
   if (!fit.known || !fit.known->noise.robot || std::abs(loss.covariance_factor() - 1) > kQuadrature) return false;
@@ -72,9 +74,14 @@ bool HasMarginalProducts(const Fit& fit, const Loss& loss, const FreeParameters&
          known.products.elimination_loss < kMostLoss && known.products.parameters == ParametersOf(fit.state, free);
 }
 
-// Adds the information of a prior of the camera.
-void AddPrior(const CameraPrior& prior, const FreeParameters& free, Information* information) {
-  const Eigen::VectorXd weights = PriorWeights(prior, free);
+// Adds the information of the priors of the camera, if it has one, and of the effects.
+void AddPriors(const std::optional<CameraPrior>& prior, const FreeUnknowns& free, const FitNoise& noise,
+               Information* information) {
+  const Eigen::VectorXd of_effects = EffectWeights(free, noise);
+  information->matrix.diagonal().segment(information->layout.Block(kRobotBlock).first, of_effects.size()) +=
+      of_effects.cwiseAbs2();
+  if (!prior) return;
+  const Eigen::VectorXd weights = PriorWeights(*prior, free.params);
   const UnknownBlock camera = information->layout.Block(kCameraBlock);
   for (Eigen::Index i = camera.first; i < camera.end(); ++i) {
     const double weight = weights[information->layout[i].index];
@@ -96,7 +103,27 @@ std::optional<NormalEquations> ProductsOf(const std::optional<KnownProducts>& kn
 
 }  // namespace
 
-ViewDistances SquaredDistances(const Problem& problem, const FitState& state, int num_threads) {
+Eigen::VectorXd EffectWeights(const FreeUnknowns& free, const FitNoise& noise) {
+  if (free.effects == nullptr) return {};
+  Eigen::VectorXd weights(free.effects->size());
+  for (Eigen::Index i = 0; i < weights.size(); ++i) {
+    weights[i] = 1 / noise.effect_sigmas[free.effects->effects[static_cast<size_t>(i)].group];
+  }
+  return weights;
+}
+
+Rigid3d PredictedPose(const Problem& problem, const FreeUnknowns& free, const FitState& state, size_t view) {
+  Rigid3d correction = state.corrections.empty() ? Rigid3d() : state.corrections[view];
+  const std::shared_ptr<const PoseEffect>& effect = problem.views[view].effect;
+  if (free.effects != nullptr && effect != nullptr) {
+    correction = effect->Evaluate(AllEffects(*free.effects, state.effects), nullptr) * correction;
+  }
+  return CameraFromTarget(problem.setup, state.hand_eye, problem.views[view].camera_mount_from_target_mount,
+                          correction);
+}
+
+ViewDistances SquaredDistances(const Problem& problem, const FreeUnknowns& free, const FitState& state,
+                               int num_threads) {
   ViewDistances distances(problem.views.size());
   const CameraModel& model = state.camera.Model();
   const TargetShape* const shape = state.shape.params == TargetShape().params ? nullptr : &state.shape;
@@ -104,11 +131,8 @@ ViewDistances SquaredDistances(const Problem& problem, const FitState& state, in
   for (const View& view : problem.views) num_points += view.observations.size();
   ParallelFor(static_cast<int>(problem.views.size()), ThreadsFor(num_points, num_threads), [&](int index) {
     const auto i = static_cast<size_t>(index);
-    const View& view = problem.views[i];
-    const Rigid3d camera_from_target =
-        CameraFromTarget(problem.setup, state.hand_eye, view.camera_mount_from_target_mount,
-                         state.corrections.empty() ? Rigid3d() : state.corrections[i]);
-    distances[i] = WhitenedSquares(model, state.camera.params.data(), camera_from_target, view.observations, shape);
+    distances[i] = WhitenedSquares(model, state.camera.params.data(), PredictedPose(problem, free, state, i),
+                                   problem.views[i].observations, shape);
   });
   return distances;
 }
@@ -121,17 +145,17 @@ std::vector<double> JoinDistances(const ViewDistances& distances) {
   return joined;
 }
 
-ViewDistances DistancesAt(const Problem& problem, const FitState& state, int num_threads) {
-  ViewDistances distances = SquaredDistances(problem, state, num_threads);
+ViewDistances DistancesAt(const Problem& problem, const FreeUnknowns& free, const FitState& state, int num_threads) {
+  ViewDistances distances = SquaredDistances(problem, free, state, num_threads);
   CHECK(std::all_of(distances.begin(), distances.end(), [](const auto& view) { return view.has_value(); }))
       << "Ceres accepted a step that hides a point";
   return distances;
 }
 
 double FitCost(const ViewDistances& squared_distances, const FitState& state, const PoseGroups& groups,
-               const FitNoise& noise, const Loss& loss) {
+               const FreeUnknowns& free, const FitNoise& noise, const Loss& loss) {
   const double per_px2 = 1 / (noise.pixel_px * noise.pixel_px);
-  double sum = 0;
+  double sum = EffectWeights(free, noise).cwiseProduct(state.effects).squaredNorm();
   for (const std::optional<std::vector<double>>& view : squared_distances) {
     for (size_t i = 0; view && i < view->size(); ++i) sum += loss.rho((*view)[i] * per_px2);
   }
@@ -145,7 +169,7 @@ double FitCost(const ViewDistances& squared_distances, const FitState& state, co
 }
 
 std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, const FitState& state,
-                                                        const PoseGroups& groups, const FreeParameters& free,
+                                                        const PoseGroups& groups, const FreeUnknowns& free,
                                                         const FitNoise& noise, const Loss& loss,
                                                         double prior_row_variance,
                                                         const std::optional<CameraPrior>& prior) {
@@ -162,7 +186,7 @@ std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, 
   return views;
 }
 
-ceres::Solver::Summary MinimiseOnce(const FreeParameters& free, const Loss& loss, NoiseScale scale,
+ceres::Solver::Summary MinimiseOnce(const FreeUnknowns& free, const Loss& loss, NoiseScale scale,
                                     const BundleOptions& bundle_options, Fit* fit) {
   const FitNoise& noise = fit->noise;
   FitState* const state = &fit->state;
@@ -186,15 +210,20 @@ ceres::Solver::Summary MinimiseOnce(const FreeParameters& free, const Loss& loss
   std::vector<BlockPrior> priors;
   if (bundle_options.camera_prior) {
     const CameraPrior& prior = *bundle_options.camera_prior;
-    const Eigen::VectorXd weights = PriorWeights(prior, free);
+    const Eigen::VectorXd weights = PriorWeights(prior, free.params);
     priors.push_back(
         {UnknownOwner::kCamera, weights, Eigen::Map<const Eigen::VectorXd>(prior.params.data(), weights.size())});
+  }
+  if (free.effects != nullptr) {
+    const Eigen::VectorXd weights = EffectWeights(free, noise);
+    priors.push_back({UnknownOwner::kEffects, weights, Eigen::VectorXd::Zero(weights.size())});
   }
   ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns, priors);
   const LoopValues values = unknowns.Values();
   state->hand_eye = {values.poses[0], values.poses[1]};
   state->camera.params = values.cameras.front();
   state->shape = values.targets.front();
+  if (free.effects != nullptr) state->effects = values.effects.front();
   const std::vector<std::vector<Rigid3d>> corrections = cost.EliminatedPoses();
   for (size_t g = 0; g < corrections.size(); ++g) {
     for (const size_t i : (*fit->groups)[g]) state->corrections[i] = corrections[g].front();
@@ -202,14 +231,14 @@ ceres::Solver::Summary MinimiseOnce(const FreeParameters& free, const Loss& loss
   if (summary.termination_type == ceres::CONVERGENCE) {
     CHECK(cost.Accepted().parameters == unknowns.all()) << "Ceres did not evaluate the Jacobians at its solution last";
     fit->known = KnownProducts{
-        fit->problem, &loss, {noise.pixel_px, has_corrections ? noise.robot : std::nullopt}, cost.Accepted()};
+        fit->problem, &loss, {noise.pixel_px, has_corrections ? noise.robot : std::nullopt, {}}, cost.Accepted()};
     // Identical up to the normalisation of the poses.
     fit->known->products.parameters = ParametersOf(*state, free);
   }
   return summary;
 }
 
-std::optional<Information> FitInformation(const FreeParameters& free, const Loss& loss,
+std::optional<Information> FitInformation(const FreeUnknowns& free, const Loss& loss,
                                           const BundleOptions& bundle_options, Fit* fit) {
   const Problem& problem = *fit->problem;
   const FitState& state = fit->state;
@@ -220,7 +249,7 @@ std::optional<Information> FitInformation(const FreeParameters& free, const Loss
     Information information{HandEyeUnknowns(state.camera.Model(), free), {}};
     const Eigen::Index size = information.layout.size();
     information.matrix = fit->known->products.matrix.topLeftCorner(size, size);
-    if (bundle_options.camera_prior) AddPrior(*bundle_options.camera_prior, free, &information);
+    AddPriors(bundle_options.camera_prior, free, noise, &information);
     return information;
   }
   if (noise.robot) {
@@ -229,8 +258,10 @@ std::optional<Information> FitInformation(const FreeParameters& free, const Loss
     const std::optional<std::vector<LinearisedView>> views =
         LineariseFit(problem, state, *fit->groups, free, noise, loss, factor, bundle_options.camera_prior);
     if (!views) return std::nullopt;
-    return Information{HandEyeUnknowns(state.camera.Model(), free),
-                       MarginalInformation(*views, CorrectionVariances(*noise.robot), factor)};
+    Information information{HandEyeUnknowns(state.camera.Model(), free),
+                            MarginalInformation(*views, CorrectionVariances(*noise.robot), factor)};
+    AddPriors(std::nullopt, free, noise, &information);  // The camera's is among the views.
+    return information;
   }
   CapturesCostOptions options;
   options.pixel_sigma_px = noise.pixel_px;
@@ -245,8 +276,8 @@ std::optional<Information> FitInformation(const FreeParameters& free, const Loss
   if (!products) return std::nullopt;
   const Eigen::Index num_unknowns = information.layout.size();
   information.matrix = products->matrix.topLeftCorner(num_unknowns, num_unknowns) / factor;
-  fit->known = KnownProducts{fit->problem, &loss, {noise.pixel_px, std::nullopt}, std::move(*products)};
-  if (bundle_options.camera_prior) AddPrior(*bundle_options.camera_prior, free, &information);
+  fit->known = KnownProducts{fit->problem, &loss, {noise.pixel_px, std::nullopt, {}}, std::move(*products)};
+  AddPriors(bundle_options.camera_prior, free, noise, &information);
   return information;
 }
 

@@ -24,6 +24,7 @@ struct FitState {
   HandEye hand_eye;
   Camera camera;
   TargetShape shape;
+  Eigen::VectorXd effects;  // The free effects; empty if there are none.
   // The correction of each view's robot pose, identical for views at one pose; empty if the robot is exact.
   std::vector<Rigid3d> corrections;
 };
@@ -32,6 +33,7 @@ struct FitState {
 struct FitNoise {
   double pixel_px = 0;
   std::optional<RobotNoise> robot;
+  std::vector<double> effect_sigmas;  // Standard deviation of each group of effects.
 };
 
 // Problems are large: they are shared, and copied only to be modified.
@@ -69,29 +71,36 @@ enum class NoiseScale { kOfFit, kMedian };
 
 // The squared whitened distances of each view's points; nothing if any of its points cannot be projected.
 using ViewDistances = std::vector<std::optional<std::vector<double>>>;
-ViewDistances SquaredDistances(const Problem& problem, const FitState& state, int num_threads);
+ViewDistances SquaredDistances(const Problem& problem, const FreeUnknowns& free, const FitState& state,
+                               int num_threads);
 // Returns the distances of all points in the order of the views, skipping views that have none.
 std::vector<double> JoinDistances(const ViewDistances& distances);
 // Returns the distances at a state where every point can be projected, as after a refinement.
-ViewDistances DistancesAt(const Problem& problem, const FitState& state, int num_threads);
+ViewDistances DistancesAt(const Problem& problem, const FreeUnknowns& free, const FitState& state, int num_threads);
 
-// Returns half the sum of rho over all points and of the squared whitened corrections.
+// Returns half the sum of rho over all points and of the squared whitened corrections and effects.
 double FitCost(const ViewDistances& squared_distances, const FitState& state, const PoseGroups& groups,
-               const FitNoise& noise, const Loss& loss);
+               const FreeUnknowns& free, const FitNoise& noise, const Loss& loss);
+
+// Returns the inverse standard deviations of the free effects.
+Eigen::VectorXd EffectWeights(const FreeUnknowns& free, const FitNoise& noise);
+
+// Returns camera_from_target of a view: its robot pose with its effect and its correction.
+Rigid3d PredictedPose(const Problem& problem, const FreeUnknowns& free, const FitState& state, size_t view);
 
 // Linearises all observations: the captures, with one view per robot pose, and the prior if there is one.
 std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, const FitState& state,
-                                                        const PoseGroups& groups, const FreeParameters& free,
+                                                        const PoseGroups& groups, const FreeUnknowns& free,
                                                         const FitNoise& noise, const Loss& loss,
                                                         double prior_row_variance,
                                                         const std::optional<CameraPrior>& prior);
 
 // Runs Ceres once with the noise held constant.
-ceres::Solver::Summary MinimiseOnce(const FreeParameters& free, const Loss& loss, NoiseScale scale,
+ceres::Solver::Summary MinimiseOnce(const FreeUnknowns& free, const Loss& loss, NoiseScale scale,
                                     const BundleOptions& bundle_options, Fit* fit);
 
 // Returns the unknowns' normal matrix at the noise of the fit, or nothing if a point cannot be projected.
-std::optional<Information> FitInformation(const FreeParameters& free, const Loss& loss,
+std::optional<Information> FitInformation(const FreeUnknowns& free, const Loss& loss,
                                           const BundleOptions& bundle_options, Fit* fit);
 
 }  // namespace heba

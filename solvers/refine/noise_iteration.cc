@@ -14,6 +14,8 @@ namespace {
 // A robot with smaller sigmas counts as exact: the prior then holds its corrections regardless of the images.
 constexpr double kExactM = 1e-8;
 constexpr double kExactRad = 1e-8;
+// Likewise for the standard deviation of effects, rad or m.
+constexpr double kExactEffect = 1e-8;
 
 struct EstimatedNoise {
   FitNoise noise;
@@ -22,22 +24,26 @@ struct EstimatedNoise {
 };
 
 // Estimates the noise that explains the residuals best.
-EstimatedNoise EstimateNoise(const Fit& fit, const FreeParameters& free, const Loss& loss,
-                             const BundleOptions& options) {
+EstimatedNoise EstimateNoise(const Fit& fit, const FreeUnknowns& free, const Loss& loss, const BundleOptions& options) {
   const FitNoise& noise = fit.noise;
   const bool pixel_is_free = !options.pixel_noise_px;
   const bool robot_is_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
   const std::optional<std::vector<LinearisedView>> views =
       LineariseFit(*fit.problem, fit.state, *fit.groups, free, noise, loss, loss.consistency, options.camera_prior);
   CHECK(views.has_value()) << "Ceres accepted a step that hides a point";
-  const std::vector<VarianceGroup> groups =
+  const std::vector<VarianceGroup> groups = WithEffectGroups(
       CorrectionGroups(loss.consistency, *noise.robot, pixel_is_free, robot_is_free,
-                       options.robot_noise_prior ? &*options.robot_noise_prior : nullptr);
+                       options.robot_noise_prior ? &*options.robot_noise_prior : nullptr),
+      HandEyeUnknowns(fit.state.camera.Model(), free), free.effects.get(), noise.effect_sigmas, robot_is_free);
   const VarianceComponents found = EstimateVariances(*views, groups);
   EstimatedNoise result;
   result.noise.pixel_px =
       std::max(kMinSigmaPx, noise.pixel_px * std::sqrt(found.variances[kPixelGroup] / loss.consistency));
   result.noise.robot = AtLeastExact(RobotNoiseOf(found));
+  for (size_t g = 0; g < noise.effect_sigmas.size(); ++g) {
+    result.noise.effect_sigmas.push_back(
+        std::max(kExactEffect, std::sqrt(found.variances[kFirstEffectGroup + static_cast<Eigen::Index>(g)])));
+  }
   // Converts the standard deviation of a variance to that of a sigma.
   result.robot_stddev = {0.5 * found.stddev[kTranslationGroup] / result.noise.robot->translation_m,
                          0.5 * found.stddev[kRotationGroup] / result.noise.robot->rotation_rad};
@@ -55,6 +61,9 @@ bool NoiseConverged(const FitNoise& noise, const FitNoise& next, NoiseScale scal
   };
   const double pixel_tolerance = scale == NoiseScale::kMedian ? kRough : next.robot ? 1e-4 : 1e-6;
   if (std::abs(next.pixel_px - noise.pixel_px) >= pixel_tolerance * noise.pixel_px) return false;
+  for (size_t g = 0; g < next.effect_sigmas.size(); ++g) {
+    if (!is_close(noise.effect_sigmas[g], next.effect_sigmas[g], kExactEffect)) return false;
+  }
   return !next.robot || (is_close(noise.robot->translation_m, next.robot->translation_m, kExactM) &&
                          is_close(noise.robot->rotation_rad, next.robot->rotation_rad, kExactRad));
 }
@@ -77,7 +86,7 @@ double UnmodelledSigmaPx(double pixel_sigma_px, double detector_px) {
   return std::sqrt(std::max(kLeastPx * kLeastPx, pixel_sigma_px * pixel_sigma_px - detector_px * detector_px));
 }
 
-Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeParameters& free, const Loss& loss, NoiseScale scale,
+Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeUnknowns& free, const Loss& loss, NoiseScale scale,
                                 const BundleOptions& options) {
   const int num_unknowns = static_cast<int>(HandEyeUnknowns(fit.state.camera.Model(), free).size());
   const bool has_robot_noise = options.robot != BundleOptions::Robot::kExact;
@@ -108,7 +117,8 @@ Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeParameters& free, const Loss&
       fit.robot_stddev = estimated.robot_stddev;
       fit.dof = estimated.dof;
     } else {
-      const std::vector<double> distances = JoinDistances(DistancesAt(*fit.problem, fit.state, options.num_threads));
+      const std::vector<double> distances =
+          JoinDistances(DistancesAt(*fit.problem, free, fit.state, options.num_threads));
       // The median is robust to 50 % outliers and is used while outliers are searched for.
       const double median_px = SigmaFromMedian(distances);
       fit.dof = std::max(1.0, 2.0 * static_cast<double>(distances.size()) - num_unknowns);

@@ -14,7 +14,7 @@ double UnmodelledSigmaPx(double pixel_sigma_px, double detector_px);
 
 // The estimate and the noise that it is whitened with depend on each other: alternates between both until they
 // converge.
-Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeParameters& free, const Loss& loss, NoiseScale scale,
+Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeUnknowns& free, const Loss& loss, NoiseScale scale,
                                 const BundleOptions& options);
 
 }  // namespace heba

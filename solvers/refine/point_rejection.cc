@@ -12,15 +12,12 @@ namespace heba {
 namespace {
 
 // Returns flags for the points that pass their test at the estimate.
-PointFlags FindInlierPoints(const Problem& problem, const Fit& fit) {
+PointFlags FindInlierPoints(const Problem& problem, const FreeUnknowns& free, const Fit& fit) {
   std::vector<View> views = problem.views;
   if (fit.unmodelled_sigma_px) WeightByCovariance(*fit.unmodelled_sigma_px, &views);
   PointFlags flags;
   for (size_t i = 0; i < views.size(); ++i) {
-    const Rigid3d camera_from_target =
-        CameraFromTarget(problem.setup, fit.state.hand_eye, views[i].camera_mount_from_target_mount,
-                         fit.state.corrections.empty() ? Rigid3d() : fit.state.corrections[i]);
-    flags.push_back(FindInliers(fit.state.camera, camera_from_target,
+    flags.push_back(FindInliers(fit.state.camera, PredictedPose(problem, free, fit.state, i),
                                 ApplyShape(views[i].observations, fit.state.shape), fit.noise.pixel_px));
   }
   return flags;
@@ -54,14 +51,14 @@ std::optional<Failure> CheckNumPoints(int num_points, const UnknownLayout& unkno
                  " unknowns are too few; take more captures or hold the intrinsics"};
 }
 
-Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const FreeParameters& free,
+Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const FreeUnknowns& free,
                                  const BundleOptions& options, PointFlags* keep) {
   Outcome<Fit> settled =
       IterateNoiseAndFit(std::move(fit), free, LossOf(LossKind::kCauchy), NoiseScale::kMedian, options);
   if (!settled) return settled;
   constexpr int kMaxRounds = 20;
   for (int round = 0; round < kMaxRounds; ++round) {
-    PointFlags inliers = FindInlierPoints(problem, *settled);
+    PointFlags inliers = FindInlierPoints(problem, free, *settled);
     if (round > 0 && inliers == *keep) break;
     *keep = std::move(inliers);
     const int num_kept = CountFlags(*keep);

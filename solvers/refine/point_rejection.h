@@ -21,7 +21,7 @@ std::optional<Failure> CheckNumPoints(int num_points, const UnknownLayout& unkno
 
 // Least squares over the points that pass their test at the resulting estimate. The initial estimate uses the Cauchy
 // loss, whose scale shrinks with the residuals, so outliers have little influence on it.
-Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const FreeParameters& free,
+Outcome<Fit> RefineWithRejection(const Problem& problem, Fit fit, const FreeUnknowns& free,
                                  const BundleOptions& options, PointFlags* keep);
 
 }  // namespace heba

@@ -9,8 +9,9 @@
 #include "heba/geometry/pose_block.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/refine/reprojection_problem.h"
-#include "solvers/residuals/kinematic_loop.h"
+#include "solvers/residuals/loop_problem.h"
 #include "solvers/uncertainty/information.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -81,7 +82,110 @@ std::vector<Matrix6> Whitenings(const std::vector<PosePair>& pairs) {
   return whitenings;
 }
 
+// Linearises the misclosures of all pairs at a solution, each with a correction of its robot pose. The step of the
+// effects is their value.
+std::vector<LinearisedView> LineariseChain(Setup setup, const std::vector<PosePair>& pairs,
+                                           const std::vector<Matrix6>& whitenings, const UnknownLayout& layout,
+                                           const Solution& at) {
+  std::vector<int> indices;
+  for (size_t i = 0; at.shared_effects != nullptr && i < at.shared_effects->effects.size(); ++i) {
+    indices.push_back(at.shared_effects->effects[i].index);
+  }
+  const std::vector<Rigid3d> poses = {at.hand_eye.camera_mount_from_camera, at.hand_eye.target_mount_from_target};
+  const std::vector<Eigen::VectorXd> effects(indices.empty() ? 0 : 1, at.effects);
+  const std::vector<Rigid3d> own(1);
+  const UnknownBlock robot = layout.Block(kRobotBlock);
+  std::vector<LinearisedView> views;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    const bool has_effect = !indices.empty() && pairs[i].effect != nullptr;
+    const KinematicLoop loop =
+        HandEyeLoop(setup, pairs[i].camera_mount_from_target_mount,
+                    has_effect ? SelectEffects(pairs[i].effect, at.shared_effects->num_all, indices) : nullptr, true);
+    LoopDerivatives derivatives;
+    const Rigid3d predicted = loop.Evaluate({poses, effects, own}, &derivatives);
+    Matrix6 by_left;
+    LinearisedView& view = views.emplace_back();
+    view.offset = whitenings[i] * Misclosure(predicted, pairs[i].camera_from_target, &by_left);
+    const Matrix6 whitened = -whitenings[i] * by_left;
+    view.by_unknowns.setZero(6, layout.size());
+    view.by_unknowns.middleCols<6>(layout.Block(kHandEyeBlock).first) = whitened * derivatives.shared[0];
+    view.by_unknowns.middleCols<6>(layout.Block(kBoardBlock).first) = whitened * derivatives.shared[1];
+    view.by_effects = whitened * derivatives.own[0];
+    if (!has_effect) continue;
+    view.by_unknowns.middleCols(robot.first, robot.size) = whitened * derivatives.effects[0];
+    view.offset += view.by_unknowns.middleCols(robot.first, robot.size) * at.effects;
+  }
+  return views;
+}
+
 }  // namespace
+
+Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,
+                                       const std::shared_ptr<const SharedEffects>& effects) {
+  if (const std::optional<Failure> failure = HandEyeInput(pairs).why_not()) return *failure;
+  const std::vector<Matrix6> whitenings = Whitenings(pairs);
+  UnknownLayout layout = HandEyePoses();
+  if (effects != nullptr) layout.AddEffects(kRobotBlock, "the arm's", effects->Names());
+  const UnknownBlock hand_eye = layout.Block(kHandEyeBlock);
+  const UnknownBlock board = layout.Block(kBoardBlock);
+  const UnknownBlock robot = layout.Block(kRobotBlock);
+  Solution solution;
+  solution.hand_eye = start;
+  solution.shared_effects = effects;
+  solution.effects = Eigen::VectorXd::Zero(robot.size);
+  for (size_t g = 0; effects != nullptr && g < effects->groups.size(); ++g) {
+    solution.effect_sigmas.push_back(effects->groups[g].sigma);
+  }
+  solution.robot_noise = RobotNoise{1e-3, 2e-3};
+  double variance = 1;
+  constexpr double kExact = 1e-9;
+  constexpr int kMaxRounds = 100;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const std::vector<LinearisedView> views = LineariseChain(setup, pairs, whitenings, layout, solution);
+    const std::vector<VarianceGroup> groups =
+        WithEffectGroups(CorrectionGroups(variance, *solution.robot_noise, true, true), layout, effects.get(),
+                         solution.effect_sigmas, true);
+    const VarianceComponents found = EstimateVariances(views, groups);
+    variance = found.variances[kPixelGroup];
+    const RobotNoise noise = RobotNoiseOf(found);
+    solution.robot_noise = {std::max(kExact, noise.translation_m), std::max(kExact, noise.rotation_rad)};
+    Eigen::VectorXd prior = Eigen::VectorXd::Zero(layout.size());
+    for (size_t g = 0; g < solution.effect_sigmas.size(); ++g) {
+      const double group_variance = found.variances[kFirstEffectGroup + static_cast<Eigen::Index>(g)];
+      solution.effect_sigmas[g] = std::max(kExact, std::sqrt(group_variance));
+    }
+    for (Eigen::Index i = 0; i < robot.size; ++i) {
+      const double sigma = solution.effect_sigmas[effects->effects[static_cast<size_t>(i)].group];
+      prior[robot.first + i] = 1 / (sigma * sigma);
+    }
+    Information information{layout, prior.asDiagonal()};
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(layout.size());
+    for (const LinearisedView& view : views) {
+      const RowMajorMatrix rows = WhitenedRows(view, variance, CorrectionVariances(*solution.robot_noise));
+      const auto by_unknowns = rows.leftCols(layout.size());
+      information.matrix += by_unknowns.transpose() * by_unknowns;
+      right += by_unknowns.transpose() * rows.rightCols<1>();
+    }
+    if (const std::optional<Failure> failure = CheckObservable(information)) return *failure;
+    solution.covariance = InvertInformation(information, 1.0);
+    const Eigen::VectorXd step = solution.covariance.matrix * right;
+    const Eigen::VectorXd change = step.segment(robot.first, robot.size) - solution.effects;
+    solution.hand_eye = {Retract(solution.hand_eye.camera_mount_from_camera, step.segment<6>(hand_eye.first)),
+                         Retract(solution.hand_eye.target_mount_from_target, step.segment<6>(board.first))};
+    solution.effects = step.segment(robot.first, robot.size);
+    solution.covariance_dof = DegreesOfFreedom(views, groups, found);
+    solution.convergence.iterations = round + 1;
+    constexpr double kSmall = 1e-9;
+    const double largest =
+        std::max(step.head(robot.first).cwiseAbs().maxCoeff(), change.size() > 0 ? change.cwiseAbs().maxCoeff() : 0.0);
+    if (largest < kSmall) {
+      solution.convergence.converged = true;
+      solution.pixel_sigma_px = std::sqrt(variance);
+      return solution;
+    }
+  }
+  return Failure{"the refinement of the poses did not converge"};
+}
 
 Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye& start) {
   if (const std::optional<Failure> failure = HandEyeInput(pairs).why_not()) return *failure;

@@ -1,6 +1,7 @@
 // Refinement at pose level: estimates hand-eye and board pose from the closed loop of every capture.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "heba/base/error.h"
@@ -19,5 +20,11 @@ namespace heba {
 // wrong camera do more harm than in the refinement of the reprojection error. Returns a Failure if the motion does
 // not determine the poses or Ceres does not converge.
 Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye& start);
+
+// Likewise, with the noise of the robot's poses and, unless `effects` is null, its systematic errors
+// (PosePair::effect). The scale of S, the noise and the standard deviations of the effects are estimated by restricted
+// maximum likelihood; Gauss-Newton steps alternate with that estimation until neither changes.
+Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,
+                                       const std::shared_ptr<const SharedEffects>& effects);
 
 }  // namespace heba

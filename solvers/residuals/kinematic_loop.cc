@@ -7,37 +7,6 @@
 #include "heba/base/error.h"
 
 namespace heba {
-namespace {
-
-// exp(G effects): the tangent of the pose turns with its rotation (translation), and by the right Jacobian of the
-// rotation vector (rotation).
-class LinearEffect final : public PoseEffect {
- public:
-  explicit LinearEffect(Matrix6X g) : g_(std::move(g)) {}
-  Rigid3d Evaluate(const Eigen::VectorXd& effects, Matrix6X* tangent_from_effects) const override {
-    const Tangent6 tangent = g_ * effects;
-    const Rigid3d pose = Retract(Rigid3d(), tangent);
-    if (tangent_from_effects == nullptr) return pose;
-    tangent_from_effects->resize(6, g_.cols());
-    tangent_from_effects->topRows<3>() = pose.RotationMatrix().transpose() * g_.topRows<3>();
-    const double angle = tangent.tail<3>().norm();
-    constexpr double kSmall = 1e-4;
-    const double a = angle < kSmall ? 0.5 : (1 - std::cos(angle)) / (angle * angle);
-    const double b = angle < kSmall ? 1.0 / 6 : (angle - std::sin(angle)) / (angle * angle * angle);
-    const Eigen::Matrix3d skew = Skew(tangent.tail<3>());
-    tangent_from_effects->bottomRows<3>() =
-        (Eigen::Matrix3d::Identity() - a * skew + b * skew * skew) * g_.bottomRows<3>();
-    return pose;
-  }
-
- private:
-  Matrix6X g_;
-};
-
-}  // namespace
-
-std::shared_ptr<const PoseEffect> MakeLinearEffect(Matrix6X g) { return std::make_shared<LinearEffect>(std::move(g)); }
-
 LoopFactor KnownFactor(const Rigid3d& pose) { return {.known = pose}; }
 
 LoopFactor SharedFactor(int index) { return {.kind = LoopFactor::Kind::kShared, .index = index}; }

@@ -7,21 +7,11 @@
 
 #include <Eigen/Core>
 
+#include "heba/data/shared_effects.h"
 #include "heba/geometry/rigid3.h"
 #include "heba/kernels/small_matrix.h"
 
 namespace heba {
-
-// A pose near the identity that is a function of effects which captures share, such as the offsets of a robot's joints:
-// the error of the pose that the robot reports for one capture.
-struct PoseEffect {
-  virtual ~PoseEffect() = default;
-  // Returns the pose. `tangent_from_effects`, which may be null, becomes the 6 x n derivative of its tangent (m, rad,
-  // in the child frame) by the n effects.
-  virtual Rigid3d Evaluate(const Eigen::VectorXd& effects, Matrix6X* tangent_from_effects) const = 0;
-};
-// Returns the pose [Exp(w), v] with (v, w) = G * effects.
-std::shared_ptr<const PoseEffect> MakeLinearEffect(Matrix6X g);
 
 // One factor of a loop.
 struct LoopFactor {

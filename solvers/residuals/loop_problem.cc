@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <memory>
 #include <tuple>
+#include <utility>
 
 #include "heba/geometry/pose_block.h"
 
@@ -11,7 +13,7 @@ namespace {
 
 enum HandEyePose : int { kHandEye, kBoard };
 
-LoopProblem WithoutCaptures(const Problem& problem, const FreeParameters& free) {
+LoopProblem WithoutCaptures(const Problem& problem, const FreeUnknowns& free) {
   LoopProblem loops;
   loops.layout = HandEyeUnknowns(problem.camera.Model(), free);
   loops.cameras = {&problem.camera.Model()};
@@ -19,22 +21,52 @@ LoopProblem WithoutCaptures(const Problem& problem, const FreeParameters& free) 
   return loops;
 }
 
-// Returns the loop of a view without correction: X^-1 M Z.
-KinematicLoop ExactLoop() {
-  return KinematicLoop({Inverse(SharedFactor(kHandEye)), KnownFactor({}), SharedFactor(kBoard)});
-}
-
-// Returns the loop of a view with the correction xi of its robot pose: X^-1 M Exp(xi) Z if the target is on the
-// gripper, X^-1 Exp(-xi) M Z if the camera is.
-KinematicLoop CorrectedLoop(Setup setup) {
-  const LoopFactor correction = OwnFactor(0);
-  if (setup == Setup::kEyeToHand) {
-    return KinematicLoop({Inverse(SharedFactor(kHandEye)), KnownFactor({}), correction, SharedFactor(kBoard)});
+// Makes the loops of views. Those without effects share what they have in common.
+class LoopMaker {
+ public:
+  LoopMaker(Setup setup, const SharedEffects* effects, bool has_correction)
+      : setup_(setup),
+        effects_(effects),
+        has_correction_(has_correction),
+        plain_(HandEyeLoop(setup, {}, nullptr, has_correction)) {
+    for (size_t i = 0; effects != nullptr && i < effects->effects.size(); ++i) {
+      indices_.push_back(effects->effects[i].index);
+    }
   }
-  return KinematicLoop({Inverse(SharedFactor(kHandEye)), Inverse(correction), KnownFactor({}), SharedFactor(kBoard)});
-}
+
+  KinematicLoop LoopOf(const View& view) const {
+    if (effects_ == nullptr || view.effect == nullptr) return plain_.WithKnown({view.camera_mount_from_target_mount});
+    return HandEyeLoop(setup_, view.camera_mount_from_target_mount,
+                       SelectEffects(view.effect, effects_->num_all, indices_), has_correction_);
+  }
+
+ private:
+  Setup setup_;
+  const SharedEffects* effects_;
+  bool has_correction_;
+  std::vector<int> indices_;
+  KinematicLoop plain_;
+};
 
 }  // namespace
+
+KinematicLoop HandEyeLoop(Setup setup, const Rigid3d& camera_mount_from_target_mount,
+                          std::shared_ptr<const PoseEffect> effect, bool has_correction) {
+  // The errors of the gripper's pose, in the order in which they multiply it.
+  std::vector<LoopFactor> errors;
+  if (effect != nullptr) errors.push_back(EffectFactor(0, std::move(effect)));
+  if (has_correction) errors.push_back(OwnFactor(0));
+  std::vector<LoopFactor> factors = {Inverse(SharedFactor(kHandEye))};
+  if (setup == Setup::kEyeToHand) {
+    factors.push_back(KnownFactor(camera_mount_from_target_mount));
+    factors.insert(factors.end(), errors.begin(), errors.end());
+  } else {
+    for (auto error = errors.rbegin(); error != errors.rend(); ++error) factors.push_back(Inverse(*error));
+    factors.push_back(KnownFactor(camera_mount_from_target_mount));
+  }
+  factors.push_back(SharedFactor(kBoard));
+  return KinematicLoop(std::move(factors));
+}
 
 std::vector<ParameterBlock> ParameterBlocksOf(const UnknownLayout& layout) {
   std::vector<ParameterBlock> blocks;
@@ -132,36 +164,40 @@ OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior) {
   return {prior * tangent, prior * local_from_tangent};
 }
 
-LoopProblem HandEyeLoops(const Problem& problem, const FreeParameters& free) {
+LoopProblem HandEyeLoops(const Problem& problem, const FreeUnknowns& free) {
   LoopProblem loops = WithoutCaptures(problem, free);
-  const KinematicLoop loop = ExactLoop();
+  const LoopMaker maker(problem.setup, free.effects.get(), false);
   loops.captures.reserve(problem.views.size());
   for (const View& view : problem.views) {
     LoopCapture& capture = loops.captures.emplace_back();
-    capture.views.push_back({&view.observations, loop.WithKnown({view.camera_mount_from_target_mount})});
+    capture.views.push_back({&view.observations, maker.LoopOf(view)});
   }
   return loops;
 }
 
-LoopProblem HandEyeLoops(const Problem& problem, const FreeParameters& free, const PoseGroups& groups,
+LoopProblem HandEyeLoops(const Problem& problem, const FreeUnknowns& free, const PoseGroups& groups,
                          const std::vector<Rigid3d>& corrections, const RobotNoise& noise) {
   LoopProblem loops = WithoutCaptures(problem, free);
   loops.priors = {CorrectionPrior(noise)};
-  const KinematicLoop loop = CorrectedLoop(problem.setup);
+  const LoopMaker maker(problem.setup, free.effects.get(), true);
   loops.captures.reserve(groups.size());
   for (const std::vector<size_t>& group : groups) {
     LoopCapture& capture = loops.captures.emplace_back();
     capture.own_poses = {{corrections[group.front()], 0}};
     for (const size_t i : group) {
       const View& view = problem.views[i];
-      capture.views.push_back({&view.observations, loop.WithKnown({view.camera_mount_from_target_mount})});
+      capture.views.push_back({&view.observations, maker.LoopOf(view)});
     }
   }
   return loops;
 }
 
-LoopValues HandEyeValues(const HandEye& hand_eye, const Camera& camera, const TargetShape& shape) {
-  return {{hand_eye.camera_mount_from_camera, hand_eye.target_mount_from_target}, {}, {camera.params}, {shape}};
+LoopValues HandEyeValues(const HandEye& hand_eye, const Camera& camera, const TargetShape& shape,
+                         const Eigen::VectorXd& effects) {
+  LoopValues values{
+      {hand_eye.camera_mount_from_camera, hand_eye.target_mount_from_target}, {}, {camera.params}, {shape}};
+  if (effects.size() > 0) values.effects.push_back(effects);
+  return values;
 }
 
 }  // namespace heba

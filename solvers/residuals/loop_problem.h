@@ -3,6 +3,7 @@
 // (HandEyeLoops); several cameras, targets and arms are others.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -86,17 +87,27 @@ OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior);
 // The indices of views that are one capture because they were taken at one robot pose.
 using PoseGroups = std::vector<std::vector<size_t>>;
 
+// Returns the loop of one capture of a hand-eye calibration: X^-1 M E Exp(xi) Z if the target is on the gripper,
+// X^-1 Exp(-xi) E^-1 M Z if the camera is. The shared poses are X and Z, E is `effect` of the effects 0 if it is not
+// null, and xi the capture's own pose 0 if `has_correction`.
+KinematicLoop HandEyeLoop(Setup setup, const Rigid3d& camera_mount_from_target_mount,
+                          std::shared_ptr<const PoseEffect> effect, bool has_correction);
+
 // Returns the loops of a hand-eye calibration with the unknowns HandEyeUnknowns(problem.camera.Model(), free). The
 // views of the problem must outlive the result.
 //
 // Without noise, every view is a capture, and camera_from_target = X^-1 M Z. With noise, every group is a capture whose
 // own pose is the correction of its robot pose, from those of `corrections` (one per view): equations (1) to (3) of
 // docs/estimation.md.
-LoopProblem HandEyeLoops(const Problem& problem, const FreeParameters& free);
-LoopProblem HandEyeLoops(const Problem& problem, const FreeParameters& free, const PoseGroups& groups,
+//
+// With free effects, the robot's pose of every view that has one is multiplied by its effect (View::effect), before the
+// correction.
+LoopProblem HandEyeLoops(const Problem& problem, const FreeUnknowns& free);
+LoopProblem HandEyeLoops(const Problem& problem, const FreeUnknowns& free, const PoseGroups& groups,
                          const std::vector<Rigid3d>& corrections, const RobotNoise& noise);
 
-// Returns the values of these unknowns.
-LoopValues HandEyeValues(const HandEye& hand_eye, const Camera& camera, const TargetShape& shape);
+// Returns the values of these unknowns. `effects` is empty if no effect is free.
+LoopValues HandEyeValues(const HandEye& hand_eye, const Camera& camera, const TargetShape& shape,
+                         const Eigen::VectorXd& effects = {});
 
 }  // namespace heba

@@ -153,12 +153,14 @@ struct JudgedViews {
   double pixel_sigma_px = 1;
 };
 
-JudgedViews Judge(const Problem& problem, const Solution& solution, const FreeParameters& free) {
+// The views with the errors of the robot that the solution has found, which count as known.
+JudgedViews Judge(const Problem& problem, const Solution& solution, const FreeUnknowns& free) {
+  const std::vector<View> corrected = CorrectedViews(problem.setup, problem.views, solution);
   JudgedViews judged;
   judged.pixel_sigma_px = solution.pixel_sigma_px;
   Problem visible{solution.camera, {}, problem.setup, solution.shape};
   for (size_t i = 0; i < problem.views.size(); ++i) {
-    View view = problem.views[i];
+    View view = corrected[i];
     view.observations = JudgedPoints(view.observations, solution.views[i].rejected_ids);
     const Rigid3d camera_from_target = CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount);
     if (!Residuals(solution.camera, camera_from_target, ApplyShape(view.observations, solution.shape))) {
@@ -170,7 +172,7 @@ JudgedViews Judge(const Problem& problem, const Solution& solution, const FreePa
   }
   if (visible.views.empty()) return judged;
   std::optional<std::vector<LinearisedView>> views =
-      LineariseViewsAt(visible, solution, {}, free, LossOf(LossKind::kNone));
+      LineariseViewsAt(visible, solution, {}, free.params, LossOf(LossKind::kNone));
   CHECK(views.has_value());
   judged.views = std::move(*views);
   judged.groups = GroupByRobotPose(problem.setup, visible.views);
@@ -233,7 +235,7 @@ constexpr double kLeastDof = 6;
 }  // namespace
 
 std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const Solution& solution,
-                                                const FreeParameters& free) {
+                                                const FreeUnknowns& free) {
   std::vector<CaptureVerdict> verdicts(problem.views.size());
   const JudgedViews judged = Judge(problem, solution, free);
   for (const size_t i : judged.hidden) verdicts[i] = {problem.views.size() >= kMinCaptures, 0};
@@ -264,7 +266,7 @@ std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const So
 }
 
 std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem_of_members, const Solution& solution,
-                                                const FreeParameters& free, const std::vector<View>& others) {
+                                                const FreeUnknowns& free, const std::vector<View>& others) {
   const size_t num_members = problem_of_members.views.size();
   Problem problem = problem_of_members;
   problem.views.insert(problem.views.end(), others.begin(), others.end());

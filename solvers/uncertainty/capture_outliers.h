@@ -36,11 +36,11 @@ struct CaptureVerdict {
 // degrees of freedom, it cannot be decided which one is wrong: all pass. Solution::views must have an entry for every
 // view.
 std::vector<CaptureVerdict> FindOutlierCaptures(const Problem& problem, const Solution& solution,
-                                                const FreeParameters& free);
+                                                const FreeUnknowns& free);
 
 // Applies the same test to `others`, with the noise and the estimate of the views of `problem_of_members` at their
 // solution, to find whether a capture that was left out is still wrong. Returns one verdict per element of `others`.
 std::vector<CaptureVerdict> TestLeftOutCaptures(const Problem& problem_of_members, const Solution& solution,
-                                                const FreeParameters& free, const std::vector<View>& others);
+                                                const FreeUnknowns& free, const std::vector<View>& others);
 
 }  // namespace heba

@@ -21,7 +21,7 @@ double ChanceOfMove(const Tangent6& move, const Matrix6& covariance_without, con
 }  // namespace
 
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& problem, const Solution& solution,
-                                                            const FreeParameters& free, const Loss& loss) {
+                                                            const FreeUnknowns& free, const Loss& loss) {
   std::vector<std::optional<CaptureMove>> moves(problem.views.size());
   const std::optional<std::vector<LinearisedView>> views =
       LineariseViewsAt(problem, solution, CorrectionsOf(solution), free, loss);

@@ -20,6 +20,6 @@ namespace heba {
 // Returns nothing for a view without which the unknowns would not be observable, and for every view if a point cannot
 // be projected.
 std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& problem, const Solution& solution,
-                                                            const FreeParameters& free, const Loss& loss);
+                                                            const FreeUnknowns& free, const Loss& loss);
 
 }  // namespace heba

@@ -27,9 +27,7 @@ Eigen::MatrixXd CovarianceOfRows(const LinearisedView& view, Eigen::Index rows, 
 
 Rigid3d CameraFromTarget(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
                          const Rigid3d& correction) {
-  const Rigid3d corrected = setup == Setup::kEyeToHand ? camera_mount_from_target_mount * correction
-                                                       : Inverse(correction) * camera_mount_from_target_mount;
-  return CameraFromTarget(hand_eye, corrected);
+  return CameraFromTarget(hand_eye, CorrectedMount(setup, camera_mount_from_target_mount, correction));
 }
 
 Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
@@ -68,6 +66,21 @@ std::vector<VarianceGroup> CorrectionGroups(double pixel_variance, const RobotNo
   if (prior != nullptr) {
     groups[kTranslationGroup].prior = SigmaPrior{prior->median.translation_m, prior->log_sigma};
     groups[kRotationGroup].prior = SigmaPrior{prior->median.rotation_rad, prior->log_sigma};
+  }
+  return groups;
+}
+
+std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, const UnknownLayout& layout,
+                                            const SharedEffects* effects, const std::vector<double>& sigmas,
+                                            bool are_free) {
+  if (effects == nullptr) return groups;
+  const size_t first_group = groups.size();
+  for (const double sigma : sigmas) {
+    groups.push_back({VarianceGroup::Kind::kUnknowns, {}, sigma * sigma, are_free});
+  }
+  const Eigen::Index first = layout.Block(kRobotBlock).first;
+  for (size_t i = 0; i < effects->effects.size(); ++i) {
+    groups[first_group + effects->effects[i].group].columns.push_back(first + static_cast<Eigen::Index>(i));
   }
   return groups;
 }

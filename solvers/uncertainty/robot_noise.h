@@ -42,6 +42,12 @@ enum CorrectionGroup : int { kPixelGroup, kTranslationGroup, kRotationGroup };
 // the robot's prior (null if there is none).
 std::vector<VarianceGroup> CorrectionGroups(double pixel_variance, const RobotNoise& robot, bool pixel_is_free,
                                             bool robot_is_free, const RobotNoisePrior* prior = nullptr);
+// The first group of the effects that captures share, if there are any.
+inline constexpr int kFirstEffectGroup = kRotationGroup + 1;
+// Appends the groups of the free effects (null if there are none), with these standard deviations.
+std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, const UnknownLayout& layout,
+                                            const SharedEffects* effects, const std::vector<double>& sigmas,
+                                            bool are_free);
 // Returns the robot's sigmas among the variances of these groups.
 RobotNoise RobotNoiseOf(const VarianceComponents& variances);
 

@@ -1,4 +1,5 @@
 #include "tools/batch/pipeline.h"
+#include "tools/run/captures.h"
 
 #include <algorithm>
 #include <chrono>
@@ -38,8 +39,7 @@ std::vector<ReportedCapture> ReportedCaptures(const RunOutput& run) {
     shown.image = capture.name;
     shown.base_from_gripper = capture.base_from_gripper;
     shown.small_jpeg = detections[i].small_jpeg;
-    const Rigid3d camera_from_target =
-        CameraFromTarget(solution.hand_eye, CameraMountFromTargetMount(data.setup, capture.base_from_gripper));
+    const Rigid3d camera_from_target = PredictedPose(data, solution, i);
     const auto measure = [&](const Observations& observations, Points2* pixels, Points2* residuals) {
       const std::optional<Points2> found =
           Residuals(solution.camera, camera_from_target, ApplyShape(observations, solution.shape));

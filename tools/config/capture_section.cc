@@ -12,6 +12,7 @@
 #include "heba/base/text.h"
 #include "heba/io/pose_source.h"
 #include "heba/robot/ur_kinematics.h"
+#include "tools/config/robot_section.h"
 #include "tools/files/detection_file.h"
 
 namespace heba {
@@ -371,6 +372,7 @@ YAML::Node ReadCaptures(const ConfigValue& captures, RunConfig* config) {
     rows = ReadPoses(config->poses_file, config->pose_reading.format);
   }
 
+  ReadJointsFile(reader, config);
   const std::set<std::string> excluded = ReadExcluded(&reader, seen, rows);
   reader.Finish();
   const std::vector<std::optional<size_t>> image_of_row = PairRows(rows, seen, excluded, seen_value, *config);

@@ -11,6 +11,7 @@
 #include "solvers/residuals/loss.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/robot_noise_config.h"
+#include "tools/config/robot_section.h"
 #include "tools/run/captures.h"
 
 namespace heba {
@@ -158,6 +159,7 @@ void ReadRefine(MapReader& root, RunConfig* config) {
   config->options.bundle.free_intrinsics = ReadFreeIntrinsics(reader, config->options.bundle.free_intrinsics);
   ReadFreeShape(&reader, config);
   ReadRobotModel(&reader, config);
+  ReadKinematics(reader, config);
   const std::optional<ConfigValue> pixel_noise = reader.Find("pixel_noise");
   if (pixel_noise && !(pixel_noise->IsText() && pixel_noise->node().Scalar() == "auto")) {
     config->options.bundle.pixel_noise_px = pixel_noise->AsQuantity(Quantity::kPixels);
@@ -329,6 +331,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   ReadAbout(reader, &config);
   const YAML::Node captures_used = ReadCaptures(reader.Get("captures"), &config);
   if (!config.data_files.empty()) config.data.detections_source = config.data_files.front().string();
+  ReadRobotSection(reader, &config);
   ReadSetup(reader, &config);
   ReadTargetSection(reader, &config);
   ReadCameraSection(reader, &config);

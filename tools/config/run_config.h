@@ -31,6 +31,8 @@ struct RunConfig {
   PoseReading pose_reading;
   std::vector<std::vector<double>> pose_numbers;  // Per capture, as in the poses file.
   std::optional<ImportedSet> imported;            // The data set of another project that the captures are from.
+  std::filesystem::path joints_file;              // The recorded joints; empty if there are none.
+  bool joints_are_deg = false;
   // Files that the captures were read from, other than images and poses.
   std::vector<std::filesystem::path> data_files;
   std::optional<std::filesystem::path> truth;

@@ -6,6 +6,7 @@
 #include "heba/base/text.h"
 #include "heba/detection.h"
 #include "heba/io/camera_file.h"
+#include "heba/robot/arm_table.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/run_config.h"
 
@@ -15,6 +16,26 @@ namespace {
 MapReader SubReader(MapReader& root, const std::string& key) {
   const std::optional<ConfigValue> value = root.Find(key);
   return MapReader(value ? *value : ConfigValue(YAML::Node(YAML::NodeType::Map), root.value().file(), key));
+}
+
+SceneArm ReadSceneArm(MapReader& root) {
+  MapReader reader(root.Get("robot"));
+  SceneArm arm;
+  arm.nominal = *FindArm(reader.Choice("model", ArmNames()));
+  arm.sigmas = {reader.Angle("offsets", 0.0), reader.Length("lengths", 0.0), reader.Angle("angles", 0.0)};
+  arm.joint_noise_rad = reader.Angle("joint_noise", 0.0);
+  arm.has_several_configurations = reader.Choice("configurations", {"several", "one"}, "several") == "several";
+  if (const std::optional<ConfigValue> tool = reader.Find("tool")) {
+    arm.tip_from_gripper = ReadPose(*tool);
+    reader.Record("tool", PoseNode(arm.tip_from_gripper));
+  }
+  arm.records_joints = reader.Bool("record_joints", false);
+  reader.Finish();
+  root.Record("robot", reader.used());
+  if (arm.nominal.num_joints() > 6) {
+    reader.Get("model").Fail("a redundant arm reaches a pose in infinitely many ways; choose one with six joints");
+  }
+  return arm;
 }
 
 }  // namespace
@@ -100,6 +121,7 @@ SceneConfig ReadScene(const ConfigValue& value) {
   const std::string image_faults = scene.image.Check();
   if (!image_faults.empty()) image.value().Fail(image_faults);
 
+  if (reader.Has("robot")) scene.arm = ReadSceneArm(reader);
   MapReader robot = SubReader(reader, "robot_noise");
   const RobotNoise noise = ReadRobotNoise(robot, 0.0);
   reader.Record("robot_noise", robot.used());

@@ -13,11 +13,22 @@
 #include "heba/data/problem.h"
 #include "heba/data/setup.h"
 #include "heba/io/pose_formats.h"
+#include "heba/simulation/arm_captures.h"
 #include "heba/simulation/scene.h"
 #include "heba/target.h"
 #include "targets/render/rendering.h"
 
 namespace heba {
+
+// An arm with errors of its parameters, which its controller does not know.
+struct SceneArm {
+  Arm nominal;
+  Rigid3d tip_from_gripper;
+  ArmErrorSigmas sigmas;
+  double joint_noise_rad = 0;  // One sigma of each turning joint in each capture.
+  bool has_several_configurations = true;
+  bool records_joints = false;  // Whether the data set has the joints.
+};
 
 struct SceneConfig {
   Setup setup = Setup::kEyeToHand;
@@ -28,6 +39,7 @@ struct SceneConfig {
   MotionOptions motion;
   std::optional<TwoStepMotionOptions> two_step;  // Precedes the free captures of `motion`.
   RenderOptions image;
+  std::optional<SceneArm> arm;
   double robot_rotation_sigma_rad = 0;
   double robot_translation_sigma_m = 0;
   PoseFormat pose_format;

@@ -8,6 +8,8 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
+#include "heba/robot/arm_errors.h"
+#include "heba/robot/arm_postures.h"
 #include "heba/target_location.h"
 #include "solvers/initial/pose_selection.h"
 #include "solvers/initial/usable_views.h"
@@ -36,7 +38,7 @@ std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Set
   const Solution& solution = *calibration.refined;
   std::vector<std::pair<double, const View*>> by_distance;
   const auto middle_of = [&](const View& view) -> Eigen::Vector3d {
-    return CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount) *
+    return CameraFromTarget(solution.hand_eye, CorrectedMount(setup, view, solution)) *
            ApplyShape(view.observations, solution.shape).points_in_target.rowwise().mean();
   };
   for (const View& view : calibration.views) {
@@ -86,9 +88,8 @@ std::optional<Finding> FindMissingIds(const Dataset& dataset, const Calibration&
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     const std::vector<int>& ids = detections[i].detection.ids;
     if (ids.empty()) continue;
-    const Rigid3d mount = CameraMountFromTargetMount(dataset.setup, dataset.captures[i].base_from_gripper);
     const std::vector<std::optional<Eigen::Vector2d>> expected =
-        ExpectedPixels(*dataset.target, *calibration.refined, CameraFromTarget(calibration.refined->hand_eye, mount));
+        ExpectedPixels(*dataset.target, *calibration.refined, PredictedPose(dataset, *calibration.refined, i));
     for (size_t k = 0; k < points.size(); ++k) {
       num_expected[k] += expected[k] ? 1 : 0;
       num_found[k] += std::count(ids.begin(), ids.end(), points[k].id) > 0 ? 1 : 0;
@@ -136,7 +137,8 @@ std::vector<Requirement> ReachedRequirements(const Dataset& dataset, const std::
       for (const Eigen::Vector3d& place : required.places_in_base_m) {
         // The target as that capture showed it, moved to the position.
         Observations seen = fullest.observations;
-        Rigid3d camera_from_target = CameraFromTarget(solution.hand_eye, fullest.camera_mount_from_target_mount);
+        Rigid3d camera_from_target =
+            CameraFromTarget(solution.hand_eye, CorrectedMount(dataset.setup, fullest, solution));
         const Eigen::Vector3d middle = seen.points_in_target.rowwise().mean();
         camera_from_target.translation +=
             Inverse(solution.hand_eye.camera_mount_from_camera) * place - camera_from_target * middle;
@@ -174,7 +176,7 @@ std::vector<CaptureResult> DescribeCaptures(const Dataset& dataset, const std::v
     CaptureResult& result = results[view.capture];
     result.used = true;
     const std::optional<SquaredErrors> errors =
-        ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount),
+        ViewErrors(solution.camera, CameraFromTarget(solution.hand_eye, CorrectedMount(dataset.setup, view, solution)),
                    ApplyShape(view.observations, solution.shape));
     if (errors) result.rms_px = errors->RmsPx();
     const ViewOutcome& outcome = solution.views[v];
@@ -218,7 +220,7 @@ Estimate RefinedEstimateOf(const std::string& method, const Outcome<Solution>& s
 
 }  // namespace
 
-std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
+std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
                                     const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries) {
   std::vector<Estimate> estimates;
   const auto evaluate = [&](const Estimate& estimate) {
@@ -239,7 +241,8 @@ std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::v
   if (refined.ok) {
     refined.camera = refined.solution->camera;
     // The refined camera sees other target poses than the camera that the closed forms used.
-    const std::vector<View> shaped = ApplyShape(calibration.views, refined.solution->shape);
+    const std::vector<View> shaped =
+        ApplyShape(CorrectedViews(setup, calibration.views, *refined.solution), refined.solution->shape);
     refined.errors = EvaluateEstimate(refined.hand_eye, refined.camera, shaped,
                                       PosePairsOf(refined.camera, refined.hand_eye, shaped), truth, symmetries);
   }
@@ -298,7 +301,7 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
     hold_outs = CrossValidate(calibration, options, num_folds, run.num_threads, [&] { report.Step(); });
   }
   if (observer != nullptr) observer->OnHoldOuts(hold_outs);
-  result.estimates = MakeEstimates(calibration, hold_outs, dataset.truth, options.symmetries);
+  result.estimates = MakeEstimates(dataset.setup, calibration, hold_outs, dataset.truth, options.symmetries);
   result.captures = DescribeCaptures(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
   AddHoldOuts(hold_outs, &result.captures);
   result.working_point = FindWorkingPoint(calibration, dataset.setup);
@@ -310,9 +313,120 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   return result;
 }
 
+namespace {
+
+// Returns the reason why the chosen model has no errors of the arm, from the models that were compared.
+std::string WhyDeclined(const Calibration& calibration) {
+  const ModelAlternative* chosen = nullptr;
+  const ModelAlternative* best_with_arm = nullptr;
+  for (const ModelAlternative& alternative : calibration.alternatives) {
+    if (alternative.model.effects == nullptr) {
+      const bool is_chosen = alternative.model.robot == calibration.bundle.robot &&
+                             alternative.model.shape == calibration.bundle.free_shape;
+      if (is_chosen) chosen = &alternative;
+    } else if (best_with_arm == nullptr || alternative.log_likelihood > best_with_arm->log_likelihood) {
+      best_with_arm = &alternative;
+    }
+  }
+  if (chosen == nullptr || best_with_arm == nullptr) {
+    return "the captures are too few to tell the errors of the arm from those of its poses";
+  }
+  return "'" + NameOf(best_with_arm->model) + "' is not significantly better than '" + NameOf(chosen->model) +
+         "' (log-likelihood higher by " +
+         Significant(std::max(0.0, best_with_arm->log_likelihood - chosen->log_likelihood), 2) + " with " +
+         std::to_string(best_with_arm->dof - chosen->dof) + " more parameters)";
+}
+
+}  // namespace
+
+namespace {
+
+// Returns the name of the configuration that all captures share; empty if there is none.
+std::string CommonConfiguration(const Arm& arm, const ArmBranch& branch) {
+  const std::optional<Configuration> first = ConfigurationOf(arm, branch.joints.front());
+  const bool is_common = first && std::all_of(branch.joints.begin(), branch.joints.end(), [&](const auto& joints) {
+                           return ConfigurationOf(arm, joints) == first;
+                         });
+  return is_common ? NameOf(*first) : "";
+}
+
+}  // namespace
+
+RobotSummary SummariseArm(const Dataset& dataset, const std::optional<ArmSetup>& setup,
+                          const Calibration& calibration) {
+  const Solution& solution = *calibration.refined;
+  RobotSummary summary;
+  summary.nominal = dataset.robot->arm;
+  summary.tip_from_gripper = setup ? setup->tip_from_gripper : dataset.robot->tip_from_gripper;
+  summary.errors = Eigen::VectorXd::Zero(summary.nominal.num_params());
+  summary.error_sigmas.resize(static_cast<size_t>(summary.nominal.num_params()));
+  summary.noise_after = solution.robot_noise;
+  summary.noise_before = solution.robot_noise;
+  for (const UndeterminedParam& param : UndeterminedParams(summary.nominal, dataset.setup)) {
+    summary.undetermined.emplace_back(ArmParamName(param.place), param.with);
+  }
+  if (!setup) {
+    summary.reason = "refine.kinematics is none";
+    return summary;
+  }
+  summary.has_recorded_joints = setup->is_recorded;
+  if (setup->branches.size() == 1)
+    summary.configuration = CommonConfiguration(summary.nominal, setup->branches.front());
+  if (!setup->reason.empty()) {
+    summary.reason = setup->reason;
+    return summary;
+  }
+  if (solution.shared_effects == nullptr) {
+    summary.reason = WhyDeclined(calibration);
+    return summary;
+  }
+  summary.is_estimated = true;
+  summary.errors_name = solution.shared_effects->name;
+  summary.errors = AllEffects(*solution.shared_effects, solution.effects);
+  const UnknownBlock block = solution.covariance.layout.Block(kRobotBlock);
+  // A parameter whose sigma is nearly that of its prior was not determined by the captures.
+  constexpr double kNothingLearnt = 0.9;
+  for (size_t i = 0; i < solution.shared_effects->effects.size(); ++i) {
+    const SharedEffect& effect = solution.shared_effects->effects[i];
+    const Eigen::Index place = block.first + static_cast<Eigen::Index>(i);
+    const double sigma = std::sqrt(solution.covariance.matrix(place, place));
+    summary.error_sigmas[static_cast<size_t>(effect.index)] = sigma;
+    if (sigma > kNothingLearnt * solution.effect_sigmas[effect.group]) {
+      summary.undetermined.emplace_back(effect.name, "its prior: these captures hardly depend on it");
+    }
+  }
+  for (const ModelAlternative& alternative : calibration.alternatives) {
+    if (alternative.model.effects == nullptr && alternative.robot_noise &&
+        alternative.model.shape == calibration.bundle.free_shape) {
+      summary.noise_before = alternative.robot_noise;
+    }
+  }
+  return summary;
+}
+
+std::vector<Finding> FindingsOf(const RobotSummary& robot) {
+  const std::pair<std::string, std::string> arm = {"arm", robot.nominal.name};
+  if (!robot.is_estimated) {
+    return {Finding{Grade::kGood, FindingCode("arm_declined"), {}, {arm, {"reason", robot.reason}}}};
+  }
+  std::vector<Finding> findings = {
+      Finding{Grade::kGood, FindingCode("arm_estimated"), {}, {arm, {"errors", robot.errors_name}}}};
+  if (robot.noise_before && robot.noise_after) {
+    findings[0].numbers = {{"before_mm", 1000 * robot.noise_before->translation_m},
+                           {"before_deg", RadToDeg(robot.noise_before->rotation_rad)},
+                           {"after_mm", 1000 * robot.noise_after->translation_m},
+                           {"after_deg", RadToDeg(robot.noise_after->rotation_rad)}};
+  }
+  if (!robot.configuration.empty()) {
+    findings.push_back(
+        Finding{Grade::kGood, FindingCode("arm_one_configuration"), {}, {{"configuration", robot.configuration}}});
+  }
+  return findings;
+}
+
 RunResult AssessPoses(const Dataset& dataset, const Calibration& calibration) {
   RunResult result = ResultOf(dataset);
-  result.estimates = MakeEstimates(calibration, {}, dataset.truth, {Rigid3d()});
+  result.estimates = MakeEstimates(dataset.setup, calibration, {}, dataset.truth, {Rigid3d()});
   for (const Capture& capture : dataset.captures) {
     CaptureResult described;
     described.image = capture.name;

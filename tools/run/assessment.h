@@ -5,18 +5,25 @@
 #include <vector>
 
 #include "heba/run.h"
+#include "tools/run/arm_setup.h"
 
 namespace heba {
 
 // Returns one estimate per method, then those of chain and bundle, each with its errors. `symmetries`: those of the
 // target (Target::Symmetries).
-std::vector<Estimate> MakeEstimates(const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
+std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
                                     const std::optional<Truth>& truth, const std::vector<Rigid3d>& symmetries);
 
 // Assesses a calibration whose refinement succeeded, including cross-validation. The verdict is left to the caller
 // (heba/evaluation/verdict.h). `options` are those of the calibration, `detections` those that it used.
 RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vector<CaptureDetection>& detections,
                  const Calibration& calibration, CalibrationOptions options, RunObserver* observer);
+
+// Describes the estimation of the arm's kinematics. `setup` is empty if none was wanted.
+RobotSummary SummariseArm(const Dataset& dataset, const std::optional<ArmSetup>& setup, const Calibration& calibration);
+
+// Returns what is to be said about it.
+std::vector<Finding> FindingsOf(const RobotSummary& robot);
 
 // Assesses a calibration from the data set's poses of the target (CalibratePoses) in the same way, as far as this is
 // possible without images.

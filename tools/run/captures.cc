@@ -122,8 +122,17 @@ void FitCameraToImages(const CaptureDetection& first, Dataset* dataset) {
 
 View ViewOf(const Dataset& dataset, size_t capture, Observations observations) {
   const Capture& from = dataset.captures[capture];
-  return {from.name, CameraMountFromTargetMount(dataset.setup, from.base_from_gripper), std::move(observations),
-          from.role, capture};
+  return {from.name,
+          CameraMountFromTargetMount(dataset.setup, from.base_from_gripper),
+          std::move(observations),
+          from.role,
+          capture,
+          from.effect};
+}
+
+Rigid3d PredictedPose(const Dataset& dataset, const Solution& solution, size_t capture) {
+  const View view = ViewOf(dataset, capture, {});
+  return CameraFromTarget(solution.hand_eye, CorrectedMount(dataset.setup, view, solution));
 }
 
 std::vector<View> ViewsOf(const Dataset& dataset, const std::vector<CaptureDetection>& detections) {

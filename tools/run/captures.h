@@ -47,6 +47,9 @@ void FitCameraToImages(const CaptureDetection& first, Dataset* dataset);
 // Returns the view of one capture, an index into Dataset::captures, with the observations in its image.
 View ViewOf(const Dataset& dataset, size_t capture, Observations observations);
 
+// Returns camera_from_target of one capture as a solution predicts it from the robot's pose.
+Rigid3d PredictedPose(const Dataset& dataset, const Solution& solution, size_t capture);
+
 // Returns the views of the captures in which the target was seen.
 std::vector<View> ViewsOf(const Dataset& dataset, const std::vector<CaptureDetection>& detections);
 

@@ -5,6 +5,9 @@
 
 #include "heba/base/text.h"
 #include "heba/evaluation/verdict.h"
+#include "heba/robot/arm_errors.h"
+#include "solvers/calibration/model_choice.h"
+#include "tools/run/arm_setup.h"
 #include "tools/run/assessment.h"
 #include "tools/run/captures.h"
 #include "tools/run/digest.h"
@@ -75,6 +78,48 @@ std::string NothingDetected(const Dataset& dataset, const std::vector<CaptureDet
          "; is it the target that the config names?";
 }
 
+// Calibrates again, with the errors of the arm among what is estimated. `calibration` is that without them, and is kept
+// if they cannot be estimated. `options` become those of the calibration that is kept.
+void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const RunOptions& run, ArmSetup* arm,
+                      Dataset* dataset, CalibrationOptions* options, Calibration* calibration) {
+  if (!arm->reason.empty()) return;
+  const auto errors_of = [&](ArmErrorModel model) {
+    return std::make_shared<const SharedEffects>(ArmErrors(dataset->robot->arm, model));
+  };
+  CalibrationOptions with_arm = *options;
+  if (run.kinematics == Kinematics::kAuto) {
+    with_arm.choose.effects = {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
+  } else {
+    with_arm.bundle.effects =
+        errors_of(run.kinematics == Kinematics::kOffsets ? ArmErrorModel::kOffsets : ArmErrorModel::kGeometry);
+  }
+  std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects;
+  for (const ArmBranch& branch : arm->branches) effects.push_back(EffectsOf(*dataset, *arm, branch));
+  size_t best = 0;
+  if (effects.size() > 1) {
+    BundleOptions bundle = calibration->bundle;
+    bundle.effects = errors_of(ArmErrorModel::kGeometry);
+    const std::optional<size_t> found =
+        MostLikelyEffects({calibration->camera, calibration->views, options->setup, options->shape},
+                          *calibration->refined, bundle, effects);
+    if (!found) {
+      arm->reason = "no configuration of the arm explains the captures";
+      return;
+    }
+    best = *found;
+  }
+  arm->branches = {arm->branches[best]};
+  for (size_t i = 0; i < dataset->captures.size(); ++i) dataset->captures[i].effect = effects[best][i];
+  Outcome<Calibration> again = Calibrate(ViewsOf(*dataset, detections), with_arm);
+  if (again && again->refined) {
+    *calibration = std::move(*again);
+    *options = std::move(with_arm);
+    return;
+  }
+  arm->reason = "the refinement with the arm's errors failed: " + (again ? again->refined.reason() : again.reason());
+  for (Capture& capture : dataset->captures) capture.effect = nullptr;
+}
+
 Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& options, RunObserver* observer) {
   RunOutput output;
   Dataset& dataset = output.dataset;
@@ -118,12 +163,23 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& opti
       }
     }
   }
+  std::optional<ArmSetup> arm;
+  CalibrationOptions final_options = calibration_options;
+  if (dataset.robot && options.kinematics != Kinematics::kNone && calibration->refined) {
+    EndIfCancelled(observer);
+    arm = SetUpArm(dataset);
+    CalibrateWithArm(detections, options, &*arm, &dataset, &final_options, &*calibration);
+  }
   if (observer != nullptr) observer->OnCalibrated(*calibration);
   if (!calibration->refined) return Failure{calibration->refined.reason()};
   timing.refine_s = calibration->refined->convergence.seconds;
   timing.seed_s = solve_watch.Seconds() - timing.refine_s;
   output.calibration = std::move(*calibration);
-  output.result = Assess(dataset, options, detections, output.calibration, calibration_options, observer);
+  output.result = Assess(dataset, options, detections, output.calibration, final_options, observer);
+  if (dataset.robot) output.result.robot = SummariseArm(dataset, arm, output.calibration);
+  if (output.result.robot) {
+    for (Finding& finding : FindingsOf(*output.result.robot)) output.result.observations.push_back(std::move(finding));
+  }
   output.result.timing = timing;
   InsertLeftOut(left_out, &output.result.captures);
   return output;

@@ -42,7 +42,8 @@ std::optional<std::vector<CaptureDetection>> DetectAgain(const Dataset& dataset,
   if (dataset.target->Symmetries().size() > 1 || !dataset.given_detections.empty()) return std::nullopt;
   const Solution& solution = *calibration.refined;
   const std::optional<SquaredErrors> errors =
-      ReprojectionErrors(solution.hand_eye, solution.camera, ApplyShape(calibration.views, solution.shape));
+      ReprojectionErrors(solution.hand_eye, solution.camera,
+                         ApplyShape(CorrectedViews(dataset.setup, calibration.views, solution), solution.shape));
   if (!errors) return std::nullopt;
   constexpr double kMinTolerancePx = 2;
   constexpr double kToleranceRatio = 4;  // Relative to the captures' RMS, which includes the robot noise.
@@ -50,8 +51,7 @@ std::optional<std::vector<CaptureDetection>> DetectAgain(const Dataset& dataset,
   std::vector<size_t> incomplete;
   std::vector<std::vector<std::optional<Eigen::Vector2d>>> expected(dataset.captures.size());
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    const Rigid3d mount = CameraMountFromTargetMount(dataset.setup, dataset.captures[i].base_from_gripper);
-    expected[i] = ExpectedPixels(*dataset.target, solution, CameraFromTarget(solution.hand_eye, mount));
+    expected[i] = ExpectedPixels(*dataset.target, solution, PredictedPose(dataset, solution, i));
     const auto num_expected =
         std::count_if(expected[i].begin(), expected[i].end(), [](const auto& pixel) { return pixel.has_value(); });
     if (static_cast<size_t>(num_expected) > detections[i].detection.ids.size()) incomplete.push_back(i);

@@ -237,6 +237,27 @@ FindingText ShapeBend(const Finding& finding) {
           ""};
 }
 
+FindingText ArmEstimated(const Finding& finding) {
+  std::string text =
+      "the kinematics of the arm " + Name(finding, "arm") + " were estimated (" + Name(finding, "errors") + ")";
+  if (finding.Number("before_mm")) {
+    text += "; the noise of its poses falls from " + Significant(Number(finding, "before_mm"), 2) + " mm and " +
+            Significant(Number(finding, "before_deg"), 2) + " deg to " + Significant(Number(finding, "after_mm"), 2) +
+            " mm and " + Significant(Number(finding, "after_deg"), 2) + " deg";
+  }
+  return {text, "correct the poses by heba correct, or export the calibrated arm"};
+}
+
+FindingText ArmDeclined(const Finding& finding) {
+  return {"the kinematics of the arm " + Name(finding, "arm") + " were not estimated: " + Name(finding, "reason"), ""};
+}
+
+FindingText ArmOneConfiguration(const Finding& finding) {
+  return {"all captures are in one configuration of the arm (" + Name(finding, "configuration") +
+              "), so that its errors are extrapolated to the others",
+          "add captures with the shoulder, the elbow and the wrist flipped if the arm works there"};
+}
+
 FindingText RejectedModel(const Finding& finding) {
   return {Name(finding, "model") + " is rejected (log-likelihood lower by " +
               Significant(Number(finding, "log_likelihood_lower_by"), 3) + ", " + ChanceText(Number(finding, "p")) +
@@ -353,6 +374,9 @@ constexpr CodeWords kWords[] = {
     {"captures_scatter", &CapturesScatter},
     {"few_captures_prior", &FewCapturesPrior},
     {"missing_ids", &MissingIds},
+    {"arm_estimated", &ArmEstimated},
+    {"arm_declined", &ArmDeclined},
+    {"arm_one_configuration", &ArmOneConfiguration},
     {"symmetric_target", &SymmetricTarget},
 };
 

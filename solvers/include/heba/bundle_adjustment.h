@@ -8,6 +8,7 @@
 //   if (solution) Use(solution->hand_eye, solution->covariance);
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,6 +43,9 @@ struct BundleOptions {
   std::optional<RobotNoisePrior> robot_noise_prior;
   // Used with kEstimatedNoise: initial guess of the robot noise. The default is an inaccurate robot.
   RobotNoise robot_noise_start = {1e-3, 2e-3};
+  // The systematic errors of the robot that are estimated (View::effect); null: none. The standard deviations of their
+  // groups are estimated too with kEstimatedNoise, down to zero, and given otherwise.
+  std::shared_ptr<const SharedEffects> effects;
   // Is treated as an additional measurement of the free camera parameters.
   std::optional<CameraPrior> camera_prior;
   int max_iterations = 200;
@@ -66,7 +70,8 @@ struct BundleOptions {
 // Without a prior, the covariance is sigma^2 times the inverse of the normal matrix of all free parameters, multiplied
 // by the factor of the loss (solvers/residuals/loss.h). With a noisy robot, its corrections
 // (solvers/uncertainty/robot_noise.h) are unknowns too, six per robot pose with the robot noise as their prior, and the
-// covariance is marginalised over them.
+// covariance is marginalised over them. The effects are unknowns of the covariance, with their standard deviations as
+// their priors.
 Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, const BundleOptions& options);
 
 // Returns the restricted log-likelihood (solvers/uncertainty/variance_components.h) of the problem's points at a

@@ -9,6 +9,7 @@
 //   if (calibration && calibration->refined) Use(calibration->refined->hand_eye, calibration->refined->covariance);
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -26,9 +27,12 @@ namespace heba {
 struct ErrorModel {
   BundleOptions::Robot robot = BundleOptions::Robot::kExact;
   std::vector<TargetShapeGroup> shape;  // Ordered as TargetShapeGroup.
+  // The systematic errors of the robot; null if none are modelled.
+  std::shared_ptr<const SharedEffects> effects = {};
 };
 
-// Returns the name of a model, such as "exact robot, target as designed" or "robot noise, target scaled and bent".
+// Returns the name of a model, such as "exact robot, target as designed" or "robot noise and joint offsets, target
+// scaled and bent".
 std::string NameOf(const ErrorModel& model);
 
 // One of the error models that were compared (solvers/calibration/model_choice.h).
@@ -36,7 +40,8 @@ struct ModelAlternative {
   ErrorModel model;
   // LogLikelihoodOf at the model's own optimum, up to a constant common to all alternatives.
   double log_likelihood = 0;
-  int dof = 0;  // Number of variances and shape parameters of the model.
+  std::optional<RobotNoise> robot_noise = {};  // The noise that remains, if the model has any.
+  int dof = 0;  // Number of variances, those of the robot's systematic errors included, and shape parameters.
   // The probability, if this model is right, of a likelihood ratio at least as large against the largest model that
   // contains it. Not set for the largest model.
   std::optional<double> p;
@@ -46,6 +51,9 @@ struct ModelAlternative {
 struct AutoModel {
   bool robot_noise = false;
   bool target_shape = false;
+  // The systematic errors of the robot among which is chosen, each containing those before it; none may be chosen, too.
+  // If there are any, BundleOptions::effects is not used.
+  std::vector<std::shared_ptr<const SharedEffects>> effects = {};
 };
 
 // One of the camera models that were compared (solvers/calibration/camera_choice.h).

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "heba/data/capture_role.h"
+#include "heba/data/shared_effects.h"
 #include "heba/geometry/rigid3.h"
 
 namespace heba {
@@ -16,6 +18,8 @@ struct Capture {
   std::filesystem::path image;  // Path of the image.
   CaptureRole role = CaptureRole::kNone;
   Rigid3d base_from_gripper;
+  std::vector<double> joints = {};                // Recorded positions of the joints, rad or m; may be empty.
+  std::shared_ptr<const PoseEffect> effect = {};  // View::effect.
 };
 
 struct ImageSize {

@@ -1,12 +1,14 @@
 // The estimation problem. A Problem is independent of images, files and robot brands.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "heba/camera/camera.h"
 #include "heba/data/capture_role.h"
 #include "heba/data/setup.h"
+#include "heba/data/shared_effects.h"
 #include "heba/data/target_shape.h"
 #include "heba/geometry/rigid3.h"
 
@@ -36,6 +38,9 @@ struct View {
   Observations observations;
   CaptureRole role = CaptureRole::kNone;
   size_t capture = 0;  // Index of the capture in the caller's list. The solvers hand it on and do not use it.
+  // The error of the robot's pose, gripper_from_corrected_gripper, as a function of effects that captures share; null
+  // if none is modelled.
+  std::shared_ptr<const PoseEffect> effect = {};
 };
 
 struct UnusedView {
@@ -59,6 +64,12 @@ struct HandEye {
   Rigid3d camera_mount_from_camera;
   Rigid3d target_mount_from_target;
 };
+
+// Returns camera_mount_from_target_mount with the robot's pose corrected by gripper_from_corrected_gripper.
+inline Rigid3d CorrectedMount(Setup setup, const Rigid3d& camera_mount_from_target_mount, const Rigid3d& correction) {
+  return setup == Setup::kEyeToHand ? camera_mount_from_target_mount * correction
+                                    : Inverse(correction) * camera_mount_from_target_mount;
+}
 
 inline Rigid3d CameraFromTarget(const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount) {
   return Inverse(hand_eye.camera_mount_from_camera) * camera_mount_from_target_mount *

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -81,6 +82,11 @@ struct Solution {
   // The designed shape if no part of it was free. The points of the problem's views are the designed ones in either
   // case.
   TargetShape shape;
+  // The effects that were estimated, their values, and the standard deviation of each of their groups; null and empty
+  // if the robot's errors were not modelled.
+  std::shared_ptr<const SharedEffects> shared_effects;
+  Eigen::VectorXd effects;
+  std::vector<double> effect_sigmas;
   // One sigma of each pixel coordinate, estimated from the residuals or given.
   double pixel_sigma_px = 0;
   // The part of pixel_sigma_px that is not explained by the detector's own covariances
@@ -97,6 +103,11 @@ struct Solution {
   double covariance_dof = std::numeric_limits<double>::infinity();
   Convergence convergence;
 };
+
+// Returns camera_mount_from_target_mount of a view with the errors of the robot that the solution has found.
+Rigid3d CorrectedMount(Setup setup, const View& view, const Solution& solution);
+// Returns the views with these mounts and without effects, as if the robot had reported the corrected poses.
+std::vector<View> CorrectedViews(Setup setup, const std::vector<View>& views, const Solution& solution);
 
 // Returns the corrections of all views; an empty list if the robot was exact.
 inline std::vector<Rigid3d> CorrectionsOf(const Solution& solution) {

@@ -43,11 +43,13 @@ void UnknownLayout::AddPose(std::string_view name, std::string_view plain_name, 
   }
 }
 
-void UnknownLayout::AddEffects(std::string_view name, std::string_view plain_name, int size) {
+void UnknownLayout::AddEffects(std::string_view name, std::string_view plain_name,
+                               const std::vector<std::string>& effects) {
   UnknownBlock& block = AddBlock(UnknownOwner::kEffects, name);
   block.plain_name = plain_name;
-  block.size = size;
-  for (int i = 0; i < size; ++i) unknowns_.push_back({UnknownGroup::kEffect, i});
+  block.effects = effects;
+  block.size = static_cast<Eigen::Index>(effects.size());
+  for (int i = 0; i < block.size; ++i) unknowns_.push_back({UnknownGroup::kEffect, i});
 }
 
 void UnknownLayout::AddCamera(std::string_view name, const CameraModel& model, const std::vector<bool>& free) {
@@ -79,7 +81,7 @@ std::string UnknownLayout::Name(Eigen::Index place) const {
     case UnknownOwner::kPose:
       return owner + std::string(kTangentNames[index]);
     case UnknownOwner::kEffects:
-      return owner + std::to_string(index);
+      return owner + block.effects[index];
     case UnknownOwner::kCamera:
       return owner + block.model->param_names()[index];
     case UnknownOwner::kTarget:
@@ -99,7 +101,7 @@ std::string UnknownLayout::PlainName(Eigen::Index place) const {
       return block.plain_name + (index < 3 ? " translation along " : " rotation about ") + block.plain_frame + " " +
              kAxes[index % 3];
     case UnknownOwner::kEffects:
-      return block.plain_name + " " + std::to_string(index);
+      return block.plain_name + " " + block.effects[index];
     case UnknownOwner::kCamera:
       return "the " + block.name + "'s " + block.model->param_names()[index];
     case UnknownOwner::kTarget:
@@ -154,11 +156,12 @@ UnknownLayout HandEyePoses() {
   return layout;
 }
 
-UnknownLayout HandEyeUnknowns(const CameraModel& model, const std::vector<bool>& free) {
+UnknownLayout HandEyeUnknowns(const CameraModel& model, const FreeUnknowns& free) {
   UnknownLayout layout = HandEyePoses();
-  const auto end_of_camera = free.begin() + NumParams(model);
-  layout.AddCamera(kCameraBlock, model, {free.begin(), end_of_camera});
-  layout.AddTarget(kTargetBlock, {end_of_camera, free.end()});
+  if (free.effects != nullptr) layout.AddEffects(kRobotBlock, "the arm's", free.effects->Names());
+  const auto end_of_camera = free.params.begin() + NumParams(model);
+  layout.AddCamera(kCameraBlock, model, {free.params.begin(), end_of_camera});
+  layout.AddTarget(kTargetBlock, {end_of_camera, free.params.end()});
   return layout;
 }
 

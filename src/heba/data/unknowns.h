@@ -2,6 +2,7 @@
 // step, a normal matrix or a covariance. The places of unknowns are defined here and nowhere else.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,6 +11,7 @@
 #include <Eigen/Core>
 
 #include "heba/camera/camera_model.h"
+#include "heba/data/shared_effects.h"
 
 namespace heba {
 
@@ -42,6 +44,7 @@ struct UnknownBlock {
   std::string plain_name;              // In messages: "the hand-eye", "the camera's".
   std::string plain_frame;             // A pose's axes, in messages: "the camera's".
   const CameraModel* model = nullptr;  // A camera's.
+  std::vector<std::string> effects;    // The names of effects.
   Eigen::Index first = 0;
   Eigen::Index size = 0;
 
@@ -51,6 +54,7 @@ struct UnknownBlock {
 // The names of the poses' and the target's owners in the adjustment of a single camera.
 inline constexpr std::string_view kHandEyeBlock = "hand_eye";
 inline constexpr std::string_view kBoardBlock = "board";
+inline constexpr std::string_view kRobotBlock = "robot";
 inline constexpr std::string_view kCameraBlock = "camera";
 inline constexpr std::string_view kTargetBlock = "target";
 
@@ -60,8 +64,8 @@ class UnknownLayout {
   // Adds the tangent (translation before rotation, in the child frame) of the pose `name`. In messages the pose is
   // called `plain_name`, and its tangent is along and about the axes of `plain_frame`.
   void AddPose(std::string_view name, std::string_view plain_name, std::string_view plain_frame);
-  // Adds `size` effects, called "<name>.0" and so on.
-  void AddEffects(std::string_view name, std::string_view plain_name, int size);
+  // Adds effects, called "<name>.<effect>".
+  void AddEffects(std::string_view name, std::string_view plain_name, const std::vector<std::string>& effects);
   // Adds the camera's parameters whose flag is set. The model must outlive the layout.
   void AddCamera(std::string_view name, const CameraModel& model, const std::vector<bool>& free);
   // Adds the shape parameters whose flag is set (TargetShape::params); `free` may be empty.
@@ -92,10 +96,21 @@ class UnknownLayout {
   std::vector<UnknownBlock> blocks_;
 };
 
-// Returns the layout of a hand-eye calibration: hand-eye pose, board pose, and the free parameters of the camera and of
-// the target's shape. `free` has one flag per camera parameter and, if any shape parameter is free, one per shape
-// parameter after them.
-UnknownLayout HandEyeUnknowns(const CameraModel& model, const std::vector<bool>& free);
+// The unknowns of a hand-eye calibration besides its two poses.
+struct FreeUnknowns {
+  // One flag per camera parameter and, only if any parameter of the target's shape is free, one per shape parameter
+  // after them; true if the parameter is unknown.
+  std::vector<bool> params;
+  std::shared_ptr<const SharedEffects> effects;  // The robot's errors; null if there are none.
+
+  FreeUnknowns(std::vector<bool> free_params,  // NOLINT(google-explicit-constructor): most have no effects.
+               std::shared_ptr<const SharedEffects> shared_effects = nullptr)
+      : params(std::move(free_params)), effects(std::move(shared_effects)) {}
+};
+
+// Returns the layout of a hand-eye calibration: hand-eye pose, board pose, the robot's errors if there are any, and the
+// free parameters of the camera and of the target's shape.
+UnknownLayout HandEyeUnknowns(const CameraModel& model, const FreeUnknowns& free);
 // Returns the layout of the two poses alone, as of a refinement of poses.
 UnknownLayout HandEyePoses();
 

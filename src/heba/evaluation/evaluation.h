@@ -13,6 +13,7 @@
 #include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
 #include "heba/evaluation/metrics.h"
+#include "heba/robot/arm.h"
 
 namespace heba {
 
@@ -111,6 +112,24 @@ struct ModelSummary {
   std::vector<ModelEntry> alternatives;   // Empty if there was no choice to make.
 };
 
+// The kinematics of the arm, as far as they were estimated.
+struct RobotSummary {
+  Arm nominal;
+  Rigid3d tip_from_gripper;
+  bool has_recorded_joints = false;
+  std::string configuration;  // Of recovered joints; may be empty.
+  bool is_estimated = false;
+  std::string errors_name;                          // SharedEffects::name of the estimated errors.
+  std::string reason;                               // Reason why they were not estimated, in one clause.
+  Eigen::VectorXd errors;                           // Of all parameters (ArmParamPlace); zero if not estimated.
+  std::vector<std::optional<double>> error_sigmas;  // One for each; nothing if the parameter was held.
+  // Parameters that nothing distinguishes from something else, and what this is.
+  std::vector<std::pair<std::string, std::string>> undetermined;
+  // The robot's noise without and with the estimated kinematics, if it was estimated.
+  std::optional<RobotNoise> noise_before;
+  std::optional<RobotNoise> noise_after;
+};
+
 // The requirement that a target at a given position is located to `within_m` with a given confidence.
 struct Requirement {
   double within_m = 0;
@@ -132,6 +151,7 @@ struct RunResult {
   std::vector<Estimate> estimates;
   std::optional<WorkingPoint> working_point;
   ModelSummary model;
+  std::optional<RobotSummary> robot;  // Set if the data set names an arm.
   std::vector<Requirement> requirements;
   // Findings about the run that its figures do not show.
   std::vector<Finding> observations;

@@ -1,6 +1,7 @@
 // Definitions of the error figures that heba reports. Each is defined here and nowhere else.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -40,6 +41,7 @@ struct PosePair {
   // Covariance of camera_from_target for a pixel noise of 1 px, as a left perturbation (in the camera's frame: m, then
   // rad); nothing if it is unknown.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance_at_1px = std::nullopt;
+  std::shared_ptr<const PoseEffect> effect = nullptr;  // View::effect.
 };
 
 // Returns the mean over consecutive captures of the Frobenius norm of A X - X B (Fang et al. 2021, section 5), with
@@ -67,6 +69,7 @@ struct Truth {
   Rigid3d camera_mount_from_camera;
   std::optional<Rigid3d> target_mount_from_target;
   std::optional<Camera> camera;
+  Eigen::VectorXd arm_errors = {};  // Of all parameters of the arm (heba/robot/arm.h); empty if not known.
 };
 
 // Computes the differences from the truth. `symmetries` are the motions (target_from_target) that map the target to

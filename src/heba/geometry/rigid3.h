@@ -51,6 +51,8 @@ std::vector<Eigen::Matrix3d> CubeRotations();
 // A 6-vector in the tangent space at a pose: translation (m) before rotation (rad), both in the child frame. The
 // retraction is a_from_b * [Exp(rotation), translation], which agrees with the exponential map of SE(3) to first order.
 using Tangent6 = Eigen::Matrix<double, 6, 1>;
+// Derivatives of a tangent.
+using Matrix6X = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 Rigid3d Retract(const Rigid3d& a_from_b, const Tangent6& tangent);
 // Returns the tangent for which Retract(a_from_b, tangent) == a_from_b_2.
 Tangent6 LocalCoordinates(const Rigid3d& a_from_b, const Rigid3d& a_from_b_2);

@@ -175,6 +175,8 @@ PoseFormat JointFormat(const std::string& robot, const std::string& angle_unit) 
   return {"joints", {"j1", "j2", "j3", "j4", "j5", "j6"}, "m", "joints", angle_unit, robot};
 }
 
+PoseFormat NumbersFormat(const std::vector<std::string>& columns) { return {"numbers", columns, "m", "numbers", ""}; }
+
 PoseFormat JointFormat(const std::string& name, std::shared_ptr<const UrdfArm> arm, const std::string& angle_unit) {
   PoseFormat format{"joints", arm->joint_names(), "m", "joints", angle_unit, name};
   format.arm = std::move(arm);
@@ -336,6 +338,7 @@ Outcome<Rigid3d> PoseFromNumbers(const PoseFormat& format, std::span<const doubl
   CHECK_EQ(numbers.size(), format.columns.size());
   const std::string fault = CheckRange(format, numbers);
   if (!fault.empty()) return Failure{fault};
+  if (format.rotation == "numbers") return Rigid3d();
   if (format.arm) {
     std::vector<double> joints(numbers.begin(), numbers.end());
     for (size_t i = 0; i < joints.size(); ++i) joints[i] *= format.arm->IsTurning(i) ? RadPerUnit(format) : 1;

@@ -72,6 +72,9 @@ PoseFormat WithUnits(const PoseFormat& format, const ConfigValue& units);
 std::vector<PoseFormat> FormatsOfSameColumns(const PoseFormat& format);
 // Returns a node that reads back as the same format, except for the units of `matrix`.
 YAML::Node PoseFormatNode(const PoseFormat& format);
+// Returns the format of a table with these columns that holds no poses: PoseRow::pose is the identity.
+PoseFormat NumbersFormat(const std::vector<std::string>& columns);
+
 // Returns the format as one line of a config: the name of a format of the table, or a mapping.
 std::string PoseFormatText(const PoseFormat& format);
 

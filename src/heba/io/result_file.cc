@@ -124,6 +124,54 @@ std::optional<Tangent6> CorrectionOf(const CaptureResult& capture) {
   return tangent;
 }
 
+Json NumbersJson(const std::optional<RobotNoise>& noise, const char* when) {
+  const std::string prefix = when;
+  return Json{{prefix + "_mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
+              {prefix + "_deg", noise ? Json(RadToDeg(noise->rotation_rad)) : Json(nullptr)}};
+}
+
+Json RobotJson(const RobotSummary& robot) {
+  Json parameters = Json::array();
+  for (int place = 0; place < robot.nominal.num_params(); ++place) {
+    const ArmJoint& joint = robot.nominal.joints[static_cast<size_t>(place / kNumArmParams)];
+    const auto param = static_cast<ArmParam>(place % kNumArmParams);
+    const std::optional<double>& sigma = robot.error_sigmas[static_cast<size_t>(place)];
+    if (param == ArmParam::kBeta && joint[param] == 0 && !sigma) continue;
+    // An offset is the error of the joint's zero, whatever angle the parameter theta has there.
+    const double nominal = param == ArmParam::kTheta ? 0 : joint[param];
+    parameters.push_back(Json{{"name", ArmParamName(place)},
+                              {"unit", IsAngle(place) ? "rad" : "m"},
+                              {"nominal", nominal},
+                              {"value", nominal + robot.errors[place]},
+                              {"std", OrNull(sigma)}});
+  }
+  Json undetermined = Json::array();
+  for (const auto& [name, with] : robot.undetermined) undetermined.push_back(Json{{"name", name}, {"with", with}});
+  Json joints = Json::array();
+  for (const ArmJoint& joint : robot.nominal.joints) {
+    joints.push_back(Json{{"theta_rad", joint.theta_rad},
+                          {"d_m", joint.d_m},
+                          {"a_m", joint.a_m},
+                          {"alpha_rad", joint.alpha_rad},
+                          {"beta_rad", joint.beta_rad},
+                          {"turns", joint.is_turning}});
+  }
+  Json sigma = NumbersJson(robot.noise_before, "before");
+  sigma.update(NumbersJson(robot.noise_after, "after"));
+  return Json{{"model", robot.nominal.name},
+              {"angles", robot.has_recorded_joints ? "recorded" : "recovered"},
+              {"configuration", robot.configuration},
+              {"parameters", parameters},
+              {"undetermined", undetermined},
+              {"sigma", sigma},
+              {"decision", robot.is_estimated ? "estimated" : "declined"},
+              {"reason", robot.reason},
+              {"nominal", Json{{"base_from_first", PoseJson(robot.nominal.base_from_first, "base", "first")},
+                               {"joints", joints},
+                               {"last_from_tip", PoseJson(robot.nominal.last_from_tip, "last", "tip")},
+                               {"tip_from_gripper", PoseJson(robot.tip_from_gripper, "tip", "gripper")}}}};
+}
+
 Json EstimateJson(const Estimate& estimate, Setup setup) {
   Json json;
   json["method"] = estimate.method;
@@ -259,7 +307,10 @@ std::string ResultToJson(const RunResult& result) {
   json["verdict"] = VerdictJson(result.verdict);
   json["model"] = ModelJson(result.model);
   json["estimates"] = Json::array();
-  for (const Estimate& estimate : result.estimates) json["estimates"].push_back(EstimateJson(estimate, result.setup));
+  for (const Estimate& estimate : result.estimates) {
+    json["estimates"].push_back(EstimateJson(estimate, result.setup));
+    if (result.robot && estimate.method == kBundleMethod) json["estimates"].back()["robot"] = RobotJson(*result.robot);
+  }
   json["working_point"] = WorkingPointJson(result.working_point);
   json["timing_s"] = Json{{"detect", result.timing.detect_s},
                           {"seed", result.timing.seed_s},
@@ -276,6 +327,9 @@ std::string TruthToJson(const Truth& truth, Setup setup) {
     json["board"] = PoseJson(*truth.target_mount_from_target, TargetMountName(setup), "target");
   }
   if (truth.camera) json["camera"] = CameraJson(*truth.camera);
+  for (Eigen::Index place = 0; place < truth.arm_errors.size(); ++place) {
+    json["robot"][ArmParamName(static_cast<int>(place))] = truth.arm_errors[place];
+  }
   return json.dump(1) + "\n";
 }
 

@@ -121,6 +121,11 @@ void CheckCovariance(const JsonReader& reader, const Covariance& covariance) {
 // other names than these, or has them in another order.
 UnknownLayout LayoutOf(const JsonReader& reader, const CameraModel* model, const std::vector<std::string>& names) {
   const auto has = [&](const std::string& name) { return std::find(names.begin(), names.end(), name) != names.end(); };
+  SharedEffects effects;
+  const std::string of_robot = std::string(kRobotBlock) + ".";
+  for (const std::string& name : names) {
+    if (name.starts_with(of_robot)) effects.effects.push_back({name.substr(of_robot.size())});
+  }
   std::vector<bool> free;
   for (size_t i = 0; model != nullptr && i < model->param_names().size(); ++i) {
     free.push_back(has(std::string(kCameraBlock) + "." + model->param_names()[i]));
@@ -128,7 +133,8 @@ UnknownLayout LayoutOf(const JsonReader& reader, const CameraModel* model, const
   for (const std::string_view param : kTargetShapeParamNames) {
     free.push_back(has(std::string(kTargetBlock) + "." + std::string(param)));
   }
-  UnknownLayout layout = model == nullptr ? HandEyePoses() : HandEyeUnknowns(*model, free);
+  const auto shared = effects.effects.empty() ? nullptr : std::make_shared<const SharedEffects>(std::move(effects));
+  UnknownLayout layout = model == nullptr ? HandEyePoses() : HandEyeUnknowns(*model, {free, shared});
   const std::vector<std::string> expected = layout.Names();
   if (names == expected) return layout;
   const auto [name, other] = std::mismatch(names.begin(), names.end(), expected.begin(), expected.end());
@@ -154,6 +160,47 @@ Covariance ReadCovariance(const JsonReader& reader, const CameraModel* model) {
   }
   CheckCovariance(reader, covariance);
   return covariance;
+}
+
+std::optional<RobotNoise> ReadSigmas(const JsonReader& reader, const std::string& when) {
+  const std::string mm = when + "_mm";
+  const std::string deg = when + "_deg";
+  if (!reader.Has(mm.c_str())) return std::nullopt;
+  return RobotNoise{ReadMagnitude(reader, mm.c_str()) / 1000, DegToRad(ReadMagnitude(reader, deg.c_str()))};
+}
+
+RobotSummary ReadRobot(const JsonReader& reader) {
+  RobotSummary robot;
+  robot.nominal.name = reader.Get("model").Text();
+  robot.has_recorded_joints = reader.Get("angles").Text() == "recorded";
+  robot.configuration = reader.Get("configuration").Text();
+  robot.is_estimated = reader.Get("decision").Text() == "estimated";
+  robot.reason = reader.Get("reason").Text();
+  const JsonReader nominal = reader.Get("nominal");
+  robot.nominal.base_from_first = ReadPoseJson(nominal.Get("base_from_first"), "base", "first");
+  robot.nominal.last_from_tip = ReadPoseJson(nominal.Get("last_from_tip"), "last", "tip");
+  robot.tip_from_gripper = ReadPoseJson(nominal.Get("tip_from_gripper"), "tip", "gripper");
+  for (const JsonReader& joint : nominal.Get("joints").List()) {
+    robot.nominal.joints.push_back({joint.Get("theta_rad").Number(), joint.Get("d_m").Number(),
+                                    joint.Get("a_m").Number(), joint.Get("alpha_rad").Number(),
+                                    joint.Get("beta_rad").Number(), joint.Get("turns").Bool()});
+  }
+  robot.errors = Eigen::VectorXd::Zero(robot.nominal.num_params());
+  robot.error_sigmas.resize(static_cast<size_t>(robot.nominal.num_params()));
+  for (const JsonReader& parameter : reader.Get("parameters").List()) {
+    const std::string name = parameter.Get("name").Text();
+    int place = 0;
+    while (place < robot.nominal.num_params() && ArmParamName(place) != name) ++place;
+    if (place == robot.nominal.num_params()) parameter.Fail("the arm has no parameter '" + name + "'");
+    robot.errors[place] = parameter.Get("value").Number() - parameter.Get("nominal").Number();
+    robot.error_sigmas[static_cast<size_t>(place)] = ReadOptionalMagnitude(parameter, "std");
+  }
+  for (const JsonReader& entry : reader.Get("undetermined").List()) {
+    robot.undetermined.emplace_back(entry.Get("name").Text(), entry.Get("with").Text());
+  }
+  robot.noise_before = ReadSigmas(reader.Get("sigma"), "before");
+  robot.noise_after = ReadSigmas(reader.Get("sigma"), "after");
+  return robot;
 }
 
 Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
@@ -294,6 +341,7 @@ RunResult ReadResult(const std::filesystem::path& path) {
   for (const JsonReader& capture : reader.Get("captures").List()) result.captures.push_back(ReadCapture(capture));
   for (const JsonReader& estimate : reader.Get("estimates").List()) {
     result.estimates.push_back(ReadEstimate(estimate, result.setup));
+    if (estimate.Has("robot")) result.robot = ReadRobot(estimate.Get("robot"));
   }
   if (reader.Has("working_point")) {
     const JsonReader point = reader.Get("working_point");
@@ -326,6 +374,16 @@ Truth ReadTruth(const std::filesystem::path& path, Setup setup) {
     truth.target_mount_from_target = ReadPoseJson(reader.Get("board"), TargetMountName(setup), "target");
   }
   if (reader.Has("camera")) truth.camera = ReadCameraJson(reader.Get("camera"));
+  if (reader.Has("robot")) {
+    const std::vector<std::pair<std::string, std::optional<JsonReader>>> errors = reader.Get("robot").Members();
+    truth.arm_errors.resize(static_cast<Eigen::Index>(errors.size()));
+    for (size_t place = 0; place < errors.size(); ++place) {
+      if (errors[place].first != ArmParamName(static_cast<int>(place)) || !errors[place].second) {
+        reader.Fail("robot: the errors of all parameters of the arm are needed, in their order");
+      }
+      truth.arm_errors[static_cast<Eigen::Index>(place)] = errors[place].second->Number();
+    }
+  }
   return truth;
 }
 

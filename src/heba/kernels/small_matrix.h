@@ -7,7 +7,6 @@
 namespace heba {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
-using Matrix6X = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 using RowMajorMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // Replaces B by L^-1 B. L is the lower triangle of `lower`, and its diagonal must not contain a zero.

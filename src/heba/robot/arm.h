@@ -18,7 +18,6 @@
 
 #include "heba/base/error.h"
 #include "heba/geometry/rigid3.h"
-#include "heba/kernels/small_matrix.h"
 
 namespace heba {
 

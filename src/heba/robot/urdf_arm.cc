@@ -73,6 +73,23 @@ class KdlArm final : public UrdfArm {
     return FromKdl(frame);
   }
 
+  Arm Kinematics() const override {
+    std::vector<ArmAxis> axes;
+    KDL::Frame base_from_link = KDL::Frame::Identity();
+    for (unsigned i = 0; i < chain_.getNrOfSegments(); ++i) {
+      const KDL::Segment& segment = chain_.getSegment(i);
+      const KDL::Joint& joint = segment.getJoint();
+      if (joint.getType() != KDL::Joint::None) {
+        const KDL::Vector axis = base_from_link.M * joint.JointAxis();
+        const KDL::Vector point = base_from_link * joint.JointOrigin();
+        axes.push_back({Eigen::Vector3d(axis.x(), axis.y(), axis.z()).normalized(),
+                        Eigen::Vector3d(point.x(), point.y(), point.z()), turns_[axes.size()]});
+      }
+      base_from_link = base_from_link * segment.pose(0);
+    }
+    return ArmFromAxes("", axes, FromKdl(base_from_link));
+  }
+
   Outcome<std::vector<std::vector<double>>> PosturesOf(const Rigid3d& base_from_tip) const override {
     constexpr int kNumStarts = 40;
     constexpr double kReached = 1e-6;

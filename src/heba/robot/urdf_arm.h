@@ -13,6 +13,7 @@
 
 #include "heba/base/error.h"
 #include "heba/geometry/rigid3.h"
+#include "heba/robot/arm.h"
 
 namespace heba {
 
@@ -32,6 +33,9 @@ class UrdfArm {
   // Returns whether joint i rotates (rad) or slides (m).
   virtual bool IsTurning(size_t i) const = 0;
   virtual Rigid3d BaseFromTip(std::span<const double> joints) const = 0;
+  // Returns the same arm with the parameters of Denavit, Hartenberg and Hayati, without joint limits. Its name is
+  // empty.
+  virtual Arm Kinematics() const = 0;
   // Returns postures within the joint limits that reach the pose to 1e-6 m and rad. They are found numerically, by
   // Levenberg-Marquardt from fixed starting points; different starts may find several postures. Returns a Failure if
   // none is found, which does not prove that there is none.

@@ -122,7 +122,7 @@ TEST_P(LossTest, CovarianceIsTheInverseInformationAtTheSolution) {
   const Problem problem{scene.camera, scene.views};
   const Outcome<Solution> solution = RefineHandEye(problem, scene.hand_eye, options);
   ASSERT_TRUE(solution.ok()) << solution.reason();
-  const FreeParameters free = FreeOf(scene.camera.Model(), options);
+  const FreeUnknowns free = FreeOf(scene.camera.Model(), options);
   Problem kept = problem;
   for (size_t i = 0; i < kept.views.size(); ++i) {
     const std::vector<int>& rejected = solution->views[i].rejected_ids;

@@ -101,7 +101,9 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
     shared.poses.push_back(RandomPose(&rng, 0.3, 0.8));
   }
   if (kind.num_effects > 0) {
-    loops.layout.AddEffects("effects", "effect", kind.num_effects);
+    std::vector<std::string> names;
+    for (int e = 0; e < kind.num_effects; ++e) names.push_back(std::to_string(e));
+    loops.layout.AddEffects("effects", "effect", names);
     shared.effects.emplace_back(kind.num_effects);
     for (double& effect : shared.effects.back()) effect = kEffectSigma * rng.Normal();
     random.textbook.effect_sigmas = {kEffectSigma};

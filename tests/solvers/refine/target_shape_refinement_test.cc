@@ -53,7 +53,7 @@ TEST(TargetShapeRefinementTest, ShapeAndHandEyeReachTheBound) {
       const Eigen::Index row = solution->covariance.matrix.rows() - 4 + i;
       shape_squares[i] += std::pow(solution->shape.params[k] - kMade[k], 2) / solution->covariance.matrix(row, row);
     }
-    const FreeParameters free = FreeOf(scene.camera.Model(), options);
+    const FreeUnknowns free = FreeOf(scene.camera.Model(), options);
     const std::vector<LinearisedView> linear =
         *LineariseViews({scene.camera, scene.views, scene_options.setup, made}, scene.hand_eye, {}, free, kNoisePx,
                         LossOf(LossKind::kNone));

@@ -67,13 +67,13 @@ TEST(UnknownLayoutTest, HoldsSeveralCamerasAndEffects) {
   const CameraModel& model = *FindCameraModel("pinhole");
   UnknownLayout layout;
   layout.AddPose("rig", "the rig's", "its own");
-  layout.AddEffects("joint_offset", "the offset of joint", 2);
+  layout.AddEffects("joint_offset", "the offset of joint", {"1", "2"});
   layout.AddCamera("left", model, {true, true, false, false});
   layout.AddCamera("right", model, {false, false, true, true});
   EXPECT_THAT(layout.Names(),
               testing::ElementsAre("rig.tx_m", "rig.ty_m", "rig.tz_m", "rig.rx_rad", "rig.ry_rad", "rig.rz_rad",
-                                   "joint_offset.0", "joint_offset.1", "left.fx", "left.fy", "right.cx", "right.cy"));
-  EXPECT_EQ(layout.PlainName(7), "the offset of joint 1");
+                                   "joint_offset.1", "joint_offset.2", "left.fx", "left.fy", "right.cx", "right.cy"));
+  EXPECT_EQ(layout.PlainName(7), "the offset of joint 2");
   EXPECT_EQ(layout.PlainName(10), "the right's cx");
   EXPECT_EQ(layout.BlockAt(10).name, "right");
 }

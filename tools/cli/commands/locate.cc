@@ -95,12 +95,12 @@ std::string DescribeSigma(const LocatedTarget& located) {
 }
 
 // The arm of --robot: one of the built-in table, or a URDF's from its root to its only tip. Neither without the flag.
-struct Arm {
+struct ReachingArm {
   const UrRobot* ur = nullptr;
   std::shared_ptr<const UrdfArm> urdf = nullptr;
 };
 
-Arm ArmAskedFor() {
+ReachingArm ArmAskedFor() {
   if (FLAGS_robot.empty()) return {};
   if (FLAGS_robot.ends_with(".urdf")) return {nullptr, UrdfArm::Read(FLAGS_robot)};
   const UrRobot* robot = FindUrRobot(FLAGS_robot);
@@ -140,13 +140,13 @@ std::string DescribePostures(const UrRobot& robot, const Rigid3d& base_from_targ
   return text;
 }
 
-std::string DescribePostures(const Arm& arm, const Rigid3d& base_from_target) {
+std::string DescribePostures(const ReachingArm& arm, const Rigid3d& base_from_target) {
   if (arm.ur != nullptr) return DescribePostures(*arm.ur, base_from_target);
   return arm.urdf ? DescribePostures(*arm.urdf, base_from_target) : "";
 }
 
 // Describes all poses that fit an image of a target with symmetries.
-std::string DescribePossible(const std::vector<LocatedTarget>& possible, const Arm& arm) {
+std::string DescribePossible(const std::vector<LocatedTarget>& possible, const ReachingArm& arm) {
   std::string text;
   for (size_t i = 0; i < possible.size(); ++i) {
     text += "  possible pose " + std::to_string(i + 1) + " of " + std::to_string(possible.size()) +
@@ -250,7 +250,7 @@ PixelsAsked ReadPixelsAsked(const Camera& camera) {
 
 // Describes the points that --pixels requests in one image.
 Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solution, const CaptureDetection& seen,
-                                    const Rigid3d& base_from_mount, const PixelsAsked& asked, const Arm& arm) {
+                                    const Rigid3d& base_from_mount, const PixelsAsked& asked, const ReachingArm& arm) {
   const std::optional<Plane>& plane = asked.plane;
   const Observations observations = ObservationsOf(*run.target, seen.detection);
   Eigen::Vector3d normal = plane ? plane->normal : Eigen::Vector3d::Zero();
@@ -286,7 +286,7 @@ struct TargetDescription {
 
 TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solution, const std::string& image,
                                  const CaptureDetection& seen, const Rigid3d& base_from_mount,
-                                 const std::optional<Rigid3d>& near, const Arm& arm) {
+                                 const std::optional<Rigid3d>& near, const ReachingArm& arm) {
   const Outcome<std::vector<LocatedTarget>> possible =
       LocateSymmetricTarget(run.result.setup, solution, ObservationsOf(*run.target, seen.detection),
                             run.target->Symmetries(), base_from_mount);
@@ -320,7 +320,7 @@ TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solutio
 int RunCommand_locate(const std::vector<std::string>& arguments) {
   const FinishedRun run = ReadFinishedRun(arguments[0]);
   const Estimate* refined = FindRefined(run.result);
-  const Arm arm = ArmAskedFor();
+  const ReachingArm arm = ArmAskedFor();
   const bool is_carried = run.result.setup == Setup::kEyeInHand;
   if (is_carried && (FLAGS_pose.empty() || arguments.size() > 2)) {
     throw InputError("the robot carries the camera: one IMAGE, with --pose " +

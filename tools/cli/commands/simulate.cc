@@ -7,6 +7,7 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/parallel.h"
+#include "heba/base/text.h"
 #include "heba/io/camera_file.h"
 #include "heba/io/pose_file.h"
 #include "heba/io/result_file.h"
@@ -37,9 +38,73 @@ std::string RunConfigText(const SceneConfig& scene) {
   config["captures"]["poses"] = "poses.csv";
   config["captures"]["pose_format"] = PoseFormatNode(scene.pose_format);
   config["evaluate"]["truth"] = "truth.json";
+  if (scene.arm) {
+    config["robot"]["model"] = scene.arm->nominal.name;
+    config["robot"]["tool"] = PoseNode(scene.arm->tip_from_gripper);
+    if (scene.arm->records_joints) config["captures"]["joints"] = "joints.csv";
+  }
   YAML::Emitter emitter;
   emitter << config;
   return std::string(emitter.c_str()) + "\n";
+}
+
+// The captures of a scene, before any image is rendered.
+struct SimulatedCaptures {
+  std::vector<Rigid3d> camera_from_target;
+  std::vector<PoseRow> rows;
+  std::vector<Eigen::VectorXd> joints;  // Commanded; empty without an arm.
+  Eigen::VectorXd arm_errors;           // Of all parameters of the arm; empty without one.
+};
+
+// The poses that are drawn for one that an arm must reach.
+constexpr int kPosesPerReached = 4;
+
+// Returns the first `num_captures` of these captures that an arm with errors reaches, with the poses that it reports
+// and the views that it has there. Returns a Failure if it does not reach as many.
+Outcome<SimulatedCaptures> WithArm(const SceneConfig& scene, const SimulatedCaptures& wanted_captures,
+                                   size_t num_captures, Rng* rng) {
+  const SceneArm& arm = *scene.arm;
+  SimulatedCaptures captures;
+  captures.arm_errors = DrawArmErrors(arm.nominal, arm.sigmas, rng);
+  const Arm actual = WithChanges(arm.nominal, captures.arm_errors);
+  std::optional<Eigen::VectorXd> first;
+  for (size_t i = 0; i < wanted_captures.rows.size() && captures.rows.size() < num_captures; ++i) {
+    const Rigid3d wanted =
+        BaseFromGripper(scene.setup, CameraMountFromTargetMount(scene.hand_eye, wanted_captures.camera_from_target[i]));
+    const std::optional<Eigen::VectorXd> joints =
+        DrawPosture(actual, wanted * Inverse(arm.tip_from_gripper), first, arm.has_several_configurations, rng);
+    if (!joints) continue;
+    if (!first) first = joints;
+    Eigen::VectorXd reached = *joints;
+    for (double& joint : reached) joint += arm.joint_noise_rad * rng->Normal();
+    const Rigid3d mount =
+        CameraMountFromTargetMount(scene.setup, BaseFromGripper(actual, reached, arm.tip_from_gripper));
+    captures.camera_from_target.push_back(CameraFromTarget(scene.hand_eye, mount));
+    PoseRow row = wanted_captures.rows[i];
+    row.image = ImageName(static_cast<int>(captures.rows.size()));
+    row.pose = WithRobotNoise(BaseFromGripper(arm.nominal, *joints, arm.tip_from_gripper),
+                              scene.robot_rotation_sigma_rad, scene.robot_translation_sigma_m, rng);
+    captures.rows.push_back(std::move(row));
+    captures.joints.push_back(*joints);
+  }
+  if (captures.rows.size() < num_captures) {
+    return Failure{"the arm " + arm.nominal.name + " reaches only " + std::to_string(captures.rows.size()) + " of " +
+                   std::to_string(wanted_captures.rows.size()) + " poses from which the camera sees the target; " +
+                   std::to_string(num_captures) + " are needed: change hand_eye, board or motion"};
+  }
+  return captures;
+}
+
+std::string JointsText(const SimulatedCaptures& captures) {
+  std::string text = "image";
+  for (Eigen::Index j = 0; j < captures.joints.front().size(); ++j) text += ",j" + std::to_string(j + 1);
+  text += "\n";
+  for (size_t i = 0; i < captures.rows.size(); ++i) {
+    text += captures.rows[i].image;
+    for (const double joint : captures.joints[i]) text += "," + RoundTrip(joint);
+    text += "\n";
+  }
+  return text;
 }
 
 }  // namespace
@@ -47,7 +112,12 @@ std::string RunConfigText(const SceneConfig& scene) {
 int RunCommand_simulate(const std::vector<std::string>& arguments) {
   namespace fs = std::filesystem;
   if (FLAGS_out.empty()) throw InputError("'heba simulate' needs --out DIR");
-  const SceneConfig scene = ReadSceneConfig(arguments[0], Settings());
+  SceneConfig scene = ReadSceneConfig(arguments[0], Settings());
+  const int num_captures = scene.motion.num_captures;
+  if (scene.arm) {
+    if (scene.two_step) throw InputError(arguments[0] + ": motion.two_step cannot be combined with robot");
+    scene.motion.num_captures *= kPosesPerReached;
+  }
   StagedFolder folder(FLAGS_out, "a data set");
   const Drawing& drawing = scene.target->Draw();
   Rng rng(scene.seed);
@@ -57,7 +127,8 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
     return kWorkFailed;
   }
   fs::create_directory(folder.staging() / "images");
-  std::vector<PoseRow> rows;
+  SimulatedCaptures captures;
+  std::vector<PoseRow>& rows = captures.rows;
   for (size_t i = 0; i < poses->size(); ++i) {
     const Rigid3d true_pose =
         BaseFromGripper(scene.setup, CameraMountFromTargetMount(scene.hand_eye, (*poses)[i].camera_from_target));
@@ -66,6 +137,15 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
     row.role = (*poses)[i].role;
     row.pose = WithRobotNoise(true_pose, scene.robot_rotation_sigma_rad, scene.robot_translation_sigma_m, &rng);
     rows.push_back(row);
+    captures.camera_from_target.push_back((*poses)[i].camera_from_target);
+  }
+  if (scene.arm) {
+    Outcome<SimulatedCaptures> with_arm = WithArm(scene, captures, static_cast<size_t>(num_captures), &rng);
+    if (!with_arm) {
+      PrintError(arguments[0] + ": " + with_arm.reason());
+      return kWorkFailed;
+    }
+    captures = std::move(*with_arm);
   }
   {
     Progress progress("render", static_cast<int>(rows.size()), FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
@@ -75,7 +155,7 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
       RenderOptions options = scene.image;
       options.seed = scene.seed * 1000003 + i;
       WriteImage(folder.staging() / "images" / rows[i].image,
-                 RenderView(drawing, scene.camera, (*poses)[i].camera_from_target, options));
+                 RenderView(drawing, scene.camera, captures.camera_from_target[i], options));
       const std::lock_guard<std::mutex> lock(mutex);
       progress.Step();
     });
@@ -85,11 +165,14 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   WriteFileAtomically(folder.staging() / "target.yaml", std::string(target.c_str()) + "\n");
   WriteFileAtomically(folder.staging() / "camera.yaml", CameraToYaml(scene.camera));
   WriteFileAtomically(folder.staging() / "poses.csv", PoseFileText(rows, scene.pose_format));
+  if (scene.arm && scene.arm->records_joints) {
+    WriteFileAtomically(folder.staging() / "joints.csv", JointsText(captures));
+  }
   WriteFileAtomically(folder.staging() / "config.yaml", RunConfigText(scene));
-  WriteFileAtomically(
-      folder.staging() / "truth.json",
-      TruthToJson({scene.hand_eye.camera_mount_from_camera, scene.hand_eye.target_mount_from_target, scene.camera},
-                  scene.setup));
+  WriteFileAtomically(folder.staging() / "truth.json",
+                      TruthToJson({scene.hand_eye.camera_mount_from_camera, scene.hand_eye.target_mount_from_target,
+                                   scene.camera, captures.arm_errors},
+                                  scene.setup));
   folder.Commit();
   if (!FLAGS_quiet) {
     std::cout << rows.size() << " images with ground truth in " << FLAGS_out << "; next: heba run "

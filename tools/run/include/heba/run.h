@@ -12,11 +12,13 @@
 //   const heba::Estimate& refined = *heba::FindRefined(output->result);
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -27,6 +29,7 @@
 #include "heba/data/setup.h"
 #include "heba/detection.h"
 #include "heba/evaluation/evaluation.h"
+#include "heba/robot/arm.h"
 #include "heba/target.h"
 
 namespace heba {
@@ -35,6 +38,15 @@ namespace heba {
 struct LeftOut {
   std::string name;    // Name of the image, or of the row of poses without one.
   std::string reason;  // One clause.
+};
+
+// The arm, if its kinematics may be estimated.
+struct RobotArm {
+  Arm arm;  // As its maker, or a calibration, states it.
+  // The gripper whose pose the robot reports. It is found from the captures if their joints are recorded.
+  Rigid3d tip_from_gripper;
+  // If the joints are not recorded: a posture near that of the first capture, rad or m; may be empty.
+  Eigen::VectorXd joints_near;
 };
 
 // The recorded data. Each capture has an image, or a detection that was made before, or a pose of the target that
@@ -49,6 +61,7 @@ struct Dataset {
   std::vector<Capture> captures;
   // Detections that replace the images: one per capture, or empty. A size of 0 x 0 stands for that of the camera.
   std::vector<CaptureDetection> given_detections;
+  std::optional<RobotArm> robot;  // Its kinematics are estimated if the captures require it (RunOptions::kinematics).
   // camera_from_target of each capture, instead of images and detections; or empty.
   std::vector<Rigid3d> target_poses;
   std::optional<Truth> truth;     // The exact result, if it is known.
@@ -71,14 +84,19 @@ struct PlacedRequirement {
 using DetectFunction =
     std::function<CaptureDetection(const std::filesystem::path& image, const std::optional<ImageSize>& expected)>;
 
+// Which errors of an arm are estimated: none, those that the captures require, or given ones.
+enum class Kinematics { kNone, kAuto, kOffsets, kGeometry };
+inline constexpr std::array<std::string_view, 4> kKinematicsNames = {"none", "auto", "offsets", "geometry"};
+
 struct RunOptions {
   std::vector<std::string> methods;  // Closed forms to report, by name; empty: all.
   std::string seed = kBestSeed;      // See CalibrationOptions::seed.
   BundleOptions bundle;
-  AutoModel choose = {true, true};  // The parts of `bundle` that are chosen from the captures.
-  std::string camera_model;         // The model of an estimated camera.
-  bool choose_camera_model = true;  // Whether that model is chosen from the captures instead.
-  int folds = 5;                    // Number of folds of the cross-validation; 0: none.
+  AutoModel choose = {true, true};            // The parts of `bundle` that are chosen from the captures.
+  Kinematics kinematics = Kinematics::kAuto;  // Not used without Dataset::robot.
+  std::string camera_model;                   // The model of an estimated camera.
+  bool choose_camera_model = true;            // Whether that model is chosen from the captures instead.
+  int folds = 5;                              // Number of folds of the cross-validation; 0: none.
   std::vector<PlacedRequirement> requirements;
   int num_threads = 1;  // The result does not depend on it.
   // Replaces DetectWithDigest, for example by a function that keeps detections.

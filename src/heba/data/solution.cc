@@ -1,0 +1,20 @@
+#include "heba/data/solution.h"
+
+namespace heba {
+
+Rigid3d CorrectedMount(Setup setup, const View& view, const Solution& solution) {
+  if (solution.shared_effects == nullptr || view.effect == nullptr) return view.camera_mount_from_target_mount;
+  const Eigen::VectorXd all = AllEffects(*solution.shared_effects, solution.effects);
+  return CorrectedMount(setup, view.camera_mount_from_target_mount, view.effect->Evaluate(all, nullptr));
+}
+
+std::vector<View> CorrectedViews(Setup setup, const std::vector<View>& views, const Solution& solution) {
+  std::vector<View> corrected = views;
+  for (View& view : corrected) {
+    view.camera_mount_from_target_mount = CorrectedMount(setup, view, solution);
+    view.effect = nullptr;
+  }
+  return corrected;
+}
+
+}  // namespace heba

@@ -1,0 +1,47 @@
+// The errors of an arm's kinematics as effects that captures share (heba/data/shared_effects.h): one for each parameter
+// of the arm (heba/robot/arm.h), the amount by which the true value exceeds the nominal one.
+//
+// The error of a pose multiplies the pose that the controller reports,
+//   base_from_gripper = base_from_gripper_reported * gripper_from_tip * FK(q)^-1 FK(q; errors) * tip_from_gripper,
+// so that a controller that computes its poses with other parameters than the nominal ones does little harm.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "heba/data/setup.h"
+#include "heba/data/shared_effects.h"
+#include "heba/robot/arm.h"
+
+namespace heba {
+
+// Returns the error of the gripper's pose as a function of the errors of all parameters of the arm, for joints at these
+// positions (rad or m).
+std::shared_ptr<const PoseEffect> MakeArmEffect(const Arm& nominal, const Eigen::VectorXd& joints,
+                                                const Rigid3d& tip_from_gripper);
+
+// The prior standard deviations with which the estimation of the groups' own ones starts.
+inline constexpr double kOffsetPriorDeg = 0.3;
+inline constexpr double kLengthPriorM = 0.5e-3;
+inline constexpr double kAnglePriorDeg = 0.1;
+
+// The models of an arm's errors, each containing those before it.
+enum class ArmErrorModel { kOffsets, kGeometry };
+
+// Returns the effects of a model: the offsets of the joints, and with kGeometry also d, a, alpha, and beta where the
+// next axis is parallel. Parameters that no captures can determine (UndeterminedParams) are not among them.
+SharedEffects ArmErrors(const Arm& arm, ArmErrorModel model);
+
+// A parameter whose error cannot be told apart from something else, whatever the captures.
+struct UndeterminedParam {
+  int place = 0;     // ArmParamPlace.
+  std::string with;  // What has the same effect, in words: "the hand-eye pose", "joint2.d".
+};
+
+// Returns the parameters that no captures can determine. The first joint and its d move like the pose of what is fixed
+// in the base, the last joint's parameters like the pose of what is on the flange, and the parameters d of parallel
+// axes, of which only the sum matters, like the first of them.
+std::vector<UndeterminedParam> UndeterminedParams(const Arm& arm, Setup setup);
+
+}  // namespace heba

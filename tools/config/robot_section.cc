@@ -1,0 +1,131 @@
+#include "tools/config/robot_section.h"
+
+#include <algorithm>
+#include <map>
+
+#include "heba/base/error.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "heba/io/arm_file.h"
+#include "heba/io/pose_file.h"
+#include "heba/io/pose_source.h"
+#include "heba/robot/arm_table.h"
+#include "heba/robot/urdf_arm.h"
+
+namespace heba {
+namespace {
+
+// Reads an arm of the table, or a URDF with the links between which the joints lie.
+Arm ReadArm(MapReader& reader, RunConfig* config) {
+  const std::string model = reader.Get("model").AsText();
+  if (!model.ends_with(".urdf")) return *FindArm(reader.Choice("model", ArmNames()));
+  const std::filesystem::path file = reader.Path("model");
+  config->data_files.push_back(file);
+  Arm arm = UrdfArm::Read(file, reader.Text("base_link", ""), reader.Text("tip_link", ""))->Kinematics();
+  arm.name = file.stem().string();
+  return arm;
+}
+
+// Sets the joints of the captures from the rows of the file: by image, or in the order of the captures.
+void SetJoints(const Arm& arm, RunConfig* config) {
+  const std::filesystem::path& file = config->joints_file;
+  std::vector<std::string> columns;
+  for (int j = 0; j < arm.num_joints(); ++j) columns.push_back("j" + std::to_string(j + 1));
+  const std::vector<PoseRow> rows = ReadPoseFile(file, NumbersFormat(columns));
+  std::vector<Capture>& captures = config->data.captures;
+  const bool has_images = !rows.front().image.empty();
+  if (!has_images && rows.size() != captures.size()) {
+    throw InputError(file.string() + ": has " + std::to_string(rows.size()) + " rows for " +
+                     std::to_string(captures.size()) + " captures; a column image would say which belong together");
+  }
+  std::map<std::string, const PoseRow*> row_of_image;
+  for (const PoseRow& row : rows) row_of_image[row.image] = &row;
+  for (size_t i = 0; i < captures.size(); ++i) {
+    const PoseRow* row = &rows[i < rows.size() ? i : 0];
+    if (has_images) {
+      const auto found = row_of_image.find(captures[i].name);
+      if (found == row_of_image.end()) {
+        throw InputError(file.string() + ": has no row for the capture " + captures[i].name);
+      }
+      row = found->second;
+    }
+    captures[i].joints = row->numbers;
+    for (size_t j = 0; j < row->numbers.size(); ++j) {
+      if (arm.joints[j].is_turning && config->joints_are_deg) captures[i].joints[j] = DegToRad(row->numbers[j]);
+    }
+  }
+}
+
+}  // namespace
+
+void ReadJointsFile(MapReader& captures, RunConfig* config) {
+  if (!captures.Has("joints")) return;
+  config->joints_file = captures.Path("joints");
+  config->joints_are_deg = captures.Choice("joint_angle", {"rad", "deg"}, "rad") == "deg";
+  config->data_files.push_back(config->joints_file);
+}
+
+void ReadRobotSection(MapReader& root, RunConfig* config) {
+  const std::optional<ConfigValue> value = root.Find("robot");
+  if (!value) {
+    if (!config->joints_file.empty()) {
+      throw InputError(config->file.string() + ": captures.joints needs an arm (robot.model)");
+    }
+    return;
+  }
+  MapReader reader(*value);
+  RobotArm robot;
+  robot.arm = ReadArm(reader, config);
+  if (reader.Has("kinematics")) {
+    const std::filesystem::path file = reader.Path("kinematics");
+    config->data_files.push_back(file);
+    robot.arm = ReadArmFile(file, robot.arm);
+  }
+  if (const std::optional<ConfigValue> tool = reader.Find("tool")) {
+    robot.tip_from_gripper = ReadPose(*tool);
+    reader.Record("tool", PoseNode(robot.tip_from_gripper));
+  }
+  if (const std::optional<ConfigValue> near = reader.Find("joints_near")) {
+    const std::vector<ConfigValue> items = near->AsList();
+    if (items.size() != static_cast<size_t>(robot.arm.num_joints())) {
+      near->Fail("the arm has " + std::to_string(robot.arm.num_joints()) + " joints, not " +
+                 std::to_string(items.size()));
+    }
+    robot.joints_near.resize(robot.arm.num_joints());
+    YAML::Node used(YAML::NodeType::Sequence);
+    for (size_t j = 0; j < items.size(); ++j) {
+      const Quantity quantity = robot.arm.joints[j].is_turning ? Quantity::kAngle : Quantity::kLength;
+      robot.joints_near[static_cast<Eigen::Index>(j)] = items[j].AsQuantity(quantity);
+      used.push_back(items[j].node());
+    }
+    reader.Record("joints_near", used);
+  }
+  reader.Finish();
+  root.Record("robot", reader.used());
+  if (!config->joints_file.empty()) SetJoints(robot.arm, config);
+  config->data.robot = std::move(robot);
+}
+
+void ReadKinematics(MapReader& refine, RunConfig* config) {
+  const std::optional<ConfigValue> value = refine.Find("kinematics");
+  if (!value) {
+    if (config->data.robot) refine.Record("kinematics", YAML::Node("auto"));
+    return;
+  }
+  Kinematics& kinematics = config->options.kinematics;
+  if (value->IsText()) {
+    kinematics = value->AsChoice({"auto", "none"}) == "auto" ? Kinematics::kAuto : Kinematics::kNone;
+    refine.Record("kinematics", value->node());
+  } else {
+    std::vector<std::string> parts;
+    for (const ConfigValue& item : value->AsList()) parts.push_back(item.AsChoice({"offsets", "geometry"}));
+    const bool has_offsets = std::find(parts.begin(), parts.end(), "offsets") != parts.end();
+    const bool has_geometry = std::find(parts.begin(), parts.end(), "geometry") != parts.end();
+    if (!has_offsets) value->Fail("offsets must be among them");
+    kinematics = has_geometry ? Kinematics::kGeometry : Kinematics::kOffsets;
+    refine.Record("kinematics", value->node());
+  }
+  if (!config->data.robot && kinematics != Kinematics::kNone) value->Fail("needs an arm (robot.model)");
+}
+
+}  // namespace heba
