@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "heba/base/units.h"
@@ -23,11 +24,12 @@ struct ArmSceneOptions {
   double length_m = 0.3e-3;
   double angle_rad = DegToRad(0.03);
   double joint_noise_rad = DegToRad(0.003);
+  std::vector<std::pair<int, double>> changes = {};  // Further errors: the place of a parameter, rad or m.
 };
 
 struct ArmScene {
   Arm nominal;
-  Eigen::VectorXd errors;  // Of all parameters.
+  Eigen::VectorXd errors;  // One per parameter.
   std::vector<Eigen::VectorXd> joints;
   TestScene scene;  // The views hold the poses that the controller reports, and the effects of the errors.
 };
@@ -37,6 +39,7 @@ inline ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options = {})
   ArmScene made;
   made.nominal = *FindArm(options.arm);
   made.errors = DrawArmErrors(made.nominal, {options.offset_rad, options.length_m, options.angle_rad}, &rng);
+  for (const auto& [place, change] : options.changes) made.errors[place] += change;
   const TestSceneOptions plain;
   TestScene& scene = made.scene;
   scene.camera = plain.camera;

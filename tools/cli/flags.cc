@@ -23,7 +23,7 @@ DEFINE_string(child, "", "FRAME|the camera's frame; default: camera_optical_fram
 DEFINE_string(child_is, "",
               "FRAME|optical (z forward), body (x forward, same origin), or the optical frame's pose in the child, "
               "x,y,z,qx,qy,qz,qw in m");
-DEFINE_bool(inverse, false, "|export the pose of the parent in the child");
+DEFINE_bool(inverse, false, "|export the pose of the parent in the child; correct: the poses to command");
 DEFINE_string(units, "m", "UNIT|length unit of the format matrix: m or mm");
 DEFINE_string(pose, "", "NUMBERS|the robot pose of the image, as in the run's poses file, separated by commas");
 DEFINE_string(

@@ -13,7 +13,7 @@ namespace heba {
 // The positions of the joints in all captures, in one configuration of the arm.
 struct ArmBranch {
   std::string name;                     // "recorded", or the configuration; empty for arms without names for them.
-  std::vector<Eigen::VectorXd> joints;  // Of each capture.
+  std::vector<Eigen::VectorXd> joints;  // One entry per capture.
 };
 
 struct ArmSetup {

@@ -69,7 +69,7 @@ struct Truth {
   Rigid3d camera_mount_from_camera;
   std::optional<Rigid3d> target_mount_from_target;
   std::optional<Camera> camera;
-  Eigen::VectorXd arm_errors = {};  // Of all parameters of the arm (heba/robot/arm.h); empty if not known.
+  Eigen::VectorXd arm_errors = {};  // One per parameter of the arm (heba/robot/arm.h); empty if not known.
 };
 
 // Computes the differences from the truth. `symmetries` are the motions (target_from_target) that map the target to

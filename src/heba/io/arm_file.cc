@@ -64,17 +64,16 @@ Outcome<std::string> ArmFileText(const Arm& arm) {
       (base_from_tip.translation - axes.back().point).cross(tip_z).norm() > kSame) {
     return Failure{"the flange of the arm " + arm.name + " is not on the axis of its last joint"};
   }
-  std::string text =
-      "# The kinematics of " + arm.name + ", for ur_description of ROS (kinematics_params).\nkinematics:\n";
+  std::string text = "# For ur_description of ROS (kinematics_params).\nkinematics:\n";
   Rigid3d base_from_last;
   for (size_t i = 0; i < kLinks.size(); ++i) {
     Rigid3d base_from_link = base_from_tip;
     if (i + 1 < kLinks.size()) {
-      // The frame before the joint turns, with the joint at zero.
+      // The frame on the axis of the joint with the joint at zero. A shift along the axis does not change the arm.
       Arm part = arm;
       part.joints.resize(i + 1);
       ArmJoint& last = part.joints.back();
-      last = {last.theta_rad};
+      last = {last.theta_rad, last.d_m};
       part.last_from_tip = {};
       base_from_link = BaseFromTip(part, Eigen::VectorXd::Zero(static_cast<Eigen::Index>(i) + 1));
     }
@@ -87,7 +86,7 @@ Outcome<std::string> ArmFileText(const Arm& arm) {
                                                                     {"roll", rpy[0]},
                                                                     {"pitch", rpy[1]},
                                                                     {"yaw", rpy[2]}}};
-    for (const auto& [key, value] : numbers) text += std::string("    ") + key + ": " + RoundTrip(value) + "\n";
+    for (const auto& [key, value] : numbers) text += std::string("    ") + key + ": " + RoundTrip(value + 0.0) + "\n";
     base_from_last = base_from_link;
   }
   return text;

@@ -87,6 +87,9 @@ std::string RobotPoseText(PoseFormat format, const ExportRequest& request) {
 
 // Returns why the format cannot represent the request; an empty text if it can.
 std::string WhyNot(ExportHolds holds, const ExportRequest& request) {
+  if (holds == ExportHolds::kArm) {
+    return request.arm ? "" : "the kinematics of the arm were not estimated, which this format holds (robot.model)";
+  }
   if (holds == ExportHolds::kLens && request.camera.params.empty()) {
     return "an estimate from poses alone has no camera, which this format needs; use urdf, ros2 or a robot's format, "
            "such "
@@ -142,6 +145,9 @@ ExportRequest MakeExportRequest(const RunResult& result, const Estimate& estimat
   if (estimate.solution) request.covariance = PoseCovarianceOf(estimate.solution->covariance, "hand_eye");
   request.is_ur_controller = is_ur_controller;
   request.camera = estimate.camera;
+  if (result.robot && result.robot->is_estimated) {
+    request.arm = WithChanges(result.robot->nominal, result.robot->errors);
+  }
   return request;
 }
 
@@ -191,6 +197,12 @@ Outcome<std::string> ExportText(const ExportFormat& format, const ExportRequest&
   const PoseFormat* pose_format = FindPoseFormat(format.name);
   CHECK(pose_format != nullptr) << "export format " << format.name;
   return RobotPoseText(*pose_format, request);
+}
+
+std::vector<std::string> ArmRemarks(const ExportRequest& request) {
+  return {std::string(kExportMark) + PlainText(request.name) + ": the kinematics of the arm " +
+              PlainText(request.arm->name) + ", estimated with the camera's pose",
+          "Parameters that no captures determine have their nominal values."};
 }
 
 std::string PlainText(std::string text) {

@@ -43,6 +43,7 @@ struct ExportRequest {
   // True if the poses are those of a Universal Robots controller, in the controller's own base frame.
   bool is_ur_controller = false;
   Camera camera;
+  std::optional<Arm> arm;         // With its estimated errors; nothing if they were not estimated.
   std::string length_unit = "m";  // For the format `matrix`: m or mm.
 };
 

@@ -15,6 +15,7 @@ enum class ExportHolds {
   kAnyPose,        // The pose of any frame in any other frame.
   kOpticalCamera,  // The pose of the optical frame in the parent only.
   kLens,           // The camera's intrinsics; at most the pose of the optical frame.
+  kArm,            // The estimated kinematics of the arm; no pose.
 };
 
 // The beginning of the first comment of every exported file.
@@ -22,6 +23,8 @@ inline constexpr std::string_view kExportMark = "heba, calibration ";
 // Returns the comments of an exported file: its content, the meaning of the frames, and the uncertainty of the pose.
 // Each entry is one line without a comment mark and without characters that could end a comment.
 std::vector<std::string> ExportRemarks(const ExportRequest& request);
+// Likewise for a file of the arm's kinematics.
+std::vector<std::string> ArmRemarks(const ExportRequest& request);
 // Returns a name that is safe in a comment: '-', '<', '>', control characters and non-ASCII characters, which could end
 // a comment, become underscores.
 std::string PlainText(std::string text);

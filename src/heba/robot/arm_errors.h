@@ -36,7 +36,7 @@ SharedEffects ArmErrors(const Arm& arm, ArmErrorModel model);
 // A parameter whose error cannot be told apart from something else, whatever the captures.
 struct UndeterminedParam {
   int place = 0;     // ArmParamPlace.
-  std::string with;  // What has the same effect, in words: "the hand-eye pose", "joint2.d".
+  std::string with;  // The pose or parameter that has the same effect: "the hand-eye pose", "joint2.d".
 };
 
 // Returns the parameters that no captures can determine. The first joint and its d move like the pose of what is fixed

@@ -53,7 +53,7 @@ struct SimulatedCaptures {
   std::vector<Rigid3d> camera_from_target;
   std::vector<PoseRow> rows;
   std::vector<Eigen::VectorXd> joints;  // Commanded; empty without an arm.
-  Eigen::VectorXd arm_errors;           // Of all parameters of the arm; empty without one.
+  Eigen::VectorXd arm_errors;           // One per parameter of the arm; empty without one.
 };
 
 // The poses that are drawn for one that an arm must reach.

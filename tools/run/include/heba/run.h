@@ -42,7 +42,7 @@ struct LeftOut {
 
 // The arm, if its kinematics may be estimated.
 struct RobotArm {
-  Arm arm;  // As its maker, or a calibration, states it.
+  Arm arm;  // The kinematics as the maker, or a calibration, states them.
   // The gripper whose pose the robot reports. It is found from the captures if their joints are recorded.
   Rigid3d tip_from_gripper;
   // If the joints are not recorded: a posture near that of the first capture, rad or m; may be empty.

@@ -1,0 +1,51 @@
+#include "heba/evaluation/pose_correction.h"
+
+#include <optional>
+#include <vector>
+
+#include "heba/robot/arm_errors.h"
+#include "heba/robot/arm_postures.h"
+
+namespace heba {
+namespace {
+
+// Returns the joints at which the controller reports a pose.
+Outcome<Eigen::VectorXd> JointsAt(const RobotSummary& robot, const Rigid3d& reported) {
+  const Outcome<std::vector<Eigen::VectorXd>> postures =
+      PosturesOf(robot.nominal, reported * Inverse(robot.tip_from_gripper));
+  if (!postures) return Failure{postures.reason()};
+  if (robot.configuration.empty()) {
+    return Failure{"the captures are in several configurations of the arm, so that a pose does not tell its joints"};
+  }
+  for (const Eigen::VectorXd& posture : *postures) {
+    const std::optional<Configuration> configuration = ConfigurationOf(robot.nominal, posture);
+    if (configuration && NameOf(*configuration) == robot.configuration) return posture;
+  }
+  return Failure{"the arm " + robot.nominal.name + " does not reach the pose in the configuration of the captures (" +
+                 robot.configuration + ")"};
+}
+
+}  // namespace
+
+Outcome<Rigid3d> TruePose(const RobotSummary& robot, const Rigid3d& reported) {
+  const Outcome<Eigen::VectorXd> joints = JointsAt(robot, reported);
+  if (!joints) return Failure{joints.reason()};
+  return reported * MakeArmEffect(robot.nominal, *joints, robot.tip_from_gripper)->Evaluate(robot.errors, nullptr);
+}
+
+Outcome<Rigid3d> CommandFor(const RobotSummary& robot, const Rigid3d& wanted) {
+  // The correction changes little with the pose, so that this iteration gains some three digits with every round.
+  constexpr int kMaxRounds = 20;
+  constexpr double kExact = 1e-10;
+  Rigid3d command = wanted;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const Outcome<Rigid3d> reached = TruePose(robot, command);
+    if (!reached) return reached;
+    const Tangent6 missing = LocalCoordinates(*reached, wanted);
+    if (missing.norm() < kExact) return command;
+    command = Retract(command, missing);
+  }
+  return Failure{"no command was found that reaches the pose"};
+}
+
+}  // namespace heba

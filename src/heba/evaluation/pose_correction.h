@@ -1,0 +1,17 @@
+// The use of estimated kinematics: where the gripper truly is, and which pose to command.
+#pragma once
+
+#include "heba/base/error.h"
+#include "heba/evaluation/evaluation.h"
+
+namespace heba {
+
+// Returns the true pose of the gripper if the controller reports `reported` (base_from_gripper). The joints are those
+// of the configuration of the captures. Returns a Failure if the arm does not reach the pose in it, or if the captures
+// are in several configurations, so that the pose does not tell the joints.
+Outcome<Rigid3d> TruePose(const RobotSummary& robot, const Rigid3d& reported);
+
+// Returns the pose to command so that the gripper truly reaches `wanted`: the inverse of TruePose.
+Outcome<Rigid3d> CommandFor(const RobotSummary& robot, const Rigid3d& wanted);
+
+}  // namespace heba

@@ -1,0 +1,132 @@
+// The kinematics of an arm, from simulated captures to corrected poses.
+#include <cmath>
+#include <map>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "tests/pipeline/cli.h"
+
+namespace heba {
+namespace {
+
+using Json = nlohmann::json;
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class ArmRunTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder() = TestFolder("arm_run");
+    const std::string scene = std::string(HEBA_SOURCE_DIR) + "/configs/arm/scene.yaml";
+    const std::map<std::string, std::vector<std::string>> settings = {
+        {"one", {}},
+        {"several", {"--set", "robot.configurations=several", "--set", "robot.record_joints=true"}},
+        {"exact", {"--set", "robot.offsets=0 deg", "--set", "robot.lengths=0 mm", "--set", "robot.angles=0 deg"}}};
+    for (const auto& [name, flags] : settings) {
+      std::vector<std::string> command = {"simulate", scene, "--out", (folder() / name).string(), "--quiet"};
+      command.insert(command.end(), flags.begin(), flags.end());
+      const CommandResult simulated = RunHeba(command);
+      ASSERT_EQ(simulated.status, 0) << simulated.err;
+      const CommandResult run = RunHeba(
+          {"run", (folder() / name / "config.yaml").string(), "--out", (folder() / name / "run").string(), "--quiet"});
+      ASSERT_EQ(run.status, 0) << run.err;
+    }
+  }
+  static fs::path& folder() {
+    static fs::path path;
+    return path;
+  }
+  // The refined estimate of a run.
+  static Json RefinedIn(const fs::path& run) {
+    const Json result = Json::parse(ReadAll(run / "result.json"));
+    for (const Json& estimate : result["estimates"]) {
+      if (estimate["method"] == "bundle") return estimate;
+    }
+    return nullptr;
+  }
+  static Json Refined(const std::string& name) { return RefinedIn(folder() / name / "run"); }
+};
+
+TEST_F(ArmRunTest, ErrorsAreFoundWithinTheirSigmas) {
+  for (const std::string name : {"one", "several"}) {
+    const Json robot = Refined(name)["robot"];
+    const Json truth = Json::parse(ReadAll(folder() / name / "truth.json"))["robot"];
+    EXPECT_EQ(robot["decision"], "estimated") << robot["reason"];
+    EXPECT_EQ(robot["angles"], name == "one" ? "recovered" : "recorded");
+    double squares = 0;
+    int num = 0;
+    for (const Json& parameter : robot["parameters"]) {
+      if (parameter["std"].is_null()) continue;
+      const double error = parameter["value"].get<double>() - parameter["nominal"].get<double>();
+      squares += std::pow(
+          (error - truth[parameter["name"].get<std::string>()].get<double>()) / parameter["std"].get<double>(), 2);
+      ++num;
+    }
+    EXPECT_EQ(num, 18);
+    // The mean of 18 squares exceeds 2.3 with a probability of 0.1 %.
+    EXPECT_LT(squares / num, 2.3) << name;
+    EXPECT_LT(robot["sigma"]["after_mm"].get<double>(), 0.3 * robot["sigma"]["before_mm"].get<double>());
+    EXPECT_EQ(robot["undetermined"].size(), 8U);
+  }
+}
+
+TEST_F(ArmRunTest, HeldOutTargetsArePredictedBetterThanWithoutTheArm) {
+  const CommandResult without =
+      RunHeba({"run", (folder() / "several" / "config.yaml").string(), "--set", "refine.kinematics=none", "--out",
+               (folder() / "without").string(), "--quiet"});
+  ASSERT_EQ(without.status, 0) << without.err;
+  const double without_mm = RefinedIn(folder() / "without")["errors"]["holdout_target_mm"].get<double>();
+  EXPECT_LT(Refined("several")["errors"]["holdout_target_mm"].get<double>(), 0.35 * without_mm);
+}
+
+TEST_F(ArmRunTest, ExactArmsAreLeftAlone) {
+  const Json robot = Refined("exact")["robot"];
+  EXPECT_EQ(robot["decision"], "declined");
+  EXPECT_THAT(robot["reason"].get<std::string>(), HasSubstr("not significantly better"));
+}
+
+TEST_F(ArmRunTest, WrongArmIsRefusedByName) {
+  const CommandResult run = RunHeba({"run", (folder() / "one" / "config.yaml").string(), "--set", "robot.model=ur3",
+                                     "--out", (folder() / "wrong").string(), "--quiet"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_THAT(ReadAll(folder() / "wrong" / "result.json"), HasSubstr("the arm ur3 does not reach the pose of capture"));
+}
+
+TEST_F(ArmRunTest, PosesAreCorrectedBothWays) {
+  const fs::path run = folder() / "one" / "run";
+  const fs::path poses = folder() / "one" / "poses.csv";
+  const fs::path corrected = folder() / "corrected.csv";
+  const fs::path again = folder() / "again.csv";
+  const CommandResult forward = RunHeba({"correct", run.string(), poses.string(), "--out", corrected.string()});
+  ASSERT_EQ(forward.status, 0) << forward.err;
+  EXPECT_THAT(forward.out, HasSubstr("20 true poses"));
+  const CommandResult back =
+      RunHeba({"correct", run.string(), corrected.string(), "--inverse", "--out", again.string(), "--quiet"});
+  ASSERT_EQ(back.status, 0) << back.err;
+  EXPECT_NE(ReadAll(poses).substr(0, 400), ReadAll(corrected).substr(0, 400));
+  // The first number of the first pose, to a nanometre.
+  const auto first_of = [](const fs::path& file) {
+    const std::string text = ReadAll(file);
+    return std::stod(text.substr(text.find(',', text.find('\n')) + 1));
+  };
+  EXPECT_NEAR(first_of(poses), first_of(again), 1e-9);
+  const CommandResult refused =
+      RunHeba({"correct", (folder() / "exact" / "run").string(), poses.string(), "--out", corrected.string()});
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.err, HasSubstr("were not estimated"));
+}
+
+TEST_F(ArmRunTest, CalibratedArmIsExported) {
+  const std::string run = (folder() / "one" / "run").string();
+  EXPECT_THAT(RunHeba({"export", run, "--to", "ur_kinematics"}).out, HasSubstr("forearm:"));
+  EXPECT_THAT(RunHeba({"export", run, "--to", "robot_urdf"}).out, HasSubstr("flange_joint"));
+  EXPECT_THAT(RunHeba({"export", run, "--to", "dh_csv"}).out, HasSubstr("joint,theta_rad,d_m,a_m,alpha_rad,beta_rad"));
+  const CommandResult refused = RunHeba({"export", (folder() / "exact" / "run").string(), "--to", "dh_csv"});
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.err, HasSubstr("were not estimated"));
+}
+
+}  // namespace
+}  // namespace heba
