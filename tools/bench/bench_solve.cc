@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstdio>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,6 +22,8 @@
 #include "heba/cross_validation.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/kernels/simd.h"
+#include "heba/robot/arm_errors.h"
+#include "heba/robot/arm_table.h"
 #include "solvers/calibration/study.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/initial/intrinsics.h"
@@ -102,7 +105,8 @@ double SecondsOf(const std::function<void()>& work) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-Measured RunLibrary(const BenchScene& scene, Simd simd, int num_threads, bool has_robot_noise) {
+Measured RunLibrary(const BenchScene& scene, Simd simd, int num_threads, bool has_robot_noise,
+                    const std::shared_ptr<const SharedEffects>& effects = nullptr) {
   LimitSimd(simd);
   BundleOptions options;
   options.loss = LossKind::kNone;
@@ -111,6 +115,7 @@ Measured RunLibrary(const BenchScene& scene, Simd simd, int num_threads, bool ha
   options.num_threads = num_threads;
   options.robot = has_robot_noise ? BundleOptions::Robot::kGivenNoise : BundleOptions::Robot::kExact;
   options.robot_noise = kBenchRobot;
+  options.effects = effects;
   Measured measured;
   std::optional<Outcome<Solution>> solution;
   measured.seconds = SecondsOf([&] { solution = RefineHandEye(scene.problem, scene.start, options); });
@@ -167,6 +172,10 @@ void BenchRefinement() {
     run("heba, best, 2 threads", scene, Simd::kAvx512, 2, false);
     const BenchScene noisy = MakeBenchScene(workload.num_captures, workload.points_a_side, true);
     run("heba, best, robot corrections", noisy, Simd::kAvx512, 1, true);
+    const BenchScene of_arm = WithArmEffects(noisy);
+    const auto errors = std::make_shared<const SharedEffects>(ArmErrors(*FindArm("ur5e"), ArmErrorModel::kGeometry));
+    Print(workload, "heba, best, corrections and arm",
+          Median([&] { return RunLibrary(of_arm, Simd::kAvx512, 1, true, errors); }), textbook.seconds);
   }
   std::printf("\n");
 }

@@ -2,6 +2,9 @@
 
 #include "heba/base/error.h"
 #include "heba/base/rng.h"
+#include "heba/base/units.h"
+#include "heba/robot/arm_errors.h"
+#include "heba/robot/arm_table.h"
 #include "heba/simulation/scene.h"
 #include "solvers/closed_form/hand_eye_method.h"
 
@@ -39,6 +42,17 @@ BenchScene MakeBenchScene(int num_captures, int points_a_side, bool has_robot_no
     return Retract(pose, by * (Tangent6() << 2, -1, 1, 3, 2, -2).finished());
   };
   scene.start = {off(scene.truth.camera_mount_from_camera, 1e-3), off(scene.truth.target_mount_from_target, -1e-3)};
+  return scene;
+}
+
+BenchScene WithArmEffects(BenchScene scene) {
+  const Arm& arm = *FindArm("ur5e");
+  Rng rng(3);
+  for (View& view : scene.problem.views) {
+    Eigen::VectorXd joints(arm.num_joints());
+    for (double& joint : joints) joint = rng.Uniform(-kPi, kPi);
+    view.effect = MakeArmEffect(arm, joints, {});
+  }
   return scene;
 }
 

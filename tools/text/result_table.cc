@@ -146,6 +146,8 @@ std::string ResultTable(const RunResult& result, Colour colour) {
   for (const Finding& finding : result.verdict.findings) {
     if (finding.code == "model") table += finding.text + "\n";
     if (finding.code == "camera") table += "camera: " + finding.text + "\n";
+    const bool is_of_arm = std::string_view(finding.code).starts_with("arm_");
+    if (is_of_arm) table += "arm: " + finding.text + (finding.action.empty() ? "" : "; " + finding.action) + "\n";
   }
   return table;
 }
