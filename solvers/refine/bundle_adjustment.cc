@@ -136,9 +136,8 @@ double LogLikelihoodOf(const Problem& problem, const Solution& solution, const B
   const Loss& loss = InlierLoss(options);
   const FitState state{solution.hand_eye, solution.camera, solution.shape, solution.effects, CorrectionsOf(solution)};
   const FitNoise noise{solution.pixel_sigma_px, solution.robot_noise, solution.effect_sigmas};
-  const std::optional<std::vector<LinearisedView>> views =
-      LineariseFit(problem, state, GroupByRobotPose(problem.setup, problem.views), free, noise, loss, loss.consistency,
-                   options.camera_prior);
+  const std::optional<std::vector<LinearisedView>> views = LineariseFit(
+      problem, state, GroupByRobotPose(problem.setup, problem.views), free, noise, loss, loss.consistency, options);
   if (!views) return -std::numeric_limits<double>::infinity();
   const UnknownLayout layout = HandEyeUnknowns(solution.camera.Model(), free);
   const std::vector<VarianceGroup> groups =

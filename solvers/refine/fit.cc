@@ -45,6 +45,25 @@ LinearisedView PriorView(const CameraPrior& prior, const Camera& camera, const F
   return view;
 }
 
+// Likewise for the scales of the target. The rows are there even if no scale is free, so that models are compared by
+// the same measurements.
+LinearisedView ScaleView(double sigma, const FitState& state, const FreeUnknowns& free, double row_variance,
+                         Eigen::Index num_effects) {
+  constexpr Eigen::Index kNumScales = 2;
+  const UnknownLayout layout = HandEyeUnknowns(state.camera.Model(), free);
+  const UnknownBlock block = layout.Block(kTargetBlock);
+  const double weight = std::sqrt(row_variance) / sigma;
+  LinearisedView view;
+  view.by_unknowns = Eigen::MatrixXd::Zero(kNumScales, layout.size());
+  view.by_effects = Eigen::MatrixXd::Zero(kNumScales, num_effects);
+  view.offset = weight * (Eigen::Vector2d(state.shape.params[0], state.shape.params[1]) - Eigen::Vector2d::Ones());
+  view.num_rows_without_effects = kNumScales;
+  for (Eigen::Index i = block.first; i < block.end(); ++i) {
+    if (layout[i].group == UnknownGroup::kScale) view.by_unknowns(layout[i].index, i) = -weight;
+  }
+  return view;
+}
+
 // Returns the loops of the problem's captures, with corrections of the robot poses if there are any.
 LoopProblem LoopsOf(const Problem& problem, const PoseGroups& groups, const FreeUnknowns& free, const FitState& state,
                     const std::optional<RobotNoise>& correction_noise) {
@@ -74,12 +93,17 @@ bool HasMarginalProducts(const Fit& fit, const Loss& loss, const FreeUnknowns& f
          known.products.elimination_loss < kMostLoss && known.products.parameters == ParametersOf(fit.state, free);
 }
 
-// Adds the information of the priors of the camera, if it has one, and of the effects.
-void AddPriors(const std::optional<CameraPrior>& prior, const FreeUnknowns& free, const FitNoise& noise,
-               Information* information) {
+// Adds the information of the priors of the camera and of the target's scales, if they have one, and of the effects.
+void AddPriors(const std::optional<CameraPrior>& prior, const std::optional<double>& scale_sigma,
+               const FreeUnknowns& free, const FitNoise& noise, Information* information) {
   const Eigen::VectorXd of_effects = EffectWeights(free, noise);
   information->matrix.diagonal().segment(information->layout.Block(kRobotBlock).first, of_effects.size()) +=
       of_effects.cwiseAbs2();
+  const UnknownBlock target = information->layout.Block(kTargetBlock);
+  for (Eigen::Index i = target.first; scale_sigma && i < target.end(); ++i) {
+    const bool is_scale = information->layout[i].group == UnknownGroup::kScale;
+    if (is_scale) information->matrix(i, i) += 1 / (*scale_sigma * *scale_sigma);
+  }
   if (!prior) return;
   const Eigen::VectorXd weights = PriorWeights(*prior, free.params);
   const UnknownBlock camera = information->layout.Block(kCameraBlock);
@@ -171,17 +195,19 @@ double FitCost(const ViewDistances& squared_distances, const FitState& state, co
 std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, const FitState& state,
                                                         const PoseGroups& groups, const FreeUnknowns& free,
                                                         const FitNoise& noise, const Loss& loss,
-                                                        double prior_row_variance,
-                                                        const std::optional<CameraPrior>& prior) {
+                                                        double prior_row_variance, const BundleOptions& options) {
   // Without corrections the columns of the effects are still needed: their variance may be zero.
   const std::vector<Rigid3d> none(problem.views.size());
   std::optional<std::vector<LinearisedView>> views = LineariseCaptures(
       HandEyeLoops(problem, free, groups, state.corrections.empty() ? none : state.corrections, {1, 1}),
       ValuesOf(state), noise.pixel_px, loss);
   if (!views) return views;
-  if (prior) {
-    const Eigen::Index num_effects = views->front().by_effects.cols();
-    views->push_back(PriorView(*prior, state.camera, free, prior_row_variance, num_effects));
+  const Eigen::Index num_effects = views->front().by_effects.cols();
+  if (options.camera_prior) {
+    views->push_back(PriorView(*options.camera_prior, state.camera, free, prior_row_variance, num_effects));
+  }
+  if (options.target_scale_sigma) {
+    views->push_back(ScaleView(*options.target_scale_sigma, state, free, prior_row_variance, num_effects));
   }
   return views;
 }
@@ -213,6 +239,10 @@ ceres::Solver::Summary MinimiseOnce(const FreeUnknowns& free, const Loss& loss, 
     const Eigen::VectorXd weights = PriorWeights(prior, free.params);
     priors.push_back(
         {UnknownOwner::kCamera, weights, Eigen::Map<const Eigen::VectorXd>(prior.params.data(), weights.size())});
+  }
+  if (bundle_options.target_scale_sigma && HasShape(free.params, state->camera.Model())) {
+    const double weight = 1 / *bundle_options.target_scale_sigma;
+    priors.push_back({UnknownOwner::kTarget, Eigen::Vector4d(weight, weight, 0, 0), Eigen::Vector4d(1, 1, 0, 0)});
   }
   if (free.effects != nullptr) {
     const Eigen::VectorXd weights = EffectWeights(free, noise);
@@ -249,18 +279,19 @@ std::optional<Information> FitInformation(const FreeUnknowns& free, const Loss& 
     Information information{HandEyeUnknowns(state.camera.Model(), free), {}};
     const Eigen::Index size = information.layout.size();
     information.matrix = fit->known->products.matrix.topLeftCorner(size, size);
-    AddPriors(bundle_options.camera_prior, free, noise, &information);
+    AddPriors(bundle_options.camera_prior, bundle_options.target_scale_sigma, free, noise, &information);
     return information;
   }
   if (noise.robot) {
     // Marginalised over the corrections. The Schur complement of the normal equations is equivalent, but cancellation
     // leaves no significant digits if the images are far more exact than the robot.
     const std::optional<std::vector<LinearisedView>> views =
-        LineariseFit(problem, state, *fit->groups, free, noise, loss, factor, bundle_options.camera_prior);
+        LineariseFit(problem, state, *fit->groups, free, noise, loss, factor, bundle_options);
     if (!views) return std::nullopt;
     Information information{HandEyeUnknowns(state.camera.Model(), free),
                             MarginalInformation(*views, CorrectionVariances(*noise.robot), factor)};
-    AddPriors(std::nullopt, free, noise, &information);  // The camera's is among the views.
+    // The views contain the priors of camera and target already.
+    AddPriors(std::nullopt, std::nullopt, free, noise, &information);
     return information;
   }
   CapturesCostOptions options;
@@ -277,7 +308,7 @@ std::optional<Information> FitInformation(const FreeUnknowns& free, const Loss& 
   const Eigen::Index num_unknowns = information.layout.size();
   information.matrix = products->matrix.topLeftCorner(num_unknowns, num_unknowns) / factor;
   fit->known = KnownProducts{fit->problem, &loss, {noise.pixel_px, std::nullopt, {}}, std::move(*products)};
-  AddPriors(bundle_options.camera_prior, free, noise, &information);
+  AddPriors(bundle_options.camera_prior, bundle_options.target_scale_sigma, free, noise, &information);
   return information;
 }
 

@@ -88,12 +88,12 @@ Eigen::VectorXd EffectWeights(const FreeUnknowns& free, const FitNoise& noise);
 // Returns camera_from_target of a view: its robot pose with its effect and its correction.
 Rigid3d PredictedPose(const Problem& problem, const FreeUnknowns& free, const FitState& state, size_t view);
 
-// Linearises all observations: the captures, with one view per robot pose, and the prior if there is one.
+// Linearises all observations: the captures, with one view per robot pose, and the priors of camera and target if there
+// are any, whose rows have the noise variance `prior_row_variance`.
 std::optional<std::vector<LinearisedView>> LineariseFit(const Problem& problem, const FitState& state,
                                                         const PoseGroups& groups, const FreeUnknowns& free,
                                                         const FitNoise& noise, const Loss& loss,
-                                                        double prior_row_variance,
-                                                        const std::optional<CameraPrior>& prior);
+                                                        double prior_row_variance, const BundleOptions& options);
 
 // Runs Ceres once with the noise held constant.
 ceres::Solver::Summary MinimiseOnce(const FreeUnknowns& free, const Loss& loss, NoiseScale scale,

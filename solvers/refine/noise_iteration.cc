@@ -29,7 +29,7 @@ EstimatedNoise EstimateNoise(const Fit& fit, const FreeUnknowns& free, const Los
   const bool pixel_is_free = !options.pixel_noise_px;
   const bool robot_is_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
   const std::optional<std::vector<LinearisedView>> views =
-      LineariseFit(*fit.problem, fit.state, *fit.groups, free, noise, loss, loss.consistency, options.camera_prior);
+      LineariseFit(*fit.problem, fit.state, *fit.groups, free, noise, loss, loss.consistency, options);
   CHECK(views.has_value()) << "Ceres accepted a step that hides a point";
   const std::vector<VarianceGroup> groups = WithEffectGroups(
       CorrectionGroups(loss.consistency, *noise.robot, pixel_is_free, robot_is_free,
@@ -94,7 +94,8 @@ Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeUnknowns& free, const Loss& l
   const double detector_px = TypicalDetectorSigma(fit.problem->views).value_or(0);
   if (fit.unmodelled_sigma_px) fit.problem = WeightedByCovariance(*fit.problem, *fit.unmodelled_sigma_px);
   // The estimate of plain least squares does not depend on the noise.
-  const bool is_least_squares = loss.kind == LossKind::kNone && !has_robot_noise && !options.camera_prior;
+  const bool has_priors = options.camera_prior || options.target_scale_sigma || free.effects != nullptr;
+  const bool is_least_squares = loss.kind == LossKind::kNone && !has_robot_noise && !has_priors;
   constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {
     const ceres::Solver::Summary summary = MinimiseOnce(free, loss, scale, options, &fit);

@@ -87,6 +87,9 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
     return std::make_shared<const SharedEffects>(ArmErrors(dataset->robot->arm, model));
   };
   CalibrationOptions with_arm = *options;
+  // The scale of the target and the size of the arm are nearly one: prints are off by some tenths of a per cent.
+  constexpr double kScaleSigma = 0.003;
+  with_arm.bundle.target_scale_sigma = kScaleSigma;
   if (run.kinematics == Kinematics::kAuto) {
     with_arm.choose.effects = {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
   } else {
@@ -99,6 +102,7 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
   if (effects.size() > 1) {
     BundleOptions bundle = calibration->bundle;
     bundle.effects = errors_of(ArmErrorModel::kGeometry);
+    bundle.target_scale_sigma = kScaleSigma;
     const std::optional<size_t> found =
         MostLikelyEffects({calibration->camera, calibration->views, options->setup, options->shape},
                           *calibration->refined, bundle, effects);

@@ -48,6 +48,9 @@ struct BundleOptions {
   std::shared_ptr<const SharedEffects> effects;
   // Is treated as an additional measurement of the free camera parameters.
   std::optional<CameraPrior> camera_prior;
+  // One sigma of the target's scales about 1 (TargetShape), as additional measurements; nothing: they are not known.
+  // The scale of the target and the size of an arm have nearly the same effect on the images.
+  std::optional<double> target_scale_sigma;
   int max_iterations = 200;
   int num_threads = 1;  // The result does not depend on it.
 

@@ -113,5 +113,40 @@ TEST(TargetShapeRefinementTest, RefusesScaleForRotationsAboutTheToolPoint) {
   EXPECT_THAT(solution.reason(), testing::HasSubstr("the target's scale along"));
 }
 
+// A prior of the scales adds its information, with and without robot noise; a certain one holds them.
+TEST(TargetScalePriorTest, AddsItsInformation) {
+  for (const auto robot : {BundleOptions::Robot::kExact, BundleOptions::Robot::kEstimatedNoise}) {
+    TestSceneOptions scene_options;
+    scene_options.noise_px = 0.1;
+    scene_options.shape = {1.002, 0.999, 0, 0};
+    scene_options.robot_translation_m = robot == BundleOptions::Robot::kExact ? 0 : 2e-4;
+    const TestScene scene = MakeTestScene(5, scene_options);
+    BundleOptions options;
+    options.loss = LossKind::kNone;
+    options.robot = robot;
+    options.free_shape = {TargetShapeGroup::kScale};
+    options.pixel_noise_px = 0.1;
+    const auto solve = [&](std::optional<double> sigma) {
+      BundleOptions with = options;
+      with.target_scale_sigma = sigma;
+      return RefineHandEye({scene.camera, scene.views}, scene.hand_eye, with);
+    };
+    const Outcome<Solution> free = solve(std::nullopt);
+    ASSERT_TRUE(free.ok()) << free.reason();
+    const double sigma = *SigmaOf(free->covariance, "target.scale_x");
+    const Outcome<Solution> held = solve(1e-9);
+    ASSERT_TRUE(held.ok()) << held.reason();
+    EXPECT_NEAR(held->shape.params[0], 1, 1e-7);
+    EXPECT_NEAR(held->shape.params[1], 1, 1e-7);
+    const Outcome<Solution> known = solve(sigma);
+    ASSERT_TRUE(known.ok()) << known.reason();
+    EXPECT_LT(*SigmaOf(known->covariance, "target.scale_x"), 0.8 * sigma);
+    const auto off = [](const Solution& solution) {
+      return std::hypot(solution.shape.params[0] - 1, solution.shape.params[1] - 1);
+    };
+    EXPECT_LT(off(*known), off(*free));
+  }
+}
+
 }  // namespace
 }  // namespace heba
