@@ -170,16 +170,16 @@ std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOpt
       const Outcome<Solution>& chain = calibration->chain;
       row[names.size() - 2] = chain ? PredictHeldOut(chain->hand_eye, seen) : Failure{chain.reason()};
       const Outcome<Solution>& refined = calibration->refined;
-      row[names.size() - 1] =
-          refined
-              ? PredictHeldOut(refined->hand_eye,
-                               SeenViews(refined->camera,
-                                         ApplyShape(CorrectedViews(options.setup, held_out, *refined), refined->shape)))
-              : Failure{refined.reason()};
-      if (refined && row.back()) {
-        AddChi2(*refined, calibration->bundle, options.setup, held_out, &*row.back());
-        AddNoiseSquares(refined->hand_eye, refined->camera, *refined, options.setup,
-                        ApplyShape(CorrectedViews(options.setup, held_out, *refined), refined->shape), &*row.back());
+      if (!refined) {
+        row.back() = Failure{refined.reason()};
+      } else {
+        const std::vector<View> corrected =
+            ApplyShape(CorrectedViews(options.setup, held_out, *refined), refined->shape);
+        row.back() = PredictHeldOut(refined->hand_eye, SeenViews(refined->camera, corrected));
+        if (row.back()) {
+          AddChi2(*refined, calibration->bundle, options.setup, held_out, &*row.back());
+          AddNoiseSquares(refined->hand_eye, refined->camera, *refined, options.setup, corrected, &*row.back());
+        }
       }
     }
     const std::lock_guard<std::mutex> lock(mutex);

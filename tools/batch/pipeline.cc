@@ -1,5 +1,4 @@
 #include "tools/batch/pipeline.h"
-#include "tools/run/captures.h"
 
 #include <algorithm>
 #include <chrono>
@@ -18,6 +17,7 @@
 #include "tools/files/detection_file.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/report.h"
+#include "tools/run/captures.h"
 #include "tools/text/finding_text.h"
 #include "tools/text/run_console.h"
 

@@ -115,11 +115,6 @@ ArmSetup SetUpArm(const Dataset& dataset) {
   } else {
     SetUpRecovered(dataset, &setup);
   }
-  for (size_t i = 0; !setup.branches.empty() && i < dataset.captures.size(); ++i) {
-    if (!SingularityAt(dataset.robot->arm, setup.branches.front().joints[i]).empty()) {
-      setup.singular.push_back(dataset.captures[i].name);
-    }
-  }
   return setup;
 }
 

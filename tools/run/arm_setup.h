@@ -19,8 +19,7 @@ struct ArmBranch {
 struct ArmSetup {
   bool is_recorded = false;
   Rigid3d tip_from_gripper;
-  std::vector<ArmBranch> branches;    // The candidates, of which the captures determine the right one.
-  std::vector<std::string> singular;  // Names of captures at or near a singularity.
+  std::vector<ArmBranch> branches;  // The candidates, of which the captures determine the right one.
   // Reason why the kinematics cannot be estimated, in one clause; empty if they can.
   std::string reason;
 };

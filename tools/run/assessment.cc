@@ -337,10 +337,6 @@ std::string WhyDeclined(const Calibration& calibration) {
          std::to_string(best_with_arm->dof - chosen->dof) + " more parameters)";
 }
 
-}  // namespace
-
-namespace {
-
 // Returns the name of the configuration that all captures share; empty if there is none.
 std::string CommonConfiguration(const Arm& arm, const ArmBranch& branch) {
   const std::optional<Configuration> first = ConfigurationOf(arm, branch.joints.front());

@@ -25,25 +25,31 @@ Outcome<Eigen::VectorXd> JointsAt(const RobotSummary& robot, const Rigid3d& repo
                  robot.configuration + ")"};
 }
 
+Rigid3d TruePoseAt(const RobotSummary& robot, const Rigid3d& reported, const Eigen::VectorXd& joints) {
+  return reported * MakeArmEffect(robot.nominal, joints, robot.tip_from_gripper)->Evaluate(robot.errors, nullptr);
+}
+
 }  // namespace
 
 Outcome<Rigid3d> TruePose(const RobotSummary& robot, const Rigid3d& reported) {
   const Outcome<Eigen::VectorXd> joints = JointsAt(robot, reported);
   if (!joints) return Failure{joints.reason()};
-  return reported * MakeArmEffect(robot.nominal, *joints, robot.tip_from_gripper)->Evaluate(robot.errors, nullptr);
+  return TruePoseAt(robot, reported, *joints);
 }
 
 Outcome<Rigid3d> CommandFor(const RobotSummary& robot, const Rigid3d& wanted) {
+  Outcome<Eigen::VectorXd> joints = JointsAt(robot, wanted);
+  if (!joints) return Failure{joints.reason()};
   // The correction changes little with the pose, so that this iteration gains some three digits with every round.
   constexpr int kMaxRounds = 20;
   constexpr double kExact = 1e-10;
   Rigid3d command = wanted;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const Outcome<Rigid3d> reached = TruePose(robot, command);
-    if (!reached) return reached;
-    const Tangent6 missing = LocalCoordinates(*reached, wanted);
+    const Tangent6 missing = LocalCoordinates(TruePoseAt(robot, command, *joints), wanted);
     if (missing.norm() < kExact) return command;
     command = Retract(command, missing);
+    joints = PostureNear(robot.nominal, command * Inverse(robot.tip_from_gripper), *joints);
+    if (!joints) return Failure{joints.reason()};
   }
   return Failure{"no command was found that reaches the pose"};
 }

@@ -1,30 +1,17 @@
 #include "heba/io/arm_file.h"
 
 #include <array>
-#include <cmath>
 #include <string>
 #include <vector>
 
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/io/export_format.h"
 
 namespace heba {
 namespace {
 
 constexpr std::array<const char*, 6> kLinks = {"shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"};
-
-Eigen::Quaterniond FromRpy(double roll, double pitch, double yaw) {
-  return Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY()) *
-         Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitX());
-}
-
-// Returns roll, pitch and yaw.
-Eigen::Vector3d ToRpy(const Eigen::Matrix3d& r) {
-  const double pitch = std::atan2(-r(2, 0), std::hypot(r(0, 0), r(1, 0)));
-  constexpr double kLocked = 1e-9;
-  if (std::hypot(r(0, 0), r(1, 0)) < kLocked) return {std::atan2(-r(1, 2), r(1, 1)), pitch, 0};
-  return {std::atan2(r(2, 1), r(2, 2)), pitch, std::atan2(r(1, 0), r(0, 0))};
-}
 
 }  // namespace
 
@@ -35,12 +22,12 @@ Arm ReadArmFile(const std::filesystem::path& path, const Arm& nominal) {
   Rigid3d base_from_link;
   for (const char* name : kLinks) {
     MapReader link(links.Get(name));
-    const Eigen::Vector3d position(link.Number("x"), link.Number("y"), link.Number("z"));
-    const double roll = link.Number("roll");
-    const double pitch = link.Number("pitch");
-    const double yaw = link.Number("yaw");
+    std::vector<double> numbers;
+    for (const std::string& column : RollPitchYawFormat().columns) numbers.push_back(link.Number(column));
+    const Outcome<Rigid3d> last_from_link = PoseFromNumbers(RollPitchYawFormat(), numbers);
+    if (!last_from_link) link.value().Fail(last_from_link.reason());
     link.Finish();
-    base_from_link = base_from_link * Rigid3d(FromRpy(roll, pitch, yaw), position);
+    base_from_link = base_from_link * *last_from_link;
     axes.push_back({base_from_link.rotation * Eigen::Vector3d::UnitZ(), base_from_link.translation, true});
   }
   if (nominal.num_joints() != static_cast<int>(kLinks.size())) {
@@ -77,16 +64,11 @@ Outcome<std::string> ArmFileText(const Arm& arm) {
       part.last_from_tip = {};
       base_from_link = BaseFromTip(part, Eigen::VectorXd::Zero(static_cast<Eigen::Index>(i) + 1));
     }
-    const Rigid3d link = Inverse(base_from_last) * base_from_link;
-    const Eigen::Vector3d rpy = ToRpy(link.RotationMatrix());
+    const std::vector<double> numbers = NumbersFromPose(RollPitchYawFormat(), Inverse(base_from_last) * base_from_link);
     text += std::string("  ") + kLinks[i] + ":\n";
-    const std::array<std::pair<const char*, double>, 6> numbers = {{{"x", link.translation.x()},
-                                                                    {"y", link.translation.y()},
-                                                                    {"z", link.translation.z()},
-                                                                    {"roll", rpy[0]},
-                                                                    {"pitch", rpy[1]},
-                                                                    {"yaw", rpy[2]}}};
-    for (const auto& [key, value] : numbers) text += std::string("    ") + key + ": " + RoundTrip(value + 0.0) + "\n";
+    for (size_t k = 0; k < numbers.size(); ++k) {
+      text += "    " + RollPitchYawFormat().columns[k] + ": " + RoundTrip(numbers[k] + 0.0) + "\n";
+    }
     base_from_last = base_from_link;
   }
   return text;

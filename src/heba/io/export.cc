@@ -264,6 +264,17 @@ std::vector<double> TranslationAndQuaternion(const Rigid3d& pose) {
   return {t.x(), t.y(), t.z(), q[0], q[1], q[2], q[3]};
 }
 
+const PoseFormat& RollPitchYawFormat() {
+  static const PoseFormat format{"", {"x", "y", "z", "roll", "pitch", "yaw"}, "m", "extrinsic_xyz", "rad"};
+  return format;
+}
+
+std::string UrdfOrigin(const Rigid3d& pose) {
+  const std::vector<double> numbers = NumbersFromPose(RollPitchYawFormat(), pose);
+  return "<origin xyz=\"" + JoinNumbers({numbers.begin(), numbers.begin() + 3}, " ") + "\" rpy=\"" +
+         JoinNumbers({numbers.begin() + 3, numbers.end()}, " ") + "\"/>";
+}
+
 Outcome<OpenCvLens> NeedOpenCvLens(const Camera& camera, const std::string& software) {
   if (std::optional<OpenCvLens> lens = OpenCvLensOf(camera)) return *std::move(lens);
   return Failure{software + " has no equivalent of the camera model " + camera.model + "; export as kalibr"};

@@ -7,6 +7,7 @@
 
 #include "heba/base/error.h"
 #include "heba/io/export.h"
+#include "heba/io/pose_formats.h"
 
 namespace heba {
 
@@ -41,6 +42,12 @@ std::string DecimalText(double number);
 std::string JoinNumbers(const std::vector<double>& numbers, std::string_view separator);
 // Returns x, y, z (m), qx, qy, qz, qw, with qw not negative.
 std::vector<double> TranslationAndQuaternion(const Rigid3d& pose);
+
+// Returns the form of a pose in URDF and in ROS' parameters: x, y, z in m, then roll, pitch and yaw in rad about fixed
+// axes, R = Rz(yaw) Ry(pitch) Rx(roll).
+const PoseFormat& RollPitchYawFormat();
+// Returns the element of a URDF that states a pose: <origin xyz="..." rpy="..."/>.
+std::string UrdfOrigin(const Rigid3d& pose);
 
 // Returns OpenCV's lens of the camera; a Failure that names the camera model if `software` needs one and there is none.
 Outcome<OpenCvLens> NeedOpenCvLens(const Camera& camera, const std::string& software);

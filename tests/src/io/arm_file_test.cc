@@ -11,17 +11,12 @@
 #include "heba/robot/arm_table.h"
 #include "heba/robot/urdf_arm.h"
 #include "heba/simulation/arm_captures.h"
+#include "tests/support/arm_joints.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
 
 namespace heba {
 namespace {
-
-Eigen::VectorXd RandomJoints(const Arm& arm, Rng* rng) {
-  Eigen::VectorXd joints(arm.num_joints());
-  for (double& joint : joints) joint = rng->Uniform(-kPi, kPi);
-  return joints;
-}
 
 // The nominal parameters as ROS' ur_description has them.
 constexpr const char* kNominalUr5e = R"(kinematics:

@@ -9,15 +9,10 @@
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
 #include "heba/robot/arm_table.h"
+#include "tests/support/arm_joints.h"
 
 namespace heba {
 namespace {
-
-Eigen::VectorXd RandomJoints(const Arm& arm, Rng* rng) {
-  Eigen::VectorXd joints(arm.num_joints());
-  for (double& joint : joints) joint = rng->Uniform(-kPi, kPi);
-  return joints;
-}
 
 Rigid3d RandomPose(Rng* rng) { return Rigid3d(ExpRotation(rng->NormalVector3()), 0.1 * rng->NormalVector3()); }
 

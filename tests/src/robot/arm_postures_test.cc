@@ -1,6 +1,5 @@
 #include "heba/robot/arm_postures.h"
 
-#include <numbers>
 #include <set>
 
 #include <gmock/gmock.h>
@@ -9,17 +8,10 @@
 #include "heba/base/rng.h"
 #include "heba/robot/arm_table.h"
 #include "heba/robot/ur_kinematics.h"
+#include "tests/support/arm_joints.h"
 
 namespace heba {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
-
-Eigen::VectorXd RandomJoints(const Arm& arm, Rng* rng) {
-  Eigen::VectorXd joints(arm.num_joints());
-  for (double& joint : joints) joint = rng->Uniform(-kPi, kPi);
-  return joints;
-}
 
 double Distance(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
   double distance = 0;

@@ -1,7 +1,5 @@
 #include "heba/robot/arm.h"
 
-#include <numbers>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,17 +7,10 @@
 #include "heba/base/units.h"
 #include "heba/robot/arm_table.h"
 #include "heba/robot/ur_kinematics.h"
+#include "tests/support/arm_joints.h"
 
 namespace heba {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
-
-Eigen::VectorXd RandomJoints(const Arm& arm, Rng* rng) {
-  Eigen::VectorXd joints(arm.num_joints());
-  for (double& joint : joints) joint = rng->Uniform(-kPi, kPi);
-  return joints;
-}
 
 // Positions of the flange that follow from the drawings of the manufacturers.
 struct KnownPosition {

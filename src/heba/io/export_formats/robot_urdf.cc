@@ -1,23 +1,16 @@
 // URDF of the arm: a chain of joints from `base` to `flange`, with the axis of each joint as its z axis.
 #include "heba/base/text.h"
 #include "heba/io/export_format.h"
-#include "heba/io/pose_formats.h"
 #include "heba/robot/arm.h"
 
 namespace heba {
 namespace {
 
-std::string Origin(const Rigid3d& pose) {
-  const PoseFormat rpy{"", {"x", "y", "z", "r", "p", "y"}, "m", "extrinsic_xyz", "rad"};
-  const std::vector<double> numbers = NumbersFromPose(rpy, pose);
-  return "<origin xyz=\"" + JoinNumbers({numbers.begin(), numbers.begin() + 3}, " ") + "\" rpy=\"" +
-         JoinNumbers({numbers.begin() + 3, numbers.end()}, " ") + "\"/>";
-}
-
 std::string JointText(const std::string& name, const std::string& type, const std::string& parent,
                       const std::string& child, const Rigid3d& parent_from_child, const std::string& motion) {
   return "  <joint name=\"" + name + "\" type=\"" + type + "\">\n    <parent link=\"" + parent +
-         "\"/>\n    <child link=\"" + child + "\"/>\n    " + Origin(parent_from_child) + "\n" + motion + "  </joint>\n";
+         "\"/>\n    <child link=\"" + child + "\"/>\n    " + UrdfOrigin(parent_from_child) + "\n" + motion +
+         "  </joint>\n";
 }
 
 }  // namespace

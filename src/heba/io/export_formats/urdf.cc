@@ -1,33 +1,21 @@
 // URDF with a joint origin: xyz in m, rpy in rad about fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll).
 #include "heba/base/text.h"
 #include "heba/io/export_format.h"
-#include "heba/io/pose_formats.h"
 
 namespace heba {
-namespace {
-
-std::string Origin(const Rigid3d& pose) {
-  const PoseFormat rpy{"", {"x", "y", "z", "r", "p", "y"}, "m", "extrinsic_xyz", "rad"};
-  const std::vector<double> numbers = NumbersFromPose(rpy, pose);
-  return "<origin xyz=\"" + JoinNumbers({numbers.begin(), numbers.begin() + 3}, " ") + "\" rpy=\"" +
-         JoinNumbers({numbers.begin() + 3, numbers.end()}, " ") + "\"/>";
-}
-
-}  // namespace
-
 Outcome<std::string> ExportFormat_urdf(const ExportRequest& request) {
   const std::string parent = EscapedForMarkup(request.parent_frame);
   const std::string camera = EscapedForMarkup(request.child_frame);
   std::vector<std::string> remarks = ExportRemarks(request);
   if (request.child == ExportFrame::kOptical) {
     remarks.push_back("of a body frame with the same origin: " +
-                      Origin(request.parent_from_child * OpticalFromBody()).substr(1));
+                      UrdfOrigin(request.parent_from_child * OpticalFromBody()).substr(1));
   }
   // Two hyphens would end the XML comment; numbers contain at most one in a row.
   return "<?xml version=\"1.0\"?>\n<!--\n" + CommentLines(remarks, "  ") + "-->\n<robot name=\"" +
          EscapedForMarkup(request.name) + "\">\n  <link name=\"" + parent + "\"/>\n  <link name=\"" + camera +
          "\"/>\n  <joint name=\"" + parent + "_to_" + camera + "\" type=\"fixed\">\n    <parent link=\"" + parent +
-         "\"/>\n    <child link=\"" + camera + "\"/>\n    " + Origin(request.parent_from_child) +
+         "\"/>\n    <child link=\"" + camera + "\"/>\n    " + UrdfOrigin(request.parent_from_child) +
          "\n  </joint>\n</robot>\n";
 }
 
