@@ -10,6 +10,7 @@
 #include "heba/base/units.h"
 #include "solvers/calibration/camera_choice.h"
 #include "solvers/calibration/capture_rejection.h"
+#include "solvers/calibration/closed_form_results.h"
 #include "solvers/calibration/diagnostics.h"
 #include "solvers/calibration/multi_start.h"
 #include "solvers/closed_form/hand_eye_method.h"
@@ -78,36 +79,6 @@ void AddFewPointViews(const std::vector<View>& few, const CalibrationOptions& op
   calibration->unused.insert(calibration->unused.begin(), unused.begin(), unused.end());
 }
 
-MethodResult ResultOf(const HandEyeMethod& method, Outcome<HandEye> hand_eye, const Calibration& calibration) {
-  MethodResult result;
-  result.method = method.name;
-  result.hand_eye = std::move(hand_eye);
-  if (result.hand_eye) {
-    const std::optional<SquaredErrors> errors =
-        ReprojectionErrors(*result.hand_eye, calibration.camera, calibration.views);
-    if (errors) result.reprojection_rms_px = errors->RmsPx();
-  }
-  return result;
-}
-
-// Runs every method, because each may be needed as a seed. `known`: results that are already available.
-std::vector<MethodResult> RunMethods(const Calibration& calibration,
-                                     const std::vector<std::optional<Outcome<HandEye>>>& known = {}) {
-  std::vector<MethodResult> results;
-  const HandEyeInput input(calibration.pairs);
-  for (size_t i = 0; i < HandEyeMethods().size(); ++i) {
-    const HandEyeMethod& method = HandEyeMethods()[i];
-    results.push_back(ResultOf(method, i < known.size() && known[i] ? *known[i] : method.solve(input), calibration));
-  }
-  return results;
-}
-
-const MethodResult* FindResult(const std::vector<MethodResult>& results, const std::string& name) {
-  const auto found =
-      std::find_if(results.begin(), results.end(), [&](const MethodResult& r) { return r.method == name; });
-  return found == results.end() ? nullptr : &*found;
-}
-
 // Returns the initial guesses of the refinement, the preferred one first. Empty if there is none.
 std::vector<InitialGuess> SeedsOf(const std::vector<MethodResult>& results, const std::string& wanted,
                                   const Calibration& calibration) {
@@ -126,18 +97,6 @@ std::vector<InitialGuess> SeedsOf(const std::vector<MethodResult>& results, cons
   std::vector<InitialGuess> seeds;
   for (const auto& [rank, i] : order) seeds.push_back({results[i].method, *results[i].hand_eye});
   return seeds;
-}
-
-std::vector<MethodResult> Reported(const std::vector<MethodResult>& results, const std::vector<std::string>& names) {
-  // A method that does not suit the motion is reported with the reason.
-  if (names.empty()) return results;
-  std::vector<MethodResult> reported;
-  for (const std::string& name : names) {
-    const MethodResult* result = FindResult(results, name);
-    CHECK(result != nullptr) << name;
-    reported.push_back(*result);
-  }
-  return reported;
 }
 
 // Describes how a capture's image contradicts its pose.
@@ -427,36 +386,6 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   if (calibration.refined) calibration.chain = RefineChain(calibration.pairs, calibration.refined->hand_eye);
   AddFewPointViews(sorted.too_small, options, &calibration);
   return calibration;
-}
-
-void CalibratePoses(const std::vector<std::string>& methods, const std::string& seed, Calibration* calibration) {
-  const std::vector<MethodResult> results = RunMethods(*calibration);
-  calibration->methods = Reported(results, methods);
-  calibration->refined =
-      Failure{"poses of the target are given, not its points: bundle adjustment needs images or corners"};
-  // The best method has the smallest scatter of the target in the frame in which it is fixed, because there are no
-  // pixels to compare.
-  const MethodResult* best = nullptr;
-  double least_mm = std::numeric_limits<double>::infinity();
-  for (const MethodResult& result : results) {
-    if (!result.hand_eye || (seed != kBestSeed && result.method != seed)) continue;
-    const std::optional<BoardScatter> scatter = ComputeBoardScatter(calibration->pairs, *result.hand_eye);
-    if (!scatter || scatter->translation_rms_mm >= least_mm) continue;
-    least_mm = scatter->translation_rms_mm;
-    best = &result;
-  }
-  if (best == nullptr) {
-    std::string reason = "no closed form has a result";
-    for (const MethodResult& result : results) {
-      const bool counts =
-          seed == kBestSeed ? FindHandEyeMethod(result.method)->motion == MethodMotion::kAny : result.method == seed;
-      if (counts && !result.hand_eye) reason = result.hand_eye.reason();
-    }
-    calibration->chain = Failure{reason};
-    return;
-  }
-  calibration->seed = best->method;
-  calibration->chain = RefineChain(calibration->pairs, *best->hand_eye);
 }
 
 std::vector<Finding> Advise(const Calibration& calibration, const CalibrationOptions& options) {

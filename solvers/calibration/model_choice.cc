@@ -24,10 +24,6 @@ struct FittedModel {
   double log_likelihood = 0;
 };
 
-int NumVariances(const ErrorModel& model) {
-  const int num_of_noise = model.robot == Robot::kEstimatedNoise ? 2 : 0;
-  return num_of_noise + (model.effects == nullptr ? 0 : static_cast<int>(model.effects->groups.size()));
-}
 int NumShapeParams(const ErrorModel& model) { return 2 * static_cast<int>(model.shape.size()); }
 int DofOf(const ErrorModel& model) { return NumVariances(model) + NumShapeParams(model); }
 
@@ -126,24 +122,36 @@ std::optional<FittedModel> FitModel(const Problem& problem, const HandEye& start
   return other && (!found || other->log_likelihood > found->log_likelihood) ? other : found;
 }
 
-// Returns the probability of a likelihood ratio at least as large between nested models.
-double ChanceOfRatio(const FittedModel& smaller, const FittedModel& larger) {
-  const double statistic = std::max(0.0, 2 * (larger.log_likelihood - smaller.log_likelihood));
-  const double num_shape = NumShapeParams(larger.model) - NumShapeParams(smaller.model);
-  const double num_variances = NumVariances(larger.model) - NumVariances(smaller.model);
-  if (num_variances > 0) {
-    // A variance at its bound of zero counts for half of the data sets; the other half has one more parameter.
-    const double num_params = num_shape + num_variances;
-    const double tail_of_fewer = num_params > 1 ? ChiSquareTail(statistic, num_params - 1) : statistic > 0 ? 0.0 : 1.0;
-    return 0.5 * (tail_of_fewer + ChiSquareTail(statistic, num_params));
-  }
-  const double dof = larger.solution.covariance_dof;
-  if (!std::isfinite(dof)) return ChiSquareTail(statistic, num_shape);
-  // The likelihood ratio statistic of a linear model is (dof + k) log(1 + k F / dof).
-  return FisherTail(dof / num_shape * std::expm1(statistic / (dof + num_shape)), num_shape, dof);
+double ChanceAgainst(const FittedModel& larger, const FittedModel& smaller) {
+  return ChanceOfRatio(smaller.log_likelihood, larger.log_likelihood,
+                       {NumShapeParams(larger.model) - NumShapeParams(smaller.model),
+                        NumVariances(larger.model) - NumVariances(smaller.model)},
+                       larger.solution.covariance_dof);
 }
 
 }  // namespace
+
+int NumVariances(const ErrorModel& model) {
+  const int num_of_noise = model.robot == Robot::kEstimatedNoise ? 2 : 0;
+  if (model.effects == nullptr) return num_of_noise;
+  return num_of_noise + static_cast<int>(model.effects->groups.size()) + model.effects->num_fitted;
+}
+
+double ChanceOfRatio(double smaller_log_likelihood, double larger_log_likelihood, const ModelDifference& difference,
+                     double covariance_dof) {
+  const double statistic = std::max(0.0, 2 * (larger_log_likelihood - smaller_log_likelihood));
+  const double num_shape = difference.num_shape;
+  if (difference.num_variances > 0) {
+    // A variance at its bound of zero counts for half of the data sets; the other half has one more parameter.
+    const double num_params = num_shape + difference.num_variances;
+    const double tail_of_fewer = num_params > 1 ? ChiSquareTail(statistic, num_params - 1) : statistic > 0 ? 0.0 : 1.0;
+    return 0.5 * (tail_of_fewer + ChiSquareTail(statistic, num_params));
+  }
+  if (!std::isfinite(covariance_dof)) return ChiSquareTail(statistic, num_shape);
+  // The likelihood ratio statistic of a linear model is (dof + k) log(1 + k F / dof).
+  return FisherTail(covariance_dof / num_shape * std::expm1(statistic / (covariance_dof + num_shape)), num_shape,
+                    covariance_dof);
+}
 
 std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations() {
   std::vector<std::vector<TargetShapeGroup>> combinations(4);
@@ -187,6 +195,86 @@ std::optional<size_t> MostLikelyEffects(
     if (!(log_likelihood > best_log_likelihood)) continue;
     best_log_likelihood = log_likelihood;
     best = k;
+  }
+  return best;
+}
+
+namespace {
+
+// The captures of a problem at a solution, with the columns of smooth errors.
+struct SmoothLikelihood {
+  std::vector<LinearisedView> views;  // One per robot pose.
+  std::vector<Rigid3d> poses;         // base_from_gripper of each.
+  double pixel_sigma_px = 1;
+  RobotNoise robot;
+  Eigen::Index num_joints = 0;
+
+  // Returns the log-likelihood of smooth errors, whose standard deviations become the most likely ones.
+  double At(SmoothErrors* errors) const {
+    std::vector<LinearisedView> extended = views;
+    const Eigen::Index n = views.front().by_unknowns.cols();
+    const SharedEffects& effects = errors->effects();
+    for (size_t i = 0; i < views.size(); ++i) {
+      extended[i].by_unknowns.conservativeResize(Eigen::NoChange, n + effects.size());
+      extended[i].by_unknowns.rightCols(effects.size()) =
+          views[i].by_effects.leftCols<6>() * errors->GripperByEffects(poses[i]);
+    }
+    std::vector<VarianceGroup> groups = CorrectionGroups(1, robot, true, true, nullptr, num_joints);
+    const size_t first = groups.size();
+    for (const EffectGroup& group : effects.groups) {
+      groups.push_back({VarianceGroup::Kind::kUnknowns, {}, group.sigma * group.sigma, true});
+    }
+    for (Eigen::Index k = 0; k < effects.size(); ++k) {
+      groups[first + effects.effects[static_cast<size_t>(k)].group].columns.push_back(n + k);
+    }
+    const VarianceComponents found = EstimateVariances(extended, groups, kRoughVariances);
+    std::vector<double> sigmas;
+    for (size_t g = 0; g < groups.size(); ++g) {
+      groups[g].variance = found.variances[static_cast<Eigen::Index>(g)];
+      constexpr double kLeast = 1e-6;  // m, rad: the refinement starts from these figures.
+      if (g >= first) sigmas.push_back(std::max(kLeast, std::sqrt(groups[g].variance)));
+    }
+    errors->SetSigmas(sigmas);
+    return RestrictedLogLikelihood(extended, pixel_sigma_px, groups, n + effects.size());
+  }
+};
+
+}  // namespace
+
+std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
+                                                   const BundleOptions& options) {
+  CHECK(solution.robot_noise.has_value());
+  const Problem inliers = WithoutRejected(problem, solution);
+  const std::optional<std::vector<LinearisedView>> each = LineariseViewsAt(
+      inliers, solution, CorrectionsOf(solution), FreeOf(solution.camera.Model(), options), LossOf(LossKind::kNone));
+  if (!each) return std::nullopt;
+  const PoseGroups groups = GroupByRobotPose(inliers.setup, inliers.views);
+  SmoothLikelihood likelihood{
+      StackGroups(*each, groups), {}, solution.pixel_sigma_px, *solution.robot_noise, NumNoisyJoints(inliers.views)};
+  for (const std::vector<size_t>& group : groups) {
+    likelihood.poses.push_back(
+        BaseFromGripper(inliers.setup, inliers.views[group.front()].camera_mount_from_target_mount));
+  }
+  SmoothErrors best(likelihood.poses, {});
+  double best_log_likelihood = likelihood.At(&best);
+  constexpr double kFactor = 2;
+  constexpr int kMostRounds = 4;
+  bool has_improved = true;
+  for (int round = 0; round < kMostRounds && has_improved; ++round) {
+    has_improved = false;
+    for (double SmoothLengths::*const length : {&SmoothLengths::rotation_rad, &SmoothLengths::translation_m}) {
+      for (const double factor : {kFactor, 1 / kFactor}) {
+        SmoothLengths lengths = best.lengths();
+        lengths.*length *= factor;
+        SmoothErrors other(likelihood.poses, lengths);
+        const double log_likelihood = likelihood.At(&other);
+        if (!(log_likelihood > best_log_likelihood)) continue;
+        best_log_likelihood = log_likelihood;
+        best = std::move(other);
+        has_improved = true;
+        break;
+      }
+    }
   }
   return best;
 }
@@ -239,7 +327,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
       if (&other == &smaller || !Contains(other.model, smaller.model)) continue;
       if (largest == nullptr || DofOf(other.model) > DofOf(largest->model)) largest = &other;
     }
-    if (largest != nullptr) alternative.p = ChanceOfRatio(smaller, *largest);
+    if (largest != nullptr) alternative.p = ChanceAgainst(*largest, smaller);
     choice.alternatives.push_back(alternative);
     if (alternative.p.value_or(1) < kModelRejected) continue;
     const bool is_better = best == nullptr || (DofOf(smaller.model) == DofOf(best->model) &&

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "heba/calibration.h"
+#include "heba/data/smooth_errors.h"
 
 namespace heba {
 
@@ -16,6 +17,19 @@ inline constexpr size_t kMinPosesForVariances = 8;
 
 // Significance level: a model is rejected if data that deviate from it as much would be rarer than this.
 inline constexpr double kModelRejected = 0.01;
+
+// The numbers of parameters by which two nested models differ.
+struct ModelDifference {
+  int num_shape = 0;      // Parameters of the target's shape.
+  int num_variances = 0;  // Variances, and figures of a model of effects that were fitted.
+};
+// Returns the probability of a likelihood ratio at least as large if the smaller of two nested models is right.
+// `covariance_dof` is Solution::covariance_dof of the larger one.
+double ChanceOfRatio(double smaller_log_likelihood, double larger_log_likelihood, const ModelDifference& difference,
+                     double covariance_dof);
+
+// Returns the number of variances of a model, and of the figures of its effects that were fitted.
+int NumVariances(const ErrorModel& model);
 
 // Returns the combinations of shape parameters that can be unknown: none, the scale, the bend, both, in this order.
 std::vector<std::vector<TargetShapeGroup>> TargetShapeCombinations();
@@ -50,5 +64,12 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, c
 std::optional<size_t> MostLikelyEffects(
     const Problem& problem, const Solution& start, const BundleOptions& options,
     const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures);
+
+// Returns the smooth errors (heba/data/smooth_errors.h) whose lengths explain the problem best: those of the largest
+// restricted likelihood, linearised at `solution`, which has robot noise and no effects, searched by factors of two.
+// The standard deviations of the groups are those that belong to the lengths. Returns nothing if a point cannot be
+// projected.
+std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
+                                                   const BundleOptions& options);
 
 }  // namespace heba

@@ -12,6 +12,7 @@
 #include "heba/data/prediction.h"
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/refine/bundle_model.h"
+#include "solvers/residuals/loop_problem.h"
 #include "solvers/uncertainty/information.h"
 #include "solvers/uncertainty/robot_noise.h"
 
@@ -22,7 +23,25 @@ constexpr double kOutlierPx = 40;
 constexpr double kWrongM = 5e-3;
 constexpr double kWrongRad = 0.02;
 
-View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
+// The error of a robot pose: the systematic errors, then the noise of the joints.
+Rigid3d ErrorAt(const PoseEffect& effect, const Matrix6X& gripper_by_joints, const Eigen::VectorXd& drawn,
+                double joint_noise_rad, Rng* rng) {
+  Eigen::VectorXd noise(gripper_by_joints.cols());
+  for (double& joint : noise) joint = joint_noise_rad * rng->Normal();
+  return effect.Evaluate(drawn, nullptr) * Retract(Rigid3d(), gripper_by_joints * noise);
+}
+
+// Draws the systematic errors of the robot.
+Eigen::VectorXd DrawErrors(const StudyCell& cell, Rng* rng) {
+  if (!cell.robot) return {};
+  const SharedEffects& errors = *cell.robot->errors;
+  Eigen::VectorXd drawn = Eigen::VectorXd::Zero(errors.num_all);
+  for (const SharedEffect& effect : errors.effects)
+    drawn[effect.index] = errors.groups[effect.group].sigma * rng->Normal();
+  return drawn;
+}
+
+View MakeView(const StudyCell& cell, size_t index, const Eigen::VectorXd& drawn, Rng* rng) {
   const heba::Setup setup = cell.options.setup;
   const SimulatedPose& pose = cell.poses[index];
   View view;
@@ -30,6 +49,7 @@ View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
   view.role = pose.role;
   view.camera_mount_from_target_mount = CameraMountFromTargetMount(cell.hand_eye, pose.camera_from_target);
   view.observations = cell.target;
+  if (cell.robot) view.effect = cell.robot->effects[index];
   const bool is_designed = cell.shape.params == TargetShape().params;
   const Observations true_target = is_designed ? cell.target : ApplyShape(cell.target, cell.shape);
   // The robot's error is drawn again if it puts the target behind the camera.
@@ -39,8 +59,14 @@ View MakeView(const StudyCell& cell, size_t index, Rng* rng) {
     Tangent6 error;
     error << cell.robot_noise.translation_m * rng->NormalVector3(),
         cell.robot_noise.rotation_rad * rng->NormalVector3();
+    Rigid3d correction = Retract(Rigid3d(), error);
+    if (cell.robot) {
+      correction = ErrorAt(*cell.robot->effects[index], cell.robot->gripper_by_joints[index], drawn,
+                           cell.robot->joint_noise_rad, rng) *
+                   correction;
+    }
     const Rigid3d camera_from_target =
-        CameraFromTarget(setup, cell.hand_eye, view.camera_mount_from_target_mount, Retract(Rigid3d(), error));
+        CameraFromTarget(setup, cell.hand_eye, view.camera_mount_from_target_mount, correction);
     is_seen = Predict(cell.camera.Model(), cell.camera.params.data(), camera_from_target, true_target,
                       &view.observations.pixels, nullptr);
   }
@@ -81,13 +107,31 @@ std::vector<TargetShapeGroup> ShapeGroupsOf(const StudyCell& cell) {
   return groups;
 }
 
-bool IsModelOf(const StudyCell& cell, const BundleOptions& bundle) {
-  const bool is_noisy = cell.robot_noise.translation_m > 0 || cell.robot_noise.rotation_rad > 0;
-  return (bundle.robot != BundleOptions::Robot::kExact) == is_noisy && bundle.free_shape == ShapeGroupsOf(cell);
+// Returns the errors that are drawn in the trials: those of the groups with a standard deviation. Null if there are
+// none.
+std::shared_ptr<const SharedEffects> DrawnErrors(const StudyCell& cell) {
+  if (!cell.robot) return nullptr;
+  SharedEffects drawn = *cell.robot->errors;
+  drawn.effects.clear();
+  for (const SharedEffect& effect : cell.robot->errors->effects) {
+    if (drawn.groups[effect.group].sigma > 0) drawn.effects.push_back(effect);
+  }
+  return drawn.effects.empty() ? nullptr : std::make_shared<const SharedEffects>(drawn);
 }
 
-// Returns the errors of the unknowns in a layout of this cell.
-Eigen::VectorXd ErrorOf(const StudyCell& cell, const UnknownLayout& layout, const Solution& solution) {
+bool IsModelOf(const StudyCell& cell, const BundleOptions& bundle) {
+  if (bundle.free_shape != ShapeGroupsOf(cell)) return false;
+  const bool has_errors = DrawnErrors(cell) != nullptr;
+  if (has_errors != (bundle.effects != nullptr)) return false;
+  const bool has_joint_noise = cell.robot && cell.robot->joint_noise_rad > 0;
+  const bool is_noisy = cell.robot_noise.translation_m > 0 || cell.robot_noise.rotation_rad > 0 || has_joint_noise;
+  // Systematic errors are modelled beside noise, which may be zero.
+  return has_errors || (bundle.robot != BundleOptions::Robot::kExact) == is_noisy;
+}
+
+// Returns the errors of the unknowns in a layout of this cell, whose robot has the systematic errors `drawn`.
+Eigen::VectorXd ErrorOf(const StudyCell& cell, const UnknownLayout& layout, const Solution& solution,
+                        const Eigen::VectorXd& drawn = {}) {
   const Tangent6 hand_eye =
       LocalCoordinates(cell.hand_eye.camera_mount_from_camera, solution.hand_eye.camera_mount_from_camera);
   const Tangent6 board =
@@ -97,12 +141,22 @@ Eigen::VectorXd ErrorOf(const StudyCell& cell, const UnknownLayout& layout, cons
     for (Eigen::Index i = block.first; i < block.end(); ++i) {
       const auto k = static_cast<size_t>(layout[i].index);
       if (block.owner == UnknownOwner::kCamera) error[i] = solution.camera.params[k] - cell.camera.params[k];
+      if (block.owner == UnknownOwner::kEffects) {
+        const auto effect = static_cast<size_t>(i - block.first);
+        error[i] = solution.effects[i - block.first] - drawn[solution.shared_effects->effects[effect].index];
+      }
       if (block.owner == UnknownOwner::kTarget) error[i] = solution.shape.params[k] - cell.shape.params[k];
       if (block.owner == UnknownOwner::kPose)
         error[i] = block.name == kHandEyeBlock ? hand_eye[i - block.first] : board[i - block.first];
     }
   }
   return error;
+}
+
+TrialEstimate FailedEstimate(const std::string& method) {
+  TrialEstimate estimate;
+  estimate.method = method;
+  return estimate;
 }
 
 TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const Outcome<HandEye>& hand_eye,
@@ -118,16 +172,88 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
   return estimate;
 }
 
+// Returns the numbers of all unknowns but the robot's systematic errors and the target's shape.
+Eigen::VectorXd WithoutEffects(const UnknownLayout& layout, const Eigen::VectorXd& numbers) {
+  const UnknownBlock robot = layout.Block(kRobotBlock);
+  const Eigen::Index end = layout.Block(kTargetBlock).first;
+  Eigen::VectorXd others(end - robot.size);
+  others << numbers.head(robot.first), numbers.segment(robot.end(), end - robot.end());
+  return others;
+}
+
+// The derivative of the middle of the target in the camera at a place, by the unknowns of a layout.
+struct PredictedPlace {
+  Eigen::Vector3d in_camera = Eigen::Vector3d::Zero();
+  Eigen::Matrix<double, 3, Eigen::Dynamic> by_unknowns;
+  Eigen::Matrix<double, 3, 6> by_gripper;  // By a correction of the robot's pose.
+};
+
+PredictedPlace PredictPlace(const StudyCell& cell, const StudyPlace& place, const HandEye& hand_eye,
+                            const SharedEffects* effects, const Eigen::VectorXd& values, const UnknownLayout& layout) {
+  std::vector<int> indices;
+  for (size_t i = 0; effects != nullptr && i < effects->effects.size(); ++i) {
+    indices.push_back(effects->effects[i].index);
+  }
+  const bool has_effects = !indices.empty();
+  const KinematicLoop loop =
+      HandEyeLoop(cell.options.setup, place.camera_mount_from_target_mount,
+                  has_effects ? SelectEffects(place.effect, effects->num_all, indices) : nullptr, true);
+  const std::vector<Rigid3d> poses = {hand_eye.camera_mount_from_camera, hand_eye.target_mount_from_target};
+  const std::vector<Eigen::VectorXd> of_effects(has_effects ? 1 : 0, values);
+  LoopDerivatives derivatives;
+  const Rigid3d camera_from_target = loop.Evaluate({poses, of_effects, std::vector<Rigid3d>(1)}, &derivatives);
+  PredictedPlace predicted;
+  predicted.in_camera = camera_from_target * cell.target.points_in_target.rowwise().mean();
+  const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(predicted.in_camera);
+  predicted.by_unknowns.setZero(3, layout.size());
+  predicted.by_unknowns.middleCols<6>(layout.Block(kHandEyeBlock).first) = by_motion * derivatives.shared[0];
+  predicted.by_unknowns.middleCols<6>(layout.Block(kBoardBlock).first) = by_motion * derivatives.shared[1];
+  const UnknownBlock robot = layout.Block(kRobotBlock);
+  if (has_effects) predicted.by_unknowns.middleCols(robot.first, robot.size) = by_motion * derivatives.effects[0];
+  predicted.by_gripper = by_motion * derivatives.own[0];
+  return predicted;
+}
+
+// Adds the errors of a solution's predictions at the places of the cell. The regions are those of a further capture
+// there, whose joints are noisy too.
+void AddPlaceErrors(const StudyCell& cell, const Solution& solution, const Eigen::VectorXd& drawn, Rng* rng,
+                    TrialEstimate* estimate) {
+  const Covariance& covariance = solution.covariance;
+  const Eigen::Vector3d middle = cell.target.points_in_target.rowwise().mean();
+  for (const StudyPlace& place : cell.robot->places) {
+    const PredictedPlace predicted = PredictPlace(cell, place, solution.hand_eye, solution.shared_effects.get(),
+                                                  solution.effects, covariance.layout);
+    const auto truth_at = [&](double joint_noise_rad) -> Eigen::Vector3d {
+      const Rigid3d correction = ErrorAt(*place.effect, place.gripper_by_joints, drawn, joint_noise_rad, rng);
+      return CameraFromTarget(cell.options.setup, cell.hand_eye, place.camera_mount_from_target_mount, correction) *
+             middle;
+    };
+    PlaceErrors& errors = place.is_inside ? estimate->inside : estimate->outside;
+    errors.sum_m2 += (predicted.in_camera - truth_at(0)).squaredNorm();
+    const Eigen::Vector3d difference = predicted.in_camera - truth_at(cell.robot->joint_noise_rad);
+    const Eigen::Matrix3d region = predicted.by_unknowns * covariance.matrix * predicted.by_unknowns.transpose() +
+                                   predicted.by_gripper *
+                                       CorrectionVariances(solution.robot_noise.value_or(RobotNoise{})).asDiagonal() *
+                                       predicted.by_gripper.transpose();
+    constexpr double kOutside = 0.05;
+    constexpr int kAxes = 3;
+    const double squares = difference.dot(region.ldlt().solve(difference));
+    errors.num_covered += squares <= kAxes * FisherQuantile(kOutside, kAxes, solution.covariance_dof) ? 1 : 0;
+    ++errors.num;
+  }
+}
+
 TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const Outcome<Solution>& solution,
-                         const std::vector<PosePair>& pairs) {
-  if (!solution) return {method, false, {}, 0, {}, {}, {}, {}};
+                         const std::vector<PosePair>& pairs, const Eigen::VectorXd& drawn) {
+  if (!solution) return FailedEstimate(method);
   TrialEstimate estimate = EstimateOf(cell, method, Outcome<HandEye>(solution->hand_eye), pairs);
   const Eigen::MatrixXd& covariance = solution->covariance.matrix;
   const double dof = static_cast<double>(covariance.rows());
   const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
   // The chain does not estimate intrinsics.
-  const Eigen::VectorXd error = ErrorOf(cell, solution->covariance.layout, *solution);
-  estimate.error = error.head(solution->covariance.layout.Block(kTargetBlock).first);
+  const Eigen::VectorXd error = ErrorOf(cell, solution->covariance.layout, *solution, drawn);
+  estimate.error = WithoutEffects(solution->covariance.layout, error);
+  estimate.has_effects = solution->shared_effects != nullptr;
   const Eigen::VectorXd scaled_error = scale.cwiseProduct(error);
   const double squares =
       scaled_error.dot((scale.asDiagonal() * covariance * scale.asDiagonal()).ldlt().solve(scaled_error));
@@ -161,13 +287,14 @@ StudyErrors FromMeanSquares(const StudyCell& cell, const Eigen::VectorXd& square
 
 std::vector<TrialEstimate> RunTrial(const StudyCell& cell, uint64_t seed, int trial) {
   Rng rng(seed, static_cast<uint64_t>(trial));
+  const Eigen::VectorXd drawn = DrawErrors(cell, &rng);
   std::vector<View> views;
-  for (size_t i = 0; i < cell.poses.size(); ++i) views.push_back(MakeView(cell, i, &rng));
+  for (size_t i = 0; i < cell.poses.size(); ++i) views.push_back(MakeView(cell, i, drawn, &rng));
   const Outcome<Calibration> calibration = Calibrate(views, cell.options);
   std::vector<TrialEstimate> estimates;
   if (!calibration) {
-    for (const std::string& name : cell.options.methods) estimates.push_back({name, false, {}, 0, {}, {}, {}, {}});
-    for (const char* name : {kChainMethod, kBundleMethod}) estimates.push_back({name, false, {}, 0, {}, {}, {}, {}});
+    for (const std::string& name : cell.options.methods) estimates.push_back(FailedEstimate(name));
+    for (const char* name : {kChainMethod, kBundleMethod}) estimates.push_back(FailedEstimate(name));
     return estimates;
   }
   for (const MethodResult& method : calibration->methods) {
@@ -176,13 +303,36 @@ std::vector<TrialEstimate> RunTrial(const StudyCell& cell, uint64_t seed, int tr
     if (!suits && cell.options.methods.empty()) continue;
     estimates.push_back(EstimateOf(cell, method.method, method.hand_eye, calibration->pairs));
   }
-  estimates.push_back(EstimateOf(cell, kChainMethod, calibration->chain, calibration->pairs));
-  estimates.push_back(EstimateOf(cell, kBundleMethod, calibration->refined, calibration->pairs));
+  estimates.push_back(EstimateOf(cell, kChainMethod, calibration->chain, calibration->pairs, drawn));
+  estimates.push_back(EstimateOf(cell, kBundleMethod, calibration->refined, calibration->pairs, drawn));
+  if (calibration->refined && cell.robot) {
+    AddPlaceErrors(cell, *calibration->refined, drawn, &rng, &estimates.back());
+  }
   if (calibration->refined && !calibration->alternatives.empty()) {
     estimates.back().has_right_model = IsModelOf(cell, calibration->bundle);
   }
   return estimates;
 }
+
+namespace {
+
+// Adds the bounds at the places of the cell, from the covariance of all unknowns.
+void AddPlaceBounds(const StudyCell& cell, const SharedEffects* drawn, const Covariance& covariance,
+                    StudyErrors* bound) {
+  double sums_m2[2] = {};
+  int nums[2] = {};
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(drawn == nullptr ? 0 : drawn->size());
+  for (const StudyPlace& place : cell.robot->places) {
+    const PredictedPlace predicted = PredictPlace(cell, place, cell.hand_eye, drawn, zero, covariance.layout);
+    sums_m2[place.is_inside ? 0 : 1] +=
+        (predicted.by_unknowns * covariance.matrix * predicted.by_unknowns.transpose()).trace();
+    ++nums[place.is_inside ? 0 : 1];
+  }
+  if (nums[0] > 0) bound->inside_m = std::sqrt(sums_m2[0] / nums[0]);
+  if (nums[1] > 0) bound->outside_m = std::sqrt(sums_m2[1] / nums[1]);
+}
+
+}  // namespace
 
 Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
   StudyCell exact = cell;
@@ -190,18 +340,50 @@ Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
   exact.robot_noise = {};
   exact.outlier_points = 0;
   exact.wrong_captures = 0;
+  Eigen::VectorXd no_errors;
+  if (exact.robot) {
+    exact.robot->joint_noise_rad = 0;
+    no_errors = Eigen::VectorXd::Zero(exact.robot->errors->num_all);
+  }
   Problem problem{cell.camera, {}, cell.options.setup, cell.shape};
   Rng rng(0);
-  for (size_t i = 0; i < cell.poses.size(); ++i) problem.views.push_back(MakeView(exact, i, &rng));
-  const FreeParameters free = FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics, ShapeGroupsOf(cell));
+  for (size_t i = 0; i < cell.poses.size(); ++i) {
+    problem.views.push_back(MakeView(exact, i, no_errors, &rng));
+    if (cell.robot) problem.views.back().gripper_by_joints = cell.robot->gripper_by_joints[i];
+  }
+  const std::shared_ptr<const SharedEffects> drawn = DrawnErrors(cell);
+  const FreeUnknowns free = {FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics, ShapeGroupsOf(cell)),
+                             drawn};
   const std::optional<std::vector<LinearisedView>> views =
-      LineariseViews(problem, cell.hand_eye, {}, free, cell.pixel_sigma_px, LossOf(LossKind::kNone));
+      LineariseViews(problem, cell.hand_eye, {}, free, cell.pixel_sigma_px, LossOf(LossKind::kNone),
+                     Eigen::VectorXd::Zero(drawn == nullptr ? 0 : drawn->size()));
   CHECK(views.has_value());
-  const Information information{HandEyeUnknowns(cell.camera.Model(), free),
-                                MarginalInformation(*views, CorrectionVariances(cell.robot_noise), 1.0)};
+  RobotNoise noise = cell.robot_noise;
+  if (cell.robot) noise.joint_rad = cell.robot->joint_noise_rad;
+  Information information{
+      HandEyeUnknowns(cell.camera.Model(), free),
+      MarginalInformation(*views, CorrectionVariances(noise, views->front().by_effects.cols()), 1.0)};
+  const UnknownBlock robot = information.layout.Block(kRobotBlock);
+  for (Eigen::Index i = robot.first; i < robot.end(); ++i) {
+    const double sigma = drawn->groups[drawn->effects[static_cast<size_t>(i - robot.first)].group].sigma;
+    information.matrix(i, i) += 1 / (sigma * sigma);
+  }
   if (const std::optional<Failure> failure = CheckObservable(information)) return *failure;
-  return FromMeanSquares(cell, InvertInformation(information, 1.0).matrix.diagonal());
+  const Covariance covariance = InvertInformation(information, 1.0);
+  StudyErrors bound = FromMeanSquares(cell, WithoutEffects(covariance.layout, covariance.matrix.diagonal()));
+  if (cell.robot) AddPlaceBounds(cell, drawn.get(), covariance, &bound);
+  return bound;
 }
+
+namespace {
+
+void AddTo(const PlaceErrors& errors, PlaceErrors* sum) {
+  sum->sum_m2 += errors.sum_m2;
+  sum->num_covered += errors.num_covered;
+  sum->num += errors.num;
+}
+
+}  // namespace
 
 std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<std::vector<TrialEstimate>>& trials) {
   CHECK(!trials.empty());
@@ -214,6 +396,9 @@ std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<st
     int num_with_covariance = 0;
     int num_right = 0;
     int num_chosen = 0;
+    int num_with_effects = 0;
+    PlaceErrors inside;
+    PlaceErrors outside;
     std::vector<double> pixel_sigmas;
     std::vector<double> translations;
     std::vector<double> rotations;
@@ -236,6 +421,9 @@ std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<st
         ++num_chosen;
         num_right += *estimate->has_right_model ? 1 : 0;
       }
+      num_with_effects += estimate->has_effects ? 1 : 0;
+      AddTo(estimate->inside, &inside);
+      AddTo(estimate->outside, &outside);
       if (estimate->pixel_sigma_px) pixel_sigmas.push_back(*estimate->pixel_sigma_px);
       if (estimate->robot_noise) {
         translations.push_back(estimate->robot_noise->translation_m);
@@ -248,6 +436,17 @@ std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<st
       summary.axxb_mean_mm /= num_good;
     }
     if (num_with_covariance > 0) summary.coverage = static_cast<double>(num_covered) / num_with_covariance;
+    if (cell.robot && num_with_covariance > 0) {
+      summary.estimated_effects = static_cast<double>(num_with_effects) / num_good;
+    }
+    if (inside.num > 0) {
+      summary.rms.inside_m = std::sqrt(inside.sum_m2 / inside.num);
+      summary.coverage_inside = static_cast<double>(inside.num_covered) / inside.num;
+    }
+    if (outside.num > 0) {
+      summary.rms.outside_m = std::sqrt(outside.sum_m2 / outside.num);
+      summary.coverage_outside = static_cast<double>(outside.num_covered) / outside.num;
+    }
     if (num_chosen > 0) summary.right_model = static_cast<double>(num_right) / num_chosen;
     if (!pixel_sigmas.empty()) summary.pixel_sigma_px = Median(pixel_sigmas);
     if (!translations.empty()) summary.robot_noise = RobotNoise{Median(translations), Median(rotations)};

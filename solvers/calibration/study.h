@@ -11,6 +11,26 @@
 
 namespace heba {
 
+// A pose at which the trials predict the target's place in the camera.
+struct StudyPlace {
+  Rigid3d camera_mount_from_target_mount;  // As the robot reports it.
+  std::shared_ptr<const PoseEffect> effect;
+  Matrix6X gripper_by_joints;  // View::gripper_by_joints.
+  // Whether the arm is in a configuration in which there are captures.
+  bool is_inside = true;
+};
+
+// The errors of a robot that each trial draws anew.
+struct StudyRobot {
+  // The systematic errors. The standard deviations of their groups are those with which they are drawn.
+  std::shared_ptr<const SharedEffects> errors;
+  double joint_noise_rad = 0;  // One sigma of each joint in each capture.
+  // For each capture: View::effect and View::gripper_by_joints.
+  std::vector<std::shared_ptr<const PoseEffect>> effects;
+  std::vector<Matrix6X> gripper_by_joints;
+  std::vector<StudyPlace> places;
+};
+
 // One cell of a study: a scene, its noise, and the options of the estimators. The poses are the same in every trial;
 // the noise is not.
 struct StudyCell {
@@ -21,12 +41,20 @@ struct StudyCell {
   TargetShape shape;  // The true shape; the estimators know the design only.
   double pixel_sigma_px = 0;
   RobotNoise robot_noise;
+  std::optional<StudyRobot> robot;
   // Probabilities: that a point is displaced by up to 40 px in u and in v, and that the stated pose of a capture is
   // wrong by 5 mm and 0.02 rad (one sigma along and about each axis).
   double outlier_points = 0;
   double wrong_captures = 0;
   // The setup in the options is that of the scene too. If the options have no camera, the trials estimate it.
   CalibrationOptions options;
+};
+
+// The errors of the predicted target at the places of a cell (StudyRobot::places).
+struct PlaceErrors {
+  double sum_m2 = 0;
+  int num_covered = 0;  // Those within the 95 % confidence region, with the noise of a further capture.
+  int num = 0;
 };
 
 // Errors of one estimate, in the tangent spaces of the child frames (m, rad): hand-eye pose (6), board pose (6), then
@@ -42,6 +70,10 @@ struct TrialEstimate {
   std::optional<bool> has_right_model;
   std::optional<double> pixel_sigma_px;
   std::optional<RobotNoise> robot_noise;
+  // Of refinements in a cell whose robot has systematic errors.
+  bool has_effects = false;  // Whether such errors were estimated.
+  PlaceErrors inside;
+  PlaceErrors outside;
 };
 
 // Runs trial `trial` of a cell; `seed` and `trial` determine all random numbers. Returns one estimate per closed form,
@@ -55,12 +87,16 @@ struct StudyErrors {
   double board_m = 0;
   double board_rad = 0;
   std::optional<double> focal_px;  // RMS over fx and fy; not set unless both are free.
+  // The predicted target at the places inside and outside the captured configurations; not set if there are none.
+  std::optional<double> inside_m;
+  std::optional<double> outside_m;
 };
 
 // Returns the Cramer-Rao bound for the cell's poses: the errors that no unbiased estimator can undercut if all points
-// are inliers, both noises are known, and the unknown parts of the target's shape are those that differ from the
-// design. The covariance is the inverse of the sum over captures of J^T (s^2 I + G Q G^T)^-1 J, without G Q G^T for an
-// exact robot. Returns a Failure if the captures do not determine the unknowns.
+// are inliers, both noises and the standard deviations of the robot's systematic errors are known, and the unknown
+// parts of the target's shape are those that differ from the design. The covariance is the inverse of the sum over
+// captures of J^T (s^2 I + G Q G^T)^-1 J, without G Q G^T for an exact robot. Returns a Failure if the captures do not
+// determine the unknowns.
 Outcome<StudyErrors> ErrorBound(const StudyCell& cell);
 
 struct MethodSummary {
@@ -70,7 +106,11 @@ struct MethodSummary {
   StudyErrors rms;  // Over the trials that did not fail.
   double axxb_mean_mm = 0;
   std::optional<double> coverage;
-  std::optional<double> right_model;  // Share of trials that chose the cell's error model.
+  std::optional<double> right_model;        // Share of trials that chose the cell's error model.
+  std::optional<double> estimated_effects;  // Share of trials that estimated systematic errors of the robot.
+  // Shares of the places whose confidence region contains the truth.
+  std::optional<double> coverage_inside;
+  std::optional<double> coverage_outside;
   // Medians of the sigmas that the refinement estimated.
   std::optional<double> pixel_sigma_px;
   std::optional<RobotNoise> robot_noise;

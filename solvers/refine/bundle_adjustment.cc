@@ -102,6 +102,9 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   solution.shared_effects = options.effects;
   solution.effects = settled->state.effects;
   solution.effect_sigmas = settled->noise.effect_sigmas;
+  if (options.effects != nullptr && options.effects->kind == SharedEffectsKind::kSmooth) {
+    solution.smooth_noise = RobotNoise{solution.effect_sigmas[0], solution.effect_sigmas[1]};
+  }
   solution.pixel_sigma_px = settled->noise.pixel_px;
   solution.unmodelled_sigma_px = settled->unmodelled_sigma_px;
   solution.covariance_dof = settled->dof;
@@ -116,9 +119,11 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   }
   solution.convergence = settled->convergence;
   const PoseGroups& groups = *settled->groups;
-  solution.convergence.initial_cost = FitCost(start_distances, start_state, groups, free, settled->noise, loss);
-  solution.convergence.final_cost = FitCost(DistancesAt(*settled->problem, free, settled->state, options.num_threads),
-                                            settled->state, groups, free, settled->noise, loss);
+  solution.convergence.initial_cost =
+      FitCost(problem_in, start_distances, start_state, groups, free, settled->noise, loss);
+  solution.convergence.final_cost =
+      FitCost(problem_in, DistancesAt(*settled->problem, free, settled->state, options.num_threads), settled->state,
+              groups, free, settled->noise, loss);
   const std::optional<Information> information = FitInformation(free, loss, options, &*settled);
   CHECK(information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*information)) return *failure;
@@ -142,7 +147,8 @@ double LogLikelihoodOf(const Problem& problem, const Solution& solution, const B
   const UnknownLayout layout = HandEyeUnknowns(solution.camera.Model(), free);
   const std::vector<VarianceGroup> groups =
       WithEffectGroups(CorrectionGroups(loss.consistency, solution.robot_noise.value_or(RobotNoise{}), true, true,
-                                        options.robot_noise_prior ? &*options.robot_noise_prior : nullptr),
+                                        options.robot_noise_prior ? &*options.robot_noise_prior : nullptr,
+                                        NumNoisyJoints(problem.views)),
                        layout, options.effects.get(), solution.effect_sigmas, true);
   const Eigen::Index num_common = layout.Block(kTargetBlock).first;
   return RestrictedLogLikelihood(*views, solution.pixel_sigma_px, groups, num_common);

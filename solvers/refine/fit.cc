@@ -90,7 +90,8 @@ bool HasMarginalProducts(const Fit& fit, const Loss& loss, const FreeUnknowns& f
   return known.problem == fit.problem && known.loss == &loss && known.noise.pixel_px == fit.noise.pixel_px &&
          known.noise.robot->translation_m == fit.noise.robot->translation_m &&
          known.noise.robot->rotation_rad == fit.noise.robot->rotation_rad &&
-         known.products.elimination_loss < kMostLoss && known.products.parameters == ParametersOf(fit.state, free);
+         known.noise.robot->joint_rad == fit.noise.robot->joint_rad && known.products.elimination_loss < kMostLoss &&
+         known.products.parameters == ParametersOf(fit.state, free);
 }
 
 // Adds the information of the priors of the camera and of the target's scales, if they have one, and of the effects.
@@ -176,8 +177,8 @@ ViewDistances DistancesAt(const Problem& problem, const FreeUnknowns& free, cons
   return distances;
 }
 
-double FitCost(const ViewDistances& squared_distances, const FitState& state, const PoseGroups& groups,
-               const FreeUnknowns& free, const FitNoise& noise, const Loss& loss) {
+double FitCost(const Problem& problem, const ViewDistances& squared_distances, const FitState& state,
+               const PoseGroups& groups, const FreeUnknowns& free, const FitNoise& noise, const Loss& loss) {
   const double per_px2 = 1 / (noise.pixel_px * noise.pixel_px);
   double sum = EffectWeights(free, noise).cwiseProduct(state.effects).squaredNorm();
   for (const std::optional<std::vector<double>>& view : squared_distances) {
@@ -185,9 +186,8 @@ double FitCost(const ViewDistances& squared_distances, const FitState& state, co
   }
   for (const std::vector<size_t>& group : groups) {
     if (state.corrections.empty()) break;
-    const Tangent6 tangent = LocalCoordinates(Rigid3d(), state.corrections[group.front()]);
-    sum += tangent.head<3>().squaredNorm() / (noise.robot->translation_m * noise.robot->translation_m) +
-           tangent.tail<3>().squaredNorm() / (noise.robot->rotation_rad * noise.robot->rotation_rad);
+    const Matrix6 prior = CorrectionPrior(*noise.robot, problem.views[group.front()].gripper_by_joints);
+    sum += (prior * LocalCoordinates(Rigid3d(), state.corrections[group.front()])).squaredNorm();
   }
   return 0.5 * sum;
 }
@@ -288,8 +288,9 @@ std::optional<Information> FitInformation(const FreeUnknowns& free, const Loss& 
     const std::optional<std::vector<LinearisedView>> views =
         LineariseFit(problem, state, *fit->groups, free, noise, loss, factor, bundle_options);
     if (!views) return std::nullopt;
-    Information information{HandEyeUnknowns(state.camera.Model(), free),
-                            MarginalInformation(*views, CorrectionVariances(*noise.robot), factor)};
+    Information information{
+        HandEyeUnknowns(state.camera.Model(), free),
+        MarginalInformation(*views, CorrectionVariances(*noise.robot, views->front().by_effects.cols()), factor)};
     // The views contain the priors of camera and target already.
     AddPriors(std::nullopt, std::nullopt, free, noise, &information);
     return information;

@@ -79,8 +79,8 @@ std::vector<double> JoinDistances(const ViewDistances& distances);
 ViewDistances DistancesAt(const Problem& problem, const FreeUnknowns& free, const FitState& state, int num_threads);
 
 // Returns half the sum of rho over all points and of the squared whitened corrections and effects.
-double FitCost(const ViewDistances& squared_distances, const FitState& state, const PoseGroups& groups,
-               const FreeUnknowns& free, const FitNoise& noise, const Loss& loss);
+double FitCost(const Problem& problem, const ViewDistances& squared_distances, const FitState& state,
+               const PoseGroups& groups, const FreeUnknowns& free, const FitNoise& noise, const Loss& loss);
 
 // Returns the inverse standard deviations of the free effects.
 Eigen::VectorXd EffectWeights(const FreeUnknowns& free, const FitNoise& noise);

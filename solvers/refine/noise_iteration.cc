@@ -33,20 +33,24 @@ EstimatedNoise EstimateNoise(const Fit& fit, const FreeUnknowns& free, const Los
   CHECK(views.has_value()) << "Ceres accepted a step that hides a point";
   const std::vector<VarianceGroup> groups = WithEffectGroups(
       CorrectionGroups(loss.consistency, *noise.robot, pixel_is_free, robot_is_free,
-                       options.robot_noise_prior ? &*options.robot_noise_prior : nullptr),
+                       options.robot_noise_prior ? &*options.robot_noise_prior : nullptr,
+                       NumNoisyJoints(fit.problem->views)),
       HandEyeUnknowns(fit.state.camera.Model(), free), free.effects.get(), noise.effect_sigmas, robot_is_free);
   const VarianceComponents found = EstimateVariances(*views, groups);
   EstimatedNoise result;
   result.noise.pixel_px =
       std::max(kMinSigmaPx, noise.pixel_px * std::sqrt(found.variances[kPixelGroup] / loss.consistency));
-  result.noise.robot = AtLeastExact(RobotNoiseOf(found));
+  result.noise.robot = AtLeastExact(RobotNoiseOf(groups, found));
+  const size_t first_effect_group = FirstEffectGroup(groups);
   for (size_t g = 0; g < noise.effect_sigmas.size(); ++g) {
     result.noise.effect_sigmas.push_back(
-        std::max(kExactEffect, std::sqrt(found.variances[kFirstEffectGroup + static_cast<Eigen::Index>(g)])));
+        std::max(kExactEffect, std::sqrt(found.variances[static_cast<Eigen::Index>(first_effect_group + g)])));
   }
   // Converts the standard deviation of a variance to that of a sigma.
-  result.robot_stddev = {0.5 * found.stddev[kTranslationGroup] / result.noise.robot->translation_m,
-                         0.5 * found.stddev[kRotationGroup] / result.noise.robot->rotation_rad};
+  result.robot_stddev = {
+      0.5 * found.stddev[kTranslationGroup] / result.noise.robot->translation_m,
+      0.5 * found.stddev[kRotationGroup] / result.noise.robot->rotation_rad,
+      result.noise.robot->joint_rad > 0 ? 0.5 * found.stddev[kJointGroup] / result.noise.robot->joint_rad : 0.0};
   result.dof = DegreesOfFreedom(*views, groups, found);
   return result;
 }
@@ -65,7 +69,8 @@ bool NoiseConverged(const FitNoise& noise, const FitNoise& next, NoiseScale scal
     if (!is_close(noise.effect_sigmas[g], next.effect_sigmas[g], kExactEffect)) return false;
   }
   return !next.robot || (is_close(noise.robot->translation_m, next.robot->translation_m, kExactM) &&
-                         is_close(noise.robot->rotation_rad, next.robot->rotation_rad, kExactRad));
+                         is_close(noise.robot->rotation_rad, next.robot->rotation_rad, kExactRad) &&
+                         is_close(noise.robot->joint_rad, next.robot->joint_rad, kExactRad));
 }
 
 // Returns a copy of the problem, whitened with the detectors' covariances and the unmodelled sigma.
@@ -78,7 +83,7 @@ SharedProblem WeightedByCovariance(const Problem& problem, double unmodelled_sig
 }  // namespace
 
 RobotNoise AtLeastExact(const RobotNoise& noise) {
-  return {std::max(noise.translation_m, kExactM), std::max(noise.rotation_rad, kExactRad)};
+  return {std::max(noise.translation_m, kExactM), std::max(noise.rotation_rad, kExactRad), noise.joint_rad};
 }
 
 double UnmodelledSigmaPx(double pixel_sigma_px, double detector_px) {

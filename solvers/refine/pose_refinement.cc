@@ -11,6 +11,7 @@
 #include "solvers/refine/reprojection_problem.h"
 #include "solvers/residuals/loop_problem.h"
 #include "solvers/uncertainty/information.h"
+#include "solvers/uncertainty/repeated_poses.h"
 #include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
@@ -82,7 +83,7 @@ std::vector<Matrix6> Whitenings(const std::vector<PosePair>& pairs) {
   return whitenings;
 }
 
-// Linearises the misclosures of all pairs at a solution, each with a correction of its robot pose. The step of the
+// Linearises the misclosures of all pairs at a solution, with one correction for each robot pose. The step of the
 // effects is their value.
 std::vector<LinearisedView> LineariseChain(Setup setup, const std::vector<PosePair>& pairs,
                                            const std::vector<Matrix6>& whitenings, const UnknownLayout& layout,
@@ -115,17 +116,32 @@ std::vector<LinearisedView> LineariseChain(Setup setup, const std::vector<PosePa
     view.by_unknowns.middleCols(robot.first, robot.size) = whitened * derivatives.effects[0];
     view.offset += view.by_unknowns.middleCols(robot.first, robot.size) * at.effects;
   }
-  return views;
+  return StackGroups(views, GroupByRobotPose(setup, pairs));
+}
+
+UnknownLayout ChainUnknowns(const SharedEffects* effects) {
+  UnknownLayout layout = HandEyePoses();
+  if (effects != nullptr) layout.AddEffects(kRobotBlock, "the arm's", effects->Names());
+  return layout;
 }
 
 }  // namespace
+
+double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, const Solution& solution) {
+  const UnknownLayout layout = ChainUnknowns(solution.shared_effects.get());
+  const std::vector<LinearisedView> views = LineariseChain(setup, pairs, Whitenings(pairs), layout, solution);
+  const double variance = solution.pixel_sigma_px * solution.pixel_sigma_px;
+  const std::vector<VarianceGroup> groups =
+      WithEffectGroups(CorrectionGroups(variance, *solution.robot_noise, true, true), layout,
+                       solution.shared_effects.get(), solution.effect_sigmas, true);
+  return RestrictedLogLikelihood(views, 1, groups, layout.size());
+}
 
 Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,
                                        const std::shared_ptr<const SharedEffects>& effects) {
   if (const std::optional<Failure> failure = HandEyeInput(pairs).why_not()) return *failure;
   const std::vector<Matrix6> whitenings = Whitenings(pairs);
-  UnknownLayout layout = HandEyePoses();
-  if (effects != nullptr) layout.AddEffects(kRobotBlock, "the arm's", effects->Names());
+  const UnknownLayout layout = ChainUnknowns(effects.get());
   const UnknownBlock hand_eye = layout.Block(kHandEyeBlock);
   const UnknownBlock board = layout.Block(kBoardBlock);
   const UnknownBlock robot = layout.Block(kRobotBlock);
@@ -147,11 +163,11 @@ Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>&
                          solution.effect_sigmas, true);
     const VarianceComponents found = EstimateVariances(views, groups);
     variance = found.variances[kPixelGroup];
-    const RobotNoise noise = RobotNoiseOf(found);
+    const RobotNoise noise = RobotNoiseOf(groups, found);
     solution.robot_noise = {std::max(kExact, noise.translation_m), std::max(kExact, noise.rotation_rad)};
     Eigen::VectorXd prior = Eigen::VectorXd::Zero(layout.size());
     for (size_t g = 0; g < solution.effect_sigmas.size(); ++g) {
-      const double group_variance = found.variances[kFirstEffectGroup + static_cast<Eigen::Index>(g)];
+      const double group_variance = found.variances[static_cast<Eigen::Index>(FirstEffectGroup(groups) + g)];
       solution.effect_sigmas[g] = std::max(kExact, std::sqrt(group_variance));
     }
     for (Eigen::Index i = 0; i < robot.size; ++i) {

@@ -27,4 +27,8 @@ Outcome<Solution> RefineChain(const std::vector<PosePair>& pairs, const HandEye&
 Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,
                                        const std::shared_ptr<const SharedEffects>& effects);
 
+// Returns the restricted log-likelihood (solvers/uncertainty/variance_components.h) of the pairs at a solution of
+// RefineChainWithNoise, up to a constant that all such solutions of these pairs share.
+double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, const Solution& solution);
+
 }  // namespace heba

@@ -6,6 +6,9 @@
 #include <tuple>
 #include <utility>
 
+#include <Eigen/Cholesky>
+
+#include "heba/base/error.h"
 #include "heba/geometry/pose_block.h"
 
 namespace heba {
@@ -147,11 +150,25 @@ FreeParameters FreeOf(const LoopProblem& problem, int camera, int target) {
   return free;
 }
 
-Matrix6 CorrectionPrior(const RobotNoise& noise) {
-  Tangent6 inverse_sigmas;
-  inverse_sigmas << Eigen::Vector3d::Constant(1 / noise.translation_m),
-      Eigen::Vector3d::Constant(1 / noise.rotation_rad);
-  return inverse_sigmas.asDiagonal();
+Matrix6 CorrectionPrior(const RobotNoise& noise, const Matrix6X& gripper_by_joints) {
+  Tangent6 sigmas;
+  sigmas << Eigen::Vector3d::Constant(noise.translation_m), Eigen::Vector3d::Constant(noise.rotation_rad);
+  if (gripper_by_joints.cols() == 0 || noise.joint_rad == 0) return sigmas.cwiseInverse().asDiagonal();
+  // Q is factorised in units of the white noise, because metres and radians are mixed.
+  const Matrix6X scaled = noise.joint_rad * sigmas.cwiseInverse().asDiagonal() * gripper_by_joints;
+  const Eigen::LLT<Matrix6> root(Matrix6(Matrix6::Identity() + scaled * scaled.transpose()));
+  CHECK(root.info() == Eigen::Success);
+  return root.matrixL().solve(Matrix6(sigmas.cwiseInverse().asDiagonal()));
+}
+
+Eigen::Index NumNoisyJoints(const std::vector<View>& views) {
+  Eigen::Index num_joints = 0;
+  for (const View& view : views) {
+    if (view.gripper_by_joints.cols() == 0) continue;
+    CHECK(num_joints == 0 || num_joints == view.gripper_by_joints.cols()) << view.name;
+    num_joints = view.gripper_by_joints.cols();
+  }
+  return num_joints;
 }
 
 OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior) {
@@ -178,12 +195,21 @@ LoopProblem HandEyeLoops(const Problem& problem, const FreeUnknowns& free) {
 LoopProblem HandEyeLoops(const Problem& problem, const FreeUnknowns& free, const PoseGroups& groups,
                          const std::vector<Rigid3d>& corrections, const RobotNoise& noise) {
   LoopProblem loops = WithoutCaptures(problem, free);
-  loops.priors = {CorrectionPrior(noise)};
+  const Eigen::Index num_joints = NumNoisyJoints(problem.views);
+  if (num_joints == 0) loops.priors = {CorrectionPrior(noise)};
   const LoopMaker maker(problem.setup, free.effects.get(), true);
   loops.captures.reserve(groups.size());
   for (const std::vector<size_t>& group : groups) {
     LoopCapture& capture = loops.captures.emplace_back();
     capture.own_poses = {{corrections[group.front()], 0}};
+    if (num_joints > 0) {
+      OwnPose& own = capture.own_poses.front();
+      own.directions = problem.views[group.front()].gripper_by_joints;
+      // The joints of a capture without them are not noisy.
+      if (own.directions.cols() == 0) own.directions.setZero(6, num_joints);
+      own.prior = loops.priors.size();
+      loops.priors.push_back(CorrectionPrior(noise, own.directions));
+    }
     for (const size_t i : group) {
       const View& view = problem.views[i];
       capture.views.push_back({&view.observations, maker.LoopOf(view)});

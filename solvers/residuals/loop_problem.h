@@ -28,6 +28,10 @@ struct OwnPose {
   Rigid3d pose;  // The initial guess, or the point of linearisation.
   // Index of its prior in LoopProblem::priors; nothing if no prior is known.
   std::optional<size_t> prior;
+  // The directions in which further random effects of the capture act on the pose, such as the noise of the joints: the
+  // derivative of its tangent by them. They add columns to LinearisedView::by_effects, and their noise is part of the
+  // prior.
+  Matrix6X directions = Matrix6X(6, 0);
 };
 
 struct LoopCapture {
@@ -74,8 +78,9 @@ LoopValues ValuesIn(const std::vector<ParameterBlock>& blocks, const std::vector
 // Returns the flags with which the points of a target in a camera are reduced (ViewReducer).
 FreeParameters FreeOf(const LoopProblem& problem, int camera, int target);
 
-// The square root of the information about own poses that are robot corrections of this noise.
-Matrix6 CorrectionPrior(const RobotNoise& noise);
+// The square root W of the information about own poses that are robot corrections of this noise: W^T W is the inverse
+// of Q = sigma_t^2 P_t + sigma_r^2 P_r + sigma_joint^2 J J^T, where J is View::gripper_by_joints.
+Matrix6 CorrectionPrior(const RobotNoise& noise, const Matrix6X& gripper_by_joints = Matrix6X(6, 0));
 
 // Six whitened residuals of an own pose with its prior, and their derivatives by the tangent of the pose.
 struct OwnPoseResidual {
@@ -83,6 +88,9 @@ struct OwnPoseResidual {
   Matrix6 by_tangent;
 };
 OwnPoseResidual OwnPoseResidualAt(const Rigid3d& pose, const Matrix6& prior);
+
+// Returns the number of joints whose noise is modelled; 0 if it is not.
+Eigen::Index NumNoisyJoints(const std::vector<View>& views);
 
 // The indices of views that are one capture because they were taken at one robot pose.
 using PoseGroups = std::vector<std::vector<size_t>>;

@@ -32,7 +32,7 @@ struct Variances {
   double translation_m2 = kExact2;
   double rotation_rad2 = kExact2;
 
-  Tangent6 Corrections() const { return CorrectionVariances(translation_m2, rotation_rad2); }
+  Tangent6 Corrections() const { return CorrectionVariances({std::sqrt(translation_m2), std::sqrt(rotation_rad2)}); }
 };
 
 // Estimates the variances from these captures.
@@ -161,6 +161,7 @@ JudgedViews Judge(const Problem& problem, const Solution& solution, const FreeUn
   Problem visible{solution.camera, {}, problem.setup, solution.shape};
   for (size_t i = 0; i < problem.views.size(); ++i) {
     View view = corrected[i];
+    view.gripper_by_joints.resize(6, 0);  // Captures are tested by the white noise that contains that of the joints.
     view.observations = JudgedPoints(view.observations, solution.views[i].rejected_ids);
     const Rigid3d camera_from_target = CameraFromTarget(solution.hand_eye, view.camera_mount_from_target_mount);
     if (!Residuals(solution.camera, camera_from_target, ApplyShape(view.observations, solution.shape))) {

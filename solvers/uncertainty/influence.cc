@@ -37,7 +37,9 @@ std::vector<std::optional<CaptureMove>> MoveWithoutEachView(const Problem& probl
   for (size_t i = 0; i < views->size(); ++i) {
     const LinearisedView& view = (*views)[i];
     const Eigen::MatrixXd whitened =
-        MarginalCovariance(view, loss.covariance_factor(), CorrectionVariances(robot)).ldlt().solve(view.by_unknowns);
+        MarginalCovariance(view, loss.covariance_factor(), CorrectionVariances(robot, view.by_effects.cols()))
+            .ldlt()
+            .solve(view.by_unknowns);
     const Information without{layout, information - view.by_unknowns.transpose() * whitened};
     if (CheckObservable(without)) continue;
     const Eigen::MatrixXd covariance_without = InvertInformation(without, 1.0).matrix;

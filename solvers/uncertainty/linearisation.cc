@@ -83,7 +83,13 @@ class ViewLinearisation {
     }
   }
 
-  std::optional<LinearisedView> At(const LoopView& view, const std::vector<Rigid3d>& own_poses) const {
+  std::optional<LinearisedView> At(const LoopView& view, const std::vector<OwnPose>& own) const {
+    std::vector<Rigid3d> own_poses;
+    Eigen::Index num_effects = 0;
+    for (const OwnPose& own_pose : own) {
+      own_poses.push_back(own_pose.pose);
+      num_effects += 6 + own_pose.directions.cols();
+    }
     const auto camera = static_cast<size_t>(view.camera);
     const auto target = static_cast<size_t>(view.target);
     LoopDerivatives derivatives;
@@ -108,7 +114,7 @@ class ViewLinearisation {
     linear.num_rows_without_effects = rows - num_moved;
     const auto by_pose = reduction.factor.topLeftCorner(num_moved, 6);
     linear.by_unknowns.setZero(rows, problem_.layout.size());
-    linear.by_effects.setZero(rows, 6 * static_cast<Eigen::Index>(own_poses.size()));
+    linear.by_effects.setZero(rows, num_effects);
     linear.offset = reduction.factor.col(columns).head(rows);
     for (size_t k = 0; k < view.loop.shared().size(); ++k) {
       const Eigen::Index first = poses_[static_cast<size_t>(view.loop.shared()[k])].first;
@@ -127,11 +133,19 @@ class ViewLinearisation {
     linear.by_unknowns.middleCols(of_target.first, of_target.size) =
         -reduction.factor.block(0, 6 + of_camera.size, rows, of_target.size);
     for (size_t j = 0; j < view.loop.own().size(); ++j) {
-      const int own = view.loop.own()[j];
-      auto by_own = linear.by_effects.block(0, 6 * own, num_moved, 6);
+      const int index = view.loop.own()[j];
+      auto by_own = linear.by_effects.block(0, 6 * index, num_moved, 6);
       by_own = -by_pose.lazyProduct(derivatives.own[j]);
       linear.offset.head(num_moved) +=
-          by_own.lazyProduct(LocalCoordinates(Rigid3d(), own_poses[static_cast<size_t>(own)]));
+          by_own.lazyProduct(LocalCoordinates(Rigid3d(), own_poses[static_cast<size_t>(index)]));
+    }
+    // The columns of the directions come after those of all own poses.
+    Eigen::Index first = 6 * static_cast<Eigen::Index>(own.size());
+    for (size_t j = 0; j < own.size(); ++j) {
+      const Matrix6X& directions = own[j].directions;
+      const auto by_own = linear.by_effects.block(0, 6 * static_cast<Eigen::Index>(j), num_moved, 6);
+      linear.by_effects.block(0, first, num_moved, directions.cols()) = by_own.lazyProduct(directions);
+      first += directions.cols();
     }
     return linear;
   }
@@ -153,11 +167,9 @@ std::optional<std::vector<LinearisedView>> LineariseCaptures(const LoopProblem& 
   const ViewLinearisation linearisation(problem, values, pixel_sigma_px, loss);
   std::vector<LinearisedView> result;
   for (const LoopCapture& capture : problem.captures) {
-    std::vector<Rigid3d> own_poses;
-    for (const OwnPose& own : capture.own_poses) own_poses.push_back(own.pose);
     std::vector<LinearisedView> views;
     for (const LoopView& view : capture.views) {
-      std::optional<LinearisedView> linear = linearisation.At(view, own_poses);
+      std::optional<LinearisedView> linear = linearisation.At(view, capture.own_poses);
       if (!linear) return std::nullopt;
       views.push_back(std::move(*linear));
     }

@@ -19,7 +19,8 @@ namespace heba {
 // (pixel sigma and loss applied).
 struct LinearisedView {
   Eigen::MatrixXd by_unknowns;  // For the columns see Information::layout.
-  // Derivatives by the tangents xi of the capture's own poses (m, rad), six columns each.
+  // Derivatives by the tangents xi of the capture's own poses (m, rad), six columns each, and then by the random
+  // effects along OwnPose::directions.
   Eigen::MatrixXd by_effects;
   Eigen::VectorXd offset;
   // Number of rows at the end that do not depend on the effects.

@@ -5,23 +5,24 @@
 
 namespace heba {
 
-PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views) {
-  std::vector<Rigid3d> poses;
-  for (const View& view : views) poses.push_back(BaseFromGripper(setup, view.camera_mount_from_target_mount));
+namespace {
+
+// Returns the groups of poses that are the same.
+PoseGroups GroupPoses(const std::vector<Rigid3d>& poses) {
   // Sorted by x: only poses that are close in this order can be the same.
-  std::vector<size_t> order(views.size());
+  std::vector<size_t> order(poses.size());
   std::iota(order.begin(), order.end(), size_t{0});
   std::sort(order.begin(), order.end(), [&](size_t a, size_t b) {
     const double x_a = poses[a].translation.x();
     const double x_b = poses[b].translation.x();
     return x_a != x_b ? x_a < x_b : a < b;
   });
-  std::vector<size_t> place(views.size());
+  std::vector<size_t> place(poses.size());
   for (size_t k = 0; k < order.size(); ++k) place[order[k]] = k;
   constexpr size_t kNone = static_cast<size_t>(-1);
-  std::vector<size_t> group_of(views.size(), kNone);
+  std::vector<size_t> group_of(poses.size(), kNone);
   PoseGroups groups;
-  for (size_t i = 0; i < views.size(); ++i) {
+  for (size_t i = 0; i < poses.size(); ++i) {
     if (group_of[i] != kNone) continue;
     std::vector<size_t> group;
     const auto visit = [&](size_t k) {
@@ -43,6 +44,24 @@ PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views) {
     groups.push_back(std::move(group));
   }
   return groups;
+}
+
+// `recorded` are views or pairs.
+template <class Recorded>
+std::vector<Rigid3d> PosesOf(Setup setup, const std::vector<Recorded>& recorded) {
+  std::vector<Rigid3d> poses;
+  for (const Recorded& capture : recorded) {
+    poses.push_back(BaseFromGripper(setup, capture.camera_mount_from_target_mount));
+  }
+  return poses;
+}
+
+}  // namespace
+
+PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views) { return GroupPoses(PosesOf(setup, views)); }
+
+PoseGroups GroupByRobotPose(Setup setup, const std::vector<PosePair>& pairs) {
+  return GroupPoses(PosesOf(setup, pairs));
 }
 
 }  // namespace heba

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "heba/data/problem.h"
+#include "heba/evaluation/metrics.h"
 #include "solvers/residuals/loop_problem.h"
 
 namespace heba {
@@ -15,5 +16,6 @@ inline constexpr double kSamePoseRad = 1e-4;
 // Groups views by robot pose. Each view is in exactly one group, the groups are in the order of their first views, and
 // a view belongs to the first group whose first view has the same pose.
 PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views);
+PoseGroups GroupByRobotPose(Setup setup, const std::vector<PosePair>& pairs);
 
 }  // namespace heba

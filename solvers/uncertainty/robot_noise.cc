@@ -1,5 +1,6 @@
 #include "solvers/uncertainty/robot_noise.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <Eigen/Cholesky>
@@ -37,14 +38,13 @@ Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camer
   return Inverse(BaseFromGripper(setup, camera_mount_from_target_mount)) * BaseFromGripper(setup, corrected);
 }
 
-Tangent6 CorrectionVariances(double translation_m2, double rotation_rad2) {
-  Tangent6 variances;
-  variances << Eigen::Vector3d::Constant(translation_m2), Eigen::Vector3d::Constant(rotation_rad2);
+Eigen::VectorXd CorrectionVariances(const RobotNoise& noise, Eigen::Index num_columns) {
+  CHECK_GE(num_columns, 6);
+  Eigen::VectorXd variances(num_columns);
+  variances.head<3>().setConstant(noise.translation_m * noise.translation_m);
+  variances.segment<3>(3).setConstant(noise.rotation_rad * noise.rotation_rad);
+  variances.tail(num_columns - 6).setConstant(noise.joint_rad * noise.joint_rad);
   return variances;
-}
-
-Tangent6 CorrectionVariances(const RobotNoise& noise) {
-  return CorrectionVariances(noise.translation_m * noise.translation_m, noise.rotation_rad * noise.rotation_rad);
 }
 
 RobotNoisePrior IndustrialArmPrior() {
@@ -56,13 +56,17 @@ RobotNoisePrior IndustrialArmPrior() {
 }
 
 std::vector<VarianceGroup> CorrectionGroups(double pixel_variance, const RobotNoise& robot, bool pixel_is_free,
-                                            bool robot_is_free, const RobotNoisePrior* prior) {
-  const Tangent6 variances = CorrectionVariances(robot);
+                                            bool robot_is_free, const RobotNoisePrior* prior, Eigen::Index num_joints) {
+  const Eigen::VectorXd variances = CorrectionVariances(robot, 6 + num_joints);
   std::vector<VarianceGroup> groups = {
       {VarianceGroup::Kind::kPixels, {}, pixel_variance, pixel_is_free},
       {VarianceGroup::Kind::kEffects, {0, 1, 2}, variances[0], robot_is_free},
       {VarianceGroup::Kind::kEffects, {3, 4, 5}, variances[3], robot_is_free},
   };
+  if (num_joints > 0) {
+    groups.push_back({VarianceGroup::Kind::kEffects, {}, variances[6], robot_is_free});
+    for (Eigen::Index j = 0; j < num_joints; ++j) groups.back().columns.push_back(6 + j);
+  }
   if (prior != nullptr) {
     groups[kTranslationGroup].prior = SigmaPrior{prior->median.translation_m, prior->log_sigma};
     groups[kRotationGroup].prior = SigmaPrior{prior->median.rotation_rad, prior->log_sigma};
@@ -85,8 +89,17 @@ std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, c
   return groups;
 }
 
-RobotNoise RobotNoiseOf(const VarianceComponents& variances) {
-  return {std::sqrt(variances.variances[kTranslationGroup]), std::sqrt(variances.variances[kRotationGroup])};
+size_t FirstEffectGroup(const std::vector<VarianceGroup>& groups) {
+  const auto first = std::find_if(groups.begin(), groups.end(), [](const VarianceGroup& group) {
+    return group.kind == VarianceGroup::Kind::kUnknowns;
+  });
+  return static_cast<size_t>(first - groups.begin());
+}
+
+RobotNoise RobotNoiseOf(const std::vector<VarianceGroup>& groups, const VarianceComponents& variances) {
+  const bool has_joints = FirstEffectGroup(groups) > kJointGroup;
+  return {std::sqrt(variances.variances[kTranslationGroup]), std::sqrt(variances.variances[kRotationGroup]),
+          has_joints ? std::sqrt(variances.variances[kJointGroup]) : 0.0};
 }
 
 Eigen::MatrixXd MarginalCovariance(const LinearisedView& view, double pixel_variance,

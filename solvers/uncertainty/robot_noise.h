@@ -26,9 +26,9 @@ Rigid3d CameraFromTarget(Setup setup, const HandEye& hand_eye, const Rigid3d& ca
 Rigid3d CorrectionFor(Setup setup, const HandEye& hand_eye, const Rigid3d& camera_mount_from_target_mount,
                       const Rigid3d& camera_from_target);
 
-// Returns the variances of the columns of LinearisedView::by_effects that are a robot's correction, m^2 and rad^2.
-Tangent6 CorrectionVariances(double translation_m2, double rotation_rad2);
-Tangent6 CorrectionVariances(const RobotNoise& noise);
+// Returns the variances of the columns of LinearisedView::by_effects that are a robot's correction: m^2 and rad^2 of
+// its tangent, and those of the joints (rad^2) in the columns after them.
+Eigen::VectorXd CorrectionVariances(const RobotNoise& noise, Eigen::Index num_columns = 6);
 
 // The sigmas of industrial arms: 95 % of them lie between these bounds.
 inline constexpr double kIndustrialArmM[] = {0.05e-3, 1e-3};
@@ -36,20 +36,22 @@ inline constexpr double kIndustrialArmDeg[] = {0.005, 0.1};
 // Returns the prior for industrial arms, which has these bounds.
 RobotNoisePrior IndustrialArmPrior();
 
-// The groups of the variances of pixels and corrections, in this order.
-enum CorrectionGroup : int { kPixelGroup, kTranslationGroup, kRotationGroup };
-// Returns these groups: the variance of the pixels in the views' unit, those of the robot, which of them are free, and
-// the robot's prior (null if there is none).
+// The groups of the variances of pixels and corrections, in this order. That of the joints exists if their noise is
+// modelled.
+enum CorrectionGroup : int { kPixelGroup, kTranslationGroup, kRotationGroup, kJointGroup };
+// Returns these groups: the variance of the pixels in the views' unit, those of the robot, which of them are free, the
+// robot's prior (null if there is none), and the number of noisy joints (NumNoisyJoints).
 std::vector<VarianceGroup> CorrectionGroups(double pixel_variance, const RobotNoise& robot, bool pixel_is_free,
-                                            bool robot_is_free, const RobotNoisePrior* prior = nullptr);
-// The first group of the effects that captures share, if there are any.
-inline constexpr int kFirstEffectGroup = kRotationGroup + 1;
+                                            bool robot_is_free, const RobotNoisePrior* prior = nullptr,
+                                            Eigen::Index num_joints = 0);
+// Returns the place of the first group of effects that captures share; the number of groups if there is none.
+size_t FirstEffectGroup(const std::vector<VarianceGroup>& groups);
 // Appends the groups of the free effects (null if there are none), with these standard deviations.
 std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, const UnknownLayout& layout,
                                             const SharedEffects* effects, const std::vector<double>& sigmas,
                                             bool are_free);
 // Returns the robot's sigmas among the variances of these groups.
-RobotNoise RobotNoiseOf(const VarianceComponents& variances);
+RobotNoise RobotNoiseOf(const std::vector<VarianceGroup>& groups, const VarianceComponents& variances);
 
 // Returns the covariance of a view's rows, marginalised over its effects: p I + G Q G^T, where p is in the views' unit
 // and Q is diagonal.

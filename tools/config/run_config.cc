@@ -96,16 +96,36 @@ void ReadCameraSection(MapReader& root, RunConfig* config) {
   root.Record("camera", reader.used());
 }
 
-// Reads "auto", "none" (or "exact"), or both sigmas.
+// Reads {joints: auto}: the noise of the joints is estimated beside that of the poses.
+void ReadJointNoise(MapReader* noise, RunConfig* config) {
+  noise->Choice("joints", {"auto"});
+  noise->Finish();
+  config->options.joint_noise = true;
+  config->options.choose.robot_noise = false;
+  config->options.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
+}
+
+// Reads "auto", "none" (or "exact"), "white" (auto without smooth errors), "smooth", both sigmas, or {joints: auto}.
 void ReadRobotModel(MapReader* refine, RunConfig* config) {
   const std::optional<ConfigValue> value = refine->Find("robot_noise");
   if (!value || value->IsText()) {
-    const std::string name = value ? value->AsChoice({"auto", "none", "exact"}) : "auto";
-    config->options.choose.robot_noise = name == "auto";
+    const std::string name = value ? value->AsChoice({"auto", "none", "exact", "white", "smooth"}) : "auto";
+    config->options.choose.robot_noise = name == "auto" || name == "white";
+    config->options.smooth = name == "auto"     ? SmoothPoseErrors::kAuto
+                             : name == "smooth" ? SmoothPoseErrors::kAlways
+                                                : SmoothPoseErrors::kNone;
+    if (name == "smooth") config->options.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
     refine->Record("robot_noise", YAML::Node(name));
     return;
   }
   MapReader reader(*value);
+  config->options.smooth = SmoothPoseErrors::kNone;
+  if (reader.Has("joints")) {
+    if (!config->data.robot) value->Fail("the noise of joints needs an arm (robot.model)");
+    ReadJointNoise(&reader, config);
+    refine->Record("robot_noise", reader.used());
+    return;
+  }
   config->options.bundle.robot = BundleOptions::Robot::kGivenNoise;
   config->options.bundle.robot_noise = ReadRobotNoise(reader);
   refine->Record("robot_noise", reader.used());

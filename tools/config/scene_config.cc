@@ -32,9 +32,6 @@ SceneArm ReadSceneArm(MapReader& root) {
   arm.records_joints = reader.Bool("record_joints", false);
   reader.Finish();
   root.Record("robot", reader.used());
-  if (arm.nominal.num_joints() > 6) {
-    reader.Get("model").Fail("a redundant arm reaches a pose in infinitely many ways; choose one with six joints");
-  }
   return arm;
 }
 

@@ -12,6 +12,7 @@
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/run_config.h"
 #include "tools/config/scene_config.h"
+#include "tools/config/study_robot.h"
 
 namespace heba {
 namespace {
@@ -160,6 +161,12 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
         return value.AsChoice({"exact", "given", "estimated", "auto"});
       },
       [](const std::string& model) { return YAML::Node(model); });
+  const std::vector<std::string> kinematics = ReadList<std::string>(
+      reader, "kinematics", {"auto"},
+      [](const ConfigValue& value) {
+        return value.AsChoice({"none", "auto", "offsets", "geometry"});
+      },
+      [](const std::string& model) { return YAML::Node(model); });
   const std::vector<TargetShape> target_shapes =
       ReadList<TargetShape>(reader, "target_shape", {TargetShape()}, ReadTrueShape, ShapeNode);
   const std::string shape_model = reader.Choice("shape_model", {"none", "auto"}, "auto");
@@ -195,13 +202,18 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
         scene.motion.num_captures = num_captures - num_two_step;
       }
       Rng rng(scene.seed);
-      const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
-      if (!poses) named.place.Fail(poses.reason());
       StudyCell cell;
       cell.camera = scene.camera;
       cell.hand_eye = scene.hand_eye;
       cell.target = AllPoints(*scene.target);
-      cell.poses = *poses;
+      if (scene.arm) {
+        const std::optional<Failure> failure = SetUpStudyRobot(scene, &rng, &cell);
+        if (failure) named.place.Fail(failure->reason);
+      } else {
+        const Outcome<std::vector<SimulatedPose>> poses = SimulateScenePoses(scene, &rng);
+        if (!poses) named.place.Fail(poses.reason());
+        cell.poses = *poses;
+      }
       cell.options = options;
       cell.options.setup = scene.setup;
       cell.options.symmetries = {Rigid3d()};
@@ -216,7 +228,7 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
       StudyLabels& labels = variants.front().labels;
       labels.scene = named.name;
       labels.setup = scene.setup;
-      labels.num_captures = static_cast<int>(poses->size());
+      labels.num_captures = static_cast<int>(cell.poses.size());
       labels.num_points = cell.target.size();
       Vary(pixel_sigmas, &variants, [](double sigma_px, Variant* variant) {
         variant->cell.pixel_sigma_px = variant->labels.pixel_sigma_px = sigma_px;
@@ -239,6 +251,18 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
         variant->cell.options.bundle.robot = RobotModel(model);
         variant->cell.options.choose.robot_noise = model == "auto";
       });
+      if (scene.arm) {
+        Vary(kinematics, &variants, [&](const std::string& model, Variant* variant) {
+          const std::vector<std::shared_ptr<const SharedEffects>> errors = StudyArmErrors(*scene.arm, model);
+          variant->labels.kinematics = model;
+          variant->cell.options.bundle.target_scale_sigma = kPrintScaleSigma;
+          if (model == "auto") {
+            variant->cell.options.choose.effects = errors;
+          } else if (!errors.empty()) {
+            variant->cell.options.bundle.effects = errors.front();
+          }
+        });
+      }
       for (Variant& variant : variants) {
         study.cells.push_back(std::move(variant.cell));
         study.labels.push_back(std::move(variant.labels));

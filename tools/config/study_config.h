@@ -22,6 +22,7 @@ struct StudyLabels {
   double outlier_points = 0;
   double wrong_captures = 0;
   std::string robot_model;  // The refinement's model of the robot: exact | given | estimated | auto.
+  std::string kinematics;   // Which errors of the arm it estimates: none | auto | offsets | geometry; empty: no arm.
 };
 
 struct StudyConfig {

@@ -77,8 +77,7 @@ std::string TilesPart(const RunResult& result, const Estimate& refined) {
   if (errors.holdout_rms_px) add("hold-out RMS", FigureText(errors.holdout_rms_px) + " px");
   add("pixel noise", Significant(solution.pixel_sigma_px, 3) + " px");
   if (solution.robot_noise) {
-    add("robot noise", ShownAmount(1000 * solution.robot_noise->translation_m, 2) + " mm, " +
-                           ShownAmount(RadToDeg(solution.robot_noise->rotation_rad), 2) + " deg");
+    add("robot noise", RobotNoiseText(solution));
   }
   return tiles + "</dl>\n";
 }

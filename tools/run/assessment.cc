@@ -63,7 +63,7 @@ ModelSummary SummariseModel(const Calibration& calibration) {
   for (const TargetShapeGroup group : bundle.free_shape) {
     model.target_shape.emplace_back(kTargetShapeGroupNames[static_cast<size_t>(group)]);
   }
-  model.camera = calibration.refined->camera.model;
+  if (calibration.refined) model.camera = calibration.refined->camera.model;
   for (const ModelAlternative& alternative : calibration.alternatives) {
     model.alternatives.push_back(
         {NameOf(alternative.model), alternative.log_likelihood, alternative.dof, alternative.p});
@@ -218,6 +218,16 @@ Estimate RefinedEstimateOf(const std::string& method, const Outcome<Solution>& s
   return estimate;
 }
 
+// Returns the pairs with the errors of the robot that the solution has found.
+std::vector<PosePair> CorrectedPairs(Setup setup, std::vector<PosePair> pairs, const Solution& solution) {
+  for (PosePair& pair : pairs) {
+    pair.camera_mount_from_target_mount =
+        CorrectedMount(setup, pair.camera_mount_from_target_mount, pair.effect.get(), solution);
+    pair.effect = nullptr;
+  }
+  return pairs;
+}
+
 }  // namespace
 
 std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration, const std::vector<HoldOut>& hold_outs,
@@ -236,7 +246,10 @@ std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration,
   }
   Estimate& chain = estimates.emplace_back(RefinedEstimateOf(kChainMethod, calibration.chain));
   chain.camera = calibration.camera;
-  if (chain.ok) chain.errors = evaluate(chain);
+  if (chain.ok) {
+    chain.errors = EvaluateEstimate(chain.hand_eye, chain.camera, calibration.views,
+                                    CorrectedPairs(setup, calibration.pairs, *chain.solution), truth, symmetries);
+  }
   Estimate& refined = estimates.emplace_back(RefinedEstimateOf(kBundleMethod, calibration.refined));
   if (refined.ok) {
     refined.camera = refined.solution->camera;
@@ -261,9 +274,9 @@ std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration,
 
 namespace {
 
-void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::vector<CaptureResult>* captures) {
+void AddHoldOuts(const std::vector<HoldOut>& hold_outs, std::string_view method, std::vector<CaptureResult>* captures) {
   for (const HoldOut& hold_out : hold_outs) {
-    if (hold_out.method != kBundleMethod) continue;
+    if (hold_out.method != method) continue;
     for (const auto& distance_of : hold_out.target_m_of_capture) {
       (*captures)[distance_of.first].holdout_target_mm = 1000 * distance_of.second;
     }
@@ -303,7 +316,7 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   if (observer != nullptr) observer->OnHoldOuts(hold_outs);
   result.estimates = MakeEstimates(dataset.setup, calibration, hold_outs, dataset.truth, options.symmetries);
   result.captures = DescribeCaptures(dataset, detections, calibration, MoveWithoutEachView(calibration, options));
-  AddHoldOuts(hold_outs, &result.captures);
+  AddHoldOuts(hold_outs, kBundleMethod, &result.captures);
   result.working_point = FindWorkingPoint(calibration, dataset.setup);
   result.model = SummariseModel(calibration);
   if (std::optional<Finding> missing = FindMissingIds(dataset, calibration, detections)) {
@@ -313,9 +326,6 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
   return result;
 }
 
-namespace {
-
-// Returns the reason why the chosen model has no errors of the arm, from the models that were compared.
 std::string WhyDeclined(const Calibration& calibration) {
   const ModelAlternative* chosen = nullptr;
   const ModelAlternative* best_with_arm = nullptr;
@@ -337,6 +347,8 @@ std::string WhyDeclined(const Calibration& calibration) {
          std::to_string(best_with_arm->dof - chosen->dof) + " more parameters)";
 }
 
+namespace {
+
 // Returns the name of the configuration that all captures share; empty if there is none.
 std::string CommonConfiguration(const Arm& arm, const ArmBranch& branch) {
   const std::optional<Configuration> first = ConfigurationOf(arm, branch.joints.front());
@@ -348,9 +360,9 @@ std::string CommonConfiguration(const Arm& arm, const ArmBranch& branch) {
 
 }  // namespace
 
-RobotSummary SummariseArm(const Dataset& dataset, const std::optional<ArmSetup>& setup,
+RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
                           const Calibration& calibration) {
-  const Solution& solution = *calibration.refined;
+  const Solution& solution = calibration.refined ? *calibration.refined : *calibration.chain;
   RobotSummary summary;
   summary.nominal = dataset.robot->arm;
   summary.tip_from_gripper = setup ? setup->tip_from_gripper : dataset.robot->tip_from_gripper;
@@ -361,10 +373,8 @@ RobotSummary SummariseArm(const Dataset& dataset, const std::optional<ArmSetup>&
   for (const UndeterminedParam& param : UndeterminedParams(summary.nominal, dataset.setup)) {
     summary.undetermined.emplace_back(ArmParamName(param.place), param.with);
   }
-  if (!setup) {
-    summary.reason = "refine.kinematics is none";
-    return summary;
-  }
+  if (kinematics == Kinematics::kNone) summary.reason = "refine.kinematics is none";
+  if (!setup) return summary;
   summary.has_recorded_joints = setup->is_recorded;
   if (setup->branches.size() == 1)
     summary.configuration = CommonConfiguration(summary.nominal, setup->branches.front());
@@ -372,8 +382,9 @@ RobotSummary SummariseArm(const Dataset& dataset, const std::optional<ArmSetup>&
     summary.reason = setup->reason;
     return summary;
   }
-  if (solution.shared_effects == nullptr) {
-    summary.reason = WhyDeclined(calibration);
+  const bool has_arm = solution.shared_effects != nullptr && solution.shared_effects->kind == SharedEffectsKind::kArm;
+  if (!has_arm) {
+    if (summary.reason.empty()) summary.reason = WhyDeclined(calibration);
     return summary;
   }
   summary.is_estimated = true;
@@ -420,9 +431,21 @@ std::vector<Finding> FindingsOf(const RobotSummary& robot) {
   return findings;
 }
 
-RunResult AssessPoses(const Dataset& dataset, const Calibration& calibration) {
+RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const Calibration& calibration,
+                      PoseCalibrationOptions options) {
   RunResult result = ResultOf(dataset);
-  result.estimates = MakeEstimates(dataset.setup, calibration, {}, dataset.truth, {Rigid3d()});
+  // The folds run the methods that succeeded on all captures.
+  options.methods.clear();
+  for (const MethodResult& method : calibration.methods) {
+    if (method.hand_eye) options.methods.push_back(method.method);
+  }
+  std::vector<HoldOut> hold_outs;
+  if (run.folds > 0) {
+    hold_outs =
+        CrossValidatePoses(calibration, options, std::min(run.folds, static_cast<int>(calibration.pairs.size())));
+  }
+  result.estimates = MakeEstimates(dataset.setup, calibration, hold_outs, dataset.truth, {Rigid3d()});
+  result.model = SummariseModel(calibration);
   for (const Capture& capture : dataset.captures) {
     CaptureResult described;
     described.image = capture.name;
@@ -430,6 +453,7 @@ RunResult AssessPoses(const Dataset& dataset, const Calibration& calibration) {
     described.used = true;
     result.captures.push_back(std::move(described));
   }
+  AddHoldOuts(hold_outs, kChainMethod, &result.captures);
   return result;
 }
 

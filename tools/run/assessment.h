@@ -20,13 +20,18 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
                  const Calibration& calibration, CalibrationOptions options, RunObserver* observer);
 
 // Describes the estimation of the arm's kinematics. `setup` is empty if none was wanted.
-RobotSummary SummariseArm(const Dataset& dataset, const std::optional<ArmSetup>& setup, const Calibration& calibration);
+RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
+                          const Calibration& calibration);
+
+// Returns the reason why the chosen model has no systematic errors of the robot, from the models that were compared.
+std::string WhyDeclined(const Calibration& calibration);
 
 // Returns what is to be said about it.
 std::vector<Finding> FindingsOf(const RobotSummary& robot);
 
 // Assesses a calibration from the data set's poses of the target (CalibratePoses) in the same way, as far as this is
 // possible without images.
-RunResult AssessPoses(const Dataset& dataset, const Calibration& calibration);
+RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const Calibration& calibration,
+                      PoseCalibrationOptions options);
 
 }  // namespace heba

@@ -127,7 +127,8 @@ View ViewOf(const Dataset& dataset, size_t capture, Observations observations) {
           std::move(observations),
           from.role,
           capture,
-          from.effect};
+          from.effect,
+          from.gripper_by_joints};
 }
 
 Rigid3d PredictedPose(const Dataset& dataset, const Solution& solution, size_t capture) {

@@ -24,6 +24,8 @@ Json ErrorsJson(const StudyErrors& errors) {
                {"board_m", errors.board_m},
                {"board_rad", errors.board_rad}};
   if (errors.focal_px) json["focal_px"] = *errors.focal_px;
+  if (errors.inside_m) json["inside_m"] = *errors.inside_m;
+  if (errors.outside_m) json["outside_m"] = *errors.outside_m;
   return json;
 }
 
@@ -34,6 +36,8 @@ StudyErrors ReadErrors(const JsonReader& reader) {
   errors.board_m = reader.Get("board_m").Number();
   errors.board_rad = reader.Get("board_rad").Number();
   if (reader.Has("focal_px")) errors.focal_px = reader.Get("focal_px").Number();
+  if (reader.Has("inside_m")) errors.inside_m = reader.Get("inside_m").Number();
+  if (reader.Has("outside_m")) errors.outside_m = reader.Get("outside_m").Number();
   return errors;
 }
 
@@ -45,6 +49,9 @@ Json MethodJson(const MethodSummary& method) {
                {"axxb_mean_mm", method.axxb_mean_mm}};
   if (method.coverage) json["coverage"] = *method.coverage;
   if (method.right_model) json["right_model"] = *method.right_model;
+  if (method.estimated_effects) json["estimated_effects"] = *method.estimated_effects;
+  if (method.coverage_inside) json["coverage_inside"] = *method.coverage_inside;
+  if (method.coverage_outside) json["coverage_outside"] = *method.coverage_outside;
   if (method.pixel_sigma_px) json["pixel_sigma_px"] = *method.pixel_sigma_px;
   if (method.robot_noise) json["robot_noise"] = {method.robot_noise->translation_m, method.robot_noise->rotation_rad};
   return json;
@@ -59,6 +66,9 @@ MethodSummary ReadMethod(const JsonReader& reader) {
   method.axxb_mean_mm = reader.Get("axxb_mean_mm").Number();
   if (reader.Has("coverage")) method.coverage = reader.Get("coverage").Number();
   if (reader.Has("right_model")) method.right_model = reader.Get("right_model").Number();
+  if (reader.Has("estimated_effects")) method.estimated_effects = reader.Get("estimated_effects").Number();
+  if (reader.Has("coverage_inside")) method.coverage_inside = reader.Get("coverage_inside").Number();
+  if (reader.Has("coverage_outside")) method.coverage_outside = reader.Get("coverage_outside").Number();
   if (reader.Has("pixel_sigma_px")) method.pixel_sigma_px = reader.Get("pixel_sigma_px").Number();
   if (reader.Has("robot_noise")) {
     const std::vector<double> noise = reader.Get("robot_noise").Numbers(2);
@@ -106,6 +116,13 @@ std::string MadeFrom(const StudyConfig& study, int index) {
   add(bundle.robot_noise.translation_m);
   add(bundle.robot_noise.rotation_rad);
   for (const ParameterGroup group : bundle.free_intrinsics) add(static_cast<double>(group));
+  if (cell.robot) {
+    text += " " + study.labels[static_cast<size_t>(index)].kinematics;
+    for (const EffectGroup& group : cell.robot->errors->groups) add(group.sigma);
+    add(cell.robot->joint_noise_rad);
+    for (const Matrix6X& by_joints : cell.robot->gripper_by_joints) add(by_joints.sum());
+    for (const StudyPlace& place : cell.robot->places) add_pose(place.camera_mount_from_target_mount);
+  }
   return DigestOf(text);
 }
 

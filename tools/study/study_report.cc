@@ -77,6 +77,7 @@ std::string SceneLine(const StudyLabels& labels, size_t swept = kPixelNoise) {
                    : "bend " + Significant(1000 * labels.shape_params[i], 3) + " mm");
   }
   line += ", refined with robot " + labels.robot_model;
+  if (!labels.kinematics.empty()) line += ", kinematics " + labels.kinematics;
   if (labels.outlier_points > 0 && !is_swept("outlier points, %")) {
     line += ", " + Significant(100 * labels.outlier_points, 3) + " % outlier points";
   }
@@ -84,6 +85,24 @@ std::string SceneLine(const StudyLabels& labels, size_t swept = kPixelNoise) {
     line += ", " + Significant(100 * labels.wrong_captures, 3) + " % wrong poses";
   }
   return line;
+}
+
+// Describes the predictions of the target at the places of a cell whose robot has systematic errors.
+std::string PlaceLines(const MethodSummary& method, const StudyErrors& bound) {
+  std::string lines;
+  if (method.estimated_effects) {
+    lines +=
+        PadRight("", 13) + "  errors of the arm estimated: " + Significant(100 * *method.estimated_effects, 3) + " %\n";
+  }
+  const auto add = [&](const char* where, const std::optional<double>& error_m, const std::optional<double>& bound_m,
+                       const std::optional<double>& coverage) {
+    if (!error_m || !bound_m) return;
+    lines += PadRight("", 13) + "  target predicted " + where + ": " + Significant(1000 * *error_m, 3) + " mm, " +
+             Ratio(*error_m, *bound_m) + " x bound, 95 % holds " + Fixed(coverage.value_or(0), 3) + "\n";
+  };
+  add("in captured configurations", method.rms.inside_m, bound.inside_m, method.coverage_inside);
+  add("in other configurations", method.rms.outside_m, bound.outside_m, method.coverage_outside);
+  return lines;
 }
 
 std::string OrEmpty(const std::optional<double>& value) { return value ? Significant(*value, 8) : ""; }
@@ -129,6 +148,7 @@ std::string StudyTable(const std::vector<CellResult>& results) {
         table +=
             PadRight("", 13) + "  correct error model chosen: " + Significant(100 * *method.right_model, 3) + " %\n";
       }
+      table += PlaceLines(method, bound);
       if (method.robot_noise) {
         table += PadRight("", 13) + "  estimated (median): pixel noise " +
                  Significant(method.pixel_sigma_px.value_or(0), 3) + " px, robot " +
@@ -148,7 +168,8 @@ std::string StudyCsv(const std::vector<CellResult>& results) {
       "wrong_captures,robot_model,method,trials,failed,hand_eye_mm,hand_eye_deg,board_mm,board_deg,focal_px,"
       "bound_hand_eye_mm,bound_hand_eye_deg,bound_board_mm,bound_board_deg,bound_focal_px,coverage_95,right_model,axxb_"
       "mean_mm,"
-      "found_pixel_sigma_px,found_robot_mm,found_robot_deg\n";
+      "found_pixel_sigma_px,found_robot_mm,found_robot_deg,kinematics,estimated_effects,inside_mm,bound_inside_mm,"
+      "coverage_inside,outside_mm,bound_outside_mm,coverage_outside\n";
   const auto columns = [](const std::optional<StudyErrors>& errors) {
     if (!errors) return std::string(",,,,");
     return Significant(1000 * errors->hand_eye_m, 8) + "," + Significant(RadToDeg(errors->hand_eye_rad), 8) + "," +
@@ -179,7 +200,13 @@ std::string StudyCsv(const std::vector<CellResult>& results) {
       } else {
         csv += ",";
       }
-      csv += "\n";
+      const auto in_mm = [](const std::optional<double>& length_m) {
+        return length_m ? Significant(1000 * *length_m, 8) : std::string();
+      };
+      const StudyErrors limits = bound.value_or(StudyErrors{});
+      csv += "," + labels.kinematics + "," + OrEmpty(method.estimated_effects) + "," + in_mm(method.rms.inside_m) +
+             "," + in_mm(limits.inside_m) + "," + OrEmpty(method.coverage_inside) + "," + in_mm(method.rms.outside_m) +
+             "," + in_mm(limits.outside_m) + "," + OrEmpty(method.coverage_outside) + "\n";
     }
   }
   return csv;

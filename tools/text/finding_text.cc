@@ -334,6 +334,21 @@ FindingText MissingIds(const Finding& finding) {
           "check the target's first id, its rows and columns, the marker size and legacy_pattern"};
 }
 
+FindingText SmoothErrorsWords(const Finding& finding) {
+  const auto sigmas = [&](const std::string& of) {
+    return Amount(finding, of + "_mm") + " mm and " + Amount(finding, of + "_deg") + " deg";
+  };
+  return {
+      "the robot's poses have errors that vary smoothly with the pose (one sigma " + sigmas("smooth") + ", over " +
+          Amount(finding, "length_mm") + " mm and " + Amount(finding, "length_deg") +
+          " deg): they are predicted between the captures, which leaves a noise of " + sigmas("after") +
+          " instead of " + sigmas("before") +
+          "; they do not make the hand-eye pose more accurate, and say nothing about poses far from the captures "
+          "or in other configurations of the arm. The errors of the arm itself can be estimated if the config names "
+          "it (robot.model)",
+      ""};
+}
+
 FindingText SymmetricTarget(const Finding& finding) {
   return {SymmetryRemark(static_cast<size_t>(finding.Number("symmetries").value_or(2))), ""};
 }
@@ -377,6 +392,7 @@ constexpr CodeWords kWords[] = {
     {"arm_estimated", &ArmEstimated},
     {"arm_declined", &ArmDeclined},
     {"arm_one_configuration", &ArmOneConfiguration},
+    {"smooth_errors", &SmoothErrorsWords},
     {"symmetric_target", &SymmetricTarget},
 };
 

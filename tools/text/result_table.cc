@@ -53,8 +53,7 @@ std::string ShapeLine(const Solution& solution) {
 std::string NoiseLine(const Solution& solution, const std::optional<double>& holdout_chi2) {
   std::string line = "pixel noise " + Significant(solution.pixel_sigma_px, 3) + " px per coordinate";
   if (solution.robot_noise) {
-    line += ", robot noise " + ShownAmount(1000 * solution.robot_noise->translation_m, 2) + " mm and " +
-            ShownAmount(RadToDeg(solution.robot_noise->rotation_rad), 2) + " deg";
+    line += ", robot noise " + RobotNoiseText(solution);
   }
   if (holdout_chi2) line += "; hold-out chi-square " + Significant(*holdout_chi2, 3) + " per degree of freedom";
   return line + "\n";

@@ -78,6 +78,18 @@ std::string PoseText(const Rigid3d& pose, double sigma_mm, double sigma_rad) {
 
 std::string FigureText(const std::optional<double>& value) { return value ? Significant(*value, 3) : "-"; }
 
+std::string RobotNoiseText(const Solution& solution) {
+  const auto sigmas = [](const RobotNoise& noise) {
+    return ShownAmount(1000 * noise.translation_m, 2) + " mm and " + ShownAmount(RadToDeg(noise.rotation_rad), 2) +
+           " deg";
+  };
+  std::string text = sigmas(*solution.robot_noise);
+  const double joint_rad = solution.robot_noise->joint_rad;
+  if (joint_rad > 0) text += ", each joint " + ShownAmount(RadToDeg(joint_rad), 2) + " deg";
+  if (solution.smooth_noise) text += ", smooth errors " + sigmas(*solution.smooth_noise);
+  return text;
+}
+
 std::string VerdictFailure(const Verdict& verdict) {
   const Finding& worst = verdict.findings.front();
   return "the verdict is " + std::string(GradeName(verdict.grade)) + " (--fail-on): " + worst.text +

@@ -31,6 +31,10 @@ std::string HandEyePoseText(const Estimate& estimate);
 // Formats a figure with three significant digits, or "-".
 std::string FigureText(const std::optional<double>& value);
 
+// Describes the noise of the robot's poses: "0.3 mm and 0.02 deg", and that of the joints and the smooth errors if they
+// are modelled. `solution.robot_noise` must be set.
+std::string RobotNoiseText(const Solution& solution);
+
 // Returns the error message of a run that --fail-on fails.
 std::string VerdictFailure(const Verdict& verdict);
 

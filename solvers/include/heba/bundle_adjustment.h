@@ -26,6 +26,10 @@ struct CameraPrior {
   std::vector<double> sigmas;
 };
 
+// One sigma of the scales of a printed target, if the robot has systematic errors: the scale of the target and the size
+// of an arm are nearly one, and prints are off by some tenths of a per cent.
+inline constexpr double kPrintScaleSigma = 0.003;
+
 struct BundleOptions {
   std::vector<ParameterGroup> free_intrinsics = {ParameterGroup::kFocal, ParameterGroup::kPrincipalPoint,
                                                  ParameterGroup::kDistortion};
@@ -42,7 +46,7 @@ struct BundleOptions {
   // Used with kEstimatedNoise: prior of the robot noise, for captures that are too few to determine it.
   std::optional<RobotNoisePrior> robot_noise_prior;
   // Used with kEstimatedNoise: initial guess of the robot noise. The default is an inaccurate robot.
-  RobotNoise robot_noise_start = {1e-3, 2e-3};
+  RobotNoise robot_noise_start = {1e-3, 2e-3, 1e-3};
   // The systematic errors of the robot that are estimated (View::effect); null: none. The standard deviations of their
   // groups are estimated too with kEstimatedNoise, down to zero, and given otherwise.
   std::shared_ptr<const SharedEffects> effects;

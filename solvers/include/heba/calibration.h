@@ -126,9 +126,29 @@ struct Calibration {
 // is in Calibration::refined.
 Outcome<Calibration> Calibrate(const std::vector<View>& views, const CalibrationOptions& options);
 
-// Calibrates from poses of the target alone (`pairs`): sets `methods` (those named in `methods`, or all), `seed` and
-// `chain`, the refinement of the poses from the seed. `refined` becomes a Failure that names the missing measurements.
-void CalibratePoses(const std::vector<std::string>& methods, const std::string& seed, Calibration* calibration);
+struct PoseCalibrationOptions {
+  std::vector<std::string> methods;  // Closed forms to report, by name; empty: all.
+  std::string seed = kBestSeed;      // One of HandEyeMethodNames(), or kBestSeed: the smallest scatter of the target.
+  Setup setup = Setup::kEyeToHand;
+  // Whether the noise of the robot's poses is estimated. Otherwise the robot is exact, and the errors of the poses of
+  // the target are the only ones.
+  bool has_robot_noise = false;
+  // The systematic errors of the robot among which is chosen, each containing those before it; needs `has_robot_noise`.
+  std::vector<std::shared_ptr<const SharedEffects>> effects;
+  bool must_have_effects = false;  // Whether the last of `effects` is estimated without a choice.
+};
+
+// Calibrates from poses of the target alone (`pairs`): sets `methods`, `seed`, `chain`, the refinement of the poses
+// from the seed, and `alternatives`, if a model was chosen: the simplest one that is not rejected against the largest
+// by their restricted likelihoods. `refined` becomes a Failure that names the missing measurements.
+void CalibratePoses(const PoseCalibrationOptions& options, Calibration* calibration);
+
+// Returns which of several possible effects of the pairs, such as those of the configurations of an arm, explains them
+// best: the index of the largest restricted likelihood. Nothing if none can be fitted.
+std::optional<size_t> MostLikelyPoseEffects(
+    Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,
+    const std::shared_ptr<const SharedEffects>& effects,
+    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_pairs);
 
 // Returns the findings about a calibration whose refinement succeeded (solvers/calibration/diagnostics.h): the chosen
 // model, how a given camera was used, the errors that its fixed parts hide, and which part of the result has the

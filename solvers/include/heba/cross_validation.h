@@ -42,4 +42,8 @@ struct HoldOut {
 std::vector<HoldOut> CrossValidate(const Calibration& full, const CalibrationOptions& options, int num_folds,
                                    int num_threads, const std::function<void()>& progress);
 
+// Likewise for a calibration from poses of the target (CalibratePoses): errors of the target's pose, without pixels.
+// The folds use the model of the robot's errors that was chosen from all captures.
+std::vector<HoldOut> CrossValidatePoses(const Calibration& full, const PoseCalibrationOptions& options, int num_folds);
+
 }  // namespace heba

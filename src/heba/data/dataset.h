@@ -20,6 +20,7 @@ struct Capture {
   Rigid3d base_from_gripper;
   std::vector<double> joints = {};                // Recorded positions of the joints, rad or m; may be empty.
   std::shared_ptr<const PoseEffect> effect = {};  // View::effect.
+  Matrix6X gripper_by_joints = Matrix6X(6, 0);    // View::gripper_by_joints.
 };
 
 struct ImageSize {

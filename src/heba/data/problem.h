@@ -41,6 +41,9 @@ struct View {
   // The error of the robot's pose, gripper_from_corrected_gripper, as a function of effects that captures share; null
   // if none is modelled.
   std::shared_ptr<const PoseEffect> effect = {};
+  // The derivative of the gripper's pose (Tangent6, in its own frame) by the positions of the joints, if the noise of
+  // the joints is part of the robot noise; otherwise empty.
+  Matrix6X gripper_by_joints = Matrix6X(6, 0);
 };
 
 struct UnusedView {

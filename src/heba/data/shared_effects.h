@@ -40,10 +40,17 @@ struct SharedEffect {
   size_t group = 0;  // Index in SharedEffects::groups.
 };
 
+enum class SharedEffectsKind {
+  kArm,     // Errors of an arm's parameters (heba/robot/arm_errors.h).
+  kSmooth,  // Errors that vary smoothly with the pose (heba/data/smooth_errors.h).
+};
+
 // The effects that are estimated. The other effects of View::effect are zero.
 struct SharedEffects {
   std::string name;  // The model, for example "joint offsets".
-  int num_all = 0;   // Number of effects of View::effect.
+  SharedEffectsKind kind = SharedEffectsKind::kArm;
+  int num_fitted = 0;  // Number of figures of the model itself that were fitted to the captures.
+  int num_all = 0;     // Number of effects of View::effect.
   std::vector<EffectGroup> groups;
   std::vector<SharedEffect> effects;
 

@@ -2,10 +2,15 @@
 
 namespace heba {
 
-Rigid3d CorrectedMount(Setup setup, const View& view, const Solution& solution) {
-  if (solution.shared_effects == nullptr || view.effect == nullptr) return view.camera_mount_from_target_mount;
+Rigid3d CorrectedMount(Setup setup, const Rigid3d& camera_mount_from_target_mount, const PoseEffect* effect,
+                       const Solution& solution) {
+  if (solution.shared_effects == nullptr || effect == nullptr) return camera_mount_from_target_mount;
   const Eigen::VectorXd all = AllEffects(*solution.shared_effects, solution.effects);
-  return CorrectedMount(setup, view.camera_mount_from_target_mount, view.effect->Evaluate(all, nullptr));
+  return CorrectedMount(setup, camera_mount_from_target_mount, effect->Evaluate(all, nullptr));
+}
+
+Rigid3d CorrectedMount(Setup setup, const View& view, const Solution& solution) {
+  return CorrectedMount(setup, view.camera_mount_from_target_mount, view.effect.get(), solution);
 }
 
 std::vector<View> CorrectedViews(Setup setup, const std::vector<View>& views, const Solution& solution) {

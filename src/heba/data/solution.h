@@ -39,10 +39,12 @@ inline std::optional<Eigen::Matrix<double, 6, 6>> PoseCovarianceOf(const Covaria
   return covariance.matrix.block<6, 6>(block.first, block.first);
 }
 
-// Robot noise: one sigma along and about each axis of the gripper's frame.
+// Robot noise: one sigma along and about each axis of the gripper's frame, and one sigma of the position of each joint
+// (rad; m if it slides), which is zero unless the noise of the joints is modelled (View::gripper_by_joints).
 struct RobotNoise {
   double translation_m = 0;
   double rotation_rad = 0;
+  double joint_rad = 0;
 };
 
 // Prior knowledge of a robot's noise: log-normal densities of its two sigmas.
@@ -87,6 +89,9 @@ struct Solution {
   std::shared_ptr<const SharedEffects> shared_effects;
   Eigen::VectorXd effects;
   std::vector<double> effect_sigmas;
+  // If errors that vary smoothly with the pose were estimated (heba/data/smooth_errors.h): their standard deviations at
+  // any pose. They are not part of robot_noise.
+  std::optional<RobotNoise> smooth_noise;
   // One sigma of each pixel coordinate, estimated from the residuals or given.
   double pixel_sigma_px = 0;
   // The part of pixel_sigma_px that is not explained by the detector's own covariances
@@ -104,7 +109,10 @@ struct Solution {
   Convergence convergence;
 };
 
-// Returns camera_mount_from_target_mount of a view with the errors of the robot that the solution has found.
+// Returns camera_mount_from_target_mount with the errors of the robot that the solution has found. `effect` is
+// View::effect.
+Rigid3d CorrectedMount(Setup setup, const Rigid3d& camera_mount_from_target_mount, const PoseEffect* effect,
+                       const Solution& solution);
 Rigid3d CorrectedMount(Setup setup, const View& view, const Solution& solution);
 // Returns the views with these mounts and without effects, as if the robot had reported the corrected poses.
 std::vector<View> CorrectedViews(Setup setup, const std::vector<View>& views, const Solution& solution);

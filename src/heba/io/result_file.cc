@@ -172,6 +172,28 @@ Json RobotJson(const RobotSummary& robot) {
                                {"tip_from_gripper", PoseJson(robot.tip_from_gripper, "tip", "gripper")}}}};
 }
 
+// Returns the covariance of the unknowns. Smooth errors, whose basis is not written, are left out: what remains is the
+// covariance of the others.
+Json CovarianceJson(const Solution& solution) {
+  const Covariance& covariance = solution.covariance;
+  const UnknownBlock robot = covariance.layout.Block(kRobotBlock);
+  const std::vector<std::string> names = covariance.layout.Names();
+  std::vector<Eigen::Index> written;
+  for (Eigen::Index i = 0; i < covariance.matrix.rows(); ++i) {
+    const bool is_smooth = solution.smooth_noise && i >= robot.first && i < robot.end();
+    if (!is_smooth) written.push_back(i);
+  }
+  Json order = Json::array();
+  Json rows = Json::array();
+  for (const Eigen::Index i : written) {
+    order.push_back(names[static_cast<size_t>(i)]);
+    Json row = Json::array();
+    for (const Eigen::Index j : written) row.push_back(Finite(covariance.matrix(i, j)));
+    rows.push_back(std::move(row));
+  }
+  return Json{{"order", std::move(order)}, {"matrix", std::move(rows)}};
+}
+
 Json EstimateJson(const Estimate& estimate, Setup setup) {
   Json json;
   json["method"] = estimate.method;
@@ -209,26 +231,23 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
   json["covariance"] = nullptr;
   json["solve"] = nullptr;
   if (solution != nullptr) {
-    Json rows = Json::array();
-    for (Eigen::Index i = 0; i < solution->covariance.matrix.rows(); ++i) {
-      Json row = Json::array();
-      for (Eigen::Index j = 0; j < solution->covariance.matrix.cols(); ++j) {
-        row.push_back(Finite(solution->covariance.matrix(i, j)));
-      }
-      rows.push_back(row);
-    }
-    json["covariance"] = Json{{"order", solution->covariance.layout.Names()}, {"matrix", rows}};
+    json["covariance"] = CovarianceJson(*solution);
     const Convergence& convergence = solution->convergence;
     const std::optional<RobotNoise>& noise = solution->robot_noise;
-    json["solve"] = Json{{"iterations", convergence.iterations},
-                         {"initial_cost", Finite(convergence.initial_cost)},
-                         {"final_cost", Finite(convergence.final_cost)},
-                         {"pixel_sigma", solution->pixel_sigma_px},
-                         {"robot_sigma_deg", noise ? Json(RadToDeg(noise->rotation_rad)) : Json(nullptr)},
-                         {"robot_sigma_mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
-                         {"covariance_dof", Finite(solution->covariance_dof)},
-                         {"seconds", convergence.seconds},
-                         {"message", convergence.message}};
+    const std::optional<RobotNoise>& smooth = solution->smooth_noise;
+    json["solve"] =
+        Json{{"iterations", convergence.iterations},
+             {"initial_cost", Finite(convergence.initial_cost)},
+             {"final_cost", Finite(convergence.final_cost)},
+             {"pixel_sigma", solution->pixel_sigma_px},
+             {"robot_sigma_deg", noise ? Json(RadToDeg(noise->rotation_rad)) : Json(nullptr)},
+             {"robot_sigma_mm", noise ? Json(1000 * noise->translation_m) : Json(nullptr)},
+             {"joint_sigma_deg", noise && noise->joint_rad > 0 ? Json(RadToDeg(noise->joint_rad)) : Json(nullptr)},
+             {"smooth_sigma_deg", smooth ? Json(RadToDeg(smooth->rotation_rad)) : Json(nullptr)},
+             {"smooth_sigma_mm", smooth ? Json(1000 * smooth->translation_m) : Json(nullptr)},
+             {"covariance_dof", Finite(solution->covariance_dof)},
+             {"seconds", convergence.seconds},
+             {"message", convergence.message}};
   }
   return json;
 }
@@ -309,7 +328,9 @@ std::string ResultToJson(const RunResult& result) {
   json["estimates"] = Json::array();
   for (const Estimate& estimate : result.estimates) {
     json["estimates"].push_back(EstimateJson(estimate, result.setup));
-    if (result.robot && estimate.method == kBundleMethod) json["estimates"].back()["robot"] = RobotJson(*result.robot);
+    // The arm is part of the refinement that estimated it.
+    const char* const refinement = FindRefined(result) != nullptr ? kBundleMethod : kChainMethod;
+    if (result.robot && estimate.method == refinement) json["estimates"].back()["robot"] = RobotJson(*result.robot);
   }
   json["working_point"] = WorkingPointJson(result.working_point);
   json["timing_s"] = Json{{"detect", result.timing.detect_s},

@@ -226,6 +226,11 @@ Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
   if (solve.Has("robot_sigma_mm")) {
     solution.robot_noise =
         RobotNoise{ReadMagnitude(solve, "robot_sigma_mm") / 1000, DegToRad(ReadMagnitude(solve, "robot_sigma_deg"))};
+    solution.robot_noise->joint_rad = DegToRad(ReadOptionalMagnitude(solve, "joint_sigma_deg").value_or(0));
+  }
+  if (solve.Has("smooth_sigma_mm")) {
+    solution.smooth_noise =
+        RobotNoise{ReadMagnitude(solve, "smooth_sigma_mm") / 1000, DegToRad(ReadMagnitude(solve, "smooth_sigma_deg"))};
   }
   solution.covariance_dof =
       ReadOptionalMagnitude(solve, "covariance_dof").value_or(std::numeric_limits<double>::infinity());

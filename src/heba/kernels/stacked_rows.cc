@@ -46,6 +46,7 @@ Eigen::MatrixXd StackedRows::Products() {
 }
 
 void StackedRows::Multiply() {
+  if (size_ == 0) return;  // Eigen's rankUpdate divides by the number of rows.
   if (IsWide()) {
     wide_products_.selfadjointView<Eigen::Lower>().rankUpdate(wide_columns_.topRows(size_).transpose());
     size_ = 0;

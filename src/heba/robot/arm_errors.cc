@@ -49,6 +49,12 @@ std::shared_ptr<const PoseEffect> MakeArmEffect(const Arm& nominal, const Eigen:
   return std::make_shared<ArmEffect>(nominal, joints, tip_from_gripper);
 }
 
+Matrix6X GripperByJoints(const Arm& arm, const Eigen::VectorXd& joints, const Rigid3d& tip_from_gripper) {
+  Matrix6X by_joints;
+  BaseFromTip(arm, joints, &by_joints);
+  return Adjoint(Inverse(tip_from_gripper)) * by_joints;
+}
+
 std::vector<UndeterminedParam> UndeterminedParams(const Arm& arm, Setup setup) {
   const bool is_camera_in_base = setup == Setup::kEyeToHand;
   const std::string in_base = is_camera_in_base ? "the hand-eye pose" : "the board's pose";

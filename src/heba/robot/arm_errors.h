@@ -21,6 +21,10 @@ namespace heba {
 std::shared_ptr<const PoseEffect> MakeArmEffect(const Arm& nominal, const Eigen::VectorXd& joints,
                                                 const Rigid3d& tip_from_gripper);
 
+// Returns the derivative of the tangent of the gripper's pose (Tangent6: m, rad, in its own frame) by the positions of
+// the joints.
+Matrix6X GripperByJoints(const Arm& arm, const Eigen::VectorXd& joints, const Rigid3d& tip_from_gripper);
+
 // The prior standard deviations with which the estimation of the groups' own ones starts.
 inline constexpr double kOffsetPriorDeg = 0.3;
 inline constexpr double kLengthPriorM = 0.5e-3;

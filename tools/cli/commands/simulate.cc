@@ -116,6 +116,12 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   const int num_captures = scene.motion.num_captures;
   if (scene.arm) {
     if (scene.two_step) throw InputError(arguments[0] + ": motion.two_step cannot be combined with robot");
+    constexpr int kMostJoints = 6;
+    if (scene.arm->nominal.num_joints() > kMostJoints) {
+      throw InputError(arguments[0] +
+                       ": robot.model: a redundant arm reaches a pose in infinitely many ways; choose one " +
+                       "with six joints");
+    }
     scene.motion.num_captures *= kPosesPerReached;
   }
   StagedFolder folder(FLAGS_out, "a data set");

@@ -88,15 +88,21 @@ using DetectFunction =
 enum class Kinematics { kNone, kAuto, kOffsets, kGeometry };
 inline constexpr std::array<std::string_view, 4> kKinematicsNames = {"none", "auto", "offsets", "geometry"};
 
+// Whether errors of the robot's poses that vary smoothly with the pose are estimated, for a robot whose arm is not
+// known or whose kinematics are not estimated: never, if the captures require them, or always.
+enum class SmoothPoseErrors { kNone, kAuto, kAlways };
+
 struct RunOptions {
   std::vector<std::string> methods;  // Closed forms to report, by name; empty: all.
   std::string seed = kBestSeed;      // See CalibrationOptions::seed.
   BundleOptions bundle;
   AutoModel choose = {true, true};            // The parts of `bundle` that are chosen from the captures.
   Kinematics kinematics = Kinematics::kAuto;  // Not used without Dataset::robot.
-  std::string camera_model;                   // The model of an estimated camera.
-  bool choose_camera_model = true;            // Whether that model is chosen from the captures instead.
-  int folds = 5;                              // Number of folds of the cross-validation; 0: none.
+  bool joint_noise = false;  // Whether the robot noise that is estimated includes that of the arm's joints.
+  SmoothPoseErrors smooth = SmoothPoseErrors::kAuto;
+  std::string camera_model;         // The model of an estimated camera.
+  bool choose_camera_model = true;  // Whether that model is chosen from the captures instead.
+  int folds = 5;                    // Number of folds of the cross-validation; 0: none.
   std::vector<PlacedRequirement> requirements;
   int num_threads = 1;  // The result does not depend on it.
   // Replaces DetectWithDigest, for example by a function that keeps detections.

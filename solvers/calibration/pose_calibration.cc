@@ -1,0 +1,124 @@
+// Calibration from poses of the target that others estimated.
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "heba/base/error.h"
+#include "heba/calibration.h"
+#include "solvers/calibration/closed_form_results.h"
+#include "solvers/calibration/model_choice.h"
+#include "solvers/closed_form/hand_eye_method.h"
+#include "solvers/refine/pose_refinement.h"
+
+namespace heba {
+namespace {
+
+// A model of the robot's errors, fitted to the pairs.
+struct FittedChain {
+  ErrorModel model;
+  Solution solution;
+  double log_likelihood = 0;
+};
+
+// Returns the closed form from which the refinement starts: the one with the smallest scatter of the target in the
+// frame in which it is fixed, because there are no pixels to compare. Null if none has a result.
+const MethodResult* FindStart(const std::vector<MethodResult>& results, const std::string& seed,
+                              const std::vector<PosePair>& pairs) {
+  const MethodResult* best = nullptr;
+  double least_mm = std::numeric_limits<double>::infinity();
+  for (const MethodResult& result : results) {
+    if (!result.hand_eye || (seed != kBestSeed && result.method != seed)) continue;
+    const std::optional<BoardScatter> scatter = ComputeBoardScatter(pairs, *result.hand_eye);
+    if (!scatter || scatter->translation_rms_mm >= least_mm) continue;
+    least_mm = scatter->translation_rms_mm;
+    best = &result;
+  }
+  return best;
+}
+
+std::string WhyNoStart(const std::vector<MethodResult>& results, const std::string& seed) {
+  std::string reason = "no closed form has a result";
+  for (const MethodResult& result : results) {
+    const bool counts =
+        seed == kBestSeed ? FindHandEyeMethod(result.method)->motion == MethodMotion::kAny : result.method == seed;
+    if (counts && !result.hand_eye) reason = result.hand_eye.reason();
+  }
+  return reason;
+}
+
+// Refines with the noise of the robot and the simplest systematic errors that the pairs do not reject.
+Outcome<Solution> RefineWithChosenErrors(const PoseCalibrationOptions& options, const HandEye& start,
+                                         Calibration* calibration) {
+  std::vector<std::shared_ptr<const SharedEffects>> candidates = {nullptr};
+  candidates.insert(candidates.end(), options.effects.begin(), options.effects.end());
+  if (options.must_have_effects) candidates = {options.effects.back()};
+  std::vector<FittedChain> fitted;
+  std::string reason;
+  for (const std::shared_ptr<const SharedEffects>& effects : candidates) {
+    const Outcome<Solution> solution = RefineChainWithNoise(options.setup, calibration->pairs, start, effects);
+    if (!solution) {
+      reason = solution.reason();
+      continue;
+    }
+    fitted.push_back({{BundleOptions::Robot::kEstimatedNoise, {}, effects},
+                      *solution,
+                      ChainLogLikelihoodOf(options.setup, calibration->pairs, *solution)});
+  }
+  if (fitted.empty()) return Failure{reason};
+  const FittedChain& largest = fitted.back();
+  const FittedChain* chosen = nullptr;
+  for (const FittedChain& smaller : fitted) {
+    ModelAlternative alternative{smaller.model, smaller.log_likelihood, smaller.solution.robot_noise,
+                                 NumVariances(smaller.model), std::nullopt};
+    if (&smaller != &largest) {
+      alternative.p = ChanceOfRatio(smaller.log_likelihood, largest.log_likelihood,
+                                    {0, NumVariances(largest.model) - NumVariances(smaller.model)},
+                                    largest.solution.covariance_dof);
+    }
+    if (chosen == nullptr && alternative.p.value_or(1) >= kModelRejected) chosen = &smaller;
+    if (candidates.size() > 1) calibration->alternatives.push_back(std::move(alternative));
+  }
+  calibration->bundle.robot = chosen->model.robot;
+  calibration->bundle.effects = chosen->model.effects;
+  return chosen->solution;
+}
+
+}  // namespace
+
+void CalibratePoses(const PoseCalibrationOptions& options, Calibration* calibration) {
+  CHECK(options.has_robot_noise || options.effects.empty());
+  const std::vector<MethodResult> results = RunMethods(*calibration);
+  calibration->methods = Reported(results, options.methods);
+  calibration->refined =
+      Failure{"poses of the target are given, not its points: bundle adjustment needs images or corners"};
+  const MethodResult* const start = FindStart(results, options.seed, calibration->pairs);
+  if (start == nullptr) {
+    calibration->chain = Failure{WhyNoStart(results, options.seed)};
+    return;
+  }
+  calibration->seed = start->method;
+  calibration->alternatives.clear();
+  calibration->chain = options.has_robot_noise ? RefineWithChosenErrors(options, *start->hand_eye, calibration)
+                                               : RefineChain(calibration->pairs, *start->hand_eye);
+}
+
+std::optional<size_t> MostLikelyPoseEffects(
+    Setup setup, const std::vector<PosePair>& pairs_in, const HandEye& start,
+    const std::shared_ptr<const SharedEffects>& effects,
+    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_pairs) {
+  std::vector<PosePair> pairs = pairs_in;
+  std::optional<size_t> best;
+  double best_log_likelihood = -std::numeric_limits<double>::infinity();
+  for (size_t k = 0; k < effects_of_pairs.size(); ++k) {
+    for (size_t i = 0; i < pairs.size(); ++i) pairs[i].effect = effects_of_pairs[k][i];
+    const Outcome<Solution> solution = RefineChainWithNoise(setup, pairs, start, effects);
+    if (!solution) continue;
+    const double log_likelihood = ChainLogLikelihoodOf(setup, pairs, *solution);
+    if (!(log_likelihood > best_log_likelihood)) continue;
+    best_log_likelihood = log_likelihood;
+    best = k;
+  }
+  return best;
+}
+
+}  // namespace heba

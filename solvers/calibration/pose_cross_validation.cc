@@ -1,0 +1,92 @@
+// Cross-validation of a calibration from poses of the target.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "heba/cross_validation.h"
+#include "solvers/uncertainty/repeated_poses.h"
+
+namespace heba {
+namespace {
+
+// The errors of a method on the pairs that were held out.
+struct HeldOutPoses {
+  double sum_m2 = 0;
+  double sum_rad2 = 0;
+  std::vector<std::pair<size_t, double>> distance_m_of_capture;
+  std::string reason;  // Reason of the first failure.
+
+  void Add(const Rigid3d& predicted, const Rigid3d& seen, size_t capture) {
+    const double distance_m = (predicted.translation - seen.translation).norm();
+    sum_m2 += distance_m * distance_m;
+    sum_rad2 += std::pow(AngleRad(predicted, seen), 2);
+    distance_m_of_capture.emplace_back(capture, distance_m);
+  }
+  void Fail(int fold, const std::string& why) {
+    if (reason.empty()) reason = "fold " + std::to_string(fold + 1) + ": " + why;
+  }
+};
+
+HoldOut HoldOutOf(const std::string& method, HeldOutPoses errors) {
+  HoldOut result;
+  result.method = method;
+  result.reason = errors.reason;
+  if (!errors.reason.empty() || errors.distance_m_of_capture.empty()) return result;
+  const auto num = static_cast<double>(errors.distance_m_of_capture.size());
+  result.target_m = std::sqrt(errors.sum_m2 / num);
+  result.target_rad = std::sqrt(errors.sum_rad2 / num);
+  result.target_m_of_capture = std::move(errors.distance_m_of_capture);
+  return result;
+}
+
+}  // namespace
+
+std::vector<HoldOut> CrossValidatePoses(const Calibration& full, const PoseCalibrationOptions& options, int num_folds) {
+  PoseCalibrationOptions fold_options = options;
+  fold_options.effects.clear();
+  if (full.bundle.effects != nullptr) fold_options.effects = {full.bundle.effects};
+  fold_options.must_have_effects = full.bundle.effects != nullptr;
+  std::vector<int> fold_of(full.pairs.size());
+  int num_poses = 0;
+  for (const std::vector<size_t>& group : GroupByRobotPose(options.setup, full.pairs)) {
+    for (const size_t i : group) fold_of[i] = num_poses % num_folds;
+    ++num_poses;
+  }
+  std::map<std::string, HeldOutPoses> errors;
+  for (int fold = 0; fold < num_folds; ++fold) {
+    Calibration part;
+    std::vector<size_t> held_out;
+    for (size_t i = 0; i < full.pairs.size(); ++i) {
+      if (fold_of[i] == fold) {
+        held_out.push_back(i);
+      } else {
+        part.pairs.push_back(full.pairs[i]);
+      }
+    }
+    CalibratePoses(fold_options, &part);
+    for (const MethodResult& method : part.methods) {
+      HeldOutPoses& of_method = errors[method.method];
+      if (!method.hand_eye) of_method.Fail(fold, method.hand_eye.reason());
+      for (size_t k = 0; method.hand_eye && k < held_out.size(); ++k) {
+        const PosePair& pair = full.pairs[held_out[k]];
+        of_method.Add(CameraFromTarget(*method.hand_eye, pair.camera_mount_from_target_mount), pair.camera_from_target,
+                      held_out[k]);
+      }
+    }
+    HeldOutPoses& of_chain = errors[kChainMethod];
+    if (!part.chain) of_chain.Fail(fold, part.chain.reason());
+    for (size_t k = 0; part.chain && k < held_out.size(); ++k) {
+      const PosePair& pair = full.pairs[held_out[k]];
+      of_chain.Add(
+          CameraFromTarget(part.chain->hand_eye, CorrectedMount(options.setup, pair.camera_mount_from_target_mount,
+                                                                pair.effect.get(), *part.chain)),
+          pair.camera_from_target, held_out[k]);
+    }
+  }
+  std::vector<HoldOut> results;
+  for (auto& [method, of_method] : errors) results.push_back(HoldOutOf(method, std::move(of_method)));
+  return results;
+}
+
+}  // namespace heba
