@@ -309,6 +309,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
   }
   if (!problem) return Failure{reason};
   options.loss = InlierLoss(options_in).kind;
+  options.effects_avoid_zero = false;  // The models with variances of zero are part of the comparison.
   std::vector<FittedModel> fitted;
   for (const ErrorModel& model : candidates) {
     std::optional<FittedModel> fit = FitModel(*problem, start, model, options, fitted);
@@ -339,6 +340,7 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
   CHECK(best != nullptr) << "the largest model cannot be rejected";
   choice.options = best->options;
   choice.options.loss = options_in.loss;
+  choice.options.effects_avoid_zero = options_in.effects_avoid_zero;
   choice.solution = best->solution;
   choice.solution.unmodelled_sigma_px = unmodelled_sigma_px;
   return choice;

@@ -41,6 +41,11 @@ Eigen::VectorXd DrawErrors(const StudyCell& cell, Rng* rng) {
   return drawn;
 }
 
+// Returns whether the refinement may estimate systematic errors of the robot.
+bool EstimatesArm(const StudyCell& cell) {
+  return cell.options.bundle.effects != nullptr || !cell.options.choose.effects.empty();
+}
+
 View MakeView(const StudyCell& cell, size_t index, const Eigen::VectorXd& drawn, Rng* rng) {
   const heba::Setup setup = cell.options.setup;
   const SimulatedPose& pose = cell.poses[index];
@@ -49,7 +54,10 @@ View MakeView(const StudyCell& cell, size_t index, const Eigen::VectorXd& drawn,
   view.role = pose.role;
   view.camera_mount_from_target_mount = CameraMountFromTargetMount(cell.hand_eye, pose.camera_from_target);
   view.observations = cell.target;
-  if (cell.robot) view.effect = cell.robot->effects[index];
+  if (cell.robot && EstimatesArm(cell)) {
+    view.effect = cell.robot->effects[index];
+    view.gripper_by_joints = cell.robot->gripper_by_joints[index];
+  }
   const bool is_designed = cell.shape.params == TargetShape().params;
   const Observations true_target = is_designed ? cell.target : ApplyShape(cell.target, cell.shape);
   // The robot's error is drawn again if it puts the target behind the camera.
@@ -176,6 +184,7 @@ TrialEstimate EstimateOf(const StudyCell& cell, const std::string& method, const
 Eigen::VectorXd WithoutEffects(const UnknownLayout& layout, const Eigen::VectorXd& numbers) {
   const UnknownBlock robot = layout.Block(kRobotBlock);
   const Eigen::Index end = layout.Block(kTargetBlock).first;
+  if (robot.size == 0) return numbers.head(end);
   Eigen::VectorXd others(end - robot.size);
   others << numbers.head(robot.first), numbers.segment(robot.end(), end - robot.end());
   return others;
@@ -231,10 +240,13 @@ void AddPlaceErrors(const StudyCell& cell, const Solution& solution, const Eigen
     PlaceErrors& errors = place.is_inside ? estimate->inside : estimate->outside;
     errors.sum_m2 += (predicted.in_camera - truth_at(0)).squaredNorm();
     const Eigen::Vector3d difference = predicted.in_camera - truth_at(cell.robot->joint_noise_rad);
-    const Eigen::Matrix3d region = predicted.by_unknowns * covariance.matrix * predicted.by_unknowns.transpose() +
-                                   predicted.by_gripper *
-                                       CorrectionVariances(solution.robot_noise.value_or(RobotNoise{})).asDiagonal() *
-                                       predicted.by_gripper.transpose();
+    Matrix6X by_noise(6, 6 + place.gripper_by_joints.cols());
+    by_noise << Matrix6::Identity(), place.gripper_by_joints;
+    const Eigen::VectorXd noise =
+        CorrectionVariances(solution.robot_noise.value_or(RobotNoise{}), by_noise.cols()).cwiseSqrt();
+    const Eigen::MatrixXd of_noise = predicted.by_gripper * by_noise * noise.asDiagonal();
+    const Eigen::Matrix3d region =
+        predicted.by_unknowns * covariance.matrix * predicted.by_unknowns.transpose() + of_noise * of_noise.transpose();
     constexpr double kOutside = 0.05;
     constexpr int kAxes = 3;
     const double squares = difference.dot(region.ldlt().solve(difference));
@@ -349,7 +361,9 @@ Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
   Rng rng(0);
   for (size_t i = 0; i < cell.poses.size(); ++i) {
     problem.views.push_back(MakeView(exact, i, no_errors, &rng));
-    if (cell.robot) problem.views.back().gripper_by_joints = cell.robot->gripper_by_joints[i];
+    if (!cell.robot) continue;
+    problem.views.back().effect = cell.robot->effects[i];
+    problem.views.back().gripper_by_joints = cell.robot->gripper_by_joints[i];
   }
   const std::shared_ptr<const SharedEffects> drawn = DrawnErrors(cell);
   const FreeUnknowns free = {FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics, ShapeGroupsOf(cell)),

@@ -149,7 +149,7 @@ double LogLikelihoodOf(const Problem& problem, const Solution& solution, const B
       WithEffectGroups(CorrectionGroups(loss.consistency, solution.robot_noise.value_or(RobotNoise{}), true, true,
                                         options.robot_noise_prior ? &*options.robot_noise_prior : nullptr,
                                         NumNoisyJoints(problem.views)),
-                       layout, options.effects.get(), solution.effect_sigmas, true);
+                       layout, options.effects.get(), solution.effect_sigmas, true, false);
   const Eigen::Index num_common = layout.Block(kTargetBlock).first;
   return RestrictedLogLikelihood(*views, solution.pixel_sigma_px, groups, num_common);
 }

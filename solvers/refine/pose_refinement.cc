@@ -133,7 +133,7 @@ double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, con
   const double variance = solution.pixel_sigma_px * solution.pixel_sigma_px;
   const std::vector<VarianceGroup> groups =
       WithEffectGroups(CorrectionGroups(variance, *solution.robot_noise, true, true), layout,
-                       solution.shared_effects.get(), solution.effect_sigmas, true);
+                       solution.shared_effects.get(), solution.effect_sigmas, true, false);
   return RestrictedLogLikelihood(views, 1, groups, layout.size());
 }
 
@@ -160,7 +160,7 @@ Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>&
     const std::vector<LinearisedView> views = LineariseChain(setup, pairs, whitenings, layout, solution);
     const std::vector<VarianceGroup> groups =
         WithEffectGroups(CorrectionGroups(variance, *solution.robot_noise, true, true), layout, effects.get(),
-                         solution.effect_sigmas, true);
+                         solution.effect_sigmas, true, false);
     const VarianceComponents found = EstimateVariances(views, groups);
     variance = found.variances[kPixelGroup];
     const RobotNoise noise = RobotNoiseOf(groups, found);

@@ -76,11 +76,12 @@ std::vector<VarianceGroup> CorrectionGroups(double pixel_variance, const RobotNo
 
 std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, const UnknownLayout& layout,
                                             const SharedEffects* effects, const std::vector<double>& sigmas,
-                                            bool are_free) {
+                                            bool are_free, bool avoid_zero) {
   if (effects == nullptr) return groups;
   const size_t first_group = groups.size();
   for (const double sigma : sigmas) {
     groups.push_back({VarianceGroup::Kind::kUnknowns, {}, sigma * sigma, are_free});
+    groups.back().avoids_zero = are_free && avoid_zero;
   }
   const Eigen::Index first = layout.Block(kRobotBlock).first;
   for (size_t i = 0; i < effects->effects.size(); ++i) {

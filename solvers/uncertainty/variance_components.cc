@@ -424,13 +424,19 @@ std::unique_ptr<RestrictedLikelihood> MakeLikelihood(const std::vector<Linearise
 // Adds the log-normal densities of the square roots of the variances, expressed in the logarithm of the variance.
 void AddPriors(const std::vector<VarianceGroup>& groups, const Eigen::VectorXd& variances, Likelihood* likelihood) {
   for (size_t i = 0; i < groups.size(); ++i) {
-    if (!groups[i].prior) continue;
+    if (!groups[i].prior && !groups[i].avoids_zero) continue;
     const auto k = static_cast<Eigen::Index>(i);
     const double v = variances[k];
     if (!(v > 0)) {
       likelihood->minus_log = std::numeric_limits<double>::infinity();
       return;
     }
+    if (groups[i].avoids_zero) {
+      likelihood->minus_log -= 0.5 * std::log(v);
+      likelihood->gradient[k] += 0.5 / v;
+      likelihood->fisher(k, k) += 0.5 / (v * v);
+    }
+    if (!groups[i].prior) continue;
     const double log_variance_sigma = 2 * groups[i].prior->log_sigma;
     const double distance = (std::log(v) - 2 * std::log(groups[i].prior->median)) / log_variance_sigma;
     likelihood->minus_log += 0.5 * distance * distance;
@@ -506,7 +512,8 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, c
       Eigen::VectorXd next = variances;
       for (size_t a = 0; a < free.size(); ++a) {
         const Eigen::Index k = free[a];
-        const bool has_prior = groups[static_cast<size_t>(k)].prior.has_value();
+        const VarianceGroup& group = groups[static_cast<size_t>(k)];
+        const bool has_prior = group.prior.has_value() || group.avoids_zero;
         const double least = k == 0 ? kMinPixelVariance : has_prior ? kMostFall * variances[k] : 0.0;
         next[k] = std::max(least, variances[k] + length * direction[static_cast<Eigen::Index>(a)]);
       }
@@ -543,7 +550,8 @@ VarianceComponents EstimateVariances(const std::vector<LinearisedView>& views, c
     // A variance that is zero is taken as certain, and so is one that cannot be told from zero: it is more likely too
     // large than too small, so the covariance is wide enough without further degrees of freedom.
     constexpr double kToldFromZero = 0.75;
-    if (result.stddev[k] < kToldFromZero * variances[k]) uncertain.push_back(k);
+    const bool is_told = groups[static_cast<size_t>(k)].avoids_zero || result.stddev[k] < kToldFromZero * variances[k];
+    if (is_told) uncertain.push_back(k);
   }
   if (!uncertain.empty()) {
     const auto size = static_cast<Eigen::Index>(uncertain.size());

@@ -30,6 +30,11 @@ struct VarianceGroup {
   double variance = 1;  // The value, or the initial guess.
   bool is_free = true;
   std::optional<SigmaPrior> prior = {};  // Prior of the square root of the variance.
+  // Whether the square root has a prior density that is proportional to itself: the limit of the gamma densities of
+  // Chung et al., "A nondegenerate penalized likelihood estimator for variance parameters in multilevel models", 2013.
+  // The variance of a few effects that is found to be zero by chance would be taken for certain; with this prior it is
+  // about one standard deviation away from zero instead.
+  bool avoids_zero = false;
 };
 
 // Estimated variances, in the order of their groups.

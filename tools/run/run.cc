@@ -177,10 +177,9 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
   for (size_t i = 0; i < dataset->captures.size(); ++i) {
     Capture& capture = dataset->captures[i];
     if (run.kinematics != Kinematics::kNone) capture.effect = effects[i];
-    if (run.joint_noise) {
-      capture.gripper_by_joints =
-          GripperByJoints(dataset->robot->arm, arm->branches.front().joints[i], arm->tip_from_gripper);
-    }
+    // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
+    capture.gripper_by_joints =
+        GripperByJoints(dataset->robot->arm, arm->branches.front().joints[i], arm->tip_from_gripper);
   }
   const std::optional<std::string> why_not = Recalibrate(ViewsOf(*dataset, detections), with_arm, options, calibration);
   if (!why_not) return;

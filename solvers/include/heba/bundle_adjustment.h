@@ -48,8 +48,11 @@ struct BundleOptions {
   // Used with kEstimatedNoise: initial guess of the robot noise. The default is an inaccurate robot.
   RobotNoise robot_noise_start = {1e-3, 2e-3, 1e-3};
   // The systematic errors of the robot that are estimated (View::effect); null: none. The standard deviations of their
-  // groups are estimated too with kEstimatedNoise, down to zero, and given otherwise.
+  // groups are estimated too with kEstimatedNoise, and given otherwise.
   std::shared_ptr<const SharedEffects> effects;
+  // Whether these standard deviations are kept away from zero, which the few effects of a group cannot prove
+  // (solvers/uncertainty/variance_components.h, VarianceGroup::avoids_zero). Models are compared without that.
+  bool effects_avoid_zero = true;
   // Is treated as an additional measurement of the free camera parameters.
   std::optional<CameraPrior> camera_prior;
   // One sigma of the target's scales about 1 (TargetShape), as additional measurements; nothing: they are not known.
