@@ -4,9 +4,11 @@
 #include <string>
 #include <vector>
 
+#include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/io/export_format.h"
+#include "heba/io/ur_calibration_file.h"
 
 namespace heba {
 namespace {
@@ -16,6 +18,9 @@ constexpr std::array<const char*, 6> kLinks = {"shoulder", "upper_arm", "forearm
 }  // namespace
 
 Arm ReadArmFile(const std::filesystem::path& path, const Arm& nominal) {
+  constexpr size_t kMaxBytes = size_t{1} << 20;
+  const std::string text = ReadTextFile(path, kMaxBytes);
+  if (path.extension() == ".conf" || IsUrCalibration(text)) return ParseUrCalibration(text, path, nominal.name);
   MapReader root(ReadYamlFile(path));
   MapReader links(root.Get("kinematics"));
   std::vector<ArmAxis> axes;
