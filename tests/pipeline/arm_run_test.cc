@@ -1,11 +1,14 @@
 // The kinematics of an arm, from simulated captures to corrected poses.
 #include <cmath>
 #include <map>
+#include <regex>
+#include <sstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "heba/io/pose_file.h"
 #include "tests/pipeline/cli.h"
 
 namespace heba {
@@ -118,8 +121,53 @@ TEST_F(ArmRunTest, PosesAreCorrectedBothWays) {
   EXPECT_THAT(refused.err, HasSubstr("were not estimated"));
 }
 
+// Writes the table of the poses with the columns of the joints beside them.
+void WriteWithJoints(const fs::path& poses, const fs::path& joints, const fs::path& to) {
+  std::istringstream left(ReadAll(poses));
+  std::istringstream right(ReadAll(joints));
+  std::string text;
+  for (std::string a, b; std::getline(left, a) && std::getline(right, b);) {
+    text += a + b.substr(b.find(',')) + "\n";
+  }
+  WriteAll(to, text);
+}
+
+TEST_F(ArmRunTest, JointsBesideThePosesReplaceTheConfiguration) {
+  const fs::path data = folder() / "several";
+  const std::string run = (data / "run").string();
+  const fs::path both = folder() / "both.csv";
+  const fs::path corrected = folder() / "corrected_with_joints.csv";
+  const fs::path again = folder() / "again_with_joints.csv";
+  const CommandResult refused = RunHeba({"correct", run, (data / "poses.csv").string(), "--out", again.string()});
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.err, HasSubstr("columns j1 to j6 with the joints at the pose (rad) tell them"));
+  WriteWithJoints(data / "poses.csv", data / "joints.csv", both);
+  const CommandResult forward = RunHeba({"correct", run, both.string(), "--out", corrected.string()});
+  ASSERT_EQ(forward.status, 0) << forward.err;
+  const CommandResult back = RunHeba({"correct", run, corrected.string(), "--inverse", "--out", again.string()});
+  ASSERT_EQ(back.status, 0) << back.err;
+  const std::vector<PoseRow> reported = ReadPoseFile(data / "poses.csv", *FindPoseFormat("ros"));
+  const std::vector<PoseRow> commanded = ReadPoseFile(again, *FindPoseFormat("ros"));
+  ASSERT_EQ(reported.size(), commanded.size());
+  for (size_t i = 0; i < reported.size(); ++i) {
+    EXPECT_LT(LocalCoordinates(reported[i].pose, commanded[i].pose).norm(), 1e-8) << i;
+  }
+  // The angles in degrees are not those of the poses.
+  WriteAll(both, std::regex_replace(ReadAll(both), std::regex(R"(,([-0-9.e]+)\n)"), ",57.3$1\n"));
+  EXPECT_THAT(RunHeba({"correct", run, both.string(), "--out", again.string()}).err,
+              HasSubstr("the joints are not those of the pose"));
+}
+
 TEST_F(ArmRunTest, CalibratedArmIsExported) {
   const std::string run = (folder() / "one" / "run").string();
+  const CommandResult calibration = RunHeba({"export", run, "--to", "ur_calibration"});
+  EXPECT_THAT(calibration.out, HasSubstr("[mounting]\ndelta_theta = [ "));
+  WriteAll(folder() / "one" / "calibration.conf", calibration.out);
+  // The controller's file is read in place of the maker's parameters: little is left to be corrected.
+  const CommandResult calibrated = RunHeba(
+      {"run", (folder() / "one" / "config.yaml").string(), "--set", "robot.kinematics=calibration.conf", "--out",
+       (folder() / "calibrated").string(), "--quiet"});
+  ASSERT_EQ(calibrated.status, 0) << calibrated.err;
   EXPECT_THAT(RunHeba({"export", run, "--to", "ur_kinematics"}).out, HasSubstr("forearm:"));
   EXPECT_THAT(RunHeba({"export", run, "--to", "robot_urdf"}).out, HasSubstr("flange_joint"));
   EXPECT_THAT(RunHeba({"export", run, "--to", "dh_csv"}).out, HasSubstr("joint,theta_rad,d_m,a_m,alpha_rad,beta_rad"));

@@ -49,19 +49,29 @@ void SetJoints(const Arm& arm, RunConfig* config) {
       }
       row = found->second;
     }
-    captures[i].joints = row->numbers;
-    for (size_t j = 0; j < row->numbers.size(); ++j) {
-      if (arm.joints[j].is_turning && config->joints_are_deg) captures[i].joints[j] = DegToRad(row->numbers[j]);
-    }
+    const Eigen::VectorXd positions = PositionsOf(arm, row->numbers, config->joints_are_deg);
+    captures[i].joints.assign(positions.begin(), positions.end());
   }
 }
 
 }  // namespace
 
+bool ReadJointsAreDeg(MapReader& captures) { return captures.Choice("joint_angle", {"rad", "deg"}, "rad") == "deg"; }
+
+Eigen::VectorXd PositionsOf(const Arm& arm, const std::vector<double>& numbers, bool are_deg) {
+  CHECK_EQ(numbers.size(), arm.joints.size());
+  Eigen::VectorXd positions(arm.num_joints());
+  for (size_t j = 0; j < numbers.size(); ++j) {
+    const bool is_in_deg = are_deg && arm.joints[j].is_turning;
+    positions[static_cast<Eigen::Index>(j)] = is_in_deg ? DegToRad(numbers[j]) : numbers[j];
+  }
+  return positions;
+}
+
 void ReadJointsFile(MapReader& captures, RunConfig* config) {
   if (!captures.Has("joints")) return;
   config->joints_file = captures.Path("joints");
-  config->joints_are_deg = captures.Choice("joint_angle", {"rad", "deg"}, "rad") == "deg";
+  config->joints_are_deg = ReadJointsAreDeg(captures);
   config->data_files.push_back(config->joints_file);
 }
 
