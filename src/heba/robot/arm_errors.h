@@ -25,13 +25,21 @@ std::shared_ptr<const PoseEffect> MakeArmEffect(const Arm& nominal, const Eigen:
 inline constexpr double kOffsetPriorDeg = 0.3;
 inline constexpr double kLengthPriorM = 0.5e-3;
 inline constexpr double kAnglePriorDeg = 0.1;
+// Harmonic drives of the sizes in small and medium arms have stiffnesses of some 1e4 to 1e5 N m/rad (Harmonic Drive,
+// catalogues of the CSG and SHG series); bearings and links add to their compliance.
+inline constexpr double kCompliancePriorRadPerNm = 2e-5;
 
 // The models of an arm's errors, each containing those before it.
-enum class ArmErrorModel { kOffsets, kGeometry };
+enum class ArmErrorModel { kOffsets, kGeometry, kGravity };
 
-// Returns the effects of a model: the offsets of the joints, and with kGeometry also d, a, alpha, and beta where the
-// next axis is parallel. Parameters that no captures can determine (UndeterminedParams) are not among them.
+// Returns the effects of a model: the offsets of the joints, with kGeometry also d, a, alpha, and beta where the next
+// axis is parallel, and with kGravity also the compliances of the turning joints that carry a weight (Arm::load must be
+// known). Parameters that no captures can determine (UndeterminedParams) are not among them.
 SharedEffects ArmErrors(const Arm& arm, ArmErrorModel model);
+
+// Returns, for each joint, whether it turns and carries a weight in some posture: not if its axis is vertical, or if
+// the centre of mass is on its axis.
+std::vector<bool> JointsThatYield(const Arm& arm);
 
 // A parameter whose error cannot be told apart from something else, whatever the captures.
 struct UndeterminedParam {
