@@ -128,6 +128,9 @@ SceneConfig ReadScene(const ConfigValue& value) {
   }
   print.Finish();
   reader.Record("print", print.used());
+  if (scene.num_repeats > 1 && scene.image.noise_sigma_grey == 0) {
+    motion.Get("repeats").Fail("needs image.noise; without it, the images of a pose would be the same");
+  }
   const std::string image_faults = scene.image.Check();
   if (!image_faults.empty()) image.value().Fail(image_faults);
 

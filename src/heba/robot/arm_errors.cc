@@ -81,6 +81,7 @@ std::vector<UndeterminedParam> UndeterminedParams(const Arm& arm, Setup setup) {
 
 std::vector<bool> JointsThatYield(const Arm& arm) {
   constexpr int kNumDraws = 20;
+  constexpr double kLeastShare = 0.05;
   constexpr double kNothingNm = 0.05;  // It would turn a joint by some 1e-6 rad.
   Rng rng(1);
   Eigen::VectorXd largest = Eigen::VectorXd::Zero(arm.num_joints());
@@ -89,9 +90,10 @@ std::vector<bool> JointsThatYield(const Arm& arm) {
     for (double& joint : joints) joint = rng.Uniform(-kPi, kPi);
     largest = largest.cwiseMax(GravityTorques(arm, joints).cwiseAbs());
   }
+  const double least_nm = std::max(kNothingNm, kLeastShare * largest.maxCoeff());
   std::vector<bool> yields;
   for (int j = 0; j < arm.num_joints(); ++j) {
-    yields.push_back(arm.joints[static_cast<size_t>(j)].is_turning && largest[j] > kNothingNm);
+    yields.push_back(arm.joints[static_cast<size_t>(j)].is_turning && largest[j] > least_nm);
   }
   return yields;
 }

@@ -33,12 +33,14 @@ inline constexpr double kCompliancePriorRadPerNm = 2e-5;
 enum class ArmErrorModel { kOffsets, kGeometry, kGravity };
 
 // Returns the effects of a model: the offsets of the joints, with kGeometry also d, a, alpha, and beta where the next
-// axis is parallel, and with kGravity also the compliances of the turning joints that carry a weight (Arm::load must be
+// axis is parallel, and with kGravity also the compliances of the joints that yield (JointsThatYield; Arm::load must be
 // known). Parameters that no captures can determine (UndeterminedParams) are not among them.
 SharedEffects ArmErrors(const Arm& arm, ArmErrorModel model);
 
-// Returns, for each joint, whether it turns and carries a weight in some posture: not if its axis is vertical, or if
-// the centre of mass is on its axis.
+// Returns, for each joint, whether it turns and the torque of gravity about it is, in some posture, at least a
+// twentieth of the greatest one of the arm. It is less if the axis is vertical, if the centre of mass is near the axis,
+// and in a wrist without a payload: there, a compliance moves the tip by some 0.03 mm and can hardly be determined, so
+// that an estimate would depend on its prior alone.
 std::vector<bool> JointsThatYield(const Arm& arm);
 
 // A parameter whose error cannot be told apart from something else, whatever the captures.

@@ -41,8 +41,8 @@ std::optional<Eigen::VectorXd> DrawPosture(const Arm& arm, const Rigid3d& base_f
                                            Rng* rng);
 
 // Returns errors of all parameters of an arm that captures can determine, with these standard deviations of offsets,
-// lengths, angles and compliances; the others are zero. Compliances are not negative. Without a load of the arm, they
-// are zero.
+// lengths, angles and compliances; the others are zero. Compliances are not negative, and zero for joints that carry
+// little weight (JointsThatYield).
 struct ArmErrorSigmas {
   double offset_rad = 0;
   double length_m = 0;

@@ -100,7 +100,7 @@ TEST_P(EveryArmErrorsTest, FreeParametersAreDeterminedAndComplete) {
 // The compliances can be told apart from each other and from all errors of the geometry, with and without a payload.
 TEST(ArmErrorsTest, CompliancesOfJointsThatCarryAWeightAreDetermined) {
   for (const char* name : {"ur3e", "ur5", "ur5e", "ur10", "ur10e", "ur16e", "ur20"}) {
-    for (const double payload_kg : {0.0, 3.0}) {
+    for (const double payload_kg : {0.0, 5.0}) {
       const Arm arm = WithPayload(*FindArm(name), {payload_kg, {0.05, 0.02, 0.1}});
       const SharedEffects errors = ArmErrors(arm, ArmErrorModel::kGravity);
       std::vector<int> places;
@@ -110,8 +110,8 @@ TEST(ArmErrorsTest, CompliancesOfJointsThatCarryAWeightAreDetermined) {
         num_compliances += IsCompliance(effect.index) ? 1 : 0;
       }
       EXPECT_EQ(errors.size(), ArmErrors(arm, ArmErrorModel::kGeometry).size() + num_compliances);
-      // Joint 1 is vertical. The centre of mass of the last link alone is nearly on the axis of joint 6.
-      EXPECT_EQ(num_compliances, payload_kg > 0 ? 5 : 4) << name;
+      // Joint 1 is vertical. Of the wrist alone, at most joint 4 carries a weight that counts.
+      EXPECT_THAT(num_compliances, testing::AllOf(testing::Ge(2), testing::Le(payload_kg == 0 ? 3 : 5))) << name;
       Eigen::MatrixXd sensitivity = Sensitivity(arm, places);
       sensitivity.colwise().normalize();
       EXPECT_EQ(RankOf(sensitivity), sensitivity.cols()) << name;
@@ -120,7 +120,10 @@ TEST(ArmErrorsTest, CompliancesOfJointsThatCarryAWeightAreDetermined) {
 }
 
 TEST(ArmErrorsTest, JointsWithoutAWeightDoNotYield) {
-  EXPECT_THAT(JointsThatYield(*FindArm("ur5e")), testing::ElementsAre(false, true, true, true, true, false));
+  EXPECT_THAT(JointsThatYield(*FindArm("ur5e")), testing::ElementsAre(false, true, true, false, false, false));
+  // Joint 6 turns the payload about an axis through its centre of mass.
+  EXPECT_THAT(JointsThatYield(WithPayload(*FindArm("ur5e"), {5, {0, 0, 0.15}})),
+              testing::ElementsAre(false, true, true, true, true, false));
   EXPECT_THAT(JointsThatYield(*FindArm("abb_irb120")), testing::Each(false));
 }
 

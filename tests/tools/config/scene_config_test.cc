@@ -115,7 +115,8 @@ TEST(SceneConfigTest, ReadsTheRobot) {
 TEST(SceneConfigTest, ReadsTheArm) {
   const SceneConfig scene = Read(
       "robot: {model: ur5e, offsets: 0.05 deg, lengths: 0.3 mm, angles: 0.03 deg, gravity: 2e-5 rad/(N m), "
-      "joint_noise: 0.003 deg, configurations: one, record_joints: true}\nmotion: {captures: 5, repeats: 3}\n");
+      "joint_noise: 0.003 deg, configurations: one, record_joints: true}\nmotion: {captures: 5, repeats: 3}\n"
+      "image: {noise: 2 grey}\n");
   ASSERT_TRUE(scene.arm.has_value());
   EXPECT_EQ(scene.arm->nominal.name, "ur5e");
   EXPECT_DOUBLE_EQ(scene.arm->sigmas.offset_rad, DegToRad(0.05));
@@ -220,6 +221,7 @@ INSTANTIATE_TEST_SUITE_P(
         WrongScene{"GravityWithoutMasses", "robot: {model: abb_irb120, gravity: 2e-5 rad/(N m)}\n",
                    "robot.gravity: the masses of the links of the arm abb_irb120 are not known"},
         WrongScene{"NoRepeats", "motion: {repeats: 0}\n", "motion.repeats: 0 is out of range"},
+        WrongScene{"RepeatsWithoutNoise", "motion: {repeats: 2}\n", "motion.repeats: needs image.noise"},
         WrongScene{"RepeatedTwoStep", "motion: {repeats: 2, two_step: {turns: 5}}\n",
                    "motion.repeats: cannot be combined with two_step"},
         WrongScene{"PoseFormat", "pose_format: kuke\n", "pose_format: 'kuke' is unknown"},
