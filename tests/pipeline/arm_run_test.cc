@@ -1,11 +1,14 @@
 // The kinematics of an arm, from simulated captures to corrected poses.
 #include <cmath>
 #include <map>
+#include <regex>
+#include <sstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "heba/io/pose_file.h"
 #include "tests/pipeline/cli.h"
 
 namespace heba {
@@ -118,14 +121,101 @@ TEST_F(ArmRunTest, PosesAreCorrectedBothWays) {
   EXPECT_THAT(refused.err, HasSubstr("were not estimated"));
 }
 
+// Writes the table of the poses with the columns of the joints beside them.
+void WriteWithJoints(const fs::path& poses, const fs::path& joints, const fs::path& to) {
+  std::istringstream left(ReadAll(poses));
+  std::istringstream right(ReadAll(joints));
+  std::string text;
+  for (std::string a, b; std::getline(left, a) && std::getline(right, b);) {
+    text += a + b.substr(b.find(',')) + "\n";
+  }
+  WriteAll(to, text);
+}
+
+TEST_F(ArmRunTest, JointsBesideThePosesReplaceTheConfiguration) {
+  const fs::path data = folder() / "several";
+  const std::string run = (data / "run").string();
+  const fs::path both = folder() / "both.csv";
+  const fs::path corrected = folder() / "corrected_with_joints.csv";
+  const fs::path again = folder() / "again_with_joints.csv";
+  const CommandResult refused = RunHeba({"correct", run, (data / "poses.csv").string(), "--out", again.string()});
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.err, HasSubstr("columns j1 to j6 with the joints at the pose (rad) tell them"));
+  WriteWithJoints(data / "poses.csv", data / "joints.csv", both);
+  const CommandResult forward = RunHeba({"correct", run, both.string(), "--out", corrected.string()});
+  ASSERT_EQ(forward.status, 0) << forward.err;
+  const CommandResult back = RunHeba({"correct", run, corrected.string(), "--inverse", "--out", again.string()});
+  ASSERT_EQ(back.status, 0) << back.err;
+  const std::vector<PoseRow> reported = ReadPoseFile(data / "poses.csv", *FindPoseFormat("ros"));
+  const std::vector<PoseRow> commanded = ReadPoseFile(again, *FindPoseFormat("ros"));
+  ASSERT_EQ(reported.size(), commanded.size());
+  for (size_t i = 0; i < reported.size(); ++i) {
+    EXPECT_LT(LocalCoordinates(reported[i].pose, commanded[i].pose).norm(), 1e-8) << i;
+  }
+  // An angle in degrees is not that of the pose.
+  WriteAll(both, std::regex_replace(ReadAll(both), std::regex(",[-0-9.e]+\n"), ",99\n"));
+  EXPECT_THAT(RunHeba({"correct", run, both.string(), "--out", again.string()}).err,
+              HasSubstr("the joints are not those of the pose"));
+}
+
 TEST_F(ArmRunTest, CalibratedArmIsExported) {
   const std::string run = (folder() / "one" / "run").string();
+  const CommandResult calibration = RunHeba({"export", run, "--to", "ur_calibration"});
+  EXPECT_THAT(calibration.out, HasSubstr("[mounting]\ndelta_theta = [ "));
+  WriteAll(folder() / "one" / "calibration.conf", calibration.out);
+  // The controller's file is read in place of the maker's parameters. The correction multiplies the reported pose, so
+  // that it hardly depends on them: 5 % is well above the effect of joints that differ by some 0.1 deg.
+  const CommandResult calibrated = RunHeba({"run", (folder() / "one" / "config.yaml").string(), "--set",
+                                            "robot.kinematics=" + (folder() / "one" / "calibration.conf").string(),
+                                            "--out", (folder() / "calibrated").string(), "--quiet"});
+  ASSERT_EQ(calibrated.status, 0) << calibrated.err;
+  const Json refined = RefinedIn(folder() / "calibrated");
+  EXPECT_EQ(refined["robot"]["decision"], "estimated");
+  EXPECT_NE(refined["robot"]["nominal"], Refined("one")["robot"]["nominal"]);
+  const double usual_mm = Refined("one")["errors"]["holdout_target_mm"].get<double>();
+  EXPECT_NEAR(refined["errors"]["holdout_target_mm"].get<double>(), usual_mm, 0.05 * usual_mm);
   EXPECT_THAT(RunHeba({"export", run, "--to", "ur_kinematics"}).out, HasSubstr("forearm:"));
   EXPECT_THAT(RunHeba({"export", run, "--to", "robot_urdf"}).out, HasSubstr("flange_joint"));
   EXPECT_THAT(RunHeba({"export", run, "--to", "dh_csv"}).out, HasSubstr("joint,theta_rad,d_m,a_m,alpha_rad,beta_rad"));
   const CommandResult refused = RunHeba({"export", (folder() / "exact" / "run").string(), "--to", "dh_csv"});
   EXPECT_EQ(refused.status, 1);
   EXPECT_THAT(refused.err, HasSubstr("were not estimated"));
+}
+
+// The arm yields to gravity, and each pose is captured twice.
+TEST_F(ArmRunTest, CompliancesOfASimulatedArmAreFound) {
+  const fs::path data = folder() / "gravity";
+  const CommandResult simulated = RunHeba(
+      {"simulate", std::string(HEBA_SOURCE_DIR) + "/configs/arm/scene.yaml", "--out", data.string(), "--quiet", "--set",
+       "robot.gravity=4e-5 rad/(N m)", "--set", "robot.configurations=several", "--set", "robot.record_joints=true",
+       "--set", "motion.captures=24", "--set", "motion.repeats=2", "--set", "image.noise=2 grey"});
+  ASSERT_EQ(simulated.status, 0) << simulated.err;
+  const std::vector<PoseRow> poses = ReadPoseFile(data / "poses.csv", *FindPoseFormat("ros"));
+  ASSERT_EQ(poses.size(), 48U);
+  for (size_t i = 0; i < poses.size(); i += 2) {
+    EXPECT_EQ(poses[i].numbers, poses[i + 1].numbers);
+    EXPECT_TRUE(ReadAll(data / "images" / poses[i].image) != ReadAll(data / "images" / poses[i + 1].image)) << i;
+  }
+  const Json truth = Json::parse(ReadAll(data / "truth.json"))["robot"];
+  EXPECT_GT(truth["joint2.compliance"].get<double>(), 0);
+  EXPECT_EQ(truth["joint1.compliance"].get<double>(), 0);
+  const CommandResult run = RunHeba({"run", (data / "config.yaml").string(), "--out", (data / "run").string(), "--set",
+                                     "refine.kinematics=[offsets, geometry, gravity]", "--quiet"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  const Json robot = RefinedIn(data / "run")["robot"];
+  EXPECT_EQ(robot["decision"], "estimated") << robot["reason"];
+  int num = 0;
+  for (const Json& parameter : robot["parameters"]) {
+    if (parameter["unit"] != "rad/(N m)") continue;
+    ++num;
+    // Each error exceeds 4 sigmas with a probability of 6e-5.
+    EXPECT_NEAR(parameter["value"].get<double>(), truth[parameter["name"].get<std::string>()].get<double>(),
+                4 * parameter["std"].get<double>())
+        << parameter;
+  }
+  EXPECT_EQ(num, 2);
+  EXPECT_THAT(RunHeba({"export", (data / "run").string(), "--to", "ur_calibration"}).out,
+              HasSubstr("yield to gravity"));
 }
 
 }  // namespace

@@ -1,10 +1,18 @@
 // Reads the section `robot` of a config, the recorded joints of the captures, and refine.kinematics.
 #pragma once
 
+#include <vector>
+
 #include "heba/config/yaml_reader.h"
+#include "heba/robot/arm.h"
 #include "tools/config/run_config.h"
 
 namespace heba {
+
+// Reads `joint_angle` of `captures`: whether recorded joints are in degrees.
+bool ReadJointsAreDeg(MapReader& captures);
+// Returns the positions of the joints (rad or m) from numbers of a file, whose angles may be in degrees.
+Eigen::VectorXd PositionsOf(const Arm& arm, const std::vector<double>& numbers, bool are_deg);
 
 // Reads the file of recorded joints, `joints` with `joint_angle` of `captures`, if there is one: columns j1 to jN and
 // optionally image.

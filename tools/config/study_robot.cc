@@ -95,10 +95,12 @@ std::optional<Failure> SetUpStudyRobot(const SceneConfig& scene, Rng* rng, Study
   const auto num_captures = static_cast<size_t>(scene.motion.num_captures);
   const Outcome<std::vector<Eigen::VectorXd>> postures = DrawPostures(scene, num_captures + kNumPlaces, rng);
   if (!postures) return Failure{postures.reason()};
-  SharedEffects errors = ArmErrors(arm.nominal, ArmErrorModel::kGeometry);
+  const bool yields = arm.sigmas.compliance_rad_per_nm > 0;
+  SharedEffects errors = ArmErrors(arm.nominal, yields ? ArmErrorModel::kGravity : ArmErrorModel::kGeometry);
   errors.groups[0].sigma = arm.sigmas.offset_rad;
   errors.groups[1].sigma = arm.sigmas.length_m;
   errors.groups[2].sigma = arm.sigmas.angle_rad;
+  if (yields) errors.groups[3].sigma = arm.sigmas.compliance_rad_per_nm;
   StudyRobot robot;
   robot.errors = std::make_shared<const SharedEffects>(std::move(errors));
   robot.joint_noise_rad = arm.joint_noise_rad;
@@ -128,6 +130,7 @@ std::vector<std::shared_ptr<const SharedEffects>> StudyArmErrors(const SceneArm&
   };
   if (kinematics == "offsets") return {errors_of(ArmErrorModel::kOffsets)};
   if (kinematics == "geometry") return {errors_of(ArmErrorModel::kGeometry)};
+  if (kinematics == "gravity") return {errors_of(ArmErrorModel::kGravity)};
   if (kinematics == "auto") return {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
   return {};
 }

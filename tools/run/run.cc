@@ -13,6 +13,7 @@
 #include "tools/run/captures.h"
 #include "tools/run/digest.h"
 #include "tools/run/duplicate_images.h"
+#include "tools/run/robot_errors.h"
 #include "tools/run/second_detection.h"
 
 namespace heba {
@@ -53,32 +54,6 @@ void AddRobot(RobotSummary robot, RunResult* result) {
   result->robot = std::move(robot);
 }
 
-// Sets the effects of the arm's errors on the pairs, and the errors among which is chosen.
-void SetUpPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* arm, PoseCalibrationOptions* options,
-                Calibration* calibration) {
-  if (!arm->reason.empty()) return;
-  const auto errors_of = [&](ArmErrorModel model) {
-    return std::make_shared<const SharedEffects>(ArmErrors(dataset.robot->arm, model));
-  };
-  std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects;
-  for (const ArmBranch& branch : arm->branches) effects.push_back(EffectsOf(dataset, *arm, branch));
-  size_t best = 0;
-  if (effects.size() > 1) {
-    const std::optional<size_t> found = MostLikelyPoseEffects(
-        dataset.setup, calibration->pairs, calibration->chain->hand_eye, errors_of(ArmErrorModel::kGeometry), effects);
-    if (!found) {
-      arm->reason = "no configuration of the arm explains the captures";
-      return;
-    }
-    best = *found;
-  }
-  arm->branches = {arm->branches[best]};
-  for (size_t i = 0; i < calibration->pairs.size(); ++i) calibration->pairs[i].effect = effects[best][i];
-  options->effects = {errors_of(ArmErrorModel::kOffsets)};
-  if (run.kinematics != Kinematics::kOffsets) options->effects.push_back(errors_of(ArmErrorModel::kGeometry));
-  options->must_have_effects = run.kinematics != Kinematics::kAuto;
-}
-
 // Calibrates from poses of the target that others estimated, with the evaluation that is possible without images.
 Outcome<RunOutput> RunOnPoses(const Dataset& dataset, const RunOptions& run, RunObserver* observer) {
   RunOutput output;
@@ -98,7 +73,7 @@ Outcome<RunOutput> RunOnPoses(const Dataset& dataset, const RunOptions& run, Run
   if (dataset.robot && run.kinematics != Kinematics::kNone) {
     arm = SetUpArm(dataset);
     options.has_robot_noise = true;
-    SetUpPairs(dataset, run, &*arm, &options, &calibration);
+    SetEffectsOfPairs(dataset, run, &*arm, &options, &calibration);
     CalibratePoses(options, &calibration);
     if (!calibration.chain) return Failure{calibration.chain.reason()};
   }
@@ -122,113 +97,6 @@ std::string NothingDetected(const Dataset& dataset, const std::vector<CaptureDet
   return "the target was not detected in any of the " + std::to_string(detections.size()) + " images" +
          (first.empty() ? "" : " (" + dataset.captures[0].name + ": " + first + ")") +
          "; is it the target that the config names?";
-}
-
-// Calibrates again with other options, which may choose among effects. If that fails, or if no effects are chosen,
-// returns the reason and keeps the calibration and its options.
-std::optional<std::string> Recalibrate(const std::vector<View>& views, CalibrationOptions with_effects,
-                                       CalibrationOptions* options, Calibration* calibration) {
-  Outcome<Calibration> again = Calibrate(views, with_effects);
-  if (!again || !again->refined) {
-    return "the refinement with the arm's errors failed: " + (again ? again->refined.reason() : again.reason());
-  }
-  if (!with_effects.choose.effects.empty() && again->bundle.effects == nullptr) return WhyDeclined(*again);
-  *calibration = std::move(*again);
-  *options = std::move(with_effects);
-  return std::nullopt;
-}
-
-// Returns which branch of the arm explains the captures best; nothing if none does.
-std::optional<size_t> MostLikelyBranch(const Dataset& dataset, const ArmSetup& arm, const CalibrationOptions& options,
-                                       const Calibration& calibration) {
-  if (arm.branches.size() == 1) return 0;
-  std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects;
-  for (const ArmBranch& branch : arm.branches) effects.push_back(EffectsOf(dataset, arm, branch));
-  BundleOptions bundle = calibration.bundle;
-  bundle.effects = std::make_shared<const SharedEffects>(ArmErrors(dataset.robot->arm, ArmErrorModel::kGeometry));
-  bundle.target_scale_sigma = kPrintScaleSigma;
-  return MostLikelyEffects({calibration.camera, calibration.views, options.setup, options.shape}, *calibration.refined,
-                           bundle, effects);
-}
-
-// Calibrates again, with the errors of the arm and the noise of its joints among what is estimated. `calibration` is
-// that without them, and is kept if they cannot be estimated. `options` become those of the calibration that is kept.
-void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const RunOptions& run, ArmSetup* arm,
-                      Dataset* dataset, CalibrationOptions* options, Calibration* calibration) {
-  if (!arm->reason.empty()) return;
-  const std::optional<size_t> branch = MostLikelyBranch(*dataset, *arm, *options, *calibration);
-  if (!branch) {
-    arm->reason = "no configuration of the arm explains the captures";
-    return;
-  }
-  arm->branches = {arm->branches[*branch]};
-  CalibrationOptions with_arm = *options;
-  if (run.kinematics != Kinematics::kNone) with_arm.bundle.target_scale_sigma = kPrintScaleSigma;
-  const auto errors_of = [&](ArmErrorModel model) {
-    return std::make_shared<const SharedEffects>(ArmErrors(dataset->robot->arm, model));
-  };
-  if (run.kinematics == Kinematics::kAuto) {
-    with_arm.choose.effects = {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
-  } else if (run.kinematics != Kinematics::kNone) {
-    with_arm.bundle.effects =
-        errors_of(run.kinematics == Kinematics::kOffsets ? ArmErrorModel::kOffsets : ArmErrorModel::kGeometry);
-  }
-  const std::vector<std::shared_ptr<const PoseEffect>> effects = EffectsOf(*dataset, *arm, arm->branches.front());
-  for (size_t i = 0; i < dataset->captures.size(); ++i) {
-    Capture& capture = dataset->captures[i];
-    if (run.kinematics != Kinematics::kNone) capture.effect = effects[i];
-    // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
-    capture.gripper_by_joints =
-        GripperByJoints(dataset->robot->arm, arm->branches.front().joints[i], arm->tip_from_gripper);
-  }
-  const std::optional<std::string> why_not = Recalibrate(ViewsOf(*dataset, detections), with_arm, options, calibration);
-  if (!why_not) return;
-  arm->reason = *why_not;
-  for (Capture& capture : dataset->captures) {
-    capture.effect = nullptr;
-    capture.gripper_by_joints.resize(6, 0);
-  }
-}
-
-// Calibrates again, with errors of the robot's poses that vary smoothly with the pose among what is estimated. Changes
-// nothing if the captures show no error of the robot. Returns a finding if such errors are part of the calibration.
-std::optional<Finding> CalibrateWithSmoothErrors(const std::vector<CaptureDetection>& detections, const RunOptions& run,
-                                                 Dataset* dataset, CalibrationOptions* options,
-                                                 Calibration* calibration) {
-  const bool has_noise =
-      calibration->refined->robot_noise && calibration->bundle.robot == BundleOptions::Robot::kEstimatedNoise;
-  if (run.smooth == SmoothPoseErrors::kNone || !has_noise || calibration->bundle.robot_noise_prior) return std::nullopt;
-  const RobotNoise before = *calibration->refined->robot_noise;
-  const std::optional<SmoothErrors> errors =
-      MostLikelySmoothErrors({calibration->camera, calibration->views, options->setup, options->shape},
-                             *calibration->refined, calibration->bundle);
-  if (!errors) return std::nullopt;
-  CalibrationOptions with_errors = *options;
-  const auto effects = std::make_shared<const SharedEffects>(errors->effects());
-  if (run.smooth == SmoothPoseErrors::kAuto) {
-    with_errors.choose.effects = {effects};
-  } else {
-    with_errors.bundle.effects = effects;
-  }
-  for (Capture& capture : dataset->captures) capture.effect = errors->EffectAt(capture.base_from_gripper);
-  const std::optional<std::string> why_not =
-      Recalibrate(ViewsOf(*dataset, detections), with_errors, options, calibration);
-  const std::optional<RobotNoise> smooth = calibration->refined->smooth_noise;
-  if (!why_not && smooth) {
-    const RobotNoise& after = *calibration->refined->robot_noise;
-    return Finding{Grade::kGood,
-                   FindingCode("smooth_errors"),
-                   {{"smooth_mm", 1000 * smooth->translation_m},
-                    {"smooth_deg", RadToDeg(smooth->rotation_rad)},
-                    {"length_mm", 1000 * errors->lengths().translation_m},
-                    {"length_deg", RadToDeg(errors->lengths().rotation_rad)},
-                    {"before_mm", 1000 * before.translation_m},
-                    {"before_deg", RadToDeg(before.rotation_rad)},
-                    {"after_mm", 1000 * after.translation_m},
-                    {"after_deg", RadToDeg(after.rotation_rad)}}};
-  }
-  for (Capture& capture : dataset->captures) capture.effect = nullptr;
-  return std::nullopt;
 }
 
 Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& options, RunObserver* observer) {

@@ -3,6 +3,8 @@
 #include <optional>
 #include <vector>
 
+#include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "heba/robot/arm_errors.h"
 #include "heba/robot/arm_postures.h"
 
@@ -37,8 +39,29 @@ Outcome<Rigid3d> TruePose(const RobotSummary& robot, const Rigid3d& reported) {
   return TruePoseAt(robot, reported, *joints);
 }
 
+Outcome<Rigid3d> TruePose(const RobotSummary& robot, const Rigid3d& reported, const Eigen::VectorXd& joints) {
+  // A controller with another calibration reports poses that are some millimetres from those of the nominal arm.
+  constexpr double kFarM = 0.1;
+  const double kFarRad = DegToRad(10);
+  const Rigid3d nominal = BaseFromTip(robot.nominal, joints) * robot.tip_from_gripper;
+  const double distance_m = DistanceM(nominal, reported);
+  const double angle_rad = AngleRad(nominal, reported);
+  if (distance_m > kFarM || angle_rad > kFarRad) {
+    return Failure{"the joints are not those of the pose: with them, the gripper of the arm " + robot.nominal.name +
+                   " is " + Significant(1000 * distance_m, 3) + " mm and " + Significant(RadToDeg(angle_rad), 3) +
+                   " deg away from it"};
+  }
+  return TruePoseAt(robot, reported, joints);
+}
+
 Outcome<Rigid3d> CommandFor(const RobotSummary& robot, const Rigid3d& wanted) {
-  Outcome<Eigen::VectorXd> joints = JointsAt(robot, wanted);
+  const Outcome<Eigen::VectorXd> joints = JointsAt(robot, wanted);
+  if (!joints) return Failure{joints.reason()};
+  return CommandFor(robot, wanted, *joints);
+}
+
+Outcome<Rigid3d> CommandFor(const RobotSummary& robot, const Rigid3d& wanted, const Eigen::VectorXd& joints_near) {
+  Outcome<Eigen::VectorXd> joints = PostureNear(robot.nominal, wanted * Inverse(robot.tip_from_gripper), joints_near);
   if (!joints) return Failure{joints.reason()};
   // The correction changes little with the pose, so that this iteration gains some three digits with every round.
   constexpr int kMaxRounds = 20;

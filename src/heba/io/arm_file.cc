@@ -4,9 +4,11 @@
 #include <string>
 #include <vector>
 
+#include "heba/base/files.h"
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/io/export_format.h"
+#include "heba/io/ur_calibration_file.h"
 
 namespace heba {
 namespace {
@@ -16,6 +18,9 @@ constexpr std::array<const char*, 6> kLinks = {"shoulder", "upper_arm", "forearm
 }  // namespace
 
 Arm ReadArmFile(const std::filesystem::path& path, const Arm& nominal) {
+  constexpr size_t kMaxBytes = size_t{1} << 20;
+  const std::string text = ReadTextFile(path, kMaxBytes);
+  if (path.extension() == ".conf" || IsUrCalibration(text)) return ParseUrCalibration(text, path, nominal.name);
   MapReader root(ReadYamlFile(path));
   MapReader links(root.Get("kinematics"));
   std::vector<ArmAxis> axes;
@@ -34,10 +39,11 @@ Arm ReadArmFile(const std::filesystem::path& path, const Arm& nominal) {
     throw InputError(path.string() + ": describes six joints, but the arm " + nominal.name + " has " +
                      std::to_string(nominal.num_joints()));
   }
-  return ArmFromAxes(nominal.name, axes, base_from_link);
+  return WithLoadOf(ArmFromAxes(nominal.name, axes, base_from_link), nominal);
 }
 
-Outcome<std::string> ArmFileText(const Arm& arm) {
+Outcome<std::string> ArmFileText(const Arm& yielding_arm) {
+  const Arm arm = RigidPart(yielding_arm);
   if (arm.num_joints() != static_cast<int>(kLinks.size())) {
     return Failure{"the file holds six joints, but the arm " + arm.name + " has " + std::to_string(arm.num_joints())};
   }

@@ -146,6 +146,7 @@ std::string OtherFormat(const std::vector<std::string>& names) {
 struct Header {
   std::vector<std::string> names;
   std::vector<size_t> numbers;  // Positions of the format's columns, in the format's order.
+  std::vector<size_t> extras;   // Positions of the columns beside the pose; empty if there are none.
   std::optional<size_t> image;
   std::optional<size_t> role;
 };
@@ -165,11 +166,32 @@ Header HeaderOf(const PoseFormat& format) {
   return header;
 }
 
-Header ReadHeader(const Line& line, char separator, const PoseFormat& format) {
+// Returns the positions of all extra columns, or none if the header names none of them.
+std::vector<size_t> ExtraPlaces(const Line& line, const std::map<std::string, size_t>& places,
+                                const std::vector<std::string>& extra_columns) {
+  std::vector<size_t> found;
+  std::string missing;
+  for (const std::string& column : extra_columns) {
+    const auto place = places.find(column);
+    if (place != places.end()) {
+      found.push_back(place->second);
+    } else if (missing.empty()) {
+      missing = column;
+    }
+  }
+  if (!found.empty() && !missing.empty()) {
+    line.Fail("column '" + missing + "' is missing; needed are all of " + Join(extra_columns, ", ") + ", or none");
+  }
+  return found;
+}
+
+Header ReadHeader(const Line& line, char separator, const PoseFormat& format,
+                  const std::vector<std::string>& extra_columns) {
   Header header;
   header.names = Fields(line, separator);
   std::vector<std::string> known = format.columns;
   known.insert(known.end(), {std::string(kImageColumn), std::string(kRoleColumn)});
+  known.insert(known.end(), extra_columns.begin(), extra_columns.end());
   std::map<std::string, size_t> places;
   for (size_t i = 0; i < header.names.size(); ++i) {
     const std::string& name = header.names[i];
@@ -183,7 +205,10 @@ Header ReadHeader(const Line& line, char separator, const PoseFormat& format) {
       if (std::find(own.begin(), own.end(), kNoColumn) != own.end()) continue;
       const std::string other = OtherFormat(header.names);
       line.Fail("unknown column " + Quoted(name) + (other.empty() ? DidYouMean(name, known) : other) +
-                "; needed: " + Join(format.columns, ", ") + "; possible: image, role");
+                "; needed: " + Join(format.columns, ", ") + "; possible: " +
+                Join(std::vector<std::string>(known.begin() + static_cast<std::ptrdiff_t>(format.columns.size()),
+                                              known.end()),
+                     ", "));
     }
     if (!places.emplace(name, i).second) line.Fail("column " + Quoted(name) + " occurs twice");
   }
@@ -195,6 +220,7 @@ Header ReadHeader(const Line& line, char separator, const PoseFormat& format) {
     }
     header.numbers.push_back(place->second);
   }
+  header.extras = ExtraPlaces(line, places, extra_columns);
   if (const auto place = places.find("image"); place != places.end()) header.image = place->second;
   if (const auto place = places.find("role"); place != places.end()) header.role = place->second;
   return header;
@@ -237,7 +263,8 @@ std::string WithoutBrackets(std::string_view line) {
   return bare;
 }
 
-std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format) {
+std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format,
+                                const std::vector<std::string>& extra_columns) {
   if (text.find('\0') != std::string::npos) {
     throw InputError(name.string() + ": is not a text file in UTF-8; save it as CSV in UTF-8");
   }
@@ -254,7 +281,7 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
                 "; for a file without such a line name them in the config (pose_format: {columns: [...], ...})");
   }
   const char separator = has_header ? FindSeparator(*first, format.columns.size()) : bare_separator;
-  const Header header = has_header ? ReadHeader(*first, separator, format) : HeaderOf(format);
+  const Header header = has_header ? ReadHeader(*first, separator, format, extra_columns) : HeaderOf(format);
 
   std::vector<PoseRow> rows;
   std::map<std::string, int> line_of_image;
@@ -299,17 +326,22 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
     if (!pose) line->Fail(pose.reason());
     row.pose = *pose;
     row.numbers = numbers;
+    for (size_t i = 0; i < header.extras.size(); ++i) {
+      row.extras.push_back(ReadNumber(*line, extra_columns[i], fields[header.extras[i]]));
+    }
     rows.push_back(std::move(row));
   }
   if (rows.empty()) throw InputError(name.string() + ": has a header but no captures");
   return rows;
 }
 
-std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseFormat& format) {
-  return ParsePoses(ReadTextFile(path), path, format);
+std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseFormat& format,
+                                  const std::vector<std::string>& extra_columns) {
+  return ParsePoses(ReadTextFile(path), path, format, extra_columns);
 }
 
-std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format) {
+std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format,
+                         const std::vector<std::string>& extra_columns) {
   const bool with_images = std::any_of(rows.begin(), rows.end(), [](const PoseRow& row) { return !row.image.empty(); });
   const bool with_roles =
       std::any_of(rows.begin(), rows.end(), [](const PoseRow& row) { return row.role != CaptureRole::kNone; });
@@ -317,12 +349,15 @@ std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& for
   if (with_images) names.emplace_back("image");
   if (with_roles) names.emplace_back("role");
   for (const std::string& column : format.columns) names.push_back(Field(column));
+  names.insert(names.end(), extra_columns.begin(), extra_columns.end());
   std::string text = Join(names, ",") + "\n";
   for (const PoseRow& row : rows) {
     std::vector<std::string> fields;
     if (with_images) fields.push_back(Field(row.image));
     if (with_roles) fields.emplace_back(RoleName(row.role));
     for (const double number : NumbersFromPose(format, row.pose)) fields.push_back(RoundTrip(number));
+    CHECK_EQ(row.extras.size(), extra_columns.size());
+    for (const double number : row.extras) fields.push_back(RoundTrip(number));
     text += Join(fields, ",") + "\n";
   }
   return text;

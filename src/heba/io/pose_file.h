@@ -17,6 +17,7 @@ struct PoseRow {
   Rigid3d pose;                      // Pose between the frames of the file; the caller must know its direction.
   int line = 0;                      // Line of the file, from 1; 0 if the file has no lines.
   std::vector<double> numbers = {};  // The numbers of the file, in the order of the format's columns.
+  std::vector<double> extras = {};   // Those of the columns beside the pose; empty if the file has none of them.
 };
 
 // Reads a table: a header line that names the columns (those of `format` and optionally `image` and `role`, in any
@@ -27,18 +28,24 @@ struct PoseRow {
 // its image column, the position of `image` in file_columns identifies it. Other columns are errors, unless
 // file_columns contains `-`.
 //
+// A file with a header may also have the columns `extra_columns` of numbers, all or none of them.
+//
 // Fields are separated by the most frequent one of commas, semicolons and tabs in the first line, or by blanks if it
 // has none of them, and may be quoted. Blank lines and lines that start with # are skipped. Throws InputError with the
 // line and column of the first fault, and also for a file over 64 MiB, for more than a million captures, and for none.
-std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseFormat& format);
+std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseFormat& format,
+                                  const std::vector<std::string>& extra_columns = {});
 // Parses text; `name` is the name of the file in messages.
-std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format);
+std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format,
+                                const std::vector<std::string>& extra_columns = {});
 
 // Returns a line such as [[1, 2, 3], [4, 5, 6]] or p[1, 2, 3, 4, 5, 6] without brackets, comment and trailing
 // separators.
 std::string WithoutBrackets(std::string_view line);
 
-// Returns the text of such a file, with full precision. Columns that are empty in all rows are left out.
-std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format);
+// Returns the text of such a file, with full precision. Columns that are empty in all rows are left out. Every row must
+// have numbers for `extra_columns`.
+std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format,
+                         const std::vector<std::string>& extra_columns = {});
 
 }  // namespace heba

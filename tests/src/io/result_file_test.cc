@@ -1,6 +1,7 @@
 // Tests of heba/io/result_file.h.
 #include "heba/io/result_file.h"
 
+#include <regex>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -8,6 +9,7 @@
 
 #include "heba/base/files.h"
 #include "heba/data/capture_role.h"
+#include "heba/robot/arm_table.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
 
@@ -71,6 +73,62 @@ TEST_F(ResultFileTest, RefusesUnknownRolesAndKinds) {
               HasSubstr("the role is unknown; one of: home, translate_x"));
   EXPECT_THAT(ErrorOf("\"closed_form\"", "\"open_form\""),
               HasSubstr("the kind is unknown; one of: closed_form, refined"));
+}
+
+// A result of the arm with its masses and the compliances that were estimated.
+RunResult ResultWithArm() {
+  RunResult result = SmallResult();
+  RobotSummary robot;
+  robot.nominal = *FindArm("ur5e");
+  robot.is_estimated = true;
+  robot.errors = Eigen::VectorXd::Zero(robot.nominal.num_params());
+  robot.error_sigmas.resize(static_cast<size_t>(robot.nominal.num_params()));
+  const int place = ArmParamPlace(1, ArmParam::kCompliance);
+  robot.errors[place] = 1.5e-5;
+  robot.error_sigmas[static_cast<size_t>(place)] = 1e-6;
+  result.robot = robot;
+  return result;
+}
+
+TEST_F(ResultFileTest, CompliancesAndMassesOfAnArmAreReadAsTheyWereWritten) {
+  const RunResult written = ResultWithArm();
+  const std::string text = ResultToJson(written);
+  EXPECT_THAT(text, HasSubstr("\"joint2.compliance\""));
+  EXPECT_THAT(text, HasSubstr("\"rad/(N m)\""));
+  EXPECT_THAT(text, testing::Not(HasSubstr("joint3.compliance")));
+  const RunResult read = Read(text);
+  ASSERT_TRUE(read.robot.has_value());
+  EXPECT_EQ(read.robot->errors, written.robot->errors);
+  EXPECT_EQ(read.robot->error_sigmas, written.robot->error_sigmas);
+  const Eigen::VectorXd joints = Eigen::VectorXd::LinSpaced(6, -1, 1);
+  EXPECT_EQ(GravityTorques(read.robot->nominal, joints), GravityTorques(written.robot->nominal, joints));
+}
+
+TEST_F(ResultFileTest, ResultsWithoutMassesAreRead) {
+  RunResult written = ResultWithArm();
+  written.robot->nominal.load = nullptr;
+  const RunResult read = Read(ResultToJson(written));
+  ASSERT_TRUE(read.robot.has_value());
+  EXPECT_EQ(read.robot->nominal.load, nullptr);
+  std::string text = ResultToJson(ResultWithArm());
+  const std::string mass = "\"mass_kg\"";
+  text.replace(text.find(mass), mass.size(), "\"mass\"");
+  EXPECT_THAT(InputErrorOf([&] { Read(text); }), HasSubstr("some joints have no mass_kg"));
+}
+
+// Files of versions before the compliances have five parameters per joint.
+TEST(TruthFileTest, EarlierFilesHaveNoCompliances) {
+  const TempFolder folder;
+  Truth truth;
+  truth.arm_errors = Eigen::VectorXd::LinSpaced(2 * kNumArmParams, 1, 12);
+  const std::string text = TruthToJson(truth, Setup::kEyeToHand);
+  WriteFileAtomically(folder.path() / "new.json", text);
+  EXPECT_EQ(ReadTruth(folder.path() / "new.json", Setup::kEyeToHand).arm_errors, truth.arm_errors);
+  WriteFileAtomically(folder.path() / "old.json",
+                      std::regex_replace(text, std::regex(",?\\s*\"joint[12].compliance\": [0-9.]+"), ""));
+  Eigen::VectorXd without = truth.arm_errors;
+  without[5] = without[11] = 0;
+  EXPECT_EQ(ReadTruth(folder.path() / "old.json", Setup::kEyeToHand).arm_errors, without);
 }
 
 TEST(CaptureRoleTest, NamesAndRolesAreInverse) {

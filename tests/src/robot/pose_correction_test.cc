@@ -55,5 +55,35 @@ TEST(PoseCorrectionTest, PosesThatDoNotTellTheJointsAreRefused) {
   EXPECT_THAT(TruePose(robot, reported).reason(), testing::HasSubstr("several configurations"));
 }
 
+// An arm of seven joints has no configurations with names, and an estimate from several ones has none either.
+TEST(PoseCorrectionTest, GivenJointsReplaceTheConfiguration) {
+  for (const char* name : {"ur5e", "franka_fr3"}) {
+    Rng rng(6);
+    RobotSummary robot = CalibratedArm(Joints());
+    robot.nominal = *FindArm(name);
+    robot.errors = DrawArmErrors(robot.nominal, {DegToRad(0.1), 0.5e-3, DegToRad(0.05)}, &rng);
+    robot.configuration = "";
+    Eigen::VectorXd joints = Eigen::VectorXd::Constant(robot.nominal.num_joints(), 0.4);
+    joints.head<6>() = Joints();
+    const Rigid3d reported = BaseFromGripper(robot.nominal, joints, robot.tip_from_gripper);
+    const Rigid3d actual = BaseFromGripper(WithChanges(robot.nominal, robot.errors), joints, robot.tip_from_gripper);
+    const Outcome<Rigid3d> found = TruePose(robot, reported, joints);
+    ASSERT_TRUE(found.ok()) << found.reason();
+    EXPECT_LT(LocalCoordinates(actual, *found).norm(), 1e-9) << name;
+    const Outcome<Rigid3d> command = CommandFor(robot, *found, joints);
+    ASSERT_TRUE(command.ok()) << command.reason();
+    // An arm of seven joints may reach the command with others than these, which differ by the size of the errors, so
+    // that their effects differ by its square.
+    EXPECT_LT(LocalCoordinates(reported, *command).norm(), name == std::string("ur5e") ? 1e-9 : 1e-5) << name;
+    // Joints near the posture choose it.
+    const Eigen::VectorXd near = joints + Eigen::VectorXd::Constant(joints.size(), 0.05);
+    const Outcome<Rigid3d> from_near = CommandFor(robot, *found, near);
+    ASSERT_TRUE(from_near.ok()) << from_near.reason();
+    EXPECT_LT(LocalCoordinates(reported, *from_near).norm(), name == std::string("ur5e") ? 1e-9 : 1e-3) << name;
+    EXPECT_THAT(TruePose(robot, reported, RadToDeg(1.0) * joints).reason(),
+                testing::HasSubstr("not those of the pose"));
+  }
+}
+
 }  // namespace
 }  // namespace heba

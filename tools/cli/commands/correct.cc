@@ -12,22 +12,42 @@
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/config/capture_section.h"
+#include "tools/config/robot_section.h"
 #include "tools/text/console.h"
 
 namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-// Returns the form of the run's poses, which is that of the poses to correct.
-PoseReading ReadingOf(const fs::path& run) {
+// The form of the poses to correct, which is that of the run's poses.
+struct Form {
+  PoseReading reading = {*FindPoseFormat("ros")};
+  bool joints_are_deg = false;
+};
+
+Form FormOf(const fs::path& run) {
   const fs::path file = run / "config.yaml";
   std::error_code error;
-  if (!fs::is_regular_file(file, error)) return {*FindPoseFormat("ros")};
+  if (!fs::is_regular_file(file, error)) return {};
   MapReader config(ReadYamlFile(file));
   const std::optional<ConfigValue> section = config.Find("captures");
-  if (!section || !section->IsMap()) return {*FindPoseFormat("ros")};
+  if (!section || !section->IsMap()) return {};
   MapReader captures(*section);
-  return ReadPoseReading(captures);
+  return {ReadPoseReading(captures), ReadJointsAreDeg(captures)};
+}
+
+std::vector<std::string> JointColumns(const Arm& arm) {
+  std::vector<std::string> columns;
+  for (int j = 0; j < arm.num_joints(); ++j) columns.push_back("j" + std::to_string(j + 1));
+  return columns;
+}
+
+// Returns the corrected pose, or the one to command. `joints` are empty if the file does not have them.
+Outcome<Rigid3d> Corrected(const RobotSummary& robot, const Rigid3d& given, const std::vector<double>& joints,
+                           bool joints_are_deg) {
+  if (joints.empty()) return FLAGS_inverse ? CommandFor(robot, given) : TruePose(robot, given);
+  const Eigen::VectorXd positions = PositionsOf(robot.nominal, joints, joints_are_deg);
+  return FLAGS_inverse ? CommandFor(robot, given, positions) : TruePose(robot, given, positions);
 }
 
 }  // namespace
@@ -43,13 +63,28 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
     return kWorkFailed;
   }
   const RobotSummary& robot = *result.robot;
-  const PoseReading reading = ReadingOf(run);
-  std::vector<PoseRow> rows = ReadPoseFile(poses_file, reading.format);
+  const Form form = FormOf(run);
+  const PoseReading& reading = form.reading;
+  if (reading.format.rotation == "joints") {
+    throw InputError((run / "config.yaml").string() +
+                     ": the poses of the run are joints, which cannot be corrected; name a format of poses");
+  }
+  const std::vector<std::string> joint_columns = JointColumns(robot.nominal);
+  std::vector<PoseRow> rows = ReadPoseFile(poses_file, reading.format, joint_columns);
+  const bool has_joints = !rows.front().extras.empty();
+  if (!has_joints && robot.configuration.empty()) {
+    PrintError(poses_file.string() + ": a pose alone does not tell the joints of the arm " + robot.nominal.name +
+               ", because the captures are in several configurations or its configurations have no names; columns " +
+               joint_columns.front() + " to " + joint_columns.back() +
+               (FLAGS_inverse ? " with joints near the pose to command" : " with the joints at the pose") + " (" +
+               (form.joints_are_deg ? "deg" : "rad") + ") tell them");
+    return kWorkFailed;
+  }
   double largest_m = 0;
   double largest_rad = 0;
   for (size_t i = 0; i < rows.size(); ++i) {
     const Rigid3d given = BaseFromGripper(reading, rows[i].pose);
-    const Outcome<Rigid3d> corrected = FLAGS_inverse ? CommandFor(robot, given) : TruePose(robot, given);
+    const Outcome<Rigid3d> corrected = Corrected(robot, given, rows[i].extras, form.joints_are_deg);
     if (!corrected) {
       PrintError(poses_file.string() + ":" + std::to_string(rows[i].line) + ": " + corrected.reason());
       return kWorkFailed;
@@ -58,7 +93,13 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
     largest_rad = std::max(largest_rad, AngleRad(given, *corrected));
     rows[i].pose = BaseFromGripper(reading, *corrected);
   }
-  WriteFileAtomically(FLAGS_out, PoseFileText(rows, reading.format));
+  // A pose to command has other joints than those near it.
+  const bool writes_joints = has_joints && !FLAGS_inverse;
+  if (!writes_joints) {
+    for (PoseRow& row : rows) row.extras.clear();
+  }
+  WriteFileAtomically(FLAGS_out,
+                      PoseFileText(rows, reading.format, writes_joints ? joint_columns : std::vector<std::string>()));
   if (!FLAGS_quiet) {
     std::cout << ForTerminal(FLAGS_out + ": " + std::to_string(rows.size()) +
                              (FLAGS_inverse ? " poses to command" : " true poses of the gripper") +

@@ -85,8 +85,9 @@ using DetectFunction =
     std::function<CaptureDetection(const std::filesystem::path& image, const std::optional<ImageSize>& expected)>;
 
 // Which errors of an arm are estimated: none, those that the captures require, or given ones.
-enum class Kinematics { kNone, kAuto, kOffsets, kGeometry };
-inline constexpr std::array<std::string_view, 4> kKinematicsNames = {"none", "auto", "offsets", "geometry"};
+// kGravity needs the masses of the arm's links (Arm::load).
+enum class Kinematics { kNone, kAuto, kOffsets, kGeometry, kGravity };
+inline constexpr std::array<std::string_view, 5> kKinematicsNames = {"none", "auto", "offsets", "geometry", "gravity"};
 
 // Whether errors of the robot's poses that vary smoothly with the pose are estimated, for a robot whose arm is not
 // known or whose kinematics are not estimated: never, if the captures require them, or always.

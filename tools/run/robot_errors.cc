@@ -1,0 +1,182 @@
+#include "tools/run/robot_errors.h"
+
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "heba/base/units.h"
+#include "heba/robot/arm_errors.h"
+#include "solvers/calibration/model_choice.h"
+#include "tools/run/assessment.h"
+#include "tools/run/captures.h"
+
+namespace heba {
+namespace {
+
+using ErrorsOfArm = std::shared_ptr<const SharedEffects>;
+
+// Returns the errors of an arm among which is chosen (kAuto), or those that were asked for; none for kNone. On recorded
+// arms, compliances gained nothing with fewer than 30 captures.
+std::vector<ErrorsOfArm> CandidateErrors(const Arm& arm, Kinematics kinematics, size_t num_captures) {
+  constexpr size_t kEnoughForGravity = 30;
+  const auto errors_of = [&](ArmErrorModel model) {
+    return std::make_shared<const SharedEffects>(ArmErrors(arm, model));
+  };
+  switch (kinematics) {
+    case Kinematics::kNone:
+      return {};
+    case Kinematics::kOffsets:
+      return {errors_of(ArmErrorModel::kOffsets)};
+    case Kinematics::kGeometry:
+      return {errors_of(ArmErrorModel::kGeometry)};
+    case Kinematics::kGravity:
+      return {errors_of(ArmErrorModel::kGravity)};
+    case Kinematics::kAuto:
+      break;
+  }
+  std::vector<ErrorsOfArm> candidates = {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
+  if (arm.load != nullptr && num_captures >= kEnoughForGravity) candidates.push_back(errors_of(ArmErrorModel::kGravity));
+  return candidates;
+}
+
+// Returns the reason why the errors that were asked for cannot be estimated; empty if they can.
+std::string WhyNotEstimable(const Arm& arm, Kinematics kinematics) {
+  if (kinematics != Kinematics::kGravity || arm.load != nullptr) return "";
+  return "the masses of the arm's links are not known, which the compliance of its joints needs";
+}
+
+// Returns the effects on all captures, for each branch of the arm.
+std::vector<std::vector<std::shared_ptr<const PoseEffect>>> EffectsOfBranches(const Dataset& dataset,
+                                                                              const ArmSetup& arm) {
+  std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects;
+  for (const ArmBranch& branch : arm.branches) effects.push_back(EffectsOf(dataset, arm, branch));
+  return effects;
+}
+
+constexpr const char* kNoBranch = "no configuration of the arm explains the captures";
+
+// Calibrates again with other options, which may choose among effects. If that fails, or if no effects are chosen,
+// returns the reason and keeps the calibration and its options.
+std::optional<std::string> Recalibrate(const std::vector<View>& views, CalibrationOptions with_effects,
+                                       CalibrationOptions* options, Calibration* calibration) {
+  Outcome<Calibration> again = Calibrate(views, with_effects);
+  if (!again || !again->refined) {
+    return "the refinement with the robot's errors failed: " + (again ? again->refined.reason() : again.reason());
+  }
+  if (!with_effects.choose.effects.empty() && again->bundle.effects == nullptr) return WhyDeclined(*again);
+  *calibration = std::move(*again);
+  *options = std::move(with_effects);
+  return std::nullopt;
+}
+
+}  // namespace
+
+void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const RunOptions& run, ArmSetup* arm,
+                      Dataset* dataset, CalibrationOptions* options, Calibration* calibration) {
+  const Arm& nominal = dataset->robot->arm;
+  if (arm->reason.empty()) arm->reason = WhyNotEstimable(nominal, run.kinematics);
+  if (!arm->reason.empty()) return;
+  const std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects = EffectsOfBranches(*dataset, *arm);
+  size_t branch = 0;
+  if (effects.size() > 1) {
+    BundleOptions bundle = calibration->bundle;
+    bundle.effects = std::make_shared<const SharedEffects>(ArmErrors(nominal, ArmErrorModel::kGeometry));
+    bundle.target_scale_sigma = kPrintScaleSigma;
+    const std::optional<size_t> found =
+        MostLikelyEffects({calibration->camera, calibration->views, options->setup, options->shape},
+                          *calibration->refined, bundle, effects);
+    if (!found) {
+      arm->reason = kNoBranch;
+      return;
+    }
+    branch = *found;
+  }
+  arm->branches = {arm->branches[branch]};
+  CalibrationOptions with_arm = *options;
+  const std::vector<ErrorsOfArm> candidates = CandidateErrors(nominal, run.kinematics, calibration->views.size());
+  if (!candidates.empty()) with_arm.bundle.target_scale_sigma = kPrintScaleSigma;
+  if (run.kinematics == Kinematics::kAuto) {
+    with_arm.choose.effects = candidates;
+  } else if (!candidates.empty()) {
+    with_arm.bundle.effects = candidates.front();
+  }
+  for (size_t i = 0; i < dataset->captures.size(); ++i) {
+    Capture& capture = dataset->captures[i];
+    if (!candidates.empty()) capture.effect = effects[branch][i];
+    // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
+    capture.gripper_by_joints = GripperByJoints(nominal, arm->branches.front().joints[i], arm->tip_from_gripper);
+  }
+  const std::optional<std::string> why_not = Recalibrate(ViewsOf(*dataset, detections), with_arm, options, calibration);
+  if (!why_not) return;
+  arm->reason = *why_not;
+  for (Capture& capture : dataset->captures) {
+    capture.effect = nullptr;
+    capture.gripper_by_joints.resize(6, 0);
+  }
+}
+
+// Calibrates again, with errors of the robot's poses that vary smoothly with the pose among what is estimated. Changes
+// nothing if the captures show no error of the robot. Returns a finding if such errors are part of the calibration.
+std::optional<Finding> CalibrateWithSmoothErrors(const std::vector<CaptureDetection>& detections, const RunOptions& run,
+                                                 Dataset* dataset, CalibrationOptions* options,
+                                                 Calibration* calibration) {
+  const bool has_noise =
+      calibration->refined->robot_noise && calibration->bundle.robot == BundleOptions::Robot::kEstimatedNoise;
+  if (run.smooth == SmoothPoseErrors::kNone || !has_noise || calibration->bundle.robot_noise_prior) return std::nullopt;
+  const RobotNoise before = *calibration->refined->robot_noise;
+  const std::optional<SmoothErrors> errors =
+      MostLikelySmoothErrors({calibration->camera, calibration->views, options->setup, options->shape},
+                             *calibration->refined, calibration->bundle);
+  if (!errors) return std::nullopt;
+  CalibrationOptions with_errors = *options;
+  const auto effects = std::make_shared<const SharedEffects>(errors->effects());
+  if (run.smooth == SmoothPoseErrors::kAuto) {
+    with_errors.choose.effects = {effects};
+  } else {
+    with_errors.bundle.effects = effects;
+  }
+  for (Capture& capture : dataset->captures) capture.effect = errors->EffectAt(capture.base_from_gripper);
+  const std::optional<std::string> why_not =
+      Recalibrate(ViewsOf(*dataset, detections), with_errors, options, calibration);
+  const std::optional<RobotNoise> smooth = calibration->refined->smooth_noise;
+  if (!why_not && smooth) {
+    const RobotNoise& after = *calibration->refined->robot_noise;
+    return Finding{Grade::kGood,
+                   FindingCode("smooth_errors"),
+                   {{"smooth_mm", 1000 * smooth->translation_m},
+                    {"smooth_deg", RadToDeg(smooth->rotation_rad)},
+                    {"length_mm", 1000 * errors->lengths().translation_m},
+                    {"length_deg", RadToDeg(errors->lengths().rotation_rad)},
+                    {"before_mm", 1000 * before.translation_m},
+                    {"before_deg", RadToDeg(before.rotation_rad)},
+                    {"after_mm", 1000 * after.translation_m},
+                    {"after_deg", RadToDeg(after.rotation_rad)}}};
+  }
+  for (Capture& capture : dataset->captures) capture.effect = nullptr;
+  return std::nullopt;
+}
+
+void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* arm, PoseCalibrationOptions* options,
+                       Calibration* calibration) {
+  const Arm& nominal = dataset.robot->arm;
+  if (arm->reason.empty()) arm->reason = WhyNotEstimable(nominal, run.kinematics);
+  if (!arm->reason.empty()) return;
+  const std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects = EffectsOfBranches(dataset, *arm);
+  size_t branch = 0;
+  if (effects.size() > 1) {
+    const auto geometry = std::make_shared<const SharedEffects>(ArmErrors(nominal, ArmErrorModel::kGeometry));
+    const std::optional<size_t> found = MostLikelyPoseEffects(dataset.setup, calibration->pairs,
+                                                              calibration->chain->hand_eye, geometry, effects);
+    if (!found) {
+      arm->reason = kNoBranch;
+      return;
+    }
+    branch = *found;
+  }
+  arm->branches = {arm->branches[branch]};
+  for (size_t i = 0; i < calibration->pairs.size(); ++i) calibration->pairs[i].effect = effects[branch][i];
+  options->effects = CandidateErrors(nominal, run.kinematics, calibration->pairs.size());
+  options->must_have_effects = run.kinematics != Kinematics::kAuto;
+}
+
+}  // namespace heba
