@@ -25,6 +25,10 @@ RobotSummary SummariseArm(const Dataset& dataset, const std::optional<ArmSetup>&
 // Returns what is to be said about it.
 std::vector<Finding> FindingsOf(const RobotSummary& robot);
 
+// Returns the finding about captures at or close to a singularity of the arm, if there are any. It is doubtful if the
+// arm was estimated from joints that were recovered there.
+std::optional<Finding> FindSingularCaptures(const Dataset& dataset, const ArmSetup& setup, bool is_estimated);
+
 // Assesses a calibration from the data set's poses of the target (CalibratePoses) in the same way, as far as this is
 // possible without images.
 RunResult AssessPoses(const Dataset& dataset, const Calibration& calibration);

@@ -87,9 +87,7 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
     return std::make_shared<const SharedEffects>(ArmErrors(dataset->robot->arm, model));
   };
   CalibrationOptions with_arm = *options;
-  // The scale of the target and the size of the arm are nearly one: prints are off by some tenths of a per cent.
-  constexpr double kScaleSigma = 0.003;
-  with_arm.bundle.target_scale_sigma = kScaleSigma;
+  with_arm.bundle.target_scale_sigma = kArmTargetScaleSigma;
   if (run.kinematics == Kinematics::kAuto) {
     with_arm.choose.effects = {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
   } else {
@@ -97,12 +95,14 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
         errors_of(run.kinematics == Kinematics::kOffsets ? ArmErrorModel::kOffsets : ArmErrorModel::kGeometry);
   }
   std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects;
-  for (const ArmBranch& branch : arm->branches) effects.push_back(EffectsOf(*dataset, *arm, branch));
+  for (const ArmBranch& branch : arm->branches) {
+    effects.push_back(EffectsOf(dataset->robot->arm, arm->tip_from_gripper, branch));
+  }
   size_t best = 0;
   if (effects.size() > 1) {
     BundleOptions bundle = calibration->bundle;
     bundle.effects = errors_of(ArmErrorModel::kGeometry);
-    bundle.target_scale_sigma = kScaleSigma;
+    bundle.target_scale_sigma = kArmTargetScaleSigma;
     const std::optional<size_t> found =
         MostLikelyEffects({calibration->camera, calibration->views, options->setup, options->shape},
                           *calibration->refined, bundle, effects);
@@ -183,6 +183,11 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& opti
   if (dataset.robot) output.result.robot = SummariseArm(dataset, arm, output.calibration);
   if (output.result.robot) {
     for (Finding& finding : FindingsOf(*output.result.robot)) output.result.observations.push_back(std::move(finding));
+    if (arm) {
+      if (std::optional<Finding> singular = FindSingularCaptures(dataset, *arm, output.result.robot->is_estimated)) {
+        output.result.observations.push_back(std::move(*singular));
+      }
+    }
   }
   output.result.timing = timing;
   InsertLeftOut(left_out, &output.result.captures);

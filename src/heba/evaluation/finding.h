@@ -43,6 +43,7 @@ inline constexpr std::string_view kFindingCodes[] = {
     "arm_estimated",
     "arm_declined",
     "arm_one_configuration",
+    "arm_singular_captures",
     "symmetric_target",
     "at_working_point",
     "intrinsics_not_included",
