@@ -107,14 +107,11 @@ TEST_F(ArmRunTest, DoctorNamesWhatIsWrongWithTheRobot) {
   const std::vector<Case> cases = {
       {"one", {}, "", ""},
       {"several", {}, "", "remark [nominal_kinematics]"},
-      {"one", {"robot.model=ur10e"}, "wrong [robot_model]", "set robot.model: ur5e"},
-      {"one", {"robot.model=ur5"}, "wrong [robot_model]", "set robot.model: ur5e"},
-      {"one",
-       {"robot.tool={translation: [0 mm, 0 mm, 150 mm], rpy: [0 deg, 0 deg, 0 deg]}"},
-       "wrong [robot_tool]",
-       "or record the poses of the flange"},
-      {"one", {"robot.model=ur3"}, "wrong [robot_unreachable]", "set robot.model: ur5e"},
+      {"one", {"robot.model=ur20"}, "[robot_model]", "set robot.model: ur5e"},
+      {"one", {"robot.tool={translation: [0 mm, 0 mm, 150 mm]}"}, "[robot_tool]", "or record the poses of the flange"},
+      {"one", {"robot.model=ur3"}, "wrong [robot_unreachable]", "the arm ur5e"},
       {"several", {"robot.model=ur10e"}, "wrong [robot_model]", "set robot.model: ur5e"},
+      {"several", {"robot.model=ur5"}, "wrong [robot_model]", "set robot.model: ur5e"},
       {"several", {"captures.joint_angle=deg"}, "wrong [joint_angle]", "set captures.joint_angle: rad"},
   };
   for (const Case& one : cases) {

@@ -34,18 +34,9 @@ std::optional<Eigen::VectorXd> PostureNearby(const ArmReading& reading, const Ri
   return std::move(*found);
 }
 
-// Returns whether the arm reaches all poses.
-bool ReachesAll(const ArmReading& reading, const std::vector<Rigid3d>& base_from_tip,
-                const std::vector<size_t>& order) {
-  return std::all_of(order.begin(), order.end(), [&](size_t i) {
-    return PostureNearby(reading, base_from_tip[i], i) || PosturesOf(reading.arm, base_from_tip[i]).ok();
-  });
-}
-
 // Returns the joints of all captures next to joints_near; nothing if they are not found in all captures.
-std::optional<ArmBranch> BranchNearby(const ArmReading& reading, const std::vector<Rigid3d>& base_from_tip,
-                                      const std::string& name) {
-  ArmBranch branch{name, {}};
+std::optional<ArmBranch> BranchNearby(const ArmReading& reading, const std::vector<Rigid3d>& base_from_tip) {
+  ArmBranch branch;
   for (size_t i = 0; i < base_from_tip.size(); ++i) {
     std::optional<Eigen::VectorXd> found = PostureNearby(reading, base_from_tip[i], i);
     if (!found) return std::nullopt;
@@ -54,11 +45,25 @@ std::optional<ArmBranch> BranchNearby(const ArmReading& reading, const std::vect
   return branch;
 }
 
+// Returns whether the arm reaches all poses, in one configuration if its configurations have names.
+bool ReachesAll(const ArmReading& reading, const std::vector<Rigid3d>& base_from_tip,
+                const std::vector<size_t>& order) {
+  if (BranchNearby(reading, base_from_tip)) return true;
+  std::vector<std::vector<Eigen::VectorXd>> postures(base_from_tip.size());
+  for (const size_t i : order) {
+    Outcome<std::vector<Eigen::VectorXd>> found = PosturesOf(reading.arm, base_from_tip[i]);
+    if (!found) return false;
+    postures[i] = std::move(*found);
+  }
+  const bool has_names = ConfigurationOf(reading.arm, postures.front().front()).has_value();
+  return !has_names || !BranchesOf(reading.arm, base_from_tip, postures).empty();
+}
+
 // Returns the joints of all captures in each configuration in which the arm reaches all poses.
 std::vector<ArmBranch> BranchesFor(const ArmReading& reading, const std::vector<Rigid3d>& base_from_gripper,
-                                   const std::string& only) {
+                                   const std::vector<std::string>& only) {
   const std::vector<Rigid3d> base_from_tip = TipPoses(reading, base_from_gripper);
-  if (std::optional<ArmBranch> branch = BranchNearby(reading, base_from_tip, only)) return {std::move(*branch)};
+  if (std::optional<ArmBranch> branch = BranchNearby(reading, base_from_tip)) return {std::move(*branch)};
   std::vector<std::vector<Eigen::VectorXd>> postures;
   for (const Rigid3d& pose : base_from_tip) {
     Outcome<std::vector<Eigen::VectorXd>> found = PosturesOf(reading.arm, pose);
@@ -66,11 +71,18 @@ std::vector<ArmBranch> BranchesFor(const ArmReading& reading, const std::vector<
     postures.push_back(std::move(*found));
   }
   std::vector<ArmBranch> branches = BranchesOf(reading.arm, base_from_tip, postures);
-  std::erase_if(branches, [&](const ArmBranch& branch) { return !only.empty() && branch.name != only; });
+  std::erase_if(branches, [&](const ArmBranch& branch) {
+    return !only.empty() && std::find(only.begin(), only.end(), branch.name) == only.end();
+  });
   return branches;
 }
 
 }  // namespace
+
+bool HaveSameMaker(const Arm& a, const Arm& b) {
+  const auto maker_of = [](const Arm& arm) { return arm.name.substr(0, arm.name.find_first_of("_0123456789")); };
+  return maker_of(a) == maker_of(b);
+}
 
 std::vector<ArmReading> OtherArms(const ArmReading& stated, const std::vector<Arm>& arms) {
   std::vector<ArmReading> others;
@@ -80,6 +92,8 @@ std::vector<ArmReading> OtherArms(const ArmReading& stated, const std::vector<Ar
     others.back().mistake = Mistake::kArm;
     others.back().arm = arm;
   }
+  std::stable_partition(others.begin(), others.end(),
+                        [&](const ArmReading& other) { return HaveSameMaker(other.arm, stated.arm); });
   return others;
 }
 
@@ -133,34 +147,35 @@ std::vector<ArmReading> Reaching(const std::vector<ArmReading>& readings, const 
 
 std::vector<FittedReading> FitReadings(const Calibration& calibration, const CalibrationOptions& options,
                                        const std::vector<ArmReading>& readings,
-                                       const std::vector<Rigid3d>& base_from_gripper, const std::string& only,
-                                       int num_threads) {
-  std::vector<std::optional<FittedReading>> fitted(readings.size());
-  ParallelFor(static_cast<int>(readings.size()), num_threads, [&](int index) {
-    const ArmReading& reading = readings[static_cast<size_t>(index)];
-    std::vector<ArmBranch> branches;
-    std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects;
+                                       const std::vector<Rigid3d>& base_from_gripper,
+                                       const std::vector<std::string>& only, int num_threads) {
+  struct Task {
+    const ArmReading* reading;
+    ArmBranch branch;
+    std::optional<EffectsFit> fit;
+  };
+  std::vector<Task> tasks;
+  for (const ArmReading& reading : readings) {
     for (ArmBranch& branch : BranchesFor(reading, base_from_gripper, only)) {
-      effects.push_back(EffectsOf(reading.arm, reading.tip_from_gripper, branch));
-      branches.push_back(std::move(branch));
+      tasks.push_back({&reading, std::move(branch), {}});
     }
+  }
+  ParallelFor(static_cast<int>(tasks.size()), num_threads, [&](int index) {
+    Task& task = tasks[static_cast<size_t>(index)];
+    const ArmReading& reading = *task.reading;
     BundleOptions bundle = calibration.bundle;
     bundle.num_threads = 1;
     bundle.target_scale_sigma = kArmTargetScaleSigma;
     bundle.effects = std::make_shared<const SharedEffects>(ArmErrors(reading.arm, ArmErrorModel::kGeometry));
-    const std::vector<std::optional<EffectsFit>> fits = FitEffects(
-        {calibration.camera, calibration.views, options.setup, options.shape}, *calibration.refined, bundle, effects);
-    for (size_t k = 0; k < fits.size(); ++k) {
-      std::optional<FittedReading>& best = fitted[static_cast<size_t>(index)];
-      if (!fits[k] || (best && best->fit.log_likelihood >= fits[k]->log_likelihood)) continue;
-      best = FittedReading{reading, branches[k], *fits[k]};
-    }
+    task.fit = FitEffects({calibration.camera, calibration.views, options.setup, options.shape}, *calibration.refined,
+                          bundle, {EffectsOf(reading.arm, reading.tip_from_gripper, task.branch)})
+                   .front();
   });
-  std::vector<FittedReading> found;
-  for (std::optional<FittedReading>& one : fitted) {
-    if (one) found.push_back(std::move(*one));
+  std::vector<FittedReading> fitted;
+  for (Task& task : tasks) {
+    if (task.fit) fitted.push_back({*task.reading, std::move(task.branch), *task.fit});
   }
-  return found;
+  return fitted;
 }
 
 }  // namespace heba

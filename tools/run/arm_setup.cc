@@ -12,10 +12,6 @@
 namespace heba {
 namespace {
 
-// The tool that recorded joints imply may scatter by this much. A larger scatter is no error of an arm.
-constexpr double kMostScatterM = 0.05;
-constexpr double kMostScatterDeg = 10;
-
 // Sets the joints and the tool from recorded joints.
 void SetUpRecorded(const Dataset& dataset, ArmSetup* setup) {
   const Arm& arm = dataset.robot->arm;
@@ -30,7 +26,7 @@ void SetUpRecorded(const Dataset& dataset, ArmSetup* setup) {
   for (size_t i = 0; i < tools.size(); ++i) {
     const double apart_m = DistanceM(tools[i], setup->tip_from_gripper);
     const double apart_deg = RadToDeg(AngleRad(tools[i], setup->tip_from_gripper));
-    if (apart_m < kMostScatterM && apart_deg < kMostScatterDeg) continue;
+    if (apart_m < kMostToolScatterM && apart_deg < kMostToolScatterDeg) continue;
     setup->reason = "the recorded joints of capture " + dataset.captures[i].name + " put the tool " +
                     Significant(1000 * apart_m, 3) + " mm and " + Significant(apart_deg, 3) +
                     " deg from where those of the others do; check robot.model, joint_angle, and that joints and "

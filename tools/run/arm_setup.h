@@ -14,6 +14,10 @@ namespace heba {
 // are nearly one: prints are off by some tenths of a per cent.
 inline constexpr double kArmTargetScaleSigma = 0.003;
 
+// The tool that recorded joints imply may scatter by this much. A larger scatter is no error of an arm.
+inline constexpr double kMostToolScatterM = 0.05;
+inline constexpr double kMostToolScatterDeg = 10;
+
 // The positions of the joints in all captures, in one configuration of the arm.
 struct ArmBranch {
   std::string name;  // "recorded", or the configuration; empty for arms without names for them.

@@ -10,6 +10,8 @@
 #include "heba/base/units.h"
 #include "heba/robot/arm_postures.h"
 #include "heba/robot/arm_table.h"
+#include "tools/run/assessment.h"
+#include "tools/text/finding_text.h"
 
 namespace heba {
 namespace {
@@ -106,6 +108,28 @@ TEST(ArmSetupTest, RecordedSingularCaptureIsNamedToo) {
   const std::vector<SingularCapture> singular = SingularCaptures(dataset.robot->arm, setup.branches[0]);
   ASSERT_EQ(singular.size(), 1U);
   EXPECT_EQ(singular[0].capture, kSingular);
+}
+
+TEST(ArmSetupTest, FindingIsDoubtfulOnlyIfRecoveredJointsWereUsed) {
+  struct Case {
+    bool records_joints;
+    bool is_estimated;
+    Grade grade;
+  };
+  for (const Case& one :
+       {Case{true, true, Grade::kGood}, {false, false, Grade::kGood}, {false, true, Grade::kDoubtful}}) {
+    const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
+    const Dataset dataset = DatasetOf(joints, one.records_joints);
+    ArmSetup setup = SetUpArm(dataset);
+    const std::string name =
+        one.records_joints ? "recorded" : NameOf(*ConfigurationOf(dataset.robot->arm, joints.front()));
+    std::erase_if(setup.branches, [&](const ArmBranch& branch) { return branch.name != name; });
+    const std::optional<Finding> finding = FindSingularCaptures(dataset, setup, one.is_estimated);
+    ASSERT_TRUE(finding.has_value());
+    EXPECT_EQ(finding->grade, one.grade);
+    EXPECT_EQ(finding->code, "arm_singular_captures");
+    EXPECT_THAT(FindingWords(*finding).text, HasSubstr("in 1 of 8 captures (3.png;"));
+  }
 }
 
 TEST(ArmSetupTest, MissingJointsHaveNoEffect) {

@@ -26,9 +26,10 @@ namespace {
 // The distance at which a rotation counts as a translation.
 constexpr double kLeverM = 0.5;
 
-std::string Mm(double length_m) { return Significant(1000 * length_m, 2) + " mm"; }
+// Returns a figure with two digits; figures below a thousandth are rounding errors.
+std::string Figure(double value) { return value < 1e-3 ? "less than 0.001" : Significant(value, 2); }
 std::string MmAndDeg(double translation_m, double rotation_rad) {
-  return Mm(translation_m) + " and " + Significant(RadToDeg(rotation_rad), 2) + " deg";
+  return Figure(1000 * translation_m) + " mm and " + Figure(RadToDeg(rotation_rad)) + " deg";
 }
 std::string ScatterText(const ImpliedTool& tool) { return MmAndDeg(tool.scatter_m, tool.scatter_rad); }
 
@@ -54,7 +55,7 @@ std::vector<Symptom> SingularSymptoms(const Dataset& data, const ArmBranch& bran
 
 // The limits of the comparison of joints and poses.
 struct JointLimits {
-  // A misfit beyond this is more than the calibration of an arm, so that joints and poses do not belong together.
+  // A misfit beyond this is more than that of most controllers' calibrations, so that another reading is looked for.
   double misfit_m = 5e-3;
   double better = 3;        // A reading whose misfit is smaller by this factor is the right one.
   double alike_m = 0.5e-3;  // Misfits below this are equally good: a controller's calibration has as much.
@@ -124,7 +125,7 @@ const JointReading* BestReading(const std::vector<JointReading>& readings, const
   };
   double least_m = std::numeric_limits<double>::infinity();
   for (const JointReading& reading : readings) least_m = std::min(least_m, reading.tool.misfit_m);
-  if (!(kJointLimits.better * least_m < now.misfit_m)) return nullptr;
+  if (!(kJointLimits.better * least_m < now.misfit_m) || least_m > kJointLimits.misfit_m) return nullptr;
   for (const JointReading& reading : readings) {
     const bool is_alike = reading.tool.misfit_m <= std::max(2 * least_m, kJointLimits.alike_m);
     if (is_alike && (best == nullptr || rank(reading) < rank(*best))) best = &reading;
@@ -204,7 +205,9 @@ std::vector<Symptom> ExamineRecorded(Examination* examination) {
     const std::vector<JointReading> readings = OtherReadings(robot.arm, Arms(), joints, poses);
     const JointReading* best = BestReading(readings, now);
     if (best != nullptr) return {WrongJoints(*best, robot.arm, now, examination->config.joints_are_deg)};
-    return {UnexplainedJoints(robot.arm, now)};
+    if (now.scatter_m > kMostToolScatterM || now.scatter_rad > DegToRad(kMostToolScatterDeg)) {
+      return {UnexplainedJoints(robot.arm, now)};
+    }
   }
   std::vector<Symptom> symptoms = JointRemarks(robot, now);
   for (Symptom& symptom : SingularSymptoms(data, {"recorded", joints}, true)) symptoms.push_back(std::move(symptom));
@@ -216,9 +219,18 @@ std::vector<Symptom> ExamineRecorded(Examination* examination) {
 // The limits of the comparison of arms and tools by the captures.
 struct LikelihoodLimits {
   double log_likelihood = 10;  // A reading whose log-likelihood is higher by less is not decidedly better.
-  double noise = 0.5;          // Nor is one that leaves more than this share of the noise of the poses.
+  // Nor is one that leaves more than this share of the noise of the poses. If it leaves less than the second share, the
+  // config is wrong. Otherwise, the error does little harm, or the arm has errors that are not modelled.
+  double noise = 0.9;
+  double noise_if_wrong = 0.7;
+  double unlikely = 15;  // A configuration whose log-likelihood is lower by as much is not that of the captures.
 };
 constexpr LikelihoodLimits kLikelihoodLimits;
+
+// The steps in which tools and bases are tried, and the step in which tools are compared by the captures.
+constexpr double kComparedToolStepM = 0.1;
+constexpr double kToolStepM = 0.05;
+constexpr double kBaseStepM = 0.05;
 
 // The calibration of the images without the arm, in which arms and tools are compared.
 struct WithoutArm {
@@ -269,6 +281,10 @@ std::string ToolText(const ArmReading& stated, const ArmReading& tool, const std
   return "a tool of " + lengths + " along the flange's z axis";
 }
 
+std::string ToolText(const ArmReading& stated, const ArmReading& tool) {
+  return ToolText(stated, tool, "about " + Fixed(1000 * tool.length_m, 0) + " mm");
+}
+
 std::string RangeText(const std::vector<ArmReading>& readings, double step_m) {
   double least_m = readings.front().length_m;
   double most_m = least_m;
@@ -288,12 +304,15 @@ std::string GainText(const FittedReading& better, const FittedReading& than) {
          ", and the noise of the poses falls from " + noise(than) + " to " + noise(better);
 }
 
-bool IsDecidedlyBetter(const FittedReading& one, const FittedReading& than) {
+// Returns how sure it is that one reading is right and another is not; nothing if it is not decidedly better.
+std::optional<Severity> IsBetter(const FittedReading& one, const FittedReading& than) {
   const auto noise_m = [](const FittedReading& of) {
     return of.fit.robot_noise.translation_m + kLeverM * of.fit.robot_noise.rotation_rad;
   };
-  return one.fit.log_likelihood > than.fit.log_likelihood + kLikelihoodLimits.log_likelihood &&
-         noise_m(one) < kLikelihoodLimits.noise * noise_m(than);
+  const double share = noise_m(one) / noise_m(than);
+  if (one.fit.log_likelihood < than.fit.log_likelihood + kLikelihoodLimits.log_likelihood) return std::nullopt;
+  if (!(share < kLikelihoodLimits.noise)) return std::nullopt;
+  return share < kLikelihoodLimits.noise_if_wrong ? Severity::kWrong : Severity::kRemark;
 }
 
 const FittedReading* MostLikely(const std::vector<FittedReading>& fitted) {
@@ -310,52 +329,96 @@ std::string ToolSetting(const ArmReading& reading) {
 
 // Returns the fault of an arm and a tool that reach all poses but that the captures contradict.
 std::optional<Symptom> LikelierReading(const FittedReading& stated, const FittedReading& best) {
-  if (!IsDecidedlyBetter(best, stated)) return std::nullopt;
+  const std::optional<Severity> severity = IsBetter(best, stated);
+  if (!severity) return std::nullopt;
   const std::string gain = " (" + GainText(best, stated) + ")";
   const std::string& arm = stated.reading.arm.name;
   if (best.reading.mistake == ArmReading::Mistake::kArm) {
-    return Symptom{Severity::kWrong, "robot_model",
+    return Symptom{*severity, "robot_model",
                    "the arm " + arm + " reaches all poses, but the arm " + best.reading.arm.name +
                        " explains the captures decidedly better" + gain,
                    "set robot.model: " + best.reading.arm.name};
   }
-  return Symptom{Severity::kWrong, "robot_tool",
-                 "the captures are explained decidedly better if the poses are those of " +
-                     ToolText(stated.reading, best.reading, "about " + Fixed(1000 * best.reading.length_m, 0) + " mm") +
-                     " of the arm " + arm + gain,
+  return Symptom{*severity, "robot_tool",
+                 "the captures are explained decidedly better if the poses of the arm " + arm + " are those of " +
+                     ToolText(stated.reading, best.reading) + gain,
                  ToolSetting(best.reading)};
 }
 
-constexpr double kToolStepM = 0.05;
-constexpr double kBaseStepM = 0.05;
+// The comparison of readings by the captures.
+struct Comparison {
+  const WithoutArm& without;
+  const std::vector<Rigid3d>& base_from_gripper;
+  int num_threads;
+
+  std::vector<FittedReading> Fit(const std::vector<ArmReading>& readings,
+                                 const std::vector<std::string>& only = {}) const {
+    return FitReadings(without.calibration, without.options, readings, base_from_gripper, only, num_threads);
+  }
+};
+
+// Returns the best reading, with the length of its tool to some mm; nothing if there is none.
+std::optional<FittedReading> BestOf(const Comparison& comparison, const std::vector<FittedReading>& fitted) {
+  const FittedReading* best = MostLikely(fitted);
+  if (best == nullptr) return std::nullopt;
+  if (best->reading.mistake != ArmReading::Mistake::kTool || best->reading.length_m == 0) return *best;
+  FittedReading finest = *best;
+  for (const double step_m : {0.05, 0.025, 0.0125, 0.00625}) {
+    std::vector<ArmReading> near(2, finest.reading);
+    for (const size_t i : {0, 1}) {
+      const double change_m = i == 0 ? step_m : -step_m;
+      near[i].joints_near = finest.branch.joints;
+      near[i].length_m += change_m;
+      near[i].tip_from_gripper.translation.z() += change_m;
+    }
+    const std::vector<FittedReading> fits = comparison.Fit(near);
+    const FittedReading* finer = MostLikely(fits);
+    if (finer != nullptr && finer->fit.log_likelihood > finest.fit.log_likelihood) finest = *finer;
+  }
+  return finest;
+}
+
+// Returns the names of the configurations that may be those of the captures.
+std::vector<std::string> LikelyConfigurations(const std::vector<FittedReading>& fitted, const FittedReading& best) {
+  std::vector<std::string> names;
+  for (const FittedReading& one : fitted) {
+    if (one.fit.log_likelihood > best.fit.log_likelihood - kLikelihoodLimits.unlikely) names.push_back(one.branch.name);
+  }
+  return names;
+}
+
+// Returns the arms that may have been meant: those of the same maker if there are any.
+std::vector<ArmReading> LikelyArms(const ArmReading& stated) {
+  std::vector<ArmReading> arms = OtherArms(stated, Arms());
+  if (!arms.empty() && HaveSameMaker(arms.front().arm, stated.arm)) {
+    std::erase_if(arms, [&](const ArmReading& other) { return !HaveSameMaker(other.arm, stated.arm); });
+  }
+  return arms;
+}
 
 std::vector<Symptom> ExamineReached(const Examination& examination, const ArmReading& stated,
                                     const std::vector<Rigid3d>& poses, const std::vector<size_t>& order) {
   const std::optional<WithoutArm> without = CalibrateWithoutArm(examination);
   if (!without) return {};
-  const auto fit = [&](const std::vector<ArmReading>& readings, const std::string& only) {
-    return FitReadings(without->calibration, without->options, readings, poses, only, examination.num_threads);
-  };
+  const Comparison comparison{*without, poses, examination.num_threads};
   const Dataset& data = examination.config.data;
   const std::optional<Configuration> near =
       data.robot->joints_near.size() > 0 ? ConfigurationOf(stated.arm, data.robot->joints_near) : std::nullopt;
-  const std::vector<FittedReading> own = fit({stated}, near ? NameOf(*near) : "");
-  if (own.empty()) return {};
+  const std::vector<std::string> named = near ? std::vector<std::string>{NameOf(*near)} : std::vector<std::string>();
+  const std::vector<FittedReading> fits = comparison.Fit({stated}, named);
+  const FittedReading* own = MostLikely(fits);
+  if (own == nullptr) return {};
+  std::vector<FittedReading> others = comparison.Fit(
+      Reaching(LikelyArms(stated), poses, order, examination.num_threads), LikelyConfigurations(fits, *own));
   ArmReading near_own = stated;
-  near_own.joints_near = own.front().branch.joints;
-  std::vector<FittedReading> others =
-      fit(Reaching(OtherArms(stated, Arms()), poses, order, examination.num_threads), "");
-  for (FittedReading& tool : fit(Reaching(ToolReadings(near_own, kToolStepM), poses, order, examination.num_threads),
-                                 own.front().branch.name)) {
-    others.push_back(std::move(tool));
+  near_own.joints_near = own->branch.joints;
+  const std::vector<ArmReading> tools =
+      Reaching(ToolReadings(near_own, kComparedToolStepM), poses, order, examination.num_threads);
+  for (FittedReading& tool : comparison.Fit(tools, {own->branch.name})) others.push_back(std::move(tool));
+  if (const std::optional<FittedReading> best = BestOf(comparison, others)) {
+    if (std::optional<Symptom> symptom = LikelierReading(*own, *best)) return {std::move(*symptom)};
   }
-  const FittedReading* best = MostLikely(others);
-  std::vector<Symptom> symptoms;
-  if (best != nullptr) {
-    if (std::optional<Symptom> symptom = LikelierReading(own.front(), *best)) symptoms.push_back(std::move(*symptom));
-  }
-  if (!symptoms.empty()) return symptoms;
-  return SingularSymptoms(data, own.front().branch, false);
+  return SingularSymptoms(data, own->branch, false);
 }
 
 // The readings of one kind that reach all poses, in words, with a cure.
@@ -393,40 +456,56 @@ std::vector<Remedy> RemediesFor(const ArmReading& stated, const std::vector<Rigi
   return remedies;
 }
 
-// Returns the remedy that the captures choose; null if they cannot.
-const Remedy* ChosenRemedy(const Examination& examination, const std::vector<Remedy>& remedies,
-                           const std::vector<Rigid3d>& poses, std::string* why) {
-  if (remedies.size() == 1) return &remedies.front();
+// The remedy that the captures support, with the best of its readings.
+struct ChosenRemedy {
+  const Remedy* remedy = nullptr;  // Null if they support none more than the others.
+  std::optional<FittedReading> best;
+  std::string why;  // As the end of a sentence that names it first.
+};
+
+ChosenRemedy Choose(const Examination& examination, const std::vector<Remedy>& remedies,
+                    const std::vector<Rigid3d>& poses) {
+  if (remedies.empty()) return {};
+  const ChosenRemedy by_reach = remedies.size() == 1 ? ChosenRemedy{&remedies.front(), {}, ""} : ChosenRemedy{};
   const std::optional<WithoutArm> without = CalibrateWithoutArm(examination);
-  if (!without) return nullptr;
+  if (!without) return by_reach;
+  const Comparison comparison{*without, poses, examination.num_threads};
   std::vector<std::pair<const Remedy*, FittedReading>> fitted;
+  const auto is_likely = [&](const Remedy& remedy) {
+    return HaveSameMaker(remedy.readings.front().arm, examination.config.data.robot->arm);
+  };
+  const bool any_likely = std::any_of(remedies.begin(), remedies.end(), is_likely);
   for (const Remedy& remedy : remedies) {
-    constexpr size_t kMostLengths = 6;
+    if (any_likely && !is_likely(remedy)) continue;
+    constexpr size_t kMostLengths = 8;
     std::vector<ArmReading> tried;
     for (const size_t i : EvenIndices(remedy.readings.size(), kMostLengths)) tried.push_back(remedy.readings[i]);
-    const std::vector<FittedReading> fits =
-        FitReadings(without->calibration, without->options, tried, poses, "", examination.num_threads);
-    if (const FittedReading* best = MostLikely(fits)) fitted.emplace_back(&remedy, *best);
+    if (std::optional<FittedReading> best = BestOf(comparison, comparison.Fit(tried))) {
+      fitted.emplace_back(&remedy, std::move(*best));
+    }
   }
   std::sort(fitted.begin(), fitted.end(),
             [](const auto& a, const auto& b) { return a.second.fit.log_likelihood > b.second.fit.log_likelihood; });
-  if (fitted.empty()) return nullptr;
-  if (fitted.size() == 1) return fitted.front().first;
+  if (fitted.empty()) return by_reach;
+  ChosenRemedy chosen{fitted.front().first, fitted.front().second, ""};
+  if (fitted.size() == 1) return chosen;
   const double lead = fitted[0].second.fit.log_likelihood - fitted[1].second.fit.log_likelihood;
-  if (lead < kLikelihoodLimits.log_likelihood) return nullptr;
-  *why = ", of which the captures support the first of all (log-likelihood higher by " + Significant(lead, 3) +
-         " than for " + fitted[1].first->condition + ")";
-  return fitted.front().first;
+  if (lead < kLikelihoodLimits.log_likelihood) return by_reach;
+  chosen.why = "; the captures support the first of these (log-likelihood higher by " + Significant(lead, 3) +
+               " than with " + fitted[1].first->condition + ")";
+  return chosen;
 }
 
+std::string CodeOf(const ArmReading& reading) {
+  if (reading.mistake == ArmReading::Mistake::kArm) return "robot_model";
+  return reading.mistake == ArmReading::Mistake::kTool ? "robot_tool" : "robot_base";
+}
+
+// Returns the fault of an arm that does not reach the poses, or not in one configuration. `fault`: a clause that says
+// so.
 Symptom Unreachable(const Examination& examination, const ArmReading& stated, const std::vector<Rigid3d>& poses,
-                    const std::vector<size_t>& unreached, const std::string& reason, const std::vector<size_t>& order) {
-  const Dataset& data = examination.config.data;
-  Symptom symptom{Severity::kWrong, "robot_unreachable",
-                  "the arm " + stated.arm.name + " does not reach the poses of " + std::to_string(unreached.size()) +
-                      " of " + std::to_string(poses.size()) + " captures (" + data.captures[unreached.front()].name +
-                      ": " + reason + ")",
-                  ""};
+                    const std::string& fault, const std::vector<size_t>& order, bool reaches_each) {
+  Symptom symptom{Severity::kWrong, "robot_unreachable", fault, ""};
   const std::vector<Remedy> remedies = RemediesFor(stated, poses, order, examination.num_threads);
   if (remedies.empty()) {
     symptom.what += "; nor does any other arm of the table, tool along the flange's z axis or height of the base";
@@ -435,15 +514,25 @@ Symptom Unreachable(const Examination& examination, const ArmReading& stated, co
         "few captures are out of reach, check their poses";
     return symptom;
   }
-  std::string why;
-  const Remedy* chosen = ChosenRemedy(examination, remedies, poses, &why);
+  const ChosenRemedy chosen = Choose(examination, remedies, poses);
   std::vector<std::string> conditions;
-  if (chosen != nullptr) conditions.push_back(chosen->condition);
-  for (const Remedy& remedy : remedies) {
-    if (&remedy != chosen) conditions.push_back(remedy.condition);
+  const bool is_tool = chosen.best && chosen.best->reading.mistake == ArmReading::Mistake::kTool;
+  if (chosen.remedy != nullptr) {
+    conditions.push_back(is_tool ? "this arm with " + ToolText(stated, chosen.best->reading)
+                                 : chosen.remedy->condition);
   }
-  symptom.what += "; all poses are reached by " + Join(conditions, ", or by ") + why;
-  symptom.cure = chosen != nullptr ? chosen->cure : "check robot.model, robot.tool and the base of the poses";
+  for (const Remedy& remedy : remedies) {
+    if (&remedy != chosen.remedy) conditions.push_back(remedy.condition);
+  }
+  constexpr size_t kMostConditions = 5;
+  const size_t num_more = conditions.size() - std::min(conditions.size(), kMostConditions);
+  conditions.resize(conditions.size() - num_more);
+  symptom.what += "; all poses are reached by " + Join(conditions, ", or by ") +
+                  (num_more == 0 ? "" : ", and in " + std::to_string(num_more) + " other ways") + chosen.why;
+  symptom.cure = "check robot.model, robot.tool and the base of the poses";
+  if (chosen.remedy != nullptr) symptom.cure = chosen.remedy->cure;
+  if (reaches_each && chosen.best) symptom.code = CodeOf(chosen.best->reading);
+  if (is_tool) symptom.cure = ToolSetting(chosen.best->reading);
   return symptom;
 }
 
@@ -467,8 +556,18 @@ std::vector<Symptom> ExamineRecovered(const Examination& examination) {
   }
   std::vector<size_t> order = unreached;
   order.insert(order.end(), reached.begin(), reached.end());
-  if (unreached.empty()) return ExamineReached(examination, stated, poses, order);
-  return {Unreachable(examination, stated, poses, unreached, reason, order)};
+  if (!unreached.empty()) {
+    const std::string fault = "the arm " + stated.arm.name + " does not reach the poses of " +
+                              std::to_string(unreached.size()) + " of " + std::to_string(poses.size()) + " captures (" +
+                              data.captures[unreached.front()].name + ": " + reason + ")";
+    return {Unreachable(examination, stated, poses, fault, order, false)};
+  }
+  if (Reaching({stated}, poses, order, 1).empty()) {
+    return {Unreachable(examination, stated, poses,
+                        "the arm " + stated.arm.name + " reaches every pose, but not all of them in one configuration",
+                        order, true)};
+  }
+  return ExamineReached(examination, stated, poses, order);
 }
 
 }  // namespace
