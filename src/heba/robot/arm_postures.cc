@@ -223,10 +223,7 @@ std::string SingularityAt(const Arm& arm, const Eigen::VectorXd& joints) {
   constexpr double kMoves = 0.2;
   Matrix6X by_joints;
   BaseFromTip(arm, joints, &by_joints);
-  if (arm.num_joints() > 6) {
-    // A redundant arm is singular if its tip cannot move in some direction.
-    by_joints = Matrix6X(by_joints * by_joints.transpose());
-  }
+  // A redundant arm has six singular values, too: it is singular if its tip cannot move in some direction.
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(by_joints, Eigen::ComputeThinV);
   if (svd.singularValues().tail<1>()[0] > kNearSingular) return {};
   if (arm.num_joints() > 6) return "the tip cannot move in some direction";

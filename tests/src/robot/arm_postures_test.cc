@@ -108,6 +108,15 @@ TEST(ArmPosturesTest, SingularitiesNameTheirJoints) {
   EXPECT_EQ(SingularityAt(arm, joints), "");
 }
 
+TEST(ArmPosturesTest, RedundantArmsAreSingularIfTheTipCannotMoveInSomeDirection) {
+  const Arm& arm = *FindArm("kuka_iiwa7");
+  Eigen::VectorXd joints(7);
+  joints << 0.1, -0.7, 0.2, -1.3, 0.1, 0.9, 0.8;
+  EXPECT_EQ(SingularityAt(arm, joints), "");
+  joints.setZero();  // The arm is stretched.
+  EXPECT_THAT(SingularityAt(arm, joints), testing::HasSubstr("cannot move"));
+}
+
 TEST(ArmPosturesTest, FlipsChangeOneSignOfTheConfiguration) {
   const Arm& arm = *FindArm("abb_irb120");
   Eigen::VectorXd joints(6);
