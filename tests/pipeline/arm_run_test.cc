@@ -108,7 +108,7 @@ TEST_F(ArmRunTest, DoctorNamesWhatIsWrongWithTheRobot) {
       {"one", {}, "", ""},
       {"several", {}, "", "remark [nominal_kinematics]"},
       {"one", {"robot.model=ur20"}, "[robot_model]", "set robot.model: ur5e"},
-      {"one", {"robot.tool={translation: [0 mm, 0 mm, 150 mm]}"}, "[robot_tool]", "or record the poses of the flange"},
+      {"one", {"robot.tool={translation: [0 mm, 0 mm, 150 mm]}"}, "[robot_tool]", "leave robot.tool out"},
       {"one", {"robot.model=ur3"}, "wrong [robot_unreachable]", "the arm ur5e"},
       {"several", {"robot.model=ur10e"}, "wrong [robot_model]", "set robot.model: ur5e"},
       {"several", {"robot.model=ur5"}, "wrong [robot_model]", "set robot.model: ur5e"},

@@ -157,8 +157,28 @@ Symptom WrongJoints(const JointReading& best, const Arm& arm, const ImpliedTool&
       Join(cures, "; ")};
 }
 
-// Remarks on the tool and on the kinematics of the controller, if joints and poses belong together.
-std::vector<Symptom> JointRemarks(const RobotArm& robot, const ImpliedTool& tool) {
+// Returns the step to which all turning joints are rounded, rad: the largest power of ten in the unit of their file; 0
+// if they are not rounded.
+double RoundingRad(const Arm& arm, const std::vector<Eigen::VectorXd>& joints, bool are_deg) {
+  const auto is_rounded_to = [&](double step_rad) {
+    for (const Eigen::VectorXd& of_capture : joints) {
+      for (Eigen::Index j = 0; j < of_capture.size(); ++j) {
+        const double steps = of_capture[j] / step_rad;
+        if (arm.joints[static_cast<size_t>(j)].is_turning && std::abs(steps - std::round(steps)) > 1e-4) return false;
+      }
+    }
+    return true;
+  };
+  for (const double step : {0.1, 0.01, 1e-3, 1e-4, 1e-5}) {
+    const double step_rad = are_deg ? DegToRad(step) : step;
+    if (is_rounded_to(step_rad)) return step_rad;
+  }
+  return 0;
+}
+
+// Remarks on the tool and on the kinematics of the controller, if joints and poses belong together. `rounding_rad`: the
+// step to which the joints are rounded.
+std::vector<Symptom> JointRemarks(const RobotArm& robot, const ImpliedTool& tool, double rounding_rad) {
   std::vector<Symptom> symptoms;
   const double apart_m = DistanceM(tool.tip_from_gripper, robot.tip_from_gripper);
   const double apart_rad = AngleRad(tool.tip_from_gripper, robot.tip_from_gripper);
@@ -171,7 +191,10 @@ std::vector<Symptom> JointRemarks(const RobotArm& robot, const ImpliedTool& tool
                         "nothing needs to be done, because the recorded joints determine the tool; state it as "
                         "robot.tool if the poses are to be used without the joints"});
   }
-  if (tool.scatter_m < kJointLimits.rounding_m && tool.scatter_rad < DegToRad(kJointLimits.rounding_deg)) {
+  // The rounding errors of the joints, of half a step each, at a distance of 1 m.
+  const double by_rounding = 0.5 * rounding_rad * std::sqrt(robot.arm.num_joints());
+  if (tool.scatter_m < kJointLimits.rounding_m + by_rounding &&
+      tool.scatter_rad < DegToRad(kJointLimits.rounding_deg) + by_rounding) {
     symptoms.push_back({Severity::kRemark, "nominal_kinematics",
                         "the poses are the kinematics of the config for the recorded joints, to within " +
                             ScatterText(tool) + ": the controller computes them with the same dimensions of the arm " +
@@ -209,7 +232,8 @@ std::vector<Symptom> ExamineRecorded(Examination* examination) {
       return {UnexplainedJoints(robot.arm, now)};
     }
   }
-  std::vector<Symptom> symptoms = JointRemarks(robot, now);
+  std::vector<Symptom> symptoms =
+      JointRemarks(robot, now, RoundingRad(robot.arm, joints, examination->config.joints_are_deg));
   for (Symptom& symptom : SingularSymptoms(data, {"recorded", joints}, true)) symptoms.push_back(std::move(symptom));
   return symptoms;
 }
@@ -274,8 +298,9 @@ std::vector<ArmReading> ToolReadings(const ArmReading& stated, double step_m) {
 
 // Describes a tool or a base by its length or range of lengths.
 std::string ToolText(const ArmReading& stated, const ArmReading& tool, const std::string& lengths) {
-  const bool is_along_config = !IsAtFlange(stated) && DistanceM(tool.tip_from_gripper, stated.tip_from_gripper) <
-                                                          std::abs(tool.length_m) + kJointLimits.tool_m;
+  const Rigid3d longer(stated.tip_from_gripper.rotation,
+                       stated.tip_from_gripper.translation + Eigen::Vector3d(0, 0, tool.length_m));
+  const bool is_along_config = !IsAtFlange(stated) && DistanceM(tool.tip_from_gripper, longer) < 1e-6;
   if (tool.length_m == 0) return "the flange itself, without robot.tool";
   if (is_along_config) return "a tool that is " + lengths + " longer along the flange's z axis than robot.tool says";
   return "a tool of " + lengths + " along the flange's z axis";
@@ -323,8 +348,11 @@ const FittedReading* MostLikely(const std::vector<FittedReading>& fitted) {
 }
 
 std::string ToolSetting(const ArmReading& reading) {
-  return "set robot.tool to the tool of the poses (" + PoseText(reading.tip_from_gripper) +
-         " or what the controller states), or record the poses of the flange";
+  if (IsAtFlange(reading)) return "leave robot.tool out, or record the poses of the tool";
+  constexpr double kSigmaMm = 1;  // The captures determine the tool to some mm only.
+  constexpr double kSigmaRad = 1e-3;
+  return "set robot.tool to the tool of the poses (" + PoseText(reading.tip_from_gripper, kSigmaMm, kSigmaRad) +
+         ", or what the controller states), or record the poses of the flange";
 }
 
 // Returns the fault of an arm and a tool that reach all poses but that the captures contradict.

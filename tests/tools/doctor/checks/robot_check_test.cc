@@ -1,5 +1,6 @@
 // Tests of the check whether joints and poses are those of the arm: tools/doctor/checks/robot.cc.
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -123,6 +124,16 @@ TEST(RobotCheckTest, RecordedJointsTellACalibratedController) {
   }
   EXPECT_THAT(CodesOf(Check_robot(&examination)), Contains("remark calibrated_kinematics"));
   EXPECT_THAT(CodesOf(Check_robot(&examination)), Not(Contains(StartsWith("wrong "))));
+}
+
+TEST(RobotCheckTest, RoundedJointsAreNoCalibration) {
+  const ArmScene scene = UrScene();
+  Examination examination = ExaminationWith(scene, "ur5e", true);
+  for (Capture& capture : examination.config.data.captures) {
+    for (double& joint : capture.joints) joint = DegToRad(0.01 * std::round(100 * RadToDeg(joint)));
+  }
+  examination.config.joints_are_deg = true;
+  EXPECT_THAT(CodesOf(Check_robot(&examination)), ElementsAre("remark nominal_kinematics"));
 }
 
 TEST(RobotCheckTest, RecordedJointsTellTheArm) {
