@@ -355,8 +355,22 @@ std::string ToolSetting(const ArmReading& reading) {
          ", or what the controller states), or record the poses of the flange";
 }
 
+// Returns the other arms that explain the captures nearly as well as `best`, as a clause in brackets; empty if there
+// are none.
+std::string NearlyAsGood(const std::vector<FittedReading>& fitted, const FittedReading& best) {
+  std::vector<std::string> names;
+  for (const FittedReading& one : fitted) {
+    const std::string& name = one.reading.arm.name;
+    if (one.reading.mistake != ArmReading::Mistake::kArm || name == best.reading.arm.name) continue;
+    if (one.fit.log_likelihood < best.fit.log_likelihood - kLikelihoodLimits.log_likelihood) continue;
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  }
+  return names.empty() ? "" : " (nearly as good: " + Join(names, ", ") + ")";
+}
+
 // Returns the fault of an arm and a tool that reach all poses but that the captures contradict.
-std::optional<Symptom> LikelierReading(const FittedReading& stated, const FittedReading& best) {
+std::optional<Symptom> LikelierReading(const FittedReading& stated, const FittedReading& best,
+                                       const std::vector<FittedReading>& others) {
   const std::optional<Severity> severity = IsBetter(best, stated);
   if (!severity) return std::nullopt;
   const std::string gain = " (" + GainText(best, stated) + ")";
@@ -365,7 +379,7 @@ std::optional<Symptom> LikelierReading(const FittedReading& stated, const Fitted
     return Symptom{*severity, "robot_model",
                    "the arm " + arm + " reaches all poses, but the arm " + best.reading.arm.name +
                        " explains the captures decidedly better" + gain,
-                   "set robot.model: " + best.reading.arm.name};
+                   "set robot.model: " + best.reading.arm.name + NearlyAsGood(others, best)};
   }
   return Symptom{*severity, "robot_tool",
                  "the captures are explained decidedly better if the poses of the arm " + arm + " are those of " +
@@ -444,7 +458,7 @@ std::vector<Symptom> ExamineReached(const Examination& examination, const ArmRea
       Reaching(ToolReadings(near_own, kComparedToolStepM), poses, order, examination.num_threads);
   for (FittedReading& tool : comparison.Fit(tools, {own->branch.name})) others.push_back(std::move(tool));
   if (const std::optional<FittedReading> best = BestOf(comparison, others)) {
-    if (std::optional<Symptom> symptom = LikelierReading(*own, *best)) return {std::move(*symptom)};
+    if (std::optional<Symptom> symptom = LikelierReading(*own, *best, others)) return {std::move(*symptom)};
   }
   return SingularSymptoms(data, own->branch, false);
 }
@@ -488,13 +502,14 @@ std::vector<Remedy> RemediesFor(const ArmReading& stated, const std::vector<Rigi
 struct ChosenRemedy {
   const Remedy* remedy = nullptr;  // Null if they support none more than the others.
   std::optional<FittedReading> best;
-  std::string why;  // As the end of a sentence that names it first.
+  std::string why;      // As the end of a sentence that names it first.
+  bool is_sure = true;  // Whether no other one explains the captures nearly as well.
 };
 
 ChosenRemedy Choose(const Examination& examination, const std::vector<Remedy>& remedies,
                     const std::vector<Rigid3d>& poses) {
   if (remedies.empty()) return {};
-  const ChosenRemedy by_reach = remedies.size() == 1 ? ChosenRemedy{&remedies.front(), {}, ""} : ChosenRemedy{};
+  const ChosenRemedy by_reach = remedies.size() == 1 ? ChosenRemedy{&remedies.front(), {}, "", true} : ChosenRemedy{};
   const std::optional<WithoutArm> without = CalibrateWithoutArm(examination);
   if (!without) return by_reach;
   const Comparison comparison{*without, poses, examination.num_threads};
@@ -515,12 +530,22 @@ ChosenRemedy Choose(const Examination& examination, const std::vector<Remedy>& r
   std::sort(fitted.begin(), fitted.end(),
             [](const auto& a, const auto& b) { return a.second.fit.log_likelihood > b.second.fit.log_likelihood; });
   if (fitted.empty()) return by_reach;
-  ChosenRemedy chosen{fitted.front().first, fitted.front().second, ""};
-  if (fitted.size() == 1) return chosen;
-  const double lead = fitted[0].second.fit.log_likelihood - fitted[1].second.fit.log_likelihood;
-  if (lead < kLikelihoodLimits.log_likelihood) return by_reach;
-  chosen.why = "; the captures support the first of these (log-likelihood higher by " + Significant(lead, 3) +
-               " than with " + fitted[1].first->condition + ")";
+  ChosenRemedy chosen{fitted.front().first, fitted.front().second, "", true};
+  std::vector<std::string> nearly;
+  for (size_t i = 1; i < fitted.size(); ++i) {
+    const double lead = fitted[0].second.fit.log_likelihood - fitted[i].second.fit.log_likelihood;
+    if (lead < kLikelihoodLimits.log_likelihood) nearly.push_back(fitted[i].first->condition);
+  }
+  constexpr size_t kMostNearly = 3;
+  chosen.is_sure = nearly.empty();
+  if (!nearly.empty()) {
+    nearly.resize(std::min(nearly.size(), kMostNearly));
+    chosen.why = "; the captures support the first of these most, and nearly as much " + Join(nearly, ", ");
+  } else if (fitted.size() > 1) {
+    const double lead = fitted[0].second.fit.log_likelihood - fitted[1].second.fit.log_likelihood;
+    chosen.why = "; the captures support the first of these (log-likelihood higher by " + Significant(lead, 3) +
+                 " than with " + fitted[1].first->condition + ")";
+  }
   return chosen;
 }
 
@@ -561,6 +586,7 @@ Symptom Unreachable(const Examination& examination, const ArmReading& stated, co
   if (chosen.remedy != nullptr) symptom.cure = chosen.remedy->cure;
   if (reaches_each && chosen.best) symptom.code = CodeOf(chosen.best->reading);
   if (is_tool) symptom.cure = ToolSetting(chosen.best->reading);
+  if (!chosen.is_sure) symptom.cure += "; if that is not what was used, correct the one of these that applies";
   return symptom;
 }
 
