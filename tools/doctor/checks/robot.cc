@@ -33,8 +33,6 @@ std::string MmAndDeg(double translation_m, double rotation_rad) {
 }
 std::string ScatterText(const ImpliedTool& tool) { return MmAndDeg(tool.scatter_m, tool.scatter_rad); }
 
-// ------------------------------------------------------------------------------------------------- singular captures
-
 std::vector<Symptom> SingularSymptoms(const Dataset& data, const ArmBranch& branch, bool is_recorded) {
   const std::vector<SingularCapture> singular = SingularCaptures(data.robot->arm, branch);
   if (singular.empty()) return {};
@@ -50,8 +48,6 @@ std::vector<Symptom> SingularSymptoms(const Dataset& data, const ArmBranch& bran
                        : "record the joints (captures.joints), because those that are recovered from these poses are "
                          "uncertain, or move these captures away from the singularity"}};
 }
-
-// --------------------------------------------------------------------------------------------------- recorded joints
 
 // The limits of the comparison of joints and poses.
 struct JointLimits {
@@ -237,8 +233,6 @@ std::vector<Symptom> ExamineRecorded(Examination* examination) {
   for (Symptom& symptom : SingularSymptoms(data, {"recorded", joints}, true)) symptoms.push_back(std::move(symptom));
   return symptoms;
 }
-
-// -------------------------------------------------------------------------------------------------- recovered joints
 
 // The limits of the comparison of arms and tools by the captures.
 struct LikelihoodLimits {
