@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
@@ -176,7 +175,7 @@ std::string NameOf(const ErrorModel& model) {
          (model.effects == nullptr ? std::string() : " and " + model.effects->name) + ", " + target;
 }
 
-std::optional<size_t> MostLikelyEffects(
+std::vector<std::optional<EffectsFit>> FitEffects(
     const Problem& problem_in, const Solution& start, const BundleOptions& options_in,
     const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures) {
   BundleOptions options = options_in;
@@ -185,16 +184,25 @@ std::optional<size_t> MostLikelyEffects(
   Problem problem = WithFixedWeights(WithoutRejected(problem_in, start), start.unmodelled_sigma_px);
   problem.camera = start.camera;
   problem.shape = start.shape;
-  std::optional<size_t> best;
-  double best_log_likelihood = -std::numeric_limits<double>::infinity();
-  for (size_t k = 0; k < effects_of_captures.size(); ++k) {
-    for (View& view : problem.views) view.effect = effects_of_captures[k][view.capture];
+  std::vector<std::optional<EffectsFit>> fits;
+  for (const std::vector<std::shared_ptr<const PoseEffect>>& effects : effects_of_captures) {
+    for (View& view : problem.views) view.effect = effects[view.capture];
     const Outcome<Solution> solution = RefineHandEye(problem, start.hand_eye, options);
+    std::optional<EffectsFit>& fit = fits.emplace_back();
     if (!solution) continue;
     const double log_likelihood = LogLikelihoodOf(problem, *solution, options);
-    if (!(log_likelihood > best_log_likelihood)) continue;
-    best_log_likelihood = log_likelihood;
-    best = k;
+    if (std::isfinite(log_likelihood)) fit = EffectsFit{log_likelihood, solution->robot_noise.value_or(RobotNoise{})};
+  }
+  return fits;
+}
+
+std::optional<size_t> MostLikelyEffects(
+    const Problem& problem, const Solution& start, const BundleOptions& options,
+    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures) {
+  const std::vector<std::optional<EffectsFit>> fits = FitEffects(problem, start, options, effects_of_captures);
+  std::optional<size_t> best;
+  for (size_t k = 0; k < fits.size(); ++k) {
+    if (fits[k] && (!best || fits[k]->log_likelihood > fits[*best]->log_likelihood)) best = k;
   }
   return best;
 }

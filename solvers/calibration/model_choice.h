@@ -57,10 +57,21 @@ struct ModelChoice {
 Outcome<ModelChoice> ChooseModel(const Problem& problem, const HandEye& start, const BundleOptions& options,
                                  const AutoModel& choose);
 
-// Returns which of several possible effects of the captures (View::effect, by the index View::capture), such as those
-// of the configurations of an arm, explains the problem best with the effects of `options` free: the index of the
-// largest restricted likelihood. `start` is a solution of the problem without effects. Returns nothing if none can be
-// fitted.
+// How well one of several possible effects of the captures explains them.
+struct EffectsFit {
+  double log_likelihood = 0;  // LogLikelihoodOf, up to a constant common to all that were fitted to one problem.
+  RobotNoise robot_noise;     // The noise of the poses that remains.
+};
+
+// Fits the problem once with each of several possible effects of the captures (View::effect, by the index
+// View::capture), such as those of the configurations of an arm, with the effects of `options` free. `start` is a
+// solution of the problem without effects. All fits use the same points with the same weights. Returns one entry per
+// element of `effects_of_captures`; nothing for those that cannot be fitted.
+std::vector<std::optional<EffectsFit>> FitEffects(
+    const Problem& problem, const Solution& start, const BundleOptions& options,
+    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures);
+
+// Returns the index of the effects with the largest restricted likelihood (FitEffects); nothing if none can be fitted.
 std::optional<size_t> MostLikelyEffects(
     const Problem& problem, const Solution& start, const BundleOptions& options,
     const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures);

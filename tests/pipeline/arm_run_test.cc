@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "heba/io/pose_file.h"
+#include "heba/base/text.h"
 #include "tests/pipeline/cli.h"
 
 namespace heba {
@@ -94,7 +95,39 @@ TEST_F(ArmRunTest, WrongArmIsRefusedByName) {
   const CommandResult run = RunHeba({"run", (folder() / "one" / "config.yaml").string(), "--set", "robot.model=ur3",
                                      "--out", (folder() / "wrong").string(), "--quiet"});
   ASSERT_EQ(run.status, 0) << run.err;
-  EXPECT_THAT(ReadAll(folder() / "wrong" / "result.json"), HasSubstr("the arm ur3 does not reach the pose of capture"));
+  const std::string result = ReadAll(folder() / "wrong" / "result.json");
+  EXPECT_THAT(result, HasSubstr("the arm ur3 does not reach the pose of capture"));
+  EXPECT_THAT(result, HasSubstr("heba doctor says which"));
+}
+
+TEST_F(ArmRunTest, DoctorNamesWhatIsWrongWithTheRobot) {
+  struct Case {
+    std::string set;
+    std::vector<std::string> settings;
+    std::string fault;  // Empty if nothing is wrong.
+    std::string cure;
+  };
+  const std::vector<Case> cases = {
+      {"one", {}, "", ""},
+      {"several", {}, "", "remark [nominal_kinematics]"},
+      {"one", {"robot.model=ur20"}, "[robot_model]", "set robot.model: ur5e"},
+      {"one", {"robot.tool={translation: [0 mm, 0 mm, 150 mm]}"}, "[robot_tool]", "leave robot.tool out"},
+      {"one", {"robot.model=ur3"}, "wrong [robot_unreachable]", "the arm ur5e"},
+      {"several", {"robot.model=ur10e"}, "wrong [robot_model]", "set robot.model: ur5e"},
+      {"several", {"robot.model=ur5"}, "wrong [robot_model]", "set robot.model: ur5e"},
+      {"several", {"captures.joint_angle=deg"}, "wrong [joint_angle]", "set captures.joint_angle: rad"},
+  };
+  for (const Case& one : cases) {
+    std::vector<std::string> arguments = {"doctor", (folder() / one.set / "config.yaml").string(), "--quiet"};
+    for (const std::string& setting : one.settings) {
+      arguments.insert(arguments.end(), {"--set", setting});
+    }
+    const CommandResult doctor = RunHeba(arguments);
+    EXPECT_EQ(doctor.status, 0) << doctor.err;
+    const std::string text = Unbroken(doctor.out);
+    EXPECT_THAT(text, HasSubstr(one.fault.empty() ? "nothing is wrong" : one.fault)) << Join(one.settings, " ");
+    EXPECT_THAT(text, HasSubstr(one.cure)) << Join(one.settings, " ");
+  }
 }
 
 TEST_F(ArmRunTest, PosesAreCorrectedBothWays) {

@@ -1,6 +1,7 @@
 // Simulated captures of an arm whose parameters have errors, for the tests of their estimation.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -26,11 +27,14 @@ struct ArmSceneOptions {
   double compliance_rad_per_nm = 0;
   double joint_noise_rad = DegToRad(0.003);
   std::vector<std::pair<int, double>> changes = {};  // Further errors: the place of a parameter, rad or m.
+  std::optional<Rigid3d> tip_from_gripper = {};      // Random by default.
+  Points3 points = TestSceneOptions().points;
 };
 
 struct ArmScene {
   Arm nominal;
   Eigen::VectorXd errors;  // One per parameter.
+  Rigid3d tip_from_gripper;
   std::vector<Eigen::VectorXd> joints;
   TestScene scene;  // The views hold the poses that the controller reports, and the effects of the errors.
 };
@@ -50,8 +54,10 @@ inline ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options = {})
   motion.motion.max_tilt_rad = plain.max_tilt_rad;
   motion.has_several_configurations = options.has_several_configurations;
   motion.tip_from_gripper = Rigid3d(ExpRotation(rng.Direction3()), 0.1 * rng.Direction3());
+  if (options.tip_from_gripper) motion.tip_from_gripper = *options.tip_from_gripper;
+  made.tip_from_gripper = motion.tip_from_gripper;
   const Outcome<ArmCaptures> captures =
-      SimulateArmCaptures(options.setup, scene.camera, plain.points, false, made.nominal, motion, &rng);
+      SimulateArmCaptures(options.setup, scene.camera, options.points, false, made.nominal, motion, &rng);
   CHECK(captures.ok()) << captures.reason();
   scene.hand_eye = captures->hand_eye;
   made.joints = captures->joints;
@@ -63,7 +69,7 @@ inline ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options = {})
     Eigen::VectorXd reached = joints;
     for (double& joint : reached) joint += options.joint_noise_rad * rng.Normal();
     std::optional<View> view = SimulateView("view_" + std::to_string(scene.views.size()), scene.camera, scene.hand_eye,
-                                            mount_of(actual, reached), plain.points, options.noise_px, &rng);
+                                            mount_of(actual, reached), options.points, options.noise_px, &rng);
     CHECK(view.has_value());
     view->capture = scene.views.size();
     view->camera_mount_from_target_mount = mount_of(made.nominal, joints);

@@ -12,10 +12,6 @@
 namespace heba {
 namespace {
 
-// The tool that recorded joints imply may scatter by this much. A larger scatter is no error of an arm.
-constexpr double kMostScatterM = 0.05;
-constexpr double kMostScatterDeg = 10;
-
 // Sets the joints and the tool from recorded joints.
 void SetUpRecorded(const Dataset& dataset, ArmSetup* setup) {
   const Arm& arm = dataset.robot->arm;
@@ -30,11 +26,11 @@ void SetUpRecorded(const Dataset& dataset, ArmSetup* setup) {
   for (size_t i = 0; i < tools.size(); ++i) {
     const double apart_m = DistanceM(tools[i], setup->tip_from_gripper);
     const double apart_deg = RadToDeg(AngleRad(tools[i], setup->tip_from_gripper));
-    if (apart_m < kMostScatterM && apart_deg < kMostScatterDeg) continue;
+    if (apart_m < kMostToolScatterM && apart_deg < kMostToolScatterDeg) continue;
     setup->reason = "the recorded joints of capture " + dataset.captures[i].name + " put the tool " +
                     Significant(1000 * apart_m, 3) + " mm and " + Significant(apart_deg, 3) +
                     " deg from where those of the others do; check robot.model, joint_angle, and that joints and "
-                    "poses belong together";
+                    "poses belong together; heba doctor says which";
     return;
   }
   setup->branches.push_back(std::move(branch));
@@ -68,34 +64,27 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
     }
     return;
   }
-  // The postures of each capture by their configuration.
-  std::map<Configuration, ArmBranch> branches;
-  for (size_t i = 0; i < dataset.captures.size(); ++i) {
-    const Capture& capture = dataset.captures[i];
-    const Outcome<std::vector<Eigen::VectorXd>> postures =
-        PosturesOf(robot.arm, capture.base_from_gripper * gripper_from_tip);
-    if (!postures) {
+  std::vector<Rigid3d> base_from_tip;
+  std::vector<std::vector<Eigen::VectorXd>> postures;
+  for (const Capture& capture : dataset.captures) {
+    base_from_tip.push_back(capture.base_from_gripper * gripper_from_tip);
+    Outcome<std::vector<Eigen::VectorXd>> found = PosturesOf(robot.arm, base_from_tip.back());
+    if (!found) {
       setup->reason = "the arm " + robot.arm.name + " does not reach the pose of capture " + capture.name + " (" +
-                      postures.reason() + "): another arm, a base frame that is not the arm's, or a tool that " +
-                      "robot.tool does not state";
+                      found.reason() + "): another arm, a base frame that is not the arm's, or a tool that " +
+                      "robot.tool does not state; heba doctor says which";
       return;
     }
-    for (const Eigen::VectorXd& posture : *postures) {
-      const std::optional<Configuration> configuration = ConfigurationOf(robot.arm, posture);
-      if (!configuration) {
-        setup->reason = "the configurations of the arm " + robot.arm.name +
-                        " have no names, so that poses do not tell its joints; record them (captures.joints), or " +
-                        "state those of the first capture (robot.joints_near)";
-        return;
-      }
-      ArmBranch& branch = branches[*configuration];
-      if (branch.joints.size() == i) branch.joints.push_back(posture);
+    if (!ConfigurationOf(robot.arm, found->front())) {
+      setup->reason = "the configurations of the arm " + robot.arm.name +
+                      " have no names, so that poses do not tell its joints; record them (captures.joints), or state "
+                      "those of the first capture (robot.joints_near)";
+      return;
     }
+    postures.push_back(std::move(*found));
   }
-  for (auto& [configuration, branch] : branches) {
-    if (branch.joints.size() != dataset.captures.size()) continue;
-    if (configuration_near && configuration != *configuration_near) continue;
-    branch.name = NameOf(configuration);
+  for (ArmBranch& branch : BranchesOf(robot.arm, base_from_tip, postures)) {
+    if (configuration_near && branch.name != NameOf(*configuration_near)) continue;
     setup->branches.push_back(std::move(branch));
   }
   if (setup->branches.empty()) {
@@ -104,7 +93,87 @@ void SetUpRecovered(const Dataset& dataset, ArmSetup* setup) {
   }
 }
 
+// The joints of a capture in a branch that is being completed.
+struct BranchCapture {
+  std::optional<Eigen::VectorXd> in_configuration;  // A posture in the branch's configuration.
+  bool is_regular = false;                          // Whether that posture is far from all singularities.
+  bool can_be_singular = false;                     // Whether any posture of the capture is singular.
+};
+
+// Returns the regular posture of the capture that is next to capture `i`; null if there is none.
+const Eigen::VectorXd* NextRegular(const std::vector<BranchCapture>& captures, size_t i) {
+  const Eigen::VectorXd* next = nullptr;
+  size_t least = captures.size();
+  for (size_t k = 0; k < captures.size(); ++k) {
+    const size_t apart = k > i ? k - i : i - k;
+    if (!captures[k].is_regular || apart >= least) continue;
+    least = apart;
+    next = &*captures[k].in_configuration;
+  }
+  return next;
+}
+
+// Returns the joints of all captures in one configuration; nothing if a regular capture has no posture in it.
+std::optional<ArmBranch> Completed(const Arm& arm, const std::vector<Rigid3d>& base_from_tip,
+                                   const Configuration& configuration, const std::vector<BranchCapture>& captures) {
+  ArmBranch branch{NameOf(configuration), {}};
+  for (size_t i = 0; i < captures.size(); ++i) {
+    const BranchCapture& capture = captures[i];
+    if (!capture.is_regular && !capture.in_configuration && !capture.can_be_singular) return std::nullopt;
+    if (capture.is_regular) {
+      branch.joints.push_back(*capture.in_configuration);
+      continue;
+    }
+    branch.joints.push_back(capture.in_configuration.value_or(Eigen::VectorXd()));
+    const Eigen::VectorXd* next = NextRegular(captures, i);
+    if (next == nullptr) continue;
+    const Outcome<Eigen::VectorXd> near = PostureNear(arm, base_from_tip[i], *next);
+    if (near && (ConfigurationOf(arm, *near) == configuration || !SingularityAt(arm, *near).empty())) {
+      branch.joints.back() = *near;
+    }
+  }
+  return branch;
+}
+
 }  // namespace
+
+std::vector<ArmBranch> BranchesOf(const Arm& arm, const std::vector<Rigid3d>& base_from_tip,
+                                  const std::vector<std::vector<Eigen::VectorXd>>& postures) {
+  CHECK_EQ(base_from_tip.size(), postures.size());
+  std::map<Configuration, std::vector<BranchCapture>> captures_in;
+  std::vector<bool> can_be_singular(postures.size(), false);
+  for (size_t i = 0; i < postures.size(); ++i) {
+    for (const Eigen::VectorXd& posture : postures[i]) {
+      const std::optional<Configuration> configuration = ConfigurationOf(arm, posture);
+      if (!configuration) return {};
+      const bool is_regular = SingularityAt(arm, posture).empty();
+      if (!is_regular) can_be_singular[i] = true;
+      std::vector<BranchCapture>& captures = captures_in[*configuration];
+      captures.resize(postures.size());
+      if (captures[i].in_configuration && (captures[i].is_regular || !is_regular)) continue;
+      captures[i].in_configuration = posture;
+      captures[i].is_regular = is_regular;
+    }
+  }
+  std::vector<ArmBranch> branches;
+  for (auto& [configuration, captures] : captures_in) {
+    for (size_t i = 0; i < captures.size(); ++i) captures[i].can_be_singular = can_be_singular[i];
+    if (std::optional<ArmBranch> branch = Completed(arm, base_from_tip, configuration, captures)) {
+      branches.push_back(std::move(*branch));
+    }
+  }
+  return branches;
+}
+
+std::vector<SingularCapture> SingularCaptures(const Arm& arm, const ArmBranch& branch) {
+  std::vector<SingularCapture> singular;
+  for (size_t i = 0; i < branch.joints.size(); ++i) {
+    const std::string at =
+        branch.joints[i].size() == 0 ? "its joints could not be recovered" : SingularityAt(arm, branch.joints[i]);
+    if (!at.empty()) singular.push_back({i, at});
+  }
+  return singular;
+}
 
 ArmSetup SetUpArm(const Dataset& dataset) {
   ArmSetup setup;
@@ -118,11 +187,11 @@ ArmSetup SetUpArm(const Dataset& dataset) {
   return setup;
 }
 
-std::vector<std::shared_ptr<const PoseEffect>> EffectsOf(const Dataset& dataset, const ArmSetup& setup,
+std::vector<std::shared_ptr<const PoseEffect>> EffectsOf(const Arm& arm, const Rigid3d& tip_from_gripper,
                                                          const ArmBranch& branch) {
   std::vector<std::shared_ptr<const PoseEffect>> effects;
   for (const Eigen::VectorXd& joints : branch.joints) {
-    effects.push_back(MakeArmEffect(dataset.robot->arm, joints, setup.tip_from_gripper));
+    effects.push_back(joints.size() == 0 ? nullptr : MakeArmEffect(arm, joints, tip_from_gripper));
   }
   return effects;
 }

@@ -10,10 +10,21 @@
 
 namespace heba {
 
+// The tool that recorded joints imply may scatter by this much. A larger scatter is no error of an arm.
+inline constexpr double kMostToolScatterM = 0.05;
+inline constexpr double kMostToolScatterDeg = 10;
+
 // The positions of the joints in all captures, in one configuration of the arm.
 struct ArmBranch {
-  std::string name;                     // "recorded", or the configuration; empty for arms without names for them.
-  std::vector<Eigen::VectorXd> joints;  // One entry per capture.
+  std::string name;  // "recorded", or the configuration; empty for arms without names for them.
+  // One entry per capture. It is empty for a singular capture whose joints could not be recovered.
+  std::vector<Eigen::VectorXd> joints;
+};
+
+// A capture at or close to a singularity of the arm, where a small change of the pose is a large one of the joints.
+struct SingularCapture {
+  size_t capture = 0;       // Index into Dataset::captures.
+  std::string singularity;  // SingularityAt; "its joints could not be recovered" if they are missing.
 };
 
 struct ArmSetup {
@@ -27,8 +38,17 @@ struct ArmSetup {
 // `dataset.robot` must be set.
 ArmSetup SetUpArm(const Dataset& dataset);
 
-// Returns the effects of the arm's errors on the captures' poses.
-std::vector<std::shared_ptr<const PoseEffect>> EffectsOf(const Dataset& dataset, const ArmSetup& setup,
+// Returns, for each configuration that has names, the joints of all captures in it. `base_from_tip`: the pose in each
+// capture; `postures`: those that reach it (PosturesOf). The configuration of a singular posture is uncertain: a
+// singular capture has the posture that is nearest to that of the capture next to it, whatever its configuration. A
+// configuration that any other capture lacks is left out. Returns nothing for arms whose configurations have no names.
+std::vector<ArmBranch> BranchesOf(const Arm& arm, const std::vector<Rigid3d>& base_from_tip,
+                                  const std::vector<std::vector<Eigen::VectorXd>>& postures);
+
+std::vector<SingularCapture> SingularCaptures(const Arm& arm, const ArmBranch& branch);
+
+// Returns the effects of the arm's errors on the captures' poses; null for captures whose joints are missing.
+std::vector<std::shared_ptr<const PoseEffect>> EffectsOf(const Arm& arm, const Rigid3d& tip_from_gripper,
                                                          const ArmBranch& branch);
 
 }  // namespace heba

@@ -349,13 +349,17 @@ std::string WhyDeclined(const Calibration& calibration) {
 
 namespace {
 
-// Returns the name of the configuration that all captures share; empty if there is none.
+// Returns the name of the configuration that all captures share; empty if there is none. The configuration of a
+// singular capture is not known.
 std::string CommonConfiguration(const Arm& arm, const ArmBranch& branch) {
-  const std::optional<Configuration> first = ConfigurationOf(arm, branch.joints.front());
-  const bool is_common = first && std::all_of(branch.joints.begin(), branch.joints.end(), [&](const auto& joints) {
-                           return ConfigurationOf(arm, joints) == first;
-                         });
-  return is_common ? NameOf(*first) : "";
+  std::optional<Configuration> common;
+  for (const Eigen::VectorXd& joints : branch.joints) {
+    if (joints.size() == 0 || !SingularityAt(arm, joints).empty()) continue;
+    const std::optional<Configuration> configuration = ConfigurationOf(arm, joints);
+    if (!configuration || (common && *common != *configuration)) return "";
+    common = configuration;
+  }
+  return common ? NameOf(*common) : "";
 }
 
 }  // namespace
@@ -429,6 +433,27 @@ std::vector<Finding> FindingsOf(const RobotSummary& robot) {
         Finding{Grade::kGood, FindingCode("arm_one_configuration"), {}, {{"configuration", robot.configuration}}});
   }
   return findings;
+}
+
+std::optional<Finding> FindSingularCaptures(const Dataset& dataset, const ArmSetup& setup, bool is_estimated) {
+  // The captures have not told the branches apart if there are several.
+  if (setup.branches.size() != 1) return std::nullopt;
+  const std::vector<SingularCapture> singular = SingularCaptures(dataset.robot->arm, setup.branches.front());
+  if (singular.empty()) return std::nullopt;
+  constexpr size_t kMostNames = 5;
+  std::vector<std::string> names;
+  for (size_t i = 0; i < std::min(singular.size(), kMostNames); ++i) {
+    names.push_back(dataset.captures[singular[i].capture].name);
+  }
+  if (singular.size() > kMostNames) names.emplace_back("...");
+  return Finding{is_estimated && !setup.is_recorded ? Grade::kDoubtful : Grade::kGood,
+                 FindingCode("arm_singular_captures"),
+                 {{"captures", static_cast<double>(singular.size())},
+                  {"of_captures", static_cast<double>(dataset.captures.size())}},
+                 {{"arm", dataset.robot->arm.name},
+                  {"names", Join(names, ", ")},
+                  {"singularity", singular.front().singularity},
+                  {"joints", setup.is_recorded ? "recorded" : "recovered"}}};
 }
 
 RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const Calibration& calibration,

@@ -29,6 +29,10 @@ std::string WhyDeclined(const Calibration& calibration);
 // Returns what is to be said about it.
 std::vector<Finding> FindingsOf(const RobotSummary& robot);
 
+// Returns the finding about captures at or close to a singularity of the arm, if there are any. It is doubtful if the
+// arm was estimated from joints that were recovered there.
+std::optional<Finding> FindSingularCaptures(const Dataset& dataset, const ArmSetup& setup, bool is_estimated);
+
 // Assesses a calibration from the data set's poses of the target (CalibratePoses) in the same way, as far as this is
 // possible without images.
 RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const Calibration& calibration,

@@ -35,7 +35,8 @@ std::vector<ErrorsOfArm> CandidateErrors(const Arm& arm, Kinematics kinematics, 
       break;
   }
   std::vector<ErrorsOfArm> candidates = {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
-  if (arm.load != nullptr && num_captures >= kEnoughForGravity) candidates.push_back(errors_of(ArmErrorModel::kGravity));
+  if (arm.load != nullptr && num_captures >= kEnoughForGravity)
+    candidates.push_back(errors_of(ArmErrorModel::kGravity));
   return candidates;
 }
 
@@ -49,7 +50,9 @@ std::string WhyNotEstimable(const Arm& arm, Kinematics kinematics) {
 std::vector<std::vector<std::shared_ptr<const PoseEffect>>> EffectsOfBranches(const Dataset& dataset,
                                                                               const ArmSetup& arm) {
   std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects;
-  for (const ArmBranch& branch : arm.branches) effects.push_back(EffectsOf(dataset, arm, branch));
+  for (const ArmBranch& branch : arm.branches) {
+    effects.push_back(EffectsOf(dataset.robot->arm, arm.tip_from_gripper, branch));
+  }
   return effects;
 }
 
@@ -104,7 +107,8 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
     Capture& capture = dataset->captures[i];
     if (!candidates.empty()) capture.effect = effects[branch][i];
     // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
-    capture.gripper_by_joints = GripperByJoints(nominal, arm->branches.front().joints[i], arm->tip_from_gripper);
+    const Eigen::VectorXd& joints = arm->branches.front().joints[i];
+    if (joints.size() > 0) capture.gripper_by_joints = GripperByJoints(nominal, joints, arm->tip_from_gripper);
   }
   const std::optional<std::string> why_not = Recalibrate(ViewsOf(*dataset, detections), with_arm, options, calibration);
   if (!why_not) return;
@@ -165,8 +169,8 @@ void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* 
   size_t branch = 0;
   if (effects.size() > 1) {
     const auto geometry = std::make_shared<const SharedEffects>(ArmErrors(nominal, ArmErrorModel::kGeometry));
-    const std::optional<size_t> found = MostLikelyPoseEffects(dataset.setup, calibration->pairs,
-                                                              calibration->chain->hand_eye, geometry, effects);
+    const std::optional<size_t> found =
+        MostLikelyPoseEffects(dataset.setup, calibration->pairs, calibration->chain->hand_eye, geometry, effects);
     if (!found) {
       arm->reason = kNoBranch;
       return;

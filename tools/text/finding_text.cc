@@ -258,6 +258,15 @@ FindingText ArmOneConfiguration(const Finding& finding) {
           "add captures with the shoulder, the elbow and the wrist flipped if the arm works there"};
 }
 
+FindingText ArmSingularCaptures(const Finding& finding) {
+  const bool is_recorded = Is(finding, "joints", "recorded");
+  return {"the arm " + Name(finding, "arm") + " is at or close to a singularity in " + Count(finding, "captures") +
+              " of " + Count(finding, "of_captures") + " captures (" + Name(finding, "names") + "; in the first, " +
+              Name(finding, "singularity") + ")" +
+              (is_recorded ? "" : ": the joints that are recovered from their poses are uncertain"),
+          is_recorded ? "" : "record the joints (captures.joints), or move these captures away from the singularity"};
+}
+
 FindingText RejectedModel(const Finding& finding) {
   return {Name(finding, "model") + " is rejected (log-likelihood lower by " +
               Significant(Number(finding, "log_likelihood_lower_by"), 3) + ", " + ChanceText(Number(finding, "p")) +
@@ -393,6 +402,7 @@ constexpr CodeWords kWords[] = {
     {"arm_declined", &ArmDeclined},
     {"arm_one_configuration", &ArmOneConfiguration},
     {"smooth_errors", &SmoothErrorsWords},
+    {"arm_singular_captures", &ArmSingularCaptures},
     {"symmetric_target", &SymmetricTarget},
 };
 

@@ -44,6 +44,7 @@ inline constexpr std::string_view kFindingCodes[] = {
     "arm_declined",
     "arm_one_configuration",
     "smooth_errors",
+    "arm_singular_captures",
     "symmetric_target",
     "at_working_point",
     "intrinsics_not_included",

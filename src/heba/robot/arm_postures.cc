@@ -10,6 +10,7 @@
 #include "heba/base/levenberg_marquardt.h"
 #include "heba/base/rng.h"
 #include "heba/base/text.h"
+#include "heba/robot/ur_kinematics.h"
 
 namespace heba {
 namespace {
@@ -87,6 +88,47 @@ Eigen::Vector3d FootOn(const ArmAxis& a, const ArmAxis& b) {
 
 double DistanceM(const ArmAxis& a, const ArmAxis& b) { return (FootOn(a, b) - FootOn(b, a)).norm(); }
 
+// Returns the arm as one of Universal Robots' form, whose postures exist in closed form; nothing if it is another one.
+std::optional<UrRobot> UrRobotOf(const Arm& arm) {
+  if (arm.num_joints() != 6) return std::nullopt;
+  constexpr double kRightAngle = kPi / 2;
+  const std::array<double, 6> alphas_rad = {kRightAngle, 0, 0, kRightAngle, -kRightAngle, 0};
+  constexpr std::array<bool, 6> kHasD = {true, false, false, true, true, true};
+  const auto is_identity = [](const Rigid3d& pose) {
+    return pose.translation.isZero(0) && RotationAngle(pose.rotation) == 0;
+  };
+  if (!is_identity(arm.base_from_first) || !is_identity(arm.last_from_tip)) return std::nullopt;
+  for (size_t j = 0; j < 6; ++j) {
+    const ArmJoint& joint = arm.joints[j];
+    const bool has_a = j == 1 || j == 2;
+    if (!joint.is_turning || joint.theta_rad != 0 || joint.beta_rad != 0 ||
+        std::abs(joint.alpha_rad - alphas_rad[j]) > 1e-12 || (!kHasD[j] && joint.d_m != 0) ||
+        (!has_a && joint.a_m != 0)) {
+      return std::nullopt;
+    }
+  }
+  const std::vector<ArmJoint>& at = arm.joints;
+  return UrRobot{arm.name, at[0].d_m, at[1].a_m, at[2].a_m, at[3].d_m, at[4].d_m, at[5].d_m};
+}
+
+void Sort(std::vector<Eigen::VectorXd>* postures) {
+  std::sort(postures->begin(), postures->end(), [](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+    return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
+  });
+}
+
+// Returns the postures by the closed form.
+Outcome<std::vector<Eigen::VectorXd>> UrPosturesOf(const UrRobot& robot, const Rigid3d& base_from_tip) {
+  const Outcome<std::vector<UrPosture>> found = PosturesOf(robot, base_from_tip);
+  if (!found) return Failure{found.reason()};
+  std::vector<Eigen::VectorXd> postures;
+  for (const UrPosture& posture : *found) {
+    postures.emplace_back(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(posture.joints_rad.data()));
+  }
+  Sort(&postures);
+  return postures;
+}
+
 }  // namespace
 
 Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_tip, const Eigen::VectorXd& start) {
@@ -118,8 +160,11 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
     return Failure{"the arm has " + std::to_string(arm.num_joints()) +
                    " joints, so that a pose does not determine their positions"};
   }
+  if (const std::optional<UrRobot> robot = UrRobotOf(arm)) return UrPosturesOf(*robot, base_from_tip);
   constexpr int kNumStarts = 80;
   constexpr double kReachM = 1;  // The range of sliding joints that is searched.
+  // At a singularity, infinitely many postures reach the pose.
+  constexpr size_t kMostPostures = 16;
   std::vector<Eigen::VectorXd> postures;
   std::string reason;
   const auto search = [&](const Eigen::VectorXd& start) {
@@ -130,11 +175,11 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
     }
     const bool is_known = std::any_of(postures.begin(), postures.end(),
                                       [&](const Eigen::VectorXd& other) { return AreSame(arm, *found, other); });
-    if (!is_known) postures.push_back(Wrapped(arm, *found));
+    if (!is_known && postures.size() < kMostPostures) postures.push_back(Wrapped(arm, *found));
   };
   Rng rng(1);
   size_t num_flipped = 0;
-  for (int k = 0; k < kNumStarts; ++k) {
+  for (int k = 0; k < kNumStarts && postures.size() < kMostPostures; ++k) {
     Eigen::VectorXd start(arm.num_joints());
     for (int j = 0; j < arm.num_joints(); ++j) {
       start[j] =
@@ -146,9 +191,7 @@ Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& 
     }
   }
   if (postures.empty()) return Failure{reason};
-  std::sort(postures.begin(), postures.end(), [](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
-    return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
-  });
+  Sort(&postures);
   return postures;
 }
 
@@ -180,10 +223,7 @@ std::string SingularityAt(const Arm& arm, const Eigen::VectorXd& joints) {
   constexpr double kMoves = 0.2;
   Matrix6X by_joints;
   BaseFromTip(arm, joints, &by_joints);
-  if (arm.num_joints() > 6) {
-    // A redundant arm is singular if its tip cannot move in some direction.
-    by_joints = Matrix6X(by_joints * by_joints.transpose());
-  }
+  // A redundant arm has six singular values, too: it is singular if its tip cannot move in some direction.
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(by_joints, Eigen::ComputeThinV);
   if (svd.singularValues().tail<1>()[0] > kNearSingular) return {};
   if (arm.num_joints() > 6) return "the tip cannot move in some direction";

@@ -20,10 +20,11 @@ inline constexpr double kReached = 1e-7;
 // joints are not wrapped. Returns a Failure with the distance that remains if it does not converge to the pose.
 Outcome<Eigen::VectorXd> PostureNear(const Arm& arm, const Rigid3d& base_from_tip, const Eigen::VectorXd& start);
 
-// Returns the postures that reach the pose, at most 16 for six joints, with angles in [-pi, pi]. They are found
-// numerically from fixed starting points and from the flips of those that were found, so that one may be missed.
-// Returns a Failure if none is found, or if the arm has more than six joints, which reach a pose in infinitely many
-// ways.
+// Returns the postures that reach the pose, at most 16 for six joints, with angles in [-pi, pi]. Those of arms of
+// Universal Robots' form are computed in closed form. Those of others are found numerically from fixed starting points
+// and from the flips of those that were found, so that one may be missed. At a singularity, infinitely many postures
+// may reach the pose; some of them are returned. Returns a Failure if none is found, or if the arm has more than six
+// joints, which reach a pose in infinitely many ways.
 Outcome<std::vector<Eigen::VectorXd>> PosturesOf(const Arm& arm, const Rigid3d& base_from_tip);
 
 // The configuration of a posture, as controllers name it: the signs of shoulder, elbow and wrist. Two postures of

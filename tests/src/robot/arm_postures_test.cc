@@ -64,7 +64,9 @@ INSTANTIATE_TEST_SUITE_P(, UrPosturesTest, testing::ValuesIn(UrRobots()),
 
 TEST_P(UrPosturesTest, AreThoseOfTheClosedForm) {
   Rng rng(7);
-  const Arm& arm = *FindArm(GetParam().name);
+  // An arm that is not quite of Universal Robots' form, so that its postures are found numerically.
+  Arm arm = *FindArm(GetParam().name);
+  arm.joints[1].d_m = 1e-12;
   int num_missed = 0;
   for (int i = 0; i < 30; ++i) {
     const Rigid3d pose = BaseFromTip(arm, RandomJoints(arm, &rng));
@@ -73,6 +75,7 @@ TEST_P(UrPosturesTest, AreThoseOfTheClosedForm) {
     ASSERT_TRUE(numeric.ok());
     ASSERT_TRUE(closed.ok());
     EXPECT_LE(numeric->size(), closed->size());
+    EXPECT_EQ(PosturesOf(*FindArm(GetParam().name), pose)->size(), closed->size());
     num_missed += static_cast<int>(closed->size() - numeric->size());
   }
   EXPECT_EQ(num_missed, 0);
@@ -103,6 +106,15 @@ TEST(ArmPosturesTest, SingularitiesNameTheirJoints) {
   EXPECT_THAT(SingularityAt(arm, joints), testing::HasSubstr("6"));
   joints[4] = 1.2;
   EXPECT_EQ(SingularityAt(arm, joints), "");
+}
+
+TEST(ArmPosturesTest, RedundantArmsAreSingularIfTheTipCannotMoveInSomeDirection) {
+  const Arm& arm = *FindArm("kuka_iiwa7");
+  Eigen::VectorXd joints(7);
+  joints << 0.1, -0.7, 0.2, -1.3, 0.1, 0.9, 0.8;
+  EXPECT_EQ(SingularityAt(arm, joints), "");
+  joints.setZero();  // The arm is stretched.
+  EXPECT_THAT(SingularityAt(arm, joints), testing::HasSubstr("cannot move"));
 }
 
 TEST(ArmPosturesTest, FlipsChangeOneSignOfTheConfiguration) {

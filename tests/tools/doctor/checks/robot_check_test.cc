@@ -1,0 +1,270 @@
+// Tests of the check whether joints and poses are those of the arm: tools/doctor/checks/robot.cc.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "heba/robot/arm_postures.h"
+#include "heba/robot/arm_table.h"
+#include "tests/support/arm_scenes.h"
+#include "tests/support/data_sets.h"
+#include "tests/tools/doctor/examinations.h"
+
+namespace heba {
+namespace {
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+constexpr Setup kSetup = Setup::kEyeInHand;
+
+// A cell with a UR5e of usual errors, in one configuration.
+ArmScene UrScene(const Rigid3d& tip_from_gripper = Rigid3d()) {
+  ArmSceneOptions options;
+  options.setup = kSetup;
+  options.has_several_configurations = false;
+  options.tip_from_gripper = tip_from_gripper;
+  options.points = AllPoints(*TargetOfYaml(kChessboardYaml)).points_in_target;
+  return MakeArmScene(3, options);
+}
+
+// The config names this arm and no tool.
+Examination ExaminationWith(const ArmScene& scene, const std::string& arm, bool records_joints) {
+  Examination examination = ExaminationOf(scene.scene, kSetup);
+  Dataset& data = examination.config.data;
+  data.robot = RobotArm{*FindArm(arm), {}, {}};
+  // The intrinsics are held, so that a calibration is fast.
+  examination.config.options.bundle.free_intrinsics = {};
+  examination.config.options.choose = {true, false};
+  for (size_t i = 0; i < data.captures.size() && records_joints; ++i) {
+    data.captures[i].joints.assign(scene.joints[i].begin(), scene.joints[i].end());
+  }
+  return examination;
+}
+
+TEST(RobotCheckTest, ConfigsWithoutArmHaveNoSymptom) {
+  Examination examination = CleanExamination();
+  EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
+}
+
+TEST(RobotCheckTest, RightArmWithoutJointsHasNoSymptom) {
+  Examination examination = ExaminationWith(UrScene(), "ur5e", false);
+  EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
+}
+
+TEST(RobotCheckTest, SimilarArmIsNamedByTheCaptures) {
+  for (const std::string wrong : {"ur10e", "ur5"}) {
+    Examination examination = ExaminationWith(UrScene(), wrong, false);
+    const std::vector<Symptom> symptoms = Check_robot(&examination);
+    ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_model")) << wrong;
+    EXPECT_EQ(symptoms[0].cure, "set robot.model: ur5e");
+  }
+}
+
+TEST(RobotCheckTest, ForgottenToolIsFoundByTheCaptures) {
+  const Rigid3d tool(Eigen::Quaterniond::Identity(), {0, 0, 0.1});
+  Examination examination = ExaminationWith(UrScene(tool), "ur5e", false);
+  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_tool"));
+  // The length is found in steps of 6 mm; the captures determine it to about 10 mm.
+  const size_t at = symptoms[0].what.find("a tool of about ");
+  ASSERT_NE(at, std::string::npos) << symptoms[0].what;
+  EXPECT_NEAR(std::stod(symptoms[0].what.substr(at + 16)), 100, 20) << symptoms[0].what;
+  EXPECT_THAT(symptoms[0].what, HasSubstr("mm along the flange's z axis"));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("set robot.tool"));
+  examination.config.data.robot->tip_from_gripper = tool;
+  EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
+}
+
+TEST(RobotCheckTest, ArmThatDoesNotReachThePosesIsWrong) {
+  Examination examination = ExaminationWith(UrScene(), "ur3e", false);
+  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_unreachable"));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("the arm ur5e"));
+  EXPECT_EQ(symptoms[0].cure, "set robot.model: ur5e");
+}
+
+TEST(RobotCheckTest, OtherFaultsComeFirst) {
+  Examination examination = ExaminationWith(UrScene(), "ur3e", false);
+  examination.found_wrong = true;
+  EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
+}
+
+TEST(RobotCheckTest, RecordedJointsTellTheNominalKinematics) {
+  Examination examination = ExaminationWith(UrScene(), "ur5e", true);
+  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark nominal_kinematics"));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("refine.kinematics"));
+}
+
+TEST(RobotCheckTest, RecordedJointsTellTheTool) {
+  Examination examination =
+      ExaminationWith(UrScene(Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 0.1})), "ur5e", true);
+  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("remark robot_tool", "remark nominal_kinematics"));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("[0.000, 0.000, 100.000] mm"));
+}
+
+TEST(RobotCheckTest, RecordedJointsTellACalibratedController) {
+  const ArmScene scene = UrScene();
+  Examination examination = ExaminationWith(scene, "ur5e", true);
+  const Arm calibrated = WithChanges(scene.nominal, scene.errors);
+  for (size_t i = 0; i < scene.joints.size(); ++i) {
+    examination.config.data.captures[i].base_from_gripper = BaseFromTip(calibrated, scene.joints[i]);
+  }
+  EXPECT_THAT(CodesOf(Check_robot(&examination)), Contains("remark calibrated_kinematics"));
+  EXPECT_THAT(CodesOf(Check_robot(&examination)), Not(Contains(StartsWith("wrong "))));
+}
+
+TEST(RobotCheckTest, RoundedJointsAreNoCalibration) {
+  const ArmScene scene = UrScene();
+  Examination examination = ExaminationWith(scene, "ur5e", true);
+  for (Capture& capture : examination.config.data.captures) {
+    for (double& joint : capture.joints) joint = DegToRad(0.01 * std::round(100 * RadToDeg(joint)));
+  }
+  examination.config.joints_are_deg = true;
+  EXPECT_THAT(CodesOf(Check_robot(&examination)), ElementsAre("remark nominal_kinematics"));
+}
+
+TEST(RobotCheckTest, RecordedJointsTellTheArm) {
+  for (const std::string wrong : {"ur10e", "ur5"}) {
+    Examination examination = ExaminationWith(UrScene(), wrong, true);
+    const std::vector<Symptom> symptoms = Check_robot(&examination);
+    ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_model")) << wrong;
+    EXPECT_EQ(symptoms[0].cure, "set robot.model: ur5e");
+  }
+}
+
+// Replaces the joints of all captures.
+void SetJoints(const std::vector<Eigen::VectorXd>& joints, Examination* examination) {
+  for (size_t i = 0; i < joints.size(); ++i) {
+    examination->config.data.captures[i].joints.assign(joints[i].begin(), joints[i].end());
+  }
+}
+
+TEST(RobotCheckTest, UnitOfTheJointsIsFound) {
+  const ArmScene scene = UrScene();
+  Examination examination = ExaminationWith(scene, "ur5e", true);
+  std::vector<Eigen::VectorXd> joints = scene.joints;
+  for (Eigen::VectorXd& of_capture : joints) of_capture *= RadToDeg(1);
+  SetJoints(joints, &examination);
+  std::vector<Symptom> symptoms = Check_robot(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong joint_angle"));
+  EXPECT_EQ(symptoms[0].cure, "set captures.joint_angle: deg");
+  for (Eigen::VectorXd& of_capture : joints) of_capture *= DegToRad(1) * DegToRad(1);
+  SetJoints(joints, &examination);
+  examination.config.joints_are_deg = true;
+  symptoms = Check_robot(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong joint_angle"));
+  EXPECT_EQ(symptoms[0].cure, "set captures.joint_angle: rad");
+}
+
+TEST(RobotCheckTest, OrderOfTheJointsIsFound) {
+  const ArmScene scene = UrScene();
+  Examination examination = ExaminationWith(scene, "ur5e", true);
+  std::vector<Eigen::VectorXd> joints = scene.joints;
+  std::rotate(joints.begin(), joints.begin() + 2, joints.end());
+  SetJoints(joints, &examination);
+  std::vector<Symptom> symptoms = Check_robot(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong joint_pairing"));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("2 rows further up"));
+  joints = scene.joints;
+  std::reverse(joints.begin(), joints.end());
+  SetJoints(joints, &examination);
+  symptoms = Check_robot(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong joint_pairing"));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("reverse order"));
+}
+
+TEST(RobotCheckTest, OtherBaseIsFound) {
+  const ArmScene scene = UrScene();
+  const Rigid3d rotated(ExpRotation({0, 0, kPi}), Eigen::Vector3d::Zero());
+  const Rigid3d elsewhere(ExpRotation({0.2, -0.1, 0.4}), {0.3, -0.2, 0.8});
+  for (const Rigid3d& base : {rotated, elsewhere}) {
+    Examination examination = ExaminationWith(scene, "ur5e", true);
+    for (Capture& capture : examination.config.data.captures) {
+      capture.base_from_gripper = base * capture.base_from_gripper;
+    }
+    const std::vector<Symptom> symptoms = Check_robot(&examination);
+    ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_base"));
+    const bool is_rotated = base.translation.isZero();
+    EXPECT_THAT(symptoms[0].what, HasSubstr(is_rotated ? "rotated by 180 deg about z" : "another base"));
+    EXPECT_THAT(symptoms[0].cure, HasSubstr(is_rotated ? "base_link" : "multiply them by that pose"));
+  }
+}
+
+TEST(RobotCheckTest, JointsOfOtherPosesAreWrong) {
+  const ArmScene scene = UrScene();
+  Examination examination = ExaminationWith(scene, "ur5e", true);
+  std::vector<Eigen::VectorXd> joints = scene.joints;
+  Rng rng(5);
+  for (Eigen::VectorXd& of_capture : joints) {
+    for (double& joint : of_capture) joint = rng.Uniform(-kPi, kPi);
+  }
+  SetJoints(joints, &examination);
+  EXPECT_THAT(CodesOf(Check_robot(&examination)), ElementsAre("wrong joints_unexplained"));
+}
+
+// Reads the numbers of a file with a header and a first column that names the capture.
+std::vector<std::vector<double>> ReadNumbers(const std::filesystem::path& path) {
+  std::ifstream stream(path);
+  std::string line;
+  std::getline(stream, line);
+  std::vector<std::vector<double>> rows;
+  while (std::getline(stream, line)) {
+    const std::vector<std::string> fields = Split(Trim(line), ',');
+    std::vector<double>& row = rows.emplace_back();
+    for (size_t i = 1; i < fields.size(); ++i) row.push_back(std::stod(fields[i]));
+  }
+  return rows;
+}
+
+// The controller of this arm reports nominal kinematics, of a tool that is not the flange.
+TEST(RobotCheckTest, RecordedFrankaReportsNominalKinematics) {
+  const std::filesystem::path folder = DataDir() / "fr3_joints_pose_pairs";
+  HEBA_SKIP_WITHOUT(folder);
+  const std::vector<std::vector<double>> joints = ReadNumbers(folder / "joints.csv");
+  const std::vector<std::vector<double>> tips = ReadNumbers(folder / "tcp.csv");
+  Examination examination;
+  Dataset& data = examination.config.data;
+  for (size_t i = 0; i < joints.size(); ++i) {
+    const std::vector<double>& tip = tips[i];
+    Capture capture;
+    capture.base_from_gripper =
+        Rigid3d(Eigen::Quaterniond(tip[6], tip[3], tip[4], tip[5]), Eigen::Vector3d(tip[0], tip[1], tip[2]));
+    capture.joints = joints[i];
+    data.captures.push_back(capture);
+  }
+  data.robot = RobotArm{*FindArm("franka_fr3"), {}, {}};
+  EXPECT_THAT(CodesOf(Check_robot(&examination)), ElementsAre("remark robot_tool", "remark nominal_kinematics"));
+  data.robot->arm = *FindArm("kuka_iiwa7");
+  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_model"));
+  // Both of Franka's arms have these dimensions.
+  EXPECT_THAT(symptoms[0].cure, StartsWith("set robot.model: franka_"));
+}
+
+TEST(RobotCheckTest, SingularCapturesAreNamed) {
+  const ArmScene scene = UrScene();
+  Examination examination = ExaminationWith(scene, "ur5e", true);
+  std::vector<Eigen::VectorXd> joints = scene.joints;
+  joints[4][4] = 0;
+  SetJoints(joints, &examination);
+  examination.config.data.captures[4].base_from_gripper = BaseFromTip(scene.nominal, joints[4]);
+  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  ASSERT_THAT(CodesOf(symptoms), Contains("remark singular_captures"));
+  EXPECT_THAT(symptoms.back().what, HasSubstr("view_4: a common motion of joints"));
+}
+
+}  // namespace
+}  // namespace heba

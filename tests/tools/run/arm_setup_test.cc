@@ -1,0 +1,148 @@
+// Tests of the recovery of an arm's joints from poses: tools/run/arm_setup.h.
+#include "tools/run/arm_setup.h"
+
+#include <cmath>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/rng.h"
+#include "heba/base/units.h"
+#include "heba/robot/arm_postures.h"
+#include "heba/robot/arm_table.h"
+#include "tools/run/assessment.h"
+#include "tools/text/finding_text.h"
+
+namespace heba {
+namespace {
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr size_t kSingular = 3;
+
+// Returns the joints of captures in one configuration of a UR5e. In one of them, axes 4 and 6 are parallel.
+std::vector<Eigen::VectorXd> JointsWithSingularCapture() {
+  Rng rng(4);
+  std::vector<Eigen::VectorXd> all;
+  for (size_t i = 0; i < 8; ++i) {
+    Eigen::VectorXd joints(6);
+    joints << 0.3, -1.3, 1.5, -1.4, -1.2, 0.5;
+    for (double& joint : joints) joint += rng.Uniform(-0.3, 0.3);
+    if (i == kSingular) joints[4] = 0;
+    all.push_back(joints);
+  }
+  return all;
+}
+
+Dataset DatasetOf(const std::vector<Eigen::VectorXd>& joints, bool records_joints) {
+  Dataset dataset;
+  dataset.robot = RobotArm{*FindArm("ur5e"), Rigid3d(ExpRotation({0.1, 0.2, 0.3}), {0.01, 0.02, 0.15}), {}};
+  for (const Eigen::VectorXd& of_capture : joints) {
+    Capture capture;
+    capture.name = std::to_string(dataset.captures.size()) + ".png";
+    capture.base_from_gripper = BaseFromTip(dataset.robot->arm, of_capture) * dataset.robot->tip_from_gripper;
+    if (records_joints) capture.joints.assign(of_capture.begin(), of_capture.end());
+    dataset.captures.push_back(capture);
+  }
+  return dataset;
+}
+
+double DistanceRad(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+  double distance_rad = 0;
+  for (Eigen::Index j = 0; j < a.size(); ++j) {
+    distance_rad = std::max(distance_rad, std::abs(std::remainder(a[j] - b[j], 2 * kPi)));
+  }
+  return distance_rad;
+}
+
+TEST(ArmSetupTest, SingularCaptureDoesNotEndAConfiguration) {
+  const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
+  const Dataset dataset = DatasetOf(joints, false);
+  const ArmSetup setup = SetUpArm(dataset);
+  EXPECT_EQ(setup.reason, "");
+  const std::string name = NameOf(*ConfigurationOf(dataset.robot->arm, joints.front()));
+  const ArmBranch* right = nullptr;
+  for (const ArmBranch& branch : setup.branches) {
+    if (branch.name == name) right = &branch;
+  }
+  ASSERT_NE(right, nullptr);
+  ASSERT_EQ(right->joints.size(), joints.size());
+  for (size_t i = 0; i < joints.size(); ++i) {
+    // The pose is reached to the limit of PostureNear, in m and rad, whether or not it is singular.
+    const Rigid3d reached = BaseFromTip(dataset.robot->arm, right->joints[i]) * dataset.robot->tip_from_gripper;
+    EXPECT_LT(LocalCoordinates(reached, dataset.captures[i].base_from_gripper).norm(), 2 * kReached);
+    const double apart_rad = DistanceRad(right->joints[i], joints[i]);
+    EXPECT_TRUE(i == kSingular || apart_rad < 1e-6) << i << ": " << apart_rad;
+  }
+  const std::vector<SingularCapture> singular = SingularCaptures(dataset.robot->arm, *right);
+  ASSERT_EQ(singular.size(), 1U);
+  EXPECT_EQ(singular[0].capture, kSingular);
+  EXPECT_THAT(singular[0].singularity, HasSubstr("6"));
+}
+
+TEST(ArmSetupTest, RegularCaptureEndsAConfigurationThatItLacks) {
+  std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
+  joints.erase(joints.begin() + kSingular);
+  const Dataset dataset = DatasetOf(joints, false);
+  const Arm& arm = dataset.robot->arm;
+  std::vector<Rigid3d> tips;
+  std::vector<std::vector<Eigen::VectorXd>> postures;
+  for (const Eigen::VectorXd& of_capture : joints) {
+    tips.push_back(BaseFromTip(arm, of_capture));
+    postures.push_back(*PosturesOf(arm, tips.back()));
+  }
+  const size_t num_all = BranchesOf(arm, tips, postures).size();
+  postures[2] = {joints[2]};
+  const std::vector<ArmBranch> branches = BranchesOf(arm, tips, postures);
+  EXPECT_GT(num_all, 1U);
+  ASSERT_EQ(branches.size(), 1U);
+  EXPECT_EQ(branches[0].name, NameOf(*ConfigurationOf(arm, joints[2])));
+}
+
+TEST(ArmSetupTest, RecordedSingularCaptureIsNamedToo) {
+  const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
+  const Dataset dataset = DatasetOf(joints, true);
+  const ArmSetup setup = SetUpArm(dataset);
+  ASSERT_EQ(setup.branches.size(), 1U);
+  EXPECT_TRUE(setup.is_recorded);
+  const std::vector<SingularCapture> singular = SingularCaptures(dataset.robot->arm, setup.branches[0]);
+  ASSERT_EQ(singular.size(), 1U);
+  EXPECT_EQ(singular[0].capture, kSingular);
+}
+
+TEST(ArmSetupTest, FindingIsDoubtfulOnlyIfRecoveredJointsWereUsed) {
+  struct Case {
+    bool records_joints;
+    bool is_estimated;
+    Grade grade;
+  };
+  for (const Case& one :
+       {Case{true, true, Grade::kGood}, {false, false, Grade::kGood}, {false, true, Grade::kDoubtful}}) {
+    const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
+    const Dataset dataset = DatasetOf(joints, one.records_joints);
+    ArmSetup setup = SetUpArm(dataset);
+    const std::string name =
+        one.records_joints ? "recorded" : NameOf(*ConfigurationOf(dataset.robot->arm, joints.front()));
+    std::erase_if(setup.branches, [&](const ArmBranch& branch) { return branch.name != name; });
+    const std::optional<Finding> finding = FindSingularCaptures(dataset, setup, one.is_estimated);
+    ASSERT_TRUE(finding.has_value());
+    EXPECT_EQ(finding->grade, one.grade);
+    EXPECT_EQ(finding->code, "arm_singular_captures");
+    EXPECT_THAT(FindingWords(*finding).text, HasSubstr("in 1 of 8 captures (3.png;"));
+  }
+}
+
+TEST(ArmSetupTest, MissingJointsHaveNoEffect) {
+  const std::vector<Eigen::VectorXd> joints = JointsWithSingularCapture();
+  const Dataset dataset = DatasetOf(joints, true);
+  ArmBranch branch = SetUpArm(dataset).branches[0];
+  EXPECT_THAT(SingularCaptures(dataset.robot->arm, {branch.name, {joints[0]}}), IsEmpty());
+  branch.joints[1] = Eigen::VectorXd();
+  const auto effects = EffectsOf(dataset.robot->arm, dataset.robot->tip_from_gripper, branch);
+  EXPECT_EQ(effects[1], nullptr);
+  EXPECT_NE(effects[0], nullptr);
+  EXPECT_EQ(SingularCaptures(dataset.robot->arm, branch)[0].capture, 1U);
+}
+
+}  // namespace
+}  // namespace heba
