@@ -74,6 +74,7 @@ inline ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options = {})
     view->capture = scene.views.size();
     view->camera_mount_from_target_mount = mount_of(made.nominal, joints);
     view->effect = MakeArmEffect(made.nominal, joints, motion.tip_from_gripper);
+    view->gripper_by_joints = GripperByJoints(made.nominal, joints, motion.tip_from_gripper);
     scene.views.push_back(std::move(*view));
   }
   return made;

@@ -83,18 +83,44 @@ TEST_P(ArmRefinementTest, ErrorsOfTheArmAreFoundWithHonestCovariance) {
     dof += static_cast<double>(error.size());
     white_m2 += std::pow(HandEyeErrorM(arm, *white), 2);
     arm_m2 += std::pow(HandEyeErrorM(arm, *found), 2);
-    printf(
-        "%g: white %.3f mm arm %.3f mm, sigmas %.4f deg %.3f mm %.4f deg, noise %.3f mm %.4f deg (white %.3f %.4f) it "
-        "%d\n",
-        whitened.dot(scaled.ldlt().solve(whitened)) / error.size(), 1e3 * HandEyeErrorM(arm, *white),
-        1e3 * HandEyeErrorM(arm, *found), RadToDeg(found->effect_sigmas[0]), 1e3 * found->effect_sigmas[1],
-        RadToDeg(found->effect_sigmas[2]), 1e3 * found->robot_noise->translation_m,
-        RadToDeg(found->robot_noise->rotation_rad), 1e3 * white->robot_noise->translation_m,
-        RadToDeg(white->robot_noise->rotation_rad), found->convergence.iterations);
   }
   // Averaged over the trials, the hand-eye pose is better by this factor than with white noise.
   EXPECT_LT(std::sqrt(arm_m2 / white_m2), 0.5);
   EXPECT_GT(ChiSquareTail(sum_squares, dof), 1e-4) << sum_squares / dof;
+}
+
+// Without systematic errors, the noise of the joints is found as such, and leaves nothing to the white noise of the
+// poses.
+TEST(JointNoiseTest, NoiseOfTheJointsIsToldFromThatOfThePoses) {
+  ArmSceneOptions options;
+  options.offset_rad = options.length_m = options.angle_rad = 0;
+  options.joint_noise_rad = DegToRad(0.02);
+  options.num_captures = 40;
+  double sum_joint_rad = 0;
+  double sum_rotation_rad = 0;
+  double sum_gain = 0;
+  constexpr int kTrials = 8;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    ArmScene arm = MakeArmScene(500 + static_cast<uint64_t>(trial), options);
+    BundleOptions refine;
+    refine.loss = LossKind::kNone;
+    refine.robot = BundleOptions::Robot::kEstimatedNoise;
+    const Problem problem{arm.scene.camera, arm.scene.views, options.setup};
+    const Outcome<Solution> with_joints = RefineHandEye(problem, arm.scene.hand_eye, refine);
+    ASSERT_TRUE(with_joints.ok()) << with_joints.reason();
+    Problem white = problem;
+    for (View& view : white.views) view.gripper_by_joints.resize(6, 0);
+    const Outcome<Solution> without = RefineHandEye(white, arm.scene.hand_eye, refine);
+    ASSERT_TRUE(without.ok()) << without.reason();
+    sum_joint_rad += with_joints->robot_noise->joint_rad;
+    sum_rotation_rad += with_joints->robot_noise->rotation_rad;
+    EXPECT_EQ(without->robot_noise->joint_rad, 0);
+    sum_gain += LogLikelihoodOf(problem, *with_joints, refine) - LogLikelihoodOf(white, *without, refine);
+  }
+  // 40 captures of six numbers determine the sigma to 5 % each.
+  EXPECT_NEAR(RadToDeg(sum_joint_rad / kTrials), 0.02, 0.002);
+  EXPECT_LT(RadToDeg(sum_rotation_rad / kTrials), 0.004);
+  EXPECT_GT(sum_gain / kTrials, 3);
 }
 
 // The compliances are found within their sigmas, and the robot noise that remains without them is larger.

@@ -273,5 +273,18 @@ TEST(RefinementTest, IsBitIdenticalInEveryThread) {
 
 #endif  // MAP_32BIT
 
+// The prior of a correction whose noise includes that of joints is the inverse of its covariance.
+TEST(CorrectionPriorTest, NoiseOfJointsIsPartOfTheCovariance) {
+  RobotNoise noise{2e-4, 5e-4, 3e-4};
+  const Matrix6X by_joints = Matrix6X::Random(6, 7);
+  const Matrix6 prior = CorrectionPrior(noise, by_joints);
+  Matrix6 covariance = CorrectionVariances(noise).asDiagonal();
+  covariance += noise.joint_rad * noise.joint_rad * by_joints * by_joints.transpose();
+  EXPECT_LT((prior * covariance * prior.transpose() - Matrix6::Identity()).cwiseAbs().maxCoeff(), 1e-9);
+  const Eigen::VectorXd variances = CorrectionVariances(noise, 6 + 7);
+  EXPECT_EQ(variances.size(), 13);
+  EXPECT_EQ(variances[12], noise.joint_rad * noise.joint_rad);
+}
+
 }  // namespace
 }  // namespace heba

@@ -26,6 +26,13 @@ TEST_P(StackedRowsTest, SumTheProductsOfAllRows) {
   }
 }
 
+// A sum without rows is zero, however many columns it has.
+TEST_P(StackedRowsTest, SumOfNoRowsIsZero) {
+  for (const int num_columns : {3, StackedRows::kFewColumns + 1, 200}) {
+    EXPECT_TRUE(StackedRows(num_columns).Products().isZero(0)) << num_columns;
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Sets, StackedRowsTest, EverySimd(), SimdName);
 
 TEST(SmallMatrixTest, SolvesAndInvertsLowerTriangles) {
