@@ -22,8 +22,8 @@ RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vecto
 // Describes the estimation of the arm's kinematics. `setup` is empty if none was wanted.
 RobotSummary SummariseArm(const Dataset& dataset, const std::optional<ArmSetup>& setup, const Calibration& calibration);
 
-// Returns what is to be said about it.
-std::vector<Finding> FindingsOf(const RobotSummary& robot);
+// Returns what is to be said about it. `calibration` is the one that estimated the arm.
+std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration);
 
 // Assesses a calibration from the data set's poses of the target (CalibratePoses) in the same way, as far as this is
 // possible without images.

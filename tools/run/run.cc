@@ -182,7 +182,9 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& opti
   output.result = Assess(dataset, options, detections, output.calibration, final_options, observer);
   if (dataset.robot) output.result.robot = SummariseArm(dataset, arm, output.calibration);
   if (output.result.robot) {
-    for (Finding& finding : FindingsOf(*output.result.robot)) output.result.observations.push_back(std::move(finding));
+    for (Finding& finding : FindingsOf(*output.result.robot, dataset, output.calibration)) {
+      output.result.observations.push_back(std::move(finding));
+    }
   }
   output.result.timing = timing;
   InsertLeftOut(left_out, &output.result.captures);
