@@ -122,32 +122,30 @@ struct MapChart {
 const MapChart kMapCharts[] = {{"correction", "first", &ArmMap::Cell::correction_m},
                                {"sigma", "second", &ArmMap::Cell::sigma_m}};
 
-// The window of a map, mm, which contains all its cells and captures.
-struct Window {
-  double low[2] = {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
-  double high[2] = {-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
-};
-
-std::pair<double, double> MiddleMm(const ArmMap& map, const ArmMap::Cell& cell) {
-  return {1000 * (map.first_m[0] + cell.column * map.step_m),
-          1000 * (map.first_m[map.vertical_axis] + cell.row * map.step_m)};
+std::pair<double, double> InSliceMm(const ArmMap& map, const Eigen::Vector3d& place_m) {
+  return {1000 * place_m[0], 1000 * place_m[map.vertical_axis]};
 }
 
-Window WindowOf(const ArmMap& map) {
-  Window window;
-  const auto add = [&](double x, double y, double margin) {
-    const double at[2] = {x, y};
-    for (size_t i = 0; i < 2; ++i) {
-      window.low[i] = std::min(window.low[i], at[i] - margin);
-      window.high[i] = std::max(window.high[i], at[i] + margin);
-    }
-  };
-  for (const ArmMap::Cell& cell : map.cells) {
-    const auto [x, y] = MiddleMm(map, cell);
-    add(x, y, 500 * map.step_m);
+// A range of coordinates, mm.
+struct Range {
+  double low = std::numeric_limits<double>::infinity();
+  double high = -std::numeric_limits<double>::infinity();
+};
+
+// Returns the range of one coordinate (0 or 1) of the cells and captures of maps.
+Range RangeOf(const std::vector<ArmMap>& maps, int coordinate) {
+  Range range;
+  for (const ArmMap& map : maps) {
+    const auto add = [&](const Eigen::Vector3d& place_m, double margin_mm) {
+      const auto [x, y] = InSliceMm(map, place_m);
+      const double value = coordinate == 0 ? x : y;
+      range.low = std::min(range.low, value - margin_mm);
+      range.high = std::max(range.high, value + margin_mm);
+    };
+    for (const ArmMap::Cell& cell : map.cells) add(cell.middle_m, 500 * map.step_m);
+    for (const Eigen::Vector3d& place_m : map.captures_m) add(place_m, 0);
   }
-  for (const Eigen::Vector3d& place : map.captures_m) add(1000 * place[0], 1000 * place[map.vertical_axis], 0);
-  return window;
+  return range;
 }
 
 std::pair<double, double> RangeMm(const ArmMap& map, const MapChart& what) {
@@ -163,22 +161,21 @@ double Opacity(double value, double least, double most) {
   return most > least ? kFaintest + (1 - kFaintest) * (value - least) / (most - least) : 0.5;
 }
 
-std::string StaticMap(const ArmMap& map, const MapChart& what) {
-  const Window window = WindowOf(map);
+std::string StaticMap(const ArmMap& map, const MapChart& what, const Range& x_range) {
+  const Range y_range = RangeOf({map}, 1);
   const auto [least, most] = RangeMm(map, what);
   const double half = 500 * map.step_m;
-  constexpr double kSize = 300;
+  constexpr double kSize = 285;
   constexpr double kLeft = 56;
-  const double height =
-      (kSize - kLeft - kChartRight) * (window.high[1] - window.low[1]) / (window.high[0] - window.low[0]) + kChartTop +
-      kChartBottom;
-  StaticChart chart(
-      kSize, height,
-      {"base x, mm; " + what.what + " " + Significant(least, 2) + " to " + Significant(most, 2) + " mm", window.low[0],
-       window.high[0]},
-      {std::string("base ") + (map.vertical_axis == 1 ? "y" : "z") + ", mm", window.low[1], window.high[1]}, kLeft);
+  const double height = (kSize - kLeft - kChartRight) * (y_range.high - y_range.low) / (x_range.high - x_range.low) +
+                        kChartTop + kChartBottom;
+  StaticChart chart(kSize, height,
+                    {"base x, mm; " + what.what + " " + Significant(least, 2) + " to " + Significant(most, 2) + " mm",
+                     x_range.low, x_range.high},
+                    {std::string("base ") + (map.vertical_axis == 1 ? "y" : "z") + ", mm", y_range.low, y_range.high},
+                    kLeft);
   for (const ArmMap::Cell& cell : map.cells) {
-    const auto [x, y] = MiddleMm(map, cell);
+    const auto [x, y] = InSliceMm(map, cell.middle_m);
     chart.Bar(x - half, y - half, x + 0.94 * half, y + 0.94 * half, what.colour,
               Opacity(1000 * cell.*what.value, least, most));
   }
@@ -193,7 +190,7 @@ double Rounded(double value, double power) { return std::round(value * power) / 
 Json MapJson(const ArmMap& map) {
   Json cells = Json::array();
   for (const ArmMap::Cell& cell : map.cells) {
-    const auto [x, y] = MiddleMm(map, cell);
+    const auto [x, y] = InSliceMm(map, cell.middle_m);
     cells.push_back(
         {Rounded(x, 10), Rounded(y, 10), Rounded(1000 * cell.correction_m, 1e4), Rounded(1000 * cell.sigma_m, 1e4)});
   }
@@ -210,17 +207,22 @@ Json MapJson(const ArmMap& map) {
 std::string MapFigure(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures) {
   std::vector<Rigid3d> base_from_gripper;
   for (const ReportedCapture& capture : captures) base_from_gripper.push_back(capture.base_from_gripper);
-  Json maps = Json::array();
-  std::string pictures;
-  std::string configuration;
+  std::vector<ArmMap> maps;
   for (const int vertical_axis : {1, 2}) {
-    const std::optional<ArmMap> map =
+    std::optional<ArmMap> map =
         MapArm(result.setup, *refined.solution, *result.robot, base_from_gripper, vertical_axis);
     if (!map) return "";
-    configuration = map->configuration;
-    maps.push_back(MapJson(*map));
-    for (const MapChart& what : kMapCharts) pictures += StaticMap(*map, what);
+    maps.push_back(std::move(*map));
   }
+  // All charts have the same scale.
+  const Range x_range = RangeOf(maps, 0);
+  Json data{{"x", {Rounded(x_range.low, 10), Rounded(x_range.high, 10)}}, {"maps", Json::array()}};
+  std::string pictures;
+  for (const ArmMap& map : maps) {
+    data["maps"].push_back(MapJson(map));
+    for (const MapChart& what : kMapCharts) pictures += StaticMap(map, what, x_range);
+  }
+  const std::string& configuration = maps.front().configuration;
   const std::string fixed = result.setup == Setup::kEyeToHand ? "camera" : "target of the captures";
   return ViewFigure(
       "arm-map",
@@ -229,7 +231,7 @@ std::string MapFigure(const RunResult& result, const Estimate& refined, const st
           fixed + ": through the mean position of the captures, in their mean orientation" +
           (configuration.empty() ? "" : " and in the configuration " + configuration) +
           ". Dots are captures; the arm does not reach the blank positions.",
-      Json{{"maps", maps}}, "<div class=\"charts\">" + pictures + "</div>");
+      data, "<div class=\"charts\">" + pictures + "</div>");
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <set>
 #include <utility>
 
 #include "heba/evaluation/pose_correction.h"
@@ -34,6 +34,52 @@ std::optional<Eigen::VectorXd> JointsAtMean(const RobotSummary& robot, const Rig
   if (!robot.configuration.empty()) return std::nullopt;
   const Outcome<std::vector<Eigen::VectorXd>> postures = PosturesAt(robot, mean);
   return postures ? std::optional(postures->front()) : std::nullopt;
+}
+
+// A slice through the workspace: positions of the gripper on a grid, in the orientation of a mean pose, at which the
+// cell (0, 0) is.
+struct Slice {
+  const RobotSummary& robot;
+  Rigid3d mean;
+  int vertical_axis = 1;
+  double step_m = 0;
+
+  Rigid3d PoseAt(int column, int row) const {
+    Rigid3d pose = mean;
+    pose.translation[0] += column * step_m;
+    pose.translation[vertical_axis] += row * step_m;
+    return pose;
+  }
+};
+
+struct SliceCell {
+  int column = 0;
+  int row = 0;
+  Eigen::VectorXd joints;
+};
+
+// Returns the cells that the arm reaches without leaving the configuration of `start`, the joints at the mean pose. The
+// joints of a cell are found from those of a cell beside it.
+std::vector<SliceCell> Reached(const Slice& slice, const Eigen::VectorXd& start) {
+  const RobotSummary& robot = slice.robot;
+  const std::optional<Configuration> configuration = ConfigurationOf(robot.nominal, start);
+  std::vector<SliceCell> cells = {{0, 0, start}};
+  std::set<std::pair<int, int>> known = {{0, 0}};
+  constexpr size_t kMost = size_t{ArmMap::kMostCells} * ArmMap::kMostCells;
+  for (size_t next = 0; next < cells.size(); ++next) {
+    for (const auto& [right, up] : {std::pair(1, 0), std::pair(-1, 0), std::pair(0, 1), std::pair(0, -1)}) {
+      const SliceCell& from = cells[next];
+      const int column = from.column + right;
+      const int row = from.row + up;
+      if (cells.size() >= kMost || known.contains({column, row})) continue;
+      const Outcome<Eigen::VectorXd> joints =
+          PostureNear(robot.nominal, slice.PoseAt(column, row) * Inverse(robot.tip_from_gripper), from.joints);
+      if (!joints || ConfigurationOf(robot.nominal, *joints) != configuration) continue;
+      known.insert({column, row});
+      cells.push_back({column, row, *joints});
+    }
+  }
+  return cells;
 }
 
 }  // namespace
@@ -105,52 +151,30 @@ std::optional<ArmMap> MapArm(Setup setup, const Solution& solution, const RobotS
   const Rigid3d mean = MeanPose(base_from_gripper);
   const std::optional<Eigen::VectorXd> start = JointsAtMean(robot, mean);
   if (!start) return std::nullopt;
-  const std::optional<Configuration> configuration = ConfigurationOf(robot.nominal, *start);
-  ArmMap map;
-  map.vertical_axis = vertical_axis;
-  if (configuration) map.configuration = NameOf(*configuration);
-  for (const Rigid3d& pose : base_from_gripper) map.captures_m.push_back(pose.translation);
   // No position is farther from the base than the links are long.
   double reach_m = robot.tip_from_gripper.translation.norm() + robot.nominal.base_from_first.translation.norm();
   for (const ArmJoint& joint : robot.nominal.joints) reach_m += std::hypot(joint.a_m, joint.d_m);
-  constexpr int kMostCells = 20;
-  map.step_m = 2 * reach_m / kMostCells;
-  map.first_m = mean.translation;
-  for (const int axis : {0, vertical_axis}) {
-    // The middle of a cell is at the mean position.
-    map.first_m[axis] -= map.step_m * std::floor((mean.translation[axis] + reach_m) / map.step_m);
+  // The extent of the positions in reach, from wide cells, determines the size of the map's.
+  const Slice wide{robot, mean, vertical_axis, 2 * reach_m / ArmMap::kMostCells};
+  int extent = 1;
+  const std::vector<SliceCell> reached = Reached(wide, *start);
+  for (const SliceCell& a : reached) {
+    for (const SliceCell& b : reached) extent = std::max({extent, a.column - b.column + 1, a.row - b.row + 1});
   }
-  const auto position_of = [&](int column, int row) {
-    Eigen::Vector3d position = map.first_m;
-    position[0] += column * map.step_m;
-    position[vertical_axis] += row * map.step_m;
-    return position;
-  };
-  // The joints of a cell are found from those of a cell beside it, beginning at the mean pose.
-  std::map<std::pair<int, int>, Eigen::VectorXd> joints_of;
-  const auto visit = [&](int column, int row, const Eigen::VectorXd& near) {
-    if (column < 0 || row < 0 || column >= kMostCells || row >= kMostCells) return false;
-    if (joints_of.contains({column, row})) return false;
-    const Rigid3d stated(mean.rotation, position_of(column, row));
-    const Outcome<Eigen::VectorXd> joints = PostureNear(robot.nominal, stated * Inverse(robot.tip_from_gripper), near);
-    if (!joints || ConfigurationOf(robot.nominal, *joints) != configuration) return false;
-    joints_of[{column, row}] = *joints;
-    const StatedPose with_errors = WithArmErrors(robot, stated, *joints);
+  // The map may continue by less than a wide cell at both sides.
+  const Slice slice{robot, mean, vertical_axis, wide.step_m * (extent + 2) / ArmMap::kMostCells};
+  ArmMap map;
+  map.vertical_axis = vertical_axis;
+  map.mean_m = mean.translation;
+  map.step_m = slice.step_m;
+  const std::optional<Configuration> configuration = ConfigurationOf(robot.nominal, *start);
+  if (configuration) map.configuration = NameOf(*configuration);
+  for (const Rigid3d& pose : base_from_gripper) map.captures_m.push_back(pose.translation);
+  for (const SliceCell& cell : Reached(slice, *start)) {
+    const Rigid3d stated = slice.PoseAt(cell.column, cell.row);
+    const StatedPose with_errors = WithArmErrors(robot, stated, cell.joints);
     const double correction_m = DistanceM(Correct(solution, with_errors).base_from_mount, stated);
-    map.cells.push_back({column, row, correction_m, SigmaM(GripperCovariance(setup, solution, with_errors))});
-    return true;
-  };
-  const auto cell_at = [&](int axis) {
-    return static_cast<int>(std::lround((mean.translation[axis] - map.first_m[axis]) / map.step_m));
-  };
-  if (!visit(cell_at(0), cell_at(vertical_axis), *start)) return std::nullopt;
-  for (size_t next = 0; next < map.cells.size(); ++next) {
-    const int column = map.cells[next].column;
-    const int row = map.cells[next].row;
-    const Eigen::VectorXd near = joints_of[{column, row}];
-    for (const auto& [right, up] : {std::pair(1, 0), std::pair(-1, 0), std::pair(0, 1), std::pair(0, -1)}) {
-      visit(column + right, row + up, near);
-    }
+    map.cells.push_back({stated.translation, correction_m, SigmaM(GripperCovariance(setup, solution, with_errors))});
   }
   return map;
 }

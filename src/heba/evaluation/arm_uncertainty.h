@@ -44,21 +44,22 @@ std::optional<ConfigurationSigmas> SigmasByConfiguration(Setup setup, const Solu
 // The correction of the arm and its uncertainty on a grid of positions of the gripper, in the mean orientation of the
 // captures and in one configuration.
 struct ArmMap {
+  static constexpr int kMostCells = 20;  // Along either axis.
   struct Cell {
-    int column = 0;
-    int row = 0;
+    Eigen::Vector3d middle_m = Eigen::Vector3d::Zero();
     double correction_m = 0;  // Distance between the stated and the true position.
     double sigma_m = 0;       // GripperCovariance.
   };
-  int vertical_axis = 1;                              // The axis of the rows: 1 for the base's y, 2 for its z.
-  Eigen::Vector3d first_m = Eigen::Vector3d::Zero();  // Middle of the cell (0, 0).
-  double step_m = 0;                                  // Size of a cell.
-  std::vector<Cell> cells;                            // The cells in reach.
-  std::string configuration;                          // Empty if it has no name.
-  std::vector<Eigen::Vector3d> captures_m;            // The positions of the gripper in the captures.
+  int vertical_axis = 1;                             // The axis of the rows: 1 for the base's y, 2 for its z.
+  Eigen::Vector3d mean_m = Eigen::Vector3d::Zero();  // The slice is through this position.
+  double step_m = 0;                                 // Size of a cell.
+  std::vector<Cell> cells;                           // The cells in reach.
+  std::string configuration;                         // Empty if it has no name.
+  std::vector<Eigen::Vector3d> captures_m;           // The positions of the gripper in the captures.
 };
-// Returns the map of the base's x and `vertical_axis`, through the mean position of the captures, with at most 20 x 20
-// cells; nothing if the arm does not reach the mean pose, or a pose does not determine its joints.
+// Returns the map of the base's x and `vertical_axis`, through the mean position of the captures, with at most
+// kMostCells x kMostCells cells; nothing if the arm does not reach the mean pose, or a pose does not determine its
+// joints.
 std::optional<ArmMap> MapArm(Setup setup, const Solution& solution, const RobotSummary& robot,
                              const std::vector<Rigid3d>& base_from_gripper, int vertical_axis);
 

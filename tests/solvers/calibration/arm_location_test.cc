@@ -1,7 +1,6 @@
 // The location of targets, and their reach, with the estimated errors of an arm.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <memory>
 #include <optional>
 
@@ -79,7 +78,7 @@ INSTANTIATE_TEST_SUITE_P(, ArmLocationTest, testing::Values(Setup::kEyeToHand, S
 // elbow or the shoulder flipped. The mean of 40 chi-squares with 3 degrees of freedom is within 4 sigmas (of 0.39)
 // of 3.
 TEST_P(ArmLocationTest, ErrorsOfLocationAndReachAgreeWithTheStatedCovariance) {
-  constexpr int kSeeds = 40;
+  constexpr int kSeeds = 25;
   double located_sum = 0;
   double captured_sum = 0;
   double flipped_sum = 0;
@@ -114,10 +113,9 @@ TEST_P(ArmLocationTest, ErrorsOfLocationAndReachAgreeWithTheStatedCovariance) {
       (is_flipped ? flipped_m2 : captured_m2) += covariance.by_calibration_m2.trace();
     }
   }
-  std::printf("located %.2f captured %.2f flipped %.2f; rms sigma mm captured %.3f flipped %.3f\n", located_sum / kSeeds, captured_sum / kSeeds, flipped_sum / kSeeds, 1000*std::sqrt(captured_m2/3/kSeeds), 1000*std::sqrt(flipped_m2/3/kSeeds));
-  EXPECT_NEAR(located_sum / kSeeds, 3, 1.6);
-  EXPECT_NEAR(captured_sum / kSeeds, 3, 1.6);
-  EXPECT_NEAR(flipped_sum / kSeeds, 3, 1.6);
+  EXPECT_NEAR(located_sum / kSeeds, 3, 2.0);
+  EXPECT_NEAR(captured_sum / kSeeds, 3, 2.0);
+  EXPECT_NEAR(flipped_sum / kSeeds, 3, 2.0);
   EXPECT_GT(flipped_m2, 2 * captured_m2);
 }
 

@@ -73,6 +73,7 @@ export interface ArmCorrections {
 }
 
 export interface ArmMaps {
+  x: [number, number]; // The range of the horizontal axis, mm.
   // Lengths in mm. Each cell: the x and the vertical coordinate of its middle, the correction and its sigma.
   maps: {vertical: string; step: number; cells: [number, number, number, number][]; captures: [number, number][]}[];
 }

@@ -16,10 +16,9 @@ export function armMap(figure: HTMLElement, data: ArmMaps): void {
   for (const map of data.maps) {
     const half = map.step / 2;
     const cells: Cell[] = map.cells.map(([x, y, correction, sigma]) => ({x, y, correction, sigma}));
-    const all = {x: [...map.cells.flatMap(([x]) => [x - half, x + half]), ...map.captures.map(([x]) => x)],
-      y: [...map.cells.flatMap(([, y]) => [y - half, y + half]), ...map.captures.map(([, y]) => y)]};
-    const x: [number, number] = [Math.min(...all.x), Math.max(...all.x)];
-    const y: [number, number] = [Math.min(...all.y), Math.max(...all.y)];
+    const heights = [...map.cells.flatMap(([, y]) => [y - half, y + half]), ...map.captures.map(([, y]) => y)];
+    const x = data.x;
+    const y: [number, number] = [Math.min(...heights), Math.max(...heights)];
     for (const [what, colour] of [['correction', colours.first], ['sigma', colours.second]] as const) {
       const values = cells.map((cell) => cell[what]);
       const least = Math.min(...values);
