@@ -64,21 +64,31 @@ struct CameraMount {
   std::string remark;
 };
 
-// Returns the joints that --joints gives; nothing without the flag.
-std::optional<Eigen::VectorXd> JointsAskedFor(const FinishedRun& run, const RobotSummary& robot) {
-  if (FLAGS_joints.empty()) return std::nullopt;
+// Returns the positions of the arm's joints that a flag gives.
+Eigen::VectorXd JointsOfFlag(const std::string& name, const std::string& text, const RobotSummary& robot,
+                             bool are_deg) {
   std::vector<double> numbers;
-  for (const std::string& field : Split(FLAGS_joints, ',')) {
+  for (const std::string& field : Split(text, ',')) {
     double number = 0;
-    if (!ParseDouble(Trim(field), &number)) throw InputError("--joints: " + Quoted(Trim(field)) + " is not a number");
+    if (!ParseDouble(Trim(field), &number)) {
+      throw InputError("--" + name + ": " + Quoted(Trim(field)) + " is not a number");
+    }
     numbers.push_back(number);
   }
   const auto num_joints = static_cast<size_t>(robot.nominal.num_joints());
   if (numbers.size() != num_joints) {
-    throw InputError("--joints: " + std::to_string(numbers.size()) + " numbers; the arm " + robot.nominal.name +
+    throw InputError("--" + name + ": " + std::to_string(numbers.size()) + " numbers; the arm " + robot.nominal.name +
                      " has " + std::to_string(num_joints) + " joints");
   }
-  return PositionsOf(robot.nominal, numbers, run.joints_are_deg);
+  return PositionsOf(robot.nominal, numbers, are_deg);
+}
+
+// Returns the joints that --joints gives, or --pose if the run's poses are joints; nothing otherwise.
+std::optional<Eigen::VectorXd> JointsAskedFor(const FinishedRun& run, const RobotSummary& robot) {
+  if (!FLAGS_joints.empty()) return JointsOfFlag("joints", FLAGS_joints, robot, run.joints_are_deg);
+  const PoseFormat& format = run.pose_reading.format;
+  if (format.robot.empty()) return std::nullopt;
+  return JointsOfFlag("pose", FLAGS_pose, robot, format.angle_unit == "deg");
 }
 
 CameraMount CameraMountAskedFor(const FinishedRun& run) {
@@ -91,7 +101,7 @@ CameraMount CameraMountAskedFor(const FinishedRun& run) {
   }
   if (const std::optional<Eigen::VectorXd> joints = JointsAskedFor(run, *robot)) {
     const Outcome<Rigid3d> is_near = TruePose(*robot, stated, *joints);
-    if (!is_near) throw InputError("--joints: " + is_near.reason());
+    if (!is_near) throw InputError((FLAGS_joints.empty() ? "--pose: " : "--joints: ") + is_near.reason());
     const StatedPose with_errors = WithArmErrors(*robot, stated, *joints);
     return {with_errors, CorrectionText(*robot, run.solution(), with_errors)};
   }
@@ -339,7 +349,10 @@ TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solutio
                           Significant(possible->front().rms_px, 2) + " px";
   const auto reach_of = [&](const LocatedTarget& located) {
     const RobotSummary* robot = run.FindArm();
-    return robot == nullptr ? "" : ReachText(*robot, solution, located, !FLAGS_robot.empty());
+    if (robot == nullptr) return std::string();
+    const bool is_corrected = run.result.setup == Setup::kEyeToHand || mount.stated.effect != nullptr;
+    return is_corrected ? ReachText(*robot, solution, located, !FLAGS_robot.empty())
+                        : "  no pose to command: the target was located with a pose that was not corrected\n";
   };
   const auto describe_chosen = [&](const LocatedTarget& located, const std::string& why) {
     return fit + "\n  base_from_target " + PoseText(located.base_from_target, LargestSigmaMm(located.covariance)) +
