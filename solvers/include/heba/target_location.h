@@ -5,6 +5,9 @@
 //   const heba::Solution& solution = *heba::FindRefined(result)->solution;
 //   const heba::Observations seen = heba::ObservationsOf(*target, target->Detect(grey));
 //   const auto located = heba::LocateTarget(result.setup, solution, seen, base_from_gripper);
+//
+// If the run has estimated the errors of an arm that carries the camera, the pose comes with them:
+//   {base_from_gripper, heba::MakeArmEffect(result.robot->nominal, joints, result.robot->tip_from_gripper)}
 #pragma once
 
 #include <optional>
