@@ -23,6 +23,7 @@ struct ArmSceneOptions {
   double offset_rad = DegToRad(0.05);
   double length_m = 0.3e-3;
   double angle_rad = DegToRad(0.03);
+  double compliance_rad_per_nm = 0;
   double joint_noise_rad = DegToRad(0.003);
   std::vector<std::pair<int, double>> changes = {};  // Further errors: the place of a parameter, rad or m.
 };
@@ -38,7 +39,8 @@ inline ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options = {})
   Rng rng(seed);
   ArmScene made;
   made.nominal = *FindArm(options.arm);
-  made.errors = DrawArmErrors(made.nominal, {options.offset_rad, options.length_m, options.angle_rad}, &rng);
+  made.errors = DrawArmErrors(
+      made.nominal, {options.offset_rad, options.length_m, options.angle_rad, options.compliance_rad_per_nm}, &rng);
   for (const auto& [place, change] : options.changes) made.errors[place] += change;
   const TestSceneOptions plain;
   TestScene& scene = made.scene;

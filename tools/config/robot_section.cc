@@ -54,6 +54,23 @@ void SetJoints(const Arm& arm, RunConfig* config) {
   }
 }
 
+// Returns the arm with the mass on its flange, in whose frame `centre` is.
+Arm ReadPayload(const ConfigValue& value, const Arm& arm, MapReader* robot) {
+  if (arm.load == nullptr) {
+    value.Fail("the masses of the links of the arm " + arm.name +
+               " are not known, without which a payload has no effect");
+  }
+  MapReader reader(value);
+  PointMass payload;
+  payload.mass_kg = reader.QuantityOf("mass", Quantity::kMass);
+  if (payload.mass_kg < 0) reader.Get("mass").Fail("must not be negative");
+  payload.centre_m = reader.Get("centre").AsVector3(Quantity::kLength);
+  reader.Record("centre", reader.Get("centre").node());
+  reader.Finish();
+  robot->Record("payload", reader.used());
+  return WithPayload(arm, payload);
+}
+
 }  // namespace
 
 bool ReadJointsAreDeg(MapReader& captures) { return captures.Choice("joint_angle", {"rad", "deg"}, "rad") == "deg"; }
@@ -91,6 +108,8 @@ void ReadRobotSection(MapReader& root, RunConfig* config) {
     config->data_files.push_back(file);
     robot.arm = ReadArmFile(file, robot.arm);
   }
+  if (const std::optional<ConfigValue> payload = reader.Find("payload"))
+    robot.arm = ReadPayload(*payload, robot.arm, &reader);
   if (const std::optional<ConfigValue> tool = reader.Find("tool")) {
     robot.tip_from_gripper = ReadPose(*tool);
     reader.Record("tool", PoseNode(robot.tip_from_gripper));
@@ -128,14 +147,18 @@ void ReadKinematics(MapReader& refine, RunConfig* config) {
     refine.Record("kinematics", value->node());
   } else {
     std::vector<std::string> parts;
-    for (const ConfigValue& item : value->AsList()) parts.push_back(item.AsChoice({"offsets", "geometry"}));
-    const bool has_offsets = std::find(parts.begin(), parts.end(), "offsets") != parts.end();
-    const bool has_geometry = std::find(parts.begin(), parts.end(), "geometry") != parts.end();
-    if (!has_offsets) value->Fail("offsets must be among them");
-    kinematics = has_geometry ? Kinematics::kGeometry : Kinematics::kOffsets;
+    for (const ConfigValue& item : value->AsList()) parts.push_back(item.AsChoice({"offsets", "geometry", "gravity"}));
+    const auto has = [&](const char* part) { return std::find(parts.begin(), parts.end(), part) != parts.end(); };
+    if (!has("offsets")) value->Fail("offsets must be among them");
+    if (has("gravity") && !has("geometry")) value->Fail("gravity needs geometry beside it");
+    kinematics = has("gravity") ? Kinematics::kGravity : has("geometry") ? Kinematics::kGeometry : Kinematics::kOffsets;
     refine.Record("kinematics", value->node());
   }
   if (!config->data.robot && kinematics != Kinematics::kNone) value->Fail("needs an arm (robot.model)");
+  if (kinematics == Kinematics::kGravity && config->data.robot->arm.load == nullptr) {
+    value->Fail("gravity needs the masses of the links of the arm " + config->data.robot->arm.name +
+                ", which are not known; a URDF with <inertial> states them");
+  }
 }
 
 }  // namespace heba

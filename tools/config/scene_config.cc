@@ -23,6 +23,14 @@ SceneArm ReadSceneArm(MapReader& root) {
   SceneArm arm;
   arm.nominal = *FindArm(reader.Choice("model", ArmNames()));
   arm.sigmas = {reader.Angle("offsets", 0.0), reader.Length("lengths", 0.0), reader.Angle("angles", 0.0)};
+  if (reader.Has("gravity")) {
+    // The compliance of a joint: the angle by which its gear yields to each N m of the weight that it carries.
+    arm.sigmas.compliance_rad_per_nm = reader.QuantityOf("gravity", Quantity::kCompliance);
+    if (arm.sigmas.compliance_rad_per_nm < 0) reader.Get("gravity").Fail("must not be negative");
+    if (arm.nominal.load == nullptr) {
+      reader.Get("gravity").Fail("the masses of the links of the arm " + arm.nominal.name + " are not known");
+    }
+  }
   arm.joint_noise_rad = reader.Angle("joint_noise", 0.0);
   arm.has_several_configurations = reader.Choice("configurations", {"several", "one"}, "several") == "several";
   if (const std::optional<ConfigValue> tool = reader.Find("tool")) {
@@ -79,9 +87,11 @@ SceneConfig ReadScene(const ConfigValue& value) {
     const std::string faults = scene.two_step->Check();
     if (!faults.empty()) two_step_value->Fail(faults);
   }
+  scene.num_repeats = motion.Int("repeats", {1, 1000}, 1);
   if (scene.motion.num_captures == 0 && !scene.two_step) {
     motion.Get("captures").Fail("must be at least 1 without two_step");
   }
+  if (scene.num_repeats > 1 && scene.two_step) motion.Get("repeats").Fail("cannot be combined with two_step");
   motion.Finish();
   reader.Record("motion", motion.used());
   const std::string motion_faults = scene.motion.Check();
@@ -118,6 +128,9 @@ SceneConfig ReadScene(const ConfigValue& value) {
   }
   print.Finish();
   reader.Record("print", print.used());
+  if (scene.num_repeats > 1 && scene.image.noise_sigma_grey == 0) {
+    motion.Get("repeats").Fail("needs image.noise; without it, the images of a pose would be the same");
+  }
   const std::string image_faults = scene.image.Check();
   if (!image_faults.empty()) image.value().Fail(image_faults);
 

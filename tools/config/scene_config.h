@@ -25,7 +25,7 @@ struct SceneArm {
   Arm nominal;
   Rigid3d tip_from_gripper;
   ArmErrorSigmas sigmas;
-  double joint_noise_rad = 0;  // One sigma of each turning joint in each capture.
+  double joint_noise_rad = 0;  // One sigma of each turning joint in each commanded pose.
   bool has_several_configurations = true;
   bool records_joints = false;  // Whether the data set has the joints.
 };
@@ -37,6 +37,7 @@ struct SceneConfig {
   Camera camera;
   HandEye hand_eye;
   MotionOptions motion;
+  int num_repeats = 1;  // The captures that are taken at each commanded pose, with one error of the robot.
   std::optional<TwoStepMotionOptions> two_step;  // Precedes the free captures of `motion`.
   RenderOptions image;
   std::optional<SceneArm> arm;

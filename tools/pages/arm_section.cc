@@ -24,7 +24,13 @@ struct ShownUnit {
   std::string name;
   double scale = 1;
 };
-ShownUnit UnitOf(int place) { return IsAngle(place) ? ShownUnit{"deg", RadToDeg(1.0)} : ShownUnit{"mm", 1000}; }
+ShownUnit UnitOf(const Arm& arm, int place) {
+  const std::string unit(ArmParamUnit(arm, place));
+  if (unit == "rad") return {"deg", RadToDeg(1.0)};
+  if (unit == "m") return {"mm", 1000};
+  // A compliance, which is some 1e-5.
+  return unit == "m/N" ? ShownUnit{"mm/N", 1000} : ShownUnit{"deg/(N m)", RadToDeg(1.0)};
+}
 
 // The corrections of one unit.
 struct Corrections {
@@ -40,7 +46,7 @@ std::vector<Corrections> CorrectionsOfArm(const RobotSummary& robot) {
   for (int place = 0; place < robot.nominal.num_params(); ++place) {
     const std::optional<double>& sigma = robot.error_sigmas[static_cast<size_t>(place)];
     if (!sigma) continue;
-    const ShownUnit unit = UnitOf(place);
+    const ShownUnit unit = UnitOf(robot.nominal, place);
     auto same = std::find_if(all.begin(), all.end(), [&](const Corrections& other) { return other.unit == unit.name; });
     if (same == all.end()) same = all.insert(all.end(), Corrections{unit.name, {}, {}, {}});
     same->names.push_back(ArmParamName(place));
@@ -86,12 +92,18 @@ std::string CorrectionsFigure(const RobotSummary& robot) {
                     Json{{"panels", panels}}, "<div class=\"charts\">" + pictures + "</div>");
 }
 
+// Shows a correction with the decimals that its sigma determines.
+std::string ShownCorrection(double value, double sigma) {
+  const int decimals = sigma > 0 ? static_cast<int>(std::ceil(1 - std::log10(sigma))) : 4;
+  return Fixed(value, std::clamp(decimals, 1, 9));
+}
+
 std::string ParametersTable(const RobotSummary& robot) {
   std::vector<std::vector<PageCell>> rows;
   for (int place = 0; place < robot.nominal.num_params(); ++place) {
     const std::optional<double>& sigma = robot.error_sigmas[static_cast<size_t>(place)];
     if (!sigma) continue;
-    const auto [unit, scale] = UnitOf(place);
+    const auto [unit, scale] = UnitOf(robot.nominal, place);
     const auto param = static_cast<ArmParam>(place % kNumArmParams);
     const ArmJoint& joint = robot.nominal.joints[static_cast<size_t>(place / kNumArmParams)];
     // An offset is the error of the joint's zero.
@@ -99,7 +111,7 @@ std::string ParametersTable(const RobotSummary& robot) {
     rows.push_back({{ArmParamName(place)},
                     {unit},
                     {Fixed(scale * nominal, 3), true},
-                    {Fixed(scale * robot.errors[place], 4), true},
+                    {ShownCorrection(scale * robot.errors[place], scale * *sigma), true},
                     {Significant(scale * *sigma, 2), true},
                     {Fixed(std::abs(robot.errors[place]) / *sigma, 1), true}});
   }

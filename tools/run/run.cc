@@ -78,10 +78,29 @@ std::string NothingDetected(const Dataset& dataset, const std::vector<CaptureDet
          "; is it the target that the config names?";
 }
 
+// Returns the model of an arm's errors that was asked for.
+ArmErrorModel ModelOf(Kinematics kinematics) {
+  switch (kinematics) {
+    case Kinematics::kOffsets:
+      return ArmErrorModel::kOffsets;
+    case Kinematics::kGravity:
+      return ArmErrorModel::kGravity;
+    case Kinematics::kGeometry:
+    case Kinematics::kNone:
+    case Kinematics::kAuto:
+      break;
+  }
+  return ArmErrorModel::kGeometry;
+}
+
 // Calibrates again, with the errors of the arm among what is estimated. `calibration` is that without them, and is kept
 // if they cannot be estimated. `options` become those of the calibration that is kept.
 void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const RunOptions& run, ArmSetup* arm,
                       Dataset* dataset, CalibrationOptions* options, Calibration* calibration) {
+  const bool has_load = dataset->robot->arm.load != nullptr;
+  if (arm->reason.empty() && run.kinematics == Kinematics::kGravity && !has_load) {
+    arm->reason = "the masses of the arm's links are not known, which the compliance of its joints needs";
+  }
   if (!arm->reason.empty()) return;
   const auto errors_of = [&](ArmErrorModel model) {
     return std::make_shared<const SharedEffects>(ArmErrors(dataset->robot->arm, model));
@@ -92,9 +111,13 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
   with_arm.bundle.target_scale_sigma = kScaleSigma;
   if (run.kinematics == Kinematics::kAuto) {
     with_arm.choose.effects = {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
+    // On recorded arms, compliances gained nothing with fewer captures.
+    constexpr size_t kEnoughForGravity = 30;
+    if (has_load && calibration->views.size() >= kEnoughForGravity) {
+      with_arm.choose.effects.push_back(errors_of(ArmErrorModel::kGravity));
+    }
   } else {
-    with_arm.bundle.effects =
-        errors_of(run.kinematics == Kinematics::kOffsets ? ArmErrorModel::kOffsets : ArmErrorModel::kGeometry);
+    with_arm.bundle.effects = errors_of(ModelOf(run.kinematics));
   }
   std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects;
   for (const ArmBranch& branch : arm->branches) effects.push_back(EffectsOf(*dataset, *arm, branch));

@@ -15,10 +15,20 @@ struct Unit {
   double factor;  // Factor that converts to the base unit.
 };
 constexpr Unit kUnits[] = {
-    {Quantity::kLength, "m", 1.0},        {Quantity::kLength, "cm", 1e-2},        {Quantity::kLength, "mm", 1e-3},
-    {Quantity::kLength, "um", 1e-6},      {Quantity::kLength, "in", 25.4e-3},     {Quantity::kAngle, "rad", 1.0},
-    {Quantity::kAngle, "mrad", 1e-3},     {Quantity::kAngle, "deg", kPi / 180.0}, {Quantity::kPixels, "px", 1.0},
+    {Quantity::kLength, "m", 1.0},
+    {Quantity::kLength, "cm", 1e-2},
+    {Quantity::kLength, "mm", 1e-3},
+    {Quantity::kLength, "um", 1e-6},
+    {Quantity::kLength, "in", 25.4e-3},
+    {Quantity::kAngle, "rad", 1.0},
+    {Quantity::kAngle, "mrad", 1e-3},
+    {Quantity::kAngle, "deg", kPi / 180.0},
+    {Quantity::kPixels, "px", 1.0},
     {Quantity::kGreyLevels, "grey", 1.0},
+    {Quantity::kMass, "kg", 1.0},
+    {Quantity::kMass, "g", 1e-3},
+    {Quantity::kCompliance, "rad/(N m)", 1.0},
+    {Quantity::kCompliance, "deg/(N m)", kPi / 180.0},
 };
 
 }  // namespace
@@ -40,6 +50,10 @@ std::string_view Example(Quantity quantity) {
       return "pixels such as '0.3 px'";
     case Quantity::kGreyLevels:
       return "grey levels (of 255) such as '2 grey'";
+    case Quantity::kMass:
+      return "a mass such as '1.2 kg'";
+    case Quantity::kCompliance:
+      return "a compliance such as '2e-5 rad/(N m)'";
   }
   return "";
 }
@@ -53,6 +67,10 @@ double MaxQuantity(Quantity quantity) {
     case Quantity::kPixels:
     case Quantity::kGreyLevels:
       return 1e6;
+    case Quantity::kMass:
+      return 1e4;
+    case Quantity::kCompliance:
+      return 1;
   }
   return 0;
 }

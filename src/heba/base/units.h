@@ -8,14 +8,15 @@
 namespace heba {
 
 // A kind of quantity. The kind determines which units are accepted.
-enum class Quantity { kLength, kAngle, kPixels, kGreyLevels };
+enum class Quantity { kLength, kAngle, kPixels, kGreyLevels, kMass, kCompliance };
 
-// Returns the unit in which heba computes: "m", "rad", "px", "grey".
+// Returns the unit in which heba computes: "m", "rad", "px", "grey", "kg", "rad/(N m)".
 std::string_view BaseUnit(Quantity quantity);
 // Returns an example for messages: "a length such as '40 mm'".
 std::string_view Example(Quantity quantity);
 
-// Returns the greatest absolute value that a file may contain: 10 km, 100 revolutions, a million pixels or grey levels.
+// Returns the greatest absolute value that a file may contain: 10 km, 100 revolutions, a million pixels or grey levels,
+// 10 t, 1 rad/(N m).
 // A larger value is a mistake, and could overflow in the computations that use it.
 double MaxQuantity(Quantity quantity);
 

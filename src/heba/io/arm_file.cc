@@ -39,10 +39,11 @@ Arm ReadArmFile(const std::filesystem::path& path, const Arm& nominal) {
     throw InputError(path.string() + ": describes six joints, but the arm " + nominal.name + " has " +
                      std::to_string(nominal.num_joints()));
   }
-  return ArmFromAxes(nominal.name, axes, base_from_link);
+  return WithLoadOf(ArmFromAxes(nominal.name, axes, base_from_link), nominal);
 }
 
-Outcome<std::string> ArmFileText(const Arm& arm) {
+Outcome<std::string> ArmFileText(const Arm& yielding_arm) {
+  const Arm arm = RigidPart(yielding_arm);
   if (arm.num_joints() != static_cast<int>(kLinks.size())) {
     return Failure{"the file holds six joints, but the arm " + arm.name + " has " + std::to_string(arm.num_joints())};
   }

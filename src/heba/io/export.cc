@@ -200,9 +200,19 @@ Outcome<std::string> ExportText(const ExportFormat& format, const ExportRequest&
 }
 
 std::vector<std::string> ArmRemarks(const ExportRequest& request) {
-  return {std::string(kExportMark) + PlainText(request.name) + ": the kinematics of the arm " +
-              PlainText(request.arm->name) + ", estimated with the camera's pose",
-          "Parameters that no captures determine have their nominal values."};
+  const std::vector<ArmJoint>& joints = request.arm->joints;
+  const bool yields =
+      std::any_of(joints.begin(), joints.end(), [](const ArmJoint& joint) { return joint.compliance != 0; });
+  std::vector<std::string> remarks = {std::string(kExportMark) + PlainText(request.name) +
+                                          ": the kinematics of the arm " + PlainText(request.arm->name) +
+                                          ", estimated with the camera's pose",
+                                      "Parameters that no captures determine have their nominal values."};
+  if (yields) {
+    remarks.emplace_back(
+        "The joints also yield to gravity, which is no part of an arm's geometry: `heba correct` takes it into "
+        "account.");
+  }
+  return remarks;
 }
 
 std::string PlainText(std::string text) {

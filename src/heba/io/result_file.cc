@@ -136,11 +136,12 @@ Json RobotJson(const RobotSummary& robot) {
     const ArmJoint& joint = robot.nominal.joints[static_cast<size_t>(place / kNumArmParams)];
     const auto param = static_cast<ArmParam>(place % kNumArmParams);
     const std::optional<double>& sigma = robot.error_sigmas[static_cast<size_t>(place)];
-    if (param == ArmParam::kBeta && joint[param] == 0 && !sigma) continue;
+    const bool is_usual = param != ArmParam::kBeta && param != ArmParam::kCompliance;
+    if (!is_usual && joint[param] == 0 && !sigma) continue;
     // An offset is the error of the joint's zero, whatever angle the parameter theta has there.
     const double nominal = param == ArmParam::kTheta ? 0 : joint[param];
     parameters.push_back(Json{{"name", ArmParamName(place)},
-                              {"unit", IsAngle(place) ? "rad" : "m"},
+                              {"unit", ArmParamUnit(robot.nominal, place)},
                               {"nominal", nominal},
                               {"value", nominal + robot.errors[place]},
                               {"std", OrNull(sigma)}});
@@ -148,13 +149,18 @@ Json RobotJson(const RobotSummary& robot) {
   Json undetermined = Json::array();
   for (const auto& [name, with] : robot.undetermined) undetermined.push_back(Json{{"name", name}, {"with", with}});
   Json joints = Json::array();
-  for (const ArmJoint& joint : robot.nominal.joints) {
+  for (size_t j = 0; j < robot.nominal.joints.size(); ++j) {
+    const ArmJoint& joint = robot.nominal.joints[j];
     joints.push_back(Json{{"theta_rad", joint.theta_rad},
                           {"d_m", joint.d_m},
                           {"a_m", joint.a_m},
                           {"alpha_rad", joint.alpha_rad},
                           {"beta_rad", joint.beta_rad},
                           {"turns", joint.is_turning}});
+    if (robot.nominal.load == nullptr) continue;
+    const PointMass& link = robot.nominal.load->links[j];
+    joints.back()["mass_kg"] = link.mass_kg;
+    joints.back()["centre_of_mass_m"] = {link.centre_m.x(), link.centre_m.y(), link.centre_m.z()};
   }
   Json sigma = NumbersJson(robot.noise_before, "before");
   sigma.update(NumbersJson(robot.noise_after, "after"));

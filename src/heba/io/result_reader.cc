@@ -182,10 +182,18 @@ RobotSummary ReadRobot(const JsonReader& reader) {
   robot.nominal.base_from_first = ReadPoseJson(nominal.Get("base_from_first"), "base", "first");
   robot.nominal.last_from_tip = ReadPoseJson(nominal.Get("last_from_tip"), "last", "tip");
   robot.tip_from_gripper = ReadPoseJson(nominal.Get("tip_from_gripper"), "tip", "gripper");
+  std::vector<PointMass> links;  // Earlier results, and arms without known masses, have none.
   for (const JsonReader& joint : nominal.Get("joints").List()) {
     robot.nominal.joints.push_back({joint.Get("theta_rad").Number(), joint.Get("d_m").Number(),
                                     joint.Get("a_m").Number(), joint.Get("alpha_rad").Number(),
                                     joint.Get("beta_rad").Number(), joint.Get("turns").Bool()});
+    if (!joint.Has("mass_kg")) continue;
+    const std::vector<double> centre = joint.Get("centre_of_mass_m").Numbers(3);
+    links.push_back({ReadMagnitude(joint, "mass_kg"), {centre[0], centre[1], centre[2]}});
+  }
+  if (!links.empty()) {
+    if (links.size() != robot.nominal.joints.size()) nominal.Get("joints").Fail("some joints have no mass_kg");
+    robot.nominal = WithLinks(std::move(robot.nominal), std::move(links));
   }
   robot.errors = Eigen::VectorXd::Zero(robot.nominal.num_params());
   robot.error_sigmas.resize(static_cast<size_t>(robot.nominal.num_params()));
@@ -415,13 +423,21 @@ Truth ReadTruth(const std::filesystem::path& path, Setup setup) {
   if (reader.Has("camera")) truth.camera = ReadCameraJson(reader.Get("camera"));
   if (reader.Has("robot")) {
     const std::vector<std::pair<std::string, std::optional<JsonReader>>> errors = reader.Get("robot").Members();
-    truth.arm_errors.resize(static_cast<Eigen::Index>(errors.size()));
-    for (size_t place = 0; place < errors.size(); ++place) {
-      if (errors[place].first != ArmParamName(static_cast<int>(place)) || !errors[place].second) {
+    std::vector<double> values;
+    for (const auto& [name, value] : errors) {
+      // Files of earlier versions have no compliances.
+      const int compliance = static_cast<int>(ArmParam::kCompliance);
+      if (static_cast<int>(values.size()) % kNumArmParams == compliance &&
+          name != ArmParamName(static_cast<int>(values.size()))) {
+        values.push_back(0);
+      }
+      if (name != ArmParamName(static_cast<int>(values.size())) || !value) {
         reader.Fail("robot: the errors of all parameters of the arm are needed, in their order");
       }
-      truth.arm_errors[static_cast<Eigen::Index>(place)] = errors[place].second->Number();
+      values.push_back(value->Number());
     }
+    while (values.size() % kNumArmParams != 0) values.push_back(0);
+    truth.arm_errors = Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
   }
   return truth;
 }

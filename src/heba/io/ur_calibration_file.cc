@@ -173,10 +173,11 @@ Arm ParseUrCalibration(const std::string& text, const std::filesystem::path& fil
            std::string(kStatusKey) + ": 0 says that the arm has not been calibrated; leave out the file");
   }
   const Eigen::VectorXd zero = Eigen::VectorXd::Zero(arm.num_joints());
-  return ArmFromAxes(arm.name, AxesOf(arm, zero), BaseFromTip(arm, zero));
+  return WithLoadOf(ArmFromAxes(arm.name, AxesOf(arm, zero), BaseFromTip(arm, zero)), *FindArm(arm_name));
 }
 
-Outcome<std::string> UrCalibrationText(const Arm& arm) {
+Outcome<std::string> UrCalibrationText(const Arm& yielding_arm) {
+  const Arm arm = RigidPart(yielding_arm);
   if (FindUrRobot(arm.name) == nullptr || arm.joints.size() != kNumJoints) {
     return Failure{"the file holds the calibration of an arm of Universal Robots, which the arm " + arm.name +
                    " is not (" + Join(UrRobotNames(), ", ") + ")"};

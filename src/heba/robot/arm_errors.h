@@ -25,13 +25,23 @@ std::shared_ptr<const PoseEffect> MakeArmEffect(const Arm& nominal, const Eigen:
 inline constexpr double kOffsetPriorDeg = 0.3;
 inline constexpr double kLengthPriorM = 0.5e-3;
 inline constexpr double kAnglePriorDeg = 0.1;
+// Harmonic drives of the sizes in small and medium arms have stiffnesses of some 1e4 to 1e5 N m/rad (Harmonic Drive,
+// catalogues of the CSG and SHG series); bearings and links add to their compliance.
+inline constexpr double kCompliancePriorRadPerNm = 2e-5;
 
 // The models of an arm's errors, each containing those before it.
-enum class ArmErrorModel { kOffsets, kGeometry };
+enum class ArmErrorModel { kOffsets, kGeometry, kGravity };
 
-// Returns the effects of a model: the offsets of the joints, and with kGeometry also d, a, alpha, and beta where the
-// next axis is parallel. Parameters that no captures can determine (UndeterminedParams) are not among them.
+// Returns the effects of a model: the offsets of the joints, with kGeometry also d, a, alpha, and beta where the next
+// axis is parallel, and with kGravity also the compliances of the joints that yield (JointsThatYield; Arm::load must be
+// known). Parameters that no captures can determine (UndeterminedParams) are not among them.
 SharedEffects ArmErrors(const Arm& arm, ArmErrorModel model);
+
+// Returns, for each joint, whether it turns and the torque of gravity about it is, in some posture, at least a
+// twentieth of the greatest one of the arm. It is less if the axis is vertical, if the centre of mass is near the axis,
+// and in a wrist without a payload: there, a compliance moves the tip by some 0.03 mm and can hardly be determined, so
+// that an estimate would depend on its prior alone.
+std::vector<bool> JointsThatYield(const Arm& arm);
 
 // A parameter whose error cannot be told apart from something else, whatever the captures.
 struct UndeterminedParam {

@@ -22,6 +22,13 @@ Arm ArmOf(const UrRobot& robot) {
           {}};
 }
 
+// Gives the arm of that name the weight of its links.
+void SetLinks(std::string_view name, std::vector<PointMass> links, std::vector<Arm>* arms) {
+  for (Arm& arm : *arms) {
+    if (arm.name == name) arm = WithLinks(std::move(arm), std::move(links));
+  }
+}
+
 Arm DhArm(std::string name, std::vector<ArmJoint> joints) { return {std::move(name), {}, std::move(joints), {}}; }
 
 // The dimensions of an arm with an ortho-parallel base and a spherical wrist; see arms.def.
@@ -48,6 +55,16 @@ Arm OpwArm(std::string name, const OpwDimensions& by, const std::array<double, 6
 std::vector<Arm> MakeArms() {
   std::vector<Arm> arms;
   for (const UrRobot& robot : UrRobots()) arms.push_back(ArmOf(robot));
+#define HEBA_UR_ROBOT(name, d1, a2, a3, d4, d5, d6)
+#define HEBA_UR_LINK(mass, x, y, z) \
+  PointMass {                       \
+    mass, { x, y, z }               \
+  }
+#define HEBA_UR_LINKS(name, ...) SetLinks(#name, {__VA_ARGS__}, &arms);
+#include "heba/robot/ur_robots.def"
+#undef HEBA_UR_LINKS
+#undef HEBA_UR_LINK
+#undef HEBA_UR_ROBOT
 #define HEBA_DH_JOINT(theta, d, a, alpha) DhJoint(theta, d, a, alpha)
 #define HEBA_SIX(...) \
   { __VA_ARGS__ }

@@ -36,7 +36,9 @@ std::string Mm(double m) { return Significant(1000 * m, 3) + " mm"; }
 const std::vector<UrRobot>& UrRobots() {
   static const std::vector<UrRobot> robots = {
 #define HEBA_UR_ROBOT(name, d1, a2, a3, d4, d5, d6) {#name, d1, a2, a3, d4, d5, d6},
+#define HEBA_UR_LINKS(name, ...)
 #include "heba/robot/ur_robots.def"
+#undef HEBA_UR_LINKS
 #undef HEBA_UR_ROBOT
   };
   return robots;

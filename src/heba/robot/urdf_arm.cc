@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <utility>
 
 #include <console_bridge/console.h>
@@ -57,8 +58,14 @@ struct Limits {
 
 class KdlArm final : public UrdfArm {
  public:
-  KdlArm(const KDL::Chain& chain, std::vector<std::string> names, std::vector<bool> turns, std::vector<Limits> limits)
-      : chain_(chain), names_(std::move(names)), turns_(std::move(turns)), limits_(std::move(limits)) {}
+  // `links_in_base` are the bodies that move with each joint; empty if their masses are not known.
+  KdlArm(const KDL::Chain& chain, std::vector<std::string> names, std::vector<bool> turns, std::vector<Limits> limits,
+         std::vector<PointMass> links_in_base)
+      : chain_(chain),
+        names_(std::move(names)),
+        turns_(std::move(turns)),
+        limits_(std::move(limits)),
+        links_in_base_(std::move(links_in_base)) {}
 
   const std::vector<std::string>& joint_names() const override { return names_; }
   bool IsTurning(size_t i) const override { return turns_[i]; }
@@ -87,7 +94,8 @@ class KdlArm final : public UrdfArm {
       }
       base_from_link = base_from_link * segment.pose(0);
     }
-    return ArmFromAxes("", axes, FromKdl(base_from_link));
+    const Arm arm = ArmFromAxes("", axes, FromKdl(base_from_link));
+    return links_in_base_.empty() ? arm : WithLinksInBase(arm, links_in_base_);
   }
 
   Outcome<std::vector<std::vector<double>>> PosturesOf(const Rigid3d& base_from_tip) const override {
@@ -135,7 +143,58 @@ class KdlArm final : public UrdfArm {
   std::vector<std::string> names_;
   std::vector<bool> turns_;
   std::vector<Limits> limits_;
+  std::vector<PointMass> links_in_base_;
 };
+
+// Adds the mass of a link and of all links beyond it, but for `next`, to a body. The joints beyond it are at zero.
+void AddLinks(const urdf::LinkConstSharedPtr& first, const Rigid3d& base_from_first,
+              const urdf::LinkConstSharedPtr& next, const std::filesystem::path& path, PointMass* body) {
+  std::vector<std::pair<urdf::LinkConstSharedPtr, Rigid3d>> waiting = {{first, base_from_first}};
+  // Links whose joints form a loop would be visited for ever.
+  std::set<const urdf::Link*> visited;
+  while (!waiting.empty()) {
+    const auto [link, base_from_link] = waiting.back();
+    waiting.pop_back();
+    if (link == next || !visited.insert(link.get()).second) continue;
+    if (link->inertial) {
+      const urdf::Vector3& at = link->inertial->origin.position;
+      const double mass_kg = link->inertial->mass;
+      const Eigen::Vector3d centre_m = base_from_link * Eigen::Vector3d(at.x, at.y, at.z);
+      constexpr double kLargest = 1e4;  // kg and m.
+      if (!(mass_kg >= 0 && mass_kg < kLargest) || !(centre_m.norm() < kLargest)) {
+        throw InputError(path.string() + ": link " + Quoted(link->name) + " has an impossible mass or centre of mass");
+      }
+      const double all_kg = body->mass_kg + mass_kg;
+      if (all_kg > 0) body->centre_m = (body->mass_kg * body->centre_m + mass_kg * centre_m) / all_kg;
+      body->mass_kg = all_kg;
+    }
+    for (const urdf::JointSharedPtr& joint : link->child_joints) {
+      const auto child = std::find_if(link->child_links.begin(), link->child_links.end(),
+                                      [&](const auto& other) { return other->name == joint->child_link_name; });
+      if (child == link->child_links.end()) continue;
+      waiting.emplace_back(*child, base_from_link * FromKdl(ToKdl(joint->parent_to_joint_origin_transform)));
+    }
+  }
+}
+
+// Returns the bodies that move with each moving joint of a chain, in the base when all joints are at zero; nothing if
+// none of them has a mass.
+std::vector<PointMass> BodiesOf(const urdf::ModelInterface& model, const std::vector<urdf::JointConstSharedPtr>& joints,
+                                const std::filesystem::path& path) {
+  std::vector<PointMass> bodies;
+  Rigid3d base_from_link;
+  for (size_t i = 0; i < joints.size(); ++i) {
+    if (joints[i]->type != urdf::Joint::FIXED) bodies.emplace_back();
+    base_from_link = base_from_link * FromKdl(ToKdl(joints[i]->parent_to_joint_origin_transform));
+    if (bodies.empty()) continue;
+    const urdf::LinkConstSharedPtr next =
+        i + 1 < joints.size() ? model.getLink(joints[i + 1]->child_link_name) : nullptr;
+    AddLinks(model.getLink(joints[i]->child_link_name), base_from_link, next, path, &bodies.back());
+  }
+  const bool is_known =
+      std::any_of(bodies.begin(), bodies.end(), [](const PointMass& body) { return body.mass_kg > 0; });
+  return is_known ? bodies : std::vector<PointMass>();
+}
 
 std::string FindTip(const urdf::ModelInterface& model, const std::filesystem::path& path) {
   std::vector<std::string> leaves;
@@ -260,7 +319,8 @@ std::shared_ptr<const UrdfArm> UrdfArm::Read(const std::filesystem::path& path, 
   if (moving.empty()) {
     throw InputError(path.string() + ": no joint moves between " + Quoted(base) + " and " + Quoted(tip));
   }
-  return std::make_shared<KdlArm>(std::move(chain), std::move(moving), std::move(turns), std::move(limits));
+  return std::make_shared<KdlArm>(std::move(chain), std::move(moving), std::move(turns), std::move(limits),
+                                  BodiesOf(*model, joints, path));
 }
 
 }  // namespace heba

@@ -33,8 +33,9 @@ class UrdfArm {
   // Returns whether joint i rotates (rad) or slides (m).
   virtual bool IsTurning(size_t i) const = 0;
   virtual Rigid3d BaseFromTip(std::span<const double> joints) const = 0;
-  // Returns the same arm with the parameters of Denavit, Hartenberg and Hayati, without joint limits. Its name is
-  // empty.
+  // Returns the same arm with the parameters of Denavit, Hartenberg and Hayati, without joint limits, and with the
+  // masses of its links (<inertial>) if the file has them. Links beyond the tip, and those on other branches, weigh on
+  // the joints with their own joints at zero. Its name is empty.
   virtual Arm Kinematics() const = 0;
   // Returns postures within the joint limits that reach the pose to 1e-6 m and rad. They are found numerically, by
   // Levenberg-Marquardt from fixed starting points; different starts may find several postures. Returns a Failure if

@@ -61,10 +61,14 @@ std::optional<Eigen::VectorXd> DrawPosture(const Arm& arm, const Rigid3d& base_f
 }
 
 Eigen::VectorXd DrawArmErrors(const Arm& arm, const ArmErrorSigmas& sigmas, Rng* rng) {
-  const double sigma_of_group[] = {sigmas.offset_rad, sigmas.length_m, sigmas.angle_rad};
+  const double sigma_of_group[] = {sigmas.offset_rad, sigmas.length_m, sigmas.angle_rad, sigmas.compliance_rad_per_nm};
+  constexpr size_t kCompliances = 3;
+  const bool yields = arm.load != nullptr && sigmas.compliance_rad_per_nm > 0;
   Eigen::VectorXd errors = Eigen::VectorXd::Zero(arm.num_params());
-  for (const SharedEffect& effect : ArmErrors(arm, ArmErrorModel::kGeometry).effects) {
-    errors[effect.index] = sigma_of_group[effect.group] * rng->Normal();
+  for (const SharedEffect& effect :
+       ArmErrors(arm, yields ? ArmErrorModel::kGravity : ArmErrorModel::kGeometry).effects) {
+    const double error = sigma_of_group[effect.group] * rng->Normal();
+    errors[effect.index] = effect.group == kCompliances ? std::abs(error) : error;
   }
   return errors;
 }

@@ -41,11 +41,13 @@ std::optional<Eigen::VectorXd> DrawPosture(const Arm& arm, const Rigid3d& base_f
                                            Rng* rng);
 
 // Returns errors of all parameters of an arm that captures can determine, with these standard deviations of offsets,
-// lengths and angles; the others are zero.
+// lengths, angles and compliances; the others are zero. Compliances are not negative, and zero for joints that carry
+// little weight (JointsThatYield).
 struct ArmErrorSigmas {
   double offset_rad = 0;
   double length_m = 0;
   double angle_rad = 0;
+  double compliance_rad_per_nm = 0;
 };
 Eigen::VectorXd DrawArmErrors(const Arm& arm, const ArmErrorSigmas& sigmas, Rng* rng);
 

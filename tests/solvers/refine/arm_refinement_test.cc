@@ -97,5 +97,41 @@ TEST_P(ArmRefinementTest, ErrorsOfTheArmAreFoundWithHonestCovariance) {
   EXPECT_GT(ChiSquareTail(sum_squares, dof), 1e-4) << sum_squares / dof;
 }
 
+// The compliances are found within their sigmas, and the robot noise that remains without them is larger.
+TEST(ArmGravityTest, CompliancesAreFoundWithinTheirSigmas) {
+  ArmSceneOptions options;
+  options.num_captures = 40;
+  options.compliance_rad_per_nm = 4e-5;
+  constexpr int kTrials = 4;
+  double squares = 0;
+  double sum_sigmas = 0;
+  int num = 0;
+  double gain = 0;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    const ArmScene arm = MakeArmScene(300 + static_cast<uint64_t>(trial), options);
+    const auto geometry = std::make_shared<const SharedEffects>(ArmErrors(arm.nominal, ArmErrorModel::kGeometry));
+    const auto gravity = std::make_shared<const SharedEffects>(ArmErrors(arm.nominal, ArmErrorModel::kGravity));
+    const Outcome<Solution> without = Refine(arm, options.setup, geometry);
+    const Outcome<Solution> with = Refine(arm, options.setup, gravity);
+    ASSERT_TRUE(without.ok()) << without.reason();
+    ASSERT_TRUE(with.ok()) << with.reason();
+    const UnknownBlock robot = with->covariance.layout.Block(kRobotBlock);
+    for (size_t i = 0; i < gravity->effects.size(); ++i) {
+      if (gravity->groups[gravity->effects[i].group].name != "compliances") continue;
+      const Eigen::Index k = robot.first + static_cast<Eigen::Index>(i);
+      const double error = with->effects[static_cast<Eigen::Index>(i)] - arm.errors[gravity->effects[i].index];
+      squares += error * error / with->covariance.matrix(k, k);
+      ++num;
+    }
+    gain += without->robot_noise->rotation_rad / with->robot_noise->rotation_rad / kTrials;
+    sum_sigmas += with->effect_sigmas[3];
+  }
+  EXPECT_EQ(num, 2 * kTrials);
+  EXPECT_GT(ChiSquareTail(squares, num), 1e-4) << squares / num;
+  // The joints yield by up to 0.2 deg, which the geometry cannot take in.
+  EXPECT_GT(gain, 1.2);
+  EXPECT_GT(sum_sigmas / kTrials, 1e-5);
+}
+
 }  // namespace
 }  // namespace heba

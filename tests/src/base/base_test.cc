@@ -35,13 +35,20 @@ struct QuantityCase {
 };
 
 TEST(Units, ReadsEveryUnitInBaseUnits) {
-  const QuantityCase cases[] = {
-      {"40 mm", Quantity::kLength, 0.04},       {"0.04 m", Quantity::kLength, 0.04},
-      {"4cm", Quantity::kLength, 0.04},         {"250 um", Quantity::kLength, 0.00025},
-      {"2 in", Quantity::kLength, 0.0508},      {"180 deg", Quantity::kAngle, 3.14159265358979},
-      {"-0.1rad", Quantity::kAngle, -0.1},      {"5 mrad", Quantity::kAngle, 0.005},
-      {"+0.3 px", Quantity::kPixels, 0.3},      {"2 grey", Quantity::kGreyLevels, 2},
-      {" 1.5e1  mm ", Quantity::kLength, 0.015}};
+  const QuantityCase cases[] = {{"40 mm", Quantity::kLength, 0.04},
+                                {"0.04 m", Quantity::kLength, 0.04},
+                                {"4cm", Quantity::kLength, 0.04},
+                                {"250 um", Quantity::kLength, 0.00025},
+                                {"2 in", Quantity::kLength, 0.0508},
+                                {"180 deg", Quantity::kAngle, 3.14159265358979},
+                                {"-0.1rad", Quantity::kAngle, -0.1},
+                                {"5 mrad", Quantity::kAngle, 0.005},
+                                {"+0.3 px", Quantity::kPixels, 0.3},
+                                {"2 grey", Quantity::kGreyLevels, 2},
+                                {" 1.5e1  mm ", Quantity::kLength, 0.015},
+                                {"2e-5 rad/(N m)", Quantity::kCompliance, 2e-5},
+                                {"18 deg/(N m)", Quantity::kCompliance, 0.314159265358979},
+                                {"250 g", Quantity::kMass, 0.25}};
   for (const QuantityCase& c : cases) {
     const ParsedQuantity parsed = ParseQuantity(c.text, c.quantity);
     EXPECT_EQ(parsed.fault, "") << c.text;
@@ -66,6 +73,8 @@ TEST(Units, EveryQuantityHasItsBaseUnit) {
   EXPECT_EQ(BaseUnit(Quantity::kAngle), "rad");
   EXPECT_EQ(BaseUnit(Quantity::kPixels), "px");
   EXPECT_EQ(BaseUnit(Quantity::kGreyLevels), "grey");
+  EXPECT_EQ(BaseUnit(Quantity::kMass), "kg");
+  EXPECT_EQ(BaseUnit(Quantity::kCompliance), "rad/(N m)");
 }
 
 TEST(Text, SplitsAndJoins) {

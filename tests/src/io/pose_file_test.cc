@@ -469,9 +469,8 @@ TEST(PoseFileTest, ColumnsBesideThePoseAreReadAllOrNone) {
   EXPECT_EQ(rows.front().extras, (std::vector<double>{7, 8}));
   EXPECT_EQ(ParsePoses(PoseFileText(rows, format, extra), "p.csv", format, extra).front().extras, rows.front().extras);
   EXPECT_TRUE(ParsePoses("x,y,z,qx,qy,qz,qw\n" + pose + "\n", "p.csv", format, extra).front().extras.empty());
-  EXPECT_EQ(
-      InputErrorOf([&] { ParsePoses("x,y,z,qx,qy,qz,qw,j2\n" + pose + ",8\n", "p.csv", format, extra); }),
-      "p.csv:1: column 'j1' is missing; needed are all of j1, j2, or none");
+  EXPECT_EQ(InputErrorOf([&] { ParsePoses("x,y,z,qx,qy,qz,qw,j2\n" + pose + ",8\n", "p.csv", format, extra); }),
+            "p.csv:1: column 'j1' is missing; needed are all of j1, j2, or none");
   EXPECT_EQ(InputErrorOf([&] { ParsePoses("x,y,z,qx,qy,qz,qw,j1,j2\n" + pose + ",8,x\n", "p.csv", format, extra); }),
             "p.csv:2: column 'j2': 'x' is not a number");
   EXPECT_THAT(InputErrorOf([&] { ParsePoses("x,y,z,qx,qy,qz,qw,j1\n" + pose + ",8\n", "p.csv", format); }),

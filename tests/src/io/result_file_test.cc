@@ -2,6 +2,7 @@
 #include "heba/io/result_file.h"
 
 #include <memory>
+#include <regex>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -42,7 +43,7 @@ RunResult SmallResult() {
 }
 
 // A result whose refinement has estimated the errors of an arm.
-RunResult ResultWithArm() {
+RunResult ResultWithEstimatedArm() {
   RunResult result = SmallResult();
   result.robot.emplace();
   RobotSummary& robot = *result.robot;
@@ -121,7 +122,7 @@ void ExpectSameArm(const Solution& read, const Solution& written) {
 }
 
 TEST_F(ResultFileTest, ErrorsOfAnArmAreReadAsTheyWereWritten) {
-  const RunResult written = ResultWithArm();
+  const RunResult written = ResultWithEstimatedArm();
   const RunResult read = Read(ResultToJson(written));
   const Solution& solution = *read.estimates.back().solution;
   const Solution& expected = *written.estimates.back().solution;
@@ -134,11 +135,67 @@ TEST_F(ResultFileTest, ErrorsOfAnArmAreReadAsTheyWereWritten) {
 }
 
 TEST_F(ResultFileTest, ErrorsOfAnArmAreReadFromResultsWithoutTheirGroups) {
-  const RunResult written = ResultWithArm();
+  const RunResult written = ResultWithEstimatedArm();
   nlohmann::ordered_json json = nlohmann::ordered_json::parse(ResultToJson(written));
   ASSERT_EQ(json["estimates"].back()["robot"].erase("estimated"), 1U);
   const RunResult read = Read(json.dump());
   ExpectSameArm(*read.estimates.back().solution, *written.estimates.back().solution);
+}
+
+// A result of the arm with its masses and the compliances that were estimated.
+RunResult ResultWithArm() {
+  RunResult result = SmallResult();
+  RobotSummary robot;
+  robot.nominal = *FindArm("ur5e");
+  robot.is_estimated = true;
+  robot.errors = Eigen::VectorXd::Zero(robot.nominal.num_params());
+  robot.error_sigmas.resize(static_cast<size_t>(robot.nominal.num_params()));
+  const int place = ArmParamPlace(1, ArmParam::kCompliance);
+  robot.errors[place] = 1.5e-5;
+  robot.error_sigmas[static_cast<size_t>(place)] = 1e-6;
+  result.robot = robot;
+  return result;
+}
+
+TEST_F(ResultFileTest, CompliancesAndMassesOfAnArmAreReadAsTheyWereWritten) {
+  const RunResult written = ResultWithArm();
+  const std::string text = ResultToJson(written);
+  EXPECT_THAT(text, HasSubstr("\"joint2.compliance\""));
+  EXPECT_THAT(text, HasSubstr("\"rad/(N m)\""));
+  EXPECT_THAT(text, testing::Not(HasSubstr("joint3.compliance")));
+  const RunResult read = Read(text);
+  ASSERT_TRUE(read.robot.has_value());
+  EXPECT_EQ(read.robot->errors, written.robot->errors);
+  EXPECT_EQ(read.robot->error_sigmas, written.robot->error_sigmas);
+  const Eigen::VectorXd joints = Eigen::VectorXd::LinSpaced(6, -1, 1);
+  EXPECT_EQ(GravityTorques(read.robot->nominal, joints), GravityTorques(written.robot->nominal, joints));
+}
+
+TEST_F(ResultFileTest, ResultsWithoutMassesAreRead) {
+  RunResult written = ResultWithArm();
+  written.robot->nominal.load = nullptr;
+  const RunResult read = Read(ResultToJson(written));
+  ASSERT_TRUE(read.robot.has_value());
+  EXPECT_EQ(read.robot->nominal.load, nullptr);
+  std::string text = ResultToJson(ResultWithArm());
+  const std::string mass = "\"mass_kg\"";
+  text.replace(text.find(mass), mass.size(), "\"mass\"");
+  EXPECT_THAT(InputErrorOf([&] { Read(text); }), HasSubstr("some joints have no mass_kg"));
+}
+
+// Files of versions before the compliances have five parameters per joint.
+TEST(TruthFileTest, EarlierFilesHaveNoCompliances) {
+  const TempFolder folder;
+  Truth truth;
+  truth.arm_errors = Eigen::VectorXd::LinSpaced(2 * kNumArmParams, 1, 12);
+  const std::string text = TruthToJson(truth, Setup::kEyeToHand);
+  WriteFileAtomically(folder.path() / "new.json", text);
+  EXPECT_EQ(ReadTruth(folder.path() / "new.json", Setup::kEyeToHand).arm_errors, truth.arm_errors);
+  WriteFileAtomically(folder.path() / "old.json",
+                      std::regex_replace(text, std::regex(",?\\s*\"joint[12].compliance\": [0-9.]+"), ""));
+  Eigen::VectorXd without = truth.arm_errors;
+  without[5] = without[11] = 0;
+  EXPECT_EQ(ReadTruth(folder.path() / "old.json", Setup::kEyeToHand).arm_errors, without);
 }
 
 TEST(CaptureRoleTest, NamesAndRolesAreInverse) {

@@ -16,6 +16,8 @@ namespace {
 
 Rigid3d RandomPose(Rng* rng) { return Rigid3d(ExpRotation(rng->NormalVector3()), 0.1 * rng->NormalVector3()); }
 
+bool IsCompliance(int place) { return place % kNumArmParams == static_cast<int>(ArmParam::kCompliance); }
+
 TEST(ArmErrorsTest, NoErrorsLeaveThePose) {
   Rng rng(1);
   const Arm& arm = *FindArm("ur5e");
@@ -25,25 +27,26 @@ TEST(ArmErrorsTest, NoErrorsLeaveThePose) {
 
 TEST(ArmErrorsTest, EffectIsTheMotionOfTheGripper) {
   Rng rng(2);
-  const Arm& arm = *FindArm("kuka_kr6_r900");
+  const Arm& arm = *FindArm("ur5e");
   const Eigen::VectorXd joints = RandomJoints(arm, &rng);
   const Rigid3d tip_from_gripper = RandomPose(&rng);
   Eigen::VectorXd errors(arm.num_params());
-  for (double& error : errors) error = 1e-3 * rng.Normal();
+  for (int p = 0; p < arm.num_params(); ++p) errors[p] = (IsCompliance(p) ? 1e-5 : 1e-3) * rng.Normal();
   const Rigid3d nominal = BaseFromTip(arm, joints) * tip_from_gripper;
   const Rigid3d moved = BaseFromTip(WithChanges(arm, errors), joints) * tip_from_gripper;
   Matrix6X by_errors;
   const Rigid3d effect = MakeArmEffect(arm, joints, tip_from_gripper)->Evaluate(errors, &by_errors);
   EXPECT_LT(LocalCoordinates(moved, nominal * effect).norm(), 1e-12);
-  constexpr double kStep = 1e-6;
   for (int p = 0; p < arm.num_params(); ++p) {
-    const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(arm.num_params(), p);
+    // A torque of 100 N m makes the step of a compliance 100 times as large.
+    const double size = IsCompliance(p) ? 1e-8 : 1e-6;
+    const Eigen::VectorXd step = size * Eigen::VectorXd::Unit(arm.num_params(), p);
     const auto evaluate = [&](const Eigen::VectorXd& at) {
       return MakeArmEffect(arm, joints, tip_from_gripper)->Evaluate(at, nullptr);
     };
     const Tangent6 numeric =
         LocalCoordinates(effect, evaluate(errors + step)) - LocalCoordinates(effect, evaluate(errors - step));
-    EXPECT_LT((numeric / (2 * kStep) - by_errors.col(p)).norm(), 1e-8) << ArmParamName(p);
+    EXPECT_LT((numeric / (2 * size) - by_errors.col(p)).norm(), IsCompliance(p) ? 1e-6 : 1e-8) << ArmParamName(p);
   }
 }
 
@@ -87,10 +90,41 @@ TEST_P(EveryArmErrorsTest, FreeParametersAreDeterminedAndComplete) {
   std::vector<int> all;
   for (int p = 0; p < arm.num_params(); ++p) {
     const bool has_beta = IsParallelToNext(arm, p / kNumArmParams);
+    if (IsCompliance(p)) continue;
     if (static_cast<ArmParam>(p % kNumArmParams) != ArmParam::kBeta || has_beta) all.push_back(p);
   }
   EXPECT_EQ(RankOf(Sensitivity(arm, all)), 12 + errors.size());
   EXPECT_EQ(all.size(), errors.effects.size() + UndeterminedParams(arm, Setup::kEyeToHand).size());
+}
+
+// The compliances can be told apart from each other and from all errors of the geometry, with and without a payload.
+TEST(ArmErrorsTest, CompliancesOfJointsThatCarryAWeightAreDetermined) {
+  for (const char* name : {"ur3e", "ur5", "ur5e", "ur10", "ur10e", "ur16e", "ur20"}) {
+    for (const double payload_kg : {0.0, 5.0}) {
+      const Arm arm = WithPayload(*FindArm(name), {payload_kg, {0.05, 0.02, 0.1}});
+      const SharedEffects errors = ArmErrors(arm, ArmErrorModel::kGravity);
+      std::vector<int> places;
+      int num_compliances = 0;
+      for (const SharedEffect& effect : errors.effects) {
+        places.push_back(effect.index);
+        num_compliances += IsCompliance(effect.index) ? 1 : 0;
+      }
+      EXPECT_EQ(errors.size(), ArmErrors(arm, ArmErrorModel::kGeometry).size() + num_compliances);
+      // Joint 1 is vertical. Of the wrist alone, at most joint 4 carries a weight that counts.
+      EXPECT_THAT(num_compliances, testing::AllOf(testing::Ge(2), testing::Le(payload_kg == 0 ? 3 : 5))) << name;
+      Eigen::MatrixXd sensitivity = Sensitivity(arm, places);
+      sensitivity.colwise().normalize();
+      EXPECT_EQ(RankOf(sensitivity), sensitivity.cols()) << name;
+    }
+  }
+}
+
+TEST(ArmErrorsTest, JointsWithoutAWeightDoNotYield) {
+  EXPECT_THAT(JointsThatYield(*FindArm("ur5e")), testing::ElementsAre(false, true, true, false, false, false));
+  // Joint 6 turns the payload about an axis through its centre of mass.
+  EXPECT_THAT(JointsThatYield(WithPayload(*FindArm("ur5e"), {5, {0, 0, 0.15}})),
+              testing::ElementsAre(false, true, true, true, true, false));
+  EXPECT_THAT(JointsThatYield(*FindArm("abb_irb120")), testing::Each(false));
 }
 
 TEST(ArmErrorsTest, OffsetsAreThoseOfTheInnerJoints) {

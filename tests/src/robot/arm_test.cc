@@ -49,9 +49,10 @@ INSTANTIATE_TEST_SUITE_P(, EveryArmTest, testing::ValuesIn(ArmNames()), [](const
 TEST_P(EveryArmTest, DerivativesAreThoseOfThePose) {
   Rng rng(3);
   Arm arm = *FindArm(GetParam());
-  // With an angle beta, and with a sliding joint.
+  // With an angle beta, with a sliding joint, and with a joint that yields.
   arm.joints[1].beta_rad = 0.1;
   arm.joints[2].is_turning = false;
+  arm.joints[1].compliance = 3e-5;
   const Eigen::VectorXd joints = RandomJoints(arm, &rng);
   Matrix6X by_joints;
   Matrix6X by_params;
@@ -61,13 +62,17 @@ TEST_P(EveryArmTest, DerivativesAreThoseOfThePose) {
     const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(arm.num_joints(), j);
     const Tangent6 numeric = LocalCoordinates(pose, BaseFromTip(arm, joints + step)) -
                              LocalCoordinates(pose, BaseFromTip(arm, joints - step));
-    EXPECT_LT((numeric / (2 * kStep) - by_joints.col(j)).norm(), 1e-8) << j;
+    // The torques, which change with the commanded positions, move joint 2 by up to 3e-5 * 300 N m/rad.
+    EXPECT_LT((numeric / (2 * kStep) - by_joints.col(j)).norm(), arm.load == nullptr ? 1e-8 : 0.02) << j;
   }
   for (int p = 0; p < arm.num_params(); ++p) {
-    const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(arm.num_params(), p);
+    // A torque of 100 N m makes the step of a compliance 100 times as large.
+    const bool is_compliance = p % kNumArmParams == static_cast<int>(ArmParam::kCompliance);
+    const double size = is_compliance ? 1e-2 * kStep : kStep;
+    const Eigen::VectorXd step = size * Eigen::VectorXd::Unit(arm.num_params(), p);
     const Tangent6 numeric = LocalCoordinates(pose, BaseFromTip(WithChanges(arm, step), joints)) -
                              LocalCoordinates(pose, BaseFromTip(WithChanges(arm, -step), joints));
-    EXPECT_LT((numeric / (2 * kStep) - by_params.col(p)).norm(), 1e-8) << ArmParamName(p);
+    EXPECT_LT((numeric / (2 * size) - by_params.col(p)).norm(), is_compliance ? 1e-6 : 1e-8) << ArmParamName(p);
   }
 }
 
@@ -112,11 +117,85 @@ TEST(ArmTest, OnlyNeighboursWithOneDirectionAreParallel) {
   EXPECT_THAT(found, testing::ElementsAre(false, true, true, false, false, false));
 }
 
+// The potential energy of the links, whose derivative is minus the generalised force of gravity.
+double PotentialEnergyJ(const Arm& arm, const Eigen::VectorXd& joints) {
+  double energy = 0;
+  for (size_t j = 0; j < arm.joints.size(); ++j) {
+    Arm part = RigidPart(arm);
+    part.joints.resize(j + 1);
+    part.last_from_tip = {};
+    const Rigid3d base_from_link = BaseFromTip(part, joints.head(static_cast<Eigen::Index>(j) + 1));
+    const PointMass& link = arm.load->links[j];
+    energy += 9.81 * link.mass_kg * (base_from_link * link.centre_m).z();
+  }
+  return energy;
+}
+
+TEST(ArmTest, TorquesAreThoseOfThePotentialEnergy) {
+  Rng rng(8);
+  for (const char* name : {"ur3", "ur5e", "ur10e", "ur16e", "ur20"}) {
+    const Arm arm = WithPayload(*FindArm(name), {2.5, {0.05, -0.02, 0.1}});
+    for (int i = 0; i < 5; ++i) {
+      const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+      const Eigen::VectorXd torques = GravityTorques(arm, joints);
+      constexpr double kStep = 1e-5;
+      for (int j = 0; j < arm.num_joints(); ++j) {
+        const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(arm.num_joints(), j);
+        const double slope =
+            (PotentialEnergyJ(arm, joints + step) - PotentialEnergyJ(arm, joints - step)) / (2 * kStep);
+        // Rounding errors of 1000 J over the step leave 1e-7 N m.
+        EXPECT_NEAR(torques[j], -slope, 1e-6) << name << " joint " << j + 1;
+      }
+    }
+  }
+}
+
+// A stretched UR5e: the weights of its links, the shoulder's excepted, at their distances from the shoulder.
+TEST(ArmTest, StretchedArmHangsOnItsShoulder) {
+  const Arm& arm = *FindArm("ur5e");
+  const double hand_kg_m = 1.37 * 0.8172 + 1.3 * 0.8172 + 0.365 * 0.8172;
+  const double torque = 9.81 * (8.058 * 0.2125 + 2.846 * (0.425 + 0.3922 - 0.15) + hand_kg_m);
+  // The arm points along -x of the base, and its joint 2 turns about -y: its weight lets it fall with growing angle.
+  const Eigen::VectorXd torques = GravityTorques(arm, Eigen::VectorXd::Zero(6));
+  EXPECT_NEAR(torques[0], 0, 1e-12);
+  // The centres of the wrist's links are up to 2 cm beside their origins.
+  EXPECT_NEAR(std::abs(torques[1]), torque, 9.81 * 3 * 0.02);
+}
+
+TEST(ArmTest, JointsYieldInTheDirectionOfTheWeight) {
+  Rng rng(9);
+  Arm arm = *FindArm("ur10e");
+  for (int i = 0; i < 5; ++i) {
+    const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+    for (ArmJoint& joint : arm.joints) joint.compliance = 2e-5;
+    const Eigen::VectorXd reached = joints + 2e-5 * GravityTorques(arm, joints);
+    const Arm rigid = RigidPart(arm);
+    EXPECT_LT(LocalCoordinates(BaseFromTip(rigid, reached), BaseFromTip(arm, joints)).norm(), 1e-12);
+    EXPECT_LT(PotentialEnergyJ(arm, reached), PotentialEnergyJ(arm, joints));
+  }
+}
+
+TEST(ArmTest, LoadFollowsTheAxes) {
+  Rng rng(10);
+  const Arm& arm = *FindArm("ur5e");
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(6);
+  const Arm again = WithLoadOf(ArmFromAxes("again", AxesOf(arm, zero), BaseFromTip(arm, zero)), arm);
+  for (int i = 0; i < 5; ++i) {
+    const Eigen::VectorXd joints = RandomJoints(arm, &rng);
+    EXPECT_LT((GravityTorques(arm, joints) - GravityTorques(again, joints)).norm(), 1e-10);
+  }
+}
+
 TEST(ArmTest, NamesCountJointsFromOne) {
   EXPECT_EQ(ArmParamName(ArmParamPlace(1, ArmParam::kTheta)), "joint2.offset");
   EXPECT_EQ(ArmParamName(ArmParamPlace(2, ArmParam::kBeta)), "joint3.beta");
-  EXPECT_TRUE(IsAngle(ArmParamPlace(2, ArmParam::kAlpha)));
-  EXPECT_FALSE(IsAngle(ArmParamPlace(0, ArmParam::kD)));
+  EXPECT_EQ(ArmParamName(ArmParamPlace(1, ArmParam::kCompliance)), "joint2.compliance");
+  Arm arm = *FindArm("ur5e");
+  EXPECT_EQ(ArmParamUnit(arm, ArmParamPlace(2, ArmParam::kAlpha)), "rad");
+  EXPECT_EQ(ArmParamUnit(arm, ArmParamPlace(0, ArmParam::kD)), "m");
+  EXPECT_EQ(ArmParamUnit(arm, ArmParamPlace(1, ArmParam::kCompliance)), "rad/(N m)");
+  arm.joints[1].is_turning = false;
+  EXPECT_EQ(ArmParamUnit(arm, ArmParamPlace(1, ArmParam::kCompliance)), "m/N");
 }
 
 }  // namespace

@@ -80,7 +80,8 @@ TEST(PoseCorrectionTest, GivenJointsReplaceTheConfiguration) {
     const Outcome<Rigid3d> from_near = CommandFor(robot, *found, near);
     ASSERT_TRUE(from_near.ok()) << from_near.reason();
     EXPECT_LT(LocalCoordinates(reported, *from_near).norm(), name == std::string("ur5e") ? 1e-9 : 1e-3) << name;
-    EXPECT_THAT(TruePose(robot, reported, RadToDeg(1.0) * joints).reason(), testing::HasSubstr("not those of the pose"));
+    EXPECT_THAT(TruePose(robot, reported, RadToDeg(1.0) * joints).reason(),
+                testing::HasSubstr("not those of the pose"));
   }
 }
 

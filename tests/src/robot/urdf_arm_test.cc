@@ -5,7 +5,9 @@
 #include "heba/base/files.h"
 #include "heba/base/rng.h"
 #include "heba/base/units.h"
+#include "heba/robot/arm_table.h"
 #include "heba/robot/ur_kinematics.h"
+#include "tests/support/arm_joints.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
 
@@ -63,6 +65,50 @@ TEST_F(UrdfArmTest, AgreesWithTheClosedForm) {
     EXPECT_LT(DistanceM(expected, found), 1e-12);
     EXPECT_LT(AngleRad(expected, found), 1e-7);
   }
+}
+
+// Returns an element that states a mass.
+std::string Inertial(double mass_kg, const Eigen::Vector3d& centre_m) {
+  char text[400];
+  std::snprintf(text, sizeof text,
+                "<inertial><mass value=\"%.17g\"/><origin xyz=\"%.17g %.17g %.17g\"/><inertia ixx=\"1\" ixy=\"0\" "
+                "ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>",
+                mass_kg, centre_m.x(), centre_m.y(), centre_m.z());
+  return text;
+}
+
+// The masses of the links, of the flange and of a finger beside the chain.
+TEST_F(UrdfArmTest, MassesAreThoseOfItsLinks) {
+  const Arm& table = *FindArm("ur5e");
+  std::string text = UrdfOf(*FindUrRobot("ur5e"),
+                            "<link name=\"finger\">" + Inertial(0.5, {0.01, 0.02, 0.03}) +
+                                "</link><joint name=\"grip\" type=\"prismatic\"><parent link=\"flange\"/><child "
+                                "link=\"finger\"/><origin xyz=\"0 0 0.1\"/><axis xyz=\"1 0 0\"/><limit lower=\"0\" "
+                                "upper=\"0.1\" effort=\"1\" velocity=\"1\"/></joint>");
+  for (size_t j = 0; j < 6; ++j) {
+    // A link of the file has its frame on its joint, before d, a and alpha.
+    Arm link;
+    link.joints = {table.joints[j]};
+    const PointMass& mass = table.load->links[j];
+    const std::string name = "<link name=\"link" + std::to_string(j + 1) + "\"";
+    text.replace(
+        text.find(name + "/>"), name.size() + 2,
+        name + ">" + Inertial(mass.mass_kg, BaseFromTip(link, Eigen::VectorXd::Zero(1)) * mass.centre_m) + "</link>");
+  }
+  const std::string flange = "<link name=\"flange\"";
+  text.replace(text.find(flange + "/>"), flange.size() + 2, flange + ">" + Inertial(1.5, {0, 0.05, 0}) + "</link>");
+  const Arm loaded = WithPayload(WithPayload(table, {1.5, {0, 0.05, 0}}), {0.5, {0.01, 0.02, 0.13}});
+  const Arm found = UrdfArm::Read(Write(text), "base", "flange")->Kinematics();
+  ASSERT_NE(found.load, nullptr);
+  Rng rng(7);
+  for (int trial = 0; trial < 10; ++trial) {
+    const Eigen::VectorXd joints = RandomJoints(table, &rng);
+    EXPECT_LT((GravityTorques(found, joints) - GravityTorques(loaded, joints)).norm(), 1e-9);
+  }
+  EXPECT_EQ(UrdfArm::Read(Write(UrdfOf(*FindUrRobot("ur5e"))))->Kinematics().load, nullptr);
+  text.replace(text.find("mass value=\""), 12, "mass value=\"-");
+  EXPECT_EQ(ErrorOf(text, "base", "flange"),
+            (folder_.path() / "arm.urdf").string() + ": link 'link1' has an impossible mass or centre of mass");
 }
 
 TEST_F(UrdfArmTest, FindsPosturesThatReach) {

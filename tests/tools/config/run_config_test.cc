@@ -38,6 +38,30 @@ class RunConfigTest : public testing::Test {
   TempFolder folder_;
 };
 
+TEST_F(RunConfigTest, GravityNeedsTheMassesOfTheLinks) {
+  const std::string cell = kCell;
+  const auto with = [&](const std::string& model, const std::string& parts) {
+    return cell + "robot: {model: " + model + "}\nrefine: {kinematics: " + parts + "}\n";
+  };
+  Write("gravity.yaml", with("ur5e", "[offsets, geometry, gravity]"));
+  EXPECT_EQ(Read("gravity.yaml").options.kinematics, Kinematics::kGravity);
+  EXPECT_THAT(ErrorOf(with("ur30", "[offsets, geometry, gravity]")),
+              HasSubstr("wrong.yaml:5: refine.kinematics: gravity needs the masses of the links of the arm ur30"));
+  EXPECT_THAT(ErrorOf(with("ur5e", "[offsets, gravity]")), HasSubstr("gravity needs geometry beside it"));
+}
+
+TEST_F(RunConfigTest, ReadsThePayload) {
+  const std::string cell = kCell;
+  Write("payload.yaml", cell + "robot: {model: ur5e, payload: {mass: 1.2 kg, centre: [0 mm, 10 mm, 80 mm]}}\n");
+  const Arm arm = Read("payload.yaml").data.robot->arm;
+  EXPECT_DOUBLE_EQ(arm.load->links.back().mass_kg, 0.365 + 1.2);
+  EXPECT_DOUBLE_EQ(arm.load->links.back().centre_m.y(), 1.2 * 0.01 / (0.365 + 1.2));
+  EXPECT_THAT(ErrorOf(cell + "robot: {model: ur30, payload: {mass: 1.2 kg, centre: [0 m, 0 m, 0 m]}}\n"),
+              HasSubstr("wrong.yaml:4: robot.payload: the masses of the links of the arm ur30 are not known"));
+  EXPECT_THAT(ErrorOf(cell + "robot: {model: ur5e, payload: {mass: 1.2, centre: [0 m, 0 m, 0 m]}}\n"),
+              HasSubstr("write a mass such as '1.2 kg'"));
+}
+
 TEST_F(RunConfigTest, FillsInDefaults) {
   const RunConfig config = Read("cell.yaml");
   EXPECT_EQ(config.data.name, "cell");

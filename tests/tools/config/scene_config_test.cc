@@ -112,6 +112,25 @@ TEST(SceneConfigTest, ReadsTheRobot) {
   EXPECT_EQ(scene.pose_format.name, "kuka");
 }
 
+TEST(SceneConfigTest, ReadsTheArm) {
+  const SceneConfig scene = Read(
+      "robot: {model: ur5e, offsets: 0.05 deg, lengths: 0.3 mm, angles: 0.03 deg, gravity: 2e-5 rad/(N m), "
+      "joint_noise: 0.003 deg, configurations: one, record_joints: true}\nmotion: {captures: 5, repeats: 3}\n"
+      "image: {noise: 2 grey}\n");
+  ASSERT_TRUE(scene.arm.has_value());
+  EXPECT_EQ(scene.arm->nominal.name, "ur5e");
+  EXPECT_DOUBLE_EQ(scene.arm->sigmas.offset_rad, DegToRad(0.05));
+  EXPECT_DOUBLE_EQ(scene.arm->sigmas.length_m, 0.3e-3);
+  EXPECT_DOUBLE_EQ(scene.arm->sigmas.angle_rad, DegToRad(0.03));
+  EXPECT_DOUBLE_EQ(scene.arm->sigmas.compliance_rad_per_nm, 2e-5);
+  EXPECT_DOUBLE_EQ(scene.arm->joint_noise_rad, DegToRad(0.003));
+  EXPECT_FALSE(scene.arm->has_several_configurations);
+  EXPECT_TRUE(scene.arm->records_joints);
+  EXPECT_EQ(scene.num_repeats, 3);
+  EXPECT_EQ(Read("robot: {model: ur5e}\n").arm->sigmas.compliance_rad_per_nm, 0);
+  EXPECT_EQ(Read().num_repeats, 1);
+}
+
 TEST(SceneConfigTest, ReadsSeedAndGiveCamera) {
   const SceneConfig scene = Read("seed: 7\ngive_camera: false\n");
   EXPECT_EQ(scene.seed, 7u);
@@ -195,6 +214,16 @@ INSTANTIATE_TEST_SUITE_P(
         WrongScene{"Scale", "print: {scale_y: 2.1}\n", "print.scale_y: must be from 0.5 to 2"},
         WrongScene{"RobotNoise", "robot_noise: {translation: 200 mm}\n",
                    "robot_noise.translation: must be at most 100 mm"},
+        WrongScene{"GravityWithoutUnit", "robot: {model: ur5e, gravity: 2e-5}\n",
+                   "robot.gravity: '2e-5' has no unit; write a compliance such as '2e-5 rad/(N m)'"},
+        WrongScene{"NegativeGravity", "robot: {model: ur5e, gravity: -2e-5 rad/(N m)}\n",
+                   "robot.gravity: must not be negative"},
+        WrongScene{"GravityWithoutMasses", "robot: {model: abb_irb120, gravity: 2e-5 rad/(N m)}\n",
+                   "robot.gravity: the masses of the links of the arm abb_irb120 are not known"},
+        WrongScene{"NoRepeats", "motion: {repeats: 0}\n", "motion.repeats: 0 is out of range"},
+        WrongScene{"RepeatsWithoutNoise", "motion: {repeats: 2}\n", "motion.repeats: needs image.noise"},
+        WrongScene{"RepeatedTwoStep", "motion: {repeats: 2, two_step: {turns: 5}}\n",
+                   "motion.repeats: cannot be combined with two_step"},
         WrongScene{"PoseFormat", "pose_format: kuke\n", "pose_format: 'kuke' is unknown"},
         WrongScene{"Seed", "seed: -1\n", "seed: -1 is out of range"}),
     [](const auto& wrong) { return wrong.param.name; });

@@ -56,6 +56,21 @@ struct SimulatedCaptures {
   Eigen::VectorXd arm_errors;           // One per parameter of the arm; empty without one.
 };
 
+// Returns the captures, each taken `num_repeats` times in a row.
+SimulatedCaptures Repeated(const SimulatedCaptures& once, int num_repeats) {
+  SimulatedCaptures repeated;
+  repeated.arm_errors = once.arm_errors;
+  for (size_t i = 0; i < once.rows.size(); ++i) {
+    for (int repeat = 0; repeat < num_repeats; ++repeat) {
+      repeated.rows.push_back(once.rows[i]);
+      repeated.rows.back().image = ImageName(static_cast<int>(repeated.rows.size()) - 1);
+      repeated.camera_from_target.push_back(once.camera_from_target[i]);
+      if (!once.joints.empty()) repeated.joints.push_back(once.joints[i]);
+    }
+  }
+  return repeated;
+}
+
 // The poses that are drawn for one that an arm must reach.
 constexpr int kPosesPerReached = 4;
 
@@ -147,6 +162,7 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
     }
     captures = std::move(*with_arm);
   }
+  captures = Repeated(captures, scene.num_repeats);
   {
     Progress progress("render", static_cast<int>(rows.size()), FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
     std::mutex mutex;

@@ -1,5 +1,5 @@
 // A table of the arm's parameters, one line per joint: theta, d, a, alpha in the standard convention of Denavit and
-// Hartenberg, and Hayati's angle beta (heba/robot/arm.h).
+// Hartenberg, Hayati's angle beta, and the compliance (heba/robot/arm.h).
 #include "heba/io/export_format.h"
 #include "heba/robot/arm.h"
 
@@ -12,11 +12,13 @@ Outcome<std::string> ExportFormat_dh_csv(const ExportRequest& request) {
           JoinNumbers(TranslationAndQuaternion(arm.base_from_first), " ") + "\n";
   text += "# last_from_flange (x, y, z in m, qx, qy, qz, qw): " +
           JoinNumbers(TranslationAndQuaternion(arm.last_from_tip), " ") + "\n";
-  text += "joint,theta_rad,d_m,a_m,alpha_rad,beta_rad\n";
+  text += "joint,theta_rad,d_m,a_m,alpha_rad,beta_rad,compliance_rad_per_nm\n";
   for (int j = 0; j < arm.num_joints(); ++j) {
     const ArmJoint& joint = arm.joints[static_cast<size_t>(j)];
-    text += std::to_string(j + 1) + "," +
-            JoinNumbers({joint.theta_rad, joint.d_m, joint.a_m, joint.alpha_rad, joint.beta_rad}, ",") + "\n";
+    text +=
+        std::to_string(j + 1) + "," +
+        JoinNumbers({joint.theta_rad, joint.d_m, joint.a_m, joint.alpha_rad, joint.beta_rad, joint.compliance}, ",") +
+        "\n";
   }
   return text;
 }

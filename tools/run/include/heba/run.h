@@ -85,8 +85,9 @@ using DetectFunction =
     std::function<CaptureDetection(const std::filesystem::path& image, const std::optional<ImageSize>& expected)>;
 
 // Which errors of an arm are estimated: none, those that the captures require, or given ones.
-enum class Kinematics { kNone, kAuto, kOffsets, kGeometry };
-inline constexpr std::array<std::string_view, 4> kKinematicsNames = {"none", "auto", "offsets", "geometry"};
+// kGravity needs the masses of the arm's links (Arm::load).
+enum class Kinematics { kNone, kAuto, kOffsets, kGeometry, kGravity };
+inline constexpr std::array<std::string_view, 5> kKinematicsNames = {"none", "auto", "offsets", "geometry", "gravity"};
 
 struct RunOptions {
   std::vector<std::string> methods;  // Closed forms to report, by name; empty: all.
