@@ -410,6 +410,7 @@ namespace {
 // in others. Names the flips that the captures do not tell the arm's errors for.
 Finding OneConfiguration(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration) {
   Finding finding{Grade::kGood, FindingCode("arm_one_configuration"), {}, {{"configuration", robot.configuration}}};
+  if (!calibration.refined) return finding;
   std::vector<Rigid3d> base_from_gripper;
   for (const View& view : calibration.views) {
     base_from_gripper.push_back(GripperPoseOf(dataset.setup, view).base_from_mount);
