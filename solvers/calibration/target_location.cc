@@ -9,6 +9,7 @@
 
 #include "heba/data/prediction.h"
 #include "solvers/initial/target_pose.h"
+#include "solvers/uncertainty/robot_noise.h"
 
 namespace heba {
 namespace {
@@ -39,13 +40,12 @@ Outcome<SeenPose> LocatePose(const Solution& solution, const Observations& shape
   return SeenPose{poses.front(), -normal.topLeftCorner<6, 6>().ldlt().solve(normal.block(0, 6, 6, num_params))};
 }
 
-// Returns the derivative of a point in the camera frame by the solution's unknowns, from its derivatives by a motion
-// of the camera frame and by the camera's parameters.
-Eigen::MatrixXd ByUnknowns(const Solution& solution, const Eigen::Matrix<double, 3, 6>& by_motion,
-                           const Eigen::MatrixXd& by_params) {
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+// Returns the derivatives by the solution's unknowns from those by all parameters of the camera.
+Eigen::MatrixXd ByUnknowns(const Solution& solution, const Eigen::MatrixXd& by_params) {
   const Covariance& covariance = solution.covariance;
-  Eigen::MatrixXd by_unknowns = Eigen::MatrixXd::Zero(3, covariance.matrix.cols());
-  by_unknowns.middleCols<6>(covariance.layout.Block(kHandEyeBlock).first) = by_motion;
+  Eigen::MatrixXd by_unknowns = Eigen::MatrixXd::Zero(by_params.rows(), covariance.matrix.cols());
   const UnknownBlock camera = covariance.layout.Block(kCameraBlock);
   for (Eigen::Index i = camera.first; i < camera.end(); ++i) {
     by_unknowns.col(i) = by_params.col(covariance.layout[i].index);
@@ -53,15 +53,43 @@ Eigen::MatrixXd ByUnknowns(const Solution& solution, const Eigen::Matrix<double,
   return by_unknowns;
 }
 
-// Returns the variances of a motion of the gripper in its own frame; zero if the camera is stationary or the robot
-// exact.
-Tangent6 RobotVariances(Setup setup, const Solution& solution) {
-  Tangent6 variances = Tangent6::Zero();
-  if (setup != Setup::kEyeInHand || !solution.robot_noise) return variances;
-  const double t = solution.robot_noise->translation_m;
-  const double r = solution.robot_noise->rotation_rad;
-  variances << Eigen::Vector3d::Constant(t * t), Eigen::Vector3d::Constant(r * r);
-  return variances;
+// Returns the covariance of a motion, along and about the base's axes, that the noise of a robot pose causes, with that
+// of its joints if they are known; zero if the robot is exact. Smooth errors that were not corrected are noise, too.
+Matrix6 NoiseOfRobot(const Solution& solution, const StatedPose& stated, const Rigid3d& base_from_gripper) {
+  if (!solution.robot_noise) return Matrix6::Zero();
+  Matrix6 covariance = CorrectionVariances(*solution.robot_noise).asDiagonal();
+  const double joint_rad = solution.robot_noise->joint_rad;
+  covariance += joint_rad * joint_rad * stated.gripper_by_joints * stated.gripper_by_joints.transpose();
+  const bool is_corrected = solution.shared_effects != nullptr && stated.effect != nullptr;
+  if (solution.smooth_noise && !is_corrected) covariance.diagonal() += CorrectionVariances(*solution.smooth_noise);
+  const Matrix6 adjoint = Adjoint(base_from_gripper);
+  return adjoint * covariance * adjoint.transpose();
+}
+
+// The pose of the camera, and its uncertainty without the image's.
+struct PlacedCamera {
+  Rigid3d base_from_camera;
+  MotionUncertainty motion;
+};
+
+PlacedCamera PlaceCamera(Setup setup, const Solution& solution, const StatedPose& camera_mount) {
+  const CorrectedPose mount = Correct(solution, camera_mount);
+  PlacedCamera placed{mount.base_from_mount * solution.hand_eye.camera_mount_from_camera, {}};
+  MotionUncertainty& motion = placed.motion;
+  motion.by_unknowns = Adjoint(mount.base_from_mount) * mount.by_unknowns;
+  motion.by_unknowns.middleCols<6>(solution.covariance.layout.Block(kHandEyeBlock).first) +=
+      Adjoint(placed.base_from_camera);
+  if (setup == Setup::kEyeInHand) motion.by_robot = NoiseOfRobot(solution, camera_mount, mount.base_from_mount);
+  return placed;
+}
+
+// Returns the covariance of a point that moves with the frame.
+PositionCovariance CovarianceOfPoint(const Solution& solution, const MotionUncertainty& motion,
+                                     const Eigen::Vector3d& in_base) {
+  const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(in_base);
+  const Eigen::MatrixXd by_unknowns = by_motion * motion.by_unknowns;
+  return {by_unknowns * solution.covariance.matrix * by_unknowns.transpose(),
+          by_motion * motion.by_image * by_motion.transpose(), by_motion * motion.by_robot * by_motion.transpose()};
 }
 
 // A point in the camera frame and its derivatives.
@@ -75,23 +103,23 @@ struct PositionSensitivity {
   Eigen::Matrix3d with_camera = Eigen::Matrix3d::Identity();
 };
 
-PositionCovariance CovarianceInBase(Setup setup, const Solution& solution, const PositionSensitivity& place,
-                                    const Rigid3d& base_from_camera_mount) {
-  const Rigid3d& camera_mount_from_camera = solution.hand_eye.camera_mount_from_camera;
-  const Eigen::Matrix3d mount = base_from_camera_mount.RotationMatrix();
-  const Eigen::Matrix3d rotation = mount * camera_mount_from_camera.RotationMatrix();
-  PositionCovariance covariance;
-  const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
-  covariance.by_image_m2 = variance_px2 * rotation * place.by_image_at_1px_m2 * rotation.transpose();
+LocatedPoint PointInBase(Setup setup, const Solution& solution, const PositionSensitivity& place,
+                         const StatedPose& camera_mount) {
+  const PlacedCamera camera = PlaceCamera(setup, solution, camera_mount);
+  const Eigen::Matrix3d rotation = camera.base_from_camera.RotationMatrix();
+  LocatedPoint point;
+  point.in_base = camera.base_from_camera * place.in_camera;
+  const Eigen::Matrix<double, 3, 6> by_camera =
+      rotation * place.with_camera * rotation.transpose() * PointByMotion(point.in_base);
   // The intrinsics that locate the point are those of the calibration, so their errors are correlated with the
   // hand-eye pose.
   const Eigen::MatrixXd by_unknowns =
-      rotation * ByUnknowns(solution, place.with_camera * PointByMotion(place.in_camera), place.by_params);
-  covariance.by_calibration_m2 = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
-  const Eigen::Matrix<double, 3, 6> by_gripper = rotation * place.with_camera * rotation.transpose() * mount *
-                                                 PointByMotion(camera_mount_from_camera * place.in_camera);
-  covariance.by_robot_m2 = by_gripper * RobotVariances(setup, solution).asDiagonal() * by_gripper.transpose();
-  return covariance;
+      by_camera * camera.motion.by_unknowns + rotation * ByUnknowns(solution, place.by_params);
+  const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
+  point.covariance.by_image_m2 = variance_px2 * rotation * place.by_image_at_1px_m2 * rotation.transpose();
+  point.covariance.by_calibration_m2 = by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
+  point.covariance.by_robot_m2 = by_camera * camera.motion.by_robot * by_camera.transpose();
+  return point;
 }
 
 // The intersection of a ray with a plane in the camera frame, and its derivatives.
@@ -137,28 +165,44 @@ Outcome<RayPlaneIntersection> IntersectRayPlane(const Camera& camera, const Eige
 }  // namespace
 
 Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const Observations& observations,
-                                    const Rigid3d& base_from_camera_mount) {
+                                    const StatedPose& camera_mount) {
   const Observations shaped = ApplyShape(observations, solution.shape);
   const Outcome<SeenPose> seen = LocatePose(solution, shaped);
   if (!seen) return Failure{seen.reason()};
   const TargetPose& pose = seen->pose;
-  PositionSensitivity middle;
-  middle.in_camera = pose.camera_from_target * shaped.points_in_target.rowwise().mean();
-  const Eigen::Matrix<double, 3, 6> by_motion = PointByMotion(middle.in_camera);
-  middle.by_image_at_1px_m2 = by_motion * *pose.covariance_at_1px * by_motion.transpose();
-  middle.by_params = by_motion * seen->by_params;
+  PlacedCamera camera = PlaceCamera(setup, solution, camera_mount);
   LocatedTarget located;
-  located.base_from_target =
-      base_from_camera_mount * solution.hand_eye.camera_mount_from_camera * pose.camera_from_target;
+  located.base_from_target = camera.base_from_camera * pose.camera_from_target;
   located.rms_px = pose.rms_px;
-  located.covariance = CovarianceInBase(setup, solution, middle, base_from_camera_mount);
+  located.motion = std::move(camera.motion);
+  // The intrinsics that locate the target are those of the calibration, so their errors are correlated with the
+  // hand-eye pose.
+  const Matrix6 adjoint = Adjoint(camera.base_from_camera);
+  located.motion.by_unknowns += adjoint * ByUnknowns(solution, seen->by_params);
+  const double variance_px2 = solution.pixel_sigma_px * solution.pixel_sigma_px;
+  located.motion.by_image = variance_px2 * adjoint * *pose.covariance_at_1px * adjoint.transpose();
+  const Eigen::Vector3d middle = shaped.points_in_target.rowwise().mean();
+  located.covariance = CovarianceOfPoint(solution, located.motion, located.base_from_target * middle);
   return located;
+}
+
+PositionCovariance CovarianceOfReach(const Solution& solution, const LocatedTarget& located, const StatedPose& command,
+                                     const Eigen::Vector3d& point_in_gripper, const Eigen::Vector3d& point_in_target) {
+  const CorrectedPose gripper = Correct(solution, command);
+  const Eigen::Matrix<double, 3, 6> by_gripper = PointByMotion(gripper.base_from_mount * point_in_gripper);
+  const Eigen::Matrix<double, 3, 6> by_target = PointByMotion(located.base_from_target * point_in_target);
+  const Eigen::MatrixXd by_unknowns =
+      by_gripper * Adjoint(gripper.base_from_mount) * gripper.by_unknowns - by_target * located.motion.by_unknowns;
+  return {by_unknowns * solution.covariance.matrix * by_unknowns.transpose(),
+          by_target * located.motion.by_image * by_target.transpose(),
+          by_target * located.motion.by_robot * by_target.transpose() +
+              by_gripper * NoiseOfRobot(solution, command, gripper.base_from_mount) * by_gripper.transpose()};
 }
 
 Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Solution& solution,
                                                           const Observations& observations,
                                                           const std::vector<Rigid3d>& symmetries,
-                                                          const Rigid3d& base_from_camera_mount) {
+                                                          const StatedPose& camera_mount) {
   std::vector<LocatedTarget> possible;
   for (const Rigid3d& symmetry : symmetries) {
     // The target as manufactured need not have exactly the symmetries of its design (its scale acts about its origin),
@@ -168,7 +212,7 @@ Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Sol
       const Eigen::Vector3d designed = observations.points_in_target.col(i);
       reading.points_in_target.col(i) = symmetry * designed;
     }
-    Outcome<LocatedTarget> located = LocateTarget(setup, solution, reading, base_from_camera_mount);
+    Outcome<LocatedTarget> located = LocateTarget(setup, solution, reading, camera_mount);
     if (!located) return Failure{located.reason()};
     possible.push_back(std::move(*located));
   }
@@ -192,8 +236,9 @@ std::optional<size_t> FindMeantPose(const std::vector<LocatedTarget>& possible, 
 }
 
 Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
-                                  const Plane& plane, const Rigid3d& base_from_camera_mount) {
-  const Rigid3d base_from_camera = base_from_camera_mount * solution.hand_eye.camera_mount_from_camera;
+                                  const Plane& plane, const StatedPose& camera_mount) {
+  const Rigid3d base_from_camera =
+      Correct(solution, camera_mount).base_from_mount * solution.hand_eye.camera_mount_from_camera;
   const Eigen::Vector3d normal = base_from_camera.rotation.conjugate() * plane.normal;
   const Outcome<RayPlaneIntersection> meeting = IntersectRayPlane(
       solution.camera, pixel, normal, plane.distance_m - plane.normal.dot(base_from_camera.translation));
@@ -205,12 +250,11 @@ Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const E
   // A motion of the camera moves the point along, and the plane, which is fixed in the base, moves it back along its
   // ray.
   place.with_camera -= meeting->by_plane * normal.transpose();
-  return LocatedPoint{base_from_camera * place.in_camera,
-                      CovarianceInBase(setup, solution, place, base_from_camera_mount)};
+  return PointInBase(setup, solution, place, camera_mount);
 }
 
 Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
-                                          const Observations& observations, const Rigid3d& base_from_camera_mount) {
+                                          const Observations& observations, const StatedPose& camera_mount) {
   const Outcome<SeenPose> seen = LocatePose(solution, ApplyShape(observations, solution.shape));
   if (!seen) return Failure{seen.reason()};
   const Rigid3d& camera_from_target = seen->pose.camera_from_target;
@@ -226,8 +270,7 @@ Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution,
   place.by_image_at_1px_m2 =
       meeting->by_pixel * meeting->by_pixel.transpose() + by_pose * *seen->pose.covariance_at_1px * by_pose.transpose();
   place.by_params = meeting->by_params + by_pose * seen->by_params;
-  return LocatedPoint{base_from_camera_mount * solution.hand_eye.camera_mount_from_camera * place.in_camera,
-                      CovarianceInBase(setup, solution, place, base_from_camera_mount)};
+  return PointInBase(setup, solution, place, camera_mount);
 }
 
 }  // namespace heba

@@ -1,15 +1,17 @@
 // The kinematics of an arm, from simulated captures to corrected poses.
 #include <cmath>
+#include <cstdlib>
 #include <map>
 #include <regex>
 #include <sstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
-#include "heba/io/pose_file.h"
 #include "heba/base/text.h"
+#include "heba/io/pose_file.h"
 #include "tests/pipeline/cli.h"
 
 namespace heba {
@@ -189,6 +191,100 @@ TEST_F(ArmRunTest, JointsBesideThePosesReplaceTheConfiguration) {
   WriteAll(both, std::regex_replace(ReadAll(both), std::regex(",[-0-9.e]+\n"), ",99\n"));
   EXPECT_THAT(RunHeba({"correct", run, both.string(), "--out", again.string()}).err,
               HasSubstr("the joints are not those of the pose"));
+}
+
+// Returns the numbers of a capture in a file of poses or joints, separated by commas.
+std::string NumbersOf(const fs::path& file, const std::string& image) {
+  const std::string text = ReadAll(file);
+  const size_t first = text.find("\n" + image + ",") + 1 + image.size() + 1;
+  return text.substr(first, text.find('\n', first) - first);
+}
+
+// Returns the first three numbers after `words`.
+Eigen::Vector3d ThreeAfter(const std::string& text, const std::string& words) {
+  Eigen::Vector3d numbers = Eigen::Vector3d::Constant(std::nan(""));
+  const size_t at = text.find(words);
+  if (at == std::string::npos) return numbers;
+  const char* next = text.c_str() + at + words.size();
+  for (double& number : numbers) {
+    char* end = nullptr;
+    number = std::strtod(next, &end);
+    next = end + 1;
+  }
+  return numbers;
+}
+
+// Returns a text without the breaks of its lines.
+std::string Unwrapped(const std::string& text) { return std::regex_replace(text, std::regex("\\s+"), " "); }
+
+// A pose near the simulated board's, to decide between the two that fit a chessboard.
+constexpr const char* kNear = "0.45,0.05,0,1,0,0,0";
+
+TEST_F(ArmRunTest, TargetsAreLocatedWithTheCorrectedPose) {
+  for (const std::string name : {"one", "several"}) {
+    const fs::path cell = folder() / name;
+    const Json board = Json::parse(ReadAll(cell / "truth.json"))["board"]["translation_m"];
+    const Eigen::Vector3d truth_mm(1000 * board[0].get<double>(), 1000 * board[1].get<double>(),
+                                   1000 * board[2].get<double>());
+    for (const std::string image : {"002.png", "011.png"}) {
+      std::vector<std::string> command = {"locate",
+                                          (cell / "run").string(),
+                                          (cell / "images" / image).string(),
+                                          "--pose",
+                                          NumbersOf(cell / "poses.csv", image),
+                                          "--near",
+                                          kNear};
+      if (name == "several") {
+        const CommandResult without = RunHeba(command);
+        EXPECT_EQ(without.status, 0) << without.err;
+        EXPECT_THAT(Unwrapped(without.out), HasSubstr("the robot's pose was not corrected"));
+        EXPECT_THAT(Unwrapped(without.out), HasSubstr("no pose to command"));
+        command.insert(command.end(), {"--joints", NumbersOf(cell / "joints.csv", image)});
+      }
+      const CommandResult located = RunHeba(command);
+      ASSERT_EQ(located.status, 0) << located.err;
+      EXPECT_THAT(Unwrapped(located.out),
+                  HasSubstr("the robot's pose was corrected by the estimated errors of the arm ur5e"));
+      EXPECT_THAT(Unwrapped(located.out), HasSubstr("to command"));
+      const Eigen::Vector3d off_mm = ThreeAfter(Unwrapped(located.out), "base_from_target [") - truth_mm;
+      const Eigen::Vector3d sigma_mm = ThreeAfter(Unwrapped(located.out), "along the base's x, y, z: ");
+      // The stated sigmas are those of the target's middle; its origin is 0.13 m from there, at which a rotation of
+      // 0.01 deg is 0.02 mm. The errors of uncorrected poses are 1 mm.
+      for (int i = 0; i < 3; ++i) EXPECT_LT(std::abs(off_mm[i]), 4 * sigma_mm[i] + 0.05) << name << image;
+      EXPECT_LT(sigma_mm.maxCoeff(), 0.25);
+    }
+  }
+}
+
+TEST_F(ArmRunTest, CommandsInOtherConfigurationsAreMarkedAsExtrapolated) {
+  const fs::path cell = folder() / "one";
+  const CommandResult located =
+      RunHeba({"locate", (cell / "run").string(), (cell / "images" / "002.png").string(), "--pose",
+               NumbersOf(cell / "poses.csv", "002.png"), "--near", kNear, "--robot", "ur5e"});
+  ASSERT_EQ(located.status, 0) << located.err;
+  EXPECT_THAT(Unwrapped(located.out), HasSubstr("pose to command so that the gripper truly reaches it"));
+  EXPECT_THAT(Unwrapped(located.out), HasSubstr("so that the arm's errors are extrapolated"));
+  EXPECT_THAT(Unwrapped(located.out), HasSubstr("postures align the flange's frame with the target's"));
+  const CommandResult exact =
+      RunHeba({"locate", (folder() / "exact" / "run").string(), (cell / "images" / "002.png").string(), "--pose",
+               NumbersOf(cell / "poses.csv", "002.png"), "--near", kNear});
+  ASSERT_EQ(exact.status, 0) << exact.err;
+  EXPECT_EQ(exact.out.find("command"), std::string::npos);
+}
+
+TEST_F(ArmRunTest, OneConfigurationHasFiguresAndTheReportShowsTheArm) {
+  const Json result = Json::parse(ReadAll(folder() / "one" / "run" / "result.json"));
+  double captured_mm = 0;
+  double others_mm = 0;
+  for (const Json& finding : result["verdict"]["findings"]) {
+    if (finding["code"] != "arm_one_configuration") continue;
+    captured_mm = finding["numbers"]["captured_mm"].get<double>();
+    others_mm = finding["numbers"]["others_mm"].get<double>();
+  }
+  EXPECT_GT(captured_mm, 0);
+  EXPECT_GT(others_mm, 1.5 * captured_mm);
+  EXPECT_THAT(ReadAll(folder() / "one" / "run" / "report.html"), HasSubstr("<h2>Arm</h2>"));
+  EXPECT_EQ(ReadAll(folder() / "exact" / "run" / "report.html").find("<h2>Arm</h2>"), std::string::npos);
 }
 
 TEST_F(ArmRunTest, CalibratedArmIsExported) {

@@ -27,6 +27,10 @@ DEFINE_bool(inverse, false, "|export the pose of the parent in the child; correc
 DEFINE_string(units, "m", "UNIT|length unit of the format matrix: m or mm");
 DEFINE_string(pose, "", "NUMBERS|the robot pose of the image, as in the run's poses file, separated by commas");
 DEFINE_string(
+    joints, "",
+    "NUMBERS|the positions of the joints at --pose, as in the run's joints file, separated by commas: needed if "
+    "the errors of the arm are estimated and the captures are in several configurations");
+DEFINE_string(
     near, "",
     "NUMBERS|approximate pose of the target, base_from_target, as in the run's poses file (x,y,z,qx,qy,qz,qw in m "
     "if that contains joints): decides between the poses of a target with a symmetry");

@@ -26,6 +26,7 @@ DECLARE_string(child_is);
 DECLARE_bool(inverse);
 DECLARE_string(units);
 DECLARE_string(pose);
+DECLARE_string(joints);
 DECLARE_string(near);
 DECLARE_string(robot);
 DECLARE_string(format);

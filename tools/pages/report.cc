@@ -13,6 +13,7 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
+#include "tools/pages/arm_section.h"
 #include "tools/pages/page.h"
 #include "tools/pages/report_charts.h"
 #include "tools/text/result_text.h"
@@ -338,7 +339,8 @@ std::string ReportPage(const RunResult& result, const std::vector<ReportedCaptur
   } else {
     body += CapturesData(result, *refined, captures) + SetUpSection(result, *refined, captures, target_points) +
             MethodsSection(result) + ResidualSections(result, *refined, captures) +
-            UncertaintySection(result, *refined) + CorrelationSection(*refined);
+            UncertaintySection(result, *refined) + ArmSection(result, *refined, captures) +
+            CorrelationSection(*refined);
   }
   return HtmlPage(result.name,
                   body + CaptureSection(result) + Details("Config as used", CopyableText(context.config_used)));

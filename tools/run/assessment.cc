@@ -8,6 +8,8 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "heba/data/prediction.h"
+#include "heba/data/stated_pose.h"
+#include "heba/evaluation/arm_uncertainty.h"
 #include "heba/robot/arm_errors.h"
 #include "heba/robot/arm_postures.h"
 #include "heba/target_location.h"
@@ -48,11 +50,13 @@ std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Set
   const auto middle = by_distance.begin() + static_cast<std::ptrdiff_t>(by_distance.size() / 2);
   std::nth_element(by_distance.begin(), middle, by_distance.end());
   const View& view = *middle->second;
-  const Outcome<LocatedTarget> located = LocateTarget(setup, solution, view.observations, Rigid3d());
+  const StatedPose camera_mount = setup == Setup::kEyeInHand ? GripperPoseOf(setup, view) : StatedPose();
+  const Outcome<LocatedTarget> located = LocateTarget(setup, solution, view.observations, camera_mount);
   if (!located) return std::nullopt;
-  const Eigen::Matrix3d mount_from_camera = solution.hand_eye.camera_mount_from_camera.RotationMatrix();
+  const Eigen::Matrix3d base_from_camera = (Correct(solution, camera_mount).base_from_mount.RotationMatrix() *
+                                            solution.hand_eye.camera_mount_from_camera.RotationMatrix());
   return WorkingPoint{middle_of(view),
-                      mount_from_camera.transpose() * located->covariance.by_calibration_m2 * mount_from_camera};
+                      base_from_camera.transpose() * located->covariance.by_calibration_m2 * base_from_camera};
 }
 
 ModelSummary SummariseModel(const Calibration& calibration) {
@@ -415,7 +419,36 @@ RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const s
   return summary;
 }
 
-std::vector<Finding> FindingsOf(const RobotSummary& robot) {
+namespace {
+
+// Returns the finding that all captures are in one configuration, with the sigmas of the gripper's position there and
+// in others. Names the flips that the captures do not tell the arm's errors for.
+Finding OneConfiguration(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration) {
+  Finding finding{Grade::kGood, FindingCode("arm_one_configuration"), {}, {{"configuration", robot.configuration}}};
+  if (!calibration.refined) return finding;
+  std::vector<Rigid3d> base_from_gripper;
+  for (const View& view : calibration.views) {
+    base_from_gripper.push_back(GripperPoseOf(dataset.setup, view).base_from_mount);
+  }
+  const std::optional<ConfigurationSigmas> sigmas =
+      SigmasByConfiguration(dataset.setup, *calibration.refined, robot, base_from_gripper);
+  if (!sigmas || !sigmas->others_m) return finding;
+  finding.numbers = {{"captured_mm", 1000 * sigmas->captured_m}, {"others_mm", 1000 * *sigmas->others_m}};
+  // Errors that are larger by this factor than at the captures are not told by them.
+  constexpr double kMuchLarger = 3;
+  std::vector<std::string> wanted;
+  for (size_t k = 0; k < kFlipNames.size(); ++k) {
+    if (!sigmas->flipped_m[k]) continue;
+    finding.numbers.emplace_back(std::string(kFlipNames[k]) + "_mm", 1000 * *sigmas->flipped_m[k]);
+    if (*sigmas->flipped_m[k] > kMuchLarger * sigmas->captured_m) wanted.emplace_back(kFlipNames[k]);
+  }
+  if (!wanted.empty()) finding.names.emplace_back("flip", Join(wanted, ", "));
+  return finding;
+}
+
+}  // namespace
+
+std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration) {
   const std::pair<std::string, std::string> arm = {"arm", robot.nominal.name};
   if (!robot.is_estimated) {
     return {Finding{Grade::kGood, FindingCode("arm_declined"), {}, {arm, {"reason", robot.reason}}}};
@@ -428,10 +461,7 @@ std::vector<Finding> FindingsOf(const RobotSummary& robot) {
                            {"after_mm", 1000 * robot.noise_after->translation_m},
                            {"after_deg", RadToDeg(robot.noise_after->rotation_rad)}};
   }
-  if (!robot.configuration.empty()) {
-    findings.push_back(
-        Finding{Grade::kGood, FindingCode("arm_one_configuration"), {}, {{"configuration", robot.configuration}}});
-  }
+  if (!robot.configuration.empty()) findings.push_back(OneConfiguration(robot, dataset, calibration));
   return findings;
 }
 

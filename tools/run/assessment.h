@@ -26,8 +26,8 @@ RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const s
 // Returns the reason why the chosen model has no systematic errors of the robot, from the models that were compared.
 std::string WhyDeclined(const Calibration& calibration);
 
-// Returns what is to be said about it.
-std::vector<Finding> FindingsOf(const RobotSummary& robot);
+// Returns what is to be said about it. `calibration` is the one that estimated the arm.
+std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration);
 
 // Returns the finding about captures at or close to a singularity of the arm, if there are any. It is doubtful if the
 // arm was estimated from joints that were recovered there.

@@ -49,8 +49,9 @@ void CheckDataset(const Dataset& dataset) {
 }
 
 // Adds the arm, and what is to be said of it, to a result.
-void AddRobot(const Dataset& dataset, const std::optional<ArmSetup>& setup, RobotSummary robot, RunResult* result) {
-  for (Finding& finding : FindingsOf(robot)) result->observations.push_back(std::move(finding));
+void AddRobot(const Dataset& dataset, const std::optional<ArmSetup>& setup, RobotSummary robot,
+              const Calibration& calibration, RunResult* result) {
+  for (Finding& finding : FindingsOf(robot, dataset, calibration)) result->observations.push_back(std::move(finding));
   if (setup) {
     std::optional<Finding> singular = FindSingularCaptures(dataset, *setup, robot.is_estimated);
     if (singular) result->observations.push_back(std::move(*singular));
@@ -92,7 +93,7 @@ Outcome<RunOutput> RunOnPoses(const Dataset& dataset, const RunOptions& run, Run
   if (observer != nullptr) observer->OnCalibrated(calibration);
   output.result = AssessPoses(dataset, run, calibration, options);
   if (dataset.robot) {
-    AddRobot(dataset, arm, SummariseArm(dataset, run.kinematics, arm, calibration), &output.result);
+    AddRobot(dataset, arm, SummariseArm(dataset, run.kinematics, arm, calibration), calibration, &output.result);
   }
   return output;
 }
@@ -168,8 +169,10 @@ Outcome<RunOutput> RunOnImages(const Dataset& dataset_in, const RunOptions& opti
   timing.seed_s = solve_watch.Seconds() - timing.refine_s;
   output.calibration = std::move(*calibration);
   output.result = Assess(dataset, options, detections, output.calibration, final_options, observer);
-  if (dataset.robot)
-    AddRobot(dataset, arm, SummariseArm(dataset, options.kinematics, arm, output.calibration), &output.result);
+  if (dataset.robot) {
+    AddRobot(dataset, arm, SummariseArm(dataset, options.kinematics, arm, output.calibration), output.calibration,
+             &output.result);
+  }
   if (of_smooth_errors) output.result.observations.push_back(std::move(*of_smooth_errors));
   output.result.timing = timing;
   InsertLeftOut(left_out, &output.result.captures);

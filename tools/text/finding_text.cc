@@ -253,9 +253,21 @@ FindingText ArmDeclined(const Finding& finding) {
 }
 
 FindingText ArmOneConfiguration(const Finding& finding) {
-  return {"all captures are in one configuration of the arm (" + Name(finding, "configuration") +
-              "), so that its errors are extrapolated to the others",
-          "add captures with the shoulder, the elbow and the wrist flipped if the arm works there"};
+  std::string text = "all captures are in one configuration of the arm (" + Name(finding, "configuration") +
+                     "), so that its errors are extrapolated to the others";
+  if (finding.Number("captured_mm")) {
+    text += ": one sigma of the gripper's position is " + Significant(Number(finding, "captured_mm"), 2) +
+            " mm at the captures and " + Significant(Number(finding, "others_mm"), 2) +
+            " mm at the same poses in other configurations";
+  }
+  std::vector<std::string> flips;
+  for (const std::string& name : Split(Name(finding, "flip"), ',')) {
+    if (Trim(name).empty()) continue;
+    const std::string flip(Trim(name));
+    flips.push_back("with the " + flip + " flipped (" + Significant(Number(finding, flip + "_mm"), 2) + " mm)");
+  }
+  if (!flips.empty()) text += "; captures " + Join(flips, ", ") + " would determine them there";
+  return {text, "add captures with the shoulder, the elbow and the wrist flipped if the arm works there"};
 }
 
 FindingText ArmSingularCaptures(const Finding& finding) {

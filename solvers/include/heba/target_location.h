@@ -1,9 +1,13 @@
-// Locates a target that an image shows, or a pixel on a plane, in the robot's base.
+// Locates a target that an image shows, or a pixel on a plane, in the robot's base, and states how closely the gripper
+// reaches it.
 //
 //   const heba::RunResult result = heba::ReadResult("runs/cell/result.json");
 //   const heba::Solution& solution = *heba::FindRefined(result)->solution;
 //   const heba::Observations seen = heba::ObservationsOf(*target, target->Detect(grey));
 //   const auto located = heba::LocateTarget(result.setup, solution, seen, base_from_gripper);
+//
+// If the run has estimated the errors of an arm that carries the camera, the pose comes with them:
+//   {base_from_gripper, heba::MakeArmEffect(result.robot->nominal, joints, result.robot->tip_from_gripper)}
 #pragma once
 
 #include <optional>
@@ -13,12 +17,13 @@
 #include "heba/base/units.h"
 #include "heba/data/setup.h"
 #include "heba/data/solution.h"
+#include "heba/data/stated_pose.h"
 
 namespace heba {
 
-// Covariance of a position along the base's axes, m^2, by its sources: the calibration (hand-eye pose and intrinsics,
-// with their correlations), the pixel noise of the image, and, if the robot carries the camera and its noise is known,
-// the robot's pose.
+// Covariance of a position along the base's axes, m^2, by its sources: the calibration (hand-eye pose, intrinsics and
+// the robot's errors that captures share, with all their correlations), the pixel noise of the image, and, if the
+// position depends on poses of the robot whose noise is known, this noise.
 struct PositionCovariance {
   Eigen::Matrix3d by_calibration_m2 = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d by_image_m2 = Eigen::Matrix3d::Zero();
@@ -27,17 +32,26 @@ struct PositionCovariance {
   Eigen::Matrix3d TotalM2() const { return by_calibration_m2 + by_image_m2 + by_robot_m2; }
 };
 
+// Uncertainty of a pose in the base as a motion of its frame along and about the base's axes (p' = p + v + w x p: v in
+// m, then w in rad), by its sources.
+struct MotionUncertainty {
+  Matrix6X by_unknowns;  // Derivative by the unknowns of Solution::covariance.
+  Eigen::Matrix<double, 6, 6> by_image = Eigen::Matrix<double, 6, 6>::Zero();  // Covariance.
+  Eigen::Matrix<double, 6, 6> by_robot = Eigen::Matrix<double, 6, 6>::Zero();  // Covariance.
+};
+
 struct LocatedTarget {
   Rigid3d base_from_target;
   double rms_px = 0;              // RMS of the target's points.
   PositionCovariance covariance;  // Covariance of the mean of the points that were seen.
+  MotionUncertainty motion;
 };
 
-// Locates a target. `base_from_camera_mount` is the gripper's pose for a camera that the robot carries, and the
-// identity for a stationary camera. Returns a Failure if the points do not determine a pose
-// (solvers/initial/target_pose.h).
+// Locates a target. `camera_mount` is the gripper's pose for a camera that the robot carries, as the robot states it
+// and with the effect of the robot's errors if the solution has estimated them, and the identity for a stationary
+// camera. Returns a Failure if the points do not determine a pose (solvers/initial/target_pose.h).
 Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const Observations& observations,
-                                    const Rigid3d& base_from_camera_mount);
+                                    const StatedPose& camera_mount);
 
 // Locates a target that looks the same after each of `symmetries` (target_from_target, Target::Symmetries()): returns
 // one pose for each of them, all of which fit the same image. `observations` may have been read in any of these
@@ -46,7 +60,17 @@ Outcome<LocatedTarget> LocateTarget(Setup setup, const Solution& solution, const
 Outcome<std::vector<LocatedTarget>> LocateSymmetricTarget(Setup setup, const Solution& solution,
                                                           const Observations& observations,
                                                           const std::vector<Rigid3d>& symmetries,
-                                                          const Rigid3d& base_from_camera_mount);
+                                                          const StatedPose& camera_mount);
+
+// Returns the covariance of the vector from a point of a located target to a point of the gripper, which is sent to
+// `command` after the image was taken. The errors of the calibration partly cancel: those of the hand-eye pose and of
+// the robot's poses are correlated, and the farther the command's posture is from those of the captures, the less they
+// do. `command` has the effect of the robot's errors if the solution has estimated them; the noise of the robot's pose
+// counts for the command, too. The frame of the gripper is that of the calibration: it includes what no captures
+// determine, such as an offset of the arm's last joint.
+PositionCovariance CovarianceOfReach(const Solution& solution, const LocatedTarget& located, const StatedPose& command,
+                                     const Eigen::Vector3d& point_in_gripper = Eigen::Vector3d::Zero(),
+                                     const Eigen::Vector3d& point_in_target = Eigen::Vector3d::Zero());
 
 // A rough rotation decides between two rotations if it is nearer to one of them by at least this much.
 inline constexpr double kMinRotationGapRad = DegToRad(30);
@@ -71,9 +95,9 @@ struct LocatedPoint {
 
 // Intersects the ray of `pixel` with `plane`. Returns a Failure if they do not meet in front of the camera.
 Outcome<LocatedPoint> LocatePixel(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
-                                  const Plane& plane, const Rigid3d& base_from_camera_mount);
+                                  const Plane& plane, const StatedPose& camera_mount);
 // Intersects the ray of `pixel` with the plane z = 0 of a target that the same image shows.
 Outcome<LocatedPoint> LocatePixelOnTarget(Setup setup, const Solution& solution, const Eigen::Vector2d& pixel,
-                                          const Observations& observations, const Rigid3d& base_from_camera_mount);
+                                          const Observations& observations, const StatedPose& camera_mount);
 
 }  // namespace heba

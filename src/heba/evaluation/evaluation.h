@@ -90,9 +90,10 @@ struct Timing {
 // The effect of the refined calibration on a grasp, evaluated for the target at the capture of median distance.
 struct WorkingPoint {
   Eigen::Vector3d in_camera_m = Eigen::Vector3d::Zero();  // Middle of the target.
-  // Covariance of the position of a target that is seen there, by the calibration alone: in the frame of the camera's
-  // mount, along the camera's axes. The errors of the hand-eye pose and of the intrinsics are correlated and partly
-  // cancel (heba/target_location.h).
+  // Covariance of the position of a target that is seen there, by the calibration alone, along the camera's axes: in
+  // the frame of the camera's mount or, if the errors of the arm that carries the camera are estimated, in the base.
+  // The errors of the hand-eye pose, of the intrinsics and of the arm are correlated and partly cancel
+  // (heba/target_location.h).
   Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();
 };
 

@@ -9,9 +9,7 @@
 #include "heba/robot/arm_postures.h"
 
 namespace heba {
-namespace {
 
-// Returns the joints at which the controller reports a pose.
 Outcome<Eigen::VectorXd> JointsAt(const RobotSummary& robot, const Rigid3d& reported) {
   const Outcome<std::vector<Eigen::VectorXd>> postures =
       PosturesOf(robot.nominal, reported * Inverse(robot.tip_from_gripper));
@@ -26,6 +24,8 @@ Outcome<Eigen::VectorXd> JointsAt(const RobotSummary& robot, const Rigid3d& repo
   return Failure{"the arm " + robot.nominal.name + " does not reach the pose in the configuration of the captures (" +
                  robot.configuration + ")"};
 }
+
+namespace {
 
 Rigid3d TruePoseAt(const RobotSummary& robot, const Rigid3d& reported, const Eigen::VectorXd& joints) {
   return reported * MakeArmEffect(robot.nominal, joints, robot.tip_from_gripper)->Evaluate(robot.errors, nullptr);

@@ -6,6 +6,10 @@
 
 namespace heba {
 
+// Returns the joints (rad or m) at which the controller reports a pose, in the configuration of the captures. Returns a
+// Failure as TruePose does.
+Outcome<Eigen::VectorXd> JointsAt(const RobotSummary& robot, const Rigid3d& reported);
+
 // Returns the true pose of the gripper if the controller reports `reported` (base_from_gripper). The joints are those
 // of the configuration of the captures. Returns a Failure if the arm does not reach the pose in it, or if the captures
 // are in several configurations, so that the pose does not tell the joints.

@@ -200,6 +200,24 @@ Json CovarianceJson(const Solution& solution) {
   return Json{{"order", std::move(order)}, {"matrix", std::move(rows)}};
 }
 
+// Returns the errors of the robot that captures share, or null if they were not estimated.
+Json SharedEffectsJson(const Solution& solution) {
+  if (solution.shared_effects == nullptr) return nullptr;
+  const SharedEffects& shared = *solution.shared_effects;
+  Json groups = Json::array();
+  for (size_t i = 0; i < shared.groups.size(); ++i) {
+    const EffectGroup& group = shared.groups[i];
+    const double sigma = i < solution.effect_sigmas.size() ? solution.effect_sigmas[i] : group.sigma;
+    groups.push_back(Json{{"name", group.name}, {"unit", group.unit}, {"sigma", Finite(sigma)}});
+  }
+  Json effects = Json::array();
+  for (Eigen::Index i = 0; i < shared.size(); ++i) {
+    const SharedEffect& effect = shared.effects[static_cast<size_t>(i)];
+    effects.push_back(Json{{"name", effect.name}, {"group", effect.group}, {"value", solution.effects[i]}});
+  }
+  return Json{{"model", shared.name}, {"groups", groups}, {"effects", effects}};
+}
+
 Json EstimateJson(const Estimate& estimate, Setup setup) {
   Json json;
   json["method"] = estimate.method;
@@ -336,7 +354,10 @@ std::string ResultToJson(const RunResult& result) {
     json["estimates"].push_back(EstimateJson(estimate, result.setup));
     // The arm is part of the refinement that estimated it.
     const char* const refinement = FindRefined(result) != nullptr ? kBundleMethod : kChainMethod;
-    if (result.robot && estimate.method == refinement) json["estimates"].back()["robot"] = RobotJson(*result.robot);
+    if (!result.robot || estimate.method != refinement) continue;
+    json["estimates"].back()["robot"] = RobotJson(*result.robot);
+    if (!result.robot->is_estimated || !estimate.solution) continue;
+    json["estimates"].back()["robot"]["estimated"] = SharedEffectsJson(*estimate.solution);
   }
   json["working_point"] = WorkingPointJson(result.working_point);
   json["timing_s"] = Json{{"detect", result.timing.detect_s},

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <map>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -211,6 +213,40 @@ RobotSummary ReadRobot(const JsonReader& reader) {
   return robot;
 }
 
+// Reads the errors of the arm that the solution has estimated: those whose names are in the layout of its covariance.
+// Earlier results lack their groups.
+void ReadArmEffects(const JsonReader& reader, RobotSummary* robot, Solution* solution) {
+  if (!robot->is_estimated) return;
+  SharedEffects shared;
+  shared.num_all = robot->nominal.num_params();
+  std::map<std::string, size_t> group_of;
+  if (reader.Has("estimated")) {
+    const JsonReader estimated = reader.Get("estimated");
+    robot->errors_name = estimated.Get("model").Text();
+    for (const JsonReader& group : estimated.Get("groups").List()) {
+      const double sigma = ReadFinite(group, "sigma", std::numeric_limits<double>::infinity());
+      shared.groups.push_back({group.Get("name").Text(), group.Get("unit").Text(), sigma});
+      solution->effect_sigmas.push_back(sigma);
+    }
+    for (const JsonReader& effect : estimated.Get("effects").List()) {
+      const int group = effect.Get("group").Int(0, static_cast<int>(shared.groups.size()) - 1);
+      group_of[effect.Get("name").Text()] = static_cast<size_t>(group);
+    }
+  }
+  shared.name = robot->errors_name;
+  std::vector<double> values;
+  for (const std::string& name : solution->covariance.layout.Block(kRobotBlock).effects) {
+    int place = 0;
+    while (place < shared.num_all && ArmParamName(place) != name) ++place;
+    if (place == shared.num_all) reader.Fail("the covariance names '" + name + "', which the arm does not have");
+    const auto group = group_of.find(name);
+    shared.effects.push_back({name, place, group == group_of.end() ? 0 : group->second});
+    values.push_back(robot->errors[place]);
+  }
+  solution->effects = Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+  solution->shared_effects = std::make_shared<const SharedEffects>(std::move(shared));
+}
+
 Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
   Solution solution;
   solution.hand_eye = estimate.hand_eye;
@@ -354,7 +390,10 @@ RunResult ReadResult(const std::filesystem::path& path) {
   for (const JsonReader& capture : reader.Get("captures").List()) result.captures.push_back(ReadCapture(capture));
   for (const JsonReader& estimate : reader.Get("estimates").List()) {
     result.estimates.push_back(ReadEstimate(estimate, result.setup));
-    if (estimate.Has("robot")) result.robot = ReadRobot(estimate.Get("robot"));
+    if (!estimate.Has("robot")) continue;
+    result.robot = ReadRobot(estimate.Get("robot"));
+    std::optional<Solution>& solution = result.estimates.back().solution;
+    if (solution) ReadArmEffects(estimate.Get("robot"), &*result.robot, &*solution);
   }
   if (reader.Has("working_point")) {
     const JsonReader point = reader.Get("working_point");

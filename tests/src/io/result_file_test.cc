@@ -1,14 +1,17 @@
 // Tests of heba/io/result_file.h.
 #include "heba/io/result_file.h"
 
+#include <memory>
 #include <regex>
 #include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "heba/base/files.h"
 #include "heba/data/capture_role.h"
+#include "heba/robot/arm_errors.h"
 #include "heba/robot/arm_table.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
@@ -36,6 +39,35 @@ RunResult SmallResult() {
   refined.kind = EstimateKind::kRefined;
   refined.reason = "not run";
   result.estimates = {closed, refined};
+  return result;
+}
+
+// A result whose refinement has estimated the errors of an arm.
+RunResult ResultWithEstimatedArm() {
+  RunResult result = SmallResult();
+  result.robot.emplace();
+  RobotSummary& robot = *result.robot;
+  robot.nominal = *FindArm("ur5e");
+  robot.configuration = "shoulder +, elbow -, wrist +";
+  robot.is_estimated = true;
+  robot.errors = Eigen::VectorXd::Zero(robot.nominal.num_params());
+  robot.error_sigmas.resize(static_cast<size_t>(robot.nominal.num_params()));
+  Estimate& refined = result.estimates.back();
+  refined.ok = true;
+  refined.camera = {"pinhole", 64, 48, {60, 60, 32, 24}};
+  Solution& solution = refined.solution.emplace();
+  const auto shared = std::make_shared<const SharedEffects>(ArmErrors(robot.nominal, ArmErrorModel::kGeometry));
+  robot.errors_name = shared->name;
+  solution.shared_effects = shared;
+  solution.effects = Eigen::VectorXd::LinSpaced(shared->size(), 1e-4, 2e-3);
+  for (size_t i = 0; i < shared->groups.size(); ++i)
+    solution.effect_sigmas.push_back(1e-3 * static_cast<double>(i + 1));
+  robot.errors = AllEffects(*shared, solution.effects);
+  for (const SharedEffect& effect : shared->effects) robot.error_sigmas[static_cast<size_t>(effect.index)] = 1e-4;
+  solution.covariance.layout = HandEyeUnknowns(refined.camera.Model(), {{false, false, false, false}, shared});
+  const Eigen::Index size = solution.covariance.layout.size();
+  const Eigen::MatrixXd root = Eigen::MatrixXd::Identity(size, size) + Eigen::MatrixXd::Constant(size, size, 0.25);
+  solution.covariance.matrix = 1e-8 * root * root.transpose();
   return result;
 }
 
@@ -73,6 +105,41 @@ TEST_F(ResultFileTest, RefusesUnknownRolesAndKinds) {
               HasSubstr("the role is unknown; one of: home, translate_x"));
   EXPECT_THAT(ErrorOf("\"closed_form\"", "\"open_form\""),
               HasSubstr("the kind is unknown; one of: closed_form, refined"));
+}
+
+void ExpectSameArm(const Solution& read, const Solution& written) {
+  ASSERT_NE(read.shared_effects, nullptr);
+  EXPECT_EQ(read.shared_effects->num_all, written.shared_effects->num_all);
+  EXPECT_EQ(read.shared_effects->Names(), written.shared_effects->Names());
+  ASSERT_EQ(read.effects.size(), written.effects.size());
+  // Values are written as sums with the nominal parameters, of up to 1 m.
+  EXPECT_LT((read.effects - written.effects).cwiseAbs().maxCoeff(), 1e-15);
+  for (size_t i = 0; i < written.shared_effects->effects.size(); ++i) {
+    EXPECT_EQ(read.shared_effects->effects[i].index, written.shared_effects->effects[i].index);
+  }
+  EXPECT_EQ(read.covariance.layout.Names(), written.covariance.layout.Names());
+  EXPECT_EQ(read.covariance.matrix, written.covariance.matrix);
+}
+
+TEST_F(ResultFileTest, ErrorsOfAnArmAreReadAsTheyWereWritten) {
+  const RunResult written = ResultWithEstimatedArm();
+  const RunResult read = Read(ResultToJson(written));
+  const Solution& solution = *read.estimates.back().solution;
+  const Solution& expected = *written.estimates.back().solution;
+  ExpectSameArm(solution, expected);
+  EXPECT_EQ(read.robot->errors_name, written.robot->errors_name);
+  EXPECT_EQ(solution.effect_sigmas, expected.effect_sigmas);
+  for (size_t i = 0; i < expected.shared_effects->effects.size(); ++i) {
+    EXPECT_EQ(solution.shared_effects->effects[i].group, expected.shared_effects->effects[i].group);
+  }
+}
+
+TEST_F(ResultFileTest, ErrorsOfAnArmAreReadFromResultsWithoutTheirGroups) {
+  const RunResult written = ResultWithEstimatedArm();
+  nlohmann::ordered_json json = nlohmann::ordered_json::parse(ResultToJson(written));
+  ASSERT_EQ(json["estimates"].back()["robot"].erase("estimated"), 1U);
+  const RunResult read = Read(json.dump());
+  ExpectSameArm(*read.estimates.back().solution, *written.estimates.back().solution);
 }
 
 // A result of the arm with its masses and the compliances that were estimated.

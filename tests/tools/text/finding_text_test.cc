@@ -99,6 +99,15 @@ TEST(FindingTextTest, TextsHaveTheFigures) {
       {FindingOf("missing_ids", {{"missing", 12}, {"points", 48}, {"images", 6}}),
        "12 of the target's 48 points are never detected, although each is in view in 6 images or more",
        "check the target's first id, its rows and columns, the marker size and legacy_pattern"},
+      {FindingOf(
+           "arm_one_configuration",
+           {{"captured_mm", 0.11}, {"others_mm", 0.9}, {"shoulder_mm", 1.2}, {"elbow_mm", 0.2}, {"wrist_mm", 0.6}},
+           {{"configuration", "shoulder +, elbow +, wrist -"}, {"flip", "shoulder, wrist"}}),
+       "all captures are in one configuration of the arm (shoulder +, elbow +, wrist -), so that its errors are "
+       "extrapolated to the others: one sigma of the gripper's position is 0.11 mm at the captures and 0.90 mm at the "
+       "same poses in other configurations; captures with the shoulder flipped (1.2 mm), with the wrist flipped "
+       "(0.60 mm) would determine them there",
+       "add captures with the shoulder, the elbow and the wrist flipped if the arm works there"},
   };
   for (const Case& test : cases) {
     EXPECT_EQ(TextOf(test.finding), test.text);

@@ -8,6 +8,8 @@
 #include "heba/base/units.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/detection.h"
+#include "heba/evaluation/arm_uncertainty.h"
+#include "heba/evaluation/pose_correction.h"
 #include "heba/io/result_file.h"
 #include "heba/robot/ur_kinematics.h"
 #include "heba/robot/urdf_arm.h"
@@ -16,8 +18,10 @@
 #include "tools/cli/flags.h"
 #include "tools/cli/pose_flag.h"
 #include "tools/config/capture_section.h"
+#include "tools/config/robot_section.h"
 #include "tools/config/run_config.h"
 #include "tools/text/console.h"
+#include "tools/text/reach_text.h"
 #include "tools/text/result_text.h"
 #include "tools/text/target_symmetry.h"
 
@@ -29,6 +33,14 @@ struct FinishedRun {
   RunResult result;
   std::shared_ptr<const Target> target;
   PoseReading pose_reading;
+  bool joints_are_deg = false;
+
+  const Solution& solution() const { return *FindRefined(result)->solution; }
+  // Returns the arm, or null if its errors were not estimated.
+  const RobotSummary* FindArm() const {
+    const bool is_estimated = result.robot && result.robot->is_estimated && solution().shared_effects != nullptr;
+    return is_estimated ? &*result.robot : nullptr;
+  }
 };
 
 FinishedRun ReadFinishedRun(const std::filesystem::path& folder) {
@@ -42,11 +54,62 @@ FinishedRun ReadFinishedRun(const std::filesystem::path& folder) {
   run.target = ReadTarget(config, "target");
   MapReader captures(config.Get("captures"));
   run.pose_reading = ReadPoseReading(captures);
+  run.joints_are_deg = ReadJointsAreDeg(captures);
   return run;
 }
 
-Rigid3d PoseAskedFor(const PoseReading& reading) {
-  return BaseFromGripper(reading, PoseOfFlag("pose", FLAGS_pose, reading.format));
+// The pose of what carries the camera, and what is to be said about it.
+struct CameraMount {
+  StatedPose stated;  // The identity for a stationary camera.
+  std::string remark;
+};
+
+// Returns the positions of the arm's joints that a flag gives.
+Eigen::VectorXd JointsOfFlag(const std::string& name, const std::string& text, const RobotSummary& robot,
+                             bool are_deg) {
+  std::vector<double> numbers;
+  for (const std::string& field : Split(text, ',')) {
+    double number = 0;
+    if (!ParseDouble(Trim(field), &number)) {
+      throw InputError("--" + name + ": " + Quoted(Trim(field)) + " is not a number");
+    }
+    numbers.push_back(number);
+  }
+  const auto num_joints = static_cast<size_t>(robot.nominal.num_joints());
+  if (numbers.size() != num_joints) {
+    throw InputError("--" + name + ": " + std::to_string(numbers.size()) + " numbers; the arm " + robot.nominal.name +
+                     " has " + std::to_string(num_joints) + " joints");
+  }
+  return PositionsOf(robot.nominal, numbers, are_deg);
+}
+
+// Returns the joints that --joints gives, or --pose if the run's poses are joints; nothing otherwise.
+std::optional<Eigen::VectorXd> JointsAskedFor(const FinishedRun& run, const RobotSummary& robot) {
+  if (!FLAGS_joints.empty()) return JointsOfFlag("joints", FLAGS_joints, robot, run.joints_are_deg);
+  const PoseFormat& format = run.pose_reading.format;
+  if (format.robot.empty()) return std::nullopt;
+  return JointsOfFlag("pose", FLAGS_pose, robot, format.angle_unit == "deg");
+}
+
+CameraMount CameraMountAskedFor(const FinishedRun& run) {
+  const PoseReading& reading = run.pose_reading;
+  const Rigid3d stated = BaseFromGripper(reading, PoseOfFlag("pose", FLAGS_pose, reading.format));
+  const RobotSummary* robot = run.FindArm();
+  if (robot == nullptr) {
+    if (FLAGS_joints.empty()) return {stated, ""};
+    throw InputError("--joints: the run has not estimated the errors of an arm; leave this flag out");
+  }
+  if (const std::optional<Eigen::VectorXd> joints = JointsAskedFor(run, *robot)) {
+    const Outcome<Rigid3d> is_near = TruePose(*robot, stated, *joints);
+    if (!is_near) throw InputError((FLAGS_joints.empty() ? "--pose: " : "--joints: ") + is_near.reason());
+    const StatedPose with_errors = WithArmErrors(*robot, stated, *joints);
+    return {with_errors, CorrectionText(*robot, run.solution(), with_errors)};
+  }
+  const Outcome<StatedPose> with_errors = WithArmErrors(*robot, stated);
+  if (with_errors) return {*with_errors, CorrectionText(*robot, run.solution(), *with_errors)};
+  return {stated, "  the robot's pose was not corrected by the estimated errors of the arm " + robot->nominal.name +
+                      ", whose uncertainty is missing in the sigmas: " + with_errors.reason() +
+                      "; --joints, the positions of the joints at that pose, would tell them\n"};
 }
 
 // Returns the format of --near: that of the run's poses, or `ros` if those are joints.
@@ -64,19 +127,6 @@ std::optional<Rigid3d> NearAskedFor(const FinishedRun& run) {
     throw InputError("--near: the target has no symmetry and only one possible pose; leave this flag out");
   }
   return PoseOfFlag("near", FLAGS_near, FormatOfNear(run.pose_reading));
-}
-
-std::string SigmasMm(const Eigen::Matrix3d& covariance_m2) {
-  std::vector<std::string> parts;
-  for (int i = 0; i < 3; ++i) parts.push_back(Significant(1000 * std::sqrt(covariance_m2(i, i)), 2));
-  return Join(parts, ", ");
-}
-
-// Formats a covariance as "sx, sy, sz mm (calibration ...; image ...)".
-std::string SigmasText(const PositionCovariance& covariance) {
-  return SigmasMm(covariance.TotalM2()) + " mm (calibration " + SigmasMm(covariance.by_calibration_m2) + "; image " +
-         SigmasMm(covariance.by_image_m2) +
-         (covariance.by_robot_m2.isZero() ? "" : "; robot " + SigmasMm(covariance.by_robot_m2)) + ")";
 }
 
 // Returns whether the figures of a position can be shown. The covariance in a result file may be invalid.
@@ -250,22 +300,23 @@ PixelsAsked ReadPixelsAsked(const Camera& camera) {
 
 // Describes the points that --pixels requests in one image.
 Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solution, const CaptureDetection& seen,
-                                    const Rigid3d& base_from_mount, const PixelsAsked& asked, const ReachingArm& arm) {
+                                    const CameraMount& mount, const PixelsAsked& asked, const ReachingArm& arm) {
   const std::optional<Plane>& plane = asked.plane;
   const Observations observations = ObservationsOf(*run.target, seen.detection);
   Eigen::Vector3d normal = plane ? plane->normal : Eigen::Vector3d::Zero();
   if (!plane) {
-    const Outcome<LocatedTarget> target = LocateTarget(run.result.setup, solution, observations, base_from_mount);
+    const Outcome<LocatedTarget> target = LocateTarget(run.result.setup, solution, observations, mount.stated);
     if (!target) return Failure{seen.detection.reason.empty() ? target.reason() : seen.detection.reason};
     // The normal on the side that the camera sees.
     normal = target->base_from_target.rotation * Eigen::Vector3d::UnitZ();
   }
-  const Rigid3d base_from_camera = base_from_mount * solution.hand_eye.camera_mount_from_camera;
-  std::string text;
+  const Rigid3d base_from_camera =
+      Correct(solution, mount.stated).base_from_mount * solution.hand_eye.camera_mount_from_camera;
+  std::string text = mount.remark;
   for (const Eigen::Vector2d& pixel : asked.pixels) {
     const Outcome<LocatedPoint> located =
-        plane ? LocatePixel(run.result.setup, solution, pixel, *plane, base_from_mount)
-              : LocatePixelOnTarget(run.result.setup, solution, pixel, observations, base_from_mount);
+        plane ? LocatePixel(run.result.setup, solution, pixel, *plane, mount.stated)
+              : LocatePixelOnTarget(run.result.setup, solution, pixel, observations, mount.stated);
     if (!located) {
       return Failure{"pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": " + located.reason()};
     }
@@ -285,11 +336,10 @@ struct TargetDescription {
 };
 
 TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solution, const std::string& image,
-                                 const CaptureDetection& seen, const Rigid3d& base_from_mount,
+                                 const CaptureDetection& seen, const CameraMount& mount,
                                  const std::optional<Rigid3d>& near, const ReachingArm& arm) {
-  const Outcome<std::vector<LocatedTarget>> possible =
-      LocateSymmetricTarget(run.result.setup, solution, ObservationsOf(*run.target, seen.detection),
-                            run.target->Symmetries(), base_from_mount);
+  const Outcome<std::vector<LocatedTarget>> possible = LocateSymmetricTarget(
+      run.result.setup, solution, ObservationsOf(*run.target, seen.detection), run.target->Symmetries(), mount.stated);
   if (!possible) return {"", false, seen.detection.reason.empty() ? possible.reason() : seen.detection.reason};
   for (const LocatedTarget& located : *possible) {
     if (!IsKnown(located.base_from_target.translation, located.covariance)) return {"", false, kNotKnown};
@@ -297,12 +347,21 @@ TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solutio
   const std::string fit = image + ": " + std::to_string(seen.detection.ids.size()) + " of " +
                           std::to_string(run.target->points().size()) + " points, rms " +
                           Significant(possible->front().rms_px, 2) + " px";
+  const auto reach_of = [&](const LocatedTarget& located) {
+    const RobotSummary* robot = run.FindArm();
+    if (robot == nullptr) return std::string();
+    const bool is_corrected = run.result.setup == Setup::kEyeToHand || mount.stated.effect != nullptr;
+    return is_corrected ? ReachText(*robot, solution, located, !FLAGS_robot.empty())
+                        : "  no pose to command: the target was located with a pose that was not corrected\n";
+  };
   const auto describe_chosen = [&](const LocatedTarget& located, const std::string& why) {
     return fit + "\n  base_from_target " + PoseText(located.base_from_target, LargestSigmaMm(located.covariance)) +
-           "\n" + DescribeSigma(located) + why + DescribePostures(arm, located.base_from_target);
+           "\n" + DescribeSigma(located) + mount.remark + why + reach_of(located) +
+           DescribePostures(arm, located.base_from_target);
   };
   if (possible->size() == 1) return {describe_chosen(possible->front(), ""), true, ""};
-  const std::string all = fit + "; " + SymmetryText(*run.target) + "\n" + DescribePossible(*possible, arm);
+  const std::string all =
+      fit + "; " + SymmetryText(*run.target) + "\n" + DescribePossible(*possible, arm) + mount.remark;
   if (!near) return {all, false, ""};
   const std::string angles = std::to_string(possible->size()) + " possible poses, from which its rotation differs by " +
                              AnglesText(*possible, *near);
@@ -327,7 +386,10 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
                      Join(run.pose_reading.format.columns, ",") + ", the robot pose of that image, is needed");
   }
   if (!is_carried && !FLAGS_pose.empty()) throw InputError("--pose: the camera is stationary; leave this flag out");
-  const Rigid3d base_from_mount = is_carried ? PoseAskedFor(run.pose_reading) : Rigid3d();
+  if (!is_carried && !FLAGS_joints.empty()) {
+    throw InputError("--joints: the camera is stationary; leave this flag out");
+  }
+  const CameraMount mount = is_carried ? CameraMountAskedFor(run) : CameraMount();
   const PixelsAsked asked = ReadPixelsAsked(refined->camera);
   const std::optional<Rigid3d> near = NearAskedFor(run);
   std::vector<std::string> undecided;
@@ -341,7 +403,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
                        std::to_string(camera.height_px) + " px");
     }
     if (!FLAGS_pixels.empty()) {
-      const Outcome<std::string> points = DescribePixels(run, *refined->solution, seen, base_from_mount, asked, arm);
+      const Outcome<std::string> points = DescribePixels(run, *refined->solution, seen, mount, asked, arm);
       if (points) {
         std::cout << ForTerminal(arguments[i] + ":\n" + *points);
       } else {
@@ -350,8 +412,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
       }
       continue;
     }
-    const TargetDescription target =
-        DescribeTarget(run, *refined->solution, arguments[i], seen, base_from_mount, near, arm);
+    const TargetDescription target = DescribeTarget(run, *refined->solution, arguments[i], seen, mount, near, arm);
     std::cout << ForTerminal(target.text);
     if (target.is_located) continue;
     all_found = false;

@@ -1,5 +1,5 @@
 // The data that pages hold for the views. It is written by tools/pages/report.cc, tools/pages/summary.cc,
-// tools/pages/comparison.cc and tools/study/study_report.cc. Lengths are in m unless a name says otherwise; a missing
+// tools/pages/arm_section.cc, tools/pages/comparison.cc and tools/study/study_report.cc. Lengths are in m unless a name says otherwise; a missing
 // figure is null.
 
 // A transform b_from_a.
@@ -66,4 +66,14 @@ export interface Correlation {
 export interface Pairs {
   runs: string[];
   pairs: {first: number; second: number; mm: number; deg: number; sigma_mm: number; sigma_deg: number; chance: number}[];
+}
+
+export interface ArmCorrections {
+  panels: {unit: string; names: string[]; values: number[]; sigmas: number[]}[];
+}
+
+export interface ArmMaps {
+  x: [number, number]; // The range of the horizontal axis, mm.
+  // Lengths in mm. Each cell: the x and the vertical coordinate of its middle, the correction and its sigma.
+  maps: {vertical: string; step: number; cells: [number, number, number, number][]; captures: [number, number][]}[];
 }

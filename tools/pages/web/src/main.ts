@@ -8,6 +8,8 @@
 import {dataIn} from './page_data';
 import {prepareCopies} from './copies';
 import {prepareTables} from './tables';
+import {armCorrections} from './views/arm_corrections';
+import {armMap} from './views/arm_map';
 import {captureBars} from './views/capture_bars';
 import {correlation} from './views/correlation';
 import {coverage} from './views/coverage';
@@ -21,6 +23,8 @@ import {residualRadius} from './views/residual_radius';
 import {setUp} from './views/set_up';
 
 const views: Record<string, (figure: HTMLElement, data: any) => void> = {
+  'arm-corrections': armCorrections,
+  'arm-map': armMap,
   'capture-bars': captureBars,
   correlation,
   coverage,

@@ -1,0 +1,39 @@
+// A pose that the robot states, and its error as a function of the effects that captures share.
+#pragma once
+
+#include <memory>
+#include <utility>
+
+#include "heba/data/problem.h"
+#include "heba/data/shared_effects.h"
+#include "heba/data/solution.h"
+
+namespace heba {
+
+// The pose of the gripper as the robot states it; the identity for what is fixed in the base.
+struct StatedPose {
+  Rigid3d base_from_mount;
+  // The error of the pose as a function of all effects of Solution::shared_effects, such as MakeArmEffect's; null if
+  // the pose has none.
+  std::shared_ptr<const PoseEffect> effect = nullptr;
+  Matrix6X gripper_by_joints = Matrix6X(6, 0);  // View::gripper_by_joints; empty if the joints are not known.
+
+  StatedPose() = default;
+  StatedPose(const Rigid3d& stated,  // NOLINT(google-explicit-constructor): most poses have no effect.
+             std::shared_ptr<const PoseEffect> effect_in = nullptr)
+      : base_from_mount(stated), effect(std::move(effect_in)) {}
+};
+
+// Returns the pose of the gripper in a view.
+StatedPose GripperPoseOf(Setup setup, const View& view);
+
+// The true pose according to a solution.
+struct CorrectedPose {
+  Rigid3d base_from_mount;
+  // Derivative of its tangent (m, rad, in the mount's frame) by the unknowns of Solution::covariance: zero except for
+  // the effects that captures share.
+  Matrix6X by_unknowns;
+};
+CorrectedPose Correct(const Solution& solution, const StatedPose& stated);
+
+}  // namespace heba

@@ -1,0 +1,184 @@
+#include "heba/evaluation/arm_uncertainty.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "heba/evaluation/pose_correction.h"
+#include "heba/robot/arm_errors.h"
+
+namespace heba {
+namespace {
+
+// A mean of squares.
+struct SquaredSum {
+  double sum = 0;
+  int num = 0;
+
+  void Add(double square) {
+    sum += square;
+    ++num;
+  }
+  std::optional<double> Root() const { return num > 0 ? std::optional(std::sqrt(sum / num)) : std::nullopt; }
+};
+
+Outcome<std::vector<Eigen::VectorXd>> PosturesAt(const RobotSummary& robot, const Rigid3d& stated) {
+  return PosturesOf(robot.nominal, stated * Inverse(robot.tip_from_gripper));
+}
+
+// Returns the joints at the mean pose of the captures, in their configuration if all are in one.
+std::optional<Eigen::VectorXd> JointsAtMean(const RobotSummary& robot, const Rigid3d& mean) {
+  const Outcome<Eigen::VectorXd> joints = JointsAt(robot, mean);
+  if (joints) return *joints;
+  if (!robot.configuration.empty()) return std::nullopt;
+  const Outcome<std::vector<Eigen::VectorXd>> postures = PosturesAt(robot, mean);
+  return postures ? std::optional(postures->front()) : std::nullopt;
+}
+
+// A slice through the workspace: positions of the gripper on a grid, in the orientation of a mean pose, at which the
+// cell (0, 0) is.
+struct Slice {
+  const RobotSummary& robot;
+  Rigid3d mean;
+  int vertical_axis = 1;
+  double step_m = 0;
+
+  Rigid3d PoseAt(int column, int row) const {
+    Rigid3d pose = mean;
+    pose.translation[0] += column * step_m;
+    pose.translation[vertical_axis] += row * step_m;
+    return pose;
+  }
+};
+
+struct SliceCell {
+  int column = 0;
+  int row = 0;
+  Eigen::VectorXd joints;
+};
+
+// Returns the cells that the arm reaches without leaving the configuration of `start`, the joints at the mean pose. The
+// joints of a cell are found from those of a cell beside it.
+std::vector<SliceCell> Reached(const Slice& slice, const Eigen::VectorXd& start) {
+  const RobotSummary& robot = slice.robot;
+  const std::optional<Configuration> configuration = ConfigurationOf(robot.nominal, start);
+  std::vector<SliceCell> cells = {{0, 0, start}};
+  std::set<std::pair<int, int>> known = {{0, 0}};
+  constexpr size_t kMost = size_t{ArmMap::kMostCells} * ArmMap::kMostCells;
+  for (size_t next = 0; next < cells.size(); ++next) {
+    for (const auto& [right, up] : {std::pair(1, 0), std::pair(-1, 0), std::pair(0, 1), std::pair(0, -1)}) {
+      const SliceCell& from = cells[next];
+      const int column = from.column + right;
+      const int row = from.row + up;
+      if (cells.size() >= kMost || known.contains({column, row})) continue;
+      const Outcome<Eigen::VectorXd> joints =
+          PostureNear(robot.nominal, slice.PoseAt(column, row) * Inverse(robot.tip_from_gripper), from.joints);
+      if (!joints || ConfigurationOf(robot.nominal, *joints) != configuration) continue;
+      known.insert({column, row});
+      cells.push_back({column, row, *joints});
+    }
+  }
+  return cells;
+}
+
+}  // namespace
+
+StatedPose WithArmErrors(const RobotSummary& robot, const Rigid3d& stated, const Eigen::VectorXd& joints) {
+  StatedPose pose(stated, MakeArmEffect(robot.nominal, joints, robot.tip_from_gripper));
+  pose.gripper_by_joints = GripperByJoints(robot.nominal, joints, robot.tip_from_gripper);
+  return pose;
+}
+
+Outcome<StatedPose> WithArmErrors(const RobotSummary& robot, const Rigid3d& stated) {
+  const Outcome<Eigen::VectorXd> joints = JointsAt(robot, stated);
+  if (!joints) return Failure{joints.reason()};
+  return WithArmErrors(robot, stated, *joints);
+}
+
+Eigen::Matrix3d GripperCovariance(Setup setup, const Solution& solution, const StatedPose& stated) {
+  const CorrectedPose gripper = Correct(solution, stated);
+  const bool is_camera_fixed = setup == Setup::kEyeToHand;
+  const Rigid3d& fixed =
+      is_camera_fixed ? solution.hand_eye.camera_mount_from_camera : solution.hand_eye.target_mount_from_target;
+  const UnknownBlock block = solution.covariance.layout.Block(is_camera_fixed ? kHandEyeBlock : kBoardBlock);
+  Eigen::MatrixXd by_unknowns = gripper.base_from_mount.RotationMatrix() * gripper.by_unknowns.topRows<3>();
+  if (block.size == 6) {
+    const Eigen::Vector3d in_fixed = Inverse(fixed) * gripper.base_from_mount.translation;
+    by_unknowns.middleCols<6>(block.first) -= fixed.RotationMatrix() * PointByMotion(in_fixed);
+  }
+  return by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
+}
+
+double SigmaM(const Eigen::Matrix3d& covariance_m2) { return std::sqrt(covariance_m2.trace() / 3); }
+
+std::optional<ConfigurationSigmas> SigmasByConfiguration(Setup setup, const Solution& solution,
+                                                         const RobotSummary& robot,
+                                                         const std::vector<Rigid3d>& base_from_gripper) {
+  if (robot.configuration.empty()) return std::nullopt;
+  // The search for postures takes some milliseconds per pose.
+  constexpr size_t kMostPoses = 12;
+  const size_t step = (base_from_gripper.size() + kMostPoses - 1) / kMostPoses;
+  SquaredSum captured;
+  SquaredSum others;
+  std::array<SquaredSum, 3> flipped;
+  for (size_t i = 0; i < base_from_gripper.size(); i += step) {
+    const Rigid3d& stated = base_from_gripper[i];
+    const Outcome<Eigen::VectorXd> joints = JointsAt(robot, stated);
+    const Outcome<std::vector<Eigen::VectorXd>> postures = PosturesAt(robot, stated);
+    if (!joints || !postures) continue;
+    const Configuration common = *ConfigurationOf(robot.nominal, *joints);
+    for (const Eigen::VectorXd& posture : *postures) {
+      const std::optional<Configuration> configuration = ConfigurationOf(robot.nominal, posture);
+      if (!configuration) continue;
+      const double variance_m2 =
+          std::pow(SigmaM(GripperCovariance(setup, solution, WithArmErrors(robot, stated, posture))), 2);
+      std::vector<size_t> flips;
+      for (size_t k = 0; k < 3; ++k) {
+        if ((*configuration)[k] != common[k]) flips.push_back(k);
+      }
+      (flips.empty() ? captured : others).Add(variance_m2);
+      if (flips.size() == 1) flipped[flips.front()].Add(variance_m2);
+    }
+  }
+  if (!captured.Root()) return std::nullopt;
+  ConfigurationSigmas sigmas{*captured.Root(), {}, others.Root()};
+  for (size_t k = 0; k < 3; ++k) sigmas.flipped_m[k] = flipped[k].Root();
+  return sigmas;
+}
+
+std::optional<ArmMap> MapArm(Setup setup, const Solution& solution, const RobotSummary& robot,
+                             const std::vector<Rigid3d>& base_from_gripper, int vertical_axis) {
+  if (base_from_gripper.empty()) return std::nullopt;
+  const Rigid3d mean = MeanPose(base_from_gripper);
+  const std::optional<Eigen::VectorXd> start = JointsAtMean(robot, mean);
+  if (!start) return std::nullopt;
+  // No position is farther from the base than the links are long.
+  double reach_m = robot.tip_from_gripper.translation.norm() + robot.nominal.base_from_first.translation.norm();
+  for (const ArmJoint& joint : robot.nominal.joints) reach_m += std::hypot(joint.a_m, joint.d_m);
+  // The extent of the positions in reach, from wide cells, determines the size of the map's.
+  const Slice wide{robot, mean, vertical_axis, 2 * reach_m / ArmMap::kMostCells};
+  int extent = 1;
+  const std::vector<SliceCell> reached = Reached(wide, *start);
+  for (const SliceCell& a : reached) {
+    for (const SliceCell& b : reached) extent = std::max({extent, a.column - b.column + 1, a.row - b.row + 1});
+  }
+  // The map may continue by less than a wide cell at both sides.
+  const Slice slice{robot, mean, vertical_axis, wide.step_m * (extent + 2) / ArmMap::kMostCells};
+  ArmMap map;
+  map.vertical_axis = vertical_axis;
+  map.mean_m = mean.translation;
+  map.step_m = slice.step_m;
+  const std::optional<Configuration> configuration = ConfigurationOf(robot.nominal, *start);
+  if (configuration) map.configuration = NameOf(*configuration);
+  for (const Rigid3d& pose : base_from_gripper) map.captures_m.push_back(pose.translation);
+  for (const SliceCell& cell : Reached(slice, *start)) {
+    const Rigid3d stated = slice.PoseAt(cell.column, cell.row);
+    const StatedPose with_errors = WithArmErrors(robot, stated, cell.joints);
+    const double correction_m = DistanceM(Correct(solution, with_errors).base_from_mount, stated);
+    map.cells.push_back({stated.translation, correction_m, SigmaM(GripperCovariance(setup, solution, with_errors))});
+  }
+  return map;
+}
+
+}  // namespace heba

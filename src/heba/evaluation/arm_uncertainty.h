@@ -1,0 +1,66 @@
+// How well the estimated kinematics of an arm are known, at the captures and away from them.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heba/data/stated_pose.h"
+#include "heba/evaluation/evaluation.h"
+#include "heba/robot/arm_postures.h"
+
+namespace heba {
+
+// Returns a pose of the gripper that the controller states (base_from_gripper) with the effect of the arm's errors at
+// these joints (rad or m).
+StatedPose WithArmErrors(const RobotSummary& robot, const Rigid3d& stated, const Eigen::VectorXd& joints);
+// Likewise with the joints of the configuration of the captures. Returns a Failure as TruePose does
+// (heba/evaluation/pose_correction.h).
+Outcome<StatedPose> WithArmErrors(const RobotSummary& robot, const Rigid3d& stated);
+
+// Returns the covariance of the gripper's position relative to what is fixed in the base, the camera or the target of
+// the captures, along the base's axes, m^2: by the calibration, that is by the errors of the arm and of the pose of
+// what is fixed.
+Eigen::Matrix3d GripperCovariance(Setup setup, const Solution& solution, const StatedPose& stated);
+// Returns one sigma of a coordinate, root mean square over the three.
+double SigmaM(const Eigen::Matrix3d& covariance_m2);
+
+// The names of the signs of a Configuration.
+inline constexpr std::array<const char*, 3> kFlipNames = {"shoulder", "elbow", "wrist"};
+
+// Sigmas of the gripper's position (GripperCovariance), root mean square over poses of captures.
+struct ConfigurationSigmas {
+  double captured_m = 0;  // In the configuration of the captures.
+  // With only the shoulder, the elbow or the wrist flipped; nothing if the arm reaches no pose with it.
+  std::array<std::optional<double>, 3> flipped_m;
+  std::optional<double> others_m;  // In all other configurations.
+};
+// Returns nothing if the captures are in several configurations or if theirs has no name.
+std::optional<ConfigurationSigmas> SigmasByConfiguration(Setup setup, const Solution& solution,
+                                                         const RobotSummary& robot,
+                                                         const std::vector<Rigid3d>& base_from_gripper);
+
+// The correction of the arm and its uncertainty on a grid of positions of the gripper, in the mean orientation of the
+// captures and in one configuration.
+struct ArmMap {
+  static constexpr int kMostCells = 20;  // Along either axis.
+  struct Cell {
+    Eigen::Vector3d middle_m = Eigen::Vector3d::Zero();
+    double correction_m = 0;  // Distance between the stated and the true position.
+    double sigma_m = 0;       // GripperCovariance.
+  };
+  int vertical_axis = 1;                             // The axis of the rows: 1 for the base's y, 2 for its z.
+  Eigen::Vector3d mean_m = Eigen::Vector3d::Zero();  // The slice is through this position.
+  double step_m = 0;                                 // Size of a cell.
+  std::vector<Cell> cells;                           // The cells in reach.
+  std::string configuration;                         // Empty if it has no name.
+  std::vector<Eigen::Vector3d> captures_m;           // The positions of the gripper in the captures.
+};
+// Returns the map of the base's x and `vertical_axis`, through the mean position of the captures, with at most
+// kMostCells x kMostCells cells; nothing if the arm does not reach the mean pose, or a pose does not determine its
+// joints.
+std::optional<ArmMap> MapArm(Setup setup, const Solution& solution, const RobotSummary& robot,
+                             const std::vector<Rigid3d>& base_from_gripper, int vertical_axis);
+
+}  // namespace heba

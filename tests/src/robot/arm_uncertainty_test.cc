@@ -1,0 +1,118 @@
+#include "heba/evaluation/arm_uncertainty.h"
+
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "heba/base/units.h"
+#include "heba/robot/arm_errors.h"
+#include "heba/robot/arm_table.h"
+#include "heba/simulation/arm_captures.h"
+
+namespace heba {
+namespace {
+
+constexpr double kErrorRad = 1e-3;
+constexpr double kSigmaRad = 2e-4;
+
+// A UR5e of which only the offset of one joint has an error.
+struct OneError {
+  RobotSummary robot;
+  Solution solution;
+  std::vector<Rigid3d> base_from_gripper;
+};
+
+OneError MakeOneError(int joint) {
+  OneError made;
+  made.robot.nominal = *FindArm("ur5e");
+  made.robot.is_estimated = true;
+  SharedEffects shared;
+  shared.num_all = made.robot.nominal.num_params();
+  shared.groups = {{"offsets", "rad", kSigmaRad}};
+  const int place = ArmParamPlace(joint, ArmParam::kTheta);
+  shared.effects = {{ArmParamName(place), place, 0}};
+  made.solution.covariance.layout.AddEffects(kRobotBlock, "the arm's", shared.Names());
+  made.solution.covariance.matrix = Eigen::MatrixXd::Constant(1, 1, kSigmaRad * kSigmaRad);
+  made.solution.effects = Eigen::VectorXd::Constant(1, kErrorRad);
+  made.solution.shared_effects = std::make_shared<const SharedEffects>(std::move(shared));
+  Eigen::VectorXd joints(6);
+  joints << 0.3, -1.2, 1.4, -1.1, -1.3, 0.5;
+  made.robot.configuration = NameOf(*ConfigurationOf(made.robot.nominal, joints));
+  for (const double swing_rad : {-0.2, 0.0, 0.2}) {
+    Eigen::VectorXd swung = joints;
+    swung[0] += swing_rad;
+    made.base_from_gripper.push_back(BaseFromTip(made.robot.nominal, swung));
+  }
+  return made;
+}
+
+// An offset of the first joint moves the gripper on a circle about the base's z axis.
+TEST(ArmUncertaintyTest, MapOfTheFirstJointsOffsetGrowsWithTheDistanceFromItsAxis) {
+  const OneError one = MakeOneError(0);
+  for (const int vertical_axis : {1, 2}) {
+    const std::optional<ArmMap> map =
+        MapArm(Setup::kEyeInHand, one.solution, one.robot, one.base_from_gripper, vertical_axis);
+    ASSERT_TRUE(map.has_value());
+    EXPECT_EQ(map->configuration, one.robot.configuration);
+    EXPECT_GT(map->cells.size(), 100U);
+    EXPECT_LE(map->cells.size(), 400U);
+    for (const ArmMap::Cell& cell : map->cells) {
+      const double radius_m = cell.middle_m.head<2>().norm();
+      EXPECT_LT(cell.middle_m.norm(), 1.2);  // The arm reaches 0.95 m from its shoulder.
+      EXPECT_NEAR(cell.correction_m, 2 * std::sin(kErrorRad / 2) * radius_m, 1e-9);
+      EXPECT_NEAR(cell.sigma_m, kSigmaRad * radius_m / std::sqrt(3.0), 1e-9);
+    }
+  }
+}
+
+// The flips of elbow and wrist leave the axis of the second joint where it is, that of the shoulder moves it.
+TEST(ArmUncertaintyTest, FlipsThatLeaveTheWrongAxisKeepTheSigma) {
+  const OneError one = MakeOneError(1);
+  const std::optional<ConfigurationSigmas> sigmas =
+      SigmasByConfiguration(Setup::kEyeInHand, one.solution, one.robot, one.base_from_gripper);
+  ASSERT_TRUE(sigmas.has_value());
+  const auto relative = [&](size_t flip) { return sigmas->flipped_m[flip].value_or(-1) / sigmas->captured_m; };
+  constexpr double kExact = 1e-6;
+  EXPECT_NEAR(relative(1), 1, kExact);
+  EXPECT_NEAR(relative(2), 1, kExact);
+  EXPECT_GT(std::abs(relative(0) - 1), 1e-3);
+  EXPECT_GT(relative(0), 0);
+}
+
+TEST(ArmUncertaintyTest, SeveralConfigurationsHaveNoFlippedOne) {
+  OneError one = MakeOneError(2);
+  one.robot.configuration = "";
+  EXPECT_FALSE(SigmasByConfiguration(Setup::kEyeInHand, one.solution, one.robot, one.base_from_gripper).has_value());
+}
+
+// The gripper's position relative to a target does not depend on an error that moves both alike.
+TEST(ArmUncertaintyTest, CommonErrorsOfGripperAndTargetCancel) {
+  OneError one = MakeOneError(0);
+  Solution& solution = one.solution;
+  solution.hand_eye.target_mount_from_target = Rigid3d(ExpRotation({0.1, 2, -0.3}), {0.4, -0.2, 0.1});
+  UnknownLayout layout;
+  layout.AddPose(kBoardBlock, "the board", "the target's");
+  layout.AddEffects(kRobotBlock, "the arm's", solution.shared_effects->Names());
+  solution.covariance.layout = layout;
+  // The target turns about the base's z axis, in its own frame, with the offset.
+  Eigen::VectorXd by_offset(7);
+  Tangent6 about_z = Tangent6::Zero();
+  about_z[5] = 1;
+  by_offset.head<6>() = Adjoint(Inverse(solution.hand_eye.target_mount_from_target)) * about_z;
+  by_offset[6] = 1;
+  solution.covariance.matrix = kSigmaRad * kSigmaRad * by_offset * by_offset.transpose();
+  const Outcome<StatedPose> stated = WithArmErrors(one.robot, one.base_from_gripper.front());
+  ASSERT_TRUE(stated.ok()) << stated.reason();
+  EXPECT_LT(SigmaM(GripperCovariance(Setup::kEyeInHand, solution, *stated)), 1e-9);
+  // A covariance without the correlation does not cancel.
+  solution.covariance.matrix.topRightCorner<6, 1>().setZero();
+  solution.covariance.matrix.bottomLeftCorner<1, 6>().setZero();
+  EXPECT_GT(SigmaM(GripperCovariance(Setup::kEyeInHand, solution, *stated)), 1e-5);
+}
+
+}  // namespace
+}  // namespace heba

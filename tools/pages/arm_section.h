@@ -1,0 +1,16 @@
+// The section of the report on the estimated kinematics of the arm.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "heba/evaluation/evaluation.h"
+#include "tools/pages/report.h"
+
+namespace heba {
+
+// Returns the markup of the section: the estimated parameters, and maps of the correction and of its uncertainty; empty
+// if the run has not estimated the errors of an arm.
+std::string ArmSection(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures);
+
+}  // namespace heba
