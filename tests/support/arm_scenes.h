@@ -36,6 +36,7 @@ struct ArmScene {
   Eigen::VectorXd errors;  // One per parameter.
   Rigid3d tip_from_gripper;
   std::vector<Eigen::VectorXd> joints;
+  Rigid3d tip_from_gripper;
   TestScene scene;  // The views hold the poses that the controller reports, and the effects of the errors.
 };
 
@@ -60,6 +61,7 @@ inline ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options = {})
       SimulateArmCaptures(options.setup, scene.camera, options.points, false, made.nominal, motion, &rng);
   CHECK(captures.ok()) << captures.reason();
   scene.hand_eye = captures->hand_eye;
+  made.tip_from_gripper = motion.tip_from_gripper;
   made.joints = captures->joints;
   const Arm actual = WithChanges(made.nominal, made.errors);
   const auto mount_of = [&](const Arm& arm, const Eigen::VectorXd& joints) {

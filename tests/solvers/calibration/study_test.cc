@@ -9,6 +9,7 @@
 #include <Eigen/LU>
 
 #include "heba/base/units.h"
+#include "tests/support/arm_scenes.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -125,6 +126,92 @@ TEST(StudyIntrinsicsTest, ErrorsCoverTheParametersThatEachMethodEstimates) {
     EXPECT_TRUE(estimate.ok) << estimate.method;
     EXPECT_EQ(estimate.error.size(), estimate.method == "bundle" ? 14 : 12) << estimate.method;
   }
+}
+
+// A cell whose robot is an arm with errors: the captures of one configuration, and places in it and in the flipped
+// wrist.
+StudyCell MakeArmCell(double share_of_errors) {
+  ArmSceneOptions options;
+  options.has_several_configurations = false;
+  options.num_captures = 30;
+  options.offset_rad = options.length_m = options.angle_rad = options.joint_noise_rad = 0;
+  const ArmScene scene = MakeArmScene(3, options);
+  StudyCell cell;
+  cell.camera = scene.scene.camera;
+  cell.hand_eye = scene.scene.hand_eye;
+  cell.target = scene.scene.views.front().observations;
+  cell.pixel_sigma_px = 0.1;
+  cell.options.setup = Setup::kEyeToHand;
+  cell.options.camera = cell.camera;
+  cell.options.bundle.free_intrinsics = {};
+  cell.options.methods = {"shah"};
+  cell.options.choose.target_shape = false;
+  SharedEffects errors = ArmErrors(scene.nominal, ArmErrorModel::kGeometry);
+  errors.groups[0].sigma = share_of_errors * DegToRad(0.05);
+  errors.groups[1].sigma = share_of_errors * 0.3e-3;
+  errors.groups[2].sigma = share_of_errors * DegToRad(0.03);
+  StudyRobot robot;
+  for (size_t i = 0; i < scene.scene.views.size(); ++i) {
+    const View& view = scene.scene.views[i];
+    const bool is_capture = i < 20;
+    if (is_capture) {
+      cell.poses.push_back({CaptureRole::kNone, CameraFromTarget(cell.hand_eye, view.camera_mount_from_target_mount)});
+      robot.effects.push_back(view.effect);
+      robot.gripper_by_joints.push_back(view.gripper_by_joints);
+      continue;
+    }
+    robot.places.push_back({view.camera_mount_from_target_mount, view.effect, view.gripper_by_joints, true});
+    // The wrist is flipped.
+    Eigen::VectorXd flipped = scene.joints[i];
+    flipped[3] += kPi;
+    flipped[4] = -flipped[4];
+    flipped[5] += kPi;
+    const Rigid3d mount = BaseFromGripper(scene.nominal, flipped, scene.tip_from_gripper);
+    EXPECT_LT(DistanceM(mount, view.camera_mount_from_target_mount), 1e-9);
+    robot.places.push_back({mount, MakeArmEffect(scene.nominal, flipped, scene.tip_from_gripper),
+                            GripperByJoints(scene.nominal, flipped, scene.tip_from_gripper), false});
+  }
+  for (const ArmErrorModel model : {ArmErrorModel::kOffsets, ArmErrorModel::kGeometry}) {
+    cell.options.choose.effects.push_back(std::make_shared<const SharedEffects>(ArmErrors(scene.nominal, model)));
+  }
+  robot.errors = std::make_shared<const SharedEffects>(std::move(errors));
+  cell.robot = std::move(robot);
+  return cell;
+}
+
+MethodSummary BundleOf(const StudyCell& cell, int num_trials) {
+  std::vector<std::vector<TrialEstimate>> trials;
+  for (int trial = 0; trial < num_trials; ++trial) trials.push_back(RunTrial(cell, 1, trial));
+  return Summarise(cell, trials).back();
+}
+
+// The predictions reach the bound, which is larger in a configuration without captures, and their regions hold the
+// truth.
+TEST(StudyArmTest, PredictionsReachTheBoundInsideAndOutside) {
+  const StudyCell cell = MakeArmCell(1);
+  const Outcome<StudyErrors> bound = ErrorBound(cell);
+  ASSERT_TRUE(bound.ok()) << bound.reason();
+  ASSERT_TRUE(bound->inside_m && bound->outside_m);
+  EXPECT_GT(*bound->outside_m, 1.5 * *bound->inside_m);
+  const MethodSummary bundle = BundleOf(cell, 30);
+  EXPECT_EQ(bundle.method, "bundle");
+  EXPECT_EQ(bundle.estimated_effects, 1.0);
+  EXPECT_EQ(bundle.right_model, 1.0);
+  // The errors of a trial are common to all places: 30 trials know their size to about 10 %.
+  EXPECT_LT(*bundle.rms.inside_m, 1.3 * *bound->inside_m);
+  EXPECT_LT(*bundle.rms.outside_m, 1.3 * *bound->outside_m);
+  EXPECT_GT(*bundle.rms.inside_m, 0.7 * *bound->inside_m);
+  EXPECT_GT(*bundle.coverage_inside, 0.88);
+  EXPECT_GT(*bundle.coverage_outside, 0.88);
+}
+
+TEST(StudyArmTest, ExactArmIsLeftAlone) {
+  const StudyCell cell = MakeArmCell(0);
+  const Outcome<StudyErrors> bound = ErrorBound(cell);
+  ASSERT_TRUE(bound.ok()) << bound.reason();
+  const MethodSummary bundle = BundleOf(cell, 20);
+  EXPECT_LE(*bundle.estimated_effects, 0.1);
+  EXPECT_LT(bundle.rms.hand_eye_m, 1.3 * bound->hand_eye_m);
 }
 
 }  // namespace

@@ -50,6 +50,29 @@ TEST_F(RunConfigTest, GravityNeedsTheMassesOfTheLinks) {
   EXPECT_THAT(ErrorOf(with("ur5e", "[offsets, gravity]")), HasSubstr("gravity needs geometry beside it"));
 }
 
+TEST_F(RunConfigTest, RobotNoiseNamesItsModel) {
+  const std::string cell = kCell;
+  const auto with = [&](const std::string& noise, const std::string& robot = "") {
+    Write("noise.yaml", cell + robot + "refine: {robot_noise: " + noise + "}\n");
+    return Read("noise.yaml").options;
+  };
+  EXPECT_EQ(with("auto").smooth, SmoothPoseErrors::kAuto);
+  EXPECT_TRUE(with("white").choose.robot_noise);
+  EXPECT_EQ(with("white").smooth, SmoothPoseErrors::kNone);
+  EXPECT_EQ(with("none").smooth, SmoothPoseErrors::kNone);
+  EXPECT_EQ(with("{rotation: 0.02 deg, translation: 0.1 mm}").smooth, SmoothPoseErrors::kNone);
+  const RunOptions smooth = with("smooth");
+  EXPECT_EQ(smooth.smooth, SmoothPoseErrors::kAlways);
+  EXPECT_FALSE(smooth.choose.robot_noise);
+  EXPECT_EQ(smooth.bundle.robot, BundleOptions::Robot::kEstimatedNoise);
+  const RunOptions joints = with("{joints: auto}", "robot: {model: ur5e}\n");
+  EXPECT_TRUE(joints.joint_noise);
+  EXPECT_EQ(joints.bundle.robot, BundleOptions::Robot::kEstimatedNoise);
+  EXPECT_THAT(ErrorOf(cell + "refine: {robot_noise: {joints: auto}}\n"),
+              HasSubstr("wrong.yaml:4: refine.robot_noise: the noise of joints needs an arm (robot.model)"));
+  EXPECT_THAT(ErrorOf(cell + "refine: {robot_noise: smoth}\n"), HasSubstr("smooth"));
+}
+
 TEST_F(RunConfigTest, ReadsThePayload) {
   const std::string cell = kCell;
   Write("payload.yaml", cell + "robot: {model: ur5e, payload: {mass: 1.2 kg, centre: [0 mm, 10 mm, 80 mm]}}\n");
