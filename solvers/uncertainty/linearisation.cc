@@ -25,6 +25,7 @@ LinearisedView Condensed(const LinearisedView& view) {
   const Eigen::MatrixXd factor = qr.matrixQR().topRows(rows + 1).triangularView<Eigen::Upper>();
   LinearisedView condensed;
   condensed.by_effects = factor.topLeftCorner(rows, num_effects);
+  condensed.num_combined_effects = view.num_combined_effects;
   condensed.by_unknowns = factor.block(0, num_effects, rows, n);
   condensed.offset = factor.col(rows).head(rows);
   condensed.num_rows_without_effects = n;
@@ -45,6 +46,7 @@ LinearisedView Stack(const std::vector<LinearisedView>& views, const std::vector
   }
   stacked.by_unknowns.resize(num_rows, views[group.front()].by_unknowns.cols());
   stacked.by_effects.resize(num_rows, views[group.front()].by_effects.cols());
+  stacked.num_combined_effects = views[group.front()].num_combined_effects;
   stacked.offset.resize(num_rows);
   // Rows that depend on the effects come before those that do not.
   Eigen::Index dependent = 0;
@@ -115,6 +117,7 @@ class ViewLinearisation {
     const auto by_pose = reduction.factor.topLeftCorner(num_moved, 6);
     linear.by_unknowns.setZero(rows, problem_.layout.size());
     linear.by_effects.setZero(rows, num_effects);
+    linear.num_combined_effects = num_effects - 6 * static_cast<Eigen::Index>(own.size());
     linear.offset = reduction.factor.col(columns).head(rows);
     for (size_t k = 0; k < view.loop.shared().size(); ++k) {
       const Eigen::Index first = poses_[static_cast<size_t>(view.loop.shared()[k])].first;

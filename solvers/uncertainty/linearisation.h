@@ -22,6 +22,8 @@ struct LinearisedView {
   // Derivatives by the tangents xi of the capture's own poses (m, rad), six columns each, and then by the random
   // effects along OwnPose::directions.
   Eigen::MatrixXd by_effects;
+  // Number of columns at the end of by_effects that are combinations of those before them.
+  Eigen::Index num_combined_effects = 0;
   Eigen::VectorXd offset;
   // Number of rows at the end that do not depend on the effects.
   Eigen::Index num_rows_without_effects = 0;

@@ -89,8 +89,9 @@ class RestrictedLikelihood {
   virtual std::optional<InformationAndDerivatives> InformationAt(const Eigen::VectorXd& variances) const = 0;
 };
 
-// kRows: the number of effects of a capture, if it is known at compile time.
-template <int kRows>
+// kRows: the number of rows of a capture that depend on its effects, which is the number of effects without
+// combinations of others. kEffects: the number of effects. Both may be known at compile time.
+template <int kRows, int kEffects>
 class LikelihoodOfRows final : public RestrictedLikelihood {
  public:
   LikelihoodOfRows(const std::vector<LinearisedView>& views, const std::vector<VarianceGroup>& groups)
@@ -98,7 +99,7 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
         num_unknowns_(views.front().by_unknowns.cols()),
         effects_(groups),
         shared_(groups),
-        num_rows_(effects_.size()) {
+        num_rows_(std::min(effects_.size(), views.front().by_effects.cols() - views.front().num_combined_effects)) {
     independent_.setZero(num_unknowns_ + 1, num_unknowns_ + 1);
     for (const LinearisedView& view : views) Add(view);
   }
@@ -108,14 +109,17 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
 
  private:
   using Square = Eigen::Matrix<double, kRows, kRows>;
+  using ByEffects = Eigen::Matrix<double, kRows, kEffects>;
+  using EffectSquare = Eigen::Matrix<double, kEffects, kEffects>;
+  using EffectVector = Eigen::Matrix<double, kEffects, 1>;
   using Rows = Eigen::Matrix<double, kRows, Eigen::Dynamic>;
   using Vector = Eigen::Matrix<double, kRows, 1>;
 
-  // The rows of a capture that depend on its effects, rotated such that there are as many as effects; padded with zeros
-  // if there are fewer.
+  // The rows of a capture that depend on its effects, rotated such that there are num_rows_; padded with zeros if there
+  // are fewer.
   struct DependentRows {
     Rows rows;  // by_unknowns, and the offset as the last column.
-    Square by_effects;
+    ByEffects by_effects;
   };
 
   // Whitens the captures' rows with their covariance S = p I + sum of v_k A_k A_k^T, where A_k are the columns of
@@ -124,14 +128,14 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
    public:
     Whitening(const LikelihoodOfRows& of, const Eigen::VectorXd& variances) : num_columns_(of.num_unknowns_ + 1) {
       StackedRows stacked(static_cast<int>(num_columns_));
-      Vector sigmas(of.num_rows_);
+      EffectVector sigmas(of.effects_.size());
       for (const EffectColumns::Range& range : of.effects_.ranges) {
         sigmas.segment(range.first, range.size).setConstant(std::sqrt(variances[range.group]));
       }
       inverses_.reserve(of.dependent_.size());
       weighted_.resize(of.num_rows_, num_columns_ * static_cast<Eigen::Index>(of.dependent_.size()));
       for (const DependentRows& capture : of.dependent_) {
-        const Square by_sigma = capture.by_effects * sigmas.asDiagonal();
+        const ByEffects by_sigma = capture.by_effects * sigmas.asDiagonal();
         Square covariance = by_sigma * by_sigma.transpose();
         covariance.diagonal().array() += variances[0];
         const Eigen::LLT<Square> root(covariance);
@@ -182,7 +186,7 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
       const Eigen::MatrixXd by_effects = view.by_effects(Eigen::all, effects_.order);
       DependentRows& capture = dependent_.emplace_back();
       capture.rows.setZero(num_rows_, n + 1);
-      capture.by_effects.setZero(num_rows_, num_rows_);
+      capture.by_effects.setZero(num_rows_, effects_.size());
       if (num_rows - view.num_rows_without_effects <= num_rows_) {
         capture.by_effects.topRows(num_dependent) = by_effects.topRows(num_dependent);
       } else {
@@ -247,8 +251,8 @@ class LikelihoodOfRows final : public RestrictedLikelihood {
 // one, the covariance of all rows is S + J D J^T. Its projection P = S^-1 - S^-1 J C J^T S^-1, where C is the inverse
 // of J^T S^-1 J + D^-1 (no row for a prior that does not exist, and the limit for a variance of zero), gives
 // likelihood, scores and Fisher information of every variance (Harville 1977, equations 3.3 to 3.6).
-template <int kRows>
-Likelihood LikelihoodOfRows<kRows>::At(const Eigen::VectorXd& variances) const {
+template <int kRows, int kEffects>
+Likelihood LikelihoodOfRows<kRows, kEffects>::At(const Eigen::VectorXd& variances) const {
   const Eigen::Index n = num_unknowns_;
   const double p = variances[0];
   const auto independent = independent_.topLeftCorner(n, n);
@@ -303,12 +307,12 @@ Likelihood LikelihoodOfRows<kRows>::At(const Eigen::VectorXd& variances) const {
     squares += residual.dot(weighted);
     by_covariance = by_unknowns.lazyProduct(covariance);
     const Square seen = by_covariance.lazyProduct(by_unknowns.transpose());
-    const Square& g = capture.by_effects;
-    const Square inverse_g = inverse * g;
-    const Square seen_g = seen * g;
-    const Square g_inverse_g = g.transpose() * inverse_g;
-    const Square g_seen_g = g.transpose() * seen_g;
-    const Vector g_weighted = g.transpose() * weighted;
+    const ByEffects& g = capture.by_effects;
+    const ByEffects inverse_g = inverse * g;
+    const ByEffects seen_g = seen * g;
+    const EffectSquare g_inverse_g = g.transpose() * inverse_g;
+    const EffectSquare g_seen_g = g.transpose() * seen_g;
+    const EffectVector g_weighted = g.transpose() * weighted;
     result.gradient[0] += 0.5 * (weighted.squaredNorm() - inverse.trace() + seen.trace());
     result.fisher(0, 0) += fisher_of(inverse, seen);
     for (const EffectColumns::Range& a : effects_.ranges) {
@@ -349,11 +353,12 @@ Likelihood LikelihoodOfRows<kRows>::At(const Eigen::VectorXd& variances) const {
   return result;
 }
 
-template <int kRows>
-void LikelihoodOfRows<kRows>::AddScoresOfUnknowns(const Eigen::MatrixXd& products, const Eigen::MatrixXd& covariance,
-                                                  const Eigen::VectorXd& step,
-                                                  const std::vector<Eigen::MatrixXd>& derivatives,
-                                                  Likelihood* likelihood) const {
+template <int kRows, int kEffects>
+void LikelihoodOfRows<kRows, kEffects>::AddScoresOfUnknowns(const Eigen::MatrixXd& products,
+                                                            const Eigen::MatrixXd& covariance,
+                                                            const Eigen::VectorXd& step,
+                                                            const std::vector<Eigen::MatrixXd>& derivatives,
+                                                            Likelihood* likelihood) const {
   const Eigen::Index n = num_unknowns_;
   // J_g^T P y and J_g^T P J_h for the unknowns with a variance; J_g^T P V_k P J_g for the other groups.
   const Eigen::MatrixXd by_shared = products.topLeftCorner(n, n)(Eigen::all, shared_.columns);
@@ -380,8 +385,8 @@ void LikelihoodOfRows<kRows>::AddScoresOfUnknowns(const Eigen::MatrixXd& product
   }
 }
 
-template <int kRows>
-std::optional<InformationAndDerivatives> LikelihoodOfRows<kRows>::InformationAt(
+template <int kRows, int kEffects>
+std::optional<InformationAndDerivatives> LikelihoodOfRows<kRows, kEffects>::InformationAt(
     const Eigen::VectorXd& variances) const {
   const Eigen::Index n = num_unknowns_;
   const Whitening whitening(*this, variances);
@@ -417,8 +422,14 @@ std::unique_ptr<RestrictedLikelihood> MakeLikelihood(const std::vector<Linearise
   CHECK(!views.empty());
   CHECK(!groups.empty() && groups.front().kind == Kind::kPixels);
   constexpr int kOnePose = 6;
-  if (EffectColumns(groups).size() == kOnePose) return std::make_unique<LikelihoodOfRows<kOnePose>>(views, groups);
-  return std::make_unique<LikelihoodOfRows<Eigen::Dynamic>>(views, groups);
+  const Eigen::Index num_effects = EffectColumns(groups).size();
+  const bool has_one_pose =
+      views.front().by_effects.cols() - views.front().num_combined_effects == kOnePose && num_effects >= kOnePose;
+  if (has_one_pose && num_effects == kOnePose) {
+    return std::make_unique<LikelihoodOfRows<kOnePose, kOnePose>>(views, groups);
+  }
+  if (has_one_pose) return std::make_unique<LikelihoodOfRows<kOnePose, Eigen::Dynamic>>(views, groups);
+  return std::make_unique<LikelihoodOfRows<Eigen::Dynamic, Eigen::Dynamic>>(views, groups);
 }
 
 // Adds the log-normal densities of the square roots of the variances, expressed in the logarithm of the variance.

@@ -36,7 +36,6 @@ struct ArmScene {
   Eigen::VectorXd errors;  // One per parameter.
   Rigid3d tip_from_gripper;
   std::vector<Eigen::VectorXd> joints;
-  Rigid3d tip_from_gripper;
   TestScene scene;  // The views hold the poses that the controller reports, and the effects of the errors.
 };
 
@@ -56,7 +55,6 @@ inline ArmScene MakeArmScene(uint64_t seed, const ArmSceneOptions& options = {})
   motion.has_several_configurations = options.has_several_configurations;
   motion.tip_from_gripper = Rigid3d(ExpRotation(rng.Direction3()), 0.1 * rng.Direction3());
   if (options.tip_from_gripper) motion.tip_from_gripper = *options.tip_from_gripper;
-  made.tip_from_gripper = motion.tip_from_gripper;
   const Outcome<ArmCaptures> captures =
       SimulateArmCaptures(options.setup, scene.camera, options.points, false, made.nominal, motion, &rng);
   CHECK(captures.ok()) << captures.reason();

@@ -52,6 +52,7 @@ BenchScene WithArmEffects(BenchScene scene) {
     Eigen::VectorXd joints(arm.num_joints());
     for (double& joint : joints) joint = rng.Uniform(-kPi, kPi);
     view.effect = MakeArmEffect(arm, joints, {});
+    view.gripper_by_joints = GripperByJoints(arm, joints, {});
   }
   return scene;
 }

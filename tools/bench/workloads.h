@@ -23,7 +23,8 @@ struct BenchScene {
 // Makes a scene with a board of points_a_side^2 points in front of a camera beside the robot.
 BenchScene MakeBenchScene(int num_captures, int points_a_side, bool has_robot_noise = false);
 
-// Returns the scene with the errors of an arm of six joints as effects of every view. They are zero in truth.
+// Returns the scene with the errors of an arm of six joints as effects of every view, and with noisy joints. Both are
+// zero in truth.
 BenchScene WithArmEffects(BenchScene scene);
 
 // Returns the input of the closed forms: pose pairs with noise.

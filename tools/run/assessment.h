@@ -19,20 +19,6 @@ std::vector<Estimate> MakeEstimates(Setup setup, const Calibration& calibration,
 RunResult Assess(const Dataset& dataset, const RunOptions& run, const std::vector<CaptureDetection>& detections,
                  const Calibration& calibration, CalibrationOptions options, RunObserver* observer);
 
-// Describes the estimation of the arm's kinematics. `setup` is empty if none was wanted.
-RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
-                          const Calibration& calibration);
-
-// Returns the reason why the chosen model has no systematic errors of the robot, from the models that were compared.
-std::string WhyDeclined(const Calibration& calibration);
-
-// Returns what is to be said about it. `calibration` is the one that estimated the arm.
-std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration);
-
-// Returns the finding about captures at or close to a singularity of the arm, if there are any. It is doubtful if the
-// arm was estimated from joints that were recovered there.
-std::optional<Finding> FindSingularCaptures(const Dataset& dataset, const ArmSetup& setup, bool is_estimated);
-
 // Assesses a calibration from the data set's poses of the target (CalibratePoses) in the same way, as far as this is
 // possible without images.
 RunResult AssessPoses(const Dataset& dataset, const RunOptions& run, const Calibration& calibration,

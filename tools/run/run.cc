@@ -8,6 +8,7 @@
 #include "heba/evaluation/verdict.h"
 #include "heba/robot/arm_errors.h"
 #include "solvers/calibration/model_choice.h"
+#include "tools/run/arm_assessment.h"
 #include "tools/run/arm_setup.h"
 #include "tools/run/assessment.h"
 #include "tools/run/captures.h"

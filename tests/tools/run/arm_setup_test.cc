@@ -10,7 +10,7 @@
 #include "heba/base/units.h"
 #include "heba/robot/arm_postures.h"
 #include "heba/robot/arm_table.h"
-#include "tools/run/assessment.h"
+#include "tools/run/arm_assessment.h"
 #include "tools/text/finding_text.h"
 
 namespace heba {

@@ -36,13 +36,16 @@ StudyConfig SmallStudy() {
 CellResult ResultOf(int cell) {
   CellResult result;
   result.cell = cell;
-  result.bound = StudyErrors{1e-3, 2e-3, 3e-3, 4e-3, 0.5};
+  result.bound = StudyErrors{1e-3, 2e-3, 3e-3, 4e-3, 0.5, 6e-3, std::nullopt};
   MethodSummary method;
   method.method = "park";
   method.num_trials = 20;
   method.num_failed = 3;
-  method.rms = StudyErrors{1.0 / 3, 0.2, 0.3, 0.4, std::nullopt};
+  method.rms = StudyErrors{1.0 / 3, 0.2, 0.3, 0.4, std::nullopt, 0.25, 0.35};
   method.axxb_mean_mm = 0.7;
+  method.estimated_effects = 0.9;
+  method.coverage_inside = 0.94;
+  method.coverage_outside = 0.96;
   result.methods.push_back(method);
   method.method = "bundle";
   method.coverage = 0.95;
@@ -74,6 +77,8 @@ TEST_F(StudyCellsTest, FindsWhatItKept) {
   EXPECT_EQ(found->bound->board_m, 3e-3);
   EXPECT_EQ(found->bound->board_rad, 4e-3);
   EXPECT_EQ(found->bound->focal_px, 0.5);
+  EXPECT_EQ(found->bound->inside_m, 6e-3);
+  EXPECT_FALSE(found->bound->outside_m.has_value());
   ASSERT_THAT(found->methods, SizeIs(2));
   const MethodSummary& park = found->methods[0];
   EXPECT_EQ(park.method, "park");
@@ -83,6 +88,11 @@ TEST_F(StudyCellsTest, FindsWhatItKept) {
   EXPECT_EQ(park.rms.hand_eye_m, 1.0 / 3);
   EXPECT_FALSE(park.rms.focal_px.has_value());
   EXPECT_EQ(park.axxb_mean_mm, 0.7);
+  EXPECT_EQ(park.rms.inside_m, 0.25);
+  EXPECT_EQ(park.rms.outside_m, 0.35);
+  EXPECT_EQ(park.estimated_effects, 0.9);
+  EXPECT_EQ(park.coverage_inside, 0.94);
+  EXPECT_EQ(park.coverage_outside, 0.96);
   EXPECT_FALSE(park.coverage.has_value());
   EXPECT_FALSE(park.robot_noise.has_value());
   const MethodSummary& bundle = found->methods[1];

@@ -1,0 +1,185 @@
+#include "tools/run/arm_assessment.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "heba/evaluation/arm_uncertainty.h"
+#include "heba/robot/arm_errors.h"
+#include "heba/robot/arm_postures.h"
+
+namespace heba {
+
+std::string WhyDeclined(const Calibration& calibration) {
+  const ModelAlternative* chosen = nullptr;
+  const ModelAlternative* best_with_arm = nullptr;
+  for (const ModelAlternative& alternative : calibration.alternatives) {
+    if (alternative.model.effects == nullptr) {
+      const bool is_chosen = alternative.model.robot == calibration.bundle.robot &&
+                             alternative.model.shape == calibration.bundle.free_shape;
+      if (is_chosen) chosen = &alternative;
+    } else if (best_with_arm == nullptr || alternative.log_likelihood > best_with_arm->log_likelihood) {
+      best_with_arm = &alternative;
+    }
+  }
+  if (chosen == nullptr || best_with_arm == nullptr) {
+    return "the captures are too few to tell the errors of the arm from those of its poses";
+  }
+  return "'" + NameOf(best_with_arm->model) + "' is not significantly better than '" + NameOf(chosen->model) +
+         "' (log-likelihood higher by " +
+         Significant(std::max(0.0, best_with_arm->log_likelihood - chosen->log_likelihood), 2) + " with " +
+         std::to_string(best_with_arm->dof - chosen->dof) + " more parameters)";
+}
+
+namespace {
+
+// Returns the name of the configuration that all captures share; empty if there is none. The configuration of a
+// singular capture is not known.
+std::string CommonConfiguration(const Arm& arm, const ArmBranch& branch) {
+  std::optional<Configuration> common;
+  for (const Eigen::VectorXd& joints : branch.joints) {
+    if (joints.size() == 0 || !SingularityAt(arm, joints).empty()) continue;
+    const std::optional<Configuration> configuration = ConfigurationOf(arm, joints);
+    if (!configuration || (common && *common != *configuration)) return "";
+    common = configuration;
+  }
+  return common ? NameOf(*common) : "";
+}
+
+// Returns the noise of the poses, with that of the joints, as one sigma of each coordinate: root mean square over the
+// captures.
+RobotNoise WithJointNoise(RobotNoise noise, const std::vector<View>& views) {
+  double translation_m2 = 0;
+  double rotation_rad2 = 0;
+  for (const View& view : views) {
+    translation_m2 += view.gripper_by_joints.topRows<3>().squaredNorm() / 3;
+    rotation_rad2 += view.gripper_by_joints.bottomRows<3>().squaredNorm() / 3;
+  }
+  const double variance_rad2 =
+      noise.joint_rad * noise.joint_rad / std::max<double>(1, static_cast<double>(views.size()));
+  return {std::sqrt(noise.translation_m * noise.translation_m + variance_rad2 * translation_m2),
+          std::sqrt(noise.rotation_rad * noise.rotation_rad + variance_rad2 * rotation_rad2), 0};
+}
+
+}  // namespace
+
+RobotSummary SummariseArm(const Dataset& dataset, Kinematics kinematics, const std::optional<ArmSetup>& setup,
+                          const Calibration& calibration) {
+  const Solution& solution = calibration.refined ? *calibration.refined : *calibration.chain;
+  RobotSummary summary;
+  summary.nominal = dataset.robot->arm;
+  summary.tip_from_gripper = setup ? setup->tip_from_gripper : dataset.robot->tip_from_gripper;
+  summary.errors = Eigen::VectorXd::Zero(summary.nominal.num_params());
+  summary.error_sigmas.resize(static_cast<size_t>(summary.nominal.num_params()));
+  if (solution.robot_noise) summary.noise_after = WithJointNoise(*solution.robot_noise, calibration.views);
+  summary.noise_before = summary.noise_after;
+  for (const UndeterminedParam& param : UndeterminedParams(summary.nominal, dataset.setup)) {
+    summary.undetermined.emplace_back(ArmParamName(param.place), param.with);
+  }
+  if (kinematics == Kinematics::kNone) summary.reason = "refine.kinematics is none";
+  if (!setup) return summary;
+  summary.has_recorded_joints = setup->is_recorded;
+  if (setup->branches.size() == 1)
+    summary.configuration = CommonConfiguration(summary.nominal, setup->branches.front());
+  if (!setup->reason.empty()) {
+    summary.reason = setup->reason;
+    return summary;
+  }
+  const bool has_arm = solution.shared_effects != nullptr && solution.shared_effects->kind == SharedEffectsKind::kArm;
+  if (!has_arm) {
+    if (summary.reason.empty()) summary.reason = WhyDeclined(calibration);
+    return summary;
+  }
+  summary.is_estimated = true;
+  summary.errors_name = solution.shared_effects->name;
+  summary.errors = AllEffects(*solution.shared_effects, solution.effects);
+  const UnknownBlock block = solution.covariance.layout.Block(kRobotBlock);
+  // A parameter whose sigma is nearly that of its prior was not determined by the captures.
+  constexpr double kNothingLearnt = 0.9;
+  for (size_t i = 0; i < solution.shared_effects->effects.size(); ++i) {
+    const SharedEffect& effect = solution.shared_effects->effects[i];
+    const Eigen::Index place = block.first + static_cast<Eigen::Index>(i);
+    const double sigma = std::sqrt(solution.covariance.matrix(place, place));
+    summary.error_sigmas[static_cast<size_t>(effect.index)] = sigma;
+    if (sigma > kNothingLearnt * solution.effect_sigmas[effect.group]) {
+      summary.undetermined.emplace_back(effect.name, "its prior: these captures hardly depend on it");
+    }
+  }
+  for (const ModelAlternative& alternative : calibration.alternatives) {
+    if (alternative.model.effects == nullptr && alternative.robot_noise &&
+        alternative.model.shape == calibration.bundle.free_shape) {
+      summary.noise_before = WithJointNoise(*alternative.robot_noise, calibration.views);
+    }
+  }
+  return summary;
+}
+
+namespace {
+
+// Returns the finding that all captures are in one configuration, with the sigmas of the gripper's position there and
+// in others. Names the flips that the captures do not tell the arm's errors for.
+Finding OneConfiguration(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration) {
+  Finding finding{Grade::kGood, FindingCode("arm_one_configuration"), {}, {{"configuration", robot.configuration}}};
+  if (!calibration.refined) return finding;
+  std::vector<Rigid3d> base_from_gripper;
+  for (const View& view : calibration.views) {
+    base_from_gripper.push_back(GripperPoseOf(dataset.setup, view).base_from_mount);
+  }
+  const std::optional<ConfigurationSigmas> sigmas =
+      SigmasByConfiguration(dataset.setup, *calibration.refined, robot, base_from_gripper);
+  if (!sigmas || !sigmas->others_m) return finding;
+  finding.numbers = {{"captured_mm", 1000 * sigmas->captured_m}, {"others_mm", 1000 * *sigmas->others_m}};
+  // Errors that are larger by this factor than at the captures are not told by them.
+  constexpr double kMuchLarger = 3;
+  std::vector<std::string> wanted;
+  for (size_t k = 0; k < kFlipNames.size(); ++k) {
+    if (!sigmas->flipped_m[k]) continue;
+    finding.numbers.emplace_back(std::string(kFlipNames[k]) + "_mm", 1000 * *sigmas->flipped_m[k]);
+    if (*sigmas->flipped_m[k] > kMuchLarger * sigmas->captured_m) wanted.emplace_back(kFlipNames[k]);
+  }
+  if (!wanted.empty()) finding.names.emplace_back("flip", Join(wanted, ", "));
+  return finding;
+}
+
+}  // namespace
+
+std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& dataset, const Calibration& calibration) {
+  const std::pair<std::string, std::string> arm = {"arm", robot.nominal.name};
+  if (!robot.is_estimated) {
+    return {Finding{Grade::kGood, FindingCode("arm_declined"), {}, {arm, {"reason", robot.reason}}}};
+  }
+  std::vector<Finding> findings = {
+      Finding{Grade::kGood, FindingCode("arm_estimated"), {}, {arm, {"errors", robot.errors_name}}}};
+  if (robot.noise_before && robot.noise_after) {
+    findings[0].numbers = {{"before_mm", 1000 * robot.noise_before->translation_m},
+                           {"before_deg", RadToDeg(robot.noise_before->rotation_rad)},
+                           {"after_mm", 1000 * robot.noise_after->translation_m},
+                           {"after_deg", RadToDeg(robot.noise_after->rotation_rad)}};
+  }
+  if (!robot.configuration.empty()) findings.push_back(OneConfiguration(robot, dataset, calibration));
+  return findings;
+}
+
+std::optional<Finding> FindSingularCaptures(const Dataset& dataset, const ArmSetup& setup, bool is_estimated) {
+  // The captures have not told the branches apart if there are several.
+  if (setup.branches.size() != 1) return std::nullopt;
+  const std::vector<SingularCapture> singular = SingularCaptures(dataset.robot->arm, setup.branches.front());
+  if (singular.empty()) return std::nullopt;
+  constexpr size_t kMostNames = 5;
+  std::vector<std::string> names;
+  for (size_t i = 0; i < std::min(singular.size(), kMostNames); ++i) {
+    names.push_back(dataset.captures[singular[i].capture].name);
+  }
+  if (singular.size() > kMostNames) names.emplace_back("...");
+  return Finding{is_estimated && !setup.is_recorded ? Grade::kDoubtful : Grade::kGood,
+                 FindingCode("arm_singular_captures"),
+                 {{"captures", static_cast<double>(singular.size())},
+                  {"of_captures", static_cast<double>(dataset.captures.size())}},
+                 {{"arm", dataset.robot->arm.name},
+                  {"names", Join(names, ", ")},
+                  {"singularity", singular.front().singularity},
+                  {"joints", setup.is_recorded ? "recorded" : "recovered"}}};
+}
+
+}  // namespace heba
