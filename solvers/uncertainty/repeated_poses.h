@@ -12,9 +12,11 @@ namespace heba {
 // Two robot poses that differ by less than the repeatability of an industrial arm are the same pose.
 inline constexpr double kSamePoseM = 0.05e-3;
 inline constexpr double kSamePoseRad = 1e-4;
+// Likewise for joints, rad or m.
+inline constexpr double kSameJoint = 1e-3;
 
-// Groups views by robot pose. Each view is in exactly one group, the groups are in the order of their first views, and
-// a view belongs to the first group whose first view has the same pose.
+// Groups views by robot pose, and by posture if the joints are known. Each view is in exactly one group, the groups are
+// in the order of their first views, and a view belongs to the first group whose first view has the same pose.
 PoseGroups GroupByRobotPose(Setup setup, const std::vector<View>& views);
 PoseGroups GroupByRobotPose(Setup setup, const std::vector<PosePair>& pairs);
 

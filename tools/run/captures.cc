@@ -128,7 +128,8 @@ View ViewOf(const Dataset& dataset, size_t capture, Observations observations) {
           from.role,
           capture,
           from.effect,
-          from.gripper_by_joints};
+          from.gripper_by_joints,
+          from.joints};
 }
 
 Rigid3d PredictedPose(const Dataset& dataset, const Solution& solution, size_t capture) {

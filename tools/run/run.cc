@@ -68,6 +68,7 @@ Outcome<RunOutput> RunOnPoses(const Dataset& dataset, const RunOptions& run, Run
   for (size_t i = 0; i < dataset.captures.size(); ++i) {
     const Rigid3d mount = CameraMountFromTargetMount(dataset.setup, dataset.captures[i].base_from_gripper);
     calibration.pairs.push_back({mount, dataset.target_poses[i], dataset.captures[i].role, std::nullopt});
+    calibration.pairs.back().joints = dataset.captures[i].joints;
   }
   PoseCalibrationOptions options;
   options.methods = run.methods;

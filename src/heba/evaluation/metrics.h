@@ -42,6 +42,7 @@ struct PosePair {
   // rad); nothing if it is unknown.
   std::optional<Eigen::Matrix<double, 6, 6>> covariance_at_1px = std::nullopt;
   std::shared_ptr<const PoseEffect> effect = nullptr;  // View::effect.
+  std::vector<double> joints = {};                     // View::joints.
 };
 
 // Returns the mean over consecutive captures of the Frobenius norm of A X - X B (Fang et al. 2021, section 5), with

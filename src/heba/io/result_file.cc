@@ -317,6 +317,17 @@ Json VerdictJson(const Verdict& verdict) {
   return Json{{"grade", GradeName(verdict.grade)}, {"findings", findings}};
 }
 
+// Returns the estimate that the arm is part of: that of the refinement of reprojection errors, unless only that of the
+// poses has a result. Null if there is neither.
+const Estimate* EstimateWithRobot(const RunResult& result) {
+  const Estimate* found = nullptr;
+  for (const Estimate& estimate : result.estimates) {
+    if (estimate.method == kBundleMethod && (estimate.ok || found == nullptr)) found = &estimate;
+    if (estimate.method == kChainMethod && estimate.ok) found = &estimate;
+  }
+  return found;
+}
+
 }  // namespace
 
 std::string Version() { return HEBA_VERSION; }
@@ -349,12 +360,11 @@ std::string ResultToJson(const RunResult& result) {
   }
   json["verdict"] = VerdictJson(result.verdict);
   json["model"] = ModelJson(result.model);
+  const Estimate* const with_robot = EstimateWithRobot(result);
   json["estimates"] = Json::array();
   for (const Estimate& estimate : result.estimates) {
     json["estimates"].push_back(EstimateJson(estimate, result.setup));
-    // The arm is part of the refinement that estimated it.
-    const char* const refinement = FindRefined(result) != nullptr ? kBundleMethod : kChainMethod;
-    if (!result.robot || estimate.method != refinement) continue;
+    if (!result.robot || &estimate != with_robot) continue;
     json["estimates"].back()["robot"] = RobotJson(*result.robot);
     if (!result.robot->is_estimated || !estimate.solution) continue;
     json["estimates"].back()["robot"]["estimated"] = SharedEffectsJson(*estimate.solution);

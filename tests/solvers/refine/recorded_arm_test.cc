@@ -60,6 +60,7 @@ std::vector<PosePair> ReadFr3(const std::filesystem::path& folder) {
     pair.camera_mount_from_target_mount = CameraMountFromTargetMount(kSetup, PoseOf(tips[i]));
     pair.camera_from_target = Inverse(PoseOf(cameras[i]));
     pair.effect = MakeArmEffect(arm, positions[i], tool);
+    pair.joints = joints[i];
   }
   return pairs;
 }

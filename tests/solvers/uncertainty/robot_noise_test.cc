@@ -13,6 +13,7 @@
 
 #include "heba/bundle_adjustment.h"
 #include "heba/geometry/pose_block.h"
+#include "solvers/uncertainty/repeated_poses.h"
 #include "tests/support/scenes.h"
 
 namespace heba {
@@ -284,6 +285,20 @@ TEST(CorrectionPriorTest, NoiseOfJointsIsPartOfTheCovariance) {
   const Eigen::VectorXd variances = CorrectionVariances(noise, 6 + 7);
   EXPECT_EQ(variances.size(), 13);
   EXPECT_EQ(variances[12], noise.joint_rad * noise.joint_rad);
+}
+
+// Captures at one pose share their error only if the arm is in one posture, as far as that is known.
+TEST(RepeatedPosesTest, PosesInDifferentPosturesAreNotRepeats) {
+  std::vector<View> views(4);
+  for (View& view : views) view.camera_mount_from_target_mount.translation.x() = 0.5;
+  EXPECT_EQ(GroupByRobotPose(Setup::kEyeToHand, views).size(), 1U);
+  views[0].joints = views[1].joints = {0.1, 0.2, 0.3};
+  views[2].joints = {0.1, 0.2, 1.3};
+  views[3].joints = {0.1, 0.2, 1.3 + 1e-5};
+  const PoseGroups groups = GroupByRobotPose(Setup::kEyeToHand, views);
+  ASSERT_EQ(groups.size(), 2U);
+  EXPECT_EQ(groups[0], (std::vector<size_t>{0, 1}));
+  EXPECT_EQ(groups[1], (std::vector<size_t>{2, 3}));
 }
 
 }  // namespace
