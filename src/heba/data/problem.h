@@ -44,8 +44,8 @@ struct View {
   // The derivative of the gripper's pose (Tangent6, in its own frame) by the positions of the joints, if the noise of
   // the joints is part of the robot noise; otherwise empty.
   Matrix6X gripper_by_joints = Matrix6X(6, 0);
-  // The recorded positions of the joints, rad or m; empty if they are not known. An arm that reaches one pose in several
-  // postures has another error in each.
+  // The recorded positions of the joints, rad or m; empty if they are not known. An arm that reaches one pose in
+  // several postures has another error in each.
   std::vector<double> joints = {};
 };
 
