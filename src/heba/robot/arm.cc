@@ -35,17 +35,39 @@ Rigid3d PoseOf(const Motion& motion, double amount) {
   return motion.is_turn ? Turn(amount, axis) : Shift(amount * axis);
 }
 
-// Returns the tangent, in the tip's frame, of a motion of the frame whose pose in the tip is `tip_from_frame`.
-Tangent6 TipTangent(const Motion& motion, const Rigid3d& tip_from_frame) {
-  const Eigen::Vector3d axis = tip_from_frame.rotation * Eigen::Vector3d::Unit(motion.axis);
-  Tangent6 tangent;
-  if (motion.is_turn) {
-    tangent << tip_from_frame.translation.cross(axis), axis;
-  } else {
-    tangent << axis, Eigen::Vector3d::Zero();
+// A frame of the arm in the tip's. Motions act on single columns of the rotation matrix, which is several times faster
+// than products of poses.
+struct TipFromFrame {
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d translation;
+
+  // Moves on to the frame from which `motion` by `amount` leads to this one.
+  void Undo(const Motion& motion, double amount) {
+    if (!motion.is_turn) {
+      translation -= amount * rotation.col(motion.axis);
+      return;
+    }
+    const int y = (motion.axis + 1) % 3;
+    const int z = (motion.axis + 2) % 3;
+    const double c = std::cos(amount);
+    const double s = std::sin(amount);
+    const Eigen::Vector3d along_y = rotation.col(y);
+    rotation.col(y) = c * along_y - s * rotation.col(z);
+    rotation.col(z) = s * along_y + c * rotation.col(z);
   }
-  return tangent;
-}
+
+  // Returns the tangent, in the tip's frame, of a motion of the frame.
+  Tangent6 TangentOf(const Motion& motion) const {
+    const Eigen::Vector3d axis = rotation.col(motion.axis);
+    Tangent6 tangent;
+    if (motion.is_turn) {
+      tangent << translation.cross(axis), axis;
+    } else {
+      tangent << axis, Eigen::Vector3d::Zero();
+    }
+    return tangent;
+  }
+};
 
 // Returns the position of the joint that adds to a parameter: to theta if it turns, to d if it slides.
 int MovedParam(const ArmJoint& joint) { return static_cast<int>(joint.is_turning ? ArmParam::kTheta : ArmParam::kD); }
@@ -198,23 +220,24 @@ Rigid3d BaseFromTip(const Arm& arm, const Eigen::VectorXd& joints, const Eigen::
   if (by_joints != nullptr) by_joints->resize(6, arm.num_joints());
   if (by_params != nullptr) by_params->resize(6, arm.num_params());
   // The product is formed from the tip on, so that every frame is known in the tip's.
-  Rigid3d frame_from_tip = arm.last_from_tip;
+  const Rigid3d tip_from_last = Inverse(arm.last_from_tip);
+  TipFromFrame frame{tip_from_last.RotationMatrix(), tip_from_last.translation};
   for (int j = arm.num_joints() - 1; j >= 0; --j) {
     const ArmJoint& joint = arm.joints[static_cast<size_t>(j)];
     const double torque = torques.size() == 0 ? 0 : torques[j];
     for (int param = kNumMotions - 1; param >= 0; --param) {
       const Motion& motion = kMotions[static_cast<size_t>(param)];
       const double amount = AmountOf(joint, param, joints[j] + joint.compliance * torque);
-      if (amount != 0) frame_from_tip = PoseOf(motion, amount) * frame_from_tip;
+      if (amount != 0) frame.Undo(motion, amount);
       if (by_joints == nullptr && by_params == nullptr) continue;
-      const Tangent6 tangent = TipTangent(motion, Inverse(frame_from_tip));
+      const Tangent6 tangent = frame.TangentOf(motion);
       if (by_params != nullptr) by_params->col(kNumArmParams * j + param) = tangent;
       if (param != MovedParam(joint)) continue;
       if (by_joints != nullptr) by_joints->col(j) = tangent;
       if (by_params != nullptr) by_params->col(ArmParamPlace(j, ArmParam::kCompliance)) = torque * tangent;
     }
   }
-  return arm.base_from_first * frame_from_tip;
+  return arm.base_from_first * Inverse(Rigid3d(frame.rotation, frame.translation));
 }
 
 Arm ArmFromAxes(std::string name, const std::vector<ArmAxis>& axes, const Rigid3d& base_from_tip) {
