@@ -345,6 +345,8 @@ Outcome<Calibration> Calibrate(const std::vector<View>& views, const Calibration
   BundleOptions first = options.bundle;
   const bool drops_wrong = options.bundle.loss != LossKind::kNone;
   first.robot = BundleOptions::Robot::kExact;
+  // Errors that captures share are no reason to reject those in which they are large.
+  if (!options.choose.effects.empty()) first.effects = options.choose.effects.back();
   if (drops_wrong) first.loss = LossKind::kTruncated;
   // A view with some wrong points has other points, which the truncated loss separates.
   for (size_t i = 0; i < sorted.misfits.size(); ++i) {

@@ -31,12 +31,18 @@ EstimatedNoise EstimateNoise(const Fit& fit, const FreeUnknowns& free, const Los
   const std::optional<std::vector<LinearisedView>> views =
       LineariseFit(*fit.problem, fit.state, *fit.groups, free, noise, loss, loss.consistency, options);
   CHECK(views.has_value()) << "Ceres accepted a step that hides a point";
-  const std::vector<VarianceGroup> groups =
+  std::vector<VarianceGroup> groups =
       WithEffectGroups(CorrectionGroups(loss.consistency, *noise.robot, pixel_is_free, robot_is_free,
                                         options.robot_noise_prior ? &*options.robot_noise_prior : nullptr,
                                         NumNoisyJoints(fit.problem->views)),
                        HandEyeUnknowns(fit.state.camera.Model(), free), free.effects.get(), noise.effect_sigmas,
                        robot_is_free, options.effects_avoid_zero);
+  // The noise of joints is kept from zero beside such effects: few captures leave little to tell it by.
+  if (free.effects != nullptr && options.effects_avoid_zero && FirstEffectGroup(groups) > kJointGroup) {
+    constexpr double kLeastRad = 1e-6;
+    groups[kJointGroup].avoids_zero = robot_is_free;
+    groups[kJointGroup].variance = std::max(groups[kJointGroup].variance, kLeastRad * kLeastRad);
+  }
   const VarianceComponents found = EstimateVariances(*views, groups);
   EstimatedNoise result;
   result.noise.pixel_px =

@@ -9,6 +9,7 @@
 #include <Eigen/LU>
 
 #include "heba/base/units.h"
+#include "heba/robot/arm_postures.h"
 #include "tests/support/arm_scenes.h"
 #include "tests/support/scenes.h"
 
@@ -128,8 +129,20 @@ TEST(StudyIntrinsicsTest, ErrorsCoverTheParametersThatEachMethodEstimates) {
   }
 }
 
-// A cell whose robot is an arm with errors: the captures of one configuration, and places in it and in the flipped
-// wrist.
+// Returns a posture in another configuration that reaches the same pose.
+Eigen::VectorXd OtherPosture(const ArmScene& scene, const Eigen::VectorXd& joints) {
+  const Outcome<std::vector<Eigen::VectorXd>> postures = PosturesOf(scene.nominal, BaseFromTip(scene.nominal, joints));
+  CHECK(postures.ok()) << postures.reason();
+  for (const Eigen::VectorXd& posture : *postures) {
+    const bool is_singular = !SingularityAt(scene.nominal, posture).empty();
+    if (!is_singular && ConfigurationOf(scene.nominal, posture) != ConfigurationOf(scene.nominal, joints)) {
+      return posture;
+    }
+  }
+  LOG(FATAL) << "the pose is reached in one configuration only";
+}
+
+// A cell whose robot is an arm with errors: the captures of one configuration, and places in it and in another one.
 StudyCell MakeArmCell(double share_of_errors) {
   ArmSceneOptions options;
   options.has_several_configurations = false;
@@ -161,13 +174,8 @@ StudyCell MakeArmCell(double share_of_errors) {
       continue;
     }
     robot.places.push_back({view.camera_mount_from_target_mount, view.effect, view.gripper_by_joints, true});
-    // The wrist is flipped.
-    Eigen::VectorXd flipped = scene.joints[i];
-    flipped[3] += kPi;
-    flipped[4] = -flipped[4];
-    flipped[5] += kPi;
-    const Rigid3d mount = BaseFromGripper(scene.nominal, flipped, scene.tip_from_gripper);
-    EXPECT_LT(DistanceM(mount, view.camera_mount_from_target_mount), 1e-9);
+    const Rigid3d mount = view.camera_mount_from_target_mount;
+    const Eigen::VectorXd flipped = OtherPosture(scene, scene.joints[i]);
     robot.places.push_back({mount, MakeArmEffect(scene.nominal, flipped, scene.tip_from_gripper),
                             GripperByJoints(scene.nominal, flipped, scene.tip_from_gripper), false});
   }
