@@ -247,6 +247,13 @@ struct SmoothLikelihood {
   }
 };
 
+// Returns whether the lengths are those between which an arm's workspace can tell: longer ones are constants, and
+// shorter ones noise.
+bool IsWithinLimits(const SmoothLengths& lengths) {
+  return lengths.translation_m > 0.04 && lengths.translation_m < 4 && lengths.rotation_rad > 0.08 &&
+         lengths.rotation_rad < 4;
+}
+
 }  // namespace
 
 std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const Solution& solution,
@@ -274,6 +281,7 @@ std::optional<SmoothErrors> MostLikelySmoothErrors(const Problem& problem, const
       for (const double factor : {kFactor, 1 / kFactor}) {
         SmoothLengths lengths = best.lengths();
         lengths.*length *= factor;
+        if (!IsWithinLimits(lengths)) continue;
         SmoothErrors other(likelihood.poses, lengths);
         const double log_likelihood = likelihood.At(&other);
         if (!(log_likelihood > best_log_likelihood)) continue;

@@ -78,6 +78,7 @@ Outcome<Solution> RefineWithChosenErrors(const PoseCalibrationOptions& options, 
     if (chosen == nullptr && alternative.p.value_or(1) >= kModelRejected) chosen = &smaller;
     if (candidates.size() > 1) calibration->alternatives.push_back(std::move(alternative));
   }
+  CHECK(chosen != nullptr) << "the largest model cannot be rejected";
   calibration->bundle.robot = chosen->model.robot;
   calibration->bundle.effects = chosen->model.effects;
   return chosen->solution;
