@@ -84,7 +84,7 @@ CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
   CHECK_EQ(targets.size(), problem_.targets.size());
   CHECK(std::is_sorted(problem_.layout.blocks().begin(), problem_.layout.blocks().end(),
                        [](const UnknownBlock& a, const UnknownBlock& b) { return a.owner < b.owner; }));
-  for (const ParameterBlock& block : blocks_) mutable_parameter_block_sizes()->push_back(block.size);
+  for (const OwnerBlock& block : blocks_) mutable_parameter_block_sizes()->push_back(block.size);
   for (size_t c = 0; c < cameras.size(); ++c) {
     for (size_t t = 0; t < targets.size(); ++t) {
       const FreeParameters free = FreeOf(problem_, static_cast<int>(c), static_cast<int>(t));
@@ -178,7 +178,7 @@ std::vector<double> CapturesCost::Joined(const double* const* parameters) const 
 
 Eigen::VectorXd CapturesCost::Step(const std::vector<double>& from, const std::vector<double>& to) const {
   Eigen::VectorXd step(problem_.layout.size());
-  for (const ParameterBlock& block : blocks_) {
+  for (const OwnerBlock& block : blocks_) {
     const UnknownBlock& unknowns = block.unknowns;
     if (unknowns.owner == UnknownOwner::kPose) {
       step.segment<6>(unknowns.first) = LocalCoordinates(FromBlock(&from[block.first]), FromBlock(&to[block.first]));

@@ -106,7 +106,7 @@ class CapturesCost final : public ceres::CostFunction {
 
   LoopProblem problem_;
   CapturesCostOptions options_;
-  std::vector<ParameterBlock> blocks_;
+  std::vector<OwnerBlock> blocks_;
   std::vector<UnknownBlock> pose_blocks_;
   std::vector<UnknownBlock> effect_blocks_;
   // One for each pair of camera and target.

@@ -32,7 +32,7 @@ ceres::Solver::Options ReprojectionSolverOptions(int max_iterations) {
 
 LoopUnknowns::LoopUnknowns(const UnknownLayout& layout, const LoopValues& values)
     : layout_(layout), held_(values.targets), places_(ParameterBlocksOf(layout)), all_(JoinedBlocks(places_, values)) {
-  for (const ParameterBlock& place : places_) blocks_.push_back(&all_[place.first]);
+  for (const OwnerBlock& place : places_) blocks_.push_back(&all_[place.first]);
 }
 
 void LoopUnknowns::AddTo(ceres::Problem* ceres_problem) {
@@ -61,7 +61,7 @@ void LoopUnknowns::AddTo(ceres::Problem* ceres_problem) {
 
 double* LoopUnknowns::Block(UnknownOwner owner) const {
   const auto found = std::find_if(places_.begin(), places_.end(),
-                                  [&](const ParameterBlock& place) { return place.unknowns.owner == owner; });
+                                  [&](const OwnerBlock& place) { return place.unknowns.owner == owner; });
   CHECK(found != places_.end());
   return blocks_[static_cast<size_t>(found - places_.begin())];
 }

@@ -34,7 +34,7 @@ class LoopUnknowns {
  private:
   UnknownLayout layout_;
   std::vector<TargetShape> held_;
-  std::vector<ParameterBlock> places_;
+  std::vector<OwnerBlock> places_;
   std::vector<double> all_;
   std::vector<double*> blocks_;
 };

@@ -71,8 +71,8 @@ KinematicLoop HandEyeLoop(Setup setup, const Rigid3d& camera_mount_from_target_m
   return KinematicLoop(std::move(factors));
 }
 
-std::vector<ParameterBlock> ParameterBlocksOf(const UnknownLayout& layout) {
-  std::vector<ParameterBlock> blocks;
+std::vector<OwnerBlock> ParameterBlocksOf(const UnknownLayout& layout) {
+  std::vector<OwnerBlock> blocks;
   std::array<size_t, 4> num_of_owner{};
   size_t first = 0;
   for (const UnknownBlock& unknowns : layout.blocks()) {
@@ -88,10 +88,10 @@ std::vector<ParameterBlock> ParameterBlocksOf(const UnknownLayout& layout) {
   return blocks;
 }
 
-std::vector<double> JoinedBlocks(const std::vector<ParameterBlock>& blocks, const LoopValues& values) {
+std::vector<double> JoinedBlocks(const std::vector<OwnerBlock>& blocks, const LoopValues& values) {
   std::vector<double> joined;
   const auto append = [&](const auto& numbers) { joined.insert(joined.end(), numbers.begin(), numbers.end()); };
-  for (const ParameterBlock& block : blocks) {
+  for (const OwnerBlock& block : blocks) {
     switch (block.unknowns.owner) {
       case UnknownOwner::kPose:
         append(ToBlock(values.poses[block.index]));
@@ -110,11 +110,11 @@ std::vector<double> JoinedBlocks(const std::vector<ParameterBlock>& blocks, cons
   return joined;
 }
 
-LoopValues ValuesIn(const std::vector<ParameterBlock>& blocks, const std::vector<double>& joined,
+LoopValues ValuesIn(const std::vector<OwnerBlock>& blocks, const std::vector<double>& joined,
                     const std::vector<TargetShape>& held) {
   LoopValues values;
   values.targets = held;
-  for (const ParameterBlock& block : blocks) {
+  for (const OwnerBlock& block : blocks) {
     const double* const from = &joined[block.first];
     switch (block.unknowns.owner) {
       case UnknownOwner::kPose:

@@ -60,19 +60,19 @@ struct LoopValues {
 
 // The numbers of one owner in a solver: a pose's block (heba/geometry/pose_block.h), effects, or all parameters of a
 // camera or of a target's shape, free or not.
-struct ParameterBlock {
+struct OwnerBlock {
   UnknownBlock unknowns;
   size_t index = 0;  // Index among the blocks of its kind of owner.
   size_t first = 0;  // Place of its first number if all blocks are joined.
   int size = 0;
 };
 // Returns the parameter blocks of a layout, in its order. Targets whose shape is known have none.
-std::vector<ParameterBlock> ParameterBlocksOf(const UnknownLayout& layout);
+std::vector<OwnerBlock> ParameterBlocksOf(const UnknownLayout& layout);
 // Returns the joined numbers of these blocks.
-std::vector<double> JoinedBlocks(const std::vector<ParameterBlock>& blocks, const LoopValues& values);
+std::vector<double> JoinedBlocks(const std::vector<OwnerBlock>& blocks, const LoopValues& values);
 // Returns the values in the joined blocks, with unit quaternions. The shapes of targets without a block are those of
 // `held`.
-LoopValues ValuesIn(const std::vector<ParameterBlock>& blocks, const std::vector<double>& joined,
+LoopValues ValuesIn(const std::vector<OwnerBlock>& blocks, const std::vector<double>& joined,
                     const std::vector<TargetShape>& held);
 
 // Returns the flags with which the points of a target in a camera are reduced (ViewReducer).

@@ -110,7 +110,8 @@ Eigen::Matrix3d GripperCovariance(Setup setup, const Solution& solution, const S
   return by_unknowns * solution.covariance.matrix * by_unknowns.transpose();
 }
 
-double SigmaM(const Eigen::Matrix3d& covariance_m2) { return std::sqrt(covariance_m2.trace() / 3); }
+// A variance that is zero may be negative by rounding.
+double SigmaM(const Eigen::Matrix3d& covariance_m2) { return std::sqrt(std::max(0.0, covariance_m2.trace() / 3)); }
 
 std::optional<ConfigurationSigmas> SigmasByConfiguration(Setup setup, const Solution& solution,
                                                          const RobotSummary& robot,
