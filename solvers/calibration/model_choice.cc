@@ -177,16 +177,22 @@ std::string NameOf(const ErrorModel& model) {
 
 std::vector<std::optional<EffectsFit>> FitEffects(
     const Problem& problem_in, const Solution& start, const BundleOptions& options_in,
-    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures) {
+    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures,
+    const std::vector<std::vector<Matrix6X>>& joints_of_captures) {
+  CHECK(joints_of_captures.empty() || joints_of_captures.size() == effects_of_captures.size());
   BundleOptions options = options_in;
   options.robot = Robot::kEstimatedNoise;
   options.loss = InlierLoss(options_in).kind;
+  options.effects_avoid_zero = false;
   Problem problem = WithFixedWeights(WithoutRejected(problem_in, start), start.unmodelled_sigma_px);
   problem.camera = start.camera;
   problem.shape = start.shape;
   std::vector<std::optional<EffectsFit>> fits;
-  for (const std::vector<std::shared_ptr<const PoseEffect>>& effects : effects_of_captures) {
-    for (View& view : problem.views) view.effect = effects[view.capture];
+  for (size_t k = 0; k < effects_of_captures.size(); ++k) {
+    for (View& view : problem.views) {
+      view.effect = effects_of_captures[k][view.capture];
+      if (!joints_of_captures.empty()) view.gripper_by_joints = joints_of_captures[k][view.capture];
+    }
     const Outcome<Solution> solution = RefineHandEye(problem, start.hand_eye, options);
     std::optional<EffectsFit>& fit = fits.emplace_back();
     if (!solution) continue;
@@ -198,8 +204,10 @@ std::vector<std::optional<EffectsFit>> FitEffects(
 
 std::optional<size_t> MostLikelyEffects(
     const Problem& problem, const Solution& start, const BundleOptions& options,
-    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures) {
-  const std::vector<std::optional<EffectsFit>> fits = FitEffects(problem, start, options, effects_of_captures);
+    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures,
+    const std::vector<std::vector<Matrix6X>>& joints_of_captures) {
+  const std::vector<std::optional<EffectsFit>> fits =
+      FitEffects(problem, start, options, effects_of_captures, joints_of_captures);
   std::optional<size_t> best;
   for (size_t k = 0; k < fits.size(); ++k) {
     if (fits[k] && (!best || fits[k]->log_likelihood > fits[*best]->log_likelihood)) best = k;

@@ -67,14 +67,18 @@ struct EffectsFit {
 // View::capture), such as those of the configurations of an arm, with the effects of `options` free. `start` is a
 // solution of the problem without effects. All fits use the same points with the same weights. Returns one entry per
 // element of `effects_of_captures`; nothing for those that cannot be fitted.
+// `joints_of_captures`, if it is given, holds View::gripper_by_joints in the same order: the noise of the joints is
+// then part of each model.
 std::vector<std::optional<EffectsFit>> FitEffects(
     const Problem& problem, const Solution& start, const BundleOptions& options,
-    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures);
+    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures,
+    const std::vector<std::vector<Matrix6X>>& joints_of_captures = {});
 
 // Returns the index of the effects with the largest restricted likelihood (FitEffects); nothing if none can be fitted.
 std::optional<size_t> MostLikelyEffects(
     const Problem& problem, const Solution& start, const BundleOptions& options,
-    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures);
+    const std::vector<std::vector<std::shared_ptr<const PoseEffect>>>& effects_of_captures,
+    const std::vector<std::vector<Matrix6X>>& joints_of_captures = {});
 
 // Returns the smooth errors (heba/data/smooth_errors.h) whose lengths explain the problem best: those of the largest
 // restricted likelihood, linearised at `solution`, which has robot noise and no effects, searched by factors of two.

@@ -37,7 +37,8 @@ SceneArm ReadSceneArm(MapReader& root) {
     arm.tip_from_gripper = ReadPose(*tool);
     reader.Record("tool", PoseNode(arm.tip_from_gripper));
   }
-  arm.records_joints = reader.Bool("record_joints", false);
+  // Poses do not tell the joints of captures in several configurations.
+  arm.records_joints = reader.Bool("record_joints", arm.has_several_configurations);
   reader.Finish();
   root.Record("robot", reader.used());
   return arm;

@@ -56,7 +56,17 @@ std::vector<std::vector<std::shared_ptr<const PoseEffect>>> EffectsOfBranches(co
   return effects;
 }
 
-constexpr const char* kNoBranch = "no configuration of the arm explains the captures";
+// Returns View::gripper_by_joints of all captures for joints of the arm; empty for captures without joints.
+std::vector<Matrix6X> JointDerivatives(const Dataset& dataset, const ArmSetup& arm, const ArmBranch& branch) {
+  std::vector<Matrix6X> derivatives;
+  for (const Eigen::VectorXd& joints : branch.joints) {
+    derivatives.push_back(joints.size() == 0 ? Matrix6X(6, 0)
+                                             : GripperByJoints(dataset.robot->arm, joints, arm.tip_from_gripper));
+  }
+  return derivatives;
+}
+
+constexpr const char* kNoBranch = "the errors of the arm could be fitted in none of its configurations";
 
 // Calibrates again with other options, which may choose among effects. If that fails, or if no effects are chosen,
 // returns the reason and keeps the calibration and its options.
@@ -85,9 +95,12 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
     BundleOptions bundle = calibration->bundle;
     bundle.effects = std::make_shared<const SharedEffects>(ArmErrors(nominal, ArmErrorModel::kGeometry));
     bundle.target_scale_sigma = kPrintScaleSigma;
+    if (options->choose.target_shape) bundle.free_shape = TargetShapeCombinations().back();
+    std::vector<std::vector<Matrix6X>> joints;
+    for (const ArmBranch& candidate : arm->branches) joints.push_back(JointDerivatives(*dataset, *arm, candidate));
     const std::optional<size_t> found =
         MostLikelyEffects({calibration->camera, calibration->views, options->setup, options->shape},
-                          *calibration->refined, bundle, effects);
+                          *calibration->refined, bundle, effects, joints);
     if (!found) {
       arm->reason = kNoBranch;
       return;
@@ -103,16 +116,17 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
   } else if (!candidates.empty()) {
     with_arm.bundle.effects = candidates.front();
   }
+  const std::vector<Matrix6X> by_joints = JointDerivatives(*dataset, *arm, arm->branches.front());
   for (size_t i = 0; i < dataset->captures.size(); ++i) {
     Capture& capture = dataset->captures[i];
     if (!candidates.empty()) capture.effect = effects[branch][i];
     // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
-    const Eigen::VectorXd& joints = arm->branches.front().joints[i];
-    if (joints.size() > 0) capture.gripper_by_joints = GripperByJoints(nominal, joints, arm->tip_from_gripper);
+    capture.gripper_by_joints = by_joints[i];
   }
   const std::optional<std::string> why_not = Recalibrate(ViewsOf(*dataset, detections), with_arm, options, calibration);
   if (!why_not) return;
   arm->reason = *why_not;
+  if (!arm->is_recorded) arm->reason += "; captures in several configurations need recorded joints (captures.joints)";
   for (Capture& capture : dataset->captures) {
     capture.effect = nullptr;
     capture.gripper_by_joints.resize(6, 0);

@@ -146,6 +146,7 @@ std::string ResultTable(const RunResult& result, Colour colour) {
     if (finding.code == "model") table += finding.text + "\n";
     if (finding.code == "camera") table += "camera: " + finding.text + "\n";
     const bool is_of_arm = std::string_view(finding.code).starts_with("arm_");
+    if (finding.code == "smooth_errors") table += "robot: " + finding.text + "\n";
     if (is_of_arm) table += "arm: " + finding.text + (finding.action.empty() ? "" : "; " + finding.action) + "\n";
   }
   return table;

@@ -56,6 +56,11 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
   if (FLAGS_out.empty()) throw InputError("'heba correct' needs --out FILE");
   const fs::path run = arguments[0];
   const fs::path poses_file = arguments[1];
+  std::error_code no_file;
+  const fs::path out_folder = fs::absolute(FLAGS_out).parent_path();
+  if (fs::equivalent(FLAGS_out, poses_file, no_file) || fs::equivalent(out_folder, run, no_file)) {
+    throw InputError("--out: " + FLAGS_out + " would replace the poses or a file of the run; name another file");
+  }
   const RunResult result = ReadResult(run / "result.json");
   if (!result.robot || !result.robot->is_estimated) {
     PrintError((run / "result.json").string() + ": the kinematics of the arm were not estimated" +
