@@ -13,7 +13,7 @@ namespace heba {
 
 // A pose at which the trials predict the target's place in the camera.
 struct StudyPlace {
-  Rigid3d camera_mount_from_target_mount;  // As the robot reports it.
+  Rigid3d camera_mount_from_target_mount;  // The pose that the robot reports.
   std::shared_ptr<const PoseEffect> effect;
   Matrix6X gripper_by_joints;  // View::gripper_by_joints.
   // Whether the arm is in a configuration in which there are captures.
@@ -53,7 +53,8 @@ struct StudyCell {
 // The errors of the predicted target at the places of a cell (StudyRobot::places).
 struct PlaceErrors {
   double sum_m2 = 0;
-  int num_covered = 0;  // Those within the 95 % confidence region, with the noise of a further capture.
+  // Number of errors within the 95 % confidence region, which includes the noise of a further capture.
+  int num_covered = 0;
   int num = 0;
 };
 
@@ -70,7 +71,7 @@ struct TrialEstimate {
   std::optional<bool> has_right_model;
   std::optional<double> pixel_sigma_px;
   std::optional<RobotNoise> robot_noise;
-  // Of refinements in a cell whose robot has systematic errors.
+  // The figures below exist for refinements in a cell whose robot has systematic errors.
   bool has_effects = false;  // Whether such errors were estimated.
   PlaceErrors inside;
   PlaceErrors outside;

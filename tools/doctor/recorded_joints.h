@@ -32,7 +32,7 @@ struct JointReading {
   Arm arm;
   std::vector<Eigen::VectorXd> joints;  // One entry per capture; empty for a capture without joints.
   Rigid3d arm_base_from_base;           // The base of the poses in that of the arm.
-  std::vector<Mistake> mistakes;        // Those that lead from this reading to the config's.
+  std::vector<Mistake> mistakes;        // The mistakes that lead from this reading to the config's.
   std::string pairing;                  // How the rows belong together, as a clause, if not in their order.
   ImpliedTool tool;
 };

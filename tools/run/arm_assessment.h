@@ -1,4 +1,4 @@
-// What a run says about the arm: its estimated kinematics, or why they were not estimated.
+// The statements of a run about the arm: its estimated kinematics, or the reason why they were not estimated.
 #pragma once
 
 #include <optional>

@@ -17,7 +17,8 @@ struct PoseRow {
   Rigid3d pose;                      // Pose between the frames of the file; the caller must know its direction.
   int line = 0;                      // Line of the file, from 1; 0 if the file has no lines.
   std::vector<double> numbers = {};  // The numbers of the file, in the order of the format's columns.
-  std::vector<double> extras = {};   // Those of the columns beside the pose; empty if the file has none of them.
+  // The numbers in the columns beside the pose; empty if the file has no such columns.
+  std::vector<double> extras = {};
 };
 
 // Reads a table: a header line that names the columns (those of `format` and optionally `image` and `role`, in any

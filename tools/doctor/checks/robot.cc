@@ -82,7 +82,7 @@ std::string CodeOf(JointReading::Mistake mistake) {
   return "joints";
 }
 
-// What a mistake is, as a condition under which joints and poses agree, and its cure.
+// Returns the mistake, worded as a condition under which joints and poses agree, and its cure.
 std::pair<std::string, std::string> WordsOf(JointReading::Mistake mistake, const JointReading& reading,
                                             bool are_read_as_deg) {
   const std::string unit = are_read_as_deg ? "rad" : "deg";
@@ -496,7 +496,7 @@ std::vector<Remedy> RemediesFor(const ArmReading& stated, const std::vector<Rigi
 struct ChosenRemedy {
   const Remedy* remedy = nullptr;  // Null if they support none more than the others.
   std::optional<FittedReading> best;
-  std::string why;      // As the end of a sentence that names it first.
+  std::string why;      // The end of a sentence that begins with the name of the fault.
   bool is_sure = true;  // Whether no other one explains the captures nearly as well.
 };
 
