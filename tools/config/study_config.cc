@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "heba/base/error.h"
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/config/yaml_reader.h"
 #include "heba/detection.h"
@@ -13,6 +14,7 @@
 #include "tools/config/run_config.h"
 #include "tools/config/scene_config.h"
 #include "tools/config/study_robot.h"
+#include "tools/run/arm_setup.h"
 
 namespace heba {
 namespace {
@@ -253,7 +255,10 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
       });
       if (scene.arm) {
         Vary(kinematics, &variants, [&](const std::string& model, Variant* variant) {
-          const std::vector<std::shared_ptr<const SharedEffects>> errors = StudyArmErrors(*scene.arm, model);
+          // Studies leave compliances out of the choice.
+          constexpr size_t kTooFewForCompliances = 0;
+          const std::vector<std::shared_ptr<const SharedEffects>> errors = CandidateArmErrors(
+              scene.arm->nominal, *FindValue<Kinematics>(kKinematicsNames, model), kTooFewForCompliances);
           variant->labels.kinematics = model;
           variant->cell.options.bundle.target_scale_sigma = kPrintScaleSigma;
           if (model == "auto") {

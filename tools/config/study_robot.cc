@@ -124,15 +124,4 @@ std::optional<Failure> SetUpStudyRobot(const SceneConfig& scene, Rng* rng, Study
   return std::nullopt;
 }
 
-std::vector<std::shared_ptr<const SharedEffects>> StudyArmErrors(const SceneArm& arm, const std::string& kinematics) {
-  const auto errors_of = [&](ArmErrorModel model) {
-    return std::make_shared<const SharedEffects>(ArmErrors(arm.nominal, model));
-  };
-  if (kinematics == "offsets") return {errors_of(ArmErrorModel::kOffsets)};
-  if (kinematics == "geometry") return {errors_of(ArmErrorModel::kGeometry)};
-  if (kinematics == "gravity") return {errors_of(ArmErrorModel::kGravity)};
-  if (kinematics == "auto") return {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
-  return {};
-}
-
 }  // namespace heba

@@ -11,7 +11,4 @@ namespace heba {
 // the arm does not reach enough of the poses.
 std::optional<Failure> SetUpStudyRobot(const SceneConfig& scene, Rng* rng, StudyCell* cell);
 
-// Returns the errors of an arm among which the refinement chooses (`auto`), or that it estimates; none for `none`.
-std::vector<std::shared_ptr<const SharedEffects>> StudyArmErrors(const SceneArm& arm, const std::string& kinematics);
-
 }  // namespace heba

@@ -196,4 +196,29 @@ std::vector<std::shared_ptr<const PoseEffect>> EffectsOf(const Arm& arm, const R
   return effects;
 }
 
+std::vector<std::shared_ptr<const SharedEffects>> CandidateArmErrors(const Arm& arm, Kinematics kinematics,
+                                                                     size_t num_captures) {
+  constexpr size_t kEnoughForGravity = 30;
+  const auto errors_of = [&](ArmErrorModel model) {
+    return std::make_shared<const SharedEffects>(ArmErrors(arm, model));
+  };
+  switch (kinematics) {
+    case Kinematics::kNone:
+      return {};
+    case Kinematics::kOffsets:
+      return {errors_of(ArmErrorModel::kOffsets)};
+    case Kinematics::kGeometry:
+      return {errors_of(ArmErrorModel::kGeometry)};
+    case Kinematics::kGravity:
+      return {errors_of(ArmErrorModel::kGravity)};
+    case Kinematics::kAuto:
+      break;
+  }
+  std::vector<std::shared_ptr<const SharedEffects>> candidates = {errors_of(ArmErrorModel::kOffsets),
+                                                                  errors_of(ArmErrorModel::kGeometry)};
+  if (arm.load != nullptr && num_captures >= kEnoughForGravity)
+    candidates.push_back(errors_of(ArmErrorModel::kGravity));
+  return candidates;
+}
+
 }  // namespace heba

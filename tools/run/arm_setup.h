@@ -51,4 +51,10 @@ std::vector<SingularCapture> SingularCaptures(const Arm& arm, const ArmBranch& b
 std::vector<std::shared_ptr<const PoseEffect>> EffectsOf(const Arm& arm, const Rigid3d& tip_from_gripper,
                                                          const ArmBranch& branch);
 
+// Returns the errors of an arm among which is chosen (kAuto), or those that were asked for; none for kNone. With kAuto,
+// compliances are among them if the masses of the links are known and there are at least 30 captures: on recorded arms,
+// they gained nothing with fewer.
+std::vector<std::shared_ptr<const SharedEffects>> CandidateArmErrors(const Arm& arm, Kinematics kinematics,
+                                                                     size_t num_captures);
+
 }  // namespace heba

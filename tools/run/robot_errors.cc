@@ -13,33 +13,6 @@
 namespace heba {
 namespace {
 
-using ErrorsOfArm = std::shared_ptr<const SharedEffects>;
-
-// Returns the errors of an arm among which is chosen (kAuto), or those that were asked for; none for kNone. On recorded
-// arms, compliances gained nothing with fewer than 30 captures.
-std::vector<ErrorsOfArm> CandidateErrors(const Arm& arm, Kinematics kinematics, size_t num_captures) {
-  constexpr size_t kEnoughForGravity = 30;
-  const auto errors_of = [&](ArmErrorModel model) {
-    return std::make_shared<const SharedEffects>(ArmErrors(arm, model));
-  };
-  switch (kinematics) {
-    case Kinematics::kNone:
-      return {};
-    case Kinematics::kOffsets:
-      return {errors_of(ArmErrorModel::kOffsets)};
-    case Kinematics::kGeometry:
-      return {errors_of(ArmErrorModel::kGeometry)};
-    case Kinematics::kGravity:
-      return {errors_of(ArmErrorModel::kGravity)};
-    case Kinematics::kAuto:
-      break;
-  }
-  std::vector<ErrorsOfArm> candidates = {errors_of(ArmErrorModel::kOffsets), errors_of(ArmErrorModel::kGeometry)};
-  if (arm.load != nullptr && num_captures >= kEnoughForGravity)
-    candidates.push_back(errors_of(ArmErrorModel::kGravity));
-  return candidates;
-}
-
 // Returns the reason why the errors that were asked for cannot be estimated; empty if they can.
 std::string WhyNotEstimable(const Arm& arm, Kinematics kinematics) {
   if (kinematics != Kinematics::kGravity || arm.load != nullptr) return "";
@@ -109,7 +82,8 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
   }
   arm->branches = {arm->branches[branch]};
   CalibrationOptions with_arm = *options;
-  const std::vector<ErrorsOfArm> candidates = CandidateErrors(nominal, run.kinematics, calibration->views.size());
+  const std::vector<std::shared_ptr<const SharedEffects>> candidates =
+      CandidateArmErrors(nominal, run.kinematics, calibration->views.size());
   if (!candidates.empty()) with_arm.bundle.target_scale_sigma = kPrintScaleSigma;
   if (run.kinematics == Kinematics::kAuto) {
     with_arm.choose.effects = candidates;
@@ -193,7 +167,7 @@ void SetEffectsOfPairs(const Dataset& dataset, const RunOptions& run, ArmSetup* 
   }
   arm->branches = {arm->branches[branch]};
   for (size_t i = 0; i < calibration->pairs.size(); ++i) calibration->pairs[i].effect = effects[branch][i];
-  options->effects = CandidateErrors(nominal, run.kinematics, calibration->pairs.size());
+  options->effects = CandidateArmErrors(nominal, run.kinematics, calibration->pairs.size());
   options->must_have_effects = run.kinematics != Kinematics::kAuto;
 }
 

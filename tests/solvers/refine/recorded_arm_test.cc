@@ -2,7 +2,6 @@
 // of heba.
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <memory>
 
 #include <gtest/gtest.h>
@@ -19,20 +18,6 @@
 namespace heba {
 namespace {
 
-// Reads the numbers of a file with a header and a first column that names the capture.
-std::vector<std::vector<double>> ReadNumbers(const std::filesystem::path& path) {
-  std::ifstream stream(path);
-  std::string line;
-  std::getline(stream, line);
-  std::vector<std::vector<double>> rows;
-  while (std::getline(stream, line)) {
-    const std::vector<std::string> fields = Split(Trim(line), ',');
-    std::vector<double>& row = rows.emplace_back();
-    for (size_t i = 1; i < fields.size(); ++i) row.push_back(std::stod(fields[i]));
-  }
-  return rows;
-}
-
 Rigid3d PoseOf(const std::vector<double>& v) {
   return Rigid3d(Eigen::Quaterniond(v[6], v[3], v[4], v[5]), Eigen::Vector3d(v[0], v[1], v[2]));
 }
@@ -42,9 +27,9 @@ constexpr Setup kSetup = Setup::kEyeInHand;
 // Captures of a Franka FR3 that carries a camera, with the recorded joints.
 std::vector<PosePair> ReadFr3(const std::filesystem::path& folder) {
   const Arm& arm = *FindArm("franka_fr3");
-  const auto joints = ReadNumbers(folder / "joints.csv");
-  const auto tips = ReadNumbers(folder / "tcp.csv");
-  const auto cameras = ReadNumbers(folder / "camera_in_target.csv");
+  const auto joints = ReadRecordedNumbers(folder / "joints.csv");
+  const auto tips = ReadRecordedNumbers(folder / "tcp.csv");
+  const auto cameras = ReadRecordedNumbers(folder / "camera_in_target.csv");
   std::vector<Rigid3d> tools;
   std::vector<Eigen::VectorXd> positions;
   for (size_t i = 0; i < joints.size(); ++i) {

@@ -496,7 +496,7 @@ std::vector<Remedy> RemediesFor(const ArmReading& stated, const std::vector<Rigi
 struct ChosenRemedy {
   const Remedy* remedy = nullptr;  // Null if they support none more than the others.
   std::optional<FittedReading> best;
-  std::string why;      // The end of a sentence that begins with the name of the fault.
+  std::string why;      // The end of a sentence that begins with the name of the remedy.
   bool is_sure = true;  // Whether no other one explains the captures nearly as well.
 };
 

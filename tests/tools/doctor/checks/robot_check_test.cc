@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <vector>
 
@@ -215,26 +214,12 @@ TEST(RobotCheckTest, JointsOfOtherPosesAreWrong) {
   EXPECT_THAT(CodesOf(Check_robot(&examination)), ElementsAre("wrong joints_unexplained"));
 }
 
-// Reads the numbers of a file with a header and a first column that names the capture.
-std::vector<std::vector<double>> ReadNumbers(const std::filesystem::path& path) {
-  std::ifstream stream(path);
-  std::string line;
-  std::getline(stream, line);
-  std::vector<std::vector<double>> rows;
-  while (std::getline(stream, line)) {
-    const std::vector<std::string> fields = Split(Trim(line), ',');
-    std::vector<double>& row = rows.emplace_back();
-    for (size_t i = 1; i < fields.size(); ++i) row.push_back(std::stod(fields[i]));
-  }
-  return rows;
-}
-
 // The controller of this arm reports nominal kinematics, of a tool that is not the flange.
 TEST(RobotCheckTest, RecordedFrankaReportsNominalKinematics) {
   const std::filesystem::path folder = DataDir() / "fr3_joints_pose_pairs";
   HEBA_SKIP_WITHOUT(folder);
-  const std::vector<std::vector<double>> joints = ReadNumbers(folder / "joints.csv");
-  const std::vector<std::vector<double>> tips = ReadNumbers(folder / "tcp.csv");
+  const std::vector<std::vector<double>> joints = ReadRecordedNumbers(folder / "joints.csv");
+  const std::vector<std::vector<double>> tips = ReadRecordedNumbers(folder / "tcp.csv");
   Examination examination;
   Dataset& data = examination.config.data;
   for (size_t i = 0; i < joints.size(); ++i) {
