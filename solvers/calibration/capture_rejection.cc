@@ -125,10 +125,13 @@ int JudgedCaptures::NumWrong() const {
       std::count_if(verdicts.begin(), verdicts.end(), [](const CaptureVerdict& v) { return v.is_wrong; }));
 }
 
-JudgedCaptures JudgeCaptures(const Problem& problem_in, const Solution& solution, const BundleOptions& options) {
-  // Captures are judged by a white noise of the robot.
-  Problem problem = problem_in;
-  for (View& view : problem.views) view.gripper_by_joints.resize(6, 0);
+JudgedCaptures JudgeCaptures(const Problem& problem, const Solution& solution, const BundleOptions& options) {
+  if (NumNoisyJoints(problem.views) > 0) {
+    // Captures are judged by a white noise of the robot.
+    Problem white = problem;
+    for (View& view : white.views) view.gripper_by_joints.resize(6, 0);
+    return JudgeCaptures(white, solution, options);
+  }
   const FreeUnknowns free = FreeOf(problem.camera.Model(), options);
   JudgedCaptures judged;
   judged.verdicts.resize(problem.views.size());

@@ -65,23 +65,22 @@ std::vector<HoldOut> CrossValidatePoses(const Calibration& full, const PoseCalib
       }
     }
     CalibratePoses(fold_options, &part);
-    for (const MethodResult& method : part.methods) {
-      HeldOutPoses& of_method = errors[method.method];
-      if (!method.hand_eye) of_method.Fail(fold, method.hand_eye.reason());
-      for (size_t k = 0; method.hand_eye && k < held_out.size(); ++k) {
+    // Predicts the poses that were held out, with the errors of the robot that `solution` has found.
+    const auto predict = [&](const std::string& method, const Outcome<HandEye>& hand_eye, const Solution& solution) {
+      HeldOutPoses& of_method = errors[method];
+      if (!hand_eye) of_method.Fail(fold, hand_eye.reason());
+      for (size_t k = 0; hand_eye && k < held_out.size(); ++k) {
         const PosePair& pair = full.pairs[held_out[k]];
-        of_method.Add(CameraFromTarget(*method.hand_eye, pair.camera_mount_from_target_mount), pair.camera_from_target,
-                      held_out[k]);
+        const Rigid3d mount =
+            CorrectedMount(options.setup, pair.camera_mount_from_target_mount, pair.effect.get(), solution);
+        of_method.Add(CameraFromTarget(*hand_eye, mount), pair.camera_from_target, held_out[k]);
       }
-    }
-    HeldOutPoses& of_chain = errors[kChainMethod];
-    if (!part.chain) of_chain.Fail(fold, part.chain.reason());
-    for (size_t k = 0; part.chain && k < held_out.size(); ++k) {
-      const PosePair& pair = full.pairs[held_out[k]];
-      of_chain.Add(
-          CameraFromTarget(part.chain->hand_eye, CorrectedMount(options.setup, pair.camera_mount_from_target_mount,
-                                                                pair.effect.get(), *part.chain)),
-          pair.camera_from_target, held_out[k]);
+    };
+    for (const MethodResult& method : part.methods) predict(method.method, method.hand_eye, Solution());
+    if (part.chain) {
+      predict(kChainMethod, part.chain->hand_eye, *part.chain);
+    } else {
+      predict(kChainMethod, Failure{part.chain.reason()}, Solution());
     }
   }
   std::vector<HoldOut> results;

@@ -29,9 +29,7 @@ Arm ReadArm(MapReader& reader, RunConfig* config) {
 // Sets the joints of the captures from the rows of the file: by image, or in the order of the captures.
 void SetJoints(const Arm& arm, RunConfig* config) {
   const std::filesystem::path& file = config->joints_file;
-  std::vector<std::string> columns;
-  for (int j = 0; j < arm.num_joints(); ++j) columns.push_back("j" + std::to_string(j + 1));
-  const std::vector<PoseRow> rows = ReadPoseFile(file, NumbersFormat(columns));
+  const std::vector<PoseRow> rows = ReadPoseFile(file, NumbersFormat(JointColumns(arm)));
   std::vector<Capture>& captures = config->data.captures;
   const bool has_images = !rows.front().image.empty();
   if (!has_images && rows.size() != captures.size()) {
@@ -74,6 +72,12 @@ Arm ReadPayload(const ConfigValue& value, const Arm& arm, MapReader* robot) {
 }  // namespace
 
 bool ReadJointsAreDeg(MapReader& captures) { return captures.Choice("joint_angle", {"rad", "deg"}, "rad") == "deg"; }
+
+std::vector<std::string> JointColumns(const Arm& arm) {
+  std::vector<std::string> columns;
+  for (int j = 0; j < arm.num_joints(); ++j) columns.push_back("j" + std::to_string(j + 1));
+  return columns;
+}
 
 Eigen::VectorXd PositionsOf(const Arm& arm, const std::vector<double>& numbers, bool are_deg) {
   CHECK_EQ(numbers.size(), arm.joints.size());

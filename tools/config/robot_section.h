@@ -1,6 +1,7 @@
 // Reads the section `robot` of a config, the recorded joints of the captures, and refine.kinematics.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "heba/config/yaml_reader.h"
@@ -11,6 +12,8 @@ namespace heba {
 
 // Reads `joint_angle` of `captures`: whether recorded joints are in degrees.
 bool ReadJointsAreDeg(MapReader& captures);
+// Returns the columns that hold the joints of an arm in a file: j1, j2, ...
+std::vector<std::string> JointColumns(const Arm& arm);
 // Returns the positions of the joints (rad or m) from numbers of a file, whose angles may be in degrees.
 Eigen::VectorXd PositionsOf(const Arm& arm, const std::vector<double>& numbers, bool are_deg);
 

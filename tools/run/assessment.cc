@@ -50,8 +50,8 @@ std::optional<WorkingPoint> FindWorkingPoint(const Calibration& calibration, Set
   const StatedPose camera_mount = setup == Setup::kEyeInHand ? GripperPoseOf(setup, view) : StatedPose();
   const Outcome<LocatedTarget> located = LocateTarget(setup, solution, view.observations, camera_mount);
   if (!located) return std::nullopt;
-  const Eigen::Matrix3d base_from_camera = (Correct(solution, camera_mount).base_from_mount.RotationMatrix() *
-                                            solution.hand_eye.camera_mount_from_camera.RotationMatrix());
+  const Eigen::Matrix3d base_from_camera = Correct(solution, camera_mount).base_from_mount.RotationMatrix() *
+                                           solution.hand_eye.camera_mount_from_camera.RotationMatrix();
   return WorkingPoint{middle_of(view),
                       base_from_camera.transpose() * located->covariance.by_calibration_m2 * base_from_camera};
 }

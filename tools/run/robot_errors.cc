@@ -29,12 +29,15 @@ std::vector<std::vector<std::shared_ptr<const PoseEffect>>> EffectsOfBranches(co
   return effects;
 }
 
-// Returns View::gripper_by_joints of all captures for joints of the arm; empty for captures without joints.
-std::vector<Matrix6X> JointDerivatives(const Dataset& dataset, const ArmSetup& arm, const ArmBranch& branch) {
-  std::vector<Matrix6X> derivatives;
-  for (const Eigen::VectorXd& joints : branch.joints) {
-    derivatives.push_back(joints.size() == 0 ? Matrix6X(6, 0)
+// Returns View::gripper_by_joints of all captures, for each branch of the arm; empty for captures without joints.
+std::vector<std::vector<Matrix6X>> JointDerivativesOfBranches(const Dataset& dataset, const ArmSetup& arm) {
+  std::vector<std::vector<Matrix6X>> derivatives;
+  for (const ArmBranch& branch : arm.branches) {
+    std::vector<Matrix6X>& of_branch = derivatives.emplace_back();
+    for (const Eigen::VectorXd& joints : branch.joints) {
+      of_branch.push_back(joints.size() == 0 ? Matrix6X(6, 0)
                                              : GripperByJoints(dataset.robot->arm, joints, arm.tip_from_gripper));
+    }
   }
   return derivatives;
 }
@@ -63,17 +66,16 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
   if (arm->reason.empty()) arm->reason = WhyNotEstimable(nominal, run.kinematics);
   if (!arm->reason.empty()) return;
   const std::vector<std::vector<std::shared_ptr<const PoseEffect>>> effects = EffectsOfBranches(*dataset, *arm);
+  const std::vector<std::vector<Matrix6X>> by_joints = JointDerivativesOfBranches(*dataset, *arm);
   size_t branch = 0;
   if (effects.size() > 1) {
     BundleOptions bundle = calibration->bundle;
     bundle.effects = std::make_shared<const SharedEffects>(ArmErrors(nominal, ArmErrorModel::kGeometry));
     bundle.target_scale_sigma = kPrintScaleSigma;
     if (options->choose.target_shape) bundle.free_shape = TargetShapeCombinations().back();
-    std::vector<std::vector<Matrix6X>> joints;
-    for (const ArmBranch& candidate : arm->branches) joints.push_back(JointDerivatives(*dataset, *arm, candidate));
     const std::optional<size_t> found =
         MostLikelyEffects({calibration->camera, calibration->views, options->setup, options->shape},
-                          *calibration->refined, bundle, effects, joints);
+                          *calibration->refined, bundle, effects, by_joints);
     if (!found) {
       arm->reason = kNoBranch;
       return;
@@ -90,12 +92,11 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
   } else if (!candidates.empty()) {
     with_arm.bundle.effects = candidates.front();
   }
-  const std::vector<Matrix6X> by_joints = JointDerivatives(*dataset, *arm, arm->branches.front());
   for (size_t i = 0; i < dataset->captures.size(); ++i) {
     Capture& capture = dataset->captures[i];
     if (!candidates.empty()) capture.effect = effects[branch][i];
     // Servo errors are those of joints: beside the errors of an arm, white noise alone misjudges what the captures say.
-    capture.gripper_by_joints = by_joints[i];
+    capture.gripper_by_joints = by_joints[branch][i];
   }
   const std::optional<std::string> why_not = Recalibrate(ViewsOf(*dataset, detections), with_arm, options, calibration);
   if (!why_not) return;

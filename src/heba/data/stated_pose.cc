@@ -5,8 +5,7 @@
 namespace heba {
 
 StatedPose GripperPoseOf(Setup setup, const View& view) {
-  const Rigid3d& mount = view.camera_mount_from_target_mount;
-  StatedPose stated(setup == Setup::kEyeInHand ? Inverse(mount) : mount, view.effect);
+  StatedPose stated(BaseFromGripper(setup, view.camera_mount_from_target_mount), view.effect);
   stated.gripper_by_joints = view.gripper_by_joints;
   return stated;
 }

@@ -1,4 +1,4 @@
-// How well the estimated kinematics of an arm are known, at the captures and away from them.
+// The uncertainty of the estimated kinematics of an arm, at the captures and away from them.
 #pragma once
 
 #include <array>

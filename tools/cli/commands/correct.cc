@@ -36,12 +36,6 @@ Form FormOf(const fs::path& run) {
   return {ReadPoseReading(captures), ReadJointsAreDeg(captures)};
 }
 
-std::vector<std::string> JointColumns(const Arm& arm) {
-  std::vector<std::string> columns;
-  for (int j = 0; j < arm.num_joints(); ++j) columns.push_back("j" + std::to_string(j + 1));
-  return columns;
-}
-
 // Returns the corrected pose, or the one to command. `joints` are empty if the file does not have them.
 Outcome<Rigid3d> Corrected(const RobotSummary& robot, const Rigid3d& given, const std::vector<double>& joints,
                            bool joints_are_deg) {

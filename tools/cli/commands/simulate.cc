@@ -14,6 +14,7 @@
 #include "targets/images/image.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
+#include "tools/config/robot_section.h"
 #include "tools/config/scene_config.h"
 #include "tools/files/result_folder.h"
 #include "tools/text/console.h"
@@ -110,10 +111,8 @@ Outcome<SimulatedCaptures> WithArm(const SceneConfig& scene, const SimulatedCapt
   return captures;
 }
 
-std::string JointsText(const SimulatedCaptures& captures) {
-  std::string text = "image";
-  for (Eigen::Index j = 0; j < captures.joints.front().size(); ++j) text += ",j" + std::to_string(j + 1);
-  text += "\n";
+std::string JointsText(const Arm& arm, const SimulatedCaptures& captures) {
+  std::string text = "image," + Join(JointColumns(arm), ",") + "\n";
   for (size_t i = 0; i < captures.rows.size(); ++i) {
     text += captures.rows[i].image;
     for (const double joint : captures.joints[i]) text += "," + RoundTrip(joint);
@@ -188,7 +187,7 @@ int RunCommand_simulate(const std::vector<std::string>& arguments) {
   WriteFileAtomically(folder.staging() / "camera.yaml", CameraToYaml(scene.camera));
   WriteFileAtomically(folder.staging() / "poses.csv", PoseFileText(rows, scene.pose_format));
   if (scene.arm && scene.arm->records_joints) {
-    WriteFileAtomically(folder.staging() / "joints.csv", JointsText(captures));
+    WriteFileAtomically(folder.staging() / "joints.csv", JointsText(scene.arm->nominal, captures));
   }
   WriteFileAtomically(folder.staging() / "config.yaml", RunConfigText(scene));
   WriteFileAtomically(folder.staging() / "truth.json",
