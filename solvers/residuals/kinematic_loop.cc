@@ -31,6 +31,7 @@ KinematicLoop::KinematicLoop(std::vector<LoopFactor> factors) {
     return kind == LoopFactor::Kind::kOwn ? &pattern->own : nullptr;
   };
   for (LoopFactor& factor : pattern->factors) {
+    if (factor.kind == LoopFactor::Kind::kEffect) pose_effects_.push_back(std::exchange(factor.effect, nullptr));
     if (std::vector<int>* const indices = indices_of(factor.kind)) {
       indices->push_back(factor.index);
       continue;
@@ -59,10 +60,13 @@ KinematicLoop::KinematicLoop(std::vector<LoopFactor> factors) {
   pattern_ = pattern;
 }
 
-KinematicLoop KinematicLoop::WithKnown(std::vector<Rigid3d> known) const {
+KinematicLoop KinematicLoop::With(std::vector<Rigid3d> known,
+                                  std::vector<std::shared_ptr<const PoseEffect>> effects) const {
   CHECK_EQ(known.size(), known_.size());
+  CHECK_EQ(effects.size(), pose_effects_.size());
   KinematicLoop loop = *this;
   loop.known_ = std::move(known);
+  loop.pose_effects_ = std::move(effects);
   for (size_t j = 0; j < pattern_->factors.size(); ++j) {
     const LoopFactor& factor = pattern_->factors[j];
     if (factor.kind != LoopFactor::Kind::kKnown || !factor.is_inverted) continue;
@@ -74,7 +78,9 @@ KinematicLoop KinematicLoop::WithKnown(std::vector<Rigid3d> known) const {
 
 std::vector<LoopFactor> KinematicLoop::Factors() const {
   std::vector<LoopFactor> factors = pattern_->factors;
+  auto pose_effect = pose_effects_.begin();
   for (size_t j = 0; j < factors.size(); ++j) {
+    if (factors[j].kind == LoopFactor::Kind::kEffect) factors[j].effect = *pose_effect++;
     if (factors[j].kind != LoopFactor::Kind::kKnown) continue;
     factors[j].known = known_[pattern_->slots[j]];
     if (factors[j].is_inverted) factors[j].known = Inverse(factors[j].known);
@@ -93,6 +99,7 @@ Rigid3d KinematicLoop::Evaluate(const LoopPoses& poses, LoopDerivatives* derivat
   }
   Rigid3d of_effects;
   Matrix6X tangent_from_effects;
+  auto pose_effect = pose_effects_.begin();
   for (size_t j = 0; j < pattern_->factors.size(); ++j) {
     const LoopFactor& factor = pattern_->factors[j];
     const size_t slot = pattern_->slots[j];
@@ -107,7 +114,7 @@ Rigid3d KinematicLoop::Evaluate(const LoopPoses& poses, LoopDerivatives* derivat
         break;
       case LoopFactor::Kind::kEffect:
         of_effects =
-            factor.effect->Evaluate(poses.effects[index], derivatives == nullptr ? nullptr : &tangent_from_effects);
+            (*pose_effect++)->Evaluate(poses.effects[index], derivatives == nullptr ? nullptr : &tangent_from_effects);
         break;
       case LoopFactor::Kind::kOwn:
         pose = &poses.own[index];

@@ -54,9 +54,9 @@ class KinematicLoop {
  public:
   explicit KinematicLoop(std::vector<LoopFactor> factors);
 
-  // Returns the same loop with other known poses, given in the order of the known factors. Loops that are made from one
-  // another share what they have in common.
-  KinematicLoop WithKnown(std::vector<Rigid3d> known) const;
+  // Returns the same loop with other known poses and, if there are any, other functions of the effects, each given in
+  // the order of their factors. Loops that are made from one another share what they have in common.
+  KinematicLoop With(std::vector<Rigid3d> known, std::vector<std::shared_ptr<const PoseEffect>> effects = {}) const;
 
   // Returns camera_from_target. `derivatives` may be null.
   Rigid3d Evaluate(const LoopPoses& poses, LoopDerivatives* derivatives) const;
@@ -69,9 +69,9 @@ class KinematicLoop {
   const std::vector<int>& own() const { return pattern_->own; }
 
  private:
-  // All about a loop but the known poses.
+  // All about a loop but the known poses and the functions of the effects.
   struct Pattern {
-    std::vector<LoopFactor> factors;  // Without their known poses.
+    std::vector<LoopFactor> factors;  // Without their known poses and functions.
     std::vector<size_t> slots;   // For each factor, its place among the known poses, or `shared`, `effects` or `own`.
     std::vector<bool> is_first;  // For each factor, whether its unknown does not occur before.
     std::vector<int> shared;
@@ -80,7 +80,8 @@ class KinematicLoop {
   };
 
   std::shared_ptr<const Pattern> pattern_;
-  std::vector<Rigid3d> known_;  // The poses of inverted factors are stored inverted.
+  std::vector<Rigid3d> known_;                                   // The poses of inverted factors are stored inverted.
+  std::vector<std::shared_ptr<const PoseEffect>> pose_effects_;  // In the order of their factors.
 };
 
 }  // namespace heba

@@ -24,31 +24,29 @@ LoopProblem WithoutCaptures(const Problem& problem, const FreeUnknowns& free) {
   return loops;
 }
 
-// Makes the loops of views. Those without effects share what they have in common.
+// Makes the loops of views. Those with effects, and those without, share what they have in common.
 class LoopMaker {
  public:
   LoopMaker(Setup setup, const SharedEffects* effects, bool has_correction)
-      : setup_(setup),
-        effects_(effects),
-        has_correction_(has_correction),
-        plain_(HandEyeLoop(setup, {}, nullptr, has_correction)) {
+      : effects_(effects),
+        plain_(HandEyeLoop(setup, {}, nullptr, has_correction)),
+        with_effect_(HandEyeLoop(setup, {}, MakeLinearEffect(Matrix6X(6, 0)), has_correction)) {
     for (size_t i = 0; effects != nullptr && i < effects->effects.size(); ++i) {
       indices_.push_back(effects->effects[i].index);
     }
   }
 
   KinematicLoop LoopOf(const View& view) const {
-    if (effects_ == nullptr || view.effect == nullptr) return plain_.WithKnown({view.camera_mount_from_target_mount});
-    return HandEyeLoop(setup_, view.camera_mount_from_target_mount,
-                       SelectEffects(view.effect, effects_->num_all, indices_), has_correction_);
+    if (effects_ == nullptr || view.effect == nullptr) return plain_.With({view.camera_mount_from_target_mount});
+    return with_effect_.With({view.camera_mount_from_target_mount},
+                             {SelectEffects(view.effect, effects_->num_all, indices_)});
   }
 
  private:
-  Setup setup_;
   const SharedEffects* effects_;
-  bool has_correction_;
   std::vector<int> indices_;
   KinematicLoop plain_;
+  KinematicLoop with_effect_;  // With an effect in whose place those of the views are put.
 };
 
 }  // namespace

@@ -128,13 +128,35 @@ TEST(KinematicLoopTest, OtherKnownPosesReplaceThoseOfAPattern) {
   const std::vector<Rigid3d> known = {RandomPose(&rng), RandomPose(&rng)};
   const KinematicLoop pattern(
       {Inverse(KnownFactor(RandomPose(&rng))), SharedFactor(0), KnownFactor(RandomPose(&rng)), OwnFactor(0)});
-  const KinematicLoop loop = pattern.WithKnown(known);
+  const KinematicLoop loop = pattern.With(known);
   const Rigid3d expected = Inverse(known[0]) * values.shared[0] * known[1] * values.own[0];
   EXPECT_LT(DistanceM(loop.Evaluate(values.Poses(), nullptr), expected), 1e-12);
   const std::vector<LoopFactor> factors = loop.Factors();
   ASSERT_EQ(factors.size(), 4U);
   EXPECT_LT(DistanceM(factors[0].known, known[0]), 1e-12);
   EXPECT_TRUE(factors[0].is_inverted);
+}
+
+// A loop with other functions of the effects is the one that is made of them.
+TEST(KinematicLoopTest, OtherEffectsReplaceThoseOfAPattern) {
+  Rng rng(11);
+  const Values values = RandomValues(12);
+  const Rigid3d known = RandomPose(&rng);
+  const std::shared_ptr<const PoseEffect> effect = MakeLinearEffect(RandomMatrix(13));
+  const auto factors_with = [&](const Rigid3d& pose, const std::shared_ptr<const PoseEffect>& of_effects) {
+    return std::vector<LoopFactor>{Inverse(SharedFactor(0)), Inverse(EffectFactor(0, of_effects)), KnownFactor(pose),
+                                   SharedFactor(1)};
+  };
+  const KinematicLoop pattern(factors_with(RandomPose(&rng), MakeLinearEffect(RandomMatrix(14))));
+  const KinematicLoop expected(factors_with(known, effect));
+  const KinematicLoop loop = pattern.With({known}, {effect});
+  LoopDerivatives derivatives;
+  LoopDerivatives expected_derivatives;
+  EXPECT_LT(
+      DistanceM(loop.Evaluate(values.Poses(), &derivatives), expected.Evaluate(values.Poses(), &expected_derivatives)),
+      1e-15);
+  EXPECT_TRUE(derivatives.effects[0] == expected_derivatives.effects[0]);
+  EXPECT_EQ(loop.Factors()[1].effect, effect);
 }
 
 }  // namespace
