@@ -128,7 +128,22 @@ double ChanceAgainst(const FittedModel& larger, const FittedModel& smaller) {
                        larger.solution.covariance_dof);
 }
 
+// Returns ModelAlternative::odds.
+std::optional<double> OddsAgainst(const Problem& problem, const FittedModel& larger, const FittedModel& smaller) {
+  if (smaller.model.effects == nullptr) return std::nullopt;
+  const std::optional<double> at_least =
+      LogLikelihoodAtLeast(problem, larger.solution, larger.options, smaller.model.effects.get());
+  return at_least ? std::optional<double>(std::exp(smaller.log_likelihood - *at_least)) : std::nullopt;
+}
+
 }  // namespace
+
+bool IsAcceptable(const ModelAlternative& smaller, const ErrorModel& largest) {
+  const bool lacks_arm = smaller.model.effects == nullptr && largest.effects != nullptr &&
+                         largest.effects->kind == SharedEffectsKind::kArm;
+  const double level = lacks_arm ? kExactArmRejected : kModelRejected;
+  return smaller.p.value_or(1) >= level && (!smaller.odds || *smaller.odds >= kLeastOdds);
+}
 
 int NumVariances(const ErrorModel& model) {
   const int num_of_noise = model.robot == Robot::kEstimatedNoise ? 2 : 0;
@@ -352,9 +367,12 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
       if (&other == &smaller || !Contains(other.model, smaller.model)) continue;
       if (largest == nullptr || DofOf(other.model) > DofOf(largest->model)) largest = &other;
     }
-    if (largest != nullptr) alternative.p = ChanceAgainst(*largest, smaller);
+    if (largest != nullptr) {
+      alternative.p = ChanceAgainst(*largest, smaller);
+      alternative.odds = OddsAgainst(*problem, *largest, smaller);
+    }
     choice.alternatives.push_back(alternative);
-    if (alternative.p.value_or(1) < kModelRejected) continue;
+    if (largest != nullptr && !IsAcceptable(alternative, largest->model)) continue;
     const bool is_better = best == nullptr || (DofOf(smaller.model) == DofOf(best->model) &&
                                                smaller.log_likelihood > best->log_likelihood);
     if (!is_better) continue;

@@ -17,6 +17,14 @@ inline constexpr size_t kMinPosesForVariances = 8;
 
 // Significance level: a model is rejected if data that deviate from it as much would be rarer than this.
 inline constexpr double kModelRejected = 0.01;
+// The level for a model without the errors of an arm against one with them. The probabilities are upper bounds that
+// exceed the true ones by far if a model has several more variances: at this level, less than 1 % of exact arms are
+// rejected.
+inline constexpr double kExactArmRejected = 0.05;
+// The least ModelAlternative::odds: an arm whose offsets have errors has others too, and those are left out only if the
+// captures show that they are smaller than those of other arms. If they are estimated needlessly, they shrink to
+// nothing; if they are left out, the sigmas lack them.
+inline constexpr double kLeastOdds = 3;
 
 // The numbers of parameters by which two nested models differ.
 struct ModelDifference {
@@ -27,6 +35,9 @@ struct ModelDifference {
 // `covariance_dof` is Solution::covariance_dof of the larger one.
 double ChanceOfRatio(double smaller_log_likelihood, double larger_log_likelihood, const ModelDifference& difference,
                      double covariance_dof);
+
+// Returns whether a model can be taken beside `largest`, the largest of the models that contain it.
+bool IsAcceptable(const ModelAlternative& smaller, const ErrorModel& largest);
 
 // Returns the number of variances of a model, and of the figures of its effects that were fitted.
 int NumVariances(const ErrorModel& model);
@@ -43,7 +54,7 @@ struct ModelChoice {
 
 // Fits every combination of {exact robot, robot noise, robot noise and systematic errors} and {as designed, scale,
 // bend, scale and bend} that is to be chosen from and that the captures determine. Chooses the one with the fewest
-// parameters that is not rejected; among equally many parameters, the most likely.
+// parameters that is acceptable (IsAcceptable); among equally many parameters, the most likely.
 //
 // Each model is fitted to its own optimum: one that is less likely than a model that it contains is refined again from
 // that model's solution. Models that differ in the shape alone are compared by an F-test (restricted likelihood ratio,

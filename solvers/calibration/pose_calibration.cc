@@ -1,5 +1,6 @@
 // Calibration from poses of the target that others estimated.
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -74,8 +75,13 @@ Outcome<Solution> RefineWithChosenErrors(const PoseCalibrationOptions& options, 
       alternative.p = ChanceOfRatio(smaller.log_likelihood, largest.log_likelihood,
                                     {0, NumVariances(largest.model) - NumVariances(smaller.model)},
                                     largest.solution.covariance_dof);
+      const std::optional<double> at_least =
+          smaller.model.effects == nullptr ? std::nullopt
+                                           : ChainLogLikelihoodAtLeast(options.setup, calibration->pairs,
+                                                                       largest.solution, smaller.model.effects.get());
+      if (at_least) alternative.odds = std::exp(smaller.log_likelihood - *at_least);
     }
-    if (chosen == nullptr && alternative.p.value_or(1) >= kModelRejected) chosen = &smaller;
+    if (chosen == nullptr && IsAcceptable(alternative, largest.model)) chosen = &smaller;
     if (candidates.size() > 1) calibration->alternatives.push_back(std::move(alternative));
   }
   CHECK(chosen != nullptr) << "the largest model cannot be rejected";

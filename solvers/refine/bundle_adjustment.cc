@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <limits>
 #include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
 
 #include "heba/base/text.h"
 #include "solvers/closed_form/motion_analysis.h"
@@ -136,22 +139,50 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   return solution;
 }
 
-double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options) {
+namespace {
+
+// The rows and the variances of a solution, by which its restricted likelihood is computed.
+struct SolutionRows {
+  std::vector<LinearisedView> views;
+  std::vector<VarianceGroup> groups;
+  Eigen::Index num_common;
+
+  double LogLikelihood(double pixel_sigma_px) const {
+    return RestrictedLogLikelihood(views, pixel_sigma_px, groups, num_common);
+  }
+};
+
+// Returns nothing if a point cannot be projected.
+std::optional<SolutionRows> RowsOf(const Problem& problem, const Solution& solution, const BundleOptions& options) {
   const FreeUnknowns free = FreeOf(solution.camera.Model(), options);
   const Loss& loss = InlierLoss(options);
   const FitState state{solution.hand_eye, solution.camera, solution.shape, solution.effects, CorrectionsOf(solution)};
   const FitNoise noise{solution.pixel_sigma_px, solution.robot_noise, solution.effect_sigmas};
-  const std::optional<std::vector<LinearisedView>> views = LineariseFit(
+  std::optional<std::vector<LinearisedView>> views = LineariseFit(
       problem, state, GroupByRobotPose(problem.setup, problem.views), free, noise, loss, loss.consistency, options);
-  if (!views) return -std::numeric_limits<double>::infinity();
+  if (!views) return std::nullopt;
   const UnknownLayout layout = HandEyeUnknowns(solution.camera.Model(), free);
-  const std::vector<VarianceGroup> groups =
+  std::vector<VarianceGroup> groups =
       WithEffectGroups(CorrectionGroups(loss.consistency, solution.robot_noise.value_or(RobotNoise{}), true, true,
                                         options.robot_noise_prior ? &*options.robot_noise_prior : nullptr,
                                         NumNoisyJoints(problem.views)),
                        layout, options.effects.get(), solution.effect_sigmas, true, false);
-  const Eigen::Index num_common = layout.Block(kTargetBlock).first;
-  return RestrictedLogLikelihood(*views, solution.pixel_sigma_px, groups, num_common);
+  return SolutionRows{std::move(*views), std::move(groups), layout.Block(kTargetBlock).first};
+}
+
+}  // namespace
+
+double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options) {
+  const std::optional<SolutionRows> rows = RowsOf(problem, solution, options);
+  return rows ? rows->LogLikelihood(solution.pixel_sigma_px) : -std::numeric_limits<double>::infinity();
+}
+
+std::optional<double> LogLikelihoodAtLeast(const Problem& problem, const Solution& solution,
+                                           const BundleOptions& options, const SharedEffects* smaller) {
+  if (options.effects == nullptr) return std::nullopt;
+  std::optional<SolutionRows> rows = RowsOf(problem, solution, options);
+  if (!rows || !RaiseToLeast(rows->views, *options.effects, smaller, &rows->groups)) return std::nullopt;
+  return rows->LogLikelihood(solution.pixel_sigma_px);
 }
 
 }  // namespace heba

@@ -127,14 +127,36 @@ UnknownLayout ChainUnknowns(const SharedEffects* effects) {
 
 }  // namespace
 
+namespace {
+
+// The rows and the variances of a solution, by which its restricted likelihood is computed.
+struct ChainRows {
+  UnknownLayout layout;
+  std::vector<LinearisedView> views;
+  std::vector<VarianceGroup> groups;
+
+  ChainRows(Setup setup, const std::vector<PosePair>& pairs, const Solution& solution)
+      : layout(ChainUnknowns(solution.shared_effects.get())),
+        views(LineariseChain(setup, pairs, Whitenings(pairs), layout, solution)),
+        groups(WithEffectGroups(
+            CorrectionGroups(solution.pixel_sigma_px * solution.pixel_sigma_px, *solution.robot_noise, true, true),
+            layout, solution.shared_effects.get(), solution.effect_sigmas, true, false)) {}
+
+  double LogLikelihood() const { return RestrictedLogLikelihood(views, 1, groups, layout.size()); }
+};
+
+}  // namespace
+
 double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, const Solution& solution) {
-  const UnknownLayout layout = ChainUnknowns(solution.shared_effects.get());
-  const std::vector<LinearisedView> views = LineariseChain(setup, pairs, Whitenings(pairs), layout, solution);
-  const double variance = solution.pixel_sigma_px * solution.pixel_sigma_px;
-  const std::vector<VarianceGroup> groups =
-      WithEffectGroups(CorrectionGroups(variance, *solution.robot_noise, true, true), layout,
-                       solution.shared_effects.get(), solution.effect_sigmas, true, false);
-  return RestrictedLogLikelihood(views, 1, groups, layout.size());
+  return ChainRows(setup, pairs, solution).LogLikelihood();
+}
+
+std::optional<double> ChainLogLikelihoodAtLeast(Setup setup, const std::vector<PosePair>& pairs,
+                                                const Solution& solution, const SharedEffects* smaller) {
+  if (solution.shared_effects == nullptr) return std::nullopt;
+  ChainRows rows(setup, pairs, solution);
+  if (!RaiseToLeast(rows.views, *solution.shared_effects, smaller, &rows.groups)) return std::nullopt;
+  return rows.LogLikelihood();
 }
 
 Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>& pairs, const HandEye& start,

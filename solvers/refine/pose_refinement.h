@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "heba/base/error.h"
@@ -30,5 +31,8 @@ Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>&
 // Returns the restricted log-likelihood (solvers/uncertainty/variance_components.h) of the pairs at a solution of
 // RefineChainWithNoise, up to a constant that all such solutions of these pairs share.
 double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, const Solution& solution);
+// Likewise, as LogLikelihoodAtLeast (heba/bundle_adjustment.h).
+std::optional<double> ChainLogLikelihoodAtLeast(Setup setup, const std::vector<PosePair>& pairs,
+                                                const Solution& solution, const SharedEffects* smaller);
 
 }  // namespace heba

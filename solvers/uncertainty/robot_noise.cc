@@ -97,6 +97,24 @@ size_t FirstEffectGroup(const std::vector<VarianceGroup>& groups) {
   return static_cast<size_t>(first - groups.begin());
 }
 
+bool RaiseToLeast(const std::vector<LinearisedView>& views, const SharedEffects& effects, const SharedEffects* smaller,
+                  std::vector<VarianceGroup>* groups) {
+  const size_t first = FirstEffectGroup(*groups);
+  bool has_raised = false;
+  for (size_t g = smaller == nullptr ? 0 : smaller->groups.size(); g < effects.groups.size(); ++g) {
+    const double least = effects.groups[g].least_sigma;
+    if (!(least > 0)) continue;
+    VarianceGroup& group = (*groups)[first + g];
+    group.variance = std::max(group.variance, least * least);
+    group.is_free = false;
+    has_raised = true;
+  }
+  if (!has_raised) return false;
+  const VarianceComponents found = EstimateVariances(views, *groups, kRoughVariances);
+  for (size_t k = 0; k < groups->size(); ++k) (*groups)[k].variance = found.variances[static_cast<Eigen::Index>(k)];
+  return true;
+}
+
 RobotNoise RobotNoiseOf(const std::vector<VarianceGroup>& groups, const VarianceComponents& variances) {
   const bool has_joints = FirstEffectGroup(groups) > kJointGroup;
   return {std::sqrt(variances.variances[kTranslationGroup]), std::sqrt(variances.variances[kRotationGroup]),

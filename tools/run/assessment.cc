@@ -67,7 +67,7 @@ ModelSummary SummariseModel(const Calibration& calibration) {
   if (calibration.refined) model.camera = calibration.refined->camera.model;
   for (const ModelAlternative& alternative : calibration.alternatives) {
     model.alternatives.push_back(
-        {NameOf(alternative.model), alternative.log_likelihood, alternative.dof, alternative.p});
+        {NameOf(alternative.model), alternative.log_likelihood, alternative.dof, alternative.p, alternative.odds});
   }
   for (const CameraAlternative& alternative : calibration.camera_alternatives) {
     model.alternatives.push_back(

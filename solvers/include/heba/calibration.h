@@ -45,6 +45,10 @@ struct ModelAlternative {
   // The probability, if this model is right, of a likelihood ratio at least as large against the largest model that
   // contains it. Not set for the largest model.
   std::optional<double> p;
+  // How many times as likely the model is as that largest one is if the groups of the robot's errors that this one
+  // lacks have at least the standard deviations that robots have (EffectGroup::least_sigma). Set if it lacks such
+  // groups, but not all.
+  std::optional<double> odds = {};
 };
 
 // The parts of the model that are to be chosen; the others are given by the options.

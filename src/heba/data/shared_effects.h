@@ -31,6 +31,8 @@ struct EffectGroup {
   std::string name;  // For example "offsets".
   std::string unit;  // "rad" or "m"; empty if there is none.
   double sigma = 1;  // In that unit: the standard deviation, or the initial guess if it is estimated.
+  // The least standard deviation that robots with such effects have; 0 if there is none.
+  double least_sigma = 0;
 };
 
 // One unknown effect.

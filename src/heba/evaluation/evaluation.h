@@ -103,6 +103,7 @@ struct ModelEntry {
   double log_likelihood = 0;
   int dof = 0;
   std::optional<double> p;
+  std::optional<double> odds = {};  // ModelAlternative::odds.
 };
 
 // The error model that the refinement uses.

@@ -296,6 +296,7 @@ Json ModelJson(const ModelSummary& model) {
                                 {"log_likelihood", Finite(entry.log_likelihood)},
                                 {"dof", entry.dof},
                                 {"p", OrNull(entry.p)}});
+    if (entry.odds) alternatives.back()["odds"] = Finite(*entry.odds);
   }
   return Json{{"robot_noise", model.robot_noise},
               {"target_shape", model.target_shape},

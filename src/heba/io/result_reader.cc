@@ -365,9 +365,9 @@ ModelSummary ReadModel(const JsonReader& reader) {
   for (const JsonReader& group : reader.Get("target_shape").List()) model.target_shape.push_back(group.Text());
   model.camera = reader.Get("camera").Text();
   for (const JsonReader& entry : reader.Get("alternatives").List()) {
-    model.alternatives.push_back({entry.Get("name").Text(),
-                                  ReadFinite(entry, "log_likelihood", -std::numeric_limits<double>::infinity()),
-                                  entry.Get("dof").Int(0, kMostCounted), ReadOptional(entry, "p")});
+    model.alternatives.push_back(
+        {entry.Get("name").Text(), ReadFinite(entry, "log_likelihood", -std::numeric_limits<double>::infinity()),
+         entry.Get("dof").Int(0, kMostCounted), ReadOptional(entry, "p"), ReadOptional(entry, "odds")});
   }
   return model;
 }

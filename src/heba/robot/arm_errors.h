@@ -29,6 +29,9 @@ Matrix6X GripperByJoints(const Arm& arm, const Eigen::VectorXd& joints, const Ri
 inline constexpr double kOffsetPriorDeg = 0.3;
 inline constexpr double kLengthPriorM = 0.5e-3;
 inline constexpr double kAnglePriorDeg = 0.1;
+// The least standard deviations of geometries that were not measured arm by arm: what machining and assembly leave.
+inline constexpr double kLeastLengthM = 0.1e-3;
+inline constexpr double kLeastAngleDeg = 0.01;
 // Harmonic drives of the sizes in small and medium arms have stiffnesses of some 1e4 to 1e5 N m/rad (Harmonic Drive,
 // catalogues of the CSG and SHG series); bearings and links add to their compliance.
 inline constexpr double kCompliancePriorRadPerNm = 2e-5;

@@ -62,7 +62,8 @@ TEST(PoseCalibrationTest, ErrorsOfTheArmAreEstimatedAndPredictHeldOutPoses) {
   ASSERT_TRUE(without.chain.ok()) << without.chain.reason();
   ASSERT_NE(with_arm.bundle.effects, nullptr);
   EXPECT_EQ(with_arm.bundle.effects->name, options.effects.back()->name);
-  EXPECT_EQ(with_arm.alternatives.size(), 3U);
+  ASSERT_EQ(with_arm.alternatives.size(), 3U);
+  EXPECT_TRUE(with_arm.alternatives[1].odds.has_value());
   const double held_out_m = *HoldOutOf(CrossValidatePoses(with_arm, options, 5), kChainMethod).target_m;
   EXPECT_LT(held_out_m, 0.5 * *HoldOutOf(CrossValidatePoses(without, plain, 5), kChainMethod).target_m);
   // The poses of the target themselves have errors of sqrt(3) x 0.1 mm.
