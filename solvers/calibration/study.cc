@@ -29,7 +29,8 @@ bool EstimatesArm(const StudyCell& cell) {
   return cell.options.bundle.effects != nullptr || !cell.options.choose.effects.empty();
 }
 
-View MakeView(const StudyCell& cell, size_t index, const Eigen::VectorXd& drawn, Rng* rng) {
+// Returns the captures at one pose.
+std::vector<View> MakeViews(const StudyCell& cell, size_t index, const Eigen::VectorXd& drawn, Rng* rng) {
   const heba::Setup setup = cell.options.setup;
   const SimulatedPose& pose = cell.poses[index];
   View view;
@@ -62,21 +63,35 @@ View MakeView(const StudyCell& cell, size_t index, const Eigen::VectorXd& drawn,
                       &view.observations.pixels, nullptr);
   }
   if (!is_seen) throw InputError("the robot noise puts the target behind the camera in every draw");
-  for (Eigen::Index i = 0; i < view.observations.size(); ++i) {
-    const double u = cell.pixel_sigma_px * rng->Normal();
-    const double v = cell.pixel_sigma_px * rng->Normal();
-    view.observations.pixels.col(i) += Eigen::Vector2d(u, v);
-    if (rng->Uniform() < cell.outlier_points) {
-      view.observations.pixels(0, i) += rng->Uniform(-kOutlierPx, kOutlierPx);
-      view.observations.pixels(1, i) += rng->Uniform(-kOutlierPx, kOutlierPx);
+  std::vector<View> views(static_cast<size_t>(cell.num_repeats), view);
+  for (size_t repeat = 0; repeat < views.size(); ++repeat) {
+    if (repeat > 0) views[repeat].name += "_" + std::to_string(repeat);
+    auto& pixels = views[repeat].observations.pixels;
+    for (Eigen::Index i = 0; i < pixels.cols(); ++i) {
+      const double u = cell.pixel_sigma_px * rng->Normal();
+      const double v = cell.pixel_sigma_px * rng->Normal();
+      pixels.col(i) += Eigen::Vector2d(u, v);
+      if (rng->Uniform() < cell.outlier_points) {
+        pixels(0, i) += rng->Uniform(-kOutlierPx, kOutlierPx);
+        pixels(1, i) += rng->Uniform(-kOutlierPx, kOutlierPx);
+      }
     }
   }
   if (rng->Uniform() < cell.wrong_captures) {
     const Rigid3d stated = BaseFromGripper(setup, view.camera_mount_from_target_mount);
-    view.camera_mount_from_target_mount =
-        CameraMountFromTargetMount(setup, WithRobotNoise(stated, kWrongRad, kWrongM, rng));
+    const Rigid3d wrong = CameraMountFromTargetMount(setup, WithRobotNoise(stated, kWrongRad, kWrongM, rng));
+    for (View& repeated : views) repeated.camera_mount_from_target_mount = wrong;
   }
-  return view;
+  return views;
+}
+
+// Returns the views at all poses, those of each pose in a row.
+std::vector<View> MakeAllViews(const StudyCell& cell, const Eigen::VectorXd& drawn, Rng* rng) {
+  std::vector<View> views;
+  for (size_t i = 0; i < cell.poses.size(); ++i) {
+    for (View& view : MakeViews(cell, i, drawn, rng)) views.push_back(std::move(view));
+  }
+  return views;
 }
 
 // Returns which parameters of the camera are free.
@@ -206,9 +221,7 @@ StudyErrors FromMeanSquares(const StudyCell& cell, const Eigen::VectorXd& square
 std::vector<TrialEstimate> RunTrial(const StudyCell& cell, uint64_t seed, int trial) {
   Rng rng(seed, static_cast<uint64_t>(trial));
   const Eigen::VectorXd drawn = DrawErrors(cell, &rng);
-  std::vector<View> views;
-  for (size_t i = 0; i < cell.poses.size(); ++i) views.push_back(MakeView(cell, i, drawn, &rng));
-  const Outcome<Calibration> calibration = Calibrate(views, cell.options);
+  const Outcome<Calibration> calibration = Calibrate(MakeAllViews(cell, drawn, &rng), cell.options);
   std::vector<TrialEstimate> estimates;
   if (!calibration) {
     for (const std::string& name : cell.options.methods) estimates.push_back(FailedEstimate(name));
@@ -245,24 +258,27 @@ Outcome<StudyErrors> ErrorBound(const StudyCell& cell) {
   }
   Problem problem{cell.camera, {}, cell.options.setup, cell.shape};
   Rng rng(0);
-  for (size_t i = 0; i < cell.poses.size(); ++i) {
-    problem.views.push_back(MakeView(exact, i, no_errors, &rng));
+  problem.views = MakeAllViews(exact, no_errors, &rng);
+  PoseGroups groups(cell.poses.size());
+  for (size_t i = 0; i < problem.views.size(); ++i) {
+    const size_t pose = i / static_cast<size_t>(cell.num_repeats);
+    groups[pose].push_back(i);
     if (!cell.robot) continue;
-    problem.views.back().effect = cell.robot->effects[i];
-    problem.views.back().gripper_by_joints = cell.robot->gripper_by_joints[i];
+    problem.views[i].effect = cell.robot->effects[pose];
+    problem.views[i].gripper_by_joints = cell.robot->gripper_by_joints[pose];
   }
   const std::shared_ptr<const SharedEffects> drawn = DrawnErrors(cell);
   const FreeUnknowns free = {FreeOf(cell.camera.Model(), cell.options.bundle.free_intrinsics, ShapeGroupsOf(cell)),
                              drawn};
-  const std::optional<std::vector<LinearisedView>> views =
+  const std::optional<std::vector<LinearisedView>> each =
       LineariseViews(problem, cell.hand_eye, {}, free, cell.pixel_sigma_px, LossOf(LossKind::kNone),
                      Eigen::VectorXd::Zero(drawn == nullptr ? 0 : drawn->size()));
-  CHECK(views.has_value());
+  CHECK(each.has_value());
+  const std::vector<LinearisedView> views = cell.num_repeats > 1 ? StackGroups(*each, groups) : *each;
   RobotNoise noise = cell.robot_noise;
   if (cell.robot) noise.joint_rad = cell.robot->joint_noise_rad;
-  Information information{
-      HandEyeUnknowns(cell.camera.Model(), free),
-      MarginalInformation(*views, CorrectionVariances(noise, views->front().by_effects.cols()), 1.0)};
+  Information information{HandEyeUnknowns(cell.camera.Model(), free),
+                          MarginalInformation(views, CorrectionVariances(noise, views.front().by_effects.cols()), 1.0)};
   const UnknownBlock robot = information.layout.Block(kRobotBlock);
   for (Eigen::Index i = robot.first; i < robot.end(); ++i) {
     const double sigma = drawn->groups[drawn->effects[static_cast<size_t>(i - robot.first)].group].sigma;

@@ -38,7 +38,8 @@ struct StudyCell {
   HandEye hand_eye;
   Observations target;  // Ids, points and radii that every capture sees; its pixels are not used.
   std::vector<SimulatedPose> poses;
-  TargetShape shape;  // The true shape; the estimators know the design only.
+  int num_repeats = 1;  // The captures at each pose, with one error of the robot.
+  TargetShape shape;    // The true shape; the estimators know the design only.
   double pixel_sigma_px = 0;
   RobotNoise robot_noise;
   std::optional<StudyRobot> robot;

@@ -166,7 +166,7 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
   const std::vector<std::string> kinematics = ReadList<std::string>(
       reader, "kinematics", {"auto"},
       [](const ConfigValue& value) {
-        return value.AsChoice({"none", "auto", "offsets", "geometry"});
+        return value.AsChoice({"none", "auto", "offsets", "geometry", "gravity"});
       },
       [](const std::string& model) { return YAML::Node(model); });
   const std::vector<TargetShape> target_shapes =
@@ -218,6 +218,7 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
       }
       cell.options = options;
       cell.options.setup = scene.setup;
+      cell.num_repeats = scene.num_repeats;
       cell.options.symmetries = {Rigid3d()};
       cell.options.camera_model = scene.camera.model;
       cell.options.width_px = scene.camera.width_px;
@@ -255,10 +256,13 @@ StudyConfig ReadStudyConfig(const std::filesystem::path& path) {
       });
       if (scene.arm) {
         Vary(kinematics, &variants, [&](const std::string& model, Variant* variant) {
-          // Studies leave compliances out of the choice.
-          constexpr size_t kTooFewForCompliances = 0;
-          const std::vector<std::shared_ptr<const SharedEffects>> errors = CandidateArmErrors(
-              scene.arm->nominal, *FindValue<Kinematics>(kKinematicsNames, model), kTooFewForCompliances);
+          const Kinematics kind = *FindValue<Kinematics>(kKinematicsNames, model);
+          if (kind == Kinematics::kGravity && scene.arm->nominal.load == nullptr) {
+            named.place.Fail(
+                "has an arm whose links have no known masses, so that kinematics: gravity is not possible");
+          }
+          const std::vector<std::shared_ptr<const SharedEffects>> errors =
+              CandidateArmErrors(scene.arm->nominal, kind, variant->cell.poses.size());
           variant->labels.kinematics = model;
           variant->cell.options.bundle.target_scale_sigma = kPrintScaleSigma;
           if (model == "auto") {

@@ -109,6 +109,7 @@ std::string MadeFrom(const StudyConfig& study, int index) {
           std::string(LossOf(bundle.loss).name) + " " + std::string(SetupName(cell.options.setup)) + " " +
           cell.options.camera_model;
   add(cell.options.camera ? 1 : 0);
+  if (cell.num_repeats > 1) add(cell.num_repeats);
   for (const double param : cell.shape.params) add(param);
   add(cell.options.choose.robot_noise ? 1 : 0);
   add(cell.options.choose.target_shape ? 1 : 0);

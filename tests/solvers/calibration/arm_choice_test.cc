@@ -46,7 +46,11 @@ INSTANTIATE_TEST_SUITE_P(
         ChoiceCase{"geometry", {}, "joint offsets and geometry"},
         // So few captures do not reject offsets alone, but do not show that the other errors are small either.
         ChoiceCase{"geometry_of_few_captures",
-                   {.num_captures = 8, .has_several_configurations = false, .length_m = 0.2e-3, .angle_rad = DegToRad(0.02), .joint_noise_rad = DegToRad(0.006)},
+                   {.num_captures = 8,
+                    .has_several_configurations = false,
+                    .length_m = 0.2e-3,
+                    .angle_rad = DegToRad(0.02),
+                    .joint_noise_rad = DegToRad(0.006)},
                    "joint offsets and geometry"}),
     [](const auto& test) { return test.param.name; });
 

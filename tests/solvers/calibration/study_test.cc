@@ -105,6 +105,24 @@ TEST_P(StudyTest, RefinementReachesTheBoundWithCorrectCoverage) {
   }
 }
 
+// Captures at one pose share the error of the robot: four of them are worth one with half of the pixel noise.
+TEST_P(StudyTest, RepeatedPosesShareTheErrorOfTheRobot) {
+  constexpr int kTrials = 60;
+  StudyCell cell = MakeCell(GetParam(), 0.3, {2e-4, 4e-4});
+  cell.options.bundle.robot = BundleOptions::Robot::kEstimatedNoise;
+  cell.num_repeats = 4;
+  StudyCell once = cell;
+  once.num_repeats = 1;
+  once.pixel_sigma_px = 0.15;
+  const Outcome<StudyErrors> bound = ErrorBound(cell);
+  EXPECT_NEAR(bound->hand_eye_m, ErrorBound(once)->hand_eye_m, 1e-6 * bound->hand_eye_m);
+  std::vector<std::vector<TrialEstimate>> trials;
+  for (int trial = 0; trial < kTrials; ++trial) trials.push_back(RunTrial(cell, 1, trial));
+  const MethodSummary bundle = Summarise(cell, trials).back();
+  EXPECT_NEAR(bundle.rms.hand_eye_m / bound->hand_eye_m, 1, 0.2);
+  EXPECT_NEAR(*bundle.pixel_sigma_px, 0.3, 0.01);
+}
+
 TEST_P(StudyTest, TrialsAreReproducible) {
   const StudyCell cell = MakeCell(GetParam(), 0.3, {});
   const std::vector<TrialEstimate> once = RunTrial(cell, 1, 7);
