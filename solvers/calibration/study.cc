@@ -342,7 +342,7 @@ std::vector<MethodSummary> Summarise(const StudyCell& cell, const std::vector<st
       summary.axxb_mean_mm /= num_good;
     }
     if (num_with_covariance > 0) summary.coverage = static_cast<double>(num_covered) / num_with_covariance;
-    if (cell.robot && num_with_covariance > 0) {
+    if (cell.robot && first.method == kBundleMethod && num_with_covariance > 0) {
       summary.estimated_effects = static_cast<double>(num_with_effects) / num_good;
     }
     if (inside.num > 0) {

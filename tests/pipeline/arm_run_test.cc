@@ -308,7 +308,10 @@ TEST_F(ArmRunTest, CalibratedArmIsExported) {
   EXPECT_THAT(RunHeba({"export", run, "--to", "dh_csv"}).out, HasSubstr("joint,theta_rad,d_m,a_m,alpha_rad,beta_rad"));
   const CommandResult refused = RunHeba({"export", (folder() / "exact" / "run").string(), "--to", "dh_csv"});
   EXPECT_EQ(refused.status, 1);
-  EXPECT_THAT(refused.err, HasSubstr("were not estimated"));
+  EXPECT_THAT(refused.err, HasSubstr("the estimate 'bundle' has no kinematics of the arm"));
+  // The errors of the arm belong to the refined estimate.
+  EXPECT_THAT(RunHeba({"export", run, "--to", "dh_csv", "--method", "chain"}).err,
+              HasSubstr("the estimate 'chain' has no kinematics of the arm"));
 }
 
 // The arm yields to gravity, and each pose is captured twice.

@@ -147,7 +147,10 @@ void ReadKinematics(MapReader& refine, RunConfig* config) {
   }
   Kinematics& kinematics = config->options.kinematics;
   if (value->IsText()) {
-    kinematics = value->AsChoice({"auto", "none"}) == "auto" ? Kinematics::kAuto : Kinematics::kNone;
+    const std::string choice = value->AsChoice({"auto", "none", "offsets", "geometry", "gravity"});
+    if (choice == "geometry") value->Fail("must be a list: [offsets, geometry]");
+    if (choice == "gravity") value->Fail("must be a list: [offsets, geometry, gravity]");
+    kinematics = choice == "auto" ? Kinematics::kAuto : choice == "none" ? Kinematics::kNone : Kinematics::kOffsets;
     refine.Record("kinematics", value->node());
   } else {
     std::vector<std::string> parts;

@@ -126,6 +126,9 @@ void ReadRobotModel(MapReader* refine, RunConfig* config) {
     refine->Record("robot_noise", reader.used());
     return;
   }
+  if (!reader.Has("translation") && !reader.Has("rotation")) {
+    value->Fail("must be one of: auto, none, white, smooth, {translation: ..., rotation: ...}, {joints: auto}");
+  }
   config->options.bundle.robot = BundleOptions::Robot::kGivenNoise;
   config->options.bundle.robot_noise = ReadRobotNoise(reader);
   refine->Record("robot_noise", reader.used());

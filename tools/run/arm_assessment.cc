@@ -151,7 +151,11 @@ std::vector<Finding> FindingsOf(const RobotSummary& robot, const Dataset& datase
   }
   std::vector<Finding> findings = {
       Finding{Grade::kGood, FindingCode("arm_estimated"), {}, {arm, {"errors", robot.errors_name}}}};
-  if (robot.noise_before && robot.noise_after) {
+  // Without a model that lacks the errors of the arm, there is nothing to compare.
+  const bool falls = robot.noise_before && robot.noise_after &&
+                     (robot.noise_before->translation_m != robot.noise_after->translation_m ||
+                      robot.noise_before->rotation_rad != robot.noise_after->rotation_rad);
+  if (falls) {
     findings[0].numbers = {{"before_mm", 1000 * robot.noise_before->translation_m},
                            {"before_deg", RadToDeg(robot.noise_before->rotation_rad)},
                            {"after_mm", 1000 * robot.noise_after->translation_m},

@@ -152,8 +152,8 @@ std::string StudyTable(const std::vector<CellResult>& results) {
       if (method.robot_noise) {
         table += PadRight("", 13) + "  estimated (median): pixel noise " +
                  Significant(method.pixel_sigma_px.value_or(0), 3) + " px, robot " +
-                 Significant(1000 * method.robot_noise->translation_m, 3) + " mm " +
-                 Significant(RadToDeg(method.robot_noise->rotation_rad), 3) + " deg\n";
+                 ShownNoise(1000 * method.robot_noise->translation_m) + " mm " +
+                 ShownNoise(RadToDeg(method.robot_noise->rotation_rad)) + " deg\n";
       }
     }
     table += "\n";

@@ -237,13 +237,17 @@ FindingText ShapeBend(const Finding& finding) {
           ""};
 }
 
+std::string NoiseText(double translation_mm, double rotation_deg) {
+  return ShownNoise(translation_mm) + " mm and " + ShownNoise(rotation_deg) + " deg";
+}
+
 FindingText ArmEstimated(const Finding& finding) {
   std::string text =
       "the kinematics of the arm " + Name(finding, "arm") + " were estimated (" + Name(finding, "errors") + ")";
   if (finding.Number("before_mm")) {
-    text += "; the noise of its poses falls from " + Significant(Number(finding, "before_mm"), 2) + " mm and " +
-            Significant(Number(finding, "before_deg"), 2) + " deg to " + Significant(Number(finding, "after_mm"), 2) +
-            " mm and " + Significant(Number(finding, "after_deg"), 2) + " deg";
+    text += "; the noise of its poses falls from " +
+            NoiseText(Number(finding, "before_mm"), Number(finding, "before_deg")) + " to " +
+            NoiseText(Number(finding, "after_mm"), Number(finding, "after_deg"));
   }
   return {text, "correct the poses by heba correct, or export the calibrated arm"};
 }

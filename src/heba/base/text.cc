@@ -205,6 +205,11 @@ std::string ShownAmount(double amount, int digits) {
   return std::abs(amount) < kLeast && amount != 0 ? "< 1e-6" : Significant(amount, digits);
 }
 
+std::string ShownNoise(double sigma) {
+  constexpr double kLeast = 1e-4;
+  return sigma < kLeast && sigma > 0 ? "< 0.0001" : Significant(sigma, 2);
+}
+
 int DecimalsFor(double sigma, int most) {
   if (!(sigma > 0)) return most;
   return std::clamp(1 - static_cast<int>(std::floor(std::log10(sigma))), 0, most);

@@ -44,6 +44,8 @@ std::string Significant(double value, int digits);
 // Formats a length in mm or an angle in deg with `digits` significant digits. A non-zero amount below 1e-6 becomes "<
 // 1e-6", because it is only rounding error.
 std::string ShownAmount(double amount, int digits);
+// Formats a sigma of robot poses in mm or deg with two significant digits; less than 0.0001 is nothing for a robot.
+std::string ShownNoise(double sigma);
 // Returns the number of decimals, 0 to `most`, at which the first two significant digits of `sigma` are visible.
 int DecimalsFor(double sigma, int most);
 // Formats a probability with one significant digit; everything below 1e-6 becomes "< 1e-6".

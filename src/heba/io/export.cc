@@ -88,7 +88,9 @@ std::string RobotPoseText(PoseFormat format, const ExportRequest& request) {
 // Returns why the format cannot represent the request; an empty text if it can.
 std::string WhyNot(ExportHolds holds, const ExportRequest& request) {
   if (holds == ExportHolds::kArm) {
-    return request.arm ? "" : "the kinematics of the arm were not estimated, which this format holds (robot.model)";
+    return request.arm ? ""
+                       : "the estimate '" + request.method +
+                             "' has no kinematics of the arm, which this format holds (robot.model)";
   }
   if (holds == ExportHolds::kLens && request.camera.params.empty()) {
     return "an estimate from poses alone has no camera, which this format needs; use urdf, ros2 or a robot's format, "
@@ -145,7 +147,10 @@ ExportRequest MakeExportRequest(const RunResult& result, const Estimate& estimat
   if (estimate.solution) request.covariance = PoseCovarianceOf(estimate.solution->covariance, "hand_eye");
   request.is_ur_controller = is_ur_controller;
   request.camera = estimate.camera;
-  if (result.robot && result.robot->is_estimated) {
+  // The errors of the arm belong to the refined estimate: that of the images, or of the poses if there are none.
+  const Estimate* const refined = FindRefined(result);
+  const bool has_arm = estimate.method == (refined != nullptr ? refined->method : kChainMethod);
+  if (result.robot && result.robot->is_estimated && has_arm) {
     request.arm = WithChanges(result.robot->nominal, result.robot->errors);
   }
   return request;

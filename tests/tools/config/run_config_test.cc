@@ -71,6 +71,8 @@ TEST_F(RunConfigTest, RobotNoiseNamesItsModel) {
   EXPECT_THAT(ErrorOf(cell + "refine: {robot_noise: {joints: auto}}\n"),
               HasSubstr("wrong.yaml:4: refine.robot_noise: the noise of joints needs an arm (robot.model)"));
   EXPECT_THAT(ErrorOf(cell + "refine: {robot_noise: smoth}\n"), HasSubstr("smooth"));
+  EXPECT_THAT(ErrorOf(cell + "robot: {model: ur5e}\nrefine: {robot_noise: {joint: auto}}\n"),
+              HasSubstr("{joints: auto}"));
 }
 
 TEST_F(RunConfigTest, ReadsThePayload) {

@@ -85,8 +85,7 @@ int RunCommand_correct(const std::vector<std::string>& arguments) {
     const Rigid3d given = BaseFromGripper(reading, rows[i].pose);
     const Outcome<Rigid3d> corrected = Corrected(robot, given, rows[i].extras, form.joints_are_deg);
     if (!corrected) {
-      PrintError(poses_file.string() + ":" + std::to_string(rows[i].line) + ": " + corrected.reason());
-      return kWorkFailed;
+      throw InputError(poses_file.string() + ":" + std::to_string(rows[i].line) + ": " + corrected.reason());
     }
     largest_m = std::max(largest_m, DistanceM(given, *corrected));
     largest_rad = std::max(largest_rad, AngleRad(given, *corrected));
