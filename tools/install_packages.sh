@@ -8,11 +8,12 @@ packages=(
   libeigen3-dev libceres-dev libgoogle-glog-dev libgflags-dev libyaml-cpp-dev nlohmann-json3-dev
   libopencv-dev libopencv-contrib-dev libapriltag-dev libcairo2-dev libxxhash-dev
   liburdfdom-dev libconsole-bridge-dev liborocos-kdl-dev
+  python3-dev python3-numpy pybind11-dev
   libgtest-dev libgmock-dev libbenchmark-dev clang-format-14 clang-tidy-14
 )
 # Node.js and npm in whatever way they came; the pages' charts are bundled with them.
 if ! command -v node >/dev/null || ! command -v npm >/dev/null; then packages+=(nodejs npm); fi
-if [ "${1-}" = "--tests" ]; then packages+=(slurm-wlm munge procps chromium valgrind); fi
+if [ "${1-}" = "--tests" ]; then packages+=(slurm-wlm munge procps chromium valgrind python3-pytest python3-opencv); fi
 
 missing=()
 for package in "${packages[@]}"; do

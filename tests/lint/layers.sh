@@ -11,10 +11,10 @@ forbid() {
     status=1
   fi
 }
-forbid src 'opencv2|apriltag|cairo|gflags|solvers/|targets/|tools/|tests/' 'the core includes nothing above it'
-forbid solvers 'opencv2|apriltag|cairo|gflags|targets/|tools/|tests/' 'solvers include the core only'
-forbid targets 'gflags|solvers/|tools/|tests/' 'targets include the core only'
-forbid tools 'tests/' 'the application does not include its tests'
+forbid src 'opencv2|apriltag|cairo|gflags|solvers/|targets/|tools/|python/|tests/' 'the core includes nothing above it'
+forbid solvers 'opencv2|apriltag|cairo|gflags|targets/|tools/|python/|tests/' 'solvers include the core only'
+forbid targets 'gflags|solvers/|tools/|python/|tests/' 'targets include the core only'
+forbid tools 'python/|tests/' 'the application does not include its tests or its Python module'
 # public FOLDER: the public headers of a folder above the core, which are named heba/x.h.
 public() { (cd "$1" && printf '%s|' heba/*.h | sed 's/[|]$//'); }
 forbid src "($(public solvers/include)|$(public targets/include)|$(public tools/run/include))" 'the core includes nothing above it'

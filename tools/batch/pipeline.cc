@@ -97,8 +97,31 @@ void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result
   result->verdict = JudgeRun(*result);
 }
 
+// Shows the progress on the console and tells a listener, which may be null, about the stages.
+class SharedObserver final : public ConsoleObserver {
+ public:
+  SharedObserver(const Dataset& dataset, Console* console, RunObserver* listener)
+      : ConsoleObserver(dataset, console), listener_(listener) {}
+  void OnStage(RunStage stage, int num_steps) override {
+    ConsoleObserver::OnStage(stage, num_steps);
+    if (listener_ != nullptr) listener_->OnStage(stage, num_steps);
+  }
+  void OnStep(RunStage stage) override {
+    ConsoleObserver::OnStep(stage);
+    if (listener_ != nullptr) listener_->OnStep(stage);
+  }
+  void OnStageEnd(RunStage stage) override {
+    ConsoleObserver::OnStageEnd(stage);
+    if (listener_ != nullptr) listener_->OnStageEnd(stage);
+  }
+  bool IsCancelled() override { return listener_ != nullptr && listener_->IsCancelled(); }
+
+ private:
+  RunObserver* listener_;
+};
+
 Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::path& output, int num_threads,
-                               Console* console) {
+                               Console* console, RunObserver* listener) {
   const auto start = std::chrono::steady_clock::now();
   // The folder is created first, so that a run that cannot be written fails before the work.
   StagedFolder folder(output, "the results of a run");
@@ -108,7 +131,7 @@ Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::p
   RunOptions options = config.options;
   options.num_threads = num_threads;
   options.detect = CachedDetection(data, config.target_used);
-  ConsoleObserver observer(data, console);
+  SharedObserver observer(data, console, listener);
   const Outcome<RunOutput> run = Run(data, options, &observer);
   if (!run) return Failure{run.reason()};
   const bool has_images = data.target_poses.empty();
@@ -141,13 +164,13 @@ Outcome<RunResult> RunAndWrite(const RunConfig& config, const std::filesystem::p
 }  // namespace
 
 Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
-                               Console* console) {
+                               Console* console, RunObserver* listener) {
   if (config.imported) {
     console->Note(config.data.name + ": read as a data set of " + config.imported->format);
     for (const std::string& remark : config.imported->remarks) console->Note(config.data.name + ": " + remark);
   }
-  Outcome<RunResult> result = RunAndWrite(config, output, num_threads, console);
-  if (result) return result;
+  Outcome<RunResult> result = RunAndWrite(config, output, num_threads, console, listener);
+  if (result || result.reason() == kCancelled) return result;
   return Failure{WithDiagnosis(result.reason(), config, num_threads)};
 }
 

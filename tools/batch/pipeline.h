@@ -12,9 +12,10 @@
 namespace heba {
 
 // Detects, calibrates, evaluates and writes the run's folder completely or not at all. Throws InputError for wrong
-// input. Returns a Failure, and writes no folder, if the result cannot be trusted. The first fault that the doctor
-// (doctor/doctor.h) finds is part of the Failure, and of the findings of a result that is bad.
+// input. `listener`, which may be null, is told about the stages and can cancel the run. Returns a Failure, and writes
+// no folder, if the result cannot be trusted. The first fault that the doctor (doctor/doctor.h) finds is part of the
+// Failure, and of the findings of a result that is bad.
 Outcome<RunResult> RunPipeline(const RunConfig& config, const std::filesystem::path& output, int num_threads,
-                               Console* console);
+                               Console* console, RunObserver* listener = nullptr);
 
 }  // namespace heba

@@ -18,6 +18,7 @@
 #include "tools/cli/flags.h"
 #include "tools/cli/pose_flag.h"
 #include "tools/config/capture_section.h"
+#include "tools/config/finished_run.h"
 #include "tools/config/robot_section.h"
 #include "tools/config/run_config.h"
 #include "tools/text/console.h"
@@ -27,36 +28,6 @@
 
 namespace heba {
 namespace {
-
-// The contents of a finished run's folder.
-struct FinishedRun {
-  RunResult result;
-  std::shared_ptr<const Target> target;
-  PoseReading pose_reading;
-  bool joints_are_deg = false;
-
-  const Solution& solution() const { return *FindRefined(result)->solution; }
-  // Returns the arm, or null if its errors were not estimated.
-  const RobotSummary* FindArm() const {
-    const bool is_estimated = result.robot && result.robot->is_estimated && solution().shared_effects != nullptr;
-    return is_estimated ? &*result.robot : nullptr;
-  }
-};
-
-FinishedRun ReadFinishedRun(const std::filesystem::path& folder) {
-  FinishedRun run;
-  run.result = ReadResult(folder / "result.json");
-  if (FindRefined(run.result) == nullptr) {
-    throw InputError(folder.string() +
-                     ": contains no refined estimate; a calibration from images or corners is needed");
-  }
-  MapReader config(ReadYamlFile(folder / "config.yaml"));
-  run.target = ReadTarget(config, "target");
-  MapReader captures(config.Get("captures"));
-  run.pose_reading = ReadPoseReading(captures);
-  run.joints_are_deg = ReadJointsAreDeg(captures);
-  return run;
-}
 
 // The pose of what carries the camera, and what is to be said about it.
 struct CameraMount {

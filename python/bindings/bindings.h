@@ -1,0 +1,12 @@
+// The parts of the extension module, each in one file.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+namespace heba {
+
+void BindPosePairs(pybind11::module_& module);  // Hand-eye poses from pairs of poses.
+void BindCaptures(pybind11::module_& module);   // Detection, location, and calibration from detected points.
+void BindRuns(pybind11::module_& module);       // Runs of configs, and the doctor.
+
+}  // namespace heba

@@ -1,0 +1,195 @@
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <opencv2/core/mat.hpp>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include "heba/base/error.h"
+#include "heba/base/text.h"
+#include "heba/detection.h"
+#include "heba/evaluation/arm_uncertainty.h"
+#include "heba/evaluation/pose_correction.h"
+#include "heba/evaluation/verdict.h"
+#include "heba/io/result_file.h"
+#include "heba/run.h"
+#include "heba/target_location.h"
+#include "python/bindings/arrays.h"
+#include "python/bindings/bindings.h"
+#include "tools/config/finished_run.h"
+#include "tools/text/finding_text.h"
+
+namespace heba {
+namespace {
+
+using GreyArray = pybind11::array_t<uint8_t, pybind11::array::c_style>;
+
+// Returns the image without a copy of its pixels.
+cv::Mat MatOf(const GreyArray& grey) {
+  return {static_cast<int>(grey.shape(0)), static_cast<int>(grey.shape(1)), CV_8UC1,
+          const_cast<uint8_t*>(grey.data())};  // NOLINT(cppcoreguidelines-pro-type-const-cast): detectors only read.
+}
+
+// The ids, the pixels (n x 2) and the positions on the target (n x 3) of the points that an image shows.
+pybind11::tuple Detected(const Target& target, const Detection& detection) {
+  const Observations observations = ObservationsOf(target, detection);
+  pybind11::array_t<int> ids(static_cast<pybind11::ssize_t>(observations.ids.size()));
+  std::copy(observations.ids.begin(), observations.ids.end(), ids.mutable_data());
+  return pybind11::make_tuple(ids, ArrayOf(observations.pixels.transpose()),
+                              ArrayOf(observations.points_in_target.transpose()), detection.reason);
+}
+
+pybind11::tuple DetectArray(const GreyArray& grey, const std::string& target_yaml) {
+  const std::unique_ptr<Target> target = ParseTarget(target_yaml);
+  const cv::Mat image = MatOf(grey);
+  Detection detection;
+  {
+    const pybind11::gil_scoped_release release;
+    detection = target->Detect(image);
+  }
+  return Detected(*target, detection);
+}
+
+pybind11::tuple DetectFile(const std::filesystem::path& image, const std::string& target_yaml) {
+  const std::unique_ptr<Target> target = ParseTarget(target_yaml);
+  CaptureDetection seen;
+  {
+    const pybind11::gil_scoped_release release;
+    seen = DetectCapture(*target, image);
+  }
+  return Detected(*target, seen.detection);
+}
+
+// Returns the pose of what carries the camera.
+StatedPose CameraMount(const FinishedRun& run, const std::optional<DoubleArray>& base_from_gripper,
+                       const std::vector<double>& joints) {
+  const bool is_carried = run.result.setup == Setup::kEyeInHand;
+  if (is_carried != base_from_gripper.has_value()) {
+    throw InputError(is_carried ? "the robot carries the camera: pose, the robot pose of the image, is needed"
+                                : "the camera is stationary; leave pose out");
+  }
+  if (!is_carried) return {};
+  const Rigid3d stated = PosesFrom(*base_from_gripper).front();
+  const RobotSummary* const robot = run.FindArm();
+  if (robot == nullptr) {
+    if (!joints.empty()) throw InputError("joints: the run has not estimated the errors of an arm; leave them out");
+    return stated;
+  }
+  if (joints.empty()) {
+    const Outcome<StatedPose> with_errors = WithArmErrors(*robot, stated);
+    if (!with_errors) throw InputError("pose: " + with_errors.reason() + "; joints, those of the arm, would tell them");
+    return *with_errors;
+  }
+  if (joints.size() != static_cast<size_t>(robot->nominal.num_joints())) {
+    throw InputError("joints: there are " + std::to_string(joints.size()) + ", but the arm has " +
+                     std::to_string(robot->nominal.num_joints()));
+  }
+  const Eigen::VectorXd positions = Eigen::Map<const Eigen::VectorXd>(joints.data(), robot->nominal.num_joints());
+  const Outcome<Rigid3d> is_near = TruePose(*robot, stated, positions);
+  if (!is_near) throw InputError("joints: " + is_near.reason());
+  return WithArmErrors(*robot, stated, positions);
+}
+
+// Returns, for each pose of the target that fits the image, base_from_target, the covariance of its position in the
+// base (m^2) and the RMS in px.
+std::vector<pybind11::tuple> Locate(const std::filesystem::path& folder, const std::optional<GreyArray>& grey,
+                                    const std::filesystem::path& file,
+                                    const std::optional<DoubleArray>& base_from_gripper,
+                                    const std::vector<double>& joints) {
+  const FinishedRun run = ReadFinishedRun(folder);
+  const StatedPose mount = CameraMount(run, base_from_gripper, joints);
+  Outcome<std::vector<LocatedTarget>> possible = Failure{""};
+  std::string reason;
+  {
+    const cv::Mat image = grey ? MatOf(*grey) : cv::Mat();
+    const pybind11::gil_scoped_release release;
+    CaptureDetection seen;
+    if (grey) {
+      seen.width_px = image.cols;
+      seen.height_px = image.rows;
+      seen.detection = run.target->Detect(image);
+    } else {
+      seen = DetectCapture(*run.target, file);
+    }
+    const Camera& camera = FindRefined(run.result)->camera;
+    if (seen.width_px != camera.width_px || seen.height_px != camera.height_px) {
+      throw InputError("the image is " + std::to_string(seen.width_px) + " x " + std::to_string(seen.height_px) +
+                       " px, but the calibration is for " + std::to_string(camera.width_px) + " x " +
+                       std::to_string(camera.height_px) + " px");
+    }
+    possible = LocateSymmetricTarget(run.result.setup, run.solution(), ObservationsOf(*run.target, seen.detection),
+                                     run.target->Symmetries(), mount);
+    reason = seen.detection.reason;
+  }
+  if (!possible) throw InputError(reason.empty() ? possible.reason() : reason);
+  std::vector<pybind11::tuple> all;
+  for (const LocatedTarget& located : *possible) {
+    all.push_back(pybind11::make_tuple(ArrayOf(located.base_from_target), ArrayOf(located.covariance.TotalM2()),
+                                       located.rms_px));
+  }
+  return all;
+}
+
+// The detections of one capture: ids (n) and pixels (n x 2).
+using CapturePoints = std::pair<std::vector<int>, DoubleArray>;
+
+// Calibrates from detected points and returns the text of result.json.
+std::string CalibratePoints(const std::string& setup, const std::string& target_yaml,
+                      const std::vector<CapturePoints>& captures, const DoubleArray& base_from_grippers, int width_px,
+                      int height_px, const std::optional<std::pair<std::string, std::vector<double>>>& camera,
+                      int num_folds, int num_threads) {
+  Dataset data;
+  data.name = "arrays";
+  data.setup = *FindSetup(setup);
+  data.target = ParseTarget(target_yaml);
+  if (camera) {
+    data.camera = Camera{camera->first, width_px, height_px, camera->second};
+    const std::string faults = CheckCamera(*data.camera);
+    if (!faults.empty()) throw InputError("camera: " + faults);
+  }
+  const std::vector<Rigid3d> poses = PosesFrom(base_from_grippers);
+  for (size_t i = 0; i < captures.size(); ++i) {
+    data.captures.push_back({std::to_string(i), {}, CaptureRole::kNone, poses[i]});
+    CaptureDetection detection;
+    detection.width_px = width_px;
+    detection.height_px = height_px;
+    detection.detection.ids = captures[i].first;
+    const auto pixels = captures[i].second.unchecked<2>();
+    for (pybind11::ssize_t k = 0; k < pixels.shape(0); ++k) {
+      detection.detection.pixels.emplace_back(pixels(k, 0), pixels(k, 1));
+    }
+    data.given_detections.push_back(std::move(detection));
+  }
+  RunOptions options;
+  options.folds = num_folds;
+  options.num_threads = num_threads;
+  const pybind11::gil_scoped_release release;
+  const Outcome<RunOutput> output = Run(data, options);
+  if (!output) throw InputError(output.reason());
+  RunResult result = output->result;
+  result.verdict = JudgeRun(result);
+  DescribeAll(&result.verdict.findings);
+  return ResultToJson(result);
+}
+
+}  // namespace
+
+void BindCaptures(pybind11::module_& module) {
+  using pybind11::arg;
+  module.def("target_ids", [](const std::string& target_yaml) {
+    const std::unique_ptr<Target> target = ParseTarget(target_yaml);
+    std::vector<int> ids;
+    for (const TargetPoint& point : target->points()) ids.push_back(point.id);
+    return ids;
+  });
+  module.def("detect_array", &DetectArray, arg("grey"), arg("target"));
+  module.def("detect_file", &DetectFile, arg("image"), arg("target"));
+  module.def("locate", &Locate, arg("folder"), arg("grey"), arg("file"), arg("base_from_gripper"), arg("joints"));
+  module.def("calibrate", &CalibratePoints, arg("setup"), arg("target"), arg("captures"), arg("base_from_gripper"),
+             arg("width_px"), arg("height_px"), arg("camera"), arg("num_folds"), arg("num_threads"));
+}
+
+}  // namespace heba

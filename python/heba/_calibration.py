@@ -1,0 +1,232 @@
+"""Runs, calibration from arrays, detection, location and the doctor."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from . import _heba
+from ._arrays import grey_from, poses_from
+from ._heba import Error
+from ._result import Result
+
+Progress = Callable[[str, int, int], object]
+
+
+@dataclass(frozen=True)
+class Detection:
+    """The points of a target in one image: ids (n), pixels (n x 2), and positions on the target (n x 3, m)."""
+
+    ids: np.ndarray
+    pixels: np.ndarray
+    points: np.ndarray
+    reason: str  # Explains why points are missing; may be empty.
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True)
+class Location:
+    """A located target.
+
+    Attributes:
+        base_from_target: The target's pose in the robot's base, 4 x 4, m.
+        covariance: The covariance of the position of its points, 3 x 3, m^2, along the axes of the base.
+        rms_px: The RMS of the points.
+    """
+
+    base_from_target: np.ndarray
+    covariance: np.ndarray
+    rms_px: float
+
+
+@dataclass(frozen=True)
+class Symptom:
+    """A finding of the doctor. `code` is the same in every version; `cure` may be empty."""
+
+    code: str
+    is_wrong: bool
+    what: str
+    cure: str
+
+
+def run(
+    config: str | os.PathLike[str] | Mapping[str, Any],
+    *,
+    settings: Sequence[str] = (),
+    out: str | os.PathLike[str] | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Result:
+    """Runs the calibration of a config, as `heba run` does, and writes the same folder.
+
+    Args:
+        config: The path of a config, or its contents as a dictionary; paths in it are then relative to the current
+            folder.
+        settings: Entries "KEY=VALUE" that take precedence over the config, as `--set`.
+        out: The folder of the results; that of the config by default.
+        threads: The number of threads; that of the machine by default. The result does not depend on it.
+        progress: Is called with the stage ("detection", "second detection", "hold-out"), the steps that are done and
+            their number. An exception that it raises ends the run.
+
+    Raises:
+        heba.Error: The input is wrong, or the result cannot be trusted.
+    """
+    with _config_file(config) as file:
+        folder = _heba.run(file, list(settings), out, _threads(threads), progress)
+    return Result.read(folder)
+
+
+def doctor(
+    config: str | os.PathLike[str] | Mapping[str, Any], *, settings: Sequence[str] = (), threads: int | None = None
+) -> list[Symptom]:
+    """Examines a data set, as `heba doctor` does. Faults come first; an empty list means that nothing was found."""
+    with _config_file(config) as file:
+        return [Symptom(*symptom) for symptom in _heba.diagnose(file, list(settings), _threads(threads))]
+
+
+def detect(image: np.ndarray | str | os.PathLike[str], target: Mapping[str, Any] | str) -> Detection:
+    """Detects a target in an image.
+
+    Args:
+        image: A grey image (uint8, height x width), one of three channels as OpenCV reads it, or the path of a file.
+        target: The target as in a config: a dictionary, or its text as YAML.
+    """
+    yaml = _target_text(target)
+    if isinstance(image, np.ndarray):
+        return Detection(*_heba.detect_array(grey_from(image, "image"), yaml))
+    return Detection(*_heba.detect_file(image, yaml))
+
+
+def locate(
+    run_folder: str | os.PathLike[str] | Result,
+    image: np.ndarray | str | os.PathLike[str],
+    *,
+    pose: Any = None,
+    joints: Sequence[float] = (),
+) -> list[Location]:
+    """Locates the target of a run in the robot's base, with its uncertainty.
+
+    Args:
+        run_folder: The folder of a run, or its result.
+        image: As in detect.
+        pose: For a camera on the robot: base_from_gripper of the image, 4 x 4, as the robot states it.
+        joints: The positions of the arm's joints at that pose (rad or m), if the run has estimated the errors of an arm
+            whose configuration the pose does not tell.
+
+    Returns:
+        The pose; several for a target that looks the same after a rotation. The first has its x axis most along that
+        of the base.
+    """
+    folder = run_folder.folder if isinstance(run_folder, Result) else Path(run_folder)
+    if folder is None:
+        raise Error("a result of arrays has no folder; locate needs one of a run")
+    base_from_gripper = None if pose is None else poses_from(pose, "pose")
+    if base_from_gripper is not None and len(base_from_gripper) != 1:
+        raise Error("pose: must be one 4 x 4 matrix")
+    grey, file = (grey_from(image, "image"), "") if isinstance(image, np.ndarray) else (None, image)
+    return [Location(*found) for found in _heba.locate(folder, grey, file, base_from_gripper, list(joints))]
+
+
+def calibrate(
+    points: Sequence[Any],
+    poses: Any,
+    target: Mapping[str, Any] | str,
+    *,
+    setup: str,
+    image_size: tuple[int, int],
+    camera: tuple[str, Sequence[float]] | None = None,
+    folds: int = 5,
+    threads: int | None = None,
+) -> Result:
+    """Calibrates from detected points, with the error model chosen, hold-outs and findings as in `run`.
+
+    Args:
+        points: One entry per capture: a Detection, a pair (ids, pixels), or an array of pixels of all points of the
+            target in the order of their ids (n x 2, with NaN for those that were not seen).
+        poses: base_from_gripper of each capture, n x 4 x 4, m.
+        target: As in detect.
+        setup: "eye_to_hand" or "eye_in_hand".
+        image_size: Width and height, px.
+        camera: The name of a camera model and its parameters; estimated from the points by default.
+        folds: The number of folds of the cross-validation; 0: none.
+        threads: As in run.
+    """
+    if setup not in ("eye_to_hand", "eye_in_hand"):
+        raise Error(f"setup: {setup!r} is not one of: eye_to_hand, eye_in_hand")
+    base_from_gripper = poses_from(poses, "poses")
+    if len(points) != len(base_from_gripper):
+        raise Error(f"points has {len(points)} captures, but poses has {len(base_from_gripper)}")
+    if not (isinstance(folds, int) and (folds == 0 or folds >= 2)):
+        raise Error("folds: must be 0 or at least 2")
+    width_px, height_px = image_size
+    yaml = _target_text(target)
+    ids_of_target = _heba.target_ids(yaml)
+    captures = [_capture(entry, f"points[{i}]", ids_of_target) for i, entry in enumerate(points)]
+    given = None if camera is None else (camera[0], [float(param) for param in camera[1]])
+    text = _heba.calibrate(
+        setup, yaml, captures, base_from_gripper, int(width_px), int(height_px), given, folds, _threads(threads)
+    )
+    return Result(text)
+
+
+def _capture(entry: Any, name: str, ids_of_target: Sequence[int]) -> tuple[list[int], np.ndarray]:
+    if isinstance(entry, Detection):
+        entry = (entry.ids, entry.pixels)
+    if isinstance(entry, tuple) and len(entry) == 2:
+        ids = [int(i) for i in np.asarray(entry[0]).ravel()]
+        pixels = np.asarray(entry[1], dtype=float).reshape(-1, 2)
+    else:
+        pixels = np.asarray(entry, dtype=float).reshape(-1, 2)
+        ids = list(ids_of_target)
+        if len(pixels) != len(ids):
+            raise Error(f"{name}: has {len(pixels)} points, but the target has {len(ids)}")
+        seen = ~np.isnan(pixels).any(axis=1)
+        ids, pixels = [i for i, is_seen in zip(ids, seen) if is_seen], pixels[seen]
+    if len(ids) != len(pixels):
+        raise Error(f"{name}: has {len(ids)} ids, but {len(pixels)} pixels")
+    if not np.isfinite(pixels).all():
+        raise Error(f"{name}: contains a number that is not finite")
+    if len(set(ids)) != len(ids):
+        raise Error(f"{name}: has an id twice")
+    unknown = sorted(set(ids) - set(ids_of_target))
+    if unknown:
+        raise Error(f"{name}: the target has no point {unknown[0]}")
+    return ids, np.ascontiguousarray(pixels)
+
+
+def _target_text(target: Mapping[str, Any] | str) -> str:
+    # JSON is YAML.
+    return target if isinstance(target, str) else json.dumps(dict(target))
+
+
+def _threads(threads: int | None) -> int:
+    if threads is None:
+        return len(os.sched_getaffinity(0))
+    if threads < 1:
+        raise Error("threads: must be at least 1")
+    return threads
+
+
+@contextlib.contextmanager
+def _config_file(config: str | os.PathLike[str] | Mapping[str, Any]) -> Iterator[str]:
+    """Gives the path of a config; a dictionary has a file as long as it is used."""
+    if not isinstance(config, Mapping):
+        yield os.fspath(config)
+        return
+    # Paths in a config are relative to its folder.
+    handle, path = tempfile.mkstemp(suffix=".yaml", prefix=".heba-", dir=os.getcwd())
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            json.dump({"name": "config", **config}, file, default=os.fspath)
+        yield path
+    finally:
+        os.unlink(path)

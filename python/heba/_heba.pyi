@@ -1,0 +1,47 @@
+"""The compiled part of heba, whose arguments the package checks."""
+
+from pathlib import Path
+from typing import Callable, Sequence
+
+import numpy as np
+
+__version__: str
+
+class Error(ValueError): ...
+
+def solve_pairs(
+    setup: str, base_from_gripper: np.ndarray, camera_from_target: np.ndarray, method: str
+) -> tuple[np.ndarray, np.ndarray]: ...
+def closed_forms() -> list[tuple[str, str]]: ...
+def target_ids(target: str) -> list[int]: ...
+def detect_array(grey: np.ndarray, target: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]: ...
+def detect_file(image: str | Path, target: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]: ...
+def locate(
+    folder: str | Path,
+    grey: np.ndarray | None,
+    file: str | Path,
+    base_from_gripper: np.ndarray | None,
+    joints: Sequence[float],
+) -> list[tuple[np.ndarray, np.ndarray, float]]: ...
+def calibrate(
+    setup: str,
+    target: str,
+    captures: Sequence[tuple[list[int], np.ndarray]],
+    base_from_gripper: np.ndarray,
+    width_px: int,
+    height_px: int,
+    camera: tuple[str, list[float]] | None,
+    num_folds: int,
+    num_threads: int,
+) -> str: ...
+def run(
+    config: str | Path,
+    settings: Sequence[str],
+    out: str | Path | None,
+    num_threads: int,
+    progress: Callable[[str, int, int], object] | None,
+) -> Path: ...
+def diagnose(
+    config: str | Path, settings: Sequence[str], num_threads: int
+) -> list[tuple[str, bool, str, str]]: ...
+def table(result_file: str | Path) -> str: ...

@@ -1,0 +1,170 @@
+"""Hand-eye calibration with the arguments of OpenCV's functions.
+
+`calibrateHandEye` and `calibrateRobotWorldHandEye` have OpenCV's names and arguments, so that
+`from heba import calibrateHandEye` changes a script; `calibrate_hand_eye` and `calibrate_robot_world_hand_eye` are the
+same functions under names that Python programmers expect.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Sequence
+
+import numpy as np
+
+from . import _heba
+from ._arrays import matrices_of
+from ._heba import Error
+
+CALIB_HAND_EYE_TSAI = 0
+CALIB_HAND_EYE_PARK = 1
+CALIB_HAND_EYE_HORAUD = 2
+CALIB_HAND_EYE_ANDREFF = 3
+CALIB_HAND_EYE_DANIILIDIS = 4
+CALIB_ROBOT_WORLD_HAND_EYE_SHAH = 0
+CALIB_ROBOT_WORLD_HAND_EYE_LI = 1
+
+_HAND_EYE = ("tsai", "park", "horaud", "andreff", "daniilidis")
+_ROBOT_WORLD = ("shah", "li")
+
+
+def methods() -> dict[str, str]:
+    """Returns the names of all methods with their descriptions, for the argument `method`."""
+    best = "refinement that weighs the errors of the robot's poses against those of the target's, from the best closed form"
+    return {"best": best, **dict(_heba.closed_forms())}
+
+
+def calibrate_hand_eye(
+    R_gripper2base: Sequence[Any],
+    t_gripper2base: Sequence[Any],
+    R_target2cam: Sequence[Any],
+    t_target2cam: Sequence[Any],
+    method: str | int = "best",
+) -> tuple[np.ndarray, np.ndarray]:
+    """Finds the pose of a camera on the gripper, as cv2.calibrateHandEye does.
+
+    For a camera beside the robot, give the poses of the base in the gripper in place of those of the gripper in the
+    base; the result is then the pose of the camera in the base.
+
+    Args:
+        R_gripper2base: n rotations, 3 x 3 matrices or rotation vectors: the gripper's in the base.
+        t_gripper2base: n translations, in any unit.
+        R_target2cam: n rotations: the target's in the camera.
+        t_target2cam: n translations, in the same unit.
+        method: "best", one of heba.methods(), or a number CALIB_HAND_EYE_... of OpenCV.
+
+    Returns:
+        R_cam2gripper (3 x 3) and t_cam2gripper (3 x 1).
+
+    Raises:
+        heba.Error: The arguments are wrong, or the poses do not determine the result. OpenCV returns NaN or a wrong
+            pose then.
+    """
+    camera, _ = _solve(
+        matrices_of(R_gripper2base, t_gripper2base, ("R_gripper2base", "t_gripper2base")),
+        matrices_of(R_target2cam, t_target2cam, ("R_target2cam", "t_target2cam")),
+        _method(method, _HAND_EYE, "CALIB_HAND_EYE"),
+    )
+    return camera[:3, :3].copy(), camera[:3, 3:].copy()
+
+
+def calibrate_robot_world_hand_eye(
+    R_world2cam: Sequence[Any],
+    t_world2cam: Sequence[Any],
+    R_base2gripper: Sequence[Any],
+    t_base2gripper: Sequence[Any],
+    method: str | int = "best",
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Finds the poses of the camera and of the target (the world), as cv2.calibrateRobotWorldHandEye does.
+
+    Args:
+        R_world2cam: n rotations, 3 x 3 matrices or rotation vectors: the target's in the camera.
+        t_world2cam: n translations, in any unit.
+        R_base2gripper: n rotations: the base's in the gripper.
+        t_base2gripper: n translations, in the same unit.
+        method: "best", one of heba.methods(), or a number CALIB_ROBOT_WORLD_HAND_EYE_... of OpenCV.
+
+    Returns:
+        R_base2world, t_base2world, R_gripper2cam and t_gripper2cam.
+
+    Raises:
+        heba.Error: As calibrate_hand_eye.
+    """
+    base2gripper = matrices_of(R_base2gripper, t_base2gripper, ("R_base2gripper", "t_base2gripper"))
+    camera, target = _solve(
+        np.linalg.inv(base2gripper),
+        matrices_of(R_world2cam, t_world2cam, ("R_world2cam", "t_world2cam")),
+        _method(method, _ROBOT_WORLD, "CALIB_ROBOT_WORLD_HAND_EYE"),
+    )
+    base2world = np.linalg.inv(target)
+    gripper2cam = np.linalg.inv(camera)
+    return base2world[:3, :3].copy(), base2world[:3, 3:].copy(), gripper2cam[:3, :3].copy(), gripper2cam[:3, 3:].copy()
+
+
+def calibrateHandEye(  # noqa: N802: OpenCV's name.
+    R_gripper2base: Sequence[Any],
+    t_gripper2base: Sequence[Any],
+    R_target2cam: Sequence[Any],
+    t_target2cam: Sequence[Any],
+    R_cam2gripper: np.ndarray | None = None,
+    t_cam2gripper: np.ndarray | None = None,
+    method: str | int = "best",
+) -> tuple[np.ndarray, np.ndarray]:
+    """calibrate_hand_eye with OpenCV's name and its arguments for the output, which are filled if they are arrays."""
+    results = calibrate_hand_eye(R_gripper2base, t_gripper2base, R_target2cam, t_target2cam, method)
+    _fill((R_cam2gripper, t_cam2gripper), results)
+    return results
+
+
+def calibrateRobotWorldHandEye(  # noqa: N802: OpenCV's name.
+    R_world2cam: Sequence[Any],
+    t_world2cam: Sequence[Any],
+    R_base2gripper: Sequence[Any],
+    t_base2gripper: Sequence[Any],
+    R_base2world: np.ndarray | None = None,
+    t_base2world: np.ndarray | None = None,
+    R_gripper2cam: np.ndarray | None = None,
+    t_gripper2cam: np.ndarray | None = None,
+    method: str | int = "best",
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """calibrate_robot_world_hand_eye with OpenCV's name and its arguments for the output."""
+    results = calibrate_robot_world_hand_eye(R_world2cam, t_world2cam, R_base2gripper, t_base2gripper, method)
+    _fill((R_base2world, t_base2world, R_gripper2cam, t_gripper2cam), results)
+    return results
+
+
+def _fill(outputs: Sequence[np.ndarray | None], results: Sequence[np.ndarray]) -> None:
+    for output, result in zip(outputs, results):
+        if output is not None:
+            output[...] = result.reshape(output.shape)
+
+
+def _method(method: str | int, of_opencv: Sequence[str], constant: str) -> str:
+    if isinstance(method, str):
+        if method in methods():
+            return method
+        raise Error(f"method: {method!r} is unknown; one of: {', '.join(methods())}")
+    if not 0 <= int(method) < len(of_opencv):
+        raise Error(f"method: {method} is not one of OpenCV's constants {constant}_...")
+    return of_opencv[int(method)]
+
+
+def _solve(base_from_gripper: np.ndarray, camera_from_target: np.ndarray, method: str) -> tuple[np.ndarray, np.ndarray]:
+    if len(base_from_gripper) != len(camera_from_target):
+        raise Error(
+            f"there are {len(base_from_gripper)} poses of the robot, but {len(camera_from_target)} of the target"
+        )
+    # The methods count in metres; poses in millimetres would be a cell of a kilometre.
+    unit = _unit(base_from_gripper, camera_from_target)
+    base_from_gripper, camera_from_target = base_from_gripper.copy(), camera_from_target.copy()
+    base_from_gripper[:, :3, 3] *= unit
+    camera_from_target[:, :3, 3] *= unit
+    poses = _heba.solve_pairs("eye_in_hand", base_from_gripper, camera_from_target, method)
+    for pose in poses:
+        pose[:3, 3] /= unit
+    return poses
+
+
+def _unit(base_from_gripper: np.ndarray, camera_from_target: np.ndarray) -> float:
+    """Returns the length of the poses' unit, m: metres, or millimetres if the target would be farther than 20 m."""
+    distances = np.linalg.norm(camera_from_target[:, :3, 3], axis=1)
+    return 1e-3 if len(distances) > 0 and np.median(distances) > 20 else 1.0

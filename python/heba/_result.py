@@ -1,0 +1,98 @@
+"""The result of a run."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import _heba
+from ._heba import Error
+
+
+def _matrix(pose: dict[str, Any]) -> np.ndarray:
+    x, y, z, w = pose["quaternion_xyzw"]
+    matrix = np.eye(4)
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[:3, 3] = pose["translation_m"]
+    return matrix
+
+
+class Result:
+    """The contents of result.json, whose keys and units the manual lists.
+
+    Attributes:
+        data: The whole file as Python's dictionaries and lists.
+        folder: The folder of the run, with report.html; None for a calibration from arrays.
+    """
+
+    def __init__(self, text: str, folder: Path | None = None) -> None:
+        self._text = text
+        self.data: dict[str, Any] = json.loads(text)
+        self.folder = folder
+
+    @classmethod
+    def read(cls, folder: str | os.PathLike[str]) -> "Result":
+        """Reads the result of a run from its folder."""
+        file = Path(folder) / "result.json"
+        try:
+            return cls(file.read_text(encoding="utf-8"), Path(folder))
+        except FileNotFoundError:
+            raise Error(f"{file}: there is no such file") from None
+        except json.JSONDecodeError as error:
+            raise Error(f"{file}:{error.lineno}: {error.msg}") from None
+
+    def estimate(self, method: str | None = None) -> dict[str, Any]:
+        """Returns the refined estimate, or the one of a method, as in result.json.
+
+        Without images or points, the refined estimate is that of the poses, "chain".
+        """
+        usable = {entry["method"]: entry for entry in self.data["estimates"] if entry["ok"]}
+        for name in ("bundle", "chain") if method is None else (method,):
+            if name in usable:
+                return usable[name]
+        wanted = "refined estimate" if method is None else f"estimate of {method!r}"
+        raise Error(f"the result has no {wanted}; it has: {', '.join(usable)}")
+
+    @property
+    def hand_eye(self) -> np.ndarray:
+        """The camera's pose, 4 x 4, m: base_from_camera or gripper_from_camera."""
+        return _matrix(self.estimate()["hand_eye"])
+
+    @property
+    def board(self) -> np.ndarray:
+        """The target's pose, 4 x 4, m: gripper_from_target or base_from_target."""
+        return _matrix(self.estimate()["board"])
+
+    @property
+    def covariance(self) -> np.ndarray | None:
+        """The covariance of hand_eye, 6 x 6: translation (m), then rotation (rad), in the camera's frame."""
+        covariance = self.estimate()["covariance"]
+        if covariance is None:
+            return None
+        return np.array(covariance["matrix"])[:6, :6]
+
+    @property
+    def verdict(self) -> dict[str, Any]:
+        """The grade ("good", "doubtful" or "bad") and the findings, each with its code, text and action."""
+        return self.data["verdict"]
+
+    def table(self) -> str:
+        """Returns the table that `heba run` prints."""
+        if self.folder is not None:
+            return _heba.table(self.folder / "result.json")
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "result.json"
+            file.write_text(self._text, encoding="utf-8")
+            return _heba.table(file)
+
+    def __repr__(self) -> str:
+        return f"<heba.Result {self.data['name']!r}: {self.verdict['grade']}>"

@@ -1,0 +1,177 @@
+"""Runs, detection, location, calibration from arrays and the doctor, beside the program's own results."""
+
+import json
+import resource
+import threading
+
+import conftest
+import numpy as np
+import pytest
+
+import heba
+
+
+def without_times(result):
+    """Returns the contents of result.json without the times that the work took."""
+    data = dict(result)
+    del data["timing_s"]
+    for estimate in data["estimates"]:
+        if estimate["solve"]:
+            del estimate["solve"]["seconds"]
+    return data
+
+
+def truth_of(cell):
+    return json.loads((cell / "truth.json").read_text())
+
+
+def test_run_writes_what_the_program_writes(cell, program_run, tmp_path):
+    result = heba.run(cell / "config.yaml", out=tmp_path / "run", threads=1)
+    program = json.loads((program_run / "result.json").read_text())
+    assert json.dumps(without_times(result.data)) == json.dumps(without_times(program))
+    assert {file.name for file in (tmp_path / "run").iterdir()} == {file.name for file in program_run.iterdir()}
+    assert result.folder == tmp_path / "run"
+    assert result.verdict["grade"] == "good"
+    assert "bundle" in result.table()
+    truth = truth_of(cell)["hand_eye"]["translation_m"]
+    assert np.linalg.norm(result.hand_eye[:3, 3] - truth) < 1e-3
+    assert result.covariance.shape == (6, 6)
+    assert np.all(np.linalg.eigvalsh(result.covariance) > 0)
+
+
+def test_dictionaries_are_configs(cell, tmp_path, monkeypatch):
+    monkeypatch.chdir(cell)
+    config = {
+        "setup": "eye_to_hand",
+        "target": "target.yaml",
+        "camera": {"model": "brown5", "intrinsics": "camera.yaml"},
+        "captures": {"images": "images", "poses": "poses.csv", "pose_format": "ros"},
+    }
+    before = set(cell.iterdir())
+    result = heba.run(config, settings=["evaluate.folds=3"], out=tmp_path / "run")
+    assert result.verdict["grade"] == "good"
+    assert set(cell.iterdir()) == before
+
+
+def test_progress_is_told_and_can_end_a_run(cell, tmp_path):
+    told = []
+    heba.run(cell / "config.yaml", out=tmp_path / "run", progress=lambda *step: told.append(step))
+    assert ("detection", 12, 12) in told
+    assert ("hold-out", 5, 5) in told
+
+    class Stop(Exception):
+        pass
+
+    def stop(stage, done, total):
+        raise Stop
+
+    with pytest.raises(Stop):
+        heba.run(cell / "config.yaml", out=tmp_path / "stopped", progress=stop)
+    assert not (tmp_path / "stopped").exists()
+
+
+def test_errors_are_the_lines_of_the_program(tmp_path):
+    with pytest.raises(heba.Error, match="there is no such file"):
+        heba.run(tmp_path / "missing.yaml")
+    with pytest.raises(ValueError, match="chesboard.*chessboard"):
+        heba.detect(np.zeros((10, 10), np.uint8), {"type": "chesboard"})
+    with pytest.raises(heba.Error, match="uint8"):
+        heba.detect(np.zeros((10, 10)), {"type": "chessboard", "rows": 6, "columns": 8, "square": "30 mm"})
+
+
+def test_detection_and_location(cell, program_run):
+    image = sorted((cell / "images").iterdir())[0]
+    target = (cell / "target.yaml").read_text()
+    of_file = heba.detect(image, target)
+    assert len(of_file) == 42
+    assert of_file.pixels.shape == (42, 2) and of_file.points.shape == (42, 3)
+    cv2 = pytest.importorskip("cv2")
+    grey = cv2.imread(str(image), cv2.IMREAD_GRAYSCALE)
+    of_array = heba.detect(grey, target)
+    assert np.array_equal(of_array.pixels, of_file.pixels)
+    # A part of an image has rows that do not follow one another.
+    assert len(heba.detect(np.pad(grey, 3)[3:-3, 3:-3], target)) == 42
+
+    names, poses = conftest.read_poses(cell / "poses.csv")
+    board = heba.Result.read(program_run).board
+    expected = poses[names.index(image.name)] @ board
+    for located in (heba.locate(program_run, image), heba.locate(heba.Result.read(program_run), grey)):
+        assert len(located) == 1
+        assert np.abs(located[0].base_from_target - expected).max() < 1e-3
+        assert np.sqrt(np.linalg.eigvalsh(located[0].covariance).max()) < 1e-3
+    with pytest.raises(heba.Error, match="stationary"):
+        heba.locate(program_run, image, pose=np.eye(4))
+    with pytest.raises(heba.Error, match="640 x 480"):
+        heba.locate(program_run, grey[:-1])
+
+
+def test_carried_camera_needs_the_pose(carried, tmp_path):
+    result = heba.run(carried / "config.yaml", out=tmp_path / "run")
+    names, poses = conftest.read_poses(carried / "poses.csv")
+    image = carried / "images" / names[3]
+    located = heba.locate(result, image, pose=poses[3])[0]
+    assert np.abs(located.base_from_target - result.board).max() < 1e-3
+    with pytest.raises(heba.Error, match="pose"):
+        heba.locate(result, image)
+
+
+def test_calibration_from_arrays(cell, program_run):
+    target = (cell / "target.yaml").read_text()
+    names, poses = conftest.read_poses(cell / "poses.csv")
+    seen = [heba.detect(cell / "images" / name, target) for name in names]
+    result = heba.calibrate(seen, poses, target, setup="eye_to_hand", image_size=(640, 480), folds=0)
+    truth = truth_of(cell)["hand_eye"]["translation_m"]
+    assert np.linalg.norm(result.hand_eye[:3, 3] - truth) < 1e-3
+    assert "bundle" in result.table()
+    # Arrays of all points, of which some were not seen.
+    grids = [detection.pixels.copy() for detection in seen]
+    grids[0][:5] = np.nan
+    of_grids = heba.calibrate(grids, poses, target, setup="eye_to_hand", image_size=(640, 480), folds=0)
+    assert np.abs(of_grids.hand_eye - result.hand_eye).max() < 1e-3
+    with pytest.raises(heba.Error, match=r"points\[0\]: the target has no point 1000"):
+        heba.calibrate([([1000], [[1, 2]])] * 12, poses, target, setup="eye_to_hand", image_size=(640, 480))
+    with pytest.raises(heba.Error, match="rotation"):
+        heba.calibrate(seen, poses * [[2], [2], [2], [1]], target, setup="eye_to_hand", image_size=(640, 480))
+    with pytest.raises(heba.Error, match="11"):
+        heba.calibrate(seen, poses[1:], target, setup="eye_to_hand", image_size=(640, 480))
+
+
+def test_doctor_names_wrong_poses(cell):
+    assert not [symptom for symptom in heba.doctor(cell / "config.yaml") if symptom.is_wrong]
+    # Poses in the wrong direction are a fault.
+    wrong = heba.doctor(cell / "config.yaml", settings=["captures.poses_are=gripper_from_base"])
+    assert any(symptom.is_wrong and symptom.cure for symptom in wrong)
+
+
+def test_threads_share_the_module(cell):
+    target = (cell / "target.yaml").read_text()
+    images = sorted((cell / "images").iterdir())[:4]
+    expected = [heba.detect(image, target).pixels for image in images]
+    found = [None] * len(images)
+
+    def detect(i):
+        found[i] = heba.detect(images[i], target).pixels
+
+    threads = [threading.Thread(target=detect, args=(i,)) for i in range(len(images))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(np.array_equal(a, b) for a, b in zip(found, expected))
+
+
+def test_the_module_does_not_leak(cell):
+    cv2 = pytest.importorskip("cv2")
+    grey = cv2.imread(str(sorted((cell / "images").iterdir())[0]), cv2.IMREAD_GRAYSCALE)
+    target = (cell / "target.yaml").read_text()
+
+    def peak_mb():
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+    for _ in range(30):
+        heba.detect(grey, target)
+    before = peak_mb()
+    for _ in range(200):
+        heba.detect(grey, target)
+    # 200 leaked images would be 60 MB.
+    assert peak_mb() - before < 10

@@ -1,0 +1,31 @@
+#include "tools/config/finished_run.h"
+
+#include "heba/base/error.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/io/result_file.h"
+#include "tools/config/capture_section.h"
+#include "tools/config/robot_section.h"
+
+namespace heba {
+
+const RobotSummary* FinishedRun::FindArm() const {
+  const bool is_estimated = result.robot && result.robot->is_estimated && solution().shared_effects != nullptr;
+  return is_estimated ? &*result.robot : nullptr;
+}
+
+FinishedRun ReadFinishedRun(const std::filesystem::path& folder) {
+  FinishedRun run;
+  run.result = ReadResult(folder / "result.json");
+  if (FindRefined(run.result) == nullptr) {
+    throw InputError(folder.string() +
+                     ": contains no refined estimate; a calibration from images or corners is needed");
+  }
+  MapReader config(ReadYamlFile(folder / "config.yaml"));
+  run.target = ReadTarget(config, "target");
+  MapReader captures(config.Get("captures"));
+  run.pose_reading = ReadPoseReading(captures);
+  run.joints_are_deg = ReadJointsAreDeg(captures);
+  return run;
+}
+
+}  // namespace heba
