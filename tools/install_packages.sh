@@ -13,7 +13,7 @@ packages=(
 )
 # Node.js and npm in whatever way they came; the pages' charts are bundled with them.
 if ! command -v node >/dev/null || ! command -v npm >/dev/null; then packages+=(nodejs npm); fi
-if [ "${1-}" = "--tests" ]; then packages+=(slurm-wlm munge procps chromium valgrind python3-pytest python3-opencv); fi
+if [ "${1-}" = "--tests" ]; then packages+=(slurm-wlm munge procps chromium valgrind python3-pytest python3-opencv python3-venv); fi
 
 missing=()
 for package in "${packages[@]}"; do

@@ -1,0 +1,30 @@
+"""The code on the manual's page about Python runs as it stands, in one folder with the data that the page names."""
+
+import os
+import re
+import shutil
+from pathlib import Path
+
+import conftest
+import numpy as np
+
+PAGE = Path(__file__).parents[2] / "docs" / "python.md"
+
+
+def test_the_page_runs(cell, tmp_path, monkeypatch, capsys):
+    shutil.copytree(cell, tmp_path / "cell")
+    monkeypatch.chdir(tmp_path)
+    names, poses = conftest.read_poses(cell / "poses.csv")
+    # Poses of the target as a camera on the robot would see it.
+    camera = conftest.matrices([[0.1, 0, 0.05, 0, 0, np.sin(0.4), np.cos(0.4)]])[0]
+    pairs = [(pose, np.linalg.inv(camera) @ np.linalg.inv(pose) @ poses[0]) for pose in poses]
+    np.savetxt("pairs.csv", np.array(pairs).reshape(len(pairs), -1), delimiter=",", header="numbers", fmt="%.17g")
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    assert len(blocks) == 4
+    names_of_page = {"poses": poses}
+    for block in blocks:
+        exec(compile(block, str(PAGE), "exec"), names_of_page)
+    assert np.abs(names_of_page["t_cam2gripper"][:, 0] - camera[:3, 3]).max() < 1e-6
+    assert names_of_page["located"].rms_px < 0.5
+    assert capsys.readouterr().out.count("good") >= 2
+    assert os.path.exists("cell/run/report.html")
