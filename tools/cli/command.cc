@@ -16,57 +16,14 @@
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
 #include "heba/kernels/simd.h"
+#include "tools/cli/command_table.h"
 #include "tools/cli/flags.h"
+#include "tools/cli/manual.h"
 #include "tools/text/console.h"
 
 namespace heba {
 
-#define HEBA_COMMAND(name, arguments, flags, summary) int RunCommand_##name(const std::vector<std::string>& arguments_);
-#include "tools/cli/commands.def"
-#undef HEBA_COMMAND
-
 namespace {
-
-struct Command {
-  std::string name;
-  std::string arguments;
-  std::vector<std::string> flags;
-  std::string summary;
-  int (*run)(const std::vector<std::string>& arguments);
-};
-
-std::vector<std::string> WordsOf(const std::string& text) {
-  return text.empty() ? std::vector<std::string>() : Split(text, ' ');
-}
-
-const std::vector<Command>& Commands() {
-  static const std::vector<Command> commands = {
-#define HEBA_COMMAND(name, arguments, flags, summary) {#name, arguments, WordsOf(flags), summary, &RunCommand_##name},
-#include "tools/cli/commands.def"
-#undef HEBA_COMMAND
-  };
-  return commands;
-}
-
-// Returns gflags' own name of a flag: that of a variable, without hyphens.
-std::string VariableOf(std::string name) {
-  std::replace(name.begin(), name.end(), '-', '_');
-  return name;
-}
-
-gflags::CommandLineFlagInfo FlagInfo(const std::string& name) {
-  gflags::CommandLineFlagInfo info;
-  CHECK(gflags::GetCommandLineFlagInfo(VariableOf(name).c_str(), &info)) << name;
-  info.name = name;
-  return info;
-}
-
-// Splits a description "VALUE|what it does" into "--name VALUE" and the rest.
-std::pair<std::string, std::string> FlagHelp(const gflags::CommandLineFlagInfo& info) {
-  const size_t end = info.description.find('|');
-  CHECK(end != std::string::npos) << info.name;
-  return {Trim("--" + info.name + " " + info.description.substr(0, end)), info.description.substr(end + 1)};
-}
 
 void PrintUsage(std::ostream& stream) {
   stream << "heba " << Version() << ": hand-eye calibration by bundle adjustment\n\n"
@@ -81,15 +38,42 @@ void PrintUsage(std::ostream& stream) {
 void PrintCommandHelp(const Command& command) {
   std::cout << "usage: heba " << command.name << " " << command.arguments << " [--flags]\n\n"
             << command.summary << "\n\n";
-  for (const std::string& flag : command.flags) {
-    const auto [form, description] = FlagHelp(FlagInfo(flag));
-    std::cout << ForTerminal("  " + PadRight(form, 17) + " " + description + "\n");
+  for (const std::string& name : command.flags) {
+    const CommandFlag flag = FlagOf(name);
+    std::cout << ForTerminal("  " + PadRight(FlagForm(flag), 21) + " " + flag.text + "\n");
   }
+}
+
+// Returns the words with short forms of flags as long ones: -o PATH, -oPATH, -j4.
+std::vector<std::string> WithLongFlags(const Command& command, const std::vector<std::string>& words) {
+  std::vector<std::string> all;
+  bool are_arguments = false;
+  for (const std::string& word : words) {
+    are_arguments = are_arguments || word == "--";
+    const bool has_letter = !are_arguments && word.size() >= 2 && word[0] == '-' && word[1] != '-';
+    const std::string name = has_letter ? FlagOfLetter(word[1]) : "";
+    const bool is_known = std::find(command.flags.begin(), command.flags.end(), name) != command.flags.end();
+    // gflags' form with one hyphen, such as -out, means the whole name.
+    const bool is_name = has_letter && std::any_of(command.flags.begin(), command.flags.end(), [&](const auto& flag) {
+                           return word == "-" + flag || word.starts_with("-" + flag + "=");
+                         });
+    if (!is_known || is_name) {
+      all.push_back(word);
+      continue;
+    }
+    all.push_back("--" + name);
+    if (word.size() > 2 && FlagOf(name).type == "bool") {
+      throw InputError("-" + std::string(1, word[1]) + " takes no value, not '" + word.substr(2) + "'");
+    }
+    if (word.size() > 2) all.back() += (word[2] == '=' ? "" : "=") + word.substr(2);
+  }
+  return all;
 }
 
 // Sets the flags in `words` and returns the other words. Names and values are checked here first, because gflags keeps
 // one registry for the whole program, with glog's flags in it, and ends the program on an error.
-std::vector<std::string> ParseFlags(const Command& command, const std::vector<std::string>& words) {
+std::vector<std::string> ParseFlags(const Command& command, const std::vector<std::string>& words_in) {
+  const std::vector<std::string> words = WithLongFlags(command, words_in);
   std::vector<std::string> arguments;
   for (size_t i = 0; i < words.size(); ++i) {
     const std::string& word = words[i];
@@ -109,7 +93,8 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
           "'heba " + command.name + "' has no flag --" + name + DidYouMean(name, command.flags) +
           (DidYouMean(name, command.flags).empty() ? "; 'heba " + command.name + " --help' lists them" : ""));
     }
-    const gflags::CommandLineFlagInfo info = FlagInfo(name);
+    gflags::CommandLineFlagInfo info;
+    CHECK(gflags::GetCommandLineFlagInfo(FlagVariable(name).c_str(), &info)) << name;
     std::string value;
     if (equals != std::string::npos) {
       value = word.substr(equals + 1);
@@ -135,19 +120,30 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
     constexpr std::string_view kRepeatable = "set";
     if (name == kRepeatable && !info.current_value.empty()) value = info.current_value + kSettingSeparator + value;
     if (info.type == "string" && value.empty()) throw InputError("--" + name + " needs a value");
-    CHECK(!gflags::SetCommandLineOption(VariableOf(name).c_str(), value.c_str()).empty());
+    CHECK(!gflags::SetCommandLineOption(FlagVariable(name).c_str(), value.c_str()).empty());
   }
   return arguments;
 }
 
+int Dispatch(const std::vector<std::string>& words);
+
+// Prints what `heba help TOPIC` asks for: the help of a command, a manual page or a completion.
+int PrintTopic(const std::vector<std::string>& words) {
+  const std::string& topic = words[1];
+  if (FindEntry(ManualTopics(), topic) == nullptr) return Dispatch({topic, "--help"});
+  std::cout << FindEntry(ManualTopics(), topic)->text(std::vector<std::string>(words.begin() + 2, words.end()));
+  return kDone;
+}
+
 int Dispatch(const std::vector<std::string>& words) {
   if (words.empty() || words[0] == "help" || words[0] == "--help" || words[0] == "-h") {
-    if (words.size() > 1 && words[0] == "help") return Dispatch({words[1], "--help"});
+    if (words.size() > 1 && words[0] == "help") return PrintTopic(words);
     PrintUsage(std::cout);
     return kDone;
   }
   if (words[0] == "--version") {
-    std::cout << "heba " << Version() << "\n";
+    const std::string_view commit = HEBA_COMMIT;
+    std::cout << "heba " << Version() << (commit.empty() ? "" : " (" + std::string(commit) + ")") << "\n";
     return kDone;
   }
   const Command* command = FindEntry(Commands(), words[0]);
