@@ -5,6 +5,7 @@
 // inverse is computed by Gauss-Newton steps on the sphere of rays.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -27,8 +28,8 @@ struct DistortedImage {
   V y;
   V x_by_point[3];
   V y_by_point[3];
-  V x_by_distortion[kNumDistortion > 0 ? kNumDistortion : 1];
-  V y_by_distortion[kNumDistortion > 0 ? kNumDistortion : 1];
+  V x_by_distortion[std::max(kNumDistortion, 1)];
+  V y_by_distortion[std::max(kNumDistortion, 1)];
 };
 
 // Returns 1 / z if z is positive, NaN otherwise.

@@ -69,14 +69,11 @@ std::vector<UndeterminedParam> UndeterminedParams(const Arm& arm, Setup setup) {
     for (const ArmParam param : {ArmParam::kTheta, ArmParam::kD, ArmParam::kA, ArmParam::kAlpha}) {
       const int place = ArmParamPlace(j, param);
       const int first = first_of[static_cast<size_t>(j)];
-      if (j == last) {
+      const bool is_of_base = (j == 0 && param == ArmParam::kTheta) || (first == 0 && param == ArmParam::kD);
+      if (j == last || (param == ArmParam::kD && first_of.back() == first && first != 0)) {
         undetermined.push_back({place, on_flange});
-      } else if (j == 0 && (param == ArmParam::kTheta || param == ArmParam::kD)) {
+      } else if (is_of_base) {
         undetermined.push_back({place, in_base});
-      } else if (param == ArmParam::kD && first == 0) {
-        undetermined.push_back({place, in_base});
-      } else if (param == ArmParam::kD && first_of.back() == first) {
-        undetermined.push_back({place, on_flange});
       } else if (param == ArmParam::kD && first != j) {
         undetermined.push_back({place, ArmParamName(ArmParamPlace(first, ArmParam::kD))});
       }

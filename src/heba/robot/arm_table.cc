@@ -1,5 +1,6 @@
 #include "heba/robot/arm_table.h"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -24,9 +25,8 @@ Arm ArmOf(const UrRobot& robot) {
 
 // Gives the arm of that name the weight of its links.
 void SetLinks(std::string_view name, std::vector<PointMass> links, std::vector<Arm>* arms) {
-  for (Arm& arm : *arms) {
-    if (arm.name == name) arm = WithLinks(std::move(arm), std::move(links));
-  }
+  const auto arm = std::find_if(arms->begin(), arms->end(), [&](const Arm& other) { return other.name == name; });
+  if (arm != arms->end()) *arm = WithLinks(std::move(*arm), std::move(links));
 }
 
 Arm DhArm(std::string name, std::vector<ArmJoint> joints) { return {std::move(name), {}, std::move(joints), {}}; }
