@@ -114,12 +114,7 @@ std::vector<pybind11::tuple> Locate(const std::filesystem::path& folder, const s
     } else {
       seen = DetectCapture(*run.target, file);
     }
-    const Camera& camera = FindRefined(run.result)->camera;
-    if (seen.width_px != camera.width_px || seen.height_px != camera.height_px) {
-      throw InputError("the image is " + std::to_string(seen.width_px) + " x " + std::to_string(seen.height_px) +
-                       " px, but the calibration is for " + std::to_string(camera.width_px) + " x " +
-                       std::to_string(camera.height_px) + " px");
-    }
+    CheckImageSize(run, seen, grey ? "image" : file.string());
     possible = LocateSymmetricTarget(run.result.setup, run.solution(), ObservationsOf(*run.target, seen.detection),
                                      run.target->Symmetries(), mount);
     reason = seen.detection.reason;

@@ -64,7 +64,7 @@ def calibrate_hand_eye(
         matrices_of(R_target2cam, t_target2cam, ("R_target2cam", "t_target2cam")),
         _method(method, _HAND_EYE, "CALIB_HAND_EYE"),
     )
-    return camera[:3, :3].copy(), camera[:3, 3:].copy()
+    return _parts(camera)
 
 
 def calibrate_robot_world_hand_eye(
@@ -95,9 +95,7 @@ def calibrate_robot_world_hand_eye(
         matrices_of(R_world2cam, t_world2cam, ("R_world2cam", "t_world2cam")),
         _method(method, _ROBOT_WORLD, "CALIB_ROBOT_WORLD_HAND_EYE"),
     )
-    base2world = np.linalg.inv(target)
-    gripper2cam = np.linalg.inv(camera)
-    return base2world[:3, :3].copy(), base2world[:3, 3:].copy(), gripper2cam[:3, :3].copy(), gripper2cam[:3, 3:].copy()
+    return *_parts(np.linalg.inv(target)), *_parts(np.linalg.inv(camera))
 
 
 def calibrateHandEye(  # noqa: N802: OpenCV's name.
@@ -130,6 +128,10 @@ def calibrateRobotWorldHandEye(  # noqa: N802: OpenCV's name.
     results = calibrate_robot_world_hand_eye(R_world2cam, t_world2cam, R_base2gripper, t_base2gripper, method)
     _fill((R_base2world, t_base2world, R_gripper2cam, t_gripper2cam), results)
     return results
+
+
+def _parts(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return pose[:3, :3].copy(), pose[:3, 3:].copy()
 
 
 def _fill(outputs: Sequence[np.ndarray | None], results: Sequence[np.ndarray]) -> None:

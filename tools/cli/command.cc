@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <iostream>
 #include <new>
+#include <optional>
 
 #include <gflags/gflags.h>
 
@@ -44,36 +45,34 @@ void PrintCommandHelp(const Command& command) {
   }
 }
 
-// Returns the words with short forms of flags as long ones: -o PATH, -oPATH, -j4.
-std::vector<std::string> WithLongFlags(const Command& command, const std::vector<std::string>& words) {
-  std::vector<std::string> all;
-  bool are_arguments = false;
-  for (const std::string& word : words) {
-    are_arguments = are_arguments || word == "--";
-    const bool has_letter = !are_arguments && word.size() >= 2 && word[0] == '-' && word[1] != '-';
-    const std::string name = has_letter ? FlagOfLetter(word[1]) : "";
-    const bool is_known = std::find(command.flags.begin(), command.flags.end(), name) != command.flags.end();
-    // gflags' form with one hyphen, such as -out, means the whole name.
-    const bool is_name = has_letter && std::any_of(command.flags.begin(), command.flags.end(), [&](const auto& flag) {
-                           return word == "-" + flag || word.starts_with("-" + flag + "=");
-                         });
-    if (!is_known || is_name) {
-      all.push_back(word);
-      continue;
-    }
-    all.push_back("--" + name);
-    if (word.size() > 2 && FlagOf(name).type == "bool") {
-      throw InputError("-" + std::string(1, word[1]) + " takes no value, not '" + word.substr(2) + "'");
-    }
-    if (word.size() > 2) all.back() += (word[2] == '=' ? "" : "=") + word.substr(2);
+// A word that begins with a hyphen: the name of its flag, and its value if the word contains it.
+struct FlagWord {
+  std::string name;
+  std::optional<std::string> value;
+};
+
+// Reads --name, --name=VALUE, the same with one hyphen, and the short forms -o, -oVALUE and -o=VALUE.
+FlagWord ReadFlagWord(const Command& command, const std::string& word) {
+  const auto takes = [&](const std::string& name) {
+    return std::find(command.flags.begin(), command.flags.end(), name) != command.flags.end();
+  };
+  const size_t dashes = word[1] == '-' ? 2 : 1;
+  const size_t equals = word.find('=');
+  FlagWord read{word.substr(dashes, equals == std::string::npos ? std::string::npos : equals - dashes), {}};
+  if (equals != std::string::npos) read.value = word.substr(equals + 1);
+  const std::string of_letter = dashes == 1 ? FlagOfLetter(word[1]) : "";
+  if (takes(read.name) || !takes(of_letter)) return read;
+  const std::string rest = word.substr(2);
+  if (!rest.empty() && FlagOf(of_letter).type == "bool") {
+    throw InputError("-" + std::string(1, word[1]) + " takes no value, not '" + rest + "'");
   }
-  return all;
+  if (rest.empty()) return {of_letter, {}};
+  return {of_letter, rest[0] == '=' ? rest.substr(1) : rest};
 }
 
 // Sets the flags in `words` and returns the other words. Names and values are checked here first, because gflags keeps
 // one registry for the whole program, with glog's flags in it, and ends the program on an error.
-std::vector<std::string> ParseFlags(const Command& command, const std::vector<std::string>& words_in) {
-  const std::vector<std::string> words = WithLongFlags(command, words_in);
+std::vector<std::string> ParseFlags(const Command& command, const std::vector<std::string>& words) {
   std::vector<std::string> arguments;
   for (size_t i = 0; i < words.size(); ++i) {
     const std::string& word = words[i];
@@ -85,9 +84,7 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
       arguments.push_back(word);
       continue;
     }
-    const size_t dashes = word[1] == '-' ? 2 : 1;
-    const size_t equals = word.find('=');
-    const std::string name = word.substr(dashes, equals == std::string::npos ? std::string::npos : equals - dashes);
+    const auto& [name, given] = ReadFlagWord(command, word);
     if (std::find(command.flags.begin(), command.flags.end(), name) == command.flags.end()) {
       throw InputError(
           "'heba " + command.name + "' has no flag --" + name + DidYouMean(name, command.flags) +
@@ -96,8 +93,8 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
     gflags::CommandLineFlagInfo info;
     CHECK(gflags::GetCommandLineFlagInfo(FlagVariable(name).c_str(), &info)) << name;
     std::string value;
-    if (equals != std::string::npos) {
-      value = word.substr(equals + 1);
+    if (given) {
+      value = *given;
     } else if (info.type == "bool") {
       value = "true";
     } else if (i + 1 < words.size() && !words[i + 1].starts_with("--")) {
@@ -125,19 +122,14 @@ std::vector<std::string> ParseFlags(const Command& command, const std::vector<st
   return arguments;
 }
 
-int Dispatch(const std::vector<std::string>& words);
-
-// Prints what `heba help TOPIC` asks for: the help of a command, a manual page or a completion.
-int PrintTopic(const std::vector<std::string>& words) {
-  const std::string& topic = words[1];
-  if (FindEntry(ManualTopics(), topic) == nullptr) return Dispatch({topic, "--help"});
-  std::cout << FindEntry(ManualTopics(), topic)->text(std::vector<std::string>(words.begin() + 2, words.end()));
-  return kDone;
-}
-
 int Dispatch(const std::vector<std::string>& words) {
   if (words.empty() || words[0] == "help" || words[0] == "--help" || words[0] == "-h") {
-    if (words.size() > 1 && words[0] == "help") return PrintTopic(words);
+    if (words.size() > 1 && words[0] == "help") {
+      const ManualTopic* const topic = FindEntry(ManualTopics(), words[1]);
+      if (topic == nullptr) return Dispatch({words[1], "--help"});
+      std::cout << topic->text(std::vector<std::string>(words.begin() + 2, words.end()));
+      return kDone;
+    }
     PrintUsage(std::cout);
     return kDone;
   }

@@ -28,4 +28,12 @@ FinishedRun ReadFinishedRun(const std::filesystem::path& folder) {
   return run;
 }
 
+void CheckImageSize(const FinishedRun& run, const CaptureDetection& seen, const std::string& image) {
+  const Camera& camera = FindRefined(run.result)->camera;
+  if (seen.width_px == camera.width_px && seen.height_px == camera.height_px) return;
+  throw InputError(image + ": is " + std::to_string(seen.width_px) + " x " + std::to_string(seen.height_px) +
+                   " px, but the calibration is for " + std::to_string(camera.width_px) + " x " +
+                   std::to_string(camera.height_px) + " px");
+}
+
 }  // namespace heba

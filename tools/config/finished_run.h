@@ -3,7 +3,9 @@
 
 #include <filesystem>
 #include <memory>
+#include <string>
 
+#include "heba/detection.h"
 #include "heba/evaluation/evaluation.h"
 #include "heba/target.h"
 #include "tools/config/run_config.h"
@@ -23,5 +25,8 @@ struct FinishedRun {
 
 // Throws InputError if the folder has no refined estimate from images or corners.
 FinishedRun ReadFinishedRun(const std::filesystem::path& folder);
+
+// Throws InputError, which begins with `image`, if an image does not have the size of those of the run.
+void CheckImageSize(const FinishedRun& run, const CaptureDetection& seen, const std::string& image);
 
 }  // namespace heba

@@ -367,12 +367,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
   bool all_found = true;
   for (size_t i = 1; i < arguments.size(); ++i) {
     const CaptureDetection seen = DetectCapture(*run.target, arguments[i]);
-    const Camera& camera = refined->camera;
-    if (seen.width_px != camera.width_px || seen.height_px != camera.height_px) {
-      throw InputError(arguments[i] + ": is " + std::to_string(seen.width_px) + " x " + std::to_string(seen.height_px) +
-                       " px, but the calibration is for " + std::to_string(camera.width_px) + " x " +
-                       std::to_string(camera.height_px) + " px");
-    }
+    CheckImageSize(run, seen, arguments[i]);
     if (!FLAGS_pixels.empty()) {
       const Outcome<std::string> points = DescribePixels(run, *refined->solution, seen, mount, asked, arm);
       if (points) {
