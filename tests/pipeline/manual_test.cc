@@ -54,6 +54,17 @@ TEST(ManualTest, EveryCommandHasAManualPage) {
   EXPECT_THAT(wrong.err, HasSubstr("did you mean 'locate'"));
 }
 
+TEST(ManualTest, HelpDescribesKeys) {
+  EXPECT_THAT(RunHeba({"help"}).out, HasSubstr("the keys of a run config"));
+  EXPECT_THAT(RunHeba({"help", "config", "evaluate.folds"}).out, HasSubstr("folds: whole number (default: 5)"));
+  EXPECT_THAT(RunHeba({"help", "poses"}).out, HasSubstr("- kuka: columns x, y, z, a, b, c; mm and deg; euler_zyx"));
+  EXPECT_THAT(RunHeba({"help", "study"}).out,
+              testing::AllOf(StartsWith("usage: heba study"), HasSubstr("outlier_points: list of numbers")));
+  const CommandResult wrong = RunHeba({"help", "confg"});
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("did you mean 'config'"));
+}
+
 TEST(ManualTest, CompletionsNameCommandsAndFlags) {
   for (const char* shell : {"bash", "zsh"}) {
     const std::string completion = RunHeba({"help", shell}).out;

@@ -33,16 +33,8 @@ void PrintUsage(std::ostream& stream) {
     const std::string call = command.name + " " + command.arguments;
     stream << "  " << call << std::string(call.size() < 24 ? 24 - call.size() : 1, ' ') << command.summary << "\n";
   }
-  stream << "\n'heba COMMAND --help' describes a command and its flags.\n";
-}
-
-void PrintCommandHelp(const Command& command) {
-  std::cout << "usage: heba " << command.name << " " << command.arguments << " [--flags]\n\n"
-            << command.summary << "\n\n";
-  for (const std::string& name : command.flags) {
-    const CommandFlag flag = FlagOf(name);
-    std::cout << ForTerminal("  " + PadRight(FlagForm(flag), 21) + " " + flag.text + "\n");
-  }
+  stream << "\n'heba COMMAND --help' describes a command and its flags; 'heba help TOPIC' prints one of these:\n\n";
+  for (const ManualTopic& topic : ManualTopics()) stream << "  " << PadRight(topic.name, 23) << topic.summary << "\n";
 }
 
 // A word that begins with a hyphen: the name of its flag, and its value if the word contains it.
@@ -126,7 +118,14 @@ int Dispatch(const std::vector<std::string>& words) {
   if (words.empty() || words[0] == "help" || words[0] == "--help" || words[0] == "-h") {
     if (words.size() > 1 && words[0] == "help") {
       const ManualTopic* const topic = FindEntry(ManualTopics(), words[1]);
-      if (topic == nullptr) return Dispatch({words[1], "--help"});
+      if (topic == nullptr) {
+        if (FindEntry(Commands(), words[1]) != nullptr) return Dispatch({words[1], "--help"});
+        const std::vector<std::string> names = NamesOf(ManualTopics());
+        std::vector<std::string> known = NamesOf(Commands());
+        known.insert(known.end(), names.begin(), names.end());
+        throw InputError("'" + words[1] + "' is neither a command nor a topic" + DidYouMean(words[1], known) +
+                         "; topics: " + Join(names, ", "));
+      }
       std::cout << topic->text(std::vector<std::string>(words.begin() + 2, words.end()));
       return kDone;
     }
@@ -146,7 +145,7 @@ int Dispatch(const std::vector<std::string>& words) {
   }
   const std::vector<std::string> rest(words.begin() + 1, words.end());
   if (std::any_of(rest.begin(), rest.end(), [](const std::string& word) { return word == "--help" || word == "-h"; })) {
-    PrintCommandHelp(*command);
+    std::cout << CommandHelp(*command);
     return kDone;
   }
   const std::vector<std::string> arguments = ParseFlags(*command, rest);

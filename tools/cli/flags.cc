@@ -36,7 +36,13 @@ DEFINE_string(
     "if that contains joints): decides between the poses of a target with a symmetry");
 DEFINE_string(robot, "", "ARM|arm for which joints that reach the target are computed: ur3 to ur30, or a .urdf file");
 DEFINE_string(format, "", "FORM|format of the data set: industrial_calibration, easy_handeye2, ...; default: detected");
-DEFINE_string(target, "", "TARGET.yaml|the target in the images of a folder without a known format");
+DEFINE_string(target, "",
+              "TARGET.yaml|the target in the images of a folder without a known format; init: or its keys, such as "
+              "'{type: chessboard, rows: 6, columns: 9, square: 25 mm}'");
+DEFINE_string(images, "", "PATH|the folder of the images; default: the one with the most images");
+DEFINE_string(poses, "", "PATH|the file or folder of the robot poses; default: found");
+DEFINE_string(camera, "", "PATH|the camera file; default: found, or estimated from the captures");
+DEFINE_string(setup, "", "SETUP|eye_to_hand or eye_in_hand; default: by the agreement of images and poses");
 DEFINE_string(pixels, "", "U,V;U,V|pixels of the image to locate instead of the target");
 DEFINE_string(plane, "target",
               "PLANE|plane of the points: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");

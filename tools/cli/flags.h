@@ -31,6 +31,10 @@ DECLARE_string(near);
 DECLARE_string(robot);
 DECLARE_string(format);
 DECLARE_string(target);
+DECLARE_string(images);
+DECLARE_string(poses);
+DECLARE_string(camera);
+DECLARE_string(setup);
 DECLARE_string(pixels);
 DECLARE_string(plane);
 

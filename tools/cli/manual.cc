@@ -5,6 +5,8 @@
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
 #include "tools/cli/command_table.h"
+#include "tools/config/key_reference.h"
+#include "tools/text/console.h"
 
 namespace heba {
 namespace {
@@ -151,11 +153,40 @@ std::string ZshCompletion(const std::vector<std::string>& /*arguments*/) {
   return text + "  esac\n}\n_heba \"$@\"\n";
 }
 
+std::string Keys(std::string_view document, const std::vector<std::string>& arguments) {
+  return ForTerminal(KeysAsText(*FindEntry(KeyDocuments(), document), arguments.empty() ? "" : arguments[0]));
+}
+
+// The keys of a study follow the help of the command with this name.
+std::string StudyKeys(const std::vector<std::string>& arguments) {
+  return (arguments.empty() ? CommandHelp(*FindEntry(Commands(), "study")) + "\n" : "") + Keys("study", arguments);
+}
+
 }  // namespace
 
+std::string CommandHelp(const Command& command) {
+  std::string text =
+      "usage: heba " + command.name + " " + command.arguments + " [--flags]\n\n" + command.summary + "\n\n";
+  for (const std::string& name : command.flags) {
+    const CommandFlag flag = FlagOf(name);
+    text += ForTerminal("  " + PadRight(FlagForm(flag), 21) + " " + flag.text + "\n");
+  }
+  return text;
+}
+
 const std::vector<ManualTopic>& ManualTopics() {
+  using Words = std::vector<std::string>;
   static const std::vector<ManualTopic> topics = {
-      {"man", &ManPage}, {"bash", &BashCompletion}, {"zsh", &ZshCompletion}};
+      {"config", "the keys of a run config", [](const Words& words) { return Keys("config", words); }},
+      {"poses", "the formats of robot poses", [](const Words& words) { return Keys("poses", words); }},
+      {"targets", "the keys of a target", [](const Words& words) { return Keys("targets", words); }},
+      {"camera", "the keys of a camera file", [](const Words& words) { return Keys("camera", words); }},
+      {"scene", "the keys of a scene", [](const Words& words) { return Keys("scene", words); }},
+      {"study", "the keys of a study", &StudyKeys},
+      {"reference", "all keys as a page in Markdown", [](const Words& /*words*/) { return KeysAsMarkdown(); }},
+      {"man", "a manual page in roff", &ManPage},
+      {"bash", "the completion of bash", &BashCompletion},
+      {"zsh", "the completion of zsh", &ZshCompletion}};
   return topics;
 }
 

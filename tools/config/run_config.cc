@@ -68,9 +68,7 @@ Camera AsModel(const Camera& camera, const std::optional<std::string>& model, co
 }
 
 void ReadCameraSection(MapReader& root, RunConfig* config) {
-  YAML::Node empty(YAML::NodeType::Map);
-  const std::optional<ConfigValue> value = root.Find("camera");
-  MapReader reader(value ? *value : ConfigValue(empty, config->file, "camera"));
+  MapReader reader = root.Section("camera");
   std::optional<std::string> model;
   if (const std::optional<ConfigValue> model_value = reader.Find("model")) {
     std::vector<std::string> names = CameraModelNames();
@@ -176,9 +174,7 @@ void ReadFreeShape(MapReader* refine, RunConfig* config) {
 }
 
 void ReadRefine(MapReader& root, RunConfig* config) {
-  YAML::Node empty(YAML::NodeType::Map);
-  const std::optional<ConfigValue> value = root.Find("refine");
-  MapReader reader(value ? *value : ConfigValue(empty, config->file, "refine"));
+  MapReader reader = root.Section("refine");
   config->options.bundle.free_intrinsics = ReadFreeIntrinsics(reader, config->options.bundle.free_intrinsics);
   ReadFreeShape(&reader, config);
   ReadRobotModel(&reader, config);
@@ -254,9 +250,7 @@ void ReadRequirements(MapReader* evaluate, RunConfig* config) {
 }
 
 void ReadEvaluate(MapReader& root, RunConfig* config) {
-  YAML::Node empty(YAML::NodeType::Map);
-  const std::optional<ConfigValue> value = root.Find("evaluate");
-  MapReader reader(value ? *value : ConfigValue(empty, config->file, "evaluate"));
+  MapReader reader = root.Section("evaluate");
   config->options.folds = reader.Int("folds", {0, 1000000}, 5);
   if (config->options.folds == 1) {
     reader.Get("folds").Fail("one fold leaves no training data; use 0 for none, or at least 2");

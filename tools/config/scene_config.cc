@@ -13,11 +13,6 @@
 namespace heba {
 namespace {
 
-MapReader SubReader(MapReader& root, const std::string& key) {
-  const std::optional<ConfigValue> value = root.Find(key);
-  return MapReader(value ? *value : ConfigValue(YAML::Node(YAML::NodeType::Map), root.value().file(), key));
-}
-
 SceneArm ReadSceneArm(MapReader& root) {
   MapReader reader(root.Get("robot"));
   SceneArm arm;
@@ -67,7 +62,7 @@ SceneConfig ReadScene(const ConfigValue& value) {
   scene.hand_eye.target_mount_from_target = ReadPose(reader.Get("board"));
   reader.Record("board", PoseNode(scene.hand_eye.target_mount_from_target));
 
-  MapReader motion = SubReader(reader, "motion");
+  MapReader motion = reader.Section("motion");
   scene.motion.num_captures = motion.Int("captures", {0, 10000}, scene.motion.num_captures);
   scene.motion.distance_m = motion.PositiveLength("distance", scene.motion.distance_m);
   scene.motion.depth_ratio = motion.Number("depth", scene.motion.depth_ratio);
@@ -95,7 +90,7 @@ SceneConfig ReadScene(const ConfigValue& value) {
   const std::string motion_faults = scene.motion.Check();
   if (!motion_faults.empty()) motion.value().Fail(motion_faults);
 
-  MapReader image = SubReader(reader, "image");
+  MapReader image = reader.Section("image");
   scene.image.blur_sigma_px = image.Pixels("blur", scene.image.blur_sigma_px);
   scene.image.noise_sigma_grey = image.QuantityOf("noise", Quantity::kGreyLevels, scene.image.noise_sigma_grey);
   scene.image.black_grey = image.QuantityOf("black", Quantity::kGreyLevels, scene.image.black_grey);
@@ -105,7 +100,7 @@ SceneConfig ReadScene(const ConfigValue& value) {
   scene.image.depth = image.Choice("bits", {"8", "16"}, "8") == "16" ? GreyDepth::k16Bit : GreyDepth::k8Bit;
   image.Finish();
   reader.Record("image", image.used());
-  MapReader print = SubReader(reader, "print");
+  MapReader print = reader.Section("print");
   scene.image.shape = DesignedShape(AllPoints(*scene.target).points_in_target);
   scene.image.shape.params = {print.Number("scale_x", 1.0), print.Number("scale_y", 1.0), print.Length("bend_x", 0.0),
                               print.Length("bend_y", 0.0)};
@@ -133,7 +128,7 @@ SceneConfig ReadScene(const ConfigValue& value) {
   if (!image_faults.empty()) image.value().Fail(image_faults);
 
   if (reader.Has("robot")) scene.arm = ReadSceneArm(reader);
-  MapReader robot = SubReader(reader, "robot_noise");
+  MapReader robot = reader.Section("robot_noise");
   const RobotNoise noise = ReadRobotNoise(robot, 0.0);
   reader.Record("robot_noise", robot.used());
   scene.robot_rotation_sigma_rad = noise.rotation_rad;

@@ -1,7 +1,10 @@
 #include "tools/doctor/raw_folder.h"
 
+#include <stdlib.h>
+
 #include <algorithm>
 #include <limits>
+#include <map>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
@@ -13,6 +16,7 @@
 #include "heba/io/import_text.h"
 #include "heba/io/pose_source.h"
 #include "heba/target.h"
+#include "tools/config/commented_config.h"
 #include "tools/config/run_config.h"
 #include "tools/doctor/pose_guess.h"
 
@@ -49,19 +53,36 @@ bool IsTarget(const fs::path& file) {
   });
 }
 
-// Returns a config with comments in place of unknown values.
-std::string ConfigText(const RawFolder& raw, const std::optional<fs::path>& target, const PoseFormat& format,
-                       const std::optional<Setup>& setup, const fs::path& config) {
+std::string ConfigText(const RawFolder& raw, const PoseFormat& format, const std::optional<Setup>& setup,
+                       const fs::path& config, const std::vector<std::string>& remarks) {
   const auto path = [&](const fs::path& file) {
     return QuotedForYaml(
         fs::weakly_canonical(file).lexically_proximate(fs::weakly_canonical(config.parent_path())).string());
   };
-  std::string text = setup ? "setup: " + std::string(SetupName(*setup)) + "\n"
-                           : "# setup: eye_to_hand (camera fixed) or eye_in_hand (camera on the gripper)\n";
-  text += target ? "target: " + path(*target) + "\n" : "# target: ...: the target in the images\n";
-  if (raw.camera) text += "camera:\n  intrinsics: " + path(*raw.camera) + "\n";
-  return text + "captures:\n  images: " + path(raw.images) + "\n  poses: " + path(raw.poses) +
-         "\n  pose_format: " + PoseFormatText(format) + "\n";
+  std::map<std::string, std::string> values = {{"captures.images", path(raw.images)},
+                                               {"captures.poses", path(raw.poses)},
+                                               {"captures.pose_format", PoseFormatText(format)}};
+  if (setup) values["setup"] = SetupName(*setup);
+  if (raw.target) values["target"] = path(*raw.target);
+  if (raw.camera) values["camera.intrinsics"] = path(*raw.camera);
+  return CommentedConfig(values, remarks);
+}
+
+// Returns the format with a name that reads the file as `format` does, or `format` itself if none does.
+PoseFormat NamedFormat(const PoseFormat& format, const fs::path& poses) {
+  for (const PoseFormat& known : PoseFormats()) {
+    if (known.translation_unit != format.translation_unit || known.rotation != format.rotation ||
+        known.angle_unit != format.angle_unit || known.columns.size() != format.columns.size()) {
+      continue;
+    }
+    try {
+      ReadPoses(poses, known);
+      return known;
+    } catch (const InputError&) {
+      // The file has other names for its columns, or none.
+    }
+  }
+  return format;
 }
 
 struct Trial {
@@ -75,10 +96,30 @@ std::string TrialInWords(const Trial& trial) {
   return std::string(SetupName(trial.setup)) + ": robot and images differ by " + trial.misfit;
 }
 
+// A temporary folder for a trial config.
+class TrialFolder {
+ public:
+  TrialFolder() {
+    std::string name = (fs::temp_directory_path() / "heba_trial_XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) throw OutputError(name + ": the temporary folder cannot be created");
+    path_ = name;
+  }
+  ~TrialFolder() {
+    std::error_code error;
+    fs::remove_all(path_, error);
+  }
+  TrialFolder(const TrialFolder&) = delete;
+  TrialFolder& operator=(const TrialFolder&) = delete;
+  fs::path config() const { return path_ / "config.yaml"; }
+
+ private:
+  fs::path path_;
+};
+
 // Explains why no reading fits in either setup: by the config's fault, if it has one.
-std::string WhyNoReading(const fs::path& config) {
+std::string WhyNoReading(const fs::path& trial) {
   try {
-    ReadRunConfig(config);
+    ReadRunConfig(trial);
   } catch (const InputError& fault) {
     return std::string("the data set cannot be read: ") + fault.what();
   }
@@ -88,21 +129,20 @@ std::string WhyNoReading(const fs::path& config) {
 
 }  // namespace
 
-std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
-  RawFolder raw;
+RawFolder FindRawFiles(const fs::path& folder, const RawFolder& given) {
+  RawFolder raw = given;
   std::vector<fs::path> folders = {folder};
   std::error_code error;
   for (const fs::path& entry : EntriesOf(folder)) {
     if (fs::is_directory(entry, error)) folders.push_back(entry);
   }
-  for (const fs::path& candidate : folders) {
+  for (const fs::path& candidate : raw.images.empty() ? folders : std::vector<fs::path>{raw.images}) {
     const size_t count = ImagesOf(candidate).size();
     if (count > raw.num_images) {
       raw.images = candidate;
       raw.num_images = count;
     }
   }
-  if (raw.num_images == 0) return std::nullopt;
   // A table takes precedence over files of one pose each.
   std::vector<fs::path> sources;
   for (const fs::path& place : {folder, raw.images}) {
@@ -116,6 +156,7 @@ std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
   for (const fs::path& candidate : folders) {
     if (PoseFilesOf(candidate).size() > 2) sources.push_back(candidate);
   }
+  if (!given.poses.empty()) sources = {given.poses};
   // The source whose number of rows is closest to the number of images is chosen.
   size_t best_difference = std::numeric_limits<size_t>::max();
   for (const fs::path& source : sources) {
@@ -128,24 +169,30 @@ std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
     raw.poses = source;
     raw.format = table.formats.front();
   }
-  if (raw.poses.empty()) return std::nullopt;
   return raw;
 }
 
-RawConfig ConfigOf(const RawFolder& raw, const std::optional<fs::path>& asked_target, const fs::path& config,
-                   int num_threads) {
-  const std::optional<fs::path> target = asked_target ? asked_target : raw.target;
+std::optional<RawFolder> FindRawFolder(const fs::path& folder) {
+  const RawFolder raw = FindRawFiles(folder, {});
+  if (raw.num_images == 0 || raw.poses.empty()) return std::nullopt;
+  return raw;
+}
+
+RawConfig ConfigOf(const RawFolder& raw, const fs::path& config, int num_threads) {
+  const std::optional<fs::path>& target = raw.target;
   if (target) {
     // A fault of the target is reported before the poses are tried.
     MapReader reader(ReadYamlFile(*target));
     CreateTarget(reader);
   }
   RawConfig made;
+  const TrialFolder folder;
+  const fs::path trial = folder.config();
   std::vector<Trial> trials;
   for (const Setup setup : {Setup::kEyeToHand, Setup::kEyeInHand}) {
-    if (!target) break;
-    WriteFileAtomically(config, ConfigText(raw, target, raw.format, setup, config));
-    const std::optional<GuessedReading> reading = GuessReading(config, {}, num_threads, Verbosity::kQuiet);
+    if (!target || (raw.setup && setup != *raw.setup)) continue;
+    WriteFileAtomically(trial, ConfigText(raw, raw.format, setup, trial, {}));
+    const std::optional<GuessedReading> reading = GuessReading(trial, {}, num_threads, Verbosity::kQuiet);
     if (!reading || !reading->fits) continue;
     const PoseFit& fit = *reading->diagnosis.pose_fit;
     trials.push_back({setup, reading->format, fit.misfit_m, fit.misfit});
@@ -155,12 +202,12 @@ RawConfig ConfigOf(const RawFolder& raw, const std::optional<fs::path>& asked_ta
   constexpr double kDecidedly = 2.5;
   const bool is_decided =
       trials.size() == 1 || (trials.size() > 1 && trials[1].misfit_m > kDecidedly * trials[0].misfit_m);
-  std::optional<Setup> setup;
+  std::optional<Setup> setup = raw.setup;
   PoseFormat format = raw.format;
   if (trials.empty()) {
     made.remarks.push_back(
         "the poses contain " + ReadingInWords(raw.format) + ", guessed from the size of the numbers: " +
-        (target ? WhyNoReading(config)
+        (target ? WhyNoReading(trial)
                 : "name the target and the setup in the config, and 'heba doctor' compares every reading with "
                   "the images; or import with --target FILE"));
   } else {
@@ -169,12 +216,13 @@ RawConfig ConfigOf(const RawFolder& raw, const std::optional<fs::path>& asked_ta
     made.remarks.push_back("the poses contain " + ReadingInWords(format) + ", which fits the images; " +
                            TrialInWords(trials.front()) +
                            (trials.size() > 1 ? ", and " + TrialInWords(trials.back()) : ""));
-    if (!is_decided) made.remarks.emplace_back("both setups fit equally well: set setup in the config");
-    made.remarks.emplace_back(
-        "poses are assumed to be those of the gripper in the base; if they are the inverse, the setup is the other "
-        "one");
+    if (!setup) made.remarks.emplace_back("both setups fit equally well: set setup in the config");
+    if (!raw.setup)
+      made.remarks.emplace_back(
+          "poses are assumed to be those of the gripper in the base; if they are the inverse, the setup is the other "
+          "one");
   }
-  made.text = ConfigText(raw, target, format, setup, config);
+  made.text = ConfigText(raw, NamedFormat(format, raw.poses), setup, config, made.remarks);
   return made;
 }
 

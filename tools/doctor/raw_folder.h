@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "heba/data/setup.h"
 #include "heba/io/pose_formats.h"
 
 namespace heba {
@@ -17,20 +18,22 @@ struct RawFolder {
   PoseFormat format;            // Guessed from the size of the numbers.
   std::optional<std::filesystem::path> camera;
   std::optional<std::filesystem::path> target;
+  std::optional<Setup> setup;  // If the user states it.
 };
+
+// Examines a folder for everything that is not `given`. What it does not find stays empty.
+RawFolder FindRawFiles(const std::filesystem::path& folder, const RawFolder& given);
 
 // Examines a folder. Returns nothing if it has no images or no poses.
 std::optional<RawFolder> FindRawFolder(const std::filesystem::path& folder);
 
-// A config for a raw folder, and remarks for the user. ConfigOf returns the text to be written as `config` (paths in
-// it are relative to that file), with the pose format and the setup under which robot and images agree best, if there
-// is a target to detect. `target` takes precedence over a target file in the folder. Trial configs are written to
-// `config` too.
+// A config for a raw folder, and remarks for the user, which are comments in it too. ConfigOf returns the text to be
+// written as `config` (paths in it are relative to that file), with the pose format and the setup under which robot and
+// images agree best, if there is a target to detect.
 struct RawConfig {
   std::string text;
   std::vector<std::string> remarks;
 };
-RawConfig ConfigOf(const RawFolder& raw, const std::optional<std::filesystem::path>& target,
-                   const std::filesystem::path& config, int num_threads);
+RawConfig ConfigOf(const RawFolder& raw, const std::filesystem::path& config, int num_threads);
 
 }  // namespace heba

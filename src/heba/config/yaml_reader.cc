@@ -289,6 +289,13 @@ std::optional<ConfigValue> MapReader::Find(const std::string& key) {
   return ConfigValue::Stack(found);
 }
 
+MapReader MapReader::Section(const std::string& key) {
+  const std::optional<ConfigValue> found = Find(key);
+  if (found && !found->node().IsNull()) return MapReader(*found);
+  const std::string full_key = value_.key().empty() ? key : value_.key() + "." + key;
+  return MapReader(ConfigValue(YAML::Node(YAML::NodeType::Map), value_.file(), full_key));
+}
+
 std::string MapReader::Text(const std::string& key, const std::optional<std::string>& fallback) {
   const std::optional<ConfigValue> found = fallback ? Find(key) : std::optional<ConfigValue>(Get(key));
   const std::string text = found ? found->AsText() : *fallback;

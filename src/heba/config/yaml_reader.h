@@ -103,6 +103,9 @@ class MapReader {
   // reads from it.
   ConfigValue Get(const std::string& key);
   std::optional<ConfigValue> Find(const std::string& key);
+  // Returns the reader of a mapping within this one. A mapping that is absent, or whose keys are all comments, is
+  // empty.
+  MapReader Section(const std::string& key);
 
   std::string Text(const std::string& key, const std::optional<std::string>& fallback = std::nullopt);
   int Int(const std::string& key, IntRange range, std::optional<int> fallback = std::nullopt);

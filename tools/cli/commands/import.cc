@@ -130,7 +130,7 @@ void RefuseToSwallow(const ImportedSet& set, const fs::path& source, const fs::p
 
 // Imports images and poses that no program has described.
 int ImportRawFolder(const fs::path& source, const fs::path& output) {
-  const std::optional<RawFolder> raw = FindRawFolder(source);
+  std::optional<RawFolder> raw = FindRawFolder(source);
   if (!raw) {
     throw InputError(source.string() +
                      ": is neither a data set in a known format nor a folder of images with a table "
@@ -138,13 +138,10 @@ int ImportRawFolder(const fs::path& source, const fs::path& output) {
                      Join(ImportFormatNames(), ", "));
   }
   RefuseToSwallow({}, source, output);
-  std::optional<fs::path> target;
-  if (!FLAGS_target.empty()) target = FLAGS_target;
+  if (!FLAGS_target.empty()) raw->target = FLAGS_target;
   StagedFolder folder(output, "an imported data set");
-  const RawConfig made = ConfigOf(*raw, target, folder.staging() / "config.yaml", NumThreads());
-  std::string text;
-  for (const std::string& remark : made.remarks) text += "# " + remark + "\n";
-  WriteFileAtomically(folder.staging() / "config.yaml", text + made.text);
+  const RawConfig made = ConfigOf(*raw, folder.staging() / "config.yaml", NumThreads());
+  WriteFileAtomically(folder.staging() / "config.yaml", made.text);
   folder.Commit();
   if (FLAGS_quiet) return kDone;
   std::string report = source.string() + ": " + std::to_string(raw->num_images) + " images in " + raw->images.string() +

@@ -1,0 +1,88 @@
+// `heba init`: from a folder as it is after recording to a config that runs.
+#include <filesystem>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/pipeline/cli.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr const char* kTarget = "{type: chessboard, rows: 6, columns: 7, square: 25 mm}";
+
+class InitTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = TestFolder(testing::UnitTest::GetInstance()->current_test_info()->name());
+    WriteAll(folder_ / "scene.yaml",
+             std::string("setup: eye_in_hand\ntarget: ") + kTarget +
+                 "\ncamera: {model: pinhole, image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240}\n"
+                 "hand_eye: {translation: [60 mm, 0 mm, 40 mm], rpy: [0 deg, 5 deg, 90 deg]}\n"
+                 "board: {translation: [500 mm, 0 mm, 0 mm], rpy: [180 deg, 0 deg, 0 deg]}\n"
+                 "motion: {captures: 10, distance: 400 mm}\nimage: {noise: 1 grey}\npose_format: kuka\n");
+    ASSERT_EQ(RunHeba({"simulate", (folder_ / "scene.yaml").string(), "--out", (folder_ / "data").string(), "--quiet"})
+                  .status,
+              0);
+    fs::create_directory(folder_ / "cell");
+    fs::copy(folder_ / "data/images", folder_ / "cell/images");
+    fs::copy(folder_ / "data/poses.csv", folder_ / "cell/robot_log.csv");
+  }
+  CommandResult Init(const std::vector<std::string>& flags) const {
+    std::vector<std::string> words = {"init", (folder_ / "cell").string()};
+    words.insert(words.end(), flags.begin(), flags.end());
+    return RunHeba(words);
+  }
+  fs::path folder_;
+};
+
+TEST_F(InitTest, WritesAConfigThatRuns) {
+  const CommandResult made = Init({"--target", kTarget});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(Unbroken(made.out), HasSubstr("which fits the images; eye_in_hand: robot and images differ by"));
+  const std::string config = ReadAll(folder_ / "cell/config.yaml");
+  EXPECT_THAT(config, AllOf(HasSubstr("\nsetup: eye_in_hand\n"), HasSubstr("  pose_format: kuka\n"),
+                            HasSubstr("\ntarget: \"target.yaml\"\n"), HasSubstr("  # target_shape: auto\n")));
+  const CommandResult run = RunHeba({"run", (folder_ / "cell/config.yaml").string(), "--quiet"});
+  EXPECT_EQ(run.status, 0) << run.err;
+  // Nothing is replaced.
+  const CommandResult again = Init({"--target", kTarget});
+  EXPECT_EQ(again.status, 2);
+  EXPECT_THAT(again.err, HasSubstr("config.yaml: exists already"));
+  EXPECT_EQ(ReadAll(folder_ / "cell/config.yaml"), config);
+}
+
+TEST_F(InitTest, SaysWhatIsMissing) {
+  EXPECT_THAT(Init({}).err, HasSubstr("contains no target file; name it (--target TARGET.yaml) or state the keys"));
+  EXPECT_THAT(Init({"--target", "{type: chessbord}"}).err, HasSubstr("did you mean 'chessboard'?"));
+  EXPECT_THAT(Init({"--target", kTarget, "--setup", "eye_in_hnd"}).err, HasSubstr("did you mean 'eye_in_hand'?"));
+  EXPECT_THAT(Init({"--target", kTarget, "--images", "absent"}).err, HasSubstr("--images: absent: no such"));
+  fs::remove(folder_ / "cell/robot_log.csv");
+  EXPECT_THAT(Init({"--target", kTarget}).err, HasSubstr("contains no table of robot poses; name it (--poses)"));
+  fs::remove_all(folder_ / "cell/images");
+  EXPECT_THAT(Init({"--target", kTarget}).err, HasSubstr("contains no images; name their folder (--images)"));
+  EXPECT_TRUE(fs::is_empty(folder_ / "cell"));
+}
+
+// On a terminal, what is missing is asked for, again if the answer is wrong.
+TEST_F(InitTest, AsksOnATerminal) {
+  WriteAll(folder_ / "answers", "chessbord\n3\n6\n7\n25\n3\n6\n7\n25 mm\n2\n");
+  const std::string command = "script -qec " +
+                              ShellQuoted(std::string(HEBA_PROGRAM) + " init " + (folder_ / "cell").string()) +
+                              " /dev/null < " + ShellQuoted((folder_ / "answers").string()) + " > " +
+                              ShellQuoted((folder_ / "screen").string());
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  const std::string screen = ReadAll(folder_ / "screen");
+  EXPECT_THAT(screen, AllOf(HasSubstr("did you mean 'chessboard'?"), HasSubstr("'25' has no unit"),
+                            HasSubstr("Is the camera fixed (1, eye_to_hand)"), HasSubstr("next: heba run")));
+  EXPECT_EQ(ReadAll(folder_ / "cell/target.yaml"), "type: chessboard\nrows: 6\ncolumns: 7\nsquare: 25 mm\n");
+  EXPECT_THAT(ReadAll(folder_ / "cell/config.yaml"),
+              AllOf(HasSubstr("\nsetup: eye_in_hand\n"), Not(HasSubstr("the inverse"))));
+}
+
+}  // namespace
+}  // namespace heba

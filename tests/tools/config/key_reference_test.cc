@@ -1,0 +1,232 @@
+// The table of keys agrees with the readers: what is known here is what a reader names when it meets an unknown key.
+#include "tools/config/key_reference.h"
+
+#include <fstream>
+#include <functional>
+#include <map>
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "heba/base/registry.h"
+#include "heba/base/text.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/io/camera_file.h"
+#include "heba/io/pose_formats.h"
+#include "heba/target.h"
+#include "tests/support/input_error.h"
+#include "tests/support/temp_folder.h"
+#include "tools/config/run_config.h"
+#include "tools/config/scene_config.h"
+#include "tools/config/study_config.h"
+
+namespace heba {
+namespace {
+using ::testing::HasSubstr;
+
+using Names = std::set<std::string>;
+
+// Returns the keys of the table directly within a mapping of a document.
+Names KeysOfTable(std::string_view document, const std::string& mapping) {
+  Names names;
+  const std::string prefix = mapping.empty() ? "" : mapping + ".";
+  for (const KeyEntry& entry : KeyEntries()) {
+    if (entry.document != document || !entry.key.starts_with(prefix)) continue;
+    std::string name = entry.key.substr(prefix.size());
+    name = name.substr(0, name.find('.'));
+    names.insert(name.substr(0, name.find('[')));
+  }
+  return names;
+}
+
+// Returns the keys that a reader knows where it finds the key `unknown_key`.
+Names KeysOfReader(const std::function<void()>& read) {
+  const std::string error = InputErrorOf(read);
+  EXPECT_THAT(error, HasSubstr("unknown key 'unknown_key'"));
+  const std::string before = "known here: ";
+  const size_t found = error.find(before);
+  if (found == std::string::npos) return {};
+  Names names;
+  for (const std::string& name : Split(error.substr(found + before.size()), ',')) names.insert(Trim(name));
+  return names;
+}
+
+class KeyReferenceTest : public testing::Test {
+ protected:
+  KeyReferenceTest() {
+    std::filesystem::create_directory(folder_ / "images");
+    Write("images/a.png", "x");
+    Write("images/b.png", "x");
+    Write("poses.csv", "image,x,y,z,qx,qy,qz,qw\na.png,0,0,1,0,0,0,1\nb.png,0.1,0,1,0,0,0,1\n");
+    Write("cell.yaml",
+          "setup: eye_in_hand\n"
+          "target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}\n"
+          "robot: {model: ur5e}\n"
+          "captures: {images: images, poses: poses.csv, pose_format: ros}\n");
+    Write("scene.yaml", kScene);
+    Write("joints.csv", "image,j1,j2,j3,j4,j5,j6\na.png,0,0,1,0,1,0\nb.png,0,0,1,0,1,1\n");
+    Write("arm.urdf", R"(<?xml version="1.0"?>
+<robot name="arm"><link name="base"/><link name="tip"/>
+<joint name="a" type="continuous"><parent link="base"/><child link="tip"/><origin xyz="0 0 1"/><axis xyz="0 0 1"/></joint>
+</robot>)");
+    Write("angles.csv", "image,a\na.png,0\nb.png,1\n");
+    Write("traj.txt", "1 0 0 1 0 0 0 1\n2 0.1 0 1 0 0 0 1\n");
+  }
+  void Write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
+
+  // Compares a mapping of the config with what its reader knows under any of these settings.
+  void ExpectConfigKeys(const std::string& mapping, const std::vector<std::vector<std::string>>& variants,
+                        const std::string& unknown) const {
+    Names known;
+    for (std::vector<std::string> settings : variants) {
+      settings.push_back(unknown);
+      known.merge(KeysOfReader([&] { ReadRunConfig(folder_ / "cell.yaml", settings); }));
+    }
+    EXPECT_EQ(known, KeysOfTable("config", mapping)) << mapping;
+  }
+  void ExpectSceneKeys(const std::string& mapping, const std::vector<std::string>& settings = {}) const {
+    std::vector<std::string> all = settings;
+    all.push_back((mapping.empty() ? "" : mapping + ".") + std::string("unknown_key=1"));
+    const Names known = KeysOfReader([&] { ReadSceneConfig(folder_ / "scene.yaml", all); });
+    EXPECT_EQ(known, KeysOfTable("scene", mapping)) << mapping;
+  }
+  Names StudyKeys(const std::string& more) const {
+    Write("study.yaml", "scenes: {one: scene.yaml}\n" + more);
+    return KeysOfReader([&] { ReadStudyConfig(folder_ / "study.yaml"); });
+  }
+
+  static constexpr const char* kScene =
+      "setup: eye_to_hand\n"
+      "target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}\n"
+      "camera: {model: pinhole, image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240}\n"
+      "hand_eye: {translation: [1 m, 0 m, 0.5 m]}\n"
+      "board: {translation: [0 m, 0 m, 0.1 m]}\n";
+  TempFolder folder_;
+};
+
+TEST_F(KeyReferenceTest, ConfigHasTheKeysOfItsReader) {
+  // `base` is taken from the file before its keys are read.
+  Names top = KeysOfReader([&] { ReadRunConfig(folder_ / "cell.yaml", {"unknown_key=1"}); });
+  top.insert("base");
+  EXPECT_EQ(top, KeysOfTable("config", ""));
+  ExpectConfigKeys("camera", {{}}, "camera.unknown_key=1");
+  const std::string folder = (folder_ / "").string();
+  ExpectConfigKeys("captures",
+                   {{},
+                    {"captures.pose_format=joints", "captures.robot=" + folder + "arm.urdf",
+                     "captures.poses=" + folder + "angles.csv"},
+                    {"captures.images=", "captures.data=" + folder + "traj.txt", "captures.format=tum"},
+                    {"captures.joints=" + folder + "joints.csv"}},
+                   "captures.unknown_key=1");
+  ExpectConfigKeys("robot", {{}, {"robot.model=" + folder + "arm.urdf"}}, "robot.unknown_key=1");
+  ExpectConfigKeys("robot.payload", {{"robot.payload={mass: 1 kg, centre: [0 mm, 0 mm, 0 mm]}"}},
+                   "robot.payload.unknown_key=1");
+  ExpectConfigKeys("refine", {{}}, "refine.unknown_key=1");
+  ExpectConfigKeys("refine.robot_noise", {{"refine.robot_noise={translation: 1 mm, rotation: 1 deg}"}},
+                   "refine.robot_noise.unknown_key=1");
+  ExpectConfigKeys("evaluate", {{}}, "evaluate.unknown_key=1");
+  ExpectConfigKeys("evaluate.require[]", {{}}, "evaluate.require=[{within: 1 mm, unknown_key: 1}]");
+}
+
+TEST_F(KeyReferenceTest, SceneHasTheKeysOfItsReader) {
+  Names top = KeysOfReader([&] { ReadSceneConfig(folder_ / "scene.yaml", {"unknown_key=1"}); });
+  top.insert("base");
+  EXPECT_EQ(top, KeysOfTable("scene", ""));
+  for (const char* mapping : {"motion", "image", "print", "robot_noise"}) ExpectSceneKeys(mapping);
+  ExpectSceneKeys("motion.two_step");
+  ExpectSceneKeys("robot", {"robot.model=ur5e"});
+}
+
+TEST_F(KeyReferenceTest, StudyHasTheKeysOfItsReader) {
+  EXPECT_EQ(StudyKeys("unknown_key: 1\n"), KeysOfTable("study", ""));
+  EXPECT_EQ(StudyKeys("robot_noise: {translation: 1 mm, rotation: 1 deg, unknown_key: 1}\n"),
+            KeysOfTable("study", "robot_noise[]"));
+  EXPECT_EQ(StudyKeys("target_shape: {unknown_key: 1}\n"), KeysOfTable("study", "target_shape[]"));
+}
+
+TEST_F(KeyReferenceTest, TargetsHaveTheKeysOfTheirReaders) {
+  const std::vector<std::pair<std::string, std::string>> targets = {
+      {"coded_board", "rows: 6, columns: 7, spacing: 30 mm"},
+      {"apriltag_grid", "family: tag36h11, rows: 2, columns: 3, tag_size: 40 mm"},
+      {"chessboard", "rows: 6, columns: 7, square: 30 mm"},
+      {"charuco", "rows: 6, columns: 7, square: 30 mm, marker: 20 mm, dictionary: DICT_5X5_100"},
+      {"circle_grid", "rows: 6, columns: 7, spacing: 30 mm, marker_dot: true"}};
+  EXPECT_EQ(targets.size(), TargetTypeNames().size());
+  for (const auto& [type, keys] : targets) {
+    const std::string text = "{type: " + type + ", " + keys + ", unknown_key: 1}";
+    Names known = KeysOfReader([&] { ParseTarget(text); });
+    EXPECT_EQ(known.erase("type"), 1U);
+    known.erase("target_type");  // The type in Kalibr's files, whose keys are others.
+    EXPECT_EQ(known, KeysOfTable("targets", type)) << type;
+  }
+}
+
+TEST_F(KeyReferenceTest, CameraAndPosesHaveTheKeysOfTheirReaders) {
+  const std::string camera =
+      "{model: brown4, image_size: [640, 480], fx: 1, fy: 1, cx: 1, cy: 1, distortion: [0, 0, 0, 0], unknown_key: 1}";
+  EXPECT_EQ(KeysOfReader([&] { ReadCamera(ParseYaml(camera, "camera")); }), KeysOfTable("camera", ""));
+  const std::string format =
+      "{columns: [x, y, z, a, b, c], translation: mm, rotation: euler_zyx, angle: deg, unknown_key: 1}";
+  EXPECT_EQ(KeysOfReader([&] { ReadPoseFormat(ParseYaml(format, "format")); }), KeysOfTable("poses", ""));
+}
+
+// Compares each default that is one value with that of the config as used.
+void ExpectDefaults(std::string_view document, const YAML::Node& used) {
+  int num_compared = 0;
+  for (const KeyEntry& entry : KeyEntries()) {
+    if (entry.document != document || entry.key.find('[') != std::string::npos) continue;
+    YAML::Node node;
+    node.reset(used);
+    for (const std::string& name : Split(entry.key, '.')) {
+      if (node.IsMap()) node.reset(node[name]);
+    }
+    if (!node.IsScalar()) continue;
+    const std::vector<std::string> words = Split(entry.fallback, ' ');
+    double number = 0;
+    if (!ParseDouble(words[0], &number)) {
+      if (words.size() == 1 && words[0] != "required" && words[0] != "optional") {
+        EXPECT_EQ(node.Scalar(), entry.fallback) << entry.key;
+        ++num_compared;
+      }
+      continue;
+    }
+    // A quantity may be shown in another unit.
+    double actual = 0;
+    double expected = number;
+    if (words.size() == 1) {
+      EXPECT_TRUE(ParseDouble(node.Scalar(), &actual)) << entry.key;
+    } else {
+      const std::map<std::string, Quantity> kinds = {{"mm", Quantity::kLength},
+                                                     {"deg", Quantity::kAngle},
+                                                     {"rad", Quantity::kAngle},
+                                                     {"px", Quantity::kPixels},
+                                                     {"grey", Quantity::kGreyLevels}};
+      ASSERT_EQ(kinds.count(words[1]), 1U) << entry.key;
+      expected = ParseQuantity(entry.fallback, kinds.at(words[1])).value;
+      actual = ParseQuantity(node.Scalar(), kinds.at(words[1])).value;
+    }
+    EXPECT_NEAR(actual, expected, 1e-12) << entry.key;
+    ++num_compared;
+  }
+  EXPECT_GT(num_compared, 5);
+}
+
+TEST_F(KeyReferenceTest, DefaultsAreThoseOfTheReaders) {
+  ExpectDefaults("config", YAML::Load(ReadRunConfig(folder_ / "cell.yaml").used));
+  ExpectDefaults("scene", ReadSceneConfig(folder_ / "scene.yaml", {"motion.two_step={}", "robot.model=ur5e"}).used);
+  Write("study.yaml", "scenes: {one: scene.yaml}\n");
+  ExpectDefaults("study", YAML::Load(ReadStudyConfig(folder_ / "study.yaml").used));
+}
+
+TEST_F(KeyReferenceTest, OneKeyOrMappingIsPrinted) {
+  const KeyDocument& config = *FindEntry(KeyDocuments(), "config");
+  EXPECT_THAT(KeysAsText(config, "refine.loss"), testing::StartsWith("refine:\n  loss: none | huber"));
+  EXPECT_THAT(KeysAsText(config, "refine"), HasSubstr("robot_noise"));
+  EXPECT_THAT(KeysAsText(config, "refine"), testing::Not(HasSubstr("folds")));
+  EXPECT_THAT(InputErrorOf([&] { KeysAsText(config, "refine.los"); }), HasSubstr("did you mean 'refine.loss'?"));
+  EXPECT_THAT(KeysAsMarkdown(), HasSubstr("| `loss` | none \\| huber"));
+}
+
+}  // namespace
+}  // namespace heba

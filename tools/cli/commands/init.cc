@@ -1,0 +1,153 @@
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <string>
+
+#include "heba/base/error.h"
+#include "heba/base/files.h"
+#include "heba/base/registry.h"
+#include "heba/base/text.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/data/setup.h"
+#include "heba/io/import.h"
+#include "heba/target.h"
+#include "tools/cli/command.h"
+#include "tools/cli/flags.h"
+#include "tools/config/key_reference.h"
+#include "tools/doctor/raw_folder.h"
+#include "tools/text/console.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+const std::vector<std::string> kSetups = {"eye_to_hand", "eye_in_hand"};
+
+// Asks a question on the terminal and returns the answer without blanks around it. Throws InputError at the end of the
+// input.
+std::string Ask(const std::string& question) {
+  std::cerr << question << " " << std::flush;
+  std::string answer;
+  if (!std::getline(std::cin, answer))
+    throw InputError("the question has no answer; 'heba init --help' lists the flags");
+  return Trim(answer);
+}
+
+// Asks until the answer is the name of one of the entries, or its number in the list; an empty answer is nothing.
+std::string AskChoice(const std::string& question, const std::vector<std::string>& names, bool may_be_empty) {
+  while (true) {
+    const std::string answer = Ask(question);
+    double number = 0;
+    if (ParseDouble(answer, &number) && number >= 1 && number <= static_cast<double>(names.size())) {
+      return names[static_cast<size_t>(number) - 1];
+    }
+    const bool is_name = std::find(names.begin(), names.end(), answer) != names.end();
+    if (is_name || (answer.empty() && may_be_empty)) return answer;
+    std::cerr << Quoted(answer) << " is not one of: " << Join(names, ", ") << DidYouMean(answer, names) << "\n";
+  }
+}
+
+// Asks for the type of the target and for its required keys, until they describe a target. Returns its YAML.
+std::string AskTarget() {
+  const std::vector<std::string> types = TargetTypeNames();
+  std::cerr << "Which target is in the images?\n";
+  for (size_t i = 0; i < types.size(); ++i) std::cerr << "  " << i + 1 << "  " << types[i] << "\n";
+  while (true) {
+    const std::string type = AskChoice("target:", types, false);
+    std::string text = "type: " + type + "\n";
+    for (const KeyEntry& entry : KeyEntries()) {
+      if (entry.document != "targets" || !entry.key.starts_with(type + ".") || entry.fallback != "required") continue;
+      text += entry.key.substr(type.size() + 1) + ": " + Ask(entry.meaning + " (" + entry.value + ")") + "\n";
+    }
+    try {
+      ParseTarget(text);
+      return text;
+    } catch (const InputError& error) {
+      std::cerr << error.what() << "\n";
+    }
+  }
+}
+
+fs::path Existing(const char* flag, const std::string& path) {
+  std::error_code error;
+  if (!fs::exists(path, error)) throw InputError("--" + std::string(flag) + ": " + path + ": no such file or folder");
+  return path;
+}
+
+void RefuseToReplace(const fs::path& file) {
+  std::error_code error;
+  if (fs::exists(file, error))
+    throw InputError(file.string() + ": exists already; remove it, or name another file (--out)");
+}
+
+}  // namespace
+
+int RunCommand_init(const std::vector<std::string>& arguments) {
+  const fs::path folder = arguments[0];
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) throw InputError(folder.string() + ": no such folder");
+  if (const auto* format = FindImportFormat(folder)) {
+    throw InputError(folder.string() + ": is a data set of " + std::string(format->name) + "; 'heba import " +
+                     folder.string() + " --out DIR' converts it");
+  }
+  const fs::path config = FLAGS_out.empty() ? folder / "config.yaml" : fs::path(FLAGS_out);
+  RefuseToReplace(config);
+  RawFolder given;
+  if (!FLAGS_images.empty()) given.images = Existing("images", FLAGS_images);
+  if (!FLAGS_poses.empty()) given.poses = Existing("poses", FLAGS_poses);
+  if (!FLAGS_camera.empty()) given.camera = Existing("camera", FLAGS_camera);
+  if (!FLAGS_setup.empty()) {
+    given.setup = FindSetup(FLAGS_setup);
+    if (!given.setup) {
+      throw InputError("--setup: " + Quoted(FLAGS_setup) + " is unknown; one of: " + Join(kSetups, ", ") +
+                       DidYouMean(FLAGS_setup, kSetups));
+    }
+  }
+  const bool has_keys = FLAGS_target.find('{') != std::string::npos;
+  if (!FLAGS_target.empty() && !has_keys) given.target = Existing("target", FLAGS_target);
+  RawFolder raw = FindRawFiles(folder, given);
+  if (raw.num_images == 0) {
+    throw InputError((raw.images.empty() ? folder : raw.images).string() +
+                     ": contains no images; name their folder (--images)");
+  }
+  if (raw.poses.empty()) {
+    throw InputError(
+        folder.string() +
+        ": contains no table of robot poses; name it (--poses); 'heba help poses' describes what it may contain");
+  }
+  std::string target_text = has_keys ? FLAGS_target + "\n" : "";
+  const bool can_ask = isatty(STDIN_FILENO) == 1;
+  if (!can_ask && !raw.target && !has_keys) {
+    throw InputError(folder.string() +
+                     ": contains no target file; name it (--target TARGET.yaml) or state the keys, such as --target "
+                     "'{type: chessboard, rows: 6, columns: 9, square: 25 mm}'");
+  }
+  std::cerr << folder.string() << ": " << raw.num_images << " images in " << raw.images.string() << ", poses in "
+            << raw.poses.string() << "\n";
+  if (!raw.target && !has_keys) target_text = AskTarget();
+  if (can_ask && !raw.setup) {
+    const std::string answer = AskChoice(
+        "Is the camera fixed (1, eye_to_hand) or carried by the gripper (2, eye_in_hand)? An empty answer leaves it to "
+        "the images:",
+        kSetups, true);
+    if (!answer.empty()) raw.setup = FindSetup(answer);
+  }
+  if (!target_text.empty()) {
+    ParseTarget(target_text);  // A fault is reported before a file is written.
+    raw.target = config.parent_path() / "target.yaml";
+    RefuseToReplace(*raw.target);
+    WriteFileAtomically(*raw.target, target_text);
+  }
+  const RawConfig made = ConfigOf(raw, config, NumThreads());
+  WriteFileAtomically(config, made.text);
+  std::string report;
+  for (const std::string& remark : made.remarks) report += "remark: " + remark + "\n";
+  std::cout << ForTerminal(report) << "written: " << config.string();
+  if (!target_text.empty()) std::cout << ", " << raw.target->string();
+  std::cout << "\nnext: heba run " << config.string() << std::endl;
+  return kDone;
+}
+
+}  // namespace heba
