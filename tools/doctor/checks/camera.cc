@@ -151,7 +151,8 @@ std::vector<Symptom> Check_camera(Examination* examination) {
   // Slightly more than noise is a remark, because nominal intrinsics are often good enough.
   const bool is_wrong = fit_px > 4 * kPoorPx || is_other_lens;
   Symptom symptom{
-      is_wrong ? Severity::kWrong : Severity::kRemark, is_other_lens ? "camera" : "distortion",
+      is_wrong ? Severity::kWrong : Severity::kRemark,
+      is_other_lens ? SymptomCode("camera") : SymptomCode("distortion"),
       is_other_lens ? "the intrinsics belong to another camera or resolution: " + fits + "; focal length " +
                           FocalText(camera) + " given, " + FocalText(*estimated) + " estimated from the images"
                     : "the distortion of the lens differs from that of the intrinsics: " + fits,

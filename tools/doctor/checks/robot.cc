@@ -66,7 +66,7 @@ struct JointLimits {
 };
 constexpr JointLimits kJointLimits;
 
-std::string CodeOf(JointReading::Mistake mistake) {
+SymptomCode CodeOf(JointReading::Mistake mistake) {
   switch (mistake) {
     case JointReading::Mistake::kAngle:
       return "joint_angle";
@@ -79,7 +79,7 @@ std::string CodeOf(JointReading::Mistake mistake) {
     case JointReading::Mistake::kNone:
       break;
   }
-  return "joints";
+  return "joints_unexplained";
 }
 
 // Returns the mistake, worded as a condition under which joints and poses agree, and its cure.
@@ -543,9 +543,9 @@ ChosenRemedy Choose(const Examination& examination, const std::vector<Remedy>& r
   return chosen;
 }
 
-std::string CodeOf(const ArmReading& reading) {
+SymptomCode CodeOf(const ArmReading& reading) {
   if (reading.mistake == ArmReading::Mistake::kArm) return "robot_model";
-  return reading.mistake == ArmReading::Mistake::kTool ? "robot_tool" : "robot_base";
+  return reading.mistake == ArmReading::Mistake::kTool ? SymptomCode("robot_tool") : SymptomCode("robot_base");
 }
 
 // Returns the fault of an arm that does not reach the poses, or not in one configuration. `fault`: a clause that says

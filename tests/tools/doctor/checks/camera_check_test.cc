@@ -137,7 +137,7 @@ TEST(CameraCheckTest, RemarksOnDistortionThatTheFileLacks) {
   Examination examination = ExaminationWith(straight, options);
   const std::vector<Symptom> symptoms = Check_camera(&examination);
   ASSERT_EQ(symptoms.size(), 1u);
-  EXPECT_EQ(symptoms[0].code, "distortion");
+  EXPECT_EQ(symptoms[0].code.name(), "distortion");
   EXPECT_THAT(symptoms[0].what, HasSubstr("the distortion of the lens differs from that of the intrinsics"));
   EXPECT_NEAR(examination.camera->params[4], -0.2, 0.05);
 }
