@@ -61,6 +61,27 @@ Outcome<Camera> EstimateCamera(const RunConfig& config, const std::vector<View>&
       image.width_px, image.height_px);
 }
 
+// Reports that the camera model that the config names does not fit the lens, if another model fits single views
+// decidedly better. Scales and poses that such a camera shows are wrong, so that the checks that follow see the other
+// one.
+std::vector<Symptom> OtherModel(Examination* examination, const std::vector<View>& views) {
+  const CaptureDetection& image = examination->detections.front();
+  const std::string named = examination->camera->model;
+  constexpr double kMattersPx = 0.1;
+  constexpr double kDecidedly = 2.5;
+  const double fit_px = FitPx(*examination, *examination->camera);
+  if (fit_px < kMattersPx) return {};
+  const Outcome<CameraChoice> choice = ChooseCameraModel(views, image.width_px, image.height_px);
+  if (!choice || choice->camera.model == named) return {};
+  const double chosen_fit_px = FitPx(*examination, choice->camera);
+  if (!(kDecidedly * chosen_fit_px < fit_px)) return {};
+  examination->camera = choice->camera;
+  return {{Severity::kWrong, "lens",
+           "the camera model " + named + " does not fit the lens: single views fit to " + Significant(fit_px, 2) +
+               " px with it, to " + Significant(chosen_fit_px, 2) + " px with " + choice->camera.model,
+           "set camera.model: " + choice->camera.model + ", or leave it out to have it chosen"}};
+}
+
 // Reports that the camera in the file is for images of another size.
 Symptom OtherSize(Examination* examination, const Camera& given, const std::optional<Camera>& estimated) {
   const CaptureDetection& image = examination->detections.front();
@@ -111,7 +132,7 @@ std::vector<Symptom> Check_camera(Examination* examination) {
   }
   if (!config.data.camera) {
     examination->camera = estimated;
-    return {};
+    return estimated && !config.options.choose_camera_model ? OtherModel(examination, views) : std::vector<Symptom>{};
   }
   const Camera& given = *config.data.camera;
   if (given.width_px != 0 && (given.width_px != image.width_px || given.height_px != image.height_px)) {
