@@ -102,8 +102,8 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
   const bool is_scaled = can_be_scaled && FitPx(*examination, scaled) <= FitPx(*examination, cropped);
   if (is_scaled) {
     symptom.what += ": scaled by " + Significant(wider, 4) + " (binned, or another resolution)";
-    symptom.cure = "multiply fx and fy by " + Significant(wider, 4) +
-                   ", and cx + 0.5 and cy + 0.5, or calibrate at this resolution";
+    symptom.cure =
+        "multiply fx, fy, cx + 0.5 and cy + 0.5 by " + Significant(wider, 4) + ", or calibrate at this resolution";
   } else {
     symptom.what += ": " + std::string(wider <= 1 && higher <= 1 ? "cropped" : "another aspect ratio");
     symptom.cure = "subtract the window's left and top from cx and cy, or calibrate at this resolution";

@@ -73,7 +73,7 @@ TEST(CameraCheckTest, FindsTheIntrinsicsOfHalfTheImageSize) {
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong camera_size"));
   EXPECT_THAT(symptoms[0].what,
               HasSubstr("camera.yaml is for images of 800 x 600 px, but these are 1600 x 1200 px: scaled by 2.000"));
-  EXPECT_THAT(symptoms[0].cure, HasSubstr("multiply fx and fy by 2.000"));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("multiply fx, fy, cx + 0.5 and cy + 0.5 by 2.000"));
   ASSERT_TRUE(examination.camera.has_value());
   EXPECT_NEAR(examination.camera->params[0], TestCamera().params[0], 15);
 }
