@@ -36,9 +36,12 @@ std::string ChanceText(double p) {
   return p < kNever ? "p < 1e-15" : "p = " + Significant(p, 2);
 }
 
+std::string NoiseText(double translation_mm, double rotation_deg) {
+  return ShownNoise(translation_mm) + " mm and " + ShownNoise(rotation_deg) + " deg";
+}
+
 std::string RobotNoiseText(const Finding& finding) {
-  return Significant(Number(finding, "robot_mm"), 2) + " mm and " + Significant(Number(finding, "robot_deg"), 2) +
-         " deg";
+  return NoiseText(Number(finding, "robot_mm"), Number(finding, "robot_deg"));
 }
 
 // Describes the shape that the parts state: "its scale is 1.00400 along x and 1.00200 along y, its centre is ..."
@@ -235,10 +238,6 @@ FindingText ShapeBend(const Finding& finding) {
   return {"its centre is " + Fixed(Number(finding, "bend_x_mm"), 2) + " mm (along x) and " +
               Fixed(Number(finding, "bend_y_mm"), 2) + " mm (along y) above its edges",
           ""};
-}
-
-std::string NoiseText(double translation_mm, double rotation_deg) {
-  return ShownNoise(translation_mm) + " mm and " + ShownNoise(rotation_deg) + " deg";
 }
 
 FindingText ArmEstimated(const Finding& finding) {
