@@ -360,7 +360,7 @@ FindingText MissingIds(const Finding& finding) {
 
 FindingText SmoothErrorsWords(const Finding& finding) {
   const auto sigmas = [&](const std::string& of) {
-    return Amount(finding, of + "_mm") + " mm and " + Amount(finding, of + "_deg") + " deg";
+    return NoiseText(Number(finding, of + "_mm"), Number(finding, of + "_deg"));
   };
   return {
       "the robot's poses have errors that vary smoothly with the pose (one sigma " + sigmas("smooth") + ", over " +
