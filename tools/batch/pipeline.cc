@@ -87,7 +87,7 @@ void AppendDiagnosis(const RunConfig& config, int num_threads, RunResult* result
   const Diagnosis diagnosis = Diagnose(config, num_threads, Verbosity::kQuiet, Examine::kInputs);
   if (diagnosis.NumWrong() == 0) return;
   const Symptom& first = diagnosis.symptoms.front();
-  Finding cause{Grade::kBad, first.code};
+  Finding cause{Grade::kBad, std::string(first.code.name())};
   cause.is_cause = true;
   cause.text = first.what;
   cause.action = first.cure;

@@ -24,6 +24,11 @@ constexpr Check kChecks[] = {
 
 bool IsWrong(const Symptom& symptom) { return symptom.severity == Severity::kWrong; }
 
+bool Has(const Diagnosis& diagnosis, SymptomCode code) {
+  return std::any_of(diagnosis.symptoms.begin(), diagnosis.symptoms.end(),
+                     [&](const Symptom& symptom) { return symptom.code == code; });
+}
+
 }  // namespace
 
 int Diagnosis::NumWrong() const { return static_cast<int>(std::count_if(symptoms.begin(), symptoms.end(), IsWrong)); }
@@ -47,7 +52,11 @@ Diagnosis Diagnose(const RunConfig& config, int num_threads, Verbosity verbosity
       examination.views = ExamineViews(examination.config.data, examination.detections, *examination.camera);
       diagnosis.num_seen = static_cast<int>(examination.views.size());
     }
-    for (Symptom& symptom : check.run(&examination)) diagnosis.symptoms.push_back(std::move(symptom));
+    for (Symptom& symptom : check.run(&examination)) {
+      // The run finds some of what the other checks have reported, such as few captures.
+      if (check.run == &Check_result && Has(diagnosis, symptom.code)) continue;
+      diagnosis.symptoms.push_back(std::move(symptom));
+    }
     examination.found_wrong = diagnosis.NumWrong() > 0;
   }
   diagnosis.pose_fit = examination.pose_fit;

@@ -2,15 +2,85 @@
 #pragma once
 
 #include <string>
+#include <string_view>
+
+#include "heba/evaluation/finding.h"
 
 namespace heba {
 
 enum class Severity { kRemark, kWrong };
 
+// The codes of all symptoms but those that are findings of a run (kFindingCodes). A code is stable over versions,
+// because other programs search for it. docs/manual/codes has a page on each.
+inline constexpr std::string_view kSymptomCodes[] = {
+    "pose_format",
+    "target",
+    "target_not_seen",
+    "target_often_missed",
+    "no_camera",
+    "camera_size",
+    "camera_scale",
+    "camera",
+    "distortion",
+    "rotation_format",
+    "angle_unit",
+    "pose_units",
+    "pose_direction",
+    "rotation_inverse",
+    "pairing",
+    "target_scale",
+    "poses_unexplained",
+    "robot_model",
+    "robot_tool",
+    "robot_base",
+    "robot_unreachable",
+    "joint_angle",
+    "joint_pairing",
+    "joints_unexplained",
+    "nominal_kinematics",
+    "calibrated_kinematics",
+    "singular_captures",
+    "few_captures",
+    "motion",
+    "little_rotation",
+    "same_picture",
+    "repeated_image",
+    "same_pose",
+    "swapped",
+    "wrong_pose",
+    "contradicts",
+    "lens",
+    "no_result",
+    "symmetric_target",
+    "either_set_up",
+};
+
+// One of kSymptomCodes, or the code of a finding.
+class SymptomCode {
+ public:
+  constexpr SymptomCode() = default;
+  // A code that is not one of kSymptomCodes does not compile.
+  consteval SymptomCode(const char* code) : name_(Known(code)) {}  // NOLINT(google-explicit-constructor)
+  static SymptomCode OfFinding(const Finding& finding);
+
+  constexpr std::string_view name() const { return name_; }
+  friend constexpr bool operator==(const SymptomCode& code, std::string_view name) { return code.name_ == name; }
+  friend constexpr bool operator==(const SymptomCode& a, const SymptomCode& b) { return a.name_ == b.name_; }
+
+ private:
+  static consteval std::string_view Known(const char* code) {
+    for (const std::string_view known : kSymptomCodes) {
+      if (known == code) return known;
+    }
+    throw "the code is not one of kSymptomCodes";
+  }
+
+  std::string_view name_;
+};
+
 struct Symptom {
   Severity severity = Severity::kRemark;
-  // Short, and the same in every version, because other programs search for it.
-  std::string code;
+  SymptomCode code;
   std::string what;  // Includes the evidence.
   std::string cure;  // The change to make; may be empty.
 };

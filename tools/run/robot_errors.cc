@@ -101,7 +101,8 @@ void CalibrateWithArm(const std::vector<CaptureDetection>& detections, const Run
   const std::optional<std::string> why_not = Recalibrate(ViewsOf(*dataset, detections), with_arm, options, calibration);
   if (!why_not) return;
   arm->reason = *why_not;
-  if (!arm->is_recorded) arm->reason += "; captures in several configurations need recorded joints (captures.joints)";
+  if (!arm->is_recorded)
+    arm->reason += "; if the captures are in several configurations, record their joints (captures.joints)";
   for (Capture& capture : dataset->captures) {
     capture.effect = nullptr;
     capture.gripper_by_joints.resize(6, 0);

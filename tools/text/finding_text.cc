@@ -36,9 +36,12 @@ std::string ChanceText(double p) {
   return p < kNever ? "p < 1e-15" : "p = " + Significant(p, 2);
 }
 
+std::string NoiseText(double translation_mm, double rotation_deg) {
+  return ShownNoise(translation_mm) + " mm and " + ShownNoise(rotation_deg) + " deg";
+}
+
 std::string RobotNoiseText(const Finding& finding) {
-  return Significant(Number(finding, "robot_mm"), 2) + " mm and " + Significant(Number(finding, "robot_deg"), 2) +
-         " deg";
+  return NoiseText(Number(finding, "robot_mm"), Number(finding, "robot_deg"));
 }
 
 // Describes the shape that the parts state: "its scale is 1.00400 along x and 1.00200 along y, its centre is ..."
@@ -237,10 +240,6 @@ FindingText ShapeBend(const Finding& finding) {
           ""};
 }
 
-std::string NoiseText(double translation_mm, double rotation_deg) {
-  return ShownNoise(translation_mm) + " mm and " + ShownNoise(rotation_deg) + " deg";
-}
-
 FindingText ArmEstimated(const Finding& finding) {
   std::string text =
       "the kinematics of the arm " + Name(finding, "arm") + " were estimated (" + Name(finding, "errors") + ")";
@@ -361,7 +360,7 @@ FindingText MissingIds(const Finding& finding) {
 
 FindingText SmoothErrorsWords(const Finding& finding) {
   const auto sigmas = [&](const std::string& of) {
-    return Amount(finding, of + "_mm") + " mm and " + Amount(finding, of + "_deg") + " deg";
+    return NoiseText(Number(finding, of + "_mm"), Number(finding, of + "_deg"));
   };
   return {
       "the robot's poses have errors that vary smoothly with the pose (one sigma " + sigmas("smooth") + ", over " +

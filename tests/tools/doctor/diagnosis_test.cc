@@ -50,6 +50,16 @@ TEST(DiagnosisTest, CapturesWithoutATargetAreNotSeen) {
   EXPECT_EQ(diagnosis.num_seen, 11);
 }
 
+// The check of the motion and the verdict of the run both find that there are few captures.
+TEST(DiagnosisTest, FindingsThatAnotherCheckReportedAreNotRepeated) {
+  SimulatedSetOptions options;
+  options.num_captures = 7;
+  RunConfig config = CleanExamination(options).config;
+  config.options.bundle.free_intrinsics = {};
+  const std::vector<std::string> codes = CodesOf(Diagnose(config, 1, Verbosity::kQuiet).symptoms);
+  EXPECT_EQ(std::count(codes.begin(), codes.end(), "remark few_captures"), 1);
+}
+
 // The fault of the poses is corrected before the captures are checked, which then fit.
 TEST(DiagnosisTest, AFaultDoesNotCauseOthers) {
   RunConfig config = PosesOnly();

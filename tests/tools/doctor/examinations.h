@@ -111,7 +111,7 @@ inline void MisreadPoses(const PoseFormat& written, const PoseFormat& read, Exam
 inline std::vector<std::string> CodesOf(const std::vector<Symptom>& symptoms) {
   std::vector<std::string> codes;
   for (const Symptom& symptom : symptoms) {
-    codes.push_back((symptom.severity == Severity::kWrong ? "wrong " : "remark ") + symptom.code);
+    codes.push_back((symptom.severity == Severity::kWrong ? "wrong " : "remark ") + std::string(symptom.code.name()));
   }
   return codes;
 }

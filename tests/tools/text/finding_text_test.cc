@@ -125,6 +125,9 @@ TEST(FindingTextTest, TheModelIsDescribedByItsParts) {
             "chosen error model: robot noise, scaled target (0.20 mm and 0.030 deg); its scale is 1.00400 along x and "
             "1.00200 along y; exact robot is rejected (log-likelihood lower by 123, p = 0.0012)");
   EXPECT_EQ(ActionOf(finding), "");
+  // A sigma that only bounds the noise has no digits.
+  const Finding little = FindingOf("model", {{"robot_mm", 0.2}, {"robot_deg", 5.7e-7}}, {{"model", "robot noise"}});
+  EXPECT_EQ(TextOf(little), "chosen error model: robot noise (0.20 mm and < 0.0001 deg)");
 }
 
 TEST(FindingTextTest, SuggestedCapturesAreTheRemedyOfAWeakDirection) {

@@ -31,11 +31,12 @@ std::string DiagnosisText(const std::string& name, const Diagnosis& diagnosis) {
     ++alike;
     if (alike <= kMostAlike) {
       text += std::to_string(i + 1) + ". " + (symptom.severity == Severity::kWrong ? "wrong" : "remark") + " [" +
-              symptom.code + "]: " + symptom.what + "\n";
+              std::string(symptom.code.name()) + "]: " + symptom.what + "\n";
     }
     if (!is_last_alike) continue;
     if (alike > kMostAlike) {
-      text += "   and " + std::to_string(alike - kMostAlike) + " more [" + symptom.code + "] of this kind\n";
+      text += "   and " + std::to_string(alike - kMostAlike) + " more [" + std::string(symptom.code.name()) +
+              "] of this kind\n";
     }
     if (!symptom.cure.empty()) text += "   -> " + symptom.cure + "\n";
     alike = 0;

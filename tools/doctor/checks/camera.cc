@@ -61,6 +61,27 @@ Outcome<Camera> EstimateCamera(const RunConfig& config, const std::vector<View>&
       image.width_px, image.height_px);
 }
 
+// Reports that the camera model that the config names does not fit the lens, if another model fits single views
+// decidedly better. Scales and poses that such a camera shows are wrong, so that the checks that follow see the other
+// one.
+std::vector<Symptom> OtherModel(Examination* examination, const std::vector<View>& views) {
+  const CaptureDetection& image = examination->detections.front();
+  const std::string named = examination->camera->model;
+  constexpr double kMattersPx = 0.1;
+  constexpr double kDecidedly = 2.5;
+  const double fit_px = FitPx(*examination, *examination->camera);
+  if (fit_px < kMattersPx) return {};
+  const Outcome<CameraChoice> choice = ChooseCameraModel(views, image.width_px, image.height_px);
+  if (!choice || choice->camera.model == named) return {};
+  const double chosen_fit_px = FitPx(*examination, choice->camera);
+  if (!(kDecidedly * chosen_fit_px < fit_px)) return {};
+  examination->camera = choice->camera;
+  return {{Severity::kWrong, "lens",
+           "the camera model " + named + " does not fit the lens: single views fit to " + Significant(fit_px, 2) +
+               " px with it, to " + Significant(chosen_fit_px, 2) + " px with " + choice->camera.model,
+           "set camera.model: " + choice->camera.model + ", or leave it out to have it chosen"}};
+}
+
 // Reports that the camera in the file is for images of another size.
 Symptom OtherSize(Examination* examination, const Camera& given, const std::optional<Camera>& estimated) {
   const CaptureDetection& image = examination->detections.front();
@@ -81,8 +102,8 @@ Symptom OtherSize(Examination* examination, const Camera& given, const std::opti
   const bool is_scaled = can_be_scaled && FitPx(*examination, scaled) <= FitPx(*examination, cropped);
   if (is_scaled) {
     symptom.what += ": scaled by " + Significant(wider, 4) + " (binned, or another resolution)";
-    symptom.cure = "multiply fx and fy by " + Significant(wider, 4) +
-                   ", and cx + 0.5 and cy + 0.5, or calibrate at this resolution";
+    symptom.cure =
+        "multiply fx, fy, cx + 0.5 and cy + 0.5 by " + Significant(wider, 4) + ", or calibrate at this resolution";
   } else {
     symptom.what += ": " + std::string(wider <= 1 && higher <= 1 ? "cropped" : "another aspect ratio");
     symptom.cure = "subtract the window's left and top from cx and cy, or calibrate at this resolution";
@@ -111,7 +132,7 @@ std::vector<Symptom> Check_camera(Examination* examination) {
   }
   if (!config.data.camera) {
     examination->camera = estimated;
-    return {};
+    return estimated && !config.options.choose_camera_model ? OtherModel(examination, views) : std::vector<Symptom>{};
   }
   const Camera& given = *config.data.camera;
   if (given.width_px != 0 && (given.width_px != image.width_px || given.height_px != image.height_px)) {
@@ -151,7 +172,8 @@ std::vector<Symptom> Check_camera(Examination* examination) {
   // Slightly more than noise is a remark, because nominal intrinsics are often good enough.
   const bool is_wrong = fit_px > 4 * kPoorPx || is_other_lens;
   Symptom symptom{
-      is_wrong ? Severity::kWrong : Severity::kRemark, is_other_lens ? "camera" : "distortion",
+      is_wrong ? Severity::kWrong : Severity::kRemark,
+      is_other_lens ? SymptomCode("camera") : SymptomCode("distortion"),
       is_other_lens ? "the intrinsics belong to another camera or resolution: " + fits + "; focal length " +
                           FocalText(camera) + " given, " + FocalText(*estimated) + " estimated from the images"
                     : "the distortion of the lens differs from that of the intrinsics: " + fits,

@@ -145,9 +145,9 @@ std::vector<Symptom> Check_captures(Examination* examination) {
   std::vector<std::string> alone;
   for (const size_t i : outside) {
     const std::string& name = views[i].view.name;
-    const std::string evidence = "by its own pose it is off by " + Significant(1000 * consistency->misfit_m[i], 2) +
-                                 " mm at the target, the others by " +
-                                 Significant(1000 * consistency->typical_misfit_m, 2);
+    const std::string evidence = "by its own pose, " + name + " is off by " +
+                                 Significant(1000 * consistency->misfit_m[i], 2) + " mm at the target, the others by " +
+                                 Significant(1000 * consistency->typical_misfit_m, 2) + " mm";
     const auto found = belongs.find(i);
     if (found == belongs.end()) {
       alone.push_back(name + " (" + Significant(1000 * consistency->misfit_m[i], 2) + " mm)");

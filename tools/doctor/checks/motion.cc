@@ -15,7 +15,7 @@ std::vector<Symptom> Check_motion(Examination* examination) {
   // A previous check has already reported why too few captures show the target.
   if (poses.size() < 3 && examination->found_wrong) return {};
   if (!why.empty()) {
-    return {{Severity::kWrong, poses.size() < 3 ? "few_captures" : "motion", why,
+    return {{Severity::kWrong, poses.size() < 3 ? SymptomCode("few_captures") : SymptomCode("motion"), why,
              "take 15 to 25 captures, with rotations of at least 20 deg about two or three axes"}};
   }
   std::vector<Symptom> symptoms;

@@ -258,7 +258,7 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
     symptom.cure = "correct the rows of the poses file, and name the image of each in a column image";
     return symptom;
   }
-  std::vector<std::string> codes;
+  std::vector<SymptomCode> codes;
   std::vector<std::string> faults;
   std::vector<std::string> cures;
   PoseFormat format = reading.format;
@@ -267,16 +267,16 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
   const bool other_angle = format.angle_unit != format_now.angle_unit;
   const bool other_unit = best.unit != format_now.translation_unit;
   if (other_rotation) {
-    codes.emplace_back("rotation_format");
+    codes.push_back("rotation_format");
     faults.push_back(
         "the rotations are " + RotationText(format) + ", not " + RotationText(format_now) +
         (alike.empty() ? "" : " (or " + Join(alike, ", or ") + ": these captures cannot distinguish them)"));
   } else if (other_angle) {
-    codes.emplace_back("angle_unit");
+    codes.push_back("angle_unit");
     faults.push_back("the angles are in " + format.angle_unit + ", not in " + format_now.angle_unit);
   }
   if (other_unit) {
-    codes.emplace_back("pose_units");
+    codes.push_back("pose_units");
     faults.push_back("the positions are in " + best.unit + ", not in " + format_now.translation_unit);
   }
   if (other_rotation || other_angle || other_unit) {
@@ -285,12 +285,12 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
                         : "set captures.robot: " + format.robot + ", captures.joint_angles: " + format.angle_unit);
   }
   if (reading.direction == Direction::kInverse) {
-    codes.emplace_back("pose_direction");
+    codes.push_back("pose_direction");
     faults.push_back("the poses are the inverse of what the config says");
     cures.push_back(EitherSetUp(config, best.consistency.hand_eye.camera_mount_from_camera));
   }
   if (reading.direction == Direction::kInverseRotation) {
-    codes.emplace_back("rotation_inverse");
+    codes.push_back("rotation_inverse");
     faults.push_back(
         "the rotations (not the positions) are the inverse of what they should be: transposed matrices or "
         "conjugate quaternions");
@@ -298,7 +298,7 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
   }
   const double rest = RestScale(best);
   if (best.has_other_scale && std::abs(rest - 1) > kLimits.scale) {
-    codes.emplace_back("target_scale");
+    codes.push_back("target_scale");
     faults.push_back("the target is " + Significant(1 / rest, 4) + " times as large as the config says");
     cures.push_back("measure the target and multiply its lengths in the config by about " + Significant(1 / rest, 4));
   }

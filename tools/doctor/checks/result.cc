@@ -28,7 +28,7 @@ std::vector<Symptom> Check_result(Examination* examination) {
   for (const Finding& finding : findings) {
     if (finding.grade == Grade::kGood) continue;
     const Severity severity = finding.grade == Grade::kBad ? Severity::kWrong : Severity::kRemark;
-    symptoms.push_back({severity, finding.code, finding.text, finding.action});
+    symptoms.push_back({severity, SymptomCode::OfFinding(finding), finding.text, finding.action});
   }
   return symptoms;
 }

@@ -66,7 +66,7 @@ struct JointLimits {
 };
 constexpr JointLimits kJointLimits;
 
-std::string CodeOf(JointReading::Mistake mistake) {
+SymptomCode CodeOf(JointReading::Mistake mistake) {
   switch (mistake) {
     case JointReading::Mistake::kAngle:
       return "joint_angle";
@@ -79,7 +79,7 @@ std::string CodeOf(JointReading::Mistake mistake) {
     case JointReading::Mistake::kNone:
       break;
   }
-  return "joints";
+  return "joints_unexplained";
 }
 
 // Returns the mistake, worded as a condition under which joints and poses agree, and its cure.
@@ -290,29 +290,49 @@ std::vector<ArmReading> ToolReadings(const ArmReading& stated, double step_m) {
   return readings;
 }
 
-// Describes a tool or a base by its length or range of lengths.
-std::string ToolText(const ArmReading& stated, const ArmReading& tool, const std::string& lengths) {
+// Describes lengths of a tool, or heights of a base, beyond what is stated: "about 50 mm longer", "50 to 200 mm
+// shorter".
+std::string BeyondText(double least_m, double most_m, double step_m, const std::string& more, const std::string& less) {
+  const bool is_less = most_m <= 0;
+  const double from_m = is_less ? -most_m : least_m;
+  const double to_m = is_less ? -least_m : most_m;
+  return (to_m - from_m < 0.5 * step_m ? "about " + Fixed(1000 * from_m, 0)
+                                       : Fixed(1000 * from_m, 0) + " to " + Fixed(1000 * to_m, 0)) +
+         " mm " + (is_less ? less : more);
+}
+
+std::string LengthText(double length_m) { return "about " + Fixed(1000 * length_m, 0) + " mm"; }
+
+// Describes a tool by its length: as stated (`lengths`), and beyond what robot.tool says (`beyond`).
+std::string ToolText(const ArmReading& stated, const ArmReading& tool, const std::string& lengths,
+                     const std::string& beyond) {
   const Rigid3d longer(stated.tip_from_gripper.rotation,
                        stated.tip_from_gripper.translation + Eigen::Vector3d(0, 0, tool.length_m));
   const bool is_along_config = !IsAtFlange(stated) && DistanceM(tool.tip_from_gripper, longer) < 1e-6;
   if (tool.length_m == 0) return "the flange itself, without robot.tool";
-  if (is_along_config) return "a tool that is " + lengths + " longer along the flange's z axis than robot.tool says";
+  if (is_along_config) return "a tool that is " + beyond + " along the flange's z axis than robot.tool says";
   return "a tool of " + lengths + " along the flange's z axis";
 }
 
 std::string ToolText(const ArmReading& stated, const ArmReading& tool) {
-  return ToolText(stated, tool, "about " + Fixed(1000 * tool.length_m, 0) + " mm");
+  return ToolText(stated, tool, LengthText(tool.length_m),
+                  BeyondText(tool.length_m, tool.length_m, 1, "longer", "shorter"));
 }
 
-std::string RangeText(const std::vector<ArmReading>& readings, double step_m) {
-  double least_m = readings.front().length_m;
-  double most_m = least_m;
-  for (const ArmReading& reading : readings) {
-    least_m = std::min(least_m, reading.length_m);
-    most_m = std::max(most_m, reading.length_m);
-  }
-  if (most_m - least_m < 0.5 * step_m) return "about " + Fixed(1000 * least_m, 0) + " mm";
-  return Fixed(1000 * least_m, 0) + " to " + Fixed(1000 * most_m, 0) + " mm";
+// Returns the least and the largest length of readings.
+std::pair<double, double> RangeOf(const std::vector<ArmReading>& readings) {
+  const auto [least, most] = std::minmax_element(readings.begin(), readings.end(),
+                                                 [](const auto& a, const auto& b) { return a.length_m < b.length_m; });
+  return {least->length_m, most->length_m};
+}
+
+// Describes the tools of several lengths.
+std::string ToolsText(const ArmReading& stated, const std::vector<ArmReading>& tools, double step_m) {
+  const auto [least_m, most_m] = RangeOf(tools);
+  const std::string lengths = most_m - least_m < 0.5 * step_m
+                                  ? LengthText(least_m)
+                                  : Fixed(1000 * least_m, 0) + " to " + Fixed(1000 * most_m, 0) + " mm";
+  return ToolText(stated, tools.front(), lengths, BeyondText(least_m, most_m, step_m, "longer", "shorter"));
 }
 
 std::string GainText(const FittedReading& better, const FittedReading& than) {
@@ -472,8 +492,8 @@ std::vector<Remedy> RemediesFor(const ArmReading& stated, const std::vector<Rigi
   }
   const std::vector<ArmReading> tools = Reaching(ToolReadings(stated, kToolStepM), poses, order, num_threads);
   if (!tools.empty()) {
-    remedies.push_back({"this arm with " + ToolText(stated, tools.front(), RangeText(tools, kToolStepM)),
-                        "set robot.tool as the controller states it", tools});
+    remedies.push_back(
+        {"this arm with " + ToolsText(stated, tools, kToolStepM), "set robot.tool as the controller states it", tools});
   }
   std::vector<ArmReading> heights = Reaching(OtherBases(stated, kBaseStepM), poses, order, num_threads);
   const auto is_hanging = [](const ArmReading& base) { return base.length_m == 0; };
@@ -485,9 +505,10 @@ std::vector<Remedy> RemediesFor(const ArmReading& stated, const std::vector<Rigi
     heights.erase(hanging);
   }
   if (!heights.empty()) {
-    remedies.push_back(
-        {"this arm if it stands " + RangeText(heights, kBaseStepM) + " higher than the base of the poses",
-         "record the poses in the arm's base", heights});
+    const auto [least_m, most_m] = RangeOf(heights);
+    remedies.push_back({"this arm if it stands " + BeyondText(least_m, most_m, kBaseStepM, "higher", "lower") +
+                            " than the base of the poses",
+                        "record the poses in the arm's base", heights});
   }
   return remedies;
 }
@@ -543,9 +564,9 @@ ChosenRemedy Choose(const Examination& examination, const std::vector<Remedy>& r
   return chosen;
 }
 
-std::string CodeOf(const ArmReading& reading) {
+SymptomCode CodeOf(const ArmReading& reading) {
   if (reading.mistake == ArmReading::Mistake::kArm) return "robot_model";
-  return reading.mistake == ArmReading::Mistake::kTool ? "robot_tool" : "robot_base";
+  return reading.mistake == ArmReading::Mistake::kTool ? SymptomCode("robot_tool") : SymptomCode("robot_base");
 }
 
 // Returns the fault of an arm that does not reach the poses, or not in one configuration. `fault`: a clause that says

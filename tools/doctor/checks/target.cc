@@ -193,11 +193,13 @@ std::vector<Symptom> Check_target(Examination* examination) {
   constexpr double kHardly = 0.3;
   if (share < kHardly || NumSeen(all) < 3) {
     return {{Severity::kWrong, "target_not_seen", "the target is detected " + seen + why,
-             "look at the images of 'heba detect': the target that the config names must be complete, sharp and lit"}};
+             std::string(NumSeen(all) == 0 ? "look at the images" : "look at the images that 'heba detect' writes") +
+                 ": the target must be complete, sharp and lit, and of the type that the config names"}};
   }
   if (share >= kMostImages) return {};
   return {{Severity::kRemark, "target_often_missed", "the target is detected only " + seen + why,
-           "look at the other images of 'heba detect'"}};
+           "look at the images without points that 'heba detect' writes: are they sharp and lit, and is the target in "
+           "view?"}};
 }
 
 }  // namespace heba

@@ -73,7 +73,7 @@ TEST(CameraCheckTest, FindsTheIntrinsicsOfHalfTheImageSize) {
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong camera_size"));
   EXPECT_THAT(symptoms[0].what,
               HasSubstr("camera.yaml is for images of 800 x 600 px, but these are 1600 x 1200 px: scaled by 2.000"));
-  EXPECT_THAT(symptoms[0].cure, HasSubstr("multiply fx and fy by 2.000"));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("multiply fx, fy, cx + 0.5 and cy + 0.5 by 2.000"));
   ASSERT_TRUE(examination.camera.has_value());
   EXPECT_NEAR(examination.camera->params[0], TestCamera().params[0], 15);
 }
@@ -137,9 +137,37 @@ TEST(CameraCheckTest, RemarksOnDistortionThatTheFileLacks) {
   Examination examination = ExaminationWith(straight, options);
   const std::vector<Symptom> symptoms = Check_camera(&examination);
   ASSERT_EQ(symptoms.size(), 1u);
-  EXPECT_EQ(symptoms[0].code, "distortion");
+  EXPECT_EQ(symptoms[0].code.name(), "distortion");
   EXPECT_THAT(symptoms[0].what, HasSubstr("the distortion of the lens differs from that of the intrinsics"));
   EXPECT_NEAR(examination.camera->params[4], -0.2, 0.05);
+}
+
+// Returns an examination of a lens with this k1, without a camera file.
+Examination ExaminationWithoutFile(double k1, const std::string& model) {
+  SimulatedSetOptions options;
+  options.num_captures = 20;
+  options.camera.params[4] = k1;
+  Examination examination = CleanExamination(options);
+  examination.config.data.camera.reset();
+  examination.config.options.camera_model = model;
+  return examination;
+}
+
+TEST(CameraCheckTest, FindsAModelThatDoesNotFitTheLens) {
+  Examination examination = ExaminationWithoutFile(-0.2, "pinhole");
+  const std::vector<Symptom> symptoms = Check_camera(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong lens"));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("the camera model pinhole does not fit the lens: single views fit to "));
+  EXPECT_THAT(symptoms[0].cure, HasSubstr("set camera.model: " + examination.camera->model));
+  EXPECT_NEAR(examination.camera->params[0], TestCamera().params[0], 15);
+}
+
+TEST(CameraCheckTest, ModelsThatFitTheLensHaveNoSymptom) {
+  Examination examination = ExaminationWithoutFile(-0.2, "brown5");
+  EXPECT_THAT(CodesOf(Check_camera(&examination)), IsEmpty());
+  Examination straight = ExaminationWithoutFile(0, "pinhole");
+  for (size_t i = 4; i < straight.camera->params.size(); ++i) straight.camera->params[i] = 0;
+  EXPECT_THAT(CodesOf(Check_camera(&straight)), IsEmpty());
 }
 
 }  // namespace

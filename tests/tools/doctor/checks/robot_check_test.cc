@@ -85,6 +85,15 @@ TEST(RobotCheckTest, ForgottenToolIsFoundByTheCaptures) {
   EXPECT_THAT(CodesOf(Check_robot(&examination)), IsEmpty());
 }
 
+// The config names a tool that the poses do not have, with which the arm does not reach them.
+TEST(RobotCheckTest, AToolThatIsTooLongShouldBeShorter) {
+  Examination examination = ExaminationWith(UrScene(), "ur5e", false);
+  examination.config.data.robot->tip_from_gripper = Rigid3d(Eigen::Quaterniond::Identity(), {0, 0, 0.35});
+  const std::vector<Symptom> symptoms = Check_robot(&examination);
+  ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_unreachable"));
+  EXPECT_THAT(symptoms[0].what, HasSubstr("mm shorter along the flange's z axis than robot.tool says"));
+}
+
 TEST(RobotCheckTest, ArmThatDoesNotReachThePosesIsWrong) {
   Examination examination = ExaminationWith(UrScene(), "ur3e", false);
   const std::vector<Symptom> symptoms = Check_robot(&examination);

@@ -16,6 +16,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::SizeIs;
 
 constexpr const char* kCharuco =
@@ -78,6 +79,8 @@ TEST_F(TargetCheckTest, SaysThatTheTargetIsNotSeen) {
   const std::vector<Symptom> symptoms = Check_target(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong target_not_seen"));
   EXPECT_THAT(symptoms[0].what, HasSubstr("the target is detected in 0 of 3 images"));
+  // 'heba detect' writes nothing if no image shows the target.
+  EXPECT_THAT(symptoms[0].cure, Not(HasSubstr("heba detect")));
 }
 
 TEST_F(TargetCheckTest, RemarksOnATargetThatIsOftenMissed) {
