@@ -93,7 +93,7 @@ std::vector<std::tuple<std::string, bool, std::string, std::string>> DiagnoseFil
   }
   std::vector<std::tuple<std::string, bool, std::string, std::string>> symptoms;
   for (const Symptom& symptom : diagnosis.symptoms) {
-    symptoms.emplace_back(symptom.code, symptom.severity == Severity::kWrong, symptom.what, symptom.cure);
+    symptoms.emplace_back(symptom.code.name(), symptom.severity == Severity::kWrong, symptom.what, symptom.cure);
   }
   return symptoms;
 }
