@@ -50,7 +50,7 @@ Sheet MakeSheet(const Target& target, const SheetOptions& options = {});
 // is larger than 20 m, the PNG would have more than 32767 pixels per side, or the file cannot be written.
 void WriteSheet(const Sheet& sheet, const std::filesystem::path& path);
 
-// Returns SHEET.json (README, "Commands") for the sheet written to `path`, whose suffix decides whether there is a
+// Returns SHEET.json (docs/manual/commands.md) for the sheet written to `path`, whose suffix decides whether there is a
 // dpi.
 std::string SheetJson(const Sheet& sheet, const std::filesystem::path& path);
 

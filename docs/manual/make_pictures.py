@@ -1,0 +1,59 @@
+#!/usr/bin/env python3
+"""Makes the pictures of the manual with heba itself: make_pictures.py PROGRAM. Needs Debian's python3-opencv and chromium."""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+PAGES = Path(__file__).resolve().parent
+CONFIGS = PAGES.parents[1] / "configs"
+BAD = ["motion.tilt=6 deg", "motion.spin=3 deg", "motion.depth=0", "motion.spread=0.05"]
+
+
+def heba(program, *words):
+    subprocess.run([program, *map(str, words)], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def save(name, image, quality=80):
+    cv2.imwrite(str(PAGES / "pictures" / name), image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+
+
+def sheet_of(folder, count=9, columns=3, width=300):
+    """Returns the first images of a folder in rows."""
+    images = [cv2.imread(str(file)) for file in sorted(folder.iterdir())[:count]]
+    small = [cv2.resize(i, (width, i.shape[0] * width // i.shape[1]), interpolation=cv2.INTER_AREA) for i in images]
+    small = [cv2.copyMakeBorder(i, 2, 2, 2, 2, cv2.BORDER_CONSTANT, value=(255, 255, 255)) for i in small]
+    return np.vstack([np.hstack(small[i : i + columns]) for i in range(0, count, columns)])
+
+
+def main(program):
+    (PAGES / "pictures").mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as name:
+        work = Path(name)
+        for kind, settings in (("good", []), ("bad", BAD)):
+            flags = [word for setting in settings for word in ("--set", setting)]
+            heba(program, "simulate", CONFIGS / "captures/scene.yaml", "--set", "image.clutter=true", *flags, "--out", work / kind)
+            save(f"{kind}_set.jpg", sheet_of(work / kind / "images"))
+        heba(program, "simulate", CONFIGS / "sample_scene.yaml", "--out", work / "sample")
+        image = cv2.imread(str(sorted((work / "sample/images").iterdir())[0]))
+        save("sample_image.jpg", cv2.resize(image, (640, image.shape[0] * 640 // image.shape[1]), interpolation=cv2.INTER_AREA))
+        heba(program, "run", work / "sample/config.yaml", "--out", work / "run")
+        shot = work / "report.png"
+        subprocess.run(
+            ["chromium", "--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1280,1400", f"--screenshot={shot}",
+             f"file://{work}/run/report.html"],
+            check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+        save("report.jpg", cv2.resize(cv2.imread(str(shot)), (960, 1050), interpolation=cv2.INTER_AREA), 75)
+        overlay = work / "detections"
+        heba(program, "detect", work / "sample/config.yaml", "--out", overlay)
+        image = cv2.imread(str(sorted((overlay / "overlays").iterdir())[0]))
+        save("overlay.jpg", cv2.resize(image, (640, image.shape[0] * 640 // image.shape[1]), interpolation=cv2.INTER_AREA))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
