@@ -405,7 +405,24 @@ YAML::Node PoseNode(const Rigid3d& pose) {
 }
 
 YAML::Node QuantityNode(double value, Quantity quantity) {
-  return YAML::Node(RoundTrip(value) + " " + std::string(BaseUnit(quantity)));
+  std::string text = RoundTrip(value) + " " + std::string(BaseUnit(quantity));
+  // 0.018000000000000002 m is what 18 mm is read as.
+  constexpr double kPerM = 1e12;
+  constexpr double kPerMm = 1e9;
+  if (quantity == Quantity::kLength) {
+    const std::string in_mm = RoundTrip(std::round(kPerM * value) / kPerMm) + " mm";
+    const ParsedQuantity parsed = ParseQuantity(in_mm, quantity);
+    if (parsed.fault.empty() && parsed.value == value && in_mm.size() < text.size()) text = in_mm;
+  }
+  return YAML::Node(text);
+}
+
+std::string FlowText(const YAML::Node& node) {
+  YAML::Emitter emitter;
+  emitter.SetMapFormat(YAML::Flow);
+  emitter.SetSeqFormat(YAML::Flow);
+  emitter << node;
+  return emitter.c_str();
 }
 
 }  // namespace heba
