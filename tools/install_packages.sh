@@ -6,10 +6,10 @@ set -euo pipefail
 packages=(
   g++ cmake ninja-build pkg-config
   libeigen3-dev libceres-dev libgoogle-glog-dev libgflags-dev libyaml-cpp-dev nlohmann-json3-dev
-  libopencv-dev libopencv-contrib-dev libapriltag-dev libcairo2-dev libqrencode-dev libxxhash-dev
+  libopencv-dev libopencv-contrib-dev libapriltag-dev libcairo2-dev libxxhash-dev
   liburdfdom-dev libconsole-bridge-dev liborocos-kdl-dev
   python3-dev python3-numpy pybind11-dev
-  libgtest-dev libgmock-dev libbenchmark-dev libzbar-dev clang-format-14 clang-tidy-14
+  libgtest-dev libgmock-dev libbenchmark-dev clang-format-14 clang-tidy-14
 )
 # Node.js and npm in whatever way they came; the pages' charts are bundled with them.
 if ! command -v node >/dev/null || ! command -v npm >/dev/null; then packages+=(nodejs npm); fi

@@ -3,13 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <memory>
 #include <string_view>
 
 #include <cairo-pdf.h>
 #include <cairo-svg.h>
 #include <cairo.h>
-#include <qrencode.h>
 #include <nlohmann/json.hpp>
 
 #include "heba/base/error.h"
@@ -23,22 +21,13 @@ namespace {
 constexpr double kMmPerInch = 25.4;
 constexpr double kPointsPerMm = 72 / kMmPerInch;
 constexpr int kMaxPixels = 32767;  // Limit for a side of a Cairo image.
-// The strip at the bottom has the ruler's ticks at the top, its numbers below them, then the small print, with the axes
-// at its left and the QR code at its right. The strip at the right has the second ruler.
+// The strip has the ruler's ticks at the top, its numbers below them and the small print at the bottom.
 constexpr double kStripMm = 14;
-constexpr double kSideMm = 12;
 constexpr double kRulerMm = 100;
-constexpr double kShortRulerMm = 50;
 constexpr double kRulerTopMm = 2;
 constexpr double kRulerNumbersMm = 7;
 constexpr double kPrintMm = 12;
-constexpr double kLineMm = 3.2;  // From one line of small print to the next.
 constexpr double kPrintHeightMm = 2.2;
-constexpr double kAxesMm = 14;        // The width of the mark with the axes.
-constexpr double kModuleMm = 0.5;     // A module of the QR code: 6 dots of a printer with 300 dpi.
-constexpr double kQuietModules = 4;   // The white border of the code (ISO/IEC 18004).
-constexpr double kPaperMarginMm = 5;  // The border of the paper that printers leave white.
-constexpr double kOverlapMm = 10;     // The common part of neighbouring tiles.
 
 // Rounds a number for display: no 12.000000000000002.
 double Rounded(double value) { return std::round(value * 1e9) / 1e9 + 0.0; }
@@ -93,23 +82,6 @@ class Text {
   cairo_path_t* path_ = nullptr;
 };
 
-// Returns the modules of a QR code, row by row.
-struct Code {
-  int width = 0;
-  std::vector<bool> is_dark;
-};
-Code CodeOf(const std::string& text) {
-  if (text.empty()) return {};
-  const std::unique_ptr<QRcode, void (*)(QRcode*)> code(QRcode_encodeString8bit(text.c_str(), 0, QR_ECLEVEL_M),
-                                                        &QRcode_free);
-  CHECK(code != nullptr) << "a target is described by a few hundred characters";
-  Code result{code->width, {}};
-  for (int i = 0; i < code->width * code->width; ++i) result.is_dark.push_back((code->data[i] & 1) != 0);
-  return result;
-}
-
-double CodeMm(const Code& code) { return code.width == 0 ? 0 : (code.width + 2 * kQuietModules) * kModuleMm; }
-
 // Draws the sheet in millimetres.
 class SheetPainter {
  public:
@@ -131,43 +103,8 @@ class SheetPainter {
   void Paint() {
     SetAlbedo(1);
     cairo_paint(context_);
-    cairo_translate(context_, sheet_.offset_mm.x(), sheet_.offset_mm.y());
-    PaintContent();
-    Require(cairo_status(context_));
-  }
-
-  // Paints a tile, whose position among the others is given, with marks where it meets its neighbours.
-  void PaintTile(const Eigen::Vector2i& tile) {
-    SetAlbedo(1);
-    cairo_paint(context_);
-    const Eigen::Vector2d room_mm = sheet_.tile_mm.array() - 2 * kPaperMarginMm;
-    const Eigen::Vector2d begin_mm = tile.cast<double>().cwiseProduct(Eigen::Vector2d(room_mm.array() - kOverlapMm));
-    cairo_save(context_);
-    cairo_rectangle(context_, kPaperMarginMm, kPaperMarginMm, room_mm.x(), room_mm.y());
-    cairo_clip(context_);
-    cairo_translate(context_, kPaperMarginMm - begin_mm.x(), kPaperMarginMm - begin_mm.y());
-    PaintContent();
-    cairo_restore(context_);
-    SetAlbedo(0);
-    cairo_set_line_width(context_, kThinMm);
-    // The middle of each overlap is marked at the border of the paper: cut one tile there and glue it onto the other.
-    for (int axis = 0; axis < 2; ++axis) {
-      for (const int side : {0, 1}) {
-        if (side == 0 ? tile[axis] == 0 : tile[axis] + 1 == sheet_.num_tiles[axis]) continue;
-        const double at_mm =
-            side == 0 ? kPaperMarginMm + kOverlapMm / 2 : kPaperMarginMm + room_mm[axis] - kOverlapMm / 2;
-        for (const double from_mm : {0.0, sheet_.tile_mm[1 - axis] - kPaperMarginMm}) {
-          const Eigen::Vector2d a = axis == 0 ? Eigen::Vector2d(at_mm, from_mm) : Eigen::Vector2d(from_mm, at_mm);
-          cairo_move_to(context_, a.x(), a.y());
-          cairo_rel_line_to(context_, axis == 0 ? 0 : kPaperMarginMm, axis == 0 ? kPaperMarginMm : 0);
-        }
-      }
-    }
-    cairo_stroke(context_);
-    const int number = tile.y() * sheet_.num_tiles.x() + tile.x() + 1;
-    PaintText(Text("page " + std::to_string(number) + " of " + std::to_string(sheet_.num_tiles.prod()) + ": row " +
-                   std::to_string(tile.y() + 1) + ", column " + std::to_string(tile.x() + 1)),
-              {2 * kPaperMarginMm + kOverlapMm, sheet_.tile_mm.y() - 1.5}, kPrintHeightMm);
+    PaintTarget();
+    PaintStrip();
     Require(cairo_status(context_));
   }
 
@@ -182,14 +119,14 @@ class SheetPainter {
 
   void AddPath(const Shape& shape) {
     if (shape.points_m.empty()) {
-      const Eigen::Vector2d centre_mm = ContentFromTarget(shape.centre_m);
+      const Eigen::Vector2d centre_mm = sheet_.PageFromTarget(shape.centre_m);
       cairo_new_sub_path(context_);
       cairo_arc(context_, centre_mm.x(), centre_mm.y(), 1000 * shape.radius_m, 0, 2 * kPi);
       cairo_close_path(context_);
       return;
     }
     std::vector<Eigen::Vector2d> points_mm;
-    for (const Eigen::Vector2d& point : shape.points_m) points_mm.push_back(ContentFromTarget(point));
+    for (const Eigen::Vector2d& point : shape.points_m) points_mm.push_back(sheet_.PageFromTarget(point));
     // All polygons get the orientation of the discs, so that the shapes of one path add up where they overlap.
     double twice_area = 0;
     for (size_t i = 0; i < points_mm.size(); ++i) {
@@ -204,23 +141,11 @@ class SheetPainter {
     cairo_close_path(context_);
   }
 
-  void PaintContent() {
-    PaintTarget();
-    PaintOriginMarks();
-    PaintStrip();
-    PaintSide();
-  }
-
-  double StripTopMm() const { return sheet_.content_mm.y() - sheet_.strip_mm; }
-
-  // Returns a position of the target relative to the content.
-  Eigen::Vector2d ContentFromTarget(const Eigen::Vector2d& point_in_target_m) const {
-    return sheet_.PageFromTarget(point_in_target_m) - sheet_.offset_mm;
-  }
-
   void PaintTarget() {
+    const double strip_top_mm = sheet_.page_mm.y() - sheet_.strip_mm;
     cairo_save(context_);
-    cairo_rectangle(context_, 0, 0, sheet_.content_mm.x() - sheet_.side_mm, StripTopMm());
+    // The ground extends to the right as far as there is paper, since a PNG is rounded up to whole pixels.
+    cairo_rectangle(context_, 0, 0, sheet_.page_mm.x() + kMmPerInch, strip_top_mm);
     cairo_clip(context_);
     SetAlbedo(sheet_.drawing.ground);
     cairo_paint(context_);
@@ -234,7 +159,7 @@ class SheetPainter {
     }
     SetAlbedo(sheet_.drawing.ground < 0.5 ? 1 : 0);
     for (const Label& label : sheet_.drawing.labels) {
-      const Eigen::Vector2d at_mm = ContentFromTarget(label.at_m);
+      const Eigen::Vector2d at_mm = sheet_.PageFromTarget(label.at_m);
       PaintText(Text(label.text), at_mm, 1000 * label.height_m);
     }
     cairo_restore(context_);
@@ -249,115 +174,32 @@ class SheetPainter {
     cairo_fill(context_);
   }
 
-  // Marks the row and the column of the origin in the margin.
-  void PaintOriginMarks() {
-    constexpr double kGapMm = 0.8;
-    const double length_mm = sheet_.options.margin_mm - 2 * kGapMm;
-    if (length_mm < 1) return;
-    const Eigen::Vector2d origin_mm = ContentFromTarget({0, 0});
-    SetAlbedo(sheet_.drawing.ground < 0.5 ? 1 : 0);
-    cairo_set_line_width(context_, kThinMm);
-    cairo_move_to(context_, origin_mm.x(), kGapMm);
-    cairo_rel_line_to(context_, 0, length_mm);
-    cairo_move_to(context_, kGapMm, origin_mm.y());
-    cairo_rel_line_to(context_, length_mm, 0);
-    cairo_stroke(context_);
-  }
-
-  // Adds the ticks of a ruler, each from a position along an axis towards the other one.
-  void PaintRuler(const Eigen::Vector2d& start_mm, int axis, double length_mm) {
+  void PaintStrip() {
+    const double top_mm = sheet_.page_mm.y() - sheet_.strip_mm;
+    const double left_mm = sheet_.options.margin_mm;
     SetAlbedo(0);
-    cairo_set_line_width(context_, kThinMm);
+    constexpr double kLineMm = 0.15;
+    cairo_set_line_width(context_, kLineMm);
+    const int length_mm = static_cast<int>(sheet_.ruler_mm);
     for (int mm = 0; length_mm > 0 && mm <= length_mm; ++mm) {
       const double tick_mm = mm % 10 == 0 ? 3.0 : mm % 5 == 0 ? 2.2 : 1.4;
-      cairo_move_to(context_, start_mm.x() + (axis == 0 ? mm : 0), start_mm.y() + (axis == 1 ? mm : 0));
-      cairo_rel_line_to(context_, axis == 0 ? 0 : tick_mm, axis == 0 ? tick_mm : 0);
+      cairo_move_to(context_, left_mm + mm, top_mm + kRulerTopMm);
+      cairo_line_to(context_, left_mm + mm, top_mm + kRulerTopMm + tick_mm);
     }
-    const double over_mm = 0.5 * kThinMm;
-    cairo_move_to(context_, start_mm.x() - (axis == 0 ? over_mm : 0), start_mm.y() - (axis == 1 ? over_mm : 0));
-    cairo_rel_line_to(context_, axis == 0 ? length_mm + 2 * over_mm : 0, axis == 1 ? length_mm + 2 * over_mm : 0);
+    cairo_move_to(context_, left_mm - 0.5 * kLineMm, top_mm + kRulerTopMm);
+    cairo_line_to(context_, left_mm + length_mm + 0.5 * kLineMm, top_mm + kRulerTopMm);
     cairo_stroke(context_);
-  }
-
-  void PaintStrip() {
-    const double top_mm = StripTopMm();
-    const double left_mm = sheet_.options.margin_mm;
-    const int length_mm = static_cast<int>(sheet_.ruler_mm);
-    PaintRuler({left_mm, top_mm + kRulerTopMm}, 0, length_mm);
-    PaintText(Text("0"), {left_mm, top_mm + kRulerNumbersMm}, kPrintHeightMm);
-    const Text end(std::to_string(length_mm) + " mm");
-    PaintText(end, {left_mm + length_mm - end.width() * kPrintHeightMm, top_mm + kRulerNumbersMm}, kPrintHeightMm);
-    const Code code = CodeOf(sheet_.options.config);
-    const double axes_mm = code.width == 0 ? 0 : kAxesMm;
-    double room_mm = sheet_.content_mm.x() - 2 * left_mm - axes_mm - CodeMm(code);
-    double line_mm = top_mm + kPrintMm;
-    for (const std::string& line : SmallPrint(room_mm)) {
-      // A line is scaled down if it does not fit.
-      const Text print(line);
-      PaintText(print, {left_mm + axes_mm, line_mm}, std::min(kPrintHeightMm, room_mm / print.width()));
-      line_mm += kLineMm;
+    if (length_mm > 0) {
+      PaintText(Text("0"), {left_mm, top_mm + kRulerNumbersMm}, kPrintHeightMm);
+      const Text end(std::to_string(length_mm) + " mm");
+      const double end_mm = left_mm + length_mm - end.width() * kPrintHeightMm;
+      PaintText(end, {end_mm, top_mm + kRulerNumbersMm}, kPrintHeightMm);
     }
-    if (code.width == 0) return;
-    PaintAxes({left_mm + 1, top_mm + kPrintMm});
-    const Eigen::Vector2d corner_mm(sheet_.content_mm.x() - left_mm - CodeMm(code) + kQuietModules * kModuleMm,
-                                    sheet_.content_mm.y() - CodeMm(code) + (kQuietModules - 2) * kModuleMm);
-    for (int i = 0; i < code.width * code.width; ++i) {
-      if (!code.is_dark[static_cast<size_t>(i)]) continue;
-      cairo_rectangle(context_, corner_mm.x() + (i % code.width) * kModuleMm,
-                      corner_mm.y() + (i / code.width) * kModuleMm, kModuleMm, kModuleMm);
-    }
-    cairo_fill(context_);
+    // The small print is scaled down if it does not fit.
+    const Text print(sheet_.options.caption);
+    const double room_mm = sheet_.page_mm.x() - 2 * left_mm;
+    PaintText(print, {left_mm, top_mm + kPrintMm}, std::min(kPrintHeightMm, room_mm / print.width()));
   }
-
-  // Returns the caption and the target's config in lines of a width.
-  std::vector<std::string> SmallPrint(double room_mm) const {
-    std::vector<std::string> lines = {sheet_.options.caption};
-    if (sheet_.options.config.empty()) return lines;
-    lines.push_back("origin: where the marks at the edges point to");
-    std::string line;
-    for (const std::string& word : Split(sheet_.options.config, ' ')) {
-      const std::string longer = line.empty() ? word : line + " " + word;
-      if (!line.empty() && Text(longer).width() * kPrintHeightMm > room_mm) {
-        lines.push_back(line);
-        line = word;
-      } else {
-        line = longer;
-      }
-    }
-    lines.push_back(line);
-    return lines;
-  }
-
-  // Draws the axes of the target's frame, at whose origin y points up or down.
-  void PaintAxes(const Eigen::Vector2d& corner_mm) {
-    constexpr double kArrowMm = 7;
-    constexpr double kHeadMm = 1.2;
-    const double sign = sheet_.drawing.y_up ? -1 : 1;
-    const Eigen::Vector2d origin_mm(corner_mm.x(), corner_mm.y() + (sheet_.drawing.y_up ? kArrowMm + 2 : 0));
-    cairo_set_line_width(context_, 2 * kThinMm);
-    cairo_move_to(context_, origin_mm.x() + kArrowMm - kHeadMm, origin_mm.y() - kHeadMm);
-    cairo_rel_line_to(context_, kHeadMm, kHeadMm);
-    cairo_rel_line_to(context_, -kHeadMm, kHeadMm);
-    cairo_move_to(context_, origin_mm.x() + kArrowMm, origin_mm.y());
-    cairo_line_to(context_, origin_mm.x(), origin_mm.y());
-    cairo_rel_line_to(context_, 0, sign * kArrowMm);
-    cairo_move_to(context_, origin_mm.x() - kHeadMm, origin_mm.y() + sign * (kArrowMm - kHeadMm));
-    cairo_rel_line_to(context_, kHeadMm, sign * kHeadMm);
-    cairo_rel_line_to(context_, kHeadMm, -sign * kHeadMm);
-    cairo_stroke(context_);
-    PaintText(Text("x"), {origin_mm.x() + kArrowMm + 0.8, origin_mm.y() + 0.7}, kPrintHeightMm);
-    PaintText(Text("y"), {origin_mm.x() + 2, origin_mm.y() + sign * kArrowMm}, kPrintHeightMm);
-  }
-
-  void PaintSide() {
-    const double left_mm = sheet_.content_mm.x() - sheet_.side_mm + kRulerTopMm;
-    const double top_mm = sheet_.options.margin_mm;
-    PaintRuler({left_mm, top_mm}, 1, sheet_.side_ruler_mm);
-    PaintText(Text("0"), {left_mm + 3.5, top_mm + kPrintHeightMm}, kPrintHeightMm);
-    PaintText(Text(Fixed(sheet_.side_ruler_mm, 0)), {left_mm + 3.5, top_mm + sheet_.side_ruler_mm}, kPrintHeightMm);
-  }
-
-  static constexpr double kThinMm = 0.15;
 
   cairo_t* context_;
   bool one_channel_;
@@ -395,26 +237,14 @@ std::string Svg(const Sheet& sheet) {
 }
 
 std::string Pdf(const Sheet& sheet) {
-  const Eigen::Vector2d size = kPointsPerMm * (sheet.has_tiles() ? sheet.tile_mm : sheet.page_mm);
+  const Eigen::Vector2d size = kPointsPerMm * sheet.page_mm;
   std::string bytes;
   cairo_surface_t* const surface = cairo_pdf_surface_create_for_stream(Append, &bytes, size.x(), size.y());
   // The dates are fixed, so that equal sheets give equal bytes.
   cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_CREATE_DATE, "2000-01-01T00:00:00Z");
   cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_MOD_DATE, "2000-01-01T00:00:00Z");
   cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_CREATOR, "heba");
-  cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_TITLE, sheet.options.caption.c_str());
-  if (!sheet.has_tiles()) {
-    PaintAndFinish(surface, kPointsPerMm, sheet);
-    return bytes;
-  }
-  Require(cairo_surface_status(surface));
-  for (int i = 0; i < sheet.num_tiles.prod(); ++i) {
-    SheetPainter(surface, kPointsPerMm, sheet).PaintTile({i % sheet.num_tiles.x(), i / sheet.num_tiles.x()});
-    cairo_surface_show_page(surface);
-  }
-  cairo_surface_finish(surface);
-  Require(cairo_surface_status(surface));
-  cairo_surface_destroy(surface);
+  PaintAndFinish(surface, kPointsPerMm, sheet);
   return bytes;
 }
 
@@ -475,7 +305,7 @@ const Format& FormatOf(const std::filesystem::path& path) {
 std::string DefaultCaption(const Target& target, const Drawing& drawing) {
   const Eigen::Vector2d size_mm = 1000 * (drawing.max_m - drawing.min_m);
   return std::string(target.type()) + ", " + std::to_string(target.points().size()) + " points, " +
-         Significant(size_mm.x(), 4) + " x " + Significant(size_mm.y(), 4) + " mm";
+         RoundTrip(Rounded(size_mm.x())) + " x " + RoundTrip(Rounded(size_mm.y())) + " mm";
 }
 
 }  // namespace
@@ -490,48 +320,7 @@ std::string SheetOptions::Check() const {
 Eigen::Vector2d Sheet::PageFromTarget(const Eigen::Vector2d& point_in_target_m) const {
   const Eigen::Vector2d from_left_m = point_in_target_m - drawing.min_m;
   const double down_m = drawing.y_up ? drawing.max_m.y() - point_in_target_m.y() : from_left_m.y();
-  return offset_mm + Eigen::Vector2d((1000 * Eigen::Vector2d(from_left_m.x(), down_m)).array() + options.margin_mm);
-}
-
-namespace {
-
-// Returns the paper in the format, portrait or landscape, that holds the content; nothing if neither does.
-std::optional<Eigen::Vector2d> FormatHolding(const Eigen::Vector2d& content_mm, const Eigen::Vector2d& paper_mm) {
-  for (const Eigen::Vector2d& format : {paper_mm, Eigen::Vector2d(paper_mm.reverse())}) {
-    if ((content_mm.array() <= format.array()).all()) return format;
-  }
-  return std::nullopt;
-}
-
-// Returns how many tiles hold the content.
-Eigen::Vector2i NumTiles(const Eigen::Vector2d& content_mm, const Eigen::Vector2d& tile_mm) {
-  const Eigen::Array2d step_mm = tile_mm.array() - 2 * kPaperMarginMm - kOverlapMm;
-  return ((content_mm.array() - kOverlapMm) / step_mm).ceil().max(1).cast<int>();
-}
-
-void PutOnPaper(const Eigen::Vector2d& paper_mm, Sheet* sheet) {
-  if (const std::optional<Eigen::Vector2d> format = FormatHolding(sheet->content_mm, paper_mm)) {
-    sheet->page_mm = *format;
-    sheet->offset_mm = 0.5 * (*format - sheet->content_mm);
-    return;
-  }
-  sheet->tile_mm = paper_mm;
-  sheet->num_tiles = NumTiles(sheet->content_mm, paper_mm);
-  const Eigen::Vector2d landscape_mm = paper_mm.reverse();
-  const Eigen::Vector2i num_landscape = NumTiles(sheet->content_mm, landscape_mm);
-  if (num_landscape.prod() < sheet->num_tiles.prod()) {
-    sheet->tile_mm = landscape_mm;
-    sheet->num_tiles = num_landscape;
-  }
-}
-
-}  // namespace
-
-const PaperSize* SmallestPaper(const Sheet& sheet) {
-  for (const PaperSize& paper : kPaperSizes) {
-    if (FormatHolding(sheet.content_mm, {paper.width_mm, paper.height_mm})) return &paper;
-  }
-  return nullptr;
+  return Eigen::Vector2d(1000 * from_left_m.x(), 1000 * down_m).array() + options.margin_mm;
 }
 
 Sheet MakeSheet(const Target& target, const SheetOptions& options) {
@@ -541,16 +330,11 @@ Sheet MakeSheet(const Target& target, const SheetOptions& options) {
   sheet.options = options;
   if (sheet.options.caption.empty()) sheet.options.caption = DefaultCaption(target, sheet.drawing);
   sheet.options.caption += ". Print at 100 %";
-  const double code_mm = CodeMm(CodeOf(options.config));
-  sheet.strip_mm = std::max(kStripMm, code_mm == 0 ? 0 : kRulerNumbersMm + 2 + code_mm);
-  sheet.side_mm = kSideMm;
+  sheet.strip_mm = kStripMm;
   const Eigen::Vector2d size_mm = 1000 * (sheet.drawing.max_m - sheet.drawing.min_m);
   sheet.ruler_mm = kRulerMm;
-  sheet.content_mm = size_mm.cwiseMax(Eigen::Vector2d(kRulerMm, 0)).array() + 2 * options.margin_mm;
-  sheet.content_mm += Eigen::Vector2d(sheet.side_mm, sheet.strip_mm);
-  sheet.side_ruler_mm = sheet.content_mm.y() >= kRulerMm + 2 * options.margin_mm ? kRulerMm : kShortRulerMm;
-  sheet.page_mm = sheet.content_mm;
-  if (options.paper_mm) PutOnPaper(*options.paper_mm, &sheet);
+  sheet.page_mm = size_mm.cwiseMax(Eigen::Vector2d(kRulerMm, 0)).array() + 2 * options.margin_mm;
+  sheet.page_mm.y() += sheet.strip_mm;
   for (const TargetPoint& point : target.points()) {
     sheet.points.push_back({point.id, point.in_target, sheet.PageFromTarget(point.in_target.head<2>())});
   }
@@ -567,13 +351,6 @@ void WriteSheet(const Sheet& sheet, const std::filesystem::path& path) {
     throw InputError(path.string() + ": a target of " + Significant(drawn_mm, 3) + " mm on a sheet of " +
                      Significant(max_mm, 3) + " mm cannot be printed; the limits are 1 mm and 20 m");
   }
-  if (sheet.has_tiles() && format.suffix != ".pdf") {
-    const PaperSize* const larger = SmallestPaper(sheet);
-    throw InputError(path.string() + ": the sheet of " + Fixed(sheet.content_mm.x(), 0) + " x " +
-                     Fixed(sheet.content_mm.y(), 0) + " mm does not fit on the paper" +
-                     (larger == nullptr ? "" : "; it fits on " + std::string(larger->name)) +
-                     "; a .pdf is cut into several pages");
-  }
   if (format.has_dpi && max_mm * sheet.options.dpi / kMmPerInch > kMaxPixels) {
     throw InputError(path.string() + ": a sheet of " + Fixed(max_mm, 0) + " mm at " +
                      Significant(sheet.options.dpi, 6) + " dpi has more than " + std::to_string(kMaxPixels) +
@@ -586,13 +363,6 @@ void WriteSheet(const Sheet& sheet, const std::filesystem::path& path) {
 std::string SheetJson(const Sheet& sheet, const std::filesystem::path& path) {
   nlohmann::ordered_json json;
   json["page_mm"] = {Rounded(sheet.page_mm.x()), Rounded(sheet.page_mm.y())};
-  if (sheet.has_tiles()) {
-    json["tiles"] = {{"columns", sheet.num_tiles.x()},
-                     {"rows", sheet.num_tiles.y()},
-                     {"paper_mm", {sheet.tile_mm.x(), sheet.tile_mm.y()}},
-                     {"margin_mm", kPaperMarginMm},
-                     {"overlap_mm", kOverlapMm}};
-  }
   json["dpi"] = FormatOf(path).has_dpi ? nlohmann::ordered_json(sheet.options.dpi) : nlohmann::ordered_json();
   json["points"] = nlohmann::ordered_json::array();
   for (const SheetPoint& point : sheet.points) {

@@ -150,10 +150,8 @@ int Dispatch(const std::vector<std::string>& words) {
   }
   const std::vector<std::string> arguments = ParseFlags(*command, rest);
   const bool takes_many = command->arguments.ends_with("...");
-  const std::vector<std::string> words_taken = Split(command->arguments, ' ');
-  const auto num_needed = static_cast<size_t>(
-      std::count_if(words_taken.begin(), words_taken.end(), [](const std::string& word) { return word[0] != '['; }));
-  if (arguments.size() < num_needed || (!takes_many && arguments.size() > words_taken.size())) {
+  const size_t num_needed = Split(command->arguments, ' ').size();
+  if (arguments.size() < num_needed || (!takes_many && arguments.size() > num_needed)) {
     throw InputError("'heba " + command->name + "' takes " + command->arguments + ", not " +
                      std::to_string(arguments.size()) + " arguments");
   }

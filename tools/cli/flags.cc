@@ -47,11 +47,6 @@ DEFINE_string(setup, "", "SETUP|eye_to_hand or eye_in_hand; default: by the agre
 DEFINE_string(pixels, "", "U,V;U,V|pixels of the image to locate instead of the target");
 DEFINE_string(plane, "target",
               "PLANE|plane of the points: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
-DEFINE_bool(suggest, false, "|propose a target for --paper, --distance and --camera");
-DEFINE_string(distance, "", "LENGTH|distance from the camera to the target, such as '0.6 m'");
-DEFINE_string(type, "", "TYPE|type of the proposed target; default: coded_board");
-DEFINE_string(paper, "",
-              "PAPER|a5, a4, a3, a2, a1, a0, letter, legal or tabloid; default: a page as large as the sheet");
 DEFINE_double(dpi, 300, "N|resolution of a .png sheet");
 
 namespace heba {

@@ -6,7 +6,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <zbar.h>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -100,9 +99,8 @@ TEST(Sheet, LightOnDarkIsBlackAboveAWhiteStrip) {
   WriteSheet(sheet, folder / "sheet.png");
   const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
   const int strip_px = static_cast<int>((sheet.page_mm.y() - sheet.strip_mm) * 300 / 25.4);
-  const int side_px = static_cast<int>((sheet.page_mm.x() - sheet.side_mm) * 300 / 25.4);
   EXPECT_EQ(image.at<uint8_t>(0, 0), 0);
-  EXPECT_EQ(image.at<uint8_t>(strip_px - 2, side_px - 2), 0);
+  EXPECT_EQ(image.at<uint8_t>(strip_px - 2, image.cols - 1), 0);
   EXPECT_EQ(image.at<uint8_t>(strip_px + 2, image.cols - 1), 255);
   EXPECT_EQ(image.at<uint8_t>(image.rows - 1, 0), 255);
   const Eigen::Vector2d disc_px = sheet.points[0].page_mm * 300 / 25.4;
@@ -133,7 +131,7 @@ TEST(Sheet, RulerIsLongOnSmallSheetsToo) {
     target.drawing.max_m = {width_m, 0.02};
     const Sheet sheet = MakeSheet(target);
     EXPECT_EQ(sheet.ruler_mm, 100) << width_m;
-    EXPECT_EQ(sheet.page_mm.x(), std::max(1000 * width_m, 100.0) + 10 + sheet.side_mm);
+    EXPECT_EQ(sheet.page_mm.x(), std::max(1000 * width_m, 100.0) + 10);
   }
 }
 
@@ -162,70 +160,6 @@ TEST(Sheet, RulerOfThePngIsTrueToScale) {
   EXPECT_NEAR(ticks_px.back() - ticks_px.front(), 100 * 300 / 25.4, kTolerancePx);
 }
 
-// The ruler at the right begins at the margin and is true to scale too.
-TEST(Sheet, SideRulerOfThePngIsTrueToScale) {
-  const TempFolder folder;
-  FakeTarget target = TwoDiscs();
-  target.drawing.max_m.y() = 0.12;
-  const Sheet sheet = MakeSheet(target);
-  ASSERT_EQ(sheet.side_ruler_mm, 100);
-  WriteSheet(sheet, folder / "sheet.png");
-  const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
-  const int column = static_cast<int>((sheet.page_mm.x() - sheet.side_mm + 4.7) * 300 / 25.4);
-  std::vector<int> ticks_px;
-  for (int y = 1; y < image.rows; ++y) {
-    if (image.at<uint8_t>(y, column) < 128 && image.at<uint8_t>(y - 1, column) >= 128) ticks_px.push_back(y);
-  }
-  ASSERT_EQ(ticks_px.size(), 11U);
-  EXPECT_NEAR(ticks_px.back() - ticks_px.front(), 100 * 300 / 25.4, 1);
-}
-
-// The sheet's code is YAML that describes the target again.
-TEST(Sheet, CodeHoldsTheConfig) {
-  const TempFolder folder;
-  FakeTarget target = TwoDiscs();
-  target.drawing.max_m = {0.2, 0.1};
-  SheetOptions options;
-  options.config =
-      "{type: coded_board, rows: 6, columns: 8, spacing: 25 mm, light_on_dark: false, dot_diameter: 6.25 mm, bits: 12}";
-  WriteSheet(MakeSheet(target, options), folder / "sheet.png");
-  const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_GRAYSCALE);
-  zbar::Image code(static_cast<unsigned>(image.cols), static_cast<unsigned>(image.rows), "Y800", image.data,
-                   image.total());
-  zbar::ImageScanner scanner;
-  ASSERT_EQ(scanner.scan(code), 1);
-  EXPECT_EQ(code.symbol_begin()->get_data(), options.config);
-}
-
-TEST(Sheet, PaperHoldsTheSheetInItsMiddle) {
-  FakeTarget target = TwoDiscs();
-  target.drawing.max_m = target.drawing.min_m + Eigen::Vector2d(0.25, 0.15);
-  SheetOptions options;
-  options.paper_mm = Eigen::Vector2d(210, 297);
-  const Sheet sheet = MakeSheet(target, options);
-  EXPECT_EQ(sheet.page_mm, Eigen::Vector2d(297, 210));
-  EXPECT_FALSE(sheet.has_tiles());
-  EXPECT_NEAR((2 * sheet.offset_mm + sheet.content_mm - sheet.page_mm).norm(), 0, 1e-9);
-  const Sheet free = MakeSheet(target);
-  EXPECT_NEAR((sheet.points[1].page_mm - free.points[1].page_mm - sheet.offset_mm).norm(), 0, 1e-9);
-}
-
-TEST(Sheet, PdfLargerThanThePaperHasTiles) {
-  const TempFolder folder;
-  FakeTarget target = TwoDiscs();
-  target.drawing.max_m = target.drawing.min_m + Eigen::Vector2d(0.3, 0.15);
-  SheetOptions options;
-  options.paper_mm = Eigen::Vector2d(210, 297);
-  const Sheet sheet = MakeSheet(target, options);
-  EXPECT_EQ(sheet.num_tiles, Eigen::Vector2i(2, 1));
-  ASSERT_NE(SmallestPaper(sheet), nullptr);
-  EXPECT_EQ(SmallestPaper(sheet)->name, "legal");
-  WriteSheet(sheet, folder / "sheet.pdf");
-  EXPECT_THAT(ReadTextFile(folder / "sheet.pdf"), HasSubstr("/Count 2"));
-  EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / "sheet.svg"); }), HasSubstr("it fits on legal"));
-  EXPECT_EQ(nlohmann::json::parse(SheetJson(sheet, "sheet.pdf"))["tiles"]["columns"], 2);
-}
-
 TEST(Sheet, PngStatesItsResolution) {
   const TempFolder folder;
   WriteSheet(MakeSheet(TwoDiscs()), folder / "sheet.png");
@@ -242,8 +176,8 @@ TEST(Sheet, SvgHasThePagesSizeInMillimetres) {
   const std::string svg = ReadTextFile(folder / "sheet.svg");
   EXPECT_THAT(svg, StartsWith("<?xml"));
   // The size is 60.5 mm + 2 * 5 mm by 41 mm + 2 * 5 mm + 14 mm; the width is that of the ruler with its margins, 110
-  // mm, and of the strip with the other ruler.
-  EXPECT_THAT(svg, HasSubstr("width=\"122mm\" height=\"65mm\" viewBox=\"0 0 12200 6500\""));
+  // mm.
+  EXPECT_THAT(svg, HasSubstr("width=\"110mm\" height=\"65mm\" viewBox=\"0 0 11000 6500\""));
   EXPECT_THAT(svg, HasSubstr("</svg>"));
 }
 
@@ -278,7 +212,7 @@ TEST(Sheet, SameSheetGivesSameBytes) {
 
 TEST(Sheet, JsonFollowsTheDocumentedFormat) {
   const Sheet sheet = MakeSheet(TwoDiscs());
-  const std::string expected = R"({"page_mm":[122.0,65.0],"dpi":300.0,"points":[)"
+  const std::string expected = R"({"page_mm":[110.0,65.0],"dpi":300.0,"points":[)"
                                R"({"id":5,"target_m":[0.0,0.0,0.0],"page_mm":[15.2,15.1]},)"
                                R"({"id":7,"target_m":[0.04001,0.02003,0.0],"page_mm":[55.21,35.13]}]})";
   EXPECT_EQ(nlohmann::ordered_json::parse(SheetJson(sheet, "sheet.png")).dump(), expected);
@@ -292,7 +226,7 @@ TEST(Sheet, RefusesUnknownSuffixesAndHugeImages) {
   EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / "sheet.jpg"); }), HasSubstr(".svg, .pdf or .png"));
   EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / "sheet"); }), HasSubstr(".svg, .pdf or .png"));
   EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / "missing" / "sheet.pdf"); }), HasSubstr("sheet.pdf"));
-  sheet.page_mm = sheet.content_mm = {2000, 1000};
+  sheet.page_mm = {2000, 1000};
   sheet.options.dpi = 1200;
   EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / "sheet.png"); }), HasSubstr("at most 416 dpi"));
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
