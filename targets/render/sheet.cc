@@ -13,7 +13,9 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/text.h"
-#include "heba/base/units.h"
+#include "targets/render/sheet_layout.h"
+#include "targets/render/sheet_painter.h"
+#include "targets/render/stroke_text.h"
 
 namespace heba {
 namespace {
@@ -21,14 +23,7 @@ namespace {
 constexpr double kMmPerInch = 25.4;
 constexpr double kPointsPerMm = 72 / kMmPerInch;
 constexpr int kMaxPixels = 32767;  // Limit for a side of a Cairo image.
-// The strip has the ruler's ticks at the top, its numbers below them and the small print at the bottom.
-constexpr double kStripMm = 14;
-constexpr double kRulerMm = 100;
-constexpr double kRulerTopMm = 2;
-constexpr double kRulerNumbersMm = 7;
-constexpr double kPrintMm = 12;
-constexpr double kPrintHeightMm = 2.2;
-
+constexpr size_t kMaxPages = 400;
 // Rounds a number for display: no 12.000000000000002.
 double Rounded(double value) { return std::round(value * 1e9) / 1e9 + 0.0; }
 
@@ -42,174 +37,13 @@ cairo_status_t Append(void* bytes, const unsigned char* data, unsigned int size)
   return CAIRO_STATUS_SUCCESS;
 }
 
-// A line of text as a path of height 1, drawn with Cairo's own strokes: it is the same on every machine, whatever
-// fonts are installed.
-class Text {
- public:
-  explicit Text(const std::string& text) {
-    // The surface has no bounds, since the path would omit what lies outside them.
-    cairo_surface_t* const surface = cairo_recording_surface_create(CAIRO_CONTENT_ALPHA, nullptr);
-    cairo_t* const context = cairo_create(surface);
-    cairo_font_options_t* const options = cairo_font_options_create();
-    cairo_font_options_set_hint_style(options, CAIRO_HINT_STYLE_NONE);
-    cairo_font_options_set_hint_metrics(options, CAIRO_HINT_METRICS_OFF);
-    cairo_set_font_options(context, options);
-    cairo_font_options_destroy(options);
-    cairo_select_font_face(context, "@cairo:", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
-    // Strokes become polygons at this size; at a large size the text would make up most of the file.
-    constexpr double kSize = 4;
-    cairo_set_font_size(context, kSize);
-    cairo_text_extents_t extents;
-    cairo_text_extents(context, text.c_str(), &extents);
-    width_ = extents.x_advance / kSize;
-    cairo_move_to(context, 0, 0);
-    cairo_text_path(context, text.c_str());
-    cairo_scale(context, kSize, kSize);
-    path_ = cairo_copy_path(context);
-    Require(cairo_status(context));
-    cairo_destroy(context);
-    cairo_surface_destroy(surface);
-  }
-  ~Text() { cairo_path_destroy(path_); }
-  Text(const Text&) = delete;
-  Text& operator=(const Text&) = delete;
-
-  double width() const { return width_; }
-  void AddTo(cairo_t* context) const { cairo_append_path(context, path_); }
-
- private:
-  double width_ = 0;
-  cairo_path_t* path_ = nullptr;
-};
-
-// Draws the sheet in millimetres.
-class SheetPainter {
- public:
-  // On a surface with one channel, coverage represents albedo.
-  SheetPainter(cairo_surface_t* surface, double units_per_mm, const Sheet& sheet)
-      : context_(cairo_create(surface)),
-        one_channel_(cairo_surface_get_type(surface) == CAIRO_SURFACE_TYPE_IMAGE),
-        sheet_(sheet) {
-    cairo_set_antialias(context_, CAIRO_ANTIALIAS_BEST);
-    // Curves are flattened to this tolerance in device units, far below the size of a printer's dots.
-    cairo_set_tolerance(context_, 0.01);
-    cairo_scale(context_, units_per_mm, units_per_mm);
-    if (one_channel_) cairo_set_operator(context_, CAIRO_OPERATOR_SOURCE);
-  }
-  ~SheetPainter() { cairo_destroy(context_); }
-  SheetPainter(const SheetPainter&) = delete;
-  SheetPainter& operator=(const SheetPainter&) = delete;
-
-  void Paint() {
-    SetAlbedo(1);
-    cairo_paint(context_);
-    PaintTarget();
-    PaintStrip();
-    Require(cairo_status(context_));
-  }
-
- private:
-  void SetAlbedo(double albedo) {
-    if (one_channel_) {
-      cairo_set_source_rgba(context_, 0, 0, 0, albedo);
-    } else {
-      cairo_set_source_rgb(context_, albedo, albedo, albedo);
-    }
-  }
-
-  void AddPath(const Shape& shape) {
-    if (shape.points_m.empty()) {
-      const Eigen::Vector2d centre_mm = sheet_.PageFromTarget(shape.centre_m);
-      cairo_new_sub_path(context_);
-      cairo_arc(context_, centre_mm.x(), centre_mm.y(), 1000 * shape.radius_m, 0, 2 * kPi);
-      cairo_close_path(context_);
-      return;
-    }
-    std::vector<Eigen::Vector2d> points_mm;
-    for (const Eigen::Vector2d& point : shape.points_m) points_mm.push_back(sheet_.PageFromTarget(point));
-    // All polygons get the orientation of the discs, so that the shapes of one path add up where they overlap.
-    double twice_area = 0;
-    for (size_t i = 0; i < points_mm.size(); ++i) {
-      const Eigen::Vector2d& a = points_mm[i];
-      const Eigen::Vector2d& b = points_mm[(i + 1) % points_mm.size()];
-      twice_area += a.x() * b.y() - a.y() * b.x();
-    }
-    if (twice_area < 0) std::reverse(points_mm.begin(), points_mm.end());
-    // Otherwise a line would lead here from the start of the previous shape.
-    cairo_new_sub_path(context_);
-    for (const Eigen::Vector2d& point_mm : points_mm) cairo_line_to(context_, point_mm.x(), point_mm.y());
-    cairo_close_path(context_);
-  }
-
-  void PaintTarget() {
-    const double strip_top_mm = sheet_.page_mm.y() - sheet_.strip_mm;
-    cairo_save(context_);
-    // The ground extends to the right as far as there is paper, since a PNG is rounded up to whole pixels.
-    cairo_rectangle(context_, 0, 0, sheet_.page_mm.x() + kMmPerInch, strip_top_mm);
-    cairo_clip(context_);
-    SetAlbedo(sheet_.drawing.ground);
-    cairo_paint(context_);
-    // Consecutive shapes of the same albedo form one path; filled separately, they would show a seam.
-    const std::vector<Shape>& shapes = sheet_.drawing.shapes;
-    for (size_t i = 0; i < shapes.size(); ++i) {
-      AddPath(shapes[i]);
-      if (i + 1 < shapes.size() && shapes[i + 1].albedo == shapes[i].albedo) continue;
-      SetAlbedo(shapes[i].albedo);
-      cairo_fill(context_);
-    }
-    SetAlbedo(sheet_.drawing.ground < 0.5 ? 1 : 0);
-    for (const Label& label : sheet_.drawing.labels) {
-      const Eigen::Vector2d at_mm = sheet_.PageFromTarget(label.at_m);
-      PaintText(Text(label.text), at_mm, 1000 * label.height_m);
-    }
-    cairo_restore(context_);
-  }
-
-  void PaintText(const Text& text, const Eigen::Vector2d& at_mm, double height_mm) {
-    cairo_save(context_);
-    cairo_translate(context_, at_mm.x(), at_mm.y());
-    cairo_scale(context_, height_mm, height_mm);
-    text.AddTo(context_);
-    cairo_restore(context_);
-    cairo_fill(context_);
-  }
-
-  void PaintStrip() {
-    const double top_mm = sheet_.page_mm.y() - sheet_.strip_mm;
-    const double left_mm = sheet_.options.margin_mm;
-    SetAlbedo(0);
-    constexpr double kLineMm = 0.15;
-    cairo_set_line_width(context_, kLineMm);
-    const int length_mm = static_cast<int>(sheet_.ruler_mm);
-    for (int mm = 0; length_mm > 0 && mm <= length_mm; ++mm) {
-      const double tick_mm = mm % 10 == 0 ? 3.0 : mm % 5 == 0 ? 2.2 : 1.4;
-      cairo_move_to(context_, left_mm + mm, top_mm + kRulerTopMm);
-      cairo_line_to(context_, left_mm + mm, top_mm + kRulerTopMm + tick_mm);
-    }
-    cairo_move_to(context_, left_mm - 0.5 * kLineMm, top_mm + kRulerTopMm);
-    cairo_line_to(context_, left_mm + length_mm + 0.5 * kLineMm, top_mm + kRulerTopMm);
-    cairo_stroke(context_);
-    if (length_mm > 0) {
-      PaintText(Text("0"), {left_mm, top_mm + kRulerNumbersMm}, kPrintHeightMm);
-      const Text end(std::to_string(length_mm) + " mm");
-      const double end_mm = left_mm + length_mm - end.width() * kPrintHeightMm;
-      PaintText(end, {end_mm, top_mm + kRulerNumbersMm}, kPrintHeightMm);
-    }
-    // The small print is scaled down if it does not fit.
-    const Text print(sheet_.options.caption);
-    const double room_mm = sheet_.page_mm.x() - 2 * left_mm;
-    PaintText(print, {left_mm, top_mm + kPrintMm}, std::min(kPrintHeightMm, room_mm / print.width()));
-  }
-
-  cairo_t* context_;
-  bool one_channel_;
-  const Sheet& sheet_;
-};
-
-// Draws on `surface`, then finishes and destroys it.
+// Draws all pages on `surface`, then finishes and destroys it.
 void PaintAndFinish(cairo_surface_t* surface, double units_per_mm, const Sheet& sheet) {
   Require(cairo_surface_status(surface));
-  SheetPainter(surface, units_per_mm, sheet).Paint();
+  for (const SheetPage& page : sheet.pages) {
+    PaintSheetPage(sheet, page, units_per_mm, surface);
+    if (sheet.pages.size() > 1) cairo_surface_show_page(surface);
+  }
   cairo_surface_finish(surface);
   Require(cairo_surface_status(surface));
   cairo_surface_destroy(surface);
@@ -244,6 +78,7 @@ std::string Pdf(const Sheet& sheet) {
   cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_CREATE_DATE, "2000-01-01T00:00:00Z");
   cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_MOD_DATE, "2000-01-01T00:00:00Z");
   cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_CREATOR, "heba");
+  cairo_pdf_surface_set_metadata(surface, CAIRO_PDF_METADATA_TITLE, sheet.options.title.c_str());
   PaintAndFinish(surface, kPointsPerMm, sheet);
   return bytes;
 }
@@ -268,7 +103,7 @@ std::string Png(const Sheet& sheet) {
   const Eigen::Vector2d size = pixels_per_mm * sheet.page_mm;
   cairo_surface_t* const surface = cairo_image_surface_create(CAIRO_FORMAT_A8, whole(size.x()), whole(size.y()));
   Require(cairo_surface_status(surface));
-  SheetPainter(surface, pixels_per_mm, sheet).Paint();
+  PaintSheetPage(sheet, sheet.pages.front(), pixels_per_mm, surface);
   std::string bytes;
   Require(cairo_surface_write_to_png_stream(surface, Append, &bytes));
   cairo_surface_destroy(surface);
@@ -291,8 +126,9 @@ struct Format {
   std::string_view suffix;
   std::string (*encode)(const Sheet&);
   bool has_dpi;
+  bool has_pages;
 };
-constexpr Format kFormats[] = {{".svg", Svg, false}, {".pdf", Pdf, false}, {".png", Png, true}};
+constexpr Format kFormats[] = {{".svg", Svg, false, false}, {".pdf", Pdf, false, true}, {".png", Png, true, false}};
 
 const Format& FormatOf(const std::filesystem::path& path) {
   const std::string suffix = path.extension().string();
@@ -302,10 +138,133 @@ const Format& FormatOf(const std::filesystem::path& path) {
   throw InputError(path.string() + ": a sheet is written as .svg, .pdf or .png, not as '" + suffix + "'");
 }
 
-std::string DefaultCaption(const Target& target, const Drawing& drawing) {
-  const Eigen::Vector2d size_mm = 1000 * (drawing.max_m - drawing.min_m);
-  return std::string(target.type()) + ", " + std::to_string(target.points().size()) + " points, " +
-         RoundTrip(Rounded(size_mm.x())) + " x " + RoundTrip(Rounded(size_mm.y())) + " mm";
+std::string ShownMm(double mm) { return RoundTrip(std::round(mm * 100) / 100); }
+std::string ShownSize(const Eigen::Vector2d& size_mm) {
+  return ShownMm(size_mm.x()) + " x " + ShownMm(size_mm.y()) + " mm";
+}
+
+// Returns the paragraphs of the small print.
+std::vector<std::string> SmallPrint(const Target& target, const SheetOptions& options) {
+  const Drawing& drawing = target.Draw();
+  const bool has_point_at_origin = std::any_of(target.points().begin(), target.points().end(),
+                                               [](const TargetPoint& point) { return point.in_target.norm() < 1e-9; });
+  std::string origin = "Origin: where the bars at the arrows x and y meet";
+  for (const TargetPoint& point : target.points()) {
+    if (has_point_at_origin && point.in_target.norm() < 1e-9) origin += ", point " + std::to_string(point.id);
+  }
+  origin += drawing.y_up ? "; x right, y up, z out of the sheet." : "; x right, y down, z into the sheet.";
+  std::vector<std::string> paragraphs = {options.title + ": " + ShownSize(1000 * (drawing.max_m - drawing.min_m)) +
+                                             " with its border, " + std::to_string(target.points().size()) +
+                                             " points. Print at 100 %, check both rulers.",
+                                         origin};
+  if (!options.config.empty()) paragraphs.push_back(options.config);
+  return paragraphs;
+}
+
+// The extents of a sheet whose page has a given width.
+struct Layout {
+  double ruler_mm = 0;
+  std::vector<std::string> small_print;
+  double strip_mm = 0;                                      // Without the margin below it.
+  Eigen::Vector2d least_page_mm = Eigen::Vector2d::Zero();  // The smallest page that holds it all.
+};
+
+constexpr double kRulersMm[] = {100, 50};
+
+// Returns the layout on a page of this width, without margins; the width for the longest ruler if `width_mm` is not
+// given.
+Layout LayoutFor(const Target& target, const SheetOptions& options, const std::optional<QrCode>& code,
+                 const std::optional<double>& width_mm) {
+  const double quiet_mm = kQrQuietModules * kSheetCodeModuleMm;
+  const double code_mm = code ? code->size * kSheetCodeModuleMm + 2 * quiet_mm : 0;
+  const double code_room_mm = code ? code_mm + kSheetGapMm : 0;
+  const Eigen::Vector2d drawing_mm = 1000 * (target.Draw().max_m - target.Draw().min_m);
+  Layout layout;
+  for (const double ruler_mm : kRulersMm) {
+    layout.ruler_mm = ruler_mm;
+    layout.least_page_mm.x() = kSheetBandMm + std::max(drawing_mm.x(), ruler_mm + 1 + code_room_mm);
+    if (!width_mm || layout.least_page_mm.x() <= *width_mm) break;
+  }
+  const double print_mm = width_mm.value_or(layout.least_page_mm.x()) - kSheetBandMm - code_room_mm;
+  for (const std::string& paragraph : SmallPrint(target, options)) {
+    // A ruler's length is the least that a line has.
+    for (std::string& line : BrokenLines(paragraph, std::max(print_mm, kRulersMm[1]) / kSheetLetterMm)) {
+      layout.small_print.push_back(std::move(line));
+    }
+  }
+  const double last_line_mm = kSheetPrintMm + kSheetLineMm * (static_cast<double>(layout.small_print.size()) - 1) + 1;
+  layout.strip_mm = std::max(last_line_mm, code_mm);
+  const double room_mm = drawing_mm.y() + kSheetMarkRoomMm + kSheetPlainRoomMm;
+  layout.least_page_mm.y() = std::max(room_mm + layout.strip_mm, kRulersMm[1] + 1);
+  return layout;
+}
+
+// A page of a paper, upright or on its long side.
+struct PageChoice {
+  Eigen::Vector2d page_mm;
+  Layout layout;
+};
+
+// Returns the way in which the sheet fits on the paper with the most room to spare; nothing if it does not fit.
+std::optional<PageChoice> FitOn(const Paper& paper, const Target& target, const SheetOptions& options,
+                                const std::optional<QrCode>& code) {
+  std::optional<PageChoice> best;
+  double most_spare_mm = -1e-6;
+  for (const bool is_landscape : {false, true}) {
+    const Eigen::Vector2d page_mm = paper.SizeMm(is_landscape);
+    const Eigen::Vector2d room_mm = page_mm.array() - 2 * options.margin_mm;
+    const Layout layout = LayoutFor(target, options, code, room_mm.x());
+    const double spare_mm = (room_mm - layout.least_page_mm).minCoeff();
+    if (spare_mm < most_spare_mm) continue;
+    most_spare_mm = spare_mm;
+    best = {page_mm, layout};
+  }
+  return best;
+}
+
+// Returns the pages of one paper over which a sheet is spread, as few as possible.
+void SpreadOver(const Paper& paper, Sheet* sheet) {
+  const double frame_mm = sheet->options.margin_mm + kSheetFrameMm;
+  size_t fewest = 0;
+  for (const bool is_landscape : {false, true}) {
+    const Eigen::Vector2d page_mm = paper.SizeMm(is_landscape);
+    const Eigen::Vector2d room_mm = page_mm.array() - 2 * frame_mm;
+    const Eigen::Vector2d step_mm = room_mm.array() - kSheetOverlapMm;
+    const Eigen::Array2d num_steps = ((sheet->size_mm.array() - kSheetOverlapMm) / step_mm.array() - 1e-9).ceil();
+    const int columns = static_cast<int>(std::clamp(num_steps.x(), 1.0, 1e4));
+    const int rows = static_cast<int>(std::clamp(num_steps.y(), 1.0, 1e4));
+    const size_t num_pages = static_cast<size_t>(rows) * static_cast<size_t>(columns);
+    if (fewest > 0 && num_pages >= fewest) continue;
+    fewest = num_pages;
+    sheet->page_mm = page_mm;
+    sheet->pages.clear();
+    // More pages than can be written are not listed.
+    if (num_pages > kMaxPages) {
+      sheet->pages.resize(kMaxPages + 1);
+      continue;
+    }
+    for (int row = 0; row < rows; ++row) {
+      for (int column = 0; column < columns; ++column) {
+        const Eigen::Vector2d from_mm(column * step_mm.x(), row * step_mm.y());
+        const Eigen::Vector2d to_mm = (from_mm + room_mm).cwiseMin(sheet->size_mm);
+        sheet->pages.push_back({row, column, from_mm, to_mm, Eigen::Vector2d::Constant(frame_mm)});
+      }
+    }
+  }
+}
+
+// Returns the index of the page on which a position of the sheet is farthest from an edge.
+int PageOf(const Sheet& sheet, const Eigen::Vector2d& at_mm) {
+  int best = 0;
+  double farthest_mm = -INFINITY;
+  for (size_t i = 0; i < sheet.pages.size(); ++i) {
+    const SheetPage& page = sheet.pages[i];
+    const double inside_mm = std::min((at_mm - page.from_mm).minCoeff(), (page.to_mm - at_mm).minCoeff());
+    if (inside_mm <= farthest_mm) continue;
+    farthest_mm = inside_mm;
+    best = static_cast<int>(i);
+  }
+  return best;
 }
 
 }  // namespace
@@ -314,13 +273,19 @@ std::string SheetOptions::Check() const {
   std::vector<std::string> faults;
   if (!(dpi >= 10 && dpi <= 10000)) faults.push_back("dpi must be from 10 to 10000");
   if (!(margin_mm >= 0 && margin_mm <= 1000)) faults.push_back("margin_mm must be from 0 to 1000");
+  if (config.size() > kMaxQrBytes)
+    faults.push_back("config must have at most " + std::to_string(kMaxQrBytes) + " bytes");
+  constexpr double kLeastRoomMm = 50;
+  if (paper && std::min(paper->width_mm, paper->height_mm) - 2 * (margin_mm + kSheetFrameMm) < kLeastRoomMm) {
+    faults.push_back("paper must leave " + ShownMm(kLeastRoomMm) + " mm between its margins");
+  }
   return Join(faults, "\n");
 }
 
-Eigen::Vector2d Sheet::PageFromTarget(const Eigen::Vector2d& point_in_target_m) const {
+Eigen::Vector2d Sheet::SheetFromTarget(const Eigen::Vector2d& point_in_target_m) const {
   const Eigen::Vector2d from_left_m = point_in_target_m - drawing.min_m;
   const double down_m = drawing.y_up ? drawing.max_m.y() - point_in_target_m.y() : from_left_m.y();
-  return Eigen::Vector2d(1000 * from_left_m.x(), 1000 * down_m).array() + options.margin_mm;
+  return drawing_at_mm + 1000 * Eigen::Vector2d(from_left_m.x(), down_m);
 }
 
 Sheet MakeSheet(const Target& target, const SheetOptions& options) {
@@ -328,28 +293,76 @@ Sheet MakeSheet(const Target& target, const SheetOptions& options) {
   Sheet sheet;
   sheet.drawing = target.Draw();
   sheet.options = options;
-  if (sheet.options.caption.empty()) sheet.options.caption = DefaultCaption(target, sheet.drawing);
-  sheet.options.caption += ". Print at 100 %";
-  sheet.strip_mm = kStripMm;
-  const Eigen::Vector2d size_mm = 1000 * (sheet.drawing.max_m - sheet.drawing.min_m);
-  sheet.ruler_mm = kRulerMm;
-  sheet.page_mm = size_mm.cwiseMax(Eigen::Vector2d(kRulerMm, 0)).array() + 2 * options.margin_mm;
-  sheet.page_mm.y() += sheet.strip_mm;
+  if (sheet.options.title.empty()) {
+    sheet.options.title = std::string(target.type()) + ", " + std::to_string(target.points().size()) + " points";
+  }
+  if (!options.config.empty()) sheet.code = EncodeQr(options.config);
+  const std::optional<PageChoice> choice =
+      options.paper ? FitOn(*options.paper, target, sheet.options, sheet.code) : std::nullopt;
+  // On several pages, the frame of each page is the margin.
+  const bool is_spread = options.paper && !choice;
+  sheet.margin_mm = is_spread ? 0 : options.margin_mm;
+  const Layout layout =
+      choice ? choice->layout : LayoutFor(target, sheet.options, sheet.code, /*width_mm=*/std::nullopt);
+  sheet.size_mm = choice ? choice->page_mm : Eigen::Vector2d(layout.least_page_mm.array() + 2 * sheet.margin_mm);
+  sheet.ruler_mm = layout.ruler_mm;
+  sheet.small_print = layout.small_print;
+  sheet.strip_mm = layout.strip_mm + sheet.margin_mm;
+  for (const double ruler_mm : {kRulersMm[1], kRulersMm[0]}) {
+    if (ruler_mm + 1 <= sheet.size_mm.y() - 2 * sheet.margin_mm) sheet.side_ruler_mm = ruler_mm;
+  }
+  // On paper the drawing is in the middle of the room beside the band and above the strip.
+  const double above_mm = sheet.drawing.y_up ? kSheetPlainRoomMm : kSheetMarkRoomMm;
+  sheet.drawing_at_mm = {sheet.margin_mm + kSheetBandMm, sheet.margin_mm + above_mm};
+  if (choice) {
+    const Eigen::Vector2d drawing_mm = 1000 * (sheet.drawing.max_m - sheet.drawing.min_m);
+    const Eigen::Vector2d room_mm(
+        sheet.size_mm.x() - 2 * sheet.margin_mm - kSheetBandMm,
+        sheet.size_mm.y() - sheet.margin_mm - sheet.strip_mm - kSheetMarkRoomMm - kSheetPlainRoomMm);
+    sheet.drawing_at_mm += 0.5 * (room_mm - drawing_mm);
+  }
+  if (is_spread) {
+    SpreadOver(*options.paper, &sheet);
+  } else {
+    sheet.page_mm = sheet.size_mm;
+    sheet.pages = {{0, 0, Eigen::Vector2d::Zero(), sheet.size_mm, Eigen::Vector2d::Zero()}};
+  }
   for (const TargetPoint& point : target.points()) {
-    sheet.points.push_back({point.id, point.in_target, sheet.PageFromTarget(point.in_target.head<2>())});
+    const Eigen::Vector2d at_mm = sheet.SheetFromTarget(point.in_target.head<2>());
+    const int index = PageOf(sheet, at_mm);
+    const SheetPage& page = sheet.pages[static_cast<size_t>(index)];
+    sheet.points.push_back({point.id, point.in_target, index, at_mm - page.from_mm + page.at_mm});
   }
   return sheet;
 }
 
+std::optional<Paper> SmallestPaper(const Target& target, const SheetOptions& options) {
+  const std::optional<QrCode> code = options.config.empty() ? std::nullopt : std::optional(EncodeQr(options.config));
+  for (const Paper& paper : Papers()) {
+    if (FitOn(paper, target, options, code)) return paper;
+  }
+  return std::nullopt;
+}
+
 void WriteSheet(const Sheet& sheet, const std::filesystem::path& path) {
   const Format& format = FormatOf(path);
-  const double max_mm = sheet.page_mm.maxCoeff();
+  const double max_mm = sheet.size_mm.maxCoeff();
   const double drawn_mm = 1e3 * (sheet.drawing.max_m - sheet.drawing.min_m).minCoeff();
   constexpr double kLeastMm = 1;
   constexpr double kMostMm = 20000;
   if (!(drawn_mm >= kLeastMm && max_mm <= kMostMm)) {
     throw InputError(path.string() + ": a target of " + Significant(drawn_mm, 3) + " mm on a sheet of " +
                      Significant(max_mm, 3) + " mm cannot be printed; the limits are 1 mm and 20 m");
+  }
+  if (sheet.pages.size() > 1 && !format.has_pages) {
+    const Paper& paper = *sheet.options.paper;
+    throw InputError(path.string() + ": the sheet of " + ShownSize(sheet.size_mm) + " does not fit on " +
+                     std::string(paper.name) + " (" + ShownSize(paper.SizeMm(false)) +
+                     "); use a larger paper, or .pdf, which is spread over several pages");
+  }
+  if (sheet.pages.size() > kMaxPages) {
+    throw InputError(path.string() + ": the sheet of " + ShownSize(sheet.size_mm) + " would need more than " +
+                     std::to_string(kMaxPages) + " pages; use a larger paper");
   }
   if (format.has_dpi && max_mm * sheet.options.dpi / kMmPerInch > kMaxPixels) {
     throw InputError(path.string() + ": a sheet of " + Fixed(max_mm, 0) + " mm at " +
@@ -364,11 +377,16 @@ std::string SheetJson(const Sheet& sheet, const std::filesystem::path& path) {
   nlohmann::ordered_json json;
   json["page_mm"] = {Rounded(sheet.page_mm.x()), Rounded(sheet.page_mm.y())};
   json["dpi"] = FormatOf(path).has_dpi ? nlohmann::ordered_json(sheet.options.dpi) : nlohmann::ordered_json();
+  const bool is_spread = sheet.pages.size() > 1;
+  if (is_spread) {
+    json["pages"] = {{"rows", sheet.NumPageRows()}, {"columns", sheet.NumPageColumns()}};
+  }
   json["points"] = nlohmann::ordered_json::array();
   for (const SheetPoint& point : sheet.points) {
     nlohmann::ordered_json entry;
     entry["id"] = point.id;
     entry["target_m"] = {Rounded(point.in_target.x()), Rounded(point.in_target.y()), Rounded(point.in_target.z())};
+    if (is_spread) entry["page"] = point.page + 1;
     entry["page_mm"] = {Rounded(point.page_mm.x()), Rounded(point.page_mm.y())};
     json["points"].push_back(entry);
   }

@@ -417,12 +417,4 @@ YAML::Node QuantityNode(double value, Quantity quantity) {
   return YAML::Node(text);
 }
 
-std::string FlowText(const YAML::Node& node) {
-  YAML::Emitter emitter;
-  emitter.SetMapFormat(YAML::Flow);
-  emitter.SetSeqFormat(YAML::Flow);
-  emitter << node;
-  return emitter.c_str();
-}
-
 }  // namespace heba

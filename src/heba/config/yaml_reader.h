@@ -142,7 +142,4 @@ YAML::Node PoseNode(const Rigid3d& pose);
 // Returns a node that reads back as the same value: "0.04 m".
 YAML::Node QuantityNode(double value, Quantity quantity);
 
-// Returns a node as YAML on one line: {type: chessboard, rows: 6}.
-std::string FlowText(const YAML::Node& node);
-
 }  // namespace heba

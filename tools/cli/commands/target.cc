@@ -1,34 +1,144 @@
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "heba/base/registry.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "heba/config/yaml_reader.h"
+#include "heba/io/camera_file.h"
 #include "heba/target.h"
+#include "targets/render/papers.h"
 #include "targets/render/sheet.h"
+#include "targets/render/suggestion.h"
+#include "targets/render/target_text.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
+#include "tools/text/console.h"
 #include "tools/text/target_symmetry.h"
 
 namespace heba {
+namespace {
+
+std::string ShownSize(const Eigen::Vector2d& size_mm) {
+  const auto shown = [](double mm) { return RoundTrip(std::round(10 * mm) / 10); };
+  return shown(size_mm.x()) + " x " + shown(size_mm.y()) + " mm";
+}
+
+const Paper& ParsePaper() {
+  const Paper* const paper = FindEntry(Papers(), FLAGS_paper);
+  if (paper == nullptr) {
+    throw InputError("--paper needs one of " + Join(NamesOf(Papers()), ", ") + ", not " + Quoted(FLAGS_paper) +
+                     DidYouMean(FLAGS_paper, NamesOf(Papers())));
+  }
+  return *paper;
+}
+
+double ParseDistanceM() {
+  const ParsedQuantity distance = ParseQuantity(FLAGS_distance, Quantity::kLength);
+  if (!distance.fault.empty()) throw InputError("--distance: " + Quoted(FLAGS_distance) + " " + distance.fault);
+  return distance.value;
+}
+
+// Returns the suggestion as a target's file, with what was found in its comments.
+std::string SuggestionFile(const Suggestion& suggestion, const SuggestionOptions& options) {
+  const auto percent = [](double share) { return Fixed(100 * share, 0) + " %"; };
+  std::string text = "# Proposed by heba target --suggest --paper " + std::string(options.paper.name) +
+                     " --distance '" + FLAGS_distance + "' --camera " + Quoted(FLAGS_camera) + " --target-type " +
+                     options.type + "\n";
+  text += "# " + ShownSize(suggestion.drawing_mm) + " with its border, on " + std::string(options.paper.name) + " of " +
+          ShownSize(suggestion.page_mm) + "\n";
+  text += "# At " + RoundTrip(std::round(1000 * options.distance_m)) + " mm " + suggestion.feature + " has " +
+          Significant(suggestion.feature_px, 3) + " px; the target takes " + percent(suggestion.height_share) +
+          " of the image's height and " + percent(suggestion.width_share) + " of its width\n";
+  text += "# In a simulated image (tilt " + RoundTrip(kTrialTiltDeg) + " deg, blur " + RoundTrip(kTrialBlurPx) +
+          " px, noise " + RoundTrip(kTrialNoiseGrey) + " grey) " + std::to_string(suggestion.num_found) + " of " +
+          std::to_string(suggestion.num_points) + " points are found; its pose has a sigma of at most " +
+          Significant(1000 * suggestion.sigma.position_m, 2) + " mm and " +
+          Significant(RadToDeg(suggestion.sigma.rotation_rad), 2) + " deg, from the noise of the image alone\n";
+  return text + suggestion.config;
+}
+
+int Suggest() {
+  for (const auto& [name, value] :
+       {std::pair("paper", FLAGS_paper), std::pair("distance", FLAGS_distance), std::pair("camera", FLAGS_camera)}) {
+    if (value.empty()) {
+      throw InputError("--suggest needs --paper, --distance and --camera; --" + std::string(name) + " is missing");
+    }
+  }
+  SuggestionOptions options;
+  options.type = FLAGS_target_type;
+  options.paper = ParsePaper();
+  options.distance_m = ParseDistanceM();
+  options.camera = ReadCameraFile(FLAGS_camera);
+  if (options.camera.width_px == 0) throw InputError(FLAGS_camera + ": the file states no image size; add it");
+  const std::string faults = options.Check();
+  if (!faults.empty()) throw InputError("--suggest: " + faults);
+  const std::filesystem::path path = FLAGS_out;
+  if (!path.empty() && path.extension() != ".yaml") {
+    throw InputError(path.string() + ": a proposed target is written as .yaml");
+  }
+  const Outcome<Suggestion> suggestion = SuggestTarget(options);
+  if (!suggestion) {
+    PrintError(suggestion.reason() + "; use a larger paper, a shorter distance or another --target-type");
+    return kWorkFailed;
+  }
+  const std::string text = SuggestionFile(*suggestion, options);
+  if (path.empty()) {
+    std::cout << text << std::flush;
+    return kDone;
+  }
+  WriteFileAtomically(path, text);
+  std::cout << path.string() << ": " << options.type << ", " << suggestion->num_points << " points; 'heba target "
+            << path.string() << " --paper " << options.paper.name << " --out SHEET.pdf' writes the sheet" << std::endl;
+  return kDone;
+}
+
+// Warns that the sheet is spread over several pages.
+void WarnOfPages(const std::string& path, const Target& target, const Sheet& sheet) {
+  const std::optional<Paper> larger = SmallestPaper(target, sheet.options);
+  const Paper& paper = *sheet.options.paper;
+  std::cerr << "heba: warning: " << path << ": the sheet of " << ShownSize(sheet.size_mm) << " does not fit on "
+            << paper.name << " (" << ShownSize(paper.SizeMm(false)) << "): it is spread over " << sheet.pages.size()
+            << " pages, and a target that is glued together is not as flat and exact as one page; "
+            << (larger ? "it fits on " + std::string(larger->name) : "no paper is large enough")
+            << ", and 'heba target --suggest' proposes a target for a paper" << std::endl;
+}
+
+}  // namespace
 
 int RunCommand_target(const std::vector<std::string>& arguments) {
+  if (FLAGS_suggest) {
+    if (!arguments.empty()) throw InputError("--suggest proposes a target, and takes no " + arguments[0]);
+    return Suggest();
+  }
+  if (arguments.empty()) throw InputError("'heba target' takes TARGET.yaml, or --suggest, not 0 arguments");
+  if (!FLAGS_distance.empty() || !FLAGS_camera.empty()) {
+    throw InputError("--distance and --camera belong to --suggest, which is missing");
+  }
   if (FLAGS_out.empty()) throw InputError("'heba target' needs --out SHEET.svg, .pdf or .png");
   const std::filesystem::path path = FLAGS_out;
   SheetOptions options;
   options.dpi = FLAGS_dpi;
-  const std::string faults = options.Check();
-  if (!faults.empty()) throw InputError("--dpi: " + faults);
+  if (const std::string faults = options.Check(); !faults.empty()) throw InputError("--dpi: " + faults);
+  if (!FLAGS_paper.empty()) options.paper = ParsePaper();
   MapReader reader(ReadYamlFile(arguments[0]));
   const std::unique_ptr<Target> target = CreateTarget(reader);
+  options.title = TargetTitle(*target, reader.used());
+  options.config = TargetConfigLine(reader.used());
   const Sheet sheet = MakeSheet(*target, options);
   std::filesystem::path json = path;
   json.replace_extension(".json");
   WriteSheet(sheet, path);
   WriteFileAtomically(json, SheetJson(sheet, path));
-  std::cout << path.string() << ": " << sheet.page_mm.x() << " x " << sheet.page_mm.y() << " mm, "
-            << sheet.points.size() << " points; print at 100 % and check the ruler\n"
+  const size_t num_pages = sheet.pages.size();
+  std::cout << path.string() << ": " << (num_pages > 1 ? std::to_string(num_pages) + " pages of " : "")
+            << ShownSize(sheet.page_mm) << ", " << sheet.points.size()
+            << " points; print at 100 % and check both rulers\n"
             << json.string() << ": the positions of the points" << std::endl;
+  if (num_pages > 1) WarnOfPages(arguments[0], *target, sheet);
   if (target->Symmetries().size() > 1) {
     std::cerr << "heba: warning: " << arguments[0] << ": " << SymmetryRemark(*target) << "; " << SymmetryCure(*target)
               << std::endl;
