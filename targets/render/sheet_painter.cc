@@ -246,10 +246,9 @@ class SheetPainter {
     cairo_set_dash(context_, nullptr, 0, 0);
     const int num_pages = static_cast<int>(sheet_.pages.size());
     const int number = page.row * sheet_.NumPageColumns() + page.column + 1;
-    const std::string label = std::to_string(number) + "/" + std::to_string(num_pages) + " (row " +
+    const std::string label = std::to_string(number) + "/" + std::to_string(num_pages) + ": row " +
                               std::to_string(page.row + 1) + ", column " + std::to_string(page.column + 1) +
-                              "), cut at the solid marks, the edge of the next page lies at the dashed ones. " +
-                              sheet_.options.title;
+                              ". Cut at the lines; the next page's edge: dashes.";
     PaintText(label, {begin_mm.x() + kSheetOverlapMm + 5, end_mm.y() + kSheetFrameMm - 1}, kSheetLetterMm);
   }
 

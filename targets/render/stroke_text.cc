@@ -16,7 +16,7 @@ StrokeText::StrokeText(const std::string& text) {
   cairo_font_options_destroy(options);
   cairo_select_font_face(context, "@cairo:", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
   // Strokes become polygons at this size; at a large size the text would make up most of the file.
-  constexpr double kSize = 4;
+  constexpr double kSize = 1;
   cairo_set_font_size(context, kSize);
   cairo_text_extents_t extents;
   cairo_text_extents(context, text.c_str(), &extents);

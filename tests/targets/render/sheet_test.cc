@@ -11,6 +11,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "heba/base/files.h"
+#include "heba/base/registry.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
 #include "tests/targets/fake_target.h"
@@ -85,12 +86,13 @@ TEST(Sheet, FlipsDrawingsWithYUp) {
   EXPECT_LT(down.points[0].page_mm.y(), down.points[1].page_mm.y());
   EXPECT_GT(up.points[0].page_mm.y(), up.points[1].page_mm.y());
   EXPECT_DOUBLE_EQ(down.points[0].page_mm.x(), up.points[0].page_mm.x());
-  // The margin is 5 mm, and the sheet extends 10.1 mm or 30.9 mm above the origin.
-  EXPECT_NEAR(down.points[0].page_mm.y(), 15.1, 1e-9);
-  EXPECT_NEAR(up.points[0].page_mm.y(), 35.9, 1e-9);
+  // The margin is 5 mm, the room above the drawing 5 mm with the mark of the x axis and 2 mm without it, and the
+  // drawing extends 10.1 mm or 30.9 mm above the origin.
+  EXPECT_NEAR(down.points[0].page_mm.y(), 20.1, 1e-9);
+  EXPECT_NEAR(up.points[0].page_mm.y(), 37.9, 1e-9);
 }
 
-TEST(Sheet, LightOnDarkIsBlackAboveAWhiteStrip) {
+TEST(Sheet, LightOnDarkIsBlackAsFarAsTheDrawingExtends) {
   const TempFolder folder;
   FakeTarget target = TwoDiscs();
   target.drawing.ground = 0;
@@ -98,13 +100,18 @@ TEST(Sheet, LightOnDarkIsBlackAboveAWhiteStrip) {
   const Sheet sheet = MakeSheet(target);
   WriteSheet(sheet, folder / "sheet.png");
   const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
-  const int strip_px = static_cast<int>((sheet.page_mm.y() - sheet.strip_mm) * 300 / 25.4);
-  EXPECT_EQ(image.at<uint8_t>(0, 0), 0);
-  EXPECT_EQ(image.at<uint8_t>(strip_px - 2, image.cols - 1), 0);
-  EXPECT_EQ(image.at<uint8_t>(strip_px + 2, image.cols - 1), 255);
+  const auto grey_at = [&](const Eigen::Vector2d& at_mm) {
+    const Eigen::Vector2d at_px = at_mm * 300 / 25.4;
+    return image.at<uint8_t>(static_cast<int>(at_px.y()), static_cast<int>(at_px.x()));
+  };
+  const Eigen::Vector2d begin_mm = sheet.drawing_at_mm;
+  const Eigen::Vector2d end_mm = begin_mm + Eigen::Vector2d(60.5, 41);
+  EXPECT_EQ(grey_at(begin_mm.array() + 0.2), 0);
+  EXPECT_EQ(grey_at(end_mm.array() - 0.2), 0);
+  EXPECT_EQ(grey_at(begin_mm.array() - 0.2), 255);
+  EXPECT_EQ(grey_at(end_mm.array() + 0.2), 255);
+  EXPECT_EQ(grey_at(sheet.points[0].page_mm), 255);
   EXPECT_EQ(image.at<uint8_t>(image.rows - 1, 0), 255);
-  const Eigen::Vector2d disc_px = sheet.points[0].page_mm * 300 / 25.4;
-  EXPECT_EQ(image.at<uint8_t>(static_cast<int>(disc_px.y()), static_cast<int>(disc_px.x())), 255);
 }
 
 TEST(Sheet, AdjacentShapesShowNoSeam) {
@@ -117,8 +124,8 @@ TEST(Sheet, AdjacentShapesShowNoSeam) {
   const Sheet sheet = MakeSheet(target);
   WriteSheet(sheet, folder / "sheet.png");
   const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
-  const Eigen::Vector2d begin_px = sheet.PageFromTarget({0.002, 0.005}) * 300 / 25.4;
-  const Eigen::Vector2d end_px = sheet.PageFromTarget({0.020, 0.005}) * 300 / 25.4;
+  const Eigen::Vector2d begin_px = sheet.SheetFromTarget({0.002, 0.005}) * 300 / 25.4;
+  const Eigen::Vector2d end_px = sheet.SheetFromTarget({0.020, 0.005}) * 300 / 25.4;
   for (int x = static_cast<int>(begin_px.x()); x < end_px.x(); ++x) {
     EXPECT_EQ(image.at<uint8_t>(static_cast<int>(begin_px.y()), x), 0) << x;
   }
@@ -131,7 +138,8 @@ TEST(Sheet, RulerIsLongOnSmallSheetsToo) {
     target.drawing.max_m = {width_m, 0.02};
     const Sheet sheet = MakeSheet(target);
     EXPECT_EQ(sheet.ruler_mm, 100) << width_m;
-    EXPECT_EQ(sheet.page_mm.x(), std::max(1000 * width_m, 100.0) + 10);
+    // The ruler is beside the band of the vertical one.
+    EXPECT_EQ(sheet.page_mm.x(), std::max(1000 * width_m, 101.0) + 20);
   }
 }
 
@@ -175,9 +183,10 @@ TEST(Sheet, SvgHasThePagesSizeInMillimetres) {
   WriteSheet(MakeSheet(TwoDiscs()), folder / "sheet.svg");
   const std::string svg = ReadTextFile(folder / "sheet.svg");
   EXPECT_THAT(svg, StartsWith("<?xml"));
-  // The size is 60.5 mm + 2 * 5 mm by 41 mm + 2 * 5 mm + 14 mm; the width is that of the ruler with its margins, 110
-  // mm.
-  EXPECT_THAT(svg, HasSubstr("width=\"110mm\" height=\"65mm\" viewBox=\"0 0 11000 6500\""));
+  // The width is that of the ruler, the band beside it and two margins: 101 mm + 10 mm + 2 * 5 mm. The height is that
+  // of the drawing, the marks' room, the strip with three lines of small print and two margins: 41 mm + 7 mm + 17.8 mm
+  // + 2 * 5 mm.
+  EXPECT_THAT(svg, HasSubstr("width=\"121mm\" height=\"72.9mm\" viewBox=\"0 0 12100 7290\""));
   EXPECT_THAT(svg, HasSubstr("</svg>"));
 }
 
@@ -212,9 +221,9 @@ TEST(Sheet, SameSheetGivesSameBytes) {
 
 TEST(Sheet, JsonFollowsTheDocumentedFormat) {
   const Sheet sheet = MakeSheet(TwoDiscs());
-  const std::string expected = R"({"page_mm":[110.0,65.0],"dpi":300.0,"points":[)"
-                               R"({"id":5,"target_m":[0.0,0.0,0.0],"page_mm":[15.2,15.1]},)"
-                               R"({"id":7,"target_m":[0.04001,0.02003,0.0],"page_mm":[55.21,35.13]}]})";
+  const std::string expected = R"({"page_mm":[121.0,72.9],"dpi":300.0,"points":[)"
+                               R"({"id":5,"target_m":[0.0,0.0,0.0],"page_mm":[25.2,20.1]},)"
+                               R"({"id":7,"target_m":[0.04001,0.02003,0.0],"page_mm":[65.21,40.13]}]})";
   EXPECT_EQ(nlohmann::ordered_json::parse(SheetJson(sheet, "sheet.png")).dump(), expected);
   EXPECT_TRUE(nlohmann::json::parse(SheetJson(sheet, "sheet.svg"))["dpi"].is_null());
   EXPECT_TRUE(nlohmann::json::parse(SheetJson(sheet, "sheet.pdf"))["dpi"].is_null());
@@ -226,10 +235,176 @@ TEST(Sheet, RefusesUnknownSuffixesAndHugeImages) {
   EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / "sheet.jpg"); }), HasSubstr(".svg, .pdf or .png"));
   EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / "sheet"); }), HasSubstr(".svg, .pdf or .png"));
   EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / "missing" / "sheet.pdf"); }), HasSubstr("sheet.pdf"));
-  sheet.page_mm = {2000, 1000};
+  sheet.size_mm = {2000, 1000};
   sheet.options.dpi = 1200;
   EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / "sheet.png"); }), HasSubstr("at most 416 dpi"));
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
+// A print that is stretched in one direction shows in one of the rulers.
+TEST(Sheet, VerticalRulerOfThePngIsTrueToScale) {
+  const TempFolder folder;
+  FakeTarget target = TwoDiscs();
+  for (const auto& [height_m, ruler_mm] : {std::pair(0.0309, 50.0), std::pair(0.12, 100.0)}) {
+    target.drawing.max_m.y() = height_m;
+    const Sheet sheet = MakeSheet(target);
+    ASSERT_EQ(sheet.side_ruler_mm, ruler_mm);
+    WriteSheet(sheet, folder / "sheet.png");
+    const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
+    // Only the ticks of full centimetres are so long.
+    const int column = static_cast<int>((sheet.margin_mm + 2.7) * 300 / 25.4);
+    std::vector<double> ticks_px;
+    double weight = 0;
+    double sum = 0;
+    const int last_row = static_cast<int>((sheet.margin_mm + ruler_mm + 2) * 300 / 25.4);
+    for (int y = 0; y <= last_row; ++y) {
+      const double ink = 255 - image.at<uint8_t>(y, column);
+      if (ink == 0 && weight > 0) {
+        ticks_px.push_back(sum / weight);
+        weight = sum = 0;
+      }
+      weight += ink;
+      sum += ink * y;
+    }
+    ASSERT_EQ(ticks_px.size(), ruler_mm / 10 + 1);
+    constexpr double kTolerancePx = 0.05;  // Accuracy of thin lines, anti-aliased with 8 bits.
+    EXPECT_NEAR(ticks_px.back() - ticks_px.front(), ruler_mm * 300 / 25.4, kTolerancePx);
+  }
+}
+
+Paper PaperOf(const std::string& name) { return *FindEntry(Papers(), name); }
+
+TEST(Sheet, PaperHoldsTheSheetUprightOrOnItsSide) {
+  FakeTarget target = TwoDiscs();
+  SheetOptions options;
+  options.paper = PaperOf("a4");
+  target.drawing.max_m = {0.1698, 0.2299};
+  const Sheet upright = MakeSheet(target, options);
+  EXPECT_EQ(upright.page_mm, Eigen::Vector2d(210, 297));
+  EXPECT_EQ(upright.pages.size(), 1U);
+  target.drawing.max_m = {0.2398, 0.1299};
+  const Sheet on_side = MakeSheet(target, options);
+  EXPECT_EQ(on_side.page_mm, Eigen::Vector2d(297, 210));
+  // The drawing of 250 mm x 140 mm is in the middle of what the band and the margins leave of 297 mm, and of what lies
+  // above the strip, beside the marks' room of 7 mm.
+  EXPECT_NEAR(on_side.drawing_at_mm.x(), 15 + 0.5 * (297 - 20 - 250), 1e-9);
+  EXPECT_NEAR(on_side.drawing_at_mm.y(), 10 + 0.5 * (210 - 5 - on_side.strip_mm - 7 - 140), 1e-9);
+  EXPECT_EQ(on_side.points[0].page_mm, on_side.SheetFromTarget({0, 0}));
+  EXPECT_LT((on_side.points[1].page_mm - on_side.points[0].page_mm - Eigen::Vector2d(40.01, 20.03)).norm(), 1e-9);
+}
+
+TEST(Sheet, SmallestPaperIsTheFirstThatHoldsTheSheet) {
+  FakeTarget target = TwoDiscs();
+  EXPECT_EQ(SmallestPaper(target, {})->name, "a5");
+  target.drawing.max_m = {0.38, 0.25};
+  EXPECT_EQ(SmallestPaper(target, {})->name, "a3");
+  target.drawing.max_m = {2, 2};
+  EXPECT_FALSE(SmallestPaper(target, {}).has_value());
+}
+
+TEST(Papers, IncreaseInArea) {
+  for (size_t i = 1; i < Papers().size(); ++i) {
+    EXPECT_GT(Papers()[i].width_mm * Papers()[i].height_mm, Papers()[i - 1].width_mm * Papers()[i - 1].height_mm);
+    EXPECT_LE(Papers()[i].width_mm, Papers()[i].height_mm);
+  }
+}
+
+// Returns a target of 400 x 300 mm with a grid of discs, and a point at each.
+FakeTarget ManyDiscs() {
+  FakeTarget target;
+  target.drawing.max_m = {0.4, 0.3};
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 8; ++column) {
+      const Eigen::Vector3d at_m(0.025 + 0.05 * column, 0.025 + 0.05 * row, 0);
+      target.drawing.AddDisc(at_m.head<2>(), 0.01, 0);
+      target.target_points.push_back({8 * row + column, at_m});
+    }
+  }
+  return target;
+}
+
+TEST(Sheet, PagesOfOnePaperOverlapAndCoverTheSheet) {
+  SheetOptions options;
+  options.paper = PaperOf("a4");
+  const Sheet sheet = MakeSheet(ManyDiscs(), options);
+  ASSERT_EQ(sheet.pages.size(), 4U);
+  EXPECT_EQ(sheet.NumPageRows(), 2);
+  EXPECT_EQ(sheet.NumPageColumns(), 2);
+  for (const SheetPage& page : sheet.pages) {
+    const Eigen::Vector2d size_mm = page.to_mm - page.from_mm;
+    // The margin of 5 mm and the frame with the marks of 5 mm remain on every side.
+    EXPECT_LE((page.at_mm + size_mm).x(), sheet.page_mm.x() - 10);
+    EXPECT_LE((page.at_mm + size_mm).y(), sheet.page_mm.y() - 10);
+    EXPECT_GE(page.at_mm.minCoeff(), 10);
+  }
+  EXPECT_NEAR(sheet.pages[0].to_mm.x() - sheet.pages[1].from_mm.x(), 10, 1e-9);
+  EXPECT_NEAR(sheet.pages[0].to_mm.y() - sheet.pages[2].from_mm.y(), 10, 1e-9);
+  EXPECT_EQ(sheet.pages[0].from_mm, Eigen::Vector2d::Zero());
+  EXPECT_EQ(sheet.pages[3].to_mm, sheet.size_mm);
+  // Glued together by their rectangles, the pages have every point where it belongs.
+  for (const SheetPoint& point : sheet.points) {
+    const SheetPage& page = sheet.pages[static_cast<size_t>(point.page)];
+    const Eigen::Vector2d on_sheet_mm = point.page_mm - page.at_mm + page.from_mm;
+    EXPECT_LT((on_sheet_mm - sheet.SheetFromTarget(point.in_target.head<2>())).norm(), 1e-9);
+    EXPECT_TRUE(((on_sheet_mm - page.from_mm).array() >= 0).all() && ((page.to_mm - on_sheet_mm).array() >= 0).all());
+  }
+  const nlohmann::json json = nlohmann::json::parse(SheetJson(sheet, "sheet.pdf"));
+  EXPECT_EQ(json["page_mm"], nlohmann::json({297.0, 210.0}));
+  EXPECT_EQ(json["pages"], nlohmann::json({{"rows", 2}, {"columns", 2}}));
+  EXPECT_EQ(json["points"][0]["page"], 1);
+  EXPECT_EQ(json["points"].back()["page"], 4);
+}
+
+TEST(Sheet, OnlyAPdfHasSeveralPages) {
+  const TempFolder folder;
+  SheetOptions options;
+  options.paper = PaperOf("a4");
+  const Sheet sheet = MakeSheet(ManyDiscs(), options);
+  for (const char* name : {"sheet.svg", "sheet.png"}) {
+    EXPECT_THAT(InputErrorOf([&] { WriteSheet(sheet, folder / name); }),
+                HasSubstr("does not fit on a4 (210 x 297 mm); use a larger paper, or .pdf"));
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  WriteSheet(sheet, folder / "sheet.pdf");
+  const std::string pdf = ReadTextFile(folder / "sheet.pdf");
+  EXPECT_THAT(pdf, HasSubstr("/Count 4"));
+}
+
+TEST(Sheet, PdfHasTheTitle) {
+  const TempFolder folder;
+  SheetOptions options;
+  options.title = "fake 2 x 1, 40 mm";
+  WriteSheet(MakeSheet(TwoDiscs(), options), folder / "sheet.pdf");
+  EXPECT_THAT(ReadTextFile(folder / "sheet.pdf"), HasSubstr("/Title (fake 2 x 1, 40 mm)"));
+}
+
+// The bars at the arrows are in line with the origin, outside of the drawing.
+TEST(Sheet, AxesAreMarkedInLineWithTheOrigin) {
+  const TempFolder folder;
+  FakeTarget target = TwoDiscs();
+  for (const bool y_up : {false, true}) {
+    target.drawing.y_up = y_up;
+    const Sheet sheet = MakeSheet(target);
+    WriteSheet(sheet, folder / "sheet.png");
+    const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
+    const Eigen::Vector2d origin_mm = sheet.SheetFromTarget({0, 0});
+    const auto ink_at = [&](double x_mm, double y_mm) {
+      return 255 - image.at<uint8_t>(static_cast<int>(y_mm * 300 / 25.4), static_cast<int>(x_mm * 300 / 25.4));
+    };
+    const double x_mark_mm = sheet.drawing_at_mm.y() + (y_up ? 41 + 2.5 : -2.5);
+    const double y_mark_mm = sheet.drawing_at_mm.x() - 2.5;
+    // Each bar extends to both sides of its arrow, which begins at the bar.
+    for (const double side_mm : {-0.9, 0.9}) {
+      EXPECT_GT(ink_at(origin_mm.x(), x_mark_mm + side_mm), 100);
+      EXPECT_GT(ink_at(y_mark_mm + side_mm, origin_mm.y()), 100);
+      EXPECT_EQ(ink_at(origin_mm.x() + 1, x_mark_mm + side_mm), 0);
+    }
+    const double up = y_up ? -1 : 1;
+    EXPECT_GT(ink_at(origin_mm.x() + 3, x_mark_mm), 100);
+    EXPECT_EQ(ink_at(origin_mm.x() - 1, x_mark_mm), 0);
+    EXPECT_GT(ink_at(y_mark_mm, origin_mm.y() + up * 3), 100);
+    EXPECT_EQ(ink_at(y_mark_mm, origin_mm.y() - up * 1), 0);
+  }
 }
 
 TEST(Sheet, ReportsInvalidOptions) {
@@ -239,6 +414,11 @@ TEST(Sheet, ReportsInvalidOptions) {
   options.margin_mm = -1;
   EXPECT_THAT(options.Check(), HasSubstr("dpi must be"));
   EXPECT_THAT(options.Check(), HasSubstr("margin_mm must be"));
+  options.margin_mm = 60;
+  options.paper = PaperOf("a5");
+  EXPECT_THAT(options.Check(), HasSubstr("paper must leave 50 mm"));
+  options.config = std::string(3000, 'x');
+  EXPECT_THAT(options.Check(), HasSubstr("config must have"));
 }
 
 }  // namespace
