@@ -11,7 +11,6 @@
 // A description consists of the kind of value that the flag takes, a |, and the help text.
 DEFINE_string(out, "", "PATH|file or folder for the results");
 DEFINE_int32(jobs, 0, "N|number of threads; 0 for one per processor");
-DEFINE_bool(json, false, "|print one JSON document instead of text");
 DEFINE_bool(quiet, false, "|no progress and no table");
 DEFINE_string(shard, "", "I/N|run part I, from 0 to N - 1, of N parts");
 DEFINE_string(set, "", "KEY=VALUE|overrides the config, such as refine.loss=none; may be given several times");

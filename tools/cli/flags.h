@@ -12,7 +12,6 @@
 
 DECLARE_string(out);
 DECLARE_int32(jobs);
-DECLARE_bool(json);
 DECLARE_bool(quiet);
 DECLARE_double(dpi);
 DECLARE_string(paper);

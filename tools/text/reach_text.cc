@@ -85,15 +85,6 @@ std::string CorrectionText(const RobotSummary& robot, const Solution& solution, 
          DifferenceText(stated.base_from_mount, Correct(solution, stated).base_from_mount) + "\n";
 }
 
-Outcome<Rigid3d> PoseToCommand(const RobotSummary& robot, const LocatedTarget& located) {
-  if (robot.configuration.empty()) return Failure{"the captures are in several configurations"};
-  const Outcome<Eigen::VectorXd> joints = JointsAt(robot, located.base_from_target);
-  if (!joints) return Failure{joints.reason()};
-  const Outcome<Command> command = CommandNear(robot, located.base_from_target, *joints);
-  if (!command) return Failure{command.reason()};
-  return command->base_from_gripper;
-}
-
 std::string ReachText(const RobotSummary& robot, const Solution& solution, const LocatedTarget& located,
                       bool all_configurations) {
   if (robot.configuration.empty()) return InAllConfigurations(robot, solution, located);

@@ -3,7 +3,6 @@
 
 #include <string>
 
-#include "heba/base/error.h"
 #include "heba/data/stated_pose.h"
 #include "heba/evaluation/evaluation.h"
 #include "heba/target_location.h"
@@ -15,10 +14,6 @@ std::string SigmasText(const PositionCovariance& covariance);
 
 // Returns a line on the correction of the pose that the robot states.
 std::string CorrectionText(const RobotSummary& robot, const Solution& solution, const StatedPose& stated);
-
-// Returns the pose to command so that the gripper truly reaches the pose of a located target, in the configuration of
-// the captures; a Failure if they are in several, or if the arm does not reach it.
-Outcome<Rigid3d> PoseToCommand(const RobotSummary& robot, const LocatedTarget& located);
 
 // Returns lines on the pose to command so that the gripper truly reaches the pose of a located target, with the
 // uncertainty of its position there. `all_configurations`: also for the configurations in which no capture is; the

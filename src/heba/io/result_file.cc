@@ -379,10 +379,6 @@ std::string ResultToJson(const RunResult& result) {
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-std::string PoseToJson(const Rigid3d& parent_from_child, std::string_view parent, std::string_view child) {
-  return PoseJson(parent_from_child, parent, child).dump();
-}
-
 std::string TruthToJson(const Truth& truth, Setup setup) {
   Json json;
   json["hand_eye"] = PoseJson(truth.camera_mount_from_camera, CameraMountName(setup), "camera");

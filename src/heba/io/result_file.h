@@ -6,7 +6,6 @@
 
 #include <filesystem>
 #include <string>
-#include <string_view>
 
 #include "heba/data/setup.h"
 #include "heba/evaluation/evaluation.h"
@@ -26,9 +25,6 @@ std::string TruthToJson(const Truth& truth, Setup setup);
 // Reads truth.json: `hand_eye` and, if present, `board` and `camera`, in the format of result.json. Throws InputError
 // with the file and the fault; a pose between other frames than those of the setup is a fault.
 Truth ReadTruth(const std::filesystem::path& path, Setup setup);
-
-// Returns the JSON text of a pose as in result.json: {"parent", "child", "translation_m", "quaternion_xyzw"}.
-std::string PoseToJson(const Rigid3d& parent_from_child, std::string_view parent, std::string_view child);
 
 // Returns the version that files and `heba --version` state.
 std::string Version();

@@ -2,8 +2,6 @@
 #include <filesystem>
 #include <iostream>
 
-#include <nlohmann/json.hpp>
-
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/parallel.h"
@@ -86,7 +84,6 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
              : "a homography, because these images do not determine a camera";
   fs::create_directory(folder.staging() / "overlays");
   std::vector<std::string> lines(config.data.captures.size());
-  std::vector<nlohmann::ordered_json> entries(config.data.captures.size());
   ParallelFor(static_cast<int>(config.data.captures.size()), NumThreads(), [&](int index) {
     const size_t i = static_cast<size_t>(index);
     const Observations observations = ObservationsOf(*config.data.target, detections[i].detection);
@@ -108,25 +105,12 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
     const cv::Mat overlay = DrawOverlay(ReadGreyImage(config.data.captures[i].image), observations, residuals, options);
     WriteImage(folder.staging() / "overlays" / (config.data.captures[i].name + ".png"), overlay);
     lines[i] = line;
-    entries[i] = {{"image", config.data.captures[i].name},
-                  {"points", observations.size()},
-                  {"rms_px", nullptr},
-                  {"reason", detections[i].detection.reason}};
-    if (residuals) entries[i]["rms_px"] = *SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx();
   });
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.data.captures, detections));
   folder.Commit();
   int seen = 0;
   for (const CaptureDetection& detection : detections) seen += detection.detection.ids.empty() ? 0 : 1;
-  if (FLAGS_json) {
-    const nlohmann::ordered_json json = {{"config", config.data.name},
-                                         {"images_with_target", seen},
-                                         {"target_points", config.data.target->points().size()},
-                                         {"camera", camera ? camera->model : ""},
-                                         {"overlays", (output / "overlays").string()},
-                                         {"images", entries}};
-    std::cout << json.dump(1) << std::endl;
-  } else if (!FLAGS_quiet) {
+  if (!FLAGS_quiet) {
     std::string text = "the target was detected in " + std::to_string(seen) + " of " +
                        std::to_string(detections.size()) + " images; residuals are relative to " + through +
                        ", drawn magnified by up to 100\n";

@@ -4,8 +4,6 @@
 #include <iostream>
 #include <optional>
 
-#include <nlohmann/json.hpp>
-
 #include "heba/base/error.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
@@ -46,27 +44,6 @@ std::string DiagnosisText(const std::string& name, const Diagnosis& diagnosis) {
   return text;
 }
 
-std::string DiagnosisJson(const std::string& name, const Diagnosis& diagnosis) {
-  nlohmann::ordered_json json = {{"config", name},
-                                 {"captures", diagnosis.num_captures},
-                                 {"captures_with_target_pose", diagnosis.num_seen},
-                                 {"wrong", diagnosis.NumWrong()},
-                                 {"remarks", static_cast<int>(diagnosis.symptoms.size()) - diagnosis.NumWrong()},
-                                 {"findings", nlohmann::ordered_json::array()}};
-  for (const Symptom& symptom : diagnosis.symptoms) {
-    json["findings"].push_back({{"grade", symptom.severity == Severity::kWrong ? "wrong" : "remark"},
-                                {"code", symptom.code.name()},
-                                {"text", symptom.what},
-                                {"action", symptom.cure}});
-  }
-  return json.dump(1) + "\n";
-}
-
-void Print(const std::string& name, const Diagnosis& diagnosis) {
-  std::cout << (FLAGS_json ? DiagnosisJson(name, diagnosis) : ForTerminal(DiagnosisText(name, diagnosis)))
-            << std::flush;
-}
-
 Symptom UnreadablePoses(const std::string& fault, const GuessedReading& guessed) {
   const std::optional<PoseFit>& fit = guessed.diagnosis.pose_fit;
   std::string why = "; this is a guess from the size of the numbers, because the images cannot determine it";
@@ -92,14 +69,15 @@ int RunCommand_doctor(const std::vector<std::string>& arguments) {
   }
   if (config) {
     const Diagnosis diagnosis = Diagnose(*config, NumThreads(), verbosity);
-    Print(config->data.name, diagnosis);
+    std::cout << ForTerminal(DiagnosisText(config->data.name, diagnosis)) << std::flush;
     return kDone;
   }
   // Poses that cannot be read as the config says may have another format.
   std::optional<GuessedReading> guessed = GuessReading(arguments[0], Settings(), NumThreads(), verbosity);
   if (!guessed) throw InputError(fault);
   guessed->diagnosis.symptoms.insert(guessed->diagnosis.symptoms.begin(), UnreadablePoses(fault, *guessed));
-  Print(std::filesystem::path(arguments[0]).stem().string(), guessed->diagnosis);
+  std::cout << ForTerminal(DiagnosisText(std::filesystem::path(arguments[0]).stem().string(), guessed->diagnosis))
+            << std::flush;
   return kDone;
 }
 

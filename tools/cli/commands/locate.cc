@@ -3,8 +3,6 @@
 #include <iostream>
 #include <memory>
 
-#include <nlohmann/json.hpp>
-
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -30,7 +28,6 @@
 
 namespace heba {
 namespace {
-using Json = nlohmann::ordered_json;
 
 // The pose of what carries the camera, and what is to be said about it.
 struct CameraMount {
@@ -114,25 +111,6 @@ double LargestSigmaMm(const PositionCovariance& covariance) {
   return 1000 * std::sqrt(covariance.TotalM2().diagonal().maxCoeff());
 }
 
-Json SigmasMmJson(const Eigen::Matrix3d& covariance_m2) {
-  const Eigen::Vector3d sigmas_mm = 1000 * covariance_m2.diagonal().cwiseSqrt();
-  return {sigmas_mm.x(), sigmas_mm.y(), sigmas_mm.z()};
-}
-
-// Returns one sigma along the base's axes, with the parts that calibration, image and robot contribute.
-Json SigmasJson(const PositionCovariance& covariance) {
-  return {{"total", SigmasMmJson(covariance.TotalM2())},
-          {"calibration", SigmasMmJson(covariance.by_calibration_m2)},
-          {"image", SigmasMmJson(covariance.by_image_m2)},
-          {"robot", SigmasMmJson(covariance.by_robot_m2)}};
-}
-
-Json LocatedJson(const LocatedTarget& located) {
-  return {{"base_from_target", Json::parse(PoseToJson(located.base_from_target, "base", "target"))},
-          {"one_sigma_mm", SigmasJson(located.covariance)},
-          {"rms_px", located.rms_px}};
-}
-
 std::string DescribeSigma(const LocatedTarget& located) {
   return "  one sigma of its centre, along the base's x, y, z: " + SigmasText(located.covariance) + "\n";
 }
@@ -186,30 +164,6 @@ std::string DescribePostures(const UrRobot& robot, const Rigid3d& base_from_targ
 std::string DescribePostures(const ReachingArm& arm, const Rigid3d& base_from_target) {
   if (arm.ur != nullptr) return DescribePostures(*arm.ur, base_from_target);
   return arm.urdf ? DescribePostures(*arm.urdf, base_from_target) : "";
-}
-
-// Returns the joints of all postures that reach a pose, in deg, or m for joints that slide.
-Json PosturesJson(const ReachingArm& arm, const Rigid3d& base_from_target) {
-  Json postures = Json::array();
-  if (arm.ur != nullptr) {
-    const Outcome<std::vector<UrPosture>> found = PosturesOf(*arm.ur, base_from_target);
-    for (size_t i = 0; found && i < found->size(); ++i) {
-      Json joints = Json::array();
-      for (const double joint_rad : (*found)[i].joints_rad) joints.push_back(RadToDeg(joint_rad));
-      postures.push_back(joints);
-    }
-  }
-  if (arm.urdf) {
-    const Outcome<std::vector<std::vector<double>>> found = arm.urdf->PosturesOf(base_from_target);
-    for (size_t i = 0; found && i < found->size(); ++i) {
-      Json joints = Json::array();
-      for (size_t j = 0; j < (*found)[i].size(); ++j) {
-        joints.push_back(arm.urdf->IsTurning(j) ? RadToDeg((*found)[i][j]) : (*found)[i][j]);
-      }
-      postures.push_back(joints);
-    }
-  }
-  return postures;
 }
 
 // Describes all poses that fit an image of a target with symmetries.
@@ -315,15 +269,9 @@ PixelsAsked ReadPixelsAsked(const Camera& camera) {
   return asked;
 }
 
-// The points that --pixels requests in one image.
-struct PointsDescription {
-  std::string text;
-  Json json = Json::array();
-};
-
-Outcome<PointsDescription> DescribePixels(const FinishedRun& run, const Solution& solution,
-                                          const CaptureDetection& seen, const CameraMount& mount,
-                                          const PixelsAsked& asked, const ReachingArm& arm) {
+// Describes the points that --pixels requests in one image.
+Outcome<std::string> DescribePixels(const FinishedRun& run, const Solution& solution, const CaptureDetection& seen,
+                                    const CameraMount& mount, const PixelsAsked& asked, const ReachingArm& arm) {
   const std::optional<Plane>& plane = asked.plane;
   const Observations observations = ObservationsOf(*run.target, seen.detection);
   Eigen::Vector3d normal = plane ? plane->normal : Eigen::Vector3d::Zero();
@@ -335,8 +283,7 @@ Outcome<PointsDescription> DescribePixels(const FinishedRun& run, const Solution
   }
   const Rigid3d base_from_camera =
       Correct(solution, mount.stated).base_from_mount * solution.hand_eye.camera_mount_from_camera;
-  PointsDescription points;
-  points.text = mount.remark;
+  std::string text = mount.remark;
   for (const Eigen::Vector2d& pixel : asked.pixels) {
     const Outcome<LocatedPoint> located =
         plane ? LocatePixel(run.result.setup, solution, pixel, *plane, mount.stated)
@@ -345,16 +292,11 @@ Outcome<PointsDescription> DescribePixels(const FinishedRun& run, const Solution
       return Failure{"pixel " + Significant(pixel.x(), 6) + ", " + Significant(pixel.y(), 6) + ": " + located.reason()};
     }
     if (!IsKnown(located->in_base, located->covariance)) return Failure{kNotKnown};
-    points.text += DescribePoint(pixel, *located);
+    text += DescribePoint(pixel, *located);
     const bool is_seen_side = normal.dot(base_from_camera.translation - located->in_base) > 0;
-    const Rigid3d base_from_flange = PointingAt(located->in_base, is_seen_side ? normal : Eigen::Vector3d(-normal));
-    points.text += DescribePostures(arm, base_from_flange);
-    points.json.push_back({{"pixel_px", {pixel.x(), pixel.y()}},
-                           {"in_base_m", {located->in_base.x(), located->in_base.y(), located->in_base.z()}},
-                           {"one_sigma_mm", SigmasJson(located->covariance)}});
-    if (!FLAGS_robot.empty()) points.json.back()["joints"] = PosturesJson(arm, base_from_flange);
+    text += DescribePostures(arm, PointingAt(located->in_base, is_seen_side ? normal : Eigen::Vector3d(-normal)));
   }
-  return points;
+  return text;
 }
 
 // The text about the target in one image.
@@ -362,7 +304,6 @@ struct TargetDescription {
   std::string text;         // For standard output; lists all possible poses if none is chosen.
   bool is_located = false;  // Whether one pose was chosen.
   std::string fault;        // Reason why none was chosen; empty if only --near is missing.
-  Json json = {};           // The same for --json; null if there is no pose.
 };
 
 TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solution, const std::string& image,
@@ -370,11 +311,10 @@ TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solutio
                                  const std::optional<Rigid3d>& near, const ReachingArm& arm) {
   const Outcome<std::vector<LocatedTarget>> possible = LocateSymmetricTarget(
       run.result.setup, solution, ObservationsOf(*run.target, seen.detection), run.target->Symmetries(), mount.stated);
-  if (!possible) return {"", false, seen.detection.reason.empty() ? possible.reason() : seen.detection.reason, {}};
+  if (!possible) return {"", false, seen.detection.reason.empty() ? possible.reason() : seen.detection.reason};
   for (const LocatedTarget& located : *possible) {
-    if (!IsKnown(located.base_from_target.translation, located.covariance)) return {"", false, kNotKnown, {}};
+    if (!IsKnown(located.base_from_target.translation, located.covariance)) return {"", false, kNotKnown};
   }
-  const bool is_carried = run.result.setup == Setup::kEyeInHand;
   const std::string fit = image + ": " + std::to_string(seen.detection.ids.size()) + " of " +
                           std::to_string(run.target->points().size()) + " points, rms " +
                           Significant(possible->front().rms_px, 2) + " px";
@@ -385,46 +325,24 @@ TargetDescription DescribeTarget(const FinishedRun& run, const Solution& solutio
     return is_corrected ? ReachText(*robot, solution, located, !FLAGS_robot.empty())
                         : "  no pose to command: the target was located with a pose that was not corrected\n";
   };
-  Json json = {{"points", seen.detection.ids.size()},
-               {"target_points", run.target->points().size()},
-               {"possible_poses", Json::array()},
-               {"located", nullptr}};
-  for (const LocatedTarget& located : *possible) json["possible_poses"].push_back(LocatedJson(located));
-  const auto choose = [&](const LocatedTarget& located) {
-    json["located"] = LocatedJson(located);
-    if (is_carried) {
-      const Rigid3d corrected = Correct(solution, mount.stated).base_from_mount;
-      json["located"]["base_from_gripper"] = Json::parse(PoseToJson(corrected, "base", "gripper"));
-    }
-    const RobotSummary* robot = run.FindArm();
-    if (robot != nullptr && (!is_carried || mount.stated.effect != nullptr)) {
-      const Outcome<Rigid3d> command = PoseToCommand(*robot, located);
-      json["located"]["pose_to_command"] =
-          command ? Json::parse(PoseToJson(*command, "base", "gripper")) : Json(nullptr);
-    }
-    if (!FLAGS_robot.empty()) json["located"]["joints"] = PosturesJson(arm, located.base_from_target);
-    return json;
-  };
   const auto describe_chosen = [&](const LocatedTarget& located, const std::string& why) {
     return fit + "\n  base_from_target " + PoseText(located.base_from_target, LargestSigmaMm(located.covariance)) +
            "\n" + DescribeSigma(located) + mount.remark + why + reach_of(located) +
            DescribePostures(arm, located.base_from_target);
   };
-  if (possible->size() == 1) return {describe_chosen(possible->front(), ""), true, "", choose(possible->front())};
+  if (possible->size() == 1) return {describe_chosen(possible->front(), ""), true, ""};
   const std::string all =
       fit + "; " + SymmetryText(*run.target) + "\n" + DescribePossible(*possible, arm) + mount.remark;
-  if (!near) return {all, false, "", json};
+  if (!near) return {all, false, ""};
   const std::string angles = std::to_string(possible->size()) + " possible poses, from which its rotation differs by " +
                              AnglesText(*possible, *near);
   const std::optional<size_t> meant = FindMeantPose(*possible, *near);
   if (!meant) {
     return {all, false,
             "--near does not decide between the " + angles + "; it must be nearer to one of them by " +
-                Significant(RadToDeg(kMinRotationGapRad), 2) + " deg",
-            json};
+                Significant(RadToDeg(kMinRotationGapRad), 2) + " deg"};
   }
-  return {describe_chosen((*possible)[*meant], "  chosen by --near among the " + angles + "\n"), true, "",
-          choose((*possible)[*meant])};
+  return {describe_chosen((*possible)[*meant], "  chosen by --near among the " + angles + "\n"), true, ""};
 }
 
 }  // namespace
@@ -447,15 +365,13 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
   const std::optional<Rigid3d> near = NearAskedFor(run);
   std::vector<std::string> undecided;
   bool all_found = true;
-  Json images = Json::array();
   for (size_t i = 1; i < arguments.size(); ++i) {
     const CaptureDetection seen = DetectCapture(*run.target, arguments[i]);
     CheckImageSize(run, seen, arguments[i]);
     if (!FLAGS_pixels.empty()) {
-      const Outcome<PointsDescription> points = DescribePixels(run, *refined->solution, seen, mount, asked, arm);
+      const Outcome<std::string> points = DescribePixels(run, *refined->solution, seen, mount, asked, arm);
       if (points) {
-        images.push_back({{"image", arguments[i]}, {"located_pixels", points->json}});
-        if (!FLAGS_json) std::cout << ForTerminal(arguments[i] + ":\n" + points->text);
+        std::cout << ForTerminal(arguments[i] + ":\n" + *points);
       } else {
         all_found = false;
         PrintError(arguments[i] + ": " + points.reason());
@@ -463,9 +379,7 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
       continue;
     }
     const TargetDescription target = DescribeTarget(run, *refined->solution, arguments[i], seen, mount, near, arm);
-    if (!FLAGS_json) std::cout << ForTerminal(target.text);
-    images.push_back({{"image", arguments[i]}, {"reason", target.fault}});
-    if (!target.json.is_null()) images.back().update(target.json);
+    std::cout << ForTerminal(target.text);
     if (target.is_located) continue;
     all_found = false;
     if (target.fault.empty()) {
@@ -480,7 +394,6 @@ int RunCommand_locate(const std::vector<std::string>& arguments) {
                " poses fit an image equally well; --near " + Join(FormatOfNear(run.pose_reading).columns, ",") +
                ", a rough base_from_target, decides between them");
   }
-  if (FLAGS_json) std::cout << Json{{"images", images}}.dump(1) << "\n";
   std::cout << std::flush;
   return all_found ? kDone : kWorkFailed;
 }
