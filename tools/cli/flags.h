@@ -33,6 +33,7 @@ DECLARE_string(format);
 DECLARE_string(target);
 DECLARE_string(pixels);
 DECLARE_string(plane);
+DECLARE_bool(json);
 
 namespace heba {
 

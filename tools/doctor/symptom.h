@@ -2,6 +2,9 @@
 #pragma once
 
 #include <string>
+#include <vector>
+
+#include "tools/text/config_setting.h"
 
 namespace heba {
 
@@ -13,6 +16,8 @@ struct Symptom {
   std::string code;
   std::string what;  // Includes the evidence.
   std::string cure;  // The change to make; may be empty.
+  // The settings of the config that the cure changes; empty if it is another change, or one of several.
+  std::vector<ConfigSetting> settings = {};
 };
 
 }  // namespace heba
