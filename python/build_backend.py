@@ -65,7 +65,9 @@ def pack(package, wheel_directory):
     info = f"heba-{version()}.dist-info"
     metadata = (
         f"Metadata-Version: 2.1\nName: heba\nVersion: {version()}\nSummary: Hand-eye bundle adjustment\n"
-        "License: see LICENSE\nRequires-Python: >=3.9\nRequires-Dist: numpy\n"
+        "License: see LICENSE\nRequires-Python: >=3.9\n"
+        # Runs of configs need no numpy, so that it is an extra: `pip install --no-index` works where there is none.
+        'Provides-Extra: numpy\nRequires-Dist: numpy; extra == "numpy"\n'
     )
     files = {
         f"heba/{file.name}": file.read_bytes()

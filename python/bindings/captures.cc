@@ -12,13 +12,13 @@
 #include "heba/base/text.h"
 #include "heba/detection.h"
 #include "heba/evaluation/arm_uncertainty.h"
-#include "heba/evaluation/pose_correction.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/result_file.h"
 #include "heba/run.h"
 #include "heba/target_location.h"
 #include "python/bindings/arrays.h"
 #include "python/bindings/bindings.h"
+#include "python/bindings/python_observer.h"
 #include "tools/config/finished_run.h"
 #include "tools/text/finding_text.h"
 
@@ -72,25 +72,15 @@ StatedPose CameraMount(const FinishedRun& run, const std::optional<DoubleArray>&
                                 : "the camera is stationary; leave pose out");
   }
   if (!is_carried) return {};
-  const Rigid3d stated = PosesFrom(*base_from_gripper).front();
-  const RobotSummary* const robot = run.FindArm();
-  if (robot == nullptr) {
-    if (!joints.empty()) throw InputError("joints: the run has not estimated the errors of an arm; leave them out");
-    return stated;
+  std::optional<Eigen::VectorXd> positions;
+  if (!joints.empty()) {
+    positions = Eigen::Map<const Eigen::VectorXd>(joints.data(), static_cast<Eigen::Index>(joints.size()));
   }
-  if (joints.empty()) {
-    const Outcome<StatedPose> with_errors = WithArmErrors(*robot, stated);
-    if (!with_errors) throw InputError("pose: " + with_errors.reason() + "; joints, those of the arm, would tell them");
-    return *with_errors;
-  }
-  if (joints.size() != static_cast<size_t>(robot->nominal.num_joints())) {
-    throw InputError("joints: there are " + std::to_string(joints.size()) + ", but the arm has " +
-                     std::to_string(robot->nominal.num_joints()));
-  }
-  const Eigen::VectorXd positions = Eigen::Map<const Eigen::VectorXd>(joints.data(), robot->nominal.num_joints());
-  const Outcome<Rigid3d> is_near = TruePose(*robot, stated, positions);
-  if (!is_near) throw InputError("joints: " + is_near.reason());
-  return WithArmErrors(*robot, stated, positions);
+  const Outcome<StatedPose> stated =
+      WithErrorsOfArm(run.FindArm(), PosesFrom(*base_from_gripper).front(), positions);
+  if (stated) return *stated;
+  if (positions) throw InputError("joints: " + stated.reason());
+  throw InputError("pose: " + stated.reason() + "; joints, those of the arm, would tell them");
 }
 
 // Returns, for each pose of the target that fits the image, base_from_target, the covariance of its position in the
@@ -135,7 +125,7 @@ using CapturePoints = std::pair<std::vector<int>, DoubleArray>;
 std::string CalibratePoints(const std::string& setup, const std::string& target_yaml,
                       const std::vector<CapturePoints>& captures, const DoubleArray& base_from_grippers, int width_px,
                       int height_px, const std::optional<std::pair<std::string, std::vector<double>>>& camera,
-                      int num_folds, int num_threads) {
+                      int num_folds, int num_threads, const pybind11::object& progress) {
   Dataset data;
   data.name = "arrays";
   data.setup = *FindSetup(setup);
@@ -161,13 +151,24 @@ std::string CalibratePoints(const std::string& setup, const std::string& target_
   RunOptions options;
   options.folds = num_folds;
   options.num_threads = num_threads;
-  const pybind11::gil_scoped_release release;
-  const Outcome<RunOutput> output = Run(data, options);
-  if (!output) throw InputError(output.reason());
-  RunResult result = output->result;
-  result.verdict = JudgeRun(result);
-  DescribeAll(&result.verdict.findings);
-  return ResultToJson(result);
+  PythonObserver observer(progress);
+  std::string text;
+  std::string reason;
+  {
+    const pybind11::gil_scoped_release release;
+    const Outcome<RunOutput> output = Run(data, options, &observer);
+    if (output) {
+      RunResult result = output->result;
+      result.verdict = JudgeRun(result);
+      DescribeAll(&result.verdict.findings);
+      text = ResultToJson(result);
+    } else {
+      reason = output.reason();
+    }
+  }
+  observer.RethrowIfRaised();
+  if (text.empty()) throw InputError(reason);
+  return text;
 }
 
 }  // namespace
@@ -184,7 +185,8 @@ void BindCaptures(pybind11::module_& module) {
   module.def("detect_file", &DetectFile, arg("image"), arg("target"));
   module.def("locate", &Locate, arg("folder"), arg("grey"), arg("file"), arg("base_from_gripper"), arg("joints"));
   module.def("calibrate", &CalibratePoints, arg("setup"), arg("target"), arg("captures"), arg("base_from_gripper"),
-             arg("width_px"), arg("height_px"), arg("camera"), arg("num_folds"), arg("num_threads"));
+             arg("width_px"), arg("height_px"), arg("camera"), arg("num_folds"), arg("num_threads"),
+             arg("progress"));
 }
 
 }  // namespace heba

@@ -2,9 +2,14 @@
 // them. No function holds the GIL while it computes.
 #include "python/bindings/bindings.h"
 
+#include <string>
+#include <vector>
+
 #include <glog/logging.h>
+#include <pybind11/stl.h>
 
 #include "heba/base/error.h"
+#include "heba/base/registry.h"
 #include "heba/io/result_file.h"
 
 PYBIND11_MODULE(_heba, module) {
@@ -14,6 +19,9 @@ PYBIND11_MODULE(_heba, module) {
   // heba.Error is a ValueError, as OpenCV's users and numpy's expect of wrong arguments.
   pybind11::register_exception<heba::InputError>(module, "Error", PyExc_ValueError);
   module.attr("__version__") = heba::Version();
+  module.def("unknown_name", [](const std::string& unknown, const std::vector<std::string>& known) {
+    return heba::UnknownName(unknown, known);
+  });
   heba::BindPosePairs(module);
   heba::BindCaptures(module);
   heba::BindRuns(module);

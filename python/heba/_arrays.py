@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Sequence
 
-import numpy as np
-
 from ._heba import Error
+from ._numpy import np
 
 _MOST_SKEW = 1e-3  # A rotation that was written with four digits deviates from an orthonormal matrix by this.
 

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Callable, Iterator, Mapping, Sequence
 
-import numpy as np
-
 from . import _heba
 from ._arrays import grey_from, poses_from
-from ._heba import Error
+from ._heba import Error, unknown_name
+from ._numpy import needs_numpy, np
 from ._result import Result
 
 Progress = Callable[[str, int, int], object]
@@ -50,12 +49,16 @@ class Location:
 
 @dataclass(frozen=True)
 class Symptom:
-    """A finding of the doctor. `code` is the same in every version; `cure` may be empty."""
+    """A finding of the doctor. `code` is the same in every version; `cure` may be empty.
+
+    `settings` are those of the config that the cure changes, as `run` and `doctor` take them: "KEY=VALUE".
+    """
 
     code: str
     is_wrong: bool
     what: str
     cure: str
+    settings: tuple[str, ...] = ()
 
 
 def run(
@@ -90,9 +93,11 @@ def doctor(
 ) -> list[Symptom]:
     """Examines a data set, as `heba doctor` does. Faults come first; an empty list means that nothing was found."""
     with _config_file(config) as file:
-        return [Symptom(*symptom) for symptom in _heba.diagnose(file, list(settings), _threads(threads))]
+        symptoms = _heba.diagnose(file, list(settings), _threads(threads))
+    return [Symptom(*words, tuple(changes)) for *words, changes in symptoms]
 
 
+@needs_numpy
 def detect(image: np.ndarray | str | os.PathLike[str], target: Mapping[str, Any] | str) -> Detection:
     """Detects a target in an image.
 
@@ -106,6 +111,7 @@ def detect(image: np.ndarray | str | os.PathLike[str], target: Mapping[str, Any]
     return Detection(*_heba.detect_file(image, yaml))
 
 
+@needs_numpy
 def locate(
     run_folder: str | os.PathLike[str] | Result,
     image: np.ndarray | str | os.PathLike[str],
@@ -136,6 +142,7 @@ def locate(
     return [Location(*found) for found in _heba.locate(folder, grey, file, base_from_gripper, list(joints))]
 
 
+@needs_numpy
 def calibrate(
     points: Sequence[Any],
     poses: Any,
@@ -146,6 +153,7 @@ def calibrate(
     camera: tuple[str, Sequence[float]] | None = None,
     folds: int = 5,
     threads: int | None = None,
+    progress: Progress | None = None,
 ) -> Result:
     """Calibrates from detected points, with the error model chosen, hold-outs and findings as in `run`.
 
@@ -159,9 +167,11 @@ def calibrate(
         camera: The name of a camera model and its parameters; estimated from the points by default.
         folds: The number of folds of the cross-validation; 0: none.
         threads: As in run.
+        progress: As in run, for the stage "hold-out": the points are detected already. An exception that it raises ends
+            the calibration.
     """
     if setup not in ("eye_to_hand", "eye_in_hand"):
-        raise Error(f"setup: {setup!r} is not one of: eye_to_hand, eye_in_hand")
+        raise Error(f"setup: {unknown_name(setup, ['eye_to_hand', 'eye_in_hand'])}")
     base_from_gripper = poses_from(poses, "poses")
     if len(points) != len(base_from_gripper):
         raise Error(f"points has {len(points)} captures, but poses has {len(base_from_gripper)}")
@@ -173,7 +183,16 @@ def calibrate(
     captures = [_capture(entry, f"points[{i}]", ids_of_target) for i, entry in enumerate(points)]
     given = None if camera is None else (camera[0], [float(param) for param in camera[1]])
     text = _heba.calibrate(
-        setup, yaml, captures, base_from_gripper, int(width_px), int(height_px), given, folds, _threads(threads)
+        setup,
+        yaml,
+        captures,
+        base_from_gripper,
+        int(width_px),
+        int(height_px),
+        given,
+        folds,
+        _threads(threads),
+        progress,
     )
     return Result(text)
 

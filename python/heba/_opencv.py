@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from typing import Any, Sequence
 
-import numpy as np
-
 from . import _heba
 from ._arrays import matrices_of
-from ._heba import Error
+from ._heba import Error, unknown_name
+from ._numpy import needs_numpy, np
 
 CALIB_HAND_EYE_TSAI = 0
 CALIB_HAND_EYE_PARK = 1
@@ -33,6 +32,7 @@ def methods() -> dict[str, str]:
     return {"best": best, **dict(_heba.closed_forms())}
 
 
+@needs_numpy
 def calibrate_hand_eye(
     R_gripper2base: Sequence[Any],
     t_gripper2base: Sequence[Any],
@@ -67,6 +67,7 @@ def calibrate_hand_eye(
     return _parts(camera)
 
 
+@needs_numpy
 def calibrate_robot_world_hand_eye(
     R_world2cam: Sequence[Any],
     t_world2cam: Sequence[Any],
@@ -98,6 +99,7 @@ def calibrate_robot_world_hand_eye(
     return *_parts(np.linalg.inv(target)), *_parts(np.linalg.inv(camera))
 
 
+@needs_numpy
 def calibrateHandEye(  # noqa: N802: OpenCV's name.
     R_gripper2base: Sequence[Any],
     t_gripper2base: Sequence[Any],
@@ -113,6 +115,7 @@ def calibrateHandEye(  # noqa: N802: OpenCV's name.
     return results
 
 
+@needs_numpy
 def calibrateRobotWorldHandEye(  # noqa: N802: OpenCV's name.
     R_world2cam: Sequence[Any],
     t_world2cam: Sequence[Any],
@@ -144,7 +147,7 @@ def _method(method: str | int, of_opencv: Sequence[str], constant: str) -> str:
     if isinstance(method, str):
         if method in methods():
             return method
-        raise Error(f"method: {method!r} is unknown; one of: {', '.join(methods())}")
+        raise Error(f"method: {unknown_name(method, list(methods()))}")
     if not 0 <= int(method) < len(of_opencv):
         raise Error(f"method: {method} is not one of OpenCV's constants {constant}_...")
     return of_opencv[int(method)]

@@ -8,10 +8,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from . import _heba
-from ._heba import Error
+from ._heba import Error, unknown_name
+from ._numpy import needs_numpy, np
 
 
 def _matrix(pose: dict[str, Any]) -> np.ndarray:
@@ -59,20 +58,24 @@ class Result:
         for name in ("bundle", "chain") if method is None else (method,):
             if name in usable:
                 return usable[name]
-        wanted = "refined estimate" if method is None else f"estimate of {method!r}"
-        raise Error(f"the result has no {wanted}; it has: {', '.join(usable)}")
+        if method is None:
+            raise Error(f"the result has no refined estimate; it has: {', '.join(usable)}")
+        raise Error(f"method: {unknown_name(method, list(usable))}")
 
     @property
+    @needs_numpy
     def hand_eye(self) -> np.ndarray:
         """The camera's pose, 4 x 4, m: base_from_camera or gripper_from_camera."""
         return _matrix(self.estimate()["hand_eye"])
 
     @property
+    @needs_numpy
     def board(self) -> np.ndarray:
         """The target's pose, 4 x 4, m: gripper_from_target or base_from_target."""
         return _matrix(self.estimate()["board"])
 
     @property
+    @needs_numpy
     def covariance(self) -> np.ndarray | None:
         """The covariance of hand_eye, 6 x 6: translation (m), then rotation (rad), in the camera's frame."""
         covariance = self.estimate()["covariance"]

@@ -128,21 +128,25 @@ double ChanceAgainst(const FittedModel& larger, const FittedModel& smaller) {
                        larger.solution.covariance_dof);
 }
 
-// Returns ModelAlternative::odds.
-std::optional<double> OddsAgainst(const Problem& problem, const FittedModel& larger, const FittedModel& smaller) {
-  if (smaller.model.effects == nullptr) return std::nullopt;
-  const std::optional<double> at_least =
-      LogLikelihoodAtLeast(problem, larger.solution, larger.options, smaller.model.effects.get());
-  return at_least ? std::optional<double>(std::exp(smaller.log_likelihood - *at_least)) : std::nullopt;
+// Returns whether the likelihood ratio alone does not reject a model.
+bool IsLikelyEnough(const ModelAlternative& smaller, const ErrorModel& largest) {
+  const bool lacks_arm = smaller.model.effects == nullptr && largest.effects != nullptr &&
+                         largest.effects->kind == SharedEffectsKind::kArm;
+  return smaller.p.value_or(1) >= (lacks_arm ? kExactArmRejected : kModelRejected);
 }
 
 }  // namespace
 
 bool IsAcceptable(const ModelAlternative& smaller, const ErrorModel& largest) {
-  const bool lacks_arm = smaller.model.effects == nullptr && largest.effects != nullptr &&
-                         largest.effects->kind == SharedEffectsKind::kArm;
-  const double level = lacks_arm ? kExactArmRejected : kModelRejected;
-  return smaller.p.value_or(1) >= level && (!smaller.odds || *smaller.odds >= kLeastOdds);
+  return IsLikelyEnough(smaller, largest) && (!smaller.odds || *smaller.odds >= kLeastOdds);
+}
+
+std::optional<double> OddsAgainst(
+    const ErrorModel& largest, const ModelAlternative& smaller,
+    const std::function<std::optional<double>(const SharedEffects& smaller)>& log_likelihood_at_least) {
+  if (smaller.model.effects == nullptr || !IsLikelyEnough(smaller, largest)) return std::nullopt;
+  const std::optional<double> at_least = log_likelihood_at_least(*smaller.model.effects);
+  return at_least ? std::optional<double>(std::exp(smaller.log_likelihood - *at_least)) : std::nullopt;
 }
 
 int NumVariances(const ErrorModel& model) {
@@ -369,7 +373,9 @@ Outcome<ModelChoice> ChooseModel(const Problem& problem_in, const HandEye& start
     }
     if (largest != nullptr) {
       alternative.p = ChanceAgainst(*largest, smaller);
-      alternative.odds = OddsAgainst(*problem, *largest, smaller);
+      alternative.odds = OddsAgainst(largest->model, alternative, [&](const SharedEffects& effects) {
+        return LogLikelihoodAtLeast(*problem, largest->solution, largest->options, effects);
+      });
     }
     choice.alternatives.push_back(alternative);
     if (largest != nullptr && !IsAcceptable(alternative, largest->model)) continue;

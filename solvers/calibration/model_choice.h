@@ -2,6 +2,7 @@
 // target that differs from its design.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -38,6 +39,12 @@ double ChanceOfRatio(double smaller_log_likelihood, double larger_log_likelihood
 
 // Returns whether a model can be taken beside `largest`, the largest of the models that contain it.
 bool IsAcceptable(const ModelAlternative& smaller, const ErrorModel& largest);
+
+// Returns ModelAlternative::odds; nothing if p rejects the model already, so that they decide nothing.
+// `log_likelihood_at_least` is LogLikelihoodAtLeast, or ChainLogLikelihoodAtLeast, at the solution of `largest`.
+std::optional<double> OddsAgainst(
+    const ErrorModel& largest, const ModelAlternative& smaller,
+    const std::function<std::optional<double>(const SharedEffects& smaller)>& log_likelihood_at_least);
 
 // Returns the number of variances of a model, and of the figures of its effects that were fitted.
 int NumVariances(const ErrorModel& model);

@@ -75,11 +75,9 @@ Outcome<Solution> RefineWithChosenErrors(const PoseCalibrationOptions& options, 
       alternative.p = ChanceOfRatio(smaller.log_likelihood, largest.log_likelihood,
                                     {0, NumVariances(largest.model) - NumVariances(smaller.model)},
                                     largest.solution.covariance_dof);
-      const std::optional<double> at_least =
-          smaller.model.effects == nullptr ? std::nullopt
-                                           : ChainLogLikelihoodAtLeast(options.setup, calibration->pairs,
-                                                                       largest.solution, smaller.model.effects.get());
-      if (at_least) alternative.odds = std::exp(smaller.log_likelihood - *at_least);
+      alternative.odds = OddsAgainst(largest.model, alternative, [&](const SharedEffects& effects) {
+        return ChainLogLikelihoodAtLeast(options.setup, calibration->pairs, largest.solution, effects);
+      });
     }
     if (chosen == nullptr && IsAcceptable(alternative, largest.model)) chosen = &smaller;
     if (candidates.size() > 1) calibration->alternatives.push_back(std::move(alternative));

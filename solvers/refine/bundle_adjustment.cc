@@ -178,7 +178,7 @@ double LogLikelihoodOf(const Problem& problem, const Solution& solution, const B
 }
 
 std::optional<double> LogLikelihoodAtLeast(const Problem& problem, const Solution& solution,
-                                           const BundleOptions& options, const SharedEffects* smaller) {
+                                           const BundleOptions& options, const SharedEffects& smaller) {
   if (options.effects == nullptr) return std::nullopt;
   std::optional<SolutionRows> rows = RowsOf(problem, solution, options);
   if (!rows || !RaiseToLeast(rows->views, *options.effects, smaller, &rows->groups)) return std::nullopt;

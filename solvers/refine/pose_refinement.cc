@@ -152,7 +152,7 @@ double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, con
 }
 
 std::optional<double> ChainLogLikelihoodAtLeast(Setup setup, const std::vector<PosePair>& pairs,
-                                                const Solution& solution, const SharedEffects* smaller) {
+                                                const Solution& solution, const SharedEffects& smaller) {
   if (solution.shared_effects == nullptr) return std::nullopt;
   ChainRows rows(setup, pairs, solution);
   if (!RaiseToLeast(rows.views, *solution.shared_effects, smaller, &rows.groups)) return std::nullopt;

@@ -33,6 +33,6 @@ Outcome<Solution> RefineChainWithNoise(Setup setup, const std::vector<PosePair>&
 double ChainLogLikelihoodOf(Setup setup, const std::vector<PosePair>& pairs, const Solution& solution);
 // Likewise, as LogLikelihoodAtLeast (heba/bundle_adjustment.h).
 std::optional<double> ChainLogLikelihoodAtLeast(Setup setup, const std::vector<PosePair>& pairs,
-                                                const Solution& solution, const SharedEffects* smaller);
+                                                const Solution& solution, const SharedEffects& smaller);
 
 }  // namespace heba

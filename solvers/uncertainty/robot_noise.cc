@@ -97,11 +97,11 @@ size_t FirstEffectGroup(const std::vector<VarianceGroup>& groups) {
   return static_cast<size_t>(first - groups.begin());
 }
 
-bool RaiseToLeast(const std::vector<LinearisedView>& views, const SharedEffects& effects, const SharedEffects* smaller,
+bool RaiseToLeast(const std::vector<LinearisedView>& views, const SharedEffects& effects, const SharedEffects& smaller,
                   std::vector<VarianceGroup>* groups) {
   const size_t first = FirstEffectGroup(*groups);
   bool has_raised = false;
-  for (size_t g = smaller == nullptr ? 0 : smaller->groups.size(); g < effects.groups.size(); ++g) {
+  for (size_t g = smaller.groups.size(); g < effects.groups.size(); ++g) {
     const double least = effects.groups[g].least_sigma;
     if (!(least > 0)) continue;
     VarianceGroup& group = (*groups)[first + g];

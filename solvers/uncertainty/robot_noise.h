@@ -51,10 +51,10 @@ size_t FirstEffectGroup(const std::vector<VarianceGroup>& groups);
 std::vector<VarianceGroup> WithEffectGroups(std::vector<VarianceGroup> groups, const UnknownLayout& layout,
                                             const SharedEffects* effects, const std::vector<double>& sigmas,
                                             bool are_free, bool avoid_zero);
-// Raises the variances of those groups of effects that `smaller` (null: no effects) lacks to their least ones
+// Raises the variances of those groups of effects that `smaller` lacks to their least ones
 // (EffectGroup::least_sigma), holds these, and estimates the others. Returns false, and changes nothing, if there is no
 // such group.
-bool RaiseToLeast(const std::vector<LinearisedView>& views, const SharedEffects& effects, const SharedEffects* smaller,
+bool RaiseToLeast(const std::vector<LinearisedView>& views, const SharedEffects& effects, const SharedEffects& smaller,
                   std::vector<VarianceGroup>* groups);
 // Returns the robot's sigmas among the variances of these groups.
 RobotNoise RobotNoiseOf(const std::vector<VarianceGroup>& groups, const VarianceComponents& variances);

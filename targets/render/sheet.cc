@@ -135,7 +135,8 @@ const Format& FormatOf(const std::filesystem::path& path) {
   for (const Format& format : kFormats) {
     if (format.suffix == suffix) return format;
   }
-  throw InputError(path.string() + ": a sheet is written as .svg, .pdf or .png, not as '" + suffix + "'");
+  throw InputError(path.string() + ": a sheet is written as .svg, .pdf or .png, not as '" + suffix + "'" +
+                   DidYouMean(suffix, {".svg", ".pdf", ".png"}));
 }
 
 std::string ShownMm(double mm) { return RoundTrip(std::round(mm * 100) / 100); }

@@ -272,6 +272,41 @@ TEST_F(ArmRunTest, CommandsInOtherConfigurationsAreMarkedAsExtrapolated) {
   EXPECT_EQ(exact.out.find("command"), std::string::npos);
 }
 
+TEST_F(ArmRunTest, JsonOfLocateStatesCorrectionsAndCommands) {
+  const fs::path cell = folder() / "one";
+  std::vector<std::string> arguments = {"locate",
+                                        (cell / "run").string(),
+                                        (cell / "images" / "002.png").string(),
+                                        "--pose",
+                                        NumbersOf(cell / "poses.csv", "002.png"),
+                                        "--near",
+                                        kNear,
+                                        "--robot",
+                                        "ur5e"};
+  const CommandResult text = RunHeba(arguments);
+  arguments.emplace_back("--json");
+  const CommandResult located = RunHeba(arguments);
+  ASSERT_EQ(located.status, 0) << located.err;
+  const Json json = Json::parse(located.out);
+  const Json& mount = json["camera_mount"];
+  EXPECT_EQ(mount["arm"], "ur5e");
+  EXPECT_EQ(mount["reason"], "");
+  EXPECT_EQ(mount["stated"]["child"], "gripper");
+  EXPECT_NE(mount["stated"]["translation_m"], mount["corrected"]["translation_m"]);
+  const Json& image = json["images"][0];
+  const Json& command = image["command"];
+  EXPECT_EQ(image["command_reason"], command["reason"]);
+  ASSERT_TRUE(command["base_from_gripper"].is_object()) << command;
+  EXPECT_THAT(Unwrapped(text.out), HasSubstr(Significant(command["from_target_mm"], 3) + " mm and " +
+                                             Significant(command["from_target_deg"], 3) + " deg from it"));
+  EXPECT_EQ(command["joints"].size(), 6U);
+  EXPECT_GT(command["sigma"]["total_mm"][0], 0);
+  ASSERT_FALSE(image["commands"].empty());
+  size_t num_extrapolated = 0;
+  for (const Json& one : image["commands"]) num_extrapolated += one["extrapolated"] == true ? 1 : 0;
+  EXPECT_GT(num_extrapolated, 0U);
+}
+
 TEST_F(ArmRunTest, OneConfigurationHasFiguresAndTheReportShowsTheArm) {
   const Json result = Json::parse(ReadAll(folder() / "one" / "run" / "result.json"));
   double captured_mm = 0;

@@ -745,6 +745,22 @@ TEST_F(BadInputTest, ReportsAFullDiskInOneLineAndLeavesNoFiles) {
   EXPECT_EQ(ReadAll(err + ".left"), "");
 }
 
+// An empty folder hides /proc, as in a chroot: neither the digest of the program nor unnamed files are possible.
+TEST_F(BadInputTest, RunsWithoutProc) {
+  const std::string hide = "mount -t tmpfs tmpfs /proc";
+  if (std::system(("unshare -Urm sh -c " + ShellQuoted(hide) + " 2> /dev/null").c_str()) != 0) {
+    GTEST_SKIP() << "/proc cannot be hidden here";
+  }
+  const fs::path out = *root_ / "without_proc";
+  const std::string err = (*root_ / "without_proc.err").string();
+  const std::string inside = hide + " && HEBA_CACHE= " + ShellQuoted(HEBA_PROGRAM) + " run " +
+                             ShellQuoted((folder_ / "config.yaml").string()) + " --quiet --out " +
+                             ShellQuoted(out.string()) + " 2> " + ShellQuoted(err);
+  EXPECT_EQ(std::system(("unshare -Urm sh -c " + ShellQuoted(inside)).c_str()), 0) << ReadAll(err);
+  EXPECT_EQ(ReadAll(err), "");
+  EXPECT_TRUE(fs::exists(out / "result.json"));
+}
+
 struct WrongCall {
   std::string name;
   std::vector<std::string> arguments;
@@ -770,6 +786,10 @@ TEST(CommandLineTest, WrongCallsPrintOneLineAndExitWithStatus2) {
       {"export without a form", {"export", "no/such"}, "needs --to FORMAT"},
       {"export to an unknown form", {"export", "no/such", "--to", "kuke"}, "did you mean 'kuka'?"},
       {"export of all forms to nowhere", {"export", "no/such", "--to", "all"}, "no such file"},
+      {"cache with a misspelt word",
+       {"cache", "clean"},
+       "'clean' is unknown; one of: show, clear; did you mean 'clear'?"},
+      {"verdict that is misspelt", {"run", "x.yaml", "--fail-on", "doubtfull"}, "did you mean 'doubtful'?"},
       {"cache without a word", {"cache"}, "takes show|clear"},
       {"locate without a image", {"locate", "no/such"}, "takes RUN_DIR IMAGE..."},
       {"locate in nothing", {"locate", "no/such", "a.png"}, "no such file"},

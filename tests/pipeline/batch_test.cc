@@ -373,6 +373,9 @@ TEST(ExportTest, WritesTheResultOfTheRun) {
   EXPECT_EQ(over.status, 2);
   EXPECT_THAT(over.err, HasSubstr("camera_info.yaml: was not exported by heba"));
   EXPECT_EQ(ReadAll(all / "camera_info.yaml"), "mine");
+  EXPECT_THAT(RunHeba({"locate", run.string(), "none.png", "--robot", "ur5f"}).err, HasSubstr("did you mean 'ur5'?"));
+  EXPECT_THAT(RunHeba({"locate", run.string(), "none.png", "--pixels", "1,1", "--plane", "taget"}).err,
+              HasSubstr("did you mean 'target'?"));
   // Poses of a UR pendant are relative to the frame `base`, which is not base_link.
   WriteAll(run / "config.yaml", "captures: {pose_format: ur}\n");
   EXPECT_THAT(RunHeba({"export", run.string(), "--to", "ros2"}).out, HasSubstr("'--frame-id', \"base\""));
@@ -389,6 +392,12 @@ TEST(ExportTest, WritesTheResultOfTheRun) {
     EXPECT_EQ(refused.status, 2) << wrong[1];
     EXPECT_EQ(refused.out, "");
     EXPECT_THAT(refused.err, HasSubstr(wrong[0] + ":"));
+  }
+  const std::vector<std::vector<std::string>> misspelt = {
+      {"--method", "parc", "park"}, {"--units", "nm", "m"}, {"--child-is", "bodi", "body"}};
+  for (const std::vector<std::string>& word : misspelt) {
+    const CommandResult refused = RunHeba({"export", run.string(), "--to", "matrix", word[0], word[1]});
+    EXPECT_THAT(refused.err, HasSubstr("did you mean '" + word[2] + "'?"));
   }
 }
 

@@ -102,7 +102,7 @@ TEST_F(VerdictRunTest, SummaryContainsTheVerdict) {
 
 TEST_F(VerdictRunTest, WrongSettingsAreNamed) {
   EXPECT_THAT(RunHeba({"run", Config("bad_flag", ""), "--fail-on", "good"}).err,
-              testing::HasSubstr("--fail-on needs bad or doubtful, not 'good'"));
+              testing::HasSubstr("--fail-on: 'good' is unknown; one of: bad, doubtful"));
   const CommandResult require = RunHeba({"run", Config("bad_require", "evaluate: {require: [{within: 5}]}\n")});
   EXPECT_EQ(require.status, 2);
   EXPECT_THAT(require.err, testing::HasSubstr("within"));

@@ -1,8 +1,12 @@
 """Runs, detection, location, calibration from arrays and the doctor, beside the program's own results."""
 
 import json
+import os
 import resource
+import subprocess
+import sys
 import threading
+from pathlib import Path
 
 import conftest
 import numpy as np
@@ -175,3 +179,75 @@ def test_the_module_does_not_leak(cell):
         heba.detect(grey, target)
     # 200 leaked images would be 60 MB.
     assert peak_mb() - before < 10
+
+
+def test_progress_of_a_calibration_is_told_and_can_end_it(cell):
+    target = (cell / "target.yaml").read_text()
+    names, poses = conftest.read_poses(cell / "poses.csv")
+    seen = [heba.detect(cell / "images" / name, target) for name in names]
+    told = []
+    arguments = {"setup": "eye_to_hand", "image_size": (640, 480)}
+    heba.calibrate(seen, poses, target, progress=lambda *step: told.append(step), **arguments)
+    assert ("hold-out", 0, 5) in told
+    assert told[-1] == ("hold-out", 5, 5)
+
+    class Stop(Exception):
+        pass
+
+    def stop(stage, done, total):
+        raise Stop
+
+    with pytest.raises(Stop):
+        heba.calibrate(seen, poses, target, progress=stop, **arguments)
+
+
+def test_settings_of_a_symptom_cure_it(cell):
+    wrong = "captures.pose_format={columns: [x, y, z, qx, qy, qz, qw], translation: mm, rotation: quaternion_xyzw}"
+    symptom = heba.doctor(cell / "config.yaml", settings=[wrong])[0]
+    assert symptom.code == "pose_units" and len(symptom.settings) == 1
+    assert not [one for one in heba.doctor(cell / "config.yaml", settings=symptom.settings) if one.is_wrong]
+
+
+def test_unknown_names_have_suggestions(cell, program_run):
+    with pytest.raises(heba.Error, match="did you mean 'park'"):
+        heba.Result.read(program_run).estimate("parc")
+    with pytest.raises(heba.Error, match="did you mean 'eye_in_hand'"):
+        heba.calibrate([], np.zeros((0, 4, 4)), "", setup="eye_on_hand", image_size=(640, 480))
+    target = (cell / "target.yaml").read_text()
+    seen = [([0], [[1, 2]])] * 3
+    with pytest.raises(heba.Error, match="did you mean 'brown5'"):
+        camera = ("brwn5", [1] * 9)
+        heba.calibrate(seen, [np.eye(4)] * 3, target, setup="eye_in_hand", image_size=(640, 480), camera=camera)
+
+
+WITHOUT_NUMPY = """
+import sys
+sys.modules["numpy"] = None  # As if it were not installed.
+import heba
+result = heba.run(sys.argv[1], out=sys.argv[2])
+print(result.verdict["grade"], "bundle" in result.table(), len(heba.methods()) > 5)
+calls = [
+    ("calibrate", lambda: heba.calibrate([], [], "", setup="eye_to_hand", image_size=(1, 1))),
+    ("detect", lambda: heba.detect("x.png", "")),
+    ("locate", lambda: heba.locate(result, "x.png")),
+    ("calibrate_hand_eye", lambda: heba.calibrate_hand_eye([], [], [], [])),
+    ("Result.hand_eye", lambda: result.hand_eye),
+    ("Result.covariance", lambda: result.covariance),
+]
+for name, call in calls:
+    try:
+        call()
+    except ImportError as error:
+        assert str(error).startswith(f"heba.{name} needs numpy: ") and "\\n" not in str(error), error
+    else:
+        raise SystemExit(f"{name} needs no numpy")
+"""
+
+
+def test_runs_need_no_numpy(cell, tmp_path):
+    # The package is found where this test finds it.
+    environment = {**os.environ, "PYTHONPATH": str(Path(heba.__file__).parents[1])}
+    arguments = [sys.executable, "-c", WITHOUT_NUMPY, str(cell / "config.yaml"), str(tmp_path / "run")]
+    done = subprocess.run(arguments, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["good", "True", "True"]

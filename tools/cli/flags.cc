@@ -6,6 +6,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/parallel.h"
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 
 // A description consists of the kind of value that the flag takes, a |, and the help text.
@@ -46,6 +47,7 @@ DEFINE_string(setup, "", "SETUP|eye_to_hand or eye_in_hand; default: by the agre
 DEFINE_string(pixels, "", "U,V;U,V|pixels of the image to locate instead of the target");
 DEFINE_string(plane, "target",
               "PLANE|plane of the points: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
+DEFINE_bool(json, false, "|print one JSON document for programs instead of the text");
 DEFINE_double(dpi, 300, "N|resolution of a .png sheet");
 DEFINE_string(
     paper, "",
@@ -74,7 +76,7 @@ std::optional<Grade> FailOn() {
   for (const Grade grade : {Grade::kDoubtful, Grade::kBad}) {
     if (FLAGS_fail_on == GradeName(grade)) return grade;
   }
-  throw InputError("--fail-on needs bad or doubtful, not '" + FLAGS_fail_on + "'");
+  throw InputError("--fail-on: " + UnknownName(FLAGS_fail_on, {"bad", "doubtful"}));
 }
 
 Shard ParseShard() {

@@ -47,7 +47,7 @@ std::vector<fs::path> FindImages(const ConfigValue& value) {
   if (value.IsList()) {
     for (const ConfigValue& item : value.AsList()) {
       const fs::path path = item.AsPath();
-      if (!fs::is_regular_file(path)) item.Fail("there is no image " + path.string());
+      if (!fs::is_regular_file(path)) item.Fail("there is no image " + path.string() + FileMeant(path));
       images.push_back(path);
     }
     if (images.empty()) value.Fail("the list is empty; images are needed");

@@ -3,8 +3,10 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "heba/evaluation/finding.h"
+#include "tools/text/config_setting.h"
 
 namespace heba {
 
@@ -83,6 +85,8 @@ struct Symptom {
   SymptomCode code;
   std::string what;  // Includes the evidence.
   std::string cure;  // The change to make; may be empty.
+  // The settings of the config that the cure changes; empty if it is another change, or one of several.
+  std::vector<ConfigSetting> settings = {};
 };
 
 }  // namespace heba

@@ -1,10 +1,11 @@
 #include "tools/files/program_digest.h"
 
-#include <filesystem>
 #include <fstream>
 #include <set>
 #include <system_error>
 
+#include "heba/base/error.h"
+#include "heba/io/result_file.h"
 #include "tools/run/digest.h"
 
 namespace heba {
@@ -12,9 +13,9 @@ namespace {
 
 // Lists the shared libraries that the program runs with: their paths, which contain versions, sizes and times. A Python
 // module of heba is one of them.
-std::string LibrariesInUse() {
+std::string LibrariesInUse(const std::filesystem::path& process) {
   std::set<std::string> libraries;
-  std::ifstream maps("/proc/self/maps");
+  std::ifstream maps(process / "maps");
   for (std::string line; std::getline(maps, line);) {
     const size_t path = line.find('/');
     if (path == std::string::npos || line.find(".so", path) == std::string::npos) continue;
@@ -32,8 +33,18 @@ std::string LibrariesInUse() {
 
 }  // namespace
 
+std::string DigestOfProcess(const std::filesystem::path& process) {
+  std::string program;
+  try {
+    program = DigestOfFile(process / "exe");
+  } catch (const InputError&) {
+    program = Version() + " " + HEBA_COMMIT;
+  }
+  return DigestOf(program + LibrariesInUse(process));
+}
+
 const std::string& DigestOfProgram() {
-  static const std::string digest = DigestOf(DigestOfFile("/proc/self/exe") + LibrariesInUse());
+  static const std::string digest = DigestOfProcess("/proc/self");
   return digest;
 }
 

@@ -31,6 +31,10 @@ std::string Count(const Finding& finding, std::string_view key) { return Fixed(N
 
 std::string Amount(const Finding& finding, std::string_view key) { return ShownAmount(Number(finding, key), 2); }
 
+using Settings = std::vector<ConfigSetting>;
+
+const ConfigSetting kEstimatedNoise{"refine.robot_noise", "auto"};
+
 std::string ChanceText(double p) {
   constexpr double kNever = 1e-15;
   return p < kNever ? "p < 1e-15" : "p = " + Significant(p, 2);
@@ -119,16 +123,19 @@ FindingText NoHoldOut(const Finding& finding) {
     return {"the refinement failed without the held-out captures: the hold-out error is not known",
             "take more captures: too few are left to determine the camera and its pose when some are held out"};
   }
-  return {"no captures were held out: the hold-out error is not known", "set evaluate.folds to 5"};
+  return {"no captures were held out: the hold-out error is not known",
+          "set evaluate.folds to 5",
+          {{"evaluate.folds", "5"}}};
 }
 
 FindingText UnmodelledError(const Finding& finding) {
+  const bool is_modelled = Is(finding, "robot_noise", "modelled");
   return {"the held-out captures scatter " + Significant(std::sqrt(Number(finding, "chi2_per_dof")), 2) +
               " times as much as the assumed noise explains",
-          Is(finding, "robot_noise", "modelled")
-              ? "the error is neither pixel noise nor white robot noise: check the target's dimensions, the camera "
-                "model and the captures with the largest corrections"
-              : "the robot is not exact: use refine.robot_noise: auto"};
+          is_modelled ? "the error is neither pixel noise nor white robot noise: check the target's dimensions, the "
+                        "camera model and the captures with the largest corrections"
+                      : "the robot is not exact: use " + SettingsText({kEstimatedNoise}),
+          is_modelled ? Settings() : Settings{kEstimatedNoise}};
 }
 
 std::string UsedCaptures(const Finding& finding) {
@@ -159,13 +166,15 @@ FindingText InfluentialCapture(const Finding& finding) {
 }
 
 FindingText ClosedFormBetter(const Finding& finding) {
+  const bool is_modelled = Is(finding, "robot_noise", "modelled");
   const double ratio = Number(finding, "ratio");
   return {"the best closed form (" + Name(finding, "method") + ") predicts held-out captures " +
               (ratio >= 1 ? Significant(ratio, 2) + " times worse" : Significant(1 / ratio, 2) + " times better") +
               ", in sigmas of pixel and robot noise",
-          std::string("the residuals contain a systematic error that the model does not describe: ") +
-              (Is(finding, "robot_noise", "modelled") ? "free fewer groups of refine.intrinsics, or give a camera file"
-                                                      : "use refine.robot_noise: auto")};
+          "the residuals contain a systematic error that the model does not describe: " +
+              (is_modelled ? "free fewer groups of refine.intrinsics, or give a camera file"
+                           : "use " + SettingsText({kEstimatedNoise})),
+          is_modelled ? Settings() : Settings{kEstimatedNoise}};
 }
 
 FindingText NoEstimate(const Finding& /*finding*/) {
@@ -300,13 +309,15 @@ FindingText TargetShapeIgnored(const Finding& finding) {
   const bool may_be_focal_length = Is(finding, "focal_length", "held") && PartOf(finding, "shape_scale") != nullptr;
   return {"the captures indicate that the target differs from its design: " + ShapeText(finding) +
               (may_be_focal_length ? " (a focal length that is held at a wrong value looks like a wrong scale)" : ""),
-          "measure the target, or use refine.target_shape: auto"};
+          "measure the target, or use refine.target_shape: auto",
+          {{"refine.target_shape", "auto"}}};
 }
 
 FindingText RobotNoiseIgnored(const Finding& finding) {
   return {"the captures indicate that the robot's poses are off by " + RobotNoiseText(finding) +
               " (one sigma per axis), but they were taken as exact: the reported covariance is too small",
-          "use refine.robot_noise: auto"};
+          "use " + SettingsText({kEstimatedNoise}),
+          {kEstimatedNoise}};
 }
 
 FindingText TargetScale(const Finding& finding) {
@@ -441,7 +452,10 @@ FindingText OwnWords(const Finding& finding) {
   if (!finding.text.empty()) return {finding.text, finding.action};
   if (const CodeWords* entry = WordsOf(finding.code)) {
     FindingText words = entry->words(finding);
-    if (finding.grade == Grade::kGood) words.action.clear();
+    if (finding.grade == Grade::kGood) {
+      words.action.clear();
+      words.settings.clear();
+    }
     return words;
   }
   std::vector<std::string> figures;

@@ -9,24 +9,8 @@
 #include "tools/text/target_symmetry.h"
 
 namespace heba {
-namespace {
-
-std::string StageName(RunStage stage) {
-  switch (stage) {
-    case RunStage::kDetection:
-      return "detect";
-    case RunStage::kSecondDetection:
-      return "detect again";
-    case RunStage::kHoldOut:
-      return "hold-out";
-  }
-  return "";
-}
-
-}  // namespace
-
 void ProgressObserver::OnStage(RunStage stage, int num_steps) {
-  progress_.emplace(StageName(stage), num_steps, verbosity_);
+  progress_.emplace(kRunStageNames[static_cast<size_t>(stage)], num_steps, verbosity_);
 }
 
 void ProgressObserver::OnStep(RunStage /*stage*/) { progress_->Step(); }

@@ -89,9 +89,9 @@ Outcome<Solution> RefineHandEye(const Problem& problem, const HandEye& start, co
 // between solutions of one problem whose points have the same weights. Returns minus infinity if a point cannot be
 // projected.
 double LogLikelihoodOf(const Problem& problem, const Solution& solution, const BundleOptions& options);
-// Likewise if the groups of effects that `smaller` (null: no effects) lacks have at least the standard deviations that
+// Likewise if the groups of effects that `smaller` lacks have at least the standard deviations that
 // robots have (EffectGroup::least_sigma). Returns nothing if none is known.
 std::optional<double> LogLikelihoodAtLeast(const Problem& problem, const Solution& solution,
-                                           const BundleOptions& options, const SharedEffects* smaller);
+                                           const BundleOptions& options, const SharedEffects& smaller);
 
 }  // namespace heba

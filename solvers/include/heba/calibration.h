@@ -47,7 +47,7 @@ struct ModelAlternative {
   std::optional<double> p;
   // How many times as likely the model is as that largest one is if the groups of the robot's errors that this one
   // lacks have at least the standard deviations that robots have (EffectGroup::least_sigma). Set if it lacks such
-  // groups, but not all.
+  // groups, but not all, and if p does not reject it already.
   std::optional<double> odds = {};
 };
 

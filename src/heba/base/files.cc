@@ -11,9 +11,12 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <iterator>
 #include <system_error>
+#include <vector>
 
 #include "heba/base/error.h"
+#include "heba/base/text.h"
 
 namespace heba {
 namespace fs = std::filesystem;
@@ -56,10 +59,28 @@ bool HasImageSuffix(const std::filesystem::path& path) {
   return std::find(kSuffixes.begin(), kSuffixes.end(), suffix) != kSuffixes.end();
 }
 
+std::string FileMeant(const fs::path& path) {
+  const auto digits_of = [](const std::string& name) {
+    std::string digits;
+    std::copy_if(name.begin(), name.end(), std::back_inserter(digits), [](char c) { return c >= '0' && c <= '9'; });
+    return digits;
+  };
+  const std::string name = path.filename().string();
+  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  std::vector<std::string> likely;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    std::string other = entry->path().filename().string();
+    if (digits_of(other) == digits_of(name)) likely.push_back(std::move(other));
+  }
+  std::sort(likely.begin(), likely.end());
+  return DidYouMean(name, likely);
+}
+
 std::string ReadTextFile(const fs::path& path, size_t max_bytes) {
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
-  if (!fs::exists(status)) throw InputError(path.string() + ": there is no such file");
+  if (!fs::exists(status)) throw InputError(path.string() + ": there is no such file" + FileMeant(path));
   if (fs::is_directory(status)) throw InputError(path.string() + ": this is a folder; a file is needed");
   // Reading from a pipe or a device may never end.
   if (!fs::is_regular_file(status)) throw InputError(path.string() + ": is not a regular file");
@@ -95,8 +116,10 @@ void WriteFileAtomically(const fs::path& path, std::string_view content) {
   const fs::path temporary =
       path.parent_path() / fs::path(".").concat(path.filename().string() + ".part-" + RandomName());
   constexpr mode_t kMode = 0666;
-  // An unnamed file disappears if the program is interrupted.
-  const Descriptor unnamed(open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kMode));
+  // An unnamed file disappears if the program is interrupted. It gets its name through /proc, which may not be mounted.
+  constexpr const char* kDescriptors = "/proc/self/fd";
+  const bool has_proc = access(kDescriptors, X_OK) == 0;
+  const Descriptor unnamed(has_proc ? open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kMode) : -1);
   const bool is_unnamed = unnamed.number() >= 0;
   const Descriptor named(
       is_unnamed ? -1 : open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, kMode));
@@ -108,7 +131,7 @@ void WriteFileAtomically(const fs::path& path, std::string_view content) {
   };
   if (!WriteAll(descriptor, content) || fsync(descriptor) != 0) give_up(errno);
   if (is_unnamed) {
-    const std::string handle = "/proc/self/fd/" + std::to_string(descriptor);
+    const std::string handle = std::string(kDescriptors) + "/" + std::to_string(descriptor);
     if (linkat(AT_FDCWD, handle.c_str(), AT_FDCWD, temporary.c_str(), AT_SYMLINK_FOLLOW) != 0) give_up(errno);
   }
   if (rename(temporary.c_str(), path.c_str()) != 0) give_up(errno);

@@ -21,6 +21,10 @@ class OutputError : public InputError {
 // so that they can be refused with a clear message.
 bool HasImageSuffix(const std::filesystem::path& path);
 
+// Returns "; did you mean 'x'?" with the name of the file in the folder of `path` that is most like that of `path` and
+// has the same numbers in it; empty if there is none.
+std::string FileMeant(const std::filesystem::path& path);
+
 // Returns the content of a file. Throws InputError if the file does not exist, is not a regular file (a folder, a pipe,
 // a device), cannot be read or is larger than `max_bytes`.
 std::string ReadTextFile(const std::filesystem::path& path, size_t max_bytes = size_t{64} << 20);

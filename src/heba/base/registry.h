@@ -11,6 +11,8 @@
 #include <string_view>
 #include <vector>
 
+#include "heba/base/text.h"
+
 namespace heba {
 
 template <class Entry>
@@ -36,6 +38,11 @@ auto FindEntry(const Table& table, std::string_view name) -> decltype(&*std::beg
   const auto found =
       std::find_if(std::begin(table), std::end(table), [&](const auto& entry) { return EntryName(entry) == name; });
   return found == std::end(table) ? nullptr : &*found;
+}
+
+// Returns "'x' is unknown; one of: a, b, c", with the nearest of these names as a suggestion if one is similar.
+inline std::string UnknownName(std::string_view unknown, const std::vector<std::string>& known) {
+  return Quoted(unknown) + " is unknown; one of: " + Join(known, ", ") + DidYouMean(unknown, known);
 }
 
 // Returns the value of an enum with this name, given the names of all values in their order; nothing if there is none.

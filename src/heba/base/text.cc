@@ -268,7 +268,9 @@ std::string DidYouMean(std::string_view unknown, const std::vector<std::string>&
   // lengths.
   constexpr size_t kMaxLength = 64;
   if (unknown.size() > kMaxLength) return "";
-  int best_distance = std::max(2, static_cast<int>(unknown.size()) / 3) + 1;
+  // Two short names that share no character are not similar, although few characters differ.
+  const int length = static_cast<int>(unknown.size());
+  int best_distance = std::min(std::max(2, length / 3) + 1, length);
   const std::string* best = nullptr;
   for (const std::string& name : known) {
     const int distance = EditDistance(unknown, name);

@@ -100,7 +100,8 @@ ParsedQuantity ParseQuantity(std::string_view text, Quantity quantity) {
     }
     known.emplace_back(unit.name);
   }
-  return {0, Quoted(trimmed) + " has the unit " + Quoted(unit_name) + "; one of " + Join(known, ", ") + " is needed"};
+  return {0, Quoted(trimmed) + " has the unit " + Quoted(unit_name) + "; one of " + Join(known, ", ") + " is needed" +
+                 DidYouMean(unit_name, known)};
 }
 
 }  // namespace heba

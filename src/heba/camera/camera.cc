@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "heba/base/error.h"
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 
 namespace heba {
@@ -17,7 +18,7 @@ const CameraModel& Camera::Model() const {
 std::string CheckCamera(const Camera& camera) {
   const CameraModel* model = FindCameraModel(camera.model);
   if (model == nullptr) {
-    return "camera model '" + camera.model + "' is unknown; one of: " + Join(CameraModelNames(), ", ");
+    return "camera model " + UnknownName(camera.model, CameraModelNames());
   }
   std::vector<std::string> faults;
   if (static_cast<int>(camera.params.size()) != NumParams(*model)) {

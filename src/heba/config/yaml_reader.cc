@@ -10,6 +10,7 @@
 
 #include "heba/base/error.h"
 #include "heba/base/files.h"
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 
 namespace heba {
@@ -169,8 +170,8 @@ double ConfigValue::AsQuantity(Quantity quantity) const {
 
 std::string ConfigValue::AsChoice(const std::vector<std::string>& choices) const {
   if (IsText() && std::find(choices.begin(), choices.end(), node_.Scalar()) != choices.end()) return node_.Scalar();
-  Fail(Shown(node_) + " is unknown; one of: " + Join(choices, ", ") +
-       (IsText() ? DidYouMean(node_.Scalar(), choices) : ""));
+  if (IsText()) Fail(UnknownName(node_.Scalar(), choices));
+  Fail(Shown(node_) + " is unknown; one of: " + Join(choices, ", "));
 }
 
 std::filesystem::path ConfigValue::AsPath() const {

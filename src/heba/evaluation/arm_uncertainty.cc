@@ -96,6 +96,22 @@ Outcome<StatedPose> WithArmErrors(const RobotSummary& robot, const Rigid3d& stat
   return WithArmErrors(robot, stated, *joints);
 }
 
+Outcome<StatedPose> WithErrorsOfArm(const RobotSummary* robot, const Rigid3d& stated,
+                                    const std::optional<Eigen::VectorXd>& joints) {
+  if (robot == nullptr) {
+    if (joints) return Failure{"the run has not estimated the errors of an arm; leave them out"};
+    return StatedPose(stated);
+  }
+  if (!joints) return WithArmErrors(*robot, stated);
+  if (joints->size() != robot->nominal.num_joints()) {
+    return Failure{"there are " + std::to_string(joints->size()) + ", but the arm " + robot->nominal.name + " has " +
+                   std::to_string(robot->nominal.num_joints())};
+  }
+  const Outcome<Rigid3d> is_near = TruePose(*robot, stated, *joints);
+  if (!is_near) return Failure{is_near.reason()};
+  return WithArmErrors(*robot, stated, *joints);
+}
+
 Eigen::Matrix3d GripperCovariance(Setup setup, const Solution& solution, const StatedPose& stated) {
   const CorrectedPose gripper = Correct(solution, stated);
   const bool is_camera_fixed = setup == Setup::kEyeToHand;

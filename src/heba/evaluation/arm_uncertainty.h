@@ -19,6 +19,13 @@ StatedPose WithArmErrors(const RobotSummary& robot, const Rigid3d& stated, const
 // (heba/evaluation/pose_correction.h).
 Outcome<StatedPose> WithArmErrors(const RobotSummary& robot, const Rigid3d& stated);
 
+// Returns a pose of the gripper that the controller states with the errors that it has: with those of the arm, at
+// `joints` if they are given, otherwise at those of the configuration of the captures; with none if `robot` is null,
+// because the run has not estimated any. Returns a Failure if joints are given that the arm does not have or that are
+// far from the pose, or if they are needed.
+Outcome<StatedPose> WithErrorsOfArm(const RobotSummary* robot, const Rigid3d& stated,
+                                    const std::optional<Eigen::VectorXd>& joints);
+
 // Returns the covariance of the gripper's position relative to what is fixed in the base, the camera or the target of
 // the captures, along the base's axes, m^2: by the calibration, that is by the errors of the arm and of the pose of
 // what is fixed.

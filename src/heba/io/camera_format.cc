@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 
 namespace heba {
@@ -96,9 +97,8 @@ Outcome<Camera> CameraFromCoefficients(const std::vector<double>& pinhole, const
 Outcome<Lens> LensOfRosModel(const std::string& distortion_model) {
   if (distortion_model == "plumb_bob" || distortion_model == "rational_polynomial") return Lens::kPolynomial;
   if (distortion_model == "equidistant") return Lens::kFisheye;
-  const std::vector<std::string> names = {"plumb_bob", "rational_polynomial", "equidistant"};
-  return Failure{"distortion model " + Quoted(distortion_model) + " is unknown; one of: " + Join(names, ", ") +
-                 DidYouMean(distortion_model, names)};
+  return Failure{"distortion model " +
+                 UnknownName(distortion_model, {"plumb_bob", "rational_polynomial", "equidistant"})};
 }
 
 }  // namespace heba

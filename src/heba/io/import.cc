@@ -34,6 +34,9 @@ ImportedSet FindAndRead(const std::filesystem::path& source, std::string_view na
   std::error_code error;
   if (!std::filesystem::exists(source, error)) throw InputError(source.string() + ": no such file or folder");
   const ImportFormat* format = name.empty() ? FindImportFormat(source) : FindEntry(ImportFormats(), name);
+  if (format == nullptr && !name.empty()) {
+    throw InputError(source.string() + ": the format " + UnknownName(name, ImportFormatNames()));
+  }
   if (format == nullptr) {
     throw InputError(source.string() +
                      ": is not a data set in a known format; one of: " + Join(ImportFormatNames(), ", "));

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "heba/base/files.h"
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 
 namespace heba {
@@ -314,8 +315,7 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
       const std::string& role_name = fields[*header.role];
       const std::optional<CaptureRole> role = FindCaptureRole(role_name);
       if (!role) {
-        line->FailColumn("role", Quoted(role_name) + " is unknown; one of: " + Join(roles, ", ") +
-                                     DidYouMean(role_name.substr(0, 40), roles));
+        line->FailColumn("role", UnknownName(role_name, roles));
       }
       row.role = *role;
     }

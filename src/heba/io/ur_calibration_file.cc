@@ -156,7 +156,8 @@ bool IsUrCalibration(std::string_view text) {
 Arm ParseUrCalibration(const std::string& text, const std::filesystem::path& file, const std::string& arm_name) {
   if (FindUrRobot(arm_name) == nullptr) {
     throw InputError(file.string() + ": is the calibration of an arm of Universal Robots, but the arm is called " +
-                     Quoted(arm_name) + "; one of: " + Join(UrRobotNames(), ", "));
+                     Quoted(arm_name) + "; one of: " + Join(UrRobotNames(), ", ") +
+                     DidYouMean(arm_name, UrRobotNames()));
   }
   const std::map<std::string, Entry> entries = EntriesOf(text, file);
   Arm arm = *FindArm(arm_name);

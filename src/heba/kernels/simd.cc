@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "heba/base/text.h"
+#include "heba/base/registry.h"
 
 namespace heba {
 namespace {
@@ -38,7 +38,7 @@ std::string FaultOfSimdSetting() {
   const char* const asked = std::getenv("HEBA_SIMD");
   const std::string_view name = asked == nullptr ? "" : asked;
   if (name.empty() || name == "baseline" || name == "avx2" || name == "avx512") return "";
-  return "HEBA_SIMD: " + Quoted(name) + " is not one of baseline, avx2, avx512";
+  return "HEBA_SIMD: " + UnknownName(name, {"baseline", "avx2", "avx512"});
 }
 
 Simd ActiveSimd() { return Active(); }

@@ -1,6 +1,7 @@
 #include "solvers/calibration/model_choice.h"
 
 #include <cmath>
+#include <memory>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -157,6 +158,31 @@ TEST(ModelChoiceTest, RepeatedPosesDoNotReduceSigma) {
   // The robot noise dominates: with eight times as many images the sigma stays the same instead of falling to about a
   // third.
   EXPECT_GT(sigma_m(repeated), 0.85 * sigma_m(scene.views));
+}
+
+// Odds are computed for models that only they can reject.
+TEST(OddsAgainstTest, NeedAPossibleModelWithEffects) {
+  const auto effects = std::make_shared<const SharedEffects>();
+  const ErrorModel largest{BundleOptions::Robot::kEstimatedNoise, {}, effects};
+  int num_computed = 0;
+  std::optional<double> at_least = 98;
+  const auto log_likelihood_at_least = [&](const SharedEffects& smaller) {
+    EXPECT_EQ(&smaller, effects.get());
+    ++num_computed;
+    return at_least;
+  };
+  ModelAlternative smaller{largest, 100, {}, 2, kModelRejected};
+  EXPECT_DOUBLE_EQ(*OddsAgainst(largest, smaller, log_likelihood_at_least), std::exp(2));
+  EXPECT_EQ(num_computed, 1);
+  at_least = std::nullopt;
+  EXPECT_FALSE(OddsAgainst(largest, smaller, log_likelihood_at_least).has_value());
+  EXPECT_EQ(num_computed, 2);
+  smaller.p = 0.9 * kModelRejected;
+  EXPECT_FALSE(OddsAgainst(largest, smaller, log_likelihood_at_least).has_value());
+  smaller.p = 0.5;
+  smaller.model.effects = nullptr;
+  EXPECT_FALSE(OddsAgainst(largest, smaller, log_likelihood_at_least).has_value());
+  EXPECT_EQ(num_computed, 2);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "heba/cross_validation.h"
+#include "solvers/calibration/model_choice.h"
 #include "tests/support/arm_scenes.h"
 
 namespace heba {
@@ -63,7 +64,9 @@ TEST(PoseCalibrationTest, ErrorsOfTheArmAreEstimatedAndPredictHeldOutPoses) {
   ASSERT_NE(with_arm.bundle.effects, nullptr);
   EXPECT_EQ(with_arm.bundle.effects->name, options.effects.back()->name);
   ASSERT_EQ(with_arm.alternatives.size(), 3U);
-  EXPECT_TRUE(with_arm.alternatives[1].odds.has_value());
+  // The likelihood ratio rejects the offsets alone, so that their odds decide nothing.
+  EXPECT_LT(*with_arm.alternatives[1].p, kModelRejected);
+  EXPECT_FALSE(with_arm.alternatives[1].odds.has_value());
   const double held_out_m = *HoldOutOf(CrossValidatePoses(with_arm, options, 5), kChainMethod).target_m;
   EXPECT_LT(held_out_m, 0.5 * *HoldOutOf(CrossValidatePoses(without, plain, 5), kChainMethod).target_m);
   // The poses of the target themselves have errors of sqrt(3) x 0.1 mm.

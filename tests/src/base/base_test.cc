@@ -178,6 +178,9 @@ TEST(Text, SuggestsTheNearestName) {
   EXPECT_EQ(DidYouMean("rwos", known), "; did you mean 'rows'?");
   EXPECT_EQ(DidYouMean("something_else", known), "");
   EXPECT_EQ(DidYouMean("rows", {}), "");
+  // Two characters that both differ are no typing error.
+  EXPECT_EQ(DidYouMean("px", {"mm", "cm"}), "");
+  EXPECT_EQ(DidYouMean("nm", {"mm", "deg"}), "; did you mean 'mm'?");
   // The table of the edit distance would have 1e6 rows.
   EXPECT_EQ(DidYouMean(std::string(1000000, 'r'), known), "");
 }
@@ -202,6 +205,17 @@ TEST(Files, ReadsContentsUnchanged) {
   EXPECT_EQ(ReadTextFile(folder / "a.txt"), content);
   Write(folder / "empty.txt", "");
   EXPECT_EQ(ReadTextFile(folder / "empty.txt"), "");
+}
+
+TEST(Files, AMissingFileIsComparedWithThoseBesideIt) {
+  const TempFolder folder;
+  Write(folder / "config.yaml", "");
+  Write(folder / "007.png", "");
+  EXPECT_EQ(FileMeant(folder / "confg.yaml"), "; did you mean 'config.yaml'?");
+  EXPECT_EQ(FileMeant(folder / "0007.png"), "");  // Other numbers belong to other files.
+  EXPECT_EQ(FileMeant(folder / "007.jpg"), "; did you mean '007.png'?");
+  EXPECT_EQ(FileMeant(folder.path() / "none" / "config.yaml"), "");
+  EXPECT_THAT(InputErrorOf([&] { ReadTextFile(folder / "confg.yaml"); }), HasSubstr("did you mean 'config.yaml'?"));
 }
 
 TEST(Files, RefusesMissingFoldersAndLargeFiles) {

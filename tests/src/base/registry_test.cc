@@ -55,5 +55,10 @@ TEST(RegistryTest, FindsTheValueOfAnEnum) {
   EXPECT_EQ(FindValue<Side>(kNames, "middle"), std::nullopt);
 }
 
+TEST(UnknownNameTest, ListsTheNamesAndSuggestsTheNearest) {
+  EXPECT_EQ(UnknownName("clean", {"show", "clear"}), "'clean' is unknown; one of: show, clear; did you mean 'clear'?");
+  EXPECT_EQ(UnknownName("remove", {"show", "clear"}), "'remove' is unknown; one of: show, clear");
+}
+
 }  // namespace
 }  // namespace heba

@@ -114,5 +114,27 @@ TEST(ArmUncertaintyTest, CommonErrorsOfGripperAndTargetCancel) {
   EXPECT_GT(SigmaM(GripperCovariance(Setup::kEyeInHand, solution, *stated)), 1e-5);
 }
 
+TEST(WithErrorsOfArmTest, JointsDecideWhichErrorsAPoseHas) {
+  OneError one = MakeOneError(0);
+  one.robot.errors = Eigen::VectorXd::Zero(one.robot.nominal.num_params());
+  const Rigid3d& stated = one.base_from_gripper.front();
+  // Without an arm, a pose has no errors, and joints are of no use.
+  EXPECT_EQ(WithErrorsOfArm(nullptr, stated, std::nullopt)->effect, nullptr);
+  EXPECT_NE(WithErrorsOfArm(nullptr, stated, Eigen::VectorXd::Zero(6)).reason().find("leave them out"),
+            std::string::npos);
+  // All captures are in one configuration: the pose tells the joints.
+  EXPECT_NE(WithErrorsOfArm(&one.robot, stated, std::nullopt)->effect, nullptr);
+  Eigen::VectorXd joints(6);
+  joints << 0.1, -1.2, 1.4, -1.1, -1.3, 0.5;
+  EXPECT_NE(WithErrorsOfArm(&one.robot, stated, joints)->effect, nullptr);
+  EXPECT_FALSE(WithErrorsOfArm(&one.robot, stated, Eigen::VectorXd::Zero(6)).ok());
+  EXPECT_EQ(WithErrorsOfArm(&one.robot, stated, Eigen::VectorXd::Zero(7)).reason(),
+            "there are 7, but the arm ur5e has 6");
+  RobotSummary several = one.robot;
+  several.configuration.clear();
+  EXPECT_FALSE(WithErrorsOfArm(&several, stated, std::nullopt).ok());
+  EXPECT_NE(WithErrorsOfArm(&several, stated, joints)->effect, nullptr);
+}
+
 }  // namespace
 }  // namespace heba

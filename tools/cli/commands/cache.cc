@@ -1,6 +1,7 @@
 #include <iostream>
 
 #include "heba/base/error.h"
+#include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "tools/cli/command.h"
 #include "tools/files/detection_cache.h"
@@ -17,7 +18,9 @@ std::string SizeText(const CacheSize& size) {
 
 int RunCommand_cache(const std::vector<std::string>& arguments) {
   const std::string& what = arguments[0];
-  if (what != "show" && what != "clear") throw InputError("'heba cache' takes show or clear, not " + Quoted(what));
+  if (what != "show" && what != "clear") {
+    throw InputError("heba cache: " + UnknownName(what, {"show", "clear"}));
+  }
   const std::filesystem::path folder = CacheFolder();
   if (folder.empty()) {
     std::cout << "no detections are kept (HEBA_CACHE is empty)" << std::endl;

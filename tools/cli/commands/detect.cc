@@ -5,7 +5,6 @@
 #include "heba/base/error.h"
 #include "heba/base/files.h"
 #include "heba/base/parallel.h"
-#include "heba/base/text.h"
 #include "heba/evaluation/metrics.h"
 #include "heba/geometry/homography.h"
 #include "solvers/calibration/camera_choice.h"
@@ -18,6 +17,7 @@
 #include "tools/config/run_config.h"
 #include "tools/files/cached_detector.h"
 #include "tools/files/detection_file.h"
+#include "tools/files/detection_summary.h"
 #include "tools/files/result_folder.h"
 #include "tools/run/captures.h"
 #include "tools/text/console.h"
@@ -79,45 +79,43 @@ int RunCommand_detect(const std::vector<std::string>& arguments) {
       DetectCaptures(config.data, CachedDetection(config.data, config.target_used), NumThreads(), &observer);
   FitCameraToImages(detections.front(), &config.data);
   const std::optional<Camera> camera = FittedCamera(config, detections);
-  const std::string through =
-      camera ? (config.data.camera ? "the given camera" : "a " + camera->model + " camera estimated from them")
-             : "a homography, because these images do not determine a camera";
+  DetectionSummary summary;
+  summary.name = config.data.name;
+  summary.num_target_points = config.data.target->points().size();
+  summary.folder = output;
+  if (camera) {
+    summary.fit = config.data.camera ? DetectionSummary::Fit::kGivenCamera : DetectionSummary::Fit::kEstimatedCamera;
+    summary.camera_model = camera->model;
+  }
   fs::create_directory(folder.staging() / "overlays");
-  std::vector<std::string> lines(config.data.captures.size());
+  summary.images.resize(config.data.captures.size());
   ParallelFor(static_cast<int>(config.data.captures.size()), NumThreads(), [&](int index) {
     const size_t i = static_cast<size_t>(index);
     const Observations observations = ObservationsOf(*config.data.target, detections[i].detection);
     const std::optional<Points2> residuals = FitResiduals(camera, observations);
-    std::string line = config.data.captures[i].name + ": " + std::to_string(observations.size()) + " of " +
-                       std::to_string(config.data.target->points().size()) + " points";
-    if (residuals) {
-      line += ", " + Significant(*SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx(), 3) + " px rms";
-    }
-    if (!detections[i].detection.reason.empty()) line += " (" + detections[i].detection.reason + ")";
+    ImageDetections& image = summary.images[i];
+    image.image = config.data.captures[i].name;
+    image.num_points = static_cast<size_t>(observations.size());
+    image.reason = detections[i].detection.reason;
+    if (residuals) image.rms_px = SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx();
     OverlayOptions options;
-    options.caption = line;
+    options.caption = DetectionLine(summary, image);
     if (residuals) {
       // The RMS length of the arrows is at most 30 px: the distortion, which a homography does not explain, would
       // otherwise cover the image.
-      const double rms_px = *SquaredErrors{residuals->squaredNorm(), observations.size()}.RmsPx();
-      options.magnification = std::min(options.magnification, 30.0 / std::max(rms_px, 1e-9));
+      options.magnification = std::min(options.magnification, 30.0 / std::max(*image.rms_px, 1e-9));
     }
     const cv::Mat overlay = DrawOverlay(ReadGreyImage(config.data.captures[i].image), observations, residuals, options);
     WriteImage(folder.staging() / "overlays" / (config.data.captures[i].name + ".png"), overlay);
-    lines[i] = line;
   });
   WriteFileAtomically(folder.staging() / "detections.json", DetectionsToJson(config.data.captures, detections));
   folder.Commit();
-  int seen = 0;
-  for (const CaptureDetection& detection : detections) seen += detection.detection.ids.empty() ? 0 : 1;
-  if (!FLAGS_quiet) {
-    std::string text = "the target was detected in " + std::to_string(seen) + " of " +
-                       std::to_string(detections.size()) + " images; residuals are relative to " + through +
-                       ", drawn magnified by up to 100\n";
-    for (const std::string& line : lines) text += line + "\n";
-    std::cout << ForTerminal(text) << "images: " << (output / "overlays").string() << std::endl;
+  if (FLAGS_json) {
+    std::cout << DetectionSummaryToJson(summary) << std::flush;
+  } else if (!FLAGS_quiet) {
+    std::cout << ForTerminal(DetectionText(summary)) << "images: " << (output / "overlays").string() << std::endl;
   }
-  if (seen > 0) return kDone;
+  if (summary.NumSeen() > 0) return kDone;
   PrintError(arguments[0] + ": the target was not detected in any image");
   return kWorkFailed;
 }

@@ -23,8 +23,7 @@ const ExportFormat& FormatAskedFor() {
   std::vector<std::string> names = NamesOf(ExportFormats());
   names.emplace_back("all");
   if (FLAGS_to.empty()) throw InputError("'heba export' needs --to FORMAT, one of: " + Join(names, ", "));
-  throw InputError("--to: format " + Quoted(FLAGS_to) + " is unknown; one of: " + Join(names, ", ") +
-                   DidYouMean(FLAGS_to, names));
+  throw InputError("--to: format " + UnknownName(FLAGS_to, names));
 }
 
 // Returns the refined estimate, or the one that --method names.
@@ -40,7 +39,7 @@ const Estimate& EstimateAskedFor(const RunResult& result, const std::string& whe
   }
   throw InputError((FLAGS_method.empty() ? where + ": has no refined estimate; name another with --method"
                                          : "--method: " + where + " has no estimate of " + Quoted(FLAGS_method)) +
-                   "; it has: " + Join(names, ", "));
+                   "; it has: " + Join(names, ", ") + DidYouMean(FLAGS_method, names));
 }
 
 // Sets the name of a frame. The names go into files of many languages; the characters that ROS allows are safe in all.
@@ -79,8 +78,8 @@ ExportRequest WithChildAskedFor(const ExportRequest& request) {
   if (FLAGS_child_is.empty() || FLAGS_child_is == "optical") return request;
   if (FLAGS_child_is == "body") return WithChild(request, ExportFrame::kBody, OpticalFromBody());
   if (FLAGS_child_is.find(',') == std::string::npos) {
-    throw InputError("--child-is: " + Quoted(FLAGS_child_is) +
-                     "; optical, body, or the optical frame's pose in the child, x,y,z,qx,qy,qz,qw in m");
+    throw InputError("--child-is: " + UnknownName(FLAGS_child_is, {"optical", "body"}) +
+                     "; or the optical frame's pose in the child, x,y,z,qx,qy,qz,qw in m");
   }
   const Rigid3d link_from_optical = PoseOfFlag("child-is", FLAGS_child_is, *FindPoseFormat("ros"));
   return WithChild(request, ExportFrame::kLink, Inverse(link_from_optical));
@@ -106,9 +105,7 @@ ExportRequest RequestAskedFor(const fs::path& run) {
     std::cerr << "heba: warning: the verdict of this run is bad: " << file.parent_path().string()
               << "/report.html gives the reasons" << std::endl;
   }
-  if (FLAGS_units != "m" && FLAGS_units != "mm") {
-    throw InputError("--units: " + Quoted(FLAGS_units) + " is not m or mm");
-  }
+  if (FLAGS_units != "m" && FLAGS_units != "mm") throw InputError("--units: " + UnknownName(FLAGS_units, {"m", "mm"}));
   request.length_unit = FLAGS_units;
   return FLAGS_inverse ? Inverted(request) : request;
 }

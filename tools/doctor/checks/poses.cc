@@ -280,9 +280,11 @@ std::optional<Symptom> Describe(const Examination& examination, const JudgedRead
     faults.push_back("the positions are in " + best.unit + ", not in " + format_now.translation_unit);
   }
   if (other_rotation || other_angle || other_unit) {
-    cures.push_back(format.robot.empty()
-                        ? "set captures.pose_format: " + PoseFormatText(format)
-                        : "set captures.robot: " + format.robot + ", captures.joint_angles: " + format.angle_unit);
+    symptom.settings = format.robot.empty()
+                           ? std::vector<ConfigSetting>{{"captures.pose_format", PoseFormatText(format)}}
+                           : std::vector<ConfigSetting>{{"captures.robot", format.robot},
+                                                        {"captures.joint_angles", format.angle_unit}};
+    cures.push_back("set " + SettingsText(symptom.settings));
   }
   if (reading.direction == Direction::kInverse) {
     codes.push_back("pose_direction");

@@ -1,4 +1,6 @@
 // Reports the findings of `heba run`, with their codes, for a data set in which the other checks found nothing wrong.
+#include <utility>
+
 #include "heba/run.h"
 #include "tools/doctor/examination.h"
 #include "tools/doctor/symptom.h"
@@ -23,12 +25,12 @@ std::vector<Symptom> Check_result(Examination* examination) {
   const Outcome<RunOutput> run = Run(data, options);
   if (!run) return {{Severity::kWrong, "no_result", run.reason(), ""}};
   std::vector<Symptom> symptoms;
-  std::vector<Finding> findings = run->result.verdict.findings;
-  DescribeAll(&findings);
-  for (const Finding& finding : findings) {
+  for (const Finding& finding : run->result.verdict.findings) {
     if (finding.grade == Grade::kGood) continue;
     const Severity severity = finding.grade == Grade::kBad ? Severity::kWrong : Severity::kRemark;
-    symptoms.push_back({severity, SymptomCode::OfFinding(finding), finding.text, finding.action});
+    FindingText words = FindingWords(finding);
+    symptoms.push_back({severity, SymptomCode::OfFinding(finding), std::move(words.text), std::move(words.action),
+                        std::move(words.settings)});
   }
   return symptoms;
 }

@@ -82,15 +82,26 @@ SymptomCode CodeOf(JointReading::Mistake mistake) {
   return "joints_unexplained";
 }
 
-// Returns the mistake, worded as a condition under which joints and poses agree, and its cure.
-std::pair<std::string, std::string> WordsOf(JointReading::Mistake mistake, const JointReading& reading,
-                                            bool are_read_as_deg) {
+ConfigSetting ModelSetting(const Arm& arm) { return {"robot.model", arm.name}; }
+
+// The words of a mistake.
+struct MistakeWords {
+  std::string condition;  // Under which joints and poses agree.
+  std::string cure;
+  std::vector<ConfigSetting> settings = {};
+};
+
+MistakeWords WithSetting(std::string condition, const ConfigSetting& setting) {
+  return {std::move(condition), "set " + SettingsText({setting}), {setting}};
+}
+
+MistakeWords WordsOf(JointReading::Mistake mistake, const JointReading& reading, bool are_read_as_deg) {
   const std::string unit = are_read_as_deg ? "rad" : "deg";
   switch (mistake) {
     case JointReading::Mistake::kAngle:
-      return {"if the joints are in " + unit, "set captures.joint_angle: " + unit};
+      return WithSetting("if the joints are in " + unit, {"captures.joint_angle", unit});
     case JointReading::Mistake::kArm:
-      return {"if they are those of the arm " + reading.arm.name, "set robot.model: " + reading.arm.name};
+      return WithSetting("if they are those of the arm " + reading.arm.name, ModelSetting(reading.arm));
     case JointReading::Mistake::kPairing:
       return {"if " + reading.pairing, "correct the order of the file of joints, or give it a column image"};
     case JointReading::Mistake::kBase:
@@ -140,17 +151,19 @@ Symptom UnexplainedJoints(const Arm& arm, const ImpliedTool& now) {
 Symptom WrongJoints(const JointReading& best, const Arm& arm, const ImpliedTool& now, bool are_read_as_deg) {
   std::vector<std::string> conditions;
   std::vector<std::string> cures;
+  std::vector<ConfigSetting> settings;
   for (const JointReading::Mistake mistake : best.mistakes) {
-    auto [condition, cure] = WordsOf(mistake, best, are_read_as_deg);
-    conditions.push_back(std::move(condition));
-    cures.push_back(std::move(cure));
+    MistakeWords words = WordsOf(mistake, best, are_read_as_deg);
+    conditions.push_back(std::move(words.condition));
+    cures.push_back(std::move(words.cure));
+    settings.insert(settings.end(), words.settings.begin(), words.settings.end());
   }
   return {
       Severity::kWrong, CodeOf(best.mistakes.front()),
       "the recorded joints and the poses do not belong together as the config says: with the dimensions of the arm " +
           arm.name + ", the tool scatters by " + ScatterText(now) + " (7 of 10 captures by less), but only by " +
           ScatterText(best.tool) + " " + Join(conditions, " and "),
-      Join(cures, "; ")};
+      Join(cures, "; "), std::move(settings)};
 }
 
 // Returns the step to which all turning joints are rounded, rad: the largest power of ten in the unit of their file; 0
@@ -390,10 +403,12 @@ std::optional<Symptom> LikelierReading(const FittedReading& stated, const Fitted
   const std::string gain = " (" + GainText(best, stated) + ")";
   const std::string& arm = stated.reading.arm.name;
   if (best.reading.mistake == ArmReading::Mistake::kArm) {
-    return Symptom{*severity, "robot_model",
+    return Symptom{*severity,
+                   "robot_model",
                    "the arm " + arm + " reaches all poses, but the arm " + best.reading.arm.name +
                        " explains the captures decidedly better" + gain,
-                   "set robot.model: " + best.reading.arm.name + NearlyAsGood(others, best)};
+                   "set " + SettingsText({ModelSetting(best.reading.arm)}) + NearlyAsGood(others, best),
+                   {ModelSetting(best.reading.arm)}};
   }
   return Symptom{*severity, "robot_tool",
                  "the captures are explained decidedly better if the poses of the arm " + arm + " are those of " +
@@ -482,13 +497,15 @@ struct Remedy {
   std::string condition;
   std::string cure;
   std::vector<ArmReading> readings;
+  std::vector<ConfigSetting> settings = {};
 };
 
 std::vector<Remedy> RemediesFor(const ArmReading& stated, const std::vector<Rigid3d>& poses,
                                 const std::vector<size_t>& order, int num_threads) {
   std::vector<Remedy> remedies;
   for (const ArmReading& arm : Reaching(OtherArms(stated, Arms()), poses, order, num_threads)) {
-    remedies.push_back({"the arm " + arm.arm.name, "set robot.model: " + arm.arm.name, {arm}});
+    const std::vector<ConfigSetting> settings = {ModelSetting(arm.arm)};
+    remedies.push_back({"the arm " + arm.arm.name, "set " + SettingsText(settings), {arm}, settings});
   }
   const std::vector<ArmReading> tools = Reaching(ToolReadings(stated, kToolStepM), poses, order, num_threads);
   if (!tools.empty()) {
@@ -598,7 +615,10 @@ Symptom Unreachable(const Examination& examination, const ArmReading& stated, co
   symptom.what += "; all poses are reached by " + Join(conditions, ", or by ") +
                   (num_more == 0 ? "" : ", and in " + std::to_string(num_more) + " other ways") + chosen.why;
   symptom.cure = "check robot.model, robot.tool and the base of the poses";
-  if (chosen.remedy != nullptr) symptom.cure = chosen.remedy->cure;
+  if (chosen.remedy != nullptr) {
+    symptom.cure = chosen.remedy->cure;
+    if (chosen.is_sure) symptom.settings = chosen.remedy->settings;
+  }
   if (reaches_each && chosen.best) symptom.code = CodeOf(chosen.best->reading);
   if (is_tool) symptom.cure = ToolSetting(chosen.best->reading);
   if (!chosen.is_sure) symptom.cure += "; if that is not what was used, correct the one of these that applies";

@@ -38,10 +38,17 @@ std::optional<OtherTarget> WithSettings(const RunConfig& config, const TargetSet
   }
 }
 
-std::string SettingsText(const TargetSettings& settings) {
-  std::vector<std::string> parts;
-  for (const auto& [key, value] : settings) parts.push_back(key + ": " + value);
-  return Join(parts, ", ");
+std::string TargetSettingsText(const TargetSettings& settings) {
+  std::vector<ConfigSetting> in_target;
+  for (const auto& [key, value] : settings) in_target.push_back({key, value});
+  return SettingsText(in_target);
+}
+
+// Returns the settings with their keys from the root of the config.
+std::vector<ConfigSetting> InConfig(const TargetSettings& settings) {
+  std::vector<ConfigSetting> in_config;
+  for (const auto& [key, value] : settings) in_config.push_back({"target." + key, value});
+  return in_config;
 }
 
 // Returns the data set with `num_images` evenly spaced captures only.
@@ -168,8 +175,9 @@ std::vector<Symptom> Check_target(Examination* examination) {
     detect_all();
     return Symptom{Severity::kWrong, "target",
                    "the images show another target than the config names: that one is detected " + seen + "; with " +
-                       SettingsText(other->settings) + " it is detected " + SeenText(config, examination->detections),
-                   "set in the target: " + SettingsText(other->settings)};
+                       TargetSettingsText(other->settings) + " it is detected " +
+                       SeenText(config, examination->detections),
+                   "set in the target: " + TargetSettingsText(other->settings), InConfig(other->settings)};
   };
   if (NumSeen(few) == 0) {
     if (const std::optional<Symptom> symptom = look_for_other(SeenText(config, few) + " that were searched")) {

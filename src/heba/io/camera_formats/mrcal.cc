@@ -60,7 +60,8 @@ const LensModel& ReadLensModel(const Dictionary& dictionary) {
   const PythonValue& lens_model = dictionary.Get("lensmodel", PythonValue::Kind::kText, "a name in quotes");
   if (const LensModel* model = FindEntry(LensModels(), lens_model.text)) return *model;
   dictionary.Fail(lens_model, "lensmodel " + Quoted(lens_model.text) + " is not supported; one of: " +
-                                  Join(NamesOf(LensModels()), ", ") + " (mrcal-convert-lensmodel converts to one)");
+                                  Join(NamesOf(LensModels()), ", ") + " (mrcal-convert-lensmodel converts to one)" +
+                                  DidYouMean(lens_model.text, NamesOf(LensModels())));
 }
 
 Camera Read(const std::string& text, const std::filesystem::path& name) {

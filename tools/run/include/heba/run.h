@@ -112,6 +112,7 @@ struct RunOptions {
 
 // The stages of a run whose steps are counted.
 enum class RunStage { kDetection, kSecondDetection, kHoldOut };
+inline constexpr std::array<const char*, 3> kRunStageNames = {"detection", "second detection", "hold-out"};
 
 // Captures that are not used because their image is that of another capture (tools/run/duplicate_images.h).
 struct LeftOutCaptures {

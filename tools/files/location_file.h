@@ -1,0 +1,30 @@
+// Writes located targets and pixels as JSON, for other programs.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/run/image_location.h"
+
+namespace heba {
+
+// Returns one JSON document: {"schema": "heba/locations/1", "heba", "name", "setup", "camera_mount", "images": [...]}.
+//
+// `camera_mount` is null for a stationary camera, otherwise {"stated": POSE, "corrected": POSE or null, "arm",
+// "reason"}: the pose base_from_gripper of the images, the same corrected by the estimated errors of the arm, and why
+// it was not corrected. An image has {"image", "located", "reason", "points", "target_points", "rms_px", "poses",
+// "chosen", "command", "commands", "command_reason", "pixels"}. `poses` are all poses of the target that fit, each
+// {"base_from_target": POSE, "near_deg", "sigma": SIGMAS, "postures": POSTURES}; `chosen` is the index of the one that
+// is meant, or null. A pixel has {"pixel": [u, v], "in_base_m": [x, y, z], "sigma", "postures"}. `command` is the pose
+// to command in the configuration of the captures, `commands` those in all configurations, or null: {"configuration",
+// "reason", "base_from_gripper": POSE, "joints": [{"name", "value", "unit"}], "from_target_mm", "from_target_deg",
+// "extrapolated", "sigma"}.
+//
+// POSE: {"parent", "child", "translation_m", "quaternion_xyzw", "matrix"}; the matrix has 4 x 4 numbers, its
+// translation in m. SIGMAS: one sigma along (and about) the base's x, y, z, {"total_mm", "calibration_mm", "image_mm",
+// "robot_mm"} of the target's centre, of a pixel's position, or of the gripper against the target; for a pose of the
+// target also "total_deg" and so on. POSTURES: null without --robot, otherwise {"arm", "reason", "joints": [{"name",
+// "unit"}], "postures": [{"joints": [...], "singularity"}]}. A figure that does not exist is null.
+std::string LocationsToJson(const LocationRequest& request, const std::vector<ImageLocation>& locations);
+
+}  // namespace heba

@@ -1,0 +1,22 @@
+// Words on located targets and pixels, on the true pose of an arm whose errors are estimated, and on what the gripper
+// reaches.
+#pragma once
+
+#include <string>
+
+#include "tools/run/image_location.h"
+
+namespace heba {
+
+// Why there is no pose to command if the errors of the arm are estimated, but not those of the pose of the camera.
+inline constexpr const char* kNoCommandReason = "the target was located with a pose that was not corrected";
+
+// Describes where an image shows the target, or pixels; lists all possible poses if none is chosen. Empty if nothing is
+// located.
+std::string LocationText(const LocationRequest& request, const ImageLocation& location);
+
+// Returns why nothing is located in an image, or why LocationRequest::near does not decide between the possible poses;
+// empty otherwise.
+std::string LocationFault(const ImageLocation& location);
+
+}  // namespace heba
