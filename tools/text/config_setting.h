@@ -9,7 +9,9 @@
 namespace heba {
 
 struct ConfigSetting {
-  std::string key;    // From the root of the config, such as refine.robot_noise: a key of --set.
+  // From the root of the config, such as refine.robot_noise: a key of --set. If the target has a file of its own, the
+  // keys target.KEY are those of that file, which --set does not change.
+  std::string key;
   std::string value;  // In YAML.
 
   bool operator==(const ConfigSetting&) const = default;

@@ -15,6 +15,7 @@
 namespace heba {
 namespace {
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -252,7 +253,7 @@ TEST_F(ImportGuessesTest, TwoCapturesOfOneNameAreRefused) {
 TEST_F(ImportGuessesTest, AnUnknownFormatIsNamed) {
   Write("poses.txt", "1 1 2 3 0 0 0 1\n");
   EXPECT_THAT(InputErrorOf([&] { ImportDataSet(folder_ / "poses.txt", "tumm"); }),
-              HasSubstr("is not a data set in a known format; one of: "));
+              AllOf(HasSubstr("the format 'tumm' is unknown; one of: "), HasSubstr("did you mean 'tum'?")));
 }
 
 }  // namespace

@@ -106,6 +106,7 @@ TEST(PosesCheckTest, FindsInvertedPosesAndOffersBothExplanations) {
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong pose_direction"));
   EXPECT_THAT(symptoms[0].cure, HasSubstr("if the camera is fixed beside the robot, set captures.poses_are: "
                                           "gripper_from_base (base_from_camera ["));
+  EXPECT_TRUE(symptoms[0].settings.empty());  // The cure is a choice between two settings.
   EXPECT_THAT(symptoms[0].cure, HasSubstr("if the robot carries the camera, set setup: eye_in_hand "
                                           "(gripper_from_camera ["));
   ExpectCorrected(examination, CleanExamination());

@@ -67,6 +67,7 @@ TEST(RobotCheckTest, SimilarArmIsNamedByTheCaptures) {
     const std::vector<Symptom> symptoms = Check_robot(&examination);
     ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong robot_model")) << wrong;
     EXPECT_EQ(symptoms[0].cure, "set robot.model: ur5e");
+    EXPECT_EQ(symptoms[0].settings, (std::vector<ConfigSetting>{{"robot.model", "ur5e"}}));
   }
 }
 
@@ -169,6 +170,7 @@ TEST(RobotCheckTest, UnitOfTheJointsIsFound) {
   std::vector<Symptom> symptoms = Check_robot(&examination);
   ASSERT_THAT(CodesOf(symptoms), ElementsAre("wrong joint_angle"));
   EXPECT_EQ(symptoms[0].cure, "set captures.joint_angle: deg");
+  EXPECT_EQ(symptoms[0].settings, (std::vector<ConfigSetting>{{"captures.joint_angle", "deg"}}));
   for (Eigen::VectorXd& of_capture : joints) of_capture *= DegToRad(1) * DegToRad(1);
   SetJoints(joints, &examination);
   examination.config.joints_are_deg = true;
