@@ -338,10 +338,13 @@ Sheet MakeSheet(const Target& target, const SheetOptions& options) {
 
 std::optional<Paper> SmallestPaper(const Target& target, const SheetOptions& options) {
   const std::optional<QrCode> code = options.config.empty() ? std::nullopt : std::optional(EncodeQr(options.config));
+  std::optional<Paper> smallest;
   for (const Paper& paper : Papers()) {
-    if (FitOn(paper, target, options, code)) return paper;
+    if (!FitOn(paper, target, options, code)) continue;
+    if (!options.paper || paper.series == options.paper->series) return paper;
+    if (!smallest) smallest = paper;
   }
-  return std::nullopt;
+  return smallest;
 }
 
 void WriteSheet(const Sheet& sheet, const std::filesystem::path& path) {

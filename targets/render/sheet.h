@@ -71,8 +71,8 @@ struct Sheet {
 
 Sheet MakeSheet(const Target& target, const SheetOptions& options = {});
 
-// Returns the smallest paper on which the target with these options (except their paper) has one page; nothing if there
-// is none.
+// Returns the smallest paper on which the target has one page, from the series of the options' paper if that has one;
+// nothing if there is none.
 std::optional<Paper> SmallestPaper(const Target& target, const SheetOptions& options);
 
 // Writes the sheet as .svg, .pdf or .png, by the suffix of `path`, completely or not at all; equal sheets give equal

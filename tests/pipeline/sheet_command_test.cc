@@ -47,9 +47,9 @@ TEST_F(SheetCommandTest, PaperThatFitsGivesOnePageWithoutAWarning) {
 TEST_F(SheetCommandTest, SheetLargerThanThePaperWarnsAndNamesALargerOne) {
   const CommandResult result = RunHeba({"target", Path("large.yaml"), "--paper", "a4", "--out", Path("sheet.pdf")});
   EXPECT_EQ(result.status, 0) << result.err;
-  EXPECT_THAT(result.out, HasSubstr("4 pages of"));
+  EXPECT_THAT(result.out, HasSubstr("2 pages of"));
   EXPECT_THAT(result.err, AllOf(StartsWith("heba: warning: "), HasSubstr("does not fit on a4 (210 x 297 mm)"),
-                                HasSubstr("spread over 4 pages"), HasSubstr("it fits on a3")));
+                                HasSubstr("spread over 2 pages"), HasSubstr("it fits on a3")));
   EXPECT_THAT(ReadAll(Path("sheet.pdf")), HasSubstr("/Title (chessboard 9 x 6, 28 mm)"));
 }
 

@@ -298,6 +298,15 @@ TEST(Sheet, SmallestPaperIsTheFirstThatHoldsTheSheet) {
   EXPECT_EQ(SmallestPaper(target, {})->name, "a5");
   target.drawing.max_m = {0.38, 0.25};
   EXPECT_EQ(SmallestPaper(target, {})->name, "a3");
+  target.drawing.max_m = {0.28, 0.2};
+  SheetOptions options;
+  options.paper = PaperOf("a4");
+  EXPECT_EQ(SmallestPaper(target, options)->name, "a3");
+  options.paper = PaperOf("letter");
+  EXPECT_EQ(SmallestPaper(target, options)->name, "tabloid");
+  // No paper of the series is large enough.
+  target.drawing.max_m = {0.7, 0.5};
+  EXPECT_EQ(SmallestPaper(target, options)->name, "a1");
   target.drawing.max_m = {2, 2};
   EXPECT_FALSE(SmallestPaper(target, {}).has_value());
 }
