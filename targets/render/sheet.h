@@ -37,7 +37,7 @@ struct SheetPoint {
   Eigen::Vector2d page_mm = Eigen::Vector2d::Zero();    // Offset right and down from that page's top-left corner.
 };
 
-// A page, which shows a rectangle of the sheet. Neighbouring pages overlap.
+// A page, which shows a rectangle of the sheet. Neighbouring pages overlap by 10 mm or more.
 struct SheetPage {
   int row = 0;
   int column = 0;
