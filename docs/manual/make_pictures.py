@@ -41,9 +41,6 @@ def main(program):
         heba(program, "simulate", CONFIGS / "sample_scene.yaml", "--out", work / "sample")
         image = cv2.imread(str(sorted((work / "sample/images").iterdir())[0]))
         save("sample_image.jpg", cv2.resize(image, (640, image.shape[0] * 640 // image.shape[1]), interpolation=cv2.INTER_AREA))
-        (work / "board.yaml").write_text("{type: coded_board, rows: 6, columns: 8, spacing: 25 mm}\n")
-        heba(program, "target", work / "board.yaml", "--paper", "a4", "--out", work / "sheet.png", "--dpi", "90")
-        save("sheet.png", cv2.imread(str(work / "sheet.png"), cv2.IMREAD_GRAYSCALE))
         heba(program, "run", work / "sample/config.yaml", "--out", work / "run")
         shot = work / "report.png"
         subprocess.run(

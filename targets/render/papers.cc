@@ -4,7 +4,7 @@ namespace heba {
 
 const std::vector<Paper>& Papers() {
   static const std::vector<Paper> papers = {
-#define HEBA_PAPER(name, width_mm, height_mm) {#name, width_mm, height_mm},
+#define HEBA_PAPER(name, series, width_mm, height_mm) {#name, #series, width_mm, height_mm},
 #include "targets/render/papers.def"
 #undef HEBA_PAPER
   };

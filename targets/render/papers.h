@@ -11,6 +11,7 @@ namespace heba {
 
 struct Paper {
   std::string_view name;
+  std::string_view series;  // iso or us.
   // Upright.
   double width_mm = 0;
   double height_mm = 0;

@@ -223,17 +223,18 @@ std::optional<PageChoice> FitOn(const Paper& paper, const Target& target, const 
   return best;
 }
 
-// Returns the pages of one paper over which a sheet is spread, as few as possible.
+// Sets the pages of one paper over which a sheet is spread, as few as possible. Each shows as much as it can, at equal
+// steps, so that no page is a sliver: each ruler and the code are whole on one page.
 void SpreadOver(const Paper& paper, Sheet* sheet) {
   const double frame_mm = sheet->options.margin_mm + kSheetFrameMm;
   size_t fewest = 0;
   for (const bool is_landscape : {false, true}) {
     const Eigen::Vector2d page_mm = paper.SizeMm(is_landscape);
     const Eigen::Vector2d room_mm = page_mm.array() - 2 * frame_mm;
-    const Eigen::Vector2d step_mm = room_mm.array() - kSheetOverlapMm;
-    const Eigen::Array2d num_steps = ((sheet->size_mm.array() - kSheetOverlapMm) / step_mm.array() - 1e-9).ceil();
-    const int columns = static_cast<int>(std::clamp(num_steps.x(), 1.0, 1e4));
-    const int rows = static_cast<int>(std::clamp(num_steps.y(), 1.0, 1e4));
+    const Eigen::Array2d most_mm = room_mm.array() - kSheetOverlapMm;
+    const Eigen::Array2d num_parts = ((sheet->size_mm.array() - kSheetOverlapMm) / most_mm - 1e-9).ceil();
+    const int columns = static_cast<int>(std::clamp(num_parts.x(), 1.0, 1e4));
+    const int rows = static_cast<int>(std::clamp(num_parts.y(), 1.0, 1e4));
     const size_t num_pages = static_cast<size_t>(rows) * static_cast<size_t>(columns);
     if (fewest > 0 && num_pages >= fewest) continue;
     fewest = num_pages;
@@ -244,10 +245,13 @@ void SpreadOver(const Paper& paper, Sheet* sheet) {
       sheet->pages.resize(kMaxPages + 1);
       continue;
     }
+    const Eigen::Vector2d part_mm = room_mm.cwiseMin(sheet->size_mm);
+    const Eigen::Vector2d last_from_mm = sheet->size_mm - part_mm;
     for (int row = 0; row < rows; ++row) {
       for (int column = 0; column < columns; ++column) {
-        const Eigen::Vector2d from_mm(column * step_mm.x(), row * step_mm.y());
-        const Eigen::Vector2d to_mm = (from_mm + room_mm).cwiseMin(sheet->size_mm);
+        const Eigen::Vector2d from_mm(last_from_mm.x() * column / std::max(columns - 1, 1),
+                                      last_from_mm.y() * row / std::max(rows - 1, 1));
+        const Eigen::Vector2d to_mm = (from_mm + part_mm).cwiseMin(sheet->size_mm);
         sheet->pages.push_back({row, column, from_mm, to_mm, Eigen::Vector2d::Constant(frame_mm)});
       }
     }
@@ -339,10 +343,13 @@ Sheet MakeSheet(const Target& target, const SheetOptions& options) {
 
 std::optional<Paper> SmallestPaper(const Target& target, const SheetOptions& options) {
   const std::optional<QrCode> code = options.config.empty() ? std::nullopt : std::optional(EncodeQr(options.config));
+  std::optional<Paper> smallest;
   for (const Paper& paper : Papers()) {
-    if (FitOn(paper, target, options, code)) return paper;
+    if (!FitOn(paper, target, options, code)) continue;
+    if (!options.paper || paper.series == options.paper->series) return paper;
+    if (!smallest) smallest = paper;
   }
-  return std::nullopt;
+  return smallest;
 }
 
 void WriteSheet(const Sheet& sheet, const std::filesystem::path& path) {

@@ -37,7 +37,7 @@ struct SheetPoint {
   Eigen::Vector2d page_mm = Eigen::Vector2d::Zero();    // Offset right and down from that page's top-left corner.
 };
 
-// A page, which shows a rectangle of the sheet. Neighbouring pages overlap.
+// A page, which shows a rectangle of the sheet. Neighbouring pages overlap by 10 mm or more.
 struct SheetPage {
   int row = 0;
   int column = 0;
@@ -71,8 +71,8 @@ struct Sheet {
 
 Sheet MakeSheet(const Target& target, const SheetOptions& options = {});
 
-// Returns the smallest paper on which the target with these options (except their paper) has one page; nothing if there
-// is none.
+// Returns the smallest paper on which the target has one page, from the series of the options' paper if that has one;
+// nothing if there is none.
 std::optional<Paper> SmallestPaper(const Target& target, const SheetOptions& options);
 
 // Writes the sheet as .svg, .pdf or .png, by the suffix of `path`, completely or not at all; equal sheets give equal

@@ -16,8 +16,11 @@ inline constexpr double kSheetLineMm = 2.9;    // Distance of the lines.
 inline constexpr double kSheetLetterMm = 2.2;  // Height of the letters.
 inline constexpr double kSheetGapMm = 3;       // Between the small print and the code.
 inline constexpr double kSheetCodeModuleMm = 0.4;
-// A page of several has its marks in a frame inside of the margin, and overlaps with the next one.
+// A page of several has its marks in a frame inside of the margin: the marks of its neighbours' edges beside the part
+// of the sheet, then its label. It overlaps with the next one by this much or more.
 inline constexpr double kSheetFrameMm = 5;
+inline constexpr double kSheetEdgeMarkMm = 2;
+inline constexpr double kSheetLabelMm = 4.4;  // Baseline of the label.
 inline constexpr double kSheetOverlapMm = 10;
 
 }  // namespace heba

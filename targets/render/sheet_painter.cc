@@ -239,7 +239,7 @@ class SheetPainter {
       if (is_beside || is_below) {
         const int axis = is_beside ? 0 : 1;
         const bool is_before = other.row < page.row || other.column < page.column;
-        add_marks(axis, (is_before ? other.to_mm : other.from_mm)[axis] + shift_mm[axis], kSheetFrameMm - 2);
+        add_marks(axis, (is_before ? other.to_mm : other.from_mm)[axis] + shift_mm[axis], kSheetEdgeMarkMm);
       }
     }
     cairo_stroke(context_);
@@ -249,7 +249,7 @@ class SheetPainter {
     const std::string label = std::to_string(number) + "/" + std::to_string(num_pages) + ": row " +
                               std::to_string(page.row + 1) + ", column " + std::to_string(page.column + 1) +
                               ". Cut at the lines; the next page's edge: dashes.";
-    PaintText(label, {begin_mm.x() + kSheetOverlapMm + 5, end_mm.y() + kSheetFrameMm - 1}, kSheetLetterMm);
+    PaintText(label, {begin_mm.x() + 2, end_mm.y() + kSheetLabelMm}, kSheetLetterMm);
   }
 
   cairo_t* context_;

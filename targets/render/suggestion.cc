@@ -72,7 +72,7 @@ constexpr Proposal kProposals[] = {
     {"apriltag_grid", "a cell of a tag", 1.0 / 8, 4.5, 2, 2, AprilTagGrid},
     {"chessboard", "a square", 1, 4, 4, 3, Chessboard},
     {"charuco", "a cell of a marker", 0.7 / 6, 3, 4, 3, Charuco},
-    {"circle_grid", "a dot", 0.5, 6.5, 4, 3, CircleGrid},
+    {"circle_grid", "a dot", 0.5, 7, 4, 3, CircleGrid},
 };
 
 // Captures may be farther away than the distance by this factor.

@@ -180,6 +180,10 @@ TEST_F(ExtremesTest, SurvivesExtremeTargets) {
     WriteAll(*root_ / (type + ".yaml"), text);
     Try({type, *root_ / (type + ".yaml"), {"target", "FILE", "--out", "FOLDER/sheet.pdf"}});
     Try({type + ".png", *root_ / (type + ".yaml"), {"target", "FILE", "--out", "FOLDER/sheet.png", "--dpi", "30"}, 3});
+    Try({type + ".paper",
+         *root_ / (type + ".yaml"),
+         {"target", "FILE", "--out", "FOLDER/sheet.pdf", "--paper", "a4"},
+         3});
   }
 }
 

@@ -49,9 +49,7 @@ DEFINE_string(plane, "target",
               "PLANE|plane of the points: target, or NX,NY,NZ,DISTANCE in the base, such as 0,0,1,120 mm");
 DEFINE_bool(json, false, "|print one JSON document for programs instead of the text");
 DEFINE_double(dpi, 300, "N|resolution of a .png sheet");
-DEFINE_string(
-    paper, "",
-    "NAME|paper of the sheet: a5, a4, a3, a2, a1, a0, letter, legal, tabloid; default: as large as the sheet");
+DEFINE_string(paper, "", "NAME|paper of the sheet: a4, a3, letter, ...; default: a page as large as the sheet");
 DEFINE_bool(suggest, false, "|propose a target for --paper, --distance and --camera, as YAML");
 DEFINE_string(target_type, "coded_board", "TYPE|type of the proposed target");
 DEFINE_string(distance, "", "LENGTH|distance from the camera to the proposed target, such as '0.6 m'");

@@ -1,5 +1,6 @@
 #include "targets/render/suggestion.h"
 
+#include <map>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -27,6 +28,14 @@ SuggestionOptions OptionsFor(const std::string& type, const std::string& paper, 
   return options;
 }
 
+// Returns the suggestion for A4 at 0.6 m, which is made once for all tests.
+const Outcome<Suggestion>& SuggestionFor(const std::string& type) {
+  static std::map<std::string, Outcome<Suggestion>> suggestions;
+  const auto found = suggestions.find(type);
+  if (found != suggestions.end()) return found->second;
+  return suggestions.emplace(type, SuggestTarget(OptionsFor(type, "a4", 0.6))).first->second;
+}
+
 TEST(SuggestedTypes, AreAllTypesOfTargets) {
   EXPECT_THAT(SuggestedTypes(), UnorderedElementsAreArray(TargetTypeNames()))
       << "targets.def has a type without a line in kProposals of suggestion.cc";
@@ -37,7 +46,7 @@ class SuggestionTest : public testing::TestWithParam<std::string> {};
 TEST_P(SuggestionTest, FitsOnThePaperAndFillsAThirdToHalfOfTheImage) {
   const SuggestionOptions options = OptionsFor(GetParam(), "a4", 0.6);
   ASSERT_THAT(options.Check(), IsEmpty());
-  const Outcome<Suggestion> suggestion = SuggestTarget(options);
+  const Outcome<Suggestion>& suggestion = SuggestionFor(GetParam());
   ASSERT_TRUE(suggestion.ok()) << suggestion.reason();
   const std::unique_ptr<Target> target = ParseTarget(suggestion->config);
   EXPECT_EQ(target->type(), GetParam());
@@ -55,7 +64,7 @@ TEST_P(SuggestionTest, FitsOnThePaperAndFillsAThirdToHalfOfTheImage) {
 // Views other than the one in which the proposal was tried: any tilt up to 35 deg, and up to a quarter farther away.
 TEST_P(SuggestionTest, IsDetectedAtTheDistanceAndAQuarterBeyond) {
   const SuggestionOptions options = OptionsFor(GetParam(), "a4", 0.6);
-  const Outcome<Suggestion> suggestion = SuggestTarget(options);
+  const Outcome<Suggestion>& suggestion = SuggestionFor(GetParam());
   ASSERT_TRUE(suggestion.ok()) << suggestion.reason();
   const std::unique_ptr<Target> target = ParseTarget(suggestion->config);
   const Drawing& drawing = target->Draw();
@@ -85,7 +94,7 @@ TEST_P(SuggestionTest, IsDetectedAtTheDistanceAndAQuarterBeyond) {
 }
 
 TEST_P(SuggestionTest, StatesTheScatterOfThePose) {
-  const Outcome<Suggestion> near = SuggestTarget(OptionsFor(GetParam(), "a4", 0.6));
+  const Outcome<Suggestion>& near = SuggestionFor(GetParam());
   const Outcome<Suggestion> far = SuggestTarget(OptionsFor(GetParam(), "a4", 0.9));
   ASSERT_TRUE(near.ok() && far.ok()) << near.reason() << far.reason();
   EXPECT_GT(near->sigma.position_m, 1e-7);
