@@ -28,7 +28,7 @@ if(GZIP)
   install(FILES ${package_folder}/changelog.gz DESTINATION ${doc})
 endif()
 install(FILES ${package_folder}/copyright CHANGELOG.md README.md DESTINATION ${doc})
-install(DIRECTORY docs/ DESTINATION ${doc}/manual FILES_MATCHING PATTERN "*.md")
+install(DIRECTORY docs/ DESTINATION ${doc}/manual FILES_MATCHING PATTERN "*.md" PATTERN "*.jpg" PATTERN "*.png")
 install(DIRECTORY configs/ DESTINATION ${doc}/examples PATTERN "recorded" EXCLUDE)
 
 set(CPACK_GENERATOR DEB)
