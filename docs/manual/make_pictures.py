@@ -41,6 +41,13 @@ def main(program):
         heba(program, "simulate", CONFIGS / "sample_scene.yaml", "--out", work / "sample")
         image = cv2.imread(str(sorted((work / "sample/images").iterdir())[0]))
         save("sample_image.jpg", cv2.resize(image, (640, image.shape[0] * 640 // image.shape[1]), interpolation=cv2.INTER_AREA))
+        for name, grid in (
+            ("coded_board", "rows: 8, columns: 11, spacing: 20 mm, dot_diameter: 6 mm"),
+            ("apriltag_grid", "family: tag36h11, rows: 4, columns: 8, tag_size: 25 mm"),
+        ):
+            (work / "board.yaml").write_text(f"{{type: {name}, {grid}}}\n")
+            heba(program, "target", work / "board.yaml", "--paper", "a4", "--out", work / "sheet.png", "--dpi", "75")
+            save(f"sheet_{name}.png", cv2.imread(str(work / "sheet.png"), cv2.IMREAD_GRAYSCALE))
         heba(program, "run", work / "sample/config.yaml", "--out", work / "run")
         shot = work / "report.png"
         subprocess.run(
