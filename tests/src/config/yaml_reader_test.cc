@@ -48,7 +48,7 @@ TEST(MapReaderTest, UsesDefaultsAndRecordsThem) {
   EXPECT_FALSE(reader.Bool("flag", false));
   EXPECT_FALSE(reader.Find("absent").has_value());
   reader.Finish();
-  EXPECT_EQ(Dumped(reader.used()), "count: 3\nlength: 0.04 m\ngap: 0.01 m\nloss: huber\nflag: false");
+  EXPECT_EQ(Dumped(reader.used()), "count: 3\nlength: 40 mm\ngap: 10 mm\nloss: huber\nflag: false");
 }
 
 TEST(MapReaderTest, UsedValuesReadBackUnchanged) {

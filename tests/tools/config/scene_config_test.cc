@@ -36,7 +36,7 @@ TEST(SceneConfigTest, ReadsWhatEverySceneStates) {
   EXPECT_EQ(scene.setup, Setup::kEyeInHand);
   EXPECT_EQ(scene.target->type(), "chessboard");
   EXPECT_EQ(scene.target->points().size(), 40u);
-  EXPECT_EQ(scene.target_used["square"].as<std::string>(), "0.02 m");
+  EXPECT_EQ(scene.target_used["square"].as<std::string>(), "20 mm");
   EXPECT_EQ(scene.camera.model, "pinhole");
   EXPECT_EQ(scene.camera.width_px, 640);
   EXPECT_EQ(scene.camera.height_px, 480);
@@ -284,7 +284,7 @@ TEST_F(SceneFileTest, TargetAndCameraMayBeFilesBesideTheScene) {
   Write("files.yaml", "base: scene.yaml\ntarget: board.yaml\ncamera: camera.yaml\n");
   const SceneConfig scene = ReadSceneConfig(folder_ / "files.yaml");
   EXPECT_EQ(scene.target->points().size(), 12u);
-  EXPECT_EQ(scene.target_used["square"].as<std::string>(), "0.01 m");
+  EXPECT_EQ(scene.target_used["square"].as<std::string>(), "10 mm");
   EXPECT_EQ(scene.camera.width_px, 320);
 }
 
