@@ -22,10 +22,18 @@ def save(name, image, quality=80):
     cv2.imwrite(str(PAGES / "pictures" / name), image, [cv2.IMWRITE_JPEG_QUALITY, quality])
 
 
+def scaled(image, width):
+    return cv2.resize(image, (width, image.shape[0] * width // image.shape[1]), interpolation=cv2.INTER_AREA)
+
+
+def first_image(folder):
+    return cv2.imread(str(sorted(folder.iterdir())[0]))
+
+
 def sheet_of(folder, count=9, columns=3, width=300):
     """Returns the first images of a folder in rows."""
     images = [cv2.imread(str(file)) for file in sorted(folder.iterdir())[:count]]
-    small = [cv2.resize(i, (width, i.shape[0] * width // i.shape[1]), interpolation=cv2.INTER_AREA) for i in images]
+    small = [scaled(image, width) for image in images]
     small = [cv2.copyMakeBorder(i, 2, 2, 2, 2, cv2.BORDER_CONSTANT, value=(255, 255, 255)) for i in small]
     return np.vstack([np.hstack(small[i : i + columns]) for i in range(0, count, columns)])
 
@@ -39,8 +47,7 @@ def main(program):
             heba(program, "simulate", CONFIGS / "captures/scene.yaml", "--set", "image.clutter=true", *flags, "--out", work / kind)
             save(f"{kind}_set.jpg", sheet_of(work / kind / "images"))
         heba(program, "simulate", CONFIGS / "sample_scene.yaml", "--out", work / "sample")
-        image = cv2.imread(str(sorted((work / "sample/images").iterdir())[0]))
-        save("sample_image.jpg", cv2.resize(image, (640, image.shape[0] * 640 // image.shape[1]), interpolation=cv2.INTER_AREA))
+        save("sample_image.jpg", scaled(first_image(work / "sample/images"), 640))
         for name, grid in (
             ("coded_board", "rows: 8, columns: 11, spacing: 20 mm, dot_diameter: 6 mm"),
             ("apriltag_grid", "family: tag36h11, rows: 4, columns: 8, tag_size: 25 mm"),
@@ -55,11 +62,10 @@ def main(program):
              f"file://{work}/run/report.html"],
             check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )
-        save("report.jpg", cv2.resize(cv2.imread(str(shot)), (960, 1050), interpolation=cv2.INTER_AREA), 75)
+        save("report.jpg", scaled(cv2.imread(str(shot)), 960), 75)
         overlay = work / "detections"
         heba(program, "detect", work / "sample/config.yaml", "--out", overlay)
-        image = cv2.imread(str(sorted((overlay / "overlays").iterdir())[0]))
-        save("overlay.jpg", cv2.resize(image, (640, image.shape[0] * 640 // image.shape[1]), interpolation=cv2.INTER_AREA))
+        save("overlay.jpg", scaled(first_image(overlay / "overlays"), 640))
 
 
 if __name__ == "__main__":

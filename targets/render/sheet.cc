@@ -147,11 +147,9 @@ std::string ShownSize(const Eigen::Vector2d& size_mm) {
 // Returns the paragraphs of the small print.
 std::vector<std::string> SmallPrint(const Target& target, const SheetOptions& options) {
   const Drawing& drawing = target.Draw();
-  const bool has_point_at_origin = std::any_of(target.points().begin(), target.points().end(),
-                                               [](const TargetPoint& point) { return point.in_target.norm() < 1e-9; });
   std::string origin = "Origin: where the bars at the arrows x and y meet";
   for (const TargetPoint& point : target.points()) {
-    if (has_point_at_origin && point.in_target.norm() < 1e-9) origin += ", point " + std::to_string(point.id);
+    if (point.in_target.norm() < 1e-9) origin += ", point " + std::to_string(point.id);
   }
   origin += drawing.y_up ? "; x right, y up, z out of the sheet." : "; x right, y down, z into the sheet.";
   std::vector<std::string> paragraphs = {options.title + ": " + ShownSize(1000 * (drawing.max_m - drawing.min_m)) +

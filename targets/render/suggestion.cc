@@ -82,9 +82,7 @@ constexpr double kMaxWidthShare = 0.6;
 constexpr double kLeastFound = 0.95;
 constexpr int kUnitStepMm = 5;
 constexpr int kLargestUnitMm = 500;
-constexpr int kMaxSide = 40;  // Of rows and columns.
-
-std::unique_ptr<Target> TargetOf(const std::string& config) { return ParseTarget(config); }
+constexpr int kMaxSide = 40;  // The most rows, and the most columns.
 
 Eigen::Vector2d DrawingMm(const Target& target) { return 1000 * (target.Draw().max_m - target.Draw().min_m); }
 
@@ -99,14 +97,18 @@ Sheet SheetOf(const std::string& config, const Paper& paper) {
   return MakeSheet(*target, options);
 }
 
+Eigen::Vector3d MiddleOf(const Drawing& drawing) {
+  const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
+  return {middle_m.x(), middle_m.y(), 0};
+}
+
 // The target's middle on the optical axis, tilted about a diagonal of the image.
 Rigid3d TrialPose(const Drawing& drawing, double distance_m) {
-  const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
   const Eigen::Quaterniond front =
       drawing.y_up ? ExpRotation(kPi * Eigen::Vector3d::UnitX()) : Eigen::Quaterniond::Identity();
   const Eigen::Quaterniond rotation =
       ExpRotation(DegToRad(kTrialTiltDeg) * Eigen::Vector3d(1, 1, 0).normalized()) * front;
-  return {rotation, Eigen::Vector3d(0, 0, distance_m) - rotation * Eigen::Vector3d(middle_m.x(), middle_m.y(), 0)};
+  return {rotation, Eigen::Vector3d(0, 0, distance_m) - rotation * MiddleOf(drawing)};
 }
 
 double LargestSigma(const Eigen::Matrix3d& covariance) {
@@ -116,9 +118,7 @@ double LargestSigma(const Eigen::Matrix3d& covariance) {
 // Propagates the stated covariances of the pixels to the pose of the target's middle.
 PoseSigma SigmaOf(const Target& target, const Camera& camera, const Rigid3d& camera_from_target,
                   const Detection& detection) {
-  const Drawing& drawing = target.Draw();
-  const Eigen::Vector2d middle_m = 0.5 * (drawing.min_m + drawing.max_m);
-  const Rigid3d target_from_middle(Eigen::Quaterniond::Identity(), {middle_m.x(), middle_m.y(), 0});
+  const Rigid3d target_from_middle(Eigen::Quaterniond::Identity(), MiddleOf(target.Draw()));
   const auto pixel_of = [&](const TargetPoint& point, int parameter, double step) {
     Eigen::Matrix<double, 6, 1> xi = Eigen::Matrix<double, 6, 1>::Zero();
     xi[parameter] = step;
@@ -159,10 +159,10 @@ class PatternFitter {
   std::optional<Suggestion> Fit(int unit_mm) const {
     const int columns = proposal_.least_columns;
     const int rows = proposal_.least_rows;
-    const Eigen::Vector2d least_mm = DrawingMm(*TargetOf(proposal_.config(unit_mm, columns, rows)));
-    const Eigen::Vector2d pitch_mm = DrawingMm(*TargetOf(proposal_.config(unit_mm, columns + 1, rows + 1))) - least_mm;
-    const Eigen::Vector2d image_mm = 1000 * ImagePx().cwiseQuotient(px_per_m_);
-    const Eigen::Vector2d most_mm = image_mm.cwiseProduct(Eigen::Vector2d(kMaxWidthShare, kMaxHeightShare));
+    const Eigen::Vector2d least_mm = LeastMm(unit_mm);
+    const Eigen::Vector2d pitch_mm =
+        DrawingMm(*ParseTarget(proposal_.config(unit_mm, columns + 1, rows + 1))) - least_mm;
+    const Eigen::Vector2d most_mm = MostInImageMm();
     struct Pattern {
       int columns;
       int rows;
@@ -187,16 +187,13 @@ class PatternFitter {
 
   // Returns whether the smallest pattern fits into the image and, roughly, on the paper.
   bool FitsLeast(int unit_mm) const {
-    const Eigen::Vector2d least_mm =
-        DrawingMm(*TargetOf(proposal_.config(unit_mm, proposal_.least_columns, proposal_.least_rows)));
-    const Eigen::Vector2d image_mm = 1000 * ImagePx().cwiseQuotient(px_per_m_);
-    const Eigen::Vector2d most_mm = image_mm.cwiseProduct(Eigen::Vector2d(kMaxWidthShare, kMaxHeightShare));
-    return (least_mm.array() <= most_mm.array()).all() && FitsPaper(least_mm);
+    const Eigen::Vector2d least_mm = LeastMm(unit_mm);
+    return (least_mm.array() <= MostInImageMm().array()).all() && FitsPaper(least_mm);
   }
 
   // Renders the target and detects it. Returns false if it is not found.
   bool Measure(Suggestion* suggestion) const {
-    const std::unique_ptr<Target> target = TargetOf(suggestion->config);
+    const std::unique_ptr<Target> target = ParseTarget(suggestion->config);
     const Rigid3d camera_from_target = TrialPose(target->Draw(), options_.distance_m);
     RenderOptions render;
     render.blur_sigma_px = kTrialBlurPx;
@@ -212,6 +209,17 @@ class PatternFitter {
 
  private:
   Eigen::Vector2d ImagePx() const { return {options_.camera.width_px, options_.camera.height_px}; }
+
+  // Returns the size of the smallest pattern.
+  Eigen::Vector2d LeastMm(int unit_mm) const {
+    return DrawingMm(*ParseTarget(proposal_.config(unit_mm, proposal_.least_columns, proposal_.least_rows)));
+  }
+
+  // Returns the largest size that a drawing may have in the image.
+  Eigen::Vector2d MostInImageMm() const {
+    const Eigen::Vector2d image_mm = 1000 * ImagePx().cwiseQuotient(px_per_m_);
+    return image_mm.cwiseProduct(Eigen::Vector2d(kMaxWidthShare, kMaxHeightShare));
+  }
 
   // Returns whether the drawing alone fits on the paper, on either side.
   bool FitsPaper(const Eigen::Vector2d& size_mm) const {
@@ -231,7 +239,7 @@ class PatternFitter {
     suggestion.config = proposal_.config(unit_mm, columns, rows);
     std::unique_ptr<Target> target;
     try {
-      target = TargetOf(suggestion.config);
+      target = ParseTarget(suggestion.config);
     } catch (const InputError&) {
       return std::nullopt;  // The type has no such pattern, for example not enough codes.
     }

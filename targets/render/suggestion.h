@@ -34,8 +34,8 @@ struct Suggestion {
   Eigen::Vector2d page_mm = Eigen::Vector2d::Zero();     // The paper, as it lies.
   std::string feature;                                   // The smallest part that must be resolved, such as "a dot".
   double feature_px = 0;
-  double height_share = 0;  // Of the image.
-  double width_share = 0;
+  double height_share = 0;  // The share of the image's height that the target covers.
+  double width_share = 0;   // The share of its width.
   size_t num_points = 0;
   double information = 0;  // On the target's pose, to compare suggestions of one type.
   // Results in a rendered image of the target, with its middle on the optical axis at the distance.

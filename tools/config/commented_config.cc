@@ -45,12 +45,6 @@ std::string Comment(const std::string& text, const std::string& indent) {
   return comment + indent + "# " + line + "\n";
 }
 
-// Returns what stands behind a key that has no value: its default, or what can be written.
-std::string ShownValue(const KeyEntry& entry) {
-  const bool has_default = !entry.fallback.starts_with("required") && !entry.fallback.starts_with("optional");
-  return has_default ? entry.fallback : entry.value;
-}
-
 }  // namespace
 
 std::string CommentedConfig(const std::map<std::string, std::string>& values, const std::vector<std::string>& remarks) {
@@ -70,7 +64,7 @@ std::string CommentedConfig(const std::map<std::string, std::string>& values, co
     const size_t point = entry.key.find('.');
     std::string inside = point == std::string::npos ? "" : entry.key.substr(0, point);
     std::string name = entry.key.substr(inside.empty() ? 0 : point + 1);
-    std::string shown = is_set ? value->second : ShownValue(entry);
+    std::string shown = is_set ? value->second : entry.HasDefault() ? entry.fallback : entry.value;
     // The items of a list are shown as one item with its first key.
     if (const size_t item = name.find("[]."); item != std::string::npos) {
       shown = "[{" + name.substr(item + 3) + ": " + shown + "}]";

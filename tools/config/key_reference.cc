@@ -7,6 +7,7 @@
 #include "heba/base/error.h"
 #include "heba/base/text.h"
 #include "heba/camera/camera_model.h"
+#include "heba/data/setup.h"
 #include "heba/data/target_shape.h"
 #include "heba/io/import.h"
 #include "heba/io/pose_formats.h"
@@ -107,10 +108,6 @@ std::string StudyIntroduction() {
          "needs no list.\n";
 }
 
-bool IsDefault(const KeyEntry& entry) {
-  return !entry.fallback.starts_with("required") && !entry.fallback.starts_with("optional");
-}
-
 // Returns the mapping that contains a key, empty at the top level, and the key's own name.
 std::pair<std::string, std::string> MappingAndName(const std::string& key) {
   const size_t point = key.rfind('.');
@@ -178,7 +175,7 @@ std::string KeysAsText(const KeyDocument& document, std::string_view key) {
       text += "\n";
     mapping = inside;
     const std::string indent = inside.empty() ? "" : "  ";
-    text += indent + name + ": " + entries[i].value + " (" + (IsDefault(entries[i]) ? "default: " : "") +
+    text += indent + name + ": " + entries[i].value + " (" + (entries[i].HasDefault() ? "default: " : "") +
             entries[i].fallback + ")\n" + indent + "    " + entries[i].meaning + "\n";
   }
   std::replace(text.begin(), text.end(), '`', '\'');

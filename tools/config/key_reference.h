@@ -11,9 +11,12 @@ namespace heba {
 struct KeyEntry {
   std::string_view document;  // The name of a KeyDocument.
   std::string key;            // With its mappings: refine.loss, evaluate.require[].within.
-  std::string value;          // What can be written.
+  std::string value;          // The values that can be written.
   std::string fallback;       // Begins with `required` or `optional`, or is the default.
   std::string meaning;
+
+  // Returns whether an absent key has a value.
+  bool HasDefault() const { return !fallback.starts_with("required") && !fallback.starts_with("optional"); }
 };
 
 // A kind of file.

@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 void ReadSetup(MapReader& root, RunConfig* config) {
   std::optional<std::string> fallback;
   if (config->imported && config->imported->setup) fallback = SetupName(*config->imported->setup);
-  config->data.setup = *FindSetup(root.Choice("setup", {"eye_to_hand", "eye_in_hand"}, fallback));
+  config->data.setup = *FindSetup(root.Choice("setup", SetupNames(), fallback));
 }
 
 void ReadTargetSection(MapReader& root, RunConfig* config) {

@@ -49,7 +49,7 @@ SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector
 SceneConfig ReadScene(const ConfigValue& value) {
   SceneConfig scene;
   MapReader reader(value);
-  scene.setup = *FindSetup(reader.Choice("setup", {"eye_to_hand", "eye_in_hand"}));
+  scene.setup = *FindSetup(reader.Choice("setup", SetupNames()));
   scene.target = ReadTarget(reader, "target");
   scene.target_used = reader.used()["target"];
   // A camera that states its model replaces the one of the base file, because another model has other coefficients.

@@ -1,4 +1,4 @@
-// What `heba detect` states about the images: as text for people and as JSON for programs.
+// The summary that `heba detect` prints of the images: text for people, JSON for programs.
 #pragma once
 
 #include <filesystem>
@@ -16,7 +16,7 @@ struct ImageDetections {
 };
 
 struct DetectionSummary {
-  // What the residuals are relative to: a camera, given or estimated, or a homography.
+  // The model that the residuals are relative to: a camera, given or estimated, or a homography.
   enum class Fit { kGivenCamera, kEstimatedCamera, kHomography };
 
   std::string name;
@@ -24,7 +24,7 @@ struct DetectionSummary {
   Fit fit = Fit::kHomography;
   std::string camera_model;  // Empty with a homography.
   std::vector<ImageDetections> images;
-  std::filesystem::path folder;  // Of the results.
+  std::filesystem::path folder;  // The folder of the results.
 
   int NumSeen() const;  // Number of images in which the target was detected.
 };

@@ -1,5 +1,5 @@
-// Where an image shows the target, or pixels, in the robot's base, how an arm reaches that, and how well it is known:
-// all values that `heba locate` states.
+// Locates the target, or pixels, of an image in the robot's base, with the sigmas and with the joints of an arm that
+// reaches it: all values that `heba locate` states.
 #pragma once
 
 #include <memory>
@@ -20,7 +20,7 @@ namespace heba {
 
 // An arm whose joints are to be found: one of the built-in table, or a URDF's from its root to its only tip.
 struct ReachingArm {
-  std::string name;  // As the user names it: that of the table, or the path of the URDF.
+  std::string name;  // The name in the table, or the path of the URDF.
   const UrRobot* ur = nullptr;
   std::shared_ptr<const UrdfArm> urdf = nullptr;
 };
@@ -91,12 +91,12 @@ struct LocationRequest {
 
 struct ImageLocation {
   std::string image;
-  size_t num_points = 0;  // Of the target, in the image.
+  size_t num_points = 0;  // The number of the target's points in the image.
   size_t num_target_points = 0;
   std::vector<PossiblePose> possible;   // Empty if the target cannot be located, or if pixels are asked for.
   std::optional<size_t> chosen;         // The index of the pose that is meant; nothing if none is.
   std::vector<double> near_angles_rad;  // Rotations between LocationRequest::near and the possible poses.
-  std::optional<Reach> reach;           // Of the chosen pose, if the run has estimated the errors of an arm.
+  std::optional<Reach> reach;           // The reach of the chosen pose, if the run has estimated the errors of an arm.
   std::vector<PixelPosition> pixels;
   std::string fault;  // Why nothing is located; empty otherwise.
 

@@ -13,7 +13,8 @@ namespace heba {
 struct FindingText {
   std::string text;    // The observation, with its figures and with those of the parts that it mentions.
   std::string action;  // The remedy; empty if nothing needs to be done, which is the case if the grade is good.
-  std::vector<ConfigSetting> settings = {};  // Those that the remedy changes, if the finding was not described before.
+  std::vector<ConfigSetting> settings =
+      {};  // The settings that the remedy changes, if the finding was not described before.
 };
 
 // Returns the words of a finding: its own text and action if it has a text (the findings of a file and of the doctor

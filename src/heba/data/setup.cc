@@ -15,6 +15,8 @@ constexpr std::array<std::string_view, 2> kSetupNames = {"eye_to_hand", "eye_in_
 
 std::string_view SetupName(Setup setup) { return kSetupNames[static_cast<size_t>(setup)]; }
 
+std::vector<std::string> SetupNames() { return {kSetupNames.begin(), kSetupNames.end()}; }
+
 std::optional<Setup> FindSetup(std::string_view name) { return FindValue<Setup>(kSetupNames, name); }
 
 std::string_view CameraMountName(Setup setup) { return setup == Setup::kEyeToHand ? "base" : "gripper"; }

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "heba/geometry/rigid3.h"
 
@@ -14,6 +16,7 @@ namespace heba {
 enum class Setup { kEyeToHand, kEyeInHand };
 
 std::string_view SetupName(Setup setup);  // "eye_to_hand", "eye_in_hand"
+std::vector<std::string> SetupNames();    // The names of all setups.
 std::optional<Setup> FindSetup(std::string_view name);
 
 // Returns "base" or "gripper".

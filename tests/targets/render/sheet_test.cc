@@ -49,6 +49,23 @@ Eigen::Vector2d Centroid(const cv::Mat& image, const Eigen::Vector2d& around_px,
   return sum.head<2>() / sum.z();
 }
 
+// Returns the centroids, px, of the runs of ink along a row or a column.
+std::vector<double> TicksOf(const cv::Mat& line) {
+  std::vector<double> ticks_px;
+  double weight = 0;
+  double sum = 0;
+  for (int i = 0; i < static_cast<int>(line.total()); ++i) {
+    const double ink = 255 - line.at<uint8_t>(i);
+    if (ink == 0 && weight > 0) {
+      ticks_px.push_back(sum / weight);
+      weight = sum = 0;
+    }
+    weight += ink;
+    sum += ink * i;
+  }
+  return ticks_px;
+}
+
 class SheetPngTest : public testing::TestWithParam<bool> {};
 
 // The target's y axis points down or up; on the page y is measured down from the top in both cases.
@@ -152,18 +169,7 @@ TEST(Sheet, RulerOfThePngIsTrueToScale) {
   const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
   // The longest ticks are those of full centimetres: this row is reached only by them.
   const int row = static_cast<int>((sheet.page_mm.y() - sheet.strip_mm + 4.7) * 300 / 25.4);
-  std::vector<double> ticks_px;
-  double weight = 0;
-  double sum = 0;
-  for (int x = 0; x < image.cols; ++x) {
-    const double ink = 255 - image.at<uint8_t>(row, x);
-    if (ink == 0 && weight > 0) {
-      ticks_px.push_back(sum / weight);
-      weight = sum = 0;
-    }
-    weight += ink;
-    sum += ink * x;
-  }
+  const std::vector<double> ticks_px = TicksOf(image.row(row));
   ASSERT_EQ(ticks_px.size(), 11U);
   constexpr double kTolerancePx = 0.05;  // Accuracy of thin lines, anti-aliased with 8 bits.
   EXPECT_NEAR(ticks_px.back() - ticks_px.front(), 100 * 300 / 25.4, kTolerancePx);
@@ -254,19 +260,8 @@ TEST(Sheet, VerticalRulerOfThePngIsTrueToScale) {
     const cv::Mat image = cv::imread((folder / "sheet.png").string(), cv::IMREAD_UNCHANGED);
     // Only the ticks of full centimetres are so long.
     const int column = static_cast<int>((sheet.margin_mm + 2.7) * 300 / 25.4);
-    std::vector<double> ticks_px;
-    double weight = 0;
-    double sum = 0;
     const int last_row = static_cast<int>((sheet.margin_mm + ruler_mm + 2) * 300 / 25.4);
-    for (int y = 0; y <= last_row; ++y) {
-      const double ink = 255 - image.at<uint8_t>(y, column);
-      if (ink == 0 && weight > 0) {
-        ticks_px.push_back(sum / weight);
-        weight = sum = 0;
-      }
-      weight += ink;
-      sum += ink * y;
-    }
+    const std::vector<double> ticks_px = TicksOf(image.col(column).rowRange(0, last_row + 1));
     ASSERT_EQ(ticks_px.size(), ruler_mm / 10 + 1);
     constexpr double kTolerancePx = 0.05;  // Accuracy of thin lines, anti-aliased with 8 bits.
     EXPECT_NEAR(ticks_px.back() - ticks_px.front(), ruler_mm * 300 / 25.4, kTolerancePx);

@@ -23,8 +23,6 @@ namespace heba {
 namespace {
 namespace fs = std::filesystem;
 
-const std::vector<std::string> kSetups = {"eye_to_hand", "eye_in_hand"};
-
 // Asks a question on the terminal and returns the answer without blanks around it. Throws InputError at the end of the
 // input.
 std::string Ask(const std::string& question) {
@@ -101,8 +99,7 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
   if (!FLAGS_setup.empty()) {
     given.setup = FindSetup(FLAGS_setup);
     if (!given.setup) {
-      throw InputError("--setup: " + Quoted(FLAGS_setup) + " is unknown; one of: " + Join(kSetups, ", ") +
-                       DidYouMean(FLAGS_setup, kSetups));
+      throw InputError("--setup: " + UnknownName(FLAGS_setup, SetupNames()));
     }
   }
   const bool has_keys = FLAGS_target.find('{') != std::string::npos;
@@ -131,7 +128,7 @@ int RunCommand_init(const std::vector<std::string>& arguments) {
     const std::string answer = AskChoice(
         "Is the camera fixed (1, eye_to_hand) or carried by the gripper (2, eye_in_hand)? An empty answer leaves it to "
         "the images:",
-        kSetups, true);
+        SetupNames(), true);
     if (!answer.empty()) raw.setup = FindSetup(answer);
   }
   if (!target_text.empty()) {
