@@ -136,8 +136,8 @@ bool RefineTogether(const FreeParameters& free, const Loss& loss, double toleran
   options.pixel_sigma_px = sigma_px;
   options.loss = &loss;
   LoopProblem loops;
-  loops.layout.AddCamera(kCameraBlock, model, free);
-  loops.layout.AddTarget(kTargetBlock, {});
+  loops.layout.AddCamera(kCameraBlock, "the camera's", model, free);
+  loops.layout.AddTarget(kTargetBlock, "the target's", {});
   loops.cameras = {&model};
   loops.targets = {TargetShape()};
   for (const PosedView& entry : *posed) {

@@ -79,7 +79,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   CHECK(start_information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;
   if (const std::optional<Failure> failure =
-          CheckUncertainty(InvertInformation(*start_information, 1.0), problem.camera)) {
+          CheckUncertainty(InvertInformation(*start_information, 1.0), {problem.camera})) {
     return *failure;
   }
 
@@ -133,7 +133,7 @@ Outcome<Solution> RefineHandEye(const Problem& problem_in, const HandEye& start,
   solution.covariance = InvertInformation(*information, 1.0);
   const std::string camera_faults = CheckCamera(solution.camera);
   if (!camera_faults.empty()) return Failure{"the refined camera is implausible: " + camera_faults};
-  if (const std::optional<Failure> failure = CheckUncertainty(solution.covariance, solution.camera)) {
+  if (const std::optional<Failure> failure = CheckUncertainty(solution.covariance, {solution.camera})) {
     return *failure;
   }
   return solution;

@@ -89,8 +89,9 @@ CapturesCost::CapturesCost(LoopProblem problem, CapturesCostOptions options)
     for (size_t t = 0; t < targets.size(); ++t) {
       const FreeParameters free = FreeOf(problem_, static_cast<int>(c), static_cast<int>(t));
       const CameraModel& model = *problem_.cameras[c];
-      kinds_.push_back({ViewReducer(model, free, options_.pixel_sigma_px, *options_.loss),
-                        ViewReducer(model, FreeParameters(free.size(), false), options_.pixel_sigma_px, *options_.loss),
+      const double sigma_px = PixelSigmaOf(problem_, c, options_.pixel_sigma_px);
+      kinds_.push_back({ViewReducer(model, free, sigma_px, *options_.loss),
+                        ViewReducer(model, FreeParameters(free.size(), false), sigma_px, *options_.loss),
                         targets[t].size > 0,
                         {}});
       kinds_.back().places.Append(cameras[c].first, cameras[c].size);

@@ -119,7 +119,7 @@ Outcome<Fit> IterateNoiseAndFit(Fit fit, const FreeUnknowns& free, const Loss& l
       // The usual reason is missing information; the failure then names it.
       const std::optional<Information> weak = FitInformation(free, loss, options, &fit);
       std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
-      if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), fit.state.camera);
+      if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), {fit.state.camera});
       return failure.value_or(Failure{"the refinement did not converge: " + summary.message});
     }
     if (options.pixel_noise_px && !estimates_robot) break;

@@ -42,25 +42,31 @@ struct SigmaOfSize {
   double size = 1;
 };
 
-SigmaOfSize SigmaAt(const Covariance& covariance, Eigen::Index i, const Camera& camera) {
+SigmaOfSize SigmaAt(const Covariance& covariance, Eigen::Index i, const std::vector<Camera>& cameras) {
   const Unknown& unknown = covariance.layout[i];
   const double sigma = std::sqrt(covariance.matrix(i, i));
+  const UnknownBlock& block = covariance.layout.BlockAt(i);
+  if (block.owner != UnknownOwner::kCamera) return {sigma};
+  const std::vector<UnknownBlock> blocks = covariance.layout.BlocksOf(UnknownOwner::kCamera);
+  const auto found =
+      std::find_if(blocks.begin(), blocks.end(), [&](const UnknownBlock& other) { return other.name == block.name; });
+  const Camera& camera = cameras[static_cast<size_t>(found - blocks.begin())];
   if (unknown.group == UnknownGroup::kPrincipalPoint) return {sigma, static_cast<double>(camera.width_px)};
   if (unknown.group != UnknownGroup::kFocal) return {sigma};
   const Eigen::VectorXd by_unknowns =
-      AxialFocalLengthByUnknowns(camera, unknown.index, covariance.layout, covariance.layout.BlockAt(i));
+      AxialFocalLengthByUnknowns(camera, unknown.index, covariance.layout, block);
   return {std::sqrt(by_unknowns.dot(covariance.matrix * by_unknowns)), AxialFocalLength(camera, unknown.index)};
 }
 
 }  // namespace
 
-std::optional<Failure> CheckUncertainty(const Covariance& covariance, const Camera& camera) {
+std::optional<Failure> CheckUncertainty(const Covariance& covariance, const std::vector<Camera>& cameras) {
   for (Eigen::Index i = 0; i < covariance.layout.size(); ++i) {
     const Unknown& unknown = covariance.layout[i];
     const Limit* const limit = std::find_if(std::begin(kLimits), std::end(kLimits),
                                             [&](const Limit& entry) { return entry.group == unknown.group; });
     if (limit == std::end(kLimits)) continue;
-    const SigmaOfSize known = SigmaAt(covariance, i, camera);
+    const SigmaOfSize known = SigmaAt(covariance, i, cameras);
     if (known.sigma < limit->most * known.size) continue;
     return Failure{covariance.layout.PlainName(i) + " is known only to " + Significant(known.sigma / limit->unit, 2) +
                    limit->unit_name + limit->cure};

@@ -132,6 +132,10 @@ LoopValues ValuesIn(const std::vector<OwnerBlock>& blocks, const std::vector<dou
   return values;
 }
 
+double PixelSigmaOf(const LoopProblem& problem, size_t camera, double pixel_sigma_px) {
+  return problem.pixel_sigma_ratios.empty() ? pixel_sigma_px : problem.pixel_sigma_ratios[camera] * pixel_sigma_px;
+}
+
 FreeParameters FreeOf(const LoopProblem& problem, int camera, int target) {
   const auto camera_index = static_cast<size_t>(camera);
   const UnknownBlock of_camera = problem.layout.BlocksOf(UnknownOwner::kCamera)[camera_index];

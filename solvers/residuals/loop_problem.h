@@ -44,6 +44,8 @@ struct LoopProblem {
   // camera or target counts the blocks of its owner.
   UnknownLayout layout;
   std::vector<const CameraModel*> cameras;
+  // The pixel sigma of each camera, relative to the one that a solver is given; empty if all are that one.
+  std::vector<double> pixel_sigma_ratios;
   std::vector<TargetShape> targets;  // The designed shapes; the points of the observations are the designed ones.
   // Priors of own poses: W, such that W * LocalCoordinates(identity, pose) has unit covariance and mean zero.
   std::vector<Matrix6> priors;
@@ -74,6 +76,9 @@ std::vector<double> JoinedBlocks(const std::vector<OwnerBlock>& blocks, const Lo
 // `held`.
 LoopValues ValuesIn(const std::vector<OwnerBlock>& blocks, const std::vector<double>& joined,
                     const std::vector<TargetShape>& held);
+
+// Returns the pixel sigma of a camera, given the one that LoopProblem::pixel_sigma_ratios refers to.
+double PixelSigmaOf(const LoopProblem& problem, size_t camera, double pixel_sigma_px);
 
 // Returns the flags with which the points of a target in a camera are reduced (ViewReducer).
 FreeParameters FreeOf(const LoopProblem& problem, int camera, int target);

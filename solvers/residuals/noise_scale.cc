@@ -31,10 +31,10 @@ double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unkn
   return sigma;
 }
 
-std::optional<double> TypicalDetectorSigma(const std::vector<View>& views) {
+std::optional<double> TypicalDetectorSigma(const std::vector<const Observations*>& all) {
   std::vector<double> variances_px2;  // One per point.
-  for (const View& view : views) {
-    for (const Eigen::MatrixXd& block : view.observations.covariances_px2) {
+  for (const Observations* const observations : all) {
+    for (const Eigen::MatrixXd& block : observations->covariances_px2) {
       for (Eigen::Index i = 0; i < block.rows(); i += 2) {
         variances_px2.push_back(0.5 * (block(i, i) + block(i + 1, i + 1)));
       }
@@ -44,20 +44,32 @@ std::optional<double> TypicalDetectorSigma(const std::vector<View>& views) {
   return std::sqrt(Median(std::move(variances_px2)));
 }
 
-void WeightByCovariance(double unmodelled_sigma_px, std::vector<View>* views) {
-  const std::optional<double> typical_px = TypicalDetectorSigma(*views);
+std::optional<double> TypicalDetectorSigma(const std::vector<View>& views) {
+  std::vector<const Observations*> all;
+  for (const View& view : views) all.push_back(&view.observations);
+  return TypicalDetectorSigma(all);
+}
+
+void WeightByCovariance(double unmodelled_sigma_px, const std::vector<Observations*>& all) {
+  const std::optional<double> typical_px = TypicalDetectorSigma(std::vector<const Observations*>(all.begin(), all.end()));
   if (!typical_px) return;
   const double unit_px2 = *typical_px * *typical_px + unmodelled_sigma_px * unmodelled_sigma_px;
-  for (View& view : *views) {
-    view.observations.whitening.clear();
-    for (const Eigen::MatrixXd& block : view.observations.covariances_px2) {
+  for (Observations* const observations : all) {
+    observations->whitening.clear();
+    for (const Eigen::MatrixXd& block : observations->covariances_px2) {
       const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(block.rows(), block.cols());
       const Eigen::LLT<Eigen::MatrixXd> factor((block + unmodelled_sigma_px * unmodelled_sigma_px * identity) /
                                                unit_px2);
       CHECK(factor.info() == Eigen::Success) << "a detector's covariance is not positive definite";
-      view.observations.whitening.emplace_back(factor.matrixL().solve(identity));
+      observations->whitening.emplace_back(factor.matrixL().solve(identity));
     }
   }
+}
+
+void WeightByCovariance(double unmodelled_sigma_px, std::vector<View>* views) {
+  std::vector<Observations*> all;
+  for (View& view : *views) all.push_back(&view.observations);
+  WeightByCovariance(unmodelled_sigma_px, all);
 }
 
 }  // namespace heba

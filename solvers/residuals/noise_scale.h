@@ -25,13 +25,15 @@ double SigmaOfFit(const std::vector<double>& squared_distances_px2, int num_unkn
                   double start_px);
 
 // Returns the typical sigma of one coordinate according to the detectors (Observations::covariances_px2): the square
-// root of the median variance over all points. Returns nothing if no view has covariances.
+// root of the median variance over all points. Returns nothing if there are no covariances.
+std::optional<double> TypicalDetectorSigma(const std::vector<const Observations*>& all);
 std::optional<double> TypicalDetectorSigma(const std::vector<View>& views);
 
 // Fills in Observations::whitening from the detector's covariance of each point plus `unmodelled_sigma_px`, equal for
 // all points, for errors that a detector cannot know (print, paper, lens, robot). The whitening is scaled such that
 // the typical point keeps its size, so a pixel sigma still is the sigma of a point. Without covariances all points
 // are weighted equally.
+void WeightByCovariance(double unmodelled_sigma_px, const std::vector<Observations*>& all);
 void WeightByCovariance(double unmodelled_sigma_px, std::vector<View>* views);
 
 }  // namespace heba

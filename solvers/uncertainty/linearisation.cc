@@ -80,7 +80,7 @@ class ViewLinearisation {
     for (size_t c = 0; c < cameras_.size(); ++c) {
       for (size_t t = 0; t < targets_.size(); ++t) {
         reducers_.emplace_back(*problem.cameras[c], FreeOf(problem, static_cast<int>(c), static_cast<int>(t)),
-                               pixel_sigma_px, loss);
+                               PixelSigmaOf(problem, c, pixel_sigma_px), loss);
       }
     }
   }

@@ -52,9 +52,11 @@ void UnknownLayout::AddEffects(std::string_view name, std::string_view plain_nam
   for (int i = 0; i < block.size; ++i) unknowns_.push_back({UnknownGroup::kEffect, i});
 }
 
-void UnknownLayout::AddCamera(std::string_view name, const CameraModel& model, const std::vector<bool>& free) {
+void UnknownLayout::AddCamera(std::string_view name, std::string_view plain_name, const CameraModel& model,
+                              const std::vector<bool>& free) {
   CHECK_EQ(free.size(), static_cast<size_t>(NumParams(model)));
   UnknownBlock& block = AddBlock(UnknownOwner::kCamera, name);
+  block.plain_name = plain_name;
   block.model = &model;
   for (int i = 0; i < NumParams(model); ++i) {
     if (free[static_cast<size_t>(i)]) unknowns_.push_back({GroupOfCameraParam(i), i});
@@ -62,9 +64,10 @@ void UnknownLayout::AddCamera(std::string_view name, const CameraModel& model, c
   block.size = size() - block.first;
 }
 
-void UnknownLayout::AddTarget(std::string_view name, const std::vector<bool>& free) {
+void UnknownLayout::AddTarget(std::string_view name, std::string_view plain_name, const std::vector<bool>& free) {
   CHECK(free.empty() || free.size() == TargetShape::kNumParams);
   UnknownBlock& block = AddBlock(UnknownOwner::kTarget, name);
+  block.plain_name = plain_name;
   for (size_t i = 0; i < free.size(); ++i) {
     const auto param = static_cast<int>(i);
     const bool is_scale = ShapeGroupOf(param) == TargetShapeGroup::kScale;
@@ -103,11 +106,11 @@ std::string UnknownLayout::PlainName(Eigen::Index place) const {
     case UnknownOwner::kEffects:
       return block.plain_name + " " + block.effects[index];
     case UnknownOwner::kCamera:
-      return "the " + block.name + "'s " + block.model->param_names()[index];
+      return block.plain_name + " " + block.model->param_names()[index];
     case UnknownOwner::kTarget:
       break;
   }
-  return "the " + block.name + "'s " + std::string(kShapeNames[index]);
+  return block.plain_name + " " + std::string(kShapeNames[index]);
 }
 
 std::vector<std::string> UnknownLayout::Names() const {
@@ -160,8 +163,8 @@ UnknownLayout HandEyeUnknowns(const CameraModel& model, const FreeUnknowns& free
   UnknownLayout layout = HandEyePoses();
   if (free.effects != nullptr) layout.AddEffects(kRobotBlock, "the arm's", free.effects->Names());
   const auto end_of_camera = free.params.begin() + NumParams(model);
-  layout.AddCamera(kCameraBlock, model, {free.params.begin(), end_of_camera});
-  layout.AddTarget(kTargetBlock, {end_of_camera, free.params.end()});
+  layout.AddCamera(kCameraBlock, "the camera's", model, {free.params.begin(), end_of_camera});
+  layout.AddTarget(kTargetBlock, "the target's", {end_of_camera, free.params.end()});
   return layout;
 }
 

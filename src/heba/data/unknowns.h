@@ -67,9 +67,10 @@ class UnknownLayout {
   // Adds effects, called "<name>.<effect>".
   void AddEffects(std::string_view name, std::string_view plain_name, const std::vector<std::string>& effects);
   // Adds the camera's parameters whose flag is set. The model must outlive the layout.
-  void AddCamera(std::string_view name, const CameraModel& model, const std::vector<bool>& free);
+  void AddCamera(std::string_view name, std::string_view plain_name, const CameraModel& model,
+                 const std::vector<bool>& free);
   // Adds the shape parameters whose flag is set (TargetShape::params); `free` may be empty.
-  void AddTarget(std::string_view name, const std::vector<bool>& free);
+  void AddTarget(std::string_view name, std::string_view plain_name, const std::vector<bool>& free);
 
   Eigen::Index size() const { return static_cast<Eigen::Index>(unknowns_.size()); }
   const Unknown& operator[](Eigen::Index place) const { return unknowns_[static_cast<size_t>(place)]; }

@@ -7,10 +7,18 @@
 #include "heba/base/units.h"
 
 namespace heba {
-namespace {
+std::string MotionOptions::Check() const {
+  std::vector<std::string> faults;
+  if (num_captures < 0) faults.emplace_back("the number of captures must not be negative");
+  if (!(distance_m > 0)) faults.emplace_back("the distance must be greater than zero");
+  if (!(depth_ratio >= 0 && depth_ratio < 1)) faults.emplace_back("the depth ratio must be in [0, 1)");
+  if (!(max_tilt_rad >= 0 && max_tilt_rad < DegToRad(85))) faults.emplace_back("the tilt must be in [0, 85) deg");
+  if (!(spread >= 0 && spread <= 1)) faults.emplace_back("the spread must be in [0, 1]");
+  return Join(faults, "; ");
+}
 
-bool AllInside(const Camera& camera, const Rigid3d& camera_from_target, const Points3& points_in_target,
-               double margin_px) {
+bool AreInImage(const Camera& camera, const Rigid3d& camera_from_target, const Points3& points_in_target,
+                double margin_px) {
   const Points3 points =
       (camera_from_target.RotationMatrix() * points_in_target).colwise() + camera_from_target.translation;
   Points2 pixels;
@@ -26,18 +34,6 @@ bool AllInside(const Camera& camera, const Rigid3d& camera_from_target, const Po
     if (!ray || ray->cross(points.col(i).normalized()).norm() > 1e-6) return false;
   }
   return true;
-}
-
-}  // namespace
-
-std::string MotionOptions::Check() const {
-  std::vector<std::string> faults;
-  if (num_captures < 0) faults.emplace_back("the number of captures must not be negative");
-  if (!(distance_m > 0)) faults.emplace_back("the distance must be greater than zero");
-  if (!(depth_ratio >= 0 && depth_ratio < 1)) faults.emplace_back("the depth ratio must be in [0, 1)");
-  if (!(max_tilt_rad >= 0 && max_tilt_rad < DegToRad(85))) faults.emplace_back("the tilt must be in [0, 85) deg");
-  if (!(spread >= 0 && spread <= 1)) faults.emplace_back("the spread must be in [0, 1]");
-  return Join(faults, "; ");
 }
 
 Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3& points_in_target, bool z_out,
@@ -69,7 +65,7 @@ Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3&
                                         ExpRotation(tilt * Eigen::Vector3d(std::cos(azimuth), std::sin(azimuth), 0)) *
                                         ExpRotation({0, 0, spin}) * upright;
     const Rigid3d camera_from_target(rotation, middle_in_camera - rotation * middle);
-    if (AllInside(camera, camera_from_target, points_in_target, options.margin_px)) poses.push_back(camera_from_target);
+    if (AreInImage(camera, camera_from_target, points_in_target, options.margin_px)) poses.push_back(camera_from_target);
   }
   return poses;
 }
@@ -102,7 +98,7 @@ Outcome<std::vector<SimulatedPose>> SimulateTwoStepPoses(Setup setup, const Came
     const auto moved = [&](const Rigid3d& home_from_gripper) -> std::optional<Rigid3d> {
       const Rigid3d camera_from_target =
           CameraFromTarget(hand_eye, CameraMountFromTargetMount(setup, base_from_home * home_from_gripper));
-      if (!AllInside(camera, camera_from_target, points_in_target, home.margin_px)) return std::nullopt;
+      if (!AreInImage(camera, camera_from_target, points_in_target, home.margin_px)) return std::nullopt;
       return camera_from_target;
     };
     std::vector<SimulatedPose> poses = {{CaptureRole::kHome, start->front()}};

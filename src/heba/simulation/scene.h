@@ -38,6 +38,10 @@ struct TwoStepMotionOptions {
   [[nodiscard]] std::string Check() const;
 };
 
+// Returns whether all points are in the image, at least `margin_px` from its border.
+bool AreInImage(const Camera& camera, const Rigid3d& camera_from_target, const Points3& points_in_target,
+                double margin_px);
+
 struct SimulatedPose {
   CaptureRole role = CaptureRole::kNone;
   Rigid3d camera_from_target;

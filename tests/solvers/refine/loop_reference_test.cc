@@ -112,7 +112,7 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
     const Camera camera = TestCamera(kind.lenses[c]);
     FreeParameters free(camera.params.size(), kind.has_free_camera);
     if (c > 0) free[3] = false;  // One parameter of the second camera is held.
-    loops.layout.AddCamera("camera_" + std::to_string(c), camera.Model(), free);
+    loops.layout.AddCamera("camera_" + std::to_string(c), "", camera.Model(), free);
     loops.cameras.push_back(&camera.Model());
     shared.cameras.push_back(camera.params);
   }
@@ -120,7 +120,7 @@ RandomProblem MakeProblem(const Kind& kind, uint64_t seed) {
   for (int t = 0; t < kind.num_targets; ++t) {
     FreeParameters free;
     if (kind.has_free_shape) free = {true, t == 0, true, true};
-    loops.layout.AddTarget("target_" + std::to_string(t), free);
+    loops.layout.AddTarget("target_" + std::to_string(t), "", free);
     loops.targets.push_back(designed);
     shared.targets.push_back(designed);
     if (kind.has_free_shape) shared.targets.back().params = {1.001, t == 0 ? 0.999 : 1.0, 5e-4, -3e-4};

@@ -68,8 +68,8 @@ TEST(UnknownLayoutTest, HoldsSeveralCamerasAndEffects) {
   UnknownLayout layout;
   layout.AddPose("rig", "the rig's", "its own");
   layout.AddEffects("joint_offset", "the offset of joint", {"1", "2"});
-  layout.AddCamera("left", model, {true, true, false, false});
-  layout.AddCamera("right", model, {false, false, true, true});
+  layout.AddCamera("left", "the left camera's", model, {true, true, false, false});
+  layout.AddCamera("right", "the right camera's", model, {false, false, true, true});
   EXPECT_THAT(layout.Names(),
               testing::ElementsAre("rig.tx_m", "rig.ty_m", "rig.tz_m", "rig.rx_rad", "rig.ry_rad", "rig.rz_rad",
                                    "joint_offset.1", "joint_offset.2", "left.fx", "left.fy", "right.cx", "right.cy"));

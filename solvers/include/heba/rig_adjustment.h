@@ -1,0 +1,49 @@
+// Bundle adjustment of a rig: refines the poses of all cameras, targets and arms, the cameras' intrinsics and the
+// targets' shapes jointly, by minimising the whitened reprojection error of every point in every image. A capture's
+// error of an arm's pose is common to all its images. docs/estimation.md derives the cost and the covariance.
+//
+//   const heba::Outcome<heba::RigSolution> solution = heba::RefineRig(problem, start, heba::RigOptions());
+//   if (solution) {
+//     for (const heba::RelativePose& pose : heba::RelativeCameraPoses(problem, *solution)) Use(pose);
+//   }
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "heba/base/error.h"
+#include "heba/bundle_adjustment.h"
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
+
+namespace heba {
+
+struct RigOptions {
+  LossKind loss = LossKind::kTruncated;
+  // Sigma of one coordinate of every camera, px. Nothing: estimated from the residuals, for each camera.
+  std::optional<double> pixel_noise_px;
+  // As BundleOptions::robot, for all arms. The noise of each arm is estimated by itself.
+  BundleOptions::Robot robot = BundleOptions::Robot::kEstimatedNoise;
+  RobotNoise robot_noise;                               // Used with kGivenNoise, for all arms.
+  std::optional<RobotNoisePrior> robot_noise_prior;     // See BundleOptions.
+  RobotNoise robot_noise_start = {1e-3, 2e-3};          // Used with kEstimatedNoise.
+  int max_iterations = 200;
+  int num_threads = 1;  // The result does not depend on it.
+
+  // Returns every violated constraint, one per line; empty if the options are valid.
+  [[nodiscard]] std::string Check() const;
+};
+
+// Minimises the sum over all points of rho(|projection - observation|^2 / sigma^2) with Ceres, from `start` and the
+// cameras and shapes of the problem; sigma is that of the point's camera. With noisy arms, the corrections of their
+// poses are unknowns, six for each arm and each of its poses, with the arm's noise as their prior. The noise of the arms
+// is estimated by restricted maximum likelihood (equation 11 of docs/estimation.md), that of each camera from its
+// residuals and their redundancy (Helmert's variance components; Foerstner, "Ein Verfahren zur Schaetzung von Varianz-
+// und Kovarianzkomponenten", 1979).
+//
+// Returns a Failure, in words, if a direction is unobservable, if an image has a point without a projection at the start
+// (with the loss `truncated`: in more than half of the images), if the refinement does not converge, or if the sigma of
+// a result is too large for it to be useful.
+Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start, const RigOptions& options);
+
+}  // namespace heba

@@ -1,0 +1,324 @@
+#include "solvers/rig/rig_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <Eigen/Cholesky>
+
+#include "heba/base/parallel.h"
+#include "solvers/refine/noise_iteration.h"
+#include "solvers/refine/reprojection_problem.h"
+#include "solvers/refine/uncertainty_limits.h"
+#include "solvers/residuals/noise_scale.h"
+#include "solvers/residuals/view_reduction.h"
+#include "solvers/uncertainty/robot_noise.h"
+
+namespace heba {
+namespace {
+
+// The points of each camera.
+std::vector<std::vector<const Observations*>> PointsOfCameras(const RigProblem& problem) {
+  std::vector<std::vector<const Observations*>> all(problem.cameras.size());
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) all[image.camera].push_back(&image.observations);
+  }
+  return all;
+}
+
+// Returns a copy of the problem, whitened with the detectors' covariances and the unmodelled sigma of each camera.
+std::shared_ptr<const RigProblem> Weighted(const RigProblem& problem,
+                                           const std::vector<std::optional<double>>& unmodelled_sigma_px) {
+  auto weighted = std::make_shared<RigProblem>(problem);
+  std::vector<std::vector<Observations*>> all(problem.cameras.size());
+  for (RigCapture& capture : weighted->captures) {
+    for (RigImage& image : capture.images) all[image.camera].push_back(&image.observations);
+  }
+  for (size_t c = 0; c < all.size(); ++c) {
+    if (unmodelled_sigma_px[c]) WeightByCovariance(*unmodelled_sigma_px[c], all[c]);
+  }
+  return weighted;
+}
+
+ceres::Solver::Summary MinimiseRigOnce(const Loss& loss, NoiseScale scale, const RigOptions& rig_options,
+                                       RigFit* fit) {
+  CapturesCostOptions options;
+  options.loss = &loss;
+  options.num_threads = rig_options.num_threads;
+  const auto is_zero = [](const Rigid3d& correction) {
+    return correction.translation.isZero(0) && correction.rotation.vec().isZero(0);
+  };
+  // All corrections are zero before the first solve.
+  options.eliminated_poses_are_rough =
+      std::all_of(fit->state.corrections.begin(), fit->state.corrections.end(), [&](const auto& of_capture) {
+        return std::all_of(of_capture.begin(), of_capture.end(), is_zero);
+      });
+  LoopProblem loops = RigLoops(*fit->problem, fit->groups, fit->state, fit->noise);
+  LoopUnknowns unknowns(loops.layout, RigValues(fit->state));
+  CapturesCost cost(std::move(loops), options);
+  ceres::Solver::Options solver_options = ReprojectionSolverOptions(rig_options.max_iterations);
+  constexpr double kRough = 1e-6;
+  if (scale == NoiseScale::kMedian) solver_options.function_tolerance = kRough;
+  ceres::Solver::Summary summary = SolveCaptures(solver_options, &cost, &unknowns);
+  fit->state = WithValues(std::move(fit->state), unknowns.Values());
+  const std::vector<size_t> moving = MovingRobots(*fit->problem);
+  const std::vector<std::vector<Rigid3d>> corrections = cost.EliminatedPoses();
+  for (size_t g = 0; g < corrections.size(); ++g) {
+    for (size_t k = 0; k < corrections[g].size(); ++k) {
+      for (const size_t i : fit->groups[g]) fit->state.corrections[i][moving[k]] = corrections[g][k];
+    }
+  }
+  return summary;
+}
+
+// Returns the joined distances of each camera's points.
+std::vector<std::vector<double>> DistancesOfCameras(const RigFit& fit, int num_threads) {
+  std::vector<std::vector<double>> of_cameras(fit.problem->cameras.size());
+  const ViewDistances distances = ImageDistances(*fit.problem, fit.groups, fit.state, num_threads);
+  const std::vector<ImageIndex> images = ImagesOf(*fit.problem, fit.groups);
+  for (size_t v = 0; v < images.size(); ++v) {
+    if (!distances[v]) continue;
+    const size_t camera = fit.problem->captures[images[v].capture].images[images[v].image].camera;
+    of_cameras[camera].insert(of_cameras[camera].end(), distances[v]->begin(), distances[v]->end());
+  }
+  return of_cameras;
+}
+
+// Returns for each camera how many of its measured coordinates the estimate takes up: the trace of the covariance of
+// the whitened points according to the estimate (unknowns and corrections).
+std::vector<double> LeverageOfCameras(const RigFit& fit, const LinearisedImages& images,
+                                      const Eigen::MatrixXd& covariance) {
+  const Eigen::VectorXd variances = CorrectionVariances(fit.noise, MovingRobots(*fit.problem).size());
+  std::vector<double> leverage(fit.problem->cameras.size(), 0.0);
+  for (const std::vector<size_t>& group : images.groups) {
+    std::vector<const LinearisedView*> views;
+    for (const size_t v : group) views.push_back(&images.views[v]);
+    const CorrectionPosterior posterior = PosteriorOf(views, variances, covariance.rows());
+    for (const size_t v : group) {
+      const ImageIndex& index = images.images[v];
+      leverage[fit.problem->captures[index.capture].images[index.image].camera] +=
+          PredictionCovariance(images.views[v], posterior, covariance).trace();
+    }
+  }
+  return leverage;
+}
+
+struct EstimatedRigNoise {
+  RigNoise noise;
+  std::vector<RobotNoise> robot_stddev;
+  double dof = 0;
+};
+
+// The groups of the variances: the pixels, then translation and rotation of each moving arm.
+std::vector<VarianceGroup> VarianceGroupsOf(const RigNoise& noise, const Loss& loss, const RigOptions& options) {
+  const bool is_free = options.robot == BundleOptions::Robot::kEstimatedNoise;
+  std::vector<VarianceGroup> groups = {
+      {VarianceGroup::Kind::kPixels, {}, loss.consistency, !options.pixel_noise_px.has_value()}};
+  for (size_t k = 0; k < noise.robots.size(); ++k) {
+    const RobotNoisePrior* const prior = options.robot_noise_prior ? &*options.robot_noise_prior : nullptr;
+    for (const VarianceGroup& of_robot : CorrectionGroups(1, noise.robots[k], false, is_free, prior)) {
+      if (of_robot.kind == VarianceGroup::Kind::kPixels) continue;
+      groups.push_back(of_robot);
+      for (Eigen::Index& column : groups.back().columns) column += 6 * static_cast<Eigen::Index>(k);
+    }
+  }
+  return groups;
+}
+
+// Estimates the noise that explains the residuals best.
+EstimatedRigNoise EstimateNoise(const RigFit& fit, const Loss& loss, NoiseScale scale, const RigOptions& options) {
+  EstimatedRigNoise result;
+  result.noise = fit.noise;
+  const std::optional<LinearisedImages> images =
+      LineariseImages(*fit.problem, fit.groups, fit.state, fit.noise, loss);
+  CHECK(images.has_value()) << "Ceres accepted a step that hides a point";
+  const std::vector<std::vector<double>> distances = DistancesOfCameras(fit, options.num_threads);
+  const std::optional<Information> information = RigInformation(fit, loss);
+  CHECK(information.has_value());
+  const Eigen::MatrixXd covariance = InvertInformation(*information, 1.0).matrix;
+  if (!options.pixel_noise_px) {
+    const std::vector<double> leverage =
+        scale == NoiseScale::kMedian ? std::vector<double>() : LeverageOfCameras(fit, *images, covariance);
+    for (size_t c = 0; c < distances.size(); ++c) {
+      if (distances[c].empty()) continue;
+      if (scale == NoiseScale::kMedian) {
+        result.noise.pixel_px[c] = SigmaFromMedian(distances[c]);
+        continue;
+      }
+      double squares = 0;
+      for (const double d2 : distances[c]) squares += d2;
+      const double redundancy = std::max(1.0, 2.0 * static_cast<double>(distances[c].size()) - leverage[c]);
+      result.noise.pixel_px[c] = std::max(kMinSigmaPx, std::sqrt(squares / redundancy));
+    }
+  }
+  const std::vector<LinearisedView> captures = StackGroups(images->views, images->groups);
+  const std::vector<VarianceGroup> groups = VarianceGroupsOf(fit.noise, loss, options);
+  const VarianceComponents found = EstimateVariances(captures, groups);
+  for (size_t k = 0; k < fit.noise.robots.size(); ++k) {
+    const auto translation = static_cast<Eigen::Index>(1 + 2 * k);
+    const RobotNoise robot = AtLeastExact(
+        {std::sqrt(found.variances[translation]), std::sqrt(found.variances[translation + 1]), 0});
+    // Converts the standard deviation of a variance to that of a sigma.
+    result.robot_stddev.push_back({0.5 * found.stddev[translation] / robot.translation_m,
+                                   0.5 * found.stddev[translation + 1] / robot.rotation_rad, 0});
+    if (options.robot == BundleOptions::Robot::kEstimatedNoise) result.noise.robots[k] = robot;
+  }
+  result.dof = DegreesOfFreedom(captures, groups, found);
+  return result;
+}
+
+bool NoiseConverged(const RigNoise& noise, const RigNoise& next, NoiseScale scale) {
+  const double robot_tolerance = scale == NoiseScale::kMedian ? 0.02 : 1e-3;
+  const double pixel_tolerance = scale == NoiseScale::kMedian ? 0.02 : 1e-4;
+  const RobotNoise exact = AtLeastExact({0, 0, 0});
+  const auto is_close = [&](double a, double b, double exact_sigma) {
+    return std::abs(a - b) < robot_tolerance * std::max(a, b) || std::max(a, b) <= 2 * exact_sigma;
+  };
+  for (size_t c = 0; c < noise.pixel_px.size(); ++c) {
+    if (std::abs(next.pixel_px[c] - noise.pixel_px[c]) >= pixel_tolerance * noise.pixel_px[c]) return false;
+  }
+  for (size_t k = 0; k < noise.robots.size(); ++k) {
+    if (!is_close(noise.robots[k].translation_m, next.robots[k].translation_m, exact.translation_m)) return false;
+    if (!is_close(noise.robots[k].rotation_rad, next.robots[k].rotation_rad, exact.rotation_rad)) return false;
+  }
+  return true;
+}
+
+// Updates the unmodelled part of each camera's noise and the weights that follow from it. Returns whether they changed.
+bool UpdateWeights(RigFit* fit) {
+  const std::vector<std::vector<const Observations*>> points = PointsOfCameras(*fit->problem);
+  bool has_changed = false;
+  for (size_t c = 0; c < points.size(); ++c) {
+    const double detector_px = TypicalDetectorSigma(points[c]).value_or(0);
+    if (detector_px == 0) continue;
+    const double next_px = UnmodelledSigmaPx(fit->noise.pixel_px[c], detector_px);
+    std::optional<double>& current_px = fit->unmodelled_sigma_px[c];
+    if (current_px && std::abs(next_px - *current_px) <= 0.02 * std::hypot(next_px, detector_px)) continue;
+    current_px = next_px;
+    has_changed = true;
+  }
+  if (has_changed) fit->problem = Weighted(*fit->problem, fit->unmodelled_sigma_px);
+  return has_changed;
+}
+
+}  // namespace
+
+std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const CaptureGroups& groups,
+                                                const RigState& state, const RigNoise& noise, const Loss& loss) {
+  LinearisedImages result;
+  std::optional<std::vector<LinearisedView>> views =
+      LineariseCaptures(RigImageLoops(problem, groups, state, noise), RigValues(state), 1, loss);
+  if (!views) return std::nullopt;
+  result.views = std::move(*views);
+  result.images = ImagesOf(problem, groups);
+  size_t next = 0;
+  for (const std::vector<size_t>& group : groups) {
+    std::vector<size_t>& of_group = result.groups.emplace_back();
+    while (next < result.images.size() &&
+           std::find(group.begin(), group.end(), result.images[next].capture) != group.end()) {
+      of_group.push_back(next++);
+    }
+  }
+  return result;
+}
+
+Eigen::VectorXd CorrectionVariances(const RigNoise& noise, size_t num_moving) {
+  Eigen::VectorXd variances = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(num_moving));
+  for (size_t k = 0; k < noise.robots.size(); ++k) {
+    variances.segment<6>(6 * static_cast<Eigen::Index>(k)) = CorrectionVariances(noise.robots[k]);
+  }
+  return variances;
+}
+
+ViewDistances ImageDistances(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
+                             int num_threads) {
+  const std::vector<ImageIndex> images = ImagesOf(problem, groups);
+  int num_points = 0;
+  const auto image_of = [&](const ImageIndex& index) -> const RigImage& {
+    return problem.captures[index.capture].images[index.image];
+  };
+  for (const ImageIndex& index : images) num_points += image_of(index).observations.size();
+  ViewDistances distances(images.size());
+  ParallelFor(static_cast<int>(images.size()), ThreadsFor(num_points, num_threads), [&](int index) {
+    const auto v = static_cast<size_t>(index);
+    const RigImage& image = image_of(images[v]);
+    const Camera& camera = state.cameras[image.camera];
+    const TargetShape& shape = state.shapes[image.target];
+    distances[v] = WhitenedSquares(camera.Model(), camera.params.data(), PredictedPose(problem, state, images[v]),
+                                   image.observations, shape.params == TargetShape().params ? nullptr : &shape);
+  });
+  return distances;
+}
+
+CorrectionPosterior PosteriorOf(const std::vector<const LinearisedView*>& views, const Eigen::VectorXd& variances,
+                                Eigen::Index num_unknowns) {
+  const Eigen::Index size = variances.size();
+  // In units of the prior's sigmas, because a variance may be zero.
+  const Eigen::VectorXd sigmas = variances.cwiseSqrt();
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Identity(size, size);
+  Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(size, num_unknowns);
+  for (const LinearisedView* const view : views) {
+    const Eigen::MatrixXd by_sigmas = view->by_effects * sigmas.asDiagonal();
+    normal += by_sigmas.transpose() * by_sigmas;
+    mixed += by_sigmas.transpose() * view->by_unknowns;
+  }
+  const Eigen::LLT<Eigen::MatrixXd> factor(normal);
+  CorrectionPosterior posterior;
+  posterior.inverse_normal =
+      sigmas.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(size, size)) * sigmas.asDiagonal();
+  posterior.by_unknowns = sigmas.asDiagonal() * factor.solve(mixed);
+  return posterior;
+}
+
+Eigen::MatrixXd PredictionCovariance(const LinearisedView& view, const CorrectionPosterior& posterior,
+                                     const Eigen::MatrixXd& covariance) {
+  const Eigen::MatrixXd by_unknowns = view.by_unknowns - view.by_effects * posterior.by_unknowns;
+  return by_unknowns * covariance * by_unknowns.transpose() +
+         view.by_effects * posterior.inverse_normal * view.by_effects.transpose();
+}
+
+std::optional<Information> RigInformation(const RigFit& fit, const Loss& loss) {
+  const std::optional<LinearisedImages> images =
+      LineariseImages(*fit.problem, fit.groups, fit.state, fit.noise, loss);
+  if (!images) return std::nullopt;
+  // The information of the pixels' rows is 1 / factor of their weighted normal matrix (Loss::covariance_factor).
+  return Information{RigUnknowns(*fit.problem),
+                     MarginalInformation(StackGroups(images->views, images->groups),
+                                         CorrectionVariances(fit.noise, MovingRobots(*fit.problem).size()),
+                                         loss.covariance_factor())};
+}
+
+Outcome<RigFit> IterateRig(RigFit fit, const Loss& loss, NoiseScale scale, const RigOptions& options) {
+  if (std::any_of(fit.unmodelled_sigma_px.begin(), fit.unmodelled_sigma_px.end(),
+                  [](const auto& sigma_px) { return sigma_px.has_value(); })) {
+    fit.problem = Weighted(*fit.problem, fit.unmodelled_sigma_px);
+  }
+  constexpr int kMaxRounds = 30;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const ceres::Solver::Summary summary = MinimiseRigOnce(loss, scale, options, &fit);
+    if (round == 0 && fit.convergence.iterations == 0) fit.convergence.initial_cost = summary.initial_cost;
+    fit.convergence.final_cost = summary.final_cost;
+    fit.convergence.converged = summary.termination_type == ceres::CONVERGENCE;
+    fit.convergence.iterations += static_cast<int>(summary.iterations.size()) - 1;
+    fit.convergence.seconds += summary.total_time_in_seconds;
+    fit.convergence.message = summary.message;
+    if (!fit.convergence.converged) {
+      // The usual reason is missing information; the failure then names it.
+      const std::optional<Information> weak = RigInformation(fit, loss);
+      std::optional<Failure> failure = weak ? CheckObservable(*weak) : std::nullopt;
+      if (weak && !failure) failure = CheckUncertainty(InvertInformation(*weak, 1.0), fit.state.cameras);
+      return failure.value_or(Failure{"the refinement did not converge: " + summary.message});
+    }
+    if (options.pixel_noise_px && options.robot != BundleOptions::Robot::kEstimatedNoise) break;
+    EstimatedRigNoise next = EstimateNoise(fit, loss, scale, options);
+    bool has_converged = NoiseConverged(fit.noise, next.noise, scale);
+    fit.noise = std::move(next.noise);
+    fit.robot_stddev = std::move(next.robot_stddev);
+    fit.dof = next.dof;
+    if (!options.pixel_noise_px && UpdateWeights(&fit)) has_converged = false;
+    if (has_converged) break;
+  }
+  return fit;
+}
+
+}  // namespace heba

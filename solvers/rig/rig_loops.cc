@@ -1,0 +1,248 @@
+#include "solvers/rig/rig_loops.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "heba/base/error.h"
+#include "solvers/residuals/free_parameters.h"
+#include "solvers/uncertainty/repeated_poses.h"
+
+namespace heba {
+namespace {
+
+// The indices of the shared poses: those of the cameras, of the targets, and of all bases but the first.
+int CameraPose(size_t camera) { return static_cast<int>(camera); }
+int TargetPose(const RigProblem& problem, size_t target) { return static_cast<int>(problem.cameras.size() + target); }
+int BasePose(const RigProblem& problem, size_t robot) {
+  return static_cast<int>(problem.cameras.size() + problem.targets.size() + robot) - 1;
+}
+
+// Makes the loop of every camera and target for the captures' poses of the arms.
+class RigLoopMaker {
+ public:
+  RigLoopMaker(const RigProblem& problem, std::vector<size_t> moving, bool has_corrections)
+      : problem_(problem), moving_(std::move(moving)), has_corrections_(has_corrections) {}
+
+  KinematicLoop LoopOf(const RigCapture& capture, const RigImage& image) {
+    const auto key = std::make_pair(image.camera, image.target);
+    auto found = patterns_.find(key);
+    if (found == patterns_.end()) found = patterns_.emplace(key, PatternOf(image)).first;
+    std::vector<Rigid3d> known;
+    for (const size_t robot : found->second.known) known.push_back(capture.base_from_gripper[robot]);
+    return found->second.loop.With(std::move(known));
+  }
+
+ private:
+  struct Pattern {
+    KinematicLoop loop;
+    std::vector<size_t> known;  // The arms whose poses are the known factors.
+  };
+
+  // Appends world_from_mount or, for two mounts on the bases of one arm, nothing.
+  void Append(const Mount& mount, bool has_base, std::vector<LoopFactor>* factors, std::vector<size_t>* known) const {
+    if (has_base && mount.robot > 0) factors->push_back(SharedFactor(BasePose(problem_, mount.robot)));
+    if (mount.part == Mount::Part::kBase) return;
+    factors->push_back(KnownFactor(Rigid3d()));
+    known->push_back(mount.robot);
+    if (!has_corrections_) return;
+    const auto place = std::find(moving_.begin(), moving_.end(), mount.robot);
+    CHECK(place != moving_.end());
+    factors->push_back(OwnFactor(static_cast<int>(place - moving_.begin())));
+  }
+
+  Pattern PatternOf(const RigImage& image) const {
+    const Mount& camera_mount = problem_.cameras[image.camera].mount;
+    const Mount& target_mount = problem_.targets[image.target].mount;
+    std::vector<LoopFactor> factors = {Inverse(SharedFactor(CameraPose(image.camera)))};
+    std::vector<size_t> known;
+    if (!(camera_mount == target_mount)) {
+      const bool has_base = camera_mount.robot != target_mount.robot;
+      std::vector<LoopFactor> to_camera;
+      Append(camera_mount, has_base, &to_camera, &known);
+      std::reverse(to_camera.begin(), to_camera.end());
+      for (LoopFactor& factor : to_camera) factors.push_back(Inverse(std::move(factor)));
+      Append(target_mount, has_base, &factors, &known);
+    }
+    factors.push_back(SharedFactor(TargetPose(problem_, image.target)));
+    return {KinematicLoop(std::move(factors)), std::move(known)};
+  }
+
+  const RigProblem& problem_;
+  std::vector<size_t> moving_;
+  bool has_corrections_;
+  std::map<std::pair<size_t, size_t>, Pattern> patterns_;
+};
+
+LoopProblem WithoutCaptures(const RigProblem& problem, const RigNoise& noise) {
+  LoopProblem loops;
+  loops.layout = RigUnknowns(problem);
+  for (const RigCamera& camera : problem.cameras) loops.cameras.push_back(&camera.camera.Model());
+  for (const RigTarget& target : problem.targets) loops.targets.push_back(target.shape);
+  loops.pixel_sigma_ratios = noise.pixel_px;
+  for (const RobotNoise& robot : noise.robots) loops.priors.push_back(CorrectionPrior(robot));
+  return loops;
+}
+
+// Returns the own poses of a capture: the corrections of the moving arms.
+std::vector<OwnPose> OwnPosesOf(const std::vector<size_t>& moving, const RigState& state, size_t capture,
+                                bool has_priors) {
+  std::vector<OwnPose> own;
+  for (size_t k = 0; k < moving.size(); ++k) {
+    OwnPose& pose = own.emplace_back();
+    if (!state.corrections.empty()) pose.pose = state.corrections[capture][moving[k]];
+    if (has_priors) pose.prior = k;
+  }
+  return own;
+}
+
+bool IsSamePose(const Rigid3d& a, const Rigid3d& b) {
+  return DistanceM(a, b) < kSamePoseM && AngleRad(a, b) < kSamePoseRad;
+}
+
+bool HasPoints(const RigCapture& capture) {
+  return std::any_of(capture.images.begin(), capture.images.end(),
+                     [](const RigImage& image) { return image.observations.size() > 0; });
+}
+
+}  // namespace
+
+UnknownLayout RigUnknowns(const RigProblem& problem) {
+  UnknownLayout layout;
+  for (const RigCamera& camera : problem.cameras) {
+    layout.AddPose(CameraPoseBlock(camera), "camera " + camera.name + "'s", "the camera's");
+  }
+  for (const RigTarget& target : problem.targets) {
+    layout.AddPose(TargetPoseBlock(target), "target " + target.name + "'s", "the target's");
+  }
+  for (size_t r = 1; r < problem.robots.size(); ++r) {
+    layout.AddPose(BaseBlock(problem.robots[r]), "arm " + problem.robots[r] + "'s", "its base's");
+  }
+  for (const RigCamera& camera : problem.cameras) {
+    const CameraModel& model = camera.camera.Model();
+    layout.AddCamera(CameraBlock(camera), "camera " + camera.name + "'s", model, FreeOf(model, camera.free_intrinsics));
+  }
+  for (const RigTarget& target : problem.targets) {
+    std::vector<bool> free;
+    for (int i = 0; i < TargetShape::kNumParams && !target.free_shape.empty(); ++i) {
+      free.push_back(std::count(target.free_shape.begin(), target.free_shape.end(), ShapeGroupOf(i)) > 0);
+    }
+    layout.AddTarget(TargetShapeBlock(target), "target " + target.name + "'s", free);
+  }
+  return layout;
+}
+
+std::vector<size_t> MovingRobots(const RigProblem& problem) {
+  std::vector<size_t> moving;
+  for (size_t r = 0; r < problem.robots.size(); ++r) {
+    const bool is_moving =
+        std::any_of(problem.captures.begin(), problem.captures.end(), [&](const RigCapture& capture) {
+          return std::any_of(capture.images.begin(), capture.images.end(), [&](const RigImage& image) {
+            return image.observations.size() > 0 &&
+                   IsMovedBy(problem.cameras[image.camera].mount, problem.targets[image.target].mount, r);
+          });
+        });
+    if (is_moving) moving.push_back(r);
+  }
+  return moving;
+}
+
+CaptureGroups GroupByRobotPoses(const RigProblem& problem) {
+  const std::vector<size_t> moving = MovingRobots(problem);
+  CaptureGroups groups;
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    const RigCapture& capture = problem.captures[i];
+    if (!HasPoints(capture)) continue;
+    const auto same = std::find_if(groups.begin(), groups.end(), [&](const std::vector<size_t>& group) {
+      const RigCapture& first = problem.captures[group.front()];
+      return std::all_of(moving.begin(), moving.end(), [&](size_t r) {
+        return IsSamePose(first.base_from_gripper[r], capture.base_from_gripper[r]);
+      });
+    });
+    if (same == groups.end()) {
+      groups.push_back({i});
+    } else {
+      same->push_back(i);
+    }
+  }
+  return groups;
+}
+
+std::vector<ImageIndex> ImagesOf(const RigProblem& problem, const CaptureGroups& groups) {
+  std::vector<ImageIndex> images;
+  for (const std::vector<size_t>& group : groups) {
+    for (const size_t i : group) {
+      for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
+        if (problem.captures[i].images[k].observations.size() > 0) images.push_back({i, k});
+      }
+    }
+  }
+  return images;
+}
+
+LoopProblem RigLoops(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
+                     const RigNoise& noise) {
+  LoopProblem loops = WithoutCaptures(problem, noise);
+  const std::vector<size_t> moving = MovingRobots(problem);
+  const bool has_corrections = !state.corrections.empty();
+  RigLoopMaker maker(problem, moving, has_corrections);
+  for (const std::vector<size_t>& group : groups) {
+    LoopCapture& capture = loops.captures.emplace_back();
+    if (has_corrections) capture.own_poses = OwnPosesOf(moving, state, group.front(), true);
+    for (const size_t i : group) {
+      for (const RigImage& image : problem.captures[i].images) {
+        if (image.observations.size() == 0) continue;
+        capture.views.push_back({&image.observations, maker.LoopOf(problem.captures[i], image),
+                                 static_cast<int>(image.camera), static_cast<int>(image.target)});
+      }
+    }
+  }
+  return loops;
+}
+
+LoopProblem RigImageLoops(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
+                          const RigNoise& noise) {
+  LoopProblem loops = WithoutCaptures(problem, noise);
+  const std::vector<size_t> moving = MovingRobots(problem);
+  RigLoopMaker maker(problem, moving, true);
+  for (const ImageIndex& index : ImagesOf(problem, groups)) {
+    const RigCapture& of_rig = problem.captures[index.capture];
+    const RigImage& image = of_rig.images[index.image];
+    LoopCapture& capture = loops.captures.emplace_back();
+    capture.own_poses = OwnPosesOf(moving, state, index.capture, false);
+    capture.views.push_back({&image.observations, maker.LoopOf(of_rig, image), static_cast<int>(image.camera),
+                             static_cast<int>(image.target)});
+  }
+  return loops;
+}
+
+LoopValues RigValues(const RigState& state) {
+  LoopValues values;
+  values.poses = state.poses.mount_from_camera;
+  values.poses.insert(values.poses.end(), state.poses.mount_from_target.begin(), state.poses.mount_from_target.end());
+  values.poses.insert(values.poses.end(), state.poses.world_from_base.begin() + 1, state.poses.world_from_base.end());
+  for (const Camera& camera : state.cameras) values.cameras.push_back(camera.params);
+  values.targets = state.shapes;
+  return values;
+}
+
+RigState WithValues(RigState state, const LoopValues& values) {
+  auto pose = values.poses.begin();
+  for (Rigid3d& camera : state.poses.mount_from_camera) camera = *pose++;
+  for (Rigid3d& target : state.poses.mount_from_target) target = *pose++;
+  for (size_t r = 1; r < state.poses.world_from_base.size(); ++r) state.poses.world_from_base[r] = *pose++;
+  for (size_t c = 0; c < state.cameras.size(); ++c) state.cameras[c].params = values.cameras[c];
+  state.shapes = values.targets;
+  return state;
+}
+
+Rigid3d PredictedPose(const RigProblem& problem, const RigState& state, const ImageIndex& index) {
+  const RigCapture& capture = problem.captures[index.capture];
+  const RigImage& image = capture.images[index.image];
+  const std::vector<Rigid3d> none;
+  const std::vector<Rigid3d>& corrections = state.corrections.empty() ? none : state.corrections[index.capture];
+  return CameraFromTarget(problem, state.poses, image.camera, image.target,
+                          Corrected(capture.base_from_gripper, corrections));
+}
+
+}  // namespace heba

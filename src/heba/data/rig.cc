@@ -1,0 +1,42 @@
+#include "heba/data/rig.h"
+
+#include "heba/base/error.h"
+
+namespace heba {
+
+bool MovesAgainst(const Mount& a, const Mount& b) {
+  const bool has_gripper = a.part == Mount::Part::kGripper || b.part == Mount::Part::kGripper;
+  return has_gripper && !(a == b);
+}
+
+bool IsMovedBy(const Mount& a, const Mount& b, size_t robot) {
+  const Mount gripper{robot, Mount::Part::kGripper};
+  return (a == gripper) != (b == gripper);
+}
+
+Rigid3d WorldFromMount(const Mount& mount, const std::vector<Rigid3d>& world_from_base,
+                       const std::vector<Rigid3d>& base_from_gripper) {
+  const Rigid3d& base = world_from_base[mount.robot];
+  return mount.part == Mount::Part::kBase ? base : base * base_from_gripper[mount.robot];
+}
+
+Rigid3d CameraFromTarget(const RigProblem& problem, const RigPoses& poses, size_t camera, size_t target,
+                         const std::vector<Rigid3d>& base_from_gripper) {
+  const Rigid3d world_from_camera =
+      WorldFromMount(problem.cameras[camera].mount, poses.world_from_base, base_from_gripper) *
+      poses.mount_from_camera[camera];
+  const Rigid3d world_from_target =
+      WorldFromMount(problem.targets[target].mount, poses.world_from_base, base_from_gripper) *
+      poses.mount_from_target[target];
+  return Inverse(world_from_camera) * world_from_target;
+}
+
+std::vector<Rigid3d> Corrected(const std::vector<Rigid3d>& base_from_gripper, const std::vector<Rigid3d>& corrections) {
+  if (corrections.empty()) return base_from_gripper;
+  CHECK_EQ(corrections.size(), base_from_gripper.size());
+  std::vector<Rigid3d> corrected;
+  for (size_t r = 0; r < corrections.size(); ++r) corrected.push_back(base_from_gripper[r] * corrections[r]);
+  return corrected;
+}
+
+}  // namespace heba

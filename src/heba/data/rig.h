@@ -1,0 +1,94 @@
+// A rig: several cameras, targets and arms that are calibrated in one adjustment. The world is the base of the first
+// arm.
+//
+// In capture i, camera c sees target t from
+//   camera_from_target = inv(mount_from_camera_c) * inv(world_from_mount(c)) * world_from_mount(t) * mount_from_target_t
+// where world_from_mount is world_from_base of an arm or, for a mount on its gripper,
+// world_from_base * base_from_gripper_i * correction_i.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heba/camera/camera.h"
+#include "heba/data/problem.h"
+#include "heba/data/target_shape.h"
+#include "heba/geometry/rigid3.h"
+
+namespace heba {
+
+// The part of an arm that carries a camera or a target. What stands beside the arms is on the base of the first one.
+struct Mount {
+  enum class Part { kBase, kGripper };
+  size_t robot = 0;  // Index in RigProblem::robots.
+  Part part = Part::kBase;
+
+  bool operator==(const Mount& other) const = default;
+};
+
+// A camera of a rig.
+struct RigCamera {
+  std::string name;
+  Mount mount;
+  Camera camera;
+  // The groups of its parameters that are unknown.
+  std::vector<ParameterGroup> free_intrinsics = {};
+};
+
+// A target of a rig.
+struct RigTarget {
+  std::string name;
+  Mount mount;
+  TargetShape shape;                             // As designed.
+  std::vector<TargetShapeGroup> free_shape = {};  // The groups of its shape that are unknown.
+  // The motions that map the target to itself, the identity first.
+  std::vector<Rigid3d> symmetries = {Rigid3d()};
+};
+
+// The points of one target in one camera.
+struct RigImage {
+  size_t camera = 0;
+  size_t target = 0;
+  Observations observations;
+};
+
+// The images that were taken at one pose of every arm. A camera that saw nothing has no entry.
+struct RigCapture {
+  std::string name;
+  std::vector<Rigid3d> base_from_gripper;  // One for each arm, as it reports it.
+  std::vector<RigImage> images;
+};
+
+struct RigProblem {
+  std::vector<std::string> robots;  // The names of the arms.
+  std::vector<RigCamera> cameras;
+  std::vector<RigTarget> targets;
+  std::vector<RigCapture> captures;
+};
+
+// The constant poses of a rig.
+struct RigPoses {
+  std::vector<Rigid3d> mount_from_camera;
+  std::vector<Rigid3d> mount_from_target;
+  std::vector<Rigid3d> world_from_base;  // One for each arm; the first is the identity.
+};
+
+// Returns whether the pose of one mount in the other changes when an arm moves.
+bool MovesAgainst(const Mount& a, const Mount& b);
+// Returns whether `robot` moves one of the mounts against the other.
+bool IsMovedBy(const Mount& a, const Mount& b, size_t robot);
+
+// Returns the pose of a mount in the world. `base_from_gripper` has one pose for each arm.
+Rigid3d WorldFromMount(const Mount& mount, const std::vector<Rigid3d>& world_from_base,
+                       const std::vector<Rigid3d>& base_from_gripper);
+// Returns camera_from_target for these poses of the arms.
+Rigid3d CameraFromTarget(const RigProblem& problem, const RigPoses& poses, size_t camera, size_t target,
+                         const std::vector<Rigid3d>& base_from_gripper);
+
+// Returns the poses of the arms multiplied by their corrections (gripper_from_corrected_gripper); an empty list stands
+// for none.
+std::vector<Rigid3d> Corrected(const std::vector<Rigid3d>& base_from_gripper, const std::vector<Rigid3d>& corrections);
+
+}  // namespace heba

@@ -1,0 +1,74 @@
+// The result of the adjustment of a rig and its uncertainty.
+#pragma once
+
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "heba/data/rig.h"
+#include "heba/data/solution.h"
+#include "heba/data/unknowns.h"
+
+namespace heba {
+
+// The outcome for one capture.
+struct RigCaptureOutcome {
+  // The corrections of the arms' poses (gripper_from_corrected_gripper); empty if the arms are exact.
+  std::vector<Rigid3d> corrections;
+  // One per image of the capture: the ids of the points that were rejected because they contradict the others.
+  std::vector<std::vector<int>> rejected_ids;
+};
+
+struct RigSolution {
+  RigPoses poses;
+  std::vector<Camera> cameras;
+  std::vector<TargetShape> shapes;
+  std::vector<double> pixel_sigmas_px;  // One sigma of each pixel coordinate of each camera.
+  // The noise of each arm and, if it was estimated, one sigma of each of its sigmas; nothing for an arm that moves no
+  // target against a camera, and for exact arms.
+  std::vector<std::optional<RobotNoise>> robot_noise;
+  std::vector<std::optional<RobotNoise>> robot_noise_stddev;
+  std::vector<RigCaptureOutcome> captures;  // One per capture of the problem.
+  // The blocks are called as the objects of a result file: "cameras.NAME.pose", "cameras.NAME.camera",
+  // "targets.NAME.pose", "targets.NAME.shape" and "robots.NAME.world_from_base". The tangents of poses are on the right,
+  // translation before rotation.
+  Covariance covariance;
+  double covariance_dof = std::numeric_limits<double>::infinity();  // See Solution::covariance_dof.
+  Convergence convergence;
+};
+
+// The names of a rig's blocks of unknowns.
+std::string CameraPoseBlock(const RigCamera& camera);
+std::string CameraBlock(const RigCamera& camera);
+std::string TargetPoseBlock(const RigTarget& target);
+std::string TargetShapeBlock(const RigTarget& target);
+std::string BaseBlock(const std::string& robot);
+
+// A pose with the derivative of its tangent (m, rad, in the child frame) by the unknowns of a layout.
+struct PoseByUnknowns {
+  Rigid3d pose;
+  Matrix6X by_unknowns;
+};
+// Returns the pose of an unknown pose; the identity if the layout has no block of this name.
+PoseByUnknowns UnknownPose(const Rigid3d& pose, const UnknownLayout& layout, const std::string& block);
+PoseByUnknowns Inverse(const PoseByUnknowns& a_from_b);
+PoseByUnknowns operator*(const PoseByUnknowns& a_from_b, const PoseByUnknowns& b_from_c);
+
+// The pose of one camera in another (or of one target or base), and its covariance (m, rad, in the child frame).
+struct RelativePose {
+  std::string parent;
+  std::string child;
+  Rigid3d parent_from_child;
+  Eigen::Matrix<double, 6, 6> covariance;
+};
+// Return the poses of all pairs of cameras, of targets and of bases whose relative pose is constant: those on one
+// gripper, or both on bases. The covariance is that of the pose itself; it is smaller than the sum of those of its two
+// ends, which are correlated.
+std::vector<RelativePose> RelativeCameraPoses(const RigProblem& problem, const RigSolution& solution);
+std::vector<RelativePose> RelativeTargetPoses(const RigProblem& problem, const RigSolution& solution);
+std::vector<RelativePose> RelativeBasePoses(const RigProblem& problem, const RigSolution& solution);
+
+}  // namespace heba

@@ -1,0 +1,110 @@
+#include "heba/rig_adjustment.h"
+
+#include <cmath>
+#include <functional>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "heba/data/rig_solution.h"
+#include "tests/support/matchers.h"
+#include "tests/support/rig_scenes.h"
+
+namespace heba {
+namespace {
+
+using MakeRig = std::function<RigScene(uint64_t, const RigSceneSetting&)>;
+struct RigKind {
+  std::string name;
+  MakeRig make;
+};
+void PrintTo(const RigKind& kind, std::ostream* stream) { *stream << kind.name; }
+
+// Returns poses that are some millimetres and tenths of a degree from the truth.
+RigPoses Perturbed(const RigPoses& truth, Rng* rng) {
+  RigPoses poses = truth;
+  const auto move = [&](Rigid3d& pose) {
+    Tangent6 step;
+    step << 5e-3 * rng->NormalVector3(), 5e-3 * rng->NormalVector3();
+    pose = Retract(pose, step);
+  };
+  for (Rigid3d& pose : poses.mount_from_camera) move(pose);
+  for (Rigid3d& pose : poses.mount_from_target) move(pose);
+  for (size_t r = 1; r < poses.world_from_base.size(); ++r) move(poses.world_from_base[r]);
+  return poses;
+}
+
+class RigAdjustmentTest : public testing::TestWithParam<RigKind> {};
+INSTANTIATE_TEST_SUITE_P(
+    Rigs, RigAdjustmentTest,
+    testing::Values(RigKind{"Mixed", MixedRig}, RigKind{"FourCameras", FourCameraRig}, RigKind{"TwoArms", TwoArmRig}),
+    [](const testing::TestParamInfo<RigKind>& test) { return test.param.name; });
+
+TEST_P(RigAdjustmentTest, RecoversNoiseFreeRig) {
+  const RigScene scene = GetParam().make(1, {20, 0, {0, 0, 0}});
+  Rng rng(2);
+  RigOptions options;
+  options.robot = BundleOptions::Robot::kExact;
+  const Outcome<RigSolution> solution = RefineRig(scene.problem, Perturbed(scene.truth, &rng), options);
+  ASSERT_TRUE(solution) << solution.reason();
+  constexpr double kRoundOff = 1e-8;
+  for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
+    EXPECT_THAT(solution->poses.mount_from_camera[c],
+                IsNearPose(scene.truth.mount_from_camera[c], kRoundOff, kRoundOff));
+    EXPECT_NEAR(solution->cameras[c].params[0], scene.problem.cameras[c].camera.params[0], 1e-4);
+  }
+  for (size_t t = 0; t < scene.problem.targets.size(); ++t) {
+    EXPECT_THAT(solution->poses.mount_from_target[t],
+                IsNearPose(scene.truth.mount_from_target[t], kRoundOff, kRoundOff));
+  }
+  for (size_t r = 0; r < scene.problem.robots.size(); ++r) {
+    EXPECT_THAT(solution->poses.world_from_base[r], IsNearPose(scene.truth.world_from_base[r], kRoundOff, kRoundOff));
+  }
+}
+
+// Every pixel and robot sigma is found within 4 of its own standard deviations.
+TEST_P(RigAdjustmentTest, EstimatesNoiseOfCamerasAndArms) {
+  RigSceneSetting setting;
+  setting.num_captures = 40;
+  RigScene scene = GetParam().make(3, setting);
+  // The first camera is noisier than the others.
+  Rng rng(4);
+  for (RigCapture& capture : scene.problem.captures) {
+    for (RigImage& image : capture.images) {
+      if (image.camera != 0) continue;
+      for (double& pixel : image.observations.pixels.reshaped()) pixel += 0.3 * rng.Normal();
+    }
+  }
+  const Outcome<RigSolution> solution = RefineRig(scene.problem, scene.truth, RigOptions());
+  ASSERT_TRUE(solution) << solution.reason();
+  for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
+    int num_points = 0;
+    for (const RigCapture& capture : scene.problem.captures) {
+      for (const RigImage& image : capture.images) num_points += image.camera == c ? image.observations.size() : 0;
+    }
+    const double sigma_px = c == 0 ? std::hypot(0.3, setting.noise_px) : setting.noise_px;
+    EXPECT_NEAR(solution->pixel_sigmas_px[c], sigma_px, 4 * sigma_px / std::sqrt(4.0 * num_points)) << c;
+  }
+  for (size_t r = 0; r < scene.problem.robots.size(); ++r) {
+    ASSERT_TRUE(solution->robot_noise[r] && solution->robot_noise_stddev[r]);
+    EXPECT_NEAR(solution->robot_noise[r]->translation_m, setting.robot_noise.translation_m,
+                4 * solution->robot_noise_stddev[r]->translation_m);
+    EXPECT_NEAR(solution->robot_noise[r]->rotation_rad, setting.robot_noise.rotation_rad,
+                4 * solution->robot_noise_stddev[r]->rotation_rad);
+  }
+}
+
+TEST(RigAdjustment, NamesAnArmThatNothingJoins) {
+  RigScene scene = TwoArmRig(5, {20, 0.1, {}});
+  for (RigCapture& capture : scene.problem.captures) {
+    std::erase_if(capture.images, [](const RigImage& image) { return image.target == 1; });
+  }
+  const Outcome<RigSolution> solution = RefineRig(scene.problem, scene.truth, RigOptions());
+  ASSERT_FALSE(solution);
+  EXPECT_TRUE(solution.reason().find("right") != std::string::npos ||
+              solution.reason().find("disk") != std::string::npos)
+      << solution.reason();
+}
+
+}  // namespace
+}  // namespace heba
