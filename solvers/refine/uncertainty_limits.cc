@@ -53,8 +53,7 @@ SigmaOfSize SigmaAt(const Covariance& covariance, Eigen::Index i, const std::vec
   const Camera& camera = cameras[static_cast<size_t>(found - blocks.begin())];
   if (unknown.group == UnknownGroup::kPrincipalPoint) return {sigma, static_cast<double>(camera.width_px)};
   if (unknown.group != UnknownGroup::kFocal) return {sigma};
-  const Eigen::VectorXd by_unknowns =
-      AxialFocalLengthByUnknowns(camera, unknown.index, covariance.layout, block);
+  const Eigen::VectorXd by_unknowns = AxialFocalLengthByUnknowns(camera, unknown.index, covariance.layout, block);
   return {std::sqrt(by_unknowns.dot(covariance.matrix * by_unknowns)), AxialFocalLength(camera, unknown.index)};
 }
 

@@ -51,7 +51,8 @@ std::optional<double> TypicalDetectorSigma(const std::vector<View>& views) {
 }
 
 void WeightByCovariance(double unmodelled_sigma_px, const std::vector<Observations*>& all) {
-  const std::optional<double> typical_px = TypicalDetectorSigma(std::vector<const Observations*>(all.begin(), all.end()));
+  const std::optional<double> typical_px =
+      TypicalDetectorSigma(std::vector<const Observations*>(all.begin(), all.end()));
   if (!typical_px) return;
   const double unit_px2 = *typical_px * *typical_px + unmodelled_sigma_px * unmodelled_sigma_px;
   for (Observations* const observations : all) {

@@ -59,9 +59,9 @@ RigPointFlags FindInlierPoints(const RigProblem& problem, const RigFit& fit) {
     for (size_t k = 0; k < weighted.captures[i].images.size(); ++k) {
       const RigImage& image = weighted.captures[i].images[k];
       if (image.observations.size() == 0) continue;
-      flags[i][k] = FindInliers(fit.state.cameras[image.camera], PredictedPose(problem, fit.state, {i, k}),
-                                ApplyShape(image.observations, fit.state.shapes[image.target]),
-                                fit.noise.pixel_px[image.camera]);
+      flags[i][k] =
+          FindInliers(fit.state.cameras[image.camera], PredictedPose(problem, fit.state, {i, k}),
+                      ApplyShape(image.observations, fit.state.shapes[image.target]), fit.noise.pixel_px[image.camera]);
     }
   }
   return flags;
@@ -100,6 +100,7 @@ RigSolution SolutionOf(const RigProblem& problem, const RigFit& fit, const RigPo
   solution.cameras = fit.state.cameras;
   solution.shapes = fit.state.shapes;
   solution.pixel_sigmas_px = fit.noise.pixel_px;
+  solution.unmodelled_sigma_px = fit.unmodelled_sigma_px;
   solution.robot_noise.resize(problem.robots.size());
   solution.robot_noise_stddev.resize(problem.robots.size());
   const std::vector<size_t> moving = MovingRobots(*fit.problem);
@@ -129,7 +130,8 @@ RigSolution SolutionOf(const RigProblem& problem, const RigFit& fit, const RigPo
 std::string RigOptions::Check() const {
   std::vector<std::string> faults;
   if (pixel_noise_px && !(*pixel_noise_px > 0)) faults.emplace_back("pixel_noise_px must be greater than zero");
-  if (robot == BundleOptions::Robot::kGivenNoise && !(robot_noise.translation_m >= 0 && robot_noise.rotation_rad >= 0)) {
+  if (robot == BundleOptions::Robot::kGivenNoise &&
+      !(robot_noise.translation_m >= 0 && robot_noise.rotation_rad >= 0)) {
     faults.emplace_back("robot_noise must not be negative");
   }
   if (max_iterations < 1) faults.emplace_back("max_iterations must be at least 1");

@@ -40,8 +40,7 @@ std::shared_ptr<const RigProblem> Weighted(const RigProblem& problem,
   return weighted;
 }
 
-ceres::Solver::Summary MinimiseRigOnce(const Loss& loss, NoiseScale scale, const RigOptions& rig_options,
-                                       RigFit* fit) {
+ceres::Solver::Summary MinimiseRigOnce(const Loss& loss, NoiseScale scale, const RigOptions& rig_options, RigFit* fit) {
   CapturesCostOptions options;
   options.loss = &loss;
   options.num_threads = rig_options.num_threads;
@@ -50,9 +49,8 @@ ceres::Solver::Summary MinimiseRigOnce(const Loss& loss, NoiseScale scale, const
   };
   // All corrections are zero before the first solve.
   options.eliminated_poses_are_rough =
-      std::all_of(fit->state.corrections.begin(), fit->state.corrections.end(), [&](const auto& of_capture) {
-        return std::all_of(of_capture.begin(), of_capture.end(), is_zero);
-      });
+      std::all_of(fit->state.corrections.begin(), fit->state.corrections.end(),
+                  [&](const auto& of_capture) { return std::all_of(of_capture.begin(), of_capture.end(), is_zero); });
   LoopProblem loops = RigLoops(*fit->problem, fit->groups, fit->state, fit->noise);
   LoopUnknowns unknowns(loops.layout, RigValues(fit->state));
   CapturesCost cost(std::move(loops), options);
@@ -129,8 +127,7 @@ std::vector<VarianceGroup> VarianceGroupsOf(const RigNoise& noise, const Loss& l
 EstimatedRigNoise EstimateNoise(const RigFit& fit, const Loss& loss, NoiseScale scale, const RigOptions& options) {
   EstimatedRigNoise result;
   result.noise = fit.noise;
-  const std::optional<LinearisedImages> images =
-      LineariseImages(*fit.problem, fit.groups, fit.state, fit.noise, loss);
+  const std::optional<LinearisedImages> images = LineariseImages(*fit.problem, fit.groups, fit.state, fit.noise, loss);
   CHECK(images.has_value()) << "Ceres accepted a step that hides a point";
   const std::vector<std::vector<double>> distances = DistancesOfCameras(fit, options.num_threads);
   const std::optional<Information> information = RigInformation(fit, loss);
@@ -156,8 +153,8 @@ EstimatedRigNoise EstimateNoise(const RigFit& fit, const Loss& loss, NoiseScale 
   const VarianceComponents found = EstimateVariances(captures, groups);
   for (size_t k = 0; k < fit.noise.robots.size(); ++k) {
     const auto translation = static_cast<Eigen::Index>(1 + 2 * k);
-    const RobotNoise robot = AtLeastExact(
-        {std::sqrt(found.variances[translation]), std::sqrt(found.variances[translation + 1]), 0});
+    const RobotNoise robot =
+        AtLeastExact({std::sqrt(found.variances[translation]), std::sqrt(found.variances[translation + 1]), 0});
     // Converts the standard deviation of a variance to that of a sigma.
     result.robot_stddev.push_back({0.5 * found.stddev[translation] / robot.translation_m,
                                    0.5 * found.stddev[translation + 1] / robot.rotation_rad, 0});
@@ -207,7 +204,7 @@ std::optional<LinearisedImages> LineariseImages(const RigProblem& problem, const
                                                 const RigState& state, const RigNoise& noise, const Loss& loss) {
   LinearisedImages result;
   std::optional<std::vector<LinearisedView>> views =
-      LineariseCaptures(RigImageLoops(problem, groups, state, noise), RigValues(state), 1, loss);
+      LineariseCaptures(RigImageLoops(problem, groups, state, noise, MovingRobots(problem)), RigValues(state), 1, loss);
   if (!views) return std::nullopt;
   result.views = std::move(*views);
   result.images = ImagesOf(problem, groups);
@@ -278,14 +275,13 @@ Eigen::MatrixXd PredictionCovariance(const LinearisedView& view, const Correctio
 }
 
 std::optional<Information> RigInformation(const RigFit& fit, const Loss& loss) {
-  const std::optional<LinearisedImages> images =
-      LineariseImages(*fit.problem, fit.groups, fit.state, fit.noise, loss);
+  const std::optional<LinearisedImages> images = LineariseImages(*fit.problem, fit.groups, fit.state, fit.noise, loss);
   if (!images) return std::nullopt;
   // The information of the pixels' rows is 1 / factor of their weighted normal matrix (Loss::covariance_factor).
-  return Information{RigUnknowns(*fit.problem),
-                     MarginalInformation(StackGroups(images->views, images->groups),
-                                         CorrectionVariances(fit.noise, MovingRobots(*fit.problem).size()),
-                                         loss.covariance_factor())};
+  return Information{
+      RigUnknowns(*fit.problem),
+      MarginalInformation(StackGroups(images->views, images->groups),
+                          CorrectionVariances(fit.noise, MovingRobots(*fit.problem).size()), loss.covariance_factor())};
 }
 
 Outcome<RigFit> IterateRig(RigFit fit, const Loss& loss, NoiseScale scale, const RigOptions& options) {

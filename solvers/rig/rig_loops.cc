@@ -201,9 +201,8 @@ LoopProblem RigLoops(const RigProblem& problem, const CaptureGroups& groups, con
 }
 
 LoopProblem RigImageLoops(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
-                          const RigNoise& noise) {
+                          const RigNoise& noise, const std::vector<size_t>& moving) {
   LoopProblem loops = WithoutCaptures(problem, noise);
-  const std::vector<size_t> moving = MovingRobots(problem);
   RigLoopMaker maker(problem, moving, true);
   for (const ImageIndex& index : ImagesOf(problem, groups)) {
     const RigCapture& of_rig = problem.captures[index.capture];

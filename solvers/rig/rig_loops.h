@@ -53,8 +53,9 @@ std::vector<ImageIndex> ImagesOf(const RigProblem& problem, const CaptureGroups&
 LoopProblem RigLoops(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
                      const RigNoise& noise);
 // Likewise, with one capture for each image, in the order of ImagesOf. Its own poses are zero if the arms are exact.
+// `moving` are the arms that have corrections.
 LoopProblem RigImageLoops(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
-                          const RigNoise& noise);
+                          const RigNoise& noise, const std::vector<size_t>& moving);
 
 // Returns the values of the loops' unknowns, and the state with other values and the same corrections.
 LoopValues RigValues(const RigState& state);

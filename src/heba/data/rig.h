@@ -2,7 +2,8 @@
 // arm.
 //
 // In capture i, camera c sees target t from
-//   camera_from_target = inv(mount_from_camera_c) * inv(world_from_mount(c)) * world_from_mount(t) * mount_from_target_t
+//   camera_from_target = inv(mount_from_camera_c) * inv(world_from_mount(c)) * world_from_mount(t) *
+//   mount_from_target_t
 // where world_from_mount is world_from_base of an arm or, for a mount on its gripper,
 // world_from_base * base_from_gripper_i * correction_i.
 #pragma once
@@ -41,7 +42,7 @@ struct RigCamera {
 struct RigTarget {
   std::string name;
   Mount mount;
-  TargetShape shape;                             // As designed.
+  TargetShape shape;                              // As designed.
   std::vector<TargetShapeGroup> free_shape = {};  // The groups of its shape that are unknown.
   // The motions that map the target to itself, the identity first.
   std::vector<Rigid3d> symmetries = {Rigid3d()};

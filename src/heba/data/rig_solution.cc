@@ -53,17 +53,16 @@ PoseByUnknowns Inverse(const PoseByUnknowns& a_from_b) {
 }
 
 PoseByUnknowns operator*(const PoseByUnknowns& a_from_b, const PoseByUnknowns& b_from_c) {
-  return {a_from_b.pose * b_from_c.pose,
-          Adjoint(Inverse(b_from_c.pose)) * a_from_b.by_unknowns + b_from_c.by_unknowns};
+  return {a_from_b.pose * b_from_c.pose, Adjoint(Inverse(b_from_c.pose)) * a_from_b.by_unknowns + b_from_c.by_unknowns};
 }
 
 std::vector<RelativePose> RelativeCameraPoses(const RigProblem& problem, const RigSolution& solution) {
   std::vector<Placed> placed;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     const RigCamera& camera = problem.cameras[c];
-    placed.push_back({camera.name, camera.mount,
-                      UnknownPose(solution.poses.mount_from_camera[c], solution.covariance.layout,
-                                  CameraPoseBlock(camera))});
+    placed.push_back(
+        {camera.name, camera.mount,
+         UnknownPose(solution.poses.mount_from_camera[c], solution.covariance.layout, CameraPoseBlock(camera))});
   }
   return RelativePoses(placed, problem, solution);
 }
@@ -72,9 +71,9 @@ std::vector<RelativePose> RelativeTargetPoses(const RigProblem& problem, const R
   std::vector<Placed> placed;
   for (size_t t = 0; t < problem.targets.size(); ++t) {
     const RigTarget& target = problem.targets[t];
-    placed.push_back({target.name, target.mount,
-                      UnknownPose(solution.poses.mount_from_target[t], solution.covariance.layout,
-                                  TargetPoseBlock(target))});
+    placed.push_back(
+        {target.name, target.mount,
+         UnknownPose(solution.poses.mount_from_target[t], solution.covariance.layout, TargetPoseBlock(target))});
   }
   return RelativePoses(placed, problem, solution);
 }
@@ -82,8 +81,8 @@ std::vector<RelativePose> RelativeTargetPoses(const RigProblem& problem, const R
 std::vector<RelativePose> RelativeBasePoses(const RigProblem& problem, const RigSolution& solution) {
   std::vector<Placed> placed;
   for (size_t r = 0; r < problem.robots.size(); ++r) {
-    placed.push_back({problem.robots[r], {r, Mount::Part::kBase},
-                      UnknownPose(Rigid3d(), solution.covariance.layout, "")});
+    placed.push_back(
+        {problem.robots[r], {r, Mount::Part::kBase}, UnknownPose(Rigid3d(), solution.covariance.layout, "")});
   }
   return RelativePoses(placed, problem, solution);
 }

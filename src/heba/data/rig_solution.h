@@ -26,15 +26,16 @@ struct RigSolution {
   RigPoses poses;
   std::vector<Camera> cameras;
   std::vector<TargetShape> shapes;
-  std::vector<double> pixel_sigmas_px;  // One sigma of each pixel coordinate of each camera.
+  std::vector<double> pixel_sigmas_px;                     // One sigma of each pixel coordinate of each camera.
+  std::vector<std::optional<double>> unmodelled_sigma_px;  // Solution::unmodelled_sigma_px of each camera.
   // The noise of each arm and, if it was estimated, one sigma of each of its sigmas; nothing for an arm that moves no
   // target against a camera, and for exact arms.
   std::vector<std::optional<RobotNoise>> robot_noise;
   std::vector<std::optional<RobotNoise>> robot_noise_stddev;
   std::vector<RigCaptureOutcome> captures;  // One per capture of the problem.
   // The blocks are called as the objects of a result file: "cameras.NAME.pose", "cameras.NAME.camera",
-  // "targets.NAME.pose", "targets.NAME.shape" and "robots.NAME.world_from_base". The tangents of poses are on the right,
-  // translation before rotation.
+  // "targets.NAME.pose", "targets.NAME.shape" and "robots.NAME.world_from_base". The tangents of poses are on the
+  // right, translation before rotation.
   Covariance covariance;
   double covariance_dof = std::numeric_limits<double>::infinity();  // See Solution::covariance_dof.
   Convergence convergence;

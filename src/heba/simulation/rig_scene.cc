@@ -5,7 +5,6 @@
 #include <string>
 #include <utility>
 
-
 namespace heba {
 namespace {
 
@@ -108,9 +107,8 @@ std::vector<RigCapture> SimulateRigCaptures(const RigProblem& rig, const RigPose
         const Camera& camera = rig.cameras[c].camera;
         const Rigid3d camera_from_target = CameraFromTarget(rig, poses, c, t, arm_poses[i]);
         if (!IsVisible(camera, camera_from_target, targets[t], options.motion.margin_px)) continue;
-        const std::optional<View> view =
-            SimulateView(capture.name, camera, {Rigid3d(), Rigid3d()}, camera_from_target, targets[t].points_in_target,
-                         options.noise_px, rng);
+        const std::optional<View> view = SimulateView(capture.name, camera, {Rigid3d(), Rigid3d()}, camera_from_target,
+                                                      targets[t].points_in_target, options.noise_px, rng);
         if (view) capture.images.push_back({c, t, view->observations});
       }
     }

@@ -18,9 +18,9 @@ struct SimulatedTarget {
 };
 
 struct RigSceneOptions {
-  MotionOptions motion;     // Of each target in front of the camera for which a pose is drawn.
-  double noise_px = 0;      // One sigma of each pixel coordinate.
-  RobotNoise robot_noise;   // Of every arm's pose; joint_rad is not used.
+  MotionOptions motion;    // Of each target in front of the camera for which a pose is drawn.
+  double noise_px = 0;     // One sigma of each pixel coordinate.
+  RobotNoise robot_noise;  // Of every arm's pose; joint_rad is not used.
   // Poses of the arms near which they stand when nothing else determines them: base_from_gripper, one per arm.
   std::vector<Rigid3d> homes;
 };

@@ -65,7 +65,8 @@ Outcome<std::vector<Rigid3d>> SimulatePoses(const Camera& camera, const Points3&
                                         ExpRotation(tilt * Eigen::Vector3d(std::cos(azimuth), std::sin(azimuth), 0)) *
                                         ExpRotation({0, 0, spin}) * upright;
     const Rigid3d camera_from_target(rotation, middle_in_camera - rotation * middle);
-    if (AreInImage(camera, camera_from_target, points_in_target, options.margin_px)) poses.push_back(camera_from_target);
+    if (AreInImage(camera, camera_from_target, points_in_target, options.margin_px))
+      poses.push_back(camera_from_target);
   }
   return poses;
 }

@@ -35,10 +35,10 @@ RigPoses Perturbed(const RigPoses& truth, Rng* rng) {
 }
 
 class RigAdjustmentTest : public testing::TestWithParam<RigKind> {};
-INSTANTIATE_TEST_SUITE_P(
-    Rigs, RigAdjustmentTest,
-    testing::Values(RigKind{"Mixed", MixedRig}, RigKind{"FourCameras", FourCameraRig}, RigKind{"TwoArms", TwoArmRig}),
-    [](const testing::TestParamInfo<RigKind>& test) { return test.param.name; });
+INSTANTIATE_TEST_SUITE_P(Rigs, RigAdjustmentTest,
+                         testing::Values(RigKind{"Mixed", MixedRig}, RigKind{"FourCameras", FourCameraRig},
+                                         RigKind{"TwoArms", TwoArmRig}),
+                         [](const testing::TestParamInfo<RigKind>& test) { return test.param.name; });
 
 TEST_P(RigAdjustmentTest, RecoversNoiseFreeRig) {
   const RigScene scene = GetParam().make(1, {20, 0, {0, 0, 0}});

@@ -1,0 +1,65 @@
+// Runs the whole calibration of a rig, from images to a refined result: cameras (if they are not given), a calibration
+// of every pair of a camera and a target, their joint start, outliers, adjustment.
+//
+//   const heba::Outcome<heba::RigCalibration> calibration = heba::CalibrateRig(problem, heba::RigCalibrationOptions());
+//   if (calibration && calibration->refined) Use(calibration->refined->poses, calibration->refined->covariance);
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heba/base/error.h"
+#include "heba/calibration.h"
+#include "heba/data/rig.h"
+#include "heba/data/rig_solution.h"
+#include "heba/rig_adjustment.h"
+
+namespace heba {
+
+struct RigCalibrationOptions {
+  RigOptions adjustment;
+  // For each camera, whether RigCamera::camera is given. Otherwise its size is, and its model unless that is to be
+  // chosen. Empty: none is given.
+  std::vector<bool> has_camera;
+  bool choose_camera_model = true;
+  bool choose_target_shape = true;  // Otherwise RigTarget::free_shape holds.
+};
+
+// The calibration of one pair of a camera and a target by itself, as of a single camera.
+struct RigPair {
+  size_t camera = 0;
+  size_t target = 0;
+  // The arm that moves one against the other; nothing if none or two do.
+  std::optional<size_t> robot;
+  int num_images = 0;
+  Outcome<Calibration> calibration = Failure{"not run"};
+};
+
+// An image that is not used; all images of the capture if `image` is not set.
+struct UnusedRigImage {
+  size_t capture = 0;
+  std::optional<size_t> image;
+  std::string reason;  // One clause.
+};
+
+struct RigCalibration {
+  // The problem that was solved: its cameras have their initial intrinsics, its targets the free parts of their shape
+  // that were chosen, and symmetric targets the reading order that was chosen. Images that are not used have no points.
+  RigProblem problem;
+  std::vector<RigPair> pairs;
+  std::vector<UnusedRigImage> unused;
+  RigPoses start;
+  Outcome<RigSolution> refined = Failure{"not run"};
+};
+
+// Calibrates a rig. A pair that one arm moves is calibrated by itself first (Calibrate); the results are joined over a
+// spanning tree of the best determined ones, together with pairs that nothing moves. Images that contradict the others,
+// and captures of which the pose of an arm does, are listed in `unused` and not used, unless the loss is `none`.
+//
+// Returns a Failure, in words, if a camera cannot be estimated, or if a camera, target or arm is not joined to the
+// others by any image. The Failure of the adjustment is in RigCalibration::refined.
+Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibrationOptions& options);
+
+}  // namespace heba

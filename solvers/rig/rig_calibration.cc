@@ -1,0 +1,238 @@
+#include "heba/rig_calibration.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "heba/base/distributions.h"
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "solvers/initial/target_pose.h"
+#include "solvers/rig/rig_outliers.h"
+#include "solvers/rig/rig_start.h"
+#include "solvers/uncertainty/capture_outliers.h"
+
+namespace heba {
+namespace {
+
+using ImageSet = std::set<std::pair<size_t, size_t>>;  // Capture and image.
+
+// Returns the problem without the points of these images.
+RigProblem Without(RigProblem problem, const ImageSet& images) {
+  for (const auto& [capture, image] : images) problem.captures[capture].images[image].observations = Observations();
+  return problem;
+}
+
+// Returns the images whose captures the calibrations of the pairs rejected.
+ImageSet RejectedByPairs(const RigProblem& problem, const std::vector<RigPair>& pairs) {
+  ImageSet rejected;
+  for (const RigPair& pair : pairs) {
+    if (!pair.calibration || !pair.calibration->refined) continue;
+    for (const UnusedView& unused : pair.calibration->unused) {
+      const std::vector<RigImage>& images = problem.captures[unused.capture].images;
+      for (size_t k = 0; k < images.size(); ++k) {
+        if (images[k].camera == pair.camera && images[k].target == pair.target) rejected.insert({unused.capture, k});
+      }
+    }
+  }
+  return rejected;
+}
+
+int NumImages(const RigProblem& problem) {
+  int num_images = 0;
+  for (const RigCapture& capture : problem.captures) {
+    for (const RigImage& image : capture.images) num_images += image.observations.size() > 0;
+  }
+  return num_images;
+}
+
+// Returns the images that an arm moves in a capture.
+std::vector<size_t> ImagesMovedBy(const RigProblem& problem, size_t capture, size_t robot) {
+  std::vector<size_t> moved;
+  const std::vector<RigImage>& images = problem.captures[capture].images;
+  for (size_t k = 0; k < images.size(); ++k) {
+    if (images[k].observations.size() > 0 &&
+        IsMovedBy(problem.cameras[images[k].camera].mount, problem.targets[images[k].target].mount, robot)) {
+      moved.push_back(k);
+    }
+  }
+  return moved;
+}
+
+// A solution, and the images that it was found without.
+struct JudgedRig {
+  RigSolution solution;
+  ImageSet left_out;
+};
+
+// Adjusts without the images that contradict the others, and tests all images again, those that were left out included,
+// until nothing changes.
+Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPoses& start, ImageSet left_out,
+                                         const RigOptions& options) {
+  Outcome<RigSolution> solution = RefineRig(Without(problem, left_out), start, options);
+  if (!solution) return Failure{solution.reason()};
+  if (options.loss == LossKind::kNone) return JudgedRig{*solution, left_out};
+  const double least_chance = kCaptureFalseAlarm / std::max(1, NumImages(problem));
+  constexpr int kMaxRounds = 15;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const RigProblem used = WithoutRejected(Without(problem, left_out), *solution);
+    ImageSet next = left_out;
+    for (const RigVerdict& verdict : TestLeftOutImages(problem, used, *solution)) {
+      const std::pair<size_t, size_t> image{verdict.image.capture, verdict.image.image};
+      if (verdict.p_value >= least_chance) next.erase(image);
+      if (verdict.p_value < least_chance) next.insert(image);
+    }
+    // The worst contradiction first: it makes others, of images that agree with nothing but it.
+    std::optional<RigVerdict> worst;
+    for (const RigVerdict& verdict : TestUsedImages(used, *solution)) {
+      if (verdict.p_value < least_chance && (!worst || verdict.p_value < worst->p_value)) worst = verdict;
+    }
+    if (worst && worst->robot) {
+      for (const size_t k : ImagesMovedBy(problem, worst->image.capture, *worst->robot)) {
+        next.insert({worst->image.capture, k});
+      }
+    } else if (worst) {
+      next.insert({worst->image.capture, worst->image.image});
+    }
+    if (next == left_out) break;
+    Outcome<RigSolution> other = RefineRig(Without(problem, next), solution->poses, options);
+    if (!other) break;
+    solution = std::move(other);
+    left_out = std::move(next);
+  }
+  return JudgedRig{*solution, left_out};
+}
+
+// Returns the problem with the parts of the targets' shapes free that deviate from the design at 1 %, given a solution
+// with all of them free.
+RigProblem WithChosenShapes(RigProblem problem, const RigSolution& open) {
+  constexpr double kLevel = 0.01;
+  const UnknownLayout& layout = open.covariance.layout;
+  for (size_t t = 0; t < problem.targets.size(); ++t) {
+    RigTarget& target = problem.targets[t];
+    const std::vector<TargetShapeGroup> candidates = target.free_shape;
+    target.free_shape.clear();
+    const UnknownBlock block = layout.Block(TargetShapeBlock(target));
+    for (const TargetShapeGroup group : candidates) {
+      std::vector<Eigen::Index> places;
+      for (Eigen::Index i = block.first; i < block.end(); ++i) {
+        if (ShapeGroupOf(layout[i].index) == group) places.push_back(i);
+      }
+      const auto size = static_cast<Eigen::Index>(places.size());
+      Eigen::VectorXd deviation(size);
+      Eigen::MatrixXd covariance(size, size);
+      for (Eigen::Index a = 0; a < size; ++a) {
+        const auto param = static_cast<size_t>(layout[places[static_cast<size_t>(a)]].index);
+        deviation[a] = open.shapes[t].params[param] - TargetShape().params[param];
+        for (Eigen::Index b = 0; b < size; ++b) {
+          covariance(a, b) = open.covariance.matrix(places[static_cast<size_t>(a)], places[static_cast<size_t>(b)]);
+        }
+      }
+      const double statistic = deviation.dot(covariance.ldlt().solve(deviation)) / static_cast<double>(size);
+      if (FisherTail(statistic, static_cast<double>(size), open.covariance_dof) < kLevel) {
+        target.free_shape.push_back(group);
+      }
+    }
+  }
+  return problem;
+}
+
+// Describes how an image contradicts the others.
+std::string WhyWrong(const RigProblem& problem, const RigSolution& solution, const ImageIndex& index, double p_value) {
+  const RigImage& image = problem.captures[index.capture].images[index.image];
+  const Rigid3d predicted = CameraFromTarget(problem, solution.poses, image.camera, image.target,
+                                             problem.captures[index.capture].base_from_gripper);
+  std::optional<TargetPose> seen;
+  for (const TargetPose& pose : EstimateTargetPose(solution.cameras[image.camera],
+                                                   ApplyShape(image.observations, solution.shapes[image.target]))) {
+    const bool is_nearer =
+        !seen || AngleRad(pose.camera_from_target, predicted) < AngleRad(seen->camera_from_target, predicted);
+    if (is_nearer) seen = pose;
+  }
+  if (!seen) return "its points do not fit the target: probably misread";
+  const Rigid3d step = Inverse(predicted) * seen->camera_from_target;
+  return "contradicts the other images: the target is " + Significant(1000 * step.translation.norm(), 2) + " mm and " +
+         Significant(RadToDeg(RotationAngle(step.rotation)), 2) +
+         " deg from where they predict it (probability by chance: " + ShownChance(p_value) + ")";
+}
+
+// Lists the images that are left out. All images that an arm moved in one capture, if there are several, are listed as
+// the capture: they agree that its pose is wrong.
+std::vector<UnusedRigImage> Describe(const RigProblem& problem, const JudgedRig& judged) {
+  const RigProblem used = WithoutRejected(Without(problem, judged.left_out), judged.solution);
+  std::map<std::pair<size_t, size_t>, double> chances;
+  for (const RigVerdict& verdict : TestLeftOutImages(problem, used, judged.solution)) {
+    chances[{verdict.image.capture, verdict.image.image}] = verdict.p_value;
+  }
+  std::vector<UnusedRigImage> unused;
+  ImageSet told;
+  for (const auto& [capture, image] : judged.left_out) {
+    if (told.contains({capture, image})) continue;
+    const RigImage& of_image = problem.captures[capture].images[image];
+    for (size_t r = 0; r < problem.robots.size(); ++r) {
+      const std::vector<size_t> moved = ImagesMovedBy(problem, capture, r);
+      const bool is_moved = std::find(moved.begin(), moved.end(), image) != moved.end();
+      const bool all_left_out = std::all_of(moved.begin(), moved.end(), [&](size_t k) {
+        return judged.left_out.contains({capture, k});
+      });
+      if (!is_moved || moved.size() < 2 || !all_left_out) continue;
+      for (const size_t k : moved) told.insert({capture, k});
+      const bool is_whole = moved.size() == problem.captures[capture].images.size();
+      const std::string reason = "all " + std::to_string(moved.size()) + " images contradict the pose of arm " +
+                                 problem.robots[r] + "; camera " + problem.cameras[of_image.camera].name + " " +
+                                 WhyWrong(problem, judged.solution, {capture, image}, chances[{capture, image}]);
+      if (is_whole) unused.push_back({capture, std::nullopt, reason});
+      for (size_t k = 0; k < moved.size() && !is_whole; ++k) unused.push_back({capture, moved[k], reason});
+      break;
+    }
+    if (told.contains({capture, image})) continue;
+    unused.push_back({capture, image, WhyWrong(problem, judged.solution, {capture, image}, chances[{capture, image}])});
+  }
+  return unused;
+}
+
+}  // namespace
+
+Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibrationOptions& options) {
+  RigCalibration calibration;
+  calibration.problem = problem;
+  RigProblem& rig = calibration.problem;
+  Outcome<std::vector<Camera>> cameras = EstimateRigCameras(problem, options);
+  if (!cameras) return Failure{cameras.reason()};
+  for (size_t c = 0; c < rig.cameras.size(); ++c) rig.cameras[c].camera = (*cameras)[c];
+  calibration.pairs = CalibratePairs(rig, options);
+  Outcome<RigPoses> start = JoinPairs(rig, calibration.pairs);
+  if (!start) return Failure{start.reason()};
+  calibration.start = *start;
+  ChooseReadingOrders(*start, &rig);
+  // An outlier in one pair's calibration may be none in the adjustment of all.
+  ImageSet left_out;
+  if (options.adjustment.loss != LossKind::kNone) left_out = RejectedByPairs(rig, calibration.pairs);
+
+  Outcome<JudgedRig> judged = Failure{"not run"};
+  if (options.choose_target_shape) {
+    // A target that differs from its design must not make images outliers.
+    RigProblem open = rig;
+    for (RigTarget& target : open.targets) target.free_shape = {TargetShapeGroup::kScale, TargetShapeGroup::kBend};
+    judged = RefineWithoutOutliers(open, *start, left_out, options.adjustment);
+    for (RigTarget& target : rig.targets) target.free_shape.clear();
+    if (judged) {
+      rig.targets = WithChosenShapes(open, judged->solution).targets;
+      left_out = judged->left_out;
+    }
+  }
+  judged = RefineWithoutOutliers(rig, judged ? judged->solution.poses : *start, left_out, options.adjustment);
+  if (!judged) {
+    calibration.refined = Failure{judged.reason()};
+    return calibration;
+  }
+  calibration.unused = Describe(rig, *judged);
+  rig = Without(std::move(rig), judged->left_out);
+  // The points that the adjustment did not use keep their entries in `rejected_ids`.
+  calibration.refined = std::move(judged->solution);
+  return calibration;
+}
+
+}  // namespace heba

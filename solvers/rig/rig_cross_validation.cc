@@ -1,0 +1,161 @@
+#include "heba/rig_cross_validation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+
+#include <Eigen/Cholesky>
+
+#include "heba/base/error.h"
+#include "heba/base/parallel.h"
+#include "heba/evaluation/metrics.h"
+#include "solvers/initial/pose_selection.h"
+#include "solvers/initial/target_pose.h"
+#include "solvers/rig/rig_fit.h"
+#include "solvers/rig/rig_outliers.h"
+#include "solvers/uncertainty/robot_noise.h"
+
+namespace heba {
+namespace {
+
+// The errors of one camera in one fold.
+struct HeldOutErrors {
+  SquaredErrors pixels;
+  bool has_hidden = false;
+  double sum_m2 = 0;
+  double sum_rad2 = 0;
+  int num_poses = 0;
+
+  void Add(const HeldOutErrors& other) {
+    pixels.Add(other.pixels);
+    has_hidden = has_hidden || other.has_hidden;
+    sum_m2 += other.sum_m2;
+    sum_rad2 += other.sum_rad2;
+    num_poses += other.num_poses;
+  }
+};
+
+struct FoldErrors {
+  std::vector<HeldOutErrors> of_cameras;
+  double chi2 = 0;
+  double dof = 0;
+};
+
+// Returns the problem with the points of some captures only. The captures keep their indices.
+RigProblem PartOf(RigProblem problem, const std::vector<int>& fold_of, int fold, bool is_held_out) {
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    if ((fold_of[i] == fold) == is_held_out) continue;
+    for (RigImage& image : problem.captures[i].images) image.observations = Observations();
+  }
+  return problem;
+}
+
+void AddImage(const RigProblem& problem, const RigSolution& solution, const RigImage& image, const RigCapture& capture,
+              HeldOutErrors* errors) {
+  const Rigid3d predicted =
+      CameraFromTarget(problem, solution.poses, image.camera, image.target, capture.base_from_gripper);
+  const Observations shaped = ApplyShape(image.observations, solution.shapes[image.target]);
+  const Camera& camera = solution.cameras[image.camera];
+  const std::optional<SquaredErrors> pixels = ViewErrors(camera, predicted, shaped);
+  if (!pixels) errors->has_hidden = true;
+  if (pixels) errors->pixels.Add(*pixels);
+  const std::vector<TargetPose> poses = EstimateTargetPose(camera, shaped);
+  const TargetPose* const seen = NearestPose(poses, predicted);
+  if (seen == nullptr) return;
+  // The distance is measured at the centre of the points.
+  const Eigen::Vector3d middle = shaped.points_in_target.rowwise().mean();
+  errors->sum_m2 += (predicted * middle - seen->camera_from_target * middle).squaredNorm();
+  errors->sum_rad2 += std::pow(AngleRad(predicted, seen->camera_from_target), 2);
+  ++errors->num_poses;
+}
+
+// Adds the chi-square of the held-out images at an estimate that has not seen them.
+void AddChi2(const RigProblem& held_out, const RigSolution& solution, FoldErrors* errors) {
+  const RigProblem weighted = WeightedAs(solution, held_out);
+  RigState state = StateOf(solution);
+  state.corrections.clear();
+  const CaptureGroups groups = GroupByRobotPoses(weighted);
+  const std::vector<size_t> moving = MovingRobots(weighted);
+  RigNoise noise{solution.pixel_sigmas_px, {}};
+  for (const size_t r : moving) noise.robots.push_back(solution.robot_noise[r].value_or(RobotNoise{}));
+  const std::optional<LinearisedImages> images =
+      LineariseImages(weighted, groups, state, noise, LossOf(LossKind::kNone));
+  if (!images) return;
+  const Eigen::VectorXd variances = CorrectionVariances(noise, moving.size());
+  for (const LinearisedView& view : StackGroups(images->views, images->groups)) {
+    const Eigen::Index rows = view.offset.size();
+    const Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(rows, rows) +
+                                       view.by_effects * variances.asDiagonal() * view.by_effects.transpose() +
+                                       view.by_unknowns * solution.covariance.matrix * view.by_unknowns.transpose();
+    errors->chi2 += view.offset.dot(covariance.ldlt().solve(view.offset)) + view.residual_sum_of_squares;
+    errors->dof += static_cast<double>(rows + view.num_residual_dof);
+  }
+}
+
+}  // namespace
+
+RigHoldOuts CrossValidateRig(const RigCalibration& full, const RigCalibrationOptions& options, int num_folds,
+                             const std::function<void()>& progress) {
+  CHECK(full.refined.ok());
+  // The points that the full adjustment rejected are no measure of its error.
+  const RigProblem problem = WithoutRejected(full.problem, *full.refined);
+  std::vector<int> fold_of(problem.captures.size(), -1);
+  const CaptureGroups groups = GroupByRobotPoses(problem);
+  for (size_t g = 0; g < groups.size(); ++g) {
+    for (const size_t i : groups[g]) fold_of[i] = static_cast<int>(g) % num_folds;
+  }
+  RigOptions fold_options = options.adjustment;
+  fold_options.num_threads = 1;
+  std::vector<Outcome<FoldErrors>> folds(static_cast<size_t>(num_folds), Failure{"not run"});
+  std::mutex mutex;
+  ParallelFor(num_folds, options.adjustment.num_threads, [&](int fold) {
+    const RigProblem training = PartOf(problem, fold_of, fold, false);
+    const Outcome<RigSolution> solution = RefineRig(training, full.start, fold_options);
+    if (!solution) {
+      folds[static_cast<size_t>(fold)] = Failure{solution.reason()};
+    } else {
+      FoldErrors errors;
+      errors.of_cameras.resize(problem.cameras.size());
+      const RigProblem held_out = PartOf(problem, fold_of, fold, true);
+      for (const RigCapture& capture : held_out.captures) {
+        for (const RigImage& image : capture.images) {
+          if (image.observations.size() == 0) continue;
+          AddImage(held_out, *solution, image, capture, &errors.of_cameras[image.camera]);
+        }
+      }
+      AddChi2(held_out, *solution, &errors);
+      folds[static_cast<size_t>(fold)] = errors;
+    }
+    const std::lock_guard<std::mutex> lock(mutex);
+    progress();
+  });
+  RigHoldOuts result;
+  result.of_cameras.resize(problem.cameras.size());
+  FoldErrors all;
+  all.of_cameras.resize(problem.cameras.size());
+  for (const Outcome<FoldErrors>& fold : folds) {
+    if (!fold) {
+      for (RigHoldOut& camera : result.of_cameras) camera.reason = "a fold failed: " + fold.reason();
+      return result;
+    }
+    for (size_t c = 0; c < all.of_cameras.size(); ++c) all.of_cameras[c].Add(fold->of_cameras[c]);
+    all.chi2 += fold->chi2;
+    all.dof += fold->dof;
+  }
+  for (size_t c = 0; c < all.of_cameras.size(); ++c) {
+    const HeldOutErrors& errors = all.of_cameras[c];
+    RigHoldOut& camera = result.of_cameras[c];
+    if (errors.has_hidden) {
+      camera.reason = "a held-out target lies behind the camera";
+    } else {
+      camera.rms_px = errors.pixels.RmsPx();
+    }
+    if (errors.num_poses == 0) continue;
+    camera.target_m = std::sqrt(errors.sum_m2 / errors.num_poses);
+    camera.target_rad = std::sqrt(errors.sum_rad2 / errors.num_poses);
+  }
+  if (all.dof > 0) result.chi2_per_dof = all.chi2 / all.dof;
+  return result;
+}
+
+}  // namespace heba

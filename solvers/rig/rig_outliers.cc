@@ -1,0 +1,211 @@
+#include "solvers/rig/rig_outliers.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <Eigen/QR>
+
+#include "heba/base/distributions.h"
+#include "heba/base/error.h"
+#include "solvers/residuals/inliers.h"
+#include "solvers/residuals/noise_scale.h"
+#include "solvers/rig/rig_fit.h"
+#include "solvers/uncertainty/capture_outliers.h"
+#include "solvers/uncertainty/robot_noise.h"
+
+namespace heba {
+namespace {
+
+// Variances below this, in units of those of the pixels, are round-off.
+constexpr double kNothing = 1e-9;
+
+// What is needed to test images: the posterior of each capture's corrections.
+class ImageTest {
+ public:
+  ImageTest(const RigProblem& used, const RigSolution& solution)
+      : solution_(solution),
+        state_(StateOf(solution)),
+        moving_(MovingRobots(used)),
+        variances_(CorrectionVariances(NoiseOf(solution), moving_.size())) {}
+
+  Eigen::VectorXd CorrectionsOf(size_t capture) const {
+    Eigen::VectorXd tangents = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(moving_.size()));
+    for (size_t k = 0; k < moving_.size() && !state_.corrections.empty(); ++k) {
+      tangents.segment<6>(6 * static_cast<Eigen::Index>(k)) =
+          LocalCoordinates(Rigid3d(), state_.corrections[capture][moving_[k]]);
+    }
+    return tangents;
+  }
+
+  CorrectionPosterior Posterior(const std::vector<const LinearisedView*>& views) const {
+    return PosteriorOf(views, variances_, solution_.covariance.layout.size());
+  }
+
+  // Returns the p-value of an image. `is_used`: whether the estimate and the posterior contain it.
+  double ChanceOfImage(const RigProblem& problem, const ImageIndex& index, const LinearisedView& view,
+                       const CorrectionPosterior& posterior, const Eigen::VectorXd& corrections, bool is_used) const {
+    const RigImage& image = problem.captures[index.capture].images[index.image];
+    const UnknownBlock pose = solution_.covariance.layout.Block(CameraPoseBlock(problem.cameras[image.camera]));
+    if (view.offset.size() < 6) return 1;
+    // The part of the rows that another pose of the target would explain.
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_unknowns.middleCols(pose.first, pose.size));
+    const Eigen::MatrixXd basis = qr.householderQ() * Eigen::MatrixXd::Identity(view.offset.size(), 6);
+    const Tangent6 residual = basis.transpose() * (view.offset - view.by_effects * corrections);
+    const Matrix6 predicted =
+        basis.transpose() * PredictionCovariance(view, posterior, solution_.covariance.matrix) * basis;
+    const double unmodelled = kUnmodelledPx / solution_.pixel_sigmas_px[image.camera];
+    const double floor = unmodelled * unmodelled * image.observations.size() / 3;
+    Matrix6 covariance = is_used ? Matrix6(Matrix6::Identity() - predicted) : Matrix6(Matrix6::Identity() + predicted);
+    // A direction in which the image alone determines the estimate has no variance, and is not tested.
+    if (!is_used) {
+      covariance.diagonal().array() += floor;
+      return ChanceOf(residual, covariance, kNothing, solution_.covariance_dof);
+    }
+    // The floor belongs to the rows before the estimate takes up its part.
+    covariance += floor * covariance * covariance;
+    return ChanceOf(residual, covariance, kNothing, solution_.covariance_dof);
+  }
+
+  // Returns the p-value of the correction of one moving arm.
+  double ChanceOfCorrection(size_t moving, const CorrectionPosterior& posterior,
+                            const Eigen::VectorXd& corrections) const {
+    const Eigen::Index first = 6 * static_cast<Eigen::Index>(moving);
+    const Tangent6 sigmas = variances_.segment<6>(first).cwiseSqrt();
+    if (sigmas.minCoeff() <= 0) return 1;
+    const Eigen::MatrixXd& by_unknowns = posterior.by_unknowns;
+    const Matrix6 known =
+        posterior.inverse_normal.block<6, 6>(first, first) +
+        by_unknowns.middleRows(first, 6) * solution_.covariance.matrix * by_unknowns.middleRows(first, 6).transpose();
+    // In units of the prior's sigmas: the estimated correction varies by what the images tell about it.
+    const Matrix6 scaled = sigmas.cwiseInverse().asDiagonal() * known * sigmas.cwiseInverse().asDiagonal();
+    constexpr double kLeast = 1e-3;
+    return ChanceOf(corrections.segment<6>(first).cwiseQuotient(sigmas), Matrix6::Identity() - scaled, kLeast,
+                    solution_.covariance_dof);
+  }
+
+  // Returns whether the solution has the noise of all arms that move the image's target against its camera.
+  bool KnowsArmsOf(const RigProblem& problem, const RigImage& image) const {
+    for (size_t r = 0; r < problem.robots.size(); ++r) {
+      const bool moves = IsMovedBy(problem.cameras[image.camera].mount, problem.targets[image.target].mount, r);
+      if (moves && std::find(moving_.begin(), moving_.end(), r) == moving_.end()) return false;
+    }
+    return true;
+  }
+
+  const std::vector<size_t>& moving() const { return moving_; }
+  const RigState& state() const { return state_; }
+
+ private:
+  const RigSolution& solution_;
+  RigState state_;
+  std::vector<size_t> moving_;
+  Eigen::VectorXd variances_;
+};
+
+}  // namespace
+
+RigState StateOf(const RigSolution& solution) {
+  RigState state{solution.poses, solution.cameras, solution.shapes, {}};
+  for (const RigCaptureOutcome& capture : solution.captures) {
+    if (!capture.corrections.empty()) state.corrections.push_back(capture.corrections);
+  }
+  return state;
+}
+
+RigNoise NoiseOf(const RigSolution& solution) {
+  RigNoise noise{solution.pixel_sigmas_px, {}};
+  for (const std::optional<RobotNoise>& robot : solution.robot_noise) {
+    if (robot) noise.robots.push_back(*robot);
+  }
+  return noise;
+}
+
+RigProblem WeightedAs(const RigSolution& solution, RigProblem problem) {
+  std::vector<std::vector<Observations*>> of_cameras(problem.cameras.size());
+  for (RigCapture& capture : problem.captures) {
+    for (RigImage& image : capture.images) of_cameras[image.camera].push_back(&image.observations);
+  }
+  for (size_t c = 0; c < of_cameras.size(); ++c) {
+    if (solution.unmodelled_sigma_px[c]) WeightByCovariance(*solution.unmodelled_sigma_px[c], of_cameras[c]);
+  }
+  return problem;
+}
+
+RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution) {
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
+      Observations& observations = problem.captures[i].images[k].observations;
+      observations = WithoutPoints(observations, solution.captures[i].rejected_ids[k]);
+    }
+  }
+  return problem;
+}
+
+std::vector<RigVerdict> TestUsedImages(const RigProblem& problem_in, const RigSolution& solution) {
+  const RigProblem problem = WeightedAs(solution, problem_in);
+  const ImageTest test(problem, solution);
+  const CaptureGroups groups = GroupByRobotPoses(problem);
+  const std::optional<LinearisedImages> linearised =
+      LineariseImages(problem, groups, test.state(), NoiseOf(solution), LossOf(LossKind::kNone));
+  CHECK(linearised.has_value()) << "a point that was used has no image at the solution";
+  std::vector<RigVerdict> verdicts;
+  for (const std::vector<size_t>& group : linearised->groups) {
+    std::vector<const LinearisedView*> views;
+    for (const size_t v : group) views.push_back(&linearised->views[v]);
+    const CorrectionPosterior posterior = test.Posterior(views);
+    const ImageIndex& first = linearised->images[group.front()];
+    const Eigen::VectorXd corrections = test.CorrectionsOf(first.capture);
+    for (const size_t v : group) {
+      const ImageIndex& index = linearised->images[v];
+      verdicts.push_back({index, std::nullopt,
+                          test.ChanceOfImage(problem, index, linearised->views[v], posterior, corrections, true)});
+    }
+    for (size_t k = 0; k < test.moving().size(); ++k) {
+      verdicts.push_back({first, test.moving()[k], test.ChanceOfCorrection(k, posterior, corrections)});
+    }
+  }
+  return verdicts;
+}
+
+std::vector<RigVerdict> TestLeftOutImages(const RigProblem& problem_in, const RigProblem& used_in,
+                                          const RigSolution& solution) {
+  const RigProblem problem = WeightedAs(solution, problem_in);
+  const RigProblem used = WeightedAs(solution, used_in);
+  const ImageTest test(used, solution);
+  std::vector<RigVerdict> verdicts;
+  for (size_t i = 0; i < problem.captures.size(); ++i) {
+    std::vector<ImageIndex> left_out;
+    for (size_t k = 0; k < problem.captures[i].images.size(); ++k) {
+      const RigImage& image = problem.captures[i].images[k];
+      const bool is_used = used.captures[i].images[k].observations.size() > 0;
+      if (!is_used && image.observations.size() > 0 && test.KnowsArmsOf(problem, image)) left_out.push_back({i, k});
+    }
+    if (left_out.empty()) continue;
+    RigState state = test.state();
+    if (!state.corrections.empty()) state.corrections = {state.corrections[i]};
+    const auto linearise = [&](const RigCapture& capture) {
+      const RigProblem one{used.robots, used.cameras, used.targets, {capture}};
+      return LineariseCaptures(RigImageLoops(one, {{0}}, state, NoiseOf(solution), test.moving()), RigValues(state), 1,
+                               LossOf(LossKind::kNone));
+    };
+    const std::optional<std::vector<LinearisedView>> of_used = linearise(used.captures[i]);
+    std::vector<const LinearisedView*> known;
+    for (size_t v = 0; of_used && v < of_used->size(); ++v) known.push_back(&(*of_used)[v]);
+    const CorrectionPosterior posterior = test.Posterior(known);
+    // Without other images nothing corrects the arms' poses.
+    Eigen::VectorXd corrections = test.CorrectionsOf(i);
+    if (known.empty()) corrections.setZero();
+    for (const ImageIndex& index : left_out) {
+      RigCapture alone = problem.captures[i];
+      alone.images = {problem.captures[i].images[index.image]};
+      const std::optional<std::vector<LinearisedView>> linear = linearise(alone);
+      double p_value = 0;
+      if (linear) p_value = test.ChanceOfImage(problem, index, linear->front(), posterior, corrections, false);
+      verdicts.push_back({index, std::nullopt, p_value});
+    }
+  }
+  return verdicts;
+}
+
+}  // namespace heba

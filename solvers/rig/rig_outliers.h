@@ -1,0 +1,38 @@
+// Images and captures of a rig that contradict the others.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "heba/rig_adjustment.h"
+#include "solvers/rig/rig_loops.h"
+
+namespace heba {
+
+// The probability of a discrepancy at least this large, by chance.
+struct RigVerdict {
+  ImageIndex image;             // For an arm's pose, the first image of its captures.
+  std::optional<size_t> robot;  // Set if the pose of this arm contradicts the images of the capture.
+  double p_value = 1;
+};
+
+// Tests the images in use, given the estimate from all others: the pose in which the camera sees the target is compared
+// with the one that the other images and the arms' poses predict (the mean shift model of Baarda, "A testing procedure
+// for use in geodetic networks", 1968, with six parameters). With noisy arms, tests the correction of each arm's pose
+// as well. `problem` holds the points that the solution used; the solution must have been found with noisy arms or with
+// exact ones.
+std::vector<RigVerdict> TestUsedImages(const RigProblem& problem, const RigSolution& solution);
+
+// Tests images that were not used. `problem` holds their points too; `used` tells which images were.
+std::vector<RigVerdict> TestLeftOutImages(const RigProblem& problem, const RigProblem& used,
+                                          const RigSolution& solution);
+
+// Returns the state and the noise of a solution, in which no image is weighted yet.
+RigState StateOf(const RigSolution& solution);
+RigNoise NoiseOf(const RigSolution& solution);
+// Returns the problem with the weights of the solution (RigSolution::unmodelled_sigma_px).
+RigProblem WeightedAs(const RigSolution& solution, RigProblem problem);
+// Returns the problem without the points that the solution rejected.
+RigProblem WithoutRejected(RigProblem problem, const RigSolution& solution);
+
+}  // namespace heba

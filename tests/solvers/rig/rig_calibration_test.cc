@@ -1,0 +1,217 @@
+#include "heba/rig_calibration.h"
+#include "heba/rig_cross_validation.h"
+
+#include <cmath>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/matchers.h"
+#include "tests/support/rig_scenes.h"
+
+namespace heba {
+namespace {
+
+RigCalibrationOptions GivenCameras(const RigScene& scene) {
+  RigCalibrationOptions options;
+  options.has_camera.assign(scene.problem.cameras.size(), true);
+  return options;
+}
+
+// Expects all poses within 2 mm and 0.2 deg of the truth: some 10 sigmas.
+void ExpectTruth(const RigScene& scene, const RigSolution& solution) {
+  constexpr double kNearM = 2e-3;
+  const double near_rad = DegToRad(0.2);
+  for (size_t c = 0; c < scene.problem.cameras.size(); ++c) {
+    EXPECT_THAT(solution.poses.mount_from_camera[c], IsNearPose(scene.truth.mount_from_camera[c], near_rad, kNearM));
+  }
+  for (size_t t = 0; t < scene.problem.targets.size(); ++t) {
+    EXPECT_THAT(solution.poses.mount_from_target[t], IsNearPose(scene.truth.mount_from_target[t], near_rad, kNearM));
+  }
+  for (size_t r = 0; r < scene.problem.robots.size(); ++r) {
+    EXPECT_THAT(solution.poses.world_from_base[r], IsNearPose(scene.truth.world_from_base[r], near_rad, kNearM));
+  }
+}
+
+// Returns the first image of a camera at or after this capture.
+RigImage& ImageOf(RigScene& scene, size_t camera, size_t* capture) {
+  for (;; ++*capture) {
+    for (RigImage& image : scene.problem.captures.at(*capture).images) {
+      if (image.camera == camera) return image;
+    }
+  }
+}
+
+TEST(RigCalibration, FindsEveryRigFromItsImages) {
+  for (const RigScene& scene : {MixedRig(1), FourCameraRig(2), TwoArmRig(3)}) {
+    const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+    ASSERT_TRUE(calibration) << calibration.reason();
+    ASSERT_TRUE(calibration->refined) << calibration->refined.reason();
+    for (const UnusedRigImage& unused : calibration->unused) ADD_FAILURE() << unused.capture << " " << unused.reason;
+    ExpectTruth(scene, *calibration->refined);
+  }
+}
+
+TEST(RigCalibration, EstimatesCamerasThatAreNotGiven) {
+  RigScene scene = MixedRig(6, {40, 0.1, {0.1e-3, DegToRad(0.02), 0}});
+  for (RigCamera& camera : scene.problem.cameras) camera.camera.params.clear();
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, RigCalibrationOptions());
+  ASSERT_TRUE(calibration) << calibration.reason();
+  ASSERT_TRUE(calibration->refined) << calibration->refined.reason();
+  ExpectTruth(scene, *calibration->refined);
+}
+
+TEST(RigCalibration, NamesTheImageThatContradictsTheOthers) {
+  RigScene scene = FourCameraRig(5);
+  size_t wrong = 7;
+  RigImage& image = ImageOf(scene, 2, &wrong);
+  size_t other = wrong + 1;
+  // The image of another capture.
+  image.observations = ImageOf(scene, 2, &other).observations;
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_TRUE(calibration && calibration->refined);
+  ASSERT_EQ(calibration->unused.size(), 1U);
+  const UnusedRigImage& unused = calibration->unused.front();
+  EXPECT_EQ(unused.capture, wrong);
+  ASSERT_TRUE(unused.image.has_value());
+  EXPECT_EQ(scene.problem.captures[wrong].images[*unused.image].camera, 2U);
+  ExpectTruth(scene, *calibration->refined);
+}
+
+// An image of a camera that was knocked by 3 mm and 0.3 deg for one capture is found although the robot noise could
+// explain it if it were alone.
+TEST(RigCalibration, NamesTheImageThatDeviatesByLittle) {
+  RigSceneSetting setting;
+  setting.robot_noise = {1e-3, DegToRad(0.1), 0};
+  RigScene scene = FourCameraRig(6, setting);
+  size_t wrong = 4;
+  RigImage& image = ImageOf(scene, 1, &wrong);
+  Tangent6 knock;
+  knock << 3e-3, 0, 0, 0, 0, DegToRad(0.3);
+  RigPoses knocked = scene.truth;
+  knocked.mount_from_camera[1] = Retract(knocked.mount_from_camera[1], knock);
+  const Rigid3d camera_from_target = CameraFromTarget(scene.problem, knocked, 1, 0, scene.arms[wrong]);
+  Rng rng(9);
+  image.observations = SimulateView("", scene.problem.cameras[1].camera, {}, camera_from_target,
+                                    scene.targets[0].points_in_target, setting.noise_px, &rng)
+                           ->observations;
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_TRUE(calibration && calibration->refined);
+  ASSERT_EQ(calibration->unused.size(), 1U);
+  EXPECT_EQ(calibration->unused.front().capture, wrong);
+  EXPECT_EQ(scene.problem.captures[wrong].images[calibration->unused.front().image.value_or(99)].camera, 1U);
+}
+
+TEST(RigCalibration, NamesTheCaptureWithAWrongPose) {
+  RigScene scene = FourCameraRig(7);
+  Tangent6 step;
+  step << 0.02, 0.01, 0, 0, 0.03, 0;
+  Rigid3d& pose = scene.problem.captures[11].base_from_gripper[0];
+  pose = Retract(pose, step);
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_TRUE(calibration && calibration->refined);
+  ASSERT_EQ(calibration->unused.size(), 1U);
+  EXPECT_EQ(calibration->unused.front().capture, 11U);
+  EXPECT_FALSE(calibration->unused.front().image.has_value());
+  EXPECT_NE(calibration->unused.front().reason.find("arm"), std::string::npos);
+  ExpectTruth(scene, *calibration->refined);
+}
+
+TEST(RigCalibration, FreesTheShapeOfTheTargetThatDiffersFromItsDesign) {
+  RigScene scene = MixedRig(8, {40, 0.1, {0.1e-3, DegToRad(0.02), 0}});
+  // The plate was printed 1 % too large; its design is what the observations hold.
+  for (RigCapture& capture : scene.problem.captures) {
+    for (RigImage& image : capture.images) {
+      if (image.target == 0) image.observations.points_in_target /= 1.01;
+    }
+  }
+  scene.problem.targets[0].shape = DesignedShape(scene.targets[0].points_in_target / 1.01);
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_TRUE(calibration && calibration->refined) << calibration->refined.reason();
+  EXPECT_EQ(calibration->problem.targets[0].free_shape, std::vector{TargetShapeGroup::kScale});
+  EXPECT_TRUE(calibration->problem.targets[1].free_shape.empty());
+  EXPECT_NEAR(calibration->refined->shapes[0].params[0], 1.01, 2e-4);
+}
+
+TEST(RigCalibration, ReadsSymmetricTargetsInOneOrder) {
+  RigScene scene = FourCameraRig(10);
+  const Rigid3d half_turn(ExpRotation({0, 0, kPi}), Eigen::Vector3d::Zero());
+  scene.problem.targets[0].symmetries = {Rigid3d(), half_turn};
+  Rng rng(3);
+  for (RigCapture& capture : scene.problem.captures) {
+    for (RigImage& image : capture.images) {
+      if (rng.Uniform() < 0.5) continue;
+      image.observations.points_in_target = (half_turn.RotationMatrix() * image.observations.points_in_target).eval();
+    }
+  }
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_TRUE(calibration && calibration->refined) << calibration.reason();
+  EXPECT_TRUE(calibration->unused.empty());
+  for (size_t c = 0; c < 4; ++c) {
+    EXPECT_THAT(calibration->refined->poses.mount_from_camera[c],
+                IsNearPose(scene.truth.mount_from_camera[c], DegToRad(0.2), 2e-3));
+  }
+}
+
+TEST(RigCalibration, JoinsACameraByATargetAtRest) {
+  RigScene scene = MixedRig(11);
+  // A camera that sees only the fixed target, and never moves.
+  const Eigen::Vector3d wall = scene.truth.mount_from_target[1].translation;
+  const Eigen::Vector3d front = scene.truth.mount_from_target[1].rotation * Eigen::Vector3d(0.2, 0.1, -0.8);
+  RigSceneSetting setting;
+  setting.has_free_intrinsics = false;
+  AddCamera("corner", {0, Mount::Part::kBase}, LookingAt(wall + front, wall, 0.3), setting, &scene);
+  const size_t camera = scene.problem.cameras.size() - 1;
+  Rng rng(12);
+  for (size_t i = 0; i < scene.arms.size(); ++i) {
+    const Rigid3d camera_from_target = CameraFromTarget(scene.problem, scene.truth, camera, 1, scene.arms[i]);
+    scene.problem.captures[i].images.push_back(
+        {camera, 1,
+         SimulateView("", scene.problem.cameras[camera].camera, {}, camera_from_target,
+                      scene.targets[1].points_in_target, 0.1, &rng)
+             ->observations});
+  }
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_TRUE(calibration && calibration->refined) << calibration.reason();
+  ExpectTruth(scene, *calibration->refined);
+}
+
+TEST(RigCalibration, PredictsHeldOutCaptures) {
+  RigSceneSetting setting;
+  setting.num_captures = 40;
+  const RigScene scene = FourCameraRig(14, setting);
+  RigCalibrationOptions options = GivenCameras(scene);
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, options);
+  ASSERT_TRUE(calibration && calibration->refined);
+  int num_folds = 0;
+  const RigHoldOuts errors = CrossValidateRig(*calibration, options, 5, [&] { ++num_folds; });
+  EXPECT_EQ(num_folds, 5);
+  ASSERT_TRUE(errors.chi2_per_dof.has_value());
+  // 1 within four standard deviations for the number of measured coordinates.
+  int num_points = 0;
+  for (const RigCapture& capture : scene.problem.captures) {
+    for (const RigImage& image : capture.images) num_points += image.observations.size();
+  }
+  EXPECT_NEAR(*errors.chi2_per_dof, 1, 4 / std::sqrt(static_cast<double>(num_points)));
+  for (const RigHoldOut& camera : errors.of_cameras) {
+    ASSERT_TRUE(camera.rms_px && camera.target_m && camera.target_rad) << camera.reason;
+    // Pixels and robot: 0.1 mm at 0.7 m are 0.2 px, 0.02 deg of the gripper about as much.
+    EXPECT_GT(*camera.rms_px, 0.15);
+    EXPECT_LT(*camera.rms_px, 0.8);
+    EXPECT_LT(*camera.target_m, 1e-3);
+  }
+}
+
+TEST(RigCalibration, NamesWhatNoImageJoins) {
+  RigScene scene = TwoArmRig(13);
+  for (RigCapture& capture : scene.problem.captures) {
+    std::erase_if(capture.images, [](const RigImage& image) { return image.target == 1; });
+  }
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_FALSE(calibration);
+  EXPECT_EQ(calibration.reason(),
+            "target disk and arm right share no target and no arm with the others: no image joins them to the rest");
+}
+
+}  // namespace
+}  // namespace heba
