@@ -7,7 +7,7 @@
 #include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
 #include "solvers/calibration/model_choice.h"
-#include "solvers/residuals/free_parameters.h"
+#include "heba/data/free_parameters.h"
 #include "solvers/uncertainty/information.h"
 
 namespace heba {

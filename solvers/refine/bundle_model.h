@@ -2,7 +2,7 @@
 #pragma once
 
 #include "heba/bundle_adjustment.h"
-#include "solvers/residuals/free_parameters.h"
+#include "heba/data/free_parameters.h"
 #include "solvers/residuals/loss.h"
 
 namespace heba {

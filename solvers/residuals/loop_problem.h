@@ -10,7 +10,7 @@
 #include "heba/data/problem.h"
 #include "heba/data/solution.h"
 #include "heba/data/unknowns.h"
-#include "solvers/residuals/free_parameters.h"
+#include "heba/data/free_parameters.h"
 #include "solvers/residuals/kinematic_loop.h"
 
 namespace heba {

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "heba/base/error.h"
-#include "solvers/residuals/free_parameters.h"
 #include "solvers/uncertainty/repeated_poses.h"
 
 namespace heba {
@@ -106,31 +105,6 @@ bool HasPoints(const RigCapture& capture) {
 }
 
 }  // namespace
-
-UnknownLayout RigUnknowns(const RigProblem& problem) {
-  UnknownLayout layout;
-  for (const RigCamera& camera : problem.cameras) {
-    layout.AddPose(CameraPoseBlock(camera), "camera " + camera.name + "'s", "the camera's");
-  }
-  for (const RigTarget& target : problem.targets) {
-    layout.AddPose(TargetPoseBlock(target), "target " + target.name + "'s", "the target's");
-  }
-  for (size_t r = 1; r < problem.robots.size(); ++r) {
-    layout.AddPose(BaseBlock(problem.robots[r]), "arm " + problem.robots[r] + "'s", "its base's");
-  }
-  for (const RigCamera& camera : problem.cameras) {
-    const CameraModel& model = camera.camera.Model();
-    layout.AddCamera(CameraBlock(camera), "camera " + camera.name + "'s", model, FreeOf(model, camera.free_intrinsics));
-  }
-  for (const RigTarget& target : problem.targets) {
-    std::vector<bool> free;
-    for (int i = 0; i < TargetShape::kNumParams && !target.free_shape.empty(); ++i) {
-      free.push_back(std::count(target.free_shape.begin(), target.free_shape.end(), ShapeGroupOf(i)) > 0);
-    }
-    layout.AddTarget(TargetShapeBlock(target), "target " + target.name + "'s", free);
-  }
-  return layout;
-}
 
 std::vector<size_t> MovingRobots(const RigProblem& problem) {
   std::vector<size_t> moving;

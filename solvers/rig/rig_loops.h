@@ -10,11 +10,6 @@
 
 namespace heba {
 
-// Returns the layout of a rig's unknowns: the poses of the cameras, of the targets and of all bases but the first, and
-// the free parameters of the cameras and of the targets' shapes, in that order. The models of the cameras must outlive
-// the layout, which they do if they are those of the registry.
-UnknownLayout RigUnknowns(const RigProblem& problem);
-
 // The values of a rig's unknowns.
 struct RigState {
   RigPoses poses;

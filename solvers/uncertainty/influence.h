@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "heba/data/solution.h"
-#include "solvers/residuals/free_parameters.h"
+#include "heba/data/free_parameters.h"
 #include "solvers/residuals/loss.h"
 
 namespace heba {

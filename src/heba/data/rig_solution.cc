@@ -1,5 +1,9 @@
 #include "heba/data/rig_solution.h"
 
+#include <algorithm>
+
+#include "heba/data/free_parameters.h"
+
 namespace heba {
 namespace {
 
@@ -39,6 +43,31 @@ std::string CameraBlock(const RigCamera& camera) { return "cameras." + camera.na
 std::string TargetPoseBlock(const RigTarget& target) { return "targets." + target.name + ".pose"; }
 std::string TargetShapeBlock(const RigTarget& target) { return "targets." + target.name + ".shape"; }
 std::string BaseBlock(const std::string& robot) { return "robots." + robot + ".world_from_base"; }
+
+UnknownLayout RigUnknowns(const RigProblem& problem) {
+  UnknownLayout layout;
+  for (const RigCamera& camera : problem.cameras) {
+    layout.AddPose(CameraPoseBlock(camera), "camera " + camera.name + "'s", "the camera's");
+  }
+  for (const RigTarget& target : problem.targets) {
+    layout.AddPose(TargetPoseBlock(target), "target " + target.name + "'s", "the target's");
+  }
+  for (size_t r = 1; r < problem.robots.size(); ++r) {
+    layout.AddPose(BaseBlock(problem.robots[r]), "arm " + problem.robots[r] + "'s", "its base's");
+  }
+  for (const RigCamera& camera : problem.cameras) {
+    const CameraModel& model = camera.camera.Model();
+    layout.AddCamera(CameraBlock(camera), "camera " + camera.name + "'s", model, FreeOf(model, camera.free_intrinsics));
+  }
+  for (const RigTarget& target : problem.targets) {
+    std::vector<bool> free;
+    for (int i = 0; i < TargetShape::kNumParams && !target.free_shape.empty(); ++i) {
+      free.push_back(std::count(target.free_shape.begin(), target.free_shape.end(), ShapeGroupOf(i)) > 0);
+    }
+    layout.AddTarget(TargetShapeBlock(target), "target " + target.name + "'s", free);
+  }
+  return layout;
+}
 
 PoseByUnknowns UnknownPose(const Rigid3d& pose, const UnknownLayout& layout, const std::string& block) {
   const UnknownBlock unknowns = layout.Block(block);

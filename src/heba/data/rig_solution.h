@@ -48,6 +48,10 @@ std::string TargetPoseBlock(const RigTarget& target);
 std::string TargetShapeBlock(const RigTarget& target);
 std::string BaseBlock(const std::string& robot);
 
+// Returns the layout of a rig's unknowns: the poses of the cameras, of the targets and of all bases but the first, and
+// the free parameters of the cameras and of the targets' shapes, in that order.
+UnknownLayout RigUnknowns(const RigProblem& problem);
+
 // A pose with the derivative of its tangent (m, rad, in the child frame) by the unknowns of a layout.
 struct PoseByUnknowns {
   Rigid3d pose;

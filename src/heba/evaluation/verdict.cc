@@ -6,34 +6,14 @@
 #include <optional>
 
 #include "heba/base/units.h"
+#include "heba/evaluation/limits.h"
 
 namespace heba {
 namespace {
 
-// A figure up to `doubtful` is graded good, up to `bad` doubtful, and above it bad.
-struct Limits {
-  double doubtful;
-  double bad;
-};
-
-// The limits suit usual cells. A requirement replaces the first five.
-constexpr Limits kPositionMm = {1, 5};
-constexpr Limits kOrientationDeg = {0.1, 0.5};
-constexpr Limits kAtWorkMm = {1, 5};
-constexpr Limits kHeldOutMm = {1.5, 5};
-constexpr Limits kHeldOutDeg = {0.3, 1};
-constexpr Limits kHeldOutChi2 = {1.5, 3};  // Per degree of freedom; 1 if the model is right.
-constexpr Limits kPixelSigmaPx = {1, 5};
-constexpr Limits kShareLeftOut = {0.25, 0.6};  // Share of the captures that show the target.
-constexpr int kFewCaptures = 8;
 // A closed form predicts held-out captures better than the refinement if the ratio of their errors is below this
 // factor.
 constexpr double kClosedFormBetter = 0.85;
-
-Grade GradeOf(double value, const Limits& limits) {
-  if (!(value <= limits.bad)) return Grade::kBad;
-  return value <= limits.doubtful ? Grade::kGood : Grade::kDoubtful;
-}
 
 // Returns the largest sigma among the unknowns of a group in a block.
 double LargestSigma(const Covariance& covariance, std::string_view block_name, UnknownGroup group) {
@@ -289,9 +269,7 @@ Verdict JudgeRun(const RunResult& result) {
     findings.push_back(JudgePixels(solution));
   }
   GatherUnderCause(&findings);
-  std::stable_sort(findings.begin(), findings.end(), [](const Finding& a, const Finding& b) {
-    return a.grade != b.grade ? a.grade > b.grade : a.is_cause && !b.is_cause;
-  });
+  SortFindings(&findings);
   verdict.grade = findings.front().grade;
   return verdict;
 }

@@ -1,4 +1,4 @@
-#include "solvers/residuals/free_parameters.h"
+#include "heba/data/free_parameters.h"
 
 namespace heba {
 

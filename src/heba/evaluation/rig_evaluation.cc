@@ -1,0 +1,128 @@
+#include "heba/evaluation/rig_evaluation.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "heba/base/units.h"
+#include "heba/evaluation/limits.h"
+
+namespace heba {
+namespace {
+
+std::pair<std::string, std::string> CameraName(const RigResult& result, size_t camera) {
+  return {"camera", result.rig.cameras[camera].name};
+}
+
+// Returns the largest sigma of a pose's translation or rotation.
+double LargestSigma(const Eigen::Matrix<double, 6, 6>& covariance, Eigen::Index first) {
+  return std::sqrt(covariance.diagonal().segment<3>(first).maxCoeff());
+}
+
+Finding JudgeUncertainty(const RigResult& result) {
+  Finding worst;
+  double worst_mm = -1;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    const auto covariance = PoseCovarianceOf(result.solution.covariance, CameraPoseBlock(result.rig.cameras[c]));
+    if (!covariance) continue;
+    const double mm = 1000 * LargestSigma(*covariance, 0);
+    const double deg = RadToDeg(LargestSigma(*covariance, 3));
+    const Grade grade = std::max(GradeOf(mm, kPositionMm), GradeOf(deg, kOrientationDeg));
+    if (grade < worst.grade || (grade == worst.grade && mm <= worst_mm)) continue;
+    worst_mm = mm;
+    worst = {grade,
+             FindingCode("uncertainty"),
+             {{"position_mm", mm}, {"orientation_deg", deg}},
+             {CameraName(result, c)}};
+  }
+  return worst;
+}
+
+Finding JudgeHoldOut(const RigResult& result) {
+  Finding worst{Grade::kDoubtful, FindingCode("no_hold_out"), {}, {{"reason", "none_held_out"}}};
+  double worst_mm = -1;
+  for (size_t c = 0; c < result.errors.size(); ++c) {
+    const RigErrors& errors = result.errors[c];
+    if (!errors.holdout_target_mm || !errors.holdout_target_deg) continue;
+    const Grade grade =
+        std::max(GradeOf(*errors.holdout_target_mm, kHeldOutMm), GradeOf(*errors.holdout_target_deg, kHeldOutDeg));
+    const bool is_first = worst_mm < 0;
+    if (!is_first && (grade < worst.grade || (grade == worst.grade && *errors.holdout_target_mm <= worst_mm))) continue;
+    worst_mm = *errors.holdout_target_mm;
+    worst = {grade,
+             FindingCode("hold_out"),
+             {{"target_mm", *errors.holdout_target_mm}, {"target_deg", *errors.holdout_target_deg}},
+             {CameraName(result, c)}};
+  }
+  return worst;
+}
+
+std::optional<Finding> JudgeModel(const RigResult& result) {
+  if (!result.holdout_chi2) return std::nullopt;
+  const bool has_noise = std::any_of(result.solution.robot_noise.begin(), result.solution.robot_noise.end(),
+                                     [](const auto& noise) { return noise.has_value(); });
+  return Finding{GradeOf(*result.holdout_chi2, kHeldOutChi2),
+                 FindingCode("unmodelled_error"),
+                 {{"chi2_per_dof", *result.holdout_chi2}},
+                 {{"robot_noise", has_noise ? "modelled" : "none"}}};
+}
+
+// Judges the camera that uses the smallest share of its images, or the fewest.
+Finding JudgeImages(const RigResult& result) {
+  Finding worst;
+  double worst_share = -1;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    int num_used = 0;
+    int num_seen = 0;
+    int num_images = 0;
+    for (const RigImageResult& image : result.images) {
+      if (image.camera != result.rig.cameras[c].name) continue;
+      ++num_images;
+      num_used += image.used ? 1 : 0;
+      num_seen += image.targets.empty() ? 0 : 1;
+    }
+    const double left_out = num_seen > 0 ? 1 - static_cast<double>(num_used) / num_seen : 1;
+    const bool is_few = num_used < kFewCaptures;
+    const Grade grade = std::max(GradeOf(left_out, kShareLeftOut), is_few ? Grade::kDoubtful : Grade::kGood);
+    if (worst_share >= 0 && (grade < worst.grade || (grade == worst.grade && left_out <= worst_share))) continue;
+    worst_share = left_out;
+    worst = {grade,
+             is_few ? FindingCode("few_captures") : FindingCode("captures_left_out"),
+             {{"used", num_used}, {"seen", num_seen}, {"captures", num_images}, {"copies", 0}},
+             {CameraName(result, c)}};
+  }
+  return worst;
+}
+
+Finding JudgePixels(const RigResult& result) {
+  const std::vector<double>& sigmas = result.solution.pixel_sigmas_px;
+  const auto worst = std::max_element(sigmas.begin(), sigmas.end());
+  return {GradeOf(*worst, kPixelSigmaPx),
+          FindingCode("pixel_noise"),
+          {{"pixel_sigma_px", *worst}},
+          {CameraName(result, static_cast<size_t>(worst - sigmas.begin()))}};
+}
+
+}  // namespace
+
+std::string MountText(const RigProblem& rig, const Mount& mount) {
+  const bool is_gripper = mount.part == Mount::Part::kGripper;
+  if (!is_gripper && mount.robot == 0) return rig.robots.size() == 1 ? "base" : "world";
+  const std::string part = is_gripper ? "gripper" : "base";
+  return rig.robots.size() == 1 ? part : rig.robots[mount.robot] + "." + part;
+}
+
+Verdict JudgeRig(const RigResult& result) {
+  Verdict verdict;
+  std::vector<Finding>& findings = verdict.findings;
+  findings = result.observations;
+  findings.push_back(JudgeHoldOut(result));
+  if (std::optional<Finding> model = JudgeModel(result)) findings.push_back(std::move(*model));
+  findings.push_back(JudgeUncertainty(result));
+  findings.push_back(JudgeImages(result));
+  findings.push_back(JudgePixels(result));
+  SortFindings(&findings);
+  verdict.grade = findings.front().grade;
+  return verdict;
+}
+
+}  // namespace heba
