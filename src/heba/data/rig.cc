@@ -1,8 +1,45 @@
 #include "heba/data/rig.h"
 
+#include <utility>
+
 #include "heba/base/error.h"
 
 namespace heba {
+
+std::optional<Mount> FindMount(const std::vector<std::string>& robots, const std::string& text) {
+  if (text == "world") return Mount{0, Mount::Part::kBase};
+  for (size_t r = 0; r < robots.size(); ++r) {
+    for (const auto& [name, part] : {std::pair{"base", Mount::Part::kBase}, std::pair{"gripper", Mount::Part::kGripper}}) {
+      if (text == robots[r] + "." + name || (robots.size() == 1 && text == name)) return Mount{r, part};
+    }
+  }
+  return std::nullopt;
+}
+
+std::vector<std::string> MountTexts(const std::vector<std::string>& robots) {
+  std::vector<std::string> texts = {"world"};
+  if (robots.size() == 1) {
+    texts.insert(texts.end(), {"base", "gripper"});
+    return texts;
+  }
+  for (const std::string& robot : robots) texts.insert(texts.end(), {robot + ".base", robot + ".gripper"});
+  return texts;
+}
+
+std::string MountText(const std::vector<std::string>& robots, const Mount& mount) {
+  const bool is_gripper = mount.part == Mount::Part::kGripper;
+  const std::string part = is_gripper ? "gripper" : "base";
+  if (robots.size() == 1) return part;
+  return !is_gripper && mount.robot == 0 ? "world" : robots[mount.robot] + "." + part;
+}
+
+std::string MountText(const RigProblem& problem, const RigCamera& camera) {
+  return camera.mount_name.empty() ? MountText(problem.robots, camera.mount) : camera.mount_name;
+}
+
+std::string MountText(const RigProblem& problem, const RigTarget& target) {
+  return target.mount_name.empty() ? MountText(problem.robots, target.mount) : target.mount_name;
+}
 
 bool MovesAgainst(const Mount& a, const Mount& b) {
   const bool has_gripper = a.part == Mount::Part::kGripper || b.part == Mount::Part::kGripper;

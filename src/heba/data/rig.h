@@ -36,6 +36,7 @@ struct RigCamera {
   Camera camera;
   // The groups of its parameters that are unknown.
   std::vector<ParameterGroup> free_intrinsics = {};
+  std::string mount_name = {};  // The mount as the user calls it; empty: MountText.
 };
 
 // A target of a rig.
@@ -46,6 +47,7 @@ struct RigTarget {
   std::vector<TargetShapeGroup> free_shape = {};  // The groups of its shape that are unknown.
   // The motions that map the target to itself, the identity first.
   std::vector<Rigid3d> symmetries = {Rigid3d()};
+  std::string mount_name = {};  // RigCamera::mount_name.
 };
 
 // The points of one target in one camera.
@@ -68,6 +70,16 @@ struct RigProblem {
   std::vector<RigTarget> targets;
   std::vector<RigCapture> captures;
 };
+
+// Returns the mount that a text means: "world", "NAME.base" and "NAME.gripper" and, if there is one arm, "base" and
+// "gripper". Returns nothing if there is no such mount.
+std::optional<Mount> FindMount(const std::vector<std::string>& robots, const std::string& text);
+// Returns the texts of all mounts.
+std::vector<std::string> MountTexts(const std::vector<std::string>& robots);
+// Return the text of a mount, which is that of the user if there is one.
+std::string MountText(const std::vector<std::string>& robots, const Mount& mount);
+std::string MountText(const RigProblem& problem, const RigCamera& camera);
+std::string MountText(const RigProblem& problem, const RigTarget& target);
 
 // The constant poses of a rig.
 struct RigPoses {

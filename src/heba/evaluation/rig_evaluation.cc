@@ -104,13 +104,6 @@ Finding JudgePixels(const RigResult& result) {
 
 }  // namespace
 
-std::string MountText(const RigProblem& rig, const Mount& mount) {
-  const bool is_gripper = mount.part == Mount::Part::kGripper;
-  if (!is_gripper && mount.robot == 0) return rig.robots.size() == 1 ? "base" : "world";
-  const std::string part = is_gripper ? "gripper" : "base";
-  return rig.robots.size() == 1 ? part : rig.robots[mount.robot] + "." + part;
-}
-
 Verdict JudgeRig(const RigResult& result) {
   Verdict verdict;
   std::vector<Finding>& findings = verdict.findings;

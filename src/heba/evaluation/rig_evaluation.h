@@ -81,9 +81,6 @@ struct RigResult {
   Timing timing;
 };
 
-// Returns "world", or the part of the arm, with its name if there are several arms: "left.gripper".
-std::string MountText(const RigProblem& rig, const Mount& mount);
-
 // Judges a rig as JudgeRun a single camera, by the worst camera; the finding names it.
 Verdict JudgeRig(const RigResult& result);
 

@@ -6,72 +6,10 @@
 #include <nlohmann/json.hpp>
 
 #include "heba/base/units.h"
+#include "heba/io/result_json.h"
 
 namespace heba {
 namespace {
-
-using Json = nlohmann::ordered_json;
-
-template <class T>
-Json OrNull(const std::optional<T>& value) {
-  return value ? Json(*value) : Json(nullptr);
-}
-
-Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
-
-Json PoseJson(const Rigid3d& pose, std::string_view parent, std::string_view child) {
-  // q and -q are the same rotation; w is kept non-negative, so that files can be compared.
-  const double sign = pose.rotation.w() < 0 ? -1.0 : 1.0;
-  Json json;
-  json["parent"] = parent;
-  json["child"] = child;
-  json["translation_m"] = {pose.translation.x(), pose.translation.y(), pose.translation.z()};
-  json["quaternion_xyzw"] = {sign * pose.rotation.x(), sign * pose.rotation.y(), sign * pose.rotation.z(),
-                             sign * pose.rotation.w()};
-  return json;
-}
-
-Json CameraJson(const Camera& camera) {
-  Json json;
-  json["model"] = camera.model;
-  json["image_size"] = {camera.width_px, camera.height_px};
-  json["fx"] = camera.params[0];
-  json["fy"] = camera.params[1];
-  json["cx"] = camera.params[2];
-  json["cy"] = camera.params[3];
-  json["distortion"] = std::vector<double>(camera.params.begin() + 4, camera.params.end());
-  return json;
-}
-
-// Returns one sigma of a parameter, or null if it was held.
-Json SigmaJson(const Covariance& covariance, const std::string& name) {
-  const std::optional<double> sigma = SigmaOf(covariance, name);
-  return sigma ? Finite(*sigma) : Json(nullptr);
-}
-
-Json CameraSigmaJson(const Camera& camera, const Covariance& covariance) {
-  const std::vector<std::string>& names = camera.Model().param_names();
-  Json json;
-  for (size_t i = 0; i < 4; ++i) json[names[i]] = SigmaJson(covariance, "camera." + names[i]);
-  json["distortion"] = Json::array();
-  for (size_t i = 4; i < names.size(); ++i) json["distortion"].push_back(SigmaJson(covariance, "camera." + names[i]));
-  return json;
-}
-
-// Returns the estimated shape of the target, or null if no part of it was free.
-Json ShapeJson(const TargetShape& shape, const Covariance& covariance) {
-  Json json;
-  Json sigmas;
-  bool is_free = false;
-  for (size_t i = 0; i < shape.params.size(); ++i) {
-    const std::string name(kTargetShapeParamNames[i]);
-    json[name] = shape.params[i];
-    sigmas[name] = SigmaJson(covariance, "target." + name);
-    is_free = is_free || !sigmas[name].is_null();
-  }
-  json["std"] = sigmas;
-  return is_free ? json : Json(nullptr);
-}
 
 Json TruthErrorsJson(const std::optional<TruthErrors>& errors) {
   if (!errors) return nullptr;
@@ -98,15 +36,6 @@ Json ErrorsJson(const Errors& errors) {
   json["board_rotation_rms_deg"] = errors.board_scatter ? Json(errors.board_scatter->rotation_rms_deg) : Json(nullptr);
   json["truth"] = TruthErrorsJson(errors.truth);
   return json;
-}
-
-// Returns a small motion in mm and deg.
-Json TangentJson(const std::optional<Tangent6>& tangent) {
-  if (!tangent) return nullptr;
-  const Eigen::Vector3d t = 1000 * tangent->head<3>();
-  const Eigen::Vector3d r = tangent->tail<3>();
-  return Json{{"translation_mm", {t.x(), t.y(), t.z()}},
-              {"rotation_deg", {RadToDeg(r.x()), RadToDeg(r.y()), RadToDeg(r.z())}}};
 }
 
 Json MoveJson(const std::optional<CaptureMove>& move) {
@@ -183,21 +112,12 @@ Json RobotJson(const RobotSummary& robot) {
 Json CovarianceJson(const Solution& solution) {
   const Covariance& covariance = solution.covariance;
   const UnknownBlock robot = covariance.layout.Block(kRobotBlock);
-  const std::vector<std::string> names = covariance.layout.Names();
   std::vector<Eigen::Index> written;
   for (Eigen::Index i = 0; i < covariance.matrix.rows(); ++i) {
     const bool is_smooth = solution.smooth_noise && i >= robot.first && i < robot.end();
     if (!is_smooth) written.push_back(i);
   }
-  Json order = Json::array();
-  Json rows = Json::array();
-  for (const Eigen::Index i : written) {
-    order.push_back(names[static_cast<size_t>(i)]);
-    Json row = Json::array();
-    for (const Eigen::Index j : written) row.push_back(Finite(covariance.matrix(i, j)));
-    rows.push_back(std::move(row));
-  }
-  return Json{{"order", std::move(order)}, {"matrix", std::move(rows)}};
+  return CovarianceJson(covariance, written);
 }
 
 // Returns the errors of the robot that captures share, or null if they were not estimated.
@@ -232,14 +152,7 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
     hand_eye["std_translation_m"] = nullptr;
     hand_eye["std_rotation_rad"] = nullptr;
     if (solution != nullptr) {
-      const auto sigmas = [&](const char* a, const char* b, const char* c) {
-        Json list = Json::array();
-        for (const char* part : {a, b, c})
-          list.push_back(SigmaJson(solution->covariance, "hand_eye." + std::string(part)));
-        return list;
-      };
-      hand_eye["std_translation_m"] = sigmas("tx_m", "ty_m", "tz_m");
-      hand_eye["std_rotation_rad"] = sigmas("rx_rad", "ry_rad", "rz_rad");
+      AddPoseSigmas(solution->covariance, std::string(kHandEyeBlock), &hand_eye);
     }
     json["hand_eye"] = hand_eye;
     json["board"] = PoseJson(estimate.hand_eye.target_mount_from_target, TargetMountName(setup), "target");
@@ -247,10 +160,10 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
     if (!estimate.camera.params.empty()) {
       json["camera"] = CameraJson(estimate.camera);
       json["camera"]["std"] =
-          solution != nullptr ? CameraSigmaJson(estimate.camera, solution->covariance) : Json(nullptr);
+          solution != nullptr ? CameraSigmaJson(estimate.camera, solution->covariance, std::string(kCameraBlock)) : Json(nullptr);
     }
   }
-  json["target_shape"] = solution != nullptr ? ShapeJson(solution->shape, solution->covariance) : Json(nullptr);
+  json["target_shape"] = solution != nullptr ? ShapeJson(solution->shape, solution->covariance, std::string(kTargetBlock)) : Json(nullptr);
   json["errors"] = ErrorsJson(estimate.errors);
   json["covariance"] = nullptr;
   json["solve"] = nullptr;
@@ -302,20 +215,6 @@ Json ModelJson(const ModelSummary& model) {
               {"target_shape", model.target_shape},
               {"camera", model.camera},
               {"alternatives", alternatives}};
-}
-
-Json VerdictJson(const Verdict& verdict) {
-  Json findings = Json::array();
-  for (const Finding& finding : verdict.findings) {
-    Json numbers = Json::object();
-    for (const auto& [name, value] : finding.numbers) numbers[name] = Finite(value);
-    findings.push_back(Json{{"code", finding.code},
-                            {"grade", GradeName(finding.grade)},
-                            {"numbers", numbers},
-                            {"text", finding.text},
-                            {"action", finding.action}});
-  }
-  return Json{{"grade", GradeName(verdict.grade)}, {"findings", findings}};
 }
 
 // Returns the estimate that the arm is part of: that of the refinement of reprojection errors, unless only that of the
@@ -371,12 +270,8 @@ std::string ResultToJson(const RunResult& result) {
     json["estimates"].back()["robot"]["estimated"] = SharedEffectsJson(*estimate.solution);
   }
   json["working_point"] = WorkingPointJson(result.working_point);
-  json["timing_s"] = Json{{"detect", result.timing.detect_s},
-                          {"seed", result.timing.seed_s},
-                          {"refine", result.timing.refine_s},
-                          {"total", result.timing.total_s}};
-  // File names need not be UTF-8; invalid bytes are replaced.
-  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+  json["timing_s"] = TimingJson(result.timing);
+  return FileText(json);
 }
 
 std::string TruthToJson(const Truth& truth, Setup setup) {

@@ -15,64 +15,11 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/json_reader.h"
+#include "heba/io/result_json.h"
 #include "heba/io/result_file.h"
 
 namespace heba {
 namespace {
-
-Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::string_view child) {
-  if (reader.Get("parent").Text() != parent || reader.Get("child").Text() != child) {
-    reader.Fail("is the pose of '" + reader.Get("child").Text() + "' in '" + reader.Get("parent").Text() +
-                "'; that of '" + std::string(child) + "' in '" + std::string(parent) + "' is needed for this setup");
-  }
-  const std::vector<double> t = reader.Get("translation_m").Numbers(3);
-  const std::vector<double> q = reader.Get("quaternion_xyzw").Numbers(4);
-  const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
-  if (std::abs(rotation.norm() - 1) > 1e-3) reader.Fail("the quaternion's length is not 1");
-  return {rotation, Eigen::Vector3d(t[0], t[1], t[2])};
-}
-
-// The prefixes of all parameter names.
-
-// The largest number of points, captures or iterations that is accepted.
-constexpr int kMostCounted = 1000000000;
-
-Camera ReadCameraJson(const JsonReader& reader) {
-  Camera camera;
-  camera.model = reader.Get("model").Text();
-  const std::vector<JsonReader> size = reader.Get("image_size").List();
-  if (size.size() != 2) reader.Get("image_size").Fail("two whole numbers are needed: [width, height]");
-  constexpr int kMaxSize = 100000;
-  camera.width_px = size[0].Int(0, kMaxSize);
-  camera.height_px = size[1].Int(0, kMaxSize);
-  for (const char* key : {"fx", "fy", "cx", "cy"}) camera.params.push_back(reader.Get(key).Number());
-  for (const double k : reader.Get("distortion").Numbers()) camera.params.push_back(k);
-  const std::string faults = CheckCamera(camera);
-  if (!faults.empty()) reader.Fail(faults);
-  return camera;
-}
-
-std::optional<double> ReadOptional(const JsonReader& reader, const char* key) {
-  if (!reader.Has(key)) return std::nullopt;
-  return reader.Get(key).Number();
-}
-
-// Reads a number for which null stands for a value that is not finite.
-double ReadFinite(const JsonReader& reader, const char* key, double otherwise) {
-  return ReadOptional(reader, key).value_or(otherwise);
-}
-
-// Reads a figure that cannot be negative, such as an RMS, a sigma or a time.
-double ReadMagnitude(const JsonReader& reader, const char* key) {
-  const double value = reader.Get(key).Number();
-  constexpr double kMost = 1e15;
-  if (!(value >= 0 && value <= kMost)) reader.Get(key).Fail("must be from 0 to 1e15");
-  return value;
-}
-std::optional<double> ReadOptionalMagnitude(const JsonReader& reader, const char* key) {
-  if (!reader.Has(key)) return std::nullopt;
-  return ReadMagnitude(reader, key);
-}
 
 Errors ReadErrors(const JsonReader& reader) {
   Errors errors;
@@ -96,29 +43,6 @@ Errors ReadErrors(const JsonReader& reader) {
   return errors;
 }
 
-// Throws InputError if the matrix is not a covariance.
-void CheckCovariance(const JsonReader& reader, const Covariance& covariance) {
-  const Eigen::MatrixXd& matrix = covariance.matrix;
-  constexpr double kMost = 1e15;
-  constexpr double kRounding = 1e-6;
-  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-    if (!(matrix(i, i) >= 0 && matrix(i, i) <= kMost)) {
-      reader.Fail("a variance is negative or above 1e15: " + covariance.layout.Name(i));
-    }
-  }
-  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-    for (Eigen::Index j = 0; j < i; ++j) {
-      const double most = std::sqrt(matrix(i, i)) * std::sqrt(matrix(j, j));
-      if (std::abs(matrix(i, j) - matrix(j, i)) <= kRounding * most &&
-          std::abs(matrix(i, j)) <= (1 + kRounding) * most) {
-        continue;
-      }
-      reader.Fail("the matrix is not a covariance: see " + covariance.layout.Name(i) + " and " +
-                  covariance.layout.Name(j));
-    }
-  }
-}
-
 // Returns the layout of a calibration with the free parameters that are among `names`. Throws InputError if it has
 // other names than these, or has them in another order.
 UnknownLayout LayoutOf(const JsonReader& reader, const CameraModel* model, const std::vector<std::string>& names) {
@@ -137,31 +61,13 @@ UnknownLayout LayoutOf(const JsonReader& reader, const CameraModel* model, const
   }
   const auto shared = effects.effects.empty() ? nullptr : std::make_shared<const SharedEffects>(std::move(effects));
   UnknownLayout layout = model == nullptr ? HandEyePoses() : HandEyeUnknowns(*model, {free, shared});
-  const std::vector<std::string> expected = layout.Names();
-  if (names == expected) return layout;
-  const auto [name, other] = std::mismatch(names.begin(), names.end(), expected.begin(), expected.end());
-  reader.Fail(other == expected.end()
-                  ? "'" + *name + "' is not a parameter, or occurs twice"
-                  : "the names must contain " + *other + " once" + (name == names.end() ? "" : ", before " + *name));
+  CheckOrder(reader, names, layout);
+  return layout;
 }
 
 // `model` is null if the estimate has no camera.
 Covariance ReadCovariance(const JsonReader& reader, const CameraModel* model) {
-  Covariance covariance;
-  std::vector<std::string> names;
-  for (const JsonReader& name : reader.Get("order").List()) names.push_back(name.Text());
-  covariance.layout = LayoutOf(reader.Get("order"), model, names);
-  const std::vector<JsonReader> rows = reader.Get("matrix").List();
-  const size_t size = names.size();
-  if (rows.size() != size) reader.Fail("the matrix does not have one row per name");
-  covariance.matrix.resize(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(size));
-  for (size_t i = 0; i < size; ++i) {
-    const std::vector<double> row = rows[i].Numbers(size);
-    covariance.matrix.row(static_cast<Eigen::Index>(i)) =
-        Eigen::Map<const Eigen::RowVectorXd>(row.data(), static_cast<Eigen::Index>(size));
-  }
-  CheckCovariance(reader, covariance);
-  return covariance;
+  return ReadCovarianceMatrix(reader, LayoutOf(reader.Get("order"), model, ReadOrder(reader)));
 }
 
 std::optional<RobotNoise> ReadSigmas(const JsonReader& reader, const std::string& when) {
@@ -254,10 +160,7 @@ Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
   const CameraModel* const model = estimate.camera.params.empty() ? nullptr : &estimate.camera.Model();
   if (reader.Has("covariance")) solution.covariance = ReadCovariance(reader.Get("covariance"), model);
   if (reader.Has("target_shape")) {
-    const JsonReader shape = reader.Get("target_shape");
-    for (size_t i = 0; i < solution.shape.params.size(); ++i) {
-      solution.shape.params[i] = shape.Get(std::string(kTargetShapeParamNames[i]).c_str()).Number();
-    }
+    solution.shape = ReadShapeJson(reader.Get("target_shape"));
   }
   const JsonReader solve = reader.Get("solve");
   solution.convergence.converged = true;
@@ -282,17 +185,6 @@ Solution ReadSolution(const JsonReader& reader, const Estimate& estimate) {
   return solution;
 }
 
-// Reads a value of an enum by its name, given the names of all values in their order.
-template <class Enum, size_t kNumNames>
-Enum ReadEnum(const JsonReader& reader, const std::string& what, const std::array<std::string_view, kNumNames>& names) {
-  const std::optional<Enum> value = FindValue<Enum>(names, reader.Text());
-  if (!value) {
-    reader.Fail("the " + what +
-                " is unknown; one of: " + Join(std::vector<std::string>(names.begin(), names.end()), ", "));
-  }
-  return *value;
-}
-
 Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
   Estimate estimate;
   estimate.method = reader.Get("method").Text();
@@ -307,15 +199,6 @@ Estimate ReadEstimate(const JsonReader& reader, Setup setup) {
   if (estimate.method == "bundle" && !reader.Has("camera")) reader.Fail("'camera' is missing");
   if (reader.Has("solve")) estimate.solution = ReadSolution(reader, estimate);
   return estimate;
-}
-
-std::optional<Tangent6> ReadTangent(const JsonReader& reader, const char* key) {
-  if (!reader.Has(key)) return std::nullopt;
-  const std::vector<double> t = reader.Get(key).Get("translation_mm").Numbers(3);
-  const std::vector<double> r = reader.Get(key).Get("rotation_deg").Numbers(3);
-  Tangent6 tangent;
-  tangent << t[0] / 1000, t[1] / 1000, t[2] / 1000, DegToRad(r[0]), DegToRad(r[1]), DegToRad(r[2]);
-  return tangent;
 }
 
 CaptureResult ReadCapture(const JsonReader& reader) {
@@ -340,23 +223,6 @@ CaptureResult ReadCapture(const JsonReader& reader) {
     capture.move_without = CaptureMove{*move, ReadFinite(reader.Get("move_without"), "chance", 1)};
   }
   return capture;
-}
-
-Grade ReadGrade(const JsonReader& reader) { return ReadEnum<Grade>(reader, "grade", kGradeNames); }
-
-Verdict ReadVerdict(const JsonReader& reader) {
-  Verdict verdict;
-  verdict.grade = ReadGrade(reader.Get("grade"));
-  for (const JsonReader& entry : reader.Get("findings").List()) {
-    Finding finding{ReadGrade(entry.Get("grade")), entry.Get("code").Text()};
-    finding.text = entry.Get("text").Text();
-    finding.action = entry.Get("action").Text();
-    for (const auto& [name, value] : entry.Get("numbers").Members()) {
-      finding.numbers.emplace_back(name, value ? value->Number() : std::numeric_limits<double>::infinity());
-    }
-    verdict.findings.push_back(std::move(finding));
-  }
-  return verdict;
 }
 
 ModelSummary ReadModel(const JsonReader& reader) {
@@ -411,9 +277,7 @@ RunResult ReadResult(const std::filesystem::path& path) {
   if (reader.Has("model")) result.model = ReadModel(reader.Get("model"));
   // Results of versions before 0.2 contain no verdict.
   result.verdict = reader.Has("verdict") ? ReadVerdict(reader.Get("verdict")) : JudgeRun(result);
-  const JsonReader timing = reader.Get("timing_s");
-  result.timing = {ReadMagnitude(timing, "detect"), ReadMagnitude(timing, "seed"), ReadMagnitude(timing, "refine"),
-                   ReadMagnitude(timing, "total")};
+  result.timing = ReadTiming(reader.Get("timing_s"));
   return result;
 }
 

@@ -1,0 +1,257 @@
+#include "heba/io/result_json.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "heba/base/units.h"
+#include "heba/geometry/pose_block.h"
+
+namespace heba {
+namespace {
+
+// Returns one sigma of a parameter, or null if it was held.
+Json SigmaJson(const Covariance& covariance, const std::string& name) {
+  const std::optional<double> sigma = SigmaOf(covariance, name);
+  return sigma ? Finite(*sigma) : Json(nullptr);
+}
+
+// Throws InputError if the matrix is not a covariance.
+void CheckCovariance(const JsonReader& reader, const Covariance& covariance) {
+  const Eigen::MatrixXd& matrix = covariance.matrix;
+  constexpr double kMost = 1e15;
+  constexpr double kRounding = 1e-6;
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    if (!(matrix(i, i) >= 0 && matrix(i, i) <= kMost)) {
+      reader.Fail("a variance is negative or above 1e15: " + covariance.layout.Name(i));
+    }
+  }
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      const double most = std::sqrt(matrix(i, i)) * std::sqrt(matrix(j, j));
+      if (std::abs(matrix(i, j) - matrix(j, i)) <= kRounding * most &&
+          std::abs(matrix(i, j)) <= (1 + kRounding) * most) {
+        continue;
+      }
+      reader.Fail("the matrix is not a covariance: see " + covariance.layout.Name(i) + " and " +
+                  covariance.layout.Name(j));
+    }
+  }
+}
+
+Grade ReadGrade(const JsonReader& reader) { return ReadEnum<Grade>(reader, "grade", kGradeNames); }
+
+}  // namespace
+
+Json PoseJson(const Rigid3d& pose, std::string_view parent, std::string_view child) {
+  // q and -q are the same rotation; w is kept non-negative, so that files can be compared.
+  const double sign = pose.rotation.w() < 0 ? -1.0 : 1.0;
+  Json json;
+  json["parent"] = parent;
+  json["child"] = child;
+  json["translation_m"] = {pose.translation.x(), pose.translation.y(), pose.translation.z()};
+  json["quaternion_xyzw"] = {sign * pose.rotation.x(), sign * pose.rotation.y(), sign * pose.rotation.z(),
+                             sign * pose.rotation.w()};
+  return json;
+}
+
+void AddPoseSigmas(const Covariance& covariance, const std::string& block, Json* pose) {
+  for (const char* key : {"std_translation_m", "std_rotation_rad"}) (*pose)[key] = Json::array();
+  for (size_t i = 0; i < kTangentNames.size(); ++i) {
+    (*pose)[i < 3 ? "std_translation_m" : "std_rotation_rad"].push_back(
+        SigmaJson(covariance, block + "." + std::string(kTangentNames[i])));
+  }
+}
+
+Json CameraJson(const Camera& camera) {
+  Json json;
+  json["model"] = camera.model;
+  json["image_size"] = {camera.width_px, camera.height_px};
+  json["fx"] = camera.params[0];
+  json["fy"] = camera.params[1];
+  json["cx"] = camera.params[2];
+  json["cy"] = camera.params[3];
+  json["distortion"] = std::vector<double>(camera.params.begin() + 4, camera.params.end());
+  return json;
+}
+
+Json CameraSigmaJson(const Camera& camera, const Covariance& covariance, const std::string& block) {
+  const std::vector<std::string>& names = camera.Model().param_names();
+  Json json;
+  for (size_t i = 0; i < 4; ++i) json[names[i]] = SigmaJson(covariance, block + "." + names[i]);
+  json["distortion"] = Json::array();
+  for (size_t i = 4; i < names.size(); ++i) json["distortion"].push_back(SigmaJson(covariance, block + "." + names[i]));
+  return json;
+}
+
+Json ShapeJson(const TargetShape& shape, const Covariance& covariance, const std::string& block) {
+  Json json;
+  Json sigmas;
+  bool is_free = false;
+  for (size_t i = 0; i < shape.params.size(); ++i) {
+    const std::string name(kTargetShapeParamNames[i]);
+    json[name] = shape.params[i];
+    sigmas[name] = SigmaJson(covariance, block + "." + name);
+    is_free = is_free || !sigmas[name].is_null();
+  }
+  json["std"] = sigmas;
+  return is_free ? json : Json(nullptr);
+}
+
+Json TangentJson(const std::optional<Tangent6>& tangent) {
+  if (!tangent) return nullptr;
+  const Eigen::Vector3d t = 1000 * tangent->head<3>();
+  const Eigen::Vector3d r = tangent->tail<3>();
+  return Json{{"translation_mm", {t.x(), t.y(), t.z()}},
+              {"rotation_deg", {RadToDeg(r.x()), RadToDeg(r.y()), RadToDeg(r.z())}}};
+}
+
+Json CovarianceJson(const Covariance& covariance, const std::vector<Eigen::Index>& written) {
+  const std::vector<std::string> names = covariance.layout.Names();
+  Json order = Json::array();
+  Json rows = Json::array();
+  for (const Eigen::Index i : written) {
+    order.push_back(names[static_cast<size_t>(i)]);
+    Json row = Json::array();
+    for (const Eigen::Index j : written) row.push_back(Finite(covariance.matrix(i, j)));
+    rows.push_back(std::move(row));
+  }
+  return Json{{"order", std::move(order)}, {"matrix", std::move(rows)}};
+}
+
+Json VerdictJson(const Verdict& verdict) {
+  Json findings = Json::array();
+  for (const Finding& finding : verdict.findings) {
+    Json numbers = Json::object();
+    for (const auto& [name, value] : finding.numbers) numbers[name] = Finite(value);
+    findings.push_back(Json{{"code", finding.code},
+                            {"grade", GradeName(finding.grade)},
+                            {"numbers", numbers},
+                            {"text", finding.text},
+                            {"action", finding.action}});
+  }
+  return Json{{"grade", GradeName(verdict.grade)}, {"findings", findings}};
+}
+
+Json TimingJson(const Timing& timing) {
+  return Json{
+      {"detect", timing.detect_s}, {"seed", timing.seed_s}, {"refine", timing.refine_s}, {"total", timing.total_s}};
+}
+
+std::string FileText(const Json& json) { return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"; }
+
+Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::string_view child) {
+  if (reader.Get("parent").Text() != parent || reader.Get("child").Text() != child) {
+    reader.Fail("is the pose of '" + reader.Get("child").Text() + "' in '" + reader.Get("parent").Text() +
+                "'; that of '" + std::string(child) + "' in '" + std::string(parent) + "' is needed for this setup");
+  }
+  const std::vector<double> t = reader.Get("translation_m").Numbers(3);
+  const std::vector<double> q = reader.Get("quaternion_xyzw").Numbers(4);
+  const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
+  if (std::abs(rotation.norm() - 1) > 1e-3) reader.Fail("the quaternion's length is not 1");
+  return {rotation, Eigen::Vector3d(t[0], t[1], t[2])};
+}
+
+Camera ReadCameraJson(const JsonReader& reader) {
+  Camera camera;
+  camera.model = reader.Get("model").Text();
+  const std::vector<JsonReader> size = reader.Get("image_size").List();
+  if (size.size() != 2) reader.Get("image_size").Fail("two whole numbers are needed: [width, height]");
+  constexpr int kMaxSize = 100000;
+  camera.width_px = size[0].Int(0, kMaxSize);
+  camera.height_px = size[1].Int(0, kMaxSize);
+  for (const char* key : {"fx", "fy", "cx", "cy"}) camera.params.push_back(reader.Get(key).Number());
+  for (const double k : reader.Get("distortion").Numbers()) camera.params.push_back(k);
+  const std::string faults = CheckCamera(camera);
+  if (!faults.empty()) reader.Fail(faults);
+  return camera;
+}
+
+TargetShape ReadShapeJson(const JsonReader& reader) {
+  TargetShape shape;
+  for (size_t i = 0; i < shape.params.size(); ++i) {
+    shape.params[i] = reader.Get(std::string(kTargetShapeParamNames[i]).c_str()).Number();
+  }
+  return shape;
+}
+
+std::optional<double> ReadOptional(const JsonReader& reader, const char* key) {
+  if (!reader.Has(key)) return std::nullopt;
+  return reader.Get(key).Number();
+}
+
+double ReadFinite(const JsonReader& reader, const char* key, double otherwise) {
+  return ReadOptional(reader, key).value_or(otherwise);
+}
+
+double ReadMagnitude(const JsonReader& reader, const char* key) {
+  const double value = reader.Get(key).Number();
+  constexpr double kMost = 1e15;
+  if (!(value >= 0 && value <= kMost)) reader.Get(key).Fail("must be from 0 to 1e15");
+  return value;
+}
+
+std::optional<double> ReadOptionalMagnitude(const JsonReader& reader, const char* key) {
+  if (!reader.Has(key)) return std::nullopt;
+  return ReadMagnitude(reader, key);
+}
+
+std::optional<Tangent6> ReadTangent(const JsonReader& reader, const char* key) {
+  if (!reader.Has(key)) return std::nullopt;
+  const std::vector<double> t = reader.Get(key).Get("translation_mm").Numbers(3);
+  const std::vector<double> r = reader.Get(key).Get("rotation_deg").Numbers(3);
+  Tangent6 tangent;
+  tangent << t[0] / 1000, t[1] / 1000, t[2] / 1000, DegToRad(r[0]), DegToRad(r[1]), DegToRad(r[2]);
+  return tangent;
+}
+
+std::vector<std::string> ReadOrder(const JsonReader& covariance) {
+  std::vector<std::string> names;
+  for (const JsonReader& name : covariance.Get("order").List()) names.push_back(name.Text());
+  return names;
+}
+
+Covariance ReadCovarianceMatrix(const JsonReader& reader, const UnknownLayout& layout) {
+  Covariance covariance{layout, {}};
+  const std::vector<JsonReader> rows = reader.Get("matrix").List();
+  const auto size = static_cast<size_t>(layout.size());
+  if (rows.size() != size) reader.Fail("the matrix does not have one row per name");
+  covariance.matrix.resize(layout.size(), layout.size());
+  for (size_t i = 0; i < size; ++i) {
+    const std::vector<double> row = rows[i].Numbers(size);
+    covariance.matrix.row(static_cast<Eigen::Index>(i)) =
+        Eigen::Map<const Eigen::RowVectorXd>(row.data(), layout.size());
+  }
+  CheckCovariance(reader, covariance);
+  return covariance;
+}
+
+void CheckOrder(const JsonReader& order, const std::vector<std::string>& names, const UnknownLayout& layout) {
+  const std::vector<std::string> expected = layout.Names();
+  if (names == expected) return;
+  const auto [name, other] = std::mismatch(names.begin(), names.end(), expected.begin(), expected.end());
+  order.Fail(other == expected.end()
+                 ? "'" + *name + "' is not a parameter, or occurs twice"
+                 : "the names must contain " + *other + " once" + (name == names.end() ? "" : ", before " + *name));
+}
+
+Verdict ReadVerdict(const JsonReader& reader) {
+  Verdict verdict;
+  verdict.grade = ReadGrade(reader.Get("grade"));
+  for (const JsonReader& entry : reader.Get("findings").List()) {
+    Finding finding{ReadGrade(entry.Get("grade")), entry.Get("code").Text()};
+    finding.text = entry.Get("text").Text();
+    finding.action = entry.Get("action").Text();
+    for (const auto& [name, value] : entry.Get("numbers").Members()) {
+      finding.numbers.emplace_back(name, value ? value->Number() : std::numeric_limits<double>::infinity());
+    }
+    verdict.findings.push_back(std::move(finding));
+  }
+  return verdict;
+}
+
+Timing ReadTiming(const JsonReader& reader) {
+  return {ReadMagnitude(reader, "detect"), ReadMagnitude(reader, "seed"), ReadMagnitude(reader, "refine"),
+          ReadMagnitude(reader, "total")};
+}
+
+}  // namespace heba

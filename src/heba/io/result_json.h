@@ -1,0 +1,84 @@
+// The parts that result files have in common: poses, cameras, shapes, covariances, verdicts.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "heba/base/registry.h"
+#include "heba/base/text.h"
+#include "heba/camera/camera.h"
+#include "heba/data/solution.h"
+#include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/finding.h"
+#include "heba/io/json_reader.h"
+
+namespace heba {
+
+using Json = nlohmann::ordered_json;
+
+// The largest number of points, captures or iterations that is accepted.
+inline constexpr int kMostCounted = 1000000000;
+
+// Return a value, or null if it does not exist or is not finite.
+template <class T>
+Json OrNull(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+inline Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json PoseJson(const Rigid3d& pose, std::string_view parent, std::string_view child);
+// Adds one sigma of each coordinate of the pose `block` of a covariance: std_translation_m and std_rotation_rad.
+void AddPoseSigmas(const Covariance& covariance, const std::string& block, Json* pose);
+Json CameraJson(const Camera& camera);
+// Returns the sigmas of the camera `block`; null for parameters that were held.
+Json CameraSigmaJson(const Camera& camera, const Covariance& covariance, const std::string& block);
+// Returns the estimated shape of the target `block`, or null if no part of it was free.
+Json ShapeJson(const TargetShape& shape, const Covariance& covariance, const std::string& block);
+// Returns a small motion in mm and deg.
+Json TangentJson(const std::optional<Tangent6>& tangent);
+// Returns the rows and columns `written` of a covariance, with their names.
+Json CovarianceJson(const Covariance& covariance, const std::vector<Eigen::Index>& written);
+Json VerdictJson(const Verdict& verdict);
+Json TimingJson(const Timing& timing);
+// Returns the text of a file. File names need not be UTF-8; invalid bytes are replaced.
+std::string FileText(const Json& json);
+
+// The functions below throw InputError with the position in the file.
+
+// Reads a pose, which must be that of `child` in `parent`.
+Rigid3d ReadPoseJson(const JsonReader& reader, std::string_view parent, std::string_view child);
+Camera ReadCameraJson(const JsonReader& reader);
+TargetShape ReadShapeJson(const JsonReader& reader);
+std::optional<double> ReadOptional(const JsonReader& reader, const char* key);
+// Reads a number for which null stands for a value that is not finite.
+double ReadFinite(const JsonReader& reader, const char* key, double otherwise);
+// Read a figure that cannot be negative, such as an RMS, a sigma or a time.
+double ReadMagnitude(const JsonReader& reader, const char* key);
+std::optional<double> ReadOptionalMagnitude(const JsonReader& reader, const char* key);
+std::optional<Tangent6> ReadTangent(const JsonReader& reader, const char* key);
+std::vector<std::string> ReadOrder(const JsonReader& covariance);
+// Returns the matrix of a covariance whose names are those of the layout.
+Covariance ReadCovarianceMatrix(const JsonReader& reader, const UnknownLayout& layout);
+// Fails if the names are not those of the layout, in its order.
+void CheckOrder(const JsonReader& order, const std::vector<std::string>& names, const UnknownLayout& layout);
+Verdict ReadVerdict(const JsonReader& reader);
+Timing ReadTiming(const JsonReader& reader);
+
+// Reads a value of an enum by its name, given the names of all values in their order.
+template <class Enum, size_t kNumNames>
+Enum ReadEnum(const JsonReader& reader, const std::string& what, const std::array<std::string_view, kNumNames>& names) {
+  const std::optional<Enum> value = FindValue<Enum>(names, reader.Text());
+  if (!value) {
+    reader.Fail("the " + what +
+                " is unknown; one of: " + Join(std::vector<std::string>(names.begin(), names.end()), ", "));
+  }
+  return *value;
+}
+
+}  // namespace heba
