@@ -146,7 +146,7 @@ Outcome<std::vector<Camera>> EstimateRigCameras(const RigProblem& problem, const
       for (View& view : ViewsOf(problem, c, t, std::nullopt)) views.push_back(std::move(view));
     }
     const Camera& known = problem.cameras[c].camera;
-    if (options.choose_camera_model) {
+    if (known.model.empty()) {
       Outcome<CameraChoice> choice = ChooseCameraModel(views, known.width_px, known.height_px);
       if (choice) cameras[c] = choice->camera;
       if (!choice) reasons[c] = choice.reason();

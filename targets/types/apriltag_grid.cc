@@ -47,6 +47,14 @@ class AprilTagGrid final : public Target {
   std::string_view type() const override { return "apriltag_grid"; }
   const std::vector<TargetPoint>& points() const override { return points_; }
 
+  std::vector<std::string> Codes() const override {
+    std::vector<std::string> codes;
+    for (int index = 0; index < geometry_.rows * geometry_.columns; ++index) {
+      codes.push_back(geometry_.family + " " + std::to_string(geometry_.first_id + index));
+    }
+    return codes;
+  }
+
   Detection Detect(const cv::Mat& grey) const override { return DetectTagGrid(grey, Grid()); }
 
   std::vector<TargetSettings> LikelyMisconfigurations(const cv::Mat& grey) const override {

@@ -103,6 +103,14 @@ class Charuco final : public Target {
   std::string_view type() const override { return "charuco"; }
   const std::vector<TargetPoint>& points() const override { return points_; }
 
+  std::vector<std::string> Codes() const override {
+    std::vector<std::string> codes;
+    for (size_t index = 0; index < marker_squares_.size(); ++index) {
+      codes.push_back(geometry_.dictionary + " " + std::to_string(geometry_.first_marker + static_cast<int>(index)));
+    }
+    return codes;
+  }
+
   Detection Detect(const cv::Mat& grey) const override {
     Detection detection;
     const ConsistentTags markers = KeepConsistent(FindMarkers(grey), layout_, 0);

@@ -65,6 +65,14 @@ class CodedBoard final : public Target {
   std::string_view type() const override { return "coded_board"; }
   const std::vector<TargetPoint>& points() const override { return points_; }
 
+  std::vector<std::string> Codes() const override {
+    std::vector<std::string> codes;
+    for (const uint32_t code : codes_) {
+      codes.push_back("ring of " + std::to_string(options_.bits) + " sectors " + std::to_string(code));
+    }
+    return codes;
+  }
+
   std::vector<TargetSettings> LikelyMisconfigurations(const cv::Mat& grey) const override {
     std::vector<TargetSettings> confusions =
         OtherFirstIds("first_id", SeenIds(grey), options_.first_id, options_.rows * options_.columns);

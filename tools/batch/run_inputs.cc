@@ -42,6 +42,32 @@ std::string RunInputsText(const RunConfig& config) {
   return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
+std::string RunInputsText(const RigConfig& config) {
+  nlohmann::ordered_json json;
+  json["schema"] = "heba/inputs/1";
+  json["heba"] = Version();
+  json["program"] = DigestOfProgram();
+  json["config"] = DigestOf(config.used);
+  nlohmann::ordered_json files;
+  for (const std::filesystem::path& file : config.data_files) files["data"].push_back(DigestOrNothing(file));
+  for (size_t c = 0; c < config.data.has_camera.size(); ++c) {
+    if (config.data.has_camera[c]) files["camera"].push_back(DigestOrNothing(config.data.camera_sources[c]));
+  }
+  if (config.truth) files["truth"] = DigestOrNothing(*config.truth);
+  json["files"] = files;
+  json["images"] = nlohmann::ordered_json::array();
+  for (const RigRecording& capture : config.data.captures) {
+    nlohmann::ordered_json entry = {capture.name};
+    for (const std::filesystem::path& image : capture.images) {
+      entry.push_back(image.empty() ? "" : DigestOrNothing(image));
+    }
+    json["images"].push_back(entry);
+  }
+  json["left_out"] = nlohmann::ordered_json::array();
+  for (const LeftOut& entry : config.data.left_out) json["left_out"].push_back(entry.name);
+  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
 std::optional<RunResult> CurrentResult(const std::filesystem::path& output, const RunConfig& config) {
   const std::filesystem::path inputs = output / "inputs.json";
   std::error_code error;

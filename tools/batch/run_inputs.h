@@ -6,6 +6,7 @@
 #include <string>
 
 #include "heba/evaluation/evaluation.h"
+#include "tools/config/rig_config.h"
 #include "tools/config/run_config.h"
 
 namespace heba {
@@ -13,6 +14,7 @@ namespace heba {
 // Returns the text of a run's inputs.json: digests of the program, of the config as used and of every file that it
 // reads. The digest of a file that cannot be read is empty.
 std::string RunInputsText(const RunConfig& config);
+std::string RunInputsText(const RigConfig& config);
 
 // Returns the complete result in `output` if it was made from the same inputs; nothing otherwise, or if it cannot be
 // read.

@@ -1,3 +1,4 @@
+#include "tools/config/common_keys.h"
 #include "tools/config/finished_run.h"
 
 #include "heba/base/error.h"

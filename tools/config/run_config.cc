@@ -10,6 +10,7 @@
 #include "solvers/closed_form/hand_eye_method.h"
 #include "solvers/residuals/loss.h"
 #include "tools/config/capture_section.h"
+#include "tools/config/common_keys.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
 #include "tools/run/captures.h"
@@ -56,38 +57,20 @@ void ReadTargetSection(MapReader& root, RunConfig* config) {
   }
 }
 
-// Converts the camera of a file or of an imported data set to `model`, if one is requested.
-Camera AsModel(const Camera& camera, const std::optional<std::string>& model, const ConfigValue& asked) {
-  if (!model) return camera;
-  const std::optional<Camera> converted = ConvertCamera(camera, *model);
-  if (!converted) {
-    asked.Fail("contains a " + camera.model + " camera, which cannot be converted to " + *model +
-               "; leave camera.model out or estimate the intrinsics");
-  }
-  return *converted;
-}
-
 void ReadCameraSection(MapReader& root, RunConfig* config) {
   MapReader reader = root.Section("camera");
-  std::optional<std::string> model;
-  if (const std::optional<ConfigValue> model_value = reader.Find("model")) {
-    std::vector<std::string> names = CameraModelNames();
-    names.emplace_back("auto");
-    model = model_value->AsChoice(names);
-    if (*model == "auto") model.reset();
+  CameraKeys keys = ReadCameraKeys(reader);
+  if (!keys.camera && config->imported && config->imported->camera) {
+    keys.source = config->imported->files.front().string();
+    keys.camera = AsModel(*config->imported->camera, keys.model, root.Get("captures"));
   }
-  if (const std::optional<ConfigValue> file = reader.Find("intrinsics")) {
-    const fs::path path = reader.Path("intrinsics");
-    config->data.camera_source = path.string();
-    config->data.camera = AsModel(ReadCameraFile(path), model, *file);
-    config->options.camera_model = config->data.camera->model;
-  } else if (config->imported && config->imported->camera) {
-    config->data.camera_source = config->imported->files.front().string();
-    config->data.camera = AsModel(*config->imported->camera, model, root.Get("captures"));
-    config->options.camera_model = config->data.camera->model;
+  if (keys.camera) {
+    config->data.camera_source = keys.source;
+    config->data.camera = keys.camera;
+    config->options.camera_model = keys.camera->model;
   } else {
-    config->options.choose_camera_model = !model;
-    config->options.camera_model = model.value_or("auto");
+    config->options.choose_camera_model = keys.model.empty();
+    config->options.camera_model = keys.model.empty() ? "auto" : keys.model;
   }
   reader.Record("model", YAML::Node(config->options.camera_model));
   reader.Finish();
@@ -153,40 +136,15 @@ void ReadIntrinsicsPrior(MapReader* refine, RunConfig* config) {
   config->options.bundle.camera_prior = CameraPrior{config->data.camera->params, *sigmas};
 }
 
-// Reads "auto", "none" (or "exact"), or the list of the unknown parts of the target's shape.
-void ReadFreeShape(MapReader* refine, RunConfig* config) {
-  const std::vector<std::string> names(kTargetShapeGroupNames.begin(), kTargetShapeGroupNames.end());
-  YAML::Node groups(YAML::NodeType::Sequence);
-  const std::optional<ConfigValue> free = refine->Find("target_shape");
-  if (!free || free->IsText()) {
-    const std::string name = free ? free->AsChoice({"auto", "none", "exact"}) : "auto";
-    config->options.choose.target_shape = name == "auto";
-    refine->Record("target_shape", YAML::Node(name));
-    return;
-  }
-  for (const ConfigValue& item : free->AsList()) {
-    const std::string name = item.AsChoice(names);
-    const auto index = std::find(names.begin(), names.end(), name) - names.begin();
-    config->options.bundle.free_shape.push_back(static_cast<TargetShapeGroup>(index));
-    groups.push_back(name);
-  }
-  refine->Record("target_shape", groups);
-}
-
 void ReadRefine(MapReader& root, RunConfig* config) {
   MapReader reader = root.Section("refine");
   config->options.bundle.free_intrinsics = ReadFreeIntrinsics(reader, config->options.bundle.free_intrinsics);
-  ReadFreeShape(&reader, config);
+  const FreeShape shape = ReadFreeShape(reader);
+  config->options.choose.target_shape = shape.is_chosen;
+  config->options.bundle.free_shape = shape.groups;
   ReadRobotModel(&reader, config);
   ReadKinematics(reader, config);
-  const std::optional<ConfigValue> pixel_noise = reader.Find("pixel_noise");
-  if (pixel_noise && !(pixel_noise->IsText() && pixel_noise->node().Scalar() == "auto")) {
-    config->options.bundle.pixel_noise_px = pixel_noise->AsQuantity(Quantity::kPixels);
-    if (!(*config->options.bundle.pixel_noise_px > 0)) pixel_noise->Fail("must be greater than zero");
-    reader.Record("pixel_noise", QuantityNode(*config->options.bundle.pixel_noise_px, Quantity::kPixels));
-  } else {
-    reader.Record("pixel_noise", YAML::Node("auto"));
-  }
+  config->options.bundle.pixel_noise_px = ReadPixelNoise(reader);
   ReadIntrinsicsPrior(&reader, config);
   config->options.bundle.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
   reader.Finish();
@@ -263,26 +221,6 @@ void ReadEvaluate(MapReader& root, RunConfig* config) {
 
 }  // namespace
 
-std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key) {
-  // A target that states its type replaces the one of the base file, because another type has other keys.
-  const ConfigValue value = reader.Get(key).DownTo({"type", "target_type"});
-  MapReader target_reader(value.IsMap() ? value : ReadYamlFile(value.AsPath()));
-  std::shared_ptr<const Target> target = CreateTarget(target_reader);
-  reader.Record(key, target_reader.used());
-  return target;
-}
-
-std::string ReadFolderName(MapReader& reader, const std::string& fallback) {
-  const std::string name = reader.Text("name", fallback);
-  constexpr size_t kLongestName = 200;  // File systems allow 255 bytes; the names of staged folders are longer.
-  const bool has_control =
-      std::any_of(name.begin(), name.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
-  if (name.find('/') != std::string::npos || name == "." || name == ".." || has_control || name.size() > kLongestName) {
-    reader.Get("name").Fail("'" + name + "' cannot name a folder");
-  }
-  return name;
-}
-
 std::vector<std::string> ReadMethods(MapReader& reader) {
   const std::optional<ConfigValue> methods = reader.Find("methods");
   if (!methods || (methods->IsText() && methods->AsText() == "all")) {
@@ -300,43 +238,6 @@ std::vector<std::string> ReadMethods(MapReader& reader) {
   return names;
 }
 
-std::vector<ParameterGroup> ReadFreeIntrinsics(MapReader& reader, const std::vector<ParameterGroup>& fallback) {
-  std::vector<ParameterGroup> groups = fallback;
-  if (const std::optional<ConfigValue> free = reader.Find("intrinsics")) {
-    groups.clear();
-    const std::vector<std::string> names(std::begin(kParameterGroupNames), std::end(kParameterGroupNames));
-    for (const ConfigValue& item : free->AsList()) {
-      const std::string name = item.AsChoice(names);
-      const auto group = static_cast<ParameterGroup>(std::find(names.begin(), names.end(), name) - names.begin());
-      if (std::find(groups.begin(), groups.end(), group) != groups.end()) item.Fail("is listed twice");
-      groups.push_back(group);
-    }
-  }
-  YAML::Node used(YAML::NodeType::Sequence);
-  for (const ParameterGroup group : groups) {
-    used.push_back(std::string(kParameterGroupNames[static_cast<size_t>(group)]));
-  }
-  reader.Record("intrinsics", used);
-  return groups;
-}
-
-namespace {
-
-// Reads the user's own texts, for the record.
-void ReadAbout(MapReader& root, RunConfig* config) {
-  const std::optional<ConfigValue> about = root.Find("about");
-  if (!about) return;
-  if (!about->IsMap()) about->Fail("a mapping is needed, such as {camera: serial number 4711}");
-  MapReader reader(*about);
-  for (const auto& entry : about->node()) {
-    const std::string key = entry.first.Scalar();
-    config->data.about.emplace_back(key, reader.Text(key));
-  }
-  root.Record("about", reader.used());
-}
-
-}  // namespace
-
 RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& settings) {
   RunConfig config;
   config.file = path;
@@ -345,7 +246,7 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
   MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
   config.data.name = ReadFolderName(reader, path.stem().string());
-  ReadAbout(reader, &config);
+  config.data.about = ReadAbout(reader);
   const YAML::Node captures_used = ReadCaptures(reader.Get("captures"), &config);
   if (!config.data_files.empty()) config.data.detections_source = config.data_files.front().string();
   ReadRobotSection(reader, &config);

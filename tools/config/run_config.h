@@ -44,13 +44,7 @@ struct RunConfig {
 // (--set) take precedence over the files. Throws InputError on any error.
 RunConfig ReadRunConfig(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
 
-// Reads a target from a mapping, or from the file that a path names; `reader` records it for the config as used.
-std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);
-// Reads the key `name`, which must be able to name a folder.
-std::string ReadFolderName(MapReader& reader, const std::string& fallback);
 // Reads the key `methods`: a list without repetitions, or `all`, the default, which is returned as an empty list.
 std::vector<std::string> ReadMethods(MapReader& reader);
-// Reads the key `intrinsics`, the groups of free parameters: a list without repetitions.
-std::vector<ParameterGroup> ReadFreeIntrinsics(MapReader& reader, const std::vector<ParameterGroup>& fallback);
 
 }  // namespace heba

@@ -1,3 +1,4 @@
+#include "tools/config/common_keys.h"
 #include "tools/config/scene_config.h"
 
 #include <limits>

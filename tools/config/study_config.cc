@@ -1,3 +1,4 @@
+#include "tools/config/common_keys.h"
 #include "tools/config/study_config.h"
 
 #include <algorithm>

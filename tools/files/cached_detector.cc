@@ -46,6 +46,10 @@ CaptureDetection CachedDetector::Detect(const std::filesystem::path& image,
 
 DetectFunction CachedDetection(const Dataset& dataset, const std::string& target_used) {
   if (!dataset.given_detections.empty() || !dataset.target_poses.empty()) return {};
+  return CachedDetection(target_used);
+}
+
+DetectFunction CachedDetection(const std::string& target_used) {
   const auto detector = std::make_shared<const CachedDetector>(target_used);
   return [detector](const std::filesystem::path& image, const std::optional<ImageSize>& expected) {
     return detector->Detect(image, expected);

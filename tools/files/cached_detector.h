@@ -39,5 +39,6 @@ class CachedDetector {
 // Returns a function that detects by a CachedDetector, for RunOptions::detect and DetectCaptures; an empty one if the
 // data set has no images to search.
 DetectFunction CachedDetection(const Dataset& dataset, const std::string& target_used);
+DetectFunction CachedDetection(const std::string& target_used);
 
 }  // namespace heba

@@ -14,8 +14,11 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
 #include "tools/pages/arm_section.h"
+#include "tools/pages/cell_figure.h"
 #include "tools/pages/page.h"
+#include "tools/pages/page_numbers.h"
 #include "tools/pages/report_charts.h"
+#include "tools/pages/residual_sections.h"
 #include "tools/text/result_text.h"
 
 namespace heba {
@@ -23,41 +26,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Rounds to `digits` decimals, which limits the size of the page.
-double Rounded(double value, int digits) {
-  const double power = std::pow(10.0, digits);
-  return std::round(value * power) / power;
-}
-
-Json PoseJson(const Rigid3d& pose) {
-  const Eigen::Vector3d& t = pose.translation;
-  const Eigen::Vector4d& q = pose.rotation.coeffs();
-  return Json{{"t", {Rounded(t.x(), 6), Rounded(t.y(), 6), Rounded(t.z(), 6)}},
-              {"q", {Rounded(q[0], 7), Rounded(q[1], 7), Rounded(q[2], 7), Rounded(q[3], 7)}}};
-}
-
 const ReportedCapture* FindView(const std::vector<ReportedCapture>& captures, const std::string& image) {
   const auto found =
       std::find_if(captures.begin(), captures.end(), [&](const ReportedCapture& view) { return view.image == image; });
   return found == captures.end() ? nullptr : &*found;
-}
-
-std::string Section(const std::string& heading, const std::string& content) {
-  return "<section>" + Heading(heading) + content + "</section>\n";
-}
-
-// Returns the rays of the image corners in the camera frame, clockwise from the upper left.
-Json CornerRays(const Camera& camera) {
-  Json rays = Json::array();
-  for (const auto& [x, y] : {std::pair(0.0, 0.0), std::pair(1.0, 0.0), std::pair(1.0, 1.0), std::pair(0.0, 1.0)}) {
-    const Eigen::Vector2d corner(x * camera.width_px - 0.5, y * camera.height_px - 0.5);
-    // If the distortion cannot be inverted at the corner, the undistorted pinhole ray is used.
-    const Eigen::Vector3d straight((corner.x() - camera.params[2]) / camera.params[0],
-                                   (corner.y() - camera.params[3]) / camera.params[1], 1);
-    const Eigen::Vector3d ray = UnprojectPixel(camera, corner).value_or(straight.normalized());
-    rays.push_back({Rounded(ray.x(), 5), Rounded(ray.y(), 5), Rounded(ray.z(), 5)});
-  }
-  return rays;
 }
 
 // Describes the distances between camera, target and their mounts.
@@ -82,27 +54,35 @@ std::string DistancesText(const RunResult& result, const Estimate& refined,
 
 std::string SetUpSection(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures,
                          const Points3& target_points) {
-  const Camera& camera = refined.camera;
-  const Eigen::Vector3d low = target_points.rowwise().minCoeff();
-  const Eigen::Vector3d high = target_points.rowwise().maxCoeff();
-  Json data{{"setup", SetupName(result.setup)},
-            {"mount_from_camera", PoseJson(refined.hand_eye.camera_mount_from_camera)},
-            {"mount_from_target", PoseJson(refined.hand_eye.target_mount_from_target)},
-            {"corners", CornerRays(camera)},
-            {"target_size", {low.x(), low.y(), high.x(), high.y()}},
-            {"captures", Json::array()}};
-  for (size_t i = 0; i < result.captures.size(); ++i) {
-    const CaptureResult& capture = result.captures[i];
+  const bool is_fixed = result.setup == Setup::kEyeToHand;
+  const Mount base{0, Mount::Part::kBase};
+  const Mount gripper{0, Mount::Part::kGripper};
+  ShownCell cell;
+  cell.arms = {{"base", Rigid3d(), {}}};
+  cell.cameras = {{"camera", is_fixed ? base : gripper, refined.hand_eye.camera_mount_from_camera, refined.camera}};
+  cell.targets = {{"target", is_fixed ? gripper : base, refined.hand_eye.target_mount_from_target, target_points}};
+  for (const CaptureResult& capture : result.captures) {
     const ReportedCapture* view = FindView(captures, capture.image);
     if (view == nullptr) continue;
-    data["captures"].push_back(Json{{"image", capture.image},
-                                    {"number", i + 1},
-                                    {"used", capture.used},
-                                    {"base_from_gripper", PoseJson(view->base_from_gripper)}});
+    cell.arms.front().base_from_gripper.push_back(view->base_from_gripper);
+    cell.is_used.push_back(capture.used);
   }
+  if (cell.is_used.empty()) return "";
+  const Eigen::Vector3d low = target_points.rowwise().minCoeff();
+  const Eigen::Vector3d high = target_points.rowwise().maxCoeff();
   const Eigen::Vector3d middle = 0.5 * (low + high);
-  return Section("Setup", ViewFigure("set-up", "", data, SetUpChart(result, refined, captures, middle)) +
-                              Paragraph(DistancesText(result, refined, captures, middle)));
+  return PageSection("Setup", CellFigure(cell) + Paragraph(DistancesText(result, refined, captures, middle)));
+}
+
+// Returns what the sections on residuals show.
+CameraResiduals ResidualsOf(const RunResult& result, const Estimate& refined,
+                            const std::vector<ReportedCapture>& captures) {
+  CameraResiduals residuals{refined.camera, refined.solution->pixel_sigma_px, refined.errors.reprojection_rms_px, {}};
+  for (const CaptureResult& capture : result.captures) {
+    residuals.images.push_back(
+        {capture.image, capture.used, capture.reason, capture.rms_px, FindView(captures, capture.image)});
+  }
+  return residuals;
 }
 
 std::string UncertaintySection(const RunResult& result, const Estimate& refined) {
@@ -136,7 +116,7 @@ std::string UncertaintySection(const RunResult& result, const Estimate& refined)
                  "sigma (filled) and 95 % (dashed), along and about the camera's axes; z is its "
                  "optical axis.",
                  Json{{"ellipses", ellipses}}, "<div class=\"charts\">" + pictures + "</div>");
-  return figure.empty() ? "" : Section("Uncertainty at the working point", figure);
+  return figure.empty() ? "" : PageSection("Uncertainty at the working point", figure);
 }
 
 std::string CorrelationSection(const Estimate& refined) {
@@ -153,7 +133,7 @@ std::string CorrelationSection(const Estimate& refined) {
   const std::string figure =
       ViewFigure("correlation", "Strong colours off the diagonal mark parameters that the captures cannot separate.",
                  Json{{"names", names}, {"matrix", rows}}, CorrelationChart(names, correlation));
-  return figure.empty() ? "" : Section("Parameter correlation", figure);
+  return figure.empty() ? "" : PageSection("Parameter correlation", figure);
 }
 
 std::string MethodsSection(const RunResult& result) {
@@ -193,105 +173,12 @@ std::string MethodsSection(const RunResult& result) {
   for (const auto& [reason, methods] : MethodsWithoutResult(result)) {
     without += Paragraph(methods + ": no result, " + reason);
   }
-  return Section("Methods", Paragraph("RMS reprojection error: on the captures that the "
+  return PageSection("Methods", Paragraph("RMS reprojection error: on the captures that the "
                                       "estimate was computed from, and on captures that it has not seen.") +
                                 ViewFigure("dumbbells", "",
                                            Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}},
                                            MethodsChart(result)) +
                                 HtmlTable(head, rows) + without);
-}
-
-// Returns the captures whose images are embedded. Images make a page large, so at most 100 are embedded: unused
-// captures first, then those with the largest RMS.
-std::set<std::string> ImagesToShow(const RunResult& result) {
-  constexpr size_t kMaxImages = 100;
-  std::vector<const CaptureResult*> order;
-  for (const CaptureResult& capture : result.captures) order.push_back(&capture);
-  std::stable_sort(order.begin(), order.end(), [](const CaptureResult* a, const CaptureResult* b) {
-    if (a->used != b->used) return !a->used;
-    return a->rms_px.value_or(0) > b->rms_px.value_or(0);
-  });
-  if (order.size() > kMaxImages) order.resize(kMaxImages);
-  std::set<std::string> images;
-  for (const CaptureResult* capture : order) images.insert(capture->image);
-  return images;
-}
-
-// Returns x, y and the residual (predicted minus observed), px, of each point for which `keep` returns true.
-Json PointsJson(const Points2& pixels, const Points2& residuals, const std::function<bool()>& keep) {
-  Json points = Json::array();
-  for (Eigen::Index i = 0; i < pixels.cols(); ++i) {
-    if (!keep()) continue;
-    for (const double value : {Rounded(pixels(0, i), 2), Rounded(pixels(1, i), 2), Rounded(residuals(0, i), 4),
-                               Rounded(residuals(1, i), 4)}) {
-      points.push_back(value);
-    }
-  }
-  return points;
-}
-
-// Pages with more points would be too large; they hold an evenly spaced sample.
-constexpr Eigen::Index kMaxPoints = 40'000;
-
-Eigen::Index NumPoints(const std::vector<ReportedCapture>& captures) {
-  Eigen::Index num_points = 0;
-  for (const ReportedCapture& view : captures) num_points += view.pixels.cols();
-  return num_points;
-}
-
-std::string CapturesData(const RunResult& result, const Estimate& refined,
-                         const std::vector<ReportedCapture>& captures) {
-  // Multiples of the golden ratio modulo 1 sample evenly, whatever the order of the points on the target.
-  const double share = std::min(1.0, static_cast<double>(kMaxPoints) / static_cast<double>(NumPoints(captures)));
-  double place = 0;
-  const auto keep = [&] {
-    place += std::numbers::phi;
-    place -= std::floor(place);
-    return place <= share;
-  };
-  const std::set<std::string> images = ImagesToShow(result);
-  Json data{{"image_size", {refined.camera.width_px, refined.camera.height_px}},
-            {"centre", {refined.camera.params[2], refined.camera.params[3]}},
-            {"rms_px", OrNull(refined.errors.reprojection_rms_px)},
-            {"sigma_px", refined.solution->pixel_sigma_px},
-            {"captures", Json::array()}};
-  for (const CaptureResult& capture : result.captures) {
-    const ReportedCapture* view = FindView(captures, capture.image);
-    const bool has_image = view != nullptr && !view->small_jpeg.empty() && images.count(capture.image) > 0;
-    data["captures"].push_back(
-        Json{{"image", capture.image},
-             {"used", capture.used},
-             {"reason", capture.reason},
-             {"rms_px", OrNull(capture.rms_px)},
-             {"points", view != nullptr ? PointsJson(view->pixels, view->residuals, keep) : Json::array()},
-             {"left_out",
-              view != nullptr ? PointsJson(view->left_out_pixels, view->left_out_residuals, keep) : Json::array()},
-             {"picture", has_image ? Json(ToBase64(view->small_jpeg)) : Json(nullptr)}});
-  }
-  return SharedData("captures", data);
-}
-
-std::string ResidualSections(const RunResult& result, const Estimate& refined,
-                             const std::vector<ReportedCapture>& captures) {
-  const Camera& camera = refined.camera;
-  const std::string sample = NumPoints(captures) > kMaxPoints ? " An evenly spaced sample of the points is shown." : "";
-  const std::string field = SharedViewFigure(
-      "residual-field", "Residuals (predicted minus observed) of the inliers. Click to open the capture." + sample,
-      "captures", ResidualFieldChart(camera, captures));
-  if (field.empty()) return "";
-  const std::string cells = SharedViewFigure(
-      "coverage", "Percentage of the inliers. Cells without points do not constrain the lens model." + sample,
-      "captures", CoverageChart(camera, captures));
-  const std::string radius = SharedViewFigure("residual-radius", "", "captures", ResidualRadiusChart(camera, captures));
-  const std::string histogram = SharedViewFigure(
-      "histogram", "Residual coordinates of the inliers, and the normal distribution of the stated sigma.", "captures",
-      HistogramChart(refined.solution->pixel_sigma_px, captures));
-  const std::string bars =
-      SharedViewFigure("capture-bars", "The dashed line is the RMS of all points. Click to open the capture.",
-                       "captures", CaptureBarsChart(result));
-  return "<div class=\"columns\">\n" + Section("Residuals over the image", field) + Section("Image coverage", cells) +
-         Section("Residuals by radius", radius) + Section("Residual histogram", histogram) +
-         Section("Residuals by capture", bars) + "</div>\n";
 }
 
 std::string CaptureSection(const RunResult& result) {
@@ -337,8 +224,9 @@ std::string ReportPage(const RunResult& result, const std::vector<ReportedCaptur
   if (refined == nullptr) {
     body += MethodsSection(result);
   } else {
-    body += CapturesData(result, *refined, captures) + SetUpSection(result, *refined, captures, target_points) +
-            MethodsSection(result) + ResidualSections(result, *refined, captures) +
+    const CameraResiduals residuals = ResidualsOf(result, *refined, captures);
+    body += ResidualData("captures", residuals) + SetUpSection(result, *refined, captures, target_points) +
+            MethodsSection(result) + ResidualSections("captures", residuals, CaptureBarsChart(result)) +
             UncertaintySection(result, *refined) + ArmSection(result, *refined, captures) +
             CorrelationSection(*refined);
   }

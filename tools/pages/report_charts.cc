@@ -168,45 +168,6 @@ std::string CaptureBarsChart(const RunResult& result) {
   return chart.Svg();
 }
 
-std::string SetUpChart(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures,
-                       const Eigen::Vector3d& target_middle) {
-  const bool is_fixed = result.setup == Setup::kEyeToHand;
-  std::vector<Eigen::Vector3d> cameras;
-  std::vector<Eigen::Vector3d> targets;
-  const HandEye& hand_eye = refined.hand_eye;
-  for (const ReportedCapture& view : captures) {
-    const Rigid3d camera =
-        is_fixed ? hand_eye.camera_mount_from_camera : view.base_from_gripper * hand_eye.camera_mount_from_camera;
-    const Rigid3d target =
-        is_fixed ? view.base_from_gripper * hand_eye.target_mount_from_target : hand_eye.target_mount_from_target;
-    cameras.push_back(camera.translation);
-    targets.push_back(target * target_middle);
-  }
-  if (cameras.empty()) return "";
-  std::vector<Eigen::Vector3d> all = {Eigen::Vector3d::Zero()};
-  all.insert(all.end(), cameras.begin(), cameras.end());
-  all.insert(all.end(), targets.begin(), targets.end());
-  Eigen::Vector3d low = all.front();
-  Eigen::Vector3d high = all.front();
-  for (const Eigen::Vector3d& place : all) {
-    low = low.cwiseMin(place);
-    high = high.cwiseMax(place);
-  }
-  const Eigen::Vector3d middle = 500 * (low + high);
-  const double reach = std::max(650 * (high - low).head<2>().maxCoeff(), 1.0);
-  constexpr double kLeft = 56;
-  const double height = kWidth - kLeft - kChartRight + kChartTop + kChartBottom;
-  StaticChart chart(kWidth, height, {"base x, mm", middle.x() - reach, middle.x() + reach},
-                    {"base y, mm (plan view)", middle.y() - reach, middle.y() + reach});
-  for (const Eigen::Vector3d& target : targets) chart.Dot(1000 * target.x(), 1000 * target.y(), 4, "first");
-  for (const Eigen::Vector3d& camera : cameras) chart.Dot(1000 * camera.x(), 1000 * camera.y(), 4, "second");
-  chart.Dot(0, 0, 4, "ink");
-  chart.Text(0, 0, "\u00a0\u00a0base", "start");
-  const Eigen::Vector3d& still = is_fixed ? cameras.front() : targets.front();
-  chart.Text(1000 * still.x(), 1000 * still.y(), is_fixed ? "\u00a0\u00a0camera" : "\u00a0\u00a0target", "start");
-  return chart.Svg();
-}
-
 std::string EllipseChart(const std::string& x, const std::string& y, const Eigen::Matrix2d& covariance,
                          double reach_95) {
   const double largest = std::sqrt(covariance.diagonal().maxCoeff());

@@ -15,10 +15,6 @@ std::string CoverageChart(const Camera& camera, const std::vector<ReportedCaptur
 std::string ResidualRadiusChart(const Camera& camera, const std::vector<ReportedCapture>& captures);
 std::string HistogramChart(double sigma_px, const std::vector<ReportedCapture>& captures);
 std::string CaptureBarsChart(const RunResult& result);
-// Returns a plan view in the base frame, x to the right and y upwards, with the positions of the base, cameras and
-// targets.
-std::string SetUpChart(const RunResult& result, const Estimate& refined, const std::vector<ReportedCapture>& captures,
-                       const Eigen::Vector3d& target_middle);
 // Returns a chart of the one-sigma ellipse and the 95 % ellipse of two coordinates. `reach_95` is the size of the
 // latter in sigmas.
 std::string EllipseChart(const std::string& x, const std::string& y, const Eigen::Matrix2d& covariance,

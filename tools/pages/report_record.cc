@@ -32,30 +32,6 @@ std::string FindingItem(const Finding& finding) {
   return item + "</li>\n";
 }
 
-// Lists the causes, then their symptoms, then the findings that are good, each finding once.
-std::string VerdictPart(const Verdict& verdict) {
-  const std::string grade(GradeName(verdict.grade));
-  std::string causes;
-  std::string signs;
-  std::string good;
-  size_t num_good = 0;
-  for (const Finding& finding : verdict.findings) {
-    const bool is_good = finding.grade == Grade::kGood;
-    num_good += is_good ? 1 : 0;
-    (is_good ? good : (finding.is_cause ? causes : signs)) += FindingItem(finding);
-  }
-  const auto list = [](const std::string& items) { return "<ul class=\"findings\">\n" + items + "</ul>\n"; };
-  std::string part = "<p class=\"verdict " + grade + "\">This calibration is <strong>" + grade + "</strong>.</p>\n";
-  if (!causes.empty()) part += "<h3>Cause</h3>\n" + list(causes);
-  if (!signs.empty()) part += (causes.empty() ? "<h3>Points to check</h3>\n" : "<h3>Symptoms</h3>\n") + list(signs);
-  if (!good.empty()) {
-    part += verdict.grade == Grade::kGood
-                ? list(good)
-                : Details("Checks that passed (" + std::to_string(num_good) + ")", list(good));
-  }
-  return part;
-}
-
 // Shows the figures that users need first.
 std::string TilesPart(const RunResult& result, const Estimate& refined) {
   std::string tiles = "<dl class=\"tiles\">\n";
@@ -250,6 +226,29 @@ std::string TimeNow() {
   std::array<char, 32> text{};
   std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M UTC", &utc);
   return text.data();
+}
+
+std::string VerdictPart(const Verdict& verdict) {
+  const std::string grade(GradeName(verdict.grade));
+  std::string causes;
+  std::string signs;
+  std::string good;
+  size_t num_good = 0;
+  for (const Finding& finding : verdict.findings) {
+    const bool is_good = finding.grade == Grade::kGood;
+    num_good += is_good ? 1 : 0;
+    (is_good ? good : (finding.is_cause ? causes : signs)) += FindingItem(finding);
+  }
+  const auto list = [](const std::string& items) { return "<ul class=\"findings\">\n" + items + "</ul>\n"; };
+  std::string part = "<p class=\"verdict " + grade + "\">This calibration is <strong>" + grade + "</strong>.</p>\n";
+  if (!causes.empty()) part += "<h3>Cause</h3>\n" + list(causes);
+  if (!signs.empty()) part += (causes.empty() ? "<h3>Points to check</h3>\n" : "<h3>Symptoms</h3>\n") + list(signs);
+  if (!good.empty()) {
+    part += verdict.grade == Grade::kGood
+                ? list(good)
+                : Details("Checks that passed (" + std::to_string(num_good) + ")", list(good));
+  }
+  return part;
 }
 
 std::string RecordSection(const RunResult& result, const ReportContext& context) {

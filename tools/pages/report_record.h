@@ -20,6 +20,9 @@ struct ReportContext {
 // Returns the current time in UTC, to the minute. SOURCE_DATE_EPOCH in the environment takes precedence.
 std::string TimeNow();
 
+// Returns the markup of a verdict: the causes, then their symptoms, then the findings that are good, each finding once.
+std::string VerdictPart(const Verdict& verdict);
+
 // Returns markup. If the result has no refined estimate, the pose of the last successful estimate is shown.
 std::string RecordSection(const RunResult& result, const ReportContext& context);
 

@@ -478,6 +478,9 @@ FindingText FindingWords(const Finding& finding) {
 
 void Describe(Finding* finding) {
   FindingText words = FindingWords(*finding);
+  // A finding about one of several cameras names it.
+  const std::optional<std::string> camera = finding->Name("of_camera");
+  if (camera && finding->text.empty()) words.text = "camera " + *camera + ": " + words.text;
   DescribeAll(&finding->parts);
   finding->text = std::move(words.text);
   finding->action = std::move(words.action);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 
 #include "heba/base/text.h"
@@ -11,19 +10,6 @@
 
 namespace heba {
 namespace {
-
-// Formats a figure for a column of `width`, which begins with a space. The number of digits is reduced until it fits.
-std::string Cell(const std::optional<double>& value, int digits, size_t width) {
-  if (!value) return "-";
-  constexpr double kRounding = 1e-9;
-  if (std::abs(*value) < kRounding) return "0";
-  std::string text = Significant(*value, digits);
-  while (text.size() >= width && digits > 1) text = Significant(*value, --digits);
-  if (text.size() < width) return text;
-  char buffer[32];
-  std::snprintf(buffer, sizeof(buffer), "%.0e", *value);
-  return buffer;
-}
 
 double SigmaAt(const Covariance& covariance, Eigen::Index i) { return std::sqrt(covariance.matrix(i, i)); }
 
@@ -59,17 +45,6 @@ std::string NoiseLine(const Solution& solution, const std::optional<double>& hol
   return line + "\n";
 }
 
-// Returns the grade, then the findings that keep it from being good, each with its action.
-std::string VerdictLines(const Verdict& verdict, const std::string& bold, const std::string& plain) {
-  std::string lines = bold + "verdict: " + std::string(GradeName(verdict.grade)) + plain + "\n";
-  for (const Finding& finding : verdict.findings) {
-    if (finding.grade == Grade::kGood) continue;
-    lines += "  " + std::string(GradeName(finding.grade)) + " [" + finding.code + "]: " + finding.text + "\n";
-    if (!finding.action.empty()) lines += "    -> " + finding.action + "\n";
-  }
-  return lines;
-}
-
 }  // namespace
 
 std::string ResultTable(const RunResult& result, Colour colour) {
@@ -83,7 +58,7 @@ std::string ResultTable(const RunResult& result, Colour colour) {
   std::string table = bold + result.name + plain + ": " + std::string(SetupName(result.setup)) + ", " +
                       result.target_type + ", " + std::to_string(used) + " of " +
                       std::to_string(result.captures.size()) + " captures used\n" +
-                      VerdictLines(result.verdict, bold, plain) + "\n";
+                      VerdictLines(result.verdict, colour) + "\n";
   // Title, unit and figure of each column; the table is 80 characters wide.
   struct Column {
     const char* title;
@@ -121,7 +96,7 @@ std::string ResultTable(const RunResult& result, Colour colour) {
     if (is_last) table += bold;
     table += PadRight(estimate.method, kMethodWidth);
     for (const Column& column : columns) {
-      table += PadLeft(Cell(column.figure(estimate.errors), column.digits, column.width), column.width);
+      table += PadLeft(FigureCell(column.figure(estimate.errors), column.digits, column.width), column.width);
     }
     if (is_last) table += plain;
     table += "\n";

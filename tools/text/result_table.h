@@ -4,10 +4,9 @@
 #include <string>
 
 #include "heba/evaluation/evaluation.h"
+#include "tools/text/result_text.h"
 
 namespace heba {
-
-enum class Colour { kPlain, kAnsi };
 
 // Returns a table of the methods, closed-form and refined, below the verdict, followed by the refined pose and its
 // uncertainty. At most 80 columns wide, except for long texts.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "heba/base/text.h"
 #include "heba/base/units.h"
@@ -104,6 +105,30 @@ std::string CsvField(const std::string& text_in) {
   std::string quoted = "\"";
   for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
   return quoted + "\"";
+}
+
+std::string FigureCell(const std::optional<double>& value, int digits, size_t width) {
+  if (!value) return "-";
+  constexpr double kRounding = 1e-9;
+  if (std::abs(*value) < kRounding) return "0";
+  std::string text = Significant(*value, digits);
+  while (text.size() >= width && digits > 1) text = Significant(*value, --digits);
+  if (text.size() < width) return text;
+  char buffer[32];
+  std::snprintf(buffer, sizeof(buffer), "%.0e", *value);
+  return buffer;
+}
+
+std::string VerdictLines(const Verdict& verdict, Colour colour) {
+  const std::string bold = colour == Colour::kAnsi ? "\x1b[1m" : "";
+  const std::string plain = colour == Colour::kAnsi ? "\x1b[0m" : "";
+  std::string lines = bold + "verdict: " + std::string(GradeName(verdict.grade)) + plain + "\n";
+  for (const Finding& finding : verdict.findings) {
+    if (finding.grade == Grade::kGood) continue;
+    lines += "  " + std::string(GradeName(finding.grade)) + " [" + finding.code + "]: " + finding.text + "\n";
+    if (!finding.action.empty()) lines += "    -> " + finding.action + "\n";
+  }
+  return lines;
 }
 
 }  // namespace heba

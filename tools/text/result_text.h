@@ -31,6 +31,13 @@ std::string HandEyePoseText(const Estimate& estimate);
 // Formats a figure with three significant digits, or "-".
 std::string FigureText(const std::optional<double>& value);
 
+// Formats a figure for a column of `width`, which begins with a space. The number of digits is reduced until it fits.
+std::string FigureCell(const std::optional<double>& value, int digits, size_t width);
+
+enum class Colour { kPlain, kAnsi };
+// Returns the grade, then the findings that keep it from being good, each with its action.
+std::string VerdictLines(const Verdict& verdict, Colour colour);
+
 // Describes the noise of the robot's poses: "0.3 mm and 0.02 deg", and that of the joints and the smooth errors if they
 // are modelled. `solution.robot_noise` must be set.
 std::string RobotNoiseText(const Solution& solution);

@@ -21,9 +21,8 @@ namespace heba {
 struct RigCalibrationOptions {
   RigOptions adjustment;
   // For each camera, whether RigCamera::camera is given. Otherwise its size is, and its model unless that is to be
-  // chosen. Empty: none is given.
+  // chosen, for which it is empty. An empty list: none is given.
   std::vector<bool> has_camera;
-  bool choose_camera_model = true;
   bool choose_target_shape = true;  // Otherwise RigTarget::free_shape holds.
 };
 

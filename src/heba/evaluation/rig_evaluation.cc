@@ -10,7 +10,7 @@ namespace heba {
 namespace {
 
 std::pair<std::string, std::string> CameraName(const RigResult& result, size_t camera) {
-  return {"camera", result.rig.cameras[camera].name};
+  return {"of_camera", result.rig.cameras[camera].name};
 }
 
 // Returns the largest sigma of a pose's translation or rotation.

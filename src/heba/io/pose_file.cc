@@ -148,6 +148,7 @@ struct Header {
   std::vector<std::string> names;
   std::vector<size_t> numbers;  // Positions of the format's columns, in the format's order.
   std::vector<size_t> extras;   // Positions of the columns beside the pose; empty if there are none.
+  std::vector<size_t> images;   // Positions of the cameras' images; empty if there are none.
   std::optional<size_t> image;
   std::optional<size_t> role;
 };
@@ -187,12 +188,15 @@ std::vector<size_t> ExtraPlaces(const Line& line, const std::map<std::string, si
 }
 
 Header ReadHeader(const Line& line, char separator, const PoseFormat& format,
-                  const std::vector<std::string>& extra_columns) {
+                  const std::vector<std::string>& extra_columns, const std::vector<std::string>& cameras) {
   Header header;
   header.names = Fields(line, separator);
   std::vector<std::string> known = format.columns;
   known.insert(known.end(), {std::string(kImageColumn), std::string(kRoleColumn)});
   known.insert(known.end(), extra_columns.begin(), extra_columns.end());
+  std::vector<std::string> image_columns;
+  for (const std::string& camera : cameras) image_columns.push_back(std::string(kImageColumn) + "." + camera);
+  known.insert(known.end(), image_columns.begin(), image_columns.end());
   std::map<std::string, size_t> places;
   for (size_t i = 0; i < header.names.size(); ++i) {
     const std::string& name = header.names[i];
@@ -222,6 +226,7 @@ Header ReadHeader(const Line& line, char separator, const PoseFormat& format,
     header.numbers.push_back(place->second);
   }
   header.extras = ExtraPlaces(line, places, extra_columns);
+  header.images = ExtraPlaces(line, places, image_columns);
   if (const auto place = places.find("image"); place != places.end()) header.image = place->second;
   if (const auto place = places.find("role"); place != places.end()) header.role = place->second;
   return header;
@@ -265,7 +270,8 @@ std::string WithoutBrackets(std::string_view line) {
 }
 
 std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format,
-                                const std::vector<std::string>& extra_columns) {
+                                const std::vector<std::string>& extra_columns,
+                                const std::vector<std::string>& cameras) {
   if (text.find('\0') != std::string::npos) {
     throw InputError(name.string() + ": is not a text file in UTF-8; save it as CSV in UTF-8");
   }
@@ -282,7 +288,7 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
                 "; for a file without such a line name them in the config (pose_format: {columns: [...], ...})");
   }
   const char separator = has_header ? FindSeparator(*first, format.columns.size()) : bare_separator;
-  const Header header = has_header ? ReadHeader(*first, separator, format, extra_columns) : HeaderOf(format);
+  const Header header = has_header ? ReadHeader(*first, separator, format, extra_columns, cameras) : HeaderOf(format);
 
   std::vector<PoseRow> rows;
   std::map<std::string, int> line_of_image;
@@ -329,6 +335,7 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
     for (size_t i = 0; i < header.extras.size(); ++i) {
       row.extras.push_back(ReadNumber(*line, extra_columns[i], fields[header.extras[i]]));
     }
+    for (const size_t place : header.images) row.images.push_back(fields[place]);
     rows.push_back(std::move(row));
   }
   if (rows.empty()) throw InputError(name.string() + ": has a header but no captures");
@@ -336,8 +343,9 @@ std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::
 }
 
 std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseFormat& format,
-                                  const std::vector<std::string>& extra_columns) {
-  return ParsePoses(ReadTextFile(path), path, format, extra_columns);
+                                  const std::vector<std::string>& extra_columns,
+                                  const std::vector<std::string>& cameras) {
+  return ParsePoses(ReadTextFile(path), path, format, extra_columns, cameras);
 }
 
 std::string PoseFileText(const std::vector<PoseRow>& rows, const PoseFormat& format,

@@ -19,6 +19,9 @@ struct PoseRow {
   std::vector<double> numbers = {};  // The numbers of the file, in the order of the format's columns.
   // The numbers in the columns beside the pose; empty if the file has no such columns.
   std::vector<double> extras = {};
+  // The images of the cameras that were asked for; empty if the file has no such columns, and an empty text for a camera
+  // without an image.
+  std::vector<std::string> images = {};
 };
 
 // Reads a table: a header line that names the columns (those of `format` and optionally `image` and `role`, in any
@@ -29,16 +32,19 @@ struct PoseRow {
 // its image column, the position of `image` in file_columns identifies it. Other columns are errors, unless
 // file_columns contains `-`.
 //
-// A file with a header may also have the columns `extra_columns` of numbers, all or none of them.
+// A file with a header may also have the columns `extra_columns` of numbers, all or none of them, and a column
+// `image.CAMERA` for each of `cameras`, all or none of them.
 //
 // Fields are separated by the most frequent one of commas, semicolons and tabs in the first line, or by blanks if it
 // has none of them, and may be quoted. Blank lines and lines that start with # are skipped. Throws InputError with the
 // line and column of the first fault, and also for a file over 64 MiB, for more than a million captures, and for none.
 std::vector<PoseRow> ReadPoseFile(const std::filesystem::path& path, const PoseFormat& format,
-                                  const std::vector<std::string>& extra_columns = {});
+                                  const std::vector<std::string>& extra_columns = {},
+                                  const std::vector<std::string>& cameras = {});
 // Parses text; `name` is the name of the file in messages.
 std::vector<PoseRow> ParsePoses(const std::string& text, const std::filesystem::path& name, const PoseFormat& format,
-                                const std::vector<std::string>& extra_columns = {});
+                                const std::vector<std::string>& extra_columns = {},
+                                const std::vector<std::string>& cameras = {});
 
 // Returns a line such as [[1, 2, 3], [4, 5, 6]] or p[1, 2, 3, 4, 5, 6] without brackets, comment and trailing
 // separators.

@@ -233,10 +233,11 @@ std::optional<long> NumberInName(const std::string& stem) {
   return error == std::errc() ? std::optional(number) : std::nullopt;
 }
 
-std::vector<PoseRow> ReadPoses(const fs::path& path, const PoseFormat& format) {
+std::vector<PoseRow> ReadPoses(const fs::path& path, const PoseFormat& format,
+                               const std::vector<std::string>& cameras) {
   std::error_code error;
   if (!fs::is_directory(path, error)) {
-    return SuffixOf(path) == ".npy" ? ReadPoseArray(path, format) : ReadPoseFile(path, format);
+    return SuffixOf(path) == ".npy" ? ReadPoseArray(path, format) : ReadPoseFile(path, format, {}, cameras);
   }
   std::vector<PoseRow> rows;
   for (const fs::path& file : PoseFilesOf(path)) rows.push_back(ReadOnePose(file, format));

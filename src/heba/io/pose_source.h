@@ -20,7 +20,9 @@ namespace heba {
 //       .npy: an array with the numbers of one pose.
 // The image of a row that was read from a folder is the file's name without its suffix. Throws InputError with the file
 // of the first fault.
-std::vector<PoseRow> ReadPoses(const std::filesystem::path& path, const PoseFormat& format);
+// `cameras`: ReadPoseFile, for tables.
+std::vector<PoseRow> ReadPoses(const std::filesystem::path& path, const PoseFormat& format,
+                               const std::vector<std::string>& cameras = {});
 
 // Returns the numbers of the one pose in a .yaml or .json file, by its keys. Throws InputError like ReadPoses.
 std::vector<double> PoseNumbersOfYaml(const std::filesystem::path& file, const PoseFormat& format);

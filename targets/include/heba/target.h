@@ -61,6 +61,11 @@ class Target {
   virtual Detection Detect(const cv::Mat& grey) const = 0;
   // Returns the drawing, which is created once and lives as long as the target.
   virtual const Drawing& Draw() const = 0;
+  // Returns the codes by which the target is recognised in an image, such as "tag36h11 7". Two targets without a common
+  // code can be told apart. A target without codes is recognised by its shape, which stands for one.
+  virtual std::vector<std::string> Codes() const {
+    return {std::string(type()) + " of " + std::to_string(points().size()) + " points"};
+  }
   // Returns the rotations, as target_from_target, under which the target looks the same, the identity first. A target
   // whose points carry ids or a mark has only the identity.
   virtual std::vector<Rigid3d> Symmetries() const { return {Rigid3d()}; }

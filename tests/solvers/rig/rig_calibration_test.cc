@@ -54,7 +54,10 @@ TEST(RigCalibration, FindsEveryRigFromItsImages) {
 
 TEST(RigCalibration, EstimatesCamerasThatAreNotGiven) {
   RigScene scene = MixedRig(6, {40, 0.1, {0.1e-3, DegToRad(0.02), 0}});
-  for (RigCamera& camera : scene.problem.cameras) camera.camera.params.clear();
+  for (RigCamera& camera : scene.problem.cameras) {
+    camera.camera.params.clear();
+    camera.camera.model.clear();
+  }
   const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, RigCalibrationOptions());
   ASSERT_TRUE(calibration) << calibration.reason();
   ASSERT_TRUE(calibration->refined) << calibration->refined.reason();

@@ -3,17 +3,47 @@
 #include "heba/base/error.h"
 #include "tools/batch/batch.h"
 #include "tools/batch/pipeline.h"
+#include "tools/batch/rig_pipeline.h"
 #include "tools/batch/run_inputs.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
 #include "tools/text/console.h"
 #include "tools/text/result_table.h"
 #include "tools/text/result_text.h"
+#include "tools/text/rig_table.h"
 
 namespace heba {
 namespace {
 
+// Ends a run: prints the table, and returns the exit status.
+int Finish(const std::string& config_path, const std::string& table, const std::filesystem::path& output,
+           const Verdict& verdict, std::optional<Grade> fail_on) {
+  if (!FLAGS_quiet) std::cout << ForTerminal(table) << "results: " << output.string() << std::endl;
+  if (fail_on && verdict.grade >= *fail_on) {
+    PrintError(config_path + ": " + VerdictFailure(verdict));
+    return kWorkFailed;
+  }
+  return kDone;
+}
+
+int RunOneRig(const std::string& config_path, std::optional<Grade> fail_on) {
+  const RigConfig config = ReadRigConfig(config_path, Settings());
+  const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
+  Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
+  const std::optional<RigResult> current = FLAGS_resume ? CurrentRigResult(output, config) : std::nullopt;
+  if (current) console.Note(config.data.name + ": the inputs have not changed since these results");
+  const Outcome<RigResult> result =
+      current ? Outcome<RigResult>(*current) : RunRigPipeline(config, output, NumThreads(), &console);
+  if (!result) {
+    PrintError(config_path + ": " + result.reason());
+    return kWorkFailed;
+  }
+  return Finish(config_path, RigTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain), output, result->verdict,
+                fail_on);
+}
+
 int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
+  if (IsRigConfig(config_path, Settings())) return RunOneRig(config_path, fail_on);
   const RunConfig config = ReadRunConfig(config_path, Settings());
   const std::filesystem::path output = FLAGS_out.empty() ? config.output : std::filesystem::absolute(FLAGS_out);
   Console console(FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
@@ -25,15 +55,8 @@ int RunOne(const std::string& config_path, std::optional<Grade> fail_on) {
     PrintError(config_path + ": " + result.reason());
     return kWorkFailed;
   }
-  if (!FLAGS_quiet) {
-    std::cout << ForTerminal(ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain))
-              << "results: " << output.string() << std::endl;
-  }
-  if (fail_on && result->verdict.grade >= *fail_on) {
-    PrintError(config_path + ": " + VerdictFailure(result->verdict));
-    return kWorkFailed;
-  }
-  return kDone;
+  return Finish(config_path, ResultTable(*result, UseColour() ? Colour::kAnsi : Colour::kPlain), output,
+                result->verdict, fail_on);
 }
 
 }  // namespace

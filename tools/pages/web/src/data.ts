@@ -29,13 +29,20 @@ export interface Captures {
   captures: Capture[];
 }
 
+// A camera or target, on the base or on the gripper of an arm.
+export interface Mounted {
+  name: string;
+  arm: number;
+  is_carried: boolean;
+  mount_from_body: Pose;
+}
+
 export interface SetUp {
-  setup: 'eye_to_hand' | 'eye_in_hand';
-  mount_from_camera: Pose;
-  mount_from_target: Pose;
-  corners: [number, number, number][]; // Rays of the image corners in the camera frame, clockwise from the upper left.
-  target_size: [number, number, number, number]; // Minimum x and y, maximum x and y.
-  captures: {image: string; number: number; used: boolean; base_from_gripper: Pose}[];
+  arms: {name: string; world_from_base: Pose; grippers: Pose[]}[]; // grippers: base_from_gripper at each capture.
+  // Rays of the image corners in the camera frame, clockwise from the upper left.
+  cameras: (Mounted & {corners: [number, number, number][]})[];
+  targets: (Mounted & {size: [number, number, number, number]})[]; // Minimum x and y, maximum x and y.
+  used: boolean[]; // One per capture.
 }
 
 export interface Dumbbells {

@@ -6,7 +6,7 @@ import {
 } from 'three';
 import {OrbitControls} from 'three/addons/controls/OrbitControls.js';
 import {SVGObject, SVGRenderer} from 'three/addons/renderers/SVGRenderer.js';
-import type {Pose, SetUp} from '../data';
+import type {Mounted, Pose, SetUp} from '../data';
 import {element, legend} from '../figure';
 
 const kMaxCaptures = 120;
@@ -67,7 +67,7 @@ class Drawing {
   }
 }
 
-function frustum(corners: SetUp['corners'], frame: Matrix4, depth: number): Vector3[] {
+function frustum(corners: SetUp['cameras'][number]['corners'], frame: Matrix4, depth: number): Vector3[] {
   // The rays end at the same depth, except for those at a large angle to the optical axis.
   const ends = corners.map(([x, y, z]) => new Vector3(x, y, z).multiplyScalar(depth / Math.max(z, 0.3)));
   const [leftTop, rightTop, rightBottom] = ends as [Vector3, Vector3, Vector3];
@@ -80,7 +80,7 @@ function frustum(corners: SetUp['corners'], frame: Matrix4, depth: number): Vect
   return segments.map((point) => point.clone().applyMatrix4(frame));
 }
 
-function board([x1, y1, x2, y2]: SetUp['target_size'], frame: Matrix4): Vector3[] {
+function board([x1, y1, x2, y2]: SetUp['targets'][number]['size'], frame: Matrix4): Vector3[] {
   const at = (x: number, y: number) => new Vector3(x, y, 0).applyMatrix4(frame);
   const corners = [at(x1, y1), at(x2, y1), at(x2, y2), at(x1, y2)];
   const segments: Vector3[] = [];
@@ -90,25 +90,31 @@ function board([x1, y1, x2, y2]: SetUp['target_size'], frame: Matrix4): Vector3[
 }
 
 export function setUp(figure: HTMLElement, data: SetUp): void {
-  const step = Math.ceil(data.captures.length / kMaxCaptures);
-  const captures = data.captures.filter((_, i) => i % step === 0);
-  const handEye = matrixOf(data.mount_from_camera);
-  const boardPose = matrixOf(data.mount_from_target);
-  const grippers = captures.map(({base_from_gripper}) => matrixOf(base_from_gripper));
-  const isFixed = data.setup === 'eye_to_hand';
-  const camerasAt = isFixed ? [handEye] : grippers.map((gripper) => gripper.clone().multiply(handEye));
-  const boardsAt = isFixed ? grippers.map((gripper) => gripper.clone().multiply(boardPose)) : [boardPose];
+  const step = Math.ceil(data.used.length / kMaxCaptures);
+  const isDrawn = (_: unknown, i: number) => i % step === 0;
+  const used = data.used.filter(isDrawn);
+  const bases = data.arms.map(({world_from_base}) => matrixOf(world_from_base));
+  const grippers = data.arms.map((arm, a) =>
+    arm.grippers.filter(isDrawn).map((gripper) => bases[a]!.clone().multiply(matrixOf(gripper))));
+  // The poses of a body in the world: one, or one per capture.
+  const placesOf = ({arm, is_carried, mount_from_body}: Mounted) =>
+    (is_carried ? grippers[arm]! : [bases[arm]!]).map((mount) => mount.clone().multiply(matrixOf(mount_from_body)));
+  const cameras = data.cameras.map((camera) => ({...camera, places: placesOf(camera)}));
+  const targets = data.targets.map((target) => ({...target, places: placesOf(target)}));
 
   // The middle and size of the scene follow from all positions.
-  const places = [new Vector3(), ...[...grippers, ...camerasAt, ...boardsAt].map((m) => new Vector3().setFromMatrixPosition(m))];
+  const place = (matrix: Matrix4) => new Vector3().setFromMatrixPosition(matrix);
+  const places = [...bases, ...grippers.flat(), ...[...cameras, ...targets].flatMap((body) => body.places)].map(place);
   const low = places.reduce((a, b) => a.clone().min(b), places[0]!);
   const high = places.reduce((a, b) => a.clone().max(b), places[0]!);
   const middle = low.clone().add(high).multiplyScalar(0.5);
   const size = Math.max(high.distanceTo(low), 1e-3);
 
   const drawing = new Drawing();
-  drawing.axes(new Matrix4(), 0.16 * size, {opacity: 1, width: 3});
-  drawing.label('base', new Vector3());
+  bases.forEach((base, a) => {
+    drawing.axes(base, 0.16 * size, {opacity: 1, width: 3});
+    drawing.label(data.arms[a]!.name, place(base));
+  });
   const floor: Vector3[] = [];
   const ground = Math.min(0, low.z);
   const reach = 0.5 * size;
@@ -118,33 +124,42 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
                new Vector3(middle.x + offset, middle.y - reach, ground), new Vector3(middle.x + offset, middle.y + reach, ground));
   }
   drawing.segments(floor, {colour: '--line', opacity: 0.8, width: 1});
-  grippers.forEach((gripper, i) => drawing.axes(gripper, 0.045 * size, {opacity: captures[i]!.used ? 0.9 : 0.3, width: 1.5}));
+  for (const ofArm of grippers) {
+    ofArm.forEach((gripper, i) => drawing.axes(gripper, 0.045 * size, {opacity: used[i] ? 0.9 : 0.3, width: 1.5}));
+  }
   const many = (count: number) => Math.max(0.25, Math.min(1, 6 / count));
-  const extent = [...places, ...[[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(([x, y, z]) => new Vector3(x, y, z).multiplyScalar(0.16 * size))];
-  for (const camera of camerasAt) {
-    const lines = frustum(data.corners, camera, (isFixed ? 0.18 : 0.1) * size);
-    extent.push(...lines);
-    drawing.segments(lines,
-                     {colour: '--second', opacity: isFixed ? 1 : many(camerasAt.length), width: isFixed ? 2 : 1.5});
+  const ends = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map(([x, y, z]) => new Vector3(x, y, z).multiplyScalar(0.16 * size));
+  const extent = [...places, ...bases.flatMap((base) => ends.map((end) => end.clone().applyMatrix4(base)))];
+  for (const {corners, places: at, is_carried} of cameras) {
+    for (const camera of at) {
+      const lines = frustum(corners, camera, (is_carried ? 0.1 : 0.18) * size);
+      extent.push(...lines);
+      drawing.segments(lines, {colour: '--second', opacity: many(at.length), width: is_carried ? 1.5 : 2});
+    }
   }
-  for (const place of boardsAt) {
-    const lines = board(data.target_size, place);
-    extent.push(...lines);
-    drawing.segments(lines, {colour: '--first', opacity: isFixed ? many(boardsAt.length) : 1, width: isFixed ? 1.5 : 2});
+  for (const {size: extentOfTarget, places: at, is_carried} of targets) {
+    for (const target of at) {
+      const lines = board(extentOfTarget, target);
+      extent.push(...lines);
+      drawing.segments(lines, {colour: '--first', opacity: many(at.length), width: is_carried ? 1.5 : 2});
+    }
   }
-  // The gripper carries the target or the camera; the other one is fixed in the base frame.
-  const place = (matrix: Matrix4) => new Vector3().setFromMatrixPosition(matrix);
-  grippers.forEach((gripper, i) => {
-    const carried = isFixed ? boardsAt[i]! : camerasAt[i]!;
-    drawing.link(place(gripper), place(carried), {colour: isFixed ? '--first' : '--second', opacity: many(grippers.length), width: 1});
-  });
-  drawing.link(new Vector3(), place(isFixed ? handEye : boardPose), {colour: '--dim', opacity: 0.8, width: 1.2});
-  if (isFixed) drawing.label('camera', new Vector3().setFromMatrixPosition(handEye));
-  else drawing.label('target', new Vector3().setFromMatrixPosition(boardPose));
+  // Dashed lines join what is carried to the gripper, and what is fixed to the base.
+  const join = (body: Mounted & {places: Matrix4[]}, colour: string) => {
+    if (!body.is_carried) {
+      drawing.link(place(bases[body.arm]!), place(body.places[0]!), {colour: '--dim', opacity: 0.8, width: 1.2});
+      drawing.label(body.name, place(body.places[0]!));
+      return;
+    }
+    body.places.forEach((at, i) =>
+      drawing.link(place(grippers[body.arm]![i]!), place(at), {colour, opacity: many(body.places.length), width: 1}));
+  };
+  cameras.forEach((camera) => join(camera, '--second'));
+  targets.forEach((target) => join(target, '--first'));
 
   figure.append(legend([
-    {name: isFixed ? 'camera' : 'camera at each capture', colour: 'var(--second)'},
-    {name: isFixed ? 'target at each capture' : 'target', colour: 'var(--first)'},
+    {name: cameras.length > 1 ? 'cameras' : cameras[0]!.is_carried ? 'camera at each capture' : 'camera', colour: 'var(--second)'},
+    {name: targets.length > 1 ? 'targets' : targets[0]!.is_carried ? 'target at each capture' : 'target', colour: 'var(--first)'},
     // Axes of the base and of the gripper.
     {name: 'x', colour: kAxes[0]!}, {name: 'y', colour: kAxes[1]!}, {name: 'z', colour: kAxes[2]!},
   ]));
@@ -166,13 +181,13 @@ export function setUp(figure: HTMLElement, data: SetUp): void {
   figure.append(buttons);
   figure.append(element('p', 'hint', 
       'The small axes show the gripper at each capture. Drag to rotate; after a click the wheel zooms and the arrow keys rotate. ' +
-      'Two fingers zoom and move.' + (step > 1 ? ` ${captures.length} of ${data.captures.length} captures are drawn.` : '')));
+      'Two fingers zoom and move.' + (step > 1 ? ` ${used.length} of ${data.used.length} captures are drawn.` : '')));
 
   const eye = new PerspectiveCamera(40, 1.6, 0.01 * size, 100 * size);
   eye.up.set(0, 0, 1);
   // The initial viewpoint is beside the line between the base and the targets, slightly above, so that neither hides
   // the other.
-  const work = boardsAt.reduce((sum, at) => sum.add(new Vector3().setFromMatrixPosition(at)), new Vector3());
+  const work = targets.flatMap((target) => target.places).reduce((sum, at) => sum.add(place(at)), new Vector3());
   const away = new Vector3(work.y, -work.x, 0);
   if (away.lengthSq() < 1e-12) away.set(1, 0, 0);
   away.normalize().addScaledVector(work.setZ(0).normalize(), 0.45).setZ(0.55).normalize();

@@ -1,0 +1,111 @@
+#include "tools/batch/rig_pipeline.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "heba/base/files.h"
+#include "heba/base/text.h"
+#include "heba/io/rig_result_file.h"
+#include "heba/rig_run.h"
+#include "tools/batch/run_inputs.h"
+#include "tools/files/cached_detector.h"
+#include "tools/files/detection_file.h"
+#include "tools/files/result_folder.h"
+#include "tools/pages/rig_report.h"
+#include "tools/text/finding_text.h"
+#include "tools/text/run_console.h"
+
+namespace heba {
+namespace {
+
+// Notes how many images of each camera show each target.
+void NoteDetections(const RigDataset& data, const std::vector<RigDetection>& detections, Console* console) {
+  for (size_t c = 0; c < data.rig.cameras.size(); ++c) {
+    for (size_t t = 0; t < data.targets.size(); ++t) {
+      int num_seen = 0;
+      int num_images = 0;
+      for (const RigDetection& detection : detections) {
+        if (detection.camera != c || detection.target != t) continue;
+        ++num_images;
+        num_seen += detection.detection.detection.ids.empty() ? 0 : 1;
+      }
+      console->Note(data.name + ": camera " + data.rig.cameras[c].name + " sees target " + data.rig.targets[t].name +
+                    " in " + std::to_string(num_seen) + " of " + std::to_string(num_images) + " images");
+    }
+  }
+}
+
+// Writes the detections of each camera and target as those of a run.
+void WriteDetections(const RigDataset& data, const std::vector<RigDetection>& detections,
+                     const std::filesystem::path& folder) {
+  std::filesystem::create_directory(folder);
+  for (size_t c = 0; c < data.rig.cameras.size(); ++c) {
+    for (size_t t = 0; t < data.targets.size(); ++t) {
+      std::vector<Capture> captures;
+      std::vector<CaptureDetection> of_pair;
+      for (const RigDetection& detection : detections) {
+        if (detection.camera != c || detection.target != t) continue;
+        Capture& capture = captures.emplace_back();
+        capture.image = data.captures[detection.capture].images[c];
+        capture.name = capture.image.filename().string();
+        of_pair.push_back(detection.detection);
+      }
+      WriteFileAtomically(folder / (data.rig.cameras[c].name + "." + data.rig.targets[t].name + ".json"),
+                          DetectionsToJson(captures, of_pair));
+    }
+  }
+}
+
+}  // namespace
+
+Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
+                                  Console* console) {
+  // The folder is created first, so that a run that cannot be written fails before the work.
+  StagedFolder folder(output, "the results of a run");
+  const std::string inputs = RunInputsText(config);
+  RigDataset data = config.data;
+  if (config.truth) data.truth = ReadRigTruth(*config.truth, data.rig);
+  for (const LeftOut& entry : data.left_out) console->Note(data.name + ": " + entry.name + ": " + entry.reason);
+  RigRunOptions options = config.options;
+  options.num_threads = num_threads;
+  for (const std::string& target : config.targets_used) options.detect.push_back(CachedDetection(target));
+  ProgressObserver observer(console->verbosity());
+  Outcome<RigRunOutput> run = RunRig(data, options, &observer);
+  if (!run) return Failure{run.reason()};
+  NoteDetections(data, run->detections, console);
+  RigResult& result = run->result;
+  for (const RigImageResult& image : result.images) {
+    if (!image.reason.empty() && !image.targets.empty()) {
+      console->Note(data.name + ": " + image.capture + ", camera " + image.camera + ": " + image.reason);
+    }
+  }
+  DescribeAll(&result.verdict.findings);
+  WriteFileAtomically(folder.staging() / "config.yaml", config.used);
+  WriteDetections(data, run->detections, folder.staging() / "detections");
+  WriteFileAtomically(folder.staging() / "log.txt", console->log());
+  WriteFileAtomically(folder.staging() / "report.html",
+                      RigReportPage(data, *run,
+                                    {TimeNow(), std::filesystem::absolute(config.file).lexically_normal(), config.used,
+                                     std::filesystem::absolute(output).lexically_normal()}));
+  if (RunInputsText(config) != inputs) {
+    return Failure{"images or other input files were changed during the run; run it again"};
+  }
+  WriteFileAtomically(folder.staging() / "inputs.json", inputs);
+  WriteFileAtomically(folder.staging() / "result.json", RigResultToJson(result));
+  folder.Commit();
+  return result;
+}
+
+std::optional<RigResult> CurrentRigResult(const std::filesystem::path& output, const RigConfig& config) {
+  const std::filesystem::path inputs = output / "inputs.json";
+  std::error_code error;
+  if (!std::filesystem::exists(inputs, error) || !std::filesystem::exists(output / "result.json", error)) return {};
+  try {
+    if (ReadTextFile(inputs) != RunInputsText(config)) return std::nullopt;
+    return ReadRigResult(output / "result.json");
+  } catch (const InputError&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace heba

@@ -1,0 +1,24 @@
+// Runs the whole calibration of one config of a rig and writes a run's folder.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "heba/base/error.h"
+#include "heba/evaluation/rig_evaluation.h"
+#include "tools/config/rig_config.h"
+#include "tools/text/console.h"
+
+namespace heba {
+
+// Detects, calibrates, evaluates and writes the run's folder completely or not at all. Throws InputError for wrong
+// input. Returns a Failure, and writes no folder, if the result cannot be trusted.
+Outcome<RigResult> RunRigPipeline(const RigConfig& config, const std::filesystem::path& output, int num_threads,
+                                  Console* console);
+
+// Returns the complete result in `output` if it was made from the same inputs; nothing otherwise, or if it cannot be
+// read.
+std::optional<RigResult> CurrentRigResult(const std::filesystem::path& output, const RigConfig& config);
+
+}  // namespace heba

@@ -1,0 +1,123 @@
+#include "tools/config/common_keys.h"
+
+#include <algorithm>
+
+#include "heba/io/camera_file.h"
+
+namespace heba {
+namespace fs = std::filesystem;
+
+std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key) {
+  // A target that states its type replaces the one of the base file, because another type has other keys.
+  const ConfigValue value = reader.Get(key).DownTo({"type", "target_type"});
+  MapReader target_reader(value.IsMap() ? value : ReadYamlFile(value.AsPath()));
+  std::shared_ptr<const Target> target = CreateTarget(target_reader);
+  reader.Record(key, target_reader.used());
+  return target;
+}
+
+std::string ReadFolderName(MapReader& reader, const std::string& fallback) {
+  const std::string name = reader.Text("name", fallback);
+  constexpr size_t kLongestName = 200;  // File systems allow 255 bytes; the names of staged folders are longer.
+  const bool has_control =
+      std::any_of(name.begin(), name.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+  if (name.find('/') != std::string::npos || name == "." || name == ".." || has_control || name.size() > kLongestName) {
+    reader.Get("name").Fail("'" + name + "' cannot name a folder");
+  }
+  return name;
+}
+
+std::vector<std::pair<std::string, std::string>> ReadAbout(MapReader& root) {
+  std::vector<std::pair<std::string, std::string>> about;
+  const std::optional<ConfigValue> value = root.Find("about");
+  if (!value) return about;
+  if (!value->IsMap()) value->Fail("a mapping is needed, such as {camera: serial number 4711}");
+  MapReader reader(*value);
+  for (const auto& entry : value->node()) {
+    const std::string key = entry.first.Scalar();
+    about.emplace_back(key, reader.Text(key));
+  }
+  root.Record("about", reader.used());
+  return about;
+}
+
+Camera AsModel(const Camera& camera, const std::string& model, const ConfigValue& asked) {
+  if (model.empty()) return camera;
+  const std::optional<Camera> converted = ConvertCamera(camera, model);
+  if (!converted) {
+    asked.Fail("contains a " + camera.model + " camera, which cannot be converted to " + model +
+               "; leave camera.model out or estimate the intrinsics");
+  }
+  return *converted;
+}
+
+CameraKeys ReadCameraKeys(MapReader& reader) {
+  CameraKeys keys;
+  if (const std::optional<ConfigValue> model = reader.Find("model")) {
+    std::vector<std::string> names = CameraModelNames();
+    names.emplace_back("auto");
+    keys.model = model->AsChoice(names);
+    if (keys.model == "auto") keys.model.clear();
+  }
+  if (const std::optional<ConfigValue> file = reader.Find("intrinsics")) {
+    const fs::path path = reader.Path("intrinsics");
+    keys.source = path.string();
+    keys.camera = AsModel(ReadCameraFile(path), keys.model, *file);
+  }
+  return keys;
+}
+
+std::vector<ParameterGroup> ReadFreeIntrinsics(MapReader& reader, const std::vector<ParameterGroup>& fallback) {
+  std::vector<ParameterGroup> groups = fallback;
+  if (const std::optional<ConfigValue> free = reader.Find("intrinsics")) {
+    groups.clear();
+    const std::vector<std::string> names(std::begin(kParameterGroupNames), std::end(kParameterGroupNames));
+    for (const ConfigValue& item : free->AsList()) {
+      const std::string name = item.AsChoice(names);
+      const auto group = static_cast<ParameterGroup>(std::find(names.begin(), names.end(), name) - names.begin());
+      if (std::find(groups.begin(), groups.end(), group) != groups.end()) item.Fail("is listed twice");
+      groups.push_back(group);
+    }
+  }
+  YAML::Node used(YAML::NodeType::Sequence);
+  for (const ParameterGroup group : groups) {
+    used.push_back(std::string(kParameterGroupNames[static_cast<size_t>(group)]));
+  }
+  reader.Record("intrinsics", used);
+  return groups;
+}
+
+FreeShape ReadFreeShape(MapReader& refine) {
+  FreeShape shape;
+  const std::vector<std::string> names(kTargetShapeGroupNames.begin(), kTargetShapeGroupNames.end());
+  const std::optional<ConfigValue> free = refine.Find("target_shape");
+  if (!free || free->IsText()) {
+    const std::string name = free ? free->AsChoice({"auto", "none", "exact"}) : "auto";
+    shape.is_chosen = name == "auto";
+    refine.Record("target_shape", YAML::Node(name));
+    return shape;
+  }
+  YAML::Node groups(YAML::NodeType::Sequence);
+  for (const ConfigValue& item : free->AsList()) {
+    const std::string name = item.AsChoice(names);
+    const auto index = std::find(names.begin(), names.end(), name) - names.begin();
+    shape.groups.push_back(static_cast<TargetShapeGroup>(index));
+    groups.push_back(name);
+  }
+  refine.Record("target_shape", groups);
+  return shape;
+}
+
+std::optional<double> ReadPixelNoise(MapReader& refine) {
+  const std::optional<ConfigValue> value = refine.Find("pixel_noise");
+  if (!value || (value->IsText() && value->node().Scalar() == "auto")) {
+    refine.Record("pixel_noise", YAML::Node("auto"));
+    return std::nullopt;
+  }
+  const double noise_px = value->AsQuantity(Quantity::kPixels);
+  if (!(noise_px > 0)) value->Fail("must be greater than zero");
+  refine.Record("pixel_noise", QuantityNode(noise_px, Quantity::kPixels));
+  return noise_px;
+}
+
+}  // namespace heba

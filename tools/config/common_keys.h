@@ -1,0 +1,47 @@
+// Keys that several kinds of configs have.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "heba/camera/camera.h"
+#include "heba/config/yaml_reader.h"
+#include "heba/data/target_shape.h"
+#include "heba/target.h"
+
+namespace heba {
+
+// Reads a target from a mapping, or from the file that a path names; `reader` records it for the config as used.
+std::shared_ptr<const Target> ReadTarget(MapReader& reader, const std::string& key);
+// Reads the key `name`, which must be able to name a folder.
+std::string ReadFolderName(MapReader& reader, const std::string& fallback);
+// Reads the key `about`: the user's own texts, for the record.
+std::vector<std::pair<std::string, std::string>> ReadAbout(MapReader& root);
+
+// The keys `model` and `intrinsics` of a camera.
+struct CameraKeys {
+  std::optional<Camera> camera;  // As the model, if one is named.
+  std::string source;            // The file of the camera.
+  std::string model;             // Empty: the camera's own, or to be chosen.
+};
+CameraKeys ReadCameraKeys(MapReader& reader);
+// Returns the camera converted to a model, unless that is empty. Throws InputError at `asked` if that is not possible.
+Camera AsModel(const Camera& camera, const std::string& model, const ConfigValue& asked);
+
+// Reads the key `intrinsics` of `refine`, the groups of free parameters: a list without repetitions.
+std::vector<ParameterGroup> ReadFreeIntrinsics(MapReader& reader, const std::vector<ParameterGroup>& fallback);
+
+// The key `target_shape` of `refine`.
+struct FreeShape {
+  bool is_chosen = false;                // Whether the free parts are chosen from the captures.
+  std::vector<TargetShapeGroup> groups;  // The unknown parts, if they are not chosen.
+};
+FreeShape ReadFreeShape(MapReader& refine);
+
+// Reads the key `pixel_noise` of `refine`, px; nothing if it is to be estimated.
+std::optional<double> ReadPixelNoise(MapReader& refine);
+
+}  // namespace heba

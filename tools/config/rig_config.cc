@@ -1,0 +1,359 @@
+#include "tools/config/rig_config.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <set>
+
+#include "heba/base/error.h"
+#include "heba/base/registry.h"
+#include "heba/base/text.h"
+#include "heba/data/loss_kind.h"
+#include "heba/io/pose_source.h"
+#include "solvers/residuals/loss.h"
+#include "tools/config/capture_section.h"
+#include "tools/config/common_keys.h"
+#include "tools/config/image_list.h"
+#include "tools/config/robot_noise_config.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+ConfigValue ReadConfigFile(const fs::path& path, const std::vector<std::string>& settings) {
+  const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
+  return settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
+}
+
+// Returns the keys of a section of named objects, in their order.
+std::vector<std::string> NamesIn(const ConfigValue& section, const std::string& what) {
+  if (!section.IsMap() || section.node().size() == 0) {
+    section.Fail("a mapping of names is needed, such as {" + what + ": {...}}");
+  }
+  std::vector<std::string> names;
+  for (const auto& entry : section.node()) {
+    const std::string name = entry.first.Scalar();
+    const bool is_plain = std::all_of(name.begin(), name.end(), [](unsigned char c) {
+      return std::isalnum(c) != 0 || c == '_' || c == '-';
+    });
+    if (name.empty() || !is_plain) section.Fail(Quoted(name) + ": a name has letters, digits, _ and - only");
+    names.push_back(name);
+  }
+  return names;
+}
+
+// The poses of one arm.
+struct ArmRows {
+  fs::path file;
+  std::vector<PoseRow> rows;
+};
+
+ArmRows ReadArm(MapReader& reader, const std::vector<std::string>& cameras, RigConfig* config) {
+  ArmRows arm;
+  arm.file = reader.Path("poses");
+  const PoseReading reading = ReadPoseReading(reader);
+  arm.rows = ReadPoses(arm.file, reading.format, cameras);
+  for (PoseRow& row : arm.rows) row.pose = BaseFromGripper(reading, row.pose);
+  std::error_code error;
+  if (fs::is_directory(arm.file, error)) {
+    for (const fs::path& file : PoseFilesOf(arm.file)) config->data_files.push_back(file);
+  } else {
+    config->data_files.push_back(arm.file);
+  }
+  return arm;
+}
+
+// Returns the row of another arm that belongs to each row of the first: by the names of the images if both have them,
+// otherwise by order.
+std::vector<size_t> MatchRows(const ArmRows& first, const ArmRows& other) {
+  std::vector<size_t> places;
+  const bool has_names = !first.rows.front().image.empty() && !other.rows.front().image.empty();
+  if (!has_names && first.rows.size() != other.rows.size()) {
+    throw InputError(other.file.string() + ": has " + std::to_string(other.rows.size()) + " rows, but " +
+                     first.file.string() + " has " + std::to_string(first.rows.size()) +
+                     "; rows without a column image belong together by order");
+  }
+  std::map<std::string, size_t> place_of;
+  for (size_t i = 0; i < other.rows.size(); ++i) place_of[other.rows[i].image] = i;
+  for (size_t i = 0; i < first.rows.size(); ++i) {
+    if (!has_names) {
+      places.push_back(i);
+      continue;
+    }
+    const auto found = place_of.find(first.rows[i].image);
+    if (found == place_of.end()) {
+      throw InputError(other.file.string() + ": has no row for the image " + first.rows[i].image + " of " +
+                       first.file.string());
+    }
+    places.push_back(found->second);
+  }
+  return places;
+}
+
+// The images of one camera.
+struct CameraImages {
+  ConfigValue value;
+  std::vector<fs::path> images;
+};
+
+// Returns the image of a camera for each row; empty if there is none.
+std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera, size_t camera_index,
+                                 const std::string& name, std::vector<LeftOut>* left_out) {
+  std::map<std::string, fs::path> image_of;
+  for (const fs::path& image : camera.images) {
+    if (!image_of.emplace(image.filename().string(), image).second) {
+      camera.value.Fail("two images are named " + image.filename().string() +
+                        "; images are found by file name, so names must differ");
+    }
+  }
+  std::vector<fs::path> paired(arm.rows.size());
+  const bool has_columns = !arm.rows.front().images.empty();
+  if (!has_columns && arm.rows.front().image.empty()) {
+    if (camera.images.size() != arm.rows.size()) {
+      camera.value.Fail("has " + std::to_string(camera.images.size()) + " images for the " +
+                        std::to_string(arm.rows.size()) + " rows of " + arm.file.string() +
+                        ", which do not name their images; the counts must agree, or name them (columns image or image." +
+                        name + ")");
+    }
+    return camera.images;
+  }
+  std::set<std::string> used;
+  for (size_t i = 0; i < arm.rows.size(); ++i) {
+    const std::string& wanted = has_columns ? arm.rows[i].images[camera_index] : arm.rows[i].image;
+    const auto found = image_of.find(wanted);
+    if (found != image_of.end()) {
+      paired[i] = found->second;
+      used.insert(wanted);
+    } else if (has_columns && !wanted.empty()) {
+      throw InputError(arm.file.string() + ":" + std::to_string(arm.rows[i].line) + ": column 'image." + name +
+                       "': there is no image " + wanted + " among those of camera " + name);
+    }
+  }
+  if (used.empty()) camera.value.Fail("none of the images is named in " + arm.file.string());
+  for (const auto& [file_name, path] : image_of) {
+    if (!used.contains(file_name)) {
+      left_out->push_back({name + "/" + file_name, "the robot's pose is not in the poses file"});
+    }
+  }
+  return paired;
+}
+
+std::string CaptureName(const PoseRow& row, size_t index) {
+  if (!row.image.empty()) return row.image;
+  char name[32];
+  std::snprintf(name, sizeof(name), "capture_%03zu", index);
+  return name;
+}
+
+// Reads the arms: `robots`, or the short form in `captures`.
+std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& cameras, RigConfig* config) {
+  std::vector<ArmRows> arms;
+  if (!root.Has("robots")) {
+    config->data.rig.robots = {"robot"};
+    MapReader captures(root.Get("captures"));
+    arms.push_back(ReadArm(captures, cameras, config));
+    captures.Find("exclude");
+    captures.Finish();
+    root.Record("captures", captures.used());
+    return arms;
+  }
+  MapReader section(root.Get("robots"));
+  config->data.rig.robots = NamesIn(section.value(), "left");
+  for (const std::string& name : config->data.rig.robots) {
+    MapReader reader(section.Get(name));
+    arms.push_back(ReadArm(reader, cameras, config));
+    reader.Finish();
+    section.Record(name, reader.used());
+  }
+  section.Finish();
+  root.Record("robots", section.used());
+  return arms;
+}
+
+// Reads the key `mount`.
+std::pair<Mount, std::string> ReadMount(MapReader& reader, const std::vector<std::string>& robots) {
+  const ConfigValue value = reader.Get("mount");
+  const std::string text = value.AsText();
+  const std::optional<Mount> mount = FindMount(robots, text);
+  if (!mount) value.Fail(UnknownName(text, MountTexts(robots)));
+  reader.Record("mount", YAML::Node(text));
+  return {*mount, text};
+}
+
+std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
+  RigDataset& data = config->data;
+  std::vector<CameraImages> images;
+  MapReader section(root.Get("cameras"));
+  for (const std::string& name : NamesIn(section.value(), "top")) {
+    MapReader reader(section.Get(name));
+    RigCamera camera;
+    camera.name = name;
+    std::tie(camera.mount, camera.mount_name) = ReadMount(reader, data.rig.robots);
+    const ConfigValue value = reader.Get("images");
+    images.push_back({value, FindImages(value)});
+    reader.Record("images", ImagesNode(value, images.back().images));
+    CameraKeys keys = ReadCameraKeys(reader);
+    data.has_camera.push_back(keys.camera.has_value());
+    data.camera_sources.push_back(keys.camera ? keys.source : name);
+    camera.camera = keys.camera ? *keys.camera : Camera{keys.model, 0, 0, {}};
+    reader.Record("model", YAML::Node(camera.camera.model.empty() ? "auto" : camera.camera.model));
+    reader.Finish();
+    section.Record(name, reader.used());
+    data.rig.cameras.push_back(std::move(camera));
+  }
+  section.Finish();
+  root.Record("cameras", section.used());
+  return images;
+}
+
+void ReadTargets(MapReader& root, RigConfig* config) {
+  RigDataset& data = config->data;
+  MapReader section(root.Get("targets"));
+  for (const std::string& name : NamesIn(section.value(), "plate")) {
+    MapReader reader(section.Get(name));
+    RigTarget target;
+    target.name = name;
+    std::tie(target.mount, target.mount_name) = ReadMount(reader, data.rig.robots);
+    data.targets.push_back(ReadTarget(reader, "target"));
+    config->targets_used.push_back(YAML::Dump(reader.used()["target"]));
+    reader.Finish();
+    section.Record(name, reader.used());
+    data.rig.targets.push_back(std::move(target));
+  }
+  section.Finish();
+  root.Record("targets", section.used());
+  const std::string faults = WhyNotToldApart(data);
+  if (!faults.empty()) section.value().Fail(faults);
+}
+
+// Reads "auto", "none" (or "exact"), or both sigmas.
+void ReadRigNoise(MapReader& refine, RigOptions* options) {
+  const std::optional<ConfigValue> value = refine.Find("robot_noise");
+  if (!value || value->IsText()) {
+    const std::string name = value ? value->AsChoice({"auto", "none", "exact"}) : "auto";
+    options->robot = name == "auto" ? BundleOptions::Robot::kEstimatedNoise : BundleOptions::Robot::kExact;
+    refine.Record("robot_noise", YAML::Node(name));
+    return;
+  }
+  MapReader reader(*value);
+  options->robot = BundleOptions::Robot::kGivenNoise;
+  options->robot_noise = ReadRobotNoise(reader);
+  refine.Record("robot_noise", reader.used());
+}
+
+void ReadRefine(MapReader& root, RigConfig* config) {
+  MapReader reader = root.Section("refine");
+  const std::vector<ParameterGroup> free =
+      ReadFreeIntrinsics(reader, BundleOptions().free_intrinsics);
+  for (RigCamera& camera : config->data.rig.cameras) camera.free_intrinsics = free;
+  const FreeShape shape = ReadFreeShape(reader);
+  config->options.calibration.choose_target_shape = shape.is_chosen;
+  for (RigTarget& target : config->data.rig.targets) target.free_shape = shape.groups;
+  RigOptions& adjustment = config->options.calibration.adjustment;
+  ReadRigNoise(reader, &adjustment);
+  adjustment.pixel_noise_px = ReadPixelNoise(reader);
+  adjustment.loss = *FindLossKind(reader.Choice("loss", LossNames(), "truncated"));
+  reader.Finish();
+  root.Record("refine", reader.used());
+}
+
+void ReadEvaluate(MapReader& root, RigConfig* config) {
+  MapReader reader = root.Section("evaluate");
+  config->options.folds = reader.Int("folds", {0, 1000000}, 5);
+  if (config->options.folds == 1) {
+    reader.Get("folds").Fail("one fold leaves no training data; use 0 for none, or at least 2");
+  }
+  if (reader.Has("truth")) config->truth = reader.Path("truth");
+  reader.Finish();
+  root.Record("evaluate", reader.used());
+}
+
+// Returns the names of the captures that are to be left out, of `captures.exclude`.
+std::set<std::string> ReadExcluded(MapReader& root, const std::vector<std::string>& names) {
+  std::set<std::string> excluded;
+  if (!root.Has("captures")) return excluded;
+  MapReader captures(root.Get("captures"));
+  const std::optional<ConfigValue> list = captures.Find("exclude");
+  if (root.Has("robots")) captures.Finish();
+  if (!list) return excluded;
+  for (const ConfigValue& item : list->AsList()) {
+    const std::string name = item.AsText();
+    if (std::find(names.begin(), names.end(), name) == names.end()) {
+      item.Fail("there is no capture " + Quoted(name) + DidYouMean(name, names));
+    }
+    excluded.insert(name);
+  }
+  YAML::Node used = root.Has("robots") ? YAML::Node() : YAML::Clone(root.used()["captures"]);
+  used["exclude"] = list->node();
+  root.Record("captures", used);
+  return excluded;
+}
+
+}  // namespace
+
+bool IsRigConfig(const fs::path& path, const std::vector<std::string>& settings) {
+  const ConfigValue value = ReadConfigFile(path, settings);
+  if (!value.IsMap()) return false;
+  MapReader reader(value);
+  return reader.Has("cameras") || reader.Has("targets") || reader.Has("robots");
+}
+
+RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& settings) {
+  RigConfig config;
+  config.file = path;
+  RigDataset& data = config.data;
+  MapReader reader(ReadConfigFile(path, settings));
+  data.name = ReadFolderName(reader, path.stem().string());
+  data.about = ReadAbout(reader);
+  for (const char* key : {"target", "camera", "setup"}) {
+    if (reader.Has(key)) {
+      reader.Get(key).Fail("belongs to configs of one camera and one target; a rig has 'cameras' and 'targets' with "
+                           "mounts");
+    }
+  }
+  const std::vector<std::string> cameras = NamesIn(reader.Get("cameras"), "top");
+  const std::vector<ArmRows> arms = ReadArms(reader, cameras, &config);
+  const std::vector<CameraImages> images = ReadCameras(reader, &config);
+  ReadTargets(reader, &config);
+  const ArmRows& first = arms.front();
+  std::vector<std::string> names;
+  for (size_t i = 0; i < first.rows.size(); ++i) names.push_back(CaptureName(first.rows[i], i));
+  const std::set<std::string> excluded = ReadExcluded(reader, names);
+  for (size_t i = 0; i < names.size(); ++i) {
+    data.captures.push_back({names[i], {first.rows[i].pose}, {}});
+  }
+  for (size_t r = 1; r < arms.size(); ++r) {
+    const std::vector<size_t> places = MatchRows(first, arms[r]);
+    for (size_t i = 0; i < places.size(); ++i) {
+      data.captures[i].base_from_gripper.push_back(arms[r].rows[places[i]].pose);
+    }
+  }
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const std::vector<fs::path> paired = PairImages(first, images[c], c, cameras[c], &data.left_out);
+    for (size_t i = 0; i < paired.size(); ++i) data.captures[i].images.push_back(paired[i]);
+  }
+  std::erase_if(data.captures, [&](const RigRecording& capture) {
+    const bool has_none = std::all_of(capture.images.begin(), capture.images.end(),
+                                      [](const fs::path& image) { return image.empty(); });
+    const bool is_excluded = excluded.contains(capture.name);
+    if (is_excluded) data.left_out.push_back({capture.name, "left out by captures.exclude"});
+    if (has_none && !is_excluded) data.left_out.push_back({capture.name, "no camera has an image of it"});
+    return has_none || is_excluded;
+  });
+  if (data.captures.empty()) throw InputError(path.string() + ": no capture is left");
+  ReadRefine(reader, &config);
+  ReadEvaluate(reader, &config);
+  if (reader.Has("output")) {
+    config.output = reader.Path("output");
+  } else {
+    config.output = fs::absolute(path).parent_path() / "runs" / data.name;
+    reader.Record("output", YAML::Node(config.output.string()));
+  }
+  reader.Finish();
+  YAML::Emitter emitter;
+  emitter << reader.used();
+  config.used = std::string(emitter.c_str()) + "\n";
+  return config;
+}
+
+}  // namespace heba

@@ -1,0 +1,33 @@
+// The config of a run with a rig (several cameras, targets or arms), read and checked, with the data set that it names.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heba/config/yaml_reader.h"
+#include "heba/rig_run.h"
+
+namespace heba {
+
+struct RigConfig {
+  std::filesystem::path file;
+  RigDataset data;  // Without RigDataset::truth, which is read when the run begins.
+  RigRunOptions options;
+  std::vector<std::string> targets_used;  // Each target with every default filled in, as YAML.
+  std::vector<std::filesystem::path> data_files;  // The files with the poses.
+  std::optional<std::filesystem::path> truth;
+  std::filesystem::path output;
+  std::string used;  // The config as used, with every default filled in, as YAML.
+};
+
+// Returns whether a config is that of a rig: whether it has `cameras`, `targets` or `robots`. Throws InputError if it
+// cannot be read.
+bool IsRigConfig(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
+
+// Reads the config, the files that it is based on, and the files that they name, except for the images. Throws
+// InputError on any error.
+RigConfig ReadRigConfig(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
+
+}  // namespace heba

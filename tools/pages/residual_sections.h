@@ -1,0 +1,38 @@
+// The sections of a report on the residuals of one camera.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "heba/camera/camera.h"
+#include "tools/pages/report.h"
+
+namespace heba {
+
+// What the sections show of one camera.
+struct CameraResiduals {
+  Camera camera;
+  double sigma_px = 0;
+  std::optional<double> rms_px;
+  // The images, used or not.
+  struct Image {
+    std::string name;
+    bool used = false;
+    std::string reason;
+    std::optional<double> rms_px;
+    const ReportedCapture* shown = nullptr;  // Null if the image has no points.
+  };
+  std::vector<Image> images;
+};
+
+// Returns the data of the views under a name. The capture dialog opens images of the data "captures" only.
+std::string ResidualData(const std::string& name, const CameraResiduals& residuals);
+// Returns the sections that show these data; empty if there are no points. `bars` is the static chart of the images'
+// residuals.
+std::string ResidualSections(const std::string& name, const CameraResiduals& residuals, const std::string& bars);
+
+// Returns the markup of a section.
+std::string PageSection(const std::string& heading, const std::string& content);
+
+}  // namespace heba

@@ -1,0 +1,276 @@
+#include "tools/pages/rig_report.h"
+
+#include <algorithm>
+#include <map>
+
+#include "heba/base/text.h"
+#include "heba/base/units.h"
+#include "heba/io/result_file.h"
+#include "tools/pages/cell_figure.h"
+#include "tools/pages/page.h"
+#include "tools/pages/residual_sections.h"
+#include "tools/text/result_text.h"
+#include "tools/text/rig_table.h"
+
+namespace heba {
+namespace {
+
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+PageCell Number(const std::optional<double>& value) { return {value ? Significant(*value, 3) : "", true}; }
+
+std::vector<PageCell> SigmaCells(const Matrix6& covariance) {
+  const auto [sigma_m, sigma_rad] = LargestSigmas(covariance);
+  return {{ShownAmount(1000 * sigma_m, 2), true}, {ShownAmount(RadToDeg(sigma_rad), 2), true}};
+}
+
+std::string CellSection(const RigDataset& dataset, const RigRunOutput& run) {
+  const RigSolution& solution = run.result.solution;
+  const RigProblem& rig = run.result.rig;
+  ShownCell cell;
+  for (size_t r = 0; r < rig.robots.size(); ++r) {
+    cell.arms.push_back({rig.robots.size() == 1 ? "base" : rig.robots[r], solution.poses.world_from_base[r], {}});
+    for (const RigRecording& capture : dataset.captures) {
+      cell.arms.back().base_from_gripper.push_back(capture.base_from_gripper[r]);
+    }
+  }
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    cell.cameras.push_back(
+        {rig.cameras[c].name, rig.cameras[c].mount, solution.poses.mount_from_camera[c], solution.cameras[c]});
+  }
+  for (size_t t = 0; t < rig.targets.size(); ++t) {
+    cell.targets.push_back({rig.targets[t].name, rig.targets[t].mount, solution.poses.mount_from_target[t],
+                            AllPoints(*dataset.targets[t]).points_in_target});
+  }
+  std::map<std::string, bool> is_used;
+  for (const RigImageResult& image : run.result.images) is_used[image.capture] = is_used[image.capture] || image.used;
+  for (const RigRecording& capture : dataset.captures) cell.is_used.push_back(is_used[capture.name]);
+  return PageSection("Cell", CellFigure(cell));
+}
+
+std::string CamerasSection(const RigResult& result) {
+  const bool has_truth = std::any_of(result.errors.begin(), result.errors.end(),
+                                     [](const RigErrors& errors) { return errors.truth_mm.has_value(); });
+  std::vector<std::string> head = {"camera",       "mount",        "images used",   "in-sample, px", "hold-out, px",
+                                   "hold-out, mm", "hold-out, deg", "pixel noise, px", "one sigma, mm", "deg"};
+  if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
+  std::vector<std::vector<PageCell>> rows;
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    const RigCamera& camera = result.rig.cameras[c];
+    const RigErrors& errors = result.errors[c];
+    const auto [used, all] = CountImages(result, camera.name);
+    std::vector<PageCell> row = {{camera.name, false, {}, true},
+                                 {MountText(result.rig, camera)},
+                                 {std::to_string(used) + " of " + std::to_string(all), true},
+                                 Number(errors.reprojection_rms_px),
+                                 Number(errors.holdout_rms_px),
+                                 Number(errors.holdout_target_mm),
+                                 Number(errors.holdout_target_deg),
+                                 Number(result.solution.pixel_sigmas_px[c])};
+    for (PageCell& cell : SigmaCells(*PoseCovarianceOf(result.solution.covariance, CameraPoseBlock(camera)))) {
+      row.push_back(std::move(cell));
+    }
+    if (has_truth) row.insert(row.end(), {Number(errors.truth_mm), Number(errors.truth_deg)});
+    rows.push_back(std::move(row));
+  }
+  return PageSection("Cameras", Paragraph("RMS reprojection errors with the poses of the arms as reported: on the "
+                                          "captures of the estimate, and on captures that it has not seen. Sigmas are "
+                                          "those along and about the least certain axis.") +
+                                    HtmlTable(head, rows));
+}
+
+// Returns the row of a pose: its frames, numbers and sigmas.
+std::vector<PageCell> PoseRow(const std::string& what, const Rigid3d& pose, const Matrix6& covariance) {
+  const auto [sigma_m, sigma_rad] = LargestSigmas(covariance);
+  std::vector<PageCell> row = {{what}, {PoseText(pose, 1000 * sigma_m, sigma_rad)}};
+  for (PageCell& cell : SigmaCells(covariance)) row.push_back(std::move(cell));
+  return row;
+}
+
+std::string PosesSection(const RigResult& result) {
+  const RigProblem& rig = result.rig;
+  const RigSolution& solution = result.solution;
+  const std::vector<std::string> head = {"pose", "value", "one sigma, mm", "deg"};
+  std::vector<std::vector<PageCell>> rows;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    rows.push_back(PoseRow("camera " + rig.cameras[c].name + " in " + MountText(rig, rig.cameras[c]),
+                           solution.poses.mount_from_camera[c],
+                           *PoseCovarianceOf(solution.covariance, CameraPoseBlock(rig.cameras[c]))));
+  }
+  for (size_t t = 0; t < rig.targets.size(); ++t) {
+    rows.push_back(PoseRow("target " + rig.targets[t].name + " in " + MountText(rig, rig.targets[t]),
+                           solution.poses.mount_from_target[t],
+                           *PoseCovarianceOf(solution.covariance, TargetPoseBlock(rig.targets[t]))));
+  }
+  for (size_t r = 1; r < rig.robots.size(); ++r) {
+    rows.push_back(PoseRow("base of arm " + rig.robots[r] + " in world", solution.poses.world_from_base[r],
+                           *PoseCovarianceOf(solution.covariance, BaseBlock(rig.robots[r]))));
+  }
+  return PageSection("Poses", HtmlTable(head, rows));
+}
+
+std::string RelativeSection(const RigResult& result) {
+  const bool has_truth = !result.relative_truth.empty();
+  std::vector<std::string> head = {"pose", "value", "one sigma, mm", "deg"};
+  if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
+  std::vector<std::vector<PageCell>> rows;
+  for (size_t i = 0; i < result.relative_cameras.size(); ++i) {
+    const RelativePose& pose = result.relative_cameras[i];
+    rows.push_back(PoseRow("camera " + pose.child + " in camera " + pose.parent, pose.parent_from_child,
+                           pose.covariance));
+    if (!has_truth) continue;
+    rows.back().push_back(Number(1000 * result.relative_truth[i].first));
+    rows.back().push_back(Number(RadToDeg(result.relative_truth[i].second)));
+  }
+  for (const RelativePose& pose : result.relative_targets) {
+    rows.push_back(PoseRow("target " + pose.child + " in target " + pose.parent, pose.parent_from_child,
+                           pose.covariance));
+    if (has_truth) rows.back().insert(rows.back().end(), {PageCell{"", true}, PageCell{"", true}});
+  }
+  if (rows.empty()) return "";
+  return PageSection("Poses between cameras and between targets",
+                     Paragraph("The covariance of each pose comes from the joint adjustment: errors that both ends "
+                               "share cancel.") +
+                         HtmlTable(head, rows));
+}
+
+std::string ArmsSection(const RigResult& result) {
+  std::vector<std::vector<PageCell>> rows;
+  for (size_t r = 0; r < result.rig.robots.size(); ++r) {
+    const std::optional<RobotNoise>& noise = result.solution.robot_noise[r];
+    if (!noise) continue;
+    rows.push_back({{result.rig.robots[r]},
+                    {ShownNoise(1000 * noise->translation_m), true},
+                    {ShownNoise(RadToDeg(noise->rotation_rad)), true}});
+  }
+  if (rows.empty()) return "";
+  return PageSection("Arms", Paragraph("The noise of the poses that each arm reports (one sigma along and about each "
+                                       "axis of the gripper). A capture's error is common to all its images.") +
+                                 HtmlTable({"arm", "noise, mm", "deg"}, rows));
+}
+
+// The images of one camera, as the sections on residuals show them.
+struct ShownImages {
+  std::vector<ReportedCapture> captures;
+  CameraResiduals residuals;
+};
+
+ShownImages ImagesOf(const RigRunOutput& run, size_t camera) {
+  const RigSolution& solution = run.result.solution;
+  const RigSolution& refined = *run.calibration.refined;
+  const std::string& name = run.result.rig.cameras[camera].name;
+  ShownImages shown;
+  shown.residuals.camera = solution.cameras[camera];
+  shown.residuals.sigma_px = solution.pixel_sigmas_px[camera];
+  shown.residuals.rms_px = run.result.errors[camera].reprojection_rms_px;
+  std::map<size_t, std::string> jpeg_of;
+  for (const RigDetection& detection : run.detections) {
+    if (detection.camera == camera && !detection.detection.small_jpeg.empty()) {
+      jpeg_of[detection.capture] = detection.detection.small_jpeg;
+    }
+  }
+  std::map<std::string, size_t> place_of;
+  for (size_t i = 0; i < run.calibration.problem.captures.size(); ++i) {
+    const RigCapture& capture = run.calibration.problem.captures[i];
+    ReportedCapture& reported = shown.captures.emplace_back();
+    reported.image = capture.name;
+    reported.small_jpeg = jpeg_of[i];
+    place_of[capture.name] = i;
+    for (size_t k = 0; k < capture.images.size(); ++k) {
+      const RigImage& image = capture.images[k];
+      if (image.camera != camera || image.observations.size() == 0) continue;
+      const Rigid3d camera_from_target = CameraFromTarget(run.calibration.problem, solution.poses, camera, image.target,
+                                                          capture.base_from_gripper);
+      const std::optional<Points2> residuals =
+          Residuals(solution.cameras[camera], camera_from_target,
+                    ApplyShape(image.observations, solution.shapes[image.target]));
+      if (!residuals) continue;
+      const std::vector<int>& rejected = refined.captures[i].rejected_ids[k];
+      for (Eigen::Index p = 0; p < residuals->cols(); ++p) {
+        const int id = image.observations.ids[static_cast<size_t>(p)];
+        const bool is_out = std::find(rejected.begin(), rejected.end(), id) != rejected.end();
+        Points2& pixels = is_out ? reported.left_out_pixels : reported.pixels;
+        Points2& errors = is_out ? reported.left_out_residuals : reported.residuals;
+        pixels.conservativeResize(2, pixels.cols() + 1);
+        errors.conservativeResize(2, errors.cols() + 1);
+        pixels.rightCols<1>() = image.observations.pixels.col(p);
+        errors.rightCols<1>() = residuals->col(p);
+      }
+    }
+  }
+  for (const RigImageResult& image : run.result.images) {
+    if (image.camera != name) continue;
+    SquaredErrors sum;
+    for (const RigTargetInImage& target : image.targets) {
+      if (target.used && target.rms_px) {
+        sum.Add({*target.rms_px * *target.rms_px * target.num_points, target.num_points});
+      }
+    }
+    shown.residuals.images.push_back({image.capture, image.used, image.reason, sum.RmsPx(), nullptr});
+  }
+  for (CameraResiduals::Image& image : shown.residuals.images) image.shown = &shown.captures[place_of[image.name]];
+  return shown;
+}
+
+std::string ImagesTable(const RigResult& result) {
+  std::vector<std::vector<PageCell>> rows;
+  for (const RigImageResult& image : result.images) {
+    std::vector<std::string> targets;
+    int num_points = 0;
+    int num_rejected = 0;
+    SquaredErrors sum;
+    for (const RigTargetInImage& target : image.targets) {
+      targets.push_back(target.target);
+      num_points += target.num_points;
+      num_rejected += target.num_rejected;
+      if (target.rms_px) sum.Add({*target.rms_px * *target.rms_px * target.num_points, target.num_points});
+    }
+    rows.push_back({{image.capture},
+                    {image.camera},
+                    {image.image},
+                    {Join(targets, ", ")},
+                    {image.used ? "used" : "not used"},
+                    {std::to_string(num_points), true},
+                    {std::to_string(num_rejected), true},
+                    Number(sum.RmsPx()),
+                    {image.reason}});
+  }
+  return Heading("Images") +
+         HtmlTable({"capture", "camera", "image", "targets", "", "points", "left out", "rms, px", "remark"}, rows);
+}
+
+std::string RecordPart(const RigResult& result, const ReportContext& context) {
+  std::string part = "<dl class=\"record\">\n";
+  const auto add = [&](const std::string& name, const std::string& value) {
+    part += "<dt>" + EscapedForMarkup(name) + "</dt><dd>" + EscapedForMarkup(value) + "</dd>\n";
+  };
+  add("cameras", std::to_string(result.rig.cameras.size()));
+  for (size_t t = 0; t < result.rig.targets.size(); ++t) {
+    add("target " + result.rig.targets[t].name, result.target_types[t] + " on " + MountText(result.rig, result.rig.targets[t]));
+  }
+  add("captures", std::to_string(result.captures.size()));
+  for (const auto& [name, value] : result.about) add(name, value);
+  add("created", context.made + " by heba " + std::string(Version()));
+  add("config", context.config.string());
+  add("folder", context.output.string());
+  return Heading("Record") + part + "</dl>\n";
+}
+
+}  // namespace
+
+std::string RigReportPage(const RigDataset& dataset, const RigRunOutput& run, const ReportContext& context) {
+  const RigResult& result = run.result;
+  std::string body = "<div class=\"record-page\">\n<h1>" + EscapedForMarkup(result.name) + "</h1>\n" +
+                     VerdictPart(result.verdict) + CamerasSection(result) + "</div>\n" + CellSection(dataset, run) +
+                     PosesSection(result) + RelativeSection(result) + ArmsSection(result);
+  for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
+    const std::string name = "captures_" + std::to_string(c);
+    const ShownImages shown = ImagesOf(run, c);
+    body += Heading("Camera " + result.rig.cameras[c].name) + ResidualData(name, shown.residuals) +
+            ResidualSections(name, shown.residuals, "");
+  }
+  return HtmlPage(result.name, body + ImagesTable(result) + RecordPart(result, context) +
+                                   Details("Config as used", CopyableText(context.config_used)));
+}
+
+}  // namespace heba

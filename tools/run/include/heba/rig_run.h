@@ -1,0 +1,79 @@
+// Runs a whole calibration of a rig: from a data set (the images of its cameras and the poses of its arms) to a result
+// with its errors, uncertainties and findings. This is all that `heba run` does with a rig between its config and its
+// files.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "heba/base/error.h"
+#include "heba/detection.h"
+#include "heba/evaluation/rig_evaluation.h"
+#include "heba/rig_calibration.h"
+#include "heba/run.h"
+#include "heba/target.h"
+
+namespace heba {
+
+// What was recorded at one pose of every arm.
+struct RigRecording {
+  std::string name;
+  std::vector<Rigid3d> base_from_gripper;     // One per arm.
+  std::vector<std::filesystem::path> images;  // One per camera; empty if it recorded none.
+};
+
+// The recorded data of a rig.
+struct RigDataset {
+  std::string name;
+  std::vector<std::pair<std::string, std::string>> about;  // RunResult::about.
+  // Names, mounts, and the cameras that are given. The shapes of targets follow from `targets`.
+  RigProblem rig;
+  std::vector<bool> has_camera;               // One per camera: whether it is given.
+  std::vector<std::string> camera_sources;    // One per camera: what starts the messages about it.
+  std::vector<std::shared_ptr<const Target>> targets;
+  std::vector<RigRecording> captures;
+  std::optional<RigTruth> truth;
+  std::vector<LeftOut> left_out;  // Is listed in the result.
+};
+
+struct RigRunOptions {
+  RigCalibrationOptions calibration;  // Its `has_camera` is not used.
+  int folds = 5;                      // Number of folds of the cross-validation; 0: none.
+  int num_threads = 1;                // The result does not depend on it.
+  // One per target; replace DetectWithDigest. Empty: none is replaced.
+  std::vector<DetectFunction> detect;
+};
+
+// The detection of one target in one image.
+struct RigDetection {
+  size_t capture = 0;
+  size_t camera = 0;
+  size_t target = 0;
+  CaptureDetection detection;
+};
+
+struct RigRunOutput {
+  RigResult result;
+  std::vector<RigDetection> detections;  // Of every target in every image.
+  RigCalibration calibration;
+};
+
+// Detects the targets in the images of all cameras. `detect`: RigRunOptions::detect. Throws InputError if an image
+// cannot be read, or if the images of one camera differ in size.
+std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector<DetectFunction>& detect,
+                                    int num_threads, RunObserver* observer);
+
+// Detects, calibrates and assesses the result on held-out captures. `observer` may be null; it is told about the stages
+// only. Returns a Failure if the result cannot be trusted, or if the run was cancelled. Throws InputError if the data
+// set is incomplete or an image cannot be read.
+Outcome<RigRunOutput> RunRig(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer = nullptr);
+
+// Returns why two targets of a rig cannot be told apart in one image (Target::Codes), in words; empty if they can.
+std::string WhyNotToldApart(const RigDataset& dataset);
+
+}  // namespace heba

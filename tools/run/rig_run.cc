@@ -1,0 +1,306 @@
+#include "heba/rig_run.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <map>
+#include <mutex>
+
+#include "heba/base/parallel.h"
+#include "heba/base/units.h"
+#include "heba/evaluation/metrics.h"
+#include "heba/rig_cross_validation.h"
+#include "targets/images/image.h"
+#include "tools/run/captures.h"
+#include "tools/run/digest.h"
+
+namespace heba {
+namespace {
+
+class Stopwatch {
+ public:
+  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+std::string SizeText(const ImageSize& size) {
+  return std::to_string(size.width_px) + " x " + std::to_string(size.height_px) + " px";
+}
+
+// Sets the sizes of the cameras to those of their images. Throws InputError if a given camera is for another size.
+void FitCameras(const RigDataset& dataset, const std::vector<RigDetection>& detections, RigProblem* rig) {
+  for (size_t c = 0; c < rig->cameras.size(); ++c) {
+    const auto first = std::find_if(detections.begin(), detections.end(),
+                                    [&](const RigDetection& detection) { return detection.camera == c; });
+    if (first == detections.end()) continue;
+    Camera& camera = rig->cameras[c].camera;
+    const ImageSize seen{first->detection.width_px, first->detection.height_px};
+    const ImageSize stated{camera.width_px, camera.height_px};
+    if (dataset.has_camera[c] && stated.width_px > 0 && !(stated == seen)) {
+      throw InputError(dataset.camera_sources[c] + ": is for images of " + SizeText(stated) + ", but those of camera " +
+                       rig->cameras[c].name + " are " + SizeText(seen) +
+                       "; provide the intrinsics of that resolution");
+    }
+    camera.width_px = seen.width_px;
+    camera.height_px = seen.height_px;
+  }
+}
+
+RigProblem ProblemOf(const RigDataset& dataset, const std::vector<RigDetection>& detections) {
+  RigProblem rig = dataset.rig;
+  FitCameras(dataset, detections, &rig);
+  for (size_t t = 0; t < rig.targets.size(); ++t) {
+    rig.targets[t].shape = DesignedShape(AllPoints(*dataset.targets[t]).points_in_target);
+    rig.targets[t].symmetries = dataset.targets[t]->Symmetries();
+  }
+  rig.captures.clear();
+  for (const RigRecording& recording : dataset.captures) {
+    rig.captures.push_back({recording.name, recording.base_from_gripper, {}});
+  }
+  for (const RigDetection& detection : detections) {
+    if (detection.detection.detection.ids.empty()) continue;
+    rig.captures[detection.capture].images.push_back(
+        {detection.camera, detection.target,
+         ObservationsOf(*dataset.targets[detection.target], detection.detection.detection)});
+  }
+  return rig;
+}
+
+// Returns the RMS of an image with the poses of the arms as given; nothing if a point has no image.
+std::optional<SquaredErrors> ErrorsOf(const RigProblem& rig, const RigSolution& solution, const RigCapture& capture,
+                                      const RigImage& image) {
+  return ViewErrors(solution.cameras[image.camera],
+                    CameraFromTarget(rig, solution.poses, image.camera, image.target, capture.base_from_gripper),
+                    ApplyShape(image.observations, solution.shapes[image.target]));
+}
+
+// Returns the entries of all images, used or not. `seen` has the points of all images.
+std::vector<RigImageResult> ImageResults(const RigDataset& dataset, const RigProblem& seen,
+                                         const RigCalibration& calibration) {
+  const RigSolution& solution = *calibration.refined;
+  std::map<std::pair<size_t, size_t>, std::string> reasons;
+  for (const UnusedRigImage& unused : calibration.unused) {
+    for (size_t k = 0; k < seen.captures[unused.capture].images.size(); ++k) {
+      if (!unused.image || *unused.image == k) reasons[{unused.capture, k}] = unused.reason;
+    }
+  }
+  std::vector<RigImageResult> results;
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    const RigCapture& capture = seen.captures[i];
+    for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
+      if (dataset.captures[i].images[c].empty()) continue;
+      RigImageResult result{dataset.captures[i].name,
+                            dataset.rig.cameras[c].name,
+                            dataset.captures[i].images[c].filename().string(),
+                            false,
+                            "",
+                            {}};
+      for (size_t k = 0; k < capture.images.size(); ++k) {
+        const RigImage& image = capture.images[k];
+        if (image.camera != c) continue;
+        RigTargetInImage& target = result.targets.emplace_back();
+        target.target = dataset.rig.targets[image.target].name;
+        target.num_points = image.observations.size();
+        target.num_rejected = static_cast<int>(solution.captures[i].rejected_ids[k].size());
+        target.used =
+            calibration.problem.captures[i].images[k].observations.size() > target.num_rejected;
+        const std::optional<SquaredErrors> errors =
+            ErrorsOf(seen, solution, calibration.problem.captures[i], target.used ? calibration.problem.captures[i].images[k] : image);
+        if (errors) target.rms_px = errors->RmsPx();
+        result.used = result.used || target.used;
+        const auto reason = reasons.find({i, k});
+        if (reason != reasons.end()) {
+          result.reason += (result.reason.empty() ? "" : "; ") + reason->second;
+        } else if (!target.used) {
+          result.reason = "none of its points is where the estimate predicts it";
+        }
+      }
+      if (result.targets.empty()) result.reason = "no target was detected";
+      results.push_back(std::move(result));
+    }
+  }
+  return results;
+}
+
+// Fills in the in-sample errors of every camera, with the poses of the arms as given, and the errors by the truth.
+void AddErrors(const RigDataset& dataset, const RigCalibration& calibration, RigResult* result) {
+  const RigSolution& solution = *calibration.refined;
+  std::vector<SquaredErrors> sums(dataset.rig.cameras.size());
+  for (const RigCapture& capture : calibration.problem.captures) {
+    for (const RigImage& image : capture.images) {
+      if (image.observations.size() == 0) continue;
+      const std::optional<SquaredErrors> errors = ErrorsOf(calibration.problem, solution, capture, image);
+      if (errors) sums[image.camera].Add(*errors);
+    }
+  }
+  for (size_t c = 0; c < sums.size(); ++c) {
+    RigErrors& errors = result->errors.emplace_back();
+    errors.reprojection_rms_px = sums[c].RmsPx();
+    if (!dataset.truth) continue;
+    const Rigid3d& truth = dataset.truth->poses.mount_from_camera[c];
+    errors.truth_mm = 1000 * DistanceM(solution.poses.mount_from_camera[c], truth);
+    errors.truth_deg = RadToDeg(AngleRad(solution.poses.mount_from_camera[c], truth));
+  }
+  if (!dataset.truth) return;
+  RigSolution exact = solution;
+  exact.poses = dataset.truth->poses;
+  const std::vector<RelativePose> relative = RelativeCameraPoses(calibration.problem, exact);
+  for (size_t i = 0; i < relative.size(); ++i) {
+    result->relative_truth.emplace_back(
+        DistanceM(result->relative_cameras[i].parent_from_child, relative[i].parent_from_child),
+        AngleRad(result->relative_cameras[i].parent_from_child, relative[i].parent_from_child));
+  }
+}
+
+Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer) {
+  RigRunOutput output;
+  RigResult& result = output.result;
+  const Stopwatch detect_watch;
+  output.detections = DetectRig(dataset, options.detect, options.num_threads, observer);
+  result.timing.detect_s = detect_watch.Seconds();
+  const RigProblem seen = ProblemOf(dataset, output.detections);
+  EndIfCancelled(observer);
+  const Stopwatch solve_watch;
+  RigCalibrationOptions calibration_options = options.calibration;
+  calibration_options.has_camera = dataset.has_camera;
+  calibration_options.adjustment.num_threads = options.num_threads;
+  for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
+    const bool was_seen = std::any_of(seen.captures.begin(), seen.captures.end(), [&](const RigCapture& capture) {
+      return std::any_of(capture.images.begin(), capture.images.end(),
+                         [&](const RigImage& image) { return image.camera == c; });
+    });
+    if (!was_seen) return Failure{"camera " + dataset.rig.cameras[c].name + " saw no target in any image"};
+  }
+  Outcome<RigCalibration> calibration = CalibrateRig(seen, calibration_options);
+  if (!calibration) return Failure{calibration.reason()};
+  if (!calibration->refined) return Failure{calibration->refined.reason()};
+  output.calibration = std::move(*calibration);
+  const RigSolution& solution = *output.calibration.refined;
+  result.timing.refine_s = solution.convergence.seconds;
+  result.timing.seed_s = std::max(0.0, solve_watch.Seconds() - result.timing.refine_s);
+
+  result.name = dataset.name;
+  result.about = dataset.about;
+  result.rig = output.calibration.problem;
+  result.rig.captures.clear();
+  for (const std::shared_ptr<const Target>& target : dataset.targets) result.target_types.push_back(std::string(target->type()));
+  result.solution = solution;
+  result.solution.captures.clear();
+  result.relative_cameras = RelativeCameraPoses(result.rig, solution);
+  result.relative_targets = RelativeTargetPoses(result.rig, solution);
+  result.relative_bases = RelativeBasePoses(result.rig, solution);
+  result.images = ImageResults(dataset, seen, output.calibration);
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    result.captures.push_back(
+        {dataset.captures[i].name, dataset.captures[i].base_from_gripper, solution.captures[i].corrections});
+  }
+  AddErrors(dataset, output.calibration, &result);
+  if (options.folds > 1) {
+    StageReport report(RunStage::kHoldOut, options.folds, observer);
+    const RigHoldOuts errors =
+        CrossValidateRig(output.calibration, calibration_options, options.folds, [&] { report.Step(); });
+    for (size_t c = 0; c < errors.of_cameras.size(); ++c) {
+      const RigHoldOut& camera = errors.of_cameras[c];
+      result.errors[c].holdout_rms_px = camera.rms_px;
+      if (camera.target_m) result.errors[c].holdout_target_mm = 1000 * *camera.target_m;
+      if (camera.target_rad) result.errors[c].holdout_target_deg = RadToDeg(*camera.target_rad);
+    }
+    result.holdout_chi2 = errors.chi2_per_dof;
+  }
+  result.verdict = JudgeRig(result);
+  return output;
+}
+
+// Throws InputError if the data set is incomplete.
+void CheckDataset(const RigDataset& dataset) {
+  const size_t num_cameras = dataset.rig.cameras.size();
+  if (dataset.captures.empty()) throw InputError("the data set has no captures");
+  if (num_cameras == 0 || dataset.targets.empty() || dataset.rig.robots.empty()) {
+    throw InputError("a rig needs at least one camera, one target and one arm");
+  }
+  if (dataset.has_camera.size() != num_cameras || dataset.camera_sources.size() != num_cameras ||
+      dataset.targets.size() != dataset.rig.targets.size()) {
+    throw InputError("the lists of the data set differ in size from those of the rig");
+  }
+  for (const RigRecording& capture : dataset.captures) {
+    if (capture.base_from_gripper.size() != dataset.rig.robots.size() || capture.images.size() != num_cameras) {
+      throw InputError("capture " + capture.name + " needs one pose for each arm and one image for each camera");
+    }
+  }
+  const std::string faults = WhyNotToldApart(dataset);
+  if (!faults.empty()) throw InputError(faults);
+}
+
+}  // namespace
+
+std::vector<RigDetection> DetectRig(const RigDataset& dataset, const std::vector<DetectFunction>& detect,
+                                    int num_threads, RunObserver* observer) {
+  std::vector<RigDetection> detections;
+  for (size_t i = 0; i < dataset.captures.size(); ++i) {
+    for (size_t c = 0; c < dataset.rig.cameras.size(); ++c) {
+      if (dataset.captures[i].images[c].empty()) continue;
+      for (size_t t = 0; t < dataset.targets.size(); ++t) detections.push_back({i, c, t, {}});
+    }
+  }
+  // The size is read from the header of each camera's first image, because one of another size may need gigabytes.
+  std::vector<std::optional<ImageSize>> expected(dataset.rig.cameras.size());
+  for (const RigDetection& detection : detections) {
+    std::optional<ImageSize>& size = expected[detection.camera];
+    if (!size) size = ReadImageSize(dataset.captures[detection.capture].images[detection.camera]);
+  }
+  {
+    StageReport report(RunStage::kDetection, static_cast<int>(detections.size()), observer);
+    std::mutex mutex;
+    ParallelFor(static_cast<int>(detections.size()), num_threads, [&](int index) {
+      RigDetection& detection = detections[static_cast<size_t>(index)];
+      const std::filesystem::path& image = dataset.captures[detection.capture].images[detection.camera];
+      const size_t t = detection.target;
+      detection.detection = detect.empty() || !detect[t]
+                                ? DetectWithDigest(*dataset.targets[t], image, expected[detection.camera])
+                                : detect[t](image, expected[detection.camera]);
+      const std::lock_guard<std::mutex> lock(mutex);
+      report.Step();
+    });
+  }
+  std::map<size_t, const RigDetection*> first_of;
+  for (const RigDetection& detection : detections) {
+    const RigDetection* const first = first_of.emplace(detection.camera, &detection).first->second;
+    const ImageSize size{detection.detection.width_px, detection.detection.height_px};
+    const ImageSize first_size{first->detection.width_px, first->detection.height_px};
+    if (size == first_size) continue;
+    throw InputError(dataset.captures[detection.capture].images[detection.camera].string() + ": is " + SizeText(size) +
+                     ", but other images of camera " + dataset.rig.cameras[detection.camera].name + " are " +
+                     SizeText(first_size) + "; all images of a camera must have one resolution");
+  }
+  return detections;
+}
+
+std::string WhyNotToldApart(const RigDataset& dataset) {
+  std::map<std::string, size_t> target_of_code;
+  for (size_t t = 0; t < dataset.targets.size(); ++t) {
+    for (const std::string& code : dataset.targets[t]->Codes()) {
+      const auto [other, is_new] = target_of_code.emplace(code, t);
+      if (is_new) continue;
+      return "targets " + dataset.rig.targets[other->second].name + " and " + dataset.rig.targets[t].name +
+             " cannot be told apart in an image: both are recognised by " + code +
+             "; print one of them with other codes or, if it has none, with another number of rows or columns";
+    }
+  }
+  return "";
+}
+
+Outcome<RigRunOutput> RunRig(const RigDataset& dataset, const RigRunOptions& options, RunObserver* observer) {
+  CheckDataset(dataset);
+  const Stopwatch watch;
+  try {
+    Outcome<RigRunOutput> output = RunOnImages(dataset, options, observer);
+    if (output) output->result.timing.total_s = watch.Seconds();
+    return output;
+  } catch (const Cancelled&) {
+    return Failure{kCancelled};
+  }
+}
+
+}  // namespace heba
