@@ -266,7 +266,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const LoopValues& at
         const std::vector<double>& params = at.cameras[static_cast<size_t>(view.camera)];
         const TargetShape* const shape = kind.has_shape ? &at.targets[static_cast<size_t>(view.target)] : nullptr;
         const Rigid3d camera_from_target = view.loop.Evaluate({at.poses, at.effects, {}}, &derivatives);
-        if (view.observations->size() <= ChainedSum::kFewPoints) {
+        if (view.observations->size() <= ChainedSum::kFewPoints && view.pose_variance_ratio == 1) {
           if (!kind.reducer.Write(params.data(), camera_from_target, *view.observations, shape, &rows)) return false;
           group.AddRows(rows, view.loop, derivatives, kind.places);
           group.AddLossRemainder(rows.loss_remainder);
@@ -276,6 +276,7 @@ bool CapturesCost::EvaluateGroup(size_t first, size_t last, const LoopValues& at
         if (!kind.reducer.Multiply(params.data(), camera_from_target, *view.observations, shape, &products)) {
           return false;
         }
+        WeighPosePart(view.pose_variance_ratio, &products.matrix);
         group.AddProducts(products.matrix, view.loop, derivatives, kind.places);
         group.AddLossRemainder(products.loss_remainder);
       }
@@ -337,6 +338,7 @@ bool CapturesCost::EvaluateCapture(const LoopCapture& capture, const LoopValues&
                           &of_view.products)) {
       return false;
     }
+    WeighPosePart(view.pose_variance_ratio, &of_view.products.matrix);
     const Eigen::MatrixXd& products = of_view.products.matrix;
     const Eigen::Index residual = products.cols() - 1;
     const Matrix6 by_pose = products.topLeftCorner<6, 6>();

@@ -21,6 +21,9 @@ struct LoopView {
   KinematicLoop loop;  // Gives camera_from_target.
   int camera = 0;
   int target = 0;
+  // The variance of the part of the residuals that another pose of the target in the camera would explain, relative to
+  // that of the others: above 1 if the image as a whole has an error, beside that of each point (WeighPosePart).
+  double pose_variance_ratio = 1;
 };
 
 // An unknown pose of one capture: the correction of a robot pose, or the pose of a target that nothing else determines.

@@ -332,6 +332,22 @@ bool ViewReducer::Reduce(const double* params, const Rigid3d& camera_from_target
   return true;
 }
 
+void WeighPosePart(double variance_ratio, Eigen::MatrixXd* products) {
+  if (variance_ratio == 1) return;
+  const Eigen::Matrix<double, 6, 6> of_pose = products->topLeftCorner<6, 6>();
+  const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> factor(of_pose);
+  const Eigen::MatrixXd mixed = products->topRows<6>();
+  *products -= (1 - 1 / variance_ratio) * mixed.transpose() * factor.solve(mixed);
+}
+
+void WeighPoseRows(double variance_ratio, Eigen::MatrixXd* rows) {
+  if (variance_ratio == 1) return;
+  const Eigen::Index rank = std::min<Eigen::Index>(6, rows->rows());
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(rows->leftCols<6>());
+  const Eigen::MatrixXd basis = qr.householderQ() * Eigen::MatrixXd::Identity(rows->rows(), rank);
+  *rows -= (1 - 1 / std::sqrt(variance_ratio)) * basis * (basis.transpose() * *rows);
+}
+
 Eigen::MatrixXd PivotedCholesky(const Eigen::MatrixXd& products) {
   const Eigen::Index n = products.cols();
   Eigen::MatrixXd root = Eigen::MatrixXd::Zero(n, n);

@@ -92,6 +92,16 @@ class ViewReducer {
   std::vector<int> free_shape_;
 };
 
+// Divides the part of the products that a pose explains by `variance_ratio`: M becomes
+//   M - (1 - 1 / ratio) M_p M_pp^-1 M_p^T,
+// where M_p are the first six columns of M and M_pp its first six rows of them. These are the products of residuals that
+// have, beside independent errors of the points, an error of the image that acts like another pose of the target, with
+// the covariance (ratio - 1) M_pp^-1 (the g-prior of Zellner, "On assessing prior distributions and Bayesian regression
+// analysis with g-prior distributions", 1986).
+void WeighPosePart(double variance_ratio, Eigen::MatrixXd* products);
+// Likewise for rows whose first six columns are the derivatives by the pose.
+void WeighPoseRows(double variance_ratio, Eigen::MatrixXd* rows);
+
 // Returns R with R^T R = `products`, which must be positive semidefinite up to rounding. R has as many rows as
 // `products`; its last row is zero except for the last element. Pivoted Cholesky factorisation of the matrix scaled
 // to a unit diagonal; remainders below rounding are set to zero.

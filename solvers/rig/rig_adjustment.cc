@@ -1,6 +1,7 @@
 #include "heba/rig_adjustment.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <utility>
 
@@ -61,7 +62,7 @@ RigPointFlags FindInlierPoints(const RigProblem& problem, const RigFit& fit) {
       if (image.observations.size() == 0) continue;
       flags[i][k] =
           FindInliers(fit.state.cameras[image.camera], PredictedPose(problem, fit.state, {i, k}),
-                      ApplyShape(image.observations, fit.state.shapes[image.target]), fit.noise.pixel_px[image.camera]);
+                      ApplyShape(image.observations, fit.state.shapes[image.target]), std::hypot(fit.noise.pixel_px[image.camera], fit.noise.image_px[image.camera]));
     }
   }
   return flags;
@@ -100,6 +101,7 @@ RigSolution SolutionOf(const RigProblem& problem, const RigFit& fit, const RigPo
   solution.cameras = fit.state.cameras;
   solution.shapes = fit.state.shapes;
   solution.pixel_sigmas_px = fit.noise.pixel_px;
+  solution.image_sigmas_px = fit.noise.image_px;
   solution.unmodelled_sigma_px = fit.unmodelled_sigma_px;
   solution.robot_noise.resize(problem.robots.size());
   solution.robot_noise_stddev.resize(problem.robots.size());
@@ -176,6 +178,7 @@ Outcome<RigSolution> RefineRig(const RigProblem& problem, const RigPoses& start,
   // Observability is checked at sigma = 0.05 px: a direction that is unobservable even then cannot be solved for.
   constexpr double kLittleNoisePx = 0.05;
   fit.noise.pixel_px.assign(problem.cameras.size(), options.pixel_noise_px.value_or(kLittleNoisePx));
+  fit.noise.image_px.assign(problem.cameras.size(), 0);
   const std::optional<Information> start_information = RigInformation(fit, LossOf(LossKind::kNone));
   CHECK(start_information.has_value());
   if (const std::optional<Failure> failure = CheckObservable(*start_information)) return *failure;

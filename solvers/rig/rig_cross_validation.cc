@@ -76,7 +76,7 @@ void AddChi2(const RigProblem& held_out, const RigSolution& solution, FoldErrors
   state.corrections.clear();
   const CaptureGroups groups = GroupByRobotPoses(weighted);
   const std::vector<size_t> moving = MovingRobots(weighted);
-  RigNoise noise{solution.pixel_sigmas_px, {}};
+  RigNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}};
   for (const size_t r : moving) noise.robots.push_back(solution.robot_noise[r].value_or(RobotNoise{}));
   const std::optional<LinearisedImages> images =
       LineariseImages(weighted, groups, state, noise, LossOf(LossKind::kNone));

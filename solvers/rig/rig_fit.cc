@@ -5,6 +5,7 @@
 #include <utility>
 
 #include <Eigen/Cholesky>
+#include <Eigen/QR>
 
 #include "heba/base/parallel.h"
 #include "solvers/refine/noise_iteration.h"
@@ -82,23 +83,58 @@ std::vector<std::vector<double>> DistancesOfCameras(const RigFit& fit, int num_t
   return of_cameras;
 }
 
-// Returns for each camera how many of its measured coordinates the estimate takes up: the trace of the covariance of
-// the whitened points according to the estimate (unknowns and corrections).
-std::vector<double> LeverageOfCameras(const RigFit& fit, const LinearisedImages& images,
-                                      const Eigen::MatrixXd& covariance) {
+// Estimates the two sigmas of each camera from its residuals and their redundancy: that of the points from the part that
+// no other pose of the target explains, that of the images from the part that one does.
+void EstimateCameraNoise(const RigFit& fit, const LinearisedImages& images, const Eigen::MatrixXd& covariance,
+                         RigNoise* noise) {
   const Eigen::VectorXd variances = CorrectionVariances(fit.noise, MovingRobots(*fit.problem).size());
-  std::vector<double> leverage(fit.problem->cameras.size(), 0.0);
+  // The sums of squares and the redundancies of both parts, and the redundancy of the pose part times points.
+  struct Sums {
+    double rest = 0;
+    double rest_dof = 0;
+    double pose = 0;
+    double pose_dof = 0;
+    double pose_dof_points = 0;
+  };
+  std::vector<Sums> of_cameras(noise->pixel_px.size());
   for (const std::vector<size_t>& group : images.groups) {
     std::vector<const LinearisedView*> views;
     for (const size_t v : group) views.push_back(&images.views[v]);
     const CorrectionPosterior posterior = PosteriorOf(views, variances, covariance.rows());
+    const Eigen::VectorXd corrections = CorrectionTangents(fit.state, images.images[group.front()].capture,
+                                                           MovingRobots(*fit.problem));
     for (const size_t v : group) {
+      const LinearisedView& view = images.views[v];
       const ImageIndex& index = images.images[v];
-      leverage[fit.problem->captures[index.capture].images[index.image].camera] +=
-          PredictionCovariance(images.views[v], posterior, covariance).trace();
+      const RigImage& image = fit.problem->captures[index.capture].images[index.image];
+      if (view.offset.size() <= 6) continue;
+      const Eigen::MatrixXd basis = PosePartOf(*fit.problem, image, view);
+      const Eigen::VectorXd residual = view.offset - view.by_effects * corrections;
+      const Eigen::MatrixXd predicted = PredictionCovariance(view, posterior, covariance);
+      const double pose = (basis.transpose() * residual).squaredNorm();
+      const double pose_leverage = (basis.transpose() * predicted * basis).trace();
+      const double ratio = PoseVarianceRatio(fit.noise, image);
+      Sums& sums = of_cameras[image.camera];
+      sums.rest += residual.squaredNorm() - pose + view.residual_sum_of_squares;
+      sums.rest_dof += static_cast<double>(view.offset.size() - 6 + view.num_residual_dof) -
+                       (predicted.trace() - pose_leverage);
+      sums.pose += ratio * pose;
+      sums.pose_dof += 6 - pose_leverage;
+      sums.pose_dof_points += (6 - pose_leverage) * image.observations.size();
     }
   }
-  return leverage;
+  for (size_t c = 0; c < of_cameras.size(); ++c) {
+    const Sums& sums = of_cameras[c];
+    if (!(sums.rest_dof > 1)) continue;
+    const double old_px2 = noise->pixel_px[c] * noise->pixel_px[c];
+    const double pixel_px2 = std::max(kMinSigmaPx * kMinSigmaPx, old_px2 * sums.rest / sums.rest_dof);
+    noise->pixel_px[c] = std::sqrt(pixel_px2);
+    // Few images do not tell the error of an image from that of an arm.
+    constexpr double kLeastDof = 6;
+    if (sums.pose_dof < kLeastDof) continue;
+    const double image_px2 = 3 * (old_px2 * sums.pose - pixel_px2 * sums.pose_dof) / sums.pose_dof_points;
+    noise->image_px[c] = std::sqrt(std::max(0.0, image_px2));
+  }
 }
 
 struct EstimatedRigNoise {
@@ -129,24 +165,14 @@ EstimatedRigNoise EstimateNoise(const RigFit& fit, const Loss& loss, NoiseScale 
   result.noise = fit.noise;
   const std::optional<LinearisedImages> images = LineariseImages(*fit.problem, fit.groups, fit.state, fit.noise, loss);
   CHECK(images.has_value()) << "Ceres accepted a step that hides a point";
-  const std::vector<std::vector<double>> distances = DistancesOfCameras(fit, options.num_threads);
   const std::optional<Information> information = RigInformation(fit, loss);
   CHECK(information.has_value());
   const Eigen::MatrixXd covariance = InvertInformation(*information, 1.0).matrix;
-  if (!options.pixel_noise_px) {
-    const std::vector<double> leverage =
-        scale == NoiseScale::kMedian ? std::vector<double>() : LeverageOfCameras(fit, *images, covariance);
-    for (size_t c = 0; c < distances.size(); ++c) {
-      if (distances[c].empty()) continue;
-      if (scale == NoiseScale::kMedian) {
-        result.noise.pixel_px[c] = SigmaFromMedian(distances[c]);
-        continue;
-      }
-      double squares = 0;
-      for (const double d2 : distances[c]) squares += d2;
-      const double redundancy = std::max(1.0, 2.0 * static_cast<double>(distances[c].size()) - leverage[c]);
-      result.noise.pixel_px[c] = std::max(kMinSigmaPx, std::sqrt(squares / redundancy));
-    }
+  if (!options.pixel_noise_px && scale == NoiseScale::kOfFit) {
+    EstimateCameraNoise(fit, *images, covariance, &result.noise);
+  } else if (!options.pixel_noise_px) {
+    const std::vector<std::vector<double>> distances = DistancesOfCameras(fit, options.num_threads);
+    for (size_t c = 0; c < distances.size(); ++c) result.noise.pixel_px[c] = SigmaFromMedian(distances[c]);
   }
   const std::vector<LinearisedView> captures = StackGroups(images->views, images->groups);
   const std::vector<VarianceGroup> groups = VarianceGroupsOf(fit.noise, loss, options);
@@ -173,6 +199,10 @@ bool NoiseConverged(const RigNoise& noise, const RigNoise& next, NoiseScale scal
   };
   for (size_t c = 0; c < noise.pixel_px.size(); ++c) {
     if (std::abs(next.pixel_px[c] - noise.pixel_px[c]) >= pixel_tolerance * noise.pixel_px[c]) return false;
+    // An error of an image that is far below that of its points does not matter.
+    if (std::abs(next.image_px[c] - noise.image_px[c]) >= robot_tolerance * std::hypot(noise.pixel_px[c], noise.image_px[c])) {
+      return false;
+    }
   }
   for (size_t k = 0; k < noise.robots.size(); ++k) {
     if (!is_close(noise.robots[k].translation_m, next.robots[k].translation_m, exact.translation_m)) return false;
@@ -245,6 +275,22 @@ ViewDistances ImageDistances(const RigProblem& problem, const CaptureGroups& gro
                                    image.observations, shape.params == TargetShape().params ? nullptr : &shape);
   });
   return distances;
+}
+
+Eigen::MatrixXd PosePartOf(const RigProblem& problem, const RigImage& image, const LinearisedView& view) {
+  // Another pose of the camera is another pose of the target.
+  const UnknownBlock pose = RigUnknowns(problem).Block(CameraPoseBlock(problem.cameras[image.camera]));
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_unknowns.middleCols(pose.first, pose.size));
+  return qr.householderQ() * Eigen::MatrixXd::Identity(view.offset.size(), 6);
+}
+
+Eigen::VectorXd CorrectionTangents(const RigState& state, size_t capture, const std::vector<size_t>& moving) {
+  Eigen::VectorXd tangents = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(moving.size()));
+  for (size_t k = 0; k < moving.size() && !state.corrections.empty(); ++k) {
+    tangents.segment<6>(6 * static_cast<Eigen::Index>(k)) =
+        LocalCoordinates(Rigid3d(), state.corrections[capture][moving[k]]);
+  }
+  return tangents;
 }
 
 CorrectionPosterior PosteriorOf(const std::vector<const LinearisedView*>& views, const Eigen::VectorXd& variances,

@@ -50,6 +50,12 @@ Eigen::VectorXd CorrectionVariances(const RigNoise& noise, size_t num_moving);
 ViewDistances ImageDistances(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
                              int num_threads);
 
+// Returns an orthonormal basis of the part of an image's rows that another pose of the target would explain; the view
+// must have at least six rows.
+Eigen::MatrixXd PosePartOf(const RigProblem& problem, const RigImage& image, const LinearisedView& view);
+// Returns the tangents of a capture's corrections of the moving arms, joined; zero for exact arms.
+Eigen::VectorXd CorrectionTangents(const RigState& state, size_t capture, const std::vector<size_t>& moving);
+
 // The knowledge about a capture's corrections xi and the unknowns, from all images of a group: the posterior of xi is
 // normal with covariance inverse_normal given the unknowns, and moves with them by -by_unknowns * step.
 struct CorrectionPosterior {

@@ -154,6 +154,13 @@ std::vector<ImageIndex> ImagesOf(const RigProblem& problem, const CaptureGroups&
   return images;
 }
 
+double PoseVarianceRatio(const RigNoise& noise, const RigImage& image) {
+  // The error of the image is in the six directions of the pose; the 2 n coordinates of the points have the RMS error
+  // image_px on average.
+  const double ratio = noise.image_px[image.camera] / noise.pixel_px[image.camera];
+  return 1 + ratio * ratio * image.observations.size() / 3.0;
+}
+
 LoopProblem RigLoops(const RigProblem& problem, const CaptureGroups& groups, const RigState& state,
                      const RigNoise& noise) {
   LoopProblem loops = WithoutCaptures(problem, noise);
@@ -167,7 +174,8 @@ LoopProblem RigLoops(const RigProblem& problem, const CaptureGroups& groups, con
       for (const RigImage& image : problem.captures[i].images) {
         if (image.observations.size() == 0) continue;
         capture.views.push_back({&image.observations, maker.LoopOf(problem.captures[i], image),
-                                 static_cast<int>(image.camera), static_cast<int>(image.target)});
+                                 static_cast<int>(image.camera), static_cast<int>(image.target),
+                                 PoseVarianceRatio(noise, image)});
       }
     }
   }
@@ -184,7 +192,7 @@ LoopProblem RigImageLoops(const RigProblem& problem, const CaptureGroups& groups
     LoopCapture& capture = loops.captures.emplace_back();
     capture.own_poses = OwnPosesOf(moving, state, index.capture, false);
     capture.views.push_back({&image.observations, maker.LoopOf(of_rig, image), static_cast<int>(image.camera),
-                             static_cast<int>(image.target)});
+                             static_cast<int>(image.target), PoseVarianceRatio(noise, image)});
   }
   return loops;
 }

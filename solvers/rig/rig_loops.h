@@ -22,6 +22,9 @@ struct RigState {
 // The noise that the residuals are whitened with.
 struct RigNoise {
   std::vector<double> pixel_px;    // One per camera.
+  // One per camera: the sigma of an error of each image as a whole, which acts like another pose of the target; it moves
+  // each point by as much (RMS).
+  std::vector<double> image_px;
   std::vector<RobotNoise> robots;  // One per moving arm (MovingRobots); empty if the arms are exact.
 };
 
@@ -42,6 +45,9 @@ struct ImageIndex {
 };
 // Returns the images with points, in the order of the views of RigLoops.
 std::vector<ImageIndex> ImagesOf(const RigProblem& problem, const CaptureGroups& groups);
+
+// Returns LoopView::pose_variance_ratio of an image.
+double PoseVarianceRatio(const RigNoise& noise, const RigImage& image);
 
 // Returns the loops of the groups. With corrections, the own poses of a capture are those of the moving arms; their
 // priors are the robot noise. The problem must outlive the result.

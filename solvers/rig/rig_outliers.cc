@@ -4,8 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/QR>
-
 #include "heba/base/distributions.h"
 #include "heba/base/error.h"
 #include "solvers/residuals/inliers.h"
@@ -29,14 +27,7 @@ class ImageTest {
         moving_(MovingRobots(used)),
         variances_(CorrectionVariances(NoiseOf(solution), moving_.size())) {}
 
-  Eigen::VectorXd CorrectionsOf(size_t capture) const {
-    Eigen::VectorXd tangents = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(moving_.size()));
-    for (size_t k = 0; k < moving_.size() && !state_.corrections.empty(); ++k) {
-      tangents.segment<6>(6 * static_cast<Eigen::Index>(k)) =
-          LocalCoordinates(Rigid3d(), state_.corrections[capture][moving_[k]]);
-    }
-    return tangents;
-  }
+  Eigen::VectorXd CorrectionsOf(size_t capture) const { return CorrectionTangents(state_, capture, moving_); }
 
   CorrectionPosterior Posterior(const std::vector<const LinearisedView*>& views) const {
     return PosteriorOf(views, variances_, solution_.covariance.layout.size());
@@ -46,16 +37,15 @@ class ImageTest {
   double ChanceOfImage(const RigProblem& problem, const ImageIndex& index, const LinearisedView& view,
                        const CorrectionPosterior& posterior, const Eigen::VectorXd& corrections, bool is_used) const {
     const RigImage& image = problem.captures[index.capture].images[index.image];
-    const UnknownBlock pose = solution_.covariance.layout.Block(CameraPoseBlock(problem.cameras[image.camera]));
     if (view.offset.size() < 6) return 1;
     // The part of the rows that another pose of the target would explain.
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(view.by_unknowns.middleCols(pose.first, pose.size));
-    const Eigen::MatrixXd basis = qr.householderQ() * Eigen::MatrixXd::Identity(view.offset.size(), 6);
+    const Eigen::MatrixXd basis = PosePartOf(problem, image, view);
     const Tangent6 residual = basis.transpose() * (view.offset - view.by_effects * corrections);
     const Matrix6 predicted =
         basis.transpose() * PredictionCovariance(view, posterior, solution_.covariance.matrix) * basis;
     const double unmodelled = kUnmodelledPx / solution_.pixel_sigmas_px[image.camera];
-    const double floor = unmodelled * unmodelled * image.observations.size() / 3;
+    const double floor = unmodelled * unmodelled * image.observations.size() / 3 /
+                         PoseVarianceRatio(NoiseOf(solution_), image);
     Matrix6 covariance = is_used ? Matrix6(Matrix6::Identity() - predicted) : Matrix6(Matrix6::Identity() + predicted);
     // A direction in which the image alone determines the estimate has no variance, and is not tested.
     if (!is_used) {
@@ -114,7 +104,7 @@ RigState StateOf(const RigSolution& solution) {
 }
 
 RigNoise NoiseOf(const RigSolution& solution) {
-  RigNoise noise{solution.pixel_sigmas_px, {}};
+  RigNoise noise{solution.pixel_sigmas_px, solution.image_sigmas_px, {}};
   for (const std::optional<RobotNoise>& robot : solution.robot_noise) {
     if (robot) noise.robots.push_back(*robot);
   }

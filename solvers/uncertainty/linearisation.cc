@@ -102,6 +102,7 @@ class ViewLinearisation {
             targets_[target].size > 0 ? &values_.targets[target] : nullptr, &reduction)) {
       return std::nullopt;
     }
+    WeighPoseRows(view.pose_variance_ratio, &reduction.factor);
     LinearisedView linear;
     const Eigen::Index columns = reduction.factor.cols() - 1;
     Eigen::Index rows = reduction.factor.rows();

@@ -27,6 +27,9 @@ struct RigSolution {
   std::vector<Camera> cameras;
   std::vector<TargetShape> shapes;
   std::vector<double> pixel_sigmas_px;                     // One sigma of each pixel coordinate of each camera.
+  // One sigma of an error of each image of a camera as a whole, which acts like another pose of the target: it moves
+  // each point by as much (RMS). It is told from the noise of an arm by captures with several images.
+  std::vector<double> image_sigmas_px;
   std::vector<std::optional<double>> unmodelled_sigma_px;  // Solution::unmodelled_sigma_px of each camera.
   // The noise of each arm and, if it was estimated, one sigma of each of its sigmas; nothing for an arm that moves no
   // target against a camera, and for exact arms.

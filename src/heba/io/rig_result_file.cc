@@ -178,6 +178,7 @@ void ReadRig(const JsonReader& reader, RigResult* result) {
         ReadPoseJson(entry.Get("pose"), MountText(rig, camera), member.first));
     solution.cameras.push_back(camera.camera);
     solution.pixel_sigmas_px.push_back(ReadMagnitude(entry, "pixel_sigma"));
+    solution.image_sigmas_px.push_back(ReadMagnitude(entry, "image_sigma"));
     rig.cameras.push_back(std::move(camera));
   }
   const JsonReader targets = reader.Get("targets");
@@ -262,7 +263,8 @@ std::string RigResultToJson(const RigResult& result) {
                                         {"pose", PoseWithSigmas(solution.poses.mount_from_camera[c], mount, camera.name,
                                                                 covariance, CameraPoseBlock(camera))},
                                         {"camera", of_camera},
-                                        {"pixel_sigma", solution.pixel_sigmas_px[c]}};
+                                        {"pixel_sigma", solution.pixel_sigmas_px[c]},
+                                        {"image_sigma", solution.image_sigmas_px[c]}};
     json["errors"][camera.name] = ErrorsJson(result.errors[c]);
   }
   json["targets"] = Json::object();

@@ -34,6 +34,7 @@ RigSolution BoundOf(const RigScene& scene, const RigSceneSetting& setting) {
   for (const RigCamera& camera : scene.problem.cameras) fit.state.cameras.push_back(camera.camera);
   for (const RigTarget& target : scene.problem.targets) fit.state.shapes.push_back(target.shape);
   fit.noise.pixel_px.assign(scene.problem.cameras.size(), setting.noise_px);
+  fit.noise.image_px.assign(scene.problem.cameras.size(), 0);
   fit.noise.robots.assign(MovingRobots(scene.problem).size(), setting.robot_noise);
   RigSolution bound;
   bound.poses = scene.truth;
