@@ -4,10 +4,10 @@
 #include <optional>
 #include <vector>
 
+#include "heba/data/free_parameters.h"
 #include "heba/data/solution.h"
 #include "heba/evaluation/finding.h"
 #include "solvers/calibration/model_choice.h"
-#include "heba/data/free_parameters.h"
 #include "solvers/uncertainty/information.h"
 
 namespace heba {

@@ -7,10 +7,10 @@
 #include <optional>
 #include <vector>
 
+#include "heba/data/free_parameters.h"
 #include "heba/data/problem.h"
 #include "heba/data/solution.h"
 #include "heba/data/unknowns.h"
-#include "heba/data/free_parameters.h"
 #include "solvers/residuals/kinematic_loop.h"
 
 namespace heba {

@@ -13,8 +13,8 @@
 #include <Eigen/Core>
 
 #include "heba/camera/camera_model.h"
-#include "heba/data/problem.h"
 #include "heba/data/free_parameters.h"
+#include "heba/data/problem.h"
 #include "solvers/residuals/loss.h"
 
 namespace heba {
@@ -94,10 +94,10 @@ class ViewReducer {
 
 // Divides the part of the products that a pose explains by `variance_ratio`: M becomes
 //   M - (1 - 1 / ratio) M_p M_pp^-1 M_p^T,
-// where M_p are the first six columns of M and M_pp its first six rows of them. These are the products of residuals that
-// have, beside independent errors of the points, an error of the image that acts like another pose of the target, with
-// the covariance (ratio - 1) M_pp^-1 (the g-prior of Zellner, "On assessing prior distributions and Bayesian regression
-// analysis with g-prior distributions", 1986).
+// where M_p are the first six columns of M and M_pp its first six rows of them. These are the products of residuals
+// that have, beside independent errors of the points, an error of the image that acts like another pose of the target,
+// with the covariance (ratio - 1) M_pp^-1 (the g-prior of Zellner, "On assessing prior distributions and Bayesian
+// regression analysis with g-prior distributions", 1986).
 void WeighPosePart(double variance_ratio, Eigen::MatrixXd* products);
 // Likewise for rows whose first six columns are the derivatives by the pose.
 void WeighPoseRows(double variance_ratio, Eigen::MatrixXd* rows);

@@ -60,9 +60,9 @@ RigPointFlags FindInlierPoints(const RigProblem& problem, const RigFit& fit) {
     for (size_t k = 0; k < weighted.captures[i].images.size(); ++k) {
       const RigImage& image = weighted.captures[i].images[k];
       if (image.observations.size() == 0) continue;
-      flags[i][k] =
-          FindInliers(fit.state.cameras[image.camera], PredictedPose(problem, fit.state, {i, k}),
-                      ApplyShape(image.observations, fit.state.shapes[image.target]), std::hypot(fit.noise.pixel_px[image.camera], fit.noise.image_px[image.camera]));
+      flags[i][k] = FindInliers(fit.state.cameras[image.camera], PredictedPose(problem, fit.state, {i, k}),
+                                ApplyShape(image.observations, fit.state.shapes[image.target]),
+                                std::hypot(fit.noise.pixel_px[image.camera], fit.noise.image_px[image.camera]));
     }
   }
   return flags;

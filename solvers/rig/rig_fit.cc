@@ -83,8 +83,8 @@ std::vector<std::vector<double>> DistancesOfCameras(const RigFit& fit, int num_t
   return of_cameras;
 }
 
-// Estimates the two sigmas of each camera from its residuals and their redundancy: that of the points from the part that
-// no other pose of the target explains, that of the images from the part that one does.
+// Estimates the two sigmas of each camera from its residuals and their redundancy: that of the points from the part
+// that no other pose of the target explains, that of the images from the part that one does.
 void EstimateCameraNoise(const RigFit& fit, const LinearisedImages& images, const Eigen::MatrixXd& covariance,
                          RigNoise* noise) {
   const Eigen::VectorXd variances = CorrectionVariances(fit.noise, MovingRobots(*fit.problem).size());
@@ -101,8 +101,8 @@ void EstimateCameraNoise(const RigFit& fit, const LinearisedImages& images, cons
     std::vector<const LinearisedView*> views;
     for (const size_t v : group) views.push_back(&images.views[v]);
     const CorrectionPosterior posterior = PosteriorOf(views, variances, covariance.rows());
-    const Eigen::VectorXd corrections = CorrectionTangents(fit.state, images.images[group.front()].capture,
-                                                           MovingRobots(*fit.problem));
+    const Eigen::VectorXd corrections =
+        CorrectionTangents(fit.state, images.images[group.front()].capture, MovingRobots(*fit.problem));
     for (const size_t v : group) {
       const LinearisedView& view = images.views[v];
       const ImageIndex& index = images.images[v];
@@ -116,8 +116,8 @@ void EstimateCameraNoise(const RigFit& fit, const LinearisedImages& images, cons
       const double ratio = PoseVarianceRatio(fit.noise, image);
       Sums& sums = of_cameras[image.camera];
       sums.rest += residual.squaredNorm() - pose + view.residual_sum_of_squares;
-      sums.rest_dof += static_cast<double>(view.offset.size() - 6 + view.num_residual_dof) -
-                       (predicted.trace() - pose_leverage);
+      sums.rest_dof +=
+          static_cast<double>(view.offset.size() - 6 + view.num_residual_dof) - (predicted.trace() - pose_leverage);
       sums.pose += ratio * pose;
       sums.pose_dof += 6 - pose_leverage;
       sums.pose_dof_points += (6 - pose_leverage) * image.observations.size();
@@ -200,7 +200,8 @@ bool NoiseConverged(const RigNoise& noise, const RigNoise& next, NoiseScale scal
   for (size_t c = 0; c < noise.pixel_px.size(); ++c) {
     if (std::abs(next.pixel_px[c] - noise.pixel_px[c]) >= pixel_tolerance * noise.pixel_px[c]) return false;
     // An error of an image that is far below that of its points does not matter.
-    if (std::abs(next.image_px[c] - noise.image_px[c]) >= robot_tolerance * std::hypot(noise.pixel_px[c], noise.image_px[c])) {
+    if (std::abs(next.image_px[c] - noise.image_px[c]) >=
+        robot_tolerance * std::hypot(noise.pixel_px[c], noise.image_px[c])) {
       return false;
     }
   }

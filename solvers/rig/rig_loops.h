@@ -21,9 +21,9 @@ struct RigState {
 
 // The noise that the residuals are whitened with.
 struct RigNoise {
-  std::vector<double> pixel_px;    // One per camera.
-  // One per camera: the sigma of an error of each image as a whole, which acts like another pose of the target; it moves
-  // each point by as much (RMS).
+  std::vector<double> pixel_px;  // One per camera.
+  // One per camera: the sigma of an error of each image as a whole, which acts like another pose of the target; it
+  // moves each point by as much (RMS).
   std::vector<double> image_px;
   std::vector<RobotNoise> robots;  // One per moving arm (MovingRobots); empty if the arms are exact.
 };

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "heba/data/solution.h"
 #include "heba/data/free_parameters.h"
+#include "heba/data/solution.h"
 
 namespace heba {
 

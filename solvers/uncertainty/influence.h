@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "heba/data/solution.h"
 #include "heba/data/free_parameters.h"
+#include "heba/data/solution.h"
 #include "solvers/residuals/loss.h"
 
 namespace heba {

@@ -134,7 +134,7 @@ RowMajorMatrix WhitenedRows(const LinearisedView& view, double pixel_variance,
   dependent << view.by_unknowns.topRows(num_dependent), view.offset.head(num_dependent);
   const Eigen::LLT<Eigen::MatrixXd> root(CovarianceOfRows(view, num_dependent, pixel_variance, effect_variances));
   CHECK(root.info() == Eigen::Success);
-  SolveLowerInPlace(root.matrixLLT(), &dependent);
+  if (num_dependent > 0) SolveLowerInPlace(root.matrixLLT(), &dependent);
   const double root_weight = 1 / std::sqrt(pixel_variance);
   RowMajorMatrix whitened(view.offset.size(), n + 1);
   whitened.topRows(num_dependent) = dependent;

@@ -548,13 +548,20 @@ std::string RenderOptions::Check() const {
   return Join(faults, "; ");
 }
 
-cv::Mat RenderView(const Drawing& drawing, const Camera& camera, const Rigid3d& camera_from_target,
-                   const RenderOptions& options) {
-  CHECK(options.Check().empty()) << options.Check();
+namespace {
+
+// A sheet as the camera sees it: its albedo, where it is seen, and the share of each pixel in which it is.
+struct SeenSheet {
+  cv::Mat albedo;
+  cv::Mat on_sheet;
+  std::vector<Eigen::Vector2d> outline_px;
+};
+
+SeenSheet RenderSheet(const RenderedSheet& sheet, const Camera& camera, const RenderOptions& options) {
   const PixelKernel kernel(options.blur_sigma_px);
   EdgeSum sum(camera.width_px, camera.height_px, kernel);
-  SheetView view(camera, camera_from_target, options.shape, sum);
-  const DrawingEdges seen(SeenDrawing(drawing, view.facing_m()));
+  SheetView view(camera, sheet.camera_from_target, sheet.shape, sum);
+  const DrawingEdges seen(SeenDrawing(*sheet.drawing, view.facing_m()));
 
   SheetValue corner;
   // A sheet seen edge-on has no area.
@@ -564,14 +571,38 @@ cv::Mat RenderView(const Drawing& drawing, const Camera& camera, const Rigid3d& 
     if (view.folds()) AddFold(seen, view, sum);
     corner = view.ValueAt(seen, UnprojectPixel(camera, sum.low()));
   }
-  cv::Mat albedo;
-  cv::Mat on_sheet;
-  sum.Finish(corner, &albedo, &on_sheet);
-  if (options.is_point_sampled) SampleCentres(seen, camera, view, &albedo, &on_sheet);
+  SeenSheet rendered;
+  sum.Finish(corner, &rendered.albedo, &rendered.on_sheet);
+  if (options.is_point_sampled) SampleCentres(seen, camera, view, &rendered.albedo, &rendered.on_sheet);
+  if (options.clutter) rendered.outline_px = OutlinePx(*sheet.drawing, view);
+  return rendered;
+}
+
+}  // namespace
+
+cv::Mat RenderView(const Drawing& drawing, const Camera& camera, const Rigid3d& camera_from_target,
+                   const RenderOptions& options) {
+  return RenderScene({{&drawing, camera_from_target, options.shape}}, camera, options);
+}
+
+cv::Mat RenderScene(const std::vector<RenderedSheet>& sheets, const Camera& camera, const RenderOptions& options) {
+  CHECK(options.Check().empty()) << options.Check();
+  std::vector<RenderedSheet> far_to_near = sheets;
+  std::stable_sort(far_to_near.begin(), far_to_near.end(), [](const RenderedSheet& a, const RenderedSheet& b) {
+    return a.camera_from_target.translation.norm() > b.camera_from_target.translation.norm();
+  });
+  cv::Mat albedo(camera.height_px, camera.width_px, CV_32FC1, cv::Scalar(0));
+  cv::Mat on_sheet(camera.height_px, camera.width_px, CV_32FC1, cv::Scalar(0));
+  std::vector<Eigen::Vector2d> outlines_px;
+  for (const RenderedSheet& sheet : far_to_near) {
+    const SeenSheet seen = RenderSheet(sheet, camera, options);
+    albedo = seen.albedo + albedo.mul(1 - seen.on_sheet);
+    on_sheet = seen.on_sheet + on_sheet.mul(1 - seen.on_sheet);
+    outlines_px.insert(outlines_px.end(), seen.outline_px.begin(), seen.outline_px.end());
+  }
 
   if (options.clutter) {
-    cv::Mat background =
-        DrawClutter(camera.width_px, camera.height_px, OutlinePx(drawing, view), Rng(options.seed, kClutter));
+    cv::Mat background = DrawClutter(camera.width_px, camera.height_px, outlines_px, Rng(options.seed, kClutter));
     if (options.blur_sigma_px > 0 && !options.is_point_sampled) {
       cv::GaussianBlur(background, background, cv::Size(), options.blur_sigma_px, 0, cv::BORDER_REPLICATE);
     }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include <opencv2/core/mat.hpp>
 
@@ -45,5 +46,15 @@ struct RenderOptions {
 // any thread. `options` and `camera` must be valid.
 cv::Mat RenderView(const Drawing& drawing, const Camera& camera, const Rigid3d& camera_from_target,
                    const RenderOptions& options = {});
+
+// A sheet in front of a camera.
+struct RenderedSheet {
+  const Drawing* drawing = nullptr;
+  Rigid3d camera_from_target;
+  TargetShape shape;
+};
+
+// Likewise for several sheets; nearer ones hide others. `options.shape` is not used. The sheets must not intersect.
+cv::Mat RenderScene(const std::vector<RenderedSheet>& sheets, const Camera& camera, const RenderOptions& options = {});
 
 }  // namespace heba

@@ -12,6 +12,7 @@
 #include "heba/base/text.h"
 #include "heba/io/result_file.h"
 #include "tools/batch/pipeline.h"
+#include "tools/batch/rig_pipeline.h"
 #include "tools/batch/run_inputs.h"
 #include "tools/files/result_folder.h"
 #include "tools/pages/summary.h"
@@ -24,10 +25,14 @@ constexpr const char* kLockName = ".heba.lock";
 
 struct Item {
   std::string config_path;
-  std::optional<RunConfig> config;  // Not set if the config is wrong; run.reason then says why.
+  // One of them; neither if the config is wrong: run.reason then says why.
+  std::optional<RunConfig> config;
+  std::optional<RigConfig> rig;
   std::filesystem::path output;
   BatchRun run;
   bool was_there = false;
+
+  bool is_wrong() const { return !config && !rig; }
 };
 
 Item MakeItem(const std::string& path, const BatchOptions& options) {
@@ -35,9 +40,17 @@ Item MakeItem(const std::string& path, const BatchOptions& options) {
   item.config_path = path;
   item.run.name = std::filesystem::path(path).stem().string();
   try {
-    item.config = ReadRunConfig(path, options.settings);
-    item.run.name = item.config->data.name;
-    item.output = options.output.empty() ? item.config->output : options.output / item.config->data.name;
+    std::filesystem::path own_output;
+    if (IsRigConfig(path, options.settings)) {
+      item.rig = ReadRigConfig(path, options.settings);
+      item.run.name = item.rig->data.name;
+      own_output = item.rig->output;
+    } else {
+      item.config = ReadRunConfig(path, options.settings);
+      item.run.name = item.config->data.name;
+      own_output = item.config->output;
+    }
+    item.output = options.output.empty() ? own_output : options.output / item.run.name;
   } catch (const std::exception& error) {
     item.run.reason = error.what();
   }
@@ -47,7 +60,7 @@ Item MakeItem(const std::string& path, const BatchOptions& options) {
 void CheckNames(const std::vector<Item>& items) {
   std::map<std::filesystem::path, const Item*> seen;
   for (const Item& item : items) {
-    if (!item.config) continue;
+    if (item.is_wrong()) continue;
     const auto [other, is_new] = seen.emplace(item.output.lexically_normal(), &item);
     if (!is_new) {
       throw InputError(item.config_path + ": its results would overwrite those of " + other->second->config_path +
@@ -56,23 +69,36 @@ void CheckNames(const std::vector<Item>& items) {
   }
 }
 
+// Keeps the result of a run, or the reason of its failure.
+template <class Result>
+void Keep(const Outcome<Result>& result, std::optional<Result>* kept, Item* item) {
+  if (result) {
+    *kept = *result;
+  } else {
+    item->run.reason = item->config_path + ": " + result.reason();
+  }
+}
+
 void RunItem(const BatchOptions& options, int num_threads, Item* item) {
-  if (!item->config) return;
+  if (item->is_wrong()) return;
   try {
     // The config is read again, because the batch may have run for hours.
+    Console console(Verbosity::kQuiet);
+    if (item->rig) {
+      const RigConfig config = ReadRigConfig(item->config_path, options.settings);
+      if (options.resume) item->run.rig = CurrentRigResult(item->output, config);
+      item->was_there = item->run.rig.has_value();
+      if (item->was_there) return;
+      Keep(RunRigPipeline(config, item->output, num_threads, &console), &item->run.rig, item);
+      return;
+    }
     const RunConfig config = ReadRunConfig(item->config_path, options.settings);
     if (options.resume) {
       item->run.result = CurrentResult(item->output, config);
       item->was_there = item->run.result.has_value();
       if (item->was_there) return;
     }
-    Console console(Verbosity::kQuiet);
-    const Outcome<RunResult> result = RunPipeline(config, item->output, num_threads, &console);
-    if (result) {
-      item->run.result = *result;
-    } else {
-      item->run.reason = item->config_path + ": " + result.reason();
-    }
+    Keep(RunPipeline(config, item->output, num_threads, &console), &item->run.result, item);
   } catch (const std::exception& error) {
     item->run.reason = error.what();
   }
@@ -91,15 +117,16 @@ class BatchProgress {
   void Done(const Item& item, double seconds) {
     ++num_done_;
     if (!item.was_there) ++num_worked_;
-    if (!item.run.result) PrintError(item.run.reason);
-    if (item.run.result && fail_on_ && item.run.result->verdict.grade >= *fail_on_) {
-      PrintError(item.config_path + ": " + VerdictFailure(item.run.result->verdict));
+    const Verdict* const verdict = item.run.verdict();
+    if (verdict == nullptr) PrintError(item.run.reason);
+    if (verdict != nullptr && fail_on_ && verdict->grade >= *fail_on_) {
+      PrintError(item.config_path + ": " + VerdictFailure(*verdict));
     }
     if (verbosity_ == Verbosity::kQuiet) return;
     const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
     std::string line = "[" + PadLeft(std::to_string(num_done_), std::to_string(total_).size()) + "/" +
                        std::to_string(total_) + "] " + item.run.name + ": " +
-                       (!item.run.result ? "failed" : (item.was_there ? "unchanged" : Fixed(seconds, 1) + " s"));
+                       (verdict == nullptr ? "failed" : (item.was_there ? "unchanged" : Fixed(seconds, 1) + " s"));
     if (num_done_ < total_ && num_worked_ > 0) {
       line += "; about " +
               TimeLeft(elapsed / static_cast<double>(num_worked_) * static_cast<double>(total_ - num_done_)) + " left";
@@ -172,7 +199,8 @@ int RunBatch(const std::vector<std::string>& configs, const BatchOptions& option
     if (!options.output.empty()) std::cout << "results: " << options.output.string() << std::endl;
   }
   const bool all_good = std::all_of(runs.begin(), runs.end(), [&](const BatchRun& run) {
-    return run.result.has_value() && !(options.fail_on && run.result->verdict.grade >= *options.fail_on);
+    const Verdict* const verdict = run.verdict();
+    return verdict != nullptr && !(options.fail_on && verdict->grade >= *options.fail_on);
   });
   return all_good ? kDone : kWorkFailed;
 }

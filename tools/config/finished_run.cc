@@ -1,5 +1,5 @@
-#include "tools/config/common_keys.h"
 #include "tools/config/finished_run.h"
+#include "tools/config/common_keys.h"
 
 #include "heba/base/error.h"
 #include "heba/config/yaml_reader.h"

@@ -4,9 +4,9 @@
 #include <cstdio>
 #include <map>
 #include <set>
+#include <tuple>
 
 #include "heba/base/error.h"
-#include "heba/base/registry.h"
 #include "heba/base/text.h"
 #include "heba/data/loss_kind.h"
 #include "heba/io/pose_source.h"
@@ -14,6 +14,7 @@
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
 #include "tools/config/image_list.h"
+#include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
 
 namespace heba {
@@ -23,23 +24,6 @@ namespace fs = std::filesystem;
 ConfigValue ReadConfigFile(const fs::path& path, const std::vector<std::string>& settings) {
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
   return settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
-}
-
-// Returns the keys of a section of named objects, in their order.
-std::vector<std::string> NamesIn(const ConfigValue& section, const std::string& what) {
-  if (!section.IsMap() || section.node().size() == 0) {
-    section.Fail("a mapping of names is needed, such as {" + what + ": {...}}");
-  }
-  std::vector<std::string> names;
-  for (const auto& entry : section.node()) {
-    const std::string name = entry.first.Scalar();
-    const bool is_plain = std::all_of(name.begin(), name.end(), [](unsigned char c) {
-      return std::isalnum(c) != 0 || c == '_' || c == '-';
-    });
-    if (name.empty() || !is_plain) section.Fail(Quoted(name) + ": a name has letters, digits, _ and - only");
-    names.push_back(name);
-  }
-  return names;
 }
 
 // The poses of one arm.
@@ -110,10 +94,11 @@ std::vector<fs::path> PairImages(const ArmRows& arm, const CameraImages& camera,
   const bool has_columns = !arm.rows.front().images.empty();
   if (!has_columns && arm.rows.front().image.empty()) {
     if (camera.images.size() != arm.rows.size()) {
-      camera.value.Fail("has " + std::to_string(camera.images.size()) + " images for the " +
-                        std::to_string(arm.rows.size()) + " rows of " + arm.file.string() +
-                        ", which do not name their images; the counts must agree, or name them (columns image or image." +
-                        name + ")");
+      camera.value.Fail(
+          "has " + std::to_string(camera.images.size()) + " images for the " + std::to_string(arm.rows.size()) +
+          " rows of " + arm.file.string() +
+          ", which do not name their images; the counts must agree, or name them (columns image or image." + name +
+          ")");
     }
     return camera.images;
   }
@@ -168,16 +153,6 @@ std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& c
   section.Finish();
   root.Record("robots", section.used());
   return arms;
-}
-
-// Reads the key `mount`.
-std::pair<Mount, std::string> ReadMount(MapReader& reader, const std::vector<std::string>& robots) {
-  const ConfigValue value = reader.Get("mount");
-  const std::string text = value.AsText();
-  const std::optional<Mount> mount = FindMount(robots, text);
-  if (!mount) value.Fail(UnknownName(text, MountTexts(robots)));
-  reader.Record("mount", YAML::Node(text));
-  return {*mount, text};
 }
 
 std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
@@ -243,8 +218,7 @@ void ReadRigNoise(MapReader& refine, RigOptions* options) {
 
 void ReadRefine(MapReader& root, RigConfig* config) {
   MapReader reader = root.Section("refine");
-  const std::vector<ParameterGroup> free =
-      ReadFreeIntrinsics(reader, BundleOptions().free_intrinsics);
+  const std::vector<ParameterGroup> free = ReadFreeIntrinsics(reader, BundleOptions().free_intrinsics);
   for (RigCamera& camera : config->data.rig.cameras) camera.free_intrinsics = free;
   const FreeShape shape = ReadFreeShape(reader);
   config->options.calibration.choose_target_shape = shape.is_chosen;
@@ -292,10 +266,7 @@ std::set<std::string> ReadExcluded(MapReader& root, const std::vector<std::strin
 }  // namespace
 
 bool IsRigConfig(const fs::path& path, const std::vector<std::string>& settings) {
-  const ConfigValue value = ReadConfigFile(path, settings);
-  if (!value.IsMap()) return false;
-  MapReader reader(value);
-  return reader.Has("cameras") || reader.Has("targets") || reader.Has("robots");
+  return HasRigKeys(ReadConfigFile(path, settings));
 }
 
 RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& settings) {
@@ -307,8 +278,9 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
   data.about = ReadAbout(reader);
   for (const char* key : {"target", "camera", "setup"}) {
     if (reader.Has(key)) {
-      reader.Get(key).Fail("belongs to configs of one camera and one target; a rig has 'cameras' and 'targets' with "
-                           "mounts");
+      reader.Get(key).Fail(
+          "belongs to configs of one camera and one target; a rig has 'cameras' and 'targets' with "
+          "mounts");
     }
   }
   const std::vector<std::string> cameras = NamesIn(reader.Get("cameras"), "top");
@@ -333,8 +305,8 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
     for (size_t i = 0; i < paired.size(); ++i) data.captures[i].images.push_back(paired[i]);
   }
   std::erase_if(data.captures, [&](const RigRecording& capture) {
-    const bool has_none = std::all_of(capture.images.begin(), capture.images.end(),
-                                      [](const fs::path& image) { return image.empty(); });
+    const bool has_none =
+        std::all_of(capture.images.begin(), capture.images.end(), [](const fs::path& image) { return image.empty(); });
     const bool is_excluded = excluded.contains(capture.name);
     if (is_excluded) data.left_out.push_back({capture.name, "left out by captures.exclude"});
     if (has_none && !is_excluded) data.left_out.push_back({capture.name, "no camera has an image of it"});

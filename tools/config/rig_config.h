@@ -15,7 +15,7 @@ struct RigConfig {
   std::filesystem::path file;
   RigDataset data;  // Without RigDataset::truth, which is read when the run begins.
   RigRunOptions options;
-  std::vector<std::string> targets_used;  // Each target with every default filled in, as YAML.
+  std::vector<std::string> targets_used;          // Each target with every default filled in, as YAML.
   std::vector<std::filesystem::path> data_files;  // The files with the poses.
   std::optional<std::filesystem::path> truth;
   std::filesystem::path output;

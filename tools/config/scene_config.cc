@@ -1,5 +1,5 @@
-#include "tools/config/common_keys.h"
 #include "tools/config/scene_config.h"
+#include "tools/config/common_keys.h"
 
 #include <limits>
 
@@ -42,6 +42,39 @@ SceneArm ReadSceneArm(MapReader& root) {
 
 }  // namespace
 
+void ReadMotion(MapReader& motion, MotionOptions* options) {
+  options->num_captures = motion.Int("captures", {0, 10000}, options->num_captures);
+  options->distance_m = motion.PositiveLength("distance", options->distance_m);
+  options->depth_ratio = motion.Number("depth", options->depth_ratio);
+  options->max_tilt_rad = motion.Angle("tilt", options->max_tilt_rad);
+  options->max_spin_rad = motion.Angle("spin", options->max_spin_rad);
+  options->spread = motion.Number("spread", options->spread);
+}
+
+void ReadRendering(MapReader& root, RenderOptions* options) {
+  MapReader image = root.Section("image");
+  options->blur_sigma_px = image.Pixels("blur", options->blur_sigma_px);
+  options->noise_sigma_grey = image.QuantityOf("noise", Quantity::kGreyLevels, options->noise_sigma_grey);
+  options->black_grey = image.QuantityOf("black", Quantity::kGreyLevels, options->black_grey);
+  options->white_grey = image.QuantityOf("white", Quantity::kGreyLevels, options->white_grey);
+  options->light_gradient = image.Number("uneven_light", options->light_gradient);
+  options->clutter = image.Bool("clutter", options->clutter);
+  options->depth = image.Choice("bits", {"8", "16"}, "8") == "16" ? GreyDepth::k16Bit : GreyDepth::k8Bit;
+  image.Finish();
+  root.Record("image", image.used());
+  const std::string faults = options->Check();
+  if (!faults.empty()) image.value().Fail(faults);
+}
+
+Camera ReadSceneCamera(MapReader& reader) {
+  // A camera that states its model replaces the one of the base file, because another model has other coefficients.
+  const ConfigValue value = reader.Get("camera").DownTo({"model"});
+  const Camera camera = value.IsMap() ? ReadCamera(value) : ReadCameraFile(value.AsPath());
+  if (camera.width_px == 0) value.Fail("the camera file has no image size; a simulated camera needs one");
+  reader.Record("camera", YAML::Load(CameraToYaml(camera)));
+  return camera;
+}
+
 SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector<std::string>& settings) {
   const ConfigValue file = ReadYamlFileOverBases(path, {});
   return ReadScene(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
@@ -53,23 +86,14 @@ SceneConfig ReadScene(const ConfigValue& value) {
   scene.setup = *FindSetup(reader.Choice("setup", SetupNames()));
   scene.target = ReadTarget(reader, "target");
   scene.target_used = reader.used()["target"];
-  // A camera that states its model replaces the one of the base file, because another model has other coefficients.
-  const ConfigValue camera = reader.Get("camera").DownTo({"model"});
-  scene.camera = camera.IsMap() ? ReadCamera(camera) : ReadCameraFile(camera.AsPath());
-  if (scene.camera.width_px == 0) camera.Fail("the camera file has no image size; a simulated camera needs one");
-  reader.Record("camera", YAML::Load(CameraToYaml(scene.camera)));
+  scene.camera = ReadSceneCamera(reader);
   scene.hand_eye.camera_mount_from_camera = ReadPose(reader.Get("hand_eye"));
   reader.Record("hand_eye", PoseNode(scene.hand_eye.camera_mount_from_camera));
   scene.hand_eye.target_mount_from_target = ReadPose(reader.Get("board"));
   reader.Record("board", PoseNode(scene.hand_eye.target_mount_from_target));
 
   MapReader motion = reader.Section("motion");
-  scene.motion.num_captures = motion.Int("captures", {0, 10000}, scene.motion.num_captures);
-  scene.motion.distance_m = motion.PositiveLength("distance", scene.motion.distance_m);
-  scene.motion.depth_ratio = motion.Number("depth", scene.motion.depth_ratio);
-  scene.motion.max_tilt_rad = motion.Angle("tilt", scene.motion.max_tilt_rad);
-  scene.motion.max_spin_rad = motion.Angle("spin", scene.motion.max_spin_rad);
-  scene.motion.spread = motion.Number("spread", scene.motion.spread);
+  ReadMotion(motion, &scene.motion);
   if (const std::optional<ConfigValue> two_step_value = motion.Find("two_step")) {
     MapReader two_step(*two_step_value);
     scene.two_step.emplace();
@@ -91,16 +115,7 @@ SceneConfig ReadScene(const ConfigValue& value) {
   const std::string motion_faults = scene.motion.Check();
   if (!motion_faults.empty()) motion.value().Fail(motion_faults);
 
-  MapReader image = reader.Section("image");
-  scene.image.blur_sigma_px = image.Pixels("blur", scene.image.blur_sigma_px);
-  scene.image.noise_sigma_grey = image.QuantityOf("noise", Quantity::kGreyLevels, scene.image.noise_sigma_grey);
-  scene.image.black_grey = image.QuantityOf("black", Quantity::kGreyLevels, scene.image.black_grey);
-  scene.image.white_grey = image.QuantityOf("white", Quantity::kGreyLevels, scene.image.white_grey);
-  scene.image.light_gradient = image.Number("uneven_light", scene.image.light_gradient);
-  scene.image.clutter = image.Bool("clutter", scene.image.clutter);
-  scene.image.depth = image.Choice("bits", {"8", "16"}, "8") == "16" ? GreyDepth::k16Bit : GreyDepth::k8Bit;
-  image.Finish();
-  reader.Record("image", image.used());
+  ReadRendering(reader, &scene.image);
   MapReader print = reader.Section("print");
   scene.image.shape = DesignedShape(AllPoints(*scene.target).points_in_target);
   scene.image.shape.params = {print.Number("scale_x", 1.0), print.Number("scale_y", 1.0), print.Length("bend_x", 0.0),
@@ -125,8 +140,6 @@ SceneConfig ReadScene(const ConfigValue& value) {
   if (scene.num_repeats > 1 && scene.image.noise_sigma_grey == 0) {
     motion.Get("repeats").Fail("needs image.noise; without it, the images of a pose would be the same");
   }
-  const std::string image_faults = scene.image.Check();
-  if (!image_faults.empty()) image.value().Fail(image_faults);
 
   if (reader.Has("robot")) scene.arm = ReadSceneArm(reader);
   MapReader robot = reader.Section("robot_noise");

@@ -49,6 +49,11 @@ struct SceneConfig {
   YAML::Node used;  // The scene with every default filled in, without the names of files.
 };
 
+// Read the keys of `motion` that every scene has, the section `image`, and the key `camera`.
+void ReadMotion(MapReader& motion, MotionOptions* options);
+void ReadRendering(MapReader& root, RenderOptions* options);
+Camera ReadSceneCamera(MapReader& reader);
+
 // Reads a scene from a file and the files that it is based on; `settings` (--set) take precedence. Throws InputError
 // on any error.
 SceneConfig ReadSceneConfig(const std::filesystem::path& path, const std::vector<std::string>& settings = {});

@@ -1,5 +1,5 @@
-#include "tools/config/common_keys.h"
 #include "tools/config/study_config.h"
+#include "tools/config/common_keys.h"
 
 #include <algorithm>
 #include <limits>

@@ -173,12 +173,13 @@ std::string MethodsSection(const RunResult& result) {
   for (const auto& [reason, methods] : MethodsWithoutResult(result)) {
     without += Paragraph(methods + ": no result, " + reason);
   }
-  return PageSection("Methods", Paragraph("RMS reprojection error: on the captures that the "
-                                      "estimate was computed from, and on captures that it has not seen.") +
-                                ViewFigure("dumbbells", "",
-                                           Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}},
-                                           MethodsChart(result)) +
-                                HtmlTable(head, rows) + without);
+  return PageSection(
+      "Methods",
+      Paragraph("RMS reprojection error: on the captures that the "
+                "estimate was computed from, and on captures that it has not seen.") +
+          ViewFigure("dumbbells", "", Json{{"unit", "px"}, {"series", {"in-sample", "hold-out"}}, {"rows", lines}},
+                     MethodsChart(result)) +
+          HtmlTable(head, rows) + without);
 }
 
 std::string CaptureSection(const RunResult& result) {

@@ -107,24 +107,24 @@ std::string ResidualData(const std::string& name, const CameraResiduals& residua
 std::string ResidualSections(const std::string& name, const CameraResiduals& residuals, const std::string& bars_chart) {
   const Camera& camera = residuals.camera;
   const std::vector<ReportedCapture> captures = ShownOf(residuals);
-  const std::string sample = NumPoints(residuals) > kMaxPoints ? " An evenly spaced sample of the points is shown." : "";
+  const std::string sample =
+      NumPoints(residuals) > kMaxPoints ? " An evenly spaced sample of the points is shown." : "";
   const std::string field = SharedViewFigure(
       "residual-field", "Residuals (predicted minus observed) of the inliers. Click to open the capture." + sample,
       name, ResidualFieldChart(camera, captures));
   if (field.empty()) return "";
   const std::string cells = SharedViewFigure(
-      "coverage", "Percentage of the inliers. Cells without points do not constrain the lens model." + sample,
-      name, CoverageChart(camera, captures));
+      "coverage", "Percentage of the inliers. Cells without points do not constrain the lens model." + sample, name,
+      CoverageChart(camera, captures));
   const std::string radius = SharedViewFigure("residual-radius", "", name, ResidualRadiusChart(camera, captures));
   const std::string histogram = SharedViewFigure(
-      "histogram", "Residual coordinates of the inliers, and the normal distribution of the stated sigma.", "captures",
+      "histogram", "Residual coordinates of the inliers, and the normal distribution of the stated sigma.", name,
       HistogramChart(residuals.sigma_px, captures));
-  const std::string bars =
-      SharedViewFigure("capture-bars", "The dashed line is the RMS of all points. Click to open the capture.",
-                       name, bars_chart);
-  return "<div class=\"columns\">\n" + PageSection("Residuals over the image", field) + PageSection("Image coverage", cells) +
-         PageSection("Residuals by radius", radius) + PageSection("Residual histogram", histogram) +
-         PageSection("Residuals by capture", bars) + "</div>\n";
+  const std::string bars = SharedViewFigure(
+      "capture-bars", "The dashed line is the RMS of all points. Click to open the capture.", name, bars_chart);
+  return "<div class=\"columns\">\n" + PageSection("Residuals over the image", field) +
+         PageSection("Image coverage", cells) + PageSection("Residuals by radius", radius) +
+         PageSection("Residual histogram", histogram) + PageSection("Residuals by capture", bars) + "</div>\n";
 }
 
 }  // namespace heba

@@ -51,8 +51,8 @@ std::string CellSection(const RigDataset& dataset, const RigRunOutput& run) {
 std::string CamerasSection(const RigResult& result) {
   const bool has_truth = std::any_of(result.errors.begin(), result.errors.end(),
                                      [](const RigErrors& errors) { return errors.truth_mm.has_value(); });
-  std::vector<std::string> head = {"camera",       "mount",        "images used",   "in-sample, px", "hold-out, px",
-                                   "hold-out, mm", "hold-out, deg", "pixel noise, px", "one sigma, mm", "deg"};
+  std::vector<std::string> head = {"camera",       "mount",        "images used",   "in-sample, px",
+                                   "hold-out, px", "hold-out, mm", "hold-out, deg", "pixel noise, px"};
   if (has_truth) head.insert(head.end(), {"true error, mm", "deg"});
   std::vector<std::vector<PageCell>> rows;
   for (size_t c = 0; c < result.rig.cameras.size(); ++c) {
@@ -67,15 +67,11 @@ std::string CamerasSection(const RigResult& result) {
                                  Number(errors.holdout_target_mm),
                                  Number(errors.holdout_target_deg),
                                  Number(result.solution.pixel_sigmas_px[c])};
-    for (PageCell& cell : SigmaCells(*PoseCovarianceOf(result.solution.covariance, CameraPoseBlock(camera)))) {
-      row.push_back(std::move(cell));
-    }
     if (has_truth) row.insert(row.end(), {Number(errors.truth_mm), Number(errors.truth_deg)});
     rows.push_back(std::move(row));
   }
   return PageSection("Cameras", Paragraph("RMS reprojection errors with the poses of the arms as reported: on the "
-                                          "captures of the estimate, and on captures that it has not seen. Sigmas are "
-                                          "those along and about the least certain axis.") +
+                                          "captures of the estimate, and on captures that it has not seen.") +
                                     HtmlTable(head, rows));
 }
 
@@ -106,7 +102,8 @@ std::string PosesSection(const RigResult& result) {
     rows.push_back(PoseRow("base of arm " + rig.robots[r] + " in world", solution.poses.world_from_base[r],
                            *PoseCovarianceOf(solution.covariance, BaseBlock(rig.robots[r]))));
   }
-  return PageSection("Poses", HtmlTable(head, rows));
+  return PageSection("Poses",
+                     Paragraph("Sigmas are those along and about the least certain axis.") + HtmlTable(head, rows));
 }
 
 std::string RelativeSection(const RigResult& result) {
@@ -116,15 +113,15 @@ std::string RelativeSection(const RigResult& result) {
   std::vector<std::vector<PageCell>> rows;
   for (size_t i = 0; i < result.relative_cameras.size(); ++i) {
     const RelativePose& pose = result.relative_cameras[i];
-    rows.push_back(PoseRow("camera " + pose.child + " in camera " + pose.parent, pose.parent_from_child,
-                           pose.covariance));
+    rows.push_back(
+        PoseRow("camera " + pose.child + " in camera " + pose.parent, pose.parent_from_child, pose.covariance));
     if (!has_truth) continue;
     rows.back().push_back(Number(1000 * result.relative_truth[i].first));
     rows.back().push_back(Number(RadToDeg(result.relative_truth[i].second)));
   }
   for (const RelativePose& pose : result.relative_targets) {
-    rows.push_back(PoseRow("target " + pose.child + " in target " + pose.parent, pose.parent_from_child,
-                           pose.covariance));
+    rows.push_back(
+        PoseRow("target " + pose.child + " in target " + pose.parent, pose.parent_from_child, pose.covariance));
     if (has_truth) rows.back().insert(rows.back().end(), {PageCell{"", true}, PageCell{"", true}});
   }
   if (rows.empty()) return "";
@@ -179,11 +176,10 @@ ShownImages ImagesOf(const RigRunOutput& run, size_t camera) {
     for (size_t k = 0; k < capture.images.size(); ++k) {
       const RigImage& image = capture.images[k];
       if (image.camera != camera || image.observations.size() == 0) continue;
-      const Rigid3d camera_from_target = CameraFromTarget(run.calibration.problem, solution.poses, camera, image.target,
-                                                          capture.base_from_gripper);
-      const std::optional<Points2> residuals =
-          Residuals(solution.cameras[camera], camera_from_target,
-                    ApplyShape(image.observations, solution.shapes[image.target]));
+      const Rigid3d camera_from_target =
+          CameraFromTarget(run.calibration.problem, solution.poses, camera, image.target, capture.base_from_gripper);
+      const std::optional<Points2> residuals = Residuals(solution.cameras[camera], camera_from_target,
+                                                         ApplyShape(image.observations, solution.shapes[image.target]));
       if (!residuals) continue;
       const std::vector<int>& rejected = refined.captures[i].rejected_ids[k];
       for (Eigen::Index p = 0; p < residuals->cols(); ++p) {
@@ -246,7 +242,8 @@ std::string RecordPart(const RigResult& result, const ReportContext& context) {
   };
   add("cameras", std::to_string(result.rig.cameras.size()));
   for (size_t t = 0; t < result.rig.targets.size(); ++t) {
-    add("target " + result.rig.targets[t].name, result.target_types[t] + " on " + MountText(result.rig, result.rig.targets[t]));
+    add("target " + result.rig.targets[t].name,
+        result.target_types[t] + " on " + MountText(result.rig, result.rig.targets[t]));
   }
   add("captures", std::to_string(result.captures.size()));
   for (const auto& [name, value] : result.about) add(name, value);

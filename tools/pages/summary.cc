@@ -1,11 +1,15 @@
 #include "tools/pages/summary.h"
 
+#include <algorithm>
+#include <cmath>
 #include <functional>
 
 #include "heba/base/text.h"
+#include "heba/base/units.h"
 #include "tools/pages/page.h"
 #include "tools/pages/static_chart.h"
 #include "tools/text/result_text.h"
+#include "tools/text/rig_table.h"
 
 namespace heba {
 namespace {
@@ -50,6 +54,38 @@ const std::vector<Figure>& Figures() {
   return figures;
 }
 
+// Returns the figures of one camera of a rig, in the order of Figures().
+std::vector<std::optional<double>> RigFigures(const RigResult& result, size_t camera) {
+  const RigErrors& errors = result.errors[camera];
+  const auto covariance = PoseCovarianceOf(result.solution.covariance, CameraPoseBlock(result.rig.cameras[camera]));
+  return {errors.reprojection_rms_px,
+          errors.holdout_rms_px,
+          errors.holdout_target_mm,
+          errors.holdout_target_deg,
+          result.holdout_chi2,
+          std::nullopt,
+          std::nullopt,
+          std::nullopt,
+          1000 * std::sqrt(covariance->topLeftCorner<3, 3>().trace()),
+          RadToDeg(std::sqrt(covariance->bottomRightCorner<3, 3>().trace())),
+          result.solution.pixel_sigmas_px[camera],
+          errors.truth_mm,
+          errors.truth_deg};
+}
+
+// Returns the types of a rig's targets.
+std::string TargetTypes(const RigResult& result) { return Join(result.target_types, " "); }
+
+std::string RigCsvLine(const std::string& name, const RigResult& result, size_t camera) {
+  const RigCamera& of_rig = result.rig.cameras[camera];
+  const auto [used, all] = CountImages(result, of_rig.name);
+  std::string line = CsvField(name) + ",true,," + CsvField(MountText(result.rig, of_rig)) + "," +
+                     CsvField(TargetTypes(result)) + ",," + std::to_string(all) + "," + std::to_string(used) + "," +
+                     CsvField(of_rig.name) + ",refined,true," + std::string(GradeName(result.verdict.grade));
+  for (const std::optional<double>& value : RigFigures(result, camera)) line += "," + (value ? RoundTrip(*value) : "");
+  return line + "\n";
+}
+
 }  // namespace
 
 std::string SummaryCsv(const std::vector<BatchRun>& runs) {
@@ -57,6 +93,10 @@ std::string SummaryCsv(const std::vector<BatchRun>& runs) {
   for (const Figure& figure : Figures()) csv += "," + std::string(figure.name);
   csv += "\n";
   for (const BatchRun& run : runs) {
+    if (run.rig) {
+      for (size_t c = 0; c < run.rig->rig.cameras.size(); ++c) csv += RigCsvLine(run.name, *run.rig, c);
+      continue;
+    }
     if (!run.result) {
       csv += CsvField(run.name) + ",false," + CsvField(run.reason) + ",,,,,,,,,";
       csv += std::string(Figures().size(), ',') + "\n";
@@ -86,6 +126,22 @@ std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& r
   std::vector<std::vector<PageCell>> rows;
   std::vector<std::vector<PageCell>> failed;
   for (const BatchRun& run : runs) {
+    for (size_t c = 0; run.rig && c < run.rig->rig.cameras.size(); ++c) {
+      const RigResult& rig = *run.rig;
+      const auto [used, all] = CountImages(rig, rig.rig.cameras[c].name);
+      std::vector<PageCell> row = {{run.name, false, LinkTo(run.name + "/report.html")},
+                                   {std::string(GradeName(rig.verdict.grade))},
+                                   {MountText(rig.rig, rig.rig.cameras[c])},
+                                   {TargetTypes(rig)},
+                                   {std::to_string(used) + " of " + std::to_string(all)},
+                                   {"camera " + rig.rig.cameras[c].name}};
+      for (const std::optional<double>& value : RigFigures(rig, c)) {
+        row.push_back({value ? Significant(*value, 4) : "", true});
+      }
+      row.push_back({""});
+      rows.push_back(std::move(row));
+    }
+    if (run.rig) continue;
     if (!run.result) {
       failed.push_back({{run.name}, {run.reason}});
       continue;
@@ -142,6 +198,24 @@ std::string SummaryTable(const std::vector<BatchRun>& runs) {
     const std::string name =
         run.name.size() > kNameWidth ? run.name.substr(0, kNameWidth - 2) + ".." : PadRight(run.name, kNameWidth);
     table += name;
+    if (run.rig) {
+      std::optional<double> worst_px;
+      std::optional<double> worst_mm;
+      int num_used = 0;
+      int num_images = 0;
+      for (size_t c = 0; c < run.rig->rig.cameras.size(); ++c) {
+        const std::vector<std::optional<double>> figures = RigFigures(*run.rig, c);
+        worst_px = std::max(worst_px, figures[1]);
+        worst_mm = std::max(worst_mm, figures[8]);
+        const auto [used, all] = CountImages(*run.rig, run.rig->rig.cameras[c].name);
+        num_used += used;
+        num_images += all;
+      }
+      table += PadRight(" rig of " + std::to_string(run.rig->rig.cameras.size()), 15) +
+               PadLeft(std::to_string(num_used) + "/" + std::to_string(num_images), 9) + PadLeft("-", 9) +
+               PadLeft(FigureText(worst_px), 9) + PadLeft(FigureText(worst_mm), 10) + "\n";
+      continue;
+    }
     const Estimate* refined = run.result ? FindRefined(*run.result) : nullptr;
     if (refined == nullptr) {
       table += " failed: " + run.reason + "\n";

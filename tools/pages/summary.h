@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "heba/evaluation/evaluation.h"
+#include "heba/evaluation/rig_evaluation.h"
 
 namespace heba {
 
@@ -13,11 +14,15 @@ namespace heba {
 struct BatchRun {
   std::string name;
   std::optional<RunResult> result;
+  std::optional<RigResult> rig;  // Instead of `result`, if the config is that of a rig.
   std::string reason;
+
+  // Returns the verdict; null if the run failed.
+  const Verdict* verdict() const { return result ? &result->verdict : rig ? &rig->verdict : nullptr; }
 };
 
-// Returns a header and one line for each run and method; a failed run has one line without a method. The output does
-// not depend on the time or duration of the runs.
+// Returns a header and one line for each run and method, or for each run and camera of a rig; a failed run has one line
+// without a method. The output does not depend on the time or duration of the runs.
 std::string SummaryCsv(const std::vector<BatchRun>& runs);
 std::string SummaryPage(const std::string& title, const std::vector<BatchRun>& runs);
 // Returns one line for each run, at most 80 columns wide.

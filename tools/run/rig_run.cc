@@ -40,8 +40,7 @@ void FitCameras(const RigDataset& dataset, const std::vector<RigDetection>& dete
     const ImageSize stated{camera.width_px, camera.height_px};
     if (dataset.has_camera[c] && stated.width_px > 0 && !(stated == seen)) {
       throw InputError(dataset.camera_sources[c] + ": is for images of " + SizeText(stated) + ", but those of camera " +
-                       rig->cameras[c].name + " are " + SizeText(seen) +
-                       "; provide the intrinsics of that resolution");
+                       rig->cameras[c].name + " are " + SizeText(seen) + "; provide the intrinsics of that resolution");
     }
     camera.width_px = seen.width_px;
     camera.height_px = seen.height_px;
@@ -104,10 +103,10 @@ std::vector<RigImageResult> ImageResults(const RigDataset& dataset, const RigPro
         target.target = dataset.rig.targets[image.target].name;
         target.num_points = image.observations.size();
         target.num_rejected = static_cast<int>(solution.captures[i].rejected_ids[k].size());
-        target.used =
-            calibration.problem.captures[i].images[k].observations.size() > target.num_rejected;
+        target.used = calibration.problem.captures[i].images[k].observations.size() > target.num_rejected;
         const std::optional<SquaredErrors> errors =
-            ErrorsOf(seen, solution, calibration.problem.captures[i], target.used ? calibration.problem.captures[i].images[k] : image);
+            ErrorsOf(seen, solution, calibration.problem.captures[i],
+                     target.used ? calibration.problem.captures[i].images[k] : image);
         if (errors) target.rms_px = errors->RmsPx();
         result.used = result.used || target.used;
         const auto reason = reasons.find({i, k});
@@ -185,7 +184,8 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
   result.about = dataset.about;
   result.rig = output.calibration.problem;
   result.rig.captures.clear();
-  for (const std::shared_ptr<const Target>& target : dataset.targets) result.target_types.push_back(std::string(target->type()));
+  for (const std::shared_ptr<const Target>& target : dataset.targets)
+    result.target_types.push_back(std::string(target->type()));
   result.solution = solution;
   result.solution.captures.clear();
   result.relative_cameras = RelativeCameraPoses(result.rig, solution);

@@ -73,8 +73,7 @@ std::string ShapeLines(const RigResult& result) {
     std::vector<std::string> parts;
     for (size_t i = 0; i < TargetShape::kNumParams; ++i) {
       const std::string param(kTargetShapeParamNames[i]);
-      const std::optional<double> sigma =
-          SigmaOf(result.solution.covariance, TargetShapeBlock(target) + "." + param);
+      const std::optional<double> sigma = SigmaOf(result.solution.covariance, TargetShapeBlock(target) + "." + param);
       if (!sigma) continue;
       const bool is_scale = i < 2;
       const double unit = is_scale ? 1 : 1000;

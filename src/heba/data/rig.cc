@@ -9,7 +9,8 @@ namespace heba {
 std::optional<Mount> FindMount(const std::vector<std::string>& robots, const std::string& text) {
   if (text == "world") return Mount{0, Mount::Part::kBase};
   for (size_t r = 0; r < robots.size(); ++r) {
-    for (const auto& [name, part] : {std::pair{"base", Mount::Part::kBase}, std::pair{"gripper", Mount::Part::kGripper}}) {
+    for (const auto& [name, part] :
+         {std::pair{"base", Mount::Part::kBase}, std::pair{"gripper", Mount::Part::kGripper}}) {
       if (text == robots[r] + "." + name || (robots.size() == 1 && text == name)) return Mount{r, part};
     }
   }

@@ -26,7 +26,7 @@ struct RigSolution {
   RigPoses poses;
   std::vector<Camera> cameras;
   std::vector<TargetShape> shapes;
-  std::vector<double> pixel_sigmas_px;                     // One sigma of each pixel coordinate of each camera.
+  std::vector<double> pixel_sigmas_px;  // One sigma of each pixel coordinate of each camera.
   // One sigma of an error of each image of a camera as a whole, which acts like another pose of the target: it moves
   // each point by as much (RMS). It is told from the noise of an arm by captures with several images.
   std::vector<double> image_sigmas_px;

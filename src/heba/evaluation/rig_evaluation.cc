@@ -29,10 +29,8 @@ Finding JudgeUncertainty(const RigResult& result) {
     const Grade grade = std::max(GradeOf(mm, kPositionMm), GradeOf(deg, kOrientationDeg));
     if (grade < worst.grade || (grade == worst.grade && mm <= worst_mm)) continue;
     worst_mm = mm;
-    worst = {grade,
-             FindingCode("uncertainty"),
-             {{"position_mm", mm}, {"orientation_deg", deg}},
-             {CameraName(result, c)}};
+    worst = {
+        grade, FindingCode("uncertainty"), {{"position_mm", mm}, {"orientation_deg", deg}}, {CameraName(result, c)}};
   }
   return worst;
 }

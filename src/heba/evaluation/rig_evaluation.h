@@ -66,10 +66,10 @@ struct RigResult {
   // The names, mounts, cameras and targets. It has no captures.
   RigProblem rig;
   std::vector<std::string> target_types;
-  RigSolution solution;  // Without the outcomes of the captures.
-  std::vector<RigErrors> errors;                  // One per camera.
-  std::optional<double> holdout_chi2;             // Held-out chi-square per degree of freedom.
-  std::vector<RelativePose> relative_cameras;     // RelativeCameraPoses.
+  RigSolution solution;                        // Without the outcomes of the captures.
+  std::vector<RigErrors> errors;               // One per camera.
+  std::optional<double> holdout_chi2;          // Held-out chi-square per degree of freedom.
+  std::vector<RelativePose> relative_cameras;  // RelativeCameraPoses.
   std::vector<RelativePose> relative_targets;
   std::vector<RelativePose> relative_bases;
   // The differences of relative_cameras from the truth, m and rad, if it is known.

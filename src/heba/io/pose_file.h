@@ -19,8 +19,8 @@ struct PoseRow {
   std::vector<double> numbers = {};  // The numbers of the file, in the order of the format's columns.
   // The numbers in the columns beside the pose; empty if the file has no such columns.
   std::vector<double> extras = {};
-  // The images of the cameras that were asked for; empty if the file has no such columns, and an empty text for a camera
-  // without an image.
+  // The images of the cameras that were asked for; empty if the file has no such columns, and an empty text for a
+  // camera without an image.
   std::vector<std::string> images = {};
 };
 

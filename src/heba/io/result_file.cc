@@ -159,11 +159,13 @@ Json EstimateJson(const Estimate& estimate, Setup setup) {
     json["camera"] = nullptr;  // Estimates from given poses of the target have no camera.
     if (!estimate.camera.params.empty()) {
       json["camera"] = CameraJson(estimate.camera);
-      json["camera"]["std"] =
-          solution != nullptr ? CameraSigmaJson(estimate.camera, solution->covariance, std::string(kCameraBlock)) : Json(nullptr);
+      json["camera"]["std"] = solution != nullptr
+                                  ? CameraSigmaJson(estimate.camera, solution->covariance, std::string(kCameraBlock))
+                                  : Json(nullptr);
     }
   }
-  json["target_shape"] = solution != nullptr ? ShapeJson(solution->shape, solution->covariance, std::string(kTargetBlock)) : Json(nullptr);
+  json["target_shape"] =
+      solution != nullptr ? ShapeJson(solution->shape, solution->covariance, std::string(kTargetBlock)) : Json(nullptr);
   json["errors"] = ErrorsJson(estimate.errors);
   json["covariance"] = nullptr;
   json["solve"] = nullptr;

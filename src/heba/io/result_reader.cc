@@ -15,8 +15,8 @@
 #include "heba/base/units.h"
 #include "heba/evaluation/verdict.h"
 #include "heba/io/json_reader.h"
-#include "heba/io/result_json.h"
 #include "heba/io/result_file.h"
+#include "heba/io/result_json.h"
 
 namespace heba {
 namespace {

@@ -124,17 +124,17 @@ Json CapturesJson(const RigResult& result) {
                              {"rms_px", OrNull(target.rms_px)}});
     }
     const auto capture = capture_of.find(image.capture);
-    list.push_back(Json{{"capture", image.capture},
-                        {"camera", image.camera},
-                        {"image", image.image},
-                        {"points", num_points},
-                        {"points_rejected", num_rejected},
-                        {"used", image.used},
-                        {"reason", image.reason},
-                        {"targets", targets},
-                        {"robot_correction", capture == capture_of.end()
-                                                 ? Json(nullptr)
-                                                 : CorrectionsJson(result.rig, capture->second->corrections)}});
+    list.push_back(Json{
+        {"capture", image.capture},
+        {"camera", image.camera},
+        {"image", image.image},
+        {"points", num_points},
+        {"points_rejected", num_rejected},
+        {"used", image.used},
+        {"reason", image.reason},
+        {"targets", targets},
+        {"robot_correction",
+         capture == capture_of.end() ? Json(nullptr) : CorrectionsJson(result.rig, capture->second->corrections)}});
   }
   return list;
 }
@@ -158,7 +158,8 @@ void ReadRig(const JsonReader& reader, RigResult* result) {
   for (const auto& member : robots.Members()) rig.robots.push_back(member.first);
   for (const auto& member : robots.Members()) {
     const JsonReader& robot = Present(member, robots);
-    solution.poses.world_from_base.push_back(ReadPoseJson(robot.Get("world_from_base"), "world", member.first + ".base"));
+    solution.poses.world_from_base.push_back(
+        ReadPoseJson(robot.Get("world_from_base"), "world", member.first + ".base"));
     solution.robot_noise.emplace_back();
     solution.robot_noise_stddev.emplace_back();
     if (!robot.Has("noise")) continue;
@@ -174,8 +175,7 @@ void ReadRig(const JsonReader& reader, RigResult* result) {
     const JsonReader& entry = Present(member, cameras);
     RigCamera camera{member.first, ReadMount(entry.Get("mount"), rig), ReadCameraJson(entry.Get("camera"))};
     camera.mount_name = entry.Get("mount").Text();
-    solution.poses.mount_from_camera.push_back(
-        ReadPoseJson(entry.Get("pose"), MountText(rig, camera), member.first));
+    solution.poses.mount_from_camera.push_back(ReadPoseJson(entry.Get("pose"), MountText(rig, camera), member.first));
     solution.cameras.push_back(camera.camera);
     solution.pixel_sigmas_px.push_back(ReadMagnitude(entry, "pixel_sigma"));
     solution.image_sigmas_px.push_back(ReadMagnitude(entry, "image_sigma"));
@@ -187,8 +187,7 @@ void ReadRig(const JsonReader& reader, RigResult* result) {
     RigTarget target{member.first, ReadMount(entry.Get("mount"), rig), TargetShape()};
     target.mount_name = entry.Get("mount").Text();
     result->target_types.push_back(entry.Get("type").Text());
-    solution.poses.mount_from_target.push_back(
-        ReadPoseJson(entry.Get("pose"), MountText(rig, target), member.first));
+    solution.poses.mount_from_target.push_back(ReadPoseJson(entry.Get("pose"), MountText(rig, target), member.first));
     solution.shapes.push_back(entry.Has("shape") ? ReadShapeJson(entry.Get("shape")) : TargetShape());
     rig.targets.push_back(std::move(target));
   }
@@ -209,7 +208,8 @@ void ReadRigCovariance(const JsonReader& reader, RigResult* result) {
   }
   for (RigTarget& target : result->rig.targets) {
     for (int i = 0; i < TargetShape::kNumParams; ++i) {
-      const std::string name = TargetShapeBlock(target) + "." + std::string(kTargetShapeParamNames[static_cast<size_t>(i)]);
+      const std::string name =
+          TargetShapeBlock(target) + "." + std::string(kTargetShapeParamNames[static_cast<size_t>(i)]);
       if (has(name)) add(ShapeGroupOf(i), &target.free_shape);
     }
   }
@@ -221,7 +221,7 @@ void ReadRigCovariance(const JsonReader& reader, RigResult* result) {
 void ReadCaptures(const JsonReader& reader, RigResult* result) {
   for (const JsonReader& entry : reader.List()) {
     RigImageResult image{entry.Get("capture").Text(), entry.Get("camera").Text(), entry.Get("image").Text(),
-                         entry.Get("used").Bool(), entry.Get("reason").Text(), {}};
+                         entry.Get("used").Bool(),    entry.Get("reason").Text(), {}};
     for (const JsonReader& target : entry.Get("targets").List()) {
       image.targets.push_back({target.Get("target").Text(), target.Get("points").Int(0, kMostCounted),
                                target.Get("points_rejected").Int(0, kMostCounted),
@@ -360,8 +360,7 @@ RigTruth ReadRigTruth(const std::filesystem::path& path, const RigProblem& rig) 
   RigTruth truth;
   for (const RigCamera& camera : rig.cameras) {
     const JsonReader entry = reader.Get("cameras").Get(camera.name.c_str());
-    truth.poses.mount_from_camera.push_back(
-        ReadPoseJson(entry.Get("pose"), MountText(rig, camera), camera.name));
+    truth.poses.mount_from_camera.push_back(ReadPoseJson(entry.Get("pose"), MountText(rig, camera), camera.name));
     truth.cameras.emplace_back();
     if (entry.Has("camera")) truth.cameras.back() = ReadCameraJson(entry.Get("camera"));
   }
@@ -369,8 +368,8 @@ RigTruth ReadRigTruth(const std::filesystem::path& path, const RigProblem& rig) 
     // The poses of the targets, and of the bases, need not be known.
     Rigid3d pose;
     if (reader.Has("targets") && reader.Get("targets").Has(target.name.c_str())) {
-      pose = ReadPoseJson(reader.Get("targets").Get(target.name.c_str()).Get("pose"), MountText(rig, target),
-                          target.name);
+      pose =
+          ReadPoseJson(reader.Get("targets").Get(target.name.c_str()).Get("pose"), MountText(rig, target), target.name);
     }
     truth.poses.mount_from_target.push_back(pose);
   }

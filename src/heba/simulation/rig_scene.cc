@@ -78,6 +78,10 @@ Outcome<std::vector<ArmPoses>> SimulateArmPoses(const RigProblem& rig, const Rig
   return all;
 }
 
+Rigid3d ReportedPose(const Rigid3d& exact, const RobotNoise& noise, Rng* rng) {
+  return exact * Inverse(WithRobotNoise(Rigid3d(), noise.rotation_rad, noise.translation_m, rng));
+}
+
 bool IsVisible(const Camera& camera, const Rigid3d& camera_from_target, const SimulatedTarget& target,
                double margin_px) {
   const Eigen::Vector3d middle = camera_from_target * Eigen::Vector3d(target.points_in_target.rowwise().mean());
@@ -97,10 +101,7 @@ std::vector<RigCapture> SimulateRigCaptures(const RigProblem& rig, const RigPose
     RigCapture& capture = captures.emplace_back();
     capture.name = "capture_" + std::to_string(i);
     for (const Rigid3d& exact : arm_poses[i]) {
-      // The robot reports T, and the exact pose is T * Exp(error).
-      const Rigid3d error =
-          WithRobotNoise(Rigid3d(), options.robot_noise.rotation_rad, options.robot_noise.translation_m, rng);
-      capture.base_from_gripper.push_back(exact * Inverse(error));
+      capture.base_from_gripper.push_back(ReportedPose(exact, options.robot_noise, rng));
     }
     for (size_t c = 0; c < rig.cameras.size(); ++c) {
       for (size_t t = 0; t < rig.targets.size(); ++t) {

@@ -36,6 +36,9 @@ Outcome<std::vector<ArmPoses>> SimulateArmPoses(const RigProblem& rig, const Rig
                                                 const std::vector<SimulatedTarget>& targets,
                                                 const RigSceneOptions& options, Rng* rng);
 
+// Returns the pose that an arm with this noise reports: T, where the exact pose is T * Exp(error).
+Rigid3d ReportedPose(const Rigid3d& exact, const RobotNoise& noise, Rng* rng);
+
 // Returns whether a camera sees the front of a target with all its points at least `margin_px` from the border.
 bool IsVisible(const Camera& camera, const Rigid3d& camera_from_target, const SimulatedTarget& target,
                double margin_px);

@@ -14,9 +14,11 @@
 #include "targets/images/image.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
+#include "tools/config/rig_scene_config.h"
 #include "tools/config/robot_section.h"
 #include "tools/config/scene_config.h"
 #include "tools/files/result_folder.h"
+#include "tools/files/rig_data_set.h"
 #include "tools/text/console.h"
 
 namespace heba {
@@ -121,11 +123,26 @@ std::string JointsText(const Arm& arm, const SimulatedCaptures& captures) {
   return text;
 }
 
+int SimulateRig(const std::string& path) {
+  const Outcome<int> num_images = WriteRigDataSet(ReadRigScene(path, Settings()), FLAGS_out, NumThreads(),
+                                                  FLAGS_quiet ? Verbosity::kQuiet : Verbosity::kNormal);
+  if (!num_images) {
+    PrintError(path + ": " + num_images.reason());
+    return kWorkFailed;
+  }
+  if (!FLAGS_quiet) {
+    std::cout << *num_images << " images with ground truth in " << FLAGS_out << "; next: heba run "
+              << (std::filesystem::path(FLAGS_out) / "config.yaml").string() << std::endl;
+  }
+  return kDone;
+}
+
 }  // namespace
 
 int RunCommand_simulate(const std::vector<std::string>& arguments) {
   namespace fs = std::filesystem;
   if (FLAGS_out.empty()) throw InputError("'heba simulate' needs --out DIR");
+  if (IsRigScene(arguments[0], Settings())) return SimulateRig(arguments[0]);
   SceneConfig scene = ReadSceneConfig(arguments[0], Settings());
   const int num_captures = scene.motion.num_captures;
   if (scene.arm) {

@@ -33,8 +33,8 @@ struct RigDataset {
   std::vector<std::pair<std::string, std::string>> about;  // RunResult::about.
   // Names, mounts, and the cameras that are given. The shapes of targets follow from `targets`.
   RigProblem rig;
-  std::vector<bool> has_camera;               // One per camera: whether it is given.
-  std::vector<std::string> camera_sources;    // One per camera: what starts the messages about it.
+  std::vector<bool> has_camera;             // One per camera: whether it is given.
+  std::vector<std::string> camera_sources;  // One per camera: what starts the messages about it.
   std::vector<std::shared_ptr<const Target>> targets;
   std::vector<RigRecording> captures;
   std::optional<RigTruth> truth;

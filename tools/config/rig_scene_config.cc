@@ -1,0 +1,121 @@
+#include "tools/config/rig_scene_config.h"
+
+#include <limits>
+#include <tuple>
+
+#include "heba/detection.h"
+#include "tools/config/common_keys.h"
+#include "tools/config/rig_keys.h"
+#include "tools/config/robot_noise_config.h"
+#include "tools/config/scene_config.h"
+
+namespace heba {
+namespace {
+
+ConfigValue ReadSceneFile(const std::filesystem::path& path, const std::vector<std::string>& settings) {
+  const ConfigValue file = ReadYamlFileOverBases(path, {});
+  return settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
+}
+
+// Reads the key `pose`.
+Rigid3d ReadPoseKey(MapReader& reader, const std::string& key) {
+  const Rigid3d pose = ReadPose(reader.Get(key));
+  reader.Record(key, PoseNode(pose));
+  return pose;
+}
+
+// The pose near which the gripper of an arm stands if nothing else determines it.
+Rigid3d DefaultHome() { return {ExpRotation({0, DegToRad(180.0), 0}), Eigen::Vector3d(0.4, 0, 0.4)}; }
+
+void ReadSceneRobots(MapReader& root, RigSceneConfig* scene) {
+  if (!root.Has("robots")) {
+    scene->rig.robots = {"robot"};
+    scene->poses.world_from_base = {Rigid3d()};
+    scene->options.homes = {DefaultHome()};
+    return;
+  }
+  MapReader section(root.Get("robots"));
+  scene->rig.robots = NamesIn(section.value(), "left");
+  for (const std::string& name : scene->rig.robots) {
+    MapReader reader(section.Get(name));
+    const bool is_first = scene->poses.world_from_base.empty();
+    if (is_first && reader.Has("world_from_base")) {
+      reader.Get("world_from_base").Fail("the base of the first arm is the world; leave the key out");
+    }
+    scene->poses.world_from_base.push_back(is_first ? Rigid3d() : ReadPoseKey(reader, "world_from_base"));
+    scene->options.homes.push_back(reader.Has("home") ? ReadPoseKey(reader, "home") : DefaultHome());
+    reader.Finish();
+  }
+  section.Finish();
+}
+
+void ReadSceneCameras(MapReader& root, RigSceneConfig* scene) {
+  MapReader section(root.Get("cameras"));
+  for (const std::string& name : NamesIn(section.value(), "top")) {
+    MapReader reader(section.Get(name));
+    RigCamera camera;
+    camera.name = name;
+    std::tie(camera.mount, camera.mount_name) = ReadMount(reader, scene->rig.robots);
+    scene->poses.mount_from_camera.push_back(ReadPoseKey(reader, "pose"));
+    camera.camera = ReadSceneCamera(reader);
+    reader.Finish();
+    scene->rig.cameras.push_back(std::move(camera));
+  }
+  section.Finish();
+}
+
+void ReadSceneTargets(MapReader& root, RigSceneConfig* scene) {
+  MapReader section(root.Get("targets"));
+  for (const std::string& name : NamesIn(section.value(), "plate")) {
+    MapReader reader(section.Get(name));
+    RigTarget target;
+    target.name = name;
+    std::tie(target.mount, target.mount_name) = ReadMount(reader, scene->rig.robots);
+    scene->poses.mount_from_target.push_back(ReadPoseKey(reader, "pose"));
+    scene->targets.push_back(ReadTarget(reader, "target"));
+    scene->targets_used.push_back(reader.used()["target"]);
+    target.shape = DesignedShape(AllPoints(*scene->targets.back()).points_in_target);
+    reader.Finish();
+    scene->rig.targets.push_back(std::move(target));
+  }
+  section.Finish();
+}
+
+}  // namespace
+
+bool IsRigScene(const std::filesystem::path& path, const std::vector<std::string>& settings) {
+  return HasRigKeys(ReadSceneFile(path, settings));
+}
+
+RigSceneConfig ReadRigScene(const std::filesystem::path& path, const std::vector<std::string>& settings) {
+  RigSceneConfig scene;
+  MapReader reader(ReadSceneFile(path, settings));
+  ReadSceneRobots(reader, &scene);
+  ReadSceneCameras(reader, &scene);
+  ReadSceneTargets(reader, &scene);
+  MapReader motion = reader.Section("motion");
+  ReadMotion(motion, &scene.options.motion);
+  if (scene.options.motion.num_captures == 0) motion.Get("captures").Fail("must be at least 1");
+  motion.Finish();
+  const std::string motion_faults = scene.options.motion.Check();
+  if (!motion_faults.empty()) motion.value().Fail(motion_faults);
+  ReadRendering(reader, &scene.image);
+  MapReader robot = reader.Section("robot_noise");
+  scene.options.robot_noise = ReadRobotNoise(robot, 0.0);
+  scene.pose_format = *FindPoseFormat("ros");
+  if (const std::optional<ConfigValue> format = reader.Find("pose_format")) scene.pose_format = ReadPoseFormat(*format);
+  scene.give_camera = reader.Bool("give_camera", true);
+  scene.seed = static_cast<uint64_t>(reader.Int("seed", {0, std::numeric_limits<int>::max()}, 1));
+  reader.Finish();
+  return scene;
+}
+
+std::vector<SimulatedTarget> SimulatedTargets(const RigSceneConfig& scene) {
+  std::vector<SimulatedTarget> targets;
+  for (const std::shared_ptr<const Target>& target : scene.targets) {
+    targets.push_back({AllPoints(*target).points_in_target, target->Draw().y_up});
+  }
+  return targets;
+}
+
+}  // namespace heba

@@ -1,0 +1,40 @@
+// Reads a scene with a rig to simulate.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "heba/config/yaml_reader.h"
+#include "heba/data/rig.h"
+#include "heba/io/pose_formats.h"
+#include "heba/simulation/rig_scene.h"
+#include "heba/target.h"
+#include "targets/render/rendering.h"
+
+namespace heba {
+
+struct RigSceneConfig {
+  RigProblem rig;  // With the true cameras, without captures.
+  RigPoses poses;
+  std::vector<std::shared_ptr<const Target>> targets;
+  std::vector<YAML::Node> targets_used;
+  RigSceneOptions options;
+  RenderOptions image;
+  PoseFormat pose_format;
+  bool give_camera = true;  // Whether the data set's config names the true cameras, or leaves them to be estimated.
+  uint64_t seed = 1;
+};
+
+// Returns whether a scene is that of a rig: whether it has `cameras`, `targets` or `robots`.
+bool IsRigScene(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
+
+// Reads a scene from a file and the files that it is based on; `settings` (--set) take precedence. Throws InputError on
+// any error.
+RigSceneConfig ReadRigScene(const std::filesystem::path& path, const std::vector<std::string>& settings = {});
+
+// Returns the targets as the simulation sees them.
+std::vector<SimulatedTarget> SimulatedTargets(const RigSceneConfig& scene);
+
+}  // namespace heba

@@ -1,0 +1,114 @@
+#include "tools/files/rig_data_set.h"
+
+#include <cstdio>
+#include <mutex>
+
+#include "heba/base/files.h"
+#include "heba/base/parallel.h"
+#include "heba/io/camera_file.h"
+#include "heba/io/pose_file.h"
+#include "heba/io/rig_result_file.h"
+#include "targets/images/image.h"
+#include "tools/files/result_folder.h"
+
+namespace heba {
+namespace {
+namespace fs = std::filesystem;
+
+std::string ImageName(size_t index) {
+  char name[32];
+  std::snprintf(name, sizeof(name), "%03zu.png", index);
+  return name;
+}
+
+std::string ConfigText(const RigSceneConfig& scene) {
+  YAML::Node config;
+  const bool is_one = scene.rig.robots.size() == 1;
+  for (const std::string& robot : scene.rig.robots) {
+    YAML::Node poses;
+    poses["poses"] = is_one ? "poses.csv" : robot + ".csv";
+    poses["pose_format"] = PoseFormatNode(scene.pose_format);
+    if (is_one) config["captures"] = poses;
+    if (!is_one) config["robots"][robot] = poses;
+  }
+  for (const RigCamera& camera : scene.rig.cameras) {
+    YAML::Node entry;
+    entry["mount"] = camera.mount_name;
+    entry["images"] = camera.name;
+    entry["model"] = camera.camera.model;
+    if (scene.give_camera) entry["intrinsics"] = camera.name + ".yaml";
+    config["cameras"][camera.name] = entry;
+  }
+  for (const RigTarget& target : scene.rig.targets) {
+    config["targets"][target.name]["mount"] = target.mount_name;
+    config["targets"][target.name]["target"] = target.name + ".target.yaml";
+  }
+  config["evaluate"]["truth"] = "truth.json";
+  YAML::Emitter emitter;
+  emitter << config;
+  return std::string(emitter.c_str()) + "\n";
+}
+
+std::string YamlText(const YAML::Node& node) {
+  YAML::Emitter emitter;
+  emitter << node;
+  return std::string(emitter.c_str()) + "\n";
+}
+
+}  // namespace
+
+Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output, int num_threads,
+                             Verbosity verbosity) {
+  StagedFolder folder(output, "a data set");
+  const RigProblem& rig = scene.rig;
+  Rng rng(scene.seed);
+  const Outcome<std::vector<ArmPoses>> arms =
+      SimulateArmPoses(rig, scene.poses, SimulatedTargets(scene), scene.options, &rng);
+  if (!arms) return Failure{arms.reason()};
+  for (size_t r = 0; r < rig.robots.size(); ++r) {
+    std::vector<PoseRow> rows;
+    for (size_t i = 0; i < arms->size(); ++i) {
+      PoseRow& row = rows.emplace_back();
+      row.image = ImageName(i);
+      row.pose = ReportedPose((*arms)[i][r], scene.options.robot_noise, &rng);
+    }
+    const std::string name = rig.robots.size() == 1 ? "poses.csv" : rig.robots[r] + ".csv";
+    WriteFileAtomically(folder.staging() / name, PoseFileText(rows, scene.pose_format));
+  }
+  const size_t num_cameras = rig.cameras.size();
+  const int num_images = static_cast<int>(arms->size() * num_cameras);
+  for (const RigCamera& camera : rig.cameras) fs::create_directory(folder.staging() / camera.name);
+  {
+    Progress progress("render", num_images, verbosity);
+    std::mutex mutex;
+    ParallelFor(num_images, num_threads, [&](int index) {
+      const size_t i = static_cast<size_t>(index) / num_cameras;
+      const size_t c = static_cast<size_t>(index) % num_cameras;
+      std::vector<RenderedSheet> sheets;
+      for (size_t t = 0; t < rig.targets.size(); ++t) {
+        sheets.push_back(
+            {&scene.targets[t]->Draw(), CameraFromTarget(rig, scene.poses, c, t, (*arms)[i]), rig.targets[t].shape});
+      }
+      RenderOptions options = scene.image;
+      options.seed = scene.seed * 1000003 + static_cast<uint64_t>(index);
+      WriteImage(folder.staging() / rig.cameras[c].name / ImageName(i),
+                 RenderScene(sheets, rig.cameras[c].camera, options));
+      const std::lock_guard<std::mutex> lock(mutex);
+      progress.Step();
+    });
+  }
+  RigTruth truth{scene.poses, {}};
+  for (const RigCamera& camera : rig.cameras) {
+    truth.cameras.emplace_back(camera.camera);
+    WriteFileAtomically(folder.staging() / (camera.name + ".yaml"), CameraToYaml(camera.camera));
+  }
+  for (size_t t = 0; t < rig.targets.size(); ++t) {
+    WriteFileAtomically(folder.staging() / (rig.targets[t].name + ".target.yaml"), YamlText(scene.targets_used[t]));
+  }
+  WriteFileAtomically(folder.staging() / "config.yaml", ConfigText(scene));
+  WriteFileAtomically(folder.staging() / "truth.json", RigTruthToJson(rig, truth));
+  folder.Commit();
+  return num_images;
+}
+
+}  // namespace heba
