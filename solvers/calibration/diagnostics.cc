@@ -361,14 +361,17 @@ std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solut
 
 std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel& model) {
   if (!HasGroup(model.shape, TargetShapeGroup::kScale)) return std::nullopt;
+  return JudgeScale(solution.shape, !SigmaOf(solution.covariance, "camera.fx"));
+}
+
+std::optional<Finding> JudgeScale(const TargetShape& shape, bool is_focal_held) {
   constexpr double kOfPrint = 5e-3;
   constexpr double kWrong = 0.02;
-  const double off = std::max(std::abs(solution.shape.params[0] - 1), std::abs(solution.shape.params[1] - 1));
+  const double off = std::max(std::abs(shape.params[0] - 1), std::abs(shape.params[1] - 1));
   if (off <= kOfPrint) return std::nullopt;
-  const bool is_focal_held = !SigmaOf(solution.covariance, "camera.fx");
   Finding finding{off > kWrong ? Grade::kBad : Grade::kDoubtful,
                   FindingCode("target_scale"),
-                  {{"scale_x", solution.shape.params[0]}, {"scale_y", solution.shape.params[1]}},
+                  {{"scale_x", shape.params[0]}, {"scale_y", shape.params[1]}},
                   {{"focal_length", is_focal_held ? "held" : "free"}}};
   finding.is_cause = true;
   return finding;

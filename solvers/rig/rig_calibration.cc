@@ -10,6 +10,8 @@
 #include "heba/base/text.h"
 #include "heba/base/units.h"
 #include "solvers/initial/target_pose.h"
+#include "solvers/calibration/diagnostics.h"
+#include "solvers/rig/rig_diagnosis.h"
 #include "solvers/rig/rig_outliers.h"
 #include "solvers/rig/rig_start.h"
 #include "solvers/uncertainty/capture_outliers.h"
@@ -75,7 +77,7 @@ Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPos
   if (!solution) return Failure{solution.reason()};
   if (options.loss == LossKind::kNone) return JudgedRig{*solution, left_out};
   const double least_chance = kCaptureFalseAlarm / std::max(1, NumImages(problem));
-  constexpr int kMaxRounds = 15;
+  constexpr int kMaxRounds = 30;
   for (int round = 0; round < kMaxRounds; ++round) {
     const RigProblem used = WithoutRejected(Without(problem, left_out), *solution);
     ImageSet next = left_out;
@@ -84,17 +86,21 @@ Outcome<JudgedRig> RefineWithoutOutliers(const RigProblem& problem, const RigPos
       if (verdict.p_value >= least_chance) next.erase(image);
       if (verdict.p_value < least_chance) next.insert(image);
     }
-    // The worst contradiction first: it makes others, of images that agree with nothing but it.
-    std::optional<RigVerdict> worst;
+    // The worst contradiction of each camera and arm first: it makes others, of images that agree with nothing but it.
+    std::map<std::pair<bool, size_t>, RigVerdict> worst;
     for (const RigVerdict& verdict : TestUsedImages(used, *solution)) {
-      if (verdict.p_value < least_chance && (!worst || verdict.p_value < worst->p_value)) worst = verdict;
+      if (verdict.p_value >= least_chance) continue;
+      const size_t camera = problem.captures[verdict.image.capture].images[verdict.image.image].camera;
+      const auto key = std::make_pair(verdict.robot.has_value(), verdict.robot.value_or(camera));
+      const auto [found, is_new] = worst.emplace(key, verdict);
+      if (!is_new && verdict.p_value < found->second.p_value) found->second = verdict;
     }
-    if (worst && worst->robot) {
-      for (const size_t k : ImagesMovedBy(problem, worst->image.capture, *worst->robot)) {
-        next.insert({worst->image.capture, k});
+    for (const auto& [key, verdict] : worst) {
+      if (!verdict.robot) next.insert({verdict.image.capture, verdict.image.image});
+      if (!verdict.robot) continue;
+      for (const size_t k : ImagesMovedBy(problem, verdict.image.capture, *verdict.robot)) {
+        next.insert({verdict.image.capture, k});
       }
-    } else if (worst) {
-      next.insert({worst->image.capture, worst->image.image});
     }
     if (next == left_out) break;
     Outcome<RigSolution> other = RefineRig(Without(problem, next), solution->poses, options);
@@ -203,6 +209,13 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   if (!cameras) return Failure{cameras.reason()};
   for (size_t c = 0; c < rig.cameras.size(); ++c) rig.cameras[c].camera = (*cameras)[c];
   calibration.pairs = CalibratePairs(rig, options);
+  if (const std::optional<ShiftedCamera> shifted = FindShiftedCamera(rig, calibration.pairs, options)) {
+    const int places = std::abs(shifted->shift);
+    return Failure{"the images of camera " + rig.cameras[shifted->camera].name + " fit the poses of the captures " +
+                   (places == 1 ? "one place " : std::to_string(places) + " places ") +
+                   (shifted->shift > 0 ? "after" : "before") +
+                   " their own: its images are shifted against the poses; check which image is its first"};
+  }
   Outcome<RigPoses> start = JoinPairs(rig, calibration.pairs);
   if (!start) return Failure{start.reason()};
   calibration.start = *start;
@@ -233,6 +246,32 @@ Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibra
   // The points that the adjustment did not use keep their entries in `rejected_ids`.
   calibration.refined = std::move(judged->solution);
   return calibration;
+}
+
+std::vector<Finding> DiagnoseRig(const RigProblem& problem, const RigCalibration& calibration) {
+  std::vector<Finding> findings;
+  const RigSolution& solution = *calibration.refined;
+  for (size_t t = 0; t < calibration.problem.targets.size(); ++t) {
+    const RigTarget& target = calibration.problem.targets[t];
+    const auto& free = target.free_shape;
+    if (std::find(free.begin(), free.end(), TargetShapeGroup::kScale) == free.end()) continue;
+    std::optional<Finding> finding = JudgeScale(solution.shapes[t], false);
+    if (!finding) continue;
+    finding->names.emplace_back("of_target", target.name);
+    findings.push_back(std::move(*finding));
+  }
+  for (const MovedCamera& moved : FindMovedCameras(problem, calibration)) {
+    Finding finding{Grade::kBad,
+                    FindingCode("camera_moved"),
+                    {{"moved_mm", 1000 * moved.before_from_after.translation.norm()},
+                     {"moved_deg", RadToDeg(RotationAngle(moved.before_from_after.rotation))}},
+                    {{"camera", problem.cameras[moved.camera].name},
+                     {"last_capture", problem.captures[moved.last_capture].name},
+                     {"first_capture", problem.captures[moved.first_capture].name}}};
+    finding.is_cause = true;
+    findings.push_back(std::move(finding));
+  }
+  return findings;
 }
 
 }  // namespace heba

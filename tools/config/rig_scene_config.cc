@@ -58,6 +58,12 @@ void ReadSceneCameras(MapReader& root, RigSceneConfig* scene) {
     std::tie(camera.mount, camera.mount_name) = ReadMount(reader, scene->rig.robots);
     scene->poses.mount_from_camera.push_back(ReadPoseKey(reader, "pose"));
     camera.camera = ReadSceneCamera(reader);
+    if (reader.Has("moved")) {
+      MapReader moved(reader.Get("moved"));
+      const int from = moved.Int("from", {0, 10000});
+      scene->motions.push_back({scene->rig.cameras.size(), static_cast<size_t>(from), ReadPoseKey(moved, "by")});
+      moved.Finish();
+    }
     reader.Finish();
     scene->rig.cameras.push_back(std::move(camera));
   }

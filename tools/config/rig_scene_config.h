@@ -15,9 +15,17 @@
 
 namespace heba {
 
+// A motion of a camera during the captures: its pose is multiplied by `before_from_after` from a capture on.
+struct CameraMotion {
+  size_t camera = 0;
+  size_t first_capture = 0;
+  Rigid3d before_from_after;
+};
+
 struct RigSceneConfig {
   RigProblem rig;  // With the true cameras, without captures.
   RigPoses poses;
+  std::vector<CameraMotion> motions;
   std::vector<std::shared_ptr<const Target>> targets;
   std::vector<YAML::Node> targets_used;
   RigSceneOptions options;

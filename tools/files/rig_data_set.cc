@@ -84,10 +84,15 @@ Outcome<int> WriteRigDataSet(const RigSceneConfig& scene, const fs::path& output
     ParallelFor(num_images, num_threads, [&](int index) {
       const size_t i = static_cast<size_t>(index) / num_cameras;
       const size_t c = static_cast<size_t>(index) % num_cameras;
+      RigPoses poses = scene.poses;
+      for (const CameraMotion& motion : scene.motions) {
+        Rigid3d& pose = poses.mount_from_camera[motion.camera];
+        if (i >= motion.first_capture) pose = pose * motion.before_from_after;
+      }
       std::vector<RenderedSheet> sheets;
       for (size_t t = 0; t < rig.targets.size(); ++t) {
         sheets.push_back(
-            {&scene.targets[t]->Draw(), CameraFromTarget(rig, scene.poses, c, t, (*arms)[i]), rig.targets[t].shape});
+            {&scene.targets[t]->Draw(), CameraFromTarget(rig, poses, c, t, (*arms)[i]), rig.targets[t].shape});
       }
       RenderOptions options = scene.image;
       options.seed = scene.seed * 1000003 + static_cast<uint64_t>(index);

@@ -209,6 +209,7 @@ Outcome<RigRunOutput> RunOnImages(const RigDataset& dataset, const RigRunOptions
     }
     result.holdout_chi2 = errors.chi2_per_dof;
   }
+  result.observations = DiagnoseRig(seen, output.calibration);
   result.verdict = JudgeRig(result);
   return output;
 }

@@ -330,6 +330,14 @@ FindingText TargetScale(const Finding& finding) {
       "robot's poses and its own calibration"};
 }
 
+FindingText CameraMoved(const Finding& finding) {
+  return {"camera " + Name(finding, "camera") + " was moved by " + Amount(finding, "moved_mm") + " mm and " +
+              Amount(finding, "moved_deg") + " deg between the captures " + Name(finding, "last_capture") + " and " +
+              Name(finding, "first_capture") + "; the images of one side were left out",
+          "fix the camera's mount and record all captures again, or calibrate from the captures after the motion only "
+          "(captures.exclude)"};
+}
+
 FindingText HeldIntrinsics(const Finding& finding) {
   return {"the intrinsics were held, but the captures indicate " + LargestMoveText(finding) + " (" +
               ChanceText(Number(finding, "p")) + "); with free intrinsics the camera would be " +
@@ -430,6 +438,7 @@ constexpr CodeWords kWords[] = {
     {"smooth_errors", &SmoothErrorsWords},
     {"arm_singular_captures", &ArmSingularCaptures},
     {"symmetric_target", &SymmetricTarget},
+    {"camera_moved", &CameraMoved},
 };
 
 constexpr const CodeWords* WordsOf(std::string_view code) {
@@ -478,9 +487,11 @@ FindingText FindingWords(const Finding& finding) {
 
 void Describe(Finding* finding) {
   FindingText words = FindingWords(*finding);
-  // A finding about one of several cameras names it.
-  const std::optional<std::string> camera = finding->Name("of_camera");
-  if (camera && finding->text.empty()) words.text = "camera " + *camera + ": " + words.text;
+  // A finding about one of several cameras or targets names it.
+  for (const auto& [key, kind] : {std::pair{"of_camera", "camera "}, std::pair{"of_target", "target "}}) {
+    const std::optional<std::string> name = finding->Name(key);
+    if (name && finding->text.empty()) words.text = kind + *name + ": " + words.text;
+  }
   DescribeAll(&finding->parts);
   finding->text = std::move(words.text);
   finding->action = std::move(words.action);

@@ -46,6 +46,7 @@ inline constexpr std::string_view kFindingCodes[] = {
     "smooth_errors",
     "arm_singular_captures",
     "symmetric_target",
+    "camera_moved",
     "at_working_point",
     "intrinsics_not_included",
     "weak_direction_of",

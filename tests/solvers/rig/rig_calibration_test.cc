@@ -205,6 +205,74 @@ TEST(RigCalibration, PredictsHeldOutCaptures) {
   }
 }
 
+TEST(RigCalibration, NamesTheCameraWhoseImagesAreShifted) {
+  RigScene scene = FourCameraRig(15);
+  // The images of the third camera belong to the capture before.
+  std::vector<RigImage> last;
+  for (RigCapture& capture : scene.problem.captures) {
+    std::vector<RigImage> own;
+    for (const RigImage& image : capture.images) {
+      if (image.camera == 2) own.push_back(image);
+    }
+    std::erase_if(capture.images, [](const RigImage& image) { return image.camera == 2; });
+    capture.images.insert(capture.images.end(), last.begin(), last.end());
+    last = own;
+  }
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_FALSE(calibration);
+  EXPECT_NE(calibration.reason().find("camera camera3 fit the poses of the captures one place before their own"),
+            std::string::npos)
+      << calibration.reason();
+}
+
+TEST(RigCalibration, NamesTheCameraThatWasMoved) {
+  RigSceneSetting setting;
+  setting.num_captures = 30;
+  RigScene scene = FourCameraRig(16, setting);
+  // The second camera is moved by 4 mm and 0.5 deg after two thirds of the captures.
+  Tangent6 knock;
+  knock << 4e-3, 0, 0, 0, DegToRad(0.5), 0;
+  RigPoses moved = scene.truth;
+  moved.mount_from_camera[1] = Retract(moved.mount_from_camera[1], knock);
+  Rng rng(17);
+  for (size_t i = 20; i < scene.problem.captures.size(); ++i) {
+    for (RigImage& image : scene.problem.captures[i].images) {
+      if (image.camera != 1) continue;
+      const Rigid3d camera_from_target = CameraFromTarget(scene.problem, moved, 1, 0, scene.arms[i]);
+      image.observations = SimulateView("", scene.problem.cameras[1].camera, {}, camera_from_target,
+                                        scene.targets[0].points_in_target, setting.noise_px, &rng)
+                               ->observations;
+    }
+  }
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_TRUE(calibration && calibration->refined) << calibration.reason();
+  const std::vector<Finding> findings = DiagnoseRig(scene.problem, *calibration);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings.front().code, "camera_moved");
+  EXPECT_EQ(findings.front().Name("camera"), "camera2");
+  EXPECT_EQ(findings.front().Name("first_capture"), "capture_20");
+  EXPECT_NEAR(*findings.front().Number("moved_mm"), 4, 1);
+  EXPECT_NEAR(*findings.front().Number("moved_deg"), 0.5, 0.1);
+  ExpectTruth(scene, *calibration->refined);
+}
+
+TEST(RigCalibration, NamesTheTargetOfAWrongSize) {
+  RigScene scene = MixedRig(18, {40, 0.1, {0.1e-3, DegToRad(0.02), 0}});
+  for (RigCapture& capture : scene.problem.captures) {
+    for (RigImage& image : capture.images) {
+      if (image.target == 1) image.observations.points_in_target *= 1.1;
+    }
+  }
+  scene.problem.targets[1].shape = DesignedShape(1.1 * scene.targets[1].points_in_target);
+  const Outcome<RigCalibration> calibration = CalibrateRig(scene.problem, GivenCameras(scene));
+  ASSERT_TRUE(calibration && calibration->refined) << calibration.reason();
+  const std::vector<Finding> findings = DiagnoseRig(scene.problem, *calibration);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings.front().code, "target_scale");
+  EXPECT_EQ(findings.front().Name("of_target"), "wall");
+  EXPECT_NEAR(*findings.front().Number("scale_x"), 1 / 1.1, 1e-3);
+}
+
 TEST(RigCalibration, NamesWhatNoImageJoins) {
   RigScene scene = TwoArmRig(13);
   for (RigCapture& capture : scene.problem.captures) {
