@@ -36,7 +36,8 @@ std::vector<Finding> DiagnoseModel(const Problem& problem, const Solution& solut
 // Returns the finding `target_scale` if the estimated scale of the target differs from its design by more than printing
 // explains. The grade is bad beyond 2 %: the dimensions in the config or the units of the robot's poses are then wrong.
 std::optional<Finding> DiagnoseScale(const Solution& solution, const ErrorModel& model);
-// Returns the finding about a target of this shape, of which the scale is free; nothing if it is as large as prints are.
+// Returns the finding about a target of this shape, of which the scale is free; nothing if it is as large as prints
+// are.
 std::optional<Finding> JudgeScale(const TargetShape& shape, bool is_focal_held);
 
 // Returns the finding `held_intrinsics` if the held intrinsics contradict the images and the robot's poses, by a joint

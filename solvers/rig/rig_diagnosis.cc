@@ -84,8 +84,8 @@ std::vector<MovedCamera> FindMovedCameras(const RigProblem& problem, const RigCa
         }
         const Rigid3d predicted =
             CameraFromTarget(problem, solution.poses, c, image.target, problem.captures[i].base_from_gripper);
-        const std::vector<TargetPose> poses = EstimateTargetPose(
-            solution.cameras[c], ApplyShape(image.observations, solution.shapes[image.target]));
+        const std::vector<TargetPose> poses =
+            EstimateTargetPose(solution.cameras[c], ApplyShape(image.observations, solution.shapes[image.target]));
         const TargetPose* const seen = NearestPose(poses, predicted);
         if (seen == nullptr) continue;
         if (left_out.empty() || left_out.back() != i) left_out.push_back(i);

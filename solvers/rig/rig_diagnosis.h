@@ -23,8 +23,8 @@ std::optional<ShiftedCamera> FindShiftedCamera(const RigProblem& problem, const 
 // A camera that was moved during the captures.
 struct MovedCamera {
   size_t camera = 0;
-  size_t first_capture = 0;  // The first capture after the motion.
-  size_t last_capture = 0;   // The last capture before it.
+  size_t first_capture = 0;   // The first capture after the motion.
+  size_t last_capture = 0;    // The last capture before it.
   Rigid3d before_from_after;  // The pose of the camera after the motion, in its pose before it.
 };
 

@@ -143,7 +143,7 @@ std::vector<ArmRows> ReadArms(MapReader& root, const std::vector<std::string>& c
     return arms;
   }
   MapReader section(root.Get("robots"));
-  config->data.rig.robots = NamesIn(section.value(), "left");
+  config->data.rig.robots = NamesIn(section, "left");
   for (const std::string& name : config->data.rig.robots) {
     MapReader reader(section.Get(name));
     arms.push_back(ReadArm(reader, cameras, config));
@@ -159,7 +159,7 @@ std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
   RigDataset& data = config->data;
   std::vector<CameraImages> images;
   MapReader section(root.Get("cameras"));
-  for (const std::string& name : NamesIn(section.value(), "top")) {
+  for (const std::string& name : NamesIn(section, "top")) {
     MapReader reader(section.Get(name));
     RigCamera camera;
     camera.name = name;
@@ -184,7 +184,7 @@ std::vector<CameraImages> ReadCameras(MapReader& root, RigConfig* config) {
 void ReadTargets(MapReader& root, RigConfig* config) {
   RigDataset& data = config->data;
   MapReader section(root.Get("targets"));
-  for (const std::string& name : NamesIn(section.value(), "plate")) {
+  for (const std::string& name : NamesIn(section, "plate")) {
     MapReader reader(section.Get(name));
     RigTarget target;
     target.name = name;
@@ -283,7 +283,8 @@ RigConfig ReadRigConfig(const fs::path& path, const std::vector<std::string>& se
           "mounts");
     }
   }
-  const std::vector<std::string> cameras = NamesIn(reader.Get("cameras"), "top");
+  MapReader cameras_reader(reader.Get("cameras"));
+  const std::vector<std::string> cameras = NamesIn(cameras_reader, "top");
   const std::vector<ArmRows> arms = ReadArms(reader, cameras, &config);
   const std::vector<CameraImages> images = ReadCameras(reader, &config);
   ReadTargets(reader, &config);

@@ -14,18 +14,24 @@ bool HasRigKeys(const ConfigValue& value) {
   return reader.Has("cameras") || reader.Has("targets") || reader.Has("robots");
 }
 
-std::vector<std::string> NamesIn(const ConfigValue& section, const std::string& example) {
-  if (!section.IsMap() || section.node().size() == 0) {
-    section.Fail("a mapping of names is needed, such as {" + example + ": {...}}");
-  }
+std::vector<std::string> NamesIn(MapReader& reader, const std::string& example) {
+  const ConfigValue& section = reader.value();
+  if (!section.IsMap()) section.Fail("a mapping of names is needed, such as {" + example + ": {...}}");
+  // The names of the lowest layer come first; a layer above may remove one.
   std::vector<std::string> names;
-  for (const auto& entry : section.node()) {
-    const std::string name = entry.first.Scalar();
-    const bool is_plain = std::all_of(name.begin(), name.end(),
-                                      [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; });
-    if (name.empty() || !is_plain) section.Fail(Quoted(name) + ": a name has letters, digits, _ and - only");
-    names.push_back(name);
+  const std::vector<ConfigValue> layers = section.Layers();
+  for (auto place = layers.rbegin(); place != layers.rend(); ++place) {
+    const ConfigValue& layer = *place;
+    for (const auto& entry : layer.node()) {
+      const std::string name = entry.first.Scalar();
+      const bool is_plain = std::all_of(name.begin(), name.end(),
+                                        [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; });
+      if (name.empty() || !is_plain) layer.Fail(Quoted(name) + ": a name has letters, digits, _ and - only");
+      const bool is_known = std::find(names.begin(), names.end(), name) != names.end();
+      if (!is_known && reader.Has(name)) names.push_back(name);
+    }
   }
+  if (names.empty()) section.Fail("a mapping of names is needed, such as {" + example + ": {...}}");
   return names;
 }
 

@@ -14,7 +14,7 @@ namespace heba {
 bool HasRigKeys(const ConfigValue& value);
 // Returns the names of a section of named objects, in their order. `example` is a name for the message about a section
 // without any. Throws InputError if a name has other characters than letters, digits, _ and -.
-std::vector<std::string> NamesIn(const ConfigValue& section, const std::string& example);
+std::vector<std::string> NamesIn(MapReader& reader, const std::string& example);
 // Reads the key `mount`, and returns the text too.
 std::pair<Mount, std::string> ReadMount(MapReader& reader, const std::vector<std::string>& robots);
 

@@ -35,7 +35,7 @@ void ReadSceneRobots(MapReader& root, RigSceneConfig* scene) {
     return;
   }
   MapReader section(root.Get("robots"));
-  scene->rig.robots = NamesIn(section.value(), "left");
+  scene->rig.robots = NamesIn(section, "left");
   for (const std::string& name : scene->rig.robots) {
     MapReader reader(section.Get(name));
     const bool is_first = scene->poses.world_from_base.empty();
@@ -51,7 +51,7 @@ void ReadSceneRobots(MapReader& root, RigSceneConfig* scene) {
 
 void ReadSceneCameras(MapReader& root, RigSceneConfig* scene) {
   MapReader section(root.Get("cameras"));
-  for (const std::string& name : NamesIn(section.value(), "top")) {
+  for (const std::string& name : NamesIn(section, "top")) {
     MapReader reader(section.Get(name));
     RigCamera camera;
     camera.name = name;
@@ -72,7 +72,7 @@ void ReadSceneCameras(MapReader& root, RigSceneConfig* scene) {
 
 void ReadSceneTargets(MapReader& root, RigSceneConfig* scene) {
   MapReader section(root.Get("targets"));
-  for (const std::string& name : NamesIn(section.value(), "plate")) {
+  for (const std::string& name : NamesIn(section, "plate")) {
     MapReader reader(section.Get(name));
     RigTarget target;
     target.name = name;

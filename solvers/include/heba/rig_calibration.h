@@ -57,8 +57,9 @@ struct RigCalibration {
 // spanning tree of the best determined ones, together with pairs that nothing moves. Images that contradict the others,
 // and captures of which the pose of an arm does, are listed in `unused` and not used, unless the loss is `none`.
 //
-// Returns a Failure, in words, if a camera cannot be estimated, if all images of a camera belong to other captures, or if a camera, target or arm is not joined to the
-// others by any image. The Failure of the adjustment is in RigCalibration::refined.
+// Returns a Failure, in words, if a camera cannot be estimated, if all images of a camera belong to other captures, or
+// if a camera, target or arm is not joined to the others by any image. The Failure of the adjustment is in
+// RigCalibration::refined.
 Outcome<RigCalibration> CalibrateRig(const RigProblem& problem, const RigCalibrationOptions& options);
 
 // Returns the findings about a calibration whose adjustment succeeded: targets whose size differs from the design, and
