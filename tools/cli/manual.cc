@@ -183,6 +183,8 @@ const std::vector<ManualTopic>& ManualTopics() {
       {"camera", "the keys of a camera file", [](const Words& words) { return Keys("camera", words); }},
       {"scene", "the keys of a scene", [](const Words& words) { return Keys("scene", words); }},
       {"study", "the keys of a study", &StudyKeys},
+      {"rig", "the keys of the config of a rig", [](const Words& words) { return Keys("rig", words); }},
+      {"rig_scene", "the keys of a scene with a rig", [](const Words& words) { return Keys("rig_scene", words); }},
       {"reference", "all keys as a page in Markdown", [](const Words& /*words*/) { return KeysAsMarkdown(); }},
       {"man", "a manual page in roff", &ManPage},
       {"bash", "the completion of bash", &BashCompletion},

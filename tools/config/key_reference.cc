@@ -108,6 +108,18 @@ std::string StudyIntroduction() {
          "needs no list.\n";
 }
 
+std::string RigIntroduction() {
+  return std::string(
+             "The config of `heba run` for several cameras, targets or arms. NAME stands for the names that you "
+             "give them. ") +
+         kUnits + "\n";
+}
+
+std::string RigSceneIntroduction() {
+  return std::string("A scene with several cameras, targets or arms that `heba simulate` renders. ") + kUnits + " " +
+         kPose + "\n";
+}
+
 // Returns the mapping that contains a key, empty at the top level, and the key's own name.
 std::pair<std::string, std::string> MappingAndName(const std::string& key) {
   const size_t point = key.rfind('.');
@@ -139,7 +151,8 @@ const std::vector<KeyDocument>& KeyDocuments() {
   static const std::vector<KeyDocument> documents = {
       {"config", "Run config", &ConfigIntroduction}, {"poses", "Robot poses", &PosesIntroduction},
       {"targets", "Targets", &TargetsIntroduction},  {"camera", "Camera file", &CameraIntroduction},
-      {"scene", "Scene", &SceneIntroduction},        {"study", "Study", &StudyIntroduction}};
+      {"scene", "Scene", &SceneIntroduction},        {"study", "Study", &StudyIntroduction},
+      {"rig", "Rig config", &RigIntroduction},       {"rig_scene", "Rig scene", &RigSceneIntroduction}};
   return documents;
 }
 
@@ -185,7 +198,8 @@ std::string KeysAsText(const KeyDocument& document, std::string_view key) {
 std::string KeysAsMarkdown() {
   std::string page =
       "# Key reference\n\nThis page is what the program itself says: `heba help config`, `heba help poses`, `heba help "
-      "targets`, `heba help camera`, `heba help scene` and `heba help study` print its sections, and `heba help config "
+      "targets`, `heba help camera`, `heba help scene`, `heba help study`, `heba help rig` and `heba help rig_scene` "
+      "print its sections, and `heba help config "
       "refine.loss` prints one key.\n";
   for (const KeyDocument& document : KeyDocuments()) {
     page += "\n## " + std::string(document.title) + "\n\n" + document.introduction();

@@ -11,6 +11,7 @@
 #include "solvers/residuals/loss.h"
 #include "tools/config/capture_section.h"
 #include "tools/config/common_keys.h"
+#include "tools/config/rig_keys.h"
 #include "tools/config/robot_noise_config.h"
 #include "tools/config/robot_section.h"
 #include "tools/run/captures.h"
@@ -244,7 +245,13 @@ RunConfig ReadRunConfig(const fs::path& path, const std::vector<std::string>& se
   config.options.choose = {};
   config.options.choose_camera_model = false;
   const ConfigValue file = ReadYamlFileOverBases(path, {"name", "output"});
-  MapReader reader(settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file}));
+  const ConfigValue value = settings.empty() ? file : ConfigValue::Stack({ParseSettings(settings), file});
+  if (HasRigKeys(value)) {
+    throw InputError(path.string() +
+                     ": is the config of a rig (cameras, targets, robots), which only 'heba run' reads; this command "
+                     "needs a config of one camera and one target");
+  }
+  MapReader reader(value);
   config.data.name = ReadFolderName(reader, path.stem().string());
   config.data.about = ReadAbout(reader);
   const YAML::Node captures_used = ReadCaptures(reader.Get("captures"), &config);

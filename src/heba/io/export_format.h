@@ -19,6 +19,12 @@ enum class ExportHolds {
   kArm,            // The estimated kinematics of the arm; no pose.
 };
 
+// Formats that hold several cameras in one file. A Failure if they cannot hold these; the names of the child frames
+// must differ.
+Outcome<std::string> ExportCameras_urdf(const std::vector<ExportRequest>& cameras);
+Outcome<std::string> ExportCameras_ros2(const std::vector<ExportRequest>& cameras);
+Outcome<std::string> ExportCameras_kalibr(const std::vector<ExportRequest>& cameras);
+
 // The beginning of the first comment of every exported file.
 inline constexpr std::string_view kExportMark = "heba, calibration ";
 // Returns the comments of an exported file: its content, the meaning of the frames, and the uncertainty of the pose.

@@ -245,6 +245,9 @@ RunResult ReadResult(const std::filesystem::path& path) {
   const nlohmann::ordered_json json = ReadJsonFile(path, kMaxBytes);
   const JsonReader reader(json, path.string());
   const std::string schema = reader.Get("schema").Text();
+  if (schema == "heba/rig/1") {
+    reader.Fail("is the result of a rig; this command needs that of one camera ('heba export' reads both)");
+  }
   if (schema != kResultSchema) reader.Fail("has the schema '" + schema + "', not '" + kResultSchema + "'");
   RunResult result;
   result.name = reader.Get("name").Text();

@@ -17,6 +17,8 @@
 #include "heba/target.h"
 #include "tests/support/input_error.h"
 #include "tests/support/temp_folder.h"
+#include "tools/config/rig_config.h"
+#include "tools/config/rig_scene_config.h"
 #include "tools/config/run_config.h"
 #include "tools/config/scene_config.h"
 #include "tools/config/study_config.h"
@@ -127,6 +129,50 @@ TEST_F(KeyReferenceTest, ConfigHasTheKeysOfItsReader) {
                    "refine.robot_noise.unknown_key=1");
   ExpectConfigKeys("evaluate", {{}}, "evaluate.unknown_key=1");
   ExpectConfigKeys("evaluate.require[]", {{}}, "evaluate.require=[{within: 1 mm, unknown_key: 1}]");
+}
+
+TEST_F(KeyReferenceTest, RigHasTheKeysOfItsReader) {
+  Write("rig.yaml",
+        "cameras: {NAME: {mount: world, images: images}}\n"
+        "targets: {NAME: {mount: gripper, target: {type: chessboard, rows: 5, columns: 8, square: 20 mm}}}\n"
+        "captures: {poses: poses.csv}\n");
+  const auto known = [&](const std::vector<std::string>& settings) {
+    return KeysOfReader([&] { ReadRigConfig(folder_ / "rig.yaml", settings); });
+  };
+  Names top = known({"unknown_key=1"});
+  top.insert("base");
+  // The message about one camera's keys, and the arms, are known to the reader as well.
+  for (const char* key : {"target", "camera", "setup"}) top.erase(key);
+  EXPECT_EQ(top, KeysOfTable("rig", ""));
+  EXPECT_EQ(known({"cameras.NAME.unknown_key=1"}), KeysOfTable("rig", "cameras.NAME"));
+  EXPECT_EQ(known({"targets.NAME.unknown_key=1"}), KeysOfTable("rig", "targets.NAME"));
+  EXPECT_EQ(known({"refine.unknown_key=1"}), KeysOfTable("rig", "refine"));
+  EXPECT_EQ(known({"evaluate.unknown_key=1"}), KeysOfTable("rig", "evaluate"));
+  const std::string folder = (folder_ / "").string();
+  Names of_arm = known({"robots.NAME.poses=" + folder + "poses.csv", "robots.NAME.unknown_key=1"});
+  for (const std::string& key : KeysOfTable("rig", "robots.NAME")) EXPECT_TRUE(of_arm.contains(key)) << key;
+  Names of_captures = known({"captures.unknown_key=1"});
+  for (const std::string& key : KeysOfTable("rig", "captures")) EXPECT_TRUE(of_captures.contains(key)) << key;
+}
+
+TEST_F(KeyReferenceTest, RigSceneHasTheKeysOfItsReader) {
+  Write("rig_scene.yaml",
+        "cameras: {NAME: {mount: world, pose: {translation: [1 m, 0 m, 0.5 m]}, camera: {model: pinhole, "
+        "image_size: [640, 480], fx: 600, fy: 600, cx: 320, cy: 240}}}\n"
+        "targets: {NAME: {mount: gripper, pose: {translation: [0 m, 0 m, 0.1 m]}, target: {type: chessboard, rows: 5, "
+        "columns: 8, square: 20 mm}}}\n");
+  const auto known = [&](const std::vector<std::string>& settings) {
+    return KeysOfReader([&] { ReadRigScene(folder_ / "rig_scene.yaml", settings); });
+  };
+  Names top = known({"unknown_key=1"});
+  top.insert("base");
+  EXPECT_EQ(top, KeysOfTable("rig_scene", ""));
+  EXPECT_EQ(known({"cameras.NAME.unknown_key=1"}), KeysOfTable("rig_scene", "cameras.NAME"));
+  EXPECT_EQ(known({"targets.NAME.unknown_key=1"}), KeysOfTable("rig_scene", "targets.NAME"));
+  EXPECT_EQ(known({"robots.first={}", "robots.NAME.unknown_key=1",
+                   "robots.NAME.world_from_base={translation: [1 m, 0 m, 0 m]}", "cameras.NAME.mount=first.base",
+                   "targets.NAME.mount=first.gripper"}),
+            KeysOfTable("rig_scene", "robots.NAME"));
 }
 
 TEST_F(KeyReferenceTest, SceneHasTheKeysOfItsReader) {

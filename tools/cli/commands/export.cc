@@ -9,6 +9,8 @@
 #include "heba/config/yaml_reader.h"
 #include "heba/io/export_format.h"
 #include "heba/io/result_file.h"
+#include "heba/io/rig_export.h"
+#include "heba/io/rig_result_file.h"
 #include "heba/robot/ur_kinematics.h"
 #include "tools/cli/command.h"
 #include "tools/cli/flags.h"
@@ -143,10 +145,89 @@ int ExportAll(const ExportRequest& request) {
   return kDone;
 }
 
+// Writes the files of a rig into the folder --out, or those of one format with all cameras to standard output.
+int ExportOfRig(const fs::path& file) {
+  const RigResult result = ReadRigResult(file);
+  for (const auto& [flag, value] :
+       {std::pair{"--method", FLAGS_method}, std::pair{"--parent", FLAGS_parent}, std::pair{"--child", FLAGS_child}}) {
+    if (!value.empty()) {
+      throw InputError(std::string(flag) +
+                       ": is for results of one camera; the frames of a rig are called by its names");
+    }
+  }
+  if (FLAGS_units != "m" && FLAGS_units != "mm") throw InputError("--units: " + UnknownName(FLAGS_units, {"m", "mm"}));
+  std::vector<ExportRequest> cameras;
+  for (const ExportRequest& camera : RigExportRequests(result)) {
+    // The frames of several cameras must keep names of their own.
+    ExportRequest request = WithChildAskedFor(camera);
+    if (request.child != camera.child) request.child_frame = camera.child_frame;
+    if (request.child == ExportFrame::kBody) {
+      request.child_frame.replace(request.child_frame.rfind("_optical_frame"), std::string::npos, "_link");
+    }
+    request.length_unit = FLAGS_units;
+    cameras.push_back(FLAGS_inverse ? Inverted(request) : request);
+  }
+  if (result.verdict.grade == Grade::kBad && !FLAGS_quiet) {
+    std::cerr << "heba: warning: the verdict of this run is bad: " << file.parent_path().string()
+              << "/report.html gives the reasons" << std::endl;
+  }
+  std::vector<ExportedFile> files;
+  for (const ExportFormat& format : ExportFormats()) {
+    if (FLAGS_to != "all" && format.name != FormatAskedFor().name) continue;
+    for (ExportedFile& exported : ExportRig(format, cameras, result)) files.push_back(std::move(exported));
+  }
+  const bool has_any =
+      std::any_of(files.begin(), files.end(), [](const ExportedFile& exported) { return !exported.text.empty(); });
+  if (!has_any) {
+    PrintError(file.string() + ": " + files.front().reason);
+    return kWorkFailed;
+  }
+  if (FLAGS_out.empty() && FLAGS_to != "all") {
+    // The last file holds all cameras if the format allows it.
+    for (const ExportedFile& exported : files) {
+      const bool is_all = exported.name.starts_with("cameras.") && !exported.text.empty();
+      if (is_all) {
+        std::cout << exported.text << std::flush;
+        return kDone;
+      }
+    }
+    for (const ExportedFile& exported : files) std::cout << exported.text;
+    std::cout << std::flush;
+    return kDone;
+  }
+  if (FLAGS_out.empty()) throw InputError("--to all needs --out FOLDER");
+  const fs::path folder = FLAGS_out;
+  std::error_code error;
+  if (fs::exists(folder, error) && !fs::is_directory(folder, error)) {
+    throw InputError("--out: " + folder.string() + " is a file; the export of a rig needs a folder");
+  }
+  for (const ExportedFile& exported : files) {
+    const fs::path path = folder / exported.name;
+    if (fs::exists(path, error) && ReadTextFile(path).find(kExportMark) == std::string::npos) {
+      throw InputError(path.string() + ": was not exported by heba and is not replaced; name another folder");
+    }
+  }
+  fs::create_directories(folder, error);
+  for (const ExportedFile& exported : files) {
+    const fs::path path = folder / exported.name;
+    if (!exported.text.empty()) {
+      WriteFileAtomically(path, exported.text);
+    } else {
+      fs::remove(path, error);  // It would be an earlier export of another result.
+    }
+    if (FLAGS_quiet) continue;
+    std::cout << (exported.text.empty() ? "not " + exported.name + ": " + exported.reason : path.string()) << "\n";
+  }
+  std::cout << std::flush;
+  return kDone;
+}
+
 }  // namespace
 
 int RunCommand_export(const std::vector<std::string>& arguments) {
   const bool all = FLAGS_to == "all";
+  const fs::path result_file = fs::path(arguments[0]) / "result.json";
+  if (IsRigResult(result_file)) return ExportOfRig(result_file);
   const ExportFormat* format = all ? nullptr : &FormatAskedFor();
   const fs::path run = arguments[0];
   const ExportRequest request = RequestAskedFor(run);

@@ -1,4 +1,4 @@
-// Kalibr's camchain of one camera.
+// Kalibr's camchain.
 #include "heba/base/text.h"
 #include "heba/io/export_format.h"
 
@@ -22,9 +22,8 @@ Outcome<Camera> ForKalibr(const Camera& camera) {
   return Failure{"Kalibr has no equivalent of the camera model " + camera.model + "; export as opencv"};
 }
 
-}  // namespace
-
-Outcome<std::string> ExportFormat_kalibr(const ExportRequest& request) {
+// Returns the entry of one camera, without its name.
+Outcome<std::string> CameraLines(const ExportRequest& request) {
   const Outcome<Camera> held = ForKalibr(request.camera);
   if (!held) return Failure{held.reason()};
   const Camera& camera = *held;
@@ -34,14 +33,48 @@ Outcome<std::string> ExportFormat_kalibr(const ExportRequest& request) {
   std::vector<double> intrinsics(camera.params.begin() + 4, projection_end);
   intrinsics.insert(intrinsics.end(), camera.params.begin(), camera.params.begin() + 4);
   const std::vector<double> distortion(projection_end, camera.params.end());
-  std::vector<std::string> remarks = ExportRemarks(request);
-  remarks.push_back("camera in parent, x y z qx qy qz qw (a camchain cannot hold it): " +
-                    JoinNumbers(TranslationAndQuaternion(request.parent_from_child), " "));
-  return CommentLines(remarks, "# ") + "cam0:\n  camera_model: " + names.camera_model + "\n  intrinsics: [" +
-         JoinNumbers(intrinsics, ", ") + "]\n  distortion_model: " + names.distortion_model +
-         "\n  distortion_coeffs: [" + JoinNumbers(distortion, ", ") + "]\n  resolution: [" +
-         std::to_string(camera.width_px) + ", " + std::to_string(camera.height_px) +
-         "]\n  rostopic: /camera/image_raw\n  cam_overlaps: []\n";
+  return "  camera_model: " + names.camera_model + "\n  intrinsics: [" + JoinNumbers(intrinsics, ", ") +
+         "]\n  distortion_model: " + names.distortion_model + "\n  distortion_coeffs: [" +
+         JoinNumbers(distortion, ", ") + "]\n  resolution: [" + std::to_string(camera.width_px) + ", " +
+         std::to_string(camera.height_px) + "]\n";
 }
+
+}  // namespace
+
+Outcome<std::string> ExportCameras_kalibr(const std::vector<ExportRequest>& cameras) {
+  std::vector<std::string> remarks;
+  std::string text;
+  std::vector<std::string> numbers;
+  for (size_t c = 0; c < cameras.size(); ++c) numbers.push_back(std::to_string(c));
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const ExportRequest& request = cameras[c];
+    const Outcome<std::string> lines = CameraLines(request);
+    if (!lines) return Failure{lines.reason()};
+    if (request.parent_frame != cameras.front().parent_frame) {
+      return Failure{"a camchain holds cameras on one mount, and these are on " + cameras.front().parent_frame +
+                     " and on " + request.parent_frame};
+    }
+    for (const std::string& remark : ExportRemarks(request)) remarks.push_back(remark);
+    remarks.push_back("camera in parent, x y z qx qy qz qw (a camchain cannot hold it): " +
+                      JoinNumbers(TranslationAndQuaternion(request.parent_from_child), " "));
+    text += "cam" + numbers[c] + ":\n" + *lines;
+    std::vector<std::string> others = numbers;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(c));
+    const bool is_one = cameras.size() == 1;
+    text += "  rostopic: /" + (is_one ? "camera" : PlainText(request.child_frame)) + "/image_raw\n  cam_overlaps: [" +
+            Join(others, ", ") + "]\n";
+    if (c == 0) continue;
+    // The pose of the camera before in this one.
+    const Eigen::Matrix4d matrix = (Inverse(request.parent_from_child) * cameras[c - 1].parent_from_child).Matrix();
+    text += "  T_cn_cnm1:\n";
+    for (Eigen::Index row = 0; row < 4; ++row) {
+      const std::vector<double> values = {matrix(row, 0), matrix(row, 1), matrix(row, 2), matrix(row, 3)};
+      text += "  - [" + JoinNumbers(values, ", ") + "]\n";
+    }
+  }
+  return CommentLines(remarks, "# ") + text;
+}
+
+Outcome<std::string> ExportFormat_kalibr(const ExportRequest& request) { return ExportCameras_kalibr({request}); }
 
 }  // namespace heba
