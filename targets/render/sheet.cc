@@ -331,9 +331,16 @@ Sheet MakeSheet(const Target& target, const SheetOptions& options) {
   // Each ruler is whole on one page, whichever way the pages lie.
   const double side_room_mm = is_spread ? ShortSideMm(*options.paper, options) : INFINITY;
   const bool has_long_ruler = kSheetBandMm + kRulersMm[0] + 1 <= side_room_mm;
-  const Layout layout = choice ? choice->layout
-                               : LayoutFor(target, sheet.options, sheet.code, /*width_mm=*/std::nullopt,
-                                           kRulersMm[has_long_ruler ? 0 : 1]);
+  Layout layout = choice ? choice->layout
+                         : LayoutFor(target, sheet.options, sheet.code, /*width_mm=*/std::nullopt,
+                                     kRulersMm[has_long_ruler ? 0 : 1]);
+  // The strip is whole on one page too: a wider sheet has fewer lines of small print.
+  constexpr double kWidthStepMm = 50;
+  for (double width_mm = layout.least_page_mm.x(); layout.strip_mm > side_room_mm;) {
+    width_mm += kWidthStepMm;
+    layout = LayoutFor(target, sheet.options, sheet.code, width_mm, layout.ruler_mm);
+    layout.least_page_mm.x() = std::max(layout.least_page_mm.x(), width_mm);
+  }
   sheet.size_mm = choice ? choice->page_mm : Eigen::Vector2d(layout.least_page_mm.array() + 2 * sheet.margin_mm);
   sheet.ruler_mm = layout.ruler_mm;
   sheet.small_print = layout.small_print;

@@ -71,8 +71,8 @@ struct Sheet {
 
 // Lays out the sheet of a target; `options.Check()` must be empty. On a paper the sheet has one page, upright or on its
 // side, if it fits; otherwise it is spread over pages of that paper, as few as possible, each of which shows as much as
-// it can. Each ruler and the code are whole on one of them, since Check() requires the room for it. Nothing is written,
-// and no limit of WriteSheet is checked.
+// it can. Each ruler, the strip in its height, and the code are whole on one of them; Check() requires the room for it.
+// Nothing is written, and no limit of WriteSheet is checked.
 Sheet MakeSheet(const Target& target, const SheetOptions& options = {});
 
 // Returns the smallest paper on which the target has one page, from the series of the options' paper if that has one;
