@@ -97,8 +97,8 @@ constexpr double kLeastFound = 0.95;
 constexpr int kUnitStepMm = 5;
 constexpr int kLargestUnitMm = 500;
 constexpr int kMaxSide = 40;  // The most rows, and the most columns.
-// The most patterns of one main length that are rendered. One that is not found in an image may have a neighbour that
-// is, but not one that is much smaller.
+// The most patterns of one main length that are rendered: a pattern that reaches beyond the image, for example with a
+// principal point off its middle, may have a neighbour that does not. More would take too long.
 constexpr size_t kMaxTried = 3;
 
 Eigen::Vector2d DrawingMm(const Target& target) { return 1000 * (target.Draw().max_m - target.Draw().min_m); }

@@ -125,6 +125,15 @@ TEST(Suggestion, CellsOfMarkersAreLargeEnoughAtAShortDistance) {
   EXPECT_GE(cell_px, 1.25 * 3);
 }
 
+// The optical axis is so far from the middle of the image that the pattern with the most information is cut off.
+TEST(Suggestion, TriesTheNextPatternIfTheBestIsNotFound) {
+  SuggestionOptions options = OptionsFor("chessboard", "a4", 0.26);
+  options.camera = {"pinhole", 1280, 960, {1200, 1200, 200, 160}};
+  const Outcome<Suggestion> suggestion = SuggestTarget(options);
+  ASSERT_TRUE(suggestion.ok()) << suggestion.reason();
+  EXPECT_GE(static_cast<double>(suggestion->num_found), 0.95 * static_cast<double>(suggestion->num_points));
+}
+
 TEST(Suggestion, ReportsInvalidOptions) {
   SuggestionOptions options = OptionsFor("coded_bord", "a4", -1);
   options.camera.width_px = 0;
